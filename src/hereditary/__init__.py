@@ -1,0 +1,40 @@
+"""hereditary: equations with memory, solved to high order in memory that does not grow."""
+
+import importlib
+import importlib.metadata
+
+from . import scenes
+from .equation import Equation
+from .exponential_sum import ExponentialSum, fit_exponentials
+from .history.direct import Direct
+from .history.exponentials import SumOfExponentials
+from .operators import Caputo, PowerLaw
+from .schemes.explicit import ExplicitCaputo
+from .solver.solution import Solution, StabilityWarning, Status
+from .solver.solve import solve
+
+__version__ = importlib.metadata.version("hereditary")
+
+__all__ = [
+    "Caputo",
+    "Direct",
+    "Equation",
+    "ExplicitCaputo",
+    "ExponentialSum",
+    "PowerLaw",
+    "Solution",
+    "StabilityWarning",
+    "Status",
+    "SumOfExponentials",
+    "fit_exponentials",
+    "plots",
+    "scenes",
+    "solve",
+]
+
+
+def __getattr__(name):
+    # plots alone needs matplotlib, whose import takes as long as all the rest
+    if name == "plots":
+        return importlib.import_module(".plots", __name__)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,0 +1,109 @@
+"""Command line (floor 6): run the hereditary stick-slip oscillator and draw it."""
+
+from __future__ import annotations
+
+import argparse
+import inspect
+import sys
+from collections.abc import Sequence
+
+import matplotlib
+import matplotlib.pyplot as plt
+import numpy as np
+
+from . import plots
+from .equation import Equation
+from .history.exponentials import SumOfExponentials
+from .scenes import stick_slip, sticking_intervals
+from .solver.solution import Solution
+from .solver.solve import solve
+
+# scene parameter -> what it is
+_PARAMETERS = {
+    "beta": "order of the inertia term, in (1, 2]",
+    "gamma": "order of the friction term, in (0, 1]",
+    "friction": "friction coefficient lambda",
+    "omega": "frequency of the spring",
+    "spring_speed": "speed b of the spring",
+    "adhesion": "depth c of the wells",
+    "x0": "initial position",
+    "v0": "initial velocity",
+}
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the scene with the parameters on the command line; return the exit status."""
+    arguments = _parser().parse_args(argv)
+    parameters = {name: getattr(arguments, name) for name in _PARAMETERS}
+    try:
+        equation = stick_slip(**parameters)
+        solution = solve(
+            equation,
+            arguments.t_end,
+            arguments.n_steps,
+            history=SumOfExponentials(arguments.tol),
+            progress=True,
+        )
+    except (TypeError, ValueError) as error:
+        print(f"hereditary: {error}", file=sys.stderr)
+        return 2
+    _report(solution, parameters, _halving_difference(equation, solution, arguments))
+    matplotlib.use("Agg")
+    _draw(solution, arguments.out)
+    print(f"figure          {arguments.out}")
+    return 0 if solution.success else 1
+
+
+def _parser():
+    parser = argparse.ArgumentParser(
+        prog="python -m hereditary",
+        description="Hereditary stick-slip: D^beta x + lambda D^gamma x + omega^2 x "
+        "= b t + c sum a_n sin(n x), Caputo derivatives.",
+        formatter_class=argparse.ArgumentDefaultsHelpFormatter,
+    )
+    defaults = inspect.signature(stick_slip).parameters
+    for name, text in _PARAMETERS.items():
+        flag = "--" + name.replace("_", "-")
+        parser.add_argument(flag, type=float, default=defaults[name].default, help=text)
+    parser.add_argument("--t-end", type=float, default=100.0, help="end of the run")
+    parser.add_argument("--n-steps", type=int, default=200_000, help="number of steps")
+    parser.add_argument("--tol", type=float, default=1e-10, help="tolerance of the memory kernels")
+    parser.add_argument("--out", default="stick_slip.png", help="file of the figure")
+    return parser
+
+
+def _halving_difference(equation: Equation, solution: Solution, arguments) -> str:
+    """Differences to a run with half the steps: for a first-order scheme, an error estimate."""
+    half = arguments.n_steps // 2
+    if arguments.n_steps % 2 or half == 0 or not solution.success:
+        return "none (it needs an even number of steps and a completed run)"
+    coarse = solve(equation, arguments.t_end, half, history=SumOfExponentials(arguments.tol))
+    difference = np.abs(solution.y[::2] - coarse.y)
+    return f"{difference[-1, 0]:.1e} at the end, {difference.max():.1e} at most (half the steps)"
+
+
+def _report(solution: Solution, parameters, estimate: str) -> None:
+    stats = solution.stats
+    print("parameters      " + ", ".join(f"{k} {v:g}" for k, v in parameters.items()))
+    print(f"result          {solution.message}")
+    print(f"steps           {stats['n_steps']} to t = {solution.t[-1]:g}")
+    print(f"memory          {stats['n_modes']} modes, {stats['history_bytes']} bytes")
+    print(f"seconds         {stats['setup_seconds']:.3f} set-up, {stats['run_seconds']:.3f} run")
+    print(f"error estimate  {estimate}")
+    stays = ", ".join(f"{a:.2f} .. {b:.2f}" for a, b in sticking_intervals(solution))
+    print(f"sticking        {stays or 'none'}")
+
+
+def _draw(solution: Solution, path: str) -> None:
+    """Oscillogram and velocity above each other, the phase portrait beside them."""
+    figure = plt.figure(figsize=(10, 5), layout="constrained")
+    grid = figure.add_gridspec(2, 2)
+    above = plots.oscillogram(solution, figure.add_subplot(grid[0, 0]))
+    plots.velocity(solution, figure.add_subplot(grid[1, 0], sharex=above))
+    plots.phase_portrait(solution, figure.add_subplot(grid[:, 1]))
+    figure.savefig(path, dpi=150)
+    plt.close(figure)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

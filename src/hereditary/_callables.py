@@ -1,0 +1,192 @@
+"""Users' functions: told apart by arity, tried once, compiled once (floor 1).
+
+A right-hand side may be written ``f(t, y)``, ``f(t, y, params)`` (both return the values) or in
+place ``f(t, y, dy, params)``; a Jacobian likewise. Whatever its shape, the solver sees one
+compiled function of one fixed signature. The function is first called once as plain Python, so
+that a mistake surfaces with its own line instead of as a compiler's message.
+"""
+
+import inspect
+import linecache
+import threading
+import traceback
+from collections import OrderedDict
+from typing import Any
+
+import numpy as np
+from numba import config, njit
+from numba.core.errors import NumbaError
+from numba.extending import is_jitted
+
+from ._checks import complaint
+from ._jit import JAC_SIG, RHS_SIG, as_value
+
+_SHAPES = "{0}(t, y), {0}(t, y, params) or, in place, {0}(t, y, {1}, params)"
+_COMPILED_MAX = 256
+_compiled: OrderedDict[tuple, Any] = OrderedDict()
+_lock = threading.Lock()
+
+
+def compile_rhs(fun, y0, params):
+    """Check `fun` at t = 0 and return it compiled as ``rhs(t, y, dy, params)``."""
+    return _compile("rhs", "dy", fun, y0, params, (y0.size,), RHS_SIG)
+
+
+def compile_jac(fun, y0, params):
+    """Check `fun` at t = 0 and return it compiled as ``jac(t, y, jacobian, params)``."""
+    return _compile("jac", "jacobian", fun, y0, params, (y0.size, y0.size), JAC_SIG)
+
+
+def _compile(name, out, fun, y0, params, shape, signature):
+    if not callable(fun):
+        raise TypeError(complaint(name, f"be a function {_SHAPES.format(name, out)}", repr(fun)))
+    plain = fun.py_func if is_jitted(fun) else fun
+    arity = _arity(name, out, plain)
+    sequence = _try_out(name, out, plain, arity, y0, params, shape)
+    key = (fun, _frozen_values(plain), arity, sequence, signature)
+    with _lock:
+        if key not in _compiled:
+            _compiled[key] = _build(name, fun, arity, sequence, signature)
+            while len(_compiled) > _COMPILED_MAX:
+                _compiled.popitem(last=False)
+        _compiled.move_to_end(key)
+        return _compiled[key]
+
+
+def _arity(name, out, fun):
+    """Number of positional arguments: 2, 3 or 4."""
+    required = f"be one of {_SHAPES.format(name, out)}"
+    try:
+        parameters = inspect.signature(fun).parameters.values()
+    except (TypeError, ValueError) as error:
+        raise TypeError(complaint(name, required, repr(fun), "write it with def")) from error
+    positional = [p for p in parameters if p.kind in (p.POSITIONAL_ONLY, p.POSITIONAL_OR_KEYWORD)]
+    if len(positional) != len(parameters) or len(positional) not in (2, 3, 4):
+        got = f"{getattr(fun, '__name__', fun)}{inspect.signature(fun)}"
+        raise TypeError(complaint(name, required, got, "pass constants through params"))
+    return len(positional)
+
+
+def _try_out(name, out, fun, arity, y0, params, shape):
+    """Call `fun` once in Python at t = 0, check what it gives; say if that is a list or tuple."""
+    filled, sequence = _values(name, out, fun, arity, y0, params, shape, np.nan)
+    bad = ~np.isfinite(filled)
+    if not bad.any():
+        return sequence
+    if arity == 4:
+        again, _ = _values(name, out, fun, arity, y0, params, shape, 0.5)
+        unset = np.isnan(filled) & (again == 0.5)
+        if unset.any():
+            got = f"entries {np.argwhere(unset).tolist()} left unset"
+            raise ValueError(complaint(name, f"set every entry of {out}", got))
+    remedy = f"check y0 = {y0.tolist()} and params = {params.tolist()}"
+    raise ValueError(complaint(name, "be finite at t = 0", filled.tolist(), remedy))
+
+
+def _values(name, out, fun, arity, y0, params, shape, fill):
+    """What `fun` gives at t = 0 as an array of `shape`, and whether it is a list or tuple."""
+    filled = np.full(shape, fill)  # what an in-place function leaves unset stays recognisable
+    arguments = {2: (0.0, y0.copy()), 3: (0.0, y0.copy(), params.copy())}
+    arguments[4] = (0.0, y0.copy(), filled, params.copy())
+    try:
+        result = fun(*arguments[arity])
+    except Exception as error:
+        raise ValueError(
+            f"{name} must run at t = 0, got {type(error).__name__}: {error} {_line_of(error, fun)};"
+            f" it was called with y = {y0.tolist()} and params = {params.tolist()}"
+        ) from error
+    if arity == 4:
+        if result is not None:
+            remedy = f"fill {out} in place, or write {name}(t, y, params) and return the values"
+            raise TypeError(complaint(name, f"fill {out} and return None", repr(result), remedy))
+        return filled, False
+    try:
+        values = np.asarray(result, dtype=float)
+    except (TypeError, ValueError) as error:
+        remedy = f"return numpy.array([...]) of shape {shape}"
+        raise TypeError(complaint(name, "return real numbers", repr(result), remedy)) from error
+    if values.shape != shape and not (values.ndim == 0 and np.prod(shape) == 1):
+        size = f"shape {shape}" + (" or a number" if np.prod(shape) == 1 else "")
+        remedy = f"return numpy.array([...]) of shape {shape}"
+        raise ValueError(complaint(name, f"return {size}", f"shape {values.shape}", remedy))
+    return values.reshape(shape), isinstance(result, (list, tuple))
+
+
+def _line_of(error, fun):
+    """Where in the user's function an exception came from."""
+    frames = [
+        f
+        for f in traceback.extract_tb(error.__traceback__)
+        if f.filename == fun.__code__.co_filename
+    ]
+    if not frames:
+        return ""
+    return f'at line {frames[-1].lineno} of {frames[-1].filename}: "{frames[-1].line}"'
+
+
+def _frozen_values(fun):
+    """The globals and closure values that compilation freezes into `fun`.
+
+    They belong to the cache key: after ``b = 2`` the function is another one.
+    """
+    code = fun.__code__
+    cells = [cell.cell_contents for cell in fun.__closure__ or ()]
+    names = [fun.__globals__[n] for n in code.co_names if n in fun.__globals__]
+    return tuple(_identity(value) for value in cells + names)
+
+
+def _identity(value):
+    if isinstance(value, np.ndarray):
+        return (value.shape, value.dtype.str, value.tobytes())
+    if isinstance(value, (int, float, bool, str)):
+        return (type(value), value)
+    if isinstance(value, (list, tuple)):
+        return (type(value), tuple(_identity(v) for v in value))
+    return id(value)
+
+
+def _build(name, fun, arity, sequence, signature):
+    """Compile `fun` for `signature`, through an adapter where it returns its values."""
+    if config.DISABLE_JIT:
+        return fun if arity == 4 else _adapter(fun, arity == 3, sequence)
+    jitted = fun if is_jitted(fun) else _njit(fun)
+    try:
+        if arity == 4:
+            return as_value(jitted, signature)
+        return as_value(_njit(_adapter(jitted, arity == 3, sequence)), signature)
+    except NumbaError as error:
+        plain = fun.py_func if is_jitted(fun) else fun
+        raise TypeError(_compile_complaint(name, plain, error)) from error
+
+
+_njit = njit(error_model="numpy", nogil=True)
+
+
+def _adapter(fun, with_params, sequence):
+    """A function that calls `fun` and writes what it returns into the output array."""
+    if sequence:
+
+        def adapter(t, y, out, params):
+            out[...] = np.array(fun(t, y, params) if with_params else fun(t, y))
+    else:
+
+        def adapter(t, y, out, params):
+            out[...] = fun(t, y, params) if with_params else fun(t, y)
+
+    return adapter
+
+
+def _compile_complaint(name, fun, error):
+    """One sentence from numba's report: the line it stopped at, its reason, and the remedy."""
+    line = getattr(getattr(error, "loc", None), "line", None)
+    first, last = fun.__code__.co_firstlineno, fun.__code__.co_firstlineno + 10_000
+    where = ""
+    if line is not None and first <= line <= last:
+        source = linecache.getline(fun.__code__.co_filename, line).strip()
+        where = f' at line {line} of {fun.__code__.co_filename}: "{source}"'
+    reason = next((s.strip() for s in str(error).splitlines() if s.strip()), "")
+    return (
+        f"{name} must be a function that numba can compile, got one that stops it{where} "
+        f"({reason}); use arithmetic, math and NumPy functions on floats and arrays, and pass "
+        "constants through params"
+    )

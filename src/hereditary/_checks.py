@@ -1,0 +1,75 @@
+"""Argument checks in one wording (floor 0).
+
+Every message says which argument, what was required, what arrived and, where it helps, what to
+do: "n_steps must be a positive integer, got 2.5; pass int(n_steps)".
+"""
+
+import math
+import numbers
+
+import numpy as np
+
+
+def complaint(argument, required, got, remedy=""):
+    """The one sentence that every refused argument gets."""
+    return f"{argument} must {required}, got {got}" + (f"; {remedy}" if remedy else "")
+
+
+def real(argument, value, required="be a finite real number", remedy=""):
+    """Return `value` as a finite float, or say why it is none."""
+    if isinstance(value, (bool, np.bool_)) or not isinstance(value, (numbers.Real, np.ndarray)):
+        raise TypeError(complaint(argument, required, repr(value), remedy))
+    if isinstance(value, np.ndarray) and (value.ndim or value.dtype.kind not in "iuf"):
+        raise TypeError(complaint(argument, required, f"an array {value!r}", remedy))
+    number = float(value)
+    if not math.isfinite(number):
+        raise ValueError(complaint(argument, required, number, remedy))
+    return number
+
+
+def positive(argument, value, remedy=""):
+    """Return `value` as a finite float above zero."""
+    number = real(argument, value, "be a finite number above 0", remedy)
+    if number <= 0:
+        raise ValueError(complaint(argument, "be a finite number above 0", number, remedy))
+    return number
+
+
+def within(argument, value, low, high, interval, remedy=""):
+    """Return `value` as a float with low <= value <= high; `interval` is how the range is told."""
+    required = f"lie in {interval}"
+    number = real(argument, value, required, remedy)
+    if not low <= number <= high:
+        raise ValueError(complaint(argument, required, number, remedy))
+    return number
+
+
+def count(argument, value, remedy="pass a whole number of at least 1"):
+    """Return `value` as an int of at least 1."""
+    required = "be a positive integer"
+    if isinstance(value, (bool, np.bool_)) or not isinstance(value, numbers.Integral):
+        raise TypeError(complaint(argument, required, repr(value), remedy))
+    if value < 1:
+        raise ValueError(complaint(argument, required, int(value), remedy))
+    return int(value)
+
+
+def real_array(argument, value, required="be real, finite numbers", remedy=""):
+    """Return `value` as a float64 array of finite entries (a copy, C order)."""
+    try:
+        array = np.array(value)
+    except (TypeError, ValueError) as error:
+        raise TypeError(complaint(argument, required, repr(value), remedy)) from error
+    if array.dtype.kind not in "iuf":
+        raise TypeError(complaint(argument, required, f"dtype {array.dtype}", remedy))
+    if not np.all(np.isfinite(array)):
+        raise ValueError(complaint(argument, required, f"{array.tolist()}", remedy))
+    return np.ascontiguousarray(array, dtype=float).reshape(array.shape)
+
+
+def instance(argument, value, kind, example):
+    """Return `value` if it is an instance of `kind`; `example` is a call that makes one."""
+    if not isinstance(value, kind):
+        remedy = f"pass {example}"
+        raise TypeError(complaint(argument, f"be a {kind.__name__}", repr(value), remedy))
+    return value

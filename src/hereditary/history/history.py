@@ -1,0 +1,115 @@
+"""The history contract (floor 3).
+
+A `History` is a description; `open` turns it into a `Memory` that holds the past of one run. On a
+uniform mesh the past is a sequence of pieces u_m, one for each of W columns, and the memory adds
+``sum_m W_(n-m) u_m`` over everything older than a block to that block's lag. It does so through a
+compiled function and plain arrays, which the march uses by itself; between blocks Python may copy,
+store, restore or linearly combine what is held. Everything is linear in the pieces.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+
+import numpy as np
+
+from .._jit import as_value
+from ..kernels.convolution import exchange_nothing
+from ..kernels.signatures import EXCHANGE_SIG
+from ..schemes.scheme import Convolution
+
+
+class Memory(ABC):
+    """The running memory of one march.
+
+    Attributes
+    ----------
+    exchange : compiled function
+        Of signature `EXCHANGE_SIG`, kernels/signatures.py.
+    tables : tuple of four ndarrays
+        What it reads.
+    arrays : tuple of two ndarrays
+        What it changes; the first axis runs over the W columns.
+    """
+
+    n_modes: int = 0
+
+    def __init__(self, exchange, tables, arrays):
+        self.exchange = as_value(exchange, EXCHANGE_SIG)
+        self.tables = tables
+        self.arrays = arrays
+
+    @abstractmethod
+    def prepare(self, n_end: int) -> None:
+        """Make room for a march up to step `n_end`; raise ValueError where there is none."""
+
+    @abstractmethod
+    def copy(self) -> Memory:
+        """An independent memory with the same contents."""
+
+    @property
+    def n_stored(self):
+        """Numbers held for each column."""
+        return sum(array.shape[1] for array in self.arrays)
+
+    @property
+    def nbytes(self):
+        """Bytes of the memory itself, tables not counted."""
+        return sum(array.nbytes for array in self.arrays)
+
+    def combine(self, matrix) -> None:
+        """Replace the columns by their linear combinations, ``column_j <- sum_i column_i M_ij``.
+
+        Parameters
+        ----------
+        matrix : array_like, shape (W, W)
+            Columns that are mixed must belong to one class of weights.
+        """
+        matrix = np.asarray(matrix, dtype=float)
+        for array in self.arrays:
+            array[...] = matrix.T @ array
+
+    def state(self) -> tuple[np.ndarray, ...]:
+        """The contents as a tuple of independent arrays."""
+        return tuple(array.copy() for array in self.arrays)
+
+    def restore(self, state) -> None:
+        """Take the contents from what `state` returned."""
+        self.arrays = tuple(np.ascontiguousarray(array, dtype=float).copy() for array in state)
+
+
+class NoMemory(Memory):
+    """The memory of an equation whose terms are all classical."""
+
+    def __init__(self, n_columns):
+        empty = np.zeros((n_columns, 0))
+        super().__init__(exchange_nothing, (empty,) * 4, (empty, empty))
+
+    def prepare(self, n_end: int) -> None:
+        """Any length will do."""
+
+    def copy(self) -> Memory:
+        """Another empty memory."""
+        return NoMemory(self.arrays[0].shape[0])
+
+
+class History(ABC):
+    """How the past is summed; subclasses are final frozen dataclasses, one file each."""
+
+    @abstractmethod
+    def open(
+        self, convolution: Convolution, start: np.ndarray, n_block: int, n_steps: int
+    ) -> Memory:
+        """A fresh `Memory` for one run.
+
+        Parameters
+        ----------
+        convolution : Convolution
+            The weights to sum with.
+        start : ndarray, shape (W,)
+            Start value of each column, weighed with the convolution's start weights.
+        n_block : int
+            Steps in a block.
+        n_steps : int
+            Steps the run is going to take.
+        """

@@ -1,0 +1,42 @@
+"""Direct sums: the compiled half of the reference history (floor 1), and the empty history."""
+
+import numpy as np
+
+from .._jit import kernel
+
+
+@kernel
+def exchange_direct(lag, pieces, n, classes, tables, memory):
+    """Store the finished block's pieces and add ``sum_m W_(n+i-m) u_m`` over all to the next block.
+
+    The sums carry Kahan's compensation: being the reference, they must not lose digits as they
+    grow longer. It runs along the block, so the loop is still vectorised.
+    """
+    # lag (W, B), pieces (W, B + 1); tables: weights, start weights (C, >= n + B), two unused
+    # memory: stored (W, capacity) with u_m at m + 1, start values (W, 1)
+    weights, start_weights, _, _ = tables
+    stored, start = memory
+    n_block = lag.shape[1]
+    lost = np.empty(n_block)
+    for c in range(lag.shape[0]):
+        w, s, u, out = weights[classes[c]], start_weights[classes[c]], stored[c], lag[c]
+        if n > 0:
+            for k in range(n_block):  # u_(n-1) stays outside: its nearest weight is the scheme's
+                u[n - n_block + k] = pieces[c, k]
+        lost[:] = 0.0
+        for m in range(n - 1):
+            piece = u[m + 1]
+            ahead = w[n - m : n - m + n_block]
+            for i in range(n_block):
+                term = ahead[i] * piece - lost[i]
+                total = out[i] + term
+                lost[i] = (total - out[i]) - term
+                out[i] = total
+        if start[c, 0] != 0.0:
+            for i in range(n_block):
+                out[i] += s[n + i] * start[c, 0]
+
+
+@kernel
+def exchange_nothing(lag, pieces, n, classes, tables, memory):
+    """The history of an equation whose terms are all classical."""

@@ -1,0 +1,30 @@
+"""The Jacobian of a right-hand side, from the user or by differences (floor 1)."""
+
+import numpy as np
+
+from .._jit import kernel
+
+# Central differences lose least at the cube root of the rounding unit, 6e-6: error 4e-11 relative.
+_STEP = 6.055454452393343e-06
+
+
+@kernel
+def jacobian(rhs, jac, has_jac, t, y, params, out):
+    """out[i, j] = d rhs_i / d y_j at (t, y); by central differences where `has_jac` is 0."""
+    # y (d,), out (d, d)
+    if has_jac == 1:
+        jac(t, y, out, params)
+        return
+    d = y.shape[0]
+    up, down, shifted = np.empty(d), np.empty(d), y.copy()
+    for j in range(d):
+        step = _STEP * max(1.0, abs(y[j]))
+        shifted[j] = y[j] + step
+        rhs(t, shifted, up, params)
+        width = shifted[j]
+        shifted[j] = y[j] - step
+        rhs(t, shifted, down, params)
+        width -= shifted[j]
+        shifted[j] = y[j]
+        for i in range(d):
+            out[i, j] = (up[i] - down[i]) / width

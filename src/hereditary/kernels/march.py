@@ -1,0 +1,105 @@
+"""The block march of the explicit scheme (floor 1).
+
+``d_n = lead f(t_n, x_n) - near y_(n-1) - lag_n``, ``y_n = y_(n-1) + d_n``, ``x_(n+1) = x_n + y_n``:
+solving for the second difference d keeps rounding at 1e-13 where x_(n+1) - 2 x_n + x_(n-1) would
+lose it. The lag of older blocks comes from the history; inside a block each new increment is
+spread over the steps ahead of it with its exact weights. All arithmetic hangs on absolute step
+numbers, so a march does not depend on where it was interrupted.
+"""
+
+from .._jit import entry, kernel
+from .jacobian import jacobian
+from .signatures import MARCH
+
+RUNNING, BLOWN_UP = 0, 1
+# Steps of unbroken alternation after which the amplitude is compared with that of the stretch
+# before. A resolved oscillation never alternates twice in a row; at 0.99 of the step limit the
+# undamped classical oscillator alternates for 16 steps, and every damped one shrinks.
+ZIGZAG_WINDOW = 64
+# An alternation that shrinks by less than this over a stretch is sustained; one below FLOOR
+# times the size of the solution is rounding.
+ZIGZAG_KEPT, ZIGZAG_FLOOR = 0.98, 1e-9
+
+
+@entry(*MARCH)
+def march_explicit(
+    rhs, jac, has_jac, params, exchange, tables, memory, scheme, state, output, n_end
+):
+    """March to step `n_end`; return 0, or 1 where the solution stopped being finite."""
+    # scheme: h, classes, second (W,), weights (C, B + 2), lead, near (W,)
+    # state: counters (3,) [step, rows written, zigzag step], x, y, d (W,), lag (W, B),
+    #   pieces (W, B + 1), monitor (W, 3)
+    # output: positions (k,), rows of x, rows of x' (k, d), Jacobians (blocks, d, d)
+    h, classes, second, weights, lead, near = scheme
+    counters, x, y, d, lag, pieces, monitor = state
+    positions, rows, slopes, jacobians = output
+    n_block = lag.shape[1]
+    first_block = counters[0] // n_block
+    counters[1] = 0
+    while counters[0] < n_end:
+        n = counters[0]
+        p = n % n_block
+        if p == 0:
+            open_block(lag, pieces, classes, weights)
+            exchange(lag, pieces, n, classes, tables, memory)
+            for c in range(x.shape[0]):
+                pieces[c, 0] = pieces[c, n_block]
+            sample = jacobians[n // n_block - first_block]
+            jacobian(rhs, jac, has_jac, n * h, x, params, sample)
+        rhs(n * h, x, d, params)
+        finite = True
+        for c in range(x.shape[0]):
+            d[c] = lead[c] * d[c] - near[c] * y[c] - lag[c, p]
+            if n == 0 and second[c] == 1:
+                d[c] = 0.0  # y holds h x'(0) already: the scheme's x_1 = x_0 + h x'(0)
+            if y[c] * (y[c] + d[c]) < 0.0:
+                watch_zigzag(monitor, c, abs(y[c] + d[c]), abs(x[c]), counters)
+            else:
+                monitor[c, 0] = 0.0
+            y[c] += d[c]
+            x[c] += y[c]
+            pieces[c, p + 1] = y[c]
+            w = weights[classes[c]]
+            for i in range(2, n_block - p):
+                lag[c, p + i] += w[i] * y[c]
+            finite = finite and abs(x[c]) < 1e300
+        counters[0] = n + 1
+        k = counters[1]
+        while k < positions.shape[0] and positions[k] <= n + 1:
+            back = positions[k] - (n + 1)  # in (-1, 0]; zero on the mesh, where the row is x itself
+            for c in range(rows.shape[1]):
+                rows[k, c] = x[c] + back * y[c]
+                slopes[k, c] = (y[c] + (0.5 + back) * d[c]) / h
+            k += 1
+        counters[1] = k
+        if not finite:
+            return BLOWN_UP
+    return RUNNING
+
+
+@kernel
+def open_block(lag, pieces, classes, weights):
+    """Start a block's lag with the last piece of the block before, which no history takes yet."""
+    newest = pieces.shape[1] - 1
+    for c in range(lag.shape[0]):
+        w = weights[classes[c]]
+        lag[c, 0] = 0.0  # its weight there is `near`
+        for i in range(1, lag.shape[1]):
+            lag[c, i] = w[i + 1] * pieces[c, newest]
+
+
+@kernel
+def watch_zigzag(monitor, c, increment, size, counters):
+    """Note the first step at which the increments have alternated on and on without shrinking."""
+    # monitor[c]: length of the alternation, largest increment in this stretch and the one before
+    if monitor[c, 0] == 0.0:
+        monitor[c, 1] = 0.0
+        monitor[c, 2] = 0.0
+    monitor[c, 0] += 1.0
+    monitor[c, 1] = max(monitor[c, 1], increment)
+    if monitor[c, 0] % ZIGZAG_WINDOW == 0.0:
+        kept = monitor[c, 2] > 0.0 and monitor[c, 1] >= ZIGZAG_KEPT * monitor[c, 2]
+        if kept and monitor[c, 1] > ZIGZAG_FLOOR * (size + monitor[c, 1]) and counters[2] < 0:
+            counters[2] = counters[0]
+        monitor[c, 2] = monitor[c, 1]
+        monitor[c, 1] = 0.0

@@ -1,0 +1,27 @@
+"""Types of the function values and array groups that marches and histories exchange (floor 1).
+
+A march advances in blocks of B steps over W columns. Between two blocks it hands the finished
+block's pieces to the history and gets the lag of everything older than the next one. Every history
+offers one such function, with its own tables and memory behind it as 2-D arrays: marches and
+histories are compiled once each and pair freely.
+"""
+
+from numba import types
+
+from .._jit import CUBE, F8, I8, IVEC, JAC_SIG, MAT, RHS_SIG, VEC
+
+RHS = types.FunctionType(RHS_SIG)
+JAC = types.FunctionType(JAC_SIG)
+
+TABLES = types.UniTuple(MAT, 4)
+MEMORY = types.UniTuple(MAT, 2)
+# lag (W, B), pieces (W, B + 1), first step of the block, class of each column (W,), tables, memory:
+# takes all pieces but the last into memory (none at step 0), adds to lag
+EXCHANGE_SIG = types.void(MAT, MAT, I8, IVEC, TABLES, MEMORY)
+EXCHANGE = types.FunctionType(EXCHANGE_SIG)
+
+# what a march works on; the order is told at kernels/march.py
+SCHEME = types.Tuple((F8, IVEC, IVEC, MAT, VEC, VEC))
+STATE = types.Tuple((IVEC, VEC, VEC, VEC, MAT, MAT, MAT))
+OUTPUT = types.Tuple((VEC, MAT, MAT, CUBE))
+MARCH = (RHS, JAC, I8, VEC, EXCHANGE, TABLES, MEMORY, SCHEME, STATE, OUTPUT, I8)

@@ -1,0 +1,88 @@
+"""Linear scenes with known solutions (floor 6)."""
+
+from .._checks import real
+from .._jit import kernel
+from ..equation import Equation
+from ..operators import Caputo
+
+
+@kernel
+def _proportional(t, y, dy, params):
+    """dy = params[0] y"""
+    for j in range(y.shape[0]):
+        dy[j] = params[0] * y[j]
+
+
+@kernel
+def _proportional_jacobian(t, y, jacobian, params):
+    jacobian[:] = 0.0
+    for j in range(y.shape[0]):
+        jacobian[j, j] = params[0]
+
+
+def relaxation(alpha: float = 0.5, rate: float = 1.0, y0: float = 1.0) -> Equation:
+    """Fractional relaxation, ``D^alpha y = -rate y``; solution ``y0 E_alpha(-rate t**alpha)``.
+
+    Parameters
+    ----------
+    alpha : float
+        Order, 0 < alpha <= 1 for a relaxation [-].
+    rate : float
+        [1/time**alpha].
+    y0 : float
+        y(0).
+
+    Returns
+    -------
+    Equation
+
+    Examples
+    --------
+    >>> import hereditary as hd
+    >>> hd.scenes.relaxation(alpha=0.5).m
+    1
+    """
+    return Equation(
+        Caputo(alpha), _proportional, y0, params=(-real("rate", rate),), jac=_proportional_jacobian
+    )
+
+
+def oscillator(
+    beta: float = 1.8,
+    gamma: float = 0.8,
+    friction: float = 0.25,
+    omega: float = 1.0,
+    x0: float = 1.0,
+    v0: float = 0.0,
+) -> Equation:
+    """Fractional oscillator, ``D^beta x + friction D^gamma x + omega**2 x = 0``.
+
+    Parameters
+    ----------
+    beta, gamma : float
+        Orders, 1 < beta <= 2 and 0 < gamma <= 1 [-].
+    friction : float
+        Coefficient of the friction term [time**(gamma - beta)].
+    omega : float
+        [1/time**(beta/2)].
+    x0, v0 : float
+        x(0) and x'(0).
+
+    Returns
+    -------
+    Equation
+
+    Examples
+    --------
+    >>> import hereditary as hd
+    >>> hd.scenes.oscillator(beta=1.5, gamma=0.5).m
+    2
+    """
+    stiffness = real("omega", omega) ** 2
+    return Equation(
+        [Caputo(beta), real("friction", friction) * Caputo(gamma)],
+        _proportional,
+        [x0, v0],
+        params=(-stiffness,),
+        jac=_proportional_jacobian,
+    )

@@ -1,0 +1,190 @@
+"""The hereditary stick-slip oscillator (floor 6).
+
+A load on a spring that is pulled at a constant speed over a chain of potential wells,
+``D^beta x + friction D^gamma x + omega**2 x = spring_speed t + adhesion sum_n a_n sin(n x)``.
+"""
+
+import itertools
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.integrate import quad
+
+from .._checks import complaint, count, positive, real, real_array
+from .._jit import kernel
+from ..equation import Equation
+from ..operators import Caputo
+from ..solver.solution import Solution
+
+# Fourier coefficients of the well as [ParovikStickSlip], Example 1, prints them.
+PRINTED_WELL = (0.436, 0.344, 0.164, 0.058, 0.021, 0.004, 0.003)
+# A stay between two barriers counts as sticking when it lasts longer than this [time].
+_SHORTEST_STAY = 3.0
+
+
+@kernel
+def _force(t, y, dy, params):
+    """Spring, pull and wells; the sine series by Clenshaw's recurrence."""
+    # params: omega**2, spring_speed, adhesion, a_1, a_2, ...
+    twice_cosine = 2.0 * math.cos(y[0])
+    b, b_next = 0.0, 0.0
+    for k in range(params.shape[0] - 1, 2, -1):
+        b, b_next = (params[k] - b_next) + twice_cosine * b, b
+    dy[0] = params[1] * t + params[2] * b * math.sin(y[0]) - params[0] * y[0]
+
+
+@kernel
+def _force_jacobian(t, y, jacobian, params):
+    """-omega**2 + adhesion sum_n n a_n cos(n x)"""
+    total = 0.0
+    for k in range(3, params.shape[0]):
+        n = k - 2
+        total += n * params[k] * math.cos(n * y[0])
+    jacobian[0, 0] = params[2] * total - params[0]
+
+
+def stick_slip(
+    *,
+    beta: float = 1.8,
+    gamma: float = 0.8,
+    friction: float = 0.25,
+    omega: float = 1.0,
+    spring_speed: float = 1.0,
+    adhesion: float = 50.0,
+    x0: float = 0.2,
+    v0: float = 0.3,
+    well: ArrayLike | None = None,
+) -> Equation:
+    """The stick-slip oscillator with memory; classical at beta = 2, gamma = 1.
+
+    ``D^beta x + friction D^gamma x + omega**2 x = spring_speed t + adhesion sum_n a_n sin(n x)``
+    in scaled units: x in widths of a well, all quantities [-].
+
+    Parameters
+    ----------
+    beta, gamma : float
+        Orders of inertia and friction, 1 < beta <= 2 and 0 < gamma <= 1.
+    friction : float
+        Coefficient lambda of dynamic friction.
+    omega : float
+        Frequency of the spring.
+    spring_speed : float
+        Speed b at which the spring is pulled.
+    adhesion : float
+        Depth c of the wells.
+    x0, v0 : float
+        x(0) and x'(0).
+    well : sequence of float, optional
+        Fourier coefficients a_1, a_2, ... of the force; the seven printed ones by default,
+        ``well_coefficients(n)`` computes them from the well's shape.
+
+    Returns
+    -------
+    Equation
+
+    Notes
+    -----
+    The force has the sign of eq. (2) and (3) of the source, with which its figures were computed;
+    minus the gradient of its eq. (1) would have the opposite sign. With this sign the load sits in
+    wide wells between narrow barriers at the multiples of 2 pi.
+
+    Source
+    ------
+    [ParovikStickSlip], eqs. (3) and (6), Examples 1 and 2.
+
+    Examples
+    --------
+    >>> import hereditary as hd
+    >>> eq = hd.scenes.stick_slip(beta=2.0, gamma=1.0)
+    >>> sol = hd.solve(eq, 60.0, n_steps=120_000, save_every=10)
+    >>> round(hd.scenes.sticking_intervals(sol)[0][1], 1)
+    45.3
+    """
+    coefficients = real_array("well", PRINTED_WELL if well is None else well)
+    if coefficients.ndim != 1 or coefficients.size == 0:
+        required = "be a flat sequence a_1, a_2, ..."
+        raise ValueError(complaint("well", required, f"shape {coefficients.shape}"))
+    params = (
+        real("omega", omega) ** 2,
+        real("spring_speed", spring_speed),
+        real("adhesion", adhesion),
+        *coefficients,
+    )
+    return Equation(
+        [Caputo(beta), real("friction", friction) * Caputo(gamma)],
+        _force,
+        [x0, v0],
+        params=params,
+        jac=_force_jacobian,
+    )
+
+
+def well_coefficients(n: int) -> np.ndarray:
+    """Fourier coefficients a_k = 2 k int_0^1 cos(pi k y) / cosh(pi y)**2 dy, k = 1..n.
+
+    Parameters
+    ----------
+    n : int
+        How many; the source prints seven of them to three decimals.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        To quadrature accuracy, about 1e-12.
+
+    Source
+    ------
+    [ParovikStickSlip], eq. (2).
+
+    Examples
+    --------
+    >>> import hereditary as hd
+    >>> hd.scenes.well_coefficients(2).round(3).tolist()
+    [0.436, 0.344]
+    """
+
+    def coefficient(k):
+        def integrand(y):
+            return 1 / math.cosh(math.pi * y) ** 2
+
+        value, _ = quad(integrand, 0, 1, weight="cos", wvar=math.pi * k, epsabs=1e-13)
+        return 2 * k * value
+
+    return np.array([coefficient(k) for k in range(1, count("n", n) + 1)])
+
+
+def sticking_intervals(
+    solution: Solution, shortest: float = _SHORTEST_STAY
+) -> list[tuple[float, float]]:
+    """Stays between two crossings of the barriers at the multiples of 2 pi.
+
+    Parameters
+    ----------
+    solution : Solution
+        Of a stick-slip scene; its rows must resolve the slips.
+    shortest : float, optional
+        Shorter stays are slips, not sticking, and left out [time].
+
+    Returns
+    -------
+    list of (float, float)
+        Start and end of each stay, crossings located by linear interpolation between rows; the
+        last one ends where the solution does.
+
+    Examples
+    --------
+    >>> import hereditary as hd
+    >>> sol = hd.solve(hd.scenes.stick_slip(), t_end=40.0, n_steps=8_000)
+    >>> hd.scenes.sticking_intervals(sol)
+    [(0.0, 40.0)]
+    """
+    shortest = positive("shortest", shortest)
+    t, x = solution.t, solution.y[:, 0]
+    well = np.floor(x / (2 * np.pi))
+    edges = [float(t[0])]
+    for i in np.flatnonzero(np.diff(well)):
+        barrier = 2 * np.pi * max(well[i], well[i + 1])
+        edges.append(float(t[i] + (t[i + 1] - t[i]) * (barrier - x[i]) / (x[i + 1] - x[i])))
+    edges.append(float(t[-1]))
+    return [(a, b) for a, b in itertools.pairwise(edges) if b - a > shortest]

@@ -1,0 +1,193 @@
+"""The explicit non-local scheme for Caputo terms (floor 2), the default.
+
+On a uniform mesh, with increments ``y_n = x_(n+1) - x_n`` and second differences
+``d_n = y_n - y_(n-1)``, a term of order alpha in (0, 1] is ``A sum_k b_k y_(n-k)`` and one of order
+alpha in (1, 2] is ``A sum_k b_k d_(n-k)``, with ``b_k = (k+1)**p - k**p``, p = ceil(alpha) - alpha
+and ``A = coefficient h**-alpha / Gamma(p + 1)``; the right-hand side is taken at t_n.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from scipy.special import rgamma
+
+from .._checks import complaint, within
+from ..equation import Equation
+from ..kernels.march import march_explicit
+from ..operators import derivative_order
+from ..special import (
+    alternating_power_sum,
+    mean_exponential,
+    power_differences,
+    power_second_differences,
+)
+from .scheme import Convolution, Plan, Scheme, WeightRule
+
+
+def _modal(p, rates, weights, k):
+    """Shares of ``b_k = p int_k^(k+1) t**(p-1) dt``, whose kernel is ``t**-(1-p)``."""
+    return p * weights * mean_exponential(rates) * np.exp(-rates * k)
+
+
+def _modal_differences(p, rates, weights, k):
+    """Shares of ``b_k - b_(k-1)``."""
+    return _modal(p, rates, weights, k - 1) * np.expm1(-rates)
+
+
+FIRST_DIFFERENCES = WeightRule(power_differences, _modal)
+SECOND_DIFFERENCES = WeightRule(power_second_differences, _modal_differences)
+
+
+@dataclass(frozen=True)
+class ExplicitCaputo(Scheme):
+    """The explicit non-local finite-difference scheme for Caputo terms; the default.
+
+    For ``D^beta x + lambda D^gamma x = f(t, x)``, 1 < beta <= 2, 0 < gamma <= 1, with step h:
+    ``A sum_(k=0)^(n-1) a_k (x_(n-k+1) - 2 x_(n-k) + x_(n-k-1)) + B sum_(k=0)^(n-1) b_k (x_(n-k+1) -
+    x_(n-k)) = f(t_n, x_n)``, ``x_1 = x_0 + h x'(0)``, with ``A = h**-beta / Gamma(3 - beta)``,
+    ``B = lambda h**-gamma / Gamma(2 - gamma)``, ``a_k = (k+1)**(2-beta) - k**(2-beta)`` and
+    ``b_k = (k+1)**(1-gamma) - k**(1-gamma)``, solved for x_(n+1). Any number of terms with orders
+    in (0, 2] and any number of components; equations of order up to 1 use the same sums from
+    ``x_1 - x_0`` on. At beta = 2, gamma = 1 it is the classical difference scheme.
+
+    Error
+    -----
+    O(h) at a fixed t > 0 for f smooth in its arguments; terms in h**(3-beta) and h**(2-gamma)
+    accompany it (convergence/explicit_order.py).
+
+    Stability
+    ---------
+    Conditional, and sharply so: `step_limit`. Beyond the limit an orbit need not overflow; it
+    zigzags from step to step and stays bounded and wrong. `solve` checks the limit against the
+    Jacobian along the orbit and watches for the zigzag.
+
+    Cost
+    ----
+    One right-hand side a step and the history's share.
+
+    Source
+    ------
+    [Parovik2016], [Parovik2018]; increment form and limit: docs/theory.md.
+
+    Examples
+    --------
+    >>> import hereditary as hd
+    >>> eq = hd.Equation([hd.Caputo(1.0)], lambda t, y: -y, y0=1.0)
+    >>> sol = hd.solve(eq, 1.0, n_steps=1000, scheme=hd.ExplicitCaputo())
+    >>> round(float(sol.y[-1, 0]), 3)
+    0.368
+    """
+
+    march: ClassVar[Callable] = staticmethod(march_explicit)
+
+    def order(self, alpha: float, smoothness: str = "smooth") -> float:
+        """Proven order of convergence at a fixed time: 1 for every alpha in (0, 2].
+
+        Parameters
+        ----------
+        alpha : float
+            Highest order of the equation, 0 < alpha <= 2 [-].
+        smoothness : {"smooth", "singular"}
+            Whether the solution is smooth at 0 or behaves like t**alpha there; both give 1.
+        """
+        within("alpha", alpha, 5e-324, 2.0, "(0, 2]")
+        if smoothness not in ("smooth", "singular"):
+            required = 'be "smooth" or "singular"'
+            raise ValueError(complaint("smoothness", required, repr(smoothness)))
+        return 1.0
+
+    def step_limit(self, equation: Equation, stiffness: float) -> float:
+        """Largest stable step for a constant ``-d rhs / d y = stiffness``.
+
+        Parameters
+        ----------
+        equation : Equation
+            Its terms set the limit; every component is taken on its own.
+        stiffness : float
+            omega**2 in ``D^beta x + ... = -omega**2 x``, above 0 [1/time**order].
+
+        Returns
+        -------
+        float
+            The h at which ``sum_j c_j h**-alpha_j s_j = stiffness`` with s_j = 8 eta(beta-2) /
+            Gamma(3-beta) for beta in (1, 2] and 4 eta(gamma-1) / Gamma(2-gamma) for gamma in
+            (0, 1], eta being Dirichlet's; sharp: bounded below, zigzag above.
+
+        Examples
+        --------
+        >>> import hereditary as hd
+        >>> eq = hd.Equation(hd.Caputo(2.0), lambda t, x: -9.0 * x, y0=[1.0, 0.0])
+        >>> round(hd.ExplicitCaputo().step_limit(eq, 9.0), 12)
+        0.666666666667
+        """
+        stiffness = within("stiffness", stiffness, 5e-324, np.inf, "(0, inf)")
+        low, high = -700.0, 700.0  # log h; the limit's stiffness falls as h grows
+        for _ in range(200):
+            middle = (low + high) / 2
+            if _limits(equation, np.exp(middle)).min() > stiffness:
+                low = middle
+            else:
+                high = middle
+        return float(np.exp(low))
+
+    def plan(self, equation: Equation, h: float) -> Plan:
+        """Tables and convolution for `equation` with step h."""
+        highest = equation.highest_orders()
+        second = highest > 1
+        keys = [
+            tuple(zip(equation.coefficients[:, j], equation.orders[:, j], strict=True))
+            for j in range(equation.d)
+        ]
+        distinct = list(dict.fromkeys(keys))
+        lead = np.empty(len(distinct))
+        near = np.empty(len(distinct))
+        lists, start_lists = [], []
+        for i, key in enumerate(distinct):
+            factors = [_factor(c, alpha, h) for c, alpha in key]
+            total = sum(f for f, _ in factors)
+            if total == 0 or not np.isfinite(total):
+                required = "give a step with a finite, nonzero leading weight"
+                raise ValueError(complaint("terms", required, f"{total} at h = {h}"))
+            terms = [
+                (f / total, SECOND_DIFFERENCES if alpha > 1 else FIRST_DIFFERENCES, p)
+                for (f, p), (_, alpha) in zip(factors, key, strict=True)
+            ]
+            lead[i] = 1 / total
+            near[i] = sum(f * _nearest(rule, p) for f, rule, p in terms)
+            lists.append(tuple(terms))
+            start_lists.append(tuple((-f, FIRST_DIFFERENCES, p) for f, _, p in terms))
+        classes = np.array([distinct.index(key) for key in keys])
+        velocity = equation.y0[1] if equation.m == 2 else np.zeros(equation.d)
+        return Plan(
+            convolution=Convolution(tuple(lists), tuple(start_lists)),
+            classes=classes,
+            second=second.astype(np.int64),
+            lead=lead[classes],
+            near=near[classes],
+            increments=h * velocity,
+            limits=_limits(equation, h),
+        )
+
+
+def _factor(coefficient, alpha, h):
+    """The term's leading weight A and its power p."""
+    p = derivative_order(alpha) - alpha
+    return coefficient * h**-alpha * rgamma(p + 1), p
+
+
+def _nearest(rule, p):
+    """Weight of y_(n-1) when the step is solved for d_n: b_1 or, with b_0 = 1, 1 + b_1."""
+    b_1 = power_differences(p, 2)[1]
+    return b_1 if rule is SECOND_DIFFERENCES else 1 + b_1
+
+
+def _limits(equation, h):
+    """Stiffness of each component at which the alternating mode leaves the unit circle."""
+    limits = np.zeros(equation.d)
+    for coefficients, orders in zip(equation.coefficients, equation.orders, strict=True):
+        for j, (c, alpha) in enumerate(zip(coefficients, orders, strict=True)):
+            weight, p = _factor(c, alpha, h)
+            limits[j] += weight * alternating_power_sum(p) * (4 if alpha > 1 else 2)
+    return limits

@@ -1,0 +1,1 @@
+"""The solver (floor 4): stepper, driver, solution."""

@@ -1,0 +1,85 @@
+"""What a long run shows and how it is stopped (floor 4)."""
+
+import signal
+import sys
+import threading
+import time
+
+
+class ProgressBar:
+    """One line on a terminal: share done, time left; silent on anything but a terminal.
+
+    Parameters
+    ----------
+    shown : bool
+        Whether a bar is wanted at all.
+    stream : text stream, optional
+        Where it goes; standard error by default.
+    """
+
+    WIDTH = 30
+    SECONDS_BETWEEN = 0.1
+
+    def __init__(self, shown, stream=None):
+        self._stream = sys.stderr if stream is None else stream
+        self._live = bool(shown) and self._stream.isatty()
+        self._began = time.perf_counter()
+        self._drawn = -1.0
+
+    def update(self, share):
+        """Show that `share` in [0, 1] is done."""
+        if not self._live:
+            return
+        spent = time.perf_counter() - self._began
+        if spent - self._drawn < self.SECONDS_BETWEEN and share < 1:
+            return
+        self._drawn = spent
+        filled = int(self.WIDTH * share)
+        left = f"{_clock(spent * (1 - share) / share)} left" if share > 0 else "starting"
+        if share >= 1:
+            left = f"done in {_clock(spent)}"
+        bar = "#" * filled + "." * (self.WIDTH - filled)
+        self._stream.write(f"\r[{bar}] {100 * share:5.1f} %  {left}   ")
+        self._stream.flush()
+
+    def close(self):
+        """End the line."""
+        if self._live and self._drawn >= 0:
+            self._stream.write("\n")
+            self._stream.flush()
+
+
+def _clock(seconds):
+    minutes, seconds = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02d}:{seconds:02d}" if hours else f"{minutes}:{seconds:02d}"
+
+
+class Interruption:
+    """Turns the first Ctrl-C into a flag, so that a run ends between two stretches.
+
+    A second Ctrl-C raises as usual. Outside the main thread, where no signal arrives, it does
+    nothing.
+    """
+
+    def __init__(self):
+        self.asked = False
+        self._previous = None
+
+    def __enter__(self):
+        if threading.current_thread() is threading.main_thread():
+            self._previous = signal.getsignal(signal.SIGINT)
+            if self._previous is None or self._previous == signal.SIG_IGN:
+                self._previous = None
+            else:
+                signal.signal(signal.SIGINT, self._ask)
+        return self
+
+    def __exit__(self, *exception):
+        if self._previous is not None:
+            signal.signal(signal.SIGINT, self._previous)
+
+    def _ask(self, number, frame):
+        if self.asked:
+            raise KeyboardInterrupt
+        self.asked = True

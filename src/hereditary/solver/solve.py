@@ -1,0 +1,251 @@
+"""The driver (floor 4): marches a stepper to the end, a stretch at a time, and keeps the rows."""
+
+import time
+import warnings
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .._checks import complaint, count, instance, positive, real_array
+from ..equation import Equation
+from ..history.exponentials import SumOfExponentials
+from ..history.history import History
+from ..schemes.explicit import ExplicitCaputo
+from ..schemes.scheme import Scheme
+from .progress import Interruption, ProgressBar
+from .solution import Solution, StabilityWarning, Status
+from .stepper import State, Stepper
+
+# Steps between two looks at Ctrl-C and the progress bar, and the time they may take. Entering the
+# compiled march costs 0.1 ms; the rows written stay in the second-level cache.
+_STRETCH, _STRETCH_SECONDS = 1 << 15, 0.1
+
+
+def solve(
+    equation: Equation,
+    t_end: float,
+    n_steps: int | None = None,
+    *,
+    scheme: Scheme | None = None,
+    history: History | None = None,
+    save_every: int = 1,
+    t_eval: ArrayLike | None = None,
+    progress: bool = False,
+    resume: State | None = None,
+) -> Solution:
+    """Solve an equation with memory on [0, t_end] with uniform steps.
+
+    Parameters
+    ----------
+    equation : Equation
+        What is solved.
+    t_end : float
+        End of the run, above 0 (above the state's time when resuming) [time].
+    n_steps : int
+        Number of steps, h = t_end / n_steps. When resuming, the state's step is kept: leave it
+        out, or give a number that agrees, counted either from 0 or from the state.
+    scheme : Scheme, optional
+        Default ``ExplicitCaputo()``.
+    history : History, optional
+        Default ``SumOfExponentials(tol=1e-10)``.
+    save_every : int, optional
+        Keep every so many-th step, besides the first and the last row.
+    t_eval : array_like, shape (k,), optional
+        Keep the solution at these increasing times instead, linearly interpolated between steps.
+    progress : bool, optional
+        Show a progress bar with the time left, on a terminal only.
+    resume : State, optional
+        ``Solution.state`` of an earlier run; rows then begin at its time, and the result equals
+        that of an unbroken run bit for bit.
+
+    Returns
+    -------
+    Solution
+        Also when the run blows up, is interrupted by Ctrl-C, or the right-hand side raises: its
+        status says so and it holds everything computed until then.
+
+    Warns
+    -----
+    StabilityWarning
+        The step exceeded the scheme's stability limit along the orbit, or the solution zigzags.
+
+    Cost
+    ----
+    One right-hand side a step and the history's share: with the default history constant memory
+    and about 20 ns a step and component besides `rhs` (convergence/memory_is_nearly_free.py).
+
+    Examples
+    --------
+    >>> import hereditary as hd
+    >>> sol = hd.solve(hd.scenes.stick_slip(), t_end=100.0, n_steps=20_000)
+    >>> sol.success, sol.y.shape
+    (True, (20001, 1))
+    """
+    began = time.perf_counter()
+    instance("equation", equation, Equation, "hereditary.Equation(terms, rhs, y0)")
+    t_end = positive("t_end", t_end)
+    if scheme is None:
+        scheme = ExplicitCaputo()
+    if history is None:
+        history = SumOfExponentials()
+    instance("scheme", scheme, Scheme, "hereditary.ExplicitCaputo()")
+    instance("history", history, History, "hereditary.SumOfExponentials()")
+    save_every = count("save_every", save_every)
+    h, n_total, prepared = _mesh(t_end, n_steps, resume)
+    stepper = Stepper(equation, scheme, history, h, prepared)
+    if resume is not None:
+        stepper.restore(resume)
+    wanted = _Rows(stepper, n_total, save_every, _eval_times(t_eval, stepper.t, t_end))
+    stepper.memory.prepare(n_total)
+    ready = time.perf_counter()
+    status, detail = _run(stepper, n_total, wanted, progress)
+    finished = time.perf_counter()
+    return _solution(stepper, wanted, status, detail, ready - began, finished - ready)
+
+
+def _mesh(t_end, n_steps, resume):
+    """Step, last step number and the number of steps that the history is opened for."""
+    if resume is None:
+        if n_steps is None:
+            raise TypeError(complaint("n_steps", "be given", "none", "e.g. n_steps=10_000"))
+        n_steps = count("n_steps", n_steps)
+        return t_end / n_steps, n_steps, n_steps
+    state = instance("resume", resume, State, "the .state of an earlier Solution")
+    n_total = round(t_end / state.h)
+    if n_total <= state.n:
+        raise ValueError(complaint("t_end", f"exceed the state's time {state.t}", t_end))
+    if abs(n_total * state.h - t_end) > 1e-6 * state.h:
+        remedy = f"the nearest is {n_total * state.h}"
+        required = f"be a whole number of the state's steps h = {state.h}"
+        raise ValueError(complaint("t_end", required, t_end, remedy))
+    if n_steps is not None and count("n_steps", n_steps) not in (n_total, n_total - state.n):
+        required = f"be {n_total - state.n} (from the state) or {n_total} (from 0), its step kept"
+        raise ValueError(complaint("n_steps", required, n_steps, "or leave n_steps out"))
+    return state.h, n_total, state.memory_steps
+
+
+def _eval_times(t_eval, t_start, t_end):
+    if t_eval is None:
+        return None
+    times = real_array("t_eval", t_eval)
+    inside = f"be increasing times in [{t_start}, {t_end}]"
+    if times.ndim != 1 or times.size == 0:
+        raise ValueError(complaint("t_eval", inside, f"shape {times.shape}"))
+    if np.any(np.diff(times) <= 0) or times[0] < t_start or times[-1] > t_end:
+        raise ValueError(complaint("t_eval", inside, times.tolist()))
+    return times
+
+
+class _Rows:
+    """Which rows are kept, and the rows kept so far."""
+
+    def __init__(self, stepper, n_total, save_every, times):
+        self._every, self._times, self._n_total = save_every, times, n_total
+        n = stepper.n
+        if times is not None:
+            self._positions = np.minimum(times / stepper.h, n_total)
+            size = times.size
+        else:
+            size = n_total // save_every - n // save_every + (n_total % save_every > 0) + 1
+        self.t = np.empty(size)
+        self.y = np.empty((size, stepper.equation.d))
+        self.ydot = np.empty((size, stepper.equation.d))
+        self.size = 0
+        self._h = stepper.h
+        if times is None or times[0] <= stepper.t:
+            self.t[0], self.y[0], self.ydot[0] = stepper.t, stepper.y, stepper.ydot
+            self.size = 1
+
+    def positions(self, n, n_end):
+        """Positions in steps of the rows in (n, n_end], and the arrays to write them to."""
+        if self._times is not None:
+            stop = int(np.searchsorted(self._positions, n_end, side="right"))
+            positions = self._positions[self.size : stop]
+        else:
+            first = (n // self._every + 1) * self._every
+            positions = np.arange(first, n_end + 1, self._every, dtype=float)
+            if n_end == self._n_total and n_end % self._every:
+                positions = np.append(positions, float(n_end))
+        part = slice(self.size, self.size + positions.size)
+        return positions, self.y[part], self.ydot[part]
+
+    def keep(self, positions, written):
+        """Note that the first `written` of these rows have been filled."""
+        part = slice(self.size, self.size + written)
+        if self._times is None:
+            np.multiply(positions[:written], self._h, out=self.t[part])
+        else:
+            self.t[part] = self._times[part]
+        self.size += written
+
+
+def _run(stepper, n_total, wanted, progress):
+    """March to step n_total or as far as it goes; return the status and a detail for it."""
+    bar = ProgressBar(progress)
+    stretch = _STRETCH
+    n_first = stepper.n
+    try:
+        with Interruption() as interruption:
+            while stepper.n < n_total:
+                n_more = min(stretch, n_total - stepper.n)
+                positions, rows, slopes = wanted.positions(stepper.n, stepper.n + n_more)
+                began = time.perf_counter()
+                try:
+                    stepper.advance(n_more, positions, rows, slopes)
+                except Exception as error:
+                    return Status.RHS_FAILED, f"{type(error).__name__}: {error}"
+                finally:
+                    wanted.keep(positions, stepper.rows_written)
+                if stepper.blown_up:
+                    return Status.BLOWN_UP, ""
+                bar.update((stepper.n - n_first) / (n_total - n_first))
+                if interruption.asked and stepper.n < n_total:
+                    return Status.INTERRUPTED, ""
+                spent = max(time.perf_counter() - began, 1e-9)
+                fitting = int(n_more * _STRETCH_SECONDS / spent)
+                stretch = min(max(fitting, 64), _STRETCH)
+    finally:
+        bar.close()
+    if stepper.zigzag is not None:
+        return Status.ZIGZAG, ""
+    return (Status.STEP_TOO_LARGE if stepper.largest_ratio > 1 else Status.COMPLETED), ""
+
+
+def _solution(stepper, wanted, status, detail, setup_seconds, run_seconds):
+    size = wanted.size
+    message = status.value + (f": {detail}" if detail else "")
+    if status is not Status.COMPLETED:
+        message += f" (t = {stepper.t:g} of step {stepper.n})"
+    trouble = _stability(stepper)
+    if trouble:
+        message += f"; {trouble}"
+        warnings.warn(f"{message}", StabilityWarning, stacklevel=3)
+    return Solution(
+        t=wanted.t[:size],
+        y=wanted.y[:size],
+        ydot=wanted.ydot[:size] if stepper.equation.m == 2 else None,
+        status=status,
+        message=message,
+        stats={
+            "n_steps": stepper.n,
+            "n_rhs": stepper.n_rhs,
+            "n_modes": stepper.memory.n_modes,
+            "history_bytes": stepper.memory.nbytes,
+            "setup_seconds": setup_seconds,
+            "run_seconds": run_seconds,
+            "stiffness_ratio": stepper.largest_ratio,
+        },
+        state=stepper.state(),
+    )
+
+
+def _stability(stepper):
+    """What is wrong with the step, in a clause; empty when nothing is."""
+    found = []
+    if stepper.zigzag is not None:
+        found.append(f"a step-to-step zigzag is sustained since t = {stepper.zigzag * stepper.h:g}")
+    if stepper.largest_ratio > 1:
+        found.append(f"-d rhs/d y reached {stepper.largest_ratio:.4g} times its limit")
+    if not found:
+        return ""
+    return " and ".join(found) + f" at h = {stepper.h:g}; take smaller steps"

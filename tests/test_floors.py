@@ -1,0 +1,71 @@
+"""The house: imports go down only, files and functions stay small, no import hides in a function."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+SOURCE = Path(__file__).parent.parent / "src" / "hereditary"
+FLOORS = {
+    "_jit": 0,
+    "_checks": 0,
+    "kernels": 1,
+    "special": 1,
+    "_callables": 1,
+    "operators": 2,
+    "equation": 2,
+    "exponential_sum": 2,
+    "schemes": 2,
+    "history": 3,
+    "solver": 4,
+    "scenes": 6,
+    "plots": 6,
+    "__main__": 6,
+    "__init__": 7,
+}
+# Importable from the floor's other rooms; inside one floor the rest must not know each other.
+SAME_FLOOR = {("equation", "operators"), ("exponential_sum", "operators"), ("__main__", "plots")}
+SAME_FLOOR |= {("schemes", "equation"), ("schemes", "operators"), ("__main__", "scenes")}
+FILES = sorted(SOURCE.rglob("*.py"))
+
+
+def room(path):
+    return path.relative_to(SOURCE).parts[0].removesuffix(".py")
+
+
+def imported_rooms(path):
+    """The package's own rooms that a file imports, and whether an import sits in a function."""
+    tree = ast.parse(path.read_text())
+    package = ("hereditary", *path.relative_to(SOURCE).parts[:-1])
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and node.level:
+            base = package[: len(package) - node.level + 1]
+            target = (*base, *(node.module.split(".") if node.module else ()))
+            names = [target[1]] if len(target) > 1 else [alias.name for alias in node.names]
+            yield from names
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(SOURCE)))
+def test_imports_go_down(path):
+    here = room(path)
+    for there in imported_rooms(path):
+        if there != here and (here, there) not in SAME_FLOOR:
+            assert FLOORS[there] < FLOORS[here], f"{here} must not import {there}"
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(SOURCE)))
+def test_files_and_functions_are_small(path):
+    text = path.read_text()
+    assert text.count("\n") <= 400
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.FunctionDef):
+            body = node.body[1:] if ast.get_docstring(node) else node.body
+            if body:
+                assert node.end_lineno - body[0].lineno < 60, node.name
+            hidden = [n for n in ast.walk(node) if isinstance(n, (ast.Import, ast.ImportFrom))]
+            assert not hidden, f"{node.name} imports"
+
+
+def test_only_plots_and_the_command_line_import_matplotlib():
+    users = {room(path) for path in FILES if "import matplotlib" in path.read_text()}
+    assert users == {"plots", "__main__"}
