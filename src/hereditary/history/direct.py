@@ -34,7 +34,7 @@ class Direct(History):
     ) -> Memory:
         """A fresh memory; see `History.open`."""
         if not convolution.exponents():
-            return NoMemory(start.size)
+            return NoMemory(start.size, convolution.exact(n_block + 2)[0])
         return _Pieces(convolution, start, n_block)
 
 
@@ -46,7 +46,8 @@ class _Pieces(Memory):
         self._n_block = n_block
         empty = np.zeros((1, 0))
         arrays = (np.zeros((start.size, 0)), start.reshape(-1, 1).copy())
-        super().__init__(exchange_direct, (empty,) * 4, arrays)
+        block_weights = convolution.exact(n_block + 2)[0]
+        super().__init__(exchange_direct, (empty,) * 4, arrays, block_weights)
 
     def prepare(self, n_end):
         """Grow the arrays and tables to hold steps up to `n_end`."""
@@ -65,5 +66,6 @@ class _Pieces(Memory):
     def copy(self):
         """An independent memory with the same pieces."""
         twin = _Pieces(self._convolution, self.arrays[1][:, 0], self._n_block)
+        twin.tables = self.tables
         twin.restore(self.state())
         return twin

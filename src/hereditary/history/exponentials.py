@@ -69,7 +69,7 @@ class SumOfExponentials(History):
         """A fresh memory; see `History.open`."""
         exponents = convolution.exponents()
         if not exponents:
-            return NoMemory(start.size)
+            return NoMemory(start.size, convolution.exact(n_block + 2)[0])
         covered = _STEPS_COVERED
         # one block more than asked for: a lag is filled for whole blocks
         while covered < max(n_steps, self.horizon or 1) + n_block:
@@ -79,16 +79,20 @@ class SumOfExponentials(History):
         rates = np.concatenate([rates, np.zeros(pad)])
         weights = np.pad(weights, ((0, 0), (0, pad)))
         bank = {a: (rates, row) for a, row in zip(exponents, weights, strict=True)}
-        tables = (*convolution.modal(bank, 2, 0), *_powers(rates, n_block))
+        shares, start_shares = convolution.modal(bank, 2, 0)
+        ahead, back = _powers(rates, n_block)
+        # k = 0 and 1 belong to the scheme
+        block_weights = np.pad(shares @ ahead, ((0, 0), (2, 0)))
         arrays = (np.zeros((start.size, rates.size)), np.outer(start, np.ones(rates.size)))
-        return _Modes(tables, arrays, rates.size - pad, covered)
+        tables = (shares, start_shares, ahead, back)
+        return _Modes(tables, arrays, block_weights, rates.size - pad, covered)
 
 
 class _Modes(Memory):
     """Modes driven by the pieces, and undriven ones that carry the start values."""
 
-    def __init__(self, tables, arrays, n_modes, covered):
-        super().__init__(exchange_modes, tables, arrays)
+    def __init__(self, tables, arrays, block_weights, n_modes, covered):
+        super().__init__(exchange_modes, tables, arrays, block_weights)
         self.n_modes = n_modes
         self._covered = covered
 
@@ -101,7 +105,7 @@ class _Modes(Memory):
 
     def copy(self):
         """An independent memory with the same modes; the tables are shared."""
-        return _Modes(self.tables, self.state(), self.n_modes, self._covered)
+        return _Modes(self.tables, self.state(), self.block_weights, self.n_modes, self._covered)
 
 
 def _powers(rates, n_block):

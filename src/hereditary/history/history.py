@@ -30,12 +30,16 @@ class Memory(ABC):
         What it reads.
     arrays : tuple of two ndarrays
         What it changes; the first axis runs over the W columns.
+    block_weights : ndarray, shape (C, B + 2)
+        The weights W_k as this history sees them, k = 2 .. B + 1, for the sums inside a block: with
+        them a result does not depend on where blocks begin.
     """
 
     n_modes: int = 0
 
-    def __init__(self, exchange, tables, arrays):
+    def __init__(self, exchange, tables, arrays, block_weights):
         self.exchange = as_value(exchange, EXCHANGE_SIG)
+        self.block_weights = np.ascontiguousarray(block_weights)
         self.tables = tables
         self.arrays = arrays
 
@@ -81,16 +85,16 @@ class Memory(ABC):
 class NoMemory(Memory):
     """The memory of an equation whose terms are all classical."""
 
-    def __init__(self, n_columns):
+    def __init__(self, n_columns, block_weights):
         empty = np.zeros((n_columns, 0))
-        super().__init__(exchange_nothing, (empty,) * 4, (empty, empty))
+        super().__init__(exchange_nothing, (empty,) * 4, (empty, empty), block_weights)
 
     def prepare(self, n_end: int) -> None:
         """Any length will do."""
 
     def copy(self) -> Memory:
         """Another empty memory."""
-        return NoMemory(self.arrays[0].shape[0])
+        return NoMemory(self.arrays[0].shape[0], self.block_weights)
 
 
 class History(ABC):

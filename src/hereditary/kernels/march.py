@@ -3,8 +3,8 @@
 ``d_n = lead f(t_n, x_n) - near y_(n-1) - lag_n``, ``y_n = y_(n-1) + d_n``, ``x_(n+1) = x_n + y_n``:
 solving for the second difference d keeps rounding at 1e-13 where x_(n+1) - 2 x_n + x_(n-1) would
 lose it. The lag of older blocks comes from the history; inside a block each new increment is
-spread over the steps ahead of it with its exact weights. All arithmetic hangs on absolute step
-numbers, so a march does not depend on where it was interrupted.
+spread over the steps ahead of it. All arithmetic hangs on absolute step numbers, so a march does
+not depend on where it was interrupted.
 """
 
 from .._jit import entry, kernel

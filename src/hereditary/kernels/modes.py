@@ -32,13 +32,17 @@ def exchange_modes(lag, pieces, n, classes, tables, memory):
 
 @kernel
 def add_rows(out, factors, rows):
-    """out += factors @ rows, four rows at a time; the number of rows is a multiple of four.
+    """out += factors @ rows, four rows at a time.
 
     The inner loop runs along `out`, so it is vectorised without reordering any sum.
     """
     # out (n,), factors (m,), rows (m, n)
-    for k in range(0, factors.shape[0], 4):
+    fours = factors.shape[0] // 4 * 4
+    for k in range(0, fours, 4):
         f0, f1, f2, f3 = factors[k], factors[k + 1], factors[k + 2], factors[k + 3]
         r0, r1, r2, r3 = rows[k], rows[k + 1], rows[k + 2], rows[k + 3]
         for j in range(out.shape[0]):
             out[j] += (f0 * r0[j] + f1 * r1[j]) + (f2 * r2[j] + f3 * r3[j])
+    for k in range(fours, factors.shape[0]):
+        for j in range(out.shape[0]):
+            out[j] += factors[k] * rows[k, j]

@@ -37,7 +37,8 @@ class Convolution:
     """What a history has to sum on a uniform mesh: ``lag_n = sum_k W_k u_(n-k)``, k >= 2.
 
     The weights are sums ``W_k = sum_j factor_j rule_j(p_j)_k``, one such list of (factor, rule, p)
-    for each class of components; a second list of the same kind weighs the start value.
+    for each class of components; a second list of the same kind weighs the start value, from k = 1
+    on (the lag of step 0 is never used by a component that has a start value).
 
     Attributes
     ----------

@@ -143,7 +143,10 @@ class _Rows:
         self._every, self._times, self._n_total = save_every, times, n_total
         n = stepper.n
         if times is not None:
-            self._positions = np.minimum(times / stepper.h, n_total)
+            positions = times / stepper.h
+            mesh = np.rint(positions)  # times of the mesh shall give its very rows
+            near = np.abs(positions - mesh) <= 8 * np.finfo(float).eps * mesh
+            self._positions = np.minimum(np.where(near, mesh, positions), n_total)
             size = times.size
         else:
             size = n_total // save_every - n // save_every + (n_total % save_every > 0) + 1

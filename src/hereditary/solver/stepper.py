@@ -69,17 +69,11 @@ class Stepper:
         self._n_steps = int(n_steps)
         plan = scheme.plan(equation, self.h)
         d = equation.d
-        self._scheme_arrays = (
-            self.h,
-            plan.classes,
-            plan.second,
-            np.ascontiguousarray(plan.convolution.exact(block + 2)[0]),
-            plan.lead,
-            plan.near,
-        )
         self.limits = plan.limits
         start = np.where(plan.second == 1, plan.increments, 0.0)
         self.memory = history.open(plan.convolution, start, block, self._n_steps)
+        weights = self.memory.block_weights
+        self._scheme_arrays = (self.h, plan.classes, plan.second, weights, plan.lead, plan.near)
         self._block = block
         self._march_arrays = (
             np.array([0, 0, -1]),

@@ -1,0 +1,162 @@
+"""Laws every history obeys: linear, causal, as direct sums within tolerance, safe to store."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from strategies import orders, sequences
+
+import hereditary as hd
+from hereditary.schemes.explicit import FIRST_DIFFERENCES, SECOND_DIFFERENCES
+from hereditary.schemes.scheme import Convolution
+
+N_BLOCK, N_BLOCKS = 8, 6
+N = N_BLOCK * N_BLOCKS
+HISTORIES = [hd.Direct(), hd.SumOfExponentials(1e-6), hd.SumOfExponentials(1e-12)]
+
+
+def convolution(alpha, gamma):
+    """One class: a term of order alpha in (0, 2) and one of order gamma in (0, 1)."""
+    rule = SECOND_DIFFERENCES if alpha > 1 else FIRST_DIFFERENCES
+    terms = ((1.0, rule, np.ceil(alpha) - alpha), (0.25, FIRST_DIFFERENCES, 1 - gamma))
+    start = tuple((-f, FIRST_DIFFERENCES, p) for f, _, p in terms)
+    return Convolution((terms,), (start,))
+
+
+def open_memory(history, weights, start, n=N):
+    memory = history.open(weights, np.asarray(start, dtype=float), N_BLOCK, n)
+    memory.prepare(n)
+    return memory
+
+
+def feed(memory, pieces, first_block=0, last_block=None):
+    """Lags of the blocks, (W, N), while `pieces` (W, N) are absorbed block by block."""
+    width = pieces.shape[0]
+    padded = np.pad(pieces, ((0, 0), (1, 0)))
+    classes = np.zeros(width, dtype=np.int64)
+    lags = []
+    for b in range(first_block, pieces.shape[1] // N_BLOCK if last_block is None else last_block):
+        n = b * N_BLOCK
+        handed = np.zeros((width, N_BLOCK + 1))
+        if b:
+            handed[:] = padded[:, n - N_BLOCK : n + 1]
+        lag = np.zeros((width, N_BLOCK))
+        memory.exchange(lag, handed, n, classes, memory.tables, memory.arrays)
+        lags.append(lag)
+    return np.concatenate(lags, axis=1)
+
+
+@pytest.mark.parametrize("history", HISTORIES, ids=repr)
+@given(sequences(N), sequences(N), st.floats(-3, 3), st.floats(-3, 3), orders(0.05, 1.95))
+def test_linear(history, u, v, a, b, alpha):
+    weights = convolution(alpha, 0.6)
+
+    def lag(pieces, start):
+        return feed(open_memory(history, weights, [start]), pieces)
+
+    mixed = lag(a * u + b * v, a * 0.3 + b * -0.7)
+    expected = a * lag(u, 0.3) + b * lag(v, -0.7)
+    np.testing.assert_allclose(mixed, expected, rtol=1e-9, atol=1e-11)
+
+
+@pytest.mark.parametrize("history", HISTORIES, ids=repr)
+@given(sequences(N), sequences(N), st.integers(1, N - 1), orders(0.05, 1.95))
+def test_causal(history, u, v, change_at, alpha):
+    """Pieces from `change_at` on do not touch lags of blocks that begin before they are made."""
+    weights = convolution(alpha, 0.6)
+    changed = np.where(np.arange(N) < change_at, u, v)
+    before = feed(open_memory(history, weights, [0.1]), u)
+    after = feed(open_memory(history, weights, [0.1]), changed)
+    known = (change_at // N_BLOCK + 1) * N_BLOCK  # that block began with u_(change_at - 1) at most
+    assert np.array_equal(before[:, :known], after[:, :known])
+
+
+@pytest.mark.parametrize("tol", [1e-4, 1e-8, 1e-12])
+@given(sequences(N), orders(0.02, 1.98), orders(0.02, 0.98))
+def test_agrees_with_direct_sums_within_its_tolerance(tol, u, alpha, gamma):
+    weights = convolution(alpha, gamma)
+    direct = feed(open_memory(hd.Direct(), weights, [0.5]), u)
+    fast = feed(open_memory(hd.SumOfExponentials(tol), weights, [0.5]), u)
+    # relative to sum |b_k| |u_m|: second differences of u are at most four times u
+    exact = FIRST_DIFFERENCES.exact(np.ceil(alpha) - alpha, N).sum()
+    scale = (4 * exact + FIRST_DIFFERENCES.exact(1 - gamma, N).sum()) * (np.abs(u).max() + 0.5)
+    # the lag of step 0 is never used: start weights count from k = 1 on
+    assert np.abs(fast - direct)[:, 1:].max() <= tol * scale + 1e-14
+
+
+def test_the_tolerance_is_used():
+    u = np.ones((1, N))
+    weights = convolution(0.5, 0.6)
+    direct = feed(open_memory(hd.Direct(), weights, [0.5]), u)
+    for tol in (1e-4, 1e-8):
+        fast = feed(open_memory(hd.SumOfExponentials(tol), weights, [0.5]), u)
+        assert np.abs(fast - direct).max() > 1e-3 * tol
+
+
+@pytest.mark.parametrize("history", HISTORIES, ids=repr)
+@settings(max_examples=10)
+@given(sequences(N, width=2), sequences(2, width=2))
+def test_combine_is_a_linear_map_of_everything_held(history, u, matrix):
+    weights, half = convolution(1.8, 0.8), N_BLOCKS // 2
+    start = np.array([0.2, -0.4])
+    memory = open_memory(history, weights, start)
+    feed(memory, u, last_block=half)
+    memory.combine(matrix)
+    mixed = matrix.T @ u
+    combined = feed(memory, mixed, first_block=half)
+    through = feed(open_memory(history, weights, matrix.T @ start), mixed)
+    np.testing.assert_allclose(combined, through[:, half * N_BLOCK :], rtol=1e-9, atol=1e-10)
+
+
+@pytest.mark.parametrize("history", HISTORIES, ids=repr)
+def test_copy_and_restore(history):
+    rng = np.random.default_rng(3)
+    u, weights, half = rng.normal(size=(1, N)), convolution(1.7, 0.4), 3
+    through = feed(open_memory(history, weights, [0.2]), u)[:, half * N_BLOCK :]
+    memory = open_memory(history, weights, [0.2])
+    feed(memory, u, last_block=half)
+    twin, stored = memory.copy(), memory.state()
+    feed(memory, 5 * u, first_block=half)  # must not reach the copy, nor what was stored
+    assert np.array_equal(feed(twin, u, first_block=half), through)
+    fresh = open_memory(history, weights, [99.0])
+    fresh.restore(stored)
+    fresh.prepare(N)
+    assert np.array_equal(feed(fresh, u, first_block=half), through)
+
+
+def test_storage():
+    weights = convolution(1.8, 0.8)
+    short, long = (open_memory(hd.SumOfExponentials(), weights, [0.0], n) for n in (10**4, 10**7))
+    assert short.nbytes == long.nbytes == 2 * 8 * 56
+    assert short.n_modes <= 56
+    direct = open_memory(hd.Direct(), weights, [0.0, 0.0], 1000)
+    assert direct.n_stored >= 1000
+    assert direct.nbytes >= 2 * 8 * 1000
+
+
+def test_classical_terms_need_no_memory():
+    weights = Convolution((((1.0, SECOND_DIFFERENCES, 0.0),),), (((1.0, FIRST_DIFFERENCES, 0.0),),))
+    for history in HISTORIES:
+        memory = history.open(weights, np.zeros(1), N_BLOCK, 100)
+        assert memory.nbytes == memory.n_modes == memory.n_stored == 0
+
+
+def test_a_horizon_is_kept_and_its_end_is_told():
+    weights = convolution(1.8, 0.8)
+    memory = open_memory(hd.SumOfExponentials(), weights, [0.0], 1000)
+    memory.prepare(10**7)
+    with pytest.raises(ValueError, match=r"horizon=30000000"):
+        memory.prepare(3 * 10**7)
+    open_memory(hd.SumOfExponentials(horizon=3 * 10**7), weights, [0.0], 1000).prepare(3 * 10**7)
+
+
+@pytest.mark.parametrize("tol", [1e-14, 0.0, 1.0, "loose"])
+def test_tolerances_are_checked(tol):
+    with pytest.raises((ValueError, TypeError), match="tol must"):
+        hd.SumOfExponentials(tol)
+
+
+@pytest.mark.parametrize("horizon", [0, -1, 1.5])
+def test_horizons_are_checked(horizon):
+    with pytest.raises((ValueError, TypeError), match="horizon must"):
+        hd.SumOfExponentials(horizon=horizon)

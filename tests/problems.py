@@ -1,0 +1,159 @@
+"""Named problems with exact solutions, and what makes each of them hard."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import erfcx, rgamma, wofz
+
+import hereditary as hd
+
+
+@dataclass(frozen=True)
+class Problem:
+    """An equation, its exact solution and its difficulties.
+
+    Attributes
+    ----------
+    name : str
+    equation : callable
+        Makes the equation.
+    exact : callable
+        ``exact(t)``, shape (len(t), d).
+    t_end : float
+    tags : frozenset of str
+        smooth or singular (like t**alpha at 0), system, several-terms, incommensurate, classical.
+    """
+
+    name: str
+    equation: Callable[[], hd.Equation]
+    exact: Callable[[np.ndarray], np.ndarray]
+    t_end: float
+    tags: frozenset[str]
+
+
+def column(values):
+    return np.asarray(values, dtype=float).reshape(-1, 1)
+
+
+def monomial(t, order, power):
+    """Caputo's derivative of t**power, power > 0 and above order - 1."""
+    return rgamma(power + 1 - order) / rgamma(power + 1) * t ** (power - order)
+
+
+def half_order_relaxation(t):
+    return column(erfcx(np.sqrt(t)))
+
+
+def half_order_oscillator(t):
+    """D^1.5 x + 0.5 D^0.5 x + x = 0, x(0) = 1, x'(0) = 0, by partial fractions in sqrt(s)."""
+    roots = np.roots([1.0, 0.0, 0.5, 1.0])
+    residues = (roots**2 + 0.5) / (3 * roots**2 + 0.5)
+    z = np.multiply.outer(np.sqrt(np.asarray(t, dtype=float)), roots)
+    return column((residues * wofz(1j * -z)).sum(axis=1).real)
+
+
+def _half_order_equation():
+    return hd.Equation([hd.Caputo(1.5), 0.5 * hd.Caputo(0.5)], lambda t, x: -x, y0=[1.0, 0.0])
+
+
+def _smooth(beta, gamma):
+    """D^beta x + 0.5 D^gamma x + x = rhs with x = 1 + 2 t + t**3."""
+    c_beta, c_gamma = rgamma(4 - beta) * 6, rgamma(4 - gamma) * 6
+    c_linear = 2 * rgamma(2 - gamma)
+
+    def rhs(t, x, p):
+        forcing = p[0] * t ** (3 - p[3]) + 0.5 * (p[1] * t ** (3 - p[4]) + p[2] * t ** (1 - p[4]))
+        return forcing + (1 + 2 * t + t**3) - x
+
+    return hd.Equation(
+        [hd.Caputo(beta), 0.5 * hd.Caputo(gamma)],
+        rhs,
+        y0=[1.0, 2.0],
+        params=(c_beta, c_gamma, c_linear, beta, gamma),
+    )
+
+
+def _smooth_first(alpha):
+    """D^alpha y + y = rhs with y = 1 + t**3."""
+
+    def rhs(t, y, p):
+        return p[0] * t ** (3 - p[1]) + 1 + t**3 - y
+
+    return hd.Equation(hd.Caputo(alpha), rhs, y0=1.0, params=(6 * rgamma(4 - alpha), alpha))
+
+
+def _incommensurate():
+    """D^(1.3, 0.6) of (t + t**2, 1 + t**2), coupled."""
+
+    def rhs(t, y, dy, p):
+        first, second = t + t**2, 1 + t**2
+        dy[0] = p[0] * t**0.7 + second - y[1] + 0.5 * (first - y[0])
+        dy[1] = p[1] * t**1.4 + 2 * (first - y[0])
+
+    return hd.Equation(
+        hd.Caputo([1.3, 0.6]),
+        rhs,
+        y0=[[0.0, 1.0], [1.0, 0.0]],
+        params=(2 * rgamma(1.7), 2 * rgamma(2.4)),
+    )
+
+
+PROBLEMS = [
+    Problem(
+        "relaxation 0.5",
+        lambda: hd.scenes.relaxation(alpha=0.5, rate=1.0, y0=1.0),
+        half_order_relaxation,
+        5.0,
+        frozenset({"singular"}),
+    ),
+    Problem(
+        "oscillator 1.5 0.5",
+        _half_order_equation,
+        half_order_oscillator,
+        20.0,
+        frozenset({"singular", "several-terms"}),
+    ),
+    *(
+        Problem(
+            f"smooth {beta} {gamma}",
+            lambda beta=beta, gamma=gamma: _smooth(beta, gamma),
+            lambda t: column(1 + 2 * t + t**3),
+            1.0,
+            frozenset({"smooth", "several-terms"}),
+        )
+        for beta, gamma in ((1.2, 0.3), (1.5, 0.5), (1.8, 0.8), (1.95, 0.05), (2.0, 1.0))
+    ),
+    *(
+        Problem(
+            f"smooth {alpha}",
+            lambda alpha=alpha: _smooth_first(alpha),
+            lambda t: column(1 + t**3),
+            1.0,
+            frozenset({"smooth"}),
+        )
+        for alpha in (0.1, 0.3, 0.5, 0.8, 0.95, 1.0)
+    ),
+    Problem(
+        "incommensurate 1.3 0.6",
+        _incommensurate,
+        lambda t: np.column_stack([t + t**2, 1 + t**2]),
+        1.0,
+        frozenset({"smooth", "system", "incommensurate"}),
+    ),
+    Problem(
+        "classical oscillator",
+        lambda: hd.scenes.oscillator(beta=2.0, gamma=1.0, friction=0.2, x0=1.0, v0=0.5),
+        lambda t: column(np.exp(-0.1 * t) * (np.cos(W * t) + (0.5 + 0.1) / W * np.sin(W * t))),
+        10.0,
+        frozenset({"smooth", "several-terms", "classical"}),
+    ),
+]
+W = np.sqrt(1 - 0.01)
+
+
+def tagged(*tags):
+    """Problems that carry every one of the tags."""
+    return [problem for problem in PROBLEMS if problem.tags.issuperset(tags)]

@@ -1,0 +1,229 @@
+"""The driver: rows, stopping and going on, endings of every kind."""
+
+import math
+import os
+import pickle
+import signal
+import threading
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from problems import PROBLEMS
+
+import hereditary as hd
+from hereditary.solver.stepper import BLOCK, Stepper
+
+HISTORIES = [hd.Direct(), hd.SumOfExponentials()]
+
+
+def slow_decay(t, y):
+    return -y
+
+
+@pytest.mark.parametrize("problem", PROBLEMS, ids=lambda p: p.name)
+def test_histories_agree(problem):
+    equation = problem.equation()
+    direct = hd.solve(equation, problem.t_end, 500, history=hd.Direct())
+    scale = np.abs(direct.y).max()
+    for tol in (1e-6, 1e-10):
+        fast = hd.solve(equation, problem.t_end, 500, history=hd.SumOfExponentials(tol))
+        assert np.abs(fast.y - direct.y).max() <= 10 * tol * scale
+
+
+def test_stick_slip_by_modes_and_by_direct_sums():
+    equation = hd.scenes.stick_slip()
+    direct = hd.solve(equation, 100.0, 20_000, history=hd.Direct())
+    fast = hd.solve(equation, 100.0, 20_000, history=hd.SumOfExponentials(1e-10))
+    assert np.abs(fast.y - direct.y).max() < 1e-8
+
+
+@pytest.mark.parametrize("history", HISTORIES, ids=repr)
+@pytest.mark.parametrize("problem", PROBLEMS[:2] + PROBLEMS[-2:-1], ids=lambda p: p.name)
+def test_block_length_does_not_matter(problem, history):
+    equation, n = problem.equation(), 333
+    none = np.empty((0, equation.d))
+    ends = []
+    for block in (1, 4, BLOCK, 64, 500):
+        scheme = hd.ExplicitCaputo()
+        stepper = Stepper(equation, scheme, history, problem.t_end / n, n, block=block)
+        stepper.advance(n, np.empty(0), none, none.copy())
+        ends.append(stepper.y)
+    np.testing.assert_allclose(ends, np.tile(ends[2], (5, 1)), rtol=2e-13, atol=1e-13)
+
+
+@pytest.mark.parametrize("history", HISTORIES, ids=repr)
+@settings(max_examples=15)
+@given(st.integers(2, 400), st.data())
+def test_stopping_and_going_on_changes_nothing(history, n, data):
+    cut = data.draw(st.integers(1, n - 1))
+    equation, h = hd.scenes.stick_slip(), 1 / 64
+    through = hd.solve(equation, n * h, n, history=history)
+    first = hd.solve(equation, cut * h, cut, history=history)
+    state = pickle.loads(pickle.dumps(first.state))
+    second = hd.solve(equation, n * h, history=history, resume=state)
+    assert np.array_equal(first.y, through.y[: cut + 1])
+    assert np.array_equal(second.y, through.y[cut:])
+    assert np.array_equal(second.t, through.t[cut:])
+    assert np.array_equal(second.ydot, through.ydot[cut:])
+
+
+def test_going_on_accepts_either_count_of_steps():
+    equation = hd.scenes.relaxation()
+    state = hd.solve(equation, 1.0, 100).state
+    ends = [hd.solve(equation, 2.0, n, resume=state).y[-1] for n in (None, 100, 200)]
+    assert ends[0] == ends[1] == ends[2]
+
+
+def test_state_is_small_with_modes_and_does_not_grow():
+    equation = hd.scenes.stick_slip()
+    sizes = [len(pickle.dumps(hd.solve(equation, 1.0, n).state)) for n in (1000, 100_000)]
+    assert sizes[0] == pytest.approx(sizes[1], abs=64)
+    assert sizes[1] < 8192
+
+
+@given(st.integers(1, 200), st.integers(1, 250))
+def test_saved_rows_are_rows_of_the_full_run(n, every):
+    equation = hd.scenes.relaxation(alpha=0.7)
+    full = hd.solve(equation, 1.0, n)
+    some = hd.solve(equation, 1.0, n, save_every=every)
+    kept = sorted({*range(0, n, every), n})
+    assert np.array_equal(some.t, full.t[kept])
+    assert np.array_equal(some.y, full.y[kept])
+
+
+def test_times_and_shapes():
+    sol = hd.solve(hd.scenes.stick_slip(), 2.0, 100)
+    assert sol.t.shape == (101,)
+    assert sol.y.shape == sol.ydot.shape == (101, 1)
+    np.testing.assert_allclose(sol.t, np.linspace(0, 2, 101), rtol=1e-15)
+    assert sol.y[0, 0] == 0.2
+    assert sol.ydot[0, 0] == 0.3
+    assert sol.success
+    assert sol.status is hd.Status.COMPLETED
+    assert hd.solve(hd.scenes.relaxation(), 1.0, 10).ydot is None
+    assert sol.stats.keys() >= {
+        "n_steps", "n_rhs", "n_modes", "history_bytes", "setup_seconds", "run_seconds",
+    }  # fmt: skip
+    assert sol.stats["n_steps"] == sol.stats["n_rhs"] == 100
+
+
+def test_velocity_converges():
+    problem = next(p for p in PROBLEMS if p.name == "classical oscillator")
+    sol = hd.solve(problem.equation(), 10.0, 4000)
+    slope = np.gradient(problem.exact(sol.t)[:, 0], sol.t)
+    assert np.abs(sol.ydot[1:-1, 0] - slope[1:-1]).max() < 3e-3
+
+
+def test_evaluation_times():
+    equation = hd.scenes.stick_slip()
+    full = hd.solve(equation, 2.0, 400)
+    times = [0.0, 0.1234, 1.0, 1.00001, 2.0]
+    sol = hd.solve(equation, 2.0, 400, t_eval=times)
+    assert sol.t.tolist() == times
+    np.testing.assert_allclose(sol.y[:, 0], np.interp(times, full.t, full.y[:, 0]), atol=1e-12)
+    assert np.array_equal(hd.solve(equation, 2.0, 400, t_eval=full.t).y, full.y)
+    later = hd.solve(equation, 4.0, resume=sol.state, t_eval=[2.5, 3.0])
+    assert later.t.tolist() == [2.5, 3.0]
+
+
+def test_solution_follows_the_scale_of_initial_values():
+    for scale in (-3.0, 1e-8, 1e8):
+        one = hd.solve(hd.scenes.oscillator(x0=1.0, v0=-0.5), 5.0, 200).y
+        many = hd.solve(hd.scenes.oscillator(x0=scale, v0=-0.5 * scale), 5.0, 200).y
+        np.testing.assert_allclose(many, scale * one, rtol=1e-9, atol=1e-12 * abs(scale))
+
+
+def test_time_units_do_not_matter():
+    """t -> c t scales coefficients by c**-order; the numbers stay the same."""
+    c = 7.0
+    one = hd.Equation([hd.Caputo(1.6), 0.3 * hd.Caputo(0.4)], slow_decay, [1.0, 0.5])
+    terms = [c**1.6 * hd.Caputo(1.6), 0.3 * c**0.4 * hd.Caputo(0.4)]
+    other = hd.Equation(terms, slow_decay, [1.0, 0.5 / c])
+    y, z = hd.solve(one, 5.0, 200).y, hd.solve(other, 5.0 * c, 200).y
+    np.testing.assert_allclose(z, y, rtol=1e-10, atol=1e-12)
+
+
+def test_components_can_be_permuted_and_do_not_mix():
+    orders, y0 = np.array([0.5, 0.9, 0.7]), np.array([1.0, 2.0, 3.0])
+    sol = hd.solve(hd.Equation(hd.Caputo(orders), slow_decay, y0), 1.0, 100)
+    turned = hd.solve(hd.Equation(hd.Caputo(orders[::-1]), slow_decay, y0[::-1]), 1.0, 100)
+    np.testing.assert_allclose(turned.y[:, ::-1], sol.y, rtol=1e-9)
+    for j in range(3):
+        alone = hd.solve(hd.scenes.relaxation(float(orders[j]), 1.0, float(y0[j])), 1.0, 100)
+        np.testing.assert_allclose(sol.y[:, j : j + 1], alone.y, rtol=1e-9)
+
+
+def test_near_integers_the_scheme_is_continuous():
+    def end(beta, gamma):
+        return hd.solve(hd.scenes.oscillator(beta, gamma, 0.3), 5.0, 500).y[-1, 0]
+
+    assert end(2 - 1e-9, 1 - 1e-9) == pytest.approx(end(2.0, 1.0), abs=1e-7)
+    assert end(1.5, 1e-9) == pytest.approx(end(1.5, 1e-7), abs=1e-5)
+
+
+def test_blow_up_keeps_what_was_computed():
+    sol = hd.solve(hd.Equation(hd.Caputo(1.0), lambda t, y: y**2, y0=1.0), 2.0, 2000)
+    assert not sol.success
+    assert sol.status is hd.Status.BLOWN_UP
+    assert 1.0 <= sol.t[-1] < 1.05
+    assert sol.t.size == sol.y.shape[0] == sol.stats["n_steps"] + 1
+    assert np.all(np.isfinite(sol.y[:-1]))
+    assert sol.y[sol.t < 0.9][-1, 0] == pytest.approx(10, rel=0.05)
+    assert "stopped being finite" in sol.message
+
+
+def test_an_exception_in_the_right_hand_side_keeps_what_was_computed():
+    def rhs(t, y):
+        if t > 0.5:
+            raise ValueError("no further")
+        return -y
+
+    sol = hd.solve(hd.Equation(hd.Caputo(0.9), rhs, y0=1.0), 1.0, 100)
+    assert sol.status is hd.Status.RHS_FAILED
+    assert "ValueError: no further" in sol.message
+    assert 0.5 <= sol.t[-1] < 0.52
+    assert np.array_equal(sol.y, hd.solve(hd.scenes.relaxation(0.9), 1.0, 100).y[: sol.t.size])
+
+
+def test_ctrl_c_keeps_what_was_computed_and_can_be_resumed():
+    equation = hd.scenes.stick_slip()
+    hd.solve(equation, 1.0, 100)  # compiled: the interrupt shall meet the run
+    before = signal.getsignal(signal.SIGINT)
+    timer = threading.Timer(0.2, os.kill, (os.getpid(), signal.SIGINT))
+    timer.start()
+    n = 10**8
+    sol = hd.solve(equation, n * 1e-6, n, save_every=10**6)
+    timer.join()
+    assert signal.getsignal(signal.SIGINT) is before
+    assert sol.status is hd.Status.INTERRUPTED
+    assert 0 < sol.stats["n_steps"] < n
+    n_more = sol.stats["n_steps"] + 1000
+    assert hd.solve(equation, n_more * 1e-6, resume=sol.state).success
+
+
+def test_runs_in_threads_are_independent():
+    equation = hd.scenes.stick_slip()
+    alone = hd.solve(equation, 2.0, 2000).y
+    results = [None] * 8
+
+    def work(i):
+        results[i] = hd.solve(hd.scenes.stick_slip(), 2.0, 2000).y
+
+    threads = [threading.Thread(target=work, args=(i,)) for i in range(8)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert all(np.array_equal(result, alone) for result in results)
+
+
+def test_long_runs_with_few_rows_take_no_memory():
+    sol = hd.solve(hd.scenes.stick_slip(), 100.0, 10**6, save_every=10**5)
+    assert sol.y.shape == (11, 1)
+    assert (
+        sol.stats["history_bytes"]
+        == hd.solve(hd.scenes.stick_slip(), 1.0, 100).stats["history_bytes"]
+    )
+    assert math.isfinite(sol.y[-1, 0])

@@ -1,0 +1,137 @@
+"""The step limit is sharp, warned of from the Jacobian, and the zigzag beyond it is seen."""
+
+import math
+import warnings
+
+import numpy as np
+import pytest
+
+import hereditary as hd
+from hereditary.solver.stepper import stiffness_ratio
+
+SCHEME = hd.ExplicitCaputo()
+SETS = [
+    (2.0, 1.0, 0.0),
+    (2.0, 1.0, 0.25),
+    (1.95, 0.2, 2.0),
+    (1.8, 0.8, 0.25),
+    (1.5, 0.5, 0.5),
+    (1.2, 0.3, 0.1),
+    (1.05, 0.9, 1.0),
+]
+OMEGA = 10.0
+
+
+def oscillator(beta, gamma, friction):
+    return hd.scenes.oscillator(beta, gamma, friction, omega=OMEGA, x0=1.0, v0=0.0)
+
+
+def solve_at(share, beta, gamma, friction, n=20_000):
+    """A run whose stiffness is `share` of the limit at its step."""
+    h = SCHEME.step_limit(oscillator(beta, gamma, friction), OMEGA**2)
+    equation = hd.scenes.oscillator(beta, gamma, friction, omega=OMEGA * math.sqrt(share))
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        sol = hd.solve(equation, n * h, n)
+    return sol, [str(w.message) for w in caught if w.category is hd.StabilityWarning]
+
+
+@pytest.mark.parametrize(("beta", "gamma", "friction"), SETS)
+def test_bounded_below_the_limit(beta, gamma, friction):
+    sol, caught = solve_at(0.99, beta, gamma, friction)
+    assert sol.success
+    assert not caught
+    assert np.abs(sol.y).max() < 12  # the undamped one at 0.99 swings to 1 / sqrt(1 - 0.99) = 10
+    assert sol.stats["stiffness_ratio"] == pytest.approx(0.99, abs=1e-6)
+
+
+@pytest.mark.parametrize(("beta", "gamma", "friction"), SETS)
+def test_zigzag_above_the_limit(beta, gamma, friction):
+    sol, caught = solve_at(1.02, beta, gamma, friction)
+    assert not sol.success
+    assert len(caught) == 1
+    assert "zigzag" in caught[0]
+    assert "1.02 times its limit" in sol.message
+    signs = np.sign(np.diff(sol.y[-100:, 0]))
+    assert np.all(signs[1:] == -signs[:-1])
+
+
+def test_limit_is_the_closed_form():
+    assert SCHEME.step_limit(oscillator(2.0, 1.0, 0.0), OMEGA**2) == pytest.approx(2 / OMEGA)
+    decay = hd.scenes.relaxation(alpha=1.0, rate=5.0)
+    assert SCHEME.step_limit(decay, 5.0) == pytest.approx(2 / 5.0)
+    with pytest.raises(ValueError, match="stiffness must"):
+        SCHEME.step_limit(decay, -1.0)
+
+
+def bounded_force(t, y):
+    """Stiffness 100 near 0 that saturates: beyond the limit the orbit zigzags and stays bounded."""
+    return -100.0 * np.tanh(y) + np.sin(t)
+
+
+def test_bounded_zigzag_is_seen_where_no_overflow_comes():
+    equation = hd.Equation([hd.Caputo(1.8), 0.25 * hd.Caputo(0.8)], bounded_force, [0.2, 0.0])
+    h = SCHEME.step_limit(equation, 100.0)
+    with pytest.warns(hd.StabilityWarning, match="zigzag"):
+        sol = hd.solve(equation, 5000 * 1.1 * h, 5000)
+    assert sol.status is hd.Status.ZIGZAG
+    assert np.abs(sol.y).max() < 10
+    assert "take smaller steps" in sol.message
+    assert hd.solve(equation, 5000 * 0.8 * h, 5000).success
+
+
+def test_first_order_zigzag():
+    decay = hd.Equation(hd.Caputo(0.9), lambda t, y: -50.0 * np.arctan(y), y0=1.0)
+    h = SCHEME.step_limit(decay, 50.0)
+    with pytest.warns(hd.StabilityWarning, match="zigzag"):
+        assert hd.solve(decay, 3000 * 1.2 * h, 3000).status is hd.Status.ZIGZAG
+
+
+def stiff_for_a_while(t, y):
+    rate = 3000.0 if 0.5 < t < 0.6 else 1.0
+    return -rate * y
+
+
+def test_passing_the_limit_on_the_way_warns():
+    equation = hd.Equation(hd.Caputo(1.0), stiff_for_a_while, y0=1e-3)
+    with pytest.warns(hd.StabilityWarning, match="1.5 times its limit"):
+        sol = hd.solve(equation, 1.0, 1000)
+    assert sol.status is hd.Status.STEP_TOO_LARGE
+    assert not sol.success
+
+
+def test_resting_and_constant_solutions_are_no_zigzag():
+    resting = hd.solve(hd.scenes.oscillator(x0=0.0, v0=0.0), 100.0, 10_000)
+    assert resting.success
+    decayed = hd.solve(hd.scenes.oscillator(2.0, 1.0, 1.0), 200.0, 20_000)
+    assert decayed.success
+
+
+@pytest.mark.parametrize("user_jacobian", [True, False])
+def test_stiff_component_of_a_system(user_jacobian):
+    matrix = np.array([[-1.0, 0.5], [0.3, -40.0]])
+
+    def rhs(t, y):
+        return matrix @ y
+
+    def jac(t, y):
+        return matrix
+
+    equation = hd.Equation(hd.Caputo(1.0), rhs, [1.0, 1.0], jac=jac if user_jacobian else None)
+    largest = np.abs(np.linalg.eigvals(matrix)).max()
+    for share, stable in ((0.99, True), (1.02, False)):
+        h = share * 2 / largest
+        with warnings.catch_warnings():
+            warnings.simplefilter("error" if stable else "ignore")
+            sol = hd.solve(equation, 2000 * h, 2000)
+        assert sol.success == stable
+        if not stable:
+            assert sol.stats["stiffness_ratio"] == pytest.approx(share, rel=1e-6)
+
+
+def test_ratio_counts_real_eigenvalues_only():
+    rotation = np.array([[[0.0, 5.0], [-5.0, 0.0]]])
+    assert stiffness_ratio(rotation, np.array([1.0, 1.0])) == 0
+    assert stiffness_ratio(-3 * np.eye(2)[None], np.array([1.0, 1.0])) == pytest.approx(3)
+    assert stiffness_ratio(np.full((1, 1, 1), np.nan), np.array([1.0])) == 0
+    assert stiffness_ratio(np.empty((0, 1, 1)), np.array([1.0])) == 0

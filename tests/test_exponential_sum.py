@@ -1,0 +1,110 @@
+"""`fit_exponentials` keeps its tolerance everywhere, with close to the fewest modes possible."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import hereditary as hd
+from hereditary.exponential_sum import fit_unit, trapezoid_step
+
+EXPONENTS = [1e-6, 1e-3, 0.1, 0.5, 0.9, 1.0, 1.5, 1.99]
+RATIOS = [1e1, 1e3, 2e5, 1e7, 1e12]
+TOLERANCES = [1e-3, 1e-6, 1e-10, 1e-13]
+
+
+def best_count(exponent, ratio, tol):
+    """The fewest exponentials that can reach `tol`: a law measured on minimax approximations."""
+    return math.ceil(math.log(4 * ratio) / trapezoid_step(exponent, tol))
+
+
+def worst_error(fit, exponent):
+    t = np.exp(np.linspace(math.log(fit.t_min), math.log(fit.t_max), 20_001))
+    t[0], t[-1] = fit.t_min, fit.t_max
+    return np.abs(fit(t) * t**exponent - 1).max()
+
+
+def check(exponent, t_min, ratio, tol):
+    fit = hd.fit_exponentials(hd.PowerLaw(exponent), t_min, t_min * ratio, tol)
+    assert worst_error(fit, exponent) <= tol
+    assert fit.max_error <= tol
+    assert np.all(fit.weights > 0)
+    assert np.all(fit.rates >= 0)
+    assert np.all(np.diff(fit.rates) > 0)
+    assert fit.n_modes <= best_count(exponent, ratio, tol) + 12
+    return fit
+
+
+@pytest.mark.parametrize("tol", TOLERANCES)
+@pytest.mark.parametrize("ratio", RATIOS)
+@pytest.mark.parametrize("exponent", EXPONENTS)
+def test_fit(exponent, ratio, tol):
+    check(exponent, 1.0, ratio, tol)
+
+
+@given(
+    st.floats(math.log(1e-6), math.log(1.99)),
+    st.floats(1.0, 12.0),
+    st.floats(-13.0, -3.0),
+    st.floats(-6.0, 6.0),
+)
+def test_fit_anywhere(log_exponent, decades, log_tol, log_t_min):
+    check(math.exp(log_exponent), 10**log_t_min, 10**decades, 10**log_tol)
+
+
+@pytest.mark.parametrize("tol", [1e-4, 1e-8, 1e-12])
+def test_the_tolerance_is_used_and_not_only_met(tol):
+    fit = hd.fit_exponentials(hd.PowerLaw(0.5), 1.0, 1e6, tol)
+    assert worst_error(fit, 0.5) > tol / 20
+    # the next tolerance costs modes: none are carried along unused
+    assert hd.fit_exponentials(hd.PowerLaw(0.5), 1.0, 1e6, tol / 10).n_modes > fit.n_modes
+
+
+def test_reported_error_does_not_understate():
+    for exponent in EXPONENTS:
+        fit = hd.fit_exponentials(hd.PowerLaw(exponent), 1.0, 1e5, 1e-9)
+        assert worst_error(fit, exponent) <= 1.01 * fit.max_error
+
+
+def test_beyond_the_interval_it_fails():
+    fit = hd.fit_exponentials(hd.PowerLaw(0.5), 1.0, 1e3, 1e-10)
+    assert abs(fit(1e5) * 1e5**0.5 - 1) > 0.1
+    assert abs(fit(1e-3) * 1e-3**0.5 - 1) > 0.1
+
+
+def test_kernels_share_one_bank():
+    alone = sum(fit_unit((a,), 2e5, 1e-10)[0].size for a in (0.8, 0.6))
+    rates, weights, error = fit_unit((0.6, 0.8), 2e5, 1e-10)
+    assert rates.size <= 0.7 * alone
+    assert error <= 1e-10
+    t = np.exp(np.linspace(0, math.log(2e5), 20_001))[:-1]
+    table = np.exp(-np.multiply.outer(t, rates))
+    for row, a in zip(weights, (0.6, 0.8), strict=True):
+        assert np.abs(table @ row * t**a - 1).max() <= 1e-10
+
+
+@pytest.mark.parametrize(
+    ("change", "error", "match"),
+    [
+        ({"tol": 1e-14}, ValueError, r"tol must lie in \[1e-13, 0.1\], got 1e-14"),
+        ({"tol": 0.5}, ValueError, "tol"),
+        ({"tol": "small"}, TypeError, "tol"),
+        ({"t_min": 0.0}, ValueError, "t_min"),
+        ({"t_max": 0.5}, ValueError, "t_max must exceed t_min"),
+        ({"t_max": math.inf}, ValueError, "t_max"),
+        ({"t_min": math.nan}, ValueError, "t_min"),
+        ({"kernel": 0.5}, TypeError, "kernel must be a PowerLaw, got 0.5"),
+    ],
+)
+def test_nonsense_is_refused(change, error, match):
+    arguments = {"kernel": hd.PowerLaw(0.5), "t_min": 1.0, "t_max": 1e3, "tol": 1e-8} | change
+    with pytest.raises(error, match=match):
+        hd.fit_exponentials(**arguments)
+
+
+@pytest.mark.parametrize("exponent", [0.0, -0.5, 2.5, math.nan, "a", 1j, True])
+def test_exponents_outside_the_range_are_refused(exponent):
+    with pytest.raises((ValueError, TypeError), match="exponent must"):
+        hd.PowerLaw(exponent)
