@@ -8,14 +8,15 @@ that a mistake surfaces with its own line instead of as a compiler's message.
 
 import inspect
 import linecache
+import re
 import threading
 import traceback
 from collections import OrderedDict
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numba import config, njit
-from numba.core.errors import NumbaError
 from numba.extending import is_jitted
 
 from ._checks import complaint
@@ -100,16 +101,17 @@ def _values(name, out, fun, arity, y0, params, shape, fill):
             remedy = f"fill {out} in place, or write {name}(t, y, params) and return the values"
             raise TypeError(complaint(name, f"fill {out} and return None", repr(result), remedy))
         return filled, False
+    remedy = f"return numpy.array([...]) of shape {shape}"
     try:
-        values = np.asarray(result, dtype=float)
-    except (TypeError, ValueError) as error:
-        remedy = f"return numpy.array([...]) of shape {shape}"
-        raise TypeError(complaint(name, "return real numbers", repr(result), remedy)) from error
+        values = np.asarray(result)
+    except ValueError:  # rows of unequal length
+        values = np.asarray(None)
+    if values.dtype.kind not in "biuf":
+        raise TypeError(complaint(name, "return real numbers", repr(result), remedy))
     if values.shape != shape and not (values.ndim == 0 and np.prod(shape) == 1):
         size = f"shape {shape}" + (" or a number" if np.prod(shape) == 1 else "")
-        remedy = f"return numpy.array([...]) of shape {shape}"
         raise ValueError(complaint(name, f"return {size}", f"shape {values.shape}", remedy))
-    return values.reshape(shape), isinstance(result, (list, tuple))
+    return values.astype(float).reshape(shape), isinstance(result, (list, tuple))
 
 
 def _line_of(error, fun):
@@ -150,11 +152,14 @@ def _build(name, fun, arity, sequence, signature):
     if config.DISABLE_JIT:
         return fun if arity == 4 else _adapter(fun, arity == 3, sequence)
     jitted = fun if is_jitted(fun) else _njit(fun)
+    t, y, _, params = signature.args
+    own = {2: (t, y), 3: (t, y, params), 4: signature.args}[arity]
     try:
+        jitted.compile(own)  # by itself first: a complaint then speaks of the user's own lines
         if arity == 4:
             return as_value(jitted, signature)
         return as_value(_njit(_adapter(jitted, arity == 3, sequence)), signature)
-    except NumbaError as error:
+    except Exception as error:  # numba raises all sorts, not its own kind alone
         plain = fun.py_func if is_jitted(fun) else fun
         raise TypeError(_compile_complaint(name, plain, error)) from error
 
@@ -178,13 +183,15 @@ def _adapter(fun, with_params, sequence):
 
 def _compile_complaint(name, fun, error):
     """One sentence from numba's report: the line it stopped at, its reason, and the remedy."""
-    line = getattr(getattr(error, "loc", None), "line", None)
-    first, last = fun.__code__.co_firstlineno, fun.__code__.co_firstlineno + 10_000
+    path = fun.__code__.co_filename
+    text = str(error)
+    told = re.search(rf'File "[^"]*{re.escape(Path(path).name)}", line (\d+)', text)
     where = ""
-    if line is not None and first <= line <= last:
-        source = linecache.getline(fun.__code__.co_filename, line).strip()
-        where = f' at line {line} of {fun.__code__.co_filename}: "{source}"'
-    reason = next((s.strip() for s in str(error).splitlines() if s.strip()), "")
+    if told:
+        source = linecache.getline(path, int(told[1])).strip()
+        where = f' at line {told[1]} of {path}: "{source}"'
+    lines = (line.strip() for line in text.splitlines())
+    reason = next((s for s in lines if s and not s.startswith("Failed in nopython")), "no reason")
     return (
         f"{name} must be a function that numba can compile, got one that stops it{where} "
         f"({reason}); use arithmetic, math and NumPy functions on floats and arrays, and pass "

@@ -63,6 +63,11 @@ def as_value(fun, signature):
     with _COMPILING:
         if signature.args not in fun.overloads:
             fun.compile(signature.args)
+        compiled = fun.overloads[signature.args]
+        if isinstance(fun._cache, _PackageCache):
+            # numba looks the function up by its signature at every entry to a loop, twice, which
+            # takes 13 us; the package's own functions have but one
+            fun.get_compile_result = lambda _: compiled
     return fun
 
 

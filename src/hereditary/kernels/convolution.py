@@ -9,8 +9,9 @@ from .._jit import kernel
 def exchange_direct(lag, pieces, n, classes, tables, memory):
     """Store the finished block's pieces and add ``sum_m W_(n+i-m) u_m`` over all to the next block.
 
-    The sums carry Kahan's compensation: being the reference, they must not lose digits as they
-    grow longer. It runs along the block, so the loop is still vectorised.
+    The sums are compensated by Knuth's two-sum: being the reference, they must not lose digits as
+    they grow longer, nor where a term exceeds the sum so far (Kahan's rule would), as increments
+    of an oscillation do. All of it runs along the block, so the loop is still vectorised.
     """
     # lag (W, B), pieces (W, B + 1); tables: weights, start weights (C, >= n + B), two unused
     # memory: stored (W, capacity) with u_m at m + 1, start values (W, 1)
@@ -28,10 +29,13 @@ def exchange_direct(lag, pieces, n, classes, tables, memory):
             piece = u[m + 1]
             ahead = w[n - m : n - m + n_block]
             for i in range(n_block):
-                term = ahead[i] * piece - lost[i]
+                term = ahead[i] * piece
                 total = out[i] + term
-                lost[i] = (total - out[i]) - term
+                part = total - out[i]
+                lost[i] += (out[i] - (total - part)) + (term - part)
                 out[i] = total
+        for i in range(n_block):
+            out[i] += lost[i]
         if start[c, 0] != 0.0:
             for i in range(n_block):
                 out[i] += s[n + i] * start[c, 0]

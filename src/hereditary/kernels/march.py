@@ -49,20 +49,21 @@ def march_explicit(
         rhs(n * h, x, d, params)
         finite = True
         for c in range(x.shape[0]):
-            d[c] = lead[c] * d[c] - near[c] * y[c] - lag[c, p]
+            y_old = y[c]
+            change = lead[c] * d[c] - near[c] * y_old - lag[c, p]
             if n == 0 and second[c] == 1:
-                d[c] = 0.0  # y holds h x'(0) already: the scheme's x_1 = x_0 + h x'(0)
-            if y[c] * (y[c] + d[c]) < 0.0:
-                watch_zigzag(monitor, c, abs(y[c] + d[c]), abs(x[c]), counters)
-            else:
-                monitor[c, 0] = 0.0
-            y[c] += d[c]
-            x[c] += y[c]
-            pieces[c, p + 1] = y[c]
+                change = 0.0  # y holds h x'(0) already: the scheme's x_1 = x_0 + h x'(0)
+            y_new = y_old + change
+            x_new = x[c] + y_new
+            x[c], y[c], d[c], pieces[c, p + 1] = x_new, y_new, change, y_new
             w = weights[classes[c]]
             for i in range(2, n_block - p):
-                lag[c, p + i] += w[i] * y[c]
-            finite = finite and abs(x[c]) < 1e300
+                lag[c, p + i] += w[i] * y_new
+            if y_old * y_new < 0.0:
+                watch_zigzag(monitor, c, abs(y_new), abs(x_new), counters)
+            else:
+                monitor[c, 0] = 0.0
+            finite = finite and abs(x_new) < 1e300
         counters[0] = n + 1
         k = counters[1]
         while k < positions.shape[0] and positions[k] <= n + 1:

@@ -91,6 +91,9 @@ def solve(
     instance("scheme", scheme, Scheme, "hereditary.ExplicitCaputo()")
     instance("history", history, History, "hereditary.SumOfExponentials()")
     save_every = count("save_every", save_every)
+    if save_every > 1 and t_eval is not None:
+        required = "be left out where t_eval says which rows to keep"
+        raise ValueError(complaint("save_every", required, save_every))
     h, n_total, prepared = _mesh(t_end, n_steps, resume)
     stepper = Stepper(equation, scheme, history, h, prepared)
     if resume is not None:

@@ -1,0 +1,77 @@
+"""What every study shares: its command line, its CSV, its figure."""
+
+import argparse
+import csv
+import datetime
+import os
+import platform
+import sys
+import tempfile
+from pathlib import Path
+
+import matplotlib
+
+matplotlib.use("Agg")
+sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))  # the named problems
+
+import hereditary as hd
+
+RESULTS = Path(__file__).parent / "results"
+
+
+class Study:
+    """One script's settings and results.
+
+    Results of a quick run go to a temporary folder, those of a full one beside the script.
+    """
+
+    def __init__(self, script, claim):
+        parser = argparse.ArgumentParser(description=claim)
+        parser.add_argument("--quick", action="store_true", help="a smoke test at small sizes")
+        self.quick = parser.parse_args().quick
+        self._folder = Path(tempfile.mkdtemp()) if self.quick else RESULTS
+        self._folder.mkdir(exist_ok=True)
+        self._name = Path(script).stem
+
+    def path(self, suffix):
+        """File of this study's results."""
+        return self._folder / f"{self._name}{suffix}"
+
+    def write(self, rows):
+        """Write rows (dicts with equal keys) as CSV under a line of settings, and print them."""
+        with open(self.path(".csv"), "w", newline="") as file:
+            machine = f"{platform.machine()}, {os.cpu_count()} cores"
+            file.write(f"# hereditary {hd.__version__}, {datetime.date.today()}, {machine}, ")
+            file.write(f"Python {platform.python_version()}\n")
+            writer = csv.DictWriter(file, rows[0].keys(), lineterminator="\n")
+            writer.writeheader()
+            writer.writerows(rows)
+        widths = [max(len(k), *(len(str(r[k])) for r in rows)) for k in rows[0]]
+        for cells in [rows[0].keys(), *(row.values() for row in rows)]:
+            line = (str(cell).rjust(width) for cell, width in zip(cells, widths, strict=True))
+            print("  ".join(line))
+
+    def read(self):
+        """The rows back, numbers as floats."""
+        with open(self.path(".csv"), newline="") as file:
+            rows = list(csv.DictReader(line for line in file if not line.startswith("#")))
+        return [{key: _number(value) for key, value in row.items()} for row in rows]
+
+    def save(self, figure):
+        """Save the figure and say where it is."""
+        figure.savefig(self.path(".png"), dpi=150)
+        print(f"{self._name}: {self.path('.csv')}, {self.path('.png')}")
+
+
+def _number(text):
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
+def check(statement, holds, quick=False):
+    """Print whether a claim holds; a full run ends there when it does not."""
+    print(f"{'holds' if holds else 'FAILS'}: {statement}")
+    if not holds and not quick:
+        raise SystemExit(f"claim not met: {statement}")

@@ -1,0 +1,69 @@
+"""A fresh process is ready in well under a second once the machine has compiled the library.
+
+With a warm cache: `import hereditary` takes less than 0.6 s beyond the import of numba and numpy,
+the first `solve` less than 0.5 s more, and another right-hand side costs its own compilation alone
+(a second user function is solved without compiling any loop of the library again).
+"""
+
+import statistics
+import subprocess
+import sys
+
+import matplotlib.pyplot as plt
+from _study import Study, check
+
+CODE = """
+import time
+marks = [time.perf_counter()]
+import numba, numpy
+marks.append(time.perf_counter())
+import hereditary as hd
+marks.append(time.perf_counter())
+hd.solve(hd.scenes.stick_slip(), 1.0, 1000)
+marks.append(time.perf_counter())
+hd.solve(hd.Equation(hd.Caputo(0.5), lambda t, y: -y, 1.0), 1.0, 1000)
+marks.append(time.perf_counter())
+hd.solve(hd.Equation(hd.Caputo(0.5), lambda t, y: -2 * y, 1.0), 1.0, 1000)
+marks.append(time.perf_counter())
+print(*(b - a for a, b in zip(marks, marks[1:])))
+"""
+STAGES = (
+    "numba and numpy",
+    "import hereditary",
+    "first solve",
+    "first user function",
+    "second user function",
+)
+LIMITS = {"import hereditary": 0.6, "first solve": 0.5}
+
+
+def main():
+    study = Study(__file__, __doc__)
+    runs = []
+    for _ in range(3 if study.quick else 9):
+        done = subprocess.run(
+            [sys.executable, "-c", CODE], capture_output=True, text=True, check=True
+        )
+        runs.append([float(number) for number in done.stdout.split()])
+    medians = [statistics.median(column) for column in zip(*runs[1:], strict=True)]
+    study.write(
+        [
+            {"stage": stage, "cold": f"{cold:.3f}", "warm": f"{warm:.3f}"}
+            for stage, cold, warm in zip(STAGES, runs[0], medians, strict=True)
+        ]
+    )
+    rows = study.read()
+    for row in rows:
+        limit = LIMITS.get(row["stage"])
+        if limit:
+            text = f"{row['stage']} {row['warm']:.2f} s (below {limit})"
+            check(text, row["warm"] < limit, study.quick)
+    figure, ax = plt.subplots(figsize=(6, 2.5), layout="constrained")
+    ax.barh([row["stage"] for row in rows], [row["warm"] for row in rows])
+    ax.invert_yaxis()
+    ax.set(xlabel="seconds, warm cache", title="A fresh process")
+    study.save(figure)
+
+
+if __name__ == "__main__":
+    main()

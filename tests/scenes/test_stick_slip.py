@@ -1,0 +1,87 @@
+"""The stick-slip scene: its coefficients, its force, its stays."""
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+import hereditary as hd
+from hereditary.scenes.stick_slip import _force, _force_jacobian
+
+WELL = hd.scenes.PRINTED_WELL
+
+
+def test_coefficients_of_the_well_are_the_printed_ones():
+    assert hd.scenes.well_coefficients(7).round(3).tolist() == pytest.approx(WELL, abs=1.001e-3)
+    direct = [
+        2 * n * quad(lambda y, n=n: np.cos(np.pi * n * y) / np.cosh(np.pi * y) ** 2, 0, 1,
+                     epsabs=1e-13, limit=200)[0]
+        for n in range(1, 8)
+    ]  # fmt: skip
+    np.testing.assert_allclose(hd.scenes.well_coefficients(7), direct, atol=1e-11)
+    with pytest.raises(ValueError, match="n must be a positive integer"):
+        hd.scenes.well_coefficients(0)
+
+
+@pytest.mark.parametrize("n_coefficients", [1, 2, 7, 12])
+def test_force_and_its_jacobian(n_coefficients):
+    well = hd.scenes.well_coefficients(n_coefficients)
+    params = np.array([1.3**2, 0.7, 20.0, *well])
+    dy, jacobian = np.empty(1), np.empty((1, 1))
+    n = np.arange(1, n_coefficients + 1)
+    for x in (-3.0, 0.0, 0.4, np.pi, 61.0):
+        _force(2.0, np.array([x]), dy, params)
+        _force_jacobian(2.0, np.array([x]), jacobian, params)
+        expected = 0.7 * 2.0 + 20.0 * well @ np.sin(n * x) - 1.3**2 * x
+        assert dy[0] == pytest.approx(expected, abs=1e-12)
+        assert jacobian[0, 0] == pytest.approx(
+            20.0 * (n * well) @ np.cos(n * x) - 1.3**2, abs=1e-12
+        )
+
+
+def test_parameters_reach_the_equation():
+    equation = hd.scenes.stick_slip(
+        beta=1.6, gamma=0.4, friction=0.3, omega=2.0, spring_speed=0.5, adhesion=7.0, x0=1.0, v0=2.0
+    )
+    assert equation.orders[:, 0].tolist() == [1.6, 0.4]
+    assert equation.coefficients[:, 0].tolist() == [1.0, 0.3]
+    assert equation.y0[:, 0].tolist() == [1.0, 2.0]
+    assert equation.params.tolist() == [4.0, 0.5, 7.0, *WELL]
+
+
+def test_no_friction_is_allowed():
+    assert hd.solve(hd.scenes.stick_slip(friction=0.0), 1.0, 1000).success
+
+
+class Orbit:
+    """Stands in for a solution: a load at the given places at the times 0, 1, 2, ..."""
+
+    def __init__(self, places):
+        self.t = np.arange(float(len(places)))
+        self.y = 2 * np.pi * np.array(places, dtype=float).reshape(-1, 1)
+
+
+def test_stays():
+    # five time units in the first well, a slip over the second, four in the third
+    orbit = Orbit([0.5, 0.5, 0.5, 0.5, 0.5, 1.5, 2.5, 2.5, 2.5, 2.5, 2.5])
+    assert hd.scenes.sticking_intervals(orbit) == [(0.0, 4.5), (5.5, 10.0)]
+    assert hd.scenes.sticking_intervals(orbit, shortest=0.5) == [
+        (0.0, 4.5), (4.5, 5.5), (5.5, 10.0),
+    ]  # fmt: skip
+    back = Orbit([0.5, 0.5, 0.5, 0.5, -0.5, -0.5, -0.5, -0.5, -0.5])
+    assert hd.scenes.sticking_intervals(back) == [(0.0, 3.5), (3.5, 8.0)]
+    leap = Orbit([0.5, 0.5, 0.5, 0.5, 0.5, 3.5, 3.5, 3.5, 3.5])
+    leaves, enters = 4 + 0.5 / 3, 4 + 2.5 / 3
+    expected = [(0.0, leaves), (enters, 8.0)]
+    np.testing.assert_allclose(hd.scenes.sticking_intervals(leap), expected)
+    back = Orbit([3.5, 3.5, 3.5, 3.5, 3.5, 0.5, 0.5, 0.5, 0.5])
+    np.testing.assert_allclose(hd.scenes.sticking_intervals(back), expected)
+
+
+def test_hereditary_load_agrees_with_an_independent_high_order_solution():
+    """x(100) = 62.0717793 at beta 1.8, gamma 0.8, from a spectral method of another library."""
+    ends = [
+        hd.solve(hd.scenes.stick_slip(), 100.0, n, save_every=n).y[-1, 0] for n in (10**5, 10**6)
+    ]
+    errors = np.abs(np.array(ends) - 62.0717793)
+    assert errors[1] < 2e-7
+    assert errors[1] < errors[0] / 5

@@ -1,0 +1,183 @@
+"""Bad input: refused before any run, in one wording."""
+
+import math
+
+import numpy as np
+import pytest
+
+import hereditary as hd
+
+
+def decay(t, y):
+    return -y
+
+
+@pytest.mark.parametrize("order", [0, -0.5, 2.1, math.nan, math.inf, [0.5, 0.0], [[0.5]], []])
+def test_orders(order):
+    with pytest.raises(ValueError, match="order must"):
+        hd.Caputo(order)
+
+
+@pytest.mark.parametrize("order", ["a", 1j, None, True])
+def test_orders_that_are_no_numbers(order):
+    with pytest.raises(TypeError, match="order must"):
+        hd.Caputo(order)
+
+
+@pytest.mark.parametrize("coefficient", [math.nan, math.inf, "a", 1j, None, [[1.0]]])
+def test_coefficients(coefficient):
+    with pytest.raises((TypeError, ValueError), match="coefficient must"):
+        coefficient * hd.Caputo(0.5)
+
+
+def test_coefficients_of_all_kinds():
+    for coefficient in (2, 2.0, np.float64(2.0), np.array(2.0)):
+        assert (coefficient * hd.Caputo(0.5)).coefficient == 2.0
+        assert (hd.Caputo(0.5) * coefficient).coefficient == 2.0
+    assert (-hd.Caputo(0.5)).coefficient == -1.0
+    assert (-(2 * hd.Caputo(0.5))).coefficient == -2.0
+    assert (3 * (2 * hd.Caputo(0.5))).coefficient == 6.0
+    assert (np.array([1.0, 2.0]) * hd.Caputo(0.5)).coefficient.tolist() == [1.0, 2.0]
+
+
+@pytest.mark.parametrize("terms", [[], 0.5, ["D"], None, [hd.Caputo(0.5), 1.0]])
+def test_terms(terms):
+    with pytest.raises((TypeError, ValueError), match="terms must"):
+        hd.Equation(terms, decay, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("order", "y0", "match"),
+    [
+        (0.5, math.nan, "y0 must be real, finite numbers, got nan"),
+        (0.5, [1.0, math.inf], "y0 must be real, finite"),
+        (0.5, 1j, "y0 must be real, finite numbers, got dtype complex128"),
+        (0.5, "one", "y0 must"),
+        (0.5, [[1.0], [2.0]], r"y0 must hold y\(0\), shape \(1, d\), got shape \(2, 1\)"),
+        (1.5, 1.0, r"y0 must hold y\(0\) and y'\(0\), shape \(2, d\), got shape \(1, 1\)"),
+        (1.5, [1.0, 2.0, 3.0], r"got shape \(3, 1\)"),
+        (1.5, [[1.0, 2.0]], r"got shape \(1, 2\)"),
+        (1.5, [[[1.0]]], r"got shape \(1, 1, 1\)"),
+        (1.5, [[1.0], [2.0, 3.0]], "y0 must"),
+        (0.5, [], r"got shape \(1, 0\)"),
+        ([0.5, 0.6], [1.0, 2.0, 3.0], r"order must be one number or one for each of the 3"),
+        ([1.5, 0.6], [[1.0, 2.0], [0.0, 3.0]], r"got y0\[1\]\[1\] = 3.0; set it to 0"),
+    ],
+)
+def test_initial_values(order, y0, match):
+    with pytest.raises((TypeError, ValueError), match=match):
+        hd.Equation(hd.Caputo(order), decay, y0)
+
+
+def test_shorthands_of_initial_values():
+    for order, y0, shape in (
+        (0.5, 1, (1, 1)),
+        (0.5, [1], (1, 1)),
+        (0.5, [1, 2, 3], (1, 3)),
+        (0.5, [[1, 2, 3]], (1, 3)),
+        (1.5, (1, 2), (2, 1)),
+        (1.5, [[1], [2]], (2, 1)),
+        (1.5, [[1, 2], [3, 4]], (2, 2)),
+    ):
+        assert hd.Equation(hd.Caputo(order), decay, y0).y0.shape == shape
+
+
+def test_a_component_without_a_term_is_refused():
+    terms = [np.array([1.0, 0.0]) * hd.Caputo(0.5)]
+    with pytest.raises(ValueError, match="none for component 1"):
+        hd.Equation(terms, decay, [1.0, 2.0])
+
+
+@pytest.mark.parametrize("params", [[[1.0]], 1.0, [math.nan], "abc", [1j]])
+def test_params(params):
+    with pytest.raises((TypeError, ValueError), match="params must"):
+        hd.Equation(hd.Caputo(0.5), lambda t, y, p: -y, 1.0, params=params)
+
+
+def run(**change):
+    arguments = {"equation": hd.scenes.relaxation(), "t_end": 1.0, "n_steps": 10} | change
+    return hd.solve(**arguments)
+
+
+@pytest.mark.parametrize(
+    ("change", "error", "match"),
+    [
+        ({"n_steps": 0}, ValueError, "n_steps must be a positive integer, got 0"),
+        ({"n_steps": -3}, ValueError, "n_steps must be a positive integer, got -3"),
+        ({"n_steps": 2.5}, TypeError, "n_steps must be a positive integer, got 2.5"),
+        ({"n_steps": 10.0}, TypeError, "n_steps must be a positive integer, got 10.0"),
+        ({"n_steps": True}, TypeError, "n_steps must"),
+        ({"n_steps": None}, TypeError, "n_steps must be given"),
+        ({"t_end": 0.0}, ValueError, "t_end must be a finite number above 0, got 0.0"),
+        ({"t_end": -1.0}, ValueError, "t_end"),
+        ({"t_end": math.inf}, ValueError, "t_end must be a finite number above 0, got inf"),
+        ({"t_end": math.nan}, ValueError, "t_end"),
+        ({"t_end": "late"}, TypeError, "t_end"),
+        ({"t_end": [1.0]}, TypeError, "t_end"),
+        ({"equation": 5}, TypeError, "equation must be a Equation"),
+        ({"scheme": "explicit"}, TypeError, "scheme must be a Scheme"),
+        ({"scheme": hd.ExplicitCaputo}, TypeError, "scheme must be a Scheme"),
+        ({"history": "direct"}, TypeError, "history must be a History"),
+        ({"save_every": 0}, ValueError, "save_every must be a positive integer"),
+        ({"save_every": 1.5}, TypeError, "save_every"),
+        ({"t_eval": [0.5, 0.2]}, ValueError, "t_eval must be increasing times"),
+        ({"t_eval": [0.5, 2.0]}, ValueError, "t_eval"),
+        ({"t_eval": [-0.5]}, ValueError, "t_eval"),
+        ({"t_eval": []}, ValueError, "t_eval"),
+        ({"t_eval": [math.nan]}, ValueError, "t_eval"),
+        ({"resume": "state"}, TypeError, "resume must be a State"),
+        ({"steps": 10}, TypeError, "steps"),
+    ],
+)
+def test_solve(change, error, match):
+    with pytest.raises(error, match=match):
+        run(**change)
+
+
+def test_save_every_and_t_eval_exclude_each_other():
+    with pytest.raises(ValueError, match="save_every must"):
+        run(save_every=2, t_eval=[0.5])
+
+
+@pytest.mark.parametrize(
+    ("change", "match"),
+    [
+        ({"history": hd.Direct()}, "same history"),
+        ({"history": hd.SumOfExponentials(1e-8)}, "same history"),
+        ({"equation": hd.scenes.relaxation(alpha=0.6)}, "same orders"),
+        ({"equation": hd.Equation(2 * hd.Caputo(0.5), decay, 1.0)}, "same coefficients"),
+        ({"equation": hd.Equation(hd.Caputo(0.5), decay, [1.0, 1.0])}, "same orders"),
+        ({"t_end": 0.5}, "t_end must exceed the state's time 1"),
+        ({"t_end": 1.0}, "t_end must exceed"),
+        ({"t_end": 2.03}, "whole number of the state's steps"),
+        ({"n_steps": 7}, "n_steps must be 10"),
+    ],
+)
+def test_resuming_with_something_else(change, match):
+    state = run().state
+    with pytest.raises(ValueError, match=match):
+        run(**({"t_end": 2.0, "n_steps": None, "resume": state} | change))
+
+
+def test_unknown_keywords():
+    for call in (
+        lambda: hd.Equation(hd.Caputo(0.5), decay, 1.0, parameters=()),
+        lambda: hd.Caputo(alpha=0.5),
+        lambda: hd.SumOfExponentials(tolerance=1e-8),
+        lambda: hd.scenes.stick_slip(b=1.0),
+        lambda: hd.ExplicitCaputo(h=0.1),
+    ):
+        with pytest.raises(TypeError, match="unexpected keyword"):
+            call()
+
+
+@pytest.mark.parametrize("well", [[], [[1.0]], ["a"], [math.nan]])
+def test_wells(well):
+    with pytest.raises((TypeError, ValueError), match="well must"):
+        hd.scenes.stick_slip(well=well)
+
+
+def test_scene_parameters():
+    for name in ("friction", "omega", "spring_speed", "adhesion"):
+        with pytest.raises(ValueError, match=f"{name} must"):
+            hd.scenes.stick_slip(**{name: math.nan})

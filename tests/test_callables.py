@@ -1,0 +1,259 @@
+"""Users' functions: all shapes accepted, all mistakes told with line and remedy before a run."""
+
+import math
+
+import numpy as np
+import pytest
+import scipy.special
+from numba import njit
+
+import hereditary as hd
+
+PARAMS = (2.0, 0.5)
+
+
+def two(t, y):
+    return -2.0 * y + 0.5 * t
+
+
+def three(t, y, params):
+    return -params[0] * y + params[1] * t
+
+
+def in_place(t, y, dy, params):
+    for j in range(y.size):
+        dy[j] = -params[0] * y[j] + params[1] * t
+
+
+@njit
+def jitted(t, y, params):
+    return -params[0] * y + params[1] * t
+
+
+@njit
+def jitted_in_place(t, y, dy, params):
+    dy[:] = -params[0] * y + params[1] * t
+
+
+def as_list(t, y):
+    return [-2.0 * y[0] + 0.5 * t, -2.0 * y[1] + 0.5 * t]
+
+
+def as_tuple(t, y):
+    return -2.0 * y[0] + 0.5 * t, -2.0 * y[1] + 0.5 * t
+
+
+def with_default(t, y, params=None):
+    return -2.0 * y + 0.5 * t
+
+
+SHAPES = [two, three, in_place, jitted, jitted_in_place, as_list, as_tuple]
+
+
+def equation(rhs, y0=(1.0, 2.0), params=PARAMS, **kwargs):
+    return hd.Equation(hd.Caputo(0.8), rhs, list(y0), params, **kwargs)
+
+
+@pytest.mark.parametrize("rhs", SHAPES)
+def test_all_shapes_give_the_same_solution(rhs):
+    expected = hd.solve(equation(three), 1.0, 50).y
+    np.testing.assert_array_equal(hd.solve(equation(rhs), 1.0, 50).y, expected)
+
+
+@pytest.mark.parametrize(
+    "rhs",
+    [
+        lambda t, y: -y,
+        lambda t, y: -y[0],
+        lambda t, y: -1 * y[0],
+        lambda t, y: [-y[0]],
+        lambda t, y, p: -p[0] * y[0] / 2.0,
+    ],
+)
+def test_one_component_may_return_a_number(rhs):
+    sol = hd.solve(hd.Equation(hd.Caputo(0.8), rhs, 1.0, PARAMS), 1.0, 50)
+    np.testing.assert_allclose(sol.y, hd.solve(hd.scenes.relaxation(0.8), 1.0, 50).y, rtol=1e-13)
+
+
+def test_numbers_that_happen_to_be_whole():
+    sol = hd.solve(hd.Equation(hd.Caputo(1.0), lambda t, y: 3, 0.0), 1.0, 10)
+    assert sol.y[-1, 0] == pytest.approx(3.0)
+
+
+def test_jacobians_of_all_shapes():
+    def jac_two(t, y):
+        return np.array([[-2.0, 0.0], [0.0, -2.0]])
+
+    def jac_three(t, y, params):
+        return -params[0] * np.eye(2)
+
+    def jac_in_place(t, y, jacobian, params):
+        jacobian[:] = 0.0
+        jacobian[0, 0] = jacobian[1, 1] = -params[0]
+
+    ratios = {
+        hd.solve(equation(two, jac=jac), 1.0, 50).stats["stiffness_ratio"]
+        for jac in (jac_two, jac_three, jac_in_place)
+    }
+    assert len(ratios) == 1
+    assert ratios.pop() == pytest.approx(
+        hd.solve(equation(two), 1.0, 50).stats["stiffness_ratio"], rel=1e-8
+    )
+    scalar = hd.Equation(hd.Caputo(1.5), lambda t, x: -x, [1.0, 0.0], jac=lambda t, x: -1.0)
+    assert hd.solve(scalar, 1.0, 50).success
+    with pytest.raises(ValueError, match=r"jac must return shape \(2, 2\)"):
+        equation(two, jac=lambda t, y: np.zeros(2))
+
+
+def no_arguments():
+    return 0.0
+
+
+def five(t, y, dy, params, more):
+    return 0.0
+
+
+def any_number(t, *y):
+    return 0.0
+
+
+@pytest.mark.parametrize("rhs", [no_arguments, five, any_number, lambda t: t, math.hypot])
+def test_wrong_arity(rhs):
+    with pytest.raises(TypeError, match=r"rhs must be one of rhs\(t, y\), rhs\(t, y, params\) or"):
+        equation(rhs)
+
+
+@pytest.mark.parametrize("rhs", [None, 5, "f"])
+def test_no_function(rhs):
+    with pytest.raises(TypeError, match="rhs must be a function"):
+        equation(rhs)
+
+
+def test_wrong_shape():
+    with pytest.raises(ValueError, match=r"rhs must return shape \(2,\), got shape \(3,\)"):
+        equation(lambda t, y: np.zeros(3))
+    with pytest.raises(ValueError, match=r"rhs must return shape \(2,\), got shape \(\)"):
+        equation(lambda t, y: y[0])
+    with pytest.raises(ValueError, match=r"shape \(1,\) or a number, got shape \(2,\)"):
+        hd.Equation(hd.Caputo(0.5), lambda t, y: np.zeros(2), 1.0)
+    with pytest.raises(TypeError, match="rhs must return real numbers"):
+        equation(lambda t, y: None)
+    with pytest.raises(TypeError, match="rhs must return real numbers"):
+        equation(lambda t, y: y * 1j)
+
+
+def forgets_one(t, y, dy, params):
+    dy[0] = -y[0]
+
+
+def returns_instead(t, y, dy, params):
+    return -y
+
+
+def divides(t, y):
+    ratio = y[0] / t
+    return -y * ratio
+
+
+def reads_too_far(t, y, params):
+    return -params[7] * y
+
+
+def gives_nan(t, y):
+    return np.array([0.0, np.sqrt(-1.0 - t)])
+
+
+def uncompilable_call(t, y):
+    scale = 1.0
+    return -y * len(sorted([scale], key=str))
+
+
+def uncompilable_statement(t, y):
+    scale = 1.0
+    assert all(isinstance(v, float) for v in y)
+    return -y * scale
+
+
+def uncompilable_library(t, y):
+    scale = 1.0
+    return -y * scipy.special.gamma(scale)
+
+
+@njit
+def uncompilable_in_place(t, y, dy, params):
+    dy[:] = scipy.special.gamma(y)
+
+
+def test_components_left_unset():
+    with pytest.raises(
+        ValueError, match=r"set every entry of dy, got entries \[\[1\]\] left unset"
+    ):
+        equation(forgets_one)
+
+
+def test_values_returned_by_an_in_place_function():
+    with pytest.raises(TypeError, match="rhs must fill dy and return None"):
+        equation(returns_instead)
+
+
+def test_exceptions_are_told_with_their_line():
+    with pytest.raises(ValueError, match=r'ZeroDivisionError.*line \d+ .*"ratio = y\[0\] / t"'):
+        hd.Equation(hd.Caputo(0.5), lambda t, y: divides(t, [float(y[0])]) * 1.0, 1.0)
+    with pytest.raises(ValueError, match=r'IndexError.*"return -params\[7\] \* y".*params = \[2.0'):
+        equation(reads_too_far)
+
+
+@pytest.mark.filterwarnings("ignore:invalid value")
+def test_nan_at_the_start():
+    with pytest.raises(ValueError, match=r"rhs must be finite at t = 0, got \[0.0, nan\]"):
+        equation(gives_nan)
+
+
+@pytest.mark.parametrize(
+    ("rhs", "line"),
+    [
+        (uncompilable_call, "return -y * len(sorted([scale], key=str))"),
+        (uncompilable_statement, "assert all(isinstance(v, float) for v in y)"),
+        (uncompilable_library, "return -y * scipy.special.gamma(scale)"),
+        (uncompilable_in_place, "dy[:] = scipy.special.gamma(y)"),
+    ],
+)
+def test_uncompilable_functions_are_told_with_their_line(rhs, line):
+    with pytest.raises(TypeError, match="rhs must be a function that numba can compile") as caught:
+        equation(rhs)
+    message = str(caught.value)
+    assert f'of {__file__}: "{line}"' in message
+    assert "use arithmetic, math and NumPy functions" in message
+
+
+RATE = 1.0
+
+
+def with_global(t, y):
+    return -RATE * y
+
+
+def test_a_changed_global_or_closure_value_is_seen(monkeypatch):
+    slow = hd.solve(equation(with_global), 1.0, 50).y[-1, 0]
+    monkeypatch.setitem(globals(), "RATE", 3.0)
+    fast = hd.solve(equation(with_global), 1.0, 50).y[-1, 0]
+    assert fast < 0.7 * slow
+
+    rate = np.array([1.0])
+
+    def with_closure(t, y):
+        return -rate[0] * y
+
+    assert hd.solve(equation(with_closure), 1.0, 50).y[-1, 0] == slow
+    rate[0] = 3.0
+    assert hd.solve(equation(with_closure), 1.0, 50).y[-1, 0] == fast
+
+
+def test_a_function_is_compiled_once():
+    assert equation(three)._rhs is equation(three, params=(1.0, 1.0))._rhs
+    assert equation(three)._rhs is equation(three, y0=(1.0, 2.0, 3.0))._rhs
+    assert equation(jitted_in_place)._rhs is equation(jitted_in_place)._rhs
+
+
+def test_params_default_argument_counts_as_an_argument():
+    assert hd.solve(equation(with_default), 1.0, 50).success

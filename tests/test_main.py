@@ -1,0 +1,38 @@
+"""The command line."""
+
+import pytest
+
+from hereditary.__main__ import main
+
+
+def test_main_job(tmp_path, capsys):
+    out = tmp_path / "figure.png"
+    assert main(["--n-steps", "20000", "--out", str(out)]) == 0
+    printed = capsys.readouterr().out
+    assert "beta 1.8, gamma 0.8" in printed
+    assert "20000 to t = 100" in printed
+    assert "56 modes, 896 bytes" in printed
+    assert "sticking        0.00 .. 45." in printed
+    assert "error estimate" in printed
+    assert out.stat().st_size > 10_000
+
+
+def test_flags_change_the_parameters(tmp_path, capsys):
+    out = str(tmp_path / "figure.pdf")
+    flags = ["--beta", "2", "--gamma", "1", "--adhesion", "7", "--t-end", "5", "--n-steps", "501"]
+    assert main([*flags, "--out", out]) == 0
+    printed = capsys.readouterr().out
+    assert "beta 2, gamma 1" in printed
+    assert "adhesion 7" in printed
+    assert "0 modes" in printed
+    assert "needs an even number" in printed
+
+
+@pytest.mark.parametrize(
+    ("flags", "match"),
+    [(["--beta", "2.5"], "order must lie in (0, 2]"), (["--n-steps", "0"], "n_steps must")],
+)
+def test_bad_flags_are_told(flags, match, tmp_path, capsys):
+    assert main([*flags, "--out", str(tmp_path / "none.png")]) == 2
+    assert match in capsys.readouterr().err
+    assert not (tmp_path / "none.png").exists()
