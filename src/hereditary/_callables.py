@@ -43,11 +43,11 @@ def _compile(name, out, fun, y0, params, shape, signature):
         raise TypeError(complaint(name, f"be a function {_SHAPES.format(name, out)}", repr(fun)))
     plain = fun.py_func if is_jitted(fun) else fun
     arity = _arity(name, out, plain)
-    sequence = _try_out(name, out, plain, arity, y0, params, shape)
-    key = (fun, _frozen_values(plain), arity, sequence, signature)
+    form = _try_out(name, out, plain, arity, y0, params, shape)
+    key = (fun, _frozen_values(plain), arity, form, signature)
     with _lock:
         if key not in _compiled:
-            _compiled[key] = _build(name, fun, arity, sequence, signature)
+            _compiled[key] = _build(name, fun, arity, form, len(shape), signature)
             while len(_compiled) > _COMPILED_MAX:
                 _compiled.popitem(last=False)
         _compiled.move_to_end(key)
@@ -69,11 +69,11 @@ def _arity(name, out, fun):
 
 
 def _try_out(name, out, fun, arity, y0, params, shape):
-    """Call `fun` once in Python at t = 0, check what it gives; say if that is a list or tuple."""
-    filled, sequence = _values(name, out, fun, arity, y0, params, shape, np.nan)
+    """Call `fun` once in Python at t = 0 and check what it gives; return its form."""
+    filled, form = _values(name, out, fun, arity, y0, params, shape, np.nan)
     bad = ~np.isfinite(filled)
     if not bad.any():
-        return sequence
+        return form
     if arity == 4:
         again, _ = _values(name, out, fun, arity, y0, params, shape, 0.5)
         unset = np.isnan(filled) & (again == 0.5)
@@ -85,7 +85,7 @@ def _try_out(name, out, fun, arity, y0, params, shape):
 
 
 def _values(name, out, fun, arity, y0, params, shape, fill):
-    """What `fun` gives at t = 0 as an array of `shape`, and whether it is a list or tuple."""
+    """What `fun` gives at t = 0 as an array of `shape`, and in which form."""
     filled = np.full(shape, fill)  # what an in-place function leaves unset stays recognisable
     arguments = {2: (0.0, y0.copy()), 3: (0.0, y0.copy(), params.copy())}
     arguments[4] = (0.0, y0.copy(), filled, params.copy())
@@ -100,7 +100,7 @@ def _values(name, out, fun, arity, y0, params, shape, fill):
         if result is not None:
             remedy = f"fill {out} in place, or write {name}(t, y, params) and return the values"
             raise TypeError(complaint(name, f"fill {out} and return None", repr(result), remedy))
-        return filled, False
+        return filled, "in place"
     remedy = f"return numpy.array([...]) of shape {shape}"
     try:
         values = np.asarray(result)
@@ -111,7 +111,8 @@ def _values(name, out, fun, arity, y0, params, shape, fill):
     if values.shape != shape and not (values.ndim == 0 and np.prod(shape) == 1):
         size = f"shape {shape}" + (" or a number" if np.prod(shape) == 1 else "")
         raise ValueError(complaint(name, f"return {size}", f"shape {values.shape}", remedy))
-    return values.astype(float).reshape(shape), isinstance(result, (list, tuple))
+    form = "array" if values.ndim else "number"
+    return values.astype(float).reshape(shape), form
 
 
 def _line_of(error, fun):
@@ -147,10 +148,10 @@ def _identity(value):
     return id(value)
 
 
-def _build(name, fun, arity, sequence, signature):
+def _build(name, fun, arity, form, n_axes, signature):
     """Compile `fun` for `signature`, through an adapter where it returns its values."""
     if config.DISABLE_JIT:
-        return fun if arity == 4 else _adapter(fun, arity == 3, sequence)
+        return fun if arity == 4 else _adapter(fun, arity == 3, form, n_axes)
     jitted = fun if is_jitted(fun) else _njit(fun)
     t, y, _, params = signature.args
     own = {2: (t, y), 3: (t, y, params), 4: signature.args}[arity]
@@ -158,7 +159,7 @@ def _build(name, fun, arity, sequence, signature):
         jitted.compile(own)  # by itself first: a complaint then speaks of the user's own lines
         if arity == 4:
             return as_value(jitted, signature)
-        return as_value(_njit(_adapter(jitted, arity == 3, sequence)), signature)
+        return as_value(_njit(_adapter(jitted, arity == 3, form, n_axes)), signature)
     except Exception as error:  # numba raises all sorts, not its own kind alone
         plain = fun.py_func if is_jitted(fun) else fun
         raise TypeError(_compile_complaint(name, plain, error)) from error
@@ -167,18 +168,38 @@ def _build(name, fun, arity, sequence, signature):
 _njit = njit(error_model="numpy", nogil=True)
 
 
-def _adapter(fun, with_params, sequence):
-    """A function that calls `fun` and writes what it returns into the output array."""
-    if sequence:
+def _adapter(fun, with_params, form, n_axes):
+    """A function that calls `fun` and writes what it returns into the output array.
 
-        def adapter(t, y, out, params):
-            out[...] = np.array(fun(t, y, params) if with_params else fun(t, y))
-    else:
+    `form` is what the trial call gave. The loops are written out because numba takes two seconds
+    to compile ``out[...] = values``.
+    """
+    one = (0,) * n_axes
 
-        def adapter(t, y, out, params):
-            out[...] = fun(t, y, params) if with_params else fun(t, y)
+    def from_number(t, y, out, params):
+        out[one] = fun(t, y, params) if with_params else fun(t, y)
 
-    return adapter
+    def from_vector(t, y, out, params):
+        values = np.asarray(fun(t, y, params) if with_params else fun(t, y))
+        if values.shape != out.shape:
+            raise ValueError(_RESHAPED)
+        for i in range(out.shape[0]):
+            out[i] = values[i]
+
+    def from_matrix(t, y, out, params):
+        values = np.asarray(fun(t, y, params) if with_params else fun(t, y))
+        if values.shape != out.shape:
+            raise ValueError(_RESHAPED)
+        for i in range(out.shape[0]):
+            for j in range(out.shape[1]):
+                out[i, j] = values[i, j]
+
+    if form == "number":
+        return from_number
+    return from_vector if n_axes == 1 else from_matrix
+
+
+_RESHAPED = "the function returned another shape than at t = 0"
 
 
 def _compile_complaint(name, fun, error):
