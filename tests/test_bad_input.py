@@ -181,3 +181,24 @@ def test_scene_parameters():
     for name in ("friction", "omega", "spring_speed", "adhesion"):
         with pytest.raises(ValueError, match=f"{name} must"):
             hd.scenes.stick_slip(**{name: math.nan})
+
+
+@pytest.mark.parametrize(
+    ("make", "match"),
+    [
+        (lambda: hd.scenes.oscillator(beta=1.0), r"beta must lie in \(1, 2\], got 1.0"),
+        (lambda: hd.scenes.oscillator(gamma=1.5), r"gamma must lie in \(0, 1\], got 1.5"),
+        (lambda: hd.scenes.relaxation(alpha=1.5), r"alpha must lie in \(0, 1\], got 1.5"),
+        (lambda: hd.scenes.stick_slip(beta=0.9), r"beta must lie in \(1, 2\], got 0.9"),
+        (lambda: hd.scenes.stick_slip(x0=[1, 2]), "x0 must"),
+    ],
+)
+def test_scenes_keep_to_their_ranges(make, match):
+    with pytest.raises((TypeError, ValueError), match=match):
+        make()
+
+
+def test_messages_stay_short():
+    with pytest.raises(ValueError, match="t_eval must") as caught:
+        run(t_eval=np.linspace(0, 2, 100_000))
+    assert len(str(caught.value)) < 300

@@ -1,6 +1,7 @@
 """Users' functions: all shapes accepted, all mistakes told with line and remedy before a run."""
 
 import math
+from functools import partial
 
 import numpy as np
 import pytest
@@ -117,13 +118,24 @@ def any_number(t, *y):
     return 0.0
 
 
-@pytest.mark.parametrize("rhs", [no_arguments, five, any_number, lambda t: t, math.hypot])
+@pytest.mark.parametrize("rhs", [no_arguments, five, any_number, lambda t: t])
 def test_wrong_arity(rhs):
     with pytest.raises(TypeError, match=r"rhs must be one of rhs\(t, y\), rhs\(t, y, params\) or"):
         equation(rhs)
 
 
-@pytest.mark.parametrize("rhs", [None, 5, "f"])
+class Callable:
+    def __call__(self, t, y):
+        return -y
+
+    def method(self, t, y):
+        return -y
+
+
+@pytest.mark.parametrize(
+    "rhs",
+    [None, 5, "f", math.hypot, partial(two, 0.0), Callable(), Callable().method, np.sin],
+)
 def test_no_function(rhs):
     with pytest.raises(TypeError, match="rhs must be a function"):
         equation(rhs)
@@ -199,13 +211,15 @@ def test_values_returned_by_an_in_place_function():
 def test_exceptions_are_told_with_their_line():
     with pytest.raises(ValueError, match=r'ZeroDivisionError.*line \d+ .*"ratio = y\[0\] / t"'):
         hd.Equation(hd.Caputo(0.5), lambda t, y: divides(t, [float(y[0])]) * 1.0, 1.0)
-    with pytest.raises(ValueError, match=r'IndexError.*"return -params\[7\] \* y".*params = \[2.0'):
+    with pytest.raises(
+        ValueError, match=r'IndexError.*"return -params\[7\] \* y".*params = \[2. , 0.5\]'
+    ):
         equation(reads_too_far)
 
 
 @pytest.mark.filterwarnings("ignore:invalid value")
 def test_nan_at_the_start():
-    with pytest.raises(ValueError, match=r"rhs must be finite at t = 0, got \[0.0, nan\]"):
+    with pytest.raises(ValueError, match=r"rhs must be finite at t = 0, got \[ 0., nan\]"):
         equation(gives_nan)
 
 
@@ -257,3 +271,64 @@ def test_a_function_is_compiled_once():
 
 def test_params_default_argument_counts_as_an_argument():
     assert hd.solve(equation(with_default), 1.0, 50).success
+
+
+def divides_whole_numbers(t, y):
+    total = 0.0
+    for k in range(1, 4):
+        total += k**-1
+    return -total * y
+
+
+def changes_y(t, y):
+    y *= -1.0
+    return y
+
+
+def changes_params(t, y, params):
+    params[0] += 1.0
+    return -y
+
+
+def test_whole_numbers_that_numba_takes_otherwise():
+    with pytest.raises(ValueError, match=r"same numbers compiled as in Python.*write 1.0 for 1"):
+        equation(divides_whole_numbers)
+
+
+@pytest.mark.parametrize(("rhs", "name"), [(changes_y, "y"), (changes_params, "params")])
+def test_functions_that_change_their_arguments(rhs, name):
+    with pytest.raises(ValueError, match=f"rhs must leave {name} as it is"):
+        equation(rhs)
+
+
+@njit
+def jitted_with_global(t, y):
+    return -RATE * y
+
+
+def nested_with_global(t, y):
+    return np.array([-RATE * v for v in y])
+
+
+@pytest.mark.parametrize("rhs", [jitted_with_global, nested_with_global])
+def test_changed_globals_are_seen_in_dispatchers_and_nested_code(rhs, monkeypatch):
+    slow = hd.solve(equation(rhs), 1.0, 50).y[-1, 0]
+    monkeypatch.setitem(globals(), "RATE", 3.0)
+    assert hd.solve(equation(rhs), 1.0, 50).y[-1, 0] < 0.7 * slow
+
+
+def test_changed_module_attributes_are_seen(monkeypatch):
+    def rhs(t, y):
+        return -math.pi * y
+
+    before = hd.solve(equation(rhs), 1.0, 50).y[-1, 0]
+    monkeypatch.setattr(math, "pi", 1.0)
+    assert hd.solve(equation(rhs), 1.0, 50).y[-1, 0] > 1.5 * before
+
+
+def test_dispatchers_with_their_own_signature():
+    @njit("float64[::1](float64, float64[::1])")
+    def rhs(t, y):
+        return -y
+
+    assert hd.solve(equation(rhs), 1.0, 50).success

@@ -92,7 +92,17 @@ def test_kernels_share_one_bank():
         ({"tol": 0.5}, ValueError, "tol"),
         ({"tol": "small"}, TypeError, "tol"),
         ({"t_min": 0.0}, ValueError, "t_min"),
-        ({"t_max": 0.5}, ValueError, "t_max must exceed t_min"),
+        ({"t_min": 1e-200, "t_max": 1e200}, ValueError, "t_max"),
+        (
+            {"kernel": hd.PowerLaw(2.0), "t_min": 1e-300, "t_max": 1e-299},
+            ValueError,
+            "t_min must leave the kernel a finite value",
+        ),
+        (
+            {"t_max": 0.5},
+            ValueError,
+            r"t_max must lie between t_min = 1.0 and 1e\+100 times that, got 0.5",
+        ),
         ({"t_max": math.inf}, ValueError, "t_max"),
         ({"t_min": math.nan}, ValueError, "t_min"),
         ({"kernel": 0.5}, TypeError, "kernel must be a PowerLaw, got 0.5"),

@@ -21,6 +21,7 @@ FLOORS = {
     "analysis": 5,
     "scenes": 6,
     "plots": 6,
+    "exact": 6,
     "__main__": 6,
     "__init__": 7,
 }

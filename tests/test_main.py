@@ -30,9 +30,21 @@ def test_flags_change_the_parameters(tmp_path, capsys):
 
 @pytest.mark.parametrize(
     ("flags", "match"),
-    [(["--beta", "2.5"], "order must lie in (0, 2]"), (["--n-steps", "0"], "n_steps must")],
+    [
+        (["--beta", "2.5"], "beta must lie in (1, 2], got 2.5"),
+        (["--n-steps", "0"], "n_steps must"),
+        (["--out", "missing/figure.png"], "--out must lie in a folder that exists"),
+        (["--out", "figure.foo"], "--out must end in one of"),
+    ],
 )
 def test_bad_flags_are_told(flags, match, tmp_path, capsys):
-    assert main([*flags, "--out", str(tmp_path / "none.png")]) == 2
+    assert main(["--out", str(tmp_path / "none.png"), *flags]) == 2
     assert match in capsys.readouterr().err
     assert not (tmp_path / "none.png").exists()
+
+
+def test_an_unstable_half_step_run_gives_no_estimate(tmp_path, capsys):
+    flags = ["--omega", "100", "--beta", "2", "--gamma", "1", "--adhesion", "0"]
+    flags += ["--t-end", "30", "--n-steps", "2600"]
+    assert main([*flags, "--out", str(tmp_path / "figure.png")]) == 0
+    assert "error estimate  none (with half the steps" in capsys.readouterr().out

@@ -5,17 +5,21 @@ from __future__ import annotations
 import argparse
 import inspect
 import sys
+import warnings
 from collections.abc import Sequence
+from pathlib import Path
 
 import matplotlib
 import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.backend_bases import FigureCanvasBase
 
 from . import plots
+from ._checks import complaint
 from .equation import Equation
 from .history.exponentials import SumOfExponentials
 from .scenes import stick_slip, sticking_intervals
-from .solver.solution import Solution
+from .solver.solution import Solution, StabilityWarning
 from .solver.solve import solve
 
 # scene parameter -> what it is
@@ -36,6 +40,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = _parser().parse_args(argv)
     parameters = {name: getattr(arguments, name) for name in _PARAMETERS}
     try:
+        _check_out(arguments.out)
         equation = stick_slip(**parameters)
         solution = solve(
             equation,
@@ -77,9 +82,23 @@ def _halving_difference(equation: Equation, solution: Solution, arguments) -> st
     half = arguments.n_steps // 2
     if arguments.n_steps % 2 or half == 0 or not solution.success:
         return "none (it needs an even number of steps and a completed run)"
-    coarse = solve(equation, arguments.t_end, half, history=SumOfExponentials(arguments.tol))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", StabilityWarning)
+        coarse = solve(equation, arguments.t_end, half, history=SumOfExponentials(arguments.tol))
+    if not coarse.success:
+        return f"none (with half the steps: {coarse.status.value})"
     difference = np.abs(solution.y[::2] - coarse.y)
     return f"{difference[-1, 0]:.1e} at the end, {difference.max():.1e} at most (half the steps)"
+
+
+def _check_out(path: str) -> None:
+    """Refuse a figure file that could not be written, before anything is computed."""
+    folder, suffix = Path(path).resolve().parent, Path(path).suffix.lstrip(".").lower()
+    if not folder.is_dir():
+        raise ValueError(complaint("--out", "lie in a folder that exists", path))
+    known = sorted(FigureCanvasBase.get_supported_filetypes())
+    if suffix not in known:
+        raise ValueError(complaint("--out", f"end in one of {', '.join(known)}", path))
 
 
 def _report(solution: Solution, parameters, estimate: str) -> None:

@@ -19,7 +19,7 @@ import numpy as np
 from numba import config, njit
 from numba.extending import is_jitted
 
-from ._checks import complaint
+from ._checks import complaint, shown
 from ._jit import JAC_SIG, RHS_SIG, as_value
 
 _SHAPES = "{0}(t, y), {0}(t, y, params) or, in place, {0}(t, y, {1}, params)"
@@ -39,19 +39,41 @@ def compile_jac(fun, y0, params):
 
 
 def _compile(name, out, fun, y0, params, shape, signature):
-    if not callable(fun):
-        raise TypeError(complaint(name, f"be a function {_SHAPES.format(name, out)}", repr(fun)))
     plain = fun.py_func if is_jitted(fun) else fun
+    if not inspect.isfunction(plain):
+        required = f"be a function {_SHAPES.format(name, out)}"
+        remedy = "write it with def or lambda and pass constants through params"
+        raise TypeError(complaint(name, required, repr(fun), remedy))
     arity = _arity(name, out, plain)
-    form = _try_out(name, out, plain, arity, y0, params, shape)
+    values, form = _try_out(name, out, plain, arity, y0, params, shape)
     key = (fun, _frozen_values(plain), arity, form, signature)
     with _lock:
         if key not in _compiled:
-            _compiled[key] = _build(name, fun, arity, form, len(shape), signature)
+            # a dispatcher that was compiled before keeps the values it saw then
+            used = any(other[0] is fun for other in _compiled)
+            source = plain if used or not getattr(fun, "_can_compile", True) else fun
+            _compiled[key] = _build(name, source, arity, form, len(shape), signature)
             while len(_compiled) > _COMPILED_MAX:
                 _compiled.popitem(last=False)
         _compiled.move_to_end(key)
-        return _compiled[key]
+        compiled = _compiled[key]
+    _compare(name, compiled, values, y0, params)
+    return compiled
+
+
+def _compare(name, compiled, values, y0, params):
+    """Refuse a function that gives something else compiled than in Python."""
+    again = np.empty_like(values)
+    compiled(0.0, y0.copy(), again, params.copy())
+    if not np.allclose(again, values, rtol=1e-8, atol=1e-12 * np.abs(values).max()):
+        raise ValueError(
+            complaint(
+                name,
+                "give the same numbers compiled as in Python",
+                f"{shown(again)} and {shown(values)} at t = 0",
+                "write 1.0 for 1 where whole numbers are divided, raised or grow large",
+            )
+        )
 
 
 def _arity(name, out, fun):
@@ -69,33 +91,36 @@ def _arity(name, out, fun):
 
 
 def _try_out(name, out, fun, arity, y0, params, shape):
-    """Call `fun` once in Python at t = 0 and check what it gives; return its form."""
+    """Call `fun` once in Python at t = 0 and check what it gives; return that and its form."""
     filled, form = _values(name, out, fun, arity, y0, params, shape, np.nan)
-    bad = ~np.isfinite(filled)
-    if not bad.any():
-        return form
+    if np.all(np.isfinite(filled)):
+        return filled, form
     if arity == 4:
         again, _ = _values(name, out, fun, arity, y0, params, shape, 0.5)
         unset = np.isnan(filled) & (again == 0.5)
         if unset.any():
             got = f"entries {np.argwhere(unset).tolist()} left unset"
             raise ValueError(complaint(name, f"set every entry of {out}", got))
-    remedy = f"check y0 = {y0.tolist()} and params = {params.tolist()}"
-    raise ValueError(complaint(name, "be finite at t = 0", filled.tolist(), remedy))
+    remedy = f"check y0 = {shown(y0)} and params = {shown(params)}"
+    raise ValueError(complaint(name, "be finite at t = 0", shown(filled), remedy))
 
 
 def _values(name, out, fun, arity, y0, params, shape, fill):
     """What `fun` gives at t = 0 as an array of `shape`, and in which form."""
     filled = np.full(shape, fill)  # what an in-place function leaves unset stays recognisable
-    arguments = {2: (0.0, y0.copy()), 3: (0.0, y0.copy(), params.copy())}
-    arguments[4] = (0.0, y0.copy(), filled, params.copy())
+    y, p = y0.copy(), params.copy()
+    arguments = {2: (0.0, y), 3: (0.0, y, p), 4: (0.0, y, filled, p)}
     try:
         result = fun(*arguments[arity])
     except Exception as error:
         raise ValueError(
             f"{name} must run at t = 0, got {type(error).__name__}: {error} {_line_of(error, fun)};"
-            f" it was called with y = {y0.tolist()} and params = {params.tolist()}"
+            f" it was called with y = {shown(y0)} and params = {shown(params)}"
         ) from error
+    for argument, given, left in (("y", y0, y), ("params", params, p)):
+        if not np.array_equal(given, left):
+            got = f"{shown(given)} changed to {shown(left)}"
+            raise ValueError(complaint(name, f"leave {argument} as it is", got, "work on a copy"))
     if arity == 4:
         if result is not None:
             remedy = f"fill {out} in place, or write {name}(t, y, params) and return the values"
@@ -132,17 +157,27 @@ def _frozen_values(fun):
 
     They belong to the cache key: after ``b = 2`` the function is another one.
     """
-    code = fun.__code__
     cells = [cell.cell_contents for cell in fun.__closure__ or ()]
-    names = [fun.__globals__[n] for n in code.co_names if n in fun.__globals__]
-    return tuple(_identity(value) for value in cells + names)
+    names = set(_names(fun.__code__))
+    held = [fun.__globals__[name] for name in sorted(names & fun.__globals__.keys())]
+    for module in [value for value in cells + held if inspect.ismodule(value)]:
+        held += [vars(module)[name] for name in sorted(names & vars(module).keys())]
+    return tuple(_identity(value) for value in cells + held)
+
+
+def _names(code):
+    """Names of globals and attributes in a code object and those nested in it."""
+    yield from code.co_names
+    for constant in code.co_consts:
+        if inspect.iscode(constant):
+            yield from _names(constant)
 
 
 def _identity(value):
     if isinstance(value, np.ndarray):
         return (value.shape, value.dtype.str, value.tobytes())
     if isinstance(value, (int, float, bool, str)):
-        return (type(value), value)
+        return (type(value), repr(value))
     if isinstance(value, (list, tuple)):
         return (type(value), tuple(_identity(v) for v in value))
     return id(value)

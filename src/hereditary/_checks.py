@@ -15,6 +15,11 @@ def complaint(argument, required, got, remedy=""):
     return f"{argument} must {required}, got {got}" + (f"; {remedy}" if remedy else "")
 
 
+def shown(array):
+    """An array in few words, for a message."""
+    return np.array2string(np.asarray(array), separator=", ", threshold=8, edgeitems=3)
+
+
 def real(argument, value, required="be a finite real number", remedy=""):
     """Return `value` as a finite float, or say why it is none."""
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, (numbers.Real, np.ndarray)):
@@ -63,7 +68,7 @@ def real_array(argument, value, required="be real, finite numbers", remedy=""):
     if array.dtype.kind not in "iuf":
         raise TypeError(complaint(argument, required, f"dtype {array.dtype}", remedy))
     if not np.all(np.isfinite(array)):
-        raise ValueError(complaint(argument, required, f"{array.tolist()}", remedy))
+        raise ValueError(complaint(argument, required, shown(array), remedy))
     return np.ascontiguousarray(array, dtype=float).reshape(array.shape)
 
 

@@ -23,6 +23,7 @@ _TRAPEZOID, _FAST, _SLOW = 0.90, 0.05, 0.05
 # to 0.9 %, so a checked error below tol / 1.01 is a certificate.
 _POINTS_PER_OSCILLATION, _CERTIFICATE = 24, 1.01
 _TOL_MIN = 1e-13
+_RATIO_MAX = 1e100
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,9 +103,12 @@ def fit_exponentials(kernel: PowerLaw, t_min: float, t_max: float, tol: float) -
     t_min = positive("t_min", t_min)
     t_max = positive("t_max", t_max)
     tol = tolerance("tol", tol)
-    if t_max <= t_min:
-        raise ValueError(complaint("t_max", f"exceed t_min = {t_min}", t_max))
+    if not 1 < t_max / t_min <= _RATIO_MAX:
+        required = f"lie between t_min = {t_min} and {_RATIO_MAX:g} times that"
+        raise ValueError(complaint("t_max", required, t_max))
     a = float(kernel.exponent)
+    if abs(a * math.log(t_min)) > 690:
+        raise ValueError(complaint("t_min", "leave the kernel a finite value there", t_min))
     rates, weights, error = fit_unit((a,), t_max / t_min, tol)
     return ExponentialSum(rates / t_min, weights[0] * t_min**-a, t_min, t_max, error)
 
@@ -136,6 +140,8 @@ def fit_unit(exponents, ratio, tol):
     error : float
         Largest relative error found.
     """
+    if 0.0 in exponents:
+        return _with_constant(exponents, ratio, tol)
     goal = tol / _CERTIFICATE
     for shrink in (1.0, 0.9, 0.7, 0.5):
         rates, weights = _construct(exponents, ratio, goal * shrink)
@@ -147,6 +153,18 @@ def fit_unit(exponents, ratio, tol):
     rates.flags.writeable = False
     weights.flags.writeable = False
     return rates, weights, error
+
+
+def _with_constant(exponents, ratio, tol):
+    """The same where a kernel is constant, ``t**0``: one mode of rate 0 and weight 1."""
+    others = tuple(a for a in exponents if a > 0)
+    rates, weights, error = np.zeros(0), np.zeros((0, 0)), 0.0
+    if others:
+        rates, weights, error = fit_unit(others, ratio, tol)
+    full = np.zeros((len(exponents), rates.size + 1))
+    full[[a > 0 for a in exponents], 1:] = weights
+    full[[a == 0 for a in exponents], 0] = 1.0
+    return np.concatenate([[0.0], rates]), full, error
 
 
 def trapezoid_step(a, tol):

@@ -28,7 +28,8 @@ def test_direct_sums():
     start = np.array([[0.0], [0.7]])
     classes = np.array([1, 0])
     unused = np.zeros((1, 0))
-    tables, memory = (weights, start_weights, unused, unused), (np.zeros((width, n + 1)), start)
+    tables = (weights, start_weights, unused, unused, unused)
+    memory = (np.zeros((width, n + 1)), start, unused)
     for b in range(n_blocks):
         lag = np.zeros((width, n_block))
         first = b * n_block
@@ -48,8 +49,9 @@ def test_direct_sums():
 def test_direct_sums_lose_nothing_as_they_grow():
     """A million equal terms: plain summation would be off by a few 1e-12 of the sum."""
     n = 1 << 17
-    memory = (np.full((1, n + 2), 0.1), np.zeros((1, 1)))
-    tables = (np.full((1, n + 3), 0.1), np.zeros((1, n + 3)), np.zeros((1, 0)), np.zeros((1, 0)))
+    unused = np.zeros((1, 0))
+    memory = (np.full((1, n + 2), 0.1), np.zeros((1, 1)), unused)
+    tables = (np.full((1, n + 3), 0.1), np.zeros((1, n + 3)), unused, unused, unused)
     lag = np.zeros((1, 1))
     exchange_direct(lag, np.full((1, 2), 0.1), n, np.array([0]), tables, memory)
     assert lag[0, 0] == pytest.approx((n - 1) * 0.1 * 0.1, rel=2e-16, abs=0)
@@ -63,8 +65,10 @@ def test_modes_are_decaying_sums():
     ahead = np.ascontiguousarray(powers[:, :n_block])
     back = np.vstack([powers[:, :n_block].T[::-1], powers[:, n_block]])
     weights, start_weights = RNG.normal(size=(1, n_modes)), RNG.normal(size=(1, n_modes))
-    memory = (np.zeros((1, n_modes)), np.full((1, n_modes), 0.3))
-    tables = (weights, start_weights, ahead, np.ascontiguousarray(back))
+    length = 5
+    corrections = np.pad(RNG.normal(size=(1, length)), ((0, 0), (2, 0)))
+    memory = (np.zeros((1, n_modes)), np.full((1, n_modes), 0.3), np.zeros((1, length)))
+    tables = (weights, start_weights, ahead, np.ascontiguousarray(back), corrections)
     pieces = RNG.normal(size=3 * n_block)
     absorbed = np.zeros(0)
     for b in range(4):
@@ -78,6 +82,8 @@ def test_modes_are_decaying_sums():
             age = absorbed.size - 1 - np.arange(absorbed.size)
             modes = (q[:, None] ** (age + i)) @ absorbed
             expected = weights[0] @ modes + start_weights[0] @ (0.3 * q ** (b * n_block + i))
+            lacking = age + 2 + i < length + 2
+            expected += corrections[0, (age + 2 + i)[lacking]] @ absorbed[lacking]
             assert lag[0, i] == pytest.approx(expected, rel=1e-11, abs=1e-12)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import hereditary as hd
-from hereditary.solver.stepper import stiffness_ratio
+from hereditary.schemes import stability
 
 SCHEME = hd.ExplicitCaputo()
 SETS = [
@@ -129,9 +129,42 @@ def test_stiff_component_of_a_system(user_jacobian):
             assert sol.stats["stiffness_ratio"] == pytest.approx(share, rel=1e-6)
 
 
-def test_ratio_counts_real_eigenvalues_only():
-    rotation = np.array([[[0.0, 5.0], [-5.0, 0.0]]])
-    assert stiffness_ratio(rotation, np.array([1.0, 1.0])) == 0
-    assert stiffness_ratio(-3 * np.eye(2)[None], np.array([1.0, 1.0])) == pytest.approx(3)
-    assert stiffness_ratio(np.full((1, 1, 1), np.nan), np.array([1.0])) == 0
-    assert stiffness_ratio(np.empty((0, 1, 1)), np.array([1.0])) == 0
+@pytest.mark.parametrize(("order", "n_steps"), [(1.0, 100), (0.95, 100), (0.8, 100)])
+def test_stiff_spirals_are_seen(order, n_steps):
+    """Eigenvalues -1 +- 100 i at h = 0.01: a real limit of 200 would not notice."""
+
+    def spiral(t, y):
+        return np.array([-y[0] + 100 * y[1], -100 * y[0] - y[1]])
+
+    equation = hd.Equation(hd.Caputo(order), spiral, [1.0, 0.0])
+    with pytest.warns(hd.StabilityWarning, match="times its limit"):
+        sol = hd.solve(equation, 1.0, n_steps)
+    assert not sol.success
+    assert hd.solve(equation, 1.0, 200 * n_steps, save_every=1000).success
+
+
+def test_region_against_euler():
+    """For order 1 the curve is |1 + h mu| = 1.1, and slow growth is no instability."""
+    h = 0.1
+    equation = hd.Equation(hd.Caputo(1.0), lambda t, y: -y, [1.0, 1.0])
+    region = hd.ExplicitCaputo().plan(equation, h).region
+    for mu in (-1 + 9j, -3 + 4j, -15 + 2j, -0.1 + 2j):
+        jacobian = np.array([[mu.real, mu.imag], [-mu.imag, mu.real]])
+        ratio = region.ratio(jacobian[None])
+        on_curve = mu / ratio
+        assert abs(1 + h * on_curve) == pytest.approx(1.1, abs=1e-3)
+    assert region.ratio(-3 * np.eye(2)[None]) == pytest.approx(3 * h / 2)
+    assert region.ratio(np.array([[[0.0, 0.5], [-0.5, 0.0]]])) == 0  # neutral in the equation
+    assert region.ratio(np.full((1, 2, 2), np.nan)) == 0
+    assert region.ratio(np.empty((0, 2, 2))) == 0
+
+
+@pytest.mark.parametrize("alpha", [0.3, 0.7, 1.0, 1.4, 1.8])
+def test_curve_at_minus_one_is_the_sharp_limit(alpha, monkeypatch):
+    monkeypatch.setattr(stability, "_GROWTH", 1.0)
+    equation = hd.Equation(
+        hd.Caputo(alpha), lambda t, y: -y, np.ones((math.ceil(alpha), 2)), jac=None
+    )
+    region = hd.ExplicitCaputo().plan(equation, 0.1).region
+    assert region.radii[-1] == pytest.approx(region.limits[0], rel=1e-4)
+    assert region.angles[0] == pytest.approx(min(alpha, 2) * np.pi / 2, abs=0.05)

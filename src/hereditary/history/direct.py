@@ -29,43 +29,39 @@ class Direct(History):
     0
     """
 
-    def open(
-        self, convolution: Convolution, start: np.ndarray, n_block: int, n_steps: int
-    ) -> Memory:
+    def open(self, convolution: Convolution, n_columns: int, n_block: int, n_steps: int) -> Memory:
         """A fresh memory; see `History.open`."""
         if not convolution.exponents():
-            return NoMemory(start.size, convolution.exact(n_block + 2)[0])
-        return _Pieces(convolution, start, n_block)
+            return NoMemory(n_columns, *convolution.exact(n_block + 2))
+        return _Pieces(convolution, n_columns, n_block)
 
 
 class _Pieces(Memory):
     """All pieces ever absorbed, in arrays that grow by doubling."""
 
-    def __init__(self, convolution, start, n_block):
+    def __init__(self, convolution, n_columns, n_block):
         self._convolution = convolution
         self._n_block = n_block
-        empty = np.zeros((1, 0))
-        arrays = (np.zeros((start.size, 0)), start.reshape(-1, 1).copy())
-        block_weights = convolution.exact(n_block + 2)[0]
-        super().__init__(exchange_direct, (empty,) * 4, arrays, block_weights)
+        arrays = tuple(np.zeros((n_columns, k)) for k in (0, 1, 0))
+        tables = (np.zeros((1, 0)),) * 5
+        super().__init__(exchange_direct, tables, arrays, *convolution.exact(n_block + 2))
 
     def prepare(self, n_end):
         """Grow the arrays and tables to hold steps up to `n_end`."""
-        pieces, start = self.arrays
+        pieces, *others = self.arrays
         n_tables = n_end + self._n_block + 1
         if pieces.shape[1] < n_end + 1:
             capacity = max(n_end + 1, 2 * pieces.shape[1])
             grown = np.zeros((pieces.shape[0], capacity))
             grown[:, : pieces.shape[1]] = pieces
-            self.arrays = (grown, start)
+            self.arrays = (grown, *others)
             n_tables = capacity + self._n_block + 1
         if self.tables[0].shape[1] < n_tables:
-            unused = np.zeros((1, 0))
-            self.tables = (*self._convolution.exact(n_tables), unused, unused)
+            self.tables = (*self._convolution.exact(n_tables), *self.tables[2:])
 
     def copy(self):
         """An independent memory with the same pieces."""
-        twin = _Pieces(self._convolution, self.arrays[1][:, 0], self._n_block)
+        twin = _Pieces(self._convolution, self.arrays[0].shape[0], self._n_block)
         twin.tables = self.tables
         twin.restore(self.state())
         return twin

@@ -63,13 +63,11 @@ class SumOfExponentials(History):
         if self.horizon is not None:
             count("horizon", self.horizon)
 
-    def open(
-        self, convolution: Convolution, start: np.ndarray, n_block: int, n_steps: int
-    ) -> Memory:
+    def open(self, convolution: Convolution, n_columns: int, n_block: int, n_steps: int) -> Memory:
         """A fresh memory; see `History.open`."""
         exponents = convolution.exponents()
         if not exponents:
-            return NoMemory(start.size, convolution.exact(n_block + 2)[0])
+            return NoMemory(n_columns, *convolution.exact(n_block + 2))
         covered = _STEPS_COVERED
         # one block more than asked for: a lag is filled for whole blocks
         while covered < max(n_steps, self.horizon or 1) + n_block:
@@ -81,18 +79,27 @@ class SumOfExponentials(History):
         bank = {a: (rates, row) for a, row in zip(exponents, weights, strict=True)}
         shares, start_shares = convolution.modal(bank, 2, 0)
         ahead, back = _powers(rates, n_block)
-        # k = 0 and 1 belong to the scheme
-        block_weights = np.pad(shares @ ahead, ((0, 0), (2, 0)))
-        arrays = (np.zeros((start.size, rates.size)), np.outer(start, np.ones(rates.size)))
-        tables = (shares, start_shares, ahead, back)
-        return _Modes(tables, arrays, block_weights, rates.size - pad, covered)
+        block_weights, block_start_weights = convolution.exact(n_block + 2)
+        first = convolution.first_modal
+        corrections = np.zeros((shares.shape[0], first))
+        corrections[:, 2:] = (
+            convolution.exact(first)[0][:, 2:] - shares @ _powers(rates, first)[0][:, : first - 2]
+        )
+        block_weights[:, 2:] = shares @ ahead
+        n_short = min(first, n_block + 2)
+        block_weights[:, :n_short] += corrections[:, :n_short]
+        block_start_weights[:, 2:n_block] = (start_shares @ ahead)[:, 2:]
+        arrays = tuple(np.zeros((n_columns, k)) for k in (rates.size, rates.size, first - 2))
+        tables = (shares, start_shares, ahead, back, corrections)
+        blocks = (block_weights, block_start_weights)
+        return _Modes(tables, arrays, blocks, rates.size - pad, covered)
 
 
 class _Modes(Memory):
-    """Modes driven by the pieces, and undriven ones that carry the start values."""
+    """Modes driven by the pieces, undriven ones for the start values, and a window."""
 
-    def __init__(self, tables, arrays, block_weights, n_modes, covered):
-        super().__init__(exchange_modes, tables, arrays, block_weights)
+    def __init__(self, tables, arrays, blocks, n_modes, covered):
+        super().__init__(exchange_modes, tables, arrays, *blocks)
         self.n_modes = n_modes
         self._covered = covered
 
@@ -105,7 +112,8 @@ class _Modes(Memory):
 
     def copy(self):
         """An independent memory with the same modes; the tables are shared."""
-        return _Modes(self.tables, self.state(), self.block_weights, self.n_modes, self._covered)
+        blocks = (self.block_weights, self.block_start_weights)
+        return _Modes(self.tables, self.state(), blocks, self.n_modes, self._covered)
 
 
 def _powers(rates, n_block):

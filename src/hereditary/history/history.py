@@ -26,26 +26,40 @@ class Memory(ABC):
     ----------
     exchange : compiled function
         Of signature `EXCHANGE_SIG`, kernels/signatures.py.
-    tables : tuple of four ndarrays
+    tables : tuple of five ndarrays
         What it reads.
-    arrays : tuple of two ndarrays
-        What it changes; the first axis runs over the W columns.
+    arrays : tuple of three ndarrays
+        What it changes; the first axis runs over the W columns. The second one holds the start
+        values and is filled by the march.
     block_weights : ndarray, shape (C, B + 2)
         The weights W_k as this history sees them, k = 2 .. B + 1, for the sums inside a block: with
         them a result does not depend on where blocks begin.
+    block_start_weights : ndarray, shape (C, B + 2)
+        The start weights of the first block's steps.
     """
 
     n_modes: int = 0
 
-    def __init__(self, exchange, tables, arrays, block_weights):
+    def __init__(self, exchange, tables, arrays, block_weights, block_start_weights):
         self.exchange = as_value(exchange, EXCHANGE_SIG)
         self.block_weights = np.ascontiguousarray(block_weights)
+        self.block_start_weights = np.ascontiguousarray(block_start_weights)
         self.tables = tables
         self.arrays = arrays
 
     @abstractmethod
     def prepare(self, n_end: int) -> None:
         """Make room for a march up to step `n_end`; raise ValueError where there is none."""
+
+    def reach(self, n: int) -> int:
+        """Step up to which a march may go from step n before `refresh` must be called."""
+        return n + 2**62
+
+    def refresh(self, n: int, pieces: np.ndarray) -> None:  # noqa: B027
+        """Do what cannot be done in compiled code before a march from step n; nothing by default.
+
+        `pieces` (W, B + 1) are those of the block that ended at step n, not yet exchanged.
+        """
 
     @abstractmethod
     def copy(self) -> Memory:
@@ -85,33 +99,33 @@ class Memory(ABC):
 class NoMemory(Memory):
     """The memory of an equation whose terms are all classical."""
 
-    def __init__(self, n_columns, block_weights):
+    def __init__(self, n_columns, block_weights, block_start_weights):
         empty = np.zeros((n_columns, 0))
-        super().__init__(exchange_nothing, (empty,) * 4, (empty, empty), block_weights)
+        super().__init__(
+            exchange_nothing, (empty,) * 5, (empty,) * 3, block_weights, block_start_weights
+        )
 
     def prepare(self, n_end: int) -> None:
         """Any length will do."""
 
     def copy(self) -> Memory:
         """Another empty memory."""
-        return NoMemory(self.arrays[0].shape[0], self.block_weights)
+        return NoMemory(self.arrays[0].shape[0], self.block_weights, self.block_start_weights)
 
 
 class History(ABC):
     """How the past is summed; subclasses are final frozen dataclasses, one file each."""
 
     @abstractmethod
-    def open(
-        self, convolution: Convolution, start: np.ndarray, n_block: int, n_steps: int
-    ) -> Memory:
+    def open(self, convolution: Convolution, n_columns: int, n_block: int, n_steps: int) -> Memory:
         """A fresh `Memory` for one run.
 
         Parameters
         ----------
         convolution : Convolution
             The weights to sum with.
-        start : ndarray, shape (W,)
-            Start value of each column, weighed with the convolution's start weights.
+        n_columns : int
+            Number of columns W.
         n_block : int
             Steps in a block.
         n_steps : int

@@ -13,10 +13,10 @@ def exchange_direct(lag, pieces, n, classes, tables, memory):
     they grow longer, nor where a term exceeds the sum so far (Kahan's rule would), as increments
     of an oscillation do. All of it runs along the block, so the loop is still vectorised.
     """
-    # lag (W, B), pieces (W, B + 1); tables: weights, start weights (C, >= n + B), two unused
-    # memory: stored (W, capacity) with u_m at m + 1, start values (W, 1)
-    weights, start_weights, _, _ = tables
-    stored, start = memory
+    # lag (W, B), pieces (W, B + 1); tables: weights, start weights (C, >= n + B), others unused
+    # memory: stored (W, capacity) with u_m at m + 1, start values (W, 1), unused
+    weights, start_weights, _, _, _ = tables
+    stored, start, _ = memory
     n_block = lag.shape[1]
     lost = np.empty(n_block)
     for c in range(lag.shape[0]):

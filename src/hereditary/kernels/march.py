@@ -7,11 +7,13 @@ spread over the steps ahead of it. All arithmetic hangs on absolute step numbers
 not depend on where it was interrupted.
 """
 
+import numpy as np
+
 from .._jit import entry, kernel
+from .block import BLOWN_UP, RUNNING, begin_memory, open_block, write_rows
 from .jacobian import jacobian
 from .signatures import MARCH
 
-RUNNING, BLOWN_UP = 0, 1
 # Steps of unbroken alternation after which the amplitude is compared with that of the stretch
 # before. A resolved oscillation never alternates twice in a row; at 0.99 of the step limit the
 # undamped classical oscillator alternates for 16 steps, and every damped one shrinks.
@@ -26,36 +28,43 @@ def march_explicit(
     rhs, jac, has_jac, params, exchange, tables, memory, scheme, state, output, n_end
 ):
     """March to step `n_end`; return 0, or 1 where the solution stopped being finite."""
-    # scheme: h, classes, second (W,), weights (C, B + 2), lead, near (W,)
-    # state: counters (3,) [step, rows written, zigzag step], x, y, d (W,), lag (W, B),
-    #   pieces (W, B + 1), monitor (W, 3)
+    # scheme: [h, blocks between Jacobians], classes, second (W,), weights and start weights
+    #   (C, B + 2), rows [lead, near, start] (3, W), no forcing
+    # state: counters (4,) [step, rows written, zigzag step, block opened], x, y, d (W,),
+    #   lag (W, B), pieces (W, B + 1), monitor (W, 3)
     # output: positions (k,), rows of x, rows of x' (k, d), Jacobians (blocks, d, d)
-    h, classes, second, weights, lead, near = scheme
+    numbers, classes, second, weights, start_weights, columns, _ = scheme
+    h, lead, near = numbers[0], columns[0], columns[1]
     counters, x, y, d, lag, pieces, monitor = state
     positions, rows, slopes, jacobians = output
     n_block = lag.shape[1]
-    first_block = counters[0] // n_block
+    every = n_block * int(numbers[1])
+    first_sample = (counters[0] + every - 1) // every
+    f = np.empty(x.shape[0])
     counters[1] = 0
     while counters[0] < n_end:
         n = counters[0]
         p = n % n_block
-        if p == 0:
-            open_block(lag, pieces, classes, weights)
-            exchange(lag, pieces, n, classes, tables, memory)
-            for c in range(x.shape[0]):
-                pieces[c, 0] = pieces[c, n_block]
-            sample = jacobians[n // n_block - first_block]
-            jacobian(rhs, jac, has_jac, n * h, x, params, sample)
-        rhs(n * h, x, d, params)
+        if p == 0 and counters[3] != n:  # the right-hand side may have raised since
+            open_block(lag, pieces, n, classes, weights, exchange, tables, memory)
+            if n == 0:
+                for c in range(x.shape[0]):
+                    begin_memory(lag, memory[1], columns[2, c], c, start_weights[classes[c]], 1)
+            counters[3] = n
+        if n % every == 0:
+            jacobian(rhs, jac, has_jac, n * h, x, params, jacobians[n // every - first_sample])
+        rhs(n * h, x, f, params)
         finite = True
         for c in range(x.shape[0]):
             y_old = y[c]
-            change = lead[c] * d[c] - near[c] * y_old - lag[c, p]
+            change = lead[c] * f[c] - near[c] * y_old - lag[c, p]
             if n == 0 and second[c] == 1:
                 change = 0.0  # y holds h x'(0) already: the scheme's x_1 = x_0 + h x'(0)
             y_new = y_old + change
             x_new = x[c] + y_new
             x[c], y[c], d[c], pieces[c, p + 1] = x_new, y_new, change, y_new
+            if n == 0:
+                d[c] = 0.0  # no second difference yet
             w = weights[classes[c]]
             for i in range(2, n_block - p):
                 lag[c, p + i] += w[i] * y_new
@@ -65,28 +74,10 @@ def march_explicit(
                 monitor[c, 0] = 0.0
             finite = finite and abs(x_new) < 1e300
         counters[0] = n + 1
-        k = counters[1]
-        while k < positions.shape[0] and positions[k] <= n + 1:
-            back = positions[k] - (n + 1)  # in (-1, 0]; zero on the mesh, where the row is x itself
-            for c in range(rows.shape[1]):
-                rows[k, c] = x[c] + back * y[c]
-                slopes[k, c] = (y[c] + (0.5 + back) * d[c]) / h
-            k += 1
-        counters[1] = k
+        counters[1] = write_rows(n + 1, counters[1], positions, rows, slopes, x, y, d, h)
         if not finite:
             return BLOWN_UP
     return RUNNING
-
-
-@kernel
-def open_block(lag, pieces, classes, weights):
-    """Start a block's lag with the last piece of the block before, which no history takes yet."""
-    newest = pieces.shape[1] - 1
-    for c in range(lag.shape[0]):
-        w = weights[classes[c]]
-        lag[c, 0] = 0.0  # its weight there is `near`
-        for i in range(1, lag.shape[1]):
-            lag[c, i] = w[i + 1] * pieces[c, newest]
 
 
 @kernel

@@ -1,7 +1,8 @@
 """Exponential modes: the compiled half of the sum-of-exponentials history (floor 1).
 
 A mode of rate s holds ``Z = sum_k q**(k_newest - k) u_k`` with q = exp(-s h); the memory of a
-block's worth of steps ahead is one product of mode amplitudes with a table of powers of q.
+block's worth of steps ahead is one product of mode amplitudes with a table of powers of q. Where a
+scheme's first weights are no sum of exponentials, a window of the newest pieces adds what lacks.
 """
 
 import numpy as np
@@ -12,10 +13,11 @@ from .._jit import kernel
 @kernel
 def exchange_modes(lag, pieces, n, classes, tables, memory):
     """Take the finished block's pieces in and add the lag of all of them to the next block."""
-    # lag (W, B), pieces (W, B + 1); memory: modes, start modes (W, M)
-    # tables: weights, start weights (C, M), ahead (M, B), back (B + 1, M) with last row q**B
-    weights, start_weights, ahead, back = tables
-    modes, start = memory
+    # lag (W, B), pieces (W, B + 1); memory: modes, start modes (W, M), window (W, L)
+    # tables: weights, start weights (C, M), ahead (M, B), back (B + 1, M) with last row q**B,
+    #   corrections (C, L + 2) of the weights k = 2 .. L + 1
+    weights, start_weights, ahead, back, corrections = tables
+    modes, start, window = memory
     n_block = lag.shape[1]
     amplitudes = np.empty(modes.shape[1])
     for c in range(lag.shape[0]):
@@ -28,6 +30,9 @@ def exchange_modes(lag, pieces, n, classes, tables, memory):
         for i in range(amplitudes.shape[0]):
             amplitudes[i] = w[i] * modes[c, i] + s[i] * start[c, i]
         add_rows(lag[c], amplitudes, ahead)
+        if window.shape[1] > 0:
+            slide(window[c], pieces[c, :n_block])
+            correct(lag[c], window[c], corrections[classes[c]])
 
 
 @kernel
@@ -46,3 +51,24 @@ def add_rows(out, factors, rows):
     for k in range(fours, factors.shape[0]):
         for j in range(out.shape[0]):
             out[j] += factors[k] * rows[k, j]
+
+
+@kernel
+def slide(window, pieces):
+    """Move the newest pieces into the window's end."""
+    length, more = window.shape[0], pieces.shape[0]
+    for k in range(length - more):
+        window[k] = window[k + more]
+    for k in range(max(0, length - more), length):
+        window[k] = pieces[k - length + more]
+
+
+@kernel
+def correct(lag, window, corrections):
+    """Add what the weights of the window's pieces differ by from their exponential sums."""
+    # window[L - 1] is u_(n-2): k = 2 for the first step of the block
+    length = window.shape[0]
+    for k in range(length):
+        age = length + 1 - k
+        for i in range(min(lag.shape[0], length + 2 - age)):
+            lag[i] += corrections[age + i] * window[k]

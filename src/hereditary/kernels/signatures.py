@@ -8,20 +8,21 @@ histories are compiled once each and pair freely.
 
 from numba import types
 
-from .._jit import CUBE, F8, I8, IVEC, JAC_SIG, MAT, RHS_SIG, VEC
+from .._jit import CUBE, I8, IVEC, JAC_SIG, MAT, RHS_SIG, VEC
 
 RHS = types.FunctionType(RHS_SIG)
 JAC = types.FunctionType(JAC_SIG)
 
-TABLES = types.UniTuple(MAT, 4)
-MEMORY = types.UniTuple(MAT, 2)
+TABLES = types.UniTuple(MAT, 5)
+MEMORY = types.UniTuple(MAT, 3)
 # lag (W, B), pieces (W, B + 1), first step of the block, class of each column (W,), tables, memory:
 # takes all pieces but the last into memory (none at step 0), adds to lag
 EXCHANGE_SIG = types.void(MAT, MAT, I8, IVEC, TABLES, MEMORY)
 EXCHANGE = types.FunctionType(EXCHANGE_SIG)
 
-# what a march works on; the order is told at kernels/march.py
-SCHEME = types.Tuple((F8, IVEC, IVEC, MAT, VEC, VEC))
+# what a march works on: numbers, class of each column, flags, weights and start weights inside a
+# block, one row a column quantity, forcing; what they hold is told at each march
+SCHEME = types.Tuple((VEC, IVEC, IVEC, MAT, MAT, MAT, MAT))
 STATE = types.Tuple((IVEC, VEC, VEC, VEC, MAT, MAT, MAT))
 OUTPUT = types.Tuple((VEC, MAT, MAT, CUBE))
 MARCH = (RHS, JAC, I8, VEC, EXCHANGE, TABLES, MEMORY, SCHEME, STATE, OUTPUT, I8)

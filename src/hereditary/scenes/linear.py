@@ -1,6 +1,6 @@
 """Linear scenes with known solutions (floor 6)."""
 
-from .._checks import real
+from .._checks import real, within
 from .._jit import kernel
 from ..equation import Equation
 from ..operators import Caputo
@@ -42,9 +42,21 @@ def relaxation(alpha: float = 0.5, rate: float = 1.0, y0: float = 1.0) -> Equati
     >>> hd.scenes.relaxation(alpha=0.5).m
     1
     """
+    within("alpha", alpha, 5e-324, 1.0, "(0, 1]", "see oscillator for higher orders")
     return Equation(
-        Caputo(alpha), _proportional, y0, params=(-real("rate", rate),), jac=_proportional_jacobian
+        Caputo(alpha),
+        _proportional,
+        real("y0", y0),
+        params=(-real("rate", rate),),
+        jac=_proportional_jacobian,
     )
+
+
+def oscillator_terms(beta, gamma, friction):
+    """Inertia and friction, ``D^beta + friction D^gamma``, with orders in their ranges."""
+    within("beta", beta, 1 + 1e-15, 2.0, "(1, 2]", "order 1 and below takes no x'(0)")
+    within("gamma", gamma, 5e-324, 1.0, "(0, 1]")
+    return [Caputo(beta), real("friction", friction) * Caputo(gamma)]
 
 
 def oscillator(
@@ -80,9 +92,9 @@ def oscillator(
     """
     stiffness = real("omega", omega) ** 2
     return Equation(
-        [Caputo(beta), real("friction", friction) * Caputo(gamma)],
+        oscillator_terms(beta, gamma, friction),
         _proportional,
-        [x0, v0],
+        [[real("x0", x0)], [real("v0", v0)]],
         params=(-stiffness,),
         jac=_proportional_jacobian,
     )

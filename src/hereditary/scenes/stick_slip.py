@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 from .._checks import complaint, count, positive, real, real_array
 from .._jit import kernel
 from ..equation import Equation
-from ..operators import Caputo
 from ..solver.solution import Solution
+from .linear import oscillator_terms
 
 # Fourier coefficients of the well as [ParovikStickSlip], Example 1, prints them.
 PRINTED_WELL = (0.436, 0.344, 0.164, 0.058, 0.021, 0.004, 0.003)
@@ -110,9 +110,9 @@ def stick_slip(
         *coefficients,
     )
     return Equation(
-        [Caputo(beta), real("friction", friction) * Caputo(gamma)],
+        oscillator_terms(beta, gamma, friction),
         _force,
-        [x0, v0],
+        [[real("x0", x0)], [real("v0", v0)]],
         params=params,
         jac=_force_jacobian,
     )
@@ -129,7 +129,7 @@ def well_coefficients(n: int) -> np.ndarray:
     Returns
     -------
     ndarray, shape (n,)
-        Accurate to rounding.
+        Absolute error below 1e-11 for n up to 100.
 
     Source
     ------

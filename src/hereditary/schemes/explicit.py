@@ -13,31 +13,14 @@ from typing import ClassVar
 import numpy as np
 from scipy.special import rgamma
 
-from .._checks import complaint, within
+from .._checks import within
 from ..equation import Equation
 from ..kernels.march import march_explicit
 from ..operators import derivative_order
-from ..special import (
-    alternating_power_sum,
-    mean_exponential,
-    power_differences,
-    power_second_differences,
-)
-from .scheme import Convolution, Plan, Scheme, WeightRule
-
-
-def _modal(p, rates, weights, k):
-    """Shares of ``b_k = p int_k^(k+1) t**(p-1) dt``, whose kernel is ``t**-(1-p)``."""
-    return p * weights * mean_exponential(rates) * np.exp(-rates * k)
-
-
-def _modal_differences(p, rates, weights, k):
-    """Shares of ``b_k - b_(k-1)``."""
-    return _modal(p, rates, weights, k - 1) * np.expm1(-rates)
-
-
-FIRST_DIFFERENCES = WeightRule(power_differences, _modal)
-SECOND_DIFFERENCES = WeightRule(power_second_differences, _modal_differences)
+from ..special import alternating_power_sum, power_differences
+from .scheme import Convolution, Plan, Scheme, check_lead, check_smoothness, distinct_components
+from .stability import stability_region
+from .weights import FIRST_DIFFERENCES, SECOND_DIFFERENCES
 
 
 @dataclass(frozen=True)
@@ -93,9 +76,7 @@ class ExplicitCaputo(Scheme):
             Whether the solution is smooth at 0 or behaves like t**alpha there; both give 1.
         """
         within("alpha", alpha, 5e-324, 2.0, "(0, 2]")
-        if smoothness not in ("smooth", "singular"):
-            required = 'be "smooth" or "singular"'
-            raise ValueError(complaint("smoothness", required, repr(smoothness)))
+        check_smoothness(smoothness)
         return 1.0
 
     def step_limit(self, equation: Equation, stiffness: float) -> float:
@@ -134,22 +115,15 @@ class ExplicitCaputo(Scheme):
 
     def plan(self, equation: Equation, h: float) -> Plan:
         """Tables and convolution for `equation` with step h."""
-        highest = equation.highest_orders()
-        second = highest > 1
-        keys = [
-            tuple(zip(equation.coefficients[:, j], equation.orders[:, j], strict=True))
-            for j in range(equation.d)
-        ]
-        distinct = list(dict.fromkeys(keys))
+        second = equation.highest_orders() > 1
+        distinct, classes = distinct_components(equation)
         lead = np.empty(len(distinct))
         near = np.empty(len(distinct))
         lists, start_lists = [], []
         for i, key in enumerate(distinct):
             factors = [_factor(c, alpha, h) for c, alpha in key]
             total = sum(f for f, _ in factors)
-            if total == 0 or not np.isfinite(total):
-                required = "give a step with a finite, nonzero leading weight"
-                raise ValueError(complaint("terms", required, f"{total} at h = {h}"))
+            check_lead(total, h)
             terms = [
                 (f / total, SECOND_DIFFERENCES if alpha > 1 else FIRST_DIFFERENCES, p)
                 for (f, p), (_, alpha) in zip(factors, key, strict=True)
@@ -158,17 +132,26 @@ class ExplicitCaputo(Scheme):
             near[i] = sum(f * _nearest(rule, p) for f, rule, p in terms)
             lists.append(tuple(terms))
             start_lists.append(tuple((-f, FIRST_DIFFERENCES, p) for f, _, p in terms))
-        classes = np.array([distinct.index(key) for key in keys])
-        velocity = equation.y0[1] if equation.m == 2 else np.zeros(equation.d)
+        increments = h * equation.y0[1] if equation.m == 2 else np.zeros(equation.d)
+        start = np.where(second, increments, 0.0)
         return Plan(
             convolution=Convolution(tuple(lists), tuple(start_lists)),
             classes=classes,
-            second=second.astype(np.int64),
-            lead=lead[classes],
-            near=near[classes],
-            increments=h * velocity,
-            limits=_limits(equation, h),
+            # a Jacobian by differences costs 2 d right-hand sides: an eighth of one a step
+            numbers=np.array([h, (equation.d + 1) // 2]),
+            flags=second.astype(np.int64),
+            columns=np.array([lead[classes], near[classes], start]),
+            increments=increments,
+            forcing=np.zeros((0, equation.d)),
+            region=_region(equation, h, distinct),
         )
+
+
+def _region(equation, h, distinct):
+    factors = None
+    if len(distinct) == 1:
+        factors = [_factor(c, alpha, h)[0] for c, alpha in distinct[0]]
+    return stability_region(_limits(equation, h), factors, [alpha for _, alpha in distinct[0]])
 
 
 def _factor(coefficient, alpha, h):

@@ -11,24 +11,30 @@ from typing import ClassVar
 
 import numpy as np
 
+from .._checks import complaint
 from ..equation import Equation
+from .stability import StabilityRegion
 
 
 @dataclass(frozen=True)
 class WeightRule:
-    """A family of weights w_k, exact and as exponentials.
+    """A family of weights w_k that depends on one number p, exact and as exponentials.
 
     Attributes
     ----------
     exact : callable
         ``exact(p, n)``: the weights w_0 .. w_(n-1), shape (n,).
+    exponent : callable
+        ``exponent(p)``: exponent a of the kernel ``t**-a`` behind the weights, or None where there
+        is no memory.
     modal : callable
-        ``modal(p, rates, weights, k)``: the shares of w_k of each mode when ``t**(p-1)`` is the sum
+        ``modal(p, rates, weights, k)``: the shares of w_k of each mode when the kernel is the sum
         of ``weights * exp(-rates t)`` on [1, ...) in units of the step; a share decays by
-        ``exp(-rates)`` from one k to the next. Valid from k = 2 on.
+        ``exp(-rates)`` from one k to the next.
     """
 
     exact: Callable[[float, int], np.ndarray]
+    exponent: Callable[[float], float | None]
     modal: Callable[[float, np.ndarray, np.ndarray, int], np.ndarray]
 
 
@@ -37,22 +43,29 @@ class Convolution:
     """What a history has to sum on a uniform mesh: ``lag_n = sum_k W_k u_(n-k)``, k >= 2.
 
     The weights are sums ``W_k = sum_j factor_j rule_j(p_j)_k``, one such list of (factor, rule, p)
-    for each class of components; a second list of the same kind weighs the start value, from k = 1
-    on (the lag of step 0 is never used by a component that has a start value).
+    for each class of columns; a second list of the same kind weighs the start value of a column
+    (its weights are as sums of exponentials from k = 2 on).
 
     Attributes
     ----------
     classes : tuple of tuple of (float, WeightRule, float)
     start_classes : tuple of tuple of (float, WeightRule, float)
+    first_modal : int
+        First k from which the weights are sums of exponentials, at least 2.
     """
 
     classes: tuple
     start_classes: tuple
+    first_modal: int = 2
 
     def exponents(self):
-        """Kernel exponents a = 1 - p that occur, without the memoryless ones (p = 0)."""
-        lists = self.classes + self.start_classes
-        return tuple(sorted({1 - p for terms in lists for _, _, p in terms if p > 0}))
+        """Kernel exponents that occur."""
+        found = {rule.exponent(p) for lists in self._lists for _, rule, p in lists}
+        return tuple(sorted(found - {None}))
+
+    @property
+    def _lists(self):
+        return self.classes + self.start_classes
 
     def exact(self, n):
         """Weights and start weights of every class for k < n, two arrays of shape (C, n)."""
@@ -66,10 +79,14 @@ class Convolution:
 
         `bank` maps a kernel exponent to (rates, weights) of its exponential sum.
         """
+        n_modes = next(iter(bank.values()))[0].size
 
         def share(terms, at):
-            pieces = (f * rule.modal(p, *bank[1 - p], at) for f, rule, p in terms if p > 0)
-            return _total(pieces, next(iter(bank.values()))[0].size)
+            held = ((f, rule, p, rule.exponent(p)) for f, rule, p in terms)
+            return _total(
+                (f * rule.modal(p, *bank[a], at) for f, rule, p, a in held if a is not None),
+                n_modes,
+            )
 
         return tuple(
             np.array([share(terms, at) for terms in lists])
@@ -88,26 +105,59 @@ class Plan:
     Attributes
     ----------
     convolution : Convolution
-        What the history sums, already divided by the leading weight.
+        What the history sums.
     classes : ndarray of int64, shape (d,)
         Class of each component in `convolution`.
-    second : ndarray of int64, shape (d,)
-        1 for components with an initial derivative.
-    lead, near : ndarray, shape (d,)
-        Reciprocal leading weight, and the exact weight of the newest increment.
+    numbers : ndarray, shape (k,)
+        The step h, and what else the march takes.
+    flags : ndarray of int64, shape (d,)
+        One for each component; each march tells what they say.
+    columns : ndarray, shape (r, d)
+        Rows of numbers for each component; each march tells which.
     increments : ndarray, shape (d,)
-        The increment ``y_(-1)`` or ``y_0`` the march starts from.
-    limits : ndarray, shape (d,)
-        Sharp stability limit of each component: -d rhs / d y must stay below it [1/time**order].
+        What the march's newest increment is before the first step.
+    forcing : ndarray, shape (2 r, d)
+        Known terms ``sum_i forcing[2 i] * t**forcing[2 i + 1]`` on the left side of the equation.
+    region : StabilityRegion, or None
+        Where the eigenvalues of the Jacobian must stay; None for a scheme without a step limit.
     """
 
     convolution: Convolution
     classes: np.ndarray
-    second: np.ndarray
-    lead: np.ndarray
-    near: np.ndarray
+    numbers: np.ndarray
+    flags: np.ndarray
+    columns: np.ndarray
     increments: np.ndarray
-    limits: np.ndarray
+    forcing: np.ndarray
+    region: StabilityRegion | None = None
+
+
+def distinct_components(equation):
+    """The different (coefficient, order) lists of an equation's components, and each one's index.
+
+    Terms with a zero coefficient are left out.
+    """
+    keys = []
+    for j in range(equation.d):
+        pairs = zip(equation.coefficients[:, j], equation.orders[:, j], strict=True)
+        keys.append(tuple((float(c), float(alpha)) for c, alpha in pairs if c != 0))
+    distinct = list(dict.fromkeys(keys))
+    return distinct, np.array([distinct.index(key) for key in keys], dtype=np.int64)
+
+
+def check_lead(total, h):
+    """Refuse a leading weight that cannot be divided by."""
+    if total == 0 or not np.isfinite(total):
+        required = "give a finite, nonzero leading weight"
+        got = f"{total} at h = {h}"
+        raise ValueError(complaint("terms", required, got, "take another step"))
+
+
+def check_smoothness(smoothness):
+    """Refuse anything but the two kinds of solutions that proven orders tell apart."""
+    if smoothness not in ("smooth", "singular"):
+        required = 'be "smooth" or "singular"'
+        raise ValueError(complaint("smoothness", required, repr(smoothness)))
 
 
 class Scheme(ABC):

@@ -58,12 +58,12 @@ def _clock(seconds):
 class Interruption:
     """Turns the first Ctrl-C into a flag, so that a run ends between two stretches.
 
-    A second Ctrl-C raises as usual. Outside the main thread, where no signal arrives, it does
-    nothing.
+    A second Ctrl-C raises as usual, and so does one that came too late to stop anything (`heeded`
+    stays False). Outside the main thread, where no signal arrives, it does nothing.
     """
 
     def __init__(self):
-        self.asked = False
+        self.asked = self.heeded = False
         self._previous = None
 
     def __enter__(self):
@@ -78,6 +78,8 @@ class Interruption:
     def __exit__(self, *exception):
         if self._previous is not None:
             signal.signal(signal.SIGINT, self._previous)
+            if self.asked and not self.heeded:
+                signal.raise_signal(signal.SIGINT)
 
     def _ask(self, number, frame):
         if self.asked:

@@ -38,15 +38,18 @@ class Solution:
     y : ndarray, shape (n+1, d)
         Solution, time first.
     ydot : ndarray, shape (n+1, d), or None
-        First derivative when the highest order exceeds 1.
+        First derivative when the highest order exceeds 1; NaN at t = 0 for components that have
+        no initial derivative.
     status : Status
         How the run ended; ``success`` says whether it is COMPLETED.
     message : str
         The same in a sentence, with the numbers of this run.
     stats : dict
-        n_steps, n_rhs, n_modes, history_bytes, setup_seconds, run_seconds, and stiffness_ratio:
-        the largest ratio of ``-d rhs / d y`` to the step limit seen along the orbit, or an upper
-        bound of it where that is below 1; a run is stable below 1.
+        n_steps and n_rhs (counted from t = 0), n_modes, history_bytes, setup_seconds, run_seconds,
+        and stiffness_ratio: the largest ratio of an eigenvalue of d rhs / d y to its step limit
+        seen along the orbit, sampled every 32 steps (more rarely in systems); the scheme is
+        unstable above 1. Where the components of a system have different terms only real
+        eigenvalues are seen.
     state : State
         Everything needed to go on, ``solve(eq, t_later, resume=sol.state)``: a few kilobytes with
         `SumOfExponentials`, the whole past with `Direct`.

@@ -6,7 +6,7 @@ import warnings
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._checks import complaint, count, instance, positive, real_array
+from .._checks import complaint, count, instance, positive, real_array, shown
 from ..equation import Equation
 from ..history.exponentials import SumOfExponentials
 from ..history.history import History
@@ -16,9 +16,10 @@ from .progress import Interruption, ProgressBar
 from .solution import Solution, StabilityWarning, Status
 from .stepper import State, Stepper
 
-# Steps between two looks at Ctrl-C and the progress bar, and the time they may take. Entering the
-# compiled march costs 0.1 ms; the rows written stay in the second-level cache.
-_STRETCH, _STRETCH_SECONDS = 1 << 15, 0.1
+# Steps between two looks at Ctrl-C and the progress bar: few at first, since a right-hand side may
+# be slow, then as many as take this long, but no more than whose rows stay in a near cache.
+# Entering the compiled march costs 0.06 ms.
+_STRETCH_FIRST, _STRETCH_MAX, _STRETCH_SECONDS = 256, 1 << 15, 0.1
 
 
 def solve(
@@ -64,6 +65,13 @@ def solve(
         Also when the run blows up, is interrupted by Ctrl-C, or the right-hand side raises: its
         status says so and it holds everything computed until then.
 
+    Raises
+    ------
+    TypeError, ValueError
+        An argument is not as required; nothing has been run.
+    KeyboardInterrupt
+        Ctrl-C came when the run had just reached its end.
+
     Warns
     -----
     StabilityWarning
@@ -98,10 +106,14 @@ def solve(
     stepper = Stepper(equation, scheme, history, h, prepared)
     if resume is not None:
         stepper.restore(resume)
+        if not np.all(np.isfinite(stepper.y)):
+            required = "hold a finite solution"
+            raise ValueError(complaint("resume", required, f"y = {shown(stepper.y)}"))
     wanted = _Rows(stepper, n_total, save_every, _eval_times(t_eval, stepper.t, t_end))
     stepper.memory.prepare(n_total)
     ready = time.perf_counter()
     status, detail = _run(stepper, n_total, wanted, progress)
+    wanted.close(stepper, t_end)
     finished = time.perf_counter()
     return _solution(stepper, wanted, status, detail, ready - began, finished - ready)
 
@@ -134,9 +146,10 @@ def _eval_times(t_eval, t_start, t_end):
     inside = f"be increasing times in [{t_start}, {t_end}]"
     if times.ndim != 1 or times.size == 0:
         raise ValueError(complaint("t_eval", inside, f"shape {times.shape}"))
-    if np.any(np.diff(times) <= 0) or times[0] < t_start or times[-1] > t_end:
-        raise ValueError(complaint("t_eval", inside, times.tolist()))
-    return times
+    slack = 1e-12 * t_end  # times computed otherwise may miss the ends by rounding
+    if np.any(np.diff(times) <= 0) or times[0] < t_start - slack or times[-1] > t_end + slack:
+        raise ValueError(complaint("t_eval", inside, shown(times)))
+    return np.clip(times, t_start, t_end)
 
 
 class _Rows:
@@ -184,11 +197,22 @@ class _Rows:
             self.t[part] = self._times[part]
         self.size += written
 
+    def close(self, stepper, t_end):
+        """Add the last step of a run that ended early, and name the end of one that did not."""
+        if self._times is not None:
+            return
+        if stepper.n == self._n_total:
+            self.t[self.size - 1] = t_end  # n h may miss it by rounding
+        elif self.t[self.size - 1] < stepper.t:
+            last = self.size
+            self.t[last], self.y[last], self.ydot[last] = stepper.t, stepper.y, stepper.ydot
+            self.size += 1
+
 
 def _run(stepper, n_total, wanted, progress):
     """March to step n_total or as far as it goes; return the status and a detail for it."""
     bar = ProgressBar(progress)
-    stretch = _STRETCH
+    stretch = _STRETCH_FIRST
     n_first = stepper.n
     try:
         with Interruption() as interruption:
@@ -206,10 +230,11 @@ def _run(stepper, n_total, wanted, progress):
                     return Status.BLOWN_UP, ""
                 bar.update((stepper.n - n_first) / (n_total - n_first))
                 if interruption.asked and stepper.n < n_total:
+                    interruption.heeded = True
                     return Status.INTERRUPTED, ""
                 spent = max(time.perf_counter() - began, 1e-9)
                 fitting = int(n_more * _STRETCH_SECONDS / spent)
-                stretch = min(max(fitting, 64), _STRETCH)
+                stretch = min(max(fitting, 64), 128 * n_more, _STRETCH_MAX)
     finally:
         bar.close()
     if stepper.zigzag is not None:
@@ -251,7 +276,8 @@ def _stability(stepper):
     if stepper.zigzag is not None:
         found.append(f"a step-to-step zigzag is sustained since t = {stepper.zigzag * stepper.h:g}")
     if stepper.largest_ratio > 1:
-        found.append(f"-d rhs/d y reached {stepper.largest_ratio:.4g} times its limit")
+        ratio = stepper.largest_ratio
+        found.append(f"d rhs/d y reached {ratio:.4g} times its limit")
     if not found:
         return ""
     return " and ".join(found) + f" at h = {stepper.h:g}; take smaller steps"

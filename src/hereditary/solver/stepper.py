@@ -45,6 +45,7 @@ class State:
     march: tuple = field(repr=False)
     memory: tuple = field(repr=False)
     memory_steps: int = field(repr=False)
+    counts: tuple = field(repr=False)
 
 
 class Stepper:
@@ -69,14 +70,20 @@ class Stepper:
         self._n_steps = int(n_steps)
         plan = scheme.plan(equation, self.h)
         d = equation.d
-        self.limits = plan.limits
-        start = np.where(plan.second == 1, plan.increments, 0.0)
-        self.memory = history.open(plan.convolution, start, block, self._n_steps)
-        weights = self.memory.block_weights
-        self._scheme_arrays = (self.h, plan.classes, plan.second, weights, plan.lead, plan.near)
+        self._region = plan.region
+        self.memory = history.open(plan.convolution, d, block, self._n_steps)
+        self._scheme_arrays = (
+            plan.numbers,
+            plan.classes,
+            plan.flags,
+            self.memory.block_weights,
+            self.memory.block_start_weights,
+            plan.columns,
+            plan.forcing,
+        )
         self._block = block
         self._march_arrays = (
-            np.array([0, 0, -1]),
+            np.array([0, 0, -1, -1]),
             equation.y0[0].copy(),
             plan.increments.copy(),
             np.zeros(d),
@@ -113,7 +120,9 @@ class Stepper:
     def ydot(self):
         """First derivative at `t`, from the newest two increments, shape (d,)."""
         _, _, increment, change, *_ = self._march_arrays
-        return (increment + 0.5 * change) / self.h
+        slope = (increment + 0.5 * change) / self.h
+        # before the first step only components with an initial derivative have one
+        return slope if self.n else np.where(self.equation.highest_orders() > 1, slope, np.nan)
 
     @property
     def zigzag(self):
@@ -136,8 +145,9 @@ class Stepper:
         """
         n, n_end = self.n, self.n + n_more
         self.memory.prepare(n_end)
-        n_blocks = (n_end - 1) // self._block - n // self._block + 1
-        jacobians = np.zeros((n_blocks, self.equation.d, self.equation.d))
+        every = self._block * int(self._scheme_arrays[0][1])
+        n_samples = (n_end - 1) // every - (n - 1) // every
+        jacobians = np.zeros((n_samples, self.equation.d, self.equation.d))
         try:
             status = self.scheme.march(
                 self.equation._rhs,
@@ -154,9 +164,11 @@ class Stepper:
             )
             self.blown_up = status == BLOWN_UP
         finally:
-            per_block = 0 if self.equation.has_jac else 2 * self.equation.d
-            self.n_rhs += self.n - n + per_block * n_blocks
-            self.largest_ratio = max(self.largest_ratio, stiffness_ratio(jacobians, self.limits))
+            made = (self.n - 1) // every - (n - 1) // every
+            self.n_rhs += self.n - n + (0 if self.equation.has_jac else 2 * self.equation.d * made)
+            if self._region is not None:
+                ratio = self._region.ratio(jacobians[:made])
+                self.largest_ratio = max(self.largest_ratio, ratio)
 
     def state(self):
         """A `State` from which a later run goes on bit for bit."""
@@ -170,6 +182,7 @@ class Stepper:
             march=tuple(array.copy() for array in self._march_arrays),
             memory=self.memory.state(),
             memory_steps=self._n_steps,
+            counts=(self.n_rhs, self.largest_ratio),
         )
 
     def restore(self, state):
@@ -183,42 +196,18 @@ class Stepper:
             raise ValueError(complaint("resume", required, theirs, "start anew, or change it back"))
         self._march_arrays = tuple(array.copy() for array in state.march)
         self.memory.restore(state.memory)
+        self.n_rhs, self.largest_ratio = state.counts
 
     def _identity(self):
         return (
-            repr(self.scheme),
-            repr(self.history),
+            _described(self.scheme),
+            _described(self.history),
             self.equation.orders.tolist(),
             self.equation.coefficients.tolist(),
         )
 
 
-def stiffness_ratio(jacobians, limits):
-    """Largest ratio of stiffness to the step limit over some Jacobians; unstable above 1.
-
-    The zigzag mode of ``D y = J y`` leaves the unit circle where ``-J / limits`` has a real
-    eigenvalue above 1. A row-sum bound spares the eigenvalues nearly always.
-
-    Parameters
-    ----------
-    jacobians : ndarray, shape (k, d, d)
-    limits : ndarray, shape (d,)
-        Limit of each component, above 0.
-
-    Returns
-    -------
-    float
-    """
-    scaled = -jacobians / limits[:, None]
-    scaled = scaled[np.isfinite(scaled).all(axis=(1, 2))]
-    if scaled.size == 0:
-        return 0.0
-    if scaled.shape[1] == 1:
-        return max(0.0, float(scaled.max()))
-    bounds = np.abs(scaled).sum(axis=2).max(axis=1)
-    worst = scaled[bounds > 1]
-    if worst.size == 0:
-        return float(bounds.max())
-    values = np.linalg.eigvals(worst)
-    real = np.abs(values.imag) <= 1e-9 * np.abs(values)
-    return float(np.where(real, values.real, 0.0).max())
+def _described(description):
+    """A frozen dataclass by name and values, whatever number types these have."""
+    values = {key: None if v is None else float(v) for key, v in vars(description).items()}
+    return f"{type(description).__name__}({values})"

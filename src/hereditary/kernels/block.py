@@ -1,0 +1,46 @@
+"""What every block march does alike (floor 1): open a block, start the memory, write rows."""
+
+from .._jit import inlined, kernel
+
+# how a march ended
+RUNNING, BLOWN_UP, NOT_SOLVED = 0, 1, 2
+
+
+@kernel
+def open_block(lag, pieces, n, classes, weights, exchange, tables, memory):
+    """Lag of everything older for the block from step n on; the newest piece moves to its front."""
+    newest = pieces.shape[1] - 1
+    for c in range(lag.shape[0]):
+        w = weights[classes[c]]
+        lag[c, 0] = 0.0  # the nearest weight is the scheme's own
+        for i in range(1, lag.shape[1]):
+            lag[c, i] = w[i + 1] * pieces[c, newest]
+    exchange(lag, pieces, n, classes, tables, memory)
+    for c in range(lag.shape[0]):
+        pieces[c, 0] = pieces[c, newest]
+
+
+@kernel
+def begin_memory(lag, start, value, c, weights, first):
+    """Store a column's start value, and add its share to the first block from step `first` on."""
+    # start: the memory's rows of start values, weights: the column's start weights (B + 2,)
+    for i in range(start.shape[1]):
+        start[c, i] = value
+    for i in range(first, lag.shape[1]):
+        lag[c, i] += weights[i] * value
+
+
+@inlined
+def write_rows(n, first, positions, rows, slopes, x, y, d, h):
+    """Write the rows asked for up to step n, from the parabola through the last three values.
+
+    Positions count in steps and ascend; returns the number of rows written so far.
+    """
+    k = first
+    while k < positions.shape[0] and positions[k] <= n:
+        back = positions[k] - n  # in (-1, 0]; zero on the mesh, where the row is x itself
+        for c in range(rows.shape[1]):
+            rows[k, c] = x[c] + back * (y[c] + 0.5 * (1.0 + back) * d[c])
+            slopes[k, c] = (y[c] + (0.5 + back) * d[c]) / h
+        k += 1
+    return k
