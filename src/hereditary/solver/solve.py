@@ -16,10 +16,9 @@ from .progress import Interruption, ProgressBar
 from .solution import Solution, StabilityWarning, Status
 from .stepper import State, Stepper
 
-# Steps between two looks at Ctrl-C and the progress bar: few at first, since a right-hand side may
-# be slow, then as many as take this long, but no more than whose rows stay in a near cache.
-# Entering the compiled march costs 0.06 ms.
-_STRETCH_FIRST, _STRETCH_MAX, _STRETCH_SECONDS = 256, 1 << 15, 0.1
+# Steps between two looks at Ctrl-C and the progress bar: as many as take this long, but no more
+# than whose rows stay in a near cache. Entering the compiled march costs 0.06 ms.
+_STRETCH_MAX, _STRETCH_SECONDS = 1 << 15, 0.1
 
 
 def solve(
@@ -212,20 +211,18 @@ class _Rows:
 def _run(stepper, n_total, wanted, progress):
     """March to step n_total or as far as it goes; return the status and a detail for it."""
     bar = ProgressBar(progress)
-    stretch = _STRETCH_FIRST
+    stretch = 0
     n_first = stepper.n
     try:
         with Interruption() as interruption:
             while stepper.n < n_total:
-                n_more = min(stretch, n_total - stepper.n)
-                positions, rows, slopes = wanted.positions(stepper.n, stepper.n + n_more)
-                began = time.perf_counter()
                 try:
-                    stepper.advance(n_more, positions, rows, slopes)
+                    stretch = stretch or _fitting_steps(stepper.seconds_of_rhs())
+                    n_more = min(stretch, n_total - stepper.n)
+                    began = time.perf_counter()
+                    _advance(stepper, n_more, wanted)
                 except Exception as error:
                     return Status.RHS_FAILED, f"{type(error).__name__}: {error}"
-                finally:
-                    wanted.keep(positions, stepper.rows_written)
                 if stepper.blown_up:
                     return Status.BLOWN_UP, ""
                 bar.update((stepper.n - n_first) / (n_total - n_first))
@@ -233,13 +230,26 @@ def _run(stepper, n_total, wanted, progress):
                     interruption.heeded = True
                     return Status.INTERRUPTED, ""
                 spent = max(time.perf_counter() - began, 1e-9)
-                fitting = int(n_more * _STRETCH_SECONDS / spent)
-                stretch = min(max(fitting, 64), 128 * n_more, _STRETCH_MAX)
+                stretch = _fitting_steps(spent / n_more)
     finally:
         bar.close()
     if stepper.zigzag is not None:
         return Status.ZIGZAG, ""
     return (Status.STEP_TOO_LARGE if stepper.largest_ratio > 1 else Status.COMPLETED), ""
+
+
+def _advance(stepper, n_more, wanted):
+    """March a stretch and keep its rows, also those before an exception."""
+    positions, rows, slopes = wanted.positions(stepper.n, stepper.n + n_more)
+    try:
+        stepper.advance(n_more, positions, rows, slopes)
+    finally:
+        wanted.keep(positions, stepper.rows_written)
+
+
+def _fitting_steps(seconds):
+    """Steps in a stretch when one takes so long."""
+    return int(min(max(_STRETCH_SECONDS / seconds, 1), _STRETCH_MAX))
 
 
 def _solution(stepper, wanted, status, detail, setup_seconds, run_seconds):

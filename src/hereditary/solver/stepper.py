@@ -1,5 +1,6 @@
 """The stepper (floor 4): one march over a uniform mesh, advanced a stretch at a time."""
 
+import time
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -129,6 +130,13 @@ class Stepper:
         """Step at which a sustained step-to-step zigzag was seen, or None."""
         n = int(self._march_arrays[0][2])
         return None if n < 0 else n
+
+    def seconds_of_rhs(self):
+        """Time that one call of the right-hand side takes, a few microseconds of entry included."""
+        y, dy = self.y, np.empty(self.equation.d)
+        began = time.perf_counter()
+        self.equation._rhs(self.t, y, dy, self.equation.params)
+        return time.perf_counter() - began
 
     def advance(self, n_more, positions, rows, slopes):
         """Make up to `n_more` steps and write the rows asked for on the way.
