@@ -8,20 +8,31 @@ from .equation import Equation
 from .exponential_sum import ExponentialSum, fit_exponentials
 from .history.direct import Direct
 from .history.exponentials import SumOfExponentials
+from .history.fft import FFT
 from .operators import Caputo, PowerLaw
+from .schemes.adams import Adams, ProductTrapezoid
 from .schemes.explicit import ExplicitCaputo
+from .schemes.l1 import L1
+from .schemes.l2 import L2
+from .schemes.l2sigma import L2Sigma
 from .solver.solution import Solution, StabilityWarning, Status
 from .solver.solve import solve
 
 __version__ = importlib.metadata.version("hereditary")
 
 __all__ = [
+    "FFT",
+    "L1",
+    "L2",
+    "Adams",
     "Caputo",
     "Direct",
     "Equation",
     "ExplicitCaputo",
     "ExponentialSum",
+    "L2Sigma",
     "PowerLaw",
+    "ProductTrapezoid",
     "Solution",
     "StabilityWarning",
     "Status",

@@ -72,3 +72,23 @@ def mean_exponential(z):
     z = np.asarray(z, dtype=float)
     safe = np.where(z == 0, 1.0, z)
     return np.where(z == 0, 1.0, -np.expm1(-safe) / safe)
+
+
+def first_moment_exponential(z):
+    """``int_0^1 u exp(-z u) du`` = (1 - (1 + z) exp(-z)) / z**2 for z >= 0.
+
+    Below z = 0.5 by its series ``sum_j (-z)**j / (j! (j + 2))``; fourteen terms leave 1e-16.
+    """
+    z = np.asarray(z, dtype=float)
+    series = np.zeros_like(z)
+    for j in range(14, -1, -1):
+        series = series * -z / (j + 1) + 1 / (j + 2)
+    safe = np.where(z < 0.5, 1.0, z)
+    closed = (-np.expm1(-safe) - safe * np.exp(-safe)) / safe**2
+    return np.where(z < 0.5, series, closed)
+
+
+def gauss_unit(n):
+    """Nodes and weights of the n-point Gauss-Legendre rule on [0, 1]."""
+    nodes, weights = np.polynomial.legendre.leggauss(n)
+    return (nodes + 1) / 2, weights / 2

@@ -12,7 +12,7 @@ from hereditary.schemes.scheme import Convolution
 
 N_BLOCK, N_BLOCKS = 8, 6
 N = N_BLOCK * N_BLOCKS
-HISTORIES = [hd.Direct(), hd.SumOfExponentials(1e-6), hd.SumOfExponentials(1e-12)]
+HISTORIES = [hd.Direct(), hd.FFT(), hd.SumOfExponentials(1e-6), hd.SumOfExponentials(1e-12)]
 
 
 def convolution(alpha, gamma):

@@ -52,6 +52,7 @@ def test_direct_sums_lose_nothing_as_they_grow():
     unused = np.zeros((1, 0))
     memory = (np.full((1, n + 2), 0.1), np.zeros((1, 1)), unused)
     tables = (np.full((1, n + 3), 0.1), np.zeros((1, n + 3)), unused, unused, unused)
+    memory[0][0, 0] = 0.0
     lag = np.zeros((1, 1))
     exchange_direct(lag, np.full((1, 2), 0.1), n, np.array([0]), tables, memory)
     assert lag[0, 0] == pytest.approx((n - 1) * 0.1 * 0.1, rel=2e-16, abs=0)

@@ -15,7 +15,7 @@ from problems import PROBLEMS
 import hereditary as hd
 from hereditary.solver.stepper import BLOCK, Stepper
 
-HISTORIES = [hd.Direct(), hd.SumOfExponentials()]
+HISTORIES = [hd.Direct(), hd.FFT(), hd.SumOfExponentials()]
 
 
 def slow_decay(t, y):

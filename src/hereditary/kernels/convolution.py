@@ -7,7 +7,25 @@ from .._jit import kernel
 
 @kernel
 def exchange_direct(lag, pieces, n, classes, tables, memory):
-    """Store the finished block's pieces and add ``sum_m W_(n+i-m) u_m`` over all to the next block.
+    """Store the finished block's pieces, and add ``sum_m W_(n+i-m) u_m`` to the next block."""
+    add_direct(lag, pieces, n, 0, classes, tables, memory)
+
+
+@kernel
+def exchange_pending(lag, pieces, n, classes, tables, memory):
+    """The same, with direct sums over the present stretch alone and the rest from `pending`."""
+    # memory: stored pieces, start values, pending (W, capacity); tables[3]: length of a stretch
+    pending = memory[2]
+    length = int(tables[3][0, 0])
+    add_direct(lag, pieces, n, n // length * length, classes, tables, memory)
+    for c in range(lag.shape[0]):
+        for i in range(lag.shape[1]):
+            lag[c, i] += pending[c, n + i]
+
+
+@kernel
+def add_direct(lag, pieces, n, first, classes, tables, memory):
+    """Store the finished block's pieces, and sum those stored from index `first` on.
 
     The sums are compensated by Knuth's two-sum: being the reference, they must not lose digits as
     they grow longer, nor where a term exceeds the sum so far (Kahan's rule would), as increments
@@ -25,9 +43,9 @@ def exchange_direct(lag, pieces, n, classes, tables, memory):
             for k in range(n_block):  # u_(n-1) stays outside: its nearest weight is the scheme's
                 u[n - n_block + k] = pieces[c, k]
         lost[:] = 0.0
-        for m in range(n - 1):
-            piece = u[m + 1]
-            ahead = w[n - m : n - m + n_block]
+        for m in range(first, n):
+            piece = u[m]
+            ahead = w[n - m + 1 : n - m + 1 + n_block]
             for i in range(n_block):
                 term = ahead[i] * piece
                 total = out[i] + term

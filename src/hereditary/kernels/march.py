@@ -30,7 +30,7 @@ def march_explicit(
     """March to step `n_end`; return 0, or 1 where the solution stopped being finite."""
     # scheme: [h, blocks between Jacobians], classes, second (W,), weights and start weights
     #   (C, B + 2), rows [lead, near, start] (3, W), no forcing
-    # state: counters (4,) [step, rows written, zigzag step, block opened], x, y, d (W,),
+    # state: counters (5,) [step, rows written, zigzag step, block opened, calls], x, y, d (W,),
     #   lag (W, B), pieces (W, B + 1), monitor (W, 3)
     # output: positions (k,), rows of x, rows of x' (k, d), Jacobians (blocks, d, d)
     numbers, classes, second, weights, start_weights, columns, _ = scheme
@@ -53,7 +53,9 @@ def march_explicit(
             counters[3] = n
         if n % every == 0:
             jacobian(rhs, jac, has_jac, n * h, x, params, jacobians[n // every - first_sample])
+            counters[4] += 0 if has_jac == 1 else 2 * x.shape[0]
         rhs(n * h, x, f, params)
+        counters[4] += 1
         finite = True
         for c in range(x.shape[0]):
             y_old = y[c]

@@ -134,16 +134,16 @@ class ExplicitCaputo(Scheme):
             start_lists.append(tuple((-f, FIRST_DIFFERENCES, p) for f, _, p in terms))
         increments = h * equation.y0[1] if equation.m == 2 else np.zeros(equation.d)
         start = np.where(second, increments, 0.0)
+        region = _region(equation, h, distinct)
         return Plan(
             convolution=Convolution(tuple(lists), tuple(start_lists)),
             classes=classes,
-            # a Jacobian by differences costs 2 d right-hand sides: an eighth of one a step
-            numbers=np.array([h, (equation.d + 1) // 2]),
+            numbers=np.array([h, region.every]),
             flags=second.astype(np.int64),
             columns=np.array([lead[classes], near[classes], start]),
             increments=increments,
             forcing=np.zeros((0, equation.d)),
-            region=_region(equation, h, distinct),
+            region=region,
         )
 
 

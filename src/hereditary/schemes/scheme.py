@@ -160,6 +160,14 @@ def check_smoothness(smoothness):
         raise ValueError(complaint("smoothness", required, repr(smoothness)))
 
 
+def refuse_orders_above_one(name, equation):
+    """For schemes whose formula covers orders in (0, 1] alone."""
+    highest = float(equation.highest_orders().max())
+    if highest > 1:
+        required = f"lie in (0, 1] for {name}"
+        raise ValueError(complaint("order", required, highest, "use L1 for orders above 1"))
+
+
 class Scheme(ABC):
     """How one step is taken; subclasses are final frozen dataclasses, one file each.
 

@@ -35,6 +35,11 @@ class StabilityRegion:
     radii: np.ndarray
     first_angle: float
 
+    @property
+    def every(self):
+        """Blocks between two Jacobians: by differences one costs 2 d right-hand sides."""
+        return (self.limits.size + 1) // 2
+
     def ratio(self, jacobians):
         """Largest ratio of an eigenvalue to its limit over some Jacobians; unstable above 1.
 

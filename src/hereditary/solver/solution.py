@@ -17,6 +17,7 @@ class Status(enum.Enum):
     ZIGZAG = "the solution zigzags from step to step: the step is beyond the stability limit"
     BLOWN_UP = "the solution stopped being finite"
     INTERRUPTED = "the run was interrupted"
+    NOT_SOLVED = "Newton's method did not converge: take smaller steps, or give an exact jac"
     RHS_FAILED = "the right-hand side raised an exception"
 
     def __str__(self):

@@ -225,6 +225,8 @@ def _run(stepper, n_total, wanted, progress):
                     return Status.RHS_FAILED, f"{type(error).__name__}: {error}"
                 if stepper.blown_up:
                     return Status.BLOWN_UP, ""
+                if stepper.not_solved:
+                    return Status.NOT_SOLVED, ""
                 bar.update((stepper.n - n_first) / (n_total - n_first))
                 if interruption.asked and stepper.n < n_total:
                     interruption.heeded = True

@@ -7,7 +7,7 @@ import numpy as np
 
 from .._checks import complaint
 from .._jit import JAC_SIG, as_value, kernel
-from ..kernels.march import BLOWN_UP
+from ..kernels.block import BLOWN_UP, NOT_SOLVED, RUNNING
 
 # Steps in a block. Measured with 56 modes: 74, 75 and 85 ns a step at 16, 32 and 64, where the
 # in-block sums take over; below 16 the calls of the history do.
@@ -46,7 +46,7 @@ class State:
     march: tuple = field(repr=False)
     memory: tuple = field(repr=False)
     memory_steps: int = field(repr=False)
-    counts: tuple = field(repr=False)
+    largest_ratio: float = field(repr=False)
 
 
 class Stepper:
@@ -84,7 +84,7 @@ class Stepper:
         )
         self._block = block
         self._march_arrays = (
-            np.array([0, 0, -1, -1]),
+            np.array([0, 0, -1, -1, 0]),
             equation.y0[0].copy(),
             plan.increments.copy(),
             np.zeros(d),
@@ -93,9 +93,8 @@ class Stepper:
             np.zeros((d, 3)),
         )
         self._jac = equation._jac or as_value(_no_jacobian, JAC_SIG)
-        self.n_rhs = 0
         self.largest_ratio = 0.0
-        self.blown_up = False
+        self.blown_up = self.not_solved = False
 
     @property
     def n(self):
@@ -126,6 +125,11 @@ class Stepper:
         return slope if self.n else np.where(self.equation.highest_orders() > 1, slope, np.nan)
 
     @property
+    def n_rhs(self):
+        """Calls of the right-hand side."""
+        return int(self._march_arrays[0][4])
+
+    @property
     def zigzag(self):
         """Step at which a sustained step-to-step zigzag was seen, or None."""
         n = int(self._march_arrays[0][2])
@@ -151,13 +155,30 @@ class Stepper:
 
         Raises whatever the right-hand side raises; the steps before it are made and kept.
         """
-        n, n_end = self.n, self.n + n_more
+        n_end = self.n + n_more
         self.memory.prepare(n_end)
-        every = self._block * int(self._scheme_arrays[0][1])
-        n_samples = (n_end - 1) // every - (n - 1) // every
+        self._march_arrays[0][1] = written = 0
+        while self.n < n_end:
+            stop = min(n_end, self.memory.reach(self.n))
+            self.memory.refresh(self.n, self._march_arrays[5], self._scheme_arrays[1])
+            part = slice(written, int(np.searchsorted(positions, stop, side="right")))
+            try:
+                status = self._march(stop, positions[part], rows[part], slopes[part])
+            finally:
+                written += int(self._march_arrays[0][1])
+                self._march_arrays[0][1] = written
+            self.blown_up, self.not_solved = status == BLOWN_UP, status == NOT_SOLVED
+            if status != RUNNING:
+                return
+
+    def _march(self, n_end, positions, rows, slopes):
+        """Enter the compiled march once; watch the stability along the orbit."""
+        n = self.n
+        every = self._block * self._region.every if self._region else n_end
+        n_samples = (n_end - 1) // every - (n - 1) // every if self._region else 0
         jacobians = np.zeros((n_samples, self.equation.d, self.equation.d))
         try:
-            status = self.scheme.march(
+            return self.scheme.march(
                 self.equation._rhs,
                 self._jac,
                 int(self.equation.has_jac),
@@ -170,11 +191,9 @@ class Stepper:
                 (positions, rows, slopes, jacobians),
                 n_end,
             )
-            self.blown_up = status == BLOWN_UP
         finally:
-            made = (self.n - 1) // every - (n - 1) // every
-            self.n_rhs += self.n - n + (0 if self.equation.has_jac else 2 * self.equation.d * made)
-            if self._region is not None:
+            if self._region:
+                made = (self.n - 1) // every - (n - 1) // every
                 ratio = self._region.ratio(jacobians[:made])
                 self.largest_ratio = max(self.largest_ratio, ratio)
 
@@ -190,7 +209,7 @@ class Stepper:
             march=tuple(array.copy() for array in self._march_arrays),
             memory=self.memory.state(),
             memory_steps=self._n_steps,
-            counts=(self.n_rhs, self.largest_ratio),
+            largest_ratio=self.largest_ratio,
         )
 
     def restore(self, state):
@@ -204,7 +223,7 @@ class Stepper:
             raise ValueError(complaint("resume", required, theirs, "start anew, or change it back"))
         self._march_arrays = tuple(array.copy() for array in state.march)
         self.memory.restore(state.memory)
-        self.n_rhs, self.largest_ratio = state.counts
+        self.largest_ratio = state.largest_ratio
 
     def _identity(self):
         return (

@@ -1,0 +1,57 @@
+"""Newton's method for one implicit step (floor 1)."""
+
+import numpy as np
+
+from .._jit import kernel
+from .jacobian import jacobian
+from .linalg import solve_in_place
+
+# Simplified Newton steps (one Jacobian) before the full method takes over, and full ones before a
+# step is given up.
+_SIMPLIFIED, _FULL = 8, 30
+# The step is solved when the estimated error of the increment is below this share of it, or below
+# rounding of the solution.
+_TOLERANCE, _ROUNDING = 1e-13, 2e-16
+
+
+@kernel
+def solve_step(rhs, jac, has_jac, params, t, x, theta, shift, scale, known, lead, w, counters):
+    """Solve ``scale w + known = lead f(t, x + theta (shift + w))`` for w, from its present value.
+
+    Returns False where the iteration does not converge; calls of `rhs` are counted in counters[4].
+    """
+    # x, shift, scale, known, lead, w (d,)
+    d = x.shape[0]
+    point, f, change = np.empty(d), np.empty(d), np.empty(d)
+    j_f, matrix = np.empty((d, d)), np.empty((d, d))
+    previous = np.inf
+    for iteration in range(_SIMPLIFIED + _FULL):
+        for c in range(d):
+            point[c] = x[c] + theta * (shift[c] + w[c])
+        rhs(t, point, f, params)
+        counters[4] += 1
+        if iteration == 0 or iteration >= _SIMPLIFIED:
+            jacobian(rhs, jac, has_jac, t, point, params, j_f)
+            counters[4] += 0 if has_jac == 1 else 2 * d
+        for i in range(d):
+            change[i] = lead[i] * f[i] - known[i] - scale[i] * w[i]
+            for k in range(d):
+                matrix[i, k] = -theta * lead[i] * j_f[i, k]
+            matrix[i, i] += scale[i]
+        if not solve_in_place(matrix, change):
+            return False
+        size, largest, reference = 0.0, 0.0, 0.0
+        for c in range(d):
+            w[c] += change[c]
+            size = max(size, abs(change[c]))
+            largest = max(largest, abs(w[c]) + abs(shift[c]))
+            reference = max(reference, abs(x[c]))
+        if not size < np.inf:
+            return False
+        # a contraction by `rate` leaves an error of rate / (1 - rate) times the last change
+        rate = size / previous if iteration > 0 else 1.0
+        left = size * rate / (1.0 - rate) if rate < 1.0 else size
+        if left <= _TOLERANCE * largest + _ROUNDING * reference or size == 0.0:
+            return True
+        previous = size
+    return False

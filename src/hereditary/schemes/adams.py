@@ -1,0 +1,216 @@
+"""Adams-type schemes in integral form (floor 2): predictor-corrector and product trapezoid.
+
+With ``c D^alpha x = f`` written as ``x = x(0) + t x'(0) + J^alpha f / c`` and f a line on each
+step, the increments of x weigh the values of f by ``h**alpha / Gamma(alpha+2) / c`` times
+``W_0 = 1``, ``W_k = G_k - G_(k-1)``, ``G_k = (k+1)**(alpha+1) - 2 k**(alpha+1) +
+(k-1)**(alpha+1)``, and f_0 in the step to t_(n+1) by ``A_n - A_(n-1)``, ``A_n = n**(alpha+1) -
+(n-alpha) (n+1)**alpha``.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from scipy.special import rgamma
+
+from .._checks import complaint, count, within
+from ..equation import Equation
+from ..kernels.adams import march_adams
+from ..special import first_moment_exponential, gauss_unit, mean_exponential
+from .scheme import Convolution, Plan, Scheme, WeightRule, check_smoothness, distinct_components
+
+
+def hat_weights(alpha, n):
+    """W_0 .. W_(n-1), without cancellation: differences of moments of t**(alpha-1) by quadrature.
+
+    Beyond k = 2 the integrand's singularity lies a step before the interval; sixteen points leave
+    5.8**-32.
+    """
+    weights = np.ones(n)
+    g = [1.0, 2 ** (alpha + 1) - 2, 3 ** (alpha + 1) - 2 * 2 ** (alpha + 1) + 1]
+    weights[1:3] = np.diff(g)[: n - 1]
+    if n > 3:
+        v, q = gauss_unit(16)
+        for end, hat in ((0.0, v), (1.0, 1 - v)):
+            t = np.arange(3, n)[:, None] - 1 + end + v
+            if end == 0.0:
+                weights[3:] = 0.0
+            weights[3:] += _power_step(alpha, t) @ (q * hat)
+    return weights
+
+
+def start_weights(alpha, n):
+    """A_k - A_(k-1) for k = 0 .. n-1, with A_(-1) = 0."""
+    weights = np.full(n, alpha)
+    if n > 1:
+        weights[1] = 1 - (1 - alpha) * 2**alpha - alpha
+    if n > 2:
+        v, q = gauss_unit(16)
+        weights[2:] = _power_step(alpha, np.arange(2, n)[:, None] + v) @ (q * v)
+    return weights
+
+
+def _power_step(alpha, t):
+    """``alpha (alpha+1) (t**(alpha-1) - (t-1)**(alpha-1))``."""
+    shrink = np.expm1((alpha - 1) * np.log1p(1 / (t - 1)))
+    return alpha * (alpha + 1) * (t - 1) ** (alpha - 1) * shrink
+
+
+def _exponent(alpha):
+    """Kernel ``t**(alpha-1)`` below 1, its derivative's ``t**(alpha-2)`` above; none at 1."""
+    if alpha == 1:
+        return None
+    return 1 - alpha if alpha < 1 else 2 - alpha
+
+
+def _step_share(alpha, rates):
+    """Share of ``t**(alpha-1) - (t-1)**(alpha-1)`` at t = 1 of a mode of the kernel's sum."""
+    if alpha < 1:
+        return alpha * (alpha + 1) * np.expm1(-rates)
+    return alpha * (alpha + 1) * (alpha - 1) * mean_exponential(rates)
+
+
+def _modal_hat(alpha, rates, weights, k):
+    hat = mean_exponential(rates) ** 2
+    return _step_share(alpha, rates) * weights * hat * np.exp(-rates * (k - 2))
+
+
+def _modal_start(alpha, rates, weights, k):
+    ramp = first_moment_exponential(rates)
+    # at k = 0 this would be exp(rates): the share is used from k = 2 on, in products with powers
+    return _step_share(alpha, rates) * weights * ramp * np.exp(-rates * (k - 1))
+
+
+HATS = WeightRule(hat_weights, _exponent, _modal_hat)
+FIRST_VALUE = WeightRule(start_weights, _exponent, _modal_start)
+
+
+def _plan(name, equation, h, corrections):
+    """Plan for `march_adams`."""
+    distinct, classes = distinct_components(equation)
+    lead, near, lists, start_lists = [], [], [], []
+    for key in distinct:
+        if len(key) != 1:
+            required = f"hold one term for each component with {name}"
+            remedy = "use ExplicitCaputo or L1 for several"
+            raise ValueError(complaint("terms", required, f"{len(key)}", remedy))
+        ((c, alpha),) = key
+        factor = h**alpha * rgamma(alpha + 2) / c
+        lead.append(factor)
+        near.append(factor * hat_weights(alpha, 2)[1])
+        lists.append(((factor, HATS, alpha),))
+        start_lists.append(((factor, FIRST_VALUE, alpha),))
+    shift = h * equation.y0[1] if equation.m == 2 else np.zeros(equation.d)
+    return Plan(
+        convolution=Convolution(tuple(lists), tuple(start_lists), first_modal=3),
+        classes=classes,
+        numbers=np.array([h, corrections]),
+        flags=np.zeros(equation.d, dtype=np.int64),
+        columns=np.array([np.array(lead)[classes], np.array(near)[classes], shift]),
+        increments=shift.copy(),
+        forcing=np.zeros((0, equation.d)),
+    )
+
+
+@dataclass(frozen=True)
+class Adams(Scheme):
+    """Fractional Adams predictor-corrector (PECE), orders in (0, 2], one term a component.
+
+    f is a line on each step; on the newest one it is first taken as constant, then corrected with
+    its new value as often as `corrections` says. Explicit. Components may have different orders.
+
+    Parameters
+    ----------
+    corrections : int
+        Corrector sweeps m >= 1; m + 1 right-hand sides a step.
+
+    Error
+    -----
+    O(h**min(2, 1 + (m + 1) alpha)) at a fixed time where f along the solution is smooth: the
+    prediction is off by h**(1+alpha), and each sweep gains h**alpha. O(h**min(2, 1 + alpha)) for
+    solutions like t**alpha (convergence/orders.py).
+
+    Stability
+    ---------
+    Conditional: for ``D^alpha y = -K y`` K h**alpha must stay below 1.3 to 2.2 (docs/stability.md).
+    Beyond, the solution blows up.
+
+    Source
+    ------
+    [DiethelmFordFreed2002], eqs. (1.10) to (1.15); several sweeps [Diethelm2010], appendix C.
+
+    Examples
+    --------
+    >>> import hereditary as hd
+    >>> sol = hd.solve(hd.scenes.relaxation(0.8), 1.0, n_steps=1000, scheme=hd.Adams())
+    >>> round(float(sol.y[-1, 0]), 4)
+    0.3869
+    """
+
+    corrections: int = 1
+    march: ClassVar[Callable] = staticmethod(march_adams)
+
+    def __post_init__(self):
+        count("corrections", self.corrections)
+
+    def order(self, alpha: float, smoothness: str = "smooth") -> float:
+        """Proven order of convergence at a fixed time, on uniform steps.
+
+        Parameters
+        ----------
+        alpha : float
+            Order of the equation, 0 < alpha <= 2 [-].
+        smoothness : {"smooth", "singular"}
+            Whether the solution is smooth at 0 or behaves like t**alpha there.
+        """
+        alpha = within("alpha", alpha, 5e-324, 2.0, "(0, 2]")
+        check_smoothness(smoothness)
+        gains = self.corrections + 1 if smoothness == "smooth" else 1
+        return min(2.0, 1 + gains * alpha)
+
+    def plan(self, equation: Equation, h: float) -> Plan:
+        """Tables and convolution for `equation` with step h."""
+        return _plan("Adams", equation, h, self.corrections)
+
+
+@dataclass(frozen=True)
+class ProductTrapezoid(Scheme):
+    """The product trapezoidal rule, the implicit sibling of `Adams`.
+
+    f is a line on each step and the new value is found by Newton's method. Orders in (0, 2], one
+    term a component, which may have different orders.
+
+    Error
+    -----
+    O(h**2) at a fixed time where f along the solution is smooth; O(h**min(2, 1 + alpha)) for
+    solutions like t**alpha (convergence/orders.py).
+
+    Stability
+    ---------
+    No step limit was found for orders up to 1.
+
+    Source
+    ------
+    [DiethelmFordFreed2002], eq. (1.10), solved for its left side.
+
+    Examples
+    --------
+    >>> import hereditary as hd
+    >>> scheme = hd.ProductTrapezoid()
+    >>> sol = hd.solve(hd.scenes.relaxation(0.8), 1.0, n_steps=1000, scheme=scheme)
+    >>> round(float(sol.y[-1, 0]), 4)
+    0.3869
+    """
+
+    march: ClassVar[Callable] = staticmethod(march_adams)
+
+    def order(self, alpha: float, smoothness: str = "smooth") -> float:
+        """Proven order of convergence at a fixed time, on uniform steps; see `Adams.order`."""
+        alpha = within("alpha", alpha, 5e-324, 2.0, "(0, 2]")
+        check_smoothness(smoothness)
+        return 2.0 if smoothness == "smooth" else min(2.0, 1 + alpha)
+
+    def plan(self, equation: Equation, h: float) -> Plan:
+        """Tables and convolution for `equation` with step h."""
+        return _plan("ProductTrapezoid", equation, h, 0)

@@ -1,0 +1,81 @@
+"""What implicit schemes in derivative form share (floor 2): turning weight rules into a plan."""
+
+import numpy as np
+from scipy.special import rgamma
+
+from ..operators import derivative_order
+from .scheme import Convolution, Plan, check_lead, distinct_components
+
+
+def derivative_plan(equation, h, theta, rule_of, start_rule=None, first=None):
+    """Plan of a scheme that weighs increments and sees the right-hand side at t_n + theta h.
+
+    Parameters
+    ----------
+    equation : Equation
+    h : float
+        Step [time].
+    theta : float
+        In (0, 1] [-].
+    rule_of : callable
+        ``rule_of(alpha)``: the `WeightRule` of a term, with p = ceil(alpha) - alpha.
+    start_rule : WeightRule, optional
+        What the weights of the first increment lack, with the same p.
+    first : ndarray, shape (d,), optional
+        The first increment, where the scheme finds it in another way.
+
+    Returns
+    -------
+    Plan
+        For `march_implicit`.
+    """
+    distinct, classes = distinct_components(equation)
+    rows = np.empty((3, len(distinct)))  # lead, near, weight of the first step
+    lists, start_lists = [], []
+    for i, key in enumerate(distinct):
+        terms = [(leading_weight(c, alpha, h), rule_of(alpha), _power(alpha)) for c, alpha in key]
+        weights = sum(f * rule.exact(p, 2) for f, rule, p in terms)
+        total = weights[0]
+        check_lead(total, h)
+        rows[:2, i] = 1 / total, weights[1] / total
+        lists.append(tuple((f / total, rule, p) for f, rule, p in terms))
+        alone = total
+        if start_rule is not None:
+            start_lists.append(tuple((f / total, start_rule, p) for f, _, p in terms))
+            # the first interval leans on none before it: its own weight is a_0 = theta**p
+            alone = sum(f * theta**p for f, _, p in terms)
+        else:
+            start_lists.append(())
+        rows[2, i] = alone / total
+    shift = h * equation.y0[1] if equation.m == 2 else np.zeros(equation.d)
+    given = first is not None
+    return Plan(
+        convolution=Convolution(tuple(lists), tuple(start_lists)),
+        classes=classes,
+        numbers=np.array([h, theta]),
+        flags=np.full(equation.d, int(given)),
+        columns=np.array(
+            [*rows[:2, classes], shift, rows[2, classes], first if given else 0 * shift]
+        ),
+        increments=shift.copy(),
+        forcing=_drift(equation),
+    )
+
+
+def leading_weight(coefficient, alpha, h):
+    """``c h**-alpha / Gamma(ceil(alpha) + 1 - alpha)``."""
+    return coefficient * h**-alpha * rgamma(_power(alpha) + 1)
+
+
+def _power(alpha):
+    return derivative_order(alpha) - alpha
+
+
+def _drift(equation):
+    """Derivatives of t x'(0), which the increments leave out: rows of amplitudes and of powers."""
+    rows = []
+    if equation.m == 2:
+        for c, alpha in zip(equation.coefficients, equation.orders, strict=True):
+            amplitude = np.where(alpha <= 1, c * equation.y0[1] * rgamma(2 - alpha), 0.0)
+            rows += [amplitude, np.where(alpha <= 1, 1 - alpha, 0.0)]
+    return np.array(rows).reshape(-1, equation.d)

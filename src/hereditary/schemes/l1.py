@@ -1,0 +1,73 @@
+"""The L1 scheme (floor 2): piecewise linear solutions."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import ClassVar
+
+from .._checks import within
+from ..equation import Equation
+from ..kernels.implicit import march_implicit
+from .derivative_form import derivative_plan
+from .scheme import Plan, Scheme, check_smoothness
+from .weights import SECOND_DIFFERENCES, shifted_differences
+
+
+@dataclass(frozen=True)
+class L1(Scheme):
+    """The L1 scheme; for orders above 1 in its half-step form.
+
+    Orders in (0, 1]: the solution is a line on each step, ``D^alpha x(t_n) = h**-alpha /
+    Gamma(2 - alpha) sum_k b_k (x_(n-k) - x_(n-k-1))`` with ``b_k = (k+1)**(1-alpha) -
+    k**(1-alpha)``, and the equation holds at t_n. If any order lies in (1, 2] the velocities
+    ``v_(k+1/2) = (x_(k+1) - x_k) / h`` are lines instead, ``D^beta x(t_(n+1/2)) = h**(1-beta) /
+    Gamma(3 - beta) (v_(n+1/2) - sum_(k=1)^n (a_(k-1) - a_k) v_(n+1/2-k) - a_n x'(0))`` with ``a_k =
+    (k+1)**(2-beta) - k**(2-beta)``, lower orders are seen at t_n + h/2 as well, and the equation
+    holds there with ``x = (x_n + x_(n+1)) / 2``. Implicit: Newton's method with the equation's
+    Jacobian or differences. Any number of terms and components.
+
+    Error
+    -----
+    O(h**(2-alpha)) for smooth solutions; O(h) at a fixed time for solutions like t**alpha.
+    O(h**(3-beta)) for orders above 1 (convergence/orders.py).
+
+    Stability
+    ---------
+    No step limit.
+
+    Source
+    ------
+    [LinXu2007], eq. (3.1); [SunWu2006], for orders above 1.
+
+    Examples
+    --------
+    >>> import hereditary as hd
+    >>> sol = hd.solve(hd.scenes.relaxation(0.5), 1.0, n_steps=1000, scheme=hd.L1())
+    >>> round(float(sol.y[-1, 0]), 4)
+    0.4277
+    """
+
+    march: ClassVar[Callable] = staticmethod(march_implicit)
+
+    def order(self, alpha: float, smoothness: str = "smooth") -> float:
+        """Proven order of convergence at a fixed time, on uniform steps.
+
+        Parameters
+        ----------
+        alpha : float
+            Highest order of the equation, 0 < alpha <= 2 [-].
+        smoothness : {"smooth", "singular"}
+            Whether the solution is smooth at 0 or behaves like t**alpha there.
+        """
+        alpha = within("alpha", alpha, 5e-324, 2.0, "(0, 2]")
+        check_smoothness(smoothness)
+        if alpha > 1:
+            return 3 - alpha
+        return 2 - alpha if smoothness == "smooth" else 1.0
+
+    def plan(self, equation: Equation, h: float) -> Plan:
+        """Tables and convolution for `equation` with step h."""
+        theta = 0.5 if equation.highest_orders().max() > 1 else 1.0
+        lines = shifted_differences(theta)
+        return derivative_plan(
+            equation, h, theta, lambda alpha: SECOND_DIFFERENCES if alpha > 1 else lines
+        )

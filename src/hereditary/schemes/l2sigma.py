@@ -1,0 +1,92 @@
+"""Alikhanov's L2-1sigma scheme (floor 2)."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from scipy.special import rgamma
+
+from .._checks import complaint, within
+from ..equation import Equation
+from ..kernels.implicit import march_implicit
+from .derivative_form import derivative_plan
+from .scheme import Plan, Scheme, check_smoothness, distinct_components, refuse_orders_above_one
+from .weights import parabola_start, parabola_weights
+
+
+@dataclass(frozen=True)
+class L2Sigma(Scheme):
+    """Alikhanov's second-order scheme, for orders in (0, 1].
+
+    The equation holds at t_n + sigma h with x = x_n + sigma (x_(n+1) - x_n). On every earlier step
+    the solution is the parabola through its ends and the next value, on the last one a line; with
+    sigma = 1 - alpha/2 for one term, and for several the root of ``sum_j c_j h**(2-alpha_j) /
+    Gamma(3-alpha_j) sigma**(1-alpha_j) (sigma - 1 + alpha_j/2)``, the line's error cancels. At
+    alpha = 1 it is the implicit midpoint rule. Any number of components, all with the same terms.
+
+    Error
+    -----
+    O(h**2) for smooth solutions; O(h) at a fixed time for solutions like t**alpha on uniform steps
+    (convergence/orders.py).
+
+    Stability
+    ---------
+    Unconditional for linear dissipative equations.
+
+    Source
+    ------
+    [Alikhanov2015], eqs. (26) to (28); several terms: [GaoAlikhanovSun2017].
+
+    Examples
+    --------
+    >>> import hereditary as hd
+    >>> sol = hd.solve(hd.scenes.relaxation(0.5), 1.0, n_steps=1000, scheme=hd.L2Sigma())
+    >>> round(float(sol.y[-1, 0]), 4)
+    0.4276
+    """
+
+    march: ClassVar[Callable] = staticmethod(march_implicit)
+
+    def order(self, alpha: float, smoothness: str = "smooth") -> float:
+        """Proven order of convergence at a fixed time, on uniform steps.
+
+        Parameters
+        ----------
+        alpha : float
+            Highest order of the equation, 0 < alpha <= 1 [-].
+        smoothness : {"smooth", "singular"}
+            Whether the solution is smooth at 0 or behaves like t**alpha there.
+        """
+        within("alpha", alpha, 5e-324, 1.0, "(0, 1]", "use L1 for orders above 1")
+        check_smoothness(smoothness)
+        return 2.0 if smoothness == "smooth" else 1.0
+
+    def plan(self, equation: Equation, h: float) -> Plan:
+        """Tables and convolution for `equation` with step h."""
+        refuse_orders_above_one("L2Sigma", equation)
+        distinct, _ = distinct_components(equation)
+        if len(distinct) > 1:
+            required = "be the same for all components with L2Sigma, whose sigma depends on them"
+            got = f"{len(distinct)} different sets of orders and coefficients"
+            raise ValueError(complaint("terms", required, got, "use L1 or L2"))
+        sigma = _sigma(distinct[0], h)
+        rule = parabola_weights(sigma, closing=False)
+        return derivative_plan(equation, h, sigma, lambda _: rule, parabola_start(sigma))
+
+
+def _sigma(terms, h):
+    """The root of the function above, between the sigmas of its terms, by bisection."""
+    c, alpha = np.array(terms).T
+    if np.any(c < 0):
+        required = "have positive coefficients with L2Sigma"
+        raise ValueError(complaint("terms", required, c.tolist(), "use L1 or L2"))
+    weights = c * h ** (2 - alpha) * rgamma(3 - alpha)
+    low, high = 1 - alpha.max() / 2, 1 - alpha.min() / 2
+    for _ in range(60):
+        sigma = (low + high) / 2
+        if np.sum(weights * sigma ** (1 - alpha) * (sigma - 1 + alpha / 2)) > 0:
+            high = sigma
+        else:
+            low = sigma
+    return float((low + high) / 2)
