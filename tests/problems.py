@@ -9,6 +9,7 @@ import numpy as np
 from scipy.special import erfcx, rgamma, wofz
 
 import hereditary as hd
+from hereditary.exact import relaxation
 
 
 @dataclass(frozen=True)
@@ -157,3 +158,39 @@ W = np.sqrt(1 - 0.01)
 def tagged(*tags):
     """Problems that carry every one of the tags."""
     return [problem for problem in PROBLEMS if problem.tags.issuperset(tags)]
+
+
+def smooth_problem(alpha):
+    """D^alpha y + y = rhs with y = 1 + t**3 (and y'(0) = 0 for orders above 1)."""
+    factor = 6 * rgamma(4 - alpha)
+    y0 = 1.0 if alpha <= 1 else [1.0, 0.0]
+
+    def make():
+        return hd.Equation(hd.Caputo(alpha), _smooth_rhs, y0, params=(factor, alpha))
+
+    return Problem(f"smooth {alpha}", make, lambda t: column(1 + t**3), 1.0, frozenset({"smooth"}))
+
+
+def _smooth_rhs(t, y, p):
+    return p[0] * t ** (3 - p[1]) + 1 + t**3 - y
+
+
+def singular_problem(alpha):
+    """D^alpha y + y = 0, y(0) = 1 (and y'(0) = 0.5 for orders above 1), by Mittag-Leffler."""
+    if alpha <= 1:
+        equation, exact = hd.scenes.relaxation(alpha, 1.0, 1.0), relaxation(alpha, 1.0, 1.0)
+    else:
+        equation = hd.Equation(hd.Caputo(alpha), _decay, [1.0, 0.5])
+        exact = relaxation(alpha, 1.0, (1.0, 0.5))
+    return Problem(f"singular {alpha}", lambda: equation, exact, 2.0, frozenset({"singular"}))
+
+
+def _decay(t, y):
+    return -y
+
+
+def errors(problem, scheme, history, n):
+    """Largest error of a component at t_end, and over all times, with n uniform steps."""
+    sol = hd.solve(problem.equation(), problem.t_end, n, scheme=scheme, history=history)
+    off = np.abs(sol.y - problem.exact(sol.t))
+    return float(off[-1].max()), float(off.max())

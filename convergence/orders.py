@@ -1,0 +1,90 @@
+"""Every scheme shows its proven order, on smooth solutions and on those like t**alpha at 0.
+
+Uniform steps. Smooth: D^alpha y + y with y = 1 + t**3, largest error over all times, so that a
+start of lower order cannot hide. Singular: relaxation and oscillation, error at a fixed time. The
+last pairwise order lies within 0.15 of the proven one; where a second term of nearly the same order
+goes along (order 1.2), that takes more steps.
+"""
+
+import matplotlib.pyplot as plt
+from _study import Study, check
+from problems import errors, singular_problem, smooth_problem
+
+import hereditary as hd
+from hereditary.analysis.order import observed_order
+
+ORDERS = (0.1, 0.3, 0.5, 0.8, 0.95)
+ABOVE_ONE = (1.2, 1.5, 1.8, 1.95)
+SCHEMES = {
+    hd.ExplicitCaputo(): ORDERS + ABOVE_ONE,
+    hd.L1(): ORDERS + ABOVE_ONE,
+    hd.L2(): ORDERS,
+    hd.L2Sigma(): ORDERS,
+    hd.Adams(): ORDERS + ABOVE_ONE,
+    hd.Adams(corrections=3): ORDERS,
+    hd.ProductTrapezoid(): ORDERS + ABOVE_ONE,
+}
+# Errors below this are rounding or the tolerance of the exponential sum.
+_FLOOR = 1e-11
+
+
+def measure(quick):
+    rows = []
+    for scheme, orders in SCHEMES.items():
+        for alpha in orders[::4] if quick else orders:
+            for kind, problem, which in (
+                ("smooth", smooth_problem(alpha), 1),
+                ("singular", singular_problem(alpha), 0),
+            ):
+                counts = [200 * 2**k for k in range(4 if quick else 9)]
+                found = [
+                    errors(problem, scheme, hd.SumOfExponentials(1e-13), n)[which] for n in counts
+                ]
+                kept = [i for i, e in enumerate(found) if e > _FLOOR]
+                table = observed_order([counts[i] for i in kept], [found[i] for i in kept])
+                rows.append(
+                    {
+                        "scheme": repr(scheme),
+                        "alpha": alpha,
+                        "solution": kind,
+                        "n_steps": int(table.n_steps[-1]),
+                        "error": f"{table.errors[-1]:.2e}",
+                        "order": f"{table.pairwise[-1]:.3f}",
+                        "proven": f"{scheme.order(alpha, kind):.2f}",
+                    }
+                )
+    return rows
+
+
+def draw(rows):
+    figure, axes = plt.subplots(1, 2, figsize=(9, 4), sharey=True, layout="constrained")
+    for ax, kind in zip(axes, ("smooth", "singular"), strict=True):
+        for scheme, marker in zip(SCHEMES, "osD^v<>", strict=True):
+            mine = [r for r in rows if r["scheme"] == repr(scheme) and r["solution"] == kind]
+            label = repr(scheme)
+            alpha = [row["alpha"] for row in mine]
+            (line,) = ax.plot(alpha, [row["order"] for row in mine], marker, ms=5, label=label)
+            for part in ([r for r in mine if r["alpha"] < 1], [r for r in mine if r["alpha"] > 1]):
+                alpha = [row["alpha"] for row in part]
+                proven = [row["proven"] for row in part]
+                ax.plot(alpha, proven, "-", lw=0.8, color=line.get_color())
+        ax.set(xlabel=r"$\alpha$", title=f"{kind} solutions")
+        ax.grid(alpha=0.3)
+    axes[0].set_ylabel("order: observed (marks), proven (lines)")
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside right center", fontsize=8)
+    return figure
+
+
+def main():
+    study = Study(__file__, __doc__)
+    study.write(measure(study.quick))
+    rows = study.read()
+    worst = max(rows, key=lambda row: abs(row["order"] - row["proven"]))
+    off = abs(worst["order"] - worst["proven"])
+    where = f"{worst['scheme']}, {worst['alpha']}, {worst['solution']}"
+    check(f"all orders within {off:.2f} of the proven ones ({where})", off <= 0.15, study.quick)
+    study.save(draw(rows))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,147 @@
+"""Every scheme's order, for smooth solutions and for those like t**alpha at 0; both sides of it."""
+
+import numpy as np
+import pytest
+from problems import errors, singular_problem, smooth_problem
+
+import hereditary as hd
+from hereditary.analysis.order import observed_order
+
+ALPHAS = (0.1, 0.3, 0.5, 0.8, 0.95)
+BETAS = (1.2, 1.5, 1.8, 1.95)
+FIRST_ORDERS = [hd.L1(), hd.L2(), hd.L2Sigma(), hd.Adams(), hd.Adams(3), hd.ProductTrapezoid()]
+CASES = [
+    *((scheme, alpha) for scheme in FIRST_ORDERS for alpha in ALPHAS),
+    *((hd.L1(), beta) for beta in BETAS),
+    *((hd.ProductTrapezoid(), beta) for beta in BETAS),
+    *((hd.Adams(), beta) for beta in BETAS),
+]
+
+
+# Where the proven order shows late: a term of nearly the same order goes with it.
+LATE = {("L1()", 1.2), ("ProductTrapezoid()", 1.2), ("Adams(corrections=1)", 1.2)}
+
+
+def smooth_table(scheme, alpha):
+    """Errors over all times: a start of lower order would show in them."""
+    steps = [3200, 6400, 12800] if (repr(scheme), alpha) in LATE else [200, 400, 800]
+    history = hd.SumOfExponentials(1e-13)
+    found = [errors(smooth_problem(alpha), scheme, history, n)[1] for n in steps]
+    return observed_order(steps, found)
+
+
+def singular_table(scheme, alpha):
+    """Errors at a fixed time."""
+    steps = [6400, 12800, 25600] if (repr(scheme), alpha) in LATE else [800, 1600, 3200]
+    history = hd.SumOfExponentials(1e-13)
+    found = [errors(singular_problem(alpha), scheme, history, n)[0] for n in steps]
+    return observed_order(steps, found)
+
+
+@pytest.mark.parametrize(("scheme", "alpha"), CASES, ids=str)
+def test_smooth(scheme, alpha):
+    """Solutions 1 + t**3, whose right-hand sides are smooth enough for every scheme here."""
+    found = smooth_table(scheme, alpha)
+    assert found.slope == pytest.approx(scheme.order(alpha), abs=0.15), found
+    assert np.all(np.diff(found.errors) < 0)
+    assert found.errors[-1] < SMOOTH_ERRORS[repr(scheme), alpha] * 4 / 3
+
+
+@pytest.mark.parametrize(("scheme", "alpha"), CASES, ids=str)
+def test_singular(scheme, alpha):
+    """Relaxation and oscillation, y ~ t**alpha: the orders fall as theory says, and no further."""
+    found = singular_table(scheme, alpha)
+    expected = scheme.order(alpha, smoothness="singular")
+    assert found.slope == pytest.approx(expected, abs=0.15), found
+    assert found.errors[-1] < SINGULAR_ERRORS[repr(scheme), alpha] * 4 / 3
+
+
+# The last error of each case as measured; a third more is allowed.
+SMOOTH_ERRORS = {
+    ("L1()", 0.1): 5.5e-07,
+    ("L1()", 0.3): 4.9e-06,
+    ("L1()", 0.5): 2.7e-05,
+    ("L1()", 0.8): 3.0e-04,
+    ("L1()", 0.95): 9.6e-04,
+    ("L2()", 0.1): 9.6e-11,
+    ("L2()", 0.3): 1.4e-09,
+    ("L2()", 0.5): 1.7e-08,
+    ("L2()", 0.8): 3.4e-07,
+    ("L2()", 0.95): 1.3e-06,
+    ("L2Sigma()", 0.1): 1.1e-07,
+    ("L2Sigma()", 0.3): 2.8e-07,
+    ("L2Sigma()", 0.5): 4.0e-07,
+    ("L2Sigma()", 0.8): 5.2e-07,
+    ("L2Sigma()", 0.95): 6.2e-07,
+    ("Adams(corrections=1)", 0.1): 1.0e-03,
+    ("Adams(corrections=1)", 0.3): 4.2e-05,
+    ("Adams(corrections=1)", 0.5): 2.9e-06,
+    ("Adams(corrections=1)", 0.8): 5.1e-07,
+    ("Adams(corrections=1)", 0.95): 5.0e-07,
+    ("Adams(corrections=3)", 0.1): 2.0e-04,
+    ("Adams(corrections=3)", 0.3): 9.4e-07,
+    ("Adams(corrections=3)", 0.5): 4.4e-07,
+    ("Adams(corrections=3)", 0.8): 4.7e-07,
+    ("Adams(corrections=3)", 0.95): 4.9e-07,
+    ("ProductTrapezoid()", 0.1): 2.4e-07,
+    ("ProductTrapezoid()", 0.3): 3.9e-07,
+    ("ProductTrapezoid()", 0.5): 4.4e-07,
+    ("ProductTrapezoid()", 0.8): 4.7e-07,
+    ("ProductTrapezoid()", 0.95): 4.9e-07,
+    ("L1()", 1.2): 1.6e-08,
+    ("L1()", 1.5): 3.7e-05,
+    ("L1()", 1.8): 4.0e-04,
+    ("L1()", 1.95): 1.2e-03,
+    ("ProductTrapezoid()", 1.2): 2.1e-09,
+    ("ProductTrapezoid()", 1.5): 5.8e-07,
+    ("ProductTrapezoid()", 1.8): 5.3e-07,
+    ("ProductTrapezoid()", 1.95): 2.4e-07,
+    ("Adams(corrections=1)", 1.2): 2.1e-09,
+    ("Adams(corrections=1)", 1.5): 5.8e-07,
+    ("Adams(corrections=1)", 1.8): 5.3e-07,
+    ("Adams(corrections=1)", 1.95): 2.4e-07,
+}
+SINGULAR_ERRORS = {
+    ("L1()", 0.1): 3.9e-06,
+    ("L1()", 0.3): 1.2e-05,
+    ("L1()", 0.5): 2.0e-05,
+    ("L1()", 0.8): 3.7e-05,
+    ("L1()", 0.95): 6.5e-05,
+    ("L2()", 0.1): 3.0e-06,
+    ("L2()", 0.3): 7.0e-06,
+    ("L2()", 0.5): 8.1e-06,
+    ("L2()", 0.8): 5.2e-06,
+    ("L2()", 0.95): 1.6e-06,
+    ("L2Sigma()", 0.1): 2.9e-06,
+    ("L2Sigma()", 0.3): 6.6e-06,
+    ("L2Sigma()", 0.5): 7.7e-06,
+    ("L2Sigma()", 0.8): 4.7e-06,
+    ("L2Sigma()", 0.95): 1.4e-06,
+    ("Adams(corrections=1)", 0.1): 1.8e-06,
+    ("Adams(corrections=1)", 0.3): 8.9e-07,
+    ("Adams(corrections=1)", 0.5): 2.4e-07,
+    ("Adams(corrections=1)", 0.8): 2.6e-08,
+    ("Adams(corrections=1)", 0.95): 1.1e-08,
+    ("Adams(corrections=3)", 0.1): 1.7e-06,
+    ("Adams(corrections=3)", 0.3): 8.5e-07,
+    ("Adams(corrections=3)", 0.5): 2.3e-07,
+    ("Adams(corrections=3)", 0.8): 2.6e-08,
+    ("Adams(corrections=3)", 0.95): 1.1e-08,
+    ("ProductTrapezoid()", 0.1): 1.7e-06,
+    ("ProductTrapezoid()", 0.3): 8.5e-07,
+    ("ProductTrapezoid()", 0.5): 2.3e-07,
+    ("ProductTrapezoid()", 0.8): 2.6e-08,
+    ("ProductTrapezoid()", 0.95): 1.1e-08,
+    ("L1()", 1.2): 1.2e-09,
+    ("L1()", 1.5): 2.1e-06,
+    ("L1()", 1.8): 9.3e-06,
+    ("L1()", 1.95): 6.4e-05,
+    ("ProductTrapezoid()", 1.2): 2.2e-11,
+    ("ProductTrapezoid()", 1.5): 1.4e-08,
+    ("ProductTrapezoid()", 1.8): 3.4e-08,
+    ("ProductTrapezoid()", 1.95): 4.2e-08,
+    ("Adams(corrections=1)", 1.2): 2.2e-11,
+    ("Adams(corrections=1)", 1.5): 1.4e-08,
+    ("Adams(corrections=1)", 1.8): 3.4e-08,
+    ("Adams(corrections=1)", 1.95): 4.2e-08,
+}

@@ -1,0 +1,111 @@
+"""Weights of every rule: to rounding however far back, and the same as sums of exponentials."""
+
+import mpmath
+import numpy as np
+import pytest
+
+from hereditary.exponential_sum import fit_unit
+from hereditary.schemes import weights as rules
+from hereditary.schemes.adams import FIRST_VALUE, HATS
+
+FAR = [1, 2, 3, 4, 17, 300, 99_999]
+
+
+def moment(p, low, high, power_of_offset, middle):
+    """int p t**(p-1) (middle - t)**power dt over [low, high], in high precision."""
+
+    def primitive(t, e):
+        return mpmath.mpf(t) ** (p + e) * p / (p + e)
+
+    plain = primitive(high, 0) - primitive(low, 0)
+    if power_of_offset == 0:
+        return plain
+    return middle * plain - (primitive(high, 1) - primitive(low, 1))
+
+
+def parabola(theta, closing, p, k):
+    """W_k straight from its definition."""
+
+    def a(j):
+        return moment(p, max(j - 1 + theta, 0), j + theta, 0, 0)
+
+    def m(j):
+        middle = mpmath.mpf(j) - mpmath.mpf(1) / 2 + theta
+        return moment(p, j - 1 + theta, j + theta, 1, middle) if j > 0 else 0
+
+    value = a(k) + m(k + 1) - m(k)
+    if closing:
+        last = moment(p, 0, 1, 1, mpmath.mpf(1) / 2)
+        value += {0: last, 1: -last}.get(k, 0)
+    return value
+
+
+@pytest.mark.parametrize("p", [0.02, 0.3, 0.7, 0.98])
+@pytest.mark.parametrize(("theta", "closing"), [(1.0, True), (0.75, False), (0.5, False)])
+def test_parabola_weights(theta, closing, p):
+    found = rules.parabola_weights(theta, closing).exact(p, 100_000)
+    start = rules.parabola_start(theta).exact(p, 100_000)
+    with mpmath.workdps(60):
+        p_exact, theta = mpmath.mpf(p), mpmath.mpf(theta)
+        for k in [0, *FAR]:
+            expected = float(parabola(theta, closing, p_exact, k))
+            assert found[k] == pytest.approx(expected, rel=1e-13), k
+        for k in [0, *FAR]:
+            middle = k + theta + mpmath.mpf(1) / 2
+            expected = -moment(p_exact, k + theta, k + 1 + theta, 1, middle)
+            assert start[k] == pytest.approx(float(expected), rel=1e-12), k
+
+
+@pytest.mark.parametrize("alpha", [0.05, 0.5, 0.95, 1.05, 1.5, 1.95])
+def test_hat_weights(alpha):
+    found, start = HATS.exact(alpha, 100_000), FIRST_VALUE.exact(alpha, 100_000)
+    with mpmath.workdps(60):
+        a = mpmath.mpf(alpha)
+
+        def g(k):
+            power = [mpmath.mpf(abs(j)) ** (a + 1) for j in (k + 1, k, k - 1)]
+            return power[0] - 2 * power[1] + power[2] if k else mpmath.mpf(1)
+
+        def first(k):
+            return mpmath.mpf(k) ** (a + 1) - (k - a) * mpmath.mpf(k + 1) ** a if k >= 0 else 0
+
+        for k in FAR:
+            assert found[k] == pytest.approx(float(g(k) - g(k - 1)), rel=1e-12), k
+        for k in [0, *FAR]:
+            expected = float(first(k) - first(k - 1))
+            assert start[k] == pytest.approx(expected, rel=1e-12), k
+    assert found[0] == 1.0
+
+
+RULES = [
+    ("first differences", rules.FIRST_DIFFERENCES, (0.05, 0.5, 0.95), 2),
+    ("second differences", rules.SECOND_DIFFERENCES, (0.05, 0.5, 0.95), 2),
+    ("shifted", rules.shifted_differences(0.6), (0.05, 0.5, 0.95), 2),
+    ("parabola", rules.parabola_weights(1.0, closing=True), (0.05, 0.5, 0.95), 2),
+    ("parabola sigma", rules.parabola_weights(0.7, closing=False), (0.05, 0.5, 0.95), 2),
+    ("parabola start", rules.parabola_start(0.7), (0.05, 0.5, 0.95), 2),
+    ("hats", HATS, (0.05, 0.5, 0.95, 1.05, 1.5, 1.95), 3),
+    ("first value", FIRST_VALUE, (0.05, 0.5, 0.95, 1.05, 1.5, 1.95), 2),
+]
+
+
+@pytest.mark.parametrize(("name", "rule", "numbers", "first"), RULES, ids=lambda v: str(v)[:20])
+def test_modal_shares_sum_to_the_weights(name, rule, numbers, first):
+    n = 20_000
+    for p in numbers:
+        rates, weights, _ = fit_unit((rule.exponent(p),), float(n), 1e-12)
+        shares = rule.modal(p, rates, weights[0], first)
+        k = np.unique(np.geomspace(first, n - 1, 200).astype(int))
+        summed = np.exp(-np.multiply.outer(k - first, rates)) @ shares
+        exact = rule.exact(p, n)[k]
+        # a difference of moments is off by the tolerance of the moments themselves
+        moments = np.abs(k - 1.0 + 1e-9) ** ((p if p < 1 else p - 1) - 1)
+        assert np.all(np.abs(summed - exact) <= 5e-12 * np.maximum(moments, np.abs(exact))), p
+
+
+def test_no_memory_at_the_integers():
+    for rule in (rules.FIRST_DIFFERENCES, rules.SECOND_DIFFERENCES):
+        assert rule.exponent(0.0) is None
+    assert HATS.exponent(1.0) is None
+    assert rules.parabola_weights(1.0, closing=True).exact(0.0, 5).tolist() == [1.5, -0.5, 0, 0, 0]
+    assert HATS.exact(1.0, 6).tolist() == pytest.approx([1, 1, 0, 0, 0, 0], abs=1e-15)
