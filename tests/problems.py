@@ -194,3 +194,9 @@ def errors(problem, scheme, history, n):
     sol = hd.solve(problem.equation(), problem.t_end, n, scheme=scheme, history=history)
     off = np.abs(sol.y - problem.exact(sol.t))
     return float(off[-1].max()), float(off.max())
+
+
+def errors_on_mesh(problem, scheme, history, mesh):
+    """Largest error of a component over all times on a mesh."""
+    sol = hd.solve(problem.equation(), problem.t_end, mesh=mesh, scheme=scheme, history=history)
+    return float(np.abs(sol.y - problem.exact(sol.t)).max())

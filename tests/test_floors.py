@@ -15,6 +15,7 @@ FLOORS = {
     "operators": 2,
     "equation": 2,
     "exponential_sum": 2,
+    "meshes": 2,
     "schemes": 2,
     "history": 3,
     "solver": 4,

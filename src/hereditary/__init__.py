@@ -9,6 +9,7 @@ from .exponential_sum import ExponentialSum, fit_exponentials
 from .history.direct import Direct
 from .history.exponentials import SumOfExponentials
 from .history.fft import FFT
+from .meshes import Graded, graded
 from .operators import Caputo, PowerLaw
 from .schemes.adams import Adams, ProductTrapezoid
 from .schemes.explicit import ExplicitCaputo
@@ -30,6 +31,7 @@ __all__ = [
     "Equation",
     "ExplicitCaputo",
     "ExponentialSum",
+    "Graded",
     "L2Sigma",
     "PowerLaw",
     "ProductTrapezoid",
@@ -38,6 +40,7 @@ __all__ = [
     "Status",
     "SumOfExponentials",
     "fit_exponentials",
+    "graded",
     "plots",
     "scenes",
     "solve",

@@ -5,8 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..kernels.convolution import exchange_direct
-from ..schemes.scheme import Convolution
-from .history import History, Memory, NoMemory
+from ..kernels.mesh import recall_direct
+from ..schemes.scheme import Convolution, MeshPlan
+from ..special import gauss_unit
+from .history import History, Memory, MeshMemory, NoMemory
 
 
 @dataclass(frozen=True)
@@ -34,6 +36,14 @@ class Direct(History):
         if not convolution.exponents():
             return NoMemory(n_columns, *convolution.exact(n_block + 2))
         return _Pieces(convolution, n_columns, n_block)
+
+    def open_mesh(self, plan: MeshPlan) -> MeshMemory:
+        """A fresh memory on a mesh of any steps; see `History.open_mesh`."""
+        n_columns, n_steps = plan.classes.size, plan.theta.size
+        times = plan.times.reshape(1, -1)
+        tables = (times, plan.factors, plan.powers, np.array(gauss_unit(16)), np.zeros((1, 0)))
+        arrays = tuple(np.zeros((n_columns, k)) for k in (n_steps, n_steps, 0))
+        return MeshMemory(recall_direct, tables, arrays)
 
 
 class _Pieces(Memory):

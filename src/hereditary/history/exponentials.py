@@ -11,9 +11,10 @@ import numpy as np
 
 from .._checks import complaint, count
 from ..exponential_sum import fit_unit, tolerance
+from ..kernels.mesh import recall_modes
 from ..kernels.modes import exchange_modes
-from ..schemes.scheme import Convolution
-from .history import History, Memory, NoMemory
+from ..schemes.scheme import Convolution, MeshPlan
+from .history import History, Memory, MeshMemory, NoMemory
 
 # Steps that every bank covers. A run may be resumed up to here whatever length it first had, and
 # all shorter runs share one bank; longer ones take ten times as many, and so on. Against a bank
@@ -93,6 +94,26 @@ class SumOfExponentials(History):
         tables = (shares, start_shares, ahead, back, corrections)
         blocks = (block_weights, block_start_weights)
         return _Modes(tables, arrays, blocks, rates.size - pad, covered)
+
+    def open_mesh(self, plan: MeshPlan) -> MeshMemory:
+        """A fresh memory on a mesh of any steps; see `History.open_mesh`."""
+        n_columns = plan.classes.size
+        used = (plan.factors != 0) & (plan.powers > 0)
+        exponents = tuple(sorted({1 - p for p in plan.powers[used]}))
+        nearest = plan.nearest()
+        rates, shares = np.zeros(0), np.zeros((plan.factors.shape[0], 0))
+        if exponents and np.isfinite(nearest):
+            t_end = plan.times[-1]
+            unit, weights, _ = fit_unit(exponents, max(2.0, t_end / nearest), float(self.tol))
+            # p t**(p-1) in units of the nearest distance
+            bank = {a: (1 - a) * w * nearest**-a for a, w in zip(exponents, weights, strict=True)}
+            rates, shares = unit / nearest, np.zeros((plan.factors.shape[0], unit.size))
+            for i, j in zip(*np.nonzero(used), strict=True):
+                shares[i] += plan.factors[i, j] * bank[1 - plan.powers[i, j]]
+        empty = np.zeros((1, 0))
+        tables = (plan.times.reshape(1, -1), rates.reshape(1, -1), shares, empty, empty)
+        arrays = tuple(np.zeros((n_columns, k)) for k in (rates.size, 0, 0))
+        return MeshMemory(recall_modes, tables, arrays, rates.size)
 
 
 class _Modes(Memory):

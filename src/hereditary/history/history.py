@@ -13,10 +13,11 @@ from abc import ABC, abstractmethod
 
 import numpy as np
 
+from .._checks import complaint
 from .._jit import as_value
 from ..kernels.convolution import exchange_nothing
-from ..kernels.signatures import EXCHANGE_SIG
-from ..schemes.scheme import Convolution
+from ..kernels.signatures import EXCHANGE_SIG, RECALL_SIG
+from ..schemes.scheme import Convolution, MeshPlan
 
 
 class Memory(ABC):
@@ -132,3 +133,32 @@ class History(ABC):
         n_steps : int
             Steps the run is going to take.
         """
+
+    def open_mesh(self, plan: MeshPlan) -> MeshMemory:
+        """A fresh memory for one run on a mesh of any steps."""
+        required = f"be left out with {type(self).__name__}, which takes uniform steps"
+        got = f"{plan.theta.size} steps"
+        raise ValueError(complaint("mesh", required, got, "or use SumOfExponentials or Direct"))
+
+
+class MeshMemory:
+    """The running memory of a march on a mesh of any steps.
+
+    Attributes
+    ----------
+    recall : compiled function
+        Of signature `RECALL_SIG`, kernels/signatures.py.
+    tables, arrays : tuples of ndarrays
+        What it reads, and what it changes.
+    n_modes : int
+        Modes held for each component.
+    """
+
+    def __init__(self, recall, tables, arrays, n_modes=0):
+        self.recall = as_value(recall, RECALL_SIG)
+        self.tables, self.arrays, self.n_modes = tables, arrays, n_modes
+
+    @property
+    def nbytes(self):
+        """Bytes of the memory itself, tables not counted."""
+        return sum(array.nbytes for array in self.arrays)

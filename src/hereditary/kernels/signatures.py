@@ -8,7 +8,7 @@ histories are compiled once each and pair freely.
 
 from numba import types
 
-from .._jit import CUBE, I8, IVEC, JAC_SIG, MAT, RHS_SIG, VEC
+from .._jit import CUBE, F8, I8, IVEC, JAC_SIG, MAT, RHS_SIG, VEC
 
 RHS = types.FunctionType(RHS_SIG)
 JAC = types.FunctionType(JAC_SIG)
@@ -26,3 +26,14 @@ SCHEME = types.Tuple((VEC, IVEC, IVEC, MAT, MAT, MAT, MAT))
 STATE = types.Tuple((IVEC, VEC, VEC, VEC, MAT, MAT, MAT))
 OUTPUT = types.Tuple((VEC, MAT, MAT, CUBE))
 MARCH = (RHS, JAC, I8, VEC, EXCHANGE, TABLES, MEMORY, SCHEME, STATE, OUTPUT, I8)
+
+# The same on meshes of any steps: lag (W,), newest piece (2, W), pieces so far, time seen from,
+# class of each column, tables, memory; stores the piece and sets lag
+RECALL_SIG = types.void(VEC, MAT, I8, F8, IVEC, TABLES, MEMORY)
+RECALL = types.FunctionType(RECALL_SIG)
+MESH_SCHEME = types.Tuple((VEC, VEC, IVEC, IVEC, MAT, MAT, MAT, VEC))
+MESH_STATE = types.Tuple((IVEC, VEC, VEC, MAT))
+MESH_OUTPUT = types.Tuple((VEC, MAT, MAT))
+MESH_MARCH = (
+    RHS, JAC, I8, VEC, RECALL, TABLES, MEMORY, MESH_SCHEME, MESH_STATE, MESH_OUTPUT, I8
+)  # fmt: skip

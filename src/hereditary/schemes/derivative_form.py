@@ -3,8 +3,9 @@
 import numpy as np
 from scipy.special import rgamma
 
+from .._checks import complaint
 from ..operators import derivative_order
-from .scheme import Convolution, Plan, check_lead, distinct_components
+from .scheme import Convolution, MeshPlan, Plan, check_lead, distinct_components
 
 
 def derivative_plan(equation, h, theta, rule_of, start_rule=None, first=None):
@@ -59,6 +60,24 @@ def derivative_plan(equation, h, theta, rule_of, start_rule=None, first=None):
         ),
         increments=shift.copy(),
         forcing=_drift(equation),
+    )
+
+
+def mesh_plan(name, equation, times, theta, parabolas, first=None):
+    """Plan on a mesh of any steps, for orders in (0, 1]."""
+    highest = float(equation.highest_orders().max())
+    if highest > 1:
+        required = f"lie in (0, 1] for {name} on a mesh"
+        raise ValueError(complaint("order", required, highest, "take uniform steps"))
+    distinct, classes = distinct_components(equation)
+    shape = (len(distinct), max(map(len, distinct)))
+    factors, powers = np.zeros(shape), np.zeros(shape)
+    for i, key in enumerate(distinct):
+        for j, (c, alpha) in enumerate(key):
+            factors[i, j], powers[i, j] = c * rgamma(2 - alpha), 1 - alpha
+    steps = times.size - 1
+    return MeshPlan(
+        times, np.broadcast_to(theta, steps) * 1.0, parabolas, classes, factors, powers, first
     )
 
 

@@ -4,11 +4,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar
 
+import numpy as np
+
 from .._checks import within
 from ..equation import Equation
 from ..kernels.implicit import march_implicit
-from .derivative_form import derivative_plan
-from .scheme import Plan, Scheme, check_smoothness
+from .derivative_form import derivative_plan, mesh_plan
+from .scheme import MeshPlan, Plan, Scheme, check_smoothness
 from .weights import SECOND_DIFFERENCES, shifted_differences
 
 
@@ -27,8 +29,9 @@ class L1(Scheme):
 
     Error
     -----
-    O(h**(2-alpha)) for smooth solutions; O(h) at a fixed time for solutions like t**alpha.
-    O(h**(3-beta)) for orders above 1 (convergence/orders.py).
+    O(h**(2-alpha)) for smooth solutions; O(h) at a fixed time for solutions like t**alpha on
+    uniform steps, O(n**-min(r alpha, 2-alpha)) at all times on the mesh ``graded(n, r)``.
+    O(h**(3-beta)) for orders above 1 (convergence/orders.py, convergence/graded_meshes.py).
 
     Stability
     ---------
@@ -71,3 +74,7 @@ class L1(Scheme):
         return derivative_plan(
             equation, h, theta, lambda alpha: SECOND_DIFFERENCES if alpha > 1 else lines
         )
+
+    def mesh_plan(self, equation: Equation, times: np.ndarray) -> MeshPlan:
+        """Plan on a mesh of any steps, for orders in (0, 1]."""
+        return mesh_plan("L1", equation, times, 1.0, 0)

@@ -5,14 +5,16 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
+from scipy.special import rgamma
 
 from .._checks import complaint, shown, within
 from ..equation import Equation
 from ..kernels.implicit import march_implicit
-from ..special import power_differences
-from .derivative_form import derivative_plan, leading_weight
-from .scheme import Plan, Scheme, check_smoothness, refuse_orders_above_one
-from .weights import last_moment, parabola_start, parabola_weights
+from ..kernels.mesh import moments
+from ..special import gauss_unit
+from .derivative_form import derivative_plan, mesh_plan
+from .scheme import MeshPlan, Plan, Scheme, check_smoothness, refuse_orders_above_one
+from .weights import parabola_start, parabola_weights
 
 
 @dataclass(frozen=True)
@@ -28,7 +30,8 @@ class L2(Scheme):
     Error
     -----
     O(h**(3-alpha)) for smooth solutions; O(h) at a fixed time for solutions like t**alpha on
-    uniform steps (convergence/orders.py).
+    uniform steps, O(n**-min(r alpha, 3-alpha)) at all times on the mesh ``graded(n, r)``
+    (convergence/orders.py, convergence/graded_meshes.py).
 
     Stability
     ---------
@@ -66,46 +69,60 @@ class L2(Scheme):
         """Tables and convolution for `equation` with step h."""
         refuse_orders_above_one("L2", equation)
         rule = parabola_weights(1.0, closing=True)
-        first = _first_increment(equation, h)
+        first = _first_increment(equation, np.array([0.0, h, 2 * h]))
         return derivative_plan(equation, h, 1.0, lambda _: rule, parabola_start(1.0), first)
 
+    def mesh_plan(self, equation: Equation, times: np.ndarray) -> MeshPlan:
+        """Plan on a mesh of any steps, for orders in (0, 1]."""
+        refuse_orders_above_one("L2", equation)
+        first = _first_increment(equation, times[:3]) if times.size > 2 else None
+        return mesh_plan("L2", equation, times, 1.0, 2, first)
 
-def _first_increment(equation, h):
-    """w_0 = x_1 - x_0 from the equation at t_1 and t_2 with one parabola through x_0, x_1, x_2.
 
-    On that parabola D^alpha x(t_1) = A (a_0 w_0 + m_0 (w_1 - w_0)) and D^alpha x(t_2) =
-    A (a_1 w_0 + a_0 w_1 + (m_0 + m_1) (w_1 - w_0)).
-    """
+def _first_increment(equation, times):
+    """x_1 - x_0 from the equation at t_1 and t_2 with one parabola through x_0, x_1, x_2."""
     d = equation.d
-    near = np.zeros((2, 2, d))  # weight of increment [column] in the equation at time [row]
-    for c, alpha in zip(equation.coefficients, equation.orders, strict=True):
-        for j in range(d):
-            p = 1 - alpha[j]
-            a_1 = power_differences(p, 2)[1]
-            lean = last_moment(p)
-            more = -parabola_start(1.0).exact(p, 1)[0]  # m_1
-            weights = np.array([[1 - lean, lean], [a_1 - lean - more, 1 + lean + more]])
-            near[:, :, j] += leading_weight(c[j], alpha[j], h) * weights
+    weights = _start_weights(equation, times)
 
-    def excess(w):
-        w = w.reshape(2, d)
+    def excess(u):
+        u = u.reshape(2, d)
         values = np.empty((2, d))
-        for row, x in ((0, equation.y0[0] + w[0]), (1, equation.y0[0] + w[0] + w[1])):
-            equation._rhs((row + 1) * h, x, values[row], equation.params)
-        return (np.einsum("rcj,cj->rj", near, w) - values).ravel()
+        for row, x in ((0, equation.y0[0] + u[0]), (1, equation.y0[0] + u[0] + u[1])):
+            equation._rhs(times[row + 1], x, values[row], equation.params)
+        return (np.einsum("rcj,cj->rj", weights, u) - values).ravel()
 
-    w = np.zeros(2 * d)
+    u = np.zeros(2 * d)
+    scale = np.abs(equation.y0[0]).max()
     for _ in range(50):
-        residual = excess(w)
         jacobian = np.empty((2 * d, 2 * d))
         for k in range(2 * d):
-            step = 6e-6 * max(1.0, abs(equation.y0[0, k % d]))
             e = np.zeros(2 * d)
-            e[k] = step
-            jacobian[:, k] = (excess(w + e) - excess(w - e)) / (2 * step)
-        change = np.linalg.solve(jacobian, residual)
-        w -= change
-        if np.abs(change).max() <= 1e-14 * (np.abs(equation.y0[0]).max() + np.abs(w).max()):
-            return w[:d]
-    required = "let Newton's method find the first two steps"
-    raise ValueError(complaint("n_steps", required, f"w = {shown(w)}", "take smaller steps"))
+            e[k] = 6e-6 * max(1.0, abs(equation.y0[0, k % d]))
+            jacobian[:, k] = (excess(u + e) - excess(u - e)) / (2 * e[k])
+        change = np.linalg.solve(jacobian, excess(u))
+        u -= change
+        if np.abs(change).max() <= 1e-14 * (scale + np.abs(u).max()):
+            return u[:d]
+    required = "let Newton's method find the first two values"
+    raise ValueError(complaint("steps", required, f"increments {shown(u)}", "take smaller ones"))
+
+
+def _start_weights(equation, times):
+    """Weights of the first two increments (second axis) in the derivatives at t_1, t_2 (first).
+
+    The parabola's slope is ``mean + lean (s - middle)`` on either step, with the means u_0/tau_0
+    and u_1/tau_1 and the common lean ``2 (u_1/tau_1 - u_0/tau_0) / (tau_0 + tau_1)``.
+    """
+    steps = np.diff(times)
+    rule = gauss_unit(16)
+    weights = np.zeros((2, 2, equation.d))
+    for c, alpha in zip(equation.coefficients, equation.orders, strict=True):
+        for j in np.flatnonzero(c):
+            p = 1 - alpha[j]
+            for row, t in enumerate(times[1:]):
+                for k in range(row + 1):
+                    m_0, m_1 = moments(t - times[k + 1], steps[k], p, *rule)
+                    lean = 2 * m_1 / steps.sum() / steps
+                    weights[row, :, j] += c[j] * rgamma(p + 1) * np.array([-lean[0], lean[1]])
+                    weights[row, k, j] += c[j] * rgamma(p + 1) * m_0 / steps[k]
+    return weights

@@ -10,8 +10,15 @@ from scipy.special import rgamma
 from .._checks import complaint, within
 from ..equation import Equation
 from ..kernels.implicit import march_implicit
-from .derivative_form import derivative_plan
-from .scheme import Plan, Scheme, check_smoothness, distinct_components, refuse_orders_above_one
+from .derivative_form import derivative_plan, mesh_plan
+from .scheme import (
+    MeshPlan,
+    Plan,
+    Scheme,
+    check_smoothness,
+    distinct_components,
+    refuse_orders_above_one,
+)
 from .weights import parabola_start, parabola_weights
 
 
@@ -27,8 +34,9 @@ class L2Sigma(Scheme):
 
     Error
     -----
-    O(h**2) for smooth solutions; O(h) at a fixed time for solutions like t**alpha on uniform steps
-    (convergence/orders.py).
+    O(h**2) for smooth solutions; O(h) at a fixed time for solutions like t**alpha on uniform
+    steps, O(n**-min(r alpha, 2)) at all times on the mesh ``graded(n, r)`` (convergence/orders.py,
+    convergence/graded_meshes.py).
 
     Stability
     ---------
@@ -64,19 +72,32 @@ class L2Sigma(Scheme):
 
     def plan(self, equation: Equation, h: float) -> Plan:
         """Tables and convolution for `equation` with step h."""
-        refuse_orders_above_one("L2Sigma", equation)
-        distinct, _ = distinct_components(equation)
-        if len(distinct) > 1:
-            required = "be the same for all components with L2Sigma, whose sigma depends on them"
-            got = f"{len(distinct)} different sets of orders and coefficients"
-            raise ValueError(complaint("terms", required, got, "use L1 or L2"))
-        sigma = _sigma(distinct[0], h)
+        sigma = _sigma(_terms(equation), h)
         rule = parabola_weights(sigma, closing=False)
         return derivative_plan(equation, h, sigma, lambda _: rule, parabola_start(sigma))
+
+    def mesh_plan(self, equation: Equation, times: np.ndarray) -> MeshPlan:
+        """Plan on a mesh of any steps, for orders in (0, 1]."""
+        terms = _terms(equation)
+        sigma = np.array([_sigma(terms, step) for step in np.diff(times)])
+        return mesh_plan("L2Sigma", equation, times, sigma, 1)
+
+
+def _terms(equation):
+    """The terms that all components share."""
+    refuse_orders_above_one("L2Sigma", equation)
+    distinct, _ = distinct_components(equation)
+    if len(distinct) > 1:
+        required = "be the same for all components with L2Sigma, whose sigma depends on them"
+        got = f"{len(distinct)} different sets of orders and coefficients"
+        raise ValueError(complaint("terms", required, got, "use L1 or L2"))
+    return distinct[0]
 
 
 def _sigma(terms, h):
     """The root of the function above, between the sigmas of its terms, by bisection."""
+    if len(terms) == 1:
+        return 1 - terms[0][1] / 2
     c, alpha = np.array(terms).T
     if np.any(c < 0):
         required = "have positive coefficients with L2Sigma"

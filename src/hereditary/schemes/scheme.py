@@ -132,6 +132,44 @@ class Plan:
     region: StabilityRegion | None = None
 
 
+@dataclass(frozen=True)
+class MeshPlan:
+    """What the march on a mesh of any steps needs to know of a scheme.
+
+    Attributes
+    ----------
+    times : ndarray, shape (n+1,)
+        The mesh.
+    theta : ndarray, shape (n,)
+        Where in each step the equation holds.
+    parabolas : int
+        0 for lines, 1 for parabolas on all steps but the newest, 2 on that too.
+    classes : ndarray of int64, shape (d,)
+        Class of each component.
+    factors, powers : ndarray, shape (C, T)
+        ``coefficient / Gamma(p + 1)`` and p = 1 - alpha of each class's terms; factor 0 for none.
+    first : ndarray, shape (d,), or None
+        The first increment, where the scheme finds it in another way.
+    """
+
+    times: np.ndarray
+    theta: np.ndarray
+    parabolas: int
+    classes: np.ndarray
+    factors: np.ndarray
+    powers: np.ndarray
+    first: np.ndarray | None = None
+
+    def nearest(self):
+        """Smallest distance at which a piece that the history holds is seen."""
+        steps = np.diff(self.times)
+        ahead = self.theta * steps
+        if self.parabolas:
+            ahead[1:] += steps[:-1]
+            ahead = ahead[1:]
+        return float(ahead.min(initial=np.inf))
+
+
 def distinct_components(equation):
     """The different (coefficient, order) lists of an equation's components, and each one's index.
 
@@ -184,3 +222,8 @@ class Scheme(ABC):
     @abstractmethod
     def plan(self, equation: Equation, h: float) -> Plan:
         """The `Plan` for `equation` with step h."""
+
+    def mesh_plan(self, equation: Equation, times: np.ndarray) -> MeshPlan:
+        """The `MeshPlan` for `equation` on a mesh of any steps."""
+        required = f"be left out with {type(self).__name__}, which takes uniform steps"
+        raise ValueError(complaint("mesh", required, f"{times.size - 1} steps", "or use L1 or L2"))

@@ -53,7 +53,7 @@ class Solution:
         eigenvalues are seen.
     state : State
         Everything needed to go on, ``solve(eq, t_later, resume=sol.state)``: a few kilobytes with
-        `SumOfExponentials`, the whole past with `Direct`.
+        `SumOfExponentials`, the whole past with `Direct`. None on a mesh.
     """
 
     t: np.ndarray
@@ -62,7 +62,7 @@ class Solution:
     status: Status
     message: str
     stats: dict[str, Any] = field(repr=False)
-    state: State = field(repr=False)
+    state: State | None = field(repr=False)
 
     @property
     def success(self) -> bool:

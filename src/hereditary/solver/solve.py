@@ -10,9 +10,12 @@ from .._checks import complaint, count, instance, positive, real_array, shown
 from ..equation import Equation
 from ..history.exponentials import SumOfExponentials
 from ..history.history import History
+from ..meshes import Graded, mesh_times
 from ..schemes.explicit import ExplicitCaputo
 from ..schemes.scheme import Scheme
+from .mesh_stepper import MeshStepper
 from .progress import Interruption, ProgressBar
+from .rows import Rows
 from .solution import Solution, StabilityWarning, Status
 from .stepper import State, Stepper
 
@@ -26,6 +29,7 @@ def solve(
     t_end: float,
     n_steps: int | None = None,
     *,
+    mesh: Graded | ArrayLike | None = None,
     scheme: Scheme | None = None,
     history: History | None = None,
     save_every: int = 1,
@@ -33,7 +37,7 @@ def solve(
     progress: bool = False,
     resume: State | None = None,
 ) -> Solution:
-    """Solve an equation with memory on [0, t_end] with uniform steps.
+    """Solve an equation with memory on [0, t_end], with uniform steps or along a mesh.
 
     Parameters
     ----------
@@ -44,6 +48,10 @@ def solve(
     n_steps : int
         Number of steps, h = t_end / n_steps. When resuming, the state's step is kept: leave it
         out, or give a number that agrees, counted either from 0 or from the state.
+    mesh : Graded or array_like, shape (n+1,), optional
+        Instead of n_steps: ``graded(n, exponent)`` or times that increase from 0 to t_end. For L1,
+        L2 and L2Sigma with orders up to 1, with Direct or SumOfExponentials; such a run cannot be
+        resumed, its ``state`` is None.
     scheme : Scheme, optional
         Default ``ExplicitCaputo()``.
     history : History, optional
@@ -101,15 +109,12 @@ def solve(
     if save_every > 1 and t_eval is not None:
         required = "be left out where t_eval says which rows to keep"
         raise ValueError(complaint("save_every", required, save_every))
-    h, n_total, prepared = _mesh(t_end, n_steps, resume)
-    stepper = Stepper(equation, scheme, history, h, prepared)
-    if resume is not None:
-        stepper.restore(resume)
-        if not np.all(np.isfinite(stepper.y)):
-            required = "hold a finite solution"
-            raise ValueError(complaint("resume", required, f"y = {shown(stepper.y)}"))
-    wanted = _Rows(stepper, n_total, save_every, _eval_times(t_eval, stepper.t, t_end))
-    stepper.memory.prepare(n_total)
+    if mesh is not None:
+        stepper, n_total = _on_mesh(equation, scheme, history, t_end, n_steps, mesh, resume)
+    else:
+        stepper, n_total = _on_uniform_steps(equation, scheme, history, t_end, n_steps, resume)
+    wanted = Rows(stepper, n_total, save_every, _eval_times(t_eval, stepper.t, t_end))
+    stepper.prepare(n_total)
     ready = time.perf_counter()
     status, detail = _run(stepper, n_total, wanted, progress)
     wanted.close(stepper, t_end)
@@ -117,7 +122,29 @@ def solve(
     return _solution(stepper, wanted, status, detail, ready - began, finished - ready)
 
 
-def _mesh(t_end, n_steps, resume):
+def _on_mesh(equation, scheme, history, t_end, n_steps, mesh, resume):
+    """Stepper along a mesh, and its last step number."""
+    for name, value in (("n_steps", n_steps), ("resume", resume)):
+        if value is not None:
+            required = "be left out where a mesh is given"
+            raise ValueError(complaint(name, required, type(value).__name__))
+    times = mesh_times(mesh, t_end)
+    return MeshStepper(equation, scheme, history, times), times.size - 1
+
+
+def _on_uniform_steps(equation, scheme, history, t_end, n_steps, resume):
+    """Stepper with uniform steps, anew or resumed, and its last step number."""
+    h, n_total, prepared = _uniform(t_end, n_steps, resume)
+    stepper = Stepper(equation, scheme, history, h, prepared)
+    if resume is not None:
+        stepper.restore(resume)
+        if not np.all(np.isfinite(stepper.y)):
+            required = "hold a finite solution"
+            raise ValueError(complaint("resume", required, f"y = {shown(stepper.y)}"))
+    return stepper, n_total
+
+
+def _uniform(t_end, n_steps, resume):
     """Step, last step number and the number of steps that the history is opened for."""
     if resume is None:
         if n_steps is None:
@@ -149,63 +176,6 @@ def _eval_times(t_eval, t_start, t_end):
     if np.any(np.diff(times) <= 0) or times[0] < t_start - slack or times[-1] > t_end + slack:
         raise ValueError(complaint("t_eval", inside, shown(times)))
     return np.clip(times, t_start, t_end)
-
-
-class _Rows:
-    """Which rows are kept, and the rows kept so far."""
-
-    def __init__(self, stepper, n_total, save_every, times):
-        self._every, self._times, self._n_total = save_every, times, n_total
-        n = stepper.n
-        if times is not None:
-            positions = times / stepper.h
-            mesh = np.rint(positions)  # times of the mesh shall give its very rows
-            near = np.abs(positions - mesh) <= 8 * np.finfo(float).eps * mesh
-            self._positions = np.minimum(np.where(near, mesh, positions), n_total)
-            size = times.size
-        else:
-            size = n_total // save_every - n // save_every + (n_total % save_every > 0) + 1
-        self.t = np.empty(size)
-        self.y = np.empty((size, stepper.equation.d))
-        self.ydot = np.empty((size, stepper.equation.d))
-        self.size = 0
-        self._h = stepper.h
-        if times is None or times[0] <= stepper.t:
-            self.t[0], self.y[0], self.ydot[0] = stepper.t, stepper.y, stepper.ydot
-            self.size = 1
-
-    def positions(self, n, n_end):
-        """Positions in steps of the rows in (n, n_end], and the arrays to write them to."""
-        if self._times is not None:
-            stop = int(np.searchsorted(self._positions, n_end, side="right"))
-            positions = self._positions[self.size : stop]
-        else:
-            first = (n // self._every + 1) * self._every
-            positions = np.arange(first, n_end + 1, self._every, dtype=float)
-            if n_end == self._n_total and n_end % self._every:
-                positions = np.append(positions, float(n_end))
-        part = slice(self.size, self.size + positions.size)
-        return positions, self.y[part], self.ydot[part]
-
-    def keep(self, positions, written):
-        """Note that the first `written` of these rows have been filled."""
-        part = slice(self.size, self.size + written)
-        if self._times is None:
-            np.multiply(positions[:written], self._h, out=self.t[part])
-        else:
-            self.t[part] = self._times[part]
-        self.size += written
-
-    def close(self, stepper, t_end):
-        """Add the last step of a run that ended early, and name the end of one that did not."""
-        if self._times is not None:
-            return
-        if stepper.n == self._n_total:
-            self.t[self.size - 1] = t_end  # n h may miss it by rounding
-        elif self.t[self.size - 1] < stepper.t:
-            last = self.size
-            self.t[last], self.y[last], self.ydot[last] = stepper.t, stepper.y, stepper.ydot
-            self.size += 1
 
 
 def _run(stepper, n_total, wanted, progress):

@@ -15,7 +15,7 @@ BLOCK = 32
 
 
 @kernel
-def _no_jacobian(t, y, out, params):
+def no_jacobian(t, y, out, params):
     """Stands in for a Jacobian where the user gives none."""
 
 
@@ -92,7 +92,7 @@ class Stepper:
             np.zeros((d, block + 1)),
             np.zeros((d, 3)),
         )
-        self._jac = equation._jac or as_value(_no_jacobian, JAC_SIG)
+        self._jac = equation._jac or as_value(no_jacobian, JAC_SIG)
         self.largest_ratio = 0.0
         self.blown_up = self.not_solved = False
 
@@ -137,10 +137,22 @@ class Stepper:
 
     def seconds_of_rhs(self):
         """Time that one call of the right-hand side takes, a few microseconds of entry included."""
-        y, dy = self.y, np.empty(self.equation.d)
-        began = time.perf_counter()
-        self.equation._rhs(self.t, y, dy, self.equation.params)
-        return time.perf_counter() - began
+        return seconds_of_rhs(self)
+
+    def times(self, positions):
+        """Times of positions counted in steps."""
+        return positions * self.h
+
+    def positions(self, times):
+        """Positions of times, counted in steps; times of the mesh give whole numbers."""
+        positions = times / self.h
+        mesh = np.rint(positions)
+        near = np.abs(positions - mesh) <= 8 * np.finfo(float).eps * mesh
+        return np.where(near, mesh, positions)
+
+    def prepare(self, n_end):
+        """Make room for a march up to step `n_end`."""
+        self.memory.prepare(n_end)
 
     def advance(self, n_more, positions, rows, slopes):
         """Make up to `n_more` steps and write the rows asked for on the way.
@@ -232,6 +244,15 @@ class Stepper:
             self.equation.orders.tolist(),
             self.equation.coefficients.tolist(),
         )
+
+
+def seconds_of_rhs(stepper):
+    """Time that one call of a stepper's right-hand side takes, entry included."""
+    equation, y = stepper.equation, stepper.y
+    dy = np.empty(equation.d)
+    began = time.perf_counter()
+    equation._rhs(stepper.t, y, dy, equation.params)
+    return time.perf_counter() - began
 
 
 def _described(description):

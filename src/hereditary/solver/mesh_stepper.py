@@ -1,0 +1,116 @@
+"""The stepper on meshes of any steps (floor 4)."""
+
+import numpy as np
+
+from .._jit import JAC_SIG, as_value
+from ..kernels.block import BLOWN_UP, NOT_SOLVED
+from ..kernels.mesh import march_mesh
+from ..special import gauss_unit
+from .stepper import no_jacobian, seconds_of_rhs
+
+
+class MeshStepper:
+    """A march of one equation with one scheme and one history along given times.
+
+    It offers what `Stepper` offers, but for its state: such a run cannot be resumed.
+
+    Parameters
+    ----------
+    equation : Equation
+    scheme : Scheme
+    history : History
+    times : ndarray, shape (n+1,)
+        The mesh, from 0 on [time].
+    """
+
+    zigzag, largest_ratio = None, 0.0
+
+    def __init__(self, equation, scheme, history, times):
+        self.equation = equation
+        self._times = times
+        plan = scheme.mesh_plan(equation, times)
+        self.memory = history.open_mesh(plan)
+        given = plan.first is not None
+        self._scheme_arrays = (
+            times,
+            plan.theta,
+            np.array([plan.parabolas, int(given)]),
+            plan.classes,
+            plan.factors,
+            plan.powers,
+            np.array(gauss_unit(16)),
+            plan.first if given else np.zeros(equation.d),
+        )
+        self._march_arrays = (
+            np.zeros(5, dtype=np.int64),
+            equation.y0[0].copy(),
+            np.zeros(equation.d),
+            np.zeros((2, equation.d)),
+        )
+        self._jac = equation._jac or as_value(no_jacobian, JAC_SIG)
+        self.blown_up = self.not_solved = False
+
+    @property
+    def n(self):
+        """Steps made."""
+        return int(self._march_arrays[0][0])
+
+    @property
+    def n_rhs(self):
+        """Calls of the right-hand side."""
+        return int(self._march_arrays[0][4])
+
+    @property
+    def rows_written(self):
+        """Rows that the last `advance` filled."""
+        return int(self._march_arrays[0][1])
+
+    @property
+    def t(self):
+        """Time reached."""
+        return float(self._times[self.n])
+
+    @property
+    def y(self):
+        """Solution at `t`, shape (d,); a copy."""
+        return self._march_arrays[1].copy()
+
+    @property
+    def ydot(self):
+        """Schemes on a mesh cover orders up to 1: no derivative is kept."""
+        return np.full(self.equation.d, np.nan)
+
+    def times(self, positions):
+        """Times of positions counted in steps."""
+        return np.interp(positions, np.arange(self._times.size), self._times)
+
+    def positions(self, times):
+        """Positions of times, counted in steps."""
+        return np.interp(times, self._times, np.arange(self._times.size))
+
+    def prepare(self, n_end):
+        """Everything is prepared from the start."""
+
+    def seconds_of_rhs(self):
+        """Time that one call of the right-hand side takes."""
+        return seconds_of_rhs(self)
+
+    def advance(self, n_more, positions, rows, slopes):
+        """Make up to `n_more` steps; as `Stepper.advance`."""
+        status = march_mesh(
+            self.equation._rhs,
+            self._jac,
+            int(self.equation.has_jac),
+            self.equation.params,
+            self.memory.recall,
+            self.memory.tables,
+            self.memory.arrays,
+            self._scheme_arrays,
+            self._march_arrays,
+            (positions, rows, slopes),
+            self.n + n_more,
+        )
+        self.blown_up, self.not_solved = status == BLOWN_UP, status == NOT_SOLVED
+
+    def state(self):
+        """None: a run on a mesh begins at 0."""

@@ -1,0 +1,57 @@
+"""Which rows of a run are kept (floor 4)."""
+
+import numpy as np
+
+
+class Rows:
+    """Which rows are kept, and the rows kept so far."""
+
+    def __init__(self, stepper, n_total, save_every, times):
+        self._every, self._times, self._n_total = save_every, times, n_total
+        n = stepper.n
+        if times is not None:
+            self._positions = np.minimum(stepper.positions(times), n_total)
+            size = times.size
+        else:
+            size = n_total // save_every - n // save_every + (n_total % save_every > 0) + 1
+        self.t = np.empty(size)
+        self.y = np.empty((size, stepper.equation.d))
+        self.ydot = np.empty((size, stepper.equation.d))
+        self.size = 0
+        self._times_of = stepper.times
+        if times is None or times[0] <= stepper.t:
+            self.t[0], self.y[0], self.ydot[0] = stepper.t, stepper.y, stepper.ydot
+            self.size = 1
+
+    def positions(self, n, n_end):
+        """Positions in steps of the rows in (n, n_end], and the arrays to write them to."""
+        if self._times is not None:
+            stop = int(np.searchsorted(self._positions, n_end, side="right"))
+            positions = self._positions[self.size : stop]
+        else:
+            first = (n // self._every + 1) * self._every
+            positions = np.arange(first, n_end + 1, self._every, dtype=float)
+            if n_end == self._n_total and n_end % self._every:
+                positions = np.append(positions, float(n_end))
+        part = slice(self.size, self.size + positions.size)
+        return positions, self.y[part], self.ydot[part]
+
+    def keep(self, positions, written):
+        """Note that the first `written` of these rows have been filled."""
+        part = slice(self.size, self.size + written)
+        if self._times is None:
+            self.t[part] = self._times_of(positions[:written])
+        else:
+            self.t[part] = self._times[part]
+        self.size += written
+
+    def close(self, stepper, t_end):
+        """Add the last step of a run that ended early, and name the end of one that did not."""
+        if self._times is not None:
+            return
+        if stepper.n == self._n_total:
+            self.t[self.size - 1] = t_end  # n h may miss it by rounding
+        elif self.t[self.size - 1] < stepper.t:
+            last = self.size
+            self.t[last], self.y[last], self.ydot[last] = stepper.t, stepper.y, stepper.ydot
+            self.size += 1

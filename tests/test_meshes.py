@@ -1,0 +1,176 @@
+"""Meshes of any steps: full orders on graded ones, the uniform march on uniform ones."""
+
+import mpmath
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from problems import errors_on_mesh, singular_problem, smooth_problem
+from scipy.special import gamma
+from test_pairs import EQUATIONS, REFUSED, name_of
+
+import hereditary as hd
+from hereditary.analysis.order import observed_order
+from hereditary.kernels.mesh import moments
+from hereditary.special import gauss_unit
+
+SCHEMES = [hd.L1(), hd.L2(), hd.L2Sigma()]
+HISTORIES = [hd.Direct(), hd.SumOfExponentials(1e-12)]
+COVERED = ("scalar", "system", "several terms", "incommensurate", "coefficients")
+
+
+def full_order(scheme, alpha):
+    return scheme.order(alpha, smoothness="smooth")
+
+
+@pytest.mark.parametrize("alpha", [0.3, 0.5, 0.8, 0.95])
+@pytest.mark.parametrize("scheme", SCHEMES, ids=repr)
+def test_graded_meshes_keep_the_full_order_for_singular_solutions(scheme, alpha):
+    """Largest error over all times, with the grading order / alpha."""
+    order, steps = full_order(scheme, alpha), [250, 500, 1000]
+    problem = singular_problem(alpha)
+    found = [
+        errors_on_mesh(problem, scheme, hd.SumOfExponentials(1e-13), hd.graded(n, order / alpha))
+        for n in steps
+    ]
+    table = observed_order(steps, found)
+    assert table.slope == pytest.approx(order, abs=0.15), table
+    assert table.errors[-1] < 2e-4 * 4 ** (2 - order)
+
+
+@pytest.mark.parametrize("scheme", [hd.L2(), hd.L2Sigma()], ids=repr)
+def test_strong_grading_loses_no_digits(scheme):
+    """Grading (3 - alpha) / alpha = 9 at alpha = 0.3: closed-form moments would break here."""
+    steps = [500, 1000, 2000]
+    found = [
+        errors_on_mesh(
+            singular_problem(0.3), scheme, hd.SumOfExponentials(1e-13), hd.graded(n, 9.0)
+        )
+        for n in steps
+    ]
+    assert observed_order(steps, found).slope == pytest.approx(full_order(scheme, 0.3), abs=0.15)
+
+
+@pytest.mark.parametrize("scheme", SCHEMES, ids=repr)
+def test_without_grading_the_start_limits_the_order_to_alpha(scheme):
+    steps = [2000, 4000, 8000]
+    problem = singular_problem(0.5)
+    found = [
+        errors_on_mesh(problem, scheme, hd.SumOfExponentials(1e-13), hd.graded(n, 1.0))
+        for n in steps
+    ]
+    assert observed_order(steps, found).slope == pytest.approx(0.5, abs=0.15)
+
+
+@pytest.mark.parametrize("name", COVERED)
+@pytest.mark.parametrize("scheme", SCHEMES, ids=repr)
+def test_a_uniform_mesh_gives_the_uniform_march(scheme, name):
+    if (name_of(scheme), name) in REFUSED:
+        return
+    equation, n = EQUATIONS[name](), 200
+    uniform = hd.solve(equation, 2.0, n, scheme=scheme, history=hd.Direct())
+    for history in HISTORIES:
+        mesh = hd.solve(
+            equation, 2.0, mesh=np.linspace(0, 2, n + 1), scheme=scheme, history=history
+        )
+        assert mesh.success
+        np.testing.assert_allclose(mesh.y, uniform.y, rtol=1e-11, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", COVERED)
+@pytest.mark.parametrize("scheme", SCHEMES, ids=repr)
+def test_histories_agree_on_irregular_meshes(scheme, name):
+    if (name_of(scheme), name) in REFUSED:
+        with pytest.raises(ValueError, match="L1"):
+            hd.solve(EQUATIONS[name](), 2.0, mesh=hd.graded(10, 2.0), scheme=scheme)
+        return
+    steps = np.random.default_rng(2).uniform(0.3, 1.0, 300) * np.geomspace(1e-8, 1, 300)
+    times = np.concatenate([[0.0], np.cumsum(steps)])
+    times *= 2.0 / times[-1]
+    direct, modes = (
+        hd.solve(EQUATIONS[name](), 2.0, mesh=times, scheme=scheme, history=h) for h in HISTORIES
+    )
+    assert np.abs(modes.y - direct.y).max() <= 1e-11 * np.abs(direct.y).max()
+
+
+def slope_of_line(t, y, p):
+    """D^0.6 of t."""
+    return p[0] * t**0.4
+
+
+@settings(max_examples=15)
+@given(st.lists(st.floats(0.05, 1.0), min_size=3, max_size=60))
+def test_lines_are_exact_on_any_mesh(steps):
+    times = np.concatenate([[0.0], np.cumsum(steps)])
+    equation = hd.Equation(hd.Caputo(0.6), slope_of_line, 0.0, (1 / gamma(1.4),))
+    for scheme in SCHEMES:
+        sol = hd.solve(equation, times[-1], mesh=times, scheme=scheme, history=hd.Direct())
+        np.testing.assert_allclose(sol.y[:, 0], sol.t, rtol=1e-11)
+
+
+def test_smooth_solutions_keep_their_order_on_a_mildly_graded_mesh():
+    steps = [200, 400, 800]
+    for scheme in SCHEMES:
+        found = [
+            errors_on_mesh(smooth_problem(0.5), scheme, hd.Direct(), hd.graded(n, 1.5))
+            for n in steps
+        ]
+        table = observed_order(steps, found)
+        assert table.slope == pytest.approx(full_order(scheme, 0.5), abs=0.15), scheme
+
+
+def test_rows_on_a_mesh():
+    equation, mesh = hd.scenes.relaxation(0.6), hd.graded(100, 2.0)
+    full = hd.solve(equation, 3.0, mesh=mesh, scheme=hd.L2())
+    assert full.state is None
+    np.testing.assert_allclose(full.t, mesh.times(3.0), rtol=1e-15)
+    some = hd.solve(equation, 3.0, mesh=mesh, scheme=hd.L2(), save_every=7)
+    assert np.array_equal(some.y, full.y[[*range(0, 100, 7), 100]])
+    times = [0.0, 0.5, 3.0]
+    at = hd.solve(equation, 3.0, mesh=mesh, scheme=hd.L2(), t_eval=times)
+    np.testing.assert_allclose(at.y[:, 0], np.interp(times, full.t, full.y[:, 0]), rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("change", "match"),
+    [
+        ({"mesh": [0.0, 0.5, 0.4, 1.0]}, "mesh must be times that increase from 0"),
+        ({"mesh": [0.1, 1.0]}, "mesh must"),
+        ({"mesh": [0.0, 0.9]}, "mesh must"),
+        ({"mesh": [0.0]}, "mesh must"),
+        ({"mesh": [0.0, np.nan, 1.0]}, "mesh must"),
+        ({"n_steps": 10}, "n_steps must be left out where a mesh is given"),
+        ({"scheme": hd.ExplicitCaputo()}, "mesh must be left out with ExplicitCaputo"),
+        ({"scheme": hd.Adams()}, "mesh must be left out with Adams"),
+        ({"history": hd.FFT()}, "mesh must be left out with FFT"),
+        ({"equation": hd.scenes.oscillator()}, r"order must lie in \(0, 1\] for L1 on a mesh"),
+    ],
+)
+def test_bad_meshes(change, match):
+    arguments = {
+        "equation": hd.scenes.relaxation(),
+        "t_end": 1.0,
+        "mesh": hd.graded(10, 2.0),
+        "scheme": hd.L1(),
+    } | change
+    with pytest.raises(ValueError, match=match):
+        hd.solve(**arguments)
+
+
+@pytest.mark.parametrize("arguments", [(0, 2.0), (10, 0.0), (10, np.nan), (2.5, 1.0)])
+def test_bad_gradings(arguments):
+    with pytest.raises((TypeError, ValueError), match="must"):
+        hd.graded(*arguments)
+
+
+@pytest.mark.parametrize("p", [0.02, 0.3, 0.7, 0.98])
+def test_moments_keep_their_digits(p):
+    rule = gauss_unit(16)
+    for low, width in ((0.0, 1.0), (1e-9, 1.0), (0.1, 1.0), (0.5, 1.0), (1.0, 1.0), (1.0, 1e-12)):
+        with mpmath.workdps(60):
+            a, b, q = mpmath.mpf(low), mpmath.mpf(low) + mpmath.mpf(width), mpmath.mpf(p)
+            m_0 = b**q - a**q
+            m_1 = (a + b) / 2 * m_0 - q / (q + 1) * (b ** (q + 1) - a ** (q + 1))
+        found = moments(low, width, p, *rule)
+        assert found[0] == pytest.approx(float(m_0), rel=1e-14)
+        assert found[1] == pytest.approx(float(m_1), rel=1e-13)
