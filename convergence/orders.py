@@ -20,6 +20,8 @@ SCHEMES = {
     hd.L1(): ORDERS + ABOVE_ONE,
     hd.L2(): ORDERS,
     hd.L2Sigma(): ORDERS,
+    hd.BDF(2): ORDERS + ABOVE_ONE,
+    hd.BDF(3): ORDERS,
     hd.Adams(): ORDERS + ABOVE_ONE,
     hd.Adams(corrections=3): ORDERS,
     hd.ProductTrapezoid(): ORDERS + ABOVE_ONE,
@@ -59,7 +61,7 @@ def measure(quick):
 def draw(rows):
     figure, axes = plt.subplots(1, 2, figsize=(9, 4), sharey=True, layout="constrained")
     for ax, kind in zip(axes, ("smooth", "singular"), strict=True):
-        for scheme, marker in zip(SCHEMES, "osD^v<>", strict=True):
+        for scheme, marker in zip(SCHEMES, "osD^Xdv<>", strict=True):
             mine = [r for r in rows if r["scheme"] == repr(scheme) and r["solution"] == kind]
             label = repr(scheme)
             alpha = [row["alpha"] for row in mine]

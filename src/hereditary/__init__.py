@@ -12,6 +12,7 @@ from .history.fft import FFT
 from .meshes import Graded, graded
 from .operators import Caputo, PowerLaw
 from .schemes.adams import Adams, ProductTrapezoid
+from .schemes.bdf import BDF
 from .schemes.explicit import ExplicitCaputo
 from .schemes.l1 import L1
 from .schemes.l2 import L2
@@ -22,6 +23,7 @@ from .solver.solve import solve
 __version__ = importlib.metadata.version("hereditary")
 
 __all__ = [
+    "BDF",
     "FFT",
     "L1",
     "L2",

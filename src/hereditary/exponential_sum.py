@@ -140,6 +140,8 @@ def fit_unit(exponents, ratio, tol):
     error : float
         Largest relative error found.
     """
+    if not exponents:
+        return np.zeros(0), np.zeros((0, 0)), 0.0
     if 0.0 in exponents:
         return _with_constant(exponents, ratio, tol)
     goal = tol / _CERTIFICATE

@@ -7,6 +7,7 @@ import pytest
 from hereditary.exponential_sum import fit_unit
 from hereditary.schemes import weights as rules
 from hereditary.schemes.adams import FIRST_VALUE, HATS
+from hereditary.schemes.bdf import _FIRST_MODAL, quadrature_weights, start_coefficients
 
 FAR = [1, 2, 3, 4, 17, 300, 99_999]
 
@@ -77,7 +78,51 @@ def test_hat_weights(alpha):
     assert found[0] == 1.0
 
 
+@pytest.mark.parametrize("alpha", [0.05, 0.5, 0.95, 1.5, 1.9])
+@pytest.mark.parametrize("p", [1, 2, 3, 4, 5, 6])
+def test_quadrature_weights(p, alpha):
+    """The first ones against the power series, the last against the integral along the cut."""
+    n = 20_000
+    found = quadrature_weights(p).exact(alpha, n)
+    z = 0.7 * np.exp(2j * np.pi * np.arange(256) / 256)
+    delta = sum((1 - z) ** k / k for k in range(1, p + 1))
+    series = np.fft.fft(delta**alpha / (1 - z)).real / 256 / 0.7 ** np.arange(256)
+    np.testing.assert_allclose(found[:20], series[:20], rtol=1e-11, atol=2e-12)
+    with mpmath.workdps(30):
+
+        def along_cut(log_s):
+            s = mpmath.exp(log_s)
+            x = -mpmath.expm1(s)
+            delta = sum(x**k / mpmath.mpf(k) for k in range(1, p + 1))
+            return mpmath.exp(-(n - 1) * s) * abs(delta) ** alpha / mpmath.expm1(s) * s
+
+        tail = mpmath.quad(along_cut, [-1500, -400, -100, -50, -20, -14, -11, -9, -7.5, -6])
+        expected = mpmath.sinpi(alpha) / mpmath.pi * tail
+    assert found[-1] == pytest.approx(float(expected), rel=1e-10)
+
+
+def test_classical_formulas():
+    assert quadrature_weights(2).exact(1.0, 5).tolist() == pytest.approx([1.5, -0.5, 0, 0, 0])
+    steps = quadrature_weights(3).exact(1.0, 6)  # 11/6, -3, 3/2, -1/3 on the values themselves
+    np.testing.assert_allclose(np.diff(steps, prepend=0.0)[:4], [11 / 6, -3, 1.5, -1 / 3])
+    np.testing.assert_allclose(steps[3:], 0, atol=1e-14)
+
+
+def test_start_coefficients():
+    """The published ones, first to fourth order."""
+    assert start_coefficients(2, 0).tolist() == pytest.approx([1 / 2])
+    assert start_coefficients(3, 0).tolist() == pytest.approx([11 / 12, -5 / 12])
+    assert start_coefficients(3, 1).tolist() == pytest.approx([1 / 12, 0])
+    assert start_coefficients(4, 0).tolist() == pytest.approx([31 / 24, -7 / 6, 3 / 8])
+    assert start_coefficients(4, 1).tolist() == pytest.approx([1 / 6, -1 / 12, 0])
+
+
+QUADRATURES = [
+    (f"quadrature {p}", quadrature_weights(p), (0.1, 0.5, 0.9, 1.1, 1.5), first)
+    for p, first in zip((1, 2, 3, 4, 5, 6), _FIRST_MODAL, strict=True)
+]
 RULES = [
+    *QUADRATURES,
     ("first differences", rules.FIRST_DIFFERENCES, (0.05, 0.5, 0.95), 2),
     ("second differences", rules.SECOND_DIFFERENCES, (0.05, 0.5, 0.95), 2),
     ("shifted", rules.shifted_differences(0.6), (0.05, 0.5, 0.95), 2),
@@ -100,7 +145,10 @@ def test_modal_shares_sum_to_the_weights(name, rule, numbers, first):
         exact = rule.exact(p, n)[k]
         # a difference of moments is off by the tolerance of the moments themselves
         moments = np.abs(k - 1.0 + 1e-9) ** ((p if p < 1 else p - 1) - 1)
-        assert np.all(np.abs(summed - exact) <= 5e-12 * np.maximum(moments, np.abs(exact))), p
+        scale = (
+            np.abs(exact) if name.startswith("quadrature") else np.maximum(moments, np.abs(exact))
+        )
+        assert np.all(np.abs(summed - exact) <= 2e-11 * scale), p
 
 
 def test_no_memory_at_the_integers():

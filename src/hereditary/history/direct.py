@@ -33,7 +33,7 @@ class Direct(History):
 
     def open(self, convolution: Convolution, n_columns: int, n_block: int, n_steps: int) -> Memory:
         """A fresh memory; see `History.open`."""
-        if not convolution.exponents():
+        if not convolution.has_memory():
             return NoMemory(n_columns, *convolution.exact(n_block + 2))
         return _Pieces(convolution, n_columns, n_block)
 

@@ -67,7 +67,7 @@ class SumOfExponentials(History):
     def open(self, convolution: Convolution, n_columns: int, n_block: int, n_steps: int) -> Memory:
         """A fresh memory; see `History.open`."""
         exponents = convolution.exponents()
-        if not exponents:
+        if not convolution.has_memory():
             return NoMemory(n_columns, *convolution.exact(n_block + 2))
         covered = _STEPS_COVERED
         # one block more than asked for: a lag is filled for whole blocks

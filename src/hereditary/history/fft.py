@@ -45,7 +45,7 @@ class FFT(History):
 
     def open(self, convolution: Convolution, n_columns: int, n_block: int, n_steps: int) -> Memory:
         """A fresh memory; see `History.open`."""
-        if not convolution.exponents():
+        if not convolution.has_memory():
             return NoMemory(n_columns, *convolution.exact(n_block + 2))
         return _Pending(convolution, n_columns, n_block)
 

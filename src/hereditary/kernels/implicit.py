@@ -18,9 +18,9 @@ def march_implicit(
     rhs, jac, has_jac, params, exchange, tables, memory, scheme, state, output, n_end
 ):
     """March to step `n_end`; return how it ended (kernels/block.py)."""
-    # scheme: [h, theta], classes, given (W,): whether the first increment is known, weights and
-    #   start weights (C, B + 2), rows [lead, near, shift, weight of w_0 in the first step, w_0],
-    #   forcing (2 r, W): amplitudes and powers
+    # scheme: [h, theta, corrected steps], classes, given (W,): whether the first increment is
+    #   known, weights and start weights (C, B + 2), rows [lead, near, shift, weight of w_0 in the
+    #   first step, w_0, corrections], forcing (2 r, W): amplitudes and powers
     # state: counters (5,) [step, rows written, unused, block opened, calls], x, u, change of u
     #   (W,), lag (W, B), pieces (W, B + 1), unused
     # output: positions (k,), rows of x, rows of x' (k, d), unused
@@ -42,6 +42,8 @@ def march_implicit(
         for c in range(x.shape[0]):
             w[c] = pieces[c, p]  # the increment before as first guess
             known[c] = near[c] * w[c] + lag[c, p] + lead[c] * forced(forcing, c, t)
+            if n < numbers[2]:
+                known[c] -= lead[c] * columns[5 + n, c]
         if n == 0 and given[0] == 1:
             w[:] = columns[4]
         elif not solve_step(

@@ -8,7 +8,18 @@ from ..operators import derivative_order
 from .scheme import Convolution, MeshPlan, Plan, check_lead, distinct_components
 
 
-def derivative_plan(equation, h, theta, rule_of, start_rule=None, first=None):
+def derivative_plan(
+    equation,
+    h,
+    theta,
+    rule_of,
+    start_rule=None,
+    first=None,
+    number_of=None,
+    weight_of=None,
+    first_modal=2,
+    corrections=None,
+):
     """Plan of a scheme that weighs increments and sees the right-hand side at t_n + theta h.
 
     Parameters
@@ -19,22 +30,32 @@ def derivative_plan(equation, h, theta, rule_of, start_rule=None, first=None):
     theta : float
         In (0, 1] [-].
     rule_of : callable
-        ``rule_of(alpha)``: the `WeightRule` of a term, with p = ceil(alpha) - alpha.
+        ``rule_of(alpha)``: the `WeightRule` of a term.
     start_rule : WeightRule, optional
         What the weights of the first increment lack, with the same p.
     first : ndarray, shape (d,), optional
         The first increment, where the scheme finds it in another way.
+    number_of : callable, optional
+        ``number_of(alpha)``: the number p of the rule, by default ceil(alpha) - alpha.
+    weight_of : callable, optional
+        ``weight_of(c, alpha)``: what the rule is multiplied by, by default `leading_weight`.
+    first_modal : int, optional
+        First k from which the weights are sums of exponentials.
+    corrections : ndarray, shape (k, d), optional
+        Added to the right-hand side in the first k steps.
 
     Returns
     -------
     Plan
         For `march_implicit`.
     """
+    number_of = number_of or _power
+    weight_of = weight_of or (lambda c, alpha: leading_weight(c, alpha, h))
     distinct, classes = distinct_components(equation)
     rows = np.empty((3, len(distinct)))  # lead, near, weight of the first step
     lists, start_lists = [], []
     for i, key in enumerate(distinct):
-        terms = [(leading_weight(c, alpha, h), rule_of(alpha), _power(alpha)) for c, alpha in key]
+        terms = [(weight_of(c, alpha), rule_of(alpha), number_of(alpha)) for c, alpha in key]
         weights = sum(f * rule.exact(p, 2) for f, rule, p in terms)
         total = weights[0]
         check_lead(total, h)
@@ -50,14 +71,14 @@ def derivative_plan(equation, h, theta, rule_of, start_rule=None, first=None):
         rows[2, i] = alone / total
     shift = h * equation.y0[1] if equation.m == 2 else np.zeros(equation.d)
     given = first is not None
+    extra = np.zeros((0, equation.d)) if corrections is None else corrections
+    named = [*rows[:2, classes], shift, rows[2, classes], first if given else 0 * shift]
     return Plan(
-        convolution=Convolution(tuple(lists), tuple(start_lists)),
+        convolution=Convolution(tuple(lists), tuple(start_lists), first_modal),
         classes=classes,
-        numbers=np.array([h, theta]),
+        numbers=np.array([h, theta, extra.shape[0]]),
         flags=np.full(equation.d, int(given)),
-        columns=np.array(
-            [*rows[:2, classes], shift, rows[2, classes], first if given else 0 * shift]
-        ),
+        columns=np.array([*named, *extra]),
         increments=shift.copy(),
         forcing=_drift(equation),
     )

@@ -63,6 +63,10 @@ class Convolution:
         found = {rule.exponent(p) for lists in self._lists for _, rule, p in lists}
         return tuple(sorted(found - {None}))
 
+    def has_memory(self):
+        """Whether there are weights beyond k = 1 at all."""
+        return bool(self.exponents()) or self.first_modal > 3
+
     @property
     def _lists(self):
         return self.classes + self.start_classes
@@ -79,7 +83,7 @@ class Convolution:
 
         `bank` maps a kernel exponent to (rates, weights) of its exponential sum.
         """
-        n_modes = next(iter(bank.values()))[0].size
+        n_modes = max((rates.size for rates, _ in bank.values()), default=0)
 
         def share(terms, at):
             held = ((f, rule, p, rule.exponent(p)) for f, rule, p in terms)

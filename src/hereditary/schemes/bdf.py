@@ -1,0 +1,201 @@
+"""Convolution quadrature by backward difference formulas (floor 2).
+
+With ``delta(z) = sum_(k=1)^p (1-z)**k / k`` the derivative of order alpha of x - x(0) - t x'(0) is
+the power series of ``(delta(z) / h)**alpha`` applied to its samples; applied to their increments it
+is ``h**-alpha sum_k W_k w_(n-k)`` with the coefficients W of ``delta(z)**alpha / (1 - z)``.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache, partial
+from typing import ClassVar
+
+import numpy as np
+from scipy.special import rgamma
+
+from .._checks import complaint, count, within
+from ..equation import Equation
+from ..kernels.implicit import march_implicit
+from ..kernels.weights import series_of_power
+from .derivative_form import derivative_plan
+from .scheme import Plan, Scheme, WeightRule, check_smoothness
+
+# From this k on the weights are sums of exponentials to 1e-11: the parasitic roots of delta have
+# died out like 0, 1/3, 0.43, 0.56, 0.71, 0.86 to the power k.
+_FIRST_MODAL = (20, 26, 33, 48, 81, 189)
+# Largest order for which an undamped oscillation stays inside the formula's sector of stability:
+# pi / (pi - theta) with theta = 90, 90, 86.03, 73.35, 51.84, 17.84 degrees.
+_LARGEST_ORDER = (2.0, 2.0, 1.9156, 1.6878, 1.4045, 1.1100)
+
+
+@dataclass(frozen=True, init=False, repr=False)
+class BDF(Scheme):
+    """Convolution quadrature by the backward difference formula of order 1 to 6.
+
+    Implicit; any number of terms and components, orders in (0, 2]. The first order - 1 steps are
+    corrected with the right-hand side and its time derivatives at 0, which restores the full order
+    for solutions that start like t**alpha without badly conditioned starting weights.
+
+    Parameters
+    ----------
+    order : int
+        p, 1 to 6.
+
+    Error
+    -----
+    O(h**p) at a fixed time where f(t, x(0) + t x'(0)) is smooth and f linear in x, also for
+    solutions like t**alpha. Less where they are not: a part t**mu of f leaves O(h**(1+mu)), with
+    mu = 2 alpha for nonlinear f and mu = 1 - gamma for lower terms D^gamma when x'(0) is not 0
+    (convergence/orders.py).
+
+    Stability
+    ---------
+    No step limit for ``D^alpha y = -K y``, K > 0, and alpha up to 2, 2, 1.9156, 1.6878, 1.4045,
+    1.1100 for p = 1 to 6; higher orders are refused.
+
+    Source
+    ------
+    [Lubich1986]; corrections [JinLiZhou2017], section 2.
+
+    Examples
+    --------
+    >>> import hereditary as hd
+    >>> sol = hd.solve(hd.scenes.relaxation(0.5), 1.0, n_steps=200, scheme=hd.BDF(3))
+    >>> round(float(sol.y[-1, 0]), 6)
+    0.427584
+    """
+
+    formula: int
+    march: ClassVar[Callable] = staticmethod(march_implicit)
+
+    def __init__(self, order: int = 2) -> None:
+        if count("order", order) > 6:
+            raise ValueError(complaint("order", "lie in 1..6", order, "BDF7 is unstable"))
+        # a field called order would hide the method
+        object.__setattr__(self, "formula", int(order))
+
+    def __repr__(self) -> str:
+        return f"BDF({self.formula})"
+
+    def order(self, alpha: float, smoothness: str = "smooth") -> float:
+        """Proven order of convergence at a fixed time, for linear equations: p.
+
+        Parameters
+        ----------
+        alpha : float
+            Highest order of the equation, 0 < alpha <= 2 [-].
+        smoothness : {"smooth", "singular"}
+            Whether the solution is smooth at 0 or behaves like t**alpha there; both give p.
+        """
+        within("alpha", alpha, 5e-324, _LARGEST_ORDER[self.formula - 1], "its sector of stability")
+        check_smoothness(smoothness)
+        return float(self.formula)
+
+    def plan(self, equation: Equation, h: float) -> Plan:
+        """Tables and convolution for `equation` with step h."""
+        p = self.formula
+        highest, largest = float(equation.highest_orders().max()), _LARGEST_ORDER[p - 1]
+        if highest > largest:
+            remedy = "use BDF(2) or L1"
+            required = f"be at most {largest} for BDF({p}) to be stable"
+            raise ValueError(complaint("order", required, highest, remedy))
+        return derivative_plan(
+            equation,
+            h,
+            1.0,
+            lambda _: quadrature_weights(p),
+            number_of=lambda alpha: alpha,
+            weight_of=lambda c, alpha: c * h**-alpha,
+            first_modal=_FIRST_MODAL[p - 1],
+            corrections=_start_corrections(equation, h, p),
+        )
+
+
+@lru_cache(maxsize=8)
+def quadrature_weights(p):
+    """Rule of the coefficients of ``delta(z)**alpha / (1 - z)``."""
+    return WeightRule(partial(_exact, p), _exponent, partial(_modal, p))
+
+
+def _exact(p, alpha, n):
+    """By the power recurrence of ``(1-z)**(alpha-1) * (sum_(k=1)^p (1-z)**(k-1) / k)**alpha``."""
+    factor = _shifted_power_sum(p)
+    return series_of_power(factor, float(alpha), n)
+
+
+def _shifted_power_sum(p):
+    """Coefficients in z of ``sum_(k=1)^p (1-z)**(k-1) / k``."""
+    total = np.polynomial.Polynomial([0.0])
+    for k in range(1, p + 1):
+        total = total + np.polynomial.Polynomial([1.0, -1.0]) ** (k - 1) / k
+    return total.coef
+
+
+def _exponent(alpha):
+    """Kernel ``t**-alpha``; integer orders have no memory beyond 2 p steps."""
+    return None if alpha in (1.0, 2.0) else alpha
+
+
+def _modal(p, alpha, rates, weights, k):
+    """Shares of W_k, the integral of its generating function along its cut.
+
+    ``W_k = sin(pi alpha)/pi int exp(-k s) |delta(e**s)|**alpha / (e**s - 1) ds`` over the rates
+    below the first zero of delta(e**s), and no faster than what is left of them at `_FIRST_MODAL`:
+    exp(-45) = 3e-20. Faster ones would only cancel against the exact first weights.
+    """
+    shares = np.zeros_like(rates)
+    x = -np.expm1(np.minimum(rates, 50.0))  # 1 - e**s
+    quotient = sum(x ** (j - 1) / j for j in range(1, p + 1))  # delta / (1 - e**s)
+    positive = (np.cumprod(quotient > 0) > 0) & (rates * _FIRST_MODAL[p - 1] < 45)
+    s, grown = rates[positive], -x[positive]
+    ratio = np.where(s > 0, grown / np.where(s > 0, s, 1.0), 1.0)
+    power = ratio ** (alpha - 1) * quotient[positive] ** alpha
+    shares[positive] = weights[positive] * rgamma(1 - alpha) * power * np.exp(-k * s)
+    return shares
+
+
+def _start_corrections(equation, h, p):
+    """What is added to the right-hand side in the first p - 1 steps, shape (p-1, d).
+
+    ``a_n phi(0) + sum_(l=1)^(p-2) b_(l,n) h**l phi^(l)(0)`` with phi(t) = f(t, x(0) + t x'(0)), its
+    derivatives by differences over the first p values.
+    """
+    if p == 1:
+        return np.zeros((0, equation.d))
+    values = np.empty((p, equation.d))
+    for i in range(p):
+        x = equation.y0[0] + (i * h * equation.y0[1] if equation.m == 2 else 0.0)
+        equation._rhs(i * h, x * 1.0, values[i], equation.params)
+    nodes = np.arange(p)
+    taylor = np.linalg.solve(np.vander(nodes, increasing=True).astype(float), values)
+    derivatives = taylor * np.cumprod(np.maximum(nodes, 1))[:, None]  # h**l phi^(l)(0)
+    total = np.zeros((p - 1, equation.d))
+    for order in range(p - 1):
+        total += np.outer(start_coefficients(p, order), derivatives[order])
+    return total
+
+
+@lru_cache(maxsize=32)
+def start_coefficients(p, order):
+    """b_(l,n), n = 1 .. p-1, for l = order (a_n for l = 0).
+
+    They make ``delta(z)**(l+1) (sum_n n**l z**n / l! + sum_n b_n z**n) = 1 + O((1-z)**p)``: then
+    the formula integrates t**l / l! with its full order. In x = 1 - z both sides are polynomials.
+    """
+    x = np.polynomial.Polynomial([0.0, 1.0])
+    z = 1 - x
+    quotient = sum((x ** (k - 1) / k for k in range(1, p + 1)), 0 * x)  # delta / x
+    numerator = z  # sum_n n**l z**n = numerator / x**(l+1)
+    for j in range(order):
+        numerator = z * (-numerator.deriv() * x + (j + 1) * numerator)
+    factorial = float(np.prod(np.arange(1, order + 1)))
+    lead = quotient ** (order + 1)
+    target = _coefficients(1 - lead * numerator / factorial, p)
+    unknown = p - 1 - order
+    columns = [_coefficients(lead * x ** (order + 1) * z**n, p) for n in range(1, unknown + 1)]
+    solved = np.linalg.solve(np.array(columns).T[order + 1 :], target[order + 1 :])
+    return np.concatenate([solved, np.zeros(order)])
+
+
+def _coefficients(polynomial, n):
+    return np.pad(polynomial.coef, (0, n))[:n]
