@@ -38,6 +38,15 @@ def test_graded_meshes_keep_the_full_order_for_singular_solutions(scheme, alpha)
     assert table.errors[-1] < 2e-4 * 4 ** (2 - order)
 
 
+@pytest.mark.parametrize("beta", [1.2, 1.5, 1.8])
+def test_order_reduction_keeps_second_order_on_graded_meshes(beta):
+    steps, problem = [200, 400, 800], singular_problem(beta)
+    history = hd.SumOfExponentials(1e-13)
+    found = [errors_on_mesh(problem, hd.L2Sigma(), history, hd.graded(n, 4 / beta)) for n in steps]
+    assert observed_order(steps, found).slope == pytest.approx(2.0, abs=0.15)
+    assert found[-1] < 5e-6
+
+
 @pytest.mark.parametrize("scheme", [hd.L2(), hd.L2Sigma()], ids=repr)
 def test_strong_grading_loses_no_digits(scheme):
     """Grading (3 - alpha) / alpha = 9 at alpha = 0.3: closed-form moments would break here."""

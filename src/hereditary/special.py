@@ -4,6 +4,8 @@ Only what SciPy lacks. Everything a scheme with constant pieces needs comes from
 ``b_k(p) = (k+1)**p - k**p``, 0 <= p < 1, their differences and their alternating sum.
 """
 
+from functools import lru_cache
+
 import numpy as np
 from scipy.special import binom, zeta
 
@@ -88,6 +90,7 @@ def first_moment_exponential(z):
     return np.where(z < 0.5, series, closed)
 
 
+@lru_cache(maxsize=8)
 def gauss_unit(n):
     """Nodes and weights of the n-point Gauss-Legendre rule on [0, 1]."""
     nodes, weights = np.polynomial.legendre.leggauss(n)

@@ -102,7 +102,7 @@ def march_mesh(rhs, jac, has_jac, params, recall, tables, memory, scheme, state,
     #   too; first increment given], classes, factors and powers (C, T), Gauss rule (2, 16),
     #   first increment (W,)
     # state: counters (5,) [step, rows written, unused, unused, calls], x, u (W,), pieces (2, W)
-    # output: positions (k,) in steps, rows (k, d), their slopes in steps
+    # output: positions (k,) in steps, rows, their slopes (k, d)
     times, theta, form, classes, factors, powers, rule, first = scheme
     counters, x, u, pieces = state
     positions, rows, slopes = output
@@ -140,7 +140,7 @@ def march_mesh(rhs, jac, has_jac, params, recall, tables, memory, scheme, state,
             x[c] += w[c]
             finite = finite and abs(x[c]) < 1e300
         counters[0] = n + 1
-        counters[1] = write_rows(n + 1, counters[1], positions, rows, slopes, x, u, zeros, 1.0)
+        counters[1] = write_rows(n + 1, counters[1], positions, rows, slopes, x, u, zeros, step)
         if not finite:
             return BLOWN_UP
     return RUNNING

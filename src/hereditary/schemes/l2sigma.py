@@ -11,6 +11,7 @@ from .._checks import complaint, within
 from ..equation import Equation
 from ..kernels.implicit import march_implicit
 from .derivative_form import derivative_plan, mesh_plan
+from .reduction import Reduction, reduce_order
 from .scheme import (
     MeshPlan,
     Plan,
@@ -24,19 +25,21 @@ from .weights import parabola_start, parabola_weights
 
 @dataclass(frozen=True)
 class L2Sigma(Scheme):
-    """Alikhanov's second-order scheme, for orders in (0, 1].
+    """Alikhanov's second-order scheme, for orders in (0, 2].
 
     The equation holds at t_n + sigma h with x = x_n + sigma (x_(n+1) - x_n). On every earlier step
     the solution is the parabola through its ends and the next value, on the last one a line; with
     sigma = 1 - alpha/2 for one term, and for several the root of ``sum_j c_j h**(2-alpha_j) /
     Gamma(3-alpha_j) sigma**(1-alpha_j) (sigma - 1 + alpha_j/2)``, the line's error cancels. At
     alpha = 1 it is the implicit midpoint rule. Any number of components, all with the same terms.
+    One term of order beta in (1, 2] is reduced to two equations of order beta/2
+    (schemes/reduction.py), which are solved together.
 
     Error
     -----
     O(h**2) for smooth solutions; O(h) at a fixed time for solutions like t**alpha on uniform
-    steps, O(n**-min(r alpha, 2)) at all times on the mesh ``graded(n, r)`` (convergence/orders.py,
-    convergence/graded_meshes.py).
+    steps, O(n**-min(r alpha, 2)) at all times on the mesh ``graded(n, r)``, with beta/2 for alpha
+    above 1 (convergence/orders.py, convergence/graded_meshes.py).
 
     Stability
     ---------
@@ -62,13 +65,24 @@ class L2Sigma(Scheme):
         Parameters
         ----------
         alpha : float
-            Highest order of the equation, 0 < alpha <= 1 [-].
+            Highest order of the equation, 0 < alpha <= 2 [-].
         smoothness : {"smooth", "singular"}
             Whether the solution is smooth at 0 or behaves like t**alpha there.
         """
-        within("alpha", alpha, 5e-324, 1.0, "(0, 1]", "use L1 for orders above 1")
+        within("alpha", alpha, 5e-324, 2.0, "(0, 2]")
         check_smoothness(smoothness)
         return 2.0 if smoothness == "smooth" else 1.0
+
+    def reduction(self, equation: Equation) -> Reduction | None:
+        """Two equations of half the order, where the order lies in (1, 2]."""
+        if equation.highest_orders().max() <= 1:
+            return None
+        distinct, _ = distinct_components(equation)
+        if len(distinct) > 1 or len(distinct[0]) > 1:
+            required = "be one for all components with L2Sigma above order 1"
+            got = f"{len(distinct)} kinds of components, {len(distinct[0])} terms"
+            raise ValueError(complaint("terms", required, got, "use BDF(2) or L1"))
+        return reduce_order(equation, *distinct[0][0])
 
     def plan(self, equation: Equation, h: float) -> Plan:
         """Tables and convolution for `equation` with step h."""

@@ -13,6 +13,7 @@ import numpy as np
 
 from .._checks import complaint
 from ..equation import Equation
+from .reduction import Reduction
 from .stability import StabilityRegion
 
 
@@ -226,6 +227,10 @@ class Scheme(ABC):
     @abstractmethod
     def plan(self, equation: Equation, h: float) -> Plan:
         """The `Plan` for `equation` with step h."""
+
+    def reduction(self, equation: Equation) -> Reduction | None:
+        """Another equation to march instead, for schemes that reduce high orders."""
+        return None
 
     def mesh_plan(self, equation: Equation, times: np.ndarray) -> MeshPlan:
         """The `MeshPlan` for `equation` on a mesh of any steps."""

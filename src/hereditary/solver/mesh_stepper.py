@@ -77,8 +77,9 @@ class MeshStepper:
 
     @property
     def ydot(self):
-        """Schemes on a mesh cover orders up to 1: no derivative is kept."""
-        return np.full(self.equation.d, np.nan)
+        """Slope of the newest step, shape (d,); 0 before the first."""
+        step = self._times[self.n] - self._times[self.n - 1] if self.n else 1.0
+        return self._march_arrays[2] / step
 
     def times(self, positions):
         """Times of positions counted in steps."""

@@ -109,6 +109,9 @@ def solve(
     if save_every > 1 and t_eval is not None:
         required = "be left out where t_eval says which rows to keep"
         raise ValueError(complaint("save_every", required, save_every))
+    reduction = scheme.reduction(equation)
+    if reduction is not None:
+        equation = reduction.equation
     if mesh is not None:
         stepper, n_total = _on_mesh(equation, scheme, history, t_end, n_steps, mesh, resume)
     else:
@@ -119,7 +122,8 @@ def solve(
     status, detail = _run(stepper, n_total, wanted, progress)
     wanted.close(stepper, t_end)
     finished = time.perf_counter()
-    return _solution(stepper, wanted, status, detail, ready - began, finished - ready)
+    seconds = (ready - began, finished - ready)
+    return _solution(stepper, wanted, status, detail, seconds, reduction)
 
 
 def _on_mesh(equation, scheme, history, t_end, n_steps, mesh, resume):
@@ -224,8 +228,13 @@ def _fitting_steps(seconds):
     return int(min(max(_STRETCH_SECONDS / seconds, 1), _STRETCH_MAX))
 
 
-def _solution(stepper, wanted, status, detail, setup_seconds, run_seconds):
+def _solution(stepper, wanted, status, detail, seconds, reduction):
     size = wanted.size
+    t, y, ydot = wanted.t[:size], wanted.y[:size], wanted.ydot[:size]
+    if reduction is not None:
+        y, ydot = reduction.lift(t, y, ydot)
+    elif stepper.equation.m == 1:
+        ydot = None
     message = status.value + (f": {detail}" if detail else "")
     if status is not Status.COMPLETED:
         message += f" (t = {stepper.t:g} of step {stepper.n})"
@@ -234,9 +243,9 @@ def _solution(stepper, wanted, status, detail, setup_seconds, run_seconds):
         message += f"; {trouble}"
         warnings.warn(f"{message}", StabilityWarning, stacklevel=3)
     return Solution(
-        t=wanted.t[:size],
-        y=wanted.y[:size],
-        ydot=wanted.ydot[:size] if stepper.equation.m == 2 else None,
+        t=t,
+        y=y,
+        ydot=ydot,
         status=status,
         message=message,
         stats={
@@ -244,8 +253,8 @@ def _solution(stepper, wanted, status, detail, setup_seconds, run_seconds):
             "n_rhs": stepper.n_rhs,
             "n_modes": stepper.memory.n_modes,
             "history_bytes": stepper.memory.nbytes,
-            "setup_seconds": setup_seconds,
-            "run_seconds": run_seconds,
+            "setup_seconds": seconds[0],
+            "run_seconds": seconds[1],
             "stiffness_ratio": stepper.largest_ratio,
         },
         state=stepper.state(),

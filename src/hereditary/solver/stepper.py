@@ -122,7 +122,8 @@ class Stepper:
         _, _, increment, change, *_ = self._march_arrays
         slope = (increment + 0.5 * change) / self.h
         # before the first step only components with an initial derivative have one
-        return slope if self.n else np.where(self.equation.highest_orders() > 1, slope, np.nan)
+        known = self.n > 0 or self.equation.m == 1
+        return slope if known else np.where(self.equation.highest_orders() > 1, slope, np.nan)
 
     @property
     def n_rhs(self):
