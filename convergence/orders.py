@@ -6,6 +6,8 @@ last pairwise order lies within 0.15 of the proven one; where a second term of n
 goes along (order 1.2), that takes more steps.
 """
 
+from pathlib import Path
+
 import matplotlib.pyplot as plt
 from _study import Study, check
 from problems import errors, singular_problem, smooth_problem
@@ -77,6 +79,19 @@ def draw(rows):
     return figure
 
 
+def page(rows):
+    """docs/orders.md: the last observed order of every case beside the proven one."""
+    lines = ["# Orders", "", "Written by `convergence/orders.py` from `results/orders.csv`:"]
+    lines += ["last pairwise order, the proven one in brackets, and the error there.", ""]
+    lines += ["| scheme | alpha | smooth | error | singular | error |", "|---|---|---|---|---|---|"]
+    for smooth, singular in zip(rows[::2], rows[1::2], strict=True):
+        cells = [f"`{smooth['scheme']}`", f"{smooth['alpha']:g}"]
+        for row in (smooth, singular):
+            cells += [f"{row['order']:.2f} ({row['proven']:.2f})", f"{row['error']:.0e}"]
+        lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines) + "\n"
+
+
 def main():
     study = Study(__file__, __doc__)
     study.write(measure(study.quick))
@@ -86,6 +101,8 @@ def main():
     where = f"{worst['scheme']}, {worst['alpha']}, {worst['solution']}"
     check(f"all orders within {off:.2f} of the proven ones ({where})", off <= 0.15, study.quick)
     study.save(draw(rows))
+    if not study.quick:
+        (Path(__file__).parent.parent / "docs" / "orders.md").write_text(page(rows))
 
 
 if __name__ == "__main__":

@@ -183,3 +183,12 @@ def test_moments_keep_their_digits(p):
         found = moments(low, width, p, *rule)
         assert found[0] == pytest.approx(float(m_0), rel=1e-14)
         assert found[1] == pytest.approx(float(m_1), rel=1e-13)
+
+
+@pytest.mark.parametrize(("alpha", "exponent"), [(0.02, 40.0), (0.05, 20.0), (0.1, 29.0)])
+@pytest.mark.parametrize("scheme", SCHEMES, ids=repr)
+def test_the_steepest_meshes_give_no_garbage(scheme, alpha, exponent):
+    """Neighbouring steps differ by 2**exponent there: parabolas over that ratio would amplify."""
+    history = hd.SumOfExponentials(1e-13)
+    problem = singular_problem(alpha)
+    assert errors_on_mesh(problem, scheme, history, hd.graded(1000, exponent)) < 1e-3

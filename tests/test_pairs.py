@@ -220,3 +220,10 @@ def test_order_reduction_gives_solution_and_derivative():
     assert sol.ydot[0, 0] == 0.5
     assert sol.y[-1, 0] == pytest.approx(fine.y[-1, 0], abs=2e-5)
     assert sol.ydot[-1, 0] == pytest.approx(fine.ydot[-1, 0], abs=5e-3)
+
+
+def test_solutions_that_decay_to_nothing_are_solved():
+    """Below 1e-308 no increment has relative accuracy left; that is no failure."""
+    sol = hd.solve(hd.scenes.relaxation(1.0, 100.0), 20.0, 2000, scheme=hd.L2())
+    assert sol.success
+    assert sol.y[-1, 0] == 0.0 or abs(sol.y[-1, 0]) < 1e-300

@@ -54,7 +54,7 @@ def test_parabola_weights(theta, closing, p):
         for k in [0, *FAR]:
             middle = k + theta + mpmath.mpf(1) / 2
             expected = -moment(p_exact, k + theta, k + 1 + theta, 1, middle)
-            assert start[k] == pytest.approx(float(expected), rel=1e-12), k
+            assert start[k] == pytest.approx(float(expected), rel=2e-14), k
 
 
 @pytest.mark.parametrize("alpha", [0.05, 0.5, 0.95, 1.05, 1.5, 1.95])

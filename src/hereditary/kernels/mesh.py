@@ -14,6 +14,9 @@ from .block import BLOWN_UP, NOT_SOLVED, RUNNING, write_rows
 from .newton import solve_step
 from .signatures import MESH_MARCH
 
+# A step longer than this many times the one before gets a line, not a parabola that leans on it.
+STEEPEST = 30.0
+
 
 @kernel
 def moments(low, width, p, nodes, weights):
@@ -31,10 +34,12 @@ def moments(low, width, p, nodes, weights):
     if width > 2.0 * low:  # wide: the closed form does not cancel
         middle = 0.5 * (low + high)
         return m_0, middle * m_0 - p / (p + 1.0) * (high ** (p + 1.0) - low ** (p + 1.0))
-    m_1 = 0.0
+    middle, m_1 = low + 0.5 * width, 0.0
     for i in range(nodes.shape[0]):
-        m_1 += weights[i] * (0.5 - nodes[i]) * (low + nodes[i] * width) ** (p - 1.0)
-    return m_0, p * width * width * m_1
+        # less its value in the middle, whose moment is 0: what is left cancels nowhere
+        bend = math.expm1((p - 1.0) * math.log1p((nodes[i] - 0.5) * width / middle))
+        m_1 += weights[i] * (0.5 - nodes[i]) * bend
+    return m_0, p * width * width * middle ** (p - 1.0) * m_1
 
 
 @kernel
@@ -135,7 +140,9 @@ def march_mesh(rhs, jac, has_jac, params, recall, tables, memory, scheme, state,
                 pieces[0, c], pieces[1, c] = w[c] / step, 0.0
             elif n > 0:
                 pieces[0, c] = u[c] / before
-                pieces[1, c] = 2.0 * (w[c] / step - u[c] / before) / (step + before)
+                steep = step > STEEPEST * before
+                bend = 0.0 if steep else 2.0 * (w[c] / step - u[c] / before) / (step + before)
+                pieces[1, c] = bend
             u[c] = w[c]
             x[c] += w[c]
             finite = finite and abs(x[c]) < 1e300
@@ -158,6 +165,8 @@ def near_weights(factors, powers, ahead, step, before, parabolas, rule):
         if parabolas > 0 and before > 0.0:
             b_0, b_1 = moments(ahead, before, powers[j], rule[0], rule[1])
             lean = 2.0 * (b_1 + (m_1 if parabolas == 2 else 0.0)) / (step + before)
+            if step > STEEPEST * before:
+                lean = 0.0
             now += factors[j] * lean / step
             then += factors[j] * (b_0 - lean) / before
     return now, then

@@ -10,8 +10,8 @@ from .linalg import solve_in_place
 # step is given up.
 _SIMPLIFIED, _FULL = 8, 30
 # The step is solved when the estimated error of the increment is below this share of it, or below
-# rounding of the solution.
-_TOLERANCE, _ROUNDING = 1e-13, 2e-16
+# rounding of the solution, or below what floats can resolve.
+_TOLERANCE, _ROUNDING, _UNDERFLOW = 1e-13, 2e-16, 1e-300
 
 
 @kernel
@@ -51,7 +51,7 @@ def solve_step(rhs, jac, has_jac, params, t, x, theta, shift, scale, known, lead
         # a contraction by `rate` leaves an error of rate / (1 - rate) times the last change
         rate = size / previous if iteration > 0 else 1.0
         left = size * rate / (1.0 - rate) if rate < 1.0 else size
-        if left <= _TOLERANCE * largest + _ROUNDING * reference or size == 0.0:
+        if left <= _TOLERANCE * largest + _ROUNDING * reference + _UNDERFLOW:
             return True
         previous = size
     return False

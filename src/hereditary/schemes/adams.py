@@ -133,8 +133,10 @@ class Adams(Scheme):
 
     Stability
     ---------
-    Conditional: for ``D^alpha y = -K y`` K h**alpha must stay below 1.3 to 2.2 (docs/stability.md).
-    Beyond, the solution blows up.
+    Conditional, and not watched: for ``D^alpha y = -K y`` with one sweep K h**alpha must stay below
+    Gamma(alpha + 2), 1.02 to 2, for orders up to 1 and below about 1.5 to 2.5 above; at order 2 it
+    grows slowly at any step (docs/stability.md). Beyond, the solution grows, or with a force that
+    saturates stays bounded and wrong.
 
     Source
     ------
@@ -188,7 +190,8 @@ class ProductTrapezoid(Scheme):
 
     Stability
     ---------
-    No step limit was found for orders up to 1.
+    No step limit for orders up to 1. Above, ``D^beta y = -K y`` needs K h**beta below Gamma(beta +
+    2) / (4 |eta(-1-beta)|), 50 at 1.05, 9.3 at 1.6, 12 at 2; it is not watched (docs/stability.md).
 
     Source
     ------

@@ -107,5 +107,6 @@ def _power_series(p, z):
     m = np.log(z)
     k = np.arange(60)
     coefficients = zeta(-p - k) / factorial(k)
-    polylogarithm = gamma(1 + p) * (-m) ** (-p - 1) + np.polynomial.polynomial.polyval(m, coefficients)
+    regular = np.polynomial.polynomial.polyval(m, coefficients)
+    polylogarithm = gamma(1 + p) * (-m) ** (-p - 1) + regular
     return (1 - z) / z * polylogarithm

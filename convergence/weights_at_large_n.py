@@ -1,0 +1,102 @@
+"""Weights keep their digits at N = 1e5, where differences of powers as they are printed lose them.
+
+Relative errors of three families of weights at growing k, as computed here and by the literal
+formula in double precision, both against 60 digits: second differences (explicit scheme, L1 above
+order 1), parabola moments (L2), hat weights (Adams, product trapezoid).
+"""
+
+import matplotlib.pyplot as plt
+import mpmath
+import numpy as np
+from _study import Study, check
+
+from hereditary.schemes import weights as rules
+from hereditary.schemes.adams import hat_weights
+
+P = 0.3  # kernel p t**(p-1): order 0.7, and for the hats alpha = 1.3
+
+
+def second_difference(k, number):
+    """(k+1)**p - 2 k**p + (k-1)**p."""
+    p = number(P)
+    return number(k + 1) ** p - 2 * number(k) ** p + number(k - 1) ** p
+
+
+def moment(k, number):
+    """[(k+1)**(p+1) - k**(p+1)] / (p+1) - [(k+1)**p + k**p] / 2."""
+    p = number(P)
+    a, b = number(k + 1), number(k)
+    return (a ** (p + 1) - b ** (p + 1)) / (p + 1) - (a**p + b**p) / 2
+
+
+def hat(k, number):
+    """Third difference of k**(alpha+1)."""
+    e = number(2) + number(P)
+    powers = [number(abs(k + j)) ** e for j in (1, 0, -1, -2)]
+    return powers[0] - 3 * powers[1] + 3 * powers[2] - powers[3]
+
+
+def ours(name, ks):
+    n = max(ks) + 2
+    table = {
+        "second differences": lambda: rules.power_second_differences(P, n),
+        "parabola moments": lambda: -rules.parabola_start(1.0).exact(P, n),
+        "hat weights": lambda: hat_weights(1 + P, n),
+    }[name]()
+    # the moment over [k, k+1] is the start weight of k
+    return [float(table[k]) for k in ks]
+
+
+FAMILIES = {
+    "second differences": second_difference,
+    "parabola moments": moment,
+    "hat weights": hat,
+}
+
+
+def measure(quick):
+    ks = [10**e for e in range(1, 5 if quick else 6)]
+    rows = []
+    for name, formula in FAMILIES.items():
+        found = ours(name, [k - 1 if name == "parabola moments" else k for k in ks])
+        for k, value in zip(ks, found, strict=True):
+            with mpmath.workdps(60):
+                exact = formula(k, mpmath.mpf)
+            rows.append(
+                {
+                    "weights": name,
+                    "k": k,
+                    "ours": f"{abs(value / float(exact) - 1):.1e}",
+                    "literal": f"{abs(formula(k, np.float64) / float(exact) - 1):.1e}",
+                }
+            )
+    return rows
+
+
+def draw(rows):
+    figure, ax = plt.subplots(figsize=(6, 4), layout="constrained")
+    colors = ("#0072b2", "#d55e00", "#009e73")
+    for name, color in zip(FAMILIES, colors, strict=True):
+        mine = [row for row in rows if row["weights"] == name]
+        k = [row["k"] for row in mine]
+        ax.loglog(k, [max(row["ours"], 1e-17) for row in mine], "o-", color=color, label=name)
+        ax.loglog(k, [row["literal"] for row in mine], "x:", color=color)
+    ax.set(xlabel="$k$", ylabel="relative error", title="Weights: here (solid), literal (dotted)")
+    ax.grid(alpha=0.3)
+    ax.legend()
+    return figure
+
+
+def main():
+    study = Study(__file__, __doc__)
+    study.write(measure(study.quick))
+    rows = study.read()
+    worst = max(row["ours"] for row in rows)
+    lost = max(row["literal"] for row in rows)
+    check(f"largest relative error here {worst:.0e} (1e-12)", worst <= 1e-12)
+    check(f"the literal formulas lose up to {lost:.0e}", lost > 1e-9, study.quick)
+    study.save(draw(rows))
+
+
+if __name__ == "__main__":
+    main()
