@@ -58,6 +58,8 @@ def draw(rows):
                 n, error = [r["n_steps"] for r in mine], [r["error"] for r in mine]
                 ax.loglog(n, error, style, color=color, ms=4, label=f"{scheme!r}, {kind}")
         ax.set(xlabel="steps $n$", title=rf"$\alpha = {alpha}$")
+        ax.set_xticks([125, 500, 2000], ["125", "500", "2000"])
+        ax.set_xticks([], minor=True)
         ax.grid(alpha=0.3)
     axes[0].set_ylabel("largest error")
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)

@@ -32,7 +32,16 @@ def pair(scheme):
     return [hd.Equation(hd.Caputo(a), force, 0.2) for a in (0.8, 1.0)], bound
 
 
-SCHEMES = [hd.ExplicitCaputo(), hd.L1(), hd.L2(), hd.L2Sigma(), hd.Adams(), hd.ProductTrapezoid()]
+SCHEMES = [
+    hd.ExplicitCaputo(),
+    hd.L1(),
+    hd.L2(),
+    hd.L2Sigma(),
+    hd.BDF(2),
+    hd.BDF(6),
+    hd.Adams(),
+    hd.ProductTrapezoid(),
+]
 
 
 def seconds(equation, n, scheme, history, repeats):

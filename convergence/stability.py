@@ -19,6 +19,7 @@ from scipy.special import gamma, zeta
 
 import hereditary as hd
 from hereditary import exact
+from hereditary.schemes import bdf
 
 EXPLICIT, TRAPEZOID = hd.ExplicitCaputo(), hd.ProductTrapezoid()
 ADAMS = [hd.Adams(), hd.Adams(corrections=3)]
@@ -145,6 +146,28 @@ def measure_long(quick):
     return rows
 
 
+def measure_sector(quick):
+    """What is left late of D^beta y = -K y by BDF(p) just inside its sector, and just outside.
+
+    The scheme refuses the outside; its table of limits is lifted for the measurement.
+    """
+    rows, table = [], bdf._LARGEST_ORDER
+    ratios = 10.0 ** np.arange(-1, 6.5, 0.5 if quick else 0.1)
+    cases = ((2, 2.0), (3, 1.90), (3, 1.93), (4, 1.67), (4, 1.70), (5, 1.39), (5, 1.42))
+    for p, order in (*cases, (6, 1.10), (6, 1.20)):
+        inside = order <= table[p - 1]
+        bdf._LARGEST_ORDER = (2.0,) * 6
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            runs = (
+                solve(hd.BDF(p), order, ratio, 3000.0, 3000, history=hd.FFT()) for ratio in ratios
+            )
+            left = max(np.abs(run.y[-300:]).max() for run in runs)
+        bdf._LARGEST_ORDER = table
+        rows.append(row("sector", hd.BDF(p), order, "inside" if inside else "outside", left))
+    return rows
+
+
 def phasors(t, x, frequency=1.0):
     """c in x = Re(c exp(i frequency t)) from each period of 20 samples."""
     turn = np.exp(-1j * frequency * t).reshape(-1, 20)
@@ -212,6 +235,7 @@ def measure(quick):
         measure_near_integers,
         measure_many,
         measure_small,
+        measure_sector,
     )
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", hd.StabilityWarning)
@@ -268,6 +292,15 @@ def draw(rows):
     return figure
 
 
+def check_sector(rows):
+    """BDF(3) to BDF(6) are stable where theory says so and leave where it says so."""
+    mine = [r for r in rows if r["case"] == "sector"]
+    inside = max(r["value"] for r in mine if r["parameter"] == "inside")
+    outside = min(r["value"] for r in mine if r["parameter"] == "outside")
+    check(f"BDF inside its sector: at most {inside:.1e} of y(0) left after 3,000 steps", inside < 1)
+    check(f"just outside it has grown {outside:.0e} fold at least", outside > 1e6)
+
+
 def check_bounds(rows, quick):
     names = [repr(s) for s in (*GRADED, TRAPEZOID)]
     free = [r for r in chosen(rows, "bounded") if r["scheme"] in names and r["order"] <= 1]
@@ -313,6 +346,7 @@ def main():
     rows = study.read()
     check_bounds(rows, study.quick)
     check_accuracy(rows, study.quick)
+    check_sector(rows)
     study.save(draw(rows))
 
 

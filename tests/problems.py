@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import erfcx, rgamma, wofz
+from scipy.special import erfcx, gamma, rgamma, wofz
 
 import hereditary as hd
 from hereditary.exact import relaxation
@@ -25,7 +25,8 @@ class Problem:
         ``exact(t)``, shape (len(t), d).
     t_end : float
     tags : frozenset of str
-        smooth or singular (like t**alpha at 0), system, several-terms, incommensurate, classical.
+        smooth or singular (like t**alpha at 0), system, several-terms, incommensurate, classical;
+        what makes it hard: stiff, near-integer, small-order, long-time, nonlinear.
     """
 
     name: str
@@ -155,6 +156,78 @@ PROBLEMS = [
 W = np.sqrt(1 - 0.01)
 
 
+def _decay(t, y):
+    return -y
+
+
+def _near(beta):
+    equation = hd.Equation(hd.Caputo(beta), _decay, [1.0, 0.5])
+    return Problem(
+        f"oscillation {beta}",
+        lambda: equation,
+        relaxation(beta, 1.0, (1.0, 0.5)),
+        5.0,
+        frozenset({"singular", "near-integer"}),
+    )
+
+
+def _relaxing(name, alpha, rate, t_end, tag):
+    return Problem(
+        name,
+        lambda: hd.scenes.relaxation(alpha, rate, 1.0),
+        relaxation(alpha, rate, 1.0),
+        t_end,
+        frozenset({"singular", tag}),
+    )
+
+
+def _powers_rhs(t, y, p):
+    """Diethelm, Ford and Freed's problem with alpha = 0.5; y is kept from below 0 by rounding."""
+    known = p[0] * t**7.5 - p[1] * t**3.75 + p[2]
+    return known + (1.5 * t**0.25 - t**4) ** 3 - np.abs(y) ** 1.5
+
+
+def _powers():
+    params = (40320 * rgamma(8.5), 3 * gamma(5.25) * rgamma(4.75), 2.25 * gamma(1.5))
+    return hd.Equation(hd.Caputo(0.5), _powers_rhs, 0.0, params)
+
+
+def _two_orders():
+    """Orders 0.9 and 0.4: a relaxation, coupled to 1 + t**1.3, which it never feels exactly."""
+
+    def rhs(t, y, p):
+        return np.array([-y[0] + 2.0 * (y[1] - 1.0 - t**1.3), p[0] * t**0.9])
+
+    return hd.Equation(hd.Caputo([0.9, 0.4]), rhs, [1.0, 1.0], (gamma(2.3) * rgamma(1.9),))
+
+
+# Each needs a scheme chosen for what makes it hard; tests/test_problems.py says which.
+HARD = [
+    _relaxing("stiff 0.8", 0.8, 1e6, 10.0, "stiff"),
+    _relaxing("stiff 0.3", 0.3, 1e4, 10.0, "stiff"),
+    _relaxing("small order 0.02", 0.02, 1.0, 1.0, "small-order"),
+    _relaxing("small order 0.05", 0.05, 1.0, 1.0, "small-order"),
+    _relaxing("long time 0.5", 0.5, 1.0, 1e4, "long-time"),
+    _relaxing("order 0.999", 0.999, 1.0, 5.0, "near-integer"),
+    _near(1.001),
+    _near(1.999),
+    Problem(
+        "powers 0.5",
+        _powers,
+        lambda t: column(t**8 - 3 * t**4.25 + 2.25 * t**0.5),
+        1.0,
+        frozenset({"singular", "nonlinear"}),
+    ),
+    Problem(
+        "two orders",
+        _two_orders,
+        lambda t: np.column_stack([relaxation(0.9, 1.0, 1.0)(t)[:, 0], 1 + t**1.3]),
+        3.0,
+        frozenset({"singular", "system", "incommensurate"}),
+    ),
+]
+
+
 def tagged(*tags):
     """Problems that carry every one of the tags."""
     return [problem for problem in PROBLEMS if problem.tags.issuperset(tags)]
@@ -183,10 +256,6 @@ def singular_problem(alpha):
         equation = hd.Equation(hd.Caputo(alpha), _decay, [1.0, 0.5])
         exact = relaxation(alpha, 1.0, (1.0, 0.5))
     return Problem(f"singular {alpha}", lambda: equation, exact, 2.0, frozenset({"singular"}))
-
-
-def _decay(t, y):
-    return -y
 
 
 def errors(problem, scheme, history, n):

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numba import config, njit
+from numba import njit
 
 from ..equation import Equation
 from ..operators import Caputo
@@ -62,4 +62,4 @@ def _pair(rhs):
         for j in range(d):
             dy[d + j] /= params[own + 2 * d]
 
-    return pair if config.DISABLE_JIT else njit(error_model="numpy", nogil=True)(pair)
+    return njit(error_model="numpy", nogil=True)(pair)
