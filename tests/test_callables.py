@@ -197,10 +197,11 @@ def uncompilable_in_place(t, y, dy, params):
 
 
 def test_components_left_unset():
-    with pytest.raises(
-        ValueError, match=r"set every entry of dy, got entries \[\[1\]\] left unset"
-    ):
+    match = r"set every entry of dy, got entries \[\[1\]\] left unset"
+    with pytest.raises(ValueError, match=match) as caught:
         equation(forgets_one)
+    line = forgets_one.__code__.co_firstlineno
+    assert f"in the function at line {line} of {__file__}" in str(caught.value)
 
 
 def test_values_returned_by_an_in_place_function():

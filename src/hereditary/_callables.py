@@ -100,8 +100,8 @@ def _try_out(name, out, fun, arity, y0, params, shape):
         unset = np.isnan(filled) & (again == 0.5)
         if unset.any():
             got = f"entries {np.argwhere(unset).tolist()} left unset"
-            raise ValueError(complaint(name, f"set every entry of {out}", got))
-    remedy = f"check y0 = {shown(y0)} and params = {shown(params)}"
+            raise ValueError(complaint(name, f"set every entry of {out}", got, _defined(fun)))
+    remedy = f"check y0 = {shown(y0)} and params = {shown(params)}, {_defined(fun)}"
     raise ValueError(complaint(name, "be finite at t = 0", shown(filled), remedy))
 
 
@@ -120,13 +120,14 @@ def _values(name, out, fun, arity, y0, params, shape, fill):
     for argument, given, left in (("y", y0, y), ("params", params, p)):
         if not np.array_equal(given, left):
             got = f"{shown(given)} changed to {shown(left)}"
-            raise ValueError(complaint(name, f"leave {argument} as it is", got, "work on a copy"))
+            remedy = f"work on a copy, {_defined(fun)}"
+            raise ValueError(complaint(name, f"leave {argument} as it is", got, remedy))
     if arity == 4:
         if result is not None:
-            remedy = f"fill {out} in place, or write {name}(t, y, params) and return the values"
+            remedy = f"fill {out} in place or leave it out of the arguments, {_defined(fun)}"
             raise TypeError(complaint(name, f"fill {out} and return None", repr(result), remedy))
         return filled, "in place"
-    remedy = f"return numpy.array([...]) of shape {shape}"
+    remedy = f"return numpy.array([...]) of shape {shape}, {_defined(fun)}"
     try:
         values = np.asarray(result)
     except ValueError:  # rows of unequal length
@@ -138,6 +139,11 @@ def _values(name, out, fun, arity, y0, params, shape, fill):
         raise ValueError(complaint(name, f"return {size}", f"shape {values.shape}", remedy))
     form = "array" if values.ndim else "number"
     return values.astype(float).reshape(shape), form
+
+
+def _defined(fun):
+    """Where a function begins, in a clause."""
+    return f"in the function at line {fun.__code__.co_firstlineno} of {fun.__code__.co_filename}"
 
 
 def _line_of(error, fun):
