@@ -71,7 +71,13 @@ def _number(text):
 
 
 def check(statement, holds, quick=False):
-    """Print whether a claim holds; a full run ends there when it does not."""
+    """Print whether a claim holds; a full run ends there when it does not.
+
+    A quick run cannot judge claims about speed or large sizes: it passes `quick`.
+    """
+    if not holds and quick:
+        print(f"not judged at this size: {statement}")
+        return
     print(f"{'holds' if holds else 'FAILS'}: {statement}")
-    if not holds and not quick:
+    if not holds:
         raise SystemExit(f"claim not met: {statement}")
