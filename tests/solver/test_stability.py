@@ -168,3 +168,31 @@ def test_curve_at_minus_one_is_the_sharp_limit(alpha, monkeypatch):
     region = hd.ExplicitCaputo().plan(equation, 0.1).region
     assert region.radii[-1] == pytest.approx(region.limits[0], rel=1e-4)
     assert region.angles[0] == pytest.approx(min(alpha, 2) * np.pi / 2, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("scheme", "order", "limit"),
+    [
+        (hd.Adams(), 0.3, math.gamma(2.3)),
+        (hd.Adams(), 0.8, math.gamma(2.8)),
+        (hd.Adams(corrections=3), 0.8, math.gamma(2.8)),
+        (hd.ProductTrapezoid(), 1.6, 9.32),
+        (hd.ProductTrapezoid(), 2.0, 12.0),
+    ],
+)
+def test_limits_of_the_adams_family_are_sharp_and_watched(scheme, order, limit):
+    """A force that saturates: beyond the limit the orbit is bounded and wrong."""
+    y0 = 1e-3 if order <= 1 else [1e-3, 0.0]
+    for share, fine in ((0.98, True), (1.1, False)):
+        rate = share * limit  # h = 1
+        equation = hd.Equation(hd.Caputo(order), saturating, y0, (rate,))
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            sol = hd.solve(equation, 4000.0, 4000, scheme=scheme)
+        assert sol.success == fine, (share, sol.message)
+        assert bool(caught) != fine
+        assert (np.abs(sol.y).max() < 2e-3) == fine
+
+
+def saturating(t, y, p):
+    return -p[0] * np.tanh(y)

@@ -9,6 +9,7 @@ import numpy as np
 
 from .._jit import entry, kernel
 from .block import BLOWN_UP, NOT_SOLVED, RUNNING, begin_memory, open_block, write_rows
+from .jacobian import jacobian
 from .newton import solve_step
 from .signatures import MARCH
 
@@ -16,19 +17,21 @@ from .signatures import MARCH
 @entry(*MARCH)
 def march_adams(rhs, jac, has_jac, params, exchange, tables, memory, scheme, state, output, n_end):
     """March to step `n_end`; return how it ended (kernels/block.py)."""
-    # scheme: [h, corrections; 0 for the implicit scheme], classes, unused, weights and start
-    #   weights (C, B + 2), rows [lead, near, shift], no forcing
+    # scheme: [h, corrections (0: implicit), blocks between Jacobians (0: none)], classes, unused,
+    #   weights and start weights (C, B + 2), rows [lead, near, shift], no forcing
     # state: counters (5,) [step, rows written, unused, block opened, calls], x, u, change of u
     #   (W,), lag (W, B), pieces (W, B + 1), [f, what the last
     #   step lacks, unused] (W, 3)
-    # output: positions (k,), rows of x, rows of x' (k, d), unused
+    # output: positions (k,), rows of x, rows of x' (k, d), Jacobians (samples, d, d)
     numbers, classes, _, weights, start_weights, columns, _ = scheme
     h, corrections = numbers[0], int(numbers[1])
     lead, near, shift = columns[0], columns[1], columns[2]
     counters, x, u, d, lag, pieces, latest = state
-    positions, rows, slopes, _ = output
+    positions, rows, slopes, jacobians = output
     n_block = lag.shape[1]
     width = x.shape[0]
+    every = n_block * int(numbers[2])
+    first_sample = (counters[0] + every - 1) // every if every > 0 else 0
     known, new, point = np.empty(width), np.empty(width), np.empty(width)
     f, ones, zeros = np.empty(width), np.ones(width), np.zeros(width)
     counters[1] = 0
@@ -42,9 +45,12 @@ def march_adams(rhs, jac, has_jac, params, exchange, tables, memory, scheme, sta
             open_block(lag, pieces, n, classes, weights, exchange, tables, memory)
             counters[3] = n
             if n == 0:
+                latest[:, 0] = f
                 for c in range(width):
-                    latest[c, 0] = f[c]
                     begin_memory(lag, memory[1], f[c], c, start_weights[classes[c]], 0)
+        if every > 0 and n % every == 0:
+            sample = jacobians[n // every - first_sample]
+            counters[4] += jacobian(rhs, jac, has_jac, n * h, x, params, sample)
         t = (n + 1) * h
         for c in range(width):
             # the last step was made with a value of f that its own evaluation then replaced
@@ -54,22 +60,18 @@ def march_adams(rhs, jac, has_jac, params, exchange, tables, memory, scheme, sta
         if corrections > 0:
             correct(rhs, params, t, x, corrections, known, lead, new, latest, counters)
         else:
-            for c in range(width):
-                known[c] = -known[c]
+            known[:] = -known
             if not solve_step(
                 rhs, jac, has_jac, params, t, x, 1.0, zeros, ones, known, lead, new, counters
             ):
                 return NOT_SOLVED
-        for c in range(width):
-            point[c] = x[c] + new[c]
+        point[:] = x + new
         rhs(t, point, f, params)
         counters[4] += 1
         finite = True
         for c in range(width):
             d[c] = 0.0 if n == 0 else new[c] - u[c]
-            u[c] = new[c]
-            x[c] = point[c]
-            latest[c, 0] = f[c]
+            u[c], x[c], latest[c, 0] = new[c], point[c], f[c]
             latest[c, 1] += lead[c] * f[c] if corrections > 0 else 0.0
             pieces[c, p + 1] = f[c]
             weight = weights[classes[c]]

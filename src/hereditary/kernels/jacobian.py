@@ -10,11 +10,14 @@ _STEP = 6.055454452393343e-06
 
 @kernel
 def jacobian(rhs, jac, has_jac, t, y, params, out):
-    """out[i, j] = d rhs_i / d y_j at (t, y); by central differences where `has_jac` is 0."""
+    """out[i, j] = d rhs_i / d y_j at (t, y); by central differences where `has_jac` is 0.
+
+    Returns the number of calls of `rhs`.
+    """
     # y (d,), out (d, d)
     if has_jac == 1:
         jac(t, y, out, params)
-        return
+        return 0
     d = y.shape[0]
     up, down, shifted = np.empty(d), np.empty(d), y.copy()
     for j in range(d):
@@ -28,3 +31,4 @@ def jacobian(rhs, jac, has_jac, t, y, params, out):
         shifted[j] = y[j]
         for i in range(d):
             out[i, j] = (up[i] - down[i]) / width
+    return 2 * d

@@ -52,8 +52,8 @@ def march_explicit(
                     begin_memory(lag, memory[1], columns[2, c], c, start_weights[classes[c]], 1)
             counters[3] = n
         if n % every == 0:
-            jacobian(rhs, jac, has_jac, n * h, x, params, jacobians[n // every - first_sample])
-            counters[4] += 0 if has_jac == 1 else 2 * x.shape[0]
+            sample = jacobians[n // every - first_sample]
+            counters[4] += jacobian(rhs, jac, has_jac, n * h, x, params, sample)
         rhs(n * h, x, f, params)
         counters[4] += 1
         finite = True

@@ -31,8 +31,7 @@ def solve_step(rhs, jac, has_jac, params, t, x, theta, shift, scale, known, lead
         rhs(t, point, f, params)
         counters[4] += 1
         if iteration == 0 or iteration >= _SIMPLIFIED:
-            jacobian(rhs, jac, has_jac, t, point, params, j_f)
-            counters[4] += 0 if has_jac == 1 else 2 * d
+            counters[4] += jacobian(rhs, jac, has_jac, t, point, params, j_f)
         for i in range(d):
             change[i] = lead[i] * f[i] - known[i] - scale[i] * w[i]
             for k in range(d):

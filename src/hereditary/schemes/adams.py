@@ -12,13 +12,14 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from scipy.special import rgamma
+from scipy.special import rgamma, zeta
 
 from .._checks import complaint, count, within
 from ..equation import Equation
 from ..kernels.adams import march_adams
 from ..special import first_moment_exponential, gauss_unit, mean_exponential
 from .scheme import Convolution, Plan, Scheme, WeightRule, check_smoothness, distinct_components
+from .stability import StabilityRegion
 
 
 def hat_weights(alpha, n):
@@ -102,15 +103,36 @@ def _plan(name, equation, h, corrections):
         lists.append(((factor, HATS, alpha),))
         start_lists.append(((factor, FIRST_VALUE, alpha),))
     shift = h * equation.y0[1] if equation.m == 2 else np.zeros(equation.d)
+    lead_of = np.array(lead)[classes]
+    region = _region(equation, lead_of, corrections)
     return Plan(
         convolution=Convolution(tuple(lists), tuple(start_lists), first_modal=3),
         classes=classes,
-        numbers=np.array([h, corrections]),
+        numbers=np.array([h, corrections, region.every if region else 0]),
         flags=np.zeros(equation.d, dtype=np.int64),
-        columns=np.array([np.array(lead)[classes], np.array(near)[classes], shift]),
+        columns=np.array([lead_of, np.array(near)[classes], shift]),
         increments=shift.copy(),
         forcing=np.zeros((0, equation.d)),
+        region=region,
     )
+
+
+def _region(equation, lead, corrections):
+    """Limits of -d f / d y where they are known in closed form; None where nothing is to watch.
+
+    With sweeps of odd number and orders up to 1 the sweeps cease to contract at ``lead K = 1``. The
+    implicit scheme's alternating mode leaves the unit circle above order 1 only, at ``lead K =
+    1 / (4 |eta(-1-beta)|)``, eta being Dirichlet's.
+    """
+    orders = equation.highest_orders()
+    if corrections % 2 == 1 and orders.max() <= 1:
+        limits = 1 / lead
+    elif corrections == 0 and orders.max() > 1:
+        eta = np.abs((1 - 2 ** (2 + orders)) * zeta(-1 - orders))
+        limits = np.where(orders > 1, 1 / (4 * eta * lead), np.inf)
+    else:
+        return None
+    return StabilityRegion(limits, np.zeros(0), np.zeros(0), np.pi)
 
 
 @dataclass(frozen=True)
@@ -133,10 +155,11 @@ class Adams(Scheme):
 
     Stability
     ---------
-    Conditional, and not watched: for ``D^alpha y = -K y`` with one sweep K h**alpha must stay below
-    Gamma(alpha + 2), 1.02 to 2, for orders up to 1 and below about 1.5 to 2.5 above; at order 2 it
-    grows slowly at any step (docs/stability.md). Beyond, the solution grows, or with a force that
-    saturates stays bounded and wrong.
+    Conditional: for ``D^alpha y = -K y`` with one sweep K h**alpha must stay below Gamma(alpha +
+    2), 1.02 to 2, for orders up to 1 and below about 1.5 to 2.5 above; at order 2 it grows slowly
+    at any step (docs/stability.md). Beyond, the solution grows, or with a force that saturates
+    stays bounded and wrong. `solve` watches the limit along the orbit for an odd number of sweeps
+    and orders up to 1, and not otherwise.
 
     Source
     ------
@@ -191,7 +214,8 @@ class ProductTrapezoid(Scheme):
     Stability
     ---------
     No step limit for orders up to 1. Above, ``D^beta y = -K y`` needs K h**beta below Gamma(beta +
-    2) / (4 |eta(-1-beta)|), 50 at 1.05, 9.3 at 1.6, 12 at 2; it is not watched (docs/stability.md).
+    2) / (4 |eta(-1-beta)|), 50 at 1.05, 9.3 at 1.6, 12 at 2 (docs/stability.md); `solve`
+    watches it along the orbit.
 
     Source
     ------
