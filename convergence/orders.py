@@ -21,7 +21,7 @@ SCHEMES = {
     hd.ExplicitCaputo(): ORDERS + ABOVE_ONE,
     hd.L1(): ORDERS + ABOVE_ONE,
     hd.L2(): ORDERS,
-    hd.L2Sigma(): ORDERS,
+    hd.L2Sigma(): ORDERS + ABOVE_ONE,
     hd.BDF(2): ORDERS + ABOVE_ONE,
     hd.BDF(3): ORDERS,
     hd.Adams(): ORDERS + ABOVE_ONE,

@@ -50,8 +50,8 @@ def solve(
         out, or give a number that agrees, counted either from 0 or from the state.
     mesh : Graded or array_like, shape (n+1,), optional
         Instead of n_steps: ``graded(n, exponent)`` or times that increase from 0 to t_end. For L1,
-        L2 and L2Sigma with orders up to 1, with Direct or SumOfExponentials; such a run cannot be
-        resumed, its ``state`` is None.
+        L2 and L2Sigma with orders up to 1 (L2Sigma also above), with Direct or SumOfExponentials;
+        such a run cannot be resumed, its ``state`` is None.
     scheme : Scheme, optional
         Default ``ExplicitCaputo()``.
     history : History, optional
