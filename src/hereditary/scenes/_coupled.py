@@ -1,0 +1,23 @@
+"""Systems of order 1 and below: their orders and initial values in one wording (floor 6)."""
+
+import numpy as np
+
+from .._checks import complaint, real_array
+from ..equation import Equation
+from ..operators import Caputo
+
+
+def coupled(d, alpha, rhs, y0, params, jac):
+    """``D^alpha y = rhs`` with d components, alpha one number or one for each of them."""
+    orders = real_array("alpha", alpha)
+    if orders.shape not in ((), (d,)):
+        required = f"be one number or one for each of the {d} components"
+        raise ValueError(complaint("alpha", required, f"shape {orders.shape}"))
+    if np.any(orders <= 0) or np.any(orders > 1):
+        remedy = "orders above 1 need y'(0) too, write an Equation for them"
+        raise ValueError(complaint("alpha", "lie in (0, 1]", orders.tolist(), remedy))
+    start = real_array("y0", y0)
+    if start.shape != (d,):
+        required = f"hold one number for each of the {d} components"
+        raise ValueError(complaint("y0", required, f"shape {start.shape}"))
+    return Equation(Caputo(orders), rhs, start, params=params, jac=jac)

@@ -1,0 +1,111 @@
+"""What all standard systems share: exact Jacobians, orders for each component, checks."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+from references import differences, matrix
+from strategies import amplitudes
+
+import hereditary as hd
+from hereditary.scenes import chaotic, oscillating
+
+# right-hand side, Jacobian, components, parameters
+KERNELS = {
+    "lorenz": (chaotic._lorenz, chaotic._lorenz_jacobian, 3, 3),
+    "rossler": (chaotic._rossler, chaotic._rossler_jacobian, 3, 3),
+    "rabinovich_fabrikant": (
+        chaotic._rabinovich_fabrikant,
+        chaotic._rabinovich_fabrikant_jacobian,
+        3,
+        2,
+    ),
+    "duffing": (oscillating._cubic_spring, oscillating._cubic_spring_jacobian, 1, 4),
+    "van_der_pol": (oscillating._van_der_pol, oscillating._van_der_pol_jacobian, 2, 3),
+    "brusselator": (oscillating._brusselator, oscillating._brusselator_jacobian, 2, 2),
+}
+COUPLED = {
+    hd.scenes.brusselator: 2,
+    hd.scenes.lorenz: 3,
+    hd.scenes.rabinovich_fabrikant: 3,
+    hd.scenes.rossler: 3,
+    hd.scenes.van_der_pol: 2,
+}
+coupled = pytest.mark.parametrize(("scene", "d"), COUPLED.items(), ids=lambda v: str(v))
+
+
+@pytest.mark.parametrize("name", KERNELS)
+@given(data=st.data())
+def test_jacobian_equals_central_differences(name, data):
+    rhs, jac, d, n_params = KERNELS[name]
+    t = data.draw(amplitudes())
+    y = data.draw(hnp.arrays(np.float64, d, elements=amplitudes()))
+    params = data.draw(hnp.arrays(np.float64, n_params, elements=amplitudes()))
+    expected = differences(rhs, t, y, params)
+    np.testing.assert_allclose(matrix(jac, t, y, params), expected, rtol=0, atol=1e-9)
+
+
+@coupled
+def test_one_order_or_one_for_each_component(scene, d):
+    assert scene().orders.tolist() == [[1.0] * d]
+    assert scene(0.7).orders.tolist() == [[0.7] * d]
+    orders = [0.9, 1.0, 0.95][:d]
+    equation = scene(alpha=orders)
+    assert equation.orders.tolist() == [orders]
+    assert equation.has_jac
+    solution = hd.solve(equation, 1.0, 200, scheme=hd.BDF(2))
+    assert solution.success
+    assert solution.y.shape == (201, d)
+
+
+@coupled
+@pytest.mark.parametrize("alpha", [0.0, -0.5, 1.5, 2, [1.0, 1.0, 1.2]])
+def test_orders_outside_the_range_are_refused(scene, d, alpha):
+    alpha = alpha[-d:] if isinstance(alpha, list) else alpha
+    with pytest.raises(
+        ValueError, match=r"alpha must lie in \(0, 1\], got .*; orders above 1 need"
+    ):
+        scene(alpha=alpha)
+
+
+@coupled
+def test_wrong_shapes_are_refused(scene, d):
+    """Compiled code does not notice an array that is too short."""
+    required = f"be one number or one for each of the {d} components"
+    for alpha in ([0.9] * (d - 1), [0.9] * (d + 1), [[0.9] * d], []):
+        with pytest.raises(ValueError, match=f"alpha must {required}, got shape"):
+            scene(alpha=alpha)
+    for y0 in ([1.0] * (d - 1), [1.0] * (d + 1), [[1.0] * d], 1.0, []):
+        required = f"hold one number for each of the {d} components"
+        with pytest.raises(ValueError, match=f"y0 must {required}, got shape"):
+            scene(y0=y0)
+
+
+@coupled
+@pytest.mark.parametrize("value", ["one", 1j, None, True, math.nan, math.inf])
+def test_orders_and_initial_values_that_are_no_numbers_are_refused(scene, d, value):
+    with pytest.raises((TypeError, ValueError), match="alpha must be real, finite numbers, got"):
+        scene(alpha=value)
+    with pytest.raises((TypeError, ValueError), match="y0 must be real, finite numbers, got"):
+        scene(y0=[value] * d)
+
+
+@pytest.mark.parametrize(
+    ("scene", "names"),
+    [
+        (hd.scenes.brusselator, "a b"),
+        (hd.scenes.duffing, "friction stiffness cubic force frequency x0 v0"),
+        (hd.scenes.lorenz, "sigma rho b"),
+        (hd.scenes.rabinovich_fabrikant, "a b"),
+        (hd.scenes.rossler, "a b c"),
+        (hd.scenes.van_der_pol, "mu force frequency"),
+    ],
+)
+def test_parameters_that_are_no_numbers_are_refused_by_name(scene, names):
+    for name in names.split():
+        for value, error in ((math.nan, ValueError), ("one", TypeError), ([1.0], TypeError)):
+            with pytest.raises(error, match=f"^{name} must be a finite real number, got"):
+                scene(**{name: value})
