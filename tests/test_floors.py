@@ -14,6 +14,7 @@ FLOORS = {
     "_callables": 1,
     "operators": 2,
     "equation": 2,
+    "system": 2,
     "exponential_sum": 2,
     "meshes": 2,
     "schemes": 2,
@@ -28,7 +29,7 @@ FLOORS = {
 }
 # Importable from the floor's other rooms; inside one floor the rest must not know each other.
 SAME_FLOOR = {("equation", "operators"), ("exponential_sum", "operators"), ("__main__", "plots")}
-SAME_FLOOR |= {("schemes", "equation"), ("schemes", "operators"), ("__main__", "scenes")}
+SAME_FLOOR |= {("equation", "system"), ("schemes", "system"), ("schemes", "operators"), ("__main__", "scenes")}
 FILES = sorted(SOURCE.rglob("*.py"))
 
 

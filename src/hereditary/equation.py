@@ -8,9 +8,10 @@ from numpy.typing import ArrayLike
 from ._callables import compile_jac, compile_rhs
 from ._checks import complaint, real_array
 from .operators import Caputo, Term, derivative_order
+from .system import System, highest_orders
 
 
-class Equation:
+class Equation(System):
     """An initial value problem ``sum_j c_j D^(alpha_j) y = rhs(t, y)`` on t >= 0.
 
     Everything is checked here: the right-hand side is called once at t = 0 and compiled, so that a
@@ -69,47 +70,44 @@ class Equation:
     ) -> None:
         self.terms = _as_terms(terms)
         values = real_array("y0", y0, remedy="give shape (m, d): y(0), y'(0), ...")
-        self.m = max(derivative_order(a) for term in self.terms for a in term.operator._order.flat)
-        self.y0 = _initial_values(values, self.m)
-        self.d = self.y0.shape[1]
-        self.orders = self._per_component("order", [t.operator._order for t in self.terms])
-        self.coefficients = self._per_component("coefficient", [t.coefficient for t in self.terms])
-        self._check_leading()
-        self.params = real_array("params", params, remedy="pass a flat sequence of floats")
-        if self.params.ndim != 1:
+        m = max(derivative_order(a) for term in self.terms for a in term.operator._order.flat)
+        initial = _initial_values(values, m)
+        d = initial.shape[1]
+        orders = _per_component("order", [t.operator._order for t in self.terms], d)
+        coefficients = _per_component("coefficient", [t.coefficient for t in self.terms], d)
+        _check_leading(highest_orders(orders, coefficients), initial)
+        numbers = real_array("params", params, remedy="pass a flat sequence of floats")
+        if numbers.ndim != 1:
             required = "be a flat sequence of floats"
-            raise ValueError(complaint("params", required, f"shape {self.params.shape}"))
-        self._rhs = compile_rhs(rhs, self.y0[0], self.params)
-        self.has_jac = jac is not None
-        self._jac = compile_jac(jac, self.y0[0], self.params) if self.has_jac else None
-
-    def highest_orders(self) -> np.ndarray:
-        """Highest order with a nonzero coefficient of each component, shape (d,)."""
-        return np.where(self.coefficients != 0, self.orders, 0.0).max(axis=0)
-
-    def _per_component(self, name, arrays):
-        """Stack one row a term, each broadcast to the d components."""
-        for array in arrays:
-            if array.ndim and array.size != self.d:
-                required = f"be one number or one for each of the {self.d} components"
-                raise ValueError(complaint(name, required, f"shape {array.shape}"))
-        stacked = np.array([np.broadcast_to(array, (self.d,)) for array in arrays])
-        stacked.flags.writeable = False
-        return stacked
-
-    def _check_leading(self):
-        highest = self.highest_orders()
-        for j in np.flatnonzero(highest == 0):
-            required = "leave every component at least one nonzero term"
-            raise ValueError(complaint("terms", required, f"none for component {j}"))
-        needless = (highest <= 1) & np.any(self.y0[1:] != 0, axis=0)
-        for j in np.flatnonzero(needless):
-            got = f"y0[1][{j}] = {self.y0[1, j]}"
-            required = f"hold no y'(0) for component {j}, whose highest order is {highest[j]}"
-            raise ValueError(complaint("y0", required, got, "set it to 0"))
+            raise ValueError(complaint("params", required, f"shape {numbers.shape}"))
+        compiled = compile_rhs(rhs, initial[0], numbers)
+        compiled_jac = compile_jac(jac, initial[0], numbers) if jac is not None else None
+        super().__init__(orders, coefficients, initial, numbers, compiled, compiled_jac)
 
     def __repr__(self):
         return f"Equation({' + '.join(map(repr, self.terms))} = rhs, d={self.d})"
+
+
+def _per_component(name, arrays, d):
+    """Stack one row a term, each broadcast to the d components."""
+    for array in arrays:
+        if array.ndim and array.size != d:
+            required = f"be one number or one for each of the {d} components"
+            raise ValueError(complaint(name, required, f"shape {array.shape}"))
+    stacked = np.array([np.broadcast_to(array, (d,)) for array in arrays])
+    stacked.flags.writeable = False
+    return stacked
+
+
+def _check_leading(highest, y0):
+    for j in np.flatnonzero(highest == 0):
+        required = "leave every component at least one nonzero term"
+        raise ValueError(complaint("terms", required, f"none for component {j}"))
+    needless = (highest <= 1) & np.any(y0[1:] != 0, axis=0)
+    for j in np.flatnonzero(needless):
+        got = f"y0[1][{j}] = {y0[1, j]}"
+        required = f"hold no y'(0) for component {j}, whose highest order is {highest[j]}"
+        raise ValueError(complaint("y0", required, got, "set it to 0"))
 
 
 def _as_terms(terms):

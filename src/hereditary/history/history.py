@@ -77,17 +77,19 @@ class Memory(ABC):
         """Bytes of the memory itself, tables not counted."""
         return sum(array.nbytes for array in self.arrays)
 
-    def combine(self, matrix) -> None:
-        """Replace the columns by their linear combinations, ``column_j <- sum_i column_i M_ij``.
+    def combine(self, matrix, first=0) -> None:
+        """Replace columns by their linear combinations, ``column_j <- sum_i column_i M_ij``.
 
         Parameters
         ----------
-        matrix : array_like, shape (W, W)
+        matrix : array_like, shape (W - first, W - first)
             Columns that are mixed must belong to one class of weights.
+        first : int
+            Columns before this one stay as they are.
         """
         matrix = np.asarray(matrix, dtype=float)
         for array in self.arrays:
-            array[...] = matrix.T @ array
+            array[first:] = matrix.T @ array[first:]
 
     def state(self) -> tuple[np.ndarray, ...]:
         """The contents as a tuple of independent arrays."""

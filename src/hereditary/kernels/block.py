@@ -44,3 +44,12 @@ def write_rows(n, first, positions, rows, slopes, x, y, d, h):
             slopes[k, c] = (y[c] + (0.5 + back) * d[c]) / h
         k += 1
     return k
+
+
+@inlined
+def bounded(x):
+    """Whether all of x is finite and far from overflow."""
+    for c in range(x.shape[0]):  # noqa: SIM110 (numba takes no generator here)
+        if not abs(x[c]) < 1e300:
+            return False
+    return True

@@ -8,9 +8,10 @@ t = t_n + theta h. The pieces of memory are the w_n.
 import numpy as np
 
 from .._jit import entry, kernel
-from .block import BLOWN_UP, NOT_SOLVED, RUNNING, begin_memory, open_block, write_rows
+from .block import BLOWN_UP, NOT_SOLVED, RUNNING, begin_memory, bounded, open_block, write_rows
 from .newton import solve_step
 from .signatures import MARCH
+from .tangent import solve_tangents
 
 
 @entry(*MARCH)
@@ -18,19 +19,23 @@ def march_implicit(
     rhs, jac, has_jac, params, exchange, tables, memory, scheme, state, output, n_end
 ):
     """March to step `n_end`; return how it ended (kernels/block.py)."""
-    # scheme: [h, theta, corrected steps], classes, given (W,): whether the first increment is
-    #   known, weights and start weights (C, B + 2), rows [lead, near, shift, weight of w_0 in the
-    #   first step, w_0, corrections], forcing (2 r, W): amplitudes and powers
+    # scheme: [h, theta, corrected steps, r], layout, classes, given (W,): whether the first
+    #   increment is known, weights and start weights (C, B + 2), rows [lead, near, weight of w_0 in
+    #   the first step, r powers of the forcing] (3 + r, W)
     # state: counters (5,) [step, rows written, unused, block opened, calls], x, u, change of u
-    #   (W,), lag (W, B), pieces (W, B + 1), unused
+    #   (W,), lag (W, B), pieces (W, B + 1), unused, data [shift, w_0, r amplitudes of the forcing,
+    #   corrections] (W, k)
     # output: positions (k,), rows of x, rows of x' (k, d), unused
-    numbers, classes, given, weights, start_weights, columns, forcing = scheme
-    h, theta = numbers[0], numbers[1]
-    lead, near, shift = columns[0], columns[1], columns[2]
-    counters, x, u, d, lag, pieces, _ = state
+    numbers, layout, classes, given, weights, start_weights, columns = scheme
+    h, theta, n_forcing = numbers[0], numbers[1], int(numbers[3])
+    lead, near = columns[0], columns[1]
+    counters, x, u, d, lag, pieces, _, data = state
+    shift = data[:, 0].copy()
     positions, rows, slopes, _ = output
     n_block = lag.shape[1]
-    known, w, ones = np.empty(x.shape[0]), np.empty(x.shape[0]), np.ones(x.shape[0])
+    width, n_orbit = x.shape[0], layout[0]
+    known, w, ones = np.empty(width), np.empty(width), np.ones(width)
+    orbit, j_f = x[:n_orbit], np.empty((n_orbit, n_orbit))
     counters[1] = 0
     while counters[0] < n_end:
         n = counters[0]
@@ -39,20 +44,24 @@ def march_implicit(
             open_block(lag, pieces, n, classes, weights, exchange, tables, memory)
             counters[3] = n
         t = (n + theta) * h
-        for c in range(x.shape[0]):
+        scale = columns[2] if n == 0 else ones
+        for c in range(width):
             w[c] = pieces[c, p]  # the increment before as first guess
-            known[c] = near[c] * w[c] + lag[c, p] + lead[c] * forced(forcing, c, t)
+            known[c] = near[c] * w[c] + lag[c, p] + lead[c] * forced(data, columns, n_forcing, c, t)
             if n < numbers[2]:
-                known[c] -= lead[c] * columns[5 + n, c]
+                known[c] -= lead[c] * data[c, 2 + n_forcing + n]
         if n == 0 and given[0] == 1:
-            w[:] = columns[4]
-        elif not solve_step(
-            rhs, jac, has_jac, params, t, x, theta, shift,
-            columns[3] if n == 0 else ones, known, lead, w, counters,
-        ):  # fmt: skip
-            return NOT_SOLVED
-        finite = True
-        for c in range(x.shape[0]):
+            w[:] = data[:, 1]
+        else:
+            if not solve_step(
+                rhs, jac, has_jac, params, t, orbit, theta, shift, scale, known, lead, w, counters
+            ):
+                return NOT_SOLVED
+            if width > n_orbit and not solve_tangents(
+                rhs, jac, has_jac, params, t, x, j_f, theta, shift, scale, known, lead, w, counters
+            ):
+                return NOT_SOLVED
+        for c in range(width):
             new = shift[c] + w[c]
             d[c] = 0.0 if n == 0 else new - u[c]
             u[c] = new
@@ -63,19 +72,18 @@ def march_implicit(
                 lag[c, p + i] += weight[i] * w[c]
             if n == 0:
                 begin_memory(lag, memory[1], w[c], c, start_weights[classes[c]], 1)
-            finite = finite and abs(x[c]) < 1e300
         counters[0] = n + 1
         counters[1] = write_rows(n + 1, counters[1], positions, rows, slopes, x, u, d, h)
-        if not finite:
+        if not bounded(orbit):
             return BLOWN_UP
     return RUNNING
 
 
 @kernel
-def forced(forcing, c, t):
-    """Sum of the known terms of a component at time t."""
+def forced(data, columns, n_terms, c, t):
+    """Sum of the known terms of a column at time t."""
     total = 0.0
-    for i in range(0, forcing.shape[0], 2):
-        if forcing[i, c] != 0.0:
-            total += forcing[i, c] * t ** forcing[i + 1, c]
+    for i in range(n_terms):
+        if data[c, 2 + i] != 0.0:
+            total += data[c, 2 + i] * t ** columns[3 + i, c]
     return total

@@ -10,9 +10,10 @@ not depend on where it was interrupted.
 import numpy as np
 
 from .._jit import entry, kernel
-from .block import BLOWN_UP, RUNNING, begin_memory, open_block, write_rows
+from .block import BLOWN_UP, RUNNING, begin_memory, bounded, open_block, write_rows
 from .jacobian import jacobian
 from .signatures import MARCH
+from .tangent import push_tangents
 
 # Steps of unbroken alternation after which the amplitude is compared with that of the stretch
 # before. A resolved oscillation never alternates twice in a row; at 0.99 of the step limit the
@@ -28,19 +29,21 @@ def march_explicit(
     rhs, jac, has_jac, params, exchange, tables, memory, scheme, state, output, n_end
 ):
     """March to step `n_end`; return 0, or 1 where the solution stopped being finite."""
-    # scheme: [h, blocks between Jacobians], classes, second (W,), weights and start weights
-    #   (C, B + 2), rows [lead, near, start] (3, W), no forcing
+    # scheme: [h], layout, classes, second (W,), weights and start weights (C, B + 2), rows [lead,
+    #   near] (2, W)
     # state: counters (5,) [step, rows written, zigzag step, block opened, calls], x, y, d (W,),
-    #   lag (W, B), pieces (W, B + 1), monitor (W, 3)
+    #   lag (W, B), pieces (W, B + 1), monitor (W, 3), start values (W, 1)
     # output: positions (k,), rows of x, rows of x' (k, d), Jacobians (blocks, d, d)
-    numbers, classes, second, weights, start_weights, columns, _ = scheme
+    numbers, layout, classes, second, weights, start_weights, columns = scheme
     h, lead, near = numbers[0], columns[0], columns[1]
-    counters, x, y, d, lag, pieces, monitor = state
+    counters, x, y, d, lag, pieces, monitor, start = state
     positions, rows, slopes, jacobians = output
     n_block = lag.shape[1]
-    every = n_block * int(numbers[1])
+    every = n_block * layout[1]
     first_sample = (counters[0] + every - 1) // every
-    f = np.empty(x.shape[0])
+    width, n_orbit = x.shape[0], layout[0]
+    f, j_f = np.empty(width), np.empty((n_orbit, n_orbit))
+    orbit, f_orbit = x[:n_orbit], f[:n_orbit]
     counters[1] = 0
     while counters[0] < n_end:
         n = counters[0]
@@ -48,16 +51,18 @@ def march_explicit(
         if p == 0 and counters[3] != n:  # the right-hand side may have raised since
             open_block(lag, pieces, n, classes, weights, exchange, tables, memory)
             if n == 0:
-                for c in range(x.shape[0]):
-                    begin_memory(lag, memory[1], columns[2, c], c, start_weights[classes[c]], 1)
+                for c in range(width):
+                    begin_memory(lag, memory[1], start[c, 0], c, start_weights[classes[c]], 1)
             counters[3] = n
         if n % every == 0:
             sample = jacobians[n // every - first_sample]
-            counters[4] += jacobian(rhs, jac, has_jac, n * h, x, params, sample)
-        rhs(n * h, x, f, params)
+            counters[4] += jacobian(rhs, jac, has_jac, n * h, orbit, params, sample)
+        rhs(n * h, orbit, f_orbit, params)
         counters[4] += 1
-        finite = True
-        for c in range(x.shape[0]):
+        if width > n_orbit:
+            counters[4] += jacobian(rhs, jac, has_jac, n * h, orbit, params, j_f)
+            push_tangents(j_f, x, f)
+        for c in range(width):
             y_old = y[c]
             change = lead[c] * f[c] - near[c] * y_old - lag[c, p]
             if n == 0 and second[c] == 1:
@@ -70,14 +75,13 @@ def march_explicit(
             w = weights[classes[c]]
             for i in range(2, n_block - p):
                 lag[c, p + i] += w[i] * y_new
-            if y_old * y_new < 0.0:
+            if y_old * y_new < 0.0 and c < n_orbit:
                 watch_zigzag(monitor, c, abs(y_new), abs(x_new), counters)
             else:
                 monitor[c, 0] = 0.0
-            finite = finite and abs(x_new) < 1e300
         counters[0] = n + 1
         counters[1] = write_rows(n + 1, counters[1], positions, rows, slopes, x, y, d, h)
-        if not finite:
+        if not bounded(orbit):
             return BLOWN_UP
     return RUNNING
 

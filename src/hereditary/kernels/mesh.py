@@ -105,15 +105,15 @@ def march_mesh(rhs, jac, has_jac, params, recall, tables, memory, scheme, state,
     """March to mesh point `n_end`; return how it ended (kernels/block.py)."""
     # scheme: times (N + 1,), theta (N,), [parabolas: 0 none, 1 behind the newest step, 2 on it
     #   too; first increment given], classes, factors and powers (C, T), Gauss rule (2, 16),
-    #   first increment (W,)
+    #   first increment, speeds x'(0) where pieces leave t x'(0) out (W,)
     # state: counters (5,) [step, rows written, unused, unused, calls], x, u (W,), pieces (2, W)
     # output: positions (k,) in steps, rows, their slopes (k, d)
-    times, theta, form, classes, factors, powers, rule, first = scheme
+    times, theta, form, classes, factors, powers, rule, first, speeds = scheme
     counters, x, u, pieces = state
     positions, rows, slopes = output
     width = x.shape[0]
     lag, known, lead, w = np.empty(width), np.empty(width), np.empty(width), np.empty(width)
-    ones, zeros = np.ones(width), np.zeros(width)
+    ones, zeros, shift, new = np.ones(width), np.zeros(width), np.empty(width), np.empty(width)
     counters[1] = 0
     while counters[0] < n_end:
         n = counters[0]
@@ -128,10 +128,11 @@ def march_mesh(rhs, jac, has_jac, params, recall, tables, memory, scheme, state,
             lead[c] = 1.0 / now
             known[c] = (lag[c] + then * u[c]) / now
             w[c] = u[c] * step / before if n > 0 else 0.0
+            shift[c] = step * speeds[c]
         if n == 0 and form[1] == 1:
             w[:] = first
         elif not solve_step(
-            rhs, jac, has_jac, params, t, x, theta[n], zeros, ones, known, lead, w, counters
+            rhs, jac, has_jac, params, t, x, theta[n], shift, ones, known, lead, w, counters
         ):
             return NOT_SOLVED
         finite = True
@@ -144,10 +145,11 @@ def march_mesh(rhs, jac, has_jac, params, recall, tables, memory, scheme, state,
                 bend = 0.0 if steep else 2.0 * (w[c] / step - u[c] / before) / (step + before)
                 pieces[1, c] = bend
             u[c] = w[c]
-            x[c] += w[c]
+            new[c] = shift[c] + w[c]
+            x[c] += new[c]
             finite = finite and abs(x[c]) < 1e300
         counters[0] = n + 1
-        counters[1] = write_rows(n + 1, counters[1], positions, rows, slopes, x, u, zeros, step)
+        counters[1] = write_rows(n + 1, counters[1], positions, rows, slopes, x, new, zeros, step)
         if not finite:
             return BLOWN_UP
     return RUNNING

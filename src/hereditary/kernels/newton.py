@@ -20,7 +20,7 @@ def solve_step(rhs, jac, has_jac, params, t, x, theta, shift, scale, known, lead
 
     Returns False where the iteration does not converge; calls of `rhs` are counted in counters[4].
     """
-    # x, shift, scale, known, lead, w (d,)
+    # x (d,), shift, scale, known, lead, w (>= d,)
     d = x.shape[0]
     point, f, change = np.empty(d), np.empty(d), np.empty(d)
     j_f, matrix = np.empty((d, d)), np.empty((d, d))

@@ -20,10 +20,13 @@ MEMORY = types.UniTuple(MAT, 3)
 EXCHANGE_SIG = types.void(MAT, MAT, I8, IVEC, TABLES, MEMORY)
 EXCHANGE = types.FunctionType(EXCHANGE_SIG)
 
-# what a march works on: numbers, class of each column, flags, weights and start weights inside a
-# block, one row a column quantity, forcing; what they hold is told at each march
-SCHEME = types.Tuple((VEC, IVEC, IVEC, MAT, MAT, MAT, MAT))
-STATE = types.Tuple((IVEC, VEC, VEC, VEC, MAT, MAT, MAT))
+# what a march works on: numbers, layout [components d of the orbit, blocks between Jacobians (0:
+# none)], class of each column, flags, weights and start weights inside a block, rows of constants
+# for the columns; and what a march changes. What they hold is told at each march. The W columns are
+# the d components of the orbit, then those of one tangent after the other; all of the state but
+# the counters is linear in the tangents.
+SCHEME = types.Tuple((VEC, IVEC, IVEC, IVEC, MAT, MAT, MAT))
+STATE = types.Tuple((IVEC, VEC, VEC, VEC, MAT, MAT, MAT, MAT))
 OUTPUT = types.Tuple((VEC, MAT, MAT, CUBE))
 MARCH = (RHS, JAC, I8, VEC, EXCHANGE, TABLES, MEMORY, SCHEME, STATE, OUTPUT, I8)
 
@@ -31,7 +34,7 @@ MARCH = (RHS, JAC, I8, VEC, EXCHANGE, TABLES, MEMORY, SCHEME, STATE, OUTPUT, I8)
 # class of each column, tables, memory; stores the piece and sets lag
 RECALL_SIG = types.void(VEC, MAT, I8, F8, IVEC, TABLES, MEMORY)
 RECALL = types.FunctionType(RECALL_SIG)
-MESH_SCHEME = types.Tuple((VEC, VEC, IVEC, IVEC, MAT, MAT, MAT, VEC))
+MESH_SCHEME = types.Tuple((VEC, VEC, IVEC, IVEC, MAT, MAT, MAT, VEC, VEC))
 MESH_STATE = types.Tuple((IVEC, VEC, VEC, MAT))
 MESH_OUTPUT = types.Tuple((VEC, MAT, MAT))
 MESH_MARCH = (

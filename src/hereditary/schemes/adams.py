@@ -15,9 +15,9 @@ import numpy as np
 from scipy.special import rgamma, zeta
 
 from .._checks import complaint, count, within
-from ..equation import Equation
 from ..kernels.adams import march_adams
 from ..special import first_moment_exponential, gauss_unit, mean_exponential
+from ..system import System
 from .scheme import Convolution, Plan, Scheme, WeightRule, check_smoothness, distinct_components
 from .stability import StabilityRegion
 
@@ -108,11 +108,12 @@ def _plan(name, equation, h, corrections):
     return Plan(
         convolution=Convolution(tuple(lists), tuple(start_lists), first_modal=3),
         classes=classes,
-        numbers=np.array([h, corrections, region.every if region else 0]),
+        numbers=np.array([h, corrections]),
         flags=np.zeros(equation.d, dtype=np.int64),
-        columns=np.array([lead_of, np.array(near)[classes], shift]),
+        columns=np.array([lead_of, np.array(near)[classes]]),
+        data=shift.reshape(1, -1),
+        initial=equation.y0[0],
         increments=shift.copy(),
-        forcing=np.zeros((0, equation.d)),
         region=region,
     )
 
@@ -194,7 +195,7 @@ class Adams(Scheme):
         gains = self.corrections + 1 if smoothness == "smooth" else 1
         return min(2.0, 1 + gains * alpha)
 
-    def plan(self, equation: Equation, h: float) -> Plan:
+    def plan(self, equation: System, h: float) -> Plan:
         """Tables and convolution for `equation` with step h."""
         return _plan("Adams", equation, h, self.corrections)
 
@@ -238,6 +239,6 @@ class ProductTrapezoid(Scheme):
         check_smoothness(smoothness)
         return 2.0 if smoothness == "smooth" else min(2.0, 1 + alpha)
 
-    def plan(self, equation: Equation, h: float) -> Plan:
+    def plan(self, equation: System, h: float) -> Plan:
         """Tables and convolution for `equation` with step h."""
         return _plan("ProductTrapezoid", equation, h, 0)

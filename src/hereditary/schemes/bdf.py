@@ -14,9 +14,9 @@ import numpy as np
 from scipy.special import rgamma
 
 from .._checks import complaint, count, within
-from ..equation import Equation
 from ..kernels.implicit import march_implicit
 from ..kernels.weights import series_of_power
+from ..system import System
 from .derivative_form import derivative_plan
 from .scheme import Plan, Scheme, WeightRule, check_smoothness
 
@@ -91,7 +91,7 @@ class BDF(Scheme):
         check_smoothness(smoothness)
         return float(self.formula)
 
-    def plan(self, equation: Equation, h: float) -> Plan:
+    def plan(self, equation: System, h: float) -> Plan:
         """Tables and convolution for `equation` with step h."""
         p = self.formula
         highest, largest = float(equation.highest_orders().max()), _LARGEST_ORDER[p - 1]

@@ -72,15 +72,16 @@ def derivative_plan(
     shift = h * equation.y0[1] if equation.m == 2 else np.zeros(equation.d)
     given = first is not None
     extra = np.zeros((0, equation.d)) if corrections is None else corrections
-    named = [*rows[:2, classes], shift, rows[2, classes], first if given else 0 * shift]
+    amplitudes, powers = _drift(equation)
     return Plan(
         convolution=Convolution(tuple(lists), tuple(start_lists), first_modal),
         classes=classes,
-        numbers=np.array([h, theta, extra.shape[0]]),
+        numbers=np.array([h, theta, extra.shape[0], powers.shape[0]]),
         flags=np.full(equation.d, int(given)),
-        columns=np.array([*named, *extra]),
+        columns=np.vstack([rows[:, classes], powers]),
+        data=np.vstack([shift, first if given else 0 * shift, amplitudes, extra]),
+        initial=equation.y0[0],
         increments=shift.copy(),
-        forcing=_drift(equation),
     )
 
 
@@ -97,9 +98,9 @@ def mesh_plan(name, equation, times, theta, parabolas, first=None):
         for j, (c, alpha) in enumerate(key):
             factors[i, j], powers[i, j] = c * rgamma(2 - alpha), 1 - alpha
     steps = times.size - 1
-    return MeshPlan(
-        times, np.broadcast_to(theta, steps) * 1.0, parabolas, classes, factors, powers, first
-    )
+    speeds = equation.y0[1] if equation.m == 2 else np.zeros(equation.d)
+    theta = np.broadcast_to(theta, steps) * 1.0
+    return MeshPlan(times, theta, parabolas, classes, factors, powers, speeds, first)
 
 
 def leading_weight(coefficient, alpha, h):
@@ -112,10 +113,14 @@ def _power(alpha):
 
 
 def _drift(equation):
-    """Derivatives of t x'(0), which the increments leave out: rows of amplitudes and of powers."""
-    rows = []
-    if equation.m == 2:
-        for c, alpha in zip(equation.coefficients, equation.orders, strict=True):
-            amplitude = np.where(alpha <= 1, c * equation.y0[1] * rgamma(2 - alpha), 0.0)
-            rows += [amplitude, np.where(alpha <= 1, 1 - alpha, 0.0)]
-    return np.array(rows).reshape(-1, equation.d)
+    """Derivatives of t x'(0), which the increments leave out: amplitudes and powers, (r, d) each.
+
+    None for components of order up to 1: only the halves of a reduced order have an x'(0) there,
+    and their terms act on x - t x'(0) alone.
+    """
+    if equation.m == 1:
+        return np.zeros((2, 0, equation.d))
+    c, alpha = equation.coefficients, equation.orders
+    lower = (alpha <= 1) & (equation.highest_orders() > 1)
+    amplitudes = np.where(lower, c * equation.y0[1] * rgamma(2 - alpha), 0.0)
+    return amplitudes, np.where(lower, 1 - alpha, 0.0)

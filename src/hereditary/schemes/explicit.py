@@ -14,10 +14,10 @@ import numpy as np
 from scipy.special import rgamma
 
 from .._checks import within
-from ..equation import Equation
 from ..kernels.march import march_explicit
 from ..operators import derivative_order
 from ..special import alternating_power_sum, power_differences
+from ..system import System
 from .scheme import Convolution, Plan, Scheme, check_lead, check_smoothness, distinct_components
 from .stability import stability_region
 from .weights import FIRST_DIFFERENCES, SECOND_DIFFERENCES
@@ -79,7 +79,7 @@ class ExplicitCaputo(Scheme):
         check_smoothness(smoothness)
         return 1.0
 
-    def step_limit(self, equation: Equation, stiffness: float) -> float:
+    def step_limit(self, equation: System, stiffness: float) -> float:
         """Largest stable step for a constant ``-d rhs / d y = stiffness``.
 
         Parameters
@@ -113,7 +113,7 @@ class ExplicitCaputo(Scheme):
                 high = middle
         return float(np.exp(low))
 
-    def plan(self, equation: Equation, h: float) -> Plan:
+    def plan(self, equation: System, h: float) -> Plan:
         """Tables and convolution for `equation` with step h."""
         second = equation.highest_orders() > 1
         distinct, classes = distinct_components(equation)
@@ -138,11 +138,12 @@ class ExplicitCaputo(Scheme):
         return Plan(
             convolution=Convolution(tuple(lists), tuple(start_lists)),
             classes=classes,
-            numbers=np.array([h, region.every]),
+            numbers=np.array([h]),
             flags=second.astype(np.int64),
-            columns=np.array([lead[classes], near[classes], start]),
+            columns=np.array([lead[classes], near[classes]]),
+            data=start.reshape(1, -1),
+            initial=equation.y0[0],
             increments=increments,
-            forcing=np.zeros((0, equation.d)),
             region=region,
         )
 

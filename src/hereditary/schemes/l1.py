@@ -7,8 +7,8 @@ from typing import ClassVar
 import numpy as np
 
 from .._checks import within
-from ..equation import Equation
 from ..kernels.implicit import march_implicit
+from ..system import System
 from .derivative_form import derivative_plan, mesh_plan
 from .scheme import MeshPlan, Plan, Scheme, check_smoothness
 from .weights import SECOND_DIFFERENCES, shifted_differences
@@ -67,7 +67,7 @@ class L1(Scheme):
             return 3 - alpha
         return 2 - alpha if smoothness == "smooth" else 1.0
 
-    def plan(self, equation: Equation, h: float) -> Plan:
+    def plan(self, equation: System, h: float) -> Plan:
         """Tables and convolution for `equation` with step h."""
         theta = 0.5 if equation.highest_orders().max() > 1 else 1.0
         lines = shifted_differences(theta)
@@ -75,6 +75,6 @@ class L1(Scheme):
             equation, h, theta, lambda alpha: SECOND_DIFFERENCES if alpha > 1 else lines
         )
 
-    def mesh_plan(self, equation: Equation, times: np.ndarray) -> MeshPlan:
+    def mesh_plan(self, equation: System, times: np.ndarray) -> MeshPlan:
         """Plan on a mesh of any steps, for orders in (0, 1]."""
         return mesh_plan("L1", equation, times, 1.0, 0)

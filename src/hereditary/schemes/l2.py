@@ -8,10 +8,10 @@ import numpy as np
 from scipy.special import rgamma
 
 from .._checks import complaint, shown, within
-from ..equation import Equation
 from ..kernels.implicit import march_implicit
 from ..kernels.mesh import STEEPEST, moments
 from ..special import gauss_unit
+from ..system import System
 from .derivative_form import derivative_plan, mesh_plan
 from .scheme import MeshPlan, Plan, Scheme, check_smoothness, refuse_orders_above_one
 from .weights import parabola_start, parabola_weights
@@ -67,14 +67,14 @@ class L2(Scheme):
         check_smoothness(smoothness)
         return 3 - alpha if smoothness == "smooth" else 1.0
 
-    def plan(self, equation: Equation, h: float) -> Plan:
+    def plan(self, equation: System, h: float) -> Plan:
         """Tables and convolution for `equation` with step h."""
         refuse_orders_above_one("L2", equation)
         rule = parabola_weights(1.0, closing=True)
         first = _first_increment(equation, np.array([0.0, h, 2 * h]))
         return derivative_plan(equation, h, 1.0, lambda _: rule, parabola_start(1.0), first)
 
-    def mesh_plan(self, equation: Equation, times: np.ndarray) -> MeshPlan:
+    def mesh_plan(self, equation: System, times: np.ndarray) -> MeshPlan:
         """Plan on a mesh of any steps, for orders in (0, 1]."""
         refuse_orders_above_one("L2", equation)
         steps = np.diff(times[:3])

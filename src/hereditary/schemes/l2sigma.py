@@ -8,10 +8,10 @@ import numpy as np
 from scipy.special import rgamma
 
 from .._checks import complaint, within
-from ..equation import Equation
 from ..kernels.implicit import march_implicit
+from ..system import System
 from .derivative_form import derivative_plan, mesh_plan
-from .reduction import Reduction, reduce_order
+from .reduction import reduce_order
 from .scheme import (
     MeshPlan,
     Plan,
@@ -73,7 +73,7 @@ class L2Sigma(Scheme):
         check_smoothness(smoothness)
         return 2.0 if smoothness == "smooth" else 1.0
 
-    def reduction(self, equation: Equation) -> Reduction | None:
+    def reduction(self, equation: System) -> System | None:
         """Two equations of half the order, where the order lies in (1, 2]."""
         if equation.highest_orders().max() <= 1:
             return None
@@ -84,13 +84,13 @@ class L2Sigma(Scheme):
             raise ValueError(complaint("terms", required, got, "use BDF(2) or L1"))
         return reduce_order(equation, *distinct[0][0])
 
-    def plan(self, equation: Equation, h: float) -> Plan:
+    def plan(self, equation: System, h: float) -> Plan:
         """Tables and convolution for `equation` with step h."""
         sigma = _sigma(_terms(equation), h)
         rule = parabola_weights(sigma, closing=False)
         return derivative_plan(equation, h, sigma, lambda _: rule, parabola_start(sigma))
 
-    def mesh_plan(self, equation: Equation, times: np.ndarray) -> MeshPlan:
+    def mesh_plan(self, equation: System, times: np.ndarray) -> MeshPlan:
         """Plan on a mesh of any steps, for orders in (0, 1]."""
         terms = _terms(equation)
         sigma = np.array([_sigma(terms, step) for step in np.diff(times)])

@@ -1,65 +1,58 @@
 """Symmetric order reduction (floor 2): order beta in (1, 2] as two equations of order beta/2.
 
 With ``z = x - x(0) - t x'(0)`` and ``w = D^(beta/2) z`` the equation ``c D^beta x = f(t, x)``
-becomes ``D^(beta/2) z = w``, ``D^(beta/2) w = f(t, x(0) + t x'(0) + z) / c``, with z(0) = w(0) = 0.
+becomes ``D^(beta/2) z = w``, ``D^(beta/2) w = f(t, x) / c``, with z(0) = w(0) = 0. Marches remember
+increments without t x'(0), so they take x itself for z, with the initial values of x.
 Source: [LyuVong2022].
 """
 
-from __future__ import annotations
-
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 from numba import njit
 
-from ..equation import Equation
-from ..operators import Caputo
+from ..system import System
 
 
-@dataclass(frozen=True, eq=False)
-class Reduction:
-    """The pair of equations, and the way back.
-
-    Attributes
-    ----------
-    equation : Equation
-        For (z, w), 2 d components.
-    y0 : ndarray, shape (2, d)
-        x(0) and x'(0).
-    """
-
-    equation: Equation
-    y0: np.ndarray
-
-    def lift(self, t, rows, slopes):
-        """Solution and first derivative, shape (n, d), from rows of (z, w) and their slopes."""
-        d = self.y0.shape[1]
-        x = self.y0[0] + np.multiply.outer(t, self.y0[1]) + rows[:, :d]
-        return x, self.y0[1] + slopes[:, :d]
-
-
-def reduce_order(equation: Equation, coefficient: float, beta: float) -> Reduction:
-    """Reduce an equation whose components all have the one term ``coefficient * Caputo(beta)``."""
-    d = equation.d
-    params = np.concatenate([equation.params, equation.y0.ravel(), [coefficient]])
-    reduced = Equation(Caputo(beta / 2), _pair(equation._rhs), np.zeros(2 * d), params)
-    return Reduction(reduced, equation.y0)
+def reduce_order(system: System, coefficient: float, beta: float) -> System:
+    """The system of (x, w), 2 d components, for one whose only term is c D^beta everywhere."""
+    d = system.d
+    shape = (1, 2 * d)
+    y0 = np.hstack([system.y0, np.zeros((2, d))])
+    params = np.append(system.params, coefficient)
+    jac = _pair_jacobian(system._jac) if system.has_jac else None
+    orders, ones = np.full(shape, beta / 2), np.ones(shape)
+    return System(orders, ones, y0, params, _pair(system._rhs), jac)
 
 
 @lru_cache(maxsize=64)
 def _pair(rhs):
-    """The right-hand side of the pair; y is (z, w), params end in x(0), x'(0) and c."""
+    """The right-hand side of the pair; y is (x, w), params end in c."""
 
     def pair(t, y, dy, params):
         d = y.shape[0] // 2
-        own = params.shape[0] - 2 * d - 1
-        x = np.empty(d)
+        own = params.shape[0] - 1
+        rhs(t, y[:d], dy[d:], params[:own])
         for j in range(d):
-            x[j] = params[own + j] + t * params[own + d + j] + y[j]
             dy[j] = y[d + j]
-        rhs(t, x, dy[d:], params[:own])
-        for j in range(d):
-            dy[d + j] /= params[own + 2 * d]
+            dy[d + j] /= params[own]
+
+    return njit(error_model="numpy", nogil=True)(pair)
+
+
+@lru_cache(maxsize=64)
+def _pair_jacobian(jac):
+    """The Jacobian of the pair."""
+
+    def pair(t, y, out, params):
+        d = y.shape[0] // 2
+        own = params.shape[0] - 1
+        block = np.empty((d, d))
+        jac(t, y[:d], block, params[:own])
+        out[:] = 0.0
+        for i in range(d):
+            out[i, d + i] = 1.0
+            for j in range(d):
+                out[d + i, j] = block[i, j] / params[own]
 
     return njit(error_model="numpy", nogil=True)(pair)

@@ -12,8 +12,7 @@ from typing import ClassVar
 import numpy as np
 
 from .._checks import complaint
-from ..equation import Equation
-from .reduction import Reduction
+from ..system import System
 from .stability import StabilityRegion
 
 
@@ -118,11 +117,14 @@ class Plan:
     flags : ndarray of int64, shape (d,)
         One for each component; each march tells what they say.
     columns : ndarray, shape (r, d)
-        Rows of numbers for each component; each march tells which.
+        Rows of constants for each component; each march tells which.
+    data : ndarray, shape (k, d)
+        Rows that depend on the initial values, linearly for a linear equation; each march tells
+        which.
+    initial : ndarray, shape (d,)
+        y(0).
     increments : ndarray, shape (d,)
         What the march's newest increment is before the first step.
-    forcing : ndarray, shape (2 r, d)
-        Known terms ``sum_i forcing[2 i] * t**forcing[2 i + 1]`` on the left side of the equation.
     region : StabilityRegion, or None
         Where the eigenvalues of the Jacobian must stay; None for a scheme without a step limit.
     """
@@ -132,8 +134,9 @@ class Plan:
     numbers: np.ndarray
     flags: np.ndarray
     columns: np.ndarray
+    data: np.ndarray
+    initial: np.ndarray
     increments: np.ndarray
-    forcing: np.ndarray
     region: StabilityRegion | None = None
 
 
@@ -153,6 +156,8 @@ class MeshPlan:
         Class of each component.
     factors, powers : ndarray, shape (C, T)
         ``coefficient / Gamma(p + 1)`` and p = 1 - alpha of each class's terms; factor 0 for none.
+    speeds : ndarray, shape (d,)
+        y'(0), which the pieces leave out; 0 where there is none.
     first : ndarray, shape (d,), or None
         The first increment, where the scheme finds it in another way.
     """
@@ -163,6 +168,7 @@ class MeshPlan:
     classes: np.ndarray
     factors: np.ndarray
     powers: np.ndarray
+    speeds: np.ndarray
     first: np.ndarray | None = None
 
     def nearest(self):
@@ -225,14 +231,14 @@ class Scheme(ABC):
         """Proven order of convergence at a fixed time."""
 
     @abstractmethod
-    def plan(self, equation: Equation, h: float) -> Plan:
+    def plan(self, equation: System, h: float) -> Plan:
         """The `Plan` for `equation` with step h."""
 
-    def reduction(self, equation: Equation) -> Reduction | None:
-        """Another equation to march instead, for schemes that reduce high orders."""
+    def reduction(self, equation: System) -> System | None:
+        """Another system to march instead, whose first d components are y; None for none."""
         return None
 
-    def mesh_plan(self, equation: Equation, times: np.ndarray) -> MeshPlan:
+    def mesh_plan(self, equation: System, times: np.ndarray) -> MeshPlan:
         """The `MeshPlan` for `equation` on a mesh of any steps."""
         required = f"be left out with {type(self).__name__}, which takes uniform steps"
         raise ValueError(complaint("mesh", required, f"{times.size - 1} steps", "or use L1 or L2"))

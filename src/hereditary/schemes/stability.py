@@ -4,7 +4,7 @@ Inserting x_n = zeta**n and f = mu x into a convolution scheme gives the curve m
 decays in the equation grows in the scheme when mu lies beyond the curve of |zeta| = 1.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import factorial, gamma, zeta
@@ -34,6 +34,10 @@ class StabilityRegion:
     angles: np.ndarray
     radii: np.ndarray
     first_angle: float
+
+    def orbit(self, d):
+        """The region of the first d components."""
+        return replace(self, limits=self.limits[:d])
 
     @property
     def every(self):

@@ -2,11 +2,10 @@
 
 import numpy as np
 
-from .._jit import JAC_SIG, as_value
 from ..kernels.block import BLOWN_UP, NOT_SOLVED
 from ..kernels.mesh import march_mesh
 from ..special import gauss_unit
-from .stepper import no_jacobian, seconds_of_rhs
+from .stepper import seconds_of_rhs
 
 
 class MeshStepper:
@@ -28,7 +27,8 @@ class MeshStepper:
     def __init__(self, equation, scheme, history, times):
         self.equation = equation
         self._times = times
-        plan = scheme.mesh_plan(equation, times)
+        self._system = system = scheme.reduction(equation) or equation
+        plan = scheme.mesh_plan(system, times)
         self.memory = history.open_mesh(plan)
         given = plan.first is not None
         self._scheme_arrays = (
@@ -39,15 +39,15 @@ class MeshStepper:
             plan.factors,
             plan.powers,
             np.array(gauss_unit(16)),
-            plan.first if given else np.zeros(equation.d),
+            plan.first if given else np.zeros(system.d),
+            plan.speeds,
         )
         self._march_arrays = (
             np.zeros(5, dtype=np.int64),
-            equation.y0[0].copy(),
-            np.zeros(equation.d),
-            np.zeros((2, equation.d)),
+            system.y0[0].copy(),
+            np.zeros(system.d),
+            np.zeros((2, system.d)),
         )
-        self._jac = equation._jac or as_value(no_jacobian, JAC_SIG)
         self.blown_up = self.not_solved = False
 
     @property
@@ -73,13 +73,13 @@ class MeshStepper:
     @property
     def y(self):
         """Solution at `t`, shape (d,); a copy."""
-        return self._march_arrays[1].copy()
+        return self._march_arrays[1][: self.equation.d].copy()
 
     @property
     def ydot(self):
-        """Slope of the newest step, shape (d,); 0 before the first."""
+        """Slope of the newest step, shape (d,); y'(0), or 0, before the first."""
         step = self._times[self.n] - self._times[self.n - 1] if self.n else 1.0
-        return self._march_arrays[2] / step
+        return (self._march_arrays[2] / step + self._scheme_arrays[-1])[: self.equation.d]
 
     def times(self, positions):
         """Times of positions counted in steps."""
@@ -98,11 +98,12 @@ class MeshStepper:
 
     def advance(self, n_more, positions, rows, slopes):
         """Make up to `n_more` steps; as `Stepper.advance`."""
+        system = self._system
         status = march_mesh(
-            self.equation._rhs,
-            self._jac,
-            int(self.equation.has_jac),
-            self.equation.params,
+            system._rhs,
+            system._jac,
+            int(system.has_jac),
+            system.params,
             self.memory.recall,
             self.memory.tables,
             self.memory.arrays,

@@ -109,9 +109,6 @@ def solve(
     if save_every > 1 and t_eval is not None:
         required = "be left out where t_eval says which rows to keep"
         raise ValueError(complaint("save_every", required, save_every))
-    reduction = scheme.reduction(equation)
-    if reduction is not None:
-        equation = reduction.equation
     if mesh is not None:
         stepper, n_total = _on_mesh(equation, scheme, history, t_end, n_steps, mesh, resume)
     else:
@@ -123,7 +120,7 @@ def solve(
     wanted.close(stepper, t_end)
     finished = time.perf_counter()
     seconds = (ready - began, finished - ready)
-    return _solution(stepper, wanted, status, detail, seconds, reduction)
+    return _solution(stepper, wanted, status, detail, seconds)
 
 
 def _on_mesh(equation, scheme, history, t_end, n_steps, mesh, resume):
@@ -228,12 +225,10 @@ def _fitting_steps(seconds):
     return int(min(max(_STRETCH_SECONDS / seconds, 1), _STRETCH_MAX))
 
 
-def _solution(stepper, wanted, status, detail, seconds, reduction):
+def _solution(stepper, wanted, status, detail, seconds):
     size = wanted.size
     t, y, ydot = wanted.t[:size], wanted.y[:size], wanted.ydot[:size]
-    if reduction is not None:
-        y, ydot = reduction.lift(t, y, ydot)
-    elif stepper.equation.m == 1:
+    if stepper.equation.m == 1:
         ydot = None
     message = status.value + (f": {detail}" if detail else "")
     if status is not Status.COMPLETED:

@@ -6,17 +6,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from .._checks import complaint
-from .._jit import JAC_SIG, as_value, kernel
 from ..kernels.block import BLOWN_UP, NOT_SOLVED, RUNNING
+from ..system import variational
 
 # Steps in a block. Measured with 56 modes: 74, 75 and 85 ns a step at 16, 32 and 64, where the
 # in-block sums take over; below 16 the calls of the history do.
 BLOCK = 32
-
-
-@kernel
-def no_jacobian(t, y, out, params):
-    """Stands in for a Jacobian where the user gives none."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +29,7 @@ class State:
     y : ndarray, shape (d,)
         Solution at `t`.
     identity : tuple
-        Scheme, history and terms that the state belongs to; checked on resuming.
+        Scheme, history, terms and number of tangents of the run; checked on resuming.
     """
 
     t: float
@@ -52,49 +47,73 @@ class State:
 class Stepper:
     """A march of one equation with one scheme and one history on the mesh t_n = n h.
 
+    Tangents may go alongside: the derivative of every step along given directions. All that is
+    linear in them can be replaced by linear combinations at any step.
+
     Parameters
     ----------
-    equation : Equation
+    equation : System
     scheme : Scheme
     history : History
     h : float
         Step [time].
     n_steps : int
         Steps the whole run is going to take; histories prepare for that many.
+    directions : ndarray, shape (n_data, k), optional
+        Derivatives of the initial data along k directions: those of y(0), and behind them those of
+        y'(0) for each component of order above 1.
     block : int
         Steps in a block; results depend on it by rounding alone.
     """
 
-    def __init__(self, equation, scheme, history, h, n_steps, block=BLOCK):
+    def __init__(self, equation, scheme, history, h, n_steps, directions=None, block=BLOCK):
         self.equation, self.scheme, self.history = equation, scheme, history
         self.h = float(h)
-        self._n_steps = int(n_steps)
-        plan = scheme.plan(equation, self.h)
-        d = equation.d
-        self._region = plan.region
-        self.memory = history.open(plan.convolution, d, block, self._n_steps)
+        self._n_steps, self._block = int(n_steps), block
+        self._with_speed = np.flatnonzero(equation.highest_orders() > 1)
+        if directions is None:
+            directions = np.zeros((self.n_data, 0))
+        self.n_tangents = directions.shape[1]
+        plan = self._plan(directions)
+        self.memory = history.open(plan.convolution, plan.classes.size, block, self._n_steps)
+        self._begin(plan)
+        self.largest_ratio = 0.0
+        self.blown_up = self.not_solved = False
+
+    def _plan(self, directions):
+        """The scheme's plan for orbit and tangents."""
+        equation = self.equation
+        self._system = self.scheme.reduction(equation) or equation
+        if self.n_tangents == 0:
+            return self.scheme.plan(self._system, self.h)
+        rows = np.zeros((self._system.m, self._system.d, self.n_tangents))
+        rows[0, : equation.d] = directions[: equation.d]
+        rows[1:, self._with_speed] = directions[equation.d :]
+        return self.scheme.plan(variational(self._system, rows), self.h)
+
+    def _begin(self, plan):
+        """Arrays of a march that stands at step 0."""
+        d, width = self._system.d, plan.classes.size
+        self._region = plan.region and plan.region.orbit(d)
         self._scheme_arrays = (
             plan.numbers,
+            np.array([d, self._region.every if self._region else 0]),
             plan.classes,
             plan.flags,
             self.memory.block_weights,
             self.memory.block_start_weights,
-            plan.columns,
-            plan.forcing,
+            np.ascontiguousarray(plan.columns),
         )
-        self._block = block
         self._march_arrays = (
             np.array([0, 0, -1, -1, 0]),
-            equation.y0[0].copy(),
+            plan.initial.copy(),
             plan.increments.copy(),
-            np.zeros(d),
-            np.zeros((d, block)),
-            np.zeros((d, block + 1)),
-            np.zeros((d, 3)),
+            np.zeros(width),
+            np.zeros((width, self._block)),
+            np.zeros((width, self._block + 1)),
+            np.zeros((width, 3)),
+            np.ascontiguousarray(plan.data.T),
         )
-        self._jac = equation._jac or as_value(no_jacobian, JAC_SIG)
-        self.largest_ratio = 0.0
-        self.blown_up = self.not_solved = False
 
     @property
     def n(self):
@@ -114,16 +133,52 @@ class Stepper:
     @property
     def y(self):
         """Solution at `t`, shape (d,); a copy."""
-        return self._march_arrays[1].copy()
+        return self._march_arrays[1][: self.equation.d].copy()
 
     @property
     def ydot(self):
         """First derivative at `t`, from the newest two increments, shape (d,)."""
-        _, _, increment, change, *_ = self._march_arrays
-        slope = (increment + 0.5 * change) / self.h
+        slope = self._slopes()[: self.equation.d]
         # before the first step only components with an initial derivative have one
         known = self.n > 0 or self.equation.m == 1
         return slope if known else np.where(self.equation.highest_orders() > 1, slope, np.nan)
+
+    @property
+    def n_data(self):
+        """Number of initial data: d, and one more for each component of order above 1."""
+        return self.equation.d + self._with_speed.size
+
+    @property
+    def tangent(self):
+        """Derivatives of y, and of ydot where the order is above 1, shape (n_data, k); a copy."""
+        d = self._system.d
+        values, slopes = (
+            columns[d:].reshape(self.n_tangents, d).T
+            for columns in (self._march_arrays[1], self._slopes())
+        )
+        return np.vstack([values[: self.equation.d], slopes[self._with_speed]])
+
+    def transform_tangent(self, matrix):
+        """Replace the tangents by linear combinations, ``tangent <- tangent @ matrix``.
+
+        Everything that is linear in them goes along: initial values, increments, the block under
+        way, and all of the memory. So the combinations are what a march from the combined initial
+        directions would have given.
+
+        Parameters
+        ----------
+        matrix : ndarray, shape (k, k)
+        """
+        d = self._system.d
+        large = np.kron(matrix, np.eye(d))
+        self.memory.combine(large, first=d)
+        for array in self._march_arrays[1:]:
+            array[d:] = large.T @ array[d:]
+
+    def _slopes(self):
+        """First derivative of all columns."""
+        _, _, increment, change, *_ = self._march_arrays
+        return (increment + 0.5 * change) / self.h
 
     @property
     def n_rhs(self):
@@ -173,7 +228,7 @@ class Stepper:
         self._march_arrays[0][1] = written = 0
         while self.n < n_end:
             stop = min(n_end, self.memory.reach(self.n))
-            self.memory.refresh(self.n, self._march_arrays[5], self._scheme_arrays[1])
+            self.memory.refresh(self.n, self._march_arrays[5], self._scheme_arrays[2])
             part = slice(written, int(np.searchsorted(positions, stop, side="right")))
             try:
                 status = self._march(stop, positions[part], rows[part], slopes[part])
@@ -189,13 +244,14 @@ class Stepper:
         n = self.n
         every = self._block * self._region.every if self._region else n_end
         n_samples = (n_end - 1) // every - (n - 1) // every if self._region else 0
-        jacobians = np.zeros((n_samples, self.equation.d, self.equation.d))
+        system = self._system
+        jacobians = np.zeros((n_samples, system.d, system.d))
         try:
             return self.scheme.march(
-                self.equation._rhs,
-                self._jac,
-                int(self.equation.has_jac),
-                self.equation.params,
+                system._rhs,
+                system._jac,
+                int(system.has_jac),
+                system.params,
                 self.memory.exchange,
                 self.memory.tables,
                 self.memory.arrays,
@@ -229,7 +285,7 @@ class Stepper:
         """Take over where `state` was taken."""
         mine = self._identity()
         if state.identity != mine:
-            names = ("scheme", "history", "orders", "coefficients")
+            names = ("scheme", "history", "orders", "coefficients", "tangents")
             pairs = zip(names, state.identity, mine, strict=True)
             name, theirs, ours = next(p for p in pairs if p[1] != p[2])
             required = f"come from a run with the same {name}, here {ours}"
@@ -244,6 +300,7 @@ class Stepper:
             _described(self.history),
             self.equation.orders.tolist(),
             self.equation.coefficients.tolist(),
+            self.n_tangents,
         )
 
 

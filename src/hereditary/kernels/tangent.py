@@ -1,0 +1,68 @@
+"""Tangents alongside an orbit (floor 1): the derivative of each step along some directions.
+
+The columns of a march are the d components of the orbit and then those of one tangent after the
+other. All linear parts of a step treat them alike; what remains is the right-hand side, which for a
+tangent is the Jacobian at the orbit times its value.
+"""
+
+import numpy as np
+
+from .._jit import kernel
+from .jacobian import jacobian
+from .linalg import solve_in_place
+
+
+@kernel
+def push_tangents(j_f, x, f):
+    """Right-hand sides of the tangents: the Jacobian `j_f` (d, d) times each of them."""
+    # x, f (W,)
+    d = j_f.shape[0]
+    for first in range(d, x.shape[0], d):
+        for i in range(d):
+            total = 0.0
+            for k in range(d):
+                total += j_f[i, k] * x[first + k]
+            f[first + i] = total
+
+
+@kernel
+def evaluate(rhs, jac, has_jac, params, t, x, j_f, f, counters):
+    """Right-hand sides of orbit and tangents; calls of `rhs` are counted in counters[4]."""
+    # x, f (W,), j_f (d, d): filled with the Jacobian where there are tangents
+    d = j_f.shape[0]
+    orbit = x[:d]
+    rhs(t, orbit, f[:d], params)
+    counters[4] += 1
+    if x.shape[0] > d:
+        counters[4] += jacobian(rhs, jac, has_jac, t, orbit, params, j_f)
+        push_tangents(j_f, x, f)
+
+
+@kernel
+def solve_tangents(
+    rhs, jac, has_jac, params, t, x, j_f, theta, shift, scale, known, lead, w, counters
+):
+    """Solve ``scale w + known = lead J (x + theta (shift + w))`` for every tangent's w.
+
+    J is the Jacobian where the orbit's own w, which is given, solves the step (kernels/newton.py).
+    Returns False where the equations are singular; calls of `rhs` are counted in counters[4].
+    """
+    # x, shift, known, lead, w (W,), j_f (d, d): filled with J, scale (>= d,)
+    d = j_f.shape[0]
+    point, change, matrix = np.empty(d), np.empty(d), np.empty((d, d))
+    for c in range(d):
+        point[c] = x[c] + theta * (shift[c] + w[c])
+    counters[4] += jacobian(rhs, jac, has_jac, t, point, params, j_f)
+    for first in range(d, x.shape[0], d):
+        for i in range(d):
+            total = 0.0
+            for k in range(d):
+                matrix[i, k] = -theta * lead[i] * j_f[i, k]
+                total += j_f[i, k] * (x[first + k] + theta * shift[first + k])
+            matrix[i, i] += scale[i]
+            change[i] = lead[i] * total - known[first + i]
+        if not solve_in_place(matrix, change):
+            return False
+        for i in range(d):
+            w[first + i] = change[i]
+    return True

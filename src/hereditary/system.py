@@ -1,0 +1,103 @@
+"""What schemes and marches see of an equation (floor 2), and systems derived from one."""
+
+from functools import lru_cache
+
+import numpy as np
+from numba import njit
+
+from ._jit import JAC_SIG, as_value, kernel
+from .kernels.jacobian import jacobian_at
+
+
+class System:
+    """A sum of Caputo terms for each component, equal to a right-hand side.
+
+    `hereditary.Equation` is one, with everything checked; others are derived from it.
+
+    Attributes
+    ----------
+    orders, coefficients : ndarray, shape (n_terms, d)
+        Each term's order and coefficient for each component.
+    y0 : ndarray, shape (m, d)
+        y(0), and y'(0) where m = 2.
+    params : ndarray, shape (p,)
+    d, m : int
+    has_jac : bool
+        Whether the Jacobian is given; otherwise it comes from differences.
+    """
+
+    def __init__(self, orders, coefficients, y0, params, rhs, jac=None):
+        self.orders, self.coefficients = orders, coefficients
+        self.y0, self.params = y0, params
+        self.m, self.d = y0.shape
+        self._rhs = rhs
+        self.has_jac = jac is not None
+        self._jac = jac if self.has_jac else as_value(_no_jacobian, JAC_SIG)
+
+    def highest_orders(self) -> np.ndarray:
+        """Highest order with a nonzero coefficient of each component, shape (d,)."""
+        return highest_orders(self.orders, self.coefficients)
+
+    def jacobian(self, t, y):
+        """d rhs / d y at (t, y), shape (d, d): the given one, or differences."""
+        out = np.empty((self.d, self.d))
+        y = np.ascontiguousarray(y, dtype=float)
+        jacobian_at(self._rhs, self._jac, int(self.has_jac), float(t), y, self.params, out)
+        return out
+
+
+@kernel
+def _no_jacobian(t, y, out, params):
+    """Stands in for a Jacobian where the user gives none."""
+
+
+def highest_orders(orders, coefficients):
+    """Highest order with a nonzero coefficient of each component, shape (d,)."""
+    return np.where(coefficients != 0, orders, 0.0).max(axis=0)
+
+
+def variational(system, directions):
+    """The system with its linearisation along k directions behind it, d (1 + k) components.
+
+    Parameters
+    ----------
+    system : System
+    directions : ndarray, shape (m, d, k)
+        Derivatives of y(0), y'(0) along each direction.
+
+    Returns
+    -------
+    System
+        For plans of schemes, which call its right-hand side from Python; a march takes the one of
+        `system`. Since schemes treat all components alike, a scheme applied to it gives the exact
+        derivative of the scheme applied to `system`.
+    """
+    d, k = system.d, directions.shape[2]
+    y0 = np.hstack([system.y0, *np.moveaxis(directions, 2, 0)])
+
+    def rhs(t, y, dy, params):
+        system._rhs(t, np.ascontiguousarray(y[:d]), dy[:d], params)
+        dy[d:] = (y[d:].reshape(k, d) @ system.jacobian(t, y[:d]).T).ravel()
+
+    orders, coefficients = (np.tile(a, (1, 1 + k)) for a in (system.orders, system.coefficients))
+    return System(orders, coefficients, y0, system.params, rhs)
+
+
+def shifted(system, origin):
+    """The same system with its clock set back: time 0 is what was time `origin`."""
+    params = np.append(system.params, float(origin))
+    rhs, jac = _shifted_rhs(system._rhs), None
+    if system.has_jac:
+        jac = _shifted_rhs(system._jac)
+    return System(system.orders, system.coefficients, system.y0, params, rhs, jac)
+
+
+@lru_cache(maxsize=64)
+def _shifted_rhs(fun):
+    """A right-hand side or Jacobian that reads the origin of time behind its parameters."""
+
+    def later(t, y, out, params):
+        own = params.shape[0] - 1
+        fun(t + params[own], y, out, params[:own])
+
+    return njit(error_model="numpy", nogil=True)(later)
