@@ -4,6 +4,8 @@ import importlib
 import importlib.metadata
 
 from . import scenes
+from .analysis.lyapunov import lyapunov
+from .analysis.spectrum import LyapunovResult
 from .equation import Equation
 from .exponential_sum import ExponentialSum, fit_exponentials
 from .history.direct import Direct
@@ -35,6 +37,7 @@ __all__ = [
     "ExponentialSum",
     "Graded",
     "L2Sigma",
+    "LyapunovResult",
     "PowerLaw",
     "ProductTrapezoid",
     "Solution",
@@ -43,6 +46,7 @@ __all__ = [
     "SumOfExponentials",
     "fit_exponentials",
     "graded",
+    "lyapunov",
     "plots",
     "scenes",
     "solve",

@@ -8,6 +8,7 @@ once per machine, whatever functions they are given.
 
 import hashlib
 import threading
+from functools import lru_cache
 from pathlib import Path
 
 from numba import config, njit, types
@@ -74,10 +75,21 @@ def as_value(fun, signature):
             fun.compile(signature.args)
         compiled = fun.overloads[signature.args]
         if isinstance(fun._cache, _PackageCache):
-            # numba looks the function up by its signature at every entry to a loop, twice, which
-            # takes 13 us; the package's own functions have but one
-            fun.get_compile_result = lambda _: compiled
+            # numba looks the function up by its signature, and its two addresses by their names,
+            # at every entry to a loop, which takes 20 us; the package's own functions have but
+            # one signature
+            loaded = _Loaded(compiled)
+            fun.get_compile_result = lambda _: loaded
     return fun
+
+
+class _Loaded:
+    """A compile result that remembers where its functions are."""
+
+    def __init__(self, compiled):
+        self.fndesc = compiled.fndesc
+        self.library = self
+        self.get_pointer_to_function = lru_cache(compiled.library.get_pointer_to_function)
 
 
 # One lock for every compilation: numba's compiler is not safe to enter from two threads.

@@ -83,17 +83,15 @@ def variational(system, directions):
     return System(orders, coefficients, y0, system.params, rhs)
 
 
-def shifted(system, origin):
-    """The same system with its clock set back: time 0 is what was time `origin`."""
+def shifted(system, origin, y0):
+    """The same system begun anew at time `origin`, which becomes its time 0, from `y0` (m, d)."""
     params = np.append(system.params, float(origin))
-    rhs, jac = _shifted_rhs(system._rhs), None
-    if system.has_jac:
-        jac = _shifted_rhs(system._jac)
-    return System(system.orders, system.coefficients, system.y0, params, rhs, jac)
+    jac = _shifted(system._jac) if system.has_jac else None
+    return System(system.orders, system.coefficients, y0, params, _shifted(system._rhs), jac)
 
 
 @lru_cache(maxsize=64)
-def _shifted_rhs(fun):
+def _shifted(fun):
     """A right-hand side or Jacobian that reads the origin of time behind its parameters."""
 
     def later(t, y, out, params):

@@ -91,6 +91,11 @@ class Memory(ABC):
         for array in self.arrays:
             array[first:] = matrix.T @ array[first:]
 
+    def clear(self) -> None:
+        """Forget everything."""
+        for array in self.arrays:
+            array[...] = 0.0
+
     def state(self) -> tuple[np.ndarray, ...]:
         """The contents as a tuple of independent arrays."""
         return tuple(array.copy() for array in self.arrays)

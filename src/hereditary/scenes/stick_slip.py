@@ -34,12 +34,12 @@ def _force(t, y, dy, params):
 
 @kernel
 def _force_jacobian(t, y, jacobian, params):
-    """-omega**2 + adhesion sum_n n a_n cos(n x)"""
-    total = 0.0
-    for k in range(3, params.shape[0]):
-        n = k - 2
-        total += n * params[k] * math.cos(n * y[0])
-    jacobian[0, 0] = params[2] * total - params[0]
+    """-omega**2 + adhesion sum_n n a_n cos(n x), by the same recurrence."""
+    cosine = math.cos(y[0])
+    b, b_next = 0.0, 0.0
+    for k in range(params.shape[0] - 1, 2, -1):
+        b, b_next = ((k - 2) * params[k] - b_next) + 2.0 * cosine * b, b
+    jacobian[0, 0] = params[2] * (b * cosine - b_next) - params[0]
 
 
 def stick_slip(

@@ -1,7 +1,6 @@
 """The driver (floor 4): marches a stepper to the end, a stretch at a time, and keeps the rows."""
 
 import time
-import warnings
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,15 +12,12 @@ from ..history.history import History
 from ..meshes import Graded, mesh_times
 from ..schemes.explicit import ExplicitCaputo
 from ..schemes.scheme import Scheme
+from .drive import Drive, reached_end, told
 from .mesh_stepper import MeshStepper
 from .progress import Interruption, ProgressBar
 from .rows import Rows
-from .solution import Solution, StabilityWarning, Status
+from .solution import Solution
 from .stepper import State, Stepper
-
-# Steps between two looks at Ctrl-C and the progress bar: as many as take this long, but no more
-# than whose rows stay in a near cache. Entering the compiled march costs 0.06 ms.
-_STRETCH_MAX, _STRETCH_SECONDS = 1 << 15, 0.1
 
 
 def solve(
@@ -135,7 +131,9 @@ def _on_mesh(equation, scheme, history, t_end, n_steps, mesh, resume):
 
 def _on_uniform_steps(equation, scheme, history, t_end, n_steps, resume):
     """Stepper with uniform steps, anew or resumed, and its last step number."""
-    h, n_total, prepared = _uniform(t_end, n_steps, resume)
+    if resume is not None:
+        instance("resume", resume, State, "the .state of an earlier Solution")
+    h, n_total, prepared = uniform_steps(t_end, n_steps, resume)
     stepper = Stepper(equation, scheme, history, h, prepared)
     if resume is not None:
         stepper.restore(resume)
@@ -145,14 +143,13 @@ def _on_uniform_steps(equation, scheme, history, t_end, n_steps, resume):
     return stepper, n_total
 
 
-def _uniform(t_end, n_steps, resume):
+def uniform_steps(t_end, n_steps, state):
     """Step, last step number and the number of steps that the history is opened for."""
-    if resume is None:
+    if state is None:
         if n_steps is None:
             raise TypeError(complaint("n_steps", "be given", "none", "e.g. n_steps=10_000"))
         n_steps = count("n_steps", n_steps)
         return t_end / n_steps, n_steps, n_steps
-    state = instance("resume", resume, State, "the .state of an earlier Solution")
     n_total = round(t_end / state.h)
     if n_total <= state.n:
         raise ValueError(complaint("t_end", f"exceed the state's time {state.t}", t_end))
@@ -181,48 +178,21 @@ def _eval_times(t_eval, t_start, t_end):
 
 def _run(stepper, n_total, wanted, progress):
     """March to step n_total or as far as it goes; return the status and a detail for it."""
+
+    def advance(n_more):
+        positions, rows, slopes = wanted.positions(stepper.n, stepper.n + n_more)
+        try:
+            stepper.advance(n_more, positions, rows, slopes)
+        finally:
+            wanted.keep(positions, stepper.rows_written)  # also those before an exception
+
     bar = ProgressBar(progress)
-    stretch = 0
-    n_first = stepper.n
     try:
         with Interruption() as interruption:
-            while stepper.n < n_total:
-                try:
-                    stretch = stretch or _fitting_steps(stepper.seconds_of_rhs())
-                    n_more = min(stretch, n_total - stepper.n)
-                    began = time.perf_counter()
-                    _advance(stepper, n_more, wanted)
-                except Exception as error:
-                    return Status.RHS_FAILED, f"{type(error).__name__}: {error}"
-                if stepper.blown_up:
-                    return Status.BLOWN_UP, ""
-                if stepper.not_solved:
-                    return Status.NOT_SOLVED, ""
-                bar.update((stepper.n - n_first) / (n_total - n_first))
-                if interruption.asked and stepper.n < n_total:
-                    interruption.heeded = True
-                    return Status.INTERRUPTED, ""
-                spent = max(time.perf_counter() - began, 1e-9)
-                stretch = _fitting_steps(spent / n_more)
+            ended = Drive(stepper, n_total, advance, interruption, bar).to(n_total)
     finally:
         bar.close()
-    if stepper.zigzag is not None:
-        return Status.ZIGZAG, ""
-    return (Status.STEP_TOO_LARGE if stepper.largest_ratio > 1 else Status.COMPLETED), ""
-
-
-def _advance(stepper, n_more, wanted):
-    """March a stretch and keep its rows, also those before an exception."""
-    positions, rows, slopes = wanted.positions(stepper.n, stepper.n + n_more)
-    try:
-        stepper.advance(n_more, positions, rows, slopes)
-    finally:
-        wanted.keep(positions, stepper.rows_written)
-
-
-def _fitting_steps(seconds):
-    """Steps in a stretch when one takes so long."""
-    return int(min(max(_STRETCH_SECONDS / seconds, 1), _STRETCH_MAX))
+    return ended or (reached_end(stepper), "")
 
 
 def _solution(stepper, wanted, status, detail, seconds):
@@ -230,13 +200,7 @@ def _solution(stepper, wanted, status, detail, seconds):
     t, y, ydot = wanted.t[:size], wanted.y[:size], wanted.ydot[:size]
     if stepper.equation.m == 1:
         ydot = None
-    message = status.value + (f": {detail}" if detail else "")
-    if status is not Status.COMPLETED:
-        message += f" (t = {stepper.t:g} of step {stepper.n})"
-    trouble = _stability(stepper)
-    if trouble:
-        message += f"; {trouble}"
-        warnings.warn(f"{message}", StabilityWarning, stacklevel=3)
+    message = told(stepper, status, detail)
     return Solution(
         t=t,
         y=y,
@@ -254,16 +218,3 @@ def _solution(stepper, wanted, status, detail, seconds):
         },
         state=stepper.state(),
     )
-
-
-def _stability(stepper):
-    """What is wrong with the step, in a clause; empty when nothing is."""
-    found = []
-    if stepper.zigzag is not None:
-        found.append(f"a step-to-step zigzag is sustained since t = {stepper.zigzag * stepper.h:g}")
-    if stepper.largest_ratio > 1:
-        ratio = stepper.largest_ratio
-        found.append(f"d rhs/d y reached {ratio:.4g} times its limit")
-    if not found:
-        return ""
-    return " and ".join(found) + f" at h = {stepper.h:g}; take smaller steps"

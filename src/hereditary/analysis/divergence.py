@@ -1,0 +1,78 @@
+"""The divergence of a classical flow along an orbit (floor 5)."""
+
+import numpy as np
+
+from .._jit import F8, I8, MAT, VEC, entry
+from ..kernels.jacobian import jacobian
+from ..kernels.signatures import JAC, RHS
+
+
+class Divergence:
+    """Integral of the divergence of the first-order system behind an equation of integer orders.
+
+    A component ``c_1 x' = f`` adds ``d f_j / d x_j / c_1``, one of ``c_2 x'' + c_1 x' = f`` adds
+    ``-c_1 / c_2``, for f knows no velocities.
+
+    Parameters
+    ----------
+    equation : System
+    h : float
+        Step [time].
+    """
+
+    def __init__(self, equation, h):
+        self._equation, self._h = equation, h
+        second = equation.highest_orders() > 1
+        first, leading = (
+            np.where(equation.orders == order, equation.coefficients, 0.0).sum(axis=0)
+            for order in (1, 2)
+        )
+        self._shares = np.where(second, 0.0, 1 / np.where(second, 1.0, first))
+        self._constant = -float(np.sum(first[second] / leading[second]))
+        self._first = self._newest = self._sum_at(0.0, equation.y0[:1])
+        self._total = 0.0
+
+    def add(self, n, rows):
+        """Take in the orbit at the steps from n + 1 on, shape (k, d)."""
+        self._newest = self._sum_at((n + rows.shape[0]) * self._h, rows[-1:])
+        self._total += self._sum_at((n + 1) * self._h, rows)
+
+    def integral(self, n):
+        """Integral from 0 to step n, by the trapezoidal rule."""
+        changing = self._total + 0.5 * (self._first - self._newest) if n else 0.0
+        return self._h * (changing + n * self._constant)
+
+    def state(self):
+        """What the sum has come to."""
+        return self._total, self._newest
+
+    def restore(self, state):
+        """Take over where `state` was taken."""
+        self._total, self._newest = state
+
+    def _sum_at(self, t, rows):
+        equation = self._equation
+        rows = np.ascontiguousarray(rows)
+        return _sum_of_traces(
+            equation._rhs,
+            equation._jac,
+            int(equation.has_jac),
+            equation.params,
+            t,
+            self._h,
+            rows,
+            self._shares,
+        )
+
+
+@entry(RHS, JAC, I8, VEC, F8, F8, MAT, VEC)
+def _sum_of_traces(rhs, jac, has_jac, params, t, h, rows, shares):
+    """Sum over rows (k, d) of ``sum_j shares_j d f_j / d x_j``, the first one at time t."""
+    d = rows.shape[1]
+    j_f = np.empty((d, d))
+    total = 0.0
+    for k in range(rows.shape[0]):
+        jacobian(rhs, jac, has_jac, t + k * h, rows[k], params, j_f)
+        for j in range(d):
+            total += shares[j] * j_f[j, j]
+    return total

@@ -1,0 +1,119 @@
+"""What a record of growing and shrinking tangents says (floor 5): slopes, errors, verdicts."""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass
+
+import numpy as np
+
+# A slope counts as different from zero beyond this many standard errors.
+_ERRORS = 3.0
+# Growth or decay that a power of t up to this one would explain as well is not called exponential.
+_POWER = 2.0
+
+
+class Verdict(enum.StrEnum):
+    """What the late window of a run shows; equal to the string it is shown as."""
+
+    EXPONENTIAL_GROWTH = "exponential growth"
+    NEUTRAL = "neutral"
+    ALGEBRAIC_DECAY = "algebraic decay"
+    EXPONENTIAL_DECAY = "exponential decay"
+    UNDETERMINED = "undetermined"
+    DIVERGED = "diverged"
+
+
+@dataclass(frozen=True, eq=False)
+class Growth:
+    """Slopes of k logarithms over a late window, and their verdicts."""
+
+    slope: np.ndarray
+    slope_stderr: np.ndarray
+    algebraic_slope: np.ndarray
+    verdicts: tuple[Verdict, ...]
+
+
+def assess(times, log_growth, window, n_blocks, memory):
+    """Slopes and verdicts over the last share `window` of the record.
+
+    Parameters
+    ----------
+    times : ndarray, shape (n,)
+        Ascending, the record's start left out.
+    log_growth : ndarray, shape (n, k)
+    window : float
+        In (0, 1].
+    n_blocks : int
+        Blocks that the standard error is taken from.
+    memory : {"all", "none", "some"}
+        Whether all, no or some components have a term of fractional order. Where all have one no
+        solution decays exponentially for ever, so a decay seen in the window is an algebraic one
+        whose tail is reached or still to come.
+
+    Returns
+    -------
+    Growth
+    """
+    k = log_growth.shape[1]
+    unknown = np.full(k, np.nan)
+    if times.size < 4:
+        return Growth(unknown, unknown, unknown, (Verdict.UNDETERMINED,) * k)
+    start = times[-1] - window * (times[-1] - times[0])
+    inside = times >= start
+    edges = np.linspace(max(start, times[0]), times[-1], n_blocks + 1)
+    slope, stderr = np.empty(k), np.empty(k)
+    for i in range(k):
+        slope[i], stderr[i] = _block_slope(edges, np.interp(edges, times, log_growth[:, i]))
+    algebraic = -_power(times[inside], log_growth[inside])
+    verdicts = tuple(_verdict(*row, memory) for row in zip(slope, stderr, -algebraic, strict=True))
+    return Growth(slope, stderr, algebraic, verdicts)
+
+
+def _block_slope(edges, values):
+    """Mean slope and its standard error, the largest over three lengths of blocks.
+
+    Neighbouring blocks are not independent; longer ones show what that hides.
+    """
+    errors = []
+    for every in (1, 2, 4):
+        slopes = np.diff(values[::every]) / np.diff(edges[::every])
+        if slopes.size > 2:
+            errors.append(slopes.std(ddof=1) / np.sqrt(slopes.size))
+    mean = (values[-1] - values[0]) / (edges[-1] - edges[0])
+    return mean, max(errors, default=np.inf)
+
+
+def _power(times, values):
+    """Least-squares slopes of `values` (n, k) against the logarithm of time."""
+    x = np.log(times)
+    x = x - x.mean()
+    return x @ (values - values.mean(axis=0)) / (x @ x)
+
+
+def _verdict(slope, stderr, power, memory):
+    """Verdict on one logarithm whose slope in t and in log t are given."""
+    if not (np.isfinite(slope) and np.isfinite(stderr)):
+        return Verdict.UNDETERMINED
+    if slope > _ERRORS * stderr:
+        return Verdict.EXPONENTIAL_GROWTH if power > _POWER else Verdict.UNDETERMINED
+    if slope < -_ERRORS * stderr:
+        return _DECAY[memory] if memory != "some" or power > -_POWER else Verdict.UNDETERMINED
+    return Verdict.NEUTRAL if abs(power) < _POWER else Verdict.UNDETERMINED
+
+
+_DECAY = {
+    "all": Verdict.ALGEBRAIC_DECAY,
+    "some": Verdict.ALGEBRAIC_DECAY,
+    "none": Verdict.EXPONENTIAL_DECAY,
+}
+
+
+def kaplan_yorke(exponents):
+    """Dimension j + (sum of the j largest) / |the next|, j the last with a sum above 0."""
+    ordered = np.sort(exponents)[::-1]
+    sums = np.cumsum(ordered)
+    if ordered[0] < 0:
+        return 0.0
+    j = int(np.flatnonzero(sums >= 0)[-1]) + 1
+    return float(j) if j == ordered.size else j + sums[j - 1] / -ordered[j]

@@ -1,0 +1,197 @@
+"""What a Lyapunov run returns (floor 5), and the record it is made from."""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ..solver.solution import Status
+from .growth import Verdict
+
+# Samples of an automatic record; more would cost time, and the late window holds half of them.
+_SAMPLES = 128
+# First automatic interval [steps], and the growth or spread of tangents over one that is wanted:
+# R loses about as many of sixteen digits as there are in exp(spread).
+_FIRST, _LOW, _HIGH = 32, 2.0, 4.0
+
+
+class Record:
+    """When tangents are made orthonormal, and how much they had grown.
+
+    Parameters
+    ----------
+    h : float
+        Step [time].
+    interval : int or None
+        Steps between two renormalisations; None to follow the growth.
+    n_steps, n_transient, k : int
+    """
+
+    def __init__(self, h, interval, n_steps, n_transient, k):
+        self.automatic = interval is None
+        self._longest = max(1, n_steps // _SAMPLES)
+        self.interval = min(_FIRST, self._longest) if self.automatic else interval
+        self._h, self._n_transient = h, n_transient
+        self.steps: list[int] = []
+        self.sums: list[np.ndarray] = []
+        self.total = np.zeros(k)
+        self._at_transient = np.zeros(k)
+        self.n_last = 0
+
+    def next_stop(self, n_total):
+        """Step of the next renormalisation."""
+        stop = min(self.n_last + self.interval, n_total)
+        return self._n_transient if self.n_last < self._n_transient < stop else stop
+
+    def add(self, n, logs):
+        """Note the growth up to step n, and suit the interval to it."""
+        self.n_last = n
+        self.total = self.total + logs
+        if n == self._n_transient:
+            self._at_transient = self.total
+        elif n > self._n_transient:
+            self.steps.append(n)
+            self.sums.append(self.total - self._at_transient)
+        if self.automatic:
+            spread = max(np.abs(logs).max(), np.ptp(logs))
+            if spread > _HIGH:
+                self.interval = max(1, int(self.interval * _HIGH / spread))
+            elif spread < _LOW:
+                self.interval = min(2 * self.interval, self._longest)
+
+    @property
+    def times(self):
+        """Times after the transient at which growth was measured, shape (n,)."""
+        return self._h * np.array(self.steps, dtype=float)
+
+    @property
+    def log_growth(self):
+        """Logarithms of the growth since the transient, shape (n, k)."""
+        return np.array(self.sums).reshape(-1, self.total.size)
+
+    @property
+    def trace(self):
+        """Mean rates since the transient, shape (n, k)."""
+        return self.log_growth / (self.times - self._h * self._n_transient)[:, None]
+
+    def copy(self):
+        """An independent record."""
+        twin = copy.copy(self)
+        twin.steps, twin.sums = list(self.steps), list(self.sums)
+        return twin
+
+
+@dataclass(frozen=True, eq=False)
+class LyapunovState:
+    """Everything a Lyapunov run needs to go on; it pickles.
+
+    Attributes
+    ----------
+    t : float
+        Time reached.
+    n : int
+        Steps made.
+    settings : dict
+        What the run was asked for; a resumed run keeps to it.
+    """
+
+    t: float
+    n: int
+    settings: dict[str, Any]
+    steppers: tuple = field(repr=False)
+    record: Record = field(repr=False)
+    divergence: tuple = field(repr=False)
+
+
+@dataclass(frozen=True, eq=False)
+class LyapunovResult:
+    """Finite-time Lyapunov exponents and what the record of the growth says of them.
+
+    All rates are natural logarithms by time [1/time]. For equations with memory they are facts
+    about this horizon: only growth that lasts has a rate of its own (docs/lyapunov.md).
+
+    Attributes
+    ----------
+    exponents : ndarray, shape (k,)
+        Mean rates from the transient to the end, the last row of `trace`.
+    times : ndarray, shape (n,)
+        When the tangents were made orthonormal [time].
+    trace : ndarray, shape (n, k)
+        Mean rates up to each of these times.
+    log_growth : ndarray, shape (n, k)
+        Logarithms of the growth since the transient [-].
+    slope, slope_stderr : ndarray, shape (k,)
+        Mean rate over the late window and its standard error from blocks.
+    algebraic_slope : ndarray, shape (k,)
+        -d log(growth) / d log(t) over the late window: near the lowest fractional order where a
+        decay has reached its algebraic tail [-].
+    verdict : Verdict
+        On the leading exponent.
+    verdicts : tuple of Verdict, length k
+    sum_rule_defect : float or None
+        Sum of all exponents less the mean divergence along the orbit; for classical equations with
+        k the number of initial data, in mode "tangent".
+    kaplan_yorke : float or None
+        Kaplan-Yorke dimension, under the same conditions [-].
+    restart_factor : ndarray, shape (d,), or None
+        In mode "restart": what short intervals multiply the exponents of the memoryless equation
+        by, ``renorm**(alpha-1) / Gamma(1+alpha)``, for each component [-].
+    mode : str
+    status : Status
+        How the run ended; ``success`` says whether it is COMPLETED.
+    message : str
+    y : ndarray, shape (d,)
+        The orbit at the end.
+    settings : dict
+        What the exponents depend on: scheme, history, h, t_end, renorm, transient, seed, ...
+    stats : dict
+        n_steps, n_rhs, n_modes, run_seconds.
+    state : LyapunovState or None
+        For ``lyapunov(eq, t_later, resume=result.state)``; None in mode "restart".
+    verified : bool or None
+        Whether the verdicts stand at half the step; None where that was not asked for.
+    check : LyapunovResult or None
+        The run at half the step.
+    """
+
+    exponents: np.ndarray
+    times: np.ndarray
+    trace: np.ndarray = field(repr=False)
+    log_growth: np.ndarray = field(repr=False)
+    slope: np.ndarray
+    slope_stderr: np.ndarray
+    algebraic_slope: np.ndarray
+    verdict: Verdict
+    verdicts: tuple[Verdict, ...]
+    sum_rule_defect: float | None
+    kaplan_yorke: float | None
+    restart_factor: np.ndarray | None
+    mode: str
+    status: Status
+    message: str
+    y: np.ndarray
+    settings: dict[str, Any] = field(repr=False)
+    stats: dict[str, Any] = field(repr=False)
+    state: LyapunovState | None = field(repr=False)
+    verified: bool | None = None
+    check: LyapunovResult | None = field(default=None, repr=False)
+
+    @property
+    def success(self) -> bool:
+        """Whether the run reached the end inside the scheme's stability limit."""
+        return self.status is Status.COMPLETED
+
+    def __repr__(self):
+        rates = ", ".join(
+            f"{rate:.5g} (late {slope:.3g} +- {error:.1g}, {verdict})"
+            for rate, slope, error, verdict in zip(
+                self.exponents, self.slope, self.slope_stderr, self.verdicts, strict=True
+            )
+        )
+        warned = ""
+        if self.mode == "restart":
+            warned = "; memory restarted: not exponents of this equation"
+        return f"LyapunovResult({rates}; mode {self.mode!r}, {self.message}{warned})"

@@ -1,0 +1,91 @@
+"""Driving a march (floor 4): a stretch at a time, between looks at Ctrl-C and the progress bar."""
+
+import time
+import warnings
+
+from .solution import StabilityWarning, Status
+
+# Steps in a stretch: as many as take this long, but no more than whose rows stay in a near cache.
+# Entering the compiled march costs 0.04 ms.
+_STRETCH_MAX, _STRETCH_SECONDS = 1 << 15, 0.1
+
+
+class Drive:
+    """Takes a stepper to given steps, and says how it ended where it does not get there.
+
+    Parameters
+    ----------
+    stepper : Stepper or the like
+        Has `n`, `seconds_of_rhs`, `blown_up` and `not_solved`.
+    n_total : int
+        Last step of the whole run.
+    advance : callable
+        ``advance(n_more)`` makes steps and keeps what is wanted of them.
+    interruption : Interruption
+    bar : ProgressBar
+    """
+
+    def __init__(self, stepper, n_total, advance, interruption, bar):
+        self._stepper, self._n_first, self._n_total = stepper, stepper.n, n_total
+        self._advance, self._interruption, self._bar = advance, interruption, bar
+        self._stretch = 0
+
+    def to(self, n_end):
+        """March to step `n_end`; None when there, else a status and a detail for it."""
+        stepper = self._stepper
+        while stepper.n < n_end:
+            try:
+                self._stretch = self._stretch or _fitting_steps(stepper.seconds_of_rhs())
+                n_more = min(self._stretch, n_end - stepper.n)
+                began = time.perf_counter()
+                self._advance(n_more)
+            except Exception as error:
+                return Status.RHS_FAILED, f"{type(error).__name__}: {error}"
+            if stepper.blown_up:
+                return Status.BLOWN_UP, ""
+            if stepper.not_solved:
+                return Status.NOT_SOLVED, ""
+            self._bar.update((stepper.n - self._n_first) / (self._n_total - self._n_first))
+            if self._interruption.asked and stepper.n < self._n_total:
+                self._interruption.heeded = True
+                return Status.INTERRUPTED, ""
+            spent = max(time.perf_counter() - began, 1e-9)
+            self._stretch = _fitting_steps(spent / n_more)
+        return None
+
+
+def _fitting_steps(seconds):
+    """Steps in a stretch when one takes so long."""
+    return int(min(max(_STRETCH_SECONDS / seconds, 1), _STRETCH_MAX))
+
+
+def reached_end(stepper):
+    """Status of a run that reached its end."""
+    if stepper.zigzag is not None:
+        return Status.ZIGZAG
+    return Status.STEP_TOO_LARGE if stepper.largest_ratio > 1 else Status.COMPLETED
+
+
+def told(stepper, status, detail):
+    """The status in a sentence with the run's numbers; warns of a step that was too large."""
+    message = status.value + (f": {detail}" if detail else "")
+    if status is not Status.COMPLETED:
+        message += f" (t = {stepper.t:g} of step {stepper.n})"
+    trouble = _stability(stepper)
+    if trouble:
+        message += f"; {trouble}"
+        warnings.warn(message, StabilityWarning, stacklevel=4)
+    return message
+
+
+def _stability(stepper):
+    """What is wrong with the step, in a clause; empty when nothing is."""
+    found = []
+    if stepper.zigzag is not None:
+        found.append(f"a step-to-step zigzag is sustained since t = {stepper.zigzag * stepper.h:g}")
+    if stepper.largest_ratio > 1:
+        ratio = stepper.largest_ratio
+        found.append(f"d rhs/d y reached {ratio:.4g} times its limit")
+    if not found:
+        return ""
+    return " and ".join(found) + f" at h = {stepper.h:g}; take smaller steps"
