@@ -29,7 +29,12 @@ FLOORS = {
 }
 # Importable from the floor's other rooms; inside one floor the rest must not know each other.
 SAME_FLOOR = {("equation", "operators"), ("exponential_sum", "operators"), ("__main__", "plots")}
-SAME_FLOOR |= {("equation", "system"), ("schemes", "system"), ("schemes", "operators"), ("__main__", "scenes")}
+SAME_FLOOR |= {
+    ("equation", "system"),
+    ("schemes", "system"),
+    ("schemes", "operators"),
+    ("__main__", "scenes"),
+}
 FILES = sorted(SOURCE.rglob("*.py"))
 
 

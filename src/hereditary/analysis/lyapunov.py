@@ -44,7 +44,7 @@ def lyapunov(
     seed: int = 0,
     window: float = 0.5,
     n_blocks: int = 20,
-    separation: float = 1e-8,
+    separation: float = 1e-7,
     verify: bool = False,
     progress: bool = False,
     resume: LyapunovState | None = None,
@@ -87,7 +87,8 @@ def lyapunov(
     n_blocks : int, optional
         Blocks behind the standard error.
     separation : float, optional
-        Distance of the orbits in mode "pair".
+        Distance of the orbits in mode "pair", in units of y: rounding grows like its inverse, what
+        is not linear like itself.
     verify : bool, optional
         Repeat the run at half the step and say whether the verdicts stand.
     progress, resume : optional

@@ -45,8 +45,8 @@ class BDF(Scheme):
     -----
     O(h**p) at a fixed time where f(t, x(0) + t x'(0)) is smooth and f linear in x, also for
     solutions like t**alpha. Less where they are not: a part t**mu of f leaves O(h**(1+mu)), with
-    mu = 2 alpha for nonlinear f and mu = 1 - gamma for lower terms D^gamma when x'(0) is not 0
-    (convergence/orders.py).
+    mu = 2 alpha for nonlinear f and mu = 1 - gamma for lower terms D^gamma, gamma < 1, when x'(0)
+    is not 0 (convergence/orders.py).
 
     Stability
     ---------
@@ -157,8 +157,9 @@ def _modal(p, alpha, rates, weights, k):
 def _start_corrections(equation, h, p):
     """What is added to the right-hand side in the first p - 1 steps, shape (p-1, d).
 
-    ``a_n phi(0) + sum_(l=1)^(p-2) b_(l,n) h**l phi^(l)(0)`` with phi(t) = f(t, x(0) + t x'(0)), its
-    derivatives by differences over the first p values.
+    ``a_n phi(0) + sum_(l=1)^(p-2) b_(l,n) h**l phi^(l)(0)`` with phi(t) = f(t, x(0) + t x'(0)) less
+    the derivatives of order 1 of t x'(0), its own derivatives by differences over the first p
+    values.
     """
     if p == 1:
         return np.zeros((0, equation.d))
@@ -166,6 +167,9 @@ def _start_corrections(equation, h, p):
     for i in range(p):
         x = equation.y0[0] + (i * h * equation.y0[1] if equation.m == 2 else 0.0)
         equation._rhs(i * h, x * 1.0, values[i], equation.params)
+    if equation.m == 2:
+        first = (equation.orders == 1) & (equation.highest_orders() > 1)
+        values -= np.sum(equation.coefficients * first, axis=0) * equation.y0[1]
     nodes = np.arange(p)
     taylor = np.linalg.solve(np.vander(nodes, increasing=True).astype(float), values)
     derivatives = taylor * np.cumprod(np.maximum(nodes, 1))[:, None]  # h**l phi^(l)(0)

@@ -1,0 +1,347 @@
+"""Lyapunov exponents: laws that hold for every stepper, and values known otherwise."""
+
+import pickle
+import signal
+
+import numpy as np
+import pytest
+from pymittagleffler import mittag_leffler
+from scipy.special import gamma
+
+import hereditary as hd
+from hereditary.analysis.order import observed_order
+
+DIRECT = hd.Direct()
+HISTORIES = [DIRECT, hd.FFT(), hd.SumOfExponentials()]
+FIRST_ORDER = [
+    hd.ExplicitCaputo(),
+    hd.L1(),
+    hd.L2(),
+    hd.L2Sigma(),
+    hd.BDF(2),
+    hd.Adams(),
+    hd.ProductTrapezoid(),
+]
+SECOND_ORDER = [hd.ExplicitCaputo(), hd.L1(), hd.BDF(2)]
+CASES = [
+    *((scheme, lambda: hd.scenes.lorenz(alpha=0.98)) for scheme in FIRST_ORDER),
+    *((scheme, lambda: hd.scenes.stick_slip(beta=1.7, gamma=0.6)) for scheme in SECOND_ORDER),
+    (hd.L2Sigma(), lambda: hd.scenes.duffing(beta=1.8, friction=0.0)),
+    (hd.ProductTrapezoid(), lambda: hd.scenes.duffing(beta=1.8, friction=0.0)),
+]
+ML = mittag_leffler
+
+
+@pytest.mark.parametrize("history", HISTORIES, ids=str)
+@pytest.mark.parametrize(
+    ("scheme", "scene"), CASES, ids=lambda v: repr(v) if v in FIRST_ORDER else ""
+)
+def test_exponents_do_not_depend_on_the_interval(scheme, scene, history):
+    """Renormalisation invariance, the property that a forgotten part of the memory breaks."""
+    equation = scene()
+    found = [
+        hd.lyapunov(
+            equation, 20.0, 2000, 2, scheme=scheme, history=history, renorm=renorm
+        ).exponents
+        for renorm in (0.02, 0.1, 0.5, 1.0, 5.0, None)
+    ]
+    assert np.ptp(found, axis=0).max() < 1e-9
+
+
+def linear(alpha, rate):
+    """D^alpha y = rate y."""
+    return hd.scenes.relaxation(alpha, -rate)
+
+
+@pytest.mark.parametrize(
+    ("alpha", "rate", "t", "value"),
+    [
+        (0.8, -1.0, 10.0, -0.3147037),
+        (0.9, -1.0, 20.0, -0.2411859),
+        (0.8, -1.0, 100.0, -0.0517640),
+        (0.8, 0.5, 20.0, 0.4316051),
+        (0.9, 1.0, 10.0, 1.0105360),
+    ],
+)
+@pytest.mark.parametrize("scheme", FIRST_ORDER, ids=repr)
+def test_scalar_equations_have_the_mittag_leffler_rate(scheme, alpha, rate, t, value):
+    """ln E_alpha(rate t**alpha) / t, to the scheme's order for solutions like t**alpha."""
+    exact = float(np.log(ML(rate * t**alpha, alpha=alpha, beta=1.0).real) / t)
+    assert exact == pytest.approx(value, abs=6e-8)
+    steps = [3200, 6400, 12_800]
+    errors = [
+        abs(hd.lyapunov(linear(alpha, rate), t, n, scheme=scheme).exponents[0] - exact)
+        for n in steps
+    ]
+    assert errors[-1] < 0.01 * abs(exact)
+    assert observed_order(steps, errors).slope > scheme.order(alpha, "singular") - 0.15
+
+
+@pytest.mark.parametrize("scheme", SECOND_ORDER, ids=repr)
+@pytest.mark.parametrize(("adhesion", "root"), [(2.0, 1.705036), (50.0, 12.69809)])
+def test_several_terms_grow_at_the_real_root(scheme, adhesion, root):
+    """D^1.8 x + 0.25 D^0.8 x = kappa x: the root of s**1.8 + 0.25 s**0.8 = kappa."""
+    kappa = 1.998 * adhesion - 1.0
+    assert root**1.8 + 0.25 * root**0.8 == pytest.approx(kappa, rel=1e-6)
+    equation = hd.Equation(
+        [hd.Caputo(1.8), 0.25 * hd.Caputo(0.8)], lambda t, x, p: p[0] * x, [1.0, 0.0], (kappa,)
+    )
+    steps = [2000, 4000, 8000]
+    slopes = [hd.lyapunov(equation, 40.0 / root, n, scheme=scheme).slope[0] for n in steps]
+    errors = np.abs(np.array(slopes) / root - 1)
+    assert errors[-1] < {1.0: 3e-3, 1.2: 1e-3, 2.0: 3e-5}[round(scheme.order(1.8), 1)]
+    assert observed_order(steps, errors).slope == pytest.approx(scheme.order(1.8), abs=0.15)
+
+
+def test_a_spiral_grows_at_the_real_part():
+    """Eigenvalues mu = 0.5 +- i: the rate is Re mu**(1/alpha), of both exponents."""
+
+    def spiral(t, y):
+        return np.array([0.5 * y[0] - y[1], y[0] + 0.5 * y[1]])
+
+    for alpha, rate in ((0.8, 0.2135776), (0.9, 0.3781742)):
+        assert ((0.5 + 1j) ** (1 / alpha)).real == pytest.approx(rate, abs=6e-8)
+        equation = hd.Equation(hd.Caputo(alpha), spiral, [1.0, 0.0])
+        result = hd.lyapunov(equation, 60.0, 6000, 2, scheme=hd.BDF(2))
+        assert result.slope == pytest.approx([rate, rate], rel=3e-3)
+        assert result.verdicts == ("exponential growth",) * 2
+
+
+def test_classical_sum_is_minus_the_friction():
+    """The difference scheme's own sum is -ln(1 + friction h) / h, of order 1."""
+    sums = []
+    for n in (100_000, 200_000):
+        result = hd.lyapunov(hd.scenes.stick_slip(beta=2.0, gamma=1.0), 100.0, n, 2)
+        h = 100.0 / n
+        sums.append(result.exponents.sum())
+        assert sums[-1] == pytest.approx(-np.log1p(0.25 * h) / h, abs=3e-6)
+        assert result.sum_rule_defect == pytest.approx(sums[-1] + 0.25, abs=1e-12)
+    assert 2 * sums[1] - sums[0] == pytest.approx(-0.25, abs=1e-6)
+    assert abs(sums[0] + 0.25) == pytest.approx(2 * abs(sums[1] + 0.25), rel=0.02)
+
+
+def test_lorenz_attractor():
+    result = hd.lyapunov(
+        hd.scenes.lorenz(), 500.0, 350_000, 3, scheme=hd.L2Sigma(), transient=20.0, window=1.0
+    )
+    errors = 3 * result.slope_stderr + 0.005
+    assert np.all(np.abs(result.exponents - [0.9059, 0.0, -14.5724]) < errors)
+    assert np.all(errors < [0.1, 0.1, 0.15])
+    assert abs(result.sum_rule_defect) < 1e-3
+    assert result.kaplan_yorke == pytest.approx(2.062, abs=0.005)
+    assert [str(v) for v in result.verdicts] == [
+        "exponential growth", "neutral", "exponential decay"
+    ]  # fmt: skip
+
+
+def test_memory_kept_finds_the_equilibrium_that_restarting_misses():
+    """Lorenz, rho = 28, alpha = 0.99: the solution converges; restarting reports chaos."""
+    equation = hd.scenes.lorenz(alpha=0.99)
+    kept = hd.lyapunov(equation, 100.0, 20_000, 3, scheme=hd.Adams(), verify=True)
+    assert kept.verdict in ("algebraic decay", "neutral")
+    assert kept.verified
+    assert kept.slope[0] == pytest.approx(-0.069, abs=0.005)
+    assert kept.kaplan_yorke is None
+    assert kept.sum_rule_defect is None
+    assert np.abs(kept.y - [*np.sqrt([72.0, 72.0]) * np.sign(kept.y[0]), 27.0]).max() < 0.1
+    restart = hd.lyapunov(
+        equation, 100.0, 20_000, 1, "restart", scheme=hd.Adams(), renorm=0.02, transient=20.0
+    )
+    assert restart.exponents[0] > 0.8
+    assert "not exponents of this equation" in repr(restart)
+
+
+def test_hereditary_stick_slip_has_no_positive_exponent_on_the_published_horizon():
+    for beta, gamma_ in ((1.8, 0.8), (1.6, 0.8), (1.4, 0.8), (1.2, 0.8), (1.1, 0.21), (1.1, 1.0)):
+        result = hd.lyapunov(hd.scenes.stick_slip(beta=beta, gamma=gamma_), 100.0, 8000)
+        assert result.exponents[0] < 0
+
+
+def test_pair_equals_tangent():
+    for scheme, scene in CASES:
+        arguments = (scene(), 20.0, 4000, 2)
+        tangent = hd.lyapunov(*arguments, scheme=scheme)
+        pair = hd.lyapunov(*arguments, mode="pair", scheme=scheme)
+        assert np.abs(tangent.exponents - pair.exponents).max() < 1e-5
+
+
+def test_exponential_modes_equal_direct_sums_to_their_tolerance():
+    for tol, bound in ((1e-6, 1e-4), (1e-10, 1e-8)):
+        modes = hd.SumOfExponentials(tol)
+        arguments = (hd.scenes.lorenz(alpha=0.95), 10.0, 2000, 3)
+        difference = hd.lyapunov(*arguments, history=modes).trace
+        difference -= hd.lyapunov(*arguments, history=DIRECT).trace
+        assert 0 < np.abs(difference).max() < bound
+
+
+def test_orders_tending_to_one_tend_to_the_classical_exponents():
+    """On a limit cycle: a chaotic orbit would amplify the difference.
+
+    The decaying direction is followed as far as exp(-5): at exp(-14) the memory's algebraic tail,
+    of size 1e-6, takes over, however close to 1 the order is.
+    """
+    for scheme in FIRST_ORDER:
+        for t_end, k in ((20.0, 1), (5.0, 2)):
+            near, at = (
+                hd.lyapunov(hd.scenes.van_der_pol(a), t_end, 2000, k, scheme=scheme).exponents
+                for a in (1 - 1e-6, 1.0)
+            )
+            assert 0 < np.abs(near - at).max() < 1e-4
+
+
+def test_leading_exponents_do_not_depend_on_k():
+    for scheme, scene in CASES[:4]:
+        one, two = (hd.lyapunov(scene(), 20.0, 2000, k, scheme=scheme) for k in (1, 2))
+        assert one.exponents[0] == pytest.approx(two.exponents[0], abs=1e-9)
+
+
+def test_seed_and_directions():
+    equation = hd.scenes.lorenz(alpha=0.95)
+    first, again, other = (hd.lyapunov(equation, 5.0, 500, seed=seed) for seed in (1, 1, 2))
+    assert np.array_equal(first.trace, again.trace)
+    assert first.exponents[0] != other.exponents[0]
+    e = hd.lyapunov(equation, 5.0, 500, directions=[[2.0], [0.0], [0.0]])
+    assert e.settings["seed"] == 0
+    assert e.exponents[0] != first.exponents[0]
+
+
+def test_transient_growth_is_not_counted():
+    whole = hd.lyapunov(hd.scenes.lorenz(alpha=0.95), 20.0, 2000, 3, renorm=0.5)
+    late = hd.lyapunov(hd.scenes.lorenz(alpha=0.95), 20.0, 2000, 3, renorm=0.5, transient=10.0)
+    i = np.searchsorted(whole.times, 10.0)
+    expected = (whole.log_growth[-1] - whole.log_growth[i]) / 10.0
+    assert np.abs(late.exponents - expected).max() < 1e-10
+    assert late.times[0] == pytest.approx(10.5)
+
+
+@pytest.mark.parametrize("mode", ["tangent", "pair"])
+def test_a_diverging_orbit_is_reported_with_its_record(mode):
+    blow = hd.Equation(hd.Caputo(0.9), lambda t, y: y * y, 1.0)
+    with np.errstate(over="ignore"):
+        result = hd.lyapunov(blow, 5.0, 5000, mode=mode)
+    assert result.status is hd.Status.BLOWN_UP
+    assert not result.success
+    assert result.verdict == "diverged"
+    assert result.times.size > 5
+    assert np.all(np.isfinite(result.trace))
+
+
+def test_a_failing_right_hand_side_keeps_the_record():
+    def late(t, y):
+        if t > 3.0:
+            raise ValueError("too late")
+        return -y
+
+    result = hd.lyapunov(hd.Equation(hd.Caputo(0.9), late, 1.0), 5.0, 5000)
+    assert result.status is hd.Status.RHS_FAILED
+    assert 2.9 < result.times[-1] <= 3.0
+
+
+def test_too_long_an_interval_is_told():
+    equation = hd.Equation(hd.Caputo(1.0), lambda t, y: 100.0 * y, 1.0)
+    steady = hd.Equation(
+        hd.Caputo(1.0), lambda t, y: np.array([0.0 * y[0], 1000.0 * y[1]]), [1.0, 0.0]
+    )
+    assert hd.lyapunov(equation, 1.0, 1000).success
+    result = hd.lyapunov(steady, 1.0, 10_000, renorm=1.0, directions=[[0.0], [1.0]])
+    assert result.status is hd.Status.BLOWN_UP
+    assert "shorten renorm" in result.message
+
+
+@pytest.mark.parametrize("mode", ["tangent", "pair"])
+@pytest.mark.parametrize("history", HISTORIES, ids=str)
+def test_stop_and_resume_equals_run_through(mode, history):
+    equation = hd.scenes.stick_slip()
+    arguments = {"k": 2, "mode": mode, "history": history, "renorm": 0.3}
+    through = hd.lyapunov(equation, 20.0, 2000, **arguments)
+    half = hd.lyapunov(equation, 9.9, 990, **arguments)
+    state = pickle.loads(pickle.dumps(half.state))
+    resumed = hd.lyapunov(equation, 20.0, resume=state, **arguments)
+    assert np.array_equal(resumed.times, through.times)
+    assert np.array_equal(resumed.trace, through.trace)
+
+
+def test_resumed_sum_rule_goes_on():
+    arguments = {"k": 3, "scheme": hd.L2Sigma()}
+    equation = hd.scenes.rossler()
+    through = hd.lyapunov(equation, 20.0, 8000, **arguments)
+    half = hd.lyapunov(equation, 10.0, 4000, **arguments)
+    resumed = hd.lyapunov(equation, 20.0, resume=half.state, **arguments)
+    assert resumed.sum_rule_defect == pytest.approx(through.sum_rule_defect, abs=1e-9)
+    assert abs(through.sum_rule_defect) < 1e-3
+
+
+def test_interrupted_run_keeps_its_record_and_goes_on():
+    equation = hd.scenes.stick_slip()
+    previous = signal.signal(signal.SIGALRM, lambda *_: signal.raise_signal(signal.SIGINT))
+    signal.setitimer(signal.ITIMER_REAL, 0.3)
+    try:
+        result = hd.lyapunov(equation, 10_000.0, 20_000_000)
+    finally:
+        signal.signal(signal.SIGALRM, previous)
+    assert result.status is hd.Status.INTERRUPTED
+    n = result.stats["n_steps"]
+    assert 0 < n < 20_000_000
+    later = (n + 5000) * 10_000.0 / 20_000_000
+    resumed = hd.lyapunov(equation, later, resume=result.state)
+    whole = hd.lyapunov(equation, later, n + 5000)
+    assert resumed.exponents[0] == pytest.approx(whole.exponents[0], abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("alpha", "rate", "value"),
+    [
+        (0.8, -1.0, -1.1513693),
+        (0.9, -1.0, -1.0804626),
+        (0.8, 0.5, 0.6368004),
+        (0.9, 1.0, 1.1447833),
+    ],
+)
+def test_restart_gives_what_is_published_for_it(alpha, rate, value):
+    """Blocks of 0.5: ln E_alpha(rate 0.5**alpha) / 0.5 each, however long the run."""
+    exact = float(np.log(ML(rate * 0.5**alpha, alpha=alpha, beta=1.0).real) / 0.5)
+    assert exact == pytest.approx(value, abs=6e-8)
+    result = hd.lyapunov(
+        linear(alpha, rate), 5.0, 20_000, 1, "restart", hd.BDF(3), DIRECT, renorm=0.5
+    )
+    assert result.exponents[0] == pytest.approx(exact, abs=1e-5)
+    assert result.restart_factor[0] == pytest.approx(0.5 ** (alpha - 1) / gamma(1 + alpha))
+    assert result.state is None
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "message"),
+    [
+        ({"k": 3}, ValueError, "k must be at most the number of initial data, 2, got 3"),
+        ({"k": 0}, ValueError, "k must be a positive integer, got 0"),
+        ({"mode": "benettin"}, ValueError, "mode must be one of .*, got 'benettin'"),
+        ({"mode": "restart"}, TypeError, "renorm must be given"),
+        ({"renorm": -1.0}, ValueError, "renorm must be a finite number above 0"),
+        ({"transient": 20.0}, ValueError, r"transient must lie in \[0, t_end\)"),
+        ({"window": 0.0}, ValueError, r"window must lie in \(0, 1\]"),
+        ({"directions": [[1.0]]}, ValueError, r"directions must have shape \(2, 1\)"),
+        (
+            {"k": 2, "directions": [[1.0, 2.0], [1.0, 2.0]]},
+            ValueError,
+            "directions must be linearly independent",
+        ),
+        ({"seed": -1}, TypeError, "seed must be a whole number"),
+        ({"separation": 0.0}, ValueError, "separation must be a finite number above 0"),
+        ({"scheme": "L1"}, TypeError, "scheme must be a Scheme"),
+        ({"resume": 1}, TypeError, "resume must be a LyapunovState"),
+    ],
+)
+def test_bad_arguments_are_refused(arguments, error, message):
+    with pytest.raises(error, match=message):
+        hd.lyapunov(hd.scenes.stick_slip(), 20.0, 2000, **arguments)
+
+
+def test_a_state_belongs_to_its_settings():
+    equation = hd.scenes.stick_slip()
+    state = hd.lyapunov(equation, 1.0, 100, renorm=0.1).state
+    with pytest.raises(ValueError, match="resume must come from a run with the same renorm"):
+        hd.lyapunov(equation, 2.0, resume=state)
+    with pytest.raises(ValueError, match="resume must come from a run with the same mode"):
+        hd.lyapunov(equation, 2.0, resume=state, mode="pair", renorm=0.1)
+    with pytest.raises(ValueError, match="same scheme"):
+        hd.lyapunov(equation, 2.0, resume=state, renorm=0.1, scheme=hd.L1())

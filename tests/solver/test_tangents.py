@@ -1,0 +1,183 @@
+"""Tangents: the derivative of the discrete step, linear together with all of their memory."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+import hereditary as hd
+from hereditary.analysis.estimators import displaced
+from hereditary.solver.stepper import Stepper
+
+SCHEMES = [
+    hd.ExplicitCaputo(),
+    hd.L1(),
+    hd.L2(),
+    hd.L2Sigma(),
+    hd.BDF(1),
+    hd.BDF(2),
+    hd.BDF(3),
+    hd.Adams(),
+    hd.Adams(corrections=2),
+    hd.ProductTrapezoid(),
+]
+HISTORIES = [hd.Direct(), hd.FFT(), hd.SumOfExponentials(1e-12)]
+H = 0.01
+
+
+def swing(t, y):
+    return np.array([np.sin(y[1]) - y[0] ** 3 + np.cos(t), y[0] * y[1] - 2.0 * y[1]])
+
+
+EQUATIONS = {
+    "fractional": lambda: hd.scenes.lorenz(alpha=0.95),
+    "classical": lambda: hd.scenes.lorenz(),
+    "second order": lambda: hd.scenes.duffing(x0=1.0, v0=0.5),
+    "one term above one": lambda: hd.scenes.duffing(
+        beta=1.6, friction=0.0, force=1.0, x0=1.0, v0=0.5
+    ),
+    "several terms": lambda: hd.scenes.stick_slip(beta=1.6, gamma=0.7),
+    "incommensurate": lambda: hd.scenes.brusselator(alpha=(0.9, 0.7)),
+    "one component above one": lambda: hd.Equation(
+        hd.Caputo([1.4, 0.6]), swing, [[1.0, 0.5], [0.5, 0.0]]
+    ),
+}
+
+
+def takes(scheme, name):
+    """Whether the scheme is made for the equation; what it refuses is tested with all pairs."""
+    try:
+        Stepper(EQUATIONS[name](), scheme, hd.Direct(), H, 10)
+    except ValueError:
+        return False
+    return True
+
+
+PAIRS = [(scheme, name) for scheme in SCHEMES for name in EQUATIONS if takes(scheme, name)]
+
+
+def open_stepper(equation, scheme, history, n_tangents=None, seed=0, n_steps=2500):
+    """A stepper, with tangents along random directions where their number is given."""
+    directions = None
+    if n_tangents is not None:
+        n_data = equation.d + int(np.sum(equation.highest_orders() > 1))
+        directions = np.random.default_rng(seed).normal(size=(n_data, n_tangents))
+    return Stepper(equation, scheme, history, H, n_steps, directions=directions)
+
+
+def march(stepper, n_end):
+    nothing = np.empty((0, stepper.equation.d))
+    stepper.advance(n_end - stepper.n, np.empty(0), nothing, nothing)
+    return stepper
+
+
+def values(stepper):
+    """y, and ydot where the order is above 1."""
+    above = stepper.equation.highest_orders() > 1
+    return np.concatenate([stepper.y, stepper.ydot[above]])
+
+
+@pytest.mark.parametrize("history", HISTORIES, ids=str)
+@pytest.mark.parametrize(("scheme", "name"), PAIRS, ids=str)
+def test_tangent_is_the_derivative_of_the_march(scheme, name, history):
+    equation = EQUATIONS[name]()
+    stepper = open_stepper(equation, scheme, history, 2)
+    start, tangent = stepper.tangent, march(stepper, 70).tangent
+    above = equation.highest_orders() > 1
+    for j in range(2):
+        ends = []
+        for step in (1e-6, -1e-6):
+            y0 = equation.y0.copy()
+            y0[0] += step * start[: equation.d, j]
+            y0[1:, above] += step * start[equation.d :, j]
+            ends.append(values(march(open_stepper(displaced(equation, y0), scheme, history), 70)))
+        difference = (ends[0] - ends[1]) / 2e-6
+        assert np.abs(difference - tangent[:, j]).max() < 1e-6 * np.abs(tangent[:, j]).max()
+
+
+@pytest.mark.parametrize("history", HISTORIES, ids=str)
+@pytest.mark.parametrize(("scheme", "name"), PAIRS, ids=str)
+def test_combined_tangents_go_on_as_the_combination(scheme, name, history):
+    """Linear in everything they hold: initial values, increments, modes and pending sums."""
+    equation = EQUATIONS[name]()
+    n_end = 2200  # across two stretches of the FFT history
+    plain = march(open_stepper(equation, scheme, history, 2), n_end)
+    mixed = open_stepper(equation, scheme, history, 2)
+    product = np.eye(2)
+    for n in (1, 5, 33, 700, 1024, 2051):  # before, inside and at the ends of blocks and stretches
+        matrix = np.array([[0.7, -1.3], [0.4, 2.0 + 1.0 / n]])
+        march(mixed, n).transform_tangent(matrix)
+        product = product @ matrix
+    march(mixed, n_end)
+    expected = plain.tangent @ product
+    assert np.abs(mixed.tangent - expected).max() < 1e-9 * np.abs(expected).max()
+    assert np.array_equal(mixed.y, plain.y)
+
+
+@pytest.mark.parametrize(("scheme", "name"), PAIRS, ids=str)
+def test_orbit_and_first_tangent_do_not_depend_on_how_many_go_along(scheme, name):
+    steppers = [
+        march(open_stepper(EQUATIONS[name](), scheme, hd.SumOfExponentials(), k), 100)
+        for k in (None, 1, 2)
+    ]
+    for stepper in steppers[1:]:
+        assert np.array_equal(stepper.y, steppers[0].y)
+    one = open_stepper(EQUATIONS[name](), scheme, hd.SumOfExponentials(), 2)
+    alone = Stepper(
+        one.equation, scheme, hd.SumOfExponentials(), H, 2500, directions=one.tangent[:, :1]
+    )
+    assert np.allclose(march(one, 100).tangent[:, :1], march(alone, 100).tangent, rtol=1e-11)
+
+
+@settings(max_examples=10)
+@given(
+    matrix=hnp.arrays(np.float64, (2, 2), elements=st.floats(-3, 3)),
+    n=st.integers(1, 90),
+    n_more=st.integers(1, 90),
+)
+def test_state_with_tangents_goes_on_bit_for_bit(matrix, n, n_more):
+    equation = EQUATIONS["several terms"]()
+    first = march(open_stepper(equation, hd.L1(), hd.SumOfExponentials(), 2), n)
+    first.transform_tangent(matrix)
+    second = open_stepper(equation, hd.L1(), hd.SumOfExponentials(), 2)
+    second.restore(first.state())
+    assert np.array_equal(march(first, n + n_more).tangent, march(second, n + n_more).tangent)
+
+
+def test_state_belongs_to_its_number_of_tangents():
+    equation = EQUATIONS["several terms"]()
+    state = open_stepper(equation, hd.L1(), hd.Direct(), 1).state()
+    with pytest.raises(ValueError, match="same tangents, here 2, got 1"):
+        open_stepper(equation, hd.L1(), hd.Direct(), 2).restore(state)
+
+
+@pytest.mark.parametrize("history", HISTORIES, ids=str)
+@pytest.mark.parametrize(("scheme", "name"), PAIRS, ids=str)
+def test_restart_is_a_new_problem_from_the_present_values(scheme, name, history):
+    equation = EQUATIONS[name]()
+    stepper = march(open_stepper(equation, scheme, history, 1), 40)
+    y, ydot, tangent = stepper.y, stepper.ydot, stepper.tangent
+    stepper.restart()
+    assert np.array_equal(stepper.y, y)
+    assert np.allclose(stepper.tangent, tangent, rtol=1e-14)
+    assert stepper.t == pytest.approx(40 * H)
+    initial = np.zeros_like(equation.y0)
+    initial[0] = y
+    above = equation.highest_orders() > 1
+    initial[1:, above] = ydot[above]
+    if name in ("second order", "one term above one", "several terms", "one component above one"):
+        return  # these depend on time itself: a new problem would begin at time 0
+    new = Stepper(displaced(equation, initial), scheme, history, H, 2500, directions=tangent)
+    march(stepper, 50)
+    march(new, 50)
+    assert np.allclose(stepper.y, new.y, rtol=1e-13)
+    assert np.allclose(stepper.tangent, new.tangent, rtol=1e-12)
+
+
+def test_restart_keeps_time():
+    """Where the right-hand side is a function of time alone, a restarted integral goes on."""
+    equation = hd.Equation(hd.Caputo(1.0), lambda t, y: np.array([np.cos(t)]), 0.0)
+    stepper = march(open_stepper(equation, hd.L2Sigma(), hd.Direct(), 1), 100)
+    stepper.restart()
+    assert march(stepper, 100).y[0] == pytest.approx(np.sin(2.0), abs=1e-5)
