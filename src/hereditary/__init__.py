@@ -15,6 +15,7 @@ from .meshes import Graded, graded
 from .operators import Caputo, PowerLaw
 from .schemes.adams import Adams, ProductTrapezoid
 from .schemes.bdf import BDF
+from .schemes.collocation import Collocation
 from .schemes.explicit import ExplicitCaputo
 from .schemes.l1 import L1
 from .schemes.l2 import L2
@@ -31,6 +32,7 @@ __all__ = [
     "L2",
     "Adams",
     "Caputo",
+    "Collocation",
     "Direct",
     "Equation",
     "ExplicitCaputo",

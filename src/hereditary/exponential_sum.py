@@ -193,6 +193,12 @@ def trapezoid_step(a, tol):
     return min(2.0, 1 / u)
 
 
+def grid_spacing(exponents, tol):
+    """Distance of the logarithms of the rates that `fit_unit` takes; inf for constants alone."""
+    others = [a for a in exponents if a > 0]
+    return min((trapezoid_step(a, tol / _CERTIFICATE) for a in others), default=math.inf)
+
+
 def _construct(exponents, ratio, tol):
     """Rates and weights of all kernels on the grid exp(j h), plus each kernel's slow nodes."""
     h = min(trapezoid_step(a, tol) for a in exponents)

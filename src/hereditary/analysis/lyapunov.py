@@ -19,8 +19,8 @@ from ..schemes.scheme import Scheme
 from ..solver.drive import Drive, reached_end, told
 from ..solver.progress import Interruption, ProgressBar
 from ..solver.solution import Status
-from ..solver.solve import uniform_steps
 from ..solver.stepper import Stepper
+from ..solver.uniform import uniform_steps
 from .divergence import Divergence
 from .estimators import Pairs, Restarted, Tangents
 from .growth import Verdict, assess, kaplan_yorke

@@ -5,7 +5,11 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from .._checks import complaint, shown
+from .adaptive_stepper import AdaptiveState
+from .dense import Dense
 from .stepper import State
 
 
@@ -18,6 +22,7 @@ class Status(enum.Enum):
     BLOWN_UP = "the solution stopped being finite"
     INTERRUPTED = "the run was interrupted"
     NOT_SOLVED = "Newton's method did not converge: take smaller steps, or give an exact jac"
+    EVENT = "a terminal event ended the run"
     RHS_FAILED = "the right-hand side raised an exception"
 
     def __str__(self):
@@ -54,6 +59,10 @@ class Solution:
     state : State
         Everything needed to go on, ``solve(eq, t_later, resume=sol.state)``: a few kilobytes with
         `SumOfExponentials`, the whole past with `Direct`. None on a mesh.
+    dense : Dense or None
+        What ``sol(t)`` reads, with `Collocation` and without t_eval.
+    t_events, y_events : list of ndarray
+        Times (k,) and solutions (k, d) of each event function's zeros.
     """
 
     t: np.ndarray
@@ -62,12 +71,42 @@ class Solution:
     status: Status
     message: str
     stats: dict[str, Any] = field(repr=False)
-    state: State | None = field(repr=False)
+    state: State | AdaptiveState | None = field(repr=False)
+    dense: Dense | None = field(default=None, repr=False)
+    t_events: list[np.ndarray] = field(default_factory=list, repr=False)
+    y_events: list[np.ndarray] = field(default_factory=list, repr=False)
 
     @property
     def success(self) -> bool:
-        """Whether the run reached the end inside the scheme's stability limit."""
-        return self.status is Status.COMPLETED
+        """Whether the run came to its end as asked for, inside the scheme's stability limit."""
+        return self.status in (Status.COMPLETED, Status.EVENT)
+
+    def __call__(self, t: ArrayLike, derivative: int = 0) -> np.ndarray:
+        """The solution at any time of the run, with the accuracy of its steps.
+
+        Parameters
+        ----------
+        t : float or array_like, shape (k,)
+            Times between the first and the last row.
+        derivative : {0, 1}, optional
+            1 for the first derivative; infinite at 0 where the solution starts like t**alpha.
+
+        Returns
+        -------
+        ndarray, shape (d,) or (k, d)
+
+        Raises
+        ------
+        ValueError
+            A time outside the run, or a run that kept rows alone.
+        """
+        if self.dense is None:
+            required = "be answered by rows: this run kept no dense output"
+            remedy = "use Collocation without t_eval, or pass t_eval"
+            raise ValueError(complaint("t", required, shown(t), remedy))
+        if derivative not in (0, 1):
+            raise ValueError(complaint("derivative", "be 0 or 1", derivative))
+        return self.dense(t, derivative, self.t[-1])
 
     def __repr__(self):
         return (

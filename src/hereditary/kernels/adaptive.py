@@ -1,0 +1,187 @@
+"""The adaptive march of collocation steps (floor 1)."""
+
+import numpy as np
+from numba import types
+
+from .._jit import CUBE, F8, I8, IVEC, MAT, VEC, entry, kernel
+from .collocation import (
+    POSITION,
+    PRIMARY,
+    combined_weights,
+    estimate,
+    local_operators,
+    move_modes,
+    read_modes,
+    solve_stages,
+)
+from .signatures import JAC, RHS
+
+# How a march ended: at its stop, with its rows full, where the modes do not reach close enough, or
+# where no step is small enough for the error or for Newton's method.
+REACHED, FULL, TOO_CLOSE, TOO_ROUGH, NOT_SOLVED = 0, 1, 2, 3, 4
+# Largest and smallest change of a step, what is aimed at as share of the tolerance, and Newton's.
+_GROW, _SHRINK, _SAFETY, _NEWTON = 3.0, 0.2, 0.9, 0.01
+# Highest degree that is extrapolated for a first guess.
+_GUESS = 3
+
+# channels, orders, whether second (d,), p0 (d,)
+FORM = types.Tuple((MAT, VEC, IVEC, VEC))
+# nodes (s,), integrals (n_a, s, s), values to Legendre coefficients (s, s)
+RULE = types.Tuple((VEC, CUBE, MAT))
+# rates (M,), weights (n_a, M)
+BANK = types.Tuple((VEC, MAT))
+# clock [t, h, last step, closest distance], notes, steps [accepted, rejected], x, p, largest |p|
+# (d,), modes now and before the last step (d, M), f, p, x at the last step's nodes (3, d, s)
+RUN = types.Tuple((VEC, VEC, IVEC, VEC, VEC, VEC, MAT, MAT, CUBE))
+# starts and lengths of steps (k,), p at the nodes (k, d, s), y and p at the start (k, 2 d), error
+# over tolerance (k,)
+TRACK = types.Tuple((VEC, VEC, CUBE, MAT, VEC))
+
+
+@entry(RHS, JAC, I8, VEC, FORM, RULE, BANK, RUN, TRACK, F8, F8, F8)
+def march_adaptive(rhs, jac, has_jac, params, form, rule, bank, run, track, t_stop, rtol, atol):
+    """March to t_stop; the number of rows and how it ended."""
+    channels, orders, second, p0 = form
+    nodes, singular, legendre = rule
+    rates, weights = bank
+    clock, notes, steps, x, p, largest, modes, before, last = run
+    starts, lengths, rows, begins, ratios = track
+    d, s = x.shape[0], nodes.shape[0]
+    whole = singular[orders.shape[0] - 1]  # the last order is 1
+    drivers, constant = np.empty((3 * d, s, s)), np.empty((d, s))
+    driven = np.empty((d, 4, rates.shape[0]))
+    combined_weights(channels, weights, driven)
+    base, values = np.empty((d, s)), np.empty((3, d, s))
+    errors, goal, times, made = np.empty(d), np.empty(d), np.empty(s), -1.0
+    lowest = lowest_order(channels, orders)
+    row, rejected = 0, False
+    while clock[0] < t_stop:
+        if row == starts.shape[0]:
+            return row, FULL
+        t, left = clock[0], t_stop - clock[0]
+        h = min(clock[1], left)
+        if h < left < 2.0 * h:
+            h = 0.5 * left
+        if not t + 0.01 * h > t:
+            return row, TOO_ROUGH
+        if nodes[0] * h < clock[3]:
+            return row, TOO_CLOSE
+        if h != made:
+            local_operators(h, channels, orders, singular, drivers, constant)
+            made = h
+        read_modes(modes, rates, h * nodes, base)
+        known_part(p0, constant, base)
+        goal[:] = _NEWTON * (atol + rtol * np.maximum(largest, np.abs(p)))
+        # just before the stop, where the right-hand side may jump
+        times[:] = np.minimum(t + h * nodes, np.nextafter(t_stop, 0.0))
+        guess(nodes, legendre, last[PRIMARY], h, clock[2], p, values[PRIMARY])
+        solved = solve_stages(
+            rhs, jac, has_jac, params, times, h, base, x, second, drivers, whole, goal,
+            values[1], values[2], values[0], notes,
+        )  # fmt: skip
+        ratio = np.inf
+        if solved:
+            estimate(h, channels, orders, legendre, values, errors)
+            ratio = over_tolerance(h, errors, values, second, largest, rtol, atol)
+        clock[1] = next_length(h, ratio, rejected, s + lowest)
+        rejected = not ratio <= 1.0
+        if rejected:
+            steps[1] += 1
+            if not t + 0.01 * clock[1] > t:
+                return row, (TOO_ROUGH if solved else NOT_SOLVED)
+            continue
+        before[:] = modes
+        move_modes(h, rates, driven, legendre, values, modes)
+        starts[row], lengths[row], ratios[row] = t, h, ratio
+        accept(values, second, x, p, largest, last, rows[row], begins[row])
+        row += 1
+        steps[0] += 1
+        clock[0], clock[2] = (t_stop if h == left else t + h), h
+    return row, REACHED
+
+
+@kernel
+def known_part(p0, constant, base):
+    """Add p(0) and the offsets' share to what the modes give, (d, s)."""
+    for c in range(base.shape[0]):
+        for i in range(base.shape[1]):
+            base[c, i] += p0[c] + constant[c, i]
+
+
+@kernel
+def next_length(h, ratio, rejected, order):
+    """Length of the step after one whose error was `ratio` times its tolerance."""
+    if not ratio < np.inf:
+        return 0.25 * h
+    factor = _SAFETY * max(ratio, 1e-12) ** (-1.0 / order)
+    return h * max(_SHRINK, min(1.0 if rejected else _GROW, factor))
+
+
+@kernel
+def lowest_order(channels, orders):
+    """The smallest order of integration."""
+    lowest = 1.0
+    for row in range(channels.shape[0]):
+        lowest = min(lowest, orders[int(channels[row, 2])])
+    return lowest
+
+
+@kernel
+def accept(values, second, x, p, largest, last, nodal, begin):
+    """Note a step's start and values, and move to its end."""
+    # values, last (3, d, s), nodal (d, s), begin (2 d,)
+    d, s = nodal.shape
+    last[:] = values
+    nodal[:] = values[PRIMARY]
+    for c in range(d):
+        begin[c], begin[d + c] = x[c], p[c]
+        x[c], p[c] = values[POSITION, c, s - 1], values[PRIMARY, c, s - 1]
+        for i in range(s):
+            if second[c] == 1:
+                largest[c] = max(largest[c], abs(nodal[c, i]))
+
+
+@kernel
+def guess(nodes, legendre, last, h, h_last, p, out):
+    """p at the next step's nodes from the last step's polynomial, its high degrees left out."""
+    # last, out (d, s), p (d,)
+    d, s = out.shape
+    if h_last == 0.0:
+        for c in range(d):
+            out[c, :] = p[c]
+        return
+    degree = min(s - 1, _GUESS if h <= 1.5 * h_last else 1)
+    for c in range(d):
+        offset = 0.0
+        for i in range(-1, s):
+            # from the end of the last step, which the truncated polynomial misses a little
+            u = 1.0 + 2.0 * h / h_last * (nodes[i] if i >= 0 else 0.0)
+            before, now, total = 1.0, u, 0.0
+            for k in range(degree + 1):
+                coefficient = 0.0
+                for j in range(s):
+                    coefficient += legendre[k, j] * last[c, j]
+                total += coefficient * before
+                before, now = now, ((2 * k + 3) * u * now - (k + 1) * before) / (k + 2)
+            if i < 0:
+                offset = p[c] - total
+            else:
+                out[c, i] = total + offset
+
+
+@kernel
+def over_tolerance(h, errors, values, second, largest, rtol, atol):
+    """Largest ratio of an error to its tolerance, over y and, where it is unknown, y'."""
+    worst = 0.0
+    for c in range(errors.shape[0]):
+        size_p, size_x = 0.0, 0.0
+        for i in range(values.shape[2]):
+            size_p = max(size_p, abs(values[PRIMARY, c, i]))
+            size_x = max(size_x, abs(values[POSITION, c, i]))
+        if second[c] == 1:
+            size_p = max(size_p, largest[c])
+            worst = max(worst, h * errors[c] / (atol + rtol * size_x))
+        worst = max(worst, errors[c] / (atol + rtol * size_p))
+        if not errors[c] < np.inf:
+            return np.inf
+    return worst

@@ -1,0 +1,310 @@
+"""One step of collocation with exponential memory, and the adaptive march made of it (floor 1).
+
+Every component has a primary unknown p, y itself or, for orders above 1, its first derivative v:
+``p(t) = p0 + sum_k kappa_k J**a_k (q_k - o_k)`` with orders 0 < a <= 1 of integration, the driver q
+being f, p or x = y, and constants o. On a step the drivers are polynomials through their values at
+s nodes; their singular integrals over the step are exact, and everything before the step is a sum
+of exponential modes, moved on by exact moments of the polynomials.
+"""
+
+import math
+
+import numpy as np
+
+from .._jit import CUBE, F8, I8, IVEC, MAT, VEC, entry, kernel
+from .jacobian import jacobian
+from .linalg import factorise, substitute
+from .signatures import JAC, RHS
+
+# Drivers of the integrals.
+FORCE, PRIMARY, POSITION = 0, 1, 2
+# Newton sweeps before a step is given up.
+_SWEEPS = 12
+
+
+@kernel
+def exponential_legendre(z, n, out):
+    """out[k] = ``int_0^1 exp(-z (1 - u)) P_k(2 u - 1) du``, k < n, for z >= 0.
+
+    Scaled modified spherical Bessel functions of z / 2: upwards from the first two where none in
+    use lies far beyond z / 2, else by their continued fraction, all of whose terms are positive.
+    """
+    x = 0.5 * z
+    out[0] = 1.0 if z == 0.0 else -math.expm1(-z) / z
+    if n == 1:
+        return
+    if x > 10.0:
+        out[1] = (0.5 * (1.0 + math.exp(-z)) - out[0]) / x
+        for k in range(1, n - 1):
+            out[k + 1] = out[k - 1] - (2 * k + 1) / x * out[k]
+        return
+    ratio = 0.0
+    for k in range(n + 30, 0, -1):
+        ratio = x / (2 * k + 1 + x * ratio)
+        if k < n:
+            out[k] = ratio
+    for k in range(1, n):
+        out[k] *= out[k - 1]
+
+
+@kernel
+def local_operators(h, channels, orders, singular, drivers, constant):
+    """What values at the nodes contribute to p at the nodes, within a step of length h.
+
+    drivers[3 c + q] is the matrix for driver q of component c, constant[c] what offsets take.
+    """
+    # channels (n, 5): component, driver, index of the order, kappa, offset; orders (n_a,)
+    # singular (n_a, s, s), drivers (3 d, s, s), constant (d, s)
+    drivers[:] = 0.0
+    constant[:] = 0.0
+    n_nodes = constant.shape[1]
+    for row in range(channels.shape[0]):
+        c, q, k = int(channels[row, 0]), int(channels[row, 1]), int(channels[row, 2])
+        factor = channels[row, 3] * h ** orders[k]
+        for i in range(n_nodes):
+            for j in range(n_nodes):
+                share = factor * singular[k, i, j]
+                drivers[3 * c + q, i, j] += share
+                constant[c, i] -= share * channels[row, 4]
+
+
+@kernel
+def positions(h, p, x_start, second, whole, x):
+    """y at the nodes: the primary unknown itself, or its integral from `x_start` on."""
+    # p, x (d, s), x_start (d,), second (d,), whole (s, s): integrals of order 1
+    for c in range(p.shape[0]):
+        for i in range(p.shape[1]):
+            if second[c] == 0:
+                x[c, i] = p[c, i]
+                continue
+            total = 0.0
+            for j in range(p.shape[1]):
+                total += whole[i, j] * p[c, j]
+            x[c, i] = x_start[c] + h * total
+
+
+@kernel
+def forces(rhs, params, times, x, f):
+    """The right-hand side at all nodes."""
+    # times (s,), x, f (d, s)
+    point, value = np.empty(x.shape[0]), np.empty(x.shape[0])
+    for i in range(times.shape[0]):
+        point[:] = x[:, i]
+        rhs(times[i], point, value, params)
+        f[:, i] = value
+
+
+@kernel
+def newton_matrix(h, drivers, whole, second, jacobians, matrix):
+    """Derivative of the residuals with respect to p at the nodes, in the order (c, i)."""
+    # drivers (3 d, s, s), whole (s, s), jacobians (s, d, d), matrix (d s, d s)
+    d, s = second.shape[0], whole.shape[0]
+    for c in range(d):
+        force, primary, place = drivers[3 * c], drivers[3 * c + 1], drivers[3 * c + 2]
+        for e in range(d):
+            for i in range(s):
+                for j in range(s):
+                    total = 0.0
+                    if second[e] == 0:
+                        total = force[i, j] * jacobians[j, c, e]
+                        if c == e:
+                            total += place[i, j]
+                    else:
+                        for k in range(s):
+                            share = force[i, k] * jacobians[k, c, e]
+                            if c == e:
+                                share += place[i, k]
+                            total += share * whole[k, j]
+                        total *= h
+                    if c == e:
+                        total += primary[i, j]
+                        if i == j:
+                            total -= 1.0
+                    matrix[c * s + i, e * s + j] = -total
+
+
+@kernel
+def solve_stages(
+    rhs, jac, has_jac, params, times, h, base, x_start, second, drivers, whole, goal, p, x, f, notes
+):  # fmt: skip
+    """Solve for p at the nodes by Newton's method from its present values.
+
+    Returns whether p is exact to `goal` (d,). With it go x and, corrected to first order for the
+    last change, f; notes: calls of the right-hand side, sweeps, the
+    rate of contraction seen and the size of the change it was seen at.
+    """
+    # base, p, x, f (d, s), notes (4,)
+    d, s = p.shape
+    matrix, order = np.empty((d * s, d * s)), np.empty(d * s, dtype=np.int64)
+    residual, change = np.empty(d * s), np.empty(d * s)
+    jacobians, before = np.empty((s, d, d)), np.empty((d, s))
+    previous, rate = np.inf, 1.0
+    positions(h, p, x_start, second, whole, x)
+    for sweep in range(_SWEEPS):
+        if sweep == 0 or sweep == 3:
+            # one Jacobian for all nodes at first: as good where little changes over the step
+            notes[0] += stage_jacobians(rhs, jac, has_jac, params, times, x, sweep > 0, jacobians)
+            newton_matrix(h, drivers, whole, second, jacobians, matrix)
+            if not factorise(matrix, order):
+                return False
+            previous = np.inf
+        forces(rhs, params, times, x, f)
+        notes[0] += s
+        notes[1] += 1
+        residuals(base, drivers, p, x, f, residual)
+        substitute(matrix, order, residual, change)
+        size = 0.0
+        for c in range(d):
+            for i in range(s):
+                p[c, i] -= change[c * s + i]
+                size = max(size, abs(change[c * s + i]) / goal[c])
+        if not size < np.inf:
+            return False
+        before[:] = x
+        positions(h, p, x_start, second, whole, x)
+        if previous < np.inf:
+            rate = size / previous
+            notes[2], notes[3] = max(rate, 0.1 * notes[2]), max(previous, 0.1 * notes[3])
+        else:  # as in steps before, and worse the further the guess was off
+            rate = notes[2] * max(1.0, size / notes[3])
+        if size * min(1.0, 4.0 * rate) < 1.0:
+            correct_forces(jacobians, before, x, f)
+            return True
+        if rate > 0.9 and sweep > 5:
+            return False
+        previous = size
+    return False
+
+
+@kernel
+def stage_jacobians(rhs, jac, has_jac, params, times, x, every, out):
+    """Jacobians at all nodes, or the middle one's for all; returns calls of `rhs`."""
+    # x (d, s), out (s, d, d)
+    s = times.shape[0]
+    point, calls = np.empty(x.shape[0]), 0
+    for i in range(s):
+        if i > 0 and not every:
+            out[i] = out[0]
+            continue
+        k = i if every else s // 2
+        point[:] = x[:, k]
+        calls += jacobian(rhs, jac, has_jac, times[k], point, params, out[i])
+    return calls
+
+
+@kernel
+def correct_forces(jacobians, before, x, f):
+    """Carry f (d, s) from the positions `before` to x by the Jacobians (s, d, d)."""
+    for i in range(x.shape[1]):
+        for c in range(x.shape[0]):
+            for e in range(x.shape[0]):
+                f[c, i] += jacobians[i, c, e] * (x[e, i] - before[e, i])
+
+
+@kernel
+def residuals(base, drivers, p, x, f, out):
+    """p - base - integrals of the drivers, at all nodes, in the order (c, i)."""
+    d, s = p.shape
+    for c in range(d):
+        force, primary, place = drivers[3 * c], drivers[3 * c + 1], drivers[3 * c + 2]
+        for i in range(s):
+            total = p[c, i] - base[c, i]
+            for j in range(s):
+                total -= force[i, j] * f[c, j] + primary[i, j] * p[c, j] + place[i, j] * x[c, j]
+            out[c * s + i] = total
+
+
+@kernel
+def read_modes(modes, rates, distances, out):
+    """out[c, i] = ``sum_m modes[c, m] exp(-rates[m] distances[i])``."""
+    # modes (d, M), rates (M,), distances (s,), out (d, s)
+    out[:] = 0.0
+    for m in range(rates.shape[0]):
+        for i in range(distances.shape[0]):
+            seen = math.exp(-rates[m] * distances[i])
+            for c in range(out.shape[0]):
+                out[c, i] += modes[c, m] * seen
+
+
+@kernel
+def combined_weights(channels, weights, driven):
+    """Weights of the drivers' modes in p, and of the constant 1: driven (d, 4, M)."""
+    # channels (n, 5), weights (n_a, M)
+    driven[:] = 0.0
+    for row in range(channels.shape[0]):
+        c, q, k = int(channels[row, 0]), int(channels[row, 1]), int(channels[row, 2])
+        for m in range(weights.shape[1]):
+            share = channels[row, 3] * weights[k, m]
+            driven[c, q, m] += share
+            driven[c, 3, m] -= share * channels[row, 4]
+
+
+@kernel
+def move_modes(h, rates, driven, legendre, values, modes):
+    """Let the modes decay over the step and take in the drivers' polynomials on it."""
+    # driven (d, 4, M), legendre (s, s): values to coefficients, values (3, d, s), modes (d, M)
+    d, s = values.shape[1], values.shape[2]
+    coefficients, moments = np.zeros((3, d, s)), np.empty(s)
+    for q in range(3):
+        for c in range(d):
+            for k in range(s):
+                for j in range(s):
+                    coefficients[q, c, k] += legendre[k, j] * values[q, c, j]
+    for m in range(rates.shape[0]):
+        z = rates[m] * h
+        exponential_legendre(z, s, moments)
+        keep = math.exp(-z)
+        for c in range(d):
+            total = driven[c, 3, m] * moments[0]
+            for q in range(3):
+                if driven[c, q, m] != 0.0:
+                    part = 0.0
+                    for k in range(s):
+                        part += moments[k] * coefficients[q, c, k]
+                    total += driven[c, q, m] * part
+            modes[c, m] = modes[c, m] * keep + h * total
+
+
+@kernel
+def estimate(h, channels, orders, legendre, values, errors):
+    """Error of p by each component's drivers: the Legendre coefficients after the last, integrated.
+
+    Nor may p itself, as the dense output interpolates it, be further off.
+    """
+    # values (3, d, s), errors (d,)
+    for c in range(errors.shape[0]):
+        last, shrink = tail(legendre, values[PRIMARY, c])
+        errors[c] = last * shrink * shrink
+    for row in range(channels.shape[0]):
+        c, q, k = int(channels[row, 0]), int(channels[row, 1]), int(channels[row, 2])
+        last, shrink = tail(legendre, values[q, c])
+        errors[c] += abs(channels[row, 3]) * h ** orders[k] * last * shrink
+
+
+@kernel
+def tail(legendre, values):
+    """Size of the last Legendre coefficient, and its ratio to the one before, 1 at most."""
+    # values (s,)
+    s = values.shape[0]
+    last, before = 0.0, 0.0
+    for j in range(s):
+        last += legendre[s - 1, j] * values[j]
+        before += legendre[s - 2, j] * values[j]
+    last, before = abs(last), abs(before)
+    return last, (min(1.0, last / before) if before > 0.0 else 1.0)
+
+
+@entry(RHS, JAC, I8, VEC, MAT, VEC, IVEC, VEC, CUBE, F8, MAT, VEC, VEC, CUBE, VEC)
+def solve_once(
+    rhs, jac, has_jac, params, channels, orders, second, times, singular, h, base, x_start, goal,
+    values, notes,
+):  # fmt: skip
+    """Solve one step from Python; base (d, s) holds p(0) and the past, values (3, d, s) f, p, y."""
+    drivers = np.empty((3 * second.shape[0], times.shape[0], times.shape[0]))
+    constant = np.empty((second.shape[0], times.shape[0]))
+    local_operators(h, channels, orders, singular, drivers, constant)
+    whole = singular[orders.shape[0] - 1]
+    return solve_stages(
+        rhs, jac, has_jac, params, times, h, base + constant, x_start, second, drivers, whole,
+        goal, values[1], values[2], values[0], notes,
+    )  # fmt: skip

@@ -1,0 +1,174 @@
+"""Step-adaptive spectral collocation (floor 2): the equation as a system of weak integrals.
+
+With p = y for components of order up to 1 and p = y' above, every component becomes ``p = p(0) +
+sum_k kappa_k J**a_k (q_k - o_k)``, 0 < a_k <= 1, where q is the right-hand side f, p, or y and o a
+constant: with the highest term ``c D**alpha`` and q = f that is kappa = 1/c, a = alpha - m + 1; a
+lower term ``c_j D**alpha_j`` brings kappa = -c_j/c and ``J**(alpha - alpha_j)`` of p, less p(0)
+where it has as many derivatives, or ``J**(alpha - alpha_j - 1)`` of y - y(0) where that exceeds 1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from .._checks import complaint, count, positive, within
+from ..kernels.collocation import FORCE, POSITION, PRIMARY
+from ..system import System
+from .scheme import Plan, Scheme, check_smoothness
+
+# Numbers closer than this are one; a sum of up to so many others is not taken for itself.
+_APART, _FEW = 1e-9, 4
+
+
+@dataclass(frozen=True)
+class Form:
+    """The system as weakly singular integral equations.
+
+    Attributes
+    ----------
+    channels : ndarray, shape (n, 5)
+        Component, driver (kernels/collocation.py), index of the order, kappa, offset.
+    orders : ndarray, shape (n_a,)
+        Orders of integration in (0, 1], ascending; the last one is 1.
+    second : ndarray of int64, shape (d,)
+        Whether the primary unknown is y'.
+    initial : ndarray, shape (d,)
+        p(0).
+    generators : tuple of float
+        Numbers whose sums are the powers of t that f, p and y are made of near 0.
+    """
+
+    channels: np.ndarray
+    orders: np.ndarray
+    second: np.ndarray
+    initial: np.ndarray
+    generators: tuple[float, ...]
+
+
+def integral_form(system: System) -> Form:
+    """The integral equations of a system of Caputo terms of orders in (0, 2]."""
+    highest = system.highest_orders()
+    second = highest > 1
+    initial = np.where(second, system.y0[-1], system.y0[0])
+    rows = []
+    for c in range(system.d):
+        leading = system.coefficients[system.orders[:, c] == highest[c], c].sum()
+        if leading == 0:
+            required = "leave a nonzero coefficient before the highest order"
+            raise ValueError(complaint("terms", required, f"0 for component {c}"))
+        rows.append((c, FORCE, highest[c] - second[c], 1 / leading, 0.0))
+        for coefficient, order in zip(system.coefficients[:, c], system.orders[:, c], strict=True):
+            if coefficient == 0 or order == highest[c]:
+                continue
+            a, kappa = highest[c] - order, -coefficient / leading
+            if not second[c] or order > 1:
+                rows.append((c, PRIMARY, a, kappa, initial[c]))
+            elif a <= 1:
+                rows.append((c, PRIMARY, a, kappa, 0.0))
+            else:
+                rows.append((c, POSITION, a - 1, kappa, system.y0[0, c]))
+    orders = sorted({row[2] for row in rows} | {1.0})
+    channels = np.array([(c, q, orders.index(a), kappa, o) for c, q, a, kappa, o in rows])
+    generators = _generators(tuple(a + (q == POSITION) for _, q, a, _, _ in rows))
+    return Form(channels, np.array(orders), second.astype(np.int64), initial, generators)
+
+
+def _generators(raised):
+    """Numbers whose sums are the powers of t in the solution: what integrals raise them by, and 1.
+
+    A number that is a sum of few smaller ones is left out.
+    """
+    kept: list[float] = []
+    for g in sorted({*raised, 1.0}):
+        sums = {0.0}
+        for _ in range(_FEW):
+            sums |= {e + other for e in sums for other in kept if e + other < g + _APART}
+        if min(abs(g - e) for e in sums) > _APART:
+            kept.append(float(g))
+    return tuple(kept)
+
+
+@dataclass(frozen=True)
+class Collocation(Scheme):
+    """Spectral collocation at Radau points with steps chosen by the tolerance.
+
+    Everything an `Equation` can hold: any number of terms and components, orders in (0, 2],
+    different ones in different components, classical terms among them. On every step the
+    right-hand side, and the unknown itself where lower terms need it, are polynomials through
+    their values at s points; their weakly singular integrals over the step are exact, and the past
+    is a sum of exponential modes moved on by exact moments. The step out of t = 0, and out of a
+    jump, takes sums of the powers of t that the solution is made of there instead of polynomials.
+
+    Parameters
+    ----------
+    nodes : int, optional
+        s, 2 to 12; by default 4 for tolerances down to 1e-5, 6 down to 1e-8 and 8 below.
+    horizon : float, optional
+        Time that a run is going to be resumed to, where that is beyond ten times its first length.
+
+    Error
+    -----
+    Kept within `rtol` and `atol` of `solve` (convergence/collocation.py); O(h**(s + a)) for smooth
+    solutions, a the smaller of 1 and the order of integration.
+
+    Stability
+    ---------
+    No step limit was found for orders up to 2 (docs/stability.md); implicit.
+
+    Cost
+    ----
+    s right-hand sides for each Newton sweep, one to three a step, and (modes) x s multiplications.
+
+    Source
+    ------
+    Collocation with graded meshes [Brunner2004]; this combination docs/collocation.md.
+
+    Examples
+    --------
+    >>> import hereditary as hd
+    >>> sol = hd.solve(hd.scenes.relaxation(0.5), 1.0, rtol=1e-10, scheme=hd.Collocation())
+    >>> round(float(sol.y[-1, 0]), 10)
+    0.4275835762
+    """
+
+    nodes: int | None = None
+    horizon: float | None = None
+    march: ClassVar[Callable]
+
+    def __post_init__(self) -> None:
+        if self.nodes is not None and not 2 <= count("nodes", self.nodes) <= 12:
+            raise ValueError(complaint("nodes", "lie in 2..12", self.nodes))
+        if self.horizon is not None:
+            positive("horizon", self.horizon)
+
+    def nodes_for(self, rtol: float) -> int:
+        """Number of nodes taken at a relative tolerance."""
+        if self.nodes is not None:
+            return int(self.nodes)
+        return 4 if rtol > 3e-6 else 6 if rtol > 3e-9 else 8
+
+    def order(self, alpha: float, smoothness: str = "smooth") -> float:
+        """Order of convergence for a given number of nodes, nodes + the order of integration.
+
+        Parameters
+        ----------
+        alpha : float
+            Highest order of the equation, 0 < alpha <= 2 [-].
+        smoothness : {"smooth", "singular"}
+            Whether the solution is smooth at 0 or behaves like t**alpha there; both give the same,
+            for the first step is made of such powers.
+        """
+        alpha = within("alpha", alpha, 5e-324, 2.0, "(0, 2]")
+        check_smoothness(smoothness)
+        if self.nodes is None:
+            raise ValueError(complaint("nodes", "be given for an order", None, "e.g. 6"))
+        return self.nodes + (alpha if alpha <= 1 else alpha - 1)
+
+    def plan(self, equation: System, h: float) -> Plan:
+        """Refuse: this scheme has no plan for uniform steps."""
+        required = "be left out with Collocation, which chooses its steps"
+        raise ValueError(complaint("n_steps", required, f"h = {h}", "pass rtol instead"))

@@ -1,0 +1,63 @@
+"""Rules of collocation (floor 2): nodes, their polynomials, and exact integrals of weak kernels."""
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.polynomial import legendre as leg
+from scipy.special import gamma, rgamma, roots_jacobi
+
+
+@lru_cache(maxsize=16)
+def radau_nodes(s):
+    """Right Radau points on (0, 1], the zeros of P_s - P_(s-1); the last one is 1."""
+    difference = np.zeros(s + 1)
+    difference[s], difference[s - 1] = 1.0, -1.0
+    x = np.sort(leg.legroots(difference).real)
+    derivative = leg.legder(difference)
+    for _ in range(3):
+        x = x - leg.legval(x, difference) / leg.legval(x, derivative)
+    nodes = (1 + x) / 2
+    nodes[-1] = 1.0
+    return _frozen(nodes)
+
+
+@lru_cache(maxsize=16)
+def to_legendre(s):
+    """Matrix from values at the Radau points to coefficients of shifted Legendre polynomials."""
+    return _frozen(np.linalg.inv(leg.legvander(2 * radau_nodes(s) - 1, s - 1)))
+
+
+@lru_cache(maxsize=256)
+def radau_integrals(s, a):
+    """Integrals of order a of the node polynomials, from 0 to each node, shape (s, s)."""
+    return _frozen(polynomial_integrals(s, a, radau_nodes(s)))
+
+
+def polynomial_integrals(s, a, ends):
+    """``J**a l_j`` at `ends` in [0, 1], shape (k, s), for the polynomials l_j of the Radau points.
+
+    By parts, ``J**a l(c) = c**a / Gamma(a+1) (l(0) + int_0^1 (1-u)**a c l'(c u) du)``: the weight
+    left is bounded also as a tends to 0, and the Gauss-Jacobi rule is exact.
+    """
+    coefficients = to_legendre(s)
+    slopes = 2 * leg.legder(coefficients, axis=0)
+    x, weights = roots_jacobi(s // 2 + 1, a, 0.0)
+    u, weights = (1 + x) / 2, weights / 2 ** (a + 1)
+    ends = np.asarray(ends, dtype=float)
+    at = np.multiply.outer(ends, u)
+    values = np.moveaxis(leg.legval(2 * at - 1, slopes), 0, -1)  # (k, nodes, s)
+    inner = ends[:, None] * np.einsum("q,kqj->kj", weights, values)
+    start = leg.legval(-1.0, coefficients)
+    return ends[:, None] ** a * rgamma(a + 1) * (start + inner)
+
+
+def power_integrals(exponents, a, ends):
+    """``J**a t**e`` at `ends` for each exponent e, shape (k, n)."""
+    exponents = np.asarray(exponents, dtype=float)
+    factors = gamma(exponents + 1) * rgamma(exponents + a + 1)
+    return np.asarray(ends, dtype=float)[:, None] ** (exponents + a) * factors
+
+
+def _frozen(array):
+    array.flags.writeable = False
+    return array

@@ -1,0 +1,163 @@
+"""The adaptive driver (floor 4): from t = 0 or a state to the end, through breaks and events."""
+
+import time
+
+import numpy as np
+
+from .._checks import complaint, positive, real_array, shown, within
+from ..history.exponentials import SumOfExponentials
+from .adaptive_stepper import AdaptiveStepper
+from .dense import Dense
+from .events import Events
+from .progress import Interruption, ProgressBar
+from .solution import Solution, Status
+
+# Below this the rounding of double precision, not the scheme, decides.
+TOLERANCE_FLOOR = 1e-12
+# Steps between two looks at Ctrl-C and the progress bar.
+_ROWS = 256
+
+
+def solve_adaptively(
+    equation, t_end, scheme, history, rtol, atol, save_every, t_eval, breaks, events, progress,
+    resume,
+):  # fmt: skip
+    """Solve with steps chosen by the tolerance; the arguments of `solve`, some of them checked."""
+    began = time.perf_counter()
+    rtol, atol = _tolerances(rtol, atol)
+    if not isinstance(history, SumOfExponentials | None):
+        required = "be left out with Collocation, or be SumOfExponentials(tol)"
+        raise ValueError(complaint("history", required, repr(history)))
+    tol = None if history is None else history.tol
+    stepper = AdaptiveStepper(equation, scheme, t_end, rtol, atol, tol)
+    if resume is not None:
+        _resume(stepper, resume, t_end)
+    stops = _stops(breaks, stepper.t, t_end)
+    found = Events(events)
+    keeper = _Keeper(stepper, save_every, t_eval, found)
+    ready = time.perf_counter()
+    status, detail = _run(stepper, stops, keeper, progress)
+    seconds = (ready - began, time.perf_counter() - ready)
+    return keeper.solution(status, detail, seconds)
+
+
+def _tolerances(rtol, atol):
+    interval, remedy = f"[{TOLERANCE_FLOOR:g}, 0.1]", "double precision allows no less"
+    rtol = 1e-6 if rtol is None else rtol
+    rtol = within("rtol", rtol, TOLERANCE_FLOOR, 0.1, interval, remedy)
+    return rtol, 1e-2 * rtol if atol is None else positive("atol", atol)
+
+
+def _resume(stepper, state, t_end):
+    if t_end <= state.t:
+        raise ValueError(complaint("t_end", f"exceed the state's time {state.t}", t_end))
+    stepper.restore(state, t_end)
+
+
+def _stops(breaks, t, t_end):
+    """Breaks ahead, and the end."""
+    times = real_array("breaks", breaks)
+    if times.ndim != 1 or np.any(np.diff(times) <= 0) or np.any(times <= 0):
+        required = "be increasing times above 0"
+        raise ValueError(complaint("breaks", required, shown(times)))
+    return [*times[(times > t) & (times < t_end)].tolist(), t_end]
+
+
+def _run(stepper, stops, keeper, progress):
+    """March to the last stop; the status and a detail for it."""
+    bar, begun = ProgressBar(progress), stepper.t
+    n_rows = 1 if keeper.events.terminal else _ROWS
+    try:
+        with Interruption() as interruption:
+            for number, stop in enumerate(stops):
+                if number:
+                    stepper.leave_corner()
+                while stepper.t < stop:
+                    start = stepper.t
+                    try:
+                        piece = stepper.advance(stop, n_rows)
+                    except Exception as error:
+                        return Status.RHS_FAILED, f"{type(error).__name__}: {error}"
+                    if piece is not None and keeper.keep(piece, start):
+                        return Status.EVENT, ""
+                    if stepper.blown_up:
+                        return Status.BLOWN_UP, "no step is small enough"
+                    if stepper.not_solved:
+                        return Status.NOT_SOLVED, ""
+                    bar.update((stepper.t - begun) / (stops[-1] - begun))
+                    if interruption.asked and stepper.t < stops[-1]:
+                        interruption.heeded = True
+                        return Status.INTERRUPTED, ""
+    finally:
+        bar.close()
+    return Status.COMPLETED, ""
+
+
+class _Keeper:
+    """The rows and the dense output of a run."""
+
+    def __init__(self, stepper, save_every, t_eval, events):
+        self._stepper, self._every, self._wanted, self.events = stepper, save_every, t_eval, events
+        self._start, self._end, self._n_seen = stepper.t, stepper.t, 0
+        self._dense = Dense(stepper.second)
+        self._times: list = []
+        self._rows: list = []
+        self._slopes: list = []
+        if t_eval is None:
+            self._add(np.array([stepper.t]), stepper.y[None], stepper.ydot[None])
+        elif t_eval[0] <= stepper.t:
+            self._add(t_eval[:1], stepper.y[None], stepper.ydot[None])
+            self._wanted = t_eval[1:]
+
+    def _add(self, t, y, ydot):
+        self._times.append(t)
+        self._rows.append(y)
+        self._slopes.append(ydot)
+
+    def keep(self, piece, start):
+        """Take in a piece; whether a terminal event ends the run in it."""
+        dense = self._dense
+        if self._wanted is not None:
+            dense = Dense(self._stepper.second)  # rows at given times are all that is kept
+        dense.add(piece, start)
+        edges = np.append(piece.edges(), self._stepper.t)
+        end = None
+        if self.events.times:
+            end = self.events.look(edges, lambda t: dense(t, 0, edges[-1]))
+        self._end = edges[-1] if end is None else end
+        if self._wanted is None:
+            n = np.arange(self._n_seen + 1, self._n_seen + edges.size)
+            chosen = (n % self._every == 0) & (edges[1:] <= self._end)
+            self._n_seen += edges.size - 1
+            times = edges[1:][chosen]
+        else:
+            ahead = int(np.searchsorted(self._wanted, self._end, side="right"))
+            times, self._wanted = self._wanted[:ahead], self._wanted[ahead:]
+        if times.size:
+            self._add(times, *(dense(times, k, edges[-1]) for k in (0, 1)))
+        if end is not None or (self._wanted is None and self._stepper.t == self._end):
+            self._last = (self._end, *(dense(self._end, k, edges[-1]) for k in (0, 1)))
+        return end is not None
+
+    def solution(self, status, detail, seconds):
+        """The solution as far as it went."""
+        stepper = self._stepper
+        keeps_steps = self._wanted is None
+        if keeps_steps and self._times[-1][-1] < self._end:
+            t, y, ydot = self._last
+            self._add(np.array([t]), y[None], ydot[None])
+        message = status.value + (f": {detail}" if detail else "")
+        if status is not Status.COMPLETED:
+            message += f" (t = {self._end:g})"
+        return Solution(
+            t=np.concatenate(self._times) if self._times else np.zeros(0),
+            y=np.concatenate(self._rows) if self._rows else np.zeros((0, stepper.equation.d)),
+            ydot=np.concatenate(self._slopes) if stepper.equation.m == 2 else None,
+            status=status,
+            message=message,
+            stats=stepper.stats() | {"setup_seconds": seconds[0], "run_seconds": seconds[1]},
+            state=stepper.state(),
+            dense=self._dense if keeps_steps else None,
+            t_events=[np.array(times) for times in self.events.times],
+            y_events=[np.array(values) for values in self.events.values],
+        )

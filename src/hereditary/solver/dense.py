@@ -1,0 +1,118 @@
+"""Dense output (floor 4): the solution of collocation steps at any time."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.polynomial import legendre as leg
+
+from .._checks import complaint, real_array, shown
+from ..schemes.power_basis import PowerBasis
+from ..schemes.quadrature import polynomial_integrals, radau_nodes
+
+
+@dataclass(frozen=True, eq=False)
+class PowerPiece:
+    """A step of functions in a power basis: start, length, f, p and y at its nodes (3, d, n)."""
+
+    start: float
+    length: float
+    basis: PowerBasis
+    values: np.ndarray
+
+    def edges(self):
+        """Start of each step, here one."""
+        return np.array([self.start])
+
+    def evaluate(self, t, second, derivative):
+        """y or y' at times t inside the step, shape (k, d)."""
+        u = np.clip((t - self.start) / self.length, 0.0, 1.0)
+        _, p, y = self.values
+        if not derivative:
+            return self.basis.interpolate(y, u).T
+        slopes = np.where(second, 0.0, self.basis.slopes(u) @ p.T / self.length)
+        return np.where(second, self.basis.interpolate(p, u).T, slopes)
+
+
+@dataclass(frozen=True, eq=False)
+class PolynomialPieces:
+    """Consecutive steps: starts and lengths (k,), p at the nodes (k, d, s), y and p at the starts.
+
+    `begins` (k, 2 d) holds first y, then p.
+    """
+
+    starts: np.ndarray
+    lengths: np.ndarray
+    rows: np.ndarray
+    begins: np.ndarray
+
+    def edges(self):
+        """Start of each step."""
+        return self.starts
+
+    def evaluate(self, t, second, derivative):
+        """y or y' at times t inside the steps, shape (k, d)."""
+        i = np.clip(np.searchsorted(self.starts, t, side="right") - 1, 0, self.starts.size - 1)
+        d, s = self.rows.shape[1:]
+        u = np.clip((t - self.starts[i]) / self.lengths[i], 0.0, 1.0)
+        rows, h = self.rows[i], self.lengths[i, None]
+        # p through its values at the start and at the nodes
+        values = np.concatenate([self.begins[i, d:, None], rows], axis=2)
+        coefficients = values @ _through_start(s).T
+        if derivative:
+            slopes = np.einsum("kdj,kj->kd", coefficients, _slopes(u, s)) / h
+            return np.where(second, np.einsum("kdj,kj->kd", coefficients, _values(u, s)), slopes)
+        p = np.einsum("kdj,kj->kd", coefficients, _values(u, s))
+        if not second.any():
+            return p
+        # the integral of the steps' own polynomials, so that y is continuous
+        risen = h * np.einsum("kdj,kj->kd", rows, polynomial_integrals(s, 1.0, u))
+        return np.where(second, self.begins[i, :d] + risen, p)
+
+
+def _through_start(s):
+    """Values at 0 and at the Radau points to Legendre coefficients."""
+    points = np.concatenate([[0.0], radau_nodes(s)])
+    return np.linalg.inv(leg.legvander(2 * points - 1, s))
+
+
+def _values(u, s):
+    return leg.legvander(2 * u - 1, s)
+
+
+def _slopes(u, s):
+    """Derivatives of the shifted Legendre polynomials of degree 0 .. s."""
+    return np.array([2 * leg.legval(2 * u - 1, leg.legder(row)) for row in np.eye(s + 1)]).T
+
+
+class Dense:
+    """The solution at any time of a run, from the steps that made it.
+
+    Parameters
+    ----------
+    second : ndarray of bool, shape (d,)
+        Components whose first derivative was the unknown.
+    """
+
+    def __init__(self, second):
+        self._second = np.asarray(second, dtype=bool)
+        self._pieces: list = []
+        self._starts: list[float] = []
+
+    def add(self, piece, start):
+        """Take in what follows from `start` on."""
+        self._pieces.append(piece)
+        self._starts.append(start)
+
+    def __call__(self, t, derivative, end):
+        """y, or y' for ``derivative=1``, at times t up to `end`; shape (d,) or (k, d)."""
+        times = np.atleast_1d(real_array("t", t))
+        start = self._starts[0] if self._starts else end
+        if not np.all((times >= start) & (times <= end)):
+            required = f"lie in [{start}, {end}]"
+            raise ValueError(complaint("t", required, shown(times)))
+        out = np.empty((times.size, self._second.size))
+        where = np.searchsorted(self._starts, times, side="right") - 1
+        for k in np.unique(where):
+            chosen = where == k
+            out[chosen] = self._pieces[k].evaluate(times[chosen], self._second, derivative)
+        return out if np.ndim(t) else out[0]

@@ -1,0 +1,118 @@
+"""The driver of given steps (floor 4): marches a stepper to the end and keeps the rows."""
+
+import time
+
+import numpy as np
+
+from .._checks import complaint, count, shown
+from ..meshes import mesh_times
+from .drive import Drive, reached_end, told
+from .mesh_stepper import MeshStepper
+from .progress import Interruption, ProgressBar
+from .rows import Rows
+from .solution import Solution
+from .stepper import Stepper
+
+
+def solve_on_steps(
+    equation, t_end, n_steps, mesh, scheme, history, save_every, t_eval, progress, resume
+):  # fmt: skip
+    """Solve with uniform steps or along a mesh; the arguments of `solve`, most of them checked."""
+    began = time.perf_counter()
+    if mesh is not None:
+        stepper, n_total = _on_mesh(equation, scheme, history, t_end, n_steps, mesh, resume)
+    else:
+        stepper, n_total = _on_uniform_steps(equation, scheme, history, t_end, n_steps, resume)
+    wanted = Rows(stepper, n_total, save_every, t_eval)
+    stepper.prepare(n_total)
+    ready = time.perf_counter()
+    status, detail = _run(stepper, n_total, wanted, progress)
+    wanted.close(stepper, t_end)
+    seconds = (ready - began, time.perf_counter() - ready)
+    return _solution(stepper, wanted, status, detail, seconds)
+
+
+def _on_mesh(equation, scheme, history, t_end, n_steps, mesh, resume):
+    """Stepper along a mesh, and its last step number."""
+    for name, value in (("n_steps", n_steps), ("resume", resume)):
+        if value is not None:
+            required = "be left out where a mesh is given"
+            raise ValueError(complaint(name, required, type(value).__name__))
+    times = mesh_times(mesh, t_end)
+    return MeshStepper(equation, scheme, history, times), times.size - 1
+
+
+def _on_uniform_steps(equation, scheme, history, t_end, n_steps, resume):
+    """Stepper with uniform steps, anew or resumed, and its last step number."""
+    h, n_total, prepared = uniform_steps(t_end, n_steps, resume)
+    stepper = Stepper(equation, scheme, history, h, prepared)
+    if resume is not None:
+        stepper.restore(resume)
+        if not np.all(np.isfinite(stepper.y)):
+            required = "hold a finite solution"
+            raise ValueError(complaint("resume", required, f"y = {shown(stepper.y)}"))
+    return stepper, n_total
+
+
+def uniform_steps(t_end, n_steps, state):
+    """Step, last step number and the number of steps that the history is opened for."""
+    if state is None:
+        if n_steps is None:
+            raise TypeError(complaint("n_steps", "be given", "none", "e.g. n_steps=10_000"))
+        n_steps = count("n_steps", n_steps)
+        return t_end / n_steps, n_steps, n_steps
+    n_total = round(t_end / state.h)
+    if n_total <= state.n:
+        raise ValueError(complaint("t_end", f"exceed the state's time {state.t}", t_end))
+    if abs(n_total * state.h - t_end) > 1e-6 * state.h:
+        remedy = f"the nearest is {n_total * state.h}"
+        required = f"be a whole number of the state's steps h = {state.h}"
+        raise ValueError(complaint("t_end", required, t_end, remedy))
+    if n_steps is not None and count("n_steps", n_steps) not in (n_total, n_total - state.n):
+        required = f"be {n_total - state.n} (from the state) or {n_total} (from 0), its step kept"
+        raise ValueError(complaint("n_steps", required, n_steps, "or leave n_steps out"))
+    return state.h, n_total, state.memory_steps
+
+
+def _run(stepper, n_total, wanted, progress):
+    """March to step n_total or as far as it goes; return the status and a detail for it."""
+
+    def advance(n_more):
+        positions, rows, slopes = wanted.positions(stepper.n, stepper.n + n_more)
+        try:
+            stepper.advance(n_more, positions, rows, slopes)
+        finally:
+            wanted.keep(positions, stepper.rows_written)  # also those before an exception
+
+    bar = ProgressBar(progress)
+    try:
+        with Interruption() as interruption:
+            ended = Drive(stepper, n_total, advance, interruption, bar).to(n_total)
+    finally:
+        bar.close()
+    return ended or (reached_end(stepper), "")
+
+
+def _solution(stepper, wanted, status, detail, seconds):
+    size = wanted.size
+    t, y, ydot = wanted.t[:size], wanted.y[:size], wanted.ydot[:size]
+    if stepper.equation.m == 1:
+        ydot = None
+    message = told(stepper, status, detail)
+    return Solution(
+        t=t,
+        y=y,
+        ydot=ydot,
+        status=status,
+        message=message,
+        stats={
+            "n_steps": stepper.n,
+            "n_rhs": stepper.n_rhs,
+            "n_modes": stepper.memory.n_modes,
+            "history_bytes": stepper.memory.nbytes,
+            "setup_seconds": seconds[0],
+            "run_seconds": seconds[1],
+            "stiffness_ratio": stepper.largest_ratio,
+        },
+        state=stepper.state(),
+    )
