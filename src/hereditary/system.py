@@ -99,3 +99,63 @@ def _shifted(fun):
         fun(t + params[own], y, out, params[:own])
 
     return njit(error_model="numpy", nogil=True)(later)
+
+
+def first_order(system):
+    """A system of integer orders as one of first order: the velocities become components.
+
+    They stand behind the d components, in their order, one for each component of order 2.
+    """
+    second = system.highest_orders() > 1
+    friction, leading, only = (
+        np.where(system.orders == order, system.coefficients, 0.0).sum(axis=0) * chosen
+        for order, chosen in ((1, second), (2, second), (1, ~second))
+    )
+    coefficients = np.concatenate([np.where(second, 1.0, only), leading[second]])
+    y0 = np.concatenate([system.y0[0], system.y0[-1][second]])
+    params = np.concatenate([system.params, second, friction, [system.d]])
+    jac = _with_velocities_jacobian(system._jac) if system.has_jac else None
+    rhs = _with_velocities(system._rhs)
+    return System(np.ones((1, y0.size)), coefficients[None], y0[None], params, rhs, jac)
+
+
+@lru_cache(maxsize=64)
+def _with_velocities(rhs):
+    """The right-hand side of the first-order system; params end in masks and frictions (d,), d."""
+
+    def enlarged(t, y, dy, params):
+        d = int(params[-1])
+        own = params.shape[0] - 2 * d - 1
+        rhs(t, y[:d], dy[:d], params[:own])
+        k = d
+        for j in range(d):
+            if params[own + j] == 1.0:
+                force = dy[j]
+                dy[j] = y[k]
+                dy[k] = force - params[own + d + j] * y[k]
+                k += 1
+
+    return njit(error_model="numpy", nogil=True)(enlarged)
+
+
+@lru_cache(maxsize=64)
+def _with_velocities_jacobian(jac):
+    """Its Jacobian."""
+
+    def enlarged(t, y, out, params):
+        d = int(params[-1])
+        own = params.shape[0] - 2 * d - 1
+        block = np.empty((d, d))
+        jac(t, y[:d], block, params[:own])
+        out[:] = 0.0
+        k = d
+        for j in range(d):
+            row = j
+            if params[own + j] == 1.0:
+                out[j, k] = 1.0
+                out[k, k] = -params[own + d + j]
+                row = k
+                k += 1
+            out[row, :d] = block[j]
+
+    return njit(error_model="numpy", nogil=True)(enlarged)

@@ -214,6 +214,35 @@ def test_transient_growth_is_not_counted():
     assert late.times[0] == pytest.approx(10.5)
 
 
+@pytest.mark.parametrize("scheme", [s for s in FIRST_ORDER if not isinstance(s, hd.L2)], ids=repr)
+def test_classical_decay_is_followed_for_ever(scheme):
+    """x'' = x - 0.5 x' and x'' = x: a tangent has shrunk by 1e-43 in the end."""
+    equation = hd.Equation(
+        [hd.Caputo(2.0), 0.5 * hd.Caputo(1.0)], lambda t, x: 1.0 * x, [1.0, 0.0], jac=one
+    )
+    if isinstance(scheme, (hd.Adams, hd.ProductTrapezoid, hd.L2Sigma)):
+        equation = hd.Equation(hd.Caputo(2.0), lambda t, x: 1.0 * x, [1.0, 0.0], jac=one)
+    friction = 0.5 if len(equation.terms) == 2 else 0.0
+    root = np.sqrt(1 + friction**2 / 4)
+    result = hd.lyapunov(equation, 100.0, 20_000, 2, scheme=scheme)
+    assert result.slope == pytest.approx([root - friction / 2, -root - friction / 2], abs=0.01)
+    assert result.y.shape == (1,)
+    if scheme.order(1.0) == 2:
+        assert abs(result.sum_rule_defect) < 5e-5
+
+
+def one(t, x):
+    return np.array([[1.0]])
+
+
+def test_too_long_an_interval_warns():
+    arguments = (hd.scenes.lorenz(), 12.0, 6000, 3)
+    with pytest.warns(RuntimeWarning, match="shorter renorm"):
+        result = hd.lyapunov(*arguments, scheme=hd.L2Sigma(), renorm=4.0)
+    assert "shorter renorm" in result.message
+    assert "renorm" not in hd.lyapunov(*arguments, scheme=hd.L2Sigma()).message
+
+
 @pytest.mark.parametrize("mode", ["tangent", "pair"])
 def test_a_diverging_orbit_is_reported_with_its_record(mode):
     blow = hd.Equation(hd.Caputo(0.9), lambda t, y: y * y, 1.0)

@@ -40,6 +40,7 @@ class Record:
         self.total = np.zeros(k)
         self._at_transient = np.zeros(k)
         self.n_last = 0
+        self.widest = 0.0
 
     def next_stop(self, n_total):
         """Step of the next renormalisation."""
@@ -49,6 +50,7 @@ class Record:
     def add(self, n, logs):
         """Note the growth up to step n, and suit the interval to it."""
         self.n_last = n
+        self.widest = max(self.widest, float(np.ptp(logs)))
         self.total = self.total + logs
         if n == self._n_transient:
             self._at_transient = self.total
