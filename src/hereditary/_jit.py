@@ -19,6 +19,7 @@ I8 = types.int64
 VEC = types.Array(F8, 1, "C")
 MAT = types.Array(F8, 2, "C")
 CUBE = types.Array(F8, 3, "C")
+CUBES = types.Array(F8, 4, "C")
 IVEC = types.Array(I8, 1, "C")
 
 # t, y, dy, params: fills dy (d,)

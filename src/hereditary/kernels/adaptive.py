@@ -3,8 +3,9 @@
 import numpy as np
 from numba import types
 
-from .._jit import CUBE, F8, I8, IVEC, MAT, VEC, entry, kernel
+from .._jit import CUBE, CUBES, F8, I8, IVEC, MAT, VEC, entry, kernel
 from .collocation import (
+    FORCE,
     POSITION,
     PRIMARY,
     combined_weights,
@@ -13,6 +14,7 @@ from .collocation import (
     move_modes,
     read_modes,
     solve_stages,
+    solve_tangents,
 )
 from .signatures import JAC, RHS
 
@@ -24,15 +26,17 @@ _GROW, _SHRINK, _SAFETY, _NEWTON = 3.0, 0.2, 0.9, 0.01
 # Highest degree that is extrapolated for a first guess.
 _GUESS = 3
 
-# channels, orders, whether second (d,), p0 (d,)
-FORM = types.Tuple((MAT, VEC, IVEC, VEC))
+# Strands are the orbit and then k tangents.
+# channels, orders, whether second (d,), p0 (1 + k, d), offsets (1 + k, n)
+FORM = types.Tuple((MAT, VEC, IVEC, MAT, MAT))
 # nodes (s,), integrals (n_a, s, s), values to Legendre coefficients (s, s)
 RULE = types.Tuple((VEC, CUBE, MAT))
 # rates (M,), weights (n_a, M)
 BANK = types.Tuple((VEC, MAT))
-# clock [t, h, last step, closest distance], notes, steps [accepted, rejected], x, p, largest |p|
-# (d,), modes now and before the last step (d, M), f, p, x at the last step's nodes (3, d, s)
-RUN = types.Tuple((VEC, VEC, IVEC, VEC, VEC, VEC, MAT, MAT, CUBE))
+# clock [t, h, last step, closest distance], notes, steps [accepted, rejected], largest |p| (d,),
+# and for all strands x, p (1 + k, d), modes now and before the last step (1 + k, d, M), and f, p, x
+# at the last step's nodes (1 + k, 3, d, s)
+RUN = types.Tuple((VEC, VEC, IVEC, VEC, MAT, MAT, CUBE, CUBE, CUBES))
 # starts and lengths of steps (k,), p at the nodes (k, d, s), y and p at the start (k, 2 d), error
 # over tolerance (k,)
 TRACK = types.Tuple((VEC, VEC, CUBE, MAT, VEC))
@@ -41,17 +45,17 @@ TRACK = types.Tuple((VEC, VEC, CUBE, MAT, VEC))
 @entry(RHS, JAC, I8, VEC, FORM, RULE, BANK, RUN, TRACK, F8, F8, F8)
 def march_adaptive(rhs, jac, has_jac, params, form, rule, bank, run, track, t_stop, rtol, atol):
     """March to t_stop; the number of rows and how it ended."""
-    channels, orders, second, p0 = form
+    channels, orders, second, p0, offsets = form
     nodes, singular, legendre = rule
     rates, weights = bank
-    clock, notes, steps, x, p, largest, modes, before, last = run
+    clock, notes, steps, largest, x, p, modes, before, last = run
     starts, lengths, rows, begins, ratios = track
-    d, s = x.shape[0], nodes.shape[0]
+    n_strands, d, s = x.shape[0], x.shape[1], nodes.shape[0]
     whole = singular[orders.shape[0] - 1]  # the last order is 1
-    drivers, constant = np.empty((3 * d, s, s)), np.empty((d, s))
-    driven = np.empty((d, 4, rates.shape[0]))
-    combined_weights(channels, weights, driven)
-    base, values = np.empty((d, s)), np.empty((3, d, s))
+    drivers, constant = np.empty((3 * d, s, s)), np.empty((n_strands, d, s))
+    driven, idle = np.empty((d, 3, rates.shape[0])), np.empty((n_strands, d, rates.shape[0]))
+    combined_weights(channels, offsets, weights, driven, idle)
+    base, values = np.empty((n_strands, d, s)), np.empty((n_strands, 3, d, s))
     errors, goal, times, made = np.empty(d), np.empty(d), np.empty(s), -1.0
     lowest = lowest_order(channels, orders)
     row, rejected = 0, False
@@ -59,41 +63,43 @@ def march_adaptive(rhs, jac, has_jac, params, form, rule, bank, run, track, t_st
         if row == starts.shape[0]:
             return row, FULL
         t, left = clock[0], t_stop - clock[0]
-        h = min(clock[1], left)
-        if h < left < 2.0 * h:
-            h = 0.5 * left
+        h = left if clock[1] >= left else min(clock[1], 0.5 * left)
         if not t + 0.01 * h > t:
             return row, TOO_ROUGH
         if nodes[0] * h < clock[3]:
             return row, TOO_CLOSE
         if h != made:
-            local_operators(h, channels, orders, singular, drivers, constant)
+            local_operators(h, channels, offsets, orders, singular, drivers, constant)
             made = h
-        read_modes(modes, rates, h * nodes, base)
-        known_part(p0, constant, base)
-        goal[:] = _NEWTON * (atol + rtol * np.maximum(largest, np.abs(p)))
+        known_part(modes, rates, h * nodes, p0, constant, base)
+        goal[:] = _NEWTON * (atol + rtol * np.maximum(largest, np.abs(p[0])))
         # just before the stop, where the right-hand side may jump
         times[:] = np.minimum(t + h * nodes, np.nextafter(t_stop, 0.0))
-        guess(nodes, legendre, last[PRIMARY], h, clock[2], p, values[PRIMARY])
+        guess(nodes, legendre, last[0, PRIMARY], h, clock[2], p[0], values[0, PRIMARY])
         solved = solve_stages(
-            rhs, jac, has_jac, params, times, h, base, x, second, drivers, whole, goal,
-            values[1], values[2], values[0], notes,
+            rhs, jac, has_jac, params, times, h, base[0], x[0], second, drivers, whole, goal,
+            values[0, PRIMARY], values[0, POSITION], values[0, FORCE], notes,
         )  # fmt: skip
         ratio = np.inf
         if solved:
-            estimate(h, channels, orders, legendre, values, errors)
-            ratio = over_tolerance(h, errors, values, second, largest, rtol, atol)
-        clock[1] = next_length(h, ratio, rejected, s + lowest)
+            estimate(h, channels, orders, legendre, values[0], errors)
+            ratio = over_tolerance(h, errors, values[0], second, largest, rtol, atol)
+        clock[1] = next_length(h, clock[1], ratio, rejected, s + lowest)
         rejected = not ratio <= 1.0
         if rejected:
             steps[1] += 1
             if not t + 0.01 * clock[1] > t:
                 return row, (TOO_ROUGH if solved else NOT_SOLVED)
             continue
-        before[:] = modes
-        move_modes(h, rates, driven, legendre, values, modes)
+        if n_strands > 1:
+            solve_tangents(
+                rhs, jac, has_jac, params, times, h, base, x, second, drivers, whole, values, notes
+            )
         starts[row], lengths[row], ratios[row] = t, h, ratio
-        accept(values, second, x, p, largest, last, rows[row], begins[row])
+        keep_row(values[0], x[0], p[0], second, largest, rows[row], begins[row])
+        before[:] = modes
+        last[:] = values
+        move_on(h, rates, driven, idle, legendre, values, x, p, modes)
         row += 1
         steps[0] += 1
         clock[0], clock[2] = (t_stop if h == left else t + h), h
@@ -101,16 +107,23 @@ def march_adaptive(rhs, jac, has_jac, params, form, rule, bank, run, track, t_st
 
 
 @kernel
-def known_part(p0, constant, base):
-    """Add p(0) and the offsets' share to what the modes give, (d, s)."""
-    for c in range(base.shape[0]):
-        for i in range(base.shape[1]):
-            base[c, i] += p0[c] + constant[c, i]
+def known_part(modes, rates, distances, p0, constant, base):
+    """What every strand's p is made of besides the step itself, (1 + k, d, s)."""
+    for strand in range(base.shape[0]):
+        read_modes(modes[strand], rates, distances, base[strand])
+        for c in range(base.shape[1]):
+            for i in range(base.shape[2]):
+                base[strand, c, i] += p0[strand, c] + constant[strand, c, i]
 
 
 @kernel
-def next_length(h, ratio, rejected, order):
-    """Length of the step after one whose error was `ratio` times its tolerance."""
+def next_length(h, planned, ratio, rejected, order):
+    """Length of the step after one whose error was `ratio` times its tolerance.
+
+    A step made shorter than planned, to end at a stop, says little about the next one.
+    """
+    if ratio <= 1.0 and h < planned:
+        return planned
     if not ratio < np.inf:
         return 0.25 * h
     factor = _SAFETY * max(ratio, 1e-12) ** (-1.0 / order)
@@ -127,15 +140,22 @@ def lowest_order(channels, orders):
 
 
 @kernel
-def accept(values, second, x, p, largest, last, nodal, begin):
-    """Note a step's start and values, and move to its end."""
-    # values, last (3, d, s), nodal (d, s), begin (2 d,)
+def move_on(h, rates, driven, idle, legendre, values, x, p, modes):
+    """Every strand to the end of the step."""
+    for strand in range(x.shape[0]):
+        move_modes(h, rates, driven, idle[strand], legendre, values[strand], modes[strand])
+        x[strand] = values[strand, POSITION, :, -1]
+        p[strand] = values[strand, PRIMARY, :, -1]
+
+
+@kernel
+def keep_row(values, x, p, second, largest, nodal, begin):
+    """Note a step's start and p at its nodes, and the largest p so far where it is a velocity."""
+    # values (3, d, s), x, p (d,), nodal (d, s), begin (2 d,)
     d, s = nodal.shape
-    last[:] = values
     nodal[:] = values[PRIMARY]
     for c in range(d):
         begin[c], begin[d + c] = x[c], p[c]
-        x[c], p[c] = values[POSITION, c, s - 1], values[PRIMARY, c, s - 1]
         for i in range(s):
             if second[c] == 1:
                 largest[c] = max(largest[c], abs(nodal[c, i]))

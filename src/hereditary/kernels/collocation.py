@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from .._jit import CUBE, F8, I8, IVEC, MAT, VEC, entry, kernel
+from .._jit import CUBE, CUBES, F8, I8, IVEC, MAT, VEC, entry, kernel
 from .jacobian import jacobian
 from .linalg import factorise, substitute
 from .signatures import JAC, RHS
@@ -48,16 +48,17 @@ def exponential_legendre(z, n, out):
 
 
 @kernel
-def local_operators(h, channels, orders, singular, drivers, constant):
+def local_operators(h, channels, offsets, orders, singular, drivers, constant):
     """What values at the nodes contribute to p at the nodes, within a step of length h.
 
-    drivers[3 c + q] is the matrix for driver q of component c, constant[c] what offsets take.
+    drivers[3 c + q] is the matrix for driver q of component c, constant[j, c] what the offsets of
+    strand j take.
     """
-    # channels (n, 5): component, driver, index of the order, kappa, offset; orders (n_a,)
-    # singular (n_a, s, s), drivers (3 d, s, s), constant (d, s)
+    # channels (n, 4): component, driver, index of the order, kappa; offsets (1 + k, n)
+    # orders (n_a,), singular (n_a, s, s), drivers (3 d, s, s), constant (1 + k, d, s)
     drivers[:] = 0.0
     constant[:] = 0.0
-    n_nodes = constant.shape[1]
+    n_nodes = constant.shape[2]
     for row in range(channels.shape[0]):
         c, q, k = int(channels[row, 0]), int(channels[row, 1]), int(channels[row, 2])
         factor = channels[row, 3] * h ** orders[k]
@@ -65,7 +66,8 @@ def local_operators(h, channels, orders, singular, drivers, constant):
             for j in range(n_nodes):
                 share = factor * singular[k, i, j]
                 drivers[3 * c + q, i, j] += share
-                constant[c, i] -= share * channels[row, 4]
+                for strand in range(offsets.shape[0]):
+                    constant[strand, c, i] -= share * offsets[strand, row]
 
 
 @kernel
@@ -227,22 +229,25 @@ def read_modes(modes, rates, distances, out):
 
 
 @kernel
-def combined_weights(channels, weights, driven):
-    """Weights of the drivers' modes in p, and of the constant 1: driven (d, 4, M)."""
-    # channels (n, 5), weights (n_a, M)
+def combined_weights(channels, offsets, weights, driven, idle):
+    """Weights of the drivers' modes in p, driven (d, 3, M), and of 1, idle (1 + k, d, M)."""
+    # channels (n, 4), offsets (1 + k, n), weights (n_a, M)
     driven[:] = 0.0
+    idle[:] = 0.0
     for row in range(channels.shape[0]):
         c, q, k = int(channels[row, 0]), int(channels[row, 1]), int(channels[row, 2])
         for m in range(weights.shape[1]):
             share = channels[row, 3] * weights[k, m]
             driven[c, q, m] += share
-            driven[c, 3, m] -= share * channels[row, 4]
+            for strand in range(offsets.shape[0]):
+                idle[strand, c, m] -= share * offsets[strand, row]
 
 
 @kernel
-def move_modes(h, rates, driven, legendre, values, modes):
+def move_modes(h, rates, driven, idle, legendre, values, modes):
     """Let the modes decay over the step and take in the drivers' polynomials on it."""
-    # driven (d, 4, M), legendre (s, s): values to coefficients, values (3, d, s), modes (d, M)
+    # driven (d, 3, M), idle, modes (d, M), legendre (s, s): values to coefficients
+    # values (3, d, s)
     d, s = values.shape[1], values.shape[2]
     coefficients, moments = np.zeros((3, d, s)), np.empty(s)
     for q in range(3):
@@ -255,7 +260,7 @@ def move_modes(h, rates, driven, legendre, values, modes):
         exponential_legendre(z, s, moments)
         keep = math.exp(-z)
         for c in range(d):
-            total = driven[c, 3, m] * moments[0]
+            total = idle[c, m] * moments[0]
             for q in range(3):
                 if driven[c, q, m] != 0.0:
                     part = 0.0
@@ -294,17 +299,65 @@ def tail(legendre, values):
     return last, (min(1.0, last / before) if before > 0.0 else 1.0)
 
 
-@entry(RHS, JAC, I8, VEC, MAT, VEC, IVEC, VEC, CUBE, F8, MAT, VEC, VEC, CUBE, VEC)
-def solve_once(
-    rhs, jac, has_jac, params, channels, orders, second, times, singular, h, base, x_start, goal,
-    values, notes,
+@kernel
+def solve_tangents(
+    rhs, jac, has_jac, params, times, h, base, x_start, second, drivers, whole, values, notes
 ):  # fmt: skip
-    """Solve one step from Python; base (d, s) holds p(0) and the past, values (3, d, s) f, p, y."""
-    drivers = np.empty((3 * second.shape[0], times.shape[0], times.shape[0]))
-    constant = np.empty((second.shape[0], times.shape[0]))
-    local_operators(h, channels, orders, singular, drivers, constant)
+    """Solve the step for the tangents, the strands after the first; False where it is singular.
+
+    The orbit's values, strand 0, solve the step; its Jacobians make that of each tangent linear.
+    """
+    # base (1 + k, d, s), x_start (1 + k, d), values (1 + k, 3, d, s)
+    d, s = base.shape[1], base.shape[2]
+    matrix, order = np.empty((d * s, d * s)), np.empty(d * s, dtype=np.int64)
+    known, found = np.empty(d * s), np.empty(d * s)
+    jacobians, start = np.empty((s, d, d)), np.empty((d, s))
+    notes[0] += stage_jacobians(
+        rhs, jac, has_jac, params, times, values[0, POSITION], True, jacobians
+    )
+    newton_matrix(h, drivers, whole, second, jacobians, matrix)
+    if not factorise(matrix, order):
+        return False
+    for strand in range(1, base.shape[0]):
+        f, p, x = values[strand, FORCE], values[strand, PRIMARY], values[strand, POSITION]
+        # from p = 0 on one Newton step is exact
+        p[:] = 0.0
+        positions(h, p, x_start[strand], second, whole, x)
+        f[:] = 0.0
+        start[:] = 0.0
+        correct_forces(jacobians, start, x, f)
+        residuals(base[strand], drivers, p, x, f, known)
+        substitute(matrix, order, known, found)
+        for c in range(d):
+            for i in range(s):
+                p[c, i] = -found[c * s + i]
+        positions(h, p, x_start[strand], second, whole, x)
+        f[:] = 0.0
+        correct_forces(jacobians, start, x, f)
+    return True
+
+
+@entry(RHS, JAC, I8, VEC, MAT, MAT, VEC, IVEC, VEC, CUBE, F8, CUBE, MAT, VEC, CUBES, VEC)
+def solve_once(
+    rhs, jac, has_jac, params, channels, offsets, orders, second, times, singular, h, base, x_start,
+    goal, values, notes,
+):  # fmt: skip
+    """Solve one step from Python; base (1 + k, d, s) holds p(0) and the past of every strand.
+
+    values (1 + k, 3, d, s): f, p and y at the nodes, p of strand 0 holding a first guess.
+    """
+    n_nodes, d = times.shape[0], second.shape[0]
+    drivers = np.empty((3 * d, n_nodes, n_nodes))
+    constant = np.empty((offsets.shape[0], d, n_nodes))
+    local_operators(h, channels, offsets, orders, singular, drivers, constant)
     whole = singular[orders.shape[0] - 1]
-    return solve_stages(
+    f, p, x = values[0, FORCE], values[0, PRIMARY], values[0, POSITION]
+    if not solve_stages(
+        rhs, jac, has_jac, params, times, h, base[0] + constant[0], x_start[0], second, drivers,
+        whole, goal, p, x, f, notes,
+    ):  # fmt: skip
+        return False
+    return offsets.shape[0] == 1 or solve_tangents(
         rhs, jac, has_jac, params, times, h, base + constant, x_start, second, drivers, whole,
-        goal, values[1], values[2], values[0], notes,
+        values, notes,
     )  # fmt: skip

@@ -30,22 +30,22 @@ class Form:
 
     Attributes
     ----------
-    channels : ndarray, shape (n, 5)
-        Component, driver (kernels/collocation.py), index of the order, kappa, offset.
+    channels : ndarray, shape (n, 4)
+        Component, driver (kernels/collocation.py), index of the order, kappa.
+    offset_of : ndarray of int64, shape (n,)
+        What is taken from the driver: 0 nothing, 1 p(0), 2 y(0).
     orders : ndarray, shape (n_a,)
         Orders of integration in (0, 1], ascending; the last one is 1.
     second : ndarray of int64, shape (d,)
         Whether the primary unknown is y'.
-    initial : ndarray, shape (d,)
-        p(0).
     generators : tuple of float
         Numbers whose sums are the powers of t that f, p and y are made of near 0.
     """
 
     channels: np.ndarray
+    offset_of: np.ndarray
     orders: np.ndarray
     second: np.ndarray
-    initial: np.ndarray
     generators: tuple[float, ...]
 
 
@@ -53,28 +53,28 @@ def integral_form(system: System) -> Form:
     """The integral equations of a system of Caputo terms of orders in (0, 2]."""
     highest = system.highest_orders()
     second = highest > 1
-    initial = np.where(second, system.y0[-1], system.y0[0])
     rows = []
     for c in range(system.d):
         leading = system.coefficients[system.orders[:, c] == highest[c], c].sum()
         if leading == 0:
             required = "leave a nonzero coefficient before the highest order"
             raise ValueError(complaint("terms", required, f"0 for component {c}"))
-        rows.append((c, FORCE, highest[c] - second[c], 1 / leading, 0.0))
+        rows.append((c, FORCE, highest[c] - second[c], 1 / leading, 0))
         for coefficient, order in zip(system.coefficients[:, c], system.orders[:, c], strict=True):
             if coefficient == 0 or order == highest[c]:
                 continue
             a, kappa = highest[c] - order, -coefficient / leading
             if not second[c] or order > 1:
-                rows.append((c, PRIMARY, a, kappa, initial[c]))
+                rows.append((c, PRIMARY, a, kappa, 1))
             elif a <= 1:
-                rows.append((c, PRIMARY, a, kappa, 0.0))
+                rows.append((c, PRIMARY, a, kappa, 0))
             else:
-                rows.append((c, POSITION, a - 1, kappa, system.y0[0, c]))
+                rows.append((c, POSITION, a - 1, kappa, 2))
     orders = sorted({row[2] for row in rows} | {1.0})
-    channels = np.array([(c, q, orders.index(a), kappa, o) for c, q, a, kappa, o in rows])
+    channels = np.array([(c, q, orders.index(a), kappa) for c, q, a, kappa, _ in rows])
+    offset_of = np.array([row[4] for row in rows])
     generators = _generators(tuple(a + (q == POSITION) for _, q, a, _, _ in rows))
-    return Form(channels, np.array(orders), second.astype(np.int64), initial, generators)
+    return Form(channels, offset_of, np.array(orders), second.astype(np.int64), generators)
 
 
 def _generators(raised):

@@ -1,0 +1,136 @@
+"""What an adaptive march holds of the orbit and of tangents alongside (floor 4).
+
+Strand 0 is the orbit, the others its derivatives along some directions. Each has its present
+values, initial values, and the past: modes, and the last step, which they do not see closely.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.polynomial.legendre import legvander
+from scipy.special import rgamma
+
+from ..history.bank import Bank, open_bank
+from ..kernels.collocation import POSITION, PRIMARY
+from ..schemes.power_basis import LEFT_OUT, graded_rule
+from ..schemes.quadrature import to_legendre
+
+
+class Strands:
+    """Arrays whose first axis runs over the orbit and k tangents.
+
+    Parameters
+    ----------
+    form : Form
+    y0 : ndarray, shape (1 + k, m, d)
+        Initial values of the orbit and their derivatives along each direction.
+    n_nodes : int
+        Nodes of an ordinary step.
+
+    Attributes
+    ----------
+    x, p : ndarray, shape (1 + k, d)
+        y, and the primary unknown, at present.
+    initial, offsets : ndarray, shape (1 + k, d) and (1 + k, n)
+        p(0), and what is taken from each integral's driver.
+    modes, before : ndarray, shape (1 + k, d, M)
+        Modes now and before the last step.
+    last : ndarray, shape (1 + k, 3, d, s)
+        f, p and y at the nodes of the last ordinary step.
+    bank : Bank
+    """
+
+    def __init__(self, form, y0, n_nodes):
+        self._form = form
+        n_strands, _, d = y0.shape
+        self.x = y0[:, 0].copy()
+        self.initial = np.where(form.second == 1, y0[:, -1], y0[:, 0])
+        self.p = self.initial.copy()
+        starts = np.array([0 * self.initial, self.initial, y0[:, 0]])
+        components = form.channels[:, 0].astype(int)
+        self.offsets = np.ascontiguousarray(starts[form.offset_of, :, components].T)
+        self.modes = self.before = np.zeros((n_strands, d, 0))
+        self.last = np.zeros((n_strands, 3, d, n_nodes))
+        self.bank = Bank((), np.inf, 0.0, 0.0, np.zeros(0), np.zeros((0, 0)))
+        self._length, self._corner = 0.0, None
+
+    def arrays(self):
+        """Everything that is linear in a strand."""
+        own = [self.x, self.p, self.initial, self.offsets, self.modes, self.before, self.last]
+        return own if self._corner is None else [*own, self._corner[1]]
+
+    def transform(self, matrix):
+        """Replace the tangents by linear combinations, ``tangent <- tangent @ matrix``."""
+        for array in self.arrays():
+            array[1:] = np.tensordot(matrix.T, array[1:], axes=1)
+
+    def step(self, length):
+        """Note that the last step was an ordinary one of this length."""
+        self._length, self._corner = length, None
+
+    def begin(self, closest, farthest, tol):
+        """Open the modes."""
+        self.bank = open_bank(self._form.orders.tolist(), closest, farthest, tol)
+        self.modes = np.zeros((*self.x.shape, self.bank.rates.size))
+
+    def leave(self, basis, length, values):
+        """Move to the end of a step out of a corner, f, p and y at its nodes (1 + k, 3, d, n)."""
+        self._length, self._corner = length, (basis, values)
+        self.x[:], self.p[:] = values[:, POSITION, :, -1], values[:, PRIMARY, :, -1]
+        self.before = self.modes
+        self.modes = self._moved(self.before)
+
+    def come_closer(self, closest):
+        """Refit the modes to reach closer; the new, fast ones have seen the last step alone."""
+        n = self.bank.rates.size
+        self.bank = self.bank.closer(closest)
+        more = ((0, 0), (0, 0), (0, self.bank.rates.size - n))
+        self.modes, self.before = np.pad(self.modes, more), np.pad(self.before, more)
+        self.modes[..., n:] = self._moved(np.zeros_like(self.modes))[..., n:]
+
+    def past(self, distances):
+        """p(0) and what lies before, as p sees it `distances` after the present, (1 + k, d, n)."""
+        base = np.repeat(self.initial[..., None], distances.size, axis=2)
+        if self._length == 0.0:
+            return base
+        # the last step exactly, for the modes do not reach so close; all before it by its modes
+        base += self.before @ np.exp(-np.multiply.outer(self.bank.rates, self._length + distances))
+        _, v, weights = graded_rule()
+        u, drivers = distances / self._length, self._drivers()
+        for row, (c, q, k, kappa) in enumerate(rows(self._form)):
+            a, offset = self._form.orders[k], self.offsets[:, row, None]
+            kernel = weights * np.add.outer(u, v) ** (a - 1)
+            seen = (drivers[:, q, c] - offset) @ kernel.T
+            end = (self.x if q == POSITION else self._ends(q))[:, c, None] - offset
+            seen += end * ((LEFT_OUT + u) ** a - u**a) / a
+            base[:, c] += kappa * self._length**a * rgamma(a) * seen
+        return base
+
+    def _ends(self, q):
+        values = self.last if self._corner is None else self._corner[1]
+        return values[:, q, :, -1]
+
+    def _drivers(self):
+        """f, p and y of the last step at the points of the graded rule, (1 + k, 3, d, n)."""
+        u, _, _ = graded_rule()
+        if self._corner is not None:
+            basis, values = self._corner
+            return values @ basis.at(u).T
+        s = self.last.shape[-1]
+        return self.last @ (legvander(2 * u - 1, s - 1) @ to_legendre(s)).T
+
+    def _moved(self, modes):
+        """What modes before the last step are after it."""
+        rates, drivers = self.bank.rates * self._length, self._drivers()
+        _, v, weights = graded_rule()
+        damped = np.exp(-np.multiply.outer(rates, v)) * weights
+        moved = modes * np.exp(-rates)
+        for row, (c, q, k, kappa) in enumerate(rows(self._form)):
+            share = (drivers[:, q, c] - self.offsets[:, row, None]) @ damped.T
+            moved[:, c] += self._length * kappa * self.bank.weights[k] * share
+        return moved
+
+
+def rows(form):
+    """Component, driver, index of the order and kappa of each integral."""
+    return [(int(c), int(q), int(k), kappa) for c, q, k, kappa in form.channels]
