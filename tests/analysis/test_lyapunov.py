@@ -243,6 +243,53 @@ def test_too_long_an_interval_warns():
     assert "renorm" not in hd.lyapunov(*arguments, scheme=hd.L2Sigma()).message
 
 
+@pytest.mark.parametrize(
+    "scene",
+    [
+        lambda: hd.scenes.lorenz(alpha=0.98),
+        lambda: hd.scenes.stick_slip(beta=1.7, gamma=0.6),
+        lambda: hd.scenes.brusselator(alpha=(0.9, 0.7)),
+        lambda: hd.scenes.duffing(),
+    ],
+)
+def test_adaptive_collocation_agrees_with_given_steps_whatever_the_interval(scene):
+    equation, scheme = scene(), hd.Collocation()
+    found = [
+        hd.lyapunov(equation, 10.0, k=2, scheme=scheme, rtol=1e-11, renorm=renorm).exponents
+        for renorm in (0.02, 0.3, 5.0, None)
+    ]
+    # the orbit's own steps end at the renormalisations, which changes it within its tolerance
+    assert np.ptp(found, axis=0).max() < 1e-8
+    n = 10_000
+    fine, finest = (
+        hd.lyapunov(equation, 10.0, i * n, k=2, scheme=hd.BDF(2)).exponents for i in (1, 2)
+    )
+    distance = np.abs(finest - found[-1]).max()
+    assert distance < 1e-3
+    assert distance < 0.3 * np.abs(fine - found[-1]).max()
+
+
+def test_adaptive_collocation_follows_decays_and_the_sum_rule():
+    equation = hd.Equation(hd.Caputo(2.0), lambda t, x: 1.0 * x, [1.0, 0.0])
+    result = hd.lyapunov(equation, 100.0, k=2, scheme=hd.Collocation(), rtol=1e-9)
+    assert result.slope == pytest.approx([1.0, -1.0], abs=1e-9)
+    assert abs(result.exponents.sum()) < 1e-12
+    chaos = hd.lyapunov(hd.scenes.lorenz(), 50.0, k=3, scheme=hd.Collocation(), rtol=1e-8)
+    assert abs(chaos.sum_rule_defect) < 1e-8
+    assert chaos.exponents.sum() == pytest.approx(-41 / 3, abs=1e-8)
+
+
+def test_adaptive_runs_stop_and_resume():
+    equation, arguments = hd.scenes.stick_slip(), {"scheme": hd.Collocation(), "rtol": 1e-10}
+    through = hd.lyapunov(equation, 20.0, 2000, renorm=0.5, **arguments)
+    half = hd.lyapunov(equation, 10.0, 1000, renorm=0.5, **arguments)
+    state = pickle.loads(pickle.dumps(half.state))
+    resumed = hd.lyapunov(equation, 20.0, resume=state, renorm=0.5, **arguments)
+    assert np.abs(resumed.trace - through.trace).max() < 1e-8
+    with pytest.raises(ValueError, match="same tolerances"):
+        hd.lyapunov(equation, 20.0, resume=state, renorm=0.5, scheme=hd.Collocation(), rtol=1e-11)
+
+
 @pytest.mark.parametrize("mode", ["tangent", "pair"])
 def test_a_diverging_orbit_is_reported_with_its_record(mode):
     blow = hd.Equation(hd.Caputo(0.9), lambda t, y: y * y, 1.0)
@@ -358,6 +405,12 @@ def test_restart_gives_what_is_published_for_it(alpha, rate, value):
         ({"separation": 0.0}, ValueError, "separation must be a finite number above 0"),
         ({"scheme": "L1"}, TypeError, "scheme must be a Scheme"),
         ({"resume": 1}, TypeError, "resume must be a LyapunovState"),
+        ({"rtol": 1e-8}, ValueError, "rtol must be left out or come with scheme=Collocation"),
+        (
+            {"scheme": hd.Collocation(), "mode": "pair"},
+            ValueError,
+            'mode must be "tangent" with Collocation',
+        ),
     ],
 )
 def test_bad_arguments_are_refused(arguments, error, message):

@@ -12,13 +12,14 @@ class Tangents:
     Parameters
     ----------
     open_stepper : callable
-        ``open_stepper(directions=..., equation=...)``: a `Stepper`.
+        ``open_stepper(equation, directions=...)``: a `Stepper` or the like.
+    equation : System
     directions : ndarray, shape (n_data, k)
         Orthonormal initial directions.
     """
 
-    def __init__(self, open_stepper, directions):
-        self.stepper = open_stepper(directions=directions)
+    def __init__(self, open_stepper, equation, directions):
+        self.stepper = open_stepper(equation, directions=directions)
 
     @property
     def steppers(self):
@@ -95,17 +96,16 @@ class Pairs(Tangents):
         Distance that the orbits are drawn back to.
     """
 
-    def __init__(self, open_stepper, directions, separation):
-        self.stepper = open_stepper()
+    def __init__(self, open_stepper, equation, directions, separation):
+        self.stepper = open_stepper(equation)
         self._separation = separation
-        equation = self.stepper.equation
         d, with_speed = equation.d, equation.highest_orders() > 1
         self._others = []
         for direction in separation * directions.T:
             y0 = equation.y0.copy()
             y0[0] += direction[:d]
             y0[1:, with_speed] += direction[d:]
-            self._others.append(open_stepper(equation=displaced(equation, y0)))
+            self._others.append(open_stepper(displaced(equation, y0)))
 
     @property
     def steppers(self):
@@ -132,8 +132,8 @@ class Restarted(Tangents):
     A published algorithm, for comparison with published numbers: not exponents of the equation.
     """
 
-    def __init__(self, open_stepper, directions):
-        super().__init__(open_stepper, directions)
+    def __init__(self, open_stepper, equation, directions):
+        super().__init__(open_stepper, equation, directions)
         self._n_before = 0
 
     @property

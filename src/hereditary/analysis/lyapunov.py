@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 import warnings
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
@@ -15,9 +16,12 @@ from .._checks import complaint, count, instance, positive, real_array, shown, w
 from ..equation import Equation
 from ..history.exponentials import SumOfExponentials
 from ..history.history import History
+from ..schemes.collocation import Collocation
 from ..schemes.explicit import ExplicitCaputo
 from ..schemes.scheme import Scheme
+from ..solver.adaptive import tolerances
 from ..solver.drive import Drive, reached_end, told
+from ..solver.marked_stepper import MarkedStepper
 from ..solver.progress import Interruption, ProgressBar
 from ..solver.solution import Status
 from ..solver.stepper import Stepper
@@ -47,6 +51,8 @@ def lyapunov(
     window: float = 0.5,
     n_blocks: int = 20,
     separation: float = 1e-7,
+    rtol: float | None = None,
+    atol: float | None = None,
     verify: bool = False,
     progress: bool = False,
     resume: LyapunovState | None = None,
@@ -64,7 +70,8 @@ def lyapunov(
     t_end : float
         End of the run, above 0 [time].
     n_steps : int
-        Number of steps; not needed when resuming.
+        Number of steps; not needed when resuming. With `Collocation`, which chooses its own steps,
+        the number of times at which tangents may be made orthonormal, 65536 by default.
     k : int
         How many exponents, 1 <= k <= number of initial data (d, and one more for each component of
         order above 1).
@@ -92,9 +99,12 @@ def lyapunov(
     separation : float, optional
         Distance of the orbits in mode "pair", in units of y: rounding grows like its inverse, what
         is not linear like itself.
+    rtol, atol : float, optional
+        Tolerances of the orbit with `Collocation`, as for `solve`; mode "tangent" alone.
     verify : bool, optional
-        Repeat the run at half the step and say whether the verdicts stand. They may stand on an
-        error that both steps make: take steps small enough, or a scheme of higher order, too.
+        Repeat the run at half the step, with `Collocation` at a tenth of the tolerance, and say
+        whether the verdicts stand. They may stand on an error that both runs make: take steps small
+        enough, or a scheme of higher order, too.
     progress, resume : optional
         As for `solve`; `resume` takes ``LyapunovResult.state``.
 
@@ -137,14 +147,17 @@ def lyapunov(
         instance("resume", resume, LyapunovState, "the .state of an earlier LyapunovResult")
     window = within("window", window, 1e-6, 1.0, "(0, 1]")
     n_blocks = count("n_blocks", n_blocks)
+    tols = _tolerances(scheme, mode, rtol, atol)
+    n_steps = _MARKS if tols and n_steps is None and resume is None else n_steps
     h, n_total, prepared = uniform_steps(t_end, n_steps, resume and resume.steppers[0])
     settings = _settings(mode, k, h, n_total, renorm, transient, seed, separation, equation)
     system = _marched(equation, scheme, mode)
     start = _directions(directions, seed, settings["k"], _n_data(equation))
-    open_stepper = partial(
-        _open, equation=system, scheme=scheme, history=history, h=h, n_steps=prepared
-    )
-    estimator = _estimator(settings, open_stepper, start)
+    open_stepper: Callable = partial(Stepper, scheme=scheme, history=history, h=h, n_steps=prepared)
+    if tols:
+        n_marks = max(prepared, n_total)
+        open_stepper = partial(MarkedStepper, scheme=scheme, tols=tols, h=h, n_marks=n_marks)
+    estimator = _estimator(settings, open_stepper, system, start)
     record, divergence = _begin(estimator, settings, h, n_total, system, resume)
     ended = _run(estimator, record, divergence, n_total, progress)
     seconds = time.perf_counter() - began
@@ -152,10 +165,11 @@ def lyapunov(
     result = _result(estimator, record, divergence, ended, settings, n_blocks, seconds, equation.d)
     if not verify or result.status not in (Status.COMPLETED, Status.STEP_TOO_LARGE, Status.ZIGZAG):
         return result
+    finer = {"rtol": tols[0] / 10, "atol": tols[1] / 10} if tols else {"n_steps": 2 * n_total}
     check = lyapunov(
-        equation, t_end, 2 * n_total, k, mode, scheme, history, renorm, transient,
-        directions=directions, seed=seed, window=window, n_blocks=n_blocks, separation=separation,
-        progress=progress,
+        equation, t_end, **finer, k=k, mode=mode, scheme=scheme, history=history, renorm=renorm,
+        transient=transient, directions=directions, seed=seed, window=window, n_blocks=n_blocks,
+        separation=separation, progress=progress,
     )  # fmt: skip
     return replace(result, verified=check.verdicts == result.verdicts, check=check)
 
@@ -194,7 +208,7 @@ def _marched(equation, scheme, mode):
     Increments kept apart from t x'(0), as most schemes keep them above order 1, lose a tangent that
     has decayed to their rounding. With memory none decays so far.
     """
-    whole = isinstance(scheme, ExplicitCaputo) or mode == "restart"
+    whole = isinstance(scheme, (ExplicitCaputo, Collocation)) or mode == "restart"
     if whole or equation.m == 1 or _memory(equation) != "none":
         return equation
     return first_order(equation)
@@ -220,14 +234,26 @@ def _directions(given, seed, k, n_data):
     return q * np.sign(np.diag(r))
 
 
-def _open(equation, scheme, history, h, n_steps, directions=None):
-    return Stepper(equation, scheme, history, h, n_steps, directions=directions)
+def _tolerances(scheme, mode, rtol, atol):
+    """Tolerances of an adaptive run, None for given steps."""
+    if isinstance(scheme, Collocation):
+        if mode != "tangent":
+            required = 'be "tangent" with Collocation'
+            remedy = "take a scheme of given steps, e.g. Adams() or BDF(2)"
+            raise ValueError(complaint("mode", required, repr(mode), remedy))
+        return tolerances(rtol, atol)
+    for name, value in (("rtol", rtol), ("atol", atol)):
+        if value is not None:
+            required = "be left out or come with scheme=Collocation()"
+            raise ValueError(complaint(name, required, value))
+    return None
 
 
-def _estimator(settings, open_stepper, start):
+def _estimator(settings, open_stepper, system, start):
     if settings["mode"] == "pair":
-        return Pairs(open_stepper, start, settings["separation"])
-    return (Tangents if settings["mode"] == "tangent" else Restarted)(open_stepper, start)
+        return Pairs(open_stepper, system, start, settings["separation"])
+    kind = Tangents if settings["mode"] == "tangent" else Restarted
+    return kind(open_stepper, system, start)
 
 
 def _begin(estimator, settings, h, n_total, equation, resume):
@@ -329,7 +355,7 @@ def _result(estimator, record, divergence, ended, settings, n_blocks, seconds, d
         stats={
             "n_steps": estimator.n,
             "n_rhs": estimator.n_rhs,
-            "n_modes": estimator.stepper.memory.n_modes,
+            "n_modes": estimator.stepper.n_modes,
             "run_seconds": seconds,
         },
         state=state,
@@ -350,6 +376,8 @@ def _lost_digits(record):
 
 # Tangents further apart than exp(this) leave the smaller one fewer than six digits.
 _WIDE = 22.0
+# Marks of an adaptive run.
+_MARKS = 1 << 16
 _RESUMED = ("mode", "k", "renorm", "transient", "seed", "separation")
 
 

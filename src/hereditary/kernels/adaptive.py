@@ -27,16 +27,16 @@ _GROW, _SHRINK, _SAFETY, _NEWTON = 3.0, 0.2, 0.9, 0.01
 _GUESS = 3
 
 # Strands are the orbit and then k tangents.
-# channels, orders, whether second (d,), p0 (1 + k, d), offsets (1 + k, n)
-FORM = types.Tuple((MAT, VEC, IVEC, MAT, MAT))
+# channels, orders, whether second (d,), offsets (1 + k, n)
+FORM = types.Tuple((MAT, VEC, IVEC, MAT))
 # nodes (s,), integrals (n_a, s, s), values to Legendre coefficients (s, s)
 RULE = types.Tuple((VEC, CUBE, MAT))
 # rates (M,), weights (n_a, M)
 BANK = types.Tuple((VEC, MAT))
-# clock [t, h, last step, closest distance], notes, steps [accepted, rejected], largest |p| (d,),
-# and for all strands x, p (1 + k, d), modes now and before the last step (1 + k, d, M), and f, p, x
-# at the last step's nodes (1 + k, 3, d, s)
-RUN = types.Tuple((VEC, VEC, IVEC, VEC, MAT, MAT, CUBE, CUBE, CUBES))
+# clock [t, h, last step, closest distance], notes, steps [accepted, rejected], largest |p| (d,);
+# for all strands p0, x, p (1 + k, d), modes now and before the last step (1 + k, d, M), and f, p,
+# x at the last step's nodes (1 + k, 3, d, s)
+RUN = types.Tuple((VEC, VEC, IVEC, VEC, MAT, MAT, MAT, CUBE, CUBE, CUBES))
 # starts and lengths of steps (k,), p at the nodes (k, d, s), y and p at the start (k, 2 d), error
 # over tolerance (k,)
 TRACK = types.Tuple((VEC, VEC, CUBE, MAT, VEC))
@@ -45,10 +45,10 @@ TRACK = types.Tuple((VEC, VEC, CUBE, MAT, VEC))
 @entry(RHS, JAC, I8, VEC, FORM, RULE, BANK, RUN, TRACK, F8, F8, F8)
 def march_adaptive(rhs, jac, has_jac, params, form, rule, bank, run, track, t_stop, rtol, atol):
     """March to t_stop; the number of rows and how it ended."""
-    channels, orders, second, p0, offsets = form
+    channels, orders, second, offsets = form
     nodes, singular, legendre = rule
     rates, weights = bank
-    clock, notes, steps, largest, x, p, modes, before, last = run
+    clock, notes, steps, largest, p0, x, p, modes, before, last = run
     starts, lengths, rows, begins, ratios = track
     n_strands, d, s = x.shape[0], x.shape[1], nodes.shape[0]
     whole = singular[orders.shape[0] - 1]  # the last order is 1
@@ -97,6 +97,7 @@ def march_adaptive(rhs, jac, has_jac, params, form, rule, bank, run, track, t_st
             )
         starts[row], lengths[row], ratios[row] = t, h, ratio
         keep_row(values[0], x[0], p[0], second, largest, rows[row], begins[row])
+        fold(rates, modes, p0)
         before[:] = modes
         last[:] = values
         move_on(h, rates, driven, idle, legendre, values, x, p, modes)
@@ -137,6 +138,18 @@ def lowest_order(channels, orders):
     for row in range(channels.shape[0]):
         lowest = min(lowest, orders[int(channels[row, 2])])
     return lowest
+
+
+@kernel
+def fold(rates, modes, p0):
+    """Let a mode that does not decay be part of p(0).
+
+    In a classical equation the two would grow apart, and what they leave of a tangent that decays
+    would be lost in their rounding.
+    """
+    if rates.shape[0] > 0 and rates[0] == 0.0:
+        p0 += modes[:, :, 0]
+        modes[:, :, 0] = 0.0
 
 
 @kernel

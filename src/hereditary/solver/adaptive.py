@@ -24,7 +24,7 @@ def solve_adaptively(
 ):  # fmt: skip
     """Solve with steps chosen by the tolerance; the arguments of `solve`, some of them checked."""
     began = time.perf_counter()
-    rtol, atol = _tolerances(rtol, atol)
+    rtol, atol = tolerances(rtol, atol)
     if not isinstance(history, SumOfExponentials | None):
         required = "be left out with Collocation, or be SumOfExponentials(tol)"
         raise ValueError(complaint("history", required, repr(history)))
@@ -41,7 +41,8 @@ def solve_adaptively(
     return keeper.solution(status, detail, seconds)
 
 
-def _tolerances(rtol, atol):
+def tolerances(rtol, atol):
+    """Relative and absolute tolerance, checked, or what stands for them by default."""
     interval, remedy = f"[{TOLERANCE_FLOOR:g}, 0.1]", "double precision allows no less"
     rtol = 1e-6 if rtol is None else rtol
     rtol = within("rtol", rtol, TOLERANCE_FLOOR, 0.1, interval, remedy)

@@ -161,7 +161,9 @@ class AdaptiveStepper:
             if n:
                 self._strands.step(self._clock[2])
             if status == TOO_CLOSE:
-                self._come_closer(self._rule[0][0] * self._clock[1] / _ROOM)
+                # the march stood before this step when it turned back
+                step = min(self._clock[1], t_stop - self.t)
+                self._come_closer(self._rule[0][0] * step / _ROOM)
         if status not in (REACHED, FULL, TOO_CLOSE):
             self.not_solved, self.blown_up = status == NOT_SOLVED, status != NOT_SOLVED
         if n == 0:
@@ -176,7 +178,7 @@ class AdaptiveStepper:
             equation._jac,
             int(equation.has_jac),
             equation.params,
-            (form.channels, form.orders, form.second, strands.initial, strands.offsets),
+            (form.channels, form.orders, form.second, strands.offsets),
             self._rule,
             (strands.bank.rates, strands.bank.weights),
             (self._clock, self._notes, self._steps, self._largest, *self._moving()),
@@ -188,7 +190,8 @@ class AdaptiveStepper:
 
     def _moving(self):
         strands = self._strands
-        return strands.x, strands.p, strands.modes, strands.before, strands.last
+        moving = (strands.x, strands.p, strands.modes, strands.before, strands.last)
+        return strands.initial, *moving
 
     def leave_corner(self):
         """Make the next step out of a point where the solution is not smooth."""
@@ -247,6 +250,8 @@ class AdaptiveStepper:
         values = np.empty((strands.x.shape[0], 3, self.equation.d, basis.nodes.size))
         h = self._first_length(t_stop - t)
         while t + h > t:
+            # no crumb is left before the stop
+            h = min(h, 0.5 * (t_stop - t)) if h < t_stop - t else h
             values[0, PRIMARY] = strands.p[0][:, None]
             # just after the corner and before the stop: the right-hand side may jump at both
             first = np.nextafter(t, np.inf) if t > 0 else 0.0

@@ -202,6 +202,11 @@ class Stepper:
         return (increment + 0.5 * change) / self.h
 
     @property
+    def n_modes(self):
+        """Modes held for each component."""
+        return self.memory.n_modes
+
+    @property
     def n_rhs(self):
         """Calls of the right-hand side."""
         return int(self._march_arrays[0][4])

@@ -32,7 +32,7 @@ class Strands:
     x, p : ndarray, shape (1 + k, d)
         y, and the primary unknown, at present.
     initial, offsets : ndarray, shape (1 + k, d) and (1 + k, n)
-        p(0), and what is taken from each integral's driver.
+        p(0) with all of the past that does not fade, and what is taken from each integral's driver.
     modes, before : ndarray, shape (1 + k, d, M)
         Modes now and before the last step.
     last : ndarray, shape (1 + k, 3, d, s)
@@ -77,6 +77,9 @@ class Strands:
         """Move to the end of a step out of a corner, f, p and y at its nodes (1 + k, 3, d, n)."""
         self._length, self._corner = length, (basis, values)
         self.x[:], self.p[:] = values[:, POSITION, :, -1], values[:, PRIMARY, :, -1]
+        if self.bank.rates.size and self.bank.rates[0] == 0.0:  # as in kernels/adaptive.py
+            self.initial += self.modes[..., 0]
+            self.modes[..., 0] = 0.0
         self.before = self.modes
         self.modes = self._moved(self.before)
 

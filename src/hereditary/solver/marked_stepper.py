@@ -1,0 +1,99 @@
+"""The adaptive stepper seen at even marks (floor 4), as an analysis over steps needs it."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from .adaptive_stepper import AdaptiveState, AdaptiveStepper
+from .dense import Dense
+
+# Rows that the compiled march fills at once.
+_ROWS = 256
+
+
+@dataclass(frozen=True, eq=False)
+class MarkedState:
+    """State of the adaptive stepper between two marks.
+
+    Attributes
+    ----------
+    t : float
+    n : int
+        Marks passed.
+    h : float
+        Their distance [time].
+    """
+
+    t: float
+    n: int
+    h: float
+    memory_steps: int = field(repr=False)
+    inner: AdaptiveState = field(repr=False)
+
+
+class MarkedStepper:
+    """A march by adaptive collocation that stops at times n h when it is told to.
+
+    Parameters
+    ----------
+    equation : System
+    scheme : Collocation
+    tols : tuple of float
+        Relative and absolute tolerance.
+    h : float
+        Distance of the marks; the steps between them are the tolerance's affair [time].
+    n_marks : int
+        Marks of the whole run.
+    directions : ndarray, shape (n_data, k), optional
+        As for `AdaptiveStepper`.
+    """
+
+    zigzag, largest_ratio = None, 0.0
+
+    def __init__(self, equation, scheme, tols, h, n_marks, directions=None):
+        rtol, atol = tols
+        t_end = h * n_marks
+        self._inner = AdaptiveStepper(equation, scheme, t_end, rtol, atol, directions=directions)
+        self.equation, self.h, self.n, self._n_marks = equation, h, 0, n_marks
+
+    def __getattr__(self, name):
+        # everything but time is the adaptive stepper's own
+        if name in _OWN:
+            return getattr(self._inner, name)
+        raise AttributeError(name)
+
+    def prepare(self, n_end):
+        """Everything is prepared from the start."""
+
+    def seconds_of_rhs(self):
+        """Time between two marks, at first unknown."""
+        return 1e-4
+
+    def advance(self, n_more, positions, rows, slopes):
+        """March over `n_more` marks; rows (k, d) take y at `positions`, in marks, ascending."""
+        inner, stop = self._inner, (self.n + n_more) * self.h
+        dense = Dense(inner.second)
+        while inner.t < stop:
+            start = inner.t
+            piece = inner.advance(stop, _ROWS)
+            if piece is not None:
+                dense.add(piece, start)
+            if inner.blown_up or inner.not_solved:
+                return
+        if positions.size:
+            rows[:] = dense(np.minimum(positions * self.h, stop), 0, stop)
+        self.n += n_more
+
+    def state(self):
+        """A `MarkedState` from which a later run goes on."""
+        return MarkedState(self.t, self.n, self.h, self._n_marks, self._inner.state())
+
+    def restore(self, state):
+        """Take over where `state` was taken."""
+        self._inner.restore(state.inner, self.h * self._n_marks)
+        self.n = state.n
+
+
+_OWN = frozenset(
+    {"t", "y", "ydot", "tangent", "transform_tangent", "n_rhs", "n_modes", "blown_up", "not_solved"}
+)
