@@ -55,9 +55,21 @@ def test_no_friction_is_allowed():
 class Orbit:
     """Stands in for a solution: a load at the given places at the times 0, 1, 2, ..."""
 
+    dense = None
+
     def __init__(self, places):
         self.t = np.arange(float(len(places)))
         self.y = 2 * np.pi * np.array(places, dtype=float).reshape(-1, 1)
+
+
+def test_stays_on_a_dense_output_do_not_depend_on_the_tolerance():
+    equation = hd.scenes.stick_slip(beta=2.0, gamma=1.0)
+    loose, tight = (hd.solve(equation, 70.0, rtol=rtol) for rtol in (1e-8, 1e-11))
+    found = hd.scenes.sticking_intervals(tight)
+    assert found[0][1] == pytest.approx(45.2715885, abs=1e-7)
+    assert np.abs(np.array(hd.scenes.sticking_intervals(loose)) - found).max() < 1e-6
+    exits = hd.solve(equation, 70.0, rtol=1e-11, events=lambda t, y: y[0] - 2 * np.pi).t_events[0]
+    assert exits[0] == pytest.approx(found[0][1], abs=1e-10)
 
 
 def test_stays():

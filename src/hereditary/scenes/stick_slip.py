@@ -8,6 +8,7 @@ import math
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.optimize import brentq
 
 from .._checks import complaint, count, positive, real, real_array
 from .._jit import kernel
@@ -19,6 +20,8 @@ from .linear import oscillator_terms
 PRINTED_WELL = (0.436, 0.344, 0.164, 0.058, 0.021, 0.004, 0.003)
 # A stay between two barriers counts as sticking when it lasts longer than this [time].
 _SHORTEST_STAY = 3.0
+# Points of each step at which a dense output is looked at.
+_LOOKS = 8
 
 
 @kernel
@@ -164,26 +167,45 @@ def sticking_intervals(
     Returns
     -------
     list of (float, float)
-        Start and end of each stay, crossings located by linear interpolation between rows; the
-        last one ends where the solution does.
+        Start and end of each stay; the last one ends where the solution does. Crossings are located
+        to rounding on a dense output, by linear interpolation between rows otherwise.
 
     Examples
     --------
     >>> import hereditary as hd
-    >>> sol = hd.solve(hd.scenes.stick_slip(), t_end=40.0, n_steps=8_000)
-    >>> hd.scenes.sticking_intervals(sol)
-    [(0.0, 40.0)]
+    >>> sol = hd.solve(hd.scenes.stick_slip(beta=2.0, gamma=1.0), 70.0, rtol=1e-9)
+    >>> [(round(a, 4), round(b, 4)) for a, b in hd.scenes.sticking_intervals(sol)[:2]]
+    [(0.0, 45.2716), (53.5556, 70.0)]
     """
     shortest = positive("shortest", shortest)
-    t, x = solution.t, solution.y[:, 0]
+    t, x, crossing = _sampled(solution)
     well = np.floor(x / (2 * np.pi))
     stays, start = [], float(t[0])
     for i in np.flatnonzero(np.diff(well)):
-        speed = (x[i + 1] - x[i]) / (t[i + 1] - t[i])
-        up = int(speed > 0)
+        up = int(well[i + 1] > well[i])
         # a row can leap over several wells: it leaves the old one and enters the new one
-        leaves, enters = 2 * np.pi * (well[i] + up), 2 * np.pi * (well[i + 1] + 1 - up)
-        stays.append((start, float(t[i] + (leaves - x[i]) / speed)))
-        start = float(t[i] + (enters - x[i]) / speed)
+        stays.append((start, crossing(i, 2 * np.pi * (well[i] + up))))
+        start = crossing(i, 2 * np.pi * (well[i + 1] + 1 - up))
     stays.append((start, float(t[-1])))
     return [(a, b) for a, b in stays if b - a > shortest]
+
+
+def _sampled(solution):
+    """Times, positions, and a function that locates a level behind a sample."""
+    t, x = solution.t, solution.y[:, 0]
+    if solution.dense is None:
+
+        def between_rows(i, level):
+            return float(t[i] + (level - x[i]) * (t[i + 1] - t[i]) / (x[i + 1] - x[i]))
+
+        return t, x, between_rows
+    share = np.arange(_LOOKS) / _LOOKS
+    times = np.append((t[:-1, None] + np.diff(t)[:, None] * share).ravel(), t[-1])
+    places = solution(times)[:, 0]
+
+    def on_dense_output(i, level):
+        if places[i] == level:
+            return float(times[i])
+        return float(brentq(lambda s: solution(s)[0] - level, times[i], times[i + 1], xtol=1e-13))
+
+    return times, places, on_dense_output
