@@ -95,3 +95,33 @@ def gauss_unit(n):
     """Nodes and weights of the n-point Gauss-Legendre rule on [0, 1]."""
     nodes, weights = np.polynomial.legendre.leggauss(n)
     return (nodes + 1) / 2, weights / 2
+
+
+def bracketed_root(function, low, high):
+    """A zero of a continuous function between points of different sign, to rounding.
+
+    Anderson's and Bjorck's variant of false position, with a bisection whenever three steps have
+    not halved the bracket. (SciPy's would cost every user the import of scipy.optimize, half a
+    second.)
+    """
+    f_low, f_high = function(low), function(high)
+    if f_low == 0.0:
+        return low
+    width, slow = abs(high - low), 0
+    while f_high != 0.0:
+        middle = low + 0.5 * (high - low)
+        if middle in (low, high):
+            break
+        x = high - f_high * (high - low) / (f_high - f_low)
+        if slow == 3 or not min(low, high) < x < max(low, high):
+            x, slow = middle, 0
+        f = function(x)
+        if f * f_high <= 0.0:
+            low, f_low = high, f_high
+        else:
+            shrink = 1.0 - f / f_high
+            f_low *= shrink if shrink > 0.0 else 0.5
+        high, f_high = x, f
+        halved = abs(high - low) <= 0.5 * width
+        width, slow = (abs(high - low), 0) if halved else (width, slow + 1)
+    return high

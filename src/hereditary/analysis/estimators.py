@@ -141,6 +141,9 @@ class Restarted(Tangents):
         """Steps made, those before the restarts included."""
         return self._n_before + self.stepper.n
 
+    def prepare(self, n_end):
+        """Nothing: the memory never holds more than one interval."""
+
     def renormalise(self):
         """Make the tangents orthonormal and begin anew; the logarithms of their growth (k,)."""
         logs = super().renormalise()

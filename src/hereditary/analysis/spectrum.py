@@ -15,7 +15,7 @@ from .growth import Verdict
 _SAMPLES = 128
 # First automatic interval [steps], and the growth or spread of tangents over one that is wanted:
 # R loses about as many of sixteen digits as there are in exp(spread).
-_FIRST, _LOW, _HIGH = 32, 2.0, 4.0
+_FIRST, _LOW, _HIGH = 32, 3.0, 8.0
 
 
 class Record:
@@ -60,7 +60,8 @@ class Record:
         if self.automatic:
             spread = max(np.abs(logs).max(), np.ptp(logs))
             if spread > _HIGH:
-                self.interval = max(1, int(self.interval * _HIGH / spread))
+                # and no longer ever after: spikes of contraction are rare, but come again
+                self.interval = self._longest = max(1, int(self.interval * _HIGH / spread))
             elif spread < _LOW:
                 self.interval = min(2 * self.interval, self._longest)
 

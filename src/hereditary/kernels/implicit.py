@@ -23,7 +23,7 @@ def march_implicit(
     #   increment is known, weights and start weights (C, B + 2), rows [lead, near, weight of w_0 in
     #   the first step, r powers of the forcing] (3 + r, W)
     # state: counters (5,) [step, rows written, unused, block opened, calls], x, u, change of u
-    #   (W,), lag (W, B), pieces (W, B + 1), unused, data [shift, w_0, r amplitudes of the forcing,
+    #   (W,), lag (W, B), pieces (W, B + 1), unused, data [shift, r amplitudes of the forcing, w_0,
     #   corrections] (W, k)
     # output: positions (k,), rows of x, rows of x' (k, d), unused
     numbers, layout, classes, given, weights, start_weights, columns = scheme
@@ -51,7 +51,7 @@ def march_implicit(
             if n < numbers[2]:
                 known[c] -= lead[c] * data[c, 2 + n_forcing + n]
         if n == 0 and given[0] == 1:
-            w[:] = data[:, 1]
+            w[:] = data[:, 1 + n_forcing]
         else:
             if not solve_step(
                 rhs, jac, has_jac, params, t, orbit, theta, shift, scale, known, lead, w, counters
@@ -84,6 +84,6 @@ def forced(data, columns, n_terms, c, t):
     """Sum of the known terms of a column at time t."""
     total = 0.0
     for i in range(n_terms):
-        if data[c, 2 + i] != 0.0:
-            total += data[c, 2 + i] * t ** columns[3 + i, c]
+        if data[c, 1 + i] != 0.0:
+            total += data[c, 1 + i] * t ** columns[3 + i, c]
     return total

@@ -8,12 +8,12 @@ import math
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.optimize import brentq
 
 from .._checks import complaint, count, positive, real, real_array
 from .._jit import kernel
 from ..equation import Equation
 from ..solver.solution import Solution
+from ..special import bracketed_root
 from .linear import oscillator_terms
 
 # Fourier coefficients of the well as [ParovikStickSlip], Example 1, prints them.
@@ -206,6 +206,7 @@ def _sampled(solution):
     def on_dense_output(i, level):
         if places[i] == level:
             return float(times[i])
-        return float(brentq(lambda s: solution(s)[0] - level, times[i], times[i + 1], xtol=1e-13))
+        low, high = float(times[i]), float(times[i + 1])
+        return bracketed_root(lambda s: float(solution(s)[0] - level), low, high)
 
     return times, places, on_dense_output

@@ -112,6 +112,7 @@ def _plan(name, equation, h, corrections):
         flags=np.zeros(equation.d, dtype=np.int64),
         columns=np.array([lead_of, np.array(near)[classes]]),
         data=shift.reshape(1, -1),
+        n_lasting=1,
         initial=equation.y0[0],
         increments=shift.copy(),
         region=region,

@@ -79,7 +79,8 @@ def derivative_plan(
         numbers=np.array([h, theta, extra.shape[0], powers.shape[0]]),
         flags=np.full(equation.d, int(given)),
         columns=np.vstack([rows[:, classes], powers]),
-        data=np.vstack([shift, first if given else 0 * shift, amplitudes, extra]),
+        data=np.vstack([shift, amplitudes, first if given else 0 * shift, extra]),
+        n_lasting=1 + powers.shape[0],
         initial=equation.y0[0],
         increments=shift.copy(),
     )

@@ -142,6 +142,7 @@ class ExplicitCaputo(Scheme):
             flags=second.astype(np.int64),
             columns=np.array([lead[classes], near[classes]]),
             data=start.reshape(1, -1),
+            n_lasting=0,
             initial=equation.y0[0],
             increments=increments,
             region=region,

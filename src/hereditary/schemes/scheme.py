@@ -121,6 +121,8 @@ class Plan:
     data : ndarray, shape (k, d)
         Rows that depend on the initial values, linearly for a linear equation; each march tells
         which.
+    n_lasting : int
+        The first so many of them are used after the first steps.
     initial : ndarray, shape (d,)
         y(0).
     increments : ndarray, shape (d,)
@@ -135,6 +137,7 @@ class Plan:
     flags: np.ndarray
     columns: np.ndarray
     data: np.ndarray
+    n_lasting: int
     initial: np.ndarray
     increments: np.ndarray
     region: StabilityRegion | None = None

@@ -1,9 +1,9 @@
 """Events (floor 4): times at which functions of the solution vanish."""
 
 import numpy as np
-from scipy.optimize import brentq
 
 from .._checks import complaint
+from ..special import bracketed_root
 
 # Points of each step at which an event function is looked at, besides the ends.
 _LOOKS = 8
@@ -61,7 +61,8 @@ class Events:
             if right == 0:
                 yield float(times[i + 1])
                 continue
-            yield brentq(
-                lambda t: float(function(t, at(np.array([t]))[0])), times[i], times[i + 1],
-                xtol=4e-16 * abs(times[i + 1]) + 1e-300, rtol=8.9e-16,
-            )  # fmt: skip
+            yield bracketed_root(
+                lambda t: float(function(t, at(np.array([t]))[0])),
+                float(times[i]),
+                float(times[i + 1]),
+            )
