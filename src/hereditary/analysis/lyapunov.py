@@ -19,9 +19,9 @@ from ..history.history import History
 from ..schemes.collocation import Collocation
 from ..schemes.explicit import ExplicitCaputo
 from ..schemes.scheme import Scheme
-from ..solver.adaptive import tolerances
+from ..solver.adaptive import modes_tolerance, tolerances
 from ..solver.drive import Drive, reached_end, told
-from ..solver.marked_stepper import MarkedStepper
+from ..solver.marked_stepper import MarkedState, MarkedStepper
 from ..solver.progress import Interruption, ProgressBar
 from ..solver.solution import Status
 from ..solver.stepper import Stepper
@@ -140,9 +140,10 @@ def lyapunov(
     instance("equation", equation, Equation, "hereditary.Equation(terms, rhs, y0)")
     t_end = positive("t_end", t_end)
     scheme = ExplicitCaputo() if scheme is None else scheme
-    history = SumOfExponentials() if history is None else history
     instance("scheme", scheme, Scheme, "hereditary.ExplicitCaputo()")
-    instance("history", history, History, "hereditary.SumOfExponentials()")
+    if not isinstance(scheme, Collocation):
+        history = SumOfExponentials() if history is None else history
+        instance("history", history, History, "hereditary.SumOfExponentials()")
     if resume is not None:
         instance("resume", resume, LyapunovState, "the .state of an earlier LyapunovResult")
     window = within("window", window, 1e-6, 1.0, "(0, 1]")
@@ -156,12 +157,14 @@ def lyapunov(
     open_stepper: Callable = partial(Stepper, scheme=scheme, history=history, h=h, n_steps=prepared)
     if tols:
         n_marks = max(prepared, n_total)
-        open_stepper = partial(MarkedStepper, scheme=scheme, tols=tols, h=h, n_marks=n_marks)
+        given = {"scheme": scheme, "tols": tols, "h": h, "n_marks": n_marks}
+        open_stepper = partial(MarkedStepper, **given, modes_tol=modes_tolerance(history))
     estimator = _estimator(settings, open_stepper, system, start)
     record, divergence = _begin(estimator, settings, h, n_total, system, resume)
     ended = _run(estimator, record, divergence, n_total, progress)
     seconds = time.perf_counter() - began
     settings |= {"scheme": scheme, "history": history, "t_end": t_end, "window": window}
+    settings |= {"rtol": tols[0], "atol": tols[1]} if tols else {}
     result = _result(estimator, record, divergence, ended, settings, n_blocks, seconds, equation.d)
     if not verify or result.status not in (Status.COMPLETED, Status.STEP_TOO_LARGE, Status.ZIGZAG):
         return result
@@ -265,6 +268,10 @@ def _begin(estimator, settings, h, n_total, equation, resume):
         interval = None if settings["renorm"] is None else round(settings["renorm"] / h)
         n_transient = round(settings["transient"] / h)
         return Record(h, interval, n_total, n_transient, k), divergence
+    if isinstance(resume.steppers[0], MarkedState) != isinstance(estimator.stepper, MarkedStepper):
+        required = "come from a run with the same kind of scheme"
+        remedy = "given steps and Collocation do not go on from each other"
+        raise ValueError(complaint("resume", required, type(resume.steppers[0]).__name__, remedy))
     for name, value in resume.settings.items():
         if settings[name] != value:
             required = f"come from a run with the same {name}, here {settings[name]}"
@@ -291,7 +298,8 @@ def _run(estimator, record, divergence, n_total, progress):
     try:
         with Interruption() as interruption:
             estimator.prepare(n_total)
-            drive = Drive(estimator, n_total, advance, interruption, bar)
+            whole = isinstance(estimator.stepper, MarkedStepper)
+            drive = Drive(estimator, n_total, advance, interruption, bar, whole)
             while estimator.n < n_total:
                 stop = record.next_stop(n_total)
                 ended = drive.to(stop)

@@ -155,9 +155,10 @@ class LyapunovResult:
     state : LyapunovState or None
         For ``lyapunov(eq, t_later, resume=result.state)``; None in mode "restart".
     verified : bool or None
-        Whether the verdicts stand at half the step; None where that was not asked for.
+        Whether the verdicts stand at half the step (a tenth of the tolerance); None where that was
+        not asked for.
     check : LyapunovResult or None
-        The run at half the step.
+        The finer run.
     """
 
     exponents: np.ndarray

@@ -84,6 +84,12 @@ def march_adaptive(rhs, jac, has_jac, params, form, rule, bank, run, track, t_st
         if solved:
             estimate(h, channels, orders, legendre, values[0], errors)
             ratio = over_tolerance(h, errors, values[0], second, largest, rtol, atol)
+        if ratio <= 1.0 and n_strands > 1:
+            solved = solve_tangents(
+                rhs, jac, has_jac, params, times, h, base, x, second, drivers, whole, values, notes
+            )
+            ratio = max(ratio, worst_tangent(h, channels, orders, legendre, values, rtol))
+            ratio = ratio if solved else np.inf
         clock[1] = next_length(h, clock[1], ratio, rejected, s + lowest)
         rejected = not ratio <= 1.0
         if rejected:
@@ -91,10 +97,6 @@ def march_adaptive(rhs, jac, has_jac, params, form, rule, bank, run, track, t_st
             if not t + 0.01 * clock[1] > t:
                 return row, (TOO_ROUGH if solved else NOT_SOLVED)
             continue
-        if n_strands > 1:
-            solve_tangents(
-                rhs, jac, has_jac, params, times, h, base, x, second, drivers, whole, values, notes
-            )
         starts[row], lengths[row], ratios[row] = t, h, ratio
         keep_row(values[0], x[0], p[0], second, largest, rows[row], begins[row])
         fold(rates, modes, p0)
@@ -138,6 +140,20 @@ def lowest_order(channels, orders):
     for row in range(channels.shape[0]):
         lowest = min(lowest, orders[int(channels[row, 2])])
     return lowest
+
+
+@kernel
+def worst_tangent(h, channels, orders, legendre, values, rtol):
+    """Largest ratio of a tangent's error to its tolerance, relative to all of the tangent."""
+    worst, errors = 0.0, np.empty(values.shape[2])
+    for strand in range(1, values.shape[0]):
+        estimate(h, channels, orders, legendre, values[strand], errors)
+        size = np.max(np.abs(values[strand, PRIMARY:]))
+        if not size < np.inf:
+            return np.inf
+        if size > 0.0:
+            worst = max(worst, np.max(errors) / (rtol * size))
+    return worst
 
 
 @kernel

@@ -30,8 +30,8 @@ class PowerBasis:
 
     Attributes
     ----------
-    nodes, between : ndarray, shape (n,)
-        The nodes, the last one 1, and points between them.
+    nodes, between : ndarray, shape (n,) and (n + 1,)
+        The nodes, the last one 1, and points between them, the first one 0.
     """
 
     def __init__(self, generators, size=_SIZE):
@@ -49,6 +49,7 @@ class PowerBasis:
             for x in (even, odd)
         ]
         logs[0] = np.unique(logs[0])  # t = 1 belongs to both
+        logs[1] = np.append(-np.inf, logs[1])  # t = 0 lies between none, but must be right too
         self._logs = np.concatenate(logs)
         self.nodes, self.between = np.exp(logs[0]), np.exp(logs[1])
         n = self.nodes.size

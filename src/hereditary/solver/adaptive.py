@@ -25,15 +25,11 @@ def solve_adaptively(
     """Solve with steps chosen by the tolerance; the arguments of `solve`, some of them checked."""
     began = time.perf_counter()
     rtol, atol = tolerances(rtol, atol)
-    if not isinstance(history, SumOfExponentials | None):
-        required = "be left out with Collocation, or be SumOfExponentials(tol)"
-        raise ValueError(complaint("history", required, repr(history)))
-    tol = None if history is None else history.tol
-    stepper = AdaptiveStepper(equation, scheme, t_end, rtol, atol, tol)
+    stepper = AdaptiveStepper(equation, scheme, t_end, rtol, atol, modes_tolerance(history))
     if resume is not None:
         _resume(stepper, resume, t_end)
-    stops = _stops(breaks, stepper.t, t_end)
-    found = Events(events)
+    stops = _stops(breaks, stepper, t_end)
+    found = Events(events, stepper.t, stepper.y)
     keeper = _Keeper(stepper, save_every, t_eval, found)
     ready = time.perf_counter()
     status, detail = _run(stepper, stops, keeper, progress)
@@ -55,19 +51,29 @@ def _resume(stepper, state, t_end):
     stepper.restore(state, t_end)
 
 
-def _stops(breaks, t, t_end):
-    """Breaks ahead, and the end."""
+def modes_tolerance(history):
+    """Tolerance of the modes that a history asks for, None where it asks for none."""
+    if not isinstance(history, SumOfExponentials | None):
+        required = "be left out with Collocation, or be SumOfExponentials(tol)"
+        raise ValueError(complaint("history", required, repr(history)))
+    return None if history is None else history.tol
+
+
+def _stops(breaks, stepper, t_end):
+    """Breaks ahead, and the end; one at the present time makes a corner of it."""
     times = real_array("breaks", breaks)
     if times.ndim != 1 or np.any(np.diff(times) <= 0) or np.any(times <= 0):
         required = "be increasing times above 0"
         raise ValueError(complaint("breaks", required, shown(times)))
-    return [*times[(times > t) & (times < t_end)].tolist(), t_end]
+    if stepper.t in times:
+        stepper.leave_corner()
+    return [*times[(times > stepper.t) & (times < t_end)].tolist(), t_end]
 
 
 def _run(stepper, stops, keeper, progress):
     """March to the last stop; the status and a detail for it."""
     bar, begun = ProgressBar(progress), stepper.t
-    n_rows = 1 if keeper.events.terminal else _ROWS
+    before = None
     try:
         with Interruption() as interruption:
             for number, stop in enumerate(stops):
@@ -76,11 +82,15 @@ def _run(stepper, stops, keeper, progress):
                 while stepper.t < stop:
                     start = stepper.t
                     try:
-                        piece = stepper.advance(stop, n_rows)
+                        before = stepper.state() if keeper.events.terminal else None
+                        piece = stepper.advance(stop, _ROWS)
+                        if piece is not None and keeper.keep(piece, start):
+                            _go_back(stepper, before, keeper.end, stops)
+                            return Status.EVENT, ""
+                        if stepper.error is not None:
+                            raise stepper.error
                     except Exception as error:
                         return Status.RHS_FAILED, f"{type(error).__name__}: {error}"
-                    if piece is not None and keeper.keep(piece, start):
-                        return Status.EVENT, ""
                     if stepper.blown_up:
                         return Status.BLOWN_UP, "no step is small enough"
                     if stepper.not_solved:
@@ -94,12 +104,19 @@ def _run(stepper, stops, keeper, progress):
     return Status.COMPLETED, ""
 
 
+def _go_back(stepper, before, t_event, stops):
+    """March again, to the event, where a later run goes on."""
+    stepper.restore(before, stops[-1])
+    while stepper.t < t_event and stepper.advance(t_event, _ROWS) is not None:
+        pass
+
+
 class _Keeper:
     """The rows and the dense output of a run."""
 
     def __init__(self, stepper, save_every, t_eval, events):
         self._stepper, self._every, self._wanted, self.events = stepper, save_every, t_eval, events
-        self._start, self._end, self._n_seen = stepper.t, stepper.t, 0
+        self._start, self.end, self._n_seen = stepper.t, stepper.t, 0
         self._dense = Dense(stepper.second)
         self._times: list = []
         self._rows: list = []
@@ -117,39 +134,39 @@ class _Keeper:
 
     def keep(self, piece, start):
         """Take in a piece; whether a terminal event ends the run in it."""
-        dense = self._dense
-        if self._wanted is not None:
-            dense = Dense(self._stepper.second)  # rows at given times are all that is kept
+        dense = Dense(self._stepper.second)  # of this piece alone
         dense.add(piece, start)
+        if self._wanted is None:  # else rows at the given times are all that is kept
+            self._dense.add(piece, start)
         edges = np.append(piece.edges(), self._stepper.t)
         end = None
         if self.events.times:
             end = self.events.look(edges, lambda t: dense(t, 0, edges[-1]))
-        self._end = edges[-1] if end is None else end
+        self.end = edges[-1] if end is None else end
         if self._wanted is None:
             n = np.arange(self._n_seen + 1, self._n_seen + edges.size)
-            chosen = (n % self._every == 0) & (edges[1:] <= self._end)
+            chosen = (n % self._every == 0) & (edges[1:] <= self.end)
             self._n_seen += edges.size - 1
             times = edges[1:][chosen]
         else:
-            ahead = int(np.searchsorted(self._wanted, self._end, side="right"))
+            ahead = int(np.searchsorted(self._wanted, self.end, side="right"))
             times, self._wanted = self._wanted[:ahead], self._wanted[ahead:]
         if times.size:
             self._add(times, *(dense(times, k, edges[-1]) for k in (0, 1)))
-        if end is not None or (self._wanted is None and self._stepper.t == self._end):
-            self._last = (self._end, *(dense(self._end, k, edges[-1]) for k in (0, 1)))
+        if end is not None or (self._wanted is None and self._stepper.t == self.end):
+            self._last = (self.end, *(dense(self.end, k, edges[-1]) for k in (0, 1)))
         return end is not None
 
     def solution(self, status, detail, seconds):
         """The solution as far as it went."""
         stepper = self._stepper
         keeps_steps = self._wanted is None
-        if keeps_steps and self._times[-1][-1] < self._end:
+        if keeps_steps and self._times[-1][-1] < self.end:
             t, y, ydot = self._last
             self._add(np.array([t]), y[None], ydot[None])
         message = status.value + (f": {detail}" if detail else "")
         if status is not Status.COMPLETED:
-            message += f" (t = {self._end:g})"
+            message += f" (t = {self.end:g})"
         return Solution(
             t=np.concatenate(self._times) if self._times else np.zeros(0),
             y=np.concatenate(self._rows) if self._rows else np.zeros((0, stepper.equation.d)),
@@ -160,5 +177,5 @@ class _Keeper:
             state=stepper.state(),
             dense=self._dense if keeps_steps else None,
             t_events=[np.array(times) for times in self.events.times],
-            y_events=[np.array(values) for values in self.events.values],
+            y_events=[np.array(rows).reshape(-1, stepper.y.size) for rows in self.events.values],
         )

@@ -62,7 +62,7 @@ class AdaptiveStepper:
         End of the run; the modes reach ten times as far, or to the scheme's horizon.
     rtol, atol : float
     modes_tol : float, optional
-        Relative error of the modes; by default what the tolerance allows.
+        Relative error of the modes, where it is to be less than the tolerance allows.
     directions : ndarray, shape (n_data, k), optional
         Derivatives of the initial data along k directions, whose tangents go alongside; the steps
         are chosen for the orbit.
@@ -75,7 +75,8 @@ class AdaptiveStepper:
         self._tolerances = (rtol, atol)
         self._rtol, self._atol = _SHARE * rtol, _SHARE * atol
         own = max(1e-13, min(1e-3, _SHARE_OF_MODES * self._rtol))
-        self._modes_tol = own if modes_tol is None else modes_tol
+        # looser modes would look like a rough solution, and no step would be small enough
+        self._modes_tol = own if modes_tol is None else min(own, modes_tol)
         self._far = max(_FAR * t_end, scheme.horizon or 0.0)
         s = self._s = scheme.nodes_for(rtol)
         self._form = form = integral_form(equation)
@@ -90,6 +91,7 @@ class AdaptiveStepper:
         self._largest = np.abs(self._strands.initial[0])
         self._at_corner, self._largest_error = True, 0.0
         self.blown_up = self.not_solved = False
+        self.error: Exception | None = None
 
     def _starts(self, directions):
         """Initial values of orbit and tangents, shape (1 + k, m, d)."""
@@ -146,7 +148,8 @@ class AdaptiveStepper:
     def advance(self, t_stop, n_rows):
         """March towards `t_stop` by at most `n_rows` steps; the piece of dense output made.
 
-        Where no step is small enough `not_solved` or `blown_up` is set, and None may come back.
+        Where no step is small enough `not_solved` or `blown_up` is set, where the right-hand side
+        raises, `error`; None may come back then.
         """
         if self._at_corner:
             return self._step_out(t_stop)
@@ -157,7 +160,13 @@ class AdaptiveStepper:
         )
         n, status = 0, TOO_CLOSE
         while status == TOO_CLOSE and n == 0:
-            n, status = self._march(track, t_stop)
+            made = self.n_steps
+            try:
+                _, status = self._march(track, t_stop)
+            except Exception as error:
+                # the steps before it are made and kept
+                self.error, status = error, REACHED
+            n = self.n_steps - made
             if n:
                 self._strands.step(self._clock[2])
             if status == TOO_CLOSE:
@@ -269,7 +278,10 @@ class AdaptiveStepper:
         form, size = self._form, np.abs(self.equation.jacobian(self.t, self.y)).max()
         forces = form.channels[form.channels[:, 1] == FORCE]
         order = (form.orders[forces[:, 2].astype(int)] + form.second).min()
-        return left if size * left**order < 0.5 else (0.5 / size) ** (1 / order)
+        most = left / 16  # a right-hand side of time alone says nothing about itself
+        # tiny orders change at once and then hardly: the check between the nodes decides there
+        order = max(order, 0.1)
+        return most if size * most**order < 0.5 else (0.5 / size) ** (1 / order)
 
     def _stages(self, times, h, base, operators, tolerance, values):
         """Solve for the values at the basis' nodes; whether the orbit's hold in between too."""

@@ -1,6 +1,7 @@
 """Dense output (floor 4): the solution of collocation steps at any time."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.polynomial import legendre as leg
@@ -8,6 +9,9 @@ from numpy.polynomial import legendre as leg
 from .._checks import complaint, real_array, shown
 from ..schemes.power_basis import PowerBasis
 from ..schemes.quadrature import polynomial_integrals, radau_nodes
+
+# The slope at 0 is taken here, and called infinite beyond this size.
+_NEXT_TO_0, _STEEP = 1e-200, 1e12
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,8 +33,13 @@ class PowerPiece:
         _, p, y = self.values
         if not derivative:
             return self.basis.interpolate(y, u).T
-        slopes = np.where(second, 0.0, self.basis.slopes(u) @ p.T / self.length)
-        return np.where(second, self.basis.interpolate(p, u).T, slopes)
+        speeds = self.basis.interpolate(p, u).T
+        if second.all():
+            return speeds
+        # powers below 1 are infinitely steep at 0, all but those whose coefficients vanish
+        slopes = self.basis.slopes(np.maximum(u, _NEXT_TO_0)) @ p.T / self.length
+        steep = (u[:, None] == 0.0) & (np.abs(slopes) > _STEEP)
+        return np.where(second, speeds, np.where(steep, np.copysign(np.inf, slopes), slopes))
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +78,7 @@ class PolynomialPieces:
         return np.where(second, self.begins[i, :d] + risen, p)
 
 
+@lru_cache(maxsize=16)
 def _through_start(s):
     """Values at 0 and at the Radau points to Legendre coefficients."""
     points = np.concatenate([[0.0], radau_nodes(s)])
@@ -106,12 +116,15 @@ class Dense:
     def __call__(self, t, derivative, end):
         """y, or y' for ``derivative=1``, at times t up to `end`; shape (d,) or (k, d)."""
         times = np.atleast_1d(real_array("t", t))
-        start = self._starts[0] if self._starts else end
+        if not self._pieces:
+            raise ValueError(complaint("t", "wait for a run that made a step", shown(times)))
+        starts = np.array(self._starts)
+        start = starts[0]
         if not np.all((times >= start) & (times <= end)):
             required = f"lie in [{start}, {end}]"
             raise ValueError(complaint("t", required, shown(times)))
         out = np.empty((times.size, self._second.size))
-        where = np.searchsorted(self._starts, times, side="right") - 1
+        where = np.searchsorted(starts, times, side="right") - 1
         for k in np.unique(where):
             chosen = where == k
             out[chosen] = self._pieces[k].evaluate(times[chosen], self._second, derivative)

@@ -23,12 +23,14 @@ class Drive:
         ``advance(n_more)`` makes steps and keeps what is wanted of them.
     interruption : Interruption
     bar : ProgressBar
+    whole : bool
+        March to each given step at once, for a stepper whose own steps depend on where it stops.
     """
 
-    def __init__(self, stepper, n_total, advance, interruption, bar):
+    def __init__(self, stepper, n_total, advance, interruption, bar, whole=False):
         self._stepper, self._n_first, self._n_total = stepper, stepper.n, n_total
         self._advance, self._interruption, self._bar = advance, interruption, bar
-        self._stretch = 0
+        self._stretch, self._whole = 0, whole
 
     def to(self, n_end):
         """March to step `n_end`; None when there, else a status and a detail for it."""
@@ -36,7 +38,9 @@ class Drive:
         while stepper.n < n_end:
             try:
                 self._stretch = self._stretch or _fitting_steps(stepper.seconds_of_rhs())
-                n_more = min(self._stretch, n_end - stepper.n)
+                n_more = n_end - stepper.n
+                if not self._whole:
+                    n_more = min(self._stretch, n_more)
                 began = time.perf_counter()
                 self._advance(n_more)
             except Exception as error:

@@ -44,16 +44,18 @@ class MarkedStepper:
         Distance of the marks; the steps between them are the tolerance's affair [time].
     n_marks : int
         Marks of the whole run.
+    modes_tol : float, optional
+        As for `AdaptiveStepper`.
     directions : ndarray, shape (n_data, k), optional
         As for `AdaptiveStepper`.
     """
 
     zigzag, largest_ratio = None, 0.0
 
-    def __init__(self, equation, scheme, tols, h, n_marks, directions=None):
+    def __init__(self, equation, scheme, tols, h, n_marks, modes_tol=None, directions=None):
         rtol, atol = tols
         t_end = h * n_marks
-        self._inner = AdaptiveStepper(equation, scheme, t_end, rtol, atol, directions=directions)
+        self._inner = AdaptiveStepper(equation, scheme, t_end, rtol, atol, modes_tol, directions)
         self.equation, self.h, self.n, self._n_marks = equation, h, 0, n_marks
 
     def __getattr__(self, name):
@@ -76,8 +78,10 @@ class MarkedStepper:
         while inner.t < stop:
             start = inner.t
             piece = inner.advance(stop, _ROWS)
-            if piece is not None:
+            if piece is not None and positions.size:
                 dense.add(piece, start)
+            if inner.error is not None:
+                raise inner.error
             if inner.blown_up or inner.not_solved:
                 return
         if positions.size:

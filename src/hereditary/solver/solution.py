@@ -21,7 +21,10 @@ class Status(enum.Enum):
     ZIGZAG = "the solution zigzags from step to step: the step is beyond the stability limit"
     BLOWN_UP = "the solution stopped being finite"
     INTERRUPTED = "the run was interrupted"
-    NOT_SOLVED = "Newton's method did not converge: take smaller steps, or give an exact jac"
+    NOT_SOLVED = (
+        "Newton's method did not converge: take smaller steps, give an exact jac, or name the "
+        "times of jumps as breaks"
+    )
     EVENT = "a terminal event ended the run"
     RHS_FAILED = "the right-hand side raised an exception"
 
@@ -51,8 +54,10 @@ class Solution:
     message : str
         The same in a sentence, with the numbers of this run.
     stats : dict
-        n_steps and n_rhs (counted from t = 0), n_modes, history_bytes, setup_seconds, run_seconds,
-        and stiffness_ratio: the largest ratio of an eigenvalue of d rhs / d y to its step limit
+        n_steps and n_rhs (counted from t = 0), n_modes, history_bytes, setup_seconds, run_seconds.
+        With `Collocation` n_rejected, the steps made again shorter, and error_estimate: rtol times
+        the largest error of a step over its share of the tolerance, a tenth of it. Otherwise
+        stiffness_ratio: the largest ratio of an eigenvalue of d rhs / d y to its step limit
         seen along the orbit, sampled every 32 steps (more rarely in systems); the scheme is
         unstable above 1. Where the components of a system have different terms only real
         eigenvalues are seen.

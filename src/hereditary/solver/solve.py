@@ -37,7 +37,7 @@ def solve(
     progress: bool = False,
     resume: State | AdaptiveState | None = None,
 ) -> Solution:
-    """Solve an equation with memory on [0, t_end], with uniform steps or along a mesh.
+    """Solve an equation with memory on [0, t_end]: with uniform steps, along a mesh, or adaptively.
 
     Parameters
     ----------
@@ -69,12 +69,13 @@ def solve(
         Times at which the right-hand side jumps, for `Collocation`: the steps begin anew there.
     events : callable or sequence of callable, optional
         ``event(t, y)``, whose zeros `Collocation` locates to rounding on its dense output; with the
-        attributes `terminal` and `direction` as in SciPy's solve_ivp.
+        attributes `terminal` and `direction` as in SciPy's solve_ivp. A zero at the very start is
+        not reported.
     progress : bool, optional
         Show a progress bar with the time left, on a terminal only.
     resume : State, optional
-        ``Solution.state`` of an earlier run; rows then begin at its time, and the result equals
-        that of an unbroken run bit for bit.
+        ``Solution.state`` of an earlier run; rows then begin at its time. With uniform steps the
+        result equals that of an unbroken run bit for bit, with `Collocation` within its tolerance.
 
     Returns
     -------
@@ -97,7 +98,9 @@ def solve(
     Cost
     ----
     One right-hand side a step and the history's share: with the default history constant memory
-    and about 20 ns a step and component besides `rhs` (convergence/memory_is_nearly_free.py).
+    and about 20 ns a step and component besides `rhs` (convergence/memory_is_nearly_free.py). With
+    `Collocation` some 10 to 50 microseconds a step, of which there are far fewer
+    (convergence/collocation.py).
 
     Examples
     --------
@@ -121,14 +124,17 @@ def solve(
         kind = AdaptiveState if isinstance(scheme, Collocation) else State
         instance("resume", resume, kind, "the .state of an earlier Solution of the same kind")
     times = _eval_times(t_eval, 0.0 if resume is None else resume.t, t_end)
+    breaks = () if breaks is None else breaks
+    events = () if events is None else events
+    functions = tuple(events) if isinstance(events, (list, tuple)) else (events,)
     if isinstance(scheme, Collocation):
         _refuse("with Collocation, which chooses its steps", n_steps=n_steps, mesh=mesh)
-        functions = (events,) if callable(events) else tuple(events)
         return solve_adaptively(
             equation, t_end, scheme, history, rtol, atol, save_every, times, breaks, functions,
             progress, resume,
         )  # fmt: skip
-    given = {"breaks": breaks or None, "events": events or None, "rtol": rtol, "atol": atol}
+    given = {"breaks": breaks if np.size(breaks) else None, "events": functions or None}
+    given |= {"rtol": rtol, "atol": atol}
     _refuse("or come with scheme=Collocation()", **given)
     return solve_on_steps(
         equation, t_end, n_steps, mesh, scheme, history or SumOfExponentials(), save_every, times,
