@@ -1,0 +1,172 @@
+"""The functions of the first step: sums of powers kept to rounding, integrated and differentiated.
+
+A power t**e counts where e is a sum of generators; t = 0 and the tiniest t are always among the
+points, for there the solution of a stiff equation of small order has most of its changes.
+"""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.special import erfcx, gamma, rgamma
+
+from hereditary.schemes.power_basis import LEFT_OUT, PowerBasis, graded_rule, power_basis
+
+GENERATORS = [
+    (1.0,),
+    (0.5,),
+    (0.3, 1.0),
+    (0.7, 1.0),
+    (0.8, 1.0),
+    (0.999, 1.0),
+    (0.6, 0.7),
+    (0.6, 0.7, 1.0),
+    (0.35, 0.4, 0.9, 1.0),
+    (0.02, 1.0),
+    (0.024, 0.7173, 1.0),
+    (1e-3, 1.0),
+    (1e-6, 1.0),
+    (1e-6, 0.5),
+    (1e-3, 0.999),
+]
+POINTS = np.concatenate([[0.0, 1e-300], np.geomspace(1e-40, 1, 300), np.linspace(0, 1, 301)])
+# Between nearly dependent functions roundings are enlarged by some thousand.
+ROUNDING = 3e-11
+
+
+def small_sums(generators, n=12):
+    """The n smallest sums of generators, 0 among them; tiny ones count for more than they are."""
+    sums = {(0.0, 0.0)}
+    for g in generators:
+        steps = [(k * max(g, 0.12), k * g) for k in range(2 * n)]
+        sums = {(round(a + c, 12), round(b + d, 12)) for a, b in sums for c, d in steps}
+    return [e for _, e in sorted(sums)[:n]]
+
+
+def powers(exponent, t):
+    return np.asarray(t) ** exponent if exponent else np.ones(np.shape(t))
+
+
+def at_nodes(basis, exponent):
+    """t**exponent at the nodes, also where these are too small for a float."""
+    return np.exp(exponent * basis._logs[: basis.nodes.size])
+
+
+def at_between(basis, exponent):
+    return np.exp(exponent * basis._logs[basis.nodes.size :])
+
+
+@pytest.mark.parametrize("generators", GENERATORS, ids=repr)
+def test_nodes(generators):
+    """Ascending, the last one 1, and other points between them."""
+    basis = power_basis(generators)
+    assert np.all(np.diff(basis.nodes) >= 0)
+    assert np.all((basis.nodes >= 0) & (basis.nodes <= 1))
+    assert basis.nodes[-1] == 1.0
+    assert basis.nodes.size <= basis.between.size <= basis.nodes.size + 2
+    assert not np.isin(basis.between[basis.between > 1e-300], basis.nodes).any()
+
+
+@pytest.mark.parametrize("generators", GENERATORS, ids=repr)
+def test_powers_are_interpolated(generators):
+    basis = power_basis(generators)
+    for e in small_sums(generators):
+        values = at_nodes(basis, e)
+        assert np.abs(basis.interpolate(values, POINTS) - powers(e, POINTS)).max() < ROUNDING
+        between = basis.interpolate_between(values)
+        assert np.abs(between - at_between(basis, e)).max() < ROUNDING
+
+
+@pytest.mark.parametrize("generators", [(1.0,), (0.5,), (0.7, 1.0), (0.8, 1.0), (0.6, 0.7)])
+def test_other_powers_are_not(generators):
+    """The two-sided half: what is no sum of generators shows as an error, near 0 above all."""
+    basis = power_basis(generators)
+    for e in (0.1, 0.437):
+        off = basis.interpolate(powers(e, basis.nodes), POINTS) - powers(e, POINTS)
+        assert np.abs(off).max() > 1e-4
+        off = basis.interpolate_between(powers(e, basis.nodes)) - powers(e, basis.between)
+        assert np.abs(off).max() > 1e-6
+
+
+@settings(max_examples=20)
+@given(st.floats(0.12, 0.95), st.integers(0, 11), st.floats(-10, 10), st.floats(-10, 10))
+def test_sums_of_powers_for_any_generator(g, number, first, second):
+    basis, e = PowerBasis((g, 1.0)), small_sums((g, 1.0))[number]
+    values, exact = (first * powers(g, t) + second * powers(e, t) for t in (basis.nodes, POINTS))
+    assert np.abs(basis.interpolate(values, POINTS) - exact).max() < 20 * ROUNDING
+
+
+@given(st.sampled_from(GENERATORS), st.floats(-1e6, 1e6))
+def test_constants_stay_as_they_are(generators, constant):
+    """Bit for bit: a solution at rest stays at rest."""
+    basis = power_basis(generators)
+    values = np.full((2, basis.nodes.size), constant)
+    assert np.all(basis.interpolate(values, POINTS) == constant)
+    assert np.all(basis.interpolate_between(values) == constant)
+
+
+@pytest.mark.parametrize("generators", GENERATORS, ids=repr)
+def test_the_end_of_a_step_is_as_exact_as_its_values(generators):
+    basis = power_basis(generators)
+    for e in small_sums(generators):
+        end = basis.interpolate(3.0 * at_nodes(basis, e), np.array([1.0]))
+        assert end == pytest.approx(3.0, abs=1e-13)
+
+
+@pytest.mark.parametrize("orders", [(1e-6, 1.0), (0.02, 0.5), (0.3, 0.999999, 1.0)], ids=repr)
+@pytest.mark.parametrize("generators", GENERATORS, ids=repr)
+def test_integrals_of_powers(generators, orders):
+    """``J**a t**e = Gamma(e+1) / Gamma(e+a+1) t**(e+a)``, at the nodes and between."""
+    basis = power_basis(generators)
+    integrals = basis.integrals(orders)
+    n = basis.nodes.size
+    assert integrals.shape == (len(orders), n + basis.between.size, n)
+    for a, integral in zip(orders, integrals, strict=True):
+        for e in small_sums(generators):
+            risen = np.concatenate([at_nodes(basis, e + a), at_between(basis, e + a)])
+            exact = gamma(e + 1) * rgamma(e + a + 1) * risen
+            off = np.abs(integral @ at_nodes(basis, e) - exact)
+            assert off.max() < (ROUNDING if a < 0.1 else 1e-12)
+
+
+@pytest.mark.parametrize("generators", GENERATORS, ids=repr)
+def test_slopes_of_powers(generators):
+    """``e t**(e-1)``, relative to what a change of 1 over t would be."""
+    basis = power_basis(generators)
+    t = np.geomspace(1e-6, 1, 100)
+    for e in small_sums(generators):
+        off = np.abs(basis.slopes(t) @ at_nodes(basis, e) - e * t ** (e - 1))
+        assert (t * off).max() < 3 * ROUNDING
+
+
+def test_a_solution_of_order_one_half():
+    """y = erfcx(sqrt(t)): its values, its slope y - 1 / sqrt(pi t), and ``J**0.5 y = 1 - y``."""
+    basis, t = power_basis((0.5,)), np.geomspace(1e-12, 1, 200)
+    values = erfcx(np.sqrt(basis.nodes))
+    np.testing.assert_allclose(basis.interpolate(values, t), erfcx(np.sqrt(t)), atol=3e-14)
+    exact = erfcx(np.sqrt(t)) - 1 / np.sqrt(np.pi * t)
+    np.testing.assert_allclose(t * (basis.slopes(t) @ values), t * exact, atol=3e-12)
+    ends = np.concatenate([basis.nodes, basis.between])
+    integral = basis.integrals((0.5,))[0] @ values
+    np.testing.assert_allclose(integral, 1 - erfcx(np.sqrt(ends)), atol=3e-14)
+
+
+def test_slopes_at_0_are_infinite_for_powers_below_1_alone():
+    smooth, rough = power_basis((1.0,)), power_basis((0.5,))
+    assert smooth.slopes(np.zeros(1)) @ smooth.nodes == pytest.approx(1.0, abs=1e-11)
+    with np.errstate(invalid="ignore"):
+        assert not np.isfinite(rough.slopes(np.zeros(1)) @ np.sqrt(rough.nodes)).all()
+
+
+def test_a_basis_is_made_once():
+    assert power_basis((0.5, 0.7)) is power_basis((0.5, 0.7))
+
+
+@given(st.floats(-0.9, 2), st.floats(-0.9, 2))
+def test_the_graded_rule_is_for_functions_singular_at_both_ends(p, q):
+    """``int u**p (1-u)**q du``, the stretches left out next to both ends in closed form."""
+    u, v, weights = graded_rule()
+    np.testing.assert_allclose(u + v, 1, atol=1e-15)
+    ends = LEFT_OUT ** (p + 1) / (p + 1) + LEFT_OUT ** (q + 1) / (q + 1)
+    exact = gamma(p + 1) * gamma(q + 1) * rgamma(p + q + 2)
+    assert weights @ (u**p * v**q) + ends == pytest.approx(exact, rel=1e-12)

@@ -1,0 +1,138 @@
+"""Nodes of collocation and exact integrals of their polynomials, against closed forms."""
+
+import mpmath
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+from numpy.polynomial import legendre as leg
+from scipy.special import rgamma
+
+from hereditary.schemes.quadrature import (
+    polynomial_integrals,
+    radau_integrals,
+    radau_nodes,
+    to_legendre,
+)
+
+NUMBERS = (2, 3, 4, 6, 8, 12)
+ORDERS = (1e-6, 0.02, 0.5, 0.999999, 1.0)
+
+
+def integral_of_power(p, a, t):
+    """``J**a t**p`` by the Gamma function, in 30 digits."""
+    with mpmath.workdps(30):
+        factor = mpmath.gamma(p + 1) / mpmath.gamma(p + 1 + mpmath.mpf(float(a)))
+        return np.array([float(factor * mpmath.mpf(float(x)) ** (p + a)) for x in t])
+
+
+def integral_of_node_polynomial(s, a):
+    """``J**a`` of ``prod_j (t - c_j)`` at the nodes, in 60 digits."""
+    nodes = radau_nodes(s)
+    with mpmath.workdps(60):
+        powers = [mpmath.mpf(1)]  # coefficients, the highest power first
+        for c in nodes:
+            shifted = [-mpmath.mpf(float(c)) * k for k in powers]
+            powers = [u + v for u, v in zip([*powers, 0], [0, *shifted], strict=True)]
+        order = mpmath.mpf(float(a))
+        return np.array(
+            [
+                float(
+                    sum(
+                        k * mpmath.gamma(p + 1) / mpmath.gamma(p + 1 + order) * c ** (p + order)
+                        for k, p in zip(powers, range(s, -1, -1), strict=True)
+                    )
+                )
+                for c in map(mpmath.mpf, map(float, nodes))
+            ]
+        )
+
+
+def test_known_nodes():
+    np.testing.assert_allclose(radau_nodes(2), [1 / 3, 1], rtol=1e-15)
+    six = np.sqrt(6)
+    np.testing.assert_allclose(radau_nodes(3), [(4 - six) / 10, (4 + six) / 10, 1], rtol=1e-15)
+
+
+@pytest.mark.parametrize("s", NUMBERS)
+def test_nodes_are_the_zeros_of_a_difference_of_neighbouring_legendre_polynomials(s):
+    nodes = radau_nodes(s)
+    assert nodes.shape == (s,)
+    assert np.all(np.diff(nodes) > 0)
+    assert nodes[0] > 0
+    assert nodes[-1] == 1.0
+    difference = np.zeros(s + 1)
+    difference[s - 1 :] = -1.0, 1.0
+    assert np.abs(leg.legval(2 * nodes - 1, difference)).max() < 2e-14
+
+
+@pytest.mark.parametrize("s", NUMBERS)
+def test_rules_cannot_be_written_to(s):
+    """They are shared by all runs."""
+    for array in (radau_nodes(s), radau_integrals(s, 0.5), to_legendre(s)):
+        with pytest.raises(ValueError, match="read-only"):
+            array[:] = 0.0
+
+
+@pytest.mark.parametrize("a", ORDERS)
+@pytest.mark.parametrize("s", NUMBERS)
+def test_integrals_of_powers_are_exact_below_the_number_of_nodes(s, a):
+    nodes = radau_nodes(s)
+    for p in range(s):
+        exact, found = integral_of_power(p, a, nodes), radau_integrals(s, a) @ nodes**p
+        np.testing.assert_allclose(found, exact, rtol=1e-13, atol=2e-15)
+
+
+@pytest.mark.parametrize("a", ORDERS)
+@pytest.mark.parametrize("s", NUMBERS[:-1])
+def test_integrals_of_the_next_power_miss_that_of_the_node_polynomial(s, a):
+    """t**s and its interpolant differ by ``prod_j (t - c_j)``, whose integral is not 0."""
+    nodes = radau_nodes(s)
+    missed = integral_of_power(s, a, nodes) - radau_integrals(s, a) @ nodes**s
+    expected = integral_of_node_polynomial(s, a)
+    np.testing.assert_allclose(missed, expected, rtol=0, atol=2e-15)
+    assert np.abs(missed).max() > 1e3 * 2e-15
+
+
+@pytest.mark.parametrize("s", NUMBERS)
+def test_the_whole_integral_is_exact_up_to_twice_the_number_of_nodes_less_two(s):
+    """Radau's rule: the node polynomial is orthogonal to all polynomials of degree s - 2."""
+    nodes, weights = radau_nodes(s), radau_integrals(s, 1.0)[-1]
+    assert np.all(weights > 0)
+    for p in range(2 * s - 1):
+        assert weights @ nodes**p == pytest.approx(1 / (p + 1), rel=1e-13)
+    if s <= 8:
+        p = 2 * s - 1
+        assert abs(weights @ nodes**p - 1 / (p + 1)) > 1e-10
+
+
+@given(st.sampled_from(NUMBERS), st.floats(1e-9, 1.0), st.data())
+def test_integrals_of_any_polynomial_up_to_any_end(s, a, data):
+    """Also from 0 to 0, and for orders so small that they hardly integrate."""
+    amplitudes = hnp.arrays(float, s, elements=st.floats(-10, 10))
+    coefficients = data.draw(amplitudes)
+    ends = np.array([0.0, 1e-6, data.draw(st.floats(0, 1)), 1.0])
+    values = np.polyval(coefficients, radau_nodes(s))
+    powers = np.arange(s - 1, -1, -1)
+    factors = np.array([float(mpmath.gamma(p + 1)) for p in powers]) * rgamma(powers + 1 + a)
+    exact = (ends[:, None] ** (powers + a)) @ (factors * coefficients)
+    found = polynomial_integrals(s, a, ends) @ values
+    np.testing.assert_allclose(found, exact, rtol=0, atol=1e-12 * np.abs(coefficients).max())
+
+
+@pytest.mark.parametrize("s", NUMBERS)
+def test_orders_that_tend_to_0_and_1(s):
+    """``J**a`` tends to the identity and to the integral, both without a leap."""
+    assert np.abs(radau_integrals(s, 1e-9) - np.eye(s)).max() < 1e-6
+    assert np.abs(radau_integrals(s, 1 - 1e-12) - radau_integrals(s, 1.0)).max() < 1e-11
+
+
+@given(st.sampled_from(NUMBERS), st.data())
+def test_interpolation_is_exact_below_the_number_of_nodes_alone(s, data):
+    coefficients = data.draw(hnp.arrays(float, s, elements=st.floats(-10, 10)))
+    found = to_legendre(s) @ leg.legval(2 * radau_nodes(s) - 1, coefficients)
+    scale = 1 + np.abs(coefficients).max()
+    np.testing.assert_allclose(found, coefficients, rtol=0, atol=1e-13 * scale)
+    next_one = np.eye(s + 1)[s]  # P_s, which equals P_(s-1) at the nodes
+    assert (to_legendre(s) @ leg.legval(2 * radau_nodes(s) - 1, next_one))[-1] == pytest.approx(1)

@@ -1,0 +1,252 @@
+"""Dense output: the solution of an adaptive run at any time, and its derivative."""
+
+import numpy as np
+import pytest
+from problems import half_order_oscillator, half_order_relaxation, monomial
+from scipy.special import wofz
+
+import hereditary as hd
+from hereditary import exact
+
+RTOLS = (1e-4, 1e-8, 1e-11)
+
+
+def half_order_equation():
+    return hd.Equation([hd.Caputo(1.5), 0.5 * hd.Caputo(0.5)], spring, y0=[1.0, 0.0])
+
+
+def spring(t, x):
+    return -x
+
+
+def speed(t):
+    """The derivative of `half_order_oscillator`."""
+    roots = np.roots([1.0, 0.0, 0.5, 1.0])
+    residues = (roots**2 + 0.5) / (3 * roots**2 + 0.5)
+    z = np.multiply.outer(np.sqrt(np.asarray(t, dtype=float)), roots)
+    return (residues * roots**2 * wofz(1j * -z)).sum(axis=1).real.reshape(-1, 1)
+
+
+def everywhere(sol):
+    """Times all over the run, and from its start on in powers of ten."""
+    first = sol.t[0] + (sol.t[1] - sol.t[0]) * np.geomspace(1e-16, 1, 33)
+    return np.unique(np.concatenate([np.linspace(sol.t[0], sol.t[-1], 1001), first]))
+
+
+# What is neither smooth nor small: a run of a few hundred steps, a system, orders near each other,
+# a jump, and a first step in functions of three generators.
+RUNS = {
+    "relaxation": (lambda: hd.scenes.relaxation(0.5), 20.0, ()),
+    "oscillator": (lambda: hd.scenes.oscillator(1.3, 0.7), 30.0, ()),
+    "stick-slip": (hd.scenes.stick_slip, 100.0, ()),
+    "brusselator": (lambda: hd.scenes.brusselator(0.8), 100.0, ()),
+    "with breaks": (lambda: hd.scenes.oscillator(), 10.0, (1.0, 1.5, 7.0)),
+    "three terms": (lambda: hd.Equation(THREE, spring, [1.0, 1.0]), 5.0, ()),
+}
+THREE = [hd.Caputo(1.7722), 0.133 * hd.Caputo(0.9575), 0.195 * hd.Caputo(0.4143)]
+
+
+@pytest.fixture(params=RUNS)
+def case(request):
+    make, t_end, breaks = RUNS[request.param]
+    return make(), t_end, breaks
+
+
+@pytest.mark.parametrize("rtol", RTOLS)
+def test_values_and_speeds_of_an_oscillator_at_all_times(rtol):
+    """Above order 1 the derivative is as exact as the solution, also inside the first step."""
+    sol = hd.solve(half_order_equation(), 20.0, rtol=rtol)
+    t = everywhere(sol)
+    assert np.abs(sol(t) - half_order_oscillator(t)).max() <= rtol
+    assert np.abs(sol(t[1:], 1) - speed(t[1:])).max() <= rtol
+    assert np.abs(sol.ydot - speed(sol.t)).max() <= rtol
+
+
+@pytest.mark.parametrize("rtol", RTOLS)
+def test_values_and_slopes_of_a_relaxation_at_all_times(rtol):
+    """Up to order 1 the derivative is exact relative to what a change of 1 over t would be."""
+    sol = hd.solve(hd.scenes.relaxation(0.5), 20.0, rtol=rtol)
+    t = everywhere(sol)
+    np.testing.assert_allclose(sol(t), half_order_relaxation(t), rtol=rtol)
+    later = t[1:]
+    slope = half_order_relaxation(later)[:, 0] - 1 / np.sqrt(np.pi * later)
+    assert np.abs(later * (sol(later, 1)[:, 0] - slope)).max() <= 10 * rtol
+    assert sol.ydot is None
+
+
+def powers(t, y, dy, p):
+    dy[0] = p[0] * t**1.5
+    dy[1] = p[1] * t**0.5
+
+
+def test_each_component_has_the_derivative_of_its_kind():
+    """Orders 1.5 and 0.5 together: t**3 and t; no y'(0) is known of the second one."""
+    factors = [float(monomial(1.0, 1.5, 3.0)), float(monomial(1.0, 0.5, 1.0))]
+    y0 = [[0.0, 0.0], [0.0, 0.0]]
+    sol = hd.solve(hd.Equation(hd.Caputo([1.5, 0.5]), powers, y0, factors), 2.0, rtol=1e-9)
+    t = np.linspace(0.1, 2, 30)
+    np.testing.assert_allclose(sol(t), np.column_stack([t**3, t]), atol=1e-8)
+    np.testing.assert_allclose(sol(t, 1), np.column_stack([3 * t**2, np.ones(30)]), atol=1e-7)
+    np.testing.assert_allclose(sol.ydot[:, 0], 3 * sol.t**2, atol=1e-8)
+    assert np.isnan(sol.ydot[0, 1])
+    np.testing.assert_allclose(sol.ydot[1:, 1], 1, atol=1e-7)
+
+
+@pytest.mark.parametrize("rtol", [1e-4, 1e-8])
+def test_continuous_at_step_ends(case, rtol):
+    """From both sides, also where stretches of steps meet; to a thousandth of the tolerance."""
+    equation, t_end, breaks = case
+    sol = hd.solve(equation, t_end, rtol=rtol, breaks=breaks)
+    inner, rows = sol.t[1:-1], sol.y[1:-1]
+    within = 1e-2 * rtol * np.abs(sol.y).max()
+    for t in (np.nextafter(inner, 0.0), inner, np.nextafter(inner, t_end)):
+        assert np.abs(sol(t) - rows).max() <= within
+    if sol.ydot is not None:
+        for t in (np.nextafter(inner, 0.0), np.nextafter(inner, t_end)):
+            assert np.abs(sol(t, 1) - sol.ydot[1:-1]).max() <= 1e-2 * rtol * np.abs(sol.ydot).max()
+    np.testing.assert_allclose(sol(t_end), sol.y[-1], rtol=0, atol=1e-14 * np.abs(sol.y).max())
+
+
+@pytest.mark.parametrize("rtol", [1e-4, 1e-8])
+def test_at_the_start_it_is_the_initial_value(case, rtol):
+    """Within the tolerance, as everywhere."""
+    equation, t_end, breaks = case
+    sol = hd.solve(equation, t_end, rtol=rtol, breaks=breaks)
+    off = np.abs(sol(0.0) - equation.y0[0]).max()
+    assert off <= rtol * np.abs(equation.y0[0]).max()
+
+
+def test_the_speed_at_the_start_is_the_initial_one():
+    sol = hd.solve(hd.scenes.stick_slip(), 1.0, rtol=1e-8)
+    assert sol(0.0, 1)[0] == pytest.approx(0.3, rel=1e-8)
+
+
+def weak_spring(t, x):
+    return -0.221 * x
+
+
+@pytest.mark.parametrize("v0", [-2.0, 0.5, 2.0])
+def test_the_start_of_a_solution_of_three_generators(v0):
+    """What a basis of powers makes of x(0) = 1 must not leave the tolerance."""
+    sol = hd.solve(hd.Equation(THREE, weak_spring, [1.0, v0]), 0.77, rtol=5e-11)
+    t = sol.t[1] * np.concatenate([[0.0], np.geomspace(1e-18, 1, 40)])
+    orders, coefficients = (0.4143, 0.9575, 1.7722), (0.195, 0.133, 1.0)
+    solution = exact.several_terms(orders, coefficients, [1.0, v0], 0.221)
+    assert np.abs(sol(t) - solution(t)).max() <= 5e-11
+
+
+def test_the_slope_at_the_start_is_infinite_where_powers_below_1_are():
+    sol = hd.solve(hd.scenes.relaxation(0.5), 2.0, rtol=1e-8)
+    assert sol(0.0, 1)[0] == -np.inf
+    smooth = hd.solve(hd.scenes.relaxation(1.0), 2.0, rtol=1e-8)
+    assert smooth(0.0, 1)[0] == pytest.approx(-1, rel=1e-7)
+
+
+@pytest.mark.parametrize("rtol", [1e-4, 1e-8])
+def test_rows_at_given_times_are_the_dense_output_of_the_same_run(case, rtol):
+    equation, t_end, breaks = case
+    sol = hd.solve(equation, t_end, rtol=rtol, breaks=breaks)
+    inside = (0.3 * sol.t[:-1] + 0.7 * sol.t[1:])[:: 1 + sol.t.size // 50]
+    t = np.unique(np.concatenate([[1e-9], inside, [t_end]]))
+    rows = hd.solve(equation, t_end, rtol=rtol, breaks=breaks, t_eval=t)
+    assert rows.t.tolist() == t.tolist()
+    scale = np.abs(sol.y).max()
+    np.testing.assert_allclose(rows.y, sol(t), rtol=0, atol=1e-13 * scale)
+    if sol.ydot is None:
+        assert rows.ydot is None
+    else:
+        np.testing.assert_allclose(rows.ydot, sol(t, 1), atol=1e-12 * np.abs(sol.ydot).max())
+    assert rows.stats["n_rhs"] == sol.stats["n_rhs"]
+
+
+def test_rows_at_the_start_and_at_the_end_are_there_if_asked_for():
+    equation = hd.scenes.stick_slip()
+    for t_eval in ([0.0, 1.0], [1.0], [0.0], [0.5, 0.6], [1.0 - 1e-15]):
+        rows = hd.solve(equation, 1.0, rtol=1e-8, t_eval=t_eval)
+        np.testing.assert_allclose(rows.t, t_eval, rtol=1e-14)
+        assert rows.y.shape == rows.ydot.shape == (len(t_eval), 1)
+    assert hd.solve(equation, 1.0, rtol=1e-8, t_eval=[0.0]).y[0, 0] == 0.2
+
+
+def test_shapes():
+    sol = hd.solve(hd.scenes.brusselator(0.8), 2.0, rtol=1e-6)
+    assert sol(1).shape == sol(1.0).shape == sol(np.float64(1.0)).shape == (2,)
+    assert sol([1.0]).shape == (1, 2)
+    assert sol(np.linspace(0, 2, 7)).shape == sol(np.linspace(0.1, 2, 7), derivative=1).shape
+    assert sol([]).shape == (0, 2)
+
+
+def test_the_order_of_times_does_not_matter():
+    sol = hd.solve(hd.scenes.stick_slip(), 20.0, rtol=1e-6)
+    t = np.random.default_rng(0).permutation(np.linspace(0, 20, 500))
+    np.testing.assert_allclose(sol(t), [sol(one) for one in t], rtol=1e-14, atol=1e-14)
+
+
+@pytest.mark.parametrize("t", [-1e-9, 2.0 + 1e-9, [0.5, 3.0], np.inf, np.nan, "soon"])
+def test_times_outside_of_the_run_are_refused(t):
+    sol = hd.solve(hd.scenes.relaxation(), 2.0, rtol=1e-6)
+    with pytest.raises((ValueError, TypeError), match=r"t must .*, got"):
+        sol(t)
+
+
+@pytest.mark.parametrize("derivative", [2, -1, 0.5, "first"])
+def test_other_derivatives_are_refused(derivative):
+    sol = hd.solve(hd.scenes.relaxation(), 2.0, rtol=1e-6)
+    with pytest.raises(ValueError, match="derivative must be 0 or 1, got"):
+        sol(1.0, derivative)
+
+
+def test_runs_that_keep_rows_alone_have_no_dense_output():
+    equation = hd.scenes.relaxation()
+    for sol in (
+        hd.solve(equation, 2.0, rtol=1e-6, t_eval=[1.0]),
+        hd.solve(equation, 2.0, 100),
+        hd.solve(equation, 2.0, 100, scheme=hd.BDF(2)),
+    ):
+        assert sol.dense is None
+        with pytest.raises(ValueError, match="t must be answered by rows"):
+            sol(1.0)
+
+
+@pytest.mark.parametrize("every", [1, 2, 7, 10**6])
+def test_saved_rows_are_rows_of_the_full_run_and_the_dense_output_stays(every):
+    equation = hd.scenes.stick_slip()  # about 500 steps
+    full = hd.solve(equation, 100.0, rtol=1e-4)
+    some = hd.solve(equation, 100.0, rtol=1e-4, save_every=every)
+    n = full.t.size - 1
+    assert n > 300
+    kept = sorted({*range(0, n, every), n})
+    assert np.array_equal(some.t, full.t[kept])
+    np.testing.assert_allclose(some.y, full.y[kept], rtol=1e-14, atol=1e-14)
+    np.testing.assert_allclose(some.ydot, full.ydot[kept], rtol=1e-13, atol=1e-13)
+    t = np.linspace(0, 100, 333)
+    assert np.array_equal(some(t), full(t))
+
+
+def test_times_end_exactly():
+    for t_end in (0.1, 0.7, 123.456, 1e-9, 1e9):
+        sol = hd.solve(hd.scenes.relaxation(0.5), t_end, rtol=1e-6)
+        assert sol.t[-1] == t_end
+        assert np.all(np.diff(sol.t) > 0)
+        np.testing.assert_allclose(sol(t_end), half_order_relaxation([t_end])[0], rtol=1e-6)
+
+
+def test_after_resuming_it_covers_the_new_part():
+    equation = hd.scenes.relaxation(0.5)
+    state = hd.solve(equation, 1.0, rtol=1e-9).state
+    sol = hd.solve(equation, 3.0, rtol=1e-9, resume=state)
+    t = np.linspace(1, 3, 200)
+    np.testing.assert_allclose(sol(t), half_order_relaxation(t), rtol=1e-9)
+    with pytest.raises(ValueError, match=r"t must lie in \[1.0, 3.0\]"):
+        sol(0.5)
+
+
+def grows(t, y):
+    return y**2
+
+
+def test_after_a_blow_up_it_covers_what_was_computed():
+    sol = hd.solve(hd.Equation(hd.Caputo(1.0), grows, 1.0), 2.0, rtol=1e-8)
+    t = np.linspace(0, 0.9, 50)
+    np.testing.assert_allclose(sol(t)[:, 0], 1 / (1 - t), rtol=1e-6)
+    np.testing.assert_allclose(sol(sol.t[-1]), sol.y[-1], rtol=1e-14)

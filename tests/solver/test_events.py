@@ -1,0 +1,230 @@
+"""Events: zeros of functions of the solution, located along an adaptive run."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from problems import half_order_relaxation
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+
+import hereditary as hd
+
+SWING = hd.scenes.oscillator(beta=2.0, gamma=1.0, friction=0.0)  # x = cos t
+PRECISE = {"rtol": 1e-12}
+
+
+def place(t, y):
+    return y[0]
+
+
+def marked(function, **attributes):
+    """The function with the attributes that SciPy's events have."""
+
+    def event(t, y):
+        return function(t, y)
+
+    for name, value in attributes.items():
+        setattr(event, name, value)
+    return event
+
+
+def zeros_of_cosine(t_end):
+    k = np.arange(int(t_end / np.pi) + 1)
+    zeros = (k + 0.5) * np.pi
+    return zeros[zeros <= t_end]
+
+
+def test_zeros_are_located():
+    sol = hd.solve(SWING, 50.0, events=place, **PRECISE)
+    assert sol.status is hd.Status.COMPLETED
+    assert len(sol.t_events) == len(sol.y_events) == 1
+    np.testing.assert_allclose(sol.t_events[0], zeros_of_cosine(50.0), rtol=0, atol=1e-10)
+    assert sol.y_events[0].shape == (16, 1)
+    assert np.abs(sol.y_events[0]).max() < 1e-14
+
+
+@given(st.floats(-0.99, 0.99), st.floats(1.0, 30.0))
+def test_any_level_is_found_as_often_as_it_is_passed(level, t_end):
+    """x = cos t passes a level twice a turn, at +-arccos(level)."""
+    sol = hd.solve(SWING, t_end, rtol=1e-11, events=marked(lambda t, y: y[0] - level))
+    turns = 2 * np.pi * np.arange(7)[:, None]
+    expected = np.sort((turns + np.arccos(level) * np.array([1, -1])).ravel())
+    expected = expected[(expected > 0) & (expected <= t_end)]
+    if not np.any(np.abs(expected - t_end) < 1e-8):
+        np.testing.assert_allclose(sol.t_events[0], expected, rtol=0, atol=1e-8)
+
+
+@pytest.mark.parametrize(("direction", "first"), [(1, 1.5), (-1, 0.5), (2.0, 1.5), (-0.1, 0.5)])
+def test_direction(direction, first):
+    """Upwards x = cos t goes through 0 at 3 pi / 2, downwards at pi / 2."""
+    sol = hd.solve(SWING, 30.0, events=marked(place, direction=direction), **PRECISE)
+    expected = (first + 2 * np.arange(5)) * np.pi
+    np.testing.assert_allclose(sol.t_events[0], expected[expected < 30], rtol=0, atol=1e-10)
+    both = hd.solve(SWING, 30.0, events=marked(place, direction=0), **PRECISE)
+    np.testing.assert_allclose(both.t_events[0], zeros_of_cosine(30.0), rtol=0, atol=1e-10)
+
+
+def test_a_terminal_event_ends_the_run():
+    sol = hd.solve(SWING, 30.0, events=marked(place, terminal=True), **PRECISE)
+    assert sol.status is hd.Status.EVENT
+    assert sol.success
+    assert "a terminal event ended the run" in sol.message
+    assert sol.t[-1] == sol.t_events[0][0] == pytest.approx(np.pi / 2, abs=1e-10)
+    assert sol.y[-1, 0] == sol.y_events[0][0, 0] == pytest.approx(0, abs=1e-14)
+    assert sol.ydot[-1, 0] == pytest.approx(-1, abs=1e-10)
+    assert np.all(np.diff(sol.t) > 0)
+    np.testing.assert_allclose(sol.y[:, 0], np.cos(sol.t), atol=1e-11)
+    np.testing.assert_allclose(sol(1.0), np.cos(1.0), atol=1e-11)
+    with pytest.raises(ValueError, match="t must lie in"):
+        sol(sol.t[-1] + 1e-6)
+
+
+def test_a_terminal_event_in_its_direction_only():
+    sol = hd.solve(SWING, 30.0, events=marked(place, terminal=True, direction=1), **PRECISE)
+    assert sol.t[-1] == pytest.approx(1.5 * np.pi, abs=1e-10)
+
+
+def test_a_terminal_event_that_does_not_come():
+    sol = hd.solve(SWING, 1.0, events=marked(place, terminal=True), **PRECISE)
+    assert sol.status is hd.Status.COMPLETED
+    assert sol.t[-1] == 1.0
+    assert sol.t_events[0].size == 0
+
+
+def test_rows_end_with_a_terminal_event():
+    stop, t_eval = marked(place, terminal=True), np.arange(0, 30, 0.1)
+    at_times = hd.solve(SWING, 30.0, events=stop, t_eval=t_eval, **PRECISE)
+    assert at_times.t.tolist() == t_eval[t_eval < np.pi / 2].tolist()
+    assert at_times.t_events[0][0] == pytest.approx(np.pi / 2, abs=1e-10)
+    few = hd.solve(SWING, 30.0, events=stop, save_every=10**6, **PRECISE)
+    assert few.t.tolist() == [0.0, few.t_events[0][0]]
+
+
+def test_several_events():
+    """Each has its own times; a terminal one cuts all of them off."""
+    rising, slow = marked(place, direction=1), marked(lambda t, y: y[0] - 0.5)
+    never, late = marked(lambda t, y: y[0] - 2.0), marked(lambda t, y: t - 10.0, terminal=True)
+    sol = hd.solve(SWING, 30.0, events=[rising, slow, never, late], **PRECISE)
+    assert sol.status is hd.Status.EVENT
+    assert sol.t[-1] == pytest.approx(10.0, abs=1e-13)
+    third = np.pi / 3
+    expected = [
+        [1.5 * np.pi],
+        [third, 2 * np.pi - third, 2 * np.pi + third],
+        [],
+        [10.0],
+    ]
+    for times, values, known in zip(sol.t_events, sol.y_events, expected, strict=True):
+        np.testing.assert_allclose(times, known, rtol=0, atol=1e-10)
+        assert values.shape == (len(known), 1)
+    np.testing.assert_allclose(sol.y_events[1], 0.5, atol=1e-13)
+
+
+def test_of_two_terminal_events_the_first_one_counts():
+    events = [marked(lambda t, y, s=s: t - s, terminal=True) for s in (0.7, 0.3, 0.5)]
+    sol = hd.solve(SWING, 1.0, events=events, **PRECISE)
+    assert sol.t[-1] == pytest.approx(0.3, abs=1e-14)
+    assert [times.size for times in sol.t_events] == [0, 1, 0]
+
+
+def test_events_that_never_happen():
+    for event in (lambda t, y: 1.0, lambda t, y: y[0] + 3.0, lambda t, y: -1.0 - t):
+        sol = hd.solve(SWING, 5.0, rtol=1e-6, events=event)
+        assert sol.status is hd.Status.COMPLETED
+        assert sol.t_events[0].shape == (0,)
+    assert hd.solve(SWING, 5.0, rtol=1e-6).t_events == []
+
+
+@pytest.mark.parametrize("breaks", [(), (1.0,), (0.5, 1.0, 1.5)])
+def test_a_zero_at_the_end_of_a_step_counts_once(breaks):
+    """A step ends at each break; t = 0 itself is no event, the end of the run is one."""
+    for when, n in ((0.0, 0), (1.0, 1), (2.0, 1)):
+        event = marked(lambda t, y, when=when: t - when)
+        sol = hd.solve(SWING, 2.0, rtol=1e-8, events=event, breaks=breaks)
+        assert sol.t_events[0].tolist() == [when] * n
+
+
+@pytest.mark.parametrize("level", [1 - 1e-6, 1 - 1e-3, 0.9, 0.5, 0.2])
+def test_relaxation_down_to_a_level(level):
+    """Also in the first step, where the solution falls like the root of t."""
+    sol = hd.solve(hd.scenes.relaxation(0.5), 20.0, events=lambda t, y: y[0] - level, **PRECISE)
+    t = brentq(lambda s: half_order_relaxation([s])[0, 0] - level, 1e-14, 20, xtol=1e-16)
+    assert sol.t_events[0].size == 1
+    assert sol.t_events[0][0] == pytest.approx(t, rel=1e-10, abs=1e-16)
+
+
+def test_events_go_on_where_a_run_goes_on():
+    """Stopped in between or by an event, no zero is lost and none is found twice."""
+    t_eval = np.arange(0, 31, 5.0)
+    found, state = [], None
+    for t_end in t_eval[1:]:
+        sol = hd.solve(SWING, t_end, rtol=1e-11, events=place, resume=state)
+        found, state = [*found, *sol.t_events[0]], sol.state
+    np.testing.assert_allclose(found, zeros_of_cosine(30.0), atol=1e-8)
+
+
+def test_after_a_terminal_event_a_run_goes_on_from_it():
+    """Zeros that follow soon after the one that ended the run are found by the next."""
+    fast = marked(lambda t, y: np.sin(10 * t), terminal=True)
+    found, state = [], None
+    for _ in range(5):
+        sol = hd.solve(SWING, 100.0, rtol=1e-11, events=fast, resume=state)
+        assert sol.status is hd.Status.EVENT
+        found, state = [*found, *sol.t_events[0]], sol.state
+    np.testing.assert_allclose(found, np.arange(1, 6) * np.pi / 10, atol=1e-9)
+
+
+def test_many_zeros_in_a_step_are_told_apart():
+    """Steps of such a smooth solution are long; of every step eight parts are looked at."""
+    sol = hd.solve(SWING, 10.0, rtol=1e-6, events=lambda t, y: np.sin(5 * t))
+    longest = np.diff(sol.t).max()
+    assert longest < 8 * np.pi / 5
+    np.testing.assert_allclose(sol.t_events[0], np.arange(1, 16) * np.pi / 5, atol=1e-12)
+
+
+def test_systems_hand_all_components_over():
+    sol = hd.solve(hd.scenes.brusselator(0.8), 20.0, rtol=1e-9, events=lambda t, y: y[0] - y[1])
+    assert sol.t_events[0].size > 2
+    assert sol.y_events[0].shape == (sol.t_events[0].size, 2)
+    np.testing.assert_allclose(sol.y_events[0][:, 0], sol.y_events[0][:, 1], atol=1e-12)
+    np.testing.assert_allclose(sol(sol.t_events[0]), sol.y_events[0], atol=1e-13)
+
+
+def barrier(t, y):
+    """Zero where a load on the chain of wells passes from one well into the next."""
+    return np.sin(0.5 * y[0])
+
+
+def test_sticking_ends_of_the_classical_stick_slip_oscillator():
+    """First exits from a well, against an explicit Runge-Kutta method of order 8."""
+    scene = hd.scenes.stick_slip(beta=2.0, gamma=1.0)
+    dy = np.empty(1)
+
+    def flow(t, z):
+        scene._rhs(t, z[:1].copy(), dy, scene.params)
+        return [z[1], dy[0] - 0.25 * z[1]]
+
+    tolerances = {"rtol": 1e-13, "atol": 1e-14}
+    known = solve_ivp(flow, (0, 62), [0.2, 0.3], "DOP853", events=barrier, **tolerances)
+    sol = hd.solve(scene, 62.0, events=barrier, rtol=1e-11)
+    assert sol.t_events[0][0] == pytest.approx(45.2716, abs=1e-4)
+    assert sol.t_events[0].size == known.t_events[0].size
+    np.testing.assert_allclose(sol.t_events[0], known.t_events[0], atol=1e-7)
+
+
+def test_an_exit_with_memory_does_not_depend_on_the_tolerance():
+    exits = [
+        hd.solve(hd.scenes.stick_slip(), 100.0, events=marked(barrier, terminal=True), rtol=rtol).t[
+            -1
+        ]
+        for rtol in (1e-6, 1e-10)
+    ]
+    assert exits[0] == pytest.approx(exits[1], abs=1e-4)
+    assert 40 < exits[0] < 100
+
+
+@pytest.mark.parametrize("event", [1.0, "zero", [place, 1.0], [None]])
+def test_what_is_no_function_is_refused(event):
+    with pytest.raises(TypeError, match=r"events must be functions event\(t, y\), got"):
+        hd.solve(SWING, 1.0, rtol=1e-6, events=event)
