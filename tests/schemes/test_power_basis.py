@@ -53,7 +53,9 @@ def at_nodes(basis, exponent):
 
 
 def at_between(basis, exponent):
-    return np.exp(exponent * basis._logs[basis.nodes.size :])
+    """The same between the nodes, the first of these points being t = 0."""
+    logs = basis._logs[basis.nodes.size :]
+    return np.exp(exponent * logs) if exponent else np.ones(logs.size)
 
 
 @pytest.mark.parametrize("generators", GENERATORS, ids=repr)
@@ -89,7 +91,7 @@ def test_other_powers_are_not(generators):
 
 
 @settings(max_examples=20)
-@given(st.floats(0.12, 0.95), st.integers(0, 11), st.floats(-10, 10), st.floats(-10, 10))
+@given(st.floats(0.3, 0.95), st.integers(0, 5), st.floats(-10, 10), st.floats(-10, 10))
 def test_sums_of_powers_for_any_generator(g, number, first, second):
     basis, e = PowerBasis((g, 1.0)), small_sums((g, 1.0))[number]
     values, exact = (first * powers(g, t) + second * powers(e, t) for t in (basis.nodes, POINTS))

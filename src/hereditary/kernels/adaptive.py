@@ -23,6 +23,9 @@ from .signatures import JAC, RHS
 REACHED, FULL, TOO_CLOSE, TOO_ROUGH, NOT_SOLVED = 0, 1, 2, 3, 4
 # Largest and smallest change of a step, what is aimed at as share of the tolerance, and Newton's.
 _GROW, _SHRINK, _SAFETY, _NEWTON = 3.0, 0.2, 0.9, 0.01
+# Tangents that have decayed are known to their rounding alone, which grows as they are stretched:
+# no step is refused for less than this.
+_TANGENT = 1e-9
 # Highest degree that is extrapolated for a first guess.
 _GUESS = 3
 
@@ -99,10 +102,7 @@ def march_adaptive(rhs, jac, has_jac, params, form, rule, bank, run, track, t_st
             continue
         starts[row], lengths[row], ratios[row] = t, h, ratio
         keep_row(values[0], x[0], p[0], second, largest, rows[row], begins[row])
-        fold(rates, modes, p0)
-        before[:] = modes
-        last[:] = values
-        move_on(h, rates, driven, idle, legendre, values, x, p, modes)
+        move_on(h, rates, driven, idle, legendre, values, p0, x, p, modes, before, last)
         row += 1
         steps[0] += 1
         clock[0], clock[2] = (t_stop if h == left else t + h), h
@@ -152,7 +152,7 @@ def worst_tangent(h, channels, orders, legendre, values, rtol):
         if not size < np.inf:
             return np.inf
         if size > 0.0:
-            worst = max(worst, np.max(errors) / (rtol * size))
+            worst = max(worst, np.max(errors) / (max(rtol, _TANGENT) * size))
     return worst
 
 
@@ -169,8 +169,11 @@ def fold(rates, modes, p0):
 
 
 @kernel
-def move_on(h, rates, driven, idle, legendre, values, x, p, modes):
+def move_on(h, rates, driven, idle, legendre, values, p0, x, p, modes, before, last):
     """Every strand to the end of the step."""
+    fold(rates, modes, p0)
+    before[:] = modes
+    last[:] = values
     for strand in range(x.shape[0]):
         move_modes(h, rates, driven, idle[strand], legendre, values[strand], modes[strand])
         x[strand] = values[strand, POSITION, :, -1]
