@@ -22,7 +22,7 @@ from .signatures import JAC, RHS
 # where no step is small enough for the error or for Newton's method.
 REACHED, FULL, TOO_CLOSE, TOO_ROUGH, NOT_SOLVED = 0, 1, 2, 3, 4
 # Largest and smallest change of a step, what is aimed at as share of the tolerance, and Newton's.
-_GROW, _SHRINK, _SAFETY, _NEWTON = 3.0, 0.2, 0.9, 0.01
+_GROW, _SHRINK, _SAFETY, _NEWTON = 3.0, 0.2, 0.8, 0.01
 # Tangents that have decayed are known to their rounding alone, which grows as they are stretched:
 # no step is refused for less than this.
 _TANGENT = 1e-9

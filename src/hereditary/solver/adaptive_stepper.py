@@ -17,7 +17,7 @@ from .strands import Strands, rows
 
 # Share of the tolerance that one step may err by, and that the modes may: errors add up along
 # periodic and chaotic orbits (convergence/collocation.py).
-_SHARE, _SHARE_OF_MODES = 0.1, 0.3
+_SHARE, _SHARE_OF_MODES = 0.1, 0.01
 # Steps after the first one are at least this many times shorter than it before the modes must be
 # refitted, and as many again each time.
 _ROOM = 32.0
@@ -74,7 +74,7 @@ class AdaptiveStepper:
         self.equation, self._scheme = equation, scheme
         self._tolerances = (rtol, atol)
         self._rtol, self._atol = _SHARE * rtol, _SHARE * atol
-        own = max(1e-13, min(1e-3, _SHARE_OF_MODES * self._rtol))
+        own = max(1e-14, min(1e-3, _SHARE_OF_MODES * self._rtol))
         # looser modes would look like a rough solution, and no step would be small enough
         self._modes_tol = own if modes_tol is None else min(own, modes_tol)
         self._far = max(_FAR * t_end, scheme.horizon or 0.0)
