@@ -23,6 +23,8 @@ _TRAPEZOID, _FAST, _SLOW = 0.90, 0.05, 0.05
 # to 0.9 %, so a checked error below tol / 1.01 is a certificate.
 _POINTS_PER_OSCILLATION, _CERTIFICATE = 24, 1.01
 _TOL_MIN = 1e-13
+# No fit can be held to less than the first, and this times log(R), to which powers are known.
+_ROUNDING = 1.2e-14, 3e-16
 _RATIO_MAX = 1e100
 
 
@@ -145,10 +147,11 @@ def fit_unit(exponents, ratio, tol):
     if 0.0 in exponents:
         return _with_constant(exponents, ratio, tol)
     goal = tol / _CERTIFICATE
+    allowed = max(goal, _ROUNDING[0] + _ROUNDING[1] * math.log(ratio))
     for shrink in (1.0, 0.9, 0.7, 0.5):
         rates, weights = _construct(exponents, ratio, goal * shrink)
-        rates, weights, error = _trim(exponents, ratio, goal, rates, weights)
-        if error <= goal:
+        rates, weights, error = _trim(exponents, ratio, allowed, rates, weights)
+        if error <= allowed:
             break
     else:
         raise ArithmeticError(f"no exponential sum found for {exponents}, {ratio}, {tol}")

@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from hereditary.kernels.collocation import exponential_legendre
 from hereditary.kernels.linalg import factorise, substitute
+from hereditary.kernels.mode_tables import exponential_legendre
 
 # Around the changes of method, z = 20 and the smallest arguments, and everywhere else.
 ARGUMENTS = [0.0, 5e-324, 1e-300, 1e-20, 1e-8, 1e-3, 0.1, 1.0, 5.0, 19.9, 20.0, 20.1, 25.0, 50.0]

@@ -8,14 +8,12 @@ from .collocation import (
     FORCE,
     POSITION,
     PRIMARY,
-    combined_weights,
     estimate,
     local_operators,
-    move_modes,
-    read_modes,
     solve_stages,
     solve_tangents,
 )
+from .mode_tables import TABLES, combined_weights, move_modes, on_grid, read_modes, slot_of
 from .signatures import JAC, RHS
 
 # How a march ended: at its stop, with its rows full, where the modes do not reach close enough, or
@@ -26,6 +24,8 @@ _GROW, _SHRINK, _SAFETY, _NEWTON = 3.0, 0.2, 0.8, 0.01
 # Tangents that have decayed are known to their rounding alone, which grows as they are stretched:
 # no step is refused for less than this.
 _TANGENT = 1e-9
+# Share of p(0) below which no error of p can be told.
+_ROUNDING = 1e-14
 # Highest degree that is extrapolated for a first guess.
 _GUESS = 3
 
@@ -45,8 +45,10 @@ RUN = types.Tuple((VEC, VEC, IVEC, VEC, MAT, MAT, MAT, CUBE, CUBE, CUBES))
 TRACK = types.Tuple((VEC, VEC, CUBE, MAT, VEC))
 
 
-@entry(RHS, JAC, I8, VEC, FORM, RULE, BANK, RUN, TRACK, F8, F8, F8)
-def march_adaptive(rhs, jac, has_jac, params, form, rule, bank, run, track, t_stop, rtol, atol):
+@entry(RHS, JAC, I8, VEC, FORM, RULE, BANK, TABLES, RUN, TRACK, F8, F8, F8)
+def march_adaptive(
+    rhs, jac, has_jac, params, form, rule, bank, tables, run, track, t_stop, rtol, atol
+):  # fmt: skip
     """March to t_stop; the number of rows and how it ended."""
     channels, orders, second, offsets = form
     nodes, singular, legendre = rule
@@ -59,9 +61,8 @@ def march_adaptive(rhs, jac, has_jac, params, form, rule, bank, run, track, t_st
     driven, idle = np.empty((d, 3, rates.shape[0])), np.empty((n_strands, d, rates.shape[0]))
     combined_weights(channels, offsets, weights, driven, idle)
     base, values = np.empty((n_strands, d, s)), np.empty((n_strands, 3, d, s))
-    errors, goal, times, made = np.empty(d), np.empty(d), np.empty(s), -1.0
-    lowest = lowest_order(channels, orders)
-    row, rejected = 0, False
+    errors, lowest = np.empty(d), lowest_order(channels, orders)
+    row, rejected, made = 0, False, -1.0
     while clock[0] < t_stop:
         if row == starts.shape[0]:
             return row, FULL
@@ -73,11 +74,12 @@ def march_adaptive(rhs, jac, has_jac, params, form, rule, bank, run, track, t_st
             return row, TOO_CLOSE
         if h != made:
             local_operators(h, channels, offsets, orders, singular, drivers, constant)
-            made = h
-        known_part(modes, rates, h * nodes, p0, constant, base)
-        goal[:] = _NEWTON * (atol + rtol * np.maximum(largest, np.abs(p[0])))
+        made = h
+        slot = slot_of(h, nodes, rates, tables)
+        known_part(modes, tables[1][slot], p0, constant, base)
+        goal = _NEWTON * (atol + rtol * np.maximum(largest, np.abs(p[0])))
         # just before the stop, where the right-hand side may jump
-        times[:] = np.minimum(t + h * nodes, np.nextafter(t_stop, 0.0))
+        times = np.minimum(t + h * nodes, np.nextafter(t_stop, 0.0))
         guess(nodes, legendre, last[0, PRIMARY], h, clock[2], p[0], values[0, PRIMARY])
         solved = solve_stages(
             rhs, jac, has_jac, params, times, h, base[0], x[0], second, drivers, whole, goal,
@@ -86,7 +88,7 @@ def march_adaptive(rhs, jac, has_jac, params, form, rule, bank, run, track, t_st
         ratio = np.inf
         if solved:
             estimate(h, channels, orders, legendre, values[0], errors)
-            ratio = over_tolerance(h, errors, values[0], second, largest, rtol, atol)
+            ratio = over_tolerance(h, errors, values[0], second, largest, p0[0], rtol, atol)
         if ratio <= 1.0 and n_strands > 1:
             solved = solve_tangents(
                 rhs, jac, has_jac, params, times, h, base, x, second, drivers, whole, values, notes
@@ -95,25 +97,26 @@ def march_adaptive(rhs, jac, has_jac, params, form, rule, bank, run, track, t_st
             ratio = ratio if solved else np.inf
         clock[1] = next_length(h, clock[1], ratio, rejected, s + lowest)
         rejected = not ratio <= 1.0
+        steps[int(rejected)] += 1
         if rejected:
-            steps[1] += 1
             if not t + 0.01 * clock[1] > t:
                 return row, (TOO_ROUGH if solved else NOT_SOLVED)
             continue
         starts[row], lengths[row], ratios[row] = t, h, ratio
         keep_row(values[0], x[0], p[0], second, largest, rows[row], begins[row])
-        move_on(h, rates, driven, idle, legendre, values, p0, x, p, modes, before, last)
+        fold(rates, modes, p0)
+        before[:], last[:] = modes, values
+        move_on(h, tables[2][slot], tables[3][slot], driven, idle, legendre, values, x, p, modes)
         row += 1
-        steps[0] += 1
         clock[0], clock[2] = (t_stop if h == left else t + h), h
     return row, REACHED
 
 
 @kernel
-def known_part(modes, rates, distances, p0, constant, base):
+def known_part(modes, reads, p0, constant, base):
     """What every strand's p is made of besides the step itself, (1 + k, d, s)."""
     for strand in range(base.shape[0]):
-        read_modes(modes[strand], rates, distances, base[strand])
+        read_modes(modes[strand], reads, base[strand])
         for c in range(base.shape[1]):
             for i in range(base.shape[2]):
                 base[strand, c, i] += p0[strand, c] + constant[strand, c, i]
@@ -130,7 +133,7 @@ def next_length(h, planned, ratio, rejected, order):
     if not ratio < np.inf:
         return 0.25 * h
     factor = _SAFETY * max(ratio, 1e-12) ** (-1.0 / order)
-    return h * max(_SHRINK, min(1.0 if rejected else _GROW, factor))
+    return on_grid(h * max(_SHRINK, min(1.0 if rejected else _GROW, factor)))
 
 
 @kernel
@@ -169,13 +172,10 @@ def fold(rates, modes, p0):
 
 
 @kernel
-def move_on(h, rates, driven, idle, legendre, values, p0, x, p, modes, before, last):
+def move_on(h, keeps, moments, driven, idle, legendre, values, x, p, modes):
     """Every strand to the end of the step."""
-    fold(rates, modes, p0)
-    before[:] = modes
-    last[:] = values
     for strand in range(x.shape[0]):
-        move_modes(h, rates, driven, idle[strand], legendre, values[strand], modes[strand])
+        move_modes(h, keeps, moments, driven, idle[strand], legendre, values[strand], modes[strand])
         x[strand] = values[strand, POSITION, :, -1]
         p[strand] = values[strand, PRIMARY, :, -1]
 
@@ -222,8 +222,11 @@ def guess(nodes, legendre, last, h, h_last, p, out):
 
 
 @kernel
-def over_tolerance(h, errors, values, second, largest, rtol, atol):
-    """Largest ratio of an error to its tolerance, over y and, where it is unknown, y'."""
+def over_tolerance(h, errors, values, second, largest, p0, rtol, atol):
+    """Largest ratio of an error to its tolerance, over y and, where it is unknown, y'.
+
+    p is p(0) and what the modes take from it again: it is known to the rounding of p(0) alone.
+    """
     worst = 0.0
     for c in range(errors.shape[0]):
         size_p, size_x = 0.0, 0.0
@@ -233,7 +236,7 @@ def over_tolerance(h, errors, values, second, largest, rtol, atol):
         if second[c] == 1:
             size_p = max(size_p, largest[c])
             worst = max(worst, h * errors[c] / (atol + rtol * size_x))
-        worst = max(worst, errors[c] / (atol + rtol * size_p))
+        worst = max(worst, errors[c] / max(atol + rtol * size_p, _ROUNDING * abs(p0[c])))
         if not errors[c] < np.inf:
             return np.inf
     return worst

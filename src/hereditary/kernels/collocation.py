@@ -1,4 +1,4 @@
-"""One step of collocation with exponential memory, and the adaptive march made of it (floor 1).
+"""The equations of one collocation step, and their solution (floor 1).
 
 Every component has a primary unknown p, y itself or, for orders above 1, its first derivative v:
 ``p(t) = p0 + sum_k kappa_k J**a_k (q_k - o_k)`` with orders 0 < a <= 1 of integration, the driver q
@@ -6,8 +6,6 @@ being f, p or x = y, and constants o. On a step the drivers are polynomials thro
 s nodes; their singular integrals over the step are exact, and everything before the step is a sum
 of exponential modes, moved on by exact moments of the polynomials.
 """
-
-import math
 
 import numpy as np
 
@@ -20,31 +18,6 @@ from .signatures import JAC, RHS
 FORCE, PRIMARY, POSITION = 0, 1, 2
 # Newton sweeps before a step is given up.
 _SWEEPS = 12
-
-
-@kernel
-def exponential_legendre(z, n, out):
-    """out[k] = ``int_0^1 exp(-z (1 - u)) P_k(2 u - 1) du``, k < n, for z >= 0.
-
-    Scaled modified spherical Bessel functions of z / 2: upwards from the first two where none in
-    use lies far beyond z / 2, else by their continued fraction, all of whose terms are positive.
-    """
-    x = 0.5 * z
-    out[0] = 1.0 if z == 0.0 else -math.expm1(-z) / z
-    if n == 1:
-        return
-    if x > 10.0:
-        out[1] = (0.5 * (1.0 + math.exp(-z)) - out[0]) / x
-        for k in range(1, n - 1):
-            out[k + 1] = out[k - 1] - (2 * k + 1) / x * out[k]
-        return
-    ratio = 0.0
-    for k in range(n + 30, 0, -1):
-        ratio = x / (2 * k + 1 + x * ratio)
-        if k < n:
-            out[k] = ratio
-    for k in range(1, n):
-        out[k] *= out[k - 1]
 
 
 @kernel
@@ -214,60 +187,6 @@ def residuals(base, drivers, p, x, f, out):
             for j in range(s):
                 total -= force[i, j] * f[c, j] + primary[i, j] * p[c, j] + place[i, j] * x[c, j]
             out[c * s + i] = total
-
-
-@kernel
-def read_modes(modes, rates, distances, out):
-    """out[c, i] = ``sum_m modes[c, m] exp(-rates[m] distances[i])``."""
-    # modes (d, M), rates (M,), distances (s,), out (d, s)
-    out[:] = 0.0
-    for m in range(rates.shape[0]):
-        for i in range(distances.shape[0]):
-            seen = math.exp(-rates[m] * distances[i])
-            for c in range(out.shape[0]):
-                out[c, i] += modes[c, m] * seen
-
-
-@kernel
-def combined_weights(channels, offsets, weights, driven, idle):
-    """Weights of the drivers' modes in p, driven (d, 3, M), and of 1, idle (1 + k, d, M)."""
-    # channels (n, 4), offsets (1 + k, n), weights (n_a, M)
-    driven[:] = 0.0
-    idle[:] = 0.0
-    for row in range(channels.shape[0]):
-        c, q, k = int(channels[row, 0]), int(channels[row, 1]), int(channels[row, 2])
-        for m in range(weights.shape[1]):
-            share = channels[row, 3] * weights[k, m]
-            driven[c, q, m] += share
-            for strand in range(offsets.shape[0]):
-                idle[strand, c, m] -= share * offsets[strand, row]
-
-
-@kernel
-def move_modes(h, rates, driven, idle, legendre, values, modes):
-    """Let the modes decay over the step and take in the drivers' polynomials on it."""
-    # driven (d, 3, M), idle, modes (d, M), legendre (s, s): values to coefficients
-    # values (3, d, s)
-    d, s = values.shape[1], values.shape[2]
-    coefficients, moments = np.zeros((3, d, s)), np.empty(s)
-    for q in range(3):
-        for c in range(d):
-            for k in range(s):
-                for j in range(s):
-                    coefficients[q, c, k] += legendre[k, j] * values[q, c, j]
-    for m in range(rates.shape[0]):
-        z = rates[m] * h
-        exponential_legendre(z, s, moments)
-        keep = math.exp(-z)
-        for c in range(d):
-            total = idle[c, m] * moments[0]
-            for q in range(3):
-                if driven[c, q, m] != 0.0:
-                    part = 0.0
-                    for k in range(s):
-                        part += moments[k] * coefficients[q, c, k]
-                    total += driven[c, q, m] * part
-            modes[c, m] = modes[c, m] * keep + h * total
 
 
 @kernel

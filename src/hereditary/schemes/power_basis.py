@@ -4,16 +4,20 @@ There the solution is a sum of powers t**e, e running over the sums of a few gen
 of Legendre polynomials in the t**g span them without the cancellation that powers suffer from.
 """
 
+import math
 from functools import lru_cache
 
 import numpy as np
 from numpy.polynomial.legendre import leggauss, legval, legvander
 from scipy.special import rgamma
 
-# How many functions; singular values below this share of the largest are noise of the basis.
-_SIZE, _CUT = 18, 1e-14
-# A generator below this is treated as if it were this when the functions are chosen.
+# Singular values below this share of the largest are noise of the basis.
+_CUT = 1e-14
+# A generator below this is treated as if it were this when the functions are chosen. No step is
+# so small that its power is: more functions then, instead.
 _TINY = 0.12
+# How many functions, and how many with a tiny generator.
+_SIZE, _SIZE_IF_TINY = 18, 24
 # The graded rule leaves out this much next to 1, where kernels are integrated in closed form.
 LEFT_OUT = 0.25**26 / 2
 
@@ -25,8 +29,11 @@ class PowerBasis:
     ----------
     generators : tuple of float
         Ascending, above 0.
-    size : int
+    size : int, optional
         Number of functions.
+    bend : float, optional
+        c >= 0: a polynomial in (1 + c) t**g / (1 + c t**g) instead of t**g, for the first g. Where
+        a solution takes most of its course while t**g is about 1 / c, that follows it.
 
     Attributes
     ----------
@@ -34,8 +41,10 @@ class PowerBasis:
         The nodes, the last one 1, and points between them, the first one 0.
     """
 
-    def __init__(self, generators, size=_SIZE):
-        self._generators = np.array(generators)
+    def __init__(self, generators, size=None, bend=0.0):
+        if size is None:
+            size = _SIZE_IF_TINY if generators[0] < _TINY else _SIZE
+        self._generators, self.bend = np.array(generators), bend
         self._degrees = _smallest_sums(generators, size)
         # Functions of several generators are nearly dependent: twice as many values tame that. They
         # lie at Chebyshev points of t**g, for the smallest g and, where that is tiny, for a larger
@@ -45,7 +54,9 @@ class PowerBasis:
         n = size * several // len(set(scales))
         even, odd = np.arange(1, n + 1) / n, (np.arange(n) + 0.5) / n
         logs = [
-            np.sort(np.concatenate([np.log((1 - np.cos(np.pi * x)) / 2) / g for g in set(scales)]))
+            np.sort(
+                np.concatenate([self._unbent((1 - np.cos(np.pi * x)) / 2, g) for g in set(scales)])
+            )
             for x in (even, odd)
         ]
         logs[0] = np.unique(logs[0])  # t = 1 belongs to both
@@ -87,6 +98,8 @@ class PowerBasis:
         for i, g in enumerate(self._generators):
             with np.errstate(divide="ignore", invalid="ignore"):
                 inner = 2 * g * t ** (g - 1)
+                if i == 0:
+                    inner *= (1 + self.bend) / (1 + self.bend * t**g) ** 2
             varying = self._degrees[:, i] > 0
             part = self._functions(_log(t), derivative=i)[:, varying]
             total[:, varying] += inner[:, None] * part
@@ -107,11 +120,18 @@ class PowerBasis:
             found.append(np.exp(a * ends)[:, None] * rgamma(a) * (inner @ self._mix))
         return np.array(found) @ self._coefficients
 
+    def _unbent(self, w, g):
+        """log(t) where t**g, or what the bend makes of it, is w."""
+        if g == self._generators[0]:
+            w = w / (1 + self.bend * (1 - w))
+        return np.log(w) / g
+
     def _functions(self, log_t, derivative=None):
         """Products of Legendre polynomials; of derivatives in the generator numbered so."""
         product = np.ones((log_t.size, len(self._degrees)))
         for i, (g, degrees) in enumerate(zip(self._generators, self._degrees.T, strict=True)):
-            x, highest = 2 * np.exp(g * log_t) - 1, int(degrees.max())
+            u, highest = np.exp(g * log_t), int(degrees.max())
+            x = 2 * ((1 + self.bend) * u / (1 + self.bend * u) if i == 0 else u) - 1
             if i == derivative:
                 values = np.array([legval(x, _slope(k)) for k in range(highest + 1)]).T
             else:
@@ -125,10 +145,20 @@ def _log(t):
         return np.log(np.asarray(t, dtype=float))
 
 
+def bend_for(generators, size):
+    """The bend for a solution whose course takes place where t**g, g the first, is about 1 / size.
+
+    Powers that no step is too small for can do without. One of few values, for bases are kept.
+    """
+    if generators[0] >= _TINY or size < 2:
+        return 0.0
+    return 4.0 ** round(math.log(size, 4))
+
+
 @lru_cache(maxsize=64)
-def power_basis(generators):
+def power_basis(generators, bend=0.0):
     """The basis of these generators, made once."""
-    return PowerBasis(generators)
+    return PowerBasis(generators, bend=bend)
 
 
 @lru_cache(maxsize=1)

@@ -14,6 +14,7 @@ from .solution import Solution, Status
 
 # Below this the rounding of double precision, not the scheme, decides.
 TOLERANCE_FLOOR = 1e-12
+_NO_STEP = "no step is small enough; if the right-hand side jumps here, name the time in breaks"
 # Steps between two looks at Ctrl-C and the progress bar.
 _ROWS = 256
 
@@ -92,7 +93,7 @@ def _run(stepper, stops, keeper, progress):
                     except Exception as error:
                         return Status.RHS_FAILED, f"{type(error).__name__}: {error}"
                     if stepper.blown_up:
-                        return Status.BLOWN_UP, "no step is small enough"
+                        return Status.BLOWN_UP, _NO_STEP
                     if stepper.not_solved:
                         return Status.NOT_SOLVED, ""
                     bar.update((stepper.t - begun) / (stops[-1] - begun))

@@ -8,25 +8,26 @@ import numpy as np
 
 from .._checks import complaint
 from ..kernels.adaptive import FULL, NOT_SOLVED, REACHED, TOO_CLOSE, march_adaptive
-from ..kernels.collocation import FORCE, POSITION, PRIMARY, solve_once
+from ..kernels.collocation import PRIMARY
+from ..kernels.mode_tables import SLOTS
 from ..schemes.collocation import integral_form
-from ..schemes.power_basis import power_basis
 from ..schemes.quadrature import radau_integrals, radau_nodes, to_legendre
+from .corner import Corner
 from .dense import PolynomialPieces, PowerPiece
-from .strands import Strands, rows
+from .strands import Strands
 
 # Share of the tolerance that one step may err by, and that the modes may: errors add up along
 # periodic and chaotic orbits (convergence/collocation.py).
 _SHARE, _SHARE_OF_MODES = 0.1, 0.01
+# The step out of a corner errs once, and no less than rounding lets it.
+_ROUNDING = 5e-13
 # Steps after the first one are at least this many times shorter than it before the modes must be
 # refitted, and as many again each time.
 _ROOM = 32.0
-# Runs can be resumed up to this many times their length.
-_FAR = 10.0
+# Runs can be resumed up to this many times their length. The modes span this ratio at most.
+_FAR, _MOST = 10.0, 1e305
 # What a state and a run must agree in.
 _NAMES = ("number of nodes", "tolerances", "orders", "coefficients", "tangents")
-# The first step is made this many times smaller each time it is refused.
-_SHORTER = 0.3
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,19 +78,18 @@ class AdaptiveStepper:
         own = max(1e-14, min(1e-3, _SHARE_OF_MODES * self._rtol))
         # looser modes would look like a rough solution, and no step would be small enough
         self._modes_tol = own if modes_tol is None else min(own, modes_tol)
-        self._far = max(_FAR * t_end, scheme.horizon or 0.0)
+        self._far = max(min(_FAR * t_end, 1e307), scheme.horizon or 0.0)
         s = self._s = scheme.nodes_for(rtol)
         self._form = form = integral_form(equation)
         self.second = form.second == 1
         singular = np.array([radau_integrals(s, a) for a in form.orders])
         self._rule = tuple(np.array(a) for a in (radau_nodes(s), singular, to_legendre(s)))
-        self._basis = power_basis(form.generators)
         self._strands = Strands(form, self._starts(directions), s)
         self._clock = np.array([0.0, t_end, 0.0, 0.0])
         self._notes = np.array([0.0, 0.0, 1.0, 1.0])
         self._steps = np.zeros(2, dtype=np.int64)
         self._largest = np.abs(self._strands.initial[0])
-        self._at_corner, self._largest_error = True, 0.0
+        self._at_corner, self._largest_error, self._tables = True, 0.0, None
         self.blown_up = self.not_solved = False
         self.error: Exception | None = None
 
@@ -190,12 +190,21 @@ class AdaptiveStepper:
             (form.channels, form.orders, form.second, strands.offsets),
             self._rule,
             (strands.bank.rates, strands.bank.weights),
+            self._kept_tables(),
             (self._clock, self._notes, self._steps, self._largest, *self._moving()),
             track,
             t_stop,
             self._rtol,
             self._atol,
         )
+
+    def _kept_tables(self):
+        """Tables of the bank in use for steps of lengths that occurred."""
+        n, s = self.n_modes, self._s
+        if self._tables is None or self._tables[2].shape[1] != n:
+            shapes = ((SLOTS, n, s), (SLOTS, n), (SLOTS, s, n))
+            self._tables = (np.zeros(SLOTS), *(np.empty(shape) for shape in shapes))
+        return self._tables
 
     def _moving(self):
         strands = self._strands
@@ -252,74 +261,23 @@ class AdaptiveStepper:
 
     def _step_out(self, t_stop):
         """Step out of a point where the solution is not smooth; the piece made."""
-        basis, strands, t = self._basis, self._strands, self.t
-        points = np.concatenate([basis.nodes, basis.between])
-        operators = basis.integrals(tuple(self._form.orders.tolist()))
-        tolerance = self._atol + self._rtol * np.maximum(np.abs(strands.p[0]), self._largest)
-        values = np.empty((strands.x.shape[0], 3, self.equation.d, basis.nodes.size))
-        h = self._first_length(t_stop - t)
-        while t + h > t:
-            # no crumb is left before the stop
-            h = min(h, 0.5 * (t_stop - t)) if h < t_stop - t else h
-            values[0, PRIMARY] = strands.p[0][:, None]
-            # just after the corner and before the stop: the right-hand side may jump at both
-            first = np.nextafter(t, np.inf) if t > 0 else 0.0
-            times = np.clip(t + h * points, first, np.nextafter(t_stop, 0.0))
-            if self._stages(times, h, strands.past(h * points), operators, tolerance, values):
-                self._leave(t, h, values, t_stop)
-                return PowerPiece(t, h, basis, values[0])
-            h *= _SHORTER
-            self._steps[1] += 1
-        self.blown_up = True
-        return None
+        strands, t = self._strands, self.t
+        rtol = max(self._rtol, _ROUNDING)
+        tolerance = self._atol + rtol * np.maximum(np.abs(strands.p[0]), self._largest)
+        least = self._far / _MOST
+        corner = Corner(
+            self.equation, self._form, strands, t, t_stop, least, tolerance, self._notes
+        )
+        found = corner.leave()
+        self._steps[1] += corner.n_refused
+        if found is None:
+            self.blown_up = True
+            return None
+        h, basis, values = found
+        self._leave(t, h, basis, values, t_stop)
+        return PowerPiece(t, h, basis, values[0])
 
-    def _first_length(self, left):
-        """A length over which the solution changes by some half of itself, as a first trial."""
-        form, size = self._form, np.abs(self.equation.jacobian(self.t, self.y)).max()
-        forces = form.channels[form.channels[:, 1] == FORCE]
-        order = (form.orders[forces[:, 2].astype(int)] + form.second).min()
-        most = left / 16  # a right-hand side of time alone says nothing about itself
-        # tiny orders change at once and then hardly: the check between the nodes decides there
-        order = max(order, 0.1)
-        return most if size * most**order < 0.5 else (0.5 / size) ** (1 / order)
-
-    def _stages(self, times, h, base, operators, tolerance, values):
-        """Solve for the values at the basis' nodes; whether the orbit's hold in between too."""
-        equation, form, strands = self.equation, self._form, self._strands
-        n = self._basis.nodes.size
-        solved = solve_once(
-            equation._rhs, equation._jac, int(equation.has_jac), equation.params, form.channels,
-            strands.offsets, form.orders, form.second, times[:n],
-            np.ascontiguousarray(operators[:, :n]), h, np.ascontiguousarray(base[:, :, :n]),
-            strands.x, 1e-3 * tolerance, values, self._notes,
-        )  # fmt: skip
-        if not solved:
-            return False
-        defect = self._defect(times[n:], h, base[0, :, n:], operators[:, n:], values[0])
-        return bool(np.all(defect <= tolerance))  # False where it is not finite
-
-    def _defect(self, times, h, base, operators, values):
-        """How far the equation, integrated, and the basis are off between the nodes, (d,)."""
-        equation, form, strands = self.equation, self._form, self._strands
-        p = base.copy()
-        for row, (c, q, k, kappa) in enumerate(rows(form)):
-            driver = values[q, c] - strands.offsets[0, row]
-            p[c] += kappa * h ** form.orders[k] * (operators[k] @ driver)
-        x = strands.x[0][:, None] + h * (values[PRIMARY] @ operators[-1].T)
-        x = np.where(self.second[:, None], x, p)
-        f, out = np.empty_like(x), np.empty(p.shape[0])
-        for i, t in enumerate(times):
-            equation._rhs(t, np.ascontiguousarray(x[:, i]), out, equation.params)
-            f[:, i] = out
-        self._notes[0] += times.size
-        off = np.abs(np.array([f, p, x]) - self._basis.interpolate_between(values)).max(axis=2)
-        defect = np.zeros(p.shape[0])
-        for c, q, k, kappa in rows(form):
-            defect[c] += abs(kappa) * h ** form.orders[k] * off[q, c]
-        # the basis itself shows in the dense output alone
-        return np.maximum(defect, _SHARE * off[PRIMARY : POSITION + 1].max(axis=0))
-
-    def _leave(self, t, h, values, t_stop):
+    def _leave(self, t, h, basis, values, t_stop):
         """Move to the end of a step out of a corner."""
         strands, closest = self._strands, self._rule[0][0] * h / _ROOM
         if self.n_modes == 0:
@@ -327,7 +285,7 @@ class AdaptiveStepper:
             strands.begin(closest, far, self._modes_tol)
         elif closest < strands.bank.closest:
             self._come_closer(closest)
-        strands.leave(self._basis, h, values)
+        strands.leave(basis, h, values)
         speeds = np.maximum(self._largest, np.abs(values[0, PRIMARY]).max(axis=1))
         self._largest[:] = np.where(self.second, speeds, 0.0)
         end = t_stop if h == t_stop - t else t + h

@@ -1,0 +1,123 @@
+"""What a step of collocation does to the exponential modes behind it (floor 1).
+
+Modes are read at the nodes of the step and moved to its end by factors that depend on its length
+alone. Lengths lie on a grid (`on_grid`), so few of them occur in a run, and the factors of each are
+kept in a slot of its own.
+"""
+
+import math
+
+import numpy as np
+from numba import types
+
+from .._jit import CUBE, MAT, VEC, kernel
+
+# Lengths of steps are powers of two of the multiples of 1 / _PER_OCTAVE, rounded up to so few
+# digits that adding them to a time is exact: the same rounding each time would make a drift.
+_PER_OCTAVE, _DIGITS = 8, 2.0**12
+# Slots; lengths that are powers of 2**(SLOTS / _PER_OCTAVE) apart share one.
+SLOTS = 64
+# Lengths (k,), at nodes exp(-rate node) (k, M, s), at the end exp(-rate h) (k, M), and moments of
+# Legendre polynomials (k, s, M).
+TABLES = types.Tuple((VEC, CUBE, MAT, CUBE))
+
+
+@kernel
+def on_grid(h):
+    """The next smaller length of the grid."""
+    power = math.floor(_PER_OCTAVE * math.log2(h)) / _PER_OCTAVE
+    octave = math.floor(power)
+    return math.ceil(2.0 ** (power - octave) * _DIGITS) / _DIGITS * 2.0**octave
+
+
+@kernel
+def slot_of(h, nodes, rates, tables):
+    """The slot with the factors of a step of length h, computed where it held another's."""
+    lengths, reads, keeps, moments = tables
+    slot = math.floor(_PER_OCTAVE * math.log2(h) + 0.5) % lengths.shape[0]
+    if lengths[slot] == h:
+        return slot
+    column = np.empty(nodes.shape[0])
+    for m in range(rates.shape[0]):
+        for i in range(nodes.shape[0]):
+            reads[slot, m, i] = math.exp(-rates[m] * (h * nodes[i]))
+        keeps[slot, m] = math.exp(-rates[m] * h)
+        exponential_legendre(rates[m] * h, nodes.shape[0], column)
+        moments[slot, :, m] = column
+    lengths[slot] = h
+    return slot
+
+
+@kernel
+def read_modes(modes, reads, out):
+    """out[c, i] = ``sum_m modes[c, m] reads[m, i]``."""
+    # modes (d, M), reads (M, s), out (d, s)
+    out[:] = 0.0
+    for c in range(out.shape[0]):
+        for m in range(reads.shape[0]):
+            for i in range(out.shape[1]):
+                out[c, i] += modes[c, m] * reads[m, i]
+
+
+@kernel
+def move_modes(h, keeps, moments, driven, idle, legendre, values, modes):
+    """Let the modes decay over the step and take in the drivers' polynomials on it."""
+    # keeps (M,), moments (s, M), driven (d, 3, M), idle, modes (d, M), legendre (s, s): values to
+    # coefficients, values (3, d, s)
+    d, s = values.shape[1], values.shape[2]
+    part = np.empty(keeps.shape[0])
+    for c in range(d):
+        for m in range(keeps.shape[0]):
+            modes[c, m] = modes[c, m] * keeps[m] + h * idle[c, m] * moments[0, m]
+        for q in range(3):
+            if not np.any(driven[c, q]):
+                continue
+            part[:] = 0.0
+            for k in range(s):
+                coefficient = 0.0
+                for j in range(s):
+                    coefficient += legendre[k, j] * values[q, c, j]
+                for m in range(keeps.shape[0]):
+                    part[m] += coefficient * moments[k, m]
+            for m in range(keeps.shape[0]):
+                modes[c, m] += h * driven[c, q, m] * part[m]
+
+
+@kernel
+def combined_weights(channels, offsets, weights, driven, idle):
+    """Weights of the drivers' modes in p, driven (d, 3, M), and of 1, idle (1 + k, d, M)."""
+    # channels (n, 4), offsets (1 + k, n), weights (n_a, M)
+    driven[:] = 0.0
+    idle[:] = 0.0
+    for row in range(channels.shape[0]):
+        c, q, k = int(channels[row, 0]), int(channels[row, 1]), int(channels[row, 2])
+        for m in range(weights.shape[1]):
+            share = channels[row, 3] * weights[k, m]
+            driven[c, q, m] += share
+            for strand in range(offsets.shape[0]):
+                idle[strand, c, m] -= share * offsets[strand, row]
+
+
+@kernel
+def exponential_legendre(z, n, out):
+    """out[k] = ``int_0^1 exp(-z (1 - u)) P_k(2 u - 1) du``, k < n, for z >= 0.
+
+    Scaled modified spherical Bessel functions of z / 2: upwards from the first two where none in
+    use lies far beyond z / 2, else by their continued fraction, all of whose terms are positive.
+    """
+    x = 0.5 * z
+    out[0] = 1.0 if z == 0.0 else -math.expm1(-z) / z
+    if n == 1:
+        return
+    if x > 2.0 * n:
+        out[1] = (0.5 * (1.0 + math.exp(-z)) - out[0]) / x
+        for k in range(1, n - 1):
+            out[k + 1] = out[k - 1] - (2 * k + 1) / x * out[k]
+        return
+    ratio = 0.0
+    for k in range(n + 7 + int(2.5 * x), 0, -1):
+        ratio = x / (2 * k + 1 + x * ratio)
+        if k < n:
+            out[k] = ratio
+    for k in range(1, n):
+        out[k] *= out[k - 1]

@@ -1,0 +1,140 @@
+"""The step out of a point where the solution is not smooth (floor 4).
+
+There it is a sum of powers of the time since, and so are the functions that stand for it.
+"""
+
+import numpy as np
+from scipy.special import rgamma
+
+from ..kernels.collocation import FORCE, POSITION, PRIMARY, solve_once
+from ..schemes.power_basis import bend_for, power_basis
+from .strands import rows
+
+# A step that is refused is made this many times smaller; so often with bent functions.
+_SHORTER, _BENT_TRIALS = 0.3, 12
+# Share of the tolerance by which the functions themselves may err, which nothing integrates.
+_SHARE = 0.1
+
+
+class Corner:
+    """One corner at time t, and the step out of it.
+
+    Parameters
+    ----------
+    equation : System
+    form : Form
+    strands : Strands
+    t, t_stop : float
+    least : float
+        Length below which the modes cannot follow.
+    tolerance : ndarray, shape (d,)
+        Error that p may have.
+    notes : ndarray, shape (4,)
+        Newton's notes (kernels/collocation.py).
+    """
+
+    def __init__(self, equation, form, strands, t, t_stop, least, tolerance, notes):
+        self._equation, self._form, self._strands = equation, form, strands
+        self._t, self._t_stop, self._least = t, t_stop, least
+        self._tolerance, self._notes = tolerance, notes
+        self._jacobian = equation.jacobian(t, strands.x[0])
+        self.n_refused = 0
+
+    def leave(self):
+        """Length, basis and values (1 + k, 3, d, n) of the step; None where none is small enough.
+
+        Functions that follow a stiff start with a tiny order are tried on long steps at first.
+        """
+        size, left = float(np.abs(self._jacobian).max()), self._t_stop - self._t
+        bend = bend_for(self._form.generators, self._drive(size))
+        found = self._try(bend, left / 16, _BENT_TRIALS) if bend > 0 else None
+        return found or self._try(0.0, self._first_length(size, left), np.inf)
+
+    def _try(self, bend, h, trials):
+        """Ever shorter steps from h on."""
+        strands, t, t_stop = self._strands, self._t, self._t_stop
+        basis = power_basis(self._form.generators, bend)
+        points = np.concatenate([basis.nodes, basis.between])
+        operators = basis.integrals(tuple(self._form.orders.tolist()))
+        n_strands, d = strands.x.shape
+        values = np.empty((n_strands, 3, d, basis.nodes.size))
+        while t + h > t and h > self._least and trials > 0:
+            # no crumb is left before the stop
+            h = min(h, 0.5 * (t_stop - t)) if h < t_stop - t else h
+            values[0, PRIMARY] = strands.p[0][:, None]
+            # just after the corner and before the stop: the right-hand side may jump at both
+            first = np.nextafter(t, np.inf) if t > 0 else 0.0
+            times = np.clip(t + h * points, first, np.nextafter(t_stop, 0.0))
+            if self._stages(basis, times, h, strands.past(h * points), operators, values):
+                return h, basis, values
+            h *= _SHORTER
+            trials -= 1
+            self.n_refused += 1
+        return None
+
+    def _drive(self, size):
+        """How strongly the integrals of the smallest order drive p, the Jacobian having `size`."""
+        form = self._form
+        first = form.orders[form.channels[:, 2].astype(int)] == form.generators[0]
+        kappas = np.abs(form.channels[first, 3])
+        return (kappas * np.where(form.channels[first, 1] == FORCE, size, 1.0)).max(initial=0.0)
+
+    def _first_length(self, size, left):
+        """A length over which the solution changes by some half of itself, as a first trial."""
+        form = self._form
+        forces = form.channels[form.channels[:, 1] == FORCE]
+        order = (form.orders[forces[:, 2].astype(int)] + form.second).min()
+        most = left / 16  # a right-hand side of time alone says nothing about itself
+        # tiny orders change at once and then hardly: the check between the nodes decides there
+        order = max(order, 0.1)
+        return most if size * most**order < 0.5 else (0.5 / size) ** (1 / order)
+
+    def _stages(self, basis, times, h, base, operators, values):
+        """Solve for the values at the basis' nodes; whether the orbit's hold in between too."""
+        equation, form, strands = self._equation, self._form, self._strands
+        n = basis.nodes.size
+        solved = solve_once(
+            equation._rhs, equation._jac, int(equation.has_jac), equation.params, form.channels,
+            strands.offsets, form.orders, form.second, times[:n],
+            np.ascontiguousarray(operators[:, :n]), h, np.ascontiguousarray(base[:, :, :n]),
+            strands.x, 1e-3 * self._tolerance, values, self._notes,
+        )  # fmt: skip
+        if not solved:
+            return False
+        defect = self._defect(basis, times[n:], h, base[0, :, n:], operators[:, n:], values[0])
+        return bool(np.all(defect <= self._tolerance))  # False where it is not finite
+
+    def _defect(self, basis, times, h, base, operators, values):
+        """How far the equation, integrated, and the basis are off between the nodes, (d,)."""
+        equation, form, strands = self._equation, self._form, self._strands
+        p = base.copy()
+        for row, (c, q, k, kappa) in enumerate(rows(form)):
+            driver = values[q, c] - strands.offsets[0, row]
+            p[c] += kappa * h ** form.orders[k] * (operators[k] @ driver)
+        x = strands.x[0][:, None] + h * (values[PRIMARY] @ operators[-1].T)
+        x = np.where(form.second[:, None] == 1, x, p)
+        f, out = np.empty_like(x), np.empty(p.shape[0])
+        for i, t in enumerate(times):
+            equation._rhs(t, np.ascontiguousarray(x[:, i]), out, equation.params)
+            f[:, i] = out
+        self._notes[0] += times.size
+        off = np.abs(np.array([f, p, x]) - basis.interpolate_between(values)).max(axis=2)
+        defect = np.zeros(p.shape[0])
+        for c, q, k, kappa in rows(form):
+            defect[c] += abs(kappa) * h ** form.orders[k] * off[q, c]
+        # the basis itself shows in the dense output alone
+        return np.maximum(self._damped(defect, h), _SHARE * off[PRIMARY : POSITION + 1].max(axis=0))
+
+    def _damped(self, defect, h):
+        """What a defect leaves of itself in p where the equation is stiff and nothing grows."""
+        form, jacobian = self._form, self._jacobian
+        gain = np.zeros_like(jacobian)
+        for c, q, k, kappa in rows(form):
+            share = kappa * h ** form.orders[k] * rgamma(1 + form.orders[k])
+            if q == FORCE:
+                gain[c] += share * np.where(form.second == 1, 0.0, jacobian[c])
+            elif q == PRIMARY:
+                gain[c, c] += share
+        if not np.all(np.isfinite(gain)) or np.linalg.eigvals(gain).real.max() > 0:
+            return defect
+        return np.abs(np.linalg.inv(np.eye(defect.size) - gain)) @ defect
