@@ -7,19 +7,19 @@ from numpy.typing import ArrayLike
 
 from ._callables import compile_jac, compile_rhs
 from ._checks import complaint, real_array
-from .operators import Caputo, Term, derivative_order
-from .system import System, highest_orders
+from .operators import Caputo, Memory, Term
+from .system import KernelTerm, System
 
 
 class Equation(System):
-    """An initial value problem ``sum_j c_j D^(alpha_j) y = rhs(t, y)`` on t >= 0.
+    """An initial value problem ``sum_j c_j (memory operator)_j y = rhs(t, y)`` on t >= 0.
 
     Everything is checked here: the right-hand side is called once at t = 0 and compiled, so that a
     mistake is reported before any run.
 
     Parameters
     ----------
-    terms : Caputo, Term or sequence of them
+    terms : Caputo, Memory, Term or sequence of them
         Operators with their coefficients, ``[Caputo(1.8), 0.25 * Caputo(0.8)]``. Orders and
         coefficients are one for all components or of shape (d,).
     rhs : callable
@@ -70,19 +70,26 @@ class Equation(System):
     ) -> None:
         self.terms = _as_terms(terms)
         values = real_array("y0", y0, remedy="give shape (m, d): y(0), y'(0), ...")
-        m = max(derivative_order(a) for term in self.terms for a in term.operator._order.flat)
-        initial = _initial_values(values, m)
+        initial = _initial_values(values, max(t.operator.derivative for t in self.terms))
         d = initial.shape[1]
-        orders = _per_component("order", [t.operator._order for t in self.terms], d)
-        coefficients = _per_component("coefficient", [t.coefficient for t in self.terms], d)
-        _check_leading(highest_orders(orders, coefficients), initial)
+        factors = _per_component("coefficient", [t.coefficient for t in self.terms], d)
+        caputo = [isinstance(t.operator, Caputo) for t in self.terms]
+        operators = [t.operator for t in self.terms if isinstance(t.operator, Caputo)]
+        orders = _per_component("order", [operator._order for operator in operators], d)
+        coefficients = factors[caputo]
+        memories = [
+            (KernelTerm(term.operator.kernel, term.operator.derivative), factor)
+            for term, factor in zip(self.terms, factors, strict=True)
+            if isinstance(term.operator, Memory)
+        ]
         numbers = real_array("params", params, remedy="pass a flat sequence of floats")
         if numbers.ndim != 1:
             required = "be a flat sequence of floats"
             raise ValueError(complaint("params", required, f"shape {numbers.shape}"))
         compiled = compile_rhs(rhs, initial[0], numbers)
         compiled_jac = compile_jac(jac, initial[0], numbers) if jac is not None else None
-        super().__init__(orders, coefficients, initial, numbers, compiled, compiled_jac)
+        super().__init__(orders, coefficients, initial, numbers, compiled, compiled_jac, memories)
+        _check_leading(self.highest_orders(), initial)
 
     def __repr__(self):
         return f"Equation({' + '.join(map(repr, self.terms))} = rhs, d={self.d})"
@@ -94,7 +101,7 @@ def _per_component(name, arrays, d):
         if array.ndim and array.size != d:
             required = f"be one number or one for each of the {d} components"
             raise ValueError(complaint(name, required, f"shape {array.shape}"))
-    stacked = np.array([np.broadcast_to(array, (d,)) for array in arrays])
+    stacked = np.array([np.broadcast_to(array, (d,)) for array in arrays]).reshape(-1, d)
     stacked.flags.writeable = False
     return stacked
 
@@ -111,19 +118,20 @@ def _check_leading(highest, y0):
 
 
 def _as_terms(terms):
-    items = [terms] if isinstance(terms, (Caputo, Term)) else terms
-    required = "be Caputo operators with coefficients"
+    items = [terms] if isinstance(terms, (Caputo, Memory, Term)) else terms
+    required = "be Caputo or Memory operators with coefficients"
     example = "write [Caputo(1.8), 0.25 * Caputo(0.8)]"
     try:
         items = list(items)
     except TypeError as error:
         raise TypeError(complaint("terms", required, repr(terms), example)) from error
     for item in items:
-        if not isinstance(item, (Caputo, Term)):
+        if not isinstance(item, (Caputo, Memory, Term)):
             raise TypeError(complaint("terms", required, repr(item), example))
     if not items:
         raise ValueError(complaint("terms", "hold at least one term", "none", example))
-    return tuple(Term(item, 1.0) if isinstance(item, Caputo) else item for item in items)
+    items = (item if isinstance(item, Term) else Term(item, 1.0) for item in items)
+    return tuple(term.plain() for term in items)
 
 
 def _initial_values(values, m):

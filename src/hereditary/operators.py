@@ -12,12 +12,14 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.special import gamma
 
-from ._checks import complaint, real_array, within
+from ._checks import complaint, instance, real_array, within
+from .memory_kernels import MemoryKernel
 
 
 @dataclass(frozen=True)
-class PowerLaw:
+class PowerLaw(MemoryKernel):
     """The memory kernel ``K(t) = t**-exponent``.
 
     Parameters
@@ -87,8 +89,58 @@ class Caputo:
         """The order: a float, or an array of shape (d,)."""
         return self._order if self._order.ndim else float(self._order)
 
+    @property
+    def derivative(self) -> int:
+        """m, the highest derivative inside: ceil(order) of the highest order."""
+        return max(map(derivative_order, self._order.flat))
+
     def __repr__(self):
         return f"Caputo({self._order.tolist()})"
+
+    def __mul__(self, coefficient: ArrayLike) -> Term:
+        return Term(self, coefficient)
+
+    __rmul__ = __mul__
+
+    def __neg__(self) -> Term:
+        return Term(self, -1.0)
+
+
+class Memory:
+    """The memory operator ``int_0^t K(t-s) y^(m)(s) ds`` with any decaying kernel K.
+
+    Multiply it by a coefficient to make a term of an equation: ``0.5 * Memory(kernel, 1)``.
+
+    Parameters
+    ----------
+    kernel : MemoryKernel
+        `PowerLaw`, `TemperedPowerLaw`, `Prony`, `MittagLeffler`, `StretchedExponential`,
+        `DistributedOrder`, or `Kernel` for any other.
+    derivative : int
+        m: 0, 1 or 2.
+
+    Notes
+    -----
+    With ``PowerLaw(a)``, 0 < a < 1, this is ``Gamma(1-a) Caputo(m - 1 + a)``, and taken for that.
+
+    Examples
+    --------
+    >>> import hereditary as hd
+    >>> 0.5 * hd.Memory(hd.Prony([1.0, 10.0], [0.3, 0.7]), 1)
+    0.5 * Memory(Prony(rates=(1.0, 10.0), weights=(0.3, 0.7)), 1)
+    """
+
+    __array_ufunc__ = None
+
+    def __init__(self, kernel: MemoryKernel, derivative: int) -> None:
+        remedy = "e.g. hereditary.PowerLaw(0.8)"
+        self.kernel = instance("kernel", kernel, MemoryKernel, remedy)
+        if isinstance(derivative, bool) or derivative not in (0, 1, 2):
+            raise ValueError(complaint("derivative", "be 0, 1 or 2", derivative))
+        self.derivative = int(derivative)
+
+    def __repr__(self):
+        return f"Memory({self.kernel!r}, {self.derivative})"
 
     def __mul__(self, coefficient: ArrayLike) -> Term:
         return Term(self, coefficient)
@@ -104,7 +156,7 @@ class Term:
 
     __array_ufunc__ = None
 
-    def __init__(self, operator: Caputo, coefficient: ArrayLike) -> None:
+    def __init__(self, operator: Caputo | Memory, coefficient: ArrayLike) -> None:
         factor = real_array("coefficient", coefficient, "be a real number or have shape (d,)")
         if factor.ndim > 1 or factor.size == 0:
             required = "be a number or have shape (d,)"
@@ -120,6 +172,16 @@ class Term:
 
     def __neg__(self) -> Term:
         return Term(self.operator, -self.coefficient)
+
+    def plain(self) -> Term:
+        """The same term by Caputo's derivative where its kernel is a power law."""
+        operator = self.operator
+        if not isinstance(operator, Memory) or operator.derivative == 0:
+            return self
+        if not isinstance(operator.kernel, PowerLaw):
+            return self
+        a = operator.kernel.exponent
+        return Term(Caputo(operator.derivative - 1 + a), gamma(1 - a) * self.coefficient)
 
     def __repr__(self):
         return f"{self.coefficient.tolist()} * {self.operator!r}"

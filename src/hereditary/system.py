@@ -1,5 +1,6 @@
 """What schemes and marches see of an equation (floor 2), and systems derived from one."""
 
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -9,15 +10,32 @@ from ._jit import JAC_SIG, as_value, kernel
 from .kernels.jacobian import jacobian_at
 
 
+@dataclass(frozen=True)
+class KernelTerm:
+    """The operator ``int_0^t K(t-s) y^(m)(s) ds``; equal to another where kernel and m are.
+
+    Attributes
+    ----------
+    kernel : MemoryKernel
+    derivative : int
+        m: 0, 1 or 2.
+    """
+
+    kernel: object
+    derivative: int
+
+
 class System:
-    """A sum of Caputo terms for each component, equal to a right-hand side.
+    """A sum of memory terms for each component, equal to a right-hand side.
 
     `hereditary.Equation` is one, with everything checked; others are derived from it.
 
     Attributes
     ----------
     orders, coefficients : ndarray, shape (n_terms, d)
-        Each term's order and coefficient for each component.
+        Order and coefficient of each Caputo term for each component.
+    memories : tuple of (KernelTerm, ndarray of shape (d,))
+        Terms with other kernels, and their coefficients.
     y0 : ndarray, shape (m, d)
         y(0), and y'(0) where m = 2.
     params : ndarray, shape (p,)
@@ -26,8 +44,9 @@ class System:
         Whether the Jacobian is given; otherwise it comes from differences.
     """
 
-    def __init__(self, orders, coefficients, y0, params, rhs, jac=None):
+    def __init__(self, orders, coefficients, y0, params, rhs, jac=None, memories=()):
         self.orders, self.coefficients = orders, coefficients
+        self.memories = tuple(memories)
         self.y0, self.params = y0, params
         self.m, self.d = y0.shape
         self._rhs = rhs
@@ -35,8 +54,14 @@ class System:
         self._jac = jac if self.has_jac else as_value(_no_jacobian, JAC_SIG)
 
     def highest_orders(self) -> np.ndarray:
-        """Highest order with a nonzero coefficient of each component, shape (d,)."""
-        return highest_orders(self.orders, self.coefficients)
+        """Highest order with a nonzero coefficient of each component, shape (d,).
+
+        A term with another kernel counts as the derivative inside it.
+        """
+        highest = highest_orders(self.orders, self.coefficients)
+        for term, coefficients in self.memories:
+            highest = np.maximum(highest, np.where(coefficients != 0, term.derivative, 0.0))
+        return highest
 
     def jacobian(self, t, y):
         """d rhs / d y at (t, y), shape (d, d): the given one, or differences."""
@@ -80,14 +105,16 @@ def variational(system, directions):
         dy[d:] = (y[d:].reshape(k, d) @ system.jacobian(t, y[:d]).T).ravel()
 
     orders, coefficients = (np.tile(a, (1, 1 + k)) for a in (system.orders, system.coefficients))
-    return System(orders, coefficients, y0, system.params, rhs)
+    memories = [(term, np.tile(factors, 1 + k)) for term, factors in system.memories]
+    return System(orders, coefficients, y0, system.params, rhs, memories=memories)
 
 
 def shifted(system, origin, y0):
     """The same system begun anew at time `origin`, which becomes its time 0, from `y0` (m, d)."""
     params = np.append(system.params, float(origin))
     jac = _shifted(system._jac) if system.has_jac else None
-    return System(system.orders, system.coefficients, y0, params, _shifted(system._rhs), jac)
+    terms = system.orders, system.coefficients
+    return System(*terms, y0, params, _shifted(system._rhs), jac, system.memories)
 
 
 @lru_cache(maxsize=64)

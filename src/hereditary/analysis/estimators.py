@@ -170,6 +170,7 @@ def displaced(equation, y0):
         equation.params,
         equation._rhs,
         equation._jac if equation.has_jac else None,
+        equation.memories,
     )
 
 

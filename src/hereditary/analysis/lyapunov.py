@@ -318,6 +318,8 @@ def _memory(equation):
     """Whether "all", "none" or "some" components have a term of fractional order."""
     fractional = (equation.coefficients != 0) & (equation.orders % 1 != 0)
     found = fractional.any(axis=0)
+    for _, coefficients in equation.memories:
+        found = found | (coefficients != 0)
     return "all" if found.all() else "some" if found.any() else "none"
 
 

@@ -52,7 +52,7 @@ class _Pieces(Memory):
     def __init__(self, convolution, n_columns, n_block):
         self._convolution = convolution
         self._n_block = n_block
-        arrays = tuple(np.zeros((n_columns, k)) for k in (0, 1, 0))
+        arrays = tuple(np.zeros((n_columns, k)) for k in (0, convolution.n_starts, 0))
         tables = (np.zeros((1, 0)),) * 5
         super().__init__(exchange_direct, tables, arrays, *convolution.exact(n_block + 2))
 

@@ -66,18 +66,13 @@ class SumOfExponentials(History):
 
     def open(self, convolution: Convolution, n_columns: int, n_block: int, n_steps: int) -> Memory:
         """A fresh memory; see `History.open`."""
-        exponents = convolution.exponents()
         if not convolution.has_memory():
             return NoMemory(n_columns, *convolution.exact(n_block + 2))
         covered = _STEPS_COVERED
         # one block more than asked for: a lag is filled for whole blocks
         while covered < max(n_steps, self.horizon or 1) + n_block:
             covered *= 10
-        rates, weights, _ = fit_unit(exponents, float(covered), float(self.tol))
-        pad = -rates.size % _PAD
-        rates = np.concatenate([rates, np.zeros(pad)])
-        weights = np.pad(weights, ((0, 0), (0, pad)))
-        bank = {a: (rates, row) for a, row in zip(exponents, weights, strict=True)}
+        rates, bank, pad = _bank(convolution, float(covered), float(self.tol))
         shares, start_shares = convolution.modal(bank, 2, 0)
         ahead, back = _powers(rates, n_block)
         block_weights, block_start_weights = convolution.exact(n_block + 2)
@@ -90,7 +85,8 @@ class SumOfExponentials(History):
         n_short = min(first, n_block + 2)
         block_weights[:, :n_short] += corrections[:, :n_short]
         block_start_weights[:, 2:n_block] = (start_shares @ ahead)[:, 2:]
-        arrays = tuple(np.zeros((n_columns, k)) for k in (rates.size, rates.size, first - 2))
+        sizes = (rates.size, convolution.n_starts * rates.size, first - 2)
+        arrays = tuple(np.zeros((n_columns, k)) for k in sizes)
         tables = (shares, start_shares, ahead, back, corrections)
         blocks = (block_weights, block_start_weights)
         return _Modes(tables, arrays, blocks, rates.size - pad, covered)
@@ -135,6 +131,26 @@ class _Modes(Memory):
         """An independent memory with the same modes; the tables are shared."""
         blocks = (self.block_weights, self.block_start_weights)
         return _Modes(self.tables, self.state(), blocks, self.n_modes, self._covered)
+
+
+def _bank(convolution, covered, tol):
+    """Rates of all modes, their weights for each kernel, and how many are there for the padding.
+
+    Power laws share their rates; every other kernel brings its own.
+    """
+    exponents, kernels = convolution.exponents(), convolution.kernels()
+    fits = [fit_unit(exponents, covered, tol)[:2]]
+    fits += [(rates, w[None]) for rates, w in (k.exponentials(covered, tol) for k in kernels)]
+    n_rates = sum(rates.size for rates, _ in fits)
+    pad = -n_rates % _PAD
+    rates = np.concatenate([*(rates for rates, _ in fits), np.zeros(pad)])
+    bank, offset = {}, 0
+    for keys, (own, weights) in zip((exponents, *((k,) for k in kernels)), fits, strict=True):
+        for key, row in zip(keys, weights, strict=True):
+            bank[key] = (rates, np.zeros(rates.size))
+            bank[key][1][offset : offset + own.size] = row
+        offset += own.size
+    return rates, bank, pad
 
 
 def _powers(rates, n_block):

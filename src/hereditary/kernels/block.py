@@ -24,7 +24,14 @@ def open_block(lag, pieces, n, classes, weights, exchange, tables, memory):
 def begin_memory(lag, start, value, c, weights, first):
     """Store a column's start value, and add its share to the first block from step `first` on."""
     # start: the memory's rows of start values, weights: the column's start weights (B + 2,)
-    for i in range(start.shape[1]):
+    begin_one(lag, start, value, c, weights, first, 0, 1)
+
+
+@kernel
+def begin_one(lag, start, value, c, weights, first, v, n_values):
+    """The same for number v of several start values of a column."""
+    length = start.shape[1] // n_values
+    for i in range(v * length, (v + 1) * length):
         start[c, i] = value
     for i in range(first, lag.shape[1]):
         lag[c, i] += weights[i] * value

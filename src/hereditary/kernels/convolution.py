@@ -31,14 +31,15 @@ def add_direct(lag, pieces, n, first, classes, tables, memory):
     they grow longer, nor where a term exceeds the sum so far (Kahan's rule would), as increments
     of an oscillation do. All of it runs along the block, so the loop is still vectorised.
     """
-    # lag (W, B), pieces (W, B + 1); tables: weights, start weights (C, >= n + B), others unused
-    # memory: stored (W, capacity) with u_m at m + 1, start values (W, 1), unused
+    # lag (W, B), pieces (W, B + 1); tables: weights (C, >= n + B), start weights (V C, >= n + B),
+    #   others unused
+    # memory: stored (W, capacity) with u_m at m + 1, start values (W, V), unused
     weights, start_weights, _, _, _ = tables
     stored, start, _ = memory
     n_block = lag.shape[1]
     lost = np.empty(n_block)
     for c in range(lag.shape[0]):
-        w, s, u, out = weights[classes[c]], start_weights[classes[c]], stored[c], lag[c]
+        w, u, out = weights[classes[c]], stored[c], lag[c]
         if n > 0:
             for k in range(n_block):  # u_(n-1) stays outside: its nearest weight is the scheme's
                 u[n - n_block + k] = pieces[c, k]
@@ -54,9 +55,11 @@ def add_direct(lag, pieces, n, first, classes, tables, memory):
                 out[i] = total
         for i in range(n_block):
             out[i] += lost[i]
-        if start[c, 0] != 0.0:
-            for i in range(n_block):
-                out[i] += s[n + i] * start[c, 0]
+        for v in range(start.shape[1]):
+            if start[c, v] != 0.0:
+                s = start_weights[v * weights.shape[0] + classes[c]]
+                for i in range(n_block):
+                    out[i] += s[n + i] * start[c, v]
 
 
 @kernel

@@ -10,7 +10,7 @@ not depend on where it was interrupted.
 import numpy as np
 
 from .._jit import entry, kernel
-from .block import BLOWN_UP, RUNNING, begin_memory, bounded, open_block, write_rows
+from .block import BLOWN_UP, RUNNING, begin_one, bounded, open_block, write_rows
 from .jacobian import jacobian
 from .signatures import MARCH
 from .tangent import push_tangents
@@ -32,9 +32,10 @@ def march_explicit(
     # scheme: [h], layout, classes, second (W,), weights and start weights (C, B + 2), rows [lead,
     #   near] (2, W)
     # state: counters (5,) [step, rows written, zigzag step, block opened, calls], x, y, d (W,),
-    #   lag (W, B), pieces (W, B + 1), monitor (W, 3), start values (W, 1)
+    #   lag (W, B), pieces (W, B + 1), monitor (W, 3), start values (W, V)
     # output: positions (k,), rows of x, rows of x' (k, d), Jacobians (blocks, d, d)
     numbers, layout, classes, second, weights, start_weights, columns = scheme
+    n_classes = weights.shape[0]
     h, lead, near = numbers[0], columns[0], columns[1]
     counters, x, y, d, lag, pieces, monitor, start = state
     positions, rows, slopes, jacobians = output
@@ -52,7 +53,9 @@ def march_explicit(
             open_block(lag, pieces, n, classes, weights, exchange, tables, memory)
             if n == 0:
                 for c in range(width):
-                    begin_memory(lag, memory[1], start[c, 0], c, start_weights[classes[c]], 1)
+                    for v in range(start.shape[1]):
+                        own = start_weights[v * n_classes + classes[c]]
+                        begin_one(lag, memory[1], start[c, v], c, own, 1 - v, v, start.shape[1])
             counters[3] = n
         if n % every == 0:
             sample = jacobians[n // every - first_sample]

@@ -13,22 +13,29 @@ from .._jit import kernel
 @kernel
 def exchange_modes(lag, pieces, n, classes, tables, memory):
     """Take the finished block's pieces in and add the lag of all of them to the next block."""
-    # lag (W, B), pieces (W, B + 1); memory: modes, start modes (W, M), window (W, L)
-    # tables: weights, start weights (C, M), ahead (M, B), back (B + 1, M) with last row q**B,
-    #   corrections (C, L + 2) of the weights k = 2 .. L + 1
+    # lag (W, B), pieces (W, B + 1); memory: modes (W, M), modes of each start value (W, V M),
+    #   window (W, L)
+    # tables: weights (C, M), start weights (V C, M), ahead (M, B), back (B + 1, M) with last row
+    #   q**B, corrections (C, L + 2) of the weights k = 2 .. L + 1
     weights, start_weights, ahead, back, corrections = tables
     modes, start, window = memory
-    n_block = lag.shape[1]
-    amplitudes = np.empty(modes.shape[1])
+    n_block, n_modes, n_classes = lag.shape[1], modes.shape[1], weights.shape[0]
+    amplitudes = np.empty(n_modes)
     for c in range(lag.shape[0]):
-        w, s = weights[classes[c]], start_weights[classes[c]]
+        w = weights[classes[c]]
         if n > 0:
-            for i in range(amplitudes.shape[0]):
+            for i in range(n_modes):
                 modes[c, i] *= back[n_block, i]
-                start[c, i] *= back[n_block, i]
             add_rows(modes[c], pieces[c, :n_block], back[:n_block])
-        for i in range(amplitudes.shape[0]):
-            amplitudes[i] = w[i] * modes[c, i] + s[i] * start[c, i]
+        for i in range(n_modes):
+            amplitudes[i] = w[i] * modes[c, i]
+        for v in range(start_weights.shape[0] // n_classes):
+            s = start_weights[v * n_classes + classes[c]]
+            mine = start[c, v * n_modes : (v + 1) * n_modes]
+            for i in range(n_modes):
+                if n > 0:
+                    mine[i] *= back[n_block, i]
+                amplitudes[i] += s[i] * mine[i]
         add_rows(lag[c], amplitudes, ahead)
         if window.shape[1] > 0:
             slide(window[c], pieces[c, :n_block])

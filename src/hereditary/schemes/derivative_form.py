@@ -19,6 +19,7 @@ def derivative_plan(
     weight_of=None,
     first_modal=2,
     corrections=None,
+    more_starts=(),
 ):
     """Plan of a scheme that weighs increments and sees the right-hand side at t_n + theta h.
 
@@ -43,17 +44,19 @@ def derivative_plan(
         First k from which the weights are sums of exponentials.
     corrections : ndarray, shape (k, d), optional
         Added to the right-hand side in the first k steps.
+    more_starts : sequence of (callable, ndarray of shape (d,))
+        Further start values, with ``lists(key, total)``, the weights of each class.
 
     Returns
     -------
     Plan
         For `march_implicit`.
     """
-    number_of = number_of or _power
+    number_of = number_of or power
     weight_of = weight_of or (lambda c, alpha: leading_weight(c, alpha, h))
     distinct, classes = distinct_components(equation)
     rows = np.empty((3, len(distinct)))  # lead, near, weight of the first step
-    lists, start_lists = [], []
+    lists, start_lists, more = [], [], [[] for _ in more_starts]
     for i, key in enumerate(distinct):
         terms = [(weight_of(c, alpha), rule_of(alpha), number_of(alpha)) for c, alpha in key]
         weights = sum(f * rule.exact(p, 2) for f, rule, p in terms)
@@ -69,17 +72,23 @@ def derivative_plan(
         else:
             start_lists.append(())
         rows[2, i] = alone / total
+        for found, (weights_of, _) in zip(more, more_starts, strict=True):
+            found.append(weights_of(key, total))
     shift = h * equation.y0[1] if equation.m == 2 else np.zeros(equation.d)
     given = first is not None
     extra = np.zeros((0, equation.d)) if corrections is None else corrections
     amplitudes, powers = _drift(equation)
     return Plan(
-        convolution=Convolution(tuple(lists), tuple(start_lists), first_modal),
+        convolution=Convolution(
+            tuple(lists), tuple(start_lists), first_modal, tuple(map(tuple, more))
+        ),
         classes=classes,
-        numbers=np.array([h, theta, extra.shape[0], powers.shape[0]]),
+        numbers=np.array([h, theta, extra.shape[0], powers.shape[0], 1 + len(more)]),
         flags=np.full(equation.d, int(given)),
         columns=np.vstack([rows[:, classes], powers]),
-        data=np.vstack([shift, amplitudes, first if given else 0 * shift, extra]),
+        data=np.vstack(
+            [shift, amplitudes, first if given else 0 * shift, extra, *(v for _, v in more_starts)]
+        ),
         n_lasting=1 + powers.shape[0],
         initial=equation.y0[0],
         increments=shift.copy(),
@@ -88,6 +97,9 @@ def derivative_plan(
 
 def mesh_plan(name, equation, times, theta, parabolas, first=None):
     """Plan on a mesh of any steps, for orders in (0, 1]."""
+    if equation.memories:
+        required = f"be Caputo operators for {name} on a mesh"
+        raise ValueError(complaint("terms", required, "a Memory", "take uniform steps"))
     highest = float(equation.highest_orders().max())
     if highest > 1:
         required = f"lie in (0, 1] for {name} on a mesh"
@@ -106,10 +118,11 @@ def mesh_plan(name, equation, times, theta, parabolas, first=None):
 
 def leading_weight(coefficient, alpha, h):
     """``c h**-alpha / Gamma(ceil(alpha) + 1 - alpha)``."""
-    return coefficient * h**-alpha * rgamma(_power(alpha) + 1)
+    return coefficient * h**-alpha * rgamma(power(alpha) + 1)
 
 
-def _power(alpha):
+def power(alpha):
+    """ceil(alpha) - alpha."""
     return derivative_order(alpha) - alpha
 
 

@@ -16,10 +16,17 @@ from scipy.special import rgamma
 from .._checks import within
 from ..kernels.march import march_explicit
 from ..operators import derivative_order
-from ..special import alternating_power_sum, power_differences
-from ..system import System
+from ..special import alternating_power_sum
+from ..system import KernelTerm, System
 from .scheme import Convolution, Plan, Scheme, check_lead, check_smoothness, distinct_components
 from .stability import stability_region
+from .step_kernel import (
+    KERNEL_DIFFERENCES,
+    KERNEL_SECOND_DIFFERENCES,
+    StepKernel,
+    of_increments,
+    value_weights,
+)
 from .weights import FIRST_DIFFERENCES, SECOND_DIFFERENCES
 
 
@@ -64,6 +71,7 @@ class ExplicitCaputo(Scheme):
     """
 
     march: ClassVar[Callable] = staticmethod(march_explicit)
+    takes_kernels: ClassVar[bool] = True
 
     def order(self, alpha: float, smoothness: str = "smooth") -> float:
         """Proven order of convergence at a fixed time: 1 for every alpha in (0, 2].
@@ -119,29 +127,30 @@ class ExplicitCaputo(Scheme):
         distinct, classes = distinct_components(equation)
         lead = np.empty(len(distinct))
         near = np.empty(len(distinct))
-        lists, start_lists = [], []
+        lists, start_lists, value_lists = [], [], []
         for i, key in enumerate(distinct):
-            factors = [_factor(c, alpha, h) for c, alpha in key]
-            total = sum(f for f, _ in factors)
+            weighed = [_weighed(c, operator, h) for c, operator in key]
+            total = sum(f for f, _, _ in weighed)
             check_lead(total, h)
-            terms = [
-                (f / total, SECOND_DIFFERENCES if alpha > 1 else FIRST_DIFFERENCES, p)
-                for (f, p), (_, alpha) in zip(factors, key, strict=True)
-            ]
+            terms = [(f / total, rule, p) for f, rule, p in weighed]
             lead[i] = 1 / total
             near[i] = sum(f * _nearest(rule, p) for f, rule, p in terms)
             lists.append(tuple(terms))
-            start_lists.append(tuple((-f, FIRST_DIFFERENCES, p) for f, _, p in terms))
+            start_lists.append(tuple((-f, _FIRST[rule], p) for f, rule, p in terms))
+            value_lists.append(value_weights(key, total, h, 0.0, 0))
         increments = h * equation.y0[1] if equation.m == 2 else np.zeros(equation.d)
         start = np.where(second, increments, 0.0)
         region = _region(equation, h, distinct)
+        # y(0), which no increment tells of, where a term remembers y itself
+        values = (tuple(value_lists),) if any(value_lists) else ()
+        starts = [start, equation.y0[0]] if values else [start]
         return Plan(
-            convolution=Convolution(tuple(lists), tuple(start_lists)),
+            convolution=Convolution(tuple(lists), tuple(start_lists), more_starts=values),
             classes=classes,
             numbers=np.array([h]),
             flags=second.astype(np.int64),
             columns=np.array([lead[classes], near[classes]]),
-            data=start.reshape(1, -1),
+            data=np.array(starts),
             n_lasting=0,
             initial=equation.y0[0],
             increments=increments,
@@ -149,30 +158,48 @@ class ExplicitCaputo(Scheme):
         )
 
 
+# For each rule that of the increments themselves.
+_FIRST = {
+    FIRST_DIFFERENCES: FIRST_DIFFERENCES,
+    SECOND_DIFFERENCES: FIRST_DIFFERENCES,
+    KERNEL_DIFFERENCES: KERNEL_DIFFERENCES,
+    KERNEL_SECOND_DIFFERENCES: KERNEL_DIFFERENCES,
+}
+
+
 def _region(equation, h, distinct):
     factors = None
-    if len(distinct) == 1:
-        factors = [_factor(c, alpha, h)[0] for c, alpha in distinct[0]]
+    if len(distinct) == 1 and not equation.memories:
+        factors = [_weighed(c, alpha, h)[0] for c, alpha in distinct[0]]
     return stability_region(_limits(equation, h), factors, [alpha for _, alpha in distinct[0]])
 
 
-def _factor(coefficient, alpha, h):
-    """The term's leading weight A and its power p."""
-    p = derivative_order(alpha) - alpha
-    return coefficient * h**-alpha * rgamma(p + 1), p
+def _weighed(coefficient, operator, h):
+    """Leading weight A of a term, its rule and the rule's number."""
+    if isinstance(operator, KernelTerm):
+        m = operator.derivative
+        kernel = StepKernel(of_increments(operator), h)
+        rule = KERNEL_SECOND_DIFFERENCES if m == 2 else KERNEL_DIFFERENCES
+        return coefficient * kernel.first() * h ** (1 - max(m, 1)), rule, kernel
+    p = derivative_order(operator) - operator
+    rule = SECOND_DIFFERENCES if operator > 1 else FIRST_DIFFERENCES
+    return coefficient * h**-operator * rgamma(p + 1), rule, p
 
 
 def _nearest(rule, p):
     """Weight of y_(n-1) when the step is solved for d_n: b_1 or, with b_0 = 1, 1 + b_1."""
-    b_1 = power_differences(p, 2)[1]
-    return b_1 if rule is SECOND_DIFFERENCES else 1 + b_1
+    first = _FIRST[rule]
+    b_1 = first.exact(p, 2)[1]
+    return 1 + b_1 if rule is first else b_1
 
 
 def _limits(equation, h):
     """Stiffness of each component at which the alternating mode leaves the unit circle."""
-    limits = np.zeros(equation.d)
-    for coefficients, orders in zip(equation.coefficients, equation.orders, strict=True):
-        for j, (c, alpha) in enumerate(zip(coefficients, orders, strict=True)):
-            weight, p = _factor(c, alpha, h)
-            limits[j] += weight * alternating_power_sum(p) * (4 if alpha > 1 else 2)
-    return limits
+    distinct, classes = distinct_components(equation)
+    limits = np.zeros(len(distinct))
+    for i, key in enumerate(distinct):
+        for c, operator in key:
+            weight, rule, p = _weighed(c, operator, h)
+            total = p.alternating() if isinstance(p, StepKernel) else alternating_power_sum(p)
+            limits[i] += weight * total * (2 if rule is _FIRST[rule] else 4)
+    return limits[classes]

@@ -8,9 +8,16 @@ import numpy as np
 
 from .._checks import within
 from ..kernels.implicit import march_implicit
-from ..system import System
-from .derivative_form import derivative_plan, mesh_plan
+from ..system import KernelTerm, System
+from .derivative_form import derivative_plan, leading_weight, mesh_plan, power
 from .scheme import MeshPlan, Plan, Scheme, check_smoothness
+from .step_kernel import (
+    KERNEL_SECOND_DIFFERENCES,
+    StepKernel,
+    kernel_starts,
+    of_increments,
+    shifted_kernel,
+)
 from .weights import SECOND_DIFFERENCES, shifted_differences
 
 
@@ -50,6 +57,7 @@ class L1(Scheme):
     """
 
     march: ClassVar[Callable] = staticmethod(march_implicit)
+    takes_kernels: ClassVar[bool] = True
 
     def order(self, alpha: float, smoothness: str = "smooth") -> float:
         """Proven order of convergence at a fixed time, on uniform steps.
@@ -70,11 +78,40 @@ class L1(Scheme):
     def plan(self, equation: System, h: float) -> Plan:
         """Tables and convolution for `equation` with step h."""
         theta = 0.5 if equation.highest_orders().max() > 1 else 1.0
-        lines = shifted_differences(theta)
+        rules = L1Rules(theta, h)
         return derivative_plan(
-            equation, h, theta, lambda alpha: SECOND_DIFFERENCES if alpha > 1 else lines
-        )
+            equation, h, theta, rules.rule, number_of=rules.number, weight_of=rules.weight,
+            more_starts=kernel_starts(equation, theta, h),
+        )  # fmt: skip
 
     def mesh_plan(self, equation: System, times: np.ndarray) -> MeshPlan:
         """Plan on a mesh of any steps, for orders in (0, 1]."""
         return mesh_plan("L1", equation, times, 1.0, 0)
+
+
+class L1Rules:
+    """Rule, number and leading weight of each operator, seen at t_n + theta h."""
+
+    def __init__(self, theta, h):
+        self._theta, self._h = theta, h
+
+    def rule(self, operator):
+        """Rule of an order or `KernelTerm`."""
+        if isinstance(operator, KernelTerm):
+            second = operator.derivative == 2
+            return KERNEL_SECOND_DIFFERENCES if second else shifted_kernel(self._theta)
+        return SECOND_DIFFERENCES if operator > 1 else shifted_differences(self._theta)
+
+    def number(self, operator):
+        """The rule's number."""
+        if isinstance(operator, KernelTerm):
+            return StepKernel(of_increments(operator), self._h)
+        return power(operator)
+
+    def weight(self, c, operator):
+        """What the rule is multiplied by."""
+        if not isinstance(operator, KernelTerm):
+            return leading_weight(c, operator, self._h)
+        second = operator.derivative == 2
+        first = self.number(operator).first(1.0 if second else self._theta)
+        return c * first * (1 / self._h if second else 1.0)

@@ -25,8 +25,8 @@ class WeightRule:
     exact : callable
         ``exact(p, n)``: the weights w_0 .. w_(n-1), shape (n,).
     exponent : callable
-        ``exponent(p)``: exponent a of the kernel ``t**-a`` behind the weights, or None where there
-        is no memory.
+        ``exponent(p)``: exponent a of the kernel ``t**-a`` behind the weights, a `StepKernel` where
+        that is another one, or None where there is no memory.
     modal : callable
         ``modal(p, rates, weights, k)``: the shares of w_k of each mode when the kernel is the sum
         of ``weights * exp(-rates t)`` on [1, ...) in units of the step; a share decays by
@@ -52,36 +52,57 @@ class Convolution:
     start_classes : tuple of tuple of (float, WeightRule, float)
     first_modal : int
         First k from which the weights are sums of exponentials, at least 2.
+    more_starts : tuple of such tuples
+        As `start_classes`, for each further start value of the columns.
     """
 
     classes: tuple
     start_classes: tuple
     first_modal: int = 2
+    more_starts: tuple = ()
+
+    @property
+    def n_starts(self):
+        """Start values of each column."""
+        return 1 + len(self.more_starts)
+
+    @property
+    def _all_starts(self):
+        return sum(self.more_starts, self.start_classes)
 
     def exponents(self):
-        """Kernel exponents that occur."""
-        found = {rule.exponent(p) for lists in self._lists for _, rule, p in lists}
-        return tuple(sorted(found - {None}))
+        """Exponents of power-law kernels that occur."""
+        return tuple(sorted(key for key in self._keys() if isinstance(key, float)))
+
+    def kernels(self):
+        """Other kernels that occur, as `StepKernel` each."""
+        return tuple(key for key in self._keys() if not isinstance(key, float))
+
+    def _keys(self):
+        """What `WeightRule.exponent` gives, each once, in order."""
+        found = [rule.exponent(p) for lists in self._lists for _, rule, p in lists]
+        return [key for key in dict.fromkeys(found) if key is not None]
 
     def has_memory(self):
         """Whether there are weights beyond k = 1 at all."""
-        return bool(self.exponents()) or self.first_modal > 3
+        return bool(self._keys()) or self.first_modal > 3
 
     @property
     def _lists(self):
-        return self.classes + self.start_classes
+        return self.classes + self._all_starts
 
     def exact(self, n):
-        """Weights and start weights of every class for k < n, two arrays of shape (C, n)."""
+        """Weights (C, n) and start weights (V C, n) of every class for k < n."""
         return tuple(
             np.array([_total((f * rule.exact(p, n) for f, rule, p in terms), n) for terms in lists])
-            for lists in (self.classes, self.start_classes)
+            for lists in (self.classes, self._all_starts)
         )
 
     def modal(self, bank, k, k_start):
-        """Mode shares of W_k and of the start weight at k_start, two arrays of shape (C, M).
+        """Mode shares of W_k, shape (C, M), and of the start weights at k_start, (V C, M).
 
-        `bank` maps a kernel exponent to (rates, weights) of its exponential sum.
+        `bank` maps a kernel's exponent, or its `StepKernel`, to (rates, weights) of its
+        exponential sum.
         """
         n_modes = max((rates.size for rates, _ in bank.values()), default=0)
 
@@ -94,7 +115,7 @@ class Convolution:
 
         return tuple(
             np.array([share(terms, at) for terms in lists])
-            for lists, at in ((self.classes, k), (self.start_classes, k_start))
+            for lists, at in ((self.classes, k), (self._all_starts, k_start))
         )
 
 
@@ -187,12 +208,14 @@ class MeshPlan:
 def distinct_components(equation):
     """The different (coefficient, order) lists of an equation's components, and each one's index.
 
-    Terms with a zero coefficient are left out.
+    Terms with a zero coefficient are left out; a `KernelTerm` stands in the place of an order.
     """
     keys = []
     for j in range(equation.d):
         pairs = zip(equation.coefficients[:, j], equation.orders[:, j], strict=True)
-        keys.append(tuple((float(c), float(alpha)) for c, alpha in pairs if c != 0))
+        key = [(float(c), float(alpha)) for c, alpha in pairs if c != 0]
+        key += [(float(c[j]), term) for term, c in equation.memories if c[j] != 0]
+        keys.append(tuple(key))
     distinct = list(dict.fromkeys(keys))
     return distinct, np.array([distinct.index(key) for key in keys], dtype=np.int64)
 
@@ -228,6 +251,15 @@ class Scheme(ABC):
     """
 
     march: ClassVar[Callable]
+    # whether its plan takes memory terms with kernels other than Caputo's
+    takes_kernels: ClassVar[bool] = False
+
+    def check_terms(self, equation: System) -> None:
+        """Refuse terms that the scheme does not take."""
+        if equation.memories and not self.takes_kernels:
+            required = f"be Caputo operators with {type(self).__name__}"
+            got = f"a Memory with {equation.memories[0][0].kernel!r}"
+            raise ValueError(complaint("terms", required, got, "use ExplicitCaputo or L1"))
 
     @abstractmethod
     def order(self, alpha: float, smoothness: str = "smooth") -> float:

@@ -72,6 +72,7 @@ class AdaptiveStepper:
     zigzag, largest_ratio = None, 0.0
 
     def __init__(self, equation, scheme, t_end, rtol, atol, modes_tol=None, directions=None):
+        scheme.check_terms(equation)
         self.equation, self._scheme = equation, scheme
         self._tolerances = (rtol, atol)
         self._rtol, self._atol = _SHARE * rtol, _SHARE * atol

@@ -69,6 +69,7 @@ class Stepper:
     """
 
     def __init__(self, equation, scheme, history, h, n_steps, directions=None, block=BLOCK):
+        scheme.check_terms(equation)
         self.equation, self.scheme, self.history = equation, scheme, history
         self._given, self._origin = equation, 0.0
         self.h = float(h)
@@ -331,7 +332,7 @@ class Stepper:
             _described(self.scheme),
             _described(self.history),
             self.equation.orders.tolist(),
-            self.equation.coefficients.tolist(),
+            [self.equation.coefficients.tolist(), *map(str, self.equation.memories)],
             self.n_tangents,
         )
 
