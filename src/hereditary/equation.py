@@ -43,7 +43,7 @@ class Equation(System):
     m : int
         Number of initial conditions, ceil(highest order).
     orders, coefficients : ndarray, shape (n_terms, d)
-        Each term's order and coefficient for each component.
+        Order and coefficient for each component of each Caputo term of constant order.
     y0 : ndarray, shape (m, d)
     params : ndarray, shape (p,)
 
@@ -73,15 +73,13 @@ class Equation(System):
         initial = _initial_values(values, max(t.operator.derivative for t in self.terms))
         d = initial.shape[1]
         factors = _per_component("coefficient", [t.coefficient for t in self.terms], d)
-        caputo = [isinstance(t.operator, Caputo) for t in self.terms]
-        operators = [t.operator for t in self.terms if isinstance(t.operator, Caputo)]
-        orders = _per_component("order", [operator._order for operator in operators], d)
+        own = [_own_operator(term.operator) for term in self.terms]
+        caputo = [operator is None for operator in own]
+        constant = [t.operator for t, held in zip(self.terms, caputo, strict=True) if held]
+        orders = _per_component("order", [operator._order for operator in constant], d)
         coefficients = factors[caputo]
-        memories = [
-            (KernelTerm(term.operator.kernel, term.operator.derivative), factor)
-            for term, factor in zip(self.terms, factors, strict=True)
-            if isinstance(term.operator, Memory)
-        ]
+        pairs = zip(own, factors, strict=True)
+        memories = [(operator, factor) for operator, factor in pairs if operator is not None]
         numbers = real_array("params", params, remedy="pass a flat sequence of floats")
         if numbers.ndim != 1:
             required = "be a flat sequence of floats"
@@ -93,6 +91,13 @@ class Equation(System):
 
     def __repr__(self):
         return f"Equation({' + '.join(map(repr, self.terms))} = rhs, d={self.d})"
+
+
+def _own_operator(operator):
+    """What a `System` calls an operator that is no Caputo derivative of constant order."""
+    if isinstance(operator, Memory):
+        return KernelTerm(operator.kernel, operator.derivative)
+    return operator.varying
 
 
 def _per_component(name, arrays, d):

@@ -230,7 +230,8 @@ def _initial(y0, order):
 
 def _merged(orders, coefficients):
     """Distinct orders, increasing, and their coefficients, none of them 0."""
-    a = np.atleast_1d(Caputo(orders).order)
+    constant = real_array("order", orders, "lie in (0, 2]", "give numbers")
+    a = np.atleast_1d(np.asarray(Caputo(constant).order, dtype=float))
     c = np.atleast_1d(real_array("coefficients", coefficients))
     if c.shape != a.shape:
         raise ValueError(complaint("coefficients", f"have shape {a.shape}", f"shape {c.shape}"))

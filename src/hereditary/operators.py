@@ -8,13 +8,14 @@ is the classical derivative and has no memory.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import gamma
 
-from ._checks import complaint, instance, real_array, within
+from ._checks import complaint, instance, real, real_array, within
 from .memory_kernels import MemoryKernel
 
 
@@ -52,12 +53,20 @@ class Caputo:
 
     Parameters
     ----------
-    order : float or array_like, shape (d,)
+    order : float, array_like of shape (d,), or callable
         Order alpha in (0, 2] [-], one for all components or one for each (an incommensurate
-        system); m = ceil(alpha). Integers give the classical derivative exactly.
+        system); m = ceil(alpha). Integers give the classical derivative exactly. A function
+        ``alpha(t)`` of the time gives an order that varies: all its values in (0, 1], or all in
+        (1, 2].
 
     Notes
     -----
+    An order that varies is taken at the present time, for all of the past: ``D^alpha(t) y(t) =
+    1/Gamma(m-alpha(t)) int_0^t (t-s)**(m-1-alpha(t)) y^(m)(s) ds`` with one m for the whole run,
+    1 or 2. (Other definitions in use, with alpha(s) or alpha(t-s) inside the integral, are other
+    operators.) `ExplicitCaputo` and `L1` take such terms. The function is called from Python, with
+    an array of times where it bears that; write it with NumPy.
+
     Limits, for whoever continues a model through an integer: as alpha -> 2 from below the operator
     tends to y''; as alpha -> 1 from above to y' - y'(0), from below to y'; as alpha -> 0 to
     y - y(0). A family of equations that crosses alpha = 1 is discontinuous there unless y'(0) = 0.
@@ -67,12 +76,20 @@ class Caputo:
     >>> import hereditary as hd
     >>> 0.25 * hd.Caputo(0.8)
     0.25 * Caputo(0.8)
+    >>> import numpy as np
+    >>> terms = [hd.Caputo(lambda t: 1.5 + 0.3 * np.cos(t)), 0.2 * hd.Caputo(0.5)]
+    >>> sol = hd.solve(hd.Equation(terms, lambda t, x: -x, y0=[1.0, 0.0]), 10.0, n_steps=1000)
+    >>> sol.success
+    True
     """
 
     # without this NumPy would take `array * Caputo(...)` apart, entry by entry
     __array_ufunc__ = None
 
-    def __init__(self, order: ArrayLike) -> None:
+    def __init__(self, order: ArrayLike | Callable) -> None:
+        self.varying = VaryingOrder.begun(order) if callable(order) else None
+        if self.varying is not None:
+            return
         remedy = "Caputo orders above 2 are not covered; write the equation as a system"
         orders = real_array("order", order, "lie in (0, 2]", "give a number or one per component")
         if orders.ndim > 1 or orders.size == 0:
@@ -85,17 +102,21 @@ class Caputo:
         self._order = orders
 
     @property
-    def order(self) -> float | np.ndarray:
-        """The order: a float, or an array of shape (d,)."""
+    def order(self) -> float | np.ndarray | Callable:
+        """The order: a float, an array of shape (d,), or a function of the time."""
+        if self.varying is not None:
+            return self.varying.function
         return self._order if self._order.ndim else float(self._order)
 
     @property
     def derivative(self) -> int:
         """m, the highest derivative inside: ceil(order) of the highest order."""
+        if self.varying is not None:
+            return self.varying.derivative
         return max(map(derivative_order, self._order.flat))
 
     def __repr__(self):
-        return f"Caputo({self._order.tolist()})"
+        return f"Caputo({self.varying.name if self.varying else self._order.tolist()})"
 
     def __mul__(self, coefficient: ArrayLike) -> Term:
         return Term(self, coefficient)
@@ -104,6 +125,101 @@ class Caputo:
 
     def __neg__(self) -> Term:
         return Term(self, -1.0)
+
+
+class OrderFailed(ValueError):
+    """An order that varies left its range, or its function raised."""
+
+
+@dataclass(frozen=True)
+class VaryingOrder:
+    """An order that is a function of the time, and the Caputo operator with it.
+
+    Attributes
+    ----------
+    function : callable
+        ``function(t)``, the order at time t.
+    derivative : int
+        m, 1 or 2: orders lie in (m - 1, m].
+    origin : float
+        The time that is called 0 [time].
+    """
+
+    function: Callable
+    derivative: int
+    origin: float = 0.0
+
+    @classmethod
+    def begun(cls, function: Callable) -> VaryingOrder:
+        """The operator of a user's function, whose value at 0 tells m."""
+        required = "be a function order(t) with values in (0, 1], or in (1, 2]"
+        try:
+            start = function(0.0)
+        except Exception as error:
+            got = f"{type(error).__name__} at t = 0: {error}"
+            raise ValueError(complaint("order", required, got)) from error
+        value = real("order", np.asarray(start)[()], required)
+        if not 0 < value <= 2:
+            raise ValueError(complaint("order", required, f"{value} at t = 0"))
+        return cls(function, derivative_order(value))
+
+    @property
+    def name(self) -> str:
+        """What the function is called."""
+        return getattr(self.function, "__name__", type(self.function).__name__)
+
+    def later(self, origin: float) -> VaryingOrder:
+        """The same with time counted from `origin`, in the user's time."""
+        return replace(self, origin=origin)
+
+    def sampled(self, times: np.ndarray) -> tuple[np.ndarray, str]:
+        """Orders at increasing times (n,), up to the first bad one, and what is wrong with that.
+
+        Returns
+        -------
+        values : ndarray, shape (k,)
+            All inside the range; k = n where all is well.
+        trouble : str
+            A sentence; empty where all is well.
+        """
+        times = times + self.origin
+        values = self._at_once(times)
+        reason = ""
+        if values is None:
+            values, reason = self._one_by_one(times)
+        low, high = self.derivative - 1, self.derivative
+        good = (values > low) & (values <= high)
+        k = values.size if good.all() else int(np.argmin(good))
+        if k < values.size:
+            reason = f"{values[k]}"
+        if not reason:
+            return values, ""
+        required = f"stay in ({low}, {high}], where it is at t = 0"
+        return values[:k], complaint("order", required, f"{reason} at t = {times[k]:.6g}")
+
+    def _at_once(self, times):
+        """Its values from one call, or None where it does not take arrays of times."""
+        try:
+            # a function may write into what it is given
+            values = np.broadcast_to(np.asarray(self.function(times.copy())), times.shape)
+            if values.dtype.kind not in "iuf":
+                return None
+            some = sorted({0, times.size // 2, times.size - 1})
+            alone = np.array([float(self.function(float(times[i]))) for i in some])
+        except Exception:  # whatever it is: one by one will tell
+            return None
+        close = np.abs(values[some] - alone) <= 1e-12 * np.abs(alone)
+        return values.astype(float) if close.all() else None
+
+    def _one_by_one(self, times):
+        """Its values up to the first call that fails, and how that failed."""
+        values = np.empty(times.size)
+        for i, t in enumerate(times.tolist()):
+            try:
+                values[i] = float(self.function(t))
+            except Exception as error:
+                return values[:i], f"{type(error).__name__}: {error}"
+        return values, ""
 
 
 class Memory:

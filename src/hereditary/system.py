@@ -24,6 +24,10 @@ class KernelTerm:
     kernel: object
     derivative: int
 
+    def later(self, origin: float):
+        """The same with time counted from `origin`: it knows no time."""
+        return self
+
 
 class System:
     """A sum of memory terms for each component, equal to a right-hand side.
@@ -33,9 +37,9 @@ class System:
     Attributes
     ----------
     orders, coefficients : ndarray, shape (n_terms, d)
-        Order and coefficient of each Caputo term for each component.
-    memories : tuple of (KernelTerm, ndarray of shape (d,))
-        Terms with other kernels, and their coefficients.
+        Order and coefficient of each Caputo term of constant order for each component.
+    memories : tuple of (KernelTerm or VaryingOrder, ndarray of shape (d,))
+        Terms with other kernels or with orders that vary, and their coefficients.
     y0 : ndarray, shape (m, d)
         y(0), and y'(0) where m = 2.
     params : ndarray, shape (p,)
@@ -56,7 +60,7 @@ class System:
     def highest_orders(self) -> np.ndarray:
         """Highest order with a nonzero coefficient of each component, shape (d,).
 
-        A term with another kernel counts as the derivative inside it.
+        Terms with other kernels, or with orders that vary, count as the derivative inside them.
         """
         highest = highest_orders(self.orders, self.coefficients)
         for term, coefficients in self.memories:
@@ -78,7 +82,7 @@ def _no_jacobian(t, y, out, params):
 
 def highest_orders(orders, coefficients):
     """Highest order with a nonzero coefficient of each component, shape (d,)."""
-    return np.where(coefficients != 0, orders, 0.0).max(axis=0)
+    return np.where(coefficients != 0, orders, 0.0).max(axis=0, initial=0.0)
 
 
 def variational(system, directions):
@@ -114,7 +118,8 @@ def shifted(system, origin, y0):
     params = np.append(system.params, float(origin))
     jac = _shifted(system._jac) if system.has_jac else None
     terms = system.orders, system.coefficients
-    return System(*terms, y0, params, _shifted(system._rhs), jac, system.memories)
+    memories = [(term.later(origin), factors) for term, factors in system.memories]
+    return System(*terms, y0, params, _shifted(system._rhs), jac, memories)
 
 
 @lru_cache(maxsize=64)

@@ -98,8 +98,8 @@ def derivative_plan(
 def mesh_plan(name, equation, times, theta, parabolas, first=None):
     """Plan on a mesh of any steps, for orders in (0, 1]."""
     if equation.memories:
-        required = f"be Caputo operators for {name} on a mesh"
-        raise ValueError(complaint("terms", required, "a Memory", "take uniform steps"))
+        required = f"be Caputo operators of constant order for {name} on a mesh"
+        raise ValueError(complaint("terms", required, "another", "take uniform steps"))
     highest = float(equation.highest_orders().max())
     if highest > 1:
         required = f"lie in (0, 1] for {name} on a mesh"

@@ -4,16 +4,22 @@ A scheme turns an equation and a step into a `Plan`: the tables its compiled mar
 the `Convolution` that a history must sum for it. Nothing here knows how the past is summed.
 """
 
+from __future__ import annotations
+
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from .._checks import complaint
-from ..system import System
+from ..operators import VaryingOrder
+from ..system import KernelTerm, System
 from .stability import StabilityRegion
+
+if TYPE_CHECKING:
+    from .varying import FrozenLimits, Schedule
 
 
 @dataclass(frozen=True)
@@ -129,8 +135,8 @@ class Plan:
 
     Attributes
     ----------
-    convolution : Convolution
-        What the history sums.
+    convolution : Convolution, or None
+        What the history sums; None where orders vary.
     classes : ndarray of int64, shape (d,)
         Class of each component in `convolution`.
     numbers : ndarray, shape (k,)
@@ -148,11 +154,16 @@ class Plan:
         y(0).
     increments : ndarray, shape (d,)
         What the march's newest increment is before the first step.
-    region : StabilityRegion, or None
+    region : StabilityRegion, FrozenLimits, or None
         Where the eigenvalues of the Jacobian must stay; None for a scheme without a step limit.
+    schedule : Schedule, or None
+        What takes the place of `convolution` where orders vary.
+    march : callable, or None
+        The compiled loop where it is not that of the scheme: one with blocks of one step, which
+        `schedule` asks for.
     """
 
-    convolution: Convolution
+    convolution: Convolution | None
     classes: np.ndarray
     numbers: np.ndarray
     flags: np.ndarray
@@ -161,7 +172,9 @@ class Plan:
     n_lasting: int
     initial: np.ndarray
     increments: np.ndarray
-    region: StabilityRegion | None = None
+    region: StabilityRegion | FrozenLimits | None = None
+    schedule: Schedule | None = None
+    march: Callable | None = None
 
 
 @dataclass(frozen=True)
@@ -208,7 +221,8 @@ class MeshPlan:
 def distinct_components(equation):
     """The different (coefficient, order) lists of an equation's components, and each one's index.
 
-    Terms with a zero coefficient are left out; a `KernelTerm` stands in the place of an order.
+    Terms with a zero coefficient are left out; a `KernelTerm` or `VaryingOrder` stands in the place
+    of an order.
     """
     keys = []
     for j in range(equation.d):
@@ -251,15 +265,26 @@ class Scheme(ABC):
     """
 
     march: ClassVar[Callable]
-    # whether its plan takes memory terms with kernels other than Caputo's
+    # whether its plan takes memory terms with kernels other than Caputo's, and orders that vary
     takes_kernels: ClassVar[bool] = False
+    takes_varying: ClassVar[bool] = False
 
     def check_terms(self, equation: System) -> None:
         """Refuse terms that the scheme does not take."""
-        if equation.memories and not self.takes_kernels:
+        others = [term for term, _ in equation.memories]
+        kernels = [term for term in others if isinstance(term, KernelTerm)]
+        varying = [term for term in others if isinstance(term, VaryingOrder)]
+        if kernels and not self.takes_kernels:
             required = f"be Caputo operators with {type(self).__name__}"
-            got = f"a Memory with {equation.memories[0][0].kernel!r}"
+            got = f"a Memory with {kernels[0].kernel!r}"
             raise ValueError(complaint("terms", required, got, "use ExplicitCaputo or L1"))
+        if varying and not self.takes_varying:
+            required = f"have constant orders with {type(self).__name__}"
+            got = f"Caputo({varying[0].name})"
+            raise ValueError(complaint("terms", required, got, "use ExplicitCaputo or L1"))
+        if varying and kernels:
+            required = "all be Caputo operators where an order varies"
+            raise ValueError(complaint("terms", required, f"a Memory with {kernels[0].kernel!r}"))
 
     @abstractmethod
     def order(self, alpha: float, smoothness: str = "smooth") -> float:

@@ -25,6 +25,7 @@ class MeshStepper:
     zigzag, largest_ratio = None, 0.0
 
     def __init__(self, equation, scheme, history, times):
+        scheme.check_terms(equation)
         self.equation = equation
         self._times = times
         self._system = system = scheme.reduction(equation) or equation
