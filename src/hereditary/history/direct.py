@@ -7,8 +7,10 @@ import numpy as np
 from ..kernels.convolution import exchange_direct
 from ..kernels.mesh import recall_direct
 from ..schemes.scheme import Convolution, MeshPlan
+from ..schemes.varying import Schedule
 from ..special import gauss_unit
 from .history import History, Memory, MeshMemory, NoMemory
+from .varying import VaryingPieces
 
 
 @dataclass(frozen=True)
@@ -21,7 +23,8 @@ class Direct(History):
 
     Cost
     ----
-    n multiplications at step n, N**2 / 2 in all, and 8 N bytes for each component.
+    n multiplications at step n, N**2 / 2 in all, and 8 N bytes for each component. Where orders
+    vary, every weight is new at every step, which takes some thirty times as long.
 
     Examples
     --------
@@ -36,6 +39,10 @@ class Direct(History):
         if not convolution.has_memory():
             return NoMemory(n_columns, *convolution.exact(n_block + 2))
         return _Pieces(convolution, n_columns, n_block)
+
+    def open_varying(self, schedule: Schedule, n_columns: int, n_steps: int) -> Memory:
+        """A fresh memory where orders vary; see `History.open_varying`."""
+        return VaryingPieces(schedule, n_columns)
 
     def open_mesh(self, plan: MeshPlan) -> MeshMemory:
         """A fresh memory on a mesh of any steps; see `History.open_mesh`."""

@@ -14,7 +14,9 @@ from ..exponential_sum import fit_unit, tolerance
 from ..kernels.mesh import recall_modes
 from ..kernels.modes import exchange_modes
 from ..schemes.scheme import Convolution, MeshPlan
+from ..schemes.varying import Schedule
 from .history import History, Memory, MeshMemory, NoMemory
+from .varying import VaryingModes
 
 # Steps that every bank covers. A run may be resumed up to here whatever length it first had, and
 # all shorter runs share one bank; longer ones take ten times as many, and so on. Against a bank
@@ -45,7 +47,8 @@ class SumOfExponentials(History):
     Cost
     ----
     Two multiplications a mode and step. The number of modes grows like log(N) log(1/tol): 56 at
-    1e-10 for up to 2 * 10**7 steps, 8 bytes each for a component.
+    1e-10 for up to 2 * 10**7 steps, 8 bytes each for a component. Where orders vary 76 modes hold
+    the past for every order, and are weighed anew at each step.
 
     Examples
     --------
@@ -68,10 +71,8 @@ class SumOfExponentials(History):
         """A fresh memory; see `History.open`."""
         if not convolution.has_memory():
             return NoMemory(n_columns, *convolution.exact(n_block + 2))
-        covered = _STEPS_COVERED
         # one block more than asked for: a lag is filled for whole blocks
-        while covered < max(n_steps, self.horizon or 1) + n_block:
-            covered *= 10
+        covered = self._covered(n_steps + n_block)
         rates, bank, pad = _bank(convolution, float(covered), float(self.tol))
         shares, start_shares = convolution.modal(bank, 2, 0)
         ahead, back = _powers(rates, n_block)
@@ -90,6 +91,17 @@ class SumOfExponentials(History):
         tables = (shares, start_shares, ahead, back, corrections)
         blocks = (block_weights, block_start_weights)
         return _Modes(tables, arrays, blocks, rates.size - pad, covered)
+
+    def open_varying(self, schedule: Schedule, n_columns: int, n_steps: int) -> Memory:
+        """A fresh memory where orders vary; see `History.open_varying`."""
+        return VaryingModes(schedule, n_columns, self._covered(n_steps + 1), float(self.tol))
+
+    def _covered(self, n_steps):
+        """Steps that a bank covers."""
+        covered = _STEPS_COVERED
+        while covered < max(n_steps, self.horizon or 1):
+            covered *= 10
+        return covered
 
     def open_mesh(self, plan: MeshPlan) -> MeshMemory:
         """A fresh memory on a mesh of any steps; see `History.open_mesh`."""

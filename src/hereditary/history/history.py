@@ -18,6 +18,7 @@ from .._jit import as_value
 from ..kernels.convolution import exchange_nothing
 from ..kernels.signatures import EXCHANGE_SIG, RECALL_SIG
 from ..schemes.scheme import Convolution, MeshPlan
+from ..schemes.varying import Schedule
 
 
 class Memory(ABC):
@@ -140,6 +141,11 @@ class History(ABC):
         n_steps : int
             Steps the run is going to take.
         """
+
+    def open_varying(self, schedule: Schedule, n_columns: int, n_steps: int) -> Memory:
+        """A fresh memory for one run of an equation whose orders vary, in blocks of one step."""
+        required = "be Direct or SumOfExponentials where orders vary"
+        raise ValueError(complaint("history", required, repr(self)))
 
     def open_mesh(self, plan: MeshPlan) -> MeshMemory:
         """A fresh memory for one run on a mesh of any steps."""

@@ -13,8 +13,9 @@ from typing import ClassVar
 import numpy as np
 from scipy.special import rgamma
 
-from .._checks import within
+from .._checks import complaint, within
 from ..kernels.march import march_explicit
+from ..kernels.varying import march_varying_explicit
 from ..operators import derivative_order
 from ..special import alternating_power_sum
 from ..system import KernelTerm, System
@@ -27,6 +28,7 @@ from .step_kernel import (
     of_increments,
     value_weights,
 )
+from .varying import varies, varying_plan
 from .weights import FIRST_DIFFERENCES, SECOND_DIFFERENCES
 
 
@@ -40,12 +42,13 @@ class ExplicitCaputo(Scheme):
     ``B = lambda h**-gamma / Gamma(2 - gamma)``, ``a_k = (k+1)**(2-beta) - k**(2-beta)`` and
     ``b_k = (k+1)**(1-gamma) - k**(1-gamma)``, solved for x_(n+1). Any number of terms with orders
     in (0, 2] and any number of components; equations of order up to 1 use the same sums from
-    ``x_1 - x_0`` on. At beta = 2, gamma = 1 it is the classical difference scheme.
+    ``x_1 - x_0`` on. At beta = 2, gamma = 1 it is the classical difference scheme. Where orders
+    vary, all of a step's weights are those of the orders at t_n.
 
     Error
     -----
     O(h) at a fixed t > 0 for f smooth in its arguments; terms in h**(3-beta) and h**(2-gamma)
-    accompany it (convergence/explicit_order.py).
+    accompany it (convergence/explicit_order.py; varying orders: convergence/varying_orders.py).
 
     Stability
     ---------
@@ -72,6 +75,7 @@ class ExplicitCaputo(Scheme):
 
     march: ClassVar[Callable] = staticmethod(march_explicit)
     takes_kernels: ClassVar[bool] = True
+    takes_varying: ClassVar[bool] = True
 
     def order(self, alpha: float, smoothness: str = "smooth") -> float:
         """Proven order of convergence at a fixed time: 1 for every alpha in (0, 2].
@@ -112,6 +116,9 @@ class ExplicitCaputo(Scheme):
         0.666666666667
         """
         stiffness = within("stiffness", stiffness, 5e-324, np.inf, "(0, inf)")
+        if varies(equation):
+            required, remedy = "have constant orders", "ask for those of one time"
+            raise ValueError(complaint("equation", required, repr(equation), remedy))
         low, high = -700.0, 700.0  # log h; the limit's stiffness falls as h grows
         for _ in range(200):
             middle = (low + high) / 2
@@ -123,6 +130,8 @@ class ExplicitCaputo(Scheme):
 
     def plan(self, equation: System, h: float) -> Plan:
         """Tables and convolution for `equation` with step h."""
+        if varies(equation):
+            return varying_plan(equation, h, 1.0, march_varying_explicit, explicit=True)
         second = equation.highest_orders() > 1
         distinct, classes = distinct_components(equation)
         lead = np.empty(len(distinct))

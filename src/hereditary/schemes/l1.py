@@ -8,6 +8,7 @@ import numpy as np
 
 from .._checks import within
 from ..kernels.implicit import march_implicit
+from ..kernels.varying import march_varying_implicit
 from ..system import KernelTerm, System
 from .derivative_form import derivative_plan, leading_weight, mesh_plan, power
 from .scheme import MeshPlan, Plan, Scheme, check_smoothness
@@ -18,6 +19,7 @@ from .step_kernel import (
     of_increments,
     shifted_kernel,
 )
+from .varying import varies, varying_plan
 from .weights import SECOND_DIFFERENCES, shifted_differences
 
 
@@ -32,13 +34,15 @@ class L1(Scheme):
     Gamma(3 - beta) (v_(n+1/2) - sum_(k=1)^n (a_(k-1) - a_k) v_(n+1/2-k) - a_n x'(0))`` with ``a_k =
     (k+1)**(2-beta) - k**(2-beta)``, lower orders are seen at t_n + h/2 as well, and the equation
     holds there with ``x = (x_n + x_(n+1)) / 2``. Implicit: Newton's method with the equation's
-    Jacobian or differences. Any number of terms and components.
+    Jacobian or differences. Any number of terms and components. Where orders vary, all of a step's
+    weights are those of the orders at the time at which its equation holds.
 
     Error
     -----
     O(h**(2-alpha)) for smooth solutions; O(h) at a fixed time for solutions like t**alpha on
     uniform steps, O(n**-min(r alpha, 2-alpha)) at all times on the mesh ``graded(n, r)``.
-    O(h**(3-beta)) for orders above 1 (convergence/orders.py, convergence/graded_meshes.py).
+    O(h**(3-beta)) for orders above 1 (convergence/orders.py, convergence/graded_meshes.py). Where
+    orders vary, their largest value counts (convergence/varying_orders.py).
 
     Stability
     ---------
@@ -58,6 +62,7 @@ class L1(Scheme):
 
     march: ClassVar[Callable] = staticmethod(march_implicit)
     takes_kernels: ClassVar[bool] = True
+    takes_varying: ClassVar[bool] = True
 
     def order(self, alpha: float, smoothness: str = "smooth") -> float:
         """Proven order of convergence at a fixed time, on uniform steps.
@@ -78,6 +83,8 @@ class L1(Scheme):
     def plan(self, equation: System, h: float) -> Plan:
         """Tables and convolution for `equation` with step h."""
         theta = 0.5 if equation.highest_orders().max() > 1 else 1.0
+        if varies(equation):
+            return varying_plan(equation, h, theta, march_varying_implicit, explicit=False)
         rules = L1Rules(theta, h)
         return derivative_plan(
             equation, h, theta, rules.rule, number_of=rules.number, weight_of=rules.weight,

@@ -44,12 +44,14 @@ class StabilityRegion:
         """Blocks between two Jacobians: by differences one costs 2 d right-hand sides."""
         return (self.limits.size + 1) // 2
 
-    def ratio(self, jacobians):
+    def ratio(self, jacobians, steps=None):
         """Largest ratio of an eigenvalue to its limit over some Jacobians; unstable above 1.
 
         Parameters
         ----------
         jacobians : ndarray, shape (k, d, d)
+        steps : ndarray, shape (k,), optional
+            Where they were taken; these limits are the same everywhere.
 
         Returns
         -------

@@ -3,6 +3,7 @@
 import time
 import warnings
 
+from ..operators import OrderFailed
 from .solution import StabilityWarning, Status
 
 # Steps in a stretch: as many as take this long, but no more than whose rows stay in a near cache.
@@ -43,6 +44,8 @@ class Drive:
                     n_more = min(self._stretch, n_more)
                 began = time.perf_counter()
                 self._advance(n_more)
+            except OrderFailed as error:
+                return Status.ORDER_FAILED, str(error)
             except Exception as error:
                 return Status.RHS_FAILED, f"{type(error).__name__}: {error}"
             if stepper.blown_up:

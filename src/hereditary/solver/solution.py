@@ -27,6 +27,7 @@ class Status(enum.Enum):
     )
     EVENT = "a terminal event ended the run"
     RHS_FAILED = "the right-hand side raised an exception"
+    ORDER_FAILED = "an order left its range, or its function raised an exception"
 
     def __str__(self):
         return self.name.lower()

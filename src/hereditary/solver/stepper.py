@@ -7,6 +7,7 @@ import numpy as np
 
 from .._checks import complaint
 from ..kernels.block import BLOWN_UP, NOT_SOLVED, RUNNING
+from ..operators import VaryingOrder
 from ..system import shifted, variational
 
 # Steps in a block. Measured with 56 modes: 74, 75 and 85 ns a step at 16, 32 and 64, where the
@@ -14,6 +15,8 @@ from ..system import shifted, variational
 BLOCK = 32
 # Steps after which a march reads no data but the lasting ones.
 _FIRST_STEPS = 8
+# Shares of the time so far at which a state remembers orders that vary.
+_LOOKS = np.linspace(0.0, 1.0, 5)
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,13 +76,14 @@ class Stepper:
         self.equation, self.scheme, self.history = equation, scheme, history
         self._given, self._origin = equation, 0.0
         self.h = float(h)
-        self._n_steps, self._block = int(n_steps), block
+        self._n_steps = int(n_steps)
         self._with_speed = np.flatnonzero(equation.highest_orders() > 1)
         if directions is None:
             directions = np.zeros((self.n_data, 0))
         self.n_tangents = directions.shape[1]
         plan = self._plan(directions)
-        self.memory = history.open(plan.convolution, plan.classes.size, block, self._n_steps)
+        self._block = 1 if plan.schedule else block
+        self.memory = self._open(plan)
         self._begin(plan)
         self.largest_ratio = 0.0
         self.blown_up = self.not_solved = False
@@ -95,8 +99,16 @@ class Stepper:
         rows[1:, self._with_speed] = directions[equation.d :]
         return self.scheme.plan(variational(self._system, rows), self.h)
 
+    def _open(self, plan):
+        """A fresh memory."""
+        width = plan.classes.size
+        if plan.schedule:
+            return self.history.open_varying(plan.schedule, width, self._n_steps)
+        return self.history.open(plan.convolution, width, self._block, self._n_steps)
+
     def _begin(self, plan):
         """Arrays of a march that stands at step 0."""
+        self._loop = plan.march or self.scheme.march
         d, width = self._system.d, plan.classes.size
         self._n_lasting = plan.n_lasting
         self._region = plan.region and plan.region.orbit(d)
@@ -199,8 +211,11 @@ class Stepper:
         tangent, calls = self.tangent, self.n_rhs
         self._origin = self.t
         self.equation = shifted(self._given, self._origin, initial)
+        plan = self._plan(tangent)
+        if plan.schedule:  # whose orders are those of later times
+            self.memory = self._open(plan)
         self.memory.clear()
-        self._begin(self._plan(tangent))
+        self._begin(plan)
         self._march_arrays[0][4] = calls
 
     def _slopes(self):
@@ -280,7 +295,7 @@ class Stepper:
         system = self._system
         jacobians = np.zeros((n_samples, system.d, system.d))
         try:
-            return self.scheme.march(
+            return self._loop(
                 system._rhs,
                 system._jac,
                 int(system.has_jac),
@@ -295,8 +310,10 @@ class Stepper:
             )
         finally:
             if self._region:
-                made = (self.n - 1) // every - (n - 1) // every
-                ratio = self._region.ratio(jacobians[:made])
+                before = (n - 1) // every
+                made = (self.n - 1) // every - before
+                steps = (before + 1 + np.arange(made)) * every
+                ratio = self._region.ratio(jacobians[:made], steps)
                 self.largest_ratio = max(self.largest_ratio, ratio)
 
     def state(self):
@@ -306,7 +323,7 @@ class Stepper:
             n=self.n,
             h=self.h,
             y=self.y,
-            identity=self._identity(),
+            identity=self._identity(self.t),
             block=self._block,
             march=tuple(array.copy() for array in self._march_arrays),
             memory=self.memory.state(),
@@ -316,7 +333,7 @@ class Stepper:
 
     def restore(self, state):
         """Take over where `state` was taken."""
-        mine = self._identity()
+        mine = self._identity(state.t)
         if state.identity != mine:
             names = ("scheme", "history", "orders", "coefficients", "tangents")
             pairs = zip(names, state.identity, mine, strict=True)
@@ -327,12 +344,20 @@ class Stepper:
         self.memory.restore(state.memory)
         self.largest_ratio = state.largest_ratio
 
-    def _identity(self):
+    def _identity(self, t):
+        """What a run to time t must share with one that resumes it."""
+        orders, coefficients = self.equation.orders.tolist(), [self.equation.coefficients.tolist()]
+        for pair in self.equation.memories:
+            term, factors = pair
+            varying = isinstance(term, VaryingOrder)
+            if varying:  # functions have no lasting names: by some of its values
+                orders.append(term.sampled(_LOOKS * t)[0].tolist())
+            coefficients.append(factors.tolist() if varying else str(pair))
         return (
             _described(self.scheme),
             _described(self.history),
-            self.equation.orders.tolist(),
-            [self.equation.coefficients.tolist(), *map(str, self.equation.memories)],
+            orders,
+            coefficients,
             self.n_tangents,
         )
 

@@ -1,0 +1,214 @@
+"""The past of equations whose orders vary (floor 3): stored pieces, or modes for every order.
+
+The weights of the past are other ones at each step, but the modes need not be: on a grid of rates
+``exp(h j)`` every kernel ``t**-a`` has the amplitudes ``h/Gamma(a) exp(a h j)``. The infinitely
+many rates too slow to be told apart, which a bank for one order replaces by nodes of its own, are
+replaced by three nodes that all orders share, at 0 and two others, with weights that keep the first
+three moments: those are geometric sums as well.
+"""
+
+import math
+from abc import abstractmethod
+from functools import lru_cache
+
+import numpy as np
+from scipy.special import gammainccinv, gammaln
+
+from .._checks import complaint
+from ..exponential_sum import trapezoid_step
+from ..kernels.convolution import exchange_nothing
+from ..kernels.varying import HEAD, PER_TERM, STARTS, exchange_varying_direct
+from ..operators import OrderFailed
+from ..special import mean_exponential
+from .history import Memory
+
+# Steps whose weights are worked out at once; a multiple begins each stretch, so that a run that is
+# resumed works them out in the same arrays.
+_STRETCH = 8192
+# Modes are weighed sixteen at a time.
+_PAD = 16
+# Shares of the tolerance: fast end, slow end; the trapezoid rule has the rest.
+_FAST, _SLOW = 0.05, 0.05
+# Nodes of the slow end in units of its fastest rate, those of Chebyshev and Radau: with three of
+# them all weights are positive, with more they are not for every order.
+_SLOW_NODES = 3
+_NODES = (1 - np.cos(2 * np.pi * np.arange(_SLOW_NODES) / (2 * _SLOW_NODES - 1))) / 2
+
+
+class VaryingMemory(Memory):
+    """What both have in common: the schedule ahead.
+
+    Parameters
+    ----------
+    exchange : compiled function
+    own : list of ndarray
+        The tables behind those of the schedule, three of them.
+    arrays : tuple of three ndarrays
+    schedule : Schedule
+    """
+
+    def __init__(self, exchange, own, arrays, schedule):
+        empty, table = np.zeros((1, 0)), np.zeros((schedule.n_rows, _STRETCH))
+        super().__init__(exchange, (table, schedule.derivatives, *own), arrays, empty, empty)
+        self._schedule, self._n_end, self._known = schedule, 0, (0, 0, 0)
+        self._trouble = ""
+
+    def follow(self) -> None:
+        """Work out what else the newly filled table asks for; nothing by default."""
+
+    @abstractmethod
+    def grow(self, n_end: int) -> None:
+        """Make room for a march up to step `n_end`."""
+
+    def prepare(self, n_end):
+        """Make room up to step `n_end`; look at the orders until there."""
+        if n_end > self._n_end:
+            self._schedule.check(n_end)
+            self._n_end = n_end
+            self.grow(n_end)
+
+    def reach(self, n):
+        """End of the steps whose weights are worked out, those of step n among them."""
+        first, last, n_end = self._known
+        # beyond the run's end, as it was then, orders were not asked for
+        if not first <= n < min(last, n_end):
+            first = n // _STRETCH * _STRETCH
+            n_good, self._trouble = self._schedule.fill(self.tables[0], first, self._n_end)
+            last = first + n_good
+            self._known = (first, last, self._n_end)
+            self.follow()
+        if n >= last:
+            raise OrderFailed(self._trouble)
+        return min(last, self._known[2])
+
+
+class VaryingPieces(VaryingMemory):
+    """All pieces ever absorbed."""
+
+    def __init__(self, schedule, n_columns):
+        arrays = tuple(np.zeros((n_columns, k)) for k in (0, 0, 0))
+        super().__init__(exchange_varying_direct, [np.zeros((1, 0))] * 3, arrays, schedule)
+
+    def grow(self, n_end):
+        """Make room for a march up to step `n_end`."""
+        pieces, *others = self.arrays
+        if pieces.shape[1] < n_end + 1:
+            more = max(n_end + 1, 2 * pieces.shape[1]) - pieces.shape[1]
+            self.arrays = (np.pad(pieces, ((0, 0), (0, more))), *others)
+        n = max(n_end + 1, self.arrays[0].shape[1])
+        # beginning at k = 1, the first that is asked for being 2
+        k = np.maximum(np.arange(n), 1.0)
+        begun = np.maximum(k - 1 + self._schedule.theta, 0.5)
+        logs = [np.log(k), np.log1p(1 / k), np.log(begun), np.log1p(1 / begun)]
+        self.tables = (*self.tables[:2], np.array(logs), np.zeros((1, n)), self.tables[4])
+
+    def copy(self):
+        """An independent memory with the same pieces."""
+        twin = VaryingPieces(self._schedule, self.arrays[0].shape[0])
+        twin.restore(self.state())
+        return twin
+
+
+class VaryingModes(VaryingMemory):
+    """Modes for all orders."""
+
+    def __init__(self, schedule, n_columns, covered, tol):
+        rates, h, x = bank_of_all_orders(covered, tol)
+        self.n_modes = rates.size
+        self._covered, self._tol = covered, tol
+        table = np.zeros((3, _PAD * math.ceil(rates.size / _PAD)))
+        size, n_grid = table.shape[1], rates.size - _SLOW_NODES
+        # shares of a mode in the weight of u_(n-2), as in schemes/weights.py
+        mean = h * mean_exponential(rates)
+        shares = np.array(
+            [
+                mean * np.exp(-rates * (1 + schedule.theta)),
+                mean * np.exp(-rates) * np.expm1(-rates),
+            ]
+        )
+        table[0, : rates.size] = np.exp(-rates)
+        table[1:3, :n_grid] = shares[:, :n_grid]
+        self._grid = h, x, shares[:, n_grid:, None] * _from_moments()
+        starts = np.zeros((schedule.derivatives.size * STARTS, _STRETCH))
+        own = [table, starts, np.array([[float(n_grid)]])]
+        arrays = tuple(np.zeros((n_columns, k)) for k in (0, size, 0))
+        super().__init__(exchange_nothing, own, arrays, schedule)
+
+    def grow(self, n_end):
+        """Refuse steps that the exponential sums do not reach."""
+        if n_end > self._covered:
+            remedy = f"begin the run with SumOfExponentials(horizon={n_end})"
+            required = f"stay within the {self._covered} steps its history covers"
+            raise ValueError(complaint("resume", required, f"a run to step {n_end}", remedy))
+
+    def follow(self):
+        """Where each term's amplitudes begin on the grid, their ratio, and the slow end's weights.
+
+        A kernel ``t**-a`` has the amplitudes ``exp(a h j)`` on the grid; the slow end holds all
+        those before it, whose moments are ``exp(a x) / (1 - exp(-(a + k) h))``.
+        """
+        h, x, from_moments = self._grid
+        rows, derivatives, _, starts, _ = self.tables
+        per_class = HEAD + PER_TERM * derivatives.shape[1]
+        for index, m in enumerate(derivatives.ravel().astype(int)):
+            if m == 0:
+                continue
+            a, j = divmod(index, derivatives.shape[1])
+            row = 1 + per_class * a + HEAD + PER_TERM * j
+            exponent, own = 1 - rows[row + 1], starts[STARTS * index : STARTS * (index + 1)]
+            fall = -np.expm1(-exponent * h)  # 1 - exp(-a h), to all its digits
+            before = rows[row + 2] * np.exp(exponent * x)
+            keep = 1 - fall
+            own[1] = 1 / keep
+            own[0] = before * own[1]
+            own[2] = before / fall
+            for k in (1, 2):
+                own[2 + k] = before / (1 - keep * math.exp(-k * h))
+            own[2:] = from_moments[m - 1] @ own[2:]
+
+    def copy(self):
+        """An independent memory with the same modes."""
+        n_columns = self.arrays[0].shape[0]
+        twin = VaryingModes(self._schedule, n_columns, self._covered, self._tol)
+        twin.restore(self.state())
+        return twin
+
+
+@lru_cache(maxsize=16)
+def bank_of_all_orders(ratio, tol):
+    """Rates with which ``t**-a`` is a sum of exponentials on [1, ratio] for every a in (0, 1].
+
+    Returns
+    -------
+    rates : ndarray, shape (M,)
+        Those of the grid, ascending, and then of the slow end.
+    h, x : float
+        Distance of the grid's logarithms, and the one before its first.
+    """
+    a = np.append(1e-9, np.linspace(0.01, 1.0, 100))
+    h = min(trapezoid_step(value, tol / 1.01) for value in (1e-3, 0.5, 1.0))
+    fast = max(1.0, float(gammainccinv(1.0, _FAST * tol)))
+    # what three nodes leave of exp(-t s), s up to kappa / t, times the mass there
+    u = np.linspace(0.0, 1.0, 513)
+    left = np.abs(np.prod(u[:, None] - _NODES, axis=1)).max() / math.factorial(_SLOW_NODES)
+    mass = np.log(h) - gammaln(a) - np.log(-np.expm1(-a * h))
+    log_kappa = ((math.log(_SLOW * tol / left) - mass) / (a + _SLOW_NODES)).min()
+    j_slow = math.floor((log_kappa - math.log(ratio)) / h)
+    grid = h * np.arange(j_slow + 1, math.ceil(math.log(fast) / h) + 1)
+    rates = np.concatenate([np.exp(grid), _NODES * math.exp(h * j_slow)])
+    rates.flags.writeable = False
+    return rates, h, h * j_slow
+
+
+def weights_of_order(a, ratio, tol):
+    """Weights of these rates for one kernel ``t**-a``, 0 < a <= 1, as the march works them out."""
+    rates, h, x = bank_of_all_orders(ratio, tol)
+    unit = h * math.exp(-gammaln(a))
+    moments = math.exp(a * x) / -np.expm1(-(a + np.arange(_SLOW_NODES)) * h)
+    grid = np.exp(a * (x + h * np.arange(1, rates.size - _SLOW_NODES + 1)))
+    return unit * np.concatenate([grid, _from_moments() @ moments])
+
+
+def _from_moments():
+    """Matrix that gives the nodes' weights from the moments of what they stand for."""
+    return np.linalg.inv(np.vander(_NODES, increasing=True).T)
