@@ -1,0 +1,397 @@
+"""Orders that vary: the definition itself, its orders, its histories, and what is refused."""
+
+import math
+import pickle
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.special import rgamma
+
+import hereditary as hd
+from hereditary.analysis.order import observed_order
+from hereditary.history.varying import bank_of_all_orders, weights_of_order
+from hereditary.operators import OrderFailed
+from hereditary.solver.stepper import Stepper
+
+SCHEMES = [hd.ExplicitCaputo(), hd.L1()]
+HISTORIES = [hd.Direct(), hd.SumOfExponentials(1e-12)]
+
+
+def alpha(t):
+    return 0.5 + 0.3 * np.sin(t)
+
+
+def beta(t):
+    return 1.5 + 0.3 * np.cos(t)
+
+
+def decay(t, y):
+    return np.cos(t) - y
+
+
+def swing(t, y):
+    return np.array([np.sin(y[1]) - y[0] ** 3 + np.cos(t), y[0] * y[1] - 2.0 * y[1]])
+
+
+EQUATIONS = {
+    "below one": lambda: hd.Equation(hd.Caputo(alpha), decay, 1.0),
+    "above one": lambda: hd.Equation(hd.Caputo(beta), decay, [0.2, 0.3]),
+    "both": lambda: hd.Equation([hd.Caputo(beta), 0.5 * hd.Caputo(alpha)], decay, [0.2, 0.3]),
+    "one constant": lambda: hd.Equation(
+        [hd.Caputo(1.6), 0.5 * hd.Caputo(alpha)], decay, [0.2, 0.3]
+    ),
+    "system": lambda: hd.Equation(
+        [np.array([1.0, 0.0]) * hd.Caputo(beta), np.array([0.3, 2.0]) * hd.Caputo(alpha)],
+        swing,
+        [[1.0, 0.5], [0.3, 0.0]],
+    ),
+}
+
+
+@pytest.mark.parametrize("tol", [1e-4, 1e-7, 1e-10, 1e-13])
+@pytest.mark.parametrize("ratio", [1e3, 2e7])
+def test_one_set_of_rates_serves_every_order(ratio, tol):
+    """Relative error below tol at 20,001 points for all exponents; weights positive; not idle."""
+    rates, _, _ = bank_of_all_orders(ratio, tol)
+    t = np.exp(np.linspace(0.0, math.log(ratio), 20_001))
+    exponents = np.concatenate([[1e-300, 1e-9, 1e-4], np.linspace(0.01, 1.0, 34)])
+    weights = np.array([weights_of_order(a, ratio, tol) for a in exponents])
+    assert np.all(weights >= 0)
+    decays = np.exp(-np.multiply.outer(t, rates))
+    errors = np.abs(decays @ weights.T * t[:, None] ** exponents - 1).max(axis=0)
+    assert errors.max() < max(tol, 3e-14)
+    assert errors[-1] > 0.5 * tol
+    alone = hd.fit_exponentials(hd.PowerLaw(0.5), 1.0, ratio, tol).n_modes
+    assert alone < rates.size < 2 * alone
+
+
+@settings(max_examples=15)
+@given(st.floats(0.02, 1.0), st.floats(1.02, 2.0), st.sampled_from(SCHEMES))
+def test_a_constant_function_is_the_constant_order(a, b, scheme):
+    lower, upper = hd.Equation, [hd.Caputo(b), 0.3 * hd.Caputo(a)]
+    pairs = [
+        (lower(hd.Caputo(a), decay, 1.0), lower(hd.Caputo(lambda t: a), decay, 1.0)),
+        (
+            lower(upper, decay, [1.0, 0.5]),
+            lower([hd.Caputo(lambda t: b), 0.3 * hd.Caputo(lambda t: a)], decay, [1.0, 0.5]),
+        ),
+    ]
+    for constant, varying in pairs:
+        expected = hd.solve(constant, 4.0, 300, scheme=scheme, history=hd.Direct()).y
+        direct = hd.solve(varying, 4.0, 300, scheme=scheme, history=hd.Direct()).y
+        modes = hd.solve(varying, 4.0, 300, scheme=scheme).y
+        assert np.abs(direct - expected).max() < 1e-12
+        assert np.abs(modes - expected).max() < 1e-9
+
+
+def test_integer_orders_give_the_classical_schemes():
+    for order, y0 in ((1.0, 1.0), (2.0, [1.0, 0.5])):
+        for scheme in SCHEMES:
+            expected = hd.solve(hd.Equation(hd.Caputo(order), decay, y0), 5.0, 400, scheme=scheme)
+            varying = hd.Equation(hd.Caputo(lambda t, order=order: order), decay, y0)
+            assert np.allclose(hd.solve(varying, 5.0, 400, scheme=scheme).y, expected.y, atol=1e-12)
+
+
+def by_definition(n, h):
+    """The explicit scheme on "both": sums over differences of x, the order that of the present."""
+    x = np.array([0.2, 0.2 + h * 0.3])
+    for j in range(1, n):
+        k = np.arange(j)
+        total, weights = 0.0, []
+        for c, order, m in ((1.0, beta(j * h), 2), (0.5, alpha(j * h), 1)):
+            scale = c * h**-order * rgamma(m + 1 - order)
+            weights.append(scale * ((k + 1.0) ** (m - order) - 1.0 * k ** (m - order)))
+            total += scale
+        second, first = np.diff(x, 2)[::-1], np.diff(x)[::-1][: j - 1]
+        # k = 0 holds x_(j+1): what is known of it goes to the other side
+        past = weights[0][1:] @ second + weights[1][1:] @ first
+        past += weights[0][0] * (x[j - 1] - 2 * x[j]) - weights[1][0] * x[j]
+        x = np.append(x, (np.cos(j * h) - x[j] - past) / total)
+    return x
+
+
+def test_is_the_definition_with_the_order_at_the_present_time():
+    n, t_end = 200, 4.0
+    sol = hd.solve(EQUATIONS["both"](), t_end, n, history=hd.Direct())
+    np.testing.assert_allclose(sol.y[:, 0], by_definition(n, t_end / n), rtol=0, atol=1e-11)
+
+
+def forced_below(t, y):
+    a = 0.5 + 0.3 * math.sin(t)
+    return 6 / math.gamma(4 - a) * t ** (3 - a) + 1 + t**3 - y
+
+
+def forced_above(t, y):
+    b = 1.5 + 0.3 * math.cos(t)
+    return 6 / math.gamma(4 - b) * t ** (3 - b) + 1 + 2 * t + t**3 - y
+
+
+def forced_both(t, y):
+    b, a = 1.5 + 0.3 * math.cos(t), 0.5 + 0.3 * math.sin(t)
+    lower = 6 / math.gamma(4 - a) * t ** (3 - a) + 2 / math.gamma(2 - a) * t ** (1 - a)
+    return 6 / math.gamma(4 - b) * t ** (3 - b) + 0.5 * lower + 1 + 2 * t + t**3 - y
+
+
+# With solutions 1 + v t + t**3 to t = 2.5, where both orders pass through 0.8 and 1.8, the largest
+# of their ranges: v, the equation, and largest errors of the two schemes with 1600 steps, as
+# measured; a third more is allowed.
+PROBLEMS = {
+    "below one": (0, hd.Caputo(alpha), forced_below, 1.0, (1.4e-2, 9.8e-4)),
+    "above one": (2, hd.Caputo(beta), forced_above, [1.0, 2.0], (7.6e-3, 5.4e-4)),
+    "both": (
+        2, [hd.Caputo(beta), 0.5 * hd.Caputo(alpha)], forced_both, [1.0, 2.0], (1.2e-2, 4.0e-4)
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", PROBLEMS)
+@pytest.mark.parametrize("scheme", SCHEMES, ids=str)
+def test_orders(scheme, name):
+    speed, terms, force, y0, bounds = PROBLEMS[name]
+    equation, steps, errors = hd.Equation(terms, force, y0), [400, 800, 1600], []
+    for n in steps:
+        sol = hd.solve(equation, 2.5, n, scheme=scheme, history=hd.SumOfExponentials(1e-12))
+        errors.append(np.abs(sol.y[:, 0] - (1 + speed * sol.t + sol.t**3)).max())
+    table = observed_order(steps, errors)
+    explicit = isinstance(scheme, hd.ExplicitCaputo)
+    highest = 1.8 if equation.m == 2 else 0.8
+    assert table.slope == pytest.approx(scheme.order(highest), abs=0.1), table
+    assert np.all(np.diff(errors) < 0)
+    assert errors[-1] < 4 / 3 * bounds[0 if explicit else 1]
+
+
+@pytest.mark.parametrize("name", EQUATIONS)
+@pytest.mark.parametrize("scheme", SCHEMES, ids=str)
+def test_modes_agree_with_direct_sums_within_their_tolerance(scheme, name):
+    equation = EQUATIONS[name]()
+    direct = hd.solve(equation, 20.0, 2000, scheme=scheme, history=hd.Direct()).y
+    for tol in (1e-6, 1e-10):
+        modes = hd.solve(equation, 20.0, 2000, scheme=scheme, history=hd.SumOfExponentials(tol))
+        off = np.abs(modes.y - direct).max()
+        assert 1e-4 * tol < off < 20 * tol * np.abs(direct).max()
+
+
+def test_memory_does_not_grow():
+    runs = [hd.solve(EQUATIONS["both"](), 10.0, n, save_every=n) for n in (1000, 30_000)]
+    assert runs[0].stats["history_bytes"] == runs[1].stats["history_bytes"]
+    assert runs[0].stats["n_modes"] == runs[1].stats["n_modes"] == 76
+
+
+def march(stepper, n_end):
+    nothing = np.empty((0, stepper.equation.d))
+    stepper.advance(n_end - stepper.n, np.empty(0), nothing, nothing)
+    return stepper
+
+
+def with_tangents(name, scheme, history, k=2, n_steps=9000):
+    equation = EQUATIONS[name]()
+    n_data = equation.d + int(np.sum(equation.highest_orders() > 1))
+    directions = np.random.default_rng(0).normal(size=(n_data, k))
+    return Stepper(equation, scheme, history, 0.01, n_steps, directions=directions)
+
+
+@pytest.mark.parametrize("history", HISTORIES, ids=str)
+@pytest.mark.parametrize("scheme", SCHEMES, ids=str)
+def test_tangent_is_the_derivative_of_the_march(scheme, history):
+    stepper = with_tangents("system", scheme, history)
+    start, tangent = stepper.tangent, march(stepper, 70).tangent
+    for j in range(2):
+        ends = []
+        for step in (1e-6, -1e-6):
+            y0 = np.array([[1.0, 0.5], [0.3, 0.0]])
+            y0[0] += step * start[:2, j]
+            y0[1, 0] += step * start[2, j]
+            sol = hd.solve(
+                hd.Equation(EQUATIONS["system"]().terms, swing, y0),
+                0.7, 70, scheme=scheme, history=history,
+            )  # fmt: skip
+            ends.append(np.append(sol.y[-1], sol.ydot[-1, 0]))
+        difference = (ends[0] - ends[1]) / 2e-6
+        assert np.abs(difference - tangent[:, j]).max() < 1e-6 * np.abs(tangent[:, j]).max()
+
+
+@pytest.mark.parametrize("history", HISTORIES, ids=str)
+@pytest.mark.parametrize("scheme", SCHEMES, ids=str)
+def test_combined_tangents_go_on_as_the_combination(scheme, history):
+    plain = march(with_tangents("system", scheme, history), 400)
+    mixed = with_tangents("system", scheme, history)
+    product = np.eye(2)
+    for n in (1, 5, 33, 200):
+        matrix = np.array([[0.7, -1.3], [0.4, 2.0 + 1.0 / n]])
+        march(mixed, n).transform_tangent(matrix)
+        product = product @ matrix
+    march(mixed, 400)
+    expected = plain.tangent @ product
+    assert np.abs(mixed.tangent - expected).max() < 1e-9 * np.abs(expected).max()
+    assert np.array_equal(mixed.y, plain.y)
+
+
+@pytest.mark.parametrize("scheme", SCHEMES, ids=str)
+def test_lyapunov_exponents_of_tangents_and_of_pairs_agree(scheme):
+    equation = hd.Equation(
+        [hd.Caputo(beta), 0.2 * hd.Caputo(alpha)],
+        lambda t, x: x - x**3 + 0.5 * np.cos(t),
+        [0.2, 0.3],
+    )
+    arguments = {"k": 2, "renorm": 1.0, "scheme": scheme}
+    tangent = hd.lyapunov(equation, 20.0, 2000, mode="tangent", **arguments)
+    pair = hd.lyapunov(equation, 20.0, 2000, mode="pair", **arguments)
+    assert tangent.exponents == pytest.approx(pair.exponents, abs=1e-5)
+    assert tangent.status is hd.Status.COMPLETED
+
+
+@settings(max_examples=8)
+@given(st.sampled_from(SCHEMES), st.sampled_from(HISTORIES), st.integers(1, 399))
+def test_resumes_bit_for_bit(scheme, history, n):
+    whole = hd.solve(EQUATIONS["system"](), 3.125, 400, scheme=scheme, history=history)
+    first = hd.solve(EQUATIONS["system"](), n / 128, n, scheme=scheme, history=history)
+    state = pickle.loads(pickle.dumps(first.state))
+    second = hd.solve(EQUATIONS["system"](), 3.125, scheme=scheme, history=history, resume=state)
+    assert np.array_equal(second.y[-1], whole.y[-1])
+    assert np.array_equal(np.vstack([first.y, second.y[1:]]), whole.y)
+
+
+@pytest.mark.parametrize("scheme", SCHEMES, ids=str)
+def test_resumes_bit_for_bit_where_the_weights_of_a_stretch_end(scheme):
+    equation = EQUATIONS["both"]()
+    whole = hd.solve(equation, 20_000 / 1024, 20_000, scheme=scheme, save_every=20_000)
+    for n in (8191, 8192, 8193, 12_345):
+        state = hd.solve(equation, n / 1024, n, scheme=scheme, save_every=n).state
+        rest = hd.solve(equation, 20_000 / 1024, scheme=scheme, resume=state, save_every=20_000)
+        assert np.array_equal(rest.y[-1], whole.y[-1])
+
+
+def test_resuming_with_another_order_is_refused():
+    state = hd.solve(EQUATIONS["below one"](), 1.0, 100).state
+    for other in (lambda t: 0.5 + 0.3 * np.sin(2 * t), lambda t: 0.5):
+        with pytest.raises(ValueError, match="same orders"):
+            hd.solve(hd.Equation(hd.Caputo(other), decay, 1.0), 2.0, resume=state)
+    with pytest.raises(ValueError, match="same coefficients"):
+        hd.solve(hd.Equation(2 * hd.Caputo(alpha), decay, 1.0), 2.0, resume=state)
+    twin = hd.Equation(hd.Caputo(lambda t: 0.5 + 0.3 * np.sin(t)), decay, 1.0)
+    assert hd.solve(twin, 2.0, resume=state).success
+
+
+@pytest.mark.parametrize("scheme", SCHEMES, ids=str)
+def test_restart_keeps_time(scheme):
+    """The order goes on from where it was: a restarted run is one of the function alpha(t + 1)."""
+    stepper = march(with_tangents("below one", scheme, hd.SumOfExponentials(), 1), 100)
+    y = stepper.y
+    stepper.restart()
+    later = hd.Equation(hd.Caputo(lambda t: alpha(t + 1.0)), lambda t, y: np.cos(t + 1) - y, y)
+    expected = hd.solve(later, 1.0, 100, scheme=scheme).y[-1]
+    assert march(stepper, 100).y == pytest.approx(expected, rel=1e-12)
+
+
+def test_functions_that_take_one_time_at_a_time():
+    functions = [
+        lambda t: 0.5 + 0.3 * math.sin(t),
+        lambda t: 0.5 + 0.3 * np.sin(t) if t < 100 else 0.5,
+        np.vectorize(lambda t: 0.5 + 0.3 * math.sin(t)),
+    ]
+    expected = hd.solve(EQUATIONS["below one"](), 3.0, 300).y
+    for function in functions:
+        sol = hd.solve(hd.Equation(hd.Caputo(function), decay, 1.0), 3.0, 300)
+        assert np.abs(sol.y - expected).max() < 1e-14
+
+    def writes(t):
+        t = np.asarray(t)
+        t *= 0.0
+        return 0.5 + t
+
+    assert hd.solve(hd.Equation(hd.Caputo(writes), decay, 1.0), 3.0, 300).success
+
+
+@pytest.mark.parametrize(
+    ("function", "error", "match"),
+    [
+        (lambda t: 2.5, ValueError, "order must be a function.*got 2.5 at t = 0"),
+        (lambda t: 0.0, ValueError, "got 0.0 at t = 0"),
+        (lambda t: np.nan, ValueError, "order must be a function.*got nan"),
+        (lambda t: "half", TypeError, "order must be a function"),
+        (lambda t: None, TypeError, "order must be a function"),
+        (lambda t: [0.5, 0.6], TypeError, "order must be a function"),
+        (lambda t: 1 / t, ValueError, "ZeroDivisionError at t = 0"),
+        (lambda: 0.5, ValueError, "TypeError at t = 0"),
+    ],
+)
+def test_functions_that_give_no_order(function, error, match):
+    with pytest.raises(error, match=match):
+        hd.Caputo(function)
+
+
+@pytest.mark.parametrize(
+    ("function", "match"),
+    [
+        (lambda t: 0.9 + 0.05 * t, r"order must stay in \(0, 1\].*got 1.0.* at t = 2.1"),
+        (lambda t: 1.5 - 0.1 * t, r"order must stay in \(1, 2\].*at t = 5"),
+        (lambda t: 0.5 - 0.1 * t, r"order must stay in \(0, 1\].*at t = 5"),
+        (lambda t: np.where(t > 3, np.nan, 0.5), "got nan at t = 3.1"),
+        (lambda t: 0.5 if t < 3 else 1 / 0, "got ZeroDivisionError.*at t = 3"),
+    ],
+)
+@pytest.mark.parametrize("scheme", SCHEMES, ids=str)
+def test_orders_that_leave_their_range_are_seen_before_the_run(function, match, scheme):
+    y0 = 1.0 if float(function(0.0)) <= 1 else [1.0, 0.0]
+    equation = hd.Equation(hd.Caputo(function), decay, y0)
+    with pytest.raises(OrderFailed, match="order must stay in"):
+        hd.solve(equation, 10.0, 100, scheme=scheme)
+    if isinstance(scheme, hd.ExplicitCaputo):
+        with pytest.raises(ValueError, match=match):
+            hd.solve(equation, 10.0, 100)
+    assert hd.solve(equation, 2.0, 100, scheme=scheme).success
+
+
+@pytest.mark.parametrize("history", HISTORIES[1:], ids=str)
+@pytest.mark.parametrize("scheme", SCHEMES, ids=str)
+def test_a_peak_between_the_looks_ends_the_run(scheme, history):
+    """Everything before it is kept, and nothing after it is computed."""
+
+    def peak(t):
+        return np.where(np.abs(t - 6.0003) < 2e-4, 1.2, 0.5)
+
+    equation = hd.Equation(hd.Caputo(peak), decay, 1.0)
+    sol = hd.solve(equation, 10.0, 50_000, scheme=scheme, history=history)
+    assert sol.status is hd.Status.ORDER_FAILED
+    assert not sol.success
+    assert "got 1.2 at t = 6.0002" in sol.message
+    assert sol.t[-1] == pytest.approx(6.0, abs=3e-4)
+    good = hd.Equation(hd.Caputo(lambda t: 0.5), decay, 1.0)
+    expected = hd.solve(good, 10.0, 50_000, scheme=scheme, history=history)
+    assert np.abs(sol.y - expected.y[: sol.y.shape[0]]).max() < 1e-9
+
+
+def test_other_schemes_histories_and_meshes_refuse():
+    equation = EQUATIONS["below one"]()
+    for scheme in (hd.L2(), hd.L2Sigma(), hd.BDF(2), hd.Adams(), hd.ProductTrapezoid()):
+        with pytest.raises(ValueError, match=r"constant orders with .*alpha.*ExplicitCaputo or L1"):
+            hd.solve(equation, 1.0, 100, scheme=scheme)
+    with pytest.raises(ValueError, match="constant orders with Collocation"):
+        hd.solve(equation, 1.0, rtol=1e-6)
+    with pytest.raises(ValueError, match="history must be Direct or SumOfExponentials"):
+        hd.solve(equation, 1.0, 100, history=hd.FFT())
+    for scheme in (hd.L1(), hd.L2()):
+        with pytest.raises(ValueError, match="constant order"):
+            hd.solve(equation, 1.0, mesh=hd.graded(100, 2.0), scheme=scheme)
+    with pytest.raises(ValueError, match="equation must have constant orders"):
+        hd.ExplicitCaputo().step_limit(equation, 1.0)
+
+
+def test_the_step_limit_is_that_of_the_orders_at_each_time():
+    equation = hd.Equation(hd.Caputo(alpha), lambda t, y: -3.0 * y, 1.0)
+    sol = hd.solve(equation, 10.0, 1000)
+    ratios = []
+    for t in sol.t[32:-1:32]:
+        frozen = hd.Equation(hd.Caputo(float(alpha(t))), lambda t, y: -3.0 * y, 1.0)
+        ratios.append((0.01 / SCHEMES[0].step_limit(frozen, 3.0)) ** alpha(t))
+    assert sol.success
+    assert sol.stats["stiffness_ratio"] == pytest.approx(max(ratios), rel=1e-9)
+    assert min(ratios) < 0.5 * max(ratios)
+
+
+def test_beyond_the_step_limit_the_run_says_so():
+    equation = hd.Equation(hd.Caputo(alpha), lambda t, y: -200.0 * y, 1.0)
+    with pytest.warns(hd.StabilityWarning):
+        assert not hd.solve(equation, 10.0, 1000).success
