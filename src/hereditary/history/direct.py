@@ -24,7 +24,7 @@ class Direct(History):
     Cost
     ----
     n multiplications at step n, N**2 / 2 in all, and 8 N bytes for each component. Where orders
-    vary, every weight is new at every step, which takes some thirty times as long.
+    vary, every weight is new at every step, which takes some twenty times as long.
 
     Examples
     --------

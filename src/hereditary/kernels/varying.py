@@ -9,7 +9,9 @@ scheme's, the history sums those from k = 2 on.
 A history's first two tables are the schedule of the steps ahead and the derivative in each term:
 steps (1 + C (3 + 3 T), n), whose rows are the step's number and for each of C classes lead, near,
 drift and then share, p and kernel (the share of ``t**(p-1)`` as an integral over its rates) of each
-of T terms; derivatives (C, T), 0 where a class has fewer terms.
+of T terms; derivatives (C, T), 0 where a class has fewer terms. The other three are its own. Modes
+(W, M), where there are any, are the second array of the memory and are weighed here: handing all
+these arrays to a function value at every step takes longer than what it has to do.
 """
 
 import math
@@ -204,7 +206,7 @@ def weighed(weights, stored, n, differences):
 def weigh_modes(weights, i, derivatives, table, starts, size, powers):
     """Weights of all modes for every class and column i of the schedule.
 
-    On the grid of rates exp(h j) a kernel's amplitudes are a geometric sequence whatever its order;
+    On the grid of rates exp(h j) a kernel's amplitudes are a geometric sequence whatever its order,
     sixteen at a time: one after the other they would wait for each other.
     """
     # weights (C, M); derivatives (C, T); table (3, M): decay q, what a rate's amplitude is
@@ -212,8 +214,6 @@ def weigh_modes(weights, i, derivatives, table, starts, size, powers):
     #   amplitude, the ratio, and the weights of the slow end, which stands behind the grid
     term, behind = 0, int(size[0, 0])
     for a in range(derivatives.shape[0]):
-        for m in range(weights.shape[1]):
-            weights[a, m] = 0.0
         for j in range(derivatives.shape[1]):
             kind = int(derivatives[a, j])
             if kind > 0:
@@ -226,8 +226,12 @@ def weigh_modes(weights, i, derivatives, table, starts, size, powers):
                 for m in range(16, powers.shape[0], 16):
                     for k in range(16):
                         powers[m + k] = powers[m - 16 + k] * power
-                for m in range(powers.shape[0]):
-                    weights[a, m] += powers[m] * table[kind, m]
+                if j == 0:
+                    for m in range(powers.shape[0]):
+                        weights[a, m] = powers[m] * table[kind, m]
+                else:
+                    for m in range(powers.shape[0]):
+                        weights[a, m] += powers[m] * table[kind, m]
                 for k in range(3):
                     weights[a, behind + k] += starts[term + 2 + k, i]
             term += STARTS

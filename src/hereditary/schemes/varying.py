@@ -7,7 +7,7 @@ step, kernels/varying.py tells.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.polynomial import Chebyshev
+from numpy.polynomial import Chebyshev, Polynomial
 from scipy.special import gamma
 
 from .._checks import complaint
@@ -19,8 +19,10 @@ from .scheme import Plan, distinct_components
 
 # Steps at which orders are looked at before a run.
 _LOOKED_AT = 1001
-# Of the alternating sum of the weights, which calls zeta, a polynomial to 1e-13, ten times as fast.
-_ALTERNATING = Chebyshev.interpolate(lambda p: alternating_power_sum(np.asarray(p)), 16, (0, 1))
+# Exponents 1 - p that rounding takes for 0 count as this: then too their share stays what it is.
+LEAST = 1e-290
+# The alternating sum of the weights as a polynomial, to 1e-13: zeta itself takes ten times as long.
+_ALTERNATING = Chebyshev.interpolate(alternating_power_sum, 10, (0, 1)).convert(kind=Polynomial)
 
 
 class Schedule:
@@ -140,7 +142,7 @@ class Schedule:
             scale = c * np.exp((p - m) * np.log(h))
             weight = scale / gamma(p + 1)
             at = 1.0 if m == 2 else theta  # where the nearest interval ends
-            first = at**p if at < 1 else np.ones(1)
+            first = at**p if at < 1 else 1.0
             second = np.exp(p * np.log(1 + at))
             # the nearest weight W_0 adds to the lead, W_1 to what is near
             block[0] += weight * first
@@ -152,7 +154,7 @@ class Schedule:
                 block[2] += weight * (steps + self._offset) ** p
             own = block[HEAD + PER_TERM * j :]
             # 1/(Gamma(p) Gamma(1-p)) = sin(pi p)/pi, by NumPy's tangent, four times as fast
-            half = np.tan(0.5 * np.pi * np.minimum(p, 1 - p))
+            half = np.tan(0.5 * np.pi * np.minimum(p, np.maximum(1 - p, LEAST)))
             own[0], own[1], own[2] = weight, p, scale * half / (0.5 * np.pi * (1 + half * half))
         total = block[0].copy()
         block[1:HEAD] /= total
