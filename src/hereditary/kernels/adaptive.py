@@ -9,11 +9,14 @@ from .collocation import (
     POSITION,
     PRIMARY,
     estimate,
+    fold_known,
+    fold_operators,
     local_operators,
     solve_stages,
     solve_tangents,
+    take_from_forces,
 )
-from .mode_tables import TABLES, combined_weights, move_modes, on_grid, read_modes, slot_of
+from .mode_tables import BANK, TABLES, combined_weights, move_modes, on_grid, read_modes, slot_of
 from .signatures import JAC, RHS
 
 # How a march ended: at its stop, with its rows full, where the modes do not reach close enough, or
@@ -34,10 +37,8 @@ _GUESS = 3
 FORM = types.Tuple((MAT, VEC, IVEC, MAT))
 # nodes (s,), integrals (n_a, s, s), values to Legendre coefficients (s, s)
 RULE = types.Tuple((VEC, CUBE, MAT))
-# rates (M,), weights (n_a, M)
-BANK = types.Tuple((VEC, MAT))
 # clock [t, h, last step, closest distance], notes, steps [accepted, rejected], largest |p| (d,);
-# for all strands p0, x, p (1 + k, d), modes now and before the last step (1 + k, d, M), and f, p,
+# for all strands p0, x, p (1 + k, d), modes now and before the last step (1 + k, R, M), and f, p,
 # x at the last step's nodes (1 + k, 3, d, s)
 RUN = types.Tuple((VEC, VEC, IVEC, VEC, MAT, MAT, MAT, CUBE, CUBE, CUBES))
 # starts and lengths of steps (k,), p at the nodes (k, d, s), y and p at the start (k, 2 d), error
@@ -52,15 +53,15 @@ def march_adaptive(
     """March to t_stop; the number of rows and how it ended."""
     channels, orders, second, offsets = form
     nodes, singular, legendre = rule
-    rates, weights = bank
+    rates, weights, _, _ = bank
     clock, notes, steps, largest, p0, x, p, modes, before, last = run
     starts, lengths, rows, begins, ratios = track
-    n_strands, d, s = x.shape[0], x.shape[1], nodes.shape[0]
+    n_strands, d, s, n_rows = x.shape[0], x.shape[1], nodes.shape[0], modes.shape[1]
     whole = singular[orders.shape[0] - 1]  # the last order is 1
-    drivers, constant = np.empty((3 * d, s, s)), np.empty((n_strands, d, s))
-    driven, idle = np.empty((d, 3, rates.shape[0])), np.empty((n_strands, d, rates.shape[0]))
+    drivers, constant = np.empty((3 * n_rows, s, s)), np.empty((n_strands, n_rows, s))
+    driven, idle = np.empty((n_rows, 3, rates.shape[0])), np.empty((n_strands, *modes.shape[1:]))
     combined_weights(channels, offsets, weights, driven, idle)
-    base, values = np.empty((n_strands, d, s)), np.empty((n_strands, 3, d, s))
+    base, values = np.empty((n_strands, n_rows, s)), np.empty((n_strands, 3, d, s))
     errors, lowest = np.empty(d), lowest_order(channels, orders)
     row, rejected, made = 0, False, -1.0
     while clock[0] < t_stop:
@@ -72,11 +73,14 @@ def march_adaptive(
             return row, TOO_ROUGH
         if nodes[0] * h < clock[3]:
             return row, TOO_CLOSE
+        slot = slot_of(h, nodes, bank, tables)
+        local = tables[4][slot]
         if h != made:
-            local_operators(h, channels, offsets, orders, singular, drivers, constant)
+            local_operators(h, channels, offsets, orders, singular, local, drivers, constant)
+            fold_operators(d, drivers)
         made = h
-        slot = slot_of(h, nodes, rates, tables)
         known_part(modes, tables[1][slot], p0, constant, base)
+        fold_known(d, drivers, base)
         goal = _NEWTON * (atol + rtol * np.maximum(largest, np.abs(p[0])))
         # just before the stop, where the right-hand side may jump
         times = np.minimum(t + h * nodes, np.nextafter(t_stop, 0.0))
@@ -87,13 +91,17 @@ def march_adaptive(
         )  # fmt: skip
         ratio = np.inf
         if solved:
-            estimate(h, channels, orders, legendre, values[0], errors)
+            take_from_forces(d, drivers, base, values[:1])
+            estimate(h, channels, orders, legendre, local, drivers, values[0], errors)
             ratio = over_tolerance(h, errors, values[0], second, largest, p0[0], rtol, atol)
         if ratio <= 1.0 and n_strands > 1:
             solved = solve_tangents(
                 rhs, jac, has_jac, params, times, h, base, x, second, drivers, whole, values, notes
             )
-            ratio = max(ratio, worst_tangent(h, channels, orders, legendre, values, rtol))
+            take_from_forces(d, drivers, base[1:], values[1:])
+            ratio = max(
+                ratio, worst_tangent(h, channels, orders, legendre, local, drivers, values, rtol)
+            )
             ratio = ratio if solved else np.inf
         clock[1] = next_length(h, clock[1], ratio, rejected, s + lowest)
         rejected = not ratio <= 1.0
@@ -114,12 +122,14 @@ def march_adaptive(
 
 @kernel
 def known_part(modes, reads, p0, constant, base):
-    """What every strand's p is made of besides the step itself, (1 + k, d, s)."""
+    """What every strand's rows are made of besides the step itself, (1 + k, R, s)."""
     for strand in range(base.shape[0]):
         read_modes(modes[strand], reads, base[strand])
         for c in range(base.shape[1]):
             for i in range(base.shape[2]):
-                base[strand, c, i] += p0[strand, c] + constant[strand, c, i]
+                base[strand, c, i] += constant[strand, c, i]
+                if c < p0.shape[1]:
+                    base[strand, c, i] += p0[strand, c]
 
 
 @kernel
@@ -141,16 +151,17 @@ def lowest_order(channels, orders):
     """The smallest order of integration."""
     lowest = 1.0
     for row in range(channels.shape[0]):
-        lowest = min(lowest, orders[int(channels[row, 2])])
+        if channels[row, 2] < orders.shape[0]:
+            lowest = min(lowest, orders[int(channels[row, 2])])
     return lowest
 
 
 @kernel
-def worst_tangent(h, channels, orders, legendre, values, rtol):
+def worst_tangent(h, channels, orders, legendre, local, drivers, values, rtol):
     """Largest ratio of a tangent's error to its tolerance, relative to all of the tangent."""
     worst, errors = 0.0, np.empty(values.shape[2])
     for strand in range(1, values.shape[0]):
-        estimate(h, channels, orders, legendre, values[strand], errors)
+        estimate(h, channels, orders, legendre, local, drivers, values[strand], errors)
         size = np.max(np.abs(values[strand, PRIMARY:]))
         if not size < np.inf:
             return np.inf
@@ -167,8 +178,9 @@ def fold(rates, modes, p0):
     would be lost in their rounding.
     """
     if rates.shape[0] > 0 and rates[0] == 0.0:
-        p0 += modes[:, :, 0]
-        modes[:, :, 0] = 0.0
+        d = p0.shape[1]
+        p0 += modes[:, :d, 0]
+        modes[:, :d, 0] = 0.0
 
 
 @kernel
