@@ -16,6 +16,7 @@ FLOORS = {
     "equation": 2,
     "system": 2,
     "exponential_sum": 2,
+    "memory_kernels": 2,
     "meshes": 2,
     "schemes": 2,
     "history": 3,
@@ -28,7 +29,8 @@ FLOORS = {
     "__init__": 7,
 }
 # Importable from the floor's other rooms; inside one floor the rest must not know each other.
-SAME_FLOOR = {("equation", "operators"), ("exponential_sum", "operators"), ("__main__", "plots")}
+SAME_FLOOR = {("equation", "operators"), ("operators", "exponential_sum"), ("__main__", "plots")}
+SAME_FLOOR |= {("memory_kernels", "exponential_sum"), ("schemes", "exponential_sum")}
 SAME_FLOOR |= {
     ("equation", "system"),
     ("schemes", "system"),

@@ -11,8 +11,18 @@ from .exponential_sum import ExponentialSum, fit_exponentials
 from .history.direct import Direct
 from .history.exponentials import SumOfExponentials
 from .history.fft import FFT
+from .memory_kernels import (
+    DistributedOrder,
+    Kernel,
+    MemoryKernel,
+    MittagLeffler,
+    Prony,
+    StretchedExponential,
+    TabulatedKernel,
+    TemperedPowerLaw,
+)
 from .meshes import Graded, graded
-from .operators import Caputo, PowerLaw
+from .operators import Caputo, Memory, PowerLaw
 from .schemes.adams import Adams, ProductTrapezoid
 from .schemes.bdf import BDF
 from .schemes.collocation import Collocation
@@ -34,18 +44,27 @@ __all__ = [
     "Caputo",
     "Collocation",
     "Direct",
+    "DistributedOrder",
     "Equation",
     "ExplicitCaputo",
     "ExponentialSum",
     "Graded",
+    "Kernel",
     "L2Sigma",
     "LyapunovResult",
+    "Memory",
+    "MemoryKernel",
+    "MittagLeffler",
     "PowerLaw",
     "ProductTrapezoid",
+    "Prony",
     "Solution",
     "StabilityWarning",
     "Status",
+    "StretchedExponential",
     "SumOfExponentials",
+    "TabulatedKernel",
+    "TemperedPowerLaw",
     "fit_exponentials",
     "graded",
     "lyapunov",

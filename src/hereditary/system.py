@@ -78,7 +78,7 @@ def _no_jacobian(t, y, out, params):
 
 def highest_orders(orders, coefficients):
     """Highest order with a nonzero coefficient of each component, shape (d,)."""
-    return np.where(coefficients != 0, orders, 0.0).max(axis=0)
+    return np.where(coefficients != 0, orders, 0.0).max(axis=0, initial=0.0)
 
 
 def variational(system, directions):

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from scipy.special import rgamma
@@ -93,7 +94,7 @@ class KernelBank:
 def open_kernels(kernels, closest, farthest, tol):
     """The sums of these kernels for steps that read no closer than `closest`."""
     nearest = max(_BELOW * closest, 1e-300)
-    fits = [kernel.fit(nearest, farthest, tol) for kernel in kernels]
+    fits = [_finest(kernel, nearest, farthest, tol) for kernel in kernels]
     rates = np.concatenate([np.zeros(0), *(fit.rates for fit in fits)])
     weights, masses, offset = np.zeros((len(fits), rates.size)), np.zeros(len(fits)), 0
     for k, (kernel, fit) in enumerate(zip(kernels, fits, strict=True)):
@@ -102,6 +103,17 @@ def open_kernels(kernels, closest, farthest, tol):
         held = fit.weights @ (nearest * mean_exponential(fit.rates * nearest))
         masses[k] = float(kernel.integral(nearest)) - held
     return KernelBank(rates, weights, masses)
+
+
+@lru_cache(maxsize=64)
+def _finest(kernel, t_min, t_max, tol):
+    """The kernel's fit to `tol`, or to as little more as it can be had at."""
+    for loosened in (1.0, 10.0, 100.0):
+        try:
+            return kernel.fit(t_min, t_max, max(1e-13, loosened * tol))
+        except ValueError:
+            continue
+    return kernel.fit(t_min, t_max, 1e3 * tol)
 
 
 def _exponents(orders):

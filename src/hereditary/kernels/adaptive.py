@@ -10,7 +10,6 @@ from .collocation import (
     PRIMARY,
     estimate,
     fold_known,
-    fold_operators,
     local_operators,
     solve_stages,
     solve_tangents,
@@ -56,7 +55,7 @@ def march_adaptive(
     rates, weights, _, _ = bank
     clock, notes, steps, largest, p0, x, p, modes, before, last = run
     starts, lengths, rows, begins, ratios = track
-    n_strands, d, s, n_rows = x.shape[0], x.shape[1], nodes.shape[0], modes.shape[1]
+    (n_strands, d), s, n_rows = x.shape, nodes.shape[0], modes.shape[1]
     whole = singular[orders.shape[0] - 1]  # the last order is 1
     drivers, constant = np.empty((3 * n_rows, s, s)), np.empty((n_strands, n_rows, s))
     driven, idle = np.empty((n_rows, 3, rates.shape[0])), np.empty((n_strands, *modes.shape[1:]))
@@ -67,8 +66,7 @@ def march_adaptive(
     while clock[0] < t_stop:
         if row == starts.shape[0]:
             return row, FULL
-        t, left = clock[0], t_stop - clock[0]
-        h = left if clock[1] >= left else min(clock[1], 0.5 * left)
+        t, left, h = next_step(clock, t_stop)
         if not t + 0.01 * h > t:
             return row, TOO_ROUGH
         if nodes[0] * h < clock[3]:
@@ -76,11 +74,9 @@ def march_adaptive(
         slot = slot_of(h, nodes, bank, tables)
         local = tables[4][slot]
         if h != made:
-            local_operators(h, channels, offsets, orders, singular, local, drivers, constant)
-            fold_operators(d, drivers)
+            local_operators(h, d, channels, offsets, orders, singular, local, drivers, constant)
         made = h
-        known_part(modes, tables[1][slot], p0, constant, base)
-        fold_known(d, drivers, base)
+        known_part(modes, tables[1][slot], p0, constant, drivers, base)
         goal = _NEWTON * (atol + rtol * np.maximum(largest, np.abs(p[0])))
         # just before the stop, where the right-hand side may jump
         times = np.minimum(t + h * nodes, np.nextafter(t_stop, 0.0))
@@ -89,20 +85,17 @@ def march_adaptive(
             rhs, jac, has_jac, params, times, h, base[0], x[0], second, drivers, whole, goal,
             values[0, PRIMARY], values[0, POSITION], values[0, FORCE], notes,
         )  # fmt: skip
-        ratio = np.inf
-        if solved:
-            take_from_forces(d, drivers, base, values[:1])
-            estimate(h, channels, orders, legendre, local, drivers, values[0], errors)
-            ratio = over_tolerance(h, errors, values[0], second, largest, p0[0], rtol, atol)
+        take_from_forces(d, drivers, base, values[:1])
+        estimate(h, channels, orders, legendre, local, drivers, values[0], errors)
+        ratio = over_tolerance(h, errors, values[0], second, largest, p0[0], rtol, atol)
+        ratio = ratio if solved else np.inf
         if ratio <= 1.0 and n_strands > 1:
             solved = solve_tangents(
                 rhs, jac, has_jac, params, times, h, base, x, second, drivers, whole, values, notes
             )
             take_from_forces(d, drivers, base[1:], values[1:])
-            ratio = max(
-                ratio, worst_tangent(h, channels, orders, legendre, local, drivers, values, rtol)
-            )
-            ratio = ratio if solved else np.inf
+            worst = worst_tangent(h, channels, orders, legendre, local, drivers, values, rtol)
+            ratio = max(ratio, worst) if solved else np.inf
         clock[1] = next_length(h, clock[1], ratio, rejected, s + lowest)
         rejected = not ratio <= 1.0
         steps[int(rejected)] += 1
@@ -121,7 +114,14 @@ def march_adaptive(
 
 
 @kernel
-def known_part(modes, reads, p0, constant, base):
+def next_step(clock, t_stop):
+    """Start of the next step, time left, and the step's length: no crumb is left at the stop."""
+    left = t_stop - clock[0]
+    return clock[0], left, left if clock[1] >= left else min(clock[1], 0.5 * left)
+
+
+@kernel
+def known_part(modes, reads, p0, constant, drivers, base):
     """What every strand's rows are made of besides the step itself, (1 + k, R, s)."""
     for strand in range(base.shape[0]):
         read_modes(modes[strand], reads, base[strand])
@@ -130,6 +130,7 @@ def known_part(modes, reads, p0, constant, base):
                 base[strand, c, i] += constant[strand, c, i]
                 if c < p0.shape[1]:
                     base[strand, c, i] += p0[strand, c]
+    fold_known(p0.shape[1], drivers, base)
 
 
 @kernel

@@ -21,7 +21,7 @@ _SWEEPS = 12
 
 
 @kernel
-def local_operators(h, channels, offsets, orders, singular, local, drivers, constant):
+def local_operators(h, d, channels, offsets, orders, singular, local, drivers, constant):
     """What values at the nodes contribute to every row at the nodes, within a step of length h.
 
     Row c < d is p of component c, row d + c what general kernels take from its right-hand side.
@@ -44,6 +44,7 @@ def local_operators(h, channels, offsets, orders, singular, local, drivers, cons
                 drivers[3 * c + q, i, j] += share
                 for strand in range(offsets.shape[0]):
                     constant[strand, c, i] -= share * offsets[strand, row]
+    fold_operators(d, drivers)
 
 
 @kernel
@@ -278,8 +279,8 @@ def solve_tangents(
 
     The orbit's values, strand 0, solve the step; its Jacobians make that of each tangent linear.
     """
-    # base (1 + k, d, s), x_start (1 + k, d), values (1 + k, 3, d, s)
-    d, s = base.shape[1], base.shape[2]
+    # base (1 + k, R, s), x_start (1 + k, d), values (1 + k, 3, d, s)
+    d, s = second.shape[0], base.shape[2]
     matrix, order = np.empty((d * s, d * s)), np.empty(d * s, dtype=np.int64)
     known, found = np.empty(d * s), np.empty(d * s)
     jacobians, start = np.empty((s, d, d)), np.empty((d, s))
@@ -320,8 +321,7 @@ def solve_once(
     n_nodes, d, n_rows = times.shape[0], second.shape[0], base.shape[1]
     drivers = np.empty((3 * n_rows, n_nodes, n_nodes))
     constant = np.empty((offsets.shape[0], n_rows, n_nodes))
-    local_operators(h, channels, offsets, orders, singular, local, drivers, constant)
-    fold_operators(d, drivers)
+    local_operators(h, d, channels, offsets, orders, singular, local, drivers, constant)
     known = base + constant
     fold_known(d, drivers, known)
     whole = singular[orders.shape[0] - 1]

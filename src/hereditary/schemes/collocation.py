@@ -68,6 +68,7 @@ def integral_form(system: System) -> Form:
         leading = system.coefficients[system.orders[:, c] == highest[c], c].sum()
         if leading == 0:
             required = "leave a nonzero coefficient before the highest order"
+            _refuse_leading_kernel(system, c)
             raise ValueError(complaint("terms", required, f"0 for component {c}"))
         rows.append((c, FORCE, highest[c] - second[c], 1 / leading, 0))
         for coefficient, order in zip(system.coefficients[:, c], system.orders[:, c], strict=True):
@@ -102,6 +103,15 @@ def integral_form(system: System) -> Form:
         _generators(tuple(raised)),
         tuple(kernels),
     )
+
+
+def _refuse_leading_kernel(system, c):
+    """Refuse a component whose highest derivative stands in a general kernel alone."""
+    for term, coefficients in system.memories:
+        if coefficients[c] != 0 and term.derivative == system.highest_orders()[c]:
+            required = "hold a Caputo term of the highest derivative's order with Collocation"
+            got = f"a Memory of derivative {term.derivative} alone for component {c}"
+            raise ValueError(complaint("terms", required, got, "use ExplicitCaputo or L1"))
 
 
 def _kernel_row(term, coefficient, c, d, second, alpha, leading):

@@ -101,8 +101,13 @@ class StepKernel:
 
     def exponentials(self, n_steps: float, tol: float) -> tuple[np.ndarray, np.ndarray]:
         """Rates [1/step] and weights of its exponential sum from one step to `n_steps`."""
-        fit = self.kernel.fit(self.h, self.h * n_steps, tol)
-        return fit.rates * self.h, fit.weights
+        return _exponentials(self, n_steps, tol)
+
+
+@lru_cache(maxsize=64)
+def _exponentials(kernel, n_steps, tol):
+    fit = kernel.kernel.fit(kernel.h, kernel.h * n_steps, tol)
+    return fit.rates * kernel.h, fit.weights
 
 
 def of_increments(term):

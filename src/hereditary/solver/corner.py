@@ -107,7 +107,8 @@ class Corner:
             equation._rhs, equation._jac, int(equation.has_jac), equation.params, form.channels,
             strands.offsets, form.orders, form.second, times[:n],
             np.ascontiguousarray(operators[:, :n]), np.ascontiguousarray(local[:, :n]), h,
-            np.ascontiguousarray(base[:, :, :n]), strands.x, 1e-3 * self._tolerance, values, self._notes,
+            np.ascontiguousarray(base[:, :, :n]), strands.x, 1e-3 * self._tolerance, values,
+            self._notes,
         )  # fmt: skip
         if not solved:
             return False

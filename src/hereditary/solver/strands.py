@@ -114,7 +114,7 @@ class Strands:
         self.modes[..., added] = self._moved(np.zeros_like(self.modes))[..., added]
 
     def past(self, distances):
-        """p(0) and what lies before, as rows see it `distances` after the present, (1 + k, R, n)."""
+        """p(0) and what lies before, as rows see it `distances` ahead, shape (1 + k, R, n)."""
         n_strands, d = self.x.shape
         base = np.zeros((n_strands, self._form.n_rows, distances.size))
         base[:, :d] += self.initial[..., None]
