@@ -14,10 +14,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ._checks import complaint, real_array, within
+from .exponential_sum import ExponentialSum, MemoryKernel, fit_interval, fit_power
 
 
 @dataclass(frozen=True)
-class PowerLaw:
+class PowerLaw(MemoryKernel):
     """The memory kernel ``K(t) = t**-exponent``.
 
     Parameters
@@ -41,6 +42,22 @@ class PowerLaw:
     def __call__(self, t: ArrayLike) -> np.ndarray:
         """Kernel values, the shape of `t`."""
         return np.asarray(t, dtype=float) ** -self.exponent
+
+    @property
+    def singular_exponent(self) -> float:
+        """The exponent itself."""
+        return float(self.exponent)
+
+    def integral(self, t: ArrayLike) -> np.ndarray:
+        """``int_0^t K`` = t**(1 - exponent) / (1 - exponent), for exponents below 1."""
+        a = float(self.exponent)
+        if a >= 1:
+            raise ValueError(complaint("exponent", "be below 1 for a finite integral from 0", a))
+        return np.asarray(t, dtype=float) ** (1 - a) / (1 - a)
+
+    def fit(self, t_min: float, t_max: float, tol: float) -> ExponentialSum:
+        """The kernel as a sum of exponentials; see `fit_exponentials`."""
+        return fit_power(float(self.exponent), *fit_interval(t_min, t_max, tol))
 
 
 class Caputo:
