@@ -6,6 +6,8 @@ import importlib.metadata
 from . import scenes
 from .analysis.lyapunov import lyapunov
 from .analysis.spectrum import LyapunovResult
+from .analysis.sweep import sweep
+from .analysis.table import Table
 from .equation import Equation
 from .exponential_sum import ExponentialSum, fit_exponentials
 from .history.direct import Direct
@@ -46,12 +48,14 @@ __all__ = [
     "StabilityWarning",
     "Status",
     "SumOfExponentials",
+    "Table",
     "fit_exponentials",
     "graded",
     "lyapunov",
     "plots",
     "scenes",
     "solve",
+    "sweep",
 ]
 
 
