@@ -6,6 +6,8 @@ import importlib.metadata
 from . import scenes
 from .analysis.lyapunov import lyapunov
 from .analysis.spectrum import LyapunovResult
+from .analysis.sweep import sweep
+from .analysis.table import Table
 from .equation import Equation
 from .exponential_sum import ExponentialSum, fit_exponentials
 from .history.direct import Direct
@@ -63,6 +65,7 @@ __all__ = [
     "Status",
     "StretchedExponential",
     "SumOfExponentials",
+    "Table",
     "TabulatedKernel",
     "TemperedPowerLaw",
     "fit_exponentials",
@@ -71,6 +74,7 @@ __all__ = [
     "plots",
     "scenes",
     "solve",
+    "sweep",
 ]
 
 

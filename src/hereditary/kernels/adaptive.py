@@ -90,12 +90,11 @@ def march_adaptive(
         ratio = over_tolerance(h, errors, values[0], second, largest, p0[0], rtol, atol)
         ratio = ratio if solved else np.inf
         if ratio <= 1.0 and n_strands > 1:
-            solved = solve_tangents(
-                rhs, jac, has_jac, params, times, h, base, x, second, drivers, whole, values, notes
-            )
-            take_from_forces(d, drivers, base[1:], values[1:])
-            worst = worst_tangent(h, channels, orders, legendre, local, drivers, values, rtol)
-            ratio = max(ratio, worst) if solved else np.inf
+            more = tangents_ratio(
+                rhs, jac, has_jac, params, times, h, base, x, form, drivers, whole, local, legendre,
+                values, rtol, notes,
+            )  # fmt: skip
+            ratio, solved = max(ratio, more), more < np.inf
         clock[1] = next_length(h, clock[1], ratio, rejected, s + lowest)
         rejected = not ratio <= 1.0
         steps[int(rejected)] += 1
@@ -155,6 +154,21 @@ def lowest_order(channels, orders):
         if channels[row, 2] < orders.shape[0]:
             lowest = min(lowest, orders[int(channels[row, 2])])
     return lowest
+
+
+@kernel
+def tangents_ratio(
+    rhs, jac, has_jac, params, times, h, base, x, form, drivers, whole, local, legendre, values,
+    rtol, notes,
+):  # fmt: skip
+    """Solve the step for the tangents; their largest error over its tolerance, inf if singular."""
+    channels, orders, second, _ = form
+    if not solve_tangents(
+        rhs, jac, has_jac, params, times, h, base, x, second, drivers, whole, values, notes
+    ):
+        return np.inf
+    take_from_forces(x.shape[1], drivers, base[1:], values[1:])
+    return worst_tangent(h, channels, orders, legendre, local, drivers, values, rtol)
 
 
 @kernel

@@ -18,6 +18,8 @@ from .signatures import JAC, RHS
 FORCE, PRIMARY, POSITION = 0, 1, 2
 # Newton sweeps before a step is given up.
 _SWEEPS = 12
+# Contraction that is expected of a sweep at most, whatever was seen in earlier steps.
+_RATE = 1e-3
 
 
 @kernel
@@ -190,7 +192,7 @@ def solve_stages(
             rate = size / previous
             notes[2], notes[3] = max(rate, 0.1 * notes[2]), max(previous, 0.1 * notes[3])
         else:  # as in steps before, and worse the further the guess was off
-            rate = notes[2] * max(1.0, size / notes[3])
+            rate = max(_RATE, notes[2] * max(1.0, size / notes[3]))
         if size * min(1.0, 4.0 * rate) < 1.0:
             correct_forces(jacobians, before, x, f)
             return True

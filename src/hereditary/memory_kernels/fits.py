@@ -103,6 +103,7 @@ def fit_positive(kernel, t_min, t_max, tol, density=None):
         error = float(np.abs(samples.error(v, weights)).max())
         best = min(best, error)
         if error <= tol:
+            v, weights = _merged(samples, thin, tol, v, weights)
             v, weights, error = _without_fastest(samples, tol, v, weights)
             return _summed(v, weights, t_min, t_max, error)
     if best > max(_HOPELESS, 100 * tol):
@@ -135,7 +136,9 @@ def _attempts(samples, step, tol, density):
         if np.abs(samples.error(v, weights)).max() > 30 * tol:
             break
     patience = 26 if density is None else 10
-    yield sliding(samples, step, lambda error: np.abs(error).max() <= 0.99 * tol, patience)
+    starts = (step, 2 * step, 4 * step) if density is None else (step,)
+    for start in starts:  # few separate rates are found best from a coarse grid
+        yield sliding(samples, start, lambda error: np.abs(error).max() <= 0.99 * tol, patience)
     if density is not None:
         for finer in (1.0, 0.85, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2):
             yield _density_rule(density, samples.ratio, finer * step, tol)
@@ -194,7 +197,7 @@ def sliding(samples, step, good_enough, patience=26):
 def nonnegative_least_squares(a, b, start):
     """``min |a x - b|`` over x >= 0 by Lawson's and Hanson's active sets, begun at a mask."""
     used, x = _feasible(a, b, start.copy())
-    best, refused = np.linalg.norm(b - a @ x), np.zeros(x.size, dtype=bool)
+    best, refused = float(np.linalg.norm(b - a @ x)), np.zeros(x.size, dtype=bool)
     for _ in range(4 * x.size):
         gain = a.T @ (b - a @ x)
         gain[used | refused] = -1.0
@@ -202,7 +205,7 @@ def nonnegative_least_squares(a, b, start):
         if gain[j] <= 1e-16 * np.linalg.norm(b):
             break
         trial, z = _admit(a, b, used, x, j)
-        norm = np.inf if z is None else np.linalg.norm(b - a @ z)
+        norm = math.inf if z is None else float(np.linalg.norm(b - a @ z))
         if norm >= best:
             refused[j] = True
             continue
@@ -301,6 +304,24 @@ def _density_rule(density, ratio, step, tol):
 _SPREAD = np.sinh(np.linspace(-12.0, 12.0, 2001))
 
 
+def _merged(samples, thin, tol, v, weights):
+    """Fewer rates: the closest two become one and the weights are fitted anew, while that holds."""
+    while v.size > 2:
+        order = np.argsort(v, kind="stable")
+        v, weights = v[order], weights[order]
+        first = 1 if v[0] == -np.inf else 0
+        i = first + int(np.argmin(np.diff(v[first:])))
+        if v[i + 1] - v[i] > 0.5 or i + 1 >= v.size:
+            break
+        middle = np.average(v[i : i + 2], weights=weights[i : i + 2])
+        fewer = np.concatenate([v[:i], [middle], v[i + 2 :]])
+        fewer, fitted, _ = _fit_on(thin, fewer, np.ones(fewer.size, dtype=bool))
+        if fewer.size >= v.size or np.abs(samples.error(fewer, fitted)).max() > tol:
+            break
+        v, weights = fewer, fitted
+    return v, weights
+
+
 def _without_fastest(samples, tol, v, weights):
     """Without the fastest rates that the tolerance does not need."""
     order = np.argsort(v, kind="stable")
@@ -317,7 +338,9 @@ def _without_fastest(samples, tol, v, weights):
 def _summed(v, weights, t_min, t_max, error):
     """The sum in the kernel's own units, its rates in order."""
     order = np.argsort(v, kind="stable")
-    return ExponentialSum(np.exp(v[order]) / t_min, weights[order], t_min, t_max, error)
+    rates, weights = np.exp(v[order]) / t_min, weights[order]
+    rates.flags.writeable = weights.flags.writeable = False
+    return ExponentialSum(rates, weights, t_min, t_max, error)
 
 
 @lru_cache(maxsize=64)

@@ -117,8 +117,10 @@ class StretchedExponential(MemoryKernel):
         refuse_gone((self.rate * t_min) ** b, t_min)
         if b == 1:
             return Prony([self.rate], [1.0]).fit(t_min, t_max, tol)
-        width = 0.5 * math.pi * (1 / b - 1)
-        density = Density(self._spectrum, math.log(self.rate), width, t_min)
+        # the late kernel comes from where rates end steeply: the saddle of exp(-s t) at t_max
+        late = (1 / b - 1) * math.log(min(max((self.rate * t_max) ** b, 1.0), 37.0))
+        centre, width = math.log(self.rate * b) - late, 0.25 * math.pi * (1 / b - 1)
+        density = Density(self._spectrum, centre, width, t_min)
         return fit_positive(self, t_min, t_max, tol, density)
 
     def _spectrum(self, v):
