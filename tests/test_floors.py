@@ -33,6 +33,7 @@ FLOORS = {
 SAME_FLOOR = {("equation", "operators"), ("operators", "exponential_sum"), ("__main__", "plots")}
 SAME_FLOOR |= {
     ("equation", "system"),
+    ("system", "exponential_sum"),
     ("memory_kernels", "exponential_sum"),
     ("schemes", "exponential_sum"),
     ("schemes", "system"),

@@ -16,6 +16,7 @@ from typing import ClassVar
 import numpy as np
 
 from .._checks import complaint, count, positive, within
+from ..exponential_sum import MemoryKernel
 from ..kernels.collocation import FORCE, POSITION, PRIMARY
 from ..system import System
 from .scheme import Plan, Scheme, check_smoothness
@@ -63,7 +64,8 @@ def integral_form(system: System) -> Form:
     """The integral equations of a system of Caputo terms of orders in (0, 2]."""
     highest = system.highest_orders()
     second = highest > 1
-    rows, kernel_rows, kernels = [], [], []
+    rows, kernel_rows = [], []
+    kernels: list[MemoryKernel] = []
     for c in range(system.d):
         leading = system.coefficients[system.orders[:, c] == highest[c], c].sum()
         if leading == 0:

@@ -7,7 +7,7 @@ the `Convolution` that a history must sum for it. Nothing here knows how the pas
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -19,6 +19,8 @@ from .stability import StabilityRegion
 @dataclass(frozen=True)
 class WeightRule:
     """A family of weights w_k that depends on one number p, exact and as exponentials.
+
+    Where the kernel is no power law p stands for a `StepKernel`.
 
     Attributes
     ----------
@@ -33,9 +35,9 @@ class WeightRule:
         ``exp(-rates)`` from one k to the next.
     """
 
-    exact: Callable[[float, int], np.ndarray]
-    exponent: Callable[[float], float | None]
-    modal: Callable[[float, np.ndarray, np.ndarray, int], np.ndarray]
+    exact: Callable[[Any, int], np.ndarray]
+    exponent: Callable[[Any], Any]
+    modal: Callable[[Any, np.ndarray, np.ndarray, int], np.ndarray]
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from functools import lru_cache, partial
 import numpy as np
 
 from .._checks import complaint
-from ..exponential_sum import ExponentialSum
+from ..exponential_sum import ExponentialSum, MemoryKernel
 from ..special import alternating_sum, gauss_unit, mean_exponential
 from ..system import KernelTerm
 from .scheme import WeightRule
@@ -26,7 +26,7 @@ class Integrated:
     kernel : MemoryKernel
     """
 
-    kernel: object
+    kernel: MemoryKernel
 
     def __call__(self, t):
         """Its values."""
@@ -70,7 +70,7 @@ class StepKernel:
         Step [time].
     """
 
-    kernel: object
+    kernel: MemoryKernel | Integrated
     h: float
 
     def first(self, theta: float = 1.0) -> float:
