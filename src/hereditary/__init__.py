@@ -5,6 +5,8 @@ import importlib.metadata
 
 from . import scenes
 from .analysis.lyapunov import lyapunov
+from .analysis.regimes import Regime, RegimeVerdict, classify
+from .analysis.sections import Section, maxima, stroboscopic
 from .analysis.spectrum import LyapunovResult
 from .analysis.sweep import sweep
 from .analysis.table import Table
@@ -60,6 +62,9 @@ __all__ = [
     "PowerLaw",
     "ProductTrapezoid",
     "Prony",
+    "Regime",
+    "RegimeVerdict",
+    "Section",
     "Solution",
     "StabilityWarning",
     "Status",
@@ -68,12 +73,15 @@ __all__ = [
     "Table",
     "TabulatedKernel",
     "TemperedPowerLaw",
+    "classify",
     "fit_exponentials",
     "graded",
     "lyapunov",
+    "maxima",
     "plots",
     "scenes",
     "solve",
+    "stroboscopic",
     "sweep",
 ]
 
