@@ -18,8 +18,6 @@ from .signatures import JAC, RHS
 FORCE, PRIMARY, POSITION = 0, 1, 2
 # Newton sweeps before a step is given up.
 _SWEEPS = 12
-# Contraction that is expected of a sweep at most, whatever was seen in earlier steps.
-_RATE = 1e-3
 
 
 @kernel
@@ -156,10 +154,10 @@ def solve_stages(
     """Solve for p at the nodes by Newton's method from its present values.
 
     Returns whether p is exact to `goal` (d,). With it go x and, corrected to first order for the
-    last change, f; notes: calls of the right-hand side, sweeps, the
-    rate of contraction seen and the size of the change it was seen at.
+    last change, f; notes: calls of the right-hand side, sweeps, the rate of contraction seen, and
+    the size of the change and the length of the step it was seen at.
     """
-    # base, p, x, f (d, s), notes (4,)
+    # base, p, x, f (d, s), notes (5,)
     d, s = p.shape
     matrix, order = np.empty((d * s, d * s)), np.empty(d * s, dtype=np.int64)
     residual, change = np.empty(d * s), np.empty(d * s)
@@ -191,8 +189,9 @@ def solve_stages(
         if previous < np.inf:
             rate = size / previous
             notes[2], notes[3] = max(rate, 0.1 * notes[2]), max(previous, 0.1 * notes[3])
-        else:  # as in steps before, and worse the further the guess was off
-            rate = max(_RATE, notes[2] * max(1.0, size / notes[3]))
+            notes[4] = h
+        else:  # as in steps before, worse the further the guess was off and the longer the step
+            rate = notes[2] * max(1.0, size / notes[3]) * max(1.0, h / notes[4]) ** 2
         if size * min(1.0, 4.0 * rate) < 1.0:
             correct_forces(jacobians, before, x, f)
             return True

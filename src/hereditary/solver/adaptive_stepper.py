@@ -93,7 +93,7 @@ class AdaptiveStepper:
         self._transforms = shortened_legendre(s)
         self._strands = Strands(form, self._starts(directions), s)
         self._clock = np.array([0.0, t_end, 0.0, 0.0])
-        self._notes = np.array([0.0, 0.0, 1.0, 1.0])
+        self._notes = np.array([0.0, 0.0, 1.0, 1.0, 1.0])
         self._steps = np.zeros(2, dtype=np.int64)
         self._largest = np.abs(self._strands.initial[0])
         self._at_corner, self._largest_error, self._tables = True, 0.0, None

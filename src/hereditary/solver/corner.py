@@ -29,7 +29,7 @@ class Corner:
         Length below which the modes cannot follow.
     tolerance : ndarray, shape (d,)
         Error that p may have.
-    notes : ndarray, shape (4,)
+    notes : ndarray, shape (5,)
         Newton's notes (kernels/collocation.py).
     """
 
