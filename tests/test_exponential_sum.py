@@ -105,7 +105,7 @@ def test_kernels_share_one_bank():
         ),
         ({"t_max": math.inf}, ValueError, "t_max"),
         ({"t_min": math.nan}, ValueError, "t_min"),
-        ({"kernel": 0.5}, TypeError, "kernel must be a PowerLaw, got 0.5"),
+        ({"kernel": 0.5}, TypeError, "kernel must be a MemoryKernel, got 0.5"),
     ],
 )
 def test_nonsense_is_refused(change, error, match):

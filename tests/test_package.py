@@ -93,8 +93,15 @@ def test_examples_in_docstrings(name):
     assert doctest.testmod(module, optionflags=doctest.NORMALIZE_WHITESPACE).failed == 0
 
 
-@pytest.mark.parametrize("page", ["README.md", "docs/start.md"])
-def test_examples_in_pages(page):
+PAGES = [
+    "README.md",
+    *(f"docs/{name}.md" for name in ("start", "collocation", "kernels", "sweeps")),
+]
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_examples_in_pages(page, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)  # some write files
     text = (ROOT / page).read_text()
     blocks = [block.split("```")[0] for block in text.split("```python\n")[1:]]
     assert blocks

@@ -3,8 +3,11 @@
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+from matplotlib.colors import to_rgb
 
 import hereditary as hd
+from hereditary.analysis.table import Table
+from hereditary.plots.tables import COLOURS
 
 
 @pytest.fixture(autouse=True)
@@ -59,3 +62,80 @@ def test_components_get_a_legend(relaxation):
 def test_no_velocity_without_a_derivative(relaxation):
     with pytest.raises(ValueError, match="solution must hold a first derivative"):
         hd.plots.velocity(relaxation)
+
+
+def table_of(axes, status=None, **values):
+    shape = tuple(len(axis) for axis in axes.values())
+    filled = np.full(shape, "completed") if status is None else np.array(status)
+    axes = {name: np.asarray(axis, dtype=float) for name, axis in axes.items()}
+    return Table(axes, {k: np.asarray(v) for k, v in values.items()}, filled)
+
+
+def crosses(ax):
+    return [line for line in ax.lines if line.get_marker() == "x"]
+
+
+def test_lyapunov_spectrum():
+    b = [0.5, 1.0, 1.5, 2.0]
+    status = ["completed", "completed", "diverged", "completed"]
+    table = table_of({"spring_speed": b}, status, exponent=[-0.1, 0.05, np.nan, 0.2],
+                     slope=[-0.2, 0.1, np.nan, 0.1], slope_stderr=[0.1] * 4)  # fmt: skip
+    ax = hd.plots.lyapunov_spectrum(table, name="since 0")
+    assert hd.plots.lyapunov_spectrum(table, "slope", "slope_stderr", ax, name="late") is ax
+    zero, exponent = ax.lines[:2]
+    assert list(zero.get_ydata()) == [0, 0]
+    np.testing.assert_array_equal(exponent.get_ydata(), table["exponent"])
+    assert [line.get_gid() for line in ax.lines].count("zero") == 1
+    assert [cross.get_xdata().tolist() for cross in crosses(ax)] == [[1.5], [1.5]]
+    assert len(ax.collections) == 1  # error bars
+    assert "spring speed" in ax.get_xlabel()
+    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["since 0", "late"]
+
+
+def test_several_exponents_are_several_lines():
+    table = table_of({"beta": [1.5, 1.6]}, exponents=[[0.1, -0.1], [0.2, -0.2]])
+    ax = hd.plots.lyapunov_spectrum(table, "exponents", name="L")
+    assert [line.get_label() for line in ax.lines[1:]] == ["L, 1", "L, 2"]
+    assert ax.lines[2].get_ydata().tolist() == [-0.1, -0.2]
+
+
+def test_bifurcation_shows_every_sample_once():
+    samples = np.array([[1.0, 2.0, np.nan], [3.0, np.nan, np.nan]])
+    table = table_of({"friction": [0.1, 0.2]}, place=samples)
+    ax = hd.plots.bifurcation(table, ylabel="x")
+    assert ax.lines[0].get_xdata().tolist() == [0.1, 0.1, 0.2]
+    assert ax.lines[0].get_ydata().tolist() == [1.0, 2.0, 3.0]
+    assert not ax.lines[0].get_rasterized()
+    many = table_of({"friction": np.arange(3.0)}, place=np.zeros((3, 1000)))
+    assert hd.plots.bifurcation(many).lines[0].get_rasterized()
+
+
+def test_regime_map(tmp_path):
+    regimes = [["stuck", "sliding"], ["stick-slip, periodic", ""], ["stuck", "stuck"]]
+    status = [["completed"] * 2, ["completed", "diverged"], ["completed"] * 2]
+    table = table_of({"adhesion": [1, 2, 4], "spring_speed": [0.5, 1.0]}, status,
+                     regime=regimes, certainty=[[1, 0.5], [1, np.nan], [0.0, 1]])  # fmt: skip
+    ax = hd.plots.regime_map(table)
+    colours = ax.collections[0].get_array()
+    stuck = np.array(to_rgb(COLOURS["stuck"]))
+    np.testing.assert_allclose(colours[0, 0], stuck)
+    np.testing.assert_allclose(colours[2, 1], stuck)
+    assert np.all(colours[2, 0] > colours[2, 1])  # paler where less certain
+    np.testing.assert_allclose(colours[1, 1], 1.0)
+    assert [line.get_xdata().tolist() for line in crosses(ax)] == [[1.0]]
+    names = [text.get_text() for text in ax.get_legend().get_texts()]
+    assert names == ["stick-slip, periodic", "sliding", "stuck"]
+    assert ax.get_ylim() == (0.5, 5.0)
+    for suffix in ("pdf", "svg", "png"):
+        ax.figure.savefig(tmp_path / f"map.{suffix}")
+    plain = hd.plots.regime_map(table, certainty=None)
+    np.testing.assert_allclose(plain.collections[0].get_array()[2, 0], stuck)
+
+
+def test_tables_with_other_axes_are_refused():
+    one, two = table_of({"b": [1.0]}, x=[1.0]), table_of({"b": [1.0], "c": [1.0]}, x=[[1.0]])
+    for draw in (hd.plots.lyapunov_spectrum, hd.plots.bifurcation):
+        with pytest.raises(ValueError, match="table must have one axis, got b, c"):
+            draw(two)
+    with pytest.raises(ValueError, match="table must have two axes, got b"):
+        hd.plots.regime_map(one)

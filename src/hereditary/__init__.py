@@ -5,14 +5,28 @@ import importlib.metadata
 
 from . import scenes
 from .analysis.lyapunov import lyapunov
+from .analysis.regimes import Regime, RegimeVerdict, classify
+from .analysis.sections import Section, maxima, stroboscopic
 from .analysis.spectrum import LyapunovResult
+from .analysis.sweep import sweep
+from .analysis.table import Table
 from .equation import Equation
 from .exponential_sum import ExponentialSum, fit_exponentials
 from .history.direct import Direct
 from .history.exponentials import SumOfExponentials
 from .history.fft import FFT
+from .memory_kernels import (
+    DistributedOrder,
+    Kernel,
+    MemoryKernel,
+    MittagLeffler,
+    Prony,
+    StretchedExponential,
+    TabulatedKernel,
+    TemperedPowerLaw,
+)
 from .meshes import Graded, graded
-from .operators import Caputo, PowerLaw
+from .operators import Caputo, Memory, PowerLaw
 from .schemes.adams import Adams, ProductTrapezoid
 from .schemes.bdf import BDF
 from .schemes.collocation import Collocation
@@ -34,24 +48,41 @@ __all__ = [
     "Caputo",
     "Collocation",
     "Direct",
+    "DistributedOrder",
     "Equation",
     "ExplicitCaputo",
     "ExponentialSum",
     "Graded",
+    "Kernel",
     "L2Sigma",
     "LyapunovResult",
+    "Memory",
+    "MemoryKernel",
+    "MittagLeffler",
     "PowerLaw",
     "ProductTrapezoid",
+    "Prony",
+    "Regime",
+    "RegimeVerdict",
+    "Section",
     "Solution",
     "StabilityWarning",
     "Status",
+    "StretchedExponential",
     "SumOfExponentials",
+    "Table",
+    "TabulatedKernel",
+    "TemperedPowerLaw",
+    "classify",
     "fit_exponentials",
     "graded",
     "lyapunov",
+    "maxima",
     "plots",
     "scenes",
     "solve",
+    "stroboscopic",
+    "sweep",
 ]
 
 

@@ -18,6 +18,7 @@ from . import plots
 from ._checks import complaint
 from .equation import Equation
 from .history.exponentials import SumOfExponentials
+from .paper.command import main as paper
 from .scenes import stick_slip, sticking_intervals
 from .solver.solution import Solution, StabilityWarning
 from .solver.solve import solve
@@ -36,7 +37,13 @@ _PARAMETERS = {
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the scene with the parameters on the command line; return the exit status."""
+    """Run the scene with the parameters on the command line; return the exit status.
+
+    With "paper" as the first word, compute the source's figures instead.
+    """
+    argv = sys.argv[1:] if argv is None else argv
+    if argv and argv[0] == "paper":
+        return paper(argv[1:])
     arguments = _parser().parse_args(argv)
     parameters = {name: getattr(arguments, name) for name in _PARAMETERS}
     try:
@@ -63,7 +70,8 @@ def _parser():
     parser = argparse.ArgumentParser(
         prog="python -m hereditary",
         description="Hereditary stick-slip: D^beta x + lambda D^gamma x + omega^2 x "
-        "= b t + c sum a_n sin(n x), Caputo derivatives.",
+        "= b t + c sum a_n sin(n x), Caputo derivatives. `paper --out DIR` computes the source's "
+        "figures, see `paper --help`.",
         formatter_class=argparse.ArgumentDefaultsHelpFormatter,
     )
     defaults = inspect.signature(stick_slip).parameters

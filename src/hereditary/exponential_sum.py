@@ -1,4 +1,4 @@
-"""Sums of exponentials for power-law kernels (floor 2).
+"""Memory kernels as sums of exponentials, in closed form for power laws (floor 2).
 
 ``t**-a = 1/Gamma(a) int exp(-t e**x + a x) dx`` over the real line. The trapezoid rule of step h
 turns the integral into exponentials with rates e**(j h); its error is known exactly, so h follows
@@ -7,6 +7,7 @@ many slow ones are replaced by their own Gauss rule. Everything is built on [1, 
 """
 
 import math
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -15,7 +16,6 @@ from numpy.typing import ArrayLike
 from scipy.special import gammaincc, gammainccinv, gammaln, loggamma
 
 from ._checks import complaint, instance, positive, within
-from .operators import PowerLaw
 
 # Shares of the tolerance: trapezoid, fast end, slow end. They add up to one.
 _TRAPEZOID, _FAST, _SLOW = 0.90, 0.05, 0.05
@@ -61,13 +61,42 @@ class ExponentialSum:
         return np.exp(-np.multiply.outer(t, self.rates)) @ self.weights
 
 
-def fit_exponentials(kernel: PowerLaw, t_min: float, t_max: float, tol: float) -> ExponentialSum:
+class MemoryKernel(ABC):
+    """What every memory kernel K(t), t > 0, can do; see `hereditary.memory_kernels`."""
+
+    @property
+    @abstractmethod
+    def singular_exponent(self) -> float:
+        """The a >= 0 of ``K ~ t**-a`` near 0; 0 where K(0) is finite [-]."""
+
+    @property
+    def generators(self) -> tuple[float, ...]:
+        """Numbers g > 0 whose sums, besides 1, are the powers of t in ``t**a K(t)`` near 0 [-]."""
+        return ()
+
+    @abstractmethod
+    def __call__(self, t: ArrayLike) -> np.ndarray:
+        """Kernel values at times t > 0, the shape of `t`."""
+
+    @abstractmethod
+    def integral(self, t: ArrayLike) -> np.ndarray:
+        """``int_0^t K(s) ds`` at times t >= 0, the shape of `t`."""
+
+    @abstractmethod
+    def fit(self, t_min: float, t_max: float, tol: float) -> ExponentialSum:
+        """The kernel as a sum of exponentials on [t_min, t_max]; see `fit_exponentials`."""
+
+
+def fit_exponentials(
+    kernel: MemoryKernel, t_min: float, t_max: float, tol: float
+) -> ExponentialSum:
     """Fit a memory kernel by a sum of exponentials with positive weights.
 
     Parameters
     ----------
-    kernel : PowerLaw
-        The kernel ``t**-exponent``.
+    kernel : MemoryKernel
+        A power law, ``hereditary.PowerLaw(exponent)``, or any other memory kernel; a function of
+        your own becomes one by ``Kernel(function)``.
     t_min, t_max : float
         Interval of the fit, 0 < t_min < t_max [time].
     tol : float
@@ -101,14 +130,23 @@ def fit_exponentials(kernel: PowerLaw, t_min: float, t_max: float, tol: float) -
     >>> bool(abs(fit(4.0) - 0.5) < 0.5e-10), fit.n_modes < 50
     (True, True)
     """
-    instance("kernel", kernel, PowerLaw, "hereditary.PowerLaw(exponent)")
+    instance("kernel", kernel, MemoryKernel, "hereditary.PowerLaw(exponent)")
+    return kernel.fit(t_min, t_max, tol)
+
+
+def fit_interval(t_min, t_max, tol):
+    """Return the arguments of a fit as floats, checked."""
     t_min = positive("t_min", t_min)
     t_max = positive("t_max", t_max)
     tol = tolerance("tol", tol)
     if not 1 < t_max / t_min <= _RATIO_MAX:
         required = f"lie between t_min = {t_min} and {_RATIO_MAX:g} times that"
         raise ValueError(complaint("t_max", required, t_max))
-    a = float(kernel.exponent)
+    return t_min, t_max, tol
+
+
+def fit_power(a, t_min, t_max, tol):
+    """The sum for ``t**-a`` on an interval that `fit_interval` has checked."""
     if abs(a * math.log(t_min)) > 690:
         raise ValueError(complaint("t_min", "leave the kernel a finite value there", t_min))
     rates, weights, error = fit_unit((a,), t_max / t_min, tol)

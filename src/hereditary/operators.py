@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from scipy.special import gamma
 
 from ._checks import complaint, instance, real, real_array, within
-from .memory_kernels import MemoryKernel
+from .exponential_sum import ExponentialSum, MemoryKernel, fit_interval, fit_power
 
 
 @dataclass(frozen=True)
@@ -44,6 +44,22 @@ class PowerLaw(MemoryKernel):
     def __call__(self, t: ArrayLike) -> np.ndarray:
         """Kernel values, the shape of `t`."""
         return np.asarray(t, dtype=float) ** -self.exponent
+
+    @property
+    def singular_exponent(self) -> float:
+        """The exponent itself."""
+        return float(self.exponent)
+
+    def integral(self, t: ArrayLike) -> np.ndarray:
+        """``int_0^t K`` = t**(1 - exponent) / (1 - exponent), for exponents below 1."""
+        a = float(self.exponent)
+        if a >= 1:
+            raise ValueError(complaint("exponent", "be below 1 for a finite integral from 0", a))
+        return np.asarray(t, dtype=float) ** (1 - a) / (1 - a)
+
+    def fit(self, t_min: float, t_max: float, tol: float) -> ExponentialSum:
+        """The kernel as a sum of exponentials; see `fit_exponentials`."""
+        return fit_power(float(self.exponent), *fit_interval(t_min, t_max, tol))
 
 
 class Caputo:

@@ -7,6 +7,7 @@ import numpy as np
 from numba import njit
 
 from ._jit import JAC_SIG, as_value, kernel
+from .exponential_sum import MemoryKernel
 from .kernels.jacobian import jacobian_at
 
 
@@ -21,7 +22,7 @@ class KernelTerm:
         m: 0, 1 or 2.
     """
 
-    kernel: object
+    kernel: MemoryKernel
     derivative: int
 
     def later(self, origin: float):

@@ -1,5 +1,7 @@
 """How growth is measured over a stepper (floor 5): by tangents, pairs of orbits, or restarts."""
 
+import math
+
 import numpy as np
 
 from .._checks import complaint
@@ -182,6 +184,10 @@ def _values(stepper):
 
 def _triangle(columns):
     """Diagonal (k,), above 0, and inverse (k, k) of R in ``columns = Q R``; None where lost."""
+    if columns.shape[1] == 1:
+        length = math.hypot(*columns[:, 0])
+        known = 0 < length < math.inf
+        return (np.array([length]), np.array([[1 / length]])) if known else (None, None)
     if not np.all(np.isfinite(columns)):
         return None, None
     r = np.linalg.qr(columns)[1]

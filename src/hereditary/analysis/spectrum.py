@@ -50,7 +50,9 @@ class Record:
     def add(self, n, logs):
         """Note the growth up to step n, and suit the interval to it."""
         self.n_last = n
-        self.widest = max(self.widest, float(np.ptp(logs)))
+        size = max(map(abs, logs.tolist()))
+        width = max(logs.tolist()) - min(logs.tolist())
+        self.widest = max(self.widest, width)
         self.total = self.total + logs
         if n == self._n_transient:
             self._at_transient = self.total
@@ -58,7 +60,7 @@ class Record:
             self.steps.append(n)
             self.sums.append(self.total - self._at_transient)
         if self.automatic:
-            spread = max(np.abs(logs).max(), np.ptp(logs))
+            spread = max(size, width)
             if spread > _HIGH:
                 # and no longer ever after: spikes of contraction are rare, but come again
                 self.interval = self._longest = max(1, int(self.interval * _HIGH / spread))

@@ -9,11 +9,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from scipy.special import rgamma
 
 from ..exponential_sum import fit_unit, grid_spacing
+from ..special import mean_exponential
+
+# General kernels are sums of exponentials down to this share of the closest distance, and a point
+# mass below: its error is of second order in that distance.
+_BELOW = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +72,48 @@ def open_bank(orders, closest, farthest, tol):
         np.ascontiguousarray(rates / closest),
         np.ascontiguousarray(weights * closest ** (a - 1) * rgamma(a)),
     )
+
+
+@dataclass(frozen=True, eq=False)
+class KernelBank:
+    """Exponential sums of general kernels, far below the closest distance at which steps read.
+
+    Attributes
+    ----------
+    rates : ndarray, shape (M,)
+    weights : ndarray, shape (n, M)
+    masses : ndarray, shape (n,)
+        What each kernel's integral over still smaller distances is more than the sum's.
+    """
+
+    rates: np.ndarray
+    weights: np.ndarray
+    masses: np.ndarray
+
+
+def open_kernels(kernels, closest, farthest, tol):
+    """The sums of these kernels for steps that read no closer than `closest`."""
+    nearest = max(_BELOW * closest, 1e-300)
+    fits = [_finest(kernel, nearest, farthest, tol) for kernel in kernels]
+    rates = np.concatenate([np.zeros(0), *(fit.rates for fit in fits)])
+    weights, masses, offset = np.zeros((len(fits), rates.size)), np.zeros(len(fits)), 0
+    for k, (kernel, fit) in enumerate(zip(kernels, fits, strict=True)):
+        weights[k, offset : offset + fit.rates.size] = fit.weights
+        offset += fit.rates.size
+        held = fit.weights @ (nearest * mean_exponential(fit.rates * nearest))
+        masses[k] = float(kernel.integral(nearest)) - held
+    return KernelBank(rates, weights, masses)
+
+
+@lru_cache(maxsize=64)
+def _finest(kernel, t_min, t_max, tol):
+    """The kernel's fit to `tol`, or to as little more as it can be had at."""
+    for loosened in (1.0, 10.0, 100.0):
+        try:
+            return kernel.fit(t_min, t_max, max(1e-13, loosened * tol))
+        except ValueError:
+            continue
+    return kernel.fit(t_min, t_max, 1e3 * tol)
 
 
 def _exponents(orders):

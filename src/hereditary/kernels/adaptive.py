@@ -9,11 +9,13 @@ from .collocation import (
     POSITION,
     PRIMARY,
     estimate,
+    fold_known,
     local_operators,
     solve_stages,
     solve_tangents,
+    take_from_forces,
 )
-from .mode_tables import TABLES, combined_weights, move_modes, on_grid, read_modes, slot_of
+from .mode_tables import BANK, TABLES, combined_weights, move_modes, on_grid, read_modes, slot_of
 from .signatures import JAC, RHS
 
 # How a march ended: at its stop, with its rows full, where the modes do not reach close enough, or
@@ -34,10 +36,8 @@ _GUESS = 3
 FORM = types.Tuple((MAT, VEC, IVEC, MAT))
 # nodes (s,), integrals (n_a, s, s), values to Legendre coefficients (s, s)
 RULE = types.Tuple((VEC, CUBE, MAT))
-# rates (M,), weights (n_a, M)
-BANK = types.Tuple((VEC, MAT))
 # clock [t, h, last step, closest distance], notes, steps [accepted, rejected], largest |p| (d,);
-# for all strands p0, x, p (1 + k, d), modes now and before the last step (1 + k, d, M), and f, p,
+# for all strands p0, x, p (1 + k, d), modes now and before the last step (1 + k, R, M), and f, p,
 # x at the last step's nodes (1 + k, 3, d, s)
 RUN = types.Tuple((VEC, VEC, IVEC, VEC, MAT, MAT, MAT, CUBE, CUBE, CUBES))
 # starts and lengths of steps (k,), p at the nodes (k, d, s), y and p at the start (k, 2 d), error
@@ -52,31 +52,31 @@ def march_adaptive(
     """March to t_stop; the number of rows and how it ended."""
     channels, orders, second, offsets = form
     nodes, singular, legendre = rule
-    rates, weights = bank
+    rates, weights, _, _ = bank
     clock, notes, steps, largest, p0, x, p, modes, before, last = run
     starts, lengths, rows, begins, ratios = track
-    n_strands, d, s = x.shape[0], x.shape[1], nodes.shape[0]
+    (n_strands, d), s, n_rows = x.shape, nodes.shape[0], modes.shape[1]
     whole = singular[orders.shape[0] - 1]  # the last order is 1
-    drivers, constant = np.empty((3 * d, s, s)), np.empty((n_strands, d, s))
-    driven, idle = np.empty((d, 3, rates.shape[0])), np.empty((n_strands, d, rates.shape[0]))
+    drivers, constant = np.empty((3 * n_rows, s, s)), np.empty((n_strands, n_rows, s))
+    driven, idle = np.empty((n_rows, 3, rates.shape[0])), np.empty((n_strands, *modes.shape[1:]))
     combined_weights(channels, offsets, weights, driven, idle)
-    base, values = np.empty((n_strands, d, s)), np.empty((n_strands, 3, d, s))
+    base, values = np.empty((n_strands, n_rows, s)), np.empty((n_strands, 3, d, s))
     errors, lowest = np.empty(d), lowest_order(channels, orders)
     row, rejected, made = 0, False, -1.0
     while clock[0] < t_stop:
         if row == starts.shape[0]:
             return row, FULL
-        t, left = clock[0], t_stop - clock[0]
-        h = left if clock[1] >= left else min(clock[1], 0.5 * left)
+        t, left, h = next_step(clock, t_stop)
         if not t + 0.01 * h > t:
             return row, TOO_ROUGH
         if nodes[0] * h < clock[3]:
             return row, TOO_CLOSE
+        slot = slot_of(h, nodes, bank, tables)
+        local = tables[4][slot]
         if h != made:
-            local_operators(h, channels, offsets, orders, singular, drivers, constant)
+            local_operators(h, d, channels, offsets, orders, singular, local, drivers, constant)
         made = h
-        slot = slot_of(h, nodes, rates, tables)
-        known_part(modes, tables[1][slot], p0, constant, base)
+        known_part(modes, tables[1][slot], p0, constant, drivers, base)
         goal = _NEWTON * (atol + rtol * np.maximum(largest, np.abs(p[0])))
         # just before the stop, where the right-hand side may jump
         times = np.minimum(t + h * nodes, np.nextafter(t_stop, 0.0))
@@ -85,16 +85,16 @@ def march_adaptive(
             rhs, jac, has_jac, params, times, h, base[0], x[0], second, drivers, whole, goal,
             values[0, PRIMARY], values[0, POSITION], values[0, FORCE], notes,
         )  # fmt: skip
-        ratio = np.inf
-        if solved:
-            estimate(h, channels, orders, legendre, values[0], errors)
-            ratio = over_tolerance(h, errors, values[0], second, largest, p0[0], rtol, atol)
+        take_from_forces(d, drivers, base, values[:1])
+        estimate(h, channels, orders, legendre, local, drivers, values[0], errors)
+        ratio = over_tolerance(h, errors, values[0], second, largest, p0[0], rtol, atol)
+        ratio = ratio if solved else np.inf
         if ratio <= 1.0 and n_strands > 1:
-            solved = solve_tangents(
-                rhs, jac, has_jac, params, times, h, base, x, second, drivers, whole, values, notes
-            )
-            ratio = max(ratio, worst_tangent(h, channels, orders, legendre, values, rtol))
-            ratio = ratio if solved else np.inf
+            more = tangents_ratio(
+                rhs, jac, has_jac, params, times, h, base, x, form, drivers, whole, local, legendre,
+                values, rtol, notes,
+            )  # fmt: skip
+            ratio, solved = max(ratio, more), more < np.inf
         clock[1] = next_length(h, clock[1], ratio, rejected, s + lowest)
         rejected = not ratio <= 1.0
         steps[int(rejected)] += 1
@@ -113,13 +113,23 @@ def march_adaptive(
 
 
 @kernel
-def known_part(modes, reads, p0, constant, base):
-    """What every strand's p is made of besides the step itself, (1 + k, d, s)."""
+def next_step(clock, t_stop):
+    """Start of the next step, time left, and the step's length: no crumb is left at the stop."""
+    left = t_stop - clock[0]
+    return clock[0], left, left if clock[1] >= left else min(clock[1], 0.5 * left)
+
+
+@kernel
+def known_part(modes, reads, p0, constant, drivers, base):
+    """What every strand's rows are made of besides the step itself, (1 + k, R, s)."""
     for strand in range(base.shape[0]):
         read_modes(modes[strand], reads, base[strand])
         for c in range(base.shape[1]):
             for i in range(base.shape[2]):
-                base[strand, c, i] += p0[strand, c] + constant[strand, c, i]
+                base[strand, c, i] += constant[strand, c, i]
+                if c < p0.shape[1]:
+                    base[strand, c, i] += p0[strand, c]
+    fold_known(p0.shape[1], drivers, base)
 
 
 @kernel
@@ -141,16 +151,32 @@ def lowest_order(channels, orders):
     """The smallest order of integration."""
     lowest = 1.0
     for row in range(channels.shape[0]):
-        lowest = min(lowest, orders[int(channels[row, 2])])
+        if channels[row, 2] < orders.shape[0]:
+            lowest = min(lowest, orders[int(channels[row, 2])])
     return lowest
 
 
 @kernel
-def worst_tangent(h, channels, orders, legendre, values, rtol):
+def tangents_ratio(
+    rhs, jac, has_jac, params, times, h, base, x, form, drivers, whole, local, legendre, values,
+    rtol, notes,
+):  # fmt: skip
+    """Solve the step for the tangents; their largest error over its tolerance, inf if singular."""
+    channels, orders, second, _ = form
+    if not solve_tangents(
+        rhs, jac, has_jac, params, times, h, base, x, second, drivers, whole, values, notes
+    ):
+        return np.inf
+    take_from_forces(x.shape[1], drivers, base[1:], values[1:])
+    return worst_tangent(h, channels, orders, legendre, local, drivers, values, rtol)
+
+
+@kernel
+def worst_tangent(h, channels, orders, legendre, local, drivers, values, rtol):
     """Largest ratio of a tangent's error to its tolerance, relative to all of the tangent."""
     worst, errors = 0.0, np.empty(values.shape[2])
     for strand in range(1, values.shape[0]):
-        estimate(h, channels, orders, legendre, values[strand], errors)
+        estimate(h, channels, orders, legendre, local, drivers, values[strand], errors)
         size = np.max(np.abs(values[strand, PRIMARY:]))
         if not size < np.inf:
             return np.inf
@@ -167,8 +193,9 @@ def fold(rates, modes, p0):
     would be lost in their rounding.
     """
     if rates.shape[0] > 0 and rates[0] == 0.0:
-        p0 += modes[:, :, 0]
-        modes[:, :, 0] = 0.0
+        d = p0.shape[1]
+        p0 += modes[:, :d, 0]
+        modes[:, :d, 0] = 0.0
 
 
 @kernel

@@ -21,26 +21,75 @@ _SWEEPS = 12
 
 
 @kernel
-def local_operators(h, channels, offsets, orders, singular, drivers, constant):
-    """What values at the nodes contribute to p at the nodes, within a step of length h.
+def local_operators(h, d, channels, offsets, orders, singular, local, drivers, constant):
+    """What values at the nodes contribute to every row at the nodes, within a step of length h.
 
-    drivers[3 c + q] is the matrix for driver q of component c, constant[j, c] what the offsets of
+    Row c < d is p of component c, row d + c what general kernels take from its right-hand side.
+    drivers[3 c + q] is the matrix for driver q of row c, constant[j, c] what the offsets of
     strand j take.
     """
-    # channels (n, 4): component, driver, index of the order, kappa; offsets (1 + k, n)
-    # orders (n_a,), singular (n_a, s, s), drivers (3 d, s, s), constant (1 + k, d, s)
+    # channels (n, 4): row, driver, index of the order or kernel, kappa; offsets (1 + k, n)
+    # orders (n_a,), singular (n_a, s, s), local (n_k, s, s), drivers (3 R, s, s), constant
+    # (1 + k, R, s)
     drivers[:] = 0.0
     constant[:] = 0.0
     n_nodes = constant.shape[2]
     for row in range(channels.shape[0]):
         c, q, k = int(channels[row, 0]), int(channels[row, 1]), int(channels[row, 2])
-        factor = channels[row, 3] * h ** orders[k]
+        own = singular[k] if k < orders.shape[0] else local[k - orders.shape[0]]
+        factor = channels[row, 3] * (h ** orders[k] if k < orders.shape[0] else 1.0)
         for i in range(n_nodes):
             for j in range(n_nodes):
-                share = factor * singular[k, i, j]
+                share = factor * own[i, j]
                 drivers[3 * c + q, i, j] += share
                 for strand in range(offsets.shape[0]):
                     constant[strand, c, i] -= share * offsets[strand, row]
+    fold_operators(d, drivers)
+
+
+@kernel
+def subtract_image(matrix, vector, out):
+    """out -= matrix @ vector."""
+    for i in range(matrix.shape[0]):
+        for j in range(matrix.shape[1]):
+            out[i] -= matrix[i, j] * vector[j]
+
+
+@kernel
+def subtract_product(left, right, out):
+    """out -= left @ right."""
+    for i in range(left.shape[0]):
+        for k in range(left.shape[1]):
+            for j in range(right.shape[1]):
+                out[i, j] -= left[i, k] * right[k, j]
+
+
+@kernel
+def fold_operators(d, drivers):
+    """Let what kernels take from a right-hand side act on p at once."""
+    for c in range(drivers.shape[0] // 3 - d):
+        for q in (PRIMARY, POSITION):
+            subtract_product(drivers[3 * c + FORCE], drivers[3 * (d + c) + q], drivers[3 * c + q])
+
+
+@kernel
+def fold_known(d, drivers, known):
+    """The same for what is known of the step beforehand, (1 + k, R, s)."""
+    for strand in range(known.shape[0]):
+        for c in range(known.shape[1] - d):
+            subtract_image(drivers[3 * c + FORCE], known[strand, d + c], known[strand, c])
+
+
+@kernel
+def take_from_forces(d, drivers, known, values):
+    """What kernels take from the right-hand sides, once p and y are known; values (k, 3, d, s)."""
+    for strand in range(values.shape[0]):
+        for c in range(known.shape[1] - d):
+            force = values[strand, FORCE, c]
+            for i in range(force.shape[0]):
+                force[i] -= known[strand, d + c, i]
+            for q in (PRIMARY, POSITION):
+                subtract_image(drivers[3 * (d + c) + q], values[strand, q, c], force)
 
 
 @kernel
@@ -105,10 +154,10 @@ def solve_stages(
     """Solve for p at the nodes by Newton's method from its present values.
 
     Returns whether p is exact to `goal` (d,). With it go x and, corrected to first order for the
-    last change, f; notes: calls of the right-hand side, sweeps, the
-    rate of contraction seen and the size of the change it was seen at.
+    last change, f; notes: calls of the right-hand side, sweeps, the rate of contraction seen, and
+    the size of the change and the length of the step it was seen at.
     """
-    # base, p, x, f (d, s), notes (4,)
+    # base, p, x, f (d, s), notes (5,)
     d, s = p.shape
     matrix, order = np.empty((d * s, d * s)), np.empty(d * s, dtype=np.int64)
     residual, change = np.empty(d * s), np.empty(d * s)
@@ -140,8 +189,9 @@ def solve_stages(
         if previous < np.inf:
             rate = size / previous
             notes[2], notes[3] = max(rate, 0.1 * notes[2]), max(previous, 0.1 * notes[3])
-        else:  # as in steps before, and worse the further the guess was off
-            rate = notes[2] * max(1.0, size / notes[3])
+            notes[4] = h
+        else:  # as in steps before, worse the further the guess was off and the longer the step
+            rate = notes[2] * max(1.0, size / notes[3]) * max(1.0, h / notes[4]) ** 2
         if size * min(1.0, 4.0 * rate) < 1.0:
             correct_forces(jacobians, before, x, f)
             return True
@@ -190,19 +240,23 @@ def residuals(base, drivers, p, x, f, out):
 
 
 @kernel
-def estimate(h, channels, orders, legendre, values, errors):
+def estimate(h, channels, orders, legendre, local, drivers, values, errors):
     """Error of p by each component's drivers: the Legendre coefficients after the last, integrated.
 
     Nor may p itself, as the dense output interpolates it, be further off.
     """
-    # values (3, d, s), errors (d,)
-    for c in range(errors.shape[0]):
+    # local (n_k, s, s), drivers (3 R, s, s), values (3, d, s), errors (d,)
+    d, n_a = errors.shape[0], orders.shape[0]
+    for c in range(d):
         last, shrink = tail(legendre, values[PRIMARY, c])
         errors[c] = last * shrink * shrink
     for row in range(channels.shape[0]):
         c, q, k = int(channels[row, 0]), int(channels[row, 1]), int(channels[row, 2])
-        last, shrink = tail(legendre, values[q, c])
-        errors[c] += abs(channels[row, 3]) * h ** orders[k] * last * shrink
+        last, shrink = tail(legendre, values[q, c % d])
+        size = h ** orders[k] if k < n_a else np.max(np.abs(local[k - n_a, -1]))
+        if c >= d:
+            size *= np.max(np.abs(drivers[3 * (c - d) + FORCE, -1]))
+        errors[c % d] += abs(channels[row, 3]) * size * last * shrink
 
 
 @kernel
@@ -226,8 +280,8 @@ def solve_tangents(
 
     The orbit's values, strand 0, solve the step; its Jacobians make that of each tangent linear.
     """
-    # base (1 + k, d, s), x_start (1 + k, d), values (1 + k, 3, d, s)
-    d, s = base.shape[1], base.shape[2]
+    # base (1 + k, R, s), x_start (1 + k, d), values (1 + k, 3, d, s)
+    d, s = second.shape[0], base.shape[2]
     matrix, order = np.empty((d * s, d * s)), np.empty(d * s, dtype=np.int64)
     known, found = np.empty(d * s), np.empty(d * s)
     jacobians, start = np.empty((s, d, d)), np.empty((d, s))
@@ -256,27 +310,31 @@ def solve_tangents(
     return True
 
 
-@entry(RHS, JAC, I8, VEC, MAT, MAT, VEC, IVEC, VEC, CUBE, F8, CUBE, MAT, VEC, CUBES, VEC)
+@entry(RHS, JAC, I8, VEC, MAT, MAT, VEC, IVEC, VEC, CUBE, CUBE, F8, CUBE, MAT, VEC, CUBES, VEC)
 def solve_once(
-    rhs, jac, has_jac, params, channels, offsets, orders, second, times, singular, h, base, x_start,
-    goal, values, notes,
+    rhs, jac, has_jac, params, channels, offsets, orders, second, times, singular, local, h, base,
+    x_start, goal, values, notes,
 ):  # fmt: skip
-    """Solve one step from Python; base (1 + k, d, s) holds p(0) and the past of every strand.
+    """Solve one step from Python; base (1 + k, R, s) holds p(0) and the past of every strand.
 
     values (1 + k, 3, d, s): f, p and y at the nodes, p of strand 0 holding a first guess.
     """
-    n_nodes, d = times.shape[0], second.shape[0]
-    drivers = np.empty((3 * d, n_nodes, n_nodes))
-    constant = np.empty((offsets.shape[0], d, n_nodes))
-    local_operators(h, channels, offsets, orders, singular, drivers, constant)
+    n_nodes, d, n_rows = times.shape[0], second.shape[0], base.shape[1]
+    drivers = np.empty((3 * n_rows, n_nodes, n_nodes))
+    constant = np.empty((offsets.shape[0], n_rows, n_nodes))
+    local_operators(h, d, channels, offsets, orders, singular, local, drivers, constant)
+    known = base + constant
+    fold_known(d, drivers, known)
     whole = singular[orders.shape[0] - 1]
     f, p, x = values[0, FORCE], values[0, PRIMARY], values[0, POSITION]
     if not solve_stages(
-        rhs, jac, has_jac, params, times, h, base[0] + constant[0], x_start[0], second, drivers,
-        whole, goal, p, x, f, notes,
+        rhs, jac, has_jac, params, times, h, known[0], x_start[0], second, drivers, whole, goal, p,
+        x, f, notes,
     ):  # fmt: skip
         return False
-    return offsets.shape[0] == 1 or solve_tangents(
-        rhs, jac, has_jac, params, times, h, base + constant, x_start, second, drivers, whole,
-        values, notes,
-    )  # fmt: skip
+    if offsets.shape[0] > 1 and not solve_tangents(
+        rhs, jac, has_jac, params, times, h, known, x_start, second, drivers, whole, values, notes
+    ):
+        return False
+    take_from_forces(d, drivers, known, values)
+    return True

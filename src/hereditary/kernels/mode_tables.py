@@ -10,16 +10,19 @@ import math
 import numpy as np
 from numba import types
 
-from .._jit import CUBE, MAT, VEC, kernel
+from .._jit import CUBE, CUBES, MAT, VEC, kernel
 
 # Lengths of steps are powers of two of the multiples of 1 / _PER_OCTAVE, rounded up to so few
 # digits that adding them to a time is exact: the same rounding each time would make a drift.
 _PER_OCTAVE, _DIGITS = 8, 2.0**12
 # Slots; lengths that are powers of 2**(SLOTS / _PER_OCTAVE) apart share one.
 SLOTS = 64
-# Lengths (k,), at nodes exp(-rate node) (k, M, s), at the end exp(-rate h) (k, M), and moments of
-# Legendre polynomials (k, s, M).
-TABLES = types.Tuple((VEC, CUBE, MAT, CUBE))
+# Lengths (k,), at nodes exp(-rate node) (k, M, s), at the end exp(-rate h) (k, M), moments of
+# Legendre polynomials (k, s, M), and matrices of general kernels (k, n_k, s, s).
+TABLES = types.Tuple((VEC, CUBE, MAT, CUBE, CUBES))
+# rates (M,), weights of the fractional integrals and then of general kernels (n_a + n_k, M), point
+# masses of the latter (n_k,), values at the nodes to Legendre coefficients on [0, node i] (s, s, s)
+BANK = types.Tuple((VEC, MAT, VEC, CUBE))
 
 
 @kernel
@@ -31,9 +34,10 @@ def on_grid(h):
 
 
 @kernel
-def slot_of(h, nodes, rates, tables):
+def slot_of(h, nodes, bank, tables):
     """The slot with the factors of a step of length h, computed where it held another's."""
-    lengths, reads, keeps, moments = tables
+    lengths, reads, keeps, moments, local = tables
+    rates, weights, masses, transforms = bank
     slot = math.floor(_PER_OCTAVE * math.log2(h) + 0.5) % lengths.shape[0]
     if lengths[slot] == h:
         return slot
@@ -44,8 +48,29 @@ def slot_of(h, nodes, rates, tables):
         keeps[slot, m] = math.exp(-rates[m] * h)
         exponential_legendre(rates[m] * h, nodes.shape[0], column)
         moments[slot, :, m] = column
+    for k in range(masses.shape[0]):
+        own = weights[weights.shape[0] - masses.shape[0] + k]
+        kernel_matrix(h, nodes, rates, own, masses[k], transforms, local[slot, k])
     lengths[slot] = h
     return slot
+
+
+@kernel
+def kernel_matrix(h, nodes, rates, weights, mass, transforms, out):
+    """out[i, j]: what value j contributes to the convolution with a kernel at node i of a step."""
+    s = nodes.shape[0]
+    column = np.empty(s)
+    out[:] = 0.0
+    for i in range(s):
+        for m in range(rates.shape[0]):
+            if weights[m] == 0.0:
+                continue
+            exponential_legendre(rates[m] * h * nodes[i], s, column)
+            for k in range(s):
+                share = weights[m] * h * nodes[i] * column[k]
+                for j in range(s):
+                    out[i, j] += share * transforms[i, k, j]
+        out[i, i] += mass
 
 
 @kernel
@@ -62,11 +87,11 @@ def read_modes(modes, reads, out):
 @kernel
 def move_modes(h, keeps, moments, driven, idle, legendre, values, modes):
     """Let the modes decay over the step and take in the drivers' polynomials on it."""
-    # keeps (M,), moments (s, M), driven (d, 3, M), idle, modes (d, M), legendre (s, s): values to
-    # coefficients, values (3, d, s)
+    # keeps (M,), moments (s, M), driven (R, 3, M), idle, modes (R, M), legendre (s, s): values to
+    # coefficients, values (3, d, s); row c is driven by component c modulo d
     d, s = values.shape[1], values.shape[2]
     part = np.empty(keeps.shape[0])
-    for c in range(d):
+    for c in range(modes.shape[0]):
         for m in range(keeps.shape[0]):
             modes[c, m] = modes[c, m] * keeps[m] + h * idle[c, m] * moments[0, m]
         for q in range(3):
@@ -76,7 +101,7 @@ def move_modes(h, keeps, moments, driven, idle, legendre, values, modes):
             for k in range(s):
                 coefficient = 0.0
                 for j in range(s):
-                    coefficient += legendre[k, j] * values[q, c, j]
+                    coefficient += legendre[k, j] * values[q, c % d, j]
                 for m in range(keeps.shape[0]):
                     part[m] += coefficient * moments[k, m]
             for m in range(keeps.shape[0]):
@@ -85,8 +110,8 @@ def move_modes(h, keeps, moments, driven, idle, legendre, values, modes):
 
 @kernel
 def combined_weights(channels, offsets, weights, driven, idle):
-    """Weights of the drivers' modes in p, driven (d, 3, M), and of 1, idle (1 + k, d, M)."""
-    # channels (n, 4), offsets (1 + k, n), weights (n_a, M)
+    """Weights of the drivers' modes in each row, driven (R, 3, M), and of 1, idle (1 + k, R, M)."""
+    # channels (n, 4), offsets (1 + k, n), weights (n_a + n_k, M)
     driven[:] = 0.0
     idle[:] = 0.0
     for row in range(channels.shape[0]):

@@ -12,6 +12,8 @@ from numpy.typing import ArrayLike
 from .._checks import complaint, count, positive, real, real_array
 from .._jit import kernel
 from ..equation import Equation
+from ..exponential_sum import MemoryKernel
+from ..operators import Memory, Term
 from ..solver.solution import Solution
 from ..special import bracketed_root
 from .linear import oscillator_terms
@@ -56,11 +58,14 @@ def stick_slip(
     x0: float = 0.2,
     v0: float = 0.3,
     well: ArrayLike | None = None,
+    inertia: MemoryKernel | None = None,
+    resistance: MemoryKernel | None = None,
 ) -> Equation:
     """The stick-slip oscillator with memory; classical at beta = 2, gamma = 1.
 
     ``D^beta x + friction D^gamma x + omega**2 x = spring_speed t + adhesion sum_n a_n sin(n x)``
-    in scaled units: x in widths of a well, all quantities [-].
+    in scaled units: x in widths of a well, all quantities [-]. With kernels K1 and K2 the first two
+    terms are ``int_0^t K1(t-s) x''(s) ds + friction int_0^t K2(t-s) x'(s) ds``.
 
     Parameters
     ----------
@@ -79,6 +84,8 @@ def stick_slip(
     well : sequence of float, optional
         Fourier coefficients a_1, a_2, ... of the force; the seven printed ones by default,
         ``well_coefficients(n)`` computes them from the well's shape.
+    inertia, resistance : MemoryKernel, optional
+        K1 and K2, instead of the power laws that beta and gamma stand for.
 
     Returns
     -------
@@ -92,7 +99,7 @@ def stick_slip(
 
     Source
     ------
-    [ParovikStickSlip], eqs. (3) and (6), Examples 1 and 2.
+    [ParovikStickSlip], eqs. (3), (4) and (6), Examples 1 and 2.
 
     Examples
     --------
@@ -112,8 +119,13 @@ def stick_slip(
         real("adhesion", adhesion),
         *coefficients,
     )
+    terms = oscillator_terms(beta, gamma, friction)
+    if inertia is not None:
+        terms[0] = Term(Memory(inertia, 2), 1.0)
+    if resistance is not None:
+        terms[1] = real("friction", friction) * Memory(resistance, 1)
     return Equation(
-        oscillator_terms(beta, gamma, friction),
+        terms,
         _force,
         [[real("x0", x0)], [real("v0", v0)]],
         params=params,

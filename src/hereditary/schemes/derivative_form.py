@@ -56,7 +56,8 @@ def derivative_plan(
     weight_of = weight_of or (lambda c, alpha: leading_weight(c, alpha, h))
     distinct, classes = distinct_components(equation)
     rows = np.empty((3, len(distinct)))  # lead, near, weight of the first step
-    lists, start_lists, more = [], [], [[] for _ in more_starts]
+    lists, start_lists = [], []
+    more: list[list] = [[] for _ in more_starts]
     for i, key in enumerate(distinct):
         terms = [(weight_of(c, alpha), rule_of(alpha), number_of(alpha)) for c, alpha in key]
         weights = sum(f * rule.exact(p, 2) for f, rule, p in terms)

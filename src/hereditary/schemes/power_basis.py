@@ -18,6 +18,8 @@ _CUT = 1e-14
 _TINY = 0.12
 # How many functions, and how many with a tiny generator.
 _SIZE, _SIZE_IF_TINY = 18, 24
+# Kernels are taken no closer to 0 than this.
+_NEXT_TO_0 = 1e-300
 # The graded rule leaves out this much next to 1, where kernels are integrated in closed form.
 LEFT_OUT = 0.25**26 / 2
 
@@ -125,6 +127,23 @@ class PowerBasis:
         if g == self._generators[0]:
             w = w / (1 + self.bend * (1 - w))
         return np.log(w) / g
+
+    def convolutions(self, kernel, h):
+        """Convolutions with a kernel K from 0 to the nodes and between, times h, (2 n, n).
+
+        ``int_0^(h t) K(h t - s) q(s) ds`` from the values of q(h .) at the nodes.
+        """
+        u, v, weights = graded_rule()
+        ends = np.exp(self._logs)
+        values = self._functions(np.add.outer(self._logs, np.log(u)).ravel())
+        values = values.reshape(ends.size, u.size, -1)
+        distances = np.maximum(h * np.multiply.outer(ends, v), _NEXT_TO_0)
+        kernels = kernel(distances) * weights * (h * ends)[:, None]
+        inner = np.einsum("kq,kqj->kj", kernels, values)
+        # what is left beyond the rule, next to the end
+        rest = kernel.integral(np.maximum(h * ends * LEFT_OUT, _NEXT_TO_0))
+        inner += self._functions(self._logs) * rest[:, None]
+        return (inner @ self._mix) @ self._coefficients
 
     def _functions(self, log_t, derivative=None):
         """Products of Legendre polynomials; of derivatives in the generator numbered so."""

@@ -58,6 +58,15 @@ def power_integrals(exponents, a, ends):
     return np.asarray(ends, dtype=float)[:, None] ** (exponents + a) * factors
 
 
+@lru_cache(maxsize=16)
+def shortened_legendre(s):
+    """From values at the nodes to the Legendre coefficients of u -> q(c_i u), shape (s, s, s)."""
+    nodes, transform = radau_nodes(s), to_legendre(s)
+    return np.array(
+        [transform @ leg.legvander(2 * c * nodes - 1, s - 1) @ transform for c in nodes]
+    )
+
+
 def _frozen(array):
     array.flags.writeable = False
     return array

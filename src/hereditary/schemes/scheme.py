@@ -9,7 +9,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 class WeightRule:
     """A family of weights w_k that depends on one number p, exact and as exponentials.
 
+    Where the kernel is no power law p stands for a `StepKernel`.
+
     Attributes
     ----------
     exact : callable
@@ -39,9 +41,9 @@ class WeightRule:
         ``exp(-rates)`` from one k to the next.
     """
 
-    exact: Callable[[float, int], np.ndarray]
-    exponent: Callable[[float], float | None]
-    modal: Callable[[float, np.ndarray, np.ndarray, int], np.ndarray]
+    exact: Callable[[Any, int], np.ndarray]
+    exponent: Callable[[Any], Any]
+    modal: Callable[[Any, np.ndarray, np.ndarray, int], np.ndarray]
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from functools import lru_cache, partial
 import numpy as np
 
 from .._checks import complaint
-from ..exponential_sum import ExponentialSum
+from ..exponential_sum import ExponentialSum, MemoryKernel
 from ..special import alternating_sum, gauss_unit, mean_exponential
 from ..system import KernelTerm
 from .scheme import WeightRule
@@ -26,7 +26,7 @@ class Integrated:
     kernel : MemoryKernel
     """
 
-    kernel: object
+    kernel: MemoryKernel
 
     def __call__(self, t):
         """Its values."""
@@ -70,7 +70,7 @@ class StepKernel:
         Step [time].
     """
 
-    kernel: object
+    kernel: MemoryKernel | Integrated
     h: float
 
     def first(self, theta: float = 1.0) -> float:
@@ -101,8 +101,13 @@ class StepKernel:
 
     def exponentials(self, n_steps: float, tol: float) -> tuple[np.ndarray, np.ndarray]:
         """Rates [1/step] and weights of its exponential sum from one step to `n_steps`."""
-        fit = self.kernel.fit(self.h, self.h * n_steps, tol)
-        return fit.rates * self.h, fit.weights
+        return _exponentials(self, n_steps, tol)
+
+
+@lru_cache(maxsize=64)
+def _exponentials(kernel, n_steps, tol):
+    fit = kernel.kernel.fit(kernel.h, kernel.h * n_steps, tol)
+    return fit.rates * kernel.h, fit.weights
 
 
 def of_increments(term):

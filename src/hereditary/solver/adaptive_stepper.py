@@ -11,7 +11,12 @@ from ..kernels.adaptive import FULL, NOT_SOLVED, REACHED, TOO_CLOSE, march_adapt
 from ..kernels.collocation import PRIMARY
 from ..kernels.mode_tables import SLOTS
 from ..schemes.collocation import integral_form
-from ..schemes.quadrature import radau_integrals, radau_nodes, to_legendre
+from ..schemes.quadrature import (
+    radau_integrals,
+    radau_nodes,
+    shortened_legendre,
+    to_legendre,
+)
 from .corner import Corner
 from .dense import PolynomialPieces, PowerPiece
 from .strands import Strands
@@ -85,9 +90,10 @@ class AdaptiveStepper:
         self.second = form.second == 1
         singular = np.array([radau_integrals(s, a) for a in form.orders])
         self._rule = tuple(np.array(a) for a in (radau_nodes(s), singular, to_legendre(s)))
+        self._transforms = shortened_legendre(s)
         self._strands = Strands(form, self._starts(directions), s)
         self._clock = np.array([0.0, t_end, 0.0, 0.0])
-        self._notes = np.array([0.0, 0.0, 1.0, 1.0])
+        self._notes = np.array([0.0, 0.0, 1.0, 1.0, 1.0])
         self._steps = np.zeros(2, dtype=np.int64)
         self._largest = np.abs(self._strands.initial[0])
         self._at_corner, self._largest_error, self._tables = True, 0.0, None
@@ -124,7 +130,7 @@ class AdaptiveStepper:
     @property
     def n_modes(self):
         """Modes held for each component."""
-        return self._strands.bank.rates.size
+        return self._strands.rates.size
 
     @property
     def y(self):
@@ -190,7 +196,7 @@ class AdaptiveStepper:
             equation.params,
             (form.channels, form.orders, form.second, strands.offsets),
             self._rule,
-            (strands.bank.rates, strands.bank.weights),
+            (strands.rates, strands.weights, strands.kernels.masses, self._transforms),
             self._kept_tables(),
             (self._clock, self._notes, self._steps, self._largest, *self._moving()),
             track,
@@ -203,7 +209,8 @@ class AdaptiveStepper:
         """Tables of the bank in use for steps of lengths that occurred."""
         n, s = self.n_modes, self._s
         if self._tables is None or self._tables[2].shape[1] != n:
-            shapes = ((SLOTS, n, s), (SLOTS, n), (SLOTS, s, n))
+            n_kernels = len(self._form.kernels)
+            shapes = ((SLOTS, n, s), (SLOTS, n), (SLOTS, s, n), (SLOTS, n_kernels, s, s))
             self._tables = (np.zeros(SLOTS), *(np.empty(shape) for shape in shapes))
         return self._tables
 
@@ -257,7 +264,8 @@ class AdaptiveStepper:
 
     def _identity(self):
         equation, n_tangents = self.equation, self._strands.x.shape[0] - 1
-        numbers = (equation.orders.tolist(), equation.coefficients.tolist(), n_tangents)
+        coefficients = [equation.coefficients.tolist(), *map(str, equation.memories)]
+        numbers = (equation.orders.tolist(), coefficients, n_tangents)
         return (self._s, self._tolerances, *numbers)
 
     def _step_out(self, t_stop):

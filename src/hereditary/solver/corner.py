@@ -29,7 +29,7 @@ class Corner:
         Length below which the modes cannot follow.
     tolerance : ndarray, shape (d,)
         Error that p may have.
-    notes : ndarray, shape (4,)
+    notes : ndarray, shape (5,)
         Newton's notes (kernels/collocation.py).
     """
 
@@ -65,19 +65,29 @@ class Corner:
             # just after the corner and before the stop: the right-hand side may jump at both
             first = np.nextafter(t, np.inf) if t > 0 else 0.0
             times = np.clip(t + h * points, first, np.nextafter(t_stop, 0.0))
-            if self._stages(basis, times, h, strands.past(h * points), operators, values):
+            local = self._convolutions(basis, h)
+            if self._stages(basis, times, h, strands.past(h * points), operators, local, values):
                 return h, basis, values
             h *= _SHORTER
             trials -= 1
             self.n_refused += 1
         return None
 
+    def _convolutions(self, basis, h):
+        """Matrices of the general kernels, (n_k, 2 n + 1, n)."""
+        kernels = self._form.kernels
+        empty = np.zeros((0, basis.nodes.size + basis.between.size, basis.nodes.size))
+        return np.array([basis.convolutions(k, h) for k in kernels]) if kernels else empty
+
     def _drive(self, size):
         """How strongly the integrals of the smallest order drive p, the Jacobian having `size`."""
         form = self._form
-        first = form.orders[form.channels[:, 2].astype(int)] == form.generators[0]
-        kappas = np.abs(form.channels[first, 3])
-        return (kappas * np.where(form.channels[first, 1] == FORCE, size, 1.0)).max(initial=0.0)
+        found = [
+            abs(kappa) * (size if q == FORCE else 1.0)
+            for _, q, k, kappa in rows(form)
+            if k < form.orders.size and form.orders[k] == form.generators[0]
+        ]
+        return max(found, default=0.0)
 
     def _first_length(self, size, left):
         """A length over which the solution changes by some half of itself, as a first trial."""
@@ -89,39 +99,46 @@ class Corner:
         order = max(order, 0.1)
         return most if size * most**order < 0.5 else (0.5 / size) ** (1 / order)
 
-    def _stages(self, basis, times, h, base, operators, values):
+    def _stages(self, basis, times, h, base, operators, local, values):
         """Solve for the values at the basis' nodes; whether the orbit's hold in between too."""
         equation, form, strands = self._equation, self._form, self._strands
         n = basis.nodes.size
         solved = solve_once(
             equation._rhs, equation._jac, int(equation.has_jac), equation.params, form.channels,
             strands.offsets, form.orders, form.second, times[:n],
-            np.ascontiguousarray(operators[:, :n]), h, np.ascontiguousarray(base[:, :, :n]),
-            strands.x, 1e-3 * self._tolerance, values, self._notes,
+            np.ascontiguousarray(operators[:, :n]), np.ascontiguousarray(local[:, :n]), h,
+            np.ascontiguousarray(base[:, :, :n]), strands.x, 1e-3 * self._tolerance, values,
+            self._notes,
         )  # fmt: skip
         if not solved:
             return False
-        defect = self._defect(basis, times[n:], h, base[0, :, n:], operators[:, n:], values[0])
+        inner = (operators[:, n:], local[:, n:])
+        defect = self._defect(basis, times[n:], h, base[0, :, n:], *inner, values[0])
         return bool(np.all(defect <= self._tolerance))  # False where it is not finite
 
-    def _defect(self, basis, times, h, base, operators, values):
+    def _defect(self, basis, times, h, base, operators, local, values):
         """How far the equation, integrated, and the basis are off between the nodes, (d,)."""
         equation, form, strands = self._equation, self._form, self._strands
-        p = base.copy()
+        found, d, n_a = base.copy(), form.second.size, form.orders.size
         for row, (c, q, k, kappa) in enumerate(rows(form)):
-            driver = values[q, c] - strands.offsets[0, row]
-            p[c] += kappa * h ** form.orders[k] * (operators[k] @ driver)
+            driver = values[q, c % d] - strands.offsets[0, row]
+            matrix = h ** form.orders[k] * operators[k] if k < n_a else local[k - n_a]
+            found[c] += kappa * (matrix @ driver)
+        p = found[:d]
         x = strands.x[0][:, None] + h * (values[PRIMARY] @ operators[-1].T)
         x = np.where(form.second[:, None] == 1, x, p)
-        f, out = np.empty_like(x), np.empty(p.shape[0])
+        f, out = np.empty_like(x), np.empty(d)
         for i, t in enumerate(times):
             equation._rhs(t, np.ascontiguousarray(x[:, i]), out, equation.params)
             f[:, i] = out
+        f[: form.n_rows - d] -= found[d:]
         self._notes[0] += times.size
         off = np.abs(np.array([f, p, x]) - basis.interpolate_between(values)).max(axis=2)
-        defect = np.zeros(p.shape[0])
+        defect = np.zeros(d)
         for c, q, k, kappa in rows(form):
-            defect[c] += abs(kappa) * h ** form.orders[k] * off[q, c]
+            if c < d:
+                size = h ** form.orders[k] if k < n_a else np.abs(local[k - n_a]).sum(axis=1).max()
+                defect[c] += abs(kappa) * size * off[q, c]
         # the basis itself shows in the dense output alone
         return np.maximum(self._damped(defect, h), _SHARE * off[PRIMARY : POSITION + 1].max(axis=0))
 
@@ -130,6 +147,8 @@ class Corner:
         form, jacobian = self._form, self._jacobian
         gain = np.zeros_like(jacobian)
         for c, q, k, kappa in rows(form):
+            if k >= form.orders.size:
+                continue
             share = kappa * h ** form.orders[k] * rgamma(1 + form.orders[k])
             if q == FORCE:
                 gain[c] += share * np.where(form.second == 1, 0.0, jacobian[c])

@@ -187,12 +187,16 @@ class Stepper:
         matrix : ndarray, shape (k, k)
         """
         d = self._system.d
-        mixed = matrix[:, None, :, None] * np.eye(d)[:, None, :]  # np.kron takes ten times as long
-        large = mixed.reshape(self.n_tangents * d, -1)
-        self.memory.combine(large, first=d)
         if self.n > _FIRST_STEPS:
             # what is not used any more would grow without end as tangents decay
             self._march_arrays[7][d:, self._n_lasting :] = 0.0
+        if self.n_tangents == 1:
+            for array in self.parts():
+                array[d:] *= matrix[0, 0]
+            return
+        mixed = matrix[:, None, :, None] * np.eye(d)[:, None, :]  # np.kron takes ten times as long
+        large = mixed.reshape(self.n_tangents * d, -1)
+        self.memory.combine(large, first=d)
         for array in self._march_arrays[1:]:
             array[d:] = large.T @ array[d:]
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.polynomial.legendre import legvander
 from scipy.special import rgamma
 
-from ..history.bank import Bank, open_bank
+from ..history.bank import Bank, open_bank, open_kernels
 from ..kernels.collocation import POSITION, PRIMARY
 from ..schemes.power_basis import LEFT_OUT, graded_rule
 from ..schemes.quadrature import to_legendre
@@ -33,11 +33,12 @@ class Strands:
         y, and the primary unknown, at present.
     initial, offsets : ndarray, shape (1 + k, d) and (1 + k, n)
         p(0) with all of the past that does not fade, and what is taken from each integral's driver.
-    modes, before : ndarray, shape (1 + k, d, M)
-        Modes now and before the last step.
+    modes, before : ndarray, shape (1 + k, R, M)
+        Modes of each row of the form, now and before the last step; those of general kernels last.
     last : ndarray, shape (1 + k, 3, d, s)
         f, p and y at the nodes of the last ordinary step.
     bank : Bank
+    kernels : KernelBank
     """
 
     def __init__(self, form, y0, n_nodes):
@@ -47,12 +48,26 @@ class Strands:
         self.initial = np.where(form.second == 1, y0[:, -1], y0[:, 0])
         self.p = self.initial.copy()
         starts = np.array([0 * self.initial, self.initial, y0[:, 0]])
-        components = form.channels[:, 0].astype(int)
+        components = form.channels[:, 0].astype(int) % d
         self.offsets = np.ascontiguousarray(starts[form.offset_of, :, components].T)
-        self.modes = self.before = np.zeros((n_strands, d, 0))
+        self.modes = self.before = np.zeros((n_strands, form.n_rows, 0))
         self.last = np.zeros((n_strands, 3, d, n_nodes))
         self.bank = Bank((), np.inf, 0.0, 0.0, np.zeros(0), np.zeros((0, 0)))
+        self.kernels = open_kernels((), 1.0, 1.0, 0.1)
         self._length, self._corner = 0.0, None
+
+    @property
+    def rates(self):
+        """Rates of all modes, shape (M,)."""
+        return np.concatenate([self.bank.rates, self.kernels.rates])
+
+    @property
+    def weights(self):
+        """Weights of all modes in each fractional integral and general kernel, (n_a + n_k, M)."""
+        (n_a, m), (n_k, more) = self.bank.weights.shape, self.kernels.weights.shape
+        weights = np.zeros((n_a + n_k, m + more))
+        weights[:n_a, :m], weights[n_a:, m:] = self.bank.weights, self.kernels.weights
+        return weights
 
     def arrays(self):
         """Everything that is linear in a strand."""
@@ -71,15 +86,18 @@ class Strands:
     def begin(self, closest, farthest, tol):
         """Open the modes."""
         self.bank = open_bank(self._form.orders.tolist(), closest, farthest, tol)
-        self.modes = np.zeros((*self.x.shape, self.bank.rates.size))
+        self.kernels = open_kernels(self._form.kernels, closest, farthest, tol)
+        n_rows = self._form.n_rows
+        self.modes = np.zeros((self.x.shape[0], n_rows, self.rates.size))
 
     def leave(self, basis, length, values):
         """Move to the end of a step out of a corner, f, p and y at its nodes (1 + k, 3, d, n)."""
         self._length, self._corner = length, (basis, values)
         self.x[:], self.p[:] = values[:, POSITION, :, -1], values[:, PRIMARY, :, -1]
         if self.bank.rates.size and self.bank.rates[0] == 0.0:  # as in kernels/adaptive.py
-            self.initial += self.modes[..., 0]
-            self.modes[..., 0] = 0.0
+            d = self.x.shape[1]
+            self.initial += self.modes[:, :d, 0]
+            self.modes[:, :d, 0] = 0.0
         self.before = self.modes
         self.modes = self._moved(self.before)
 
@@ -87,20 +105,31 @@ class Strands:
         """Refit the modes to reach closer; the new, fast ones have seen the last step alone."""
         n = self.bank.rates.size
         self.bank = self.bank.closer(closest)
-        more = ((0, 0), (0, 0), (0, self.bank.rates.size - n))
-        self.modes, self.before = np.pad(self.modes, more), np.pad(self.before, more)
-        self.modes[..., n:] = self._moved(np.zeros_like(self.modes))[..., n:]
+        added = slice(n, self.bank.rates.size)
+        gap = np.zeros((*self.modes.shape[:2], added.stop - n))
+        self.modes, self.before = (
+            np.concatenate([old[..., :n], gap, old[..., n:]], axis=2)
+            for old in (self.modes, self.before)
+        )
+        self.modes[..., added] = self._moved(np.zeros_like(self.modes))[..., added]
 
     def past(self, distances):
-        """p(0) and what lies before, as p sees it `distances` after the present, (1 + k, d, n)."""
-        base = np.repeat(self.initial[..., None], distances.size, axis=2)
+        """p(0) and what lies before, as rows see it `distances` ahead, shape (1 + k, R, n)."""
+        n_strands, d = self.x.shape
+        base = np.zeros((n_strands, self._form.n_rows, distances.size))
+        base[:, :d] += self.initial[..., None]
         if self._length == 0.0:
             return base
-        # the last step exactly, for the modes do not reach so close; all before it by its modes
-        base += self.before @ np.exp(-np.multiply.outer(self.bank.rates, self._length + distances))
+        n = self.bank.rates.size
+        base += self.modes[..., n:] @ np.exp(-np.multiply.outer(self.kernels.rates, distances))
+        # the last step exactly, for these modes do not reach so close; all before it by its modes
+        ages = np.multiply.outer(self.bank.rates, self._length + distances)
+        base += self.before[..., :n] @ np.exp(-ages)
         _, v, weights = graded_rule()
         u, drivers = distances / self._length, self._drivers()
         for row, (c, q, k, kappa) in enumerate(rows(self._form)):
+            if k >= self._form.orders.size:
+                continue
             a, offset = self._form.orders[k], self.offsets[:, row, None]
             kernel = weights * np.add.outer(u, v) ** (a - 1)
             seen = (drivers[:, q, c] - offset) @ kernel.T
@@ -124,16 +153,17 @@ class Strands:
 
     def _moved(self, modes):
         """What modes before the last step are after it."""
-        rates, drivers = self.bank.rates * self._length, self._drivers()
-        _, v, weights = graded_rule()
-        damped = np.exp(-np.multiply.outer(rates, v)) * weights
+        rates, drivers = self.rates * self._length, self._drivers()
+        weights, d = self.weights, self.x.shape[1]
+        _, v, rule = graded_rule()
+        damped = np.exp(-np.multiply.outer(rates, v)) * rule
         moved = modes * np.exp(-rates)
         for row, (c, q, k, kappa) in enumerate(rows(self._form)):
-            share = (drivers[:, q, c] - self.offsets[:, row, None]) @ damped.T
-            moved[:, c] += self._length * kappa * self.bank.weights[k] * share
+            share = (drivers[:, q, c % d] - self.offsets[:, row, None]) @ damped.T
+            moved[:, c] += self._length * kappa * weights[k] * share
         return moved
 
 
 def rows(form):
-    """Component, driver, index of the order and kappa of each integral."""
+    """Row, driver, index of the order or kernel and kappa of each integral."""
     return [(int(c), int(q), int(k), kappa) for c, q, k, kappa in form.channels]

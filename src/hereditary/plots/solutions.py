@@ -1,20 +1,16 @@
-"""Figures of a solution (floor 6); the only module that imports matplotlib.
-
-Every function draws into given axes or makes its own, and returns the axes.
-"""
+"""Figures of a solution (floor 6)."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import matplotlib.pyplot as plt
-
-from ._checks import complaint
+from .._checks import complaint
+from ._axes import made
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from .solver.solution import Solution
+    from ..solver.solution import Solution
 
 
 def oscillogram(solution: Solution, ax: Axes | None = None) -> Axes:
@@ -30,7 +26,7 @@ def oscillogram(solution: Solution, ax: Axes | None = None) -> Axes:
     -------
     matplotlib Axes
     """
-    ax = _axes(ax)
+    ax = made(ax)
     _lines(ax, solution.t, solution.y)
     ax.set(xlabel="$t$", ylabel="$x$", title="Oscillogram")
     ax.margins(x=0)
@@ -42,7 +38,7 @@ def velocity(solution: Solution, ax: Axes | None = None) -> Axes:
 
     Parameters and return value as for `oscillogram`.
     """
-    ax = _axes(ax)
+    ax = made(ax)
     _lines(ax, solution.t, _derivative(solution))
     ax.set(xlabel="$t$", ylabel=r"$\dot x$", title="Velocity")
     ax.margins(x=0)
@@ -65,17 +61,13 @@ def phase_portrait(solution: Solution, ax: Axes | None = None) -> Axes:
     """
     first_order_system = solution.ydot is None and solution.y.shape[1] > 1
     slopes = solution.y[:, 1:2] if first_order_system else _derivative(solution)
-    ax = _axes(ax)
+    ax = made(ax)
     for j in range(slopes.shape[1]):
         (line,) = ax.plot(solution.y[:, j], slopes[:, j], lw=0.8)
         ax.plot(solution.y[0, j], slopes[0, j], "o", ms=4, color=line.get_color())
     labels = ("$y_1$", "$y_2$") if first_order_system else ("$x$", r"$\dot x$")
     ax.set(xlabel=labels[0], ylabel=labels[1], title="Phase portrait")
     return ax
-
-
-def _axes(ax):
-    return plt.subplots(layout="constrained")[1] if ax is None else ax
 
 
 def _lines(ax, t, values):

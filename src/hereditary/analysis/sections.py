@@ -1,0 +1,221 @@
+"""Sections of an orbit (floor 5): samples once a period, and local maxima.
+
+Both read the dense output where a solution has one and parabolas through rows otherwise, and give
+arrays of a fixed size when asked to, filled up with NaN, so that a sweep can stack them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .._checks import complaint, count, instance, positive, real
+from ..solver.solution import Solution
+
+# Points of each step at which a dense output is looked at for maxima.
+_LOOKS = 8
+# Refinements of a maximum on a dense output, each over this share of the last distance: a parabola
+# over a distance d misses the place by d**2, so that three leave rounding.
+_REFINEMENTS, _CLOSER = 3, 1 / 16
+
+
+@dataclass(frozen=True, eq=False)
+class Section:
+    """An orbit looked at at some times; NaN where a section of fixed size has no more of them.
+
+    Attributes
+    ----------
+    t : ndarray, shape (n,)
+        Times [time].
+    y : ndarray, shape (n, d)
+        The solution then.
+    ydot : ndarray, shape (n, d), or None
+        Its first derivative, where the highest order exceeds 1.
+    """
+
+    t: np.ndarray
+    y: np.ndarray
+    ydot: np.ndarray | None
+
+    def within(self, spacing: float) -> np.ndarray:
+        """The solution reduced to one cell [0, spacing) of a chain of equal ones, shape (n, d)."""
+        return np.mod(self.y, positive("spacing", spacing))
+
+    def lag(self, speed: float) -> np.ndarray:
+        """How far the solution is ahead of ``speed * t``, shape (n, d)."""
+        return self.y - real("speed", speed) * self.t[:, None]
+
+
+def stroboscopic(
+    solution: Solution, period: float, transient: float = 0.0, count: int | None = None
+) -> Section:
+    """The orbit at whole multiples of a period.
+
+    Parameters
+    ----------
+    solution : Solution
+    period : float
+        Time between two samples, e.g. that of the drive; for the stick-slip oscillator
+        ``2 pi omega**2 / b``, in which the pulled spring passes one well [time].
+    transient : float, optional
+        No samples before this time [time].
+    count : int, optional
+        The last so many samples; where there are fewer, NaN follow them.
+
+    Returns
+    -------
+    Section
+
+    Error
+    -----
+    Between rows, a parabola's: the third power of their distance. None with a dense output.
+
+    Examples
+    --------
+    >>> import hereditary as hd
+    >>> from hereditary.analysis.sections import stroboscopic
+    >>> sol = hd.solve(hd.scenes.stick_slip(adhesion=10.0), 200.0, 20_000)
+    >>> section = stroboscopic(sol, 2 * 3.141592653589793, transient=100.0, count=4)
+    >>> section.within(2 * 3.141592653589793)[:, 0].round(2).tolist()
+    [5.35, 3.09, 5.35, 3.08]
+    """
+    instance("solution", solution, Solution, "hereditary.solve(...)")
+    period, begin = positive("period", period), real("transient", transient)
+    # a period that divides the run up to rounding still gives its last sample
+    last = int(np.floor(solution.t[-1] / period * (1 + 1e-12)))
+    first = int(np.ceil(max(begin, solution.t[0]) / period * (1 - 1e-12)))
+    times = np.minimum(period * np.arange(first, last + 1), solution.t[-1])
+    size = _size(count, times.size)
+    times = times[max(0, times.size - size) :]
+    speeds = None if solution.ydot is None else _filled(values_at(solution, times, 1), size)
+    return Section(_filled(times, size), _filled(values_at(solution, times), size), speeds)
+
+
+def maxima(
+    solution: Solution,
+    component: int = 0,
+    derivative: int = 0,
+    transient: float = 0.0,
+    count: int | None = None,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Local maxima of one component, or of its first derivative.
+
+    Parameters
+    ----------
+    solution : Solution
+        Its rows, or steps of a dense output, must resolve the maxima.
+    component : int, optional
+    derivative : {0, 1}, optional
+        1 for maxima of the first derivative.
+    transient : float, optional
+        No maxima before this time [time].
+    count : int, optional
+        The last so many maxima; where there are fewer, NaN follow them.
+
+    Returns
+    -------
+    t, values : ndarray, shape (n,)
+
+    Examples
+    --------
+    >>> import hereditary as hd
+    >>> from hereditary.analysis.sections import maxima
+    >>> eq = hd.Equation(hd.Caputo(2.0), lambda t, x: -x, [0.0, 1.0])
+    >>> times, values = maxima(hd.solve(eq, 10.0, rtol=1e-10))
+    >>> times.round(6).tolist(), values.round(6).tolist()
+    ([1.570796, 7.853982], [1.0, 1.0])
+    """
+    instance("solution", solution, Solution, "hereditary.solve(...)")
+    if component not in range(solution.y.shape[1]):
+        required = f"be one of 0 .. {solution.y.shape[1] - 1}"
+        raise ValueError(complaint("component", required, component))
+    j = int(component)
+    times, values = _samples(solution, j, derivative)
+    inside = times >= real("transient", transient)
+    times, values = times[inside], values[inside]
+    top = 1 + np.flatnonzero((values[1:-1] > values[:-2]) & (values[1:-1] >= values[2:]))
+    t, best = _vertices(
+        *(times[top + k] for k in (-1, 0, 1)), *(values[top + k] for k in (-1, 0, 1))
+    )
+    if solution.dense is not None and t.size:
+        t, best = _refined(solution, j, derivative, t, times[top + 1] - times[top - 1])
+    size = _size(count, t.size)
+    kept = slice(max(0, t.size - size), None)
+    return _filled(t[kept], size), _filled(best[kept], size)
+
+
+def values_at(solution: Solution, times: ArrayLike, derivative: int = 0) -> np.ndarray:
+    """The solution, or its first derivative, at times within the run, shape (k, d).
+
+    From the dense output where there is one, otherwise by parabolas through the three rows nearest
+    to each time.
+    """
+    times = np.asarray(times, dtype=float)
+    if solution.dense is not None:
+        return solution(times, derivative) if times.size else np.empty((0, solution.y.shape[1]))
+    t, rows = solution.t, _rows(solution, derivative)
+    if t.size < 3:
+        return np.array([np.interp(times, t, row) for row in rows.T]).T
+    # the middle one of three rows
+    i = np.clip(np.searchsorted((t[:-1] + t[1:]) / 2, times), 1, t.size - 2)
+    a, b, c = t[i - 1], t[i], t[i + 1]
+    slope = (rows[i] - rows[i - 1]) / (b - a)[:, None]
+    bend = ((rows[i + 1] - rows[i]) / (c - b)[:, None] - slope) / (c - a)[:, None]
+    # through the two rows a and b, then the bend that meets c
+    return rows[i - 1] + (times - a)[:, None] * (slope + (times - b)[:, None] * bend)
+
+
+def _rows(solution, derivative):
+    """y, or y' where the rows hold it."""
+    if derivative not in (0, 1):
+        raise ValueError(complaint("derivative", "be 0 or 1", derivative))
+    if not derivative:
+        return solution.y
+    if solution.ydot is None:
+        required = "hold a first derivative (highest order above 1) or a dense output"
+        raise ValueError(complaint("solution", required, "ydot = None", "use Collocation"))
+    return solution.ydot
+
+
+def _samples(solution, j, derivative):
+    """Times and values among which maxima are looked for."""
+    if solution.dense is None:
+        return solution.t, _rows(solution, derivative)[:, j]
+    share = np.arange(_LOOKS) / _LOOKS
+    t = solution.t
+    times = np.append((t[:-1, None] + np.diff(t)[:, None] * share).ravel(), t[-1])
+    return times, solution(times, derivative)[:, j]
+
+
+def _vertices(a, b, c, at_a, at_b, at_c):
+    """Place and height of the vertex of each parabola through three points with b in the middle."""
+    left, right = (at_b - at_a) / (b - a), (at_c - at_b) / (c - b)
+    bend = (right - left) / (c - a)
+    # slope 0 of the parabola; three equal values have their middle
+    flat = bend == 0
+    place = np.where(flat, b, (a + b) / 2 - left / (2 * np.where(flat, -1.0, bend)))
+    return place, at_a + (place - a) * (left + (place - b) * bend)
+
+
+def _refined(solution, j, derivative, t, distance):
+    """Maxima on a dense output, from parabolas through ever closer points."""
+    for _ in range(_REFINEMENTS):
+        distance = distance * _CLOSER
+        middle = np.clip(t, solution.t[0] + distance, solution.t[-1] - distance)
+        points = [middle - distance, middle, middle + distance]
+        t, _ = _vertices(*points, *(solution(point, derivative)[:, j] for point in points))
+        t = np.clip(t, points[0], points[2])
+    return t, solution(t, derivative)[:, j]
+
+
+def _size(wanted, found):
+    return found if wanted is None else count("count", wanted)
+
+
+def _filled(values, size):
+    """`values` with rows of NaN behind them, up to `size` rows."""
+    out = np.full((size, *values.shape[1:]), np.nan)
+    out[: values.shape[0]] = values
+    return out

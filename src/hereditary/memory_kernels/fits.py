@@ -1,0 +1,388 @@
+"""Sums of exponentials for kernels known by their values.
+
+Non-negative least squares on a grid of rates, uniform in log rate and as coarse as the trapezoid
+rule for a power law would have it; finer grids follow, then rates that slide towards where the
+error asks for them, and at last the trapezoid rule for a spectral density where there is one.
+Everything is built on [1, R] and scaled.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from .._checks import complaint
+from ..exponential_sum import ExponentialSum, _gauss_rule, trapezoid_step
+
+# The check points, an oscillation of a power law's error curve; the fit uses every other one.
+_POINTS_PER_OSCILLATION = 48
+# Where t K(t) has faded to this share of its maximum, errors count relative to this share.
+FADED = 1e-16
+_RATIO_MAX = 1e30
+_RIDGE = 1e-15
+# Rates above 45 / t_min and below 0.02 / t_max cannot help.
+_FASTEST, _SLOWEST = math.log(45.0), math.log(0.02)
+# What a sum that is stuck above this share of the kernel says: not completely monotone.
+_HOPELESS = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """A kernel at log-spaced times on [1, R], and what its errors are measured by."""
+
+    t: np.ndarray
+    values: np.ndarray
+    scale: np.ndarray
+    emphasis: np.ndarray
+
+    @property
+    def ratio(self):
+        """t_max / t_min."""
+        return self.t[-1]
+
+    def columns(self, v):
+        """Exponentials of log rates `v` relative to the kernel, shape (n, len(v))."""
+        return np.exp(-np.multiply.outer(self.t, np.exp(v))) / self.scale[:, None]
+
+    def error(self, v, weights):
+        """Relative error of a sum, shape (n,)."""
+        return self.columns(v) @ weights - self.values / self.scale
+
+    def thinned(self):
+        """Every other sample, those of an oscillation at each end counting more."""
+        t, values, scale = (array[::2] for array in (self.t, self.values, self.scale))
+        index = np.arange(t.size)
+        near_end = np.minimum(index, index[::-1]) * (2 / _POINTS_PER_OSCILLATION)
+        return Samples(t, values, scale, 1 + 3 * np.exp(-2 * near_end))
+
+
+def sampled(kernel, t_min, t_max, tol):
+    """The kernel on its check points, in units of t_min."""
+    ratio = t_max / t_min
+    if ratio > _RATIO_MAX:
+        raise ValueError(complaint("t_max", f"be at most {_RATIO_MAX:g} times t_min", t_max))
+    n = math.ceil(_POINTS_PER_OSCILLATION * math.log(ratio) / trapezoid_step(0.5, tol))
+    t = np.exp(np.linspace(0.0, math.log(ratio), max(400, n) // 2 * 2 + 1))
+    t[-1] = ratio
+    values = kernel(np.minimum(t * t_min, t_max))
+    return Samples(t, values, scale_of(t, values), np.ones(t.size))
+
+
+def scale_of(t, values):
+    """The largest ``|K|`` from each time on, and no less than a faded kernel's share of t K(t)."""
+    size = np.abs(values)
+    largest = np.maximum.accumulate(size[::-1])[::-1]
+    return np.maximum(largest, FADED * (t * size).max() / t)
+
+
+@lru_cache(maxsize=64)
+def fit_positive(kernel, t_min, t_max, tol, density=None):
+    """A sum with positive weights for a completely monotone kernel.
+
+    Parameters
+    ----------
+    kernel : callable
+        Values at times of shape (n,).
+    t_min, t_max, tol : float
+        As in `fit_exponentials`.
+    density : Density, optional
+        The kernel's spectral density.
+
+    Returns
+    -------
+    ExponentialSum
+        With ``max_error <= tol``; a ValueError says how far the fit came where none was found.
+    """
+    samples = sampled(kernel, t_min, t_max, tol)
+    refuse_if_rising(samples, t_min)
+    thin, step = samples.thinned(), trapezoid_step(0.5, tol)
+    best = math.inf
+    for v, weights in _attempts(thin, step, tol, density):
+        error = float(np.abs(samples.error(v, weights)).max())
+        best = min(best, error)
+        if error <= tol:
+            v, weights = _merged(samples, thin, tol, v, weights)
+            v, weights, error = _without_fastest(samples, tol, v, weights)
+            return _summed(v, weights, t_min, t_max, error)
+    if best > max(_HOPELESS, 100 * tol):
+        raise ValueError(not_monotone(f"one that positive sums only approach to {best:.1e}"))
+    raise ValueError(complaint("tol", f"be at least {1.1 * best:.1e} for this kernel", tol))
+
+
+def refuse_if_rising(samples, t_min):
+    """Refuse what is negative or grows: neither is completely monotone."""
+    values, slack = samples.values, 1e-12 * samples.scale
+    rising = np.flatnonzero(np.diff(values) > slack[1:])
+    negative = np.flatnonzero(values < -slack)
+    for where, what in ((negative, "negative"), (rising, "rising")):
+        if where.size:
+            i = where[0]
+            raise ValueError(not_monotone(f"{what} at t = {samples.t[i] * t_min:g}"))
+
+
+def not_monotone(got):
+    """The sentence for kernels that no positive sum of decaying exponentials can follow."""
+    required = "be completely monotone (a sum of decaying exponentials with positive weights)"
+    return complaint("kernel", required, got, "pass signed=True to allow weights of both signs")
+
+
+def _attempts(samples, step, tol, density):
+    """Log rates and weights to try, those with few modes first."""
+    for finer in (1.0, 0.92, 0.85, 0.72, 0.6):
+        v, weights, _ = _grid_fit(samples, finer * step)
+        yield v, weights
+        if np.abs(samples.error(v, weights)).max() > 30 * tol:
+            break
+    patience = 26 if density is None else 10
+    starts = (step, 2 * step, 4 * step) if density is None else (step,)
+    for start in starts:  # few separate rates are found best from a coarse grid
+        yield sliding(samples, start, lambda error: np.abs(error).max() <= 0.99 * tol, patience)
+    if density is not None:
+        for finer in (1.0, 0.85, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2):
+            yield _density_rule(density, samples.ratio, finer * step, tol)
+
+
+def rate_grid(ratio, step):
+    """Log rates 0 (-inf), then uniform from the slowest to the fastest that matter."""
+    first, last = (_SLOWEST - math.log(ratio)) / step, _FASTEST / step
+    return np.concatenate([[-np.inf], step * np.arange(math.floor(first), math.ceil(last) + 1)])
+
+
+def _grid_fit(samples, step):
+    v = rate_grid(samples.ratio, step)
+    return _fit_on(samples, v, np.ones(v.size, dtype=bool))
+
+
+def _fit_on(samples, v, start):
+    """Non-negative least squares over given log rates: those used, weights and relative error."""
+    table = samples.columns(v)
+    size = table.max(axis=0)
+    v, start, table, size = (a[..., size > 1e-250] for a in (v, start, table, size))
+    table /= size
+    target = samples.values / samples.scale
+    q, r = np.linalg.qr(samples.emphasis[:, None] * table)
+    x = nonnegative_least_squares(r, q.T @ (samples.emphasis * target), start)
+    used = x > 0
+    return v[used], x[used] / size[used], table @ x - target
+
+
+def sliding(samples, step, good_enough, patience=26):
+    """Log rates and weights of a fit whose rates move, by half the last distance each time.
+
+    The problem over all positive measures is convex: neighbours of the rates in use and the peaks
+    of the misfit's own transform are all that can improve it.
+    """
+    fine = rate_grid(samples.ratio, step / 6)
+    peaks = samples.columns(fine)
+    peaks /= peaks.max(axis=0)
+    v, weights, error = _grid_fit(samples, step)
+    history = [np.abs(error).max()]
+    while not good_enough(error) and len(history) < patience:
+        step /= 2
+        wish = -(samples.emphasis**2 * error) @ peaks
+        inner = wish[1:-1]
+        peak = (inner > wish[:-2]) & (inner >= wish[2:]) & (inner > 0)
+        moving = v[v > -np.inf]
+        candidates = np.concatenate([v, moving + step, moving - step, fine[1:-1][peak]])
+        candidates, index = np.unique(candidates, return_index=True)
+        v, weights, error = _fit_on(samples, candidates, index < v.size)
+        history.append(np.abs(error).max())
+        if len(history) > 8 and history[-1] > 0.6 * history[-8]:
+            break
+    return v, weights
+
+
+def nonnegative_least_squares(a, b, start):
+    """``min |a x - b|`` over x >= 0 by Lawson's and Hanson's active sets, begun at a mask."""
+    used, x = _feasible(a, b, start.copy())
+    best, refused = float(np.linalg.norm(b - a @ x)), np.zeros(x.size, dtype=bool)
+    for _ in range(4 * x.size):
+        gain = a.T @ (b - a @ x)
+        gain[used | refused] = -1.0
+        j = int(np.argmax(gain))
+        if gain[j] <= 1e-16 * np.linalg.norm(b):
+            break
+        trial, z = _admit(a, b, used, x, j)
+        norm = math.inf if z is None else float(np.linalg.norm(b - a @ z))
+        if norm >= best:
+            refused[j] = True
+            continue
+        if norm < 0.999 * best:
+            refused[:] = False
+        used, x, best = trial, z, norm
+    return x
+
+
+def _feasible(a, b, used):
+    """The first positive solution on a subset of `used`; what comes out negative is dropped."""
+    while used.any():
+        z = _least_squares(a, b, used)
+        if (z[used] > 0).all():
+            return used, z
+        used &= z > 0
+    return used, np.zeros(a.shape[1])
+
+
+def _admit(a, b, used, x, j):
+    """The solution with column j admitted, or None where rounding alone asked for it."""
+    used, x = used.copy(), x.copy()
+    used[j] = True
+    while True:
+        z = _least_squares(a, b, used)
+        negative = used & (z <= 0)
+        if not negative.any():
+            return used, z
+        if negative[j] and x[j] == 0:
+            return used, None
+        reach = np.full(x.size, np.inf)
+        reach[negative] = x[negative] / (x[negative] - z[negative])
+        x = np.maximum(x + reach.min() * (z - x), 0.0)
+        x[reach <= reach.min() * (1 + 1e-12)] = 0.0
+        used &= x > 0
+
+
+def _least_squares(a, b, used):
+    """Least squares on the columns used, with a ridge at rounding against equal columns."""
+    n = int(np.count_nonzero(used))
+    q, r = np.linalg.qr(np.concatenate([a[:, used], _RIDGE * np.eye(n)]))
+    z = np.zeros(a.shape[1])
+    z[used] = np.linalg.solve(r, q[: b.size].T @ b)
+    return z
+
+
+@dataclass(frozen=True)
+class Density:
+    """A spectral density over log rate, with a peak at `centre` of the given width.
+
+    ``per_log_rate(v)`` integrates to K(0) over v = log(rate). Rates slower than exp(-reach) / t_max
+    are left out, or enter as a constant: ``rest(v, step)``, the sum over all grid points below v.
+    """
+
+    per_log_rate: Callable
+    centre: float
+    width: float
+    t_min: float
+    reach: float = 80.0
+    rest: Callable | None = None
+
+
+def _density_rule(density, ratio, step, tol):
+    """Trapezoid rule, denser around the peak; the slow tail by its Gauss rule."""
+    centre = density.centre + math.log(density.t_min)
+    extra, width = 1.5 / step, density.width
+    low, high = -density.reach - math.log(ratio), _FASTEST
+
+    def index(v):
+        return v / step + extra * np.arcsinh((v - centre) / width)
+
+    # the map's inverse, by Newton's iteration from a table
+    table = np.unique(np.concatenate([np.linspace(low, high, 2001), centre + width * _SPREAD]))
+    table = table[(table >= low) & (table <= high)]
+    k = np.arange(math.ceil(index(low)), math.floor(index(high)) + 1)
+    v = np.interp(k, index(table), table)
+    for _ in range(4):
+        slope = 1 / step + extra / np.hypot(v - centre, width)
+        v = v - (index(v) - k) / slope
+    slope = 1 / step + extra / np.hypot(v - centre, width)
+    weights = density.per_log_rate(v - math.log(density.t_min)) / slope
+    if density.rest is not None:
+        constant = density.rest(v[0] - math.log(density.t_min), v[1] - v[0])
+        v, weights = np.append(-np.inf, v), np.append(constant, weights)
+    v, weights = v[weights > 1e-300], weights[weights > 1e-300]
+    slow = np.flatnonzero(v <= -math.log(ratio))
+    m = 4 + math.ceil(-0.4 * math.log10(tol))
+    if slow.size <= m:
+        return v, weights
+    top = v[slow[-1]]
+    nodes, masses = _gauss_rule(np.exp(v[slow] - top), weights[slow], m)
+    nodes = np.log(np.maximum(nodes, 1e-300)) + top
+    return np.concatenate([nodes, v[slow.size :]]), np.concatenate([masses, weights[slow.size :]])
+
+
+_SPREAD = np.sinh(np.linspace(-12.0, 12.0, 2001))
+
+
+def _merged(samples, thin, tol, v, weights):
+    """Fewer rates: the closest two become one and the weights are fitted anew, while that holds."""
+    while v.size > 2:
+        order = np.argsort(v, kind="stable")
+        v, weights = v[order], weights[order]
+        first = 1 if v[0] == -np.inf else 0
+        i = first + int(np.argmin(np.diff(v[first:])))
+        if v[i + 1] - v[i] > 0.5 or i + 1 >= v.size:
+            break
+        middle = np.average(v[i : i + 2], weights=weights[i : i + 2])
+        fewer = np.concatenate([v[:i], [middle], v[i + 2 :]])
+        fewer, fitted, _ = _fit_on(thin, fewer, np.ones(fewer.size, dtype=bool))
+        if fewer.size >= v.size or np.abs(samples.error(fewer, fitted)).max() > tol:
+            break
+        v, weights = fewer, fitted
+    return v, weights
+
+
+def _without_fastest(samples, tol, v, weights):
+    """Without the fastest rates that the tolerance does not need."""
+    order = np.argsort(v, kind="stable")
+    v, weights = v[order], weights[order]
+    error = samples.error(v, weights)
+    while v.size > 1:
+        trial = error - samples.columns(v[-1:])[:, 0] * weights[-1]
+        if np.abs(trial).max() > tol:
+            break
+        v, weights, error = v[:-1], weights[:-1], trial
+    return v, weights, float(np.abs(error).max())
+
+
+def _summed(v, weights, t_min, t_max, error):
+    """The sum in the kernel's own units, its rates in order."""
+    order = np.argsort(v, kind="stable")
+    rates, weights = np.exp(v[order]) / t_min, weights[order]
+    rates.flags.writeable = weights.flags.writeable = False
+    return ExponentialSum(rates, weights, t_min, t_max, error)
+
+
+@lru_cache(maxsize=64)
+def fit_signed(kernel, t_min, t_max, tol):
+    """A sum with weights of both signs, by least squares; errors relative to the largest ``|K|``
+    from each time on."""
+    samples = sampled(kernel, t_min, t_max, tol)
+    thin, step, best = samples.thinned(), trapezoid_step(0.5, tol), math.inf
+    for finer in (1.0, 0.8, 0.6, 0.45):
+        v = rate_grid(samples.ratio, finer * step)
+        table = thin.columns(v)
+        size = table.max(axis=0)
+        v, table, size = v[size > 1e-250], table[:, size > 1e-250], size[size > 1e-250]
+        weighted = thin.emphasis[:, None] * table / size
+        target = thin.emphasis * thin.values / thin.scale
+        for cut in (1e-8, 1e-10, 1e-12, 1e-14):
+            weights = np.linalg.lstsq(weighted, target, rcond=cut)[0] / size
+            error = float(np.abs(samples.error(v, weights)).max())
+            best = min(best, error)
+            if error <= tol:
+                return _summed(v, weights, t_min, t_max, error)
+    remedy = "decaying exponentials without oscillation come no closer to it"
+    raise ValueError(complaint("tol", f"be at least {1.1 * best:.1e} for this kernel", tol, remedy))
+
+
+def fit_table(times, values, t_min, t_max, tol):
+    """A sum with positive weights for measured values; `tol` bounds the rms of relative errors."""
+    t = times / t_min
+    samples = Samples(t, values, values, np.ones(t.size))
+    step = trapezoid_step(0.5, tol)
+    enough = tol * (1 + 1e-9)
+
+    def good_enough(error):
+        return math.sqrt(np.mean(error**2)) <= enough
+
+    v, weights, error = _grid_fit(samples, step)
+    if not good_enough(error):
+        v, weights = sliding(samples, step, good_enough)
+        error = samples.error(v, weights)
+    if not good_enough(error):
+        rms = math.sqrt(np.mean(error**2))
+        remedy = "allow for the noise; only completely monotone data can be fitted closely"
+        required = f"be at least {1.01 * rms:.2g}, the rms misfit of the best positive sum"
+        raise ValueError(complaint("tol", required, tol, remedy))
+    return _summed(v, weights, t_min, t_max, float(np.abs(error).max()))

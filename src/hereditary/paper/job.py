@@ -1,0 +1,70 @@
+"""What all figures share (floor 6): where they go, how they are computed, how they are saved."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.figure import Figure
+
+from ..analysis.sweep import sweep
+from ..analysis.table import Table
+
+
+@dataclass(frozen=True)
+class Job:
+    """Settings of one call of the command.
+
+    Attributes
+    ----------
+    folder : Path
+        Where figures and tables are written.
+    quick : bool
+        A few points, short runs, few steps.
+    executor : Executor or None
+        Where points are computed; threads by default.
+    """
+
+    folder: Path
+    quick: bool = False
+    executor: Executor | None = None
+
+    def few(self, values: np.ndarray, n: int = 3) -> np.ndarray:
+        """The values of an axis, in a quick run `n` of them from end to end."""
+        if not self.quick or len(values) <= n:
+            return values
+        return np.asarray(values)[np.linspace(0, len(values) - 1, n).round().astype(int)]
+
+    def size(self, full, quick):
+        """A number that a quick run takes smaller."""
+        return quick if self.quick else full
+
+    def sweep(self, function: Callable, grid: Mapping[str, Any], **settings) -> Table:
+        """The function with these settings over a grid."""
+        return sweep(partial(function, **settings), grid, executor=self.executor)
+
+    def save_table(self, name: str, table: Table) -> None:
+        """Write NAME.npz, a table."""
+        table.save(self.folder / f"{name}.npz")
+
+    def save_figure(self, name: str, figure: Figure) -> None:
+        """Write NAME.png and NAME.pdf."""
+        for suffix in ("png", "pdf"):
+            figure.savefig(self.folder / f"{name}.{suffix}", dpi=150)
+        plt.close(figure)
+
+
+def merged(tables: Mapping[str, Table]) -> Table:
+    """Tables over the same axes as one, values named "part_value"; any failure is the point's."""
+    first = next(iter(tables.values()))
+    values = {f"{part}_{k}": v for part, table in tables.items() for k, v in table.values.items()}
+    status = first.status.astype("U200")
+    for table in tables.values():
+        status = np.where(status == "completed", table.status.astype("U200"), status)
+    return Table(first.axes, values, status)

@@ -1,0 +1,140 @@
+"""What is computed at one point of a figure (floor 6).
+
+Functions at the top of a module, which processes can call. `parameters` are those of the
+stick-slip scene, whose defaults are the source's: b 1, c 50, lambda 0.25, omega 1, x(0) 0.2,
+x'(0) 0.3; its classical examples are `CLASSICAL`.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..analysis.lyapunov import lyapunov
+from ..analysis.regimes import classify
+from ..analysis.sections import stroboscopic, values_at
+from ..scenes import PRINTED_WELL, stick_slip, sticking_intervals
+from ..schemes.bdf import BDF
+from ..schemes.collocation import Collocation
+from ..schemes.explicit import ExplicitCaputo
+from ..solver.solve import solve
+
+CLASSICAL = {"beta": 2.0, "gamma": 1.0}
+# Distance of the barriers.
+WELL = 2 * math.pi
+# The displacement that is followed in spectra: of x(0) alone, as where an algorithm begins with the
+# unit vectors. At T = 100 another one changes some of the signs.
+DISPLACED = [[1.0], [0.0]]
+
+
+def wells_period(spring_speed=1.0, omega=1.0, **others):
+    """Time in which the pull passes one well, for these parameters of the scene [time]."""
+    return WELL * omega**2 / spring_speed
+
+
+def exponent(*, t_end, n_steps=None, rtol=None, **parameters):
+    """Leading exponent over [0, t_end], with steps of the source's scheme or by collocation."""
+    how = {"n_steps": n_steps} if rtol is None else {"rtol": rtol, "scheme": Collocation()}
+    return _growth(lyapunov(stick_slip(**parameters), t_end, **how, directions=DISPLACED))
+
+
+def exponents(*, horizons, h, **parameters):
+    """The leading exponent at several ascending horizons of one run."""
+    found, state = [], None
+    for t_end in horizons:
+        steps = round(t_end / h)
+        run = lyapunov(stick_slip(**parameters), t_end, steps, directions=DISPLACED, resume=state)
+        found.append(_growth(run))
+        state = run.state
+    numbers = {key: [one[key] for one in found] for key in found[0] if key != "status"}
+    return numbers | {"status": found[-1]["status"]}
+
+
+def _growth(run):
+    return {
+        "exponent": float(run.exponents[0]),
+        "slope": float(run.slope[0]),
+        "slope_stderr": float(run.slope_stderr[0]),
+        "verdict": str(run.verdict),
+        "status": run.status,
+    }
+
+
+def orbit(*, times, n_steps=None, rtol=1e-10, **parameters):
+    """Place and velocity at given times, and the stays in the wells [(start, end)].
+
+    By collocation, or with `n_steps` of the source's scheme.
+    """
+    how = {"rtol": rtol} if n_steps is None else {"n_steps": n_steps, "scheme": ExplicitCaputo()}
+    solution = solve(stick_slip(**parameters), float(times[-1]), **how)
+    places, speeds = (values_at(solution, times, derivative)[:, 0] for derivative in (0, 1))
+    return places, speeds, sticking_intervals(solution)
+
+
+def section(*, t_end, count, n_steps=None, **parameters):
+    """The last samples once a period of the wells: place in the well, and velocity.
+
+    By collocation, or with given steps of a scheme of second order.
+    """
+    how = {"rtol": 1e-7} if n_steps is None else {"n_steps": n_steps, "scheme": BDF(2)}
+    solution = solve(stick_slip(**parameters), t_end, **how)
+    found = stroboscopic(solution, wells_period(**parameters), t_end / 2, count)
+    speeds = values_at(solution, found.t[np.isfinite(found.t)], 1)[:, 0]
+    return {
+        "place": found.within(WELL)[:, 0],
+        "velocity": np.append(speeds, np.full(count - speeds.size, np.nan)),
+        "status": solution.status,
+    }
+
+
+def regime(*, t_end, n_steps, **parameters):
+    """Regime of an orbit, checked by one with twice the step.
+
+    A scheme of second order: at these steps the source's own turns some of the verdicts.
+    """
+    equation, scheme = stick_slip(**parameters), BDF(2)
+    n_steps = _solvable(n_steps, t_end, **parameters)
+    # rows to the quarter of a slip suffice
+    solution, check = (
+        solve(equation, t_end, n, scheme=scheme, save_every=every)
+        for n, every in ((n_steps, 4), (n_steps // 2, 2))
+    )
+    growth = lyapunov(equation, t_end, n_steps, scheme=scheme)
+    found = classify(solution, growth, period=wells_period(**parameters), check=check)
+    return {
+        "regime": str(found.regime),
+        "certainty": found.certainty,
+        "irregular": found.irregular,
+        "recurrence": found.recurrence,
+        "cycle": found.cycle,
+        "longest_stay": found.longest_stay,
+        "exponent": float(growth.exponents[0]),
+        "slope": float(growth.slope[0]),
+        "slope_stderr": float(growth.slope_stderr[0]),
+        "status": growth.status if solution.success else solution.status,
+    }
+
+
+def _solvable(n_steps, t_end, beta=1.8, adhesion=50.0, **others):
+    """As many steps, doubled until also twice the step has one solution beside a barrier.
+
+    An implicit step has several where the force rises faster than the scheme's own weight,
+    ``(3 / 2 / h)**beta``; orders of inertia near 1 need short ones.
+    """
+    steepest = adhesion * sum(n * a for n, a in enumerate(PRINTED_WELL, 1))
+    while (4 / 3 * t_end / n_steps) ** beta * steepest > 0.9:
+        n_steps *= 2
+    return n_steps
+
+
+def signs(values):
+    """Where numbers change their sign, in words: "+ up to 3, - up to 7, + up to 9"."""
+    runs: list[list] = []
+    for x, value in values:
+        sign = "+" if value > 0 else "-" if value < 0 else "0" if value == 0 else "?"
+        if runs and runs[-1][0] == sign:
+            runs[-1][1] = x
+        else:
+            runs.append([sign, x])
+    return ", ".join(f"{sign} up to {np.round(x, 6):g}" for sign, x in runs)

@@ -1,0 +1,16 @@
+"""Figures (floor 6); with the command line, the only modules that import matplotlib.
+
+Every function draws into given axes or makes its own, and returns the axes.
+"""
+
+from .solutions import oscillogram, phase_portrait, velocity
+from .tables import bifurcation, lyapunov_spectrum, regime_map
+
+__all__ = [
+    "bifurcation",
+    "lyapunov_spectrum",
+    "oscillogram",
+    "phase_portrait",
+    "regime_map",
+    "velocity",
+]

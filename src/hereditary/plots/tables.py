@@ -1,0 +1,196 @@
+"""Figures of a sweep's table (floor 6): spectra, bifurcation diagrams, regime maps.
+
+Colours are those of Okabe and Ito, told apart by colour-blind readers too. What consists of many
+points is drawn as an image inside vector files.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import LinearSegmentedColormap, to_rgb
+from matplotlib.patches import Patch
+
+from .._checks import complaint
+from ..analysis.regimes import Regime
+from ._axes import label, made
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from ..analysis.table import Table
+
+_BLUE, _VERMILLION, _GREEN, _DARK, _PALE = "#0072B2", "#D55E00", "#009E73", "#404040", "#F0E442"
+COLOURS = {
+    Regime.PERIODIC: _BLUE,
+    Regime.IRREGULAR: _VERMILLION,
+    Regime.SLIDING: _GREEN,
+    Regime.STUCK: _DARK,
+    Regime.UNDETERMINED: _PALE,
+}
+# Series of a spectrum, in their order.
+_SERIES = (_BLUE, _VERMILLION, _GREEN, "#CC79A7", "#56B4E9", _DARK)
+# The palest shade of a regime: even a verdict without certainty shows its hue.
+_PALEST = 0.12
+# More points than these are drawn as an image.
+_MANY = 2000
+
+
+def lyapunov_spectrum(
+    table: Table,
+    value: str = "exponent",
+    error: str | None = None,
+    ax: Axes | None = None,
+    *,
+    name: str | None = None,
+) -> Axes:
+    """An exponent over one parameter, with the line that separates growth from decay.
+
+    Parameters
+    ----------
+    table : Table
+        Over one axis. Points whose status is not "completed" are crossed out.
+    value : str, optional
+        Which of its values; for each point a number, or an array of several exponents.
+    error : str, optional
+        Its standard errors, drawn as bars.
+    ax : matplotlib Axes, optional
+        Where to draw, e.g. beside another spectrum; new axes by default.
+    name : str, optional
+        What the legend calls it; no legend without one.
+
+    Returns
+    -------
+    matplotlib Axes
+    """
+    axis, x = _only_axis(table)
+    ax = made(ax)
+    y = np.asarray(table[value], dtype=float).reshape(x.size, -1)
+    bars = None if error is None else np.asarray(table[error], dtype=float).reshape(y.shape)
+    if not any(line.get_gid() == "zero" for line in ax.lines):
+        ax.axhline(0, color=_DARK, lw=0.8, zorder=1, gid="zero")
+    for k in range(y.shape[1]):
+        told = name if y.shape[1] == 1 or name is None else f"{name}, {k + 1}"
+        drawn = sum(line.get_gid() == "series" for line in ax.lines)
+        colour = _SERIES[drawn % len(_SERIES)]
+        # a line breaks where a value is missing
+        ax.plot(x, y[:, k], ".-", color=colour, lw=0.9, ms=4, gid="series", label=told)
+        if bars is not None:
+            ax.errorbar(x, y[:, k], bars[:, k], fmt="none", color=colour, lw=0.7)
+    _cross_out(ax, x[~table.success])
+    ax.set(xlabel=label(axis), ylabel=r"exponent $\Lambda$ [1/time]")
+    if name is not None:
+        ax.legend(fontsize="small")
+    return ax
+
+
+def bifurcation(
+    table: Table, value: str = "place", ax: Axes | None = None, *, ylabel: str | None = None
+) -> Axes:
+    """Bifurcation diagram: samples of the orbit over one parameter.
+
+    Parameters
+    ----------
+    table : Table
+        Over one axis; for each point an array of samples, filled up with NaN where there are fewer.
+        Points whose status is not "completed" are crossed out.
+    value : str, optional
+        Which of its values.
+    ax : matplotlib Axes, optional
+        Where to draw; new axes by default.
+    ylabel : str, optional
+        The name of `value` by default.
+
+    Returns
+    -------
+    matplotlib Axes
+    """
+    axis, x = _only_axis(table)
+    ax = made(ax)
+    y = np.asarray(table[value], dtype=float).reshape(x.size, -1)
+    places, samples = np.repeat(x, y.shape[1]), y.ravel()
+    shown = np.isfinite(samples)
+    many = int(shown.sum()) > _MANY
+    ax.plot(places[shown], samples[shown], "o", color=_BLUE, ms=1.2 if many else 2, mew=0,
+            rasterized=many)  # fmt: skip
+    _cross_out(ax, x[~table.success])
+    ax.set(xlabel=label(axis), ylabel=value if ylabel is None else ylabel)
+    ax.margins(x=0.01)
+    return ax
+
+
+def regime_map(
+    table: Table,
+    regime: str = "regime",
+    certainty: str | None = "certainty",
+    ax: Axes | None = None,
+) -> Axes:
+    """Map of dynamic regimes over two parameters; the paler a cell, the less certain.
+
+    Parameters
+    ----------
+    table : Table
+        Over two axes, the first one drawn upwards. Cells whose status is not "completed" are
+        crossed out.
+    regime : str, optional
+        Name of its regimes, see `hereditary.analysis.regimes.Regime`.
+    certainty : str, optional
+        Name of their certainties in [0, 1]; None to draw all of them alike.
+    ax : matplotlib Axes, optional
+        Where to draw; new axes by default.
+
+    Returns
+    -------
+    matplotlib Axes
+    """
+    if len(table.axes) != 2:
+        required = "have two axes"
+        raise ValueError(complaint("table", required, ", ".join(table.axes), "fix the others"))
+    (up, y), (right, x) = table.axes.items()
+    ax = made(ax)
+    verdicts = table[regime]
+    sure = np.ones(verdicts.shape) if certainty is None else np.nan_to_num(table[certainty])
+    shade = (_PALEST + (1 - _PALEST) * np.clip(sure, 0.0, 1.0))[..., None]
+    colours = np.ones((*verdicts.shape, 3))
+    for kind, colour in COLOURS.items():
+        colours[verdicts == kind] = to_rgb(colour)
+    ax.pcolormesh(_edges(x), _edges(y), 1 - shade * (1 - colours), rasterized=True)
+    failed = ~table.success
+    if failed.any():
+        rows, columns = np.nonzero(failed)
+        ax.plot(x[columns], y[rows], "x", color=_DARK, ms=3, mew=0.6, rasterized=True)
+    found = [kind for kind in COLOURS if np.any(verdicts == kind)]
+    handles = [Patch(color=COLOURS[kind], label=str(kind)) for kind in found]
+    ax.legend(handles=handles, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3,
+              frameon=False, fontsize="small")  # fmt: skip
+    if certainty is not None:
+        greys = LinearSegmentedColormap.from_list("certainty", [str(1 - _PALEST), "0"])
+        plt.colorbar(ScalarMappable(cmap=greys), ax=ax, label="certainty [-]", aspect=30, pad=0.02)
+    ax.set(xlabel=label(right), ylabel=label(up))
+    return ax
+
+
+def _only_axis(table):
+    if len(table.axes) != 1:
+        required = "have one axis"
+        raise ValueError(complaint("table", required, ", ".join(table.axes), "fix the others"))
+    ((axis, values),) = table.axes.items()
+    return axis, values
+
+
+def _cross_out(ax, x):
+    """Crosses at the lower edge for points that failed."""
+    if x.size:
+        ax.plot(x, np.full(x.size, 0.02), "x", color=_VERMILLION, ms=4, clip_on=False,
+                transform=ax.get_xaxis_transform())  # fmt: skip
+
+
+def _edges(centres):
+    """Edges of cells around ascending centres."""
+    if centres.size == 1:
+        return centres[0] + np.array([-0.5, 0.5])
+    middle = (centres[1:] + centres[:-1]) / 2
+    return np.concatenate([[2 * centres[0] - middle[0]], middle, [2 * centres[-1] - middle[-1]]])

@@ -1,0 +1,357 @@
+"""Sweeps: the same bits from every executor and in every order, failures, interruption."""
+
+import math
+import multiprocessing
+import os
+import random
+import signal
+import threading
+import time
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from sweep_points import GRID, exponents, march, odd, process, same
+
+import hereditary as hd
+from hereditary.analysis import sweep as module
+from hereditary.analysis.table import Columns
+
+
+@pytest.fixture(scope="module")
+def processes():
+    # spawned: forking beside threads is deprecated from Python 3.12 on
+    with ProcessPoolExecutor(2, multiprocessing.get_context("spawn")) as pool:
+        yield pool
+
+
+@pytest.fixture(scope="module")
+def dask():
+    distributed = pytest.importorskip("distributed")
+    arguments = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": None}
+    with distributed.LocalCluster(**arguments) as cluster, distributed.Client(cluster) as client:
+        yield client.get_executor()
+
+
+@pytest.fixture(scope="module")
+def loops():
+    """What a plain loop gives: a table by function."""
+    return {function: plain_loop(function) for function in (march, exponents, odd)}
+
+
+def plain_loop(function):
+    columns = Columns(GRID)
+    for i, b in enumerate(GRID["b"]):
+        for j, c in enumerate(GRID["c"]):
+            try:
+                found = function(float(b), float(c))
+                found = {k: str(v) if k == "verdict" else v for k, v in found.items()}
+                status = str(found.pop("status"))
+            except ValueError as error:
+                found, status = {}, " ".join(f"ValueError: {error}".split())
+            values = {
+                k: v if isinstance(v, str) else np.array(v).tolist() for k, v in found.items()
+            }
+            columns.add(i * GRID["c"].size + j, status, values)
+    return columns.table()
+
+
+@pytest.mark.parametrize("function", [march, exponents, odd])
+@pytest.mark.parametrize("n_threads", [None, 1, 4])
+def test_threads_give_the_bits_of_a_loop(function, n_threads, loops):
+    pool = n_threads and ThreadPoolExecutor(n_threads)
+    table = hd.sweep(function, GRID, executor=pool)
+    assert same(table, loops[function])
+    assert function is odd or table.success.all()
+
+
+@pytest.mark.parametrize("executor", ["processes", "dask"])
+def test_other_processes_give_the_bits_of_a_loop(executor, loops, request):
+    pool = request.getfixturevalue(executor)
+    for function, table in loops.items():
+        assert same(hd.sweep(function, GRID, executor=pool), table)
+    elsewhere = hd.sweep(process, GRID, executor=pool)["value"]
+    assert os.getpid() not in elsewhere
+
+
+class Shuffled(Executor):
+    """One thread that runs whichever waiting point it fancies."""
+
+    def __init__(self, seed):
+        self._random, self._waiting, self.n_waiting_most = random.Random(seed), [], 0
+        self._changed = threading.Condition()
+        threading.Thread(target=self._work, daemon=True).start()
+
+    def submit(self, fn, /, *args, **kwargs):
+        future = Future()
+        with self._changed:
+            self._waiting.append((future, fn, args))
+            self.n_waiting_most = max(self.n_waiting_most, len(self._waiting))
+            self._changed.notify()
+        return future
+
+    def shutdown(self, wait=True, *, cancel_futures=False):
+        with self._changed:
+            self._waiting.append(None)
+            self._changed.notify()
+
+    def _work(self):
+        while True:
+            with self._changed:
+                self._changed.wait_for(lambda: self._waiting)
+                call = self._waiting.pop(self._random.randrange(len(self._waiting)))
+            if call is None:
+                return
+            future, fn, args = call
+            if future.set_running_or_notify_cancel():
+                future.set_result(fn(*args))
+
+
+@given(st.integers(0, 10**6))
+@settings(max_examples=10)
+def test_the_order_of_points_does_not_matter(loops, seed):
+    with Shuffled(seed) as shuffled:
+        assert same(hd.sweep(odd, GRID, shuffled), loops[odd])
+
+
+SCALARS = st.floats() | st.text(max_size=3)
+VALUES = SCALARS | st.lists(st.floats(), min_size=1, max_size=2)
+POINTS = st.tuples(
+    st.sampled_from(["completed", "odd", "ValueError: no"]),
+    st.dictionaries(st.sampled_from("xyz"), VALUES, max_size=3),
+)
+
+
+@given(
+    st.lists(POINTS, min_size=1, max_size=6).flatmap(lambda p: st.permutations(list(enumerate(p))))
+)
+def test_a_table_does_not_depend_on_the_order_it_is_filled_in(points):
+    tables = []
+    for order in (points, sorted(points, key=lambda point: point[0])):
+        columns = Columns({"a": np.arange(len(points) + 1.0)})
+        for index, (status, values) in order:
+            columns.add(index, status, values)
+        tables.append(columns.table())
+    assert same(*tables)
+    assert tables[0].status[-1] == "not computed"
+
+
+def test_few_points_are_handed_out_at_a_time(monkeypatch):
+    monkeypatch.setattr(module, "_IN_FLIGHT", 8)
+    with Shuffled(1) as shuffled:
+        table = hd.sweep(lambda a: a, {"a": range(200)}, shuffled)
+    assert table["value"].tolist() == list(range(200))
+    assert shuffled.n_waiting_most <= 8
+
+
+def test_the_executor_stays_open():
+    with ThreadPoolExecutor(2) as pool:
+        hd.sweep(lambda a: a, {"a": [1.0]}, pool)
+        assert pool.submit(int, "3").result() == 3
+
+
+def test_axes_keep_their_kinds():
+    kinds = hd.sweep(
+        lambda **point: {name + "_kind": type(value).__name__ for name, value in point.items()},
+        {"n": [1, 2], "x": np.float32([0.5]), "how": ("a", "bc"), "on": [True, False]},
+    )
+    assert kinds.shape == (2, 1, 2, 2)
+    assert [kinds[name].flat[0] for name in kinds.names] == ["int", "float", "str", "bool"]
+    assert kinds.axes["how"].tolist() == ["a", "bc"]
+
+
+def test_what_a_point_may_return():
+    returned = [
+        {"value": 1, "matrix": np.eye(2, dtype=int), "status": hd.Status.COMPLETED},
+        {"value": np.float32(0.5), "matrix": [[1, 2], [3, 4]], "verdicts": ("neutral", "diverged")},
+        {"value": True, "status": hd.Status.BLOWN_UP, "verdicts": np.array(["a", "b"])},
+        3.5,
+        {},
+    ]
+    table = hd.sweep(lambda k: returned[k], {"k": range(5)})
+    assert table["value"].tolist()[:4] == [1.0, 0.5, 1.0, 3.5]
+    assert math.isnan(table["value"][4])
+    assert table["matrix"].shape == (5, 2, 2)
+    assert np.isnan(table["matrix"][2:]).all()
+    assert table["verdicts"].tolist() == [
+        ["", ""], ["neutral", "diverged"], ["a", "b"], ["", ""], ["", ""]
+    ]  # fmt: skip
+    assert table.status.tolist() == [*["completed"] * 2, "blown_up", *["completed"] * 2]
+    assert table.success.tolist() == [True, True, False, True, True]
+
+
+@pytest.mark.parametrize(
+    ("returned", "match"),
+    [
+        (None, "TypeError: value must be a number, a string, or an array of them, got a NoneType"),
+        (1j, "TypeError: value must be a number, .* got a complex"),
+        ([], "TypeError: value must be a number"),
+        ({"x": [[1], [2, 3]]}, "ValueError: setting an array element"),
+        ({"a": 1.0}, "ValueError: function must name its values .* got 'a'"),
+        ({1: 1.0}, "ValueError: function must name its values"),
+        (10**400, "TypeError"),
+        (
+            [1.0, 2.0],
+            "ValueError: value must be numbers of shape \\(\\), as at the first point, got ",
+        ),
+        ("text", "ValueError: value must be numbers of shape"),
+    ],
+)
+def test_a_point_that_returns_something_else_has_failed(returned, match):
+    table = hd.sweep(lambda a: a if a < 1 else returned, {"a": [0.0, 1.0, 0.5]})
+    assert table["value"][[0, 2]].tolist() == [0.0, 0.5]
+    assert math.isnan(table["value"][1])
+    assert table.success.tolist() == [True, False, True]
+    with pytest.raises(AssertionError, match=match):
+        raise AssertionError(table.status[1])
+
+
+def test_failing_points_stop_nothing():
+    def picky(a, b):
+        if a == b:
+            raise RuntimeError("long " * 100)
+        return a - b
+
+    table = hd.sweep(picky, {"a": [1, 2, 3], "b": [1, 2]})
+    assert np.array_equal(table["value"], [[np.nan, -1], [1, np.nan], [2, 1]], equal_nan=True)
+    assert table.status[0, 0].startswith("RuntimeError: long long")
+    assert len(table.status[0, 0]) == 200
+    nothing = hd.sweep(lambda a: 1 / 0, {"a": [1, 2]})
+    assert nothing.names == ()
+    assert set(nothing.status.tolist()) == {"ZeroDivisionError: division by zero"}
+
+
+def test_an_executor_that_breaks_down_is_no_failing_point(processes, tmp_path):
+    store = tmp_path / "points"
+    with pytest.raises(RuntimeError, match=r"executor must carry every point .* top of a module"):
+        hd.sweep(lambda a: a, {"a": [1.0, 2.0]}, processes, store)
+    assert store.read_text().count("\n") == 1
+    pool = ThreadPoolExecutor(1)
+    pool.shutdown()
+    with pytest.raises(RuntimeError, match="after shutdown"):
+        hd.sweep(lambda a: a, {"a": [1.0]}, pool)
+
+
+def interrupt(seconds=0.0):
+    time.sleep(seconds)
+    os.kill(os.getpid(), signal.SIGINT)
+
+
+def test_ctrl_c_keeps_what_was_computed(tmp_path):
+    def point(a):
+        if a == 5:
+            interrupt()
+        time.sleep(0.01)
+        return float(a)
+
+    before = signal.getsignal(signal.SIGINT)
+    store, grid = tmp_path / "points", {"a": range(100)}
+    table = hd.sweep(point, grid, store=store)
+    assert signal.getsignal(signal.SIGINT) is before
+    n_done = int(table.success.sum())
+    assert 5 <= n_done < 100
+    assert set(table.status.tolist()) == {"completed", "not computed"}
+    assert np.isnan(table["value"][~table.success]).all()
+    called = []
+    again = hd.sweep(lambda a: called.append(a) or float(a), grid, store=store)
+    assert again["value"].tolist() == list(range(100))
+    assert len(called) == 100 - n_done
+    assert not set(called) & set(np.flatnonzero(table.success).tolist())
+
+
+def test_a_second_ctrl_c_raises():
+    def point(a):
+        if a == 2:
+            interrupt()
+            interrupt(0.3)
+        return a
+
+    began = time.perf_counter()
+    with ThreadPoolExecutor(1) as pool, pytest.raises(KeyboardInterrupt):
+        hd.sweep(lambda a: point(a) if a < 3 else time.sleep(0.05), {"a": range(1000)}, pool)
+    assert time.perf_counter() - began < 10
+
+
+def test_ctrl_c_that_comes_too_late_is_not_swallowed():
+    with pytest.raises(KeyboardInterrupt):
+        hd.sweep(lambda a: interrupt(), {"a": [1.0]})
+
+
+def test_ctrl_c_cuts_no_run_short_in_a_worker_process():
+    def point(a):
+        signal.raise_signal(signal.SIGINT)
+        return str(signal.getsignal(signal.SIGINT) == signal.SIG_IGN)
+
+    before = signal.getsignal(signal.SIGINT)
+    elsewhere = module.computed(point, {"a": 1.0}, home=-1)
+    assert elsewhere == ("completed", {"value": "True"})
+    assert signal.getsignal(signal.SIGINT) is before
+    with ThreadPoolExecutor(1) as pool:
+        here = pool.submit(module.computed, lambda a: a, {"a": 1.0}, home=-1).result()
+    assert here == ("completed", {"value": 1.0})
+
+
+def test_progress_counts_what_is_left(monkeypatch, tmp_path):
+    class Bar:
+        def __init__(self, shown):
+            assert shown is wanted
+            self.shares = bars.setdefault(len(bars), [])
+
+        def update(self, share):
+            self.shares.append(share)
+
+        def close(self):
+            self.shares.append("closed")
+
+    bars, wanted = {}, True
+    monkeypatch.setattr(module, "ProgressBar", Bar)
+    store = tmp_path / "points"
+    hd.sweep(lambda a: a, {"a": range(4)}, store=store)
+    assert bars[0] == [0.25, 0.5, 0.75, 1.0, "closed"]
+    store.write_bytes(b"".join(store.read_bytes().splitlines(keepends=True)[:3]))
+    wanted = False
+    hd.sweep(lambda a: a, {"a": range(4)}, store=store, progress=False)
+    assert bars[1] == [0.5, 1.0, "closed"]
+    hd.sweep(lambda a: a, {"a": range(4)}, store=store, progress=False)
+    assert bars[2] == ["closed"]
+
+
+def product(a, b):
+    return a * b
+
+
+@pytest.mark.parametrize(
+    ("change", "error", "match"),
+    [
+        ({"function": 3}, TypeError, "function must be callable, got 3"),
+        ({"grid": {}}, TypeError, "grid must be a mapping of axis names to values, got {}"),
+        ({"grid": [1.0]}, TypeError, "grid must be a mapping"),
+        ({"grid": {"a": [1.0]}}, TypeError, "grid must have an axis for each argument .*'b'"),
+        ({"grid": {"a": [1], "b": [1], "c": [1]}}, TypeError, "got axes a, b, c; .* 'c'"),
+        ({"b": []}, ValueError, r"grid\['b'\] must be a flat sequence of at least one value"),
+        ({"b": 1.0}, ValueError, r"grid\['b'\] must be a flat sequence .* got 1.0"),
+        ({"b": "one"}, ValueError, r"grid\['b'\] must be a flat sequence"),
+        ({"b": [[1.0]]}, ValueError, r"grid\['b'\] must be a flat sequence"),
+        ({"b": [[1.0], [1.0, 2.0]]}, ValueError, r"grid\['b'\] must be a flat sequence"),
+        ({"b": [1.0, math.nan]}, ValueError, r"grid\['b'\] must hold finite numbers"),
+        ({"b": [1.0, 2.0, 1.0]}, ValueError, r"grid\['b'\] must hold distinct values"),
+        ({"b": [1.0, "x"]}, TypeError, r"grid\['b'\] must hold numbers or strings alone"),
+        ({"b": [1j]}, TypeError, r"grid\['b'\] must hold numbers or strings"),
+        ({"b": [None]}, TypeError, r"grid\['b'\] must hold numbers or strings"),
+        ({"status": [1.0]}, ValueError, "axes of grid must be named .* got 'status'"),
+        ({1: [1.0]}, ValueError, "axes of grid must be named by strings"),
+        ({"executor": 4}, TypeError, "executor must be a Executor, got 4; pass concurrent.futures"),
+        ({"store": 4}, TypeError, "store must be the path of a file, got 4"),
+    ],
+)
+def test_bad_input(change, error, match):
+    arguments = {"function": product, "grid": {"a": [1.0], "b": [1.0]}}
+    for name, value in change.items():
+        if name in ("function", "grid", "executor", "store"):
+            arguments[name] = value
+        else:
+            arguments["grid"] = arguments["grid"] | {name: value}
+    with pytest.raises(error, match=match):
+        hd.sweep(**arguments)

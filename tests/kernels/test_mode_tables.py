@@ -1,0 +1,222 @@
+"""The tables of exponential modes: lengths of steps, factors kept for each, and moments."""
+
+import math
+from fractions import Fraction
+
+import mpmath
+import numpy as np
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from hereditary.kernels.mode_tables import (
+    SLOTS,
+    combined_weights,
+    exponential_legendre,
+    move_modes,
+    on_grid,
+    read_modes,
+    slot_of,
+)
+from hereditary.schemes.quadrature import radau_nodes, to_legendre
+
+# Between neighbours of the grid lies a factor of 2**(1/8); its lengths are rounded up to 13 digits.
+FACTOR, ROUNDED = 2 ** (1 / 8), 1 + 2.0**-12
+
+# Lengths of steps
+
+
+@given(st.floats(1e-290, 1e300))
+@example(1.0)
+@example(np.nextafter(1.0, 0.0))
+@example(2.0 ** (1 / 8))
+@example(1e-290)
+def test_the_next_smaller_length_of_the_grid(h):
+    found = on_grid(h)
+    assert h / FACTOR / (1 + 1e-12) < found <= h * ROUNDED
+    assert on_grid(found) == found
+    mantissa, _ = math.frexp(found)
+    assert mantissa * 2**13 == int(mantissa * 2**13)
+
+
+def test_an_octave_holds_eight_lengths():
+    found = {on_grid(h) for h in np.linspace(1.0, 1.9999, 2000)}
+    assert len(found) == 8
+    ratios = np.array(sorted(found)) / FACTOR ** np.arange(8)
+    assert np.all((ratios >= 1 - 1e-15) & (ratios <= ROUNDED))
+
+
+@given(st.floats(1e-200, 1e200), st.integers(1, 10**6))
+def test_many_equal_steps_end_where_one_long_one_does(h, n):
+    h = on_grid(h)
+    assert np.cumsum(np.full(min(n, 5000), h))[-1] == min(n, 5000) * h
+    assert Fraction(n * h) == n * Fraction(h)
+
+
+@given(st.lists(st.floats(1e-6, 1.0), min_size=1, max_size=300))
+def test_times_are_exact_sums_of_steps(lengths):
+    t, exact = 0.0, Fraction(0)
+    for h in map(on_grid, lengths):
+        t, exact = t + h, exact + Fraction(h)
+    assert Fraction(t) == exact
+
+
+def test_other_lengths_would_drift():
+    """The two-sided half: sums of a length with all its digits are off, and always to one side."""
+    t = np.cumsum(np.full(5000, 0.1))
+    assert np.ptp(np.sign(t[4000:] - 0.1 * np.arange(4001, 5001))) == 0
+
+
+# Factors of a length
+
+RATES = np.array([0.0, 1e-12, 0.3, 7.0, 1e3, 1e9])
+
+
+def empty_tables(n_rates, s):
+    shapes = ((SLOTS, n_rates, s), (SLOTS, n_rates), (SLOTS, s, n_rates))
+    return (np.zeros(SLOTS), *(np.full(shape, np.nan) for shape in shapes))
+
+
+def check_slot(h, tables):
+    """The slot holds the factors of this length, bit for bit."""
+    nodes = radau_nodes(tables[1].shape[2]).copy()
+    slot = slot_of(h, nodes, RATES, tables)
+    lengths, reads, keeps, moments = tables
+    assert lengths[slot] == h
+    np.testing.assert_allclose(reads[slot], np.exp(-np.outer(RATES, h * nodes)), rtol=1e-15)
+    np.testing.assert_allclose(keeps[slot], np.exp(-RATES * h), rtol=1e-15)
+    column = np.empty(nodes.size)
+    for m, rate in enumerate(RATES):
+        exponential_legendre(rate * h, nodes.size, column)
+        assert np.array_equal(moments[slot, :, m], column)
+    return slot
+
+
+@given(st.lists(st.floats(1e-9, 1e3), min_size=1, max_size=8), st.integers(2, 12))
+def test_a_slot_holds_the_factors_of_its_length(lengths, s):
+    """Whatever came before, on the grid or not, as the last steps before a stop are."""
+    tables = empty_tables(RATES.size, s)
+    for h in lengths:
+        check_slot(on_grid(h), tables)
+        check_slot(h, tables)
+
+
+def test_lengths_that_share_a_slot_take_turns():
+    tables = empty_tables(RATES.size, 6)
+    one, other = 1.0, 2.0 ** -(SLOTS / 8)
+    slot = check_slot(one, tables)
+    assert check_slot(other, tables) == slot
+    assert check_slot(one, tables) == slot
+    kept = tables[3][slot].copy()
+    tables[3][slot, 0, 0] = -7.0  # not computed again while the length is the same
+    assert slot_of(one, radau_nodes(6).copy(), RATES, tables) == slot
+    assert tables[3][slot, 0, 0] == -7.0
+    tables[3][slot, 0, 0] = kept[0, 0]
+    neighbours = {check_slot(on_grid(FACTOR**k), tables) for k in range(SLOTS)}
+    assert len(neighbours) == SLOTS
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(1, 3), st.integers(2, 8))
+def test_modes_are_read_and_moved(seed, d, s):
+    """Against the same sums by NumPy."""
+    rng, h = np.random.default_rng(seed), 0.37
+    tables = empty_tables(RATES.size, s)
+    slot = slot_of(h, radau_nodes(s).copy(), RATES, tables)
+    _, reads, keeps, moments = (table[slot] for table in tables)
+    modes, idle = rng.normal(size=(2, d, RATES.size))
+    values, driven = rng.normal(size=(3, d, s)), rng.normal(size=(d, 3, RATES.size))
+    driven[0, 1] = 0.0
+    out = np.full((d, s), np.nan)
+    read_modes(modes, reads, out)
+    np.testing.assert_allclose(out, modes @ reads, atol=1e-13)
+    legendre = to_legendre(s).copy()
+    taken = np.einsum("cqm,qcm->cm", driven, values @ legendre.T @ moments)
+    expected = modes * keeps + h * (idle * moments[0] + taken)
+    move_modes(h, keeps, moments, driven, idle, legendre, values, modes)
+    np.testing.assert_allclose(modes, expected, atol=1e-13)
+
+
+def test_a_mode_of_a_polynomial_is_its_integral():
+    """``int_0^h exp(-rate (h - u)) u**2 du``, whatever the rate."""
+    h, s = 0.5, 4
+    tables = empty_tables(RATES.size, s)
+    slot = slot_of(h, radau_nodes(s).copy(), RATES, tables)
+    values, driven = np.zeros((3, 1, s)), np.zeros((1, 3, RATES.size))
+    values[2, 0], driven[0, 2] = (h * radau_nodes(s)) ** 2, 1.0
+    modes, idle = np.zeros((2, 1, RATES.size))
+    _, _, keeps, moments = (table[slot] for table in tables)
+    move_modes(h, keeps, moments, driven, idle, to_legendre(s).copy(), values, modes)
+    with mpmath.workdps(60):
+        exact = [
+            h**3 / 3 if r == 0 else (h * h - 2 * h / r + 2 / r**2 * (1 - mpmath.exp(-r * h))) / r
+            for r in map(mpmath.mpf, RATES.tolist())
+        ]
+    np.testing.assert_allclose(modes[0], np.array(exact, dtype=float), rtol=1e-13)
+
+
+def test_weights_of_the_integrals_add_up():
+    """Two integrals drive component 0, one of them less an offset, and one component 1."""
+    channels = np.array([[0, 0, 0, 2.0], [0, 1, 1, -3.0], [1, 0, 1, 0.5]])
+    offsets, weights = np.array([[0.0, 4.0, 0.0], [0.0, 5.0, 0.0]]), np.array([[1.0, 2], [3, 7]])
+    driven, idle = np.full((2, 3, 2), np.nan), np.full((2, 2, 2), np.nan)
+    combined_weights(channels, offsets, weights, driven, idle)
+    assert driven.tolist() == [[[2, 4], [-9, -21], [0, 0]], [[1.5, 3.5], [0, 0], [0, 0]]]
+    assert idle.tolist() == [[[36, 84], [0, 0]], [[45, 105], [0, 0]]]
+
+
+# Moments
+
+# Around the changes of method, z = 4 n and the smallest arguments, and everywhere else.
+ARGUMENTS = [0.0, 5e-324, 1e-300, 1e-20, 1e-8, 1e-3, 0.1, 1.0, 5.0, 15.9, 16.1, 20.0, 25.0, 31.9]
+ARGUMENTS += [32.1, 34.0, 47.9, 48.1, 50.0, 100.0, 745.0, 1e3, 1e4, 1e6, 1e12]
+
+
+def moments(z, n=12):
+    out = np.full(n, np.nan)
+    exponential_legendre(z, n, out)
+    return out
+
+
+def exact_moments(z, n=12):
+    """``exp(-x) i_k(x)``, x = z/2, with modified spherical Bessel functions in 60 digits."""
+    if z == 0:
+        return np.eye(n)[0]
+    with mpmath.workdps(60):
+        x = mpmath.mpf(z) / 2
+        factor = mpmath.sqrt(mpmath.pi / (2 * x)) * mpmath.exp(-x)
+        half = mpmath.mpf(1) / 2
+        return np.array([float(factor * mpmath.besseli(k + half, x)) for k in range(n)])
+
+
+@pytest.mark.parametrize("n", [2, 4, 6, 8, 12])
+@pytest.mark.parametrize("z", ARGUMENTS)
+def test_moments_of_legendre_polynomials(z, n):
+    """The high ones are tiny for small z, and no digit of them is lost; some are of the twelfth."""
+    rtol = 5e-15 if n <= 8 else 5e-14
+    np.testing.assert_allclose(moments(z, n), exact_moments(z, n), rtol=rtol, atol=1e-300)
+
+
+@given(st.floats(0, 1e4))
+def test_moments_of_any_argument(z):
+    np.testing.assert_allclose(moments(z, 8), exact_moments(z, 8), rtol=5e-15, atol=1e-300)
+
+
+@given(st.floats(0, 1e6), st.integers(1, 12))
+def test_moments_are_those_of_exponentials(z, n):
+    """For any z, against Gauss' rule where the exponential is not steep; fewer are the same."""
+    found = moments(z)
+    np.testing.assert_allclose(moments(z, n), found[:n], rtol=5e-14)
+    assert np.all((found >= 0) & (found <= found[0]))
+    if z < 50:
+        x, weights = np.polynomial.legendre.leggauss(60)
+        values = np.polynomial.legendre.legvander(x, 11)
+        expected = 0.5 * (weights * np.exp(-z * (1 - x) / 2)) @ values
+        np.testing.assert_allclose(found, expected, rtol=1e-11, atol=1e-14)
+
+
+@pytest.mark.parametrize("z", [1e-9, 0.3, 30.0, 1e5])
+def test_moments_obey_the_recurrence_of_bessel_functions(z):
+    """``i_(k-1)(x) - i_(k+1)(x) = (2 k + 1) / x i_k(x)``."""
+    m, x, k = moments(z), z / 2, np.arange(1, 11)
+    np.testing.assert_allclose(m[:-2] - m[2:], (2 * k + 1) / x * m[1:-1], rtol=1e-12, atol=1e-15)

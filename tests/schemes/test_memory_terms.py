@@ -1,0 +1,212 @@
+"""Memory terms with kernels other than Caputo's: the same numbers by other means."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+from scipy.special import gamma
+
+import hereditary as hd
+from hereditary.special import alternating_sum
+
+PRONY = hd.Prony((1.0, 10.0), (0.3, 0.7))
+HISTORIES = [hd.SumOfExponentials(), hd.Direct(), hd.FFT()]
+OTHERS = [hd.L2(), hd.L2Sigma(), hd.BDF(2), hd.Adams(), hd.ProductTrapezoid()]
+
+
+def decay(t, y):
+    return -y
+
+
+def driven(t, y):
+    return np.sin(t) - y
+
+
+def with_modes(terms, depth, rhs, y0, kernel=PRONY):
+    """x(10) of ``sum_m a_m x^(m) + sum_m c_m int K x^(m) = rhs`` as an ordinary system.
+
+    `terms` maps m to (a_m, c_m); depth is the highest m. Each memory term has modes z' = x^(m) - r
+    z; where it acts on the highest derivative, that is solved for.
+    """
+    rates, weights = np.array(kernel.rates), np.array(kernel.weights)
+    remembered = [m for m, (_, c) in terms.items() if c]
+
+    def slopes(t, state):
+        x, modes = state[:depth], state[depth:].reshape(len(remembered), rates.size)
+        known, lead = rhs(t, x[:1])[0], 0.0
+        for m, (a, _) in terms.items():
+            if m < depth:
+                known -= a * x[m]
+            else:
+                lead += a
+        slope = np.zeros_like(modes)
+        held = [terms[m][1] * weights @ z for m, z in zip(remembered, modes, strict=True)]
+        top = (known - sum(held)) / lead
+        for row, m in enumerate(remembered):
+            slope[row] = (top if m == depth else x[m]) - rates * modes[row]
+        return np.concatenate([x[1:], [top], slope.ravel()])
+
+    start = np.concatenate([y0, np.zeros(len(remembered) * rates.size)])
+    run = solve_ivp(slopes, (0, 10), start, method="DOP853", rtol=1e-12, atol=1e-13)
+    return run.y[0, -1]
+
+
+# what terms, initial values and right-hand side are
+CASES = {
+    "y": ({1: (1.0, 0.0), 0: (0.0, 0.5)}, [1.0], driven),
+    "y'": ({1: (1.0, 0.5)}, [1.0], driven),
+    "y' above order 1": ({2: (1.0, 0.0), 1: (0.0, 0.5)}, [1.0, 0.3], decay),
+    "y and y'": ({2: (1.0, 0.0), 1: (0.0, 0.3), 0: (0.0, 0.5)}, [1.0, 0.3], driven),
+    "y''": ({2: (1.0, 0.5), 1: (1.0, 0.0)}, [1.0, -1.0], decay),
+}
+
+
+def made(name, kernel=PRONY):
+    terms, y0, rhs = CASES[name]
+    operators = [a * hd.Caputo(m) for m, (a, _) in terms.items() if a]
+    operators += [c * hd.Memory(kernel, m) for m, (_, c) in terms.items() if c]
+    return hd.Equation(operators, rhs, y0)
+
+
+def exactly(name):
+    terms, y0, rhs = CASES[name]
+    return with_modes(terms, len(y0), rhs, y0)
+
+
+@pytest.mark.parametrize("history", HISTORIES, ids=str)
+@pytest.mark.parametrize("name", CASES)
+def test_modes_of_a_prony_series_are_an_ordinary_system(name, history):
+    exact, n = exactly(name), 1000
+    errors = [
+        abs(hd.solve(made(name), 10.0, k * n, history=history).y[-1, 0] - exact) for k in (1, 2)
+    ]
+    assert errors[0] < 0.01
+    assert abs(np.log2(errors[0] / errors[1]) - 1) < 0.15
+
+
+@pytest.mark.parametrize("name", [name for name in CASES if name != "y and y'"])
+def test_l1_solves_the_same_system(name):
+    exact = exactly(name)
+    errors = [
+        abs(hd.solve(made(name), 10.0, n, scheme=hd.L1()).y[-1, 0] - exact) for n in (1000, 2000)
+    ]
+    assert errors[0] < 0.02
+    # its order 2 - alpha, or 3 - beta, at the integers
+    assert abs(np.log2(errors[0] / errors[1]) - 1) < 0.15
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_collocation_solves_the_same_system(name):
+    exact = exactly(name)
+    for rtol in (1e-6, 1e-10):
+        sol = hd.solve(made(name), 10.0, rtol=rtol, scheme=hd.Collocation())
+        assert abs(sol.y[-1, 0] - exact) < rtol
+
+
+def power_law_pair(m, a, factor=0.5):
+    """One term as a memory with a power law, and by Caputo's derivative."""
+    return factor / gamma(1 - a) * hd.Memory(hd.PowerLaw(a), m), factor * hd.Caputo(m - 1 + a)
+
+
+@pytest.mark.parametrize("m", [1, 2])
+@pytest.mark.parametrize("scheme", [hd.ExplicitCaputo(), hd.L1(), hd.Collocation()], ids=str)
+def test_a_power_law_is_caputos_derivative(scheme, m):
+    how = {"rtol": 1e-8} if isinstance(scheme, hd.Collocation) else {"n_steps": 500}
+    runs = [
+        hd.solve(hd.Equation([hd.Caputo(2), term], decay, [1.0, 0.2]), 5.0, scheme=scheme, **how)
+        for term in power_law_pair(m, 0.3)
+    ]
+    np.testing.assert_allclose(runs[0].y[-1], runs[1].y[-1], rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize(("leading", "m"), [(1, 1), (2, 2), (1.8, 1), (2, 1)])
+@pytest.mark.parametrize("a", [0.2, 0.8])
+def test_a_hardly_tempered_power_law_is_a_power_law(leading, m, a):
+    """Its singular moments, its modes and its powers of t are all its own here."""
+    y0 = 1.0 if leading <= 1 else [1.0, 0.5]
+    by_kernel = 0.25 / gamma(1 - a) * hd.Memory(hd.TemperedPowerLaw(a, 1e-13), m)
+    equations = [
+        hd.Equation([hd.Caputo(leading), term], decay, y0)
+        for term in (by_kernel, 0.25 * hd.Caputo(m - 1 + a))
+    ]
+    t = np.linspace(0, 10, 30)
+    exact = hd.solve(equations[1], 10.0, rtol=1e-11, scheme=hd.Collocation())(t)
+    for rtol in (1e-5, 1e-9):
+        sol = hd.solve(equations[0], 10.0, rtol=rtol, scheme=hd.Collocation())
+        assert np.abs(sol(t) - exact).max() < rtol
+    runs = [hd.solve(equation, 10.0, 2000) for equation in equations]
+    np.testing.assert_allclose(runs[0].y, runs[1].y, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_tangents_go_through_the_memory(name):
+    equation = made(name)
+    by = {"n_steps": 1000, "k": 1}
+    pair = hd.lyapunov(equation, 10.0, mode="pair", **by).exponents
+    np.testing.assert_allclose(hd.lyapunov(equation, 10.0, **by).exponents, pair, atol=1e-5)
+    fine = hd.lyapunov(equation, 10.0, scheme=hd.Collocation(), **by).exponents
+    np.testing.assert_allclose(fine, pair, atol=0.02)
+
+
+@pytest.mark.parametrize("scheme", [hd.ExplicitCaputo(), hd.Collocation()], ids=str)
+def test_stop_and_resume(scheme):
+    equation = made("y and y'")
+    adaptive = isinstance(scheme, hd.Collocation)
+    half, whole = ({"rtol": 1e-9},) * 2 if adaptive else ({"n_steps": 500}, {"n_steps": 1000})
+    first = hd.solve(equation, 5.0, scheme=scheme, **half)
+    again = hd.solve(
+        equation, 10.0, scheme=scheme, resume=first.state, **(half if adaptive else whole)
+    )
+    through = hd.solve(equation, 10.0, scheme=scheme, **whole)
+    np.testing.assert_allclose(again.y[-1], through.y[-1], rtol=0, atol=1e-8 if adaptive else 0)
+
+
+@pytest.mark.parametrize("scheme", OTHERS, ids=str)
+def test_other_schemes_say_no(scheme):
+    with pytest.raises(ValueError, match="terms must be Caputo operators with"):
+        hd.solve(made("y'"), 1.0, 10, scheme=scheme)
+
+
+def test_what_collocation_and_l1_cannot_take():
+    memory = hd.Memory(PRONY, 1)
+    with pytest.raises(ValueError, match="terms must hold a Caputo term of the highest"):
+        hd.solve(hd.Equation([hd.Caputo(0.5), memory], decay, 1.0), 1.0, rtol=1e-6)
+    with pytest.raises(ValueError, match="derivative must be 1 or 2 with L1"):
+        hd.solve(made("y and y'"), 1.0, 10, scheme=hd.L1())
+    with pytest.raises(ValueError, match="terms must be Caputo operators of constant order for L1"):
+        hd.solve(made("y'"), 1.0, mesh=hd.graded(10, 2), scheme=hd.L1())
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "match"),
+    [
+        ((lambda t: t, 1), TypeError, "kernel must be a MemoryKernel"),
+        ((PRONY, 3), ValueError, "derivative must be 0, 1 or 2, got 3"),
+        ((PRONY, True), ValueError, "derivative must be 0, 1 or 2"),
+        ((PRONY, 0.5), ValueError, "derivative must be 0, 1 or 2"),
+    ],
+)
+def test_bad_operators(arguments, error, match):
+    with pytest.raises(error, match=match):
+        hd.Memory(*arguments)
+
+
+@settings(max_examples=30)
+@given(st.floats(0.01, 5), st.floats(0.01, 5))
+def test_alternating_sums_of_exponentials(rate, other):
+    k = np.arange(24)
+    terms = np.exp(-rate * k) + np.exp(-other * k)
+    exact = 1 / (1 + np.exp(-rate)) + 1 / (1 + np.exp(-other))
+    assert abs(alternating_sum(terms) - exact) < 1e-13
+
+
+def test_the_step_limit_is_sharp():
+    equation = hd.Equation(
+        [hd.Caputo(2), 0.5 * hd.Memory(PRONY, 1)], lambda t, x: -100 * x, [1, 0.3]
+    )
+    limit = hd.ExplicitCaputo().step_limit(equation, 100.0)
+    below = hd.solve(equation, 0.99 * limit * 4000, 4000)
+    assert np.abs(below.y[-100:]).max() < 2
+    with pytest.warns(hd.StabilityWarning):
+        hd.solve(equation, 1.01 * limit * 4000, 4000)

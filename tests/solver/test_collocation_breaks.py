@@ -1,0 +1,134 @@
+"""Adaptive collocation where the right-hand side jumps, and steps that are cut short by a stop."""
+
+import numpy as np
+import pytest
+from problems import half_order_relaxation
+from random_problems import error, proportional
+
+import hereditary as hd
+from hereditary import exact
+from hereditary.history.bank import Bank
+
+# Jumps
+
+
+def switched(t, y, p):
+    """D^a y = sum of unit jumps at the times p, less y."""
+    total = -y
+    for start in p:
+        if t >= start:
+            total = total + 1.0
+    return total
+
+
+def after_jumps(alpha, jumps):
+    relaxing = exact.relaxation(alpha)
+
+    def solution(t):
+        risen = [np.where(t[:, None] > s, 1 - relaxing(np.maximum(t - s, 0.0)), 0.0) for s in jumps]
+        return relaxing(t) + sum(risen)
+
+    return solution
+
+
+@pytest.mark.parametrize("alpha", [0.1, 0.5, 0.9, 1.0])
+@pytest.mark.parametrize("jumps", [[1.0], [0.3, 2.0], [1.0, 1.001]])
+def test_jumps_of_the_right_hand_side(alpha, jumps):
+    equation = hd.Equation(hd.Caputo(alpha), switched, 1.0, params=jumps)
+    for rtol in (1e-5, 1e-9):
+        sol = hd.solve(equation, 3.0, rtol=rtol, breaks=jumps)
+        assert np.isin(jumps, sol.t).all()
+        assert error(sol, after_jumps(alpha, jumps), rtol) <= 1
+
+
+def pushed(t, x, p):
+    return (1.0 if t > p[0] else 0.0) - x
+
+
+def test_a_jump_in_an_oscillator():
+    equation = hd.Equation(hd.Caputo(1.6), pushed, [0.0, 0.0], params=[1.0])
+    sol = hd.solve(equation, 6.0, rtol=1e-9, breaks=[1.0])
+    rest = exact.relaxation(1.6, 1.0, [[1.0], [0.0]])
+
+    def solution(t):
+        return np.where(t[:, None] > 1, 1 - rest(np.maximum(t - 1, 0)), 0.0)
+
+    assert error(sol, solution, 1e-9) <= 1
+
+
+def test_breaks_are_better_and_cheaper_than_none():
+    equation = hd.Equation(hd.Caputo(0.5), switched, 1.0, params=[1.0])
+    solution, t = after_jumps(0.5, [1.0]), 1 + np.geomspace(1e-12, 2, 300)
+    plain, broken = (hd.solve(equation, 3.0, rtol=1e-6, breaks=b) for b in ((), (1.0,)))
+    off = [np.abs(sol(t) - solution(t)).max() for sol in (plain, broken)]
+    assert off[1] < off[0]
+    assert broken.stats["n_rhs"] < plain.stats["n_rhs"]
+
+
+@pytest.mark.parametrize("alpha", [0.3, 0.5, 1.5])
+def test_a_jump_that_no_step_is_small_enough_for_is_named(alpha):
+    """At a tight tolerance; until there the solution is right."""
+    y0 = 1.0 if alpha <= 1 else [1.0, 0.0]
+    equation = hd.Equation(hd.Caputo(alpha), switched, y0, params=[1.0])
+    for rtol in (1e-9, 1e-12):
+        sol = hd.solve(equation, 3.0, rtol=rtol)
+        assert not sol.success
+        assert "breaks" in sol.message
+        assert sol.t[-1] == pytest.approx(1.0, abs=1e-3)
+        solution = exact.relaxation(alpha, 1.0, np.reshape(y0, (-1, 1)))
+        assert error(sol, solution, rtol) <= 1
+
+
+def test_breaks_outside_of_the_run_do_nothing():
+    equation = hd.scenes.relaxation(0.7)
+    plain = hd.solve(equation, 2.0, rtol=1e-8)
+    for breaks in ([2.0], [3.0, 5.0], np.array([7.0])):
+        assert np.array_equal(hd.solve(equation, 2.0, rtol=1e-8, breaks=breaks).y, plain.y)
+
+
+def test_a_break_where_nothing_breaks_does_no_harm():
+    sol = hd.solve(hd.scenes.oscillator(), 10.0, rtol=1e-9, breaks=[1.0, 4.0, 4.5])
+    assert error(sol, exact.oscillator(), 1e-9) <= 1
+
+
+# What is left of a run after its first step is sometimes very short
+
+
+def with_few_refits(monkeypatch):
+    """Let a march that refits its modes forever fail instead."""
+    closer, calls = Bank.closer, []
+
+    def counted(self, closest):
+        calls.append(closest)
+        if len(calls) > 100:
+            raise RuntimeError("refitted a hundred times")
+        return closer(self, closest)
+
+    monkeypatch.setattr(Bank, "closer", counted)
+
+
+def test_a_run_that_ends_just_after_its_first_step(monkeypatch):
+    with_few_refits(monkeypatch)
+    equation = proportional(hd.Caputo(0.5), 0.4999, 1.0)
+    for t_end in (1.0, 1.001, 1.01, 1.02, 1.1):  # the first step goes to 1.0004
+        sol = hd.solve(equation, t_end, rtol=1e-6)
+        assert sol.success, sol.message
+        assert error(sol, exact.relaxation(0.5, 0.4999), 1e-6) <= 1
+
+
+@pytest.mark.parametrize("more", [0.1, 1e-2, 1e-3, 1e-6, 1e-12])
+def test_going_on_by_very_little(more, monkeypatch):
+    with_few_refits(monkeypatch)
+    equation = hd.scenes.relaxation(0.5)
+    state = hd.solve(equation, 1.0, rtol=1e-8).state
+    sol = hd.solve(equation, 1.0 + more, rtol=1e-8, resume=state)
+    assert sol.success, sol.message
+    assert error(sol, half_order_relaxation, 1e-8) <= 1
+
+
+@pytest.mark.parametrize("gap", [0.1, 1e-3, 1e-6, 1e-9, 1e-12])
+def test_breaks_that_are_close_to_each_other_and_to_the_ends(gap, monkeypatch):
+    with_few_refits(monkeypatch)
+    sol = hd.solve(hd.scenes.relaxation(0.5), 2.0, rtol=1e-8, breaks=[gap, 1.0, 1.0 + gap, 2 - gap])
+    assert sol.success, sol.message
+    assert error(sol, half_order_relaxation, 1e-8) <= 1

@@ -1,0 +1,113 @@
+"""Adaptive collocation at the ends of what there is: orders near integers, stiffness, times."""
+
+import numpy as np
+import pytest
+from random_problems import error, points, proportional
+
+import hereditary as hd
+from hereditary import exact
+
+LIMITS = [
+    (1.8, 0.6), (1.3, 0.7), (1.5, 0.5), (1.999, 0.999), (1.999, 0.001), (1.02, 0.98),
+    (1.001, 0.999), (1.000001, 0.5), (1.999999, 0.999999), (1.5, 1e-6), (1.5, 1 - 1e-6),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("beta", "gamma"), LIMITS)
+def test_limits_of_the_orders(beta, gamma):
+    """Orders that tend to 0, 1 and 2 lose nothing: D^beta x + 0.2 D^gamma x + x = 0."""
+    parameters = (beta, gamma, 0.2, 1.0, 1.0, 0.5)
+    sol = hd.solve(hd.scenes.oscillator(*parameters), 40.0, rtol=1e-11)
+    t = points(sol)
+    assert np.abs(sol(t) - exact.oscillator(*parameters)(t)).max() < 1e-10
+
+
+@pytest.mark.parametrize("alpha", [0.02, 1 - 1e-6, 1.0, 1 + 1e-6, 1.999999, 2.0])
+def test_limits_of_one_order(alpha):
+    y0 = [1.0] if alpha <= 1 else [1.0, 0.5]
+    sol = hd.solve(proportional(hd.Caputo(alpha), 0.7, y0), 10.0, rtol=1e-10)
+    assert error(sol, exact.relaxation(alpha, 0.7, np.reshape(y0, (-1, 1))), 1e-10) <= 1
+
+
+@pytest.mark.parametrize("rate", [0.7, 1.0, 10.0, 1e3, 1e6])
+@pytest.mark.parametrize("alpha", [1e-6, 1e-4, 1e-3, 0.01, 0.02, 0.05, 0.1])
+def test_tiny_orders(alpha, rate):
+    """Nearly all may happen before t = 1e-300: errors count at all times from there on.
+
+    They are held to the size at that time, which is some 1 / rate.
+    """
+    equation, solution = proportional(hd.Caputo(alpha), rate, 1.0), exact.relaxation(alpha, rate)
+    for rtol in (1e-4, 1e-6, 1e-7):
+        sol = hd.solve(equation, 1.0, rtol=rtol)
+        assert sol.success, sol.message
+        assert error(sol, solution, rtol, decays=True) <= 1
+        t = np.append(0.0, np.geomspace(1e-300, 1.0, 200))
+        y = solution(t)
+        assert np.all(np.abs(sol(t) - y) <= rtol * (y + 0.01))
+        assert sol.stats["n_steps"] < 50
+
+
+@pytest.mark.parametrize("rtol", [1e-8, 1e-10])
+@pytest.mark.parametrize("rate", [0.7, 1.0, 1e3])
+def test_the_tiniest_order_at_tight_tolerances(rate, rtol):
+    sol = hd.solve(proportional(hd.Caputo(1e-6), rate, 1.0), 1.0, rtol=rtol)
+    assert sol.success, sol.message
+    assert error(sol, exact.relaxation(1e-6, rate), rtol, decays=True) <= 1
+    assert sol.stats["n_steps"] < 50
+
+
+@pytest.mark.parametrize(("alpha", "rate"), [(0.3, 1e6), (0.5, 1e6), (0.95, 1e6), (1.0, 1e6)])
+def test_the_stiffest_relaxations(alpha, rate):
+    sol = hd.solve(proportional(hd.Caputo(alpha), rate, 1.0), 1.0, rtol=1e-6)
+    assert sol.success, sol.message
+    assert error(sol, exact.relaxation(alpha, rate), 1e-6, decays=True) <= 1
+
+
+@pytest.mark.parametrize("t_end", [1e-300, 1e-200, 1e-100, 1e100])
+@pytest.mark.parametrize("alpha", [0.02, 0.5, 0.9, 1.0])
+def test_any_length_of_a_run(alpha, t_end):
+    sol = hd.solve(proportional(hd.Caputo(alpha), 1.0, 1.0), t_end, rtol=1e-6)
+    assert sol.success, sol.message
+    assert sol.t[-1] == t_end
+    assert sol(t_end) == pytest.approx(exact.relaxation(alpha)(t_end), rel=1e-6, abs=1e-8)
+
+
+@pytest.mark.parametrize(("alpha", "rate"), [(0.02, 1e3), (0.5, 1e-3), (0.5, 1e3), (1.0, 1e3)])
+def test_the_longest_run_ends_well_or_says_why(alpha, rate):
+    sol = hd.solve(proportional(hd.Caputo(alpha), rate, 1.0), 1e300, rtol=1e-4)
+    assert sol.success or sol.status in (hd.Status.BLOWN_UP, hd.Status.RHS_FAILED)
+    assert sol.success == (sol.t[-1] == 1e300)
+    assert sol.success or sol.message.endswith("(t = 0)")
+    assert np.all(np.isfinite(sol.y))
+
+
+@pytest.mark.parametrize("alpha", [0.3, 0.8, 1.0])
+def test_rates_and_times_scale(alpha):
+    """Two-sided: a run 2**20 times as fast is the same run, step for step."""
+    fast = 2.0**20
+    slow, quick = (
+        hd.solve(proportional(hd.Caputo(alpha), rate, 1.0), t_end, rtol=1e-8)
+        for rate, t_end in ((1.0, 8.0), (fast**alpha, 8.0 / fast))
+    )
+    assert slow.t.size == quick.t.size
+    np.testing.assert_allclose(quick.t * fast, slow.t, rtol=1e-9)
+    np.testing.assert_allclose(quick.y, slow.y, atol=1e-10)
+
+
+def test_doubling_the_time_of_a_decay_adds_a_few_steps():
+    """The steps grow with t, so their number grows like its logarithm."""
+    equation = hd.scenes.relaxation(0.5)
+    ends = 10.0 * 2.0 ** np.arange(15)
+    added = np.diff([hd.solve(equation, t, rtol=1e-8).stats["n_steps"] for t in ends])
+    assert added.max() <= 12
+    assert np.ptp(added[-7:]) <= 1
+
+
+@pytest.mark.parametrize("beta", [1.02, 1.04, 1.1])
+def test_a_steep_force_next_to_order_one(beta):
+    """Newton's contraction, seen on the tiny steps after the start, says nothing about long ones."""
+    equation, t = hd.scenes.stick_slip(beta=beta), np.linspace(0, 10, 60)
+    fine, coarse = (hd.solve(equation, 10.0, rtol=rtol) for rtol in (1e-10, 1e-7))
+    assert fine.success
+    assert fine.stats["n_steps"] < 200
+    assert np.abs(fine(t) - coarse(t)).max() < 1e-6

@@ -1,0 +1,89 @@
+"""Adaptive collocation that goes on from a state."""
+
+import pickle
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from problems import half_order_relaxation
+from random_problems import error
+
+import hereditary as hd
+
+
+def squared(t, y):
+    return y**2
+
+
+@settings(max_examples=15)
+@given(st.floats(0.1, 0.95), st.sampled_from([1e-5, 1e-9]))
+def test_stopping_and_going_on_keeps_the_tolerance(share, rtol):
+    for equation, t_end in ((hd.scenes.oscillator(), 20.0), (hd.scenes.brusselator(0.8), 20.0)):
+        through = hd.solve(equation, t_end, rtol=rtol)
+        first = hd.solve(equation, share * t_end, rtol=rtol)
+        state = pickle.loads(pickle.dumps(first.state))
+        second = hd.solve(equation, t_end, rtol=rtol, resume=state)
+        assert second.t[0] == first.t[-1]
+        assert second.y[0] == pytest.approx(first.y[-1])
+        t = np.linspace(second.t[0], t_end, 100)
+        assert np.abs(second(t) - through(t)).max() <= 10 * rtol * np.abs(through.y).max()
+
+
+SCENES = [hd.scenes.relaxation, hd.scenes.stick_slip, lambda: hd.scenes.brusselator(0.8)]
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_a_state_is_small_and_does_not_grow(scene):
+    sizes = [len(pickle.dumps(hd.solve(scene(), t, rtol=1e-8).state)) for t in (10.0, 100.0)]
+    assert max(sizes) < 20_000
+    assert sizes[1] < 1.3 * sizes[0]
+
+
+def test_beyond_ten_times_its_length_a_run_is_not_resumed():
+    equation = hd.scenes.relaxation(0.5)
+    state = hd.solve(equation, 1.0, rtol=1e-8).state
+    with pytest.raises(ValueError, match=r"resume must .*Collocation\(horizon=11.0\)"):
+        hd.solve(equation, 11.0, rtol=1e-8, resume=state)
+    far = hd.Collocation(horizon=1e6)
+    state = hd.solve(equation, 1.0, rtol=1e-8, scheme=far).state
+    for t_end in (30.0, 1e3, 1e6):
+        sol = hd.solve(equation, t_end, rtol=1e-8, scheme=far, resume=state)
+        assert error(sol, half_order_relaxation, 1e-8) <= 1
+        state = sol.state
+
+
+@pytest.mark.parametrize(
+    ("change", "error_kind", "match"),
+    [
+        ({"rtol": 1e-6}, ValueError, "resume must come from a run with the same"),
+        ({"atol": 1e-3}, ValueError, "same tolerances"),
+        ({"scheme": hd.Collocation(nodes=5)}, ValueError, "same number of nodes"),
+        ({"equation": hd.scenes.relaxation(0.6)}, ValueError, "same orders"),
+        ({"equation": hd.Equation(2 * hd.Caputo(0.5), squared, 1.0)}, ValueError, "same coeff"),
+        ({"t_end": 1.0}, ValueError, "t_end must exceed the state's time 1"),
+        ({"scheme": hd.BDF(2), "rtol": None, "n_steps": 10}, TypeError, "resume must be a State"),
+    ],
+)
+def test_resuming_with_something_else(change, error_kind, match):
+    equation = hd.scenes.relaxation(0.5)
+    state = hd.solve(equation, 1.0, rtol=1e-8).state
+    call = {"equation": equation, "t_end": 2.0, "rtol": 1e-8, "resume": state} | change
+    with pytest.raises(error_kind, match=match):
+        hd.solve(**call)
+
+
+def test_a_state_of_given_steps_is_no_state_of_this_scheme():
+    state = hd.solve(hd.scenes.relaxation(0.5), 1.0, 10).state
+    with pytest.raises(TypeError, match="resume must be a AdaptiveState"):
+        hd.solve(hd.scenes.relaxation(0.5), 2.0, rtol=1e-8, resume=state)
+
+
+def test_a_long_run_that_keeps_rows_alone():
+    """To T = 1e6; the solution is there at the times asked for, and nothing else is kept."""
+    times = np.concatenate([[0.0], np.geomspace(1e-6, 1e6, 200)])
+    sol = hd.solve(hd.scenes.relaxation(0.5), 1e6, rtol=1e-10, t_eval=times)
+    assert sol.t.tolist() == times.tolist()
+    np.testing.assert_allclose(sol.y, half_order_relaxation(times), rtol=1e-9)
+    assert sol.dense is None
+    assert sol.stats["n_steps"] < 300

@@ -1,0 +1,149 @@
+"""What a tolerance of adaptive collocation means, and what its error estimate is worth.
+
+The scale of a tolerance is ``rtol size + atol``, see random_problems.deviation.
+"""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, reject
+from hypothesis import strategies as st
+from problems import HARD, PROBLEMS
+from random_problems import KINDS, deviation, error
+
+import hereditary as hd
+from hereditary import exact
+
+# Known to rounding alone, whatever the estimate of a solution that steps meet exactly.
+ROUNDING = 1e-14
+
+
+def judged(sol, solution, rtol, decays=False):
+    """Error over tolerance, and over the reported estimate: both relative to size + 0.01.
+
+    The step out of t = 0, whose error is none of those reported, may err by a tenth of rtol.
+    """
+    estimate = max(sol.stats["error_estimate"], 0.1 * rtol) + ROUNDING
+    return error(sol, solution, rtol, decays), deviation(sol, solution) / estimate
+
+
+def check_most(ratios):
+    """At most 10 always, at most 1 in nine of ten."""
+    ratios = np.asarray(ratios)
+    assert np.all(ratios <= 10)
+    assert np.mean(ratios <= 1) >= 0.9
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@given(st.data())
+def test_errors_stay_below_ten_tolerances_and_ten_estimates(kind, data):
+    def uniform(low, high):
+        return data.draw(st.floats(low, high))
+
+    try:
+        case = kind(uniform)
+    except ValueError:  # two poles that the exact solution cannot tell apart
+        reject()
+    rtol = max(10 ** uniform(-11.0, -4.0), case.rtol)
+    t_end = min(10 ** uniform(-1.0, 2.0), case.t_end)
+    sol = hd.solve(case.equation, t_end, rtol=rtol)
+    assert sol.success
+    assert sol.t[-1] == t_end
+    assert np.all(np.array(judged(sol, case.solution, rtol, case.decays)) <= 10)
+
+
+@pytest.fixture(scope="module")
+def hundred():
+    """A hundred of them: error over tolerance and over the reported estimate."""
+    rows = []
+    for seed in range(105):
+        rng = np.random.default_rng(seed)
+        try:
+            case = KINDS[seed % len(KINDS)](rng.uniform)
+        except ValueError:
+            continue
+        rtol = max(10 ** rng.uniform(-11, -4), case.rtol)
+        sol = hd.solve(case.equation, min(10 ** rng.uniform(-1, 2), case.t_end), rtol=rtol)
+        assert sol.success, seed
+        rows.append(judged(sol, case.solution, rtol, case.decays))
+    assert len(rows) >= 100
+    return np.array(rows)
+
+
+def test_nine_of_ten_errors_stay_within_the_tolerance(hundred):
+    ratios = hundred[:, 0]
+    check_most(ratios)
+    # and tolerances are not wasted: steps are as long as the tolerance allows, within some orders
+    assert np.median(ratios) > 1e-4
+
+
+def test_nine_of_ten_errors_stay_within_the_reported_estimate(hundred):
+    """Two-sided: nor is the estimate, at most rtol, beyond all proportion."""
+    ratios = hundred[:, 1]
+    check_most(ratios)
+    assert np.median(ratios) > 1e-4
+
+
+@pytest.mark.parametrize("problem", PROBLEMS + HARD, ids=lambda p: p.name)
+def test_named_problems(problem):
+    """P1 to P3 of the design among them."""
+    found = []
+    for rtol in (1e-4, 1e-6, 1e-8, 1e-11):
+        sol = hd.solve(problem.equation(), problem.t_end, rtol=rtol)
+        assert sol.success
+        found.append(judged(sol, problem.exact, rtol))
+    ratios, estimates = np.transpose(found)
+    assert ratios.max() <= 1
+    assert estimates.max() <= 10
+    assert np.sum(estimates > 1) <= 1
+
+
+def test_a_thousandth_of_the_tolerance_brings_a_thousandth_of_the_error():
+    """Two-sided: the tolerance steers the error over its whole range."""
+    solution = exact.oscillator()
+    off = [
+        np.abs(sol.y - solution(sol.t)).max()
+        for sol in (hd.solve(hd.scenes.oscillator(), 30.0, rtol=r) for r in (1e-4, 1e-7, 1e-10))
+    ]
+    for coarse, fine in pairwise(off):
+        assert 1e-5 < fine / coarse < 3e-2
+
+
+def reaction(t, y, dy, p):
+    dy[0] = 1.0 - 4.0 * y[0] + y[0] ** 2 * y[1]
+    dy[1] = 3.0 * y[0] - y[0] ** 2 * y[1]
+
+
+# P4 to P6: equation, end, published values there and half a unit of their last digit.
+PUBLISHED = {
+    "brusselator": (lambda: hd.scenes.brusselator(0.8), 100.0, [1.23585168586364], 1e-11),
+    "stick-slip": (hd.scenes.stick_slip, 100.0, [62.0717793], 1e-7),
+    "brusselator 1.3 0.8": (
+        lambda: hd.Equation(hd.Caputo([1.3, 0.8]), reaction, [[1.2, 2.8], [1.0, 0.0]]),
+        220.0,
+        [1.0097684171, 2.1581264031],
+        1e-10,
+    ),
+}
+
+
+@pytest.mark.parametrize("name", PUBLISHED)
+@pytest.mark.parametrize("rtol", [1e-4, 1e-5, 1e-7, 1e-9, 1e-11])
+def test_published_values(name, rtol):
+    make, t_end, values, digits = PUBLISHED[name]
+    sol = hd.solve(make(), t_end, rtol=rtol)
+    off = np.abs(sol.y[-1, : len(values)] - values)
+    scale = np.abs(sol.y).max(axis=0)[: len(values)] + 0.01
+    assert np.all(off <= rtol * scale + digits)
+    assert np.all(off <= sol.stats["error_estimate"] * scale + digits)
+
+
+@pytest.mark.parametrize("name", ["brusselator", "stick-slip"])
+@pytest.mark.parametrize("rtol", [0.05, 0.01])
+def test_coarse_tolerances_give_sane_answers(name, rtol):
+    make, t_end, values, _ = PUBLISHED[name]
+    sol = hd.solve(make(), t_end, rtol=rtol)
+    assert sol.success
+    assert np.all(np.isfinite(sol.y))
+    assert abs(sol.y[-1, 0] - values[0]) <= 10 * rtol * abs(values[0])

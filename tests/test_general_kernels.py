@@ -1,0 +1,336 @@
+"""Memory kernels: closed forms against mpmath, fits within their tolerance, limits, refusals."""
+
+import math
+
+import mpmath
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import hereditary as hd
+from hereditary.memory_kernels import (
+    DistributedOrder,
+    Kernel,
+    MemoryKernel,
+    MittagLeffler,
+    Prony,
+    StretchedExponential,
+    TabulatedKernel,
+    TemperedPowerLaw,
+)
+
+TIMES = [1e-300, 1e-12, 1e-3, 0.3, 1.0, 5.0, 40.0]
+
+
+def series(alpha, beta, x):
+    """E_(alpha, beta)(-x) by its series, in as many digits as that cancels."""
+    with mpmath.workdps(40 + int(float(x) ** (1 / alpha))):
+        total, n = mpmath.mpf(0), 0
+        while True:
+            term = (-x) ** n * mpmath.rgamma(alpha * n + beta)
+            total, n = total + term, n + 1
+            if n > 20 and abs(term) < abs(total) * mpmath.mpf(10) ** -30:
+                return total
+
+
+def exact(kernel, t):
+    """Value and integral in 40 digits."""
+    t = mpmath.mpf(t)
+    if isinstance(kernel, MittagLeffler):
+        a, r = mpmath.mpf(kernel.order), mpmath.mpf(kernel.rate)
+        return series(a, 1, (r * t) ** a), t * series(a, 2, (r * t) ** a)
+    a, r = mpmath.mpf(kernel.exponent), mpmath.mpf(kernel.rate)
+    if isinstance(kernel, TemperedPowerLaw):
+        return t**-a * mpmath.exp(-r * t), mpmath.gammainc(1 - a, 0, r * t) / r ** (1 - a)
+    x = (r * t) ** a
+    return mpmath.exp(-x), mpmath.gammainc(1 / a, 0, x) / (a * r)
+
+
+@pytest.mark.parametrize("t", TIMES)
+@pytest.mark.parametrize(
+    "kernel",
+    [
+        *(TemperedPowerLaw(a, 2.0) for a in (1e-3, 0.5, 0.95)),
+        *(StretchedExponential(b, 2.0) for b in (0.05, 0.5, 0.9, 1.0)),
+        *(MittagLeffler(a, 2.0) for a in (0.5, 0.8, 0.95, 0.999, 1.0)),
+    ],
+    ids=str,
+)
+def test_values_and_integrals(kernel, t):
+    if isinstance(kernel, MittagLeffler) and kernel.order == 0.5 and t > 5:
+        pytest.skip("the series needs thousands of digits")
+    with mpmath.workdps(40):
+        value, integral = exact(kernel, t)
+        assert abs(mpmath.mpf(float(kernel(t))) / value - 1) < 1e-13
+        assert abs(mpmath.mpf(float(kernel.integral(t))) / integral - 1) < 1e-14
+
+
+@pytest.mark.parametrize("kernel", [TemperedPowerLaw(0.5, 1.0), StretchedExponential(0.4, 1.0)])
+def test_integrals_by_quadrature(kernel):
+    with mpmath.workdps(30):
+        whole = mpmath.quad(lambda u: exact(kernel, u**4)[0] * 4 * u**3, [0, 0.5, 1, 1.2])
+    assert float(kernel.integral(1.2**4)) == pytest.approx(float(whole), rel=1e-13)
+
+
+@pytest.mark.parametrize("order", [0.05, 0.3, 0.8])
+def test_mittag_leffler_long_after(order):
+    t = 1e25 if order < 0.1 else 1e18
+    with mpmath.workdps(40):
+        x, a = mpmath.mpf(t) ** mpmath.mpf(order), mpmath.mpf(order)
+        terms = [-((-x) ** -n) for n in range(1, 25)]
+        value = sum(c * mpmath.rgamma(1 - a * n) for n, c in enumerate(terms, 1))
+        whole = t * sum(c * mpmath.rgamma(2 - a * n) for n, c in enumerate(terms, 1))
+    kernel = MittagLeffler(order, 1.0)
+    assert float(kernel(t)) == pytest.approx(float(value), rel=1e-13)
+    assert float(kernel.integral(t)) == pytest.approx(float(whole), rel=1e-13)
+
+
+def worst(fit, kernel, t_min, t_max):
+    """Largest error relative to K, to 1e-16 / t of the largest t K(t) once it has faded."""
+    t = np.geomspace(t_min, t_max, 20_001)
+    t[[0, -1]] = t_min, t_max
+    values = kernel(t)
+    return (np.abs(fit(t) - values) / np.maximum(values, 1e-16 * (t * values).max() / t)).max()
+
+
+def check(kernel, t_min, t_max, tol):
+    fit = hd.fit_exponentials(kernel, t_min, t_max, tol)
+    error = worst(fit, kernel, t_min, t_max)
+    assert error <= 1.02 * tol
+    assert fit.max_error <= tol
+    assert error <= 1.05 * fit.max_error + 2e-14
+    assert np.all(fit.weights > 0)
+    assert np.all(fit.rates >= 0)
+    assert np.all(np.diff(fit.rates) > 0)
+    return fit
+
+
+@pytest.mark.parametrize("tol", [1e-4, 1e-8, 1e-10])
+@pytest.mark.parametrize(
+    ("kernel", "most"),
+    [
+        (TemperedPowerLaw(0.5, 1.0), 50),
+        (MittagLeffler(0.5, 1.0), 65),
+        (MittagLeffler(0.95, 1.0), 100),
+        (StretchedExponential(0.3, 1.0), 60),
+        (StretchedExponential(0.8, 1.0), 150),
+        (DistributedOrder([0.0, 0.2, 0.9], [1.0, 1.0, 2.0]), 60),
+        (DistributedOrder.from_density(lambda a: 1 + a), 60),
+        (Kernel(lambda t: 1 / np.sqrt(t * (1 + t))), 60),
+    ],
+    ids=lambda value: str(value)[:40],
+)
+def test_fits_over_six_decades(kernel, most, tol):
+    assert check(kernel, 1e-4, 1e2, tol).n_modes <= most
+
+
+@pytest.mark.parametrize(
+    "kernel", [TemperedPowerLaw(0.5, 1.0), MittagLeffler(0.5, 1.0), StretchedExponential(0.5, 1.0)]
+)
+def test_fits_down_to_tiny_times(kernel):
+    check(kernel, 1e-8, 10.0, 1e-8)
+
+
+def test_fits_of_power_laws_have_not_moved():
+    fit = hd.PowerLaw(0.5).fit(1e-3, 1e3, 1e-10)
+    same = hd.fit_exponentials(hd.PowerLaw(0.5), 1e-3, 1e3, 1e-10)
+    assert np.array_equal(fit.rates, same.rates)
+    assert np.array_equal(fit.weights, same.weights)
+    assert hd.PowerLaw(0.25).singular_exponent == 0.25
+    assert hd.PowerLaw(0.25).integral(16.0) == pytest.approx(8 / 0.75, rel=1e-15)
+    with pytest.raises(ValueError, match="exponent must be below 1 for a finite integral"):
+        hd.PowerLaw(1.0).integral(1.0)
+
+
+def test_prony_is_exact():
+    kernel = Prony([2.0, 0.0, 2.0], [1.0, 0.5, 2.0])
+    fit = hd.fit_exponentials(kernel, 1e-3, 10.0, 1e-4)
+    assert fit.rates.tolist() == [0.0, 2.0]
+    assert fit.weights.tolist() == [0.5, 3.0]
+    assert fit.max_error == 0.0
+    t = np.array([1e-300, 0.1, 2.0])
+    expected = 0.5 * t + 1.5 * -np.expm1(-2 * t)
+    np.testing.assert_allclose(kernel.integral(t), expected, rtol=1e-15)
+
+
+def test_limits():
+    t = np.geomspace(1e-6, 5.0, 50)
+    power = hd.PowerLaw(0.4)
+    for rate in (1e-4, 1e-8, 0.0):
+        tempered = TemperedPowerLaw(0.4, rate)
+        np.testing.assert_allclose(tempered(t), power(t), rtol=6 * rate + 1e-15)
+        np.testing.assert_allclose(tempered.integral(t), power.integral(t), rtol=6 * rate + 1e-15)
+        fit, bare = (kernel.fit(1e-3, 5.0, 1e-8) for kernel in (tempered, power))
+        np.testing.assert_allclose(fit(t[t > 1e-3]), bare(t[t > 1e-3]), rtol=6 * rate + 1e-14)
+    plain = np.exp(-2.0 * t)
+    np.testing.assert_allclose(MittagLeffler(1.0, 2.0)(t), plain, rtol=1e-15)
+    np.testing.assert_allclose(MittagLeffler(1 - 1e-9, 2.0)(t), plain, rtol=1e-5)
+    np.testing.assert_allclose(StretchedExponential(1.0, 2.0)(t), plain, rtol=1e-15)
+    for kernel in (MittagLeffler(1.0, 2.0), StretchedExponential(1.0, 2.0)):
+        assert kernel.fit(1e-3, 5.0, 1e-8).rates.tolist() == [2.0]
+    single = DistributedOrder([0.4], [math.gamma(0.6)])
+    np.testing.assert_allclose(single(t), power(t), rtol=1e-14)
+    np.testing.assert_allclose(single.integral(t), power.integral(t), rtol=1e-14)
+
+
+def test_a_function_is_integrated_through_its_singularity():
+    for a in (0.0, 0.5, 0.9):
+        kernel = Kernel(lambda t, a=a: t**-a * np.exp(-t))
+        assert kernel.singular_exponent == pytest.approx(a, abs=1e-12)
+        t = np.array([0.0, 1e-300, 1e-5, 0.7, 0.7, 90.0])
+        expected = TemperedPowerLaw(a, 1.0).integral(t) if a else -np.expm1(-t)
+        np.testing.assert_allclose(kernel.integral(t), expected, rtol=1e-13)
+
+
+def test_functions_of_one_time_and_given_exponents():
+    kernel = Kernel(lambda t: math.exp(-t) if t >= 0 else 0.0, singular_exponent=0)
+    np.testing.assert_allclose(kernel([[0.5, 1.0]]), np.exp([[-0.5, -1.0]]))
+    fit = kernel.fit(1e-2, 10.0, 1e-6)
+    assert fit(2.0) == pytest.approx(math.exp(-2.0), rel=1e-6)
+
+
+def test_separate_rates_of_a_function_are_found():
+    fit = check(Kernel(lambda t: np.exp(-t) + 0.1 * np.exp(-33 * t)), 1e-4, 1e2, 1e-8)
+    assert fit.n_modes <= 6
+
+
+def test_signed_kernels():
+    kernel = Kernel(lambda t: np.exp(-t) - 0.9 * np.exp(-3 * t), signed=True)
+    fit = hd.fit_exponentials(kernel, 1e-3, 10.0, 1e-7)
+    assert fit.weights.min() < 0
+    t = np.geomspace(1e-3, 10.0, 2001)
+    largest = np.maximum.accumulate(kernel(t)[::-1])[::-1]
+    assert (np.abs(fit(t) - kernel(t)) / largest).max() <= 1.02e-7
+    with pytest.raises(ValueError, match=r"tol must be at least .* without oscillation"):
+        Kernel(lambda t: np.exp(-t) * np.cos(40 * t), signed=True).fit(1e-3, 10.0, 1e-8)
+
+
+def test_noise_is_smoothed():
+    t = np.geomspace(1e-3, 1e3, 300)
+    truth = MittagLeffler(0.6, 1.0)
+    noise = 1 + 0.01 * np.random.default_rng(1).standard_normal(t.size)
+    kernel = Kernel.from_table(t, truth(t) * noise)
+    assert isinstance(kernel, TabulatedKernel)
+    fit = hd.fit_exponentials(kernel, 1e-3, 1e3, 0.011)
+    assert np.all(fit.weights > 0)
+    assert np.abs(fit(t) / truth(t) - 1).max() < 0.02
+    assert fit.n_modes < 20
+    assert 0.011 < fit.max_error < 0.05
+    with pytest.raises(ValueError, match=r"tol must be at least 0\.00.*rms misfit"):
+        kernel.fit(1e-3, 1e3, 1e-4)
+
+
+def test_tables_interpolate_power_laws_exactly():
+    t = np.geomspace(1e-2, 10.0, 20)
+    kernel = Kernel.from_table(t, t**-0.5)
+    assert kernel.singular_exponent == pytest.approx(0.5)
+    times = np.array([1e-300, 1e-2, 0.037, 10.0])
+    np.testing.assert_allclose(kernel(times), times**-0.5, rtol=1e-12)
+    np.testing.assert_allclose(kernel.integral(times), 2 * times**0.5, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("make", "error", "match"),
+    [
+        (lambda: TemperedPowerLaw(1.0, 1.0), ValueError, r"exponent must lie in \(0, 1\), got 1.0"),
+        (lambda: TemperedPowerLaw(0.5, -1.0), ValueError, "rate must be .* at least 0, got -1.0"),
+        (lambda: MittagLeffler(1.2, 1.0), ValueError, r"order must lie in \[0.01, 1\], got 1.2"),
+        (lambda: MittagLeffler(0.5, math.nan), ValueError, "rate must be a finite number above 0"),
+        (lambda: StretchedExponential(0.5, 0.0), ValueError, "rate must be .* above 0, got 0.0"),
+        (lambda: StretchedExponential("b", 1.0), TypeError, "exponent must"),
+        (lambda: Prony([-1.0], [1.0]), ValueError, "rates must not be negative"),
+        (lambda: Prony([1.0], [-1.0]), ValueError, "weights must be positive"),
+        (lambda: Prony([], []), ValueError, r"rates must have shape \(n,\) as weights, n >= 1"),
+        (lambda: Prony([1.0, 2.0], [1.0]), ValueError, "rates must have shape"),
+        (lambda: DistributedOrder([1.0], [1.0]), ValueError, r"orders must lie in \[0, 1\)"),
+        (
+            lambda: DistributedOrder.from_density(lambda a: a - 0.5),
+            ValueError,
+            "weights must be po",
+        ),
+        (lambda: Kernel(0.5), TypeError, "function must be callable, got 0.5; use Kernel.from_tab"),
+        (lambda: Kernel(lambda t: t**-1.5), ValueError, "integrable at 0 .* got a = 1.5"),
+        (lambda: Kernel(lambda t: t * math.nan), ValueError, "finite values at t > 0, got none"),
+        (lambda: Kernel(lambda t: t + 1j), TypeError, "function must give one real number"),
+        (lambda: Kernel(np.exp, singular_exponent=1.0), ValueError, "integrable at 0"),
+        (lambda: Kernel.from_table([], []), ValueError, r"t must have shape \(n,\) as values"),
+        (lambda: Kernel.from_table([1, 3, 2, 4], [4, 3, 2, 1]), ValueError, "sort the table by t"),
+        (lambda: Kernel.from_table([1, 2, 3, 4], [2, 1, 0, 1]), ValueError, "got 0 at t = 3; end"),
+        (lambda: Kernel.from_table([1, 2, 3, 4], [2, 1, math.inf, 1]), ValueError, "values must"),
+        (lambda: Kernel.from_table([1, 2, 3, 4], [16, 4, 2, 1]), ValueError, "integrable at 0"),
+    ],
+)
+def test_nonsense_is_refused(make, error, match):
+    with pytest.raises(error, match=match):
+        make()
+
+
+@pytest.mark.parametrize(
+    ("function", "match"),
+    [
+        (np.exp, "got rising at t = .*; pass signed=True"),
+        (lambda t: -np.exp(-t), "got negative at t = 0.001; pass signed=True"),
+        (lambda t: np.exp(-t) * (1.01 + np.cos(9 * t)), "kernel must be completely monotone"),
+        (lambda t: np.exp(-(t**2)), "completely monotone .* only approach to .*; pass signed=True"),
+        (lambda t: np.where(t < 1.0, 1.0, np.nan), "finite values at t > 0, got nan at t = 1"),
+        (lambda t: np.where(t > 1.0, np.inf, 1.0), "finite values at t > 0, got inf at t = 1"),
+    ],
+)
+def test_what_is_not_completely_monotone_is_refused(function, match):
+    with pytest.raises(ValueError, match=match):
+        Kernel(function).fit(1e-3, 3.0, 1e-6)
+
+
+def test_ranges_are_checked():
+    table = Kernel.from_table([1.0, 2.0, 3.0, 4.0], [4.0, 3.0, 2.5, 2.2])
+    with pytest.raises(ValueError, match=r"t_min and t_max must lie within the table, \[1, 4\]"):
+        table.fit(0.1, 4.0, 1e-2)
+    with pytest.raises(ValueError, match="t must not exceed the table's last time, 4, got 5"):
+        table(5.0)
+    with pytest.raises(ValueError, match="t_min must come before the kernel is 0 in rounding"):
+        TemperedPowerLaw(0.5, 1.0).fit(1e3, 1e4, 1e-6)
+    for kernel in (Prony([1.0], [1.0]), MittagLeffler(0.5, 1.0), table):
+        with pytest.raises(ValueError, match="t_max must lie between"):
+            kernel.fit(1.0, 0.5, 1e-6)
+        with pytest.raises(ValueError, match="tol must lie in"):
+            kernel.fit(1.0, 2.0, 0.0)
+
+
+FAMILIES = st.one_of(
+    st.builds(TemperedPowerLaw, st.floats(0.01, 0.99), st.floats(0.0, 10.0)),
+    st.builds(MittagLeffler, st.floats(0.05, 1.0), st.floats(0.1, 10.0)),
+    st.builds(StretchedExponential, st.floats(0.05, 1.0), st.floats(0.1, 10.0)),
+    st.builds(lambda a, w: DistributedOrder([a, 0.0], [w, 1.0]), st.floats(0.01, 0.99), st.just(2)),
+)
+
+
+@given(FAMILIES)
+def test_laws_of_every_kernel(kernel):
+    assert isinstance(kernel, MemoryKernel)
+    t = np.geomspace(1e-6, 30.0, 60)
+    values, integrals = kernel(t), kernel.integral(t)
+    assert np.all(values > 0)
+    assert np.all(np.diff(values) < 0)
+    # the mean of a decreasing kernel lies above its last value, and falls
+    assert np.all(integrals > t * values * (1 - 1e-14))
+    assert np.all(np.diff(integrals) >= -1e-15 * integrals[1:])
+    assert np.all(np.diff(integrals / t) <= 1e-14 * (integrals / t)[1:])
+    # K t**a tends to a constant
+    a = kernel.singular_exponent
+    early = kernel([1e-280, 1e-281]) * np.array([1e-280, 1e-281]) ** a
+    assert early[0] == pytest.approx(early[1], rel=1e-2)
+
+
+@given(
+    st.sampled_from([MittagLeffler, StretchedExponential]), st.floats(0.3, 1.0), st.floats(-3, 3)
+)
+@settings(max_examples=10)
+def test_time_scales_scale(family, exponent, log_c):
+    c = 10**log_c
+    one, other = family(exponent, 1.0), family(exponent, 1 / c)
+    t = np.geomspace(1e-3, 10.0, 40)
+    np.testing.assert_allclose(other(c * t), one(t), rtol=1e-13)
+    np.testing.assert_allclose(other.integral(c * t), c * one.integral(t), rtol=1e-13)
+    fit = other.fit(c * 1e-3, c * 10.0, 1e-5)
+    np.testing.assert_allclose(fit(c * t), one(t), rtol=1.01e-5)
