@@ -19,8 +19,8 @@ from hereditary import exact
 class Linear:
     """An equation, its exact solution, how late a run may end, and whether it only decays.
 
-    `rtol` is the least tolerance worth asking for: where large numbers cancel in the right-hand side
-    or between the terms, their rounding counts as an error of each step.
+    `rtol` is the least tolerance worth asking for: where large numbers cancel in the right-hand
+    side or between the terms, their rounding counts as an error of each step.
     """
 
     name: str

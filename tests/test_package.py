@@ -93,10 +93,8 @@ def test_examples_in_docstrings(name):
     assert doctest.testmod(module, optionflags=doctest.NORMALIZE_WHITESPACE).failed == 0
 
 
-PAGES = [
-    "README.md",
-    *(f"docs/{name}.md" for name in ("start", "collocation", "kernels", "sweeps")),
-]
+PAGES = ["README.md"]
+PAGES += [f"docs/{name}.md" for name in ("start", "collocation", "kernels", "sweeps")]
 
 
 @pytest.mark.parametrize("page", PAGES)

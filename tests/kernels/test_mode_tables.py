@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
-from hypothesis.extra import numpy as hnp
+from numpy.polynomial.legendre import leggauss, legvander
 
 from hereditary.kernels.mode_tables import (
     SLOTS,
@@ -71,18 +71,35 @@ def test_other_lengths_would_drift():
 # Factors of a length
 
 RATES = np.array([0.0, 1e-12, 0.3, 7.0, 1e3, 1e9])
+# A general kernel: weights of these rates, and a point mass at distance 0.
+WEIGHTS, MASS = np.array([2.0, 0.0, 1.0, 0.5, 3.0, 0.0]), 0.25
 
 
-def empty_tables(n_rates, s):
-    shapes = ((SLOTS, n_rates, s), (SLOTS, n_rates), (SLOTS, s, n_rates))
+def empty_tables(s):
+    n = RATES.size
+    shapes = ((SLOTS, n, s), (SLOTS, n), (SLOTS, s, n), (SLOTS, 1, s, s))
     return (np.zeros(SLOTS), *(np.full(shape, np.nan) for shape in shapes))
 
 
+def bank(s):
+    """The rates with a fractional integral, which has no part in this, and the general kernel."""
+    nodes = radau_nodes(s)
+    cardinal = np.linalg.inv(legvander(2 * nodes - 1, s - 1))
+    # values at the nodes, to values at c times the nodes, to coefficients on [0, c]
+    points = [legvander(2 * c * nodes - 1, s - 1) @ cardinal for c in nodes]
+    transforms = np.array([cardinal @ at for at in points])
+    return RATES, np.array([np.ones(RATES.size), WEIGHTS]), np.array([MASS]), transforms
+
+
+def slot_for(h, tables):
+    s = tables[1].shape[2]
+    return slot_of(h, radau_nodes(s).copy(), bank(s), tables)
+
+
 def check_slot(h, tables):
-    """The slot holds the factors of this length, bit for bit."""
-    nodes = radau_nodes(tables[1].shape[2]).copy()
-    slot = slot_of(h, nodes, RATES, tables)
-    lengths, reads, keeps, moments = tables
+    """The slot holds the factors of this length."""
+    nodes, slot = radau_nodes(tables[1].shape[2]), slot_for(h, tables)
+    lengths, reads, keeps, moments, _ = tables
     assert lengths[slot] == h
     np.testing.assert_allclose(reads[slot], np.exp(-np.outer(RATES, h * nodes)), rtol=1e-15)
     np.testing.assert_allclose(keeps[slot], np.exp(-RATES * h), rtol=1e-15)
@@ -96,34 +113,54 @@ def check_slot(h, tables):
 @given(st.lists(st.floats(1e-9, 1e3), min_size=1, max_size=8), st.integers(2, 12))
 def test_a_slot_holds_the_factors_of_its_length(lengths, s):
     """Whatever came before, on the grid or not, as the last steps before a stop are."""
-    tables = empty_tables(RATES.size, s)
+    tables = empty_tables(s)
     for h in lengths:
         check_slot(on_grid(h), tables)
         check_slot(h, tables)
 
 
 def test_lengths_that_share_a_slot_take_turns():
-    tables = empty_tables(RATES.size, 6)
+    tables = empty_tables(6)
     one, other = 1.0, 2.0 ** -(SLOTS / 8)
     slot = check_slot(one, tables)
     assert check_slot(other, tables) == slot
     assert check_slot(one, tables) == slot
     kept = tables[3][slot].copy()
     tables[3][slot, 0, 0] = -7.0  # not computed again while the length is the same
-    assert slot_of(one, radau_nodes(6).copy(), RATES, tables) == slot
+    assert slot_for(one, tables) == slot
     assert tables[3][slot, 0, 0] == -7.0
     tables[3][slot, 0, 0] = kept[0, 0]
-    neighbours = {check_slot(on_grid(FACTOR**k), tables) for k in range(SLOTS)}
+    neighbours = {check_slot(on_grid(1.01 * FACTOR**k), tables) for k in range(SLOTS)}
     assert len(neighbours) == SLOTS
+
+
+@given(st.floats(1e-6, 10.0), st.integers(2, 8), st.integers(0, 2**32 - 1))
+def test_matrices_of_a_general_kernel(h, s, seed):
+    """Its convolution with a polynomial on the step, at the nodes, by Gauss' rule."""
+    tables, nodes = empty_tables(s), radau_nodes(s)
+    matrix = tables[4][slot_for(h, tables), 0]
+    coefficients = np.random.default_rng(seed).normal(size=s)
+    values = legvander(2 * nodes - 1, s - 1) @ coefficients
+    x, weights = leggauss(60)
+    expected = MASS * values
+    for i, c in enumerate(nodes):
+        # the factor next to the node by pieces, for it may be steep
+        ends = c * np.concatenate([[0.0], 1 - 0.5 ** np.arange(1, 50), [1.0]])
+        for start, width in zip(ends[:-1], np.diff(ends), strict=True):
+            u = start + width * (1 + x) / 2
+            kernel = np.exp(-np.outer(h * (c - u), RATES)) @ WEIGHTS
+            polynomial = legvander(2 * u - 1, s - 1) @ coefficients
+            expected[i] += h * width / 2 * (weights * kernel) @ polynomial
+    np.testing.assert_allclose(matrix @ values, expected, atol=1e-11)
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(1, 3), st.integers(2, 8))
 def test_modes_are_read_and_moved(seed, d, s):
     """Against the same sums by NumPy."""
     rng, h = np.random.default_rng(seed), 0.37
-    tables = empty_tables(RATES.size, s)
-    slot = slot_of(h, radau_nodes(s).copy(), RATES, tables)
-    _, reads, keeps, moments = (table[slot] for table in tables)
+    tables = empty_tables(s)
+    slot = slot_for(h, tables)
+    _, reads, keeps, moments, _ = (table[slot] for table in tables)
     modes, idle = rng.normal(size=(2, d, RATES.size))
     values, driven = rng.normal(size=(3, d, s)), rng.normal(size=(d, 3, RATES.size))
     driven[0, 1] = 0.0
@@ -140,12 +177,12 @@ def test_modes_are_read_and_moved(seed, d, s):
 def test_a_mode_of_a_polynomial_is_its_integral():
     """``int_0^h exp(-rate (h - u)) u**2 du``, whatever the rate."""
     h, s = 0.5, 4
-    tables = empty_tables(RATES.size, s)
-    slot = slot_of(h, radau_nodes(s).copy(), RATES, tables)
+    tables = empty_tables(s)
+    slot = slot_for(h, tables)
     values, driven = np.zeros((3, 1, s)), np.zeros((1, 3, RATES.size))
     values[2, 0], driven[0, 2] = (h * radau_nodes(s)) ** 2, 1.0
     modes, idle = np.zeros((2, 1, RATES.size))
-    _, _, keeps, moments = (table[slot] for table in tables)
+    _, _, keeps, moments, _ = (table[slot] for table in tables)
     move_modes(h, keeps, moments, driven, idle, to_legendre(s).copy(), values, modes)
     with mpmath.workdps(60):
         exact = [

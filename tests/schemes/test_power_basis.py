@@ -4,13 +4,20 @@ A power t**e counts where e is a sum of generators; t = 0 and the tiniest t are 
 points, for there the solution of a stiff equation of small order has most of its changes.
 """
 
+import mpmath
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.special import erfcx, gamma, rgamma
 
-from hereditary.schemes.power_basis import LEFT_OUT, PowerBasis, graded_rule, power_basis
+from hereditary.schemes.power_basis import (
+    LEFT_OUT,
+    PowerBasis,
+    bend_for,
+    graded_rule,
+    power_basis,
+)
 
 GENERATORS = [
     (1.0,),
@@ -176,3 +183,105 @@ def test_the_graded_rule_is_for_functions_singular_at_both_ends(p, q):
     ends = LEFT_OUT ** (p + 1) / (p + 1) + LEFT_OUT ** (q + 1) / (q + 1)
     exact = gamma(p + 1) * gamma(q + 1) * rgamma(p + q + 2)
     assert weights @ (u**p * v**q) + ends == pytest.approx(exact, rel=1e-12)
+
+
+# Bent functions
+
+BENT = [((0.1, 1.0), 16.0), ((0.02, 1.0), 4.0), ((0.02, 1.0), 4.0**8), ((1e-3, 0.7, 1.0), 1024.0)]
+BENT += [((1e-6, 1.0), 64.0), ((0.07, 0.9), 4.0**10)]
+
+
+def bent(t, g, c):
+    """(1 + c) t**g / (1 + c t**g), t being a number or an array."""
+    return (1 + c) * t**g / (1 + c * t**g)
+
+
+def at_bent_nodes(basis, g, c):
+    u = np.exp(g * basis._logs[: basis.nodes.size])
+    return (1 + c) * u / (1 + c * u)
+
+
+@pytest.mark.parametrize(("generators", "c"), BENT, ids=repr)
+def test_bent_functions_are_polynomials_of_what_bends(generators, c):
+    """Also near 1 / c, where a solution that they are for has its course, and times the others."""
+    basis, g = power_basis(generators, c), generators[0]
+    x, w = at_bent_nodes(basis, g, c), bent(POINTS, g, c)
+    for degree in (1, 2, 5):
+        off = np.abs(basis.interpolate(x**degree, POINTS) - w**degree)
+        assert off.max() < 10 * ROUNDING
+    product = basis.interpolate(x * at_nodes(basis, generators[1]), POINTS)
+    assert np.abs(product - w * powers(generators[1], POINTS)).max() < 10 * ROUNDING
+
+
+@pytest.mark.parametrize(("generators", "c"), BENT[:3], ids=repr)
+def test_bent_functions_are_no_others(generators, c):
+    """The two-sided half: a far greater bend than theirs shows, and so do powers for a great one.
+
+    Where t**g is about 1 / c; for the nodes then lie there.
+    """
+    basis, g = power_basis(generators, c), generators[0]
+    t = np.exp(np.linspace(-1e3, 0, 4001) / g / 50)
+    greater = 1e4 * c
+    off = basis.interpolate(at_bent_nodes(basis, g, greater), t) - bent(t, g, greater)
+    assert np.abs(off).max() > 1e-5
+    plain = PowerBasis(generators)
+    off = plain.interpolate(at_bent_nodes(plain, g, 4.0**8), t) - bent(t, g, 4.0**8)
+    assert np.abs(off).max() > 1e-3
+
+
+@pytest.mark.parametrize("a", [0.02, 0.5, 1.0])
+@pytest.mark.parametrize(("generators", "c"), BENT, ids=repr)
+def test_integrals_of_bent_functions(generators, c, a):
+    """``J**a w = t**a / Gamma(a+1) int_0^1 w(t (1 - s**(1/a))) ds``, by mpmath's quadrature."""
+    basis, g = power_basis(generators, c), generators[0]
+    integral = basis.integrals((a, 1.0))[0] @ at_bent_nodes(basis, g, c)
+    ends = np.concatenate([basis.nodes, basis.between])
+    with mpmath.workdps(30):
+        pieces = [0, *(1 - mpmath.mpf(2) ** -k for k in range(1, 60, 4)), 1]
+        for i in [-1, *np.flatnonzero(ends > 1e-200)[:: max(1, ends.size // 4)]]:
+            t = mpmath.mpf(float(ends[i]))
+
+            def inner(s, t=t):
+                return bent(t * (1 - s ** (1 / mpmath.mpf(a))), mpmath.mpf(g), c) if s < 1 else 0
+
+            exact = t**a * mpmath.rgamma(1 + mpmath.mpf(a)) * mpmath.quad(inner, pieces)
+            assert integral[i] == pytest.approx(float(exact), abs=10 * ROUNDING)
+
+
+@pytest.mark.parametrize(("generators", "c"), BENT, ids=repr)
+def test_slopes_of_bent_functions(generators, c):
+    """In closed form, and of any function of the basis by differences of log(t)."""
+    basis, g, t = power_basis(generators, c), generators[0], np.geomspace(1e-6, 1, 100)
+    exact = g * bent(t, g, c) / (1 + c * t**g)
+    slopes = t * (basis.slopes(t) @ at_bent_nodes(basis, g, c))
+    assert np.abs(slopes - exact).max() < 10 * ROUNDING
+    step, t = 1e-4, t[t < 0.99]
+    values = np.cos(3 * at_bent_nodes(basis, g, c)) + basis.nodes ** generators[-1]
+    after, before = (basis.interpolate(values, t * np.exp(s)) for s in (step, -step))
+    slopes = t * (basis.slopes(t) @ values)
+    np.testing.assert_allclose(slopes, (after - before) / (2 * step), atol=3e-7)
+
+
+def test_which_solutions_get_a_bend():
+    """Those of a tiny order that are driven strongly; the bend follows the drive within twice."""
+    assert bend_for((0.5, 1.0), 1e6) == bend_for((0.02, 1.0), 1.9) == 0.0
+    for size in (2.0, 10.0, 777.0, 1e6, 1e12):
+        bend = bend_for((0.02, 1.0), size)
+        assert size / 2 * (1 - 1e-12) <= bend <= 2 * size * (1 + 1e-12)
+        assert np.log2(bend) % 2 == 0
+
+
+def test_a_stiff_relaxation_of_a_tiny_order_is_a_bent_function():
+    """y = E(-K t**a) at all times at once, where powers fail."""
+    exact = pytest.importorskip("hereditary.exact")
+    solution = exact.relaxation(0.02, 1e4)
+    t = np.append(0.0, np.geomspace(1e-300, 1.0, 400))
+    off = []
+    for bend in (bend_for((0.02, 1.0), 1e4), 0.0):
+        basis = power_basis((0.02, 1.0), bend)
+        # at nodes too small for a float: the solution at 1 for a rate that is smaller instead
+        rates = 1e4 * at_nodes(basis, 0.02)
+        values = np.array([exact.relaxation(0.02, rate)(np.ones(1))[0, 0] for rate in rates])
+        off.append(np.abs(basis.interpolate(values, t) - solution(t)[:, 0]).max())
+    assert off[0] < 1e-9
+    assert off[1] > 1e-3

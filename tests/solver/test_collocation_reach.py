@@ -105,7 +105,7 @@ def test_doubling_the_time_of_a_decay_adds_a_few_steps():
 
 @pytest.mark.parametrize("beta", [1.02, 1.04, 1.1])
 def test_a_steep_force_next_to_order_one(beta):
-    """Newton's contraction, seen on the tiny steps after the start, says nothing about long ones."""
+    """Newton's contraction on the tiny steps after the start says nothing about long ones."""
     equation, t = hd.scenes.stick_slip(beta=beta), np.linspace(0, 10, 60)
     fine, coarse = (hd.solve(equation, 10.0, rtol=rtol) for rtol in (1e-10, 1e-7))
     assert fine.success

@@ -4,7 +4,7 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.polynomial import legendre as leg
-from scipy.special import gamma, rgamma, roots_jacobi
+from scipy.special import rgamma, roots_jacobi
 
 
 @lru_cache(maxsize=16)
@@ -49,13 +49,6 @@ def polynomial_integrals(s, a, ends):
     inner = ends[:, None] * np.einsum("q,kqj->kj", weights, values)
     start = leg.legval(-1.0, coefficients)
     return ends[:, None] ** a * rgamma(a + 1) * (start + inner)
-
-
-def power_integrals(exponents, a, ends):
-    """``J**a t**e`` at `ends` for each exponent e, shape (k, n)."""
-    exponents = np.asarray(exponents, dtype=float)
-    factors = gamma(exponents + 1) * rgamma(exponents + a + 1)
-    return np.asarray(ends, dtype=float)[:, None] ** (exponents + a) * factors
 
 
 @lru_cache(maxsize=16)
