@@ -231,7 +231,8 @@ class AdaptiveStepper:
             "n_rhs": self.n_rhs,
             "n_modes": self.n_modes,
             "history_bytes": self._strands.modes.nbytes,
-            "error_estimate": self._largest_error * self._tolerances[0],
+            # a step out of a corner may err by its share
+            "error_estimate": max(self._largest_error, _SHARE) * self._tolerances[0],
         }
 
     def state(self):
