@@ -1,5 +1,7 @@
 """The stick-slip scene: its coefficients, its force, its stays."""
 
+import math
+
 import numpy as np
 import pytest
 from scipy.integrate import quad
@@ -97,3 +99,29 @@ def test_hereditary_load_agrees_with_an_independent_high_order_solution():
     errors = np.abs(np.array(ends) - 62.0717793)
     assert errors[1] < 2e-7
     assert errors[1] < errors[0] / 5
+
+
+def test_orders_that_vary():
+    """Constant functions are constant orders; others keep to the ranges."""
+    runs = [
+        hd.solve(hd.scenes.stick_slip(beta=beta, gamma=gamma), 20.0, 4000).y
+        for beta, gamma in ((1.8, 0.8), (lambda t: 1.8, lambda t: 0.8), (lambda t: 1.8, 0.8))
+    ]
+    np.testing.assert_allclose(runs[1], runs[0], rtol=0, atol=1e-7)
+    np.testing.assert_allclose(runs[2], runs[0], rtol=0, atol=1e-7)
+    ageing = hd.scenes.stick_slip(beta=lambda t: 2.0 - 0.2 * np.exp(-t / 10), gamma=1.0)
+    assert hd.solve(ageing, 20.0, 4000).success
+    with pytest.raises(ValueError, match=r"beta must lie in \(1, 2\]"):
+        hd.scenes.stick_slip(beta=lambda t: 0.9 + t)
+
+
+def test_kernels_instead_of_orders():
+    """The power laws of the orders are the same equation; K1 alone makes it another."""
+    from_orders = hd.solve(hd.scenes.stick_slip(), 20.0, 4000).y
+    tempered = hd.TemperedPowerLaw(0.8, 1e-12)
+    weight = 1 / math.gamma(0.2)
+    by_kernel = hd.scenes.stick_slip(friction=0.25 * weight, resistance=tempered)
+    np.testing.assert_allclose(hd.solve(by_kernel, 20.0, 4000).y, from_orders, rtol=0, atol=1e-6)
+    heavy = hd.solve(hd.scenes.stick_slip(inertia=tempered, resistance=tempered), 20.0, 4000)
+    assert heavy.success
+    assert np.abs(heavy.y - from_orders).max() > 0.1

@@ -53,9 +53,13 @@ def relaxation(alpha: float = 0.5, rate: float = 1.0, y0: float = 1.0) -> Equati
 
 
 def oscillator_terms(beta, gamma, friction):
-    """Inertia and friction, ``D^beta + friction D^gamma``, with orders in their ranges."""
-    within("beta", beta, 1 + 1e-15, 2.0, "(1, 2]", "order 1 and below takes no x'(0)")
-    within("gamma", gamma, 5e-324, 1.0, "(0, 1]")
+    """Inertia and friction, ``D^beta + friction D^gamma``, with orders in their ranges.
+
+    An order may be a function of the time; its value at 0 tells which range it must keep to.
+    """
+    at_start = [order(0.0) if callable(order) else order for order in (beta, gamma)]
+    within("beta", at_start[0], 1 + 1e-15, 2.0, "(1, 2]", "order 1 and below takes no x'(0)")
+    within("gamma", at_start[1], 5e-324, 1.0, "(0, 1]")
     return [Caputo(beta), real("friction", friction) * Caputo(gamma)]
 
 

@@ -5,6 +5,7 @@ A load on a spring that is pulled at a constant speed over a chain of potential 
 """
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -49,8 +50,8 @@ def _force_jacobian(t, y, jacobian, params):
 
 def stick_slip(
     *,
-    beta: float = 1.8,
-    gamma: float = 0.8,
+    beta: float | Callable[[float], float] = 1.8,
+    gamma: float | Callable[[float], float] = 0.8,
     friction: float = 0.25,
     omega: float = 1.0,
     spring_speed: float = 1.0,
@@ -69,8 +70,9 @@ def stick_slip(
 
     Parameters
     ----------
-    beta, gamma : float
-        Orders of inertia and friction, 1 < beta <= 2 and 0 < gamma <= 1.
+    beta, gamma : float or callable
+        Orders of inertia and friction, 1 < beta <= 2 and 0 < gamma <= 1; functions of the time for
+        orders that vary (`hereditary.Caputo`).
     friction : float
         Coefficient lambda of dynamic friction.
     omega : float
