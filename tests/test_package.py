@@ -94,7 +94,7 @@ def test_examples_in_docstrings(name):
 
 
 PAGES = ["README.md"]
-PAGES += [f"docs/{name}.md" for name in ("start", "collocation", "kernels", "sweeps")]
+PAGES += [f"docs/{name}.md" for name in ("start", "collocation", "kernels")]
 
 
 @pytest.mark.parametrize("page", PAGES)
