@@ -70,7 +70,12 @@ class Equation(System):
     ) -> None:
         self.terms = _as_terms(terms)
         values = real_array("y0", y0, remedy="give shape (m, d): y(0), y'(0), ...")
-        initial = _initial_values(values, max(t.operator.derivative for t in self.terms))
+        highest = max(t.operator.derivative for t in self.terms)
+        if highest == 0:
+            required = "hold a derivative"
+            remedy = "an equation in y and its past alone is none of these"
+            raise ValueError(complaint("terms", required, repr(self.terms[0]), remedy))
+        initial = _initial_values(values, highest)
         d = initial.shape[1]
         factors = _per_component("coefficient", [t.coefficient for t in self.terms], d)
         own = [_own_operator(term.operator) for term in self.terms]

@@ -247,7 +247,7 @@ class Memory:
     ----------
     kernel : MemoryKernel
         `PowerLaw`, `TemperedPowerLaw`, `Prony`, `MittagLeffler`, `StretchedExponential`,
-        `DistributedOrder`, or `Kernel` for any other.
+        `DistributedOrder`, or `Kernel` for any other; integrable at 0.
     derivative : int
         m: 0, 1 or 2.
 
@@ -267,6 +267,10 @@ class Memory:
     def __init__(self, kernel: MemoryKernel, derivative: int) -> None:
         remedy = "e.g. hereditary.PowerLaw(0.8)"
         self.kernel = instance("kernel", kernel, MemoryKernel, remedy)
+        if kernel.singular_exponent >= 1:
+            required, got = "be integrable at 0", f"{kernel!r}"
+            remedy = "take an exponent below 1, with one derivative more"
+            raise ValueError(complaint("kernel", required, got, remedy))
         if isinstance(derivative, bool) or derivative not in (0, 1, 2):
             raise ValueError(complaint("derivative", "be 0, 1 or 2", derivative))
         self.derivative = int(derivative)

@@ -184,12 +184,19 @@ def test_what_collocation_and_l1_cannot_take():
         ((lambda t: t, 1), TypeError, "kernel must be a MemoryKernel"),
         ((PRONY, 3), ValueError, "derivative must be 0, 1 or 2, got 3"),
         ((PRONY, True), ValueError, "derivative must be 0, 1 or 2"),
+        ((hd.PowerLaw(1.0), 1), ValueError, "kernel must be integrable at 0"),
+        ((hd.PowerLaw(1.5), 2), ValueError, "kernel must be integrable at 0"),
         ((PRONY, 0.5), ValueError, "derivative must be 0, 1 or 2"),
     ],
 )
 def test_bad_operators(arguments, error, match):
     with pytest.raises(error, match=match):
         hd.Memory(*arguments)
+
+
+def test_an_equation_needs_a_derivative():
+    with pytest.raises(ValueError, match="terms must hold a derivative"):
+        hd.Equation(hd.Memory(PRONY, 0), decay, 1.0)
 
 
 @settings(max_examples=30)
