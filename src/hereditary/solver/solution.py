@@ -57,7 +57,8 @@ class Solution:
     stats : dict
         n_steps and n_rhs (counted from t = 0), n_modes, history_bytes, setup_seconds, run_seconds.
         With `Collocation` n_rejected, the steps made again shorter, and error_estimate: rtol times
-        the largest error of a step over its share of the tolerance, a tenth of it. Otherwise
+        the largest error of a step over its share of the tolerance, a tenth of it, and rtol / 10 at
+        the least, which the first step may err by. Otherwise
         stiffness_ratio: the largest ratio of an eigenvalue of d rhs / d y to its step limit
         seen along the orbit, sampled every 32 steps (more rarely in systems); the scheme is
         unstable above 1. Where the components of a system have different terms only real
