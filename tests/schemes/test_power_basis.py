@@ -14,7 +14,7 @@ from scipy.special import erfcx, gamma, rgamma
 from hereditary.schemes.power_basis import (
     LEFT_OUT,
     PowerBasis,
-    bend_for,
+    bends_for,
     graded_rule,
     power_basis,
 )
@@ -204,7 +204,7 @@ def at_bent_nodes(basis, g, c):
 @pytest.mark.parametrize(("generators", "c"), BENT, ids=repr)
 def test_bent_functions_are_polynomials_of_what_bends(generators, c):
     """Also near 1 / c, where a solution that they are for has its course, and times the others."""
-    basis, g = power_basis(generators, c), generators[0]
+    basis, g = power_basis(generators, (c,)), generators[0]
     x, w = at_bent_nodes(basis, g, c), bent(POINTS, g, c)
     for degree in (1, 2, 5):
         off = np.abs(basis.interpolate(x**degree, POINTS) - w**degree)
@@ -219,7 +219,7 @@ def test_bent_functions_are_no_others(generators, c):
 
     Where t**g is about 1 / c; for the nodes then lie there.
     """
-    basis, g = power_basis(generators, c), generators[0]
+    basis, g = power_basis(generators, (c,)), generators[0]
     t = np.exp(np.linspace(-1e3, 0, 4001) / g / 50)
     greater = 1e4 * c
     off = basis.interpolate(at_bent_nodes(basis, g, greater), t) - bent(t, g, greater)
@@ -233,7 +233,7 @@ def test_bent_functions_are_no_others(generators, c):
 @pytest.mark.parametrize(("generators", "c"), BENT, ids=repr)
 def test_integrals_of_bent_functions(generators, c, a):
     """``J**a w = t**a / Gamma(a+1) int_0^1 w(t (1 - s**(1/a))) ds``, by mpmath's quadrature."""
-    basis, g = power_basis(generators, c), generators[0]
+    basis, g = power_basis(generators, (c,)), generators[0]
     integral = basis.integrals((a, 1.0))[0] @ at_bent_nodes(basis, g, c)
     ends = np.concatenate([basis.nodes, basis.between])
     with mpmath.workdps(30):
@@ -251,7 +251,7 @@ def test_integrals_of_bent_functions(generators, c, a):
 @pytest.mark.parametrize(("generators", "c"), BENT, ids=repr)
 def test_slopes_of_bent_functions(generators, c):
     """In closed form, and of any function of the basis by differences of log(t)."""
-    basis, g, t = power_basis(generators, c), generators[0], np.geomspace(1e-6, 1, 100)
+    basis, g, t = power_basis(generators, (c,)), generators[0], np.geomspace(1e-6, 1, 100)
     exact = g * bent(t, g, c) / (1 + c * t**g)
     slopes = t * (basis.slopes(t) @ at_bent_nodes(basis, g, c))
     assert np.abs(slopes - exact).max() < 10 * ROUNDING
@@ -263,12 +263,46 @@ def test_slopes_of_bent_functions(generators, c):
 
 
 def test_which_solutions_get_a_bend():
-    """Those of a tiny order that are driven strongly; the bend follows the drive within twice."""
-    assert bend_for((0.5, 1.0), 1e6) == bend_for((0.02, 1.0), 1.9) == 0.0
-    for size in (2.0, 10.0, 777.0, 1e6, 1e12):
-        bend = bend_for((0.02, 1.0), size)
+    """Those of a tiny order; the bends follow the drives within twice."""
+    assert bends_for((0.5, 1.0), [1e6]) == bends_for((0.02, 1.0), [0.09]) == ()
+    for size in (0.2, 2.0, 10.0, 777.0, 1e6, 1e12):
+        (bend,) = bends_for((0.02, 1.0), [size])
         assert size / 2 * (1 - 1e-12) <= bend <= 2 * size * (1 + 1e-12)
         assert np.log2(bend) % 2 == 0
+    assert bends_for((0.02, 1.0), [1.0, 1e3, 0.0, 1.1e3]) == (1024.0, 1.0)
+    assert len(bends_for((0.02, 1.0), 10.0 ** np.arange(9))) == 3
+
+
+@pytest.mark.parametrize("generators", [(0.02, 1.0), (1e-3, 0.6, 1.0)], ids=repr)
+def test_several_bends(generators):
+    """Sums of functions of each bent power, and their integrals beside those of each alone."""
+    bends, g = (4.0**8, 64.0), generators[0]
+    both = power_basis(generators, bends)
+    values = sum(at_bent_nodes(both, g, c) ** 3 for c in bends)
+    expected = sum(bent(POINTS, g, c) ** 3 for c in bends)
+    assert np.abs(both.interpolate(values, POINTS) - expected).max() < 10 * ROUNDING
+    own = sum(
+        (basis := power_basis(generators, (c,))).integrals((0.3, 1.0))[:, basis.nodes.size - 1]
+        @ at_bent_nodes(basis, g, c) ** 3
+        for c in bends
+    )
+    ends = both.integrals((0.3, 1.0))[:, both.nodes.size - 1] @ values
+    np.testing.assert_allclose(ends, own, rtol=100 * ROUNDING)
+
+
+@pytest.mark.parametrize("c", [4.0**8, 4.0**10])
+def test_what_fades_is_known_as_well_late_as_early(c):
+    """c / (1 + c t**g), which falls from c to 1: its rounding falls with it, integrated as well."""
+    g = 0.05
+    basis = power_basis((g, 1.0), (c,))
+    values = c / (1 + c * at_nodes(basis, g))
+    t = np.geomspace(1e-6, 1, 50)
+    np.testing.assert_allclose(basis.at(t) @ values, c / (1 + c * t**g), rtol=1e-11)
+    # where c t**g is large already: int_0^1 of it
+    with mpmath.workdps(30):
+        exact = mpmath.quad(lambda s: c / (1 + c * s**g), [0, 1e-30, 1e-20, 1e-10, 1e-5, 1e-2, 1])
+    end = basis.integrals((1.0,))[0, basis.nodes.size - 1] @ values
+    assert end == pytest.approx(float(exact), rel=1e-11)
 
 
 def test_a_stiff_relaxation_of_a_tiny_order_is_a_bent_function():
@@ -277,8 +311,8 @@ def test_a_stiff_relaxation_of_a_tiny_order_is_a_bent_function():
     solution = exact.relaxation(0.02, 1e4)
     t = np.append(0.0, np.geomspace(1e-300, 1.0, 400))
     off = []
-    for bend in (bend_for((0.02, 1.0), 1e4), 0.0):
-        basis = power_basis((0.02, 1.0), bend)
+    for bends in (bends_for((0.02, 1.0), [1e4]), ()):
+        basis = power_basis((0.02, 1.0), bends)
         # at nodes too small for a float: the solution at 1 for a rate that is smaller instead
         rates = 1e4 * at_nodes(basis, 0.02)
         values = np.array([exact.relaxation(0.02, rate)(np.ones(1))[0, 0] for rate in rates])

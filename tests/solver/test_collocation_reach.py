@@ -100,7 +100,7 @@ def test_doubling_the_time_of_a_decay_adds_a_few_steps():
     ends = 10.0 * 2.0 ** np.arange(15)
     added = np.diff([hd.solve(equation, t, rtol=1e-8).stats["n_steps"] for t in ends])
     assert added.max() <= 12
-    assert np.ptp(added[-7:]) <= 1
+    assert np.ptp(added[-7:]) <= 2
 
 
 @pytest.mark.parametrize("beta", [1.02, 1.04, 1.1])

@@ -11,6 +11,7 @@ from .collocation import (
     estimate,
     fold_known,
     local_operators,
+    newton_room,
     solve_stages,
     solve_tangents,
     take_from_forces,
@@ -62,7 +63,7 @@ def march_adaptive(
     combined_weights(channels, offsets, weights, driven, idle)
     base, values = np.empty((n_strands, n_rows, s)), np.empty((n_strands, 3, d, s))
     errors, lowest = np.empty(d), lowest_order(channels, orders)
-    row, rejected, made = 0, False, -1.0
+    newton, row, rejected, made = newton_room(d, s), 0, False, -1.0
     while clock[0] < t_stop:
         if row == starts.shape[0]:
             return row, FULL
@@ -83,16 +84,16 @@ def march_adaptive(
         guess(nodes, legendre, last[0, PRIMARY], h, clock[2], p[0], values[0, PRIMARY])
         solved = solve_stages(
             rhs, jac, has_jac, params, times, h, base[0], x[0], second, drivers, whole, goal,
-            values[0, PRIMARY], values[0, POSITION], values[0, FORCE], notes,
+            values[0, PRIMARY], values[0, POSITION], values[0, FORCE], notes, newton,
         )  # fmt: skip
         take_from_forces(d, drivers, base, values[:1])
-        estimate(h, channels, orders, legendre, local, drivers, values[0], errors)
+        estimate(h, channels, orders, legendre, local, drivers, values[0], newton, errors)
         ratio = over_tolerance(h, errors, values[0], second, largest, p0[0], rtol, atol)
         ratio = ratio if solved else np.inf
         if ratio <= 1.0 and n_strands > 1:
             more = tangents_ratio(
                 rhs, jac, has_jac, params, times, h, base, x, form, drivers, whole, local, legendre,
-                values, rtol, notes,
+                values, rtol, notes, newton,
             )  # fmt: skip
             ratio, solved = max(ratio, more), more < np.inf
         clock[1] = next_length(h, clock[1], ratio, rejected, s + lowest)
@@ -159,7 +160,7 @@ def lowest_order(channels, orders):
 @kernel
 def tangents_ratio(
     rhs, jac, has_jac, params, times, h, base, x, form, drivers, whole, local, legendre, values,
-    rtol, notes,
+    rtol, notes, newton,
 ):  # fmt: skip
     """Solve the step for the tangents; their largest error over its tolerance, inf if singular."""
     channels, orders, second, _ = form
@@ -168,15 +169,15 @@ def tangents_ratio(
     ):
         return np.inf
     take_from_forces(x.shape[1], drivers, base[1:], values[1:])
-    return worst_tangent(h, channels, orders, legendre, local, drivers, values, rtol)
+    return worst_tangent(h, channels, orders, legendre, local, drivers, values, newton, rtol)
 
 
 @kernel
-def worst_tangent(h, channels, orders, legendre, local, drivers, values, rtol):
+def worst_tangent(h, channels, orders, legendre, local, drivers, values, newton, rtol):
     """Largest ratio of a tangent's error to its tolerance, relative to all of the tangent."""
     worst, errors = 0.0, np.empty(values.shape[2])
     for strand in range(1, values.shape[0]):
-        estimate(h, channels, orders, legendre, local, drivers, values[strand], errors)
+        estimate(h, channels, orders, legendre, local, drivers, values[strand], newton, errors)
         size = np.max(np.abs(values[strand, PRIMARY:]))
         if not size < np.inf:
             return np.inf

@@ -148,8 +148,15 @@ def newton_matrix(h, drivers, whole, second, jacobians, matrix):
 
 
 @kernel
+def newton_room(d, s):
+    """Room for a factorised matrix and its pivots."""
+    return np.empty((d * s, d * s)), np.empty(d * s, dtype=np.int64)
+
+
+@kernel
 def solve_stages(
-    rhs, jac, has_jac, params, times, h, base, x_start, second, drivers, whole, goal, p, x, f, notes
+    rhs, jac, has_jac, params, times, h, base, x_start, second, drivers, whole, goal, p, x, f,
+    notes, newton,
 ):  # fmt: skip
     """Solve for p at the nodes by Newton's method from its present values.
 
@@ -157,9 +164,9 @@ def solve_stages(
     last change, f; notes: calls of the right-hand side, sweeps, the rate of contraction seen, and
     the size of the change and the length of the step it was seen at.
     """
-    # base, p, x, f (d, s), notes (5,)
+    # base, p, x, f (d, s), notes (5,), newton: matrix (d s, d s) and pivots (d s,), factorised here
     d, s = p.shape
-    matrix, order = np.empty((d * s, d * s)), np.empty(d * s, dtype=np.int64)
+    matrix, order = newton
     residual, change = np.empty(d * s), np.empty(d * s)
     jacobians, before = np.empty((s, d, d)), np.empty((d, s))
     previous, rate = np.inf, 1.0
@@ -240,36 +247,48 @@ def residuals(base, drivers, p, x, f, out):
 
 
 @kernel
-def estimate(h, channels, orders, legendre, local, drivers, values, errors):
-    """Error of p by each component's drivers: the Legendre coefficients after the last, integrated.
+def estimate(h, channels, orders, legendre, local, drivers, values, newton, errors):
+    """Error of p by each driver: the Legendre coefficient after the last, integrated.
 
-    Nor may p itself, as the dense output interpolates it, be further off.
+    It counts by what the equations leave of it: little where they are stiff. Nor may p itself, as
+    the dense output interpolates it, be further off.
     """
     # local (n_k, s, s), drivers (3 R, s, s), values (3, d, s), errors (d,)
-    d, n_a = errors.shape[0], orders.shape[0]
+    d, s, n_a = errors.shape[0], values.shape[2], orders.shape[0]
+    matrix, order = newton
+    defect, left = np.empty(d * s), np.empty(d * s)
     for c in range(d):
         last, shrink = tail(legendre, values[PRIMARY, c])
-        errors[c] = last * shrink * shrink
-    for row in range(channels.shape[0]):
-        c, q, k = int(channels[row, 0]), int(channels[row, 1]), int(channels[row, 2])
-        last, shrink = tail(legendre, values[q, c % d])
-        size = h ** orders[k] if k < n_a else np.max(np.abs(local[k - n_a, -1]))
-        if c >= d:
-            size *= np.max(np.abs(drivers[3 * (c - d) + FORCE, -1]))
-        errors[c % d] += abs(channels[row, 3]) * size * last * shrink
+        errors[c] = abs(last) * shrink * shrink
+    for driver in range(3):
+        defect[:] = 0.0
+        for row in range(channels.shape[0]):
+            c, q, k = int(channels[row, 0]), int(channels[row, 1]), int(channels[row, 2])
+            if q != driver:
+                continue
+            last, shrink = tail(legendre, values[q, c % d])
+            size = h ** orders[k] if k < n_a else np.max(np.abs(local[k - n_a, -1]))
+            if c >= d:
+                size *= np.max(np.abs(drivers[3 * (c - d) + FORCE, -1]))
+            for i in range(s):
+                defect[(c % d) * s + i] += channels[row, 3] * size * last * shrink
+        if not np.any(defect):
+            continue
+        substitute(matrix, order, defect, left)
+        for c in range(d):
+            errors[c] += np.max(np.abs(left[c * s : (c + 1) * s]))
 
 
 @kernel
 def tail(legendre, values):
-    """Size of the last Legendre coefficient, and its ratio to the one before, 1 at most."""
+    """The last Legendre coefficient, and the size of its ratio to the one before, 1 at most."""
     # values (s,)
     s = values.shape[0]
     last, before = 0.0, 0.0
     for j in range(s):
         last += legendre[s - 1, j] * values[j]
         before += legendre[s - 2, j] * values[j]
-    last, before = abs(last), abs(before)
-    return last, (min(1.0, last / before) if before > 0.0 else 1.0)
+    return last, (min(1.0, abs(last / before)) if before != 0.0 else 1.0)
 
 
 @kernel
@@ -327,9 +346,10 @@ def solve_once(
     fold_known(d, drivers, known)
     whole = singular[orders.shape[0] - 1]
     f, p, x = values[0, FORCE], values[0, PRIMARY], values[0, POSITION]
+    newton = newton_room(d, n_nodes)
     if not solve_stages(
         rhs, jac, has_jac, params, times, h, known[0], x_start[0], second, drivers, whole, goal, p,
-        x, f, notes,
+        x, f, notes, newton,
     ):  # fmt: skip
         return False
     if offsets.shape[0] > 1 and not solve_tangents(

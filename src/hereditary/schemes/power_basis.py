@@ -2,6 +2,11 @@
 
 There the solution is a sum of powers t**e, e running over the sums of a few generators g. Products
 of Legendre polynomials in the t**g span them without the cancellation that powers suffer from.
+
+A stiff solution of a tiny order takes its course where t**g is about 1 / c, c the size of its rate,
+as 1 / (1 + c t**g) nearly. Polynomials in a bent power, (1 + c) t**g / (1 + c t**g), follow it.
+They are taken as that function times polynomials, and a constant: so the rounding of what they are
+made of fades as they do, and c times them, a right-hand side, is known as well late as early.
 """
 
 import math
@@ -16,8 +21,10 @@ _CUT = 1e-14
 # A generator below this is treated as if it were this when the functions are chosen. No step is
 # so small that its power is: more functions then, instead.
 _TINY = 0.12
-# How many functions, and how many with a tiny generator.
-_SIZE, _SIZE_IF_TINY = 18, 24
+# How many functions: as a rule, with a tiny generator, and where that is bent in several ways.
+_SIZE, _SIZE_IF_TINY, _SIZE_IF_BENT = 18, 24, 48
+# At most so many bends, none for drives below this.
+_BENDS, _DRIVE = 3, 0.1
 # Kernels are taken no closer to 0 than this.
 _NEXT_TO_0 = 1e-300
 # The graded rule leaves out this much next to 1, where kernels are integrated in closed form.
@@ -33,9 +40,8 @@ class PowerBasis:
         Ascending, above 0.
     size : int, optional
         Number of functions.
-    bend : float, optional
-        c >= 0: a polynomial in (1 + c) t**g / (1 + c t**g) instead of t**g, for the first g. Where
-        a solution takes most of its course while t**g is about 1 / c, that follows it.
+    bends : tuple of float, optional
+        c > 0, descending: bent powers of the first g, one for each, instead of t**g.
 
     Attributes
     ----------
@@ -43,34 +49,42 @@ class PowerBasis:
         The nodes, the last one 1, and points between them, the first one 0.
     """
 
-    def __init__(self, generators, size=None, bend=0.0):
+    def __init__(self, generators, size=None, bends=()):
+        g, n_bent = generators[0], len(bends)
         if size is None:
-            size = _SIZE_IF_TINY if generators[0] < _TINY else _SIZE
-        self._generators, self.bend = np.array(generators), bend
-        self._degrees = _smallest_sums(generators, size)
+            several = _SIZE_IF_BENT if n_bent > 1 else _SIZE_IF_TINY
+            size = several if g < _TINY else _SIZE
+        self.bends = bends
+        self._variables = [(g, c) for c in bends or (0.0,)] + [
+            (other, 0.0) for other in generators[1:]
+        ]
+        self._degrees = _smallest_sums(self._variables, max(n_bent, 1), size)
         # Functions of several generators are nearly dependent: twice as many values tame that. They
-        # lie at Chebyshev points of t**g, for the smallest g and, where that is tiny, for a larger
-        # one too; by logarithms, for t itself may be too small for a float.
-        several = min(2, len(generators))
-        scales = (generators[0], next(g for g in generators if g >= _TINY))[:several]
-        n = size * several // len(set(scales))
+        # lie at Chebyshev points of t**g, for the smallest g, as it is bent, and, where that is
+        # tiny, for a larger one too; by logarithms, for t itself may be too small for a float.
+        scales = self._variables[: max(n_bent, 1)]
+        larger = [variable for variable in self._variables[len(scales) :] if variable[0] >= _TINY]
+        scales = scales + larger[: g < _TINY]
+        n = size * min(2, len(generators)) // len(scales)
         even, odd = np.arange(1, n + 1) / n, (np.arange(n) + 0.5) / n
         logs = [
-            np.sort(
-                np.concatenate([self._unbent((1 - np.cos(np.pi * x)) / 2, g) for g in set(scales)])
-            )
+            np.sort(np.concatenate([_unbent((1 - np.cos(np.pi * x)) / 2, *v) for v in scales]))
             for x in (even, odd)
         ]
-        logs[0] = np.unique(logs[0])  # t = 1 belongs to both
+        logs[0] = np.unique(logs[0])  # t = 1 belongs to all
         logs[1] = np.append(-np.inf, logs[1])  # t = 0 lies between none, but must be right too
         self._logs = np.concatenate(logs)
         self.nodes, self.between = np.exp(logs[0]), np.exp(logs[1])
-        n = self.nodes.size
-        u, sizes, v = np.linalg.svd(self._functions(self._logs[:n]), full_matrices=False)
+        # late values count for more, between what fades and what does not
+        shares = (1 + max(bends, default=0.0) * np.exp(g * logs[0])) ** 0.7
+        functions = self._functions(logs[0]) * shares[:, None]
+        lengths = np.linalg.norm(functions, axis=0)
+        u, sizes, v = np.linalg.svd(functions / lengths, full_matrices=False)
         kept = sizes > _CUT * sizes[0]
         # an orthonormal basis, and its coefficients from values; kept apart, for the small sizes'
         # rounding errors meet only the small coefficients they belong to
-        self._mix, self._coefficients = v[kept].T / sizes[kept], u[:, kept].T
+        self._mix = v[kept].T / sizes[kept] / lengths[:, None]
+        self._coefficients = u[:, kept].T * shares
 
     def at(self, t):
         """The functions that are 1 at one node and 0 at the others, at t in [0, 1], (k, n)."""
@@ -97,11 +111,9 @@ class PowerBasis:
         """Their derivatives, infinite at 0 for powers below 1, shape (k, n)."""
         t = np.asarray(t, dtype=float)
         total = np.zeros((t.size, len(self._degrees)))
-        for i, g in enumerate(self._generators):
+        for i, (g, c) in enumerate(self._variables):
             with np.errstate(divide="ignore", invalid="ignore"):
-                inner = 2 * g * t ** (g - 1)
-                if i == 0:
-                    inner *= (1 + self.bend) / (1 + self.bend * t**g) ** 2
+                inner = 2 * g * t ** (g - 1) * (1 + c) / (1 + c * t**g) ** 2
             varying = self._degrees[:, i] > 0
             part = self._functions(_log(t), derivative=i)[:, varying]
             total[:, varying] += inner[:, None] * part
@@ -122,12 +134,6 @@ class PowerBasis:
             found.append(np.exp(a * ends)[:, None] * rgamma(a) * (inner @ self._mix))
         return np.array(found) @ self._coefficients
 
-    def _unbent(self, w, g):
-        """log(t) where t**g, or what the bend makes of it, is w."""
-        if g == self._generators[0]:
-            w = w / (1 + self.bend * (1 - w))
-        return np.log(w) / g
-
     def convolutions(self, kernel, h):
         """Convolutions with a kernel K from 0 to the nodes and between, times h, (2 n, n).
 
@@ -146,17 +152,33 @@ class PowerBasis:
         return (inner @ self._mix) @ self._coefficients
 
     def _functions(self, log_t, derivative=None):
-        """Products of Legendre polynomials; of derivatives in the generator numbered so."""
+        """Products of functions of each power; of derivatives in the one numbered so."""
         product = np.ones((log_t.size, len(self._degrees)))
-        for i, (g, degrees) in enumerate(zip(self._generators, self._degrees.T, strict=True)):
-            u, highest = np.exp(g * log_t), int(degrees.max())
-            x = 2 * ((1 + self.bend) * u / (1 + self.bend * u) if i == 0 else u) - 1
-            if i == derivative:
-                values = np.array([legval(x, _slope(k)) for k in range(highest + 1)]).T
-            else:
-                values = legvander(x, highest)
+        for i, (variable, degrees) in enumerate(zip(self._variables, self._degrees.T, strict=True)):
+            values = _polynomials(log_t, *variable, int(degrees.max()), i == derivative)
             product *= values[:, degrees]
         return product
+
+
+def _polynomials(log_t, g, c, highest, differentiated):
+    """Polynomials in t**g, bent by c, up to the highest degree, or their derivatives in 2 t**g - 1.
+
+    Where c > 0 those above degree 0 are 1 / (1 + c t**g) times Legendre polynomials.
+    """
+    u = np.exp(g * log_t)
+    fading = 1 / (1 + c * u)
+    x = 2 * (1 + c) * u * fading - 1
+    degree = highest - 1 if c and highest else highest
+    values = legvander(x, degree)
+    slopes = np.array([legval(x, _slope(k)) for k in range(degree + 1)]).T
+    if not c:
+        return slopes if differentiated else values
+    first = np.full((x.size, 1), 0.0 if differentiated else 1.0)
+    if differentiated:
+        values = slopes * fading[:, None] - values * c / (2 * (1 + c))
+    else:
+        values = values * fading[:, None]
+    return np.hstack([first, values])
 
 
 def _log(t):
@@ -164,20 +186,26 @@ def _log(t):
         return np.log(np.asarray(t, dtype=float))
 
 
-def bend_for(generators, size):
-    """The bend for a solution whose course takes place where t**g, g the first, is about 1 / size.
+def _unbent(w, g, c):
+    """log(t) where t**g, or what the bend c makes of it, is w."""
+    return np.log(w / (1 + c * (1 - w))) / g
 
-    Powers that no step is too small for can do without. One of few values, for bases are kept.
+
+def bends_for(generators, drives):
+    """The bends for a solution that is driven, by integrals of the first g, with these strengths.
+
+    Powers that no step is too small for can do without. Of few values, for bases are kept.
     """
-    if generators[0] >= _TINY or size < 2:
-        return 0.0
-    return 4.0 ** round(math.log(size, 4))
+    if generators[0] >= _TINY:
+        return ()
+    found = {4.0 ** round(math.log(drive, 4)) for drive in drives if drive >= _DRIVE}
+    return tuple(sorted(found, reverse=True)[:_BENDS])
 
 
 @lru_cache(maxsize=64)
-def power_basis(generators, bend=0.0):
+def power_basis(generators, bends=()):
     """The basis of these generators, made once."""
-    return PowerBasis(generators, bend=bend)
+    return PowerBasis(generators, bends=bends)
 
 
 @lru_cache(maxsize=1)
@@ -197,16 +225,24 @@ def _slope(k):
     return np.polynomial.legendre.legder(np.eye(k + 1)[k]) if k else np.zeros(1)
 
 
-def _smallest_sums(generators, size):
-    """Degrees in each generator of the smallest sums, shape (size, g).
+def _smallest_sums(variables, n_first, size):
+    """Degrees in each variable of the smallest sums, shape (size, variables).
 
     A tiny generator counts for more than it is, lest its multiples leave no room for the others.
+    Products of the first ones, which stand for the same generator, count by what they multiply to.
     """
-    found = {(0,) * len(generators): 0.0}
-    for i, g in enumerate(generators):
-        step = np.eye(len(generators), dtype=int)[i]
+    weights = np.array([max(g, _TINY) for g, _ in variables])
+
+    def total(degrees):
+        first = weights[0] * (math.prod(1 + k for k in degrees[:n_first]) - 1)
+        return first + float(weights[n_first:] @ degrees[n_first:])
+
+    found = {(0,) * len(variables): 0.0}
+    for i in range(len(variables)):
+        step = np.eye(len(variables), dtype=int)[i]
         for _ in range(size):
-            for degrees, e in tuple(found.items()):
-                found.setdefault(tuple((degrees + step).tolist()), e + max(g, _TINY))
+            for degrees in tuple(found):
+                more = tuple((degrees + step).tolist())
+                found.setdefault(more, total(more))
             found = dict(sorted(found.items(), key=lambda item: item[1])[:size])
     return np.array(list(found))

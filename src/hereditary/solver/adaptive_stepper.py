@@ -273,12 +273,9 @@ class AdaptiveStepper:
     def _step_out(self, t_stop):
         """Step out of a point where the solution is not smooth; the piece made."""
         strands, t = self._strands, self.t
-        rtol = max(self._rtol, _ROUNDING)
-        tolerance = self._atol + rtol * np.maximum(np.abs(strands.p[0]), self._largest)
-        least = self._far / _MOST
-        corner = Corner(
-            self.equation, self._form, strands, t, t_stop, least, tolerance, self._notes
-        )
+        tolerances = max(self._rtol, _ROUNDING), self._atol
+        state = self._form, strands, t, t_stop, self._far / _MOST
+        corner = Corner(self.equation, *state, tolerances, self._largest, self._notes)
         found = corner.leave()
         self._steps[1] += corner.n_refused
         if found is None:

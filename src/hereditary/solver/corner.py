@@ -7,7 +7,7 @@ import numpy as np
 from scipy.special import rgamma
 
 from ..kernels.collocation import FORCE, POSITION, PRIMARY, solve_once
-from ..schemes.power_basis import bend_for, power_basis
+from ..schemes.power_basis import bends_for, power_basis
 from .strands import rows
 
 # A step that is refused is made this many times smaller; so often with bent functions.
@@ -27,17 +27,25 @@ class Corner:
     t, t_stop : float
     least : float
         Length below which the modes cannot follow.
-    tolerance : ndarray, shape (d,)
-        Error that p may have.
+    tolerances : (float, float)
+        Relative and absolute error that y and p may have.
+    largest : ndarray, shape (d,)
+        Size of p before, where it is a velocity.
     notes : ndarray, shape (5,)
         Newton's notes (kernels/collocation.py).
     """
 
-    def __init__(self, equation, form, strands, t, t_stop, least, tolerance, notes):
+    def __init__(self, equation, form, strands, t, t_stop, least, tolerances, largest, notes):
         self._equation, self._form, self._strands = equation, form, strands
         self._t, self._t_stop, self._least = t, t_stop, least
-        self._tolerance, self._notes = tolerance, notes
-        self._jacobian = equation.jacobian(t, strands.x[0])
+        self._tolerances, self._notes = tolerances, notes
+        self._largest = np.maximum(np.abs(strands.p[0]), largest)
+        # just after the corner, where the right-hand side may jump
+        self._first = np.nextafter(t, np.inf) if t > 0 else 0.0
+        self._jacobian = equation.jacobian(self._first, strands.x[0])
+        self._force = np.empty(form.second.size)
+        notes[0] += 1
+        equation._rhs(self._first, strands.x[0], self._force, equation.params)
         self.n_refused = 0
 
     def leave(self):
@@ -46,14 +54,14 @@ class Corner:
         Functions that follow a stiff start with a tiny order are tried on long steps at first.
         """
         size, left = float(np.abs(self._jacobian).max()), self._t_stop - self._t
-        bend = bend_for(self._form.generators, self._drive(size))
-        found = self._try(bend, left / 16, _BENT_TRIALS) if bend > 0 else None
-        return found or self._try(0.0, self._first_length(size, left), np.inf)
+        bends = bends_for(self._form.generators, self._drives())
+        found = self._try(bends, left / 16, _BENT_TRIALS) if bends else None
+        return found or self._try((), self._first_length(size, left), np.inf)
 
-    def _try(self, bend, h, trials):
+    def _try(self, bends, h, trials):
         """Ever shorter steps from h on."""
         strands, t, t_stop = self._strands, self._t, self._t_stop
-        basis = power_basis(self._form.generators, bend)
+        basis = power_basis(self._form.generators, bends)
         points = np.concatenate([basis.nodes, basis.between])
         operators = basis.integrals(tuple(self._form.orders.tolist()))
         n_strands, d = strands.x.shape
@@ -62,9 +70,8 @@ class Corner:
             # no crumb is left before the stop
             h = min(h, 0.5 * (t_stop - t)) if h < t_stop - t else h
             values[0, PRIMARY] = strands.p[0][:, None]
-            # just after the corner and before the stop: the right-hand side may jump at both
-            first = np.nextafter(t, np.inf) if t > 0 else 0.0
-            times = np.clip(t + h * points, first, np.nextafter(t_stop, 0.0))
+            # before the stop: the right-hand side may jump there too
+            times = np.clip(t + h * points, self._first, np.nextafter(t_stop, 0.0))
             local = self._convolutions(basis, h)
             if self._stages(basis, times, h, strands.past(h * points), operators, local, values):
                 return h, basis, values
@@ -79,15 +86,24 @@ class Corner:
         empty = np.zeros((0, basis.nodes.size + basis.between.size, basis.nodes.size))
         return np.array([basis.convolutions(k, h) for k in kernels]) if kernels else empty
 
-    def _drive(self, size):
-        """How strongly the integrals of the smallest order drive p, the Jacobian having `size`."""
-        form = self._form
-        found = [
-            abs(kappa) * (size if q == FORCE else 1.0)
-            for _, q, k, kappa in rows(form)
-            if k < form.orders.size and form.orders[k] == form.generators[0]
-        ]
-        return max(found, default=0.0)
+    def _drives(self):
+        """How strongly the integrals of the smallest order drive the components of p, (d,)."""
+        smallest = self._form.generators[0]
+        gains = self._gains(lambda a: 1.0 if a == smallest else 0.0)
+        return np.abs(np.linalg.eigvals(gains)) if np.all(np.isfinite(gains)) else np.zeros(0)
+
+    def _gains(self, share):
+        """What p has of itself by all of its integrals of order a, times share(a), (d, d)."""
+        form, gains = self._form, np.zeros_like(self._jacobian)
+        for c, q, k, kappa in rows(form):
+            if k >= form.orders.size:
+                continue
+            factor = kappa * share(form.orders[k])
+            if q == FORCE:
+                gains[c] += factor * np.where(form.second == 1, 0.0, self._jacobian[c])
+            elif q == PRIMARY:
+                gains[c, c] += factor
+        return gains
 
     def _first_length(self, size, left):
         """A length over which the solution changes by some half of itself, as a first trial."""
@@ -107,14 +123,32 @@ class Corner:
             equation._rhs, equation._jac, int(equation.has_jac), equation.params, form.channels,
             strands.offsets, form.orders, form.second, times[:n],
             np.ascontiguousarray(operators[:, :n]), np.ascontiguousarray(local[:, :n]), h,
-            np.ascontiguousarray(base[:, :, :n]), strands.x, 1e-3 * self._tolerance, values,
-            self._notes,
+            np.ascontiguousarray(base[:, :, :n]), strands.x, 1e-3 * self._tolerance(self._size(h)),
+            values, self._notes,
         )  # fmt: skip
         if not solved:
             return False
         inner = (operators[:, n:], local[:, n:])
         defect = self._defect(basis, times[n:], h, base[0, :, n:], *inner, values[0])
-        return bool(np.all(defect <= self._tolerance))  # False where it is not finite
+        # y' may have to grow to any size at once, y grows from what it is
+        size = np.maximum(self._largest, np.abs(values[0, PRIMARY]).max(axis=1))
+        size = np.where(form.second, size, self._largest)
+        fits = defect <= self._tolerance(size)  # False where it is not finite
+        fits &= (form.second == 0) | (h * defect <= self._tolerance(np.abs(strands.x[0])))
+        return bool(np.all(fits))
+
+    def _tolerance(self, size):
+        """Error that something of this size may have."""
+        rtol, atol = self._tolerances
+        return atol + rtol * size
+
+    def _size(self, h):
+        """The size that p will be of on a step of length h."""
+        form, size = self._form, self._largest.copy()
+        for c, q, k, kappa in rows(form):
+            if q == FORCE and form.second[c]:
+                size[c] += abs(kappa * self._force[c]) * h ** form.orders[k]
+        return size
 
     def _defect(self, basis, times, h, base, operators, local, values):
         """How far the equation, integrated, and the basis are off between the nodes, (d,)."""
@@ -144,16 +178,7 @@ class Corner:
 
     def _damped(self, defect, h):
         """What a defect leaves of itself in p where the equation is stiff and nothing grows."""
-        form, jacobian = self._form, self._jacobian
-        gain = np.zeros_like(jacobian)
-        for c, q, k, kappa in rows(form):
-            if k >= form.orders.size:
-                continue
-            share = kappa * h ** form.orders[k] * rgamma(1 + form.orders[k])
-            if q == FORCE:
-                gain[c] += share * np.where(form.second == 1, 0.0, jacobian[c])
-            elif q == PRIMARY:
-                gain[c, c] += share
+        gain = self._gains(lambda a: h**a * rgamma(1 + a))
         if not np.all(np.isfinite(gain)) or np.linalg.eigvals(gain).real.max() > 0:
             return defect
         return np.abs(np.linalg.inv(np.eye(defect.size) - gain)) @ defect
