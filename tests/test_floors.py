@@ -12,6 +12,7 @@ FLOORS = {
     "kernels": 1,
     "special": 1,
     "_callables": 1,
+    "memory_kernel": 1,
     "operators": 2,
     "equation": 2,
     "system": 2,

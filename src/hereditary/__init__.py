@@ -11,10 +11,11 @@ from .analysis.spectrum import LyapunovResult
 from .analysis.sweep import sweep
 from .analysis.table import Table
 from .equation import Equation
-from .exponential_sum import ExponentialSum, fit_exponentials
+from .exponential_sum import fit_exponentials
 from .history.direct import Direct
 from .history.exponentials import SumOfExponentials
 from .history.fft import FFT
+from .memory_kernel import ExponentialSum
 from .memory_kernels import (
     DistributedOrder,
     Kernel,

@@ -7,15 +7,13 @@ many slow ones are replaced by their own Gauss rule. Everything is built on [1, 
 """
 
 import math
-from abc import ABC, abstractmethod
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy.special import gammaincc, gammainccinv, gammaln, loggamma
 
 from ._checks import complaint, instance, positive, within
+from .memory_kernel import ExponentialSum, MemoryKernel
 
 # Shares of the tolerance: trapezoid, fast end, slow end. They add up to one.
 _TRAPEZOID, _FAST, _SLOW = 0.90, 0.05, 0.05
@@ -26,65 +24,6 @@ _TOL_MIN = 1e-13
 # No fit can be held to less than the first, and this times log(R), to which powers are known.
 _ROUNDING = 1.2e-14, 3e-16
 _RATIO_MAX = 1e100
-
-
-@dataclass(frozen=True, eq=False)
-class ExponentialSum:
-    """A kernel as a sum of decaying exponentials, ``K(t) ~ sum_i weights[i] exp(-rates[i] t)``.
-
-    Attributes
-    ----------
-    rates : ndarray, shape (n_modes,)
-        Non-negative and increasing [1/time].
-    weights : ndarray, shape (n_modes,)
-        Positive [unit of the kernel].
-    t_min, t_max : float
-        Where the fit holds [time].
-    max_error : float
-        Largest relative error found on the fit's own check points [-].
-    """
-
-    rates: np.ndarray
-    weights: np.ndarray
-    t_min: float
-    t_max: float
-    max_error: float
-
-    @property
-    def n_modes(self) -> int:
-        """Number of exponentials."""
-        return self.rates.size
-
-    def __call__(self, t: ArrayLike) -> np.ndarray:
-        """The sum at times `t`, in the shape of `t`."""
-        t = np.asarray(t, dtype=float)
-        return np.exp(-np.multiply.outer(t, self.rates)) @ self.weights
-
-
-class MemoryKernel(ABC):
-    """What every memory kernel K(t), t > 0, can do; see `hereditary.memory_kernels`."""
-
-    @property
-    @abstractmethod
-    def singular_exponent(self) -> float:
-        """The a >= 0 of ``K ~ t**-a`` near 0; 0 where K(0) is finite [-]."""
-
-    @property
-    def generators(self) -> tuple[float, ...]:
-        """Numbers g > 0 whose sums, besides 1, are the powers of t in ``t**a K(t)`` near 0 [-]."""
-        return ()
-
-    @abstractmethod
-    def __call__(self, t: ArrayLike) -> np.ndarray:
-        """Kernel values at times t > 0, the shape of `t`."""
-
-    @abstractmethod
-    def integral(self, t: ArrayLike) -> np.ndarray:
-        """``int_0^t K(s) ds`` at times t >= 0, the shape of `t`."""
-
-    @abstractmethod
-    def fit(self, t_min: float, t_max: float, tol: float) -> ExponentialSum:
-        """The kernel as a sum of exponentials on [t_min, t_max]; see `fit_exponentials`."""
 
 
 def fit_exponentials(

@@ -16,7 +16,8 @@ from numpy.typing import ArrayLike
 from scipy.special import gamma
 
 from ._checks import complaint, instance, real, real_array, within
-from .exponential_sum import ExponentialSum, MemoryKernel, fit_interval, fit_power
+from .exponential_sum import fit_interval, fit_power
+from .memory_kernel import ExponentialSum, MemoryKernel, ScaledKernel
 
 
 @dataclass(frozen=True)
@@ -39,7 +40,8 @@ class PowerLaw(MemoryKernel):
     exponent: float
 
     def __post_init__(self):
-        within("exponent", self.exponent, 5e-324, 2.0, "(0, 2]")
+        remedy = "K(t) is t**-exponent; Caputo(beta) with 1 < beta < 2 has beta - 1"
+        within("exponent", self.exponent, 5e-324, 2.0, "(0, 2]", remedy)
 
     def __call__(self, t: ArrayLike) -> np.ndarray:
         """Kernel values, the shape of `t`."""
@@ -253,7 +255,8 @@ class Memory:
 
     Notes
     -----
-    With ``PowerLaw(a)``, 0 < a < 1, this is ``Gamma(1-a) Caputo(m - 1 + a)``, and taken for that.
+    With ``PowerLaw(a)``, 0 < a < 1, this is ``Gamma(1-a) Caputo(m - 1 + a)``, and taken for that;
+    so ``Memory(PowerLaw(beta - 1) / Gamma(2 - beta), 2)`` is ``Caputo(beta)``, 1 < beta < 2.
 
     Examples
     --------
@@ -310,14 +313,17 @@ class Term:
         return Term(self.operator, -self.coefficient)
 
     def plain(self) -> Term:
-        """The same term by Caputo's derivative where its kernel is a power law."""
-        operator = self.operator
-        if not isinstance(operator, Memory) or operator.derivative == 0:
+        """The same term with a kernel's factor in its coefficient, and a power law by Caputo's."""
+        operator, coefficient = self.operator, self.coefficient
+        if not isinstance(operator, Memory):
             return self
-        if not isinstance(operator.kernel, PowerLaw):
-            return self
-        a = operator.kernel.exponent
-        return Term(Caputo(operator.derivative - 1 + a), gamma(1 - a) * self.coefficient)
+        kernel, m = operator.kernel, operator.derivative
+        if isinstance(kernel, ScaledKernel):
+            coefficient, kernel = kernel.factor * coefficient, kernel.kernel
+        if isinstance(kernel, PowerLaw) and m:
+            a = kernel.exponent
+            return Term(Caputo(m - 1 + a), gamma(1 - a) * coefficient)
+        return Term(Memory(kernel, m), coefficient)
 
     def __repr__(self):
         return f"{self.coefficient.tolist()} * {self.operator!r}"

@@ -7,8 +7,8 @@ import numpy as np
 from numba import njit
 
 from ._jit import JAC_SIG, as_value, kernel
-from .exponential_sum import MemoryKernel
 from .kernels.jacobian import jacobian_at
+from .memory_kernel import MemoryKernel
 
 
 @dataclass(frozen=True)

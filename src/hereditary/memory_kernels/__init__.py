@@ -5,7 +5,7 @@ is at 0, and its sum of exponentials. All but signed ones are completely monoton
 of decaying exponentials with positive weights, which is what keeps a memory stable.
 """
 
-from ..exponential_sum import MemoryKernel
+from ..memory_kernel import MemoryKernel
 from .data import Kernel, TabulatedKernel
 from .power_laws import DistributedOrder, TemperedPowerLaw
 from .relaxation import MittagLeffler, Prony, StretchedExponential

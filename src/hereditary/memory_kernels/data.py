@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._checks import complaint, real, real_array
-from ..exponential_sum import ExponentialSum, MemoryKernel, fit_interval
+from ..exponential_sum import fit_interval
+from ..memory_kernel import ExponentialSum, MemoryKernel
 from ..special import gauss_unit
 from .fits import fit_positive, fit_signed, fit_table
 

@@ -14,7 +14,8 @@ from functools import lru_cache
 import numpy as np
 
 from .._checks import complaint
-from ..exponential_sum import ExponentialSum, _gauss_rule, trapezoid_step
+from ..exponential_sum import _gauss_rule, trapezoid_step
+from ..memory_kernel import ExponentialSum
 
 # The check points, an oscillation of a power law's error curve; the fit uses every other one.
 _POINTS_PER_OSCILLATION = 48

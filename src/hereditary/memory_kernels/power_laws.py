@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike
 from scipy.special import rgamma
 
 from .._checks import complaint, count, real, within
-from ..exponential_sum import ExponentialSum, MemoryKernel, fit_interval, fit_power
+from ..exponential_sum import fit_interval, fit_power
+from ..memory_kernel import ExponentialSum, MemoryKernel
 from ..special import gauss_unit
 from .fits import Density, fit_positive
 from .shared import (

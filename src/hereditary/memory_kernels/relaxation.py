@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._checks import complaint, positive, within
-from ..exponential_sum import ExponentialSum, MemoryKernel, fit_interval
+from ..exponential_sum import fit_interval
+from ..memory_kernel import ExponentialSum, MemoryKernel
 from ..special import first_moment_exponential, gauss_unit, mean_exponential
 from .fits import Density, fit_positive
 from .shared import GONE, all_positive, matching, mean_of_decay, refuse_gone

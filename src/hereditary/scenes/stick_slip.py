@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from .._checks import complaint, count, positive, real, real_array
 from .._jit import kernel
 from ..equation import Equation
-from ..exponential_sum import MemoryKernel
+from ..memory_kernel import MemoryKernel
 from ..operators import Memory, Term
 from ..solver.solution import Solution
 from ..special import bracketed_root

@@ -16,8 +16,8 @@ from typing import ClassVar
 import numpy as np
 
 from .._checks import complaint, count, positive, within
-from ..exponential_sum import MemoryKernel
 from ..kernels.collocation import FORCE, POSITION, PRIMARY
+from ..memory_kernel import MemoryKernel
 from ..system import System
 from .scheme import Plan, Scheme, check_smoothness
 

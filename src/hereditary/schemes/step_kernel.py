@@ -8,7 +8,7 @@ from functools import lru_cache, partial
 import numpy as np
 
 from .._checks import complaint
-from ..exponential_sum import ExponentialSum, MemoryKernel
+from ..memory_kernel import ExponentialSum, MemoryKernel
 from ..special import alternating_sum, gauss_unit, mean_exponential
 from ..system import KernelTerm
 from .scheme import WeightRule

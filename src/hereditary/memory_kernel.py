@@ -1,0 +1,148 @@
+"""What a memory kernel is, and a sum of exponentials in its place (floor 1)."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ._checks import complaint, real
+
+
+@dataclass(frozen=True, eq=False)
+class ExponentialSum:
+    """A kernel as a sum of decaying exponentials, ``K(t) ~ sum_i weights[i] exp(-rates[i] t)``.
+
+    Attributes
+    ----------
+    rates : ndarray, shape (n_modes,)
+        Non-negative and increasing [1/time].
+    weights : ndarray, shape (n_modes,)
+        Positive [unit of the kernel].
+    t_min, t_max : float
+        Where the fit holds [time].
+    max_error : float
+        Largest relative error found on the fit's own check points [-].
+    """
+
+    rates: np.ndarray
+    weights: np.ndarray
+    t_min: float
+    t_max: float
+    max_error: float
+
+    @property
+    def n_modes(self) -> int:
+        """Number of exponentials."""
+        return self.rates.size
+
+    def __call__(self, t: ArrayLike) -> np.ndarray:
+        """The sum at times `t`, in the shape of `t`."""
+        t = np.asarray(t, dtype=float)
+        return np.exp(-np.multiply.outer(t, self.rates)) @ self.weights
+
+
+class MemoryKernel(ABC):
+    """What every memory kernel K(t), t > 0, can do; see `hereditary.memory_kernels`.
+
+    It can be multiplied and divided by a number: ``2 * kernel``, ``kernel / 3``.
+    """
+
+    # without this NumPy would take `number * kernel` for an array's product
+    __array_ufunc__ = None
+
+    @property
+    @abstractmethod
+    def singular_exponent(self) -> float:
+        """The a >= 0 of ``K ~ t**-a`` near 0; 0 where K(0) is finite [-]."""
+
+    @property
+    def generators(self) -> tuple[float, ...]:
+        """Numbers g > 0 whose sums, besides 1, are the powers of t in ``t**a K(t)`` near 0 [-]."""
+        return ()
+
+    @abstractmethod
+    def __call__(self, t: ArrayLike) -> np.ndarray:
+        """Kernel values at times t > 0, the shape of `t`."""
+
+    @abstractmethod
+    def integral(self, t: ArrayLike) -> np.ndarray:
+        """``int_0^t K(s) ds`` at times t >= 0, the shape of `t`."""
+
+    @abstractmethod
+    def fit(self, t_min: float, t_max: float, tol: float) -> ExponentialSum:
+        """The kernel as a sum of exponentials on [t_min, t_max]; see `fit_exponentials`."""
+
+    def __mul__(self, factor: float) -> ScaledKernel:
+        return _scaled(_not_zero("factor", factor), self)
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, divisor: float) -> ScaledKernel:
+        return _scaled(1 / _not_zero("divisor", divisor), self)
+
+
+@dataclass(frozen=True, repr=False)
+class ScaledKernel(MemoryKernel):
+    """A memory kernel times a number; made by ``2 * kernel`` or ``kernel / 3``.
+
+    Terms take the number into their coefficient, so that kernels are told apart by their shape
+    alone.
+
+    Attributes
+    ----------
+    factor : float
+        Not 0; where it is negative, so are the weights of its fit [-].
+    kernel : MemoryKernel
+    """
+
+    factor: float
+    kernel: MemoryKernel
+
+    def __post_init__(self):
+        # a product of two factors may leave the range of numbers
+        _not_zero("factor", self.factor)
+
+    def __repr__(self):
+        return f"{self.factor} * {self.kernel!r}"
+
+    @property
+    def singular_exponent(self) -> float:
+        """That of the kernel."""
+        return self.kernel.singular_exponent
+
+    @property
+    def generators(self) -> tuple[float, ...]:
+        """Those of the kernel."""
+        return self.kernel.generators
+
+    def __call__(self, t: ArrayLike) -> np.ndarray:
+        """Kernel values, the shape of `t`."""
+        return self.factor * self.kernel(t)
+
+    def integral(self, t: ArrayLike) -> np.ndarray:
+        """``int_0^t`` of it."""
+        return self.factor * self.kernel.integral(t)
+
+    def fit(self, t_min: float, t_max: float, tol: float) -> ExponentialSum:
+        """The kernel's sum with all weights times the factor."""
+        fit = self.kernel.fit(t_min, t_max, tol)
+        return replace(fit, weights=self.factor * fit.weights)
+
+
+def _scaled(factor, kernel):
+    """``factor * kernel`` with one factor in all."""
+    if isinstance(kernel, ScaledKernel):
+        factor, kernel = factor * kernel.factor, kernel.kernel
+    return ScaledKernel(factor, kernel)
+
+
+def _not_zero(argument, value):
+    """Return `value` as a finite float other than 0."""
+    required = "be a finite number other than 0"
+    number = real(argument, value, required)
+    if number == 0:
+        raise ValueError(complaint(argument, required, number))
+    return number
