@@ -20,6 +20,7 @@ def derivative_plan(
     first_modal=2,
     corrections=None,
     more_starts=(),
+    whole=False,
 ):
     """Plan of a scheme that weighs increments and sees the right-hand side at t_n + theta h.
 
@@ -46,6 +47,8 @@ def derivative_plan(
         Added to the right-hand side in the first k steps.
     more_starts : sequence of (callable, ndarray of shape (d,))
         Further start values, with ``lists(key, total)``, the weights of each class.
+    whole : bool
+        Whether the increments keep h x'(0), which then is one of `more_starts`.
 
     Returns
     -------
@@ -75,10 +78,11 @@ def derivative_plan(
         rows[2, i] = alone / total
         for found, (weights_of, _) in zip(more, more_starts, strict=True):
             found.append(weights_of(key, total))
-    shift = h * equation.y0[1] if equation.m == 2 else np.zeros(equation.d)
+    increments = h * equation.y0[1] if equation.m == 2 else np.zeros(equation.d)
+    shift = 0 * increments if whole else increments
     given = first is not None
     extra = np.zeros((0, equation.d)) if corrections is None else corrections
-    amplitudes, powers = _drift(equation)
+    amplitudes, powers = _drift(equation, whole)
     return Plan(
         convolution=Convolution(
             tuple(lists), tuple(start_lists), first_modal, tuple(map(tuple, more))
@@ -92,7 +96,7 @@ def derivative_plan(
         ),
         n_lasting=1 + powers.shape[0],
         initial=equation.y0[0],
-        increments=shift.copy(),
+        increments=increments.copy(),
     )
 
 
@@ -127,13 +131,13 @@ def power(alpha):
     return derivative_order(alpha) - alpha
 
 
-def _drift(equation):
+def _drift(equation, whole):
     """Derivatives of t x'(0), which the increments leave out: amplitudes and powers, (r, d) each.
 
-    None for components of order up to 1: only the halves of a reduced order have an x'(0) there,
-    and their terms act on x - t x'(0) alone.
+    None where they keep it, nor for components of order up to 1: only the halves of a reduced order
+    have an x'(0) there, and their terms act on x - t x'(0) alone.
     """
-    if equation.m == 1:
+    if equation.m == 1 or whole:
         return np.zeros((2, 0, equation.d))
     c, alpha = equation.coefficients, equation.orders
     lower = (alpha <= 1) & (equation.highest_orders() > 1)

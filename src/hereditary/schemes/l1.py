@@ -13,14 +13,16 @@ from ..system import KernelTerm, System
 from .derivative_form import derivative_plan, leading_weight, mesh_plan, power
 from .scheme import MeshPlan, Plan, Scheme, check_smoothness
 from .step_kernel import (
+    KERNEL_DIFFERENCES,
     KERNEL_SECOND_DIFFERENCES,
     StepKernel,
-    kernel_starts,
+    kernel_start,
     of_increments,
+    remembers,
     shifted_kernel,
 )
 from .varying import varies, varying_plan
-from .weights import SECOND_DIFFERENCES, shifted_differences
+from .weights import FIRST_DIFFERENCES, SECOND_DIFFERENCES, shifted_differences
 
 
 @dataclass(frozen=True)
@@ -86,14 +88,31 @@ class L1(Scheme):
         if varies(equation):
             return varying_plan(equation, h, theta, march_varying_implicit, explicit=False)
         rules = L1Rules(theta, h)
+        starts = []
+        # where a kernel acts on y, that of y'(0) t grows with t, which no decaying modes follow:
+        # there the increments keep h y'(0), and the velocities' differences begin at it
+        whole = equation.m == 2 and remembers(equation, 0)
+        if remembers(equation, 0):
+            starts.append(kernel_start(equation, theta, h, 0))
+        if whole:
+            starts.append((rules.speed_weights, h * equation.y0[1]))
+        elif equation.m == 2 and remembers(equation, 1):
+            starts.append(kernel_start(equation, theta, h, 1))
         return derivative_plan(
             equation, h, theta, rules.rule, number_of=rules.number, weight_of=rules.weight,
-            more_starts=kernel_starts(equation, theta, h),
+            more_starts=starts, whole=whole,
         )  # fmt: skip
 
     def mesh_plan(self, equation: System, times: np.ndarray) -> MeshPlan:
         """Plan on a mesh of any steps, for orders in (0, 1]."""
         return mesh_plan("L1", equation, times, 1.0, 0)
+
+
+# For each rule of second differences that of their first value.
+_FIRST = {
+    SECOND_DIFFERENCES: FIRST_DIFFERENCES,
+    KERNEL_SECOND_DIFFERENCES: KERNEL_DIFFERENCES,
+}
 
 
 class L1Rules:
@@ -122,3 +141,11 @@ class L1Rules:
         second = operator.derivative == 2
         first = self.number(operator).first(1.0 if second else self._theta)
         return c * first * (1 / self._h if second else 1.0)
+
+    def speed_weights(self, key, total):
+        """Weights of h y'(0), where velocities' differences begin at it; for `derivative_plan`."""
+        return tuple(
+            (-self.weight(c, operator) / total, _FIRST[self.rule(operator)], self.number(operator))
+            for c, operator in key
+            if self.rule(operator) in _FIRST
+        )

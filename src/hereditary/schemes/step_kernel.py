@@ -124,18 +124,20 @@ def value_weights(key, total, h, theta, derivative):
     )
 
 
-def kernel_starts(equation, theta, h):
-    """What increments without h x'(0) leave out of terms with kernels, for `derivative_plan`."""
-    remembered = {term.derivative for term, c in equation.memories if np.any(c)}
-    starts = []
-    if 0 in remembered:
-        starts.append((lambda key, total: value_weights(key, total, h, theta, 0), equation.y0[0]))
-    if equation.m == 2 and 0 in remembered:
-        required = "be 1 or 2 with L1 in equations above order 1"
-        raise ValueError(complaint("derivative", required, 0, "use ExplicitCaputo"))
-    if equation.m == 2 and 1 in remembered:
-        starts.append((lambda key, total: value_weights(key, total, h, theta, 1), equation.y0[1]))
-    return starts
+def remembers(equation, derivative):
+    """Whether a term's kernel acts on this derivative of y."""
+    return any(term.derivative == derivative and np.any(c) for term, c in equation.memories)
+
+
+def kernel_start(equation, theta, h, derivative):
+    """What increments leave out of these terms, ``K`` times a start value: for `derivative_plan`.
+
+    For derivative 0 that is y(0), for 1 the y'(0) that increments without h y'(0) lack.
+    """
+    return (
+        lambda key, total: value_weights(key, total, h, theta, derivative),
+        equation.y0[derivative],
+    )
 
 
 def _values(theta, kernel, n):
