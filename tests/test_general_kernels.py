@@ -112,9 +112,11 @@ def check(kernel, t_min, t_max, tol):
     [
         (TemperedPowerLaw(0.5, 1.0), 50),
         (MittagLeffler(0.5, 1.0), 65),
-        (MittagLeffler(0.95, 1.0), 100),
+        (MittagLeffler(0.95, 1.0), 65),
+        (MittagLeffler(0.999, 1.0), 70),
         (StretchedExponential(0.3, 1.0), 60),
-        (StretchedExponential(0.8, 1.0), 150),
+        (StretchedExponential(0.8, 1.0), 80),
+        (StretchedExponential(0.9, 1.0), 70),
         (DistributedOrder([0.0, 0.2, 0.9], [1.0, 1.0, 2.0]), 60),
         (DistributedOrder.from_density(lambda a: 1 + a), 60),
         (Kernel(lambda t: 1 / np.sqrt(t * (1 + t))), 60),
@@ -193,6 +195,36 @@ def test_functions_of_one_time_and_given_exponents():
 def test_separate_rates_of_a_function_are_found():
     fit = check(Kernel(lambda t: np.exp(-t) + 0.1 * np.exp(-33 * t)), 1e-4, 1e2, 1e-8)
     assert fit.n_modes <= 6
+
+
+SEPARATE = {
+    "one": ([3.0], [2.0]),
+    "near": ([1.0, 1.2], [1.0, 1.0]),
+    "with a constant": ([0.0, 2.0], [0.5, 1.0]),
+    "heavy and light": ([1.0, 33.0], [1.0, 1e-3]),
+    "five": ([0.03, 0.4, 2.0, 11.0, 150.0], [0.1, 0.2, 1.0, 0.5, 3.0]),
+}
+
+
+@pytest.mark.parametrize("name", SEPARATE)
+@pytest.mark.parametrize("tol", [1e-7, 1e-10, 1e-12])
+@pytest.mark.parametrize(("t_min", "t_max"), [(1e-4, 1e2), (1e-3, 10.0), (1e-5, 1e3)])
+def test_few_separate_rates_are_found_to_rounding(name, tol, t_min, t_max):
+    prony = Prony(*SEPARATE[name])
+    fit = check(Kernel(lambda t: prony(t)), t_min, t_max, tol)
+    if tol < 1e-7:
+        np.testing.assert_allclose(fit.rates, prony.rates, rtol=1e-7)
+        np.testing.assert_allclose(fit.weights, prony.weights, rtol=1e-7)
+
+
+@settings(max_examples=15)
+@given(st.data())
+def test_random_separate_rates_are_found(data):
+    gaps = data.draw(st.lists(st.floats(3.0, 30.0), max_size=3))
+    rates = data.draw(st.floats(0.01, 1.0)) * np.cumprod([1.0, *gaps])
+    weights = [10 ** data.draw(st.floats(-2.0, 1.0)) for _ in rates]
+    fit = check(Kernel(Prony(rates, weights)), 1e-4, 1e2, 1e-10)
+    np.testing.assert_allclose(fit.rates, rates, rtol=1e-6)
 
 
 def test_signed_kernels():

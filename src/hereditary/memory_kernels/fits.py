@@ -2,7 +2,8 @@
 
 Non-negative least squares on a grid of rates, uniform in log rate and as coarse as the trapezoid
 rule for a power law would have it; finer grids follow, then rates that slide towards where the
-error asks for them, and at last the trapezoid rule for a spectral density where there is one.
+error asks for them or, where they are few, by Gauss's and Newton's steps, and at last the trapezoid
+rule for a spectral density where there is one.
 Everything is built on [1, R] and scaled.
 """
 
@@ -16,13 +17,14 @@ import numpy as np
 from .._checks import complaint
 from ..exponential_sum import _gauss_rule, trapezoid_step
 from ..memory_kernel import ExponentialSum
+from .few_rates import few_rates
+from .least_squares import fewer_positive, nonnegative_least_squares
 
 # The check points, an oscillation of a power law's error curve; the fit uses every other one.
 _POINTS_PER_OSCILLATION = 48
 # Where t K(t) has faded to this share of its maximum, errors count relative to this share.
 FADED = 1e-16
 _RATIO_MAX = 1e30
-_RIDGE = 1e-15
 # Rates above 45 / t_min and below 0.02 / t_max cannot help.
 _FASTEST, _SLOWEST = math.log(45.0), math.log(0.02)
 # What a sum that is stuck above this share of the kernel says: not completely monotone.
@@ -104,7 +106,7 @@ def fit_positive(kernel, t_min, t_max, tol, density=None):
         error = float(np.abs(samples.error(v, weights)).max())
         best = min(best, error)
         if error <= tol:
-            v, weights = _merged(samples, thin, tol, v, weights)
+            v, weights = _fewest(samples, thin, tol, v, weights)
             v, weights, error = _without_fastest(samples, tol, v, weights)
             return _summed(v, weights, t_min, t_max, error)
     if best > max(_HOPELESS, 100 * tol):
@@ -158,10 +160,7 @@ def _grid_fit(samples, step):
 
 def _fit_on(samples, v, start):
     """Non-negative least squares over given log rates: those used, weights and relative error."""
-    table = samples.columns(v)
-    size = table.max(axis=0)
-    v, start, table, size = (a[..., size > 1e-250] for a in (v, start, table, size))
-    table /= size
+    v, start, table, size = _unit_columns(samples, v, start)
     target = samples.values / samples.scale
     q, r = np.linalg.qr(samples.emphasis[:, None] * table)
     x = nonnegative_least_squares(r, q.T @ (samples.emphasis * target), start)
@@ -169,11 +168,20 @@ def _fit_on(samples, v, start):
     return v[used], x[used] / size[used], table @ x - target
 
 
+def _unit_columns(samples, v, other):
+    """Columns of largest value 1, without those that are 0, and their sizes; `other` along v."""
+    table = samples.columns(v)
+    size = table.max(axis=0)
+    v, other, table, size = (a[..., size > 1e-250] for a in (v, other, table, size))
+    return v, other, table / size, size
+
+
 def sliding(samples, step, good_enough, patience=26):
     """Log rates and weights of a fit whose rates move, by half the last distance each time.
 
     The problem over all positive measures is convex: neighbours of the rates in use and the peaks
-    of the misfit's own transform are all that can improve it.
+    of the misfit's own transform are all that can improve it. Where clusters of neighbours are
+    few, they are tried as one rate each.
     """
     fine = rate_grid(samples.ratio, step / 6)
     peaks = samples.columns(fine)
@@ -189,68 +197,13 @@ def sliding(samples, step, good_enough, patience=26):
         candidates = np.concatenate([v, moving + step, moving - step, fine[1:-1][peak]])
         candidates, index = np.unique(candidates, return_index=True)
         v, weights, error = _fit_on(samples, candidates, index < v.size)
+        few = few_rates(samples, v, weights, 2.1 * step)
+        if few is not None and good_enough(samples.error(*few)):
+            return few
         history.append(np.abs(error).max())
         if len(history) > 8 and history[-1] > 0.6 * history[-8]:
             break
     return v, weights
-
-
-def nonnegative_least_squares(a, b, start):
-    """``min |a x - b|`` over x >= 0 by Lawson's and Hanson's active sets, begun at a mask."""
-    used, x = _feasible(a, b, start.copy())
-    best, refused = float(np.linalg.norm(b - a @ x)), np.zeros(x.size, dtype=bool)
-    for _ in range(4 * x.size):
-        gain = a.T @ (b - a @ x)
-        gain[used | refused] = -1.0
-        j = int(np.argmax(gain))
-        if gain[j] <= 1e-16 * np.linalg.norm(b):
-            break
-        trial, z = _admit(a, b, used, x, j)
-        norm = math.inf if z is None else float(np.linalg.norm(b - a @ z))
-        if norm >= best:
-            refused[j] = True
-            continue
-        if norm < 0.999 * best:
-            refused[:] = False
-        used, x, best = trial, z, norm
-    return x
-
-
-def _feasible(a, b, used):
-    """The first positive solution on a subset of `used`; what comes out negative is dropped."""
-    while used.any():
-        z = _least_squares(a, b, used)
-        if (z[used] > 0).all():
-            return used, z
-        used &= z > 0
-    return used, np.zeros(a.shape[1])
-
-
-def _admit(a, b, used, x, j):
-    """The solution with column j admitted, or None where rounding alone asked for it."""
-    used, x = used.copy(), x.copy()
-    used[j] = True
-    while True:
-        z = _least_squares(a, b, used)
-        negative = used & (z <= 0)
-        if not negative.any():
-            return used, z
-        if negative[j] and x[j] == 0:
-            return used, None
-        reach = np.full(x.size, np.inf)
-        reach[negative] = x[negative] / (x[negative] - z[negative])
-        x = np.maximum(x + reach.min() * (z - x), 0.0)
-        x[reach <= reach.min() * (1 + 1e-12)] = 0.0
-        used &= x > 0
-
-
-def _least_squares(a, b, used):
-    """Least squares on the columns used, with a ridge at rounding against equal columns."""
-    n = int(np.count_nonzero(used))
-    q, r = np.linalg.qr(np.concatenate([a[:, used], _RIDGE * np.eye(n)]))
-    z = np.zeros(a.shape[1])
-    z[used] = np.linalg.solve(r, q[: b.size].T @ b)
-    return z
 
 
 @dataclass(frozen=True)
@@ -303,6 +256,19 @@ def _density_rule(density, ratio, step, tol):
 
 
 _SPREAD = np.sinh(np.linspace(-12.0, 12.0, 2001))
+
+
+def _fewest(samples, thin, tol, v, weights):
+    """Fewer rates where the tolerance bears it, as for the many of a trapezoid rule."""
+    own, masses, table, size = _unit_columns(thin, v, weights)
+    q, r = np.linalg.qr(thin.emphasis[:, None] * table)
+    x = fewer_positive(r, q.T @ (thin.emphasis * thin.values / thin.scale), masses * size)
+    used = x > 0
+    fewer = own[used], x[used] / size[used]
+    merged = _merged(samples, thin, tol, v, weights)
+    if fewer[0].size == v.size or np.abs(samples.error(*fewer)).max() > tol:
+        return merged
+    return min(merged, _merged(samples, thin, tol, *fewer), key=lambda pair: pair[0].size)
 
 
 def _merged(samples, thin, tol, v, weights):
