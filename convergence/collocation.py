@@ -36,7 +36,7 @@ from work_precision import cases, sum_of_powers
 
 import hereditary as hd
 from hereditary import exact
-from hereditary.schemes.collocation import integral_form
+from hereditary.schemes.integral_form import integral_form
 from hereditary.schemes.power_basis import LEFT_OUT, graded_rule
 from hereditary.schemes.quadrature import radau_integrals, radau_nodes, to_legendre
 from hereditary.solver.adaptive_stepper import AdaptiveStepper

@@ -41,7 +41,7 @@ POINTS = np.concatenate([[0.0, 1e-300], np.geomspace(1e-40, 1, 300), np.linspace
 ROUNDING = 3e-11
 
 
-# 1 is not a multiple of it: then it would be no generator (schemes/collocation.py).
+# 1 is not a multiple of it: then it would be no generator (schemes/integral_form.py).
 APART = st.floats(0.12, 0.95).filter(lambda g: abs(1 / g - round(1 / g)) > 1e-8)
 
 

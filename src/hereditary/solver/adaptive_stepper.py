@@ -10,7 +10,7 @@ from .._checks import complaint
 from ..kernels.adaptive import FULL, NOT_SOLVED, REACHED, TOO_CLOSE, march_adaptive
 from ..kernels.collocation import PRIMARY
 from ..kernels.mode_tables import SLOTS
-from ..schemes.collocation import integral_form
+from ..schemes.integral_form import integral_form
 from ..schemes.quadrature import (
     radau_integrals,
     radau_nodes,
