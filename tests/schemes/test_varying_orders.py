@@ -11,7 +11,7 @@ from scipy.special import rgamma
 
 import hereditary as hd
 from hereditary.analysis.order import observed_order
-from hereditary.history.varying import bank_of_all_orders, weights_of_order
+from hereditary.history.varying import bank_of_all_orders, weights_of_orders
 from hereditary.operators import OrderFailed
 from hereditary.solver.stepper import Stepper
 
@@ -57,7 +57,7 @@ def test_one_set_of_rates_serves_every_order(ratio, tol):
     rates, _, _ = bank_of_all_orders(ratio, tol)
     t = np.exp(np.linspace(0.0, math.log(ratio), 20_001))
     exponents = np.concatenate([[1e-300, 1e-9, 1e-4], np.linspace(0.01, 1.0, 34)])
-    weights = np.array([weights_of_order(a, ratio, tol) for a in exponents])
+    weights = weights_of_orders(np.array(exponents), ratio, tol).T
     assert np.all(weights >= 0)
     decays = np.exp(-np.multiply.outer(t, rates))
     errors = np.abs(decays @ weights.T * t[:, None] ** exponents - 1).max(axis=0)

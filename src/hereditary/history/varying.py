@@ -12,7 +12,7 @@ from abc import abstractmethod
 from functools import lru_cache
 
 import numpy as np
-from scipy.special import gammainccinv, gammaln
+from scipy.special import gammainccinv, gammaln, rgamma
 
 from .._checks import complaint
 from ..exponential_sum import trapezoid_step
@@ -34,8 +34,8 @@ _PAD = 16
 _FAST, _SLOW = 0.05, 0.05
 # Nodes of the slow end in units of its fastest rate, those of Chebyshev and Radau: with three of
 # them all weights are positive, with more they are not for every order.
-_SLOW_NODES = 3
-_NODES = (1 - np.cos(2 * np.pi * np.arange(_SLOW_NODES) / (2 * _SLOW_NODES - 1))) / 2
+SLOW_NODES = 3
+_NODES = (1 - np.cos(2 * np.pi * np.arange(SLOW_NODES) / (2 * SLOW_NODES - 1))) / 2
 
 
 class VaryingMemory(Memory):
@@ -125,7 +125,7 @@ class VaryingModes(VaryingMemory):
         self.n_modes = rates.size
         self._covered, self._tol = covered, tol
         table = np.zeros((3, _PAD * math.ceil(rates.size / _PAD)))
-        size, n_grid = table.shape[1], rates.size - _SLOW_NODES
+        size, n_grid = table.shape[1], rates.size - SLOW_NODES
         # shares of a mode in the weight of u_(n-2), as in schemes/weights.py
         mean = h * mean_exponential(rates)
         shares = np.array(
@@ -199,9 +199,9 @@ def bank_of_all_orders(ratio, tol):
     fast = max(1.0, float(gammainccinv(1.0, _FAST * tol)))
     # what three nodes leave of exp(-t s), s up to kappa / t, times the mass there
     u = np.linspace(0.0, 1.0, 513)
-    left = np.abs(np.prod(u[:, None] - _NODES, axis=1)).max() / math.factorial(_SLOW_NODES)
+    left = np.abs(np.prod(u[:, None] - _NODES, axis=1)).max() / math.factorial(SLOW_NODES)
     mass = np.log(h) - gammaln(a) - np.log(-np.expm1(-a * h))
-    log_kappa = ((math.log(_SLOW * tol / left) - mass) / (a + _SLOW_NODES)).min()
+    log_kappa = ((math.log(_SLOW * tol / left) - mass) / (a + SLOW_NODES)).min()
     j_slow = math.floor((log_kappa - math.log(ratio)) / h)
     grid = h * np.arange(j_slow + 1, math.ceil(math.log(fast) / h) + 1)
     rates = np.concatenate([np.exp(grid), _NODES * math.exp(h * j_slow)])
@@ -209,15 +209,17 @@ def bank_of_all_orders(ratio, tol):
     return rates, h, h * j_slow
 
 
-def weights_of_order(a, ratio, tol):
-    """Weights of these rates for one kernel ``t**-a``, 0 < a <= 1, as the march works them out."""
+def weights_of_orders(a, ratio, tol):
+    """Weights of these rates for kernels ``t**-a``, a (k,) in (0, 1], shape (M, k)."""
     rates, h, x = bank_of_all_orders(ratio, tol)
-    unit = h * math.exp(-gammaln(a))
-    moments = math.exp(a * x) / -np.expm1(-(a + np.arange(_SLOW_NODES)) * h)
-    grid = np.exp(a * (x + h * np.arange(1, rates.size - _SLOW_NODES + 1)))
-    return unit * np.concatenate([grid, _from_moments() @ moments])
+    a = np.maximum(a, LEAST)
+    k = np.arange(SLOW_NODES)[:, None]
+    moments = np.exp(a * x) / -np.expm1(-(a + k) * h)
+    grid = np.exp(a * (x + h * np.arange(1, rates.size - SLOW_NODES + 1)[:, None]))
+    return h * rgamma(a) * np.concatenate([grid, _from_moments() @ moments])
 
 
+@lru_cache(maxsize=1)
 def _from_moments():
     """Matrix that gives the nodes' weights from the moments of what they stand for."""
     return np.linalg.inv(np.vander(_NODES, increasing=True).T)

@@ -8,62 +8,60 @@ from .collocation import (
     FORCE,
     POSITION,
     PRIMARY,
-    estimate,
+    SLOPE,
     fold_known,
     local_operators,
     newton_room,
+    slopes,
     solve_stages,
     solve_tangents,
     take_from_forces,
 )
+from .error_estimate import estimate, over_tolerance, worst_tangent
 from .mode_tables import BANK, TABLES, combined_weights, move_modes, on_grid, read_modes, slot_of
 from .signatures import JAC, RHS
 
-# How a march ended: at its stop, with its rows full, where the modes do not reach close enough, or
-# where no step is small enough for the error or for Newton's method.
-REACHED, FULL, TOO_CLOSE, TOO_ROUGH, NOT_SOLVED = 0, 1, 2, 3, 4
+# How a march ended: at its stop, with its rows full, where the modes do not reach close enough,
+# where no step is small enough for the error or for Newton's method, or where it is to be told of
+# the orders that vary in its next step.
+REACHED, FULL, TOO_CLOSE, TOO_ROUGH, NOT_SOLVED, UNTOLD = 0, 1, 2, 3, 4, 5
 # Largest and smallest change of a step, what is aimed at as share of the tolerance, and Newton's.
 _GROW, _SHRINK, _SAFETY, _NEWTON = 3.0, 0.2, 0.8, 0.01
-# Tangents that have decayed are known to their rounding alone, which grows as they are stretched:
-# no step is refused for less than this.
-_TANGENT = 1e-9
-# Share of p(0) below which no error of p can be told.
-_ROUNDING = 1e-14
 # Highest degree that is extrapolated for a first guess.
 _GUESS = 3
 
 # Strands are the orbit and then k tangents.
-# channels, orders, whether second (d,), offsets (1 + k, n)
-FORM = types.Tuple((MAT, VEC, IVEC, MAT))
-# nodes (s,), integrals (n_a, s, s), values to Legendre coefficients (s, s)
-RULE = types.Tuple((VEC, CUBE, MAT))
-# clock [t, h, last step, closest distance], notes, steps [accepted, rejected], largest |p| (d,);
-# for all strands p0, x, p (1 + k, d), modes now and before the last step (1 + k, R, M), and f, p,
-# x at the last step's nodes (1 + k, 3, d, s)
+# channels, orders, whether second (d,), offsets (1 + k, n), whether implicit (d,), drivers with
+# orders that vary
+FORM = types.Tuple((MAT, VEC, IVEC, MAT, IVEC, IVEC))
+# nodes (s,), integrals (n_a, s, s), values to Legendre coefficients (s, s), inverse of the last
+# integrals (s, s)
+RULE = types.Tuple((VEC, CUBE, MAT, MAT))
+# what a step knows of n_v orders that vary: start and length it holds for, and those wanted (4,);
+# integrals (n_v, s, s), weights of modes at the nodes (n_v, M, s), 1 for such modes (M,)
+VARYING = types.Tuple((VEC, CUBE, CUBE, VEC))
+# clock [t, h, last step, closest distance, whether it was refused], notes, steps [accepted,
+# rejected], largest |p| (d,); for all strands p0, x, p (1 + k, d), modes now and before the last
+# step (1 + k, R, M), and f, p, x, p' at the last step's nodes (1 + k, 3 or 4, d, s)
 RUN = types.Tuple((VEC, VEC, IVEC, VEC, MAT, MAT, MAT, CUBE, CUBE, CUBES))
 # starts and lengths of steps (k,), p at the nodes (k, d, s), y and p at the start (k, 2 d), error
 # over tolerance (k,)
 TRACK = types.Tuple((VEC, VEC, CUBE, MAT, VEC))
 
 
-@entry(RHS, JAC, I8, VEC, FORM, RULE, BANK, TABLES, RUN, TRACK, F8, F8, F8)
+@entry(RHS, JAC, I8, VEC, FORM, RULE, BANK, TABLES, VARYING, RUN, TRACK, F8, F8, F8)
 def march_adaptive(
-    rhs, jac, has_jac, params, form, rule, bank, tables, run, track, t_stop, rtol, atol
+    rhs, jac, has_jac, params, form, rule, bank, tables, varying, run, track, t_stop, rtol, atol
 ):  # fmt: skip
     """March to t_stop; the number of rows and how it ended."""
-    channels, orders, second, offsets = form
-    nodes, singular, legendre = rule
-    rates, weights, _, _ = bank
-    clock, notes, steps, largest, p0, x, p, modes, before, last = run
+    channels, orders, second, offsets, implicit, raw = form
+    nodes, singular, legendre, inverse = rule
+    clock, _, steps, largest, p0, x, p, modes, before, last = run
     starts, lengths, rows, begins, ratios = track
-    (n_strands, d), s, n_rows = x.shape, nodes.shape[0], modes.shape[1]
-    whole = singular[orders.shape[0] - 1]  # the last order is 1
-    drivers, constant = np.empty((3 * n_rows, s, s)), np.empty((n_strands, n_rows, s))
-    driven, idle = np.empty((n_rows, 3, rates.shape[0])), np.empty((n_strands, *modes.shape[1:]))
-    combined_weights(channels, offsets, weights, driven, idle)
-    base, values = np.empty((n_strands, n_rows, s)), np.empty((n_strands, 3, d, s))
-    errors, lowest = np.empty(d), lowest_order(channels, orders)
-    newton, row, rejected, made = newton_room(d, s), 0, False, -1.0
+    d, s, n_strands = x.shape[1], nodes.shape[0], x.shape[0]
+    drivers, constant, jumps, base, values, newton = step_room(form, run)
+    driven, idle = weights_of_modes(form, bank, varying, run)
+    lowest, row, rejected, made = lowest_order(channels, orders), 0, clock[4] == 1.0, -1.0
     while clock[0] < t_stop:
         if row == starts.shape[0]:
             return row, FULL
@@ -72,32 +70,34 @@ def march_adaptive(
             return row, TOO_ROUGH
         if nodes[0] * h < clock[3]:
             return row, TOO_CLOSE
+        if not told(t, h, varying):
+            return row, UNTOLD
         slot = slot_of(h, nodes, bank, tables)
         local = tables[4][slot]
-        if h != made:
-            local_operators(h, d, channels, offsets, orders, singular, local, drivers, constant)
+        if h != made or raw.shape[0] > 0:
+            local[local.shape[0] - varying[1].shape[0] :] = varying[1]
+            local_operators(
+                h, d, channels, offsets, orders, implicit, singular, inverse, local, drivers, jumps,
+                constant,
+            )  # fmt: skip
         made = h
-        known_part(modes, tables[1][slot], p0, constant, drivers, base)
-        goal = _NEWTON * (atol + rtol * np.maximum(largest, np.abs(p[0])))
+        known_part(modes, tables[1][slot], p0, p, form, varying, constant, drivers, jumps, base)
         # just before the stop, where the right-hand side may jump
         times = np.minimum(t + h * nodes, np.nextafter(t_stop, 0.0))
         guess(nodes, legendre, last[0, PRIMARY], h, clock[2], p[0], values[0, PRIMARY])
-        solved = solve_stages(
-            rhs, jac, has_jac, params, times, h, base[0], x[0], second, drivers, whole, goal,
-            values[0, PRIMARY], values[0, POSITION], values[0, FORCE], notes, newton,
+        ratio, solved = orbit_ratio(
+            rhs, jac, has_jac, params, times, h, base, form, rule, drivers, local, values, run,
+            newton, rtol, atol,
         )  # fmt: skip
-        take_from_forces(d, drivers, base, values[:1])
-        estimate(h, channels, orders, legendre, local, drivers, values[0], newton, errors)
-        ratio = over_tolerance(h, errors, values[0], second, largest, p0[0], rtol, atol)
-        ratio = ratio if solved else np.inf
         if ratio <= 1.0 and n_strands > 1:
             more = tangents_ratio(
-                rhs, jac, has_jac, params, times, h, base, x, form, drivers, whole, local, legendre,
-                values, rtol, notes, newton,
+                rhs, jac, has_jac, params, times, h, base, form, rule, drivers, local, values, run,
+                newton, rtol,
             )  # fmt: skip
             ratio, solved = max(ratio, more), more < np.inf
         clock[1] = next_length(h, clock[1], ratio, rejected, s + lowest)
         rejected = not ratio <= 1.0
+        clock[4] = 1.0 if rejected else 0.0
         steps[int(rejected)] += 1
         if rejected:
             if not t + 0.01 * clock[1] > t:
@@ -105,12 +105,38 @@ def march_adaptive(
             continue
         starts[row], lengths[row], ratios[row] = t, h, ratio
         keep_row(values[0], x[0], p[0], second, largest, rows[row], begins[row])
-        fold(rates, modes, p0)
+        fold(bank[0], modes, p0)
         before[:], last[:] = modes, values
         move_on(h, tables[2][slot], tables[3][slot], driven, idle, legendre, values, x, p, modes)
         row += 1
         clock[0], clock[2] = (t_stop if h == left else t + h), h
     return row, REACHED
+
+
+@kernel
+def step_room(form, run):
+    """Room for matrices, what is known, values at the nodes, and Newton's matrix."""
+    _, d, s = run[9].shape[1:]
+    n_rows, n_strands = run[7].shape[1] - form[5].shape[0] * d, run[5].shape[0]
+    return (
+        np.empty((3 * n_rows, s, s)),
+        np.empty((n_strands, n_rows, s)),
+        np.empty((n_rows, s)),
+        np.empty((n_strands, n_rows, s)),
+        np.empty(run[9].shape),
+        newton_room(d, s),
+    )
+
+
+@kernel
+def weights_of_modes(form, bank, varying, run):
+    """With which every row's modes take in its drivers, and 1."""
+    channels, _, _, offsets, _, raw = form
+    modes, last = run[7], run[9]
+    driven = np.empty((modes.shape[1], last.shape[1], modes.shape[2]))
+    idle = np.empty(modes.shape)
+    combined_weights(channels, offsets, bank[1], raw, varying[3], driven, idle)
+    return driven, idle
 
 
 @kernel
@@ -121,16 +147,50 @@ def next_step(clock, t_stop):
 
 
 @kernel
-def known_part(modes, reads, p0, constant, drivers, base):
+def told(t, h, varying):
+    """Whether the orders that vary are known for this step; if not, it is noted as wanted."""
+    known = varying[0]
+    if varying[1].shape[0] == 0 or (known[0] == t and known[1] == h):
+        return True
+    known[2], known[3] = t, h
+    return False
+
+
+@kernel
+def known_part(modes, reads, p0, p, form, varying, constant, drivers, jumps, base):
     """What every strand's rows are made of besides the step itself, (1 + k, R, s)."""
+    d = p0.shape[1]
     for strand in range(base.shape[0]):
         read_modes(modes[strand], reads, base[strand])
+        if varying[1].shape[0] > 0:
+            read_varying(modes[strand], reads, form, varying, base[strand])
         for c in range(base.shape[1]):
             for i in range(base.shape[2]):
-                base[strand, c, i] += constant[strand, c, i]
-                if c < p0.shape[1]:
+                base[strand, c, i] += constant[strand, c, i] + jumps[c, i] * p[strand, c % d]
+                if c < d:
                     base[strand, c, i] += p0[strand, c]
-    fold_known(p0.shape[1], drivers, base)
+    fold_known(d, drivers, base)
+
+
+@kernel
+def read_varying(modes, reads, form, varying, out):
+    """The past of orders that vary: modes without weights, by the weights at each node."""
+    # modes (R, M), reads (M, s), out (R, s)
+    channels, _, second, _, _, raw = form
+    weights, d = varying[2], second.shape[0]
+    first = int(np.max(channels[:, 2])) + 1 - weights.shape[0]  # their indices are the last
+    for row in range(channels.shape[0]):
+        k = int(channels[row, 2]) - first
+        if k < 0:
+            continue
+        c = int(channels[row, 0])
+        for b in range(raw.shape[0]):
+            if raw[b] != int(channels[row, 1]):
+                continue
+            for m in range(reads.shape[0]):
+                held = channels[row, 3] * modes[(2 + b) * d + c % d, m]
+                for i in range(reads.shape[1]):
+                    out[c, i] += held * weights[k, m, i] * reads[m, i]
 
 
 @kernel
@@ -152,38 +212,53 @@ def lowest_order(channels, orders):
     """The smallest order of integration."""
     lowest = 1.0
     for row in range(channels.shape[0]):
-        if channels[row, 2] < orders.shape[0]:
+        if 0 <= channels[row, 2] < orders.shape[0]:
             lowest = min(lowest, orders[int(channels[row, 2])])
     return lowest
 
 
 @kernel
-def tangents_ratio(
-    rhs, jac, has_jac, params, times, h, base, x, form, drivers, whole, local, legendre, values,
-    rtol, notes, newton,
+def orbit_ratio(
+    rhs, jac, has_jac, params, times, h, base, form, rule, drivers, local, values, run, newton,
+    rtol, atol,
 ):  # fmt: skip
-    """Solve the step for the tangents; their largest error over its tolerance, inf if singular."""
-    channels, orders, second, _ = form
-    if not solve_tangents(
-        rhs, jac, has_jac, params, times, h, base, x, second, drivers, whole, values, notes
-    ):
-        return np.inf
-    take_from_forces(x.shape[1], drivers, base[1:], values[1:])
-    return worst_tangent(h, channels, orders, legendre, local, drivers, values, newton, rtol)
+    """Solve the step for the orbit; its error over its tolerance, and whether it was solved."""
+    channels, orders, second = form[:3]
+    legendre, inverse, whole = rule[2], rule[3], rule[1][orders.shape[0] - 1]  # of order 1
+    notes, largest, p0, x, p = run[1], run[3], run[4], run[5], run[6]
+    goal = _NEWTON * (atol + rtol * np.maximum(largest, np.abs(p[0])))
+    solved = solve_stages(
+        rhs, jac, has_jac, params, times, h, base[0], x[0], second, drivers, whole, goal,
+        values[0, PRIMARY], values[0, POSITION], values[0, FORCE], notes, newton,
+    )  # fmt: skip
+    if not solved:
+        return np.inf, False
+    take_from_forces(second.shape[0], drivers, base, values[:1])
+    if values.shape[1] > SLOPE:
+        slopes(h, inverse, p[0], values[0, PRIMARY], values[0, SLOPE])
+    errors = np.empty(second.shape[0])
+    estimate(h, channels, orders, legendre, local, drivers, values[0], newton, errors)
+    return over_tolerance(h, errors, values[0], second, largest, p0[0], rtol, atol), True
 
 
 @kernel
-def worst_tangent(h, channels, orders, legendre, local, drivers, values, newton, rtol):
-    """Largest ratio of a tangent's error to its tolerance, relative to all of the tangent."""
-    worst, errors = 0.0, np.empty(values.shape[2])
-    for strand in range(1, values.shape[0]):
-        estimate(h, channels, orders, legendre, local, drivers, values[strand], newton, errors)
-        size = np.max(np.abs(values[strand, PRIMARY:]))
-        if not size < np.inf:
-            return np.inf
-        if size > 0.0:
-            worst = max(worst, np.max(errors) / (max(rtol, _TANGENT) * size))
-    return worst
+def tangents_ratio(
+    rhs, jac, has_jac, params, times, h, base, form, rule, drivers, local, values, run, newton,
+    rtol,
+):  # fmt: skip
+    """Solve the step for the tangents; their largest error over its tolerance, inf if singular."""
+    channels, orders, second = form[:3]
+    legendre, inverse, whole = rule[2], rule[3], rule[1][orders.shape[0] - 1]
+    x, p = run[5], run[6]
+    if not solve_tangents(
+        rhs, jac, has_jac, params, times, h, base, x, second, drivers, whole, values, run[1]
+    ):
+        return np.inf
+    take_from_forces(second.shape[0], drivers, base[1:], values[1:])
+    if values.shape[1] > SLOPE:
+        for strand in range(1, x.shape[0]):
+            slopes(h, inverse, p[strand], values[strand, PRIMARY], values[strand, SLOPE])
+    return worst_tangent(h, channels, orders, legendre, local, drivers, values, newton, rtol)
 
 
 @kernel
@@ -247,24 +322,3 @@ def guess(nodes, legendre, last, h, h_last, p, out):
                 offset = p[c] - total
             else:
                 out[c, i] = total + offset
-
-
-@kernel
-def over_tolerance(h, errors, values, second, largest, p0, rtol, atol):
-    """Largest ratio of an error to its tolerance, over y and, where it is unknown, y'.
-
-    p is p(0) and what the modes take from it again: it is known to the rounding of p(0) alone.
-    """
-    worst = 0.0
-    for c in range(errors.shape[0]):
-        size_p, size_x = 0.0, 0.0
-        for i in range(values.shape[2]):
-            size_p = max(size_p, abs(values[PRIMARY, c, i]))
-            size_x = max(size_x, abs(values[POSITION, c, i]))
-        if second[c] == 1:
-            size_p = max(size_p, largest[c])
-            worst = max(worst, h * errors[c] / (atol + rtol * size_x))
-        worst = max(worst, errors[c] / max(atol + rtol * size_p, _ROUNDING * abs(p0[c])))
-        if not errors[c] < np.inf:
-            return np.inf
-    return worst

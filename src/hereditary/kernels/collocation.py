@@ -14,37 +14,79 @@ from .jacobian import jacobian
 from .linalg import factorise, substitute
 from .signatures import JAC, RHS
 
-# Drivers of the integrals.
-FORCE, PRIMARY, POSITION = 0, 1, 2
+# Drivers of the integrals: f, p, y, and p' where it is asked for.
+FORCE, PRIMARY, POSITION, SLOPE = 0, 1, 2, 3
+# Stands for no order and no kernel: the driver itself.
+ITSELF = -1
 # Newton sweeps before a step is given up.
 _SWEEPS = 12
 
 
 @kernel
-def local_operators(h, d, channels, offsets, orders, singular, local, drivers, constant):
+def local_operators(
+    h, d, channels, offsets, orders, implicit, singular, inverse, local, drivers, starts, constant
+):  # fmt: skip
     """What values at the nodes contribute to every row at the nodes, within a step of length h.
 
-    Row c < d is p of component c, row d + c what general kernels take from its right-hand side.
-    drivers[3 c + q] is the matrix for driver q of row c, constant[j, c] what the offsets of
-    strand j take.
+    Row c < d is p of component c, row d + c what is taken from its right-hand side.
+    drivers[3 c + q] is the matrix for driver q of row c, where p' is that of the polynomial through
+    p at the start, whose share is starts[c], and at the nodes; constant[j, c] is what the offsets
+    of strand j take.
     """
     # channels (n, 4): row, driver, index of the order or kernel, kappa; offsets (1 + k, n)
-    # orders (n_a,), singular (n_a, s, s), local (n_k, s, s), drivers (3 R, s, s), constant
-    # (1 + k, R, s)
+    # orders (n_a,), singular (n_a, s, s), inverse (s, s) of the last of these, local (n_k, s, s),
+    # drivers (3 R, s, s), starts (R, s), constant (1 + k, R, s)
     drivers[:] = 0.0
+    starts[:] = 0.0
     constant[:] = 0.0
-    n_nodes = constant.shape[2]
+    s = constant.shape[2]
     for row in range(channels.shape[0]):
         c, q, k = int(channels[row, 0]), int(channels[row, 1]), int(channels[row, 2])
-        own = singular[k] if k < orders.shape[0] else local[k - orders.shape[0]]
-        factor = channels[row, 3] * (h ** orders[k] if k < orders.shape[0] else 1.0)
-        for i in range(n_nodes):
-            for j in range(n_nodes):
+        factor = channels[row, 3]
+        own = singular[0]
+        if k >= orders.shape[0]:
+            own = local[k - orders.shape[0]]
+        elif k >= 0:
+            own = singular[k]
+            factor *= h ** orders[k]
+        for i in range(s):
+            for j in range(s):
                 share = factor * own[i, j]
+                if k == ITSELF:
+                    share = factor if i == j else 0.0
+                if q == SLOPE:
+                    for e in range(s):
+                        drivers[3 * c + PRIMARY, i, e] += share * inverse[j, e] / h
+                        starts[c, i] -= share * inverse[j, e] / h
+                    continue
                 drivers[3 * c + q, i, j] += share
                 for strand in range(offsets.shape[0]):
                     constant[strand, c, i] -= share * offsets[strand, row]
+    for c in range(d):
+        if implicit[c] == 1:
+            equate(d, c, drivers)
     fold_operators(d, drivers)
+
+
+@kernel
+def equate(d, c, drivers):
+    """Let row c be p plus right-hand side less terms, in units of p."""
+    s = drivers.shape[1]
+    size = abs(drivers[3 * (d + c) + PRIMARY, s - 1, s - 1])
+    for i in range(s):
+        drivers[3 * c + PRIMARY, i, i] = 1.0
+        drivers[3 * c + FORCE, i, i] = 1.0 / size if size > 0.0 else 1.0
+
+
+@kernel
+def slopes(h, inverse, start, p, out):
+    """p' at the nodes, of the polynomial through p at the start (d,) and at the nodes (d, s)."""
+    for c in range(p.shape[0]):
+        for i in range(p.shape[1]):
+            total = 0.0
+            for j in range(p.shape[1]):
+                total += inverse[i, j] * (p[c, j] - start[c])
+            out[c, i] = total / h
 
 
 @kernel
@@ -247,51 +289,6 @@ def residuals(base, drivers, p, x, f, out):
 
 
 @kernel
-def estimate(h, channels, orders, legendre, local, drivers, values, newton, errors):
-    """Error of p by each driver: the Legendre coefficient after the last, integrated.
-
-    It counts by what the equations leave of it: little where they are stiff. Nor may p itself, as
-    the dense output interpolates it, be further off.
-    """
-    # local (n_k, s, s), drivers (3 R, s, s), values (3, d, s), errors (d,)
-    d, s, n_a = errors.shape[0], values.shape[2], orders.shape[0]
-    matrix, order = newton
-    defect, left = np.empty(d * s), np.empty(d * s)
-    for c in range(d):
-        last, shrink = tail(legendre, values[PRIMARY, c])
-        errors[c] = abs(last) * shrink * shrink
-    for driver in range(3):
-        defect[:] = 0.0
-        for row in range(channels.shape[0]):
-            c, q, k = int(channels[row, 0]), int(channels[row, 1]), int(channels[row, 2])
-            if q != driver:
-                continue
-            last, shrink = tail(legendre, values[q, c % d])
-            size = h ** orders[k] if k < n_a else np.max(np.abs(local[k - n_a, -1]))
-            if c >= d:
-                size *= np.max(np.abs(drivers[3 * (c - d) + FORCE, -1]))
-            for i in range(s):
-                defect[(c % d) * s + i] += channels[row, 3] * size * last * shrink
-        if not np.any(defect):
-            continue
-        substitute(matrix, order, defect, left)
-        for c in range(d):
-            errors[c] += np.max(np.abs(left[c * s : (c + 1) * s]))
-
-
-@kernel
-def tail(legendre, values):
-    """The last Legendre coefficient, and the size of its ratio to the one before, 1 at most."""
-    # values (s,)
-    s = values.shape[0]
-    last, before = 0.0, 0.0
-    for j in range(s):
-        last += legendre[s - 1, j] * values[j]
-        before += legendre[s - 2, j] * values[j]
-    return last, (min(1.0, abs(last / before)) if before != 0.0 else 1.0)
-
-
-@kernel
 def solve_tangents(
     rhs, jac, has_jac, params, times, h, base, x_start, second, drivers, whole, values, notes
 ):  # fmt: skip
@@ -336,12 +333,18 @@ def solve_once(
 ):  # fmt: skip
     """Solve one step from Python; base (1 + k, R, s) holds p(0) and the past of every strand.
 
+    For forms without p' among the drivers.
+
     values (1 + k, 3, d, s): f, p and y at the nodes, p of strand 0 holding a first guess.
     """
     n_nodes, d, n_rows = times.shape[0], second.shape[0], base.shape[1]
     drivers = np.empty((3 * n_rows, n_nodes, n_nodes))
-    constant = np.empty((offsets.shape[0], n_rows, n_nodes))
-    local_operators(h, d, channels, offsets, orders, singular, local, drivers, constant)
+    starts, constant = np.empty((n_rows, n_nodes)), np.empty((offsets.shape[0], n_rows, n_nodes))
+    explicit, inverse = np.zeros(d, dtype=np.int64), np.empty((0, 0))
+    local_operators(
+        h, d, channels, offsets, orders, explicit, singular, inverse, local, drivers, starts,
+        constant,
+    )  # fmt: skip
     known = base + constant
     fold_known(d, drivers, known)
     whole = singular[orders.shape[0] - 1]

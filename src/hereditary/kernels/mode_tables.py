@@ -87,14 +87,14 @@ def read_modes(modes, reads, out):
 @kernel
 def move_modes(h, keeps, moments, driven, idle, legendre, values, modes):
     """Let the modes decay over the step and take in the drivers' polynomials on it."""
-    # keeps (M,), moments (s, M), driven (R, 3, M), idle, modes (R, M), legendre (s, s): values to
-    # coefficients, values (3, d, s); row c is driven by component c modulo d
+    # keeps (M,), moments (s, M), driven (R, n_q, M), idle, modes (R, M), legendre (s, s): values
+    # to coefficients, values (n_q, d, s); row c is driven by component c modulo d
     d, s = values.shape[1], values.shape[2]
     part = np.empty(keeps.shape[0])
     for c in range(modes.shape[0]):
         for m in range(keeps.shape[0]):
             modes[c, m] = modes[c, m] * keeps[m] + h * idle[c, m] * moments[0, m]
-        for q in range(3):
+        for q in range(driven.shape[1]):
             if not np.any(driven[c, q]):
                 continue
             part[:] = 0.0
@@ -109,14 +109,21 @@ def move_modes(h, keeps, moments, driven, idle, legendre, values, modes):
 
 
 @kernel
-def combined_weights(channels, offsets, weights, driven, idle):
-    """Weights of the drivers' modes in each row, driven (R, 3, M), and of 1, idle (1 + k, R, M)."""
-    # channels (n, 4), offsets (1 + k, n), weights (n_a + n_k, M)
+def combined_weights(channels, offsets, weights, raw, own, driven, idle):
+    """Weights of the drivers' modes in each row, driven (R, n_q, M), and of 1, idle (1 + k, R, M).
+
+    Modes of orders that vary have none: they stand in rows behind the others, d for each driver.
+    """
+    # channels (n, 4), offsets (1 + k, n), weights (n_a + n_k, M), raw (n_b,) drivers of the last
+    # rows, own (M,) 1 for their modes
     driven[:] = 0.0
     idle[:] = 0.0
+    d = driven.shape[0] // (2 + raw.shape[0])
+    for b in range(raw.shape[0]):
+        driven[(2 + b) * d : (3 + b) * d, raw[b]] = own
     for row in range(channels.shape[0]):
         c, q, k = int(channels[row, 0]), int(channels[row, 1]), int(channels[row, 2])
-        for m in range(weights.shape[1]):
+        for m in range(weights.shape[1] if k >= 0 else 0):
             share = channels[row, 3] * weights[k, m]
             driven[c, q, m] += share
             for strand in range(offsets.shape[0]):

@@ -1,4 +1,4 @@
-"""Step-adaptive spectral collocation (floor 2); its integral equations: schemes/integral_form.py."""
+"""Step-adaptive spectral collocation (floor 2), of the equations in schemes/integral_form.py."""
 
 from __future__ import annotations
 
@@ -58,6 +58,7 @@ class Collocation(Scheme):
     horizon: float | None = None
     march: ClassVar[Callable]
     takes_kernels: ClassVar[bool] = True
+    takes_varying: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         if self.nodes is not None and not 2 <= count("nodes", self.nodes) <= 12:

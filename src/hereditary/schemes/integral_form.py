@@ -5,6 +5,10 @@ sum_k kappa_k J**a_k (q_k - o_k)``, 0 < a_k <= 1, where q is the right-hand side
 constant: with the highest term ``c D**alpha`` and q = f that is kappa = 1/c, a = alpha - m + 1; a
 lower term ``c_j D**alpha_j`` brings kappa = -c_j/c and ``J**(alpha - alpha_j)`` of p, less p(0)
 where it has as many derivatives, or ``J**(alpha - alpha_j - 1)`` of y - y(0) where that exceeds 1.
+
+Terms with general kernels, or with orders that vary, have no such integrals: they are taken from
+the right-hand side. Where the highest derivative stands in such terms, none is left to integrate
+with: then p is what makes right-hand side and terms equal, with p' among what drives these.
 """
 
 from dataclasses import dataclass
@@ -12,9 +16,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from .._checks import complaint
-from ..kernels.collocation import FORCE, POSITION, PRIMARY
+from ..kernels.collocation import FORCE, ITSELF, POSITION, PRIMARY, SLOPE
 from ..memory_kernel import MemoryKernel
-from ..system import System
+from ..operators import VaryingOrder, derivative_order
+from ..system import KernelTerm, System
 
 # Numbers closer than this are one; a sum of up to so many others is not taken for itself.
 _APART, _FEW = 1e-9, 4
@@ -28,7 +33,8 @@ class Form:
     ----------
     channels : ndarray, shape (n, 4)
         Row, driver (kernels/collocation.py), index of the order or kernel, kappa. Row c < d is p of
-        component c, row d + c what is taken from its right-hand side.
+        component c, row d + c what is taken from its right-hand side. The index is -1 for the
+        driver itself.
     offset_of : ndarray of int64, shape (n,)
         What is taken from the driver: 0 nothing, 1 p(0), 2 y(0).
     orders : ndarray, shape (n_a,)
@@ -37,8 +43,12 @@ class Form:
         Whether the primary unknown is y'.
     generators : tuple of float
         Numbers whose sums are the powers of t that f, p and y are made of near 0.
+    implicit : ndarray of int64, shape (d,)
+        Whether p is what makes right-hand side and terms equal; then no row c is listed.
     kernels : tuple of MemoryKernel
         General kernels; their indices follow those of the orders.
+    varying : tuple of VaryingOrder
+        Orders that vary; their indices follow those of the kernels.
     """
 
     channels: np.ndarray
@@ -46,7 +56,9 @@ class Form:
     orders: np.ndarray
     second: np.ndarray
     generators: tuple[float, ...]
+    implicit: np.ndarray
     kernels: tuple = ()
+    varying: tuple = ()
 
     @property
     def n_rows(self) -> int:
@@ -54,74 +66,130 @@ class Form:
         d = self.second.size
         return d if self.channels[:, 0].max() < d else 2 * d
 
+    @property
+    def n_drivers(self) -> int:
+        """Drivers that a step has values of."""
+        return 4 if np.any(self.channels[:, 1] == SLOPE) else 3
+
+    @property
+    def raw(self) -> np.ndarray:
+        """Drivers of orders that vary, whose modes are kept without weights; ascending."""
+        first = self.orders.size + len(self.kernels)
+        varying = self.channels[:, 2] >= first
+        return np.unique(self.channels[varying, 1]).astype(np.int64)
+
+    def start_exponent(self) -> float:
+        """The least power of t with which p changes at 0, where no basis of powers is at hand."""
+        d, found = self.second.size, []
+        for c in range(d):
+            own = self.channels[self.channels[:, 0] % d == c]
+            driver = SLOPE if self.implicit[c] else FORCE
+            powers = [self._power(int(k), driver) for _, q, k, _ in own if q == driver]
+            found.append(max(powers) if self.implicit[c] else min(powers))
+        return min(1.0, *(power if power > 0 else 1.0 for power in found))
+
+    def _power(self, k, driver):
+        """Of integrals of the force, their order; of others, how singular their kernel is."""
+        n_a, n_k = self.orders.size, len(self.kernels)
+        if k < n_a:
+            return self.orders[k] if driver == FORCE else 1 - self.orders[k]
+        if k < n_a + n_k:
+            return self.kernels[k - n_a].singular_exponent
+        order = self.varying[k - n_a - n_k]
+        values, _ = order.sampled(np.zeros(1))
+        return 1 - order.derivative + float(values[0])
+
 
 def integral_form(system: System) -> Form:
-    """The integral equations of a system of Caputo terms of orders in (0, 2]."""
+    """The integral equations of a system whose derivatives have orders in (0, 2]."""
     highest = system.highest_orders()
     second = highest > 1
-    rows, kernel_rows = [], []
-    kernels: list[MemoryKernel] = []
+    rows: list[tuple] = []
+    implicit = np.zeros(system.d, dtype=np.int64)
     for c in range(system.d):
-        leading = system.coefficients[system.orders[:, c] == highest[c], c].sum()
-        if leading == 0:
-            required = "leave a nonzero coefficient before the highest order"
-            _refuse_leading_kernel(system, c)
-            raise ValueError(complaint("terms", required, f"0 for component {c}"))
-        rows.append((c, FORCE, highest[c] - second[c], 1 / leading, 0))
-        for coefficient, order in zip(system.coefficients[:, c], system.orders[:, c], strict=True):
-            if coefficient == 0 or order == highest[c]:
-                continue
-            a, kappa = highest[c] - order, -coefficient / leading
-            if not second[c] or order > 1:
-                rows.append((c, PRIMARY, a, kappa, 1))
-            elif a <= 1:
-                rows.append((c, PRIMARY, a, kappa, 0))
-            else:
-                rows.append((c, POSITION, a - 1, kappa, 2))
-        for term, coefficients in system.memories:
-            if coefficients[c] != 0:
-                alpha = highest[c] - second[c]
-                row = _kernel_row(term, coefficients[c], c, system.d, second[c], alpha, leading)
-                kernel_rows.append((*row, len(kernels)))
-                kernels.append(term.kernel)
-    orders = sorted({row[2] for row in rows} | {1.0})
-    n = len(orders)
-    listed = [(c, q, orders.index(a), kappa) for c, q, a, kappa, _ in rows]
-    listed += [(c, q, n + k, kappa) for c, q, kappa, _, k in kernel_rows]
-    offset_of = np.array([row[4] for row in rows] + [row[3] for row in kernel_rows])
-    raised = [a + (q == POSITION) for _, q, a, _, _ in rows]
+        leading = (system.orders[:, c] == highest[c]) & (system.coefficients[:, c] != 0)
+        implicit[c] = not leading.any()
+        if implicit[c]:
+            rows += _derivative_rows(system, c, second[c])
+        else:
+            total = system.coefficients[leading, c].sum()
+            if total == 0:
+                required = "leave a nonzero coefficient before the highest order"
+                raise ValueError(complaint("terms", required, f"0 for component {c}"))
+            rows += _integral_rows(system, c, highest[c], second[c], total)
+    whats = [row[2] for row in rows]
+    orders = sorted({what for what in whats if isinstance(what, float)} | {1.0})
+    kernels = [what for what in whats if isinstance(what, MemoryKernel)]
+    varying = list(dict.fromkeys(what for what in whats if isinstance(what, VaryingOrder)))
+    listed, n_kernels = [], 0
+    for c, q, what, kappa, _ in rows:
+        index = ITSELF
+        if isinstance(what, float):
+            index = orders.index(what)
+        elif isinstance(what, MemoryKernel):
+            index, n_kernels = len(orders) + n_kernels, n_kernels + 1
+        elif what is not None:
+            index = len(orders) + len(kernels) + varying.index(what)
+        listed.append((c, q, index, kappa))
+    raised = [a + (q == POSITION) for _, q, a, _, _ in rows if isinstance(a, float)]
     for kernel in kernels:
         raised += [1 - kernel.singular_exponent, *kernel.generators]
     return Form(
         np.array(listed, dtype=float),
-        offset_of,
+        np.array([row[4] for row in rows]),
         np.array(orders),
         second.astype(np.int64),
         _generators(tuple(raised)),
+        implicit,
         tuple(kernels),
+        tuple(varying),
     )
 
 
-def _refuse_leading_kernel(system, c):
-    """Refuse a component whose highest derivative stands in a general kernel alone."""
+def _integral_rows(system, c, highest, second, leading):
+    """Row, driver, order or kernel, kappa and offset of a component with an integral form."""
+    rows: list[tuple] = [(c, FORCE, float(highest - second), 1 / leading, 0)]
+    for coefficient, order in zip(system.coefficients[:, c], system.orders[:, c], strict=True):
+        if coefficient == 0 or order == highest:
+            continue
+        a, kappa = float(highest - order), -coefficient / leading
+        if not second or order > 1:
+            rows.append((c, PRIMARY, a, kappa, 1))
+        elif a <= 1:
+            rows.append((c, PRIMARY, a, kappa, 0))
+        else:
+            rows.append((c, POSITION, a - 1, kappa, 2))
     for term, coefficients in system.memories:
-        if coefficients[c] != 0 and term.derivative == system.highest_orders()[c]:
-            required = "hold a Caputo term of the highest derivative's order with Collocation"
-            got = f"a Memory of derivative {term.derivative} alone for component {c}"
-            raise ValueError(complaint("terms", required, got, "use ExplicitCaputo or L1"))
+        if coefficients[c] == 0:
+            continue
+        if isinstance(term, KernelTerm) and term.derivative == 1 + second:
+            # the highest order is an integer: J of the convolution with p' is that with p - p(0)
+            rows.append((c, PRIMARY, term.kernel, -coefficients[c] / leading, 1))
+        else:
+            rows.append(_taken(term, coefficients[c], c, system.d, second))
+    return rows
 
 
-def _kernel_row(term, coefficient, c, d, second, alpha, leading):
-    """Row, driver, kappa and offset of a term with a general kernel."""
-    depth = term.derivative - second  # of p: -1 for its integral y, 1 for its derivative
-    if depth < 1:
-        return d + c, PRIMARY if depth == 0 else POSITION, coefficient, 0
-    if alpha != 1:
-        required = "be below the order of the highest Caputo term with Collocation"
-        remedy = "or make that order an integer; ExplicitCaputo and L1 take any"
-        raise ValueError(complaint("derivative", required, term.derivative, remedy))
-    # J^1 of the convolution with p' is that with p - p(0)
-    return c, PRIMARY, -coefficient / leading, 1
+def _derivative_rows(system, c, second):
+    """The same of a component whose highest derivative stands in other terms than Caputo's."""
+    rows = []
+    for coefficient, order in zip(system.coefficients[:, c], system.orders[:, c], strict=True):
+        if coefficient != 0:
+            m = derivative_order(order)
+            driver = SLOPE if m > second else PRIMARY
+            what = float(m - order) if m > order else None
+            rows.append((system.d + c, driver, what, coefficient, 0))
+    for term, coefficients in system.memories:
+        if coefficients[c] != 0:
+            rows.append(_taken(term, coefficients[c], c, system.d, second))
+    return rows
+
+
+def _taken(term, coefficient, c, d, second):
+    """The same of a term that is taken from the right-hand side."""
+    driver = (POSITION, PRIMARY, SLOPE)[term.derivative - second + 1]
+    what = term.kernel if isinstance(term, KernelTerm) else term
+    return d + c, driver, what, coefficient, 0
 
 
 def _generators(raised):

@@ -6,6 +6,7 @@ import numpy as np
 
 from .._checks import complaint, positive, real_array, shown, within
 from ..history.exponentials import SumOfExponentials
+from ..operators import OrderFailed
 from .adaptive_stepper import AdaptiveStepper
 from .dense import Dense
 from .events import Events
@@ -90,6 +91,8 @@ def _run(stepper, stops, keeper, progress):
                             return Status.EVENT, ""
                         if stepper.error is not None:
                             raise stepper.error
+                    except OrderFailed as error:
+                        return Status.ORDER_FAILED, str(error)
                     except Exception as error:
                         return Status.RHS_FAILED, f"{type(error).__name__}: {error}"
                     if stepper.blown_up:

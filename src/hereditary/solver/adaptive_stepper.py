@@ -7,9 +7,17 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from .._checks import complaint
-from ..kernels.adaptive import FULL, NOT_SOLVED, REACHED, TOO_CLOSE, march_adaptive
+from ..kernels.adaptive import (
+    FULL,
+    NOT_SOLVED,
+    REACHED,
+    TOO_CLOSE,
+    TOO_ROUGH,
+    UNTOLD,
+    march_adaptive,
+)
 from ..kernels.collocation import PRIMARY
-from ..kernels.mode_tables import SLOTS
+from ..kernels.mode_tables import SLOTS, on_grid
 from ..schemes.integral_form import integral_form
 from ..schemes.quadrature import (
     radau_integrals,
@@ -19,6 +27,7 @@ from ..schemes.quadrature import (
 )
 from .corner import Corner
 from .dense import PolynomialPieces, PowerPiece
+from .order_tables import OrderTables
 from .strands import Strands
 
 # Share of the tolerance that one step may err by, and that the modes may: errors add up along
@@ -89,13 +98,17 @@ class AdaptiveStepper:
         self._form = form = integral_form(equation)
         self.second = form.second == 1
         singular = np.array([radau_integrals(s, a) for a in form.orders])
-        self._rule = tuple(np.array(a) for a in (radau_nodes(s), singular, to_legendre(s)))
+        rule = (radau_nodes(s), singular, to_legendre(s), np.linalg.inv(singular[-1]))
+        self._rule = tuple(np.array(a) for a in rule)
+        # no basis is made for these, where they begin: ordinary steps, the first of them tiny
+        self._graded = bool(form.implicit.any() or form.varying)
+        self._orders = OrderTables(form.varying, s)
         self._transforms = shortened_legendre(s)
         self._strands = Strands(form, self._starts(directions), s)
-        self._clock = np.array([0.0, t_end, 0.0, 0.0])
+        self._clock = np.array([0.0, t_end, 0.0, 0.0, 0.0])
         self._notes = np.array([0.0, 0.0, 1.0, 1.0, 1.0])
         self._steps = np.zeros(2, dtype=np.int64)
-        self._largest = np.abs(self._strands.initial[0])
+        self._largest = np.abs(self._strands.p[0])
         self._at_corner, self._largest_error, self._tables = True, 0.0, None
         self.blown_up = self.not_solved = False
         self.error: Exception | None = None
@@ -159,27 +172,35 @@ class AdaptiveStepper:
         raises, `error`; None may come back then.
         """
         if self._at_corner:
-            return self._step_out(t_stop)
+            if not self._graded:
+                return self._step_out(t_stop)
+            self._grade(t_stop)
         d = self.equation.d
         track = tuple(
             np.empty(shape)
             for shape in ((n_rows,), (n_rows,), (n_rows, d, self._s), (n_rows, 2 * d), (n_rows,))
         )
         n, status = 0, TOO_CLOSE
-        while status == TOO_CLOSE and n == 0:
+        while (status == TOO_CLOSE and n == 0) or status == UNTOLD:
             made = self.n_steps
             try:
-                _, status = self._march(track, t_stop)
+                if status == UNTOLD:
+                    self._orders.tell(self._strands, t_stop)
+                _, status = self._march(tuple(array[n:] for array in track), t_stop)
             except Exception as error:
                 # the steps before it are made and kept
                 self.error, status = error, REACHED
-            n = self.n_steps - made
-            if n:
+            if self.n_steps > made:
                 self._strands.step(self._clock[2])
+            n += self.n_steps - made
             if status == TOO_CLOSE:
                 # the march stood before this step when it turned back
                 step = min(self._clock[1], t_stop - self.t)
-                self._come_closer(self._rule[0][0] * step / _ROOM)
+                closest = self._rule[0][0] * step / _ROOM
+                if closest < self._far / _MOST:
+                    status = TOO_ROUGH
+                else:
+                    self._come_closer(closest)
         if status not in (REACHED, FULL, TOO_CLOSE):
             self.not_solved, self.blown_up = status == NOT_SOLVED, status != NOT_SOLVED
         if n == 0:
@@ -194,10 +215,11 @@ class AdaptiveStepper:
             equation._jac,
             int(equation.has_jac),
             equation.params,
-            (form.channels, form.orders, form.second, strands.offsets),
+            (form.channels, form.orders, form.second, strands.offsets, form.implicit, form.raw),
             self._rule,
-            (strands.rates, strands.weights, strands.kernels.masses, self._transforms),
+            (strands.rates, strands.weights, strands.masses, self._transforms),
             self._kept_tables(),
+            self._told(),
             (self._clock, self._notes, self._steps, self._largest, *self._moving()),
             track,
             t_stop,
@@ -209,10 +231,18 @@ class AdaptiveStepper:
         """Tables of the bank in use for steps of lengths that occurred."""
         n, s = self.n_modes, self._s
         if self._tables is None or self._tables[2].shape[1] != n:
-            n_kernels = len(self._form.kernels)
+            n_kernels = len(self._form.kernels) + len(self._form.varying)
             shapes = ((SLOTS, n, s), (SLOTS, n), (SLOTS, s, n), (SLOTS, n_kernels, s, s))
             self._tables = (np.zeros(SLOTS), *(np.empty(shape) for shape in shapes))
         return self._tables
+
+    def _told(self):
+        """What is known of the orders that vary."""
+        orders, own = self._orders, self._strands.own.astype(float)
+        if orders.weights.shape[1] != own.size:
+            orders.forget()
+            orders.weights = np.zeros((len(orders.weights), own.size, self._s))
+        return (orders.known, orders.integrals, orders.weights, own)
 
     def _moving(self):
         strands = self._strands
@@ -291,19 +321,34 @@ class AdaptiveStepper:
         if self.n_modes == 0:
             closest, far = _decades(closest, self._far)
             strands.begin(closest, far, self._modes_tol)
-        elif closest < strands.bank.closest:
+        elif closest < strands.closest:
             self._come_closer(closest)
         strands.leave(basis, h, values)
         speeds = np.maximum(self._largest, np.abs(values[0, PRIMARY]).max(axis=1))
         self._largest[:] = np.where(self.second, speeds, 0.0)
         end = t_stop if h == t_stop - t else t + h
-        self._clock[:] = end, h, 0.0, strands.bank.closest
+        self._clock[:] = end, h, 0.0, strands.closest, 0.0
         self._steps[0] += 1
+        self._at_corner = False
+
+    def _grade(self, t_stop):
+        """Make ready to begin by ordinary steps, the first so small that the solution is still."""
+        left = t_stop - self.t
+        h = left * min(1e-2, self._atol ** (1 / self._form.start_exponent()))
+        h = max(h, 1e5 * self._far / _MOST, 1e3 * np.spacing(self.t))
+        closest = self._rule[0][0] * h / _ROOM
+        if self.n_modes == 0:
+            near, far = _decades(closest, self._far)
+            self._strands.begin(near, far, self._modes_tol)
+        if closest < self._strands.closest:
+            self._come_closer(closest)
+        self._clock[3] = self._strands.closest
+        self._clock[1], self._clock[2], self._clock[4] = on_grid(h), 0.0, 0.0
         self._at_corner = False
 
     def _come_closer(self, closest):
         self._strands.come_closer(closest)
-        self._clock[3] = self._strands.bank.closest
+        self._clock[3] = self._strands.closest
 
 
 def _decades(closest, farthest):

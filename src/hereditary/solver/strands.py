@@ -11,7 +11,8 @@ from numpy.polynomial.legendre import legvander
 from scipy.special import rgamma
 
 from ..history.bank import Bank, open_bank, open_kernels
-from ..kernels.collocation import POSITION, PRIMARY
+from ..history.order_bank import OrderBank, open_order_bank
+from ..kernels.collocation import ITSELF, POSITION, PRIMARY
 from ..schemes.power_basis import LEFT_OUT, graded_rule
 from ..schemes.quadrature import to_legendre
 
@@ -32,13 +33,17 @@ class Strands:
     x, p : ndarray, shape (1 + k, d)
         y, and the primary unknown, at present.
     initial, offsets : ndarray, shape (1 + k, d) and (1 + k, n)
-        p(0) with all of the past that does not fade, and what is taken from each integral's driver.
+        p(0) with all of the past that does not fade, none where p is implicit, and what is taken
+        from each integral's driver.
     modes, before : ndarray, shape (1 + k, R, M)
-        Modes of each row of the form, now and before the last step; those of general kernels last.
-    last : ndarray, shape (1 + k, 3, d, s)
-        f, p and y at the nodes of the last ordinary step.
+        Modes of each row of the form, now and before the last step, and behind them those without
+        weights for the drivers of orders that vary; the modes of general kernels, and then of such
+        orders, last.
+    last : ndarray, shape (1 + k, 3 or 4, d, s)
+        f, p and y, and p' where it is a driver, at the nodes of the last ordinary step.
     bank : Bank
     kernels : KernelBank
+    varying : OrderBank
     """
 
     def __init__(self, form, y0, n_nodes):
@@ -50,24 +55,46 @@ class Strands:
         starts = np.array([0 * self.initial, self.initial, y0[:, 0]])
         components = form.channels[:, 0].astype(int) % d
         self.offsets = np.ascontiguousarray(starts[form.offset_of, :, components].T)
-        self.modes = self.before = np.zeros((n_strands, form.n_rows, 0))
-        self.last = np.zeros((n_strands, 3, d, n_nodes))
+        self.initial[:, form.implicit == 1] = 0.0
+        self._n_rows = form.n_rows + d * form.raw.size
+        self.modes = self.before = np.zeros((n_strands, self._n_rows, 0))
+        self.last = np.zeros((n_strands, form.n_drivers, d, n_nodes))
         self.bank = Bank((), np.inf, 0.0, 0.0, np.zeros(0), np.zeros((0, 0)))
         self.kernels = open_kernels((), 1.0, 1.0, 0.1)
+        self.varying = OrderBank(np.inf, 0.0, 0.0, np.zeros(0))
         self._length, self._corner = 0.0, None
 
     @property
     def rates(self):
         """Rates of all modes, shape (M,)."""
-        return np.concatenate([self.bank.rates, self.kernels.rates])
+        return np.concatenate([self.bank.rates, self.kernels.rates, self.varying.rates])
 
     @property
     def weights(self):
-        """Weights of all modes in each fractional integral and general kernel, (n_a + n_k, M)."""
+        """Weights of all modes in each fractional integral and general kernel, (n_a + n_k, M).
+
+        Orders that vary have rows of zeros behind these.
+        """
         (n_a, m), (n_k, more) = self.bank.weights.shape, self.kernels.weights.shape
-        weights = np.zeros((n_a + n_k, m + more))
-        weights[:n_a, :m], weights[n_a:, m:] = self.bank.weights, self.kernels.weights
+        weights = np.zeros((n_a + n_k + len(self._form.varying), self.rates.size))
+        weights[:n_a, :m] = self.bank.weights
+        weights[n_a : n_a + n_k, m : m + more] = self.kernels.weights
         return weights
+
+    @property
+    def masses(self):
+        """Point masses of the general kernels, and none of orders that vary."""
+        return np.append(self.kernels.masses, np.zeros(len(self._form.varying)))
+
+    @property
+    def closest(self):
+        """Distance that all modes reach down to."""
+        return max(self.bank.closest, self.varying.closest if self._form.varying else 0.0)
+
+    @property
+    def own(self):
+        """1 for the modes of orders that vary, shape (M,)."""
+        return np.arange(self.rates.size) >= self.rates.size - self.varying.rates.size
 
     def arrays(self):
         """Everything that is linear in a strand."""
@@ -87,8 +114,10 @@ class Strands:
         """Open the modes."""
         self.bank = open_bank(self._form.orders.tolist(), closest, farthest, tol)
         self.kernels = open_kernels(self._form.kernels, closest, farthest, tol)
-        n_rows = self._form.n_rows
-        self.modes = np.zeros((self.x.shape[0], n_rows, self.rates.size))
+        if self._form.varying:
+            self.varying = open_order_bank(closest, farthest, tol)
+        self.modes = np.zeros((self.x.shape[0], self._n_rows, self.rates.size))
+        self.before = self.modes.copy()
 
     def leave(self, basis, length, values):
         """Move to the end of a step out of a corner, f, p and y at its nodes (1 + k, 3, d, n)."""
@@ -103,14 +132,18 @@ class Strands:
 
     def come_closer(self, closest):
         """Refit the modes to reach closer; the new, fast ones have seen the last step alone."""
-        n = self.bank.rates.size
+        n, end = self.bank.rates.size, self.rates.size
         self.bank = self.bank.closer(closest)
-        added = slice(n, self.bank.rates.size)
-        gap = np.zeros((*self.modes.shape[:2], added.stop - n))
+        if self._form.varying:
+            self.varying = self.varying.closer(closest)
+        n_new = self.bank.rates.size
+        gaps = [np.zeros((*self.modes.shape[:2], n_new - n))]
+        gaps.append(np.zeros((*self.modes.shape[:2], self.rates.size - end - n_new + n)))
         self.modes, self.before = (
-            np.concatenate([old[..., :n], gap, old[..., n:]], axis=2)
+            np.concatenate([old[..., :n], gaps[0], old[..., n:], gaps[1]], axis=2)
             for old in (self.modes, self.before)
         )
+        added = np.r_[n:n_new, end + n_new - n : self.rates.size]
         self.modes[..., added] = self._moved(np.zeros_like(self.modes))[..., added]
 
     def past(self, distances):
@@ -129,7 +162,7 @@ class Strands:
         u, drivers = distances / self._length, self._drivers()
         for row, (c, q, k, kappa) in enumerate(rows(self._form)):
             if k >= self._form.orders.size:
-                continue
+                continue  # seen already
             a, offset = self._form.orders[k], self.offsets[:, row, None]
             kernel = weights * np.add.outer(u, v) ** (a - 1)
             seen = (drivers[:, q, c] - offset) @ kernel.T
@@ -143,7 +176,7 @@ class Strands:
         return values[:, q, :, -1]
 
     def _drivers(self):
-        """f, p and y of the last step at the points of the graded rule, (1 + k, 3, d, n)."""
+        """Drivers of the last step at the points of the graded rule, (1 + k, 3 or 4, d, n)."""
         u, _, _ = graded_rule()
         if self._corner is not None:
             basis, values = self._corner
@@ -158,7 +191,12 @@ class Strands:
         _, v, rule = graded_rule()
         damped = np.exp(-np.multiply.outer(rates, v)) * rule
         moved = modes * np.exp(-rates)
+        for b, q in enumerate(self._form.raw):
+            share = drivers[:, q] @ damped.T
+            moved[:, (2 + b) * d : (3 + b) * d] += self._length * self.own * share
         for row, (c, q, k, kappa) in enumerate(rows(self._form)):
+            if k == ITSELF:
+                continue
             share = (drivers[:, q, c % d] - self.offsets[:, row, None]) @ damped.T
             moved[:, c] += self._length * kappa * weights[k] * share
         return moved

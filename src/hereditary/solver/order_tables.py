@@ -1,0 +1,69 @@
+"""What a step is told of orders that vary (floor 4): integrals and weights at its nodes."""
+
+import numpy as np
+
+from ..operators import OrderFailed
+from ..schemes.quadrature import radau_integrals, radau_nodes
+
+# Integrals are interpolated in their order, of which they are entire functions, to rounding.
+_N_ORDERS = 24
+
+
+class OrderTables:
+    """The orders at the nodes of one step.
+
+    Parameters
+    ----------
+    varying : tuple of VaryingOrder
+    s : int
+        Nodes of a step.
+
+    Attributes
+    ----------
+    known : ndarray, shape (4,)
+        Start and length of the step that the tables hold for, and of the one that is wanted.
+    integrals : ndarray, shape (n_v, s, s)
+        From values at the nodes to the integrals, of the order at each node, over the step.
+    weights : ndarray, shape (n_v, M, s)
+        Of the modes, at each node.
+    """
+
+    def __init__(self, varying, s):
+        self._varying, self._nodes = varying, radau_nodes(s)
+        self.known = np.full(4, np.nan)
+        self.integrals = np.zeros((len(varying), s, s))
+        self.weights = np.zeros((len(varying), 0, s))
+        k = np.arange(_N_ORDERS)
+        self._orders = (1 - np.cos(np.pi * (k + 0.5) / _N_ORDERS)) / 2
+        self._shares = (-1.0) ** k * np.sin(np.pi * (k + 0.5) / _N_ORDERS)
+        if varying:
+            self._table = np.array([radau_integrals(s, a) for a in self._orders])
+
+    def forget(self):
+        """Hold for no step."""
+        self.known[:2] = np.nan
+
+    def tell(self, strands, t_stop):
+        """Work out the tables of the step that is wanted; raise `OrderFailed` for a bad order."""
+        t, h = self.known[2:]
+        times = np.minimum(t + h * self._nodes, np.nextafter(t_stop, 0.0))
+        n = strands.rates.size
+        if self.weights.shape[1] != n:
+            self.weights = np.zeros((len(self._varying), n, self._nodes.size))
+        for j, order in enumerate(self._varying):
+            values, trouble = order.sampled(times)
+            if trouble:
+                raise OrderFailed(trouble)
+            a = order.derivative - values  # of integration
+            self.integrals[j] = h ** a[:, None] * self._interpolated(a)
+            self.weights[j, n - strands.varying.rates.size :] = strands.varying.weights(a)
+        self.known[:2] = t, h
+
+    def _interpolated(self, a):
+        """Row i of the integrals of order a_i, (s, s), by the barycentric formula."""
+        off = a[:, None] - self._orders
+        met = off == 0.0
+        shares = self._shares / np.where(met, 1.0, off)
+        shares = np.where(met.any(axis=1, keepdims=True), met, shares)
+        shares /= shares.sum(axis=1, keepdims=True)
+        return np.einsum("ik,kij->ij", shares, self._table)
