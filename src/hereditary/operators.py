@@ -206,6 +206,8 @@ class VaryingOrder:
         if values is None:
             values, reason = self._one_by_one(times)
         low, high = self.derivative - 1, self.derivative
+        if not reason and values.size and values.min() > low and values.max() <= high:
+            return values, ""
         good = (values > low) & (values <= high)
         k = values.size if good.all() else int(np.argmin(good))
         if k < values.size:
@@ -227,7 +229,7 @@ class VaryingOrder:
         except Exception:  # whatever it is: one by one will tell
             return None
         close = np.abs(values[some] - alone) <= 1e-12 * np.abs(alone)
-        return values.astype(float) if close.all() else None
+        return np.asarray(values, dtype=float) if close.all() else None
 
     def _one_by_one(self, times):
         """Its values up to the first call that fails, and how that failed."""

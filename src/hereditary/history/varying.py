@@ -17,7 +17,15 @@ from scipy.special import gammainccinv, gammaln, rgamma
 from .._checks import complaint
 from ..exponential_sum import trapezoid_step
 from ..kernels.convolution import exchange_nothing
-from ..kernels.varying import HEAD, PER_TERM, STARTS, exchange_varying_direct
+from ..kernels.orders import fill_starts
+from ..kernels.varying import (
+    HEAD,
+    LANES,
+    PER_TERM,
+    STARTS,
+    exchange_kernel_modes,
+    exchange_varying_direct,
+)
 from ..operators import OrderFailed
 from ..schemes.varying import LEAST
 from ..special import mean_exponential
@@ -28,8 +36,8 @@ from .history import Memory
 _STRETCH = 16384
 # Steps that are worked out together at the end of a run, more than NumPy treats at once.
 _GROUP = 64
-# Modes are weighed sixteen at a time.
-_PAD = 16
+# Modes are summed so many at a time.
+_PAD = 4 * LANES
 # Shares of the tolerance: fast end, slow end; the trapezoid rule has the rest.
 _FAST, _SLOW = 0.05, 0.05
 # Nodes of the slow end in units of its fastest rate, those of Chebyshev and Radau: with three of
@@ -92,8 +100,9 @@ class VaryingPieces(VaryingMemory):
     """All pieces ever absorbed."""
 
     def __init__(self, schedule, n_columns):
-        arrays = tuple(np.zeros((n_columns, k)) for k in (0, 0, 0))
-        super().__init__(exchange_varying_direct, [np.zeros((1, 0))] * 3, arrays, schedule)
+        arrays = tuple(np.zeros((n_columns, k)) for k in (0, 0, begun(schedule)))
+        own = [np.zeros((1, 0)), np.zeros((1, 0)), np.zeros((1, 3))]
+        super().__init__(exchange_varying_direct, own, arrays, schedule)
 
     def grow(self, n_end):
         """Make room for a march up to step `n_end`."""
@@ -108,7 +117,8 @@ class VaryingPieces(VaryingMemory):
         k = np.maximum(np.arange(n), 1.0)
         begun = np.maximum(k - 1 + self._schedule.theta, 0.5)
         logs = [np.log(k), np.log1p(1 / k), np.log(begun), np.log1p(1 / begun)]
-        self.tables = (*self.tables[:2], np.array(logs), np.zeros((1, n)), self.tables[4])
+        weights = [np.zeros((1, n)), *(terms.exact(n) for terms in self._schedule.others)]
+        self.tables = (*self.tables[:2], np.array(logs), np.vstack(weights), self.tables[4])
 
     def copy(self):
         """An independent memory with the same pieces."""
@@ -122,10 +132,9 @@ class VaryingModes(VaryingMemory):
 
     def __init__(self, schedule, n_columns, covered, tol):
         rates, h, x = bank_of_all_orders(covered, tol)
-        self.n_modes = rates.size
         self._covered, self._tol = covered, tol
-        table = np.zeros((3, _PAD * math.ceil(rates.size / _PAD)))
-        size, n_grid = table.shape[1], rates.size - SLOW_NODES
+        n_grid = rates.size - SLOW_NODES
+        n_powers = _PAD * math.ceil(rates.size / _PAD)
         # shares of a mode in the weight of u_(n-2), as in schemes/weights.py
         mean = h * mean_exponential(rates)
         shares = np.array(
@@ -134,13 +143,19 @@ class VaryingModes(VaryingMemory):
                 mean * np.exp(-rates) * np.expm1(-rates),
             ]
         )
-        table[0, : rates.size] = np.exp(-rates)
+        other_rates, *rows = other_modes(schedule, float(covered), tol)
+        self.n_modes = rates.size + other_rates.size
+        table = np.zeros((5 + len(schedule.others), n_powers + other_rates.size))
+        table[0, : rates.size], table[0, n_powers:] = np.exp(-rates), np.exp(-other_rates)
         table[1:3, :n_grid] = shares[:, :n_grid]
-        self._grid = h, x, shares[:, n_grid:, None] * _from_moments()
+        table[3:, n_powers:] = rows
+        self._grid = h, x, shares[:, n_grid:, None] * _from_moments(), n_powers // LANES
         starts = np.zeros((schedule.derivatives.size * STARTS, _STRETCH))
-        own = [table, starts, np.array([[float(n_grid)]])]
-        arrays = tuple(np.zeros((n_columns, k)) for k in (0, size, 0))
-        super().__init__(exchange_nothing, own, arrays, schedule)
+        late = any(terms.late for terms in schedule.others)
+        own = [table, starts, np.array([[float(n_powers), float(n_grid), float(late)]])]
+        arrays = tuple(np.zeros((n_columns, k)) for k in (0, table.shape[1], begun(schedule)))
+        exchange = exchange_kernel_modes if begun(schedule) else exchange_nothing
+        super().__init__(exchange, own, arrays, schedule)
 
     def grow(self, n_end):
         """Refuse steps that the exponential sums do not reach."""
@@ -155,25 +170,24 @@ class VaryingModes(VaryingMemory):
         A kernel ``t**-a`` has the amplitudes ``exp(a h j)`` on the grid; the slow end holds all
         those before it, whose moments are ``exp(a x) / (1 - exp(-(a + k) h))``.
         """
-        h, x, from_moments = self._grid
+        h, x, from_moments, length = self._grid
         _, derivatives, _, starts, _ = self.tables
         per_class = HEAD + PER_TERM * derivatives.shape[1]
+        decays = np.exp(-h * np.arange(1.0, SLOW_NODES))
         for index, m in enumerate(derivatives.ravel().astype(int)):
             if m == 0:
                 continue
             a, j = divmod(index, derivatives.shape[1])
             row = 1 + per_class * a + HEAD + PER_TERM * j
-            exponent = np.maximum(1 - rows[row + 1], LEAST)
             own = starts[STARTS * index :][:STARTS, : rows.shape[1]]
-            fall = -np.expm1(-exponent * h)  # 1 - exp(-a h), to all its digits
-            before = rows[row + 2] * np.exp(exponent * x)
-            keep = 1 - fall
-            own[1] = 1 / keep
-            own[0] = before * own[1]
-            own[2] = before / fall
-            for k in (1, 2):
-                own[2 + k] = before / (1 - keep * math.exp(-k * h))
-            own[2:] = from_moments[m - 1] @ own[2:]
+            exponent = np.subtract(1, rows[row + 1], out=own[5])
+            np.maximum(exponent, LEAST, out=exponent)
+            for k, factor in enumerate((x, h, h * length)):
+                np.multiply(exponent, factor, out=own[k])
+                np.exp(own[k], out=own[k])
+            np.multiply(exponent, -h, out=own[3])
+            np.expm1(own[3], out=own[3])  # exp(-a h) - 1, to all its digits
+            fill_starts(own, rows[row + 2], from_moments[m - 1], decays)
 
     def copy(self):
         """An independent memory with the same modes."""
@@ -181,6 +195,34 @@ class VaryingModes(VaryingMemory):
         twin = VaryingModes(self._schedule, n_columns, self._covered, self._tol)
         twin.restore(self.state())
         return twin
+
+
+def begun(schedule):
+    """Columns of what terms with other kernels need from the start: shift and x(0), or none."""
+    return 2 if any(schedule.others) else 0
+
+
+def other_modes(schedule, covered, tol):
+    """Modes of the other kernels, each of which brings its own.
+
+    Returns
+    -------
+    rates : ndarray, shape (M,)
+        In units of the step.
+    whole, values : ndarray, shape (M,)
+        What a mode takes of each whole increment, and of x(0) at k = 2.
+    weights : ndarray, shape (M,), for each class
+    """
+    columns = [np.zeros((3 + len(schedule.others), 0))]
+    for group in dict.fromkeys(key for terms in schedule.others for key in terms.groups()):
+        kernel, m = group
+        rates, weights = kernel.exponentials(covered, tol)
+        own = np.zeros((3 + len(schedule.others), rates.size))
+        own[0], own[1] = rates, m == 1
+        own[2] = schedule.others[0].begun(kernel, rates)
+        own[3:] = [terms.amplitudes(group, rates, weights) for terms in schedule.others]
+        columns.append(own)
+    return np.hstack(columns)
 
 
 @lru_cache(maxsize=16)

@@ -1,17 +1,20 @@
 """Marches whose orders change from step to step, and how their past is summed (floor 1).
 
-With ``x_(n+1) = x_n + shift + w_n``, shift = h x'(0) for orders above 1, every term of a step is
-``share sum_k W_k(p) w_(n-k)`` with its own share and p. Terms with y' weigh by ``W_k = (k+theta)**p
-- (k-1+theta)**p``, terms with y'' by ``W_k = b_k - b_(k-1)``, b_k = (k+1)**p - k**p. No weight
-lasts longer than a step, so these marches go in blocks of one step: the nearest two weights are the
-scheme's, the history sums those from k = 2 on.
+With ``x_(n+1) = x_n + shift + w_n``, shift = h x'(0) for orders above 1, every Caputo term of a
+step is ``share sum_k W_k(p) w_(n-k)`` with its own share and p. Terms with y' weigh by ``W_k =
+(k+theta)**p - (k-1+theta)**p``, terms with y'' by ``W_k = b_k - b_(k-1)``, b_k = (k+1)**p - k**p.
+No weight lasts longer than a step, so these marches go in blocks of one step: the nearest two
+weights are the scheme's, the history sums those from k = 2 on. Weights of terms with other kernels
+do last, but for the leading weight that all of a step is divided by.
 
 A history's first two tables are the schedule of the steps ahead and the derivative in each term:
-steps (1 + C (3 + 3 T), n), whose rows are the step's number and for each of C classes lead, near,
-drift and then share, p and kernel (the share of ``t**(p-1)`` as an integral over its rates) of each
-of T terms; derivatives (C, T), 0 where a class has fewer terms. The other three are its own. Modes
-(W, M), where there are any, are the second array of the memory and are weighed here: handing all
-these arrays to a function value at every step takes longer than what it has to do.
+steps (1 + C (4 + 3 T), n), whose rows are the step's number and for each of C classes lead, near,
+drift (of x'(0)), value (of x(0)) and then share, p and kernel (the share of ``t**(p-1)`` as an
+integral over its rates) of each of T terms; derivatives (C, T), 0 where a class has fewer terms.
+The other three are its own. Modes (W, M), where there are any, are the second array of the memory
+and are weighed here: handing all these arrays to a function value at every step takes longer than
+what it has to do. The third array holds what terms with other kernels need of each column, shift
+and x(0), and has no columns without such terms.
 """
 
 import math
@@ -27,9 +30,11 @@ from .signatures import MARCH
 from .tangent import push_tangents, solve_tangents
 
 # rows of a class before those of its terms, rows of a term
-HEAD, PER_TERM = 3, 3
+HEAD, PER_TERM = 4, 3
 # rows of a term in what the modes' weights begin with
-STARTS = 5
+STARTS = 6
+# modes of power laws are summed in so many parts side by side
+LANES = 4
 
 
 @entry(*MARCH)
@@ -38,29 +43,27 @@ def march_varying_explicit(
 ):
     """March of the explicit scheme to step `n_end`; return how it ended (kernels/block.py)."""
     # scheme: [h], layout, classes, second (W,), others unused
-    # state: as in kernels/march.py with blocks of one step; the pieces are w, data (W, 1) = shift
+    # state: as in kernels/march.py with blocks of one step; the pieces are w, data (W, 2) shift and
+    #   x(0)
     numbers, layout, classes, second, _, _, _ = scheme
     h, every = numbers[0], layout[1]
     counters, x, u, d, lag, pieces, monitor, data = state
     positions, rows, slopes, jacobians = output
     steps, derivatives, table, starts, size = tables
     modes, per_class = memory[1], HEAD + PER_TERM * derivatives.shape[1]
+    asks = begin(memory, data, counters[0])
     first_sample = (counters[0] + every - 1) // every
     width, n_orbit = x.shape[0], layout[0]
     f, j_f = np.empty(width), np.empty((n_orbit, n_orbit))
-    weights, powers = np.empty((derivatives.shape[0], modes.shape[1])), np.empty(modes.shape[1])
+    lanes = np.empty(int(size[0, 0]) // LANES)
     orbit, f_orbit = x[:n_orbit], f[:n_orbit]
     counters[1] = 0
     while counters[0] < n_end:
         n = counters[0]
         i = n - int(steps[0, 0])
         if counters[3] != n:  # the right-hand side may have raised since
-            for c in range(width):
-                lag[c, 0] = 0.0
-            if modes.shape[1] > 0:
-                weigh_modes(weights, i, derivatives, table, starts, size, powers)
-                read_modes(lag, pieces, classes, weights, table, modes, powers)
-            else:
+            read_modes(lag, pieces, i, classes, derivatives, table, starts, size, modes, lanes)
+            if asks:
                 exchange(lag, pieces, n, classes, tables, memory)
             counters[3] = n
         if n % every == 0:
@@ -73,9 +76,10 @@ def march_varying_explicit(
             push_tangents(j_f, x, f)
         for c in range(width):
             row = 1 + per_class * classes[c]
-            lead, near, drift = steps[row, i], steps[row + 1, i], steps[row + 2, i]
             w_old, u_old = pieces[c, 1], u[c]
-            change = lead * f[c] - near * w_old - drift * data[c, 0] - lag[c, 0]
+            known = steps[row + 1, i] * w_old + steps[row + 2, i] * data[c, 0]
+            known += steps[row + 3, i] * data[c, 1]
+            change = steps[row, i] * f[c] - known - lag[c, 0]
             if n == 0 and second[c] == 1:
                 change = 0.0  # u holds h x'(0) already: the scheme's x_1 = x_0 + h x'(0)
             u_new = u_old + change
@@ -107,9 +111,10 @@ def march_varying_implicit(
     positions, rows, slopes, _ = output
     steps, derivatives, table, starts, size = tables
     modes, per_class = memory[1], HEAD + PER_TERM * derivatives.shape[1]
+    asks = begin(memory, data, counters[0])
     width, n_orbit = x.shape[0], layout[0]
     known, lead, w = np.empty(width), np.empty(width), np.empty(width)
-    weights, powers = np.empty((derivatives.shape[0], modes.shape[1])), np.empty(modes.shape[1])
+    lanes = np.empty(int(size[0, 0]) // LANES)
     ones, shift = np.ones(width), data[:, 0].copy()
     orbit, j_f = x[:n_orbit], np.empty((n_orbit, n_orbit))
     counters[1] = 0
@@ -117,12 +122,8 @@ def march_varying_implicit(
         n = counters[0]
         i = n - int(steps[0, 0])
         if counters[3] != n:  # the right-hand side may have raised since
-            for c in range(width):
-                lag[c, 0] = 0.0
-            if modes.shape[1] > 0:
-                weigh_modes(weights, i, derivatives, table, starts, size, powers)
-                read_modes(lag, pieces, classes, weights, table, modes, powers)
-            else:
+            read_modes(lag, pieces, i, classes, derivatives, table, starts, size, modes, lanes)
+            if asks:
                 exchange(lag, pieces, n, classes, tables, memory)
             counters[3] = n
         t = (n + theta) * h
@@ -130,7 +131,8 @@ def march_varying_implicit(
             row = 1 + per_class * classes[c]
             w[c] = pieces[c, 1]  # the increment before as first guess
             lead[c] = steps[row, i]
-            known[c] = steps[row + 1, i] * w[c] + steps[row + 2, i] * shift[c] + lag[c, 0]
+            known[c] = steps[row + 1, i] * w[c] + steps[row + 2, i] * shift[c]
+            known[c] += steps[row + 3, i] * data[c, 1] + lag[c, 0]
         if not solve_step(
             rhs, jac, has_jac, params, t, orbit, theta, shift, ones, known, lead, w, counters
         ):
@@ -153,18 +155,30 @@ def march_varying_implicit(
 
 
 @kernel
+def begin(memory, data, n):
+    """Hand shift and x(0) over at step 0; tell whether the history must be called at each step."""
+    _, modes, begun = memory
+    if n == 0:
+        for c in range(begun.shape[0]):
+            for k in range(begun.shape[1]):
+                begun[c, k] = data[c, k]
+    return modes.shape[1] == 0 or begun.shape[1] > 0
+
+
+@kernel
 def exchange_varying_direct(lag, pieces, n, classes, tables, memory):
     """Store u_(n-2) and add ``sum_(k>=2) W_k u_(n-k)`` with the weights of step n."""
     # lag (W, 1), pieces (W, 2); tables: schedule, derivatives, logs (4, > n) of k, 1 + 1/k and of
-    #   k - 1 + theta, 1 + 1/(k - 1 + theta), room (1, > n), unused
-    # memory: stored (W, > n) with u_m at m + 1, others unused
-    steps, derivatives, logs, room, _ = tables
-    stored = memory[0]
+    #   k - 1 + theta, 1 + 1/(k - 1 + theta), weights (1 + 3 C, > n): room, and for each class those
+    #   of other kernels, of w, of shift and of x(0); the last as in `read_modes`, zeros
+    # memory: stored (W, > n) with u_m at m + 1, unused, shift and x(0) (W, 2) for other kernels
+    steps, derivatives, logs, others, _ = tables
+    stored, _, begun = memory
     if n < 2:
         return
     stored[:, n - 1] = pieces[:, 0]
-    weights = room[0]
     i = n - int(steps[0, 0])
+    weights = others[0]
     n_classes, n_terms = derivatives.shape
     for a in range(n_classes):
         for j in range(n_terms):
@@ -184,6 +198,12 @@ def exchange_varying_direct(lag, pieces, n, classes, tables, memory):
                     # d_(n-1) = w_(n-1) - w_(n-2), the first of which the scheme weighs
                     total -= math.expm1(p * math.log(2.0)) * stored[c, n - 1]
                 lag[c, 0] += share * total
+    if begun.shape[1] > 0:
+        for c in range(lag.shape[0]):
+            a = classes[c]
+            total = weighed(others[1 + 3 * a], stored[c], n, False)
+            total += others[2 + 3 * a, n] * begun[c, 0] + others[3 + 3 * a, n] * begun[c, 1]
+            lag[c, 0] += steps[1 + (HEAD + PER_TERM * n_terms) * a, i] * total
 
 
 @kernel
@@ -203,54 +223,71 @@ def weighed(weights, stored, n, differences):
 
 
 @inlined
-def weigh_modes(weights, i, derivatives, table, starts, size, powers):
-    """Weights of all modes for every class and column i of the schedule.
+def read_modes(lag, pieces, i, classes, derivatives, table, starts, size, modes, lanes):
+    """Take u_(n-2) into the modes of power laws; set the lag to what they give, 0 without any.
 
     On the grid of rates exp(h j) a kernel's amplitudes are a geometric sequence whatever its order,
-    sixteen at a time: one after the other they would wait for each other.
+    so their sum is a polynomial in its ratio: Horner's rule, first on the quarters of the modes,
+    side by side, then on every fourth of what is left. No product waits long for another, and no
+    weight is written down.
     """
-    # weights (C, M); derivatives (C, T); table (3, M): decay q, what a rate's amplitude is
-    #   multiplied by for terms with y' and with y''; starts (5 C T, n): for each term the first
-    #   amplitude, the ratio, and the weights of the slow end, which stands behind the grid
-    term, behind = 0, int(size[0, 0])
-    for a in range(derivatives.shape[0]):
-        for j in range(derivatives.shape[1]):
-            kind = int(derivatives[a, j])
-            if kind > 0:
-                power = starts[term + 1, i]
-                powers[0] = starts[term, i]
-                for length in (1, 2, 4, 8):
-                    for m in range(length):
-                        powers[length + m] = powers[m] * power
-                    power *= power
-                for m in range(16, powers.shape[0], 16):
-                    for k in range(16):
-                        powers[m + k] = powers[m - 16 + k] * power
-                if j == 0:
-                    for m in range(powers.shape[0]):
-                        weights[a, m] = powers[m] * table[kind, m]
-                else:
-                    for m in range(powers.shape[0]):
-                        weights[a, m] += powers[m] * table[kind, m]
-                for k in range(3):
-                    weights[a, behind + k] += starts[term + 2 + k, i]
-            term += STARTS
-
-
-@inlined
-def read_modes(lag, pieces, classes, weights, table, modes, sums):
-    """Take u_(n-2) into the modes (W, M) and add what they weigh to the lag."""
+    # pieces (W, 2); derivatives (C, T); i: column of the schedule; lanes: room (M / 4,)
+    # table (5 + C, M): decay q, what a rate's amplitude is multiplied by for terms with y' and with
+    #   y'', two rows for other kernels, then the weights of their modes for each class
+    # starts (6 C T, n): for each term the first amplitude, the ratio, its power M / 4, and the
+    #   weights of the slow end
+    # size (1, 3): modes of power laws, a multiple of 16, where the slow end stands behind the grid,
+    #   whether other kernels leave out the first whole increment
+    n_powers, behind, quarter = int(size[0, 0]), int(size[0, 1]), lanes.shape[0]
+    n_terms = derivatives.shape[1] if n_powers > 0 else 0
     for c in range(lag.shape[0]):
-        a, piece = classes[c], pieces[c, 0]
-        for m in range(modes.shape[1]):
+        piece, total = pieces[c, 0], 0.0
+        for m in range(n_powers):
             modes[c, m] = table[0, m] * modes[c, m] + piece
-        # sixteen sums side by side: the terms of one sum wait for each other
-        for m in range(16):
-            sums[m] = weights[a, m] * modes[c, m]
-        for m in range(16, modes.shape[1], 16):
-            for k in range(16):
-                sums[k] += weights[a, m + k] * modes[c, m + k]
-        for half in (8, 4, 2, 1):
-            for k in range(half):
-                sums[k] += sums[half + k]
-        lag[c, 0] += sums[0]
+        term = STARTS * n_terms * classes[c]
+        for j in range(n_terms):
+            kind = int(derivatives[classes[c], j])
+            if kind > 0:
+                ratio, long = starts[term + 1, i], starts[term + 2, i]
+                for m in range(quarter):
+                    upper = table[kind, 3 * quarter + m] * modes[c, 3 * quarter + m] * long
+                    upper += table[kind, 2 * quarter + m] * modes[c, 2 * quarter + m]
+                    lower = table[kind, quarter + m] * modes[c, quarter + m]
+                    lower += upper * long
+                    lanes[m] = table[kind, m] * modes[c, m] + lower * long
+                square = ratio * ratio
+                fourth, held = square * square, 0.0
+                for m in range(quarter - LANES, -1, -LANES):
+                    pair = lanes[m] + ratio * lanes[m + 1]
+                    pair += square * (lanes[m + 2] + ratio * lanes[m + 3])
+                    held = held * fourth + pair
+                total += starts[term, i] * held
+                for k in range(3):
+                    total += starts[term + 3 + k, i] * modes[c, behind + k]
+            term += STARTS
+        lag[c, 0] = total
+
+
+@kernel
+def exchange_kernel_modes(lag, pieces, n, classes, tables, memory):
+    """Take u_(n-2) into the modes of other kernels, whose weights last, and add them to the lag.
+
+    Where they remember y' or y they are driven by whole increments, shift included, from u_1 or u_0
+    on; x(0), where y itself is remembered, is there from k = 2 on.
+    """
+    # tables: as in `read_modes`; rows 3 and 4: what a mode takes of shift and x(0)
+    steps, derivatives, table, _, size = tables
+    _, modes, begun = memory
+    i = n - int(steps[0, 0])
+    first, late = int(size[0, 0]), int(size[0, 2])
+    per_class = HEAD + PER_TERM * derivatives.shape[1]
+    for c in range(lag.shape[0]):
+        shift = begun[c, 0] if n >= 2 + late else 0.0
+        value = begun[c, 1] if n == 2 else 0.0
+        row, total = 5 + classes[c], 0.0
+        for m in range(first, modes.shape[1]):
+            more = pieces[c, 0] + table[3, m] * shift + table[4, m] * value
+            modes[c, m] = table[0, m] * modes[c, m] + more
+        for m in range(first, modes.shape[1]):
+            total += table[row, m] * modes[c, m]
+        lag[c, 0] += steps[1 + per_class * classes[c], i] * total

@@ -15,11 +15,10 @@ from .scheme import MeshPlan, Plan, Scheme, check_smoothness
 from .step_kernel import (
     KERNEL_DIFFERENCES,
     KERNEL_SECOND_DIFFERENCES,
-    StepKernel,
     kernel_start,
-    of_increments,
+    refuse_values_beside_varying,
     remembers,
-    shifted_kernel,
+    weighed_kernel,
 )
 from .varying import varies, varying_plan
 from .weights import FIRST_DIFFERENCES, SECOND_DIFFERENCES, shifted_differences
@@ -86,6 +85,7 @@ class L1(Scheme):
         """Tables and convolution for `equation` with step h."""
         theta = 0.5 if equation.highest_orders().max() > 1 else 1.0
         if varies(equation):
+            refuse_values_beside_varying(equation)
             return varying_plan(equation, h, theta, march_varying_implicit, explicit=False)
         rules = L1Rules(theta, h)
         starts = []
@@ -124,23 +124,20 @@ class L1Rules:
     def rule(self, operator):
         """Rule of an order or `KernelTerm`."""
         if isinstance(operator, KernelTerm):
-            second = operator.derivative == 2
-            return KERNEL_SECOND_DIFFERENCES if second else shifted_kernel(self._theta)
+            return weighed_kernel(1.0, operator, self._h, self._theta)[1]
         return SECOND_DIFFERENCES if operator > 1 else shifted_differences(self._theta)
 
     def number(self, operator):
         """The rule's number."""
         if isinstance(operator, KernelTerm):
-            return StepKernel(of_increments(operator), self._h)
+            return weighed_kernel(1.0, operator, self._h, self._theta)[2]
         return power(operator)
 
     def weight(self, c, operator):
         """What the rule is multiplied by."""
-        if not isinstance(operator, KernelTerm):
-            return leading_weight(c, operator, self._h)
-        second = operator.derivative == 2
-        first = self.number(operator).first(1.0 if second else self._theta)
-        return c * first * (1 / self._h if second else 1.0)
+        if isinstance(operator, KernelTerm):
+            return weighed_kernel(c, operator, self._h, self._theta)[0]
+        return leading_weight(c, operator, self._h)
 
     def speed_weights(self, key, total):
         """Weights of h y'(0), where velocities' differences begin at it; for `derivative_plan`."""

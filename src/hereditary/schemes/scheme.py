@@ -284,9 +284,6 @@ class Scheme(ABC):
             required = f"have constant orders with {type(self).__name__}"
             got = f"Caputo({varying[0].name})"
             raise ValueError(complaint("terms", required, got, "use ExplicitCaputo or L1"))
-        if varying and kernels:
-            required = "all be Caputo operators where an order varies"
-            raise ValueError(complaint("terms", required, f"a Memory with {kernels[0].kernel!r}"))
 
     @abstractmethod
     def order(self, alpha: float, smoothness: str = "smooth") -> float:

@@ -115,6 +115,18 @@ def of_increments(term):
     return term.kernel if term.derivative else Integrated(term.kernel)
 
 
+def weighed_kernel(c, term, h, theta):
+    """What the weights of ``c`` times a `KernelTerm` seen at t_n + theta h are multiples of.
+
+    Factor, rule and number: a scheme that weighs increments sees ``factor sum_k rule(number)_k
+    u_(n-k)``.
+    """
+    number = StepKernel(of_increments(term), h)
+    if term.derivative == 2:
+        return c * number.first() / h, KERNEL_SECOND_DIFFERENCES, number
+    return c * number.first(theta), shifted_kernel(theta), number
+
+
 def value_weights(key, total, h, theta, derivative):
     """Weights ``c / total int_0^t K`` of a start value, for terms of one derivative."""
     return tuple(
@@ -127,6 +139,13 @@ def value_weights(key, total, h, theta, derivative):
 def remembers(equation, derivative):
     """Whether a term's kernel acts on this derivative of y."""
     return any(term.derivative == derivative and np.any(c) for term, c in equation.memories)
+
+
+def refuse_values_beside_varying(equation):
+    """Refuse terms that remember y itself beside orders that vary above order 1, for L1."""
+    if equation.m == 2 and remembers(equation, 0):
+        required = "be 1 or 2 with L1 in equations above order 1 whose orders vary"
+        raise ValueError(complaint("derivative", required, 0, "use ExplicitCaputo or Collocation"))
 
 
 def kernel_start(equation, theta, h, derivative):

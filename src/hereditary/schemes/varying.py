@@ -8,13 +8,15 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.polynomial import Chebyshev, Polynomial
-from scipy.special import gamma
+from numpy.polynomial.polynomial import polyval
 
 from .._checks import complaint
+from ..kernels.orders import divide_by_lead, fill_term
 from ..kernels.varying import HEAD, PER_TERM
 from ..operators import OrderFailed, VaryingOrder, derivative_order
 from ..special import alternating_power_sum
-from ..system import System
+from ..system import KernelTerm, System
+from .beside import KernelTerms
 from .scheme import Plan, distinct_components
 
 # Steps at which orders are looked at before a run.
@@ -22,7 +24,12 @@ _LOOKED_AT = 1001
 # Exponents 1 - p that rounding takes for 0 count as this: then too their share stays what it is.
 LEAST = 1e-290
 # The alternating sum of the weights as a polynomial, to 1e-13: zeta itself takes ten times as long.
-_ALTERNATING = Chebyshev.interpolate(alternating_power_sum, 10, (0, 1)).convert(kind=Polynomial)
+# Coefficients in 2 p - 1.
+_ALTERNATING = (
+    Chebyshev(Chebyshev.interpolate(alternating_power_sum, 10, (0, 1)).coef)
+    .convert(kind=Polynomial)
+    .coef
+)
 
 
 class Schedule:
@@ -45,16 +52,24 @@ class Schedule:
         Class of each component.
     derivatives : ndarray, shape (C, T)
         m of each term of each class; 0 for none.
+    others : tuple of KernelTerms
+        The terms of each class with other kernels.
     theta : float
     """
 
     def __init__(self, system: System, h: float, theta: float, explicit: bool):
         distinct, self.classes = distinct_components(system)
         self.theta, self._h, self._explicit = theta, h, explicit
-        self._table = np.zeros((1, 0))
+        self._table, self._room = np.zeros((1, 0)), np.zeros((4, 0))
         self._offset, self._drifts = 0.0 if explicit else theta, system.m == 2
-        self._terms = [[(c, _Order.of(order)) for c, order in key] for key in distinct]
-        self.derivatives = np.zeros((len(distinct), max(map(len, distinct))))
+        self._terms, others = [], []
+        for key in distinct:
+            own = [(c, term) for c, term in key if isinstance(term, KernelTerm)]
+            others.append(KernelTerms.seen(own, h, theta, self._offset))
+            pairs = [(c, term) for c, term in key if not isinstance(term, KernelTerm)]
+            self._terms.append([(c, _Order.of(order)) for c, order in pairs])
+        self.others = tuple(others)
+        self.derivatives = np.zeros((len(distinct), max(map(len, self._terms))))
         for row, terms in zip(self.derivatives, self._terms, strict=True):
             row[: len(terms)] = [order.derivative for _, order in terms]
 
@@ -89,12 +104,12 @@ class Schedule:
             powers, n_good, trouble = self._powers(steps)
             for a, terms in enumerate(self._terms):
                 block = table[1 + a * self._per_class :][: self._per_class, :n_good]
-                total = self._fill_class(block, terms, powers, steps[:n_good])
-                sound = (total != 0) & np.isfinite(total)
-                if not sound.all():
-                    n_good = int(np.argmin(sound))
+                self._fill_class(block, terms, self.others[a], powers, steps[:n_good])
+                sound = divide_by_lead(block, HEAD, PER_TERM)
+                if sound < n_good:
+                    n_good = sound
                     required = "give a finite, nonzero leading weight"
-                    at = f"{total[n_good]} at t = {steps[n_good] * self._h:.6g}"
+                    at = f"{1 / block[0, sound]} at t = {steps[sound] * self._h:.6g}"
                     trouble = complaint("terms", required, at, "take another step")
         self._table = table
         return n_good, trouble
@@ -104,15 +119,15 @@ class Schedule:
 
         For steps of the table that was filled last.
         """
-        seen = self._table[:, steps - int(self._table[0, 0])]
-        limits = np.zeros((steps.size, len(self._terms)))
+        at = steps - int(self._table[0, 0])
+        limits = np.zeros((len(self._terms), steps.size))
         for a, terms in enumerate(self._terms):
-            block = seen[1 + a * self._per_class :]
+            block = self._table[1 + a * self._per_class :]
             for j, (_, order) in enumerate(terms):
-                share, p = block[HEAD + PER_TERM * j], block[HEAD + PER_TERM * j + 1]
-                limits[:, a] += share * _ALTERNATING(p) * 2 * order.derivative
-            limits[:, a] /= block[0]
-        return limits[:, self.classes]
+                share, p = (block[HEAD + PER_TERM * j + k, at] for k in (0, 1))
+                limits[a] += share * polyval(2 * p - 1, _ALTERNATING) * (2 * order.derivative)
+            limits[a] = limits[a] / block[0, at] + self.others[a].limit()
+        return limits.T[:, self.classes]
 
     @property
     def n_rows(self) -> int:
@@ -133,35 +148,58 @@ class Schedule:
                 n_good, trouble = found[order].size, reason
         return {order: p[:n_good] for order, p in found.items()}, n_good, trouble
 
-    def _fill_class(self, block, terms, powers, steps):
-        """Fill the rows of a class; return its leading weight at each step."""
+    def _fill_class(self, block, terms, others, powers, steps):
+        """Fill the rows of a class, not yet divided by its leading weight."""
         h, theta = self._h, self.theta
-        block[...] = 0.0
+        (lead, near), whole = others.nearest()
+        block[0], block[1] = lead, near
+        block[2:HEAD] = 0.0
+        # rooms of their own: fresh ones of this size are handed back to the system each time
+        first, second, drift, scale = self._rooms(steps.size)
+        drift[:] = 0.0
         for j, (c, order) in enumerate(terms):
             p, m = powers[order], order.derivative
-            scale = c * np.exp((p - m) * np.log(h))
-            weight = scale / gamma(p + 1)
             at = 1.0 if m == 2 else theta  # where the nearest interval ends
-            first = at**p if at < 1 else 1.0
-            second = np.exp(p * np.log(1 + at))
-            # the nearest weight W_0 adds to the lead, W_1 to what is near
-            block[0] += weight * first
-            if self._explicit:  # solved for w_n - w_(n-1), so W_0 + W_1 is near
-                block[1] += weight * (second if m == 1 else second - 1)
-            else:
-                block[1] += weight * (second - first if m == 1 else second - 2)
-            if m == 1 and self._drifts:  # t x'(0), which the increments leave out
-                block[2] += weight * (steps + self._offset) ** p
-            own = block[HEAD + PER_TERM * j :]
-            # 1/(Gamma(p) Gamma(1-p)) = sin(pi p)/pi, by NumPy's tangent, four times as fast
-            half = np.tan(0.5 * np.pi * np.minimum(p, np.maximum(1 - p, LEAST)))
-            own[0], own[1], own[2] = weight, p, scale * half / (0.5 * np.pi * (1 + half * half))
-        total = block[0].copy()
-        block[1:HEAD] /= total
-        block[HEAD::PER_TERM] /= total
-        block[HEAD + 2 :: PER_TERM] /= total
-        block[0] = 1 / total
-        return total
+            _power(at, p, first)
+            _power(1 + at, p, second)
+            if not self._explicit:
+                second -= first if m == 1 else 2.0
+            elif m == 2:  # solved for w_n - w_(n-1), so W_0 + W_1 is near
+                second -= 1.0
+            if m == 1 and self._drifts:
+                # t x'(0), which the increments leave out
+                np.power(steps + self._offset, p, out=drift)
+            _power(h, p, scale)
+            own = block[HEAD + PER_TERM * j :][:PER_TERM]
+            factor = c * np.exp(-m * np.log(h))
+            fill_term(p, scale, factor, first, second, drift, LEAST, block[:HEAD], own)
+            drift[:] = 0.0
+        block[HEAD + PER_TERM * len(terms) :] = 0.0
+        if self._explicit:
+            block[1] += lead
+        if others:
+            # what is older than two increments is the history's
+            block[2] += whole.sum()
+            late = int(self._explicit)
+            for n in np.flatnonzero(steps < 2):
+                step = steps[n]
+                block[2, n] += whole[: max(0, step + 1 - late)].sum() - whole.sum()
+                block[3, n] = others.value(step)
+
+    def _rooms(self, n):
+        """Four rows of n numbers."""
+        if self._room.shape[1] < n:
+            self._room = np.zeros((4, n))
+        return self._room[:, :n]
+
+
+def _power(base, p, out):
+    """base**p for all p; 1 where the base is."""
+    if base == 1.0:
+        out[:] = 1.0
+        return
+    np.multiply(p, np.log(base), out=out)
+    np.exp(out, out=out)
 
 
 @dataclass(frozen=True)
@@ -231,13 +269,14 @@ def varying_plan(system, h, theta, march, explicit):
     """Plan of a scheme on an equation with orders that vary, for `march`."""
     schedule = Schedule(system, h, theta, explicit)
     shift = h * system.y0[1] if system.m == 2 else np.zeros(system.d)
+    started = np.array([shift, system.y0[0]])
     return Plan(
         convolution=None,
         classes=schedule.classes,
         numbers=np.array([h, theta]),
         flags=(system.highest_orders() > 1).astype(np.int64),
         columns=np.zeros((0, system.d)),
-        data=shift[None],
+        data=started,
         n_lasting=1,
         initial=system.y0[0],
         increments=shift.copy(),

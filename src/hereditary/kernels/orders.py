@@ -1,0 +1,103 @@
+"""Weights of operators whose orders vary, a stretch of steps at a time (floor 1)."""
+
+import numpy as np
+from numpy.polynomial import Chebyshev, Polynomial
+from scipy.special import rgamma
+
+from .._jit import kernel
+
+# Degree at which the polynomials below are right to rounding.
+_DEGREE = 18
+
+
+def _sine(p):
+    """sin(pi p) / (pi p (1 - p)), even about 1/2."""
+    least = np.minimum(p, 1 - p)
+    return np.sinc(least) / (1 - least)
+
+
+def _polynomial(function):
+    """Coefficients in 2 p - 1 of a function of p in [0, 1], ascending."""
+    fit = Chebyshev.interpolate(function, _DEGREE, (0, 1))
+    return Chebyshev(fit.coef).convert(kind=Polynomial).coef
+
+
+# 1/Gamma(p + 1), and what makes sin(pi p)/pi of p (1 - p): a third of the time of SciPy's
+_FITS = np.array([_polynomial(lambda p: rgamma(p + 1)), _polynomial(_sine)])
+
+
+@kernel
+def fill_term(p, scale, factor, first, second, drift, least, head, own):
+    """Weights of one term, added to those of its class.
+
+    ``factor scale / Gamma(p + 1)`` is what all of them are multiples of: first and second the
+    nearest two, drift that of x'(0). Exponents 1 - p below `least` count as that.
+    """
+    # p, scale, first, second, drift (n,); head (4, n); own (3, n): share, p, kernel
+    share, kernels = own[0], own[2]
+    for i in range(p.shape[0]):
+        u = 2 * p[i] - 1
+        one, other = _FITS[0, _DEGREE], _FITS[1, _DEGREE]
+        for k in range(_DEGREE - 1, -1, -1):
+            one = one * u + _FITS[0, k]
+            other = other * u + _FITS[1, k]
+        share[i] = factor * scale[i] * one
+        # 1/(Gamma(p) Gamma(1 - p)) = sin(pi p)/pi
+        kernels[i] = factor * scale[i] * other * p[i] * max(1 - p[i], least)
+    # a loop with more arrays would not be vectorised: each may lie over the others
+    add_product(head[0], share, first)
+    add_product(head[1], share, second)
+    add_product(head[2], share, drift)
+    own[1] = p
+
+
+@kernel
+def add_product(out, a, b):
+    """out += a b."""
+    for i in range(out.shape[0]):
+        out[i] += a[i] * b[i]
+
+
+@kernel
+def divide_by_lead(block, n_head, per_term):
+    """Divide the rows of a class by its leading weight, whose inverse takes its place.
+
+    Returns the first step at which it cannot be divided by, or the number of steps.
+    """
+    # block (n_head + T per_term, n)
+    lead, n_good = block[0], block.shape[1]
+    for i in range(block.shape[1]):
+        lead[i] = 1 / lead[i]
+    for r in range(1, block.shape[0]):
+        if r < n_head or (r - n_head) % per_term != 1:  # p stays
+            row = block[r]
+            for i in range(block.shape[1]):
+                row[i] *= lead[i]
+    for i in range(block.shape[1] - 1, -1, -1):
+        if not (abs(lead[i]) < np.inf and lead[i] != 0.0):
+            n_good = i
+    return n_good
+
+
+@kernel
+def fill_starts(own, kernels, factors, decays):
+    """Where one term's amplitudes begin on the grid of rates, and the weights of the slow end.
+
+    The slow end holds all amplitudes in front of the grid, whose moments are ``before / (1 -
+    exp(-(a + k) h))``, before being the last of them.
+    """
+    # own (6, n): exp(a x), exp(a h), any, exp(-a h) - 1 and unused; factors (3, 3): what each
+    #   moment gives to the nodes; decays (2,): exp(-k h)
+    begin, ratio, fall = own[0], own[1], own[3]
+    first, second, third = own[3], own[4], own[5]
+    for i in range(kernels.shape[0]):
+        begin[i] *= kernels[i]
+    for i in range(kernels.shape[0]):
+        before, keep = begin[i], 1 + fall[i]
+        m0 = -before / fall[i]
+        m1, m2 = before / (1 - keep * decays[0]), before / (1 - keep * decays[1])
+        first[i] = factors[0, 0] * m0 + factors[0, 1] * m1 + factors[0, 2] * m2
+        second[i] = factors[1, 0] * m0 + factors[1, 1] * m1 + factors[1, 2] * m2
+        third[i] = factors[2, 0] * m0 + factors[2, 1] * m1 + factors[2, 2] * m2
+    for i in range(kernels.shape[0]):
+        begin[i] *= ratio[i]
