@@ -50,9 +50,13 @@ class _PackageCache(FunctionCache):
         return (*super()._index_key(sig, codegen), _DIGEST)
 
 
-def kernel(fun):
-    """Compile `fun` on first call: cached on disk, without the GIL, with IEEE division."""
-    dispatcher = njit(nogil=True, error_model="numpy")(fun)
+def kernel(fun, fused=False):
+    """Compile `fun` on first call: cached on disk, without the GIL, with IEEE division.
+
+    With `fused` a product may be added without being rounded first; nothing is reordered.
+    """
+    loose = {"contract"} if fused else False
+    dispatcher = njit(nogil=True, error_model="numpy", fastmath=loose)(fun)
     if not config.DISABLE_JIT:
         dispatcher._cache = _PackageCache(fun)
     return dispatcher
@@ -100,13 +104,13 @@ _COMPILING = threading.RLock()
 class entry:
     """Decorator of a top-level loop: compiled for `argtypes` at the first call, then locked."""
 
-    def __init__(self, *argtypes):
-        self.argtypes = argtypes
+    def __init__(self, *argtypes, fused=False):
+        self.argtypes, self.fused = argtypes, fused
 
     def __call__(self, fun):
         if config.DISABLE_JIT:
             return fun
-        dispatcher = kernel(fun)
+        dispatcher = kernel(fun, self.fused)
 
         def call(*args):
             if not dispatcher.overloads:

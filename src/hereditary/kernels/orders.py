@@ -31,7 +31,8 @@ def fill_term(p, scale, factor, first, second, drift, least, head, own):
     """Weights of one term, added to those of its class.
 
     ``factor scale / Gamma(p + 1)`` is what all of them are multiples of: first and second the
-    nearest two, drift that of x'(0). Exponents 1 - p below `least` count as that.
+    nearest two, drift, where it is not empty, that of x'(0). Exponents 1 - p below `least` count as
+    that.
     """
     # p, scale, first, second, drift (n,); head (4, n); own (3, n): share, p, kernel
     share, kernels = own[0], own[2]
@@ -47,7 +48,8 @@ def fill_term(p, scale, factor, first, second, drift, least, head, own):
     # a loop with more arrays would not be vectorised: each may lie over the others
     add_product(head[0], share, first)
     add_product(head[1], share, second)
-    add_product(head[2], share, drift)
+    if drift.shape[0] > 0:
+        add_product(head[2], share, drift)
     own[1] = p
 
 

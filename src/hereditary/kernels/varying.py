@@ -37,7 +37,7 @@ STARTS = 6
 LANES = 4
 
 
-@entry(*MARCH)
+@entry(*MARCH, fused=True)
 def march_varying_explicit(
     rhs, jac, has_jac, params, exchange, tables, memory, scheme, state, output, n_end
 ):
@@ -99,7 +99,7 @@ def march_varying_explicit(
     return RUNNING
 
 
-@entry(*MARCH)
+@entry(*MARCH, fused=True)
 def march_varying_implicit(
     rhs, jac, has_jac, params, exchange, tables, memory, scheme, state, output, n_end
 ):

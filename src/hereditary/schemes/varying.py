@@ -155,8 +155,7 @@ class Schedule:
         block[0], block[1] = lead, near
         block[2:HEAD] = 0.0
         # rooms of their own: fresh ones of this size are handed back to the system each time
-        first, second, drift, scale = self._rooms(steps.size)
-        drift[:] = 0.0
+        first, second, elapsed, scale = self._rooms(steps.size)
         for j, (c, order) in enumerate(terms):
             p, m = powers[order], order.derivative
             at = 1.0 if m == 2 else theta  # where the nearest interval ends
@@ -166,14 +165,13 @@ class Schedule:
                 second -= first if m == 1 else 2.0
             elif m == 2:  # solved for w_n - w_(n-1), so W_0 + W_1 is near
                 second -= 1.0
-            if m == 1 and self._drifts:
-                # t x'(0), which the increments leave out
-                np.power(steps + self._offset, p, out=drift)
+            drift = elapsed[:0]
+            if m == 1 and self._drifts:  # t x'(0), which the increments leave out
+                drift = np.power(steps + self._offset, p, out=elapsed)
             _power(h, p, scale)
             own = block[HEAD + PER_TERM * j :][:PER_TERM]
             factor = c * np.exp(-m * np.log(h))
             fill_term(p, scale, factor, first, second, drift, LEAST, block[:HEAD], own)
-            drift[:] = 0.0
         block[HEAD + PER_TERM * len(terms) :] = 0.0
         if self._explicit:
             block[1] += lead
