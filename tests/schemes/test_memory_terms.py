@@ -215,10 +215,7 @@ def test_other_schemes_say_no(scheme):
         hd.solve(made("y'"), 1.0, 10, scheme=scheme)
 
 
-def test_what_collocation_and_l1_cannot_take():
-    memory = hd.Memory(PRONY, 1)
-    with pytest.raises(ValueError, match="terms must hold a Caputo term of the highest"):
-        hd.solve(hd.Equation([hd.Caputo(0.5), memory], decay, 1.0), 1.0, rtol=1e-6)
+def test_l1_takes_no_kernels_on_a_mesh():
     with pytest.raises(ValueError, match="terms must be Caputo operators of constant order for L1"):
         hd.solve(made("y'"), 1.0, mesh=hd.graded(10, 2), scheme=hd.L1())
 

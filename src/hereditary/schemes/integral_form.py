@@ -86,15 +86,16 @@ class Form:
             driver = SLOPE if self.implicit[c] else FORCE
             powers = [self._power(int(k), driver) for _, q, k, _ in own if q == driver]
             found.append(max(powers) if self.implicit[c] else min(powers))
-        return min(1.0, *(power if power > 0 else 1.0 for power in found))
+        return min(1.0, *found)
 
     def _power(self, k, driver):
-        """Of integrals of the force, their order; of others, how singular their kernel is."""
+        """Of integrals of the force, their order; of others, that of their kernel's start."""
         n_a, n_k = self.orders.size, len(self.kernels)
         if k < n_a:
             return self.orders[k] if driver == FORCE else 1 - self.orders[k]
         if k < n_a + n_k:
-            return self.kernels[k - n_a].singular_exponent
+            kernel = self.kernels[k - n_a]
+            return kernel.singular_exponent or min((*kernel.generators, 1.0))
         order = self.varying[k - n_a - n_k]
         values, _ = order.sampled(np.zeros(1))
         return 1 - order.derivative + float(values[0])

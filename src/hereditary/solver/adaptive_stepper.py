@@ -27,6 +27,7 @@ from ..schemes.quadrature import (
 )
 from .corner import Corner
 from .dense import PolynomialPieces, PowerPiece
+from .jumps import jump
 from .order_tables import OrderTables
 from .strands import Strands
 
@@ -342,6 +343,8 @@ class AdaptiveStepper:
             self._strands.begin(near, far, self._modes_tol)
         if closest < self._strands.closest:
             self._come_closer(closest)
+        # the right-hand side may jump here
+        jump(self.equation, self._form, self._strands, np.nextafter(self.t, t_stop))
         self._clock[3] = self._strands.closest
         self._clock[1], self._clock[2], self._clock[4] = on_grid(h), 0.0, 0.0
         self._at_corner = False

@@ -12,7 +12,7 @@ from scipy.special import rgamma
 
 from ..history.bank import Bank, open_bank, open_kernels
 from ..history.order_bank import OrderBank, open_order_bank
-from ..kernels.collocation import ITSELF, POSITION, PRIMARY
+from ..kernels.collocation import ITSELF, POSITION, PRIMARY, SLOPE
 from ..schemes.power_basis import LEFT_OUT, graded_rule
 from ..schemes.quadrature import to_legendre
 
@@ -129,6 +129,13 @@ class Strands:
             self.modes[:, :d, 0] = 0.0
         self.before = self.modes
         self.modes = self._moved(self.before)
+
+    def take_jump(self, risen):
+        """Let the modes take in a jump of p, (1 + k, d), at the present time."""
+        weights, d = self.weights, self.x.shape[1]
+        for c, q, k, kappa in rows(self._form):
+            if q == SLOPE and k != ITSELF:
+                self.modes[:, c] += kappa * weights[k] * risen[:, c % d, None]
 
     def come_closer(self, closest):
         """Refit the modes to reach closer; the new, fast ones have seen the last step alone."""

@@ -1,0 +1,364 @@
+"""Collocation where no integral form exists: orders that vary, kernels on the highest derivative.
+
+Constant functions are constant orders, manufactured solutions tell the rest; a Prony series is an
+ordinary system.
+"""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from random_problems import error
+from scipy.integrate import solve_ivp
+from scipy.special import gamma
+
+import hereditary as hd
+from hereditary import exact
+from hereditary.history.order_bank import open_order_bank
+from hereditary.operators import VaryingOrder
+from hereditary.schemes.integral_form import integral_form
+from hereditary.schemes.quadrature import radau_integrals
+from hereditary.solver.adaptive_stepper import AdaptiveStepper
+from hereditary.solver.order_tables import OrderTables
+
+PRONY = hd.Prony((1.0, 10.0), (0.3, 0.7))
+
+
+def decay(t, y):
+    return -y
+
+
+def below(t):
+    """An order in (0, 1]."""
+    return 0.5 + 0.3 * np.sin(t)
+
+
+def above(t):
+    """An order in (1, 2]."""
+    return 1.5 + 0.3 * np.cos(t)
+
+
+def always(order):
+    def function(t):
+        return order + 0.0 * t
+
+    return hd.Caputo(function)
+
+
+# Orders that vary
+
+
+def square(t, y):
+    a = 0.5 + 0.3 * np.sin(t)
+    return 2 * t ** (2 - a) / math.gamma(3 - a) + 1 + t**2 - y
+
+
+def cube(t, y):
+    b = 1.5 + 0.3 * np.cos(t)
+    return 6 * t ** (3 - b) / math.gamma(4 - b) + 1 + t + t**3 - y
+
+
+def both(t, y):
+    """Inertia and friction with orders that vary, x = 1 + t + t**3."""
+    a, b = 0.5 + 0.3 * np.sin(t), 1.5 + 0.3 * np.cos(t)
+    friction = t ** (1 - a) / math.gamma(2 - a) + 6 * t ** (3 - a) / math.gamma(4 - a)
+    return 6 * t ** (3 - b) / math.gamma(4 - b) + 0.5 * friction + 1 + t + t**3 - y
+
+
+MADE = {
+    "below 1": (hd.Caputo(below), square, [1.0], lambda t: 1 + t**2),
+    "above 1": (hd.Caputo(above), cube, [1.0, 1.0], lambda t: 1 + t + t**3),
+    "both": (
+        [hd.Caputo(above), 0.5 * hd.Caputo(below)],
+        both,
+        [1.0, 1.0],
+        lambda t: 1 + t + t**3,
+    ),
+}
+
+
+@pytest.mark.parametrize("name", MADE)
+def test_manufactured_solutions(name):
+    terms, rhs, y0, solution = MADE[name]
+    equation = hd.Equation(terms, rhs, y0)
+    for rtol in (1e-4, 1e-7, 1e-10):
+        sol = hd.solve(equation, 10.0, rtol=rtol)
+        assert sol.success
+        assert error(sol, lambda t: solution(t)[:, None], rtol) <= 1
+        assert sol.stats["n_steps"] < 120
+
+
+ORDERS = st.floats(0.15, 1.0) | st.floats(1.15, 2.0)
+
+
+@given(ORDERS, st.sampled_from([1e-5, 1e-9]), st.floats(0.1, 10.0))
+def test_a_constant_function_is_a_constant_order(order, rtol, rate):
+    y0 = [[1.0]] if order <= 1 else [[1.0], [-0.5]]
+    equation = hd.Equation(always(order), lambda t, y, p: -p[0] * y, np.ravel(y0), params=[rate])
+    sol = hd.solve(equation, 5.0, rtol=rtol)
+    assert sol.success
+    assert error(sol, exact.relaxation(order, rate, y0), rtol) <= 1
+
+
+@pytest.mark.parametrize(
+    "terms",
+    [
+        (always(1.6), 0.5 * always(0.7)),
+        (always(1.6), 0.5 * hd.Caputo(0.7)),
+        (hd.Caputo(1.6), 0.5 * always(0.7)),
+    ],
+    ids=["both", "the higher", "the lower"],
+)
+def test_one_of_two_orders_may_vary(terms):
+    solution = exact.several_terms([0.7, 1.6], [0.5, 1.0], [1.0, 0.5], 1.0)
+    sol = hd.solve(hd.Equation(terms, decay, [1.0, 0.5]), 20.0, rtol=1e-10)
+    assert error(sol, solution, 1e-10) <= 1
+
+
+@pytest.mark.parametrize("integer", [1, 2])
+def test_beside_an_integer_derivative(integer):
+    """The highest order is constant, and the other acts on as high a derivative."""
+    order, y0 = integer - 0.4, [1.0, 0.5][:integer]
+    solution = exact.several_terms([order, integer], [0.5, 1.0], y0, 1.0)
+    terms = [hd.Caputo(integer), 0.5 * always(order)]
+    sol = hd.solve(hd.Equation(terms, decay, y0), 10.0, rtol=1e-9)
+    assert error(sol, solution, 1e-9) <= 1
+
+
+@pytest.mark.parametrize(("order", "m"), [(0.5, 0), (0.5, 1), (1.6, 0), (1.6, 1), (1.6, 2)])
+def test_beside_a_memory(order, m):
+    y0 = [1.0, 0.5][: math.ceil(order)]
+    runs = [
+        hd.solve(hd.Equation([term, 0.5 * hd.Memory(PRONY, m)], decay, y0), 5.0, rtol=1e-10)
+        for term in (always(order), hd.Caputo(order))
+    ]
+    t = np.linspace(0, 5, 101)
+    assert np.abs(runs[0](t) - runs[1](t)).max() < 1e-10
+
+
+def test_one_component_of_two():
+    """Each component has its own terms; they are coupled by the right-hand side alone."""
+
+    def coupled(t, y):
+        return np.array([y[1] - y[0], -y[0] - 0.5 * y[1]])
+
+    def run(first):
+        terms = [[1.0, 0.0] * first, [0.0, 1.0] * hd.Caputo(0.8)]
+        return hd.solve(hd.Equation(terms, coupled, [1.0, 0.0]), 5.0, rtol=1e-10)
+
+    t = np.linspace(0, 5, 101)
+    assert np.abs(run(always(0.5))(t) - run(hd.Caputo(0.5))(t)).max() < 1e-10
+
+
+def test_an_order_that_reaches_an_integer_and_stays():
+    """From t = 2.5 on it is an ordinary equation, but one that remembers."""
+    equation = hd.Equation(hd.Caputo(lambda t: np.minimum(1.0, 0.5 + 0.2 * t)), decay, 1.0)
+    sol = hd.solve(equation, 5.0, rtol=1e-9, breaks=[2.5])
+    march = [hd.solve(equation, 5.0, n, scheme=hd.L1()).y[-1, 0] for n in (20_000, 40_000)]
+    assert sol.success
+    assert abs(sol.y[-1, 0] - (2 * march[1] - march[0])) < 1e-6
+    assert sol(5.0, 1)[0] == pytest.approx(-sol.y[-1, 0], rel=1e-7)
+
+
+def test_a_bad_order_ends_the_run_with_all_that_was_computed():
+    equation = hd.Equation(hd.Caputo(lambda t: 0.5 + 0.2 * t), decay, 1.0)
+    sol = hd.solve(equation, 5.0, rtol=1e-8)
+    assert sol.status is hd.Status.ORDER_FAILED
+    assert "order must stay in (0, 1], where it is at t = 0, got" in sol.message
+    assert 2.0 < sol.t[-1] <= 2.5
+    held = hd.Equation(hd.Caputo(lambda t: np.minimum(0.5 + 0.2 * t, 1.0)), decay, 1.0)
+    t = np.linspace(0, sol.t[-1], 51)
+    assert np.abs(sol(t) - hd.solve(held, 5.0, rtol=1e-10, breaks=[2.5])(t)).max() < 1e-8
+
+
+def test_orders_next_to_an_integer_below_end_at_once():
+    """No step is so small that t**0.02 is: constant orders have their own functions there."""
+    sol = hd.solve(hd.Equation(always(0.02), decay, 1.0), 5.0, rtol=1e-8)
+    assert not sol.success
+    assert sol.t[-1] == 0.0
+    assert "no step is small enough" in sol.message
+
+
+def test_resumed_streamed_and_stopped_runs():
+    equation = hd.scenes.stick_slip(beta=lambda t: 1.8 - 0.1 * np.sin(t), gamma=below)
+    through = hd.solve(equation, 20.0, rtol=1e-9)
+    half = hd.solve(equation, 10.0, rtol=1e-9)
+    again = hd.solve(equation, 20.0, rtol=1e-9, resume=half.state)
+    assert np.abs(again(20.0) - through(20.0)).max() < 1e-8
+    rows = hd.solve(equation, 20.0, rtol=1e-9, t_eval=[5.0, 20.0])
+    np.testing.assert_allclose(rows.y, through(rows.t), rtol=0, atol=1e-12)
+
+    def half_way(t, y):
+        return y[0] - 1.0
+
+    half_way.terminal = True
+    stopped = hd.solve(equation, 20.0, rtol=1e-9, events=half_way)
+    assert through(stopped.t[-1])[0] == pytest.approx(1.0, abs=1e-8)
+
+
+def tangents_and_differences(made, t_end):
+    """d (x, x') / d (x0, v0) along the run, and by runs from both sides; `made` takes x0, v0."""
+    stepper = AdaptiveStepper(made(0.2, 0.3), hd.Collocation(), t_end, 1e-9, 1e-11, None, np.eye(2))
+    while stepper.t < t_end:
+        stepper.advance(t_end, 100)
+    found, step = np.empty((2, 2)), 1e-5
+    for j, (dx, dv) in enumerate(step * np.eye(2)):
+        ends = [
+            hd.solve(made(0.2 + sign * dx, 0.3 + sign * dv), t_end, rtol=1e-11) for sign in (1, -1)
+        ]
+        ends = [np.append(sol.y[-1], sol.ydot[-1]) for sol in ends]
+        found[:, j] = (ends[0] - ends[1]) / (2 * step)
+    return stepper.tangent, found
+
+
+def test_tangents_are_derivatives_with_respect_to_initial_values():
+    def made(x0, v0):
+        orders = {"beta": lambda t: 1.8 - 0.1 * np.sin(t), "gamma": below}
+        return hd.scenes.stick_slip(**orders, adhesion=5.0, x0=x0, v0=v0)
+
+    tangents, differences = tangents_and_differences(made, 5.0)
+    np.testing.assert_allclose(tangents, differences, rtol=0, atol=1e-5)
+
+
+# General kernels on the highest derivative
+
+
+def test_a_prony_series_on_the_only_derivative_is_an_ordinary_equation():
+    """``int exp(-2 (t-s)) y' ds = cos t - y`` is ``2 y' = 2 cos t - 2 y - sin t``."""
+    equation = hd.Equation(hd.Memory(hd.Prony([2.0], [1.0]), 1), lambda t, y: np.cos(t) - y, 1.0)
+    t = np.linspace(0, 5, 101)
+    true = solve_ivp(
+        lambda t, y: np.cos(t) - y - np.sin(t) / 2, (0, 5), [1.0], t_eval=t, rtol=1e-13, atol=1e-14
+    )
+    for rtol in (1e-5, 1e-10):
+        assert np.abs(hd.solve(equation, 5.0, rtol=rtol)(t)[:, 0] - true.y[0]).max() < rtol
+
+
+def test_a_bounded_kernel_lets_the_solution_jump():
+    """At 0, where ``K(0) (y(0+) - y(0)) = f``, and by half of each jump of f = step - y."""
+
+    def stepped(t, y):
+        return (1.0 if t >= 1.0 else 0.0) - y
+
+    equation = hd.Equation(hd.Memory(hd.Prony([2.0], [1.0]), 1), stepped, 1.0)
+    sol = hd.solve(equation, 3.0, rtol=1e-9, breaks=[1.0])
+    t = np.linspace(0.01, 2.99, 150)
+    # 2 y' = step' + 2 step - 2 y, from y(0+) = 1 / 2
+    late = np.where(t > 1, 1 - 0.5 * np.exp(1 - t), 0.0)
+    assert sol.success
+    assert np.abs(sol(t)[:, 0] - 0.5 * np.exp(-t) - late).max() < 1e-9
+
+
+def test_a_jump_of_the_velocity_has_tangents():
+    """Inertia by a Prony series, x(0) at odds with the force."""
+
+    def made(x0, v0):
+        inertia = hd.Prony([0.5], [1.0])
+        return hd.scenes.stick_slip(inertia=inertia, adhesion=5.0, x0=x0, v0=v0)
+
+    tangents, differences = tangents_and_differences(made, 5.0)
+    np.testing.assert_allclose(tangents, differences, rtol=0, atol=1e-5)
+    end = hd.solve(made(0.2, 0.3), 5.0, rtol=1e-8).y[-1, 0]
+    march = [hd.solve(made(0.2, 0.3), 5.0, n).y[-1, 0] for n in (20_000, 40_000)]
+    assert abs(end - (2 * march[1] - march[0])) < 1e-5
+
+
+def test_inertia_by_a_prony_series():
+    """``K1 * x'' + 0.4 x' = F(t, x)``: one mode z = F - 0.4 x', z' = x'' - 3 z."""
+
+    def rhs(t, x):
+        return np.sin(t) - x**3
+
+    def ordinary(t, state):
+        x, v = state
+        known = np.cos(t) - 3 * x**2 * v + 3 * (np.sin(t) - x**3 - 0.4 * v)
+        return [v, known / 1.4]
+
+    terms = [hd.Memory(hd.Prony([3.0], [1.0]), 2), 0.4 * hd.Caputo(1)]
+    # consistent: sin(0) - x0**3 = 0.4 v0
+    sol = hd.solve(hd.Equation(terms, rhs, [0.5, -0.3125]), 10.0, rtol=1e-10)
+    true = solve_ivp(ordinary, (0, 10), [0.5, -0.3125], t_eval=sol.t, rtol=1e-13, atol=1e-14)
+    assert np.abs(sol.y[:, 0] - true.y[0]).max() < 1e-9
+    assert np.abs(sol.ydot[:, 0] - true.y[1]).max() < 1e-9
+
+
+@pytest.mark.parametrize("order", [0.4, 1.6])
+def test_a_hardly_tempered_kernel_on_the_only_derivative(order):
+    m = math.ceil(order)
+    kernel = hd.TemperedPowerLaw(order + 1 - m, 1e-13)
+    y0 = [[1.0], [0.5]][:m]
+    equation = hd.Equation(hd.Memory(kernel / gamma(m - order), m), decay, np.ravel(y0))
+    sol = hd.solve(equation, 10.0, rtol=1e-9)
+    assert error(sol, exact.relaxation(order, 1.0, y0), 1e-9) <= 1
+
+
+def test_two_general_kernels_as_in_the_paper():
+    """Equation (4): as uniform steps have it, which converge to it."""
+    equation = hd.scenes.stick_slip(
+        inertia=hd.TemperedPowerLaw(0.8, 0.05), resistance=hd.Prony([0.5, 5.0], [0.5, 0.5])
+    )
+    sol = hd.solve(equation, 10.0, rtol=1e-9)
+    off = [
+        np.abs(hd.solve(equation, 10.0, n).y[:: n // 100] - sol(np.linspace(0, 10, 101))).max()
+        for n in (20_000, 40_000)
+    ]
+    assert off[1] < 2e-3
+    assert off[0] / off[1] == pytest.approx(2.0, abs=0.1)
+
+
+# The parts
+
+
+def test_which_components_have_no_integral_form():
+    def implicit(*terms, y0=(1.0,)):
+        return integral_form(hd.Equation(terms, decay, y0)).implicit[0] == 1
+
+    assert not implicit(hd.Caputo(0.5), hd.Memory(PRONY, 0))
+    assert not implicit(hd.Caputo(1), hd.Memory(PRONY, 1))
+    assert not implicit(hd.Caputo(1), always(0.5))
+    assert not implicit(hd.Caputo(1.5), always(0.5), y0=(1.0, 0.0))
+    assert implicit(hd.Caputo(0.5), hd.Memory(PRONY, 1))
+    assert implicit(always(0.5))
+    assert implicit(hd.Caputo(0.5), always(0.5))
+    assert implicit(hd.Caputo(1.5), hd.Memory(PRONY, 2), y0=(1.0, 0.0))
+
+
+@given(st.lists(st.floats(0.0, 0.999), min_size=4, max_size=4), st.floats(1e-3, 10.0))
+def test_tables_of_orders(a, h):
+    """Integrals of the order at each node, which the bank continues into the past."""
+
+    class Strands:
+        def __init__(self):
+            self.varying = open_order_bank(1e-6, 1e3, 1e-10)
+            self.rates = self.varying.rates
+
+    def order(t):
+        return 1 - np.interp(t, times, a)
+
+    a = [1 - (1 - value) for value in a]  # as they come back
+    times = h * np.array(OrderTables((), 4)._nodes)
+    tables = OrderTables((VaryingOrder(order, 1),), 4)
+    tables.known[2:] = 0.0, h
+    tables.tell(strands := Strands(), 2 * h)
+    for i in range(4):
+        expected = h ** a[i] * radau_integrals(4, a[i])[i]
+        np.testing.assert_allclose(tables.integrals[0, i], expected, rtol=0, atol=1e-13 * (1 + h))
+    distances = np.geomspace(1e-6, 1e3, 50)
+    sums = np.exp(-np.multiply.outer(distances, strands.rates)) @ tables.weights[0]
+    for i in range(4):
+        kernel = distances ** (a[i] - 1) / gamma(a[i]) if a[i] > 0 else 0 * distances
+        np.testing.assert_allclose(sums[:, i], kernel, rtol=2e-10, atol=1e-300)
+
+
+@pytest.mark.parametrize("closest", [1e-3, 1e-7, 3e-20])
+def test_a_bank_of_orders_reaches_closer(closest):
+    bank = open_order_bank(1e-2, 1e3, 1e-9)
+    closer = bank.closer(closest)
+    assert closer.closest <= closest
+    np.testing.assert_allclose(closer.rates[: bank.rates.size], bank.rates, rtol=1e-9)
+    t = np.geomspace(closest, 1e3, 200)
+    for a in (0.01, 0.3, 0.99):
+        sums = np.exp(-np.multiply.outer(t, closer.rates)) @ closer.weights(np.array([a]))[:, 0]
+        np.testing.assert_allclose(sums, t ** (a - 1) / gamma(a), rtol=1e-9)
