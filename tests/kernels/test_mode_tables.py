@@ -197,7 +197,8 @@ def test_weights_of_the_integrals_add_up():
     channels = np.array([[0, 0, 0, 2.0], [0, 1, 1, -3.0], [1, 0, 1, 0.5]])
     offsets, weights = np.array([[0.0, 4.0, 0.0], [0.0, 5.0, 0.0]]), np.array([[1.0, 2], [3, 7]])
     driven, idle = np.full((2, 3, 2), np.nan), np.full((2, 2, 2), np.nan)
-    combined_weights(channels, offsets, weights, driven, idle)
+    none = np.zeros(0, dtype=np.int64)
+    combined_weights(channels, offsets, weights, none, np.zeros(2), driven, idle)
     assert driven.tolist() == [[[2, 4], [-9, -21], [0, 0]], [[1.5, 3.5], [0, 0], [0, 0]]]
     assert idle.tolist() == [[[36, 84], [0, 0]], [[45, 105], [0, 0]]]
 

@@ -251,6 +251,18 @@ def test_a_bounded_kernel_lets_the_solution_jump():
     assert np.abs(sol(t)[:, 0] - 0.5 * np.exp(-t) - late).max() < 1e-9
 
 
+@pytest.mark.parametrize("order", [0.3, 0.5, 0.8])
+def test_a_jump_and_then_a_power(order):
+    """Cole and Cole's kernel: y = E(-t**order / 2) / 2 after the jump."""
+    equation = hd.Equation(hd.Memory(hd.MittagLeffler(order, 1.0), 1), decay, 1.0)
+    after = exact.relaxation(order, 0.5)
+    for rtol in (1e-5, 1e-9):
+        sol = hd.solve(equation, 5.0, rtol=rtol)
+        t = np.unique(np.concatenate([sol.t[1:], np.linspace(0.05, 5, 100)]))
+        assert sol.success
+        assert np.abs(sol(t) - after(t) / 2).max() < rtol
+
+
 def test_a_jump_of_the_velocity_has_tangents():
     """Inertia by a Prony series, x(0) at odds with the force."""
 

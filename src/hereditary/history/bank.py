@@ -18,7 +18,7 @@ from ..exponential_sum import fit_unit, grid_spacing
 from ..special import mean_exponential
 
 # General kernels are sums of exponentials down to this share of the closest distance, and a point
-# mass below: its error is of second order in that distance.
+# mass below: its error is of second order in that distance. Bounded ones no further than they move.
 _BELOW = 1e-9
 
 
@@ -93,16 +93,29 @@ class KernelBank:
 
 def open_kernels(kernels, closest, farthest, tol):
     """The sums of these kernels for steps that read no closer than `closest`."""
-    nearest = max(_BELOW * closest, 1e-300)
-    fits = [_finest(kernel, nearest, farthest, tol) for kernel in kernels]
+    starts = [max(_BELOW * closest, 1e-300, _still(kernel, closest, tol)) for kernel in kernels]
+    fits = [
+        _finest(kernel, nearest, farthest, tol)
+        for kernel, nearest in zip(kernels, starts, strict=True)
+    ]
     rates = np.concatenate([np.zeros(0), *(fit.rates for fit in fits)])
     weights, masses, offset = np.zeros((len(fits), rates.size)), np.zeros(len(fits)), 0
-    for k, (kernel, fit) in enumerate(zip(kernels, fits, strict=True)):
+    for k, (kernel, fit, nearest) in enumerate(zip(kernels, fits, starts, strict=True)):
         weights[k, offset : offset + fit.rates.size] = fit.weights
         offset += fit.rates.size
         held = fit.weights @ (nearest * mean_exponential(fit.rates * nearest))
         masses[k] = float(kernel.integral(nearest)) - held
     return KernelBank(rates, weights, masses)
+
+
+def _still(kernel, closest, tol):
+    """Up to where a bounded kernel is what it is at 0, to `tol`; 0 for others."""
+    if kernel.singular_exponent > 0:
+        return 0.0
+    t = np.geomspace(1e-300, closest, 1000)
+    values = kernel(t)
+    moved = np.abs(values - values[0]) > tol * np.abs(values[0])
+    return t[np.argmax(moved) - 1] if moved[1:].any() else closest
 
 
 @lru_cache(maxsize=64)

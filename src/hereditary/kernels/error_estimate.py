@@ -17,8 +17,8 @@ _ROUNDING = 1e-14
 def estimate(h, channels, orders, legendre, local, drivers, values, newton, errors):
     """Error of p by each driver: the Legendre coefficient after the last, integrated.
 
-    It counts by what the equations leave of it: little where they are stiff. Nor may p itself, as
-    the dense output interpolates it, be further off.
+    It counts by what the equations leave of it, little where they are stiff, and not for more than
+    it is. Nor may p itself, as the dense output interpolates it, be further off.
     """
     # local (n_k, s, s), drivers (3 R, s, s), values (3 or 4, d, s), errors (d,)
     d, s, n_a = errors.shape[0], values.shape[2], orders.shape[0]
@@ -46,8 +46,10 @@ def estimate(h, channels, orders, legendre, local, drivers, values, newton, erro
         if not np.any(defect):
             continue
         substitute(matrix, order, defect, left)
+        # a matrix next to singular would make rounding of it
+        share = min(1.0, np.max(np.abs(defect)) / max(np.max(np.abs(left)), 1e-300))
         for c in range(d):
-            errors[c] += np.max(np.abs(left[c * s : (c + 1) * s]))
+            errors[c] += share * np.max(np.abs(left[c * s : (c + 1) * s]))
 
 
 @kernel

@@ -15,7 +15,7 @@ from functools import lru_cache
 import numpy as np
 
 from .._checks import complaint
-from ..exponential_sum import _gauss_rule, trapezoid_step
+from ..exponential_sum import RATIO_MAX, _gauss_rule, trapezoid_step
 from ..memory_kernel import ExponentialSum
 from .few_rates import few_rates
 from .least_squares import fewer_positive, nonnegative_least_squares
@@ -25,6 +25,8 @@ _POINTS_PER_OSCILLATION = 48
 # Where t K(t) has faded to this share of its maximum, errors count relative to this share.
 FADED = 1e-16
 _RATIO_MAX = 1e30
+# Over more than this a spectral density's own rule stands: to fit fewer rates would take minutes.
+_WIDE = 1e15
 # Rates above 45 / t_min and below 0.02 / t_max cannot help.
 _FASTEST, _SLOWEST = math.log(45.0), math.log(0.02)
 # What a sum that is stuck above this share of the kernel says: not completely monotone.
@@ -61,16 +63,20 @@ class Samples:
         return Samples(t, values, scale, 1 + 3 * np.exp(-2 * near_end))
 
 
-def sampled(kernel, t_min, t_max, tol):
-    """The kernel on its check points, in units of t_min."""
-    ratio = t_max / t_min
-    if ratio > _RATIO_MAX:
-        raise ValueError(complaint("t_max", f"be at most {_RATIO_MAX:g} times t_min", t_max))
+def sampled(kernel, t_min, t_max, tol, wide=False):
+    """The kernel on its check points, in units of t_min.
+
+    Over a wide range early times count as much as late ones, however little is left of t K there.
+    """
+    ratio, ratio_max = t_max / t_min, RATIO_MAX if wide else _RATIO_MAX
+    if ratio > ratio_max:
+        raise ValueError(complaint("t_max", f"be at most {ratio_max:g} times t_min", t_max))
     n = math.ceil(_POINTS_PER_OSCILLATION * math.log(ratio) / trapezoid_step(0.5, tol))
     t = np.exp(np.linspace(0.0, math.log(ratio), max(400, n) // 2 * 2 + 1))
     t[-1] = ratio
     values = kernel(np.minimum(t * t_min, t_max))
-    return Samples(t, values, scale_of(t, values), np.ones(t.size))
+    scale = np.abs(values) if wide else scale_of(t, values)
+    return Samples(t, values, scale, np.ones(t.size))
 
 
 def scale_of(t, values):
@@ -98,15 +104,18 @@ def fit_positive(kernel, t_min, t_max, tol, density=None):
     ExponentialSum
         With ``max_error <= tol``; a ValueError says how far the fit came where none was found.
     """
-    samples = sampled(kernel, t_min, t_max, tol)
+    wide = density is not None and t_max / t_min > _WIDE
+    samples = sampled(kernel, t_min, t_max, tol, wide)
     refuse_if_rising(samples, t_min)
     thin, step = samples.thinned(), trapezoid_step(0.5, tol)
     best = math.inf
-    for v, weights in _attempts(thin, step, tol, density):
+    attempts = _density_rules if wide else _attempts
+    for v, weights in attempts(thin, step, tol, density):
         error = float(np.abs(samples.error(v, weights)).max())
         best = min(best, error)
         if error <= tol:
-            v, weights = _fewest(samples, thin, tol, v, weights)
+            if not wide:
+                v, weights = _fewest(samples, thin, tol, v, weights)
             v, weights, error = _without_fastest(samples, tol, v, weights)
             return _summed(v, weights, t_min, t_max, error)
     if best > max(_HOPELESS, 100 * tol):
@@ -143,8 +152,13 @@ def _attempts(samples, step, tol, density):
     for start in starts:  # few separate rates are found best from a coarse grid
         yield sliding(samples, start, lambda error: np.abs(error).max() <= 0.99 * tol, patience)
     if density is not None:
-        for finer in (1.0, 0.85, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2):
-            yield _density_rule(density, samples.ratio, finer * step, tol)
+        yield from _density_rules(samples, step, tol, density)
+
+
+def _density_rules(samples, step, tol, density):
+    """Trapezoid rules for the spectral density, ever finer."""
+    for finer in (1.0, 0.85, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2):
+        yield _density_rule(density, samples.ratio, finer * step, tol)
 
 
 def rate_grid(ratio, step):

@@ -170,15 +170,13 @@ def _polynomials(log_t, g, c, highest, differentiated):
     x = 2 * (1 + c) * u * fading - 1
     degree = highest - 1 if c and highest else highest
     values = legvander(x, degree)
-    slopes = np.array([legval(x, _slope(k)) for k in range(degree + 1)]).T
-    if not c:
-        return slopes if differentiated else values
-    first = np.full((x.size, 1), 0.0 if differentiated else 1.0)
     if differentiated:
-        values = slopes * fading[:, None] - values * c / (2 * (1 + c))
-    else:
-        values = values * fading[:, None]
-    return np.hstack([first, values])
+        slopes = np.array([legval(x, _slope(k)) for k in range(degree + 1)]).T
+        if not c:
+            return slopes
+        slopes = slopes * fading[:, None] - values * c / (2 * (1 + c))
+        return np.hstack([np.zeros((x.size, 1)), slopes])
+    return np.hstack([np.ones((x.size, 1)), values * fading[:, None]]) if c else values
 
 
 def _log(t):
@@ -198,7 +196,7 @@ def bends_for(generators, drives):
     """
     if generators[0] >= _TINY:
         return ()
-    found = {4.0 ** round(math.log(drive, 4)) for drive in drives if drive >= _DRIVE}
+    found = {2.0 ** round(math.log2(drive)) for drive in drives if drive >= _DRIVE}
     return tuple(sorted(found, reverse=True)[:_BENDS])
 
 
