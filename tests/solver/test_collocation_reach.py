@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from random_problems import error, points, proportional
+from random_problems import error, linear, points, proportional
 
 import hereditary as hd
 from hereditary import exact
@@ -54,6 +54,17 @@ def test_the_tiniest_order_at_tight_tolerances(rate, rtol):
     assert sol.success, sol.message
     assert error(sol, exact.relaxation(1e-6, rate), rtol, decays=True) <= 1
     assert sol.stats["n_steps"] < 50
+
+
+@pytest.mark.parametrize(
+    ("alpha", "rate", "most"), [(1e-6, 1.0, 20), (1e-4, 1.0, 20), (0.02, 1e6, 30)]
+)
+def test_tiny_orders_at_the_tightest_tolerances(alpha, rate, most):
+    """Stiff or not, they take some ten steps."""
+    sol = hd.solve(proportional(hd.Caputo(alpha), rate, 1.0), 1.0, rtol=1e-11)
+    assert sol.success, sol.message
+    assert error(sol, exact.relaxation(alpha, rate), 1e-11, decays=True) <= 1
+    assert sol.stats["n_steps"] < most
 
 
 @pytest.mark.parametrize(("alpha", "rate"), [(0.3, 1e6), (0.5, 1e6), (0.95, 1e6), (1.0, 1e6)])
@@ -111,3 +122,59 @@ def test_a_steep_force_next_to_order_one(beta):
     assert fine.success
     assert fine.stats["n_steps"] < 200
     assert np.abs(fine(t) - coarse(t)).max() < 1e-6
+
+
+@pytest.mark.parametrize("rtol", [1e-11, 1e-12])
+@pytest.mark.parametrize(("orders", "rate"), [((0.5, 0.5390625), 1e4), ((0.9, 0.95), 1e3)], ids=str)
+def test_terms_that_cancel(orders, rate, rtol):
+    """10 D^a y + D^b y = -rate y, b just above a: what is left of its terms, not they, counts."""
+    terms = [10 * hd.Caputo(orders[0]), hd.Caputo(orders[1])]
+    sol = hd.solve(proportional(terms, rate, 1.0), 1.0, rtol=rtol)
+    assert sol.success, sol.message
+    assert error(sol, exact.several_terms(orders, [10.0, 1.0], [1.0], rate), rtol, True) <= 1
+    assert sol.stats["n_steps"] < 400
+
+
+def two_components(alpha, matrix, y0):
+    """``D^alpha y = matrix y`` and its solution."""
+    equation = hd.Equation(hd.Caputo(alpha), linear, y0, params=[*np.ravel(matrix), 0.0, 0.0])
+    return equation, exact.system(alpha, np.array(matrix), y0)
+
+
+def test_components_that_exchange_their_difference():
+    """Each gets k times the other less itself: known to k 1e-16, which the equation damps."""
+    k = 1e5
+    equation, solution = two_components(0.5, [[-k, k], [k, -k]], [1.0, 0.0])
+    sol = hd.solve(equation, 1.0, rtol=1e-11)
+    assert sol.success, sol.message
+    assert error(sol, solution, 1e-11) <= 1
+    assert sol.stats["n_steps"] < 400
+
+
+@pytest.mark.parametrize("rtol", [1e-8, 1e-11])
+def test_two_rates_of_a_tiny_order(rtol):
+    """Eigenvalues -1e3 and -30: bent functions for each."""
+    equation, solution = two_components(0.05, [[-515.0, 485.0], [485.0, -515.0]], [1.0, 0.5])
+    sol = hd.solve(equation, 1.0, rtol=rtol)
+    assert sol.success, sol.message
+    assert error(sol, solution, rtol) <= 1
+    assert sol.stats["n_steps"] < 100
+
+
+@pytest.mark.parametrize("rtol", [1e-6, 1e-11])
+@pytest.mark.parametrize("beta", [1.002, 1.01])
+def test_a_steep_start_next_to_order_one(beta, rtol):
+    """x' grows from 0 to any size at once: its error is relative to that."""
+    sol = hd.solve(proportional(hd.Caputo(beta), 1e4, [1.0, 0.0]), 0.01, rtol=rtol)
+    assert sol.success, sol.message
+    assert error(sol, exact.relaxation(beta, 1e4, [[1.0], [0.0]]), rtol) <= 1
+    assert sol.stats["n_steps"] < 300
+
+
+@pytest.mark.parametrize("t_end", [1e4, 1e6])
+def test_a_speed_that_has_long_faded(t_end):
+    """x' is x'(0) and what the modes take from it, and steps get long: its rounding is damped."""
+    sol = hd.solve(proportional(hd.Caputo(1.5), 1.0, [1.0, 0.5]), t_end, rtol=1e-11)
+    assert sol.success, sol.message
+    assert error(sol, exact.relaxation(1.5, 1.0, [[1.0], [0.5]]), 1e-11) <= 1
+    assert sol.stats["n_steps"] < 400
