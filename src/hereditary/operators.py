@@ -82,8 +82,9 @@ class Caputo:
     An order that varies is taken at the present time, for all of the past: ``D^alpha(t) y(t) =
     1/Gamma(m-alpha(t)) int_0^t (t-s)**(m-1-alpha(t)) y^(m)(s) ds`` with one m for the whole run,
     1 or 2. (Other definitions in use, with alpha(s) or alpha(t-s) inside the integral, are other
-    operators.) `ExplicitCaputo` and `L1` take such terms, beside any they take without. The
-    function is called from Python, with an array of times where it bears that; write it with NumPy.
+    operators.) `ExplicitCaputo`, `L1` and `Collocation` take such terms, beside any they take
+    without. The function is called from Python, with an array of times where it bears that; write
+    it with NumPy.
 
     Limits, for whoever continues a model through an integer: as alpha -> 2 from below the operator
     tends to y''; as alpha -> 1 from above to y' - y'(0), from below to y'; as alpha -> 0 to

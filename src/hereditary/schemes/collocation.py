@@ -22,6 +22,10 @@ class Collocation(Scheme):
     is a sum of exponential modes moved on by exact moments. The step out of t = 0, and out of a
     jump, takes sums of the powers of t that the solution is made of there instead of polynomials.
 
+    Where the highest derivative stands in terms with general kernels or with orders that vary, the
+    step solves the equation as it stands, and starts begin by tiny ordinary steps; orders must keep
+    0.05 above the integer below.
+
     Parameters
     ----------
     nodes : int, optional
@@ -40,7 +44,8 @@ class Collocation(Scheme):
 
     Cost
     ----
-    s right-hand sides for each Newton sweep, one to three a step, and (modes) x s multiplications.
+    s right-hand sides for each Newton sweep, one to three a step, and (modes) x s multiplications;
+    where orders vary, 0.2 ms of Python a step besides.
 
     Source
     ------
