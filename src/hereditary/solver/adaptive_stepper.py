@@ -239,7 +239,7 @@ class AdaptiveStepper:
 
     def _told(self):
         """What is known of the orders that vary."""
-        orders, own = self._orders, self._strands.own.astype(float)
+        orders, own = self._orders, self._strands.own
         if orders.weights.shape[1] != own.size:
             orders.forget()
             orders.weights = np.zeros((len(orders.weights), own.size, self._s))

@@ -50,20 +50,24 @@ class OrderTables:
         n = strands.rates.size
         if self.weights.shape[1] != n:
             self.weights = np.zeros((len(self._varying), n, self._nodes.size))
-        for j, order in enumerate(self._varying):
+        a = np.empty((len(self._varying), times.size))  # orders of integration
+        for row, order in zip(a, self._varying, strict=True):
             values, trouble = order.sampled(times)
             if trouble:
                 raise OrderFailed(trouble)
-            a = order.derivative - values  # of integration
-            self.integrals[j] = h ** a[:, None] * self._interpolated(a)
-            self.weights[j, n - strands.varying.rates.size :] = strands.varying.weights(a)
+            row[:] = order.derivative - values
+        self.integrals[:] = h ** a[:, :, None] * self._interpolated(a)
+        own = strands.varying.weights(a.ravel())
+        self.weights[:, n - len(own) :] = own.reshape(len(own), *a.shape).swapaxes(0, 1)
         self.known[:2] = t, h
 
     def _interpolated(self, a):
-        """Row i of the integrals of order a_i, (s, s), by the barycentric formula."""
-        off = a[:, None] - self._orders
+        """Row i of the integrals of order a_i, (n_v, s, s), by the barycentric formula."""
+        off = a[:, :, None] - self._orders
         met = off == 0.0
-        shares = self._shares / np.where(met, 1.0, off)
-        shares = np.where(met.any(axis=1, keepdims=True), met, shares)
-        shares /= shares.sum(axis=1, keepdims=True)
-        return np.einsum("ik,kij->ij", shares, self._table)
+        if met.any():
+            shares = np.where(met.any(axis=2, keepdims=True), met, self._shares / (off + met))
+        else:
+            shares = self._shares / off
+        shares /= shares.sum(axis=2, keepdims=True)
+        return np.einsum("vik,kij->vij", shares, self._table)

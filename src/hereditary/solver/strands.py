@@ -44,6 +44,11 @@ class Strands:
     bank : Bank
     kernels : KernelBank
     varying : OrderBank
+    rates, own : ndarray, shape (M,)
+        Of all modes; 1 for those of orders that vary.
+    weights, masses : ndarray, shape (n_a + n_k, M) and (n_k,)
+        Of all modes in each fractional integral and general kernel, and point masses of the latter;
+        orders that vary have zeros behind these.
     """
 
     def __init__(self, form, y0, n_nodes):
@@ -63,38 +68,24 @@ class Strands:
         self.kernels = open_kernels((), 1.0, 1.0, 0.1)
         self.varying = OrderBank(np.inf, 0.0, 0.0, np.zeros(0))
         self._length, self._corner = 0.0, None
-
-    @property
-    def rates(self):
-        """Rates of all modes, shape (M,)."""
-        return np.concatenate([self.bank.rates, self.kernels.rates, self.varying.rates])
-
-    @property
-    def weights(self):
-        """Weights of all modes in each fractional integral and general kernel, (n_a + n_k, M).
-
-        Orders that vary have rows of zeros behind these.
-        """
-        (n_a, m), (n_k, more) = self.bank.weights.shape, self.kernels.weights.shape
-        weights = np.zeros((n_a + n_k + len(self._form.varying), self.rates.size))
-        weights[:n_a, :m] = self.bank.weights
-        weights[n_a : n_a + n_k, m : m + more] = self.kernels.weights
-        return weights
-
-    @property
-    def masses(self):
-        """Point masses of the general kernels, and none of orders that vary."""
-        return np.append(self.kernels.masses, np.zeros(len(self._form.varying)))
+        self._join()
 
     @property
     def closest(self):
         """Distance that all modes reach down to."""
         return max(self.bank.closest, self.varying.closest if self._form.varying else 0.0)
 
-    @property
-    def own(self):
-        """1 for the modes of orders that vary, shape (M,)."""
-        return np.arange(self.rates.size) >= self.rates.size - self.varying.rates.size
+    def _join(self):
+        """Put the modes of all banks side by side."""
+        banks = (self.bank, self.kernels, self.varying)
+        self.rates = np.concatenate([bank.rates for bank in banks])
+        (n_a, m), (n_k, more) = self.bank.weights.shape, self.kernels.weights.shape
+        n_varying = len(self._form.varying)
+        self.weights = np.zeros((n_a + n_k + n_varying, self.rates.size))
+        self.weights[:n_a, :m] = self.bank.weights
+        self.weights[n_a : n_a + n_k, m : m + more] = self.kernels.weights
+        self.masses = np.append(self.kernels.masses, np.zeros(n_varying))
+        self.own = np.repeat([0.0, 1.0], [m + more, self.varying.rates.size])
 
     def arrays(self):
         """Everything that is linear in a strand."""
@@ -116,6 +107,7 @@ class Strands:
         self.kernels = open_kernels(self._form.kernels, closest, farthest, tol)
         if self._form.varying:
             self.varying = open_order_bank(closest, farthest, tol)
+        self._join()
         self.modes = np.zeros((self.x.shape[0], self._n_rows, self.rates.size))
         self.before = self.modes.copy()
 
@@ -143,6 +135,7 @@ class Strands:
         self.bank = self.bank.closer(closest)
         if self._form.varying:
             self.varying = self.varying.closer(closest)
+        self._join()
         n_new = self.bank.rates.size
         gaps = [np.zeros((*self.modes.shape[:2], n_new - n))]
         gaps.append(np.zeros((*self.modes.shape[:2], self.rates.size - end - n_new + n)))
