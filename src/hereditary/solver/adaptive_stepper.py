@@ -293,7 +293,8 @@ class AdaptiveStepper:
         run = (array.copy() for array in state.run)
         self._clock, self._notes, self._steps, self._largest = run
         self._strands, self._at_corner = copy.deepcopy(state.strands), state.at_corner
-        self._tables = None  # they belong to the modes
+        self._tables = None  # they belong to the modes, and so do these
+        self._orders.forget()
 
     def _identity(self):
         equation, n_tangents = self.equation, self._strands.x.shape[0] - 1

@@ -75,6 +75,15 @@ class Strands:
         """Distance that all modes reach down to."""
         return max(self.bank.closest, self.varying.closest if self._form.varying else 0.0)
 
+    def __getstate__(self):
+        """All but what the banks hold anyway."""
+        joined = ("rates", "weights", "masses", "own")
+        return {name: value for name, value in vars(self).items() if name not in joined}
+
+    def __setstate__(self, state):
+        vars(self).update(state)
+        self._join()
+
     def _join(self):
         """Put the modes of all banks side by side."""
         banks = (self.bank, self.kernels, self.varying)
