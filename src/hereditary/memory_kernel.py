@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 
@@ -81,7 +82,11 @@ class MemoryKernel(ABC):
     __rmul__ = __mul__
 
     def __truediv__(self, divisor: float) -> ScaledKernel:
-        return _scaled(1 / _not_zero("divisor", divisor), self)
+        inverse = 1 / _not_zero("divisor", divisor)
+        if not math.isfinite(inverse):
+            required = "be a finite number other than 0, and so its inverse"
+            raise ValueError(complaint("divisor", required, divisor))
+        return _scaled(inverse, self)
 
 
 @dataclass(frozen=True, repr=False)

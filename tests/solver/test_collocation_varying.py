@@ -5,6 +5,7 @@ ordinary system.
 """
 
 import math
+import pickle
 
 import numpy as np
 import pytest
@@ -162,6 +163,49 @@ def test_an_order_that_reaches_an_integer_and_stays():
     assert sol(5.0, 1)[0] == pytest.approx(-sol.y[-1, 0], rel=1e-7)
 
 
+@pytest.mark.parametrize("order", [0.3, 0.5, 1.2, 1.5])
+def test_a_jump_of_the_right_hand_side(order):
+    """Steps out of it are shorter than its time can tell."""
+
+    def stepped(t, y):
+        return -y + (1.0 if t < 5.0 else 3.0)
+
+    y0 = [1.0, 0.0][: math.ceil(order)]
+    runs = [
+        hd.solve(hd.Equation(term, stepped, y0), 8.0, rtol=1e-8, breaks=[5.0])
+        for term in (always(order), hd.Caputo(order))
+    ]
+    t = np.concatenate([np.linspace(0, 5, 51), 5 + np.geomspace(1e-3, 3, 50)])
+    assert runs[0].success
+    assert np.all(np.diff(runs[0].t) > 0)
+    assert np.abs(runs[0](t) - runs[1](t)).max() < 1e-8
+
+
+def test_what_has_become_small_is_as_right_as_what_was_large():
+    def drawn(t, y):
+        return -y - y**3 + np.cos(t)
+
+    t = np.linspace(0.5, 20, 100)
+    runs = [
+        hd.solve(hd.Equation(term, drawn, 1e9), 20.0, rtol=rtol)(t)
+        for term, rtol in ((always(0.9), 1e-6), (hd.Caputo(0.9), 1e-11))
+    ]
+    np.testing.assert_allclose(runs[0], runs[1], rtol=2e-6)
+
+
+def test_a_state_pickles_and_knows_its_orders_by_their_values():
+    """Functions may be lambdas, and have another name in the next process."""
+
+    def ageing(rate):
+        return hd.Equation(hd.Caputo(lambda t: 0.9 - rate * t), decay, 1.0)
+
+    state = pickle.loads(pickle.dumps(hd.solve(ageing(0.05), 3.0, rtol=1e-8).state))
+    again = hd.solve(ageing(0.05), 6.0, rtol=1e-8, resume=state)
+    assert abs(again.y[-1] - hd.solve(ageing(0.05), 6.0, rtol=1e-8).y[-1]) < 1e-8
+    with pytest.raises(ValueError, match="come from a run with the same orders"):
+        hd.solve(ageing(0.06), 6.0, rtol=1e-8, resume=state)
+
+
 def test_a_bad_order_ends_the_run_with_all_that_was_computed():
     equation = hd.Equation(hd.Caputo(lambda t: 0.5 + 0.2 * t), decay, 1.0)
     sol = hd.solve(equation, 5.0, rtol=1e-8)
@@ -196,6 +240,23 @@ def test_resumed_streamed_and_stopped_runs():
     half_way.terminal = True
     stopped = hd.solve(equation, 20.0, rtol=1e-9, events=half_way)
     assert through(stopped.t[-1])[0] == pytest.approx(1.0, abs=1e-8)
+
+
+def test_a_jump_that_cannot_be_solved_for():
+    """f = y and K(0) = 1 hold for any jump or none."""
+    equation = hd.Equation(hd.Memory(hd.Prony([1.0], [1.0]), 1), lambda t, y: y, 1.0)
+    sol = hd.solve(equation, 1.0, rtol=1e-6)
+    assert sol.status is hd.Status.NOT_SOLVED
+    assert sol.t[-1] == 0.0
+
+
+def test_a_jump_by_many_sweeps():
+    """K(0) (y - y0) = cos t - y**3 from y0 = 1e6 on."""
+    equation = hd.Equation(hd.Memory(hd.Prony([1.0], [1.0]), 1), lambda t, y: np.cos(t) - y**3, 1e6)
+    sol = hd.solve(equation, 1.0, rtol=1e-8)
+    after = sol.y[1, 0]
+    assert sol.success
+    assert after + after**3 == pytest.approx(1e6 + 1, rel=1e-4)
 
 
 def tangents_and_differences(made, t_end):
@@ -353,7 +414,7 @@ def test_tables_of_orders(a, h):
     times = h * np.array(OrderTables((), 4)._nodes)
     tables = OrderTables((VaryingOrder(order, 1),), 4)
     tables.known[2:] = 0.0, h
-    tables.tell(strands := Strands(), 2 * h)
+    tables.tell(strands := Strands(), 0.0, 2 * h)
     for i in range(4):
         expected = h ** a[i] * radau_integrals(4, a[i])[i]
         np.testing.assert_allclose(tables.integrals[0, i], expected, rtol=0, atol=1e-13 * (1 + h))

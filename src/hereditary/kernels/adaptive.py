@@ -40,9 +40,10 @@ RULE = types.Tuple((VEC, CUBE, MAT, MAT))
 # what a step knows of n_v orders that vary: start and length it holds for, and those wanted (4,);
 # integrals (n_v, s, s), weights of modes at the nodes (n_v, M, s), 1 for such modes (M,)
 VARYING = types.Tuple((VEC, CUBE, CUBE, VEC))
-# clock [t, h, last step, closest distance, whether it was refused], notes, steps [accepted,
-# rejected], largest |p| (d,); for all strands p0, x, p (1 + k, d), modes now and before the last
-# step (1 + k, R, M), and f, p, x, p' at the last step's nodes (1 + k, 3 or 4, d, s)
+# clock [time since origin, h, last step, closest distance, whether it was refused, origin], notes,
+# steps [accepted, rejected], largest |p| of velocities (d,); for all strands p0, x, p (1 + k, d),
+# modes now and before the last step (1 + k, R, M), and f, p, x, p' at the last step's nodes
+# (1 + k, 3 or 4, d, s)
 RUN = types.Tuple((VEC, VEC, IVEC, VEC, MAT, MAT, MAT, CUBE, CUBE, CUBES))
 # starts and lengths of steps (k,), p at the nodes (k, d, s), y and p at the start (k, 2 d), error
 # over tolerance (k,)
@@ -62,10 +63,11 @@ def march_adaptive(
     drivers, constant, jumps, base, values, newton = step_room(form, run)
     driven, idle = weights_of_modes(form, bank, varying, run)
     lowest, row, rejected, made = lowest_order(channels, orders), 0, clock[4] == 1.0, -1.0
-    while clock[0] < t_stop:
+    end = t_stop - clock[5]
+    while clock[0] < end:
         if row == starts.shape[0]:
             return row, FULL
-        t, left, h = next_step(clock, t_stop)
+        t, left, h = next_step(clock, end)
         if not t + 0.01 * h > t:
             return row, TOO_ROUGH
         if nodes[0] * h < clock[3]:
@@ -82,8 +84,7 @@ def march_adaptive(
             )  # fmt: skip
         made = h
         known_part(modes, tables[1][slot], p0, p, form, varying, constant, drivers, jumps, base)
-        # just before the stop, where the right-hand side may jump
-        times = np.minimum(t + h * nodes, np.nextafter(t_stop, 0.0))
+        times = times_inside(clock[5], t, h, nodes, t_stop)
         guess(nodes, legendre, last[0, PRIMARY], h, clock[2], p[0], values[0, PRIMARY])
         ratio, solved = orbit_ratio(
             rhs, jac, has_jac, params, times, h, base, form, rule, drivers, local, values, run,
@@ -103,13 +104,13 @@ def march_adaptive(
             if not t + 0.01 * clock[1] > t:
                 return row, (TOO_ROUGH if solved else NOT_SOLVED)
             continue
-        starts[row], lengths[row], ratios[row] = t, h, ratio
+        starts[row], lengths[row], ratios[row] = clock[5] + t, h, ratio
         keep_row(values[0], x[0], p[0], second, largest, rows[row], begins[row])
         fold(bank[0], modes, p0)
         before[:], last[:] = modes, values
         move_on(h, tables[2][slot], tables[3][slot], driven, idle, legendre, values, x, p, modes)
         row += 1
-        clock[0], clock[2] = (t_stop if h == left else t + h), h
+        clock[0], clock[2] = (end if h == left else t + h), h
     return row, REACHED
 
 
@@ -140,9 +141,16 @@ def weights_of_modes(form, bank, varying, run):
 
 
 @kernel
-def next_step(clock, t_stop):
-    """Start of the next step, time left, and the step's length: no crumb is left at the stop."""
-    left = t_stop - clock[0]
+def times_inside(origin, t, h, nodes, t_stop):
+    """Times of the nodes, after the origin and before the stop: right-hand sides may jump there."""
+    times = np.minimum(origin + (t + h * nodes), np.nextafter(t_stop, 0.0))
+    return np.maximum(times, np.nextafter(origin, np.inf))
+
+
+@kernel
+def next_step(clock, end):
+    """Start of the next step, time left, and the step's length: no crumb is left at the end."""
+    left = end - clock[0]
     return clock[0], left, left if clock[1] >= left else min(clock[1], 0.5 * left)
 
 
@@ -286,7 +294,7 @@ def move_on(h, keeps, moments, driven, idle, legendre, values, x, p, modes):
 @kernel
 def keep_row(values, x, p, second, largest, nodal, begin):
     """Note a step's start and p at its nodes, and the largest p so far where it is a velocity."""
-    # values (3, d, s), x, p (d,), nodal (d, s), begin (2 d,)
+    # values (3 or 4, d, s), x, p (d,), nodal (d, s), begin (2 d,)
     d, s = nodal.shape
     nodal[:] = values[PRIMARY]
     for c in range(d):

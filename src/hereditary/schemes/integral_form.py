@@ -18,7 +18,7 @@ import numpy as np
 from .._checks import complaint
 from ..kernels.collocation import FORCE, ITSELF, POSITION, PRIMARY, SLOPE
 from ..memory_kernel import MemoryKernel
-from ..operators import VaryingOrder, derivative_order
+from ..operators import OrderFailed, VaryingOrder, derivative_order
 from ..system import KernelTerm, System
 
 # Numbers closer than this are one; a sum of up to so many others is not taken for itself.
@@ -78,17 +78,17 @@ class Form:
         varying = self.channels[:, 2] >= first
         return np.unique(self.channels[varying, 1]).astype(np.int64)
 
-    def start_exponent(self) -> float:
-        """The least power of t with which p changes at 0, where no basis of powers is at hand."""
+    def start_exponent(self, t: float = 0.0) -> float:
+        """The least power of the time since t with which p changes after a corner there."""
         d, found = self.second.size, []
         for c in range(d):
             own = self.channels[self.channels[:, 0] % d == c]
             driver = SLOPE if self.implicit[c] else FORCE
-            powers = [self._power(int(k), driver) for _, q, k, _ in own if q == driver]
+            powers = [self._power(int(k), driver, t) for _, q, k, _ in own if q == driver]
             found.append(max(powers) if self.implicit[c] else min(powers))
         return min(1.0, *found)
 
-    def _power(self, k, driver):
+    def _power(self, k, driver, t):
         """Of integrals of the force, their order; of others, that of their kernel's start."""
         n_a, n_k = self.orders.size, len(self.kernels)
         if k < n_a:
@@ -97,7 +97,9 @@ class Form:
             kernel = self.kernels[k - n_a]
             return kernel.singular_exponent or min((*kernel.generators, 1.0))
         order = self.varying[k - n_a - n_k]
-        values, _ = order.sampled(np.zeros(1))
+        values, trouble = order.sampled(np.full(1, t))
+        if trouble:
+            raise OrderFailed(trouble)
         return 1 - order.derivative + float(values[0])
 
 
@@ -120,15 +122,15 @@ def integral_form(system: System) -> Form:
             rows += _integral_rows(system, c, highest[c], second[c], total)
     whats = [row[2] for row in rows]
     orders = sorted({what for what in whats if isinstance(what, float)} | {1.0})
-    kernels = [what for what in whats if isinstance(what, MemoryKernel)]
+    kernels = list(dict.fromkeys(what for what in whats if isinstance(what, MemoryKernel)))
     varying = list(dict.fromkeys(what for what in whats if isinstance(what, VaryingOrder)))
-    listed, n_kernels = [], 0
+    listed = []
     for c, q, what, kappa, _ in rows:
         index = ITSELF
         if isinstance(what, float):
             index = orders.index(what)
         elif isinstance(what, MemoryKernel):
-            index, n_kernels = len(orders) + n_kernels, n_kernels + 1
+            index = len(orders) + kernels.index(what)
         elif what is not None:
             index = len(orders) + len(kernels) + varying.index(what)
         listed.append((c, q, index, kappa))

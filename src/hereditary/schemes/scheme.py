@@ -279,11 +279,14 @@ class Scheme(ABC):
         if kernels and not self.takes_kernels:
             required = f"be Caputo operators with {type(self).__name__}"
             got = f"a Memory with {kernels[0].kernel!r}"
-            raise ValueError(complaint("terms", required, got, "use ExplicitCaputo or L1"))
+            raise ValueError(
+                complaint("terms", required, got, "use ExplicitCaputo, L1 or Collocation")
+            )
         if varying and not self.takes_varying:
             required = f"have constant orders with {type(self).__name__}"
             got = f"Caputo({varying[0].name})"
-            raise ValueError(complaint("terms", required, got, "use ExplicitCaputo or L1"))
+            remedy = "use ExplicitCaputo, L1 or Collocation"
+            raise ValueError(complaint("terms", required, got, remedy))
 
     @abstractmethod
     def order(self, alpha: float, smoothness: str = "smooth") -> float:

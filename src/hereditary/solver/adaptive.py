@@ -149,7 +149,8 @@ class _Keeper:
         self.end = edges[-1] if end is None else end
         if self._wanted is None:
             n = np.arange(self._n_seen + 1, self._n_seen + edges.size)
-            chosen = (n % self._every == 0) & (edges[1:] <= self.end)
+            # steps next to a corner may be too short for its time to change
+            chosen = (n % self._every == 0) & (edges[1:] <= self.end) & (np.diff(edges) > 0)
             self._n_seen += edges.size - 1
             times = edges[1:][chosen]
         else:

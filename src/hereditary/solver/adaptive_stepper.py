@@ -27,6 +27,7 @@ from ..schemes.quadrature import (
 )
 from .corner import Corner
 from .dense import PolynomialPieces, PowerPiece
+from .identity import described_terms
 from .jumps import jump
 from .order_tables import OrderTables
 from .strands import Strands
@@ -106,7 +107,7 @@ class AdaptiveStepper:
         self._orders = OrderTables(form.varying, s)
         self._transforms = shortened_legendre(s)
         self._strands = Strands(form, self._starts(directions), s)
-        self._clock = np.array([0.0, t_end, 0.0, 0.0, 0.0])
+        self._clock = np.array([0.0, t_end, 0.0, 0.0, 0.0, 0.0])
         self._notes = np.array([0.0, 0.0, 1.0, 1.0, 1.0])
         self._steps = np.zeros(2, dtype=np.int64)
         self._largest = np.abs(self._strands.p[0])
@@ -129,7 +130,7 @@ class AdaptiveStepper:
     @property
     def t(self):
         """Time reached."""
-        return float(self._clock[0])
+        return float(self._clock[5] + self._clock[0])
 
     @property
     def n_steps(self):
@@ -176,6 +177,8 @@ class AdaptiveStepper:
             if not self._graded:
                 return self._step_out(t_stop)
             self._grade(t_stop)
+            if self.not_solved:
+                return None
         d = self.equation.d
         track = tuple(
             np.empty(shape)
@@ -186,7 +189,7 @@ class AdaptiveStepper:
             made = self.n_steps
             try:
                 if status == UNTOLD:
-                    self._orders.tell(self._strands, t_stop)
+                    self._orders.tell(self._strands, self._clock[5], t_stop)
                 _, status = self._march(tuple(array[n:] for array in track), t_stop)
             except Exception as error:
                 # the steps before it are made and kept
@@ -202,12 +205,19 @@ class AdaptiveStepper:
                     status = TOO_ROUGH
                 else:
                     self._come_closer(closest)
+        if status == REACHED and self.error is None:
+            self._begin_at(t_stop)
         if status not in (REACHED, FULL, TOO_CLOSE):
             self.not_solved, self.blown_up = status == NOT_SOLVED, status != NOT_SOLVED
         if n == 0:
             return None
         self._largest_error = max(self._largest_error, float(track[4][:n].max()))
         return PolynomialPieces(*(array[:n] for array in track[:4]))
+
+    def _begin_at(self, t, since=0.0):
+        """Count the time from t on: next to a corner its rounding would hide the steps."""
+        self._clock[0], self._clock[5] = since, t
+        self._orders.forget()
 
     def _march(self, track, t_stop):
         equation, form, strands = self.equation, self._form, self._strands
@@ -272,7 +282,7 @@ class AdaptiveStepper:
         return AdaptiveState(
             self.t,
             self.y,
-            self._identity(),
+            self._identity(self.t),
             tuple(array.copy() for array in run),
             copy.deepcopy(self._strands),
             self._at_corner,
@@ -280,7 +290,8 @@ class AdaptiveStepper:
 
     def restore(self, state, t_end):
         """Take over where `state` was taken."""
-        for name, theirs, mine in zip(_NAMES, state.identity, self._identity(), strict=True):
+        pairs = zip(_NAMES, state.identity, self._identity(state.t), strict=True)
+        for name, theirs, mine in pairs:
             if theirs != mine:
                 required = f"come from a run with the same {name}, here {mine}"
                 remedy = "start anew, or change it back"
@@ -293,14 +304,14 @@ class AdaptiveStepper:
         run = (array.copy() for array in state.run)
         self._clock, self._notes, self._steps, self._largest = run
         self._strands, self._at_corner = copy.deepcopy(state.strands), state.at_corner
+        self._strands.adopt(self._form)
         self._tables = None  # they belong to the modes, and so do these
         self._orders.forget()
 
-    def _identity(self):
-        equation, n_tangents = self.equation, self._strands.x.shape[0] - 1
-        coefficients = [equation.coefficients.tolist(), *map(str, equation.memories)]
-        numbers = (equation.orders.tolist(), coefficients, n_tangents)
-        return (self._s, self._tolerances, *numbers)
+    def _identity(self, t):
+        """What a run to time t must share with one that resumes it."""
+        n_tangents = self._strands.x.shape[0] - 1
+        return (self._s, self._tolerances, *described_terms(self.equation, t), n_tangents)
 
     def _step_out(self, t_stop):
         """Step out of a point where the solution is not smooth; the piece made."""
@@ -328,16 +339,20 @@ class AdaptiveStepper:
         strands.leave(basis, h, values)
         speeds = np.maximum(self._largest, np.abs(values[0, PRIMARY]).max(axis=1))
         self._largest[:] = np.where(self.second, speeds, 0.0)
-        end = t_stop if h == t_stop - t else t + h
-        self._clock[:] = end, h, 0.0, strands.closest, 0.0
+        self._clock[1:5] = h, 0.0, strands.closest, 0.0
+        if h == t_stop - t:
+            self._begin_at(t_stop)
+        else:
+            self._begin_at(t, h)
         self._steps[0] += 1
         self._at_corner = False
 
     def _grade(self, t_stop):
         """Make ready to begin by ordinary steps, the first so small that the solution is still."""
+        self._begin_at(self.t)
         left = t_stop - self.t
-        h = left * min(1e-2, self._atol ** (1 / self._form.start_exponent()))
-        h = max(h, 1e5 * self._far / _MOST, 1e3 * np.spacing(self.t))
+        h = left * min(1e-2, self._atol ** (1 / self._form.start_exponent(self.t)))
+        h = max(h, 1e5 * self._far / _MOST)
         closest = self._rule[0][0] * h / _ROOM
         if self.n_modes == 0:
             near, far = _decades(closest, self._far)
@@ -345,7 +360,9 @@ class AdaptiveStepper:
         if closest < self._strands.closest:
             self._come_closer(closest)
         # the right-hand side may jump here
-        jump(self.equation, self._form, self._strands, np.nextafter(self.t, t_stop))
+        after = np.nextafter(self.t, t_stop)
+        self.not_solved = not jump(self.equation, self._form, self._strands, after, self._notes)
+        self._largest[:] = np.where(self.second, self._largest, 0.0)
         self._clock[3] = self._strands.closest
         self._clock[1], self._clock[2], self._clock[4] = on_grid(h), 0.0, 0.0
         self._at_corner = False

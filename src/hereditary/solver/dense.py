@@ -60,7 +60,7 @@ class PolynomialPieces:
 
     def evaluate(self, t, second, derivative):
         """y or y' at times t inside the steps, shape (k, d)."""
-        i = np.clip(np.searchsorted(self.starts, t, side="right") - 1, 0, self.starts.size - 1)
+        i = np.clip(_place(self.starts, t), 0, self.starts.size - 1)
         d, s = self.rows.shape[1:]
         u = np.clip((t - self.starts[i]) / self.lengths[i], 0.0, 1.0)
         rows, h = self.rows[i], self.lengths[i, None]
@@ -76,6 +76,16 @@ class PolynomialPieces:
         # the integral of the steps' own polynomials, so that y is continuous
         risen = h * np.einsum("kdj,kj->kd", rows, polynomial_integrals(s, 1.0, u))
         return np.where(second, self.begins[i, :d] + risen, p)
+
+
+def _place(starts, t):
+    """The last that starts by each time, or the first of several that start at that very time.
+
+    Steps next to a corner may be too short for its time to change.
+    """
+    last = np.searchsorted(starts, t, side="right") - 1
+    first = np.searchsorted(starts, t, side="left")
+    return np.where(first <= last, first, last)
 
 
 @lru_cache(maxsize=16)
@@ -124,7 +134,7 @@ class Dense:
             required = f"lie in [{start}, {end}]"
             raise ValueError(complaint("t", required, shown(times)))
         out = np.empty((times.size, self._second.size))
-        where = np.searchsorted(starts, times, side="right") - 1
+        where = _place(starts, times)
         for k in np.unique(where):
             chosen = where == k
             out[chosen] = self._pieces[k].evaluate(times[chosen], self._second, derivative)

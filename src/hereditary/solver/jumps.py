@@ -12,31 +12,35 @@ from .strands import rows
 # Kernels at 0 are taken here.
 _NEXT_TO_0 = 1e-300
 # Sweeps of Newton's method, and the change relative to p that ends them.
-_SWEEPS, _GOAL = 20, 1e-14
+_SWEEPS, _GOAL = 100, 1e-14
 
 
-def jump(equation, form, strands, t):
-    """Let p, and what remembers it, jump at time t until the equation holds."""
+def jump(equation, form, strands, t, notes):
+    """Let p, and what remembers it, jump at time t until the equation holds; whether it does."""
     stiffness, held = _stiffness(form), _held(form)
     free = (form.implicit == 1) & np.isfinite(stiffness) & (stiffness != 0)
     if not free.any():
-        return
+        return True
     d, stiffness = free.size, np.where(free, stiffness, 0.0)
     begun, is_y = strands.p.copy(), form.second == 0
     past, force = strands.modes[:, d : 2 * d].sum(axis=2), np.empty(d)
     for _ in range(_SWEEPS):
         equation._rhs(t, strands.x[0], force, equation.params)
+        notes[0] += 1
         jacobian = equation.jacobian(t, strands.x[0])
         forces = np.vstack([force, strands.x[1:] @ jacobian.T])
         left = forces - past - stiffness * (strands.p - begun) - held * strands.p
         matrix = np.diag(np.where(free, stiffness + held, 1.0))
         matrix -= np.where(is_y, jacobian, 0.0) * np.outer(free, free)
+        if not np.all(np.isfinite(left[:, free])) or np.linalg.matrix_rank(matrix) < d:
+            return False
         change = np.linalg.solve(matrix, np.where(free, left, 0.0).T).T
         strands.p += change
         strands.x += np.where(is_y, change, 0.0)
         if np.all(np.abs(change) <= _GOAL * (np.abs(strands.p) + np.abs(begun))):
-            break
-    strands.take_jump(strands.p - begun)
+            strands.take_jump(strands.p - begun)
+            return True
+    return False
 
 
 def _stiffness(form):

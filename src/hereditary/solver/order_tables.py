@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from ..kernels.adaptive import times_inside
 from ..operators import OrderFailed
 from ..schemes.quadrature import radau_integrals, radau_nodes
 
@@ -21,7 +22,8 @@ class OrderTables:
     Attributes
     ----------
     known : ndarray, shape (4,)
-        Start and length of the step that the tables hold for, and of the one that is wanted.
+        Start, since the origin, and length of the step that the tables hold for, and of the one
+        that is wanted.
     integrals : ndarray, shape (n_v, s, s)
         From values at the nodes to the integrals, of the order at each node, over the step.
     weights : ndarray, shape (n_v, M, s)
@@ -43,10 +45,10 @@ class OrderTables:
         """Hold for no step."""
         self.known[:2] = np.nan
 
-    def tell(self, strands, t_stop):
+    def tell(self, strands, origin, t_stop):
         """Work out the tables of the step that is wanted; raise `OrderFailed` for a bad order."""
         t, h = self.known[2:]
-        times = np.minimum(t + h * self._nodes, np.nextafter(t_stop, 0.0))
+        times = times_inside(origin, t, h, self._nodes, t_stop)
         n = strands.rates.size
         if self.weights.shape[1] != n:
             self.weights = np.zeros((len(self._varying), n, self._nodes.size))

@@ -7,16 +7,14 @@ import numpy as np
 
 from .._checks import complaint
 from ..kernels.block import BLOWN_UP, NOT_SOLVED, RUNNING
-from ..operators import VaryingOrder
 from ..system import shifted, variational
+from .identity import described_terms
 
 # Steps in a block. Measured with 56 modes: 74, 75 and 85 ns a step at 16, 32 and 64, where the
 # in-block sums take over; below 16 the calls of the history do.
 BLOCK = 32
 # Steps after which a march reads no data but the lasting ones.
 _FIRST_STEPS = 8
-# Shares of the time so far at which a state remembers orders that vary.
-_LOOKS = np.linspace(0.0, 1.0, 5)
 
 
 @dataclass(frozen=True, eq=False)
@@ -350,18 +348,10 @@ class Stepper:
 
     def _identity(self, t):
         """What a run to time t must share with one that resumes it."""
-        orders, coefficients = self.equation.orders.tolist(), [self.equation.coefficients.tolist()]
-        for pair in self.equation.memories:
-            term, factors = pair
-            varying = isinstance(term, VaryingOrder)
-            if varying:  # functions have no lasting names: by some of its values
-                orders.append(term.sampled(_LOOKS * t)[0].tolist())
-            coefficients.append(factors.tolist() if varying else str(pair))
         return (
             _described(self.scheme),
             _described(self.history),
-            orders,
-            coefficients,
+            *described_terms(self.equation, t),
             self.n_tangents,
         )
 

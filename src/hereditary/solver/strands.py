@@ -76,12 +76,13 @@ class Strands:
         return max(self.bank.closest, self.varying.closest if self._form.varying else 0.0)
 
     def __getstate__(self):
-        """All but what the banks hold anyway."""
-        joined = ("rates", "weights", "masses", "own")
-        return {name: value for name, value in vars(self).items() if name not in joined}
+        """All but what the banks hold anyway, and the form, for functions need not pickle."""
+        left_out = ("rates", "weights", "masses", "own", "_form")
+        return {name: value for name, value in vars(self).items() if name not in left_out}
 
-    def __setstate__(self, state):
-        vars(self).update(state)
+    def adopt(self, form):
+        """Go on, from a state, with the form that the state left out."""
+        self._form = form
         self._join()
 
     def _join(self):
