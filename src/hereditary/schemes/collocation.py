@@ -22,9 +22,9 @@ class Collocation(Scheme):
     is a sum of exponential modes moved on by exact moments. The step out of t = 0, and out of a
     jump, takes sums of the powers of t that the solution is made of there instead of polynomials.
 
-    Where the highest derivative stands in terms with general kernels or with orders that vary, the
-    step solves the equation as it stands, and starts begin by tiny ordinary steps; orders must keep
-    0.05 above the integer below.
+    Where a component's highest derivative stands in terms with general kernels or with orders that
+    vary, the step solves the equation as it stands. There, and where any order varies, a run begins
+    by tiny ordinary steps, at 0 and at jumps; orders must keep 0.05 above the integer below.
 
     Parameters
     ----------

@@ -36,7 +36,8 @@ class L1(Scheme):
     (k+1)**(2-beta) - k**(2-beta)``, lower orders are seen at t_n + h/2 as well, and the equation
     holds there with ``x = (x_n + x_(n+1)) / 2``. Implicit: Newton's method with the equation's
     Jacobian or differences. Any number of terms and components. Where orders vary, all of a step's
-    weights are those of the orders at the time at which its equation holds.
+    weights are those of the orders at the time at which its equation holds; beside them, above
+    order 1, no `Memory` of y itself is taken.
 
     Error
     -----
