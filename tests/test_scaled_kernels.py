@@ -71,7 +71,7 @@ def test_factors_whose_product_leaves_the_numbers():
     with pytest.raises(ValueError, match=r"factor must be a finite number other than 0, got 0\.0"):
         1e-200 * (1e-200 * hd.PowerLaw(0.5))
     with pytest.raises(
-        ValueError, match="divisor must be a finite number .* its inverse, got 5e-324"
+        ValueError, match=r"divisor must be a finite number .* its inverse, got 5e-324"
     ):
         hd.PowerLaw(0.5) / 5e-324
 

@@ -103,6 +103,16 @@ def test_a_constant_function_is_a_constant_order(order, rtol, rate):
     assert error(sol, exact.relaxation(order, rate, y0), rtol) <= 1
 
 
+@pytest.mark.parametrize("order", [0.3, 0.9, 1.5])
+def test_steep_forces(order):
+    y0 = [[1.0], [0.0]][: math.ceil(order)]
+    equation = hd.Equation(always(order), lambda t, y: -1e6 * y, np.ravel(y0))
+    for rtol in (1e-5, 1e-10):
+        sol = hd.solve(equation, 0.3, rtol=rtol)
+        assert error(sol, exact.relaxation(order, 1e6, y0), rtol) <= 1
+        assert sol.stats["n_steps"] < 600
+
+
 @pytest.mark.parametrize(
     "terms",
     [
