@@ -9,7 +9,7 @@ import pickle
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_problems import error
 from scipy.integrate import solve_ivp
@@ -94,6 +94,7 @@ def test_manufactured_solutions(name):
 ORDERS = st.floats(0.15, 1.0) | st.floats(1.15, 2.0)
 
 
+@settings(max_examples=15)
 @given(ORDERS, st.sampled_from([1e-5, 1e-9]), st.floats(0.1, 10.0))
 def test_a_constant_function_is_a_constant_order(order, rtol, rate):
     y0 = [[1.0]] if order <= 1 else [[1.0], [-0.5]]
