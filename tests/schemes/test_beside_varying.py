@@ -5,6 +5,7 @@ import pickle
 
 import numpy as np
 import pytest
+from varying import alpha, beta, decay, swing
 
 import hereditary as hd
 from hereditary.analysis.order import observed_order
@@ -12,22 +13,6 @@ from hereditary.analysis.order import observed_order
 SCHEMES = [hd.ExplicitCaputo(), hd.L1()]
 PRONY = hd.Prony((1.0, 10.0), (0.3, 0.7))
 TEMPERED = hd.TemperedPowerLaw(0.4, 0.5)
-
-
-def alpha(t):
-    return 0.5 + 0.3 * np.sin(t)
-
-
-def beta(t):
-    return 1.5 + 0.3 * np.cos(t)
-
-
-def decay(t, y):
-    return np.cos(t) - y
-
-
-def swing(t, y):
-    return np.array([np.sin(y[1]) - y[0] ** 3 + np.cos(t), y[0] * y[1] - 2.0 * y[1]])
 
 
 # the Caputo term's order, the terms beside it, and initial values

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.special import rgamma
+from varying import alpha, beta, decay, swing
 
 import hereditary as hd
 from hereditary.analysis.order import observed_order
@@ -17,22 +18,6 @@ from hereditary.solver.stepper import Stepper
 
 SCHEMES = [hd.ExplicitCaputo(), hd.L1()]
 HISTORIES = [hd.Direct(), hd.SumOfExponentials(1e-12)]
-
-
-def alpha(t):
-    return 0.5 + 0.3 * np.sin(t)
-
-
-def beta(t):
-    return 1.5 + 0.3 * np.cos(t)
-
-
-def decay(t, y):
-    return np.cos(t) - y
-
-
-def swing(t, y):
-    return np.array([np.sin(y[1]) - y[0] ** 3 + np.cos(t), y[0] * y[1] - 2.0 * y[1]])
 
 
 EQUATIONS = {
