@@ -253,6 +253,18 @@ def test_resumed_streamed_and_stopped_runs():
     assert through(stopped.t[-1])[0] == pytest.approx(1.0, abs=1e-8)
 
 
+@pytest.mark.parametrize("friction", [hd.Caputo(0.8), always(0.8), hd.Caputo(1)], ids=str)
+def test_nothing_jumps_at_a_break_where_nothing_does(friction):
+    """Whatever the friction that p is held by, and however singular it is."""
+    terms = [hd.Memory(hd.Prony([0.5], [1.0]), 2), 0.5 * friction]
+    equation = hd.Equation(terms, lambda t, x: np.cos(t) - x, [0.5, 0.3])
+    plain, broken = (hd.solve(equation, 6.0, rtol=1e-8, breaks=b) for b in ((), (2.0, 4.0)))
+    t = np.linspace(0.1, 6, 60)
+    assert broken.success
+    assert np.abs(broken(t) - plain(t)).max() < 1e-8
+    assert np.abs(broken(t, 1) - plain(t, 1)).max() < 1e-7
+
+
 def test_a_jump_that_cannot_be_solved_for():
     """f = y and K(0) = 1 hold for any jump or none."""
     equation = hd.Equation(hd.Memory(hd.Prony([1.0], [1.0]), 1), lambda t, y: y, 1.0)

@@ -360,8 +360,7 @@ class AdaptiveStepper:
         if closest < self._strands.closest:
             self._come_closer(closest)
         # the right-hand side may jump here
-        after = np.nextafter(self.t, t_stop)
-        self.not_solved = not jump(self.equation, self._form, self._strands, after, self._notes)
+        self.not_solved = not jump(self.equation, self._form, self._strands, self.t, self._notes)
         self._largest[:] = np.where(self.second, self._largest, 0.0)
         self._clock[3] = self._strands.closest
         self._clock[1], self._clock[2], self._clock[4] = on_grid(h), 0.0, 0.0

@@ -16,31 +16,38 @@ _SWEEPS, _GOAL = 100, 1e-14
 
 
 def jump(equation, form, strands, t, notes):
-    """Let p, and what remembers it, jump at time t until the equation holds; whether it does."""
+    """Let p, and what remembers it, jump at time t until the equation holds; whether it does.
+
+    It held before: what the terms amount to is the right-hand side there, and nothing but p at 0.
+    """
     stiffness, held = _stiffness(form), _held(form)
     free = (form.implicit == 1) & np.isfinite(stiffness) & (stiffness != 0)
     if not free.any():
         return True
-    d, stiffness = free.size, np.where(free, stiffness, 0.0)
-    begun, is_y = strands.p.copy(), form.second == 0
-    past, force = strands.modes[:, d : 2 * d].sum(axis=2), np.empty(d)
+    p, x, is_y = strands.p.copy(), strands.x.copy(), form.second == 0
+    before = _forces(equation, np.nextafter(t, 0.0), x, notes)[0] if t > 0 else held * p
+    stiffness = np.where(free, stiffness + held, 1.0)
     for _ in range(_SWEEPS):
-        equation._rhs(t, strands.x[0], force, equation.params)
-        notes[0] += 1
-        jacobian = equation.jacobian(t, strands.x[0])
-        forces = np.vstack([force, strands.x[1:] @ jacobian.T])
-        left = forces - past - stiffness * (strands.p - begun) - held * strands.p
-        matrix = np.diag(np.where(free, stiffness + held, 1.0))
-        matrix -= np.where(is_y, jacobian, 0.0) * np.outer(free, free)
-        if not np.all(np.isfinite(left[:, free])) or np.linalg.matrix_rank(matrix) < d:
+        forces, jacobian = _forces(equation, np.nextafter(t, np.inf), x, notes)
+        left = np.where(free, forces - before - stiffness * (p - strands.p), 0.0)
+        matrix = np.diag(stiffness) - np.where(is_y, jacobian, 0.0) * np.outer(free, free)
+        if not np.all(np.isfinite(left)) or np.linalg.matrix_rank(matrix) < free.size:
             return False
-        change = np.linalg.solve(matrix, np.where(free, left, 0.0).T).T
-        strands.p += change
-        strands.x += np.where(is_y, change, 0.0)
-        if np.all(np.abs(change) <= _GOAL * (np.abs(strands.p) + np.abs(begun))):
-            strands.take_jump(strands.p - begun)
+        change = np.linalg.solve(matrix, left.T).T
+        p += change
+        x += np.where(is_y, change, 0.0)
+        if np.all(np.abs(change) <= _GOAL * (np.abs(p) + np.abs(strands.p))):
+            strands.take_jump(p, x)
             return True
     return False
+
+
+def _forces(equation, t, x, notes):
+    """The right-hand side for each strand, tangents by the Jacobian, and that; x (1 + k, d)."""
+    force, jacobian = np.empty(x.shape[1]), equation.jacobian(t, x[0])
+    equation._rhs(t, x[0], force, equation.params)
+    notes[0] += 1
+    return np.vstack([force, x[1:] @ jacobian.T]), jacobian
 
 
 def _stiffness(form):

@@ -132,12 +132,13 @@ class Strands:
         self.before = self.modes
         self.modes = self._moved(self.before)
 
-    def take_jump(self, risen):
-        """Let the modes take in a jump of p, (1 + k, d), at the present time."""
-        weights, d = self.weights, self.x.shape[1]
+    def take_jump(self, p, x):
+        """Go to these values, (1 + k, d), at once; the modes take in the jump of p."""
+        d = x.shape[1]
         for c, q, k, kappa in rows(self._form):
             if q == SLOPE and k != ITSELF:
-                self.modes[:, c] += kappa * weights[k] * risen[:, c % d, None]
+                self.modes[:, c] += kappa * self.weights[k] * (p - self.p)[:, c % d, None]
+        self.p, self.x = p, x
 
     def come_closer(self, closest):
         """Refit the modes to reach closer; the new, fast ones have seen the last step alone."""
