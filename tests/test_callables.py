@@ -333,3 +333,49 @@ def test_dispatchers_with_their_own_signature():
         return -y
 
     assert hd.solve(equation(rhs), 1.0, 50).success
+
+
+def test_t_comes_first():
+    with pytest.raises(TypeError, match=r"rhs must take t first and y second, got .*\(y, t\)"):
+        equation(lambda y, t: -y)
+
+
+def test_four_arguments_are_explained():
+    told = "with four arguments the third is dy, to be filled, and the fourth params"
+    for rhs in (lambda t, y, a, b: -a * b * y, lambda t, y, a, b: a * np.ones(3) + b):
+        with pytest.raises((TypeError, ValueError), match=told):
+            equation(rhs, params=(1.0, 2.0, 3.0))
+
+
+def test_a_flat_y0_taken_for_y_and_its_derivative_is_told():
+    for rhs in (lambda t, y: [-y[0], -y[1]], lambda t, y: np.zeros(2)):
+        with pytest.raises(ValueError, match=r"is taken for .* of one component"):
+            hd.Equation(hd.Caputo(1.8), rhs, [1.0, 2.0])
+
+
+def catches(t, y):
+    try:
+        scale = 1 / t
+    except ZeroDivisionError:
+        scale = 0.0
+    return -y * scale
+
+
+def formats(t, y):
+    s = f"{t:.2f}"
+    return -y * len(s)
+
+
+@pytest.mark.parametrize(
+    ("rhs", "reason", "line"),
+    [
+        (uncompilable_call, "Key must be None or a Numba JIT", "len(sorted([scale], key=str))"),
+        (catches, "Exception matching is limited to", "except ZeroDivisionError:"),
+        (formats, "format spec in f-strings not supported", 's = f"{t:.2f}"'),
+    ],
+)
+def test_the_sentence_of_numba_that_helps_is_told(rhs, reason, line):
+    with pytest.raises(TypeError, match="rhs must be a function that numba can compile") as caught:
+        equation(rhs)
+    assert reason in str(caught.value)
+    assert line in str(caught.value)

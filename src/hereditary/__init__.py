@@ -15,7 +15,7 @@ from .exponential_sum import fit_exponentials
 from .history.direct import Direct
 from .history.exponentials import SumOfExponentials
 from .history.fft import FFT
-from .memory_kernel import ExponentialSum
+from .memory_kernel import ExponentialSum, KernelWarning
 from .memory_kernels import (
     DistributedOrder,
     Kernel,
@@ -35,7 +35,7 @@ from .schemes.explicit import ExplicitCaputo
 from .schemes.l1 import L1
 from .schemes.l2 import L2
 from .schemes.l2sigma import L2Sigma
-from .solver.solution import Solution, StabilityWarning, Status
+from .solver.solution import Solution, SolveWarning, StabilityWarning, Status
 from .solver.solve import solve
 
 __version__ = importlib.metadata.version("hereditary")
@@ -55,6 +55,7 @@ __all__ = [
     "ExponentialSum",
     "Graded",
     "Kernel",
+    "KernelWarning",
     "L2Sigma",
     "LyapunovResult",
     "Memory",
@@ -67,6 +68,7 @@ __all__ = [
     "RegimeVerdict",
     "Section",
     "Solution",
+    "SolveWarning",
     "StabilityWarning",
     "Status",
     "StretchedExponential",
@@ -75,6 +77,7 @@ __all__ = [
     "TabulatedKernel",
     "TemperedPowerLaw",
     "classify",
+    "exact",
     "fit_exponentials",
     "graded",
     "lyapunov",
@@ -88,7 +91,7 @@ __all__ = [
 
 
 def __getattr__(name):
-    # plots alone needs matplotlib, whose import takes as long as all the rest
-    if name == "plots":
-        return importlib.import_module(".plots", __name__)
+    # plots needs matplotlib, whose import takes as long as all the rest; exact needs an extra
+    if name in ("plots", "exact"):
+        return importlib.import_module(f".{name}", __name__)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

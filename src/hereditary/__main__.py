@@ -20,7 +20,7 @@ from .equation import Equation
 from .history.exponentials import SumOfExponentials
 from .paper.command import main as paper
 from .scenes import stick_slip, sticking_intervals
-from .solver.solution import Solution, StabilityWarning
+from .solver.solution import Solution, SolveWarning
 from .solver.solve import solve
 
 # scene parameter -> what it is
@@ -91,10 +91,10 @@ def _halving_difference(equation: Equation, solution: Solution, arguments) -> st
     if arguments.n_steps % 2 or half == 0 or not solution.success:
         return "none (it needs an even number of steps and a completed run)"
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", StabilityWarning)
+        warnings.simplefilter("ignore", SolveWarning)
         coarse = solve(equation, arguments.t_end, half, history=SumOfExponentials(arguments.tol))
     if not coarse.success:
-        return f"none (with half the steps: {coarse.status.value})"
+        return f"none (with half the steps: {coarse.status.sentence})"
     difference = np.abs(solution.y[::2] - coarse.y)
     return f"{difference[-1, 0]:.1e} at the end, {difference.max():.1e} at most (half the steps)"
 

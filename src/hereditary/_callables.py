@@ -4,33 +4,40 @@ A right-hand side may be written ``f(t, y)``, ``f(t, y, params)`` (both return t
 place ``f(t, y, dy, params)``; a Jacobian likewise. Whatever its shape, the solver sees one
 compiled function of one fixed signature. The function is first called once as plain Python, so
 that a mistake surfaces with its own line instead of as a compiler's message.
+
+It is compiled with bounds checks, and for arrays y and params that cannot be written to.
 """
 
 import inspect
-import linecache
-import re
-import threading
-import traceback
+import warnings
 from collections import OrderedDict
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numba import config, njit
+from numba import config, njit, types
 from numba.extending import is_jitted
 
 from ._checks import complaint, shown
-from ._jit import JAC_SIG, RHS_SIG, as_value
+from ._complaints import compile_complaint, defined, line_of, writing_complaint
+from ._frozen import code_names, fresh, frozen_values, uncompiled
+from ._jit import F8, JAC_SIG, RHS_SIG, as_value, compiling
 
 _SHAPES = "{0}(t, y), {0}(t, y, params) or, in place, {0}(t, y, {1}, params)"
+_READ_ONLY = types.Array(F8, 1, "C", readonly=True)
+# Through these numba hands out y as an array that can be written to.
+_PAST_READ_ONLY = {"flat", "nditer", "ascontiguousarray", "asfortranarray", "fill_diagonal", "dot"}
 _COMPILED_MAX = 256
 _compiled: OrderedDict[tuple, Any] = OrderedDict()
-_lock = threading.Lock()
+# Of so many functions that differ in frozen values alone the user is told: numba frees none.
+_VERSIONS_MAX = 50
 
 
-def compile_rhs(fun, y0, params):
-    """Check `fun` at t = 0 and return it compiled as ``rhs(t, y, dy, params)``."""
-    return _compile("rhs", "dy", fun, y0, params, (y0.size,), RHS_SIG)
+def compile_rhs(fun, y0, params, hint=""):
+    """Check `fun` at t = 0 and return it compiled as ``rhs(t, y, dy, params)``.
+
+    `hint` says more about `y0` where `fun` does not fit it.
+    """
+    return _compile("rhs", "dy", fun, y0, params, (y0.size,), RHS_SIG, hint)
 
 
 def compile_jac(fun, y0, params):
@@ -38,42 +45,78 @@ def compile_jac(fun, y0, params):
     return _compile("jac", "jacobian", fun, y0, params, (y0.size, y0.size), JAC_SIG)
 
 
-def _compile(name, out, fun, y0, params, shape, signature):
-    plain = fun.py_func if is_jitted(fun) else fun
+def present_values(fun):
+    """The values that `fun` would freeze if it were compiled now, to be compared with earlier."""
+    return frozen_values(_plain(fun)) if fun is not None else ()
+
+
+def _plain(fun):
+    return fun.py_func if is_jitted(fun) else fun
+
+
+def _compile(name, out, fun, y0, params, shape, signature, hint=""):
+    plain = _plain(fun)
     if not inspect.isfunction(plain):
         required = f"be a function {_SHAPES.format(name, out)}"
         remedy = "write it with def or lambda and pass constants through params"
         raise TypeError(complaint(name, required, repr(fun), remedy))
     arity = _arity(name, out, plain)
-    values, form = _try_out(name, out, plain, arity, y0, params, shape)
-    key = (fun, _frozen_values(plain), arity, form, signature)
-    with _lock:
+    values, form = _try_out(name, out, plain, arity, y0, params, shape, hint)
+    frozen = frozen_values(plain)
+    options = repr(sorted(fun.targetoptions.items())) if is_jitted(fun) else ""
+    key = (frozen, options, arity, form, signature)
+    with compiling:
         if key not in _compiled:
-            # a dispatcher that was compiled before keeps the values it saw then
-            used = any(other[0] is fun for other in _compiled)
-            source = plain if used or not getattr(fun, "_can_compile", True) else fun
-            _compiled[key] = _build(name, source, arity, form, len(shape), signature)
+            copied = bool(_PAST_READ_ONLY & code_names(frozen))
+            _compiled[key] = _build(name, fun, arity, form, len(shape), signature, copied)
+            _tell_of_versions(name, plain)
             while len(_compiled) > _COMPILED_MAX:
                 _compiled.popitem(last=False)
         _compiled.move_to_end(key)
         compiled = _compiled[key]
-    _compare(name, compiled, values, y0, params)
+    _compare(name, plain, arity, form, compiled, values, y0, params)
     return compiled
 
 
-def _compare(name, compiled, values, y0, params):
+def _tell_of_versions(name, plain):
+    """Warn where one function is compiled over and over for other frozen values."""
+    versions = sum(frozen[0] == plain.__code__ for frozen, *_ in _compiled)
+    if versions == _VERSIONS_MAX:
+        warnings.warn(
+            f"{name} was compiled {versions} times for other globals or closed-over values, "
+            f"{defined(plain)}; every time takes 2 MB of memory that numba cannot free; pass "
+            "what changes through params",
+            stacklevel=5,
+        )
+
+
+def _compare(name, fun, arity, form, compiled, values, y0, params):
     """Refuse a function that gives something else compiled than in Python."""
     again = np.empty_like(values)
-    compiled(0.0, y0.copy(), again, params.copy())
-    if not np.allclose(again, values, rtol=1e-8, atol=1e-12 * np.abs(values).max()):
+    try:
+        compiled(0.0, y0.copy(), again, params.copy())
+    except Exception as error:
+        got = f"{type(error).__name__}: {error}"
+        raise ValueError(complaint(name, "run at t = 0", got, defined(fun))) from error
+    if _close(again, values):
+        return
+    # helpers that were compiled before may have run with the values of that day
+    in_python = _adapter(uncompiled(fun), arity, form, values.ndim, False)
+    expected = np.empty_like(values)
+    in_python(0.0, y0.copy(), expected, params.copy())
+    if not _close(again, expected):
         raise ValueError(
             complaint(
                 name,
                 "give the same numbers compiled as in Python",
-                f"{shown(again)} and {shown(values)} at t = 0",
+                f"{shown(again)} and {shown(expected)} at t = 0",
                 "write 1.0 for 1 where whole numbers are divided, raised or grow large",
             )
         )
+
+
+def _close(values, expected):
+    return np.allclose(values, expected, rtol=1e-8, atol=1e-12 * np.abs(expected).max())
 
 
 def _arity(name, out, fun):
@@ -87,47 +130,53 @@ def _arity(name, out, fun):
     if len(positional) != len(parameters) or len(positional) not in (2, 3, 4):
         got = f"{getattr(fun, '__name__', fun)}{inspect.signature(fun)}"
         raise TypeError(complaint(name, required, got, "pass constants through params"))
+    if positional[1].name in ("t", "time"):
+        got = f"{fun.__name__}{inspect.signature(fun)}"
+        raise TypeError(complaint(name, "take t first and y second", got, defined(fun)))
     return len(positional)
 
 
-def _try_out(name, out, fun, arity, y0, params, shape):
+def _try_out(name, out, fun, arity, y0, params, shape, hint):
     """Call `fun` once in Python at t = 0 and check what it gives; return that and its form."""
-    filled, form = _values(name, out, fun, arity, y0, params, shape, np.nan)
+    filled, form = _values(name, out, fun, arity, y0, params, shape, hint, np.nan)
     if np.all(np.isfinite(filled)):
         return filled, form
     if arity == 4:
-        again, _ = _values(name, out, fun, arity, y0, params, shape, 0.5)
+        again, _ = _values(name, out, fun, arity, y0, params, shape, hint, 0.5)
         unset = np.isnan(filled) & (again == 0.5)
         if unset.any():
             got = f"entries {np.argwhere(unset).tolist()} left unset"
-            raise ValueError(complaint(name, f"set every entry of {out}", got, _defined(fun)))
-    remedy = f"check y0 = {shown(y0)} and params = {shown(params)}, {_defined(fun)}"
+            raise ValueError(complaint(name, f"set every entry of {out}", got, defined(fun)))
+    remedy = f"check y0 = {shown(y0)} and params = {shown(params)}, {defined(fun)}"
     raise ValueError(complaint(name, "be finite at t = 0", shown(filled), remedy))
 
 
-def _values(name, out, fun, arity, y0, params, shape, fill):
+def _values(name, out, fun, arity, y0, params, shape, hint, fill):
     """What `fun` gives at t = 0 as an array of `shape`, and in which form."""
     filled = np.full(shape, fill)  # what an in-place function leaves unset stays recognisable
     y, p = y0.copy(), params.copy()
     arguments = {2: (0.0, y), 3: (0.0, y, p), 4: (0.0, y, filled, p)}
+    if arity == 4:
+        hint += f"; with four arguments the third is {out}, to be filled, and the fourth params"
     try:
-        result = fun(*arguments[arity])
+        with np.errstate(all="ignore"):  # values that are not finite are told below
+            result = fun(*arguments[arity])
     except Exception as error:
         raise ValueError(
-            f"{name} must run at t = 0, got {type(error).__name__}: {error} {_line_of(error, fun)};"
-            f" it was called with y = {shown(y0)} and params = {shown(params)}"
+            f"{name} must run at t = 0, got {type(error).__name__}: {error} {line_of(error, fun)};"
+            f" it was called with y = {shown(y0)} and params = {shown(params)}{hint}"
         ) from error
     for argument, given, left in (("y", y0, y), ("params", params, p)):
         if not np.array_equal(given, left):
             got = f"{shown(given)} changed to {shown(left)}"
-            remedy = f"work on a copy, {_defined(fun)}"
+            remedy = f"work on a copy, {defined(fun)}"
             raise ValueError(complaint(name, f"leave {argument} as it is", got, remedy))
     if arity == 4:
         if result is not None:
-            remedy = f"fill {out} in place or leave it out of the arguments, {_defined(fun)}"
+            remedy = f"leave {out} out of the arguments to return values, {defined(fun)}{hint}"
             raise TypeError(complaint(name, f"fill {out} and return None", repr(result), remedy))
         return filled, "in place"
-    remedy = f"return numpy.array([...]) of shape {shape}, {_defined(fun)}"
+    remedy = f"return numpy.array([...]) of shape {shape}, {defined(fun)}"
     try:
         values = np.asarray(result)
     except ValueError:  # rows of unequal length
@@ -136,91 +185,71 @@ def _values(name, out, fun, arity, y0, params, shape, fill):
         raise TypeError(complaint(name, "return real numbers", repr(result), remedy))
     if values.shape != shape and not (values.ndim == 0 and np.prod(shape) == 1):
         size = f"shape {shape}" + (" or a number" if np.prod(shape) == 1 else "")
-        raise ValueError(complaint(name, f"return {size}", f"shape {values.shape}", remedy))
+        got = f"shape {values.shape}"
+        raise ValueError(complaint(name, f"return {size}", got, remedy + hint))
     form = "array" if values.ndim else "number"
     return values.astype(float).reshape(shape), form
 
 
-def _defined(fun):
-    """Where a function begins, in a clause."""
-    return f"in the function at line {fun.__code__.co_firstlineno} of {fun.__code__.co_filename}"
+def _build(name, fun, arity, form, n_axes, signature, copied):
+    """Compile `fun` for `signature`, through an adapter that hands it read-only arrays.
 
-
-def _line_of(error, fun):
-    """Where in the user's function an exception came from."""
-    frames = [
-        f
-        for f in traceback.extract_tb(error.__traceback__)
-        if f.filename == fun.__code__.co_filename
-    ]
-    if not frames:
-        return ""
-    return f'at line {frames[-1].lineno} of {frames[-1].filename}: "{frames[-1].line}"'
-
-
-def _frozen_values(fun):
-    """The globals and closure values that compilation freezes into `fun`.
-
-    They belong to the cache key: after ``b = 2`` the function is another one.
+    numba turns arrays into read-only ones where it calls a function compiled for such alone.
     """
-    cells = [cell.cell_contents for cell in fun.__closure__ or ()]
-    names = set(_names(fun.__code__))
-    held = [fun.__globals__[name] for name in sorted(names & fun.__globals__.keys())]
-    for module in [value for value in cells + held if inspect.ismodule(value)]:
-        held += [vars(module)[name] for name in sorted(names & vars(module).keys())]
-    return tuple(_identity(value) for value in cells + held)
-
-
-def _names(code):
-    """Names of globals and attributes in a code object and those nested in it."""
-    yield from code.co_names
-    for constant in code.co_consts:
-        if inspect.iscode(constant):
-            yield from _names(constant)
-
-
-def _identity(value):
-    if isinstance(value, np.ndarray):
-        return (value.shape, value.dtype.str, value.tobytes())
-    if isinstance(value, (int, float, bool, str)):
-        return (type(value), repr(value))
-    if isinstance(value, (list, tuple)):
-        return (type(value), tuple(_identity(v) for v in value))
-    return id(value)
-
-
-def _build(name, fun, arity, form, n_axes, signature):
-    """Compile `fun` for `signature`, through an adapter where it returns its values."""
     if config.DISABLE_JIT:
-        return fun if arity == 4 else _adapter(fun, arity == 3, form, n_axes)
-    jitted = fun if is_jitted(fun) else _njit(fun)
-    t, y, _, params = signature.args
-    own = {2: (t, y), 3: (t, y, params), 4: signature.args}[arity]
+        return _adapter(_locking(fun), arity, form, n_axes, copied)
+    # the functions are called from compiled code alone: what lets others in takes 1 MB each
+    inside = {"boundscheck": True, "no_cpython_wrapper": True}
+    inner: dict[str, Any] = {"nogil": True, "no_cfunc_wrapper": True, **inside}
+    if not is_jitted(fun):
+        inner["error_model"] = "numpy"
+    t, _, out, _ = signature.args
+    own = {2: (t, _READ_ONLY), 3: (t, _READ_ONLY, _READ_ONLY), 4: (t, _READ_ONLY, out, _READ_ONLY)}
     try:
-        jitted.compile(own)  # by itself first: a complaint then speaks of the user's own lines
-        if arity == 4:
-            return as_value(jitted, signature)
-        return as_value(_njit(_adapter(jitted, arity == 3, form, n_axes)), signature)
+        jitted = fresh(fun, inner, inside)
+        jitted.compile(own[arity])  # by itself first: a complaint then speaks of the user's lines
+        jitted.disable_compile()
+        return as_value(_njit(_adapter(jitted, arity, form, n_axes, copied)), signature)
     except Exception as error:  # numba raises all sorts, not its own kind alone
-        plain = fun.py_func if is_jitted(fun) else fun
-        raise TypeError(_compile_complaint(name, plain, error)) from error
+        plain = _plain(fun)
+        if _compiles(fresh(fun, inner, inside), [a.copy(readonly=False) for a in own[arity][1:]]):
+            raise TypeError(writing_complaint(name, plain, error)) from error
+        raise TypeError(compile_complaint(name, plain, error)) from error
+
+
+def _compiles(jitted, arrays):
+    """Whether it compiles for arrays that can be written to."""
+    try:
+        jitted.compile((F8, *arrays))
+    except Exception:
+        return False
+    return True
 
 
 _njit = njit(error_model="numpy", nogil=True)
 
 
-def _adapter(fun, with_params, form, n_axes):
+def _adapter(fun, arity, form, n_axes, copied):
     """A function that calls `fun` and writes what it returns into the output array.
 
-    `form` is what the trial call gave. The loops are written out because numba takes two seconds
-    to compile ``out[...] = values``.
+    `form` is what the trial call gave; with `copied`, `fun` gets copies of y and params. The loops
+    are written out because numba takes two seconds to compile ``out[...] = values``.
     """
-    one = (0,) * n_axes
+    one, with_params = (0,) * n_axes, arity == 3
+
+    def in_place(t, y, out, params):
+        if copied:
+            y, params = y.copy(), params.copy()
+        fun(t, y, out, params)
 
     def from_number(t, y, out, params):
+        if copied:
+            y, params = y.copy(), params.copy()
         out[one] = fun(t, y, params) if with_params else fun(t, y)
 
     def from_vector(t, y, out, params):
+        if copied:
+            y, params = y.copy(), params.copy()
         values = np.asarray(fun(t, y, params) if with_params else fun(t, y))
         if values.shape != out.shape:
             raise ValueError(_RESHAPED)
@@ -228,6 +257,8 @@ def _adapter(fun, with_params, form, n_axes):
             out[i] = values[i]
 
     def from_matrix(t, y, out, params):
+        if copied:
+            y, params = y.copy(), params.copy()
         values = np.asarray(fun(t, y, params) if with_params else fun(t, y))
         if values.shape != out.shape:
             raise ValueError(_RESHAPED)
@@ -235,27 +266,22 @@ def _adapter(fun, with_params, form, n_axes):
             for j in range(out.shape[1]):
                 out[i, j] = values[i, j]
 
+    if form == "in place":
+        return in_place
     if form == "number":
         return from_number
     return from_vector if n_axes == 1 else from_matrix
 
 
+def _locking(fun):
+    """The function with y and params locked, for runs without a compiler."""
+
+    def locked(t, y, *rest):
+        views = [array.view() for array in (y, *rest)]
+        views[0].flags.writeable = views[-1].flags.writeable = False
+        return fun(t, *views)
+
+    return locked
+
+
 _RESHAPED = "the function returned another shape than at t = 0"
-
-
-def _compile_complaint(name, fun, error):
-    """One sentence from numba's report: the line it stopped at, its reason, and the remedy."""
-    path = fun.__code__.co_filename
-    text = str(error)
-    told = re.search(rf'File "[^"]*{re.escape(Path(path).name)}", line (\d+)', text)
-    where = ""
-    if told:
-        source = linecache.getline(path, int(told[1])).strip()
-        where = f' at line {told[1]} of {path}: "{source}"'
-    lines = (line.strip() for line in text.splitlines())
-    reason = next((s for s in lines if s and not s.startswith("Failed in nopython")), "no reason")
-    return (
-        f"{name} must be a function that numba can compile, got one that stops it{where} "
-        f"({reason}); use arithmetic, math and NumPy functions on floats and arrays, and pass "
-        "constants through params"
-    )

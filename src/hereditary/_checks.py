@@ -6,6 +6,7 @@ do: "n_steps must be a positive integer, got 2.5; pass int(n_steps)".
 
 import math
 import numbers
+import reprlib
 
 import numpy as np
 
@@ -59,6 +60,12 @@ def count(argument, value, remedy="pass a whole number of at least 1"):
     return int(value)
 
 
+def whole(value):
+    """A float without a fraction, ``1e3``, as the int it stands for; anything else as it is."""
+    is_float = isinstance(value, (float, np.floating))
+    return int(value) if is_float and float(value).is_integer() else value
+
+
 def real_array(argument, value, required="be real, finite numbers", remedy=""):
     """Return `value` as a float64 array of finite entries (a copy, C order)."""
     try:
@@ -66,7 +73,8 @@ def real_array(argument, value, required="be real, finite numbers", remedy=""):
     except (TypeError, ValueError) as error:
         raise TypeError(complaint(argument, required, repr(value), remedy)) from error
     if array.dtype.kind not in "iuf":
-        raise TypeError(complaint(argument, required, f"dtype {array.dtype}", remedy))
+        got = f"{reprlib.repr(value)} of dtype {array.dtype}"
+        raise TypeError(complaint(argument, required, got, remedy))
     if not np.all(np.isfinite(array)):
         raise ValueError(complaint(argument, required, shown(array), remedy))
     return np.ascontiguousarray(array, dtype=float).reshape(array.shape)
@@ -75,6 +83,9 @@ def real_array(argument, value, required="be real, finite numbers", remedy=""):
 def instance(argument, value, kind, example):
     """Return `value` if it is an instance of `kind`; `example` is a call that makes one."""
     if not isinstance(value, kind):
-        remedy = f"pass {example}"
-        raise TypeError(complaint(argument, f"be a {kind.__name__}", repr(value), remedy))
+        article = "an" if kind.__name__[0] in "AEIO" else "a"
+        got, remedy = repr(value), f"pass {example}"
+        if isinstance(value, type) and issubclass(value, kind):
+            got, remedy = f"the class {value.__name__}", f"write {value.__name__}(...)"
+        raise TypeError(complaint(argument, f"be {article} {kind.__name__}", got, remedy))
     return value

@@ -1,4 +1,4 @@
-"""How functions are compiled and cached (floor 0).
+"""How functions are compiled (floor 0).
 
 `kernel` is for helpers called from compiled code, `entry` for the loops that Python calls,
 `as_value` for a compiled function that is handed to an entry as a first-class value. Entries are
@@ -6,13 +6,13 @@ compiled at first use for one fixed list of argument types and then locked, so t
 once per machine, whatever functions they are given.
 """
 
-import hashlib
+import signal
 import threading
 from functools import lru_cache
-from pathlib import Path
 
 from numba import config, njit, types
-from numba.core.caching import FunctionCache
+
+from ._cache import CodeCache
 
 F8 = types.float64
 I8 = types.int64
@@ -28,26 +28,43 @@ RHS_SIG = types.void(F8, VEC, VEC, VEC)
 JAC_SIG = types.void(F8, VEC, MAT, VEC)
 
 
-def _package_digest():
-    """Digest of every source file of the package and of the flags that change compiled code.
+class _Compiling:
+    """Entered around every compilation: one at a time, and not broken off in the middle.
 
-    numba notices a change in the file that defines a cached function, not one in the helpers it
-    calls, nor a switch of bounds checking; either would hand back old machine code in silence.
+    numba's compiler is not safe to enter from two threads, and an exception raised anywhere in it
+    leaves functions half made, which no later call gets over. Ctrl-C is noted instead and heeded
+    between two functions, or at the end.
     """
-    digest = hashlib.sha256(str(bool(config.BOUNDSCHECK)).encode())
-    for path in sorted(Path(__file__).parent.rglob("*.py")):
-        digest.update(path.read_bytes())
-    return digest.hexdigest()
+
+    def __init__(self):
+        self._lock, self._depth, self._asked, self._previous = threading.RLock(), 0, False, None
+
+    def __enter__(self):
+        self._lock.acquire()
+        self._depth += 1
+        if self._depth == 1 and threading.current_thread() is threading.main_thread():
+            self._previous = signal.getsignal(signal.SIGINT)
+            if callable(self._previous):
+                signal.signal(signal.SIGINT, self._ask)
+        elif self._asked:
+            self.__exit__()
+            raise KeyboardInterrupt
+
+    def __exit__(self, *exception):
+        self._depth -= 1
+        asked = False
+        if self._depth == 0 and callable(self._previous):
+            signal.signal(signal.SIGINT, self._previous)
+            asked, self._asked, self._previous = self._asked, False, None
+        self._lock.release()
+        if asked and not (exception and exception[0]):
+            signal.raise_signal(signal.SIGINT)
+
+    def _ask(self, number, frame):
+        self._asked = True
 
 
-_DIGEST = _package_digest()
-
-
-class _PackageCache(FunctionCache):
-    """The on-disk cache of one function, keyed by the whole package as well."""
-
-    def _index_key(self, sig, codegen):
-        return (*super()._index_key(sig, codegen), _DIGEST)
+compiling = _Compiling()
 
 
 def kernel(fun, fused=False):
@@ -57,8 +74,16 @@ def kernel(fun, fused=False):
     """
     loose = {"contract"} if fused else False
     dispatcher = njit(nogil=True, error_model="numpy", fastmath=loose)(fun)
-    if not config.DISABLE_JIT:
-        dispatcher._cache = _PackageCache(fun)
+    if config.DISABLE_JIT:
+        return dispatcher
+    dispatcher._cache = CodeCache(fun, repr(sorted(dispatcher.targetoptions.items(), key=str)))
+    compile_alone = dispatcher.compile
+
+    def compile_guarded(sig):
+        with compiling:
+            return compile_alone(sig)
+
+    dispatcher.compile = compile_guarded
     return dispatcher
 
 
@@ -75,11 +100,11 @@ def as_value(fun, signature):
     """Compile `fun` for `signature`, so that it can be passed as a function value."""
     if config.DISABLE_JIT:
         return fun
-    with _COMPILING:
+    with compiling:
         if signature.args not in fun.overloads:
             fun.compile(signature.args)
         compiled = fun.overloads[signature.args]
-        if isinstance(fun._cache, _PackageCache):
+        if isinstance(fun._cache, CodeCache):
             # numba looks the function up by its signature, and its two addresses by their names,
             # at every entry to a loop, which takes 20 us; the package's own functions have but
             # one signature
@@ -97,10 +122,6 @@ class _Loaded:
         self.get_pointer_to_function = lru_cache(compiled.library.get_pointer_to_function)
 
 
-# One lock for every compilation: numba's compiler is not safe to enter from two threads.
-_COMPILING = threading.RLock()
-
-
 class entry:
     """Decorator of a top-level loop: compiled for `argtypes` at the first call, then locked."""
 
@@ -114,7 +135,7 @@ class entry:
 
         def call(*args):
             if not dispatcher.overloads:
-                with _COMPILING:
+                with compiling:
                     if not dispatcher.overloads:
                         dispatcher.compile(self.argtypes)
                         dispatcher.disable_compile()

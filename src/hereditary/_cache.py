@@ -1,0 +1,193 @@
+"""Machine code kept on disk, keyed by all functions that it was made from (floor 0)."""
+
+import hashlib
+import inspect
+import pickle
+import re
+import sys
+import warnings
+from pathlib import Path
+
+import numpy as np
+from numba import config
+from numba.core.caching import FunctionCache, IndexDataCacheFile
+from numba.core.dispatcher import Dispatcher
+
+from ._frozen import names_in
+
+# Bytes of the checksum in front of every entry.
+_CHECKSUM = hashlib.sha256().digest_size
+
+
+class CodeCache:
+    """The on-disk cache of one function of the package.
+
+    numba notices a change in the file that defines a cached function, not one in the helpers it
+    calls, nor a switch of bounds checking or of fused arithmetic; any of these would hand back old
+    machine code in silence. An entry here holds for the code of every function that this one can
+    reach, as it was loaded, and for nothing else: an edit compiles anew what it changes and the
+    callers of that. Where there is no place for the cache, or an entry cannot be read, the function
+    is compiled anew, with one warning for all of them.
+
+    Parameters
+    ----------
+    fun : function
+        The function to compile.
+    options : str
+        Whatever else its machine code depends on.
+    """
+
+    def __init__(self, fun, options):
+        self._fun, self._options = fun, options
+        self._opened = False
+        self._entries = None
+
+    def load_overload(self, sig, target_context):
+        """Return the stored compile result for a signature, None where there is none."""
+        entries = self._open()
+        if entries is None:
+            return None
+        try:
+            return entries.load_overload(sig, target_context)
+        except Exception:  # a damaged entry raises anything
+            self._attempt(entries.flush)
+            return None
+
+    def save_overload(self, sig, data):
+        """Store a compile result."""
+        entries = self._open()
+        if entries is not None:
+            self._attempt(lambda: entries.save_overload(sig, data))
+
+    @property
+    def cache_path(self):
+        """Folder of the cache, None where there is none."""
+        entries = self._open()
+        return None if entries is None else entries.cache_path
+
+    def flush(self):
+        """Drop all entries of the function."""
+        entries = self._open()
+        if entries is not None:
+            self._attempt(entries.flush)
+
+    def _open(self):
+        if not self._opened:  # only now are the helpers that a file defines further down known
+            self._opened = True
+            try:
+                self._entries = _Entries(self._fun, self._options)
+            except (RuntimeError, OSError) as error:
+                _warn_once(str(error))
+        return self._entries
+
+    @staticmethod
+    def _attempt(action):
+        try:
+            action()
+        except OSError as error:
+            _warn_once(str(error))
+
+
+class _Entries(FunctionCache):
+    """Entries of one function: numba's own, with a digest of all that it reaches as their stamp."""
+
+    def __init__(self, fun, options):
+        super().__init__(fun)
+        self._options = options
+        self._cache_file = _CheckedFile(self._cache_path, _file_name(fun), reached_digest(fun))
+
+    def _index_key(self, sig, codegen):
+        options = self._options, bool(config.BOUNDSCHECK)
+        return (*super()._index_key(sig, codegen), options)
+
+
+def _file_name(fun):
+    """Name of a function's entries, which stays when it moves within its file."""
+    module = Path(fun.__code__.co_filename).stem
+    name = re.sub(r"[^\w.]", "", fun.__qualname__)
+    return f"{module}.{name}.py{sys.version_info[0]}{sys.version_info[1]}{sys.abiflags}"
+
+
+class _CheckedFile(IndexDataCacheFile):
+    """Entries that are checked for damage: machine code cut off or altered could do anything."""
+
+    def _dump(self, obj):
+        data = super()._dump(obj)
+        return hashlib.sha256(data).digest() + data
+
+    def _load_index(self):
+        try:
+            with open(self._index_path, "rb") as file:
+                version = pickle.load(file)
+                data = file.read()
+        except FileNotFoundError:
+            return {}
+        if version != self._version:
+            return {}
+        stamp, entries = pickle.loads(_checked(data))
+        return entries if stamp == self._source_stamp else {}
+
+    def _load_data(self, name):
+        with open(self._data_path(name), "rb") as file:
+            return pickle.loads(_checked(file.read()))
+
+
+def _checked(data):
+    """Return what stands behind the checksum, which must be right."""
+    if hashlib.sha256(data[_CHECKSUM:]).digest() != data[:_CHECKSUM]:
+        raise ValueError("a damaged entry of the cache")
+    return data[_CHECKSUM:]
+
+
+def reached_digest(fun):
+    """Digest of the code of all functions that `fun` can reach, and of the constants they use."""
+    digest = hashlib.sha256()
+    seen, ahead = set(), [fun]
+    while ahead:
+        function = ahead.pop()
+        if function in seen:
+            continue
+        seen.add(function)
+        digest.update(_described(function.__code__).encode())
+        for name, value in sorted(_used(function), key=lambda pair: pair[0]):
+            value = getattr(value, "dispatcher", value)  # behind an entry
+            if isinstance(value, Dispatcher):
+                ahead.append(value.py_func)
+            elif isinstance(value, np.ndarray):
+                digest.update(f"{name} {value.dtype} {value.shape}".encode() + value.tobytes())
+            elif isinstance(value, bool | int | float | str | tuple):
+                digest.update(f"{name} {value!r}".encode())
+    return digest.hexdigest()
+
+
+def _described(code):
+    """A code object in words, its docstring and line numbers left out."""
+    constants = list(code.co_consts)
+    if constants and isinstance(constants[0], str):
+        constants[0] = ""  # where a function has a docstring it stands here
+    told = [_described(c) if inspect.iscode(c) else repr(c) for c in constants]
+    names = code.co_name, code.co_names, code.co_varnames, code.co_freevars
+    return repr((*names, code.co_code, told))
+
+
+def _used(function):
+    """Names and values of the globals and closed-over variables that a function reads."""
+    names = set(names_in(function.__code__)) & function.__globals__.keys()
+    found = [(name, function.__globals__[name]) for name in names]
+    cells = zip(function.__code__.co_freevars, function.__closure__ or (), strict=True)
+    return [*found, *((name, cell.cell_contents) for name, cell in cells)]
+
+
+_warned = False
+
+
+def _warn_once(reason):
+    global _warned
+    if not _warned:
+        _warned = True
+        warnings.warn(
+            f"compiled code cannot be kept on disk ({reason}), so every process compiles it anew; "
+            "set NUMBA_CACHE_DIR to a folder that can be written to",
+            RuntimeWarning,
+            stacklevel=2,
+        )

@@ -1,0 +1,138 @@
+"""What compilation freezes into a function, and copies that freeze the present (floor 0).
+
+numba takes the globals and closed-over values of a function as constants, and those of the compiled
+helpers that it calls. A function is therefore the same only where its code and all of these are.
+"""
+
+import hashlib
+import inspect
+from types import CellType, FunctionType
+from typing import Any
+
+import numpy as np
+from numba import jit
+from numba.extending import is_jitted
+
+
+def frozen_values(fun):
+    """The code of `fun` and of its helpers with all values they freeze; hashable."""
+    functions = [fun]
+    held: list[Any] = []
+    for function in functions:  # which grows
+        held.append(function.__code__)
+        for name, value in sorted(_read(function).items()):
+            if not is_jitted(value):
+                held.append((name, _identity(value)))
+                continue
+            if value.py_func not in functions:
+                functions.append(value.py_func)
+            options = repr(sorted(value.targetoptions.items()))
+            held.append((name, functions.index(value.py_func), options))
+    return tuple(held)
+
+
+def code_names(frozen):
+    """All names of globals and attributes in the code that `frozen_values` found."""
+    return {name for value in frozen if inspect.iscode(value) for name in names_in(value)}
+
+
+def fresh(fun, own_options, helper_options):
+    """Return a dispatcher for a copy of `fun` that calls fresh copies of its compiled helpers.
+
+    A dispatcher keeps what it once compiled, with the values and the options of that day. Helpers
+    reached as attributes of a module stay as they are.
+
+    Parameters
+    ----------
+    fun : function or Dispatcher
+    own_options, helper_options : dict
+        Options of numba.jit for `fun` and for its helpers, before those they have.
+    """
+
+    def compiled(copy, given):
+        own = given.targetoptions if is_jitted(given) else {"nopython": True}
+        return jit(**(own | (own_options if given is fun else helper_options)))(copy)
+
+    return _copied(fun, compiled)
+
+
+def uncompiled(fun):
+    """Return a copy of `fun` all in Python, its helpers too."""
+    return _copied(fun, lambda copy, given: copy)
+
+
+def _copied(fun, make):
+    """A copy of a function, and of its helpers, as ``make(copy, given)`` makes them."""
+    made: dict[int, Any] = {}
+
+    def again(given):
+        if id(given) not in made:
+            plain = given.py_func if is_jitted(given) else given
+            copy = _blank(plain)
+            made[id(given)] = make(copy, given)
+            names = set(names_in(plain.__code__)) & plain.__globals__.keys()
+            copy.__globals__.update({name: held(plain.__globals__[name]) for name in names})
+            for own, cell in zip(copy.__closure__ or (), plain.__closure__ or (), strict=True):
+                own.cell_contents = held(cell.cell_contents)
+        return made[id(given)]
+
+    def held(value):
+        return again(value) if is_jitted(value) else value
+
+    return again(fun)
+
+
+def _blank(plain):
+    """A function of the code of `plain` with globals and closure to be filled."""
+    inherited = ("__name__", "__builtins__")
+    known = {name: plain.__globals__[name] for name in inherited if name in plain.__globals__}
+    cells = tuple(CellType() for _ in plain.__closure__ or ())
+    copy = FunctionType(plain.__code__, known, plain.__name__, plain.__defaults__, cells)
+    copy.__qualname__, copy.__kwdefaults__ = plain.__qualname__, plain.__kwdefaults__
+    return copy
+
+
+def _read(function):
+    """Names and values of what a function reads besides its arguments."""
+    names = set(names_in(function.__code__))
+    found = {name: function.__globals__[name] for name in names & function.__globals__.keys()}
+    cells = zip(function.__code__.co_freevars, function.__closure__ or (), strict=True)
+    found |= {f"{name} closed over": cell.cell_contents for name, cell in cells}
+    found |= {f"default {i}": value for i, value in enumerate(function.__defaults__ or ())}
+    for module in [value for value in found.values() if inspect.ismodule(value)]:
+        own = names & vars(module).keys()
+        found |= {f"{module.__name__}.{name}": vars(module)[name] for name in own}
+    return found
+
+
+def names_in(code):
+    """Names of globals and attributes in a code object and those nested in it."""
+    yield from code.co_names
+    for constant in code.co_consts:
+        if inspect.iscode(constant):
+            yield from names_in(constant)
+
+
+class _Itself:
+    """Stands for an object that equals itself alone, and keeps it alive."""
+
+    def __init__(self, value):
+        self._value = value
+
+    def __eq__(self, other):
+        return isinstance(other, _Itself) and self._value is other._value
+
+    def __hash__(self):
+        return id(self._value)
+
+
+def _identity(value):
+    if isinstance(value, np.ndarray) and not value.dtype.hasobject:
+        content = hashlib.sha256(value.tobytes()).digest()
+        # numba compiles for the layout too
+        return value.shape, value.strides, value.dtype.str, content
+    if isinstance(value, int | float | complex | bool | str | np.generic):
+        return type(value), repr(value)
+    if isinstance(value, list | tuple):
+        return type(value), tuple(_identity(v) for v in value)
+    return _Itself(value)

@@ -1,0 +1,16 @@
+"""Warnings that point at the user's line (floor 0)."""
+
+import os
+import sys
+import warnings
+from pathlib import Path
+
+_HERE = str(Path(__file__).parent) + os.sep
+
+
+def warn(message, kind):
+    """Warn at the line that called into the package, however deep inside it this is."""
+    level, frame = 1, sys._getframe()
+    while frame.f_back is not None and frame.f_code.co_filename.startswith(_HERE):
+        level, frame = level + 1, frame.f_back
+    warnings.warn(message, kind, stacklevel=level)

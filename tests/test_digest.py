@@ -1,0 +1,99 @@
+"""Digests: the same for the same contents, in any process."""
+
+import functools
+import os
+import pickle
+import subprocess
+import sys
+import types
+
+import numpy as np
+import pytest
+from numba import njit
+
+from hereditary._digest import digest
+
+SOURCE = """
+import math
+import numpy as np
+TABLE, RATE = np.arange(3.0), 2.5
+def inner(x):
+    return math.sin(x) in {"a", "b", "c"}
+def outer(t, y, factor=3.0):
+    return [RATE * TABLE[0] * inner(v) * np.exp(factor) for v in y]
+"""
+
+
+def made(source=SOURCE):
+    """The function `outer` of some source, its own globals behind it."""
+    names = {"__name__": "a_script"}
+    exec(source, names)
+    return names["outer"]
+
+
+def test_a_digest_lasts():
+    """Another process orders sets otherwise and puts everything at other addresses."""
+    source = f"{SOURCE}\nfrom hereditary._digest import digest\nprint(digest(outer))"
+    told = subprocess.run(
+        [sys.executable, "-c", source],
+        env=os.environ | {"PYTHONHASHSEED": "7"},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    main = types.FunctionType(made().__code__, made().__globals__, "outer", (3.0,))
+    assert told.stdout.strip() == digest(main) == digest(made())
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("RATE = np.arange(3.0), 2.5", "RATE = np.arange(3.0), 2.6"),
+        ("np.arange(3.0)", "np.arange(4.0)"),
+        ("factor=3.0", "factor=3.1"),
+        ("math.sin", "math.cos"),
+        ("np.exp", "np.sqrt"),
+        ('"c"', '"d"'),
+        ("RATE * TABLE[0]", "RATE / TABLE[0]"),
+    ],
+)
+def test_what_a_function_does_tells_it_from_others(old, new):
+    assert digest(made(SOURCE.replace(old, new))) != digest(made())
+
+
+def test_what_it_is_called_and_whether_it_is_compiled_does_not():
+    assert digest(made(SOURCE.replace("v in y", "w in y").replace("inner(v)", "inner(w)")))
+    alike = [(lambda t, y: -y), (lambda t, y: -y), njit(lambda t, y: -y)]
+    assert len({digest(function) for function in alike}) == 1
+
+
+class Event:
+    """A callable with a state."""
+
+    def __init__(self, level):
+        self.level = level
+
+    def __call__(self, t, y):
+        return y[0] - self.level
+
+    def method(self, t, y):
+        return self(t, y)
+
+
+def test_values_of_all_kinds():
+    values = [
+        1, 1.0, "1", b"1", None, True, (1,), (1, 2), {1}, {1: 2}, np.ones(2), np.ones((2, 1)),
+        np.ones(2, dtype=np.float32), np.array([1.0, -0.0]), np.array([1.0, 0.0]), Event(1.0),
+        Event(2.0), Event(1.0).method, Event(2.0).method, functools.partial(made(), 1.0),
+        functools.partial(made(), 2.0), np.sin, np.linalg.norm, Event, os,
+    ]  # fmt: skip
+    digests = [digest(value) for value in values]
+    assert len(set(digests)) == len(values)
+    kept = [v for v in values if isinstance(v, (int, float, str, tuple, set, dict, np.ndarray))]
+    assert [digest(pickle.loads(pickle.dumps(v))) for v in kept] == [digest(v) for v in kept]
+
+
+def test_what_lies_in_itself():
+    value = [1.0]
+    value.append(value)
+    assert digest(value) == digest(value)
