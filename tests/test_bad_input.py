@@ -51,15 +51,16 @@ def test_terms(terms):
     [
         (0.5, math.nan, "y0 must be real, finite numbers, got nan"),
         (0.5, [1.0, math.inf], "y0 must be real, finite"),
-        (0.5, 1j, "y0 must be real, finite numbers, got dtype complex128"),
+        (0.5, 1j, "y0 must be real, finite numbers, got 1j of dtype complex128"),
         (0.5, "one", "y0 must"),
         (0.5, [[1.0], [2.0]], r"y0 must hold y\(0\), shape \(1, d\), got shape \(2, 1\)"),
-        (1.5, 1.0, r"y0 must hold y\(0\) and y'\(0\), shape \(2, d\), got shape \(1, 1\)"),
-        (1.5, [1.0, 2.0, 3.0], r"got shape \(3, 1\)"),
+        (0.5, [[1.0], [2.0]], r"orders up to 1 need y\(0\) alone, its components in a row"),
+        (1.5, 1.0, r"y0 must hold y\(0\) and y'\(0\), shape \(2, d\), got 1.; .*\[1.0, 0.0\]"),
+        (1.5, [1.0, 2.0, 3.0], r"got shape \(3,\); for 3 components give two rows"),
         (1.5, [[1.0, 2.0]], r"got shape \(1, 2\)"),
         (1.5, [[[1.0]]], r"got shape \(1, 1, 1\)"),
         (1.5, [[1.0], [2.0, 3.0]], "y0 must"),
-        (0.5, [], r"got shape \(1, 0\)"),
+        (0.5, [], r"got shape \(0,\)"),
         ([0.5, 0.6], [1.0, 2.0, 3.0], r"order must be one number or one for each of the 3"),
         ([1.5, 0.6], [[1.0, 2.0], [0.0, 3.0]], r"got y0\[1\]\[1\] = 3.0; set it to 0"),
     ],
@@ -88,10 +89,16 @@ def test_a_component_without_a_term_is_refused():
         hd.Equation(terms, decay, [1.0, 2.0])
 
 
-@pytest.mark.parametrize("params", [[[1.0]], 1.0, [math.nan], "abc", [1j]])
+@pytest.mark.parametrize("params", [[[1.0]], math.nan, [math.nan], "abc", [1j], {"a": 1.0}])
 def test_params(params):
     with pytest.raises((TypeError, ValueError), match="params must"):
         hd.Equation(hd.Caputo(0.5), lambda t, y, p: -y, 1.0, params=params)
+
+
+def test_one_parameter_may_be_a_number():
+    for params in (2, 2.0, np.float64(2.0), [2.0], (2,), np.array([2.0])):
+        eq = hd.Equation(hd.Caputo(0.5), lambda t, y, p: -p[0] * y, 1.0, params=params)
+        assert eq.params.tolist() == [2.0]
 
 
 def run(**change):
@@ -105,18 +112,22 @@ def run(**change):
         ({"n_steps": 0}, ValueError, "n_steps must be a positive integer, got 0"),
         ({"n_steps": -3}, ValueError, "n_steps must be a positive integer, got -3"),
         ({"n_steps": 2.5}, TypeError, "n_steps must be a positive integer, got 2.5"),
-        ({"n_steps": 10.0}, TypeError, "n_steps must be a positive integer, got 10.0"),
         ({"n_steps": True}, TypeError, "n_steps must"),
-        ({"n_steps": None}, TypeError, "n_steps must be given"),
+        ({"n_steps": None}, TypeError, "rtol=.* Collocation .*n_steps=.* explicit scheme"),
+        ({"n_steps": None, "scheme": hd.L1()}, TypeError, "n_steps must be given"),
+        ({"n_steps": 10**40}, ValueError, r"n_steps must be at most 9e\+15, .*, got 1e\+40"),
+        ({"n_steps": 10**13}, ValueError, "save_every must keep as many rows as fit in memory"),
+        ({"t_end": 5e-324}, ValueError, "t_end must leave steps h .* another unit of time"),
         ({"t_end": 0.0}, ValueError, "t_end must be a finite number above 0, got 0.0"),
         ({"t_end": -1.0}, ValueError, "t_end"),
         ({"t_end": math.inf}, ValueError, "t_end must be a finite number above 0, got inf"),
         ({"t_end": math.nan}, ValueError, "t_end"),
         ({"t_end": "late"}, TypeError, "t_end"),
         ({"t_end": [1.0]}, TypeError, "t_end"),
-        ({"equation": 5}, TypeError, "equation must be a Equation"),
+        ({"equation": 5}, TypeError, "equation must be an Equation"),
         ({"scheme": "explicit"}, TypeError, "scheme must be a Scheme"),
-        ({"scheme": hd.ExplicitCaputo}, TypeError, "scheme must be a Scheme"),
+        ({"scheme": hd.L1}, TypeError, r"a Scheme, got the class L1; write L1\(...\)"),
+        ({"history": hd.Direct}, TypeError, r"a History, got the class Direct; write Direct\("),
         ({"history": "direct"}, TypeError, "history must be a History"),
         ({"save_every": 0}, ValueError, "save_every must be a positive integer"),
         ({"save_every": 1.5}, TypeError, "save_every"),
@@ -132,6 +143,26 @@ def run(**change):
 def test_solve(change, error, match):
     with pytest.raises(error, match=match):
         run(**change)
+
+
+def test_what_is_accepted_besides():
+    """Whole floats, one time, and rows so rare that the ends alone are kept."""
+    assert np.array_equal(run(n_steps=1e1).y, run().y)
+    assert np.array_equal(run(t_eval=1.0).y, run().y[-1:])
+    assert run(save_every=10**20).t.tolist() == [0.0, 1.0]
+
+
+@pytest.mark.parametrize("history", [hd.Direct(), hd.FFT()])
+def test_a_past_that_does_not_fit_in_memory(history):
+    with pytest.raises(ValueError, match="history must hold 100000000000000 steps in memory"):
+        run(n_steps=10**14, save_every=10**13, history=history)
+
+
+@pytest.mark.parametrize("t_end", [1e-300, 1e300])
+def test_steps_whose_powers_are_no_numbers(t_end):
+    equation = hd.Equation(hd.Caputo(1.5), decay, [1.0, 0.0])
+    with pytest.raises(ValueError, match="t_end must leave steps h whose power h"):
+        run(equation=equation, t_end=t_end)
 
 
 def test_save_every_and_t_eval_exclude_each_other():
@@ -151,6 +182,10 @@ def test_save_every_and_t_eval_exclude_each_other():
         ({"t_end": 1.0}, "t_end must exceed"),
         ({"t_end": 2.03}, "whole number of the state's steps"),
         ({"n_steps": 7}, "n_steps must be 10"),
+        ({"scheme": hd.L1()}, "same scheme"),
+        ({"equation": hd.scenes.relaxation(y0=2.0)}, "same y0"),
+        ({"equation": hd.scenes.relaxation(rate=2.0)}, "same params"),
+        ({"equation": hd.Equation(hd.Caputo(0.5), decay, 1.0, [-1.0])}, "same right-hand side"),
     ],
 )
 def test_resuming_with_something_else(change, match):

@@ -106,20 +106,21 @@ def check(kernel, t_min, t_max, tol):
     return fit
 
 
-@pytest.mark.parametrize("tol", [1e-4, 1e-8, 1e-10])
+# All of them down to 1e-10: convergence/memory_kernels.py, which takes minutes.
 @pytest.mark.parametrize(
-    ("kernel", "most"),
+    ("kernel", "most", "tol"),
     [
-        (TemperedPowerLaw(0.5, 1.0), 50),
-        (MittagLeffler(0.5, 1.0), 65),
-        (MittagLeffler(0.95, 1.0), 65),
-        (MittagLeffler(0.999, 1.0), 70),
-        (StretchedExponential(0.3, 1.0), 60),
-        (StretchedExponential(0.8, 1.0), 80),
-        (StretchedExponential(0.9, 1.0), 70),
-        (DistributedOrder([0.0, 0.2, 0.9], [1.0, 1.0, 2.0]), 60),
-        (DistributedOrder.from_density(lambda a: 1 + a), 60),
-        (Kernel(lambda t: 1 / np.sqrt(t * (1 + t))), 60),
+        (TemperedPowerLaw(0.5, 1.0), 50, 1e-10),
+        (TemperedPowerLaw(0.5, 1.0), 50, 1e-4),
+        (MittagLeffler(0.5, 1.0), 65, 1e-8),
+        (MittagLeffler(0.95, 1.0), 65, 1e-4),
+        (MittagLeffler(0.999, 1.0), 70, 1e-4),
+        (StretchedExponential(0.3, 1.0), 60, 1e-8),
+        (StretchedExponential(0.8, 1.0), 80, 1e-4),
+        (StretchedExponential(0.9, 1.0), 70, 1e-4),
+        (DistributedOrder([0.0, 0.2, 0.9], [1.0, 1.0, 2.0]), 60, 1e-4),
+        (DistributedOrder.from_density(lambda a: 1 + a), 60, 1e-8),
+        (Kernel(lambda t: 1 / np.sqrt(t * (1 + t))), 60, 1e-8),
     ],
     ids=lambda value: str(value)[:40],
 )
@@ -215,6 +216,21 @@ def test_few_separate_rates_are_found_to_rounding(name, tol, t_min, t_max):
     if tol < 1e-7:
         np.testing.assert_allclose(fit.rates, prony.rates, rtol=1e-7)
         np.testing.assert_allclose(fit.weights, prony.weights, rtol=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("rates", "weights"),
+    [
+        ([0.59, 9.44], [0.01169104, 0.01]),  # where a needless rate of weight 1e-12 would do
+        ([0.59, 9.5, 28.4], [10.0, 0.01, 10.0]),
+        ([0.01, 0.03], [2.1, 0.01]),  # slow ones, light next to heavy
+        ([0.01, 0.03, 0.09, 0.27], [10.0, 10.0, 0.01, 10.0]),
+        ([1.0, 30.0, 90.0], [10.0, 0.01, 1.0]),
+    ],
+)
+def test_light_rates_beside_heavy_ones_are_found(rates, weights):
+    fit = check(Kernel(Prony(rates, weights)), 1e-4, 1e2, 1e-10)
+    np.testing.assert_allclose(fit.rates, rates, rtol=1e-6)
 
 
 @settings(max_examples=15)

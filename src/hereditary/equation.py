@@ -1,13 +1,17 @@
 """The equation: a sum of memory terms equals a right-hand side (floor 2)."""
 
+import numbers
 from collections.abc import Callable, Iterable
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ._callables import compile_jac, compile_rhs
-from ._checks import complaint, real_array
-from .operators import Caputo, Memory, Term
+from ._callables import compile_jac, compile_rhs, present_values
+from ._checks import complaint, real_array, shown
+from ._differences import check_jacobian
+from ._digest import digest
+from .operators import Memory, Summand
 from .system import KernelTerm, System
 
 
@@ -19,22 +23,25 @@ class Equation(System):
 
     Parameters
     ----------
-    terms : Caputo, Memory, Term or sequence of them
-        Operators with their coefficients, ``[Caputo(1.8), 0.25 * Caputo(0.8)]``. Orders and
-        coefficients are one for all components or of shape (d,).
+    terms : Caputo, Memory, Term, a sum or a sequence of them
+        Operators with their coefficients, ``[Caputo(1.8), 0.25 * Caputo(0.8)]`` or ``Caputo(1.8) +
+        0.25 * Caputo(0.8)``. Orders and coefficients are one for all components or of shape (d,).
     rhs : callable
         ``rhs(t, y)`` or ``rhs(t, y, params)`` returning shape (d,) (or a number when d = 1), or in
         place ``rhs(t, y, dy, params)``; told apart by the number of arguments. t is a float, y has
-        shape (d,). It is compiled with numba, and compiled again when a global it reads changes.
+        shape (d,). It is compiled with numba, and again when a run begins after a global or a
+        closed-over value that it reads has changed. It must not write into y or params; an index
+        out of bounds ends the run.
     y0 : array_like, shape (m, d)
         Initial values y(0), y'(0), ..., with m = ceil(highest order). Shorthands: shape (m,) when
         d = 1, shape (d,) when m = 1, a number when both are 1. A component whose own highest order
         needs no y'(0) takes 0 there.
-    params : sequence of float, optional
+    params : float or sequence of float, optional
         Handed to `rhs` and `jac` as an array of shape (p,).
     jac : callable, optional
         The Jacobian d rhs / d y, ``jac(t, y)`` or ``jac(t, y, params)`` returning shape (d, d), or
-        in place ``jac(t, y, jacobian, params)``. Differences otherwise.
+        in place ``jac(t, y, jacobian, params)``; compared with differences near y(0). Differences
+        otherwise.
 
     Attributes
     ----------
@@ -46,6 +53,8 @@ class Equation(System):
         Order and coefficient for each component of each Caputo term of constant order.
     y0 : ndarray, shape (m, d)
     params : ndarray, shape (p,)
+    terms, rhs, jac
+        As given. No attribute and no array can be changed: `replace` makes another equation.
 
     Raises
     ------
@@ -62,13 +71,14 @@ class Equation(System):
 
     def __init__(
         self,
-        terms: Caputo | Term | Iterable[Caputo | Term],
+        terms: Summand | Iterable[Summand],
         rhs: Callable,
         y0: ArrayLike,
         params: ArrayLike = (),
         jac: Callable | None = None,
     ) -> None:
         self.terms = _as_terms(terms)
+        self.rhs, self.jac = rhs, jac
         values = real_array("y0", y0, remedy="give shape (m, d): y(0), y'(0), ...")
         highest = max(t.operator.derivative for t in self.terms)
         if highest == 0:
@@ -83,19 +93,81 @@ class Equation(System):
         constant = [t.operator for t, held in zip(self.terms, caputo, strict=True) if held]
         orders = _per_component("order", [operator._order for operator in constant], d)
         coefficients = factors[caputo]
+        coefficients.flags.writeable = False
         pairs = zip(own, factors, strict=True)
         memories = [(operator, factor) for operator, factor in pairs if operator is not None]
-        numbers = real_array("params", params, remedy="pass a flat sequence of floats")
-        if numbers.ndim != 1:
-            required = "be a flat sequence of floats"
-            raise ValueError(complaint("params", required, f"shape {numbers.shape}"))
-        compiled = compile_rhs(rhs, initial[0], numbers)
-        compiled_jac = compile_jac(jac, initial[0], numbers) if jac is not None else None
-        super().__init__(orders, coefficients, initial, numbers, compiled, compiled_jac, memories)
+        given = _numbers(params)
+        compiled = compile_rhs(rhs, initial[0], given, _of_shorthand(values, initial))
+        compiled_jac = compile_jac(jac, initial[0], given) if jac is not None else None
+        if compiled_jac is not None:
+            check_jacobian(compiled, compiled_jac, initial[0], given)
+        self._frozen = _frozen(rhs, jac)
+        initial.flags.writeable = False
+        super().__init__(orders, coefficients, initial, given, compiled, compiled_jac, memories)
+        self.rhs_digest = digest(rhs)
         _check_leading(self.highest_orders(), initial)
+        self._sealed = True
 
     def __repr__(self):
         return f"Equation({' + '.join(map(repr, self.terms))} = rhs, d={self.d})"
+
+    def __setattr__(self, name, value):
+        if "_sealed" in self.__dict__:
+            remedy = f"eq.replace({name}=...)" if name in _GIVEN else "eq.replace(...)"
+            raise AttributeError(
+                f"{name} of an Equation cannot be changed; make another equation with {remedy}"
+            )
+        super().__setattr__(name, value)
+
+    def replace(self, **changes) -> "Equation":
+        """Return an equation like this one with some of its arguments changed.
+
+        Parameters
+        ----------
+        **changes
+            Any of terms, rhs, y0, params and jac, as in `Equation`. An rhs that stays is not
+            compiled again. A given jac belongs to its rhs: with another rhs give another jac, or
+            None for differences.
+
+        Examples
+        --------
+        >>> import hereditary as hd
+        >>> eq = hd.Equation(hd.Caputo(0.5), lambda t, y, p: -p[0] * y, 1.0, params=[1.0])
+        >>> eq.replace(params=[2.0]).params
+        array([2.])
+        """
+        unknown = changes.keys() - set(_GIVEN)
+        if unknown:
+            required = f"be among {', '.join(_GIVEN)}"
+            raise TypeError(complaint("changes", required, ", ".join(sorted(unknown))))
+        if "rhs" in changes and self.jac is not None and "jac" not in changes:
+            remedy = "or jac=None for differences"
+            raise ValueError(complaint("jac", "come with another rhs", "none", remedy))
+        return Equation(**({name: getattr(self, name) for name in _GIVEN} | changes))
+
+    def current(self) -> "Equation":
+        """Return this equation with the globals and closed-over values its functions now read.
+
+        Itself where none has changed since it was made.
+        """
+        return self if _frozen(self.rhs, self.jac) == self._frozen else self.replace()
+
+
+_GIVEN = ("terms", "rhs", "y0", "params", "jac")
+
+
+def _frozen(rhs, jac):
+    return present_values(rhs), present_values(jac)
+
+
+def _numbers(params):
+    """The parameters as a flat array; a number is one of them."""
+    remedy = "pass a flat sequence of floats"
+    values = real_array("params", params, remedy=remedy)
+    if values.ndim > 1:
+        required = "be a number or a flat sequence of floats"
+        raise ValueError(complaint("params", required, f"shape {values.shape}"))
+    return values.reshape(-1)
 
 
 def _own_operator(operator):
@@ -128,24 +200,28 @@ def _check_leading(highest, y0):
 
 
 def _as_terms(terms):
-    items = [terms] if isinstance(terms, (Caputo, Memory, Term)) else terms
+    items: Any = [terms] if isinstance(terms, (Summand, numbers.Real)) else terms
     required = "be Caputo or Memory operators with coefficients"
     example = "write [Caputo(1.8), 0.25 * Caputo(0.8)]"
+    if callable(items):
+        example = "they come first: Equation(terms, rhs, y0)"
     try:
         items = list(items)
     except TypeError as error:
         raise TypeError(complaint("terms", required, repr(terms), example)) from error
     for item in items:
-        if not isinstance(item, (Caputo, Memory, Term)):
+        if not isinstance(item, Summand):
+            if isinstance(item, numbers.Real):
+                example = f"write Caputo({item}) for a derivative of that order"
             raise TypeError(complaint("terms", required, repr(item), example))
     if not items:
         raise ValueError(complaint("terms", "hold at least one term", "none", example))
-    items = (item if isinstance(item, Term) else Term(item, 1.0) for item in items)
-    return tuple(term.plain() for term in items)
+    return tuple(term.plain() for item in items for term in item._terms())
 
 
 def _initial_values(values, m):
     """The (m, d) array behind any of the shorthands."""
+    given = values.shape
     if values.ndim == 0:
         values = values.reshape(1, 1)
     elif values.ndim == 1:
@@ -155,4 +231,21 @@ def _initial_values(values, m):
     names = "y(0)" if m == 1 else "y(0) and y'(0)"
     required = f"hold {names}, shape ({m}, d)"
     remedy = "the highest order sets how many rows are needed, ceil(order)"
-    raise ValueError(complaint("y0", required, f"shape {values.shape}", remedy))
+    if m == 2 and values.size == 1:
+        remedy = f"an order above 1 needs y'(0) too, e.g. [{values[0, 0]}, 0.0]"
+    elif m == 1 and len(given) == 2 and given[1] == 1:
+        remedy = "orders up to 1 need y(0) alone, its components in a row"
+    elif m == 2 and values.ndim == 2 and values.shape[1] == 1:
+        remedy = f"for {values.size} components give two rows, [[y(0), ...], [y'(0), ...]]"
+    got = f"shape {given}" if given else shown(values[0, 0])
+    raise ValueError(complaint("y0", required, got, remedy))
+
+
+def _of_shorthand(values, initial):
+    """What a flat y0 was taken for, where it could mean something else."""
+    if values.ndim != 1 or initial.shape[0] == 1:
+        return ""
+    return (
+        f"; y0 = {shown(values)} is taken for y(0) and y'(0) of one component: for two write "
+        "[[y(0), ...], [y'(0), ...]]"
+    )

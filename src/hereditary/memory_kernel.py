@@ -10,6 +10,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ._checks import complaint, real
+from ._warning import warn
+
+# Between the check points of a fit its error is no larger than at them times this.
+_MISSED = 1.05
+
+
+class KernelWarning(UserWarning):
+    """The sum of exponentials that stands for a kernel is less close than its tolerance."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,7 +29,7 @@ class ExponentialSum:
     rates : ndarray, shape (n_modes,)
         Non-negative and increasing [1/time].
     weights : ndarray, shape (n_modes,)
-        Positive [unit of the kernel].
+        Positive, but for signed kernels [unit of the kernel].
     t_min, t_max : float
         Where the fit holds [time].
     max_error : float
@@ -64,6 +72,16 @@ class MemoryKernel(ABC):
         """Numbers g > 0 whose sums, besides 1, are the powers of t in ``t**a K(t)`` near 0 [-]."""
         return ()
 
+    @property
+    def t_last(self) -> float:
+        """Time up to which the kernel is known; infinite but for tables and fitted sums [time]."""
+        return math.inf
+
+    @property
+    def by_values(self) -> bool:
+        """Whether its values are all there is: then runs fit it over their own range alone."""
+        return False
+
     @abstractmethod
     def __call__(self, t: ArrayLike) -> np.ndarray:
         """Kernel values at times t > 0, the shape of `t`."""
@@ -75,6 +93,15 @@ class MemoryKernel(ABC):
     @abstractmethod
     def fit(self, t_min: float, t_max: float, tol: float) -> ExponentialSum:
         """The kernel as a sum of exponentials on [t_min, t_max]; see `fit_exponentials`."""
+
+    def closest_fit(
+        self, t_min: float, t_max: float, tol: float, fading: bool = False
+    ) -> ExponentialSum:
+        """As `fit`, or what comes closest where `tol` cannot be met: `max_error` tells.
+
+        Where it is `fading`, a kernel known by its values is fitted without rate 0.
+        """
+        return self.fit(t_min, t_max, tol)
 
     def __mul__(self, factor: float) -> ScaledKernel:
         return _scaled(_not_zero("factor", factor), self)
@@ -131,10 +158,41 @@ class ScaledKernel(MemoryKernel):
         """``int_0^t`` of it."""
         return self.factor * self.kernel.integral(t)
 
+    @property
+    def t_last(self) -> float:
+        """That of the kernel."""
+        return self.kernel.t_last
+
+    @property
+    def by_values(self) -> bool:
+        """As for the kernel."""
+        return self.kernel.by_values
+
     def fit(self, t_min: float, t_max: float, tol: float) -> ExponentialSum:
         """The kernel's sum with all weights times the factor."""
         fit = self.kernel.fit(t_min, t_max, tol)
         return replace(fit, weights=self.factor * fit.weights)
+
+    def closest_fit(
+        self, t_min: float, t_max: float, tol: float, fading: bool = False
+    ) -> ExponentialSum:
+        """The kernel's closest sum with all weights times the factor."""
+        fit = self.kernel.closest_fit(t_min, t_max, tol, fading)
+        return replace(fit, weights=self.factor * fit.weights)
+
+
+def told_error(error):
+    """The error of a sum as it is reported: what its check points may have missed is added."""
+    return _MISSED * error
+
+
+def warn_of_fit(error, tol):
+    """Warn, where the package was called, of a kernel's sum that misses its tolerance."""
+    if error <= tol:
+        return
+    clause = f"a kernel differs by up to {error:.1e} from its sum of exponentials"
+    advice = "allow for that, or use Direct or FFT, which take kernels as they are"
+    warn(f"{clause}, more than the {tol:.0e} asked for; {advice}", KernelWarning)
 
 
 def _scaled(factor, kernel):

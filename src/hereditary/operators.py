@@ -7,17 +7,17 @@ is the classical derivative and has no memory.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import gamma
 
-from ._checks import complaint, instance, real, real_array, within
-from .exponential_sum import fit_interval, fit_power
+from ._checks import complaint, instance, real_array, shown, within
+from .exponential_sum import SumKernel, fit_interval, fit_power
 from .memory_kernel import ExponentialSum, MemoryKernel, ScaledKernel
+from .orders import ROUNDING, VaryingOrder, derivative_order, rounded_order
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,69 @@ class PowerLaw(MemoryKernel):
         return fit_power(float(self.exponent), *fit_interval(t_min, t_max, tol))
 
 
-class Caputo:
+class Summand:
+    """A part of an equation's left-hand side: it can be scaled, and added to others."""
+
+    # without this NumPy would take `array * Caputo(...)` apart, entry by entry
+    __array_ufunc__ = None
+
+    def _terms(self) -> tuple[Term, ...]:
+        raise NotImplementedError
+
+    def __mul__(self, factor: ArrayLike):
+        return _summed([term.times(factor) for term in self._terms()])
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, divisor: ArrayLike):
+        values = real_array("divisor", divisor, "be a real number or have shape (d,)")
+        if np.any(values == 0):
+            raise ValueError(complaint("divisor", "be other than 0", shown(values)))
+        return self * (1 / values)
+
+    def __neg__(self):
+        return self * -1.0
+
+    def __pos__(self):
+        return self
+
+    def __add__(self, other):
+        if not isinstance(other, Summand):
+            return NotImplemented
+        return Terms([*self._terms(), *other._terms()])
+
+    def __radd__(self, other):
+        # sum([...]) begins with 0
+        return Terms(self._terms()) if isinstance(other, int) and other == 0 else NotImplemented
+
+    def __sub__(self, other):
+        return self + -other if isinstance(other, Summand) else NotImplemented
+
+
+class Terms(Summand):
+    """Several terms, made by adding operators: ``Caputo(1.8) + 0.25 * Caputo(0.8)``."""
+
+    def __init__(self, terms: Iterable[Term]) -> None:
+        self.terms = tuple(terms)
+
+    def _terms(self):
+        return self.terms
+
+    def __iter__(self):
+        return iter(self.terms)
+
+    def __len__(self):
+        return len(self.terms)
+
+    def __repr__(self):
+        return " + ".join(map(repr, self.terms))
+
+
+def _summed(terms):
+    return terms[0] if len(terms) == 1 else Terms(terms)
+
+
+class Caputo(Summand):
     """Caputo's derivative, ``D^alpha y = 1/Gamma(m-alpha) int_0^t (t-s)**(m-1-alpha) y^(m)(s) ds``.
 
     Multiply it by a coefficient to make a term of an equation: ``0.25 * Caputo(0.8)``.
@@ -102,15 +164,13 @@ class Caputo:
     True
     """
 
-    # without this NumPy would take `array * Caputo(...)` apart, entry by entry
-    __array_ufunc__ = None
-
     def __init__(self, order: ArrayLike | Callable) -> None:
         self.varying = VaryingOrder.begun(order) if callable(order) else None
         if self.varying is not None:
             return
         remedy = "Caputo orders above 2 are not covered; write the equation as a system"
         orders = real_array("order", order, "lie in (0, 2]", "give a number or one per component")
+        orders = rounded_order(orders)
         if orders.ndim > 1 or orders.size == 0:
             raise ValueError(
                 complaint("order", "be a number or have shape (d,)", f"shape {orders.shape}")
@@ -137,122 +197,22 @@ class Caputo:
     def __repr__(self):
         return f"Caputo({self.varying.name if self.varying else self._order.tolist()})"
 
-    def __mul__(self, coefficient: ArrayLike) -> Term:
-        return Term(self, coefficient)
-
-    __rmul__ = __mul__
-
-    def __neg__(self) -> Term:
-        return Term(self, -1.0)
+    def _terms(self):
+        return (Term(self, 1.0),)
 
 
-class OrderFailed(ValueError):
-    """An order that varies left its range, or its function raised."""
-
-
-@dataclass(frozen=True)
-class VaryingOrder:
-    """An order that is a function of the time, and the Caputo operator with it.
-
-    Attributes
-    ----------
-    function : callable
-        ``function(t)``, the order at time t.
-    derivative : int
-        m, 1 or 2: orders lie in (m - 1, m].
-    origin : float
-        The time that is called 0 [time].
-    """
-
-    function: Callable
-    derivative: int
-    origin: float = 0.0
-
-    @classmethod
-    def begun(cls, function: Callable) -> VaryingOrder:
-        """The operator of a user's function, whose value at 0 tells m."""
-        required = "be a function order(t) with values in (0, 1], or in (1, 2]"
-        try:
-            start = function(0.0)
-        except Exception as error:
-            got = f"{type(error).__name__} at t = 0: {error}"
-            raise ValueError(complaint("order", required, got)) from error
-        value = real("order", np.asarray(start)[()], required)
-        if not 0 < value <= 2:
-            raise ValueError(complaint("order", required, f"{value} at t = 0"))
-        return cls(function, derivative_order(value))
-
-    @property
-    def name(self) -> str:
-        """What the function is called."""
-        return getattr(self.function, "__name__", type(self.function).__name__)
-
-    def later(self, origin: float) -> VaryingOrder:
-        """The same with time counted from `origin`, in the user's time."""
-        return replace(self, origin=origin)
-
-    def sampled(self, times: np.ndarray) -> tuple[np.ndarray, str]:
-        """Orders at increasing times (n,), up to the first bad one, and what is wrong with that.
-
-        Returns
-        -------
-        values : ndarray, shape (k,)
-            All inside the range; k = n where all is well.
-        trouble : str
-            A sentence; empty where all is well.
-        """
-        times = times + self.origin
-        values = self._at_once(times)
-        reason = ""
-        if values is None:
-            values, reason = self._one_by_one(times)
-        low, high = self.derivative - 1, self.derivative
-        if not reason and values.size and values.min() > low and values.max() <= high:
-            return values, ""
-        good = (values > low) & (values <= high)
-        k = values.size if good.all() else int(np.argmin(good))
-        if k < values.size:
-            reason = f"{values[k]}"
-        if not reason:
-            return values, ""
-        required = f"stay in ({low}, {high}], where it is at t = 0"
-        return values[:k], complaint("order", required, f"{reason} at t = {times[k]:.6g}")
-
-    def _at_once(self, times):
-        """Its values from one call, or None where it does not take arrays of times."""
-        try:
-            # a function may write into what it is given
-            values = np.broadcast_to(np.asarray(self.function(times.copy())), times.shape)
-            if values.dtype.kind not in "iuf":
-                return None
-            some = sorted({0, times.size // 2, times.size - 1})
-            alone = np.array([float(self.function(float(times[i]))) for i in some])
-        except Exception:  # whatever it is: one by one will tell
-            return None
-        close = np.abs(values[some] - alone) <= 1e-12 * np.abs(alone)
-        return np.asarray(values, dtype=float) if close.all() else None
-
-    def _one_by_one(self, times):
-        """Its values up to the first call that fails, and how that failed."""
-        values = np.empty(times.size)
-        for i, t in enumerate(times.tolist()):
-            try:
-                values[i] = float(self.function(t))
-            except Exception as error:
-                return values[:i], f"{type(error).__name__}: {error}"
-        return values, ""
-
-
-class Memory:
+class Memory(Summand):
     """The memory operator ``int_0^t K(t-s) y^(m)(s) ds`` with any decaying kernel K.
 
     Multiply it by a coefficient to make a term of an equation: ``0.5 * Memory(kernel, 1)``.
 
     Parameters
     ----------
-    kernel : MemoryKernel
+    kernel : MemoryKernel or ExponentialSum
         `PowerLaw`, `TemperedPowerLaw`, `Prony`, `MittagLeffler`, `StretchedExponential`,
-        `DistributedOrder`, or `Kernel` for any other; integrable at 0.
+        `DistributedOrder`, or `Kernel` for any other; integrable at 0. A sum from
+        `fit_exponentials` is taken as it is, in runs up to its t_max; it has nothing of a
+        singularity before its t_min.
     derivative : int
         m: 0, 1 or 2.
 
@@ -268,10 +228,9 @@ class Memory:
     0.5 * Memory(Prony(rates=(1.0, 10.0), weights=(0.3, 0.7)), 1)
     """
 
-    __array_ufunc__ = None
-
-    def __init__(self, kernel: MemoryKernel, derivative: int) -> None:
+    def __init__(self, kernel: MemoryKernel | ExponentialSum, derivative: int) -> None:
         remedy = "e.g. hereditary.PowerLaw(0.8)"
+        kernel = SumKernel(kernel) if isinstance(kernel, ExponentialSum) else kernel
         self.kernel = instance("kernel", kernel, MemoryKernel, remedy)
         if kernel.singular_exponent >= 1:
             required, got = "be integrable at 0", f"{kernel!r}"
@@ -284,36 +243,30 @@ class Memory:
     def __repr__(self):
         return f"Memory({self.kernel!r}, {self.derivative})"
 
-    def __mul__(self, coefficient: ArrayLike) -> Term:
-        return Term(self, coefficient)
-
-    __rmul__ = __mul__
-
-    def __neg__(self) -> Term:
-        return Term(self, -1.0)
+    def _terms(self):
+        return (Term(self, 1.0),)
 
 
-class Term:
+class Term(Summand):
     """A coefficient times a memory operator; made by multiplication, ``0.25 * Caputo(0.8)``."""
 
-    __array_ufunc__ = None
-
     def __init__(self, operator: Caputo | Memory, coefficient: ArrayLike) -> None:
-        factor = real_array("coefficient", coefficient, "be a real number or have shape (d,)")
+        required = "be a real number or have shape (d,)"
+        remedy = "it cannot vary; terms with other factors belong to the right-hand side"
+        factor = real_array("coefficient", coefficient, required, remedy)
         if factor.ndim > 1 or factor.size == 0:
-            required = "be a number or have shape (d,)"
             raise ValueError(complaint("coefficient", required, f"shape {factor.shape}"))
         factor.flags.writeable = False
         self.operator = operator
         self.coefficient = factor
 
-    def __mul__(self, factor: ArrayLike) -> Term:
-        return Term(self.operator, np.asarray(factor) * self.coefficient)
+    def _terms(self):
+        return (self,)
 
-    __rmul__ = __mul__
-
-    def __neg__(self) -> Term:
-        return Term(self.operator, -self.coefficient)
+    def times(self, factor: ArrayLike) -> Term:
+        """This term with its coefficient multiplied."""
+        checked = Term(self.operator, factor).coefficient
+        return Term(self.operator, checked * self.coefficient)
 
     def plain(self) -> Term:
         """The same term with a kernel's factor in its coefficient, and a power law by Caputo's."""
@@ -324,14 +277,12 @@ class Term:
         if isinstance(kernel, ScaledKernel):
             coefficient, kernel = kernel.factor * coefficient, kernel.kernel
         if isinstance(kernel, PowerLaw) and m:
-            a = kernel.exponent
+            a = float(kernel.exponent)
+            if m == 2 and a <= ROUNDING:  # order 1 would be y', not y' - y'(0)
+                required = f"exceed {ROUNDING} for derivative 2"
+                raise ValueError(complaint("exponent", required, a, "take derivative 1 less y'(0)"))
             return Term(Caputo(m - 1 + a), gamma(1 - a) * coefficient)
         return Term(Memory(kernel, m), coefficient)
 
     def __repr__(self):
         return f"{self.coefficient.tolist()} * {self.operator!r}"
-
-
-def derivative_order(alpha: float) -> int:
-    """m = ceil(alpha), the derivative inside Caputo's operator: 1 or 2."""
-    return math.ceil(alpha)

@@ -47,16 +47,30 @@ class System:
     d, m : int
     has_jac : bool
         Whether the Jacobian is given; otherwise it comes from differences.
+    rhs_digest : str
+        What tells the user's right-hand side from others, also in another process.
     """
+
+    rhs_digest = ""
 
     def __init__(self, orders, coefficients, y0, params, rhs, jac=None, memories=()):
         self.orders, self.coefficients = orders, coefficients
         self.memories = tuple(memories)
-        self.y0, self.params = y0, params
+        self.y0, self._params = y0, params
         self.m, self.d = y0.shape
         self._rhs = rhs
         self.has_jac = jac is not None
         self._jac = jac if self.has_jac else as_value(_no_jacobian, JAC_SIG)
+
+    @property
+    def params(self) -> np.ndarray:
+        """Parameters of the right-hand side, shape (p,), not to be written to.
+
+        Marches take `_params`: compiled code knows no read-only arrays.
+        """
+        locked = self._params.view()
+        locked.flags.writeable = False
+        return locked
 
     def highest_orders(self) -> np.ndarray:
         """Highest order with a nonzero coefficient of each component, shape (d,).
@@ -71,8 +85,8 @@ class System:
     def jacobian(self, t, y):
         """d rhs / d y at (t, y), shape (d, d): the given one, or differences."""
         out = np.empty((self.d, self.d))
-        y = np.ascontiguousarray(y, dtype=float)
-        jacobian_at(self._rhs, self._jac, int(self.has_jac), float(t), y, self.params, out)
+        y = np.array(y, dtype=float)
+        jacobian_at(self._rhs, self._jac, int(self.has_jac), float(t), y, self._params, out)
         return out
 
 
@@ -111,12 +125,12 @@ def variational(system, directions):
 
     orders, coefficients = (np.tile(a, (1, 1 + k)) for a in (system.orders, system.coefficients))
     memories = [(term, np.tile(factors, 1 + k)) for term, factors in system.memories]
-    return System(orders, coefficients, y0, system.params, rhs, memories=memories)
+    return System(orders, coefficients, y0, system._params, rhs, memories=memories)
 
 
 def shifted(system, origin, y0):
     """The same system begun anew at time `origin`, which becomes its time 0, from `y0` (m, d)."""
-    params = np.append(system.params, float(origin))
+    params = np.append(system._params, float(origin))
     jac = _shifted(system._jac) if system.has_jac else None
     terms = system.orders, system.coefficients
     memories = [(term.later(origin), factors) for term, factors in system.memories]
@@ -146,10 +160,12 @@ def first_order(system):
     )
     coefficients = np.concatenate([np.where(second, 1.0, only), leading[second]])
     y0 = np.concatenate([system.y0[0], system.y0[-1][second]])
-    params = np.concatenate([system.params, second, friction, [system.d]])
+    params = np.concatenate([system._params, second, friction, [system.d]])
     jac = _with_velocities_jacobian(system._jac) if system.has_jac else None
     rhs = _with_velocities(system._rhs)
-    return System(np.ones((1, y0.size)), coefficients[None], y0[None], params, rhs, jac)
+    enlarged = System(np.ones((1, y0.size)), coefficients[None], y0[None], params, rhs, jac)
+    enlarged.rhs_digest = system.rhs_digest
+    return enlarged
 
 
 @lru_cache(maxsize=64)

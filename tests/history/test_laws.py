@@ -9,6 +9,7 @@ from strategies import orders, sequences
 import hereditary as hd
 from hereditary.schemes.explicit import FIRST_DIFFERENCES, SECOND_DIFFERENCES
 from hereditary.schemes.scheme import Convolution
+from hereditary.solver.stepper import Stepper
 
 N_BLOCK, N_BLOCKS = 8, 6
 N = N_BLOCK * N_BLOCKS
@@ -147,9 +148,12 @@ def test_a_horizon_is_kept_and_its_end_is_told():
     weights = convolution(1.8, 0.8)
     memory = open_memory(hd.SumOfExponentials(), weights, [0.0], 1000)
     memory.prepare(10**7)
-    with pytest.raises(ValueError, match=r"horizon=30000000"):
+    with pytest.raises(ValueError, match=r"SumOfExponentials\(horizon=\), the time"):
         memory.prepare(3 * 10**7)
-    open_memory(hd.SumOfExponentials(horizon=3 * 10**7), weights, [0.0], 1000).prepare(3 * 10**7)
+    far = Stepper(hd.scenes.relaxation(), hd.L1(), hd.SumOfExponentials(horizon=3e4), 1e-3, 1000)
+    far.prepare(3 * 10**7)
+    with pytest.raises(ValueError, match="resume must stay within"):
+        far.prepare(3 * 10**8)
 
 
 @pytest.mark.parametrize("tol", [1e-14, 0.0, 1.0, "loose"])
@@ -158,7 +162,7 @@ def test_tolerances_are_checked(tol):
         hd.SumOfExponentials(tol)
 
 
-@pytest.mark.parametrize("horizon", [0, -1, 1.5])
+@pytest.mark.parametrize("horizon", [0, -1, np.inf, "far"])
 def test_horizons_are_checked(horizon):
     with pytest.raises((ValueError, TypeError), match="horizon must"):
         hd.SumOfExponentials(horizon=horizon)

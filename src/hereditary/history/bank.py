@@ -8,7 +8,7 @@ closer has the same rates and some faster ones besides.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -18,8 +18,12 @@ from ..exponential_sum import fit_unit, grid_spacing
 from ..special import mean_exponential
 
 # General kernels are sums of exponentials down to this share of the closest distance, and a point
-# mass below: its error is of second order in that distance. Bounded ones no further than they move.
-_BELOW = 1e-9
+# mass below: its error is of second order in that distance. Bounded ones no further than they move,
+# those known by their values as far as the tolerance asks for: to fit many decades takes long.
+_BELOW, _BELOW_OF_VALUES = 1e-9, 0.1
+# The latter are fitted this many times closer, and rates that are gone by then become part of the
+# point mass: next to its first time a fit may weigh such a rate by any number.
+_GONE = 35.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,19 +88,29 @@ class KernelBank:
     weights : ndarray, shape (n, M)
     masses : ndarray, shape (n,)
         What each kernel's integral over still smaller distances is more than the sum's.
+    farthest : float
+        Distance up to which all of them hold [time].
+    error : float
+        Largest relative error of a sum [-].
     """
 
     rates: np.ndarray
     weights: np.ndarray
     masses: np.ndarray
+    farthest: float = math.inf
+    error: float = 0.0
 
 
-def open_kernels(kernels, closest, farthest, tol):
-    """The sums of these kernels for steps that read no closer than `closest`."""
-    starts = [max(_BELOW * closest, 1e-300, _still(kernel, closest, tol)) for kernel in kernels]
+def open_kernels(kernels, closest, farthest, t_end, tol):
+    """The sums of these kernels for steps that read no closer than `closest`.
+
+    Up to `farthest`, or to `t_end` where they are known by their values alone.
+    """
+    starts = [_start(kernel, closest, tol) for kernel in kernels]
+    ends = [min(t_end if k.by_values else farthest, k.t_last) for k in kernels]
     fits = [
-        _finest(kernel, nearest, farthest, tol)
-        for kernel, nearest in zip(kernels, starts, strict=True)
+        _finest(kernel, nearest, end, tol)
+        for kernel, nearest, end in zip(kernels, starts, ends, strict=True)
     ]
     rates = np.concatenate([np.zeros(0), *(fit.rates for fit in fits)])
     weights, masses, offset = np.zeros((len(fits), rates.size)), np.zeros(len(fits)), 0
@@ -105,14 +119,23 @@ def open_kernels(kernels, closest, farthest, tol):
         offset += fit.rates.size
         held = fit.weights @ (nearest * mean_exponential(fit.rates * nearest))
         masses[k] = float(kernel.integral(nearest)) - held
-    return KernelBank(rates, weights, masses)
+    error = max((fit.max_error for fit in fits), default=0.0)
+    return KernelBank(rates, weights, masses, min(ends, default=math.inf), error)
+
+
+def _start(kernel, closest, tol):
+    """Distance from which on a kernel is a sum."""
+    below = _BELOW
+    if kernel.by_values:
+        below = max(below, _BELOW_OF_VALUES * tol ** (1 / (2 - kernel.singular_exponent)))
+    return max(below * closest, 1e-300, _still(kernel, closest, tol))
 
 
 def _still(kernel, closest, tol):
     """Up to where a bounded kernel is what it is at 0, to `tol`; 0 for others."""
     if kernel.singular_exponent > 0:
         return 0.0
-    t = np.geomspace(1e-300, closest, 1000)
+    t = np.geomspace(1e-20 * closest if kernel.by_values else 1e-300, closest, 1000)
     values = kernel(t)
     moved = np.abs(values - values[0]) > tol * np.abs(values[0])
     return t[np.argmax(moved) - 1] if moved[1:].any() else closest
@@ -121,6 +144,10 @@ def _still(kernel, closest, tol):
 @lru_cache(maxsize=64)
 def _finest(kernel, t_min, t_max, tol):
     """The kernel's fit to `tol`, or to as little more as it can be had at."""
+    if kernel.by_values:
+        fit = kernel.closest_fit(t_min / _GONE, t_max, max(1e-13, tol))
+        seen = fit.rates * t_min <= _GONE
+        return replace(fit, rates=fit.rates[seen], weights=fit.weights[seen], t_min=t_min)
     for loosened in (1.0, 10.0, 100.0):
         try:
             return kernel.fit(t_min, t_max, max(1e-13, loosened * tol))

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .._checks import complaint, count
+from .._checks import complaint, positive
 from ..exponential_sum import fit_unit, tolerance
 from ..kernels.mesh import recall_modes
 from ..kernels.modes import exchange_modes
@@ -34,15 +34,18 @@ class SumOfExponentials(History):
     ----------
     tol : float
         Relative error of the memory kernels, 1e-13 <= tol <= 0.1 [-].
-    horizon : int, optional
-        Steps that the history must be able to cover when a run is going to be resumed beyond
-        twenty million steps. The default covers 2 * 10**7 steps, or the whole run if longer.
+    horizon : float, optional
+        Time that a run is going to be resumed to, where that is beyond twenty million steps, or
+        beyond the first run where a kernel is known by its values. The default covers 2 * 10**7
+        steps, or the whole run if longer; kernels of a function or a table the run alone [time].
 
     Error
     -----
     Each kernel is reproduced to `tol` relative at every distance from one step to the horizon; all
     weights are positive, so a decaying memory stays one for any `tol`
-    (convergence/memory_is_nearly_free.py).
+    (convergence/memory_is_nearly_free.py). A function or a table that no sum follows so closely is
+    followed as closely as can be: a `KernelWarning` says so before the run, and
+    ``stats["kernel_error"]`` how closely.
 
     Cost
     ----
@@ -60,20 +63,21 @@ class SumOfExponentials(History):
     """
 
     tol: float = 1e-10
-    horizon: int | None = None
+    horizon: float | None = None
 
     def __post_init__(self):
         tolerance("tol", self.tol)
         if self.horizon is not None:
-            count("horizon", self.horizon)
+            positive("horizon", self.horizon)
 
     def open(self, convolution: Convolution, n_columns: int, n_block: int, n_steps: int) -> Memory:
         """A fresh memory; see `History.open`."""
         if not convolution.has_memory():
             return NoMemory(n_columns, *convolution.exact(n_block + 2))
         # one block more than asked for: a lag is filled for whole blocks
-        covered = self._covered(n_steps + n_block)
-        rates, bank, pad = _bank(convolution, float(covered), float(self.tol))
+        kernels = convolution.kernels()
+        covered = self._covered(n_steps + n_block, kernels, n_steps)
+        rates, bank, pad, error = _bank(convolution, float(covered), float(self.tol))
         shares, start_shares = convolution.modal(bank, 2, 0)
         ahead, back = _powers(rates, n_block)
         block_weights, block_start_weights = convolution.exact(n_block + 2)
@@ -90,16 +94,21 @@ class SumOfExponentials(History):
         arrays = tuple(np.zeros((n_columns, k)) for k in sizes)
         tables = (shares, start_shares, ahead, back, corrections)
         blocks = (block_weights, block_start_weights)
-        return _Modes(tables, arrays, blocks, rates.size - pad, covered)
+        return _Modes(tables, arrays, blocks, rates.size - pad, covered, error)
 
     def open_varying(self, schedule: Schedule, n_columns: int, n_steps: int) -> Memory:
         """A fresh memory where orders vary; see `History.open_varying`."""
-        return VaryingModes(schedule, n_columns, self._covered(n_steps + 1), float(self.tol))
+        groups = (key for terms in schedule.others for key in terms.groups())
+        covered = self._covered(n_steps + 1, [kernel for kernel, _ in groups], n_steps)
+        return VaryingModes(schedule, n_columns, covered, float(self.tol))
 
-    def _covered(self, n_steps):
-        """Steps that a bank covers."""
+    def _covered(self, enough, kernels, n_steps):
+        """Steps that a bank covers; the run's alone where functions or tables must be fitted."""
+        asked = max(n_steps, 1)
+        if any(kernel.kernel.by_values for kernel in kernels):
+            return asked
         covered = _STEPS_COVERED
-        while covered < max(n_steps, self.horizon or 1):
+        while covered < max(enough, asked):
             covered *= 10
         return covered
 
@@ -127,32 +136,35 @@ class SumOfExponentials(History):
 class _Modes(Memory):
     """Modes driven by the pieces, undriven ones for the start values, and a window."""
 
-    def __init__(self, tables, arrays, blocks, n_modes, covered):
+    def __init__(self, tables, arrays, blocks, n_modes, covered, kernel_error):
         super().__init__(exchange_modes, tables, arrays, *blocks)
-        self.n_modes = n_modes
+        self.n_modes, self.kernel_error = n_modes, kernel_error
         self._covered = covered
 
     def prepare(self, n_end):
         """Refuse steps that the exponential sum does not reach."""
         if n_end > self._covered:
-            remedy = f"begin the run with SumOfExponentials(horizon={n_end})"
+            remedy = "begin the run with SumOfExponentials(horizon=), the time it is to reach"
             required = f"stay within the {self._covered} steps its history covers"
             raise ValueError(complaint("resume", required, f"a run to step {n_end}", remedy))
 
     def copy(self):
         """An independent memory with the same modes; the tables are shared."""
         blocks = (self.block_weights, self.block_start_weights)
-        return _Modes(self.tables, self.state(), blocks, self.n_modes, self._covered)
+        known = self.n_modes, self._covered, self.kernel_error
+        return _Modes(self.tables, self.state(), blocks, *known)
 
 
 def _bank(convolution, covered, tol):
-    """Rates of all modes, their weights for each kernel, and how many are there for the padding.
+    """Rates of all modes, their weights for each kernel, how many are there for the padding, and
+    the largest error of the other kernels.
 
     Power laws share their rates; every other kernel brings its own.
     """
     exponents, kernels = convolution.exponents(), convolution.kernels()
     fits = [fit_unit(exponents, covered, tol)[:2]]
-    fits += [(rates, w[None]) for rates, w in (k.exponentials(covered, tol) for k in kernels)]
+    sums = [kernel.exponentials(covered, tol) for kernel in kernels]
+    fits += [(found.rates, found.weights[None]) for found in sums]
     n_rates = sum(rates.size for rates, _ in fits)
     pad = -n_rates % _PAD
     rates = np.concatenate([*(rates for rates, _ in fits), np.zeros(pad)])
@@ -162,7 +174,7 @@ def _bank(convolution, covered, tol):
             bank[key] = (rates, np.zeros(rates.size))
             bank[key][1][offset : offset + own.size] = row
         offset += own.size
-    return rates, bank, pad
+    return rates, bank, pad, max((found.max_error for found in sums), default=0.0)
 
 
 def _powers(rates, n_block):

@@ -41,6 +41,8 @@ class Memory(ABC):
     """
 
     n_modes: int = 0
+    # largest relative error of the sums that stand for kernels other than power laws
+    kernel_error: float = 0.0
 
     def __init__(self, exchange, tables, arrays, block_weights, block_start_weights):
         self.exchange = as_value(exchange, EXCHANGE_SIG)
@@ -166,6 +168,8 @@ class MeshMemory:
     n_modes : int
         Modes held for each component.
     """
+
+    kernel_error = 0.0  # there are no other kernels on a mesh
 
     def __init__(self, recall, tables, arrays, n_modes=0):
         self.recall = as_value(recall, RECALL_SIG)

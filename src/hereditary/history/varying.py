@@ -26,7 +26,7 @@ from ..kernels.varying import (
     exchange_kernel_modes,
     exchange_varying_direct,
 )
-from ..operators import OrderFailed
+from ..orders import OrderFailed
 from ..schemes.varying import LEAST
 from ..special import mean_exponential
 from .history import Memory
@@ -143,7 +143,7 @@ class VaryingModes(VaryingMemory):
                 mean * np.exp(-rates) * np.expm1(-rates),
             ]
         )
-        other_rates, *rows = other_modes(schedule, float(covered), tol)
+        (other_rates, *rows), self.kernel_error = other_modes(schedule, float(covered), tol)
         self.n_modes = rates.size + other_rates.size
         table = np.zeros((5 + len(schedule.others), n_powers + other_rates.size))
         table[0, : rates.size], table[0, n_powers:] = np.exp(-rates), np.exp(-other_rates)
@@ -160,7 +160,7 @@ class VaryingModes(VaryingMemory):
     def grow(self, n_end):
         """Refuse steps that the exponential sums do not reach."""
         if n_end > self._covered:
-            remedy = f"begin the run with SumOfExponentials(horizon={n_end})"
+            remedy = "begin the run with SumOfExponentials(horizon=), the time it is to reach"
             required = f"stay within the {self._covered} steps its history covers"
             raise ValueError(complaint("resume", required, f"a run to step {n_end}", remedy))
 
@@ -212,17 +212,20 @@ def other_modes(schedule, covered, tol):
     whole, values : ndarray, shape (M,)
         What a mode takes of each whole increment, and of x(0) at k = 2.
     weights : ndarray, shape (M,), for each class
+    error : float
+        The largest of a kernel's sum; the arrays before it are the rows of one.
     """
-    columns = [np.zeros((3 + len(schedule.others), 0))]
+    columns, error = [np.zeros((3 + len(schedule.others), 0))], 0.0
     for group in dict.fromkeys(key for terms in schedule.others for key in terms.groups()):
         kernel, m = group
-        rates, weights = kernel.exponentials(covered, tol)
+        found = kernel.exponentials(covered, tol)
+        rates, weights, error = found.rates, found.weights, max(error, found.max_error)
         own = np.zeros((3 + len(schedule.others), rates.size))
         own[0], own[1] = rates, m == 1
         own[2] = schedule.others[0].begun(kernel, rates)
         own[3:] = [terms.amplitudes(group, rates, weights) for terms in schedule.others]
         columns.append(own)
-    return np.hstack(columns)
+    return np.hstack(columns), error
 
 
 @lru_cache(maxsize=16)

@@ -12,11 +12,14 @@ from .._checks import complaint, real, real_array
 from ..exponential_sum import fit_interval
 from ..memory_kernel import ExponentialSum, MemoryKernel
 from ..special import gauss_unit
-from .fits import fit_positive, fit_signed, fit_table
+from .fits import closest_positive, closest_signed, fit_positive, fit_signed
+from .tables import closest_table, fit_table
 
 # The behaviour at 0 is read at the smallest of these times at which the function has a value.
 _LADDER = 10.0 ** np.arange(-290.0, 1.0, 10.0)
 _TINY = 1e-300
+# Times an e-fold before the first of a table, at which a run's fit follows its power law.
+_PER_E_FOLD = 24
 _NODES, _WEIGHTS = gauss_unit(20)
 
 
@@ -78,6 +81,11 @@ class Kernel(MemoryKernel):
         """As given, or as read off the function."""
         return self._exponent
 
+    @property
+    def by_values(self) -> bool:
+        """True: a function is."""
+        return True
+
     def __call__(self, t: ArrayLike) -> np.ndarray:
         """Kernel values, the shape of `t`."""
         t = np.asarray(t, dtype=float)
@@ -92,14 +100,24 @@ class Kernel(MemoryKernel):
         """The function at times of shape (n,), one by one where it takes one only."""
         try:
             values = np.asarray(self._function(t))
-        except (TypeError, ValueError):
+        except Exception:  # whatever it is: one by one will tell
             values = np.empty(0)
         if values.shape != t.shape:
-            values = np.array([self._function(float(time)) for time in t])
+            values = np.array([self._alone(float(time)) for time in t])
         if values.dtype.kind not in "iuf" or values.shape != t.shape:
             got = f"dtype {values.dtype}, shape {values.shape}"
             raise TypeError(complaint("function", "give one real number for each time", got))
         return values.astype(float)
+
+    def _alone(self, t):
+        """The function at one time."""
+        try:
+            return self._function(t)
+        except Exception as error:
+            got = f"{type(error).__name__} at t = {t:g}: {error}"
+            raise ValueError(
+                complaint("function", "give a kernel's value at t > 0", got)
+            ) from error
 
     def _slope_at_zero(self):
         """a of K ~ t**-a from values at the smallest times; nearly 0 counts as 0."""
@@ -151,6 +169,14 @@ class Kernel(MemoryKernel):
         """By its values; see `fit_exponentials`."""
         interval = fit_interval(t_min, t_max, tol)
         return fit_signed(self, *interval) if self._signed else fit_positive(self, *interval)
+
+    def closest_fit(
+        self, t_min: float, t_max: float, tol: float, fading: bool = False
+    ) -> ExponentialSum:
+        """As `fit`, or what comes closest."""
+        interval = fit_interval(t_min, t_max, tol)
+        closest = closest_signed if self._signed else closest_positive
+        return closest(self, *interval, fading=fading)
 
 
 class TabulatedKernel(MemoryKernel):
@@ -208,6 +234,16 @@ class TabulatedKernel(MemoryKernel):
         """The power at the first data; below 0.05 counts as 0."""
         return float(self._exponent)
 
+    @property
+    def t_last(self) -> float:
+        """The last time of the table."""
+        return float(self._t[-1])
+
+    @property
+    def by_values(self) -> bool:
+        """True: a table is."""
+        return True
+
     def __call__(self, t: ArrayLike) -> np.ndarray:
         """Kernel values, the shape of `t`; up to the last time of the table."""
         t = np.asarray(t, dtype=float)
@@ -240,6 +276,22 @@ class TabulatedKernel(MemoryKernel):
             got = f"{np.count_nonzero(inside)} between {t_min:g} and {t_max:g}"
             raise ValueError(complaint("the table", "have at least 4 times", got))
         return fit_table(self._t[inside], self._values[inside], t_min, t_max, tol)
+
+    def closest_fit(
+        self, t_min: float, t_max: float, tol: float, fading: bool = False
+    ) -> ExponentialSum:
+        """To all data from about `t_min` on, and before them to the power law there.
+
+        Here `tol` bounds the largest relative misfit; what comes closest is returned in any case.
+        """
+        t_min, t_max, tol = fit_interval(t_min, t_max, tol)
+        # at the data alone, for between them nobody knows
+        begun = max(0, min(int(np.searchsorted(self._t, t_min)) - 1, self._t.size - 4))
+        times = self._t[begun:]
+        if t_min < times[0]:
+            n_early = math.ceil(_PER_E_FOLD * math.log(times[0] / t_min))
+            times = np.append(np.geomspace(t_min, times[0], n_early + 2)[:-1], times)
+        return closest_table(times, self(times), t_min, t_max, tol, fading=fading)
 
     def _logs(self):
         return self._log_t, self._log_values

@@ -41,6 +41,7 @@ class Samples:
     values: np.ndarray
     scale: np.ndarray
     emphasis: np.ndarray
+    fading: bool = False  # whether a sum for it must do without rate 0
 
     @property
     def ratio(self):
@@ -60,10 +61,10 @@ class Samples:
         t, values, scale = (array[::2] for array in (self.t, self.values, self.scale))
         index = np.arange(t.size)
         near_end = np.minimum(index, index[::-1]) * (2 / _POINTS_PER_OSCILLATION)
-        return Samples(t, values, scale, 1 + 3 * np.exp(-2 * near_end))
+        return Samples(t, values, scale, 1 + 3 * np.exp(-2 * near_end), self.fading)
 
 
-def sampled(kernel, t_min, t_max, tol, wide=False):
+def sampled(kernel, t_min, t_max, tol, wide=False, fading=False):
     """The kernel on its check points, in units of t_min.
 
     Over a wide range early times count as much as late ones, however little is left of t K there.
@@ -76,7 +77,7 @@ def sampled(kernel, t_min, t_max, tol, wide=False):
     t[-1] = ratio
     values = kernel(np.minimum(t * t_min, t_max))
     scale = np.abs(values) if wide else scale_of(t, values)
-    return Samples(t, values, scale, np.ones(t.size))
+    return Samples(t, values, scale, np.ones(t.size), fading)
 
 
 def scale_of(t, values):
@@ -86,8 +87,21 @@ def scale_of(t, values):
     return np.maximum(largest, FADED * (t * size).max() / t)
 
 
-@lru_cache(maxsize=64)
 def fit_positive(kernel, t_min, t_max, tol, density=None):
+    """As `closest_positive`; a ValueError says how far the fit came where `tol` was not met."""
+    return _within(closest_positive(kernel, t_min, t_max, tol, density), tol)
+
+
+def _within(fit, tol, remedy=""):
+    """Refuse a fit that is not as close as it should be."""
+    if fit.max_error > tol:
+        required = f"be at least {1.1 * fit.max_error:.1e} for this kernel"
+        raise ValueError(complaint("tol", required, tol, remedy))
+    return fit
+
+
+@lru_cache(maxsize=64)
+def closest_positive(kernel, t_min, t_max, tol, density=None, fading=False):
     """A sum with positive weights for a completely monotone kernel.
 
     Parameters
@@ -98,29 +112,33 @@ def fit_positive(kernel, t_min, t_max, tol, density=None):
         As in `fit_exponentials`.
     density : Density, optional
         The kernel's spectral density.
+    fading : bool
+        Whether the sum must do without rate 0.
 
     Returns
     -------
     ExponentialSum
-        With ``max_error <= tol``; a ValueError says how far the fit came where none was found.
+        With ``max_error <= tol`` where one was found, else what came closest.
     """
     wide = density is not None and t_max / t_min > _WIDE
-    samples = sampled(kernel, t_min, t_max, tol, wide)
+    samples = sampled(kernel, t_min, t_max, tol, wide, fading)
     refuse_if_rising(samples, t_min)
     thin, step = samples.thinned(), trapezoid_step(0.5, tol)
-    best = math.inf
-    attempts = _density_rules if wide else _attempts
-    for v, weights in attempts(thin, step, tol, density):
+    best, closest = math.inf, (np.zeros(0), np.zeros(0))
+    rules = _density_rules if wide else attempts
+    for v, weights in rules(thin, step, tol, density):
         error = float(np.abs(samples.error(v, weights)).max())
-        best = min(best, error)
+        if error < best:
+            best, closest = error, (v, weights)
         if error <= tol:
             if not wide:
                 v, weights = _fewest(samples, thin, tol, v, weights)
-            v, weights, error = _without_fastest(samples, tol, v, weights)
-            return _summed(v, weights, t_min, t_max, error)
+            v, weights, error = without_fastest(samples, tol, v, weights)
+            return summed(v, weights, t_min, t_max, error)
     if best > max(_HOPELESS, 100 * tol):
         raise ValueError(not_monotone(f"one that positive sums only approach to {best:.1e}"))
-    raise ValueError(complaint("tol", f"be at least {1.1 * best:.1e} for this kernel", tol))
+    v, weights, error = without_fastest(samples, best, *closest)
+    return summed(v, weights, t_min, t_max, error)
 
 
 def refuse_if_rising(samples, t_min):
@@ -140,19 +158,37 @@ def not_monotone(got):
     return complaint("kernel", required, got, "pass signed=True to allow weights of both signs")
 
 
-def _attempts(samples, step, tol, density):
+def largest(error):
+    """The largest size."""
+    return float(np.abs(error).max())
+
+
+def attempts(samples, step, tol, density=None, norm=largest):
     """Log rates and weights to try, those with few modes first."""
+
+    def good_enough(error):
+        return norm(error) <= (0.99 * tol if norm is largest else tol * (1 + 1e-9))
+
+    if density is None and norm is largest:
+        yield from _few(samples, step, good_enough)
     for finer in (1.0, 0.92, 0.85, 0.72, 0.6):
         v, weights, _ = _grid_fit(samples, finer * step)
         yield v, weights
         if np.abs(samples.error(v, weights)).max() > 30 * tol:
             break
-    patience = 26 if density is None else 10
-    starts = (step, 2 * step, 4 * step) if density is None else (step,)
-    for start in starts:  # few separate rates are found best from a coarse grid
-        yield sliding(samples, start, lambda error: np.abs(error).max() <= 0.99 * tol, patience)
+    yield sliding(samples, step, good_enough, 26 if density is None else 10)
     if density is not None:
         yield from _density_rules(samples, step, tol, density)
+    # through noise, all rates of a grid follow the kernel more closely than a few
+    if norm is not largest:
+        yield from _few(samples, step, good_enough)
+
+
+def _few(samples, step, good_enough):
+    """A few separate rates, where they are good enough."""
+    found = few_rates(samples, rate_grid(samples, step / 6), good_enough)
+    if found is not None:
+        yield found
 
 
 def _density_rules(samples, step, tol, density):
@@ -161,14 +197,16 @@ def _density_rules(samples, step, tol, density):
         yield _density_rule(density, samples.ratio, finer * step, tol)
 
 
-def rate_grid(ratio, step):
+def rate_grid(samples, step):
     """Log rates 0 (-inf), then uniform from the slowest to the fastest that matter."""
+    ratio = samples.ratio
     first, last = (_SLOWEST - math.log(ratio)) / step, _FASTEST / step
-    return np.concatenate([[-np.inf], step * np.arange(math.floor(first), math.ceil(last) + 1)])
+    grid = step * np.arange(math.floor(first), math.ceil(last) + 1)
+    return grid if samples.fading else np.append(-np.inf, grid)
 
 
 def _grid_fit(samples, step):
-    v = rate_grid(samples.ratio, step)
+    v = rate_grid(samples, step)
     return _fit_on(samples, v, np.ones(v.size, dtype=bool))
 
 
@@ -194,10 +232,9 @@ def sliding(samples, step, good_enough, patience=26):
     """Log rates and weights of a fit whose rates move, by half the last distance each time.
 
     The problem over all positive measures is convex: neighbours of the rates in use and the peaks
-    of the misfit's own transform are all that can improve it. Where clusters of neighbours are
-    few, they are tried as one rate each.
+    of the misfit's own transform are all that can improve it.
     """
-    fine = rate_grid(samples.ratio, step / 6)
+    fine = rate_grid(samples, step / 6)
     peaks = samples.columns(fine)
     peaks /= peaks.max(axis=0)
     v, weights, error = _grid_fit(samples, step)
@@ -211,9 +248,6 @@ def sliding(samples, step, good_enough, patience=26):
         candidates = np.concatenate([v, moving + step, moving - step, fine[1:-1][peak]])
         candidates, index = np.unique(candidates, return_index=True)
         v, weights, error = _fit_on(samples, candidates, index < v.size)
-        few = few_rates(samples, v, weights, 2.1 * step)
-        if few is not None and good_enough(samples.error(*few)):
-            return few
         history.append(np.abs(error).max())
         if len(history) > 8 and history[-1] > 0.6 * history[-8]:
             break
@@ -303,7 +337,7 @@ def _merged(samples, thin, tol, v, weights):
     return v, weights
 
 
-def _without_fastest(samples, tol, v, weights):
+def without_fastest(samples, tol, v, weights):
     """Without the fastest rates that the tolerance does not need."""
     order = np.argsort(v, kind="stable")
     v, weights = v[order], weights[order]
@@ -316,7 +350,7 @@ def _without_fastest(samples, tol, v, weights):
     return v, weights, float(np.abs(error).max())
 
 
-def _summed(v, weights, t_min, t_max, error):
+def summed(v, weights, t_min, t_max, error):
     """The sum in the kernel's own units, its rates in order."""
     order = np.argsort(v, kind="stable")
     rates, weights = np.exp(v[order]) / t_min, weights[order]
@@ -324,14 +358,23 @@ def _summed(v, weights, t_min, t_max, error):
     return ExponentialSum(rates, weights, t_min, t_max, error)
 
 
-@lru_cache(maxsize=64)
 def fit_signed(kernel, t_min, t_max, tol):
-    """A sum with weights of both signs, by least squares; errors relative to the largest ``|K|``
-    from each time on."""
-    samples = sampled(kernel, t_min, t_max, tol)
-    thin, step, best = samples.thinned(), trapezoid_step(0.5, tol), math.inf
+    """As `closest_signed`; a ValueError says how far the fit came where `tol` was not met."""
+    remedy = "decaying exponentials without oscillation come no closer to it"
+    return _within(closest_signed(kernel, t_min, t_max, tol), tol, remedy)
+
+
+@lru_cache(maxsize=64)
+def closest_signed(kernel, t_min, t_max, tol, fading=False):
+    """A sum with weights of both signs, by least squares.
+
+    Errors are relative to the largest ``|K|`` from each time on.
+    """
+    samples = sampled(kernel, t_min, t_max, tol, fading=fading)
+    thin, step = samples.thinned(), trapezoid_step(0.5, tol)
+    best, closest = math.inf, (np.zeros(0), np.zeros(0))
     for finer in (1.0, 0.8, 0.6, 0.45):
-        v = rate_grid(samples.ratio, finer * step)
+        v = rate_grid(samples, finer * step)
         table = thin.columns(v)
         size = table.max(axis=0)
         v, table, size = v[size > 1e-250], table[:, size > 1e-250], size[size > 1e-250]
@@ -340,30 +383,8 @@ def fit_signed(kernel, t_min, t_max, tol):
         for cut in (1e-8, 1e-10, 1e-12, 1e-14):
             weights = np.linalg.lstsq(weighted, target, rcond=cut)[0] / size
             error = float(np.abs(samples.error(v, weights)).max())
-            best = min(best, error)
-            if error <= tol:
-                return _summed(v, weights, t_min, t_max, error)
-    remedy = "decaying exponentials without oscillation come no closer to it"
-    raise ValueError(complaint("tol", f"be at least {1.1 * best:.1e} for this kernel", tol, remedy))
-
-
-def fit_table(times, values, t_min, t_max, tol):
-    """A sum with positive weights for measured values; `tol` bounds the rms of relative errors."""
-    t = times / t_min
-    samples = Samples(t, values, values, np.ones(t.size))
-    step = trapezoid_step(0.5, tol)
-    enough = tol * (1 + 1e-9)
-
-    def good_enough(error):
-        return math.sqrt(np.mean(error**2)) <= enough
-
-    v, weights, error = _grid_fit(samples, step)
-    if not good_enough(error):
-        v, weights = sliding(samples, step, good_enough)
-        error = samples.error(v, weights)
-    if not good_enough(error):
-        rms = math.sqrt(np.mean(error**2))
-        remedy = "allow for the noise; only completely monotone data can be fitted closely"
-        required = f"be at least {1.01 * rms:.2g}, the rms misfit of the best positive sum"
-        raise ValueError(complaint("tol", required, tol, remedy))
-    return _summed(v, weights, t_min, t_max, float(np.abs(error).max()))
+            if error < best:
+                best, closest = error, (v, weights)
+            if best <= tol:
+                return summed(*closest, t_min, t_max, best)
+    return summed(*closest, t_min, t_max, best)

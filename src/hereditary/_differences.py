@@ -1,0 +1,69 @@
+"""A given Jacobian against differences of its right-hand side (floor 1)."""
+
+import numpy as np
+
+from ._checks import complaint
+
+# Steps of the two differences, in units of the size of a component and at least of 1.
+_STEPS = 1e-4, 1e-5
+# Relative deviation that rounding and truncation cannot explain.
+_TOLERANCE = 1e-3
+
+
+def check_jacobian(rhs, jac, y0, params):
+    """Refuse a Jacobian that is not the derivative of the right-hand side near y0, at t = 0.
+
+    An entry is refused where two points of three find it wrong beyond doubt: it misses two
+    differences, of longer and of shorter steps, by more than ten times what these are apart. So
+    corners, jumps and points outside the domain of `rhs` refuse nothing.
+
+    Parameters
+    ----------
+    rhs, jac : callable
+        Compiled, filling their third argument.
+    y0, params : ndarray, shape (d,) and (p,)
+    """
+    aside = np.random.default_rng(0).uniform(0.5, 1.0, (2, y0.size))
+    scale = np.maximum(np.abs(y0), 0.1)
+    points = [y0, y0 + 0.03 * scale * aside[0], y0 - 0.03 * scale * aside[1]]
+    found = [trial for y in points if (trial := _deviation(rhs, jac, y, params)) is not None]
+    counts = sum((wrong.astype(int) for wrong, _, _ in found), np.zeros((y0.size, y0.size), int))
+    if counts.max() < 2:
+        return
+    i, j = np.unravel_index(np.argmax(counts), counts.shape)
+    _, given, expected = next(trial for trial in found if trial[0][i, j])
+    got = f"{given[i, j]:.6g} in row {i}, column {j}, near y0 at t = 0"
+    required = f"hold d rhs[i] / d y[j] = {expected[i, j]:.6g}"
+    remedy = "check signs and whether it is transposed, or leave jac out for differences"
+    raise ValueError(complaint("jac", required, got, remedy))
+
+
+def _deviation(rhs, jac, y, params):
+    """Which entries are wrong at y, the given ones, and differences; None where it cannot tell."""
+    given = np.empty((y.size, y.size))
+    try:
+        jac(0.0, y.copy(), given, params.copy())
+        pairs = [_differences(rhs, y, params, step) for step in _STEPS]
+    except Exception:  # y lies outside of the domain of the functions
+        return None
+    (far, _), (near, noise) = pairs
+    if not all(np.all(np.isfinite(a)) for a in (given, far, near)):
+        return None
+    apart = np.abs(far - near)
+    sizes = np.maximum(np.abs(given), np.abs(near))
+    allowed = _TOLERANCE * (sizes + 1e-3 * sizes.max(axis=1, keepdims=True)) + 10 * apart + noise
+    return np.abs(given - near) > allowed, given, near
+
+
+def _differences(rhs, y, params, step):
+    """Central differences d rhs / d y, shape (d, d), and a bound on their rounding, (d, 1)."""
+    jacobian, largest = np.empty((y.size, y.size)), np.zeros(y.size)
+    values = np.empty((2, y.size))
+    for j, size in enumerate(np.maximum(np.abs(y), 1.0)):
+        for row, shift in zip(values, (step * size, -step * size), strict=True):
+            moved = y.copy()
+            moved[j] += shift
+            rhs(0.0, moved, row, params.copy())
+        jacobian[:, j] = (values[0] - values[1]) / (2 * step * size)
+        largest = np.maximum(largest, np.abs(values).max(axis=0))
+    return jacobian, (1e-14 * largest / step)[:, None]

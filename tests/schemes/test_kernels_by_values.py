@@ -1,0 +1,159 @@
+"""Kernels of a function, a table or a fitted sum give what the closed form gives."""
+
+import warnings
+
+import numpy as np
+import pytest
+
+import hereditary as hd
+
+CLOSED = hd.StretchedExponential(0.5, 1.0)
+T = 10.0
+TIMES = np.geomspace(1e-4, 30.0, 300)
+WAYS = {
+    "default": {"n_steps": 1000},
+    "L1": {"n_steps": 1000, "scheme": hd.L1()},
+    "FFT": {"n_steps": 1000, "history": hd.FFT()},
+    "Direct": {"n_steps": 1000, "history": hd.Direct()},
+    "rtol": {"rtol": 1e-4},
+}
+KERNELS = {
+    "function": lambda: hd.Kernel(lambda t: np.exp(-np.sqrt(t))),
+    "table": lambda: hd.Kernel.from_table(TIMES, np.exp(-np.sqrt(TIMES))),
+    "sum": lambda: hd.fit_exponentials(CLOSED, 1e-7, 30.0, 1e-9),
+}
+
+
+def pull(t, x):
+    return -x
+
+
+def with_kernel(kernel, m=1):
+    return hd.Equation([hd.Caputo(2), hd.Memory(kernel, m)], pull, [1.0, 0.0])
+
+
+def solved(kernel, t_end=T, m=1, **way):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", hd.KernelWarning)
+        return hd.solve(with_kernel(kernel, m), t_end, **way)
+
+
+@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("name", KERNELS)
+def test_all_ways_give_the_closed_forms_solution(name, way):
+    sol, exact = solved(KERNELS[name](), **WAYS[way]), solved(CLOSED, **WAYS[way])
+    assert sol.success
+    error = np.abs(sol.y[-1] - exact.y[-1]).max()
+    # lines in log K between data err by (0.042**2 / 8) d^2 log K / d (log t)^2
+    known = {"function": 1e-8, "table": 4e-4, "sum": 1e-7}[name]
+    assert error < (2e-5 if way == "rtol" and name != "table" else known)
+
+
+@pytest.mark.parametrize("way", ["default", "rtol"])
+@pytest.mark.parametrize("first", [1e-6, 3e-2])
+def test_a_table_of_a_power_law_is_one_wherever_it_begins(first, way):
+    t = np.geomspace(first, 1e3, 150)
+    orders = [hd.Memory(hd.Kernel.from_table(t, t**-0.5), 1), hd.Memory(hd.PowerLaw(0.5), 1)]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", hd.KernelWarning)
+        table, exact = (
+            hd.solve(hd.Equation([hd.Caputo(1), order], pull, 1.0), T, **WAYS[way])
+            for order in orders
+        )
+    assert abs(table.y[-1, 0] - exact.y[-1, 0]) < (1e-8 if way == "default" else 1e-5)
+
+
+def test_a_few_data_of_an_exponential_are_that_exponential():
+    t = np.geomspace(1e-3, 100, 60)
+    table, exact = (
+        solved(kernel, n_steps=1000)
+        for kernel in (hd.Kernel.from_table(t, np.exp(-t / 10)), hd.Prony([0.1], [1.0]))
+    )
+    # the first step's integral is that of the power laws between the data
+    assert abs(table.y[-1, 0] - exact.y[-1, 0]) < 1e-4
+    assert table.stats["kernel_error"] < 1e-10
+
+
+SIGNED = (np.array([1.0, 3.0]), np.array([1.0, -0.9]))
+
+
+@pytest.mark.parametrize("way", ["default", "rtol"])
+def test_signed_kernels(way):
+    rates, weights = SIGNED
+    function = hd.Kernel(lambda t: np.exp(np.multiply.outer(-t, rates)) @ weights, signed=True)
+    exact = hd.ExponentialSum(rates, weights, 0.0, np.inf, 0.0)
+    sols = [solved(kernel, **WAYS[way]) for kernel in (function, exact)]
+    assert all(sol.success for sol in sols)
+    assert abs(sols[0].y[-1, 0] - sols[1].y[-1, 0]) < (1e-8 if way == "default" else 1e-5)
+
+
+@pytest.mark.parametrize("way", ["default", "rtol"])
+def test_the_note_is_not_below_the_error(way):
+    """Between dense times, of a function that no sum found follows to 1e-13."""
+    kernel = KERNELS["function"]()
+    how = dict(WAYS[way])
+    if way == "default":
+        how["n_steps"], how["history"] = 100_000, hd.SumOfExponentials(tol=1e-13)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        sol = hd.solve(with_kernel(kernel), T, **how)
+    told = sol.stats["kernel_error"]
+    fit = kernel.closest_fit(1e-4, T, 1e-13)
+    t = np.geomspace(1e-4, T, 20_001)
+    if way == "default":
+        error = np.abs(fit(t) / np.exp(-np.sqrt(t)) - 1).max()
+        assert 1e-13 < error <= told < 2 * error
+        assert [w.category for w in caught] == [hd.KernelWarning]
+        assert caught[0].filename == __file__
+    else:
+        assert 0 < told < 1e-4
+        assert not caught
+
+
+def test_noise_is_told_before_the_run():
+    noise = 1 + 0.01 * np.random.default_rng(1).standard_normal(TIMES.size)
+    kernel = hd.Kernel.from_table(TIMES, CLOSED(TIMES) * noise)
+    with pytest.warns(hd.KernelWarning, match="a kernel differs by up to .*e-02"):
+        sol = hd.solve(with_kernel(kernel), T, 1000)
+    assert sol.success
+    assert 0.01 < sol.stats["kernel_error"] < 0.06
+    assert abs(sol.y[-1, 0] - solved(CLOSED, n_steps=1000).y[-1, 0]) < 0.01
+
+
+@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("name", ["table", "sum"])
+def test_runs_beyond_what_is_known_are_refused(name, way):
+    kernel = KERNELS[name]()
+    with pytest.raises(ValueError, match=r"t_end must stay within t = 30.* got 31;"):
+        solved(kernel, 31.0, **WAYS[way])
+    # whole blocks, and fewer steps than fill one, may look beyond
+    few = {**WAYS[way]} if way == "rtol" else {**WAYS[way], "n_steps": 20}
+    assert solved(kernel, 30.0, **few).t[-1] == pytest.approx(30.0)
+
+
+@pytest.mark.parametrize("way", ["default", "rtol"])
+def test_runs_resume_as_far_as_their_horizon(way):
+    kernel, how = KERNELS["function"](), WAYS[way]
+    short = solved(kernel, **how)
+    scheme = {"scheme": hd.Collocation(horizon=2 * T)} if way == "rtol" else {}
+    far = {"history": hd.SumOfExponentials(horizon=2 * T)} if way == "default" else {}
+    again = {key: value for key, value in how.items() if key != "n_steps"}
+    with pytest.raises(ValueError, match=r"resume must stay within .*horizon="):
+        solved(kernel, 2 * T, resume=short.state, **again)
+    long = solved(kernel, **how, **scheme, **far)
+    later = solved(kernel, 2 * T, resume=long.state, **again, **scheme, **far)
+    twice = {**how, "n_steps": 2000} if way == "default" else how
+    through = solved(kernel, 2 * T, **twice, **scheme, **far)
+    np.testing.assert_allclose(later.y[-1], through.y[-1], rtol=0, atol=1e-5 if scheme else 0)
+
+
+@pytest.mark.parametrize("way", ["default", "Direct", "rtol"])
+def test_what_a_kernels_function_raises_is_told_as_its_own(way):
+    def broken(t):
+        if np.any(np.asarray(t) > 3.0):
+            raise ZeroDivisionError("no")
+        return np.exp(-t)
+
+    kernel = hd.Kernel(broken)
+    with pytest.raises(ValueError, match=r"function must .* got ZeroDivisionError at t = .*: no"):
+        solved(kernel, **WAYS[way])

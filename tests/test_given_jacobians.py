@@ -1,0 +1,100 @@
+"""A given Jacobian is compared with differences when an equation is made."""
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+import hereditary as hd
+
+
+def quadratic(t, y, params):
+    """f_i = sum_j a_ij y_j + b_ij y_j**2; params hold a, b and factors for the Jacobian."""
+    d = y.size
+    a, b = params[: d * d].reshape(d, d), params[d * d : 2 * d * d].reshape(d, d)
+    out = np.zeros(d)
+    for i in range(d):
+        for j in range(d):
+            out[i] += a[i, j] * y[j] + b[i, j] * y[j] ** 2
+    return out
+
+
+def its_jacobian(t, y, params):
+    d = y.size
+    a, b = params[: d * d].reshape(d, d), params[d * d : 2 * d * d].reshape(d, d)
+    factors = params[2 * d * d :].reshape(d, d)
+    out = np.zeros((d, d))
+    for i in range(d):
+        for j in range(d):
+            out[i, j] = factors[i, j] * (a[i, j] + 2.0 * b[i, j] * y[j])
+    return out
+
+
+def equation(a, b, factors, y0):
+    params = np.concatenate([a.ravel(), b.ravel(), factors.ravel()])
+    return hd.Equation(hd.Caputo(0.5), quadratic, y0, params, its_jacobian)
+
+
+@st.composite
+def problems(draw):
+    d = draw(st.integers(1, 4))
+    numbers = st.floats(-10, 10).map(lambda x: round(x, 3))
+    a, b = (draw(arrays(float, (d, d), elements=numbers)) for _ in range(2))
+    y0 = draw(arrays(float, d, elements=st.floats(-1e3, 1e3)))
+    return a * 10.0 ** draw(st.integers(-6, 6)), b, y0
+
+
+@given(problems())
+def test_right_ones_pass(problem):
+    a, b, y0 = problem
+    assert equation(a, b, np.ones_like(a), y0).has_jac
+
+
+@given(problems(), st.data(), st.sampled_from([-1.0, 0.0, 1.05]))
+def test_wrong_entries_are_refused(problem, data, factor):
+    """Wherever the entry counts in its row, all over the neighbourhood of y0."""
+    a, b, y0 = problem
+    d = y0.size
+    i, j = data.draw(st.integers(0, d - 1)), data.draw(st.integers(0, d - 1))
+    around = y0[:, None] + 0.03 * np.maximum(np.abs(y0), 0.1)[:, None] * np.linspace(-1, 1, 21)
+    rows = np.abs(a[i][:, None] + 2 * b[i][:, None] * around)
+    assume(rows[j].min() > 0.1 * rows.max() > 0)
+    factors = np.ones((d, d))
+    factors[i, j] = factor
+    with pytest.raises(ValueError, match=rf"jac must hold .* got .* in row {i}, column {j}"):
+        equation(a, b, factors, y0)
+
+
+def test_a_transposed_one_and_a_missing_term_are_refused():
+    def rotation(t, y):
+        return np.array([y[1] - y[0] ** 3, -2.0 * y[0]])
+
+    def right(t, y):
+        return np.array([[-3.0 * y[0] ** 2, 1.0], [-2.0, 0.0]])
+
+    def transposed(t, y):
+        return np.array([[-3.0 * y[0] ** 2, -2.0], [1.0, 0.0]])
+
+    def lacking(t, y):
+        return np.array([[0.0, 1.0], [-2.0, 0.0]])
+
+    for y0 in ([0.0, 0.0], [1.0, 2.0]):
+        assert hd.Equation(hd.Caputo(0.5), rotation, y0, jac=right).has_jac
+        with pytest.raises(ValueError, match="check signs and whether it is transposed"):
+            hd.Equation(hd.Caputo(0.5), rotation, y0, jac=transposed)
+    with pytest.raises(ValueError, match=r"= -3.* got 0 in row 0, column 0"):
+        hd.Equation(hd.Caputo(0.5), rotation, [1.0, 2.0], jac=lacking)
+
+
+def test_corners_jumps_and_edges_of_the_domain_refuse_nothing():
+    def rough(t, y):
+        return np.array([abs(y[0]), np.sign(y[1]), np.sqrt(y[2]), np.tanh(1e9 * y[3])])
+
+    def its_jac(t, y):
+        out = np.zeros((4, 4))
+        out[0, 0], out[2, 2] = np.sign(y[0]), 0.5 / np.sqrt(y[2] + 1e-300)
+        out[3, 3] = 1e9 / np.cosh(min(1e9 * abs(y[3]), 300.0)) ** 2
+        return out
+
+    assert hd.Equation(hd.Caputo(0.5), rough, [0.0, 0.0, 0.0, 0.0], jac=its_jac).has_jac

@@ -1,0 +1,83 @@
+"""Sums of operators, and orders within rounding of an integer."""
+
+import numpy as np
+import pytest
+
+import hereditary as hd
+
+A, B, M = hd.Caputo(1.8), hd.Caputo(0.8), hd.Memory(hd.Prony([1.0], [1.0]), 1)
+
+
+def rhs(t, y):
+    return -y
+
+
+def told(terms):
+    return repr(hd.Equation(terms, rhs, [1.0, 0.0]))
+
+
+@pytest.mark.parametrize(
+    ("terms", "expected"),
+    [
+        (A + 0.25 * B, [A, 0.25 * B]),
+        (A - 0.25 * B, [A, -0.25 * B]),
+        (2 * A + B / 2 - M, [2 * A, 0.5 * B, -1 * M]),
+        (-(A + B), [-A, -B]),
+        (2 * (A + B) / 4, [0.5 * A, 0.5 * B]),
+        (+A, [A]),
+        (sum([A, B, M]), [A, B, M]),
+        ([A + B, M], [A, B, M]),
+        (np.array([2.0]) * (A + B), [[2.0] * A, [2.0] * B]),
+    ],
+)
+def test_sums_are_the_list_of_their_terms(terms, expected):
+    assert told(terms) == told(expected)
+
+
+def test_what_is_no_term_is_told():
+    for call in (lambda: A + 1, lambda: 1 + A, lambda: A - "B", lambda: [A] - B):
+        with pytest.raises(TypeError, match="unsupported operand"):
+            call()
+    with pytest.raises(ValueError, match="divisor must be other than 0"):
+        A / 0
+    with pytest.raises(TypeError, match=r"coefficient must .* it cannot vary"):
+        (lambda t: t) * A
+    with pytest.raises(TypeError, match=r"write Caputo\(0.9\)"):
+        hd.Equation(0.9, rhs, 1.0)
+    with pytest.raises(TypeError, match=r"write Caputo\(0.9\)"):
+        hd.Equation([0.9, 0.8], rhs, 1.0)
+    with pytest.raises(TypeError, match="they come first"):
+        hd.Equation(rhs, A, 1.0)
+
+
+@pytest.mark.parametrize("near", [0.1 * 3 / 0.3, 1 + 1e-14, 1 - 1e-14, np.nextafter(1, 0)])
+def test_orders_within_rounding_of_an_integer_are_that_integer(near):
+    assert hd.Caputo(near).order == 1.0
+    assert hd.Caputo(near).derivative == 1
+    assert hd.Caputo(1.0 + near).order == 2.0
+    assert hd.Caputo([near, 0.5]).order.tolist() == [1.0, 0.5]
+    assert hd.Caputo(lambda t: near).derivative == 1
+    sol = hd.solve(hd.Equation(hd.Caputo(near), rhs, 1.0), 1.0, 50)
+    np.testing.assert_array_equal(sol.y, hd.solve(hd.Equation(hd.Caputo(1), rhs, 1.0), 1.0, 50).y)
+
+
+@pytest.mark.parametrize("order", [1 + 1e-12, 1 - 1e-12, 2 - 1e-12, 1e-15])
+def test_other_orders_stay(order):
+    assert hd.Caputo(order).order == order
+
+
+def test_orders_that_vary_may_reach_an_integer_with_rounding():
+    def order(t):
+        return 0.8 + 0.2 * t if t < 1.0 else 0.1 * 3 / 0.3
+
+    assert order(1.0) > 1.0
+    sol = hd.solve(hd.Equation(hd.Caputo(order), rhs, 1.0), 2.0, 50)
+    assert sol.success
+
+
+def test_orders_of_power_laws_are_rounded_too():
+    kernel = hd.PowerLaw(1e-16)
+    with pytest.raises(ValueError, match="exponent must exceed 1e-14 for derivative 2"):
+        hd.Equation(hd.Memory(kernel, 2), rhs, [1.0, 1.0])
+    nearly = hd.Equation(hd.Memory(hd.PowerLaw(1 - 1e-15), 1), rhs, 1.0)
+    assert nearly.orders.tolist() == [[1.0]]

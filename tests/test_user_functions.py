@@ -1,0 +1,262 @@
+"""Users' functions: what they may not do to a run, and what they read when it begins."""
+
+import warnings
+
+import numpy as np
+import pytest
+from numba import njit
+
+import hereditary as hd
+from hereditary import _callables
+
+TABLE = np.ones(5)
+SCHEMES = (hd.ExplicitCaputo(), hd.L1(), hd.Adams(), hd.Collocation())
+
+
+def equation(rhs, y0=1.0, params=(1.0, 2.0), **kwargs):
+    return hd.Equation(hd.Caputo(0.8), rhs, y0, params, **kwargs)
+
+
+def run(eq, scheme=None, t_end=1.0):
+    if isinstance(scheme, hd.Collocation):
+        return hd.solve(eq, t_end, rtol=1e-6, scheme=scheme)
+    return hd.solve(eq, t_end, 50, scheme=scheme)
+
+
+def clamps(t, y, dy, params):
+    if y[0] < 0.0:
+        y[0] = 0.0
+    dy[0] = -1.0 - y[0]
+
+
+def adds(t, y):
+    if t > 0.5:
+        y += 1.0
+    return -y
+
+
+def writes_into_a_slice(t, y, params):
+    last = y[-1:]
+    if t > 0.5:
+        last[0] = 0.0
+    return -y
+
+
+def counts(t, y, params):
+    if t > 0.0:
+        params[0] += 0.001
+    return -params[0] * y[0]
+
+
+@njit
+def clamped(y):
+    if y[0] < 0.0:
+        y[0] = 0.0
+
+
+def calls_what_writes(t, y):
+    clamped(y)
+    return -y
+
+
+@njit
+def jitted_counts(t, y, dy, params):
+    if t > 0.0:
+        params[0] += 0.001
+    dy[0] = -params[0] * y[0]
+
+
+@pytest.mark.parametrize(
+    ("rhs", "line"),
+    [
+        (clamps, "y[0] = 0.0"),
+        (adds, ""),
+        (writes_into_a_slice, "last[0] = 0.0"),
+        (counts, "params[0] += 0.001"),
+        (jitted_counts, "params[0] += 0.001"),
+        (calls_what_writes, ""),
+    ],
+)
+def test_functions_that_would_write_later_are_refused(rhs, line):
+    with pytest.raises(TypeError, match="rhs must leave y and params as they are") as caught:
+        equation(rhs)
+    message = str(caught.value)
+    assert __file__ in message
+    assert line in message
+    assert "work on y.copy()" in message
+
+
+def test_jacobians_that_would_write_later_are_refused():
+    def jac(t, y, jacobian, params):
+        if t > 0.0:
+            params[1] = 0.0
+        jacobian[0, 0] = -1.0
+
+    with pytest.raises(TypeError, match=r"jac must leave y .* \"params\[1\] = 0.0\""):
+        equation(lambda t, y: -y, jac=jac)
+
+
+def writes_past_read_only(t, y, dy, params):
+    dy[0] = -y[0]
+    np.ascontiguousarray(y)[0] = 7.0 if t > 0.0 else y[0]
+    params.flat[0] = 7.0 if t > 0.0 else params[0]
+
+
+@pytest.mark.parametrize("scheme", SCHEMES, ids=str)
+def test_what_gets_past_read_only_types_writes_into_copies(scheme):
+    """numba lets these through: they must do no harm, in any scheme."""
+    eq = equation(writes_past_read_only)
+    expected = run(equation(lambda t, y, p: -y[0]), scheme)
+    np.testing.assert_array_equal(run(eq, scheme).y, expected.y)
+    np.testing.assert_array_equal(eq.params, [1.0, 2.0])
+
+
+def reads_beyond(t, y):
+    return -y * TABLE[int(10 * t)]
+
+
+@njit
+def jitted_reads_beyond(t, y, dy, params):
+    dy[0] = -y[0] * params[int(4 * t)]
+
+
+@njit
+def entry_of_table(i):
+    return TABLE[i]
+
+
+entry_of_table(0)  # compiled without bounds checks
+
+
+def calls_what_reads_beyond(t, y):
+    return -y * entry_of_table(int(10 * t))
+
+
+@pytest.mark.parametrize("rhs", [reads_beyond, jitted_reads_beyond, calls_what_reads_beyond])
+def test_reading_out_of_bounds_ends_the_run(rhs):
+    with pytest.warns(hd.SolveWarning, match="IndexError"):
+        sol = run(equation(rhs))
+    assert sol.status is hd.Status.RHS_FAILED
+    assert "IndexError" in sol.message
+    assert sol.t[-1] == pytest.approx(0.5, abs=0.03)
+    assert f"t = {sol.t[-1]:g}" in sol.message
+
+
+def test_reading_out_of_bounds_ends_the_run_inside_a_jacobian():
+    def jac(t, y):
+        return np.array([[-TABLE[int(10 * t)]]])
+
+    with pytest.warns(hd.SolveWarning, match="IndexError"):
+        sol = run(equation(lambda t, y: -y, jac=jac), hd.L1())
+    assert sol.status is hd.Status.RHS_FAILED
+    assert "IndexError" in sol.message
+
+
+def closure(rate):
+    return lambda t, y: -rate * y
+
+
+def test_equal_closures_are_compiled_once():
+    first = equation(closure(2.0))
+    assert all(equation(closure(2.0))._rhs is first._rhs for _ in range(3))
+    assert equation(closure(2))._rhs is not first._rhs
+    assert equation(closure(3.0))._rhs is not first._rhs
+    table = np.array([2.0])
+    assert equation(closure(table))._rhs is equation(closure(table.copy()))._rhs
+
+
+def test_many_versions_of_one_function_are_told(monkeypatch):
+    monkeypatch.setattr(_callables, "_VERSIONS_MAX", 3)
+
+    def version(rate):
+        return lambda t, y: rate - y[0]
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        equation(version(1.0)), equation(version(2.0)), equation(version(1.0))
+    with pytest.warns(UserWarning, match="rhs was compiled 3 times .* through params") as caught:
+        equation(version(3.0))
+    assert caught[0].filename == __file__
+
+
+RATE = 1.0
+
+
+def with_global(t, y, params):
+    return -RATE * y
+
+
+@njit
+def helper_with_global(y):
+    return -RATE * y
+
+
+def with_helper(t, y, params):
+    return helper_with_global(y)
+
+
+@pytest.mark.parametrize("rhs", [with_global, with_helper])
+def test_a_run_takes_the_present_values_of_globals(rhs, monkeypatch):
+    eq = equation(rhs, y0=1.0)
+    slow = run(eq).y
+    np.testing.assert_array_equal(run(eq).y, slow)
+    monkeypatch.setitem(globals(), "RATE", 3.0)
+    fast = run(eq).y
+    np.testing.assert_array_equal(fast, run(equation(lambda t, y: -3.0 * y)).y)
+    assert fast[-1, 0] < 0.7 * slow[-1, 0]
+    monkeypatch.setitem(globals(), "RATE", 1.0)
+    np.testing.assert_array_equal(run(eq).y, slow)
+
+
+def test_a_run_takes_the_present_values_of_closed_over_arrays():
+    rate = np.array([1.0])
+    eq = equation(lambda t, y: -rate[0] * y, jac=lambda t, y: np.array([[-rate[0]]]))
+    slow = run(eq, hd.L1()).y
+    rate[0] = 3.0
+    expected = run(equation(lambda t, y: -3.0 * y), hd.L1()).y
+    np.testing.assert_allclose(run(eq, hd.L1()).y, expected, rtol=1e-9)
+    assert run(eq, hd.L1()).y[-1, 0] < 0.7 * slow[-1, 0]
+    rate[0] = np.nan
+    with pytest.raises(ValueError, match="rhs must be finite at t = 0"):
+        run(eq)
+
+
+def test_lyapunov_takes_the_present_values():
+    rate = np.array([0.5])
+    eq = hd.Equation(hd.Caputo(1.0), lambda t, y: rate[0] * y, 1.0)
+    rate[0] = 2.0
+    found = hd.lyapunov(eq, 5.0, 500).exponents[0]
+    assert found == hd.lyapunov(eq.replace(), 5.0, 500).exponents[0]
+    assert found == pytest.approx(2.0, abs=0.1)
+
+
+def test_equations_cannot_be_changed():
+    eq = equation(with_global)
+    for name in ("terms", "rhs", "y0", "jac"):
+        with pytest.raises(AttributeError, match=rf"{name} .* eq.replace\({name}=...\)"):
+            setattr(eq, name, getattr(eq, name))
+    with pytest.raises(AttributeError, match=r"eq.replace\(params=...\)"):
+        eq.params = [2.0, 1.0]
+    with pytest.raises(AttributeError, match=r"d of an Equation cannot be changed"):
+        eq.d = 2
+    for array in (eq.y0, eq.params, eq.orders, eq.coefficients, eq.terms[0].coefficient):
+        with pytest.raises(ValueError, match="read-only"):
+            array[...] = 0.5
+
+
+def test_equations_made_from_others():
+    eq = equation(lambda t, y, p: -p[0] * y, jac=lambda t, y, p: np.array([[-p[0]]]))
+    assert eq.replace(params=[3.0])._rhs is eq._rhs
+    assert eq.replace(params=[3.0]).params.tolist() == [3.0]
+    assert eq.params.tolist() == [1.0, 2.0]
+    assert eq.replace(y0=[1.0, 2.0], jac=None).d == 2
+    assert eq.replace(terms=hd.Caputo(0.5)).orders.tolist() == [[0.5]]
+    changed = eq.replace(params=[3.0])
+    np.testing.assert_array_equal(
+        run(changed).y, run(equation(lambda t, y, p: -p[0] * y, params=3.0)).y
+    )
+    with pytest.raises(ValueError, match="jac must come with another rhs"):
+        eq.replace(rhs=with_global)
+    assert not eq.replace(rhs=with_global, jac=None).has_jac
+    with pytest.raises(TypeError, match="changes must be among terms, rhs, y0, params, jac"):
+        eq.replace(parameters=[3.0])
