@@ -7,13 +7,20 @@ import pytest
 
 SOURCE = Path(__file__).parent.parent / "src" / "hereditary"
 FLOORS = {
+    "_cache": 0,
     "_jit": 0,
     "_checks": 0,
+    "_complaints": 0,
+    "_frozen": 0,
+    "_digest": 0,
+    "_warning": 0,
     "kernels": 1,
     "special": 1,
     "_callables": 1,
+    "_differences": 1,
     "memory_kernel": 1,
     "operators": 2,
+    "orders": 2,
     "equation": 2,
     "system": 2,
     "exponential_sum": 2,
@@ -31,8 +38,18 @@ FLOORS = {
     "__init__": 7,
 }
 # Importable from the floor's other rooms; inside one floor the rest must not know each other.
-SAME_FLOOR = {("equation", "operators"), ("operators", "exponential_sum"), ("__main__", "plots")}
+SAME_FLOOR = {
+    ("_jit", "_cache"),
+    ("_cache", "_frozen"),
+    ("_digest", "_frozen"),
+    ("equation", "operators"),
+    ("operators", "exponential_sum"),
+    ("__main__", "plots"),
+}
 SAME_FLOOR |= {
+    ("_complaints", "_checks"),
+    ("operators", "orders"),
+    ("schemes", "orders"),
     ("equation", "system"),
     ("system", "exponential_sum"),
     ("memory_kernels", "exponential_sum"),

@@ -34,7 +34,9 @@ COUPLED = {
     hd.scenes.rossler: 3,
     hd.scenes.van_der_pol: 2,
 }
-coupled = pytest.mark.parametrize(("scene", "d"), COUPLED.items(), ids=lambda v: str(v))
+coupled = pytest.mark.parametrize(
+    ("scene", "d"), COUPLED.items(), ids=lambda v: getattr(v, "__name__", str(v))
+)
 
 
 @pytest.mark.parametrize("name", KERNELS)

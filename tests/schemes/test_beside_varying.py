@@ -152,5 +152,5 @@ def test_what_is_refused():
             hd.solve(made("y'"), 1.0, 100, scheme=scheme)
     state = hd.solve(made("y'"), 1.0, 100).state
     other = hd.Equation([hd.Caputo(alpha), 0.5 * hd.Memory(TEMPERED, 1)], decay, 1.0)
-    with pytest.raises(ValueError, match="same coefficients"):
+    with pytest.raises(ValueError, match="same kernels"):
         hd.solve(other, 2.0, resume=state)

@@ -60,12 +60,12 @@ def powers(exponent, t):
 
 def at_nodes(basis, exponent):
     """t**exponent at the nodes, also where these are too small for a float."""
-    return np.exp(exponent * basis._logs[: basis.nodes.size])
+    return np.exp(exponent * basis.logs[: basis.nodes.size])
 
 
 def at_between(basis, exponent):
     """The same between the nodes, the first of these points being t = 0."""
-    logs = basis._logs[basis.nodes.size :]
+    logs = basis.logs[basis.nodes.size :]
     return np.exp(exponent * logs) if exponent else np.ones(logs.size)
 
 
@@ -197,7 +197,7 @@ def bent(t, g, c):
 
 
 def at_bent_nodes(basis, g, c):
-    u = np.exp(g * basis._logs[: basis.nodes.size])
+    u = np.exp(g * basis.logs[: basis.nodes.size])
     return (1 + c) * u / (1 + c * u)
 
 

@@ -118,7 +118,8 @@ def test_integrals_of_any_polynomial_up_to_any_end(s, a, data):
     factors = np.array([float(mpmath.gamma(p + 1)) for p in powers]) * rgamma(powers + 1 + a)
     exact = (ends[:, None] ** (powers + a)) @ (factors * coefficients)
     found = polynomial_integrals(s, a, ends) @ values
-    np.testing.assert_allclose(found, exact, rtol=0, atol=1e-12 * np.abs(coefficients).max())
+    allowed = 1e-12 * np.abs(coefficients).max() + 1e-300  # the smallest numbers have no digits
+    np.testing.assert_allclose(found, exact, rtol=0, atol=allowed)
 
 
 @pytest.mark.parametrize("s", NUMBERS)

@@ -123,7 +123,8 @@ def squared(t, y):
 def test_blow_up_is_told_where_it_happens():
     """D^alpha y = y**2: 1 / (1 - t) at alpha = 1; at 0.8 near 0.6288, whatever the tolerance."""
     for alpha, where, rtol, off in ((1.0, 1.0, 1e-6, 1e-5), (1.0, 1.0, 1e-10, 1e-9)):
-        sol = hd.solve(hd.Equation(hd.Caputo(alpha), squared, 1.0), 2.0, rtol=rtol)
+        with pytest.warns(hd.SolveWarning, match="stopped being finite"):
+            sol = hd.solve(hd.Equation(hd.Caputo(alpha), squared, 1.0), 2.0, rtol=rtol)
         assert sol.status is hd.Status.BLOWN_UP
         assert not sol.success
         assert sol.t[-1] == pytest.approx(where, abs=off)
@@ -132,7 +133,8 @@ def test_blow_up_is_told_where_it_happens():
         np.testing.assert_allclose(sol.y[early, 0], 1 / (1 - sol.t[early]), rtol=1e4 * rtol)
     ends = []
     for rtol in (1e-6, 1e-9):
-        sol = hd.solve(hd.Equation(hd.Caputo(0.8), squared, 1.0), 2.0, rtol=rtol)
+        with pytest.warns(hd.SolveWarning, match="stopped being finite"):
+            sol = hd.solve(hd.Equation(hd.Caputo(0.8), squared, 1.0), 2.0, rtol=rtol)
         assert sol.status is hd.Status.BLOWN_UP
         assert np.all(np.isfinite(sol.y))
         ends.append(sol.t[-1])
@@ -147,13 +149,16 @@ def raises_late(t, y, p):
 
 
 def test_an_exception_in_the_right_hand_side_keeps_what_was_computed():
-    sol = hd.solve(hd.Equation(hd.Caputo(0.5), raises_late, 1.0, params=[0.5]), 2.0, rtol=1e-8)
+    with pytest.warns(hd.SolveWarning, match="ValueError: no further"):
+        sol = hd.solve(hd.Equation(hd.Caputo(0.5), raises_late, 1.0, params=[0.5]), 2.0, rtol=1e-8)
     assert sol.status is hd.Status.RHS_FAILED
     assert "ValueError: no further" in sol.message
     assert not sol.success
     assert 0 < sol.t[-1] <= 0.5
     np.testing.assert_allclose(sol.y, half_order_relaxation(sol.t), rtol=1e-8)
-    early = hd.solve(hd.Equation(hd.Caputo(0.5), raises_late, 1.0, params=[0.0]), 2.0, rtol=1e-8)
+    at_once = hd.Equation(hd.Caputo(0.5), raises_late, 1.0, params=[0.0])
+    with pytest.warns(hd.SolveWarning, match="ValueError: no further"):
+        early = hd.solve(at_once, 2.0, rtol=1e-8)
     assert early.status is hd.Status.RHS_FAILED
     assert early.t.tolist() == [0.0]
     assert early.y.tolist() == [[1.0]]

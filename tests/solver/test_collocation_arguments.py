@@ -32,6 +32,8 @@ def squared(t, y):
         ({"breaks": [-1.0]}, ValueError, "breaks must be increasing times above 0, got"),
         ({"breaks": 0.5}, ValueError, "breaks must be increasing times above 0, got"),
         ({"breaks": [[0.5]]}, ValueError, "breaks must be increasing times above 0, got"),
+        ({"breaks": [0.5, np.nextafter(0.5, 1)]}, ValueError, "breaks must lie apart by more than"),
+        ({"t_end": 5e-324}, ValueError, r"t_end must lie in \[1e-300, 1e\+300\], got 5e-324"),
         ({"breaks": [np.inf]}, ValueError, "breaks must be real, finite numbers, got"),
         ({"breaks": ["soon"]}, TypeError, "breaks must be real, finite numbers, got"),
         ({"events": [1.0]}, TypeError, r"events must be functions event\(t, y\), got 1.0"),
@@ -63,6 +65,12 @@ def test_what_only_collocation_takes(name, value):
     required = rf"{name} must be left out or come with scheme=Collocation\(\), got"
     with pytest.raises(ValueError, match=required):
         hd.solve(hd.scenes.relaxation(), 1.0, 10, scheme=hd.BDF(2), **{name: value})
+
+
+def test_times_whose_power_is_no_number():
+    equation = hd.Equation(hd.Caputo(1.5), squared, [0.0, 0.0])
+    with pytest.raises(ValueError, match=r"t_end must lie in \[1e-300, 1e\+200\], got 1e\+250"):
+        hd.solve(equation, 1e250, rtol=1e-6)
 
 
 @pytest.mark.parametrize("nodes", [1, 13, 0, -2, 2.5, True, "six"])

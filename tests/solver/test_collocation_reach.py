@@ -1,5 +1,7 @@
 """Adaptive collocation at the ends of what there is: orders near integers, stiffness, times."""
 
+import warnings
+
 import numpy as np
 import pytest
 from random_problems import error, linear, points, proportional
@@ -85,8 +87,10 @@ def test_any_length_of_a_run(alpha, t_end):
 
 @pytest.mark.parametrize(("alpha", "rate"), [(0.02, 1e3), (0.5, 1e-3), (0.5, 1e3), (1.0, 1e3)])
 def test_the_longest_run_ends_well_or_says_why(alpha, rate):
-    sol = hd.solve(proportional(hd.Caputo(alpha), rate, 1.0), 1e300, rtol=1e-4)
-    assert sol.success or sol.status in (hd.Status.BLOWN_UP, hd.Status.RHS_FAILED)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", hd.SolveWarning)
+        sol = hd.solve(proportional(hd.Caputo(alpha), rate, 1.0), 1e300, rtol=1e-4)
+    assert sol.success or sol.status in (hd.Status.STEP_TOO_SMALL, hd.Status.RHS_FAILED)
     assert sol.success == (sol.t[-1] == 1e300)
     assert sol.success or sol.message.endswith("(t = 0)")
     assert np.all(np.isfinite(sol.y))

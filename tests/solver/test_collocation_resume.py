@@ -75,7 +75,7 @@ def test_resuming_with_something_else(change, error_kind, match):
 
 def test_a_state_of_given_steps_is_no_state_of_this_scheme():
     state = hd.solve(hd.scenes.relaxation(0.5), 1.0, 10).state
-    with pytest.raises(TypeError, match="resume must be a AdaptiveState"):
+    with pytest.raises(TypeError, match="resume must be an AdaptiveState"):
         hd.solve(hd.scenes.relaxation(0.5), 2.0, rtol=1e-8, resume=state)
 
 

@@ -246,7 +246,14 @@ def grows(t, y):
 
 
 def test_after_a_blow_up_it_covers_what_was_computed():
-    sol = hd.solve(hd.Equation(hd.Caputo(1.0), grows, 1.0), 2.0, rtol=1e-8)
+    with pytest.warns(hd.SolveWarning, match="stopped being finite"):
+        sol = hd.solve(hd.Equation(hd.Caputo(1.0), grows, 1.0), 2.0, rtol=1e-8)
     t = np.linspace(0, 0.9, 50)
     np.testing.assert_allclose(sol(t)[:, 0], 1 / (1 - t), rtol=1e-6)
     np.testing.assert_allclose(sol(sol.t[-1]), sol.y[-1], rtol=1e-14)
+
+
+def test_times_in_more_than_one_direction_are_refused():
+    sol = hd.solve(hd.scenes.relaxation(0.5), 1.0, rtol=1e-6)
+    with pytest.raises(ValueError, match=r"t must be a number or of shape .k,., got shape"):
+        sol([[0.1], [0.2]])

@@ -1,5 +1,7 @@
 """Events: zeros of functions of the solution, located along an adaptive run."""
 
+import pickle
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -183,6 +185,14 @@ def test_many_zeros_in_a_step_are_told_apart():
     np.testing.assert_allclose(sol.t_events[0], np.arange(1, 16) * np.pi / 5, atol=1e-12)
 
 
+def test_shorter_steps_see_a_fast_event_beside_a_slow_solution():
+    equation, fast = hd.scenes.relaxation(0.5), marked(lambda t, y: np.sin(5 * t))
+    expected = np.arange(1, 160) * np.pi / 5
+    assert hd.solve(equation, 100.0, rtol=1e-6, events=fast).t_events[0].size < 159
+    sol = hd.solve(equation, 100.0, rtol=1e-6, events=fast, max_step=2.0)
+    np.testing.assert_allclose(sol.t_events[0], expected, atol=1e-12)
+
+
 def test_systems_hand_all_components_over():
     sol = hd.solve(hd.scenes.brusselator(0.8), 20.0, rtol=1e-9, events=lambda t, y: y[0] - y[1])
     assert sol.t_events[0].size > 2
@@ -228,3 +238,152 @@ def test_an_exit_with_memory_does_not_depend_on_the_tolerance():
 def test_what_is_no_function_is_refused(event):
     with pytest.raises(TypeError, match=r"events must be functions event\(t, y\), got"):
         hd.solve(SWING, 1.0, rtol=1e-6, events=event)
+
+
+@pytest.mark.parametrize("terminal", [2, np.int64(2)])
+def test_a_number_of_zeros_ends_the_run(terminal):
+    sol = hd.solve(SWING, 30.0, events=marked(place, terminal=terminal), **PRECISE)
+    assert sol.status == "event"
+    np.testing.assert_allclose(sol.t_events[0], zeros_of_cosine(5.0), atol=1e-10)
+    assert sol.t[-1] == sol.t_events[0][-1]
+
+
+@pytest.mark.parametrize("terminal", [False, 0, None, 50])
+def test_what_does_not_end_the_run(terminal):
+    sol = hd.solve(SWING, 30.0, events=marked(place, terminal=terminal), rtol=1e-8)
+    assert sol.status == "completed"
+    assert sol.t_events[0].size == zeros_of_cosine(30.0).size
+
+
+@pytest.mark.parametrize("attributes", [{"terminal": -1}, {"terminal": 1.5}, {"terminal": "yes"}])
+def test_numbers_of_zeros_that_are_none(attributes):
+    with pytest.raises(ValueError, match="terminal must be True, False or the number of zeros"):
+        hd.solve(SWING, 1.0, rtol=1e-6, events=marked(place, **attributes))
+
+
+def test_directions_that_are_none():
+    with pytest.raises(TypeError, match="direction must be a finite real number, got 'up'"):
+        hd.solve(SWING, 1.0, rtol=1e-6, events=marked(place, direction="up"))
+
+
+@pytest.mark.parametrize(
+    "shape", [lambda v: np.array([v]), np.float32, lambda v: np.array(v), lambda v: np.array([[v]])]
+)
+def test_one_number_of_any_shape(shape):
+    sol = hd.solve(SWING, 30.0, rtol=1e-10, events=lambda t, y: shape(y[0] - 0.25))
+    plain = hd.solve(SWING, 30.0, rtol=1e-10, events=lambda t, y: y[0] - 0.25)
+    np.testing.assert_allclose(sol.t_events[0], plain.t_events[0], atol=1e-6)
+
+
+@pytest.mark.parametrize("truth", [bool, np.bool_, lambda v: np.array([v])])
+def test_changes_of_a_truth_value(truth):
+    """Found where it switches, in either direction, also where it is False at first."""
+    below = marked(lambda t, y: truth(y[0] < 0.5))
+    falling = marked(lambda t, y: truth(y[0] < 0.5), direction=-1)
+    sol = hd.solve(SWING, 10.0, events=[below, falling], **PRECISE)
+    third = np.pi / 3
+    expected = [third, 5 * third, 7 * third]
+    np.testing.assert_allclose(sol.t_events[0], expected, atol=1e-10)
+    np.testing.assert_allclose(sol.t_events[1], expected[1:2], atol=1e-10)
+
+
+@np.errstate(invalid="ignore")
+def test_where_a_function_is_not_defined_there_is_no_zero():
+    """log(x + 1/2) is NaN for more than a third of each turn, and square roots meet 0 there."""
+    sol = hd.solve(SWING, 10.0, rtol=1e-8, events=lambda t, y: np.log(y[0] + 0.5))
+    third = np.pi / 3
+    np.testing.assert_allclose(sol.t_events[0], [third, 5 * third, 7 * third], atol=1e-7)
+    roots = hd.solve(SWING, 10.0, rtol=1e-8, events=lambda t, y: 1 + np.sqrt(y[0]))
+    assert roots.t_events[0].size == 0
+    gap = hd.solve(SWING, 10.0, rtol=1e-8, events=lambda t, y: np.sqrt(abs(t - 5) - 1e-4) * (t - 5))
+    assert gap.t_events[0].size == 0
+
+
+def fails_after(limit, how):
+    def event(t, y):
+        if t > limit:
+            return how(t)
+        return y[0]
+
+    return event
+
+
+@pytest.mark.parametrize(
+    ("how", "told"),
+    [
+        (lambda t: 1 / (t - t), "event raised ZeroDivisionError: .* at t = 3"),
+        (lambda t: None, "event returned None at t = 3"),
+        (lambda t: np.ones(2), r"event returned \[1., 1.\] at t = 3"),
+        (lambda t: 1j, "event returned 0.\\+1.j at t = 3"),
+    ],
+)
+def test_an_event_function_that_fails_ends_the_run(how, told):
+    """With a status of its own, at the last step before, and the run can go on from there."""
+    with pytest.warns(hd.SolveWarning, match=told):
+        sol = hd.solve(SWING, 10.0, rtol=1e-8, events=[fails_after(3.0, how), place])
+    assert sol.status is hd.Status.EVENT_FAILED
+    assert not sol.success
+    assert 1.6 < sol.t[-1] <= 3.1
+    np.testing.assert_allclose(sol.y[:, 0], np.cos(sol.t), atol=1e-7)
+    for times in sol.t_events:
+        np.testing.assert_allclose(times, [np.pi / 2], atol=1e-7)
+    rest = hd.solve(SWING, 10.0, events=place, resume=sol.state)
+    assert rest.t[0] == sol.t[-1]
+    np.testing.assert_allclose(rest.t_events[0], zeros_of_cosine(10.0)[1:], atol=1e-7)
+
+
+def test_a_terminal_event_before_a_failure_is_what_ends_the_run():
+    stop = marked(place, terminal=True)
+    sol = hd.solve(SWING, 10.0, rtol=1e-8, events=[fails_after(2.0, lambda t: None), stop])
+    assert sol.status is hd.Status.EVENT
+    assert sol.t[-1] == pytest.approx(np.pi / 2, abs=1e-7)
+
+
+def test_functions_that_fail_at_once_are_refused():
+    with pytest.raises(TypeError, match=r"events must .*, got event raised ZeroDivisionError"):
+        hd.solve(SWING, 1.0, rtol=1e-6, events=fails_after(-1.0, lambda t: 1 / t))
+    with pytest.raises(
+        ValueError, match=r"events must .* one number, got event returned \[1., 1.\]"
+    ):
+        hd.solve(SWING, 1.0, rtol=1e-6, events=fails_after(-1.0, lambda t: np.ones(2)))
+    with pytest.raises(ValueError, match="events must be finite at the start, got nan from event"):
+        hd.solve(SWING, 1.0, rtol=1e-6, events=fails_after(-1.0, lambda t: np.nan))
+
+
+@pytest.mark.parametrize("rtol", [1e-4, 1e-6, 1e-9])
+@pytest.mark.parametrize("level", [0.3, 0.7, 1.0])
+def test_a_run_does_not_stop_twice_at_one_zero(level, rtol):
+    """The solution at the end is known by its tolerance: the zero may lie on either side of it."""
+
+    def charge():
+        event = marked(lambda t, y: y[0] - level, terminal=True)
+        return event  # another function object of the same contents: as in another process
+
+    equation = hd.Equation(hd.Caputo(0.8), lambda t, y: 1.5 - y, 0.0)
+    first = hd.solve(equation, 10.0, rtol=rtol, events=charge())
+    assert first.status is hd.Status.EVENT
+    state = pickle.loads(pickle.dumps(first.state))
+    second = hd.solve(equation, 10.0, events=charge(), resume=state)
+    assert second.status is hd.Status.COMPLETED
+    assert second.t_events[0].size == 0
+
+
+def test_after_a_terminal_event_its_next_zero_is_found():
+    """The one that comes from the other side, and none of the same that was passed."""
+    found, state = [], None
+    for _ in range(6):
+        sol = hd.solve(SWING, 50.0, rtol=1e-5, events=marked(place, terminal=True), resume=state)
+        found, state = [*found, *sol.t_events[0]], sol.state
+    np.testing.assert_allclose(found, zeros_of_cosine(18.0), atol=1e-2)
+
+
+def test_nothing_is_lost_before_the_first_row_asked_for():
+    """Ends before it come with what there is: a state and the event."""
+    swing = hd.scenes.oscillator(beta=1.5, gamma=1.0)
+    sol = hd.solve(swing, 10.0, rtol=1e-8, events=marked(place, terminal=True), t_eval=[8.0, 9.0])
+    assert sol.status is hd.Status.EVENT
+    assert (sol.t.shape, sol.y.shape, sol.ydot.shape) == ((0,), (0, 1), (0, 1))
+    assert sol.t_events[0].size == 1
+    assert repr(sol).endswith("0 rows of 1 components)")
+    rest = hd.solve(swing, 10.0, resume=sol.state, t_eval=[8.0, 9.0])
+    np.testing.assert_allclose(rest.y, hd.solve(swing, 10.0, rtol=1e-8)(rest.t), atol=1e-6)

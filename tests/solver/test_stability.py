@@ -8,6 +8,7 @@ import pytest
 
 import hereditary as hd
 from hereditary.schemes import stability
+from hereditary.schemes.adams import sweep_limit
 
 SCHEME = hd.ExplicitCaputo()
 SETS = [
@@ -196,3 +197,116 @@ def test_limits_of_the_adams_family_are_sharp_and_watched(scheme, order, limit):
 
 def saturating(t, y, p):
     return -p[0] * np.tanh(y)
+
+
+def decaying(t, y, p):
+    return -p[0] * y
+
+
+def warned_of(equation, *arguments, **options):
+    """The run and whether it warned of its step."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        sol = hd.solve(equation, *arguments, **options)
+    found = any(w.category is hd.StabilityWarning for w in caught)
+    assert found != sol.success
+    return sol, found
+
+
+@pytest.mark.parametrize("corrections", [1, 2, 4])
+@pytest.mark.parametrize("order", [0.3, 0.8, 1.2, 1.5, 1.9])
+@pytest.mark.parametrize("force", [decaying, saturating])
+def test_adams_is_watched_with_any_sweeps_and_orders(corrections, order, force):
+    limit = sweep_limit(order, corrections) * math.gamma(order + 2)  # h = 1
+    y0 = 1e-3 if order <= 1 else [1e-3, 0.0]
+    for share in (0.98, 1.5):
+        equation = hd.Equation(hd.Caputo(order), force, y0, (share * limit,))
+        scheme = hd.Adams(corrections=corrections)
+        sol, found = warned_of(equation, 1000.0, 1000, scheme=scheme)
+        assert found == (share > 1), sol.message
+        assert (np.abs(sol.y).max() > 2e-3) == (share > 1)
+
+
+@pytest.mark.parametrize("scheme", [hd.ExplicitCaputo(), hd.Adams(), hd.Adams(corrections=2)])
+@pytest.mark.parametrize("n_stiff", [10, 0])
+def test_stiffness_between_two_looks_at_the_jacobian_is_seen(scheme, n_stiff):
+    """Ten steps of 1,000, of which every 32nd is looked at."""
+
+    def pulse(t, y, p):
+        return -(p[0] if 0.5005 < t < 0.5005 + p[1] else 1.0) * y
+
+    equation = hd.Equation(hd.Caputo(0.5), pulse, 1.0, (2000.0, n_stiff / 1000))
+    sol, found = warned_of(equation, 1.0, 1000, scheme=scheme)
+    assert found == (n_stiff > 0)
+    assert (np.abs(sol.y).max() > 1e3) == (n_stiff > 0)
+
+
+def coupled(t, y, p):
+    u, v = np.tanh(y)
+    return p[0] * np.array([-u - v, u - v])
+
+
+@pytest.mark.parametrize("scheme", [hd.ExplicitCaputo(), hd.Adams(), hd.Adams(corrections=2)])
+def test_spirals_of_components_with_different_orders_are_seen(scheme):
+    equation = hd.Equation(hd.Caputo([0.9, 0.7]), coupled, [1.0, 0.5], (200.0,))
+    sol, found = warned_of(equation, 1.0, 200, scheme=scheme)
+    assert found
+    assert np.abs(sol.y[-1]).max() > 0.5  # the solution is below 1e-3 there
+    sol, found = warned_of(equation, 0.2, 8000, scheme=scheme)
+    assert not found
+    assert np.abs(sol.y[-1]).max() < 0.01
+
+
+@pytest.mark.parametrize("scheme", [hd.ExplicitCaputo(), hd.Adams(corrections=2)])
+def test_cycles_of_a_force_that_saturates_are_seen(scheme):
+    """From far out: the Jacobian along the orbit is small, and it need not turn at every step."""
+    if scheme == hd.ExplicitCaputo():
+        unit = hd.Equation(hd.Caputo(1.7), saturating, [-20.0, 0.0], (1.0,))
+        limit = scheme.step_limit(unit, 1.0) ** 1.7
+    else:
+        limit = sweep_limit(1.7, 2) * math.gamma(3.7)
+    for share in (0.9, 1.2):
+        rate = share * limit  # h = 1
+        equation = hd.Equation(hd.Caputo(1.7), saturating, [-20.0, 0.0], (rate,))
+        sol, found = warned_of(equation, 3000.0, 3000, scheme=scheme)
+        assert found == (share > 1), sol.message
+        assert (np.abs(sol.y[-50:]).max() > 0.5) == (share > 1)
+
+
+def test_slow_spirals_that_grow_are_seen():
+    """1 + h mu = 0.99 + 0.3 i: each step grows by 3 per cent, of a solution that decays."""
+    equation = hd.Equation(
+        hd.Caputo(1.0),
+        lambda t, y: np.array([-0.1 * y[0] + 3 * y[1], -3 * y[0] - 0.1 * y[1]]),
+        [1.0, 0.0],
+    )
+    sol, found = warned_of(equation, 100.0, 1000)
+    assert found
+    assert "a few steps had grown" in sol.message
+    assert sol.stats["stiffness_ratio"] < 1
+    assert not warned_of(equation, 100.0, 100_000, save_every=1000)[1]
+
+
+@pytest.mark.parametrize("scheme", [hd.ExplicitCaputo(), hd.Adams()])
+def test_what_is_no_instability(scheme):
+    """Growth, jumps of the force, chaos, beats, and increments that are hardly floats."""
+
+    def growing(t, y):
+        return 3.0 * y
+
+    def jumping(t, y):
+        return -100.0 * y + 1e4 * np.floor(5 * t)
+
+    def beating(t, y):
+        return np.sin(10 * t) + np.sin(10.5 * t)
+
+    for force, y0, t_end, n in (
+        (growing, 1e-6, 5.0, 1000),
+        (jumping, 1e-6, 5.0, 2000),
+        (beating, 0.0, 50.0, 5000),
+    ):
+        sol, found = warned_of(hd.Equation(hd.Caputo(0.8), force, y0), t_end, n, scheme=scheme)
+        assert not found, sol.message
+    assert not warned_of(hd.scenes.lorenz(), 30.0, 6000, scheme=scheme)[1]
+    tiny = hd.Equation(hd.Caputo(1.0), decaying, 5e-324, (1.5,))
+    assert not warned_of(tiny, 1000.0, 1000, scheme=scheme)[1]

@@ -17,16 +17,18 @@ from .collocation import (
     solve_tangents,
     take_from_forces,
 )
-from .error_estimate import estimate, over_tolerance, worst_tangent
+from .error_estimate import add_unseen, estimate, off_nodes, over_tolerance, worst_tangent
 from .mode_tables import BANK, TABLES, combined_weights, move_modes, on_grid, read_modes, slot_of
 from .signatures import JAC, RHS
 
 # How a march ended: at its stop, with its rows full, where the modes do not reach close enough,
-# where no step is small enough for the error or for Newton's method, or where it is to be told of
-# the orders that vary in its next step.
-REACHED, FULL, TOO_CLOSE, TOO_ROUGH, NOT_SOLVED, UNTOLD = 0, 1, 2, 3, 4, 5
+# where no step is small enough for the error or for Newton's method, where it is to be told of the
+# orders that vary in its next step, or where the right-hand side jumps on every step.
+REACHED, FULL, TOO_CLOSE, TOO_ROUGH, NOT_SOLVED, UNTOLD, JUMPING = 0, 1, 2, 3, 4, 5, 6
 # Largest and smallest change of a step, what is aimed at as share of the tolerance, and Newton's.
 _GROW, _SHRINK, _SAFETY, _NEWTON = 3.0, 0.2, 0.8, 0.01
+# A step whose error is below this share of the tolerance says nothing of how long the next may be.
+_DORMANT = 1e-3
 # Highest degree that is extrapolated for a first guess.
 _GUESS = 3
 
@@ -35,28 +37,33 @@ _GUESS = 3
 # orders that vary
 FORM = types.Tuple((MAT, VEC, IVEC, MAT, IVEC, IVEC))
 # nodes (s,), integrals (n_a, s, s), values to Legendre coefficients (s, s), inverse of the last
-# integrals (s, s)
-RULE = types.Tuple((VEC, CUBE, MAT, MAT))
+# integrals (s, s); points off the nodes (m,) and, at them, the integral of the polynomial through
+# the nodes, and that itself (m, s)
+RULE = types.Tuple((VEC, CUBE, MAT, MAT, VEC, MAT, MAT))
 # what a step knows of n_v orders that vary: start and length it holds for, and those wanted (4,);
 # integrals (n_v, s, s), weights of modes at the nodes (n_v, M, s), 1 for such modes (M,)
 VARYING = types.Tuple((VEC, CUBE, CUBE, VEC))
 # clock [time since origin, h, last step, closest distance, whether it was refused, origin], notes,
-# steps [accepted, rejected], largest |p| of velocities (d,); for all strands p0, x, p (1 + k, d),
-# modes now and before the last step (1 + k, R, M), and f, p, x, p' at the last step's nodes
-# (1 + k, 3 or 4, d, s)
+# steps [accepted, rejected, those for what f is off its nodes], largest |p| of velocities (d,); for
+# all strands p0, x, p (1 + k, d), modes now and before the last step (1 + k, R, M), and f, p, x, p'
+# at the last step's nodes (1 + k, 3 or 4, d, s)
 RUN = types.Tuple((VEC, VEC, IVEC, VEC, MAT, MAT, MAT, CUBE, CUBE, CUBES))
 # starts and lengths of steps (k,), p at the nodes (k, d, s), y and p at the start (k, 2 d), error
 # over tolerance (k,)
 TRACK = types.Tuple((VEC, VEC, CUBE, MAT, VEC))
 
 
-@entry(RHS, JAC, I8, VEC, FORM, RULE, BANK, TABLES, VARYING, RUN, TRACK, F8, F8, F8)
+@entry(RHS, JAC, I8, VEC, FORM, RULE, BANK, TABLES, VARYING, RUN, TRACK, F8, VEC, F8, F8)
 def march_adaptive(
-    rhs, jac, has_jac, params, form, rule, bank, tables, varying, run, track, t_stop, rtol, atol
+    rhs, jac, has_jac, params, form, rule, bank, tables, varying, run, track, t_stop, longest,
+    rtol, atol,
 ):  # fmt: skip
-    """March to t_stop; the number of rows and how it ended."""
+    """March to t_stop; the number of rows and how it ended.
+
+    longest (2,): the longest step, and the longest where nothing happens.
+    """
     channels, orders, second, offsets, implicit, raw = form
-    nodes, singular, legendre, inverse = rule
+    nodes, singular, legendre, inverse = rule[:4]
     clock, _, steps, largest, p0, x, p, modes, before, last = run
     starts, lengths, rows, begins, ratios = track
     d, s, n_strands = x.shape[1], nodes.shape[0], x.shape[0]
@@ -86,9 +93,10 @@ def march_adaptive(
         known_part(modes, tables[1][slot], p0, p, form, varying, constant, drivers, jumps, base)
         times = times_inside(clock[5], t, h, nodes, t_stop)
         guess(nodes, legendre, last[0, PRIMARY], h, clock[2], p[0], values[0, PRIMARY])
-        ratio, solved = orbit_ratio(
-            rhs, jac, has_jac, params, times, h, base, form, rule, drivers, local, values, run,
-            newton, rtol, atol,
+        looks = times_inside(clock[5], t, h, rule[4], t_stop)
+        ratio, unseen, solved = orbit_ratio(
+            rhs, jac, has_jac, params, times, looks, h, base, form, rule, drivers, local, values,
+            run, newton, rtol, atol,
         )  # fmt: skip
         if ratio <= 1.0 and n_strands > 1:
             more = tangents_ratio(
@@ -96,13 +104,15 @@ def march_adaptive(
                 newton, rtol,
             )  # fmt: skip
             ratio, solved = max(ratio, more), more < np.inf
-        clock[1] = next_length(h, clock[1], ratio, rejected, s + lowest)
+        most = longest[1] if ratio < _DORMANT else longest[0]
+        clock[1] = min(next_length(h, clock[1], ratio, rejected, s + lowest), on_grid(most))
         rejected = not ratio <= 1.0
         clock[4] = 1.0 if rejected else 0.0
         steps[int(rejected)] += 1
         if rejected:
+            steps[2] += int(unseen)
             if not t + 0.01 * clock[1] > t:
-                return row, (TOO_ROUGH if solved else NOT_SOLVED)
+                return row, why_no_step(unseen, solved)
             continue
         starts[row], lengths[row], ratios[row] = clock[5] + t, h, ratio
         keep_row(values[0], x[0], p[0], second, largest, rows[row], begins[row])
@@ -112,6 +122,14 @@ def march_adaptive(
         row += 1
         clock[0], clock[2] = (end if h == left else t + h), h
     return row, REACHED
+
+
+@kernel
+def why_no_step(unseen, solved):
+    """Why the last step was refused."""
+    if unseen:
+        return JUMPING
+    return TOO_ROUGH if solved else NOT_SOLVED
 
 
 @kernel
@@ -227,10 +245,14 @@ def lowest_order(channels, orders):
 
 @kernel
 def orbit_ratio(
-    rhs, jac, has_jac, params, times, h, base, form, rule, drivers, local, values, run, newton,
-    rtol, atol,
+    rhs, jac, has_jac, params, times, looks, h, base, form, rule, drivers, local, values, run,
+    newton, rtol, atol,
 ):  # fmt: skip
-    """Solve the step for the orbit; its error over its tolerance, and whether it was solved."""
+    """Solve the step for the orbit.
+
+    Returns its error over its tolerance, whether that is too large for what f is off the nodes
+    alone, and whether the step was solved.
+    """
     channels, orders, second = form[:3]
     legendre, inverse, whole = rule[2], rule[3], rule[1][orders.shape[0] - 1]  # of order 1
     notes, largest, p0, x, p = run[1], run[3], run[4], run[5], run[6]
@@ -240,13 +262,18 @@ def orbit_ratio(
         values[0, PRIMARY], values[0, POSITION], values[0, FORCE], notes, newton,
     )  # fmt: skip
     if not solved:
-        return np.inf, False
+        return np.inf, False, False
+    errors, off = np.empty(second.shape[0]), np.zeros(second.shape[0])
+    off_nodes(rhs, params, looks, h, rule[5:], x[0], second, values[0], off)
+    notes[0] += looks.shape[0]
     take_from_forces(second.shape[0], drivers, base, values[:1])
     if values.shape[1] > SLOPE:
         slopes(h, inverse, p[0], values[0, PRIMARY], values[0, SLOPE])
-    errors = np.empty(second.shape[0])
     estimate(h, channels, orders, legendre, local, drivers, values[0], newton, errors)
-    return over_tolerance(h, errors, values[0], second, largest, p0[0], rtol, atol), True
+    seen = over_tolerance(h, errors, values[0], second, largest, p0[0], rtol, atol)
+    add_unseen(off, drivers, newton, errors)
+    ratio = over_tolerance(h, errors, values[0], second, largest, p0[0], rtol, atol)
+    return ratio, seen <= 1.0 and not ratio <= 1.0, True
 
 
 @kernel

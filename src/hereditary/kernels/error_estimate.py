@@ -11,6 +11,9 @@ from .linalg import substitute
 _TANGENT = 1e-9
 # Share of p(0) below which no error of p can be told.
 _ROUNDING = 1e-14
+# Share of what f is off its polynomial between the nodes that its integrals keep. Where f is smooth
+# the rule's nodes make it less, and the tail of the polynomial tells it; where f jumps this does.
+_OFF = 0.3
 
 
 @kernel
@@ -22,7 +25,6 @@ def estimate(h, channels, orders, legendre, local, drivers, values, newton, erro
     """
     # local (n_k, s, s), drivers (3 R, s, s), values (3 or 4, d, s), errors (d,)
     d, s, n_a = errors.shape[0], values.shape[2], orders.shape[0]
-    matrix, order = newton
     defect, left = np.empty(d * s), np.empty(d * s)
     for c in range(d):
         last, shrink = tail(legendre, values[PRIMARY, c])
@@ -45,11 +47,63 @@ def estimate(h, channels, orders, legendre, local, drivers, values, newton, erro
                 defect[(c % d) * s + i] += channels[row, 3] * size * last * shrink
         if not np.any(defect):
             continue
-        substitute(matrix, order, defect, left)
-        # a matrix next to singular would make rounding of it
-        share = min(1.0, np.max(np.abs(defect)) / max(np.max(np.abs(left)), 1e-300))
+        leave(defect, newton, left)
         for c in range(d):
-            errors[c] += share * np.max(np.abs(left[c * s : (c + 1) * s]))
+            errors[c] += np.max(np.abs(left[c * s : (c + 1) * s]))
+
+
+@kernel
+def leave(defect, newton, left):
+    """Solve for the error that a defect at all nodes, (d s,), makes: no more than the defect."""
+    substitute(newton[0], newton[1], defect, left)
+    # a matrix next to singular would make rounding of it
+    left *= min(1.0, np.max(np.abs(defect)) / max(np.max(np.abs(left)), 1e-300))
+
+
+@kernel
+def off_nodes(rhs, params, times, h, looks, x_start, second, values, off):
+    """How far f is from its polynomial, where the solution's is between the nodes, (d,).
+
+    A right-hand side that jumps, or that comes and goes between the nodes, shows there alone. Both
+    polynomials are those through the nodes: a linear f is none off its own.
+    """
+    # times (m,), looks: risen, extended (m, s), x_start (d,), values (3 or 4, d, s)
+    risen, extended = looks
+    d, s = second.shape[0], extended.shape[1]
+    point, force = np.empty(d), np.empty(d)
+    for i in range(times.shape[0]):
+        for c in range(d):
+            total = 0.0
+            if second[c] == 0:
+                for j in range(s):
+                    total += extended[i, j] * values[PRIMARY, c, j]
+            else:
+                for j in range(s):
+                    total += risen[i, j] * values[PRIMARY, c, j]
+                total = x_start[c] + h * total
+            point[c] = total
+        rhs(times[i], point, force, params)
+        for c in range(d):
+            total = force[c]
+            for j in range(s):
+                total -= extended[i, j] * values[FORCE, c, j]
+            if not abs(total) <= abs(off[c]):  # not a number counts as most
+                off[c] = total
+
+
+@kernel
+def add_unseen(off, drivers, newton, errors):
+    """Let errors (d,) be no less than what f, off its nodes by so much, makes p err by."""
+    d, s = off.shape[0], drivers.shape[1]
+    defect, left = np.empty(d * s), np.empty(d * s)
+    for c in range(d):
+        for i in range(s):
+            defect[c * s + i] = off[c] * np.sum(drivers[3 * c + FORCE, i])
+    leave(defect, newton, left)
+    for c in range(d):
+        unseen = _OFF * np.max(np.abs(left[c * s : (c + 1) * s]))
+        if not unseen <= errors[c]:
+            errors[c] = unseen
 
 
 @kernel

@@ -9,19 +9,12 @@ not depend on where it was interrupted.
 
 import numpy as np
 
-from .._jit import entry, kernel
+from .._jit import entry
 from .block import BLOWN_UP, RUNNING, begin_one, bounded, open_block, write_rows
 from .jacobian import jacobian
 from .signatures import MARCH
 from .tangent import push_tangents
-
-# Steps of unbroken alternation after which the amplitude is compared with that of the stretch
-# before. A resolved oscillation never alternates twice in a row; at 0.99 of the step limit the
-# undamped classical oscillator alternates for 16 steps, and every damped one shrinks.
-ZIGZAG_WINDOW = 64
-# An alternation that shrinks by less than this over a stretch is sustained; one below FLOOR
-# times the size of the solution is rounding.
-ZIGZAG_KEPT, ZIGZAG_FLOOR = 0.98, 1e-9
+from .watch import SLOWEST, watch_turn
 
 
 @entry(*MARCH)
@@ -31,8 +24,9 @@ def march_explicit(
     """March to step `n_end`; return 0, or 1 where the solution stopped being finite."""
     # scheme: [h], layout, classes, second (W,), weights and start weights (C, B + 2), rows [lead,
     #   near] (2, W)
-    # state: counters (5,) [step, rows written, zigzag step, block opened, calls], x, y, d (W,),
-    #   lag (W, B), pieces (W, B + 1), monitor (W, 3), start values (W, V)
+    # state: counters (7,) [step, rows written, zigzag step, block opened, calls, unused, growth
+    #   step], x, y, d (W,), lag (W, B), pieces (W, B + 1), monitor (kernels/watch.py), start
+    #   values (W, V)
     # output: positions (k,), rows of x, rows of x' (k, d), Jacobians (blocks, d, d)
     numbers, layout, classes, second, weights, start_weights, columns = scheme
     n_classes = weights.shape[0]
@@ -79,28 +73,9 @@ def march_explicit(
             for i in range(2, n_block - p):
                 lag[c, p + i] += w[i] * y_new
             if y_old * y_new < 0.0 and c < n_orbit:
-                watch_zigzag(monitor, c, abs(y_new), abs(x_new), counters)
-            else:
-                monitor[c, 0] = 0.0
+                watch_turn(monitor, c, y_new - y_old, y_new, x_new, SLOWEST, counters)
         counters[0] = n + 1
         counters[1] = write_rows(n + 1, counters[1], positions, rows, slopes, x, y, d, h)
         if not bounded(orbit):
             return BLOWN_UP
     return RUNNING
-
-
-@kernel
-def watch_zigzag(monitor, c, increment, size, counters):
-    """Note the first step at which the increments have alternated on and on without shrinking."""
-    # monitor[c]: length of the alternation, largest increment in this stretch and the one before
-    if monitor[c, 0] == 0.0:
-        monitor[c, 1] = 0.0
-        monitor[c, 2] = 0.0
-    monitor[c, 0] += 1.0
-    monitor[c, 1] = max(monitor[c, 1], increment)
-    if monitor[c, 0] % ZIGZAG_WINDOW == 0.0:
-        kept = monitor[c, 2] > 0.0 and monitor[c, 1] >= ZIGZAG_KEPT * monitor[c, 2]
-        if kept and monitor[c, 1] > ZIGZAG_FLOOR * (size + monitor[c, 1]) and counters[2] < 0:
-            counters[2] = counters[0]
-        monitor[c, 2] = monitor[c, 1]
-        monitor[c, 1] = 0.0

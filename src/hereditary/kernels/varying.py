@@ -24,10 +24,10 @@ import numpy as np
 from .._jit import entry, inlined, kernel
 from .block import BLOWN_UP, NOT_SOLVED, RUNNING, bounded, write_rows
 from .jacobian import jacobian
-from .march import watch_zigzag
 from .newton import solve_step
 from .signatures import MARCH
 from .tangent import push_tangents, solve_tangents
+from .watch import SLOWEST, watch_turn
 
 # rows of a class before those of its terms, rows of a term
 HEAD, PER_TERM = 4, 3
@@ -89,9 +89,7 @@ def march_varying_explicit(
                 d[c] = 0.0  # no second difference yet
             pieces[c, 0], pieces[c, 1] = w_old, w_old + change
             if u_old * u_new < 0.0 and c < n_orbit:
-                watch_zigzag(monitor, c, abs(u_new), abs(x[c]), counters)
-            else:
-                monitor[c, 0] = 0.0
+                watch_turn(monitor, c, u_new - u_old, u_new, x[c], SLOWEST, counters)
         counters[0] = n + 1
         counters[1] = write_rows(n + 1, counters[1], positions, rows, slopes, x, u, d, h)
         if not bounded(orbit):

@@ -11,7 +11,7 @@ from functools import lru_cache, partial
 from typing import ClassVar
 
 import numpy as np
-from scipy.special import rgamma
+from scipy.special import factorial, rgamma
 
 from .._checks import complaint, count, within
 from ..kernels.implicit import march_implicit
@@ -44,9 +44,8 @@ class BDF(Scheme):
     Error
     -----
     O(h**p) at a fixed time where f(t, x(0) + t x'(0)) is smooth and f linear in x, also for
-    solutions like t**alpha. Less where they are not: a part t**mu of f leaves O(h**(1+mu)), with
-    mu = 2 alpha for nonlinear f and mu = 1 - gamma for lower terms D^gamma, gamma < 1, when x'(0)
-    is not 0 (convergence/orders.py).
+    solutions like t**alpha and with lower terms whatever x'(0) is. Less where they are not: a part
+    t**mu of f leaves O(h**(1+mu)), with mu = 2 alpha for nonlinear f (convergence/orders.py).
 
     Stability
     ---------
@@ -108,6 +107,7 @@ class BDF(Scheme):
             weight_of=lambda c, alpha: c * h**-alpha,
             first_modal=_FIRST_MODAL[p - 1],
             corrections=_start_corrections(equation, h, p),
+            more_drift=_formed_drift(equation, h, p),
         )
 
 
@@ -154,6 +154,94 @@ def _modal(p, alpha, rates, weights, k):
     return shares
 
 
+# Steps in which the difference below is taken as it is, and terms of its expansion later on; they
+# leave 1e-12 in sums of 100.
+_N_EARLY, _N_LATE = 256, 3
+
+
+def _formed_drift(equation, h, p):
+    """What the formula makes of t y'(0) beside its derivatives in the terms of order below 1.
+
+    These go with ``t**(1-gamma)``, of which the sums for the rest would leave order 2 - gamma. The
+    first values (k, d), and the amplitudes and powers of what is left later (r, d); None without
+    such terms.
+    """
+    lower = (equation.orders < 1) & (equation.coefficients != 0) & (equation.highest_orders() > 1)
+    if p == 1 or equation.m == 1 or not lower.any():
+        return None
+    first = np.zeros((_N_EARLY, equation.d))
+    amplitudes = np.zeros((_N_LATE, *lower.shape))
+    powers = amplitudes.copy()
+    for i, j in zip(*np.nonzero(lower), strict=True):
+        gamma = float(equation.orders[i, j])
+        early, late = drift_defect(p, gamma)
+        speed = equation.coefficients[i, j] * equation.y0[1, j]
+        first[:, j] += speed * h ** (1 - gamma) * early
+        powers[:, i, j] = 1 - gamma - p - np.arange(_N_LATE)
+        amplitudes[:, i, j] = speed * h ** (p + np.arange(_N_LATE)) * late
+    return first, amplitudes.reshape(-1, equation.d), powers.reshape(-1, equation.d)
+
+
+@lru_cache(maxsize=64)
+def drift_defect(p, gamma):
+    """Derivative of order gamma that the formula gives t, less the exact one, steps of length 1.
+
+    The start-corrected samples of t, ``n + b_n`` with the b of `start_coefficients`, have the
+    generating function ``delta**-2`` up to ``(1-z)**p``. So the formula gives ``q_n = sum_k W_k (1
+    + b_(n-k) - b_(n-k-1))``, and ``q_n - n**(1-gamma) / Gamma(2-gamma)`` is expanded in powers from
+    ``n**(1-gamma-p)`` on, like ``delta(exp(-s))**(gamma-2)`` times that series in powers of s.
+
+    Returns
+    -------
+    early : ndarray, shape (_N_EARLY,)
+        The difference at n = 1, 2, .. less its expansion.
+    late : ndarray, shape (_N_LATE,)
+        Coefficients of the expansion.
+    """
+    n = np.arange(1, _N_EARLY + 1)
+    b = start_coefficients(p, 1)[: p - 2] if p > 2 else np.zeros(0)
+    weights = _exact(p, gamma, _N_EARLY)
+    steps = np.diff(b, prepend=0.0, append=0.0)
+    formed = np.cumsum(weights) + np.convolve(weights, steps)[:_N_EARLY]
+    size = p + _N_LATE
+    s = np.arange(size)
+    x = (-1.0) ** s / factorial(s + 1)  # (1 - z) / s with z = exp(-s)
+    z = np.append(1.0, -x[:-1])
+    delta = sum(_product(_power(x, k), np.eye(size)[k - 1]) / k for k in range(1, p + 1))
+    start = sum((b_k * _power(z, k) for k, b_k in enumerate(b, 1)), np.zeros(size))
+    # delta**(gamma-2) (delta**2 (z / (1-z)**2 + b)) in s**(gamma-2)
+    ratio = _product(_power(delta, 2), _product(z, _real_power(x, -2)))
+    ratio += _product(_power(delta, 2), _product(np.eye(size)[2], start))
+    total = _product(ratio, _real_power(delta, gamma - 2))
+    late = total[p:] * rgamma(2 - gamma - p - np.arange(_N_LATE))
+    powers = 1 - gamma - p - np.arange(_N_LATE)
+    early = formed - n ** (1 - gamma) * rgamma(2 - gamma)
+    early -= np.sum(late[:, None] * n ** powers[:, None], axis=0)
+    return early, late
+
+
+def _product(a, b):
+    """Of two power series."""
+    return np.convolve(a, b)[: a.size]
+
+
+def _power(a, k):
+    """A whole power of a power series."""
+    total = np.eye(a.size)[0]
+    for _ in range(k):
+        total = _product(total, a)
+    return total
+
+
+def _real_power(a, exponent):
+    """Any power of a power series with a_0 = 1."""
+    power = np.eye(a.size)[0]
+    for n in range(1, a.size):
+        k = np.arange(1, n + 1)
+        power[n] = np.sum(((exponent + 1) * k / n - 1) * a[1 : n + 1] * power[n - k])
+    return power
+
+
 def _start_corrections(equation, h, p):
     """What is added to the right-hand side in the first p - 1 steps, shape (p-1, d).
 
@@ -166,7 +254,7 @@ def _start_corrections(equation, h, p):
     values = np.empty((p, equation.d))
     for i in range(p):
         x = equation.y0[0] + (i * h * equation.y0[1] if equation.m == 2 else 0.0)
-        equation._rhs(i * h, x * 1.0, values[i], equation.params)
+        equation._rhs(i * h, x * 1.0, values[i], equation._params)
     if equation.m == 2:
         first = (equation.orders == 1) & (equation.highest_orders() > 1)
         values -= np.sum(equation.coefficients * first, axis=0) * equation.y0[1]
@@ -192,9 +280,9 @@ def start_coefficients(p, order):
     numerator = z  # sum_n n**l z**n = numerator / x**(l+1)
     for j in range(order):
         numerator = z * (-numerator.deriv() * x + (j + 1) * numerator)
-    factorial = float(np.prod(np.arange(1, order + 1)))
+    scale = float(factorial(order))
     lead = quotient ** (order + 1)
-    target = _coefficients(1 - lead * numerator / factorial, p)
+    target = _coefficients(1 - lead * numerator / scale, p)
     unknown = p - 1 - order
     columns = [_coefficients(lead * x ** (order + 1) * z**n, p) for n in range(1, unknown + 1)]
     solved = np.linalg.solve(np.array(columns).T[order + 1 :], target[order + 1 :])

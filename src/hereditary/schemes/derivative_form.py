@@ -4,7 +4,7 @@ import numpy as np
 from scipy.special import rgamma
 
 from .._checks import complaint
-from ..operators import derivative_order
+from ..orders import derivative_order
 from .scheme import Convolution, MeshPlan, Plan, check_lead, distinct_components
 
 
@@ -21,6 +21,7 @@ def derivative_plan(
     corrections=None,
     more_starts=(),
     whole=False,
+    more_drift=None,
 ):
     """Plan of a scheme that weighs increments and sees the right-hand side at t_n + theta h.
 
@@ -49,6 +50,9 @@ def derivative_plan(
         Further start values, with ``lists(key, total)``, the weights of each class.
     whole : bool
         Whether the increments keep h x'(0), which then is one of `more_starts`.
+    more_drift : tuple of three ndarrays (k, d), (r, d), (r, d), optional
+        Beside the derivatives of t x'(0), which the increments leave out: what is added to the left
+        side in the first k steps, and amplitudes and powers of t of what is added in all.
 
     Returns
     -------
@@ -83,6 +87,11 @@ def derivative_plan(
     given = first is not None
     extra = np.zeros((0, equation.d)) if corrections is None else corrections
     amplitudes, powers = _drift(equation, whole)
+    if more_drift is not None:
+        begun, late, exponents = more_drift
+        amplitudes, powers = np.vstack([amplitudes, late]), np.vstack([powers, exponents])
+        begun[: extra.shape[0]] -= extra
+        extra = -begun
     return Plan(
         convolution=Convolution(
             tuple(lists), tuple(start_lists), first_modal, tuple(map(tuple, more))
@@ -94,7 +103,8 @@ def derivative_plan(
         data=np.vstack(
             [shift, amplitudes, first if given else 0 * shift, extra, *(v for _, v in more_starts)]
         ),
-        n_lasting=1 + powers.shape[0],
+        # with a drift of its own the first steps are many
+        n_lasting=1 + powers.shape[0] + (1 + len(extra) if more_drift is not None else 0),
         initial=equation.y0[0],
         increments=increments.copy(),
     )

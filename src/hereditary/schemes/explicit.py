@@ -8,6 +8,7 @@ and ``A = coefficient h**-alpha / Gamma(p + 1)``; the right-hand side is taken a
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import ClassVar
 
 import numpy as np
@@ -16,9 +17,10 @@ from scipy.special import rgamma
 from .._checks import complaint, within
 from ..kernels.march import march_explicit
 from ..kernels.varying import march_varying_explicit
-from ..operators import derivative_order
+from ..orders import derivative_order
 from ..special import alternating_power_sum
 from ..system import KernelTerm, System
+from .modes import Modes, edge, series
 from .scheme import Convolution, Plan, Scheme, check_lead, check_smoothness, distinct_components
 from .stability import stability_region
 from .step_kernel import (
@@ -30,6 +32,11 @@ from .step_kernel import (
 )
 from .varying import varies, varying_plan
 from .weights import FIRST_DIFFERENCES, SECOND_DIFFERENCES
+
+# Modes of systems whose components differ count as unstable when they grow by a tenth a step, as in
+# schemes/stability.py, with fewer than 14 steps a turn; none of order 1 that decays in the equation
+# grows so with more. So many weights leave 3e-11 on the circle.
+_GROWTH, _ANGLE, _N_WEIGHTS = 1.1, 0.45, 256
 
 
 @dataclass(frozen=True)
@@ -54,7 +61,7 @@ class ExplicitCaputo(Scheme):
     ---------
     Conditional, and sharply so: `step_limit`. Beyond the limit an orbit need not overflow; it
     zigzags from step to step and stays bounded and wrong. `solve` checks the limit against the
-    Jacobian along the orbit and watches for the zigzag.
+    Jacobian along the orbit and watches every step for the zigzag and for growth.
 
     Cost
     ----
@@ -149,7 +156,7 @@ class ExplicitCaputo(Scheme):
             value_lists.append(value_weights(key, total, h, 0.0, 0))
         increments = h * equation.y0[1] if equation.m == 2 else np.zeros(equation.d)
         start = np.where(second, increments, 0.0)
-        region = _region(equation, h, distinct)
+        region = _region(equation, h, distinct, classes)
         # y(0), which no increment tells of, where a term remembers y itself
         values = (tuple(value_lists),) if any(value_lists) else ()
         starts = [start, equation.y0[0]] if values else [start]
@@ -176,11 +183,34 @@ _FIRST = {
 }
 
 
-def _region(equation, h, distinct):
+def _region(equation, h, distinct, classes):
     factors = None
     if len(distinct) == 1 and not equation.memories:
         factors = [_weighed(c, alpha, h)[0] for c, alpha in distinct[0]]
-    return stability_region(_limits(equation, h), factors, [alpha for _, alpha in distinct[0]])
+    return stability_region(
+        _limits(equation, h),
+        factors,
+        [alpha for _, alpha in distinct[0]],
+        lru_cache(lambda d: _modes(distinct, classes[:d], h)),
+    )
+
+
+def _modes(distinct, classes, h):
+    """Modes of a system: ``D(zeta) v = J v`` with D the terms' weights of x_n = zeta**n."""
+    zeta = edge(_GROWTH, _ANGLE)
+    weights = np.array(
+        [
+            sum(f * rule.exact(p, _N_WEIGHTS) for f, rule, p in (_weighed(c, a, h) for c, a in key))
+            for key in distinct
+        ]
+    )
+    inverse = 1 / ((zeta - 1) * series(weights, zeta))[classes].T  # (k, d)
+    bound = np.abs(inverse).max(axis=0)
+    eye = np.eye(classes.size)
+    return Modes(
+        matrix=lambda jacobian: eye - inverse[:, :, None] * jacobian,
+        reach=lambda sizes: (bound * sizes.sum(axis=2)).max(axis=1),
+    )
 
 
 def _weighed(coefficient, operator, h):

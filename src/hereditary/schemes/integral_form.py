@@ -18,9 +18,11 @@ import numpy as np
 from .._checks import complaint
 from ..kernels.collocation import FORCE, ITSELF, POSITION, PRIMARY, SLOPE
 from ..memory_kernel import MemoryKernel
-from ..operators import OrderFailed, VaryingOrder, derivative_order
+from ..orders import OrderFailed, VaryingOrder, derivative_order
 from ..system import KernelTerm, System
 
+# No step is so small that its power below this tells it from another.
+_LEAST = 5e-10
 # Numbers closer than this are one; a sum of up to so many others is not taken for itself.
 _APART, _FEW = 1e-9, 4
 
@@ -88,6 +90,10 @@ class Form:
             found.append(max(powers) if self.implicit[c] else min(powers))
         return min(1.0, *found)
 
+    def tiny(self, t: float, left: float, atol: float, least: float = 0.0) -> float:
+        """The first of ordinary steps from a corner at t: over it the solution is still."""
+        return max(least, left * min(1e-2, atol ** (1 / self.start_exponent(t))))
+
     def _power(self, k, driver, t):
         """Of integrals of the force, their order; of others, that of their kernel's start."""
         n_a, n_k = self.orders.size, len(self.kernels)
@@ -122,6 +128,10 @@ def integral_form(system: System) -> Form:
             rows += _integral_rows(system, c, highest[c], second[c], total)
     whats = [row[2] for row in rows]
     orders = sorted({what for what in whats if isinstance(what, float)} | {1.0})
+    if orders[0] < _LEAST:
+        required = f"keep {_LEAST:g} above integers, and from each other, with Collocation"
+        remedy = "take the integer, or equal orders, instead"
+        raise ValueError(complaint("order", required, system.orders.tolist(), remedy))
     kernels = list(dict.fromkeys(what for what in whats if isinstance(what, MemoryKernel)))
     varying = list(dict.fromkeys(what for what in whats if isinstance(what, VaryingOrder)))
     listed = []

@@ -92,7 +92,7 @@ def _first_increment(equation, times):
         u = u.reshape(2, d)
         values = np.empty((2, d))
         for row, x in ((0, equation.y0[0] + u[0]), (1, equation.y0[0] + u[0] + u[1])):
-            equation._rhs(times[row + 1], x, values[row], equation.params)
+            equation._rhs(times[row + 1], x, values[row], equation._params)
         return (np.einsum("rcj,cj->rj", weights, u) - values).ravel()
 
     u = np.zeros(2 * d)

@@ -47,6 +47,8 @@ class PowerBasis:
     ----------
     nodes, between : ndarray, shape (n,) and (n + 1,)
         The nodes, the last one 1, and points between them, the first one 0.
+    logs : ndarray, shape (2 n + 1,)
+        Logarithms of the nodes and then of the others, also where these are too small for a float.
     """
 
     def __init__(self, generators, size=None, bends=()):
@@ -73,7 +75,7 @@ class PowerBasis:
         ]
         logs[0] = np.unique(logs[0])  # t = 1 belongs to all
         logs[1] = np.append(-np.inf, logs[1])  # t = 0 lies between none, but must be right too
-        self._logs = np.concatenate(logs)
+        self.logs = np.concatenate(logs)
         self.nodes, self.between = np.exp(logs[0]), np.exp(logs[1])
         # late values count for more, between what fades and what does not
         shares = (1 + max(bends, default=0.0) * np.exp(g * logs[0])) ** 0.7
@@ -99,7 +101,7 @@ class PowerBasis:
 
     def interpolate_between(self, values):
         """The same at the points between the nodes, also where these are too small for a float."""
-        functions = self._functions(self._logs[self.nodes.size :])
+        functions = self._functions(self.logs[self.nodes.size :])
         return self._interpolate(values, (functions @ self._mix) @ self._coefficients)
 
     @staticmethod
@@ -119,11 +121,15 @@ class PowerBasis:
             total[:, varying] += inner[:, None] * part
         return (total @ self._mix) @ self._coefficients
 
-    @lru_cache(maxsize=16)  # noqa: B019 (bases are few and kept anyway)
     def integrals(self, orders):
-        """Their integrals ``J**a`` from 0 to the nodes and between, shape (len(orders), 2 n, n)."""
+        """Their integrals ``J**a`` from 0 to the nodes and between, (len(orders), 2 n + 1, n)."""
+        return np.exp(np.multiply.outer(orders, self.logs))[..., None] * self.means(orders)
+
+    @lru_cache(maxsize=16)  # noqa: B019 (bases are few and kept anyway)
+    def means(self, orders):
+        """These integrals divided by t**a, which no t is too small for."""
         u, v, weights = graded_rule()
-        ends = self._logs
+        ends = self.logs
         values = self._functions(np.add.outer(ends, np.log(u)).ravel())
         values = values.reshape(ends.size, u.size, -1)
         last = self._functions(ends)
@@ -131,7 +137,7 @@ class PowerBasis:
         for a in orders:
             # what is left beyond the rule, next to the end, is a power of its width
             inner = np.einsum("q,kqj->kj", weights * v ** (a - 1), values) + last * LEFT_OUT**a / a
-            found.append(np.exp(a * ends)[:, None] * rgamma(a) * (inner @ self._mix))
+            found.append(rgamma(a) * (inner @ self._mix))
         return np.array(found) @ self._coefficients
 
     def convolutions(self, kernel, h):
@@ -140,15 +146,15 @@ class PowerBasis:
         ``int_0^(h t) K(h t - s) q(s) ds`` from the values of q(h .) at the nodes.
         """
         u, v, weights = graded_rule()
-        ends = np.exp(self._logs)
-        values = self._functions(np.add.outer(self._logs, np.log(u)).ravel())
+        ends = np.exp(self.logs)
+        values = self._functions(np.add.outer(self.logs, np.log(u)).ravel())
         values = values.reshape(ends.size, u.size, -1)
         distances = np.maximum(h * np.multiply.outer(ends, v), _NEXT_TO_0)
         kernels = kernel(distances) * weights * (h * ends)[:, None]
         inner = np.einsum("kq,kqj->kj", kernels, values)
         # what is left beyond the rule, next to the end
         rest = kernel.integral(np.maximum(h * ends * LEFT_OUT, _NEXT_TO_0))
-        inner += self._functions(self._logs) * rest[:, None]
+        inner += self._functions(self.logs) * rest[:, None]
         return (inner @ self._mix) @ self._coefficients
 
     def _functions(self, log_t, derivative=None):

@@ -60,6 +60,33 @@ def shortened_legendre(s):
     )
 
 
+@lru_cache(maxsize=16)
+def through_start(s):
+    """Values at 0 and at the Radau points to coefficients of shifted Legendre polynomials."""
+    points = np.concatenate([[0.0], radau_nodes(s)])
+    return _frozen(np.linalg.inv(leg.legvander(2 * points - 1, s)))
+
+
+@lru_cache(maxsize=16)
+def looks_off_nodes(s):
+    """Points of a step off the nodes, and matrices to the polynomials' values there.
+
+    Returns
+    -------
+    points : ndarray, shape (m,)
+        The start, and the middles between it and the nodes.
+    risen : ndarray, shape (m, s)
+        From values at the nodes to the integral of their polynomial from the start.
+    extended : ndarray, shape (m, s)
+        From values at the nodes.
+    """
+    ends = np.concatenate([[0.0], radau_nodes(s)])
+    points = np.concatenate([[0.0], (ends[1:] + ends[:-1]) / 2])
+    extended = leg.legvander(2 * points - 1, s - 1) @ to_legendre(s)
+    found = points, polynomial_integrals(s, 1.0, points), extended
+    return tuple(_frozen(np.ascontiguousarray(array)) for array in found)
+
+
 def _frozen(array):
     array.flags.writeable = False
     return array

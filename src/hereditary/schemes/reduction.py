@@ -19,7 +19,7 @@ def reduce_order(system: System, coefficient: float, beta: float) -> System:
     d = system.d
     shape = (1, 2 * d)
     y0 = np.hstack([system.y0, np.zeros((2, d))])
-    params = np.append(system.params, coefficient)
+    params = np.append(system._params, coefficient)
     jac = _pair_jacobian(system._jac) if system.has_jac else None
     orders, ones = np.full(shape, beta / 2), np.ones(shape)
     return System(orders, ones, y0, params, _pair(system._rhs), jac)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from .._checks import complaint
-from ..operators import VaryingOrder
+from ..orders import VaryingOrder
 from ..system import KernelTerm, System
 from .stability import StabilityRegion
 

@@ -4,6 +4,7 @@ Inserting x_n = zeta**n and f = mu x into a convolution scheme gives the curve m
 decays in the equation grows in the scheme when mu lies beyond the curve of |zeta| = 1.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -28,12 +29,18 @@ class StabilityRegion:
         that argument in (0, pi) grows by a tenth a step. Empty where components differ.
     first_angle : float
         Eigenvalues of a smaller argument grow in the equation itself.
+    modes : callable, or None
+        ``modes(d)``: the `Modes` of the first d components, where no such curve is known.
+    sweeps : bool
+        Whether the march adds a Jacobian to each stretch in which its sweeps hardly contracted.
     """
 
     limits: np.ndarray
     angles: np.ndarray
     radii: np.ndarray
     first_angle: float
+    modes: Callable | None = None
+    sweeps: bool = False
 
     def orbit(self, d):
         """The region of the first d components."""
@@ -44,8 +51,8 @@ class StabilityRegion:
         """Blocks between two Jacobians: by differences one costs 2 d right-hand sides."""
         return (self.limits.size + 1) // 2
 
-    def ratio(self, jacobians, steps=None):
-        """Largest ratio of an eigenvalue to its limit over some Jacobians; unstable above 1.
+    def ratios(self, jacobians, steps=None):
+        """Largest ratio of an eigenvalue to its limit, for each Jacobian; unstable above 1.
 
         Parameters
         ----------
@@ -55,29 +62,33 @@ class StabilityRegion:
 
         Returns
         -------
-        float
-            Non-finite Jacobians are passed over. Where components have different terms only real
-            eigenvalues of -J / limits are seen.
+        ndarray, shape (k,)
+            0 where a Jacobian is not finite.
         """
+        finite = np.isfinite(jacobians).all(axis=(1, 2))
+        jacobians = np.where(finite[:, None, None], jacobians, 0.0)
         scaled = -jacobians / self.limits[:, None]
-        finite = np.isfinite(scaled).all(axis=(1, 2))
-        scaled = scaled[finite]
-        if scaled.size == 0:
-            return 0.0
         if scaled.shape[1] == 1:
-            return max(0.0, float(scaled.max()))
+            return np.maximum(0.0, scaled[:, 0, 0])
         values = np.linalg.eigvals(scaled)
         real = np.abs(values.imag) <= 1e-9 * np.abs(values)
-        largest = float(np.where(real, values.real, 0.0).max(initial=0.0))
+        ratios = np.where(real, values.real, 0.0).max(axis=1, initial=0.0)
         if self.angles.size:
-            spiral = -values[~real] * self.limits[0]
+            spiral = -values * self.limits[0]
             angle = np.abs(np.angle(spiral))
             share = np.abs(spiral) / np.interp(angle, self.angles, self.radii)
-            largest = max(largest, float(share[angle > self.first_angle].max(initial=0.0)))
-        return largest
+            share[real | (angle <= self.first_angle)] = 0.0
+            ratios = np.maximum(ratios, share.max(axis=1))
+        if self.modes is not None:
+            ratios = np.maximum(ratios, self.modes(self.limits.size).ratios(jacobians))
+        return ratios
+
+    def ratio(self, jacobians):
+        """The largest of them."""
+        return float(self.ratios(jacobians).max(initial=0.0))
 
 
-def stability_region(limits, factors, orders):
+def stability_region(limits, factors, orders, modes):
     """Region of a scheme with weights b_k (orders up to 1) or b_k - b_(k-1) (above).
 
     Parameters
@@ -88,10 +99,14 @@ def stability_region(limits, factors, orders):
         Leading weights A of the terms that all components share; None where they differ.
     orders : sequence of float
         Orders of these terms.
+    modes : callable
+        ``modes(d)``: the `Modes` of the first d components, where these differ.
     """
     nothing = np.zeros(0)
-    if factors is None or len(limits) == 1:
+    if len(limits) == 1:
         return StabilityRegion(limits, nothing, nothing, np.pi)
+    if factors is None:
+        return StabilityRegion(limits, nothing, nothing, np.pi, modes)
     step = _GROWTH * np.exp(1j * np.linspace(0, np.pi, _N_ANGLES + 2)[1:-1])
     curve = np.zeros(_N_ANGLES, dtype=complex)
     for factor, alpha in zip(factors, orders, strict=True):
@@ -106,13 +121,14 @@ def stability_region(limits, factors, orders):
 
 
 def _power_series(p, z):
-    """``sum_k ((k+1)**p - k**p) z**k`` = (1 - z)/z Li_(-p)(z) for 0 < |z| <= 1, z != 1.
+    """``sum_k ((k+1)**p - k**p) z**k`` = (1 - z)/z Li_(-p)(z) for 0 < |z| <= 1, z != 1."""
+    return (1 - z) / z * polylogarithm(p, z)
 
-    The polylogarithm by its expansion in log z, which converges for |log z| < 2 pi.
-    """
+
+def polylogarithm(p, z):
+    """``Li_(-p)(z)`` by its expansion in log z, which converges for |log z| < 2 pi."""
     m = np.log(z)
     k = np.arange(60)
     coefficients = zeta(-p - k) / factorial(k)
     regular = np.polynomial.polynomial.polyval(m, coefficients)
-    polylogarithm = gamma(1 + p) * (-m) ** (-p - 1) + regular
-    return (1 - z) / z * polylogarithm
+    return gamma(1 + p) * (-m) ** (-p - 1) + regular

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 
 import numpy as np
@@ -28,6 +28,16 @@ class Integrated:
 
     kernel: MemoryKernel
 
+    @property
+    def t_last(self):
+        """As for the kernel."""
+        return self.kernel.t_last
+
+    @property
+    def by_values(self):
+        """As for the kernel."""
+        return self.kernel.by_values
+
     def __call__(self, t):
         """Its values."""
         return self.kernel.integral(t)
@@ -37,9 +47,9 @@ class Integrated:
         u, weights = _graded()
         return t * (self.kernel.integral(t * u) @ weights)
 
-    def fit(self, t_min, t_max, tol):
+    def closest_fit(self, t_min, t_max, tol):
         """Its exponential sum, a constant among them: that of the kernel, integrated from t_min."""
-        fit = self.kernel.fit(t_min, t_max, tol)
+        fit = self.kernel.closest_fit(t_min, t_max, tol, fading=True)
         if np.any(fit.rates <= 0):
             required = "decay where y itself is remembered (derivative 0)"
             remedy = "make the integral of y a component"
@@ -77,10 +87,14 @@ class StepKernel:
         """``int_0^theta K(h t) dt``."""
         return float(self.kernel.integral(theta * self.h)) / self.h
 
+    def at(self, t: np.ndarray) -> np.ndarray:
+        """K(h t); beyond where it is known, which no step of a run reads, as it was there."""
+        return self.kernel(np.minimum(self.h * t, self.kernel.t_last))
+
     def mean(self, start: float, end: float) -> float:
         """``int_start^end K(h t) dt``, 0 < start < end <= 4 start."""
         u, weights = gauss_unit(32)
-        return (end - start) * float(self.kernel(self.h * (start + (end - start) * u)) @ weights)
+        return (end - start) * float(self.at(start + (end - start) * u) @ weights)
 
     def shares(self, n: int) -> np.ndarray:
         """b_k = ``int_k^(k+1) K(h t) dt`` over that of k = 0, for k < n.
@@ -91,23 +105,33 @@ class StepKernel:
         b = np.ones(n)
         if n > 1:
             u, weights = gauss_unit(16)
-            times = self.h * (np.arange(1, n)[:, None] + u)
-            b[1:] = self.kernel(times) @ weights / self.first()
+            b[1:] = self.at(np.arange(1, n)[:, None] + u) @ weights / self.first()
         return b
 
     def alternating(self) -> float:
         """``sum_k (-1)**k b_k``."""
         return alternating_sum(self.shares(_ALTERNATING))
 
-    def exponentials(self, n_steps: float, tol: float) -> tuple[np.ndarray, np.ndarray]:
-        """Rates [1/step] and weights of its exponential sum from one step to `n_steps`."""
+    def exponentials(self, n_steps: float, tol: float) -> ExponentialSum:
+        """Its exponential sum from one step to `n_steps`, in steps, as close as it can be had."""
         return _exponentials(self, n_steps, tol)
 
 
 @lru_cache(maxsize=64)
 def _exponentials(kernel, n_steps, tol):
-    fit = kernel.kernel.fit(kernel.h, kernel.h * n_steps, tol)
-    return fit.rates * kernel.h, fit.weights
+    end = min(kernel.h * max(n_steps, 2), kernel.kernel.t_last)
+    start = min(kernel.h, end / 2)  # runs of one step read nothing of it
+    fit = kernel.kernel.closest_fit(start, end, tol)
+    return replace(fit, rates=fit.rates * kernel.h)
+
+
+def refuse_late(system, t_end):
+    """Refuse a run beyond the times at which a kernel is known."""
+    for term, _ in system.memories:
+        if isinstance(term, KernelTerm) and t_end > term.kernel.t_last * (1 + 1e-12):
+            required = f"stay within t = {term.kernel.t_last:g}, up to which a kernel is known"
+            remedy = "end the run there, or give a kernel that reaches farther"
+            raise ValueError(complaint("t_end", required, f"{t_end:g}", remedy))
 
 
 def of_increments(term):
@@ -160,7 +184,7 @@ def kernel_start(equation, theta, h, derivative):
 
 
 def _values(theta, kernel, n):
-    return kernel.kernel(kernel.h * (np.arange(n) + theta))
+    return kernel.at(np.arange(n) + theta)
 
 
 def _modal_values(theta, kernel, rates, weights, k):
@@ -172,7 +196,7 @@ def _shifted(theta, kernel, n):
     if n > 1:
         u, gauss = gauss_unit(16)
         ends = np.arange(1, n)[:, None] - 1 + theta
-        weights[1:] = kernel.kernel(kernel.h * (ends + u)) @ gauss / kernel.first(theta)
+        weights[1:] = kernel.at(ends + u) @ gauss / kernel.first(theta)
         weights[1] = kernel.mean(theta, 1 + theta) / kernel.first(theta)
     return weights
 

@@ -5,6 +5,7 @@ step, kernels/varying.py tells.
 """
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.polynomial import Chebyshev, Polynomial
@@ -13,7 +14,7 @@ from numpy.polynomial.polynomial import polyval
 from .._checks import complaint
 from ..kernels.orders import divide_by_lead, fill_term
 from ..kernels.varying import HEAD, PER_TERM
-from ..operators import OrderFailed, VaryingOrder, derivative_order
+from ..orders import OrderFailed, VaryingOrder, derivative_order
 from ..special import alternating_power_sum
 from ..system import KernelTerm, System
 from .beside import KernelTerms
@@ -239,23 +240,22 @@ class FrozenLimits:
     schedule: Schedule
     d: int
     every: int
+    sweeps: ClassVar[bool] = False
 
     def orbit(self, d):
         """The region of the first d components."""
         # as in systems of constant orders: one Jacobian by differences takes 2 d calls
         return FrozenLimits(self.schedule, d, 32 * ((d + 1) // 2))
 
-    def ratio(self, jacobians, steps):
-        """Largest ratio of a real eigenvalue to its limit over Jacobians (k, d, d) at `steps`."""
+    def ratios(self, jacobians, steps):
+        """Largest ratio of a real eigenvalue to its limit, for each of Jacobians at `steps`."""
         if steps.size == 0:
-            return 0.0
+            return np.zeros(0)
         scaled = -jacobians / self.schedule.limits(steps)[:, : self.d, None]
-        scaled = scaled[np.isfinite(scaled).all(axis=(1, 2))]
-        if self.d == 1:
-            return max(0.0, float(scaled.max(initial=0.0)))
+        scaled = np.where(np.isfinite(scaled).all(axis=(1, 2))[:, None, None], scaled, 0.0)
         values = np.linalg.eigvals(scaled)
         real = np.abs(values.imag) <= 1e-9 * np.abs(values)
-        return max(0.0, float(np.where(real, values.real, 0.0).max(initial=0.0)))
+        return np.where(real, values.real, 0.0).max(axis=1, initial=0.0)
 
 
 def varies(system):

@@ -1,37 +1,53 @@
 """The adaptive driver (floor 4): from t = 0 or a state to the end, through breaks and events."""
 
 import time
+from dataclasses import replace
 
 import numpy as np
 
 from .._checks import complaint, positive, real_array, shown, within
 from ..history.exponentials import SumOfExponentials
-from ..operators import OrderFailed
+from ..orders import OrderFailed
 from .adaptive_stepper import AdaptiveStepper
 from .dense import Dense
+from .drive import failed
 from .events import Events
+from .pace import MAX_STEPS
 from .progress import Interruption, ProgressBar
-from .solution import Solution, Status
+from .solution import Solution, Status, warn_of
 
 # Below this the rounding of double precision, not the scheme, decides.
 TOLERANCE_FLOOR = 1e-12
-_NO_STEP = "no step is small enough; if the right-hand side jumps here, name the time in breaks"
+# Time to the highest order, if that is above 1, must stay below this.
+_FARTHEST = 1e300
+# Breaks closer than this, relatively, are no two times to a clock of double precision.
+_APART = 1e-13
 # Steps between two looks at Ctrl-C and the progress bar.
 _ROWS = 256
 
 
 def solve_adaptively(
     equation, t_end, scheme, history, rtol, atol, save_every, t_eval, breaks, events, progress,
-    resume,
+    resume, allow_change, max_step=None, max_steps=MAX_STEPS,
 ):  # fmt: skip
     """Solve with steps chosen by the tolerance; the arguments of `solve`, some of them checked."""
     began = time.perf_counter()
-    rtol, atol = tolerances(rtol, atol)
-    stepper = AdaptiveStepper(equation, scheme, t_end, rtol, atol, modes_tolerance(history))
+    farthest = _FARTHEST ** (1 / max(1.0, float(equation.highest_orders().max())))
+    interval = f"[{1 / _FARTHEST:g}, {farthest:g}]"
+    within("t_end", t_end, 1 / _FARTHEST, farthest, interval, "take another unit of time")
+    modes_tol, signs = modes_tolerance(history), {}
     if resume is not None:
-        _resume(stepper, resume, t_end)
+        rtol = resume.rtol if rtol is None else rtol
+        atol = resume.atol if atol is None else atol
+        modes_tol = resume.modes_tol if history is None else modes_tol
+        signs = resume.event_signs
+    rtol, atol = tolerances(rtol, atol)
+    limits = None, max_step, max_steps
+    stepper = AdaptiveStepper(equation, scheme, t_end, rtol, atol, modes_tol, *limits)
+    if resume is not None:
+        _resume(stepper, resume, t_end, allow_change)
     stops = _stops(breaks, stepper, t_end)
-    found = Events(events, stepper.t, stepper.y)
+    found = Events(events, stepper.t, stepper.y, signs)
     keeper = _Keeper(stepper, save_every, t_eval, found)
     ready = time.perf_counter()
     status, detail = _run(stepper, stops, keeper, progress)
@@ -47,10 +63,15 @@ def tolerances(rtol, atol):
     return rtol, 1e-2 * rtol if atol is None else positive("atol", atol)
 
 
-def _resume(stepper, state, t_end):
+def _resume(stepper, state, t_end, allow_change):
     if t_end <= state.t:
         raise ValueError(complaint("t_end", f"exceed the state's time {state.t}", t_end))
-    stepper.restore(state, t_end)
+    if not np.all(np.isfinite(state.y)):
+        raise ValueError(complaint("resume", "hold a finite solution", f"y = {shown(state.y)}"))
+    if stepper.modes_tol != state.modes_tol:
+        required = f"be left out or ask for modes as the state has them, to {state.modes_tol:g}"
+        raise ValueError(complaint("history", required, f"to {stepper.modes_tol:g}"))
+    stepper.restore(state, t_end, allow_change)
 
 
 def modes_tolerance(history):
@@ -67,9 +88,15 @@ def _stops(breaks, stepper, t_end):
     if times.ndim != 1 or np.any(np.diff(times) <= 0) or np.any(times <= 0):
         required = "be increasing times above 0"
         raise ValueError(complaint("breaks", required, shown(times)))
-    if stepper.t in times:
+    close = np.flatnonzero(np.diff(times) < _APART * times[1:])
+    if close.size:
+        required = f"lie apart by more than rounding, {_APART:g} of their time"
+        pair = f"{float(times[close[0]])!r} and {float(times[close[0] + 1])!r}"
+        raise ValueError(complaint("breaks", required, pair, "name such a jump once"))
+    if np.any(np.abs(times - stepper.t) < _APART * stepper.t):
         stepper.leave_corner()
-    return [*times[(times > stepper.t) & (times < t_end)].tolist(), t_end]
+    ahead = (times > stepper.t * (1 + _APART)) & (times < t_end * (1 - _APART))
+    return [*times[ahead].tolist(), t_end]
 
 
 def _run(stepper, stops, keeper, progress):
@@ -84,21 +111,26 @@ def _run(stepper, stops, keeper, progress):
                 while stepper.t < stop:
                     start = stepper.t
                     try:
-                        before = stepper.state() if keeper.events.terminal else None
+                        before = stepper.state() if keeper.events.times else None
                         piece = stepper.advance(stop, _ROWS)
                         if piece is not None and keeper.keep(piece, start):
                             _go_back(stepper, before, keeper.end, stops)
-                            return Status.EVENT, ""
+                            failure = keeper.events.failure
+                            return (Status.EVENT_FAILED if failure else Status.EVENT), failure
                         if stepper.error is not None:
                             raise stepper.error
                     except OrderFailed as error:
                         return Status.ORDER_FAILED, str(error)
                     except Exception as error:
-                        return Status.RHS_FAILED, f"{type(error).__name__}: {error}"
+                        return failed(error)
                     if stepper.blown_up:
-                        return Status.BLOWN_UP, _NO_STEP
+                        return Status.BLOWN_UP, ""
                     if stepper.not_solved:
                         return Status.NOT_SOLVED, ""
+                    if stepper.no_step:
+                        return Status.STEP_TOO_SMALL, stepper.no_step
+                    if stepper.exhausted and stepper.t < stops[-1]:
+                        return Status.MAX_STEPS, f"{stepper.n_steps} in all"
                     bar.update((stepper.t - begun) / (stops[-1] - begun))
                     if interruption.asked and stepper.t < stops[-1]:
                         interruption.heeded = True
@@ -137,7 +169,7 @@ class _Keeper:
         self._slopes.append(ydot)
 
     def keep(self, piece, start):
-        """Take in a piece; whether a terminal event ends the run in it."""
+        """Take in a piece; whether an event ends the run in it."""
         dense = Dense(self._stepper.second)  # of this piece alone
         dense.add(piece, start)
         if self._wanted is None:  # else rows at the given times are all that is kept
@@ -169,17 +201,19 @@ class _Keeper:
         if keeps_steps and self._times[-1][-1] < self.end:
             t, y, ydot = self._last
             self._add(np.array([t]), y[None], ydot[None])
-        message = status.value + (f": {detail}" if detail else "")
+        message = status.sentence + (f": {detail}" if detail else "")
         if status is not Status.COMPLETED:
             message += f" (t = {self.end:g})"
+        warn_of(status, message)
+        slopes = np.concatenate(self._slopes) if self._slopes else np.zeros((0, stepper.equation.d))
         return Solution(
             t=np.concatenate(self._times) if self._times else np.zeros(0),
             y=np.concatenate(self._rows) if self._rows else np.zeros((0, stepper.equation.d)),
-            ydot=np.concatenate(self._slopes) if stepper.equation.m == 2 else None,
+            ydot=slopes if stepper.equation.m == 2 else None,
             status=status,
             message=message,
             stats=stepper.stats() | {"setup_seconds": seconds[0], "run_seconds": seconds[1]},
-            state=stepper.state(),
+            state=replace(stepper.state(), event_signs=self.events.signs()),
             dense=self._dense if keeps_steps else None,
             t_events=[np.array(times) for times in self.events.times],
             y_events=[np.array(rows).reshape(-1, stepper.y.size) for rows in self.events.values],

@@ -1,15 +1,12 @@
 """The adaptive stepper (floor 4): collocation steps as long as the tolerance allows."""
 
 import copy
-import math
-from dataclasses import dataclass, field
 
 import numpy as np
 
-from .._checks import complaint
 from ..kernels.adaptive import (
     FULL,
-    NOT_SOLVED,
+    JUMPING,
     REACHED,
     TOO_CLOSE,
     TOO_ROUGH,
@@ -18,19 +15,24 @@ from ..kernels.adaptive import (
 )
 from ..kernels.collocation import PRIMARY
 from ..kernels.mode_tables import SLOTS, on_grid
+from ..memory_kernel import told_error, warn_of_fit
 from ..schemes.integral_form import integral_form
 from ..schemes.quadrature import (
+    looks_off_nodes,
     radau_integrals,
     radau_nodes,
     shortened_legendre,
     to_legendre,
 )
+from ..schemes.step_kernel import refuse_late
 from .corner import Corner
 from .dense import PolynomialPieces, PowerPiece
-from .identity import described_terms
+from .identity import check_identity, identity
 from .jumps import jump
 from .order_tables import OrderTables
-from .strands import Strands
+from .pace import MAX_STEPS, ROUNDS, Ending, Pace, ending
+from .state import AdaptiveState, check_reach, check_sound, frozen, sealed
+from .strands import Strands, starts
 
 # Share of the tolerance that one step may err by, and that the modes may: errors add up along
 # periodic and chaotic orbits (convergence/collocation.py).
@@ -42,30 +44,8 @@ _ROUNDING = 5e-13
 _ROOM = 32.0
 # Runs can be resumed up to this many times their length. The modes span this ratio at most.
 _FAR, _MOST = 10.0, 1e305
-# What a state and a run must agree in.
-_NAMES = ("number of nodes", "tolerances", "orders", "coefficients", "tangents")
-
-
-@dataclass(frozen=True, eq=False)
-class AdaptiveState:
-    """Everything an adaptive run needs to go on; it pickles.
-
-    Attributes
-    ----------
-    t : float
-        Time reached.
-    y : ndarray, shape (d,)
-        Solution at `t`.
-    identity : tuple
-        Number of nodes, tolerances, terms and tangents of the run; checked on resuming.
-    """
-
-    t: float
-    y: np.ndarray
-    identity: tuple
-    run: tuple = field(repr=False)
-    strands: Strands = field(repr=False)
-    at_corner: bool = field(repr=False)
+# Share of the run that steps are expected to read at the closest, where kernels are fitted.
+_CLOSE = 1e-6
 
 
 class AdaptiveStepper:
@@ -83,49 +63,54 @@ class AdaptiveStepper:
     directions : ndarray, shape (n_data, k), optional
         Derivatives of the initial data along k directions, whose tangents go alongside; the steps
         are chosen for the orbit.
+    max_step : float, optional
+        Longest step [time].
+    max_steps : int, optional
+        Most steps of this run.
     """
 
-    zigzag, largest_ratio = None, 0.0
+    zigzag, growth, largest_ratio = None, None, 0.0
 
-    def __init__(self, equation, scheme, t_end, rtol, atol, modes_tol=None, directions=None):
+    def __init__(
+        self, equation, scheme, t_end, rtol, atol, modes_tol=None, directions=None, max_step=None,
+        max_steps=MAX_STEPS,
+    ):  # fmt: skip
         scheme.check_terms(equation)
         self.equation, self._scheme = equation, scheme
         self._tolerances = (rtol, atol)
         self._rtol, self._atol = _SHARE * rtol, _SHARE * atol
         own = max(1e-14, min(1e-3, _SHARE_OF_MODES * self._rtol))
         # looser modes would look like a rough solution, and no step would be small enough
-        self._modes_tol = own if modes_tol is None else min(own, modes_tol)
-        self._far = max(min(_FAR * t_end, 1e307), scheme.horizon or 0.0)
+        self.modes_tol = own if modes_tol is None else min(own, modes_tol)
+        refuse_late(equation, t_end)
+        self._known = max(t_end, scheme.horizon or 0.0)
+        self._far = max(min(_FAR * t_end, 1e307), self._known)
         s = self._s = scheme.nodes_for(rtol)
         self._form = form = integral_form(equation)
         self.second = form.second == 1
         singular = np.array([radau_integrals(s, a) for a in form.orders])
         rule = (radau_nodes(s), singular, to_legendre(s), np.linalg.inv(singular[-1]))
-        self._rule = tuple(np.array(a) for a in rule)
+        self._rule = tuple(np.array(a) for a in rule + looks_off_nodes(s))
         # no basis is made for these, where they begin: ordinary steps, the first of them tiny
         self._graded = bool(form.implicit.any() or form.varying)
         self._orders = OrderTables(form.varying, s)
         self._transforms = shortened_legendre(s)
-        self._strands = Strands(form, self._starts(directions), s)
+        self._strands = Strands(form, starts(equation, self.second, directions), s)
         self._clock = np.array([0.0, t_end, 0.0, 0.0, 0.0, 0.0])
         self._notes = np.array([0.0, 0.0, 1.0, 1.0, 1.0])
-        self._steps = np.zeros(2, dtype=np.int64)
+        self._steps = np.zeros(3, dtype=np.int64)
         self._largest = np.abs(self._strands.p[0])
         self._at_corner, self._largest_error, self._tables = True, 0.0, None
-        self.blown_up = self.not_solved = False
+        self.ending = Ending()
         self.error: Exception | None = None
+        self.pace = Pace(max_step, max_steps)
+        self._limit_steps(t_end)
+        self._foresee(t_end)
 
-    def _starts(self, directions):
-        """Initial values of orbit and tangents, shape (1 + k, m, d)."""
-        equation = self.equation
-        if directions is None:
-            return equation.y0[None]
-        starts = np.zeros((1 + directions.shape[1], *equation.y0.shape))
-        starts[0] = equation.y0
-        starts[1:, 0] = directions[: equation.d].T
-        if equation.m == 2:
-            starts[1:, 1, self.second] = directions[equation.d :].T
-        return starts
+    def _limit_steps(self, t_end):
+        """Set the longest steps, and the last, of a run from here to t_end."""
+        self.pace.begin(self.t, t_end, self.n_steps)
+        self._clock[1] = min(self._clock[1], on_grid(self.pace.longest[0]))
 
     @property
     def t(self):
@@ -170,21 +155,24 @@ class AdaptiveStepper:
     def advance(self, t_stop, n_rows):
         """March towards `t_stop` by at most `n_rows` steps; the piece of dense output made.
 
-        Where no step is small enough `not_solved` or `blown_up` is set, where the right-hand side
-        raises, `error`; None may come back then.
+        Where it cannot go on `ending` says why, `exhausted` that all steps allowed are made, and
+        `error` is what the right-hand side raised; None may come back then.
         """
+        n_rows = min(n_rows, self.pace.last_step - self.n_steps)
+        if n_rows == 0:
+            return None
         if self._at_corner:
             if not self._graded:
                 return self._step_out(t_stop)
             self._grade(t_stop)
-            if self.not_solved:
+            if self.ending.not_solved:
                 return None
         d = self.equation.d
         track = tuple(
             np.empty(shape)
             for shape in ((n_rows,), (n_rows,), (n_rows, d, self._s), (n_rows, 2 * d), (n_rows,))
         )
-        n, status = 0, TOO_CLOSE
+        n, status, begun = 0, TOO_CLOSE, (self.t, self._steps.copy())
         while (status == TOO_CLOSE and n == 0) or status == UNTOLD:
             made = self.n_steps
             try:
@@ -207,12 +195,38 @@ class AdaptiveStepper:
                     self._come_closer(closest)
         if status == REACHED and self.error is None:
             self._begin_at(t_stop)
+        if status in (FULL, TOO_CLOSE):
+            made, refused, _ = self._steps - begun[1]
+            ahead = self.t - begun[0], t_stop - self.t
+            if self.pace.hopeless(made, refused, self.n_steps, *ahead, track[3][:n]):
+                status = JUMPING
         if status not in (REACHED, FULL, TOO_CLOSE):
-            self.not_solved, self.blown_up = status == NOT_SOLVED, status != NOT_SOLVED
+            h, refused, last = self._clock[2], self._clock[1], self._strands.last[0]
+            self.ending = ending(status, self.equation, self.t, h, refused, last)
         if n == 0:
             return None
         self._largest_error = max(self._largest_error, float(track[4][:n].max()))
         return PolynomialPieces(*(array[:n] for array in track[:4]))
+
+    @property
+    def exhausted(self):
+        """Whether all steps allowed were made."""
+        return self.n_steps >= self.pace.last_step
+
+    @property
+    def blown_up(self):
+        """Whether the solution grows without bound."""
+        return self.ending.blown_up
+
+    @property
+    def not_solved(self):
+        """Whether Newton's method failed."""
+        return self.ending.not_solved
+
+    @property
+    def no_step(self):
+        """A clause about steps that are never small enough; empty where they are."""
+        return self.ending.no_step
 
     def _begin_at(self, t, since=0.0):
         """Count the time from t on: next to a corner its rounding would hide the steps."""
@@ -225,7 +239,7 @@ class AdaptiveStepper:
             equation._rhs,
             equation._jac,
             int(equation.has_jac),
-            equation.params,
+            equation._params,
             (form.channels, form.orders, form.second, strands.offsets, form.implicit, form.raw),
             self._rule,
             (strands.rates, strands.weights, strands.masses, self._transforms),
@@ -234,6 +248,7 @@ class AdaptiveStepper:
             (self._clock, self._notes, self._steps, self._largest, *self._moving()),
             track,
             t_stop,
+            self.pace.longest,
             self._rtol,
             self._atol,
         )
@@ -273,105 +288,104 @@ class AdaptiveStepper:
             "n_modes": self.n_modes,
             "history_bytes": self._strands.modes.nbytes,
             # a step out of a corner may err by its share
+            "kernel_error": told_error(self._strands.kernels.error),
             "error_estimate": max(self._largest_error, _SHARE) * self._tolerances[0],
         }
 
     def state(self):
         """An `AdaptiveState` from which a later run goes on."""
-        run = (self._clock, self._notes, self._steps, self._largest)
-        return AdaptiveState(
-            self.t,
-            self.y,
-            self._identity(self.t),
-            tuple(array.copy() for array in run),
-            copy.deepcopy(self._strands),
-            self._at_corner,
+        rtol, atol = self._tolerances
+        state = AdaptiveState(
+            t=self.t,
+            y=frozen(self.y),
+            scheme=self._scheme,
+            rtol=rtol,
+            atol=atol,
+            modes_tol=self.modes_tol,
+            identity=self._identity(self.t),
+            run=tuple(map(frozen, (self._clock, self._notes, self._steps, self._largest))),
+            strands=copy.deepcopy(self._strands),
+            at_corner=self._at_corner,
         )
+        return sealed(state)
 
-    def restore(self, state, t_end):
-        """Take over where `state` was taken."""
-        pairs = zip(_NAMES, state.identity, self._identity(state.t), strict=True)
-        for name, theirs, mine in pairs:
-            if theirs != mine:
-                required = f"come from a run with the same {name}, here {mine}"
-                remedy = "start anew, or change it back"
-                raise ValueError(complaint("resume", required, theirs, remedy))
-        reached = state.strands.bank.farthest
-        if reached and t_end > reached:
-            required = f"stay within t = {reached}, as far as its history reaches"
-            remedy = f"begin the run with Collocation(horizon={t_end})"
-            raise ValueError(complaint("resume", required, f"a run to {t_end}", remedy))
+    def restore(self, state, t_end, allow_change=False):
+        """Take over where `state` was taken, of another right-hand side where that is allowed."""
+        check_sound(state)
+        changed = check_identity(state.identity, self._identity(state.t), allow_change)
+        refuse_late(self.equation, t_end)
+        check_reach(state, t_end)
         run = (array.copy() for array in state.run)
         self._clock, self._notes, self._steps, self._largest = run
-        self._strands, self._at_corner = copy.deepcopy(state.strands), state.at_corner
+        self._strands, self._at_corner = copy.deepcopy(state.strands), state.at_corner or changed
         self._strands.adopt(self._form)
         self._tables = None  # they belong to the modes, and so do these
         self._orders.forget()
+        self._limit_steps(t_end)
 
     def _identity(self, t):
         """What a run to time t must share with one that resumes it."""
-        n_tangents = self._strands.x.shape[0] - 1
-        return (self._s, self._tolerances, *described_terms(self.equation, t), n_tangents)
+        how = {"number of nodes": self._s, "tolerances": self._tolerances}
+        return identity(self.equation, t, len(self._strands.x) - 1, **how)
 
     def _step_out(self, t_stop):
         """Step out of a point where the solution is not smooth; the piece made."""
         strands, t = self._strands, self.t
         tolerances = max(self._rtol, _ROUNDING), self._atol
         state = self._form, strands, t, t_stop, self._far / _MOST
-        corner = Corner(self.equation, *state, tolerances, self._largest, self._notes)
+        corner = Corner(
+            self.equation, *state, tolerances, self._largest, self._notes, self.pace.longest[0]
+        )
         found = corner.leave()
         self._steps[1] += corner.n_refused
         if found is None:
-            self.blown_up = True
+            self.ending = Ending(no_step=ROUNDS) if corner.solved else Ending(not_solved=True)
             return None
         h, basis, values = found
+        begin = strands.x[0].copy()
         self._leave(t, h, basis, values, t_stop)
-        return PowerPiece(t, h, basis, values[0])
+        return PowerPiece(t, h, basis, values[0], corner.means(basis, values[0]), begin)
 
     def _leave(self, t, h, basis, values, t_stop):
         """Move to the end of a step out of a corner."""
         strands, closest = self._strands, self._rule[0][0] * h / _ROOM
         if self.n_modes == 0:
-            closest, far = _decades(closest, self._far)
-            strands.begin(closest, far, self._modes_tol)
+            strands.begin(closest, self._far, self._known, self.modes_tol)
         elif closest < strands.closest:
             self._come_closer(closest)
         strands.leave(basis, h, values)
         speeds = np.maximum(self._largest, np.abs(values[0, PRIMARY]).max(axis=1))
         self._largest[:] = np.where(self.second, speeds, 0.0)
         self._clock[1:5] = h, 0.0, strands.closest, 0.0
-        if h == t_stop - t:
-            self._begin_at(t_stop)
-        else:
-            self._begin_at(t, h)
+        self._begin_at(*((t_stop,) if h == t_stop - t else (t, h)))
         self._steps[0] += 1
         self._at_corner = False
 
     def _grade(self, t_stop):
         """Make ready to begin by ordinary steps, the first so small that the solution is still."""
         self._begin_at(self.t)
-        left = t_stop - self.t
-        h = left * min(1e-2, self._atol ** (1 / self._form.start_exponent(self.t)))
-        h = max(h, 1e5 * self._far / _MOST)
+        h = self._form.tiny(self.t, t_stop - self.t, self._atol, 1e5 * self._far / _MOST)
         closest = self._rule[0][0] * h / _ROOM
         if self.n_modes == 0:
-            near, far = _decades(closest, self._far)
-            self._strands.begin(near, far, self._modes_tol)
+            self._strands.begin(closest, self._far, self._known, self.modes_tol)
         if closest < self._strands.closest:
             self._come_closer(closest)
         # the right-hand side may jump here
-        self.not_solved = not jump(self.equation, self._form, self._strands, self.t, self._notes)
+        settled = jump(self.equation, self._form, self._strands, self.t, self._notes)
+        self.ending = Ending(not_solved=not settled)
         self._largest[:] = np.where(self.second, self._largest, 0.0)
         self._clock[3] = self._strands.closest
         self._clock[1], self._clock[2], self._clock[4] = on_grid(h), 0.0, 0.0
         self._at_corner = False
 
+    def _foresee(self, t_end):
+        """Fit kernels known by their values for steps as short as are to be expected."""
+        closest = _CLOSE * t_end
+        if self._graded and not self._form.varying:
+            closest = self._rule[0][0] * self._form.tiny(0.0, t_end, self._atol) / _ROOM
+        error = self._strands.foresee(closest, self._far, self._known, self.modes_tol)
+        warn_of_fit(error, self._tolerances[0])
+
     def _come_closer(self, closest):
         self._strands.come_closer(closest)
         self._clock[3] = self._strands.closest
-
-
-def _decades(closest, farthest):
-    """The same interval, widened so that many runs share one bank."""
-    ratio = 10.0 ** math.ceil(math.log10(max(farthest / closest, 10.0)))
-    return farthest / ratio, farthest

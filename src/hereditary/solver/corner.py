@@ -33,9 +33,20 @@ class Corner:
         Size of p before, where it is a velocity.
     notes : ndarray, shape (5,)
         Newton's notes (kernels/collocation.py).
+    longest : float
+        Longest step.
+
+    Attributes
+    ----------
+    n_refused : int
+        Steps refused.
+    solved : bool
+        Whether Newton's method converged on the last of them.
     """
 
-    def __init__(self, equation, form, strands, t, t_stop, least, tolerances, largest, notes):
+    def __init__(
+        self, equation, form, strands, t, t_stop, least, tolerances, largest, notes, longest
+    ):
         self._equation, self._form, self._strands = equation, form, strands
         self._t, self._t_stop, self._least = t, t_stop, least
         self._tolerances, self._notes = tolerances, notes
@@ -45,8 +56,8 @@ class Corner:
         self._jacobian = equation.jacobian(self._first, strands.x[0])
         self._force = np.empty(form.second.size)
         notes[0] += 1
-        equation._rhs(self._first, strands.x[0], self._force, equation.params)
-        self.n_refused = 0
+        equation._rhs(self._first, strands.x[0], self._force, equation._params)
+        self.n_refused, self.solved, self._longest = 0, True, longest
 
     def leave(self):
         """Length, basis and values (1 + k, 3, d, n) of the step; None where none is small enough.
@@ -54,9 +65,10 @@ class Corner:
         Functions that follow a stiff start with a tiny order are tried on long steps at first.
         """
         size, left = float(np.abs(self._jacobian).max()), self._t_stop - self._t
+        most = min(left / 16, self._longest)
         bends = bends_for(self._form.generators, self._drives())
-        found = self._try(bends, left / 16, _BENT_TRIALS) if bends else None
-        return found or self._try((), self._first_length(size, left), np.inf)
+        found = self._try(bends, most, _BENT_TRIALS) if bends else None
+        return found or self._try((), self._first_length(size, most), np.inf)
 
     def _try(self, bends, h, trials):
         """Ever shorter steps from h on."""
@@ -73,7 +85,9 @@ class Corner:
             # before the stop: the right-hand side may jump there too
             times = np.clip(t + h * points, self._first, np.nextafter(t_stop, 0.0))
             local = self._convolutions(basis, h)
-            if self._stages(basis, times, h, strands.past(h * points), operators, local, values):
+            if self._stages(
+                basis, times, h, strands.past(np.log(h) + basis.logs), operators, local, values
+            ):
                 return h, basis, values
             h *= _SHORTER
             trials -= 1
@@ -105,14 +119,14 @@ class Corner:
                 gains[c, c] += factor
         return gains
 
-    def _first_length(self, size, left):
+    def _first_length(self, size, most):
         """A length over which the solution changes by some half of itself, as a first trial."""
         form = self._form
         forces = form.channels[form.channels[:, 1] == FORCE]
         order = (form.orders[forces[:, 2].astype(int)] + form.second).min()
-        most = left / 16  # a right-hand side of time alone says nothing about itself
         # tiny orders change at once and then hardly: the check between the nodes decides there
         order = max(order, 0.1)
+        # a right-hand side of time alone says nothing about itself
         return most if size * most**order < 0.5 else (0.5 / size) ** (1 / order)
 
     def _stages(self, basis, times, h, base, operators, local, values):
@@ -120,12 +134,13 @@ class Corner:
         equation, form, strands = self._equation, self._form, self._strands
         n = basis.nodes.size
         solved = solve_once(
-            equation._rhs, equation._jac, int(equation.has_jac), equation.params, form.channels,
+            equation._rhs, equation._jac, int(equation.has_jac), equation._params, form.channels,
             strands.offsets, form.orders, form.second, times[:n],
             np.ascontiguousarray(operators[:, :n]), np.ascontiguousarray(local[:, :n]), h,
             np.ascontiguousarray(base[:, :, :n]), strands.x, 1e-3 * self._tolerance(self._size(h)),
             values, self._notes,
         )  # fmt: skip
+        self.solved = solved
         if not solved:
             return False
         inner = (operators[:, n:], local[:, n:])
@@ -163,18 +178,43 @@ class Corner:
         x = np.where(form.second[:, None] == 1, x, p)
         f, out = np.empty_like(x), np.empty(d)
         for i, t in enumerate(times):
-            equation._rhs(t, np.ascontiguousarray(x[:, i]), out, equation.params)
+            equation._rhs(t, np.ascontiguousarray(x[:, i]), out, equation._params)
             f[:, i] = out
         f[: form.n_rows - d] -= found[d:]
         self._notes[0] += times.size
-        off = np.abs(np.array([f, p, x]) - basis.interpolate_between(values)).max(axis=2)
+        off_at = np.abs(np.array([f, p, x]) - basis.interpolate_between(values))
+        off = off_at.max(axis=2)
         defect = np.zeros(d)
         for c, q, k, kappa in rows(form):
             if c < d:
                 size = h ** form.orders[k] if k < n_a else np.abs(local[k - n_a]).sum(axis=1).max()
                 defect[c] += abs(kappa) * size * off[q, c]
-        # the basis itself shows in the dense output alone
-        return np.maximum(self._damped(defect, h), _SHARE * off[PRIMARY : POSITION + 1].max(axis=0))
+        # the basis itself shows in the dense output alone, that of y' through its means
+        n, means = values.shape[2], self._means(basis, values[PRIMARY])
+        off_means = means[:, n:] - basis.interpolate_between(means[:, :n])
+        early = self._early(off_at[POSITION], x)
+        shown = np.where(form.second, np.abs(off_means).max(axis=1), early)
+        return np.maximum(self._damped(defect, h), _SHARE * np.maximum(off[PRIMARY], shown))
+
+    def _early(self, off, x):
+        """Largest error of y between the nodes, early ones in units of what y is late, (d,).
+
+        `off`, x (d, n): the error at a time counts by how large y has been until then.
+        """
+        allowed = self._tolerance(np.maximum.accumulate(np.abs(x), axis=1))
+        return (off * (allowed[:, -1:] / allowed)).max(axis=1)
+
+    def means(self, basis, values):
+        """Means of p from the corner to the nodes, from values (3, d, n), shape (d, n)."""
+        return self._means(basis, values[PRIMARY])[:, : values.shape[2]]
+
+    def _means(self, basis, p):
+        """Means of p (d, n) from the corner to the nodes and between, (d, 2 n + 1).
+
+        Its differences from the last value are what the basis takes: a constant stays exact.
+        """
+        operator = basis.means(tuple(self._form.orders.tolist()))[-1]  # the last order is 1
+        return p[:, -1:] + (p - p[:, -1:]) @ operator.T
 
     def _damped(self, defect, h):
         """What a defect leaves of itself in p where the equation is stiff and nothing grows."""

@@ -1,14 +1,13 @@
 """Dense output (floor 4): the solution of collocation steps at any time."""
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from numpy.polynomial import legendre as leg
 
 from .._checks import complaint, real_array, shown
 from ..schemes.power_basis import PowerBasis
-from ..schemes.quadrature import polynomial_integrals, radau_nodes
+from ..schemes.quadrature import polynomial_integrals, through_start
 
 # The slope at 0 is taken here, and called infinite beyond this size.
 _NEXT_TO_0, _STEEP = 1e-200, 1e12
@@ -16,12 +15,26 @@ _NEXT_TO_0, _STEEP = 1e-200, 1e12
 
 @dataclass(frozen=True, eq=False)
 class PowerPiece:
-    """A step of functions in a power basis: start, length, f, p and y at its nodes (3, d, n)."""
+    """A step of functions in a power basis.
+
+    Attributes
+    ----------
+    start, length : float
+    basis : PowerBasis
+    values : ndarray, shape (3, d, n)
+        f, p and y at its nodes.
+    means : ndarray, shape (d, n)
+        Means of p from the start to the nodes.
+    begin : ndarray, shape (d,)
+        y at the start.
+    """
 
     start: float
     length: float
     basis: PowerBasis
     values: np.ndarray
+    means: np.ndarray
+    begin: np.ndarray
 
     def edges(self):
         """Start of each step, here one."""
@@ -32,7 +45,9 @@ class PowerPiece:
         u = np.clip((t - self.start) / self.length, 0.0, 1.0)
         _, p, y = self.values
         if not derivative:
-            return self.basis.interpolate(y, u).T
+            # where y' is the unknown y is its integral, also next to the start, where y' may jump
+            risen = self.begin + self.length * u[:, None] * self.basis.interpolate(self.means, u).T
+            return np.where(second, risen, self.basis.interpolate(y, u).T)
         speeds = self.basis.interpolate(p, u).T
         if second.all():
             return speeds
@@ -66,7 +81,7 @@ class PolynomialPieces:
         rows, h = self.rows[i], self.lengths[i, None]
         # p through its values at the start and at the nodes
         values = np.concatenate([self.begins[i, d:, None], rows], axis=2)
-        coefficients = values @ _through_start(s).T
+        coefficients = values @ through_start(s).T
         if derivative:
             slopes = np.einsum("kdj,kj->kd", coefficients, _slopes(u, s)) / h
             return np.where(second, np.einsum("kdj,kj->kd", coefficients, _values(u, s)), slopes)
@@ -86,13 +101,6 @@ def _place(starts, t):
     last = np.searchsorted(starts, t, side="right") - 1
     first = np.searchsorted(starts, t, side="left")
     return np.where(first <= last, first, last)
-
-
-@lru_cache(maxsize=16)
-def _through_start(s):
-    """Values at 0 and at the Radau points to Legendre coefficients."""
-    points = np.concatenate([[0.0], radau_nodes(s)])
-    return np.linalg.inv(leg.legvander(2 * points - 1, s))
 
 
 def _values(u, s):
@@ -126,6 +134,9 @@ class Dense:
     def __call__(self, t, derivative, end):
         """y, or y' for ``derivative=1``, at times t up to `end`; shape (d,) or (k, d)."""
         times = np.atleast_1d(real_array("t", t))
+        if times.ndim > 1:
+            required, remedy = "be a number or of shape (k,)", "pass t.ravel()"
+            raise ValueError(complaint("t", required, f"shape {times.shape}", remedy))
         if not self._pieces:
             raise ValueError(complaint("t", "wait for a run that made a step", shown(times)))
         starts = np.array(self._starts)

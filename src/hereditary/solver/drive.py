@@ -1,10 +1,11 @@
 """Driving a march (floor 4): a stretch at a time, between looks at Ctrl-C and the progress bar."""
 
 import time
-import warnings
+import traceback
 
-from ..operators import OrderFailed
-from .solution import StabilityWarning, Status
+from ..memory_kernel import MemoryKernel
+from ..orders import OrderFailed
+from .solution import Status, warn_of
 
 # Steps in a stretch: as many as take this long, but no more than whose rows stay in a near cache.
 # Entering the compiled march costs 0.04 ms.
@@ -47,11 +48,13 @@ class Drive:
             except OrderFailed as error:
                 return Status.ORDER_FAILED, str(error)
             except Exception as error:
-                return Status.RHS_FAILED, f"{type(error).__name__}: {error}"
+                return failed(error)
             if stepper.blown_up:
                 return Status.BLOWN_UP, ""
             if stepper.not_solved:
                 return Status.NOT_SOLVED, ""
+            if stepper.no_step:
+                return Status.STEP_TOO_SMALL, stepper.no_step
             self._bar.update((stepper.n - self._n_first) / (self._n_total - self._n_first))
             if self._interruption.asked and stepper.n < self._n_total:
                 self._interruption.heeded = True
@@ -59,6 +62,15 @@ class Drive:
             spent = max(time.perf_counter() - began, 1e-9)
             self._stretch = _fitting_steps(spent / n_more)
         return None
+
+
+def failed(error):
+    """Status and detail of a run that an exception ended, of the right-hand side or of a kernel."""
+    # kernels are called from Python alone: their methods are among the frames
+    owners = (frame.f_locals.get("self") for frame, _ in traceback.walk_tb(error.__traceback__))
+    by_kernel = any(isinstance(owner, MemoryKernel) for owner in owners)
+    status = Status.KERNEL_FAILED if by_kernel else Status.RHS_FAILED
+    return status, f"{type(error).__name__}: {error}"
 
 
 def _fitting_steps(seconds):
@@ -70,18 +82,19 @@ def reached_end(stepper):
     """Status of a run that reached its end."""
     if stepper.zigzag is not None:
         return Status.ZIGZAG
-    return Status.STEP_TOO_LARGE if stepper.largest_ratio > 1 else Status.COMPLETED
+    beyond = stepper.largest_ratio > 1 or stepper.growth is not None
+    return Status.STEP_TOO_LARGE if beyond else Status.COMPLETED
 
 
 def told(stepper, status, detail):
-    """The status in a sentence with the run's numbers; warns of a step that was too large."""
-    message = status.value + (f": {detail}" if detail else "")
+    """The status in a sentence with the run's numbers; warns of an ending not asked for."""
+    message = status.sentence + (f": {detail}" if detail else "")
     if status is not Status.COMPLETED:
         message += f" (t = {stepper.t:g} of step {stepper.n})"
     trouble = _stability(stepper)
     if trouble:
         message += f"; {trouble}"
-        warnings.warn(message, StabilityWarning, stacklevel=4)
+    warn_of(status, message, unstable=bool(trouble))
     return message
 
 
@@ -89,10 +102,14 @@ def _stability(stepper):
     """What is wrong with the step, in a clause; empty when nothing is."""
     found = []
     if stepper.zigzag is not None:
-        found.append(f"a step-to-step zigzag is sustained since t = {stepper.zigzag * stepper.h:g}")
+        seen = stepper.zigzag * stepper.h
+        found.append(f"a step-to-step zigzag had lasted at t = {seen:g}")
+    if stepper.growth is not None:
+        at = f"by t = {stepper.growth * stepper.h:g}"
+        found.append(f"increments that turn within a few steps had grown {at}")
     if stepper.largest_ratio > 1:
-        ratio = stepper.largest_ratio
-        found.append(f"d rhs/d y reached {ratio:.4g} times its limit")
+        at = f"near t = {stepper.largest_ratio_step * stepper.h:g}"
+        found.append(f"d rhs/d y reached {stepper.largest_ratio:.4g} times its limit {at}")
     if not found:
         return ""
     return " and ".join(found) + f" at h = {stepper.h:g}; take smaller steps"

@@ -1,14 +1,19 @@
 """Events (floor 4): times at which functions of the solution vanish."""
 
+import math
+import numbers
+
 import numpy as np
 
-from .._checks import complaint, shown
+from .._checks import complaint, real, shown
+from .._digest import digest
 from ..special import bracketed_root
 
 # Points of each step at which an event function is looked at, besides the ends.
 _LOOKS = 8
 # Zeros this close to the start, relatively, are the start itself.
 _SAME = 1e-12
+_TINY = 5e-324
 
 
 class Events:
@@ -17,43 +22,160 @@ class Events:
     Parameters
     ----------
     functions : sequence of callable
-        ``event(t, y)``, with the attributes `terminal` (default False) and `direction` (default 0:
-        both; 1 upwards only, -1 downwards only) as in SciPy.
+        ``event(t, y)``, with the attributes `terminal` (default False: that many zeros end the
+        run, True for one) and `direction` (default 0: both; 1 upwards only, -1 downwards only) as
+        in SciPy. A number, or a truth value whose changes are sought; NaN where there is none.
+    t : float
+    y : ndarray, shape (d,)
+        Where the run begins.
+    signs : dict
+        What `signs` gave at the end of the run that this one goes on from.
+
+    Attributes
+    ----------
+    times, values : list of list
+        Zeros of each function, and the solution there.
+    failure : str
+        How an event function failed; empty where none did.
     """
 
-    def __init__(self, functions, t, y):
+    def __init__(self, functions, t, y, signs):
         self._functions, self._start = functions, t
         # the last value seen: a zero between two stretches is then found once, and only once
         self._values = [_first_value(function, t, y) for function in functions]
+        self._limits = [_limit(function) for function in functions]
+        self._after = [0.0 for _ in functions]
+        for number, function in enumerate(functions):
+            # a run that begins at a zero may stand on either side of it by its tolerance
+            value, sign = self._values[number], signs.get(digest(function), 0.0)
+            if sign * np.sign(value) <= 0 and sign:
+                self._values[number] = math.copysign(max(abs(value), _TINY), sign)
         self.times: list[list[float]] = [[] for _ in functions]
         self.values: list[list[np.ndarray]] = [[] for _ in functions]
-        self.terminal = any(getattr(function, "terminal", False) for function in functions)
+        self.failure, self._failed_at = "", math.inf
 
     def look(self, edges, at):
         """Search between consecutive `edges`; `at(t)` is the solution, (k, d) for k times.
 
-        Returns the time of the first terminal event, or None.
+        Returns the time at which a terminal event, or a function that fails, ends the run, or None.
         """
         looks = edges[:-1, None] + np.diff(edges)[:, None] * np.arange(_LOOKS) / _LOOKS
         times = np.append(looks.ravel(), edges[-1])
         rows = at(times)
-        found, end = [], np.inf
+        found, end = [], math.inf
         for number, function in enumerate(self._functions):
-            after = [float(function(t, y)) for t, y in zip(times[1:], rows[1:], strict=True)]
-            values = np.array([self._values[number], *after])
+            values = np.append(self._values[number], self._seen(function, times[1:], rows[1:]))
             self._values[number] = values[-1]
-            for t in _zeros(function, times, values, at):
+            left = self._limits[number] - len(self.times[number])
+            for t, sign in self._zeros(function, times, values, at):
                 if t <= self._start * (1 + _SAME):
                     continue  # where a run goes on from its own event
-                found.append((t, number))
-                if getattr(function, "terminal", False):
+                found.append((t, number, sign))
+                left -= 1
+                if left == 0:
                     end = min(end, t)
                     break
-        for t, number in sorted(found):
+        if self.failure and self._failed_at <= end:  # back to the last step before
+            end = edges[max(int(np.searchsorted(edges, self._failed_at)) - 1, 0)]
+        else:
+            self.failure = ""
+        self._keep(sorted(found), min(end, edges[-1]), at)
+        return None if end == math.inf else float(end)
+
+    def _keep(self, found, end, at):
+        """Take in zeros up to `end`, and the signs just after it."""
+        row = at(np.array([end]))
+        for number, function in enumerate(self._functions):
+            self._after[number] = float(np.sign(self._seen(function, [end], row)[0]))
+        for t, number, sign in found:
             if t <= end:
                 self.times[number].append(t)
                 self.values[number].append(at(np.array([t]))[0])
-        return None if end == np.inf else end
+            if t == end:
+                self._after[number] = sign
+
+    def signs(self):
+        """Signs of the functions where the run ended, just after any zero there, by their digests.
+
+        A run that goes on from there then neither finds such a zero again nor misses another.
+        """
+        pairs = zip(self._functions, self._after, strict=True)
+        return {digest(function): sign for function, sign in pairs if sign in (-1.0, 1.0)}
+
+    def _seen(self, function, times, rows):
+        """Values at some times, NaN from the first one on where the function fails."""
+        values = np.full(len(times), math.nan)
+        try:
+            for i, (t, y) in enumerate(zip(times, rows, strict=True)):
+                values[i] = _value(function, float(t), y)
+        except _Failed as error:
+            self._note(error)
+        return values
+
+    def _note(self, error):
+        """Keep the earliest failure."""
+        if error.t < self._failed_at:
+            self._failed_at, self.failure = error.t, str(error)
+
+    def _zeros(self, function, times, values, at):
+        """Zeros in ascending order, each with the sign after it.
+
+        One at the first time belongs to what was before. Where a value is NaN nothing is known.
+        """
+        direction, signs = getattr(function, "direction", 0), np.sign(values)
+        known = (signs[:-1] != 0) & ~np.isnan(signs[:-1]) & ~np.isnan(signs[1:])
+        for i in np.flatnonzero(known & (signs[:-1] != signs[1:])):
+            if direction and np.sign(values[i + 1] - values[i]) != np.sign(direction):
+                continue
+            if signs[i + 1] == 0:
+                yield float(times[i + 1]), float(-signs[i])
+                continue
+
+            def along(t, i=i):
+                # at the ends the signs are known; another rounding must not change them
+                if t == times[i] or t == times[i + 1]:
+                    return float(values[i] if t == times[i] else values[i + 1])
+                value = _value(function, t, at(np.array([t]))[0])
+                if math.isnan(value):
+                    raise _Undefined
+                return value
+
+            try:
+                zero = bracketed_root(along, float(times[i]), float(times[i + 1]))
+            except _Undefined:
+                continue
+            except _Failed as error:
+                self._note(error)
+                return
+            yield zero, float(signs[i + 1])
+
+
+class _Undefined(Exception):
+    """An event function is NaN between two values of different sign."""
+
+
+class _Failed(Exception):
+    """An event function raised, or returned no number, at time t."""
+
+    def __init__(self, function, how, t):
+        super().__init__(f"{_name(function)} {how} at t = {t:g}")
+        self.t = t
+
+
+def _value(function, t, y):
+    """The function's value; truth values as 1 and -1."""
+    try:
+        value = np.asarray(function(t, y))
+    except Exception as error:
+        raise _Failed(function, f"raised {type(error).__name__}: {error}", t) from error
+    if value.size != 1 or value.dtype.kind not in "biuf":
+        raise _Failed(function, f"returned {shown(value)}", t)
+    number = float(value.reshape(()))
+    return 2 * number - 1 if value.dtype.kind == "b" else number
+
+
+def _name(function):
+    return getattr(function, "__name__", repr(function))
 
 
 def _first_value(function, t, y):
@@ -61,32 +183,25 @@ def _first_value(function, t, y):
     required = "be functions event(t, y)"
     if not callable(function):
         raise TypeError(complaint("events", required, repr(function)))
-    name = getattr(function, "__name__", repr(function))
     try:
-        value = np.asarray(function(t, y), dtype=float)
-    except Exception as error:
-        got = f"{name}, which raises {type(error).__name__}: {error}"
-        raise TypeError(complaint("events", required, got)) from error
-    if value.size != 1 or not np.isfinite(value).all():
-        required = "return one finite number each"
-        raise ValueError(complaint("events", required, f"{shown(value)} from {name} at t = {t}"))
-    return float(value.reshape(()))
+        value = _value(function, t, y)
+    except _Failed as error:
+        required = "be functions event(t, y) that return one number"
+        kind = TypeError if error.__cause__ is not None else ValueError
+        raise kind(complaint("events", required, error)) from error
+    if not math.isfinite(value):
+        got = f"{value} from {_name(function)} at t = {t}"
+        raise ValueError(complaint("events", "be finite at the start", got))
+    real("direction", getattr(function, "direction", 0.0))
+    return value
 
 
-def _zeros(function, times, values, at):
-    """Zeros in ascending order; one at the first time belongs to what was before."""
-    direction, signs = getattr(function, "direction", 0), np.sign(values)
-    for i in np.flatnonzero((signs[:-1] != signs[1:]) & (signs[:-1] != 0)):
-        if direction and np.sign(values[i + 1] - values[i]) != np.sign(direction):
-            continue
-        if signs[i + 1] == 0:
-            yield float(times[i + 1])
-            continue
-
-        def along(t, i=i):
-            # at the ends the signs are known; another rounding must not change them
-            if t == times[i] or t == times[i + 1]:
-                return float(values[i] if t == times[i] else values[i + 1])
-            return float(function(t, at(np.array([t]))[0]))
-
-        yield bracketed_root(along, float(times[i]), float(times[i + 1]))
+def _limit(function):
+    """How many zeros end the run."""
+    terminal = getattr(function, "terminal", False)
+    if terminal is None or isinstance(terminal, (bool, np.bool_)):
+        return 1.0 if terminal else math.inf
+    if isinstance(terminal, numbers.Integral) and int(terminal) >= 0:
+        return float(terminal) or math.inf
+    required = "be True, False or the number of zeros that end the run"
+    raise ValueError(complaint("terminal", required, f"{terminal!r} of {_name(function)}"))

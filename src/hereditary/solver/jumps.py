@@ -45,7 +45,7 @@ def jump(equation, form, strands, t, notes):
 def _forces(equation, t, x, notes):
     """The right-hand side for each strand, tangents by the Jacobian, and that; x (1 + k, d)."""
     force, jacobian = np.empty(x.shape[1]), equation.jacobian(t, x[0])
-    equation._rhs(t, x[0], force, equation.params)
+    equation._rhs(t, x[0], force, equation._params)
     notes[0] += 1
     return np.vstack([force, x[1:] @ jacobian.T]), jacobian
 

@@ -4,9 +4,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from .adaptive_stepper import AdaptiveState, AdaptiveStepper
+from .adaptive_stepper import AdaptiveStepper
 from .dense import Dense
+from .state import AdaptiveState
 
+# As many steps as an analysis takes.
+_ANY = 10**9
 # Rows that the compiled march fills at once.
 _ROWS = 256
 
@@ -50,12 +53,14 @@ class MarkedStepper:
         As for `AdaptiveStepper`.
     """
 
-    zigzag, largest_ratio = None, 0.0
+    zigzag, growth, largest_ratio = None, None, 0.0
 
     def __init__(self, equation, scheme, tols, h, n_marks, modes_tol=None, directions=None):
         rtol, atol = tols
         t_end = h * n_marks
-        self._inner = AdaptiveStepper(equation, scheme, t_end, rtol, atol, modes_tol, directions)
+        self._inner = AdaptiveStepper(
+            equation, scheme, t_end, rtol, atol, modes_tol, directions, max_steps=_ANY
+        )
         self.equation, self.h, self.n, self._n_marks = equation, h, 0, n_marks
 
     def __getattr__(self, name):
@@ -82,7 +87,7 @@ class MarkedStepper:
                 dense.add(piece, start)
             if inner.error is not None:
                 raise inner.error
-            if inner.blown_up or inner.not_solved:
+            if inner.blown_up or inner.not_solved or inner.no_step:
                 return
         if positions.size:
             rows[:] = dense(np.minimum(positions * self.h, stop), 0, stop)
@@ -100,4 +105,5 @@ class MarkedStepper:
 
 _OWN = frozenset(
     {"t", "y", "ydot", "tangent", "transform_tangent", "n_rhs", "n_modes", "blown_up", "not_solved"}
+    | {"no_step"}
 )

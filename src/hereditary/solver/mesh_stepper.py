@@ -5,6 +5,7 @@ import numpy as np
 from ..kernels.block import BLOWN_UP, NOT_SOLVED
 from ..kernels.mesh import march_mesh
 from ..special import gauss_unit
+from .first_steps import FirstSteps
 from .stepper import seconds_of_rhs
 
 
@@ -22,7 +23,7 @@ class MeshStepper:
         The mesh, from 0 on [time].
     """
 
-    zigzag, largest_ratio = None, 0.0
+    zigzag, growth, largest_ratio, no_step = None, None, 0.0, ""
 
     def __init__(self, equation, scheme, history, times):
         scheme.check_terms(equation)
@@ -50,6 +51,7 @@ class MeshStepper:
             np.zeros((2, system.d)),
         )
         self.blown_up = self.not_solved = False
+        self._starting = FirstSteps(equation, times[1:3])
 
     @property
     def n(self):
@@ -99,19 +101,34 @@ class MeshStepper:
 
     def advance(self, n_more, positions, rows, slopes):
         """Make up to `n_more` steps; as `Stepper.advance`."""
+        n_end, written = self.n + n_more, 0
+        while self.n < n_end and not (self.blown_up or self.not_solved):
+            stop = n_end if self.n > 1 else self.n + 1
+            part = slice(written, int(np.searchsorted(positions, stop, side="right")))
+            try:
+                self._march(stop, positions[part], rows[part], slopes[part])
+            finally:
+                written += self.rows_written
+                self._march_arrays[0][1] = written
+            if self.n == stop <= 2:
+                times = self.times(positions[part])
+                self._starting.fill(stop, self.y, times, rows[part], slopes[part])
+
+    def _march(self, n_end, positions, rows, slopes):
+        """Enter the compiled march once."""
         system = self._system
         status = march_mesh(
             system._rhs,
             system._jac,
             int(system.has_jac),
-            system.params,
+            system._params,
             self.memory.recall,
             self.memory.tables,
             self.memory.arrays,
             self._scheme_arrays,
             self._march_arrays,
             (positions, rows, slopes),
-            self.n + n_more,
+            n_end,
         )
         self.blown_up, self.not_solved = status == BLOWN_UP, status == NOT_SOLVED
 

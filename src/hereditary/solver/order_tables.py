@@ -3,7 +3,7 @@
 import numpy as np
 
 from ..kernels.adaptive import times_inside
-from ..operators import OrderFailed
+from ..orders import OrderFailed
 from ..schemes.quadrature import radau_integrals, radau_nodes
 
 # Integrals are interpolated in their order, of which they are entire functions, to rounding.

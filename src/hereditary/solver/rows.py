@@ -1,6 +1,10 @@
 """Which rows of a run are kept (floor 4)."""
 
+import os
+
 import numpy as np
+
+from .._checks import complaint
 
 
 class Rows:
@@ -14,9 +18,8 @@ class Rows:
             size = times.size
         else:
             size = n_total // save_every - n // save_every + (n_total % save_every > 0) + 1
-        self.t = np.empty(size)
-        self.y = np.empty((size, stepper.equation.d))
-        self.ydot = np.empty((size, stepper.equation.d))
+        d = stepper.equation.d
+        self.t, self.y, self.ydot = _room(size, d, "save_every" if times is None else "t_eval")
         self.size = 0
         self._times_of = stepper.times
         if times is None or times[0] <= stepper.t:
@@ -55,3 +58,24 @@ class Rows:
             last = self.size
             self.t[last], self.y[last], self.ydot[last] = stepper.t, stepper.y, stepper.ydot
             self.size += 1
+
+
+def _room(size, d, argument):
+    """Arrays (size,), (size, d) and (size, d) for rows, or a refusal where they do not fit."""
+    n_bytes = 8.0 * size * (1 + 2 * d)
+    try:
+        if n_bytes > _memory():
+            raise MemoryError
+        return np.empty(size), np.empty((size, d)), np.empty((size, d))
+    except MemoryError as error:
+        required = "keep as many rows as fit in memory"
+        got = f"{size:.3g} rows of {d} components, {n_bytes:.1e} bytes"
+        raise ValueError(complaint(argument, required, got, "keep fewer")) from error
+
+
+def _memory():
+    """Bytes of memory that the machine has, where it says."""
+    try:
+        return float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
+    except (AttributeError, OSError, ValueError):
+        return np.inf

@@ -8,33 +8,69 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._checks import complaint, shown
-from .adaptive_stepper import AdaptiveState
+from .._warning import warn
 from .dense import Dense
-from .stepper import State
+from .state import AdaptiveState, State
 
 
-class Status(enum.Enum):
-    """How a run ended; the value is the sentence shown as the solution's message."""
+class Status(enum.StrEnum):
+    """How a run ended: a string, ``sol.status == "blown_up"``.
 
-    COMPLETED = "the run reached the end"
-    STEP_TOO_LARGE = "the run reached the end, but beyond the scheme's stability limit on the way"
-    ZIGZAG = "the solution zigzags from step to step: the step is beyond the stability limit"
-    BLOWN_UP = "the solution stopped being finite"
-    INTERRUPTED = "the run was interrupted"
-    NOT_SOLVED = (
-        "Newton's method did not converge: take smaller steps, give an exact jac, or name the "
-        "times of jumps as breaks"
+    Attributes
+    ----------
+    sentence : str
+        What the solution's message begins with.
+    """
+
+    sentence: str
+
+    def __new__(cls, value, sentence):
+        """A member with its sentence."""
+        member = str.__new__(cls, value)
+        member._value_, member.sentence = value, sentence
+        return member
+
+    COMPLETED = "completed", "the run reached the end"
+    STEP_TOO_LARGE = (
+        "step_too_large",
+        "the run reached the end, but beyond the scheme's stability limit on the way",
     )
-    EVENT = "a terminal event ended the run"
-    RHS_FAILED = "the right-hand side raised an exception"
-    ORDER_FAILED = "an order left its range, or its function raised an exception"
+    ZIGZAG = (
+        "zigzag",
+        "the solution zigzags from step to step: the step is beyond the stability limit",
+    )
+    BLOWN_UP = "blown_up", "the solution stopped being finite"
+    INTERRUPTED = "interrupted", "the run was interrupted"
+    NOT_SOLVED = (
+        "not_solved",
+        "Newton's method did not converge: take smaller steps, give an exact jac, or name the "
+        "times of jumps as breaks",
+    )
+    STEP_TOO_SMALL = "step_too_small", "no step is small enough for the tolerance"
+    MAX_STEPS = "max_steps", "the run made max_steps steps before its end"
+    EVENT = "event", "a terminal event ended the run"
+    RHS_FAILED = "rhs_failed", "the right-hand side raised an exception"
+    ORDER_FAILED = "order_failed", "an order left its range, or its function raised an exception"
+    KERNEL_FAILED = "kernel_failed", "a memory kernel raised an exception"
+    EVENT_FAILED = "event_failed", "an event function raised an exception or returned no number"
 
-    def __str__(self):
-        return self.name.lower()
+
+class SolveWarning(UserWarning):
+    """A run ended early, or beyond the scheme's stability limit: its message says how."""
 
 
-class StabilityWarning(UserWarning):
+class StabilityWarning(SolveWarning):
     """The step is beyond the scheme's stability limit, or the solution zigzags."""
+
+
+# Endings that were asked for.
+_QUIET = (Status.COMPLETED, Status.EVENT, Status.INTERRUPTED)
+
+
+def warn_of(status, message, unstable=False):
+    """Warn, at the user's line, of an ending that was not asked for."""
+    if unstable or status not in _QUIET:
+        warn(message, StabilityWarning if unstable else SolveWarning)
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,18 +87,19 @@ class Solution:
         First derivative when the highest order exceeds 1; NaN at t = 0 for components that have
         no initial derivative.
     status : Status
-        How the run ended; ``success`` says whether it is COMPLETED.
+        How the run ended, ``"completed"`` or another; a solution is true, ``if sol:``, where
+        ``sol.success`` is.
     message : str
         The same in a sentence, with the numbers of this run.
     stats : dict
-        n_steps and n_rhs (counted from t = 0), n_modes, history_bytes, setup_seconds, run_seconds.
+        n_steps and n_rhs (counted from t = 0), n_modes, history_bytes, setup_seconds, run_seconds,
+        kernel_error, the largest relative error of sums that stand for general kernels.
         With `Collocation` n_rejected, the steps made again shorter, and error_estimate: rtol times
         the largest error of a step over its share of the tolerance, a tenth of it, and rtol / 10 at
         the least, which the first step may err by. Otherwise
         stiffness_ratio: the largest ratio of an eigenvalue of d rhs / d y to its step limit
         seen along the orbit, sampled every 32 steps (more rarely in systems); the scheme is
-        unstable above 1. Where the components of a system have different terms only real
-        eigenvalues are seen.
+        unstable above 1. Complex eigenvalues of orders that vary are not seen.
     state : State
         Everything needed to go on, ``solve(eq, t_later, resume=sol.state)``: a few kilobytes with
         `SumOfExponentials`, the whole past with `Direct`. None on a mesh.
@@ -87,6 +124,9 @@ class Solution:
     def success(self) -> bool:
         """Whether the run came to its end as asked for, inside the scheme's stability limit."""
         return self.status in (Status.COMPLETED, Status.EVENT)
+
+    def __bool__(self) -> bool:
+        return self.success
 
     def __call__(self, t: ArrayLike, derivative: int = 0) -> np.ndarray:
         """The solution at any time of the run, with the accuracy of its steps.
@@ -116,7 +156,6 @@ class Solution:
         return self.dense(t, derivative, self.t[-1])
 
     def __repr__(self):
-        return (
-            f"Solution({self.message}; {self.t.size} rows of {self.y.shape[1]} components, "
-            f"t = {self.t[0]:g} .. {self.t[-1]:g})"
-        )
+        rows = f"{self.t.size} rows of {self.y.shape[1]} components"
+        times = f", t = {self.t[0]:g} .. {self.t[-1]:g}" if self.t.size else ""
+        return f"Solution({self.message}; {rows}{times})"

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._checks import complaint, count, instance, positive, real_array, shown
+from .._checks import complaint, count, instance, positive, real_array, shown, whole
 from ..equation import Equation
 from ..history.exponentials import SumOfExponentials
 from ..history.history import History
@@ -14,10 +14,13 @@ from ..schemes.collocation import Collocation
 from ..schemes.explicit import ExplicitCaputo
 from ..schemes.scheme import Scheme
 from .adaptive import solve_adaptively
-from .adaptive_stepper import AdaptiveState
+from .pace import MAX_STEPS
 from .solution import Solution
-from .stepper import State
+from .state import AdaptiveState, State, check_sound
 from .uniform import solve_on_steps
+
+# What save_every may be at most: a whole number that arrays hold.
+_MOST_STEPS = 2**53
 
 
 def solve(
@@ -32,10 +35,13 @@ def solve(
     history: History | None = None,
     save_every: int = 1,
     t_eval: ArrayLike | None = None,
+    max_step: float | None = None,
+    max_steps: int | None = None,
     breaks: ArrayLike = (),
     events: Callable | Sequence[Callable] = (),
     progress: bool = False,
     resume: State | AdaptiveState | None = None,
+    allow_change: bool = False,
 ) -> Solution:
     """Solve an equation with memory on [0, t_end]: with uniform steps, along a mesh, or adaptively.
 
@@ -51,31 +57,47 @@ def solve(
     rtol, atol : float, optional
         Tolerances of `Collocation`, which chooses its own steps: errors of y, and of y' where the
         order exceeds 1, stay about ``atol + rtol * size``. rtol is 1e-6 by default and at least
-        1e-12, atol a hundredth of rtol.
+        1e-12, atol a hundredth of rtol; when resuming, both are the state's.
     mesh : Graded or array_like, shape (n+1,), optional
         Instead of n_steps: ``graded(n, exponent)`` or times that increase from 0 to t_end. For L1,
         L2 and L2Sigma with orders up to 1 (L2Sigma also above), with Direct or SumOfExponentials;
         such a run cannot be resumed, its ``state`` is None.
     scheme : Scheme, optional
-        Default ``ExplicitCaputo()``, or ``Collocation()`` where `rtol` is given.
+        Default ``ExplicitCaputo()``, or ``Collocation()`` where `rtol` is given; the state's when
+        resuming.
     history : History, optional
-        Default ``SumOfExponentials(tol=1e-10)``.
+        Default ``SumOfExponentials(tol=1e-10)``, the state's when resuming.
     save_every : int, optional
         Keep every so many-th step, besides the first and the last row.
     t_eval : array_like, shape (k,), optional
-        Keep the solution at these increasing times instead: interpolated by parabolas between
-        uniform steps, by lines on a mesh, from the dense output with `Collocation`.
+        Keep the solution at these increasing times instead. `Collocation` reads its dense output;
+        uniform steps are joined by parabolas, those of a mesh by lines, to O(h**3) and O(h**2)
+        where the solution is smooth. In the first two steps of equations with constant orders
+        powers of t take their place, t**alpha for each component's highest order among them: a row
+        errs about as much as the nearest steps.
+    max_step : float, optional
+        Longest step of `Collocation` [time]. A force that comes on for a time shorter than a step
+        may lie between all points that the step looks at; half of its length is a safe choice.
+    max_steps : int, optional
+        Most steps of this call of `Collocation`, one million by default; a run that needs more ends
+        with the status MAX_STEPS and can be resumed.
     breaks : array_like, shape (k,), optional
         Times at which the right-hand side jumps, for `Collocation`: the steps begin anew there.
     events : callable or sequence of callable, optional
         ``event(t, y)``, whose zeros `Collocation` locates to rounding on its dense output; with the
-        attributes `terminal` and `direction` as in SciPy's solve_ivp. A zero at the very start is
-        not reported.
+        attributes `terminal` (a number n: the run ends at the n-th zero) and `direction` as in
+        SciPy's solve_ivp. Truth values count as 1 and -1. Nine points of each step are looked at:
+        two zeros between neighbours pass unseen, unless `max_step` brings them closer, and so does
+        a zero next to where the function is NaN. A zero at the very start is not reported.
     progress : bool, optional
         Show a progress bar with the time left, on a terminal only.
     resume : State, optional
-        ``Solution.state`` of an earlier run; rows then begin at its time. With uniform steps the
-        result equals that of an unbroken run bit for bit, with `Collocation` within its tolerance.
+        ``Solution.state`` of an earlier run of the same equation; rows then begin at its time. With
+        uniform steps the result equals that of an unbroken run bit for bit, with `Collocation`
+        within its tolerance.
+    allow_change : bool, optional
+        Go on with another right-hand side or other `params` than the state's, all of the memory
+        kept: a force or a parameter is switched at the state's time.
 
     Returns
     -------
@@ -92,8 +114,11 @@ def solve(
 
     Warns
     -----
+    SolveWarning
+        The run ended early, other than by a terminal event or Ctrl-C.
     StabilityWarning
-        The step exceeded the scheme's stability limit along the orbit, or the solution zigzags.
+        One of these: the step exceeded the scheme's stability limit along the orbit, or the
+        solution zigzags.
 
     Cost
     ----
@@ -109,20 +134,25 @@ def solve(
     >>> sol.success, sol.y.shape
     (True, (20001, 1))
     """
-    instance("equation", equation, Equation, "hereditary.Equation(terms, rhs, y0)")
+    equation = instance(
+        "equation", equation, Equation, "hereditary.Equation(terms, rhs, y0)"
+    ).current()
     t_end = positive("t_end", t_end)
-    if scheme is None:
-        scheme = ExplicitCaputo() if rtol is None else Collocation()
-    instance("scheme", scheme, Scheme, "hereditary.ExplicitCaputo()")
+    if isinstance(resume, (State, AdaptiveState)):
+        check_sound(resume)
+    scheme = _scheme(scheme, rtol, n_steps, mesh, resume)
     if history is not None:
         instance("history", history, History, "hereditary.SumOfExponentials()")
-    save_every = count("save_every", save_every)
+    save_every = min(count("save_every", whole(save_every)), _MOST_STEPS)
     if save_every > 1 and t_eval is not None:
         required = "be left out where t_eval says which rows to keep"
         raise ValueError(complaint("save_every", required, save_every))
     if resume is not None:
         kind = AdaptiveState if isinstance(scheme, Collocation) else State
         instance("resume", resume, kind, "the .state of an earlier Solution of the same kind")
+    elif allow_change:
+        remedy = "it allows another right-hand side than the state's"
+        raise ValueError(complaint("allow_change", "come with resume", allow_change, remedy))
     times = _eval_times(t_eval, 0.0 if resume is None else resume.t, t_end)
     breaks = () if breaks is None else breaks
     events = () if events is None else events
@@ -131,15 +161,35 @@ def solve(
         _refuse("with Collocation, which chooses its steps", n_steps=n_steps, mesh=mesh)
         return solve_adaptively(
             equation, t_end, scheme, history, rtol, atol, save_every, times, breaks, functions,
-            progress, resume,
+            progress, resume, allow_change,
+            None if max_step is None else positive("max_step", max_step),
+            MAX_STEPS if max_steps is None else count("max_steps", max_steps),
         )  # fmt: skip
     given = {"breaks": breaks if np.size(breaks) else None, "events": functions or None}
-    given |= {"rtol": rtol, "atol": atol}
+    given |= {"rtol": rtol, "atol": atol, "max_step": max_step, "max_steps": max_steps}
     _refuse("or come with scheme=Collocation()", **given)
+    if history is None:
+        history = resume.history if isinstance(resume, State) else SumOfExponentials()
     return solve_on_steps(
-        equation, t_end, n_steps, mesh, scheme, history or SumOfExponentials(), save_every, times,
-        progress, resume,
+        equation, t_end, n_steps, mesh, scheme, history, save_every, times, progress, resume,
+        allow_change,
     )  # fmt: skip
+
+
+def _scheme(scheme, rtol, n_steps, mesh, resume):
+    """The scheme given, or that of the state, or the one that the other arguments speak of."""
+    if scheme is not None:
+        return instance("scheme", scheme, Scheme, "hereditary.ExplicitCaputo()")
+    if isinstance(resume, AdaptiveState) or (isinstance(resume, State) and rtol is None):
+        return resume.scheme
+    if rtol is None and n_steps is None and mesh is None and resume is None:
+        required = "say how to step: rtol or n_steps"
+        remedy = (
+            "rtol=1e-6 lets Collocation choose its steps so that errors stay below it; "
+            "n_steps=10_000 takes that many steps of the paper's explicit scheme, of first order"
+        )
+        raise TypeError(complaint("solve", required, "neither", remedy))
+    return ExplicitCaputo() if rtol is None else Collocation()
 
 
 def _refuse(reason, **given):
@@ -151,7 +201,7 @@ def _refuse(reason, **given):
 def _eval_times(t_eval, t_start, t_end):
     if t_eval is None:
         return None
-    times = real_array("t_eval", t_eval)
+    times = np.atleast_1d(real_array("t_eval", t_eval))
     inside = f"be increasing times in [{t_start}, {t_end}]"
     if times.ndim != 1 or times.size == 0:
         raise ValueError(complaint("t_eval", inside, f"shape {times.shape}"))

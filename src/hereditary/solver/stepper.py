@@ -1,50 +1,24 @@
 """The stepper (floor 4): one march over a uniform mesh, advanced a stretch at a time."""
 
+import math
 import time
-from dataclasses import dataclass, field
 
 import numpy as np
 
-from .._checks import complaint
 from ..kernels.block import BLOWN_UP, NOT_SOLVED, RUNNING
+from ..kernels.watch import N_MONITORED, N_TURNS
+from ..memory_kernel import warn_of_fit
+from ..schemes.step_kernel import refuse_late
 from ..system import shifted, variational
-from .identity import described_terms
+from .first_steps import first_steps
+from .identity import check_identity, identity
+from .state import State, check_sound, frozen, sealed
 
 # Steps in a block. Measured with 56 modes: 74, 75 and 85 ns a step at 16, 32 and 64, where the
 # in-block sums take over; below 16 the calls of the history do.
 BLOCK = 32
 # Steps after which a march reads no data but the lasting ones.
 _FIRST_STEPS = 8
-
-
-@dataclass(frozen=True, eq=False)
-class State:
-    """Everything a run needs to go on, as plain arrays; it pickles.
-
-    Attributes
-    ----------
-    t : float
-        Time reached.
-    n : int
-        Steps made.
-    h : float
-        Step of the mesh.
-    y : ndarray, shape (d,)
-        Solution at `t`.
-    identity : tuple
-        Scheme, history, terms and number of tangents of the run; checked on resuming.
-    """
-
-    t: float
-    n: int
-    h: float
-    y: np.ndarray
-    identity: tuple
-    block: int = field(repr=False)
-    march: tuple = field(repr=False)
-    memory: tuple = field(repr=False)
-    memory_steps: int = field(repr=False)
-    largest_ratio: float = field(repr=False)
 
 
 class Stepper:
@@ -69,12 +43,16 @@ class Stepper:
         Steps in a block; results depend on it by rounding alone.
     """
 
+    no_step = ""
+
     def __init__(self, equation, scheme, history, h, n_steps, directions=None, block=BLOCK):
         scheme.check_terms(equation)
+        refuse_late(equation, h * n_steps)
         self.equation, self.scheme, self.history = equation, scheme, history
         self._given, self._origin = equation, 0.0
         self.h = float(h)
-        self._n_steps = int(n_steps)
+        horizon = getattr(history, "horizon", None) or 0.0
+        self._n_steps = max(int(n_steps), math.ceil(horizon / self.h * (1 - 1e-12)))
         self._with_speed = np.flatnonzero(equation.highest_orders() > 1)
         if directions is None:
             directions = np.zeros((self.n_data, 0))
@@ -82,6 +60,7 @@ class Stepper:
         plan = self._plan(directions)
         self._block = 1 if plan.schedule else block
         self.memory = self._open(plan)
+        warn_of_fit(self.memory.kernel_error, getattr(history, "tol", 0.0))
         self._begin(plan)
         self.largest_ratio = 0.0
         self.blown_up = self.not_solved = False
@@ -119,14 +98,16 @@ class Stepper:
             self.memory.block_start_weights,
             np.ascontiguousarray(plan.columns),
         )
+        monitor = np.zeros((width, N_MONITORED))
+        monitor[: self.equation.d, N_TURNS] = -1.0 * (self.equation.highest_orders() == 2)
         self._march_arrays = (
-            np.array([0, 0, -1, -1, 0]),
+            np.array([0, 0, -1, -1, 0, 0, -1]),
             plan.initial.copy(),
             plan.increments.copy(),
             np.zeros(width),
             np.zeros((width, self._block)),
             np.zeros((width, self._block + 1)),
-            np.zeros((width, 3)),
+            monitor,
             np.ascontiguousarray(plan.data.T),
         )
 
@@ -241,6 +222,12 @@ class Stepper:
         n = int(self._march_arrays[0][2])
         return None if n < 0 else n
 
+    @property
+    def growth(self):
+        """Step at which turns of a few steps each were seen to have grown, or None."""
+        n = int(self._march_arrays[0][6])
+        return None if n < 0 else n
+
     def seconds_of_rhs(self):
         """Time that one call of the right-hand side takes, a few microseconds of entry included."""
         return seconds_of_rhs(self)
@@ -258,6 +245,7 @@ class Stepper:
 
     def prepare(self, n_end):
         """Make room for a march up to step `n_end`."""
+        refuse_late(self.equation, n_end * self.h)
         self.memory.prepare(n_end)
 
     def advance(self, n_more, positions, rows, slopes):
@@ -276,8 +264,11 @@ class Stepper:
         n_end = self.n + n_more
         self.memory.prepare(n_end)
         self._march_arrays[0][1] = written = 0
+        starting = first_steps(self, positions)
         while self.n < n_end:
             stop = min(n_end, self.memory.reach(self.n))
+            if starting and self.n < 2:
+                stop = self.n + 1
             self.memory.refresh(self.n, self._march_arrays[5], self._scheme_arrays[2])
             part = slice(written, int(np.searchsorted(positions, stop, side="right")))
             try:
@@ -285,23 +276,27 @@ class Stepper:
             finally:
                 written += int(self._march_arrays[0][1])
                 self._march_arrays[0][1] = written
+            if starting and self.n == stop <= 2:
+                starting.fill(stop, self.y, positions[part] * self.h, rows[part], slopes[part])
             self.blown_up, self.not_solved = status == BLOWN_UP, status == NOT_SOLVED
             if status != RUNNING:
                 return
 
     def _march(self, n_end, positions, rows, slopes):
         """Enter the compiled march once; watch the stability along the orbit."""
-        n = self.n
-        every = self._block * self._region.every if self._region else n_end
-        n_samples = (n_end - 1) // every - (n - 1) // every if self._region else 0
+        n, region = self.n, self._region
+        every = self._block * region.every if region else n_end
+        first = (n - 1) // every + 1
+        n_samples = (n_end - 1) // every + 1 - first if region else 0
+        n_stretches = (n_end - 1) // every + 1 - n // every if region and region.sweeps else 0
         system = self._system
-        jacobians = np.zeros((n_samples, system.d, system.d))
+        jacobians = np.zeros((n_samples + n_stretches, system.d, system.d))
         try:
             return self._loop(
                 system._rhs,
                 system._jac,
                 int(system.has_jac),
-                system.params,
+                system._params,
                 self.memory.exchange,
                 self.memory.tables,
                 self.memory.arrays,
@@ -311,49 +306,55 @@ class Stepper:
                 n_end,
             )
         finally:
-            if self._region:
-                before = (n - 1) // every
-                made = (self.n - 1) // every - before
-                steps = (before + 1 + np.arange(made)) * every
-                ratio = self._region.ratio(jacobians[:made], steps)
-                self.largest_ratio = max(self.largest_ratio, ratio)
+            if region:
+                made = (self.n - 1) // every + 1 - first
+                steps = (first + np.arange(made)) * every
+                self._note(region.ratios(jacobians[:made], steps), steps)
+                taken = np.flatnonzero(jacobians[n_samples:].any(axis=(1, 2)))
+                steps = (n // every + taken) * every
+                self._note(region.ratios(jacobians[n_samples + taken], steps), steps)
+
+    def _note(self, ratios, steps):
+        """Keep the largest ratio so far and its step."""
+        if ratios.max(initial=0.0) > self.largest_ratio:
+            self.largest_ratio = float(ratios.max())
+            self._march_arrays[0][5] = steps[np.argmax(ratios)]
+
+    @property
+    def largest_ratio_step(self):
+        """Step near which the Jacobian was largest in comparison with its limit."""
+        return int(self._march_arrays[0][5])
 
     def state(self):
         """A `State` from which a later run goes on bit for bit."""
-        return State(
+        state = State(
             t=self.t,
             n=self.n,
             h=self.h,
-            y=self.y,
+            y=frozen(self.y),
+            scheme=self.scheme,
+            history=self.history,
             identity=self._identity(self.t),
             block=self._block,
-            march=tuple(array.copy() for array in self._march_arrays),
-            memory=self.memory.state(),
+            march=tuple(map(frozen, self._march_arrays)),
+            memory=tuple(map(frozen, self.memory.arrays)),
             memory_steps=self._n_steps,
             largest_ratio=self.largest_ratio,
         )
+        return sealed(state)
 
-    def restore(self, state):
-        """Take over where `state` was taken."""
-        mine = self._identity(state.t)
-        if state.identity != mine:
-            names = ("scheme", "history", "orders", "coefficients", "tangents")
-            pairs = zip(names, state.identity, mine, strict=True)
-            name, theirs, ours = next(p for p in pairs if p[1] != p[2])
-            required = f"come from a run with the same {name}, here {ours}"
-            raise ValueError(complaint("resume", required, theirs, "start anew, or change it back"))
+    def restore(self, state, allow_change=False):
+        """Take over where `state` was taken, of another right-hand side where that is allowed."""
+        check_sound(state)
+        check_identity(state.identity, self._identity(state.t), allow_change)
         self._march_arrays = tuple(array.copy() for array in state.march)
         self.memory.restore(state.memory)
         self.largest_ratio = state.largest_ratio
 
     def _identity(self, t):
         """What a run to time t must share with one that resumes it."""
-        return (
-            _described(self.scheme),
-            _described(self.history),
-            *described_terms(self.equation, t),
-            self.n_tangents,
-        )
+        how = {"scheme": _described(self.scheme), "history": _described(self.history)}
+        return identity(self.equation, t, self.n_tangents, **how)
 
 
 def seconds_of_rhs(stepper):
@@ -361,7 +362,7 @@ def seconds_of_rhs(stepper):
     equation, y = stepper.equation, stepper.y
     dy = np.empty(equation.d)
     began = time.perf_counter()
-    equation._rhs(stepper.t, y, dy, equation.params)
+    equation._rhs(stepper.t, y, dy, equation._params)
     return time.perf_counter() - began
 
 

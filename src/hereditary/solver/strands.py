@@ -6,6 +6,8 @@ values, initial values, and the past: modes, and the last step, which they do no
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.polynomial.legendre import legvander
 from scipy.special import rgamma
@@ -65,10 +67,15 @@ class Strands:
         self.modes = self.before = np.zeros((n_strands, self._n_rows, 0))
         self.last = np.zeros((n_strands, form.n_drivers, d, n_nodes))
         self.bank = Bank((), np.inf, 0.0, 0.0, np.zeros(0), np.zeros((0, 0)))
-        self.kernels = open_kernels((), 1.0, 1.0, 0.1)
+        self.kernels = open_kernels((), 1.0, 1.0, 1.0, 0.1)
         self.varying = OrderBank(np.inf, 0.0, 0.0, np.zeros(0))
-        self._length, self._corner = 0.0, None
+        self._length, self._corner, self._foreseen = 0.0, None, None
         self._join()
+
+    @property
+    def farthest(self):
+        """Distance up to which all modes hold; 0 where there are none."""
+        return min(self.bank.farthest, self.kernels.farthest)
 
     @property
     def closest(self):
@@ -111,10 +118,23 @@ class Strands:
         """Note that the last step was an ordinary one of this length."""
         self._length, self._corner = length, None
 
-    def begin(self, closest, farthest, tol):
+    def foresee(self, closest, farthest, t_end, tol):
+        """Fit kernels known by their values before anything is solved; the largest error."""
+        if not any(kernel.by_values for kernel in self._form.kernels):
+            return 0.0
+        closest = _decades(closest, farthest)
+        found = open_kernels(self._form.kernels, closest, farthest, t_end, tol)
+        self._foreseen = closest, found
+        return found.error
+
+    def begin(self, closest, farthest, t_end, tol):
         """Open the modes."""
+        closest = _decades(closest, farthest)
         self.bank = open_bank(self._form.orders.tolist(), closest, farthest, tol)
-        self.kernels = open_kernels(self._form.kernels, closest, farthest, tol)
+        if self._foreseen and self._foreseen[0] <= closest:
+            self.kernels = self._foreseen[1]
+        else:
+            self.kernels = open_kernels(self._form.kernels, closest, farthest, t_end, tol)
         if self._form.varying:
             self.varying = open_order_bank(closest, farthest, tol)
         self._join()
@@ -157,9 +177,13 @@ class Strands:
         added = np.r_[n:n_new, end + n_new - n : self.rates.size]
         self.modes[..., added] = self._moved(np.zeros_like(self.modes))[..., added]
 
-    def past(self, distances):
-        """p(0) and what lies before, as rows see it `distances` ahead, shape (1 + k, R, n)."""
+    def past(self, log_distances):
+        """p(0) and what lies before, as rows see it from these distances, shape (1 + k, R, n).
+
+        By their logarithms: tiny powers tell distances apart that are too small for a float.
+        """
         n_strands, d = self.x.shape
+        distances = np.exp(log_distances)
         base = np.zeros((n_strands, self._form.n_rows, distances.size))
         base[:, :d] += self.initial[..., None]
         if self._length == 0.0:
@@ -170,7 +194,8 @@ class Strands:
         ages = np.multiply.outer(self.bank.rates, self._length + distances)
         base += self.before[..., :n] @ np.exp(-ages)
         _, v, weights = graded_rule()
-        u, drivers = distances / self._length, self._drivers()
+        log_u, drivers = log_distances - np.log(self._length), self._drivers()
+        u = np.exp(log_u)
         for row, (c, q, k, kappa) in enumerate(rows(self._form)):
             if k >= self._form.orders.size:
                 continue  # seen already
@@ -178,7 +203,7 @@ class Strands:
             kernel = weights * np.add.outer(u, v) ** (a - 1)
             seen = (drivers[:, q, c] - offset) @ kernel.T
             end = (self.x if q == POSITION else self._ends(q))[:, c, None] - offset
-            seen += end * ((LEFT_OUT + u) ** a - u**a) / a
+            seen += end * ((LEFT_OUT + u) ** a - np.exp(a * log_u)) / a
             base[:, c] += kappa * self._length**a * rgamma(a) * seen
         return base
 
@@ -216,3 +241,20 @@ class Strands:
 def rows(form):
     """Row, driver, index of the order or kernel and kappa of each integral."""
     return [(int(c), int(q), int(k), kappa) for c, q, k, kappa in form.channels]
+
+
+def _decades(closest, farthest):
+    """A distance that is no farther, such that many runs share one bank."""
+    return farthest / 10.0 ** math.ceil(math.log10(max(farthest / closest, 10.0)))
+
+
+def starts(equation, second, directions):
+    """Initial values of orbit and tangents, shape (1 + k, m, d)."""
+    if directions is None:
+        return equation.y0[None]
+    values = np.zeros((1 + directions.shape[1], *equation.y0.shape))
+    values[0] = equation.y0
+    values[1:, 0] = directions[: equation.d].T
+    if equation.m == 2:
+        values[1:, 1, second] = directions[equation.d :].T
+    return values

@@ -1,10 +1,12 @@
 """The driver of given steps (floor 4): marches a stepper to the end and keeps the rows."""
 
+import math
 import time
 
 import numpy as np
 
-from .._checks import complaint, count, shown
+from .._checks import complaint, count, shown, whole
+from ..memory_kernel import told_error
 from ..meshes import mesh_times
 from .drive import Drive, reached_end, told
 from .mesh_stepper import MeshStepper
@@ -13,18 +15,25 @@ from .rows import Rows
 from .solution import Solution
 from .stepper import Stepper
 
+# Steps of a run, and floats, are whole numbers up to here.
+_COUNTED = 2**53
+# Logarithms of the powers of the step that schemes may have to divide by.
+_LEAST, _MOST = -290.0, 290.0
+
 
 def solve_on_steps(
-    equation, t_end, n_steps, mesh, scheme, history, save_every, t_eval, progress, resume
+    equation, t_end, n_steps, mesh, scheme, history, save_every, t_eval, progress, resume,
+    allow_change,
 ):  # fmt: skip
     """Solve with uniform steps or along a mesh; the arguments of `solve`, most of them checked."""
     began = time.perf_counter()
     if mesh is not None:
         stepper, n_total = _on_mesh(equation, scheme, history, t_end, n_steps, mesh, resume)
     else:
-        stepper, n_total = _on_uniform_steps(equation, scheme, history, t_end, n_steps, resume)
+        how = equation, scheme, history
+        stepper, n_total = _on_uniform_steps(*how, t_end, n_steps, resume, allow_change)
     wanted = Rows(stepper, n_total, save_every, t_eval)
-    stepper.prepare(n_total)
+    _prepare(stepper, n_total, history)
     ready = time.perf_counter()
     status, detail = _run(stepper, n_total, wanted, progress)
     wanted.close(stepper, t_end)
@@ -42,16 +51,30 @@ def _on_mesh(equation, scheme, history, t_end, n_steps, mesh, resume):
     return MeshStepper(equation, scheme, history, times), times.size - 1
 
 
-def _on_uniform_steps(equation, scheme, history, t_end, n_steps, resume):
+def _on_uniform_steps(equation, scheme, history, t_end, n_steps, resume, allow_change):
     """Stepper with uniform steps, anew or resumed, and its last step number."""
     h, n_total, prepared = uniform_steps(t_end, n_steps, resume)
+    order = float(equation.highest_orders().max())
+    if h == 0 or not _LEAST < order * math.log10(h) < _MOST:
+        required = f"leave steps h whose power h**{order:g} is a number of double precision"
+        raise ValueError(complaint("t_end", required, f"h = {h}", "take another unit of time"))
     stepper = Stepper(equation, scheme, history, h, prepared)
     if resume is not None:
-        stepper.restore(resume)
+        stepper.restore(resume, allow_change)
         if not np.all(np.isfinite(stepper.y)):
             required = "hold a finite solution"
             raise ValueError(complaint("resume", required, f"y = {shown(stepper.y)}"))
     return stepper, n_total
+
+
+def _prepare(stepper, n_total, history):
+    """Make room for all steps, or say that there is none."""
+    try:
+        stepper.prepare(n_total)
+    except (MemoryError, OverflowError) as error:
+        required = f"hold {n_total} steps in memory"
+        remedy = "SumOfExponentials() takes no more for more steps"
+        raise ValueError(complaint("history", required, repr(history), remedy)) from error
 
 
 def uniform_steps(t_end, n_steps, state):
@@ -59,7 +82,10 @@ def uniform_steps(t_end, n_steps, state):
     if state is None:
         if n_steps is None:
             raise TypeError(complaint("n_steps", "be given", "none", "e.g. n_steps=10_000"))
-        n_steps = count("n_steps", n_steps)
+        n_steps = count("n_steps", whole(n_steps))
+        if n_steps > _COUNTED:
+            required = f"be at most {_COUNTED:.0e}, as far as times of steps are told apart"
+            raise ValueError(complaint("n_steps", required, f"{n_steps:.3g}"))
         return t_end / n_steps, n_steps, n_steps
     n_total = round(t_end / state.h)
     if n_total <= state.n:
@@ -68,7 +94,7 @@ def uniform_steps(t_end, n_steps, state):
         remedy = f"the nearest is {n_total * state.h}"
         required = f"be a whole number of the state's steps h = {state.h}"
         raise ValueError(complaint("t_end", required, t_end, remedy))
-    if n_steps is not None and count("n_steps", n_steps) not in (n_total, n_total - state.n):
+    if n_steps is not None and count("n_steps", whole(n_steps)) not in (n_total, n_total - state.n):
         required = f"be {n_total - state.n} (from the state) or {n_total} (from 0), its step kept"
         raise ValueError(complaint("n_steps", required, n_steps, "or leave n_steps out"))
     return state.h, n_total, state.memory_steps
@@ -113,6 +139,7 @@ def _solution(stepper, wanted, status, detail, seconds):
             "setup_seconds": seconds[0],
             "run_seconds": seconds[1],
             "stiffness_ratio": stepper.largest_ratio,
+            "kernel_error": told_error(stepper.memory.kernel_error),
         },
         state=stepper.state(),
     )

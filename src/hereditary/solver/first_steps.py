@@ -1,0 +1,82 @@
+"""Rows inside the first two steps (floor 4), where solutions start like a power of t.
+
+There a component is ``x(0) + t x'(0) + a t**alpha`` with alpha its highest order and a from the
+equation at 0, and powers more that go through the values of the scheme: with r = min(1, 2 alpha)
+below order 1 and 2 from there on, t**r in the first step, t**r and t**(r+1) in the second.
+"""
+
+import numpy as np
+from scipy.special import rgamma
+
+
+def first_steps(stepper, positions):
+    """What rows at these positions of a `Stepper` need; None where none lies inside the first two.
+
+    Nor where a term has another kernel, or an order that varies.
+    """
+    early = positions[: np.searchsorted(positions, 2)]
+    if stepper.n > 1 or stepper.equation.memories or not np.any(early % 1):
+        return None
+    starting = FirstSteps(stepper.equation, [stepper.h, 2 * stepper.h])
+    if stepper.n == 1:
+        starting.fill(1, stepper.y, np.zeros(0), *np.zeros((2, 0, stepper.equation.d)))
+    return starting
+
+
+class FirstSteps:
+    """Rows inside the first two steps of a march that begins at 0.
+
+    Parameters
+    ----------
+    equation : System
+        With constant orders alone.
+    ends : array_like, shape (2,)
+        Times at which the two steps end.
+    """
+
+    def __init__(self, equation, ends):
+        self._y0, self._alpha = equation.y0, equation.highest_orders()
+        self._ends, self._values = np.asarray(ends, dtype=float), np.zeros((2, equation.d))
+        self._more = np.where(self._alpha >= 1, 2.0, np.minimum(1.0, 2 * self._alpha))
+        self._lead = _leading(equation, self._alpha)
+
+    def fill(self, n, y, times, rows, slopes):
+        """Overwrite rows and slopes (k, d) at times inside step n, 1 or 2, which ends at y."""
+        self._values[n - 1] = y
+        inside = times < self._ends[n - 1]
+        rows[inside], slopes[inside] = self._rows(n, times[inside])
+
+    def _rows(self, n, times):
+        """Solution and slope at times inside step n, shapes (k, d)."""
+        t, ends = times[:, None], self._ends[:n, None]
+        unit = ends[-1]
+        missed = (self._values[:n] - self._known(ends)[0]).T  # (d, n)
+        powers = self._more[:, None] + np.arange(n)  # (d, n)
+        matrix = (ends.T / unit)[..., None] ** powers[:, None]  # (d, n, n)
+        factors = np.linalg.solve(matrix, missed[..., None])[..., 0]
+        y, slope = self._known(t)
+        for k in range(n):
+            y = y + factors[:, k] * (t / unit) ** powers[:, k]
+            slope = slope + factors[:, k] * powers[:, k] / unit * (t / unit) ** (powers[:, k] - 1)
+        return y, slope
+
+    def _known(self, t):
+        """x(0) + t x'(0) + a t**alpha, and its slope."""
+        speed = self._y0[1] if self._y0.shape[0] == 2 else 0.0
+        y = self._y0[0] + t * speed + self._lead * t**self._alpha
+        return y, speed + self._lead * self._alpha * t ** (self._alpha - 1)
+
+
+def _leading(equation, alpha):
+    """The a above, 0 where the right-hand side has no value at 0."""
+    f = np.full(equation.d, np.nan)
+    try:
+        equation._rhs(0.0, equation.y0[0].copy(), f, equation.params)
+    except Exception:  # the march meets it again, or never looks there
+        f[:] = np.nan
+    highest = np.sum(equation.coefficients * (equation.orders == alpha), axis=0)
+    if equation.m == 2:
+        lower = (equation.orders == 1) & (alpha > 1)
+        f -= np.sum(equation.coefficients * lower, axis=0) * equation.y0[1]
+    lead = f * rgamma(1 + alpha) / highest
+    return np.where(np.isfinite(lead), lead, 0.0)

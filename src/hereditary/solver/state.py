@@ -1,0 +1,146 @@
+"""States that a run leaves and another goes on from (floor 4)."""
+
+import importlib.metadata
+from dataclasses import dataclass, field, replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from .._checks import complaint
+from .._digest import digest
+from ..history.history import History
+from ..schemes.collocation import Collocation
+from ..schemes.scheme import Scheme
+from .strands import Strands
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """Everything a run needs to go on, in arrays that cannot be changed; it pickles.
+
+    Attributes
+    ----------
+    t : float
+        Time reached.
+    n : int
+        Steps made.
+    h : float
+        Step of the mesh.
+    y : ndarray, shape (d,)
+        Solution at `t`.
+    scheme, history : Scheme, History
+        How the run was made, and how it goes on.
+    identity : dict
+        Terms, right-hand side and more, by name; checked on resuming, as the next two are.
+    version : str
+        Version of the library.
+    seal : str
+        Digest of the contents.
+    """
+
+    t: float
+    n: int
+    h: float
+    y: np.ndarray
+    scheme: Scheme
+    history: History
+    identity: dict[str, Any] = field(repr=False)
+    block: int = field(repr=False)
+    march: tuple = field(repr=False)
+    memory: tuple = field(repr=False)
+    memory_steps: int = field(repr=False)
+    largest_ratio: float = field(repr=False)
+    version: str = field(default="", repr=False)
+    seal: str = field(default="", repr=False)
+
+    def contents(self):
+        """All that a march reads."""
+        numbers = (self.t, self.n, self.h, self.block, self.memory_steps, self.largest_ratio)
+        return numbers, self.y, self.march, self.memory
+
+
+@dataclass(frozen=True, eq=False)
+class AdaptiveState:
+    """Everything an adaptive run needs to go on; it pickles.
+
+    Attributes
+    ----------
+    t : float
+        Time reached.
+    y : ndarray, shape (d,)
+        Solution at `t`.
+    scheme : Collocation
+    rtol, atol, modes_tol : float
+        How the run was made, and how it goes on.
+    event_signs : dict
+        Sign of each event function just after `t`, by its digest.
+    identity : dict
+        Terms, right-hand side and more, by name; checked on resuming, as the next two are.
+    version : str
+        Version of the library.
+    seal : str
+        Digest of the contents.
+    """
+
+    t: float
+    y: np.ndarray
+    scheme: Collocation
+    rtol: float
+    atol: float
+    modes_tol: float = field(repr=False)
+    identity: dict[str, Any] = field(repr=False)
+    run: tuple = field(repr=False)
+    strands: Strands = field(repr=False)
+    at_corner: bool = field(repr=False)
+    event_signs: dict[str, float] = field(default_factory=dict, repr=False)
+    version: str = field(default="", repr=False)
+    seal: str = field(default="", repr=False)
+
+    def contents(self):
+        """All that a march reads."""
+        return self.t, self.y, self.run, self.strands, self.at_corner
+
+
+def sealed(state):
+    """The state with its version and seal."""
+    return replace(state, version=_version(), seal=_seal(state))
+
+
+def check_sound(state):
+    """Refuse a state of another version, and one whose contents are not those that a run left."""
+    here, version = _version(), getattr(state, "version", "another one")
+    if version != here:
+        required = f"come from the same version of hereditary, here {here}"
+        raise ValueError(complaint("resume", required, version, "start anew"))
+    if state.seal != _seal(state):
+        required, got = "be a state as a run left it", "one that was damaged or changed since"
+        raise ValueError(complaint("resume", required, got, "start anew"))
+
+
+def check_reach(state, t_end):
+    """Refuse a run beyond what the modes of an `AdaptiveState` hold."""
+    reached = state.strands.farthest
+    if reached and t_end > reached:
+        required = f"stay within t = {reached}, as far as its history reaches"
+        remedy = f"begin the run with Collocation(horizon={t_end})"
+        raise ValueError(complaint("resume", required, f"a run to {t_end}", remedy))
+
+
+def _seal(state):
+    try:
+        return digest(*state.contents())
+    except AttributeError:  # a part is missing
+        return "damaged"
+
+
+@cache
+def _version():
+    return importlib.metadata.version("hereditary")
+
+
+def frozen(array):
+    """A copy that cannot be changed."""
+    copy = array.copy()
+    copy.flags.writeable = False
+    return copy

@@ -1,0 +1,192 @@
+"""States: what they go on with, and what they refuse."""
+
+import copy
+import dataclasses
+import pickle
+
+import numpy as np
+import pytest
+
+import hereditary as hd
+from hereditary.solver import state as states
+
+WAYS = [({"n_steps": 100}, hd.L1()), ({"rtol": 1e-8}, hd.Collocation())]
+
+
+def decay(t, y, p):
+    return -p[0] * y
+
+
+def growth(t, y, p):
+    return p[0] * y
+
+
+def equation(rhs=decay, y0=1.0, params=(1.0,)):
+    return hd.Equation(hd.Caputo(0.5), rhs, y0, params=params)
+
+
+def begun(steps, scheme):
+    return hd.solve(equation(), 1.0, scheme=scheme, **steps)
+
+
+@pytest.mark.parametrize(("steps", "scheme"), WAYS)
+def test_a_run_goes_on_as_it_was_begun(steps, scheme):
+    """Scheme, history and tolerances come from the state; a twin of a function is the function."""
+    state = pickle.loads(pickle.dumps(begun(steps, scheme).state))
+    sol = hd.solve(equation(lambda t, y, p: -p[0] * y), 2.0, resume=state)
+    through = hd.solve(equation(), 2.0, scheme=scheme, **{k: 2 * v for k, v in steps.items()})
+    bound = 0 if "n_steps" in steps else 1e-7
+    np.testing.assert_allclose(sol.y[-1], through.y[-1], rtol=bound, atol=0)
+
+
+def test_a_run_of_given_steps_keeps_its_history():
+    state = hd.solve(equation(), 1.0, 100, history=hd.Direct()).state
+    assert hd.solve(equation(), 2.0, resume=state).stats["n_modes"] == 0
+
+
+def test_an_adaptive_run_keeps_its_tolerances_and_modes():
+    kept = {"rtol": 1e-4, "atol": 1e-9, "history": hd.SumOfExponentials(1e-12)}
+    first = hd.solve(equation(), 1.0, scheme=hd.Collocation(nodes=3), **kept)
+    for given in ({}, {"rtol": 1e-4}, {"atol": 1e-9}, kept):
+        sol = hd.solve(equation(), 2.0, resume=first.state, **given)
+        assert (sol.state.rtol, sol.state.atol) == (1e-4, 1e-9)
+        assert sol.state.modes_tol == first.state.modes_tol == 1e-12
+        assert sol.stats["n_modes"] == first.stats["n_modes"]
+    for other in ({"rtol": 1e-6}, {"atol": 1e-8}, {"history": hd.SumOfExponentials(1e-10)}):
+        with pytest.raises(ValueError, match=r"(resume|history) must .*(tolerances|1e-12)"):
+            hd.solve(equation(), 2.0, resume=first.state, **other)
+
+
+@pytest.mark.parametrize(("steps", "scheme"), WAYS)
+@pytest.mark.parametrize(
+    ("other", "name"),
+    [
+        ({"params": [5.0]}, "params"),
+        ({"rhs": growth}, "right-hand side"),
+        ({"y0": 7.0}, "y0"),
+    ],
+)
+def test_another_equation_is_refused_unless_that_is_meant(steps, scheme, other, name):
+    state = begun(steps, scheme).state
+    with pytest.raises(ValueError, match=f"resume must come from a run with the same {name}, here"):
+        hd.solve(equation(**other), 2.0, resume=state)
+    if name == "y0":  # where it began does not change
+        with pytest.raises(ValueError, match="same y0"):
+            hd.solve(equation(**other), 2.0, resume=state, allow_change=True)
+    else:
+        sol = hd.solve(equation(**other), 2.0, resume=state, allow_change=True)
+        assert sol.y[0] == pytest.approx(0.427584, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("steps", "scheme", "bound"),
+    [({"n_steps": 800}, hd.L1(), 2e-3), ({"rtol": 1e-8}, hd.Collocation(), 1e-7)],
+)
+def test_a_force_switched_on_the_way_keeps_the_memory(steps, scheme, bound):
+    """As one equation whose rate is another one after t = 1."""
+
+    def switched(t, y, p):
+        return -(1.0 if t <= 1 else 5.0) * y
+
+    truth = hd.solve(equation(switched), 2.0, rtol=1e-10, breaks=[1.0]).y[-1, 0]
+    state = hd.solve(equation(), 1.0, scheme=scheme, **steps).state
+    sol = hd.solve(equation(params=[5.0]), 2.0, resume=state, allow_change=True)
+    assert abs(sol.y[-1, 0] / truth - 1) < bound
+    kept = hd.solve(equation(), 2.0, resume=state).y[-1, 0]
+    assert abs(kept / truth - 1) > 1  # the switch is no small thing
+
+
+def test_a_change_needs_a_state():
+    with pytest.raises(ValueError, match="allow_change must come with resume"):
+        hd.solve(equation(), 1.0, 10, allow_change=True)
+
+
+@pytest.mark.parametrize(("steps", "scheme"), WAYS)
+def test_states_cannot_be_changed(steps, scheme):
+    """Neither in place nor, after pickling, unnoticed."""
+    state = begun(steps, scheme).state
+    with pytest.raises(ValueError, match="read-only"):
+        state.y[0] = 0.0
+    loaded = pickle.loads(pickle.dumps(state))
+    loaded.y[0] = 0.0
+    with pytest.raises(ValueError, match="resume must be a state as a run left it"):
+        hd.solve(equation(), 2.0, resume=loaded)
+
+
+def arrays_of(state):
+    """Names of the parts of a state that hold arrays, and a way to put others there."""
+    if isinstance(state, states.State):
+        for name in ("march", "memory"):
+            for i, array in enumerate(getattr(state, name)):
+                if array.size:
+                    yield f"{name} {i}"
+    else:
+        for i in range(len(state.run)):
+            yield f"run {i}"
+        yield from (f"strands {name}" for name in ("x", "p", "modes", "before", "last", "offsets"))
+
+
+def with_other(state, place, change):
+    """The state with one array changed."""
+    state, (part, name) = copy.deepcopy(state), place.split()
+    if part == "strands":
+        setattr(state.strands, name, change(getattr(state.strands, name)))
+        return state
+    arrays = list(getattr(state, part))
+    arrays[int(name)] = change(arrays[int(name)])
+    return dataclasses.replace(state, **{part: tuple(arrays)})
+
+
+@pytest.mark.parametrize(("steps", "scheme"), WAYS)
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda a: a[..., :-1].copy(),
+        lambda a: a.astype(np.float32),
+        lambda a: np.full_like(a, 7) if a.dtype.kind == "i" else np.full_like(a, np.nan),
+        lambda a: a[..., None],
+    ],
+    ids=["cut", "single precision", "not finite", "an axis more"],
+)
+def test_a_damaged_state_is_refused(steps, scheme, change):
+    state = begun(steps, scheme).state
+    for place in arrays_of(state):
+        damaged = with_other(state, place, change)
+        with pytest.raises(ValueError, match="resume must be a state as a run left it, got one"):
+            hd.solve(equation(), 2.0, resume=damaged)
+    del state.__dict__["run" if "rtol" in steps else "march"]
+    with pytest.raises(ValueError, match="resume must be a state as a run left it"):
+        hd.solve(equation(), 2.0, resume=state)
+
+
+@pytest.mark.parametrize(("steps", "scheme"), WAYS)
+def test_a_state_of_another_version_is_refused(steps, scheme, monkeypatch):
+    monkeypatch.setattr(states, "_version", lambda: "0.0.1")
+    state = begun(steps, scheme).state
+    monkeypatch.undo()
+    with pytest.raises(ValueError, match=r"same version of hereditary, here .*, got 0\.0\.1"):
+        hd.solve(equation(), 2.0, resume=state)
+    del state.__dict__["version"]  # as versions before this one left it
+    with pytest.raises(ValueError, match=r"same version of hereditary"):
+        hd.solve(equation(), 2.0, resume=state)
+
+
+def test_kernels_that_are_functions_are_known_by_their_values():
+    def damped(rate):
+        kernel = hd.memory_kernels.Kernel(lambda t: np.exp(-rate * t))
+        terms = [hd.Caputo(1.0), 0.5 * hd.Memory(kernel, 1)]
+        return hd.Equation(terms, lambda t, y: -y, 1.0)
+
+    first = hd.solve(damped(1.0), 1.0, rtol=1e-5, scheme=hd.Collocation(horizon=2.0))
+    state = pickle.loads(pickle.dumps(first.state))
+    assert hd.solve(damped(1.0), 2.0, resume=state).success
+    with pytest.raises(ValueError, match="resume must come from a run with the same kernels"):
+        hd.solve(damped(1.1), 2.0, resume=state)
+
+
+def test_long_messages_are_cut():
+    many = np.linspace(0.5, 1.0, 1000)
+    state = hd.solve(equation(params=many), 1.0, 10).state
+    with pytest.raises(ValueError, match="same params") as caught:
+        hd.solve(equation(params=2 * many), 2.0, resume=state)
+    assert len(str(caught.value)) < 600

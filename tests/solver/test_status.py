@@ -1,0 +1,102 @@
+"""How runs end: statuses, truth, and the warning of every ending that was not asked for."""
+
+import pickle
+import warnings
+
+import numpy as np
+import pytest
+
+import hereditary as hd
+
+
+def squared(t, y):
+    return y**2
+
+
+def decay(t, y):
+    return -y
+
+
+BURST = hd.Equation(hd.Caputo(0.9), squared, 1.0)
+WAYS = [{"n_steps": 1000}, {"rtol": 1e-6}]
+
+
+def test_statuses_are_their_strings():
+    for status in hd.Status:
+        assert status == str(status) == f"{status}" == status.name.lower()
+        assert hd.Status(str(status)) is status
+        assert pickle.loads(pickle.dumps(status)) is status
+        assert " " in status.sentence
+    assert len({status.sentence for status in hd.Status}) == len(hd.Status)
+
+
+@pytest.mark.parametrize("how", WAYS)
+def test_a_run_that_ends_early_warns_and_is_false(how):
+    with pytest.warns(hd.SolveWarning, match="stopped being finite") as caught:
+        sol = hd.solve(BURST, 5.0, **how)
+    assert len(caught) == 1
+    assert caught[0].filename == __file__  # the line of the call, not one of the library
+    assert str(caught[0].message) == sol.message
+    assert sol.message.startswith(sol.status.sentence)
+    assert sol.status == "blown_up"
+    assert not sol
+
+
+@pytest.mark.parametrize("how", WAYS)
+def test_a_run_that_ends_as_asked_for_is_true_and_quiet(how):
+    sol = hd.solve(hd.scenes.relaxation(), 1.0, **how)
+    assert sol
+    assert sol.status == "completed"
+
+
+def test_a_step_beyond_the_limit_warns_at_the_callers_line():
+    fast = hd.scenes.relaxation(0.9, rate=200.0)
+    with pytest.warns(hd.StabilityWarning) as caught:
+        hd.solve(fast, 1.0, 100)
+    assert len(caught) == 1
+    assert issubclass(hd.StabilityWarning, hd.SolveWarning)
+    assert caught[0].filename == __file__
+
+
+def test_exponents_of_a_run_that_ends_early_warn_once_at_the_callers_line():
+    with pytest.warns(hd.SolveWarning) as caught, np.errstate(over="ignore"):
+        hd.lyapunov(BURST, 5.0, 1000, verify=True)
+    assert [warning.filename for warning in caught] == [__file__]
+
+
+def test_ctrl_c_is_quiet(monkeypatch):
+    """Whoever pressed it knows."""
+    monkeypatch.setattr(
+        "hereditary.solver.adaptive.Interruption.__enter__",
+        lambda self: setattr(self, "asked", True) or self,
+    )
+    monkeypatch.setattr("hereditary.solver.adaptive._ROWS", 1)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        sol = hd.solve(hd.scenes.relaxation(), 1.0, rtol=1e-6)
+    assert sol.status == "interrupted"
+    assert not sol
+
+
+def test_a_kernel_that_fails_is_not_told_as_the_right_hand_side():
+    """Nor the other way round, beside a kernel."""
+
+    def early(t):
+        if np.any(np.asarray(t) < 1e-4):
+            raise ArithmeticError("no data so early")
+        return np.exp(-t)
+
+    def rhs(t, y, p):
+        if t >= p[0]:
+            raise ValueError("no force so late")
+        return -y
+
+    kernel = hd.Kernel(early, singular_exponent=0.0)
+    fails = hd.Equation([hd.Caputo(1.0), hd.Memory(kernel, 1)], rhs, 1.0, params=[99.0])
+    with pytest.raises(ValueError, match=r"got ArithmeticError at t = .*no data so early"):
+        hd.solve(fails, 1.0, rtol=1e-4)  # before the run
+    terms = [hd.Caputo(1.0), hd.Memory(hd.Prony([1.0], [1.0]), 1)]
+    for params in ([1e-7], [0.5]):
+        with pytest.warns(hd.SolveWarning, match="ValueError: no force so late"):
+            sol = hd.solve(fails.replace(terms=terms, params=params), 1.0, rtol=1e-4)
+        assert sol.status is hd.Status.RHS_FAILED
