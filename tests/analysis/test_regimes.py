@@ -64,8 +64,9 @@ def test_a_run_shorter_than_the_pull_through_one_well_tells_nothing():
 
 def test_a_run_that_failed_has_no_regime():
     torn = Places(T, np.append(T[:-1], np.inf))
-    failed = dataclasses.replace(Places(T, T), status=hd.Status.NOT_SOLVED)
-    for orbit in (torn, failed):
+    early = ["blown_up", "not_solved", "step_too_small", "max_steps", "rhs_failed", "kernel_failed"]
+    failed = [dataclasses.replace(Places(T, T), status=hd.Status(name)) for name in early]
+    for orbit in (torn, *failed):
         found = classify(orbit, period=PERIOD)
         assert (found.regime, found.certainty) == (Regime.UNDETERMINED, 0.0)
 

@@ -174,7 +174,19 @@ def test_another_grid_is_refused(tmp_path, axes, match):
 
 
 @pytest.mark.parametrize(
-    "content", [b"x,y\n1,2\n", b"no line", b'{"axes":{}}\n', b"[1]\n", b"\xff\n"]
+    "content",
+    [
+        b"x,y\n1,2\n",
+        b"no line",
+        b'{"axes":{}}\n',
+        b"[1]\n",
+        b"\xff\n",
+        b"[" * 100_000 + b"\n",
+        b'{"file":"points of a hereditary sweep","axes":[1]}\n',
+        b'{"file":"points of a hereditary sweep","axes":{"a":[]}}\n',
+        b'{"file":"points of a hereditary sweep","axes":{"a":3}}\n',
+    ],
+    ids=lambda content: repr(content[-30:]),
 )
 def test_other_files_are_left_alone(tmp_path, content):
     path = tmp_path / "data.csv"
@@ -185,7 +197,22 @@ def test_other_files_are_left_alone(tmp_path, content):
 
 
 @pytest.mark.parametrize(
-    "line", [b"nonsense\n", b'[9,"completed",{}]\n', b"[0,1]\n", b"\n", b"3\n"]
+    "line",
+    [
+        b"nonsense\n",
+        b'[9,"completed",{}]\n',
+        b'[0.5,"completed",{}]\n',
+        b'[true,"completed",{}]\n',
+        b'[0,7,{"value":1.0}]\n',
+        b'[0,"completed",{"value":[[1.0],[1.0,2.0]]}]\n',
+        b'[0,"completed",{"value":null}]\n',
+        b'[0,"completed",{"value":[]}]\n',
+        b"[0,1]\n",
+        b"\n",
+        b"3\n",
+        b"[" * 100_000 + b"\n",
+    ],
+    ids=lambda line: repr(line[:30]),
 )
 def test_a_spoilt_line_is_told(tmp_path, line):
     path = tmp_path / "points"

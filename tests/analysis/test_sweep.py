@@ -342,7 +342,11 @@ def product(a, b):
         ({"b": [None]}, TypeError, r"grid\['b'\] must hold numbers or strings"),
         ({"status": [1.0]}, ValueError, "axes of grid must be named .* got 'status'"),
         ({1: [1.0]}, ValueError, "axes of grid must be named by strings"),
-        ({"executor": 4}, TypeError, "executor must be a Executor, got 4; pass concurrent.futures"),
+        (
+            {"executor": 4},
+            TypeError,
+            "executor must be an Executor, got 4; pass concurrent",
+        ),
         ({"store": 4}, TypeError, "store must be the path of a file, got 4"),
     ],
 )

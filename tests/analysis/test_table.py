@@ -65,8 +65,22 @@ def test_labels(table):
 def test_other_files_are_refused(tmp_path, write):
     with open(tmp_path / "other", "wb") as file:
         write(file)
-    with pytest.raises(ValueError, match=r"path must be a file that Table\.save wrote"):
+    with pytest.raises(ValueError, match=r"path must be a whole file that Table\.save wrote"):
         hd.Table.load(tmp_path / "other")
+
+
+def test_a_file_cut_or_changed_is_told(table, tmp_path):
+    path = tmp_path / "cut"
+    table.save(path)
+    content = path.read_bytes()
+    for n in (0, 10, len(content) // 2, len(content) - 1):
+        path.write_bytes(content[:n])
+        with pytest.raises(ValueError, match="path must be a whole file"):
+            hd.Table.load(path)
+    with open(path, "wb") as file:
+        np.savez(file, status=table.status, **{"axis:b": GRID["b"]})
+    with pytest.raises(ValueError, match="path must be a whole file"):
+        hd.Table.load(path)
 
 
 def test_pandas(table):

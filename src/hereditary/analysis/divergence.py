@@ -29,7 +29,7 @@ class Divergence:
         )
         self._shares = np.where(second, 0.0, 1 / np.where(second, 1.0, first))
         self._constant = -float(np.sum(first[second] / leading[second]))
-        self._first = self._newest = self._sum_at(0.0, equation.y0[:1])
+        self._first = self._newest = self._sum_at(0.0, equation.y0[:1].copy())
         self._total = 0.0
 
     def add(self, n, rows):
@@ -57,7 +57,7 @@ class Divergence:
             equation._rhs,
             equation._jac,
             int(equation.has_jac),
-            equation.params,
+            equation._params,
             t,
             self._h,
             rows,

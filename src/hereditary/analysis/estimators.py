@@ -20,6 +20,9 @@ class Tangents:
         Orthonormal initial directions.
     """
 
+    # why `renormalise` finds nothing
+    lost = "tangents overflowed or vanished; shorten renorm"
+
     def __init__(self, open_stepper, equation, directions):
         self.stepper = open_stepper(equation, directions=directions)
 
@@ -37,6 +40,11 @@ class Tangents:
     def n_rhs(self):
         """Calls of the right-hand side."""
         return sum(stepper.n_rhs for stepper in self.steppers)
+
+    @property
+    def no_step(self):
+        """Why no step of some stepper is small enough; empty where that is not so."""
+        return next((stepper.no_step for stepper in self.steppers if stepper.no_step), "")
 
     @property
     def blown_up(self):
@@ -97,6 +105,8 @@ class Pairs(Tangents):
     separation : float
         Distance that the orbits are drawn back to.
     """
+
+    lost = "orbits overflowed or fell together; shorten renorm or take a larger separation"
 
     def __init__(self, open_stepper, equation, directions, separation):
         self.stepper = open_stepper(equation)
@@ -165,15 +175,17 @@ class Restarted(Tangents):
 
 def displaced(equation, y0):
     """The equation with other initial values (m, d)."""
-    return System(
+    apart = System(
         equation.orders,
         equation.coefficients,
         y0,
-        equation.params,
+        equation._params,
         equation._rhs,
         equation._jac if equation.has_jac else None,
         equation.memories,
     )
+    apart.rhs_digest = equation.rhs_digest
+    return apart
 
 
 def _values(stepper):

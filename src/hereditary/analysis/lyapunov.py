@@ -2,37 +2,20 @@
 
 from __future__ import annotations
 
-import time
-import warnings
-from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 
-import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import rgamma
 
-from .._checks import complaint, count, instance, positive, real_array, shown, within
+from .._checks import complaint, instance
 from ..equation import Equation
-from ..history.exponentials import SumOfExponentials
 from ..history.history import History
 from ..schemes.collocation import Collocation
-from ..schemes.explicit import ExplicitCaputo
 from ..schemes.scheme import Scheme
-from ..solver.adaptive import modes_tolerance, tolerances
-from ..solver.drive import Drive, reached_end, told
-from ..solver.marked_stepper import MarkedState, MarkedStepper
-from ..solver.progress import Interruption, ProgressBar
 from ..solver.solution import Status
-from ..solver.stepper import Stepper
-from ..solver.uniform import uniform_steps
-from ..system import first_order
-from .divergence import Divergence
-from .estimators import Pairs, Restarted, Tangents
-from .growth import Verdict, assess, kaplan_yorke
-from .spectrum import LyapunovResult, LyapunovState, Record
-
-_MODES = ("tangent", "pair", "restart")
+from .growth import Verdict
+from .marched import checking_scheme, usual_scheme
+from .one_run import Request, march, result_of
+from .spectrum import LyapunovResult, LyapunovState
 
 
 def lyapunov(
@@ -53,7 +36,7 @@ def lyapunov(
     separation: float = 1e-7,
     rtol: float | None = None,
     atol: float | None = None,
-    verify: bool = False,
+    verify: bool | None = None,
     progress: bool = False,
     resume: LyapunovState | None = None,
 ) -> LyapunovResult:
@@ -81,7 +64,11 @@ def lyapunov(
         1e-2, so that orbits meet the jump in different steps. "restart" cuts the memory of orbit
         and tangents off at every renormalisation; it is for comparison with published tables alone
         and does not give exponents of this equation.
-    scheme, history : Scheme, History, optional
+    scheme : Scheme, optional
+        By default one of second order wherever one covers the equation: `Adams` for one term a
+        component with orders from 1/2 to 1 and for classical equations, `BDF(2)` for other Caputo
+        terms; `ExplicitCaputo`, of first order, for other kernels and for orders that vary.
+    history : History, optional
         As for `solve`.
     renorm : float, optional
         Interval between two renormalisations [time], rounded to whole steps; by default it follows
@@ -97,14 +84,16 @@ def lyapunov(
     n_blocks : int, optional
         Blocks behind the standard error.
     separation : float, optional
-        Distance of the orbits in mode "pair", in units of y: rounding grows like its inverse, what
-        is not linear like itself.
+        Distance of the orbits in mode "pair", in units of y, at most 1 or the largest initial
+        value: rounding grows like its inverse, what is not linear like itself.
     rtol, atol : float, optional
         Tolerances of the orbit with `Collocation`, as for `solve`; mode "tangent" alone.
     verify : bool, optional
-        Repeat the run at half the step, with `Collocation` at a tenth of the tolerance, and say
-        whether the verdicts stand. They may stand on an error that both runs make: take steps small
-        enough, or a scheme of higher order, too.
+        By default the run is repeated at twice the step, with `Collocation` at ten times the
+        tolerance, and verdicts that change are "undetermined". Schemes of first order, whose error
+        often is the same at twice the step, are compared with the default one, or the explicit one
+        with `L1` and the other way round. True: at half the step (a tenth of the tolerance) and
+        with the same scheme. False: no second run.
     progress, resume : optional
         As for `solve`; `resume` takes ``LyapunovResult.state``.
 
@@ -122,8 +111,8 @@ def lyapunov(
 
     Cost
     ----
-    For k tangents one Jacobian a step and k more columns of memory, and 0.1 ms a renormalisation:
-    some three times a plain run of 200,000 steps (convergence/lyapunov_cost.py).
+    For k tangents one Jacobian a step and k more columns of memory, and 0.1 ms a renormalisation;
+    half as much again for the second run (convergence/lyapunov_cost.py).
 
     Source
     ------
@@ -136,261 +125,78 @@ def lyapunov(
     >>> res.exponents.round(3).tolist()
     [-0.078]
     """
-    began = time.perf_counter()
-    instance("equation", equation, Equation, "hereditary.Equation(terms, rhs, y0)")
-    t_end = positive("t_end", t_end)
-    scheme = ExplicitCaputo() if scheme is None else scheme
-    instance("scheme", scheme, Scheme, "hereditary.ExplicitCaputo()")
-    if not isinstance(scheme, Collocation):
-        history = SumOfExponentials() if history is None else history
-        instance("history", history, History, "hereditary.SumOfExponentials()")
-    if resume is not None:
-        instance("resume", resume, LyapunovState, "the .state of an earlier LyapunovResult")
-    window = within("window", window, 1e-6, 1.0, "(0, 1]")
-    n_blocks = count("n_blocks", n_blocks)
-    tols = _tolerances(scheme, mode, rtol, atol)
-    n_steps = _MARKS if tols and n_steps is None and resume is None else n_steps
-    h, n_total, prepared = uniform_steps(t_end, n_steps, resume and resume.steppers[0])
-    settings = _settings(mode, k, h, n_total, renorm, transient, seed, separation, equation)
-    system = _marched(equation, scheme, mode)
-    start = _directions(directions, seed, settings["k"], _n_data(equation))
-    open_stepper: Callable = partial(Stepper, scheme=scheme, history=history, h=h, n_steps=prepared)
-    if tols:
-        n_marks = max(prepared, n_total)
-        given = {"scheme": scheme, "tols": tols, "h": h, "n_marks": n_marks}
-        open_stepper = partial(MarkedStepper, **given, modes_tol=modes_tolerance(history))
-    estimator = _estimator(settings, open_stepper, system, start)
-    record, divergence = _begin(estimator, settings, h, n_total, system, resume)
-    ended = _run(estimator, record, divergence, n_total, progress)
-    seconds = time.perf_counter() - began
-    settings |= {"scheme": scheme, "history": history, "t_end": t_end, "window": window}
-    settings |= {"rtol": tols[0], "atol": tols[1]} if tols else {}
-    result = _result(estimator, record, divergence, ended, settings, n_blocks, seconds, equation.d)
-    if not verify or result.status not in (Status.COMPLETED, Status.STEP_TOO_LARGE, Status.ZIGZAG):
-        return result
-    finer = {"rtol": tols[0] / 10, "atol": tols[1] / 10} if tols else {"n_steps": 2 * n_total}
-    check = lyapunov(
-        equation, t_end, **finer, k=k, mode=mode, scheme=scheme, history=history, renorm=renorm,
-        transient=transient, directions=directions, seed=seed, window=window, n_blocks=n_blocks,
-        separation=separation, progress=progress,
+    equation = instance(
+        "equation", equation, Equation, "hereditary.Equation(terms, rhs, y0)"
+    ).current()
+    if verify not in (None, False, True):
+        raise TypeError(complaint("verify", "be True, False or None", repr(verify)))
+    scheme = usual_scheme(equation, mode) if scheme is None else scheme
+    request = Request(
+        equation, t_end, n_steps, k, mode, scheme, history, renorm, transient, directions,
+        seed, window, n_blocks, separation, rtol, atol, progress, resume,
     )  # fmt: skip
-    return replace(result, verified=check.verdicts == result.verdicts, check=check)
-
-
-def _settings(mode, k, h, n_total, renorm, transient, seed, separation, equation):
-    """The arguments that a record depends on, checked."""
-    if mode not in _MODES:
-        required = f"be one of {', '.join(map(repr, _MODES))}"
-        raise ValueError(complaint("mode", required, repr(mode)))
-    n_data = _n_data(equation)
-    if count("k", k) > n_data:
-        required = f"be at most the number of initial data, {n_data}"
-        raise ValueError(complaint("k", required, k))
-    if renorm is not None:
-        renorm = h * max(1, round(positive("renorm", renorm) / h))
-    elif mode == "restart":
-        remedy = "the numbers depend on it"
-        raise TypeError(complaint("renorm", 'be given with mode="restart"', "none", remedy))
-    transient = within("transient", transient, 0.0, h * (n_total - 1), "[0, t_end)")
-    if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
-        raise TypeError(complaint("seed", "be a whole number of at least 0", repr(seed)))
-    return {
-        "mode": mode,
-        "k": int(k),
-        "h": h,
-        "renorm": renorm,
-        "transient": h * round(transient / h),
-        "seed": int(seed),
-        "separation": positive("separation", separation),
-    }
-
-
-def _marched(equation, scheme, mode):
-    """The system to march: classical ones of second order as first-order ones.
-
-    Increments kept apart from t x'(0), as most schemes keep them above order 1, lose a tangent that
-    has decayed to their rounding. With memory none decays so far.
-    """
-    whole = isinstance(scheme, (ExplicitCaputo, Collocation)) or mode == "restart"
-    if whole or equation.m == 1 or _memory(equation) != "none":
-        return equation
-    return first_order(equation)
-
-
-def _n_data(equation):
-    return equation.d + int(np.sum(equation.highest_orders() > 1))
-
-
-def _directions(given, seed, k, n_data):
-    """Orthonormal initial directions, shape (n_data, k)."""
-    if given is None:
-        given = np.random.default_rng(seed).normal(size=(n_data, n_data))[:, :k]
-    else:
-        given = real_array("directions", given)
-        if given.shape != (n_data, k):
-            required = f"have shape ({n_data}, {k}): one column for each exponent"
-            raise ValueError(complaint("directions", required, f"shape {given.shape}"))
-    q, r = np.linalg.qr(given)
-    if np.abs(np.diag(r)).min() < 1e-12 * np.abs(r).max():
-        required = "be linearly independent columns"
-        raise ValueError(complaint("directions", required, shown(given)))
-    return q * np.sign(np.diag(r))
-
-
-def _tolerances(scheme, mode, rtol, atol):
-    """Tolerances of an adaptive run, None for given steps."""
-    if isinstance(scheme, Collocation):
-        if mode != "tangent":
-            required = 'be "tangent" with Collocation'
-            remedy = "take a scheme of given steps, e.g. Adams() or BDF(2)"
-            raise ValueError(complaint("mode", required, repr(mode), remedy))
-        return tolerances(rtol, atol)
-    for name, value in (("rtol", rtol), ("atol", atol)):
-        if value is not None:
-            required = "be left out or come with scheme=Collocation()"
-            raise ValueError(complaint(name, required, value))
-    return None
-
-
-def _estimator(settings, open_stepper, system, start):
-    if settings["mode"] == "pair":
-        return Pairs(open_stepper, system, start, settings["separation"])
-    kind = Tangents if settings["mode"] == "tangent" else Restarted
-    return kind(open_stepper, system, start)
-
-
-def _begin(estimator, settings, h, n_total, equation, resume):
-    """Record and divergence, anew or as the state left them."""
-    n_data, k = _n_data(equation), settings["k"]
-    whole = settings["mode"] == "tangent" and _memory(equation) == "none" and k == n_data
-    divergence = Divergence(equation, h) if whole else None
-    if resume is None:
-        interval = None if settings["renorm"] is None else round(settings["renorm"] / h)
-        n_transient = round(settings["transient"] / h)
-        return Record(h, interval, n_total, n_transient, k), divergence
-    if isinstance(resume.steppers[0], MarkedState) != isinstance(estimator.stepper, MarkedStepper):
-        required = "come from a run with the same kind of scheme"
-        remedy = "given steps and Collocation do not go on from each other"
-        raise ValueError(complaint("resume", required, type(resume.steppers[0]).__name__, remedy))
-    for name, value in resume.settings.items():
-        if settings[name] != value:
-            required = f"come from a run with the same {name}, here {settings[name]}"
-            remedy = "start anew, or change it back"
-            raise ValueError(complaint("resume", required, value, remedy))
-    estimator.restore(resume.steppers)
-    if divergence is not None:
-        divergence.restore(resume.divergence)
-    return resume.record.copy(), divergence
-
-
-def _run(estimator, record, divergence, n_total, progress):
-    """March from one renormalisation to the next; return the status and a detail for it."""
-
-    def advance(n_more):
-        if divergence is None:
-            estimator.advance(n_more)
-            return
-        n, rows = estimator.n, np.empty((n_more, estimator.stepper.equation.d))
-        estimator.advance(n_more, rows)
-        divergence.add(n, rows[: estimator.n - n])
-
-    bar = ProgressBar(progress)
+    result = result_of(request, march(request))
+    if result.status not in _REACHED_END or verify is False:
+        return result
+    if verify is None and set(result.verdicts) == {Verdict.UNDETERMINED}:
+        return result
+    other, how = _another(request, result, bool(verify))
     try:
-        with Interruption() as interruption:
-            estimator.prepare(n_total)
-            whole = isinstance(estimator.stepper, MarkedStepper)
-            drive = Drive(estimator, n_total, advance, interruption, bar, whole)
-            while estimator.n < n_total:
-                stop = record.next_stop(n_total)
-                ended = drive.to(stop)
-                if ended is not None:
-                    return ended
-                logs = estimator.renormalise()
-                if logs is None:
-                    return Status.BLOWN_UP, "tangents overflowed or vanished; shorten renorm"
-                record.add(stop, logs)
-    finally:
-        bar.close()
-    return reached_end(estimator.stepper), ""
+        check = result_of(other, march(other))
+    except ValueError as error:  # a step that its scheme does not take
+        return _undetermined(result, None, f"with {how} there is no run to compare with: {error}")
+    return _compared(result, check, how)
 
 
-def _memory(equation):
-    """Whether "all", "none" or "some" components have a term of fractional order."""
-    fractional = (equation.coefficients != 0) & (equation.orders % 1 != 0)
-    found = fractional.any(axis=0)
-    for _, coefficients in equation.memories:
-        found = found | (coefficients != 0)
-    return "all" if found.all() else "some" if found.any() else "none"
+_REACHED_END = (Status.COMPLETED, Status.STEP_TOO_LARGE, Status.ZIGZAG)
+# Largest tolerance of `Collocation` that leaves room for one ten times as large.
+_LOOSEST = 0.01
 
 
-def _result(estimator, record, divergence, ended, settings, n_blocks, seconds, d):
-    status, detail = ended
-    equation, mode = estimator.stepper.equation, settings["mode"]
-    times, sums, trace = record.times, record.log_growth, record.trace
-    memory = "none" if mode == "restart" else _memory(equation)
-    growth = assess(times, sums, settings["window"], n_blocks, memory)
-    verdicts = growth.verdicts
-    if status is Status.BLOWN_UP:
-        verdicts = (Verdict.DIVERGED,) * len(verdicts)
-    exponents = trace[-1] if times.size else np.full(len(verdicts), np.nan)
-    defect = dimension = None
-    if divergence is not None and times.size:
-        integral = divergence.integral(record.n_last)
-        defect = float(np.sum(record.total) - integral) / (record.n_last * settings["h"])
-        dimension = kaplan_yorke(exponents)
-    resumable = {name: settings[name] for name in _RESUMED}
-    state = None
-    if mode != "restart":
-        left = divergence.state() if divergence else ()
-        t, n = estimator.stepper.t, estimator.n
-        state = LyapunovState(t, n, resumable, estimator.state(), record.copy(), left)
-    return LyapunovResult(
-        exponents=exponents,
-        times=times,
-        trace=trace,
-        log_growth=sums,
-        slope=growth.slope,
-        slope_stderr=growth.slope_stderr,
-        algebraic_slope=growth.algebraic_slope,
-        verdict=verdicts[0],
-        verdicts=verdicts,
-        sum_rule_defect=defect,
-        kaplan_yorke=dimension,
-        restart_factor=_restart_factor(equation, settings) if mode == "restart" else None,
-        mode=mode,
-        status=status,
-        message=told(estimator.stepper, status, detail) + _lost_digits(record),
-        y=estimator.stepper.y[:d],
-        settings=settings,
-        stats={
-            "n_steps": estimator.n,
-            "n_rhs": estimator.n_rhs,
-            "n_modes": estimator.stepper.n_modes,
-            "run_seconds": seconds,
-        },
-        state=state,
-    )
+def _another(request, result, finer):
+    """The run that a verdict is compared with, and how it differs."""
+    scheme, found = request.scheme, result.settings
+    n, t_end = result.stats["n_steps"], found["t_end"]
+    if isinstance(scheme, Collocation):
+        finer = finer or found["rtol"] > _LOOSEST
+        factor = 0.1 if finer else 10.0
+        how = "a tenth of the tolerance" if finer else "ten times the tolerance"
+        changed = {"rtol": factor * found["rtol"], "atol": factor * found["atol"]}
+    else:
+        n, h = (2 * n, found["h"] / 2) if finer else (n // 2, 2 * found["h"])
+        other = scheme if finer else checking_scheme(scheme, request.equation, request.mode)
+        how = "half the step" if finer else "twice the step"
+        how += "" if other == scheme else f" and {other!r}"
+        changed, t_end = {"scheme": other}, n * h
+    earlier = None if request.resume is None else request.resume.check
+    if earlier is None or earlier.how != how or earlier.n >= n:
+        earlier = None
+    changed |= {"n_steps": n if earlier is None else None, "resume": earlier}
+    return replace(request, t_end=t_end, loud=False, **changed), how
 
 
-def _lost_digits(record):
-    """A clause where tangents drew so far apart that R holds few digits; empty otherwise."""
-    if record.widest < _WIDE:
-        return ""
-    clause = (
-        f"; between two renormalisations tangents drew apart by exp({record.widest:.0f}), which "
-        "rounding hides: take a shorter renorm"
-    )
-    warnings.warn(clause[2:], RuntimeWarning, stacklevel=4)
-    return clause
+def _compared(result, check, how):
+    """The result with its check; verdicts that differ are undetermined."""
+    state = result.state
+    if state is not None:
+        state = replace(state, check=replace(check.state, how=how))
+        result = replace(result, state=state)
+    if check.status not in _REACHED_END:
+        return _undetermined(result, check, f"with {how} it ended otherwise: {check.message}")
+    pairs = list(zip(result.verdicts, check.verdicts, strict=True))
+    verdicts = tuple(one if one == other else Verdict.UNDETERMINED for one, other in pairs)
+    if verdicts == result.verdicts:
+        return replace(result, verified=True, check=check)
+    number = next(i for i, (one, _) in enumerate(pairs) if one != verdicts[i])
+    one, other = map(str, pairs[number])
+    reason = f"with {how} verdict {number + 1} is {other!r} instead of {one!r}: take smaller steps"
+    return _undetermined(result, check, reason, verdicts)
 
 
-# Tangents further apart than exp(this) leave the smaller one fewer than six digits.
-_WIDE = 22.0
-# Marks of an adaptive run.
-_MARKS = 1 << 16
-_RESUMED = ("mode", "k", "renorm", "transient", "seed", "separation")
-
-
-def _restart_factor(equation, settings):
-    alpha = equation.highest_orders()
-    return settings["renorm"] ** (alpha - 1) * rgamma(1 + alpha)
+def _undetermined(result, check, reason, verdicts=None):
+    """The result with verdicts that are not told, and why."""
+    if verdicts is None:
+        verdicts = (Verdict.UNDETERMINED,) * len(result.verdicts)
+    message = f"{result.message}; {reason}"
+    changed = {"verdicts": verdicts, "verdict": verdicts[0], "message": message}
+    return replace(result, verified=False, check=check, **changed)

@@ -32,8 +32,14 @@ _WINDOWS = (1.0, 0.75, 0.5)
 _STAYS = 4
 # Looks at the orbit in one period of the wells, and bounds on their number in a run.
 _LOOKS, _FEWEST, _MOST = 64, 512, 65_536
-# Ends of a run about which nothing is said.
-_CUT_SHORT = (Status.BLOWN_UP, Status.NOT_SOLVED, Status.RHS_FAILED)
+# Ends of a run about which nothing is said: all but those asked for, and those at the end.
+_CUT_SHORT = frozenset(Status) - {
+    Status.COMPLETED,
+    Status.STEP_TOO_LARGE,
+    Status.ZIGZAG,
+    Status.INTERRUPTED,
+    Status.EVENT,
+}
 # What a slope of an exponent may say at most: its normal law is not known to hold further out.
 _SUREST = 0.99
 
@@ -118,7 +124,7 @@ def classify(
     solution : Solution
         Its first component is the load's place; rows must resolve the slips.
     exponent : LyapunovResult, optional
-        Of the same equation, over the same time. With ``verify=True`` its finer run counts as well.
+        Of the same equation, over the same time. Its second run, if any, counts as well.
     period : float
         Time in which the pull passes one well, ``2 pi omega**2 / b`` for the stick-slip oscillator;
         infinite for a load that is not pulled [time].

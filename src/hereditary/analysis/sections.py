@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._checks import complaint, count, instance, positive, real
+from .._checks import complaint, count, instance, positive, real, real_array, shown
 from ..solver.solution import Solution
 
 # Points of each step at which a dense output is looked at for maxima.
@@ -19,6 +19,8 @@ _LOOKS = 8
 # Refinements of a maximum on a dense output, each over this share of the last distance: a parabola
 # over a distance d misses the place by d**2, so that three leave rounding.
 _REFINEMENTS, _CLOSER = 3, 1 / 16
+# Samples that fit into memory.
+_MOST_SAMPLES = 10_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,6 +86,9 @@ def stroboscopic(
     instance("solution", solution, Solution, "hereditary.solve(...)")
     period, begin = positive("period", period), real("transient", transient)
     # a period that divides the run up to rounding still gives its last sample
+    if solution.t[-1] > _MOST_SAMPLES * period:
+        required = f"give at most {_MOST_SAMPLES} samples"
+        raise ValueError(complaint("period", required, period, "give one of the orbit's own"))
     last = int(np.floor(solution.t[-1] / period * (1 + 1e-12)))
     first = int(np.ceil(max(begin, solution.t[0]) / period * (1 - 1e-12)))
     times = np.minimum(period * np.arange(first, last + 1), solution.t[-1])
@@ -128,9 +133,9 @@ def maxima(
     ([1.570796, 7.853982], [1.0, 1.0])
     """
     instance("solution", solution, Solution, "hereditary.solve(...)")
-    if component not in range(solution.y.shape[1]):
+    if not _is_index(component, solution.y.shape[1]):
         required = f"be one of 0 .. {solution.y.shape[1] - 1}"
-        raise ValueError(complaint("component", required, component))
+        raise ValueError(complaint("component", required, repr(component)))
     j = int(component)
     times, values = _samples(solution, j, derivative)
     inside = times >= real("transient", transient)
@@ -152,25 +157,31 @@ def values_at(solution: Solution, times: ArrayLike, derivative: int = 0) -> np.n
     From the dense output where there is one, otherwise by parabolas through the three rows nearest
     to each time.
     """
-    times = np.asarray(times, dtype=float)
+    at = real_array("times", times)
+    ends = solution.t[0], solution.t[-1]
+    slack = 1e-9 * (ends[1] - ends[0])  # times computed otherwise may miss the ends by rounding
+    if at.ndim != 1 or np.any(at < ends[0] - slack) or np.any(at > ends[1] + slack):
+        required = f"be a sequence of times in [{ends[0]:g}, {ends[1]:g}]"
+        raise ValueError(complaint("times", required, shown(at)))
+    at = np.clip(at, *ends)
     if solution.dense is not None:
-        return solution(times, derivative) if times.size else np.empty((0, solution.y.shape[1]))
+        return solution(at, derivative) if at.size else np.empty((0, solution.y.shape[1]))
     t, rows = solution.t, _rows(solution, derivative)
     if t.size < 3:
-        return np.array([np.interp(times, t, row) for row in rows.T]).T
+        return np.array([np.interp(at, t, row) for row in rows.T]).T
     # the middle one of three rows
-    i = np.clip(np.searchsorted((t[:-1] + t[1:]) / 2, times), 1, t.size - 2)
+    i = np.clip(np.searchsorted((t[:-1] + t[1:]) / 2, at), 1, t.size - 2)
     a, b, c = t[i - 1], t[i], t[i + 1]
     slope = (rows[i] - rows[i - 1]) / (b - a)[:, None]
     bend = ((rows[i + 1] - rows[i]) / (c - b)[:, None] - slope) / (c - a)[:, None]
     # through the two rows a and b, then the bend that meets c
-    return rows[i - 1] + (times - a)[:, None] * (slope + (times - b)[:, None] * bend)
+    return rows[i - 1] + (at - a)[:, None] * (slope + (at - b)[:, None] * bend)
 
 
 def _rows(solution, derivative):
     """y, or y' where the rows hold it."""
-    if derivative not in (0, 1):
-        raise ValueError(complaint("derivative", "be 0 or 1", derivative))
+    if not _is_index(derivative, 2):
+        raise ValueError(complaint("derivative", "be 0 or 1", repr(derivative)))
     if not derivative:
         return solution.y
     if solution.ydot is None:
@@ -210,8 +221,15 @@ def _refined(solution, j, derivative, t, distance):
     return t, solution(t, derivative)[:, j]
 
 
+def _is_index(value, n):
+    return isinstance(value, (int, np.integer)) and 0 <= value < n
+
+
 def _size(wanted, found):
-    return found if wanted is None else count("count", wanted)
+    size = found if wanted is None else count("count", wanted)
+    if size > _MOST_SAMPLES:
+        raise ValueError(complaint("count", f"be at most {_MOST_SAMPLES}", size))
+    return size
 
 
 def _filled(values, size):

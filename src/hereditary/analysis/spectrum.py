@@ -101,6 +101,10 @@ class LyapunovState:
         Steps made.
     settings : dict
         What the run was asked for; a resumed run keeps to it.
+    check : LyapunovState or None
+        That of the second run, which goes on as well.
+    how : str
+        Of a second run: how it differs from the first.
     """
 
     t: float
@@ -109,6 +113,8 @@ class LyapunovState:
     steppers: tuple = field(repr=False)
     record: Record = field(repr=False)
     divergence: tuple = field(repr=False)
+    check: LyapunovState | None = field(default=None, repr=False)
+    how: str = field(default="", repr=False)
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,10 +163,10 @@ class LyapunovResult:
     state : LyapunovState or None
         For ``lyapunov(eq, t_later, resume=result.state)``; None in mode "restart".
     verified : bool or None
-        Whether the verdicts stand at half the step (a tenth of the tolerance); None where that was
-        not asked for.
+        Whether the verdicts stood in a second run, with twice or half the step (`verify`); those
+        that did not are "undetermined", and `message` says why. None without a second run.
     check : LyapunovResult or None
-        The finer run.
+        The second run.
     """
 
     exponents: np.ndarray

@@ -7,6 +7,8 @@ line is written at once to the file's end. Python writes floats so that they are
 import json
 import os
 
+import numpy as np
+
 from .._checks import complaint
 
 try:
@@ -94,9 +96,10 @@ class Store:
     def _point(self, line, number):
         try:
             index, status, values = json.loads(line)
-            if 0 <= index < self._n_points and isinstance(values, dict):
+            known = type(index) is int and 0 <= index < self._n_points
+            if known and isinstance(status, str) and _are_plain(values):
                 return index, status, values
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, RecursionError):
             pass
         got = f"{line[:40]!r} in line {number} of {self._path!r}"
         raise ValueError(complaint("store", "hold a point a line", got, "delete that line"))
@@ -109,7 +112,9 @@ class Store:
             if stored["file"] != _KIND:
                 raise ValueError
             axes = stored["axes"]
-        except (KeyError, TypeError, ValueError):
+            if not isinstance(axes, dict) or not all(map(_is_axis, axes.values())):
+                raise ValueError
+        except (KeyError, TypeError, ValueError, RecursionError):
             required = "be a new file or one that an earlier sweep wrote"
             return complaint("store", required, repr(self._path), remedy)
         required = f"be of the same grid, with axes {', '.join(self._axes)}"
@@ -124,6 +129,19 @@ class Store:
 
 def _line(content):
     return json.dumps(content, separators=(",", ":")).encode() + b"\n"
+
+
+def _are_plain(values):
+    """Whether values are numbers, strings or full arrays of either, by name."""
+    if not isinstance(values, dict):
+        return False
+    # rows of unequal length raise a ValueError
+    arrays = [np.asarray(value) for value in values.values()]
+    return all(array.dtype.kind in "iufU" and array.size for array in arrays)
+
+
+def _is_axis(values):
+    return isinstance(values, list) and len(values) > 0
 
 
 def _few(values):

@@ -15,6 +15,7 @@ COMPLETED, NOT_COMPUTED = "completed", "not computed"
 # A status is one line of at most so many characters: arrays of strings are as wide as the widest.
 STATUS_LENGTH = 200
 _AXIS, _VALUE, _STATUS = "axis:", "value:", "status"
+_SAVED = "be a whole file that Table.save wrote"
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,16 +92,22 @@ class Table:
         -------
         Table
         """
-        loaded = np.load(path, allow_pickle=False)
-        if not isinstance(loaded, np.lib.npyio.NpzFile) or _STATUS not in loaded:
-            raise ValueError(complaint("path", "be a file that Table.save wrote", repr(path)))
-        with loaded:
-            arrays = {name: loaded[name] for name in loaded.files}
+        try:
+            with open(path, "rb") as file, np.load(file, allow_pickle=False) as loaded:
+                arrays = {name: loaded[name] for name in loaded.files}
+        except (FileNotFoundError, IsADirectoryError, PermissionError):
+            raise
+        except Exception as error:  # what a damaged or foreign file raises depends on its bytes
+            raise ValueError(complaint("path", _SAVED, repr(path))) from error
         axes, values = (
             {name[len(kind) :]: arrays[name] for name in arrays if name.startswith(kind)}
             for kind in (_AXIS, _VALUE)
         )
-        return cls(axes, values, arrays[_STATUS])
+        shape = tuple(axis.size for axis in axes.values())
+        status = arrays.get(_STATUS, np.empty(0))
+        if status.shape != shape or any(v.shape[: len(shape)] != shape for v in values.values()):
+            raise ValueError(complaint("path", _SAVED, repr(path)))
+        return cls(axes, values, status)
 
     def to_pandas(self) -> Any:
         """The table as a pandas DataFrame: a row a point, a column a number.

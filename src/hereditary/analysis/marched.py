@@ -1,0 +1,71 @@
+"""Which system a Lyapunov run marches, and with which schemes (floor 5)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..schemes.adams import Adams
+from ..schemes.bdf import BDF
+from ..schemes.collocation import Collocation
+from ..schemes.explicit import ExplicitCaputo
+from ..schemes.l1 import L1
+from ..schemes.scheme import Scheme, distinct_components
+from ..system import System, first_order
+
+# Orders for which `Adams` is of second order and its stability limit is watched.
+_ADAMS_LOWEST, _ADAMS_HIGHEST = 0.5, 1.0
+
+
+def marched(equation: System, scheme: Scheme, mode: str) -> System:
+    """The system to march: classical ones of second order as first-order ones.
+
+    Increments kept apart from t x'(0), as most schemes keep them above order 1, lose a tangent that
+    has decayed to their rounding. With memory none decays so far.
+    """
+    whole = isinstance(scheme, (ExplicitCaputo, Collocation)) or mode == "restart"
+    if whole or equation.m == 1 or memory(equation) != "none":
+        return equation
+    return first_order(equation)
+
+
+def memory(equation: System) -> str:
+    """Whether "all", "none" or "some" components have a term of fractional order."""
+    fractional = (equation.coefficients != 0) & (equation.orders % 1 != 0)
+    found = fractional.any(axis=0)
+    for _, coefficients in equation.memories:
+        found = found | (coefficients != 0)
+    return "all" if found.all() else "some" if found.any() else "none"
+
+
+def n_data(equation: System) -> int:
+    """Number of initial data: d, and one more for each component of order above 1."""
+    return equation.d + int(np.sum(equation.highest_orders() > 1))
+
+
+def usual_scheme(equation: System, mode: str) -> Scheme:
+    """The scheme of a run that names none: of second order wherever one covers the equation."""
+    return _second_order(equation, mode) or ExplicitCaputo()
+
+
+def checking_scheme(scheme: Scheme, equation: System, mode: str) -> Scheme:
+    """The scheme whose run, at another step, a verdict is compared with.
+
+    Twice the step often repeats the verdict of a first-order scheme where that is wrong, so that
+    one is compared with the usual scheme; where none is of second order, with the other one of
+    first order: what the explicit one adds to a rate the implicit one takes away.
+    """
+    if not (isinstance(scheme, (ExplicitCaputo, L1)) or scheme == BDF(1)):
+        return scheme
+    opposite = L1() if isinstance(scheme, ExplicitCaputo) else ExplicitCaputo()
+    return _second_order(equation, mode) or opposite
+
+
+def _second_order(equation, mode):
+    """`Adams` where it is of second order, else `BDF(2)`; None where there are other kernels."""
+    if equation.memories:
+        return None
+    distinct, _ = distinct_components(marched(equation, Adams(), mode))
+    orders = [alpha for key in distinct for _, alpha in key]
+    single = len(orders) == len(distinct)
+    covered = min(orders) >= _ADAMS_LOWEST and max(orders) <= _ADAMS_HIGHEST
+    return Adams() if single and covered else BDF(2)

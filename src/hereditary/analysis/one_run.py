@@ -1,0 +1,317 @@
+"""One Lyapunov run, from its arguments to its result (floor 5)."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.special import rgamma
+
+from .._checks import complaint, count, instance, positive, real_array, shown, within
+from .._warning import warn
+from ..equation import Equation
+from ..history.exponentials import SumOfExponentials
+from ..history.history import History
+from ..schemes.collocation import Collocation
+from ..schemes.scheme import Scheme
+from ..solver.adaptive import modes_tolerance, tolerances
+from ..solver.drive import Drive, reached_end, told
+from ..solver.marked_stepper import MarkedState, MarkedStepper
+from ..solver.progress import Interruption, ProgressBar
+from ..solver.solution import Status
+from ..solver.stepper import Stepper
+from ..solver.uniform import uniform_steps
+from .divergence import Divergence
+from .estimators import Pairs, Restarted, Tangents
+from .growth import Verdict, assess, kaplan_yorke
+from .marched import marched, memory, n_data
+from .spectrum import LyapunovResult, LyapunovState, Record
+
+_MODES = ("tangent", "pair", "restart")
+# Tangents further apart than exp(this) leave the smaller one fewer than six digits.
+_WIDE = 22.0
+# More blocks than a window holds records are equal parts of them.
+_MOST_BLOCKS = 10_000
+# Marks of an adaptive run.
+_MARKS = 1 << 16
+_RESUMED = ("mode", "k", "renorm", "transient", "seed", "separation")
+
+
+@dataclass(frozen=True)
+class Request:
+    """The arguments of `lyapunov`, and whether the run may warn."""
+
+    equation: Equation
+    t_end: float
+    n_steps: int | None
+    k: int
+    mode: str
+    scheme: Scheme
+    history: History | None
+    renorm: float | None
+    transient: float
+    directions: Any
+    seed: int
+    window: float
+    n_blocks: int
+    separation: float
+    rtol: float | None
+    atol: float | None
+    progress: bool
+    resume: LyapunovState | None
+    loud: bool = True
+
+
+class Run(NamedTuple):
+    """A run that has ended, and how."""
+
+    estimator: Tangents
+    record: Record
+    divergence: Divergence | None
+    status: Status
+    detail: str
+    settings: dict[str, Any]
+    seconds: float
+
+
+def march(request: Request) -> Run:
+    """Check the arguments and march to the end or as far as it goes."""
+    began = time.perf_counter()
+    equation, t_end = request.equation, positive("t_end", request.t_end)
+    scheme, history = request.scheme, request.history
+    instance("scheme", scheme, Scheme, "hereditary.ExplicitCaputo()")
+    if not isinstance(scheme, Collocation):
+        history = SumOfExponentials() if history is None else history
+        instance("history", history, History, "hereditary.SumOfExponentials()")
+    resume = request.resume
+    if resume is not None:
+        instance("resume", resume, LyapunovState, "the .state of an earlier LyapunovResult")
+    within("window", request.window, 1e-6, 1.0, "(0, 1]")
+    if count("n_blocks", request.n_blocks) > _MOST_BLOCKS:
+        raise ValueError(complaint("n_blocks", f"be at most {_MOST_BLOCKS}", request.n_blocks))
+    tols = _tolerances(scheme, request.mode, request.rtol, request.atol)
+    adaptive_marks = tols and request.n_steps is None and resume is None
+    n_steps = _MARKS if adaptive_marks else request.n_steps
+    h, n_total, prepared = uniform_steps(t_end, n_steps, resume and resume.steppers[0])
+    settings = _settings(request, h, n_total)
+    system = marched(equation, scheme, request.mode)
+    start = _directions(request.directions, settings["seed"], settings["k"], n_data(equation))
+    open_stepper: Callable = partial(Stepper, scheme=scheme, history=history, h=h, n_steps=prepared)
+    if tols:
+        n_marks = max(prepared, n_total)
+        given = {"scheme": scheme, "tols": tols, "h": h, "n_marks": n_marks}
+        open_stepper = partial(MarkedStepper, **given, modes_tol=modes_tolerance(history))
+    estimator = _estimator(settings, open_stepper, system, start)
+    record, divergence = _begin(estimator, settings, h, n_total, system, resume)
+    status, detail = _run(estimator, record, divergence, n_total, request.progress)
+    settings |= {"scheme": scheme, "history": history, "t_end": t_end, "window": request.window}
+    settings |= {"rtol": tols[0], "atol": tols[1]} if tols else {}
+    seconds = time.perf_counter() - began
+    return Run(estimator, record, divergence, status, detail, settings, seconds)
+
+
+def _settings(request, h, n_total):
+    """The arguments that a record depends on, checked."""
+    mode, k, renorm, seed = request.mode, request.k, request.renorm, request.seed
+    if mode not in _MODES:
+        required = f"be one of {', '.join(map(repr, _MODES))}"
+        raise ValueError(complaint("mode", required, repr(mode)))
+    most = n_data(request.equation)
+    if count("k", k) > most:
+        required = f"be at most the number of initial data, {most}"
+        raise ValueError(complaint("k", required, k))
+    if renorm is not None:
+        renorm = h * max(1, round(positive("renorm", renorm) / h))
+    elif mode == "restart":
+        remedy = "the numbers depend on it"
+        raise TypeError(complaint("renorm", 'be given with mode="restart"', "none", remedy))
+    transient = within("transient", request.transient, 0.0, h * (n_total - 1), "[0, t_end)")
+    if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
+        raise TypeError(complaint("seed", "be a whole number of at least 0", repr(seed)))
+    return {
+        "mode": mode,
+        "k": int(k),
+        "h": h,
+        "renorm": renorm,
+        "transient": h * round(transient / h),
+        "seed": int(seed),
+        "separation": _separation(request.separation, request.equation),
+    }
+
+
+def _separation(value, equation):
+    """A distance at which orbits can still be neighbours."""
+    largest = max(1.0, float(np.abs(equation.y0[0]).max()))
+    remedy = "1e-7 is for smooth right-hand sides, 1e-3 to 1e-2 for those that jump"
+    required = f"be at most {largest:g}, that orbits be neighbours"
+    if positive("separation", value) > largest:
+        raise ValueError(complaint("separation", required, value, remedy))
+    return float(value)
+
+
+def _directions(given, seed, k, rows):
+    """Orthonormal initial directions, shape (rows, k)."""
+    if given is None:
+        given = np.random.default_rng(seed).normal(size=(rows, rows))[:, :k]
+    else:
+        given = real_array("directions", given)
+        if given.shape != (rows, k):
+            required = f"have shape ({rows}, {k}): one column for each exponent"
+            raise ValueError(complaint("directions", required, f"shape {given.shape}"))
+        given = given / (np.abs(given).max() or 1.0)  # squares of any numbers stay finite
+    q, r = np.linalg.qr(given)
+    if not np.abs(np.diag(r)).min() > 1e-12 * np.abs(r).max():  # zeros are refused as well
+        required = "be linearly independent columns"
+        raise ValueError(complaint("directions", required, shown(given)))
+    return q * np.sign(np.diag(r))
+
+
+def _tolerances(scheme, mode, rtol, atol):
+    """Tolerances of an adaptive run, None for given steps."""
+    if isinstance(scheme, Collocation):
+        if mode != "tangent":
+            required = 'be "tangent" with Collocation'
+            remedy = "take a scheme of given steps, e.g. Adams() or BDF(2)"
+            raise ValueError(complaint("mode", required, repr(mode), remedy))
+        return tolerances(rtol, atol)
+    for name, value in (("rtol", rtol), ("atol", atol)):
+        if value is not None:
+            required = "be left out or come with scheme=Collocation()"
+            raise ValueError(complaint(name, required, value))
+    return None
+
+
+def _estimator(settings, open_stepper, system, start):
+    if settings["mode"] == "pair":
+        return Pairs(open_stepper, system, start, settings["separation"])
+    kind = Tangents if settings["mode"] == "tangent" else Restarted
+    return kind(open_stepper, system, start)
+
+
+def _begin(estimator, settings, h, n_total, equation, resume):
+    """Record and divergence, anew or as the state left them."""
+    k = settings["k"]
+    whole = settings["mode"] == "tangent" and memory(equation) == "none" and k == n_data(equation)
+    divergence = Divergence(equation, h) if whole else None
+    if resume is None:
+        interval = None if settings["renorm"] is None else round(settings["renorm"] / h)
+        n_transient = round(settings["transient"] / h)
+        return Record(h, interval, n_total, n_transient, k), divergence
+    if isinstance(resume.steppers[0], MarkedState) != isinstance(estimator.stepper, MarkedStepper):
+        required = "come from a run with the same kind of scheme"
+        remedy = "given steps and Collocation do not go on from each other"
+        raise ValueError(complaint("resume", required, type(resume.steppers[0]).__name__, remedy))
+    for name, value in resume.settings.items():
+        if settings[name] != value:
+            required = f"come from a run with the same {name}, here {settings[name]}"
+            remedy = "start anew, or change it back"
+            raise ValueError(complaint("resume", required, value, remedy))
+    estimator.restore(resume.steppers)
+    if divergence is not None:
+        divergence.restore(resume.divergence)
+    return resume.record.copy(), divergence
+
+
+def _run(estimator, record, divergence, n_total, progress):
+    """March from one renormalisation to the next; return the status and a detail for it."""
+
+    def advance(n_more):
+        if divergence is None:
+            estimator.advance(n_more)
+            return
+        n, rows = estimator.n, np.empty((n_more, estimator.stepper.equation.d))
+        estimator.advance(n_more, rows)
+        divergence.add(n, rows[: estimator.n - n])
+
+    bar = ProgressBar(progress)
+    try:
+        with Interruption() as interruption:
+            estimator.prepare(n_total)
+            whole = isinstance(estimator.stepper, MarkedStepper)
+            drive = Drive(estimator, n_total, advance, interruption, bar, whole)
+            while estimator.n < n_total:
+                stop = record.next_stop(n_total)
+                ended = drive.to(stop)
+                if ended is not None:
+                    return ended
+                logs = estimator.renormalise()
+                if logs is None:
+                    return Status.BLOWN_UP, estimator.lost
+                record.add(stop, logs)
+    finally:
+        bar.close()
+    return reached_end(estimator.stepper), ""
+
+
+def result_of(request: Request, run: Run) -> LyapunovResult:
+    """Put together the result of a run; warn of too large a step where the run may warn."""
+    estimator, record, divergence, status, detail, settings, seconds = run
+    equation, mode = estimator.stepper.equation, settings["mode"]
+    times, sums, trace = record.times, record.log_growth, record.trace
+    kind = "none" if mode == "restart" else memory(equation)
+    growth = assess(times, sums, settings["window"], request.n_blocks, kind)
+    verdicts = growth.verdicts
+    if status is Status.BLOWN_UP:
+        verdicts = (Verdict.DIVERGED,) * len(verdicts)
+    exponents = trace[-1] if times.size else np.full(len(verdicts), np.nan)
+    defect = dimension = None
+    if divergence is not None and times.size:
+        integral = divergence.integral(record.n_last)
+        defect = float(np.sum(record.total) - integral) / (record.n_last * settings["h"])
+        dimension = kaplan_yorke(exponents)
+    resumable = {name: settings[name] for name in _RESUMED}
+    state = None
+    if mode != "restart":
+        left = divergence.state() if divergence else ()
+        t, n = estimator.stepper.t, estimator.n
+        state = LyapunovState(t, n, resumable, estimator.state(), record.copy(), left)
+    message = status.sentence + (f": {detail}" if detail else "")
+    if request.loud:
+        message = told(estimator.stepper, status, detail) + _lost_digits(record)
+    return LyapunovResult(
+        exponents=exponents,
+        times=times,
+        trace=trace,
+        log_growth=sums,
+        slope=growth.slope,
+        slope_stderr=growth.slope_stderr,
+        algebraic_slope=growth.algebraic_slope,
+        verdict=verdicts[0],
+        verdicts=verdicts,
+        sum_rule_defect=defect,
+        kaplan_yorke=dimension,
+        restart_factor=_restart_factor(equation, settings) if mode == "restart" else None,
+        mode=mode,
+        status=status,
+        message=message,
+        y=estimator.stepper.y[: request.equation.d],
+        settings=settings,
+        stats={
+            "n_steps": estimator.n,
+            "n_rhs": estimator.n_rhs,
+            "n_modes": estimator.stepper.n_modes,
+            "run_seconds": seconds,
+        },
+        state=state,
+    )
+
+
+def _lost_digits(record):
+    """A clause where tangents drew so far apart that R holds few digits; empty otherwise."""
+    if record.widest < _WIDE:
+        return ""
+    clause = (
+        f"; between two renormalisations tangents drew apart by exp({record.widest:.0f}), which "
+        "rounding hides: take a shorter renorm"
+    )
+    warn(clause[2:], RuntimeWarning)
+    return clause
+
+
+def _restart_factor(equation, settings):
+    alpha = equation.highest_orders()
+    return settings["renorm"] ** (alpha - 1) * rgamma(1 + alpha)
