@@ -22,13 +22,17 @@ RESULTS = Path(__file__).parent / "results"
 class Study:
     """One script's settings and results.
 
-    Results of a quick run go to a temporary folder, those of a full one beside the script.
+    Results of a quick run go to a temporary folder, those of a full one beside the script. What
+    is given by name is an option of the command line with this value by default.
     """
 
-    def __init__(self, script, claim):
+    def __init__(self, script, claim, **options):
         parser = argparse.ArgumentParser(description=claim)
         parser.add_argument("--quick", action="store_true", help="a smoke test at small sizes")
-        self.quick = parser.parse_args().quick
+        for name, value in options.items():
+            parser.add_argument(f"--{name}", type=type(value), default=value)
+        self.options = parser.parse_args()
+        self.quick = self.options.quick
         self._folder = Path(tempfile.mkdtemp()) if self.quick else RESULTS
         self._folder.mkdir(exist_ok=True)
         self._name = Path(script).stem

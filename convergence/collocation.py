@@ -8,7 +8,7 @@ rtol (0.01 + the largest size it has had).
 
 * P1 and P2 to 1e-12 within 10 ms each, P3 to 1e-11 within 20 ms, x(100) of P4 to 1e-10 within
   100 ms, P5 to 1e-6 at all times and to 1e-9 on t <= 40 within 200 ms, the published digits of P6;
-  P1 to T = 1e4 at 1e-10 with fewer than 1,500 right-hand sides.
+  P1 to T = 1e4 at 1e-10 with fewer than 1,800 right-hand sides, nine a step of them off the nodes.
 * Over P1 to P6 and 60 random linear problems (tests/random_problems.py: orders 1e-6 to 1.98, rates
   to 1e6), rtol from 1e-4 to 1e-11, the error is at most 10 tolerances and in nine of ten runs at
   most one, also after 160 periods of an oscillation.
@@ -408,8 +408,8 @@ def check_claims(rows, quick):
                     f"{text}, {r['ms']:.1f} ms ({ms})", r["error"] <= bound and r["ms"] <= ms, quick
                 )
     far = chosen(rows, "problems", "P1 to 1e4")[0]
-    text = f"P1 to 1e4: error {far['error']:.1e} (1e-10), {far['rhs']:.0f} right-hand sides (1500)"
-    check(text, far["error"] <= 1e-10 and far["rhs"] < 1500)
+    text = f"P1 to 1e4: error {far['error']:.1e} (1e-10), {far['rhs']:.0f} right-hand sides (1800)"
+    check(text, far["error"] <= 1e-10 and far["rhs"] < 1800)
 
 
 def check_references():

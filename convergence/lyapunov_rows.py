@@ -114,7 +114,7 @@ class Run:
         n = round(self.t_end / self.h)
         began = time.perf_counter()
         self.result = hd.lyapunov(
-            self.equation, self.t_end, n, self.k, progress=False, **self.settings
+            self.equation, self.t_end, n, self.k, verify=False, **self.settings
         )
         self.about = described(
             self.system,

@@ -32,7 +32,9 @@ KERNELS = {
     "stretched 0.3": StretchedExponential(0.3, 1.0),
     "stretched 0.5": StretchedExponential(0.5, 1.0),
     "stretched 0.8": StretchedExponential(0.8, 1.0),
+    "stretched 0.9": StretchedExponential(0.9, 1.0),
     "distributed 0 to 1": DistributedOrder.from_density(lambda a: 1.0),
+    "distributed 0, 0.2, 0.9": DistributedOrder([0.0, 0.2, 0.9], [1.0, 1.0, 2.0]),
     "1/sqrt(t(1+t))": Kernel(lambda t: 1 / np.sqrt(t * (1 + t))),
 }
 TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10)

@@ -47,7 +47,7 @@ def run(mode, interval, h, t_end, alpha=ALPHA, k=3, transient=0.0):
     equation = hd.scenes.lorenz(alpha=alpha)
     n = round(t_end / h)
     return hd.lyapunov(
-        equation, t_end, n, k, mode, hd.Adams(), renorm=interval, transient=transient
+        equation, t_end, n, k, mode, hd.Adams(), renorm=interval, transient=transient, verify=False
     )
 
 

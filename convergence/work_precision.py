@@ -60,7 +60,12 @@ SCHEMES = [
 COLORS = ["#000000", "#332288", "#E69F00", "#56B4E9", "#009E73", "#0072B2", "#D55E00", "#CC79A7"]
 STYLES = list(zip([*COLORS, "#882255", "#7A6A00"], "*osD^v<>PX", strict=True))
 PEERS = {"pycaputo PECE": ("#999999", "+"), "pycaputo Trapezoidal": ("#555555", "x")}
-ENDED_EARLY = (hd.Status.BLOWN_UP, hd.Status.NOT_SOLVED, hd.Status.RHS_FAILED)
+ENDED_EARLY = (
+    hd.Status.BLOWN_UP,
+    hd.Status.NOT_SOLVED,
+    hd.Status.STEP_TOO_SMALL,
+    hd.Status.RHS_FAILED,
+)
 
 
 @dataclass(frozen=True)

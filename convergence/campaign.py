@@ -1,0 +1,213 @@
+"""No success beyond its tolerance, and no end without a true reason: a campaign of random problems.
+
+Orders from 0.01 to 2, a third of them within 1e-2 to 1e-12 of an integer, rates and ends from 1e-8
+to 1e8; one order, several terms, systems, Jordan blocks, other orders in each component; forces,
+jumps told by `breaks` and not, windows of forcing, jumps in y that are passed or hold the solution;
+and schemes of given steps, for what they say of themselves. Exact solutions come from Laplace
+transforms inverted in extended precision (tests/laplace_truth.py), and at the worst time of every
+run that is found wrong, and at that of each tenth other, from mpmath.
+
+Errors of y and y' are taken at t = 0, from 1e-12 of the first step on, at nodes, between them and
+around corners, over rtol (0.01 + largest size so far of the component), for systems and relays
+times what perturbed initial values and forces grow by. Each problem has one of these verdicts:
+
+* ok; wrong success, of y; wrong slope, of y' alone; not seen: a window nobody told of;
+* true status: the run ended early and says why; false status: what it says is not so;
+* refused in a sentence; crash; no end within `limit` seconds of processor time; truth unsure.
+
+Problem k of a seed is always the same one. Results go to a file line by line; a run that was
+stopped takes up where it was. ``--only k`` shows one problem, as lines to paste.
+"""
+
+import json
+import multiprocessing as mp
+import signal
+import time
+from collections import Counter
+from multiprocessing.connection import wait
+from pathlib import Path
+
+import numpy as np
+from _study import Study, check
+from campaign_kinds import SCHEMES, problem
+from campaign_verdicts import (
+    CRASH,
+    FALSE,
+    NO_END,
+    NOT_SEEN,
+    OK,
+    REFUSED,
+    SLOPE,
+    TRUE,
+    UNSURE,
+    WRONG,
+    judged,
+    over_tolerance,
+    points,
+    truth_error,
+)  # fmt: skip
+
+import hereditary as hd
+
+VERDICTS = (OK, WRONG, SLOPE, NOT_SEEN, TRUE, FALSE, REFUSED, CRASH, NO_END, UNSURE)
+FAULTS = (WRONG, SLOPE, FALSE, CRASH, NO_END)
+_CONFIRMED, _SHOWN = 10, 40  # every how many-th truth is asked for twice; rows printed a verdict
+
+
+def work(pipe, seed, limit):
+    """A worker: compiles, then judges one problem after the other, each within a time of its own.
+
+    A signal ends the process where a problem takes more, whatever code it is in.
+    """
+    for scheme in {"Collocation()", *SCHEMES}:
+        how = {"rtol": 1e-6} if scheme == "Collocation()" else {"n_steps": 10}
+        hd.solve(hd.scenes.relaxation(0.5), 1.0, **how, scheme=eval(f"hd.{scheme}"))
+    pipe.send(None)
+    while True:
+        k = pipe.recv()
+        began = time.perf_counter()
+        signal.setitimer(signal.ITIMER_PROF, limit)
+        try:
+            row = judged(problem(seed, k), confirm=k % _CONFIRMED == 0)
+        except Exception as error:  # of the judge: the library's are its verdicts
+            row = {"verdict": UNSURE, "message": repr(error), "status": ""}
+            row |= {"ratio": 0.0, "slope_ratio": 0.0}
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+        pipe.send(row | {"all_seconds": round(time.perf_counter() - began, 2)})
+
+
+class Worker:
+    """A process, and the problem it is at: None while it compiles."""
+
+    def __init__(self, seed, limit):
+        context = mp.get_context("spawn")
+        self.pipe, theirs = context.Pipe()
+        self.process = context.Process(target=work, args=(theirs, seed, limit), daemon=True)
+        self.process.start()
+        theirs.close()
+        self.k = None
+
+    def begin(self, k):
+        """Send it a problem."""
+        self.k = k
+        self.pipe.send(k)
+
+    def answer(self):
+        """Its row, or what became of the process instead; and whether it is still there."""
+        try:
+            return self.pipe.recv(), True
+        except EOFError:
+            self.process.join()
+        if self.k is None:
+            raise RuntimeError("a worker ended before its first problem")
+        late = self.process.exitcode == -signal.SIGPROF
+        message = "cut off" if late else f"the process died, {self.process.exitcode}"
+        row = {"verdict": NO_END if late else CRASH, "message": message, "status": ""}
+        return row | {"ratio": 0.0, "slope_ratio": 0.0}, False
+
+
+def run(seed, wanted, file, processes, limit):
+    """Judge the wanted problems; each row is written as soon as it is known."""
+    left = list(wanted)[::-1]
+    workers = [Worker(seed, limit) for _ in range(min(processes, len(left)))]
+    while workers:
+        ready = wait([w.pipe for w in workers])
+        for worker in [w for w in workers if w.pipe in ready]:
+            row, alive = worker.answer()
+            if row is not None:
+                row.setdefault("kind", problem(seed, worker.k).kind)
+                file.write(json.dumps({"seed": seed, "k": worker.k} | row) + "\n")
+                file.flush()
+            if alive and left:
+                worker.begin(left.pop())
+                continue
+            worker.process.kill()
+            worker.process.join()
+            workers.remove(worker)
+            if left:
+                workers.append(Worker(seed, limit))
+
+
+def rows_of(path, seed, n):
+    """Rows of the first n problems of a seed; a line cut off by a kill is left out."""
+    rows = {}
+    for line in path.read_text().splitlines() if path.exists() else ():
+        try:
+            row = json.loads(line)
+        except ValueError:
+            continue
+        if row["seed"] == seed and row["k"] < n:
+            rows[row["k"]] = row
+    return rows
+
+
+def table(rows):
+    """Counts by kind and verdict, and the largest error over tolerance of runs that are ok."""
+    out = []
+    for kind in [*sorted({row["kind"] for row in rows}), "all"]:
+        mine = [row for row in rows if kind in (row["kind"], "all")]
+        counts = Counter(row["verdict"] for row in mine)
+        good = [max(row["ratio"], row["slope_ratio"]) for row in mine if row["verdict"] == OK]
+        line = {"kind": kind, "problems": len(mine)} | {v: counts[v] for v in VERDICTS}
+        out.append(line | {"largest ok": f"{max(good, default=0.0):.2g}"})
+    return out
+
+
+def report_worst(rows, seed):
+    """What is at fault, the worst of each verdict first."""
+    for verdict in (*FAULTS, NOT_SEEN, TRUE, REFUSED, UNSURE):
+        mine = [row for row in rows if row["verdict"] == verdict]
+        mine.sort(key=lambda row: -max(row["ratio"], row["slope_ratio"]))
+        print(f"\n{verdict}: {len(mine)}", dict(Counter(row["status"] for row in mine)))
+        for row in mine[:_SHOWN]:
+            print(
+                f"  seed {seed}, k {row['k']}: {row['kind']}, {row['status']}, y "
+                f"{row['ratio']:.3g}, y' {row['slope_ratio']:.3g}: {row['message'][:110]}"
+            )
+
+
+def show(seed, k):
+    """One problem: as lines to paste, its verdict, and where it is worst."""
+    one = problem(seed, k)
+    print(one.code(), "\n")
+    print({key: value for key, value in judged(one, confirm=True).items() if value != ""})
+    sol = one.solve()
+    print(sol, sol.stats)
+    if one.n_steps is not None or sol.t.size == 1:
+        return
+    t = points(one, sol)
+    for derivative in range(2 if one.truth.orders.max() > 1 else 1):
+        ratio = over_tolerance(one, sol, t, derivative).max(axis=1)
+        print("y'" if derivative else "y")
+        for i in np.argsort(-ratio)[:8]:
+            found, right = sol(t[i], derivative), one.solution(t[i : i + 1], derivative)[0]
+            print(f"  t = {t[i]:.17g}: {ratio[i]:.3g} tolerances, {found} where right is {right}")
+    print("distance of two ways to the exact solution", truth_error(one, float(t[-1])))
+
+
+def main():
+    study = Study(
+        __file__, __doc__, problems=10_000, seed=0, out="", processes=2, limit=60.0, only=-1
+    )
+    chosen = study.options
+    if chosen.only >= 0:
+        show(chosen.seed, chosen.only)
+        return
+    n = 20 if study.quick else chosen.problems
+    path = Path(chosen.out) if chosen.out else study.path(".jsonl")
+    done = rows_of(path, chosen.seed, n)
+    with open(path, "a") as file:
+        if file.tell() and not path.read_text().endswith("\n"):
+            file.write("\n")
+        wanted = [k for k in range(n) if k not in done]
+        run(chosen.seed, wanted, file, 1 if study.quick else chosen.processes, chosen.limit)
+    rows = list(rows_of(path, chosen.seed, n).values())
+    report_worst(rows, chosen.seed)
+    print()
+    study.write(table(rows))
+    at_fault = sum(row["verdict"] in (*FAULTS, UNSURE) for row in rows)
+    check(f"{at_fault} of {len(rows)} problems show a fault", at_fault == 0, study.quick)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,200 @@
+"""How a run of a campaign's problem is judged.
+
+The tolerance of a component at a time is rtol (0.01 + its largest size so far), for y' its largest
+size up to the end of a step out of 0 or out of a break; for systems and relays times what perturbed
+initial values and forces amplify; and what rounding of the matrix, of forces and times moves y by.
+"""
+
+import time
+import warnings
+from dataclasses import replace
+
+import numpy as np
+from laplace_truth import second_opinion
+
+# Relative rounding of numbers in the right-hand side and of times.
+_ROUNDING, _TICK = 1e-15, 4.5e-16
+# Sizes beyond which a given-step run that decays has failed, and beyond which y counts as blown up.
+_GROSS, _BLOWN_UP = 4.0, 1e100
+_NEVER_TRUE = ("INTERRUPTED", "EVENT", "RHS_FAILED", "ORDER_FAILED")
+# A second opinion takes a second where solutions turn or grow longer than this.
+_LONG = 120.0
+OK, WRONG, SLOPE, NOT_SEEN = "ok", "wrong success", "wrong slope", "not seen"
+TRUE, FALSE, REFUSED, CRASH = "true status", "false status", "refused", "crash"
+NO_END, UNSURE = "no end", "truth unsure"
+
+
+def judged(problem, confirm=False):
+    """A row: the verdict on a run of the problem, and the numbers behind it."""
+    row = {"kind": problem.kind, "verdict": OK, "status": "", "message": "", "ratio": 0.0}
+    row |= {"slope_ratio": 0.0, "t_worst": 0.0, "reached": 0.0, "steps": 0, "rtol": problem.rtol}
+    began = time.perf_counter()
+    try:
+        with warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always")
+            sol = problem.solve()
+    except (ValueError, TypeError) as error:
+        sentence = "must" in str(error) and len(str(error)) < 1000
+        return row | {"verdict": REFUSED if sentence else CRASH, "message": _told(error)}
+    except Exception as error:
+        return row | {"verdict": CRASH, "message": _told(error)}
+    row["seconds"] = round(time.perf_counter() - began, 3)
+    row |= {"status": sol.status.name, "message": str(sol.message)[:300]}
+    row |= {"reached": float(sol.t[-1]) / problem.t_end, "steps": sol.stats["n_steps"]}
+    if problem.n_steps is not None:
+        return row | {"verdict": _given_steps(problem, sol, told)}
+    if sol.t.size > 1:
+        row |= measured(problem, sol, confirm)
+    if row.pop("doubtful", False):
+        return row | {"verdict": UNSURE}
+    if not sol.success:
+        return row | {"verdict": TRUE if reason_holds(problem, sol) else FALSE}
+    if row["ratio"] > 1 or sol.t[-1] != problem.t_end:
+        unseen = problem.kind == "window not told"
+        return row | {"verdict": NOT_SEEN if unseen else WRONG}
+    return row | {"verdict": SLOPE if row["slope_ratio"] > 1 else OK}
+
+
+def _told(error):
+    return f"{type(error).__name__}: {error}"[:300]
+
+
+def reason_holds(problem, sol):
+    """Whether a run that ended early says nothing untrue of the problem."""
+    name, t = sol.status.name, float(sol.t[-1])
+    if name in _NEVER_TRUE:
+        return False
+    if name == "BLOWN_UP":
+        later = np.linspace(t, problem.t_end, 200)
+        return bool(np.abs(problem.solution(later)).max() > _BLOWN_UP)
+    claims = sol.message.replace("if the right-hand side jumps", "")
+    if "the right-hand side jumps" in claims:
+        jumps = np.array([f.start for f in problem.truth.forces if f.start > 0] + [problem.settles])
+        return bool(np.any(np.abs(jumps - t) <= 1e-3 * problem.t_end))
+    return True
+
+
+def _given_steps(problem, sol, told):
+    """What a scheme of given steps says of itself, on a solution that decays."""
+    warned = any(issubclass(w.category, UserWarning) for w in told)
+    size = np.abs(sol.y)
+    bound = _GROSS * (
+        np.abs(problem.solution(np.linspace(0, problem.t_end, 300))).max(axis=0) + 0.01
+    )
+    fine = bool(np.all(size <= bound))
+    if sol.success:
+        return OK if fine else WRONG
+    if sol.status.name == "BLOWN_UP":
+        return TRUE if not np.all(size <= 1e6 * bound) else FALSE
+    return TRUE if warned or sol.status.name not in ("STEP_TOO_LARGE", "ZIGZAG") else FALSE
+
+
+def points(problem, sol):
+    """Times that a run is judged at: nodes, between, inside the first step, around its corners."""
+    rng = np.random.default_rng(0)
+    n = sol.t.size - 1
+    i = np.unique(np.r_[0 : min(n, 4), max(0, n - 2) : n, np.linspace(0, n - 1, 24).astype(int)])
+    corners = np.array([*problem.breaks, *(f.start for f in problem.truth.forces), problem.settles])
+    corners = np.unique(corners[(corners > 0) & (corners < sol.t[-1])])
+    near = np.searchsorted(sol.t, corners)
+    i = np.unique(np.clip(np.r_[i, near - 1, near], 0, n - 1))
+    lengths = np.diff(sol.t)[i, None]
+    inside = sol.t[i, None] + lengths * rng.uniform(0.02, 0.98, (i.size, 2))
+    nodes = sol.t[np.unique(np.linspace(0, n, 60).astype(int))]
+    first = sol.t[1] * np.geomspace(1e-12, 1, 13)
+    parts = [nodes, sol.t[i], inside.ravel(), first, sol.t[-1:]]
+    for corner in corners:
+        parts.append([np.nextafter(corner, 0), corner, np.nextafter(corner, np.inf)])
+        length = sol.t[np.clip(np.searchsorted(sol.t, corner, "right"), 1, n)] - corner
+        parts.append(corner + length * np.geomspace(1e-9, 1, 7))
+        parts.append(corner - length * np.geomspace(1e-9, 1e-1, 3))
+    t = np.unique(np.concatenate(parts))
+    return t[(t >= 0) & (t <= sol.t[-1])]
+
+
+def measured(problem, sol, confirm):
+    """Largest errors over tolerance of y and of y', where, and whether the truth is doubtful."""
+    t = points(problem, sol)
+    ratio = over_tolerance(problem, sol, t, 0)
+    worst = int(np.argmax(ratio.max(axis=1)))
+    out = {"ratio": float(ratio.max()), "slope_ratio": 0.0, "t_worst": float(t[worst])}
+    if problem.truth.orders.max() > 1:
+        slopes = over_tolerance(problem, sol, t, 1)
+        out["slope_ratio"] = float(slopes.max())
+        if out["ratio"] <= 1 < out["slope_ratio"]:
+            out["t_worst"] = float(t[np.argmax(slopes.max(axis=1))])
+    if confirm or max(out["ratio"], out["slope_ratio"]) > 1:
+        off = truth_error(problem, out["t_worst"])
+        out |= {"truth_error": off, "doubtful": bool(off > 0.1 * problem.rtol)}
+    return out
+
+
+def over_tolerance(problem, sol, t, derivative):
+    """Errors over tolerance at times t, shape (n, d); 0 for y' of components up to order 1."""
+    truth = problem.truth
+    value = problem.solution(t, derivative)
+    size = np.maximum.accumulate(np.abs(value))
+    above = truth.orders.max(axis=0) > 1
+    for corner in (0.0, *problem.breaks) if derivative else ():
+        step = (t >= corner) & (t <= sol.t[np.searchsorted(sol.t[:-1], corner, "right")])
+        largest = np.abs(value[step]).max(axis=0, initial=0.0)
+        size[step] = np.maximum(size[step], largest)
+    tolerance = problem.rtol * (size + 0.01) * amplification(problem, t, derivative, size + 0.01)
+    found = sol(t, derivative)
+    error = np.abs(found - value)
+    if not derivative:  # rows are to be what the dense output is
+        at = np.isin(t, sol.t)
+        rows = sol.y[np.searchsorted(sol.t, t[at])]
+        error[at] = np.maximum(error[at], np.abs(rows - value[at]))
+    error = np.where(above | (derivative == 0), error, 0.0)
+    error[~np.isfinite(found) & (above | (derivative == 0))] = np.inf
+    beyond = np.any(error > tolerance, axis=1)
+    if beyond.any():
+        tolerance[beyond] += allowance(problem, t[beyond], derivative)
+    return error / tolerance
+
+
+def amplification(problem, t, derivative, scale):
+    """What relative changes of initial values and forces grow to, over the scale; 1 at least."""
+    truth = problem.truth
+    if problem.perturbed:
+        value = problem.solution(t, derivative)
+        moved = [np.abs(other(t, derivative) - value) for other in problem.perturbed]
+        return np.maximum(1.0, np.maximum.accumulate(np.max(moved, axis=0) / problem.rtol / scale))
+    if truth.d == 1:
+        return 1.0
+    return np.maximum(1.0, np.abs(truth.shares(t, derivative)).sum(axis=2) / scale)
+
+
+def allowance(problem, t, derivative):
+    """How far rounding of numbers and of times moves the solution."""
+    truth = problem.truth
+    rng = np.random.default_rng(1)
+
+    def rounded(array):
+        return array * (1 + _ROUNDING * rng.choice([-1, 1], np.shape(array)))
+
+    forces = [replace(f, amplitudes=tuple(rounded(np.array(f.amplitudes)))) for f in truth.forces]
+    coefficients = rounded(truth.coefficients) if len(truth.orders) > 1 else truth.coefficients
+    other = replace(truth, matrix=rounded(truth.matrix), coefficients=coefficients, forces=forces)
+    before, now, after = truth(np.r_[t * (1 - _TICK), t, t * (1 + _TICK)], derivative).reshape(
+        3, t.size, truth.d
+    )
+    return np.abs(other(t, derivative) - now) + np.abs(after - before)
+
+
+def truth_error(problem, t):
+    """Distance of two ways to the exact solution at t, over its size; nan where it takes long."""
+    t, truth = min(t, problem.settles), problem.truth
+    turns = [abs(np.exp(float(z.real) + np.log(t or 1e-300))) for z, *_ in truth.poles]
+    if t == 0 or max(turns, default=0.0) > _LONG:
+        return float("nan")
+    derivatives = (0, 1) if truth.orders.max() > 1 else (0,)
+    degree = int(60 + 3 * max(turns, default=0.0))
+    off = 0.0
+    for k in derivatives:
+        value = truth(np.array([t]), k)[0]
+        scale = np.abs(truth.shares(np.array([t]), k)[0]).sum(axis=1) + 0.01
+        other = second_opinion(truth, t, k, degree)
+        off = max(off, float((np.abs(value - other) / scale).max()))
+    return off
