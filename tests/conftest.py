@@ -1,10 +1,12 @@
 """Set up before anything is imported: the compilation cache, and hypothesis' profiles."""
 
+import gc
 import os
 import tempfile
 from pathlib import Path
 
 import hypothesis
+import pytest
 
 # A cache folder of the tests' own, kept between runs: an edit compiles anew what it changes, and
 # what calls that.
@@ -14,3 +16,11 @@ os.environ.setdefault("MPLBACKEND", "Agg")
 hypothesis.settings.register_profile("ci", derandomize=True, deadline=None, max_examples=40)
 hypothesis.settings.register_profile("dev", deadline=None, max_examples=25)
 hypothesis.settings.load_profile("ci" if os.environ.get("CI") else "dev")
+
+
+@pytest.fixture
+def no_collection():
+    """Keep Python from collecting: what is raised in hypothesis' hook of that is lost."""
+    gc.disable()
+    yield
+    gc.enable()

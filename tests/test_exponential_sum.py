@@ -75,8 +75,8 @@ def test_beyond_the_interval_it_fails():
 
 
 def test_kernels_share_one_bank():
-    alone = sum(fit_unit((a,), 2e5, 1e-10)[0].size for a in (0.8, 0.6))
-    rates, weights, error = fit_unit((0.6, 0.8), 2e5, 1e-10)
+    alone = sum(fit_unit((a,), 2e5, 1e-10).rates.size for a in (0.8, 0.6))
+    rates, weights, error, _ = fit_unit((0.6, 0.8), 2e5, 1e-10)
     assert rates.size <= 0.7 * alone
     assert error <= 1e-10
     t = np.exp(np.linspace(0, math.log(2e5), 20_001))[:-1]

@@ -9,6 +9,7 @@ many slow ones are replaced by their own Gauss rule. Everything is built on [1, 
 import math
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,6 +25,8 @@ _TRAPEZOID, _FAST, _SLOW = 0.90, 0.05, 0.05
 # to 0.9 %, so a checked error below tol / 1.01 is a certificate.
 _POINTS_PER_OSCILLATION, _CERTIFICATE = 24, 1.01
 _TOL_MIN = 1e-13
+# Shares of the tolerance that a fit is made for until its error, as checked, keeps the tolerance.
+_SHARES = 1.0, 0.9, 0.7, 0.5
 # No fit can be held to less than the first, and this times log(R), to which powers are known.
 _ROUNDING = 1.2e-14, 3e-16
 RATIO_MAX = 1e100
@@ -128,8 +131,9 @@ def fit_power(a, t_min, t_max, tol):
     """The sum for ``t**-a`` on an interval that `fit_interval` has checked."""
     if abs(a * math.log(t_min)) > 690:
         raise ValueError(complaint("t_min", "leave the kernel a finite value there", t_min))
-    rates, weights, error = fit_unit((a,), t_max / t_min, tol)
-    return ExponentialSum(rates / t_min, weights[0] * t_min**-a, t_min, t_max, error)
+    fit = fit_unit((a,), t_max / t_min, tol)
+    weights = fit.weights[0] * t_min**-a
+    return ExponentialSum(fit.rates / t_min, weights, t_min, t_max, fit.error)
 
 
 def tolerance(argument, value):
@@ -138,8 +142,28 @@ def tolerance(argument, value):
     return within(argument, value, _TOL_MIN, 0.1, "[1e-13, 0.1]", remedy)
 
 
+class UnitFit(NamedTuple):
+    """Sums of several kernels over one set of rates, on [1, R].
+
+    Attributes
+    ----------
+    rates : ndarray, shape (n_modes,)
+    weights : ndarray, shape (n_kernels, n_modes)
+        Non-negative; zero where a kernel does not use a rate of another.
+    error : float
+        Largest relative error found [-].
+    share : float
+        Share of the tolerance that the trapezoid rule was made for, which sets the rates' grid.
+    """
+
+    rates: np.ndarray
+    weights: np.ndarray
+    error: float
+    share: float
+
+
 @lru_cache(maxsize=64)
-def fit_unit(exponents, ratio, tol):
+def fit_unit(exponents, ratio, tol, share=None):
     """Fit several kernels ``t**-a`` on [1, ratio] with one shared set of rates.
 
     Parameters
@@ -150,43 +174,38 @@ def fit_unit(exponents, ratio, tol):
         R = t_max / t_min > 1 [-].
     tol : float
         Relative tolerance [-].
+    share : float, optional
+        That of an earlier fit, whose grid of rates is to be kept.
 
     Returns
     -------
-    rates : ndarray, shape (n_modes,)
-    weights : ndarray, shape (len(exponents), n_modes)
-        Non-negative; zero where a kernel does not use a rate of another.
-    error : float
-        Largest relative error found.
+    UnitFit
     """
     if not exponents:
-        return np.zeros(0), np.zeros((0, 0)), 0.0
+        return UnitFit(np.zeros(0), np.zeros((0, 0)), 0.0, 1.0)
     if 0.0 in exponents:
-        return _with_constant(exponents, ratio, tol)
+        return _with_constant(exponents, ratio, tol, share)
     goal = tol / _CERTIFICATE
     allowed = max(goal, _ROUNDING[0] + _ROUNDING[1] * math.log(ratio))
-    for shrink in (1.0, 0.9, 0.7, 0.5):
-        rates, weights = _construct(exponents, ratio, goal * shrink)
+    for tried in _SHARES if share is None else (share,):
+        rates, weights = _construct(exponents, ratio, goal * tried)
         rates, weights, error = _trim(exponents, ratio, allowed, rates, weights)
-        if error <= allowed:
+        if error <= allowed or tried == share:
             break
     else:
         raise ArithmeticError(f"no exponential sum found for {exponents}, {ratio}, {tol}")
     rates.flags.writeable = False
     weights.flags.writeable = False
-    return rates, weights, error
+    return UnitFit(rates, weights, error, tried)
 
 
-def _with_constant(exponents, ratio, tol):
+def _with_constant(exponents, ratio, tol, share):
     """The same where a kernel is constant, ``t**0``: one mode of rate 0 and weight 1."""
-    others = tuple(a for a in exponents if a > 0)
-    rates, weights, error = np.zeros(0), np.zeros((0, 0)), 0.0
-    if others:
-        rates, weights, error = fit_unit(others, ratio, tol)
-    full = np.zeros((len(exponents), rates.size + 1))
-    full[[a > 0 for a in exponents], 1:] = weights
+    fit = fit_unit(tuple(a for a in exponents if a > 0), ratio, tol, share)
+    full = np.zeros((len(exponents), fit.rates.size + 1))
+    full[[a > 0 for a in exponents], 1:] = fit.weights
     full[[a == 0 for a in exponents], 0] = 1.0
-    return np.concatenate([[0.0], rates]), full, error
+    return fit._replace(rates=np.concatenate([[0.0], fit.rates]), weights=full)
 
 
 def trapezoid_step(a, tol):
@@ -213,10 +232,10 @@ def trapezoid_step(a, tol):
     return min(2.0, 1 / u)
 
 
-def grid_spacing(exponents, tol):
+def grid_spacing(exponents, tol, share):
     """Distance of the logarithms of the rates that `fit_unit` takes; inf for constants alone."""
     others = [a for a in exponents if a > 0]
-    return min((trapezoid_step(a, tol / _CERTIFICATE) for a in others), default=math.inf)
+    return min((trapezoid_step(a, share * tol / _CERTIFICATE) for a in others), default=math.inf)
 
 
 def _construct(exponents, ratio, tol):

@@ -261,7 +261,7 @@ def test_ctrl_c_keeps_what_was_computed(tmp_path):
     assert not set(called) & set(np.flatnonzero(table.success).tolist())
 
 
-def test_a_second_ctrl_c_raises():
+def test_a_second_ctrl_c_raises(no_collection):
     def point(a):
         if a == 2:
             interrupt()
@@ -274,7 +274,7 @@ def test_a_second_ctrl_c_raises():
     assert time.perf_counter() - began < 10
 
 
-def test_ctrl_c_that_comes_too_late_is_not_swallowed():
+def test_ctrl_c_that_comes_too_late_is_not_swallowed(no_collection):
     with pytest.raises(KeyboardInterrupt):
         hd.sweep(lambda a: interrupt(), {"a": [1.0]})
 

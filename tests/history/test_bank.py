@@ -56,6 +56,16 @@ def test_a_closer_bank_goes_on_from_the_old_one(orders, decades, log_tol, log_fa
     assert errors(new).max() <= new.tol + 2e-15
 
 
+def test_a_bank_keeps_its_grid_where_its_tolerance_is_that_of_rounding():
+    """There a fit may need a smaller share of its tolerance than one that reaches closer."""
+    old = open_bank([1e-4, 1.0], 4.2140230991156427e-4, 4.214e5, 2.5765157476387665e-14)
+    new = old.closer(3.880950380547688e-06)
+    assert new.share == old.share
+    np.testing.assert_allclose(new.rates[: old.rates.size], old.rates, rtol=1e-6)
+    shares = {open_bank([1e-4], 10.0**-k, 4.2e5, 2.58e-14).share for k in range(10)}
+    assert len(shares) > 1
+
+
 def test_closer_and_closer():
     """A thousand times closer in many small reaches, as in one."""
     bank = open_bank([0.3, 0.7], 1.0, 1e4, 1e-10)

@@ -138,7 +138,7 @@ RULES = [
 def test_modal_shares_sum_to_the_weights(name, rule, numbers, first):
     n = 20_000
     for p in numbers:
-        rates, weights, _ = fit_unit((rule.exponent(p),), float(n), 1e-12)
+        rates, weights, *_ = fit_unit((rule.exponent(p),), float(n), 1e-12)
         shares = rule.modal(p, rates, weights[0], first)
         k = np.unique(np.geomspace(first, n - 1, 200).astype(int))
         summed = np.exp(-np.multiply.outer(k - first, rates)) @ shares

@@ -242,7 +242,7 @@ def test_ctrl_c_keeps_what_was_computed_and_can_be_resumed():
     assert hd.solve(equation, n_more * 1e-6, resume=sol.state).success
 
 
-def test_ctrl_c_that_comes_too_late_is_not_swallowed(monkeypatch):
+def test_ctrl_c_that_comes_too_late_is_not_swallowed(no_collection, monkeypatch):
     """The run is over when the signal is seen: it goes to whoever handled signals before."""
     equation = hd.scenes.relaxation()
 

@@ -41,6 +41,8 @@ class Bank:
     rates : ndarray, shape (M,)
         Ascending [1/time].
     weights : ndarray, shape (len(orders), M)
+    share : float
+        Share of the tolerance that sets the grid of the rates.
     """
 
     orders: tuple[float, ...]
@@ -49,32 +51,35 @@ class Bank:
     tol: float
     rates: np.ndarray
     weights: np.ndarray
+    share: float
 
     def closer(self, closest: float) -> Bank:
         """A bank that reaches down to `closest`; its first rates are those of this one."""
         exponents = _exponents(self.orders)
-        spacing = grid_spacing(exponents, self.tol)
+        spacing = grid_spacing(exponents, self.tol, self.share)
         if not np.isfinite(spacing):  # constant kernels alone
             return open_bank(self.orders, closest, self.farthest, self.tol)
         factor = math.exp(spacing * math.ceil(math.log(self.closest / closest) / spacing))
-        bank = open_bank(self.orders, self.closest / factor, self.farthest, self.tol)
+        closest = self.closest / factor
+        bank = open_bank(self.orders, closest, self.farthest, self.tol, self.share)
         n = self.rates.size
         if bank.rates.size < n or not np.allclose(bank.rates[:n], self.rates, rtol=1e-6, atol=0):
             raise ArithmeticError(f"no bank from {closest} on goes on from {self.closest}")
         return bank
 
 
-def open_bank(orders, closest, farthest, tol):
-    """The bank of these kernels between two distances."""
-    rates, weights, _ = fit_unit(_exponents(orders), farthest / closest, tol)
+def open_bank(orders, closest, farthest, tol, share=None):
+    """The bank of these kernels between two distances; of the grid that a share of tol sets."""
+    fit = fit_unit(_exponents(orders), farthest / closest, tol, share)
     a = np.array(orders)[:, None]
     return Bank(
         tuple(orders),
         closest,
         farthest,
         tol,
-        np.ascontiguousarray(rates / closest),
-        np.ascontiguousarray(weights * closest ** (a - 1) * rgamma(a)),
+        np.ascontiguousarray(fit.rates / closest),
+        np.ascontiguousarray(fit.weights * closest ** (a - 1) * rgamma(a)),
+        fit.share,
     )
 
 

@@ -121,10 +121,11 @@ class SumOfExponentials(History):
         rates, shares = np.zeros(0), np.zeros((plan.factors.shape[0], 0))
         if exponents and np.isfinite(nearest):
             t_end = plan.times[-1]
-            unit, weights, _ = fit_unit(exponents, max(2.0, t_end / nearest), float(self.tol))
+            fit = fit_unit(exponents, max(2.0, t_end / nearest), float(self.tol))
             # p t**(p-1) in units of the nearest distance
-            bank = {a: (1 - a) * w * nearest**-a for a, w in zip(exponents, weights, strict=True)}
-            rates, shares = unit / nearest, np.zeros((plan.factors.shape[0], unit.size))
+            pairs = zip(exponents, fit.weights, strict=True)
+            bank = {a: (1 - a) * w * nearest**-a for a, w in pairs}
+            rates, shares = fit.rates / nearest, np.zeros((plan.factors.shape[0], fit.rates.size))
             for i, j in zip(*np.nonzero(used), strict=True):
                 shares[i] += plan.factors[i, j] * bank[1 - plan.powers[i, j]]
         empty = np.zeros((1, 0))

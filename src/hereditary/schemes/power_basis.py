@@ -21,6 +21,8 @@ _CUT = 1e-14
 # A generator below this is treated as if it were this when the functions are chosen. No step is
 # so small that its power is: more functions then, instead.
 _TINY = 0.12
+# Nodes lie at the points of tiny generators that are this many times larger than another.
+_FURTHER = 3.0
 # How many functions: as a rule, with a tiny generator, and where that is bent in several ways.
 _SIZE, _SIZE_IF_TINY, _SIZE_IF_BENT = 18, 24, 48
 # At most so many bends, none for drives below this.
@@ -63,10 +65,13 @@ class PowerBasis:
         self._degrees = _smallest_sums(self._variables, max(n_bent, 1), size)
         # Functions of several generators are nearly dependent: twice as many values tame that. They
         # lie at Chebyshev points of t**g, for the smallest g, as it is bent, and, where that is
-        # tiny, for a larger one too; by logarithms, for t itself may be too small for a float.
+        # tiny, for all tiny ones well above each other and the first that is not; by logarithms,
+        # for t itself may be too small for a float.
         scales = self._variables[: max(n_bent, 1)]
-        larger = [variable for variable in self._variables[len(scales) :] if variable[0] >= _TINY]
-        scales = scales + larger[: g < _TINY]
+        for variable in self._variables[len(scales) :]:
+            last = scales[-1][0]
+            if last < _TINY and variable[0] > min(_TINY, _FURTHER * last):
+                scales = [*scales, variable]
         n = size * min(2, len(generators)) // len(scales)
         even, odd = np.arange(1, n + 1) / n, (np.arange(n) + 0.5) / n
         logs = [

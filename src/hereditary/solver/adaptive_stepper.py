@@ -101,6 +101,7 @@ class AdaptiveStepper:
         self._steps = np.zeros(3, dtype=np.int64)
         self._largest = np.abs(self._strands.p[0])
         self._at_corner, self._largest_error, self._tables = True, 0.0, None
+        self._peak = np.zeros((2, equation.d))  # of p and y at the starts of steps
         self.ending = Ending()
         self.error: Exception | None = None
         self.pace = Pace(max_step, max_steps)
@@ -200,9 +201,11 @@ class AdaptiveStepper:
             ahead = self.t - begun[0], t_stop - self.t
             if self.pace.hopeless(made, refused, self.n_steps, *ahead, track[3][:n]):
                 status = JUMPING
+        begins = np.abs(track[3][:n]).max(axis=0, initial=0.0).reshape(2, d)  # y, then p
+        self._peak = np.maximum(self._peak, begins[::-1])
         if status not in (REACHED, FULL, TOO_CLOSE):
             h, refused, last = self._clock[2], self._clock[1], self._strands.last[0]
-            self.ending = ending(status, self.equation, self.t, h, refused, last)
+            self.ending = ending(status, self.equation, self.t, h, refused, last, self._peak)
         if n == 0:
             return None
         self._largest_error = max(self._largest_error, float(track[4][:n].max()))

@@ -71,7 +71,7 @@ def _leading(equation, alpha):
     """The a above, 0 where the right-hand side has no value at 0."""
     f = np.full(equation.d, np.nan)
     try:
-        equation._rhs(0.0, equation.y0[0].copy(), f, equation.params)
+        equation._rhs(0.0, equation.y0[0].copy(), f, equation._params)
     except Exception:  # the march meets it again, or never looks there
         f[:] = np.nan
     highest = np.sum(equation.coefficients * (equation.orders == alpha), axis=0)

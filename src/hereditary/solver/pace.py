@@ -16,8 +16,8 @@ _DORMANT = 1 / 32
 # this share of its size, more than this share of the steps is refused, no stretch gets much further
 # than the one before, and at this pace more steps were needed than are left, or than this.
 _STRETCHES, _STILL, _REFUSED, _HOPELESS = 4, 1e-2, 0.125, 1e7
-# Relative growth over the last step beyond which a run that ends is one that grows without bound,
-# unless the next one was refused down to this share of it.
+# Relative growth over the last step, of what is larger than ever, beyond which a run that ends is
+# one that grows without bound, unless the next one was refused down to this share of it.
 _GROWING, _WALL = 1e-3, 1e-8
 # In last steps: how far ahead is just ahead.
 _FURTHER = (1.0, 10.0, 100.0, 1000.0)
@@ -102,15 +102,15 @@ class Ending(NamedTuple):
     no_step: str = ""
 
 
-def ending(status, equation, t, h, refused, last):
+def ending(status, equation, t, h, refused, last, peak):
     """The `Ending` behind the status of a march that stopped at time t.
 
     `last` (3 or 4, d, s) holds f, p and y at the nodes of the last step, of length h; the next one
-    was refused down to the length `refused`.
+    was refused down to the length `refused`. `peak` (2, d) is how large p and y were before.
     """
-    moved = last[PRIMARY : POSITION + 1]
-    before, now = np.abs(moved[:, :, 0]).max(axis=1), np.abs(moved[:, :, -1]).max(axis=1)
-    growing = np.any(now > (1 + _GROWING) * before) and refused > _WALL * h
+    before, now = (np.abs(last[PRIMARY : POSITION + 1, :, i]) for i in (0, -1))
+    largest = np.maximum((1 + _GROWING) * before, peak)
+    growing = np.any(now.max(axis=1) > largest.max(axis=1)) and refused > _WALL * h
     if status != JUMPING and growing:
         return Ending(blown_up=True)
     if not _finite_ahead(equation, t, h, last[POSITION]):

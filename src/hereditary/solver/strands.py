@@ -66,7 +66,7 @@ class Strands:
         self._n_rows = form.n_rows + d * form.raw.size
         self.modes = self.before = np.zeros((n_strands, self._n_rows, 0))
         self.last = np.zeros((n_strands, form.n_drivers, d, n_nodes))
-        self.bank = Bank((), np.inf, 0.0, 0.0, np.zeros(0), np.zeros((0, 0)))
+        self.bank = Bank((), np.inf, 0.0, 0.0, np.zeros(0), np.zeros((0, 0)), 1.0)
         self.kernels = open_kernels((), 1.0, 1.0, 1.0, 0.1)
         self.varying = OrderBank(np.inf, 0.0, 0.0, np.zeros(0))
         self._length, self._corner, self._foreseen = 0.0, None, None
