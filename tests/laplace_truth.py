@@ -31,6 +31,8 @@ _ZETA, _WEIGHTS = 1 + np.sin(_THETA), _STEP / REAL(np.pi) * np.cos(_THETA)
 # nearer than _NEAR, relatively, count as one, whose expansion goes on _BEYOND their number.
 _TINY, _CIRCLE, _WIDE = 0.1, 32, 0.25
 _NEAR, _SEVERAL, _BEYOND = 5e-3, 0.03, 10
+# A lone pole is found, and its moments are taken, on a circle so much smaller than its room.
+_LONE = 0.1
 
 
 @dataclass(frozen=True)
@@ -192,6 +194,8 @@ class Truth:
             others = [abs(z - w) for k, w in enumerate(centres) if k != j]
             widest = _WIDE if len(group) == 1 else _SEVERAL
             room = min([widest, (np.pi - abs(z.imag)) / 2, *(r / 3 for r in others)])
+            if len(group) == 1:
+                room *= _LONE
             for _ in range(4 if len(group) == 1 else 0):
                 circle = np.exp(2j * np.pi * np.arange(_CIRCLE) / _CIRCLE) * REAL(room)
                 inverse = 1 / _determinant(self._matrix(z + np.log1p(circle))[1])

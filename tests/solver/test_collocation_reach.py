@@ -5,6 +5,7 @@ import warnings
 import numpy as np
 import pytest
 from random_problems import error, linear, points, proportional
+from scipy.special import gamma
 
 import hereditary as hd
 from hereditary import exact
@@ -182,3 +183,31 @@ def test_a_speed_that_has_long_faded(t_end):
     assert sol.success, sol.message
     assert error(sol, exact.relaxation(1.5, 1.0, [[1.0], [0.5]]), 1e-11) <= 1
     assert sol.stats["n_steps"] < 400
+
+
+@pytest.mark.parametrize("alpha", [1.999, 1.9999, 1.99999, 2.0])
+def test_an_oscillation_that_hardly_decays_keeps_its_phase(alpha):
+    """Over 600 radians the kernel, next to constant, must be known better than the tolerance."""
+    sol = hd.solve(proportional(hd.Caputo(alpha), 1.0, [1.0, 0.0]), 600.0, rtol=1e-10)
+    right = exact.relaxation(alpha, 1.0, np.array([[1.0], [0.0]]))
+    t = np.linspace(0.0, 600.0, 500)
+    assert np.abs(sol(t) - right(t)).max() < 0.1e-10
+
+
+def test_tiny_orders_beside_orders_just_above_1():
+    """A component of order 0.057 has moved by a tenth of its step at 1e-12 of it.
+
+    D^0.057 y_0 = -rate y_1, where y_1 with orders 1 + 1e-4 and y_2 with 1 + 1e-9 rest: it is
+    y_0(0) - rate y_1 t^0.057 / Gamma(1.057).
+    """
+    order, rate, resting = 0.05684891654585258, 0.3, 0.5
+    orders = hd.Caputo([order, 1.0001, 1.000000001])
+
+    def rhs(t, y, dy, p):
+        dy[0], dy[1], dy[2] = -p[0] * y[1], 0.0, 0.0
+
+    equation = hd.Equation(orders, rhs, [[1.0, resting, 0.2], [0.0, 0.0, 0.0]], params=[rate])
+    sol = hd.solve(equation, 2.0, rtol=1e-8)
+    t = sol.t[1] * np.geomspace(1e-14, 1.0, 40)
+    right = 1.0 - rate * resting * t**order / gamma(1 + order)
+    assert np.abs(sol(t)[:, 0] - right).max() < 1e-8

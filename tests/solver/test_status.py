@@ -100,3 +100,15 @@ def test_a_kernel_that_fails_is_not_told_as_the_right_hand_side():
         with pytest.warns(hd.SolveWarning, match="ValueError: no force so late"):
             sol = hd.solve(fails.replace(terms=terms, params=params), 1.0, rtol=1e-4)
         assert sol.status is hd.Status.RHS_FAILED
+
+
+@pytest.mark.parametrize(("order", "rtol"), [(0.6, 1e-4), (0.8, 1e-6), (1.5, 1e-6), (1.8, 1e-10)])
+def test_a_relay_does_not_blow_up_where_the_solution_crosses_zero(order, rtol):
+    """There y grows in no time from nothing; it never gets to be as large as it was."""
+    y0 = [1.0, 0.0][: 1 + (order > 1)]
+    for size in (0.3, 1.0, 3.0):
+        params, relay = [size], hd.Caputo(order)
+        equation = hd.Equation(relay, lambda t, y, p: -p[0] * np.sign(y) - y, y0, params=params)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", hd.SolveWarning)
+            assert hd.solve(equation, 20.0, rtol=rtol).status != "blown_up"

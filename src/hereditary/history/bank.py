@@ -24,6 +24,9 @@ _BELOW, _BELOW_OF_VALUES = 1e-9, 0.1
 # The latter are fitted this many times closer, and rates that are gone by then become part of the
 # point mass: next to its first time a fit may weigh such a rate by any number.
 _GONE = 35.0
+# Kernels next to constant are fitted as if to the tolerance of what they vary by, exponents from
+# here on as they are: an oscillation that hardly decays adds up what they err by.
+_VARYING, _LEAST_TOL = 0.05, 1e-17
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +59,7 @@ class Bank:
     def closer(self, closest: float) -> Bank:
         """A bank that reaches down to `closest`; its first rates are those of this one."""
         exponents = _exponents(self.orders)
-        spacing = grid_spacing(exponents, self.tol, self.share)
+        spacing = grid_spacing(exponents, _sharpened(exponents, self.tol), self.share)
         if not np.isfinite(spacing):  # constant kernels alone
             return open_bank(self.orders, closest, self.farthest, self.tol)
         factor = math.exp(spacing * math.ceil(math.log(self.closest / closest) / spacing))
@@ -70,7 +73,8 @@ class Bank:
 
 def open_bank(orders, closest, farthest, tol, share=None):
     """The bank of these kernels between two distances; of the grid that a share of tol sets."""
-    fit = fit_unit(_exponents(orders), farthest / closest, tol, share)
+    exponents = _exponents(orders)
+    fit = fit_unit(exponents, farthest / closest, _sharpened(exponents, tol), share)
     a = np.array(orders)[:, None]
     return Bank(
         tuple(orders),
@@ -159,6 +163,12 @@ def _finest(kernel, t_min, t_max, tol):
         except ValueError:
             continue
     return kernel.fit(t_min, t_max, 1e3 * tol)
+
+
+def _sharpened(exponents, tol):
+    """The tolerance that kernels of these exponents are fitted to."""
+    least = min((a for a in exponents if a > 0), default=1.0)
+    return tol * min(1.0, max(least / _VARYING, _LEAST_TOL / tol))
 
 
 def _exponents(orders):
