@@ -210,9 +210,10 @@ class Truth:
         a, c, matrix = self.orders, self.coefficients, self.matrix
         if len(a) == 1 and np.ptp(a) == 0 and np.ptp(c) == 0:
             values = np.linalg.eigvals(matrix / c[0, 0]).astype(complex)
-            upper = np.log(values[(values != 0) & (values.imag >= 0)]) / a[0, 0]
-            upper.imag = np.abs(upper.imag)  # log(-1 - 0j)
-            return np.concatenate([upper, upper[upper.imag > 0].conj()])
+            logs = np.log(values[values != 0])
+            # above order 1 an eigenvalue may have a pole on either side of the axis
+            found = np.concatenate([logs + turn for turn in (-2j * np.pi, 0, 2j * np.pi)]) / a[0, 0]
+            return found[np.abs(found.imag) < np.pi]
         if np.array_equal(matrix, np.triu(matrix)):
             parts = [_roots(a[:, i], c[:, i], -matrix[i, i]) for i in range(self.d)]
             return np.concatenate(parts)

@@ -70,3 +70,13 @@ def test_the_judge_sees_an_error_beyond_the_tolerance_and_none_within():
     row = judged(other)
     assert row["verdict"] == WRONG
     assert 2.5 < row["ratio"] < 3.5
+
+
+def test_truth_of_a_pair_has_all_of_its_poles():
+    """Above order 1 an eigenvalue far from the positive axis has two, one of each turn."""
+    matrix, rows = np.array([[-3.0, 0.5], [-0.5, -3.0]]), np.array([[1.0, 0.2], [-0.7, 2.0]])
+    truth = Truth(np.full((1, 2), 1.85), np.ones((1, 2)), matrix, rows)
+    assert len(truth.poles) == 4
+    for t in (0.3, 2.0, 10.0):
+        off = np.abs(truth(np.array([t]))[0] - second_opinion(truth, t))
+        assert off.max() < 1e-14

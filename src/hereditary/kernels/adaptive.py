@@ -270,9 +270,10 @@ def orbit_ratio(
     if values.shape[1] > SLOPE:
         slopes(h, inverse, p[0], values[0, PRIMARY], values[0, SLOPE])
     estimate(h, channels, orders, legendre, local, drivers, values[0], newton, errors)
-    seen = over_tolerance(h, errors, values[0], second, largest, p0[0], rtol, atol)
+    end = run[0][5] + run[0][0] + h
+    seen = over_tolerance(h, end, errors, values[0], second, largest, p0[0], rtol, atol)
     add_unseen(off, drivers, newton, errors)
-    ratio = over_tolerance(h, errors, values[0], second, largest, p0[0], rtol, atol)
+    ratio = over_tolerance(h, end, errors, values[0], second, largest, p0[0], rtol, atol)
     return ratio, seen <= 1.0 and not ratio <= 1.0, True
 
 

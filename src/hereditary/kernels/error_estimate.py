@@ -133,21 +133,23 @@ def worst_tangent(h, channels, orders, legendre, local, drivers, values, newton,
 
 
 @kernel
-def over_tolerance(h, errors, values, second, largest, p0, rtol, atol):
+def over_tolerance(h, end, errors, values, second, largest, p0, rtol, atol):
     """Largest ratio of an error to its tolerance, over y and, where it is unknown, y'.
 
     p is p(0) and what the modes take from it again: it is known to the rounding of p(0) alone.
+    A velocity may err absolutely by what moves y as far as y may err until the step's end: over
+    long times that is little.
     """
     worst = 0.0
     for c in range(errors.shape[0]):
-        size_p, size_x = 0.0, 0.0
+        size_p, size_x, least = 0.0, 0.0, atol
         for i in range(values.shape[2]):
             size_p = max(size_p, abs(values[PRIMARY, c, i]))
             size_x = max(size_x, abs(values[POSITION, c, i]))
         if second[c] == 1:
-            size_p = max(size_p, largest[c])
+            size_p, least = max(size_p, largest[c]), atol / max(1.0, end)
             worst = max(worst, h * errors[c] / (atol + rtol * size_x))
-        worst = max(worst, errors[c] / max(atol + rtol * size_p, _ROUNDING * abs(p0[c])))
+        worst = max(worst, errors[c] / max(least + rtol * size_p, _ROUNDING * abs(p0[c])))
         if not errors[c] < np.inf:
             return np.inf
     return worst

@@ -22,7 +22,7 @@ _CUT = 1e-14
 # so small that its power is: more functions then, instead.
 _TINY = 0.12
 # Nodes lie at the points of tiny generators that are this many times larger than another.
-_FURTHER = 3.0
+_FURTHER = 30.0
 # How many functions: as a rule, with a tiny generator, and where that is bent in several ways.
 _SIZE, _SIZE_IF_TINY, _SIZE_IF_BENT = 18, 24, 48
 # At most so many bends, none for drives below this.
@@ -64,14 +64,8 @@ class PowerBasis:
         ]
         self._degrees = _smallest_sums(self._variables, max(n_bent, 1), size)
         # Functions of several generators are nearly dependent: twice as many values tame that. They
-        # lie at Chebyshev points of t**g, for the smallest g, as it is bent, and, where that is
-        # tiny, for all tiny ones well above each other and the first that is not; by logarithms,
-        # for t itself may be too small for a float.
-        scales = self._variables[: max(n_bent, 1)]
-        for variable in self._variables[len(scales) :]:
-            last = scales[-1][0]
-            if last < _TINY and variable[0] > min(_TINY, _FURTHER * last):
-                scales = [*scales, variable]
+        # lie at Chebyshev points of several t**g; by logarithms, for t may be no float.
+        scales = _scales(self._variables, max(n_bent, 1))
         n = size * min(2, len(generators)) // len(scales)
         even, odd = np.arange(1, n + 1) / n, (np.arange(n) + 0.5) / n
         logs = [
@@ -188,6 +182,20 @@ def _polynomials(log_t, g, c, highest, differentiated):
         slopes = slopes * fading[:, None] - values * c / (2 * (1 + c))
         return np.hstack([np.zeros((x.size, 1)), slopes])
     return np.hstack([np.ones((x.size, 1)), values * fading[:, None]]) if c else values
+
+
+def _scales(variables, n_first):
+    """Variables that nodes crowd towards 0 with: the first, and, if tiny, more of ever less haste.
+
+    All tiny ones well above each other, what bounds these, and the first that is not tiny.
+    """
+    scales, others = variables[:n_first], variables[n_first:]
+    if scales[0][0] >= _TINY:
+        return scales
+    for variable in [v for v in others if v[0] < _TINY] + [(_TINY, 0.0)]:
+        if variable[0] > _FURTHER * scales[-1][0]:
+            scales = [*scales, variable]
+    return scales + [v for v in others if v[0] >= _TINY][:1]
 
 
 def _log(t):

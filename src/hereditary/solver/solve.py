@@ -56,8 +56,9 @@ def solve(
         out, or give a number that agrees, counted either from 0 or from the state.
     rtol, atol : float, optional
         Tolerances of `Collocation`, which chooses its own steps: errors of y, and of y' where the
-        order exceeds 1, stay about ``atol + rtol * size``. rtol is 1e-6 by default and at least
-        1e-12, atol a hundredth of rtol; when resuming, both are the state's.
+        order exceeds 1, stay about ``atol + rtol * size``, with atol / max(1, t) for y'. rtol is
+        1e-6 by default and at least 1e-12, atol a hundredth of rtol; when resuming, both are
+        the state's.
     mesh : Graded or array_like, shape (n+1,), optional
         Instead of n_steps: ``graded(n, exponent)`` or times that increase from 0 to t_end. For L1,
         L2 and L2Sigma with orders up to 1 (L2Sigma also above), with Direct or SumOfExponentials;
