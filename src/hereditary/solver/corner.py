@@ -12,8 +12,8 @@ from .strands import rows
 
 # A step that is refused is made this many times smaller; so often with bent functions.
 _SHORTER, _BENT_TRIALS = 0.3, 12
-# Share of the tolerance by which the functions themselves may err, which nothing integrates.
-_SHARE = 0.1
+# What the functions themselves err by, which nothing integrates, counts by this.
+_SHARE = 0.25
 
 
 class Corner:
