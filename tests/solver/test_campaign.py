@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from campaign_kinds import problem
-from campaign_verdicts import OK, WRONG, judged
+from campaign_verdicts import OK, TRUE, WRONG, judged
 from laplace_truth import Force, Truth, second_opinion
 
 from hereditary import exact
@@ -80,3 +80,21 @@ def test_truth_of_a_pair_has_all_of_its_poles():
     for t in (0.3, 2.0, 10.0):
         off = np.abs(truth(np.array([t]))[0] - second_opinion(truth, t))
         assert off.max() < 1e-14
+
+
+# Seed and number of problems that were at fault once, and what they are to be judged now.
+ONCE_AT_FAULT = [
+    (0, 384, OK),  # y next to t = 0: a tiny order beside orders just above 1
+    (0, 313, OK),  # y' there
+    (1, 493, OK),  # y there, between the nodes of a tiny order and those of t
+    (2, 44, OK),  # y' at t = 0, as the basis shows it
+    (0, 188, TRUE),  # a set of rates that could not be prolonged
+    (0, 136, TRUE),  # a relay at zero told as blown up
+    (1, 456, OK),  # y' that may err absolutely by as much as y, for a million units of time
+    (3, 36, OK),  # a jump between the start of a step and its first node
+]
+
+
+@pytest.mark.parametrize(("seed", "k", "verdict"), ONCE_AT_FAULT)
+def test_problems_once_at_fault(seed, k, verdict):
+    assert judged(problem(seed, k))["verdict"] == verdict

@@ -65,7 +65,8 @@ def off_nodes(rhs, params, times, h, looks, x_start, second, values, off):
     """How far f is from its polynomial, where the solution's is between the nodes, (d,).
 
     A right-hand side that jumps, or that comes and goes between the nodes, shows there alone. Both
-    polynomials are those through the nodes: a linear f is none off its own.
+    polynomials are those through the nodes: a linear f is none off its own. At the start, the first
+    of the times, f is that of the start itself.
     """
     # times (m,), looks: risen, extended (m, s), x_start (d,), values (3 or 4, d, s)
     risen, extended = looks
@@ -74,7 +75,9 @@ def off_nodes(rhs, params, times, h, looks, x_start, second, values, off):
     for i in range(times.shape[0]):
         for c in range(d):
             total = 0.0
-            if second[c] == 0:
+            if i == 0:
+                total = x_start[c]
+            elif second[c] == 0:
                 for j in range(s):
                     total += extended[i, j] * values[PRIMARY, c, j]
             else:
