@@ -117,7 +117,7 @@ class Past:
     def __init__(self, form, initial):
         assert not form.offset_of.any()  # P3 to P6 have none
         self._orders, self._initial, self._steps = form.orders, initial, []
-        self.rows = [(int(c), int(q), int(k), kappa) for c, q, k, kappa in form.channels]
+        self.rows = [(int(c), int(q), int(k), kappa) for c, q, k, kappa in form.terms.tolist()]
 
     def add(self, start, length, at, end):
         """Take in a step: `at(u)` (3, d, k) are f, p and y at u in [0, 1], `end` those at 1."""
@@ -184,7 +184,7 @@ def stages(equation, form, t, h, base, y, p):
     """f, p and y at the nodes of a step, (3, d, s), by Newton's method from p."""
     d, s = p.shape
     operators, second = np.zeros((2, d, s, s)), form.second == 1
-    for c, q, k, kappa in form.channels:  # y itself is no driver in P3 to P6
+    for c, q, k, kappa in form.terms.tolist():  # y itself is no driver in P3 to P6
         a = form.orders[int(k)]
         operators[int(q), int(c)] += kappa * h**a * radau_integrals(s, a)
     whole = h * radau_integrals(s, 1.0)
@@ -194,7 +194,7 @@ def stages(equation, form, t, h, base, y, p):
         x = np.where(second[:, None], y[:, None] + p @ whole.T, p)
         for j, row in enumerate(np.ascontiguousarray(x.T)):
             out = np.empty(d)
-            equation._rhs(t[j], row, out, equation.params)
+            equation._rhs(t[j], row, out, equation._params)
             f[:, j] = out
         if sweep == 0:
             slopes = np.array([equation.jacobian(t[j], x[:, j].copy()) for j in range(s)])

@@ -19,6 +19,7 @@ from hereditary.kernels.mode_tables import (
     read_modes,
     slot_of,
 )
+from hereditary.kernels.structures import TERM, Equations, ExponentialBasis, StepTables
 from hereditary.schemes.quadrature import radau_nodes, to_legendre
 
 # Between neighbours of the grid lies a factor of 2**(1/8); its lengths are rounded up to 13 digits.
@@ -78,27 +79,28 @@ WEIGHTS, MASS = np.array([2.0, 0.0, 1.0, 0.5, 3.0, 0.0]), 0.25
 def empty_tables(s):
     n = RATES.size
     shapes = ((SLOTS, n, s), (SLOTS, n), (SLOTS, s, n), (SLOTS, 1, s, s))
-    return (np.zeros(SLOTS), *(np.full(shape, np.nan) for shape in shapes))
+    return StepTables(np.zeros(SLOTS), *(np.full(shape, np.nan) for shape in shapes))
 
 
-def bank(s):
+def basis(s):
     """The rates with a fractional integral, which has no part in this, and the general kernel."""
     nodes = radau_nodes(s)
     cardinal = np.linalg.inv(legvander(2 * nodes - 1, s - 1))
     # values at the nodes, to values at c times the nodes, to coefficients on [0, c]
     points = [legvander(2 * c * nodes - 1, s - 1) @ cardinal for c in nodes]
     transforms = np.array([cardinal @ at for at in points])
-    return RATES, np.array([np.ones(RATES.size), WEIGHTS]), np.array([MASS]), transforms
+    weights = np.array([np.ones(RATES.size), WEIGHTS])
+    return ExponentialBasis(RATES, weights, np.array([MASS]), transforms)
 
 
 def slot_for(h, tables):
-    s = tables[1].shape[2]
-    return slot_of(h, radau_nodes(s).copy(), bank(s), tables)
+    s = tables.reads.shape[2]
+    return slot_of(h, radau_nodes(s).copy(), basis(s), tables)
 
 
 def check_slot(h, tables):
     """The slot holds the factors of this length."""
-    nodes, slot = radau_nodes(tables[1].shape[2]), slot_for(h, tables)
+    nodes, slot = radau_nodes(tables.reads.shape[2]), slot_for(h, tables)
     lengths, reads, keeps, moments, _ = tables
     assert lengths[slot] == h
     np.testing.assert_allclose(reads[slot], np.exp(-np.outer(RATES, h * nodes)), rtol=1e-15)
@@ -194,11 +196,13 @@ def test_a_mode_of_a_polynomial_is_its_integral():
 
 def test_weights_of_the_integrals_add_up():
     """Two integrals drive component 0, one of them less an offset, and one component 1."""
-    channels = np.array([[0, 0, 0, 2.0], [0, 1, 1, -3.0], [1, 0, 1, 0.5]])
+    listed = [(0, 0, 0, 2.0), (0, 1, 1, -3.0), (1, 0, 1, 0.5)]
+    terms = np.array(listed, dtype=TERM).view(np.recarray)
     offsets, weights = np.array([[0.0, 4.0, 0.0], [0.0, 5.0, 0.0]]), np.array([[1.0, 2], [3, 7]])
     driven, idle = np.full((2, 3, 2), np.nan), np.full((2, 2, 2), np.nan)
     none = np.zeros(0, dtype=np.int64)
-    combined_weights(channels, offsets, weights, none, np.zeros(2), driven, idle)
+    equations = Equations(terms, np.zeros(2), none, offsets, none, none)
+    combined_weights(equations, weights, np.zeros(2), driven, idle)
     assert driven.tolist() == [[[2, 4], [-9, -21], [0, 0]], [[1.5, 3.5], [0, 0], [0, 0]]]
     assert idle.tolist() == [[[36, 84], [0, 0]], [[45, 105], [0, 0]]]
 

@@ -440,7 +440,7 @@ def test_tables_of_orders(a, h):
     a = [1 - (1 - value) if value > 1e-14 else 0.0 for value in a]
     times = h * np.array(OrderTables((), 4)._nodes)
     tables = OrderTables((VaryingOrder(order, 1),), 4)
-    tables.known[2:] = 0.0, h
+    tables.known.next_start, tables.known.next_length = 0.0, h
     tables.tell(strands := Strands(), 0.0, 2 * h)
     for i in range(4):
         expected = h ** a[i] * radau_integrals(4, a[i])[i]

@@ -1,11 +1,9 @@
 """The adaptive march of collocation steps (floor 1)."""
 
 import numpy as np
-from numba import types
 
-from .._jit import CUBE, CUBES, F8, I8, IVEC, MAT, VEC, entry, kernel
+from .._jit import I8, VEC, entry, kernel
 from .collocation import (
-    FORCE,
     POSITION,
     PRIMARY,
     SLOPE,
@@ -15,11 +13,13 @@ from .collocation import (
     slopes,
     solve_stages,
     solve_tangents,
+    step_operators,
     take_from_forces,
 )
 from .error_estimate import add_unseen, estimate, off_nodes, over_tolerance, worst_tangent
-from .mode_tables import BANK, TABLES, combined_weights, move_modes, on_grid, read_modes, slot_of
+from .mode_tables import combined_weights, move_modes, on_grid, read_modes, slot_of
 from .signatures import JAC, RHS
+from .structures import BASIS, EQUATIONS, LIMITS, RULE, RUN, STEPS, STRANDS, TABLES, VARYING
 
 # How a march ended: at its stop, with its rows full, where the modes do not reach close enough,
 # where no step is small enough for the error or for Newton's method, where it is to be told of the
@@ -32,95 +32,71 @@ _DORMANT = 1e-3
 # Highest degree that is extrapolated for a first guess.
 _GUESS = 3
 
-# Strands are the orbit and then k tangents.
-# channels, orders, whether second (d,), offsets (1 + k, n), whether implicit (d,), drivers with
-# orders that vary
-FORM = types.Tuple((MAT, VEC, IVEC, MAT, IVEC, IVEC))
-# nodes (s,), integrals (n_a, s, s), values to Legendre coefficients (s, s), inverse of the last
-# integrals (s, s); points off the nodes (m,) and, at them, the integral of the polynomial through
-# the nodes, and that itself (m, s)
-RULE = types.Tuple((VEC, CUBE, MAT, MAT, VEC, MAT, MAT))
-# what a step knows of n_v orders that vary: start and length it holds for, and those wanted (4,);
-# integrals (n_v, s, s), weights of modes at the nodes (n_v, M, s), 1 for such modes (M,)
-VARYING = types.Tuple((VEC, CUBE, CUBE, VEC))
-# clock [time since origin, h, last step, closest distance, whether it was refused, origin], notes,
-# steps [accepted, rejected, those for what f is off its nodes], largest |p| of velocities (d,); for
-# all strands p0, x, p (1 + k, d), modes now and before the last step (1 + k, R, M), and f, p, x, p'
-# at the last step's nodes (1 + k, 3 or 4, d, s)
-RUN = types.Tuple((VEC, VEC, IVEC, VEC, MAT, MAT, MAT, CUBE, CUBE, CUBES))
-# starts and lengths of steps (k,), p at the nodes (k, d, s), y and p at the start (k, 2 d), error
-# over tolerance (k,)
-TRACK = types.Tuple((VEC, VEC, CUBE, MAT, VEC))
 
-
-@entry(RHS, JAC, I8, VEC, FORM, RULE, BANK, TABLES, VARYING, RUN, TRACK, F8, VEC, F8, F8)
+@entry(RHS, JAC, I8, VEC, EQUATIONS, RULE, BASIS, TABLES, VARYING, STRANDS, RUN, STEPS, LIMITS)
 def march_adaptive(
-    rhs, jac, has_jac, params, form, rule, bank, tables, varying, run, track, t_stop, longest,
-    rtol, atol,
-):  # fmt: skip
-    """March to t_stop; the number of rows and how it ended.
-
-    longest (2,): the longest step, and the longest where nothing happens.
-    """
-    channels, orders, second, offsets, implicit, raw = form
-    nodes, singular, legendre, inverse = rule[:4]
-    clock, _, steps, largest, p0, x, p, modes, before, last = run
-    starts, lengths, rows, begins, ratios = track
-    d, s, n_strands = x.shape[1], nodes.shape[0], x.shape[0]
-    drivers, constant, jumps, base, values, newton = step_room(form, run)
-    driven, idle = weights_of_modes(form, bank, varying, run)
-    lowest, row, rejected, made = lowest_order(channels, orders), 0, clock[4] == 1.0, -1.0
-    end = t_stop - clock[5]
-    while clock[0] < end:
-        if row == starts.shape[0]:
+    rhs, jac, has_jac, params, equations, rule, basis, tables, varying, strands, run, steps, limits
+):
+    """March to where `limits` says; return the number of rows filled and how it ended."""
+    nodes, legendre = rule.nodes, rule.legendre
+    control, counts = run.control, run.counts
+    s, n_strands = nodes.shape[0], strands.x.shape[0]
+    n_rows = strands.modes.shape[1] - equations.raw.shape[0] * strands.x.shape[1]
+    operators, base = step_operators(n_strands, n_rows, s), np.empty((n_strands, n_rows, s))
+    values, newton = np.empty(strands.last.shape), newton_room(strands.x.shape[1], s)
+    driven, idle = weights_of_modes(equations, basis, varying, strands)
+    lowest, row, made = lowest_order(equations), 0, -1.0
+    rejected, end = control.refused == 1.0, limits.stop - control.origin
+    while control.time < end:
+        if row == steps.starts.shape[0]:
             return row, FULL
-        t, left, h = next_step(clock, end)
+        t, left, h = next_step(control, end)
         if not t + 0.01 * h > t:
             return row, TOO_ROUGH
-        if nodes[0] * h < clock[3]:
+        if nodes[0] * h < control.closest:
             return row, TOO_CLOSE
         if not told(t, h, varying):
             return row, UNTOLD
-        slot = slot_of(h, nodes, bank, tables)
-        local = tables[4][slot]
-        if h != made or raw.shape[0] > 0:
-            local[local.shape[0] - varying[1].shape[0] :] = varying[1]
-            local_operators(
-                h, d, channels, offsets, orders, implicit, singular, inverse, local, drivers, jumps,
-                constant,
-            )  # fmt: skip
+        slot = slot_of(h, nodes, basis, tables)
+        local = tables.local[slot]
+        if h != made or equations.raw.shape[0] > 0:
+            local[local.shape[0] - varying.integrals.shape[0] :] = varying.integrals
+            local_operators(h, equations, rule.integrals, rule.inverse, local, operators)
         made = h
-        known_part(modes, tables[1][slot], p0, p, form, varying, constant, drivers, jumps, base)
-        times = times_inside(clock[5], t, h, nodes, t_stop)
-        guess(nodes, legendre, last[0, PRIMARY], h, clock[2], p[0], values[0, PRIMARY])
-        looks = times_inside(clock[5], t, h, rule[4], t_stop)
+        known_part(strands, tables.reads[slot], equations, varying, operators, base)
+        times = times_inside(control.origin, t, h, nodes, limits.stop)
+        last = strands.last[0, PRIMARY]
+        guess(nodes, legendre, last, h, control.last, strands.p[0], values[0, PRIMARY])
+        looks = times_inside(control.origin, t, h, rule.points, limits.stop)
         ratio, unseen, solved = orbit_ratio(
-            rhs, jac, has_jac, params, times, looks, h, base, form, rule, drivers, local, values,
-            run, newton, rtol, atol,
+            rhs, jac, has_jac, params, times, looks, h, base, equations, rule, operators.matrices,
+            local, values, strands, run, newton, limits,
         )  # fmt: skip
         if ratio <= 1.0 and n_strands > 1:
             more = tangents_ratio(
-                rhs, jac, has_jac, params, times, h, base, form, rule, drivers, local, values, run,
-                newton, rtol,
+                rhs, jac, has_jac, params, times, h, base, equations, rule, operators.matrices,
+                local, values, strands, run, newton, limits,
             )  # fmt: skip
             ratio, solved = max(ratio, more), more < np.inf
-        most = longest[1] if ratio < _DORMANT else longest[0]
-        clock[1] = min(next_length(h, clock[1], ratio, rejected, s + lowest), on_grid(most))
+        most = limits.longest_idle if ratio < _DORMANT else limits.longest
+        control.next = min(next_length(h, control.next, ratio, rejected, s + lowest), on_grid(most))
         rejected = not ratio <= 1.0
-        clock[4] = 1.0 if rejected else 0.0
-        steps[int(rejected)] += 1
+        control.refused = 1.0 if rejected else 0.0
         if rejected:
-            steps[2] += int(unseen)
-            if not t + 0.01 * clock[1] > t:
+            counts.refused += 1
+            counts.off_nodes += int(unseen)
+            if not t + 0.01 * control.next > t:
                 return row, why_no_step(unseen, solved)
             continue
-        starts[row], lengths[row], ratios[row] = clock[5] + t, h, ratio
-        keep_row(values[0], x[0], p[0], second, largest, rows[row], begins[row])
-        fold(bank[0], modes, p0)
-        before[:], last[:] = modes, values
-        move_on(h, tables[2][slot], tables[3][slot], driven, idle, legendre, values, x, p, modes)
+        counts.accepted += 1
+        steps.starts[row], steps.lengths[row] = control.origin + t, h
+        steps.errors[row] = ratio
+        keep_row(values[0], strands, equations.second, run.largest, steps.p[row], steps.begins[row])
+        fold(basis.rates, strands)
+        strands.before[:], strands.last[:] = strands.modes, values
+        move_on(h, tables.keeps[slot], tables.moments[slot], driven, idle, legendre, strands)
         row += 1
-        clock[0], clock[2] = (end if h == left else t + h), h
+        control.time, control.last = (end if h == left else t + h), h
     return row, REACHED
 
 
@@ -133,28 +109,12 @@ def why_no_step(unseen, solved):
 
 
 @kernel
-def step_room(form, run):
-    """Room for matrices, what is known, values at the nodes, and Newton's matrix."""
-    _, d, s = run[9].shape[1:]
-    n_rows, n_strands = run[7].shape[1] - form[5].shape[0] * d, run[5].shape[0]
-    return (
-        np.empty((3 * n_rows, s, s)),
-        np.empty((n_strands, n_rows, s)),
-        np.empty((n_rows, s)),
-        np.empty((n_strands, n_rows, s)),
-        np.empty(run[9].shape),
-        newton_room(d, s),
-    )
-
-
-@kernel
-def weights_of_modes(form, bank, varying, run):
-    """With which every row's modes take in its drivers, and 1."""
-    channels, _, _, offsets, _, raw = form
-    modes, last = run[7], run[9]
+def weights_of_modes(equations, basis, varying, strands):
+    """Return the weights with which every row's modes take in its integrands, and 1."""
+    modes, last = strands.modes, strands.last
     driven = np.empty((modes.shape[1], last.shape[1], modes.shape[2]))
     idle = np.empty(modes.shape)
-    combined_weights(channels, offsets, bank[1], raw, varying[3], driven, idle)
+    combined_weights(equations, basis.weights, varying.own, driven, idle)
     return driven, idle
 
 
@@ -166,55 +126,59 @@ def times_inside(origin, t, h, nodes, t_stop):
 
 
 @kernel
-def next_step(clock, end):
-    """Start of the next step, time left, and the step's length: no crumb is left at the end."""
-    left = end - clock[0]
-    return clock[0], left, left if clock[1] >= left else min(clock[1], 0.5 * left)
+def next_step(control, end):
+    """Return start of the next step, time left, and its length: no crumb is left at the end."""
+    left = end - control.time
+    h = left if control.next >= left else min(control.next, 0.5 * left)
+    return control.time, left, h
 
 
 @kernel
 def told(t, h, varying):
     """Whether the orders that vary are known for this step; if not, it is noted as wanted."""
-    known = varying[0]
-    if varying[1].shape[0] == 0 or (known[0] == t and known[1] == h):
+    known = varying.known
+    if varying.integrals.shape[0] == 0 or (known.start == t and known.length == h):
         return True
-    known[2], known[3] = t, h
+    known.next_start, known.next_length = t, h
     return False
 
 
 @kernel
-def known_part(modes, reads, p0, p, form, varying, constant, drivers, jumps, base):
-    """What every strand's rows are made of besides the step itself, (1 + k, R, s)."""
-    d = p0.shape[1]
+def known_part(strands, reads, equations, varying, operators, base):
+    """Set what every strand's rows are made of besides the step itself, (1 + k, R, s)."""
+    initial, p, modes = strands.initial, strands.p, strands.modes
+    d = p.shape[1]
     for strand in range(base.shape[0]):
         read_modes(modes[strand], reads, base[strand])
-        if varying[1].shape[0] > 0:
-            read_varying(modes[strand], reads, form, varying, base[strand])
+        if varying.integrals.shape[0] > 0:
+            read_varying(modes[strand], reads, equations, varying, base[strand])
         for c in range(base.shape[1]):
             for i in range(base.shape[2]):
-                base[strand, c, i] += constant[strand, c, i] + jumps[c, i] * p[strand, c % d]
+                base[strand, c, i] += operators.constant[strand, c, i]
+                base[strand, c, i] += operators.starts[c, i] * p[strand, c % d]
                 if c < d:
-                    base[strand, c, i] += p0[strand, c]
-    fold_known(d, drivers, base)
+                    base[strand, c, i] += initial[strand, c]
+    fold_known(d, operators.matrices, base)
 
 
 @kernel
-def read_varying(modes, reads, form, varying, out):
-    """The past of orders that vary: modes without weights, by the weights at each node."""
+def read_varying(modes, reads, equations, varying, out):
+    """Add the past of orders that vary: modes without weights, by the weights at each node."""
     # modes (R, M), reads (M, s), out (R, s)
-    channels, _, second, _, _, raw = form
-    weights, d = varying[2], second.shape[0]
-    first = int(np.max(channels[:, 2])) + 1 - weights.shape[0]  # their indices are the last
-    for row in range(channels.shape[0]):
-        k = int(channels[row, 2]) - first
+    terms, weights, raw = equations.terms, varying.weights, equations.raw
+    d, first = equations.second.shape[0], 1 - weights.shape[0]
+    for n in range(terms.shape[0]):  # their indices are the last
+        first = max(first, terms[n].index + 1 - weights.shape[0])
+    for n in range(terms.shape[0]):
+        k = terms[n].index - first
         if k < 0:
             continue
-        c = int(channels[row, 0])
+        c, q = terms[n].row, terms[n].integrand
         for b in range(raw.shape[0]):
-            if raw[b] != int(channels[row, 1]):
+            if raw[b] != q:
                 continue
             for m in range(reads.shape[0]):
-                held = channels[row, 3] * modes[(2 + b) * d + c % d, m]
+                held = terms[n].coefficient * modes[(2 + b) * d + c % d, m]
                 for i in range(reads.shape[1]):
                     out[c, i] += held * weights[k, m, i] * reads[m, i]
 
@@ -234,99 +198,102 @@ def next_length(h, planned, ratio, rejected, order):
 
 
 @kernel
-def lowest_order(channels, orders):
-    """The smallest order of integration."""
-    lowest = 1.0
-    for row in range(channels.shape[0]):
-        if 0 <= channels[row, 2] < orders.shape[0]:
-            lowest = min(lowest, orders[int(channels[row, 2])])
+def lowest_order(equations):
+    """Return the smallest order of integration."""
+    terms, lowest = equations.terms, 1.0
+    for n in range(terms.shape[0]):
+        if 0 <= terms[n].index < equations.orders.shape[0]:
+            lowest = min(lowest, equations.orders[terms[n].index])
     return lowest
 
 
 @kernel
 def orbit_ratio(
-    rhs, jac, has_jac, params, times, looks, h, base, form, rule, drivers, local, values, run,
-    newton, rtol, atol,
+    rhs, jac, has_jac, params, times, looks, h, base, equations, rule, matrices, local, values,
+    strands, run, newton, limits,
 ):  # fmt: skip
     """Solve the step for the orbit.
 
     Returns its error over its tolerance, whether that is too large for what f is off the nodes
     alone, and whether the step was solved.
     """
-    channels, orders, second = form[:3]
-    legendre, inverse, whole = rule[2], rule[3], rule[1][orders.shape[0] - 1]  # of order 1
-    notes, largest, p0, x, p = run[1], run[3], run[4], run[5], run[6]
-    goal = _NEWTON * (atol + rtol * np.maximum(largest, np.abs(p[0])))
+    second, largest, start = equations.second, run.largest, strands.initial[0]
+    rtol, atol = limits.rtol, limits.atol
+    whole = rule.integrals[equations.orders.shape[0] - 1]  # of order 1
+    goal = _NEWTON * (atol + rtol * np.maximum(largest, np.abs(strands.p[0])))
     solved = solve_stages(
-        rhs, jac, has_jac, params, times, h, base[0], x[0], second, drivers, whole, goal,
-        values[0, PRIMARY], values[0, POSITION], values[0, FORCE], notes, newton,
+        rhs, jac, has_jac, params, times, h, base[0], strands.x[0], second, matrices, whole, goal,
+        values[0], run.counts, run.contraction, newton,
     )  # fmt: skip
     if not solved:
         return np.inf, False, False
     errors, off = np.empty(second.shape[0]), np.zeros(second.shape[0])
-    off_nodes(rhs, params, looks, h, rule[5:], x[0], second, values[0], off)
-    notes[0] += looks.shape[0]
-    take_from_forces(second.shape[0], drivers, base, values[:1])
+    off_nodes(rhs, params, looks, h, rule, strands.x[0], second, values[0], limits, off)
+    run.counts.rhs += looks.shape[0]
+    take_from_forces(second.shape[0], matrices, base, values[:1])
     if values.shape[1] > SLOPE:
-        slopes(h, inverse, p[0], values[0, PRIMARY], values[0, SLOPE])
-    estimate(h, channels, orders, legendre, local, drivers, values[0], newton, errors)
-    end = run[0][5] + run[0][0] + h
-    seen = over_tolerance(h, end, errors, values[0], second, largest, p0[0], rtol, atol)
-    add_unseen(off, drivers, newton, errors)
-    ratio = over_tolerance(h, end, errors, values[0], second, largest, p0[0], rtol, atol)
+        slopes(h, rule.inverse, strands.p[0], values[0, PRIMARY], values[0, SLOPE])
+    estimate(h, equations, rule.legendre, local, matrices, values[0], newton, errors)
+    end = run.control.origin + run.control.time + h
+    seen = over_tolerance(h, end, errors, values[0], second, largest, start, rtol, atol)
+    add_unseen(off, matrices, newton, errors)
+    ratio = over_tolerance(h, end, errors, values[0], second, largest, start, rtol, atol)
     return ratio, seen <= 1.0 and not ratio <= 1.0, True
 
 
 @kernel
 def tangents_ratio(
-    rhs, jac, has_jac, params, times, h, base, form, rule, drivers, local, values, run, newton,
-    rtol,
+    rhs, jac, has_jac, params, times, h, base, equations, rule, matrices, local, values, strands,
+    run, newton, limits,
 ):  # fmt: skip
     """Solve the step for the tangents; their largest error over its tolerance, inf if singular."""
-    channels, orders, second = form[:3]
-    legendre, inverse, whole = rule[2], rule[3], rule[1][orders.shape[0] - 1]
-    x, p = run[5], run[6]
+    second, legendre, x, p = equations.second, rule.legendre, strands.x, strands.p
+    whole = rule.integrals[equations.orders.shape[0] - 1]
     if not solve_tangents(
-        rhs, jac, has_jac, params, times, h, base, x, second, drivers, whole, values, run[1]
+        rhs, jac, has_jac, params, times, h, base, x, second, matrices, whole, values, run.counts
     ):
         return np.inf
-    take_from_forces(second.shape[0], drivers, base[1:], values[1:])
+    take_from_forces(second.shape[0], matrices, base[1:], values[1:])
     if values.shape[1] > SLOPE:
         for strand in range(1, x.shape[0]):
-            slopes(h, inverse, p[strand], values[strand, PRIMARY], values[strand, SLOPE])
-    return worst_tangent(h, channels, orders, legendre, local, drivers, values, newton, rtol)
+            slopes(h, rule.inverse, p[strand], values[strand, PRIMARY], values[strand, SLOPE])
+    return worst_tangent(h, equations, legendre, local, matrices, values, newton, limits.rtol)
 
 
 @kernel
-def fold(rates, modes, p0):
+def fold(rates, strands):
     """Let a mode that does not decay be part of p(0).
 
     In a classical equation the two would grow apart, and what they leave of a tangent that decays
     would be lost in their rounding.
     """
     if rates.shape[0] > 0 and rates[0] == 0.0:
-        d = p0.shape[1]
-        p0 += modes[:, :d, 0]
+        initial, modes = strands.initial, strands.modes
+        d = initial.shape[1]
+        initial += modes[:, :d, 0]
         modes[:, :d, 0] = 0.0
 
 
 @kernel
-def move_on(h, keeps, moments, driven, idle, legendre, values, x, p, modes):
-    """Every strand to the end of the step."""
-    for strand in range(x.shape[0]):
-        move_modes(h, keeps, moments, driven, idle[strand], legendre, values[strand], modes[strand])
-        x[strand] = values[strand, POSITION, :, -1]
-        p[strand] = values[strand, PRIMARY, :, -1]
+def move_on(h, keeps, moments, driven, idle, legendre, strands):
+    """Move every strand to the end of the step, whose values at the nodes are its `last`."""
+    values = strands.last
+    for strand in range(values.shape[0]):
+        modes = strands.modes[strand]
+        move_modes(h, keeps, moments, driven, idle[strand], legendre, values[strand], modes)
+        strands.x[strand] = values[strand, POSITION, :, -1]
+        strands.p[strand] = values[strand, PRIMARY, :, -1]
 
 
 @kernel
-def keep_row(values, x, p, second, largest, nodal, begin):
+def keep_row(values, strands, second, largest, nodal, begin):
     """Note a step's start and p at its nodes, and the largest p so far where it is a velocity."""
-    # values (3 or 4, d, s), x, p (d,), nodal (d, s), begin (2 d,)
+    # values (3 or 4, d, s), nodal (d, s), begin (2, d)
+    x, p = strands.x[0], strands.p[0]
     d, s = nodal.shape
     nodal[:] = values[PRIMARY]
     for c in range(d):
-        begin[c], begin[d + c] = x[c], p[c]
+        begin[0, c], begin[1, c] = x[c], p[c]
         for i in range(s):
             if second[c] == 1:
                 largest[c] = max(largest[c], abs(nodal[c, i]))

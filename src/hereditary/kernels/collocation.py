@@ -1,18 +1,19 @@
 """The equations of one collocation step, and their solution (floor 1).
 
 Every component has a primary unknown p, y itself or, for orders above 1, its first derivative v:
-``p(t) = p0 + sum_k kappa_k J**a_k (q_k - o_k)`` with orders 0 < a <= 1 of integration, the driver q
-being f, p or x = y, and constants o. On a step the drivers are polynomials through their values at
-s nodes; their singular integrals over the step are exact, and everything before the step is a sum
-of exponential modes, moved on by exact moments of the polynomials.
+``p(t) = p0 + sum_k kappa_k J**a_k (q_k - o_k)`` with orders 0 < a <= 1 of integration, integrands q
+that are f, p or x = y, and constants o. On a step the integrands are polynomials through their
+values at s nodes; their singular integrals over the step are exact, and everything before the step
+is a sum of exponential modes, moved on by exact moments of the polynomials.
 """
 
 import numpy as np
 
-from .._jit import CUBE, CUBES, F8, I8, IVEC, MAT, VEC, entry, kernel
+from .._jit import CUBE, CUBES, F8, I8, MAT, VEC, entry, kernel
 from .jacobian import jacobian
 from .linalg import factorise, substitute
 from .signatures import JAC, RHS
+from .structures import CONTRACTION_RECORD, COUNTS_RECORD, EQUATIONS, Factors, Operators
 
 # Drivers of the integrals: f, p, y, and p' where it is asked for.
 FORCE, PRIMARY, POSITION, SLOPE = 0, 1, 2, 3
@@ -23,31 +24,26 @@ _SWEEPS = 12
 
 
 @kernel
-def local_operators(
-    h, d, channels, offsets, orders, implicit, singular, inverse, local, drivers, starts, constant
-):  # fmt: skip
-    """What values at the nodes contribute to every row at the nodes, within a step of length h.
+def local_operators(h, equations, integrals, inverse, local, operators):
+    """Set what values at the nodes contribute to every row at the nodes, in a step of length h.
 
-    Row c < d is p of component c, row d + c what is taken from its right-hand side.
-    drivers[3 c + q] is the matrix for driver q of row c, where p' is that of the polynomial through
-    p at the start, whose share is starts[c], and at the nodes; constant[j, c] is what the offsets
-    of strand j take.
+    Row c < d is p of component c, row d + c what is taken from its right-hand side; p' is that of
+    the polynomial through p at the start and at the nodes.
     """
-    # channels (n, 4): row, driver, index of the order or kernel, kappa; offsets (1 + k, n)
-    # orders (n_a,), singular (n_a, s, s), inverse (s, s) of the last of these, local (n_k, s, s),
-    # drivers (3 R, s, s), starts (R, s), constant (1 + k, R, s)
-    drivers[:] = 0.0
-    starts[:] = 0.0
-    constant[:] = 0.0
-    s = constant.shape[2]
-    for row in range(channels.shape[0]):
-        c, q, k = int(channels[row, 0]), int(channels[row, 1]), int(channels[row, 2])
-        factor = channels[row, 3]
-        own = singular[0]
+    # integrals (n_a, s, s), inverse (s, s) of the last of these, local (n_k, s, s)
+    terms, orders, offsets = equations.terms, equations.orders, equations.offsets
+    operators.matrices[:] = 0.0
+    operators.starts[:] = 0.0
+    operators.constant[:] = 0.0
+    s, d = operators.constant.shape[2], equations.second.shape[0]
+    for n in range(terms.shape[0]):
+        c, q, k = terms[n].row, terms[n].integrand, terms[n].index
+        factor = terms[n].coefficient
+        own = integrals[0]
         if k >= orders.shape[0]:
             own = local[k - orders.shape[0]]
         elif k >= 0:
-            own = singular[k]
+            own = integrals[k]
             factor *= h ** orders[k]
         for i in range(s):
             for j in range(s):
@@ -56,26 +52,26 @@ def local_operators(
                     share = factor if i == j else 0.0
                 if q == SLOPE:
                     for e in range(s):
-                        drivers[3 * c + PRIMARY, i, e] += share * inverse[j, e] / h
-                        starts[c, i] -= share * inverse[j, e] / h
+                        operators.matrices[c, PRIMARY, i, e] += share * inverse[j, e] / h
+                        operators.starts[c, i] -= share * inverse[j, e] / h
                     continue
-                drivers[3 * c + q, i, j] += share
+                operators.matrices[c, q, i, j] += share
                 for strand in range(offsets.shape[0]):
-                    constant[strand, c, i] -= share * offsets[strand, row]
+                    operators.constant[strand, c, i] -= share * offsets[strand, n]
     for c in range(d):
-        if implicit[c] == 1:
-            equate(d, c, drivers)
-    fold_operators(d, drivers)
+        if equations.implicit[c] == 1:
+            equate(d, c, operators.matrices)
+    fold_operators(d, operators.matrices)
 
 
 @kernel
-def equate(d, c, drivers):
+def equate(d, c, matrices):
     """Let row c be p plus right-hand side less terms, in units of p."""
-    s = drivers.shape[1]
-    size = abs(drivers[3 * (d + c) + PRIMARY, s - 1, s - 1])
+    s = matrices.shape[2]
+    size = abs(matrices[d + c, PRIMARY, s - 1, s - 1])
     for i in range(s):
-        drivers[3 * c + PRIMARY, i, i] = 1.0
-        drivers[3 * c + FORCE, i, i] = 1.0 / size if size > 0.0 else 1.0
+        matrices[c, PRIMARY, i, i] = 1.0
+        matrices[c, FORCE, i, i] = 1.0 / size if size > 0.0 else 1.0
 
 
 @kernel
@@ -107,31 +103,31 @@ def subtract_product(left, right, out):
 
 
 @kernel
-def fold_operators(d, drivers):
+def fold_operators(d, matrices):
     """Let what kernels take from a right-hand side act on p at once."""
-    for c in range(drivers.shape[0] // 3 - d):
+    for c in range(matrices.shape[0] - d):
         for q in (PRIMARY, POSITION):
-            subtract_product(drivers[3 * c + FORCE], drivers[3 * (d + c) + q], drivers[3 * c + q])
+            subtract_product(matrices[c, FORCE], matrices[d + c, q], matrices[c, q])
 
 
 @kernel
-def fold_known(d, drivers, known):
-    """The same for what is known of the step beforehand, (1 + k, R, s)."""
+def fold_known(d, matrices, known):
+    """Do the same for what is known of the step beforehand, (1 + k, R, s)."""
     for strand in range(known.shape[0]):
         for c in range(known.shape[1] - d):
-            subtract_image(drivers[3 * c + FORCE], known[strand, d + c], known[strand, c])
+            subtract_image(matrices[c, FORCE], known[strand, d + c], known[strand, c])
 
 
 @kernel
-def take_from_forces(d, drivers, known, values):
-    """What kernels take from the right-hand sides, once p and y are known; values (k, 3, d, s)."""
+def take_from_forces(d, matrices, known, values):
+    """Take from the right-hand sides what kernels do, p and y being known; values (k, 3, d, s)."""
     for strand in range(values.shape[0]):
         for c in range(known.shape[1] - d):
             force = values[strand, FORCE, c]
             for i in range(force.shape[0]):
                 force[i] -= known[strand, d + c, i]
             for q in (PRIMARY, POSITION):
-                subtract_image(drivers[3 * (d + c) + q], values[strand, q, c], force)
+                subtract_image(matrices[d + c, q], values[strand, q, c], force)
 
 
 @kernel
@@ -161,12 +157,12 @@ def forces(rhs, params, times, x, f):
 
 
 @kernel
-def newton_matrix(h, drivers, whole, second, jacobians, matrix):
+def newton_matrix(h, matrices, whole, second, jacobians, out):
     """Derivative of the residuals with respect to p at the nodes, in the order (c, i)."""
-    # drivers (3 d, s, s), whole (s, s), jacobians (s, d, d), matrix (d s, d s)
+    # matrices (R, 3, s, s), whole (s, s), jacobians (s, d, d), out (d s, d s)
     d, s = second.shape[0], whole.shape[0]
     for c in range(d):
-        force, primary, place = drivers[3 * c], drivers[3 * c + 1], drivers[3 * c + 2]
+        force, primary, place = matrices[c, FORCE], matrices[c, PRIMARY], matrices[c, POSITION]
         for e in range(d):
             for i in range(s):
                 for j in range(s):
@@ -186,29 +182,28 @@ def newton_matrix(h, drivers, whole, second, jacobians, matrix):
                         total += primary[i, j]
                         if i == j:
                             total -= 1.0
-                    matrix[c * s + i, e * s + j] = -total
+                    out[c * s + i, e * s + j] = -total
 
 
 @kernel
 def newton_room(d, s):
-    """Room for a factorised matrix and its pivots."""
-    return np.empty((d * s, d * s)), np.empty(d * s, dtype=np.int64)
+    """Return room for the factors of Newton's matrix."""
+    return Factors(np.empty((d * s, d * s)), np.empty(d * s, dtype=np.int64))
 
 
 @kernel
 def solve_stages(
-    rhs, jac, has_jac, params, times, h, base, x_start, second, drivers, whole, goal, p, x, f,
-    notes, newton,
+    rhs, jac, has_jac, params, times, h, base, x_start, second, matrices, whole, goal, values,
+    counts, seen, newton,
 ):  # fmt: skip
     """Solve for p at the nodes by Newton's method from its present values.
 
     Returns whether p is exact to `goal` (d,). With it go x and, corrected to first order for the
-    last change, f; notes: calls of the right-hand side, sweeps, the rate of contraction seen, and
-    the size of the change and the length of the step it was seen at.
+    last change, f; `seen` keeps how the method contracted.
     """
-    # base, p, x, f (d, s), notes (5,), newton: matrix (d s, d s) and pivots (d s,), factorised here
+    # base (>= d, s), values (3 or 4, d, s): f, p and y; newton: factorised here
+    f, p, x = values[FORCE], values[PRIMARY], values[POSITION]
     d, s = p.shape
-    matrix, order = newton
     residual, change = np.empty(d * s), np.empty(d * s)
     jacobians, before = np.empty((s, d, d)), np.empty((d, s))
     previous, rate = np.inf, 1.0
@@ -216,16 +211,16 @@ def solve_stages(
     for sweep in range(_SWEEPS):
         if sweep == 0 or sweep == 3:
             # one Jacobian for all nodes at first: as good where little changes over the step
-            notes[0] += stage_jacobians(rhs, jac, has_jac, params, times, x, sweep > 0, jacobians)
-            newton_matrix(h, drivers, whole, second, jacobians, matrix)
-            if not factorise(matrix, order):
+            calls = stage_jacobians(rhs, jac, has_jac, params, times, x, sweep > 0, jacobians)
+            counts.rhs += calls
+            newton_matrix(h, matrices, whole, second, jacobians, newton.matrix)
+            if not factorise(newton.matrix, newton.order):
                 return False
             previous = np.inf
         forces(rhs, params, times, x, f)
-        notes[0] += s
-        notes[1] += 1
-        residuals(base, drivers, p, x, f, residual)
-        substitute(matrix, order, residual, change)
+        counts.rhs += s
+        residuals(base, matrices, p, x, f, residual)
+        substitute(newton.matrix, newton.order, residual, change)
         size = 0.0
         for c in range(d):
             for i in range(s):
@@ -237,10 +232,10 @@ def solve_stages(
         positions(h, p, x_start, second, whole, x)
         if previous < np.inf:
             rate = size / previous
-            notes[2], notes[3] = max(rate, 0.1 * notes[2]), max(previous, 0.1 * notes[3])
-            notes[4] = h
+            seen.rate, seen.change = max(rate, 0.1 * seen.rate), max(previous, 0.1 * seen.change)
+            seen.length = h
         else:  # as in steps before, worse the further the guess was off and the longer the step
-            rate = notes[2] * max(1.0, size / notes[3]) * max(1.0, h / notes[4]) ** 2
+            rate = seen.rate * max(1.0, size / seen.change) * max(1.0, h / seen.length) ** 2
         if size * min(1.0, 4.0 * rate) < 1.0:
             correct_forces(jacobians, before, x, f)
             return True
@@ -276,11 +271,11 @@ def correct_forces(jacobians, before, x, f):
 
 
 @kernel
-def residuals(base, drivers, p, x, f, out):
-    """p - base - integrals of the drivers, at all nodes, in the order (c, i)."""
+def residuals(base, matrices, p, x, f, out):
+    """Set p - base - integrals, at all nodes, in the order (c, i)."""
     d, s = p.shape
     for c in range(d):
-        force, primary, place = drivers[3 * c], drivers[3 * c + 1], drivers[3 * c + 2]
+        force, primary, place = matrices[c, FORCE], matrices[c, PRIMARY], matrices[c, POSITION]
         for i in range(s):
             total = p[c, i] - base[c, i]
             for j in range(s):
@@ -290,7 +285,7 @@ def residuals(base, drivers, p, x, f, out):
 
 @kernel
 def solve_tangents(
-    rhs, jac, has_jac, params, times, h, base, x_start, second, drivers, whole, values, notes
+    rhs, jac, has_jac, params, times, h, base, x_start, second, matrices, whole, values, counts
 ):  # fmt: skip
     """Solve the step for the tangents, the strands after the first; False where it is singular.
 
@@ -298,14 +293,13 @@ def solve_tangents(
     """
     # base (1 + k, R, s), x_start (1 + k, d), values (1 + k, 3, d, s)
     d, s = second.shape[0], base.shape[2]
-    matrix, order = np.empty((d * s, d * s)), np.empty(d * s, dtype=np.int64)
+    newton = newton_room(d, s)
     known, found = np.empty(d * s), np.empty(d * s)
     jacobians, start = np.empty((s, d, d)), np.empty((d, s))
-    notes[0] += stage_jacobians(
-        rhs, jac, has_jac, params, times, values[0, POSITION], True, jacobians
-    )
-    newton_matrix(h, drivers, whole, second, jacobians, matrix)
-    if not factorise(matrix, order):
+    orbit = values[0, POSITION]
+    counts.rhs += stage_jacobians(rhs, jac, has_jac, params, times, orbit, True, jacobians)
+    newton_matrix(h, matrices, whole, second, jacobians, newton.matrix)
+    if not factorise(newton.matrix, newton.order):
         return False
     for strand in range(1, base.shape[0]):
         f, p, x = values[strand, FORCE], values[strand, PRIMARY], values[strand, POSITION]
@@ -315,8 +309,8 @@ def solve_tangents(
         f[:] = 0.0
         start[:] = 0.0
         correct_forces(jacobians, start, x, f)
-        residuals(base[strand], drivers, p, x, f, known)
-        substitute(matrix, order, known, found)
+        residuals(base[strand], matrices, p, x, f, known)
+        substitute(newton.matrix, newton.order, known, found)
         for c in range(d):
             for i in range(s):
                 p[c, i] = -found[c * s + i]
@@ -326,38 +320,41 @@ def solve_tangents(
     return True
 
 
-@entry(RHS, JAC, I8, VEC, MAT, MAT, VEC, IVEC, VEC, CUBE, CUBE, F8, CUBE, MAT, VEC, CUBES, VEC)
+@entry(
+    RHS, JAC, I8, VEC, EQUATIONS, VEC, CUBE, CUBE, F8, CUBE, MAT, VEC, CUBES, COUNTS_RECORD,
+    CONTRACTION_RECORD,
+)  # fmt: skip
 def solve_once(
-    rhs, jac, has_jac, params, channels, offsets, orders, second, times, singular, local, h, base,
-    x_start, goal, values, notes,
+    rhs, jac, has_jac, params, equations, times, integrals, local, h, base, x_start, goal, values,
+    counts, seen,
 ):  # fmt: skip
-    """Solve one step from Python; base (1 + k, R, s) holds p(0) and the past of every strand.
+    """Solve one step from Python, of equations without p' among the integrands.
 
-    For forms without p' among the drivers.
-
-    values (1 + k, 3, d, s): f, p and y at the nodes, p of strand 0 holding a first guess.
+    base (1 + k, R, s) holds p(0) and the past of every strand; values (1 + k, 3, d, s) takes f, p
+    and y at the nodes, p of strand 0 holding a first guess.
     """
-    n_nodes, d, n_rows = times.shape[0], second.shape[0], base.shape[1]
-    drivers = np.empty((3 * n_rows, n_nodes, n_nodes))
-    starts, constant = np.empty((n_rows, n_nodes)), np.empty((offsets.shape[0], n_rows, n_nodes))
-    explicit, inverse = np.zeros(d, dtype=np.int64), np.empty((0, 0))
-    local_operators(
-        h, d, channels, offsets, orders, explicit, singular, inverse, local, drivers, starts,
-        constant,
-    )  # fmt: skip
-    known = base + constant
-    fold_known(d, drivers, known)
-    whole = singular[orders.shape[0] - 1]
-    f, p, x = values[0, FORCE], values[0, PRIMARY], values[0, POSITION]
-    newton = newton_room(d, n_nodes)
+    n_nodes, d, n_rows = times.shape[0], equations.second.shape[0], base.shape[1]
+    operators, inverse = step_operators(base.shape[0], n_rows, n_nodes), np.empty((0, 0))
+    local_operators(h, equations, integrals, inverse, local, operators)
+    known = base + operators.constant
+    fold_known(d, operators.matrices, known)
+    whole = integrals[equations.orders.shape[0] - 1]
     if not solve_stages(
-        rhs, jac, has_jac, params, times, h, known[0], x_start[0], second, drivers, whole, goal, p,
-        x, f, notes, newton,
+        rhs, jac, has_jac, params, times, h, known[0], x_start[0], equations.second,
+        operators.matrices, whole, goal, values[0], counts, seen, newton_room(d, n_nodes),
     ):  # fmt: skip
         return False
-    if offsets.shape[0] > 1 and not solve_tangents(
-        rhs, jac, has_jac, params, times, h, known, x_start, second, drivers, whole, values, notes
-    ):
+    if x_start.shape[0] > 1 and not solve_tangents(
+        rhs, jac, has_jac, params, times, h, known, x_start, equations.second,
+        operators.matrices, whole, values, counts,
+    ):  # fmt: skip
         return False
-    take_from_forces(d, drivers, known, values)
+    take_from_forces(d, operators.matrices, known, values)
     return True
+
+
+@kernel
+def step_operators(n_strands, n_rows, s):
+    """Return room for the operators of a step."""
+    matrices, starts = np.empty((n_rows, 3, s, s)), np.empty((n_rows, s))
+    return Operators(matrices, starts, np.empty((n_strands, n_rows, s)))

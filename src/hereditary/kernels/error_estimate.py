@@ -14,26 +14,29 @@ _ROUNDING = 1e-14
 # Share of what f is off its polynomial between the nodes that its integrals keep. Where f is smooth
 # the rule's nodes make it less, and the tail of the polynomial tells it; where f jumps this does.
 _OFF = 0.3
+# Tolerances of a step that its polynomial may miss the start by: less is rounding of stiff systems.
+_MISSED = 10.0
 
 
 @kernel
-def estimate(h, channels, orders, legendre, local, drivers, values, newton, errors):
-    """Error of p by each driver: the Legendre coefficient after the last, integrated.
+def estimate(h, equations, legendre, local, matrices, values, newton, errors):
+    """Set the error of p by each integrand: the Legendre coefficient after the last, integrated.
 
     It counts by what the equations leave of it, little where they are stiff, and not for more than
     it is. Nor may p itself, as the dense output interpolates it, be further off.
     """
-    # local (n_k, s, s), drivers (3 R, s, s), values (3 or 4, d, s), errors (d,)
+    # local (n_k, s, s), matrices (R, 3, s, s), values (3 or 4, d, s), errors (d,)
+    terms, orders = equations.terms, equations.orders
     d, s, n_a = errors.shape[0], values.shape[2], orders.shape[0]
     defect, left = np.empty(d * s), np.empty(d * s)
     for c in range(d):
         last, shrink = tail(legendre, values[PRIMARY, c])
         errors[c] = abs(last) * shrink * shrink
-    for driver in range(values.shape[0]):
+    for integrand in range(values.shape[0]):
         defect[:] = 0.0
-        for row in range(channels.shape[0]):
-            c, q, k = int(channels[row, 0]), int(channels[row, 1]), int(channels[row, 2])
-            if q != driver:
+        for n in range(terms.shape[0]):
+            c, q, k = terms[n].row, terms[n].integrand, terms[n].index
+            if q != integrand:
                 continue
             last, shrink = tail(legendre, values[q, c % d])
             size = 1.0
@@ -42,9 +45,9 @@ def estimate(h, channels, orders, legendre, local, drivers, values, newton, erro
             elif k >= 0:
                 size = h ** orders[k]
             if c >= d:
-                size *= np.max(np.abs(drivers[3 * (c - d) + FORCE, -1]))
+                size *= np.max(np.abs(matrices[c - d, FORCE, -1]))
             for i in range(s):
-                defect[(c % d) * s + i] += channels[row, 3] * size * last * shrink
+                defect[(c % d) * s + i] += terms[n].coefficient * size * last * shrink
         if not np.any(defect):
             continue
         leave(defect, newton, left)
@@ -55,31 +58,32 @@ def estimate(h, channels, orders, legendre, local, drivers, values, newton, erro
 @kernel
 def leave(defect, newton, left):
     """Solve for the error that a defect at all nodes, (d s,), makes: no more than the defect."""
-    substitute(newton[0], newton[1], defect, left)
+    substitute(newton.matrix, newton.order, defect, left)
     # a matrix next to singular would make rounding of it
     left *= min(1.0, np.max(np.abs(defect)) / max(np.max(np.abs(left)), 1e-300))
 
 
 @kernel
-def off_nodes(rhs, params, times, h, looks, x_start, second, values, off):
+def off_nodes(rhs, params, times, h, rule, x_start, second, values, limits, off):
     """How far f is from its polynomial, where the solution's is between the nodes, (d,).
 
     A right-hand side that jumps, or that comes and goes between the nodes, shows there alone. Both
-    polynomials are those through the nodes: a linear f is none off its own. At the start, the first
-    of the times, f is that of the start itself.
+    polynomials are those through the nodes: a linear f is none off its own. Where they miss the
+    start, the first of the times, by far more than the tolerance, f is that of the start itself.
     """
-    # times (m,), looks: risen, extended (m, s), x_start (d,), values (3 or 4, d, s)
-    risen, extended = looks
+    # times (m,), x_start (d,), values (3 or 4, d, s)
+    risen, extended = rule.risen, rule.extended
     d, s = second.shape[0], extended.shape[1]
     point, force = np.empty(d), np.empty(d)
     for i in range(times.shape[0]):
         for c in range(d):
             total = 0.0
-            if i == 0:
-                total = x_start[c]
-            elif second[c] == 0:
+            if second[c] == 0:
                 for j in range(s):
                     total += extended[i, j] * values[PRIMARY, c, j]
+                missed, size = abs(x_start[c] - total), abs(x_start[c])
+                if i == 0 and missed > _MISSED * (limits.atol + limits.rtol * size):
+                    total = x_start[c]
             else:
                 for j in range(s):
                     total += risen[i, j] * values[PRIMARY, c, j]
@@ -95,13 +99,13 @@ def off_nodes(rhs, params, times, h, looks, x_start, second, values, off):
 
 
 @kernel
-def add_unseen(off, drivers, newton, errors):
+def add_unseen(off, matrices, newton, errors):
     """Let errors (d,) be no less than what f, off its nodes by so much, makes p err by."""
-    d, s = off.shape[0], drivers.shape[1]
+    d, s = off.shape[0], matrices.shape[2]
     defect, left = np.empty(d * s), np.empty(d * s)
     for c in range(d):
         for i in range(s):
-            defect[c * s + i] = off[c] * np.sum(drivers[3 * c + FORCE, i])
+            defect[c * s + i] = off[c] * np.sum(matrices[c, FORCE, i])
     leave(defect, newton, left)
     for c in range(d):
         unseen = _OFF * np.max(np.abs(left[c * s : (c + 1) * s]))
@@ -122,11 +126,11 @@ def tail(legendre, values):
 
 
 @kernel
-def worst_tangent(h, channels, orders, legendre, local, drivers, values, newton, rtol):
+def worst_tangent(h, equations, legendre, local, matrices, values, newton, rtol):
     """Largest ratio of a tangent's error to its tolerance, relative to all of the tangent."""
     worst, errors = 0.0, np.empty(values.shape[2])
     for strand in range(1, values.shape[0]):
-        estimate(h, channels, orders, legendre, local, drivers, values[strand], newton, errors)
+        estimate(h, equations, legendre, local, matrices, values[strand], newton, errors)
         size = np.max(np.abs(values[strand, PRIMARY:]))
         if not size < np.inf:
             return np.inf

@@ -8,21 +8,14 @@ kept in a slot of its own.
 import math
 
 import numpy as np
-from numba import types
 
-from .._jit import CUBE, CUBES, MAT, VEC, kernel
+from .._jit import kernel
 
 # Lengths of steps are powers of two of the multiples of 1 / _PER_OCTAVE, rounded up to so few
 # digits that adding them to a time is exact: the same rounding each time would make a drift.
 _PER_OCTAVE, _DIGITS = 8, 2.0**12
 # Slots; lengths that are powers of 2**(SLOTS / _PER_OCTAVE) apart share one.
 SLOTS = 64
-# Lengths (k,), at nodes exp(-rate node) (k, M, s), at the end exp(-rate h) (k, M), moments of
-# Legendre polynomials (k, s, M), and matrices of general kernels (k, n_k, s, s).
-TABLES = types.Tuple((VEC, CUBE, MAT, CUBE, CUBES))
-# rates (M,), weights of the fractional integrals and then of general kernels (n_a + n_k, M), point
-# masses of the latter (n_k,), values at the nodes to Legendre coefficients on [0, node i] (s, s, s)
-BANK = types.Tuple((VEC, MAT, VEC, CUBE))
 
 
 @kernel
@@ -34,24 +27,24 @@ def on_grid(h):
 
 
 @kernel
-def slot_of(h, nodes, bank, tables):
-    """The slot with the factors of a step of length h, computed where it held another's."""
-    lengths, reads, keeps, moments, local = tables
-    rates, weights, masses, transforms = bank
-    slot = math.floor(_PER_OCTAVE * math.log2(h) + 0.5) % lengths.shape[0]
-    if lengths[slot] == h:
+def slot_of(h, nodes, basis, tables):
+    """Return the slot with the factors of a step of length h, computed where it held another's."""
+    rates, weights, masses = basis.rates, basis.weights, basis.masses
+    slot = math.floor(_PER_OCTAVE * math.log2(h) + 0.5) % tables.lengths.shape[0]
+    if tables.lengths[slot] == h:
         return slot
     column = np.empty(nodes.shape[0])
     for m in range(rates.shape[0]):
         for i in range(nodes.shape[0]):
-            reads[slot, m, i] = math.exp(-rates[m] * (h * nodes[i]))
-        keeps[slot, m] = math.exp(-rates[m] * h)
+            tables.reads[slot, m, i] = math.exp(-rates[m] * (h * nodes[i]))
+        tables.keeps[slot, m] = math.exp(-rates[m] * h)
         exponential_legendre(rates[m] * h, nodes.shape[0], column)
-        moments[slot, :, m] = column
+        tables.moments[slot, :, m] = column
     for k in range(masses.shape[0]):
         own = weights[weights.shape[0] - masses.shape[0] + k]
-        kernel_matrix(h, nodes, rates, own, masses[k], transforms, local[slot, k])
-    lengths[slot] = h
+        matrix = tables.local[slot, k]
+        kernel_matrix(h, nodes, rates, own, masses[k], basis.transforms, matrix)
+    tables.lengths[slot] = h
     return slot
 
 
@@ -109,25 +102,27 @@ def move_modes(h, keeps, moments, driven, idle, legendre, values, modes):
 
 
 @kernel
-def combined_weights(channels, offsets, weights, raw, own, driven, idle):
-    """Weights of the drivers' modes in each row, driven (R, n_q, M), and of 1, idle (1 + k, R, M).
+def combined_weights(equations, weights, own, driven, idle):
+    """Set the weights with which modes take in integrands and, for the offsets, 1.
+
+    driven (R, n_q, M) and idle (1 + k, R, M).
 
     Modes of orders that vary have none: they stand in rows behind the others, d for each driver.
     """
-    # channels (n, 4), offsets (1 + k, n), weights (n_a + n_k, M), raw (n_b,) drivers of the last
-    # rows, own (M,) 1 for their modes
+    # weights (n_a + n_k, M), own (M,): 1 for the modes of orders that vary
+    terms, offsets, raw = equations.terms, equations.offsets, equations.raw
     driven[:] = 0.0
     idle[:] = 0.0
     d = driven.shape[0] // (2 + raw.shape[0])
     for b in range(raw.shape[0]):
         driven[(2 + b) * d : (3 + b) * d, raw[b]] = own
-    for row in range(channels.shape[0]):
-        c, q, k = int(channels[row, 0]), int(channels[row, 1]), int(channels[row, 2])
+    for n in range(terms.shape[0]):
+        c, q, k = terms[n].row, terms[n].integrand, terms[n].index
         for m in range(weights.shape[1] if k >= 0 else 0):
-            share = channels[row, 3] * weights[k, m]
+            share = terms[n].coefficient * weights[k, m]
             driven[c, q, m] += share
             for strand in range(offsets.shape[0]):
-                idle[strand, c, m] -= share * offsets[strand, row]
+                idle[strand, c, m] -= share * offsets[strand, n]
 
 
 @kernel

@@ -12,11 +12,13 @@ with: then p is what makes right-hand side and terms equal, with p' among what d
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from .._checks import complaint
 from ..kernels.collocation import FORCE, ITSELF, POSITION, PRIMARY, SLOPE
+from ..kernels.structures import TERM
 from ..memory_kernel import MemoryKernel
 from ..orders import OrderFailed, VaryingOrder, derivative_order
 from ..system import KernelTerm, System
@@ -33,10 +35,10 @@ class Form:
 
     Attributes
     ----------
-    channels : ndarray, shape (n, 4)
-        Row, driver (kernels/collocation.py), index of the order or kernel, kappa. Row c < d is p of
-        component c, row d + c what is taken from its right-hand side. The index is -1 for the
-        driver itself.
+    terms : recarray of `TERM`, shape (n,)
+        Convolutions: row, integrand (kernels/collocation.py), index of the order or kernel, and
+        coefficient kappa. Row c < d is p of component c, row d + c what is taken from its
+        right-hand side. The index is -1 for the integrand itself.
     offset_of : ndarray of int64, shape (n,)
         What is taken from the driver: 0 nothing, 1 p(0), 2 y(0).
     orders : ndarray, shape (n_a,)
@@ -53,7 +55,7 @@ class Form:
         Orders that vary; their indices follow those of the kernels.
     """
 
-    channels: np.ndarray
+    terms: np.recarray
     offset_of: np.ndarray
     orders: np.ndarray
     second: np.ndarray
@@ -62,31 +64,30 @@ class Form:
     kernels: tuple = ()
     varying: tuple = ()
 
-    @property
+    @cached_property
     def n_rows(self) -> int:
         """Rows: d, or 2 d where something is taken from right-hand sides."""
         d = self.second.size
-        return d if self.channels[:, 0].max() < d else 2 * d
+        return d if self.terms.row.max() < d else 2 * d
 
-    @property
+    @cached_property
     def n_drivers(self) -> int:
         """Drivers that a step has values of."""
-        return 4 if np.any(self.channels[:, 1] == SLOPE) else 3
+        return 4 if np.any(self.terms.integrand == SLOPE) else 3
 
-    @property
+    @cached_property
     def raw(self) -> np.ndarray:
         """Drivers of orders that vary, whose modes are kept without weights; ascending."""
         first = self.orders.size + len(self.kernels)
-        varying = self.channels[:, 2] >= first
-        return np.unique(self.channels[varying, 1]).astype(np.int64)
+        return np.unique(self.terms.integrand[self.terms.index >= first])
 
     def start_exponent(self, t: float = 0.0) -> float:
         """The least power of the time since t with which p changes after a corner there."""
         d, found = self.second.size, []
         for c in range(d):
-            own = self.channels[self.channels[:, 0] % d == c]
             driver = SLOPE if self.implicit[c] else FORCE
-            powers = [self._power(int(k), driver, t) for _, q, k, _ in own if q == driver]
+            own = (self.terms.row % d == c) & (self.terms.integrand == driver)
+            powers = [self._power(k, driver, t) for k in self.terms.index[own].tolist()]
             found.append(max(powers) if self.implicit[c] else min(powers))
         return min(1.0, *found)
 
@@ -148,7 +149,7 @@ def integral_form(system: System) -> Form:
     for kernel in kernels:
         raised += [1 - kernel.singular_exponent, *kernel.generators]
     return Form(
-        np.array(listed, dtype=float),
+        np.array(listed, dtype=TERM).view(np.recarray),
         np.array([row[4] for row in rows]),
         np.array(orders),
         second.astype(np.int64),

@@ -15,6 +15,19 @@ from ..kernels.adaptive import (
 )
 from ..kernels.collocation import PRIMARY
 from ..kernels.mode_tables import SLOTS, on_grid
+from ..kernels.structures import (
+    CONTRACTION,
+    CONTROL,
+    COUNTS,
+    ExponentialBasis,
+    Limits,
+    Rule,
+    Run,
+    Steps,
+    StepTables,
+    VaryingOrders,
+    record,
+)
 from ..memory_kernel import told_error, warn_of_fit
 from ..schemes.integral_form import integral_form
 from ..schemes.quadrature import (
@@ -44,6 +57,7 @@ _ROUNDING = 5e-13
 _ROOM = 32.0
 # Runs can be resumed up to this many times their length. The modes span this ratio at most.
 _FAR, _MOST = 10.0, 1e305
+_RECORDS = CONTROL, COUNTS, CONTRACTION
 # Share of the run that steps are expected to read at the closest, where kernels are fitted.
 _CLOSE = 1e-6
 
@@ -90,16 +104,18 @@ class AdaptiveStepper:
         self.second = form.second == 1
         singular = np.array([radau_integrals(s, a) for a in form.orders])
         rule = (radau_nodes(s), singular, to_legendre(s), np.linalg.inv(singular[-1]))
-        self._rule = tuple(np.array(a) for a in rule + looks_off_nodes(s))
+        self._rule = Rule(*(np.array(a) for a in rule + looks_off_nodes(s)))
         # no basis is made for these, where they begin: ordinary steps, the first of them tiny
         self._graded = bool(form.implicit.any() or form.varying)
         self._orders = OrderTables(form.varying, s)
         self._transforms = shortened_legendre(s)
         self._strands = Strands(form, starts(equation, self.second, directions), s)
-        self._clock = np.array([0.0, t_end, 0.0, 0.0, 0.0, 0.0])
-        self._notes = np.array([0.0, 0.0, 1.0, 1.0, 1.0])
-        self._steps = np.zeros(3, dtype=np.int64)
-        self._largest = np.abs(self._strands.p[0])
+        self._run = Run(
+            record(CONTROL, next=t_end),
+            record(COUNTS),
+            record(CONTRACTION, rate=1.0, change=1.0, length=1.0),
+            np.abs(self._strands.p[0]),
+        )
         self._at_corner, self._largest_error, self._tables = True, 0.0, None
         self._peak = np.zeros((2, equation.d))  # of p and y at the starts of steps
         self.ending = Ending()
@@ -111,22 +127,22 @@ class AdaptiveStepper:
     def _limit_steps(self, t_end):
         """Set the longest steps, and the last, of a run from here to t_end."""
         self.pace.begin(self.t, t_end, self.n_steps)
-        self._clock[1] = min(self._clock[1], on_grid(self.pace.longest[0]))
+        self._control.next = min(self._control.next, on_grid(self.pace.longest[0]))
 
     @property
     def t(self):
         """Time reached."""
-        return float(self._clock[5] + self._clock[0])
+        return float(self._control.origin + self._control.time)
 
     @property
     def n_steps(self):
         """Steps made."""
-        return int(self._steps[0])
+        return int(self._run.counts.accepted)
 
     @property
     def n_rhs(self):
         """Calls of the right-hand side."""
-        return int(self._notes[0])
+        return int(self._run.counts.rhs)
 
     @property
     def n_modes(self):
@@ -168,28 +184,26 @@ class AdaptiveStepper:
             self._grade(t_stop)
             if self.ending.not_solved:
                 return None
-        d = self.equation.d
-        track = tuple(
-            np.empty(shape)
-            for shape in ((n_rows,), (n_rows,), (n_rows, d, self._s), (n_rows, 2 * d), (n_rows,))
-        )
-        n, status, begun = 0, TOO_CLOSE, (self.t, self._steps.copy())
+        d, s, counts = self.equation.d, self._s, self._run.counts
+        shapes = (n_rows,), (n_rows,), (n_rows, d, s), (n_rows, 2, d), (n_rows,)
+        steps = Steps(*(np.empty(shape) for shape in shapes))
+        n, status, begun = 0, TOO_CLOSE, (self.t, self.n_steps, int(counts.refused))
         while (status == TOO_CLOSE and n == 0) or status == UNTOLD:
             made = self.n_steps
             try:
                 if status == UNTOLD:
-                    self._orders.tell(self._strands, self._clock[5], t_stop)
-                _, status = self._march(tuple(array[n:] for array in track), t_stop)
+                    self._orders.tell(self._strands, self._control.origin, t_stop)
+                _, status = self._march(Steps(*(array[n:] for array in steps)), t_stop)
             except Exception as error:
                 # the steps before it are made and kept
                 self.error, status = error, REACHED
             if self.n_steps > made:
-                self._strands.step(self._clock[2])
+                self._strands.step(float(self._control.last))
             n += self.n_steps - made
             if status == TOO_CLOSE:
                 # the march stood before this step when it turned back
-                step = min(self._clock[1], t_stop - self.t)
-                closest = self._rule[0][0] * step / _ROOM
+                step = min(self._control.next, t_stop - self.t)
+                closest = self._closest(step)
                 if closest < self._far / _MOST:
                     status = TOO_ROUGH
                 else:
@@ -197,19 +211,21 @@ class AdaptiveStepper:
         if status == REACHED and self.error is None:
             self._begin_at(t_stop)
         if status in (FULL, TOO_CLOSE):
-            made, refused, _ = self._steps - begun[1]
-            ahead = self.t - begun[0], t_stop - self.t
-            if self.pace.hopeless(made, refused, self.n_steps, *ahead, track[3][:n]):
+            since, made, refused = begun
+            made, refused = self.n_steps - made, int(counts.refused) - refused
+            ahead = self.t - since, t_stop - self.t
+            if self.pace.hopeless(made, refused, self.n_steps, *ahead, steps.begins[:n]):
                 status = JUMPING
-        begins = np.abs(track[3][:n]).max(axis=0, initial=0.0).reshape(2, d)  # y, then p
+        begins = np.abs(steps.begins[:n]).max(axis=0, initial=0.0)  # y, then p
         self._peak = np.maximum(self._peak, begins[::-1])
         if status not in (REACHED, FULL, TOO_CLOSE):
-            h, refused, last = self._clock[2], self._clock[1], self._strands.last[0]
-            self.ending = ending(status, self.equation, self.t, h, refused, last, self._peak)
+            lengths, last = (self._control.last, self._control.next), self._strands.last[0]
+            self.ending = ending(status, self.equation, self.t, *lengths, last, self._peak)
         if n == 0:
             return None
-        self._largest_error = max(self._largest_error, float(track[4][:n].max()))
-        return PolynomialPieces(*(array[:n] for array in track[:4]))
+        self._largest_error = max(self._largest_error, float(steps.errors[:n].max()))
+        made = Steps(*(array[:n] for array in steps))
+        return PolynomialPieces(made.starts, made.lengths, made.p, made.begins)
 
     @property
     def exhausted(self):
@@ -233,50 +249,51 @@ class AdaptiveStepper:
 
     def _begin_at(self, t, since=0.0):
         """Count the time from t on: next to a corner its rounding would hide the steps."""
-        self._clock[0], self._clock[5] = since, t
+        self._control.time, self._control.origin = since, t
         self._orders.forget()
 
-    def _march(self, track, t_stop):
-        equation, form, strands = self.equation, self._form, self._strands
+    @property
+    def _control(self):
+        return self._run.control
+
+    def _closest(self, h):
+        """Distance that the modes must hold at for steps of length h, and shorter ones to come."""
+        return self._rule.nodes[0] * h / _ROOM
+
+    def _march(self, steps, t_stop):
+        equation, strands, longest = self.equation, self._strands, self.pace.longest
         return march_adaptive(
             equation._rhs,
             equation._jac,
             int(equation.has_jac),
             equation._params,
-            (form.channels, form.orders, form.second, strands.offsets, form.implicit, form.raw),
+            strands.equations(),
             self._rule,
-            (strands.rates, strands.weights, strands.masses, self._transforms),
+            ExponentialBasis(strands.rates, strands.weights, strands.masses, self._transforms),
             self._kept_tables(),
-            self._told(),
-            (self._clock, self._notes, self._steps, self._largest, *self._moving()),
-            track,
-            t_stop,
-            self.pace.longest,
-            self._rtol,
-            self._atol,
+            self._varying_orders(),
+            strands.compiled(),
+            self._run,
+            steps,
+            Limits(t_stop, *longest, self._rtol, self._atol),
         )
 
     def _kept_tables(self):
         """Tables of the bank in use for steps of lengths that occurred."""
         n, s = self.n_modes, self._s
-        if self._tables is None or self._tables[2].shape[1] != n:
+        if self._tables is None or self._tables.keeps.shape[1] != n:
             n_kernels = len(self._form.kernels) + len(self._form.varying)
             shapes = ((SLOTS, n, s), (SLOTS, n), (SLOTS, s, n), (SLOTS, n_kernels, s, s))
-            self._tables = (np.zeros(SLOTS), *(np.empty(shape) for shape in shapes))
+            self._tables = StepTables(np.zeros(SLOTS), *(np.empty(shape) for shape in shapes))
         return self._tables
 
-    def _told(self):
-        """What is known of the orders that vary."""
+    def _varying_orders(self):
+        """Return tables of the orders that vary, for the step that they are known for."""
         orders, own = self._orders, self._strands.own
         if orders.weights.shape[1] != own.size:
             orders.forget()
             orders.weights = np.zeros((len(orders.weights), own.size, self._s))
-        return (orders.known, orders.integrals, orders.weights, own)
-
-    def _moving(self):
-        strands = self._strands
-        moving = (strands.x, strands.p, strands.modes, strands.before, strands.last)
-        return strands.initial, *moving
+        return VaryingOrders(orders.known, orders.integrals, orders.weights, own)
 
     def leave_corner(self):
         """Make the next step out of a point where the solution is not smooth."""
@@ -286,7 +303,7 @@ class AdaptiveStepper:
         """Counts for the solution's stats."""
         return {
             "n_steps": self.n_steps,
-            "n_rejected": int(self._steps[1]),
+            "n_rejected": int(self._run.counts.refused),
             "n_rhs": self.n_rhs,
             "n_modes": self.n_modes,
             "history_bytes": self._strands.modes.nbytes,
@@ -306,7 +323,7 @@ class AdaptiveStepper:
             atol=atol,
             modes_tol=self.modes_tol,
             identity=self._identity(self.t),
-            run=tuple(map(frozen, (self._clock, self._notes, self._steps, self._largest))),
+            run=Run(*(frozen(np.array(part.tolist())) for part in self._run)),
             strands=copy.deepcopy(self._strands),
             at_corner=self._at_corner,
         )
@@ -318,8 +335,10 @@ class AdaptiveStepper:
         changed = check_identity(state.identity, self._identity(state.t), allow_change)
         refuse_late(self.equation, t_end)
         check_reach(state, t_end)
-        run = (array.copy() for array in state.run)
-        self._clock, self._notes, self._steps, self._largest = run
+        self._run = Run(
+            *(record(dtype, tuple(kept)) for dtype, kept in zip(_RECORDS, state.run, strict=False)),
+            state.run.largest.copy(),
+        )
         self._strands, self._at_corner = copy.deepcopy(state.strands), state.at_corner or changed
         self._strands.adopt(self._form)
         self._tables = None  # they belong to the modes, and so do these
@@ -336,11 +355,10 @@ class AdaptiveStepper:
         strands, t = self._strands, self.t
         tolerances = max(self._rtol, _ROUNDING), self._atol
         state = self._form, strands, t, t_stop, self._far / _MOST
-        corner = Corner(
-            self.equation, *state, tolerances, self._largest, self._notes, self.pace.longest[0]
-        )
+        longest = self.pace.longest[0]
+        corner = Corner(self.equation, *state, tolerances, self._run, longest)
         found = corner.leave()
-        self._steps[1] += corner.n_refused
+        self._run.counts.refused += corner.n_refused
         if found is None:
             self.ending = Ending(no_step=ROUNDS) if corner.solved else Ending(not_solved=True)
             return None
@@ -351,44 +369,49 @@ class AdaptiveStepper:
 
     def _leave(self, t, h, basis, values, t_stop):
         """Move to the end of a step out of a corner."""
-        strands, closest = self._strands, self._rule[0][0] * h / _ROOM
+        strands, closest, largest = self._strands, self._closest(h), self._run.largest
         if self.n_modes == 0:
             strands.begin(closest, self._far, self._known, self.modes_tol)
         elif closest < strands.closest:
             self._come_closer(closest)
         strands.leave(basis, h, values)
-        speeds = np.maximum(self._largest, np.abs(values[0, PRIMARY]).max(axis=1))
-        self._largest[:] = np.where(self.second, speeds, 0.0)
-        self._clock[1:5] = h, 0.0, strands.closest, 0.0
+        speeds = np.maximum(largest, np.abs(values[0, PRIMARY]).max(axis=1))
+        largest[:] = np.where(self.second, speeds, 0.0)
+        self._begin_steps(h)
         self._begin_at(*((t_stop,) if h == t_stop - t else (t, h)))
-        self._steps[0] += 1
+        self._run.counts.accepted += 1
         self._at_corner = False
 
     def _grade(self, t_stop):
         """Make ready to begin by ordinary steps, the first so small that the solution is still."""
         self._begin_at(self.t)
         h = self._form.tiny(self.t, t_stop - self.t, self._atol, 1e5 * self._far / _MOST)
-        closest = self._rule[0][0] * h / _ROOM
+        closest = self._closest(h)
         if self.n_modes == 0:
             self._strands.begin(closest, self._far, self._known, self.modes_tol)
         if closest < self._strands.closest:
             self._come_closer(closest)
         # the right-hand side may jump here
-        settled = jump(self.equation, self._form, self._strands, self.t, self._notes)
+        settled = jump(self.equation, self._form, self._strands, self.t, self._run.counts)
         self.ending = Ending(not_solved=not settled)
-        self._largest[:] = np.where(self.second, self._largest, 0.0)
-        self._clock[3] = self._strands.closest
-        self._clock[1], self._clock[2], self._clock[4] = on_grid(h), 0.0, 0.0
+        self._run.largest[:] = np.where(self.second, self._run.largest, 0.0)
+        self._begin_steps(on_grid(h))
         self._at_corner = False
+
+    def _begin_steps(self, h):
+        """Begin ordinary steps, the first of length h."""
+        control = self._control
+        control.next, control.last, control.refused = h, 0.0, 0.0
+        control.closest = self._strands.closest
 
     def _foresee(self, t_end):
         """Fit kernels known by their values for steps as short as are to be expected."""
         closest = _CLOSE * t_end
         if self._graded and not self._form.varying:
-            closest = self._rule[0][0] * self._form.tiny(0.0, t_end, self._atol) / _ROOM
+            closest = self._closest(self._form.tiny(0.0, t_end, self._atol))
         error = self._strands.foresee(closest, self._far, self._known, self.modes_tol)
         warn_of_fit(error, self._tolerances[0])
 
     def _come_closer(self, closest):
         self._strands.come_closer(closest)
-        self._clock[3] = self._strands.closest
+        self._control.closest = self._strands.closest

@@ -29,10 +29,8 @@ class Corner:
         Length below which the modes cannot follow.
     tolerances : (float, float)
         Relative and absolute error that y and p may have.
-    largest : ndarray, shape (d,)
-        Size of p before, where it is a velocity.
-    notes : ndarray, shape (5,)
-        Newton's notes (kernels/collocation.py).
+    run : Run
+        Counts, Newton's contraction, and the size of p before, where it is a velocity.
     longest : float
         Longest step.
 
@@ -44,18 +42,16 @@ class Corner:
         Whether Newton's method converged on the last of them.
     """
 
-    def __init__(
-        self, equation, form, strands, t, t_stop, least, tolerances, largest, notes, longest
-    ):
+    def __init__(self, equation, form, strands, t, t_stop, least, tolerances, run, longest):
         self._equation, self._form, self._strands = equation, form, strands
         self._t, self._t_stop, self._least = t, t_stop, least
-        self._tolerances, self._notes = tolerances, notes
-        self._largest = np.maximum(np.abs(strands.p[0]), largest)
+        self._tolerances, self._run = tolerances, run
+        self._largest = np.maximum(np.abs(strands.p[0]), run.largest)
         # just after the corner, where the right-hand side may jump
         self._first = np.nextafter(t, np.inf) if t > 0 else 0.0
         self._jacobian = equation.jacobian(self._first, strands.x[0])
         self._force = np.empty(form.second.size)
-        notes[0] += 1
+        run.counts.rhs += 1
         equation._rhs(self._first, strands.x[0], self._force, equation._params)
         self.n_refused, self.solved, self._longest = 0, True, longest
 
@@ -122,8 +118,8 @@ class Corner:
     def _first_length(self, size, most):
         """A length over which the solution changes by some half of itself, as a first trial."""
         form = self._form
-        forces = form.channels[form.channels[:, 1] == FORCE]
-        order = (form.orders[forces[:, 2].astype(int)] + form.second).min()
+        forces = form.terms[form.terms.integrand == FORCE]
+        order = (form.orders[forces.index] + form.second).min()
         # tiny orders change at once and then hardly: the check between the nodes decides there
         order = max(order, 0.1)
         # a right-hand side of time alone says nothing about itself
@@ -131,14 +127,13 @@ class Corner:
 
     def _stages(self, basis, times, h, base, operators, local, values):
         """Solve for the values at the basis' nodes; whether the orbit's hold in between too."""
-        equation, form, strands = self._equation, self._form, self._strands
+        equation, form, strands, run = self._equation, self._form, self._strands, self._run
         n = basis.nodes.size
         solved = solve_once(
-            equation._rhs, equation._jac, int(equation.has_jac), equation._params, form.channels,
-            strands.offsets, form.orders, form.second, times[:n],
-            np.ascontiguousarray(operators[:, :n]), np.ascontiguousarray(local[:, :n]), h,
-            np.ascontiguousarray(base[:, :, :n]), strands.x, 1e-3 * self._tolerance(self._size(h)),
-            values, self._notes,
+            equation._rhs, equation._jac, int(equation.has_jac), equation._params,
+            strands.equations(), times[:n], np.ascontiguousarray(operators[:, :n]),
+            np.ascontiguousarray(local[:, :n]), h, np.ascontiguousarray(base[:, :, :n]), strands.x,
+            1e-3 * self._tolerance(self._size(h)), values, run.counts, run.contraction,
         )  # fmt: skip
         self.solved = solved
         if not solved:
@@ -181,7 +176,7 @@ class Corner:
             equation._rhs(t, np.ascontiguousarray(x[:, i]), out, equation._params)
             f[:, i] = out
         f[: form.n_rows - d] -= found[d:]
-        self._notes[0] += times.size
+        self._run.counts.rhs += times.size
         off_at = np.abs(np.array([f, p, x]) - basis.interpolate_between(values))
         off = off_at.max(axis=2)
         defect = np.zeros(d)

@@ -61,7 +61,7 @@ class PowerPiece:
 class PolynomialPieces:
     """Consecutive steps: starts and lengths (k,), p at the nodes (k, d, s), y and p at the starts.
 
-    `begins` (k, 2 d) holds first y, then p.
+    `begins` (k, 2, d) holds first y, then p.
     """
 
     starts: np.ndarray
@@ -76,11 +76,11 @@ class PolynomialPieces:
     def evaluate(self, t, second, derivative):
         """y or y' at times t inside the steps, shape (k, d)."""
         i = np.clip(_place(self.starts, t), 0, self.starts.size - 1)
-        d, s = self.rows.shape[1:]
+        s = self.rows.shape[2]
         u = np.clip((t - self.starts[i]) / self.lengths[i], 0.0, 1.0)
         rows, h = self.rows[i], self.lengths[i, None]
         # p through its values at the start and at the nodes
-        values = np.concatenate([self.begins[i, d:, None], rows], axis=2)
+        values = np.concatenate([self.begins[i, 1, :, None], rows], axis=2)
         coefficients = values @ through_start(s).T
         if derivative:
             slopes = np.einsum("kdj,kj->kd", coefficients, _slopes(u, s)) / h
@@ -90,7 +90,7 @@ class PolynomialPieces:
             return p
         # the integral of the steps' own polynomials, so that y is continuous
         risen = h * np.einsum("kdj,kj->kd", rows, polynomial_integrals(s, 1.0, u))
-        return np.where(second, self.begins[i, :d] + risen, p)
+        return np.where(second, self.begins[i, 0] + risen, p)
 
 
 def _place(starts, t):

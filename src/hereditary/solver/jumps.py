@@ -15,7 +15,7 @@ _NEXT_TO_0 = 1e-300
 _SWEEPS, _GOAL = 100, 1e-14
 
 
-def jump(equation, form, strands, t, notes):
+def jump(equation, form, strands, t, counts):
     """Let p, and what remembers it, jump at time t until the equation holds; whether it does.
 
     It held before: what the terms amount to is the right-hand side there, and nothing but p at 0.
@@ -25,10 +25,10 @@ def jump(equation, form, strands, t, notes):
     if not free.any():
         return True
     p, x, is_y = strands.p.copy(), strands.x.copy(), form.second == 0
-    before = _forces(equation, np.nextafter(t, 0.0), x, notes)[0] if t > 0 else held * p
+    before = _forces(equation, np.nextafter(t, 0.0), x, counts)[0] if t > 0 else held * p
     stiffness = np.where(free, stiffness + held, 1.0)
     for _ in range(_SWEEPS):
-        forces, jacobian = _forces(equation, np.nextafter(t, np.inf), x, notes)
+        forces, jacobian = _forces(equation, np.nextafter(t, np.inf), x, counts)
         left = np.where(free, forces - before - stiffness * (p - strands.p), 0.0)
         matrix = np.diag(stiffness) - np.where(is_y, jacobian, 0.0) * np.outer(free, free)
         if not np.all(np.isfinite(left)) or np.linalg.matrix_rank(matrix) < free.size:
@@ -42,11 +42,11 @@ def jump(equation, form, strands, t, notes):
     return False
 
 
-def _forces(equation, t, x, notes):
+def _forces(equation, t, x, counts):
     """The right-hand side for each strand, tangents by the Jacobian, and that; x (1 + k, d)."""
     force, jacobian = np.empty(x.shape[1]), equation.jacobian(t, x[0])
     equation._rhs(t, x[0], force, equation._params)
-    notes[0] += 1
+    counts.rhs += 1
     return np.vstack([force, x[1:] @ jacobian.T]), jacobian
 
 

@@ -3,6 +3,7 @@
 import numpy as np
 
 from ..kernels.adaptive import times_inside
+from ..kernels.structures import KNOWN, record
 from ..orders import OrderFailed
 from ..schemes.quadrature import radau_integrals, radau_nodes
 
@@ -21,7 +22,7 @@ class OrderTables:
 
     Attributes
     ----------
-    known : ndarray, shape (4,)
+    known : record of `KNOWN`
         Start, since the origin, and length of the step that the tables hold for, and of the one
         that is wanted.
     integrals : ndarray, shape (n_v, s, s)
@@ -32,7 +33,7 @@ class OrderTables:
 
     def __init__(self, varying, s):
         self._varying, self._nodes = varying, radau_nodes(s)
-        self.known = np.full(4, np.nan)
+        self.known = record(KNOWN, start=np.nan, length=np.nan)
         self.integrals = np.zeros((len(varying), s, s))
         self.weights = np.zeros((len(varying), 0, s))
         k = np.arange(_N_ORDERS)
@@ -43,11 +44,11 @@ class OrderTables:
 
     def forget(self):
         """Hold for no step."""
-        self.known[:2] = np.nan
+        self.known.start = self.known.length = np.nan
 
     def tell(self, strands, origin, t_stop):
         """Work out the tables of the step that is wanted; raise `OrderFailed` for a bad order."""
-        t, h = self.known[2:]
+        t, h = float(self.known.next_start), float(self.known.next_length)
         times = times_inside(origin, t, h, self._nodes, t_stop)
         n = strands.rates.size
         if self.weights.shape[1] != n:
@@ -61,7 +62,7 @@ class OrderTables:
         self.integrals[:] = h ** a[:, :, None] * self._interpolated(a)
         own = strands.varying.weights(a.ravel())
         self.weights[:, n - len(own) :] = own.reshape(len(own), *a.shape).swapaxes(0, 1)
-        self.known[:2] = t, h
+        self.known.start, self.known.length = t, h
 
     def _interpolated(self, a):
         """Row i of the integrals of order a_i, (n_v, s, s), by the barycentric formula."""

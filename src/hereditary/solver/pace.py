@@ -72,7 +72,7 @@ class Pace:
             Steps made in all.
         advance, left : float
             Time covered by the stretch, and time left [time].
-        begins : ndarray, shape (n, k)
+        begins : ndarray, shape (n, 2, d)
             The solution at the starts of these steps.
         """
         if made < 200:

@@ -15,6 +15,8 @@ from scipy.special import rgamma
 from ..history.bank import Bank, open_bank, open_kernels
 from ..history.order_bank import OrderBank, open_order_bank
 from ..kernels.collocation import ITSELF, POSITION, PRIMARY, SLOPE
+from ..kernels.structures import Equations
+from ..kernels.structures import Strands as CompiledStrands
 from ..schemes.power_basis import LEFT_OUT, graded_rule
 from ..schemes.quadrature import to_legendre
 
@@ -60,7 +62,7 @@ class Strands:
         self.initial = np.where(form.second == 1, y0[:, -1], y0[:, 0])
         self.p = self.initial.copy()
         starts = np.array([0 * self.initial, self.initial, y0[:, 0]])
-        components = form.channels[:, 0].astype(int) % d
+        components = form.terms.row % d
         self.offsets = np.ascontiguousarray(starts[form.offset_of, :, components].T)
         self.initial[:, form.implicit == 1] = 0.0
         self._n_rows = form.n_rows + d * form.raw.size
@@ -103,6 +105,17 @@ class Strands:
         self.weights[n_a : n_a + n_k, m : m + more] = self.kernels.weights
         self.masses = np.append(self.kernels.masses, np.zeros(n_varying))
         self.own = np.repeat([0.0, 1.0], [m + more, self.varying.rates.size])
+
+    def equations(self):
+        """Return the integral equations as compiled code takes them."""
+        form = self._form
+        parts = form.terms, form.orders, form.second, self.offsets, form.implicit, form.raw
+        return Equations(*parts)
+
+    def compiled(self):
+        """Return all strands as compiled code takes and changes them."""
+        present = self.initial, self.x, self.p
+        return CompiledStrands(*present, self.modes, self.before, self.last)
 
     def arrays(self):
         """Everything that is linear in a strand."""
@@ -240,7 +253,7 @@ class Strands:
 
 def rows(form):
     """Row, driver, index of the order or kernel and kappa of each integral."""
-    return [(int(c), int(q), int(k), kappa) for c, q, k, kappa in form.channels]
+    return form.terms.tolist()
 
 
 def _decades(closest, farthest):
