@@ -14,6 +14,8 @@ from laplace_truth import second_opinion
 
 # Relative rounding of numbers in the right-hand side and of times.
 _ROUNDING, _TICK = 1e-15, 4.5e-16
+# Shares of a run after which a change may be made that grows until a later time.
+_LATER = np.array([0.25, 0.5, 0.75])
 # Sizes beyond which a given-step run that decays has failed, and beyond which y counts as blown up.
 _GROSS, _BLOWN_UP = 4.0, 1e100
 _NEVER_TRUE = ("INTERRUPTED", "EVENT", "RHS_FAILED", "ORDER_FAILED")
@@ -82,7 +84,8 @@ def _given_steps(problem, sol, told):
     It may be as wrong as its step is long, y'(0) times that at first, but must not grow.
     """
     warned = any(issubclass(w.category, UserWarning) for w in told)
-    size, largest = np.abs(sol.y), np.abs(problem.solution(np.linspace(0, problem.t_end, 300)))
+    t = problem.t_end * np.append(np.geomspace(1e-8, 1e-2, 100), np.linspace(0, 1, 300))
+    size, largest = np.abs(sol.y), np.abs(problem.solution(np.sort(t)))
     first = np.abs(problem.truth.start[1]) * problem.t_end / problem.n_steps
     bound = _GROSS * (largest.max(axis=0) + first + 0.01)
     fine = bool(np.all(size <= bound))
@@ -155,6 +158,8 @@ def over_tolerance(problem, sol, t, derivative):
     error[~np.isfinite(found) & (above | (derivative == 0))] = np.inf
     beyond = np.any(error > tolerance, axis=1)
     if beyond.any():
+        if truth.d > 1:
+            tolerance[beyond] *= later_amplification(problem, t[beyond], derivative)
         tolerance[beyond] += allowance(problem, t[beyond], derivative)
     return error / tolerance
 
@@ -169,6 +174,24 @@ def amplification(problem, t, derivative, scale):
     if truth.d == 1:
         return 1.0
     return np.maximum(1.0, np.abs(truth.shares(t, derivative)).sum(axis=2) / scale)
+
+
+def later_amplification(problem, t, derivative):
+    """What relative changes of y and y' made at a later time grow to; 1 at least.
+
+    Of a Jordan block's solution that is t**2 times an oscillation they are some of what follows.
+    """
+    truth, out = problem.truth, np.ones((t.size, problem.truth.d))
+    scale = np.maximum(np.abs(problem.solution(t, derivative)), 0.01)
+    unit = replace(truth, start=np.ones((2, truth.d)), forces=())
+    for since in _LATER * t[-1]:
+        later = t > since
+        moved = np.abs(unit.shares(t[later] - since, derivative))
+        sizes = [np.abs(problem.solution(np.array([since]), k)[0]) + 0.01 for k in (0, 1)]
+        sizes[1] *= truth.orders.max(axis=0) > 1
+        grown = moved @ np.concatenate(sizes) / scale[later]
+        out[later] = np.maximum(out[later], grown)
+    return out
 
 
 def allowance(problem, t, derivative):

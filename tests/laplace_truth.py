@@ -254,9 +254,16 @@ def _roots(a, c, rate):
 def _solved(matrix, right):
     """Solutions of many small systems, by elimination with pivots, in any precision.
 
-    Rows are scaled first: with other orders in each component they differ by tens of orders.
+    Columns are scaled by what the diagonal alone would make of the unknowns, and then rows: with
+    other orders in each component they differ by tens of orders.
     """
-    d, size = matrix.shape[-1], np.abs(matrix).max(axis=-1, keepdims=True)
+    d = matrix.shape[-1]
+    diagonal = np.abs(matrix[..., np.arange(d), np.arange(d)])
+    guess = np.abs(right).max(axis=-1) / np.where(diagonal > 0, diagonal, 1)
+    guess = np.maximum(guess, 1e-300 * guess.max(axis=-1, keepdims=True))
+    guess = np.where(guess > 0, guess, 1)
+    matrix = matrix * guess[..., None, :]
+    size = np.abs(matrix).max(axis=-1, keepdims=True)
     matrix, right = matrix / size, right / size
     for k in range(d):
         pivot = k + np.argmax(np.abs(matrix[..., k:, k]), axis=-1)[..., None, None]
@@ -270,7 +277,7 @@ def _solved(matrix, right):
                 factor = (matrix[..., i, k] / matrix[..., k, k])[..., None]
                 matrix[..., i, :] -= factor * matrix[..., k, :]
                 right[..., i, :] -= factor * right[..., k, :]
-    return right / matrix[..., np.arange(d), np.arange(d)][..., None]
+    return guess[..., None] * right / matrix[..., np.arange(d), np.arange(d)][..., None]
 
 
 def _determinant(a):

@@ -65,37 +65,44 @@ def leave(defect, newton, left):
 
 @kernel
 def off_nodes(rhs, params, times, h, rule, x_start, second, values, limits, off):
-    """How far f is from its polynomial, where the solution's is between the nodes, (d,).
+    """Set how far f is from its polynomial, where the solution's is between the nodes, (d,).
 
     A right-hand side that jumps, or that comes and goes between the nodes, shows there alone. Both
     polynomials are those through the nodes: a linear f is none off its own. Where they miss the
-    start, the first of the times, by far more than the tolerance, f is that of the start itself.
+    start, the first of the times, by far more than the tolerance, f is looked at from there too.
     """
     # times (m,), x_start (d,), values (3 or 4, d, s)
-    risen, extended = rule.risen, rule.extended
-    d, s = second.shape[0], extended.shape[1]
-    point, force = np.empty(d), np.empty(d)
+    d, s = second.shape[0], rule.extended.shape[1]
+    point, missed = np.empty(d), False
     for i in range(times.shape[0]):
         for c in range(d):
             total = 0.0
             if second[c] == 0:
                 for j in range(s):
-                    total += extended[i, j] * values[PRIMARY, c, j]
-                missed, size = abs(x_start[c] - total), abs(x_start[c])
-                if i == 0 and missed > _MISSED * (limits.atol + limits.rtol * size):
-                    total = x_start[c]
+                    total += rule.extended[i, j] * values[PRIMARY, c, j]
             else:
                 for j in range(s):
-                    total += risen[i, j] * values[PRIMARY, c, j]
+                    total += rule.risen[i, j] * values[PRIMARY, c, j]
                 total = x_start[c] + h * total
             point[c] = total
-        rhs(times[i], point, force, params)
-        for c in range(d):
-            total = force[c]
-            for j in range(s):
-                total -= extended[i, j] * values[FORCE, c, j]
-            if not abs(total) <= abs(off[c]):  # not a number counts as most
-                off[c] = total
+            allowed = _MISSED * (limits.atol + limits.rtol * abs(x_start[c]))
+            missed = missed or (i == 0 and abs(total - x_start[c]) > allowed)
+        off_there(rhs, params, times[i], point, rule.extended[i], values, off)
+    if missed:
+        off_there(rhs, params, times[0], x_start, rule.extended[0], values, off)
+
+
+@kernel
+def off_there(rhs, params, t, point, extended, values, off):
+    """Let `off` be no less than what f at a point is from its polynomial at a time."""
+    force = np.empty(point.shape[0])
+    rhs(t, point, force, params)
+    for c in range(point.shape[0]):
+        total = force[c]
+        for j in range(extended.shape[0]):
+            total -= extended[j] * values[FORCE, c, j]
+        if not abs(total) <= abs(off[c]):  # not a number counts as most
+            off[c] = total
 
 
 @kernel
