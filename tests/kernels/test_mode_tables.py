@@ -13,13 +13,14 @@ from numpy.polynomial.legendre import leggauss, legvander
 from hereditary.kernels.mode_tables import (
     SLOTS,
     combined_weights,
+    empty_tables,
     exponential_legendre,
     move_modes,
     on_grid,
     read_modes,
     slot_of,
 )
-from hereditary.kernels.structures import TERM, Equations, ExponentialBasis, StepTables
+from hereditary.kernels.structures import TERM, Equations, ExponentialBasis
 from hereditary.schemes.quadrature import radau_nodes, to_legendre
 
 # Between neighbours of the grid lies a factor of 2**(1/8); its lengths are rounded up to 13 digits.
@@ -76,12 +77,6 @@ RATES = np.array([0.0, 1e-12, 0.3, 7.0, 1e3, 1e9])
 WEIGHTS, MASS = np.array([2.0, 0.0, 1.0, 0.5, 3.0, 0.0]), 0.25
 
 
-def empty_tables(s):
-    n = RATES.size
-    shapes = ((SLOTS, n, s), (SLOTS, n), (SLOTS, s, n), (SLOTS, 1, s, s))
-    return StepTables(np.zeros(SLOTS), *(np.full(shape, np.nan) for shape in shapes))
-
-
 def basis(s):
     """The rates with a fractional integral, which has no part in this, and the general kernel."""
     nodes = radau_nodes(s)
@@ -115,14 +110,14 @@ def check_slot(h, tables):
 @given(st.lists(st.floats(1e-9, 1e3), min_size=1, max_size=8), st.integers(2, 12))
 def test_a_slot_holds_the_factors_of_its_length(lengths, s):
     """Whatever came before, on the grid or not, as the last steps before a stop are."""
-    tables = empty_tables(s)
+    tables = empty_tables(RATES.size, s, 1)
     for h in lengths:
         check_slot(on_grid(h), tables)
         check_slot(h, tables)
 
 
 def test_lengths_that_share_a_slot_take_turns():
-    tables = empty_tables(6)
+    tables = empty_tables(RATES.size, 6, 1)
     one, other = 1.0, 2.0 ** -(SLOTS / 8)
     slot = check_slot(one, tables)
     assert check_slot(other, tables) == slot
@@ -139,7 +134,7 @@ def test_lengths_that_share_a_slot_take_turns():
 @given(st.floats(1e-6, 10.0), st.integers(2, 8), st.integers(0, 2**32 - 1))
 def test_matrices_of_a_general_kernel(h, s, seed):
     """Its convolution with a polynomial on the step, at the nodes, by Gauss' rule."""
-    tables, nodes = empty_tables(s), radau_nodes(s)
+    tables, nodes = empty_tables(RATES.size, s, 1), radau_nodes(s)
     matrix = tables[4][slot_for(h, tables), 0]
     coefficients = np.random.default_rng(seed).normal(size=s)
     values = legvander(2 * nodes - 1, s - 1) @ coefficients
@@ -160,7 +155,7 @@ def test_matrices_of_a_general_kernel(h, s, seed):
 def test_modes_are_read_and_moved(seed, d, s):
     """Against the same sums by NumPy."""
     rng, h = np.random.default_rng(seed), 0.37
-    tables = empty_tables(s)
+    tables = empty_tables(RATES.size, s, 1)
     slot = slot_for(h, tables)
     _, reads, keeps, moments, _ = (table[slot] for table in tables)
     modes, idle = rng.normal(size=(2, d, RATES.size))
@@ -179,7 +174,7 @@ def test_modes_are_read_and_moved(seed, d, s):
 def test_a_mode_of_a_polynomial_is_its_integral():
     """``int_0^h exp(-rate (h - u)) u**2 du``, whatever the rate."""
     h, s = 0.5, 4
-    tables = empty_tables(s)
+    tables = empty_tables(RATES.size, s, 1)
     slot = slot_for(h, tables)
     values, driven = np.zeros((3, 1, s)), np.zeros((1, 3, RATES.size))
     values[2, 0], driven[0, 2] = (h * radau_nodes(s)) ** 2, 1.0

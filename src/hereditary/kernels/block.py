@@ -7,29 +7,30 @@ RUNNING, BLOWN_UP, NOT_SOLVED = 0, 1, 2
 
 
 @kernel
-def open_block(lag, pieces, n, classes, weights, exchange, tables, memory):
+def open_block(lag, pieces, n, groups, weights, exchange, tables, memory):
     """Lag of everything older for the block from step n on; the newest piece moves to its front."""
     newest = pieces.shape[1] - 1
     for c in range(lag.shape[0]):
-        w = weights[classes[c]]
+        w = weights[groups[c]]
         lag[c, 0] = 0.0  # the nearest weight is the scheme's own
         for i in range(1, lag.shape[1]):
             lag[c, i] = w[i + 1] * pieces[c, newest]
-    exchange(lag, pieces, n, classes, tables, memory)
+    exchange(lag, pieces, n, groups, tables, memory)
     for c in range(lag.shape[0]):
         pieces[c, 0] = pieces[c, newest]
 
 
 @kernel
-def begin_memory(lag, start, value, c, weights, first):
-    """Store a column's start value, and add its share to the first block from step `first` on."""
-    # start: the memory's rows of start values, weights: the column's start weights (B + 2,)
-    begin_one(lag, start, value, c, weights, first, 0, 1)
+def begin_memory(lag, memory, value, c, weights, first):
+    """Store a column's start value, and add it to the first block from step `first` on."""
+    # weights: the column's start weights (B + 2,)
+    begin_one(lag, memory, value, c, weights, first, 0, 1)
 
 
 @kernel
-def begin_one(lag, start, value, c, weights, first, v, n_values):
-    """The same for number v of several start values of a column."""
+def begin_one(lag, memory, value, c, weights, first, v, n_values):
+    """Do the same for number v of several start values of a column."""
+    _, start, _ = memory
     length = start.shape[1] // n_values
     for i in range(v * length, (v + 1) * length):
         start[c, i] = value
@@ -38,11 +39,12 @@ def begin_one(lag, start, value, c, weights, first, v, n_values):
 
 
 @inlined
-def write_rows(n, first, positions, rows, slopes, x, y, d, h):
+def write_rows(n, first, output, x, y, d, h):
     """Write the rows asked for up to step n, from the parabola through the last three values.
 
     Positions count in steps and ascend; returns the number of rows written so far.
     """
+    positions, rows, slopes = output.positions, output.rows, output.slopes
     k = first
     while k < positions.shape[0] and positions[k] <= n:
         back = positions[k] - n  # in (-1, 0]; zero on the mesh, where the row is x itself

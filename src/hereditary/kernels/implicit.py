@@ -15,52 +15,41 @@ from .tangent import solve_tangents
 
 
 @entry(*MARCH)
-def march_implicit(
-    rhs, jac, has_jac, params, exchange, tables, memory, scheme, state, output, n_end
-):
+def march_implicit(rhs, jac, has_jac, params, exchange, tables, memory, step, march, output, n_end):
     """March to step `n_end`; return how it ended (kernels/block.py)."""
-    # scheme: [h, theta, corrected steps, r, start values V], layout, classes, given (W,): whether
-    #   the first increment is known, weights (C, B + 2), start weights (V C, B + 2), rows [lead,
-    #   near, weight of w_0 in the first step, r powers of the forcing] (3 + r, W)
-    # state: counters (5,) [step, rows written, unused, block opened, calls], x, u, change of u
-    #   (W,), lag (W, B), pieces (W, B + 1), unused, data [shift, r amplitudes of the forcing, w_0,
-    #   corrections, start values from the second on] (W, k)
-    # output: positions (k,), rows of x, rows of x' (k, d), unused
-    numbers, layout, classes, given, weights, start_weights, columns = scheme
-    h, theta, n_forcing, n_starts = numbers[0], numbers[1], int(numbers[3]), int(numbers[4])
-    lead, near = columns[0], columns[1]
-    counters, x, u, d, lag, pieces, _, data = state
-    shift = data[:, 0].copy()
-    positions, rows, slopes, _ = output
-    n_block = lag.shape[1]
-    width, n_orbit = x.shape[0], layout[0]
+    h, theta, lead, groups, weights = step.h, step.theta, step.lead, step.groups, step.weights
+    counts, x, u, d = march.counts, march.x, march.increment, march.change
+    lag, pieces, n_starts = march.lag, march.pieces, 1 + march.starts.shape[1]
+    shift, n_block = march.shift.copy(), lag.shape[1]
+    width, n_orbit = x.shape[0], step.n_orbit
     known, w, ones = np.empty(width), np.empty(width), np.ones(width)
     orbit, j_f = x[:n_orbit], np.empty((n_orbit, n_orbit))
-    counters[1] = 0
-    while counters[0] < n_end:
-        n = counters[0]
+    counts.rows = 0
+    while counts.step < n_end:
+        n = counts.step
         p = n % n_block
-        if p == 0 and counters[3] != n:
-            open_block(lag, pieces, n, classes, weights, exchange, tables, memory)
+        if p == 0 and counts.opened != n:
+            open_block(lag, pieces, n, groups, weights, exchange, tables, memory)
             if n == 0:
-                begin_more(lag, memory[1], data, classes, start_weights, n_starts)
-            counters[3] = n
+                begin_more(lag, memory, march.starts, groups, step.start_weights)
+            counts.opened = n
         t = (n + theta) * h
-        scale = columns[2] if n == 0 else ones
+        scale = step.scale if n == 0 else ones
         for c in range(width):
             w[c] = pieces[c, p]  # the increment before as first guess
-            known[c] = near[c] * w[c] + lag[c, p] + lead[c] * forced(data, columns, n_forcing, c, t)
-            if n < numbers[2]:
-                known[c] -= lead[c] * data[c, 2 + n_forcing + n]
-        if n == 0 and given[0] == 1:
-            w[:] = data[:, 1 + n_forcing]
+            known[c] = step.near[c] * w[c] + lag[c, p]
+            known[c] += lead[c] * forced(march.drift, step.powers, c, t)
+            if n < march.corrections.shape[1]:
+                known[c] -= lead[c] * march.corrections[c, n]
+        if n == 0 and step.given[0] == 1:
+            w[:] = march.first
         else:
             if not solve_step(
-                rhs, jac, has_jac, params, t, orbit, theta, shift, scale, known, lead, w, counters
+                rhs, jac, has_jac, params, t, orbit, theta, shift, scale, known, lead, w, counts
             ):
                 return NOT_SOLVED
             if width > n_orbit and not solve_tangents(
-                rhs, jac, has_jac, params, t, x, j_f, theta, shift, scale, known, lead, w, counters
+                rhs, jac, has_jac, params, t, x, j_f, theta, shift, scale, known, lead, w, counts
             ):
                 return NOT_SOLVED
         for c in range(width):
@@ -69,33 +58,34 @@ def march_implicit(
             u[c] = new
             x[c] += new
             pieces[c, p + 1] = w[c]
-            weight = weights[classes[c]]
+            weight = weights[groups[c]]
             for i in range(2, n_block - p):
                 lag[c, p + i] += weight[i] * w[c]
             if n == 0:
-                begin_one(lag, memory[1], w[c], c, start_weights[classes[c]], 1, 0, n_starts)
-        counters[0] = n + 1
-        counters[1] = write_rows(n + 1, counters[1], positions, rows, slopes, x, u, d, h)
+                begin_one(lag, memory, w[c], c, step.start_weights[groups[c]], 1, 0, n_starts)
+        counts.step = n + 1
+        counts.rows = write_rows(n + 1, counts.rows, output, x, u, d, h)
         if not bounded(orbit):
             return BLOWN_UP
     return RUNNING
 
 
 @kernel
-def begin_more(lag, start, data, classes, start_weights, n_starts):
-    """Store the start values from the second on, which stand last in data (W, k)."""
-    n_classes = start_weights.shape[0] // n_starts
+def begin_more(lag, memory, starts, groups, start_weights):
+    """Store the start values from the second on, (W, V - 1)."""
+    n_starts = 1 + starts.shape[1]
+    n_groups = start_weights.shape[0] // n_starts
     for v in range(1, n_starts):
         for c in range(lag.shape[0]):
-            own = start_weights[v * n_classes + classes[c]]
-            begin_one(lag, start, data[c, v - n_starts], c, own, 0, v, n_starts)
+            own = start_weights[v * n_groups + groups[c]]
+            begin_one(lag, memory, starts[c, v - 1], c, own, 0, v, n_starts)
 
 
 @kernel
-def forced(data, columns, n_terms, c, t):
-    """Sum of the known terms of a column at time t."""
+def forced(drift, powers, c, t):
+    """Sum the known terms of a column at time t."""
     total = 0.0
-    for i in range(n_terms):
-        if data[c, 1 + i] != 0.0:
-            total += data[c, 1 + i] * t ** columns[3 + i, c]
+    for i in range(drift.shape[1]):
+        if drift[c, i] != 0.0:
+            total += drift[c, i] * t ** powers[i, c]
     return total

@@ -101,43 +101,38 @@ def exponential_moments(z, keep):
 
 
 @entry(*MESH_MARCH)
-def march_mesh(rhs, jac, has_jac, params, recall, tables, memory, scheme, state, output, n_end):
+def march_mesh(rhs, jac, has_jac, params, recall, tables, memory, mesh, march, output, n_end):
     """March to mesh point `n_end`; return how it ended (kernels/block.py)."""
-    # scheme: times (N + 1,), theta (N,), [parabolas: 0 none, 1 behind the newest step, 2 on it
-    #   too; first increment given], classes, factors and powers (C, T), Gauss rule (2, 16),
-    #   first increment, speeds x'(0) where pieces leave t x'(0) out (W,)
-    # state: counters (5,) [step, rows written, unused, unused, calls], x, u (W,), pieces (2, W)
-    # output: positions (k,) in steps, rows, their slopes (k, d)
-    times, theta, form, classes, factors, powers, rule, first, speeds = scheme
-    counters, x, u, pieces = state
-    positions, rows, slopes = output
+    times, theta, parabolas, groups = mesh.times, mesh.theta, mesh.parabolas, mesh.groups
+    counts, x, u, pieces = march.counts, march.x, march.increment, march.pieces
     width = x.shape[0]
     lag, known, lead, w = np.empty(width), np.empty(width), np.empty(width), np.empty(width)
     ones, zeros, shift, new = np.ones(width), np.zeros(width), np.empty(width), np.empty(width)
-    counters[1] = 0
-    while counters[0] < n_end:
-        n = counters[0]
+    counts.rows = 0
+    while counts.step < n_end:
+        n = counts.step
         step = times[n + 1] - times[n]
         before = times[n] - times[n - 1] if n > 0 else 0.0
         t = times[n] + theta[n] * step
-        n_pieces = n if form[0] == 0 else max(0, n - 1)
-        recall(lag, pieces, n_pieces, t, classes, tables, memory)
+        n_pieces = n if parabolas == 0 else max(0, n - 1)
+        recall(lag, pieces, n_pieces, t, groups, tables, memory)
         for c in range(width):
-            i, ahead = classes[c], theta[n] * step
-            now, then = near_weights(factors[i], powers[i], ahead, step, before, form[0], rule)
+            i, ahead = groups[c], theta[n] * step
+            factors, powers = mesh.factors[i], mesh.powers[i]
+            now, then = near_weights(factors, powers, ahead, step, before, parabolas, mesh.rule)
             lead[c] = 1.0 / now
             known[c] = (lag[c] + then * u[c]) / now
             w[c] = u[c] * step / before if n > 0 else 0.0
-            shift[c] = step * speeds[c]
-        if n == 0 and form[1] == 1:
-            w[:] = first
+            shift[c] = step * mesh.speeds[c]
+        if n == 0 and mesh.given == 1:
+            w[:] = mesh.first
         elif not solve_step(
-            rhs, jac, has_jac, params, t, x, theta[n], shift, ones, known, lead, w, counters
+            rhs, jac, has_jac, params, t, x, theta[n], shift, ones, known, lead, w, counts
         ):
             return NOT_SOLVED
         finite = True
         for c in range(width):
-            if form[0] == 0:
+            if parabolas == 0:
                 pieces[0, c], pieces[1, c] = w[c] / step, 0.0
             elif n > 0:
                 pieces[0, c] = u[c] / before
@@ -148,8 +143,8 @@ def march_mesh(rhs, jac, has_jac, params, recall, tables, memory, scheme, state,
             new[c] = shift[c] + w[c]
             x[c] += new[c]
             finite = finite and abs(x[c]) < 1e300
-        counters[0] = n + 1
-        counters[1] = write_rows(n + 1, counters[1], positions, rows, slopes, x, new, zeros, step)
+        counts.step = n + 1
+        counts.rows = write_rows(n + 1, counts.rows, output, x, new, zeros, step)
         if not finite:
             return BLOWN_UP
     return RUNNING

@@ -10,12 +10,19 @@ import math
 import numpy as np
 
 from .._jit import kernel
+from .structures import StepTables
 
 # Lengths of steps are powers of two of the multiples of 1 / _PER_OCTAVE, rounded up to so few
 # digits that adding them to a time is exact: the same rounding each time would make a drift.
 _PER_OCTAVE, _DIGITS = 8, 2.0**12
 # Slots; lengths that are powers of 2**(SLOTS / _PER_OCTAVE) apart share one.
 SLOTS = 64
+
+
+def empty_tables(n_modes, s, n_kernels):
+    """Return tables that hold the factors of no length yet."""
+    slots = (SLOTS, n_modes, s), (SLOTS, n_modes), (SLOTS, s, n_modes), (SLOTS, n_kernels, s, s)
+    return StepTables(np.zeros(SLOTS), *(np.full(shape, np.nan) for shape in slots))
 
 
 @kernel

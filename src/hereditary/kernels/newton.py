@@ -15,10 +15,10 @@ _TOLERANCE, _ROUNDING, _UNDERFLOW = 1e-13, 2e-16, 1e-300
 
 
 @kernel
-def solve_step(rhs, jac, has_jac, params, t, x, theta, shift, scale, known, lead, w, counters):
+def solve_step(rhs, jac, has_jac, params, t, x, theta, shift, scale, known, lead, w, counts):
     """Solve ``scale w + known = lead f(t, x + theta (shift + w))`` for w, from its present value.
 
-    Returns False where the iteration does not converge; calls of `rhs` are counted in counters[4].
+    Returns False where the iteration does not converge; calls of `rhs` are counted.
     """
     # x (d,), shift, scale, known, lead, w (>= d,)
     d = x.shape[0]
@@ -29,9 +29,9 @@ def solve_step(rhs, jac, has_jac, params, t, x, theta, shift, scale, known, lead
         for c in range(d):
             point[c] = x[c] + theta * (shift[c] + w[c])
         rhs(t, point, f, params)
-        counters[4] += 1
+        counts.rhs += 1
         if iteration == 0 or iteration >= _SIMPLIFIED:
-            counters[4] += jacobian(rhs, jac, has_jac, t, point, params, j_f)
+            counts.rhs += jacobian(rhs, jac, has_jac, t, point, params, j_f)
         for i in range(d):
             change[i] = lead[i] * f[i] - known[i] - scale[i] * w[i]
             for k in range(d):

@@ -6,7 +6,10 @@ offers one such function, with its own tables and memory behind it as 2-D arrays
 histories are compiled once each and pair freely.
 """
 
-from numba import types
+from typing import NamedTuple
+
+import numpy as np
+from numba import from_dtype, types
 
 from .._jit import CUBE, F8, I8, IVEC, JAC_SIG, MAT, RHS_SIG, VEC
 
@@ -20,23 +23,134 @@ MEMORY = types.UniTuple(MAT, 3)
 EXCHANGE_SIG = types.void(MAT, MAT, I8, IVEC, TABLES, MEMORY)
 EXCHANGE = types.FunctionType(EXCHANGE_SIG)
 
-# what a march works on: numbers, layout [components d of the orbit, blocks between Jacobians (0:
-# none)], class of each column, flags, weights and start weights inside a block, rows of constants
-# for the columns; and what a march changes. What they hold is told at each march. The W columns are
-# the d components of the orbit, then those of one tangent after the other; all of the state but
-# the counters is linear in the tangents.
-SCHEME = types.Tuple((VEC, IVEC, IVEC, IVEC, MAT, MAT, MAT))
-STATE = types.Tuple((IVEC, VEC, VEC, VEC, MAT, MAT, MAT, MAT))
-OUTPUT = types.Tuple((VEC, MAT, MAT, CUBE))
-MARCH = (RHS, JAC, I8, VEC, EXCHANGE, TABLES, MEMORY, SCHEME, STATE, OUTPUT, I8)
+# What a march counts: steps made, rows written, the step at which a zigzag had lasted (-1: none),
+# the one whose block is open, calls of the right-hand side, the step near which its Jacobian was
+# largest, the step at which turns had grown (-1); and how nearly sweeps failed to contract.
+COUNTS = np.dtype(
+    [(name, "i8") for name in ("step", "rows", "zigzag", "opened", "rhs", "largest", "growth")]
+    + [("nearest", "f8")],
+    align=True,
+)
+# What is watched of each component (kernels/watch.py): length of the alternation under way, the
+# largest increment of its present stretch and of the one before; step of the last turn, where
+# increments change sign, the change there and the growth of these changes; smallest and largest
+# increment of the present short stretch; turns in quick succession (-1: they may last), the largest
+# change in their present stretch and in the one before.
+_WATCHED = (
+    "alternating", "largest", "before", "turned", "change", "growth", "least", "most", "turns",
+    "turning", "turning_before",
+)  # fmt: skip
+MONITOR = np.dtype([(name, "f8") for name in _WATCHED], align=True)
+
+
+class StepTable(NamedTuple):
+    """What a scheme's steps are made of, for W columns in C groups and blocks of B steps.
+
+    h and theta, where in a step the equation holds; sweeps of a corrector (0: solved for); n_orbit
+    components, the first columns; every so many steps a Jacobian is kept (0: none). groups and
+    given (W,), whether the first increment is given; weights and start_weights (C, B + 2) and
+    (V C, B + 2) inside a block; lead and near (W,), what f and the newest piece weigh; scale (W,),
+    weight of the increment in the first step; limits (W,) of lead times -J for sweeps; powers
+    (r, W) of the known terms.
+    """
+
+    h: float
+    theta: float
+    sweeps: int
+    n_orbit: int
+    every: int
+    groups: np.ndarray
+    given: np.ndarray
+    weights: np.ndarray
+    start_weights: np.ndarray
+    lead: np.ndarray
+    near: np.ndarray
+    scale: np.ndarray
+    limits: np.ndarray
+    powers: np.ndarray
+
+
+class March(NamedTuple):
+    """What a march changes; all but counts and monitor is linear in the solution.
+
+    The W columns are the components of the orbit, then those of one tangent after the other. x, the
+    newest increment and its change (W,); lag (W, B) of the block under way and pieces (W, B + 1);
+    monitor, records (d,); shift (W,), h x'(0) that the pieces leave out; drift (W, r), amplitudes
+    of known terms; first (W,), the first increment where it is given; corrections (W, k), added to
+    the right-hand side in the first steps; starts (W, V), start values; force and lacks (W,), the
+    newest right-hand side, and what the last step took too much of it.
+    """
+
+    counts: np.record
+    x: np.ndarray
+    increment: np.ndarray
+    change: np.ndarray
+    lag: np.ndarray
+    pieces: np.ndarray
+    monitor: np.ndarray
+    shift: np.ndarray
+    drift: np.ndarray
+    first: np.ndarray
+    corrections: np.ndarray
+    starts: np.ndarray
+    force: np.ndarray
+    lacks: np.ndarray
+
+
+class Output(NamedTuple):
+    """Rows asked for, at positions (k,) in steps: y and its slopes (k, d); Jacobians (n, d, d)."""
+
+    positions: np.ndarray
+    rows: np.ndarray
+    slopes: np.ndarray
+    jacobians: np.ndarray
+
+
+class MeshTable(NamedTuple):
+    """What a scheme's steps on a mesh are made of.
+
+    times (N + 1,), theta (N,); parabolas: 0 none, 1 behind the newest step, 2 on it too; given,
+    whether the first increment is; groups (W,); factors and powers (C, T) of the terms; rule
+    (2, 16), Gauss nodes and weights; first increment, and speeds x'(0) where pieces leave t x'(0)
+    out (W,).
+    """
+
+    times: np.ndarray
+    theta: np.ndarray
+    parabolas: int
+    given: int
+    groups: np.ndarray
+    factors: np.ndarray
+    powers: np.ndarray
+    rule: np.ndarray
+    first: np.ndarray
+    speeds: np.ndarray
+
+
+class MeshMarch(NamedTuple):
+    """What a march on a mesh changes: counts, x and the newest increment (W,), pieces (2, W)."""
+
+    counts: np.record
+    x: np.ndarray
+    increment: np.ndarray
+    pieces: np.ndarray
+
+
+_COUNTS = from_dtype(COUNTS)
+STEP_TABLE = types.NamedTuple(
+    (F8, F8, I8, I8, I8, IVEC, IVEC, MAT, MAT, VEC, VEC, VEC, VEC, MAT), StepTable
+)
+_MONITORS = types.Array(from_dtype(MONITOR), 1, "C")
+STATE = types.NamedTuple(
+    (_COUNTS, VEC, VEC, VEC, MAT, MAT, _MONITORS, VEC, MAT, VEC, MAT, MAT, VEC, VEC), March
+)
+OUTPUT = types.NamedTuple((VEC, MAT, MAT, CUBE), Output)
+MARCH = (RHS, JAC, I8, VEC, EXCHANGE, TABLES, MEMORY, STEP_TABLE, STATE, OUTPUT, I8)
 
 # The same on meshes of any steps: lag (W,), newest piece (2, W), pieces so far, time seen from,
 # class of each column, tables, memory; stores the piece and sets lag
 RECALL_SIG = types.void(VEC, MAT, I8, F8, IVEC, TABLES, MEMORY)
 RECALL = types.FunctionType(RECALL_SIG)
-MESH_SCHEME = types.Tuple((VEC, VEC, IVEC, IVEC, MAT, MAT, MAT, VEC, VEC))
-MESH_STATE = types.Tuple((IVEC, VEC, VEC, MAT))
-MESH_OUTPUT = types.Tuple((VEC, MAT, MAT))
-MESH_MARCH = (
-    RHS, JAC, I8, VEC, RECALL, TABLES, MEMORY, MESH_SCHEME, MESH_STATE, MESH_OUTPUT, I8
-)  # fmt: skip
+MESH_TABLE = types.NamedTuple((VEC, VEC, I8, I8, IVEC, MAT, MAT, MAT, VEC, VEC), MeshTable)
+MESH_STATE = types.NamedTuple((_COUNTS, VEC, VEC, MAT), MeshMarch)
+MESH_MARCH = (RHS, JAC, I8, VEC, RECALL, TABLES, MEMORY, MESH_TABLE, MESH_STATE, OUTPUT, I8)

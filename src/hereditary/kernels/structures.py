@@ -12,17 +12,23 @@ from numba import from_dtype, types
 from .._jit import CUBE, CUBES, F8, IVEC, MAT, VEC
 
 # One convolution of a row: which integrand, with which order or kernel, times what.
-TERM = np.dtype([("row", "i8"), ("integrand", "i8"), ("index", "i8"), ("coefficient", "f8")])
+TERM = np.dtype(
+    [("row", "i8"), ("integrand", "i8"), ("index", "i8"), ("coefficient", "f8")], align=True
+)
 # Times [time]: present time since the origin, length of the next step and of the last one, closest
 # distance that the modes hold at, whether the last trial was refused, and the origin itself.
 _TIMES = "time", "next", "last", "closest", "refused", "origin"
-CONTROL = np.dtype([(name, "f8") for name in _TIMES])
+CONTROL = np.dtype([(name, "f8") for name in _TIMES], align=True)
 # Calls of the right-hand side, steps accepted, refused, and refused for what f is off its nodes.
-COUNTS = np.dtype([("rhs", "i8"), ("accepted", "i8"), ("refused", "i8"), ("off_nodes", "i8")])
+COUNTS = np.dtype(
+    [("rhs", "i8"), ("accepted", "i8"), ("refused", "i8"), ("off_nodes", "i8")], align=True
+)
 # How Newton's method contracted, the change that was seen at, and the length of that step.
-CONTRACTION = np.dtype([("rate", "f8"), ("change", "f8"), ("length", "f8")])
+CONTRACTION = np.dtype([("rate", "f8"), ("change", "f8"), ("length", "f8")], align=True)
 # Start, since the origin, and length of the step that is known, and of the one that is wanted.
-KNOWN = np.dtype([("start", "f8"), ("length", "f8"), ("next_start", "f8"), ("next_length", "f8")])
+KNOWN = np.dtype(
+    [("start", "f8"), ("length", "f8"), ("next_start", "f8"), ("next_length", "f8")], align=True
+)
 
 
 class Equations(NamedTuple):
@@ -185,3 +191,26 @@ def record(dtype, values=None, **fields):
     for name, value in fields.items():
         setattr(found, name, value)
     return found
+
+
+def plain(part):
+    """Return a record, or an array of them, as an array of numbers; anything else as it is."""
+    named = part.dtype.names
+    return part if named is None else np.array(part.tolist(), dtype=float).reshape(-1, len(named))
+
+
+def begin_run(h, largest):
+    """Return what a march counts and controls, its first step being of length h."""
+    seen = record(CONTRACTION, rate=1.0, change=1.0, length=1.0)
+    return Run(record(CONTROL, next=h), record(COUNTS), seen, largest)
+
+
+def run_of(kept):
+    """Return the `Run` whose parts were kept as arrays of numbers."""
+    control, counts, seen, largest = kept
+    return Run(
+        record(CONTROL, tuple(control[0])),
+        record(COUNTS, tuple(counts[0])),
+        record(CONTRACTION, tuple(seen[0])),
+        largest.copy(),
+    )

@@ -26,33 +26,33 @@ def push_tangents(j_f, x, f):
 
 
 @kernel
-def evaluate(rhs, jac, has_jac, params, t, x, j_f, f, counters):
-    """Right-hand sides of orbit and tangents; calls of `rhs` are counted in counters[4]."""
+def evaluate(rhs, jac, has_jac, params, t, x, j_f, f, counts):
+    """Right-hand sides of orbit and tangents; calls of `rhs` are counted."""
     # x, f (W,), j_f (d, d): filled with the Jacobian where there are tangents
     d = j_f.shape[0]
     orbit = x[:d]
     rhs(t, orbit, f[:d], params)
-    counters[4] += 1
+    counts.rhs += 1
     if x.shape[0] > d:
-        counters[4] += jacobian(rhs, jac, has_jac, t, orbit, params, j_f)
+        counts.rhs += jacobian(rhs, jac, has_jac, t, orbit, params, j_f)
         push_tangents(j_f, x, f)
 
 
 @kernel
 def solve_tangents(
-    rhs, jac, has_jac, params, t, x, j_f, theta, shift, scale, known, lead, w, counters
+    rhs, jac, has_jac, params, t, x, j_f, theta, shift, scale, known, lead, w, counts
 ):
     """Solve ``scale w + known = lead J (x + theta (shift + w))`` for every tangent's w.
 
     J is the Jacobian where the orbit's own w, which is given, solves the step (kernels/newton.py).
-    Returns False where the equations are singular; calls of `rhs` are counted in counters[4].
+    Returns False where the equations are singular; calls of `rhs` are counted.
     """
     # x, shift, known, lead, w (W,), j_f (d, d): filled with J, scale (>= d,)
     d = j_f.shape[0]
     point, change, matrix = np.empty(d), np.empty(d), np.empty((d, d))
     for c in range(d):
         point[c] = x[c] + theta * (shift[c] + w[c])
-    counters[4] += jacobian(rhs, jac, has_jac, t, point, params, j_f)
+    counts.rhs += jacobian(rhs, jac, has_jac, t, point, params, j_f)
     for first in range(d, x.shape[0], d):
         for i in range(d):
             total = 0.0

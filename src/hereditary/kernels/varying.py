@@ -39,48 +39,48 @@ LANES = 4
 
 @entry(*MARCH, fused=True)
 def march_varying_explicit(
-    rhs, jac, has_jac, params, exchange, tables, memory, scheme, state, output, n_end
+    rhs, jac, has_jac, params, exchange, tables, memory, step, march, output, n_end
 ):
-    """March of the explicit scheme to step `n_end`; return how it ended (kernels/block.py)."""
-    # scheme: [h], layout, classes, second (W,), others unused
-    # state: as in kernels/march.py with blocks of one step; the pieces are w, data (W, 2) shift and
-    #   x(0)
-    numbers, layout, classes, second, _, _, _ = scheme
-    h, every = numbers[0], layout[1]
-    counters, x, u, d, lag, pieces, monitor, data = state
-    positions, rows, slopes, jacobians = output
+    """March of the explicit scheme to step `n_end`; return how it ended (kernels/block.py).
+
+    Blocks are of one step, and pieces the increments without shift.
+    """
+    h, every, groups = step.h, step.every, step.groups
+    counts, x, u, d = march.counts, march.x, march.increment, march.change
+    lag, pieces, shift, value = march.lag, march.pieces, march.shift, march.starts
     steps, derivatives, table, starts, size = tables
-    modes, per_class = memory[1], HEAD + PER_TERM * derivatives.shape[1]
-    asks = begin(memory, data, counters[0])
-    first_sample = (counters[0] + every - 1) // every
-    width, n_orbit = x.shape[0], layout[0]
+    _, modes, _ = memory
+    per_class = HEAD + PER_TERM * derivatives.shape[1]
+    asks = begin(memory, march, counts.step)
+    first_sample = (counts.step + every - 1) // every
+    width, n_orbit = x.shape[0], step.n_orbit
     f, j_f = np.empty(width), np.empty((n_orbit, n_orbit))
     lanes = np.empty(int(size[0, 0]) // LANES)
     orbit, f_orbit = x[:n_orbit], f[:n_orbit]
-    counters[1] = 0
-    while counters[0] < n_end:
-        n = counters[0]
+    counts.rows = 0
+    while counts.step < n_end:
+        n = counts.step
         i = n - int(steps[0, 0])
-        if counters[3] != n:  # the right-hand side may have raised since
-            read_modes(lag, pieces, i, classes, derivatives, table, starts, size, modes, lanes)
+        if counts.opened != n:  # the right-hand side may have raised since
+            read_modes(lag, pieces, i, groups, derivatives, table, starts, size, modes, lanes)
             if asks:
-                exchange(lag, pieces, n, classes, tables, memory)
-            counters[3] = n
+                exchange(lag, pieces, n, groups, tables, memory)
+            counts.opened = n
         if n % every == 0:
-            sample = jacobians[n // every - first_sample]
-            counters[4] += jacobian(rhs, jac, has_jac, n * h, orbit, params, sample)
+            sample = output.jacobians[n // every - first_sample]
+            counts.rhs += jacobian(rhs, jac, has_jac, n * h, orbit, params, sample)
         rhs(n * h, orbit, f_orbit, params)
-        counters[4] += 1
+        counts.rhs += 1
         if width > n_orbit:
-            counters[4] += jacobian(rhs, jac, has_jac, n * h, orbit, params, j_f)
+            counts.rhs += jacobian(rhs, jac, has_jac, n * h, orbit, params, j_f)
             push_tangents(j_f, x, f)
         for c in range(width):
-            row = 1 + per_class * classes[c]
+            row = 1 + per_class * groups[c]
             w_old, u_old = pieces[c, 1], u[c]
-            known = steps[row + 1, i] * w_old + steps[row + 2, i] * data[c, 0]
-            known += steps[row + 3, i] * data[c, 1]
+            known = steps[row + 1, i] * w_old + steps[row + 2, i] * shift[c]
+            known += steps[row + 3, i] * value[c, 0]
             change = steps[row, i] * f[c] - known - lag[c, 0]
-            if n == 0 and second[c] == 1:
+            if n == 0 and step.given[c] == 1:
                 change = 0.0  # u holds h x'(0) already: the scheme's x_1 = x_0 + h x'(0)
             u_new = u_old + change
             x[c] += u_new
@@ -89,9 +89,9 @@ def march_varying_explicit(
                 d[c] = 0.0  # no second difference yet
             pieces[c, 0], pieces[c, 1] = w_old, w_old + change
             if u_old * u_new < 0.0 and c < n_orbit:
-                watch_turn(monitor, c, u_new - u_old, u_new, x[c], SLOWEST, counters)
-        counters[0] = n + 1
-        counters[1] = write_rows(n + 1, counters[1], positions, rows, slopes, x, u, d, h)
+                watch_turn(march.monitor[c], u_new - u_old, u_new, x[c], SLOWEST, counts)
+        counts.step = n + 1
+        counts.rows = write_rows(n + 1, counts.rows, output, x, u, d, h)
         if not bounded(orbit):
             return BLOWN_UP
     return RUNNING
@@ -99,44 +99,43 @@ def march_varying_explicit(
 
 @entry(*MARCH, fused=True)
 def march_varying_implicit(
-    rhs, jac, has_jac, params, exchange, tables, memory, scheme, state, output, n_end
+    rhs, jac, has_jac, params, exchange, tables, memory, step, march, output, n_end
 ):
     """March of an implicit scheme to step `n_end`; return how it ended (kernels/block.py)."""
-    # scheme: [h, theta], layout, classes, others unused; state: as above
-    numbers, layout, classes, _, _, _, _ = scheme
-    h, theta = numbers[0], numbers[1]
-    counters, x, u, d, lag, pieces, _, data = state
-    positions, rows, slopes, _ = output
+    h, theta, groups = step.h, step.theta, step.groups
+    counts, x, u, d = march.counts, march.x, march.increment, march.change
+    lag, pieces, value = march.lag, march.pieces, march.starts
     steps, derivatives, table, starts, size = tables
-    modes, per_class = memory[1], HEAD + PER_TERM * derivatives.shape[1]
-    asks = begin(memory, data, counters[0])
-    width, n_orbit = x.shape[0], layout[0]
+    _, modes, _ = memory
+    per_class = HEAD + PER_TERM * derivatives.shape[1]
+    asks = begin(memory, march, counts.step)
+    width, n_orbit = x.shape[0], step.n_orbit
     known, lead, w = np.empty(width), np.empty(width), np.empty(width)
     lanes = np.empty(int(size[0, 0]) // LANES)
-    ones, shift = np.ones(width), data[:, 0].copy()
+    ones, shift = np.ones(width), march.shift.copy()
     orbit, j_f = x[:n_orbit], np.empty((n_orbit, n_orbit))
-    counters[1] = 0
-    while counters[0] < n_end:
-        n = counters[0]
+    counts.rows = 0
+    while counts.step < n_end:
+        n = counts.step
         i = n - int(steps[0, 0])
-        if counters[3] != n:  # the right-hand side may have raised since
-            read_modes(lag, pieces, i, classes, derivatives, table, starts, size, modes, lanes)
+        if counts.opened != n:  # the right-hand side may have raised since
+            read_modes(lag, pieces, i, groups, derivatives, table, starts, size, modes, lanes)
             if asks:
-                exchange(lag, pieces, n, classes, tables, memory)
-            counters[3] = n
+                exchange(lag, pieces, n, groups, tables, memory)
+            counts.opened = n
         t = (n + theta) * h
         for c in range(width):
-            row = 1 + per_class * classes[c]
+            row = 1 + per_class * groups[c]
             w[c] = pieces[c, 1]  # the increment before as first guess
             lead[c] = steps[row, i]
             known[c] = steps[row + 1, i] * w[c] + steps[row + 2, i] * shift[c]
-            known[c] += steps[row + 3, i] * data[c, 1] + lag[c, 0]
+            known[c] += steps[row + 3, i] * value[c, 0] + lag[c, 0]
         if not solve_step(
-            rhs, jac, has_jac, params, t, orbit, theta, shift, ones, known, lead, w, counters
+            rhs, jac, has_jac, params, t, orbit, theta, shift, ones, known, lead, w, counts
         ):
             return NOT_SOLVED
         if width > n_orbit and not solve_tangents(
-            rhs, jac, has_jac, params, t, x, j_f, theta, shift, ones, known, lead, w, counters
+            rhs, jac, has_jac, params, t, x, j_f, theta, shift, ones, known, lead, w, counts
         ):
             return NOT_SOLVED
         for c in range(width):
@@ -145,21 +144,20 @@ def march_varying_implicit(
             u[c] = new
             x[c] += new
             pieces[c, 0], pieces[c, 1] = pieces[c, 1], w[c]
-        counters[0] = n + 1
-        counters[1] = write_rows(n + 1, counters[1], positions, rows, slopes, x, u, d, h)
+        counts.step = n + 1
+        counts.rows = write_rows(n + 1, counts.rows, output, x, u, d, h)
         if not bounded(orbit):
             return BLOWN_UP
     return RUNNING
 
 
 @kernel
-def begin(memory, data, n):
+def begin(memory, march, n):
     """Hand shift and x(0) over at step 0; tell whether the history must be called at each step."""
     _, modes, begun = memory
-    if n == 0:
+    if n == 0 and begun.shape[1] > 0:
         for c in range(begun.shape[0]):
-            for k in range(begun.shape[1]):
-                begun[c, k] = data[c, k]
+            begun[c, 0], begun[c, 1] = march.shift[c], march.starts[c, 0]
     return modes.shape[1] == 0 or begun.shape[1] > 0
 
 

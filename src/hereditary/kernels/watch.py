@@ -1,17 +1,11 @@
 """What a march notices of its own steps (floor 1): zigzags that last, and turns that grow.
 
-Each component of the orbit has a row of the monitor: the length of the alternation under way, the
-largest increment of its present stretch and of the one before; the step of its last turn, where
-increments change sign, the change there, and the growth of these changes; the smallest and the
-largest increment of the present short stretch; the number of turns in quick
-succession (-1 where they may last), the largest change in their present stretch and in the one
-before. Behind them stand three columns that `march_adams` keeps for itself. Nothing is done
+Each component of the orbit has a record (`MONITOR`, kernels/signatures.py). Nothing is done
 between turns: most orbits seldom turn.
 """
 
 from .._jit import kernel
 
-N_MONITORED, N_TURNS = 14, 8
 # Steps of unbroken alternation after which the amplitude is compared with that of the stretch
 # before. A resolved oscillation never alternates twice in a row; at 0.99 of the step limit the
 # undamped classical oscillator alternates for 16 steps, and every damped one shrinks.
@@ -33,65 +27,65 @@ SLOWEST = 11.0
 
 
 @kernel
-def watch_turn(monitor, c, change, increment, size, slowest, counters):
+def watch_turn(own, change, increment, size, slowest, counts):
     """Look at a turn of a component's increments; more than `slowest` steps apart are resolved.
 
-    counters[2] becomes the step at which a zigzag has lasted, counters[6] that at which turns have
-    grown.
+    counts.zigzag becomes the step at which a zigzag has lasted, counts.growth that at which turns
+    have grown.
     """
-    change, increment, size, n = abs(change), abs(increment), abs(size), float(counters[0])
-    length, before = n - monitor[c, 3], monitor[c, 4]
+    change, increment, size, n = abs(change), abs(increment), abs(size), float(counts.step)
+    length, before = n - own.turned, own.change
     growth = 1.0
     if length <= slowest and before > 0.0:
-        growth = max(1.0, monitor[c, 5] * min(change / before, FASTEST))
-    monitor[c, 3], monitor[c, 4], monitor[c, 5] = n, change, growth
+        growth = max(1.0, own.growth * min(change / before, FASTEST))
+    own.turned, own.change, own.growth = n, change, growth
     enough = GROWN if length <= QUICK else LONG_GROWN
-    if growth > enough and change > ZIGZAG_FLOOR * size and counters[6] < 0:
-        counters[6] = counters[0]
-    if monitor[c, N_TURNS] >= 0.0:
-        watch_turning(monitor, c, change, size, length, counters)
+    if growth > enough and change > ZIGZAG_FLOOR * size and counts.growth < 0:
+        counts.growth = counts.step
+    if own.turns >= 0.0:
+        watch_turning(own, change, size, length, counts)
     if length > 1.0:
-        monitor[c, 0], monitor[c, 1], monitor[c, 2] = 0.0, 0.0, 0.0
-    watch_zigzag(monitor, c, increment, size, counters)
+        own.alternating, own.largest, own.before = 0.0, 0.0, 0.0
+    watch_zigzag(own, increment, size, counts)
 
 
 @kernel
-def watch_turning(monitor, c, change, size, length, counters):
+def watch_turning(own, change, size, length, counts):
     """Note the step at which large turns of a few steps each have gone on without shrinking.
 
     So a force that saturates keeps an orbit beyond the limit. Undamped oscillators of order 2 turn
     like that below it; every mode of lower order shrinks there.
     """
     if length > QUICK:
-        monitor[c, N_TURNS], monitor[c, 9], monitor[c, 10] = 0.0, 0.0, 0.0
-    monitor[c, N_TURNS] += 1.0
-    monitor[c, 9] = max(monitor[c, 9], change)
-    if monitor[c, N_TURNS] % ZIGZAG_WINDOW == 0.0:
-        kept = monitor[c, 10] > 0.0 and monitor[c, 9] >= ZIGZAG_KEPT * monitor[c, 10]
+        own.turns, own.turning, own.turning_before = 0.0, 0.0, 0.0
+    own.turns += 1.0
+    own.turning = max(own.turning, change)
+    if own.turns % ZIGZAG_WINDOW == 0.0:
+        kept = own.turning_before > 0.0 and own.turning >= ZIGZAG_KEPT * own.turning_before
         large = change > LARGE * size and change > TINY
-        if kept and large and counters[2] < 0:
-            counters[2] = counters[0]
-        monitor[c, 10], monitor[c, 9] = monitor[c, 9], 0.0
+        if kept and large and counts.zigzag < 0:
+            counts.zigzag = counts.step
+        own.turning_before, own.turning = own.turning, 0.0
 
 
 @kernel
-def watch_zigzag(monitor, c, increment, size, counters):
+def watch_zigzag(own, increment, size, counts):
     """Note the first step at which the increments have alternated on and on without shrinking."""
-    if monitor[c, 0] % SHORT_WINDOW == 0.0:
-        monitor[c, 6], monitor[c, 7] = increment, increment
-    monitor[c, 0] += 1.0
-    monitor[c, 1] = max(monitor[c, 1], increment)
-    monitor[c, 6] = min(monitor[c, 6], increment)
-    monitor[c, 7] = max(monitor[c, 7], increment)
-    size += monitor[c, 7]
+    if own.alternating % SHORT_WINDOW == 0.0:
+        own.least, own.most = increment, increment
+    own.alternating += 1.0
+    own.largest = max(own.largest, increment)
+    own.least = min(own.least, increment)
+    own.most = max(own.most, increment)
+    size += own.most
     sustained = False
-    if monitor[c, 0] % SHORT_WINDOW == 0.0:
-        alike = monitor[c, 6] >= SHORT_ALIKE * monitor[c, 7]
-        sustained = alike and monitor[c, 7] > LARGE * size
-    if monitor[c, 0] % ZIGZAG_WINDOW == 0.0:
-        kept = monitor[c, 2] > 0.0 and monitor[c, 1] >= ZIGZAG_KEPT * monitor[c, 2]
-        sustained = sustained or (kept and monitor[c, 1] > ZIGZAG_FLOOR * size)
-        monitor[c, 2] = monitor[c, 1]
-        monitor[c, 1] = 0.0
-    if sustained and size > TINY and counters[2] < 0:
-        counters[2] = counters[0]
+    if own.alternating % SHORT_WINDOW == 0.0:
+        alike = own.least >= SHORT_ALIKE * own.most
+        sustained = alike and own.most > LARGE * size
+    if own.alternating % ZIGZAG_WINDOW == 0.0:
+        kept = own.before > 0.0 and own.largest >= ZIGZAG_KEPT * own.before
+        sustained = sustained or (kept and own.largest > ZIGZAG_FLOOR * size)
+        own.before = own.largest
+        own.largest = 0.0
+    if sustained and size > TINY and counts.zigzag < 0:
+        counts.zigzag = counts.step

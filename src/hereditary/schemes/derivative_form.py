@@ -62,7 +62,7 @@ def derivative_plan(
     number_of = number_of or power
     weight_of = weight_of or (lambda c, alpha: leading_weight(c, alpha, h))
     distinct, classes = distinct_components(equation)
-    rows = np.empty((3, len(distinct)))  # lead, near, weight of the first step
+    lead, near, scale = np.empty((3, len(distinct)))
     lists, start_lists = [], []
     more: list[list] = [[] for _ in more_starts]
     for i, key in enumerate(distinct):
@@ -70,7 +70,7 @@ def derivative_plan(
         weights = sum(f * rule.exact(p, 2) for f, rule, p in terms)
         total = weights[0]
         check_lead(total, h)
-        rows[:2, i] = 1 / total, weights[1] / total
+        lead[i], near[i] = 1 / total, weights[1] / total
         lists.append(tuple((f / total, rule, p) for f, rule, p in terms))
         alone = total
         if start_rule is not None:
@@ -79,7 +79,7 @@ def derivative_plan(
             alone = sum(f * theta**p for f, _, p in terms)
         else:
             start_lists.append(())
-        rows[2, i] = alone / total
+        scale[i] = alone / total
         for found, (weights_of, _) in zip(more, more_starts, strict=True):
             found.append(weights_of(key, total))
     increments = h * equation.y0[1] if equation.m == 2 else np.zeros(equation.d)
@@ -97,16 +97,21 @@ def derivative_plan(
             tuple(lists), tuple(start_lists), first_modal, tuple(map(tuple, more))
         ),
         classes=classes,
-        numbers=np.array([h, theta, extra.shape[0], powers.shape[0], 1 + len(more)]),
-        flags=np.full(equation.d, int(given)),
-        columns=np.vstack([rows[:, classes], powers]),
-        data=np.vstack(
-            [shift, amplitudes, first if given else 0 * shift, extra, *(v for _, v in more_starts)]
-        ),
-        # with a drift of its own the first steps are many
-        n_lasting=1 + powers.shape[0] + (1 + len(extra) if more_drift is not None else 0),
+        h=h,
         initial=equation.y0[0],
-        increments=increments.copy(),
+        increments=increments,
+        lead=lead[classes],
+        near=near[classes],
+        scale=scale[classes],
+        shift=shift,
+        given=np.full(equation.d, int(given)),
+        first=first if given else 0 * shift,
+        starts=np.array([v for _, v in more_starts]).reshape(-1, equation.d),
+        theta=theta,
+        powers=powers,
+        drift=amplitudes,
+        corrections=extra,
+        lasting=more_drift is not None,  # with a drift of its own the first steps are many
     )
 
 

@@ -163,13 +163,16 @@ class ExplicitCaputo(Scheme):
         return Plan(
             convolution=Convolution(tuple(lists), tuple(start_lists), more_starts=values),
             classes=classes,
-            numbers=np.array([h]),
-            flags=second.astype(np.int64),
-            columns=np.array([lead[classes], near[classes]]),
-            data=np.array(starts),
-            n_lasting=0,
+            h=h,
             initial=equation.y0[0],
             increments=increments,
+            lead=lead[classes],
+            near=near[classes],
+            scale=np.ones(equation.d),
+            shift=np.zeros(equation.d),
+            given=second.astype(np.int64),
+            first=np.zeros(equation.d),
+            starts=np.array(starts),
             region=region,
         )
 

@@ -141,21 +141,33 @@ class Plan:
         What the history sums; None where orders vary.
     classes : ndarray of int64, shape (d,)
         Class of each component in `convolution`.
-    numbers : ndarray, shape (k,)
-        The step h, and what else the march takes.
-    flags : ndarray of int64, shape (d,)
-        One for each component; each march tells what they say.
-    columns : ndarray, shape (r, d)
-        Rows of constants for each component; each march tells which.
-    data : ndarray, shape (k, d)
-        Rows that depend on the initial values, linearly for a linear equation; each march tells
-        which.
-    n_lasting : int
-        The first so many of them are used after the first steps.
-    initial : ndarray, shape (d,)
-        y(0).
-    increments : ndarray, shape (d,)
-        What the march's newest increment is before the first step.
+    h : float
+        The step [time].
+    initial, increments : ndarray, shape (d,)
+        y(0), and what the march's newest increment is before the first step.
+    lead, near, scale : ndarray, shape (d,)
+        What the right-hand side and the newest piece weigh, the newest increment itself weighing 1,
+        and what it weighs in the first step.
+    shift : ndarray, shape (d,)
+        h y'(0), where the pieces leave it out; 0 elsewhere.
+    theta : float
+        Where in a step the equation holds, in (0, 1] [-].
+    sweeps : int
+        Sweeps of a corrector; 0 where steps are solved.
+    given : ndarray of int64, shape (d,)
+        Whether the first increment is given.
+    limits : ndarray, shape (d,)
+        Of lead times ``-d rhs / d y``, for sweeps.
+    powers, drift : ndarray, shape (r, d)
+        Known terms ``drift t**power`` on the left side.
+    first : ndarray, shape (d,)
+        The first increment, where it is given to a march that solves its steps.
+    corrections : ndarray, shape (k, d)
+        What is added to the right-hand side in the first k steps.
+    starts : ndarray, shape (V, d)
+        Start values that the convolution weighs.
+    lasting : bool
+        Whether `corrections` last beyond the first few steps.
     region : StabilityRegion, FrozenLimits, or None
         Where the eigenvalues of the Jacobian must stay; None for a scheme without a step limit.
     schedule : Schedule, or None
@@ -167,13 +179,23 @@ class Plan:
 
     convolution: Convolution | None
     classes: np.ndarray
-    numbers: np.ndarray
-    flags: np.ndarray
-    columns: np.ndarray
-    data: np.ndarray
-    n_lasting: int
+    h: float
     initial: np.ndarray
     increments: np.ndarray
+    lead: np.ndarray
+    near: np.ndarray
+    scale: np.ndarray
+    shift: np.ndarray
+    given: np.ndarray
+    first: np.ndarray
+    starts: np.ndarray
+    theta: float = 1.0
+    sweeps: int = 0
+    limits: np.ndarray | None = None
+    powers: np.ndarray | None = None
+    drift: np.ndarray | None = None
+    corrections: np.ndarray | None = None
+    lasting: bool = False
     region: StabilityRegion | FrozenLimits | None = None
     schedule: Schedule | None = None
     march: Callable | None = None

@@ -267,17 +267,21 @@ def varying_plan(system, h, theta, march, explicit):
     """Plan of a scheme on an equation with orders that vary, for `march`."""
     schedule = Schedule(system, h, theta, explicit)
     shift = h * system.y0[1] if system.m == 2 else np.zeros(system.d)
-    started = np.array([shift, system.y0[0]])
+    none = np.zeros(system.d)
     return Plan(
         convolution=None,
         classes=schedule.classes,
-        numbers=np.array([h, theta]),
-        flags=(system.highest_orders() > 1).astype(np.int64),
-        columns=np.zeros((0, system.d)),
-        data=started,
-        n_lasting=1,
+        h=h,
         initial=system.y0[0],
-        increments=shift.copy(),
+        increments=shift,
+        lead=none,
+        near=none,
+        scale=none,
+        shift=shift,
+        given=(system.highest_orders() > 1).astype(np.int64),
+        first=none,
+        starts=system.y0[:1],
+        theta=theta,
         region=FrozenLimits(schedule, system.d, 0) if explicit else None,
         schedule=schedule,
         march=march,

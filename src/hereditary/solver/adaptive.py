@@ -129,7 +129,7 @@ def _run(stepper, stops, keeper, progress):
                         return Status.NOT_SOLVED, ""
                     if stepper.no_step:
                         return Status.STEP_TOO_SMALL, stepper.no_step
-                    if stepper.exhausted and stepper.t < stops[-1]:
+                    if stepper.pace.used_up(stepper.n_steps) and stepper.t < stops[-1]:
                         return Status.MAX_STEPS, f"{stepper.n_steps} in all"
                     bar.update((stepper.t - begun) / (stops[-1] - begun))
                     if interruption.asked and stepper.t < stops[-1]:

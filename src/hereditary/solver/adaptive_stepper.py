@@ -14,19 +14,16 @@ from ..kernels.adaptive import (
     march_adaptive,
 )
 from ..kernels.collocation import PRIMARY
-from ..kernels.mode_tables import SLOTS, on_grid
+from ..kernels.mode_tables import empty_tables, on_grid
 from ..kernels.structures import (
-    CONTRACTION,
-    CONTROL,
-    COUNTS,
     ExponentialBasis,
     Limits,
     Rule,
-    Run,
     Steps,
-    StepTables,
     VaryingOrders,
-    record,
+    begin_run,
+    plain,
+    run_of,
 )
 from ..memory_kernel import told_error, warn_of_fit
 from ..schemes.integral_form import integral_form
@@ -57,7 +54,6 @@ _ROUNDING = 5e-13
 _ROOM = 32.0
 # Runs can be resumed up to this many times their length. The modes span this ratio at most.
 _FAR, _MOST = 10.0, 1e305
-_RECORDS = CONTROL, COUNTS, CONTRACTION
 # Share of the run that steps are expected to read at the closest, where kernels are fitted.
 _CLOSE = 1e-6
 
@@ -110,12 +106,7 @@ class AdaptiveStepper:
         self._orders = OrderTables(form.varying, s)
         self._transforms = shortened_legendre(s)
         self._strands = Strands(form, starts(equation, self.second, directions), s)
-        self._run = Run(
-            record(CONTROL, next=t_end),
-            record(COUNTS),
-            record(CONTRACTION, rate=1.0, change=1.0, length=1.0),
-            np.abs(self._strands.p[0]),
-        )
+        self._run = begin_run(t_end, np.abs(self._strands.p[0]))
         self._at_corner, self._largest_error, self._tables = True, 0.0, None
         self._peak = np.zeros((2, equation.d))  # of p and y at the starts of steps
         self.ending = Ending()
@@ -172,7 +163,7 @@ class AdaptiveStepper:
     def advance(self, t_stop, n_rows):
         """March towards `t_stop` by at most `n_rows` steps; the piece of dense output made.
 
-        Where it cannot go on `ending` says why, `exhausted` that all steps allowed are made, and
+        Where it cannot go on `ending` says why, `pace` whether all steps allowed are made, and
         `error` is what the right-hand side raised; None may come back then.
         """
         n_rows = min(n_rows, self.pace.last_step - self.n_steps)
@@ -202,8 +193,7 @@ class AdaptiveStepper:
             n += self.n_steps - made
             if status == TOO_CLOSE:
                 # the march stood before this step when it turned back
-                step = min(self._control.next, t_stop - self.t)
-                closest = self._closest(step)
+                closest = self._closest(min(self._control.next, t_stop - self.t))
                 if closest < self._far / _MOST:
                     status = TOO_ROUGH
                 else:
@@ -223,14 +213,9 @@ class AdaptiveStepper:
             self.ending = ending(status, self.equation, self.t, *lengths, last, self._peak)
         if n == 0:
             return None
-        self._largest_error = max(self._largest_error, float(steps.errors[:n].max()))
-        made = Steps(*(array[:n] for array in steps))
-        return PolynomialPieces(made.starts, made.lengths, made.p, made.begins)
-
-    @property
-    def exhausted(self):
-        """Whether all steps allowed were made."""
-        return self.n_steps >= self.pace.last_step
+        *made, errors = (array[:n] for array in steps)
+        self._largest_error = max(self._largest_error, float(errors.max()))
+        return PolynomialPieces(*made)
 
     @property
     def blown_up(self):
@@ -261,7 +246,8 @@ class AdaptiveStepper:
         return self._rule.nodes[0] * h / _ROOM
 
     def _march(self, steps, t_stop):
-        equation, strands, longest = self.equation, self._strands, self.pace.longest
+        equation, strands = self.equation, self._strands
+        longest, idle = self.pace.longest.tolist()
         return march_adaptive(
             equation._rhs,
             equation._jac,
@@ -275,16 +261,14 @@ class AdaptiveStepper:
             strands.compiled(),
             self._run,
             steps,
-            Limits(t_stop, *longest, self._rtol, self._atol),
+            Limits(t_stop, longest, idle, self._rtol, self._atol),
         )
 
     def _kept_tables(self):
         """Tables of the bank in use for steps of lengths that occurred."""
         n, s = self.n_modes, self._s
         if self._tables is None or self._tables.keeps.shape[1] != n:
-            n_kernels = len(self._form.kernels) + len(self._form.varying)
-            shapes = ((SLOTS, n, s), (SLOTS, n), (SLOTS, s, n), (SLOTS, n_kernels, s, s))
-            self._tables = StepTables(np.zeros(SLOTS), *(np.empty(shape) for shape in shapes))
+            self._tables = empty_tables(n, s, len(self._form.kernels) + len(self._form.varying))
         return self._tables
 
     def _varying_orders(self):
@@ -323,7 +307,7 @@ class AdaptiveStepper:
             atol=atol,
             modes_tol=self.modes_tol,
             identity=self._identity(self.t),
-            run=Run(*(frozen(np.array(part.tolist())) for part in self._run)),
+            run=tuple(frozen(plain(part)) for part in self._run),
             strands=copy.deepcopy(self._strands),
             at_corner=self._at_corner,
         )
@@ -335,10 +319,7 @@ class AdaptiveStepper:
         changed = check_identity(state.identity, self._identity(state.t), allow_change)
         refuse_late(self.equation, t_end)
         check_reach(state, t_end)
-        self._run = Run(
-            *(record(dtype, tuple(kept)) for dtype, kept in zip(_RECORDS, state.run, strict=False)),
-            state.run.largest.copy(),
-        )
+        self._run = run_of(state.run)
         self._strands, self._at_corner = copy.deepcopy(state.strands), state.at_corner or changed
         self._strands.adopt(self._form)
         self._tables = None  # they belong to the modes, and so do these

@@ -4,6 +4,8 @@ import numpy as np
 
 from ..kernels.block import BLOWN_UP, NOT_SOLVED
 from ..kernels.mesh import march_mesh
+from ..kernels.signatures import COUNTS, MeshMarch, MeshTable, Output
+from ..kernels.structures import record
 from ..special import gauss_unit
 from .first_steps import FirstSteps
 from .stepper import seconds_of_rhs
@@ -33,22 +35,23 @@ class MeshStepper:
         plan = scheme.mesh_plan(system, times)
         self.memory = history.open_mesh(plan)
         given = plan.first is not None
-        self._scheme_arrays = (
-            times,
-            plan.theta,
-            np.array([plan.parabolas, int(given)]),
-            plan.classes,
-            plan.factors,
-            plan.powers,
-            np.array(gauss_unit(16)),
-            plan.first if given else np.zeros(system.d),
-            plan.speeds,
+        self._table = MeshTable(
+            times=times,
+            theta=plan.theta,
+            parabolas=plan.parabolas,
+            given=int(given),
+            groups=plan.classes,
+            factors=plan.factors,
+            powers=plan.powers,
+            rule=np.array(gauss_unit(16)),
+            first=plan.first if given else np.zeros(system.d),
+            speeds=plan.speeds,
         )
-        self._march_arrays = (
-            np.zeros(5, dtype=np.int64),
-            system.y0[0].copy(),
-            np.zeros(system.d),
-            np.zeros((2, system.d)),
+        self._march = MeshMarch(
+            counts=record(COUNTS),
+            x=system.y0[0].copy(),
+            increment=np.zeros(system.d),
+            pieces=np.zeros((2, system.d)),
         )
         self.blown_up = self.not_solved = False
         self._starting = FirstSteps(equation, times[1:3])
@@ -56,17 +59,17 @@ class MeshStepper:
     @property
     def n(self):
         """Steps made."""
-        return int(self._march_arrays[0][0])
+        return int(self._march.counts.step)
 
     @property
     def n_rhs(self):
         """Calls of the right-hand side."""
-        return int(self._march_arrays[0][4])
+        return int(self._march.counts.rhs)
 
     @property
     def rows_written(self):
         """Rows that the last `advance` filled."""
-        return int(self._march_arrays[0][1])
+        return int(self._march.counts.rows)
 
     @property
     def t(self):
@@ -76,13 +79,13 @@ class MeshStepper:
     @property
     def y(self):
         """Solution at `t`, shape (d,); a copy."""
-        return self._march_arrays[1][: self.equation.d].copy()
+        return self._march.x[: self.equation.d].copy()
 
     @property
     def ydot(self):
         """Slope of the newest step, shape (d,); y'(0), or 0, before the first."""
         step = self._times[self.n] - self._times[self.n - 1] if self.n else 1.0
-        return (self._march_arrays[2] / step + self._scheme_arrays[-1])[: self.equation.d]
+        return (self._march.increment / step + self._table.speeds)[: self.equation.d]
 
     def times(self, positions):
         """Times of positions counted in steps."""
@@ -106,15 +109,15 @@ class MeshStepper:
             stop = n_end if self.n > 1 else self.n + 1
             part = slice(written, int(np.searchsorted(positions, stop, side="right")))
             try:
-                self._march(stop, positions[part], rows[part], slopes[part])
+                self._advance(stop, positions[part], rows[part], slopes[part])
             finally:
                 written += self.rows_written
-                self._march_arrays[0][1] = written
+                self._march.counts.rows = written
             if self.n == stop <= 2:
                 times = self.times(positions[part])
                 self._starting.fill(stop, self.y, times, rows[part], slopes[part])
 
-    def _march(self, n_end, positions, rows, slopes):
+    def _advance(self, n_end, positions, rows, slopes):
         """Enter the compiled march once."""
         system = self._system
         status = march_mesh(
@@ -125,9 +128,9 @@ class MeshStepper:
             self.memory.recall,
             self.memory.tables,
             self.memory.arrays,
-            self._scheme_arrays,
-            self._march_arrays,
-            (positions, rows, slopes),
+            self._table,
+            self._march,
+            Output(positions, rows, slopes, np.zeros((0, 0, 0))),
             n_end,
         )
         self.blown_up, self.not_solved = status == BLOWN_UP, status == NOT_SOLVED

@@ -61,6 +61,10 @@ class Pace:
         self.longest = np.array([longest, min(longest, _DORMANT * (t_end - t))])
         self.last_step = n_steps + self._max_steps
 
+    def used_up(self, n_steps):
+        """Whether all steps allowed are made."""
+        return n_steps >= self.last_step
+
     def hopeless(self, made, refused, n_steps, advance, left, begins):
         """Whether jumps of the right-hand side hold all steps down, as where a solution slides.
 

@@ -6,7 +6,8 @@ import time
 import numpy as np
 
 from ..kernels.block import BLOWN_UP, NOT_SOLVED, RUNNING
-from ..kernels.watch import N_MONITORED, N_TURNS
+from ..kernels.signatures import COUNTS, MONITOR, March, Output, StepTable
+from ..kernels.structures import plain, record
 from ..memory_kernel import warn_of_fit
 from ..schemes.step_kernel import refuse_late
 from ..system import shifted, variational
@@ -62,8 +63,7 @@ class Stepper:
         self.memory = self._open(plan)
         warn_of_fit(self.memory.kernel_error, getattr(history, "tol", 0.0))
         self._begin(plan)
-        self.largest_ratio = 0.0
-        self.blown_up = self.not_solved = False
+        self.largest_ratio, self.blown_up, self.not_solved = 0.0, False, False
 
     def _plan(self, directions):
         """The scheme's plan for orbit and tangents."""
@@ -87,39 +87,53 @@ class Stepper:
         """Arrays of a march that stands at step 0."""
         self._loop = plan.march or self.scheme.march
         d, width = self._system.d, plan.classes.size
-        self._n_lasting = plan.n_lasting
+        self._lasting = plan.lasting
         self._region = plan.region and plan.region.orbit(d)
-        self._scheme_arrays = (
-            plan.numbers,
-            np.array([d, self._region.every if self._region else 0]),
-            plan.classes,
-            plan.flags,
-            self.memory.block_weights,
-            self.memory.block_start_weights,
-            np.ascontiguousarray(plan.columns),
+        none = np.zeros((0, width))
+        self._step = StepTable(
+            h=plan.h,
+            theta=plan.theta,
+            sweeps=plan.sweeps,
+            n_orbit=d,
+            every=self._block * self._region.every if self._region else 0,
+            groups=plan.classes,
+            given=plan.given,
+            weights=self.memory.block_weights,
+            start_weights=self.memory.block_start_weights,
+            lead=plan.lead,
+            near=plan.near,
+            scale=plan.scale,
+            limits=np.zeros(width) if plan.limits is None else plan.limits,
+            powers=none if plan.powers is None else plan.powers,
         )
-        monitor = np.zeros((width, N_MONITORED))
-        monitor[: self.equation.d, N_TURNS] = -1.0 * (self.equation.highest_orders() == 2)
-        self._march_arrays = (
-            np.array([0, 0, -1, -1, 0, 0, -1]),
-            plan.initial.copy(),
-            plan.increments.copy(),
-            np.zeros(width),
-            np.zeros((width, self._block)),
-            np.zeros((width, self._block + 1)),
-            monitor,
-            np.ascontiguousarray(plan.data.T),
+        monitor = np.zeros(d, MONITOR).view(np.recarray)
+        monitor.turns[: self.equation.d] = -1.0 * (self.equation.highest_orders() == 2)
+        self._march = March(
+            counts=record(COUNTS, zigzag=-1, opened=-1, growth=-1),
+            x=plan.initial.copy(),
+            increment=plan.increments.copy(),
+            change=np.zeros(width),
+            lag=np.zeros((width, self._block)),
+            pieces=np.zeros((width, self._block + 1)),
+            monitor=monitor,
+            shift=plan.shift.copy(),
+            drift=_by_columns(plan.drift, none),
+            first=plan.first.copy(),
+            corrections=_by_columns(plan.corrections, none),
+            starts=_by_columns(plan.starts, none),
+            force=np.zeros(width),
+            lacks=np.zeros(width),
         )
 
     @property
     def n(self):
         """Steps made."""
-        return int(self._march_arrays[0][0])
+        return int(self._march.counts.step)
 
     @property
     def rows_written(self):
         """Rows that the last `advance` filled; fewer than asked for where it stopped early."""
-        return int(self._march_arrays[0][1])
+        return int(self._march.counts.rows)
 
     @property
     def t(self):
@@ -129,7 +143,7 @@ class Stepper:
     @property
     def y(self):
         """Solution at `t`, shape (d,); a copy."""
-        return self._march_arrays[1][: self.equation.d].copy()
+        return self._march.x[: self.equation.d].copy()
 
     @property
     def ydot(self):
@@ -149,8 +163,7 @@ class Stepper:
         """Derivatives of y, and of ydot where the order is above 1, shape (n_data, k); a copy."""
         d = self._system.d
         values, slopes = (
-            columns[d:].reshape(self.n_tangents, d).T
-            for columns in (self._march_arrays[1], self._slopes())
+            columns[d:].reshape(self.n_tangents, d).T for columns in (self._march.x, self._slopes())
         )
         return np.vstack([values[: self.equation.d], slopes[self._with_speed]])
 
@@ -168,7 +181,10 @@ class Stepper:
         d = self._system.d
         if self.n > _FIRST_STEPS:
             # what is not used any more would grow without end as tangents decay
-            self._march_arrays[7][d:, self._n_lasting :] = 0.0
+            self._march.starts[d:] = 0.0
+            if not self._lasting:
+                self._march.first[d:] = 0.0
+                self._march.corrections[d:] = 0.0
         if self.n_tangents == 1:
             for array in self.parts():
                 array[d:] *= matrix[0, 0]
@@ -176,12 +192,17 @@ class Stepper:
         mixed = matrix[:, None, :, None] * np.eye(d)[:, None, :]  # np.kron takes ten times as long
         large = mixed.reshape(self.n_tangents * d, -1)
         self.memory.combine(large, first=d)
-        for array in self._march_arrays[1:]:
+        for array in self._linear():
             array[d:] = large.T @ array[d:]
 
     def parts(self):
         """Every array of the march and its memory that is linear in the solution; not copies."""
-        return [*self._march_arrays[1:], *self.memory.arrays]
+        return [*self._linear(), *self.memory.arrays]
+
+    def _linear(self):
+        """Return the arrays of the march that are linear in the solution."""
+        march = self._march
+        return [part for part in march if part is not march.counts and part is not march.monitor]
 
     def restart(self):
         """Forget the past: the present values, also of the tangents, become initial ones at step 0.
@@ -199,12 +220,11 @@ class Stepper:
             self.memory = self._open(plan)
         self.memory.clear()
         self._begin(plan)
-        self._march_arrays[0][4] = calls
+        self._march.counts.rhs = calls
 
     def _slopes(self):
         """First derivative of all columns."""
-        _, _, increment, change, *_ = self._march_arrays
-        return (increment + 0.5 * change) / self.h
+        return (self._march.increment + 0.5 * self._march.change) / self.h
 
     @property
     def n_modes(self):
@@ -214,18 +234,18 @@ class Stepper:
     @property
     def n_rhs(self):
         """Calls of the right-hand side."""
-        return int(self._march_arrays[0][4])
+        return int(self._march.counts.rhs)
 
     @property
     def zigzag(self):
         """Step at which a sustained step-to-step zigzag was seen, or None."""
-        n = int(self._march_arrays[0][2])
+        n = int(self._march.counts.zigzag)
         return None if n < 0 else n
 
     @property
     def growth(self):
         """Step at which turns of a few steps each were seen to have grown, or None."""
-        n = int(self._march_arrays[0][6])
+        n = int(self._march.counts.growth)
         return None if n < 0 else n
 
     def seconds_of_rhs(self):
@@ -263,26 +283,26 @@ class Stepper:
         """
         n_end = self.n + n_more
         self.memory.prepare(n_end)
-        self._march_arrays[0][1] = written = 0
+        self._march.counts.rows = written = 0
         starting = first_steps(self, positions)
         while self.n < n_end:
             stop = min(n_end, self.memory.reach(self.n))
             if starting and self.n < 2:
                 stop = self.n + 1
-            self.memory.refresh(self.n, self._march_arrays[5], self._scheme_arrays[2])
+            self.memory.refresh(self.n, self._march.pieces, self._step.groups)
             part = slice(written, int(np.searchsorted(positions, stop, side="right")))
             try:
-                status = self._march(stop, positions[part], rows[part], slopes[part])
+                status = self._advance(stop, positions[part], rows[part], slopes[part])
             finally:
-                written += int(self._march_arrays[0][1])
-                self._march_arrays[0][1] = written
+                written += self.rows_written
+                self._march.counts.rows = written
             if starting and self.n == stop <= 2:
                 starting.fill(stop, self.y, positions[part] * self.h, rows[part], slopes[part])
             self.blown_up, self.not_solved = status == BLOWN_UP, status == NOT_SOLVED
             if status != RUNNING:
                 return
 
-    def _march(self, n_end, positions, rows, slopes):
+    def _advance(self, n_end, positions, rows, slopes):
         """Enter the compiled march once; watch the stability along the orbit."""
         n, region = self.n, self._region
         every = self._block * region.every if region else n_end
@@ -300,9 +320,9 @@ class Stepper:
                 self.memory.exchange,
                 self.memory.tables,
                 self.memory.arrays,
-                self._scheme_arrays,
-                self._march_arrays,
-                (positions, rows, slopes, jacobians),
+                self._step,
+                self._march,
+                Output(positions, rows, slopes, jacobians),
                 n_end,
             )
         finally:
@@ -318,12 +338,12 @@ class Stepper:
         """Keep the largest ratio so far and its step."""
         if ratios.max(initial=0.0) > self.largest_ratio:
             self.largest_ratio = float(ratios.max())
-            self._march_arrays[0][5] = steps[np.argmax(ratios)]
+            self._march.counts.largest = steps[np.argmax(ratios)]
 
     @property
     def largest_ratio_step(self):
         """Step near which the Jacobian was largest in comparison with its limit."""
-        return int(self._march_arrays[0][5])
+        return int(self._march.counts.largest)
 
     def state(self):
         """A `State` from which a later run goes on bit for bit."""
@@ -336,7 +356,7 @@ class Stepper:
             history=self.history,
             identity=self._identity(self.t),
             block=self._block,
-            march=tuple(map(frozen, self._march_arrays)),
+            march=tuple(frozen(plain(part)) for part in self._march),
             memory=tuple(map(frozen, self.memory.arrays)),
             memory_steps=self._n_steps,
             largest_ratio=self.largest_ratio,
@@ -347,7 +367,10 @@ class Stepper:
         """Take over where `state` was taken, of another right-hand side where that is allowed."""
         check_sound(state)
         check_identity(state.identity, self._identity(state.t), allow_change)
-        self._march_arrays = tuple(array.copy() for array in state.march)
+        counts, *parts = state.march
+        self._march = March(record(COUNTS, tuple(counts[0])), *(part.copy() for part in parts))
+        monitor = np.array([tuple(row) for row in self._march.monitor], MONITOR)
+        self._march = self._march._replace(monitor=monitor.view(np.recarray))
         self.memory.restore(state.memory)
         self.largest_ratio = state.largest_ratio
 
@@ -364,6 +387,11 @@ def seconds_of_rhs(stepper):
     began = time.perf_counter()
     equation._rhs(stepper.t, y, dy, equation._params)
     return time.perf_counter() - began
+
+
+def _by_columns(rows, none):
+    """Copy rows, (k, W), as columns (W, k)."""
+    return np.array((none if rows is None else rows).T, order="C")
 
 
 def _described(description):
