@@ -23,8 +23,8 @@ from .structures import BASIS, EQUATIONS, LIMITS, RULE, RUN, STEPS, STRANDS, TAB
 
 # How a march ended: at its stop, with its rows full, where the modes do not reach close enough,
 # where no step is small enough for the error or for Newton's method, where it is to be told of the
-# orders that vary in its next step, or where the right-hand side jumps on every step.
-REACHED, FULL, TOO_CLOSE, TOO_ROUGH, NOT_SOLVED, UNTOLD, JUMPING = 0, 1, 2, 3, 4, 5, 6
+# orders that vary in its next step, where the right-hand side jumps, or where it gets nowhere.
+REACHED, FULL, TOO_CLOSE, TOO_ROUGH, NOT_SOLVED, UNTOLD, JUMPING, CRAWLING = range(8)
 # Largest and smallest change of a step, what is aimed at as share of the tolerance, and Newton's.
 _GROW, _SHRINK, _SAFETY, _NEWTON = 3.0, 0.2, 0.8, 0.01
 # A step whose error is below this share of the tolerance says nothing of how long the next may be.

@@ -188,7 +188,7 @@ def newton_matrix(h, matrices, whole, second, jacobians, out):
 @kernel
 def newton_room(d, s):
     """Return room for the factors of Newton's matrix."""
-    return Factors(np.empty((d * s, d * s)), np.empty(d * s, dtype=np.int64))
+    return Factors(np.empty((d * s, d * s)), np.empty(d * s, dtype=np.int64), np.zeros(d))
 
 
 @kernel
@@ -216,6 +216,7 @@ def solve_stages(
             newton_matrix(h, matrices, whole, second, jacobians, newton.matrix)
             if not factorise(newton.matrix, newton.order):
                 return False
+            add_up(jacobians[0], x, newton.sizes)
             previous = np.inf
         forces(rhs, params, times, x, f)
         counts.rhs += s
@@ -259,6 +260,15 @@ def stage_jacobians(rhs, jac, has_jac, params, times, x, every, out):
         point[:] = x[:, k]
         calls += jacobian(rhs, jac, has_jac, times[k], point, params, out[i])
     return calls
+
+
+@kernel
+def add_up(jacobian_there, x, sizes):
+    """Set |J| |y|, (d,), at the last node."""
+    for c in range(sizes.shape[0]):
+        sizes[c] = 0.0
+        for e in range(sizes.shape[0]):
+            sizes[c] += abs(jacobian_there[c, e] * x[e, -1])
 
 
 @kernel

@@ -14,6 +14,8 @@ _ROUNDING = 1e-14
 # Share of what f is off its polynomial between the nodes that its integrals keep. Where f is smooth
 # the rule's nodes make it less, and the tail of the polynomial tells it; where f jumps this does.
 _OFF = 0.3
+# Share of |J| |y| that is rounding of f, enlarged by a polynomial through its values.
+_NOISE = 2e-14
 # Tolerances of a step that its polynomial may miss the start by: less is rounding of stiff systems.
 _MISSED = 10.0
 
@@ -107,12 +109,18 @@ def off_there(rhs, params, t, point, extended, values, off):
 
 @kernel
 def add_unseen(off, matrices, newton, errors):
-    """Let errors (d,) be no less than what f, off its nodes by so much, makes p err by."""
+    """Let errors (d,) be no less than what f, off its nodes by so much, makes p err by.
+
+    As far as rounding of f does not explain it.
+    """
     d, s = off.shape[0], matrices.shape[2]
     defect, left = np.empty(d * s), np.empty(d * s)
     for c in range(d):
+        beyond = off[c]
+        if abs(beyond) <= _NOISE * newton.sizes[c]:
+            beyond = 0.0
         for i in range(s):
-            defect[c * s + i] = off[c] * np.sum(matrices[c, FORCE, i])
+            defect[c * s + i] = beyond * np.sum(matrices[c, FORCE, i])
     leave(defect, newton, left)
     for c in range(d):
         unseen = _OFF * np.max(np.abs(left[c * s : (c + 1) * s]))

@@ -165,10 +165,14 @@ class Operators(NamedTuple):
 
 
 class Factors(NamedTuple):
-    """A factorised Newton matrix (d s, d s) and the order of its rows (d s,)."""
+    """A factorised Newton matrix (d s, d s), the order of its rows (d s,), and |J| |y|, (d,).
+
+    The last tells how large what a right-hand side adds up is, whose rounding it cannot lose.
+    """
 
     matrix: np.ndarray
     order: np.ndarray
+    sizes: np.ndarray
 
 
 CONTROL_RECORD, COUNTS_RECORD = from_dtype(CONTROL), from_dtype(COUNTS)

@@ -5,8 +5,8 @@ import copy
 import numpy as np
 
 from ..kernels.adaptive import (
+    CRAWLING,
     FULL,
-    JUMPING,
     REACHED,
     TOO_CLOSE,
     TOO_ROUGH,
@@ -178,7 +178,7 @@ class AdaptiveStepper:
         d, s, counts = self.equation.d, self._s, self._run.counts
         shapes = (n_rows,), (n_rows,), (n_rows, d, s), (n_rows, 2, d), (n_rows,)
         steps = Steps(*(np.empty(shape) for shape in shapes))
-        n, status, begun = 0, TOO_CLOSE, (self.t, self.n_steps, int(counts.refused))
+        n, status, begun = 0, TOO_CLOSE, (self.t, counts.copy())
         while (status == TOO_CLOSE and n == 0) or status == UNTOLD:
             made = self.n_steps
             try:
@@ -201,11 +201,11 @@ class AdaptiveStepper:
         if status == REACHED and self.error is None:
             self._begin_at(t_stop)
         if status in (FULL, TOO_CLOSE):
-            since, made, refused = begun
-            made, refused = self.n_steps - made, int(counts.refused) - refused
+            since, earlier = begun
+            made, refused = counts.accepted - earlier.accepted, counts.refused - earlier.refused
             ahead = self.t - since, t_stop - self.t
             if self.pace.hopeless(made, refused, self.n_steps, *ahead, steps.begins[:n]):
-                status = JUMPING
+                status = CRAWLING
         begins = np.abs(steps.begins[:n]).max(axis=0, initial=0.0)  # y, then p
         self._peak = np.maximum(self._peak, begins[::-1])
         if status not in (REACHED, FULL, TOO_CLOSE):

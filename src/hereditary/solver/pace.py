@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..kernels.adaptive import JUMPING, NOT_SOLVED
+from ..kernels.adaptive import CRAWLING, JUMPING, NOT_SOLVED
 from ..kernels.collocation import POSITION, PRIMARY
 
 # Steps of a run, unless the caller wants more.
@@ -25,6 +25,10 @@ _NOT_FINITE = "the right-hand side is not finite just ahead"
 _JUMPS = (
     "the right-hand side jumps, or stops being finite, wherever the solution goes on (it may slide "
     "or chatter there); where it jumps at known times name these in breaks"
+)
+_CRAWLS = (
+    "steps stay short wherever the solution goes on: it may slide or chatter where the right-hand "
+    "side jumps, or rounding hides what the tolerance asks for"
 )
 ROUNDS = (
     "rounding hides what the tolerance asks for, or the solution is too steep; loosen rtol, and if "
@@ -66,7 +70,7 @@ class Pace:
         return n_steps >= self.last_step
 
     def hopeless(self, made, refused, n_steps, advance, left, begins):
-        """Whether jumps of the right-hand side hold all steps down, as where a solution slides.
+        """Whether something holds all steps down: jumps, where a solution slides, or rounding.
 
         Parameters
         ----------
@@ -112,6 +116,8 @@ def ending(status, equation, t, h, refused, last, peak):
     `last` (3 or 4, d, s) holds f, p and y at the nodes of the last step, of length h; the next one
     was refused down to the length `refused`. `peak` (2, d) is how large p and y were before.
     """
+    if status == CRAWLING:
+        return Ending(no_step=_CRAWLS)
     before, now = (np.abs(last[PRIMARY : POSITION + 1, :, i]) for i in (0, -1))
     largest = np.maximum((1 + _GROWING) * before, peak)
     growing = np.any(now.max(axis=1) > largest.max(axis=1)) and refused > _WALL * h
