@@ -9,7 +9,6 @@ from numpy.typing import ArrayLike
 from .._checks import complaint, instance
 from ..equation import Equation
 from ..history.history import History
-from ..schemes.collocation import Collocation
 from ..schemes.scheme import Scheme
 from ..solver.solution import Status
 from .growth import Verdict
@@ -157,7 +156,7 @@ def _another(request, result, finer):
     """The run that a verdict is compared with, and how it differs."""
     scheme, found = request.scheme, result.settings
     n, t_end = result.stats["n_steps"], found["t_end"]
-    if isinstance(scheme, Collocation):
+    if scheme.adaptive:
         finer = finer or found["rtol"] > _LOOSEST
         factor = 0.1 if finer else 10.0
         how = "a tenth of the tolerance" if finer else "ten times the tolerance"

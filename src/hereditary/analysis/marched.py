@@ -6,12 +6,13 @@ import numpy as np
 
 from ..schemes.adams import Adams
 from ..schemes.bdf import BDF
-from ..schemes.collocation import Collocation
 from ..schemes.explicit import ExplicitCaputo
 from ..schemes.l1 import L1
 from ..schemes.scheme import Scheme, distinct_components
 from ..system import System, first_order
 
+# A scheme is of first order where it is of no more than this next to alpha = 1.
+_NEAR_1, _FIRST_ORDER = 0.95, 1.25
 # Orders for which `Adams` is of second order and its stability limit is watched.
 _ADAMS_LOWEST, _ADAMS_HIGHEST = 0.5, 1.0
 
@@ -22,7 +23,7 @@ def marched(equation: System, scheme: Scheme, mode: str) -> System:
     Increments kept apart from t x'(0), as most schemes keep them above order 1, lose a tangent that
     has decayed to their rounding. With memory none decays so far.
     """
-    whole = isinstance(scheme, (ExplicitCaputo, Collocation)) or mode == "restart"
+    whole = scheme.whole or mode == "restart"
     if whole or equation.m == 1 or memory(equation) != "none":
         return equation
     return first_order(equation)
@@ -54,9 +55,9 @@ def checking_scheme(scheme: Scheme, equation: System, mode: str) -> Scheme:
     one is compared with the usual scheme; where none is of second order, with the other one of
     first order: what the explicit one adds to a rate the implicit one takes away.
     """
-    if not (isinstance(scheme, (ExplicitCaputo, L1)) or scheme == BDF(1)):
+    if scheme.adaptive or scheme.order(_NEAR_1) > _FIRST_ORDER:
         return scheme
-    opposite = L1() if isinstance(scheme, ExplicitCaputo) else ExplicitCaputo()
+    opposite = ExplicitCaputo() if scheme.implicit else L1()
     return _second_order(equation, mode) or opposite
 
 

@@ -16,11 +16,10 @@ from .._warning import warn
 from ..equation import Equation
 from ..history.exponentials import SumOfExponentials
 from ..history.history import History
-from ..schemes.collocation import Collocation
 from ..schemes.scheme import Scheme
 from ..solver.adaptive import modes_tolerance, tolerances
 from ..solver.drive import Drive, reached_end, told
-from ..solver.marked_stepper import MarkedState, MarkedStepper
+from ..solver.marked_stepper import MarkedStepper
 from ..solver.progress import Interruption, ProgressBar
 from ..solver.solution import Status
 from ..solver.stepper import Stepper
@@ -84,7 +83,7 @@ def march(request: Request) -> Run:
     equation, t_end = request.equation, positive("t_end", request.t_end)
     scheme, history = request.scheme, request.history
     instance("scheme", scheme, Scheme, "hereditary.ExplicitCaputo()")
-    if not isinstance(scheme, Collocation):
+    if not scheme.adaptive:
         history = SumOfExponentials() if history is None else history
         instance("history", history, History, "hereditary.SumOfExponentials()")
     resume = request.resume
@@ -172,7 +171,7 @@ def _directions(given, seed, k, rows):
 
 def _tolerances(scheme, mode, rtol, atol):
     """Tolerances of an adaptive run, None for given steps."""
-    if isinstance(scheme, Collocation):
+    if scheme.adaptive:
         if mode != "tangent":
             required = 'be "tangent" with Collocation'
             remedy = "take a scheme of given steps, e.g. Adams() or BDF(2)"
@@ -201,7 +200,7 @@ def _begin(estimator, settings, h, n_total, equation, resume):
         interval = None if settings["renorm"] is None else round(settings["renorm"] / h)
         n_transient = round(settings["transient"] / h)
         return Record(h, interval, n_total, n_transient, k), divergence
-    if isinstance(resume.steppers[0], MarkedState) != isinstance(estimator.stepper, MarkedStepper):
+    if resume.steppers[0].adaptive != estimator.stepper.adaptive:
         required = "come from a run with the same kind of scheme"
         remedy = "given steps and Collocation do not go on from each other"
         raise ValueError(complaint("resume", required, type(resume.steppers[0]).__name__, remedy))
@@ -231,7 +230,7 @@ def _run(estimator, record, divergence, n_total, progress):
     try:
         with Interruption() as interruption:
             estimator.prepare(n_total)
-            whole = isinstance(estimator.stepper, MarkedStepper)
+            whole = estimator.stepper.adaptive
             drive = Drive(estimator, n_total, advance, interruption, bar, whole)
             while estimator.n < n_total:
                 stop = record.next_stop(n_total)

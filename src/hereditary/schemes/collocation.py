@@ -62,6 +62,8 @@ class Collocation(Scheme):
     nodes: int | None = None
     horizon: float | None = None
     march: ClassVar[Callable]
+    adaptive: ClassVar[bool] = True
+    whole: ClassVar[bool] = True
     takes_kernels: ClassVar[bool] = True
     takes_varying: ClassVar[bool] = True
 

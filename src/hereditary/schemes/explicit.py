@@ -81,6 +81,8 @@ class ExplicitCaputo(Scheme):
     """
 
     march: ClassVar[Callable] = staticmethod(march_explicit)
+    implicit: ClassVar[bool] = False
+    whole: ClassVar[bool] = True
     takes_kernels: ClassVar[bool] = True
     takes_varying: ClassVar[bool] = True
 

@@ -289,6 +289,11 @@ class Scheme(ABC):
     """
 
     march: ClassVar[Callable]
+    # whether it chooses its own steps, whether a step must be solved for, and whether what it
+    # stores of orders above 1 keeps t x'(0)
+    adaptive: ClassVar[bool] = False
+    implicit: ClassVar[bool] = True
+    whole: ClassVar[bool] = False
     # whether its plan takes memory terms with kernels other than Caputo's, and orders that vary
     takes_kernels: ClassVar[bool] = False
     takes_varying: ClassVar[bool] = False

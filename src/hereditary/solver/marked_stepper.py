@@ -1,6 +1,7 @@
 """The adaptive stepper seen at even marks (floor 4), as an analysis over steps needs it."""
 
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 
@@ -27,6 +28,7 @@ class MarkedState:
         Their distance [time].
     """
 
+    adaptive: ClassVar[bool] = True
     t: float
     n: int
     h: float
@@ -53,6 +55,7 @@ class MarkedStepper:
         As for `AdaptiveStepper`.
     """
 
+    adaptive = True
     zigzag, growth, largest_ratio = None, None, 0.0
 
     def __init__(self, equation, scheme, tols, h, n_marks, modes_tol=None, directions=None):

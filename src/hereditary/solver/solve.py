@@ -149,7 +149,7 @@ def solve(
         required = "be left out where t_eval says which rows to keep"
         raise ValueError(complaint("save_every", required, save_every))
     if resume is not None:
-        kind = AdaptiveState if isinstance(scheme, Collocation) else State
+        kind = AdaptiveState if scheme.adaptive else State
         instance("resume", resume, kind, "the .state of an earlier Solution of the same kind")
     elif allow_change:
         remedy = "it allows another right-hand side than the state's"
@@ -158,7 +158,7 @@ def solve(
     breaks = () if breaks is None else breaks
     events = () if events is None else events
     functions = tuple(events) if isinstance(events, (list, tuple)) else (events,)
-    if isinstance(scheme, Collocation):
+    if scheme.adaptive:
         _refuse("with Collocation, which chooses its steps", n_steps=n_steps, mesh=mesh)
         return solve_adaptively(
             equation, t_end, scheme, history, rtol, atol, save_every, times, breaks, functions,
@@ -170,7 +170,7 @@ def solve(
     given |= {"rtol": rtol, "atol": atol, "max_step": max_step, "max_steps": max_steps}
     _refuse("or come with scheme=Collocation()", **given)
     if history is None:
-        history = resume.history if isinstance(resume, State) else SumOfExponentials()
+        history = getattr(resume, "history", None) or SumOfExponentials()
     return solve_on_steps(
         equation, t_end, n_steps, mesh, scheme, history, save_every, times, progress, resume,
         allow_change,

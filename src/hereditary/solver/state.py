@@ -3,7 +3,7 @@
 import importlib.metadata
 from dataclasses import dataclass, field, replace
 from functools import cache
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -39,6 +39,7 @@ class State:
         Digest of the contents.
     """
 
+    adaptive: ClassVar[bool] = False
     t: float
     n: int
     h: float

@@ -44,7 +44,7 @@ class Stepper:
         Steps in a block; results depend on it by rounding alone.
     """
 
-    no_step = ""
+    no_step, adaptive = "", False
 
     def __init__(self, equation, scheme, history, h, n_steps, directions=None, block=BLOCK):
         scheme.check_terms(equation)
