@@ -81,3 +81,15 @@ def test_orders_of_power_laws_are_rounded_too():
         hd.Equation(hd.Memory(kernel, 2), rhs, [1.0, 1.0])
     nearly = hd.Equation(hd.Memory(hd.PowerLaw(1 - 1e-15), 1), rhs, 1.0)
     assert nearly.orders.tolist() == [[1.0]]
+
+
+def test_orders_within_rounding_of_each_other_are_one():
+    """Written as 0.1 * 3 in one term and as 0.3 in another, or in another component."""
+    terms = [2.0 * hd.Caputo(0.1 * 3), hd.Caputo(0.3), hd.Caputo(0.7)]
+    equation = hd.Equation(terms, lambda t, y: -y, 1.0)
+    assert equation.orders.ravel().tolist() == [0.3, 0.3, 0.7]
+    both = hd.Equation([3.0 * hd.Caputo(0.3), hd.Caputo(0.7)], lambda t, y: -y, 1.0)
+    one, other = (hd.solve(e, 2.0, rtol=1e-10)(2.0) for e in (equation, both))
+    assert one == pytest.approx(other, rel=1e-12)
+    apart = hd.Equation(hd.Caputo([0.3, 0.3 + 1e-12]), lambda t, y: -y, [1.0, 1.0])
+    assert np.ptp(apart.orders) > 0

@@ -12,6 +12,7 @@ from ._checks import complaint, real_array, shown
 from ._differences import check_jacobian
 from ._digest import digest
 from .operators import Memory, Summand
+from .orders import merged_orders
 from .system import KernelTerm, System
 
 
@@ -91,7 +92,8 @@ class Equation(System):
         own = [_own_operator(term.operator) for term in self.terms]
         caputo = [operator is None for operator in own]
         constant = [t.operator for t, held in zip(self.terms, caputo, strict=True) if held]
-        orders = _per_component("order", [operator._order for operator in constant], d)
+        orders = merged_orders(_per_component("order", [op._order for op in constant], d))
+        orders.flags.writeable = False
         coefficients = factors[caputo]
         coefficients.flags.writeable = False
         pairs = zip(own, factors, strict=True)

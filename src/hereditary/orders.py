@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from ._checks import complaint, real
 
-# Orders this close to an integer are that integer: they come from sums and quotients.
+# Orders this close to an integer, or to each other, are it: they come from sums and quotients.
 ROUNDING = 1e-14
 
 
@@ -20,6 +20,14 @@ def rounded_order(orders: ArrayLike) -> np.ndarray:
     orders = np.asarray(orders, dtype=float)
     nearest = np.round(orders)
     return np.where((np.abs(orders - nearest) <= ROUNDING) & (nearest > 0), nearest, orders)
+
+
+def merged_orders(orders: np.ndarray) -> np.ndarray:
+    """Orders of one equation with those within rounding of a smaller one set to it."""
+    values = np.unique(orders)
+    apart = np.diff(values, prepend=-1.0) > ROUNDING
+    first = values[apart][np.cumsum(apart) - 1]
+    return first[np.searchsorted(values, orders)]
 
 
 def derivative_order(alpha: float) -> int:
