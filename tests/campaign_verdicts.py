@@ -5,6 +5,7 @@ size up to the end of a step out of 0 or out of a break; for systems and relays 
 initial values and forces amplify; and what rounding of the matrix, of forces and times moves y by.
 """
 
+import contextlib
 import time
 import warnings
 from dataclasses import replace
@@ -217,7 +218,11 @@ def later_amplification(problem, t, derivative):
 
 def allowance(problem, t, derivative):
     """How far rounding of numbers and of times moves the solution: the most of a few draws."""
-    return np.max([_rounded(problem, t, derivative, seed) for seed in range(1, 4)], axis=0)
+    found = [np.zeros((t.size, problem.truth.d))]
+    for seed in range(1, 4):
+        with contextlib.suppress(ValueError):  # poles that cannot be told apart
+            found.append(_rounded(problem, t, derivative, seed))
+    return np.max(found, axis=0)
 
 
 def _rounded(problem, t, derivative, seed):
