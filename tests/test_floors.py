@@ -48,6 +48,7 @@ SAME_FLOOR = {
 }
 SAME_FLOOR |= {
     ("_complaints", "_checks"),
+    ("equation", "orders"),
     ("operators", "orders"),
     ("schemes", "orders"),
     ("equation", "system"),

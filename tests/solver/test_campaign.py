@@ -92,6 +92,7 @@ ONCE_AT_FAULT = [
     (0, 136, TRUE),  # a relay at zero told as blown up
     (1, 456, OK),  # y' that may err absolutely by as much as y, for a million units of time
     (3, 36, OK),  # a jump between the start of a step and its first node
+    (13, 5057, OK),  # a Jacobian differenced across a jump
 ]
 
 

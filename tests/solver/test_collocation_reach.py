@@ -33,7 +33,7 @@ def test_limits_of_one_order(alpha):
 
 
 @pytest.mark.parametrize("rate", [0.7, 1.0, 10.0, 1e3, 1e6])
-@pytest.mark.parametrize("alpha", [1e-6, 1e-4, 1e-3, 0.01, 0.02, 0.05, 0.1])
+@pytest.mark.parametrize("alpha", [1e-6, 1e-4, 10**-3.75, 1e-3, 0.01, 0.02, 0.05, 0.1])
 def test_tiny_orders(alpha, rate):
     """Nearly all may happen before t = 1e-300: errors count at all times from there on.
 

@@ -16,7 +16,15 @@ from .collocation import (
     step_operators,
     take_from_forces,
 )
-from .error_estimate import add_unseen, estimate, off_nodes, over_tolerance, worst_tangent
+from .error_estimate import (
+    add_unseen,
+    confirmed,
+    estimate,
+    exceeds,
+    off_nodes,
+    over_tolerance,
+    worst_tangent,
+)
 from .mode_tables import combined_weights, move_modes, on_grid, read_modes, slot_of
 from .signatures import JAC, RHS
 from .structures import BASIS, EQUATIONS, LIMITS, RULE, RUN, STEPS, STRANDS, TABLES, VARYING
@@ -230,6 +238,10 @@ def orbit_ratio(
     errors, off = np.empty(second.shape[0]), np.zeros(second.shape[0])
     off_nodes(rhs, params, looks, h, rule, strands.x[0], second, values[0], limits, off)
     run.counts.rhs += looks.shape[0]
+    if exceeds(off, matrices, goal, newton):
+        run.counts.rhs += times.shape[0]
+        if not confirmed(rhs, params, times, base[0], matrices, goal, values[0], newton):
+            return np.inf, True, True
     take_from_forces(second.shape[0], matrices, base, values[:1])
     if values.shape[1] > SLOPE:
         slopes(h, rule.inverse, strands.p[0], values[0, PRIMARY], values[0, SLOPE])

@@ -3,7 +3,7 @@
 import numpy as np
 
 from .._jit import kernel
-from .collocation import FORCE, POSITION, PRIMARY
+from .collocation import FORCE, POSITION, PRIMARY, forces, residuals
 from .linalg import substitute
 
 # Tangents that have decayed are known to their rounding alone, which grows as they are stretched:
@@ -16,6 +16,9 @@ _ROUNDING = 1e-14
 _OFF = 0.3
 # Share of |J| |y| that is rounding of f, enlarged by a polynomial through its values.
 _NOISE = 2e-14
+# Goals of Newton's method, each a hundredth of a step's tolerance: how many f must be off for its
+# result to be looked at again, and how many that may then be off.
+_FAR, _NOT_MET = 100.0, 10.0
 # Tolerances of a step that its polynomial may miss the start by: less is rounding of stiff systems.
 _MISSED = 10.0
 
@@ -105,6 +108,35 @@ def off_there(rhs, params, t, point, extended, values, off):
             total -= extended[j] * values[FORCE, c, j]
         if not abs(total) <= abs(off[c]):  # not a number counts as most
             off[c] = total
+
+
+@kernel
+def exceeds(off, matrices, goal, newton):
+    """Whether f, off its nodes by so much, would move p beyond Newton's goal, were it not stiff."""
+    for c in range(off.shape[0]):
+        size = np.max(np.abs(np.sum(matrices[c, FORCE], axis=1)))
+        if abs(off[c]) > _NOISE * newton.sizes[c] and abs(off[c]) * size > _FAR * goal[c]:
+            return True
+    return False
+
+
+@kernel
+def confirmed(rhs, params, times, base, matrices, goal, values, newton):
+    """Whether p, as Newton's method left it, meets the equations with f as it is there.
+
+    A Jacobian that was differenced across a jump makes any equation look stiff, and solved.
+    """
+    f, p, x = np.empty(values[FORCE].shape), values[PRIMARY], values[POSITION]
+    residual, change = np.empty(p.size), np.empty(p.size)
+    forces(rhs, params, times, x, f)
+    residuals(base, matrices, p, x, f, residual)
+    substitute(newton.matrix, newton.order, residual, change)
+    s = p.shape[1]
+    for c in range(p.shape[0]):
+        for i in range(s):
+            if not abs(change[c * s + i]) <= _NOT_MET * goal[c]:
+                return False
+    return True
 
 
 @kernel

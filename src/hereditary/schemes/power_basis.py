@@ -192,7 +192,8 @@ def _scales(variables, n_first):
     scales, others = variables[:n_first], variables[n_first:]
     if scales[0][0] >= _TINY:
         return scales
-    for variable in [v for v in others if v[0] < _TINY] + [(_TINY, 0.0)]:
+    bent = scales[0][1] > 0.0  # these reach to where others begin
+    for variable in [] if bent else [v for v in others if v[0] < _TINY] + [(_TINY, 0.0)]:
         if variable[0] > _FURTHER * scales[-1][0]:
             scales = [*scales, variable]
     return scales + [v for v in others if v[0] >= _TINY][:1]
