@@ -52,7 +52,8 @@ class PowerPiece:
         if second.all():
             return speeds
         # powers below 1 are infinitely steep at 0, all but those whose coefficients vanish
-        slopes = self.basis.slopes(np.maximum(u, _NEXT_TO_0)) @ p.T / self.length
+        with np.errstate(over="ignore"):  # they may be steeper than any float
+            slopes = self.basis.slopes(np.maximum(u, _NEXT_TO_0)) @ p.T / self.length
         steep = (u[:, None] == 0.0) & (np.abs(slopes) > _STEEP)
         return np.where(second, speeds, np.where(steep, np.copysign(np.inf, slopes), slopes))
 
