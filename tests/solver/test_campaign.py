@@ -93,6 +93,7 @@ ONCE_AT_FAULT = [
     (1, 456, OK),  # y' that may err absolutely by as much as y, for a million units of time
     (3, 36, OK),  # a jump between the start of a step and its first node
     (13, 5057, OK),  # a Jacobian differenced across a jump
+    (14, 715, TRUE),  # a first step that errs by what is much later on, told as a jump
 ]
 
 

@@ -236,7 +236,8 @@ def orbit_ratio(
     if not solved:
         return np.inf, False, False
     errors, off = np.empty(second.shape[0]), np.zeros(second.shape[0])
-    off_nodes(rhs, params, looks, h, rule, strands.x[0], second, values[0], limits, off)
+    x_start = strands.x[0]
+    off_nodes(rhs, params, looks, h, rule, x_start, start, second, values[0], limits, off)
     run.counts.rhs += looks.shape[0]
     if exceeds(off, matrices, goal, newton):
         run.counts.rhs += times.shape[0]

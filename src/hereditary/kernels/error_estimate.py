@@ -69,14 +69,14 @@ def leave(defect, newton, left):
 
 
 @kernel
-def off_nodes(rhs, params, times, h, rule, x_start, second, values, limits, off):
+def off_nodes(rhs, params, times, h, rule, x_start, p0, second, values, limits, off):
     """Set how far f is from its polynomial, where the solution's is between the nodes, (d,).
 
     A right-hand side that jumps, or that comes and goes between the nodes, shows there alone. Both
     polynomials are those through the nodes: a linear f is none off its own. Where they miss the
     start, the first of the times, by far more than the tolerance, f is looked at from there too.
     """
-    # times (m,), x_start (d,), values (3 or 4, d, s)
+    # times (m,), x_start, p0 (d,), values (3 or 4, d, s)
     d, s = second.shape[0], rule.extended.shape[1]
     point, missed = np.empty(d), False
     for i in range(times.shape[0]):
@@ -90,7 +90,8 @@ def off_nodes(rhs, params, times, h, rule, x_start, second, values, limits, off)
                     total += rule.risen[i, j] * values[PRIMARY, c, j]
                 total = x_start[c] + h * total
             point[c] = total
-            allowed = _MISSED * (limits.atol + limits.rtol * abs(x_start[c]))
+            size = max(abs(x_start[c]), abs(p0[c]))  # the step out of 0 may err by as much
+            allowed = _MISSED * (limits.atol + limits.rtol * size)
             missed = missed or (i == 0 and abs(total - x_start[c]) > allowed)
         off_there(rhs, params, times[i], point, rule.extended[i], values, off)
     if missed:
