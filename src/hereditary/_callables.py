@@ -152,7 +152,7 @@ def _try_out(name, out, fun, arity, y0, params, shape, hint):
 
 
 def _values(name, out, fun, arity, y0, params, shape, hint, fill):
-    """What `fun` gives at t = 0 as an array of `shape`, and in which form."""
+    """Call `fun` at t = 0; return its values as an array of `shape`, and their form."""
     filled = np.full(shape, fill)  # what an in-place function leaves unset stays recognisable
     y, p = y0.copy(), params.copy()
     arguments = {2: (0.0, y), 3: (0.0, y, p), 4: (0.0, y, filled, p)}

@@ -1,4 +1,4 @@
-"""What compilation freezes into a function, and copies that freeze the present (floor 0).
+"""Values that compilation freezes into a function, and copies that freeze the present (floor 0).
 
 numba takes the globals and closed-over values of a function as constants, and those of the compiled
 helpers that it calls. A function is therefore the same only where its code and all of these are.

@@ -173,7 +173,7 @@ def _numbers(params):
 
 
 def _own_operator(operator):
-    """What a `System` calls an operator that is no Caputo derivative of constant order."""
+    """Return the `System`'s own term for an operator; None for Caputo's of constant order."""
     if isinstance(operator, Memory):
         return KernelTerm(operator.kernel, operator.derivative)
     return operator.varying
@@ -244,7 +244,7 @@ def _initial_values(values, m):
 
 
 def _of_shorthand(values, initial):
-    """What a flat y0 was taken for, where it could mean something else."""
+    """Say what a flat y0 was taken for, where it could mean something else."""
     if values.ndim != 1 or initial.shape[0] == 1:
         return ""
     return (

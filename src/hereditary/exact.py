@@ -282,7 +282,7 @@ class _Exponentials:
         return np.log(np.abs(self.coefficients)) + np.multiply.outer(x, self.exponents)
 
     def log_size(self, x):
-        """That of the largest term."""
+        """Logarithm of the largest term."""
         return self.log_terms(x).max(axis=-1, initial=-np.inf)
 
     def at(self, u, log_scale, derivative=0):

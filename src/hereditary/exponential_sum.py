@@ -200,7 +200,7 @@ def fit_unit(exponents, ratio, tol, share=None):
 
 
 def _with_constant(exponents, ratio, tol, share):
-    """The same where a kernel is constant, ``t**0``: one mode of rate 0 and weight 1."""
+    """Fit where a kernel is constant, ``t**0``: one mode of rate 0 and weight 1."""
     fit = fit_unit(tuple(a for a in exponents if a > 0), ratio, tol, share)
     full = np.zeros((len(exponents), fit.rates.size + 1))
     full[[a > 0 for a in exponents], 1:] = fit.weights

@@ -1,4 +1,4 @@
-"""What a memory kernel is, and a sum of exponentials in its place (floor 1)."""
+"""Contract of memory kernels, and a sum of exponentials in place of one (floor 1)."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class ExponentialSum:
 
 
 class MemoryKernel(ABC):
-    """What every memory kernel K(t), t > 0, can do; see `hereditary.memory_kernels`.
+    """Contract of every memory kernel K(t), t > 0; see `hereditary.memory_kernels`.
 
     It can be multiplied and divided by a number: ``2 * kernel``, ``kernel / 3``.
     """
@@ -142,12 +142,12 @@ class ScaledKernel(MemoryKernel):
 
     @property
     def singular_exponent(self) -> float:
-        """That of the kernel."""
+        """Singular exponent of the kernel."""
         return self.kernel.singular_exponent
 
     @property
     def generators(self) -> tuple[float, ...]:
-        """Those of the kernel."""
+        """Generators of the kernel."""
         return self.kernel.generators
 
     def __call__(self, t: ArrayLike) -> np.ndarray:
@@ -160,7 +160,7 @@ class ScaledKernel(MemoryKernel):
 
     @property
     def t_last(self) -> float:
-        """That of the kernel."""
+        """Last time of the kernel."""
         return self.kernel.t_last
 
     @property

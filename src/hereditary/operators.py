@@ -269,7 +269,7 @@ class Term(Summand):
         return Term(self.operator, checked * self.coefficient)
 
     def plain(self) -> Term:
-        """The same term with a kernel's factor in its coefficient, and a power law by Caputo's."""
+        """Return the term with its kernel's factor in the coefficient, a power law as Caputo's."""
         operator, coefficient = self.operator, self.coefficient
         if not isinstance(operator, Memory):
             return self

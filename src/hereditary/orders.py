@@ -73,11 +73,11 @@ class VaryingOrder:
 
     @property
     def name(self) -> str:
-        """What the function is called."""
+        """Name of the function."""
         return getattr(self.function, "__name__", type(self.function).__name__)
 
     def later(self, origin: float) -> VaryingOrder:
-        """The same with time counted from `origin`, in the user's time."""
+        """Return the order with time counted from `origin`, in the user's time."""
         return replace(self, origin=origin)
 
     def sampled(self, times: np.ndarray) -> tuple[np.ndarray, str]:
@@ -109,7 +109,7 @@ class VaryingOrder:
         return values[:k], complaint("order", required, f"{reason} at t = {times[k]:.6g}")
 
     def _at_once(self, times):
-        """Its values from one call, or None where it does not take arrays of times."""
+        """Call the function once for all times; None where it does not take arrays of them."""
         try:
             # a function may write into what it is given
             values = np.broadcast_to(np.asarray(self.function(times.copy())), times.shape)
@@ -123,7 +123,7 @@ class VaryingOrder:
         return np.asarray(values, dtype=float) if close.all() else None
 
     def _one_by_one(self, times):
-        """Its values up to the first call that fails, and how that failed."""
+        """Return values up to the first call that fails, and how that failed."""
         values = np.empty(times.size)
         for i, t in enumerate(times.tolist()):
             try:

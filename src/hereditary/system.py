@@ -1,4 +1,4 @@
-"""What schemes and marches see of an equation (floor 2), and systems derived from one."""
+"""Equations as schemes and marches see them (floor 2), and systems derived from one."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -26,7 +26,7 @@ class KernelTerm:
     derivative: int
 
     def later(self, origin: float):
-        """The same with time counted from `origin`: it knows no time."""
+        """Return the term with time counted from `origin`: itself, for it knows no time."""
         return self
 
 
@@ -129,7 +129,7 @@ def variational(system, directions):
 
 
 def shifted(system, origin, y0):
-    """The same system begun anew at time `origin`, which becomes its time 0, from `y0` (m, d)."""
+    """Begin a system anew at time `origin`, which becomes its time 0, from `y0` (m, d)."""
     params = np.append(system._params, float(origin))
     jac = _shifted(system._jac) if system.has_jac else None
     terms = system.orders, system.coefficients
@@ -189,7 +189,7 @@ def _with_velocities(rhs):
 
 @lru_cache(maxsize=64)
 def _with_velocities_jacobian(jac):
-    """Its Jacobian."""
+    """Return the Jacobian of `_with_velocities`."""
 
     def enlarged(t, y, out, params):
         d = int(params[-1])

@@ -43,7 +43,7 @@ class Divergence:
         return self._h * (changing + n * self._constant)
 
     def state(self):
-        """What the sum has come to."""
+        """Return the sum so far."""
         return self._total, self._newest
 
     def restore(self, state):

@@ -189,7 +189,7 @@ def displaced(equation, y0):
 
 
 def _values(stepper):
-    """What initial data turn into: y, and ydot where the order is above 1, shape (n_data,)."""
+    """Return y, and ydot where the order is above 1, shape (n_data,): later initial data."""
     with_speed = stepper.equation.highest_orders() > 1
     return np.concatenate([stepper.y, stepper.ydot[with_speed]])
 

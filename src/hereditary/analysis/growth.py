@@ -1,4 +1,4 @@
-"""What a record of growing and shrinking tangents says (floor 5): slopes, errors, verdicts."""
+"""Growth and decay of tangents (floor 5): slopes, their errors, verdicts."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _POWER = 2.0
 
 
 class Verdict(enum.StrEnum):
-    """What the late window of a run shows; equal to the string it is shown as."""
+    """Verdict on the late window of a run; equal to the string it is shown as."""
 
     EXPONENTIAL_GROWTH = "exponential growth"
     NEUTRAL = "neutral"

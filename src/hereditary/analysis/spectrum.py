@@ -1,4 +1,4 @@
-"""What a Lyapunov run returns (floor 5), and the record it is made from."""
+"""Results of a Lyapunov run (floor 5), and the record they are made from."""
 
 from __future__ import annotations
 

@@ -105,7 +105,7 @@ class Store:
         raise ValueError(complaint("store", "hold a point a line", got, "delete that line"))
 
     def _foreign(self, header):
-        """What is wrong with a file that begins in another way."""
+        """Name what is wrong with a file that begins in another way."""
         remedy = "name another file, or delete this one to start anew"
         try:
             stored = json.loads(header)

@@ -47,7 +47,7 @@ _NODES = (1 - np.cos(2 * np.pi * np.arange(SLOW_NODES) / (2 * SLOW_NODES - 1))) 
 
 
 class VaryingMemory(Memory):
-    """What both have in common: the schedule ahead.
+    """Common part of both memories: the schedule of the steps ahead.
 
     Parameters
     ----------

@@ -97,9 +97,9 @@ def march_adams(rhs, jac, has_jac, params, exchange, tables, memory, step, march
 
 @kernel
 def samples(n, n_end, every):
-    """What a step's number, in stretches of `every`, lies ahead of its regular Jacobian's place.
+    """Return what to subtract from n // every for the place of the regular Jacobian of step n.
 
-    And of that of its stretch; these stand behind the regular ones.
+    And for the place of the Jacobian of its stretch; these stand behind the regular ones.
     """
     if every == 0:
         return 0, 0

@@ -1,4 +1,4 @@
-"""What every block march does alike (floor 1): open a block, start the memory, write rows."""
+"""Common parts of all block marches (floor 1): open a block, start the memory, write rows."""
 
 from .._jit import inlined, kernel
 

@@ -13,7 +13,7 @@ def exchange_direct(lag, pieces, n, classes, tables, memory):
 
 @kernel
 def exchange_pending(lag, pieces, n, classes, tables, memory):
-    """The same, with direct sums over the present stretch alone and the rest from `pending`."""
+    """Sum directly over the present stretch alone, and add the rest from `pending`."""
     # memory: stored pieces, start values, pending (W, capacity); tables[3]: length of a stretch
     pending = memory[2]
     length = int(tables[3][0, 0])

@@ -1,4 +1,4 @@
-"""What a collocation step errs by, and how that compares with its tolerance (floor 1)."""
+"""Errors of a collocation step, compared with its tolerance (floor 1)."""
 
 import numpy as np
 

@@ -37,5 +37,5 @@ def jacobian(rhs, jac, has_jac, t, y, params, out):
 
 @entry(RHS, JAC, I8, F8, VEC, VEC, MAT)
 def jacobian_at(rhs, jac, has_jac, t, y, params, out):
-    """The same, for one call from Python."""
+    """Set the Jacobian at (t, y), for one call from Python."""
     jacobian(rhs, jac, has_jac, t, y, params, out)

@@ -1,4 +1,4 @@
-"""What a step of collocation does to the exponential modes behind it (floor 1).
+"""Exponential modes behind a collocation step: how they are read and moved on (floor 1).
 
 Modes are read at the nodes of the step and moved to its end by factors that depend on its length
 alone. Lengths lie on a grid (`on_grid`), so few of them occur in a run, and the factors of each are

@@ -44,7 +44,7 @@ MONITOR = np.dtype([(name, "f8") for name in _WATCHED], align=True)
 
 
 class StepTable(NamedTuple):
-    """What a scheme's steps are made of, for W columns in C groups and blocks of B steps.
+    """Coefficients of a scheme's steps, for W columns in C groups and blocks of B steps.
 
     h and theta, where in a step the equation holds; sweeps of a corrector (0: solved for); n_orbit
     components, the first columns; every so many steps a Jacobian is kept (0: none). groups and
@@ -71,7 +71,7 @@ class StepTable(NamedTuple):
 
 
 class March(NamedTuple):
-    """What a march changes; all but counts and monitor is linear in the solution.
+    """State of a march; all but counts and monitor is linear in the solution.
 
     The W columns are the components of the orbit, then those of one tangent after the other. x, the
     newest increment and its change (W,); lag (W, B) of the block under way and pieces (W, B + 1);
@@ -107,7 +107,7 @@ class Output(NamedTuple):
 
 
 class MeshTable(NamedTuple):
-    """What a scheme's steps on a mesh are made of.
+    """Coefficients of a scheme's steps on a mesh.
 
     times (N + 1,), theta (N,); parabolas: 0 none, 1 behind the newest step, 2 on it too; given,
     whether the first increment is; groups (W,); factors and powers (C, T) of the terms; rule
@@ -128,7 +128,7 @@ class MeshTable(NamedTuple):
 
 
 class MeshMarch(NamedTuple):
-    """What a march on a mesh changes: counts, x and the newest increment (W,), pieces (2, W)."""
+    """State of a march on a mesh: counts, x and the newest increment (W,), pieces (2, W)."""
 
     counts: np.record
     x: np.ndarray

@@ -120,7 +120,7 @@ class Strands(NamedTuple):
 
 
 class Run(NamedTuple):
-    """What a march changes besides: records, and the largest p so far where it is y', (d,)."""
+    """Counts and controls of a march, as records; the largest p so far where it is y', (d,)."""
 
     control: np.record
     counts: np.record

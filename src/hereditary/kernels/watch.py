@@ -1,4 +1,4 @@
-"""What a march notices of its own steps (floor 1): zigzags that last, and turns that grow.
+"""Signs of instability in a march's own steps (floor 1): lasting zigzags, growing turns.
 
 Each component of the orbit has a record (`MONITOR`, kernels/signatures.py). Nothing is done
 between turns: most orbits seldom turn.

@@ -159,7 +159,7 @@ class DistributedOrder(MemoryKernel):
         return np.exp(np.multiply.outer(v, order)) @ (self._factors * rgamma(order))
 
     def _slowest(self, v, step):
-        """What all of the grid v - step, v - 2 step, ... adds; order 0 is a constant as it is."""
+        """Sum over all of the grid v - step, v - 2 step, ...; order 0 is a constant as it is."""
         order, constant = np.array(self.orders), np.array(self.orders) == 0
         safe = np.where(constant, 1.0, order)
         sums = rgamma(safe) * step * np.exp(safe * v) / np.expm1(safe * step)

@@ -1,4 +1,4 @@
-"""What several memory kernels share: an incomplete gamma function and argument checks."""
+"""Parts of several memory kernels: an incomplete gamma function and argument checks."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""What all figures share (floor 6): where they go, how they are computed, how they are saved."""
+"""Common parts of all figures (floor 6): where they go, how they are computed and saved."""
 
 from __future__ import annotations
 

@@ -160,7 +160,7 @@ _N_EARLY, _N_LATE = 256, 3
 
 
 def _formed_drift(equation, h, p):
-    """What the formula makes of t y'(0) beside its derivatives in the terms of order below 1.
+    """Error of the formula for t y'(0) in the terms of order below 1.
 
     These go with ``t**(1-gamma)``, of which the sums for the rest would leave order 2 - gamma. The
     first values (k, d), and the amplitudes and powers of what is left later (r, d); None without
@@ -243,7 +243,7 @@ def _real_power(a, exponent):
 
 
 def _start_corrections(equation, h, p):
-    """What is added to the right-hand side in the first p - 1 steps, shape (p-1, d).
+    """Corrections of the right-hand side in the first p - 1 steps, shape (p-1, d).
 
     ``a_n phi(0) + sum_(l=1)^(p-2) b_(l,n) h**l phi^(l)(0)`` with phi(t) = f(t, x(0) + t x'(0)) less
     the derivatives of order 1 of t x'(0), its own derivatives by differences over the first p

@@ -27,7 +27,7 @@ class _Weighed:
 
 @dataclass(frozen=True)
 class KernelTerms:
-    """Those of one class, seen by a scheme at t_n + offset h.
+    """Terms with constant kernels of one class, seen by a scheme at t_n + offset h.
 
     Attributes
     ----------
@@ -41,7 +41,7 @@ class KernelTerms:
 
     @classmethod
     def seen(cls, pairs, h, theta, offset):
-        """Those of (coefficient, `KernelTerm`) pairs, with step h."""
+        """Make them of (coefficient, `KernelTerm`) pairs, with step h."""
         terms = []
         for c, term in pairs:
             factor, rule, number = weighed_kernel(c, term, h, theta)
@@ -67,7 +67,7 @@ class KernelTerms:
         return both, whole
 
     def value(self, n: int) -> float:
-        """What x(0) is multiplied by in step n."""
+        """Weight of x(0) in step n."""
         return float(self._values(n + 1)[n])
 
     def _values(self, n):
@@ -103,13 +103,13 @@ class KernelTerms:
         return [(term.number, max(1, term.derivative)) for term in self.terms]
 
     def begun(self, kernel, rates) -> np.ndarray:
-        """What modes of the rates take of x(0) at k = 2, where the kernel is of x itself."""
+        """Contribution of x(0) to the modes at k = 2, where the kernel is of x itself."""
         if not isinstance(kernel.kernel, Integrated):
             return np.zeros(rates.size)
         return np.exp(-rates * (1 + self.offset - self.theta)) / mean_exponential(rates)
 
     def amplitudes(self, group, rates, weights) -> np.ndarray:
-        """What a group's modes are multiplied by in the weight of k = 2."""
+        """Amplitudes of a group's modes in the weight of k = 2."""
         total = np.zeros(rates.size)
         for term, own in zip(self.terms, self.groups(), strict=True):
             if own == group:

@@ -1,4 +1,4 @@
-"""What implicit schemes in derivative form share (floor 2): turning weight rules into a plan."""
+"""Plans of implicit schemes in derivative form, from their weight rules (floor 2)."""
 
 import numpy as np
 from scipy.special import rgamma

@@ -185,7 +185,7 @@ def _integral_rows(system, c, highest, second, leading):
 
 
 def _derivative_rows(system, c, second):
-    """The same of a component whose highest derivative stands in other terms than Caputo's."""
+    """List the rows of a component whose highest derivative stands in other terms than Caputo's."""
     rows = []
     for coefficient, order in zip(system.coefficients[:, c], system.orders[:, c], strict=True):
         if coefficient != 0:
@@ -200,7 +200,7 @@ def _derivative_rows(system, c, second):
 
 
 def _taken(term, coefficient, c, d, second):
-    """The same of a term that is taken from the right-hand side."""
+    """List the row of a term that is taken from the right-hand side."""
     driver = (POSITION, PRIMARY, SLOPE)[term.derivative - second + 1]
     what = term.kernel if isinstance(term, KernelTerm) else term
     return d + c, driver, what, coefficient, 0

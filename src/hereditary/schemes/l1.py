@@ -135,7 +135,7 @@ class L1Rules:
         return power(operator)
 
     def weight(self, c, operator):
-        """What the rule is multiplied by."""
+        """Factor of the rule."""
         if isinstance(operator, KernelTerm):
             return weighed_kernel(c, operator, self._h, self._theta)[0]
         return leading_weight(c, operator, self._h)

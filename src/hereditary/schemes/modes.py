@@ -39,7 +39,7 @@ class Modes:
     reach: Callable
 
     def ratios(self, jacobians):
-        """What Jacobians (n, d, d) exceed the largest stable multiple of theirs by; 0 up to 1."""
+        """Ratio of Jacobians (n, d, d) to their largest stable multiples; 0 up to 1."""
         ratios = np.zeros(len(jacobians))
         if jacobians.shape[1] > _LARGEST:
             return ratios

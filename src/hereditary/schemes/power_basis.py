@@ -99,7 +99,7 @@ class PowerBasis:
         return self._interpolate(values, self.at(t))
 
     def interpolate_between(self, values):
-        """The same at the points between the nodes, also where these are too small for a float."""
+        """Interpolate at the points between the nodes, also at those too small for a float."""
         functions = self._functions(self.logs[self.nodes.size :])
         return self._interpolate(values, (functions @ self._mix) @ self._coefficients)
 

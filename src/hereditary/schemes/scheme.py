@@ -48,7 +48,7 @@ class WeightRule:
 
 @dataclass(frozen=True)
 class Convolution:
-    """What a history has to sum on a uniform mesh: ``lag_n = sum_k W_k u_(n-k)``, k >= 2.
+    """Sum that a history makes on a uniform mesh: ``lag_n = sum_k W_k u_(n-k)``, k >= 2.
 
     The weights are sums ``W_k = sum_j factor_j rule_j(p_j)_k``, one such list of (factor, rule, p)
     for each class of columns; a second list of the same kind weighs the start value of a column
@@ -87,7 +87,7 @@ class Convolution:
         return tuple(key for key in self._keys() if not isinstance(key, float))
 
     def _keys(self):
-        """What `WeightRule.exponent` gives, each once, in order."""
+        """List the results of `WeightRule.exponent`, each once, in order."""
         found = [rule.exponent(p) for lists in self._lists for _, rule, p in lists]
         return [key for key in dict.fromkeys(found) if key is not None]
 
@@ -203,7 +203,7 @@ class Plan:
 
 @dataclass(frozen=True)
 class MeshPlan:
-    """What the march on a mesh of any steps needs to know of a scheme.
+    """Data of a scheme for the march on a mesh of any steps.
 
     Attributes
     ----------

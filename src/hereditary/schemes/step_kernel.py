@@ -39,7 +39,7 @@ class Integrated:
         return self.kernel.by_values
 
     def __call__(self, t):
-        """Its values."""
+        """Return values of the kernel."""
         return self.kernel.integral(t)
 
     def integral(self, t):
@@ -48,7 +48,7 @@ class Integrated:
         return t * (self.kernel.integral(t * u) @ weights)
 
     def closest_fit(self, t_min, t_max, tol):
-        """Its exponential sum, a constant among them: that of the kernel, integrated from t_min."""
+        """Fit an exponential sum, a constant among it: the kernel's, integrated from t_min."""
         fit = self.kernel.closest_fit(t_min, t_max, tol, fading=True)
         if np.any(fit.rates <= 0):
             required = "decay where y itself is remembered (derivative 0)"
@@ -113,7 +113,7 @@ class StepKernel:
         return alternating_sum(self.shares(_ALTERNATING))
 
     def exponentials(self, n_steps: float, tol: float) -> ExponentialSum:
-        """Its exponential sum from one step to `n_steps`, in steps, as close as it can be had."""
+        """Fit an exponential sum from one step to `n_steps` steps, as close as it can be had."""
         return _exponentials(self, n_steps, tol)
 
 
@@ -140,10 +140,9 @@ def of_increments(term):
 
 
 def weighed_kernel(c, term, h, theta):
-    """What the weights of ``c`` times a `KernelTerm` seen at t_n + theta h are multiples of.
+    """Factor, rule and number of ``c`` times a `KernelTerm` seen at t_n + theta h.
 
-    Factor, rule and number: a scheme that weighs increments sees ``factor sum_k rule(number)_k
-    u_(n-k)``.
+    A scheme that weighs increments sees it as ``factor sum_k rule(number)_k u_(n-k)``.
     """
     number = StepKernel(of_increments(term), h)
     if term.derivative == 2:
@@ -173,7 +172,7 @@ def refuse_values_beside_varying(equation):
 
 
 def kernel_start(equation, theta, h, derivative):
-    """What increments leave out of these terms, ``K`` times a start value: for `derivative_plan`.
+    """Weights, for a plan, and value of the start value that increments leave out of terms.
 
     For derivative 0 that is y(0), for 1 the y'(0) that increments without h y'(0) lack.
     """

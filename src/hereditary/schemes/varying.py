@@ -211,7 +211,7 @@ class _Order:
 
     @classmethod
     def of(cls, order):
-        """That of a term in `distinct_components`."""
+        """Make one of a term in `distinct_components`."""
         if isinstance(order, VaryingOrder):
             return cls(order.derivative, 0.0, order)
         return cls(derivative_order(order), order, None)

@@ -327,7 +327,7 @@ class AdaptiveStepper:
         self._limit_steps(t_end)
 
     def _identity(self, t):
-        """What a run to time t must share with one that resumes it."""
+        """Describe what a run to time t must share with one that resumes it."""
         how = {"number of nodes": self._s, "tolerances": self._tolerances}
         return identity(self.equation, t, len(self._strands.x) - 1, **how)
 

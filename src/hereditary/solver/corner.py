@@ -103,7 +103,7 @@ class Corner:
         return np.abs(np.linalg.eigvals(gains)) if np.all(np.isfinite(gains)) else np.zeros(0)
 
     def _gains(self, share):
-        """What p has of itself by all of its integrals of order a, times share(a), (d, d)."""
+        """Derivative of p by itself through its integrals of order a, times share(a), (d, d)."""
         form, gains = self._form, np.zeros_like(self._jacobian)
         for c, q, k, kappa in rows(form):
             if k >= form.orders.size:
@@ -212,7 +212,7 @@ class Corner:
         return p[:, -1:] + (p - p[:, -1:]) @ operator.T
 
     def _damped(self, defect, h):
-        """What a defect leaves of itself in p where the equation is stiff and nothing grows."""
+        """Error of p that a defect leaves where the equation is stiff and nothing grows."""
         gain = self._gains(lambda a: h**a * rgamma(1 + a))
         if not np.all(np.isfinite(gain)) or np.linalg.eigvals(gain).real.max() > 0:
             return defect

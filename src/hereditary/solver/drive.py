@@ -99,7 +99,7 @@ def told(stepper, status, detail):
 
 
 def _stability(stepper):
-    """What is wrong with the step, in a clause; empty when nothing is."""
+    """Name what is wrong with the step, in a clause; empty when nothing is."""
     found = []
     if stepper.zigzag is not None:
         seen = stepper.zigzag * stepper.h

@@ -10,7 +10,7 @@ from scipy.special import rgamma
 
 
 def first_steps(stepper, positions):
-    """What rows at these positions of a `Stepper` need; None where none lies inside the first two.
+    """Prepare rows at these positions of a `Stepper`; None where none lies inside two steps.
 
     Nor where a term has another kernel, or an order that varies.
     """

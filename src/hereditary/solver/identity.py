@@ -1,4 +1,4 @@
-"""What a run and one that resumes it must have in common (floor 4)."""
+"""Common traits of a run and of one that resumes it (floor 4)."""
 
 import numpy as np
 
@@ -14,7 +14,7 @@ _SHOWN = 120
 
 
 def identity(equation, t, n_tangents, **how):
-    """What a run to time t must share with one that resumes it, by name.
+    """Describe what a run to time t must share with one that resumes it, by name.
 
     Parameters
     ----------

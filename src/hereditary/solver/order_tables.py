@@ -1,4 +1,4 @@
-"""What a step is told of orders that vary (floor 4): integrals and weights at its nodes."""
+"""Tables of orders that vary, for one step (floor 4): integrals and weights at its nodes."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""What a long run shows and how it is stopped (floor 4)."""
+"""Progress of a long run, and its interruption (floor 4)."""
 
 import signal
 import sys

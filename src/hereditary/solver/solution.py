@@ -1,4 +1,4 @@
-"""What a run returns (floor 4): the orbit, how the run ended, and the state to go on from."""
+"""Results of a run (floor 4): the orbit, how it ended, and the state to go on from."""
 
 import enum
 from dataclasses import dataclass, field

@@ -375,7 +375,7 @@ class Stepper:
         self.largest_ratio = state.largest_ratio
 
     def _identity(self, t):
-        """What a run to time t must share with one that resumes it."""
+        """Describe what a run to time t must share with one that resumes it."""
         how = {"scheme": _described(self.scheme), "history": _described(self.history)}
         return identity(self.equation, t, self.n_tangents, **how)
 

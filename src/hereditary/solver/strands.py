@@ -1,4 +1,4 @@
-"""What an adaptive march holds of the orbit and of tangents alongside (floor 4).
+"""State of an adaptive march: the orbit and tangents alongside (floor 4).
 
 Strand 0 is the orbit, the others its derivatives along some directions. Each has its present
 values, initial values, and the past: modes, and the last step, which they do not see closely.
@@ -234,7 +234,7 @@ class Strands:
         return self.last @ (legvander(2 * u - 1, s - 1) @ to_legendre(s)).T
 
     def _moved(self, modes):
-        """What modes before the last step are after it."""
+        """Move modes from before the last step to after it."""
         rates, drivers = self.rates * self._length, self._drivers()
         weights, d = self.weights, self.x.shape[1]
         _, v, rule = graded_rule()
