@@ -260,3 +260,25 @@ def test_equations_made_from_others():
     assert not eq.replace(rhs=with_global, jac=None).has_jac
     with pytest.raises(TypeError, match="changes must be among terms, rhs, y0, params, jac"):
         eq.replace(parameters=[3.0])
+
+
+@pytest.mark.parametrize(
+    ("scene", "n_read"),
+    {
+        "stick_slip": 3,
+        "lorenz": 3,
+        "rossler": 3,
+        "brusselator": 2,
+        "duffing": 4,
+        "van_der_pol": 3,
+    }.items(),
+)
+def test_a_scenes_params_cut_short_are_refused(scene, n_read):
+    """Its functions run without bounds checks: the trial call in Python meets what is missing.
+
+    Stick-slip reads as many wells as there are.
+    """
+    equation = getattr(hd.scenes, scene)()
+    for n in range(n_read):
+        with pytest.raises(ValueError, match="must run at t = 0, got IndexError"):
+            equation.replace(params=equation.params[:n])
