@@ -282,3 +282,12 @@ def test_a_scenes_params_cut_short_are_refused(scene, n_read):
     for n in range(n_read):
         with pytest.raises(ValueError, match="must run at t = 0, got IndexError"):
             equation.replace(params=equation.params[:n])
+
+
+def test_a_function_of_no_module_is_checked_like_any_other():
+    """As `exec` with a bare dictionary makes one, and some notebooks do."""
+    made: dict = {}
+    exec("def rhs(t, y, p):\n    return -p[int(t * 4.0)] * y", made)
+    with pytest.warns(hd.SolveWarning, match="IndexError"):
+        sol = run(equation(made["rhs"]))
+    assert sol.status is hd.Status.RHS_FAILED

@@ -202,7 +202,7 @@ def _build(name, fun, arity, form, n_axes, signature, copied):
     inside = {"boundscheck": True, "no_cpython_wrapper": True}
     inner: dict[str, Any] = {"nogil": True, "no_cfunc_wrapper": True, **inside}
     # the package's own scenes read at t = 0, where Python checks them, all that they ever read
-    inner["boundscheck"] = not _plain(fun).__module__.startswith(f"{__package__}.")
+    inner["boundscheck"] = not str(_plain(fun).__module__).startswith(f"{__package__}.")
     if not is_jitted(fun):
         inner["error_model"] = "numpy"
     t, _, out, _ = signature.args
