@@ -11,9 +11,10 @@ from ._callables import compile_jac, compile_rhs, present_values
 from ._checks import complaint, real_array, shown
 from ._differences import check_jacobian
 from ._digest import digest
-from .operators import Memory, Summand
+from .operators import Summand
 from .orders import merged_orders
-from .system import KernelTerm, System
+from .system import System
+from .terms import SystemTerm
 
 
 class Equation(System):
@@ -89,15 +90,12 @@ class Equation(System):
         initial = _initial_values(values, highest)
         d = initial.shape[1]
         factors = _per_component("coefficient", [t.coefficient for t in self.terms], d)
-        own = [_own_operator(term.operator) for term in self.terms]
-        caputo = [operator is None for operator in own]
-        constant = [t.operator for t, held in zip(self.terms, caputo, strict=True) if held]
-        orders = merged_orders(_per_component("order", [op._order for op in constant], d))
+        constant = [t.operator.constant for t in self.terms]
+        own = [t.operator._order for t in self.terms if t.operator.constant]
+        orders = merged_orders(_per_component("order", own, d))
         orders.flags.writeable = False
-        coefficients = factors[caputo]
-        coefficients.flags.writeable = False
-        pairs = zip(own, factors, strict=True)
-        memories = [(operator, factor) for operator, factor in pairs if operator is not None]
+        self.orders, self.coefficients = orders, factors[constant]
+        self.coefficients.flags.writeable = False
         given = _numbers(params)
         compiled = compile_rhs(rhs, initial[0], given, _of_shorthand(values, initial))
         compiled_jac = compile_jac(jac, initial[0], given) if jac is not None else None
@@ -105,7 +103,8 @@ class Equation(System):
             check_jacobian(compiled, compiled_jac, initial[0], given)
         self._frozen = _frozen(rhs, jac)
         initial.flags.writeable = False
-        super().__init__(orders, coefficients, initial, given, compiled, compiled_jac, memories)
+        left = _left_side(self.terms, factors, orders)
+        super().__init__(left, initial, given, compiled, compiled_jac)
         self.rhs_digest = digest(rhs)
         _check_leading(self.highest_orders(), initial)
         self._sealed = True
@@ -172,11 +171,14 @@ def _numbers(params):
     return values.reshape(-1)
 
 
-def _own_operator(operator):
-    """Return the `System`'s own term for an operator; None for Caputo's of constant order."""
-    if isinstance(operator, Memory):
-        return KernelTerm(operator.kernel, operator.derivative)
-    return operator.varying
+def _left_side(terms, factors, orders):
+    """List the system's own operators with their coefficients; one for each constant order."""
+    left, rows = [], iter(orders)
+    for term, c in zip(terms, factors, strict=True):
+        row = next(rows) if term.operator.constant else None
+        for operator, held in term.operator.parts(row):
+            left.append(SystemTerm(operator, np.where(held, c, 0.0)))
+    return left
 
 
 def _per_component(name, arrays, d):

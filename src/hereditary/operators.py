@@ -17,7 +17,8 @@ from scipy.special import gamma
 from ._checks import complaint, instance, real_array, shown, within
 from .exponential_sum import SumKernel, fit_interval, fit_power
 from .memory_kernel import ExponentialSum, MemoryKernel, ScaledKernel
-from .orders import ROUNDING, VaryingOrder, derivative_order, rounded_order
+from .orders import ROUNDING, derivative_order, rounded_order
+from .terms import ConstantOrder, KernelOperator, VaryingOrder
 
 
 @dataclass(frozen=True)
@@ -194,6 +195,20 @@ class Caputo(Summand):
             return self.varying.derivative
         return max(map(derivative_order, self._order.flat))
 
+    @property
+    def constant(self) -> bool:
+        """Whether the order does not vary."""
+        return self.varying is None
+
+    def parts(self, orders):
+        """Operators of a `System`, each with whether a component has it.
+
+        `orders` (d,) are the constant orders as the equation rounds them.
+        """
+        if self.varying is not None:
+            return [(self.varying, True)]
+        return [(ConstantOrder(a), orders == a) for a in dict.fromkeys(orders.tolist())]
+
     def __repr__(self):
         return f"Caputo({self.varying.name if self.varying else self._order.tolist()})"
 
@@ -239,6 +254,12 @@ class Memory(Summand):
         if isinstance(derivative, bool) or derivative not in (0, 1, 2):
             raise ValueError(complaint("derivative", "be 0, 1 or 2", derivative))
         self.derivative = int(derivative)
+
+    constant = False
+
+    def parts(self, orders):
+        """Operator of a `System`, which every component has; `orders` has no part in it."""
+        return [(KernelOperator(self.kernel, self.derivative), True)]
 
     def __repr__(self):
         return f"Memory({self.kernel!r}, {self.derivative})"

@@ -1,6 +1,6 @@
-"""Equations as schemes and marches see them (floor 2), and systems derived from one."""
+"""Equations as schemes and marches see them, and systems derived from one."""
 
-from dataclasses import dataclass
+from collections.abc import Iterable
 from functools import lru_cache
 
 import numpy as np
@@ -8,26 +8,7 @@ from numba import njit
 
 from ._jit import JAC_SIG, as_value, kernel
 from .kernels.jacobian import jacobian_at
-from .memory_kernel import MemoryKernel
-
-
-@dataclass(frozen=True)
-class KernelTerm:
-    """The operator ``int_0^t K(t-s) y^(m)(s) ds``; equal to another where kernel and m are.
-
-    Attributes
-    ----------
-    kernel : MemoryKernel
-    derivative : int
-        m: 0, 1 or 2.
-    """
-
-    kernel: MemoryKernel
-    derivative: int
-
-    def later(self, origin: float):
-        """Return the term with time counted from `origin`: itself, for it knows no time."""
-        return self
+from .terms import ConstantOrder, SystemTerm
 
 
 class System:
@@ -37,10 +18,8 @@ class System:
 
     Attributes
     ----------
-    orders, coefficients : ndarray, shape (n_terms, d)
-        Order and coefficient of each Caputo term of constant order for each component.
-    memories : tuple of (KernelTerm or VaryingOrder, ndarray of shape (d,))
-        Terms with other kernels or with orders that vary, and their coefficients.
+    left : tuple of SystemTerm
+        Operators of the left side with their coefficients.
     y0 : ndarray, shape (m, d)
         y(0), and y'(0) where m = 2.
     params : ndarray, shape (p,)
@@ -53,9 +32,8 @@ class System:
 
     rhs_digest = ""
 
-    def __init__(self, orders, coefficients, y0, params, rhs, jac=None, memories=()):
-        self.orders, self.coefficients = orders, coefficients
-        self.memories = tuple(memories)
+    def __init__(self, left: Iterable[SystemTerm], y0, params, rhs, jac=None):
+        self.left = tuple(left)
         self.y0, self._params = y0, params
         self.m, self.d = y0.shape
         self._rhs = rhs
@@ -75,12 +53,33 @@ class System:
     def highest_orders(self) -> np.ndarray:
         """Highest order with a nonzero coefficient of each component, shape (d,).
 
-        Terms with other kernels, or with orders that vary, count as the derivative inside them.
+        Terms with general kernels, or with orders that vary, count as the derivative inside them.
         """
-        highest = highest_orders(self.orders, self.coefficients)
-        for term, coefficients in self.memories:
-            highest = np.maximum(highest, np.where(coefficients != 0, term.derivative, 0.0))
+        highest = np.zeros(self.d)
+        for operator, coefficients in self.left:
+            highest = np.maximum(highest, np.where(coefficients != 0, operator.order, 0.0))
         return highest
+
+    def coefficient(self, alpha) -> np.ndarray:
+        """Coefficient of Caputo's derivative of constant order `alpha`, shape (d,).
+
+        `alpha` is a number, or one for each component.
+        """
+        total = np.zeros(self.d)
+        for operator, coefficients in self.left:
+            if operator.constant:
+                total += np.where(operator.order == np.asarray(alpha), coefficients, 0.0)
+        return total
+
+    @property
+    def constant(self) -> bool:
+        """Whether all operators are Caputo's derivatives of constant order."""
+        return all(operator.constant for operator, _ in self.left)
+
+    @property
+    def varies(self) -> bool:
+        """Whether an order varies."""
+        return any(operator.varies for operator, _ in self.left)
 
     def jacobian(self, t, y):
         """d rhs / d y at (t, y), shape (d, d): the given one, or differences."""
@@ -93,11 +92,6 @@ class System:
 @kernel
 def _no_jacobian(t, y, out, params):
     """Stands in for a Jacobian where the user gives none."""
-
-
-def highest_orders(orders, coefficients):
-    """Highest order with a nonzero coefficient of each component, shape (d,)."""
-    return np.where(coefficients != 0, orders, 0.0).max(axis=0, initial=0.0)
 
 
 def variational(system, directions):
@@ -123,18 +117,16 @@ def variational(system, directions):
         system._rhs(t, np.ascontiguousarray(y[:d]), dy[:d], params)
         dy[d:] = (y[d:].reshape(k, d) @ system.jacobian(t, y[:d]).T).ravel()
 
-    orders, coefficients = (np.tile(a, (1, 1 + k)) for a in (system.orders, system.coefficients))
-    memories = [(term, np.tile(factors, 1 + k)) for term, factors in system.memories]
-    return System(orders, coefficients, y0, system._params, rhs, memories=memories)
+    left = [SystemTerm(operator, np.tile(c, 1 + k)) for operator, c in system.left]
+    return System(left, y0, system._params, rhs)
 
 
 def shifted(system, origin, y0):
     """Begin a system anew at time `origin`, which becomes its time 0, from `y0` (m, d)."""
     params = np.append(system._params, float(origin))
     jac = _shifted(system._jac) if system.has_jac else None
-    terms = system.orders, system.coefficients
-    memories = [(term.later(origin), factors) for term, factors in system.memories]
-    return System(*terms, y0, params, _shifted(system._rhs), jac, memories)
+    left = [SystemTerm(operator.later(origin), c) for operator, c in system.left]
+    return System(left, y0, params, _shifted(system._rhs), jac)
 
 
 @lru_cache(maxsize=64)
@@ -154,16 +146,15 @@ def first_order(system):
     They stand behind the d components, in their order, one for each component of order 2.
     """
     second = system.highest_orders() > 1
-    friction, leading, only = (
-        np.where(system.orders == order, system.coefficients, 0.0).sum(axis=0) * chosen
-        for order, chosen in ((1, second), (2, second), (1, ~second))
-    )
+    slopes, leading = system.coefficient(1.0), system.coefficient(2.0)
+    friction, only = slopes * second, slopes * ~second
     coefficients = np.concatenate([np.where(second, 1.0, only), leading[second]])
     y0 = np.concatenate([system.y0[0], system.y0[-1][second]])
     params = np.concatenate([system._params, second, friction, [system.d]])
     jac = _with_velocities_jacobian(system._jac) if system.has_jac else None
     rhs = _with_velocities(system._rhs)
-    enlarged = System(np.ones((1, y0.size)), coefficients[None], y0[None], params, rhs, jac)
+    left = [SystemTerm(ConstantOrder(1.0), coefficients)]
+    enlarged = System(left, y0[None], params, rhs, jac)
     enlarged.rhs_digest = system.rhs_digest
     return enlarged
 

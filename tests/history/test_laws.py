@@ -7,9 +7,10 @@ from hypothesis import strategies as st
 from strategies import orders, sequences
 
 import hereditary as hd
-from hereditary.schemes.explicit import FIRST_DIFFERENCES, SECOND_DIFFERENCES
 from hereditary.schemes.scheme import Convolution
+from hereditary.schemes.weights import FIRST_DIFFERENCES, SECOND_DIFFERENCES
 from hereditary.solver.stepper import Stepper
+from hereditary.step_kernel import PowerSteps
 
 N_BLOCK, N_BLOCKS = 8, 6
 N = N_BLOCK * N_BLOCKS
@@ -19,7 +20,8 @@ HISTORIES = [hd.Direct(), hd.FFT(), hd.SumOfExponentials(1e-6), hd.SumOfExponent
 def convolution(alpha, gamma):
     """One class: a term of order alpha in (0, 2) and one of order gamma in (0, 1)."""
     rule = SECOND_DIFFERENCES if alpha > 1 else FIRST_DIFFERENCES
-    terms = ((1.0, rule, np.ceil(alpha) - alpha), (0.25, FIRST_DIFFERENCES, 1 - gamma))
+    first, second = PowerSteps(np.ceil(alpha) - alpha), PowerSteps(1 - gamma)
+    terms = ((1.0, rule, first), (0.25, FIRST_DIFFERENCES, second))
     start = tuple((-f, FIRST_DIFFERENCES, p) for f, _, p in terms)
     return Convolution((terms,), (start,))
 
@@ -81,8 +83,10 @@ def test_agrees_with_direct_sums_within_its_tolerance(tol, u, alpha, gamma):
     direct = feed(open_memory(hd.Direct(), weights, [0.5]), u)
     fast = feed(open_memory(hd.SumOfExponentials(tol), weights, [0.5]), u)
     # relative to sum |b_k| |u_m|: second differences of u are at most four times u
-    exact = FIRST_DIFFERENCES.exact(np.ceil(alpha) - alpha, N).sum()
-    scale = (4 * exact + FIRST_DIFFERENCES.exact(1 - gamma, N).sum()) * (np.abs(u).max() + 0.5)
+    exact = FIRST_DIFFERENCES.exact(PowerSteps(np.ceil(alpha) - alpha), N).sum()
+    scale = (4 * exact + FIRST_DIFFERENCES.exact(PowerSteps(1 - gamma), N).sum()) * (
+        np.abs(u).max() + 0.5
+    )
     # start weights are sums of exponentials from k = 2 on
     assert np.abs(fast - direct)[:, 2:].max() <= tol * scale + 1e-14
 

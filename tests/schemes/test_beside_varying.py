@@ -148,7 +148,7 @@ def test_what_is_refused():
     with pytest.raises(ValueError, match="derivative must be 1 or 2 with L1"):
         hd.solve(made("all"), 1.0, 100, scheme=hd.L1())
     for scheme in (hd.L2(), hd.BDF(2), hd.Adams()):
-        with pytest.raises(ValueError, match="terms must be Caputo operators with"):
+        with pytest.raises(ValueError, match="terms must have constant orders with"):
             hd.solve(made("y'"), 1.0, 100, scheme=scheme)
     state = hd.solve(made("y'"), 1.0, 100).state
     other = hd.Equation([hd.Caputo(alpha), 0.5 * hd.Memory(TEMPERED, 1)], decay, 1.0)

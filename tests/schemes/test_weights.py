@@ -8,7 +8,9 @@ from hereditary.exponential_sum import fit_unit
 from hereditary.schemes import weights as rules
 from hereditary.schemes.adams import FIRST_VALUE, HATS
 from hereditary.schemes.bdf import _FIRST_MODAL, quadrature_weights, start_coefficients
+from hereditary.step_kernel import PowerSteps
 
+POWERS = tuple(PowerSteps(p) for p in (0.05, 0.5, 0.95))
 FAR = [1, 2, 3, 4, 17, 300, 99_999]
 
 
@@ -44,8 +46,8 @@ def parabola(theta, closing, p, k):
 @pytest.mark.parametrize("p", [0.02, 0.3, 0.7, 0.98])
 @pytest.mark.parametrize(("theta", "closing"), [(1.0, True), (0.75, False), (0.5, False)])
 def test_parabola_weights(theta, closing, p):
-    found = rules.parabola_weights(theta, closing).exact(p, 100_000)
-    start = rules.parabola_start(theta).exact(p, 100_000)
+    found = rules.parabola_weights(theta, closing).exact(PowerSteps(p), 100_000)
+    start = rules.parabola_start(theta).exact(PowerSteps(p), 100_000)
     with mpmath.workdps(60):
         p_exact, theta = mpmath.mpf(p), mpmath.mpf(theta)
         for k in [0, *FAR]:
@@ -123,12 +125,12 @@ QUADRATURES = [
 ]
 RULES = [
     *QUADRATURES,
-    ("first differences", rules.FIRST_DIFFERENCES, (0.05, 0.5, 0.95), 2),
-    ("second differences", rules.SECOND_DIFFERENCES, (0.05, 0.5, 0.95), 2),
-    ("shifted", rules.shifted_differences(0.6), (0.05, 0.5, 0.95), 2),
-    ("parabola", rules.parabola_weights(1.0, closing=True), (0.05, 0.5, 0.95), 2),
-    ("parabola sigma", rules.parabola_weights(0.7, closing=False), (0.05, 0.5, 0.95), 2),
-    ("parabola start", rules.parabola_start(0.7), (0.05, 0.5, 0.95), 2),
+    ("first differences", rules.FIRST_DIFFERENCES, POWERS, 2),
+    ("second differences", rules.SECOND_DIFFERENCES, POWERS, 2),
+    ("shifted", rules.shifted_differences(0.6), POWERS, 2),
+    ("parabola", rules.parabola_weights(1.0, closing=True), POWERS, 2),
+    ("parabola sigma", rules.parabola_weights(0.7, closing=False), POWERS, 2),
+    ("parabola start", rules.parabola_start(0.7), POWERS, 2),
     ("hats", HATS, (0.05, 0.5, 0.95, 1.05, 1.5, 1.95), 3),
     ("first value", FIRST_VALUE, (0.05, 0.5, 0.95, 1.05, 1.5, 1.95), 2),
 ]
@@ -144,7 +146,8 @@ def test_modal_shares_sum_to_the_weights(name, rule, numbers, first):
         summed = np.exp(-np.multiply.outer(k - first, rates)) @ shares
         exact = rule.exact(p, n)[k]
         # a difference of moments is off by the tolerance of the moments themselves
-        moments = np.abs(k - 1.0 + 1e-9) ** ((p if p < 1 else p - 1) - 1)
+        number = getattr(p, "p", p)  # of a kernel, or itself
+        moments = np.abs(k - 1.0 + 1e-9) ** ((number if number < 1 else number - 1) - 1)
         scale = (
             np.abs(exact) if name.startswith("quadrature") else np.maximum(moments, np.abs(exact))
         )
@@ -153,7 +156,8 @@ def test_modal_shares_sum_to_the_weights(name, rule, numbers, first):
 
 def test_no_memory_at_the_integers():
     for rule in (rules.FIRST_DIFFERENCES, rules.SECOND_DIFFERENCES):
-        assert rule.exponent(0.0) is None
+        assert rule.exponent(PowerSteps(0.0)) is None
     assert HATS.exponent(1.0) is None
-    assert rules.parabola_weights(1.0, closing=True).exact(0.0, 5).tolist() == [1.5, -0.5, 0, 0, 0]
+    parabolas = rules.parabola_weights(1.0, closing=True).exact(PowerSteps(0.0), 5)
+    assert parabolas.tolist() == [1.5, -0.5, 0, 0, 0]
     assert HATS.exact(1.0, 6).tolist() == pytest.approx([1, 1, 0, 0, 0, 0], abs=1e-15)

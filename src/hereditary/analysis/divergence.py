@@ -23,10 +23,7 @@ class Divergence:
     def __init__(self, equation, h):
         self._equation, self._h = equation, h
         second = equation.highest_orders() > 1
-        first, leading = (
-            np.where(equation.orders == order, equation.coefficients, 0.0).sum(axis=0)
-            for order in (1, 2)
-        )
+        first, leading = equation.coefficient(1.0), equation.coefficient(2.0)
         self._shares = np.where(second, 0.0, 1 / np.where(second, 1.0, first))
         self._constant = -float(np.sum(first[second] / leading[second]))
         self._first = self._newest = self._sum_at(0.0, equation.y0[:1].copy())

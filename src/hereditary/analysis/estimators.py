@@ -175,15 +175,8 @@ class Restarted(Tangents):
 
 def displaced(equation, y0):
     """The equation with other initial values (m, d)."""
-    apart = System(
-        equation.orders,
-        equation.coefficients,
-        y0,
-        equation._params,
-        equation._rhs,
-        equation._jac if equation.has_jac else None,
-        equation.memories,
-    )
+    jac = equation._jac if equation.has_jac else None
+    apart = System(equation.left, y0, equation._params, equation._rhs, jac)
     apart.rhs_digest = equation.rhs_digest
     return apart
 

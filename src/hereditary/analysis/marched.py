@@ -31,10 +31,9 @@ def marched(equation: System, scheme: Scheme, mode: str) -> System:
 
 def memory(equation: System) -> str:
     """Whether "all", "none" or "some" components have a term of fractional order."""
-    fractional = (equation.coefficients != 0) & (equation.orders % 1 != 0)
-    found = fractional.any(axis=0)
-    for _, coefficients in equation.memories:
-        found = found | (coefficients != 0)
+    found = np.zeros(equation.d, dtype=bool)
+    for operator, coefficients in equation.left:
+        found |= (coefficients != 0) & (not operator.classical)
     return "all" if found.all() else "some" if found.any() else "none"
 
 
@@ -63,10 +62,10 @@ def checking_scheme(scheme: Scheme, equation: System, mode: str) -> Scheme:
 
 def _second_order(equation, mode):
     """`Adams` where it is of second order, else `BDF(2)`; None where there are other kernels."""
-    if equation.memories:
+    if not equation.constant:
         return None
     distinct, _ = distinct_components(marched(equation, Adams(), mode))
-    orders = [alpha for key in distinct for _, alpha in key]
+    orders = [operator.order for key in distinct for _, operator in key]
     single = len(orders) == len(distinct)
     covered = min(orders) >= _ADAMS_LOWEST and max(orders) <= _ADAMS_HIGHEST
     return Adams() if single and covered else BDF(2)

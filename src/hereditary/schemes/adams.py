@@ -103,7 +103,8 @@ def _plan(name, equation, h, corrections):
             required = f"hold one term for each component with {name}"
             remedy = "use ExplicitCaputo or L1 for several"
             raise ValueError(complaint("terms", required, f"{len(key)}", remedy))
-        ((c, alpha),) = key
+        ((c, operator),) = key
+        alpha = operator.order
         factor = h**alpha * rgamma(alpha + 2) / c
         lead.append(factor)
         near.append(factor * hat_weights(alpha, 2)[1])

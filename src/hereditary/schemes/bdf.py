@@ -102,13 +102,16 @@ class BDF(Scheme):
             equation,
             h,
             1.0,
-            lambda _: quadrature_weights(p),
-            number_of=lambda alpha: alpha,
-            weight_of=lambda c, alpha: c * h**-alpha,
+            partial(_weighed, p, h),
             first_modal=_FIRST_MODAL[p - 1],
             corrections=_start_corrections(equation, h, p),
             more_drift=_formed_drift(equation, h, p),
         )
+
+
+def _weighed(p, h, c, operator):
+    """Factor, rule and order of c times an operator."""
+    return c * h**-operator.order, quadrature_weights(p), operator.order
 
 
 @lru_cache(maxsize=8)
@@ -166,20 +169,23 @@ def _formed_drift(equation, h, p):
     first values (k, d), and the amplitudes and powers of what is left later (r, d); None without
     such terms.
     """
-    lower = (equation.orders < 1) & (equation.coefficients != 0) & (equation.highest_orders() > 1)
-    if p == 1 or equation.m == 1 or not lower.any():
+    above = equation.highest_orders() > 1
+    lower = [
+        (operator.order, np.where(above, c, 0.0))
+        for operator, c in equation.left
+        if operator.order < 1 and np.any(c[above])
+    ]
+    if p == 1 or equation.m == 1 or not lower:
         return None
-    first = np.zeros((_N_EARLY, equation.d))
-    amplitudes = np.zeros((_N_LATE, *lower.shape))
-    powers = amplitudes.copy()
-    for i, j in zip(*np.nonzero(lower), strict=True):
-        gamma = float(equation.orders[i, j])
+    first, k = np.zeros((_N_EARLY, equation.d)), np.arange(_N_LATE)
+    amplitudes, powers = [], []
+    for gamma, c in lower:
         early, late = drift_defect(p, gamma)
-        speed = equation.coefficients[i, j] * equation.y0[1, j]
-        first[:, j] += speed * h ** (1 - gamma) * early
-        powers[:, i, j] = 1 - gamma - p - np.arange(_N_LATE)
-        amplitudes[:, i, j] = speed * h ** (p + np.arange(_N_LATE)) * late
-    return first, amplitudes.reshape(-1, equation.d), powers.reshape(-1, equation.d)
+        speed = c * equation.y0[1]
+        first += np.outer(h ** (1 - gamma) * early, speed)
+        amplitudes.append(np.outer(h ** (p + k) * late, speed))
+        powers.append(np.outer(1 - gamma - p - k, c != 0))
+    return first, np.concatenate(amplitudes), np.concatenate(powers)
 
 
 @lru_cache(maxsize=64)
@@ -256,8 +262,8 @@ def _start_corrections(equation, h, p):
         x = equation.y0[0] + (i * h * equation.y0[1] if equation.m == 2 else 0.0)
         equation._rhs(i * h, x * 1.0, values[i], equation._params)
     if equation.m == 2:
-        first = (equation.orders == 1) & (equation.highest_orders() > 1)
-        values -= np.sum(equation.coefficients * first, axis=0) * equation.y0[1]
+        above = equation.highest_orders() > 1
+        values -= np.where(above, equation.coefficient(1.0), 0.0) * equation.y0[1]
     nodes = np.arange(p)
     taylor = np.linalg.solve(np.vander(nodes, increasing=True).astype(float), values)
     derivatives = taylor * np.cumprod(np.maximum(nodes, 1))[:, None]  # h**l phi^(l)(0)

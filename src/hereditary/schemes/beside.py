@@ -10,8 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..special import mean_exponential
+from ..step_kernel import Integrated, StepKernel
 from .scheme import WeightRule
-from .step_kernel import Integrated, StepKernel, kernel_values, weighed_kernel
+from .weights import kernel_values, weighed
 
 
 @dataclass(frozen=True)
@@ -41,10 +42,10 @@ class KernelTerms:
 
     @classmethod
     def seen(cls, pairs, h, theta, offset):
-        """Make them of (coefficient, `KernelTerm`) pairs, with step h."""
+        """Make them of (coefficient, `KernelOperator`) pairs, with step h."""
         terms = []
         for c, term in pairs:
-            factor, rule, number = weighed_kernel(c, term, h, theta)
+            factor, rule, number = weighed(c, term, h, theta)
             terms.append(_Weighed(factor, rule, number, c, term.derivative))
         return cls(tuple(terms), theta, offset)
 

@@ -1,10 +1,8 @@
 """Plans of implicit schemes in derivative form, from their weight rules (floor 2)."""
 
 import numpy as np
-from scipy.special import rgamma
 
 from .._checks import complaint
-from ..orders import derivative_order
 from .scheme import Convolution, MeshPlan, Plan, check_lead, distinct_components
 
 
@@ -12,11 +10,9 @@ def derivative_plan(
     equation,
     h,
     theta,
-    rule_of,
+    weighed,
     start_rule=None,
     first=None,
-    number_of=None,
-    weight_of=None,
     first_modal=2,
     corrections=None,
     more_starts=(),
@@ -32,16 +28,12 @@ def derivative_plan(
         Step [time].
     theta : float
         In (0, 1] [-].
-    rule_of : callable
-        ``rule_of(alpha)``: the `WeightRule` of a term.
+    weighed : callable
+        ``weighed(c, operator)``: factor, `WeightRule` and its p of c times an operator.
     start_rule : WeightRule, optional
         What the weights of the first increment lack, with the same p.
     first : ndarray, shape (d,), optional
         The first increment, where the scheme finds it in another way.
-    number_of : callable, optional
-        ``number_of(alpha)``: the number p of the rule, by default ceil(alpha) - alpha.
-    weight_of : callable, optional
-        ``weight_of(c, alpha)``: what the rule is multiplied by, by default `leading_weight`.
     first_modal : int, optional
         First k from which the weights are sums of exponentials.
     corrections : ndarray, shape (k, d), optional
@@ -59,14 +51,12 @@ def derivative_plan(
     Plan
         For `march_implicit`.
     """
-    number_of = number_of or power
-    weight_of = weight_of or (lambda c, alpha: leading_weight(c, alpha, h))
     distinct, classes = distinct_components(equation)
     lead, near, scale = np.empty((3, len(distinct)))
     lists, start_lists = [], []
     more: list[list] = [[] for _ in more_starts]
     for i, key in enumerate(distinct):
-        terms = [(weight_of(c, alpha), rule_of(alpha), number_of(alpha)) for c, alpha in key]
+        terms = [weighed(c, operator) for c, operator in key]
         weights = sum(f * rule.exact(p, 2) for f, rule, p in terms)
         total = weights[0]
         check_lead(total, h)
@@ -76,7 +66,7 @@ def derivative_plan(
         if start_rule is not None:
             start_lists.append(tuple((f / total, start_rule, p) for f, _, p in terms))
             # the first interval leans on none before it: its own weight is a_0 = theta**p
-            alone = sum(f * theta**p for f, _, p in terms)
+            alone = sum(f * p.seen(theta, 1)[0] for f, _, p in terms)
         else:
             start_lists.append(())
         scale[i] = alone / total
@@ -117,7 +107,7 @@ def derivative_plan(
 
 def mesh_plan(name, equation, times, theta, parabolas, first=None):
     """Plan on a mesh of any steps, for orders in (0, 1]."""
-    if equation.memories:
+    if not equation.constant:
         required = f"be Caputo operators of constant order for {name} on a mesh"
         raise ValueError(complaint("terms", required, "another", "take uniform steps"))
     highest = float(equation.highest_orders().max())
@@ -128,22 +118,12 @@ def mesh_plan(name, equation, times, theta, parabolas, first=None):
     shape = (len(distinct), max(map(len, distinct)))
     factors, powers = np.zeros(shape), np.zeros(shape)
     for i, key in enumerate(distinct):
-        for j, (c, alpha) in enumerate(key):
-            factors[i, j], powers[i, j] = c * rgamma(2 - alpha), 1 - alpha
+        for j, (c, operator) in enumerate(key):
+            factors[i, j], powers[i, j] = c * operator.factor(1.0), operator.power
     steps = times.size - 1
     speeds = equation.y0[1] if equation.m == 2 else np.zeros(equation.d)
     theta = np.broadcast_to(theta, steps) * 1.0
     return MeshPlan(times, theta, parabolas, classes, factors, powers, speeds, first)
-
-
-def leading_weight(coefficient, alpha, h):
-    """``c h**-alpha / Gamma(ceil(alpha) + 1 - alpha)``."""
-    return coefficient * h**-alpha * rgamma(power(alpha) + 1)
-
-
-def power(alpha):
-    """ceil(alpha) - alpha."""
-    return derivative_order(alpha) - alpha
 
 
 def _drift(equation, whole):
@@ -154,7 +134,9 @@ def _drift(equation, whole):
     """
     if equation.m == 1 or whole:
         return np.zeros((2, 0, equation.d))
-    c, alpha = equation.coefficients, equation.orders
-    lower = (alpha <= 1) & (equation.highest_orders() > 1)
-    amplitudes = np.where(lower, c * equation.y0[1] * rgamma(2 - alpha), 0.0)
-    return amplitudes, np.where(lower, 1 - alpha, 0.0)
+    above = equation.highest_orders() > 1
+    lower = [(op, c) for op, c in equation.left if op.constant and op.order <= 1]
+    rows = [(op.factor(1.0) * np.where(above, c, 0) * equation.y0[1], op.power) for op, c in lower]
+    amplitudes = np.array([row for row, _ in rows]).reshape(-1, equation.d)
+    powers = np.array([np.full(equation.d, p) for _, p in rows]).reshape(-1, equation.d)
+    return amplitudes, np.where(amplitudes != 0, powers, 0.0)

@@ -12,26 +12,16 @@ from functools import lru_cache
 from typing import ClassVar
 
 import numpy as np
-from scipy.special import rgamma
 
 from .._checks import complaint, within
 from ..kernels.march import march_explicit
 from ..kernels.varying import march_varying_explicit
-from ..orders import derivative_order
-from ..special import alternating_power_sum
-from ..system import KernelTerm, System
+from ..system import System
 from .modes import Modes, edge, series
 from .scheme import Convolution, Plan, Scheme, check_lead, check_smoothness, distinct_components
 from .stability import stability_region
-from .step_kernel import (
-    KERNEL_DIFFERENCES,
-    KERNEL_SECOND_DIFFERENCES,
-    StepKernel,
-    of_increments,
-    value_weights,
-)
-from .varying import varies, varying_plan
-from .weights import FIRST_DIFFERENCES, SECOND_DIFFERENCES
+from .varying import varying_plan
+from .weights import FIRST_DIFFERENCES, value_weights, weighed
 
 # Modes of systems whose components differ count as unstable when they grow by a tenth a step, as in
 # schemes/stability.py, with fewer than 14 steps a turn; none of order 1 that decays in the equation
@@ -125,7 +115,7 @@ class ExplicitCaputo(Scheme):
         0.666666666667
         """
         stiffness = within("stiffness", stiffness, 5e-324, np.inf, "(0, inf)")
-        if varies(equation):
+        if equation.varies:
             required, remedy = "have constant orders", "ask for those of one time"
             raise ValueError(complaint("equation", required, repr(equation), remedy))
         low, high = -700.0, 700.0  # log h; the limit's stiffness falls as h grows
@@ -139,7 +129,7 @@ class ExplicitCaputo(Scheme):
 
     def plan(self, equation: System, h: float) -> Plan:
         """Tables and convolution for `equation` with step h."""
-        if varies(equation):
+        if equation.varies:
             return varying_plan(equation, h, 1.0, march_varying_explicit, explicit=True)
         second = equation.highest_orders() > 1
         distinct, classes = distinct_components(equation)
@@ -147,14 +137,15 @@ class ExplicitCaputo(Scheme):
         near = np.empty(len(distinct))
         lists, start_lists, value_lists = [], [], []
         for i, key in enumerate(distinct):
-            weighed = [_weighed(c, operator, h) for c, operator in key]
-            total = sum(f for f, _, _ in weighed)
+            terms = [weighed(c, operator, h) for c, operator in key]
+            total = sum(f * rule.exact(kernel, 1)[0] for f, rule, kernel in terms)
             check_lead(total, h)
-            terms = [(f / total, rule, p) for f, rule, p in weighed]
+            terms = [(f / total, rule, kernel) for f, rule, kernel in terms]
             lead[i] = 1 / total
-            near[i] = sum(f * _nearest(rule, p) for f, rule, p in terms)
+            # solved for y_n - y_(n-1): W_0 + W_1
+            near[i] = sum(f * rule.exact(kernel, 2).sum() for f, rule, kernel in terms)
             lists.append(tuple(terms))
-            start_lists.append(tuple((-f, _FIRST[rule], p) for f, rule, p in terms))
+            start_lists.append(tuple((-f, FIRST_DIFFERENCES, kernel) for f, _, kernel in terms))
             value_lists.append(value_weights(key, total, h, 0.0, 0))
         increments = h * equation.y0[1] if equation.m == 2 else np.zeros(equation.d)
         start = np.where(second, increments, 0.0)
@@ -179,23 +170,14 @@ class ExplicitCaputo(Scheme):
         )
 
 
-# For each rule that of the increments themselves.
-_FIRST = {
-    FIRST_DIFFERENCES: FIRST_DIFFERENCES,
-    SECOND_DIFFERENCES: FIRST_DIFFERENCES,
-    KERNEL_DIFFERENCES: KERNEL_DIFFERENCES,
-    KERNEL_SECOND_DIFFERENCES: KERNEL_DIFFERENCES,
-}
-
-
 def _region(equation, h, distinct, classes):
     factors = None
-    if len(distinct) == 1 and not equation.memories:
-        factors = [_weighed(c, alpha, h)[0] for c, alpha in distinct[0]]
+    if len(distinct) == 1 and equation.constant:
+        factors = [weighed(c, operator, h)[0] for c, operator in distinct[0]]
     return stability_region(
         _limits(equation, h),
         factors,
-        [alpha for _, alpha in distinct[0]],
+        [operator.order for _, operator in distinct[0]],
         lru_cache(lambda d: _modes(distinct, classes[:d], h)),
     )
 
@@ -205,7 +187,7 @@ def _modes(distinct, classes, h):
     zeta = edge(_GROWTH, _ANGLE)
     weights = np.array(
         [
-            sum(f * rule.exact(p, _N_WEIGHTS) for f, rule, p in (_weighed(c, a, h) for c, a in key))
+            sum(f * rule.exact(p, _N_WEIGHTS) for f, rule, p in (weighed(c, a, h) for c, a in key))
             for key in distinct
         ]
     )
@@ -218,32 +200,12 @@ def _modes(distinct, classes, h):
     )
 
 
-def _weighed(coefficient, operator, h):
-    """Leading weight A of a term, its rule and the rule's number."""
-    if isinstance(operator, KernelTerm):
-        m = operator.derivative
-        kernel = StepKernel(of_increments(operator), h)
-        rule = KERNEL_SECOND_DIFFERENCES if m == 2 else KERNEL_DIFFERENCES
-        return coefficient * kernel.first() * h ** (1 - max(m, 1)), rule, kernel
-    p = derivative_order(operator) - operator
-    rule = SECOND_DIFFERENCES if operator > 1 else FIRST_DIFFERENCES
-    return coefficient * h**-operator * rgamma(p + 1), rule, p
-
-
-def _nearest(rule, p):
-    """Weight of y_(n-1) when the step is solved for d_n: b_1 or, with b_0 = 1, 1 + b_1."""
-    first = _FIRST[rule]
-    b_1 = first.exact(p, 2)[1]
-    return 1 + b_1 if rule is first else b_1
-
-
 def _limits(equation, h):
     """Stiffness of each component at which the alternating mode leaves the unit circle."""
     distinct, classes = distinct_components(equation)
     limits = np.zeros(len(distinct))
     for i, key in enumerate(distinct):
         for c, operator in key:
-            weight, rule, p = _weighed(c, operator, h)
-            total = p.alternating() if isinstance(p, StepKernel) else alternating_power_sum(p)
-            limits[i] += weight * total * (2 if rule is _FIRST[rule] else 4)
+            factor, _, kernel = weighed(c, operator, h)
+            limits[i] += factor * kernel.alternating() * (4 if operator.derivative == 2 else 2)
     return limits[classes]

@@ -13,15 +13,16 @@ with: then p is what makes right-hand side and terms equal, with p' among what d
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
 from .._checks import complaint
 from ..kernels.collocation import FORCE, ITSELF, POSITION, PRIMARY, SLOPE
 from ..kernels.structures import TERM
-from ..memory_kernel import MemoryKernel
-from ..orders import OrderFailed, VaryingOrder, derivative_order
-from ..system import KernelTerm, System
+from ..orders import OrderFailed
+from ..system import System
+from ..terms import Operator
 
 # No step is so small that its power below this tells it from another.
 _LEAST = 5e-10
@@ -110,47 +111,52 @@ class Form:
         return 1 - order.derivative + float(values[0])
 
 
+class _Row(NamedTuple):
+    """One convolution of a row of equations.
+
+    order is that of an integral J**a; operator what takes its place, with a general kernel or an
+    order that varies; neither where the integrand enters itself. offset as in `Form.offset_of`.
+    """
+
+    row: int
+    integrand: int
+    coefficient: float
+    order: float | None = None
+    operator: Operator | None = None
+    offset: int = 0
+
+
 def integral_form(system: System) -> Form:
     """The integral equations of a system whose derivatives have orders in (0, 2]."""
     highest = system.highest_orders()
-    second = highest > 1
-    rows: list[tuple] = []
-    implicit = np.zeros(system.d, dtype=np.int64)
+    leading, second = system.coefficient(highest), highest > 1
+    implicit = np.array([_lacks(system, c, highest[c]) for c in range(system.d)], dtype=np.int64)
+    rows: list[_Row] = []
     for c in range(system.d):
-        leading = (system.orders[:, c] == highest[c]) & (system.coefficients[:, c] != 0)
-        implicit[c] = not leading.any()
         if implicit[c]:
             rows += _derivative_rows(system, c, second[c])
+        elif leading[c] == 0:
+            required = "leave a nonzero coefficient before the highest order"
+            raise ValueError(complaint("terms", required, f"0 for component {c}"))
         else:
-            total = system.coefficients[leading, c].sum()
-            if total == 0:
-                required = "leave a nonzero coefficient before the highest order"
-                raise ValueError(complaint("terms", required, f"0 for component {c}"))
-            rows += _integral_rows(system, c, highest[c], second[c], total)
-    whats = [row[2] for row in rows]
-    orders = sorted({what for what in whats if isinstance(what, float)} | {1.0})
+            rows += _integral_rows(system, c, highest[c], second[c], leading[c])
+    orders = sorted({row.order for row in rows if row.order is not None} | {1.0})
     if orders[0] < _LEAST:
         required = f"keep {_LEAST:g} above integers, and from each other, with Collocation"
         remedy = "take the integer, or equal orders, instead"
-        raise ValueError(complaint("order", required, system.orders.tolist(), remedy))
-    kernels = list(dict.fromkeys(what for what in whats if isinstance(what, MemoryKernel)))
-    varying = list(dict.fromkeys(what for what in whats if isinstance(what, VaryingOrder)))
-    listed = []
-    for c, q, what, kappa, _ in rows:
-        index = ITSELF
-        if isinstance(what, float):
-            index = orders.index(what)
-        elif isinstance(what, MemoryKernel):
-            index = len(orders) + kernels.index(what)
-        elif what is not None:
-            index = len(orders) + len(kernels) + varying.index(what)
-        listed.append((c, q, index, kappa))
-    raised = [a + (q == POSITION) for _, q, a, _, _ in rows if isinstance(a, float)]
+        got = sorted({operator.order for operator, _ in system.left})
+        raise ValueError(complaint("order", required, got, remedy))
+    others = [row.operator for row in rows if row.operator is not None]
+    kernels = list(dict.fromkeys(op.kernel for op in others if op.kernel is not None))
+    varying = list(dict.fromkeys(op for op in others if op.kernel is None))
+    places: list = [*orders, *kernels, *varying]
+    listed = [(row.row, row.integrand, _place(row, places), row.coefficient) for row in rows]
+    raised = [r.order + (r.integrand == POSITION) for r in rows if r.order is not None]
     for kernel in kernels:
         raised += [1 - kernel.singular_exponent, *kernel.generators]
     return Form(
         np.array(listed, dtype=TERM).view(np.recarray),
-        np.array([row[4] for row in rows]),
+        np.array([row.offset for row in rows]),
         np.array(orders),
         second.astype(np.int64),
         _generators(tuple(raised)),
@@ -160,50 +166,64 @@ def integral_form(system: System) -> Form:
     )
 
 
+def _lacks(system, c, highest):
+    """Whether no Caputo derivative of constant order is the highest of a component."""
+    return not any(
+        operator.constant and operator.order == highest and coefficients[c] != 0
+        for operator, coefficients in system.left
+    )
+
+
+def _place(row, places):
+    """Index of a row's order or kernel."""
+    if row.operator is not None:
+        return places.index(row.operator.kernel or row.operator)
+    return ITSELF if row.order is None else places.index(row.order)
+
+
 def _integral_rows(system, c, highest, second, leading):
-    """Row, driver, order or kernel, kappa and offset of a component with an integral form."""
-    rows: list[tuple] = [(c, FORCE, float(highest - second), 1 / leading, 0)]
-    for coefficient, order in zip(system.coefficients[:, c], system.orders[:, c], strict=True):
-        if coefficient == 0 or order == highest:
+    """List the rows of a component with an integral form."""
+    rows = [_Row(c, FORCE, 1 / leading, float(highest - second))]
+    for operator, coefficients in system.left:
+        factor = -coefficients[c] / leading
+        if factor == 0 or (operator.constant and operator.order == highest):
             continue
-        a, kappa = float(highest - order), -coefficient / leading
-        if not second or order > 1:
-            rows.append((c, PRIMARY, a, kappa, 1))
+        if not operator.constant:
+            # where the highest order is an integer, J of the convolution with p' is that with
+            # p - p(0)
+            if operator.kernel is not None and operator.derivative == 1 + second:
+                rows.append(_Row(c, PRIMARY, factor, operator=operator, offset=1))
+            else:
+                rows.append(_taken(operator, coefficients[c], c, system.d, second))
+            continue
+        a = float(highest - operator.order)
+        if not second or operator.order > 1:
+            rows.append(_Row(c, PRIMARY, factor, a, offset=1))
         elif a <= 1:
-            rows.append((c, PRIMARY, a, kappa, 0))
+            rows.append(_Row(c, PRIMARY, factor, a))
         else:
-            rows.append((c, POSITION, a - 1, kappa, 2))
-    for term, coefficients in system.memories:
-        if coefficients[c] == 0:
-            continue
-        if isinstance(term, KernelTerm) and term.derivative == 1 + second:
-            # the highest order is an integer: J of the convolution with p' is that with p - p(0)
-            rows.append((c, PRIMARY, term.kernel, -coefficients[c] / leading, 1))
-        else:
-            rows.append(_taken(term, coefficients[c], c, system.d, second))
+            rows.append(_Row(c, POSITION, factor, a - 1, offset=2))
     return rows
 
 
 def _derivative_rows(system, c, second):
     """List the rows of a component whose highest derivative stands in other terms than Caputo's."""
+    present = [(operator, own[c]) for operator, own in system.left if own[c] != 0]
     rows = []
-    for coefficient, order in zip(system.coefficients[:, c], system.orders[:, c], strict=True):
-        if coefficient != 0:
-            m = derivative_order(order)
-            driver = SLOPE if m > second else PRIMARY
-            what = float(m - order) if m > order else None
-            rows.append((system.d + c, driver, what, coefficient, 0))
-    for term, coefficients in system.memories:
-        if coefficients[c] != 0:
-            rows.append(_taken(term, coefficients[c], c, system.d, second))
+    for operator, coefficient in present:
+        if not operator.constant:
+            rows.append(_taken(operator, coefficient, c, system.d, second))
+            continue
+        integrand = SLOPE if operator.derivative > second else PRIMARY
+        order = None if operator.classical else operator.power
+        rows.append(_Row(system.d + c, integrand, coefficient, order))
     return rows
 
 
-def _taken(term, coefficient, c, d, second):
-    """List the row of a term that is taken from the right-hand side."""
-    driver = (POSITION, PRIMARY, SLOPE)[term.derivative - second + 1]
-    what = term.kernel if isinstance(term, KernelTerm) else term
-    return d + c, driver, what, coefficient, 0
+def _taken(operator, coefficient, c, d, second):
+    """Row of a term that is taken from the right-hand side."""
+    integrand = (POSITION, PRIMARY, SLOPE)[operator.derivative - second + 1]
+    return _Row(d + c, integrand, coefficient, operator=operator)
 
 
 def _generators(raised):

@@ -2,26 +2,19 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
 
-from .._checks import within
+from .._checks import complaint, within
 from ..kernels.implicit import march_implicit
 from ..kernels.varying import march_varying_implicit
-from ..system import KernelTerm, System
-from .derivative_form import derivative_plan, leading_weight, mesh_plan, power
+from ..system import System
+from .derivative_form import derivative_plan, mesh_plan
 from .scheme import MeshPlan, Plan, Scheme, check_smoothness
-from .step_kernel import (
-    KERNEL_DIFFERENCES,
-    KERNEL_SECOND_DIFFERENCES,
-    kernel_start,
-    refuse_values_beside_varying,
-    remembers,
-    weighed_kernel,
-)
-from .varying import varies, varying_plan
-from .weights import FIRST_DIFFERENCES, SECOND_DIFFERENCES, shifted_differences
+from .varying import varying_plan
+from .weights import FIRST_DIFFERENCES, value_weights, weighed
 
 
 @dataclass(frozen=True)
@@ -85,65 +78,46 @@ class L1(Scheme):
     def plan(self, equation: System, h: float) -> Plan:
         """Tables and convolution for `equation` with step h."""
         theta = 0.5 if equation.highest_orders().max() > 1 else 1.0
-        if varies(equation):
-            refuse_values_beside_varying(equation)
+        if equation.varies:
+            _refuse_values_beside_varying(equation)
             return varying_plan(equation, h, theta, march_varying_implicit, explicit=False)
-        rules = L1Rules(theta, h)
-        starts = []
         # where a kernel acts on y, that of y'(0) t grows with t, which no decaying modes follow:
         # there the increments keep h y'(0), and the velocities' differences begin at it
-        whole = equation.m == 2 and remembers(equation, 0)
-        if remembers(equation, 0):
-            starts.append(kernel_start(equation, theta, h, 0))
+        whole = equation.m == 2 and _remembers(equation, 0)
+        starts = []
+        for derivative in (0, 1):
+            # increments tell nothing of y(0), and without h y'(0) nothing of y'(0) t
+            lacking = derivative == 0 or (equation.m == 2 and not whole)
+            if lacking and _remembers(equation, derivative):
+                weights = partial(value_weights, h=h, theta=theta, derivative=derivative)
+                starts.append((weights, equation.y0[derivative]))
         if whole:
-            starts.append((rules.speed_weights, h * equation.y0[1]))
-        elif equation.m == 2 and remembers(equation, 1):
-            starts.append(kernel_start(equation, theta, h, 1))
+            starts.append((partial(_speed_weights, h=h), h * equation.y0[1]))
         return derivative_plan(
-            equation, h, theta, rules.rule, number_of=rules.number, weight_of=rules.weight,
-            more_starts=starts, whole=whole,
-        )  # fmt: skip
+            equation, h, theta, partial(weighed, h=h, theta=theta), more_starts=starts, whole=whole
+        )
 
     def mesh_plan(self, equation: System, times: np.ndarray) -> MeshPlan:
         """Plan on a mesh of any steps, for orders in (0, 1]."""
         return mesh_plan("L1", equation, times, 1.0, 0)
 
 
-# For each rule of second differences that of their first value.
-_FIRST = {
-    SECOND_DIFFERENCES: FIRST_DIFFERENCES,
-    KERNEL_SECOND_DIFFERENCES: KERNEL_DIFFERENCES,
-}
+def _speed_weights(key, total, h):
+    """Weights of h y'(0), where velocities' differences begin at it; for `derivative_plan`."""
+    second = [weighed(c, operator, h) for c, operator in key if operator.derivative == 2]
+    return tuple((-factor / total, FIRST_DIFFERENCES, kernel) for factor, _, kernel in second)
 
 
-class L1Rules:
-    """Rule, number and leading weight of each operator, seen at t_n + theta h."""
+def _remembers(equation, derivative):
+    """Whether the kernel of a general term acts on this derivative of y."""
+    return any(
+        operator.kernel is not None and operator.derivative == derivative and np.any(c)
+        for operator, c in equation.left
+    )
 
-    def __init__(self, theta, h):
-        self._theta, self._h = theta, h
 
-    def rule(self, operator):
-        """Rule of an order or `KernelTerm`."""
-        if isinstance(operator, KernelTerm):
-            return weighed_kernel(1.0, operator, self._h, self._theta)[1]
-        return SECOND_DIFFERENCES if operator > 1 else shifted_differences(self._theta)
-
-    def number(self, operator):
-        """The rule's number."""
-        if isinstance(operator, KernelTerm):
-            return weighed_kernel(1.0, operator, self._h, self._theta)[2]
-        return power(operator)
-
-    def weight(self, c, operator):
-        """Factor of the rule."""
-        if isinstance(operator, KernelTerm):
-            return weighed_kernel(c, operator, self._h, self._theta)[0]
-        return leading_weight(c, operator, self._h)
-
-    def speed_weights(self, key, total):
-        """Weights of h y'(0), where velocities' differences begin at it; for `derivative_plan`."""
-        return tuple(
-            (-self.weight(c, operator) / total, _FIRST[self.rule(operator)], self.number(operator))
-            for c, operator in key
-            if self.rule(operator) in _FIRST
-        )
+def _refuse_values_beside_varying(equation):
+    """Refuse terms that remember y itself beside orders that vary above order 1."""
+    if equation.m == 2 and _remembers(equation, 0):
+        required = "be 1 or 2 with L1 in equations above order 1 whose orders vary"
+        raise ValueError(complaint("derivative", required, 0, "use ExplicitCaputo or Collocation"))

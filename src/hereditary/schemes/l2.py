@@ -2,10 +2,10 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
-from scipy.special import rgamma
 
 from .._checks import complaint, shown, within
 from ..kernels.implicit import march_implicit
@@ -14,7 +14,7 @@ from ..special import gauss_unit
 from ..system import System
 from .derivative_form import derivative_plan, mesh_plan
 from .scheme import MeshPlan, Plan, Scheme, check_smoothness, refuse_orders_above_one
-from .weights import parabola_start, parabola_weights
+from .weights import parabola_start, weighed_parabolas
 
 
 @dataclass(frozen=True)
@@ -70,9 +70,9 @@ class L2(Scheme):
     def plan(self, equation: System, h: float) -> Plan:
         """Tables and convolution for `equation` with step h."""
         refuse_orders_above_one("L2", equation)
-        rule = parabola_weights(1.0, closing=True)
+        weighed = partial(weighed_parabolas, h=h, theta=1.0, closing=True)
         first = _first_increment(equation, np.array([0.0, h, 2 * h]))
-        return derivative_plan(equation, h, 1.0, lambda _: rule, parabola_start(1.0), first)
+        return derivative_plan(equation, h, 1.0, weighed, parabola_start(1.0), first)
 
     def mesh_plan(self, equation: System, times: np.ndarray) -> MeshPlan:
         """Plan on a mesh of any steps, for orders in (0, 1]."""
@@ -120,13 +120,12 @@ def _start_weights(equation, times):
     steps = np.diff(times)
     rule = gauss_unit(16)
     weights = np.zeros((2, 2, equation.d))
-    for c, alpha in zip(equation.coefficients, equation.orders, strict=True):
-        for j in np.flatnonzero(c):
-            p = 1 - alpha[j]
-            for row, t in enumerate(times[1:]):
-                for k in range(row + 1):
-                    m_0, m_1 = moments(t - times[k + 1], steps[k], p, *rule)
-                    lean = 2 * m_1 / steps.sum() / steps
-                    weights[row, :, j] += c[j] * rgamma(p + 1) * np.array([-lean[0], lean[1]])
-                    weights[row, k, j] += c[j] * rgamma(p + 1) * m_0 / steps[k]
+    for operator, c in equation.left:
+        factor = c * operator.factor(1.0)
+        for row, t in enumerate(times[1:]):
+            for k in range(row + 1):
+                m_0, m_1 = moments(t - times[k + 1], steps[k], operator.power, *rule)
+                lean = 2 * m_1 / steps.sum() / steps
+                weights[row] += factor * np.array([[-lean[0]], [lean[1]]])
+                weights[row, k] += factor * m_0 / steps[k]
     return weights

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
@@ -20,7 +21,7 @@ from .scheme import (
     distinct_components,
     refuse_orders_above_one,
 )
-from .weights import parabola_start, parabola_weights
+from .weights import parabola_start, weighed_parabolas
 
 
 @dataclass(frozen=True)
@@ -82,13 +83,14 @@ class L2Sigma(Scheme):
             required = "be one for all components with L2Sigma above order 1"
             got = f"{len(distinct)} kinds of components, {len(distinct[0])} terms"
             raise ValueError(complaint("terms", required, got, "use BDF(2) or L1"))
-        return reduce_order(equation, *distinct[0][0])
+        ((c, operator),) = distinct[0]
+        return reduce_order(equation, c, operator.order)
 
     def plan(self, equation: System, h: float) -> Plan:
         """Tables and convolution for `equation` with step h."""
         sigma = _sigma(_terms(equation), h)
-        rule = parabola_weights(sigma, closing=False)
-        return derivative_plan(equation, h, sigma, lambda _: rule, parabola_start(sigma))
+        weighed = partial(weighed_parabolas, h=h, theta=sigma)
+        return derivative_plan(equation, h, sigma, weighed, parabola_start(sigma))
 
     def mesh_plan(self, equation: System, times: np.ndarray) -> MeshPlan:
         """Plan on a mesh of any steps, for orders in (0, 1]."""
@@ -98,14 +100,14 @@ class L2Sigma(Scheme):
 
 
 def _terms(equation):
-    """The terms that all components share."""
+    """Coefficients and orders of the terms that all components share."""
     refuse_orders_above_one("L2Sigma", equation)
     distinct, _ = distinct_components(equation)
     if len(distinct) > 1:
         required = "be the same for all components with L2Sigma, whose sigma depends on them"
         got = f"{len(distinct)} different sets of orders and coefficients"
         raise ValueError(complaint("terms", required, got, "use L1 or L2"))
-    return distinct[0]
+    return [(c, operator.order) for c, operator in distinct[0]]
 
 
 def _sigma(terms, h):

@@ -12,17 +12,17 @@ import numpy as np
 from numba import njit
 
 from ..system import System
+from ..terms import ConstantOrder, SystemTerm
 
 
 def reduce_order(system: System, coefficient: float, beta: float) -> System:
     """The system of (x, w), 2 d components, for one whose only term is c D^beta everywhere."""
     d = system.d
-    shape = (1, 2 * d)
     y0 = np.hstack([system.y0, np.zeros((2, d))])
     params = np.append(system._params, coefficient)
     jac = _pair_jacobian(system._jac) if system.has_jac else None
-    orders, ones = np.full(shape, beta / 2), np.ones(shape)
-    return System(orders, ones, y0, params, _pair(system._rhs), jac)
+    left = [SystemTerm(ConstantOrder(beta / 2), np.ones(2 * d))]
+    return System(left, y0, params, _pair(system._rhs), jac)
 
 
 @lru_cache(maxsize=64)

@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from .._checks import complaint
-from ..orders import VaryingOrder
-from ..system import KernelTerm, System
+from ..system import System
 from .stability import StabilityRegion
 
 if TYPE_CHECKING:
@@ -24,9 +23,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class WeightRule:
-    """A family of weights w_k that depends on one number p, exact and as exponentials.
-
-    Where the kernel is no power law p stands for a `StepKernel`.
+    """A family of weights w_k that depends on p, a number or a kernel, exact and as exponentials.
 
     Attributes
     ----------
@@ -34,7 +31,7 @@ class WeightRule:
         ``exact(p, n)``: the weights w_0 .. w_(n-1), shape (n,).
     exponent : callable
         ``exponent(p)``: exponent a of the kernel ``t**-a`` behind the weights, a `StepKernel` where
-        that is another one, or None where there is no memory.
+        that is a general one, or None where there is no memory.
     modal : callable
         ``modal(p, rates, weights, k)``: the shares of w_k of each mode when the kernel is the sum
         of ``weights * exp(-rates t)`` on [1, ...) in units of the step; a share decays by
@@ -243,17 +240,14 @@ class MeshPlan:
 
 
 def distinct_components(equation):
-    """The different (coefficient, order) lists of an equation's components, and each one's index.
+    """The different (coefficient, operator) lists of an equation's components, and their indices.
 
-    Terms with a zero coefficient are left out; a `KernelTerm` or `VaryingOrder` stands in the place
-    of an order.
+    Terms with a zero coefficient are left out.
     """
-    keys = []
-    for j in range(equation.d):
-        pairs = zip(equation.coefficients[:, j], equation.orders[:, j], strict=True)
-        key = [(float(c), float(alpha)) for c, alpha in pairs if c != 0]
-        key += [(float(c[j]), term) for term, c in equation.memories if c[j] != 0]
-        keys.append(tuple(key))
+    keys = [
+        tuple((float(c[j]), operator) for operator, c in equation.left if c[j] != 0)
+        for j in range(equation.d)
+    ]
     distinct = list(dict.fromkeys(keys))
     return distinct, np.array([distinct.index(key) for key in keys], dtype=np.int64)
 
@@ -300,20 +294,15 @@ class Scheme(ABC):
 
     def check_terms(self, equation: System) -> None:
         """Refuse terms that the scheme does not take."""
-        others = [term for term, _ in equation.memories]
-        kernels = [term for term in others if isinstance(term, KernelTerm)]
-        varying = [term for term in others if isinstance(term, VaryingOrder)]
-        if kernels and not self.takes_kernels:
-            required = f"be Caputo operators with {type(self).__name__}"
-            got = f"a Memory with {kernels[0].kernel!r}"
-            raise ValueError(
-                complaint("terms", required, got, "use ExplicitCaputo, L1 or Collocation")
-            )
-        if varying and not self.takes_varying:
-            required = f"have constant orders with {type(self).__name__}"
-            got = f"Caputo({varying[0].name})"
-            remedy = "use ExplicitCaputo, L1 or Collocation"
-            raise ValueError(complaint("terms", required, got, remedy))
+        remedy = "use ExplicitCaputo, L1 or Collocation"
+        name = type(self).__name__
+        for operator, _ in equation.left:
+            if operator.kernel is not None and not self.takes_kernels:
+                required = f"be Caputo operators with {name}"
+                raise ValueError(complaint("terms", required, f"{operator}", remedy))
+            if operator.varies and not self.takes_varying:
+                required = f"have constant orders with {name}"
+                raise ValueError(complaint("terms", required, f"{operator}", remedy))
 
     @abstractmethod
     def order(self, alpha: float, smoothness: str = "smooth") -> float:
@@ -331,3 +320,12 @@ class Scheme(ABC):
         """The `MeshPlan` for `equation` on a mesh of any steps."""
         required = f"be left out with {type(self).__name__}, which takes uniform steps"
         raise ValueError(complaint("mesh", required, f"{times.size - 1} steps", "or use L1 or L2"))
+
+
+def refuse_late(system, t_end):
+    """Refuse a run beyond the times at which an operator is known."""
+    last = min(operator.t_last for operator, _ in system.left)
+    if t_end > last * (1 + 1e-12):
+        required = f"stay within t = {last:g}, up to which a kernel is known"
+        remedy = "end the run there, or give a kernel that reaches farther"
+        raise ValueError(complaint("t_end", required, f"{t_end:g}", remedy))

@@ -14,9 +14,9 @@ from numpy.polynomial.polynomial import polyval
 from .._checks import complaint
 from ..kernels.orders import divide_by_lead, fill_term
 from ..kernels.varying import HEAD, PER_TERM
-from ..orders import OrderFailed, VaryingOrder, derivative_order
+from ..orders import OrderFailed
 from ..special import alternating_power_sum
-from ..system import KernelTerm, System
+from ..system import System
 from .beside import KernelTerms
 from .scheme import Plan, distinct_components
 
@@ -65,10 +65,9 @@ class Schedule:
         self._offset, self._drifts = 0.0 if explicit else theta, system.m == 2
         self._terms, others = [], []
         for key in distinct:
-            own = [(c, term) for c, term in key if isinstance(term, KernelTerm)]
+            own = [(c, operator) for c, operator in key if operator.kernel is not None]
             others.append(KernelTerms.seen(own, h, theta, self._offset))
-            pairs = [(c, term) for c, term in key if not isinstance(term, KernelTerm)]
-            self._terms.append([(c, _Order.of(order)) for c, order in pairs])
+            self._terms.append([(c, operator) for c, operator in key if operator.kernel is None])
         self.others = tuple(others)
         self.derivatives = np.zeros((len(distinct), max(map(len, self._terms))))
         for row, terms in zip(self.derivatives, self._terms, strict=True):
@@ -201,29 +200,6 @@ def _power(base, p, out):
     np.exp(out, out=out)
 
 
-@dataclass(frozen=True)
-class _Order:
-    """An order, constant or not."""
-
-    derivative: int
-    constant: float
-    varying: VaryingOrder | None
-
-    @classmethod
-    def of(cls, order):
-        """Make one of a term in `distinct_components`."""
-        if isinstance(order, VaryingOrder):
-            return cls(order.derivative, 0.0, order)
-        return cls(derivative_order(order), order, None)
-
-    def powers(self, times):
-        """p = m - alpha at some times up to the first bad one, and what is wrong with that."""
-        if self.varying is None:
-            return np.full(times.size, self.derivative - self.constant), ""
-        values, trouble = self.varying.sampled(times)
-        return self.derivative - values, trouble
-
-
 @dataclass(frozen=True, eq=False)
 class FrozenLimits:
     """Where the explicit scheme is stable when the orders are frozen at each step.
@@ -256,11 +232,6 @@ class FrozenLimits:
         values = np.linalg.eigvals(scaled)
         real = np.abs(values.imag) <= 1e-9 * np.abs(values)
         return np.where(real, values.real, 0.0).max(axis=1, initial=0.0)
-
-
-def varies(system):
-    """Whether an order varies."""
-    return any(isinstance(term, VaryingOrder) for term, _ in system.memories)
 
 
 def varying_plan(system, h, theta, march, explicit):

@@ -34,7 +34,7 @@ from ..schemes.quadrature import (
     shortened_legendre,
     to_legendre,
 )
-from ..schemes.step_kernel import refuse_late
+from ..schemes.scheme import refuse_late
 from .corner import Corner
 from .dense import PolynomialPieces, PowerPiece
 from .identity import check_identity, identity

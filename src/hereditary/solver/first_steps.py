@@ -15,7 +15,7 @@ def first_steps(stepper, positions):
     Nor where a term has another kernel, or an order that varies.
     """
     early = positions[: np.searchsorted(positions, 2)]
-    if stepper.n > 1 or stepper.equation.memories or not np.any(early % 1):
+    if stepper.n > 1 or not stepper.equation.constant or not np.any(early % 1):
         return None
     starting = FirstSteps(stepper.equation, [stepper.h, 2 * stepper.h])
     if stepper.n == 1:
@@ -74,9 +74,7 @@ def _leading(equation, alpha):
         equation._rhs(0.0, equation.y0[0].copy(), f, equation._params)
     except Exception:  # the march meets it again, or never looks there
         f[:] = np.nan
-    highest = np.sum(equation.coefficients * (equation.orders == alpha), axis=0)
     if equation.m == 2:
-        lower = (equation.orders == 1) & (alpha > 1)
-        f -= np.sum(equation.coefficients * lower, axis=0) * equation.y0[1]
-    lead = f * rgamma(1 + alpha) / highest
+        f -= np.where(alpha > 1, equation.coefficient(1.0), 0.0) * equation.y0[1]
+    lead = f * rgamma(1 + alpha) / equation.coefficient(alpha)
     return np.where(np.isfinite(lead), lead, 0.0)

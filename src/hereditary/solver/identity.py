@@ -3,7 +3,6 @@
 import numpy as np
 
 from .._checks import complaint
-from ..orders import VaryingOrder
 
 # Shares of the time so far at which a state remembers orders and kernels that are functions.
 _LOOKS = np.linspace(0.0, 1.0, 5)
@@ -24,12 +23,9 @@ def identity(equation, t, n_tangents, **how):
     **how
         Scheme, tolerances and the like, in things that can be compared.
     """
-    orders, coefficients, kernels = described_terms(equation, t)
     return {
         **how,
-        "orders": orders,
-        "coefficients": coefficients,
-        "kernels": kernels,
+        **described_terms(equation, t),
         "tangents": n_tangents,
         "y0": equation.y0.tolist(),
         "params": equation.params.tolist(),
@@ -38,27 +34,16 @@ def identity(equation, t, n_tangents, **how):
 
 
 def described_terms(equation, t):
-    """Orders, coefficients and kernels of an equation's terms, in things that can be compared.
+    """Orders, kernels and coefficients of an equation's terms, in things that can be compared.
 
-    Functions have no lasting names: orders and kernels that are some are known by some of their
-    values up to time t.
+    Functions are known by some of their values up to time t.
     """
-    orders, coefficients = equation.orders.tolist(), [equation.coefficients.tolist()]
-    kernels = []
-    for term, factors in equation.memories:
-        if isinstance(term, VaryingOrder):
-            orders.append(term.sampled(_LOOKS * t)[0].tolist())
-        else:
-            kernels.append((_described(term.kernel, t), term.derivative))
-        coefficients.append(factors.tolist())
-    return orders, coefficients, kernels
-
-
-def _described(kernel, t):
-    if " at 0x" not in repr(kernel):  # a function's or object's address, which does not last
-        return repr(kernel)
-    values = kernel(_LOOKS[1:] * t) if t > 0 else np.zeros(0)
-    return f"{type(kernel).__name__}, {', '.join(f'{value:.9g}' for value in values)}"
+    left = equation.left
+    return {
+        "orders": [op.described(_LOOKS * t) for op, _ in left if op.kernel is None],
+        "coefficients": [coefficients.tolist() for _, coefficients in left],
+        "kernels": [op.described(_LOOKS * t) for op, _ in left if op.kernel is not None],
+    }
 
 
 def check_identity(theirs, mine, allow_change):

@@ -9,7 +9,7 @@ from ..kernels.block import BLOWN_UP, NOT_SOLVED, RUNNING
 from ..kernels.signatures import COUNTS, MONITOR, March, Output, StepTable
 from ..kernels.structures import plain, record
 from ..memory_kernel import warn_of_fit
-from ..schemes.step_kernel import refuse_late
+from ..schemes.scheme import refuse_late
 from ..system import shifted, variational
 from .first_steps import first_steps
 from .identity import check_identity, identity
