@@ -36,10 +36,10 @@ from work_precision import cases, sum_of_powers
 
 import hereditary as hd
 from hereditary import exact
-from hereditary.schemes.integral_form import integral_form
-from hereditary.schemes.power_basis import LEFT_OUT, graded_rule
-from hereditary.schemes.quadrature import radau_integrals, radau_nodes, to_legendre
-from hereditary.solver.adaptive_stepper import AdaptiveStepper
+from hereditary.collocation.equations import integral_form
+from hereditary.collocation.power_basis import LEFT_OUT, graded_rule
+from hereditary.collocation.quadrature import radau_integrals, radau_nodes, to_legendre
+from hereditary.collocation.stepper import AdaptiveStepper
 
 SCHEME = hd.Collocation()
 TOLERANCES = 10.0 ** -np.arange(4, 13)

@@ -10,6 +10,7 @@ from .analysis.sections import Section, maxima, stroboscopic
 from .analysis.spectrum import LyapunovResult
 from .analysis.sweep import sweep
 from .analysis.table import Table
+from .collocation.scheme import Collocation
 from .equation import Equation
 from .exponential_sum import fit_exponentials
 from .history.direct import Direct
@@ -30,7 +31,6 @@ from .meshes import Graded, graded
 from .operators import Caputo, Memory, PowerLaw
 from .schemes.adams import Adams, ProductTrapezoid
 from .schemes.bdf import BDF
-from .schemes.collocation import Collocation
 from .schemes.explicit import ExplicitCaputo
 from .schemes.l1 import L1
 from .schemes.l2 import L2

@@ -10,6 +10,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from numpy.polynomial.legendre import leggauss, legvander
 
+from hereditary.collocation.quadrature import radau_nodes, to_legendre
 from hereditary.kernels.mode_tables import (
     SLOTS,
     combined_weights,
@@ -21,7 +22,6 @@ from hereditary.kernels.mode_tables import (
     slot_of,
 )
 from hereditary.kernels.structures import TERM, Equations, ExponentialBasis
-from hereditary.schemes.quadrature import radau_nodes, to_legendre
 
 # Between neighbours of the grid lies a factor of 2**(1/8); its lengths are rounded up to 13 digits.
 FACTOR, ROUNDED = 2 ** (1 / 8), 1 + 2.0**-12

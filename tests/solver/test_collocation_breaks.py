@@ -9,7 +9,7 @@ from random_problems import error, proportional
 
 import hereditary as hd
 from hereditary import exact
-from hereditary.history.bank import Bank
+from hereditary.collocation.exponential_basis import Bank
 
 # Jumps
 

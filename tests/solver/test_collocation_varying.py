@@ -17,11 +17,11 @@ from scipy.special import gamma
 
 import hereditary as hd
 from hereditary import exact
-from hereditary.history.order_bank import open_order_bank
-from hereditary.schemes.integral_form import integral_form
-from hereditary.schemes.quadrature import radau_integrals
-from hereditary.solver.adaptive_stepper import AdaptiveStepper
-from hereditary.solver.order_tables import OrderTables
+from hereditary.collocation.equations import integral_form
+from hereditary.collocation.exponential_basis import open_order_bank
+from hereditary.collocation.order_tables import OrderTables
+from hereditary.collocation.quadrature import radau_integrals
+from hereditary.collocation.stepper import AdaptiveStepper
 from hereditary.terms import VaryingOrder
 
 PRONY = hd.Prony((1.0, 10.0), (0.3, 0.7))

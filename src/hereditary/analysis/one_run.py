@@ -13,13 +13,13 @@ from scipy.special import rgamma
 
 from .._checks import complaint, count, instance, positive, real_array, shown, within
 from .._warning import warn
+from ..collocation.marked_stepper import MarkedStepper
 from ..equation import Equation
 from ..history.exponentials import SumOfExponentials
 from ..history.history import History
 from ..schemes.scheme import Scheme
 from ..solver.adaptive import modes_tolerance, tolerances
 from ..solver.drive import Drive, reached_end, told
-from ..solver.marked_stepper import MarkedStepper
 from ..solver.progress import Interruption, ProgressBar
 from ..solver.solution import Status
 from ..solver.stepper import Stepper

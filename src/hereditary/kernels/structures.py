@@ -32,7 +32,7 @@ KNOWN = np.dtype(
 
 
 class Equations(NamedTuple):
-    """Integral equations of all components (schemes/integral_form.py).
+    """Integral equations of all components (collocation/equations.py).
 
     terms (n,) of `TERM`; orders (n_a,) of the fractional integrals; second (d,), whether the
     primary unknown is y'; offsets (1 + k, n), what is taken from each integrand; implicit (d,),

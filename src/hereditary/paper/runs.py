@@ -15,9 +15,9 @@ import numpy as np
 from ..analysis.lyapunov import lyapunov
 from ..analysis.regimes import classify
 from ..analysis.sections import stroboscopic, values_at
+from ..collocation.scheme import Collocation
 from ..scenes import PRINTED_WELL, stick_slip, sticking_intervals
 from ..schemes.bdf import BDF
-from ..schemes.collocation import Collocation
 from ..schemes.explicit import ExplicitCaputo
 from ..solver.solve import solve
 

@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 
 from .._checks import complaint, positive, real_array, shown, within
+from ..collocation.pace import MAX_STEPS
+from ..collocation.stepper import AdaptiveStepper
 from ..history.exponentials import SumOfExponentials
 from ..orders import OrderFailed
-from .adaptive_stepper import AdaptiveStepper
 from .dense import Dense
 from .drive import failed
 from .events import Events
-from .pace import MAX_STEPS
 from .progress import Interruption, ProgressBar
 from .solution import Solution, Status, warn_of
 

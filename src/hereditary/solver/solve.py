@@ -6,15 +6,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._checks import complaint, count, instance, positive, real_array, shown, whole
+from ..collocation.pace import MAX_STEPS
+from ..collocation.scheme import Collocation
 from ..equation import Equation
 from ..history.exponentials import SumOfExponentials
 from ..history.history import History
 from ..meshes import Graded
-from ..schemes.collocation import Collocation
 from ..schemes.explicit import ExplicitCaputo
 from ..schemes.scheme import Scheme
 from .adaptive import solve_adaptively
-from .pace import MAX_STEPS
 from .solution import Solution
 from .state import AdaptiveState, State, check_sound
 from .uniform import solve_on_steps

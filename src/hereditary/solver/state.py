@@ -10,9 +10,7 @@ import numpy as np
 from .._checks import complaint
 from .._digest import digest
 from ..history.history import History
-from ..schemes.collocation import Collocation
 from ..schemes.scheme import Scheme
-from .strands import Strands
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,13 +84,13 @@ class AdaptiveState:
 
     t: float
     y: np.ndarray
-    scheme: Collocation
+    scheme: Scheme
     rtol: float
     atol: float
     modes_tol: float = field(repr=False)
     identity: dict[str, Any] = field(repr=False)
     run: tuple = field(repr=False)
-    strands: Strands = field(repr=False)
+    strands: Any = field(repr=False)
     at_corner: bool = field(repr=False)
     event_signs: dict[str, float] = field(default_factory=dict, repr=False)
     version: str = field(default="", repr=False)

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.special import erfcx, gamma, rgamma
 
-from hereditary.schemes.power_basis import (
+from hereditary.collocation.power_basis import (
     LEFT_OUT,
     PowerBasis,
     bends_for,
@@ -43,7 +43,7 @@ POINTS = np.concatenate([[0.0, 1e-300], np.geomspace(1e-40, 1, 300), np.linspace
 ROUNDING = 3e-11
 
 
-# 1 is not a multiple of it: then it would be no generator (schemes/integral_form.py).
+# 1 is not a multiple of it: then it would be no generator (collocation/equations.py).
 APART = st.floats(0.12, 0.95).filter(lambda g: abs(1 / g - round(1 / g)) > 1e-8)
 
 

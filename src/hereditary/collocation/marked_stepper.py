@@ -5,9 +5,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from .adaptive_stepper import AdaptiveStepper
-from .dense import Dense
-from .state import AdaptiveState
+from ..solver.dense import Dense
+from ..solver.state import AdaptiveState
+from .stepper import AdaptiveStepper
 
 # As many steps as an analysis takes.
 _ANY = 10**9

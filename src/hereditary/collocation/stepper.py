@@ -26,23 +26,23 @@ from ..kernels.structures import (
     run_of,
 )
 from ..memory_kernel import told_error, warn_of_fit
-from ..schemes.integral_form import integral_form
-from ..schemes.quadrature import (
+from ..schemes.scheme import refuse_late
+from ..solver.identity import check_identity, identity
+from ..solver.state import AdaptiveState, check_reach, check_sound, frozen, sealed
+from .equations import integral_form
+from .jumps import jump
+from .orbit import Strands, starts
+from .order_tables import OrderTables
+from .pace import MAX_STEPS, ROUNDS, Ending, Pace, ending
+from .pieces import PolynomialPieces, PowerPiece
+from .quadrature import (
     looks_off_nodes,
     radau_integrals,
     radau_nodes,
     shortened_legendre,
     to_legendre,
 )
-from ..schemes.scheme import refuse_late
-from .corner import Corner
-from .dense import PolynomialPieces, PowerPiece
-from .identity import check_identity, identity
-from .jumps import jump
-from .order_tables import OrderTables
-from .pace import MAX_STEPS, ROUNDS, Ending, Pace, ending
-from .state import AdaptiveState, check_reach, check_sound, frozen, sealed
-from .strands import Strands, starts
+from .singular_start import Corner
 
 # Share of the tolerance that one step may err by, and that the modes may: errors add up along
 # periodic and chaotic orbits (convergence/collocation.py).

@@ -12,13 +12,12 @@ import numpy as np
 from numpy.polynomial.legendre import legvander
 from scipy.special import rgamma
 
-from ..history.bank import Bank, open_bank, open_kernels
-from ..history.order_bank import OrderBank, open_order_bank
 from ..kernels.collocation import ITSELF, POSITION, PRIMARY, SLOPE
 from ..kernels.structures import Equations
 from ..kernels.structures import Strands as CompiledStrands
-from ..schemes.power_basis import LEFT_OUT, graded_rule
-from ..schemes.quadrature import to_legendre
+from .exponential_basis import Bank, OrderBank, open_bank, open_kernels, open_order_bank
+from .power_basis import LEFT_OUT, graded_rule
+from .quadrature import to_legendre
 
 
 class Strands:

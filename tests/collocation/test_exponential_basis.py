@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.special import rgamma
 
-from hereditary.history.bank import open_bank
+from hereditary.collocation.exponential_basis import open_bank
 
 ORDERS = st.lists(st.floats(0.001, 1.0), min_size=1, max_size=3, unique=True).map(sorted)
 EXPONENTS = st.floats(-13, -3)

@@ -9,7 +9,7 @@ from hypothesis.extra import numpy as hnp
 from numpy.polynomial import legendre as leg
 from scipy.special import rgamma
 
-from hereditary.schemes.quadrature import (
+from hereditary.collocation.quadrature import (
     polynomial_integrals,
     radau_integrals,
     radau_nodes,

@@ -5,7 +5,7 @@ import numpy as np
 from ..kernels.adaptive import times_inside
 from ..kernels.structures import KNOWN, record
 from ..orders import OrderFailed
-from ..schemes.quadrature import radau_integrals, radau_nodes
+from .quadrature import radau_integrals, radau_nodes
 
 # Integrals are interpolated in their order, of which they are entire functions, to rounding.
 _N_ORDERS = 24

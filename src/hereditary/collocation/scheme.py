@@ -1,4 +1,4 @@
-"""Step-adaptive spectral collocation (floor 2), of the equations in schemes/integral_form.py."""
+"""Step-adaptive spectral collocation (floor 2), of the equations in collocation/equations.py."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from .._checks import complaint, count, positive, within
+from ..schemes.scheme import Plan, Scheme, check_smoothness
 from ..system import System
-from .scheme import Plan, Scheme, check_smoothness
 
 
 @dataclass(frozen=True)

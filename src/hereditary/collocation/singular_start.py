@@ -7,8 +7,8 @@ import numpy as np
 from scipy.special import rgamma
 
 from ..kernels.collocation import FORCE, POSITION, PRIMARY, solve_once
-from ..schemes.power_basis import bends_for, power_basis
-from .strands import rows
+from .orbit import rows
+from .power_basis import bends_for, power_basis
 
 # A step that is refused is made this many times smaller; so often with bent functions.
 _SHORTER, _BENT_TRIALS = 0.3, 12

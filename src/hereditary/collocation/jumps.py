@@ -7,7 +7,7 @@ nothing keeps p continuous: at t = 0, and wherever f jumps, p jumps until the eq
 import numpy as np
 
 from ..kernels.collocation import ITSELF, PRIMARY, SLOPE
-from .strands import rows
+from .orbit import rows
 
 # Kernels at 0 are taken here.
 _NEXT_TO_0 = 1e-300

@@ -1,0 +1,1 @@
+"""Adaptive collocation: scheme, equations of a step, singular starts, stepper."""
