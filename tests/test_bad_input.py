@@ -177,7 +177,7 @@ def test_save_every_and_t_eval_exclude_each_other():
         ({"history": hd.SumOfExponentials(1e-8)}, "same history"),
         ({"equation": hd.scenes.relaxation(alpha=0.6)}, "same orders"),
         ({"equation": hd.Equation(2 * hd.Caputo(0.5), decay, 1.0)}, "same coefficients"),
-        ({"equation": hd.Equation(hd.Caputo(0.5), decay, [1.0, 1.0])}, "same orders"),
+        ({"equation": hd.Equation(hd.Caputo(0.5), decay, [1.0, 1.0])}, "same coefficients"),
         ({"t_end": 0.5}, "t_end must exceed the state's time 1"),
         ({"t_end": 1.0}, "t_end must exceed"),
         ({"t_end": 2.03}, "whole number of the state's steps"),

@@ -1,5 +1,7 @@
 """Meshes of any steps: full orders on graded ones, the uniform march on uniform ones."""
 
+import pickle
+
 import mpmath
 import numpy as np
 import pytest
@@ -10,8 +12,11 @@ from scipy.special import gamma
 from test_pairs import EQUATIONS, REFUSED, name_of
 
 import hereditary as hd
+from hereditary.analysis.estimators import displaced
 from hereditary.analysis.order import observed_order
 from hereditary.kernels.mesh import moments
+from hereditary.meshes import mesh_steps
+from hereditary.solver.stepper import Stepper
 from hereditary.special import gauss_unit
 
 SCHEMES = [hd.L1(), hd.L2(), hd.L2Sigma()]
@@ -131,13 +136,75 @@ def test_smooth_solutions_keep_their_order_on_a_mildly_graded_mesh():
 def test_rows_on_a_mesh():
     equation, mesh = hd.scenes.relaxation(0.6), hd.graded(100, 2.0)
     full = hd.solve(equation, 3.0, mesh=mesh, scheme=hd.L2())
-    assert full.state is None
     np.testing.assert_allclose(full.t, mesh.times(3.0), rtol=1e-15)
     some = hd.solve(equation, 3.0, mesh=mesh, scheme=hd.L2(), save_every=7)
     assert np.array_equal(some.y, full.y[[*range(0, 100, 7), 100]])
-    times = [0.0, 0.5, 3.0]
-    at = hd.solve(equation, 3.0, mesh=mesh, scheme=hd.L2(), t_eval=times)
-    np.testing.assert_allclose(at.y[:, 0], np.interp(times, full.t, full.y[:, 0]), rtol=1e-12)
+    square = hd.Equation(hd.Caputo(0.6), lambda t, y, p: p[0] * t**1.4, 0.0, (2 / gamma(2.4),))
+    times = np.linspace(0.05, 2.9, 40)
+    rows = hd.solve(square, 3.0, mesh=mesh, scheme=hd.L2(), t_eval=times)
+    np.testing.assert_allclose(
+        rows.y[:, 0], times**2, rtol=1e-10
+    )  # on parabolas, as of uniform steps
+
+
+@pytest.mark.parametrize("scheme", SCHEMES, ids=repr)
+@pytest.mark.parametrize("history", [hd.Direct(), hd.SumOfExponentials()], ids=repr)
+def test_a_run_on_a_mesh_goes_on_where_it_stopped(scheme, history):
+    """Stopped and resumed twice, once at a step of another length: as in one run, bit for bit."""
+    times = 2.0 * np.linspace(0, 1, 61) ** 2
+    equation = EQUATIONS["system"]()
+    whole = hd.solve(equation, 2.0, mesh=times, scheme=scheme, history=history)
+    first = hd.SumOfExponentials(horizon=3.0) if history != hd.Direct() else history
+    sol = hd.solve(equation, times[20], mesh=times[:21], scheme=scheme, history=first)
+    for first, last in ((20, 21), (21, 60)):
+        state = pickle.loads(pickle.dumps(sol.state))
+        sol = hd.solve(equation, times[last], mesh=times[first : last + 1], resume=state)
+        assert sol.t[0] == times[first]
+    same = 0 if history == hd.Direct() else 1e-9  # another shortest step, other modes
+    np.testing.assert_allclose(sol.y, whole.y[21:], rtol=same, atol=0)
+    again = hd.solve(equation, 3.0, mesh=hd.graded(10, 1.5), resume=sol.state)
+    assert again.success
+    assert again.t[-1] == 3.0
+
+
+def test_a_mesh_is_resumed_on_a_mesh_alone():
+    equation = hd.scenes.relaxation()
+    state = hd.solve(equation, 1.0, mesh=hd.graded(20, 2.0), scheme=hd.L1()).state
+    with pytest.raises(TypeError, match="mesh must be given where a run on a mesh goes on"):
+        hd.solve(equation, 2.0, resume=state)
+    with pytest.raises(ValueError, match=r"mesh must have no steps below 0.0025, the shortest"):
+        hd.solve(equation, 2.0, mesh=1 + hd.graded(20, 4.0).times(1.0), resume=state)
+    with pytest.raises(ValueError, match="resume must stay within t = 10"):
+        hd.solve(equation, 20.0, mesh=[1.0, 20.0], resume=state)
+    with pytest.raises(ValueError, match="mesh must be times that increase from 1 "):
+        hd.solve(equation, 2.0, mesh=[0.0, 2.0], resume=state)
+    uniform = hd.solve(equation, 1.0, 20, scheme=hd.L1()).state
+    with pytest.raises(ValueError, match="mesh must be left out where a run of uniform steps"):
+        hd.solve(equation, 2.0, mesh=[1.0, 2.0], resume=uniform)
+
+
+@pytest.mark.parametrize("name", COVERED)
+@pytest.mark.parametrize("scheme", SCHEMES, ids=repr)
+def test_tangents_on_a_mesh_are_derivatives(scheme, name):
+    """Of every step, against differences of runs from displaced initial values."""
+    if (name_of(scheme), name) in REFUSED:
+        return
+    equation = EQUATIONS[name]()
+    steps = mesh_steps(hd.graded(60, 2.0), 2.0)
+    how = scheme, hd.SumOfExponentials(), steps, 60
+    direction = np.random.default_rng(3).normal(size=(equation.d, 1))
+    nothing = np.empty(0), np.empty((0, equation.d)), np.empty((0, equation.d))
+    along = Stepper(equation, *how, directions=direction)
+    along.advance(60, *nothing)
+    ends = []
+    for sign in (1, -1):
+        y0 = equation.y0.copy()
+        y0[0] += sign * 1e-5 * direction[:, 0]
+        stepper = Stepper(displaced(equation, y0), *how)
+        stepper.advance(60, *nothing)
+        ends.append(stepper.y)
+    expected = (ends[0] - ends[1]) / 2e-5
+    np.testing.assert_allclose(along.tangent[:, 0], expected, rtol=1e-6, atol=1e-8)
 
 
 @pytest.mark.parametrize(

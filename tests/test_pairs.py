@@ -6,6 +6,7 @@ from problems import PROBLEMS
 from scipy.special import gamma
 
 import hereditary as hd
+from hereditary.meshes import UniformSteps
 from hereditary.solver.stepper import Stepper
 
 SCHEMES = [
@@ -104,7 +105,7 @@ def test_block_length_does_not_matter(scheme, history):
     equation, n = EQUATIONS["scalar"](), 300
     none, ends = np.empty((0, 1)), []
     for block in (2, 7, 32, 100):
-        stepper = Stepper(equation, scheme, history, 4.0 / n, n, block=block)
+        stepper = Stepper(equation, scheme, history, UniformSteps(4.0 / n), n, block=block)
         stepper.advance(n, np.empty(0), none, none.copy())
         ends.append(stepper.y[0])
     np.testing.assert_allclose(ends, ends[0], rtol=1e-12)

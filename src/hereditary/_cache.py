@@ -97,8 +97,9 @@ class _Entries(FunctionCache):
         self._cache_file = _CheckedFile(self._cache_path, _file_name(fun), reached_digest(fun))
 
     def _index_key(self, sig, codegen):
-        options = self._options, bool(config.BOUNDSCHECK)
-        return (*super()._index_key(sig, codegen), options)
+        # numba's own key would hold what the function closes over, which is pickled anew in every
+        # process; the stamp of the entries knows the code of all that
+        return sig, codegen.magic_tuple(), self._options, bool(config.BOUNDSCHECK)
 
 
 def _file_name(fun):

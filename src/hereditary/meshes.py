@@ -1,8 +1,9 @@
-"""Meshes that are not uniform (floor 2)."""
+"""Given steps: uniform ones, and meshes."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -48,13 +49,115 @@ def graded(n: int, exponent: float) -> Graded:
     return Graded(count("n", n), positive("exponent", exponent))
 
 
-def mesh_times(mesh: Graded | ArrayLike, t_end: float) -> np.ndarray:
-    """Times of a mesh on [0, t_end], checked."""
-    times = mesh.times(t_end) if isinstance(mesh, Graded) else real_array("mesh", mesh)
-    required = f"be times that increase from 0 to t_end = {t_end}"
+class Span(NamedTuple):
+    """Shortest step of a mesh but for the last one, and the farthest time it may be resumed to."""
+
+    shortest: float
+    farthest: float
+
+
+# Runs on a mesh can be resumed up to this many times their length.
+_FAR = 10.0
+
+
+def mesh_steps(mesh: Graded | ArrayLike, t_end: float, begun: MeshSteps | None = None) -> MeshSteps:
+    """Steps of a mesh on [0, t_end], checked; those of a run begun stand before them."""
+    start = 0.0 if begun is None else float(begun.mesh[-1])
+    if isinstance(mesh, Graded):
+        times = start + mesh.times(t_end - start)
+    else:
+        times = real_array("mesh", mesh)
+    required = f"be times that increase from {start:g} to t_end = {t_end}"
     remedy = "pass hereditary.graded(n, exponent) or an array"
     if times.ndim != 1 or times.size < 2:
         raise ValueError(complaint("mesh", required, f"shape {times.shape}", remedy))
-    if times[0] != 0 or abs(times[-1] - t_end) > 1e-12 * t_end or np.any(np.diff(times) <= 0):
+    ends = abs(times[0] - start) <= 1e-12 * start and abs(times[-1] - t_end) <= 1e-12 * t_end
+    if not ends or np.any(np.diff(times) <= 0):
         raise ValueError(complaint("mesh", required, shown(times), remedy))
-    return times
+    if begun is not None:
+        return MeshSteps(np.concatenate([begun.mesh, times[1:]]), begun.span)
+    shortest = float(np.diff(times)[:-1].min(initial=np.inf))
+    return MeshSteps(times, Span(shortest, _FAR * t_end))
+
+
+@dataclass(frozen=True)
+class UniformSteps:
+    """Steps of one length from 0 on.
+
+    Attributes
+    ----------
+    h : float
+        Step [time].
+    """
+
+    h: float
+    span: ClassVar[None] = None
+
+    def time(self, n: int) -> float:
+        """Time of step n."""
+        return n * self.h
+
+    def until(self, n: int) -> UniformSteps:
+        """Return the first n steps, which tell all others."""
+        return self
+
+    def unit(self, n: int) -> float:
+        """Length of the step that ends at step n."""
+        return self.h
+
+    def times(self, positions: np.ndarray) -> np.ndarray:
+        """Times of positions counted in steps."""
+        return positions * self.h
+
+    def positions(self, times: np.ndarray) -> np.ndarray:
+        """Positions of times, counted in steps; times of the steps give whole numbers."""
+        positions = times / self.h
+        mesh = np.rint(positions)
+        near = np.abs(positions - mesh) <= 8 * np.finfo(float).eps * mesh
+        return np.where(near, mesh, positions)
+
+    def plan(self, scheme, system):
+        """Plan of a scheme for a system on these steps."""
+        return scheme.plan(system, self.h)
+
+
+@dataclass(frozen=True, eq=False)
+class MeshSteps:
+    """Steps between given times.
+
+    Attributes
+    ----------
+    mesh : ndarray, shape (n+1,)
+        Times, from 0 on [time].
+    span : Span
+    """
+
+    mesh: np.ndarray
+    span: Span
+
+    h: ClassVar[float] = 0.0
+
+    def time(self, n: int) -> float:
+        """Time of step n."""
+        return float(self.mesh[n])
+
+    def until(self, n: int) -> MeshSteps:
+        """Return the first n steps."""
+        return replace(self, mesh=self.mesh[: n + 1].copy())
+
+    def unit(self, n: int) -> float:
+        """Length of the step that ends at step n; of the first one for n = 0."""
+        n = max(n, 1)
+        return float(self.mesh[n] - self.mesh[n - 1])
+
+    def times(self, positions: np.ndarray) -> np.ndarray:
+        """Times of positions counted in steps."""
+        return np.interp(positions, np.arange(self.mesh.size), self.mesh)
+
+    def positions(self, times: np.ndarray) -> np.ndarray:
+        """Positions of times, counted in steps."""
+        return np.interp(times, self.mesh, np.arange(self.mesh.size))
+
+    def plan(self, scheme, system):
+        """Plan of a scheme for a system on this mesh."""
+        return scheme.mesh_plan(system, self.mesh)

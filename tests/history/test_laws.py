@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from strategies import orders, sequences
 
 import hereditary as hd
+from hereditary.meshes import UniformSteps
 from hereditary.schemes.scheme import Convolution
 from hereditary.schemes.weights import FIRST_DIFFERENCES, SECOND_DIFFERENCES
 from hereditary.solver.stepper import Stepper
@@ -142,7 +143,9 @@ def test_storage():
 
 
 def test_classical_terms_need_no_memory():
-    weights = Convolution((((1.0, SECOND_DIFFERENCES, 0.0),),), (((1.0, FIRST_DIFFERENCES, 0.0),),))
+    classical = PowerSteps(0.0)
+    terms, starts = (1.0, SECOND_DIFFERENCES, classical), (1.0, FIRST_DIFFERENCES, classical)
+    weights = Convolution(((terms,),), ((starts,),))
     for history in HISTORIES:
         memory = history.open(weights, 1, N_BLOCK, 100)
         assert memory.nbytes == memory.n_modes == memory.n_stored == 0
@@ -154,7 +157,9 @@ def test_a_horizon_is_kept_and_its_end_is_told():
     memory.prepare(10**7)
     with pytest.raises(ValueError, match=r"SumOfExponentials\(horizon=\), the time"):
         memory.prepare(3 * 10**7)
-    far = Stepper(hd.scenes.relaxation(), hd.L1(), hd.SumOfExponentials(horizon=3e4), 1e-3, 1000)
+    far = Stepper(
+        hd.scenes.relaxation(), hd.L1(), hd.SumOfExponentials(horizon=3e4), UniformSteps(1e-3), 1000
+    )
     far.prepare(3 * 10**7)
     with pytest.raises(ValueError, match="resume must stay within"):
         far.prepare(3 * 10**8)

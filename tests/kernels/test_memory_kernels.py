@@ -28,7 +28,7 @@ def test_direct_sums():
     start = np.array([[0.0], [0.7]])
     classes = np.array([1, 0])
     unused = np.zeros((1, 0))
-    tables = (weights, start_weights, unused, unused, unused)
+    tables = (weights, start_weights, *(unused,) * 6)
     memory = (np.zeros((width, n + 1)), start, unused)
     for b in range(n_blocks):
         lag = np.zeros((width, n_block))
@@ -51,7 +51,7 @@ def test_direct_sums_lose_nothing_as_they_grow():
     n = 1 << 17
     unused = np.zeros((1, 0))
     memory = (np.full((1, n + 2), 0.1), np.zeros((1, 1)), unused)
-    tables = (np.full((1, n + 3), 0.1), np.zeros((1, n + 3)), unused, unused, unused)
+    tables = (np.full((1, n + 3), 0.1), np.zeros((1, n + 3)), *(unused,) * 6)
     memory[0][0, 0] = 0.0
     lag = np.zeros((1, 1))
     exchange_direct(lag, np.full((1, 2), 0.1), n, np.array([0]), tables, memory)
@@ -69,7 +69,8 @@ def test_modes_are_decaying_sums():
     length = 5
     corrections = np.pad(RNG.normal(size=(1, length)), ((0, 0), (2, 0)))
     memory = (np.zeros((1, n_modes)), np.full((1, n_modes), 0.3), np.zeros((1, length)))
-    tables = (weights, start_weights, ahead, np.ascontiguousarray(back), corrections)
+    unused = (np.zeros((1, 0)),) * 3
+    tables = (weights, start_weights, ahead, np.ascontiguousarray(back), corrections, *unused)
     pieces = RNG.normal(size=3 * n_block)
     absorbed = np.zeros(0)
     for b in range(4):

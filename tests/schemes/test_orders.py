@@ -7,6 +7,7 @@ from problems import errors, singular_problem, smooth_problem
 import hereditary as hd
 from hereditary.analysis.order import observed_order
 from hereditary.exact import oscillator
+from hereditary.meshes import UniformSteps
 from hereditary.solver.stepper import Stepper
 
 ALPHAS = (0.1, 0.3, 0.5, 0.8, 0.95)
@@ -136,7 +137,9 @@ def test_tangents_along_a_speed_keep_the_order_of_bdf():
     equation = hd.scenes.oscillator(1.8, 0.8, 0.25, 1.0, x0=0.2, v0=0.3)
     for n in steps:
         direction = np.array([[0.0], [1.0]])
-        stepper = Stepper(equation, hd.BDF(3), hd.Direct(), 10.0 / n, n, directions=direction)
+        stepper = Stepper(
+            equation, hd.BDF(3), hd.Direct(), UniformSteps(10.0 / n), n, directions=direction
+        )
         nothing = np.empty((0, 1))
         stepper.advance(20, np.empty(0), nothing, nothing)
         stepper.transform_tangent(np.array([[2.0]]))

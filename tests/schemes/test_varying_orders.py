@@ -13,6 +13,7 @@ from varying import alpha, beta, decay, swing
 import hereditary as hd
 from hereditary.analysis.order import observed_order
 from hereditary.history.varying import bank_of_all_orders, weights_of_orders
+from hereditary.meshes import UniformSteps
 from hereditary.orders import OrderFailed
 from hereditary.solver.stepper import Stepper
 
@@ -183,7 +184,7 @@ def with_tangents(name, scheme, history, k=2, n_steps=9000):
     equation = EQUATIONS[name]()
     n_data = equation.d + int(np.sum(equation.highest_orders() > 1))
     directions = np.random.default_rng(0).normal(size=(n_data, k))
-    return Stepper(equation, scheme, history, 0.01, n_steps, directions=directions)
+    return Stepper(equation, scheme, history, UniformSteps(0.01), n_steps, directions=directions)
 
 
 @pytest.mark.parametrize("history", HISTORIES, ids=str)

@@ -13,6 +13,8 @@ from hypothesis import strategies as st
 from problems import PROBLEMS
 
 import hereditary as hd
+from hereditary.kernels.march import MARCHES
+from hereditary.meshes import UniformSteps
 from hereditary.solver.stepper import BLOCK, Stepper
 
 HISTORIES = [hd.Direct(), hd.FFT(), hd.SumOfExponentials()]
@@ -47,7 +49,9 @@ def test_block_length_does_not_matter(problem, history):
     ends = []
     for block in (2, 5, BLOCK, 64, 500):
         scheme = hd.ExplicitCaputo()
-        stepper = Stepper(equation, scheme, history, problem.t_end / n, n, block=block)
+        stepper = Stepper(
+            equation, scheme, history, UniformSteps(problem.t_end / n), n, block=block
+        )
         stepper.advance(n, np.empty(0), none, none.copy())
         ends.append(stepper.y)
     np.testing.assert_allclose(ends, np.tile(ends[2], (5, 1)), rtol=2e-13, atol=1e-13)
@@ -250,8 +254,8 @@ def test_ctrl_c_that_comes_too_late_is_not_swallowed(no_collection, monkeypatch)
         os.kill(os.getpid(), signal.SIGINT)
         return march(*args)
 
-    march = hd.ExplicitCaputo.march
-    monkeypatch.setattr(hd.ExplicitCaputo, "march", staticmethod(interrupted_march))
+    march = MARCHES["explicit", False]
+    monkeypatch.setitem(MARCHES, ("explicit", False), interrupted_march)
     with pytest.raises(KeyboardInterrupt):
         hd.solve(equation, 1.0, 100)
 

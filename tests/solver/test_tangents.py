@@ -8,6 +8,7 @@ from hypothesis.extra import numpy as hnp
 
 import hereditary as hd
 from hereditary.analysis.estimators import displaced
+from hereditary.meshes import UniformSteps
 from hereditary.solver.stepper import Stepper
 
 SCHEMES = [
@@ -48,7 +49,7 @@ EQUATIONS = {
 def takes(scheme, name):
     """Whether the scheme is made for the equation; what it refuses is tested with all pairs."""
     try:
-        Stepper(EQUATIONS[name](), scheme, hd.Direct(), H, 10)
+        Stepper(EQUATIONS[name](), scheme, hd.Direct(), UniformSteps(H), 10)
     except ValueError:
         return False
     return True
@@ -63,7 +64,7 @@ def open_stepper(equation, scheme, history, n_tangents=None, seed=0, n_steps=250
     if n_tangents is not None:
         n_data = equation.d + int(np.sum(equation.highest_orders() > 1))
         directions = np.random.default_rng(seed).normal(size=(n_data, n_tangents))
-    return Stepper(equation, scheme, history, H, n_steps, directions=directions)
+    return Stepper(equation, scheme, history, UniformSteps(H), n_steps, directions=directions)
 
 
 def march(stepper, n_end):
@@ -124,9 +125,8 @@ def test_orbit_and_first_tangent_do_not_depend_on_how_many_go_along(scheme, name
     for stepper in steppers[1:]:
         assert np.array_equal(stepper.y, steppers[0].y)
     one = open_stepper(EQUATIONS[name](), scheme, hd.SumOfExponentials(), 2)
-    alone = Stepper(
-        one.equation, scheme, hd.SumOfExponentials(), H, 2500, directions=one.tangent[:, :1]
-    )
+    how = scheme, hd.SumOfExponentials(), UniformSteps(H), 2500
+    alone = Stepper(one.equation, *how, directions=one.tangent[:, :1])
     assert np.allclose(march(one, 100).tangent[:, :1], march(alone, 100).tangent, rtol=1e-11)
 
 
@@ -168,7 +168,9 @@ def test_restart_is_a_new_problem_from_the_present_values(scheme, name, history)
     initial[1:, above] = ydot[above]
     if name in ("second order", "one term above one", "several terms", "one component above one"):
         return  # these depend on time itself: a new problem would begin at time 0
-    new = Stepper(displaced(equation, initial), scheme, history, H, 2500, directions=tangent)
+    new = Stepper(
+        displaced(equation, initial), scheme, history, UniformSteps(H), 2500, directions=tangent
+    )
     march(stepper, 50)
     march(new, 50)
     assert np.allclose(stepper.y, new.y, rtol=1e-13)

@@ -17,6 +17,7 @@ from ..collocation.marked_stepper import MarkedStepper
 from ..equation import Equation
 from ..history.exponentials import SumOfExponentials
 from ..history.history import History
+from ..meshes import UniformSteps
 from ..schemes.scheme import Scheme
 from ..solver.adaptive import modes_tolerance, tolerances
 from ..solver.drive import Drive, reached_end, told
@@ -99,7 +100,8 @@ def march(request: Request) -> Run:
     settings = _settings(request, h, n_total)
     system = marched(equation, scheme, request.mode)
     start = _directions(request.directions, settings["seed"], settings["k"], n_data(equation))
-    open_stepper: Callable = partial(Stepper, scheme=scheme, history=history, h=h, n_steps=prepared)
+    how = {"scheme": scheme, "history": history, "n_steps": prepared}
+    open_stepper: Callable = partial(Stepper, steps=UniformSteps(h), **how)
     if tols:
         n_marks = max(prepared, n_total)
         given = {"scheme": scheme, "tols": tols, "h": h, "n_marks": n_marks}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -61,7 +60,6 @@ class Collocation(Scheme):
 
     nodes: int | None = None
     horizon: float | None = None
-    march: ClassVar[Callable]
     adaptive: ClassVar[bool] = True
     whole: ClassVar[bool] = True
     takes_kernels: ClassVar[bool] = True

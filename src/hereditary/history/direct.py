@@ -5,11 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..kernels.convolution import exchange_direct
-from ..kernels.mesh import recall_direct
-from ..schemes.scheme import Convolution, MeshPlan
+from ..kernels.mesh import exchange_mesh_direct
+from ..meshes import Span
+from ..schemes.mesh import MeshSums
+from ..schemes.scheme import Convolution
 from ..schemes.varying import Schedule
-from ..special import gauss_unit
-from .history import History, Memory, MeshMemory, NoMemory
+from .history import History, Memory, NoMemory
+from .mesh import MeshMemory
 from .varying import VaryingPieces
 
 
@@ -44,13 +46,12 @@ class Direct(History):
         """A fresh memory where orders vary; see `History.open_varying`."""
         return VaryingPieces(schedule, n_columns)
 
-    def open_mesh(self, plan: MeshPlan) -> MeshMemory:
+    def open_mesh(self, sums: MeshSums, n_columns: int, span: Span) -> Memory:
         """A fresh memory on a mesh of any steps; see `History.open_mesh`."""
-        n_columns, n_steps = plan.classes.size, plan.theta.size
-        times = plan.times.reshape(1, -1)
-        tables = (times, plan.factors, plan.powers, np.array(gauss_unit(16)), np.zeros((1, 0)))
-        arrays = tuple(np.zeros((n_columns, k)) for k in (n_steps, n_steps, 0))
-        return MeshMemory(recall_direct, tables, arrays)
+        n = sums.theta.size
+        kinds = sums.factors, sums.powers
+        arrays = tuple(np.zeros((n_columns, k)) for k in (n, 0, n))
+        return MeshMemory(exchange_mesh_direct, sums, kinds, arrays)
 
 
 class _Pieces(Memory):
@@ -60,8 +61,8 @@ class _Pieces(Memory):
         self._convolution = convolution
         self._n_block = n_block
         arrays = tuple(np.zeros((n_columns, k)) for k in (0, convolution.n_starts, 0))
-        tables = (np.zeros((1, 0)),) * 5
-        super().__init__(exchange_direct, tables, arrays, *convolution.exact(n_block + 2))
+        none = np.zeros((1, 0))
+        super().__init__(exchange_direct, (none, none), arrays, *convolution.exact(n_block + 2))
 
     def prepare(self, n_end):
         """Grow the arrays and tables to hold steps up to `n_end`."""

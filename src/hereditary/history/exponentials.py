@@ -11,11 +11,14 @@ import numpy as np
 
 from .._checks import complaint, positive
 from ..exponential_sum import fit_unit, tolerance
-from ..kernels.mesh import recall_modes
+from ..kernels.mesh import exchange_mesh_modes
 from ..kernels.modes import exchange_modes
-from ..schemes.scheme import Convolution, MeshPlan
+from ..meshes import Span
+from ..schemes.mesh import MeshSums
+from ..schemes.scheme import Convolution
 from ..schemes.varying import Schedule
-from .history import History, Memory, MeshMemory, NoMemory
+from .history import History, Memory, NoMemory
+from .mesh import MeshMemory
 from .varying import VaryingModes
 
 # Steps that every bank covers. A run may be resumed up to here whatever length it first had, and
@@ -112,26 +115,24 @@ class SumOfExponentials(History):
             covered *= 10
         return covered
 
-    def open_mesh(self, plan: MeshPlan) -> MeshMemory:
+    def open_mesh(self, sums: MeshSums, n_columns: int, span: Span) -> Memory:
         """A fresh memory on a mesh of any steps; see `History.open_mesh`."""
-        n_columns = plan.classes.size
-        used = (plan.factors != 0) & (plan.powers > 0)
-        exponents = tuple(sorted({1 - p for p in plan.powers[used]}))
-        nearest = plan.nearest()
-        rates, shares = np.zeros(0), np.zeros((plan.factors.shape[0], 0))
+        used = (sums.factors != 0) & (sums.powers > 0)
+        exponents = tuple(sorted({1 - p for p in sums.powers[used]}))
+        nearest, farthest = span.shortest, max(span.farthest, self.horizon or 0.0)
+        rates, weights = np.zeros(0), np.zeros((sums.factors.shape[0], 0))
         if exponents and np.isfinite(nearest):
-            t_end = plan.times[-1]
-            fit = fit_unit(exponents, max(2.0, t_end / nearest), float(self.tol))
+            fit = fit_unit(exponents, max(2.0, farthest / nearest), float(self.tol))
             # p t**(p-1) in units of the nearest distance
             pairs = zip(exponents, fit.weights, strict=True)
             bank = {a: (1 - a) * w * nearest**-a for a, w in pairs}
-            rates, shares = fit.rates / nearest, np.zeros((plan.factors.shape[0], fit.rates.size))
+            rates, weights = fit.rates / nearest, np.zeros((sums.factors.shape[0], fit.rates.size))
             for i, j in zip(*np.nonzero(used), strict=True):
-                shares[i] += plan.factors[i, j] * bank[1 - plan.powers[i, j]]
-        empty = np.zeros((1, 0))
-        tables = (plan.times.reshape(1, -1), rates.reshape(1, -1), shares, empty, empty)
+                weights[i] += sums.factors[i, j] * bank[1 - sums.powers[i, j]]
+        kinds = np.ascontiguousarray(rates.reshape(1, -1)), weights
         arrays = tuple(np.zeros((n_columns, k)) for k in (rates.size, 0, 0))
-        return MeshMemory(recall_modes, tables, arrays, rates.size)
+        covers = Span(nearest, farthest) if rates.size else None
+        return MeshMemory(exchange_mesh_modes, sums, kinds, arrays, rates.size, covers)
 
 
 class _Modes(Memory):

@@ -58,7 +58,8 @@ class _Pending(Memory):
         self._n_block = n_block
         self._stretch = _BLOCKS * n_block
         arrays = tuple(np.zeros((n_columns, k)) for k in (0, convolution.n_starts, 0))
-        tables = (np.zeros((1, 0)),) * 3 + (np.full((1, 1), float(self._stretch)), np.zeros((1, 0)))
+        none = np.zeros((1, 0))
+        tables = none, none, np.full((1, 1), float(self._stretch))
         super().__init__(exchange_pending, tables, arrays, *convolution.exact(n_block + 2))
 
     def prepare(self, n_end):

@@ -16,9 +16,14 @@ import numpy as np
 from .._checks import complaint
 from .._jit import as_value
 from ..kernels.convolution import exchange_nothing
-from ..kernels.signatures import EXCHANGE_SIG, RECALL_SIG
-from ..schemes.scheme import Convolution, MeshPlan
+from ..kernels.signatures import EXCHANGE_SIG, TABLES
+from ..meshes import Span
+from ..schemes.mesh import MeshSums
+from ..schemes.scheme import Convolution
 from ..schemes.varying import Schedule
+
+# Tables of a memory.
+N_TABLES = len(TABLES)
 
 
 class Memory(ABC):
@@ -28,11 +33,11 @@ class Memory(ABC):
     ----------
     exchange : compiled function
         Of signature `EXCHANGE_SIG`, kernels/signatures.py.
-    tables : tuple of five ndarrays
-        What it reads.
+    tables : tuple of eight ndarrays
+        Tables that it reads.
     arrays : tuple of three ndarrays
-        What it changes; the first axis runs over the W columns. The second one holds the start
-        values and is filled by the march.
+        Arrays that it changes; the first axis runs over the W columns. The second one holds the
+        start values and is filled by the march.
     block_weights : ndarray, shape (C, B + 2)
         The weights W_k as this history sees them, k = 2 .. B + 1, for the sums inside a block: with
         them a result does not depend on where blocks begin.
@@ -41,6 +46,8 @@ class Memory(ABC):
     """
 
     n_modes: int = 0
+    # whether the march reads it by a part of its own instead of `exchange`, for speed
+    inlined: bool = False
     # largest relative error of the sums that stand for kernels other than power laws
     kernel_error: float = 0.0
 
@@ -48,12 +55,18 @@ class Memory(ABC):
         self.exchange = as_value(exchange, EXCHANGE_SIG)
         self.block_weights = np.ascontiguousarray(block_weights)
         self.block_start_weights = np.ascontiguousarray(block_start_weights)
-        self.tables = tables
+        self.tables = (*tables, *(np.zeros((1, 0)),) * (N_TABLES - len(tables)))
         self.arrays = arrays
 
     @abstractmethod
     def prepare(self, n_end: int) -> None:
         """Make room for a march up to step `n_end`; raise ValueError where there is none."""
+
+    def follow(self, size: int) -> None:  # noqa: B027
+        """Work out tables of the `size` steps whose rows are new; nothing by default."""
+
+    def begin(self, shift: np.ndarray, starts: np.ndarray) -> None:  # noqa: B027
+        """Take shift (W,) and start values (W, V) of a march at step 0; nothing by default."""
 
     def reach(self, n: int) -> int:
         """Step up to which a march may go from step n before `refresh` must be called."""
@@ -113,9 +126,7 @@ class NoMemory(Memory):
 
     def __init__(self, n_columns, block_weights, block_start_weights):
         empty = np.zeros((n_columns, 0))
-        super().__init__(
-            exchange_nothing, (empty,) * 5, (empty,) * 3, block_weights, block_start_weights
-        )
+        super().__init__(exchange_nothing, (), (empty,) * 3, block_weights, block_start_weights)
 
     def prepare(self, n_end: int) -> None:
         """Any length will do."""
@@ -149,33 +160,8 @@ class History(ABC):
         required = "be Direct or SumOfExponentials where orders vary"
         raise ValueError(complaint("history", required, repr(self)))
 
-    def open_mesh(self, plan: MeshPlan) -> MeshMemory:
-        """A fresh memory for one run on a mesh of any steps."""
+    def open_mesh(self, sums: MeshSums, n_columns: int, span: Span) -> Memory:
+        """A fresh memory for one run on a mesh of any steps, in blocks of one step."""
         required = f"be left out with {type(self).__name__}, which takes uniform steps"
-        got = f"{plan.theta.size} steps"
+        got = f"{sums.theta.size} steps"
         raise ValueError(complaint("mesh", required, got, "or use SumOfExponentials or Direct"))
-
-
-class MeshMemory:
-    """The running memory of a march on a mesh of any steps.
-
-    Attributes
-    ----------
-    recall : compiled function
-        Of signature `RECALL_SIG`, kernels/signatures.py.
-    tables, arrays : tuples of ndarrays
-        What it reads, and what it changes.
-    n_modes : int
-        Modes held for each component.
-    """
-
-    kernel_error = 0.0  # there are no other kernels on a mesh
-
-    def __init__(self, recall, tables, arrays, n_modes=0):
-        self.recall = as_value(recall, RECALL_SIG)
-        self.tables, self.arrays, self.n_modes = tables, arrays, n_modes
-
-    @property
-    def nbytes(self):
-        """Bytes of the memory itself, tables not counted."""
-        return sum(array.nbytes for array in self.arrays)

@@ -1,4 +1,4 @@
-"""The past of equations whose orders vary (floor 3): stored pieces, or modes for every order.
+"""The past of equations whose orders vary: stored pieces, or modes for every order.
 
 The weights of the past are other ones at each step, but the modes need not be: on a grid of rates
 ``exp(h j)`` every kernel ``t**-a`` has the amplitudes ``h/Gamma(a) exp(a h j)``. The infinitely
@@ -8,7 +8,6 @@ three moments: those are geometric sums as well.
 """
 
 import math
-from abc import abstractmethod
 from functools import lru_cache
 
 import numpy as np
@@ -19,23 +18,15 @@ from ..exponential_sum import trapezoid_step
 from ..kernels.convolution import exchange_nothing
 from ..kernels.orders import fill_starts
 from ..kernels.varying import (
-    HEAD,
     LANES,
-    PER_TERM,
     STARTS,
     exchange_kernel_modes,
     exchange_varying_direct,
 )
-from ..orders import OrderFailed
 from ..schemes.varying import LEAST
 from ..special import mean_exponential
 from .history import Memory
 
-# Steps whose weights are worked out at once; a multiple begins each stretch, so that a run that is
-# resumed works them out in the same arrays. With half as many the run takes a tenth longer.
-_STRETCH = 16384
-# Steps that are worked out together at the end of a run, more than NumPy treats at once.
-_GROUP = 64
 # Modes are summed so many at a time.
 _PAD = 4 * LANES
 # Shares of the tolerance: fast end, slow end; the trapezoid rule has the rest.
@@ -47,53 +38,34 @@ _NODES = (1 - np.cos(2 * np.pi * np.arange(SLOW_NODES) / (2 * SLOW_NODES - 1))) 
 
 
 class VaryingMemory(Memory):
-    """Common part of both memories: the schedule of the steps ahead.
+    """Common part of both memories: the tables of the schedule.
 
     Parameters
     ----------
     exchange : compiled function
     own : list of ndarray
-        The tables behind those of the schedule, three of them.
+        Tables behind those of the schedule.
     arrays : tuple of three ndarrays
     schedule : Schedule
     """
 
     def __init__(self, exchange, own, arrays, schedule):
-        empty, table = np.zeros((1, 0)), np.zeros((schedule.n_rows, _STRETCH))
-        super().__init__(exchange, (table, schedule.derivatives, *own), arrays, empty, empty)
-        self._schedule, self._n_end, self._known = schedule, 0, (0, 0, 0)
-        self._trouble = ""
+        empty = np.zeros((1, 0))
+        common = (
+            schedule.numbers,
+            schedule.rows.lead,
+            schedule.amplitudes,
+            schedule.powers,
+            schedule.derivatives,
+        )
+        super().__init__(exchange, (*common, *own), arrays, empty, empty)
+        self._schedule = schedule
 
-    def follow(self, rows: np.ndarray) -> None:
-        """Work out what else the newly filled rows (n_rows, n) ask for; nothing by default."""
-
-    @abstractmethod
-    def grow(self, n_end: int) -> None:
-        """Make room for a march up to step `n_end`."""
-
-    def prepare(self, n_end):
-        """Make room up to step `n_end`; look at the orders until there."""
-        if n_end > self._n_end:
-            self._schedule.check(n_end)
-            self._n_end = n_end
-        self.grow(n_end)
-
-    def reach(self, n):
-        """End of the steps whose weights are worked out, those of step n among them."""
-        first, last, n_end = self._known
-        # beyond the run's end, as it was then, orders were not asked for
-        if not first <= n < min(last, n_end):
-            first = n // _STRETCH * _STRETCH
-            # whole groups, so that a longer run works these steps out in the same way
-            size = min(_STRETCH, math.ceil((self._n_end - first) / _GROUP) * _GROUP)
-            rows = self.tables[0][:, :size]
-            n_good, self._trouble = self._schedule.fill(rows, first, self._n_end)
-            last = first + n_good
-            self._known = (first, last, self._n_end)
-            self.follow(rows)
-        if n >= last:
-            raise OrderFailed(self._trouble)
-        return min(last, self._known[2])
+    def begin(self, shift, starts):
+        """Keep shift and x(0) for terms with other kernels."""
+        *_, begun = self.arrays
+        if begun.shape[1] > 0:
+            begun[:, 0], begun[:, 1] = shift, starts[:, 0]
 
 
 class VaryingPieces(VaryingMemory):
@@ -101,24 +73,26 @@ class VaryingPieces(VaryingMemory):
 
     def __init__(self, schedule, n_columns):
         arrays = tuple(np.zeros((n_columns, k)) for k in (0, 0, begun(schedule)))
-        own = [np.zeros((1, 0)), np.zeros((1, 0)), np.zeros((1, 3))]
-        super().__init__(exchange_varying_direct, own, arrays, schedule)
+        super().__init__(exchange_varying_direct, [], arrays, schedule)
+        self._n_known = 0
 
-    def grow(self, n_end):
+    def prepare(self, n_end):
         """Make room for a march up to step `n_end`."""
         pieces, *others = self.arrays
         if pieces.shape[1] < n_end + 1:
             more = max(n_end + 1, 2 * pieces.shape[1]) - pieces.shape[1]
             self.arrays = (np.pad(pieces, ((0, 0), (0, more))), *others)
-        n = self.arrays[0].shape[1]
-        if self.tables[2].shape[1] >= n:
+        n = max(n_end + 1, pieces.shape[1])
+        if self._n_known >= n:
             return
+        self._n_known = n
         # beginning at k = 1, the first that is asked for being 2
         k = np.maximum(np.arange(n), 1.0)
         begun = np.maximum(k - 1 + self._schedule.theta, 0.5)
         logs = [np.log(k), np.log1p(1 / k), np.log(begun), np.log1p(1 / begun)]
         weights = [np.zeros((1, n)), *(terms.exact(n) for terms in self._schedule.others)]
-        self.tables = (*self.tables[:2], np.array(logs), np.vstack(weights), self.tables[4])
+        *common, _, _, unused = self.tables
+        self.tables = (*common, np.array(logs), np.vstack(weights), unused)
 
     def copy(self):
         """An independent memory with the same pieces."""
@@ -129,6 +103,8 @@ class VaryingPieces(VaryingMemory):
 
 class VaryingModes(VaryingMemory):
     """Modes for all orders."""
+
+    inlined = True
 
     def __init__(self, schedule, n_columns, covered, tol):
         rates, h, x = bank_of_all_orders(covered, tol)
@@ -150,44 +126,43 @@ class VaryingModes(VaryingMemory):
         table[1:3, :n_grid] = shares[:, :n_grid]
         table[3:, n_powers:] = rows
         self._grid = h, x, shares[:, n_grid:, None] * _from_moments(), n_powers // LANES
-        starts = np.zeros((schedule.derivatives.size * STARTS, _STRETCH))
+        self._starts = np.zeros((schedule.derivatives.size * STARTS, schedule.numbers.size))
         late = any(terms.late for terms in schedule.others)
-        own = [table, starts, np.array([[float(n_powers), float(n_grid), float(late)]])]
+        size = np.zeros((2, 3 + n_powers // LANES))
+        size[0, :3] = n_powers, n_grid, late
+        own = [table, self._starts, size]
         arrays = tuple(np.zeros((n_columns, k)) for k in (0, table.shape[1], begun(schedule)))
         exchange = exchange_kernel_modes if begun(schedule) else exchange_nothing
         super().__init__(exchange, own, arrays, schedule)
 
-    def grow(self, n_end):
+    def prepare(self, n_end):
         """Refuse steps that the exponential sums do not reach."""
         if n_end > self._covered:
             remedy = "begin the run with SumOfExponentials(horizon=), the time it is to reach"
             required = f"stay within the {self._covered} steps its history covers"
             raise ValueError(complaint("resume", required, f"a run to step {n_end}", remedy))
 
-    def follow(self, rows):
+    def follow(self, size):
         """Where each term's amplitudes begin on the grid, their ratio, and the slow end's weights.
 
         A kernel ``t**-a`` has the amplitudes ``exp(a h j)`` on the grid; the slow end holds all
         those before it, whose moments are ``exp(a x) / (1 - exp(-(a + k) h))``.
         """
         h, x, from_moments, length = self._grid
-        _, derivatives, _, starts, _ = self.tables
-        per_class = HEAD + PER_TERM * derivatives.shape[1]
+        schedule = self._schedule
         decays = np.exp(-h * np.arange(1.0, SLOW_NODES))
-        for index, m in enumerate(derivatives.ravel().astype(int)):
+        for index, m in enumerate(schedule.derivatives.ravel().astype(int)):
             if m == 0:
                 continue
-            a, j = divmod(index, derivatives.shape[1])
-            row = 1 + per_class * a + HEAD + PER_TERM * j
-            own = starts[STARTS * index :][:STARTS, : rows.shape[1]]
-            exponent = np.subtract(1, rows[row + 1], out=own[5])
+            own = self._starts[STARTS * index :][:STARTS, :size]
+            exponent = np.subtract(1, schedule.powers[index, :size], out=own[5])
             np.maximum(exponent, LEAST, out=exponent)
             for k, factor in enumerate((x, h, h * length)):
                 np.multiply(exponent, factor, out=own[k])
                 np.exp(own[k], out=own[k])
             np.multiply(exponent, -h, out=own[3])
             np.expm1(own[3], out=own[3])  # exp(-a h) - 1, to all its digits
-            fill_starts(own, rows[row + 2], from_moments[m - 1], decays)
+            fill_starts(own, schedule.kernels[index, :size], from_moments[m - 1], decays)
 
     def copy(self):
         """An independent memory with the same modes."""

@@ -14,9 +14,10 @@ def exchange_direct(lag, pieces, n, classes, tables, memory):
 @kernel
 def exchange_pending(lag, pieces, n, classes, tables, memory):
     """Sum directly over the present stretch alone, and add the rest from `pending`."""
-    # memory: stored pieces, start values, pending (W, capacity); tables[3]: length of a stretch
-    pending = memory[2]
-    length = int(tables[3][0, 0])
+    # memory: stored pieces, start values, pending (W, capacity)
+    _, _, pending = memory
+    _, _, stretch, _, _, _, _, _ = tables
+    length = int(stretch[0, 0])
     add_direct(lag, pieces, n, n // length * length, classes, tables, memory)
     for c in range(lag.shape[0]):
         for i in range(lag.shape[1]):
@@ -31,10 +32,9 @@ def add_direct(lag, pieces, n, first, classes, tables, memory):
     they grow longer, nor where a term exceeds the sum so far (Kahan's rule would), as increments
     of an oscillation do. All of it runs along the block, so the loop is still vectorised.
     """
-    # lag (W, B), pieces (W, B + 1); tables: weights (C, >= n + B), start weights (V C, >= n + B),
-    #   others unused
+    # lag (W, B), pieces (W, B + 1); tables: weights (C, >= n + B), start weights (V C, >= n + B)
     # memory: stored (W, capacity) with u_m at m + 1, start values (W, V), unused
-    weights, start_weights, _, _, _ = tables
+    weights, start_weights, _, _, _, _, _, _ = tables
     stored, start, _ = memory
     n_block = lag.shape[1]
     lost = np.empty(n_block)

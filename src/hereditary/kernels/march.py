@@ -1,78 +1,146 @@
-"""The block march of the explicit scheme (floor 1).
+"""The march on given steps: one source, compiled apart for each way of solving a step.
 
-``d_n = lead f(t_n, x_n) - near y_(n-1) - lag_n``, ``y_n = y_(n-1) + d_n``, ``x_(n+1) = x_n + y_n``:
-solving for the second difference d keeps rounding at 1e-13 where x_(n+1) - 2 x_n + x_(n-1) would
-lose it. The lag of older blocks comes from the history; inside a block each new increment is
-spread over the steps ahead of it. All arithmetic hangs on absolute step numbers, so a march does
-not depend on where it was interrupted.
+With ``x_(n+1) = x_n + shift + w_n``, shift = x'(0) times the step's length where the pieces leave
+it out, every step is opened, which gives what is known of it, solved for w_n,
+
+    scale w_n + near p_(n-1) + lag_n + lead forcing = lead f(t, x_n + theta (shift + w_n)),
+
+and closed: the piece p_n, which is w_n or the value of f, is spread over the steps ahead in its
+block. The history adds what is older than a block. The explicit step, theta = 0 and scale = 1, is
+solved for ``w_n - w_(n-1)``: so rounding stays at 1e-13 where x_(n+1) - 2 x_n + x_(n-1) would lose
+it. All arithmetic hangs on absolute step numbers, so a march does not depend on where it was
+interrupted.
+
+Arrays of every step are named here one by one: to hand groups of them to functions takes longer
+than most steps do.
 """
 
 import numpy as np
 
-from .._jit import entry, kernel
-from .block import BLOWN_UP, RUNNING, begin_one, bounded, open_block, write_rows
+from .._jit import entry
+from .adams import contraction, correct, look_again, predict, settle
+from .block import (
+    BLOWN_UP,
+    NOT_SOLVED,
+    RUNNING,
+    begin_first,
+    begin_starts,
+    bounded,
+    keep_jacobian,
+    open_block,
+    samples,
+    write_rows,
+)
 from .jacobian import jacobian
+from .newton import end_point, guess, solve_step
 from .signatures import MARCH
-from .tangent import push_tangents
-from .watch import SLOWEST, watch_turn
+from .step import add_drift, add_powers, change, close, know
+from .tangent import evaluate, push_tangents, solve_tangents
+from .varying import read_varying
+from .watch import watch_turn
 
 
-@entry(*MARCH)
-def march_explicit(rhs, jac, has_jac, params, exchange, tables, memory, step, march, output, n_end):
-    """March to step `n_end`; return how it ended (kernels/block.py)."""
-    h, lead, near, groups, weights = step.h, step.lead, step.near, step.groups, step.weights
-    counts, x, y, d = march.counts, march.x, march.increment, march.change
-    lag, pieces = march.lag, march.pieces
-    n_block = lag.shape[1]
-    first_sample = (counts.step + step.every - 1) // step.every
-    width, n_orbit = x.shape[0], step.n_orbit
-    f, j_f = np.empty(width), np.empty((n_orbit, n_orbit))
-    orbit, f_orbit = x[:n_orbit], f[:n_orbit]
-    counts.rows = 0
-    while counts.step < n_end:
-        n = counts.step
-        p = n % n_block
-        if p == 0 and counts.opened != n:  # the right-hand side may have raised since
-            open_block(lag, pieces, n, groups, weights, exchange, tables, memory)
+def marching(name, way, read=open_block):
+    """Compile the march for one way of solving a step: "explicit", "newton" or "sweeps".
+
+    `read` opens a block; modes of orders that vary have a reader of their own, for speed.
+    """
+    explicit, newton = way == "explicit", way == "newton"
+
+    def march(rhs, jac, has_jac, params, exchange, tables, memory, table, rows, state, output, end):
+        h, groups, weights, given = table.h, table.groups, table.weights, table.given
+        counts, x, u, d, lag = state.counts, state.x, state.increment, state.change, state.lag
+        pieces, force, lacks, speed = state.pieces, state.force, state.lacks, state.shift
+        theta, unit, length, ratio = rows.theta, rows.unit, rows.length, rows.ratio
+        leads, nears, scales, drifts = rows.lead, rows.near, rows.scale, rows.drift
+        every, n_orbit, integral = table.every, table.n_orbit, table.integral
+        amplitudes, corrections, width = state.drift, state.corrections, x.shape[0]
+        values, starts, first, slowest = rows.value, state.starts, state.first, table.slowest
+        monitor = state.monitor
+        known, shift, lead, scale = np.zeros(width), np.zeros(width), np.ones(width), np.ones(width)
+        w, f, moved, point = np.empty(width), np.empty(width), np.zeros(width), np.empty(width)
+        j_f, orbit, f_orbit = np.empty((n_orbit, n_orbit)), x[:n_orbit], f[:n_orbit]
+        first_sample, first_stretch = samples(counts.step, end, every)
+        counts.rows = 0
+        while counts.step < end:
+            n = counts.step
+            p, i = n % lag.shape[1], min(n - rows.first, rows.last)
+            t = (n + theta[i]) * h if h > 0.0 else rows.times[i] + theta[i] * unit[i]
+            if p == 0 and counts.opened != n:  # the right-hand side may have raised since
+                read(lag, pieces, n, groups, weights, exchange, tables, memory)
+                if n == 0:
+                    begin_starts(rhs, jac, has_jac, params, memory, table, state, j_f, f)
+                counts.opened = n
+            if every > 0 and n % every == 0:
+                k = n // every - first_sample
+                keep_jacobian(rhs, jac, has_jac, params, n * h, orbit, k, output, counts)
+            know(
+                p, i, groups, length, speed, leads, nears, scales, lag, pieces, shift, lead, scale,
+                known,
+            )  # fmt: skip
+            if drifts.shape[1] > 0:
+                add_drift(i, groups, drifts, values, speed, starts, known)
+            if amplitudes.shape[1] > 0 or n < corrections.shape[1]:
+                add_powers(n, t, amplitudes, table.powers, corrections, lead, known)
+            if explicit:
+                rhs(t, orbit, f_orbit, params)
+                counts.rhs += 1
+                if width > n_orbit:
+                    counts.rhs += jacobian(rhs, jac, has_jac, t, orbit, params, j_f)
+                    push_tangents(j_f, x, f)
+                change(n, p, given, lead, known, shift, f, u, pieces, w, d)
+            elif newton and n == 0 and given[0] == 1:
+                w[:] = first
+            elif newton:
+                guess(p, integral, ratio[i], lead, known, force, pieces, w)
+                if not solve_step(
+                    rhs, jac, has_jac, params, t, orbit, theta[i], shift, scale, known, lead, w,
+                    counts,
+                ):  # fmt: skip
+                    return NOT_SOLVED
+                if width > n_orbit and not solve_tangents(
+                    rhs, jac, has_jac, params, t, x, j_f, theta[i], shift, scale, known, lead, w,
+                    counts,
+                ):  # fmt: skip
+                    return NOT_SOLVED
+                if integral == 1:
+                    end_point(x, shift, w, point)
+                    evaluate(rhs, jac, has_jac, params, t, point, j_f, f, counts)
+                    force[:] = f
+            else:
+                predict(lead, known, shift, force, lacks, x, w, point)
+                for _ in range(table.sweeps):
+                    evaluate(rhs, jac, has_jac, params, t, point, j_f, f, counts)
+                    correct(lead, known, shift, f, lacks, x, w, moved, point)
+                evaluate(rhs, jac, has_jac, params, t, point, j_f, f, counts)
+                if contraction(n_orbit, point, lead, f, moved, lacks, table.limits, counts):
+                    k = n // every - first_stretch
+                    look_again(rhs, jac, has_jac, params, t, point, moved, k, output, counts)
+                settle(lead, f, force, lacks)
+            close(
+                p, n, explicit, integral, ratio[i], groups, weights, shift, w, f, x, u, d, lag,
+                pieces,
+            )  # fmt: skip
+            for c in range(n_orbit if slowest > 0.0 else 0):
+                if (u[c] - d[c]) * u[c] < 0.0:  # a turn of the increments
+                    watch_turn(monitor[c], d[c], u[c], x[c], slowest, counts)
             if n == 0:
-                begin_starts(lag, memory, march.starts, groups, step.start_weights)
-            counts.opened = n
-        if n % step.every == 0:
-            sample = output.jacobians[n // step.every - first_sample]
-            counts.rhs += jacobian(rhs, jac, has_jac, n * h, orbit, params, sample)
-        rhs(n * h, orbit, f_orbit, params)
-        counts.rhs += 1
-        if width > n_orbit:
-            counts.rhs += jacobian(rhs, jac, has_jac, n * h, orbit, params, j_f)
-            push_tangents(j_f, x, f)
-        for c in range(width):
-            y_old = y[c]
-            change = lead[c] * f[c] - near[c] * y_old - lag[c, p]
-            if n == 0 and step.given[c] == 1:
-                change = 0.0  # y holds h x'(0) already: the scheme's x_1 = x_0 + h x'(0)
-            y_new = y_old + change
-            x_new = x[c] + y_new
-            x[c], y[c], d[c], pieces[c, p + 1] = x_new, y_new, change, y_new
-            if n == 0:
-                d[c] = 0.0  # no second difference yet
-            w = weights[groups[c]]
-            for i in range(2, n_block - p):
-                lag[c, p + i] += w[i] * y_new
-            if y_old * y_new < 0.0 and c < n_orbit:
-                own = march.monitor[c]
-                watch_turn(own, y_new - y_old, y_new, x_new, SLOWEST, counts)
-        counts.step = n + 1
-        counts.rows = write_rows(n + 1, counts.rows, output, x, y, d, h)
-        if not bounded(orbit):
-            return BLOWN_UP
-    return RUNNING
+                begin_first(memory, table, state)
+            counts.step = n + 1
+            counts.rows = write_rows(n + 1, counts.rows, output, x, u, d, unit[i])
+            if not bounded(orbit):
+                return BLOWN_UP
+        return RUNNING
+
+    march.__name__ = march.__qualname__ = name
+    march.__doc__ = "March to step `end`; return how it ended (kernels/block.py)."
+    return entry(*MARCH, fused=read is read_varying)(march)
 
 
-@kernel
-def begin_starts(lag, memory, starts, groups, start_weights):
-    """Store all start values (W, V) of the columns, and add them to the first block."""
-    n_groups, n_starts = start_weights.shape[0] // max(1, starts.shape[1]), starts.shape[1]
-    for c in range(lag.shape[0]):
-        for v in range(n_starts):
-            own = start_weights[v * n_groups + groups[c]]
-            begin_one(lag, memory, starts[c, v], c, own, 1 - v, v, n_starts)
+MARCHES = {
+    ("explicit", False): marching("march_explicit", "explicit"),
+    ("newton", False): marching("march_newton", "newton"),
+    ("sweeps", False): marching("march_sweeps", "sweeps"),
+    ("explicit", True): marching("march_varying_explicit", "explicit", read_varying),
+    ("newton", True): marching("march_varying_newton", "newton", read_varying),
+}

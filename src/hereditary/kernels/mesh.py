@@ -1,4 +1,4 @@
-"""Memory on meshes of any steps (floor 1): moments, the two histories, and the march.
+"""The past on meshes of any steps: moments, weights of the newest pieces, and two histories.
 
 A piece of the solution on [t_k, t_(k+1)] has the slope ``mean + lean (s - middle)``. Seen from t
 it contributes ``mean m_0 + lean m_1`` with the moments of the kernel ``p T**(p-1)``, T = t - s:
@@ -9,10 +9,7 @@ import math
 
 import numpy as np
 
-from .._jit import entry, kernel
-from .block import BLOWN_UP, NOT_SOLVED, RUNNING, write_rows
-from .newton import solve_step
-from .signatures import MESH_MARCH
+from .._jit import kernel
 
 # A step longer than this many times the one before gets a line, not a parabola that leans on it.
 STEEPEST = 30.0
@@ -43,48 +40,70 @@ def moments(low, width, p, nodes, weights):
 
 
 @kernel
-def recall_direct(lag, pieces, n_pieces, t, classes, tables, memory):
-    """Store the pieces just finished and sum over all of them as seen from t."""
-    # pieces (2, W): mean and lean of piece n_pieces - 1; tables: times (1, N + 1), factors and
-    #   powers (C, T), Gauss nodes and weights (2, 16); memory: means, leans (W, N), unused
-    times, factors, powers, rule, _ = tables
-    means, leans, _ = memory
-    for c in range(lag.shape[0]):
-        if n_pieces > 0:
-            means[c, n_pieces - 1], leans[c, n_pieces - 1] = pieces[0, c], pieces[1, c]
-        total = 0.0
-        for j in range(factors.shape[1]):
-            factor, p = factors[classes[c], j], powers[classes[c], j]
-            if factor != 0.0 and p > 0.0:
-                for k in range(n_pieces):
-                    low, step = t - times[0, k + 1], times[0, k + 1] - times[0, k]
-                    m_0, m_1 = moments(low, step, p, rule[0], rule[1])
-                    total += factor * (means[c, k] * m_0 + leans[c, k] * m_1)
-        lag[c] = total
+def piece_of(newer, older, n, times, parabolas):
+    """Slope and lean of the piece on the step before the newest one, that from t_(n-2) on."""
+    # newer, older: increments of the newest step, from t_(n-1) on, and of the one before
+    step, before = times[n] - times[n - 1], times[n - 1] - times[n - 2]
+    mean = older / before
+    if parabolas == 0 or step > STEEPEST * before:
+        return mean, 0.0
+    return mean, 2.0 * (newer / step - mean) / (step + before)
 
 
 @kernel
-def recall_modes(lag, pieces, n_pieces, t, classes, tables, memory):
-    """Decay the modes over the newest piece, take it in, and read all of them at t."""
-    # tables: times (1, N + 1), rates (1, M), weights (C, M), unused; memory: modes (W, M), unused
-    times, rates, weights, _, _ = tables
-    modes = memory[0]
-    width, end = 0.0, times[0, n_pieces]
-    if n_pieces > 0:
-        width = end - times[0, n_pieces - 1]
-    lag[:] = 0.0
+def exchange_mesh_direct(lag, pieces, n, groups, tables, memory):
+    """Store the piece just finished and sum over all of them as seen in step n."""
+    # lag (W, 1), pieces (W, 2): u_(n-2) and u_(n-1)
+    # tables: times (1, N + 1), inverse leading weights (C, N), theta (1, N), factors and powers
+    #   (C, T), Gauss nodes and weights (2, 16), kind of the pieces (1, 1), unused
+    # memory: means, start values (W, 0), leans (W, N)
+    mesh, leads, theta, factors, powers, rule, kind, _ = tables
+    means, _, leans = memory
+    if n < 2:
+        return
+    times = mesh[0]
+    t = times[n] + theta[0, n] * (times[n + 1] - times[n])
+    for c in range(lag.shape[0]):
+        a, total = groups[c], 0.0
+        mean, lean = piece_of(pieces[c, 1], pieces[c, 0], n, times, int(kind[0, 0]))
+        means[c, n - 2], leans[c, n - 2] = mean, lean
+        for j in range(factors.shape[1]):
+            factor, p = factors[a, j], powers[a, j]
+            if factor != 0.0 and p > 0.0:
+                for k in range(n - 1):
+                    low, step = t - times[k + 1], times[k + 1] - times[k]
+                    m_0, m_1 = moments(low, step, p, rule[0], rule[1])
+                    total += factor * (means[c, k] * m_0 + leans[c, k] * m_1)
+        lag[c, 0] += leads[a, n] * total
+
+
+@kernel
+def exchange_mesh_modes(lag, pieces, n, groups, tables, memory):
+    """Decay the modes over the step before the newest, take its piece in, and read them all."""
+    # tables: as above, with rates (1, M) and weights (C, M) in place of factors and powers
+    # memory: modes (W, M), start values (W, 0), unused
+    mesh, leads, theta, rates, weights, _, kind, _ = tables
+    modes, _, _ = memory
+    if n < 2:
+        return
+    times = mesh[0]
+    width = times[n - 1] - times[n - 2]
+    ahead = times[n] + theta[0, n] * (times[n + 1] - times[n]) - times[n - 1]
+    total = np.zeros(lag.shape[0])
+    mean, lean = np.empty(lag.shape[0]), np.empty(lag.shape[0])
+    for c in range(lag.shape[0]):
+        mean[c], lean[c] = piece_of(pieces[c, 1], pieces[c, 0], n, times, int(kind[0, 0]))
     for i in range(rates.shape[1]):
         rate = rates[0, i]
-        if n_pieces > 0:
-            z = rate * width
-            keep = math.exp(-z)
-            mean, ramp = exponential_moments(z, keep)
-            for c in range(lag.shape[0]):
-                fresh = pieces[0, c] * mean + pieces[1, c] * width * (0.5 * mean - ramp)
-                modes[c, i] = modes[c, i] * keep + width * fresh
-        seen = math.exp(-rate * (t - end))
+        keep = math.exp(-rate * width)
+        average, ramp = exponential_moments(rate * width, keep)
+        seen = math.exp(-rate * ahead)
         for c in range(lag.shape[0]):
-            lag[c] += weights[classes[c], i] * seen * modes[c, i]
+            fresh = mean[c] * average + lean[c] * width * (0.5 * average - ramp)
+            modes[c, i] = modes[c, i] * keep + width * fresh
+            total[c] += weights[groups[c], i] * seen * modes[c, i]
+    for c in range(lag.shape[0]):
+        lag[c, 0] += leads[groups[c], n] * total[c]
 
 
 @kernel
@@ -100,54 +119,18 @@ def exponential_moments(z, keep):
     return mean, ramp
 
 
-@entry(*MESH_MARCH)
-def march_mesh(rhs, jac, has_jac, params, recall, tables, memory, mesh, march, output, n_end):
-    """March to mesh point `n_end`; return how it ended (kernels/block.py)."""
-    times, theta, parabolas, groups = mesh.times, mesh.theta, mesh.parabolas, mesh.groups
-    counts, x, u, pieces = march.counts, march.x, march.increment, march.pieces
-    width = x.shape[0]
-    lag, known, lead, w = np.empty(width), np.empty(width), np.empty(width), np.empty(width)
-    ones, zeros, shift, new = np.ones(width), np.zeros(width), np.empty(width), np.empty(width)
-    counts.rows = 0
-    while counts.step < n_end:
-        n = counts.step
+@kernel
+def fill_mesh(times, theta, parabolas, factors, powers, rule, lead, near):
+    """Fill the inverse leading weights, and the weights of the increment before over them."""
+    # times (N + 1,), theta (N,); factors, powers (C, T); rule (2, 16); lead, near (C, N)
+    for n in range(theta.shape[0]):
         step = times[n + 1] - times[n]
         before = times[n] - times[n - 1] if n > 0 else 0.0
-        t = times[n] + theta[n] * step
-        n_pieces = n if parabolas == 0 else max(0, n - 1)
-        recall(lag, pieces, n_pieces, t, groups, tables, memory)
-        for c in range(width):
-            i, ahead = groups[c], theta[n] * step
-            factors, powers = mesh.factors[i], mesh.powers[i]
-            now, then = near_weights(factors, powers, ahead, step, before, parabolas, mesh.rule)
-            lead[c] = 1.0 / now
-            known[c] = (lag[c] + then * u[c]) / now
-            w[c] = u[c] * step / before if n > 0 else 0.0
-            shift[c] = step * mesh.speeds[c]
-        if n == 0 and mesh.given == 1:
-            w[:] = mesh.first
-        elif not solve_step(
-            rhs, jac, has_jac, params, t, x, theta[n], shift, ones, known, lead, w, counts
-        ):
-            return NOT_SOLVED
-        finite = True
-        for c in range(width):
-            if parabolas == 0:
-                pieces[0, c], pieces[1, c] = w[c] / step, 0.0
-            elif n > 0:
-                pieces[0, c] = u[c] / before
-                steep = step > STEEPEST * before
-                bend = 0.0 if steep else 2.0 * (w[c] / step - u[c] / before) / (step + before)
-                pieces[1, c] = bend
-            u[c] = w[c]
-            new[c] = shift[c] + w[c]
-            x[c] += new[c]
-            finite = finite and abs(x[c]) < 1e300
-        counts.step = n + 1
-        counts.rows = write_rows(n + 1, counts.rows, output, x, new, zeros, step)
-        if not finite:
-            return BLOWN_UP
-    return RUNNING
+        for a in range(factors.shape[0]):
+            now, then = near_weights(
+                factors[a], powers[a], theta[n] * step, step, before, parabolas, rule
+            )
+            lead[a, n], near[a, n] = 1.0 / now, then / now
 
 
 @kernel
@@ -159,10 +142,10 @@ def near_weights(factors, powers, ahead, step, before, parabolas, rule):
             continue
         m_0, m_1 = moments(0.0, ahead, powers[j], rule[0], rule[1])
         now += factors[j] * m_0 / step
-        if parabolas > 0 and before > 0.0:
+        if before > 0.0:
             b_0, b_1 = moments(ahead, before, powers[j], rule[0], rule[1])
             lean = 2.0 * (b_1 + (m_1 if parabolas == 2 else 0.0)) / (step + before)
-            if step > STEEPEST * before:
+            if parabolas == 0 or step > STEEPEST * before:
                 lean = 0.0
             now += factors[j] * lean / step
             then += factors[j] * (b_0 - lean) / before

@@ -17,7 +17,7 @@ def exchange_modes(lag, pieces, n, classes, tables, memory):
     #   window (W, L)
     # tables: weights (C, M), start weights (V C, M), ahead (M, B), back (B + 1, M) with last row
     #   q**B, corrections (C, L + 2) of the weights k = 2 .. L + 1
-    weights, start_weights, ahead, back, corrections = tables
+    weights, start_weights, ahead, back, corrections, _, _, _ = tables
     modes, start, window = memory
     n_block, n_modes, n_classes = lag.shape[1], modes.shape[1], weights.shape[0]
     amplitudes = np.empty(n_modes)

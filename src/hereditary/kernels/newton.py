@@ -1,8 +1,8 @@
-"""Newton's method for one implicit step (floor 1)."""
+"""Newton's method for one implicit step."""
 
 import numpy as np
 
-from .._jit import kernel
+from .._jit import inlined, kernel
 from .jacobian import jacobian
 from .linalg import solve_in_place
 
@@ -54,3 +54,17 @@ def solve_step(rhs, jac, has_jac, params, t, x, theta, shift, scale, known, lead
             return True
         previous = size
     return False
+
+
+@inlined
+def guess(p, integral, ratio, lead, known, force, pieces, w):
+    """Set w to a first guess: with f as it was, or the increment before."""
+    for c in range(w.shape[0]):
+        w[c] = lead[c] * force[c] - known[c] if integral == 1 else ratio * pieces[c, p]
+
+
+@inlined
+def end_point(x, shift, w, point):
+    """Set the end of the step."""
+    for c in range(w.shape[0]):
+        point[c] = x[c] + (shift[c] + w[c])

@@ -27,15 +27,14 @@ _FITS = np.array([_polynomial(lambda p: rgamma(p + 1)), _polynomial(_sine)])
 
 
 @kernel
-def fill_term(p, scale, factor, first, second, drift, least, head, own):
+def fill_term(p, scale, factor, first, second, drift, least, lead, near, drifts, share, kernels):
     """Weights of one term, added to those of its class.
 
     ``factor scale / Gamma(p + 1)`` is what all of them are multiples of: first and second the
     nearest two, drift, where it is not empty, that of x'(0). Exponents 1 - p below `least` count as
     that.
     """
-    # p, scale, first, second, drift (n,); head (4, n); own (3, n): share, p, kernel
-    share, kernels = own[0], own[2]
+    # p, scale, first, second, drift (n,); lead, near, drifts (n,) of the group; share, kernels (n,)
     for i in range(p.shape[0]):
         u = 2 * p[i] - 1
         one, other = _FITS[0, _DEGREE], _FITS[1, _DEGREE]
@@ -46,11 +45,10 @@ def fill_term(p, scale, factor, first, second, drift, least, head, own):
         # 1/(Gamma(p) Gamma(1 - p)) = sin(pi p)/pi
         kernels[i] = factor * scale[i] * other * p[i] * max(1 - p[i], least)
     # a loop with more arrays would not be vectorised: each may lie over the others
-    add_product(head[0], share, first)
-    add_product(head[1], share, second)
+    add_product(lead, share, first)
+    add_product(near, share, second)
     if drift.shape[0] > 0:
-        add_product(head[2], share, drift)
-    own[1] = p
+        add_product(drifts, share, drift)
 
 
 @kernel
@@ -61,21 +59,15 @@ def add_product(out, a, b):
 
 
 @kernel
-def divide_by_lead(block, n_head, per_term):
-    """Divide the rows of a class by its leading weight, whose inverse takes its place.
+def invert_lead(lead):
+    """Replace leading weights by their inverses.
 
-    Returns the first step at which it cannot be divided by, or the number of steps.
+    Returns the first step at which one cannot be divided by, or the number of steps.
     """
-    # block (n_head + T per_term, n)
-    lead, n_good = block[0], block.shape[1]
-    for i in range(block.shape[1]):
+    # lead (n,)
+    n_good = lead.shape[0]
+    for i in range(lead.shape[0] - 1, -1, -1):
         lead[i] = 1 / lead[i]
-    for r in range(1, block.shape[0]):
-        if r < n_head or (r - n_head) % per_term != 1:  # p stays
-            row = block[r]
-            for i in range(block.shape[1]):
-                row[i] *= lead[i]
-    for i in range(block.shape[1] - 1, -1, -1):
         if not (abs(lead[i]) < np.inf and lead[i] != 0.0):
             n_good = i
     return n_good

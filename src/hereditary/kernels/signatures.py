@@ -16,9 +16,9 @@ from .._jit import CUBE, F8, I8, IVEC, JAC_SIG, MAT, RHS_SIG, VEC
 RHS = types.FunctionType(RHS_SIG)
 JAC = types.FunctionType(JAC_SIG)
 
-TABLES = types.UniTuple(MAT, 5)
+TABLES = types.UniTuple(MAT, 8)
 MEMORY = types.UniTuple(MAT, 3)
-# lag (W, B), pieces (W, B + 1), first step of the block, class of each column (W,), tables, memory:
+# lag (W, B), pieces (W, B + 1), first step of the block, group of each column (W,), tables, memory:
 # takes all pieces but the last into memory (none at step 0), adds to lag
 EXCHANGE_SIG = types.void(MAT, MAT, I8, IVEC, TABLES, MEMORY)
 EXCHANGE = types.FunctionType(EXCHANGE_SIG)
@@ -44,30 +44,54 @@ MONITOR = np.dtype([(name, "f8") for name in _WATCHED], align=True)
 
 
 class StepTable(NamedTuple):
-    """Coefficients of a scheme's steps, for W columns in C groups and blocks of B steps.
+    """Coefficients that all steps of a run share, for W columns in C groups and blocks of B steps.
 
-    h and theta, where in a step the equation holds; sweeps of a corrector (0: solved for); n_orbit
-    components, the first columns; every so many steps a Jacobian is kept (0: none). groups and
-    given (W,), whether the first increment is given; weights and start_weights (C, B + 2) and
-    (V C, B + 2) inside a block; lead and near (W,), what f and the newest piece weigh; scale (W,),
-    weight of the increment in the first step; limits (W,) of lead times -J for sweeps; powers
-    (r, W) of the known terms.
+    h, the step, 0 on a mesh; slowest, steps between turns up to which these are watched (0: none);
+    sweeps of a corrector; integral, whether pieces are values of f instead of increments;
+    start_known, whether the first start value is; n_orbit components, the first columns; every so
+    many steps a Jacobian is kept (0: none). groups and given (W,), whether the first increment is
+    given; weights and start_weights (C, B + 2) and (V C, B + 2) inside a block; limits (W,) of lead
+    times -J for sweeps; powers (r, W) of the known terms.
     """
 
     h: float
-    theta: float
+    slowest: float
     sweeps: int
+    integral: int
+    start_known: int
     n_orbit: int
     every: int
     groups: np.ndarray
     given: np.ndarray
     weights: np.ndarray
     start_weights: np.ndarray
+    limits: np.ndarray
+    powers: np.ndarray
+
+
+class StepRows(NamedTuple):
+    """Coefficients of single steps: those of step n are row ``min(n - first, last)``.
+
+    Uniform steps share their last row; on meshes and where orders vary every step has its own.
+    times (R,) at which steps begin, empty on uniform steps; theta (R,), where in a step the
+    equation holds; unit (R,), lengths [time], and length (R,), these in units of those that shift
+    is given in; ratio (R,) of a length to the one before. lead, near and scale (C, R), factors of
+    f, of the newest piece and of the increment; drift and value (C, R), factors of shift and of the
+    start value, or (C, 0).
+    """
+
+    first: int
+    last: int
+    times: np.ndarray
+    theta: np.ndarray
+    unit: np.ndarray
+    length: np.ndarray
+    ratio: np.ndarray
     lead: np.ndarray
     near: np.ndarray
     scale: np.ndarray
-    limits: np.ndarray
-    powers: np.ndarray
+    drift: np.ndarray
+    value: np.ndarray
 
 
 class March(NamedTuple):
@@ -75,10 +99,10 @@ class March(NamedTuple):
 
     The W columns are the components of the orbit, then those of one tangent after the other. x, the
     newest increment and its change (W,); lag (W, B) of the block under way and pieces (W, B + 1);
-    monitor, records (d,); shift (W,), h x'(0) that the pieces leave out; drift (W, r), amplitudes
-    of known terms; first (W,), the first increment where it is given; corrections (W, k), added to
-    the right-hand side in the first steps; starts (W, V), start values; force and lacks (W,), the
-    newest right-hand side, and what the last step took too much of it.
+    monitor, records (d,); shift (W,), x'(0) times the unit of lengths, which the pieces leave out;
+    drift (W, r), amplitudes of known terms; first (W,), the first increment where it is given;
+    corrections (W, k) of the right-hand side in the first steps; starts (W, V), start values; force
+    and lacks (W,), the newest right-hand side, and what the last step took too much of it.
     """
 
     counts: np.record
@@ -106,51 +130,14 @@ class Output(NamedTuple):
     jacobians: np.ndarray
 
 
-class MeshTable(NamedTuple):
-    """Coefficients of a scheme's steps on a mesh.
-
-    times (N + 1,), theta (N,); parabolas: 0 none, 1 behind the newest step, 2 on it too; given,
-    whether the first increment is; groups (W,); factors and powers (C, T) of the terms; rule
-    (2, 16), Gauss nodes and weights; first increment, and speeds x'(0) where pieces leave t x'(0)
-    out (W,).
-    """
-
-    times: np.ndarray
-    theta: np.ndarray
-    parabolas: int
-    given: int
-    groups: np.ndarray
-    factors: np.ndarray
-    powers: np.ndarray
-    rule: np.ndarray
-    first: np.ndarray
-    speeds: np.ndarray
-
-
-class MeshMarch(NamedTuple):
-    """State of a march on a mesh: counts, x and the newest increment (W,), pieces (2, W)."""
-
-    counts: np.record
-    x: np.ndarray
-    increment: np.ndarray
-    pieces: np.ndarray
-
-
 _COUNTS = from_dtype(COUNTS)
 STEP_TABLE = types.NamedTuple(
-    (F8, F8, I8, I8, I8, IVEC, IVEC, MAT, MAT, VEC, VEC, VEC, VEC, MAT), StepTable
+    (F8, F8, I8, I8, I8, I8, I8, IVEC, IVEC, MAT, MAT, VEC, MAT), StepTable
 )
+STEP_ROWS = types.NamedTuple((I8, I8, VEC, VEC, VEC, VEC, VEC, MAT, MAT, MAT, MAT, MAT), StepRows)
 _MONITORS = types.Array(from_dtype(MONITOR), 1, "C")
 STATE = types.NamedTuple(
     (_COUNTS, VEC, VEC, VEC, MAT, MAT, _MONITORS, VEC, MAT, VEC, MAT, MAT, VEC, VEC), March
 )
 OUTPUT = types.NamedTuple((VEC, MAT, MAT, CUBE), Output)
-MARCH = (RHS, JAC, I8, VEC, EXCHANGE, TABLES, MEMORY, STEP_TABLE, STATE, OUTPUT, I8)
-
-# The same on meshes of any steps: lag (W,), newest piece (2, W), pieces so far, time seen from,
-# class of each column, tables, memory; stores the piece and sets lag
-RECALL_SIG = types.void(VEC, MAT, I8, F8, IVEC, TABLES, MEMORY)
-RECALL = types.FunctionType(RECALL_SIG)
-MESH_TABLE = types.NamedTuple((VEC, VEC, I8, I8, IVEC, MAT, MAT, MAT, VEC, VEC), MeshTable)
-MESH_STATE = types.NamedTuple((_COUNTS, VEC, VEC, MAT), MeshMarch)
-MESH_MARCH = (RHS, JAC, I8, VEC, RECALL, TABLES, MEMORY, MESH_TABLE, MESH_STATE, OUTPUT, I8)
+MARCH = (RHS, JAC, I8, VEC, EXCHANGE, TABLES, MEMORY, STEP_TABLE, STEP_ROWS, STATE, OUTPUT, I8)

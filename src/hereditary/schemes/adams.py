@@ -7,7 +7,6 @@ step, the increments of x weigh the values of f by ``h**alpha / Gamma(alpha+2) /
 (n-alpha) (n+1)**alpha``.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import ClassVar
@@ -16,11 +15,19 @@ import numpy as np
 from scipy.special import rgamma, zeta
 
 from .._checks import complaint, count, within
-from ..kernels.adams import march_adams
+from ..kernels.watch import QUICK
 from ..special import first_moment_exponential, gauss_unit, mean_exponential
 from ..system import System
 from .modes import Modes, edge, series
-from .scheme import Convolution, Plan, Scheme, WeightRule, check_smoothness, distinct_components
+from .scheme import (
+    Convolution,
+    Plan,
+    Scheme,
+    WeightRule,
+    check_smoothness,
+    distinct_components,
+    uniform_rows,
+)
 from .stability import StabilityRegion, polylogarithm
 
 # A mode of the sweeps counts as unstable when it grows by more than this a step; one that turns, of
@@ -95,8 +102,8 @@ FIRST_VALUE = WeightRule(start_weights, _exponent, _modal_start)
 
 
 def _plan(name, equation, h, corrections):
-    """Plan for `march_adams`."""
-    distinct, classes = distinct_components(equation)
+    """Plan in integral form; on the left side f has negative weights."""
+    distinct, groups = distinct_components(equation)
     lead, near, lists, start_lists = [], [], [], []
     for key in distinct:
         if len(key) != 1:
@@ -107,29 +114,25 @@ def _plan(name, equation, h, corrections):
         alpha = operator.order
         factor = h**alpha * rgamma(alpha + 2) / c
         lead.append(factor)
-        near.append(factor * hat_weights(alpha, 2)[1])
-        lists.append(((factor, HATS, alpha),))
-        start_lists.append(((factor, FIRST_VALUE, alpha),))
+        near.append(-factor * hat_weights(alpha, 2)[1])
+        lists.append(((-factor, HATS, alpha),))
+        start_lists.append(((-factor, FIRST_VALUE, alpha),))
     shift = h * equation.y0[1] if equation.m == 2 else np.zeros(equation.d)
-    lead_of = np.array(lead)[classes]
+    lead_of = np.array(lead)[groups]
     region = _region(equation, lead_of, corrections)
     limits = region.limits * lead_of if region else np.full(equation.d, np.inf)
     return Plan(
-        convolution=Convolution(tuple(lists), tuple(start_lists), first_modal=3),
-        classes=classes,
-        h=h,
+        past=Convolution(tuple(lists), tuple(start_lists), first_modal=3),
+        rows=uniform_rows(h, 1.0, lead, near),
+        groups=groups,
         initial=equation.y0[0],
         increments=shift,
-        lead=lead_of,
-        near=np.array(near)[classes],
-        scale=np.ones(equation.d),
         shift=shift,
-        given=np.zeros(equation.d, dtype=np.int64),
-        first=np.zeros(equation.d),
-        starts=np.zeros((0, equation.d)),
         sweeps=corrections,
+        integral=True,
         limits=limits,
         region=region,
+        slowest=QUICK,
     )
 
 
@@ -253,7 +256,7 @@ class Adams(Scheme):
     """
 
     corrections: int = 1
-    march: ClassVar[Callable] = staticmethod(march_adams)
+    solve: ClassVar[str] = "sweeps"
 
     def __post_init__(self):
         count("corrections", self.corrections)
@@ -309,7 +312,7 @@ class ProductTrapezoid(Scheme):
     0.3869
     """
 
-    march: ClassVar[Callable] = staticmethod(march_adams)
+    solve: ClassVar[str] = "newton"
 
     def order(self, alpha: float, smoothness: str = "smooth") -> float:
         """Proven order of convergence at a fixed time, on uniform steps; see `Adams.order`."""

@@ -5,7 +5,6 @@ the power series of ``(delta(z) / h)**alpha`` applied to its samples; applied to
 is ``h**-alpha sum_k W_k w_(n-k)`` with the coefficients W of ``delta(z)**alpha / (1 - z)``.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from typing import ClassVar
@@ -14,7 +13,6 @@ import numpy as np
 from scipy.special import factorial, rgamma
 
 from .._checks import complaint, count, within
-from ..kernels.implicit import march_implicit
 from ..kernels.weights import series_of_power
 from ..system import System
 from .derivative_form import derivative_plan
@@ -65,7 +63,7 @@ class BDF(Scheme):
     """
 
     formula: int
-    march: ClassVar[Callable] = staticmethod(march_implicit)
+    solve: ClassVar[str] = "newton"
 
     def __init__(self, order: int = 2) -> None:
         if count("order", order) > 6:

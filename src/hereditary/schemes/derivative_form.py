@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from .._checks import complaint
-from .scheme import Convolution, MeshPlan, Plan, check_lead, distinct_components
+from .scheme import Convolution, Plan, check_lead, distinct_components, uniform_rows
 
 
 def derivative_plan(
@@ -49,9 +48,9 @@ def derivative_plan(
     Returns
     -------
     Plan
-        For `march_implicit`.
+        Of implicit steps.
     """
-    distinct, classes = distinct_components(equation)
+    distinct, groups = distinct_components(equation)
     lead, near, scale = np.empty((3, len(distinct)))
     lists, start_lists = [], []
     more: list[list] = [[] for _ in more_starts]
@@ -74,7 +73,6 @@ def derivative_plan(
             found.append(weights_of(key, total))
     increments = h * equation.y0[1] if equation.m == 2 else np.zeros(equation.d)
     shift = 0 * increments if whole else increments
-    given = first is not None
     extra = np.zeros((0, equation.d)) if corrections is None else corrections
     amplitudes, powers = _drift(equation, whole)
     if more_drift is not None:
@@ -83,47 +81,21 @@ def derivative_plan(
         begun[: extra.shape[0]] -= extra
         extra = -begun
     return Plan(
-        convolution=Convolution(
-            tuple(lists), tuple(start_lists), first_modal, tuple(map(tuple, more))
-        ),
-        classes=classes,
-        h=h,
+        past=Convolution(tuple(lists), tuple(start_lists), first_modal, tuple(map(tuple, more))),
+        rows=uniform_rows(h, theta, lead, near, scale),
+        groups=groups,
         initial=equation.y0[0],
         increments=increments,
-        lead=lead[classes],
-        near=near[classes],
-        scale=scale[classes],
         shift=shift,
-        given=np.full(equation.d, int(given)),
-        first=first if given else 0 * shift,
-        starts=np.array([v for _, v in more_starts]).reshape(-1, equation.d),
-        theta=theta,
+        given=None if first is None else np.ones(equation.d, dtype=np.int64),
+        first=first,
+        # the first start value is the first increment
+        starts=np.array([0 * shift, *(value for _, value in more_starts)]),
         powers=powers,
         drift=amplitudes,
         corrections=extra,
         lasting=more_drift is not None,  # with a drift of its own the first steps are many
     )
-
-
-def mesh_plan(name, equation, times, theta, parabolas, first=None):
-    """Plan on a mesh of any steps, for orders in (0, 1]."""
-    if not equation.constant:
-        required = f"be Caputo operators of constant order for {name} on a mesh"
-        raise ValueError(complaint("terms", required, "another", "take uniform steps"))
-    highest = float(equation.highest_orders().max())
-    if highest > 1:
-        required = f"lie in (0, 1] for {name} on a mesh"
-        raise ValueError(complaint("order", required, highest, "take uniform steps"))
-    distinct, classes = distinct_components(equation)
-    shape = (len(distinct), max(map(len, distinct)))
-    factors, powers = np.zeros(shape), np.zeros(shape)
-    for i, key in enumerate(distinct):
-        for j, (c, operator) in enumerate(key):
-            factors[i, j], powers[i, j] = c * operator.factor(1.0), operator.power
-    steps = times.size - 1
-    speeds = equation.y0[1] if equation.m == 2 else np.zeros(equation.d)
-    theta = np.broadcast_to(theta, steps) * 1.0
-    return MeshPlan(times, theta, parabolas, classes, factors, powers, speeds, first)
 
 
 def _drift(equation, whole):

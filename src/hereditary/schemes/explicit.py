@@ -6,7 +6,6 @@ alpha in (1, 2] is ``A sum_k b_k d_(n-k)``, with ``b_k = (k+1)**p - k**p``, p = 
 and ``A = coefficient h**-alpha / Gamma(p + 1)``; the right-hand side is taken at t_n.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import ClassVar
@@ -14,11 +13,18 @@ from typing import ClassVar
 import numpy as np
 
 from .._checks import complaint, within
-from ..kernels.march import march_explicit
-from ..kernels.varying import march_varying_explicit
+from ..kernels.watch import SLOWEST
 from ..system import System
 from .modes import Modes, edge, series
-from .scheme import Convolution, Plan, Scheme, check_lead, check_smoothness, distinct_components
+from .scheme import (
+    Convolution,
+    Plan,
+    Scheme,
+    check_lead,
+    check_smoothness,
+    distinct_components,
+    uniform_rows,
+)
 from .stability import stability_region
 from .varying import varying_plan
 from .weights import FIRST_DIFFERENCES, value_weights, weighed
@@ -70,7 +76,7 @@ class ExplicitCaputo(Scheme):
     0.368
     """
 
-    march: ClassVar[Callable] = staticmethod(march_explicit)
+    solve: ClassVar[str] = "explicit"
     implicit: ClassVar[bool] = False
     whole: ClassVar[bool] = True
     takes_kernels: ClassVar[bool] = True
@@ -130,9 +136,9 @@ class ExplicitCaputo(Scheme):
     def plan(self, equation: System, h: float) -> Plan:
         """Tables and convolution for `equation` with step h."""
         if equation.varies:
-            return varying_plan(equation, h, 1.0, march_varying_explicit, explicit=True)
+            return varying_plan(equation, h, 1.0, explicit=True)
         second = equation.highest_orders() > 1
-        distinct, classes = distinct_components(equation)
+        distinct, groups = distinct_components(equation)
         lead = np.empty(len(distinct))
         near = np.empty(len(distinct))
         lists, start_lists, value_lists = [], [], []
@@ -149,24 +155,22 @@ class ExplicitCaputo(Scheme):
             value_lists.append(value_weights(key, total, h, 0.0, 0))
         increments = h * equation.y0[1] if equation.m == 2 else np.zeros(equation.d)
         start = np.where(second, increments, 0.0)
-        region = _region(equation, h, distinct, classes)
+        region = _region(equation, h, distinct, groups)
         # y(0), which no increment tells of, where a term remembers y itself
         values = (tuple(value_lists),) if any(value_lists) else ()
         starts = [start, equation.y0[0]] if values else [start]
         return Plan(
-            convolution=Convolution(tuple(lists), tuple(start_lists), more_starts=values),
-            classes=classes,
-            h=h,
+            past=Convolution(tuple(lists), tuple(start_lists), more_starts=values),
+            rows=uniform_rows(h, 0.0, lead, near),
+            groups=groups,
             initial=equation.y0[0],
             increments=increments,
-            lead=lead[classes],
-            near=near[classes],
-            scale=np.ones(equation.d),
             shift=np.zeros(equation.d),
+            start_known=True,
             given=second.astype(np.int64),
-            first=np.zeros(equation.d),
             starts=np.array(starts),
             region=region,
+            slowest=SLOWEST,
         )
 
 

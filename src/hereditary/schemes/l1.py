@@ -1,6 +1,5 @@
 """The L1 scheme (floor 2): piecewise linear solutions."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from typing import ClassVar
@@ -8,11 +7,10 @@ from typing import ClassVar
 import numpy as np
 
 from .._checks import complaint, within
-from ..kernels.implicit import march_implicit
-from ..kernels.varying import march_varying_implicit
 from ..system import System
-from .derivative_form import derivative_plan, mesh_plan
-from .scheme import MeshPlan, Plan, Scheme, check_smoothness
+from .derivative_form import derivative_plan
+from .mesh import mesh_plan
+from .scheme import Plan, Scheme, check_smoothness
 from .varying import varying_plan
 from .weights import FIRST_DIFFERENCES, value_weights, weighed
 
@@ -55,7 +53,7 @@ class L1(Scheme):
     0.4277
     """
 
-    march: ClassVar[Callable] = staticmethod(march_implicit)
+    solve: ClassVar[str] = "newton"
     takes_kernels: ClassVar[bool] = True
     takes_varying: ClassVar[bool] = True
 
@@ -80,7 +78,7 @@ class L1(Scheme):
         theta = 0.5 if equation.highest_orders().max() > 1 else 1.0
         if equation.varies:
             _refuse_values_beside_varying(equation)
-            return varying_plan(equation, h, theta, march_varying_implicit, explicit=False)
+            return varying_plan(equation, h, theta, explicit=False)
         # where a kernel acts on y, that of y'(0) t grows with t, which no decaying modes follow:
         # there the increments keep h y'(0), and the velocities' differences begin at it
         whole = equation.m == 2 and _remembers(equation, 0)
@@ -97,7 +95,7 @@ class L1(Scheme):
             equation, h, theta, partial(weighed, h=h, theta=theta), more_starts=starts, whole=whole
         )
 
-    def mesh_plan(self, equation: System, times: np.ndarray) -> MeshPlan:
+    def mesh_plan(self, equation: System, times: np.ndarray) -> Plan:
         """Plan on a mesh of any steps, for orders in (0, 1]."""
         return mesh_plan("L1", equation, times, 1.0, 0)
 

@@ -1,6 +1,5 @@
 """The L2 scheme (floor 2): piecewise quadratic solutions."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from typing import ClassVar
@@ -8,12 +7,12 @@ from typing import ClassVar
 import numpy as np
 
 from .._checks import complaint, shown, within
-from ..kernels.implicit import march_implicit
 from ..kernels.mesh import STEEPEST, moments
 from ..special import gauss_unit
 from ..system import System
-from .derivative_form import derivative_plan, mesh_plan
-from .scheme import MeshPlan, Plan, Scheme, check_smoothness, refuse_orders_above_one
+from .derivative_form import derivative_plan
+from .mesh import mesh_plan
+from .scheme import Plan, Scheme, check_smoothness, refuse_orders_above_one
 from .weights import parabola_start, weighed_parabolas
 
 
@@ -51,7 +50,7 @@ class L2(Scheme):
     0.4276
     """
 
-    march: ClassVar[Callable] = staticmethod(march_implicit)
+    solve: ClassVar[str] = "newton"
 
     def order(self, alpha: float, smoothness: str = "smooth") -> float:
         """Proven order of convergence at a fixed time, on uniform steps.
@@ -74,7 +73,7 @@ class L2(Scheme):
         first = _first_increment(equation, np.array([0.0, h, 2 * h]))
         return derivative_plan(equation, h, 1.0, weighed, parabola_start(1.0), first)
 
-    def mesh_plan(self, equation: System, times: np.ndarray) -> MeshPlan:
+    def mesh_plan(self, equation: System, times: np.ndarray) -> Plan:
         """Plan on a mesh of any steps, for orders in (0, 1]."""
         refuse_orders_above_one("L2", equation)
         steps = np.diff(times[:3])

@@ -1,6 +1,5 @@
 """Alikhanov's L2-1sigma scheme (floor 2)."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from typing import ClassVar
@@ -9,12 +8,11 @@ import numpy as np
 from scipy.special import rgamma
 
 from .._checks import complaint, within
-from ..kernels.implicit import march_implicit
 from ..system import System
-from .derivative_form import derivative_plan, mesh_plan
+from .derivative_form import derivative_plan
+from .mesh import mesh_plan
 from .reduction import reduce_order
 from .scheme import (
-    MeshPlan,
     Plan,
     Scheme,
     check_smoothness,
@@ -58,7 +56,7 @@ class L2Sigma(Scheme):
     0.4276
     """
 
-    march: ClassVar[Callable] = staticmethod(march_implicit)
+    solve: ClassVar[str] = "newton"
 
     def order(self, alpha: float, smoothness: str = "smooth") -> float:
         """Proven order of convergence at a fixed time, on uniform steps.
@@ -92,7 +90,7 @@ class L2Sigma(Scheme):
         weighed = partial(weighed_parabolas, h=h, theta=sigma)
         return derivative_plan(equation, h, sigma, weighed, parabola_start(sigma))
 
-    def mesh_plan(self, equation: System, times: np.ndarray) -> MeshPlan:
+    def mesh_plan(self, equation: System, times: np.ndarray) -> Plan:
         """Plan on a mesh of any steps, for orders in (0, 1]."""
         terms = _terms(equation)
         sigma = np.array([_sigma(terms, step) for step in np.diff(times)])

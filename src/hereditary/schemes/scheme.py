@@ -9,16 +9,47 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
 from .._checks import complaint
+from ..kernels.signatures import StepRows
 from ..system import System
-from .stability import StabilityRegion
 
-if TYPE_CHECKING:
-    from .varying import FrozenLimits, Schedule
+
+class Past(Protocol):
+    """Sums over the past that a history makes, and the rows of the steps that need them."""
+
+    def prepare(self, n_end: int) -> None:
+        """Make ready for a run to step `n_end`."""
+
+    def reach(self, n: int) -> tuple[int, int]:
+        """Work out the rows from step n on; return their end, and how many were worked out now."""
+
+    def open(self, history, n_columns: int, n_block: int, span):
+        """Open a fresh memory of a history for these sums.
+
+        `span` is the number of steps of the run, or the shortest step and the last time.
+        """
+
+
+class Region(Protocol):
+    """Part of the complex plane that eigenvalues of the Jacobian must keep to."""
+
+    @property
+    def sweeps(self) -> bool:
+        """Whether a Jacobian is added where the sweeps of a stretch contracted least."""
+
+    @property
+    def every(self) -> int:
+        """Blocks between two Jacobians."""
+
+    def orbit(self, d: int) -> Region:
+        """Return the region of the first d components."""
+
+    def ratios(self, jacobians: np.ndarray, steps: np.ndarray) -> np.ndarray:
+        """Largest ratio of an eigenvalue to its limit, for each of Jacobians at `steps`."""
 
 
 @dataclass(frozen=True)
@@ -65,6 +96,17 @@ class Convolution:
     start_classes: tuple
     first_modal: int = 2
     more_starts: tuple = ()
+
+    def prepare(self, n_end: int) -> None:
+        """Nothing is left to prepare: all steps have the same row but the first."""
+
+    def reach(self, n: int) -> tuple[int, int]:
+        """Every step is worked out; see `Past.reach`."""
+        return n + 2**62, 0
+
+    def open(self, history, n_columns: int, n_block: int, span: int):
+        """Open a fresh memory of a history for these sums; see `Past.open`."""
+        return history.open(self, n_columns, n_block, span)
 
     @property
     def n_starts(self):
@@ -130,28 +172,27 @@ def _total(pieces, n):
 
 @dataclass(frozen=True)
 class Plan:
-    """Everything a march needs to know of a scheme on one equation with one step.
+    """Everything a march needs to know of a scheme on one equation with one step, or on a mesh.
 
     Attributes
     ----------
-    convolution : Convolution, or None
-        What the history sums; None where orders vary.
-    classes : ndarray of int64, shape (d,)
-        Class of each component in `convolution`.
-    h : float
-        The step [time].
+    past : Convolution, Schedule or MeshSums
+        Sums that the history makes; `open` gives its memory for them.
+    rows : StepRows
+        Coefficients of the steps; for blocks of one step where each has its own.
+    groups : ndarray of int64, shape (d,)
+        Group of each component, of the same terms.
     initial, increments : ndarray, shape (d,)
-        y(0), and what the march's newest increment is before the first step.
-    lead, near, scale : ndarray, shape (d,)
-        What the right-hand side and the newest piece weigh, the newest increment itself weighing 1,
-        and what it weighs in the first step.
+        y(0), and the newest increment before the first step.
     shift : ndarray, shape (d,)
-        h y'(0), where the pieces leave it out; 0 elsewhere.
-    theta : float
-        Where in a step the equation holds, in (0, 1] [-].
+        y'(0) times the unit of the rows' lengths, where the pieces leave it out; 0 elsewhere.
     sweeps : int
-        Sweeps of a corrector; 0 where steps are solved.
-    given : ndarray of int64, shape (d,)
+        Sweeps of a corrector.
+    integral : bool
+        Whether the pieces are values of the right-hand side instead of increments.
+    start_known : bool
+        Whether the first start value is known before the first step, which it is an increment of.
+    given : ndarray of int64, shape (d,), or None
         Whether the first increment is given.
     limits : ndarray, shape (d,)
         Of lead times ``-d rhs / d y``, for sweeps.
@@ -160,83 +201,73 @@ class Plan:
     first : ndarray, shape (d,)
         The first increment, where it is given to a march that solves its steps.
     corrections : ndarray, shape (k, d)
-        What is added to the right-hand side in the first k steps.
+        Corrections of the right-hand side in the first k steps.
     starts : ndarray, shape (V, d)
-        Start values that the convolution weighs.
+        Start values that `past` weighs.
     lasting : bool
         Whether `corrections` last beyond the first few steps.
     region : StabilityRegion, FrozenLimits, or None
         Where the eigenvalues of the Jacobian must stay; None for a scheme without a step limit.
-    schedule : Schedule, or None
-        What takes the place of `convolution` where orders vary.
-    march : callable, or None
-        The compiled loop where it is not that of the scheme: one with blocks of one step, which
-        `schedule` asks for.
+    slowest : float
+        Steps between turns up to which growing turns are watched; 0 for a scheme without a limit.
     """
 
-    convolution: Convolution | None
-    classes: np.ndarray
-    h: float
+    past: Past
+    rows: StepRows
+    groups: np.ndarray
     initial: np.ndarray
     increments: np.ndarray
-    lead: np.ndarray
-    near: np.ndarray
-    scale: np.ndarray
     shift: np.ndarray
-    given: np.ndarray
-    first: np.ndarray
-    starts: np.ndarray
-    theta: float = 1.0
     sweeps: int = 0
+    integral: bool = False
+    start_known: bool = False
+    given: np.ndarray | None = None
     limits: np.ndarray | None = None
     powers: np.ndarray | None = None
     drift: np.ndarray | None = None
+    first: np.ndarray | None = None
     corrections: np.ndarray | None = None
+    starts: np.ndarray | None = None
     lasting: bool = False
-    region: StabilityRegion | FrozenLimits | None = None
-    schedule: Schedule | None = None
-    march: Callable | None = None
+    region: Region | None = None
+    slowest: float = 0.0
 
 
-@dataclass(frozen=True)
-class MeshPlan:
-    """Data of a scheme for the march on a mesh of any steps.
+def uniform_rows(h, theta, lead, near, scale=None):
+    """Rows of uniform steps, which differ in the first alone.
 
-    Attributes
+    Parameters
     ----------
-    times : ndarray, shape (n+1,)
-        The mesh.
-    theta : ndarray, shape (n,)
-        Where in each step the equation holds.
-    parabolas : int
-        0 for lines, 1 for parabolas on all steps but the newest, 2 on that too.
-    classes : ndarray of int64, shape (d,)
-        Class of each component.
-    factors, powers : ndarray, shape (C, T)
-        ``coefficient / Gamma(p + 1)`` and p = 1 - alpha of each class's terms; factor 0 for none.
-    speeds : ndarray, shape (d,)
-        y'(0), which the pieces leave out; 0 where there is none.
-    first : ndarray, shape (d,), or None
-        The first increment, where the scheme finds it in another way.
+    h : float
+        Step [time].
+    theta : float
+        Where in a step the equation holds.
+    lead, near : ndarray, shape (C,)
+    scale : ndarray, shape (C,), optional
+        Factor of the increment in the first step, by default 1.
     """
 
-    times: np.ndarray
-    theta: np.ndarray
-    parabolas: int
-    classes: np.ndarray
-    factors: np.ndarray
-    powers: np.ndarray
-    speeds: np.ndarray
-    first: np.ndarray | None = None
+    def twice(values):
+        return np.ascontiguousarray(np.repeat(np.asarray(values, dtype=float)[:, None], 2, axis=1))
 
-    def nearest(self):
-        """Smallest distance at which a piece that the history holds is seen."""
-        steps = np.diff(self.times)
-        ahead = self.theta * steps
-        if self.parabolas:
-            ahead[1:] += steps[:-1]
-            ahead = ahead[1:]
-        return float(ahead.min(initial=np.inf))
+    scales = np.ones((len(lead), 2))
+    if scale is not None:
+        scales[:, 0] = scale
+    none = np.zeros((len(lead), 0))
+    return StepRows(
+        first=0,
+        last=1,
+        times=np.zeros(0),
+        theta=np.full(2, float(theta)),
+        unit=np.full(2, h),
+        length=np.ones(2),
+        ratio=np.ones(2),
+        lead=twice(lead),
+        near=twice(near),
+        scale=scales,
+        drift=none,
+        value=none,
+    )
 
 
 def distinct_components(equation):
@@ -278,11 +309,11 @@ def refuse_orders_above_one(name, equation):
 class Scheme(ABC):
     """How one step is taken; subclasses are final frozen dataclasses, one file each.
 
-    A subclass declares `march`, the compiled block loop (kernels/march.py tells its arguments),
-    its proven order and its plan.
+    A subclass declares how a step is solved (`solve`, a key of `MARCHES` in kernels/march.py), its
+    proven order and its plan.
     """
 
-    march: ClassVar[Callable]
+    solve: ClassVar[str]
     # whether it chooses its own steps, whether a step must be solved for, and whether what it
     # stores of orders above 1 keeps t x'(0)
     adaptive: ClassVar[bool] = False
@@ -316,8 +347,8 @@ class Scheme(ABC):
         """Another system to march instead, whose first d components are y; None for none."""
         return None
 
-    def mesh_plan(self, equation: System, times: np.ndarray) -> MeshPlan:
-        """The `MeshPlan` for `equation` on a mesh of any steps."""
+    def mesh_plan(self, equation: System, times: np.ndarray) -> Plan:
+        """The `Plan` for `equation` on a mesh of any steps."""
         required = f"be left out with {type(self).__name__}, which takes uniform steps"
         raise ValueError(complaint("mesh", required, f"{times.size - 1} steps", "or use L1 or L2"))
 

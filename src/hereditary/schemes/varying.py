@@ -1,9 +1,9 @@
-"""Orders that vary (floor 2): the weights of each step, worked out a stretch of steps at a time.
+"""Orders that vary: the weights of each step, worked out a stretch of steps at a time.
 
-A scheme sees the operators at t_n + offset h, with the orders there. What its march needs of a
-step, kernels/varying.py tells.
+A scheme sees the operators at t_n + offset h, with the orders there.
 """
 
+import math
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -12,8 +12,9 @@ from numpy.polynomial import Chebyshev, Polynomial
 from numpy.polynomial.polynomial import polyval
 
 from .._checks import complaint
-from ..kernels.orders import divide_by_lead, fill_term
-from ..kernels.varying import HEAD, PER_TERM
+from ..kernels.orders import fill_term, invert_lead
+from ..kernels.signatures import StepRows
+from ..kernels.watch import SLOWEST
 from ..orders import OrderFailed
 from ..special import alternating_power_sum
 from ..system import System
@@ -22,6 +23,11 @@ from .scheme import Plan, distinct_components
 
 # Steps at which orders are looked at before a run.
 _LOOKED_AT = 1001
+# Steps whose weights are worked out at once; a multiple begins each stretch, so that a run that is
+# resumed works them out in the same arrays. With half as many the run takes a tenth longer.
+_STRETCH = 16384
+# Steps that are worked out together at the end of a run, more than NumPy treats at once.
+_GROUP = 64
 # Exponents 1 - p that rounding takes for 0 count as this: then too their share stays what it is.
 LEAST = 1e-290
 # The alternating sum of the weights as a polynomial, to 1e-13: zeta itself takes ten times as long.
@@ -49,19 +55,25 @@ class Schedule:
 
     Attributes
     ----------
-    classes : ndarray of int64, shape (d,)
-        Class of each component.
+    groups : ndarray of int64, shape (d,)
+        Group of each component, of the same terms.
     derivatives : ndarray, shape (C, T)
-        m of each term of each class; 0 for none.
+        m of each term of each group; 0 for none.
     others : tuple of KernelTerms
-        The terms of each class with other kernels.
+        The terms of each group with other kernels.
     theta : float
+    rows : StepRows
+        Of the stretch worked out last.
+    numbers : ndarray, shape (1, n)
+        Number of each step of that stretch.
+    amplitudes, powers, kernels : ndarray, shape (C T, n)
+        ``coefficient h**-alpha / Gamma(p + 1)`` over the leading weight, p, and the former times
+        ``sin(pi p) / pi``-like shares of the kernel as an integral over its rates.
     """
 
     def __init__(self, system: System, h: float, theta: float, explicit: bool):
-        distinct, self.classes = distinct_components(system)
+        distinct, self.groups = distinct_components(system)
         self.theta, self._h, self._explicit = theta, h, explicit
-        self._table, self._room = np.zeros((1, 0)), np.zeros((4, 0))
         self._offset, self._drifts = 0.0 if explicit else theta, system.m == 2
         self._terms, others = [], []
         for key in distinct:
@@ -71,93 +83,136 @@ class Schedule:
         self.others = tuple(others)
         self.derivatives = np.zeros((len(distinct), max(map(len, self._terms))))
         for row, terms in zip(self.derivatives, self._terms, strict=True):
-            row[: len(terms)] = [order.derivative for _, order in terms]
+            row[: len(terms)] = [operator.derivative for _, operator in terms]
+        ones, table = np.ones(_STRETCH), np.zeros((5, len(distinct), _STRETCH))
+        self._lead, self._near, scale, self._drift, self._value = table
+        scale[:] = 1.0
+        self.rows = StepRows(
+            first=0,
+            last=_STRETCH - 1,
+            times=np.zeros(0),
+            theta=self._offset * ones,
+            unit=h * ones,
+            length=ones,
+            ratio=ones,
+            lead=self._lead,
+            near=self._near,
+            scale=scale,
+            drift=self._drift,
+            value=self._value,
+        )
+        self.numbers, self._room = np.zeros((1, _STRETCH)), np.zeros((4, _STRETCH))
+        shape = (3, self.derivatives.size, _STRETCH)
+        self.amplitudes, self.powers, self.kernels = np.zeros(shape)
+        self._n_end, self._known, self._trouble = 0, (0, 0, 0), ""
 
-    def check(self, n_end: int) -> None:
+    def prepare(self, n_end: int) -> None:
         """Look at the orders of a run to step `n_end`; raise `OrderFailed` where one is bad."""
+        if n_end <= self._n_end:
+            return
         steps = np.unique(np.linspace(0, n_end - 1, _LOOKED_AT).astype(int))
-        *_, trouble = self._powers(steps)
+        *_, trouble = self._sampled(steps)
         if trouble:
             raise OrderFailed(trouble)
+        self._n_end = n_end
 
-    def fill(self, table: np.ndarray, first: int, n_end: int) -> tuple[int, str]:
-        """Fill the table of the steps from `first` on, as kernels/varying.py takes it.
-
-        Steps beyond `n_end` are given the orders of the last step before it.
-
-        Parameters
-        ----------
-        table : ndarray, shape (n_rows, n)
-        first, n_end : int
+    def reach(self, n: int) -> tuple[int, int]:
+        """Work out the steps around step n, where they are not yet.
 
         Returns
         -------
-        n_good : int
-            So many steps are good.
-        trouble : str
-            What is wrong with the next one; empty where all are good.
+        end : int
+            Step up to which they are worked out.
+        size : int
+            Number of steps newly worked out.
         """
-        n = np.arange(first, first + table.shape[1])
-        table[0] = n
-        with np.errstate(all="ignore"):  # a weight that is none ends the run below
-            steps = np.minimum(n, n_end - 1)
-            powers, n_good, trouble = self._powers(steps)
-            for a, terms in enumerate(self._terms):
-                block = table[1 + a * self._per_class :][: self._per_class, :n_good]
-                self._fill_class(block, terms, self.others[a], powers, steps[:n_good])
-                sound = divide_by_lead(block, HEAD, PER_TERM)
-                if sound < n_good:
-                    n_good = sound
-                    required = "give a finite, nonzero leading weight"
-                    at = f"{1 / block[0, sound]} at t = {steps[sound] * self._h:.6g}"
-                    trouble = complaint("terms", required, at, "take another step")
-        self._table = table
-        return n_good, trouble
+        first, last, n_end = self._known
+        size = 0
+        # beyond the run's end, as it was then, orders were not asked for
+        if not first <= n < min(last, n_end):
+            first = n // _STRETCH * _STRETCH
+            # whole groups, so that a longer run works these steps out in the same way
+            size = min(_STRETCH, math.ceil((self._n_end - first) / _GROUP) * _GROUP)
+            last = first + self._fill(first, size)
+            self._known = (first, last, self._n_end)
+            self.rows = self.rows._replace(first=first)
+        if n >= last:
+            raise OrderFailed(self._trouble)
+        return min(last, self._known[2]), size
+
+    def open(self, history, n_columns, n_block, span):
+        """Open a fresh memory of a history for these sums; see `Past.open`."""
+        return history.open_varying(self, n_columns, span)
 
     def limits(self, steps: np.ndarray) -> np.ndarray:
         """Stiffness at which the explicit scheme zigzags, orders frozen, shape (n, d).
 
-        For steps of the table that was filled last.
+        For steps of the stretch worked out last.
         """
-        at = steps - int(self._table[0, 0])
+        at = steps - self.rows.first
         limits = np.zeros((len(self._terms), steps.size))
         for a, terms in enumerate(self._terms):
-            block = self._table[1 + a * self._per_class :]
-            for j, (_, order) in enumerate(terms):
-                share, p = (block[HEAD + PER_TERM * j + k, at] for k in (0, 1))
-                limits[a] += share * polyval(2 * p - 1, _ALTERNATING) * (2 * order.derivative)
-            limits[a] = limits[a] / block[0, at] + self.others[a].limit()
-        return limits.T[:, self.classes]
+            for j, (_, operator) in enumerate(terms):
+                row = a * self.derivatives.shape[1] + j
+                alternating = polyval(2 * self.powers[row, at] - 1, _ALTERNATING)
+                limits[a] += self.amplitudes[row, at] * alternating * (2 * operator.derivative)
+            limits[a] = limits[a] / self._lead[a, at] + self.others[a].limit()
+        return limits.T[:, self.groups]
 
-    @property
-    def n_rows(self) -> int:
-        """Rows of the table."""
-        return 1 + self.derivatives.shape[0] * self._per_class
-
-    @property
-    def _per_class(self):
-        return HEAD + PER_TERM * self.derivatives.shape[1]
-
-    def _powers(self, steps):
+    def _sampled(self, steps):
         """p = m - alpha of each order at `steps`, how many are good, and what then goes wrong."""
         times = (steps + self._offset) * self._h
         found, n_good, trouble = {}, steps.size, ""
-        for order in dict.fromkeys(order for terms in self._terms for _, order in terms):
-            found[order], reason = order.powers(times[:n_good])
+        for operator in dict.fromkeys(operator for terms in self._terms for _, operator in terms):
+            found[operator], reason = operator.powers(times[:n_good])
             if reason:
-                n_good, trouble = found[order].size, reason
-        return {order: p[:n_good] for order, p in found.items()}, n_good, trouble
+                n_good, trouble = found[operator].size, reason
+        return {operator: p[:n_good] for operator, p in found.items()}, n_good, trouble
 
-    def _fill_class(self, block, terms, others, powers, steps):
-        """Fill the rows of a class, not yet divided by its leading weight."""
-        h, theta = self._h, self.theta
-        (lead, near), whole = others.nearest()
-        block[0], block[1] = lead, near
-        block[2:HEAD] = 0.0
+    def _fill(self, first, size):
+        """Work out `size` steps from the first one on; return how many of them are good.
+
+        Steps beyond the run's end are given the orders of the last step before it.
+        """
+        n = np.arange(first, first + size)
+        self.numbers[0, :size] = n
+        with np.errstate(all="ignore"):  # a weight that is none ends the run below
+            steps = np.minimum(n, self._n_end - 1)
+            powers, n_good, self._trouble = self._sampled(steps)
+            for a in range(len(self._terms)):
+                self._fill_group(a, powers, steps[:n_good])
+                sound = self._normalise(a, n_good)
+                if sound < n_good:
+                    n_good = sound
+                    required = "give a finite, nonzero leading weight"
+                    at = f"{1 / self._lead[a, sound]} at t = {steps[sound] * self._h:.6g}"
+                    self._trouble = complaint("terms", required, at, "take another step")
+        return n_good
+
+    def _normalise(self, a, n):
+        """Divide the rows of a group by its leading weight; return how many steps that suits."""
+        lead, n_terms = self._lead[a, :n], self.derivatives.shape[1]
+        sound = invert_lead(lead)
+        for rows in (self._near, self._drift, self._value):
+            rows[a, :n] *= lead
+        for row in range(a * n_terms, (a + 1) * n_terms):
+            self.amplitudes[row, :n] *= lead
+            self.kernels[row, :n] *= lead
+        return sound
+
+    def _fill_group(self, a, powers, steps):
+        """Fill the rows of a group, not yet divided by its leading weight."""
+        h, theta, terms, others = self._h, self.theta, self._terms[a], self.others[a]
+        n, n_terms = steps.size, self.derivatives.shape[1]
+        lead, near = self._lead[a, :n], self._near[a, :n]
+        drifts, value = self._drift[a, :n], self._value[a, :n]
+        (first_weight, second_weight), whole = others.nearest()
+        lead[:], near[:] = first_weight, second_weight
+        drifts[:], value[:] = 0.0, 0.0
         # rooms of their own: fresh ones of this size are handed back to the system each time
-        first, second, elapsed, scale = self._rooms(steps.size)
-        for j, (c, order) in enumerate(terms):
-            p, m = powers[order], order.derivative
+        first, second, elapsed, scale = self._room[:, :n]
+        for row, (c, operator) in enumerate(terms, a * n_terms):
+            p, m = powers[operator], operator.derivative
             at = 1.0 if m == 2 else theta  # where the nearest interval ends
             _power(at, p, first)
             _power(1 + at, p, second)
@@ -169,26 +224,21 @@ class Schedule:
             if m == 1 and self._drifts:  # t x'(0), which the increments leave out
                 drift = np.power(steps + self._offset, p, out=elapsed)
             _power(h, p, scale)
-            own = block[HEAD + PER_TERM * j :][:PER_TERM]
-            factor = c * np.exp(-m * np.log(h))
-            fill_term(p, scale, factor, first, second, drift, LEAST, block[:HEAD], own)
-        block[HEAD + PER_TERM * len(terms) :] = 0.0
+            self.powers[row, :n] = p
+            fill_term(
+                p, scale, c * np.exp(-m * np.log(h)), first, second, drift, LEAST, lead, near,
+                drifts, self.amplitudes[row, :n], self.kernels[row, :n],
+            )  # fmt: skip
         if self._explicit:
-            block[1] += lead
+            near += first_weight
         if others:
-            # what is older than two increments is the history's
-            block[2] += whole.sum()
+            # pieces older than two increments are the history's
+            drifts += whole.sum()
             late = int(self._explicit)
-            for n in np.flatnonzero(steps < 2):
-                step = steps[n]
-                block[2, n] += whole[: max(0, step + 1 - late)].sum() - whole.sum()
-                block[3, n] = others.value(step)
-
-    def _rooms(self, n):
-        """Four rows of n numbers."""
-        if self._room.shape[1] < n:
-            self._room = np.zeros((4, n))
-        return self._room[:, :n]
+            for k in np.flatnonzero(steps < 2):
+                step = steps[k]
+                drifts[k] += whole[: max(0, step + 1 - late)].sum() - whole.sum()
+                value[k] = others.value(step)
 
 
 def _power(base, p, out):
@@ -234,26 +284,19 @@ class FrozenLimits:
         return np.where(real, values.real, 0.0).max(axis=1, initial=0.0)
 
 
-def varying_plan(system, h, theta, march, explicit):
-    """Plan of a scheme on an equation with orders that vary, for `march`."""
+def varying_plan(system, h, theta, explicit):
+    """Plan of a scheme on an equation with orders that vary."""
     schedule = Schedule(system, h, theta, explicit)
     shift = h * system.y0[1] if system.m == 2 else np.zeros(system.d)
-    none = np.zeros(system.d)
     return Plan(
-        convolution=None,
-        classes=schedule.classes,
-        h=h,
+        past=schedule,
+        rows=schedule.rows,
+        groups=schedule.groups,
         initial=system.y0[0],
         increments=shift,
-        lead=none,
-        near=none,
-        scale=none,
         shift=shift,
-        given=(system.highest_orders() > 1).astype(np.int64),
-        first=none,
+        given=(system.highest_orders() > 1).astype(np.int64) if explicit else None,
         starts=system.y0[:1],
-        theta=theta,
         region=FrozenLimits(schedule, system.d, 0) if explicit else None,
-        schedule=schedule,
-        march=march,
+        slowest=SLOWEST if explicit else 0.0,
     )

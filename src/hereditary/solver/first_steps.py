@@ -17,7 +17,7 @@ def first_steps(stepper, positions):
     early = positions[: np.searchsorted(positions, 2)]
     if stepper.n > 1 or not stepper.equation.constant or not np.any(early % 1):
         return None
-    starting = FirstSteps(stepper.equation, [stepper.h, 2 * stepper.h])
+    starting = FirstSteps(stepper.equation, stepper.steps.times(np.array([1.0, 2.0])))
     if stepper.n == 1:
         starting.fill(1, stepper.y, np.zeros(0), *np.zeros((2, 0, stepper.equation.d)))
     return starting

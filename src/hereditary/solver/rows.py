@@ -14,14 +14,14 @@ class Rows:
         self._every, self._times, self._n_total = save_every, times, n_total
         n = stepper.n
         if times is not None:
-            self._positions = np.minimum(stepper.positions(times), n_total)
+            self._positions = np.minimum(stepper.steps.positions(times), n_total)
             size = times.size
         else:
             size = n_total // save_every - n // save_every + (n_total % save_every > 0) + 1
         d = stepper.equation.d
         self.t, self.y, self.ydot = _room(size, d, "save_every" if times is None else "t_eval")
         self.size = 0
-        self._times_of = stepper.times
+        self._times_of = stepper.steps.times
         if times is None or times[0] <= stepper.t:
             self.t[0], self.y[0], self.ydot[0] = stepper.t, stepper.y, stepper.ydot
             self.size = 1

@@ -10,6 +10,7 @@ import numpy as np
 from .._checks import complaint
 from .._digest import digest
 from ..history.history import History
+from ..meshes import MeshSteps, Span, UniformSteps
 from ..schemes.scheme import Scheme
 
 
@@ -23,8 +24,8 @@ class State:
         Time reached.
     n : int
         Steps made.
-    h : float
-        Step of the mesh.
+    steps : UniformSteps or MeshSteps
+        Steps made, and of uniform ones all others.
     y : ndarray, shape (d,)
         Solution at `t`.
     scheme, history : Scheme, History
@@ -40,7 +41,7 @@ class State:
     adaptive: ClassVar[bool] = False
     t: float
     n: int
-    h: float
+    steps: UniformSteps | MeshSteps
     y: np.ndarray
     scheme: Scheme
     history: History
@@ -48,15 +49,20 @@ class State:
     block: int = field(repr=False)
     march: tuple = field(repr=False)
     memory: tuple = field(repr=False)
-    memory_steps: int = field(repr=False)
+    memory_steps: int | Span = field(repr=False)
     largest_ratio: float = field(repr=False)
     version: str = field(default="", repr=False)
     seal: str = field(default="", repr=False)
 
+    @property
+    def h(self) -> float:
+        """Step of uniform ones; 0 on a mesh [time]."""
+        return self.steps.h
+
     def contents(self):
         """All that a march reads."""
-        numbers = (self.t, self.n, self.h, self.block, self.memory_steps, self.largest_ratio)
-        return numbers, self.y, self.march, self.memory
+        numbers = (self.t, self.n, self.block, self.memory_steps, self.largest_ratio)
+        return numbers, tuple(vars(self.steps).values()), self.y, self.march, self.memory
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""The stepper (floor 4): one march over a uniform mesh, advanced a stretch at a time."""
+"""The stepper: one march over given steps, advanced a stretch at a time."""
 
 import math
 import time
@@ -6,6 +6,7 @@ import time
 import numpy as np
 
 from ..kernels.block import BLOWN_UP, NOT_SOLVED, RUNNING
+from ..kernels.march import MARCHES
 from ..kernels.signatures import COUNTS, MONITOR, March, Output, StepTable
 from ..kernels.structures import plain, record
 from ..memory_kernel import warn_of_fit
@@ -23,7 +24,7 @@ _FIRST_STEPS = 8
 
 
 class Stepper:
-    """A march of one equation with one scheme and one history on the mesh t_n = n h.
+    """A march of one equation with one scheme and one history on given steps.
 
     Tangents may go alongside: the derivative of every step along given directions. All that is
     linear in them can be replaced by linear combinations at any step.
@@ -33,8 +34,7 @@ class Stepper:
     equation : System
     scheme : Scheme
     history : History
-    h : float
-        Step [time].
+    steps : UniformSteps or MeshSteps
     n_steps : int
         Steps the whole run is going to take; histories prepare for that many.
     directions : ndarray, shape (n_data, k), optional
@@ -46,20 +46,21 @@ class Stepper:
 
     no_step, adaptive = "", False
 
-    def __init__(self, equation, scheme, history, h, n_steps, directions=None, block=BLOCK):
+    def __init__(self, equation, scheme, history, steps, n_steps, directions=None, block=BLOCK):
         scheme.check_terms(equation)
-        refuse_late(equation, h * n_steps)
+        refuse_late(equation, steps.time(n_steps))
         self.equation, self.scheme, self.history = equation, scheme, history
-        self._given, self._origin = equation, 0.0
-        self.h = float(h)
-        horizon = getattr(history, "horizon", None) or 0.0
-        self._n_steps = max(int(n_steps), math.ceil(horizon / self.h * (1 - 1e-12)))
+        self.steps, self._given, self._origin = steps, equation, 0.0
+        self._span = steps.span
+        if steps.h > 0:
+            horizon = getattr(history, "horizon", None) or 0.0
+            self._span = max(int(n_steps), math.ceil(horizon / steps.h * (1 - 1e-12)))
         self._with_speed = np.flatnonzero(equation.highest_orders() > 1)
         if directions is None:
             directions = np.zeros((self.n_data, 0))
         self.n_tangents = directions.shape[1]
         plan = self._plan(directions)
-        self._block = 1 if plan.schedule else block
+        self._block = 1 if plan.rows.last > 1 else block
         self.memory = self._open(plan)
         warn_of_fit(self.memory.kernel_error, getattr(history, "tol", 0.0))
         self._begin(plan)
@@ -70,39 +71,35 @@ class Stepper:
         equation = self.equation
         self._system = self.scheme.reduction(equation) or equation
         if self.n_tangents == 0:
-            return self.scheme.plan(self._system, self.h)
+            return self.steps.plan(self.scheme, self._system)
         rows = np.zeros((self._system.m, self._system.d, self.n_tangents))
         rows[0, : equation.d] = directions[: equation.d]
         rows[1:, self._with_speed] = directions[equation.d :]
-        return self.scheme.plan(variational(self._system, rows), self.h)
+        return self.steps.plan(self.scheme, variational(self._system, rows))
 
     def _open(self, plan):
         """A fresh memory."""
-        width = plan.classes.size
-        if plan.schedule:
-            return self.history.open_varying(plan.schedule, width, self._n_steps)
-        return self.history.open(plan.convolution, width, self._block, self._n_steps)
+        return plan.past.open(self.history, plan.groups.size, self._block, self._span)
 
     def _begin(self, plan):
         """Arrays of a march that stands at step 0."""
-        self._loop = plan.march or self.scheme.march
-        d, width = self._system.d, plan.classes.size
-        self._lasting = plan.lasting
+        self._loop = MARCHES[self.scheme.solve, self.memory.inlined]
+        d, width = self._system.d, plan.groups.size
+        self._past, self._rows, self._lasting = plan.past, plan.rows, plan.lasting
         self._region = plan.region and plan.region.orbit(d)
         none = np.zeros((0, width))
-        self._step = StepTable(
-            h=plan.h,
-            theta=plan.theta,
+        self._table = StepTable(
+            h=self.steps.h,
+            slowest=plan.slowest,
             sweeps=plan.sweeps,
+            integral=int(plan.integral),
+            start_known=int(plan.start_known),
             n_orbit=d,
             every=self._block * self._region.every if self._region else 0,
-            groups=plan.classes,
-            given=plan.given,
+            groups=plan.groups,
+            given=np.zeros(width, dtype=np.int64) if plan.given is None else plan.given,
             weights=self.memory.block_weights,
             start_weights=self.memory.block_start_weights,
-            lead=plan.lead,
-            near=plan.near,
-            scale=plan.scale,
             limits=np.zeros(width) if plan.limits is None else plan.limits,
             powers=none if plan.powers is None else plan.powers,
         )
@@ -118,12 +115,18 @@ class Stepper:
             monitor=monitor,
             shift=plan.shift.copy(),
             drift=_by_columns(plan.drift, none),
-            first=plan.first.copy(),
+            first=np.zeros(width) if plan.first is None else plan.first.copy(),
             corrections=_by_columns(plan.corrections, none),
             starts=_by_columns(plan.starts, none),
             force=np.zeros(width),
             lacks=np.zeros(width),
         )
+        self.memory.begin(self._march.shift, self._march.starts)
+
+    @property
+    def h(self):
+        """Step of uniform ones; 0 on a mesh."""
+        return self.steps.h
 
     @property
     def n(self):
@@ -138,7 +141,7 @@ class Stepper:
     @property
     def t(self):
         """Time reached."""
-        return self._origin + self.n * self.h
+        return self._origin + self.steps.time(self.n)
 
     @property
     def y(self):
@@ -216,7 +219,7 @@ class Stepper:
         self._origin = self.t
         self.equation = shifted(self._given, self._origin, initial)
         plan = self._plan(tangent)
-        if plan.schedule:  # whose orders are those of later times
+        if self._block == 1:  # whose sums are those of later times
             self.memory = self._open(plan)
         self.memory.clear()
         self._begin(plan)
@@ -224,7 +227,7 @@ class Stepper:
 
     def _slopes(self):
         """First derivative of all columns."""
-        return (self._march.increment + 0.5 * self._march.change) / self.h
+        return (self._march.increment + 0.5 * self._march.change) / self.steps.unit(self.n)
 
     @property
     def n_modes(self):
@@ -252,20 +255,10 @@ class Stepper:
         """Time that one call of the right-hand side takes, a few microseconds of entry included."""
         return seconds_of_rhs(self)
 
-    def times(self, positions):
-        """Times of positions counted in steps."""
-        return positions * self.h
-
-    def positions(self, times):
-        """Positions of times, counted in steps; times of the mesh give whole numbers."""
-        positions = times / self.h
-        mesh = np.rint(positions)
-        near = np.abs(positions - mesh) <= 8 * np.finfo(float).eps * mesh
-        return np.where(near, mesh, positions)
-
     def prepare(self, n_end):
         """Make room for a march up to step `n_end`."""
-        refuse_late(self.equation, n_end * self.h)
+        refuse_late(self.equation, self.steps.time(n_end))
+        self._past.prepare(n_end)
         self.memory.prepare(n_end)
 
     def advance(self, n_more, positions, rows, slopes):
@@ -282,14 +275,18 @@ class Stepper:
         Raises whatever the right-hand side raises; the steps before it are made and kept.
         """
         n_end = self.n + n_more
-        self.memory.prepare(n_end)
+        self.prepare(n_end)
         self._march.counts.rows = written = 0
         starting = first_steps(self, positions)
         while self.n < n_end:
-            stop = min(n_end, self.memory.reach(self.n))
+            known, size = self._past.reach(self.n)
+            if size:
+                self._rows = self._past.rows
+                self.memory.follow(size)
+            stop = min(n_end, known, self.memory.reach(self.n))
             if starting and self.n < 2:
                 stop = self.n + 1
-            self.memory.refresh(self.n, self._march.pieces, self._step.groups)
+            self.memory.refresh(self.n, self._march.pieces, self._table.groups)
             part = slice(written, int(np.searchsorted(positions, stop, side="right")))
             try:
                 status = self._advance(stop, positions[part], rows[part], slopes[part])
@@ -297,7 +294,8 @@ class Stepper:
                 written += self.rows_written
                 self._march.counts.rows = written
             if starting and self.n == stop <= 2:
-                starting.fill(stop, self.y, positions[part] * self.h, rows[part], slopes[part])
+                times = self.steps.times(positions[part])
+                starting.fill(stop, self.y, times, rows[part], slopes[part])
             self.blown_up, self.not_solved = status == BLOWN_UP, status == NOT_SOLVED
             if status != RUNNING:
                 return
@@ -320,7 +318,8 @@ class Stepper:
                 self.memory.exchange,
                 self.memory.tables,
                 self.memory.arrays,
-                self._step,
+                self._table,
+                self._rows,
                 self._march,
                 Output(positions, rows, slopes, jacobians),
                 n_end,
@@ -350,7 +349,7 @@ class Stepper:
         state = State(
             t=self.t,
             n=self.n,
-            h=self.h,
+            steps=self.steps.until(self.n),
             y=frozen(self.y),
             scheme=self.scheme,
             history=self.history,
@@ -358,7 +357,7 @@ class Stepper:
             block=self._block,
             march=tuple(frozen(plain(part)) for part in self._march),
             memory=tuple(map(frozen, self.memory.arrays)),
-            memory_steps=self._n_steps,
+            memory_steps=self._span,
             largest_ratio=self.largest_ratio,
         )
         return sealed(state)

@@ -7,9 +7,8 @@ import numpy as np
 
 from .._checks import complaint, count, shown, whole
 from ..memory_kernel import told_error
-from ..meshes import mesh_times
+from ..meshes import UniformSteps, mesh_steps
 from .drive import Drive, reached_end, told
-from .mesh_stepper import MeshStepper
 from .progress import Interruption, ProgressBar
 from .rows import Rows
 from .solution import Solution
@@ -28,10 +27,12 @@ def solve_on_steps(
     """Solve with uniform steps or along a mesh; the arguments of `solve`, most of them checked."""
     began = time.perf_counter()
     if mesh is not None:
-        stepper, n_total = _on_mesh(equation, scheme, history, t_end, n_steps, mesh, resume)
+        asked = t_end, n_steps, mesh, resume, allow_change
+        stepper, n_total = _on_mesh(equation, scheme, history, *asked)
     else:
-        how = equation, scheme, history
-        stepper, n_total = _on_uniform_steps(*how, t_end, n_steps, resume, allow_change)
+        stepper, n_total = _on_uniform_steps(
+            equation, scheme, history, t_end, n_steps, resume, allow_change
+        )
     wanted = Rows(stepper, n_total, save_every, t_eval)
     _prepare(stepper, n_total, history)
     ready = time.perf_counter()
@@ -41,14 +42,23 @@ def solve_on_steps(
     return _solution(stepper, wanted, status, detail, seconds)
 
 
-def _on_mesh(equation, scheme, history, t_end, n_steps, mesh, resume):
-    """Stepper along a mesh, and its last step number."""
-    for name, value in (("n_steps", n_steps), ("resume", resume)):
-        if value is not None:
-            required = "be left out where a mesh is given"
-            raise ValueError(complaint(name, required, type(value).__name__))
-    times = mesh_times(mesh, t_end)
-    return MeshStepper(equation, scheme, history, times), times.size - 1
+def _on_mesh(equation, scheme, history, t_end, n_steps, mesh, resume, allow_change):
+    """Stepper along a mesh, anew or resumed, and its last step number."""
+    if n_steps is not None:
+        required = "be left out where a mesh is given"
+        raise ValueError(complaint("n_steps", required, type(n_steps).__name__))
+    begun = None
+    if resume is not None:
+        if resume.h > 0:
+            required = "be left out where a run of uniform steps goes on"
+            raise ValueError(complaint("mesh", required, type(mesh).__name__))
+        if t_end <= resume.t:
+            raise ValueError(complaint("t_end", f"exceed the state's time {resume.t}", t_end))
+        begun = resume.steps
+    steps = mesh_steps(mesh, t_end, begun)
+    n_total = steps.mesh.size - 1
+    stepper = Stepper(equation, scheme, history, steps, n_total)
+    return _resumed(stepper, resume, allow_change), n_total
 
 
 def _on_uniform_steps(equation, scheme, history, t_end, n_steps, resume, allow_change):
@@ -58,13 +68,18 @@ def _on_uniform_steps(equation, scheme, history, t_end, n_steps, resume, allow_c
     if h == 0 or not _LEAST < order * math.log10(h) < _MOST:
         required = f"leave steps h whose power h**{order:g} is a number of double precision"
         raise ValueError(complaint("t_end", required, f"h = {h}", "take another unit of time"))
-    stepper = Stepper(equation, scheme, history, h, prepared)
-    if resume is not None:
-        stepper.restore(resume, allow_change)
+    stepper = Stepper(equation, scheme, history, UniformSteps(h), prepared)
+    return _resumed(stepper, resume, allow_change), n_total
+
+
+def _resumed(stepper, state, allow_change):
+    """Return the stepper where a state was taken, or as it is without one."""
+    if state is not None:
+        stepper.restore(state, allow_change)
         if not np.all(np.isfinite(stepper.y)):
             required = "hold a finite solution"
             raise ValueError(complaint("resume", required, f"y = {shown(stepper.y)}"))
-    return stepper, n_total
+    return stepper
 
 
 def _prepare(stepper, n_total, history):
@@ -87,6 +102,9 @@ def uniform_steps(t_end, n_steps, state):
             required = f"be at most {_COUNTED:.0e}, as far as times of steps are told apart"
             raise ValueError(complaint("n_steps", required, f"{n_steps:.3g}"))
         return t_end / n_steps, n_steps, n_steps
+    if state.h == 0:
+        required = "be given where a run on a mesh goes on"
+        raise TypeError(complaint("mesh", required, "none", "times from the state's time on"))
     n_total = round(t_end / state.h)
     if n_total <= state.n:
         raise ValueError(complaint("t_end", f"exceed the state's time {state.t}", t_end))

@@ -1,0 +1,60 @@
+"""Parts of a step that are inlined into the march, array by array."""
+
+from .._jit import inlined, kernel
+
+
+@inlined
+def know(
+    p, i, groups, length, speed, leads, nears, scales, lag, pieces, shift, lead, scale, known
+):  # fmt: skip
+    """Take the step's coefficients from its row, and add the newest piece to the lag."""
+    for c in range(known.shape[0]):
+        a = groups[c]
+        shift[c], lead[c], scale[c] = length[i] * speed[c], leads[a, i], scales[a, i]
+        known[c] = nears[a, i] * pieces[c, p] + lag[c, p]
+
+
+@inlined
+def add_drift(i, groups, drifts, values, speed, starts, known):
+    """Add what terms with orders that vary take of x'(0) and x(0)."""
+    for c in range(known.shape[0]):
+        known[c] += drifts[groups[c], i] * speed[c] + values[groups[c], i] * starts[c, 0]
+
+
+@kernel
+def add_powers(n, t, amplitudes, powers, corrections, lead, known):
+    """Add known powers of t, and corrections of the first steps."""
+    # amplitudes (W, r), powers (r, W), corrections (W, k), lead, known (W,)
+    for c in range(known.shape[0]):
+        total = 0.0
+        for k in range(amplitudes.shape[1]):
+            if amplitudes[c, k] != 0.0:
+                total += amplitudes[c, k] * t ** powers[k, c]
+        if n < corrections.shape[1]:
+            total -= corrections[c, n]
+        known[c] += lead[c] * total
+
+
+@inlined
+def change(n, p, given, lead, known, shift, f, u, pieces, w, d):
+    """Set w of an explicit step, and its change."""
+    for c in range(w.shape[0]):
+        # at first increments of order above 1 hold h x'(0) already: the scheme's x_1
+        w_old = pieces[c, p] if n > 0 else u[c] - shift[c]
+        more = 0.0 if n == 0 and given[c] == 1 else lead[c] * f[c] - known[c]
+        w[c], d[c] = w_old + more, more if n > 0 else 0.0
+
+
+@inlined
+def close(p, n, explicit, integral, ratio, groups, weights, shift, w, f, x, u, d, lag, pieces):
+    """Move the solution on, keep the piece and spread it over the steps ahead in its block."""
+    bend = 2.0 * ratio / (1.0 + ratio)
+    for c in range(w.shape[0]):
+        new = shift[c] + w[c]
+        if not explicit:
+            d[c] = bend * (new - ratio * u[c]) if n > 0 else 0.0
+        u[c], x[c] = new, x[c] + new
+        piece, a = f[c] if integral == 1 else w[c], groups[c]
+        pieces[c, p + 1] = piece
+        for k in range(2, lag.shape[1] - p):
+            lag[c, p + k] += weights[a, k] * piece
