@@ -6,17 +6,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.special import rgamma
 
-from hereditary.collocation.exponential_basis import open_bank
+from hereditary.collocation.exponential_basis import power_law_basis
 
 ORDERS = st.lists(st.floats(0.001, 1.0), min_size=1, max_size=3, unique=True).map(sorted)
 EXPONENTS = st.floats(-13, -3)
 
 
-def errors(bank, closest=None, farthest=None, n=4000):
+def errors(basis, closest=None, farthest=None, n=4000):
     """Relative errors of each kernel at n distances between the closest and the farthest."""
-    t = np.geomspace(closest or bank.closest, farthest or bank.farthest, n)
-    sums = bank.weights @ np.exp(-np.multiply.outer(bank.rates, t))
-    a = np.array(bank.orders)[:, None]
+    t = np.geomspace(closest or basis.closest, farthest or basis.farthest, n)
+    sums = basis.weights @ np.exp(-np.multiply.outer(basis.rates, t))
+    a = np.array(basis.orders)[:, None]
     return np.abs(sums / (t ** (a - 1) * rgamma(a)) - 1)
 
 
@@ -24,30 +24,30 @@ def errors(bank, closest=None, farthest=None, n=4000):
 @given(ORDERS, st.floats(-12, 0), st.floats(1, 15), EXPONENTS)
 def test_kernels_at_all_distances(orders, low, decades, log_tol):
     closest, tol = 10.0**low, 10.0**log_tol
-    bank = open_bank(orders, closest, closest * 10**decades, tol)
-    assert errors(bank).max() <= tol + 2e-15
-    assert bank.orders == tuple(orders)
-    assert bank.weights.shape == (len(orders), bank.rates.size)
-    assert np.all(bank.weights >= 0)
-    assert np.all(bank.rates >= 0)
-    assert np.all(np.diff(bank.rates) >= 0)
+    basis = power_law_basis(orders, closest, closest * 10**decades, tol)
+    assert errors(basis).max() <= tol + 2e-15
+    assert basis.orders == tuple(orders)
+    assert basis.weights.shape == (len(orders), basis.rates.size)
+    assert np.all(basis.weights >= 0)
+    assert np.all(basis.rates >= 0)
+    assert np.all(np.diff(basis.rates) >= 0)
 
 
 @pytest.mark.parametrize("orders", [[0.5], [0.2, 0.8], [1e-3, 0.999]])
 def test_beyond_its_distances_a_bank_does_not_hold(orders):
     """The two-sided half: it would be too large if it held much further than asked for."""
-    bank = open_bank(orders, 1e-3, 1e3, 1e-8)
-    assert np.all(errors(bank, 1e-6, 2e-6).max(axis=1) > 1e-8)
-    assert np.all(errors(bank, 1e7, 2e7).max(axis=1) > 1e-8)
+    basis = power_law_basis(orders, 1e-3, 1e3, 1e-8)
+    assert np.all(errors(basis, 1e-6, 2e-6).max(axis=1) > 1e-8)
+    assert np.all(errors(basis, 1e7, 2e7).max(axis=1) > 1e-8)
 
 
 @settings(max_examples=30)
 @given(ORDERS, st.floats(1, 10), EXPONENTS, st.floats(0.01, 6))
 def test_a_closer_bank_goes_on_from_the_old_one(orders, decades, log_tol, log_factor):
     """It reaches down to what was asked, to the same tolerance, and old modes keep their rates."""
-    old = open_bank(orders, 1e-2, 1e-2 * 10**decades, 10.0**log_tol)
+    old = power_law_basis(orders, 1e-2, 1e-2 * 10**decades, 10.0**log_tol)
     wanted = 1e-2 / 10**log_factor
-    new = old.closer(wanted)
+    new = old.refine(wanted)
     assert new.closest <= wanted * (1 + 1e-12)
     assert (new.orders, new.farthest, new.tol) == (old.orders, old.farthest, old.tol)
     n = old.rates.size
@@ -58,42 +58,45 @@ def test_a_closer_bank_goes_on_from_the_old_one(orders, decades, log_tol, log_fa
 
 def test_a_bank_keeps_its_grid_where_its_tolerance_is_that_of_rounding():
     """There a fit may need a smaller share of its tolerance than one that reaches closer."""
-    old = open_bank([1e-4, 1.0], 4.2140230991156427e-4, 4.214e5, 2.5765157476387665e-14)
-    new = old.closer(3.880950380547688e-06)
+    old = power_law_basis([1e-4, 1.0], 4.2140230991156427e-4, 4.214e5, 2.5765157476387665e-14)
+    new = old.refine(3.880950380547688e-06)
     assert new.share == old.share
     np.testing.assert_allclose(new.rates[: old.rates.size], old.rates, rtol=1e-6)
-    shares = {open_bank([1e-4], 10.0**-k, 4.2e5, 2.58e-14).share for k in range(10)}
+    shares = {power_law_basis([1e-4], 10.0**-k, 4.2e5, 2.58e-14).share for k in range(10)}
     assert len(shares) > 1
 
 
 def test_closer_and_closer():
     """A thousand times closer in many small reaches, as in one."""
-    bank = open_bank([0.3, 0.7], 1.0, 1e4, 1e-10)
-    one = bank.closer(1e-3)
+    basis = power_law_basis([0.3, 0.7], 1.0, 1e4, 1e-10)
+    one = basis.refine(1e-3)
     for reach in np.geomspace(0.5, 1e-3, 12):
-        bank = bank.closer(reach)
-    assert abs(bank.rates.size - one.rates.size) <= 1
-    assert errors(bank).max() <= 1e-10
+        basis = basis.refine(reach)
+    assert abs(basis.rates.size - one.rates.size) <= 1
+    assert errors(basis).max() <= 1e-10
 
 
 def test_where_it_is_close_enough_it_stays():
-    bank = open_bank([0.5], 1e-3, 1e3, 1e-8)
-    same = bank.closer(bank.closest)
-    assert np.array_equal(same.rates, bank.rates)
+    basis = power_law_basis([0.5], 1e-3, 1e3, 1e-8)
+    same = basis.refine(basis.closest)
+    assert np.array_equal(same.rates, basis.rates)
 
 
 @pytest.mark.parametrize("orders", [[1.0], [0.4, 1.0]])
 def test_a_constant_kernel_is_one_mode_that_does_not_decay(orders):
-    for bank in (open_bank(orders, 1e-3, 1e3, 1e-8), open_bank(orders, 1.0, 1e3, 1e-8).closer(0.1)):
-        assert bank.rates[0] == 0.0
-        assert bank.weights[-1].tolist() == [1.0] + [0.0] * (bank.rates.size - 1)
-        assert np.all(bank.weights[:-1, 0] == 0.0)
-        assert errors(bank).max() <= 1e-8
+    for basis in (
+        power_law_basis(orders, 1e-3, 1e3, 1e-8),
+        power_law_basis(orders, 1.0, 1e3, 1e-8).refine(0.1),
+    ):
+        assert basis.rates[0] == 0.0
+        assert basis.weights[-1].tolist() == [1.0] + [0.0] * (basis.rates.size - 1)
+        assert np.all(basis.weights[:-1, 0] == 0.0)
+        assert errors(basis).max() <= 1e-8
 
 
 def test_a_tighter_tolerance_takes_more_modes_and_shared_rates_fewer():
-    sizes = [open_bank([0.5], 1e-3, 1e3, tol).rates.size for tol in (1e-4, 1e-8, 1e-12)]
+    sizes = [power_law_basis([0.5], 1e-3, 1e3, tol).rates.size for tol in (1e-4, 1e-8, 1e-12)]
     assert sizes == sorted(sizes)
     assert sizes[0] < sizes[2] <= 60
-    alone = [open_bank([a], 1e-3, 1e3, 1e-8).rates.size for a in (0.3, 0.6)]
-    assert open_bank([0.3, 0.6], 1e-3, 1e3, 1e-8).rates.size < sum(alone)
+    alone = [power_law_basis([a], 1e-3, 1e3, 1e-8).rates.size for a in (0.3, 0.6)]
+    assert power_law_basis([0.3, 0.6], 1e-3, 1e3, 1e-8).rates.size < sum(alone)

@@ -14,7 +14,7 @@ from scipy.special import erfcx, gamma, rgamma
 from hereditary.collocation.power_basis import (
     LEFT_OUT,
     PowerBasis,
-    bends_for,
+    choose_map_rates,
     graded_rule,
     power_basis,
 )
@@ -193,12 +193,12 @@ BENT = [((0.1, 1.0), 16.0), ((0.02, 1.0), 4.0), ((0.02, 1.0), 4.0**8), ((1e-3, 0
 BENT += [((1e-6, 1.0), 64.0), ((0.07, 0.9), 4.0**10)]
 
 
-def bent(t, g, c):
+def mapped(t, g, c):
     """(1 + c) t**g / (1 + c t**g), t being a number or an array."""
     return (1 + c) * t**g / (1 + c * t**g)
 
 
-def at_bent_nodes(basis, g, c):
+def at_mapped_nodes(basis, g, c):
     u = np.exp(g * basis.logs[: basis.nodes.size])
     return (1 + c) * u / (1 + c * u)
 
@@ -207,7 +207,7 @@ def at_bent_nodes(basis, g, c):
 def test_bent_functions_are_polynomials_of_what_bends(generators, c):
     """Also near 1 / c, where a solution that they are for has its course, and times the others."""
     basis, g = power_basis(generators, (c,)), generators[0]
-    x, w = at_bent_nodes(basis, g, c), bent(POINTS, g, c)
+    x, w = at_mapped_nodes(basis, g, c), mapped(POINTS, g, c)
     for degree in (1, 2, 5):
         off = np.abs(basis.interpolate(x**degree, POINTS) - w**degree)
         assert off.max() < 10 * ROUNDING
@@ -224,10 +224,10 @@ def test_bent_functions_are_no_others(generators, c):
     basis, g = power_basis(generators, (c,)), generators[0]
     t = np.exp(np.linspace(-1e3, 0, 4001) / g / 50)
     greater = 1e4 * c
-    off = basis.interpolate(at_bent_nodes(basis, g, greater), t) - bent(t, g, greater)
+    off = basis.interpolate(at_mapped_nodes(basis, g, greater), t) - mapped(t, g, greater)
     assert np.abs(off).max() > 1e-5
     plain = PowerBasis(generators)
-    off = plain.interpolate(at_bent_nodes(plain, g, 4.0**8), t) - bent(t, g, 4.0**8)
+    off = plain.interpolate(at_mapped_nodes(plain, g, 4.0**8), t) - mapped(t, g, 4.0**8)
     assert np.abs(off).max() > 1e-3
 
 
@@ -236,7 +236,7 @@ def test_bent_functions_are_no_others(generators, c):
 def test_integrals_of_bent_functions(generators, c, a):
     """``J**a w = t**a / Gamma(a+1) int_0^1 w(t (1 - s**(1/a))) ds``, by mpmath's quadrature."""
     basis, g = power_basis(generators, (c,)), generators[0]
-    integral = basis.integrals((a, 1.0))[0] @ at_bent_nodes(basis, g, c)
+    integral = basis.integrals((a, 1.0))[0] @ at_mapped_nodes(basis, g, c)
     ends = np.concatenate([basis.nodes, basis.between])
     with mpmath.workdps(30):
         pieces = [0, *(1 - mpmath.mpf(2) ** -k for k in range(1, 60, 4)), 1]
@@ -244,7 +244,7 @@ def test_integrals_of_bent_functions(generators, c, a):
             t = mpmath.mpf(float(ends[i]))
 
             def inner(s, t=t):
-                return bent(t * (1 - s ** (1 / mpmath.mpf(a))), mpmath.mpf(g), c) if s < 1 else 0
+                return mapped(t * (1 - s ** (1 / mpmath.mpf(a))), mpmath.mpf(g), c) if s < 1 else 0
 
             exact = t**a * mpmath.rgamma(1 + mpmath.mpf(a)) * mpmath.quad(inner, pieces)
             assert integral[i] == pytest.approx(float(exact), abs=10 * ROUNDING)
@@ -254,11 +254,11 @@ def test_integrals_of_bent_functions(generators, c, a):
 def test_slopes_of_bent_functions(generators, c):
     """In closed form, and of any function of the basis by differences of log(t)."""
     basis, g, t = power_basis(generators, (c,)), generators[0], np.geomspace(1e-6, 1, 100)
-    exact = g * bent(t, g, c) / (1 + c * t**g)
-    slopes = t * (basis.slopes(t) @ at_bent_nodes(basis, g, c))
+    exact = g * mapped(t, g, c) / (1 + c * t**g)
+    slopes = t * (basis.slopes(t) @ at_mapped_nodes(basis, g, c))
     assert np.abs(slopes - exact).max() < 10 * ROUNDING
     step, t = 1e-4, t[t < 0.99]
-    values = np.cos(3 * at_bent_nodes(basis, g, c)) + basis.nodes ** generators[-1]
+    values = np.cos(3 * at_mapped_nodes(basis, g, c)) + basis.nodes ** generators[-1]
     after, before = (basis.interpolate(values, t * np.exp(s)) for s in (step, -step))
     slopes = t * (basis.slopes(t) @ values)
     np.testing.assert_allclose(slopes, (after - before) / (2 * step), atol=3e-7)
@@ -266,27 +266,27 @@ def test_slopes_of_bent_functions(generators, c):
 
 def test_which_solutions_get_a_bend():
     """Those of a tiny order; the bends follow the drives within half an octave."""
-    assert bends_for((0.5, 1.0), [1e6]) == bends_for((0.02, 1.0), [0.09]) == ()
+    assert choose_map_rates((0.5, 1.0), [1e6]) == choose_map_rates((0.02, 1.0), [0.09]) == ()
     for size in (0.2, 2.0, 10.0, 777.0, 1e6, 1e12):
-        (bend,) = bends_for((0.02, 1.0), [size])
-        assert 0.7 * size < bend < 1.5 * size
-        assert np.log2(bend) % 1 == 0
-    assert bends_for((0.02, 1.0), [1.0, 1e3, 0.0, 1.1e3]) == (1024.0, 1.0)
-    assert len(bends_for((0.02, 1.0), 10.0 ** np.arange(9))) == 3
+        (map_rate,) = choose_map_rates((0.02, 1.0), [size])
+        assert 0.7 * size < map_rate < 1.5 * size
+        assert np.log2(map_rate) % 1 == 0
+    assert choose_map_rates((0.02, 1.0), [1.0, 1e3, 0.0, 1.1e3]) == (1024.0, 1.0)
+    assert len(choose_map_rates((0.02, 1.0), 10.0 ** np.arange(9))) == 3
 
 
 @pytest.mark.parametrize("generators", [(0.02, 1.0), (1e-3, 0.6, 1.0)], ids=repr)
 def test_several_bends(generators):
     """Sums of functions of each bent power, and their integrals beside those of each alone."""
-    bends, g = (4.0**8, 64.0), generators[0]
-    both = power_basis(generators, bends)
-    values = sum(at_bent_nodes(both, g, c) ** 3 for c in bends)
-    expected = sum(bent(POINTS, g, c) ** 3 for c in bends)
+    map_rates, g = (4.0**8, 64.0), generators[0]
+    both = power_basis(generators, map_rates)
+    values = sum(at_mapped_nodes(both, g, c) ** 3 for c in map_rates)
+    expected = sum(mapped(POINTS, g, c) ** 3 for c in map_rates)
     assert np.abs(both.interpolate(values, POINTS) - expected).max() < 10 * ROUNDING
     own = sum(
         (basis := power_basis(generators, (c,))).integrals((0.3, 1.0))[:, basis.nodes.size - 1]
-        @ at_bent_nodes(basis, g, c) ** 3
-        for c in bends
+        @ at_mapped_nodes(basis, g, c) ** 3
+        for c in map_rates
     )
     ends = both.integrals((0.3, 1.0))[:, both.nodes.size - 1] @ values
     np.testing.assert_allclose(ends, own, rtol=100 * ROUNDING)
@@ -313,8 +313,8 @@ def test_a_stiff_relaxation_of_a_tiny_order_is_a_bent_function():
     solution = exact.relaxation(0.02, 1e4)
     t = np.append(0.0, np.geomspace(1e-300, 1.0, 400))
     off = []
-    for bends in (bends_for((0.02, 1.0), [1e4]), ()):
-        basis = power_basis((0.02, 1.0), bends)
+    for map_rates in (choose_map_rates((0.02, 1.0), [1e4]), ()):
+        basis = power_basis((0.02, 1.0), map_rates)
         # at nodes too small for a float: the solution at 1 for a rate that is smaller instead
         rates = 1e4 * at_nodes(basis, 0.02)
         values = np.array([exact.relaxation(0.02, rate)(np.ones(1))[0, 0] for rate in rates])

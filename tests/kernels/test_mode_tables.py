@@ -13,13 +13,13 @@ from numpy.polynomial.legendre import leggauss, legvander
 from hereditary.collocation.quadrature import radau_nodes, to_legendre
 from hereditary.kernels.mode_tables import (
     SLOTS,
-    combined_weights,
+    advance_modes,
     empty_tables,
     exponential_legendre,
-    move_modes,
-    on_grid,
+    find_slot,
+    floor_to_grid,
     read_modes,
-    slot_of,
+    set_mode_weights,
 )
 from hereditary.kernels.structures import TERM, Equations, ExponentialBasis
 
@@ -35,15 +35,15 @@ FACTOR, ROUNDED = 2 ** (1 / 8), 1 + 2.0**-12
 @example(2.0 ** (1 / 8))
 @example(1e-290)
 def test_the_next_smaller_length_of_the_grid(h):
-    found = on_grid(h)
+    found = floor_to_grid(h)
     assert h / FACTOR / (1 + 1e-12) < found <= h * ROUNDED
-    assert on_grid(found) == found
+    assert floor_to_grid(found) == found
     mantissa, _ = math.frexp(found)
     assert mantissa * 2**13 == int(mantissa * 2**13)
 
 
 def test_an_octave_holds_eight_lengths():
-    found = {on_grid(h) for h in np.linspace(1.0, 1.9999, 2000)}
+    found = {floor_to_grid(h) for h in np.linspace(1.0, 1.9999, 2000)}
     assert len(found) == 8
     ratios = np.array(sorted(found)) / FACTOR ** np.arange(8)
     assert np.all((ratios >= 1 - 1e-15) & (ratios <= ROUNDED))
@@ -51,7 +51,7 @@ def test_an_octave_holds_eight_lengths():
 
 @given(st.floats(1e-200, 1e200), st.integers(1, 10**6))
 def test_many_equal_steps_end_where_one_long_one_does(h, n):
-    h = on_grid(h)
+    h = floor_to_grid(h)
     assert np.cumsum(np.full(min(n, 5000), h))[-1] == min(n, 5000) * h
     assert Fraction(n * h) == n * Fraction(h)
 
@@ -59,7 +59,7 @@ def test_many_equal_steps_end_where_one_long_one_does(h, n):
 @given(st.lists(st.floats(1e-6, 1.0), min_size=1, max_size=300))
 def test_times_are_exact_sums_of_steps(lengths):
     t, exact = 0.0, Fraction(0)
-    for h in map(on_grid, lengths):
+    for h in map(floor_to_grid, lengths):
         t, exact = t + h, exact + Fraction(h)
     assert Fraction(t) == exact
 
@@ -82,24 +82,24 @@ def basis(s):
     nodes = radau_nodes(s)
     cardinal = np.linalg.inv(legvander(2 * nodes - 1, s - 1))
     # values at the nodes, to values at c times the nodes, to coefficients on [0, c]
-    points = [legvander(2 * c * nodes - 1, s - 1) @ cardinal for c in nodes]
-    transforms = np.array([cardinal @ at for at in points])
+    check_points = [legvander(2 * c * nodes - 1, s - 1) @ cardinal for c in nodes]
+    transforms = np.array([cardinal @ at for at in check_points])
     weights = np.array([np.ones(RATES.size), WEIGHTS])
     return ExponentialBasis(RATES, weights, np.array([MASS]), transforms)
 
 
 def slot_for(h, tables):
-    s = tables.reads.shape[2]
-    return slot_of(h, radau_nodes(s).copy(), basis(s), tables)
+    s = tables.to_nodes.shape[2]
+    return find_slot(h, radau_nodes(s).copy(), basis(s), tables)
 
 
 def check_slot(h, tables):
     """The slot holds the factors of this length."""
-    nodes, slot = radau_nodes(tables.reads.shape[2]), slot_for(h, tables)
-    lengths, reads, keeps, moments, _ = tables
+    nodes, slot = radau_nodes(tables.to_nodes.shape[2]), slot_for(h, tables)
+    lengths, to_nodes, to_end, moments, _ = tables
     assert lengths[slot] == h
-    np.testing.assert_allclose(reads[slot], np.exp(-np.outer(RATES, h * nodes)), rtol=1e-15)
-    np.testing.assert_allclose(keeps[slot], np.exp(-RATES * h), rtol=1e-15)
+    np.testing.assert_allclose(to_nodes[slot], np.exp(-np.outer(RATES, h * nodes)), rtol=1e-15)
+    np.testing.assert_allclose(to_end[slot], np.exp(-RATES * h), rtol=1e-15)
     column = np.empty(nodes.size)
     for m, rate in enumerate(RATES):
         exponential_legendre(rate * h, nodes.size, column)
@@ -112,7 +112,7 @@ def test_a_slot_holds_the_factors_of_its_length(lengths, s):
     """Whatever came before, on the grid or not, as the last steps before a stop are."""
     tables = empty_tables(RATES.size, s, 1)
     for h in lengths:
-        check_slot(on_grid(h), tables)
+        check_slot(floor_to_grid(h), tables)
         check_slot(h, tables)
 
 
@@ -127,7 +127,7 @@ def test_lengths_that_share_a_slot_take_turns():
     assert slot_for(one, tables) == slot
     assert tables[3][slot, 0, 0] == -7.0
     tables[3][slot, 0, 0] = kept[0, 0]
-    neighbours = {check_slot(on_grid(1.01 * FACTOR**k), tables) for k in range(SLOTS)}
+    neighbours = {check_slot(floor_to_grid(1.01 * FACTOR**k), tables) for k in range(SLOTS)}
     assert len(neighbours) == SLOTS
 
 
@@ -157,17 +157,17 @@ def test_modes_are_read_and_moved(seed, d, s):
     rng, h = np.random.default_rng(seed), 0.37
     tables = empty_tables(RATES.size, s, 1)
     slot = slot_for(h, tables)
-    _, reads, keeps, moments, _ = (table[slot] for table in tables)
-    modes, idle = rng.normal(size=(2, d, RATES.size))
-    values, driven = rng.normal(size=(3, d, s)), rng.normal(size=(d, 3, RATES.size))
-    driven[0, 1] = 0.0
+    _, to_nodes, to_end, moments, _ = (table[slot] for table in tables)
+    modes, offset_weights = rng.normal(size=(2, d, RATES.size))
+    values, input_weights = rng.normal(size=(3, d, s)), rng.normal(size=(d, 3, RATES.size))
+    input_weights[0, 1] = 0.0
     out = np.full((d, s), np.nan)
-    read_modes(modes, reads, out)
-    np.testing.assert_allclose(out, modes @ reads, atol=1e-13)
+    read_modes(modes, to_nodes, out)
+    np.testing.assert_allclose(out, modes @ to_nodes, atol=1e-13)
     legendre = to_legendre(s).copy()
-    taken = np.einsum("cqm,qcm->cm", driven, values @ legendre.T @ moments)
-    expected = modes * keeps + h * (idle * moments[0] + taken)
-    move_modes(h, keeps, moments, driven, idle, legendre, values, modes)
+    taken = np.einsum("cqm,qcm->cm", input_weights, values @ legendre.T @ moments)
+    expected = modes * to_end + h * (offset_weights * moments[0] + taken)
+    advance_modes(h, to_end, moments, input_weights, offset_weights, legendre, values, modes)
     np.testing.assert_allclose(modes, expected, atol=1e-13)
 
 
@@ -176,11 +176,13 @@ def test_a_mode_of_a_polynomial_is_its_integral():
     h, s = 0.5, 4
     tables = empty_tables(RATES.size, s, 1)
     slot = slot_for(h, tables)
-    values, driven = np.zeros((3, 1, s)), np.zeros((1, 3, RATES.size))
-    values[2, 0], driven[0, 2] = (h * radau_nodes(s)) ** 2, 1.0
-    modes, idle = np.zeros((2, 1, RATES.size))
-    _, _, keeps, moments, _ = (table[slot] for table in tables)
-    move_modes(h, keeps, moments, driven, idle, to_legendre(s).copy(), values, modes)
+    values, input_weights = np.zeros((3, 1, s)), np.zeros((1, 3, RATES.size))
+    values[2, 0], input_weights[0, 2] = (h * radau_nodes(s)) ** 2, 1.0
+    modes, offset_weights = np.zeros((2, 1, RATES.size))
+    _, _, to_end, moments, _ = (table[slot] for table in tables)
+    advance_modes(
+        h, to_end, moments, input_weights, offset_weights, to_legendre(s).copy(), values, modes
+    )
     with mpmath.workdps(60):
         exact = [
             h**3 / 3 if r == 0 else (h * h - 2 * h / r + 2 / r**2 * (1 - mpmath.exp(-r * h))) / r
@@ -194,12 +196,12 @@ def test_weights_of_the_integrals_add_up():
     listed = [(0, 0, 0, 2.0), (0, 1, 1, -3.0), (1, 0, 1, 0.5)]
     terms = np.array(listed, dtype=TERM).view(np.recarray)
     offsets, weights = np.array([[0.0, 4.0, 0.0], [0.0, 5.0, 0.0]]), np.array([[1.0, 2], [3, 7]])
-    driven, idle = np.full((2, 3, 2), np.nan), np.full((2, 2, 2), np.nan)
+    input_weights, offset_weights = np.full((2, 3, 2), np.nan), np.full((2, 2, 2), np.nan)
     none = np.zeros(0, dtype=np.int64)
     equations = Equations(terms, np.zeros(2), none, offsets, none, none)
-    combined_weights(equations, weights, np.zeros(2), driven, idle)
-    assert driven.tolist() == [[[2, 4], [-9, -21], [0, 0]], [[1.5, 3.5], [0, 0], [0, 0]]]
-    assert idle.tolist() == [[[36, 84], [0, 0]], [[45, 105], [0, 0]]]
+    set_mode_weights(equations, weights, np.zeros(2), input_weights, offset_weights)
+    assert input_weights.tolist() == [[[2, 4], [-9, -21], [0, 0]], [[1.5, 3.5], [0, 0], [0, 0]]]
+    assert offset_weights.tolist() == [[[36, 84], [0, 0]], [[45, 105], [0, 0]]]
 
 
 # Moments

@@ -9,7 +9,7 @@ from random_problems import error, proportional
 
 import hereditary as hd
 from hereditary import exact
-from hereditary.collocation.exponential_basis import Bank
+from hereditary.collocation.exponential_basis import PowerLawBasis
 
 # Jumps
 
@@ -101,7 +101,7 @@ def test_a_break_where_nothing_breaks_does_no_harm():
 
 def with_few_refits(monkeypatch):
     """Let a march that refits its modes forever fail instead."""
-    closer, calls = Bank.closer, []
+    closer, calls = PowerLawBasis.refine, []
 
     def counted(self, closest):
         calls.append(closest)
@@ -109,7 +109,7 @@ def with_few_refits(monkeypatch):
             raise RuntimeError("refitted a hundred times")
         return closer(self, closest)
 
-    monkeypatch.setattr(Bank, "closer", counted)
+    monkeypatch.setattr(PowerLawBasis, "refine", counted)
 
 
 def test_a_run_that_ends_just_after_its_first_step(monkeypatch):

@@ -18,7 +18,7 @@ from scipy.special import gamma
 import hereditary as hd
 from hereditary import exact
 from hereditary.collocation.equations import integral_form
-from hereditary.collocation.exponential_basis import open_order_bank
+from hereditary.collocation.exponential_basis import varying_basis
 from hereditary.collocation.order_tables import OrderTables
 from hereditary.collocation.quadrature import radau_integrals
 from hereditary.collocation.stepper import AdaptiveStepper
@@ -428,9 +428,9 @@ def test_which_components_have_no_integral_form():
 def test_tables_of_orders(a, h):
     """Integrals of the order at each node, which the bank continues into the past."""
 
-    class Strands:
+    class Orbit:
         def __init__(self):
-            self.varying = open_order_bank(1e-6, 1e3, 1e-10)
+            self.varying = varying_basis(1e-6, 1e3, 1e-10)
             self.rates = self.varying.rates
 
     def order(t):
@@ -440,13 +440,13 @@ def test_tables_of_orders(a, h):
     a = [1 - (1 - value) if value > 1e-14 else 0.0 for value in a]
     times = h * np.array(OrderTables((), 4)._nodes)
     tables = OrderTables((VaryingOrder(order, 1),), 4)
-    tables.known.next_start, tables.known.next_length = 0.0, h
-    tables.tell(strands := Strands(), 0.0, 2 * h)
+    tables.tabulated.next_start, tables.tabulated.next_length = 0.0, h
+    tables.fill(orbit := Orbit(), 0.0, 2 * h)
     for i in range(4):
         expected = h ** a[i] * radau_integrals(4, a[i])[i]
         np.testing.assert_allclose(tables.integrals[0, i], expected, rtol=0, atol=1e-13 * (1 + h))
     distances = np.geomspace(1e-6, 1e3, 50)
-    sums = np.exp(-np.multiply.outer(distances, strands.rates)) @ tables.weights[0]
+    sums = np.exp(-np.multiply.outer(distances, orbit.rates)) @ tables.weights[0]
     for i in range(4):
         kernel = distances ** (a[i] - 1) / gamma(a[i]) if a[i] > 0 else 0 * distances
         np.testing.assert_allclose(sums[:, i], kernel, rtol=2e-10, atol=1e-300)
@@ -454,10 +454,10 @@ def test_tables_of_orders(a, h):
 
 @pytest.mark.parametrize("closest", [1e-3, 1e-7, 3e-20])
 def test_a_bank_of_orders_reaches_closer(closest):
-    bank = open_order_bank(1e-2, 1e3, 1e-9)
-    closer = bank.closer(closest)
+    basis = varying_basis(1e-2, 1e3, 1e-9)
+    closer = basis.refine(closest)
     assert closer.closest <= closest
-    np.testing.assert_allclose(closer.rates[: bank.rates.size], bank.rates, rtol=1e-9)
+    np.testing.assert_allclose(closer.rates[: basis.rates.size], basis.rates, rtol=1e-9)
     t = np.geomspace(closest, 1e3, 200)
     for a in (0.01, 0.3, 0.99):
         sums = np.exp(-np.multiply.outer(t, closer.rates)) @ closer.weights(np.array([a]))[:, 0]

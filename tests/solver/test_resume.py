@@ -121,16 +121,16 @@ def arrays_of(state):
                 if array.size:
                     yield f"{name} {i}"
     else:
-        for i in range(len(state.run)):
-            yield f"run {i}"
-        yield from (f"strands {name}" for name in ("x", "p", "modes", "before", "last", "offsets"))
+        for i in range(len(state.march)):
+            yield f"march {i}"
+        yield from (f"orbit {name}" for name in ("x", "p", "modes", "before", "last", "offsets"))
 
 
 def with_other(state, place, change):
     """The state with one array changed."""
     state, (part, name) = copy.deepcopy(state), place.split()
-    if part == "strands":
-        setattr(state.strands, name, change(getattr(state.strands, name)))
+    if part == "orbit":
+        setattr(state.orbit, name, change(getattr(state.orbit, name)))
         return state
     arrays = list(getattr(state, part))
     arrays[int(name)] = change(arrays[int(name)])
@@ -154,7 +154,7 @@ def test_a_damaged_state_is_refused(steps, scheme, change):
         damaged = with_other(state, place, change)
         with pytest.raises(ValueError, match="resume must be a state as a run left it, got one"):
             hd.solve(equation(), 2.0, resume=damaged)
-    del state.__dict__["run" if "rtol" in steps else "march"]
+    del state.__dict__["march"]
     with pytest.raises(ValueError, match="resume must be a state as a run left it"):
         hd.solve(equation(), 2.0, resume=state)
 

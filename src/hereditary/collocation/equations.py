@@ -1,14 +1,15 @@
-"""Equations as systems of weakly singular integral equations (floor 2).
+"""Fractional differential equations as systems of weakly singular integral equations.
 
-With p = y for components of order up to 1 and p = y' above, every component becomes ``p = p(0) +
-sum_k kappa_k J**a_k (q_k - o_k)``, 0 < a_k <= 1, where q is the right-hand side f, p, or y and o a
-constant: with the highest term ``c D**alpha`` and q = f that is kappa = 1/c, a = alpha - m + 1; a
-lower term ``c_j D**alpha_j`` brings kappa = -c_j/c and ``J**(alpha - alpha_j)`` of p, less p(0)
-where it has as many derivatives, or ``J**(alpha - alpha_j - 1)`` of y - y(0) where that exceeds 1.
+With p = y for components of order up to 1 and p = y' above, every component satisfies ``p = p(0) +
+sum_k c_k J**a_k (q_k - o_k)``, 0 < a_k <= 1, where the integrand q is the right-hand side f, p or
+y, and o is a constant. The highest term ``b D**alpha`` gives c = 1/b and a = alpha - m + 1 with
+q = f. A lower term ``b_j D**alpha_j`` gives c = -b_j/b and ``J**(alpha - alpha_j)`` of p, minus
+p(0) where it has as many derivatives, or ``J**(alpha - alpha_j - 1)`` of y - y(0) where the order
+of integration would exceed 1.
 
-Terms with general kernels, or with orders that vary, have no such integrals: they are taken from
-the right-hand side. Where the highest derivative stands in such terms, none is left to integrate
-with: then p is what makes right-hand side and terms equal, with p' among what drives these.
+Terms with general kernels or varying orders have no such integrals and are subtracted from the
+right-hand side. Where they contain the highest derivative, p is found from the balance of
+right-hand side and terms, and p' is among the integrands.
 """
 
 from dataclasses import dataclass
@@ -24,36 +25,36 @@ from ..orders import OrderFailed
 from ..system import System
 from ..terms import Operator
 
-# No step is so small that its power below this tells it from another.
+# Smallest order of integration: lesser powers of two step lengths are equal in double precision.
 _LEAST = 5e-10
-# Numbers closer than this are one; a sum of up to so many others is not taken for itself.
+# Generators closer than this count as one, as does a generator and a sum of up to _FEW others.
 _APART, _FEW = 1e-9, 4
 
 
 @dataclass(frozen=True)
 class Form:
-    """The system as weakly singular integral equations.
+    """Integral equations of a system.
 
     Attributes
     ----------
     terms : recarray of `TERM`, shape (n,)
-        Convolutions: row, integrand (kernels/collocation.py), index of the order or kernel, and
-        coefficient kappa. Row c < d is p of component c, row d + c what is taken from its
-        right-hand side. The index is -1 for the integrand itself.
+        Convolution terms: row, integrand (kernels/collocation.py), index of the order or kernel,
+        and coefficient. Row c < d is p of component c, row d + c the terms subtracted from its
+        right-hand side. The index is -1 where the integrand itself enters.
     offset_of : ndarray of int64, shape (n,)
-        What is taken from the driver: 0 nothing, 1 p(0), 2 y(0).
+        Constant subtracted from the integrand: 0 none, 1 p(0), 2 y(0).
     orders : ndarray, shape (n_a,)
         Orders of integration in (0, 1], ascending; the last one is 1.
     second : ndarray of int64, shape (d,)
-        Whether the primary unknown is y'.
+        1 where the primary unknown is y'.
     generators : tuple of float
-        Numbers whose sums are the powers of t that f, p and y are made of near 0.
+        Numbers whose sums are the exponents of t in f, p and y near 0.
     implicit : ndarray of int64, shape (d,)
-        Whether p is what makes right-hand side and terms equal; then no row c is listed.
+        1 where p is found from the balance of right-hand side and terms; row c is then empty.
     kernels : tuple of MemoryKernel
         General kernels; their indices follow those of the orders.
     varying : tuple of VaryingOrder
-        Orders that vary; their indices follow those of the kernels.
+        Varying orders; their indices follow those of the kernels.
     """
 
     terms: np.recarray
@@ -67,40 +68,40 @@ class Form:
 
     @cached_property
     def n_rows(self) -> int:
-        """Rows: d, or 2 d where something is taken from right-hand sides."""
+        """Number of rows: d, or 2 d where terms are subtracted from right-hand sides."""
         d = self.second.size
         return d if self.terms.row.max() < d else 2 * d
 
     @cached_property
-    def n_drivers(self) -> int:
-        """Drivers that a step has values of."""
+    def n_integrands(self) -> int:
+        """Number of integrands that a step stores: 3, or 4 with p'."""
         return 4 if np.any(self.terms.integrand == SLOPE) else 3
 
     @cached_property
-    def raw(self) -> np.ndarray:
-        """Drivers of orders that vary, whose modes are kept without weights; ascending."""
+    def unweighted(self) -> np.ndarray:
+        """Integrands of terms with varying orders, whose modes have no weights; ascending."""
         first = self.orders.size + len(self.kernels)
         return np.unique(self.terms.integrand[self.terms.index >= first])
 
     def start_exponent(self, t: float = 0.0) -> float:
-        """The least power of the time since t with which p changes after a corner there."""
+        """Smallest exponent of the time since t with which p changes after a start at t."""
         d, found = self.second.size, []
         for c in range(d):
-            driver = SLOPE if self.implicit[c] else FORCE
-            own = (self.terms.row % d == c) & (self.terms.integrand == driver)
-            powers = [self._power(k, driver, t) for k in self.terms.index[own].tolist()]
+            integrand = SLOPE if self.implicit[c] else FORCE
+            own = (self.terms.row % d == c) & (self.terms.integrand == integrand)
+            powers = [self._start_power(k, integrand, t) for k in self.terms.index[own].tolist()]
             found.append(max(powers) if self.implicit[c] else min(powers))
         return min(1.0, *found)
 
-    def tiny(self, t: float, left: float, atol: float, least: float = 0.0) -> float:
-        """The first of ordinary steps from a corner at t: over it the solution is still."""
+    def graded_first_step(self, t: float, left: float, atol: float, least: float = 0.0) -> float:
+        """Length of a first ordinary step from t over which a singular p hardly changes."""
         return max(least, left * min(1e-2, atol ** (1 / self.start_exponent(t))))
 
-    def _power(self, k, driver, t):
-        """Of integrals of the force, their order; of others, that of their kernel's start."""
+    def _start_power(self, k, integrand, t):
+        """Exponent of time with which one convolution term changes after t, or lets p change."""
         n_a, n_k = self.orders.size, len(self.kernels)
         if k < n_a:
-            return self.orders[k] if driver == FORCE else 1 - self.orders[k]
+            return self.orders[k] if integrand == FORCE else 1 - self.orders[k]
         if k < n_a + n_k:
             kernel = self.kernels[k - n_a]
             return kernel.singular_exponent or min((*kernel.generators, 1.0))
@@ -112,10 +113,11 @@ class Form:
 
 
 class _Row(NamedTuple):
-    """One convolution of a row of equations.
+    """One convolution term of a row of equations.
 
-    order is that of an integral J**a; operator what takes its place, with a general kernel or an
-    order that varies; neither where the integrand enters itself. offset as in `Form.offset_of`.
+    It is the integral J**a of `order` a, or the convolution of `operator`, which has a general
+    kernel or a varying order, or, with neither, the integrand itself. `offset` is as in
+    `Form.offset_of`.
     """
 
     row: int
@@ -127,10 +129,10 @@ class _Row(NamedTuple):
 
 
 def integral_form(system: System) -> Form:
-    """The integral equations of a system whose derivatives have orders in (0, 2]."""
+    """Return the integral equations of a system whose derivatives have orders in (0, 2]."""
     highest = system.highest_orders()
     leading, second = system.coefficient(highest), highest > 1
-    implicit = np.array([_lacks(system, c, highest[c]) for c in range(system.d)], dtype=np.int64)
+    implicit = np.array([_is_implicit(system, c, highest[c]) for c in range(system.d)], np.int64)
     rows: list[_Row] = []
     for c in range(system.d):
         if implicit[c]:
@@ -151,23 +153,23 @@ def integral_form(system: System) -> Form:
     varying = list(dict.fromkeys(op for op in others if op.kernel is None))
     places: list = [*orders, *kernels, *varying]
     listed = [(row.row, row.integrand, _place(row, places), row.coefficient) for row in rows]
-    raised = [r.order + (r.integrand == POSITION) for r in rows if r.order is not None]
+    increments = [r.order + (r.integrand == POSITION) for r in rows if r.order is not None]
     for kernel in kernels:
-        raised += [1 - kernel.singular_exponent, *kernel.generators]
+        increments += [1 - kernel.singular_exponent, *kernel.generators]
     return Form(
         np.array(listed, dtype=TERM).view(np.recarray),
         np.array([row.offset for row in rows]),
         np.array(orders),
         second.astype(np.int64),
-        _generators(tuple(raised)),
+        _generators(tuple(increments)),
         implicit,
         tuple(kernels),
         tuple(varying),
     )
 
 
-def _lacks(system, c, highest):
-    """Whether no Caputo derivative of constant order is the highest of a component."""
+def _is_implicit(system, c, highest):
+    """Return whether no Caputo derivative of constant order is the highest of a component."""
     return not any(
         operator.constant and operator.order == highest and coefficients[c] != 0
         for operator, coefficients in system.left
@@ -175,26 +177,26 @@ def _lacks(system, c, highest):
 
 
 def _place(row, places):
-    """Index of a row's order or kernel."""
+    """Return the index of a row's order or kernel."""
     if row.operator is not None:
         return places.index(row.operator.kernel or row.operator)
     return ITSELF if row.order is None else places.index(row.order)
 
 
 def _integral_rows(system, c, highest, second, leading):
-    """List the rows of a component with an integral form."""
+    """List the convolution terms of a component whose highest derivative is inverted."""
     rows = [_Row(c, FORCE, 1 / leading, float(highest - second))]
     for operator, coefficients in system.left:
         factor = -coefficients[c] / leading
         if factor == 0 or (operator.constant and operator.order == highest):
             continue
         if not operator.constant:
-            # where the highest order is an integer, J of the convolution with p' is that with
+            # for an integer highest order, J of the convolution with p' is the convolution with
             # p - p(0)
             if operator.kernel is not None and operator.derivative == 1 + second:
                 rows.append(_Row(c, PRIMARY, factor, operator=operator, offset=1))
             else:
-                rows.append(_taken(operator, coefficients[c], c, system.d, second))
+                rows.append(_subtracted_row(operator, coefficients[c], c, system.d, second))
             continue
         a = float(highest - operator.order)
         if not second or operator.order > 1:
@@ -207,12 +209,12 @@ def _integral_rows(system, c, highest, second, leading):
 
 
 def _derivative_rows(system, c, second):
-    """List the rows of a component whose highest derivative stands in other terms than Caputo's."""
+    """List the convolution terms of a component that is solved from the balance of its terms."""
     present = [(operator, own[c]) for operator, own in system.left if own[c] != 0]
     rows = []
     for operator, coefficient in present:
         if not operator.constant:
-            rows.append(_taken(operator, coefficient, c, system.d, second))
+            rows.append(_subtracted_row(operator, coefficient, c, system.d, second))
             continue
         integrand = SLOPE if operator.derivative > second else PRIMARY
         order = None if operator.classical else operator.power
@@ -220,19 +222,19 @@ def _derivative_rows(system, c, second):
     return rows
 
 
-def _taken(operator, coefficient, c, d, second):
-    """Row of a term that is taken from the right-hand side."""
+def _subtracted_row(operator, coefficient, c, d, second):
+    """Return the convolution term of an operator that is subtracted from f."""
     integrand = (POSITION, PRIMARY, SLOPE)[operator.derivative - second + 1]
     return _Row(d + c, integrand, coefficient, operator=operator)
 
 
-def _generators(raised):
-    """Numbers whose sums are the powers of t in the solution: what integrals raise them by, and 1.
+def _generators(increments):
+    """Return the numbers whose sums are the exponents of t in the solution near 0.
 
-    A number that is a sum of few smaller ones is left out.
+    They are 1 and the amounts by which integrals raise exponents, without sums of few smaller ones.
     """
     kept: list[float] = []
-    for g in sorted({*raised, 1.0}):
+    for g in sorted({*increments, 1.0}):
         sums = {0.0}
         for _ in range(_FEW):
             sums |= {e + other for e in sums for other in kept if e + other < g + _APART}

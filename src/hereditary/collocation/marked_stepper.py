@@ -1,4 +1,4 @@
-"""The adaptive stepper seen at even marks (floor 4), as an analysis over steps needs it."""
+"""Adaptive stepper that stops at evenly spaced marks, for analyses over given steps."""
 
 from dataclasses import dataclass, field
 from typing import ClassVar
@@ -9,23 +9,23 @@ from ..solver.dense import Dense
 from ..solver.state import AdaptiveState
 from .stepper import AdaptiveStepper
 
-# As many steps as an analysis takes.
+# No limit of steps, in practice.
 _ANY = 10**9
-# Rows that the compiled march fills at once.
+# Steps of one call of the compiled march.
 _ROWS = 256
 
 
 @dataclass(frozen=True, eq=False)
 class MarkedState:
-    """State of the adaptive stepper between two marks.
+    """State of the adaptive stepper at a mark.
 
     Attributes
     ----------
     t : float
     n : int
-        Marks passed.
+        Number of marks passed.
     h : float
-        Their distance [time].
+        Distance of the marks [time].
     """
 
     adaptive: ClassVar[bool] = True
@@ -67,7 +67,7 @@ class MarkedStepper:
         self.equation, self.h, self.n, self._n_marks = equation, h, 0, n_marks
 
     def __getattr__(self, name):
-        # everything but time is the adaptive stepper's own
+        # everything but marks belongs to the adaptive stepper
         if name in _OWN:
             return getattr(self._inner, name)
         raise AttributeError(name)

@@ -1,7 +1,8 @@
-"""State of an adaptive march: the orbit and tangents alongside (floor 4).
+"""Orbit and tangents of an adaptive march, with their history.
 
-Strand 0 is the orbit, the others its derivatives along some directions. Each has its present
-values, initial values, and the past: modes, and the last step, which they do not see closely.
+Index 0 is the orbit, the others are its derivatives along given directions. Each has present
+values, initial values, and a history: the modes, and the last step, which lies closer than the
+modes hold.
 """
 
 from __future__ import annotations
@@ -13,14 +14,19 @@ from numpy.polynomial.legendre import legvander
 from scipy.special import rgamma
 
 from ..kernels.collocation import ITSELF, POSITION, PRIMARY, SLOPE
-from ..kernels.structures import Equations
-from ..kernels.structures import Strands as CompiledStrands
-from .exponential_basis import Bank, OrderBank, open_bank, open_kernels, open_order_bank
+from ..kernels.structures import Equations, OrbitArrays
+from .exponential_basis import (
+    PowerLawBasis,
+    VaryingBasis,
+    kernel_basis,
+    power_law_basis,
+    varying_basis,
+)
 from .power_basis import LEFT_OUT, graded_rule
 from .quadrature import to_legendre
 
 
-class Strands:
+class OrbitAndTangents:
     """Arrays whose first axis runs over the orbit and k tangents.
 
     Parameters
@@ -34,152 +40,153 @@ class Strands:
     Attributes
     ----------
     x, p : ndarray, shape (1 + k, d)
-        y, and the primary unknown, at present.
+        Present values of y and of the primary unknown.
     initial, offsets : ndarray, shape (1 + k, d) and (1 + k, n)
-        p(0) with all of the past that does not fade, none where p is implicit, and what is taken
-        from each integral's driver.
+        p(0) plus the content of modes of rate 0, or 0 where p is implicit; constants subtracted
+        from the integrand of each convolution term.
     modes, before : ndarray, shape (1 + k, R, M)
-        Modes of each row of the form, now and before the last step, and behind them those without
-        weights for the drivers of orders that vary; the modes of general kernels, and then of such
-        orders, last.
+        Modes of each row now and at the start of the last step. Rows of unweighted modes, d for
+        each integrand of varying orders, follow the others. Along the last axis the modes of power
+        laws come first, then those of general kernels, then those of varying orders.
     last : ndarray, shape (1 + k, 3 or 4, d, s)
-        f, p and y, and p' where it is a driver, at the nodes of the last ordinary step.
-    bank : Bank
-    kernels : KernelBank
-    varying : OrderBank
-    rates, own : ndarray, shape (M,)
-        Of all modes; 1 for those of orders that vary.
+        f, p and y, and p' where it is an integrand, at the nodes of the last ordinary step.
+    power_laws : PowerLawBasis
+    kernels : KernelBasis
+    varying : VaryingBasis
+    rates, of_varying : ndarray, shape (M,)
+        Rates of all modes; 1 for the modes of varying orders, 0 for others.
     weights, masses : ndarray, shape (n_a + n_k, M) and (n_k,)
-        Of all modes in each fractional integral and general kernel, and point masses of the latter;
-        orders that vary have zeros behind these.
+        Weights of the modes for each fractional integral and general kernel, and point masses of
+        the kernels; varying orders, counted in n_k here, have zeros.
     """
 
     def __init__(self, form, y0, n_nodes):
         self._form = form
-        n_strands, _, d = y0.shape
+        n_columns, _, d = y0.shape
         self.x = y0[:, 0].copy()
         self.initial = np.where(form.second == 1, y0[:, -1], y0[:, 0])
         self.p = self.initial.copy()
-        starts = np.array([0 * self.initial, self.initial, y0[:, 0]])
+        constants = np.array([0 * self.initial, self.initial, y0[:, 0]])
         components = form.terms.row % d
-        self.offsets = np.ascontiguousarray(starts[form.offset_of, :, components].T)
+        self.offsets = np.ascontiguousarray(constants[form.offset_of, :, components].T)
         self.initial[:, form.implicit == 1] = 0.0
-        self._n_rows = form.n_rows + d * form.raw.size
-        self.modes = self.before = np.zeros((n_strands, self._n_rows, 0))
-        self.last = np.zeros((n_strands, form.n_drivers, d, n_nodes))
-        self.bank = Bank((), np.inf, 0.0, 0.0, np.zeros(0), np.zeros((0, 0)), 1.0)
-        self.kernels = open_kernels((), 1.0, 1.0, 1.0, 0.1)
-        self.varying = OrderBank(np.inf, 0.0, 0.0, np.zeros(0))
-        self._length, self._corner, self._foreseen = 0.0, None, None
+        self._n_rows = form.n_rows + d * form.unweighted.size
+        self.modes = self.before = np.zeros((n_columns, self._n_rows, 0))
+        self.last = np.zeros((n_columns, form.n_integrands, d, n_nodes))
+        self.power_laws = PowerLawBasis((), np.inf, 0.0, 0.0, np.zeros(0), np.zeros((0, 0)), 1.0)
+        self.kernels = kernel_basis((), 1.0, 1.0, 1.0, 0.1)
+        self.varying = VaryingBasis(np.inf, 0.0, 0.0, np.zeros(0))
+        self._last_length, self._singular, self._prefitted = 0.0, None, None
         self._join()
 
     @property
     def farthest(self):
-        """Distance up to which all modes hold; 0 where there are none."""
-        return min(self.bank.farthest, self.kernels.farthest)
+        """Distance up to which all modes hold; 0 before modes are opened."""
+        return min(self.power_laws.farthest, self.kernels.farthest)
 
     @property
     def closest(self):
-        """Distance that all modes reach down to."""
-        return max(self.bank.closest, self.varying.closest if self._form.varying else 0.0)
+        """Smallest distance at which all modes hold."""
+        return max(self.power_laws.closest, self.varying.closest if self._form.varying else 0.0)
 
     def __getstate__(self):
-        """All but what the banks hold anyway, and the form, for functions need not pickle."""
-        left_out = ("rates", "weights", "masses", "own", "_form")
+        """Return the attributes without the form, whose functions may not pickle."""
+        left_out = ("rates", "weights", "masses", "of_varying", "_form")
         return {name: value for name, value in vars(self).items() if name not in left_out}
 
     def adopt(self, form):
-        """Go on, from a state, with the form that the state left out."""
+        """Attach the form that a stored state leaves out."""
         self._form = form
         self._join()
 
     def _join(self):
-        """Put the modes of all banks side by side."""
-        banks = (self.bank, self.kernels, self.varying)
-        self.rates = np.concatenate([bank.rates for bank in banks])
-        (n_a, m), (n_k, more) = self.bank.weights.shape, self.kernels.weights.shape
+        """Concatenate the modes of the three bases."""
+        bases = (self.power_laws, self.kernels, self.varying)
+        self.rates = np.concatenate([basis.rates for basis in bases])
+        (n_a, m), (n_k, more) = self.power_laws.weights.shape, self.kernels.weights.shape
         n_varying = len(self._form.varying)
         self.weights = np.zeros((n_a + n_k + n_varying, self.rates.size))
-        self.weights[:n_a, :m] = self.bank.weights
+        self.weights[:n_a, :m] = self.power_laws.weights
         self.weights[n_a : n_a + n_k, m : m + more] = self.kernels.weights
         self.masses = np.append(self.kernels.masses, np.zeros(n_varying))
-        self.own = np.repeat([0.0, 1.0], [m + more, self.varying.rates.size])
+        self.of_varying = np.repeat([0.0, 1.0], [m + more, self.varying.rates.size])
 
     def equations(self):
-        """Return the integral equations as compiled code takes them."""
+        """Return the integral equations in the form of compiled code."""
         form = self._form
-        parts = form.terms, form.orders, form.second, self.offsets, form.implicit, form.raw
+        parts = form.terms, form.orders, form.second, self.offsets, form.implicit, form.unweighted
         return Equations(*parts)
 
-    def compiled(self):
-        """Return all strands as compiled code takes and changes them."""
+    def march_arrays(self):
+        """Return the arrays in the form of compiled code, which changes them in place."""
         present = self.initial, self.x, self.p
-        return CompiledStrands(*present, self.modes, self.before, self.last)
+        return OrbitArrays(*present, self.modes, self.before, self.last)
 
-    def arrays(self):
-        """Everything that is linear in a strand."""
-        own = [self.x, self.p, self.initial, self.offsets, self.modes, self.before, self.last]
-        return own if self._corner is None else [*own, self._corner[1]]
+    def linear_arrays(self):
+        """List all arrays that are linear in the orbit or a tangent."""
+        present = [self.x, self.p, self.initial, self.offsets]
+        found = [*present, self.modes, self.before, self.last]
+        return found if self._singular is None else [*found, self._singular[1]]
 
     def transform(self, matrix):
         """Replace the tangents by linear combinations, ``tangent <- tangent @ matrix``."""
-        for array in self.arrays():
+        for array in self.linear_arrays():
             array[1:] = np.tensordot(matrix.T, array[1:], axes=1)
 
-    def step(self, length):
-        """Note that the last step was an ordinary one of this length."""
-        self._length, self._corner = length, None
+    def record_step(self, length):
+        """Record that the last step was an ordinary one of this length."""
+        self._last_length, self._singular = length, None
 
-    def foresee(self, closest, farthest, t_end, tol):
-        """Fit kernels known by their values before anything is solved; the largest error."""
+    def prefit_kernels(self, closest, farthest, t_end, tol):
+        """Fit kernels known by their values before the run begins; return the largest error."""
         if not any(kernel.by_values for kernel in self._form.kernels):
             return 0.0
-        closest = _decades(closest, farthest)
-        found = open_kernels(self._form.kernels, closest, farthest, t_end, tol)
-        self._foreseen = closest, found
+        closest = _round_to_decades(closest, farthest)
+        found = kernel_basis(self._form.kernels, closest, farthest, t_end, tol)
+        self._prefitted = closest, found
         return found.error
 
-    def begin(self, closest, farthest, t_end, tol):
-        """Open the modes."""
-        closest = _decades(closest, farthest)
-        self.bank = open_bank(self._form.orders.tolist(), closest, farthest, tol)
-        if self._foreseen and self._foreseen[0] <= closest:
-            self.kernels = self._foreseen[1]
+    def open_modes(self, closest, farthest, t_end, tol):
+        """Fit all kernels and set all modes to zero."""
+        closest = _round_to_decades(closest, farthest)
+        self.power_laws = power_law_basis(self._form.orders.tolist(), closest, farthest, tol)
+        if self._prefitted and self._prefitted[0] <= closest:
+            self.kernels = self._prefitted[1]
         else:
-            self.kernels = open_kernels(self._form.kernels, closest, farthest, t_end, tol)
+            self.kernels = kernel_basis(self._form.kernels, closest, farthest, t_end, tol)
         if self._form.varying:
-            self.varying = open_order_bank(closest, farthest, tol)
+            self.varying = varying_basis(closest, farthest, tol)
         self._join()
         self.modes = np.zeros((self.x.shape[0], self._n_rows, self.rates.size))
         self.before = self.modes.copy()
 
-    def leave(self, basis, length, values):
-        """Move to the end of a step out of a corner, f, p and y at its nodes (1 + k, 3, d, n)."""
-        self._length, self._corner = length, (basis, values)
+    def finish_singular_start(self, basis, length, values):
+        """Move to the end of a singular start; values (1 + k, 3, d, n) of f, p and y."""
+        self._last_length, self._singular = length, (basis, values)
         self.x[:], self.p[:] = values[:, POSITION, :, -1], values[:, PRIMARY, :, -1]
-        if self.bank.rates.size and self.bank.rates[0] == 0.0:  # as in kernels/adaptive.py
+        if np.any(self.power_laws.rates[:1] == 0.0):  # as in kernels/adaptive.py
             d = self.x.shape[1]
             self.initial += self.modes[:, :d, 0]
             self.modes[:, :d, 0] = 0.0
         self.before = self.modes
-        self.modes = self._moved(self.before)
+        self.modes = self._advanced(self.before)
 
-    def take_jump(self, p, x):
-        """Go to these values, (1 + k, d), at once; the modes take in the jump of p."""
+    def jump_to(self, p, x):
+        """Set p and y, (1 + k, d), and add the jump of p to the modes."""
         d = x.shape[1]
-        for c, q, k, kappa in rows(self._form):
+        for c, q, k, coefficient in convolution_terms(self._form):
             if q == SLOPE and k != ITSELF:
-                self.modes[:, c] += kappa * self.weights[k] * (p - self.p)[:, c % d, None]
+                self.modes[:, c] += coefficient * self.weights[k] * (p - self.p)[:, c % d, None]
         self.p, self.x = p, x
 
-    def come_closer(self, closest):
-        """Refit the modes to reach closer; the new, fast ones have seen the last step alone."""
-        n, end = self.bank.rates.size, self.rates.size
-        self.bank = self.bank.closer(closest)
+    def refine(self, closest):
+        """Refine the modes down to `closest`; the new, fast ones contain the last step alone."""
+        n, end = self.power_laws.rates.size, self.rates.size
+        self.power_laws = self.power_laws.refine(closest)
         if self._form.varying:
-            self.varying = self.varying.closer(closest)
+            self.varying = self.varying.refine(closest)
         self._join()
-        n_new = self.bank.rates.size
+        n_new = self.power_laws.rates.size
         gaps = [np.zeros((*self.modes.shape[:2], n_new - n))]
         gaps.append(np.zeros((*self.modes.shape[:2], self.rates.size - end - n_new + n)))
         self.modes, self.before = (
@@ -187,81 +194,84 @@ class Strands:
             for old in (self.modes, self.before)
         )
         added = np.r_[n:n_new, end + n_new - n : self.rates.size]
-        self.modes[..., added] = self._moved(np.zeros_like(self.modes))[..., added]
+        self.modes[..., added] = self._advanced(np.zeros_like(self.modes))[..., added]
 
-    def past(self, log_distances):
-        """p(0) and what lies before, as rows see it from these distances, shape (1 + k, R, n).
+    def history(self, log_distances):
+        """Return p(0) plus the history of every row at n later times, (1 + k, R, n).
 
-        By their logarithms: tiny powers tell distances apart that are too small for a float.
+        The times are given by the logarithms of their distances, which may be below any float.
         """
-        n_strands, d = self.x.shape
+        n_columns, d = self.x.shape
         distances = np.exp(log_distances)
-        base = np.zeros((n_strands, self._form.n_rows, distances.size))
+        base = np.zeros((n_columns, self._form.n_rows, distances.size))
         base[:, :d] += self.initial[..., None]
-        if self._length == 0.0:
+        if self._last_length == 0.0:
             return base
-        n = self.bank.rates.size
+        n = self.power_laws.rates.size
         base += self.modes[..., n:] @ np.exp(-np.multiply.outer(self.kernels.rates, distances))
-        # the last step exactly, for these modes do not reach so close; all before it by its modes
-        ages = np.multiply.outer(self.bank.rates, self._length + distances)
+        # the last step by quadrature, for it is closer than the modes hold; all before it by modes
+        ages = np.multiply.outer(self.power_laws.rates, self._last_length + distances)
         base += self.before[..., :n] @ np.exp(-ages)
         _, v, weights = graded_rule()
-        log_u, drivers = log_distances - np.log(self._length), self._drivers()
+        log_u, integrands = log_distances - np.log(self._last_length), self._integrands()
         u = np.exp(log_u)
-        for row, (c, q, k, kappa) in enumerate(rows(self._form)):
+        for row, (c, q, k, coefficient) in enumerate(convolution_terms(self._form)):
             if k >= self._form.orders.size:
-                continue  # seen already
+                continue  # included in the modes of general kernels
             a, offset = self._form.orders[k], self.offsets[:, row, None]
             kernel = weights * np.add.outer(u, v) ** (a - 1)
-            seen = (drivers[:, q, c] - offset) @ kernel.T
+            part = (integrands[:, q, c] - offset) @ kernel.T
             end = (self.x if q == POSITION else self._ends(q))[:, c, None] - offset
-            seen += end * ((LEFT_OUT + u) ** a - np.exp(a * log_u)) / a
-            base[:, c] += kappa * self._length**a * rgamma(a) * seen
+            part += end * ((LEFT_OUT + u) ** a - np.exp(a * log_u)) / a
+            base[:, c] += coefficient * self._last_length**a * rgamma(a) * part
         return base
 
     def _ends(self, q):
-        values = self.last if self._corner is None else self._corner[1]
+        """Return an integrand at the end of the last step, (1 + k, d)."""
+        values = self.last if self._singular is None else self._singular[1]
         return values[:, q, :, -1]
 
-    def _drivers(self):
-        """Drivers of the last step at the points of the graded rule, (1 + k, 3 or 4, d, n)."""
+    def _integrands(self):
+        """Return the last step's integrands at points of the graded rule, (1 + k, n_q, d, n)."""
         u, _, _ = graded_rule()
-        if self._corner is not None:
-            basis, values = self._corner
+        if self._singular is not None:
+            basis, values = self._singular
             return values @ basis.at(u).T
         s = self.last.shape[-1]
         return self.last @ (legvander(2 * u - 1, s - 1) @ to_legendre(s)).T
 
-    def _moved(self, modes):
-        """Move modes from before the last step to after it."""
-        rates, drivers = self.rates * self._length, self._drivers()
+    def _advanced(self, modes):
+        """Return modes given before the last step, advanced to its end."""
+        rates, integrands = self.rates * self._last_length, self._integrands()
         weights, d = self.weights, self.x.shape[1]
         _, v, rule = graded_rule()
         damped = np.exp(-np.multiply.outer(rates, v)) * rule
-        moved = modes * np.exp(-rates)
-        for b, q in enumerate(self._form.raw):
-            share = drivers[:, q] @ damped.T
-            moved[:, (2 + b) * d : (3 + b) * d] += self._length * self.own * share
-        for row, (c, q, k, kappa) in enumerate(rows(self._form)):
+        advanced = modes * np.exp(-rates)
+        for b, q in enumerate(self._form.unweighted):
+            input_part = integrands[:, q] @ damped.T
+            advanced[:, (2 + b) * d : (3 + b) * d] += (
+                self._last_length * self.of_varying * input_part
+            )
+        for row, (c, q, k, coefficient) in enumerate(convolution_terms(self._form)):
             if k == ITSELF:
                 continue
-            share = (drivers[:, q, c % d] - self.offsets[:, row, None]) @ damped.T
-            moved[:, c] += self._length * kappa * weights[k] * share
-        return moved
+            input_part = (integrands[:, q, c % d] - self.offsets[:, row, None]) @ damped.T
+            advanced[:, c] += self._last_length * coefficient * weights[k] * input_part
+        return advanced
 
 
-def rows(form):
-    """Row, driver, index of the order or kernel and kappa of each integral."""
+def convolution_terms(form):
+    """List row, integrand, index of order or kernel, and coefficient of each term."""
     return form.terms.tolist()
 
 
-def _decades(closest, farthest):
-    """A distance that is no farther, such that many runs share one bank."""
+def _round_to_decades(closest, farthest):
+    """Round `closest` down to a power of 10 below `farthest`, so that runs reuse fits."""
     return farthest / 10.0 ** math.ceil(math.log10(max(farthest / closest, 10.0)))
 
 
-def starts(equation, second, directions):
-    """Initial values of orbit and tangents, shape (1 + k, m, d)."""
+def initial_values(equation, second, directions):
+    """Return the initial values of orbit and tangents, shape (1 + k, m, d)."""
     if directions is None:
         return equation.y0[None]
     values = np.zeros((1 + directions.shape[1], *equation.y0.shape))

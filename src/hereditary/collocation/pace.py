@@ -1,4 +1,4 @@
-"""How far an adaptive run may go, and why it cannot go on (floor 4)."""
+"""Step limits of an adaptive run, and reasons why it cannot go on."""
 
 from typing import NamedTuple
 
@@ -7,20 +7,21 @@ import numpy as np
 from ..kernels.adaptive import CRAWLING, JUMPING, NOT_SOLVED
 from ..kernels.collocation import POSITION, PRIMARY
 
-# Steps of a run, unless the caller wants more.
+# Largest number of steps of a run by default.
 MAX_STEPS = 1_000_000
-# A step where nothing happens is no longer than this share of the run: a force that comes on later
-# would be stepped over.
+# Longest step where the solution is at rest, as fraction of the run; a longer one could miss a
+# force that sets in later.
 _DORMANT = 1 / 32
-# A run is given up where, in so many stretches of 200 steps or more, the solution stands still to
-# this share of its size, more than this share of the steps is refused, no stretch gets much further
-# than the one before, and at this pace more steps were needed than are left, or than this.
-_STRETCHES, _STILL, _REFUSED, _HOPELESS = 4, 1e-2, 0.125, 1e7
-# Relative growth over the last step, of what is larger than ever, beyond which a run that ends is
-# one that grows without bound, unless the next one was refused down to this share of it.
+# A run stalls if in so many consecutive stretches of 200 steps or more the solution changes by less
+# than the fraction _STILL, more than the fraction _REFUSED of steps is refused, the last stretch
+# covers no more than twice the time of the first, and more steps would be needed than are left, or
+# than _MOST_STEPS.
+_STRETCHES, _STILL, _REFUSED, _MOST_STEPS = 4, 1e-2, 0.125, 1e7
+# A run that ends blows up if the solution, larger than before, grew by more than this fraction over
+# the last step and the next step was not refused below _WALL times its length.
 _GROWING, _WALL = 1e-3, 1e-8
-# In last steps: how far ahead is just ahead.
-_FURTHER = (1.0, 10.0, 100.0, 1000.0)
+# Distances ahead at which f is evaluated, in lengths of the last step.
+_DISTANCES_AHEAD = (1.0, 10.0, 100.0, 1000.0)
 _NOT_FINITE = "the right-hand side is not finite just ahead"
 _JUMPS = (
     "the right-hand side jumps, or stops being finite, wherever the solution goes on (it may slide "
@@ -37,19 +38,19 @@ ROUNDS = (
 
 
 class Pace:
-    """Limits of the steps of one run, and a watch on whether it gets anywhere.
+    """Step limits of one run, and detection of a run that stalls.
 
     Parameters
     ----------
     max_step : float or None
         Longest step [time].
     max_steps : int
-        Most steps.
+        Largest number of steps.
 
     Attributes
     ----------
     longest : ndarray, shape (2,)
-        The longest step, and the longest where nothing happens.
+        The longest step, and the longest where the solution is at rest.
     last_step : int
         Number of the last step allowed, counted from t = 0.
     """
@@ -57,43 +58,43 @@ class Pace:
     def __init__(self, max_step, max_steps):
         self._max_step, self._max_steps = max_step or np.inf, max_steps
         self.longest, self.last_step = np.zeros(2), 0
-        self._crawl: list[float] = []
+        self._slow: list[float] = []
 
     def begin(self, t, t_end, n_steps):
-        """Set the limits of a run from t to t_end, `n_steps` steps after 0."""
+        """Set the limits of a run from t to t_end that begins after `n_steps` steps."""
         longest = min(self._max_step, t_end - t)
         self.longest = np.array([longest, min(longest, _DORMANT * (t_end - t))])
         self.last_step = n_steps + self._max_steps
 
     def used_up(self, n_steps):
-        """Whether all steps allowed are made."""
+        """Return whether all allowed steps are made."""
         return n_steps >= self.last_step
 
-    def hopeless(self, made, refused, n_steps, advance, left, begins):
-        """Whether something holds all steps down: jumps, where a solution slides, or rounding.
+    def is_stalled(self, accepted, refused, n_steps, advance, left, at_starts):
+        """Return whether steps stay short where the solution stands still, at jumps or by rounding.
 
         Parameters
         ----------
-        made, refused : int
+        accepted, refused : int
             Steps of the last stretch.
         n_steps : int
-            Steps made in all.
+            Accepted steps in all.
         advance, left : float
             Time covered by the stretch, and time left [time].
-        begins : ndarray, shape (n, 2, d)
-            The solution at the starts of these steps.
+        at_starts : ndarray, shape (n, 2, d)
+            y and p at the starts of the steps of the stretch.
         """
-        if made < 200:
+        if accepted < 200:
             return False
-        still = np.ptp(begins, axis=0) <= _STILL * (_STILL + np.abs(begins).max(axis=0))
-        allowed = min(self.last_step - n_steps, _HOPELESS)
-        crawls = refused > _REFUSED * made and left * made > advance * allowed
-        self._crawl = [*self._crawl, advance][-_STRETCHES:] if crawls and still.all() else []
-        return len(self._crawl) == _STRETCHES and self._crawl[-1] <= 2 * self._crawl[0]
+        still = np.ptp(at_starts, axis=0) <= _STILL * (_STILL + np.abs(at_starts).max(axis=0))
+        allowed = min(self.last_step - n_steps, _MOST_STEPS)
+        slow = refused > _REFUSED * accepted and left * accepted > advance * allowed
+        self._slow = [*self._slow, advance][-_STRETCHES:] if slow and still.all() else []
+        return len(self._slow) == _STRETCHES and self._slow[-1] <= 2 * self._slow[0]
 
 
 class Ending(NamedTuple):
-    """Why a run cannot go on.
+    """Reason why a run cannot go on.
 
     Attributes
     ----------
@@ -102,7 +103,7 @@ class Ending(NamedTuple):
     not_solved : bool
         Newton's method does not converge.
     no_step : str
-        A clause about steps that are never small enough; empty where it is not that.
+        Clause for a message where no step is small enough; else empty.
     """
 
     blown_up: bool = False
@@ -111,10 +112,10 @@ class Ending(NamedTuple):
 
 
 def ending(status, equation, t, h, refused, last, peak):
-    """The `Ending` behind the status of a march that stopped at time t.
+    """Return the `Ending` behind the status code of a march that stopped at time t.
 
-    `last` (3 or 4, d, s) holds f, p and y at the nodes of the last step, of length h; the next one
-    was refused down to the length `refused`. `peak` (2, d) is how large p and y were before.
+    `last` (3 or 4, d, s) holds f, p and y at the nodes of the last step, of length h; the next step
+    was refused down to the length `refused`. `peak` (2, d) holds the largest |p| and |y| before.
     """
     if status == CRAWLING:
         return Ending(no_step=_CRAWLS)
@@ -131,11 +132,11 @@ def ending(status, equation, t, h, refused, last, peak):
 
 
 def _finite_ahead(equation, t, h, y):
-    """Whether the right-hand side is finite where a step of length h, y (d, s), points to."""
+    """Return whether f is finite on a line through y (d, s) of the last step, of length h."""
     force = np.empty(equation.d)
-    for further in _FURTHER:
-        point = y[:, -1] + further * (y[:, -1] - y[:, 0])
-        equation._rhs(t + further * h, point, force, equation._params)
+    for distance in _DISTANCES_AHEAD:
+        point = y[:, -1] + distance * (y[:, -1] - y[:, 0])
+        equation._rhs(t + distance * h, point, force, equation._params)
         if not np.all(np.isfinite(force)):
             return False
     return True

@@ -9,23 +9,23 @@ from ..solver.dense import last_start
 from .power_basis import PowerBasis
 from .quadrature import polynomial_integrals, through_start
 
-# The slope at 0 is taken here, and called infinite beyond this size.
+# Distance at which the slope at 0 is evaluated, and size beyond which it is infinite.
 _NEXT_TO_0, _STEEP = 1e-200, 1e12
 
 
 @dataclass(frozen=True, eq=False)
 class PowerPiece:
-    """A step of functions in a power basis.
+    """Dense output on the step of a singular start, in a power basis.
 
     Attributes
     ----------
     start, length : float
     basis : PowerBasis
     values : ndarray, shape (3, d, n)
-        f, p and y at its nodes.
+        f, p and y at the nodes.
     means : ndarray, shape (d, n)
         Means of p from the start to the nodes.
-    begin : ndarray, shape (d,)
+    at_start : ndarray, shape (d,)
         y at the start.
     """
 
@@ -34,25 +34,27 @@ class PowerPiece:
     basis: PowerBasis
     values: np.ndarray
     means: np.ndarray
-    begin: np.ndarray
+    at_start: np.ndarray
 
     def edges(self):
-        """Start of each step, here one."""
+        """Return the start of the step, (1,)."""
         return np.array([self.start])
 
     def evaluate(self, t, second, derivative):
-        """y or y' at times t inside the step, shape (k, d)."""
+        """Return y, or y' for ``derivative=1``, at times t inside the step, (k, d)."""
         u = np.clip((t - self.start) / self.length, 0.0, 1.0)
         _, p, y = self.values
         if not derivative:
-            # where y' is the unknown y is its integral, also next to the start, where y' may jump
-            risen = self.begin + self.length * u[:, None] * self.basis.interpolate(self.means, u).T
-            return np.where(second, risen, self.basis.interpolate(y, u).T)
+            # y is the integral of p where p is y', also near the start, where y' may jump
+            position = (
+                self.at_start + self.length * u[:, None] * self.basis.interpolate(self.means, u).T
+            )
+            return np.where(second, position, self.basis.interpolate(y, u).T)
         speeds = self.basis.interpolate(p, u).T
         if second.all():
             return speeds
-        # powers below 1 are infinitely steep at 0, all but those whose coefficients vanish
-        with np.errstate(over="ignore"):  # they may be steeper than any float
+        # powers below 1 with a nonzero coefficient are infinitely steep at 0
+        with np.errstate(over="ignore"):  # slopes may overflow
             slopes = self.basis.slopes(np.maximum(u, _NEXT_TO_0)) @ p.T / self.length
         steep = (u[:, None] == 0.0) & (np.abs(slopes) > _STEEP)
         return np.where(second, speeds, np.where(steep, np.copysign(np.inf, slopes), slopes))
@@ -60,28 +62,34 @@ class PowerPiece:
 
 @dataclass(frozen=True, eq=False)
 class PolynomialPieces:
-    """Consecutive steps: starts and lengths (k,), p at the nodes (k, d, s), y and p at the starts.
+    """Dense output on n consecutive ordinary steps.
 
-    `begins` (k, 2, d) holds first y, then p.
+    Attributes
+    ----------
+    starts, lengths : ndarray, shape (n,)
+    rows : ndarray, shape (n, d, s)
+        p at the nodes.
+    at_starts : ndarray, shape (n, 2, d)
+        y and then p at the starts.
     """
 
     starts: np.ndarray
     lengths: np.ndarray
     rows: np.ndarray
-    begins: np.ndarray
+    at_starts: np.ndarray
 
     def edges(self):
-        """Start of each step."""
+        """Return the start of each step, (n,)."""
         return self.starts
 
     def evaluate(self, t, second, derivative):
-        """y or y' at times t inside the steps, shape (k, d)."""
+        """Return y, or y' for ``derivative=1``, at times t inside the steps, (k, d)."""
         i = np.clip(last_start(self.starts, t), 0, self.starts.size - 1)
         s = self.rows.shape[2]
         u = np.clip((t - self.starts[i]) / self.lengths[i], 0.0, 1.0)
         rows, h = self.rows[i], self.lengths[i, None]
-        # p through its values at the start and at the nodes
-        values = np.concatenate([self.begins[i, 1, :, None], rows], axis=2)
+        # polynomial through p at the start and at the nodes
+        values = np.concatenate([self.at_starts[i, 1, :, None], rows], axis=2)
         coefficients = values @ through_start(s).T
         if derivative:
             slopes = np.einsum("kdj,kj->kd", coefficients, _slopes(u, s)) / h
@@ -89,15 +97,16 @@ class PolynomialPieces:
         p = np.einsum("kdj,kj->kd", coefficients, _values(u, s))
         if not second.any():
             return p
-        # the integral of the steps' own polynomials, so that y is continuous
-        risen = h * np.einsum("kdj,kj->kd", rows, polynomial_integrals(s, 1.0, u))
-        return np.where(second, self.begins[i, 0] + risen, p)
+        # integral of the polynomial through the nodes alone, so that y is continuous
+        position = h * np.einsum("kdj,kj->kd", rows, polynomial_integrals(s, 1.0, u))
+        return np.where(second, self.at_starts[i, 0] + position, p)
 
 
 def _values(u, s):
+    """Return the shifted Legendre polynomials P_0 .. P_s at u, (k, s + 1)."""
     return leg.legvander(2 * u - 1, s)
 
 
 def _slopes(u, s):
-    """Derivatives of the shifted Legendre polynomials of degree 0 .. s."""
+    """Return the derivatives in u of the shifted Legendre polynomials P_0 .. P_s, (k, s + 1)."""
     return np.array([2 * leg.legval(2 * u - 1, leg.legder(row)) for row in np.eye(s + 1)]).T

@@ -1,4 +1,4 @@
-"""Rules of collocation (floor 2): nodes, their polynomials, and exact integrals of weak kernels."""
+"""Quadrature of collocation steps: Radau nodes, their polynomials, exact fractional integrals."""
 
 from functools import lru_cache
 
@@ -9,7 +9,7 @@ from scipy.special import rgamma, roots_jacobi
 
 @lru_cache(maxsize=16)
 def radau_nodes(s):
-    """Right Radau points on (0, 1], the zeros of P_s - P_(s-1); the last one is 1."""
+    """Return the right Radau points on (0, 1], zeros of P_s - P_(s-1); the last one is 1."""
     difference = np.zeros(s + 1)
     difference[s], difference[s - 1] = 1.0, -1.0
     x = np.sort(leg.legroots(difference).real)
@@ -23,21 +23,21 @@ def radau_nodes(s):
 
 @lru_cache(maxsize=16)
 def to_legendre(s):
-    """Matrix from values at the Radau points to coefficients of shifted Legendre polynomials."""
+    """Return the matrix from values at the nodes to shifted Legendre coefficients, (s, s)."""
     return _frozen(np.linalg.inv(leg.legvander(2 * radau_nodes(s) - 1, s - 1)))
 
 
 @lru_cache(maxsize=256)
 def radau_integrals(s, a):
-    """Integrals of order a of the node polynomials, from 0 to each node, shape (s, s)."""
+    """Return the integrals of order a of the node polynomials, from 0 to each node, (s, s)."""
     return _frozen(polynomial_integrals(s, a, radau_nodes(s)))
 
 
 def polynomial_integrals(s, a, ends):
-    """``J**a l_j`` at `ends` in [0, 1], shape (k, s), for the polynomials l_j of the Radau points.
+    """Return ``J**a l_j`` at `ends` in [0, 1], (k, s), for the node polynomials l_j.
 
-    By parts, ``J**a l(c) = c**a / Gamma(a+1) (l(0) + int_0^1 (1-u)**a c l'(c u) du)``: the weight
-    left is bounded also as a tends to 0, and the Gauss-Jacobi rule is exact.
+    By parts, ``J**a l(c) = c**a / Gamma(a+1) (l(0) + int_0^1 (1-u)**a c l'(c u) du)``: the
+    remaining weight is bounded also as a tends to 0, and the Gauss-Jacobi rule is exact.
     """
     coefficients = to_legendre(s)
     slopes = 2 * leg.legder(coefficients, axis=0)
@@ -53,7 +53,10 @@ def polynomial_integrals(s, a, ends):
 
 @lru_cache(maxsize=16)
 def shortened_legendre(s):
-    """From values at the nodes to the Legendre coefficients of u -> q(c_i u), shape (s, s, s)."""
+    """Return the matrices from values of q at the nodes to Legendre coefficients of u -> q(c_i u).
+
+    The shape is (s, s, s), the first axis being the node i.
+    """
     nodes, transform = radau_nodes(s), to_legendre(s)
     return np.array(
         [transform @ leg.legvander(2 * c * nodes - 1, s - 1) @ transform for c in nodes]
@@ -62,31 +65,32 @@ def shortened_legendre(s):
 
 @lru_cache(maxsize=16)
 def through_start(s):
-    """Values at 0 and at the Radau points to coefficients of shifted Legendre polynomials."""
+    """Return the matrix from values at 0 and the Radau points to shifted Legendre coefficients."""
     points = np.concatenate([[0.0], radau_nodes(s)])
     return _frozen(np.linalg.inv(leg.legvander(2 * points - 1, s)))
 
 
 @lru_cache(maxsize=16)
-def looks_off_nodes(s):
-    """Points of a step off the nodes, and matrices to the polynomials' values there.
+def check_points(s):
+    """Return points off the nodes, and the integrals and values of the node polynomials there.
 
     Returns
     -------
     points : ndarray, shape (m,)
-        The start, and the middles between it and the nodes.
-    risen : ndarray, shape (m, s)
+        The start, and the midpoints between start and nodes.
+    integrals : ndarray, shape (m, s)
         From values at the nodes to the integral of their polynomial from the start.
-    extended : ndarray, shape (m, s)
-        From values at the nodes.
+    values_there : ndarray, shape (m, s)
+        From values at the nodes to values of their polynomial.
     """
     ends = np.concatenate([[0.0], radau_nodes(s)])
     points = np.concatenate([[0.0], (ends[1:] + ends[:-1]) / 2])
-    extended = leg.legvander(2 * points - 1, s - 1) @ to_legendre(s)
-    found = points, polynomial_integrals(s, 1.0, points), extended
+    values_there = leg.legvander(2 * points - 1, s - 1) @ to_legendre(s)
+    found = points, polynomial_integrals(s, 1.0, points), values_there
     return tuple(_frozen(np.ascontiguousarray(array)) for array in found)
 
 
 def _frozen(array):
+    """Return the array, made read-only."""
     array.flags.writeable = False
     return array

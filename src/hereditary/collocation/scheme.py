@@ -1,4 +1,4 @@
-"""Step-adaptive spectral collocation (floor 2), of the equations in collocation/equations.py."""
+"""Adaptive collocation as a scheme: its parameters, order and capabilities."""
 
 from __future__ import annotations
 
@@ -72,21 +72,21 @@ class Collocation(Scheme):
             positive("horizon", self.horizon)
 
     def nodes_for(self, rtol: float) -> int:
-        """Number of nodes taken at a relative tolerance."""
+        """Return the number of nodes for a relative tolerance."""
         if self.nodes is not None:
             return int(self.nodes)
         return 4 if rtol > 3e-6 else 6 if rtol > 3e-9 else 8
 
     def order(self, alpha: float, smoothness: str = "smooth") -> float:
-        """Order of convergence for a given number of nodes, nodes + the order of integration.
+        """Return the order of convergence: the number of nodes + the order of integration.
 
         Parameters
         ----------
         alpha : float
             Highest order of the equation, 0 < alpha <= 2 [-].
         smoothness : {"smooth", "singular"}
-            Whether the solution is smooth at 0 or behaves like t**alpha there; both give the same,
-            for the first step is made of such powers.
+            Smooth solution at 0, or one that behaves as t**alpha there; both have the same order,
+            since the first step consists of such powers.
         """
         alpha = within("alpha", alpha, 5e-324, 2.0, "(0, 2]")
         check_smoothness(smoothness)

@@ -1,36 +1,37 @@
-"""The step out of a point where the solution is not smooth (floor 4).
+"""First step after a point where the solution is not smooth: a singular start.
 
-There it is a sum of powers of the time since, and so are the functions that stand for it.
+After t = 0, a break or a jump the solution is a sum of powers of the time since; the step is solved
+in a basis of such powers (power_basis.py).
 """
 
 import numpy as np
 from scipy.special import rgamma
 
-from ..kernels.collocation import FORCE, POSITION, PRIMARY, solve_once
-from .orbit import rows
-from .power_basis import bends_for, power_basis
+from ..kernels.collocation import FORCE, POSITION, PRIMARY, solve_single_step
+from .orbit import convolution_terms
+from .power_basis import choose_map_rates, power_basis
 
-# A step that is refused is made this many times smaller; so often with bent functions.
-_SHORTER, _BENT_TRIALS = 0.3, 12
-# What the functions themselves err by, which nothing integrates, counts by this.
-_SHARE = 0.25
+# Factor of the length after a refused step; number of trials with rational maps.
+_SHORTER, _MAPPED_TRIALS = 0.3, 12
+# Weight of the interpolation error of the basis, which affects dense output alone.
+_BASIS_WEIGHT = 0.25
 
 
-class Corner:
-    """One corner at time t, and the step out of it.
+class SingularStart:
+    """Solver of the step that begins at a singular point t.
 
     Parameters
     ----------
     equation : System
     form : Form
-    strands : Strands
+    orbit : OrbitAndTangents
     t, t_stop : float
     least : float
         Length below which the modes cannot follow.
     tolerances : (float, float)
-        Relative and absolute error that y and p may have.
-    run : Run
-        Counts, Newton's contraction, and the size of p before, where it is a velocity.
+        Relative and absolute tolerance of y and p.
+    state : MarchState
+        Counts, contraction of Newton's method, and the largest |p| so far where p is y'.
     longest : float
         Longest step.
 
@@ -42,47 +43,47 @@ class Corner:
         Whether Newton's method converged on the last of them.
     """
 
-    def __init__(self, equation, form, strands, t, t_stop, least, tolerances, run, longest):
-        self._equation, self._form, self._strands = equation, form, strands
+    def __init__(self, equation, form, orbit, t, t_stop, least, tolerances, state, longest):
+        self._equation, self._form, self._orbit = equation, form, orbit
         self._t, self._t_stop, self._least = t, t_stop, least
-        self._tolerances, self._run = tolerances, run
-        self._largest = np.maximum(np.abs(strands.p[0]), run.largest)
-        # just after the corner, where the right-hand side may jump
-        self._first = np.nextafter(t, np.inf) if t > 0 else 0.0
-        self._jacobian = equation.jacobian(self._first, strands.x[0])
+        self._tolerances, self._state = tolerances, state
+        self._largest = np.maximum(np.abs(orbit.p[0]), state.largest)
+        # the first time after t, for the right-hand side may jump at t
+        self._just_after = np.nextafter(t, np.inf) if t > 0 else 0.0
+        self._jacobian = equation.jacobian(self._just_after, orbit.x[0])
         self._force = np.empty(form.second.size)
-        run.counts.rhs += 1
-        equation._rhs(self._first, strands.x[0], self._force, equation._params)
+        state.counts.rhs += 1
+        equation._rhs(self._just_after, orbit.x[0], self._force, equation._params)
         self.n_refused, self.solved, self._longest = 0, True, longest
 
-    def leave(self):
-        """Length, basis and values (1 + k, 3, d, n) of the step; None where none is small enough.
+    def step(self):
+        """Solve the step; return its length, basis and values (1 + k, 3, d, n), or None.
 
-        Functions that follow a stiff start with a tiny order are tried on long steps at first.
+        A stiff start of tiny order is first tried with rational maps on long steps.
         """
         size, left = float(np.abs(self._jacobian).max()), self._t_stop - self._t
         most = min(left / 16, self._longest)
-        bends = bends_for(self._form.generators, self._drives())
-        found = self._try(bends, most, _BENT_TRIALS) if bends else None
-        return found or self._try((), self._first_length(size, most), np.inf)
+        map_rates = choose_map_rates(self._form.generators, self._decay_rates())
+        found = self._try_lengths(map_rates, most, _MAPPED_TRIALS) if map_rates else None
+        return found or self._try_lengths((), self._first_length(size, most), np.inf)
 
-    def _try(self, bends, h, trials):
-        """Ever shorter steps from h on."""
-        strands, t, t_stop = self._strands, self._t, self._t_stop
-        basis = power_basis(self._form.generators, bends)
+    def _try_lengths(self, map_rates, h, trials):
+        """Try ever shorter steps, from length h on, with one power basis."""
+        orbit, t, t_stop = self._orbit, self._t, self._t_stop
+        basis = power_basis(self._form.generators, map_rates)
         points = np.concatenate([basis.nodes, basis.between])
         operators = basis.integrals(tuple(self._form.orders.tolist()))
-        n_strands, d = strands.x.shape
-        values = np.empty((n_strands, 3, d, basis.nodes.size))
+        n_columns, d = orbit.x.shape
+        values = np.empty((n_columns, 3, d, basis.nodes.size))
         while t + h > t and h > self._least and trials > 0:
-            # no crumb is left before the stop
+            # no tiny remainder is left before the stop
             h = min(h, 0.5 * (t_stop - t)) if h < t_stop - t else h
-            values[0, PRIMARY] = strands.p[0][:, None]
-            # before the stop: the right-hand side may jump there too
-            times = np.clip(t + h * points, self._first, np.nextafter(t_stop, 0.0))
+            values[0, PRIMARY] = orbit.p[0][:, None]
+            # strictly before the stop, where the right-hand side may jump too
+            times = np.clip(t + h * points, self._just_after, np.nextafter(t_stop, 0.0))
             local = self._convolutions(basis, h)
-            if self._stages(
-                basis, times, h, strands.past(np.log(h) + basis.logs), operators, local, values
+            if self._solve_and_check(
+                basis, times, h, orbit.history(np.log(h) + basis.logs), operators, local, values
             ):
                 return h, basis, values
             h *= _SHORTER
@@ -91,24 +92,27 @@ class Corner:
         return None
 
     def _convolutions(self, basis, h):
-        """Matrices of the general kernels, (n_k, 2 n + 1, n)."""
+        """Return the convolution matrices of the general kernels, (n_k, 2 n + 1, n)."""
         kernels = self._form.kernels
         empty = np.zeros((0, basis.nodes.size + basis.between.size, basis.nodes.size))
         return np.array([basis.convolutions(k, h) for k in kernels]) if kernels else empty
 
-    def _drives(self):
-        """How strongly the integrals of the smallest order drive the components of p, (d,)."""
+    def _decay_rates(self):
+        """Return |eigenvalues| of the coefficients of p in the integral of smallest order, (d,)."""
         smallest = self._form.generators[0]
         gains = self._gains(lambda a: 1.0 if a == smallest else 0.0)
         return np.abs(np.linalg.eigvals(gains)) if np.all(np.isfinite(gains)) else np.zeros(0)
 
-    def _gains(self, share):
-        """Derivative of p by itself through its integrals of order a, times share(a), (d, d)."""
+    def _gains(self, weight):
+        """Return the derivative of p with respect to p through its integrals, (d, d).
+
+        The integral of order a counts with the factor weight(a).
+        """
         form, gains = self._form, np.zeros_like(self._jacobian)
-        for c, q, k, kappa in rows(form):
+        for c, q, k, coefficient in convolution_terms(form):
             if k >= form.orders.size:
                 continue
-            factor = kappa * share(form.orders[k])
+            factor = coefficient * weight(form.orders[k])
             if q == FORCE:
                 gains[c] += factor * np.where(form.second == 1, 0.0, self._jacobian[c])
             elif q == PRIMARY:
@@ -116,103 +120,106 @@ class Corner:
         return gains
 
     def _first_length(self, size, most):
-        """A length over which the solution changes by some half of itself, as a first trial."""
+        """Return a first trial length: over it the solution changes by about half of itself."""
         form = self._form
         forces = form.terms[form.terms.integrand == FORCE]
         order = (form.orders[forces.index] + form.second).min()
-        # tiny orders change at once and then hardly: the check between the nodes decides there
+        # solutions of tiny order change at once and then hardly: the defect decides there
         order = max(order, 0.1)
-        # a right-hand side of time alone says nothing about itself
+        # a right-hand side of time alone gives no estimate
         return most if size * most**order < 0.5 else (0.5 / size) ** (1 / order)
 
-    def _stages(self, basis, times, h, base, operators, local, values):
-        """Solve for the values at the basis' nodes; whether the orbit's hold in between too."""
-        equation, form, strands, run = self._equation, self._form, self._strands, self._run
+    def _solve_and_check(self, basis, times, h, base, operators, local, values):
+        """Solve for the values at the nodes; return whether the orbit also holds between them."""
+        equation, form, orbit, state = self._equation, self._form, self._orbit, self._state
         n = basis.nodes.size
-        solved = solve_once(
+        solved = solve_single_step(
             equation._rhs, equation._jac, int(equation.has_jac), equation._params,
-            strands.equations(), times[:n], np.ascontiguousarray(operators[:, :n]),
-            np.ascontiguousarray(local[:, :n]), h, np.ascontiguousarray(base[:, :, :n]), strands.x,
-            1e-3 * self._tolerance(self._size(h)), values, run.counts, run.contraction,
+            orbit.equations(), times[:n], np.ascontiguousarray(operators[:, :n]),
+            np.ascontiguousarray(local[:, :n]), h, np.ascontiguousarray(base[:, :, :n]), orbit.x,
+            1e-3 * self._tolerance(self._size(h)), values, state.counts, state.contraction,
         )  # fmt: skip
         self.solved = solved
         if not solved:
             return False
         inner = (operators[:, n:], local[:, n:])
         defect = self._defect(basis, times[n:], h, base[0, :, n:], *inner, values[0])
-        # y' may have to grow to any size at once, y grows from what it is
+        # y' may become large at once, so its tolerance follows its size on this step
         size = np.maximum(self._largest, np.abs(values[0, PRIMARY]).max(axis=1))
         size = np.where(form.second, size, self._largest)
-        fits = defect <= self._tolerance(size)  # False where it is not finite
-        fits &= (form.second == 0) | (h * defect <= self._tolerance(np.abs(strands.x[0])))
+        fits = defect <= self._tolerance(size)  # False where the defect is not finite
+        fits &= (form.second == 0) | (h * defect <= self._tolerance(np.abs(orbit.x[0])))
         return bool(np.all(fits))
 
     def _tolerance(self, size):
-        """Error that something of this size may have."""
+        """Return the tolerance of a quantity of this size."""
         rtol, atol = self._tolerances
         return atol + rtol * size
 
     def _size(self, h):
-        """The size that p will be of on a step of length h."""
+        """Estimate the size of p on a step of length h, (d,)."""
         form, size = self._form, self._largest.copy()
-        for c, q, k, kappa in rows(form):
+        for c, q, k, coefficient in convolution_terms(form):
             if q == FORCE and form.second[c]:
-                size[c] += abs(kappa * self._force[c]) * h ** form.orders[k]
+                size[c] += abs(coefficient * self._force[c]) * h ** form.orders[k]
         return size
 
     def _defect(self, basis, times, h, base, operators, local, values):
-        """How far the equation, integrated, and the basis are off between the nodes, (d,)."""
-        equation, form, strands = self._equation, self._form, self._strands
+        """Return the error between the nodes, of integrated equations and of the basis, (d,)."""
+        equation, form, orbit = self._equation, self._form, self._orbit
         found, d, n_a = base.copy(), form.second.size, form.orders.size
-        for row, (c, q, k, kappa) in enumerate(rows(form)):
-            driver = values[q, c % d] - strands.offsets[0, row]
+        for row, (c, q, k, coefficient) in enumerate(convolution_terms(form)):
+            integrand = values[q, c % d] - orbit.offsets[0, row]
             matrix = h ** form.orders[k] * operators[k] if k < n_a else local[k - n_a]
-            found[c] += kappa * (matrix @ driver)
+            found[c] += coefficient * (matrix @ integrand)
         p = found[:d]
-        x = strands.x[0][:, None] + h * (values[PRIMARY] @ operators[-1].T)
+        x = orbit.x[0][:, None] + h * (values[PRIMARY] @ operators[-1].T)
         x = np.where(form.second[:, None] == 1, x, p)
         f, out = np.empty_like(x), np.empty(d)
         for i, t in enumerate(times):
             equation._rhs(t, np.ascontiguousarray(x[:, i]), out, equation._params)
             f[:, i] = out
         f[: form.n_rows - d] -= found[d:]
-        self._run.counts.rhs += times.size
-        off_at = np.abs(np.array([f, p, x]) - basis.interpolate_between(values))
-        off = off_at.max(axis=2)
+        self._state.counts.rhs += times.size
+        deviation_at = np.abs(np.array([f, p, x]) - basis.interpolate_between(values))
+        deviation = deviation_at.max(axis=2)
         defect = np.zeros(d)
-        for c, q, k, kappa in rows(form):
+        for c, q, k, coefficient in convolution_terms(form):
             if c < d:
                 size = h ** form.orders[k] if k < n_a else np.abs(local[k - n_a]).sum(axis=1).max()
-                defect[c] += abs(kappa) * size * off[q, c]
-        # the basis itself shows in the dense output alone, that of y' through its means
+                defect[c] += abs(coefficient) * size * deviation[q, c]
+        # the error of the basis affects dense output alone, and y there through the means of y'
         n, means = values.shape[2], self._means(basis, values[PRIMARY])
-        off_means = means[:, n:] - basis.interpolate_between(means[:, :n])
-        early = self._early(off_at[POSITION], x)
-        shown = np.where(form.second, np.abs(off_means).max(axis=1), early)
-        return np.maximum(self._damped(defect, h), _SHARE * np.maximum(off[PRIMARY], shown))
+        deviation_of_means = means[:, n:] - basis.interpolate_between(means[:, :n])
+        relative = self._relative_error(deviation_at[POSITION], x)
+        basis_error = np.where(form.second, np.abs(deviation_of_means).max(axis=1), relative)
+        return np.maximum(
+            self._error_from_defect(defect, h),
+            _BASIS_WEIGHT * np.maximum(deviation[PRIMARY], basis_error),
+        )
 
-    def _early(self, off, x):
-        """Largest error of y between the nodes, early ones in units of what y is late, (d,).
+    def _relative_error(self, deviation, x):
+        """Return the largest deviation of y, early ones scaled to the tolerance at the end, (d,).
 
-        `off`, x (d, n): the error at a time counts by how large y has been until then.
+        The tolerance at a time is that of the largest |y| until then; `deviation`, x (d, n).
         """
         allowed = self._tolerance(np.maximum.accumulate(np.abs(x), axis=1))
-        return (off * (allowed[:, -1:] / allowed)).max(axis=1)
+        return (deviation * (allowed[:, -1:] / allowed)).max(axis=1)
 
     def means(self, basis, values):
-        """Means of p from the corner to the nodes, from values (3, d, n), shape (d, n)."""
+        """Return the means of p from the start to the nodes, (d, n); values (3, d, n)."""
         return self._means(basis, values[PRIMARY])[:, : values.shape[2]]
 
     def _means(self, basis, p):
-        """Means of p (d, n) from the corner to the nodes and between, (d, 2 n + 1).
+        """Return the means of p (d, n) from the start to nodes and points between, (d, 2 n + 1).
 
-        Its differences from the last value are what the basis takes: a constant stays exact.
+        Differences from the last value are integrated, so that a constant is exact.
         """
         operator = basis.means(tuple(self._form.orders.tolist()))[-1]  # the last order is 1
         return p[:, -1:] + (p - p[:, -1:]) @ operator.T
 
-    def _damped(self, defect, h):
-        """Error of p that a defect leaves where the equation is stiff and nothing grows."""
+    def _error_from_defect(self, defect, h):
+        """Return the error of p that a defect causes, less than the defect if stiff; (d,)."""
         gain = self._gains(lambda a: h**a * rgamma(1 + a))
         if not np.all(np.isfinite(gain)) or np.linalg.eigvals(gain).real.max() > 0:
             return defect

@@ -1,4 +1,4 @@
-"""The adaptive stepper (floor 4): collocation steps as long as the tolerance allows."""
+"""Adaptive stepper: collocation steps as long as the tolerance allows."""
 
 import copy
 
@@ -7,23 +7,23 @@ import numpy as np
 from ..kernels.adaptive import (
     CRAWLING,
     FULL,
+    ORDERS_NEEDED,
     REACHED,
     TOO_CLOSE,
     TOO_ROUGH,
-    UNTOLD,
     march_adaptive,
 )
 from ..kernels.collocation import PRIMARY
-from ..kernels.mode_tables import empty_tables, on_grid
+from ..kernels.mode_tables import empty_tables, floor_to_grid
 from ..kernels.structures import (
     ExponentialBasis,
     Limits,
     Rule,
     Steps,
     VaryingOrders,
-    begin_run,
+    initial_state,
     plain,
-    run_of,
+    restored_state,
 )
 from ..memory_kernel import told_error, warn_of_fit
 from ..schemes.scheme import refuse_late
@@ -31,52 +31,51 @@ from ..solver.identity import check_identity, identity
 from ..solver.state import AdaptiveState, check_reach, check_sound, frozen, sealed
 from .equations import integral_form
 from .jumps import jump
-from .orbit import Strands, starts
+from .orbit import OrbitAndTangents, initial_values
 from .order_tables import OrderTables
 from .pace import MAX_STEPS, ROUNDS, Ending, Pace, ending
 from .pieces import PolynomialPieces, PowerPiece
 from .quadrature import (
-    looks_off_nodes,
+    check_points,
     radau_integrals,
     radau_nodes,
     shortened_legendre,
     to_legendre,
 )
-from .singular_start import Corner
+from .singular_start import SingularStart
 
-# Share of the tolerance that one step may err by, and that the modes may: errors add up along
-# periodic and chaotic orbits (convergence/collocation.py).
-_SHARE, _SHARE_OF_MODES = 0.1, 0.01
-# The step out of a corner errs once, and no less than rounding lets it.
+# Fraction of the tolerance that one step may err by, and fraction of that for the modes: errors add
+# up along periodic and chaotic orbits (convergence/collocation.py).
+_STEP_FRACTION, _MODES_FRACTION = 0.1, 0.01
+# Least relative tolerance of a singular start: rounding allows no less.
 _ROUNDING = 5e-13
-# Steps after the first one are at least this many times shorter than it before the modes must be
-# refitted, and as many again each time.
-_ROOM = 32.0
-# Runs can be resumed up to this many times their length. The modes span this ratio at most.
-_FAR, _MOST = 10.0, 1e305
-# Share of the run that steps are expected to read at the closest, where kernels are fitted.
+# Modes are fitted, and refined each time, for steps this many times shorter than the present one.
+_REFINE_BY = 32.0
+# Ratio of the time up to which a run may be resumed to its length; largest ratio of distances.
+_REACH, _LARGEST_RATIO = 10.0, 1e305
+# Closest distance expected, as fraction of the run, for fits before the run begins.
 _CLOSE = 1e-6
 
 
 class AdaptiveStepper:
-    """A march of one equation by collocation, with steps chosen by the tolerance.
+    """March of one equation by collocation, with steps chosen by the tolerance.
 
     Parameters
     ----------
     equation : System
     scheme : Collocation
     t_end : float
-        End of the run; the modes reach ten times as far, or to the scheme's horizon.
+        End of the run; the modes hold up to ten times as far, or to the scheme's horizon.
     rtol, atol : float
     modes_tol : float, optional
-        Relative error of the modes, where it is to be less than the tolerance allows.
+        Relative error of the modes, where it is to be smaller than the tolerance requires.
     directions : ndarray, shape (n_data, k), optional
-        Derivatives of the initial data along k directions, whose tangents go alongside; the steps
-        are chosen for the orbit.
+        Directions of initial data, one tangent for each; the steps are chosen by the errors of the
+        orbit and of the tangents.
     max_step : float, optional
         Longest step [time].
     max_steps : int, optional
-        Most steps of this run.
+        Largest number of steps of this run.
     """
 
     zigzag, growth, largest_ratio = None, None, 0.0
@@ -88,37 +87,37 @@ class AdaptiveStepper:
         scheme.check_terms(equation)
         self.equation, self._scheme = equation, scheme
         self._tolerances = (rtol, atol)
-        self._rtol, self._atol = _SHARE * rtol, _SHARE * atol
-        own = max(1e-14, min(1e-3, _SHARE_OF_MODES * self._rtol))
-        # looser modes would look like a rough solution, and no step would be small enough
-        self.modes_tol = own if modes_tol is None else min(own, modes_tol)
+        self._rtol, self._atol = _STEP_FRACTION * rtol, _STEP_FRACTION * atol
+        default_tol = max(1e-14, min(1e-3, _MODES_FRACTION * self._rtol))
+        # larger errors of the modes would look like a rough solution, and no step would suffice
+        self.modes_tol = default_tol if modes_tol is None else min(default_tol, modes_tol)
         refuse_late(equation, t_end)
         self._known = max(t_end, scheme.horizon or 0.0)
-        self._far = max(min(_FAR * t_end, 1e307), self._known)
+        self._farthest = max(min(_REACH * t_end, 1e307), self._known)
         s = self._s = scheme.nodes_for(rtol)
         self._form = form = integral_form(equation)
         self.second = form.second == 1
         singular = np.array([radau_integrals(s, a) for a in form.orders])
         rule = (radau_nodes(s), singular, to_legendre(s), np.linalg.inv(singular[-1]))
-        self._rule = Rule(*(np.array(a) for a in rule + looks_off_nodes(s)))
-        # no basis is made for these, where they begin: ordinary steps, the first of them tiny
+        self._rule = Rule(*(np.array(a) for a in rule + check_points(s)))
+        # such equations have no power basis and begin with ordinary steps, the first one tiny
         self._graded = bool(form.implicit.any() or form.varying)
         self._orders = OrderTables(form.varying, s)
         self._transforms = shortened_legendre(s)
-        self._strands = Strands(form, starts(equation, self.second, directions), s)
-        self._run = begin_run(t_end, np.abs(self._strands.p[0]))
-        self._at_corner, self._largest_error, self._tables = True, 0.0, None
+        self._orbit = OrbitAndTangents(form, initial_values(equation, self.second, directions), s)
+        self._state = initial_state(t_end, np.abs(self._orbit.p[0]))
+        self._at_singular_start, self._largest_error, self._tables = True, 0.0, None
         self._peak = np.zeros((2, equation.d))  # of p and y at the starts of steps
         self.ending = Ending()
         self.error: Exception | None = None
         self.pace = Pace(max_step, max_steps)
         self._limit_steps(t_end)
-        self._foresee(t_end)
+        self._prefit_kernels(t_end)
 
     def _limit_steps(self, t_end):
-        """Set the longest steps, and the last, of a run from here to t_end."""
+        """Set the longest steps and the last step of a run from here to t_end."""
         self.pace.begin(self.t, t_end, self.n_steps)
-        self._control.next = min(self._control.next, on_grid(self.pace.longest[0]))
+        self._control.next = min(self._control.next, floor_to_grid(self.pace.longest[0]))
 
     @property
     def t(self):
@@ -127,95 +126,95 @@ class AdaptiveStepper:
 
     @property
     def n_steps(self):
-        """Steps made."""
-        return int(self._run.counts.accepted)
+        """Number of accepted steps."""
+        return int(self._state.counts.accepted)
 
     @property
     def n_rhs(self):
-        """Calls of the right-hand side."""
-        return int(self._run.counts.rhs)
+        """Number of calls of the right-hand side."""
+        return int(self._state.counts.rhs)
 
     @property
     def n_modes(self):
-        """Modes held for each component."""
-        return self._strands.rates.size
+        """Number of modes of each row."""
+        return self._orbit.rates.size
 
     @property
     def y(self):
         """Solution at `t`, shape (d,); a copy."""
-        return self._strands.x[0].copy()
+        return self._orbit.x[0].copy()
 
     @property
     def ydot(self):
         """First derivative at `t` where it is an unknown, NaN elsewhere; shape (d,)."""
-        return np.where(self.second, self._strands.p[0], np.nan)
+        return np.where(self.second, self._orbit.p[0], np.nan)
 
     @property
     def tangent(self):
-        """Derivatives of y, and of y' where the order is above 1, shape (n_data, k); a copy."""
-        strands = self._strands
-        return np.vstack([strands.x[1:].T, strands.p[1:, self.second].T])
+        """Tangents: derivatives of y, and of y' for orders above 1, shape (n_data, k); a copy."""
+        orbit = self._orbit
+        return np.vstack([orbit.x[1:].T, orbit.p[1:, self.second].T])
 
     def transform_tangent(self, matrix):
-        """Replace the tangents, with all of their memory, by ``tangent @ matrix``, (k, k)."""
-        self._strands.transform(matrix)
+        """Replace the tangents and their history by ``tangent @ matrix``, matrix (k, k)."""
+        self._orbit.transform(matrix)
 
     def advance(self, t_stop, n_rows):
-        """March towards `t_stop` by at most `n_rows` steps; the piece of dense output made.
+        """March towards `t_stop` by at most `n_rows` steps; return their dense output or None.
 
-        Where it cannot go on `ending` says why, `pace` whether all steps allowed are made, and
-        `error` is what the right-hand side raised; None may come back then.
+        If the run cannot go on, `ending` gives the reason; `pace` tells whether all allowed steps
+        are used up, and `error` holds an exception of the right-hand side.
         """
         n_rows = min(n_rows, self.pace.last_step - self.n_steps)
         if n_rows == 0:
             return None
-        if self._at_corner:
+        if self._at_singular_start:
             if not self._graded:
-                return self._step_out(t_stop)
-            self._grade(t_stop)
+                return self._singular_step(t_stop)
+            self._begin_graded(t_stop)
             if self.ending.not_solved:
                 return None
-        d, s, counts = self.equation.d, self._s, self._run.counts
+        d, s, counts = self.equation.d, self._s, self._state.counts
         shapes = (n_rows,), (n_rows,), (n_rows, d, s), (n_rows, 2, d), (n_rows,)
         steps = Steps(*(np.empty(shape) for shape in shapes))
-        n, status, begun = 0, TOO_CLOSE, (self.t, counts.copy())
-        while (status == TOO_CLOSE and n == 0) or status == UNTOLD:
-            made = self.n_steps
+        n, status, before = 0, TOO_CLOSE, (self.t, counts.copy())
+        while (status == TOO_CLOSE and n == 0) or status == ORDERS_NEEDED:
+            first = self.n_steps
             try:
-                if status == UNTOLD:
-                    self._orders.tell(self._strands, self._control.origin, t_stop)
+                if status == ORDERS_NEEDED:
+                    self._orders.fill(self._orbit, self._control.origin, t_stop)
                 _, status = self._march(Steps(*(array[n:] for array in steps)), t_stop)
             except Exception as error:
-                # the steps before it are made and kept
+                # the steps before the failure are accepted
                 self.error, status = error, REACHED
-            if self.n_steps > made:
-                self._strands.step(float(self._control.last))
-            n += self.n_steps - made
+            if self.n_steps > first:
+                self._orbit.record_step(float(self._control.last))
+            n += self.n_steps - first
             if status == TOO_CLOSE:
-                # the march stood before this step when it turned back
+                # the march returned before this step
                 closest = self._closest(min(self._control.next, t_stop - self.t))
-                if closest < self._far / _MOST:
+                if closest < self._farthest / _LARGEST_RATIO:
                     status = TOO_ROUGH
                 else:
-                    self._come_closer(closest)
+                    self._refine_modes(closest)
         if status == REACHED and self.error is None:
-            self._begin_at(t_stop)
+            self._set_origin(t_stop)
         if status in (FULL, TOO_CLOSE):
-            since, earlier = begun
-            made, refused = counts.accepted - earlier.accepted, counts.refused - earlier.refused
+            since, earlier = before
+            accepted, refused = counts.accepted - earlier.accepted, counts.refused - earlier.refused
             ahead = self.t - since, t_stop - self.t
-            if self.pace.hopeless(made, refused, self.n_steps, *ahead, steps.begins[:n]):
+            if self.pace.is_stalled(accepted, refused, self.n_steps, *ahead, steps.at_starts[:n]):
                 status = CRAWLING
-        begins = np.abs(steps.begins[:n]).max(axis=0, initial=0.0)  # y, then p
-        self._peak = np.maximum(self._peak, begins[::-1])
+        at_starts = np.abs(steps.at_starts[:n]).max(axis=0, initial=0.0)  # y, then p
+        self._peak = np.maximum(self._peak, at_starts[::-1])
         if status not in (REACHED, FULL, TOO_CLOSE):
-            lengths, last = (self._control.last, self._control.next), self._strands.last[0]
+            lengths, last = (self._control.last, self._control.next), self._orbit.last[0]
             self.ending = ending(status, self.equation, self.t, *lengths, last, self._peak)
         if n == 0:
             return None
-        *made, errors = (array[:n] for array in steps)
+        *piece, errors = (array[:n] for array in steps)
         self._largest_error = max(self._largest_error, float(errors.max()))
-        return PolynomialPieces(*made)
+        return PolynomialPieces(*piece)
 
     @property
     def blown_up(self):
@@ -229,75 +228,68 @@ class AdaptiveStepper:
 
     @property
     def no_step(self):
-        """A clause about steps that are never small enough; empty where they are."""
+        """Clause for a message where no step is small enough; else empty."""
         return self.ending.no_step
 
-    def _begin_at(self, t, since=0.0):
-        """Count the time from t on: next to a corner its rounding would hide the steps."""
+    def _set_origin(self, t, since=0.0):
+        """Measure time from t, since rounding would hide steps next to a singular start."""
         self._control.time, self._control.origin = since, t
-        self._orders.forget()
+        self._orders.clear()
 
     @property
     def _control(self):
-        return self._run.control
+        return self._state.control
 
     def _closest(self, h):
-        """Distance that the modes must hold at for steps of length h, and shorter ones to come."""
-        return self._rule.nodes[0] * h / _ROOM
+        """Return the distance down to which modes must hold for steps of length h and shorter."""
+        return self._rule.nodes[0] * h / _REFINE_BY
 
     def _march(self, steps, t_stop):
-        equation, strands = self.equation, self._strands
-        longest, idle = self.pace.longest.tolist()
+        """Run the compiled march; return the rows filled and its status code."""
+        equation, orbit = self.equation, self._orbit
+        basis = ExponentialBasis(orbit.rates, orbit.weights, orbit.masses, self._transforms)
+        longest, longest_idle = self.pace.longest.tolist()
+        limits = Limits(t_stop, longest, longest_idle, self._rtol, self._atol)
         return march_adaptive(
-            equation._rhs,
-            equation._jac,
-            int(equation.has_jac),
-            equation._params,
-            strands.equations(),
-            self._rule,
-            ExponentialBasis(strands.rates, strands.weights, strands.masses, self._transforms),
-            self._kept_tables(),
-            self._varying_orders(),
-            strands.compiled(),
-            self._run,
-            steps,
-            Limits(t_stop, longest, idle, self._rtol, self._atol),
-        )
+            equation._rhs, equation._jac, int(equation.has_jac), equation._params,
+            orbit.equations(), self._rule, basis, self._step_tables(), self._varying_orders(),
+            orbit.march_arrays(), self._state, steps, limits,
+        )  # fmt: skip
 
-    def _kept_tables(self):
-        """Tables of the bank in use for steps of lengths that occurred."""
+    def _step_tables(self):
+        """Return the tables of mode factors, new ones where the modes changed."""
         n, s = self.n_modes, self._s
-        if self._tables is None or self._tables.keeps.shape[1] != n:
+        if self._tables is None or self._tables.to_end.shape[1] != n:
             self._tables = empty_tables(n, s, len(self._form.kernels) + len(self._form.varying))
         return self._tables
 
     def _varying_orders(self):
-        """Return tables of the orders that vary, for the step that they are known for."""
-        orders, own = self._orders, self._strands.own
-        if orders.weights.shape[1] != own.size:
-            orders.forget()
-            orders.weights = np.zeros((len(orders.weights), own.size, self._s))
-        return VaryingOrders(orders.known, orders.integrals, orders.weights, own)
+        """Return the tables of varying orders in the form of compiled code."""
+        orders, of_varying = self._orders, self._orbit.of_varying
+        if orders.weights.shape[1] != of_varying.size:
+            orders.clear()
+            orders.weights = np.zeros((len(orders.weights), of_varying.size, self._s))
+        return VaryingOrders(orders.tabulated, orders.integrals, orders.weights, of_varying)
 
-    def leave_corner(self):
-        """Make the next step out of a point where the solution is not smooth."""
-        self._at_corner = True
+    def begin_singular(self):
+        """Begin the next step at a point where the solution is not smooth."""
+        self._at_singular_start = True
 
     def stats(self):
-        """Counts for the solution's stats."""
+        """Return counts and error estimates for the solution's stats."""
         return {
             "n_steps": self.n_steps,
-            "n_rejected": int(self._run.counts.refused),
+            "n_rejected": int(self._state.counts.refused),
             "n_rhs": self.n_rhs,
             "n_modes": self.n_modes,
-            "history_bytes": self._strands.modes.nbytes,
-            # a step out of a corner may err by its share
-            "kernel_error": told_error(self._strands.kernels.error),
-            "error_estimate": max(self._largest_error, _SHARE) * self._tolerances[0],
+            "history_bytes": self._orbit.modes.nbytes,
+            # a singular start may err by its fraction of the tolerance
+            "kernel_error": told_error(self._orbit.kernels.error),
+            "error_estimate": max(self._largest_error, _STEP_FRACTION) * self._tolerances[0],
         }
 
     def state(self):
-        """An `AdaptiveState` from which a later run goes on."""
+        """Return an `AdaptiveState` from which a later run continues."""
         rtol, atol = self._tolerances
         state = AdaptiveState(
             t=self.t,
@@ -307,92 +299,95 @@ class AdaptiveStepper:
             atol=atol,
             modes_tol=self.modes_tol,
             identity=self._identity(self.t),
-            run=tuple(frozen(plain(part)) for part in self._run),
-            strands=copy.deepcopy(self._strands),
-            at_corner=self._at_corner,
+            march=tuple(frozen(plain(part)) for part in self._state),
+            orbit=copy.deepcopy(self._orbit),
+            at_singular_start=self._at_singular_start,
         )
         return sealed(state)
 
     def restore(self, state, t_end, allow_change=False):
-        """Take over where `state` was taken, of another right-hand side where that is allowed."""
+        """Continue from `state`; `allow_change` admits another right-hand side or parameters."""
         check_sound(state)
         changed = check_identity(state.identity, self._identity(state.t), allow_change)
         refuse_late(self.equation, t_end)
         check_reach(state, t_end)
-        self._run = run_of(state.run)
-        self._strands, self._at_corner = copy.deepcopy(state.strands), state.at_corner or changed
-        self._strands.adopt(self._form)
-        self._tables = None  # they belong to the modes, and so do these
-        self._orders.forget()
+        self._state = restored_state(state.march)
+        self._orbit = copy.deepcopy(state.orbit)
+        self._at_singular_start = state.at_singular_start or changed
+        self._orbit.adopt(self._form)
+        self._tables = None  # computed for other modes
+        self._orders.clear()
         self._limit_steps(t_end)
 
     def _identity(self, t):
-        """Describe what a run to time t must share with one that resumes it."""
+        """Describe the traits that a run to time t shares with one that resumes it."""
         how = {"number of nodes": self._s, "tolerances": self._tolerances}
-        return identity(self.equation, t, len(self._strands.x) - 1, **how)
+        return identity(self.equation, t, len(self._orbit.x) - 1, **how)
 
-    def _step_out(self, t_stop):
-        """Step out of a point where the solution is not smooth; the piece made."""
-        strands, t = self._strands, self.t
+    def _singular_step(self, t_stop):
+        """Make the step of a singular start; return its piece of dense output, or None."""
+        orbit, t = self._orbit, self.t
         tolerances = max(self._rtol, _ROUNDING), self._atol
-        state = self._form, strands, t, t_stop, self._far / _MOST
+        problem = self._form, orbit, t, t_stop, self._farthest / _LARGEST_RATIO
         longest = self.pace.longest[0]
-        corner = Corner(self.equation, *state, tolerances, self._run, longest)
-        found = corner.leave()
-        self._run.counts.refused += corner.n_refused
+        start = SingularStart(self.equation, *problem, tolerances, self._state, longest)
+        found = start.step()
+        self._state.counts.refused += start.n_refused
         if found is None:
-            self.ending = Ending(no_step=ROUNDS) if corner.solved else Ending(not_solved=True)
+            self.ending = Ending(no_step=ROUNDS) if start.solved else Ending(not_solved=True)
             return None
         h, basis, values = found
-        begin = strands.x[0].copy()
-        self._leave(t, h, basis, values, t_stop)
-        return PowerPiece(t, h, basis, values[0], corner.means(basis, values[0]), begin)
+        at_start = orbit.x[0].copy()
+        self._finish_singular_start(t, h, basis, values, t_stop)
+        return PowerPiece(t, h, basis, values[0], start.means(basis, values[0]), at_start)
 
-    def _leave(self, t, h, basis, values, t_stop):
-        """Move to the end of a step out of a corner."""
-        strands, closest, largest = self._strands, self._closest(h), self._run.largest
+    def _finish_singular_start(self, t, h, basis, values, t_stop):
+        """Move to the end of the step of a singular start and begin ordinary steps."""
+        orbit, closest, largest = self._orbit, self._closest(h), self._state.largest
         if self.n_modes == 0:
-            strands.begin(closest, self._far, self._known, self.modes_tol)
-        elif closest < strands.closest:
-            self._come_closer(closest)
-        strands.leave(basis, h, values)
+            orbit.open_modes(closest, self._farthest, self._known, self.modes_tol)
+        elif closest < orbit.closest:
+            self._refine_modes(closest)
+        orbit.finish_singular_start(basis, h, values)
         speeds = np.maximum(largest, np.abs(values[0, PRIMARY]).max(axis=1))
         largest[:] = np.where(self.second, speeds, 0.0)
         self._begin_steps(h)
-        self._begin_at(*((t_stop,) if h == t_stop - t else (t, h)))
-        self._run.counts.accepted += 1
-        self._at_corner = False
+        self._set_origin(*((t_stop,) if h == t_stop - t else (t, h)))
+        self._state.counts.accepted += 1
+        self._at_singular_start = False
 
-    def _grade(self, t_stop):
-        """Make ready to begin by ordinary steps, the first so small that the solution is still."""
-        self._begin_at(self.t)
-        h = self._form.tiny(self.t, t_stop - self.t, self._atol, 1e5 * self._far / _MOST)
+    def _begin_graded(self, t_stop):
+        """Begin with ordinary steps, the first so short that the solution hardly changes."""
+        self._set_origin(self.t)
+        least = 1e5 * self._farthest / _LARGEST_RATIO
+        h = self._form.graded_first_step(self.t, t_stop - self.t, self._atol, least)
         closest = self._closest(h)
         if self.n_modes == 0:
-            self._strands.begin(closest, self._far, self._known, self.modes_tol)
-        if closest < self._strands.closest:
-            self._come_closer(closest)
+            self._orbit.open_modes(closest, self._farthest, self._known, self.modes_tol)
+        if closest < self._orbit.closest:
+            self._refine_modes(closest)
         # the right-hand side may jump here
-        settled = jump(self.equation, self._form, self._strands, self.t, self._run.counts)
+        settled = jump(self.equation, self._form, self._orbit, self.t, self._state.counts)
         self.ending = Ending(not_solved=not settled)
-        self._run.largest[:] = np.where(self.second, self._run.largest, 0.0)
-        self._begin_steps(on_grid(h))
-        self._at_corner = False
+        self._state.largest[:] = np.where(self.second, self._state.largest, 0.0)
+        self._begin_steps(floor_to_grid(h))
+        self._at_singular_start = False
 
     def _begin_steps(self, h):
         """Begin ordinary steps, the first of length h."""
         control = self._control
         control.next, control.last, control.refused = h, 0.0, 0.0
-        control.closest = self._strands.closest
+        control.closest = self._orbit.closest
 
-    def _foresee(self, t_end):
-        """Fit kernels known by their values for steps as short as are to be expected."""
+    def _prefit_kernels(self, t_end):
+        """Fit kernels known by their values, for steps as short as are to be expected."""
         closest = _CLOSE * t_end
         if self._graded and not self._form.varying:
-            closest = self._closest(self._form.tiny(0.0, t_end, self._atol))
-        error = self._strands.foresee(closest, self._far, self._known, self.modes_tol)
+            closest = self._closest(self._form.graded_first_step(0.0, t_end, self._atol))
+        error = self._orbit.prefit_kernels(closest, self._farthest, self._known, self.modes_tol)
         warn_of_fit(error, self._tolerances[0])
 
-    def _come_closer(self, closest):
-        self._strands.come_closer(closest)
-        self._control.closest = self._strands.closest
+    def _refine_modes(self, closest):
+        """Refine the modes to hold at the distance `closest`."""
+        self._orbit.refine(closest)
+        self._control.closest = self._orbit.closest

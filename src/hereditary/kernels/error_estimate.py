@@ -1,4 +1,4 @@
-"""Errors of a collocation step, compared with its tolerance (floor 1)."""
+"""Error estimates of a collocation step, and their ratio to the tolerance."""
 
 import numpy as np
 
@@ -6,44 +6,45 @@ from .._jit import kernel
 from .collocation import FORCE, POSITION, PRIMARY, forces, residuals
 from .linalg import substitute
 
-# Tangents that have decayed are known to their rounding alone, which grows as they are stretched:
-# no step is refused for less than this.
+# Relative tolerance of tangents is at least this: those that have decayed consist of rounding
+# errors, which grow when tangents are normalised.
 _TANGENT = 1e-9
-# Share of p(0) below which no error of p can be told.
+# Fraction of p(0) that rounding hides in p.
 _ROUNDING = 1e-14
-# Share of what f is off its polynomial between the nodes that its integrals keep. Where f is smooth
-# the rule's nodes make it less, and the tail of the polynomial tells it; where f jumps this does.
-_OFF = 0.3
-# Share of |J| |y| that is rounding of f, enlarged by a polynomial through its values.
+# Fraction of the defect of f between the nodes that enters the error, as it does where f jumps. For
+# a smooth f the integrals are more accurate, and the tail of its polynomial estimates the error.
+_DEFECT_WEIGHT = 0.3
+# Rounding error of f as fraction of |J| |y|, including its growth by the polynomial.
 _NOISE = 2e-14
-# Goals of Newton's method, each a hundredth of a step's tolerance: how many f must be off for its
-# result to be looked at again, and how many that may then be off.
-_FAR, _NOT_MET = 100.0, 10.0
-# Tolerances of a step that its polynomial may miss the start by: less is rounding of stiff systems.
+# In units of Newton's goal: a larger defect of f has the equations checked again, and a larger
+# residual then refuses the step.
+_CHECK_BEYOND, _UNSOLVED = 100.0, 10.0
+# Number of tolerances by which the polynomial may miss the start; stiff systems miss it by
+# rounding.
 _MISSED = 10.0
 
 
 @kernel
-def estimate(h, equations, legendre, local, matrices, values, newton, errors):
-    """Set the error of p by each integrand: the Legendre coefficient after the last, integrated.
+def estimate_error(h, equations, legendre, local, matrices, values, newton, errors):
+    """Estimate the error of p by the next Legendre coefficient of each integrand, integrated.
 
-    It counts by what the equations leave of it, little where they are stiff, and not for more than
-    it is. Nor may p itself, as the dense output interpolates it, be further off.
+    The resulting defect is damped by the equations where these are stiff, and never amplified. The
+    error is at least that of p as the dense output interpolates it.
     """
-    # local (n_k, s, s), matrices (R, 3, s, s), values (3 or 4, d, s), errors (d,)
+    # local (n_k, s, s), matrices (R, 3, s, s), values (n_q, d, s), errors (d,)
     terms, orders = equations.terms, equations.orders
     d, s, n_a = errors.shape[0], values.shape[2], orders.shape[0]
-    defect, left = np.empty(d * s), np.empty(d * s)
+    defect, nodal_errors = np.empty(d * s), np.empty(d * s)
     for c in range(d):
-        last, shrink = tail(legendre, values[PRIMARY, c])
-        errors[c] = abs(last) * shrink * shrink
+        last, decay = legendre_tail(legendre, values[PRIMARY, c])
+        errors[c] = abs(last) * decay * decay
     for integrand in range(values.shape[0]):
         defect[:] = 0.0
         for n in range(terms.shape[0]):
             c, q, k = terms[n].row, terms[n].integrand, terms[n].index
             if q != integrand:
                 continue
-            last, shrink = tail(legendre, values[q, c % d])
+            last, decay = legendre_tail(legendre, values[q, c % d])
             size = 1.0
             if k >= n_a:
                 size = np.max(np.abs(local[k - n_a, -1]))
@@ -52,80 +53,90 @@ def estimate(h, equations, legendre, local, matrices, values, newton, errors):
             if c >= d:
                 size *= np.max(np.abs(matrices[c - d, FORCE, -1]))
             for i in range(s):
-                defect[(c % d) * s + i] += terms[n].coefficient * size * last * shrink
+                defect[(c % d) * s + i] += terms[n].coefficient * size * last * decay
         if not np.any(defect):
             continue
-        leave(defect, newton, left)
+        solve_for_error(defect, newton, nodal_errors)
         for c in range(d):
-            errors[c] += np.max(np.abs(left[c * s : (c + 1) * s]))
+            errors[c] += np.max(np.abs(nodal_errors[c * s : (c + 1) * s]))
 
 
 @kernel
-def leave(defect, newton, left):
-    """Solve for the error that a defect at all nodes, (d s,), makes: no more than the defect."""
-    substitute(newton.matrix, newton.order, defect, left)
-    # a matrix next to singular would make rounding of it
-    left *= min(1.0, np.max(np.abs(defect)) / max(np.max(np.abs(left)), 1e-300))
+def solve_for_error(defect, newton, nodal_errors):
+    """Solve for the error that a defect at all nodes, (d s,), causes, at most the defect."""
+    substitute(newton.matrix, newton.order, defect, nodal_errors)
+    # a nearly singular matrix would amplify rounding errors
+    nodal_errors *= min(1.0, np.max(np.abs(defect)) / max(np.max(np.abs(nodal_errors)), 1e-300))
 
 
 @kernel
-def off_nodes(rhs, params, times, h, rule, x_start, p0, second, values, limits, off):
-    """Set how far f is from its polynomial, where the solution's is between the nodes, (d,).
+def measure_force_defect(
+    rhs, params, times, h, rule, x_start, p0, second, values, limits, force_defect
+):
+    """Set the largest difference of f and its polynomial between the nodes, the defect, (d,).
 
-    A right-hand side that jumps, or that comes and goes between the nodes, shows there alone. Both
-    polynomials are those through the nodes: a linear f is none off its own. Where they miss the
-    start, the first of the times, by far more than the tolerance, f is looked at from there too.
+    Only there does a right-hand side show that jumps, or that acts between the nodes. Both
+    polynomials are those through the nodes, so a linear f has no defect. Where the solution's
+    polynomial misses the start, the first of the times, by far more than the tolerance, f at the
+    start counts too.
     """
-    # times (m,), x_start, p0 (d,), values (3 or 4, d, s)
-    d, s = second.shape[0], rule.extended.shape[1]
-    point, missed = np.empty(d), False
+    # times (m,), x_start, p0 (d,), values (n_q, d, s)
+    d, s = second.shape[0], rule.check_values.shape[1]
+    point, misses_start = np.empty(d), False
     for i in range(times.shape[0]):
         for c in range(d):
             total = 0.0
             if second[c] == 0:
                 for j in range(s):
-                    total += rule.extended[i, j] * values[PRIMARY, c, j]
+                    total += rule.check_values[i, j] * values[PRIMARY, c, j]
             else:
                 for j in range(s):
-                    total += rule.risen[i, j] * values[PRIMARY, c, j]
+                    total += rule.check_integrals[i, j] * values[PRIMARY, c, j]
                 total = x_start[c] + h * total
             point[c] = total
-            size = max(abs(x_start[c]), abs(p0[c]))  # the step out of 0 may err by as much
+            size = max(abs(x_start[c]), abs(p0[c]))  # a singular start may err by this much
             allowed = _MISSED * (limits.atol + limits.rtol * size)
-            missed = missed or (i == 0 and abs(total - x_start[c]) > allowed)
-        off_there(rhs, params, times[i], point, rule.extended[i], values, off)
-    if missed:
-        off_there(rhs, params, times[0], x_start, rule.extended[0], values, off)
+            misses_start = misses_start or (i == 0 and abs(total - x_start[c]) > allowed)
+        update_force_defect(
+            rhs, params, times[i], point, rule.check_values[i], values, force_defect
+        )
+    if misses_start:
+        update_force_defect(
+            rhs, params, times[0], x_start, rule.check_values[0], values, force_defect
+        )
 
 
 @kernel
-def off_there(rhs, params, t, point, extended, values, off):
-    """Let `off` be no less than what f at a point is from its polynomial at a time."""
+def update_force_defect(rhs, params, t, point, check_values, values, force_defect):
+    """Raise the defect, (d,), to the difference of f and its polynomial at one point."""
     force = np.empty(point.shape[0])
     rhs(t, point, force, params)
     for c in range(point.shape[0]):
         total = force[c]
-        for j in range(extended.shape[0]):
-            total -= extended[j] * values[FORCE, c, j]
-        if not abs(total) <= abs(off[c]):  # not a number counts as most
-            off[c] = total
+        for j in range(check_values.shape[0]):
+            total -= check_values[j] * values[FORCE, c, j]
+        if not abs(total) <= abs(force_defect[c]):  # NaN counts as the largest
+            force_defect[c] = total
 
 
 @kernel
-def exceeds(off, matrices, goal, newton):
-    """Whether f, off its nodes by so much, would move p beyond Newton's goal, were it not stiff."""
-    for c in range(off.shape[0]):
+def defect_matters(force_defect, matrices, goal, newton):
+    """Return whether the defect of f, undamped, would move p beyond Newton's goal."""
+    for c in range(force_defect.shape[0]):
         size = np.max(np.abs(np.sum(matrices[c, FORCE], axis=1)))
-        if abs(off[c]) > _NOISE * newton.sizes[c] and abs(off[c]) * size > _FAR * goal[c]:
+        if (
+            abs(force_defect[c]) > _NOISE * newton.force_scales[c]
+            and abs(force_defect[c]) * size > _CHECK_BEYOND * goal[c]
+        ):
             return True
     return False
 
 
 @kernel
-def confirmed(rhs, params, times, base, matrices, goal, values, newton):
-    """Whether p, as Newton's method left it, meets the equations with f as it is there.
+def equations_hold(rhs, params, times, base, matrices, goal, values, newton):
+    """Evaluate f anew and return whether p at the nodes still satisfies the equations.
 
-    A Jacobian that was differenced across a jump makes any equation look stiff, and solved.
+    A Jacobian from differences across a jump makes any equation look stiff, and solved.
     """
     f, p, x = np.empty(values[FORCE].shape), values[PRIMARY], values[POSITION]
     residual, change = np.empty(p.size), np.empty(p.size)
@@ -135,35 +146,35 @@ def confirmed(rhs, params, times, base, matrices, goal, values, newton):
     s = p.shape[1]
     for c in range(p.shape[0]):
         for i in range(s):
-            if not abs(change[c * s + i]) <= _NOT_MET * goal[c]:
+            if not abs(change[c * s + i]) <= _UNSOLVED * goal[c]:
                 return False
     return True
 
 
 @kernel
-def add_unseen(off, matrices, newton, errors):
-    """Let errors (d,) be no less than what f, off its nodes by so much, makes p err by.
+def add_force_defect(force_defect, matrices, newton, errors):
+    """Raise the errors (d,) to the error of p that the defect of f causes.
 
-    As far as rounding of f does not explain it.
+    A defect within the rounding error of f is ignored.
     """
-    d, s = off.shape[0], matrices.shape[2]
-    defect, left = np.empty(d * s), np.empty(d * s)
+    d, s = force_defect.shape[0], matrices.shape[2]
+    defect, nodal_errors = np.empty(d * s), np.empty(d * s)
     for c in range(d):
-        beyond = off[c]
-        if abs(beyond) <= _NOISE * newton.sizes[c]:
-            beyond = 0.0
+        excess = force_defect[c]
+        if abs(excess) <= _NOISE * newton.force_scales[c]:
+            excess = 0.0
         for i in range(s):
-            defect[c * s + i] = beyond * np.sum(matrices[c, FORCE, i])
-    leave(defect, newton, left)
+            defect[c * s + i] = excess * np.sum(matrices[c, FORCE, i])
+    solve_for_error(defect, newton, nodal_errors)
     for c in range(d):
-        unseen = _OFF * np.max(np.abs(left[c * s : (c + 1) * s]))
-        if not unseen <= errors[c]:
-            errors[c] = unseen
+        error = _DEFECT_WEIGHT * np.max(np.abs(nodal_errors[c * s : (c + 1) * s]))
+        if not error <= errors[c]:
+            errors[c] = error
 
 
 @kernel
-def tail(legendre, values):
-    """The last Legendre coefficient, and the size of its ratio to the one before, 1 at most."""
+def legendre_tail(legendre, values):
+    """Return the last Legendre coefficient and its ratio to the one before, 0 to 1."""
     # values (s,)
     s = values.shape[0]
     last, before = 0.0, 0.0
@@ -174,12 +185,12 @@ def tail(legendre, values):
 
 
 @kernel
-def worst_tangent(h, equations, legendre, local, matrices, values, newton, rtol):
-    """Largest ratio of a tangent's error to its tolerance, relative to all of the tangent."""
+def tangent_error_ratio(h, equations, legendre, local, matrices, values, newton, rtol):
+    """Return the largest ratio of a tangent's error to its tolerance, relative to its size."""
     worst, errors = 0.0, np.empty(values.shape[2])
-    for strand in range(1, values.shape[0]):
-        estimate(h, equations, legendre, local, matrices, values[strand], newton, errors)
-        size = np.max(np.abs(values[strand, PRIMARY:]))
+    for column in range(1, values.shape[0]):
+        estimate_error(h, equations, legendre, local, matrices, values[column], newton, errors)
+        size = np.max(np.abs(values[column, PRIMARY:]))
         if not size < np.inf:
             return np.inf
         if size > 0.0:
@@ -188,12 +199,12 @@ def worst_tangent(h, equations, legendre, local, matrices, values, newton, rtol)
 
 
 @kernel
-def over_tolerance(h, end, errors, values, second, largest, p0, rtol, atol):
-    """Largest ratio of an error to its tolerance, over y and, where it is unknown, y'.
+def error_ratio(h, end, errors, values, second, largest, p0, rtol, atol):
+    """Return the largest ratio of an error to its tolerance, over y and, where it is unknown, y'.
 
-    p is p(0) and what the modes take from it again: it is known to the rounding of p(0) alone.
-    A velocity may err absolutely by what moves y as far as y may err until the step's end: over
-    long times that is little.
+    p is the difference of p(0) and terms of its size, so it is known to the rounding of p(0) alone.
+    The absolute tolerance of a velocity is that of y divided by the time at the end of the step,
+    for its error moves y over all that time.
     """
     worst = 0.0
     for c in range(errors.shape[0]):

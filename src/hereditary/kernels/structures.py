@@ -1,7 +1,9 @@
-"""Groups of arrays that compiled collocation works on (floor 1): their fields, and their types.
+"""Named groups of arrays that compiled collocation works on, and their compiled types.
 
 Letters of shapes: d components, R rows of integral equations, s nodes of a step, M modes, n_a
-fractional integrals, n_k general kernels and then orders that vary, k tangents beside the orbit.
+fractional integrals, n_k general kernels followed by varying orders, n_v varying orders alone, n_q
+integrands (3, or 4 with p'), k tangents. An axis of length 1 + k holds the orbit and then its
+tangents (docs/notation.md).
 """
 
 from typing import NamedTuple
@@ -11,22 +13,22 @@ from numba import from_dtype, types
 
 from .._jit import CUBE, CUBES, F8, IVEC, MAT, VEC
 
-# One convolution of a row: which integrand, with which order or kernel, times what.
+# Convolution term: its row, integrand, index of the order or kernel, and coefficient.
 TERM = np.dtype(
     [("row", "i8"), ("integrand", "i8"), ("index", "i8"), ("coefficient", "f8")], align=True
 )
-# Times [time]: present time since the origin, length of the next step and of the last one, closest
-# distance that the modes hold at, whether the last trial was refused, and the origin itself.
+# Step control: present time since the origin, lengths of the next and of the last step, closest
+# distance at which the modes hold, 1 if the last trial was refused, and the origin [time].
 _TIMES = "time", "next", "last", "closest", "refused", "origin"
 CONTROL = np.dtype([(name, "f8") for name in _TIMES], align=True)
-# Calls of the right-hand side, steps accepted, refused, and refused for what f is off its nodes.
+# Calls of the right-hand side, and steps accepted, refused, and refused by the defect of f alone.
 COUNTS = np.dtype(
-    [("rhs", "i8"), ("accepted", "i8"), ("refused", "i8"), ("off_nodes", "i8")], align=True
+    [("rhs", "i8"), ("accepted", "i8"), ("refused", "i8"), ("by_defect", "i8")], align=True
 )
-# How Newton's method contracted, the change that was seen at, and the length of that step.
+# Contraction of Newton's method: its rate, the change of p it was observed at, and the step length.
 CONTRACTION = np.dtype([("rate", "f8"), ("change", "f8"), ("length", "f8")], align=True)
-# Start, since the origin, and length of the step that is known, and of the one that is wanted.
-KNOWN = np.dtype(
+# Start, since the origin, and length of the step that tables hold for, and of the step requested.
+TABULATED = np.dtype(
     [("start", "f8"), ("length", "f8"), ("next_start", "f8"), ("next_length", "f8")], align=True
 )
 
@@ -34,9 +36,10 @@ KNOWN = np.dtype(
 class Equations(NamedTuple):
     """Integral equations of all components (collocation/equations.py).
 
-    terms (n,) of `TERM`; orders (n_a,) of the fractional integrals; second (d,), whether the
-    primary unknown is y'; offsets (1 + k, n), what is taken from each integrand; implicit (d,),
-    whether p is what makes right-hand side and terms equal; raw, integrands with orders that vary.
+    terms (n,) of `TERM`; orders (n_a,) of the fractional integrals; second (d,), 1 where the
+    primary unknown is y'; offsets (1 + k, n), constants subtracted from the integrands; implicit
+    (d,), 1 where p is found from the balance of right-hand side and terms; unweighted, the
+    integrands of terms with varying orders, whose modes are stored without weights.
     """
 
     terms: np.ndarray
@@ -44,31 +47,32 @@ class Equations(NamedTuple):
     second: np.ndarray
     offsets: np.ndarray
     implicit: np.ndarray
-    raw: np.ndarray
+    unweighted: np.ndarray
 
 
 class Rule(NamedTuple):
-    """Nodes of a step and what belongs to their polynomials.
+    """Quadrature of one step: nodes, and matrices that act on values at the nodes.
 
-    nodes (s,); integrals (n_a, s, s) from values to integrals at the nodes; legendre (s, s) from
-    values to coefficients; inverse (s, s) of the last integrals; points (m,) off the nodes; risen
-    and extended (m, s), from values to the integral from the start, and to values, there.
+    nodes (s,); integrals (n_a, s, s), the fractional integrals at the nodes; legendre (s, s),
+    Legendre coefficients; inverse (s, s) of the integrals of order 1; check_points (m,) off the
+    nodes; check_integrals and check_values (m, s), integral from the start and value of the
+    polynomial there.
     """
 
     nodes: np.ndarray
     integrals: np.ndarray
     legendre: np.ndarray
     inverse: np.ndarray
-    points: np.ndarray
-    risen: np.ndarray
-    extended: np.ndarray
+    check_points: np.ndarray
+    check_integrals: np.ndarray
+    check_values: np.ndarray
 
 
 class ExponentialBasis(NamedTuple):
-    """Rates (M,) of all modes, and kernels as sums of them.
+    """Rates of all modes, and the kernels as weighted sums of them.
 
-    weights (n_a + n_k, M); masses (n_k,) at distance 0; transforms (s, s, s), from values at the
-    nodes to Legendre coefficients on [0, node i].
+    rates (M,); weights (n_a + n_k, M); masses (n_k,), point masses of the kernels at distance 0;
+    transforms (s, s, s), from values at the nodes to Legendre coefficients on [0, node i].
     """
 
     rates: np.ndarray
@@ -78,37 +82,39 @@ class ExponentialBasis(NamedTuple):
 
 
 class StepTables(NamedTuple):
-    """Factors of steps of some lengths (K,): decay to the nodes and to the end, and moments.
+    """Factors of the modes for K step lengths, computed once for each length.
 
-    reads (K, M, s), keeps (K, M); moments (K, s, M) of Legendre polynomials; local (K, n_k, s, s),
-    matrices of general kernels within the step.
+    lengths (K,); to_nodes (K, M, s) and to_end (K, M), decay from the start to the nodes and to the
+    end; moments (K, s, M) of the Legendre polynomials; local (K, n_k, s, s), convolutions with the
+    general kernels and varying orders over the step itself.
     """
 
     lengths: np.ndarray
-    reads: np.ndarray
-    keeps: np.ndarray
+    to_nodes: np.ndarray
+    to_end: np.ndarray
     moments: np.ndarray
     local: np.ndarray
 
 
 class VaryingOrders(NamedTuple):
-    """Orders that vary, as one step sees them.
+    """Tables of the varying orders for one step.
 
-    known: a record `KNOWN`; integrals (n_v, s, s); weights (n_v, M, s) of the modes at the nodes;
-    own (M,), 1 for the modes of such orders.
+    tabulated: a record `TABULATED`, the step that the tables hold for; integrals (n_v, s, s);
+    weights (n_v, M, s) of the modes at the nodes; of_varying (M,), 1 for the modes of such orders.
     """
 
-    known: np.record
+    tabulated: np.record
     integrals: np.ndarray
     weights: np.ndarray
-    own: np.ndarray
+    of_varying: np.ndarray
 
 
-class Strands(NamedTuple):
-    """The orbit and its tangents: present values, initial values, and the past.
+class OrbitArrays(NamedTuple):
+    """The orbit and its tangents: present values, initial values and history.
 
-    initial, x, p (1 + k, d); modes, and those before the last step (1 + k, R, M); last (1 + k, 3 or
-    4, d, s): f, p and y, and p' where it is an integrand, at the nodes of the last step.
+    initial, x, p (1 + k, d); modes, and before, those at the start of the last step, (1 + k, R, M);
+    last (1 + k, n_q, d, s), the integrands f, p, y and, where needed, p' at the nodes of the last
+    step.
     """
 
     initial: np.ndarray
@@ -119,8 +125,8 @@ class Strands(NamedTuple):
     last: np.ndarray
 
 
-class Run(NamedTuple):
-    """Counts and controls of a march, as records; the largest p so far where it is y', (d,)."""
+class MarchState(NamedTuple):
+    """Step control, counts, contraction of Newton's method, and the largest |y'| so far, (d,)."""
 
     control: np.record
     counts: np.record
@@ -129,21 +135,21 @@ class Run(NamedTuple):
 
 
 class Steps(NamedTuple):
-    """Steps made, as dense output needs them.
+    """Accepted steps as dense output needs them.
 
-    starts and lengths (n,); p at the nodes (n, d, s); y at the start and then p (n, 2, d); error
-    over tolerance (n,).
+    starts and lengths (n,); p at the nodes (n, d, s); at_starts (n, 2, d), y and then p at the
+    starts; errors (n,), each divided by its tolerance.
     """
 
     starts: np.ndarray
     lengths: np.ndarray
     p: np.ndarray
-    begins: np.ndarray
+    at_starts: np.ndarray
     errors: np.ndarray
 
 
 class Limits(NamedTuple):
-    """Where a march stops, its longest step, there where nothing happens too, and tolerances."""
+    """Time to stop at, longest step, longest step where the solution is at rest, and tolerances."""
 
     stop: float
     longest: float
@@ -153,44 +159,47 @@ class Limits(NamedTuple):
 
 
 class Operators(NamedTuple):
-    """How values at the nodes enter each row at the nodes, within one step.
+    """Matrices from nodal values to the rows of the equations at the nodes of one step.
 
-    matrices (R, 3, s, s), one for each of f, p and y; starts (R, s), shares of p at the start;
-    constant (1 + k, R, s), what the offsets take.
+    matrices (R, 3, s, s), one for each of f, p and y; start_weights (R, s) of p at the start;
+    constant (1 + k, R, s), contributions of the offsets.
     """
 
     matrices: np.ndarray
-    starts: np.ndarray
+    start_weights: np.ndarray
     constant: np.ndarray
 
 
 class Factors(NamedTuple):
-    """A factorised Newton matrix (d s, d s), the order of its rows (d s,), and |J| |y|, (d,).
+    """Factorised Newton matrix (d s, d s), its row order (d s,), and the scales |J| |y| of f, (d,).
 
-    The last tells how large what a right-hand side adds up is, whose rounding it cannot lose.
+    Summands of f are as large as its scale, so its rounding error is that of the scale.
     """
 
     matrix: np.ndarray
     order: np.ndarray
-    sizes: np.ndarray
+    force_scales: np.ndarray
 
 
 CONTROL_RECORD, COUNTS_RECORD = from_dtype(CONTROL), from_dtype(COUNTS)
-CONTRACTION_RECORD, KNOWN_RECORD = from_dtype(CONTRACTION), from_dtype(KNOWN)
+CONTRACTION_RECORD, TABULATED_RECORD = from_dtype(CONTRACTION), from_dtype(TABULATED)
 TERMS = types.Array(from_dtype(TERM), 1, "C")
 EQUATIONS = types.NamedTuple((TERMS, VEC, IVEC, MAT, IVEC, IVEC), Equations)
 RULE = types.NamedTuple((VEC, CUBE, MAT, MAT, VEC, MAT, MAT), Rule)
 BASIS = types.NamedTuple((VEC, MAT, VEC, CUBE), ExponentialBasis)
 TABLES = types.NamedTuple((VEC, CUBE, MAT, CUBE, CUBES), StepTables)
-VARYING = types.NamedTuple((KNOWN_RECORD, CUBE, CUBE, VEC), VaryingOrders)
-STRANDS = types.NamedTuple((MAT, MAT, MAT, CUBE, CUBE, CUBES), Strands)
-RUN = types.NamedTuple((CONTROL_RECORD, COUNTS_RECORD, CONTRACTION_RECORD, VEC), Run)
+VARYING = types.NamedTuple((TABULATED_RECORD, CUBE, CUBE, VEC), VaryingOrders)
+ORBIT = types.NamedTuple((MAT, MAT, MAT, CUBE, CUBE, CUBES), OrbitArrays)
+STATE = types.NamedTuple((CONTROL_RECORD, COUNTS_RECORD, CONTRACTION_RECORD, VEC), MarchState)
 STEPS = types.NamedTuple((VEC, VEC, CUBE, CUBE, VEC), Steps)
 LIMITS = types.NamedUniTuple(F8, 5, Limits)
 
 
 def record(dtype, values=None, **fields):
-    """Return a record that compiled code may change: of these values, or 0 but for some fields."""
+    """Return a record that compiled code may change, with the given values or else zeros.
+
+    Keyword arguments set single fields.
+    """
     found = np.array([values] if values else [(0,) * len(dtype)], dtype).view(np.recarray)[0]
     for name, value in fields.items():
         setattr(found, name, value)
@@ -198,23 +207,23 @@ def record(dtype, values=None, **fields):
 
 
 def plain(part):
-    """Return a record, or an array of them, as an array of numbers; anything else as it is."""
+    """Return a record, or an array of records, as an array of numbers; anything else unchanged."""
     named = part.dtype.names
     return part if named is None else np.array(part.tolist(), dtype=float).reshape(-1, len(named))
 
 
-def begin_run(h, largest):
-    """Return what a march counts and controls, its first step being of length h."""
-    seen = record(CONTRACTION, rate=1.0, change=1.0, length=1.0)
-    return Run(record(CONTROL, next=h), record(COUNTS), seen, largest)
+def initial_state(h, largest):
+    """Return the state of a march that begins with a step of length h."""
+    contraction = record(CONTRACTION, rate=1.0, change=1.0, length=1.0)
+    return MarchState(record(CONTROL, next=h), record(COUNTS), contraction, largest)
 
 
-def run_of(kept):
-    """Return the `Run` whose parts were kept as arrays of numbers."""
-    control, counts, seen, largest = kept
-    return Run(
+def restored_state(kept):
+    """Return the `MarchState` whose parts were stored as arrays of numbers."""
+    control, counts, contraction, largest = kept
+    return MarchState(
         record(CONTROL, tuple(control[0])),
         record(COUNTS, tuple(counts[0])),
-        record(CONTRACTION, tuple(seen[0])),
+        record(CONTRACTION, tuple(contraction[0])),
         largest.copy(),
     )

@@ -83,7 +83,7 @@ def modes_tolerance(history):
 
 
 def _stops(breaks, stepper, t_end):
-    """Breaks ahead, and the end; one at the present time makes a corner of it."""
+    """Breaks ahead, and the end; one at the present time is a singular start."""
     times = real_array("breaks", breaks)
     if times.ndim != 1 or np.any(np.diff(times) <= 0) or np.any(times <= 0):
         required = "be increasing times above 0"
@@ -94,7 +94,7 @@ def _stops(breaks, stepper, t_end):
         pair = f"{float(times[close[0]])!r} and {float(times[close[0] + 1])!r}"
         raise ValueError(complaint("breaks", required, pair, "name such a jump once"))
     if np.any(np.abs(times - stepper.t) < _APART * stepper.t):
-        stepper.leave_corner()
+        stepper.begin_singular()
     ahead = (times > stepper.t * (1 + _APART)) & (times < t_end * (1 - _APART))
     return [*times[ahead].tolist(), t_end]
 
@@ -107,7 +107,7 @@ def _run(stepper, stops, keeper, progress):
         with Interruption() as interruption:
             for number, stop in enumerate(stops):
                 if number:
-                    stepper.leave_corner()
+                    stepper.begin_singular()
                 while stepper.t < stop:
                     start = stepper.t
                     try:
@@ -181,7 +181,7 @@ class _Keeper:
         self.end = edges[-1] if end is None else end
         if self._wanted is None:
             n = np.arange(self._n_seen + 1, self._n_seen + edges.size)
-            # steps next to a corner may be too short for its time to change
+            # steps next to a singular start may be too short for its time to change
             chosen = (n % self._every == 0) & (edges[1:] <= self.end) & (np.diff(edges) > 0)
             self._n_seen += edges.size - 1
             times = edges[1:][chosen]

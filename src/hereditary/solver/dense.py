@@ -48,7 +48,7 @@ class Dense:
 def last_start(starts, t):
     """The last that starts by each time, or the first of several that start at that very time.
 
-    Steps next to a corner may be too short for its time to change.
+    Steps next to a singular start may be too short for its time to change.
     """
     last = np.searchsorted(starts, t, side="right") - 1
     first = np.searchsorted(starts, t, side="left")

@@ -95,16 +95,16 @@ class AdaptiveState:
     atol: float
     modes_tol: float = field(repr=False)
     identity: dict[str, Any] = field(repr=False)
-    run: tuple = field(repr=False)
-    strands: Any = field(repr=False)
-    at_corner: bool = field(repr=False)
+    march: tuple = field(repr=False)
+    orbit: Any = field(repr=False)
+    at_singular_start: bool = field(repr=False)
     event_signs: dict[str, float] = field(default_factory=dict, repr=False)
     version: str = field(default="", repr=False)
     seal: str = field(default="", repr=False)
 
     def contents(self):
         """All that a march reads."""
-        return self.t, self.y, self.run, self.strands, self.at_corner
+        return self.t, self.y, self.march, self.orbit, self.at_singular_start
 
 
 def sealed(state):
@@ -125,7 +125,7 @@ def check_sound(state):
 
 def check_reach(state, t_end):
     """Refuse a run beyond what the modes of an `AdaptiveState` hold."""
-    reached = state.strands.farthest
+    reached = state.orbit.farthest
     if reached and t_end > reached:
         required = f"stay within t = {reached}, as far as its history reaches"
         remedy = f"begin the run with Collocation(horizon={t_end})"
