@@ -1,4 +1,4 @@
-"""Machine code kept on disk, keyed by all functions that it was made from (floor 0)."""
+"""On-disk cache of machine code, keyed by all functions that it was made from."""
 
 import hashlib
 import inspect
@@ -20,21 +20,21 @@ _CHECKSUM = hashlib.sha256().digest_size
 
 
 class CodeCache:
-    """The on-disk cache of one function of the package.
+    """On-disk cache of one function of the package.
 
-    numba notices a change in the file that defines a cached function, not one in the helpers it
-    calls, nor a switch of bounds checking or of fused arithmetic; any of these would hand back old
-    machine code in silence. An entry here holds for the code of every function that this one can
-    reach, as it was loaded, and for nothing else: an edit compiles anew what it changes and the
-    callers of that. Where there is no place for the cache, or an entry cannot be read, the function
-    is compiled anew, with one warning for all of them.
+    numba notices a change in the file that defines a cached function, but not in the helpers it
+    calls, nor a switch of bounds checking or of fused arithmetic, and would return outdated machine
+    code. An entry here is valid for the code of every function that this one can reach, as it was
+    loaded, and for nothing else: an edit recompiles the functions it changes and their callers.
+    Where the cache has no place, or an entry cannot be read, the function is compiled anew, with a
+    single warning.
 
     Parameters
     ----------
     fun : function
         The function to compile.
     options : str
-        Whatever else its machine code depends on.
+        Everything else its machine code depends on.
     """
 
     def __init__(self, fun, options):
@@ -43,13 +43,13 @@ class CodeCache:
         self._entries = None
 
     def load_overload(self, sig, target_context):
-        """Return the stored compile result for a signature, None where there is none."""
+        """Return the stored compile result for a signature, or None."""
         entries = self._open()
         if entries is None:
             return None
         try:
             return entries.load_overload(sig, target_context)
-        except Exception:  # a damaged entry raises anything
+        except Exception:  # a damaged entry may raise anything
             self._attempt(entries.flush)
             return None
 
@@ -61,18 +61,19 @@ class CodeCache:
 
     @property
     def cache_path(self):
-        """Folder of the cache, None where there is none."""
+        """Folder of the cache, or None."""
         entries = self._open()
         return None if entries is None else entries.cache_path
 
     def flush(self):
-        """Drop all entries of the function."""
+        """Remove all entries of the function."""
         entries = self._open()
         if entries is not None:
             self._attempt(entries.flush)
 
     def _open(self):
-        if not self._opened:  # only now are the helpers that a file defines further down known
+        """Open the entries at first use, or return None with a warning."""
+        if not self._opened:  # helpers defined further down in a file exist only now
             self._opened = True
             try:
                 self._entries = _Entries(self._fun, self._options)
@@ -82,6 +83,7 @@ class CodeCache:
 
     @staticmethod
     def _attempt(action):
+        """Run an action, with a warning instead of an OSError."""
         try:
             action()
         except OSError as error:
@@ -89,7 +91,7 @@ class CodeCache:
 
 
 class _Entries(FunctionCache):
-    """Entries of one function: numba's own, with a digest of all that it reaches as their stamp."""
+    """Entries of one function, stamped by a digest of all code that it reaches."""
 
     def __init__(self, fun, options):
         super().__init__(fun)
@@ -103,14 +105,14 @@ class _Entries(FunctionCache):
 
 
 def _file_name(fun):
-    """Name of a function's entries, which stays when it moves within its file."""
+    """Return the name of a function's entries, independent of its line number."""
     module = Path(fun.__code__.co_filename).stem
     name = re.sub(r"[^\w.]", "", fun.__qualname__)
     return f"{module}.{name}.py{sys.version_info[0]}{sys.version_info[1]}{sys.abiflags}"
 
 
 class _CheckedFile(IndexDataCacheFile):
-    """Entries that are checked for damage: machine code cut off or altered could do anything."""
+    """Entries with a checksum, for damaged machine code could do anything."""
 
     def _dump(self, obj):
         data = super()._dump(obj)
@@ -134,14 +136,14 @@ class _CheckedFile(IndexDataCacheFile):
 
 
 def _checked(data):
-    """Return what stands behind the checksum, which must be right."""
+    """Return the data after the checksum; raise ValueError where it does not match."""
     if hashlib.sha256(data[_CHECKSUM:]).digest() != data[:_CHECKSUM]:
         raise ValueError("a damaged entry of the cache")
     return data[_CHECKSUM:]
 
 
 def reached_digest(fun):
-    """Digest of the code of all functions that `fun` can reach, and of the constants they use."""
+    """Return a digest of the code and constants of all functions that `fun` can reach."""
     digest = hashlib.sha256()
     seen, ahead = set(), [fun]
     while ahead:
@@ -151,7 +153,7 @@ def reached_digest(fun):
         seen.add(function)
         digest.update(_described(function.__code__).encode())
         for name, value in sorted(_used(function), key=lambda pair: pair[0]):
-            value = getattr(value, "dispatcher", value)  # behind an entry
+            value = getattr(value, "dispatcher", value)  # of an entry
             if isinstance(value, Dispatcher):
                 ahead.append(value.py_func)
             elif isinstance(value, np.ndarray):
@@ -162,17 +164,17 @@ def reached_digest(fun):
 
 
 def _described(code):
-    """A code object in words, its docstring and line numbers left out."""
+    """Represent a code object as text, without docstring and line numbers."""
     constants = list(code.co_consts)
     if constants and isinstance(constants[0], str):
-        constants[0] = ""  # where a function has a docstring it stands here
-    told = [_described(c) if inspect.iscode(c) else repr(c) for c in constants]
+        constants[0] = ""  # the docstring of a function
+    described = [_described(c) if inspect.iscode(c) else repr(c) for c in constants]
     names = code.co_name, code.co_names, code.co_varnames, code.co_freevars
-    return repr((*names, code.co_code, told))
+    return repr((*names, code.co_code, described))
 
 
 def _used(function):
-    """Names and values of the globals and closed-over variables that a function reads."""
+    """List names and values of the globals and closed-over variables that a function reads."""
     names = set(names_in(function.__code__)) & function.__globals__.keys()
     found = [(name, function.__globals__[name]) for name in names]
     cells = zip(function.__code__.co_freevars, function.__closure__ or (), strict=True)
@@ -183,6 +185,7 @@ _warned = False
 
 
 def _warn_once(reason):
+    """Warn, once in a process, that compiled code cannot be stored."""
     global _warned
     if not _warned:
         _warned = True

@@ -1,11 +1,11 @@
-"""Users' functions: told apart by arity, tried once, compiled once (floor 1).
+"""Users' functions: recognised by arity, tried once, compiled once.
 
 A right-hand side may be written ``f(t, y)``, ``f(t, y, params)`` (both return the values) or in
-place ``f(t, y, dy, params)``; a Jacobian likewise. Whatever its shape, the solver sees one
-compiled function of one fixed signature. The function is first called once as plain Python, so
-that a mistake surfaces with its own line instead of as a compiler's message.
+place ``f(t, y, dy, params)``; a Jacobian likewise. In each case the solver receives one compiled
+function of one fixed signature. The function is first called once in plain Python, so that an error
+shows its own line instead of a compiler's message.
 
-It is compiled with bounds checks, and for arrays y and params that cannot be written to.
+It is compiled with bounds checks, and for read-only arrays y and params.
 """
 
 import inspect
@@ -24,18 +24,18 @@ from ._jit import F8, JAC_SIG, RHS_SIG, as_value, compiling
 
 _SHAPES = "{0}(t, y), {0}(t, y, params) or, in place, {0}(t, y, {1}, params)"
 _READ_ONLY = types.Array(F8, 1, "C", readonly=True)
-# Through these numba hands out y as an array that can be written to.
+# Through these numba returns y as a writable array.
 _PAST_READ_ONLY = {"flat", "nditer", "ascontiguousarray", "asfortranarray", "fill_diagonal", "dot"}
 _COMPILED_MAX = 256
 _compiled: OrderedDict[tuple, Any] = OrderedDict()
-# Of so many functions that differ in frozen values alone the user is told: numba frees none.
+# Number of versions, by frozen values alone, of which the user is warned: numba frees none.
 _VERSIONS_MAX = 50
 
 
 def compile_rhs(fun, y0, params, hint=""):
     """Check `fun` at t = 0 and return it compiled as ``rhs(t, y, dy, params)``.
 
-    `hint` says more about `y0` where `fun` does not fit it.
+    `hint` is appended to messages where `fun` does not fit `y0`.
     """
     return _compile("rhs", "dy", fun, y0, params, (y0.size,), RHS_SIG, hint)
 
@@ -46,15 +46,17 @@ def compile_jac(fun, y0, params):
 
 
 def present_values(fun):
-    """The values that `fun` would freeze if it were compiled now, to be compared with earlier."""
+    """Return the values that compilation of `fun` would freeze now, for comparison."""
     return frozen_values(_plain(fun)) if fun is not None else ()
 
 
 def _plain(fun):
+    """Return the Python function behind a compiled one; any other unchanged."""
     return fun.py_func if is_jitted(fun) else fun
 
 
 def _compile(name, out, fun, y0, params, shape, signature, hint=""):
+    """Check a user's function and return it compiled, from the cache if it is there."""
     plain = _plain(fun)
     if not inspect.isfunction(plain):
         required = f"be a function {_SHAPES.format(name, out)}"
@@ -69,7 +71,7 @@ def _compile(name, out, fun, y0, params, shape, signature, hint=""):
         if key not in _compiled:
             copied = bool(_PAST_READ_ONLY & code_names(frozen))
             _compiled[key] = _build(name, fun, arity, form, len(shape), signature, copied)
-            _tell_of_versions(name, plain)
+            _warn_of_versions(name, plain)
             while len(_compiled) > _COMPILED_MAX:
                 _compiled.popitem(last=False)
         _compiled.move_to_end(key)
@@ -78,7 +80,7 @@ def _compile(name, out, fun, y0, params, shape, signature, hint=""):
     return compiled
 
 
-def _tell_of_versions(name, plain):
+def _warn_of_versions(name, plain):
     """Warn where one function is compiled over and over for other frozen values."""
     versions = sum(frozen[0] == plain.__code__ for frozen, *_ in _compiled)
     if versions == _VERSIONS_MAX:
@@ -91,7 +93,7 @@ def _tell_of_versions(name, plain):
 
 
 def _compare(name, fun, arity, form, compiled, values, y0, params):
-    """Refuse a function that gives something else compiled than in Python."""
+    """Refuse a function whose compiled values differ from those in Python."""
     again = np.empty_like(values)
     try:
         compiled(0.0, y0.copy(), again, params.copy())
@@ -100,7 +102,7 @@ def _compare(name, fun, arity, form, compiled, values, y0, params):
         raise ValueError(complaint(name, "run at t = 0", got, defined(fun))) from error
     if _close(again, values):
         return
-    # helpers that were compiled before may have run with the values of that day
+    # helpers compiled earlier may have run with the values of that time
     in_python = _adapter(uncompiled(fun), arity, form, values.ndim, False)
     expected = np.empty_like(values)
     in_python(0.0, y0.copy(), expected, params.copy())
@@ -116,11 +118,12 @@ def _compare(name, fun, arity, form, compiled, values, y0, params):
 
 
 def _close(values, expected):
+    """Return whether values agree to 1e-8."""
     return np.allclose(values, expected, rtol=1e-8, atol=1e-12 * np.abs(expected).max())
 
 
 def _arity(name, out, fun):
-    """Number of positional arguments: 2, 3 or 4."""
+    """Return the number of positional arguments: 2, 3 or 4."""
     required = f"be one of {_SHAPES.format(name, out)}"
     try:
         parameters = inspect.signature(fun).parameters.values()
@@ -137,7 +140,7 @@ def _arity(name, out, fun):
 
 
 def _try_out(name, out, fun, arity, y0, params, shape, hint):
-    """Call `fun` once in Python at t = 0 and check what it gives; return that and its form."""
+    """Call `fun` once in Python at t = 0, check its values and return them and their form."""
     filled, form = _values(name, out, fun, arity, y0, params, shape, hint, np.nan)
     if np.all(np.isfinite(filled)):
         return filled, form
@@ -153,13 +156,13 @@ def _try_out(name, out, fun, arity, y0, params, shape, hint):
 
 def _values(name, out, fun, arity, y0, params, shape, hint, fill):
     """Call `fun` at t = 0; return its values as an array of `shape`, and their form."""
-    filled = np.full(shape, fill)  # what an in-place function leaves unset stays recognisable
+    filled = np.full(shape, fill)  # marks entries that an in-place function leaves unset
     y, p = y0.copy(), params.copy()
     arguments = {2: (0.0, y), 3: (0.0, y, p), 4: (0.0, y, filled, p)}
     if arity == 4:
         hint += f"; with four arguments the third is {out}, to be filled, and the fourth params"
     try:
-        with np.errstate(all="ignore"):  # values that are not finite are told below
+        with np.errstate(all="ignore"):  # values that are not finite are reported below
             result = fun(*arguments[arity])
     except Exception as error:
         raise ValueError(
@@ -192,16 +195,16 @@ def _values(name, out, fun, arity, y0, params, shape, hint, fill):
 
 
 def _build(name, fun, arity, form, n_axes, signature, copied):
-    """Compile `fun` for `signature`, through an adapter that hands it read-only arrays.
+    """Compile `fun` for `signature`, through an adapter that passes it read-only arrays.
 
-    numba turns arrays into read-only ones where it calls a function compiled for such alone.
+    numba converts arrays to read-only ones where it calls a function compiled for these alone.
     """
     if config.DISABLE_JIT:
         return _adapter(_locking(fun), arity, form, n_axes, copied)
-    # the functions are called from compiled code alone: what lets others in takes 1 MB each
+    # the functions are called from compiled code alone: a wrapper for others takes 1 MB each
     inside = {"boundscheck": True, "no_cpython_wrapper": True}
     inner: dict[str, Any] = {"nogil": True, "no_cfunc_wrapper": True, **inside}
-    # the package's own scenes read at t = 0, where Python checks them, all that they ever read
+    # scenes of the package always read the same entries, which the call at t = 0 has checked
     inner["boundscheck"] = not str(_plain(fun).__module__).startswith(f"{__package__}.")
     if not is_jitted(fun):
         inner["error_model"] = "numpy"
@@ -209,10 +212,10 @@ def _build(name, fun, arity, form, n_axes, signature, copied):
     own = {2: (t, _READ_ONLY), 3: (t, _READ_ONLY, _READ_ONLY), 4: (t, _READ_ONLY, out, _READ_ONLY)}
     try:
         jitted = fresh(fun, inner, inside)
-        jitted.compile(own[arity])  # by itself first: a complaint then speaks of the user's lines
+        jitted.compile(own[arity])  # by itself first, so that a message refers to the user's lines
         jitted.disable_compile()
         return as_value(_njit(_adapter(jitted, arity, form, n_axes, copied)), signature)
-    except Exception as error:  # numba raises all sorts, not its own kind alone
+    except Exception as error:  # numba raises many types besides its own
         plain = _plain(fun)
         if _compiles(fresh(fun, inner, inside), [a.copy(readonly=False) for a in own[arity][1:]]):
             raise TypeError(writing_complaint(name, plain, error)) from error
@@ -220,7 +223,7 @@ def _build(name, fun, arity, form, n_axes, signature, copied):
 
 
 def _compiles(jitted, arrays):
-    """Whether it compiles for arrays that can be written to."""
+    """Return whether a function compiles for writable arrays."""
     try:
         jitted.compile((F8, *arrays))
     except Exception:
@@ -232,10 +235,10 @@ _njit = njit(error_model="numpy", nogil=True)
 
 
 def _adapter(fun, arity, form, n_axes, copied):
-    """A function that calls `fun` and writes what it returns into the output array.
+    """Return a function that calls `fun` and writes its values to the output array.
 
-    `form` is what the trial call gave; with `copied`, `fun` gets copies of y and params. The loops
-    are written out because numba takes two seconds to compile ``out[...] = values``.
+    `form` is that of the trial call; with `copied`, `fun` receives copies of y and params. The
+    loops are written out because numba takes two seconds to compile ``out[...] = values``.
     """
     one, with_params = (0,) * n_axes, arity == 3
 
@@ -276,7 +279,7 @@ def _adapter(fun, arity, form, n_axes, copied):
 
 
 def _locking(fun):
-    """The function with y and params locked, for runs without a compiler."""
+    """Return the function with y and params read-only, for runs without a compiler."""
 
     def locked(t, y, *rest):
         views = [array.view() for array in (y, *rest)]

@@ -1,7 +1,7 @@
-"""Digests that last: the same for the same contents in every process and after pickling (floor 0).
+"""Digests of values, equal for equal contents in every process and after pickling.
 
-A function is known by its bytecode, its constants and the values it takes from outside. So a digest
-changes with the version of Python, which compiles to other bytecode.
+A function is represented by its bytecode, its constants and the values it takes from outside, so a
+digest changes with the version of Python, which compiles to other bytecode.
 """
 
 import hashlib
@@ -14,24 +14,24 @@ import numpy as np
 from ._frozen import names_in
 
 _PLAIN = (bool, int, float, complex, str, bytes, type(None), type(...))
-# Functions of these are known by their names.
+# Functions of these modules are represented by their names.
 _FOREIGN = frozenset({"numpy", "scipy", "numba", *sys.stdlib_module_names})
 
 
 def digest(*values):
-    """Sixteen hexadecimal digits that tell these values from others."""
+    """Return sixteen hexadecimal digits that identify these values."""
     found = hashlib.sha256()
     _feed(found, values, ())
     return found.hexdigest()[:16]
 
 
 def _feed(found, value, above):
-    """Take in a value; `above` holds those it lies in, for it may lie in itself."""
+    """Add a value to a digest; `above` holds the ids of its containers, for it may be recursive."""
     if id(value) in above:
         found.update(b"itself;")
         return
     above = (*above, id(value))
-    value = getattr(value, "py_func", value)  # of a function that numba has compiled
+    value = getattr(value, "py_func", value)  # of a function compiled by numba
     if isinstance(value, np.generic):
         value = value.item()
     if isinstance(value, np.ndarray) and value.dtype.kind != "O":
@@ -49,7 +49,7 @@ def _feed(found, value, above):
 
 
 def _taken_apart(value):
-    """A name for what a value is, and what it consists of."""
+    """Return a name for the kind of a value, and its parts."""
     if isinstance(value, (tuple, list)):
         return "list", list(value)
     if isinstance(value, (set, frozenset)):
@@ -61,13 +61,13 @@ def _taken_apart(value):
     name = f"{getattr(value, '__module__', '')}.{getattr(value, '__qualname__', '')}"
     if inspect.isfunction(value) and name.split(".")[0] not in _FOREIGN:
         return "function", [value.__code__, value.__defaults__, outer_values(value)]
-    if callable(value) and hasattr(value, "__name__"):  # built in, a ufunc, a class, foreign
+    if callable(value) and hasattr(value, "__name__"):  # built-in, ufunc, class or foreign
         owner = getattr(value, "__self__", None)
         bound = [value.__func__, owner] if inspect.ismethod(value) else []
         return f"{name} {value.__name__}" if not bound else "method", bound
     try:
         parts = value.__reduce_ex__(4)[:3]
-    except Exception:  # what cannot be stored is known by its kind
+    except Exception:  # a value that cannot be pickled is represented by its kind
         parts = ()
     return f"{type(value).__module__}.{type(value).__qualname__}", parts
 
@@ -84,6 +84,7 @@ def outer_values(function):
 
 
 def _is_filled(cell):
+    """Return whether a cell of a closure has contents."""
     try:
         cell.cell_contents  # noqa: B018
     except ValueError:

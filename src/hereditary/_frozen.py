@@ -1,7 +1,8 @@
-"""Values that compilation freezes into a function, and copies that freeze the present (floor 0).
+"""Values that compilation freezes into a function, and copies with present values.
 
-numba takes the globals and closed-over values of a function as constants, and those of the compiled
-helpers that it calls. A function is therefore the same only where its code and all of these are.
+numba compiles the globals and closed-over values of a function as constants, and those of the
+compiled helpers that it calls. Compiled functions are therefore equal only if their code and all of
+these values are.
 """
 
 import hashlib
@@ -15,7 +16,7 @@ from numba.extending import is_jitted
 
 
 def frozen_values(fun):
-    """The code of `fun` and of its helpers with all values they freeze; hashable."""
+    """Return the code of `fun` and of its helpers with all frozen values; hashable."""
     functions = [fun]
     held: list[Any] = []
     for function in functions:  # which grows
@@ -32,21 +33,21 @@ def frozen_values(fun):
 
 
 def code_names(frozen):
-    """All names of globals and attributes in the code that `frozen_values` found."""
+    """Return all names of globals and attributes in the code found by `frozen_values`."""
     return {name for value in frozen if inspect.iscode(value) for name in names_in(value)}
 
 
 def fresh(fun, own_options, helper_options):
     """Return a dispatcher for a copy of `fun` that calls fresh copies of its compiled helpers.
 
-    A dispatcher keeps what it once compiled, with the values and the options of that day. Helpers
+    A dispatcher keeps the code it compiled first, with the values and options of that time. Helpers
     reached as attributes of a module stay as they are.
 
     Parameters
     ----------
     fun : function or Dispatcher
     own_options, helper_options : dict
-        Options of numba.jit for `fun` and for its helpers, before those they have.
+        Options of numba.jit for `fun` and for its helpers, which override those they have.
     """
 
     def compiled(copy, given):
@@ -57,12 +58,12 @@ def fresh(fun, own_options, helper_options):
 
 
 def uncompiled(fun):
-    """Return a copy of `fun` all in Python, its helpers too."""
+    """Return a copy of `fun` in plain Python, its helpers included."""
     return _copied(fun, lambda copy, given: copy)
 
 
 def _copied(fun, make):
-    """A copy of a function, and of its helpers, as ``make(copy, given)`` makes them."""
+    """Copy a function and its helpers, each made by ``make(copy, given)``."""
     made: dict[int, Any] = {}
 
     def again(given):
@@ -83,7 +84,7 @@ def _copied(fun, make):
 
 
 def _blank(plain):
-    """A function of the code of `plain` with globals and closure to be filled."""
+    """Return a function with the code of `plain`, and globals and closure to be filled."""
     inherited = ("__name__", "__builtins__")
     known = {name: plain.__globals__[name] for name in inherited if name in plain.__globals__}
     cells = tuple(CellType() for _ in plain.__closure__ or ())
@@ -93,7 +94,7 @@ def _blank(plain):
 
 
 def _read(function):
-    """Names and values of what a function reads besides its arguments."""
+    """Return the names and values that a function reads besides its arguments."""
     names = set(names_in(function.__code__))
     found = {name: function.__globals__[name] for name in names & function.__globals__.keys()}
     cells = zip(function.__code__.co_freevars, function.__closure__ or (), strict=True)
@@ -106,7 +107,7 @@ def _read(function):
 
 
 def names_in(code):
-    """Names of globals and attributes in a code object and those nested in it."""
+    """Iterate over names of globals and attributes in a code object and nested ones."""
     yield from code.co_names
     for constant in code.co_consts:
         if inspect.iscode(constant):
@@ -114,7 +115,7 @@ def names_in(code):
 
 
 class _Itself:
-    """Stands for an object that equals itself alone, and keeps it alive."""
+    """Key of an object that equals only itself; keeps the object alive."""
 
     def __init__(self, value):
         self._value = value
@@ -127,6 +128,7 @@ class _Itself:
 
 
 def _identity(value):
+    """Return a hashable key that is equal for equal frozen values."""
     if isinstance(value, np.ndarray) and not value.dtype.hasobject:
         content = hashlib.sha256(value.tobytes()).digest()
         # numba compiles for the layout too

@@ -1,9 +1,9 @@
-"""Memory kernels as sums of exponentials, in closed form for power laws (floor 2).
+"""Memory kernels as sums of exponentials, in closed form for power laws.
 
 ``t**-a = 1/Gamma(a) int exp(-t e**x + a x) dx`` over the real line. The trapezoid rule of step h
 turns the integral into exponentials with rates e**(j h); its error is known exactly, so h follows
-from the tolerance. Rates too fast to matter are dropped by a closed-form bound, and the infinitely
-many slow ones are replaced by their own Gauss rule. Everything is built on [1, R] and scaled.
+from the tolerance. Negligible fast rates are dropped by a closed-form bound, and the infinitely
+many slow ones are replaced by their own Gauss rule. Sums are constructed on [1, R] and scaled.
 """
 
 import math
@@ -19,15 +19,15 @@ from ._checks import complaint, instance, positive, within
 from .memory_kernel import ExponentialSum, MemoryKernel
 from .special import mean_exponential
 
-# Shares of the tolerance: trapezoid, fast end, slow end. They add up to one.
+# Fractions of the tolerance for trapezoid rule, fast end and slow end, which add up to one.
 _TRAPEZOID, _FAST, _SLOW = 0.90, 0.05, 0.05
-# The error curve in log t has the band limit 2 pi / h; 24 points an oscillation see its maximum
+# The error curve in log t has the band limit 2 pi / h; 24 points per oscillation give its maximum
 # to 0.9 %, so a checked error below tol / 1.01 is a certificate.
 _POINTS_PER_OSCILLATION, _CERTIFICATE = 24, 1.01
 _TOL_MIN = 1e-13
-# Shares of the tolerance that a fit is made for until its error, as checked, keeps the tolerance.
-_SHARES = 1.0, 0.9, 0.7, 0.5
-# No fit can be held to less than the first, and this times log(R), to which powers are known.
+# Fractions of the tolerance to construct a fit for, tried until its checked error is within it.
+_FRACTIONS = 1.0, 0.9, 0.7, 0.5
+# Least error that can be required: a constant plus a multiple of log(R), the rounding of powers.
 _ROUNDING = 1.2e-14, 3e-16
 RATIO_MAX = 1e100
 
@@ -40,8 +40,8 @@ def fit_exponentials(
     Parameters
     ----------
     kernel : MemoryKernel
-        A power law, ``hereditary.PowerLaw(exponent)``, or any other memory kernel; a function of
-        your own becomes one by ``Kernel(function)``.
+        A power law, ``hereditary.PowerLaw(exponent)``, or any other memory kernel; pass your own
+        function as ``Kernel(function)``.
     t_min, t_max : float
         Interval of the fit, 0 < t_min < t_max [time].
     tol : float
@@ -50,20 +50,20 @@ def fit_exponentials(
     Returns
     -------
     ExponentialSum
-        With ``max_error <= tol``; at the data of a table it may be larger, see Error.
+        Its ``max_error`` is at most `tol`, or larger at the data of a table (see Error).
 
     Error
     -----
-    Relative error at most `tol` on [t_min, t_max]; checked at 24 points an oscillation of the error
-    curve or more, and no larger between them than 1.05 times `max_error`. Where a kernel has faded,
-    t K(t) below 1e-16 of its largest, it is relative to that share. For a table it is the misfit at
-    the data, whose root mean square `tol` bounds. Beyond t_max the sum decays too fast and must not
-    be used. Below 1e-13 the rounding of the sum itself is no longer negligible.
+    Relative error at most `tol` on [t_min, t_max], checked at 24 or more points per oscillation of
+    the error curve and at most 1.05 times `max_error` between them. Where t K(t) is below 1e-16 of
+    its maximum, the error is relative to that bound. For a table it is the misfit at the data,
+    whose root mean square is at most `tol`. Beyond t_max the sum decays too fast and must not be
+    used. Below 1e-13 the rounding of the sum itself is no longer negligible.
 
     Cost
     ----
     A few milliseconds; a repeated call is served from a cache. The number of modes grows like
-    ``log(t_max / t_min) * log(1 / tol) / pi**2`` and lies 2 to 12 above the best possible count.
+    ``log(t_max / t_min) * log(1 / tol) / pi**2`` and exceeds the least possible number by 2 to 12.
 
     Source
     ------
@@ -83,7 +83,7 @@ def fit_exponentials(
 
 @dataclass(frozen=True)
 class SumKernel(MemoryKernel):
-    """A fitted sum of exponentials taken for the kernel itself, up to where the fit holds.
+    """Memory kernel that is itself a fitted sum of exponentials, up to the end of the fit.
 
     Attributes
     ----------
@@ -103,16 +103,16 @@ class SumKernel(MemoryKernel):
         return float(self.sum.t_max)
 
     def __call__(self, t: ArrayLike) -> np.ndarray:
-        """Values of the sum, the shape of `t`."""
+        """Return values of the sum, in the shape of `t`."""
         return self.sum(t)
 
     def integral(self, t: ArrayLike) -> np.ndarray:
-        """``int_0^t`` of the sum, in closed form."""
+        """Return ``int_0^t`` of the sum, in closed form."""
         t = np.asarray(t, dtype=float)
         return t * (mean_exponential(np.multiply.outer(t, self.sum.rates)) @ self.sum.weights)
 
     def fit(self, t_min: float, t_max: float, tol: float) -> ExponentialSum:
-        """The sum itself."""
+        """Return the sum itself, as an exact fit on this interval."""
         return replace(self.sum, t_min=t_min, t_max=t_max, max_error=0.0)
 
 
@@ -128,7 +128,7 @@ def fit_interval(t_min, t_max, tol):
 
 
 def fit_power(a, t_min, t_max, tol):
-    """The sum for ``t**-a`` on an interval that `fit_interval` has checked."""
+    """Fit ``t**-a`` on an interval checked by `fit_interval`."""
     if abs(a * math.log(t_min)) > 690:
         raise ValueError(complaint("t_min", "leave the kernel a finite value there", t_min))
     fit = fit_unit((a,), t_max / t_min, tol)
@@ -137,13 +137,13 @@ def fit_power(a, t_min, t_max, tol):
 
 
 def tolerance(argument, value):
-    """Return `value` as a tolerance that a sum of exponentials can keep in double precision."""
+    """Return `value`, checked as a tolerance that sums can keep in double precision."""
     remedy = "double precision sums cannot keep less than 1e-13"
     return within(argument, value, _TOL_MIN, 0.1, "[1e-13, 0.1]", remedy)
 
 
 class UnitFit(NamedTuple):
-    """Sums of several kernels over one set of rates, on [1, R].
+    """Exponential sums of several kernels over one set of rates, on [1, R].
 
     Attributes
     ----------
@@ -152,30 +152,30 @@ class UnitFit(NamedTuple):
         Non-negative; zero where a kernel does not use a rate of another.
     error : float
         Largest relative error found [-].
-    share : float
-        Share of the tolerance that the trapezoid rule was made for, which sets the rates' grid.
+    fraction : float
+        Fraction of the tolerance given to the trapezoid rule, which sets the grid of rates.
     """
 
     rates: np.ndarray
     weights: np.ndarray
     error: float
-    share: float
+    fraction: float
 
 
 @lru_cache(maxsize=64)
-def fit_unit(exponents, ratio, tol, share=None):
-    """Fit several kernels ``t**-a`` on [1, ratio] with one shared set of rates.
+def fit_unit(exponents, ratio, tol, fraction=None):
+    """Fit several kernels ``t**-a`` on [1, ratio] with one set of rates.
 
     Parameters
     ----------
     exponents : tuple of float
-        0 < a <= 2 [-].
+        0 <= a <= 2 [-].
     ratio : float
         R = t_max / t_min > 1 [-].
     tol : float
         Relative tolerance [-].
-    share : float, optional
-        That of an earlier fit, whose grid of rates is to be kept.
+    fraction : float, optional
+        `UnitFit.fraction` of an earlier fit, whose grid of rates is kept.
 
     Returns
     -------
@@ -184,13 +184,13 @@ def fit_unit(exponents, ratio, tol, share=None):
     if not exponents:
         return UnitFit(np.zeros(0), np.zeros((0, 0)), 0.0, 1.0)
     if 0.0 in exponents:
-        return _with_constant(exponents, ratio, tol, share)
+        return _with_constant(exponents, ratio, tol, fraction)
     goal = tol / _CERTIFICATE
     allowed = max(goal, _ROUNDING[0] + _ROUNDING[1] * math.log(ratio))
-    for tried in _SHARES if share is None else (share,):
+    for tried in _FRACTIONS if fraction is None else (fraction,):
         rates, weights = _construct(exponents, ratio, goal * tried)
         rates, weights, error = _trim(exponents, ratio, allowed, rates, weights)
-        if error <= allowed or tried == share:
+        if error <= allowed or tried == fraction:
             break
     else:
         raise ArithmeticError(f"no exponential sum found for {exponents}, {ratio}, {tol}")
@@ -199,9 +199,9 @@ def fit_unit(exponents, ratio, tol, share=None):
     return UnitFit(rates, weights, error, tried)
 
 
-def _with_constant(exponents, ratio, tol, share):
-    """Fit where a kernel is constant, ``t**0``: one mode of rate 0 and weight 1."""
-    fit = fit_unit(tuple(a for a in exponents if a > 0), ratio, tol, share)
+def _with_constant(exponents, ratio, tol, fraction):
+    """Fit kernels of which some are constant, ``t**0``: a mode of rate 0 and weight 1."""
+    fit = fit_unit(tuple(a for a in exponents if a > 0), ratio, tol, fraction)
     full = np.zeros((len(exponents), fit.rates.size + 1))
     full[[a > 0 for a in exponents], 1:] = fit.weights
     full[[a == 0 for a in exponents], 0] = 1.0
@@ -209,11 +209,11 @@ def _with_constant(exponents, ratio, tol, share):
 
 
 def trapezoid_step(a, tol):
-    """Step h in log rate at which the trapezoid rule's relative error is 0.9 tol.
+    """Return the step h in log(rate) at which the trapezoid rule has the relative error 0.9 tol.
 
-    The infinite rule for ``t**-a`` has the relative error
-    ``2 Re sum_k Gamma(a + 2 pi i k/h)/Gamma(a) t**(-2 pi i k/h)``; k = 1 alone counts. The step
-    also gives the best possible number of modes, ``ceil(log(4 R) / h)`` (docs/theory.md).
+    The infinite rule for ``t**-a`` has the relative error ``2 Re sum_k Gamma(a + 2 pi i
+    k/h)/Gamma(a) t**(-2 pi i k/h)``, of which k = 1 dominates. The step also gives the least
+    possible number of modes, ``ceil(log(4 R) / h)`` (docs/theory.md).
     """
     goal = math.log(_TRAPEZOID * tol) - math.log(2.0) + gammaln(a)
 
@@ -232,14 +232,14 @@ def trapezoid_step(a, tol):
     return min(2.0, 1 / u)
 
 
-def grid_spacing(exponents, tol, share):
-    """Distance of the logarithms of the rates that `fit_unit` takes; inf for constants alone."""
+def grid_spacing(exponents, tol, fraction):
+    """Return the spacing of log(rate) in `fit_unit`; inf for constant kernels alone."""
     others = [a for a in exponents if a > 0]
-    return min((trapezoid_step(a, share * tol / _CERTIFICATE) for a in others), default=math.inf)
+    return min((trapezoid_step(a, fraction * tol / _CERTIFICATE) for a in others), default=math.inf)
 
 
 def _construct(exponents, ratio, tol):
-    """Rates and weights of all kernels on the grid exp(j h), plus each kernel's slow nodes."""
+    """Return rates and weights on the grid exp(j h), with the slow nodes of each kernel."""
     h = min(trapezoid_step(a, tol) for a in exponents)
     pieces = [_one_kernel(a, h, ratio, tol) for a in exponents]
     first = min(j0 for j0, *_ in pieces)
@@ -259,9 +259,9 @@ def _construct(exponents, ratio, tol):
 
 
 def _one_kernel(a, h, ratio, tol):
-    """First and last grid index kept, and the Gauss rule that stands for all slower rates."""
+    """Return first and last grid index, and the Gauss rule that replaces slower rates."""
     fast = max(a, float(gammainccinv(a, _FAST * tol)))
-    while gammaincc(a, fast) > _FAST * tol:  # the inverse is a little loose for tiny a
+    while gammaincc(a, fast) > _FAST * tol:  # the inverse is inaccurate for tiny a
         fast *= 1.05
     m, kappa = _slow_cut(a, h, tol)
     j_slow = math.floor(math.log(kappa / ratio) / h)
@@ -271,11 +271,11 @@ def _one_kernel(a, h, ratio, tol):
 
 
 def _slow_cut(a, h, tol):
-    """Size m of the slow Gauss rule and its cut kappa: rates up to kappa/R go into it.
+    """Choose the size m of the slow Gauss rule and its cut kappa; it replaces rates up to kappa/R.
 
-    The m-point rule's relative error for t <= R is at most
+    The relative error of the m-point rule for t <= R is at most
     ``a h/(1-exp(-a h)) kappa**a/Gamma(a+1) 4 (kappa/4)**(2m)/(2m)!``; each kappa saves
-    log(kappa)/h grid rates at the price of m nodes.
+    log(kappa)/h grid rates at the cost of m nodes.
     """
     m = np.arange(1, 40)
     log_bound = (
@@ -291,16 +291,16 @@ def _slow_cut(a, h, tol):
 
 
 def _slow_tail(a, h, ratio, j_slow, m):
-    """Gauss rule of m points for the measure of all grid rates exp(j h), j <= j_slow.
+    """Return the m-point Gauss rule for the measure of all grid rates exp(j h), j <= j_slow.
 
-    Rates below 1e-18/R act as constants on [1, R]: they enter as one atom at rate 0 with their
-    total mass, a geometric sum; this is what keeps small exponents cheap.
+    Rates below 1e-18/R are constant on [1, R]: they form one atom at rate 0 with their total mass,
+    a geometric sum, which keeps small exponents cheap.
     """
     j_zero = math.ceil((math.log(1e-18) - math.log(ratio)) / h)
     j = np.arange(j_zero, j_slow + 1)
     scale = math.exp(h * j_slow)
     x = np.concatenate([[0.0], np.exp(h * (j - j_slow))])
-    # masses relative to that of the fastest of them
+    # masses relative to that of the fastest rate
     mass = np.exp(a * h * (j - j_slow))
     rest = math.exp(a * h * (j_zero - 1 - j_slow)) / -math.expm1(-a * h)
     mass = np.concatenate([[rest], mass])
@@ -312,10 +312,10 @@ def _slow_tail(a, h, ratio, j_slow, m):
 
 
 def _gauss_rule(x, mass, m):
-    """m-point Gauss rule of the discrete measure with atoms x in [0, 1] and positive masses.
+    """Return the m-point Gauss rule of the measure with atoms x in [0, 1] and positive masses.
 
-    Lanczos with full reorthogonalisation on diag(x), started at sqrt(mass); the nodes are the
-    eigenvalues of the tridiagonal matrix and lie inside [0, 1], the weights are positive.
+    Lanczos' method with full reorthogonalisation on diag(x), started at sqrt(mass). The nodes are
+    the eigenvalues of the tridiagonal matrix and lie inside [0, 1]; the weights are positive.
     """
     total = mass.sum()
     basis = np.zeros((m, x.size))
@@ -336,7 +336,7 @@ def _gauss_rule(x, mass, m):
 
 
 def _trim(exponents, ratio, goal, rates, weights):
-    """Check every kernel, and drop the fastest rates one by one while the error stays in `goal`."""
+    """Check every kernel, and drop the fastest rates while the error stays within `goal`."""
     h = min(trapezoid_step(a, goal) for a in exponents)
     n_points = max(200, math.ceil(_POINTS_PER_OSCILLATION * math.log(ratio) / h))
     t = np.exp(np.linspace(0.0, math.log(ratio), n_points))

@@ -13,27 +13,27 @@ from ._checks import complaint, count, positive, real_array, shown
 
 @dataclass(frozen=True)
 class Graded:
-    """A mesh ``t_k = t_end (k / n)**exponent``, k = 0..n; made by `graded`."""
+    """Mesh ``t_k = t_end (k / n)**exponent``, k = 0..n, made by `graded`."""
 
     n: int
     exponent: float
 
     def times(self, t_end: float) -> np.ndarray:
-        """The mesh on [0, t_end], shape (n+1,)."""
+        """Return the mesh on [0, t_end], shape (n+1,)."""
         return t_end * (np.arange(self.n + 1) / self.n) ** self.exponent
 
 
 def graded(n: int, exponent: float) -> Graded:
-    """A mesh refined towards t = 0, ``t_k = t_end (k / n)**exponent``.
+    """Define a mesh refined towards t = 0, ``t_k = t_end (k / n)**exponent``.
 
-    Solutions that start like t**alpha keep a scheme's full order p on it with exponent p / alpha.
+    For solutions that start like t**alpha, the exponent p / alpha restores a scheme's full order p.
 
     Parameters
     ----------
     n : int
         Number of steps.
     exponent : float
-        1 gives uniform steps; larger ones refine the start [-].
+        1 gives uniform steps; larger values refine the start [-].
 
     Returns
     -------

@@ -1,7 +1,7 @@
-"""Power-law weights without cancellation, and exponential moments (floor 1).
+"""Power-law weights without cancellation, and exponential moments.
 
-Only what SciPy lacks. Everything a scheme with constant pieces needs comes from the numbers
-``b_k(p) = (k+1)**p - k**p``, 0 <= p < 1, their differences and their alternating sum.
+These functions are missing in SciPy. All weights of schemes with constant pieces follow from the
+numbers ``b_k(p) = (k+1)**p - k**p``, 0 <= p < 1, their differences and their alternating sum.
 """
 
 from functools import lru_cache
@@ -11,14 +11,14 @@ from scipy.special import binom, zeta
 
 
 def power_differences(p, n):
-    """Differences of powers, ``b_k = (k+1)**p - k**p`` for k = 0..n-1.
+    """Return the differences of powers ``b_k = (k+1)**p - k**p`` for k = 0..n-1.
 
     Parameters
     ----------
     p : float
         Exponent, 0 <= p < 1 [-]; 0 gives 1, 0, 0, ... (no memory).
     n : int
-        How many, n >= 1.
+        Number of differences, n >= 1.
 
     Returns
     -------
@@ -33,18 +33,17 @@ def power_differences(p, n):
 
 
 def power_second_differences(p, n):
-    """First entry 1, then ``b_k - b_(k-1)`` for k = 1..n-1, with b_k of `power_differences`.
+    """Return 1 and then ``b_k - b_(k-1)`` for k = 1..n-1, with b_k of `power_differences`.
 
-    The literal difference of three powers loses all digits near k = 1e8; beyond k = 16 this uses
-    ``k**p * 2 * sum_m binom(p, 2m) k**-2m`` instead, which converges at once (eight terms reach
-    17**-16 = 2e-20).
+    The difference of three powers loses all digits near k = 1e8; beyond k = 16 this function uses
+    ``k**p * 2 * sum_m binom(p, 2m) k**-2m`` instead, whose eight terms reach 17**-16 = 2e-20.
 
     Parameters
     ----------
     p : float
         Exponent, 0 <= p < 1 [-].
     n : int
-        How many, n >= 1.
+        Number of differences, n >= 1.
 
     Returns
     -------
@@ -65,14 +64,14 @@ def power_second_differences(p, n):
 
 
 def alternating_power_sum(p):
-    """``sum_k (-1)**k b_k`` = 2 eta(-p), with Dirichlet's eta and b_k of `power_differences`."""
+    """Return ``sum_k (-1)**k b_k`` = 2 eta(-p), Dirichlet's eta, b_k of `power_differences`."""
     return 2 * (1 - 2 ** (1 + p)) * zeta(-p)
 
 
 def alternating_sum(terms):
-    """``sum_k (-1)**k terms[k]`` over infinitely many completely monotone terms, from the first n.
+    """Sum ``(-1)**k terms[k]`` over infinitely many completely monotone terms, given the first n.
 
-    The weights of [CohenVillegasZagier2000], Algorithm 1; the error is 5.8**-n of the sum.
+    Algorithm 1 of [CohenVillegasZagier2000]; the error is 5.8**-n of the sum.
     """
     n = len(terms)
     d = (3 + np.sqrt(8.0)) ** n
@@ -86,16 +85,16 @@ def alternating_sum(terms):
 
 
 def mean_exponential(z):
-    """``(1 - exp(-z)) / z``, the mean of exp(-z u) over 0 <= u <= 1, for z >= 0; 1 at z = 0."""
+    """Return ``(1 - exp(-z)) / z``, the mean of exp(-z u) over 0 <= u <= 1, for z >= 0."""
     z = np.asarray(z, dtype=float)
     safe = np.where(z == 0, 1.0, z)
     return np.where(z == 0, 1.0, -np.expm1(-safe) / safe)
 
 
 def first_moment_exponential(z):
-    """``int_0^1 u exp(-z u) du`` = (1 - (1 + z) exp(-z)) / z**2 for z >= 0.
+    """Return ``int_0^1 u exp(-z u) du`` = (1 - (1 + z) exp(-z)) / z**2 for z >= 0.
 
-    Below z = 0.5 by its series ``sum_j (-z)**j / (j! (j + 2))``; fourteen terms leave 1e-16.
+    Below z = 0.5 by its series ``sum_j (-z)**j / (j! (j + 2))``, whose fifteen terms leave 1e-16.
     """
     z = np.asarray(z, dtype=float)
     series = np.zeros_like(z)
@@ -108,16 +107,16 @@ def first_moment_exponential(z):
 
 @lru_cache(maxsize=8)
 def gauss_unit(n):
-    """Nodes and weights of the n-point Gauss-Legendre rule on [0, 1]."""
+    """Return nodes and weights of the n-point Gauss-Legendre rule on [0, 1]."""
     nodes, weights = np.polynomial.legendre.leggauss(n)
     return (nodes + 1) / 2, weights / 2
 
 
 def bracketed_root(function, low, high):
-    """A zero of a continuous function between points of different sign, to rounding.
+    """Find a zero of a continuous function between points of different sign, to rounding.
 
-    Anderson's and Bjorck's variant of false position, with a bisection whenever three steps have
-    not halved the bracket. (SciPy's would cost every user the import of scipy.optimize, half a
+    The method is Anderson's and Bjorck's variant of false position, with a bisection whenever three
+    steps have not halved the bracket. (Importing scipy.optimize for its own would take half a
     second.)
     """
     f_low, f_high = function(low), function(high)

@@ -60,10 +60,10 @@ def test_a_bank_keeps_its_grid_where_its_tolerance_is_that_of_rounding():
     """There a fit may need a smaller share of its tolerance than one that reaches closer."""
     old = power_law_basis([1e-4, 1.0], 4.2140230991156427e-4, 4.214e5, 2.5765157476387665e-14)
     new = old.refine(3.880950380547688e-06)
-    assert new.share == old.share
+    assert new.fraction == old.fraction
     np.testing.assert_allclose(new.rates[: old.rates.size], old.rates, rtol=1e-6)
-    shares = {power_law_basis([1e-4], 10.0**-k, 4.2e5, 2.58e-14).share for k in range(10)}
-    assert len(shares) > 1
+    fractions = {power_law_basis([1e-4], 10.0**-k, 4.2e5, 2.58e-14).fraction for k in range(10)}
+    assert len(fractions) > 1
 
 
 def test_closer_and_closer():

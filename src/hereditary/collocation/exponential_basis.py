@@ -45,7 +45,7 @@ class PowerLawBasis:
     rates : ndarray, shape (M,)
         Ascending [1/time].
     weights : ndarray, shape (len(orders), M)
-    share : float
+    fraction : float
         Fraction of the tolerance that sets the spacing of the rates.
     """
 
@@ -55,30 +55,31 @@ class PowerLawBasis:
     tol: float
     rates: np.ndarray
     weights: np.ndarray
-    share: float
+    fraction: float
 
     def refine(self, closest: float) -> PowerLawBasis:
         """Return a basis that holds down to `closest`; its first rates are those of this one."""
         exponents = _exponents(self.orders)
-        spacing = grid_spacing(exponents, _effective_tol(exponents, self.tol), self.share)
+        spacing = grid_spacing(exponents, _effective_tol(exponents, self.tol), self.fraction)
         if not np.isfinite(spacing):  # constant kernels alone
             return power_law_basis(self.orders, closest, self.farthest, self.tol)
         factor = math.exp(spacing * math.ceil(math.log(self.closest / closest) / spacing))
         closest = self.closest / factor
-        basis = power_law_basis(self.orders, closest, self.farthest, self.tol, self.share)
+        basis = power_law_basis(self.orders, closest, self.farthest, self.tol, self.fraction)
         n = self.rates.size
         if basis.rates.size < n or not np.allclose(basis.rates[:n], self.rates, rtol=1e-6, atol=0):
             raise ArithmeticError(f"no basis from {closest} on extends that from {self.closest}")
         return basis
 
 
-def power_law_basis(orders, closest, farthest, tol, share=None):
+def power_law_basis(orders, closest, farthest, tol, fraction=None):
     """Fit the power laws of these orders between two distances.
 
-    `share` is the fraction of the tolerance that sets the spacing of the rates, found if not given.
+    `fraction` is the fraction of the tolerance that sets the spacing of the rates, found if not
+    given.
     """
     exponents = _exponents(orders)
-    fit = fit_unit(exponents, farthest / closest, _effective_tol(exponents, tol), share)
+    fit = fit_unit(exponents, farthest / closest, _effective_tol(exponents, tol), fraction)
     a = np.array(orders)[:, None]
     return PowerLawBasis(
         tuple(orders),
@@ -87,7 +88,7 @@ def power_law_basis(orders, closest, farthest, tol, share=None):
         tol,
         np.ascontiguousarray(fit.rates / closest),
         np.ascontiguousarray(fit.weights * closest ** (a - 1) * rgamma(a)),
-        fit.share,
+        fit.fraction,
     )
 
 
@@ -176,6 +177,7 @@ def _effective_tol(exponents, tol):
 
 
 def _exponents(orders):
+    """Return the exponents 1 - a of the kernels t**(a-1)."""
     return tuple(1 - a for a in orders)
 
 
@@ -223,4 +225,5 @@ def varying_basis(closest: float, farthest: float, tol: float) -> VaryingBasis:
 
 def _slow_first(rows):
     # rates of the grid last: a refinement adds to them
+    """Move the slowest rates, a fixed number, from the end to the front."""
     return np.concatenate([rows[-SLOW_NODES:], rows[:-SLOW_NODES]])

@@ -37,7 +37,7 @@ class MarkedState:
 
 
 class MarkedStepper:
-    """A march by adaptive collocation that stops at times n h when it is told to.
+    """March by adaptive collocation that stops at marks, times n h.
 
     Parameters
     ----------
@@ -46,9 +46,9 @@ class MarkedStepper:
     tols : tuple of float
         Relative and absolute tolerance.
     h : float
-        Distance of the marks; the steps between them are the tolerance's affair [time].
+        Distance of the marks [time]; the tolerance chooses the steps between them.
     n_marks : int
-        Marks of the whole run.
+        Number of marks of the whole run.
     modes_tol : float, optional
         As for `AdaptiveStepper`.
     directions : ndarray, shape (n_data, k), optional
@@ -73,14 +73,14 @@ class MarkedStepper:
         raise AttributeError(name)
 
     def prepare(self, n_end):
-        """Everything is prepared from the start."""
+        """Do nothing, for nothing needs preparation."""
 
     def seconds_of_rhs(self):
-        """Time between two marks, at first unknown."""
+        """Return a first guess of the time between two marks, in seconds."""
         return 1e-4
 
     def advance(self, n_more, positions, rows, slopes):
-        """March over `n_more` marks; rows (k, d) take y at `positions`, in marks, ascending."""
+        """March over `n_more` marks; fill rows (k, d) with y at ascending `positions`, in marks."""
         inner, stop = self._inner, (self.n + n_more) * self.h
         dense = Dense(inner.second)
         while inner.t < stop:
@@ -97,11 +97,11 @@ class MarkedStepper:
         self.n += n_more
 
     def state(self):
-        """A `MarkedState` from which a later run goes on."""
+        """Return a `MarkedState` from which a later run continues."""
         return MarkedState(self.t, self.n, self.h, self._n_marks, self._inner.state())
 
     def restore(self, state):
-        """Take over where `state` was taken."""
+        """Continue from `state`."""
         self._inner.restore(state.inner, self.h * self._n_marks)
         self.n = state.n
 

@@ -106,6 +106,7 @@ class PowerBasis:
 
     @staticmethod
     def _interpolate(values, at):
+        """Interpolate by cardinal functions at the points, (k, n), exactly for constants."""
         end = values[..., -1:]
         return end + (values - end) @ at.T
 
@@ -203,6 +204,7 @@ def _scales(variables, n_first):
 
 
 def _log(t):
+    """Return log(t), -inf at 0."""
     with np.errstate(divide="ignore"):
         return np.log(np.asarray(t, dtype=float))
 

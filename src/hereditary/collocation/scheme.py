@@ -14,23 +14,23 @@ from ..system import System
 class Collocation(Scheme):
     """Spectral collocation at Radau points with steps chosen by the tolerance.
 
-    Everything an `Equation` can hold: any number of terms and components, orders in (0, 2],
-    different ones in different components, classical terms among them. On every step the
-    right-hand side, and the unknown itself where lower terms need it, are polynomials through
-    their values at s points; their weakly singular integrals over the step are exact, and the past
-    is a sum of exponential modes moved on by exact moments. The step out of t = 0, and out of a
-    jump, takes sums of the powers of t that the solution is made of there instead of polynomials.
+    It solves every `Equation`: any number of terms and components, orders in (0, 2], different ones
+    in different components, classical terms among them. On every step the right-hand side and,
+    where lower terms need it, the unknown are polynomials through their values at s nodes. Their
+    fractional integrals over the step are exact, and the history is a sum of exponential modes,
+    advanced by exact moments. After t = 0, and after a jump, the first step uses sums of the
+    powers of t that the solution consists of, instead of polynomials.
 
-    Where a component's highest derivative stands in terms with general kernels or with orders that
-    vary, the step solves the equation as it stands. There, and where any order varies, a run begins
-    by tiny ordinary steps, at 0 and at jumps; orders must keep 0.05 above the integer below.
+    Where terms with general kernels or varying orders contain a component's highest derivative, a
+    step solves the equation itself. There, and where any order varies, a run begins with tiny
+    ordinary steps, at 0 and at jumps; orders must exceed the integer below by at least 0.05.
 
     Parameters
     ----------
     nodes : int, optional
         s, 2 to 12; by default 4 for tolerances down to 1e-5, 6 down to 1e-8 and 8 below.
     horizon : float, optional
-        Time that a run is going to be resumed to, where that is beyond ten times its first length.
+        Time up to which a run may be resumed, where that exceeds ten times its first length.
 
     Error
     -----

@@ -238,6 +238,7 @@ class AdaptiveStepper:
 
     @property
     def _control(self):
+        """Step control of the march, a record `CONTROL`."""
         return self._state.control
 
     def _closest(self, h):
