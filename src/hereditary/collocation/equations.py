@@ -98,7 +98,7 @@ class Form:
         return max(least, left * min(1e-2, atol ** (1 / self.start_exponent(t))))
 
     def _start_power(self, k, integrand, t):
-        """Exponent of time with which one convolution term changes after t, or lets p change."""
+        """Return the exponent of time with which p changes after t by one term alone."""
         n_a, n_k = self.orders.size, len(self.kernels)
         if k < n_a:
             return self.orders[k] if integrand == FORCE else 1 - self.orders[k]

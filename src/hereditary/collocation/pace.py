@@ -132,7 +132,10 @@ def ending(status, equation, t, h, refused, last, peak):
 
 
 def _finite_ahead(equation, t, h, y):
-    """Return whether f is finite on a line through y (d, s) of the last step, of length h."""
+    """Return whether f is finite where the last step, y (d, s) of length h, points to.
+
+    It is evaluated at points extrapolated linearly from the first and the last node.
+    """
     force = np.empty(equation.d)
     for distance in _DISTANCES_AHEAD:
         point = y[:, -1] + distance * (y[:, -1] - y[:, 0])

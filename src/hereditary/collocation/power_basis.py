@@ -106,7 +106,7 @@ class PowerBasis:
 
     @staticmethod
     def _interpolate(values, at):
-        """Interpolate by cardinal functions at the points, (k, n), exactly for constants."""
+        """Interpolate `values` (..., n) by the cardinal functions `at` k points, (k, n)."""
         end = values[..., -1:]
         return end + (values - end) @ at.T
 

@@ -59,7 +59,8 @@ class SingularStart:
     def step(self):
         """Solve the step; return its length, basis and values (1 + k, 3, d, n), or None.
 
-        A stiff start of tiny order is first tried with rational maps on long steps.
+        None means that every length was refused. A stiff start of tiny order is first tried with
+        rational maps on long steps.
         """
         size, left = float(np.abs(self._jacobian).max()), self._t_stop - self._t
         most = min(left / 16, self._longest)

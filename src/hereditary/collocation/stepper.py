@@ -246,7 +246,7 @@ class AdaptiveStepper:
         return self._rule.nodes[0] * h / _REFINE_BY
 
     def _march(self, steps, t_stop):
-        """Run the compiled march; return the rows filled and its status code."""
+        """March to `t_stop` in compiled code, filling `steps`; return rows filled and status."""
         equation, orbit = self.equation, self._orbit
         basis = ExponentialBasis(orbit.rates, orbit.weights, orbit.masses, self._transforms)
         longest, longest_idle = self.pace.longest.tolist()
@@ -326,7 +326,7 @@ class AdaptiveStepper:
         return identity(self.equation, t, len(self._orbit.x) - 1, **how)
 
     def _singular_step(self, t_stop):
-        """Make the step of a singular start; return its piece of dense output, or None."""
+        """Make the step of a singular start; return its dense output, or None and set `ending`."""
         orbit, t = self._orbit, self.t
         tolerances = max(self._rtol, _ROUNDING), self._atol
         problem = self._form, orbit, t, t_stop, self._farthest / _LARGEST_RATIO

@@ -199,7 +199,8 @@ def read_varying(modes, to_nodes, equations, varying, out):
 def next_length(h, planned, ratio, was_refused, order):
     """Return the length of the next step after one with this ratio of error to tolerance.
 
-    A step shortened to end at a stop leaves the planned length as it was.
+    It is h times a power of the ratio, limited, on the grid of lengths; a quarter of h where the
+    step was not solved. A step shortened to end at a stop leaves the planned length as it was.
     """
     if ratio <= 1.0 and h < planned:
         return planned

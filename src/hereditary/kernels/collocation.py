@@ -265,12 +265,12 @@ def stage_jacobians(rhs, jac, has_jac, params, times, x, every, out):
 
 
 @kernel
-def set_force_scales(jacobian_at_end, x, force_scales):
-    """Set |J| |y|, (d,), at the last node: the size of the summands of f."""
+def set_force_scales(jacobian_inside, x, force_scales):
+    """Set |J| |y|, (d,), with y at the last node: the size of the summands of f."""
     for c in range(force_scales.shape[0]):
         force_scales[c] = 0.0
         for e in range(force_scales.shape[0]):
-            force_scales[c] += abs(jacobian_at_end[c, e] * x[e, -1])
+            force_scales[c] += abs(jacobian_inside[c, e] * x[e, -1])
 
 
 @kernel
@@ -299,7 +299,7 @@ def residuals(base, matrices, p, x, f, out):
 def solve_tangents(
     rhs, jac, has_jac, params, times, h, base, x_start, second, matrices, integral, values, counts
 ):  # fmt: skip
-    """Solve the step, linear with the Jacobians along the orbit, for all tangents.
+    """Solve the step, linearised along the orbit, for f, p and y of all tangents.
 
     The orbit's values, column 0, must solve the step. Returns False where the matrix is singular.
     """
