@@ -1,4 +1,4 @@
-"""The bank of modes: kernels at all distances, to its tolerance, and closer with the same rates."""
+"""The exponential basis: kernels at all distances, to its tolerance, and refined with equal rates."""
 
 import numpy as np
 import pytest
@@ -34,7 +34,7 @@ def test_kernels_at_all_distances(orders, low, decades, log_tol):
 
 
 @pytest.mark.parametrize("orders", [[0.5], [0.2, 0.8], [1e-3, 0.999]])
-def test_beyond_its_distances_a_bank_does_not_hold(orders):
+def test_beyond_its_distances_a_basis_does_not_hold(orders):
     """The two-sided half: it would be too large if it held much further than asked for."""
     basis = power_law_basis(orders, 1e-3, 1e3, 1e-8)
     assert np.all(errors(basis, 1e-6, 2e-6).max(axis=1) > 1e-8)
@@ -43,7 +43,7 @@ def test_beyond_its_distances_a_bank_does_not_hold(orders):
 
 @settings(max_examples=30)
 @given(ORDERS, st.floats(1, 10), EXPONENTS, st.floats(0.01, 6))
-def test_a_closer_bank_goes_on_from_the_old_one(orders, decades, log_tol, log_factor):
+def test_a_refined_basis_extends_the_old_one(orders, decades, log_tol, log_factor):
     """It reaches down to what was asked, to the same tolerance, and old modes keep their rates."""
     old = power_law_basis(orders, 1e-2, 1e-2 * 10**decades, 10.0**log_tol)
     wanted = 1e-2 / 10**log_factor
@@ -56,7 +56,7 @@ def test_a_closer_bank_goes_on_from_the_old_one(orders, decades, log_tol, log_fa
     assert errors(new).max() <= new.tol + 2e-15
 
 
-def test_a_bank_keeps_its_grid_where_its_tolerance_is_that_of_rounding():
+def test_a_basis_keeps_its_grid_where_its_tolerance_is_that_of_rounding():
     """There a fit may need a smaller share of its tolerance than one that reaches closer."""
     old = power_law_basis([1e-4, 1.0], 4.2140230991156427e-4, 4.214e5, 2.5765157476387665e-14)
     new = old.refine(3.880950380547688e-06)

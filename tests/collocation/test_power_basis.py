@@ -204,7 +204,7 @@ def at_mapped_nodes(basis, g, c):
 
 
 @pytest.mark.parametrize(("generators", "c"), BENT, ids=repr)
-def test_bent_functions_are_polynomials_of_what_bends(generators, c):
+def test_mapped_functions_are_polynomials_of_the_rational_map(generators, c):
     """Also near 1 / c, where a solution that they are for has its course, and times the others."""
     basis, g = power_basis(generators, (c,)), generators[0]
     x, w = at_mapped_nodes(basis, g, c), mapped(POINTS, g, c)
@@ -216,8 +216,8 @@ def test_bent_functions_are_polynomials_of_what_bends(generators, c):
 
 
 @pytest.mark.parametrize(("generators", "c"), BENT[:3], ids=repr)
-def test_bent_functions_are_no_others(generators, c):
-    """The two-sided half: a far greater bend than theirs shows, and so do powers for a great one.
+def test_mapped_functions_are_no_others(generators, c):
+    """The other half: a far greater rate than theirs shows, and so do powers for a great one.
 
     Where t**g is about 1 / c; for the nodes then lie there.
     """
@@ -233,7 +233,7 @@ def test_bent_functions_are_no_others(generators, c):
 
 @pytest.mark.parametrize("a", [0.02, 0.5, 1.0])
 @pytest.mark.parametrize(("generators", "c"), BENT, ids=repr)
-def test_integrals_of_bent_functions(generators, c, a):
+def test_integrals_of_mapped_functions(generators, c, a):
     """``J**a w = t**a / Gamma(a+1) int_0^1 w(t (1 - s**(1/a))) ds``, by mpmath's quadrature."""
     basis, g = power_basis(generators, (c,)), generators[0]
     integral = basis.integrals((a, 1.0))[0] @ at_mapped_nodes(basis, g, c)
@@ -251,7 +251,7 @@ def test_integrals_of_bent_functions(generators, c, a):
 
 
 @pytest.mark.parametrize(("generators", "c"), BENT, ids=repr)
-def test_slopes_of_bent_functions(generators, c):
+def test_slopes_of_mapped_functions(generators, c):
     """In closed form, and of any function of the basis by differences of log(t)."""
     basis, g, t = power_basis(generators, (c,)), generators[0], np.geomspace(1e-6, 1, 100)
     exact = g * mapped(t, g, c) / (1 + c * t**g)
@@ -264,8 +264,8 @@ def test_slopes_of_bent_functions(generators, c):
     np.testing.assert_allclose(slopes, (after - before) / (2 * step), atol=3e-7)
 
 
-def test_which_solutions_get_a_bend():
-    """Those of a tiny order; the bends follow the drives within half an octave."""
+def test_which_solutions_get_a_rational_map():
+    """Solutions of a tiny order; rates of maps follow those of decay within half an octave."""
     assert choose_map_rates((0.5, 1.0), [1e6]) == choose_map_rates((0.02, 1.0), [0.09]) == ()
     for size in (0.2, 2.0, 10.0, 777.0, 1e6, 1e12):
         (map_rate,) = choose_map_rates((0.02, 1.0), [size])
@@ -276,8 +276,8 @@ def test_which_solutions_get_a_bend():
 
 
 @pytest.mark.parametrize("generators", [(0.02, 1.0), (1e-3, 0.6, 1.0)], ids=repr)
-def test_several_bends(generators):
-    """Sums of functions of each bent power, and their integrals beside those of each alone."""
+def test_several_maps(generators):
+    """Sums of functions of each mapped power, and their integrals beside those of each alone."""
     map_rates, g = (4.0**8, 64.0), generators[0]
     both = power_basis(generators, map_rates)
     values = sum(at_mapped_nodes(both, g, c) ** 3 for c in map_rates)
@@ -307,7 +307,7 @@ def test_what_fades_is_known_as_well_late_as_early(c):
     assert end == pytest.approx(float(exact), rel=1e-11)
 
 
-def test_a_stiff_relaxation_of_a_tiny_order_is_a_bent_function():
+def test_a_stiff_relaxation_of_a_tiny_order_is_a_mapped_function():
     """y = E(-K t**a) at all times at once, where powers fail."""
     exact = pytest.importorskip("hereditary.exact")
     solution = exact.relaxation(0.02, 1e4)

@@ -158,7 +158,7 @@ def test_components_that_exchange_their_difference():
 
 @pytest.mark.parametrize("rtol", [1e-8, 1e-11])
 def test_two_rates_of_a_tiny_order(rtol):
-    """Eigenvalues -1e3 and -30: bent functions for each."""
+    """Eigenvalues -1e3 and -30: rational maps for each."""
     equation, solution = two_components(0.05, [[-515.0, 485.0], [485.0, -515.0]], [1.0, 0.5])
     sol = hd.solve(equation, 1.0, rtol=rtol)
     assert sol.success, sol.message

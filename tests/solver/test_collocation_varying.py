@@ -426,7 +426,7 @@ def test_which_components_have_no_integral_form():
 
 @given(st.lists(st.floats(0.0, 0.999), min_size=4, max_size=4), st.floats(1e-3, 10.0))
 def test_tables_of_orders(a, h):
-    """Integrals of the order at each node, which the bank continues into the past."""
+    """Integrals of the order at each node, which the basis continues into the past."""
 
     class Orbit:
         def __init__(self):
@@ -453,7 +453,7 @@ def test_tables_of_orders(a, h):
 
 
 @pytest.mark.parametrize("closest", [1e-3, 1e-7, 3e-20])
-def test_a_bank_of_orders_reaches_closer(closest):
+def test_a_basis_of_orders_is_refined(closest):
     basis = varying_basis(1e-2, 1e3, 1e-9)
     closer = basis.refine(closest)
     assert closer.closest <= closest
