@@ -1,4 +1,4 @@
-"""The exponential basis: kernels at all distances, to its tolerance, and refined with equal rates."""
+"""Exponential bases: kernels at all distances, to their tolerance, and refined with equal rates."""
 
 import numpy as np
 import pytest
