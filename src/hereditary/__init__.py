@@ -35,6 +35,7 @@ from .schemes.explicit import ExplicitCaputo
 from .schemes.l1 import L1
 from .schemes.l2 import L2
 from .schemes.l2sigma import L2Sigma
+from .schemes.l12 import L12
 from .solver.solution import Solution, SolveWarning, StabilityWarning, Status
 from .solver.solve import solve
 
@@ -45,6 +46,7 @@ __all__ = [
     "FFT",
     "L1",
     "L2",
+    "L12",
     "Adams",
     "Caputo",
     "Collocation",

@@ -1,0 +1,98 @@
+"""The L1-2 scheme (floor 2): parabolas that lean backward."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from .._checks import within
+from ..kernels.implicit import march_implicit
+from ..system import System
+from .derivative_form import derivative_plan
+from .scheme import Plan, Scheme, WeightRule, check_smoothness, refuse_orders_above_one
+from .weights import FIRST_DIFFERENCES, last_moment, parabola_start
+
+
+@dataclass(frozen=True)
+class L12(Scheme):
+    """The L1-2 scheme of order 3 - alpha, for orders in (0, 1].
+
+    On the first step the solution is a line, on every later one the parabola through its ends and
+    the value before; the equation holds at t_n. `L2` takes the parabola through the value after. At
+    alpha = 1 this is the second backward difference formula, begun with one step of Euler's
+    backward method. Implicit: Newton's method with the equation's Jacobian or differences. Any
+    number of terms and components.
+
+    Error
+    -----
+    O(h**(3-alpha)) at a fixed time for smooth solutions, where the line of the first step leaves
+    O(h**2) next to 0 unless x''(0) = 0; O(h) at a fixed time for solutions like t**alpha,
+    alpha < 1 (convergence/orders.py).
+
+    Stability
+    ---------
+    No step limit was found for orders from 0.1 to 1: ``D^alpha y = -K y`` and undamped rotations
+    are bounded by their start for K h**alpha up to 1e6. On the unit circle the formula's symbol
+    keeps to arguments below ``alpha pi / 2`` + 0.6 degrees.
+
+    Source
+    ------
+    [GaoSunZhang2014], section 2.
+
+    Examples
+    --------
+    >>> import hereditary as hd
+    >>> sol = hd.solve(hd.scenes.relaxation(0.5), 1.0, n_steps=1000, scheme=hd.L12())
+    >>> round(float(sol.y[-1, 0]), 4)
+    0.4276
+    """
+
+    march: ClassVar[Callable] = staticmethod(march_implicit)
+
+    def order(self, alpha: float, smoothness: str = "smooth") -> float:
+        """Order of convergence at a fixed time.
+
+        Parameters
+        ----------
+        alpha : float
+            Highest order of the equation, 0 < alpha <= 1 [-].
+        smoothness : {"smooth", "singular"}
+            Whether the solution is smooth at 0 or behaves like t**alpha there, which at alpha = 1
+            is smooth as well.
+        """
+        alpha = within("alpha", alpha, 5e-324, 1.0, "(0, 1]", "use L1 for orders above 1")
+        check_smoothness(smoothness)
+        return 3 - alpha if smoothness == "smooth" or alpha == 1 else 1.0
+
+    def plan(self, equation: System, h: float) -> Plan:
+        """Tables and convolution for `equation` with step h."""
+        refuse_orders_above_one("L12", equation)
+        return derivative_plan(equation, h, 1.0, lambda _: BACKWARD_PARABOLAS, BACKWARD_START)
+
+
+# -m_(k+1) with m_k = int p t**(p-1) (k + 1/2 - t) dt over [k, k+1]
+_NEXT_MOMENT = parabola_start(1.0)
+
+
+def _lacking(p, n):
+    return np.append(-last_moment(p), _NEXT_MOMENT.exact(p, n - 1))
+
+
+def _modal_lacking(p, rates, weights, k):
+    return _NEXT_MOMENT.modal(p, rates, weights, k - 1)
+
+
+def _backward(p, n):
+    return FIRST_DIFFERENCES.exact(p, n) - np.diff(_lacking(p, n), prepend=0.0)
+
+
+def _modal_backward(p, rates, weights, k):
+    line = FIRST_DIFFERENCES.modal(p, rates, weights, k)
+    before, here = (_modal_lacking(p, rates, weights, j) for j in (k - 1, k))
+    return line + before - here
+
+
+# b_k + m_k - m_(k-1), and -m_k for the first interval, which leans on none before it
+BACKWARD_PARABOLAS = WeightRule(_backward, FIRST_DIFFERENCES.exponent, _modal_backward)
+BACKWARD_START = WeightRule(_lacking, FIRST_DIFFERENCES.exponent, _modal_lacking)

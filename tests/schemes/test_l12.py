@@ -1,0 +1,104 @@
+"""The L1-2 scheme: exact on parabolas from the second step on, and bounded at every step."""
+
+import numpy as np
+import pytest
+from scipy.special import gamma
+
+import hereditary as hd
+from hereditary.schemes.l12 import BACKWARD_PARABOLAS
+
+SCHEME = hd.L12()
+HISTORIES = [hd.Direct(), hd.FFT(), hd.SumOfExponentials(1e-13)]
+H = 1 / 40
+
+
+def bent(t, y, p):
+    """Derivative of order p_0 of t**p_1, less that of the bend t**2 - h t on the first step."""
+    alpha, power = p[0], p[1]
+    whole, left = p[2] * t ** (power - alpha), np.maximum(t - H, 0.0)
+    first = (2 * t - H) * (t ** (1 - alpha) - left ** (1 - alpha)) / (1 - alpha)
+    first -= 2 * (t ** (2 - alpha) - left ** (2 - alpha)) / (2 - alpha)
+    return whole - p[3] * first
+
+
+def error_of(alpha, power, history):
+    """Largest error for t**power; the bend of t**2 on the first step is left out of its force."""
+    known = gamma(power + 1) / gamma(power + 1 - alpha)
+    lacking = 1 / gamma(1 - alpha) if power == 2 else 0.0
+    equation = hd.Equation(hd.Caputo(alpha), bent, 0.0, (alpha, float(power), known, lacking))
+    sol = hd.solve(equation, 1.0, 40, scheme=SCHEME, history=history)
+    return np.abs(sol.y[:, 0] - sol.t**power).max()
+
+
+@pytest.mark.parametrize("history", HISTORIES, ids=repr)
+@pytest.mark.parametrize("alpha", [0.1, 0.5, 0.9])
+def test_exact_on_lines_and_on_parabolas_but_for_the_line_of_the_first_step(alpha, history):
+    assert error_of(alpha, 1, history) < 2e-14
+    assert error_of(alpha, 2, history) < 2e-14
+    assert error_of(alpha, 3, history) > 1e-6
+
+
+def square(t, y, p):
+    return p[1] * t ** (2 - p[0]) + t**2 - y
+
+
+@pytest.mark.parametrize("alpha", [0.1, 0.3, 0.5, 0.8, 0.95, 1.0])
+def test_the_line_of_the_first_step_costs_no_order_at_a_fixed_time(alpha):
+    """y = t**2 with y''(0) = 2: order 2 over all times, 3 - alpha at the end."""
+    equation = hd.Equation(hd.Caputo(alpha), square, 0.0, (alpha, 2 / gamma(3 - alpha)))
+    found = []
+    for n in (400, 800, 1600):
+        sol = hd.solve(equation, 1.0, n, scheme=SCHEME, history=hd.Direct())
+        off = np.abs(sol.y[:, 0] - sol.t**2)
+        found.append((off[-1], off.max()))
+    orders = np.log2(np.array(found[:-1]) / found[1:])
+    assert orders[:, 0] == pytest.approx(SCHEME.order(alpha), abs=0.05)
+    assert orders[:, 1] == pytest.approx(2.0, abs=0.05)
+
+
+def test_order_one_is_the_second_backward_difference():
+    """Begun with Euler's backward method; so solutions like t**1 are smooth, and of order 2."""
+    n, h = 50, 0.1
+    equation = hd.Equation(hd.Caputo(1.0), lambda t, y: np.cos(t) - y, 2.0)
+    y = hd.solve(equation, n * h, n, scheme=SCHEME).y[:, 0]
+    f = np.cos(h * np.arange(n + 1)) - y
+    assert y[1] - y[0] == pytest.approx(h * f[1], abs=1e-14)
+    np.testing.assert_allclose(1.5 * y[2:] - 2 * y[1:-1] + 0.5 * y[:-2], h * f[2:], atol=1e-14)
+    assert SCHEME.order(1.0, "singular") == 2.0
+    errors = [
+        abs(hd.solve(hd.scenes.relaxation(1.0), 1.0, k, scheme=SCHEME).y[-1, 0] - np.exp(-1))
+        for k in (800, 1600)
+    ]
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.01)
+
+
+@pytest.mark.parametrize("alpha", [0.05, 0.1, 0.3, 0.5, 0.8, 0.95, 1.0])
+def test_symbol_keeps_to_the_sector_of_growth(alpha):
+    """So no damped mode grows at any step; the excess of 0.57 degrees is the largest there is."""
+    z = np.exp(1j * np.linspace(0.1, np.pi, 400))
+    weights = BACKWARD_PARABOLAS.exact(1 - alpha, 20_000)
+    for _ in range(4):  # the series of the fourth differences converges on the circle
+        weights = np.diff(weights, prepend=0.0)
+    symbol = np.polynomial.polynomial.polyval(z, weights) / (1 - z) ** 3
+    excess = np.degrees(np.abs(np.angle(symbol)).max()) - 90 * alpha
+    assert excess < 0.6
+    assert (excess > 0.5) == (alpha == 0.3)
+    assert np.abs(np.angle(symbol)).max() < np.pi / 2 or alpha == 1
+
+
+def rotating(t, y, p):
+    return p[0] * np.array([y[1], -y[0]])
+
+
+@pytest.mark.parametrize("alpha", [0.1, 0.5, 0.9, 1.0])
+@pytest.mark.parametrize("stiffness", [0.1, 1.0, 10.0, 1e3, 1e6])
+def test_bounded_at_every_step(alpha, stiffness):
+    decay = hd.scenes.relaxation(alpha, stiffness, 1.0)  # h = 1
+    assert np.abs(hd.solve(decay, 400.0, 400, scheme=SCHEME).y).max() <= 1.0
+    turn = hd.Equation(hd.Caputo(alpha), rotating, [1.0, 0.0], (stiffness,))
+    assert np.hypot(*hd.solve(turn, 400.0, 400, scheme=SCHEME).y.T).max() <= 1.0 + 1e-12
+
+
+def test_orders_above_one_are_refused():
+    with pytest.raises(ValueError, match=r"alpha must lie in \(0, 1\], got 1.5; use L1"):
+        SCHEME.order(1.5)
