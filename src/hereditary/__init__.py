@@ -32,6 +32,7 @@ from .operators import Caputo, Memory, PowerLaw
 from .schemes.adams import Adams, ProductTrapezoid
 from .schemes.bdf import BDF
 from .schemes.explicit import ExplicitCaputo
+from .schemes.grunwald_letnikov import GrunwaldLetnikov
 from .schemes.l1 import L1
 from .schemes.l2 import L2
 from .schemes.l2sigma import L2Sigma
@@ -56,6 +57,7 @@ __all__ = [
     "ExplicitCaputo",
     "ExponentialSum",
     "Graded",
+    "GrunwaldLetnikov",
     "Kernel",
     "KernelWarning",
     "L2Sigma",

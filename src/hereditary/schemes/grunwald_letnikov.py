@@ -1,0 +1,235 @@
+"""The explicit Grünwald-Letnikov scheme (floor 2).
+
+With increments ``y_n = x_(n+1) - x_n`` the power series of ``((1-z)/h)**alpha``, applied to x -
+x(0), gives ``h**-alpha sum_k W_k y_(n-k)`` with the coefficients W of ``(1-z)**(alpha-1)``. Above
+order 1 t x'(0) is taken away as well, which the sums S of the W weigh: ``h**-alpha S_n h x'(0)``.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import ClassVar
+
+import numpy as np
+from scipy.special import rgamma
+
+from .._checks import within
+from ..kernels.march import march_explicit
+from ..special import mean_exponential
+from ..system import System
+from .bdf import quadrature_weights
+from .modes import Modes, edge
+from .scheme import (
+    Convolution,
+    Plan,
+    Scheme,
+    WeightRule,
+    check_lead,
+    check_smoothness,
+    distinct_components,
+)
+from .stability import StabilityRegion
+
+# Growth a step and least turn a step of an unstable mode, as in schemes/explicit.py, and points on
+# the curve of that growth.
+_GROWTH, _ANGLE, _N_ANGLES = 1.1, 0.45, 512
+
+
+@dataclass(frozen=True)
+class GrunwaldLetnikov(Scheme):
+    """The explicit Grünwald-Letnikov scheme, for orders in (0, 2].
+
+    The derivative of x - x(0) - t x'(0) (of x - x(0) for orders up to 1) by the power series of
+    ``((1-z)/h)**alpha``, with the right-hand side at t_n: ``h**-alpha sum_(k=0)^(n+1) g_k
+    (x_(n+1-k) - x(0) - (n+1-k) h x'(0)) = f(t_n, x_n)``, ``g_k = (-1)**k binom(alpha, k)``, solved
+    for x_(n+1). With the right-hand side at t_(n+1) it is `BDF(1)`, its implicit sibling. At order
+    1 it is Euler's method, at order 2 the classical difference scheme with x_1 = x(0) + h x'(0) +
+    h**2 f(0, x(0)). Any number of terms and components.
+
+    Error
+    -----
+    O(h) at a fixed t > 0, for smooth solutions and for those like t**alpha (convergence/orders.py).
+
+    Stability
+    ---------
+    Conditional, and sharply so: `step_limit`. A run is watched as with `ExplicitCaputo`.
+
+    Cost
+    ----
+    One right-hand side a step and the history's share.
+
+    Source
+    ------
+    [SchererEtAl2011]; the power series: [Lubich1986].
+
+    Examples
+    --------
+    >>> import hereditary as hd
+    >>> eq = hd.scenes.relaxation(0.5)
+    >>> sol = hd.solve(eq, 1.0, n_steps=1000, scheme=hd.GrunwaldLetnikov())
+    >>> round(float(sol.y[-1, 0]), 3)
+    0.428
+    """
+
+    march: ClassVar[Callable] = staticmethod(march_explicit)
+    implicit: ClassVar[bool] = False
+    whole: ClassVar[bool] = True
+
+    def order(self, alpha: float, smoothness: str = "smooth") -> float:
+        """Order of convergence at a fixed time: 1 for every alpha in (0, 2].
+
+        Parameters
+        ----------
+        alpha : float
+            Highest order of the equation, 0 < alpha <= 2 [-].
+        smoothness : {"smooth", "singular"}
+            Whether the solution is smooth at 0 or behaves like t**alpha there; both give 1.
+        """
+        within("alpha", alpha, 5e-324, 2.0, "(0, 2]")
+        check_smoothness(smoothness)
+        return 1.0
+
+    def step_limit(self, equation: System, stiffness: float) -> float:
+        """Largest stable step for a constant ``-d rhs / d y = stiffness``.
+
+        Parameters
+        ----------
+        equation : Equation
+            Its terms set the limit; every component is taken on its own.
+        stiffness : float
+            K in ``D^alpha x + ... = -K x``, above 0 [1/time**order].
+
+        Returns
+        -------
+        float
+            The h at which ``sum_j c_j (2/h)**alpha_j = stiffness``; sharp: bounded below, zigzag
+            above.
+
+        Examples
+        --------
+        >>> import hereditary as hd
+        >>> eq = hd.Equation(hd.Caputo(0.5), lambda t, x: -4.0 * x, y0=1.0)
+        >>> round(hd.GrunwaldLetnikov().step_limit(eq, 4.0), 12)
+        0.125
+        """
+        self.check_terms(equation)
+        stiffness = within("stiffness", stiffness, 5e-324, np.inf, "(0, inf)")
+        low, high = -700.0, 700.0  # log h; the limit's stiffness falls as h grows
+        for _ in range(200):
+            middle = (low + high) / 2
+            if _limits(equation, np.exp(middle)).min() > stiffness:
+                low = middle
+            else:
+                high = middle
+        return float(np.exp(low))
+
+    def plan(self, equation: System, h: float) -> Plan:
+        """Tables and convolution for `equation` with step h."""
+        distinct, classes = distinct_components(equation)
+        lead, near = np.empty((2, len(distinct)))
+        lists, start_lists = [], []
+        for i, key in enumerate(distinct):
+            total = sum(c * h**-alpha for c, alpha in key)
+            check_lead(total, h)
+            terms = [(c * h**-alpha / total, alpha) for c, alpha in key]
+            lead[i] = 1 / total
+            near[i] = 1 + sum(f * (1 - alpha) for f, alpha in terms)
+            lists.append(tuple((f, POWER_SERIES, alpha) for f, alpha in terms))
+            start_lists.append(tuple((f, SPEED, alpha) for f, alpha in terms))
+        speeds = equation.y0[1] if equation.m == 2 else np.zeros(equation.d)
+        start = np.where(equation.highest_orders() > 1, h * speeds, 0.0)
+        # the second start value of a march is there from the first step on
+        none, above = ((),) * len(distinct), equation.m == 2
+        return Plan(
+            convolution=Convolution(
+                tuple(lists), none, more_starts=(tuple(start_lists),) if above else ()
+            ),
+            classes=classes,
+            h=h,
+            initial=equation.y0[0],
+            increments=h * speeds,
+            lead=lead[classes],
+            near=near[classes],
+            scale=np.ones(equation.d),
+            shift=np.zeros(equation.d),
+            given=np.zeros(equation.d, dtype=np.int64),
+            first=np.zeros(equation.d),
+            starts=np.array([0 * start, start] if above else [start]),
+            region=_region(equation, h, distinct, classes),
+        )
+
+
+def _exponent(alpha):
+    """Kernel ``t**-alpha``; none at the integers."""
+    return None if alpha in (1.0, 2.0) else alpha
+
+
+def _modal(alpha, rates, weights, k):
+    """Shares of ``W_k = sin(pi alpha)/pi int exp(-k s) (exp(s) - 1)**(alpha-1) ds``."""
+    shares = weights * rgamma(1 - alpha) * mean_exponential(rates) ** (alpha - 1)
+    return shares * np.exp(-rates * (k + 1 - alpha))
+
+
+def _speed(alpha, n):
+    """Weights of h x'(0): -S_k above order 1, and less W_1 for k = 0.
+
+    The march weighs h x'(0) in its first step as if it were an increment before that one.
+    """
+    sums = -_SERIES.exact(alpha - 1, n) if alpha > 1 else np.zeros(n)
+    sums[:1] -= 1 - alpha
+    return sums
+
+
+def _speed_exponent(alpha):
+    return _exponent(alpha - 1) if alpha > 1 else None
+
+
+def _modal_speed(alpha, rates, weights, k):
+    return -_modal(alpha - 1, rates, weights, k)
+
+
+_SERIES = quadrature_weights(1)
+# The weights W_k of increments, and those of h x'(0).
+POWER_SERIES = WeightRule(_SERIES.exact, _exponent, _modal)
+SPEED = WeightRule(_speed, _speed_exponent, _modal_speed)
+
+
+def _limits(equation, h):
+    """Stiffness of each component at which the alternating mode leaves the unit circle."""
+    distinct, classes = distinct_components(equation)
+    limits = [sum(c * (2 / h) ** alpha for c, alpha in key) for key in distinct]
+    return np.array(limits)[classes]
+
+
+def _symbol(key, h, zeta):
+    """Terms' weights of x_n = zeta**n, ``zeta sum_j c_j ((1 - 1/zeta)/h)**alpha_j``."""
+    return zeta * sum(c * ((1 - 1 / zeta) / h) ** alpha for c, alpha in key)
+
+
+def _region(equation, h, distinct, classes):
+    limits, nothing = _limits(equation, h), np.zeros(0)
+    if len(limits) == 1:
+        return StabilityRegion(limits, nothing, nothing, np.pi)
+    if len(distinct) > 1:
+        modes = lru_cache(lambda d: _modes(distinct, classes[:d], h))
+        return StabilityRegion(limits, nothing, nothing, np.pi, modes)
+    turns = np.linspace(0, np.pi, _N_ANGLES + 2)[1:-1]
+    curve = _symbol(distinct[0], h, _GROWTH * np.exp(1j * turns))
+    angles = np.angle(curve)
+    order = np.argsort(angles)
+    highest = max(alpha for _, alpha in distinct[0])
+    return StabilityRegion(
+        limits, angles[order], np.abs(curve)[order], min(np.pi, np.pi / 2 * highest)
+    )
+
+
+def _modes(distinct, classes, h):
+    """Modes of a system: ``D(zeta) v = J v`` with D the terms' weights of x_n = zeta**n."""
+    zeta = edge(_GROWTH, _ANGLE)
+    inverse = 1 / np.array([_symbol(key, h, zeta) for key in distinct])[classes].T  # (k, d)
+    bound = np.abs(inverse).max(axis=0)
+    eye = np.eye(classes.size)
+    return Modes(
+        matrix=lambda jacobian: eye - inverse[:, :, None] * jacobian,
+        reach=lambda sizes: (bound * sizes.sum(axis=2)).max(axis=1),
+    )

@@ -1,0 +1,143 @@
+"""The explicit Grünwald-Letnikov scheme against its printed sums, and where it is exact."""
+
+import numpy as np
+import pytest
+from hypothesis import example, given
+from scipy.special import binom, poch
+from strategies import orders
+
+import hereditary as hd
+
+SCHEME = hd.GrunwaldLetnikov()
+HISTORIES = [hd.Direct(), hd.FFT(), hd.SumOfExponentials(1e-13)]
+
+
+def printed_scheme(terms, force, x0, v0, h, n_steps):
+    """Binomial sums over x itself, solved for x_(n+1); terms (c, alpha)."""
+    k = np.arange(n_steps + 1)
+    x = np.empty(n_steps + 1)
+    x[0] = x0
+    for n in range(n_steps):
+        total, known = 0.0, 0.0
+        for c, alpha in terms:
+            g = (-1.0) ** k[: n + 2] * binom(alpha, k[: n + 2])
+            taken = x0 + (v0 * h * k[: n + 2] if alpha > 1 else 0.0 * k[: n + 2])
+            total += c * h**-alpha
+            # the newest value counts as 0 here, and what is taken off it as the rest
+            known += c * h**-alpha * (g[1:] @ (x[n::-1] - taken[n::-1]) - taken[n + 1])
+        x[n + 1] = (force(n * h, x[n]) - known) / total
+    return x
+
+
+def swinging(t, x):
+    return np.cos(t) - np.sin(2 * x)
+
+
+@pytest.mark.parametrize("history", HISTORIES, ids=repr)
+@pytest.mark.parametrize(
+    "terms",
+    [
+        ((1.0, 0.3),),
+        ((1.0, 1.0),),
+        ((2.0, 0.9), (0.5, 0.3)),
+        ((1.0, 1.6),),
+        ((1.0, 1.8), (0.5, 0.8), (0.1, 1.2)),
+        ((1.0, 2.0),),
+        ((1.0, 2.0), (0.25, 1.0)),
+        ((1.0, 2.0), (0.25, 0.4)),
+    ],
+)
+def test_is_the_printed_scheme(terms, history):
+    h, n = 0.02, 300
+    y0 = 0.2 if max(alpha for _, alpha in terms) <= 1 else [0.2, 0.7]
+    equation = hd.Equation([c * hd.Caputo(alpha) for c, alpha in terms], swinging, y0)
+    expected = printed_scheme(terms, swinging, 0.2, 0.7, h, n)
+    sol = hd.solve(equation, n * h, n, scheme=SCHEME, history=history)
+    np.testing.assert_allclose(sol.y[:, 0], expected, rtol=0, atol=2e-10)
+
+
+@given(orders(0.02, 1.98))
+@example(1.0)
+@example(2.0)
+def test_constant_forces_give_the_binomial_solution(alpha):
+    """x_n = h**alpha binom(n-1+alpha, n-1) beside x(0) + t x'(0); `BDF(1)` sees no difference."""
+    n, h = 64, 1 / 16
+    k = np.arange(1, n + 1)
+    y0 = [3.0] if alpha <= 1 else [3.0, -2.0]
+    equation = hd.Equation(hd.Caputo(alpha), lambda t, x: 1.0 + 0.0 * x, y0)
+    expected = 3.0 + h**alpha * poch(k, alpha) / poch(1.0, alpha)
+    if alpha > 1:
+        expected -= 2.0 * h * k
+    for history in HISTORIES:
+        for scheme in (SCHEME, hd.BDF(1)):
+            sol = hd.solve(equation, n * h, n, scheme=scheme, history=history)
+            assert np.abs(sol.y[1:, 0] - expected).max() < 1e-11
+
+
+@pytest.mark.parametrize("history", HISTORIES, ids=repr)
+def test_exact_at_rest_and_in_steady_motion_and_not_on_lines_up_to_order_one(history):
+    def error(equation, exact):
+        sol = hd.solve(equation, 1.0, 50, scheme=SCHEME, history=history)
+        return np.abs(sol.y[:, 0] - exact(sol.t)).max()
+
+    for alpha in (0.3, 0.7, 1.0):
+        rest = hd.Equation(hd.Caputo(alpha), lambda t, y: 0.0 * y, 3.0)
+        assert error(rest, lambda t: 3.0 + 0 * t) == 0.0
+    for alpha in (1.2, 1.7, 2.0):
+        steady = hd.Equation(hd.Caputo(alpha), lambda t, y: 0.0 * y, [1.0, 2.0])
+        assert error(steady, lambda t: 1 + 2 * t) < 1e-12
+    rising = hd.Equation(hd.Caputo(0.5), lambda t, y: 2 * np.sqrt(t / np.pi), 0.0)
+    assert error(rising, lambda t: t) > 1e-3
+
+
+def test_order_two_is_the_classical_difference_scheme():
+    """Of second order where it starts at rest, of first where the first step takes all of f."""
+    h, n = 0.01, 400
+    equation = hd.scenes.stick_slip(beta=2.0, gamma=1.0, well=(0.0,))
+    sol = hd.solve(equation, n * h, n, scheme=SCHEME)
+    x = sol.y[:, 0]
+    left = (x[2:] - 2 * x[1:-1] + x[:-2]) / h**2 + 0.25 * (x[2:] - x[1:-1]) / h
+    assert np.abs(left - (sol.t - x)[1:-1]).max() < 2e-14 / h**2
+    assert sol.stats["n_modes"] == sol.stats["history_bytes"] == 0
+    for force, exact, order in (
+        (lambda t, x: 6 * t, 1.0, 2),
+        (lambda t, x: 6 * t + 2, 2.0, 1),
+    ):
+        equation = hd.Equation(hd.Caputo(2.0), force, [0.0, 0.0])
+        errors = [
+            abs(hd.solve(equation, 1.0, k, scheme=SCHEME).y[-1, 0] - exact) for k in (400, 800)
+        ]
+        assert np.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.01)
+
+
+@pytest.mark.parametrize("alpha", [1 - 1e-9, 1 + 1e-9, 2 - 1e-9])
+def test_orders_next_to_the_integers(alpha):
+    y0 = 1.0 if alpha < 1 else [1.0, 0.0]
+    near, there = (
+        hd.solve(hd.Equation(hd.Caputo(a), lambda t, x: -x, y0), 5.0, 500, scheme=SCHEME).y
+        for a, y0 in ((alpha, y0), (float(round(alpha)), y0 if alpha > 1.5 else 1.0))
+    )
+    assert np.abs(near - there).max() < 1e-7
+
+
+def turning(t, y, p):
+    return np.array([p[0] * y[0] - p[1] * y[1], p[1] * y[0] + p[0] * y[1]])
+
+
+@pytest.mark.parametrize("angle", [2.3, 2.6, 3.0])
+def test_curve_of_the_region_is_growth_by_a_tenth(angle):
+    terms, y0, h = [hd.Caputo(1.4), 0.3 * hd.Caputo(0.6)], [[1.0, 0.0], [0.0, 0.0]], 0.1
+    mu = np.exp(1j * angle)
+    jacobian = np.array([[mu.real, -mu.imag], [mu.imag, mu.real]])
+    region = SCHEME.plan(hd.Equation(terms, turning, y0, (-1.0, 0.0)), h).region
+    mu /= region.ratio(jacobian[None])
+    growth = []
+    for share in (0.97, 1.0, 1.03):
+        params = (float(share * mu.real), float(share * mu.imag))
+        with pytest.warns(hd.SolveWarning):
+            sol = hd.solve(hd.Equation(terms, turning, y0, params), 30.0, 300, scheme=SCHEME)
+        radius = np.hypot(*sol.y.T)
+        growth.append((radius[-1] / radius[-101]) ** 0.01)
+    assert growth[1] == pytest.approx(1.1, abs=1e-3)
+    assert growth[0] < 1.095
+    assert growth[2] > 1.105
