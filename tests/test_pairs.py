@@ -11,7 +11,9 @@ from hereditary.solver.stepper import Stepper
 
 SCHEMES = [
     hd.ExplicitCaputo(),
+    hd.GrunwaldLetnikov(),
     hd.L1(),
+    hd.L12(),
     hd.L2(),
     hd.L2Sigma(),
     hd.Adams(),
@@ -49,6 +51,9 @@ EQUATIONS = {
 }
 # What each scheme refuses, and the word its message must hold.
 REFUSED = {
+    ("L12", "scalar above one"): "L1",
+    ("L12", "several above one"): "L1",
+    ("L12", "incommensurate above one"): "L1",
     ("L2", "scalar above one"): "L1",
     ("L2", "several above one"): "L1",
     ("L2", "incommensurate above one"): "L1",
@@ -119,7 +124,7 @@ def test_constants_are_kept(scheme):
 
 
 def test_each_scheme_is_exact_on_its_own_polynomials_and_not_beyond():
-    """y = t**k with f known exactly; L1: lines, L2: parabolas, the trapezoid: f a line."""
+    """y = t**k with f known exactly; L1, L12: lines, L2: parabolas, the trapezoid: f a line."""
     alpha, t_end, n = 0.6, 1.0, 40
 
     def power(t, y, p):
@@ -133,6 +138,7 @@ def test_each_scheme_is_exact_on_its_own_polynomials_and_not_beyond():
 
     for scheme, exact, inexact in (
         (hd.L1(), 1, 2),
+        (hd.L12(), 1, 2),
         (hd.L2(), 2, 3),
         (hd.L2Sigma(), 1, 3),
         (hd.ProductTrapezoid(), 1 + alpha, 2 + alpha),
@@ -155,7 +161,7 @@ def test_newton_that_does_not_converge_is_told(scheme):
 
 
 @pytest.mark.parametrize(
-    "scheme", [hd.L1(), hd.L2(), hd.L2Sigma(), hd.ProductTrapezoid()], ids=repr
+    "scheme", [hd.L1(), hd.L12(), hd.L2(), hd.L2Sigma(), hd.ProductTrapezoid()], ids=repr
 )
 @pytest.mark.parametrize("rate", [1e3, 1e6])
 def test_stiff_relaxation_stays_bounded(scheme, rate):

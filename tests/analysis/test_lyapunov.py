@@ -16,14 +16,16 @@ HISTORIES = [DIRECT, hd.FFT(), hd.SumOfExponentials()]
 EXPLICIT = hd.ExplicitCaputo()
 FIRST_ORDER = [
     EXPLICIT,
+    hd.GrunwaldLetnikov(),
     hd.L1(),
+    hd.L12(),
     hd.L2(),
     hd.L2Sigma(),
     hd.BDF(2),
     hd.Adams(),
     hd.ProductTrapezoid(),
 ]
-SECOND_ORDER = [EXPLICIT, hd.L1(), hd.BDF(2)]
+SECOND_ORDER = [EXPLICIT, hd.GrunwaldLetnikov(), hd.L1(), hd.BDF(2)]
 CASES = [
     *((scheme, lambda: hd.scenes.lorenz(alpha=0.98)) for scheme in FIRST_ORDER),
     *((scheme, lambda: hd.scenes.stick_slip(beta=1.7, gamma=0.6)) for scheme in SECOND_ORDER),
@@ -309,7 +311,9 @@ def test_transient_growth_is_not_counted():
     assert late.times[0] == pytest.approx(10.5)
 
 
-@pytest.mark.parametrize("scheme", [s for s in FIRST_ORDER if not isinstance(s, hd.L2)], ids=repr)
+@pytest.mark.parametrize(
+    "scheme", [s for s in FIRST_ORDER if not isinstance(s, (hd.L12, hd.L2))], ids=repr
+)
 def test_classical_decay_is_followed_for_ever(scheme):
     """x'' = x - 0.5 x' and x'' = x: a tangent has shrunk by 1e-43 in the end."""
     equation = hd.Equation(

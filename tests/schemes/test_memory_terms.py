@@ -12,7 +12,10 @@ from hereditary.special import alternating_sum
 
 PRONY = hd.Prony((1.0, 10.0), (0.3, 0.7))
 HISTORIES = [hd.SumOfExponentials(), hd.Direct(), hd.FFT()]
-OTHERS = [hd.L2(), hd.L2Sigma(), hd.BDF(2), hd.Adams(), hd.ProductTrapezoid()]
+OTHERS = [
+    *(hd.GrunwaldLetnikov(), hd.L12(), hd.L2(), hd.L2Sigma()),
+    *(hd.BDF(2), hd.Adams(), hd.ProductTrapezoid()),
+]
 
 
 def decay(t, y):

@@ -12,8 +12,12 @@ from hereditary.solver.stepper import Stepper
 
 ALPHAS = (0.1, 0.3, 0.5, 0.8, 0.95)
 BETAS = (1.2, 1.5, 1.8, 1.95)
-FIRST_ORDERS = [hd.L1(), hd.L2(), hd.L2Sigma(), hd.Adams(), hd.Adams(3), hd.ProductTrapezoid()]
+FIRST_ORDERS = [
+    *(hd.L1(), hd.L12(), hd.L2(), hd.L2Sigma()),
+    *(hd.Adams(), hd.Adams(3), hd.ProductTrapezoid()),
+]
 CASES = [
+    *((hd.GrunwaldLetnikov(), alpha) for alpha in ALPHAS + BETAS),
     *((hd.BDF(1), alpha) for alpha in ALPHAS + BETAS),
     *((hd.BDF(2), alpha) for alpha in ALPHAS + BETAS),
     *((hd.BDF(3), alpha) for alpha in ALPHAS),
@@ -151,6 +155,20 @@ def test_tangents_along_a_speed_keep_the_order_of_bdf():
 
 # The last error of each case as measured; a third more is allowed.
 SMOOTH_ERRORS = {
+    ("GrunwaldLetnikov()", 0.1): 1.9e-03,
+    ("GrunwaldLetnikov()", 0.3): 1.8e-03,
+    ("GrunwaldLetnikov()", 0.5): 1.7e-03,
+    ("GrunwaldLetnikov()", 0.8): 1.5e-03,
+    ("GrunwaldLetnikov()", 0.95): 1.4e-03,
+    ("GrunwaldLetnikov()", 1.2): 1.2e-03,
+    ("GrunwaldLetnikov()", 1.5): 7.9e-04,
+    ("GrunwaldLetnikov()", 1.8): 3.4e-04,
+    ("GrunwaldLetnikov()", 1.95): 8.7e-05,
+    ("L12()", 0.1): 4.0e-10,
+    ("L12()", 0.3): 4.0e-09,
+    ("L12()", 0.5): 2.6e-08,
+    ("L12()", 0.8): 3.6e-07,
+    ("L12()", 0.95): 1.3e-06,
     ("BDF(1)", 0.1): 9.9e-05,
     ("BDF(1)", 0.3): 3.2e-04,
     ("BDF(1)", 0.5): 5.8e-04,
@@ -222,6 +240,20 @@ SMOOTH_ERRORS = {
     ("Adams(corrections=1)", 1.95): 2.4e-07,
 }
 SINGULAR_ERRORS = {
+    ("GrunwaldLetnikov()", 0.1): 4.4e-06,
+    ("GrunwaldLetnikov()", 0.3): 1.6e-05,
+    ("GrunwaldLetnikov()", 0.5): 3.0e-05,
+    ("GrunwaldLetnikov()", 0.8): 5.9e-05,
+    ("GrunwaldLetnikov()", 0.95): 7.8e-05,
+    ("GrunwaldLetnikov()", 1.2): 7.7e-05,
+    ("GrunwaldLetnikov()", 1.5): 1.3e-04,
+    ("GrunwaldLetnikov()", 1.8): 1.9e-04,
+    ("GrunwaldLetnikov()", 1.95): 2.6e-04,
+    ("L12()", 0.1): 3.2e-06,
+    ("L12()", 0.3): 8.4e-06,
+    ("L12()", 0.5): 1.2e-05,
+    ("L12()", 0.8): 9.7e-06,
+    ("L12()", 0.95): 3.4e-06,
     ("BDF(1)", 0.1): 4.0e-06,
     ("BDF(1)", 0.3): 1.3e-05,
     ("BDF(1)", 0.5): 2.3e-05,

@@ -361,7 +361,8 @@ def test_a_peak_between_the_looks_ends_the_run(scheme, history):
 
 def test_other_schemes_histories_and_meshes_refuse():
     equation = EQUATIONS["below one"]()
-    for scheme in (hd.L2(), hd.L2Sigma(), hd.BDF(2), hd.Adams(), hd.ProductTrapezoid()):
+    others = hd.L2(), hd.L2Sigma(), hd.BDF(2), hd.Adams(), hd.ProductTrapezoid()
+    for scheme in (*others, hd.GrunwaldLetnikov(), hd.L12()):
         with pytest.raises(
             ValueError, match=r"constant orders with .*alpha.*use ExplicitCaputo, L1 or"
         ):
@@ -373,6 +374,8 @@ def test_other_schemes_histories_and_meshes_refuse():
             hd.solve(equation, 1.0, mesh=hd.graded(100, 2.0), scheme=scheme)
     with pytest.raises(ValueError, match="equation must have constant orders"):
         hd.ExplicitCaputo().step_limit(equation, 1.0)
+    with pytest.raises(ValueError, match="terms must have constant orders with GrunwaldLetnikov"):
+        hd.GrunwaldLetnikov().step_limit(equation, 1.0)
 
 
 def test_the_step_limit_is_that_of_the_orders_at_each_time():

@@ -3,11 +3,14 @@
 import mpmath
 import numpy as np
 import pytest
+from scipy.special import binom
 
 from hereditary.exponential_sum import fit_unit
 from hereditary.schemes import weights as rules
 from hereditary.schemes.adams import FIRST_VALUE, HATS
 from hereditary.schemes.bdf import _FIRST_MODAL, quadrature_weights, start_coefficients
+from hereditary.schemes.grunwald_letnikov import POWER_SERIES, SPEED
+from hereditary.schemes.l12 import BACKWARD_PARABOLAS, BACKWARD_START
 from hereditary.step_kernel import PowerSteps
 
 POWERS = tuple(PowerSteps(p) for p in (0.05, 0.5, 0.95))
@@ -57,6 +60,32 @@ def test_parabola_weights(theta, closing, p):
             middle = k + theta + mpmath.mpf(1) / 2
             expected = -moment(p_exact, k + theta, k + 1 + theta, 1, middle)
             assert start[k] == pytest.approx(float(expected), rel=2e-14), k
+
+
+@pytest.mark.parametrize("p", [0.02, 0.3, 0.7, 0.98])
+def test_backward_parabola_weights(p):
+    found, start = (rule.exact(p, 100_000) for rule in (BACKWARD_PARABOLAS, BACKWARD_START))
+    with mpmath.workdps(60):
+        p_exact = mpmath.mpf(p)
+
+        def m(j):
+            return moment(p_exact, j, j + 1, 1, j + mpmath.mpf(1) / 2) if j >= 0 else 0
+
+        for k in [0, *FAR]:
+            expected = moment(p_exact, k, k + 1, 0, 0) + m(k) - m(k - 1)
+            assert found[k] == pytest.approx(float(expected), rel=1e-13), k
+            assert start[k] == pytest.approx(-float(m(k)), rel=2e-14), k
+
+
+@pytest.mark.parametrize("alpha", [0.05, 0.5, 0.95, 1.0, 1.05, 1.5, 1.95, 2.0])
+def test_power_series_weights(alpha):
+    """Binomial coefficients of (1-z)**(alpha-1), and above order 1 their sums for x'(0)."""
+    k = np.arange(60)
+    found, start = POWER_SERIES.exact(alpha, 60), SPEED.exact(alpha, 60)
+    np.testing.assert_allclose(found, (-1.0) ** k * binom(alpha - 1, k), rtol=1e-12, atol=1e-15)
+    expected = -np.cumsum(found) if alpha > 1 else np.zeros(60)
+    expected[0] -= found[1]
+    np.testing.assert_allclose(start, expected, rtol=1e-12, atol=1e-14)
 
 
 @pytest.mark.parametrize("alpha", [0.05, 0.5, 0.95, 1.05, 1.5, 1.95])
@@ -131,6 +160,10 @@ RULES = [
     ("parabola", rules.parabola_weights(1.0, closing=True), POWERS, 2),
     ("parabola sigma", rules.parabola_weights(0.7, closing=False), POWERS, 2),
     ("parabola start", rules.parabola_start(0.7), POWERS, 2),
+    ("backward parabola", BACKWARD_PARABOLAS, POWERS, 2),
+    ("backward start", BACKWARD_START, POWERS, 2),
+    ("quadrature from 2 on", POWER_SERIES, (0.05, 0.5, 0.95, 1.05, 1.5, 1.95), 2),
+    ("quadrature of x'(0)", SPEED, (1.05, 1.5, 1.95), 2),
     ("hats", HATS, (0.05, 0.5, 0.95, 1.05, 1.5, 1.95), 3),
     ("first value", FIRST_VALUE, (0.05, 0.5, 0.95, 1.05, 1.5, 1.95), 2),
 ]
@@ -160,4 +193,6 @@ def test_no_memory_at_the_integers():
     assert HATS.exponent(1.0) is None
     parabolas = rules.parabola_weights(1.0, closing=True).exact(PowerSteps(0.0), 5)
     assert parabolas.tolist() == [1.5, -0.5, 0, 0, 0]
+    assert BACKWARD_PARABOLAS.exact(PowerSteps(0.0), 5).tolist() == [1.5, -0.5, 0, 0, 0]
+    assert [POWER_SERIES.exponent(alpha) for alpha in (1.0, 2.0)] == [None, None]
     assert HATS.exact(1.0, 6).tolist() == pytest.approx([1, 1, 0, 0, 0, 0], abs=1e-15)

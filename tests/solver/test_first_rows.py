@@ -35,10 +35,15 @@ def test_rows_inside_the_first_two_steps_follow_the_power(order):
 
 @pytest.mark.parametrize("order", [0.3, 0.5, 0.8, 0.95, 1.4, 1.8])
 @pytest.mark.parametrize(
-    "scheme", [hd.ExplicitCaputo(), hd.L1(), hd.L2(), hd.BDF(2), hd.Adams()], ids=repr
+    "scheme",
+    [
+        *(hd.ExplicitCaputo(), hd.GrunwaldLetnikov(), hd.L1(), hd.L12(), hd.L2()),
+        *(hd.BDF(2), hd.Adams()),
+    ],
+    ids=repr,
 )
 def test_rows_inside_the_first_steps_err_like_the_steps(scheme, order):
-    if order > 1 and isinstance(scheme, hd.L2):
+    if order > 1 and isinstance(scheme, (hd.L12, hd.L2)):
         return
     equation = hd.Equation(hd.Caputo(order), falling, [1.0] + [0.5] * (order > 1))
     true = relaxation(order, 1.0, [1.0] + [0.5] * (order > 1))

@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 import hereditary as hd
-from hereditary.schemes import stability
+from hereditary.schemes import grunwald_letnikov, stability
 from hereditary.schemes.adams import sweep_limit
 
-SCHEME = hd.ExplicitCaputo()
+SCHEME, POWER_SERIES = hd.ExplicitCaputo(), hd.GrunwaldLetnikov()
+EXPLICIT = [SCHEME, POWER_SERIES]
 SETS = [
     (2.0, 1.0, 0.0),
     (2.0, 1.0, 0.25),
@@ -27,28 +28,30 @@ def oscillator(beta, gamma, friction):
     return hd.scenes.oscillator(beta, gamma, friction, omega=OMEGA, x0=1.0, v0=0.0)
 
 
-def solve_at(share, beta, gamma, friction, n=20_000):
+def solve_at(scheme, share, beta, gamma, friction, n=20_000):
     """A run whose stiffness is `share` of the limit at its step."""
-    h = SCHEME.step_limit(oscillator(beta, gamma, friction), OMEGA**2)
+    h = scheme.step_limit(oscillator(beta, gamma, friction), OMEGA**2)
     equation = hd.scenes.oscillator(beta, gamma, friction, omega=OMEGA * math.sqrt(share))
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        sol = hd.solve(equation, n * h, n)
+        sol = hd.solve(equation, n * h, n, scheme=scheme)
     return sol, [str(w.message) for w in caught if w.category is hd.StabilityWarning]
 
 
+@pytest.mark.parametrize("scheme", EXPLICIT, ids=repr)
 @pytest.mark.parametrize(("beta", "gamma", "friction"), SETS)
-def test_bounded_below_the_limit(beta, gamma, friction):
-    sol, caught = solve_at(0.99, beta, gamma, friction)
+def test_bounded_below_the_limit(scheme, beta, gamma, friction):
+    sol, caught = solve_at(scheme, 0.99, beta, gamma, friction)
     assert sol.success
     assert not caught
     assert np.abs(sol.y).max() < 12  # the undamped one at 0.99 swings to 1 / sqrt(1 - 0.99) = 10
     assert sol.stats["stiffness_ratio"] == pytest.approx(0.99, abs=1e-6)
 
 
+@pytest.mark.parametrize("scheme", EXPLICIT, ids=repr)
 @pytest.mark.parametrize(("beta", "gamma", "friction"), SETS)
-def test_zigzag_above_the_limit(beta, gamma, friction):
-    sol, caught = solve_at(1.02, beta, gamma, friction)
+def test_zigzag_above_the_limit(scheme, beta, gamma, friction):
+    sol, caught = solve_at(scheme, 1.02, beta, gamma, friction)
     assert not sol.success
     assert len(caught) == 1
     assert "zigzag" in caught[0]
@@ -57,12 +60,28 @@ def test_zigzag_above_the_limit(beta, gamma, friction):
     assert np.all(signs[1:] == -signs[:-1])
 
 
-def test_limit_is_the_closed_form():
-    assert SCHEME.step_limit(oscillator(2.0, 1.0, 0.0), OMEGA**2) == pytest.approx(2 / OMEGA)
+@pytest.mark.parametrize("scheme", EXPLICIT, ids=repr)
+def test_limit_is_the_closed_form(scheme):
+    assert scheme.step_limit(oscillator(2.0, 1.0, 0.0), OMEGA**2) == pytest.approx(2 / OMEGA)
     decay = hd.scenes.relaxation(alpha=1.0, rate=5.0)
-    assert SCHEME.step_limit(decay, 5.0) == pytest.approx(2 / 5.0)
+    assert scheme.step_limit(decay, 5.0) == pytest.approx(2 / 5.0)
     with pytest.raises(ValueError, match="stiffness must"):
-        SCHEME.step_limit(decay, -1.0)
+        scheme.step_limit(decay, -1.0)
+
+
+@pytest.mark.parametrize("alpha", [0.05, 0.3, 0.8, 1.3, 1.9])
+def test_limit_of_the_power_series(alpha):
+    """K h**alpha = 2**alpha, sharp to half a per cent; and of two components the smaller limit."""
+    y0 = 1.0 if alpha <= 1 else [1.0, 0.0]
+    for share, stable in ((0.995, True), (1.005, False)):
+        equation = hd.Equation(hd.Caputo(alpha), decaying, y0, (share * 2**alpha,))
+        limit = POWER_SERIES.step_limit(equation, share * 2**alpha)
+        assert limit == pytest.approx(share ** (-1 / alpha))
+        sol, found = warned_of(equation, 20_000.0, 20_000, scheme=POWER_SERIES)
+        assert found != stable
+        assert (np.abs(sol.y).max() < 15) == stable
+    both = hd.Equation(hd.Caputo([0.9, 0.5]), lambda t, y: -y, [1.0, 1.0])
+    assert POWER_SERIES.step_limit(both, 4.0) == pytest.approx(2 / 4.0**2)
 
 
 def bounded_force(t, y):
@@ -70,22 +89,25 @@ def bounded_force(t, y):
     return -100.0 * np.tanh(y) + np.sin(t)
 
 
-def test_bounded_zigzag_is_seen_where_no_overflow_comes():
+@pytest.mark.parametrize("scheme", EXPLICIT, ids=repr)
+def test_bounded_zigzag_is_seen_where_no_overflow_comes(scheme):
     equation = hd.Equation([hd.Caputo(1.8), 0.25 * hd.Caputo(0.8)], bounded_force, [0.2, 0.0])
-    h = SCHEME.step_limit(equation, 100.0)
+    h = scheme.step_limit(equation, 100.0)
     with pytest.warns(hd.StabilityWarning, match="zigzag"):
-        sol = hd.solve(equation, 5000 * 1.1 * h, 5000)
+        sol = hd.solve(equation, 5000 * 1.1 * h, 5000, scheme=scheme)
     assert sol.status is hd.Status.ZIGZAG
     assert np.abs(sol.y).max() < 10
     assert "take smaller steps" in sol.message
-    assert hd.solve(equation, 5000 * 0.8 * h, 5000).success
+    assert hd.solve(equation, 5000 * 0.8 * h, 5000, scheme=scheme).success
 
 
-def test_first_order_zigzag():
+@pytest.mark.parametrize("scheme", EXPLICIT, ids=repr)
+def test_first_order_zigzag(scheme):
     decay = hd.Equation(hd.Caputo(0.9), lambda t, y: -50.0 * np.arctan(y), y0=1.0)
-    h = SCHEME.step_limit(decay, 50.0)
+    h = scheme.step_limit(decay, 50.0)
     with pytest.warns(hd.StabilityWarning, match="zigzag"):
-        assert hd.solve(decay, 3000 * 1.2 * h, 3000).status is hd.Status.ZIGZAG
+        sol = hd.solve(decay, 3000 * 1.2 * h, 3000, scheme=scheme)
+    assert sol.status is hd.Status.ZIGZAG
 
 
 def stiff_for_a_while(t, y):
@@ -130,8 +152,9 @@ def test_stiff_component_of_a_system(user_jacobian):
             assert sol.stats["stiffness_ratio"] == pytest.approx(share, rel=1e-6)
 
 
+@pytest.mark.parametrize("scheme", EXPLICIT, ids=repr)
 @pytest.mark.parametrize(("order", "n_steps"), [(1.0, 100), (0.95, 100), (0.8, 100)])
-def test_stiff_spirals_are_seen(order, n_steps):
+def test_stiff_spirals_are_seen(scheme, order, n_steps):
     """Eigenvalues -1 +- 100 i at h = 0.01: a real limit of 200 would not notice."""
 
     def spiral(t, y):
@@ -139,16 +162,17 @@ def test_stiff_spirals_are_seen(order, n_steps):
 
     equation = hd.Equation(hd.Caputo(order), spiral, [1.0, 0.0])
     with pytest.warns(hd.StabilityWarning, match="times its limit"):
-        sol = hd.solve(equation, 1.0, n_steps)
+        sol = hd.solve(equation, 1.0, n_steps, scheme=scheme)
     assert not sol.success
-    assert hd.solve(equation, 1.0, 200 * n_steps, save_every=1000).success
+    assert hd.solve(equation, 1.0, 200 * n_steps, scheme=scheme, save_every=1000).success
 
 
-def test_region_against_euler():
+@pytest.mark.parametrize("scheme", EXPLICIT, ids=repr)
+def test_region_against_euler(scheme):
     """For order 1 the curve is |1 + h mu| = 1.1, and slow growth is no instability."""
     h = 0.1
     equation = hd.Equation(hd.Caputo(1.0), lambda t, y: -y, [1.0, 1.0])
-    region = hd.ExplicitCaputo().plan(equation, h).region
+    region = scheme.plan(equation, h).region
     for mu in (-1 + 9j, -3 + 4j, -15 + 2j, -0.1 + 2j):
         jacobian = np.array([[mu.real, mu.imag], [-mu.imag, mu.real]])
         ratio = region.ratio(jacobian[None])
@@ -160,13 +184,16 @@ def test_region_against_euler():
     assert region.ratio(np.empty((0, 2, 2))) == 0
 
 
+@pytest.mark.parametrize(
+    ("scheme", "module"), [(SCHEME, stability), (POWER_SERIES, grunwald_letnikov)]
+)
 @pytest.mark.parametrize("alpha", [0.3, 0.7, 1.0, 1.4, 1.8])
-def test_curve_at_minus_one_is_the_sharp_limit(alpha, monkeypatch):
-    monkeypatch.setattr(stability, "_GROWTH", 1.0)
+def test_curve_at_minus_one_is_the_sharp_limit(scheme, module, alpha, monkeypatch):
+    monkeypatch.setattr(module, "_GROWTH", 1.0)
     equation = hd.Equation(
         hd.Caputo(alpha), lambda t, y: -y, np.ones((math.ceil(alpha), 2)), jac=None
     )
-    region = hd.ExplicitCaputo().plan(equation, 0.1).region
+    region = scheme.plan(equation, 0.1).region
     assert region.radii[-1] == pytest.approx(region.limits[0], rel=1e-4)
     assert region.angles[0] == pytest.approx(min(alpha, 2) * np.pi / 2, abs=0.05)
 
@@ -227,7 +254,7 @@ def test_adams_is_watched_with_any_sweeps_and_orders(corrections, order, force):
         assert (np.abs(sol.y).max() > 2e-3) == (share > 1)
 
 
-@pytest.mark.parametrize("scheme", [hd.ExplicitCaputo(), hd.Adams(), hd.Adams(corrections=2)])
+@pytest.mark.parametrize("scheme", [*EXPLICIT, hd.Adams(), hd.Adams(corrections=2)])
 @pytest.mark.parametrize("n_stiff", [10, 0])
 def test_stiffness_between_two_looks_at_the_jacobian_is_seen(scheme, n_stiff):
     """Ten steps of 1,000, of which every 32nd is looked at."""
@@ -246,7 +273,7 @@ def coupled(t, y, p):
     return p[0] * np.array([-u - v, u - v])
 
 
-@pytest.mark.parametrize("scheme", [hd.ExplicitCaputo(), hd.Adams(), hd.Adams(corrections=2)])
+@pytest.mark.parametrize("scheme", [*EXPLICIT, hd.Adams(), hd.Adams(corrections=2)])
 def test_spirals_of_components_with_different_orders_are_seen(scheme):
     equation = hd.Equation(hd.Caputo([0.9, 0.7]), coupled, [1.0, 0.5], (200.0,))
     sol, found = warned_of(equation, 1.0, 200, scheme=scheme)
@@ -257,10 +284,10 @@ def test_spirals_of_components_with_different_orders_are_seen(scheme):
     assert np.abs(sol.y[-1]).max() < 0.01
 
 
-@pytest.mark.parametrize("scheme", [hd.ExplicitCaputo(), hd.Adams(corrections=2)])
+@pytest.mark.parametrize("scheme", [*EXPLICIT, hd.Adams(corrections=2)])
 def test_cycles_of_a_force_that_saturates_are_seen(scheme):
     """From far out: the Jacobian along the orbit is small, and it need not turn at every step."""
-    if scheme == hd.ExplicitCaputo():
+    if scheme in EXPLICIT:
         unit = hd.Equation(hd.Caputo(1.7), saturating, [-20.0, 0.0], (1.0,))
         limit = scheme.step_limit(unit, 1.0) ** 1.7
     else:
@@ -287,7 +314,7 @@ def test_slow_spirals_that_grow_are_seen():
     assert not warned_of(equation, 100.0, 100_000, save_every=1000)[1]
 
 
-@pytest.mark.parametrize("scheme", [hd.ExplicitCaputo(), hd.Adams()])
+@pytest.mark.parametrize("scheme", [*EXPLICIT, hd.Adams()])
 def test_what_is_no_instability(scheme):
     """Growth, jumps of the force, chaos, beats, and increments that are hardly floats."""
 

@@ -13,7 +13,9 @@ from hereditary.solver.stepper import Stepper
 
 SCHEMES = [
     hd.ExplicitCaputo(),
+    hd.GrunwaldLetnikov(),
     hd.L1(),
+    hd.L12(),
     hd.L2(),
     hd.L2Sigma(),
     hd.BDF(1),
