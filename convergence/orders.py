@@ -19,7 +19,9 @@ ORDERS = (0.1, 0.3, 0.5, 0.8, 0.95)
 ABOVE_ONE = (1.2, 1.5, 1.8, 1.95)
 SCHEMES = {
     hd.ExplicitCaputo(): ORDERS + ABOVE_ONE,
+    hd.GrunwaldLetnikov(): ORDERS + ABOVE_ONE,
     hd.L1(): ORDERS + ABOVE_ONE,
+    hd.L12(): ORDERS,
     hd.L2(): ORDERS,
     hd.L2Sigma(): ORDERS + ABOVE_ONE,
     hd.BDF(2): ORDERS + ABOVE_ONE,
@@ -63,7 +65,7 @@ def measure(quick):
 def draw(rows):
     figure, axes = plt.subplots(1, 2, figsize=(9, 4), sharey=True, layout="constrained")
     for ax, kind in zip(axes, ("smooth", "singular"), strict=True):
-        for scheme, marker in zip(SCHEMES, "osD^Xdv<>", strict=True):
+        for scheme, marker in zip(SCHEMES, "osD^Xdv<>Ph", strict=True):
             mine = [r for r in rows if r["scheme"] == repr(scheme) and r["solution"] == kind]
             label = repr(scheme)
             alpha = [row["alpha"] for row in mine]
