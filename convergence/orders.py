@@ -65,6 +65,7 @@ def measure(quick):
 def draw(rows):
     figure, axes = plt.subplots(1, 2, figsize=(9, 4), sharey=True, layout="constrained")
     for ax, kind in zip(axes, ("smooth", "singular"), strict=True):
+        ax.set_prop_cycle(color=[*plt.colormaps["tab10"].colors, "black"])
         for scheme, marker in zip(SCHEMES, "osD^Xdv<>Ph", strict=True):
             mine = [r for r in rows if r["scheme"] == repr(scheme) and r["solution"] == kind]
             label = repr(scheme)

@@ -48,7 +48,8 @@ class GrunwaldLetnikov(Scheme):
 
     Error
     -----
-    O(h) at a fixed t > 0, for smooth solutions and for those like t**alpha (convergence/orders.py).
+    O(h) at a fixed t > 0, for smooth solutions and for those like t**alpha; O(h**2) for one term of
+    order 2 where x''(0) = 0 (convergence/orders.py, tests/schemes/test_grunwald_letnikov.py).
 
     Stability
     ---------
