@@ -217,6 +217,8 @@ def test_tangents_on_a_mesh_are_derivatives(scheme, name):
         ({"mesh": [0.0, np.nan, 1.0]}, "mesh must"),
         ({"n_steps": 10}, "n_steps must be left out where a mesh is given"),
         ({"scheme": hd.ExplicitCaputo()}, "mesh must be left out with ExplicitCaputo"),
+        ({"scheme": hd.GrunwaldLetnikov()}, "mesh must be left out with GrunwaldLetnikov"),
+        ({"scheme": hd.L12()}, "mesh must be left out with L12"),
         ({"scheme": hd.Adams()}, "mesh must be left out with Adams"),
         ({"history": hd.FFT()}, "mesh must be left out with FFT"),
         ({"equation": hd.scenes.oscillator()}, r"order must lie in \(0, 1\] for L1 on a mesh"),

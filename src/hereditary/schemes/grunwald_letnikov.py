@@ -39,12 +39,13 @@ _GROWTH, _ANGLE, _N_ANGLES = 1.1, 0.45, 512
 class GrunwaldLetnikov(Scheme):
     """The explicit Grünwald-Letnikov scheme, for orders in (0, 2].
 
-    The derivative of x - x(0) - t x'(0) (of x - x(0) for orders up to 1) by the power series of
-    ``((1-z)/h)**alpha``, with the right-hand side at t_n: ``h**-alpha sum_(k=0)^(n+1) g_k
-    (x_(n+1-k) - x(0) - (n+1-k) h x'(0)) = f(t_n, x_n)``, ``g_k = (-1)**k binom(alpha, k)``, solved
-    for x_(n+1). With the right-hand side at t_(n+1) it is `BDF(1)`, its implicit sibling. At order
-    1 it is Euler's method, at order 2 the classical difference scheme with x_1 = x(0) + h x'(0) +
-    h**2 f(0, x(0)). Any number of terms and components.
+    The power series of ``((1-z)/h)**alpha`` stands for the derivative, applied to x - x(0), above
+    order 1 to x - x(0) - t x'(0), and the right-hand side is taken at t_n: ``h**-alpha
+    sum_(k=0)^(n+1) g_k (x_(n+1-k) - x(0) - (n+1-k) h x'(0)) = f(t_n, x_n)`` with ``g_k = (-1)**k
+    binom(alpha, k)``, solved for x_(n+1). With the right-hand side at t_(n+1) it is `BDF(1)`, its
+    implicit sibling, which takes the derivatives of t x'(0) in lower terms exactly besides. At
+    order 1 it is Euler's method, at order 2 the classical difference scheme with ``x_1 = x(0) + h
+    x'(0) + h**2 f(0, x(0))``. Any number of terms and components.
 
     Error
     -----
