@@ -6,6 +6,7 @@ from scipy.special import gamma
 
 import hereditary as hd
 from hereditary.schemes.l12 import BACKWARD_PARABOLAS
+from hereditary.step_kernel import PowerSteps
 
 SCHEME = hd.L12()
 HISTORIES = [hd.Direct(), hd.FFT(), hd.SumOfExponentials(1e-13)]
@@ -76,7 +77,7 @@ def test_order_one_is_the_second_backward_difference():
 def test_symbol_keeps_to_the_sector_of_growth(alpha):
     """So no damped mode grows at any step; the excess of 0.57 degrees is the largest there is."""
     z = np.exp(1j * np.linspace(0.1, np.pi, 400))
-    weights = BACKWARD_PARABOLAS.exact(1 - alpha, 20_000)
+    weights = BACKWARD_PARABOLAS.exact(PowerSteps(1 - alpha), 20_000)
     for _ in range(4):  # the series of the fourth differences converges on the circle
         weights = np.diff(weights, prepend=0.0)
     symbol = np.polynomial.polynomial.polyval(z, weights) / (1 - z) ** 3

@@ -1,11 +1,10 @@
-"""The explicit Grünwald-Letnikov scheme (floor 2).
+"""The explicit Grünwald-Letnikov scheme.
 
 With increments ``y_n = x_(n+1) - x_n`` the power series of ``((1-z)/h)**alpha``, applied to x -
 x(0), gives ``h**-alpha sum_k W_k y_(n-k)`` with the coefficients W of ``(1-z)**(alpha-1)``. Above
 order 1 t x'(0) is taken away as well, which the sums S of the W weigh: ``h**-alpha S_n h x'(0)``.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import ClassVar
@@ -14,7 +13,7 @@ import numpy as np
 from scipy.special import rgamma
 
 from .._checks import within
-from ..kernels.march import march_explicit
+from ..kernels.watch import SLOWEST
 from ..special import mean_exponential
 from ..system import System
 from .bdf import quadrature_weights
@@ -27,6 +26,7 @@ from .scheme import (
     check_lead,
     check_smoothness,
     distinct_components,
+    uniform_rows,
 )
 from .stability import StabilityRegion
 
@@ -73,7 +73,7 @@ class GrunwaldLetnikov(Scheme):
     0.428
     """
 
-    march: ClassVar[Callable] = staticmethod(march_explicit)
+    solve: ClassVar[str] = "explicit"
     implicit: ClassVar[bool] = False
     whole: ClassVar[bool] = True
 
@@ -127,13 +127,14 @@ class GrunwaldLetnikov(Scheme):
 
     def plan(self, equation: System, h: float) -> Plan:
         """Tables and convolution for `equation` with step h."""
-        distinct, classes = distinct_components(equation)
+        distinct, groups = distinct_components(equation)
         lead, near = np.empty((2, len(distinct)))
         lists, start_lists = [], []
         for i, key in enumerate(distinct):
-            total = sum(c * h**-alpha for c, alpha in key)
+            weighed = [(c * h**-operator.order, operator.order) for c, operator in key]
+            total = sum(factor for factor, _ in weighed)
             check_lead(total, h)
-            terms = [(c * h**-alpha / total, alpha) for c, alpha in key]
+            terms = [(factor / total, alpha) for factor, alpha in weighed]
             lead[i] = 1 / total
             near[i] = 1 + sum(f * (1 - alpha) for f, alpha in terms)
             lists.append(tuple((f, POWER_SERIES, alpha) for f, alpha in terms))
@@ -142,22 +143,20 @@ class GrunwaldLetnikov(Scheme):
         start = np.where(equation.highest_orders() > 1, h * speeds, 0.0)
         # the second start value of a march is there from the first step on
         none, above = ((),) * len(distinct), equation.m == 2
+        more = (tuple(start_lists),) if above else ()
         return Plan(
-            convolution=Convolution(
+            past=Convolution(
                 tuple(lists), none, more_starts=(tuple(start_lists),) if above else ()
             ),
-            classes=classes,
-            h=h,
+            rows=uniform_rows(h, 0.0, lead, near),
+            groups=groups,
             initial=equation.y0[0],
             increments=h * speeds,
-            lead=lead[classes],
-            near=near[classes],
-            scale=np.ones(equation.d),
             shift=np.zeros(equation.d),
-            given=np.zeros(equation.d, dtype=np.int64),
-            first=np.zeros(equation.d),
+            start_known=True,
             starts=np.array([0 * start, start] if above else [start]),
-            region=_region(equation, h, distinct, classes),
+            region=_region(equation, h, distinct, groups),
+            slowest=SLOWEST,
         )
 
 
@@ -173,12 +172,12 @@ def _modal(alpha, rates, weights, k):
 
 
 def _speed(alpha, n):
-    """Weights of h x'(0): -S_k above order 1, and less W_1 for k = 0.
+    """Weights of h x'(0): -S_k above order 1, and W_0 more for k = 0.
 
-    The march weighs h x'(0) in its first step as if it were an increment before that one.
+    The march takes h x'(0) for the increment before its first step, which it solves for a change.
     """
     sums = -_SERIES.exact(alpha - 1, n) if alpha > 1 else np.zeros(n)
-    sums[:1] -= 1 - alpha
+    sums[:1] += 1.0
     return sums
 
 
@@ -199,13 +198,13 @@ SPEED = WeightRule(_speed, _speed_exponent, _modal_speed)
 def _limits(equation, h):
     """Stiffness of each component at which the alternating mode leaves the unit circle."""
     distinct, classes = distinct_components(equation)
-    limits = [sum(c * (2 / h) ** alpha for c, alpha in key) for key in distinct]
+    limits = [sum(c * (2 / h) ** op.order for c, op in key) for key in distinct]
     return np.array(limits)[classes]
 
 
 def _symbol(key, h, zeta):
     """Terms' weights of x_n = zeta**n, ``zeta sum_j c_j ((1 - 1/zeta)/h)**alpha_j``."""
-    return zeta * sum(c * ((1 - 1 / zeta) / h) ** alpha for c, alpha in key)
+    return zeta * sum(c * ((1 - 1 / zeta) / h) ** operator.order for c, operator in key)
 
 
 def _region(equation, h, distinct, classes):
@@ -219,7 +218,7 @@ def _region(equation, h, distinct, classes):
     curve = _symbol(distinct[0], h, _GROWTH * np.exp(1j * turns))
     angles = np.angle(curve)
     order = np.argsort(angles)
-    highest = max(alpha for _, alpha in distinct[0])
+    highest = max(operator.order for _, operator in distinct[0])
     return StabilityRegion(
         limits, angles[order], np.abs(curve)[order], min(np.pi, np.pi / 2 * highest)
     )

@@ -1,17 +1,16 @@
-"""The L1-2 scheme (floor 2): parabolas that lean backward."""
+"""The L1-2 scheme: parabolas that lean backward."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
 
 from .._checks import within
-from ..kernels.implicit import march_implicit
 from ..system import System
 from .derivative_form import derivative_plan
 from .scheme import Plan, Scheme, WeightRule, check_smoothness, refuse_orders_above_one
-from .weights import FIRST_DIFFERENCES, last_moment, parabola_start
+from .weights import FIRST_DIFFERENCES, parabola_start
 
 
 @dataclass(frozen=True)
@@ -48,7 +47,7 @@ class L12(Scheme):
     0.4276
     """
 
-    march: ClassVar[Callable] = staticmethod(march_implicit)
+    solve: ClassVar[str] = "newton"
 
     def order(self, alpha: float, smoothness: str = "smooth") -> float:
         """Order of convergence at a fixed time.
@@ -68,28 +67,33 @@ class L12(Scheme):
     def plan(self, equation: System, h: float) -> Plan:
         """Tables and convolution for `equation` with step h."""
         refuse_orders_above_one("L12", equation)
-        return derivative_plan(equation, h, 1.0, lambda _: BACKWARD_PARABOLAS, BACKWARD_START)
+        return derivative_plan(equation, h, 1.0, partial(_weighed, h), BACKWARD_START)
 
 
-# -m_(k+1) with m_k = int p t**(p-1) (k + 1/2 - t) dt over [k, k+1]
+def _weighed(h, c, operator):
+    """Factor, rule and kernel of c times an operator."""
+    return c * operator.factor(h), BACKWARD_PARABOLAS, operator.in_steps(h)
+
+
+# -m_(k+1) with m_k = int K(t) (k + 1/2 - t) dt over [k, k+1]
 _NEXT_MOMENT = parabola_start(1.0)
 
 
-def _lacking(p, n):
-    return np.append(-last_moment(p), _NEXT_MOMENT.exact(p, n - 1))
+def _lacking(kernel, n):
+    return np.append(-kernel.last_moment(), _NEXT_MOMENT.exact(kernel, n - 1))
 
 
-def _modal_lacking(p, rates, weights, k):
-    return _NEXT_MOMENT.modal(p, rates, weights, k - 1)
+def _modal_lacking(kernel, rates, weights, k):
+    return _NEXT_MOMENT.modal(kernel, rates, weights, k - 1)
 
 
-def _backward(p, n):
-    return FIRST_DIFFERENCES.exact(p, n) - np.diff(_lacking(p, n), prepend=0.0)
+def _backward(kernel, n):
+    return FIRST_DIFFERENCES.exact(kernel, n) - np.diff(_lacking(kernel, n), prepend=0.0)
 
 
-def _modal_backward(p, rates, weights, k):
-    line = FIRST_DIFFERENCES.modal(p, rates, weights, k)
-    before, here = (_modal_lacking(p, rates, weights, j) for j in (k - 1, k))
+def _modal_backward(kernel, rates, weights, k):
+    line = FIRST_DIFFERENCES.modal(kernel, rates, weights, k)
+    before, here = (_modal_lacking(kernel, rates, weights, j) for j in (k - 1, k))
     return line + before - here
 
 
