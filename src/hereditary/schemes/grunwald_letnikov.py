@@ -145,9 +145,7 @@ class GrunwaldLetnikov(Scheme):
         none, above = ((),) * len(distinct), equation.m == 2
         more = (tuple(start_lists),) if above else ()
         return Plan(
-            past=Convolution(
-                tuple(lists), none, more_starts=(tuple(start_lists),) if above else ()
-            ),
+            past=Convolution(tuple(lists), none, more_starts=more),
             rows=uniform_rows(h, 0.0, lead, near),
             groups=groups,
             initial=equation.y0[0],
