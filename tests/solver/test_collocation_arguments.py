@@ -54,11 +54,8 @@ def test_wrong_arguments(change, kind, match):
     [
         ("rtol", 1e-6),
         ("atol", 1e-8),
-        ("breaks", [0.5]),
-        ("breaks", np.array([0.5])),
-        ("breaks", np.array([0.5, 0.7])),
-        ("events", squared),
-        ("events", [squared]),
+        ("max_step", 0.1),
+        ("max_steps", 10),
     ],
 )
 def test_what_only_collocation_takes(name, value):

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from .._checks import complaint, positive, real_array, shown, within
+from .._checks import complaint, positive, shown, within
 from ..collocation.pace import MAX_STEPS
 from ..collocation.stepper import AdaptiveStepper
 from ..history.exponentials import SumOfExponentials
@@ -15,13 +15,12 @@ from .drive import failed
 from .events import Events
 from .progress import Interruption, ProgressBar
 from .solution import Solution, Status, warn_of
+from .stops import APART, checked_breaks
 
 # Below this the rounding of double precision, not the scheme, decides.
 TOLERANCE_FLOOR = 1e-12
 # Time to the highest order, if that is above 1, must stay below this.
 _FARTHEST = 1e300
-# Breaks closer than this, relatively, are no two times to a clock of double precision.
-_APART = 1e-13
 # Steps between two looks at Ctrl-C and the progress bar.
 _ROWS = 256
 
@@ -84,18 +83,10 @@ def modes_tolerance(history):
 
 def _stops(breaks, stepper, t_end):
     """Breaks ahead, and the end; one at the present time is a singular start."""
-    times = real_array("breaks", breaks)
-    if times.ndim != 1 or np.any(np.diff(times) <= 0) or np.any(times <= 0):
-        required = "be increasing times above 0"
-        raise ValueError(complaint("breaks", required, shown(times)))
-    close = np.flatnonzero(np.diff(times) < _APART * times[1:])
-    if close.size:
-        required = f"lie apart by more than rounding, {_APART:g} of their time"
-        pair = f"{float(times[close[0]])!r} and {float(times[close[0] + 1])!r}"
-        raise ValueError(complaint("breaks", required, pair, "name such a jump once"))
-    if np.any(np.abs(times - stepper.t) < _APART * stepper.t):
+    times = checked_breaks(breaks)
+    if np.any(np.abs(times - stepper.t) < APART * stepper.t):
         stepper.begin_singular()
-    ahead = (times > stepper.t * (1 + _APART)) & (times < t_end * (1 - _APART))
+    ahead = (times > stepper.t * (1 + APART)) & (times < t_end * (1 - APART))
     return [*times[ahead].tolist(), t_end]
 
 

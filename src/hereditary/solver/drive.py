@@ -53,6 +53,8 @@ class Drive:
                 return Status.BLOWN_UP, ""
             if stepper.not_solved:
                 return Status.NOT_SOLVED, ""
+            if getattr(self._advance, "ended", False):
+                return None
             if stepper.no_step:
                 return Status.STEP_TOO_SMALL, stepper.no_step
             self._bar.update((stepper.n - self._n_first) / (self._n_total - self._n_first))

@@ -9,8 +9,9 @@ from .._checks import complaint, real, shown
 from .._digest import digest
 from ..special import bracketed_root
 
-# Points of each step at which an event function is looked at, besides the ends.
-_LOOKS = 8
+# Points of each step at which an event function is looked at, besides its end, where steps are
+# long; given steps are looked at from end to end.
+LOOKS = 8
 # Zeros this close to the start, relatively, are the start itself.
 _SAME = 1e-12
 _TINY = 5e-324
@@ -29,7 +30,9 @@ class Events:
     y : ndarray, shape (d,)
         Where the run begins.
     signs : dict
-        What `signs` gave at the end of the run that this one goes on from.
+        Signs that `signs` gave at the end of the run that this one goes on from.
+    looks : int
+        Points of each step that are looked at, besides its end.
 
     Attributes
     ----------
@@ -39,8 +42,8 @@ class Events:
         How an event function failed; empty where none did.
     """
 
-    def __init__(self, functions, t, y, signs):
-        self._functions, self._start = functions, t
+    def __init__(self, functions, t, y, signs, looks=LOOKS):
+        self._functions, self._start, self._looks = functions, t, looks
         # the last value seen: a zero between two stretches is then found once, and only once
         self._values = [_first_value(function, t, y) for function in functions]
         self._limits = [_limit(function) for function in functions]
@@ -59,7 +62,7 @@ class Events:
 
         Returns the time at which a terminal event, or a function that fails, ends the run, or None.
         """
-        looks = edges[:-1, None] + np.diff(edges)[:, None] * np.arange(_LOOKS) / _LOOKS
+        looks = edges[:-1, None] + np.diff(edges)[:, None] * np.arange(self._looks) / self._looks
         times = np.append(looks.ravel(), edges[-1])
         rows = at(times)
         found, end = [], math.inf

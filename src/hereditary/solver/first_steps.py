@@ -9,6 +9,13 @@ import numpy as np
 from scipy.special import rgamma
 
 
+def starting_steps(stepper, t):
+    """`FirstSteps` of a `Stepper` from time t = 0 on; None from later ones, and without powers."""
+    if t > 0 or not stepper.equation.constant:
+        return None
+    return FirstSteps(stepper.equation, stepper.steps.times(np.array([1.0, 2.0])))
+
+
 def first_steps(stepper, positions):
     """Prepare rows at these positions of a `Stepper`; None where none lies inside two steps.
 
@@ -42,11 +49,15 @@ class FirstSteps:
 
     def fill(self, n, y, times, rows, slopes):
         """Overwrite rows and slopes (k, d) at times inside step n, 1 or 2, which ends at y."""
-        self._values[n - 1] = y
+        self.end(n, y)
         inside = times < self._ends[n - 1]
-        rows[inside], slopes[inside] = self._rows(n, times[inside])
+        rows[inside], slopes[inside] = self.inside(n, times[inside])
 
-    def _rows(self, n, times):
+    def end(self, n, y):
+        """Note that step n, 1 or 2, ends at y."""
+        self._values[n - 1] = y
+
+    def inside(self, n, times):
         """Solution and slope at times inside step n, shapes (k, d)."""
         t, ends = times[:, None], self._ends[:n, None]
         unit = ends[-1]

@@ -12,6 +12,7 @@ class Rows:
 
     def __init__(self, stepper, n_total, save_every, times):
         self._every, self._times, self._n_total = save_every, times, n_total
+        self._ended = False
         n = stepper.n
         if times is not None:
             self._positions = np.minimum(stepper.steps.positions(times), n_total)
@@ -48,9 +49,22 @@ class Rows:
             self.t[part] = self._times[part]
         self.size += written
 
+    @property
+    def keeps_steps(self):
+        """Whether every step is kept."""
+        return self._times is None and self._every == 1
+
+    def end(self, t, y, ydot):
+        """Add the row of the event that ends the run, where steps are kept."""
+        self._ended = True
+        if self._times is None and self.t[self.size - 1] < t:
+            last = self.size
+            self.t[last], self.y[last], self.ydot[last] = t, y, ydot
+            self.size += 1
+
     def close(self, stepper, t_end):
         """Add the last step of a run that ended early, and name the end of one that did not."""
-        if self._times is not None:
+        if self._times is not None or self._ended:
             return
         if stepper.n == self._n_total:
             self.t[self.size - 1] = t_end  # n h may miss it by rounding

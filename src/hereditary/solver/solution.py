@@ -104,7 +104,7 @@ class Solution:
         Everything needed to go on, ``solve(eq, t_later, resume=sol.state)``: a few kilobytes with
         `SumOfExponentials`, the whole past with `Direct`. None on a mesh.
     dense : Dense or None
-        What ``sol(t)`` reads, with `Collocation` and without t_eval.
+        Dense output that ``sol(t)`` reads; of a run that kept every step.
     t_events, y_events : list of ndarray
         Times (k,) and solutions (k, d) of each event function's zeros.
     """
@@ -149,7 +149,7 @@ class Solution:
         """
         if self.dense is None:
             required = "be answered by rows: this run kept no dense output"
-            remedy = "use Collocation without t_eval, or pass t_eval"
+            remedy = "leave out t_eval and save_every, or pass t_eval"
             raise ValueError(complaint("t", required, shown(t), remedy))
         if derivative not in (0, 1):
             raise ValueError(complaint("derivative", "be 0 or 1", derivative))

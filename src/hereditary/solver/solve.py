@@ -71,9 +71,8 @@ def solve(
     save_every : int, optional
         Keep every so many-th step, besides the first and the last row.
     t_eval : array_like, shape (k,), optional
-        Keep the solution at these increasing times instead. `Collocation` reads its dense output;
-        uniform steps are joined by parabolas, those of a mesh by lines, to O(h**3) and O(h**2)
-        where the solution is smooth. In the first two steps of equations with constant orders
+        Keep the solution at these increasing times instead, from the dense output. Given steps are
+        joined by parabolas, to O(h**3) where the solution is smooth. In the first two steps of equations with constant orders
         powers of t take their place, t**alpha for each component's highest order among them: a row
         errs about as much as the nearest steps.
     max_step : float, optional
@@ -83,13 +82,17 @@ def solve(
         Most steps of this call of `Collocation`, one million by default; a run that needs more ends
         with the status MAX_STEPS and can be resumed.
     breaks : array_like, shape (k,), optional
-        Times at which the right-hand side jumps, for `Collocation`: the steps begin anew there.
+        Times at which the right-hand side jumps: each step sees the jump from its own side. With
+        `Collocation` the steps begin anew there; otherwise they must be times of steps, and every
+        scheme is of first order from there on, for its memory keeps the corner.
     events : callable or sequence of callable, optional
-        ``event(t, y)``, whose zeros `Collocation` locates to rounding on its dense output; with the
+        ``event(t, y)``, whose zeros are located to rounding on the dense output; with the
         attributes `terminal` (a number n: the run ends at the n-th zero) and `direction` as in
-        SciPy's solve_ivp. Truth values count as 1 and -1. Nine points of each step are looked at:
-        two zeros between neighbours pass unseen, unless `max_step` brings them closer, and so does
-        a zero next to where the function is NaN. A zero at the very start is not reported.
+        SciPy's solve_ivp. Truth values count as 1 and -1. Nine points of each step of `Collocation`
+        are looked at, and the ends of given steps: two zeros between neighbours pass unseen, unless
+        steps are shorter, and so does a zero next to where the function is NaN. A zero at the very
+        start is not reported. Given steps go on, when resumed, from the first one that is not
+        before the event.
     progress : bool, optional
         Show a progress bar with the time left, on a terminal only.
     resume : State, optional
@@ -166,14 +169,13 @@ def solve(
             None if max_step is None else positive("max_step", max_step),
             MAX_STEPS if max_steps is None else count("max_steps", max_steps),
         )  # fmt: skip
-    given = {"breaks": breaks if np.size(breaks) else None, "events": functions or None}
-    given |= {"rtol": rtol, "atol": atol, "max_step": max_step, "max_steps": max_steps}
+    given = {"rtol": rtol, "atol": atol, "max_step": max_step, "max_steps": max_steps}
     _refuse("or come with scheme=Collocation()", **given)
     if history is None:
         history = getattr(resume, "history", None) or SumOfExponentials()
     return solve_on_steps(
-        equation, t_end, n_steps, mesh, scheme, history, save_every, times, progress, resume,
-        allow_change,
+        equation, t_end, n_steps, mesh, scheme, history, save_every, times, breaks, functions,
+        progress, resume, allow_change,
     )  # fmt: skip
 
 

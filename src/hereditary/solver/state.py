@@ -32,6 +32,8 @@ class State:
         How the run was made, and how it goes on.
     identity : dict
         Terms, right-hand side and more, by name; checked on resuming, as the next two are.
+    event_signs : dict
+        Sign of each event function just after its last zero, by its digest.
     version : str
         Version of the library.
     seal : str
@@ -51,6 +53,7 @@ class State:
     memory: tuple = field(repr=False)
     memory_steps: int | Span = field(repr=False)
     largest_ratio: float = field(repr=False)
+    event_signs: dict[str, float] = field(default_factory=dict, repr=False)
     version: str = field(default="", repr=False)
     seal: str = field(default="", repr=False)
 

@@ -65,6 +65,7 @@ class Stepper:
         warn_of_fit(self.memory.kernel_error, getattr(history, "tol", 0.0))
         self._begin(plan)
         self.largest_ratio, self.blown_up, self.not_solved = 0.0, False, False
+        self.breaks: frozenset[int] = frozenset()
 
     def _plan(self, directions):
         """The scheme's plan for orbit and tangents."""
@@ -284,8 +285,9 @@ class Stepper:
                 self._rows = self._past.rows
                 self.memory.follow(size)
             stop = min(n_end, known, self.memory.reach(self.n))
-            if starting and self.n < 2:
+            if (starting and self.n < 2) or self.breaks & {self.n, self.n + 1}:
                 stop = self.n + 1
+            stop = self._before_break(stop)
             self.memory.refresh(self.n, self._march.pieces, self._table.groups)
             part = slice(written, int(np.searchsorted(positions, stop, side="right")))
             try:
@@ -319,7 +321,7 @@ class Stepper:
                 self.memory.tables,
                 self.memory.arrays,
                 self._table,
-                self._rows,
+                self._rows_beside_breaks(),
                 self._march,
                 Output(positions, rows, slopes, jacobians),
                 n_end,
@@ -332,6 +334,30 @@ class Stepper:
                 taken = np.flatnonzero(jacobians[n_samples:].any(axis=(1, 2)))
                 steps = (n // every + taken) * every
                 self._note(region.ratios(jacobians[n_samples + taken], steps), steps)
+
+    def _before_break(self, stop):
+        """Last step up to `stop` before one that ends at a break."""
+        return min([stop, *(n - 1 for n in self.breaks if n - 1 > self.n)])
+
+    def _rows_beside_breaks(self):
+        """Rows of the next steps; of one beside a break, seen from its own side of the jump."""
+        sides = (self.n + 1 in self.breaks, -1.0), (self.n in self.breaks, 1.0)
+        theta = self._rows.theta
+        for beside, sign in sides:
+            t, unit = self.steps.time(self.n + 1), self.steps.unit(self.n + 1)
+            if beside and np.all(theta == (1.0 if sign < 0 else 0.0)):
+                theta = theta + sign * 8 * np.finfo(float).eps * t / unit
+        return self._rows._replace(theta=theta)
+
+    def checkpoint(self):
+        """Return all that `rewind` needs to come back to this step."""
+        march = March._make(part.copy() for part in self._march)
+        return march, self.memory.state(), self.largest_ratio
+
+    def rewind(self, checkpoint):
+        """Come back to the step at which `checkpoint` was taken."""
+        self._march, memory, self.largest_ratio = checkpoint
+        self.memory.restore(memory)
 
     def _note(self, ratios, steps):
         """Keep the largest ratio so far and its step."""

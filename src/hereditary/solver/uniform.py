@@ -2,27 +2,36 @@
 
 import math
 import time
+from dataclasses import replace
 
 import numpy as np
 
 from .._checks import complaint, count, shown, whole
 from ..memory_kernel import told_error
 from ..meshes import UniformSteps, mesh_steps
+from .dense import Dense
 from .drive import Drive, reached_end, told
+from .events import Events
+from .first_steps import starting_steps
 from .progress import Interruption, ProgressBar
 from .rows import Rows
-from .solution import Solution
+from .solution import Solution, Status
+from .step_pieces import StepPieces
 from .stepper import Stepper
+from .stops import checked_breaks
+from .watched import Watched
 
 # Steps of a run, and floats, are whole numbers up to here.
 _COUNTED = 2**53
+# Breaks may miss their steps by so much of a step.
+_OFF = 1e-6
 # Logarithms of the powers of the step that schemes may have to divide by.
 _LEAST, _MOST = -290.0, 290.0
 
 
 def solve_on_steps(
-    equation, t_end, n_steps, mesh, scheme, history, save_every, t_eval, progress, resume,
-    allow_change,
+    equation, t_end, n_steps, mesh, scheme, history, save_every, t_eval, breaks, events, progress,
+    resume, allow_change,
 ):  # fmt: skip
     """Solve with uniform steps or along a mesh; the arguments of `solve`, most of them checked."""
     began = time.perf_counter()
@@ -33,13 +42,16 @@ def solve_on_steps(
         stepper, n_total = _on_uniform_steps(
             equation, scheme, history, t_end, n_steps, resume, allow_change
         )
+    stepper.breaks = _break_steps(breaks, stepper, t_end)
+    signs = {} if resume is None else resume.event_signs
+    found = Events(events, stepper.t, stepper.y, signs, looks=1)
     wanted = Rows(stepper, n_total, save_every, t_eval)
     _prepare(stepper, n_total, history)
     ready = time.perf_counter()
-    status, detail = _run(stepper, n_total, wanted, progress)
+    status, detail = _run(stepper, n_total, wanted, found, progress)
     wanted.close(stepper, t_end)
     seconds = (ready - began, time.perf_counter() - ready)
-    return _solution(stepper, wanted, status, detail, seconds)
+    return _solution(stepper, wanted, found, status, detail, seconds)
 
 
 def _on_mesh(equation, scheme, history, t_end, n_steps, mesh, resume, allow_change):
@@ -118,7 +130,21 @@ def uniform_steps(t_end, n_steps, state):
     return state.h, n_total, state.memory_steps
 
 
-def _run(stepper, n_total, wanted, progress):
+def _break_steps(breaks, stepper, t_end):
+    """Numbers of the steps that end at breaks."""
+    times = checked_breaks(breaks)
+    times = times[(times >= stepper.t) & (times <= t_end)]
+    positions = stepper.steps.positions(times)
+    numbers = np.rint(positions)
+    off = np.abs(positions - numbers) > _OFF
+    if np.any(off):
+        required = "be times of steps, which see the jump from its own side each"
+        remedy = "take as many steps that one ends there, or a mesh through it"
+        raise ValueError(complaint("breaks", required, shown(times[off]), remedy))
+    return frozenset(int(n) for n in numbers)
+
+
+def _run(stepper, n_total, wanted, found, progress):
     """March to step n_total or as far as it goes; return the status and a detail for it."""
 
     def advance(n_more):
@@ -128,18 +154,24 @@ def _run(stepper, n_total, wanted, progress):
         finally:
             wanted.keep(positions, stepper.rows_written)  # also those before an exception
 
+    watched = Watched(stepper, wanted, found) if found.times else None
     bar = ProgressBar(progress)
     try:
         with Interruption() as interruption:
-            ended = Drive(stepper, n_total, advance, interruption, bar).to(n_total)
+            drive = Drive(stepper, n_total, watched or advance, interruption, bar)
+            ended = drive.to(n_total)
     finally:
         bar.close()
+    if watched and watched.ended:
+        status = Status.EVENT_FAILED if found.failure else Status.EVENT
+        return status, found.failure
     return ended or (reached_end(stepper), "")
 
 
-def _solution(stepper, wanted, status, detail, seconds):
+def _solution(stepper, wanted, found, status, detail, seconds):
     size = wanted.size
     t, y, ydot = wanted.t[:size], wanted.y[:size], wanted.ydot[:size]
+    dense = _dense(stepper, wanted, t, y, ydot)
     if stepper.equation.m == 1:
         ydot = None
     message = told(stepper, status, detail)
@@ -159,5 +191,17 @@ def _solution(stepper, wanted, status, detail, seconds):
             "stiffness_ratio": stepper.largest_ratio,
             "kernel_error": told_error(stepper.memory.kernel_error),
         },
-        state=stepper.state(),
+        state=replace(stepper.state(), event_signs=found.signs()),
+        dense=dense,
+        t_events=[np.array(times) for times in found.times],
+        y_events=[np.array(rows).reshape(-1, stepper.equation.d) for rows in found.values],
     )
+
+
+def _dense(stepper, wanted, t, y, ydot):
+    """Dense output of a run that kept every step; None for others."""
+    if not wanted.keeps_steps or t.size < 2:
+        return None
+    dense = Dense(stepper.equation.highest_orders() > 1)
+    dense.add(StepPieces(t, y, ydot, starting_steps(stepper, t[0])), t[0])
+    return dense

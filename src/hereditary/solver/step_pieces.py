@@ -1,0 +1,60 @@
+"""The solution between given steps: parabolas, and powers of t in the first two."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .first_steps import FirstSteps
+
+# The slope at 0 is taken here, and called infinite beyond this size.
+_NEXT_TO_0, _STEEP = 1e-200, 1e12
+
+
+class StepPieces:
+    """Consecutive steps, each a parabola through its ends with the slope at its end.
+
+    Parameters
+    ----------
+    times : ndarray, shape (k+1,)
+        Ends of the steps, the start in front [time].
+    rows, slopes : ndarray, shape (k+1, d)
+        Solution and first derivative there.
+    starting : FirstSteps, optional
+        The solution inside the first two steps of a run, where these are the first.
+    """
+
+    def __init__(self, times, rows, slopes, starting: FirstSteps | None = None):
+        self.times, self._rows, self._slopes = times, rows, slopes
+        self._starting = starting
+        if starting is not None:
+            for n in range(1, min(3, times.size)):
+                starting.end(n, rows[n])
+
+    def edges(self):
+        """Start of each step."""
+        return self.times[:-1]
+
+    def evaluate(self, t, second, derivative):
+        """y or y' at times t inside the steps, shape (k, d)."""
+        i = np.clip(np.searchsorted(self.times, t), 1, self.times.size - 1)
+        h = (self.times[i] - self.times[i - 1])[:, None]
+        back = (t - self.times[i])[:, None] / h
+        increment = self._rows[i] - self._rows[i - 1]
+        change = 2.0 * (h * self._slopes[i] - increment)
+        if derivative:
+            found = (increment + (0.5 + back) * change) / h
+        else:
+            found = self._rows[i] + back * (increment + 0.5 * (1.0 + back) * change)
+        if self._starting is not None:
+            for n in (1, 2):
+                inside = (i == n) & (t < self.times[i])
+                if inside.any():
+                    found[inside] = _near_start(self._starting, n, t[inside], derivative)
+        return found
+
+
+def _near_start(starting, n, t, derivative):
+    """y or y' inside step n, 1 or 2; powers below 1 are infinitely steep at 0."""
+    y, slope = starting.inside(n, np.maximum(t, _NEXT_TO_0))
+    steep = (t[:, None] == 0.0) & (np.abs(slope) > _STEEP)
+    return np.where(steep, np.copysign(np.inf, slope), slope) if derivative else y

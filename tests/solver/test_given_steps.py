@@ -1,0 +1,211 @@
+"""Events, dense output and breaks on given steps: for every scheme, as of collocation."""
+
+import pickle
+
+import numpy as np
+import pytest
+
+import hereditary as hd
+from hereditary.exact import relaxation
+
+SCHEMES = [
+    hd.ExplicitCaputo(),
+    hd.GrunwaldLetnikov(),
+    hd.L1(),
+    hd.L12(),
+    hd.L2(),
+    hd.L2Sigma(),
+    hd.BDF(3),
+    hd.Adams(),
+    hd.ProductTrapezoid(),
+]
+HISTORIES = [hd.SumOfExponentials(), hd.FFT(), hd.Direct()]
+
+
+def half(t, y):
+    """Vanishes where y is 0.5."""
+    return y[0] - 0.5
+
+
+def stop_at_half(t, y):
+    return y[0] - 0.5
+
+
+stop_at_half.terminal = True
+
+
+def oscillator():
+    return hd.Equation([hd.Caputo(1.8), 0.2 * hd.Caputo(0.6)], lambda t, x: -4 * x, [1.0, 0.5])
+
+
+def varying():
+    return hd.Equation(hd.Caputo(lambda t: 0.7 + 0.2 * np.cos(t)), lambda t, y: -y, 1.0)
+
+
+def with_kernel():
+    kernel = hd.Prony([1.0, 3.0], [0.4, 0.6])
+    return hd.Equation(hd.Caputo(0.8) + 0.5 * hd.Memory(kernel, 1), lambda t, y: -y, 1.0)
+
+
+@pytest.mark.parametrize("history", HISTORIES, ids=repr)
+@pytest.mark.parametrize("scheme", SCHEMES, ids=repr)
+def test_zeros_lie_where_the_solution_has_them(scheme, history):
+    """As close as rows are, at the step's length and at half of it."""
+    equation, errors = hd.scenes.relaxation(0.6), []
+    adaptive = hd.solve(equation, 3.0, rtol=1e-11, events=half)
+    for n in (300, 600):
+        sol = hd.solve(equation, 3.0, n, scheme=scheme, history=history, events=half)
+        assert sol.y_events[0][0] == pytest.approx(0.5, abs=1e-14)
+        assert sol.success
+        assert len(sol.t_events[0]) == 1
+        errors.append(abs(sol.t_events[0][0] - adaptive.t_events[0][0]))
+    assert errors[0] < 0.02
+    assert errors[1] < 0.6 * errors[0]
+
+
+@pytest.mark.parametrize("equation", [varying, with_kernel, oscillator])
+@pytest.mark.parametrize("scheme", [hd.ExplicitCaputo(), hd.L1()], ids=repr)
+def test_zeros_with_orders_that_vary_and_kernels(scheme, equation):
+    adaptive = hd.solve(equation(), 3.0, rtol=1e-9, events=half)
+    sol = hd.solve(equation(), 3.0, 3000, scheme=scheme, events=half)
+    np.testing.assert_allclose(sol.t_events[0], adaptive.t_events[0], atol=4e-3)
+
+
+@pytest.mark.parametrize("history", HISTORIES, ids=repr)
+@pytest.mark.parametrize("scheme", SCHEMES, ids=repr)
+def test_a_terminal_event_ends_the_run_and_it_goes_on_from_there(scheme, history):
+    """The state is that of the first step that is not before the event, bit for bit."""
+    equation = hd.scenes.relaxation(0.6)
+    whole = hd.solve(equation, 3.0, 300, scheme=scheme, history=history)
+    first = hd.solve(equation, 3.0, 300, scheme=scheme, history=history, events=stop_at_half)
+    assert first.status == "event"
+    assert first.t[-1] == first.t_events[0][0]
+    assert first.y[-1, 0] == pytest.approx(0.5, abs=1e-14)
+    np.testing.assert_array_equal(first.y[:-1], whole.y[: len(first.y) - 1])
+    n = first.state.n
+    assert whole.t[n - 1] < first.t[-1] <= whole.t[n]
+    state = pickle.loads(pickle.dumps(first.state))
+    later = hd.solve(equation, 3.0, resume=state, events=stop_at_half)
+    assert later.status == "completed"
+    np.testing.assert_array_equal(later.y, whole.y[n:])
+
+
+@pytest.mark.parametrize("scheme", [hd.L1(), hd.L2(), hd.L2Sigma()], ids=repr)
+def test_events_on_a_mesh(scheme):
+    equation, mesh = hd.scenes.relaxation(0.6), hd.graded(400, 3.0)
+    adaptive = hd.solve(equation, 3.0, rtol=1e-10, events=half)
+    sol = hd.solve(equation, 3.0, mesh=mesh, scheme=scheme, events=half)
+    np.testing.assert_allclose(sol.t_events[0], adaptive.t_events[0], rtol=1e-3)
+    ended = hd.solve(equation, 3.0, mesh=mesh, scheme=scheme, events=stop_at_half)
+    assert ended.t[-1] == ended.t_events[0][0] == sol.t_events[0][0]
+    assert ended.state.t >= ended.t[-1]
+
+
+def test_rows_asked_for_do_not_depend_on_events():
+    equation, times = oscillator(), [0.0013, 0.0049, 0.5, 1.23456, 3.0]
+    plain = hd.solve(equation, 3.0, 600, t_eval=times)
+    watched = hd.solve(equation, 3.0, 600, t_eval=times, events=half)
+    np.testing.assert_allclose(watched.y, plain.y, rtol=1e-13)
+    np.testing.assert_allclose(watched.ydot, plain.ydot, rtol=1e-10)
+    some = hd.solve(equation, 3.0, 600, save_every=7, events=half)
+    assert np.array_equal(some.y, hd.solve(equation, 3.0, 600, save_every=7).y)
+
+
+def test_an_event_that_fails_ends_the_run_with_what_was_made():
+    def fails(t, y):
+        if t > 1:
+            raise ValueError("no")
+        return 1.0
+
+    with pytest.warns(hd.SolveWarning, match="event function raised"):
+        sol = hd.solve(hd.scenes.relaxation(), 2.0, 200, events=fails)
+    assert sol.status == "event_failed"
+    assert 0.9 < sol.t[-1] <= 1.0 + 1e-12
+
+
+@pytest.mark.parametrize("scheme", SCHEMES, ids=repr)
+def test_dense_output_is_what_rows_are(scheme):
+    """And between the steps as close as at them, slopes of one order less, the start included."""
+    equation, n = hd.scenes.relaxation(0.6), 200
+    sol = hd.solve(equation, 2.0, n, scheme=scheme)
+    np.testing.assert_allclose(sol(sol.t), sol.y, rtol=1e-13)
+    times = np.sort(np.random.default_rng(1).uniform(0, 2.0, 100))
+    rows = hd.solve(equation, 2.0, n, scheme=scheme, t_eval=times)
+    np.testing.assert_allclose(sol(times), rows.y, rtol=1e-12)
+    exact = relaxation(0.6)(times)
+    off = np.abs(sol(sol.t) - relaxation(0.6)(sol.t)).max()
+    assert np.abs(sol(times) - exact).max() < 1.3 * off + 1e-4
+    assert sol(0.0, 1)[0] == -np.inf
+    assert sol(1.0).shape == (1,)
+    slopes = (relaxation(0.6)(times + 1e-6) - relaxation(0.6)(times - 1e-6)) / 2e-6
+    late = times > 0.5
+    assert np.abs(sol(times, 1) - slopes)[late].max() < 0.02
+    with pytest.raises(ValueError, match="lie in"):
+        sol(2.1)
+
+
+def test_dense_output_goes_on_after_a_state():
+    equation = oscillator()
+    whole = hd.solve(equation, 3.0, 300)
+    later = hd.solve(equation, 3.0, resume=hd.solve(equation, 1.0, 100).state)
+    times = np.linspace(1.0, 3.0, 77)
+    np.testing.assert_allclose(later(times), whole(times), rtol=1e-12)
+    # at its start itself the slope is that of the step to come
+    np.testing.assert_allclose(later(times[1:], 1), whole(times[1:], 1), rtol=1e-9)
+
+
+def test_runs_that_keep_some_rows_have_no_dense_output():
+    for kept in ({"save_every": 2}, {"t_eval": [0.5]}):
+        sol = hd.solve(hd.scenes.relaxation(), 1.0, 10, **kept)
+        with pytest.raises(ValueError, match="this run kept no dense output"):
+            sol(0.5)
+
+
+def switched(on_from):
+    """D^0.6 y = 1 - y from t = 2 on, -y before; at 2 itself as `on_from` says."""
+
+    def at(t, y):
+        return (1.0 if t >= 2.0 else 0.0) - y
+
+    def after(t, y):
+        return (1.0 if t > 2.0 else 0.0) - y
+
+    return hd.Equation(hd.Caputo(0.6), at if on_from == "at" else after, 0.5)
+
+
+@pytest.mark.parametrize("scheme", SCHEMES, ids=repr)
+def test_steps_see_a_jump_from_their_own_side(scheme):
+    """So that the value at the jump itself plays no part."""
+    at, after = (
+        hd.solve(switched(which), 4.0, 400, scheme=scheme, breaks=[2.0])
+        for which in ("at", "after")
+    )
+    assert np.array_equal(at.y, after.y)
+    exact = hd.solve(switched("at"), 4.0, rtol=1e-10, breaks=[2.0])
+    assert np.abs(at(3.0) - exact(3.0))[0] < 1.1e-3
+    before = hd.solve(hd.scenes.relaxation(0.6, 1.0, 0.5), 2.0, 200, scheme=scheme)
+    np.testing.assert_allclose(at.y[:201], before.y, rtol=1e-12)
+
+
+def test_breaks_on_a_mesh_and_in_a_resumed_run():
+    mesh = np.concatenate(
+        [2 * np.linspace(0, 1, 101) ** 2, 2 + 2 * np.linspace(0, 1, 101)[1:] ** 2]
+    )
+    sols = [
+        hd.solve(switched(which), 4.0, mesh=mesh, scheme=hd.L2(), breaks=[2.0])
+        for which in ("at", "after")
+    ]
+    assert np.array_equal(sols[0].y, sols[1].y)
+    exact = hd.solve(switched("at"), 4.0, rtol=1e-10, breaks=[2.0])
+    assert np.abs(sols[0](3.0) - exact(3.0))[0] < 2.5e-3  # of the long step before the jump
+    first = hd.solve(switched("at"), 2.0, 200, breaks=[2.0])
+    later = hd.solve(switched("at"), 4.0, resume=first.state, breaks=[2.0])
+    whole = hd.solve(switched("at"), 4.0, 400, breaks=[2.0])
+    assert np.array_equal(later.y, whole.y[200:])
+
+
+def test_breaks_must_be_times_of_steps():
+    with pytest.raises(ValueError, match=r"breaks must be times of steps.*got \[0.123\]"):
+        hd.solve(hd.scenes.relaxation(), 1.0, 10, breaks=[0.123])
+    with pytest.raises(ValueError, match="breaks must be increasing times above 0"):
+        hd.solve(hd.scenes.relaxation(), 1.0, 10, breaks=[0.5, 0.2])
