@@ -49,7 +49,7 @@ class Direct(History):
     def open_mesh(self, sums: MeshSums, n_columns: int, span: Span) -> Memory:
         """A fresh memory on a mesh of any steps; see `History.open_mesh`."""
         n = sums.theta.size
-        kinds = sums.factors, sums.powers
+        kinds = sums.factors, sums.powers, sums.derivatives
         arrays = tuple(np.zeros((n_columns, k)) for k in (n, 0, n))
         return MeshMemory(exchange_mesh_direct, sums, kinds, arrays)
 

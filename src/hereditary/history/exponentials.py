@@ -117,22 +117,37 @@ class SumOfExponentials(History):
 
     def open_mesh(self, sums: MeshSums, n_columns: int, span: Span) -> Memory:
         """A fresh memory on a mesh of any steps; see `History.open_mesh`."""
-        used = (sums.factors != 0) & (sums.powers > 0)
-        exponents = tuple(sorted({1 - p for p in sums.powers[used]}))
-        nearest, farthest = span.shortest, max(span.farthest, self.horizon or 0.0)
-        rates, weights = np.zeros(0), np.zeros((sums.factors.shape[0], 0))
-        if exponents and np.isfinite(nearest):
-            fit = fit_unit(exponents, max(2.0, farthest / nearest), float(self.tol))
-            # p t**(p-1) in units of the nearest distance
-            pairs = zip(exponents, fit.weights, strict=True)
-            bank = {a: (1 - a) * w * nearest**-a for a, w in pairs}
-            rates, weights = fit.rates / nearest, np.zeros((sums.factors.shape[0], fit.rates.size))
-            for i, j in zip(*np.nonzero(used), strict=True):
-                weights[i] += sums.factors[i, j] * bank[1 - sums.powers[i, j]]
-        kinds = np.ascontiguousarray(rates.reshape(1, -1)), weights
+        shortest, farthest = span.shortest, max(span.farthest, self.horizon or 0.0)
+        found = [np.zeros((2 + sums.factors.shape[0], 0))]
+        if np.isfinite(shortest):
+            # velocities of order above 1 are seen from the middle of a step on
+            for m, nearest in ((1, shortest), (2, 0.5 * shortest)):
+                found.append(_mesh_modes(sums, m, nearest, farthest, float(self.tol)))
+        rates, derivatives, *weights = np.hstack(found)
+        kinds = rates.reshape(1, -1), np.array(weights), derivatives.reshape(1, -1)
         arrays = tuple(np.zeros((n_columns, k)) for k in (rates.size, 0, 0))
-        covers = Span(nearest, farthest) if rates.size else None
+        covers = Span(shortest, farthest) if rates.size else None
         return MeshMemory(exchange_mesh_modes, sums, kinds, arrays, rates.size, covers)
+
+
+def _mesh_modes(sums, m, nearest, farthest, tol):
+    """Modes of the terms with derivative m on a mesh, shape (2 + C, M).
+
+    Rates, m, and the weights of each group.
+    """
+    used = (sums.factors != 0) & (sums.powers > 0) & (sums.derivatives == m)
+    exponents = tuple(sorted({1 - p for p in sums.powers[used]}))
+    if not exponents:
+        return np.zeros((2 + sums.factors.shape[0], 0))
+    fit = fit_unit(exponents, max(2.0, farthest / nearest), tol)
+    rows = np.zeros((2 + sums.factors.shape[0], fit.rates.size))
+    rows[0], rows[1] = fit.rates / nearest, m
+    for i, j in zip(*np.nonzero(used), strict=True):
+        a = 1 - sums.powers[i, j]
+        # p t**(p-1) in units of the nearest distance
+        own = (1 - a) * fit.weights[exponents.index(a)] * nearest**-a
+        rows[2 + i] += sums.factors[i, j] * own
+    return rows
 
 
 class _Modes(Memory):

@@ -13,8 +13,8 @@ class MeshMemory(Memory):
     ----------
     exchange : compiled function
     sums : MeshSums
-    kinds : tuple of two ndarrays
-        Factors and powers of the terms, or rates and weights of the modes.
+    kinds : tuple of three ndarrays
+        Factors, powers and derivatives of the terms, or rates, weights and derivatives of modes.
     arrays : tuple of three ndarrays
     n_modes : int
         Modes held for each component.
@@ -25,7 +25,8 @@ class MeshMemory(Memory):
     def __init__(self, exchange, sums, kinds, arrays, n_modes=0, covers=None):
         kind, theta = np.full((1, 1), float(sums.parabolas)), sums.theta.reshape(1, -1)
         times = np.ascontiguousarray(sums.times.reshape(1, -1))
-        tables = (times, sums.rows.lead, theta, *kinds, sums.rule, kind)
+        first, second, derivatives = kinds
+        tables = (times, sums.rows.lead, theta, first, second, sums.rule, kind, derivatives)
         none = np.zeros((1, 0))
         super().__init__(exchange, tables, arrays, none, none)
         self._how, self.n_modes, self._covers = (exchange, sums, kinds), n_modes, covers

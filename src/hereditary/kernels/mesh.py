@@ -2,7 +2,8 @@
 
 A piece of the solution on [t_k, t_(k+1)] has the slope ``mean + lean (s - middle)``. Seen from t
 it contributes ``mean m_0 + lean m_1`` with the moments of the kernel ``p T**(p-1)``, T = t - s:
-``m_0 = int p T**(p-1) dT`` and ``m_1 = int p T**(p-1) (middle - T) dT``.
+``m_0 = int p T**(p-1) dT`` and ``m_1 = int p T**(p-1) (middle - T) dT``. Above order 1 the velocity
+is a line between the middles of two steps, and its slope takes the place of the mean.
 """
 
 import math
@@ -51,55 +52,92 @@ def piece_of(newer, older, n, times, parabolas):
 
 
 @kernel
+def bend_of(newer, older, n, times):
+    """Slope of the velocity between the middles of the newest step and of the one before.
+
+    As on uniform steps, the one before the first is as long as that, and its velocity x'(0).
+    """
+    step, before = times[n] - times[n - 1], times[n - 1] - times[max(n - 2, 0)]
+    if n == 1:
+        return newer / (step * step)
+    return 2.0 * (newer / step - older / before) / (step + before)
+
+
+@kernel
+def middle_of(n, times):
+    """Middle of step n; the one before the first is as long as that."""
+    return 0.5 * (times[n] + times[n + 1]) if n >= 0 else 0.5 * (times[0] - times[1])
+
+
+@kernel
 def exchange_mesh_direct(lag, pieces, n, groups, tables, memory):
-    """Store the piece just finished and sum over all of them as seen in step n."""
+    """Store the pieces just finished and sum over all of them as seen in step n."""
     # lag (W, 1), pieces (W, 2): u_(n-2) and u_(n-1)
     # tables: times (1, N + 1), inverse leading weights (C, N), theta (1, N), factors and powers
-    #   (C, T), Gauss nodes and weights (2, 16), kind of the pieces (1, 1), unused
-    # memory: means, start values (W, 0), leans (W, N)
-    mesh, leads, theta, factors, powers, rule, kind, _ = tables
+    #   (C, T), Gauss nodes and weights (2, 16), kind of the pieces (1, 1), derivatives (C, T)
+    # memory: means, start values (W, 0), leans, of lines the slopes of velocities (W, N)
+    mesh, leads, theta, factors, powers, rule, kind, derivatives = tables
     means, _, leans = memory
-    if n < 2:
+    if n < 1:
         return
     times = mesh[0]
     t = times[n] + theta[0, n] * (times[n + 1] - times[n])
     for c in range(lag.shape[0]):
         a, total = groups[c], 0.0
-        mean, lean = piece_of(pieces[c, 1], pieces[c, 0], n, times, int(kind[0, 0]))
-        means[c, n - 2], leans[c, n - 2] = mean, lean
+        if n > 1:
+            mean, lean = piece_of(pieces[c, 1], pieces[c, 0], n, times, int(kind[0, 0]))
+            means[c, n - 2] = mean
+            if kind[0, 0] > 0.0:
+                leans[c, n - 2] = lean
+        if kind[0, 0] == 0.0:
+            leans[c, n - 1] = bend_of(pieces[c, 1], pieces[c, 0], n, times)
         for j in range(factors.shape[1]):
-            factor, p = factors[a, j], powers[a, j]
-            if factor != 0.0 and p > 0.0:
-                for k in range(n - 1):
+            factor, p, second = factors[a, j], powers[a, j], derivatives[a, j] == 2.0
+            if factor == 0.0 or p == 0.0:
+                continue
+            for k in range(n if second else n - 1):
+                if second:
+                    start, end = middle_of(k - 1, times), middle_of(k, times)
+                    m_0, _ = moments(t - end, end - start, p, rule[0], rule[1])
+                    total += factor * leans[c, k] * m_0
+                else:
                     low, step = t - times[k + 1], times[k + 1] - times[k]
                     m_0, m_1 = moments(low, step, p, rule[0], rule[1])
-                    total += factor * (means[c, k] * m_0 + leans[c, k] * m_1)
+                    bend = leans[c, k] if kind[0, 0] > 0.0 else 0.0
+                    total += factor * (means[c, k] * m_0 + bend * m_1)
         lag[c, 0] += leads[a, n] * total
 
 
 @kernel
 def exchange_mesh_modes(lag, pieces, n, groups, tables, memory):
-    """Decay the modes over the step before the newest, take its piece in, and read them all."""
-    # tables: as above, with rates (1, M) and weights (C, M) in place of factors and powers
-    # memory: modes (W, M), start values (W, 0), unused
-    mesh, leads, theta, rates, weights, _, kind, _ = tables
+    """Decay the modes over the newest pieces' steps, take these in, and read them all."""
+    # tables: as above, with rates (1, M), weights (C, M) and derivatives (1, M) of the modes in
+    #   place of those of the terms; memory: modes (W, M), start values (W, 0), unused
+    mesh, leads, theta, rates, weights, _, kind, derivatives = tables
     modes, _, _ = memory
-    if n < 2:
+    if n < 1:
         return
-    times = mesh[0]
-    width = times[n - 1] - times[n - 2]
-    ahead = times[n] + theta[0, n] * (times[n + 1] - times[n]) - times[n - 1]
-    total = np.zeros(lag.shape[0])
-    mean, lean = np.empty(lag.shape[0]), np.empty(lag.shape[0])
+    times, total = mesh[0], np.zeros(lag.shape[0])
+    width_of = lag.shape[0]
+    mean, lean, bend = np.zeros(width_of), np.zeros(width_of), np.zeros(width_of)
     for c in range(lag.shape[0]):
-        mean[c], lean[c] = piece_of(pieces[c, 1], pieces[c, 0], n, times, int(kind[0, 0]))
+        if n > 1:
+            mean[c], lean[c] = piece_of(pieces[c, 1], pieces[c, 0], n, times, int(kind[0, 0]))
+        bend[c] = bend_of(pieces[c, 1], pieces[c, 0], n, times)
+    t = times[n] + theta[0, n] * (times[n + 1] - times[n])
     for i in range(rates.shape[1]):
-        rate = rates[0, i]
-        keep = math.exp(-rate * width)
-        average, ramp = exponential_moments(rate * width, keep)
-        seen = math.exp(-rate * ahead)
+        second = derivatives[0, i] == 2.0
+        if n < 2 and not second:
+            continue
+        end = middle_of(n - 1, times) if second else times[n - 1]
+        width = end - (middle_of(n - 2, times) if second else times[n - 2])
+        keep = math.exp(-rates[0, i] * width)
+        average, ramp = exponential_moments(rates[0, i] * width, keep)
+        seen = math.exp(-rates[0, i] * (t - end))
         for c in range(lag.shape[0]):
             fresh = mean[c] * average + lean[c] * width * (0.5 * average - ramp)
+            if second:
+                fresh = bend[c] * average
             modes[c, i] = modes[c, i] * keep + width * fresh
             total[c] += weights[groups[c], i] * seen * modes[c, i]
     for c in range(lag.shape[0]):
@@ -120,25 +158,34 @@ def exponential_moments(z, keep):
 
 
 @kernel
-def fill_mesh(times, theta, parabolas, factors, powers, rule, lead, near):
+def fill_mesh(times, theta, parabolas, factors, powers, derivatives, rule, lead, near):
     """Fill the inverse leading weights, and the weights of the increment before over them."""
-    # times (N + 1,), theta (N,); factors, powers (C, T); rule (2, 16); lead, near (C, N)
+    # times (N + 1,), theta (N,); factors, powers, derivatives (C, T); rule (2, 16)
+    # lead, near (C, N)
     for n in range(theta.shape[0]):
         step = times[n + 1] - times[n]
         before = times[n] - times[n - 1] if n > 0 else 0.0
         for a in range(factors.shape[0]):
             now, then = near_weights(
-                factors[a], powers[a], theta[n] * step, step, before, parabolas, rule
-            )
+                factors[a], powers[a], derivatives[a], theta[n] * step, step, before, parabolas,
+                rule,
+            )  # fmt: skip
             lead[a, n], near[a, n] = 1.0 / now, then / now
 
 
 @kernel
-def near_weights(factors, powers, ahead, step, before, parabolas, rule):
+def near_weights(factors, powers, derivatives, ahead, step, before, parabolas, rule):
     """Weights of the newest increment and of the one before it in the derivative."""
     now, then = 0.0, 0.0
     for j in range(factors.shape[0]):
         if factors[j] == 0.0:
+            continue
+        if derivatives[j] == 2.0:  # a line of velocities between the middles
+            apart = 0.5 * (step + (before if before > 0.0 else step))
+            m_0, _ = moments(0.0, apart, powers[j], rule[0], rule[1])
+            now += factors[j] * m_0 / (apart * step)
+            if before > 0.0:
+                then -= factors[j] * m_0 / (apart * before)
             continue
         m_0, m_1 = moments(0.0, ahead, powers[j], rule[0], rule[1])
         now += factors[j] * m_0 / step

@@ -74,7 +74,7 @@ def derivative_plan(
     increments = h * equation.y0[1] if equation.m == 2 else np.zeros(equation.d)
     shift = 0 * increments if whole else increments
     extra = np.zeros((0, equation.d)) if corrections is None else corrections
-    amplitudes, powers = _drift(equation, whole)
+    amplitudes, powers = drift_of_speed(equation, whole)
     if more_drift is not None:
         begun, late, exponents = more_drift
         amplitudes, powers = np.vstack([amplitudes, late]), np.vstack([powers, exponents])
@@ -98,7 +98,7 @@ def derivative_plan(
     )
 
 
-def _drift(equation, whole):
+def drift_of_speed(equation, whole=False):
     """Derivatives of t x'(0), which the increments leave out: amplitudes and powers, (r, d) each.
 
     None where they keep it, nor for components of order up to 1: only the halves of a reduced order

@@ -34,7 +34,8 @@ class L1(Scheme):
     -----
     O(h**(2-alpha)) for smooth solutions; O(h) at a fixed time for solutions like t**alpha on
     uniform steps, O(n**-min(r alpha, 2-alpha)) at all times on the mesh ``graded(n, r)``.
-    O(h**(3-beta)) for orders above 1 (convergence/orders.py, convergence/graded_meshes.py). Where
+    O(h**(3-beta)) for orders above 1, O(n**-(3-beta)) at all times on ``graded(n, 3)``
+    (convergence/orders.py, convergence/graded_meshes.py, tests/test_meshes.py). Where
     orders vary, their largest value counts (convergence/varying_orders.py).
 
     Stability
@@ -96,8 +97,9 @@ class L1(Scheme):
         )
 
     def mesh_plan(self, equation: System, times: np.ndarray) -> Plan:
-        """Plan on a mesh of any steps, for orders in (0, 1]."""
-        return mesh_plan("L1", equation, times, 1.0, 0)
+        """Plan on a mesh of any steps; above order 1 velocities are lines between their middles."""
+        theta = 0.5 if equation.highest_orders().max() > 1 else 1.0
+        return mesh_plan("L1", equation, times, theta, 0, above=True)
 
 
 def _speed_weights(key, total, h):

@@ -8,6 +8,7 @@ from .._checks import complaint
 from ..kernels.mesh import fill_mesh
 from ..kernels.signatures import StepRows
 from ..special import gauss_unit
+from .derivative_form import drift_of_speed
 from .scheme import Plan, distinct_components
 
 
@@ -28,23 +29,25 @@ class MeshSums:
     ----------
     groups : ndarray of int64, shape (d,)
         Group of each component, of the same terms.
-    factors, powers : ndarray, shape (C, T)
-        ``coefficient / Gamma(p + 1)`` and p = 1 - alpha of each group's terms; factor 0 for none.
+    factors, powers, derivatives : ndarray, shape (C, T)
+        ``coefficient / Gamma(p + 1)``, p = m - alpha and m of each group's terms; 0 for none.
     rows : StepRows
     """
 
     def __init__(self, system, times, theta, parabolas):
         distinct, self.groups = distinct_components(system)
         shape = (len(distinct), max(map(len, distinct)))
-        self.factors, self.powers = np.zeros(shape), np.zeros(shape)
+        self.factors, self.powers, self.derivatives = np.zeros((3, *shape))
         for i, key in enumerate(distinct):
             for j, (c, operator) in enumerate(key):
                 self.factors[i, j], self.powers[i, j] = c * operator.factor(1.0), operator.power
+                self.derivatives[i, j] = operator.derivative
         steps, self.parabolas = np.diff(times), parabolas
         self.times, self.rule = times, np.array(gauss_unit(16))
         self.theta = np.broadcast_to(theta, steps.size) * 1.0
         lead, near = np.zeros((2, len(distinct), steps.size))
-        fill_mesh(times, self.theta, parabolas, self.factors, self.powers, self.rule, lead, near)
+        terms = self.factors, self.powers, self.derivatives
+        fill_mesh(times, self.theta, parabolas, *terms, self.rule, lead, near)
         none = np.zeros((len(distinct), 0))
         ratio = np.ones(steps.size)
         ratio[1:] = steps[1:] / steps[:-1]
@@ -75,17 +78,22 @@ class MeshSums:
         return history.open_mesh(self, n_columns, span)
 
 
-def mesh_plan(name, equation, times, theta, parabolas, first=None):
-    """Plan on a mesh of any steps; `first` (d,) is the first increment, where it is given."""
+def mesh_plan(name, equation, times, theta, parabolas, first=None, above=False):
+    """Plan on a mesh of any steps.
+
+    `first` (d,) is the first increment, where it is given; `above` tells whether orders above 1 are
+    taken, by lines of velocities.
+    """
     if not equation.constant:
         required = f"be Caputo operators of constant order for {name} on a mesh"
         raise ValueError(complaint("terms", required, "another", "take uniform steps"))
     highest = float(equation.highest_orders().max())
-    if highest > 1:
+    if highest > 1 and not above:
         required = f"lie in (0, 1] for {name} on a mesh"
         raise ValueError(complaint("order", required, highest, "take uniform steps"))
     sums = MeshSums(equation, times, theta, parabolas)
     shift = equation.y0[1] if equation.m == 2 else np.zeros(equation.d)
+    amplitudes, powers = drift_of_speed(equation)
     return Plan(
         past=sums,
         rows=sums.rows,
@@ -95,4 +103,6 @@ def mesh_plan(name, equation, times, theta, parabolas, first=None):
         shift=shift,
         given=None if first is None else np.ones(equation.d, dtype=np.int64),
         first=first,
+        powers=powers,
+        drift=amplitudes,
     )

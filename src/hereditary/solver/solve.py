@@ -72,9 +72,9 @@ def solve(
         Keep every so many-th step, besides the first and the last row.
     t_eval : array_like, shape (k,), optional
         Keep the solution at these increasing times instead, from the dense output. Given steps are
-        joined by parabolas, to O(h**3) where the solution is smooth. In the first two steps of equations with constant orders
-        powers of t take their place, t**alpha for each component's highest order among them: a row
-        errs about as much as the nearest steps.
+        joined by parabolas, to O(h**3) where the solution is smooth. In the first two steps of
+        equations with constant orders powers of t take their place, t**alpha for each component's
+        highest order among them: a row errs about as much as the nearest steps.
     max_step : float, optional
         Longest step of `Collocation` [time]. A force that comes on for a time shorter than a step
         may lie between all points that the step looks at; half of its length is a safe choice.
