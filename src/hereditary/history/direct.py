@@ -1,6 +1,7 @@
 """Direct sums (floor 3): the reference history, exact to rounding, O(N**2)."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -35,6 +36,10 @@ class Direct(History):
     >>> hd.solve(eq, 1.0, n_steps=100, history=hd.Direct()).stats["n_modes"]
     0
     """
+
+    takes_kernels: ClassVar[bool] = True
+    takes_varying: ClassVar[bool] = True
+    takes_meshes: ClassVar[bool] = True
 
     def open(self, convolution: Convolution, n_columns: int, n_block: int, n_steps: int) -> Memory:
         """A fresh memory; see `History.open`."""

@@ -6,6 +6,7 @@ q_i**(n-2-m) u_m`` then hold all there is to know about the past.
 """
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -67,6 +68,9 @@ class SumOfExponentials(History):
 
     tol: float = 1e-10
     horizon: float | None = None
+    takes_kernels: ClassVar[bool] = True
+    takes_varying: ClassVar[bool] = True
+    takes_meshes: ClassVar[bool] = True
 
     def __post_init__(self):
         tolerance("tol", self.tol)

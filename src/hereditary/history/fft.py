@@ -7,6 +7,7 @@ own stretch, which is summed directly.
 """
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
@@ -42,6 +43,8 @@ class FFT(History):
     >>> bool(abs(fast - direct).max() < 1e-14)
     True
     """
+
+    takes_kernels: ClassVar[bool] = True
 
     def open(self, convolution: Convolution, n_columns: int, n_block: int, n_steps: int) -> Memory:
         """A fresh memory; see `History.open`."""

@@ -10,6 +10,7 @@ store, restore or linearly combine what is held. Everything is linear in the pie
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from typing import ClassVar
 
 import numpy as np
 
@@ -137,7 +138,21 @@ class NoMemory(Memory):
 
 
 class History(ABC):
-    """How the past is summed; subclasses are final frozen dataclasses, one file each."""
+    """How the past is summed; subclasses are final frozen dataclasses, one file each.
+
+    Attributes
+    ----------
+    takes_kernels : bool
+        Whether terms may have kernels other than Caputo's.
+    takes_varying : bool
+        Whether orders may vary: `open_varying` gives a memory.
+    takes_meshes : bool
+        Whether steps may differ in length: `open_mesh` gives a memory.
+    """
+
+    takes_kernels: ClassVar[bool] = False
+    takes_varying: ClassVar[bool] = False
+    takes_meshes: ClassVar[bool] = False
 
     @abstractmethod
     def open(self, convolution: Convolution, n_columns: int, n_block: int, n_steps: int) -> Memory:

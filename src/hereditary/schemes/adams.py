@@ -14,7 +14,7 @@ from typing import ClassVar
 import numpy as np
 from scipy.special import rgamma, zeta
 
-from .._checks import complaint, count, within
+from .._checks import count, within
 from ..kernels.watch import QUICK
 from ..special import first_moment_exponential, gauss_unit, mean_exponential
 from ..system import System
@@ -101,15 +101,11 @@ HATS = WeightRule(hat_weights, _exponent, _modal_hat)
 FIRST_VALUE = WeightRule(start_weights, _exponent, _modal_start)
 
 
-def _plan(name, equation, h, corrections):
+def _plan(equation, h, corrections):
     """Plan in integral form; on the left side f has negative weights."""
     distinct, groups = distinct_components(equation)
     lead, near, lists, start_lists = [], [], [], []
     for key in distinct:
-        if len(key) != 1:
-            required = f"hold one term for each component with {name}"
-            remedy = "use ExplicitCaputo or L1 for several"
-            raise ValueError(complaint("terms", required, f"{len(key)}", remedy))
         ((c, operator),) = key
         alpha = operator.order
         factor = h**alpha * rgamma(alpha + 2) / c
@@ -257,6 +253,7 @@ class Adams(Scheme):
 
     corrections: int = 1
     solve: ClassVar[str] = "sweeps"
+    several_terms: ClassVar[bool] = False
 
     def __post_init__(self):
         count("corrections", self.corrections)
@@ -278,7 +275,7 @@ class Adams(Scheme):
 
     def plan(self, equation: System, h: float) -> Plan:
         """Tables and convolution for `equation` with step h."""
-        return _plan("Adams", equation, h, self.corrections)
+        return _plan(equation, h, self.corrections)
 
 
 @dataclass(frozen=True)
@@ -313,6 +310,7 @@ class ProductTrapezoid(Scheme):
     """
 
     solve: ClassVar[str] = "newton"
+    several_terms: ClassVar[bool] = False
 
     def order(self, alpha: float, smoothness: str = "smooth") -> float:
         """Proven order of convergence at a fixed time, on uniform steps; see `Adams.order`."""
@@ -322,4 +320,4 @@ class ProductTrapezoid(Scheme):
 
     def plan(self, equation: System, h: float) -> Plan:
         """Tables and convolution for `equation` with step h."""
-        return _plan("ProductTrapezoid", equation, h, 0)
+        return _plan(equation, h, 0)

@@ -74,6 +74,11 @@ class BDF(Scheme):
     def __repr__(self) -> str:
         return f"BDF({self.formula})"
 
+    @property
+    def orders(self) -> tuple[float, float]:
+        """Orders at which the formula is stable."""
+        return 0.0, _LARGEST_ORDER[self.formula - 1]
+
     def order(self, alpha: float, smoothness: str = "smooth") -> float:
         """Proven order of convergence at a fixed time, for linear equations: p.
 
@@ -84,18 +89,13 @@ class BDF(Scheme):
         smoothness : {"smooth", "singular"}
             Whether the solution is smooth at 0 or behaves like t**alpha there; both give p.
         """
-        within("alpha", alpha, 5e-324, _LARGEST_ORDER[self.formula - 1], "its sector of stability")
+        within("alpha", alpha, 5e-324, self.orders[1], "its sector of stability")
         check_smoothness(smoothness)
         return float(self.formula)
 
     def plan(self, equation: System, h: float) -> Plan:
         """Tables and convolution for `equation` with step h."""
         p = self.formula
-        highest, largest = float(equation.highest_orders().max()), _LARGEST_ORDER[p - 1]
-        if highest > largest:
-            remedy = "use BDF(2) or L1"
-            required = f"be at most {largest} for BDF({p}) to be stable"
-            raise ValueError(complaint("order", required, highest, remedy))
         return derivative_plan(
             equation,
             h,

@@ -57,6 +57,7 @@ class L1(Scheme):
     solve: ClassVar[str] = "newton"
     takes_kernels: ClassVar[bool] = True
     takes_varying: ClassVar[bool] = True
+    takes_meshes: ClassVar[bool] = True
 
     def order(self, alpha: float, smoothness: str = "smooth") -> float:
         """Proven order of convergence at a fixed time, on uniform steps.

@@ -9,7 +9,7 @@ import numpy as np
 from .._checks import within
 from ..system import System
 from .derivative_form import derivative_plan
-from .scheme import Plan, Scheme, WeightRule, check_smoothness, refuse_orders_above_one
+from .scheme import Plan, Scheme, WeightRule, check_smoothness
 from .weights import FIRST_DIFFERENCES, parabola_start
 
 
@@ -48,6 +48,7 @@ class L12(Scheme):
     """
 
     solve: ClassVar[str] = "newton"
+    orders = (0.0, 1.0)
 
     def order(self, alpha: float, smoothness: str = "smooth") -> float:
         """Order of convergence at a fixed time.
@@ -66,7 +67,6 @@ class L12(Scheme):
 
     def plan(self, equation: System, h: float) -> Plan:
         """Tables and convolution for `equation` with step h."""
-        refuse_orders_above_one("L12", equation)
         return derivative_plan(equation, h, 1.0, partial(_weighed, h), BACKWARD_START)
 
 

@@ -12,7 +12,7 @@ from ..special import gauss_unit
 from ..system import System
 from .derivative_form import derivative_plan
 from .mesh import mesh_plan
-from .scheme import Plan, Scheme, check_smoothness, refuse_orders_above_one
+from .scheme import Plan, Scheme, check_smoothness
 from .weights import parabola_start, weighed_parabolas
 
 
@@ -51,6 +51,8 @@ class L2(Scheme):
     """
 
     solve: ClassVar[str] = "newton"
+    orders = (0.0, 1.0)
+    takes_meshes: ClassVar[bool] = True
 
     def order(self, alpha: float, smoothness: str = "smooth") -> float:
         """Proven order of convergence at a fixed time, on uniform steps.
@@ -68,14 +70,12 @@ class L2(Scheme):
 
     def plan(self, equation: System, h: float) -> Plan:
         """Tables and convolution for `equation` with step h."""
-        refuse_orders_above_one("L2", equation)
         weighed = partial(weighed_parabolas, h=h, theta=1.0, closing=True)
         first = _first_increment(equation, np.array([0.0, h, 2 * h]))
         return derivative_plan(equation, h, 1.0, weighed, parabola_start(1.0), first)
 
     def mesh_plan(self, equation: System, times: np.ndarray) -> Plan:
         """Plan on a mesh of any steps, for orders in (0, 1]."""
-        refuse_orders_above_one("L2", equation)
         steps = np.diff(times[:3])
         bent = times.size > 2 and steps[1] <= STEEPEST * steps[0]
         first = _first_increment(equation, times[:3]) if bent else None

@@ -17,7 +17,6 @@ from .scheme import (
     Scheme,
     check_smoothness,
     distinct_components,
-    refuse_orders_above_one,
 )
 from .weights import parabola_start, weighed_parabolas
 
@@ -57,6 +56,10 @@ class L2Sigma(Scheme):
     """
 
     solve: ClassVar[str] = "newton"
+    several_up_to: ClassVar[float] = 1.0
+    components_differ: ClassVar[bool] = False
+    takes_meshes: ClassVar[bool] = True
+    meshes_up_to: ClassVar[float] = 2.0
 
     def order(self, alpha: float, smoothness: str = "smooth") -> float:
         """Proven order of convergence at a fixed time, on uniform steps.
@@ -99,7 +102,6 @@ class L2Sigma(Scheme):
 
 def _terms(equation):
     """Coefficients and orders of the terms that all components share."""
-    refuse_orders_above_one("L2Sigma", equation)
     distinct, _ = distinct_components(equation)
     if len(distinct) > 1:
         required = "be the same for all components with L2Sigma, whose sigma depends on them"

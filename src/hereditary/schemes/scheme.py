@@ -106,6 +106,10 @@ class Convolution:
 
     def open(self, history, n_columns: int, n_block: int, span: int):
         """Open a fresh memory of a history for these sums; see `Past.open`."""
+        if self.kernels() and not history.takes_kernels:
+            required = "be another where terms have kernels other than Caputo's"
+            remedy = "use SumOfExponentials, FFT or Direct"
+            raise ValueError(complaint("history", required, repr(history), remedy))
         return history.open(self, n_columns, n_block, span)
 
     @property
@@ -298,19 +302,22 @@ def check_smoothness(smoothness):
         raise ValueError(complaint("smoothness", required, repr(smoothness)))
 
 
-def refuse_orders_above_one(name, equation):
-    """For schemes whose formula covers orders in (0, 1] alone."""
-    highest = float(equation.highest_orders().max())
-    if highest > 1:
-        required = f"lie in (0, 1] for {name}"
-        raise ValueError(complaint("order", required, highest, "use L1 for orders above 1"))
-
-
 class Scheme(ABC):
     """How one step is taken; subclasses are final frozen dataclasses, one file each.
 
-    A subclass declares how a step is solved (`solve`, a key of `MARCHES` in kernels/march.py), its
-    proven order and its plan.
+    A subclass declares how a step is solved (`solve`, a key of `MARCHES` in kernels/march.py), what
+    it takes, its proven order and its plan. convergence/capabilities.py tables what it takes.
+
+    Attributes
+    ----------
+    several_terms : bool
+        Whether a component may have several terms, up to the highest order `several_up_to`.
+    components_differ : bool
+        Whether components may have terms of their own.
+    takes_kernels, takes_varying : bool
+        Whether terms may have kernels other than Caputo's, and orders that vary.
+    takes_meshes : bool
+        Whether steps may differ in length, up to the highest order `meshes_up_to`.
     """
 
     solve: ClassVar[str]
@@ -319,14 +326,31 @@ class Scheme(ABC):
     adaptive: ClassVar[bool] = False
     implicit: ClassVar[bool] = True
     whole: ClassVar[bool] = False
-    # whether its plan takes memory terms with kernels other than Caputo's, and orders that vary
+    several_terms: ClassVar[bool] = True
+    several_up_to: ClassVar[float] = 2.0
+    components_differ: ClassVar[bool] = True
     takes_kernels: ClassVar[bool] = False
     takes_varying: ClassVar[bool] = False
+    takes_meshes: ClassVar[bool] = False
+    meshes_up_to: ClassVar[float] = 1.0
+
+    @property
+    def orders(self) -> tuple[float, float]:
+        """Highest orders (low, high] of the equations that it solves."""
+        return 0.0, 2.0
 
     def check_terms(self, equation: System) -> None:
-        """Refuse terms that the scheme does not take."""
+        """Refuse orders and terms that the scheme does not take."""
         remedy = "use ExplicitCaputo, L1 or Collocation"
         name = type(self).__name__
+        highest = float(equation.highest_orders().max())
+        if highest > self.orders[1]:
+            required = f"be at most {self.orders[1]:g} for {self!r}"
+            raise ValueError(complaint("order", required, highest, "use BDF(2) or L1"))
+        terms = max(map(len, distinct_components(equation)[0]))
+        if terms > 1 and not self.several_terms:
+            required = f"hold one term for each component with {name}"
+            raise ValueError(complaint("terms", required, f"{terms}", remedy))
         for operator, _ in equation.left:
             if operator.kernel is not None and not self.takes_kernels:
                 required = f"be Caputo operators with {name}"
@@ -349,6 +373,8 @@ class Scheme(ABC):
 
     def mesh_plan(self, equation: System, times: np.ndarray) -> Plan:
         """The `Plan` for `equation` on a mesh of any steps."""
+        if self.takes_meshes:
+            raise NotImplementedError(f"{type(self).__name__}.mesh_plan")
         required = f"be left out with {type(self).__name__}, which takes uniform steps"
         raise ValueError(complaint("mesh", required, f"{times.size - 1} steps", "or use L1 or L2"))
 

@@ -1,0 +1,126 @@
+"""What schemes and histories take, as tables of their own fields, in README.md and choosing.md.
+
+Nothing is measured here: tests/test_capabilities.py makes a run for every cell. A full run writes
+the tables between the marks of both pages, a quick one compares them.
+"""
+
+import sys
+from pathlib import Path
+
+import hereditary as hd
+
+ROOT = Path(__file__).parent.parent
+MARKS = "<!-- capabilities -->\n", "<!-- /capabilities -->"
+# Rows: several schemes where their orders alone differ.
+SCHEMES = [
+    [hd.ExplicitCaputo()],
+    [hd.GrunwaldLetnikov()],
+    [hd.L1()],
+    [hd.L2()],
+    [hd.L12()],
+    [hd.L2Sigma()],
+    [hd.BDF(1), hd.BDF(2)],
+    [hd.BDF(3), hd.BDF(4), hd.BDF(5), hd.BDF(6)],
+    [hd.Adams()],
+    [hd.ProductTrapezoid()],
+    [hd.Collocation()],
+]
+HISTORIES = [hd.SumOfExponentials(), hd.FFT(), hd.Direct()]
+KERNELS, VARYING, MESHES = "`Memory` kernels", "varying orders", "meshes"
+ORDERS, SEVERAL, DIFFER = "orders", "several terms", "terms differ by component"
+
+
+def scheme_cells(scheme):
+    """What a scheme takes, by ability, in words."""
+    low, high = scheme.orders
+    return {
+        ORDERS: f"({low:g}, {high:g}]",
+        SEVERAL: _reach(scheme.several_terms, scheme.several_up_to, high),
+        DIFFER: _word(scheme.components_differ),
+        KERNELS: _word(scheme.takes_kernels),
+        VARYING: _word(scheme.takes_varying),
+        MESHES: "its own"
+        if scheme.adaptive
+        else _reach(scheme.takes_meshes, scheme.meshes_up_to, high),
+    }
+
+
+def history_cells(history):
+    """What a history takes, by ability, in words."""
+    return {
+        KERNELS: _word(history.takes_kernels),
+        VARYING: _word(history.takes_varying),
+        MESHES: _word(history.takes_meshes),
+    }
+
+
+def _word(takes):
+    return "yes" if takes else "no"
+
+
+def _reach(takes, highest, high):
+    """Words for an ability that may end at a highest order."""
+    return f"up to order {highest:g}" if takes and highest < high else _word(takes)
+
+
+def _name(schemes):
+    """Of a row, as one writes it; parameters where the row needs them."""
+    calls = [repr(scheme).split("(")[0] + "()" for scheme in schemes]
+    if len(schemes) == 1:
+        return f"`{calls[0]}`"
+    joint = "`, `" if len(schemes) == 2 else "` to `"
+    return f"`{joint.join((repr(schemes[0]), repr(schemes[-1])))}`"
+
+
+def _scheme_rows():
+    """Name and cells of every row; cells in which its schemes differ are joined."""
+    for schemes in SCHEMES:
+        columns = [scheme_cells(scheme) for scheme in schemes]
+        yield (
+            _name(schemes),
+            {key: ", ".join(dict.fromkeys(c[key] for c in columns)) for key in columns[0]},
+        )
+
+
+def _history_rows():
+    for history in HISTORIES:
+        yield f"`{type(history).__name__}()`", history_cells(history)
+
+
+def _table(head, rows, columns, empty=""):
+    """Markdown table of rows of (name, cells)."""
+    lines = [f"| {' | '.join([head, *columns])} |", "|---" * (1 + len(columns)) + "|"]
+    lines += [
+        f"| {' | '.join([name, *(cells.get(key, empty) for key in columns)])} |"
+        for name, cells in rows
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def tables():
+    """The text between the marks of each page."""
+    every = list(scheme_cells(hd.L1()))
+    one = _table("scheme or history", [*_scheme_rows(), *_history_rows()], every, "any")
+    two = _table("scheme", _scheme_rows(), every)
+    two += "\n" + _table("history", _history_rows(), list(history_cells(hd.FFT())))
+    return {ROOT / "README.md": one, ROOT / "docs" / "choosing.md": two}
+
+
+def page(path, table):
+    """A page with the table between its marks."""
+    before, rest = path.read_text().split(MARKS[0])
+    return before + MARKS[0] + table + MARKS[1] + rest.split(MARKS[1])[1]
+
+
+def main():
+    stale = [path for path, table in tables().items() if path.read_text() != page(path, table)]
+    for path, table in tables().items():
+        print(path.name, table, sep="\n\n")
+        if "--quick" not in sys.argv[1:]:
+            path.write_text(page(path, table))
+    if stale and "--quick" in sys.argv[1:]:
+        raise SystemExit(f"tables are not as fields say: {', '.join(p.name for p in stale)}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,112 @@
+"""The tables of what schemes and histories take stand in the pages, and every cell is true."""
+
+import importlib.util
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import hereditary as hd
+from hereditary.history.history import History
+from hereditary.schemes.scheme import Scheme
+
+ROOT = Path(__file__).parent.parent
+_SPEC = importlib.util.spec_from_file_location(
+    "capabilities", ROOT / "convergence" / "capabilities.py"
+)
+tables = importlib.util.module_from_spec(_SPEC)
+_SPEC.loader.exec_module(tables)
+
+SCHEMES = [scheme for row in tables.SCHEMES for scheme in row]
+MESH = hd.graded(6, 2.0)
+
+
+def decay(t, y):
+    return -y
+
+
+def equation(*terms, d=1):
+    """Sum of terms of these orders; y'(0) where one exceeds 1."""
+    highest = max(np.max(alpha) for alpha in terms)
+    y0 = np.ones(d) if highest <= 1 else np.array([np.ones(d), np.zeros(d)])
+    return hd.Equation([hd.Caputo(alpha) for alpha in terms], decay, y0)
+
+
+def tempered():
+    kernel = hd.TemperedPowerLaw(0.5, 1.0)
+    return hd.Equation([hd.Caputo(1.0), hd.Memory(kernel, 1)], decay, 1.0)
+
+
+def varying():
+    return hd.Equation(hd.Caputo(lambda t: 0.6 + 0.1 * t), decay, 1.0)
+
+
+def taken(problem, scheme, history=None, mesh=None):
+    """Whether a run is made; False where it is refused with a ValueError."""
+    how = {"history": history}
+    if mesh is not None:
+        how["mesh"] = mesh
+    elif scheme.adaptive:
+        how["rtol"] = 1e-4
+    else:
+        how["n_steps"] = 6
+    try:
+        sol = hd.solve(problem, 0.5, scheme=scheme, **how)
+    except ValueError:
+        return False
+    assert sol.success
+    return True
+
+
+def reached(cell, high, run):
+    """Hold a cell with "yes", "no" or "up to order ..." to runs at orders below and above."""
+    highest = {"yes": high, "no": 0.0}.get(cell) if "order" not in cell else float(cell.split()[-1])
+    for order in (0.3, 0.6, 1.0, 1.05, 1.3, 1.6, 2.0):
+        if order <= high:
+            assert run(order) == (order <= highest), order
+
+
+@pytest.mark.parametrize("path", tables.tables(), ids=lambda path: path.name)
+def test_the_pages_hold_the_tables(path):
+    assert path.read_text() == tables.page(path, tables.tables()[path])
+
+
+def test_every_scheme_and_history_has_a_row():
+    public = [getattr(hd, name) for name in hd.__all__]
+    named = {type(each) for each in (*SCHEMES, *tables.HISTORIES)}
+    assert named == {each for each in public if is_described(each)}
+
+
+def is_described(each):
+    return isinstance(each, type) and issubclass(each, (Scheme, History))
+
+
+@pytest.mark.parametrize("scheme", SCHEMES, ids=repr)
+def test_every_cell_of_a_scheme(scheme):
+    cells = tables.scheme_cells(scheme)
+    low, high = scheme.orders
+    assert cells[tables.ORDERS] == f"({low:g}, {high:g}]"
+    for order in (low + 0.1, high, min(2.0, high + 0.01)):
+        assert taken(equation(order), scheme) == (order <= high), order
+    reached(cells[tables.SEVERAL], high, lambda order: taken(equation(order, order / 2), scheme))
+    yes = {"yes": True, "no": False}
+    assert taken(equation(np.array([0.9, 0.4]), d=2), scheme) == yes[cells[tables.DIFFER]]
+    assert taken(tempered(), scheme) == yes[cells[tables.KERNELS]]
+    assert taken(varying(), scheme) == yes[cells[tables.VARYING]]
+    own = cells[tables.MESHES] == "its own"
+    assert own == scheme.adaptive
+    reached(
+        "no" if own else cells[tables.MESHES],
+        high,
+        lambda order: taken(equation(order), scheme, mesh=MESH),
+    )
+
+
+@pytest.mark.parametrize("history", tables.HISTORIES, ids=repr)
+def test_every_cell_of_a_history(history):
+    cells = tables.history_cells(history)
+    yes = {"yes": True, "no": False}
+    assert taken(equation(0.9, 0.4), hd.L1(), history)
+    assert taken(tempered(), hd.L1(), history) == yes[cells[tables.KERNELS]]
+    assert taken(varying(), hd.L1(), history) == yes[cells[tables.VARYING]]
+    assert taken(equation(0.5), hd.L1(), history, MESH) == yes[cells[tables.MESHES]]
