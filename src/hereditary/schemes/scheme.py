@@ -343,6 +343,13 @@ class Scheme(ABC):
         """Refuse orders and terms that the scheme does not take."""
         remedy = "use ExplicitCaputo, L1 or Collocation"
         name = type(self).__name__
+        for operator, _ in equation.left:
+            if operator.kernel is not None and not self.takes_kernels:
+                required = f"be Caputo operators with {name}"
+                raise ValueError(complaint("terms", required, f"{operator}", remedy))
+            if operator.varies and not self.takes_varying:
+                required = f"have constant orders with {name}"
+                raise ValueError(complaint("terms", required, f"{operator}", remedy))
         highest = float(equation.highest_orders().max())
         if highest > self.orders[1]:
             required = f"be at most {self.orders[1]:g} for {self!r}"
@@ -351,13 +358,6 @@ class Scheme(ABC):
         if terms > 1 and not self.several_terms:
             required = f"hold one term for each component with {name}"
             raise ValueError(complaint("terms", required, f"{terms}", remedy))
-        for operator, _ in equation.left:
-            if operator.kernel is not None and not self.takes_kernels:
-                required = f"be Caputo operators with {name}"
-                raise ValueError(complaint("terms", required, f"{operator}", remedy))
-            if operator.varies and not self.takes_varying:
-                required = f"have constant orders with {name}"
-                raise ValueError(complaint("terms", required, f"{operator}", remedy))
 
     @abstractmethod
     def order(self, alpha: float, smoothness: str = "smooth") -> float:

@@ -102,7 +102,7 @@ class Solution:
         unstable above 1. Complex eigenvalues of orders that vary are not seen.
     state : State
         Everything needed to go on, ``solve(eq, t_later, resume=sol.state)``: a few kilobytes with
-        `SumOfExponentials`, the whole past with `Direct`. None on a mesh.
+        `SumOfExponentials`, the whole past with `Direct`.
     dense : Dense or None
         Dense output that ``sol(t)`` reads; of a run that kept every step.
     t_events, y_events : list of ndarray

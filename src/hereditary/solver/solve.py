@@ -61,8 +61,8 @@ def solve(
         the state's.
     mesh : Graded or array_like, shape (n+1,), optional
         Instead of n_steps: ``graded(n, exponent)`` or times that increase from 0 to t_end. For L1,
-        L2 and L2Sigma with orders up to 1 (L2Sigma also above), with Direct or SumOfExponentials;
-        such a run cannot be resumed, its ``state`` is None.
+        L2 and L2Sigma with orders up to 1 (L2Sigma also above), with Direct or SumOfExponentials.
+        When resuming such a run, times from the state's on, or ``graded`` over what is left.
     scheme : Scheme, optional
         Default ``ExplicitCaputo()``, or ``Collocation()`` where `rtol` is given; the state's when
         resuming.
