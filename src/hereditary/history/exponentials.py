@@ -39,9 +39,10 @@ class SumOfExponentials(History):
     tol : float
         Relative error of the memory kernels, 1e-13 <= tol <= 0.1 [-].
     horizon : float, optional
-        Time that a run is going to be resumed to, where that is beyond twenty million steps, or
-        beyond the first run where a kernel is known by its values. The default covers 2 * 10**7
-        steps, or the whole run if longer; kernels of a function or a table the run alone [time].
+        Time that a run is going to be resumed to, where that is beyond twenty million steps, on a
+        mesh beyond ten times its length, or beyond the first run where a kernel is known by its
+        values. The default covers 2 * 10**7 steps, or the whole run if longer, ten times a mesh;
+        kernels of a function or a table the run alone [time].
 
     Error
     -----
