@@ -33,8 +33,8 @@ def equation(*terms, d=1):
 
 
 def tempered():
-    kernel = hd.TemperedPowerLaw(0.5, 1.0)
-    return hd.Equation([hd.Caputo(1.0), 5.0 * hd.Memory(kernel, 1)], decay, 1.0)
+    kernel = hd.TemperedPowerLaw(0.8, 1.0)
+    return hd.Equation([hd.Caputo(1.0), hd.Memory(kernel, 1)], decay, 1.0)
 
 
 def varying():
