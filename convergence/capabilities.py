@@ -1,4 +1,4 @@
-"""What schemes and histories take, as tables of their own fields, in README.md and choosing.md.
+"""Tables of what schemes and histories take, from their own fields, in README.md and choosing.md.
 
 Nothing is measured here: tests/test_capabilities.py makes a run for every cell. A full run writes
 the tables between the marks of both pages, a quick one compares them.
@@ -31,7 +31,7 @@ ORDERS, SEVERAL, DIFFER = "orders", "several terms", "terms differ by component"
 
 
 def scheme_cells(scheme):
-    """What a scheme takes, by ability, in words."""
+    """Abilities of a scheme and how far they go, in words."""
     low, high = scheme.orders
     return {
         ORDERS: f"({low:g}, {high:g}]",
@@ -46,7 +46,7 @@ def scheme_cells(scheme):
 
 
 def history_cells(history):
-    """What a history takes, by ability, in words."""
+    """Abilities of a history, in words."""
     return {
         KERNELS: _word(history.takes_kernels),
         VARYING: _word(history.takes_varying),
