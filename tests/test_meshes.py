@@ -234,7 +234,7 @@ def test_orders_above_1_keep_their_order_on_graded_meshes(beta):
         ({"scheme": hd.L12()}, "mesh must be left out with L12"),
         ({"scheme": hd.Adams()}, "mesh must be left out with Adams"),
         ({"history": hd.FFT()}, "mesh must be left out with FFT"),
-        ({"equation": OSCILLATOR, "scheme": hd.L2()}, r"order must lie in \(0, 1\] for L2"),
+        ({"equation": OSCILLATOR, "scheme": hd.L2()}, "order must be at most 1 for L2"),
     ],
 )
 def test_bad_meshes(change, match):

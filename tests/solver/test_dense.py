@@ -200,8 +200,8 @@ def test_runs_that_keep_rows_alone_have_no_dense_output():
     equation = hd.scenes.relaxation()
     for sol in (
         hd.solve(equation, 2.0, rtol=1e-6, t_eval=[1.0]),
-        hd.solve(equation, 2.0, 100),
-        hd.solve(equation, 2.0, 100, scheme=hd.BDF(2)),
+        hd.solve(equation, 2.0, 100, t_eval=[1.0]),
+        hd.solve(equation, 2.0, 100, scheme=hd.BDF(2), save_every=2),
     ):
         assert sol.dense is None
         with pytest.raises(ValueError, match="t must be answered by rows"):

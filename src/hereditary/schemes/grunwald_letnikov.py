@@ -143,6 +143,7 @@ class GrunwaldLetnikov(Scheme):
         start = np.where(equation.highest_orders() > 1, h * speeds, 0.0)
         # the second start value of a march is there from the first step on
         none, above = ((),) * len(distinct), equation.m == 2
+        more = (tuple(start_lists),) if above else ()
         return Plan(
             past=Convolution(tuple(lists), none, more_starts=more),
             rows=uniform_rows(h, 0.0, lead, near),

@@ -57,6 +57,7 @@ class L1(Scheme):
     solve: ClassVar[str] = "newton"
     takes_kernels: ClassVar[bool] = True
     takes_varying: ClassVar[bool] = True
+    meshes_up_to: ClassVar[float] = 2.0
     takes_meshes: ClassVar[bool] = True
 
     def order(self, alpha: float, smoothness: str = "smooth") -> float:

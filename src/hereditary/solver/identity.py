@@ -63,3 +63,9 @@ def check_identity(theirs, mine, allow_change):
 def _short(value):
     text = str(value)
     return text if len(text) <= _SHOWN else text[:_SHOWN] + " ..."
+
+
+def described(description):
+    """A frozen dataclass by name and values, whatever number types these have."""
+    values = {key: None if v is None else float(v) for key, v in vars(description).items()}
+    return f"{type(description).__name__}({values})"

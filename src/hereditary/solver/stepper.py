@@ -13,8 +13,9 @@ from ..memory_kernel import warn_of_fit
 from ..schemes.scheme import refuse_late
 from ..system import shifted, variational
 from .first_steps import first_steps
-from .identity import check_identity, identity
+from .identity import check_identity, described, identity
 from .state import State, check_sound, frozen, sealed
+from .stops import before_break, rows_beside
 
 # Steps in a block. Measured with 56 modes: 74, 75 and 85 ns a step at 16, 32 and 64, where the
 # in-block sums take over; below 16 the calls of the history do.
@@ -254,7 +255,10 @@ class Stepper:
 
     def seconds_of_rhs(self):
         """Time that one call of the right-hand side takes, a few microseconds of entry included."""
-        return seconds_of_rhs(self)
+        y, dy = self.y, np.empty(self.equation.d)
+        began = time.perf_counter()
+        self.equation._rhs(self.t, y, dy, self.equation._params)
+        return time.perf_counter() - began
 
     def prepare(self, n_end):
         """Make room for a march up to step `n_end`."""
@@ -285,9 +289,9 @@ class Stepper:
                 self._rows = self._past.rows
                 self.memory.follow(size)
             stop = min(n_end, known, self.memory.reach(self.n))
-            if (starting and self.n < 2) or self.breaks & {self.n, self.n + 1}:
+            if starting and self.n < 2:
                 stop = self.n + 1
-            stop = self._before_break(stop)
+            stop = before_break(self.breaks, self.n, stop)
             self.memory.refresh(self.n, self._march.pieces, self._table.groups)
             part = slice(written, int(np.searchsorted(positions, stop, side="right")))
             try:
@@ -321,7 +325,7 @@ class Stepper:
                 self.memory.tables,
                 self.memory.arrays,
                 self._table,
-                self._rows_beside_breaks(),
+                rows_beside(self.breaks, self.n, self._rows, self.steps),
                 self._march,
                 Output(positions, rows, slopes, jacobians),
                 n_end,
@@ -334,20 +338,6 @@ class Stepper:
                 taken = np.flatnonzero(jacobians[n_samples:].any(axis=(1, 2)))
                 steps = (n // every + taken) * every
                 self._note(region.ratios(jacobians[n_samples + taken], steps), steps)
-
-    def _before_break(self, stop):
-        """Last step up to `stop` before one that ends at a break."""
-        return min([stop, *(n - 1 for n in self.breaks if n - 1 > self.n)])
-
-    def _rows_beside_breaks(self):
-        """Rows of the next steps; of one beside a break, seen from its own side of the jump."""
-        sides = (self.n + 1 in self.breaks, -1.0), (self.n in self.breaks, 1.0)
-        theta = self._rows.theta
-        for beside, sign in sides:
-            t, unit = self.steps.time(self.n + 1), self.steps.unit(self.n + 1)
-            if beside and np.all(theta == (1.0 if sign < 0 else 0.0)):
-                theta = theta + sign * 8 * np.finfo(float).eps * t / unit
-        return self._rows._replace(theta=theta)
 
     def checkpoint(self):
         """Return all that `rewind` needs to come back to this step."""
@@ -401,25 +391,10 @@ class Stepper:
 
     def _identity(self, t):
         """Describe what a run to time t must share with one that resumes it."""
-        how = {"scheme": _described(self.scheme), "history": _described(self.history)}
+        how = {"scheme": described(self.scheme), "history": described(self.history)}
         return identity(self.equation, t, self.n_tangents, **how)
-
-
-def seconds_of_rhs(stepper):
-    """Time that one call of a stepper's right-hand side takes, entry included."""
-    equation, y = stepper.equation, stepper.y
-    dy = np.empty(equation.d)
-    began = time.perf_counter()
-    equation._rhs(stepper.t, y, dy, equation._params)
-    return time.perf_counter() - began
 
 
 def _by_columns(rows, none):
     """Copy rows, (k, W), as columns (W, k)."""
     return np.array((none if rows is None else rows).T, order="C")
-
-
-def _described(description):
-    """A frozen dataclass by name and values, whatever number types these have."""
-    values = {key: None if v is None else float(v) for key, v in vars(description).items()}
-    return f"{type(description).__name__}({values})"

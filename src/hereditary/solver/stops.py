@@ -1,4 +1,4 @@
-"""Breaks: times at which a right-hand side jumps."""
+"""Breaks, times at which a right-hand side jumps, and the steps beside them."""
 
 import numpy as np
 
@@ -6,6 +6,8 @@ from .._checks import complaint, real_array, shown
 
 # Breaks closer than this, relatively, are no two times to a clock of double precision.
 APART = 1e-13
+# A step next to a jump sees it from this far aside, relative to its time.
+_ASIDE = 8 * np.finfo(float).eps
 
 
 def checked_breaks(breaks):
@@ -20,3 +22,21 @@ def checked_breaks(breaks):
         pair = f"{float(times[close[0]])!r} and {float(times[close[0] + 1])!r}"
         raise ValueError(complaint("breaks", required, pair, "name such a jump once"))
     return times
+
+
+def before_break(breaks, n, stop):
+    """Step up to which a march goes from step n at once: each step beside a break goes alone."""
+    if not breaks:
+        return stop
+    if breaks & {n, n + 1}:
+        return n + 1
+    return min([stop, *(number - 1 for number in breaks if number > n)])
+
+
+def rows_beside(breaks, n, rows, steps):
+    """Return the rows of step n, which next to a break sees the jump from its own side."""
+    theta = rows.theta
+    for beside, seen, sign in ((n + 1 in breaks, 1.0, -1.0), (n in breaks, 0.0, 1.0)):
+        if beside and np.all(theta == seen):
+            theta = theta + sign * _ASIDE * steps.time(n + 1) / steps.unit(n + 1)
+    return rows._replace(theta=theta)
