@@ -14,7 +14,7 @@ FLOORS = {
     "_frozen": 0,
     "_digest": 0,
     "_warning": 0,
-    "kernels": 1,
+    "compiled": 1,
     "special": 1,
     "_callables": 1,
     "_differences": 1,

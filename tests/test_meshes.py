@@ -14,7 +14,7 @@ from test_pairs import EQUATIONS, REFUSED, name_of
 import hereditary as hd
 from hereditary.analysis.estimators import displaced
 from hereditary.analysis.order import observed_order
-from hereditary.kernels.mesh import moments
+from hereditary.compiled.mesh import moments
 from hereditary.meshes import mesh_steps
 from hereditary.solver.stepper import Stepper
 from hereditary.special import gauss_unit

@@ -40,7 +40,7 @@ def python(code, cache, path=SOURCE.parent):
 
 SOLVE = """
 import hereditary as hd
-from hereditary.kernels import march, modes, convolution
+from hereditary.compiled import march, modes, convolution
 hd.solve(hd.scenes.stick_slip(), 1.0, 100)
 hd.solve(hd.Equation(hd.Caputo(0.5), lambda t, y: -y, 1.0), 1.0, 100)
 entry = march.MARCHES["explicit", False].dispatcher
@@ -56,11 +56,11 @@ def test_solver_loops_compile_once_per_machine_whatever_the_function(tmp_path):
 
 
 TINY = """
-from hereditary._jit import F8, entry, inlined, kernel
+from hereditary._jit import F8, entry, inlined, compiled
 
 LIMIT = 1.0
 
-@kernel
+@compiled
 def doubled(x):
     \"\"\"Double.\"\"\"
     return 2.0 * x

@@ -1,4 +1,4 @@
-"""Command line (floor 6): run the hereditary stick-slip oscillator and draw it."""
+"""Command line: run the hereditary stick-slip oscillator and draw it."""
 
 from __future__ import annotations
 

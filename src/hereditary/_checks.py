@@ -1,4 +1,4 @@
-"""Argument checks in one wording (floor 0).
+"""Argument checks in one wording.
 
 Every message says which argument, what was required, what arrived and, where it helps, what to
 do: "n_steps must be a positive integer, got 2.5; pass int(n_steps)".

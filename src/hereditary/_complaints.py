@@ -1,4 +1,4 @@
-"""Complaints about a user's function, in one sentence with its line (floor 0)."""
+"""Complaints about a user's function, in one sentence with its line."""
 
 import linecache
 import re

@@ -1,4 +1,4 @@
-"""A given Jacobian against differences of its right-hand side (floor 1)."""
+"""A given Jacobian against differences of its right-hand side."""
 
 import numpy as np
 

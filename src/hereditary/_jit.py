@@ -1,6 +1,6 @@
-"""How functions are compiled (floor 0).
+"""How functions are compiled.
 
-`kernel` is for helpers called from compiled code, `entry` for the loops that Python calls,
+`compiled` is for helpers called from compiled code, `entry` for the loops that Python calls,
 `as_value` for a compiled function that is handed to an entry as a first-class value. Entries are
 compiled at first use for one fixed list of argument types and then locked, so they are compiled
 once per machine, whatever functions they are given.
@@ -67,7 +67,7 @@ class _Compiling:
 compiling = _Compiling()
 
 
-def kernel(fun, fused=False):
+def compiled(fun, fused=False):
     """Compile `fun` on first call: cached on disk, without the GIL, with IEEE division.
 
     With `fused` a product may be added without being rounded first; nothing is reordered.
@@ -103,12 +103,12 @@ def as_value(fun, signature):
     with compiling:
         if signature.args not in fun.overloads:
             fun.compile(signature.args)
-        compiled = fun.overloads[signature.args]
+        made = fun.overloads[signature.args]
         if isinstance(fun._cache, CodeCache):
             # numba looks the function up by its signature, and its two addresses by their names,
             # at every entry to a loop, which takes 20 us; the package's own functions have but
             # one signature
-            loaded = _Loaded(compiled)
+            loaded = _Loaded(made)
             fun.get_compile_result = lambda _: loaded
     return fun
 
@@ -131,7 +131,7 @@ class entry:
     def __call__(self, fun):
         if config.DISABLE_JIT:
             return fun
-        dispatcher = kernel(fun, self.fused)
+        dispatcher = compiled(fun, self.fused)
 
         def call(*args):
             if not dispatcher.overloads:

@@ -1,4 +1,4 @@
-"""Warnings that point at the user's line (floor 0)."""
+"""Warnings that point at the user's line."""
 
 import os
 import sys

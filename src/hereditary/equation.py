@@ -1,4 +1,4 @@
-"""The equation: a sum of memory terms equals a right-hand side (floor 2)."""
+"""The equation: a sum of memory terms equals a right-hand side."""
 
 import numbers
 from collections.abc import Callable, Iterable

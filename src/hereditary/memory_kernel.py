@@ -1,4 +1,4 @@
-"""Contract of memory kernels, and a sum of exponentials in place of one (floor 1)."""
+"""Contract of memory kernels, and a sum of exponentials in place of one."""
 
 from __future__ import annotations
 

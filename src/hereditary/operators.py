@@ -1,4 +1,4 @@
-"""Memory kernels and memory operators, and the terms they make (floor 2).
+"""Memory kernels and memory operators, and the terms they make.
 
 A memory operator sends y to ``int_0^t K(t-s) y^(m)(s) ds``. Caputo's derivative of order alpha is
 the one with m = ceil(alpha) and ``K(t) = t**(m-1-alpha) / Gamma(m-alpha)``; for integer alpha it

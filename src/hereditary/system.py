@@ -6,8 +6,8 @@ from functools import lru_cache
 import numpy as np
 from numba import njit
 
-from ._jit import JAC_SIG, as_value, kernel
-from .kernels.jacobian import jacobian_at
+from ._jit import JAC_SIG, as_value, compiled
+from .compiled.jacobian import jacobian_at
 from .terms import ConstantOrder, SystemTerm
 
 
@@ -89,7 +89,7 @@ class System:
         return out
 
 
-@kernel
+@compiled
 def _no_jacobian(t, y, out, params):
     """Stands in for a Jacobian where the user gives none."""
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from problems import PROBLEMS
 
 import hereditary as hd
-from hereditary.kernels.march import MARCHES
+from hereditary.compiled.march import MARCHES
 from hereditary.meshes import UniformSteps
 from hereditary.solver.stepper import BLOCK, Stepper
 

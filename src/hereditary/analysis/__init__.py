@@ -1,1 +1,1 @@
-"""Questions asked of schemes and steppers (floor 5)."""
+"""Questions asked of schemes and steppers."""

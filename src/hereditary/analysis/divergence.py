@@ -1,10 +1,10 @@
-"""The divergence of a classical flow along an orbit (floor 5)."""
+"""The divergence of a classical flow along an orbit."""
 
 import numpy as np
 
 from .._jit import F8, I8, MAT, VEC, entry
-from ..kernels.jacobian import jacobian
-from ..kernels.signatures import JAC, RHS
+from ..compiled.jacobian import jacobian
+from ..compiled.signatures import JAC, RHS
 
 
 class Divergence:

@@ -1,4 +1,4 @@
-"""How growth is measured over a stepper (floor 5): by tangents, pairs of orbits, or restarts."""
+"""How growth is measured over a stepper: by tangents, pairs of orbits, or restarts."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Growth and decay of tangents (floor 5): slopes, their errors, verdicts."""
+"""Growth and decay of tangents: slopes, their errors, verdicts."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Lyapunov exponents over any stepper, with all of the memory kept (floor 5)."""
+"""Lyapunov exponents over any stepper, with all of the memory kept."""
 
 from __future__ import annotations
 

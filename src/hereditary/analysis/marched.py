@@ -1,4 +1,4 @@
-"""Which system a Lyapunov run marches, and with which schemes (floor 5)."""
+"""Which system a Lyapunov run marches, and with which schemes."""
 
 from __future__ import annotations
 

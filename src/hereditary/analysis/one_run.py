@@ -1,4 +1,4 @@
-"""One Lyapunov run, from its arguments to its result (floor 5)."""
+"""One Lyapunov run, from its arguments to its result."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Observed orders of convergence (floor 5)."""
+"""Observed orders of convergence."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Dynamic regimes of a load that is pulled over a chain of wells (floor 5).
+"""Dynamic regimes of a load that is pulled over a chain of wells.
 
 What is counted are barriers passed and stretches at rest; order and disorder are told apart by
 whether the times spent in the wells repeat themselves, and by the late slope of the exponent.

@@ -1,4 +1,4 @@
-"""Sections of an orbit (floor 5): samples once a period, and local maxima.
+"""Sections of an orbit: samples once a period, and local maxima.
 
 Both read the dense output where a solution has one and parabolas through rows otherwise, and give
 arrays of a fixed size when asked to, filled up with NaN, so that a sweep can stack them.

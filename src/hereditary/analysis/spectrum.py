@@ -1,4 +1,4 @@
-"""Results of a Lyapunov run (floor 5), and the record they are made from."""
+"""Results of a Lyapunov run, and the record they are made from."""
 
 from __future__ import annotations
 

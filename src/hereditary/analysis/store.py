@@ -1,4 +1,4 @@
-"""Finished points of a sweep on disk (floor 5), so that a killed sweep goes on where it was.
+"""Finished points of a sweep on disk, so that a killed sweep goes on where it was.
 
 A file of lines of JSON: the grid, then one finished point a line, ``[index, status, values]``. Each
 line is written at once to the file's end. Python writes floats so that they are read back exactly.

@@ -1,4 +1,4 @@
-"""Sweeps over grids of parameters (floor 5): on all cores, in any order, resumed after a kill."""
+"""Sweeps over grids of parameters: on all cores, in any order, resumed after a kill."""
 
 from __future__ import annotations
 

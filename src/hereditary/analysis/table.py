@@ -1,4 +1,4 @@
-"""Labelled results of a sweep (floor 5), and how they are gathered from points in any order."""
+"""Labelled results of a sweep, and how they are gathered from points in any order."""
 
 from __future__ import annotations
 

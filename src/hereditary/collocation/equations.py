@@ -19,8 +19,8 @@ from typing import NamedTuple
 import numpy as np
 
 from .._checks import complaint
-from ..kernels.collocation import FORCE, ITSELF, POSITION, PRIMARY, SLOPE
-from ..kernels.structures import TERM
+from ..compiled.collocation import FORCE, ITSELF, POSITION, PRIMARY, SLOPE
+from ..compiled.structures import TERM
 from ..orders import OrderFailed
 from ..system import System
 from ..terms import Operator
@@ -38,7 +38,7 @@ class Form:
     Attributes
     ----------
     terms : recarray of `TERM`, shape (n,)
-        Convolution terms: row, integrand (kernels/collocation.py), index of the order or kernel,
+        Convolution terms: row, integrand (compiled/collocation.py), index of the order or kernel,
         and coefficient. Row c < d is p of component c, row d + c the terms subtracted from its
         right-hand side. The index is -1 where the integrand itself enters.
     offset_of : ndarray of int64, shape (n,)

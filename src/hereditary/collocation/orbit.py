@@ -13,8 +13,8 @@ import numpy as np
 from numpy.polynomial.legendre import legvander
 from scipy.special import rgamma
 
-from ..kernels.collocation import ITSELF, POSITION, PRIMARY, SLOPE
-from ..kernels.structures import Equations, OrbitArrays
+from ..compiled.collocation import ITSELF, POSITION, PRIMARY, SLOPE
+from ..compiled.structures import Equations, OrbitArrays
 from .exponential_basis import (
     PowerLawBasis,
     VaryingBasis,
@@ -164,7 +164,7 @@ class OrbitAndTangents:
         """Move to the end of a singular start; values (1 + k, 3, d, n) of f, p and y."""
         self._last_length, self._singular = length, (basis, values)
         self.x[:], self.p[:] = values[:, POSITION, :, -1], values[:, PRIMARY, :, -1]
-        if np.any(self.power_laws.rates[:1] == 0.0):  # as in kernels/adaptive.py
+        if np.any(self.power_laws.rates[:1] == 0.0):  # as in compiled/adaptive.py
             d = self.x.shape[1]
             self.initial += self.modes[:, :d, 0]
             self.modes[:, :d, 0] = 0.0

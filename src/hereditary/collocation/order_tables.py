@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from ..kernels.adaptive import times_inside
-from ..kernels.structures import TABULATED, record
+from ..compiled.adaptive import times_inside
+from ..compiled.structures import TABULATED, record
 from ..orders import OrderFailed
 from .quadrature import radau_integrals, radau_nodes
 

@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..kernels.adaptive import CRAWLING, JUMPING, NOT_SOLVED
-from ..kernels.collocation import POSITION, PRIMARY
+from ..compiled.adaptive import CRAWLING, JUMPING, NOT_SOLVED
+from ..compiled.collocation import POSITION, PRIMARY
 
 # Largest number of steps of a run by default.
 MAX_STEPS = 1_000_000

@@ -7,7 +7,7 @@ in a basis of such powers (power_basis.py).
 import numpy as np
 from scipy.special import rgamma
 
-from ..kernels.collocation import FORCE, POSITION, PRIMARY, solve_single_step
+from ..compiled.collocation import FORCE, POSITION, PRIMARY, solve_single_step
 from .orbit import convolution_terms
 from .power_basis import choose_map_rates, power_basis
 

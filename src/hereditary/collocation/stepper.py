@@ -4,7 +4,7 @@ import copy
 
 import numpy as np
 
-from ..kernels.adaptive import (
+from ..compiled.adaptive import (
     CRAWLING,
     FULL,
     ORDERS_NEEDED,
@@ -13,9 +13,9 @@ from ..kernels.adaptive import (
     TOO_ROUGH,
     march_adaptive,
 )
-from ..kernels.collocation import PRIMARY
-from ..kernels.mode_tables import empty_tables, floor_to_grid
-from ..kernels.structures import (
+from ..compiled.collocation import PRIMARY
+from ..compiled.mode_tables import empty_tables, floor_to_grid
+from ..compiled.structures import (
     ExponentialBasis,
     Limits,
     Rule,

@@ -1,1 +1,1 @@
-"""Histories (floor 3): one file each; how the past is summed, whatever the scheme."""
+"""Histories: one file each; how the past is summed, whatever the scheme."""

@@ -1,12 +1,12 @@
-"""Direct sums (floor 3): the reference history, exact to rounding, O(N**2)."""
+"""Direct sums: the reference history, exact to rounding, O(N**2)."""
 
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
-from ..kernels.convolution import exchange_direct
-from ..kernels.mesh import exchange_mesh_direct
+from ..compiled.convolution import exchange_direct
+from ..compiled.mesh import exchange_mesh_direct
 from ..meshes import Span
 from ..schemes.mesh import MeshSums
 from ..schemes.scheme import Convolution

@@ -1,4 +1,4 @@
-"""Sum of exponentials (floor 3): the past as some fifty decaying modes, O(1) a step.
+"""Sum of exponentials: the past as some fifty decaying modes, O(1) a step.
 
 On a uniform mesh the weights W_k, k >= 2, of all terms of an equation are sums over one bank of
 rates s_i, ``W_k = sum_i V_i q_i**(k-2)`` with q_i = exp(-s_i h). The modes ``Z_i = sum_m
@@ -11,9 +11,9 @@ from typing import ClassVar
 import numpy as np
 
 from .._checks import complaint, positive
+from ..compiled.mesh import exchange_mesh_modes
+from ..compiled.modes import exchange_modes
 from ..exponential_sum import fit_unit, tolerance
-from ..kernels.mesh import exchange_mesh_modes
-from ..kernels.modes import exchange_modes
 from ..meshes import Span
 from ..schemes.mesh import MeshSums
 from ..schemes.scheme import Convolution

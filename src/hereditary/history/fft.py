@@ -1,4 +1,4 @@
-"""FFT history (floor 3): direct sums rearranged, exact to rounding, O(N log(N)**2).
+"""FFT history: direct sums rearranged, exact to rounding, O(N log(N)**2).
 
 The sum over the past is cut into squares: after j stretches of R steps, with 2**m the largest power
 of two that divides j, the newest R 2**m pieces act on the coming R 2**m steps by one FFT product.
@@ -12,7 +12,7 @@ from typing import ClassVar
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 
-from ..kernels.convolution import exchange_pending
+from ..compiled.convolution import exchange_pending
 from ..schemes.scheme import Convolution
 from .history import History, Memory, NoMemory
 

@@ -1,4 +1,4 @@
-"""The history contract (floor 3).
+"""The history contract.
 
 A `History` is a description; `open` turns it into a `Memory` that holds the past of one run. On a
 uniform mesh the past is a sequence of pieces u_m, one for each of W columns, and the memory adds
@@ -16,8 +16,8 @@ import numpy as np
 
 from .._checks import complaint
 from .._jit import as_value
-from ..kernels.convolution import exchange_nothing
-from ..kernels.signatures import EXCHANGE_SIG, TABLES
+from ..compiled.convolution import exchange_nothing
+from ..compiled.signatures import EXCHANGE_SIG, TABLES
 from ..meshes import Span
 from ..schemes.mesh import MeshSums
 from ..schemes.scheme import Convolution
@@ -33,7 +33,7 @@ class Memory(ABC):
     Attributes
     ----------
     exchange : compiled function
-        Of signature `EXCHANGE_SIG`, kernels/signatures.py.
+        Of signature `EXCHANGE_SIG`, compiled/signatures.py.
     tables : tuple of eight ndarrays
         Tables that it reads.
     arrays : tuple of three ndarrays

@@ -14,15 +14,15 @@ import numpy as np
 from scipy.special import gammainccinv, gammaln, rgamma
 
 from .._checks import complaint
-from ..exponential_sum import trapezoid_step
-from ..kernels.convolution import exchange_nothing
-from ..kernels.orders import fill_starts
-from ..kernels.varying import (
+from ..compiled.convolution import exchange_nothing
+from ..compiled.orders import fill_starts
+from ..compiled.varying import (
     LANES,
     STARTS,
     exchange_kernel_modes,
     exchange_varying_direct,
 )
+from ..exponential_sum import trapezoid_step
 from ..schemes.varying import LEAST
 from ..special import mean_exponential
 from .history import Memory

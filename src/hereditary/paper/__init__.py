@@ -1,1 +1,1 @@
-"""The source's figures and what lies beyond them (floor 6): `python -m hereditary paper`."""
+"""The source's figures and what lies beyond them: `python -m hereditary paper`."""

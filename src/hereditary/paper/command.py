@@ -1,4 +1,4 @@
-"""`python -m hereditary paper` (floor 6): the source's figures, and maps beyond them."""
+"""`python -m hereditary paper`: the source's figures, and maps beyond them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Figures 1 to 8 of the source (floor 6), at its own step and converged.
+"""Figures 1 to 8 of the source, at its own step and converged.
 
 Each function computes one figure, saves it with its table, and returns what it found in lines.
 """

@@ -1,4 +1,4 @@
-"""Common parts of all figures (floor 6): where they go, how they are computed and saved."""
+"""Common parts of all figures: where they go, how they are computed and saved."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Beyond the source (floor 6): bifurcation diagrams and maps of dynamic regimes.
+"""Beyond the source: bifurcation diagrams and maps of dynamic regimes.
 
 The source names both as what is to be done next; it shows neither.
 """

@@ -1,4 +1,4 @@
-"""Computations at one point of a figure (floor 6).
+"""Computations at one point of a figure.
 
 Functions at the top of a module, which processes can call. `parameters` are those of the
 stick-slip scene, whose defaults are the source's: b 1, c 50, lambda 0.25, omega 1, x(0) 0.2,

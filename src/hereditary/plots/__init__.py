@@ -1,4 +1,4 @@
-"""Figures (floor 6); with the command line, the only modules that import matplotlib.
+"""Figures; with the command line, the only modules that import matplotlib.
 
 Every function draws into given axes or makes its own, and returns the axes.
 """

@@ -1,4 +1,4 @@
-"""Axes and their labels (floor 6)."""
+"""Axes and their labels."""
 
 import matplotlib.pyplot as plt
 

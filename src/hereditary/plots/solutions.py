@@ -1,4 +1,4 @@
-"""Figures of a solution (floor 6)."""
+"""Figures of a solution."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Figures of a sweep's table (floor 6): spectra, bifurcation diagrams, regime maps.
+"""Figures of a sweep's table: spectra, bifurcation diagrams, regime maps.
 
 Colours are those of Okabe and Ito, told apart by colour-blind readers too. What consists of many
 points is drawn as an image inside vector files.

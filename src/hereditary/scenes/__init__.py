@@ -1,4 +1,4 @@
-"""Scenes (floor 6): named parameter sets, each returning an `Equation`."""
+"""Scenes: named parameter sets, each returning an `Equation`."""
 
 from .chaotic import lorenz, rabinovich_fabrikant, rossler
 from .linear import oscillator, relaxation

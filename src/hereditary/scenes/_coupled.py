@@ -1,4 +1,4 @@
-"""Systems of order 1 and below: their orders and initial values in one wording (floor 6)."""
+"""Systems of order 1 and below: their orders and initial values in one wording."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Chaotic systems of three components, classical or with memory (floor 6).
+"""Chaotic systems of three components, classical or with memory.
 
 ``D^alpha y = rhs(y)``, alpha one order for all components or one for each; alpha = 1 is the system
 as its authors wrote it. All quantities are scaled [-].
@@ -7,12 +7,12 @@ as its authors wrote it. All quantities are scaled [-].
 from numpy.typing import ArrayLike
 
 from .._checks import real
-from .._jit import kernel
+from .._jit import compiled
 from ..equation import Equation
 from ._coupled import coupled
 
 
-@kernel
+@compiled
 def _lorenz(t, y, dy, params):
     # params: sigma, rho, b
     dy[0] = params[0] * (y[1] - y[0])
@@ -20,7 +20,7 @@ def _lorenz(t, y, dy, params):
     dy[2] = y[0] * y[1] - params[2] * y[2]
 
 
-@kernel
+@compiled
 def _lorenz_jacobian(t, y, jacobian, params):
     jacobian[0, 0], jacobian[0, 1], jacobian[0, 2] = -params[0], params[0], 0.0
     jacobian[1, 0], jacobian[1, 1], jacobian[1, 2] = params[1] - y[2], -1.0, -y[0]
@@ -77,7 +77,7 @@ def lorenz(
     return coupled(3, alpha, _lorenz, y0, params, _lorenz_jacobian)
 
 
-@kernel
+@compiled
 def _rossler(t, y, dy, params):
     # params: a, b, c
     dy[0] = -y[1] - y[2]
@@ -85,7 +85,7 @@ def _rossler(t, y, dy, params):
     dy[2] = params[1] + y[2] * (y[0] - params[2])
 
 
-@kernel
+@compiled
 def _rossler_jacobian(t, y, jacobian, params):
     jacobian[0, 0], jacobian[0, 1], jacobian[0, 2] = 0.0, -1.0, -1.0
     jacobian[1, 0], jacobian[1, 1], jacobian[1, 2] = 1.0, params[0], 0.0
@@ -140,7 +140,7 @@ def rossler(
     return coupled(3, alpha, _rossler, y0, params, _rossler_jacobian)
 
 
-@kernel
+@compiled
 def _rabinovich_fabrikant(t, y, dy, params):
     # params: a, b
     square = y[0] * y[0]
@@ -149,7 +149,7 @@ def _rabinovich_fabrikant(t, y, dy, params):
     dy[2] = -2.0 * y[2] * (params[1] + y[0] * y[1])
 
 
-@kernel
+@compiled
 def _rabinovich_fabrikant_jacobian(t, y, jacobian, params):
     square, product = y[0] * y[0], y[0] * y[1]
     jacobian[0, 0] = 2.0 * product + params[0]

@@ -1,19 +1,19 @@
-"""Linear scenes with known solutions (floor 6)."""
+"""Linear scenes with known solutions."""
 
 from .._checks import real, within
-from .._jit import kernel
+from .._jit import compiled
 from ..equation import Equation
 from ..operators import Caputo
 
 
-@kernel
+@compiled
 def _proportional(t, y, dy, params):
     """dy = params[0] y"""
     for j in range(y.shape[0]):
         dy[j] = params[0] * y[j]
 
 
-@kernel
+@compiled
 def _proportional_jacobian(t, y, jacobian, params):
     jacobian[:] = 0.0
     for j in range(y.shape[0]):

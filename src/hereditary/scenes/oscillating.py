@@ -1,4 +1,4 @@
-"""Nonlinear oscillators, classical or with memory (floor 6).
+"""Nonlinear oscillators, classical or with memory.
 
 A driven cubic spring, a self-excited circuit and an oscillating reaction. All quantities are
 scaled [-].
@@ -9,20 +9,20 @@ import math
 from numpy.typing import ArrayLike
 
 from .._checks import real
-from .._jit import kernel
+from .._jit import compiled
 from ..equation import Equation
 from ._coupled import coupled
 from .linear import oscillator_terms
 
 
-@kernel
+@compiled
 def _cubic_spring(t, y, dy, params):
     # params: stiffness, cubic, force, frequency
     spring = y[0] * (params[0] + params[1] * y[0] * y[0])
     dy[0] = params[2] * math.cos(params[3] * t) - spring
 
 
-@kernel
+@compiled
 def _cubic_spring_jacobian(t, y, jacobian, params):
     jacobian[0, 0] = -params[0] - 3.0 * params[1] * y[0] * y[0]
 
@@ -87,7 +87,7 @@ def duffing(
     )
 
 
-@kernel
+@compiled
 def _van_der_pol(t, y, dy, params):
     # params: mu, force, frequency
     dy[0] = y[1]
@@ -95,7 +95,7 @@ def _van_der_pol(t, y, dy, params):
     dy[1] = params[0] * (1.0 - y[0] * y[0]) * y[1] - y[0] + drive
 
 
-@kernel
+@compiled
 def _van_der_pol_jacobian(t, y, jacobian, params):
     jacobian[0, 0], jacobian[0, 1] = 0.0, 1.0
     jacobian[1, 0] = -2.0 * params[0] * y[0] * y[1] - 1.0
@@ -145,7 +145,7 @@ def van_der_pol(
     return coupled(2, alpha, _van_der_pol, y0, params, _van_der_pol_jacobian)
 
 
-@kernel
+@compiled
 def _brusselator(t, y, dy, params):
     # params: a, b
     product = y[0] * y[0] * y[1]
@@ -153,7 +153,7 @@ def _brusselator(t, y, dy, params):
     dy[1] = params[1] * y[0] - product
 
 
-@kernel
+@compiled
 def _brusselator_jacobian(t, y, jacobian, params):
     slope, square = 2.0 * y[0] * y[1], y[0] * y[0]
     jacobian[0, 0], jacobian[0, 1] = slope - params[1] - 1.0, square

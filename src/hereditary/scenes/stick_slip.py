@@ -1,4 +1,4 @@
-"""The hereditary stick-slip oscillator (floor 6).
+"""The hereditary stick-slip oscillator.
 
 A load on a spring that is pulled at a constant speed over a chain of potential wells,
 ``D^beta x + friction D^gamma x + omega**2 x = spring_speed t + adhesion sum_n a_n sin(n x)``.
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._checks import complaint, count, positive, real, real_array
-from .._jit import kernel
+from .._jit import compiled
 from ..equation import Equation
 from ..memory_kernel import MemoryKernel
 from ..operators import Memory, Term
@@ -27,7 +27,7 @@ _SHORTEST_STAY = 3.0
 _LOOKS = 8
 
 
-@kernel
+@compiled
 def _force(t, y, dy, params):
     """Spring, pull and wells; the sine series by Clenshaw's recurrence."""
     # params: omega**2, spring_speed, adhesion, a_1, a_2, ...
@@ -38,7 +38,7 @@ def _force(t, y, dy, params):
     dy[0] = params[1] * t + params[2] * b * math.sin(y[0]) - params[0] * y[0]
 
 
-@kernel
+@compiled
 def _force_jacobian(t, y, jacobian, params):
     """-omega**2 + adhesion sum_n n a_n cos(n x), by the same recurrence."""
     cosine = math.cos(y[0])

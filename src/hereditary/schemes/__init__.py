@@ -1,1 +1,1 @@
-"""Schemes (floor 2): one file each, its weights and declarations; no knowledge of histories."""
+"""Schemes: one file each, its weights and declarations; no knowledge of histories."""

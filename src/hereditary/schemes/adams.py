@@ -1,4 +1,4 @@
-"""Adams-type schemes in integral form (floor 2): predictor-corrector and product trapezoid.
+"""Adams-type schemes in integral form: predictor-corrector and product trapezoid.
 
 With ``c D^alpha x = f`` written as ``x = x(0) + t x'(0) + J^alpha f / c`` and f a line on each
 step, the increments of x weigh the values of f by ``h**alpha / Gamma(alpha+2) / c`` times
@@ -15,7 +15,7 @@ import numpy as np
 from scipy.special import rgamma, zeta
 
 from .._checks import count, within
-from ..kernels.watch import QUICK
+from ..compiled.watch import QUICK
 from ..special import first_moment_exponential, gauss_unit, mean_exponential
 from ..system import System
 from .modes import Modes, edge, series

@@ -1,4 +1,4 @@
-"""Convolution quadrature by backward difference formulas (floor 2).
+"""Convolution quadrature by backward difference formulas.
 
 With ``delta(z) = sum_(k=1)^p (1-z)**k / k`` the derivative of order alpha of x - x(0) - t x'(0) is
 the power series of ``(delta(z) / h)**alpha`` applied to its samples; applied to their increments it
@@ -13,7 +13,7 @@ import numpy as np
 from scipy.special import factorial, rgamma
 
 from .._checks import complaint, count, within
-from ..kernels.weights import series_of_power
+from ..compiled.weights import series_of_power
 from ..system import System
 from .derivative_form import derivative_plan
 from .scheme import Plan, Scheme, WeightRule, check_smoothness

@@ -1,4 +1,4 @@
-"""Terms with other kernels beside orders that vary (floor 2).
+"""Terms with other kernels beside orders that vary.
 
 With ``x_(n+1) = x_n + shift + w_n`` such a term is ``factor sum_k W_k u_(n-k)`` with weights that
 last: u are the w where the term acts on y'', and whole increments where it acts on y' or y. Where

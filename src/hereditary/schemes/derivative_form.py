@@ -1,4 +1,4 @@
-"""Plans of implicit schemes in derivative form, from their weight rules (floor 2)."""
+"""Plans of implicit schemes in derivative form, from their weight rules."""
 
 import numpy as np
 

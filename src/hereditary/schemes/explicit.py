@@ -1,4 +1,4 @@
-"""The explicit non-local scheme for Caputo terms (floor 2), the default.
+"""The explicit non-local scheme for Caputo terms, the default.
 
 On a uniform mesh, with increments ``y_n = x_(n+1) - x_n`` and second differences
 ``d_n = y_n - y_(n-1)``, a term of order alpha in (0, 1] is ``A sum_k b_k y_(n-k)`` and one of order
@@ -13,7 +13,7 @@ from typing import ClassVar
 import numpy as np
 
 from .._checks import complaint, within
-from ..kernels.watch import SLOWEST
+from ..compiled.watch import SLOWEST
 from ..system import System
 from .modes import Modes, edge, series
 from .scheme import (

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.special import rgamma
 
 from .._checks import within
-from ..kernels.watch import SLOWEST
+from ..compiled.watch import SLOWEST
 from ..special import mean_exponential
 from ..system import System
 from .bdf import quadrature_weights

@@ -1,4 +1,4 @@
-"""The L1 scheme (floor 2): piecewise linear solutions."""
+"""The L1 scheme: piecewise linear solutions."""
 
 from dataclasses import dataclass
 from functools import partial

@@ -1,4 +1,4 @@
-"""The L2 scheme (floor 2): piecewise quadratic solutions."""
+"""The L2 scheme: piecewise quadratic solutions."""
 
 from dataclasses import dataclass
 from functools import partial
@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from .._checks import complaint, shown, within
-from ..kernels.mesh import STEEPEST, moments
+from ..compiled.mesh import STEEPEST, moments
 from ..special import gauss_unit
 from ..system import System
 from .derivative_form import derivative_plan

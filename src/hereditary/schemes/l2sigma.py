@@ -1,4 +1,4 @@
-"""Alikhanov's L2-1sigma scheme (floor 2)."""
+"""Alikhanov's L2-1sigma scheme."""
 
 from dataclasses import dataclass
 from functools import partial

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from .._checks import complaint
-from ..kernels.mesh import fill_mesh
-from ..kernels.signatures import StepRows
+from ..compiled.mesh import fill_mesh
+from ..compiled.signatures import StepRows
 from ..special import gauss_unit
 from .derivative_form import drift_of_speed
 from .scheme import Plan, distinct_components

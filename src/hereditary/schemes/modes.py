@@ -1,4 +1,4 @@
-"""Modes that a scheme lets grow while they turn (floor 2), for systems of any Jacobian.
+"""Modes that a scheme lets grow while they turn, for systems of any Jacobian.
 
 With x_n = zeta**n v a scheme asks for ``C(zeta) v = 0``, C being a matrix of the step's weights and
 of the Jacobian that tends to 1 far out. So the turns of det C along the edge of a region tell how

@@ -1,4 +1,4 @@
-"""Symmetric order reduction (floor 2): order beta in (1, 2] as two equations of order beta/2.
+"""Symmetric order reduction: order beta in (1, 2] as two equations of order beta/2.
 
 With ``z = x - x(0) - t x'(0)`` and ``w = D^(beta/2) z`` the equation ``c D^beta x = f(t, x)``
 becomes ``D^(beta/2) z = w``, ``D^(beta/2) w = f(t, x) / c``, with z(0) = w(0) = 0. Marches remember

@@ -1,4 +1,4 @@
-"""The scheme contract (floor 2).
+"""The scheme contract.
 
 A scheme turns an equation and a step into a `Plan`: the tables its compiled march works on, and
 the `Convolution` that a history must sum for it. Nothing here knows how the past is summed.
@@ -14,7 +14,7 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 
 from .._checks import complaint
-from ..kernels.signatures import StepRows
+from ..compiled.signatures import StepRows
 from ..system import System
 
 
@@ -305,8 +305,8 @@ def check_smoothness(smoothness):
 class Scheme(ABC):
     """How one step is taken; subclasses are final frozen dataclasses, one file each.
 
-    A subclass declares how a step is solved (`solve`, a key of `MARCHES` in kernels/march.py), what
-    it takes, its proven order and its plan. convergence/capabilities.py tables what it takes.
+    A subclass declares how a step is solved (`solve`, a key of `MARCHES` in compiled/march.py),
+    what it takes, its proven order and its plan. convergence/capabilities.py tables what it takes.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Where an explicit scheme is stable (floor 2).
+"""Where an explicit scheme is stable.
 
 Inserting x_n = zeta**n and f = mu x into a convolution scheme gives the curve mu(zeta); a mode that
 decays in the equation grows in the scheme when mu lies beyond the curve of |zeta| = 1.

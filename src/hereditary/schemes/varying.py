@@ -12,9 +12,9 @@ from numpy.polynomial import Chebyshev, Polynomial
 from numpy.polynomial.polynomial import polyval
 
 from .._checks import complaint
-from ..kernels.orders import fill_term, invert_lead
-from ..kernels.signatures import StepRows
-from ..kernels.watch import SLOWEST
+from ..compiled.orders import fill_term, invert_lead
+from ..compiled.signatures import StepRows
+from ..compiled.watch import SLOWEST
 from ..orders import OrderFailed
 from ..special import alternating_power_sum
 from ..system import System

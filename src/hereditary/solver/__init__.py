@@ -1,1 +1,1 @@
-"""The solver (floor 4): stepper, driver, solution."""
+"""The solver: stepper, driver, solution."""

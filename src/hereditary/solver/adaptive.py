@@ -1,4 +1,4 @@
-"""The adaptive driver (floor 4): from t = 0 or a state to the end, through breaks and events."""
+"""The adaptive driver: from t = 0 or a state to the end, through breaks and events."""
 
 import time
 from dataclasses import replace

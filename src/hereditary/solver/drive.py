@@ -1,4 +1,4 @@
-"""Driving a march (floor 4): a stretch at a time, between looks at Ctrl-C and the progress bar."""
+"""Driving a march: a stretch at a time, between looks at Ctrl-C and the progress bar."""
 
 import time
 import traceback

@@ -1,4 +1,4 @@
-"""Events (floor 4): times at which functions of the solution vanish."""
+"""Events: times at which functions of the solution vanish."""
 
 import math
 import numbers

@@ -1,4 +1,4 @@
-"""Rows inside the first two steps (floor 4), where solutions start like a power of t.
+"""Rows inside the first two steps, where solutions start like a power of t.
 
 There a component is ``x(0) + t x'(0) + a t**alpha`` with alpha its highest order and a from the
 equation at 0, and powers more that go through the values of the scheme: with r = min(1, 2 alpha)

@@ -1,4 +1,4 @@
-"""Common traits of a run and of one that resumes it (floor 4)."""
+"""Common traits of a run and of one that resumes it."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Progress of a long run, and its interruption (floor 4)."""
+"""Progress of a long run, and its interruption."""
 
 import signal
 import sys

@@ -1,4 +1,4 @@
-"""Which rows of a run are kept (floor 4)."""
+"""Which rows of a run are kept."""
 
 import os
 

@@ -1,4 +1,4 @@
-"""Results of a run (floor 4): the orbit, how it ended, and the state to go on from."""
+"""Results of a run: the orbit, how it ended, and the state to go on from."""
 
 import enum
 from dataclasses import dataclass, field

@@ -1,4 +1,4 @@
-"""The front door of the solver (floor 4): checks what is asked and hands it to a driver."""
+"""The front door of the solver: checks what is asked and hands it to a driver."""
 
 from collections.abc import Callable, Sequence
 

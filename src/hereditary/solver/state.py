@@ -1,4 +1,4 @@
-"""States that a run leaves and another goes on from (floor 4)."""
+"""States that a run leaves and another goes on from."""
 
 import importlib.metadata
 from dataclasses import dataclass, field, replace

@@ -5,10 +5,10 @@ import time
 
 import numpy as np
 
-from ..kernels.block import BLOWN_UP, NOT_SOLVED, RUNNING
-from ..kernels.march import MARCHES
-from ..kernels.signatures import COUNTS, MONITOR, March, Output, StepTable
-from ..kernels.structures import plain, record
+from ..compiled.block import BLOWN_UP, NOT_SOLVED, RUNNING
+from ..compiled.march import MARCHES
+from ..compiled.signatures import COUNTS, MONITOR, March, Output, StepTable
+from ..compiled.structures import plain, record
 from ..memory_kernel import warn_of_fit
 from ..schemes.scheme import refuse_late
 from ..system import shifted, variational

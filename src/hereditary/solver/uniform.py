@@ -1,4 +1,4 @@
-"""The driver of given steps (floor 4): marches a stepper to the end and keeps the rows."""
+"""The driver of given steps: marches a stepper to the end and keeps the rows."""
 
 import math
 import time

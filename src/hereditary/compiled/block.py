@@ -1,6 +1,6 @@
 """Parts of the march: open a block, add known terms, start the memory, write rows."""
 
-from .._jit import inlined, kernel
+from .._jit import compiled, inlined
 from .jacobian import jacobian
 from .tangent import evaluate
 
@@ -10,7 +10,7 @@ LOOK_FROM = 0.9
 RUNNING, BLOWN_UP, NOT_SOLVED = 0, 1, 2
 
 
-@kernel
+@compiled
 def open_block(lag, pieces, n, groups, weights, exchange, tables, memory):
     """Set the lag of the block from step n on, and move the newest piece to its front."""
     newest = pieces.shape[1] - 1
@@ -24,7 +24,7 @@ def open_block(lag, pieces, n, groups, weights, exchange, tables, memory):
         pieces[c, 0] = pieces[c, newest]
 
 
-@kernel
+@compiled
 def samples(n, n_end, every):
     """Return what to subtract from n // every for the place of the regular Jacobian of step n.
 
@@ -36,14 +36,14 @@ def samples(n, n_end, every):
     return first, n // every - ((n_end - 1) // every + 1 - first)
 
 
-@kernel
+@compiled
 def keep_jacobian(rhs, jac, has_jac, params, t, orbit, k, output, counts):
     """Keep the Jacobian of a step at which one is taken for sure, as number k."""
     counts.rhs += jacobian(rhs, jac, has_jac, t, orbit, params, output.jacobians[k])
     counts.nearest = 0.5 * LOOK_FROM
 
 
-@kernel
+@compiled
 def begin_starts(rhs, jac, has_jac, params, memory, table, state, j_f, f):
     """Store the start values and add them to the first block.
 
@@ -67,7 +67,7 @@ def begin_starts(rhs, jac, has_jac, params, memory, table, state, j_f, f):
             begin_one(lag, memory, starts[c, v], c, own, 0, v, n_starts)
 
 
-@kernel
+@compiled
 def begin_first(memory, table, state):
     """Store the first start value, an increment, after the first step."""
     if table.integral == 1 or table.start_weights.shape[1] == 0:
@@ -78,7 +78,7 @@ def begin_first(memory, table, state):
         begin_one(state.lag, memory, value, c, own, 1, 0, state.starts.shape[1])
 
 
-@kernel
+@compiled
 def begin_one(lag, memory, value, c, weights, first, v, n_values):
     """Store number v of a column's start values, and add it to the first block from `first` on."""
     _, start, _ = memory

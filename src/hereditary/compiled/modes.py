@@ -1,4 +1,4 @@
-"""Exponential modes: the compiled half of the sum-of-exponentials history (floor 1).
+"""Exponential modes: the compiled half of the sum-of-exponentials history.
 
 A mode of rate s holds ``Z = sum_k q**(k_newest - k) u_k`` with q = exp(-s h); the memory of a
 block's worth of steps ahead is one product of mode amplitudes with a table of powers of q. Where a
@@ -7,10 +7,10 @@ scheme's first weights are no sum of exponentials, a window of the newest pieces
 
 import numpy as np
 
-from .._jit import kernel
+from .._jit import compiled
 
 
-@kernel
+@compiled
 def exchange_modes(lag, pieces, n, classes, tables, memory):
     """Take the finished block's pieces in and add the lag of all of them to the next block."""
     # lag (W, B), pieces (W, B + 1); memory: modes (W, M), modes of each start value (W, V M),
@@ -42,7 +42,7 @@ def exchange_modes(lag, pieces, n, classes, tables, memory):
             correct(lag[c], window[c], corrections[classes[c]])
 
 
-@kernel
+@compiled
 def add_rows(out, factors, rows):
     """out += factors @ rows, four rows at a time.
 
@@ -60,7 +60,7 @@ def add_rows(out, factors, rows):
             out[j] += factors[k] * rows[k, j]
 
 
-@kernel
+@compiled
 def slide(window, pieces):
     """Move the newest pieces into the window's end."""
     length, more = window.shape[0], pieces.shape[0]
@@ -70,7 +70,7 @@ def slide(window, pieces):
         window[k] = pieces[k - length + more]
 
 
-@kernel
+@compiled
 def correct(lag, window, corrections):
     """Add what the weights of the window's pieces differ by from their exponential sums."""
     # window[L - 1] is u_(n-2): k = 2 for the first step of the block

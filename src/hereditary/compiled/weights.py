@@ -1,11 +1,11 @@
-"""Weights that come from a recurrence (floor 1)."""
+"""Weights that come from a recurrence."""
 
 import numpy as np
 
-from .._jit import kernel
+from .._jit import compiled
 
 
-@kernel
+@compiled
 def series_of_power(factor, alpha, n):
     """Coefficients of ``(1-z)**(alpha-1) * F(z)**alpha``, F with the coefficients `factor`.
 

@@ -15,7 +15,7 @@ other kernels need of each column, shift and x(0), and has no columns without su
 
 import math
 
-from .._jit import inlined, kernel
+from .._jit import compiled, inlined
 
 # rows of a term in the weights of its modes
 STARTS = 6
@@ -23,7 +23,7 @@ STARTS = 6
 LANES = 4
 
 
-@kernel
+@compiled
 def exchange_varying_direct(lag, pieces, n, groups, tables, memory):
     """Store u_(n-2) and add ``sum_(k>=2) W_k u_(n-k)`` with the weights of step n."""
     # lag (W, 1), pieces (W, 2); last tables: logs (4, > n) of k, 1 + 1/k and of k - 1 + theta,
@@ -63,7 +63,7 @@ def exchange_varying_direct(lag, pieces, n, groups, tables, memory):
             lag[c, 0] += leads[a, i] * total
 
 
-@kernel
+@compiled
 def weighed(weights, stored, n, differences):
     """``sum_(k=2)^n weights_k u_(n-k)``, or of the differences of u, by Knuth's two-sum."""
     total, lost = 0.0, 0.0
@@ -138,7 +138,7 @@ def read_modes(lag, pieces, i, groups, derivatives, table, starts, size, modes):
         lag[c, 0] = total
 
 
-@kernel
+@compiled
 def exchange_kernel_modes(lag, pieces, n, groups, tables, memory):
     """Take u_(n-2) into the modes of other kernels, whose weights last, and add them to the lag.
 

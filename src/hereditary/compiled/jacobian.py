@@ -1,15 +1,15 @@
-"""The Jacobian of a right-hand side, from the user or by differences (floor 1)."""
+"""The Jacobian of a right-hand side, from the user or by differences."""
 
 import numpy as np
 
-from .._jit import F8, I8, MAT, VEC, entry, kernel
+from .._jit import F8, I8, MAT, VEC, compiled, entry
 from .signatures import JAC, RHS
 
 # Central differences lose least at the cube root of the rounding unit, 6e-6: error 4e-11 relative.
 _STEP = 6.055454452393343e-06
 
 
-@kernel
+@compiled
 def jacobian(rhs, jac, has_jac, t, y, params, out):
     """out[i, j] = d rhs_i / d y_j at (t, y); by central differences where `has_jac` is 0.
 

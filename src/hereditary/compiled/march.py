@@ -133,7 +133,7 @@ def marching(name, way, read=open_block):
         return RUNNING
 
     march.__name__ = march.__qualname__ = name
-    march.__doc__ = "March to step `end`; return how it ended (kernels/block.py)."
+    march.__doc__ = "March to step `end`; return how it ended (compiled/block.py)."
     return entry(*MARCH, fused=read is read_varying)(march)
 
 

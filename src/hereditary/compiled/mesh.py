@@ -10,13 +10,13 @@ import math
 
 import numpy as np
 
-from .._jit import kernel
+from .._jit import compiled
 
 # A step longer than this many times the one before gets a line, not a parabola that leans on it.
 STEEPEST = 30.0
 
 
-@kernel
+@compiled
 def moments(low, width, p, nodes, weights):
     """m_0 and m_1 over distances [low, low + width]; `nodes`, `weights`: Gauss rule on [0, 1].
 
@@ -40,7 +40,7 @@ def moments(low, width, p, nodes, weights):
     return m_0, p * width * width * middle ** (p - 1.0) * m_1
 
 
-@kernel
+@compiled
 def piece_of(newer, older, n, times, parabolas):
     """Slope and lean of the piece on the step before the newest one, that from t_(n-2) on."""
     # newer, older: increments of the newest step, from t_(n-1) on, and of the one before
@@ -51,7 +51,7 @@ def piece_of(newer, older, n, times, parabolas):
     return mean, 2.0 * (newer / step - mean) / (step + before)
 
 
-@kernel
+@compiled
 def bend_of(newer, older, n, times):
     """Slope of the velocity between the middles of the newest step and of the one before.
 
@@ -63,13 +63,13 @@ def bend_of(newer, older, n, times):
     return 2.0 * (newer / step - older / before) / (step + before)
 
 
-@kernel
+@compiled
 def middle_of(n, times):
     """Middle of step n; the one before the first is as long as that."""
     return 0.5 * (times[n] + times[n + 1]) if n >= 0 else 0.5 * (times[0] - times[1])
 
 
-@kernel
+@compiled
 def exchange_mesh_direct(lag, pieces, n, groups, tables, memory):
     """Store the pieces just finished and sum over all of them as seen in step n."""
     # lag (W, 1), pieces (W, 2): u_(n-2) and u_(n-1)
@@ -108,7 +108,7 @@ def exchange_mesh_direct(lag, pieces, n, groups, tables, memory):
         lag[c, 0] += leads[a, n] * total
 
 
-@kernel
+@compiled
 def exchange_mesh_modes(lag, pieces, n, groups, tables, memory):
     """Decay the modes over the newest pieces' steps, take these in, and read them all."""
     # tables: as above, with rates (1, M), weights (C, M) and derivatives (1, M) of the modes in
@@ -144,7 +144,7 @@ def exchange_mesh_modes(lag, pieces, n, groups, tables, memory):
         lag[c, 0] += leads[groups[c], n] * total[c]
 
 
-@kernel
+@compiled
 def exponential_moments(z, keep):
     """``int_0^1 exp(-z v) dv`` and ``int_0^1 v exp(-z v) dv``; keep = exp(-z)."""
     if z > 0.5:
@@ -157,7 +157,7 @@ def exponential_moments(z, keep):
     return mean, ramp
 
 
-@kernel
+@compiled
 def fill_mesh(times, theta, parabolas, factors, powers, derivatives, rule, lead, near):
     """Fill the inverse leading weights, and the weights of the increment before over them."""
     # times (N + 1,), theta (N,); factors, powers, derivatives (C, T); rule (2, 16)
@@ -173,7 +173,7 @@ def fill_mesh(times, theta, parabolas, factors, powers, derivatives, rule, lead,
             lead[a, n], near[a, n] = 1.0 / now, then / now
 
 
-@kernel
+@compiled
 def near_weights(factors, powers, derivatives, ahead, step, before, parabolas, rule):
     """Weights of the newest increment and of the one before it in the derivative."""
     now, then = 0.0, 0.0

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from hereditary.kernels.linalg import factorise, substitute
+from hereditary.compiled.linalg import factorise, substitute
 
 
 def solved(a, b):

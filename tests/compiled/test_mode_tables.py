@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from numpy.polynomial.legendre import leggauss, legvander
 
 from hereditary.collocation.quadrature import radau_nodes, to_legendre
-from hereditary.kernels.mode_tables import (
+from hereditary.compiled.mode_tables import (
     SLOTS,
     advance_modes,
     empty_tables,
@@ -21,7 +21,7 @@ from hereditary.kernels.mode_tables import (
     read_modes,
     set_mode_weights,
 )
-from hereditary.kernels.structures import TERM, Equations, ExponentialBasis
+from hereditary.compiled.structures import TERM, Equations, ExponentialBasis
 
 # Between neighbours of the grid lies a factor of 2**(1/8); its lengths are rounded up to 13 digits.
 FACTOR, ROUNDED = 2 ** (1 / 8), 1 + 2.0**-12

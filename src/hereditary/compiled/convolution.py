@@ -1,17 +1,17 @@
-"""Direct sums: the compiled half of the reference history (floor 1), and the empty history."""
+"""Direct sums: the compiled half of the reference history, and the empty history."""
 
 import numpy as np
 
-from .._jit import kernel
+from .._jit import compiled
 
 
-@kernel
+@compiled
 def exchange_direct(lag, pieces, n, classes, tables, memory):
     """Store the finished block's pieces, and add ``sum_m W_(n+i-m) u_m`` to the next block."""
     add_direct(lag, pieces, n, 0, classes, tables, memory)
 
 
-@kernel
+@compiled
 def exchange_pending(lag, pieces, n, classes, tables, memory):
     """Sum directly over the present stretch alone, and add the rest from `pending`."""
     # memory: stored pieces, start values, pending (W, capacity)
@@ -24,7 +24,7 @@ def exchange_pending(lag, pieces, n, classes, tables, memory):
             lag[c, i] += pending[c, n + i]
 
 
-@kernel
+@compiled
 def add_direct(lag, pieces, n, first, classes, tables, memory):
     """Store the finished block's pieces, and sum those stored from index `first` on.
 
@@ -62,6 +62,6 @@ def add_direct(lag, pieces, n, first, classes, tables, memory):
                     out[i] += s[n + i] * start[c, v]
 
 
-@kernel
+@compiled
 def exchange_nothing(lag, pieces, n, classes, tables, memory):
     """The history of an equation whose terms are all classical."""

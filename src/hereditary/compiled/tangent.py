@@ -1,4 +1,4 @@
-"""Tangents alongside an orbit (floor 1): the derivative of each step along some directions.
+"""Tangents alongside an orbit: the derivative of each step along some directions.
 
 The columns of a march are the d components of the orbit and then those of one tangent after the
 other. All linear parts of a step treat them alike; what remains is the right-hand side, which for a
@@ -7,12 +7,12 @@ tangent is the Jacobian at the orbit times its value.
 
 import numpy as np
 
-from .._jit import kernel
+from .._jit import compiled
 from .jacobian import jacobian
 from .linalg import solve_in_place
 
 
-@kernel
+@compiled
 def push_tangents(j_f, x, f):
     """Right-hand sides of the tangents: the Jacobian `j_f` (d, d) times each of them."""
     # x, f (W,)
@@ -25,7 +25,7 @@ def push_tangents(j_f, x, f):
             f[first + i] = total
 
 
-@kernel
+@compiled
 def evaluate(rhs, jac, has_jac, params, t, x, j_f, f, counts):
     """Right-hand sides of orbit and tangents; calls of `rhs` are counted."""
     # x, f (W,), j_f (d, d): filled with the Jacobian where there are tangents
@@ -38,13 +38,13 @@ def evaluate(rhs, jac, has_jac, params, t, x, j_f, f, counts):
         push_tangents(j_f, x, f)
 
 
-@kernel
+@compiled
 def solve_tangents(
     rhs, jac, has_jac, params, t, x, j_f, theta, shift, scale, known, lead, w, counts
 ):
     """Solve ``scale w + known = lead J (x + theta (shift + w))`` for every tangent's w.
 
-    J is the Jacobian where the orbit's own w, which is given, solves the step (kernels/newton.py).
+    J is the Jacobian where the orbit's own w, which is given, solves the step (compiled/newton.py).
     Returns False where the equations are singular; calls of `rhs` are counted.
     """
     # x, shift, known, lead, w (W,), j_f (d, d): filled with J, scale (>= d,)

@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from .._jit import kernel
+from .._jit import compiled
 from .structures import StepTables
 
 # Step lengths are 2**(n / _PER_OCTAVE), rounded up to so few digits that sums of them are exact:
@@ -25,7 +25,7 @@ def empty_tables(n_modes, s, n_kernels):
     return StepTables(np.zeros(SLOTS), *(np.full(shape, np.nan) for shape in slots))
 
 
-@kernel
+@compiled
 def floor_to_grid(h):
     """Return the largest length of the grid that does not exceed h, up to rounding."""
     power = math.floor(_PER_OCTAVE * math.log2(h)) / _PER_OCTAVE
@@ -33,7 +33,7 @@ def floor_to_grid(h):
     return math.ceil(2.0 ** (power - octave) * _DIGITS) / _DIGITS * 2.0**octave
 
 
-@kernel
+@compiled
 def find_slot(h, nodes, basis, tables):
     """Return the slot with the factors of a step of length h, computed if they are missing."""
     rates, weights, masses = basis.rates, basis.weights, basis.masses
@@ -55,7 +55,7 @@ def find_slot(h, nodes, basis, tables):
     return slot
 
 
-@kernel
+@compiled
 def set_kernel_matrix(h, nodes, rates, weights, mass, transforms, out):
     """Set out[i, j], the weight of the value at node j in the convolution at node i, over one step.
 
@@ -76,7 +76,7 @@ def set_kernel_matrix(h, nodes, rates, weights, mass, transforms, out):
         out[i, i] += mass
 
 
-@kernel
+@compiled
 def read_modes(modes, to_nodes, out):
     """Set out[c, i] = ``sum_m modes[c, m] to_nodes[m, i]``, the history at the nodes."""
     # modes (R, M), to_nodes (M, s), out (R, s)
@@ -87,7 +87,7 @@ def read_modes(modes, to_nodes, out):
                 out[c, i] += modes[c, m] * to_nodes[m, i]
 
 
-@kernel
+@compiled
 def advance_modes(h, to_end, moments, input_weights, offset_weights, legendre, values, modes):
     """Advance the modes over the step: decay, and absorb the integrands' polynomials on it."""
     # to_end (M,), moments (s, M), input_weights (R, n_q, M), offset_weights, modes (R, M),
@@ -111,7 +111,7 @@ def advance_modes(h, to_end, moments, input_weights, offset_weights, legendre, v
                 modes[c, m] += h * input_weights[c, q, m] * part[m]
 
 
-@kernel
+@compiled
 def set_mode_weights(equations, weights, of_varying, input_weights, offset_weights):
     """Set the weights with which the modes absorb integrands and, for the offsets, the constant 1.
 
@@ -134,7 +134,7 @@ def set_mode_weights(equations, weights, of_varying, input_weights, offset_weigh
                 offset_weights[column, c, m] -= weight * offsets[column, n]
 
 
-@kernel
+@compiled
 def exponential_legendre(z, n, out):
     """Set out[k] = ``int_0^1 exp(-z (1 - u)) P_k(2 u - 1) du``, k < n, for z >= 0.
 

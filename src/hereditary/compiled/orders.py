@@ -1,10 +1,10 @@
-"""Weights of operators whose orders vary, a stretch of steps at a time (floor 1)."""
+"""Weights of operators whose orders vary, a stretch of steps at a time."""
 
 import numpy as np
 from numpy.polynomial import Chebyshev, Polynomial
 from scipy.special import rgamma
 
-from .._jit import kernel
+from .._jit import compiled
 
 # Degree at which the polynomials below are right to rounding.
 _DEGREE = 18
@@ -26,7 +26,7 @@ def _polynomial(function):
 _FITS = np.array([_polynomial(lambda p: rgamma(p + 1)), _polynomial(_sine)])
 
 
-@kernel
+@compiled
 def fill_term(p, scale, factor, first, second, drift, least, lead, near, drifts, share, kernels):
     """Weights of one term, added to those of its class.
 
@@ -51,14 +51,14 @@ def fill_term(p, scale, factor, first, second, drift, least, lead, near, drifts,
         add_product(drifts, share, drift)
 
 
-@kernel
+@compiled
 def add_product(out, a, b):
     """out += a b."""
     for i in range(out.shape[0]):
         out[i] += a[i] * b[i]
 
 
-@kernel
+@compiled
 def invert_lead(lead):
     """Replace leading weights by their inverses.
 
@@ -73,7 +73,7 @@ def invert_lead(lead):
     return n_good
 
 
-@kernel
+@compiled
 def fill_starts(own, kernels, factors, decays):
     """Where one term's amplitudes begin on the grid of rates, and the weights of the slow end.
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from hereditary.kernels.convolution import exchange_direct
-from hereditary.kernels.jacobian import jacobian
-from hereditary.kernels.modes import add_rows, exchange_modes
+from hereditary.compiled.convolution import exchange_direct
+from hereditary.compiled.jacobian import jacobian
+from hereditary.compiled.modes import add_rows, exchange_modes
 
 RNG = np.random.default_rng(5)
 

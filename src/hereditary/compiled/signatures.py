@@ -1,4 +1,4 @@
-"""Types of the function values and array groups that marches and histories exchange (floor 1).
+"""Types of the function values and array groups that marches and histories exchange.
 
 A march advances in blocks of B steps over W columns. Between two blocks it hands the finished
 block's pieces to the history and gets the lag of everything older than the next one. Every history
@@ -31,7 +31,7 @@ COUNTS = np.dtype(
     + [("nearest", "f8")],
     align=True,
 )
-# What is watched of each component (kernels/watch.py): length of the alternation under way, the
+# What is watched of each component (compiled/watch.py): length of the alternation under way, the
 # largest increment of its present stretch and of the one before; step of the last turn, where
 # increments change sign, the change there and the growth of these changes; smallest and largest
 # increment of the present short stretch; turns in quick succession (-1: they may last), the largest
