@@ -34,7 +34,7 @@ from .block import (
 from .jacobian import jacobian
 from .newton import end_point, guess, solve_step
 from .signatures import MARCH
-from .step import add_drift, add_powers, change, close, know
+from .step import add_drift, add_powers, change, close, know, take_row
 from .tangent import evaluate, push_tangents, solve_tangents
 from .varying import read_varying
 from .watch import watch_turn
@@ -57,7 +57,8 @@ def marching(name, way, read=open_block):
         amplitudes, corrections, width = state.drift, state.corrections, x.shape[0]
         values, starts, first, slowest = rows.value, state.starts, state.first, table.slowest
         monitor = state.monitor
-        known, shift, lead, scale = np.zeros(width), np.zeros(width), np.ones(width), np.ones(width)
+        known, shift, scale, row = np.zeros(width), np.zeros(width), np.ones(width), -1
+        lead, near = np.ones(width), np.ones(width)
         w, f, moved, point = np.empty(width), np.empty(width), np.zeros(width), np.empty(width)
         j_f, orbit, f_orbit = np.empty((n_orbit, n_orbit)), x[:n_orbit], f[:n_orbit]
         first_sample, first_stretch = samples(counts.step, end, every)
@@ -74,10 +75,10 @@ def marching(name, way, read=open_block):
             if every > 0 and n % every == 0:
                 k = n // every - first_sample
                 keep_jacobian(rhs, jac, has_jac, params, n * h, orbit, k, output, counts)
-            know(
-                p, i, groups, length, speed, leads, nears, scales, lag, pieces, shift, lead, scale,
-                known,
-            )  # fmt: skip
+            if i != row:  # uniform steps share one
+                take_row(i, groups, length, speed, leads, nears, scales, shift, lead, near, scale)
+                row = i
+            know(p, near, lag, pieces, known)
             if drifts.shape[1] > 0:
                 add_drift(i, groups, drifts, values, speed, starts, known)
             if amplitudes.shape[1] > 0 or n < corrections.shape[1]:

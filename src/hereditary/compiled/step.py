@@ -4,14 +4,19 @@ from .._jit import compiled, inlined
 
 
 @inlined
-def know(
-    p, i, groups, length, speed, leads, nears, scales, lag, pieces, shift, lead, scale, known
-):  # fmt: skip
-    """Take the step's coefficients from its row, and add the newest piece to the lag."""
-    for c in range(known.shape[0]):
+def take_row(i, groups, length, speed, leads, nears, scales, shift, lead, near, scale):
+    """Take the coefficients of each column from row i."""
+    for c in range(lead.shape[0]):
         a = groups[c]
-        shift[c], lead[c], scale[c] = length[i] * speed[c], leads[a, i], scales[a, i]
-        known[c] = nears[a, i] * pieces[c, p] + lag[c, p]
+        shift[c], lead[c] = length[i] * speed[c], leads[a, i]
+        near[c], scale[c] = nears[a, i], scales[a, i]
+
+
+@inlined
+def know(p, near, lag, pieces, known):
+    """Add the newest piece to the lag."""
+    for c in range(known.shape[0]):
+        known[c] = near[c] * pieces[c, p] + lag[c, p]
 
 
 @inlined
