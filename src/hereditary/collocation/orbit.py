@@ -266,7 +266,7 @@ def convolution_terms(form):
 
 
 def _round_to_decades(closest, farthest):
-    """Round `closest` down to a power of 10 below `farthest`, so that runs reuse fits."""
+    """Return the next smaller distance ``farthest / 10**k``, so that similar runs share fits."""
     return farthest / 10.0 ** math.ceil(math.log10(max(farthest / closest, 10.0)))
 
 

@@ -76,7 +76,11 @@ def set_implicit_row(d, c, matrices):
 
 @compiled
 def nodal_slopes(h, inverse, start, p, out):
-    """Set p' at the nodes, of the polynomial through p at the start (d,) and nodes (d, s)."""
+    """Set `out` (d, s) to p' at the nodes, of the polynomial with these values of p.
+
+    p (d, s) are its values at the nodes, `start` (d,) that at the step's start; `inverse` (s, s) is
+    that of the matrix of integrals of order 1.
+    """
     for c in range(p.shape[0]):
         for i in range(p.shape[1]):
             total = 0.0
@@ -299,9 +303,11 @@ def residuals(base, matrices, p, x, f, out):
 def solve_tangents(
     rhs, jac, has_jac, params, times, h, base, x_start, second, matrices, integral, values, counts
 ):  # fmt: skip
-    """Solve the step, linearised along the orbit, for f, p and y of all tangents.
+    """Solve the step, linearised along the orbit, for the tangents' `values` at the nodes.
 
-    The orbit's values, column 0, must solve the step. Returns False where the matrix is singular.
+    These are the right-hand side f, the primary unknown p (y' where `second` is 1, else y) and y,
+    columns 1 to k; column 0, the orbit, must solve the step already. Returns False where Newton's
+    matrix is singular.
     """
     # base (1 + k, R, s), x_start (1 + k, d), values (1 + k, 3, d, s)
     d, s = second.shape[0], base.shape[2]

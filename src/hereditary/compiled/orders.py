@@ -28,11 +28,14 @@ _FITS = np.array([_polynomial(lambda p: rgamma(p + 1)), _polynomial(_sine)])
 
 @compiled
 def fill_term(p, scale, factor, first, second, drift, least, lead, near, drifts, share, kernels):
-    """Weights of one term, added to those of its class.
+    """Work out one term's amplitudes at n steps, and add its nearest weights to its group's.
 
-    ``factor scale / Gamma(p + 1)`` is what all of them are multiples of: first and second the
-    nearest two, drift, where it is not empty, that of x'(0). Exponents 1 - p below `least` count as
-    that.
+    The term's Caputo weights are multiples of its amplitude ``factor scale / Gamma(p + 1)``, which
+    goes to `share`; its kernel as an integral over rates has the amplitude in `kernels`. Times
+    `first`, `second` and `drift` it is added to the group's weights `lead` of the newest increment,
+    `near` of the one before, and `drifts` of x'(0); `drift` is empty where x'(0) has no weight.
+    Exponents 1 - p are at least `least`, so that amplitudes stay what they are where rounding takes
+    an exponent for 0.
     """
     # p, scale, first, second, drift (n,); lead, near, drifts (n,) of the group; share, kernels (n,)
     for i in range(p.shape[0]):
@@ -53,7 +56,7 @@ def fill_term(p, scale, factor, first, second, drift, least, lead, near, drifts,
 
 @compiled
 def add_product(out, a, b):
-    """out += a b."""
+    """Add the product of a and b, element by element, to `out`; all (n,)."""
     for i in range(out.shape[0]):
         out[i] += a[i] * b[i]
 
@@ -75,10 +78,13 @@ def invert_lead(lead):
 
 @compiled
 def fill_starts(own, kernels, factors, decays):
-    """Where one term's amplitudes begin on the grid of rates, and the weights of the slow end.
+    """Work out one term's modes at n steps: its first amplitude on the grid, and the slow nodes'.
 
-    The slow end holds all amplitudes in front of the grid, whose moments are ``before / (1 -
-    exp(-(a + k) h))``, before being the last of them.
+    On the grid of rates ``exp(h j)`` the kernel ``t**-a`` has amplitudes in geometric progression,
+    with the ratio exp(a h) in row 1 of `own`; row 0 becomes the first of them. All slower rates
+    are replaced by three nodes with the same moments k = 0, 1, 2, ``before / (1 - exp(-(a + k)
+    h))`` where `before` is the amplitude one rate below the grid; rows 3 to 5 become the weights of
+    these nodes.
     """
     # own (6, n): exp(a x), exp(a h), any, exp(-a h) - 1 and unused; factors (3, 3): what each
     #   moment gives to the nodes; decays (2,): exp(-k h)

@@ -107,7 +107,10 @@ class Schedule:
         self._n_end, self._known, self._trouble = 0, (0, 0, 0), ""
 
     def prepare(self, n_end: int) -> None:
-        """Look at the orders of a run to step `n_end`; raise `OrderFailed` where one is bad."""
+        """Check the orders at some thousand steps up to `n_end`, before the run begins.
+
+        Raises `OrderFailed` where one is outside its range, or its function raises.
+        """
         if n_end <= self._n_end:
             return
         steps = np.unique(np.linspace(0, n_end - 1, _LOOKED_AT).astype(int))
@@ -117,14 +120,14 @@ class Schedule:
         self._n_end = n_end
 
     def reach(self, n: int) -> tuple[int, int]:
-        """Work out the steps around step n, where they are not yet.
+        """Fill the rows of the stretch of steps that holds step n, unless they are in place.
 
         Returns
         -------
         end : int
-            Step up to which they are worked out.
+            First step behind the filled ones.
         size : int
-            Number of steps newly worked out.
+            Number of steps filled by this call; 0 where they were in place.
         """
         first, last, n_end = self._known
         size = 0
