@@ -57,7 +57,7 @@ def test_no_friction_is_allowed():
 class Orbit:
     """Stands in for a solution: a load at the given places at the times 0, 1, 2, ..."""
 
-    dense = None
+    coarse = False
 
     def __init__(self, places):
         self.t = np.arange(float(len(places)))

@@ -1,6 +1,6 @@
 """Sections of an orbit: samples once a period, and local maxima.
 
-Both read the dense output where a solution has one and parabolas through rows otherwise, and give
+Both read the dense output of collocation, and parabolas through the rows of given steps, and give
 arrays of a fixed size when asked to, filled up with NaN, so that a sweep can stack them.
 """
 
@@ -144,7 +144,7 @@ def maxima(
     t, best = _vertices(
         *(times[top + k] for k in (-1, 0, 1)), *(values[top + k] for k in (-1, 0, 1))
     )
-    if solution.dense is not None and t.size:
+    if solution.coarse and t.size:
         t, best = _refined(solution, j, derivative, t, times[top + 1] - times[top - 1])
     size = _size(count, t.size)
     kept = slice(max(0, t.size - size), None)
@@ -154,8 +154,8 @@ def maxima(
 def values_at(solution: Solution, times: ArrayLike, derivative: int = 0) -> np.ndarray:
     """The solution, or its first derivative, at times within the run, shape (k, d).
 
-    From the dense output where there is one, otherwise by parabolas through the three rows nearest
-    to each time.
+    From the dense output of `Collocation`, otherwise by parabolas through the three rows nearest to
+    each time.
     """
     at = real_array("times", times)
     ends = solution.t[0], solution.t[-1]
@@ -164,7 +164,7 @@ def values_at(solution: Solution, times: ArrayLike, derivative: int = 0) -> np.n
         required = f"be a sequence of times in [{ends[0]:g}, {ends[1]:g}]"
         raise ValueError(complaint("times", required, shown(at)))
     at = np.clip(at, *ends)
-    if solution.dense is not None:
+    if solution.coarse:
         return solution(at, derivative) if at.size else np.empty((0, solution.y.shape[1]))
     t, rows = solution.t, _rows(solution, derivative)
     if t.size < 3:
@@ -192,7 +192,7 @@ def _rows(solution, derivative):
 
 def _samples(solution, j, derivative):
     """Times and values among which maxima are looked for."""
-    if solution.dense is None:
+    if not solution.coarse:
         return solution.t, _rows(solution, derivative)[:, j]
     share = np.arange(_LOOKS) / _LOOKS
     t = solution.t

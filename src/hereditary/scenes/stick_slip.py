@@ -207,7 +207,7 @@ def sticking_intervals(
 def _sampled(solution):
     """Times, positions, and a function that locates a level behind a sample."""
     t, x = solution.t, solution.y[:, 0]
-    if solution.dense is None:
+    if not solution.coarse:
 
         def between_rows(i, level):
             return float(t[i] + (level - x[i]) * (t[i + 1] - t[i]) / (x[i + 1] - x[i]))

@@ -12,10 +12,12 @@ class Dense:
     ----------
     second : ndarray of bool, shape (d,)
         Components whose first derivative was the unknown.
+    resolved : bool
+        Whether steps are so short that their ends show whatever happens.
     """
 
-    def __init__(self, second):
-        self._second = np.asarray(second, dtype=bool)
+    def __init__(self, second, resolved=False):
+        self._second, self.resolved = np.asarray(second, dtype=bool), resolved
         self._pieces: list = []
         self._starts: list[float] = []
 

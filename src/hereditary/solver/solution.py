@@ -125,6 +125,11 @@ class Solution:
         """Whether the run came to its end as asked for, inside the scheme's stability limit."""
         return self.status in (Status.COMPLETED, Status.EVENT)
 
+    @property
+    def coarse(self) -> bool:
+        """Whether the dense output shows more than the rows, whose steps are long."""
+        return self.dense is not None and not self.dense.resolved
+
     def __bool__(self) -> bool:
         return self.success
 

@@ -202,6 +202,6 @@ def _dense(stepper, wanted, t, y, ydot):
     """Dense output of a run that kept every step; None for others."""
     if not wanted.keeps_steps or t.size < 2:
         return None
-    dense = Dense(stepper.equation.highest_orders() > 1)
+    dense = Dense(stepper.equation.highest_orders() > 1, resolved=True)
     dense.add(StepPieces(t, y, ydot, starting_steps(stepper, t[0])), t[0])
     return dense
