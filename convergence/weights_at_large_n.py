@@ -10,10 +10,12 @@ import mpmath
 import numpy as np
 from _study import Study, check
 
-from hereditary.schemes import weights as rules
 from hereditary.schemes.adams import hat_weights
+from hereditary.schemes.weights import parabola_start
+from hereditary.step_kernel import PowerSteps
 
 P = 0.3  # kernel p t**(p-1): order 0.7, and for the hats alpha = 1.3
+KERNEL = PowerSteps(P)
 
 
 def second_difference(k, number):
@@ -39,8 +41,8 @@ def hat(k, number):
 def ours(name, ks):
     n = max(ks) + 2
     table = {
-        "second differences": lambda: rules.power_second_differences(P, n),
-        "parabola moments": lambda: -rules.parabola_start(1.0).exact(P, n),
+        "second differences": lambda: KERNEL.differences(n),
+        "parabola moments": lambda: -parabola_start(1.0).exact(KERNEL, n),
         "hat weights": lambda: hat_weights(1 + P, n),
     }[name]()
     # the moment over [k, k+1] is the start weight of k
