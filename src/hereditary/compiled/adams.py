@@ -1,5 +1,7 @@
 """Prediction and corrector sweeps, for pieces that are values of f."""
 
+import numpy as np
+
 from .._jit import compiled, inlined
 from .jacobian import jacobian
 
@@ -40,8 +42,9 @@ def settle(lead, f, force, lacks):
 def look_again(rhs, jac, has_jac, params, t, point, moved, k, output, counts):
     """Keep the Jacobian in the middle of the last two sweeps, as number k."""
     sample = output.jacobians[k]
-    d = sample.shape[0]
-    middle = point[:d] - 0.5 * moved[:d]
+    middle = np.empty(sample.shape[0])
+    for c in range(middle.shape[0]):
+        middle[c] = point[c] - 0.5 * moved[c]
     counts.rhs += jacobian(rhs, jac, has_jac, t, middle, params, sample)
 
 

@@ -57,8 +57,8 @@ def begin_starts(rhs, jac, has_jac, params, memory, table, state, j_f, f):
     n_groups = weights.shape[0] // n_starts
     if table.integral == 1:
         evaluate(rhs, jac, has_jac, params, 0.0, state.x, j_f, f, state.counts)
-        state.force[:] = f
         for c in range(lag.shape[0]):
+            state.force[c] = f[c]
             begin_one(lag, memory, f[c], c, weights[groups[c]], 0, 0, 1)
         return
     for c in range(lag.shape[0]):

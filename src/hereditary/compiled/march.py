@@ -34,7 +34,7 @@ from .block import (
 from .jacobian import jacobian
 from .newton import end_point, guess, solve_step
 from .signatures import MARCH
-from .step import add_drift, add_powers, change, close, know, take_row
+from .step import add_drift, add_powers, change, close, know, put, take_row
 from .tangent import evaluate, push_tangents, solve_tangents
 from .varying import read_varying
 from .watch import watch_turn
@@ -91,7 +91,7 @@ def marching(name, way, read=open_block):
                     push_tangents(j_f, x, f)
                 change(n, p, given, lead, known, shift, f, u, pieces, w, d)
             elif newton and n == 0 and given[0] == 1:
-                w[:] = first
+                put(first, w)
             elif newton:
                 guess(p, integral, ratio[i], lead, known, force, pieces, w)
                 if not solve_step(
@@ -107,7 +107,7 @@ def marching(name, way, read=open_block):
                 if integral == 1:
                     end_point(x, shift, w, point)
                     evaluate(rhs, jac, has_jac, params, t, point, j_f, f, counts)
-                    force[:] = f
+                    put(f, force)
             else:
                 predict(lead, known, shift, force, lacks, x, w, point)
                 for _ in range(table.sweeps):

@@ -88,7 +88,8 @@ def read_varying(lag, pieces, n, groups, weights, exchange, tables, memory):
     read_modes(lag, pieces, i, groups, derivatives, table, starts, size, modes)
     if begun.shape[1] > 0:
         exchange(lag, pieces, n, groups, tables, memory)
-    pieces[:, 0] = pieces[:, 1]
+    for c in range(lag.shape[0]):
+        pieces[c, 0] = pieces[c, 1]
 
 
 @inlined
