@@ -2,7 +2,6 @@
 
 from .._jit import compiled, inlined
 from .jacobian import jacobian
-from .tangent import evaluate
 
 # Fraction of the limit from which a Jacobian tells for sure; one is taken again at twice as much.
 LOOK_FROM = 0.9
@@ -44,44 +43,32 @@ def keep_jacobian(rhs, jac, has_jac, params, t, orbit, k, output, counts):
 
 
 @compiled
-def begin_starts(rhs, jac, has_jac, params, memory, table, state, j_f, f):
-    """Store the start values and add them to the first block.
-
-    That is all (W, V) of them but the first, which is known after the first step alone; in integral
-    form the right-hand side at 0.
-    """
-    weights, starts, groups, lag = table.start_weights, state.starts, table.groups, state.lag
-    if weights.shape[1] == 0:  # the history takes them by itself
-        return
+def begin_starts(lag, start, starts, groups, weights):
+    """Store all start values but the first, which waits for the first step, and add them."""
+    # lag (W, B), start: memory of start values (W, V length), starts (W, V), weights (V C, B + 2)
     n_starts = max(1, starts.shape[1])
     n_groups = weights.shape[0] // n_starts
-    if table.integral == 1:
-        evaluate(rhs, jac, has_jac, params, 0.0, state.x, j_f, f, state.counts)
-        for c in range(lag.shape[0]):
-            state.force[c] = f[c]
-            begin_one(lag, memory, f[c], c, weights[groups[c]], 0, 0, 1)
+    if weights.shape[1] == 0:  # the history takes them by itself
         return
     for c in range(lag.shape[0]):
         for v in range(1, n_starts):
-            own = weights[v * n_groups + groups[c]]
-            begin_one(lag, memory, starts[c, v], c, own, 0, v, n_starts)
+            begin_one(
+                lag, start, starts[c, v], c, weights[v * n_groups + groups[c]], 0, v, n_starts
+            )
 
 
 @compiled
-def begin_first(memory, table, state):
-    """Store the first start value, an increment, after the first step."""
-    if table.integral == 1 or table.start_weights.shape[1] == 0:
-        return
-    for c in range(state.x.shape[0]):
-        value = state.starts[c, 0] if table.start_known == 1 else state.pieces[c, 1]
-        own = table.start_weights[table.groups[c]]
-        begin_one(state.lag, memory, value, c, own, 1, 0, state.starts.shape[1])
+def begin_first(lag, start, values, groups, weights, n_starts, first):
+    """Store the first start value of each column, and add it to the block from step `first` on."""
+    # values (W,)
+    if weights.shape[1] > 0:
+        for c in range(lag.shape[0]):
+            begin_one(lag, start, values[c], c, weights[groups[c]], first, 0, n_starts)
 
 
 @compiled
-def begin_one(lag, memory, value, c, weights, first, v, n_values):
+def begin_one(lag, start, value, c, weights, first, v, n_values):
     """Store number v of a column's start values, and add it to the first block from `first` on."""
-    _, start, _ = memory
     length = start.shape[1] // n_values
     for i in range(v * length, (v + 1) * length):
         start[c, i] = value

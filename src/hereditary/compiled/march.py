@@ -56,10 +56,10 @@ def marching(name, way, read=open_block):
         every, n_orbit, integral = table.every, table.n_orbit, table.integral
         amplitudes, corrections, width = state.drift, state.corrections, x.shape[0]
         values, starts, first, slowest = rows.value, state.starts, state.first, table.slowest
-        monitor = state.monitor
-        known, shift, scale, row = np.zeros(width), np.zeros(width), np.ones(width), -1
-        lead, near = np.ones(width), np.ones(width)
-        w, f, moved, point = np.empty(width), np.empty(width), np.zeros(width), np.empty(width)
+        monitor, start_weights, (_, start, _) = state.monitor, table.start_weights, memory
+        room, row = np.zeros((9, width)), -1
+        known, shift, scale, lead, near = room[0], room[1], room[2], room[3], room[4]
+        w, f, moved, point = room[5], room[6], room[7], room[8]
         j_f, orbit, f_orbit = np.empty((n_orbit, n_orbit)), x[:n_orbit], f[:n_orbit]
         first_sample, first_stretch = samples(counts.step, end, every)
         counts.rows = 0
@@ -69,8 +69,11 @@ def marching(name, way, read=open_block):
             t = (n + theta[i]) * h if h > 0.0 else rows.times[i] + theta[i] * unit[i]
             if p == 0 and counts.opened != n:  # the right-hand side may have raised since
                 read(lag, pieces, n, groups, weights, exchange, tables, memory)
-                if n == 0:
-                    begin_starts(rhs, jac, has_jac, params, memory, table, state, j_f, f)
+                if n == 0 and integral == 0:
+                    begin_starts(lag, start, starts, groups, start_weights)
+                elif n == 0 and not explicit:
+                    evaluate(rhs, jac, has_jac, params, 0.0, x, j_f, force, counts)
+                    begin_first(lag, start, force, groups, start_weights, 1, 0)
                 counts.opened = n
             if every > 0 and n % every == 0:
                 k = n // every - first_sample
@@ -125,8 +128,10 @@ def marching(name, way, read=open_block):
             for c in range(n_orbit if slowest > 0.0 else 0):
                 if (u[c] - d[c]) * u[c] < 0.0:  # a turn of the increments
                     watch_turn(monitor[c], d[c], u[c], x[c], slowest, counts)
-            if n == 0:
-                begin_first(memory, table, state)
+            if n == 0 and integral == 0:
+                for c in range(width):  # the first start value is an increment
+                    known[c] = starts[c, 0] if explicit else w[c]
+                begin_first(lag, start, known, groups, start_weights, starts.shape[1], 1)
             counts.step = n + 1
             counts.rows = write_rows(n + 1, counts.rows, output, x, u, d, unit[i])
             if not bounded(orbit):

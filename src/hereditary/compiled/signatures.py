@@ -47,18 +47,17 @@ class StepTable(NamedTuple):
     """Coefficients that all steps of a run share, for W columns in C groups and blocks of B steps.
 
     h, the step, 0 on a mesh; slowest, steps between turns up to which these are watched (0: none);
-    sweeps of a corrector; integral, whether pieces are values of f instead of increments;
-    start_known, whether the first start value is; n_orbit components, the first columns; every so
-    many steps a Jacobian is kept (0: none). groups and given (W,), whether the first increment is
-    given; weights and start_weights (C, B + 2) and (V C, B + 2) inside a block; limits (W,) of lead
-    times -J for sweeps; powers (r, W) of the known terms.
+    sweeps of a corrector; integral, whether pieces are values of f instead of increments; n_orbit
+    components, the first columns; every so many steps a Jacobian is kept (0: none). groups and
+    given (W,), whether the first increment is given; weights and start_weights (C, B + 2) and
+    (V C, B + 2) inside a block; limits (W,) of lead times -J for sweeps; powers (r, W) of the known
+    terms.
     """
 
     h: float
     slowest: float
     sweeps: int
     integral: int
-    start_known: int
     n_orbit: int
     every: int
     groups: np.ndarray
@@ -131,9 +130,7 @@ class Output(NamedTuple):
 
 
 _COUNTS = from_dtype(COUNTS)
-STEP_TABLE = types.NamedTuple(
-    (F8, F8, I8, I8, I8, I8, I8, IVEC, IVEC, MAT, MAT, VEC, MAT), StepTable
-)
+STEP_TABLE = types.NamedTuple((F8, F8, I8, I8, I8, I8, IVEC, IVEC, MAT, MAT, VEC, MAT), StepTable)
 STEP_ROWS = types.NamedTuple((I8, I8, VEC, VEC, VEC, VEC, VEC, MAT, MAT, MAT, MAT, MAT), StepRows)
 _MONITORS = types.Array(from_dtype(MONITOR), 1, "C")
 STATE = types.NamedTuple(

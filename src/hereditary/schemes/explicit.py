@@ -166,7 +166,6 @@ class ExplicitCaputo(Scheme):
             initial=equation.y0[0],
             increments=increments,
             shift=np.zeros(equation.d),
-            start_known=True,
             given=second.astype(np.int64),
             starts=np.array(starts),
             region=region,

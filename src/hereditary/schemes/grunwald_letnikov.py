@@ -151,7 +151,6 @@ class GrunwaldLetnikov(Scheme):
             initial=equation.y0[0],
             increments=h * speeds,
             shift=np.zeros(equation.d),
-            start_known=True,
             starts=np.array([0 * start, start] if above else [start]),
             region=_region(equation, h, distinct, groups),
             slowest=SLOWEST,

@@ -194,8 +194,6 @@ class Plan:
         Sweeps of a corrector.
     integral : bool
         Whether the pieces are values of the right-hand side instead of increments.
-    start_known : bool
-        Whether the first start value is known before the first step, which it is an increment of.
     given : ndarray of int64, shape (d,), or None
         Whether the first increment is given.
     limits : ndarray, shape (d,)
@@ -224,7 +222,6 @@ class Plan:
     shift: np.ndarray
     sweeps: int = 0
     integral: bool = False
-    start_known: bool = False
     given: np.ndarray | None = None
     limits: np.ndarray | None = None
     powers: np.ndarray | None = None

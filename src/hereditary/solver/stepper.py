@@ -95,7 +95,6 @@ class Stepper:
             slowest=plan.slowest,
             sweeps=plan.sweeps,
             integral=int(plan.integral),
-            start_known=int(plan.start_known),
             n_orbit=d,
             every=self._block * self._region.every if self._region else 0,
             groups=plan.groups,
