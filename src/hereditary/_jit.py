@@ -1,7 +1,8 @@
 """How functions are compiled.
 
-`compiled` is for helpers called from compiled code, `entry` for the loops that Python calls,
-`as_value` for a compiled function that is handed to an entry as a first-class value. Entries are
+`inner` is for functions called from compiled code alone, `compiled` for any other, `entry` for the
+loops that Python calls, `as_value` for a compiled function that is handed to an entry as a
+first-class value. Entries are
 compiled at first use for one fixed list of argument types and then locked, so they are compiled
 once per machine, whatever functions they are given.
 """
@@ -11,6 +12,7 @@ import threading
 from functools import lru_cache
 
 from numba import config, njit, types
+from numba.core.registry import CPUDispatcher
 
 from ._cache import CodeCache
 
@@ -67,13 +69,13 @@ class _Compiling:
 compiling = _Compiling()
 
 
-def compiled(fun, fused=False):
+def compiled(fun, fused=False, **options):
     """Compile `fun` on first call: cached on disk, without the GIL, with IEEE division.
 
     With `fused` a product may be added without being rounded first; nothing is reordered.
     """
     loose = {"contract"} if fused else False
-    dispatcher = njit(nogil=True, error_model="numpy", fastmath=loose)(fun)
+    dispatcher = njit(nogil=True, error_model="numpy", fastmath=loose, **options)(fun)
     if config.DISABLE_JIT:
         return dispatcher
     dispatcher._cache = CodeCache(fun, repr(sorted(dispatcher.targetoptions.items(), key=str)))
@@ -85,6 +87,24 @@ def compiled(fun, fused=False):
 
     dispatcher.compile = compile_guarded
     return dispatcher
+
+
+def inner(fun):
+    """Compile `fun` for compiled callers alone, without the wrappers that others would need.
+
+    They are a seventh of the time of all compilation. Called from Python its source is run.
+    """
+    dispatcher = compiled(fun, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+    if not config.DISABLE_JIT:
+        dispatcher.__class__ = _Inner
+    return dispatcher
+
+
+class _Inner(CPUDispatcher):
+    """A compiled function that Python cannot enter."""
+
+    def __call__(self, *args):
+        return self.py_func(*args)
 
 
 def inlined(fun):
@@ -131,7 +151,8 @@ class entry:
     def __call__(self, fun):
         if config.DISABLE_JIT:
             return fun
-        dispatcher = compiled(fun, self.fused)
+        # called from Python alone: another wrapper would take a tenth of the compilation
+        dispatcher = compiled(fun, self.fused, no_cfunc_wrapper=True)
 
         def call(*args):
             if not dispatcher.overloads:

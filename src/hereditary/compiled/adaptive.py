@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from .._jit import I8, VEC, compiled, entry
+from .._jit import I8, VEC, compiled, entry, inner
 from .collocation import (
     POSITION,
     PRIMARY,
@@ -109,7 +109,7 @@ def march_adaptive(
     return row, REACHED
 
 
-@compiled
+@inner
 def reason_of_refusal(by_defect, solved):
     """Return the status code for a refused step that cannot be made smaller."""
     if by_defect:
@@ -117,7 +117,7 @@ def reason_of_refusal(by_defect, solved):
     return TOO_ROUGH if solved else NOT_SOLVED
 
 
-@compiled
+@inner
 def mode_weights(equations, basis, varying, orbit):
     """Return the weights in the modes of integrands, (R, n_q, M), and offsets, (1 + k, R, M)."""
     modes, last = orbit.modes, orbit.last
@@ -134,7 +134,7 @@ def times_inside(origin, t, h, nodes, t_stop):
     return np.maximum(times, np.nextafter(origin, np.inf))
 
 
-@compiled
+@inner
 def next_step(control, end):
     """Return start, time left and length of the next step, such that no tiny remainder is left."""
     left = end - control.time
@@ -142,7 +142,7 @@ def next_step(control, end):
     return control.time, left, h
 
 
-@compiled
+@inner
 def orders_tabulated(t, h, varying):
     """Return whether the tables of varying orders hold for this step; if not, request them."""
     tabulated = varying.tabulated
@@ -152,7 +152,7 @@ def orders_tabulated(t, h, varying):
     return False
 
 
-@compiled
+@inner
 def set_known_part(orbit, to_nodes, equations, varying, operators, base):
     """Set the part of every row that is known before the step is solved, (1 + k, R, s).
 
@@ -173,7 +173,7 @@ def set_known_part(orbit, to_nodes, equations, varying, operators, base):
     eliminate_known(d, operators.matrices, base)
 
 
-@compiled
+@inner
 def read_varying(modes, to_nodes, equations, varying, out):
     """Add the history of terms with varying orders: unweighted modes times weights at the nodes."""
     # modes (R, M), to_nodes (M, s), out (R, s)
@@ -195,7 +195,7 @@ def read_varying(modes, to_nodes, equations, varying, out):
                     out[c, i] += held * weights[k, m, i] * to_nodes[m, i]
 
 
-@compiled
+@inner
 def next_length(h, planned, ratio, was_refused, order):
     """Return the length of the next step after one with this ratio of error to tolerance.
 
@@ -210,7 +210,7 @@ def next_length(h, planned, ratio, was_refused, order):
     return floor_to_grid(h * max(_SHRINK, min(1.0 if was_refused else _GROW, factor)))
 
 
-@compiled
+@inner
 def lowest_order(equations):
     """Return the smallest order of integration that occurs."""
     terms, lowest = equations.terms, 1.0
@@ -220,7 +220,7 @@ def lowest_order(equations):
     return lowest
 
 
-@compiled
+@inner
 def step_orbit(
     rhs, jac, has_jac, params, times, check_times, h, base, equations, rule, matrices, local,
     values, orbit, state, newton, limits,
@@ -261,7 +261,7 @@ def step_orbit(
     return ratio, ratio_at_nodes <= 1.0 and not ratio <= 1.0, True
 
 
-@compiled
+@inner
 def step_tangents(
     rhs, jac, has_jac, params, times, h, base, equations, rule, matrices, local, values, orbit,
     state, newton, limits,
@@ -284,7 +284,7 @@ def step_tangents(
     return tangent_error_ratio(h, equations, legendre, local, matrices, values, newton, limits.rtol)
 
 
-@compiled
+@inner
 def absorb_constant_mode(rates, orbit):
     """Move the content of a mode of rate 0 into p(0).
 
@@ -298,7 +298,7 @@ def absorb_constant_mode(rates, orbit):
         modes[:, :d, 0] = 0.0
 
 
-@compiled
+@inner
 def advance_orbit(h, to_end, moments, input_weights, offset_weights, legendre, orbit):
     """Advance the orbit and its tangents to the end of the step solved last."""
     values = orbit.last
@@ -309,7 +309,7 @@ def advance_orbit(h, to_end, moments, input_weights, offset_weights, legendre, o
         orbit.p[column] = values[column, PRIMARY, :, -1]
 
 
-@compiled
+@inner
 def record_step(state, t, h, ratio, values, second, orbit, steps, row):
     """Record an accepted step in a row of `steps`, and the largest p so far where p is y'."""
     # values (n_q, d, s)
@@ -324,7 +324,7 @@ def record_step(state, t, h, ratio, values, second, orbit, steps, row):
                 largest[c] = max(largest[c], abs(nodal[c, i]))
 
 
-@compiled
+@inner
 def extrapolate(nodes, legendre, last, h, h_last, p, out):
     """Extrapolate p from the last step to the nodes of the next, with a lower degree."""
     # last, out (d, s), p (d,)

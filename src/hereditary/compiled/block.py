@@ -1,6 +1,6 @@
 """Parts of the march: open a block, add known terms, start the memory, write rows."""
 
-from .._jit import compiled, inlined
+from .._jit import inlined, inner
 from .jacobian import jacobian
 
 # Fraction of the limit from which a Jacobian tells for sure; one is taken again at twice as much.
@@ -9,7 +9,7 @@ LOOK_FROM = 0.9
 RUNNING, BLOWN_UP, NOT_SOLVED = 0, 1, 2
 
 
-@compiled
+@inner
 def open_block(lag, pieces, n, groups, weights, exchange, tables, memory):
     """Set the lag of the block from step n on, and move the newest piece to its front."""
     newest = pieces.shape[1] - 1
@@ -23,7 +23,7 @@ def open_block(lag, pieces, n, groups, weights, exchange, tables, memory):
         pieces[c, 0] = pieces[c, newest]
 
 
-@compiled
+@inner
 def samples(n, n_end, every):
     """Return what to subtract from n // every for the place of the regular Jacobian of step n.
 
@@ -35,45 +35,24 @@ def samples(n, n_end, every):
     return first, n // every - ((n_end - 1) // every + 1 - first)
 
 
-@compiled
+@inner
 def keep_jacobian(rhs, jac, has_jac, params, t, orbit, k, output, counts):
     """Keep the Jacobian of a step at which one is taken for sure, as number k."""
     counts.rhs += jacobian(rhs, jac, has_jac, t, orbit, params, output.jacobians[k])
     counts.nearest = 0.5 * LOOK_FROM
 
 
-@compiled
-def begin_starts(lag, start, starts, groups, weights):
-    """Store all start values but the first, which waits for the first step, and add them."""
-    # lag (W, B), start: memory of start values (W, V length), starts (W, V), weights (V C, B + 2)
-    n_starts = max(1, starts.shape[1])
-    n_groups = weights.shape[0] // n_starts
-    if weights.shape[1] == 0:  # the history takes them by itself
-        return
-    for c in range(lag.shape[0]):
-        for v in range(1, n_starts):
-            begin_one(
-                lag, start, starts[c, v], c, weights[v * n_groups + groups[c]], 0, v, n_starts
-            )
-
-
-@compiled
-def begin_first(lag, start, values, groups, weights, n_starts, first):
-    """Store the first start value of each column, and add it to the block from step `first` on."""
-    # values (W,)
-    if weights.shape[1] > 0:
-        for c in range(lag.shape[0]):
-            begin_one(lag, start, values[c], c, weights[groups[c]], first, 0, n_starts)
-
-
-@compiled
-def begin_one(lag, start, value, c, weights, first, v, n_values):
-    """Store number v of a column's start values, and add it to the first block from `first` on."""
-    length = start.shape[1] // n_values
-    for i in range(v * length, (v + 1) * length):
-        start[c, i] = value
-    for i in range(first, lag.shape[1]):
-        lag[c, i] += weights[i] * value
+@inner
+def begin_start(v, values, first, n_starts, groups, weights, lag, start):
+    """Store start value v of each column, and add it to the first block from step `first` on."""
+    # values (W,), weights (V C, B + 2), or (V C, 0) where the history takes them by itself
+    # lag (W, B), start (W, V length): memory of start values
+    length, n_groups = start.shape[1] // n_starts, weights.shape[0] // n_starts
+    for c in range(lag.shape[0] if weights.shape[1] > 0 else 0):
+        for i in range(v * length, (v + 1) * length):
+            start[c, i] = values[c]
+        for i in range(first, lag.shape[1]):
+            lag[c, i] += weights[v * n_groups + groups[c], i] * values[c]
 
 
 @inlined

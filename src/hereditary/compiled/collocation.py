@@ -9,7 +9,7 @@ history before the step is a sum of exponential modes, advanced by exact moments
 
 import numpy as np
 
-from .._jit import CUBE, CUBES, F8, I8, MAT, VEC, compiled, entry
+from .._jit import CUBE, CUBES, F8, I8, MAT, VEC, entry, inner
 from .jacobian import jacobian
 from .linalg import factorise, substitute
 from .signatures import JAC, RHS
@@ -23,7 +23,7 @@ ITSELF = -1
 _SWEEPS = 12
 
 
-@compiled
+@inner
 def assemble_operators(h, equations, integrals, inverse, local, operators):
     """Assemble the matrices from nodal values to all rows for a step of length h.
 
@@ -64,7 +64,7 @@ def assemble_operators(h, equations, integrals, inverse, local, operators):
     eliminate_operators(d, operators.matrices)
 
 
-@compiled
+@inner
 def set_implicit_row(d, c, matrices):
     """Set row c to p plus the balance of right-hand side and terms, scaled to the units of p."""
     s = matrices.shape[2]
@@ -74,7 +74,7 @@ def set_implicit_row(d, c, matrices):
         matrices[c, FORCE, i, i] = 1.0 / size if size > 0.0 else 1.0
 
 
-@compiled
+@inner
 def nodal_slopes(h, inverse, start, p, out):
     """Set `out` (d, s) to p' at the nodes, of the polynomial with these values of p.
 
@@ -89,7 +89,7 @@ def nodal_slopes(h, inverse, start, p, out):
             out[c, i] = total / h
 
 
-@compiled
+@inner
 def subtract_matvec(matrix, vector, out):
     """Compute out -= matrix @ vector."""
     for i in range(matrix.shape[0]):
@@ -97,7 +97,7 @@ def subtract_matvec(matrix, vector, out):
             out[i] -= matrix[i, j] * vector[j]
 
 
-@compiled
+@inner
 def subtract_matmul(left, right, out):
     """Compute out -= left @ right."""
     for i in range(left.shape[0]):
@@ -106,7 +106,7 @@ def subtract_matmul(left, right, out):
                 out[i, j] -= left[i, k] * right[k, j]
 
 
-@compiled
+@inner
 def eliminate_operators(d, matrices):
     """Substitute the terms subtracted from the right-hand sides, rows d + c, into the rows of p."""
     for c in range(matrices.shape[0] - d):
@@ -114,7 +114,7 @@ def eliminate_operators(d, matrices):
             subtract_matmul(matrices[c, FORCE], matrices[d + c, q], matrices[c, q])
 
 
-@compiled
+@inner
 def eliminate_known(d, matrices, known):
     """Substitute the known parts of rows d + c into those of the rows of p; known (1 + k, R, s)."""
     for column in range(known.shape[0]):
@@ -122,7 +122,7 @@ def eliminate_known(d, matrices, known):
             subtract_matvec(matrices[c, FORCE], known[column, d + c], known[column, c])
 
 
-@compiled
+@inner
 def subtract_from_forces(d, matrices, known, values):
     """Subtract the terms of rows d + c from f, given p and y at the nodes; values (k, 3, d, s)."""
     for column in range(values.shape[0]):
@@ -134,7 +134,7 @@ def subtract_from_forces(d, matrices, known, values):
                 subtract_matvec(matrices[d + c, q], values[column, q, c], force)
 
 
-@compiled
+@inner
 def positions(h, p, x_start, second, integral, x):
     """Set y at the nodes: p itself, or the integral of p from `x_start` where p is y'."""
     # p, x (d, s), x_start (d,), second (d,), integral (s, s) of order 1
@@ -149,7 +149,7 @@ def positions(h, p, x_start, second, integral, x):
             x[c, i] = x_start[c] + h * total
 
 
-@compiled
+@inner
 def forces(rhs, params, times, x, f):
     """Evaluate the right-hand side at all nodes."""
     # times (s,), x, f (d, s)
@@ -160,7 +160,7 @@ def forces(rhs, params, times, x, f):
         f[:, i] = value
 
 
-@compiled
+@inner
 def newton_matrix(h, matrices, integral, second, jacobians, out):
     """Set the derivative of the residuals with respect to p at the nodes, in the order (c, i)."""
     # matrices (R, 3, s, s), integral (s, s), jacobians (s, d, d), out (d s, d s)
@@ -189,13 +189,13 @@ def newton_matrix(h, matrices, integral, second, jacobians, out):
                     out[c * s + i, e * s + j] = -total
 
 
-@compiled
+@inner
 def empty_factors(d, s):
     """Allocate the factors of Newton's matrix."""
     return Factors(np.empty((d * s, d * s)), np.empty(d * s, dtype=np.int64), np.zeros(d))
 
 
-@compiled
+@inner
 def solve_stages(
     rhs, jac, has_jac, params, times, h, base, x_start, second, matrices, integral, goal, values,
     counts, contraction, newton,
@@ -252,7 +252,7 @@ def solve_stages(
     return False
 
 
-@compiled
+@inner
 def stage_jacobians(rhs, jac, has_jac, params, times, x, every, out):
     """Set the Jacobians at all nodes, or the middle one's for all; return the calls of `rhs`."""
     # x (d, s), out (s, d, d)
@@ -268,7 +268,7 @@ def stage_jacobians(rhs, jac, has_jac, params, times, x, every, out):
     return calls
 
 
-@compiled
+@inner
 def set_force_scales(jacobian_inside, x, force_scales):
     """Set |J| |y|, (d,), with y at the last node: the size of the summands of f."""
     for c in range(force_scales.shape[0]):
@@ -277,7 +277,7 @@ def set_force_scales(jacobian_inside, x, force_scales):
             force_scales[c] += abs(jacobian_inside[c, e] * x[e, -1])
 
 
-@compiled
+@inner
 def correct_forces(jacobians, before, x, f):
     """Correct f (d, s) to first order from y = `before` to y = x, by the Jacobians (s, d, d)."""
     for i in range(x.shape[1]):
@@ -286,7 +286,7 @@ def correct_forces(jacobians, before, x, f):
                 f[c, i] += jacobians[i, c, e] * (x[e, i] - before[e, i])
 
 
-@compiled
+@inner
 def residuals(base, matrices, p, x, f, out):
     """Set the residuals p - base - integrals at all nodes, in the order (c, i)."""
     d, s = p.shape
@@ -299,7 +299,7 @@ def residuals(base, matrices, p, x, f, out):
             out[c * s + i] = total
 
 
-@compiled
+@inner
 def solve_tangents(
     rhs, jac, has_jac, params, times, h, base, x_start, second, matrices, integral, values, counts
 ):  # fmt: skip
@@ -372,7 +372,7 @@ def solve_single_step(
     return True
 
 
-@compiled
+@inner
 def empty_operators(n_columns, n_rows, s):
     """Allocate the operators of a step."""
     matrices, start_weights = np.empty((n_rows, 3, s, s)), np.empty((n_rows, s))

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from .._jit import compiled
+from .._jit import compiled, inner
 
 
 @compiled
@@ -24,7 +24,7 @@ def exchange_pending(lag, pieces, n, classes, tables, memory):
             lag[c, i] += pending[c, n + i]
 
 
-@compiled
+@inner
 def add_direct(lag, pieces, n, first, classes, tables, memory):
     """Store the finished block's pieces, and sum those stored from index `first` on.
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from .._jit import compiled
+from .._jit import inner
 from .collocation import FORCE, POSITION, PRIMARY, forces, residuals
 from .linalg import substitute
 
@@ -24,7 +24,7 @@ _CHECK_BEYOND, _UNSOLVED = 100.0, 10.0
 _MISSED = 10.0
 
 
-@compiled
+@inner
 def estimate_error(h, equations, legendre, local, matrices, values, newton, errors):
     """Estimate the error of p by the next Legendre coefficient of each integrand, integrated.
 
@@ -61,7 +61,7 @@ def estimate_error(h, equations, legendre, local, matrices, values, newton, erro
             errors[c] += np.max(np.abs(nodal_errors[c * s : (c + 1) * s]))
 
 
-@compiled
+@inner
 def solve_for_error(defect, newton, nodal_errors):
     """Solve for the error that a defect at all nodes, (d s,), causes, at most the defect."""
     substitute(newton.matrix, newton.order, defect, nodal_errors)
@@ -69,7 +69,7 @@ def solve_for_error(defect, newton, nodal_errors):
     nodal_errors *= min(1.0, np.max(np.abs(defect)) / max(np.max(np.abs(nodal_errors)), 1e-300))
 
 
-@compiled
+@inner
 def measure_force_defect(
     rhs, params, times, h, rule, x_start, p0, second, values, limits, force_defect
 ):
@@ -106,7 +106,7 @@ def measure_force_defect(
         )
 
 
-@compiled
+@inner
 def update_force_defect(rhs, params, t, point, check_values, values, force_defect):
     """Raise the defect, (d,), to the difference of f and its polynomial at one point."""
     force = np.empty(point.shape[0])
@@ -119,7 +119,7 @@ def update_force_defect(rhs, params, t, point, check_values, values, force_defec
             force_defect[c] = total
 
 
-@compiled
+@inner
 def defect_matters(force_defect, matrices, goal, newton):
     """Return whether the defect of f, undamped, would move p beyond Newton's goal."""
     for c in range(force_defect.shape[0]):
@@ -132,7 +132,7 @@ def defect_matters(force_defect, matrices, goal, newton):
     return False
 
 
-@compiled
+@inner
 def equations_hold(rhs, params, times, base, matrices, goal, values, newton):
     """Evaluate f anew and return whether p at the nodes still satisfies the equations.
 
@@ -151,7 +151,7 @@ def equations_hold(rhs, params, times, base, matrices, goal, values, newton):
     return True
 
 
-@compiled
+@inner
 def add_force_defect(force_defect, matrices, newton, errors):
     """Raise the errors (d,) to the error of p that the defect of f causes.
 
@@ -172,7 +172,7 @@ def add_force_defect(force_defect, matrices, newton, errors):
             errors[c] = error
 
 
-@compiled
+@inner
 def legendre_tail(legendre, values):
     """Return the last Legendre coefficient and its ratio to the one before, 0 to 1."""
     # values (s,)
@@ -184,7 +184,7 @@ def legendre_tail(legendre, values):
     return last, (min(1.0, abs(last / before)) if before != 0.0 else 1.0)
 
 
-@compiled
+@inner
 def tangent_error_ratio(h, equations, legendre, local, matrices, values, newton, rtol):
     """Return the largest ratio of a tangent's error to its tolerance, relative to its size."""
     worst, errors = 0.0, np.empty(values.shape[2])
@@ -198,7 +198,7 @@ def tangent_error_ratio(h, equations, legendre, local, matrices, values, newton,
     return worst
 
 
-@compiled
+@inner
 def error_ratio(h, end, errors, values, second, largest, p0, rtol, atol):
     """Return the largest ratio of an error to its tolerance, over y and, where it is unknown, y'.
 

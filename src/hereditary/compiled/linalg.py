@@ -1,9 +1,9 @@
 """Small dense linear algebra for compiled code."""
 
-from .._jit import compiled
+from .._jit import inner
 
 
-@compiled
+@inner
 def solve_in_place(a, b):
     """Solve a x = b by elimination with partial pivoting; x replaces b, a is used up.
 
@@ -34,7 +34,7 @@ def solve_in_place(a, b):
     return True
 
 
-@compiled
+@inner
 def factorise(a, order):
     """LU factors of a with partial pivoting, in its place; rows as they went to `order`.
 
@@ -63,7 +63,7 @@ def factorise(a, order):
     return True
 
 
-@compiled
+@inner
 def substitute(factors, order, b, x):
     """Solve a x = b with the factors of `factorise`."""
     # factors (n, n), order (n,), b, x (n,)

@@ -23,8 +23,7 @@ from .block import (
     BLOWN_UP,
     NOT_SOLVED,
     RUNNING,
-    begin_first,
-    begin_starts,
+    begin_start,
     bounded,
     keep_jacobian,
     open_block,
@@ -57,7 +56,7 @@ def marching(name, way, read=open_block):
         amplitudes, corrections, width = state.drift, state.corrections, x.shape[0]
         values, starts, first, slowest = rows.value, state.starts, state.first, table.slowest
         monitor, start_weights, (_, start, _) = state.monitor, table.start_weights, memory
-        room, row = np.zeros((9, width)), -1
+        n_starts, room, row = max(1, starts.shape[1]), np.empty((9, width)), -1
         known, shift, scale, lead, near = room[0], room[1], room[2], room[3], room[4]
         w, f, moved, point = room[5], room[6], room[7], room[8]
         j_f, orbit, f_orbit = np.empty((n_orbit, n_orbit)), x[:n_orbit], f[:n_orbit]
@@ -69,11 +68,14 @@ def marching(name, way, read=open_block):
             t = (n + theta[i]) * h if h > 0.0 else rows.times[i] + theta[i] * unit[i]
             if p == 0 and counts.opened != n:  # the right-hand side may have raised since
                 read(lag, pieces, n, groups, weights, exchange, tables, memory)
-                if n == 0 and integral == 0:
-                    begin_starts(lag, start, starts, groups, start_weights)
+                if n == 0 and integral == 0:  # the first start value waits for the step; p = 0
+                    for v in range(1, n_starts):
+                        for c in range(width):
+                            known[c] = starts[c, v]
+                        begin_start(v, known, p, n_starts, groups, start_weights, lag, start)
                 elif n == 0 and not explicit:
                     evaluate(rhs, jac, has_jac, params, 0.0, x, j_f, force, counts)
-                    begin_first(lag, start, force, groups, start_weights, 1, 0)
+                    begin_start(p, force, p, n_starts, groups, start_weights, lag, start)
                 counts.opened = n
             if every > 0 and n % every == 0:
                 k = n // every - first_sample
@@ -84,7 +86,7 @@ def marching(name, way, read=open_block):
             know(p, near, lag, pieces, known)
             if drifts.shape[1] > 0:
                 add_drift(i, groups, drifts, values, speed, starts, known)
-            if amplitudes.shape[1] > 0 or n < corrections.shape[1]:
+            if not explicit and (amplitudes.shape[1] > 0 or n < corrections.shape[1]):
                 add_powers(n, t, amplitudes, table.powers, corrections, lead, known)
             if explicit:
                 rhs(t, orbit, f_orbit, params)
@@ -131,7 +133,7 @@ def marching(name, way, read=open_block):
             if n == 0 and integral == 0:
                 for c in range(width):  # the first start value is an increment
                     known[c] = starts[c, 0] if explicit else w[c]
-                begin_first(lag, start, known, groups, start_weights, starts.shape[1], 1)
+                begin_start(p, known, p + 1, n_starts, groups, start_weights, lag, start)
             counts.step = n + 1
             counts.rows = write_rows(n + 1, counts.rows, output, x, u, d, unit[i])
             if not bounded(orbit):

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from .._jit import compiled
+from .._jit import compiled, inner
 
 # A step longer than this many times the one before gets a line, not a parabola that leans on it.
 STEEPEST = 30.0
@@ -40,7 +40,7 @@ def moments(low, width, p, nodes, weights):
     return m_0, p * width * width * middle ** (p - 1.0) * m_1
 
 
-@compiled
+@inner
 def piece_of(newer, older, n, times, parabolas):
     """Slope and lean of the piece on the step before the newest one, that from t_(n-2) on."""
     # newer, older: increments of the newest step, from t_(n-1) on, and of the one before
@@ -51,7 +51,7 @@ def piece_of(newer, older, n, times, parabolas):
     return mean, 2.0 * (newer / step - mean) / (step + before)
 
 
-@compiled
+@inner
 def bend_of(newer, older, n, times):
     """Slope of the velocity between the middles of the newest step and of the one before.
 
@@ -63,7 +63,7 @@ def bend_of(newer, older, n, times):
     return 2.0 * (newer / step - older / before) / (step + before)
 
 
-@compiled
+@inner
 def middle_of(n, times):
     """Middle of step n; the one before the first is as long as that."""
     return 0.5 * (times[n] + times[n + 1]) if n >= 0 else 0.5 * (times[0] - times[1])
@@ -144,7 +144,7 @@ def exchange_mesh_modes(lag, pieces, n, groups, tables, memory):
         lag[c, 0] += leads[groups[c], n] * total[c]
 
 
-@compiled
+@inner
 def exponential_moments(z, keep):
     """``int_0^1 exp(-z v) dv`` and ``int_0^1 v exp(-z v) dv``; keep = exp(-z)."""
     if z > 0.5:
@@ -173,7 +173,7 @@ def fill_mesh(times, theta, parabolas, factors, powers, derivatives, rule, lead,
             lead[a, n], near[a, n] = 1.0 / now, then / now
 
 
-@compiled
+@inner
 def near_weights(factors, powers, derivatives, ahead, step, before, parabolas, rule):
     """Weights of the newest increment and of the one before it in the derivative."""
     now, then = 0.0, 0.0

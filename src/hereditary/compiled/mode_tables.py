@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from .._jit import compiled
+from .._jit import compiled, inner
 from .structures import StepTables
 
 # Step lengths are 2**(n / _PER_OCTAVE), rounded up to so few digits that sums of them are exact:
@@ -33,7 +33,7 @@ def floor_to_grid(h):
     return math.ceil(2.0 ** (power - octave) * _DIGITS) / _DIGITS * 2.0**octave
 
 
-@compiled
+@inner
 def find_slot(h, nodes, basis, tables):
     """Return the slot with the factors of a step of length h, computed if they are missing."""
     rates, weights, masses = basis.rates, basis.weights, basis.masses
@@ -55,7 +55,7 @@ def find_slot(h, nodes, basis, tables):
     return slot
 
 
-@compiled
+@inner
 def set_kernel_matrix(h, nodes, rates, weights, mass, transforms, out):
     """Set out[i, j], the weight of the value at node j in the convolution at node i, over one step.
 
@@ -76,7 +76,7 @@ def set_kernel_matrix(h, nodes, rates, weights, mass, transforms, out):
         out[i, i] += mass
 
 
-@compiled
+@inner
 def read_modes(modes, to_nodes, out):
     """Set out[c, i] = ``sum_m modes[c, m] to_nodes[m, i]``, the history at the nodes."""
     # modes (R, M), to_nodes (M, s), out (R, s)
@@ -87,7 +87,7 @@ def read_modes(modes, to_nodes, out):
                 out[c, i] += modes[c, m] * to_nodes[m, i]
 
 
-@compiled
+@inner
 def advance_modes(h, to_end, moments, input_weights, offset_weights, legendre, values, modes):
     """Advance the modes over the step: decay, and absorb the integrands' polynomials on it."""
     # to_end (M,), moments (s, M), input_weights (R, n_q, M), offset_weights, modes (R, M),
@@ -111,7 +111,7 @@ def advance_modes(h, to_end, moments, input_weights, offset_weights, legendre, v
                 modes[c, m] += h * input_weights[c, q, m] * part[m]
 
 
-@compiled
+@inner
 def set_mode_weights(equations, weights, of_varying, input_weights, offset_weights):
     """Set the weights with which the modes absorb integrands and, for the offsets, the constant 1.
 
@@ -134,7 +134,7 @@ def set_mode_weights(equations, weights, of_varying, input_weights, offset_weigh
                 offset_weights[column, c, m] -= weight * offsets[column, n]
 
 
-@compiled
+@inner
 def exponential_legendre(z, n, out):
     """Set out[k] = ``int_0^1 exp(-z (1 - u)) P_k(2 u - 1) du``, k < n, for z >= 0.
 

@@ -7,7 +7,7 @@ scheme's first weights are no sum of exponentials, a window of the newest pieces
 
 import numpy as np
 
-from .._jit import compiled
+from .._jit import compiled, inner
 
 
 @compiled
@@ -42,7 +42,7 @@ def exchange_modes(lag, pieces, n, classes, tables, memory):
             correct(lag[c], window[c], corrections[classes[c]])
 
 
-@compiled
+@inner
 def add_rows(out, factors, rows):
     """out += factors @ rows, four rows at a time.
 
@@ -60,7 +60,7 @@ def add_rows(out, factors, rows):
             out[j] += factors[k] * rows[k, j]
 
 
-@compiled
+@inner
 def slide(window, pieces):
     """Move the newest pieces into the window's end."""
     length, more = window.shape[0], pieces.shape[0]
@@ -70,7 +70,7 @@ def slide(window, pieces):
         window[k] = pieces[k - length + more]
 
 
-@compiled
+@inner
 def correct(lag, window, corrections):
     """Add what the weights of the window's pieces differ by from their exponential sums."""
     # window[L - 1] is u_(n-2): k = 2 for the first step of the block

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from .._jit import compiled, inlined
+from .._jit import inlined, inner
 from .jacobian import jacobian
 from .linalg import solve_in_place
 
@@ -14,7 +14,7 @@ _SIMPLIFIED, _FULL = 8, 30
 _TOLERANCE, _ROUNDING, _UNDERFLOW = 1e-13, 2e-16, 1e-300
 
 
-@compiled
+@inner
 def solve_step(rhs, jac, has_jac, params, t, x, theta, shift, scale, known, lead, w, counts):
     """Solve ``scale w + known = lead f(t, x + theta (shift + w))`` for w, from its present value.
 

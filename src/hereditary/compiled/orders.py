@@ -4,7 +4,7 @@ import numpy as np
 from numpy.polynomial import Chebyshev, Polynomial
 from scipy.special import rgamma
 
-from .._jit import compiled
+from .._jit import compiled, inner
 
 # Degree at which the polynomials below are right to rounding.
 _DEGREE = 18
@@ -54,7 +54,7 @@ def fill_term(p, scale, factor, first, second, drift, least, lead, near, drifts,
         add_product(drifts, share, drift)
 
 
-@compiled
+@inner
 def add_product(out, a, b):
     """Add the product of a and b, element by element, to `out`; all (n,)."""
     for i in range(out.shape[0]):

@@ -1,6 +1,6 @@
 """Parts of a step that are inlined into the march, array by array."""
 
-from .._jit import compiled, inlined
+from .._jit import inlined, inner
 
 
 @inlined
@@ -33,7 +33,7 @@ def add_drift(i, groups, drifts, values, speed, starts, known):
         known[c] += drifts[groups[c], i] * speed[c] + values[groups[c], i] * starts[c, 0]
 
 
-@compiled
+@inner
 def add_powers(n, t, amplitudes, powers, corrections, lead, known):
     """Add known powers of t, and corrections of the first steps."""
     # amplitudes (W, r), powers (r, W), corrections (W, k), lead, known (W,)

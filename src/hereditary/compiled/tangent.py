@@ -7,12 +7,12 @@ tangent is the Jacobian at the orbit times its value.
 
 import numpy as np
 
-from .._jit import compiled
+from .._jit import inner
 from .jacobian import jacobian
 from .linalg import solve_in_place
 
 
-@compiled
+@inner
 def push_tangents(j_f, x, f):
     """Right-hand sides of the tangents: the Jacobian `j_f` (d, d) times each of them."""
     # x, f (W,)
@@ -25,7 +25,7 @@ def push_tangents(j_f, x, f):
             f[first + i] = total
 
 
-@compiled
+@inner
 def evaluate(rhs, jac, has_jac, params, t, x, j_f, f, counts):
     """Right-hand sides of orbit and tangents; calls of `rhs` are counted."""
     # x, f (W,), j_f (d, d): filled with the Jacobian where there are tangents
@@ -38,7 +38,7 @@ def evaluate(rhs, jac, has_jac, params, t, x, j_f, f, counts):
         push_tangents(j_f, x, f)
 
 
-@compiled
+@inner
 def solve_tangents(
     rhs, jac, has_jac, params, t, x, j_f, theta, shift, scale, known, lead, w, counts
 ):

@@ -15,7 +15,7 @@ other kernels need of each column, shift and x(0), and has no columns without su
 
 import math
 
-from .._jit import compiled, inlined
+from .._jit import compiled, inlined, inner
 
 # rows of a term in the weights of its modes
 STARTS = 6
@@ -63,7 +63,7 @@ def exchange_varying_direct(lag, pieces, n, groups, tables, memory):
             lag[c, 0] += leads[a, i] * total
 
 
-@compiled
+@inner
 def weighed(weights, stored, n, differences):
     """``sum_(k=2)^n weights_k u_(n-k)``, or of the differences of u, by Knuth's two-sum."""
     total, lost = 0.0, 0.0

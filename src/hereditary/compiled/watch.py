@@ -4,7 +4,7 @@ Each component of the orbit has a record (`MONITOR`, compiled/signatures.py). No
 between turns: most orbits seldom turn.
 """
 
-from .._jit import compiled
+from .._jit import inner
 
 # Steps of unbroken alternation after which the amplitude is compared with that of the stretch
 # before. A resolved oscillation never alternates twice in a row; at 0.99 of the step limit the
@@ -26,7 +26,7 @@ GROWN, LONG_GROWN, QUICK, FASTEST = 30.0, 1e3, 3.0, 3.2
 SLOWEST = 11.0
 
 
-@compiled
+@inner
 def watch_turn(own, change, increment, size, slowest, counts):
     """Look at a turn of a component's increments; more than `slowest` steps apart are resolved.
 
@@ -49,7 +49,7 @@ def watch_turn(own, change, increment, size, slowest, counts):
     watch_zigzag(own, increment, size, counts)
 
 
-@compiled
+@inner
 def watch_turning(own, change, size, length, counts):
     """Note the step at which large turns of a few steps each have gone on without shrinking.
 
@@ -68,7 +68,7 @@ def watch_turning(own, change, size, length, counts):
         own.turning_before, own.turning = own.turning, 0.0
 
 
-@compiled
+@inner
 def watch_zigzag(own, increment, size, counts):
     """Note the first step at which the increments have alternated on and on without shrinking."""
     if own.alternating % SHORT_WINDOW == 0.0:
