@@ -7,7 +7,6 @@ and ``A = coefficient h**-alpha / Gamma(p + 1)``; the right-hand side is taken a
 """
 
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import ClassVar
 
 import numpy as np
@@ -15,7 +14,7 @@ import numpy as np
 from .._checks import complaint, within
 from ..compiled.watch import SLOWEST
 from ..system import System
-from .modes import Modes, edge, series
+from .modes import series
 from .scheme import (
     Convolution,
     Plan,
@@ -25,14 +24,12 @@ from .scheme import (
     distinct_components,
     uniform_rows,
 )
-from .stability import stability_region
+from .stability import largest_step, polylogarithm, stability_region
 from .varying import varying_plan
 from .weights import FIRST_DIFFERENCES, value_weights, weighed
 
-# Modes of systems whose components differ count as unstable when they grow by a tenth a step, as in
-# schemes/stability.py, with fewer than 14 steps a turn; none of order 1 that decays in the equation
-# grows so with more. So many weights leave 3e-11 on the circle.
-_GROWTH, _ANGLE, _N_WEIGHTS = 1.1, 0.45, 256
+# Weights of a symbol; on the circle that modes are sought outside of, the rest adds 3e-11.
+_N_WEIGHTS = 256
 
 
 @dataclass(frozen=True)
@@ -124,14 +121,7 @@ class ExplicitCaputo(Scheme):
         if equation.varies:
             required, remedy = "have constant orders", "ask for those of one time"
             raise ValueError(complaint("equation", required, repr(equation), remedy))
-        low, high = -700.0, 700.0  # log h; the limit's stiffness falls as h grows
-        for _ in range(200):
-            middle = (low + high) / 2
-            if _limits(equation, np.exp(middle)).min() > stiffness:
-                low = middle
-            else:
-                high = middle
-        return float(np.exp(low))
+        return largest_step(lambda h: _limits(equation, h), stiffness)
 
     def plan(self, equation: System, h: float) -> Plan:
         """Tables and convolution for `equation` with step h."""
@@ -173,34 +163,22 @@ class ExplicitCaputo(Scheme):
         )
 
 
-def _region(equation, h, distinct, classes):
-    factors = None
-    if len(distinct) == 1 and equation.constant:
-        factors = [weighed(c, operator, h)[0] for c, operator in distinct[0]]
-    return stability_region(
-        _limits(equation, h),
-        factors,
-        [operator.order for _, operator in distinct[0]],
-        lru_cache(lambda d: _modes(distinct, classes[:d], h)),
-    )
+def _region(equation, h, distinct, groups):
+    def symbol(terms, zeta):
+        parts = (weighed(c, operator, h) for c, operator in terms)
+        weights = sum(factor * rule.exact(p, _N_WEIGHTS) for factor, rule, p in parts)
+        return (zeta - 1) * series(weights, zeta)
 
+    def closed(terms, zeta):  # sum_k b_k zeta**-k = (zeta - 1) Li_(-p)(1 / zeta)
+        total = 0.0
+        for c, operator in terms:
+            factor, _, _ = weighed(c, operator, h)
+            lean = 1 - 1 / zeta if operator.derivative == 2 else 1.0
+            total += factor * lean * (zeta - 1) ** 2 * polylogarithm(operator.power, 1 / zeta)
+        return total
 
-def _modes(distinct, classes, h):
-    """Modes of a system: ``D(zeta) v = J v`` with D the terms' weights of x_n = zeta**n."""
-    zeta = edge(_GROWTH, _ANGLE)
-    weights = np.array(
-        [
-            sum(f * rule.exact(p, _N_WEIGHTS) for f, rule, p in (weighed(c, a, h) for c, a in key))
-            for key in distinct
-        ]
-    )
-    inverse = 1 / ((zeta - 1) * series(weights, zeta))[classes].T  # (k, d)
-    bound = np.abs(inverse).max(axis=0)
-    eye = np.eye(classes.size)
-    return Modes(
-        matrix=lambda jacobian: eye - inverse[:, :, None] * jacobian,
-        reach=lambda sizes: (bound * sizes.sum(axis=2)).max(axis=1),
-    )
+    alike = closed if equation.constant else None
+    return stability_region(_limits(equation, h), distinct, groups, symbol, alike)
 
 
 def _limits(equation, h):

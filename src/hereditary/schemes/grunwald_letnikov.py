@@ -6,7 +6,6 @@ order 1 t x'(0) is taken away as well, which the sums S of the W weigh: ``h**-al
 """
 
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import ClassVar
 
 import numpy as np
@@ -17,7 +16,6 @@ from ..compiled.watch import SLOWEST
 from ..special import mean_exponential
 from ..system import System
 from .bdf import quadrature_weights
-from .modes import Modes, edge
 from .scheme import (
     Convolution,
     Plan,
@@ -28,11 +26,7 @@ from .scheme import (
     distinct_components,
     uniform_rows,
 )
-from .stability import StabilityRegion
-
-# Growth a step and least turn a step of an unstable mode, as in schemes/explicit.py, and points on
-# the curve of that growth.
-_GROWTH, _ANGLE, _N_ANGLES = 1.1, 0.45, 512
+from .stability import largest_step, stability_region
 
 
 @dataclass(frozen=True)
@@ -116,14 +110,7 @@ class GrunwaldLetnikov(Scheme):
         """
         self.check_terms(equation)
         stiffness = within("stiffness", stiffness, 5e-324, np.inf, "(0, inf)")
-        low, high = -700.0, 700.0  # log h; the limit's stiffness falls as h grows
-        for _ in range(200):
-            middle = (low + high) / 2
-            if _limits(equation, np.exp(middle)).min() > stiffness:
-                low = middle
-            else:
-                high = middle
-        return float(np.exp(low))
+        return largest_step(lambda h: _limits(equation, h), stiffness)
 
     def plan(self, equation: System, h: float) -> Plan:
         """Tables and convolution for `equation` with step h."""
@@ -199,35 +186,8 @@ def _limits(equation, h):
     return np.array(limits)[classes]
 
 
-def _symbol(key, h, zeta):
-    """Terms' weights of x_n = zeta**n, ``zeta sum_j c_j ((1 - 1/zeta)/h)**alpha_j``."""
-    return zeta * sum(c * ((1 - 1 / zeta) / h) ** operator.order for c, operator in key)
+def _region(equation, h, distinct, groups):
+    def symbol(terms, zeta):
+        return zeta * sum(c * ((1 - 1 / zeta) / h) ** operator.order for c, operator in terms)
 
-
-def _region(equation, h, distinct, classes):
-    limits, nothing = _limits(equation, h), np.zeros(0)
-    if len(limits) == 1:
-        return StabilityRegion(limits, nothing, nothing, np.pi)
-    if len(distinct) > 1:
-        modes = lru_cache(lambda d: _modes(distinct, classes[:d], h))
-        return StabilityRegion(limits, nothing, nothing, np.pi, modes)
-    turns = np.linspace(0, np.pi, _N_ANGLES + 2)[1:-1]
-    curve = _symbol(distinct[0], h, _GROWTH * np.exp(1j * turns))
-    angles = np.angle(curve)
-    order = np.argsort(angles)
-    highest = max(operator.order for _, operator in distinct[0])
-    return StabilityRegion(
-        limits, angles[order], np.abs(curve)[order], min(np.pi, np.pi / 2 * highest)
-    )
-
-
-def _modes(distinct, classes, h):
-    """Modes of a system: ``D(zeta) v = J v`` with D the terms' weights of x_n = zeta**n."""
-    zeta = edge(_GROWTH, _ANGLE)
-    inverse = 1 / np.array([_symbol(key, h, zeta) for key in distinct])[classes].T  # (k, d)
-    bound = np.abs(inverse).max(axis=0)
-    eye = np.eye(classes.size)
-    return Modes(
-        matrix=lambda jacobian: eye - inverse[:, :, None] * jacobian,
-        reach=lambda sizes: (bound * sizes.sum(axis=2)).max(axis=1),
-    )
+    return stability_region(_limits(equation, h), distinct, groups, symbol, symbol)

@@ -6,14 +6,20 @@ decays in the equation grows in the scheme when mu lies beyond the curve of |zet
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from scipy.special import factorial, gamma, zeta
+
+from .modes import Modes, edge
 
 # Oscillatory modes count as unstable when they grow by more than this a step. A first-order scheme
 # lets every weakly damped oscillation grow a little, at any step: an error, but no instability.
 _GROWTH = 1.1
 _N_ANGLES = 512
+# Modes of systems whose components differ count with fewer than 14 steps a turn: none of order 1
+# that decays in the equation grows so with more.
+_ANGLE = 0.45
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,41 +94,59 @@ class StabilityRegion:
         return float(self.ratios(jacobians).max(initial=0.0))
 
 
-def stability_region(limits, factors, orders, modes):
-    """Region of a scheme with weights b_k (orders up to 1) or b_k - b_(k-1) (above).
+def largest_step(limits, stiffness):
+    """Largest step h whose smallest limit, ``limits(h)`` (d,), falling in h, is the stiffness."""
+    low, high = -700.0, 700.0  # log h
+    for _ in range(200):
+        middle = (low + high) / 2
+        if limits(np.exp(middle)).min() > stiffness:
+            low = middle
+        else:
+            high = middle
+    return float(np.exp(low))
+
+
+def stability_region(limits, distinct, groups, symbol, alike):
+    """Region of an explicit scheme whose weights are the same in every step.
 
     Parameters
     ----------
     limits : ndarray, shape (d,)
         Limits of real eigenvalues.
-    factors : sequence of float, or None
-        Leading weights A of the terms that all components share; None where they differ.
-    orders : sequence of float
-        Orders of these terms.
-    modes : callable
-        ``modes(d)``: the `Modes` of the first d components, where these differ.
+    distinct : list
+        Terms (coefficient, operator) of each group of components.
+    groups : ndarray of int64, shape (d,)
+        Group of each component.
+    symbol : callable
+        ``symbol(terms, zeta)``: the scheme's terms of x_n = zeta**n over zeta**n, for an array.
+    alike : callable or None
+        As `symbol`, to rounding, for components that are all of one group; None where the scheme
+        has no such form for them.
     """
     nothing = np.zeros(0)
     if len(limits) == 1:
         return StabilityRegion(limits, nothing, nothing, np.pi)
-    if factors is None:
+    if len(distinct) > 1 or alike is None:
+        modes = lru_cache(lambda d: _modes(distinct, groups[:d], symbol))
         return StabilityRegion(limits, nothing, nothing, np.pi, modes)
-    step = _GROWTH * np.exp(1j * np.linspace(0, np.pi, _N_ANGLES + 2)[1:-1])
-    curve = np.zeros(_N_ANGLES, dtype=complex)
-    for factor, alpha in zip(factors, orders, strict=True):
-        p = np.ceil(alpha) - alpha
-        difference = (step - 1) if alpha <= 1 else (step - 1) * (1 - 1 / step)
-        curve += factor * difference * _power_series(p, 1 / step)
+    turns = np.linspace(0, np.pi, _N_ANGLES + 2)[1:-1]
+    curve = alike(distinct[0], _GROWTH * np.exp(1j * turns))
     angles = np.angle(curve)
     order = np.argsort(angles)
-    return StabilityRegion(
-        limits, angles[order], np.abs(curve)[order], min(np.pi, np.pi / 2 * max(orders))
+    first_angle = min(np.pi, np.pi / 2 * max(operator.order for _, operator in distinct[0]))
+    return StabilityRegion(limits, angles[order], np.abs(curve)[order], first_angle)
+
+
+def _modes(distinct, groups, symbol):
+    """Modes of a system: ``D(zeta) v = J v`` with D the symbols of its components."""
+    zeta = edge(_GROWTH, _ANGLE)
+    inverse = 1 / np.array([symbol(terms, zeta) for terms in distinct])[groups].T  # (k, d)
+    bound = np.abs(inverse).max(axis=0)
+    eye = np.eye(groups.size)
+    return Modes(
+        matrix=lambda jacobian: eye - inverse[:, :, None] * jacobian,
+        reach=lambda sizes: (bound * sizes.sum(axis=2)).max(axis=1),
     )
-
-
-def _power_series(p, z):
-    """``sum_k ((k+1)**p - k**p) z**k`` = (1 - z)/z Li_(-p)(z) for 0 < |z| <= 1, z != 1."""
-    return (1 - z) / z * polylogarithm(p, z)
 
 
 def polylogarithm(p, z):
