@@ -1,20 +1,18 @@
 """The equation: a sum of memory terms equals a right-hand side."""
 
-import numbers
 from collections.abc import Callable, Iterable
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ._callables import compile_jac, compile_rhs, present_values
+from ._callables import Start, compile_jac, compile_rhs, present_values
 from ._checks import complaint, real_array, shown
 from ._differences import check_jacobian
 from ._digest import digest
 from .operators import Summand
 from .orders import merged_orders
+from .sides import as_terms, enlarged, left_side, per_component, read_terms
 from .system import System
-from .terms import SystemTerm
 
 
 class Equation(System):
@@ -44,6 +42,14 @@ class Equation(System):
         The Jacobian d rhs / d y, ``jac(t, y)`` or ``jac(t, y, params)`` returning shape (d, d), or
         in place ``jac(t, y, jacobian, params)``; compared with differences near y(0). Differences
         otherwise.
+    memory : Caputo, Memory, Term, a sum or a sequence of them, optional
+        Terms that `rhs` reads instead of the left side, such as friction that depends on the state.
+        Their values, shape (k, d), are its third argument: ``rhs(t, y, memory)``, ``rhs(t, y,
+        memory, params)`` or in place ``rhs(t, y, memory, dy, params)``, and likewise that of `jac`.
+        Orders must stay below the highest one of their component.
+    jac_memory : callable, optional
+        The derivatives of `rhs` by ``memory.ravel()``, shape (d, k d), with the arguments of `jac`;
+        where memory is read both are given or none.
 
     Attributes
     ----------
@@ -55,7 +61,7 @@ class Equation(System):
         Order and coefficient for each component of each Caputo term of constant order.
     y0 : ndarray, shape (m, d)
     params : ndarray, shape (p,)
-    terms, rhs, jac
+    terms, rhs, jac, memory, jac_memory
         As given. No attribute and no array can be changed: `replace` makes another equation.
 
     Raises
@@ -69,6 +75,13 @@ class Equation(System):
     >>> eq = hd.Equation([hd.Caputo(1.5), 0.5 * hd.Caputo(0.5)], lambda t, x: -x, y0=[1.0, 0.0])
     >>> eq.d, eq.m
     (1, 2)
+
+    Van der Pol's friction acts on a derivative of order 0.8:
+
+    >>> def rhs(t, x, memory):
+    ...     return (1 - x[0] ** 2) * memory[0, 0] - x[0]
+    >>> eq = hd.Equation(hd.Caputo(1.8), rhs, [0.5, 0.0], memory=hd.Caputo(0.8))
+    >>> sol = hd.solve(eq, 20.0, 4000, scheme=hd.BDF(2))
     """
 
     def __init__(
@@ -78,9 +91,12 @@ class Equation(System):
         y0: ArrayLike,
         params: ArrayLike = (),
         jac: Callable | None = None,
+        *,
+        memory: Summand | Iterable[Summand] = (),
+        jac_memory: Callable | None = None,
     ) -> None:
-        self.terms = _as_terms(terms)
-        self.rhs, self.jac = rhs, jac
+        self.terms, self.memory = as_terms(terms), read_terms(memory)
+        self.rhs, self.jac, self.jac_memory = rhs, jac, jac_memory
         values = real_array("y0", y0, remedy="give shape (m, d): y(0), y'(0), ...")
         highest = max(t.operator.derivative for t in self.terms)
         if highest == 0:
@@ -89,24 +105,27 @@ class Equation(System):
             raise ValueError(complaint("terms", required, repr(self.terms[0]), remedy))
         initial = _initial_values(values, highest)
         d = initial.shape[1]
-        factors = _per_component("coefficient", [t.coefficient for t in self.terms], d)
+        factors = per_component("coefficient", [t.coefficient for t in self.terms], d)
         constant = [t.operator.constant for t in self.terms]
         own = [t.operator._order for t in self.terms if t.operator.constant]
-        orders = merged_orders(_per_component("order", own, d))
+        orders = merged_orders(per_component("order", own, d))
         orders.flags.writeable = False
         self.orders, self.coefficients = orders, factors[constant]
         self.coefficients.flags.writeable = False
-        given = _numbers(params)
-        compiled = compile_rhs(rhs, initial[0], given, _of_shorthand(values, initial))
-        compiled_jac = compile_jac(jac, initial[0], given) if jac is not None else None
+        start = Start(initial[0], np.zeros((len(self.memory), d)), _numbers(params))
+        compiled = compile_rhs(rhs, start, _of_shorthand(values, initial))
+        compiled_jac = compile_jac(jac, jac_memory, start)
         if compiled_jac is not None:
-            check_jacobian(compiled, compiled_jac, initial[0], given)
-        self._frozen = _frozen(rhs, jac)
+            check_jacobian(compiled, compiled_jac, start.components(), start.params)
+        self._frozen = self._present_values()
         initial.flags.writeable = False
-        left = _left_side(self.terms, factors, orders)
-        super().__init__(left, initial, given, compiled, compiled_jac)
+        left = left_side(self.terms, factors, orders)
+        super().__init__(left, initial, start.params, compiled, compiled_jac)
         self.rhs_digest = digest(rhs)
         _check_leading(self.highest_orders(), initial)
+        if self.memory:
+            self._enlarged = enlarged(self, self.memory)
+            self._rhs = None  # those of `enlarged` read memory too
         self._sealed = True
 
     def __repr__(self):
@@ -126,9 +145,9 @@ class Equation(System):
         Parameters
         ----------
         **changes
-            Any of terms, rhs, y0, params and jac, as in `Equation`. An rhs that stays is not
-            compiled again. A given jac belongs to its rhs: with another rhs give another jac, or
-            None for differences.
+            Any of terms, rhs, y0, params, jac, memory and jac_memory, as in `Equation`. An rhs that
+            stays is not compiled again. A given jac belongs to its rhs: with another rhs give
+            another jac, or None for differences.
 
         Examples
         --------
@@ -151,14 +170,13 @@ class Equation(System):
 
         Itself where none has changed since it was made.
         """
-        return self if _frozen(self.rhs, self.jac) == self._frozen else self.replace()
+        return self if self._present_values() == self._frozen else self.replace()
+
+    def _present_values(self):
+        return tuple(present_values(fun) for fun in (self.rhs, self.jac, self.jac_memory))
 
 
-_GIVEN = ("terms", "rhs", "y0", "params", "jac")
-
-
-def _frozen(rhs, jac):
-    return present_values(rhs), present_values(jac)
+_GIVEN = ("terms", "rhs", "y0", "params", "jac", "memory", "jac_memory")
 
 
 def _numbers(params):
@@ -171,27 +189,6 @@ def _numbers(params):
     return values.reshape(-1)
 
 
-def _left_side(terms, factors, orders):
-    """List the system's own operators with their coefficients; one for each constant order."""
-    left, rows = [], iter(orders)
-    for term, c in zip(terms, factors, strict=True):
-        row = next(rows) if term.operator.constant else None
-        for operator, held in term.operator.parts(row):
-            left.append(SystemTerm(operator, np.where(held, c, 0.0)))
-    return left
-
-
-def _per_component(name, arrays, d):
-    """Stack one row a term, each broadcast to the d components."""
-    for array in arrays:
-        if array.ndim and array.size != d:
-            required = f"be one number or one for each of the {d} components"
-            raise ValueError(complaint(name, required, f"shape {array.shape}"))
-    stacked = np.array([np.broadcast_to(array, (d,)) for array in arrays]).reshape(-1, d)
-    stacked.flags.writeable = False
-    return stacked
-
-
 def _check_leading(highest, y0):
     for j in np.flatnonzero(highest == 0):
         required = "leave every component at least one nonzero term"
@@ -201,26 +198,6 @@ def _check_leading(highest, y0):
         got = f"y0[1][{j}] = {y0[1, j]}"
         required = f"hold no y'(0) for component {j}, whose highest order is {highest[j]}"
         raise ValueError(complaint("y0", required, got, "set it to 0"))
-
-
-def _as_terms(terms):
-    items: Any = [terms] if isinstance(terms, (Summand, numbers.Real)) else terms
-    required = "be Caputo or Memory operators with coefficients"
-    example = "write [Caputo(1.8), 0.25 * Caputo(0.8)]"
-    if callable(items):
-        example = "they come first: Equation(terms, rhs, y0)"
-    try:
-        items = list(items)
-    except TypeError as error:
-        raise TypeError(complaint("terms", required, repr(terms), example)) from error
-    for item in items:
-        if not isinstance(item, Summand):
-            if isinstance(item, numbers.Real):
-                example = f"write Caputo({item}) for a derivative of that order"
-            raise TypeError(complaint("terms", required, repr(item), example))
-    if not items:
-        raise ValueError(complaint("terms", "hold at least one term", "none", example))
-    return tuple(term.plain() for item in items for term in item._terms())
 
 
 def _initial_values(values, m):

@@ -28,14 +28,19 @@ class System:
         Whether the Jacobian is given; otherwise it comes from differences.
     rhs_digest : str
         What tells the user's right-hand side from others, also in another process.
+    sources : ndarray of int64, shape (d,)
+        Component whose derivative by its term each component is: itself where it has an equation,
+        another where it is memory that the right-hand side reads (see memory_reading.py).
     """
 
     rhs_digest = ""
 
-    def __init__(self, left: Iterable[SystemTerm], y0, params, rhs, jac=None):
+    def __init__(self, left: Iterable[SystemTerm], y0, params, rhs, jac=None, sources=None):
         self.left = tuple(left)
         self.y0, self._params = y0, params
         self.m, self.d = y0.shape
+        self.sources = np.arange(self.d) if sources is None else sources
+        self._enlarged: System | None = None
         self._rhs = rhs
         self.has_jac = jac is not None
         self._jac = jac if self.has_jac else as_value(_no_jacobian, JAC_SIG)
@@ -49,6 +54,27 @@ class System:
         locked = self._params.view()
         locked.flags.writeable = False
         return locked
+
+    @property
+    def enlarged(self) -> "System":
+        """The system that marches take: memory that the right-hand side reads stands behind y."""
+        return self._enlarged or self
+
+    @property
+    def read(self) -> np.ndarray:
+        """Whether each component is memory that the right-hand side reads, shape (d,)."""
+        return self.sources != np.arange(self.d)
+
+    @property
+    def above(self) -> np.ndarray:
+        """Whether each component, or what it is the memory of, has an order above 1, (d,)."""
+        return self.highest_orders()[self.sources] > 1
+
+    @property
+    def at_start(self) -> np.ndarray:
+        """Components at time 0, shape (d,): y(0), and memory, which is 0 but at order 1."""
+        first = self.y0[-1] if self.m == 2 else np.zeros(self.d)
+        return np.where(self.read, np.where(self.coefficient(1.0) != 0, first, 0.0), self.y0[0])
 
     def highest_orders(self) -> np.ndarray:
         """Highest order with a nonzero coefficient of each component, shape (d,).
@@ -118,7 +144,8 @@ def variational(system, directions):
         dy[d:] = (y[d:].reshape(k, d) @ system.jacobian(t, y[:d]).T).ravel()
 
     left = [SystemTerm(operator, np.tile(c, 1 + k)) for operator, c in system.left]
-    return System(left, y0, system._params, rhs)
+    sources = (system.sources + d * np.arange(1 + k)[:, None]).ravel()
+    return System(left, y0, system._params, rhs, sources=sources)
 
 
 def shifted(system, origin, y0):
@@ -126,7 +153,7 @@ def shifted(system, origin, y0):
     params = np.append(system._params, float(origin))
     jac = _shifted(system._jac) if system.has_jac else None
     left = [SystemTerm(operator.later(origin), c) for operator, c in system.left]
-    return System(left, y0, params, _shifted(system._rhs), jac)
+    return System(left, y0, params, _shifted(system._rhs), jac, system.sources)
 
 
 @lru_cache(maxsize=64)

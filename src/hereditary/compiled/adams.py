@@ -10,24 +10,22 @@ MOVED = 1e-9
 
 
 @inlined
-def predict(lead, known, shift, force, lacks, x, w, point):
+def predict(lead, known, force, lacks, w):
     """Predict w with f as it was; what the last step took too much of f is taken back."""
     for c in range(w.shape[0]):
         known[c] -= lacks[c]
         w[c] = lead[c] * force[c] - known[c]
         lacks[c] = 0.0
-        point[c] = x[c] + (shift[c] + w[c])
 
 
 @inlined
-def correct(lead, known, shift, f, lacks, x, w, moved, point):
+def correct(lead, known, f, lacks, w, moved):
     """Make a corrector sweep; `lacks` is, negated, what it took for f."""
     for c in range(w.shape[0]):
         corrected = lead[c] * f[c] - known[c]
         moved[c] = corrected - w[c]
         w[c] = corrected
         lacks[c] = -lead[c] * f[c]
-        point[c] = x[c] + (shift[c] + w[c])
 
 
 @inlined
@@ -49,14 +47,14 @@ def look_again(rhs, jac, has_jac, params, t, point, moved, k, output, counts):
 
 
 @inlined
-def contraction(n_orbit, x, lead, f, moved, lacks, limits, counts):
+def contraction(n_solved, x, lead, f, moved, lacks, limits, counts):
     """Return whether sweeps contract by far less than they have in this stretch.
 
     That is the fraction of its limit by which one more sweep would move a component, the largest of
     all.
     """
     largest = 0.0
-    for c in range(n_orbit):
+    for c in range(n_solved):
         if abs(moved[c]) > MOVED * abs(x[c]):
             more = abs(lead[c] * f[c] + lacks[c])
             largest = max(largest, more / (abs(moved[c]) * limits[c]))

@@ -8,8 +8,12 @@ it out, every step is opened, which gives what is known of it, solved for w_n,
 and closed: the piece p_n, which is w_n or the value of f, is spread over the steps ahead in its
 block. The history adds what is older than a block. The explicit step, theta = 0 and scale = 1, is
 solved for ``w_n - w_(n-1)``: so rounding stays at 1e-13 where x_(n+1) - 2 x_n + x_(n-1) would lose
-it. All arithmetic hangs on absolute step numbers, so a march does not depend on where it was
-interrupted.
+it.
+
+Memory that f reads stands in columns behind those with an equation. They take the increments of
+their sources, so what these columns know of a step is the derivative: ``scale w_n + ... = lead
+D^gamma x``, read at the step's own time, or, in an explicit step, left for the next one. All
+arithmetic hangs on absolute step numbers, so a march does not depend on where it was interrupted.
 
 Arrays of every step are named here one by one: to hand groups of them to functions takes longer
 than most steps do.
@@ -31,9 +35,21 @@ from .block import (
     write_rows,
 )
 from .jacobian import jacobian
-from .newton import end_point, guess, solve_step
+from .newton import guess, solve_step
 from .signatures import MARCH
-from .step import add_drift, add_powers, change, close, know, put, take_row
+from .step import (
+    add_drift,
+    add_powers,
+    change,
+    close,
+    follow,
+    know,
+    look,
+    put,
+    recall,
+    see,
+    take_row,
+)
 from .tangent import evaluate, push_tangents, solve_tangents
 from .varying import read_varying
 from .watch import watch_turn
@@ -52,13 +68,15 @@ def marching(name, way, read=open_block):
         pieces, force, lacks, speed = state.pieces, state.force, state.lacks, state.shift
         theta, unit, length, ratio = rows.theta, rows.unit, rows.length, rows.ratio
         leads, nears, scales, drifts = rows.lead, rows.near, rows.scale, rows.drift
-        every, n_orbit, integral = table.every, table.n_orbit, table.integral
+        every, integral, sources = table.every, table.integral, table.sources
+        n_orbit, n_solved = table.n_orbit, table.n_solved
+        reads = n_orbit > n_solved
         amplitudes, corrections, width = state.drift, state.corrections, x.shape[0]
         values, starts, first, slowest = rows.value, state.starts, state.first, table.slowest
         monitor, start_weights, (_, start, _) = state.monitor, table.start_weights, memory
-        n_starts, room, row = max(1, starts.shape[1]), np.empty((9, width)), -1
+        n_starts, room, row = max(1, starts.shape[1]), np.empty((11, width)), -1
         known, shift, scale, lead, near = room[0], room[1], room[2], room[3], room[4]
-        w, f, moved, point = room[5], room[6], room[7], room[8]
+        w, f, moved, point, base, gain = room[5], room[6], room[7], room[8], room[9], room[10]
         j_f, orbit, f_orbit = np.empty((n_orbit, n_orbit)), x[:n_orbit], f[:n_orbit]
         first_sample, first_stretch = samples(counts.step, end, every)
         counts.rows = 0
@@ -95,39 +113,49 @@ def marching(name, way, read=open_block):
                     counts.rhs += jacobian(rhs, jac, has_jac, t, orbit, params, j_f)
                     push_tangents(j_f, x, f)
                 change(n, p, given, lead, known, shift, f, u, pieces, w, d)
+                if reads:
+                    follow(explicit, p, sources, pieces, w, d)
             elif newton and n == 0 and given[0] == 1:
                 put(first, w)
             elif newton:
                 guess(p, integral, ratio[i], lead, known, force, pieces, w)
+                see(theta[i], sources, x, shift, scale, known, lead, base, gain)
                 if not solve_step(
-                    rhs, jac, has_jac, params, t, orbit, theta[i], shift, scale, known, lead, w,
-                    counts,
+                    rhs, jac, has_jac, params, t, n_solved, sources, base[:n_orbit], gain, shift,
+                    scale, known, lead, w, counts,
                 ):  # fmt: skip
                     return NOT_SOLVED
                 if width > n_orbit and not solve_tangents(
-                    rhs, jac, has_jac, params, t, x, j_f, theta[i], shift, scale, known, lead, w,
-                    counts,
+                    rhs, jac, has_jac, params, t, n_solved, sources, base, gain, j_f, scale, known,
+                    lead, w, counts,
                 ):  # fmt: skip
                     return NOT_SOLVED
                 if integral == 1:
-                    end_point(x, shift, w, point)
+                    look(base, gain, sources, w, point)
                     evaluate(rhs, jac, has_jac, params, t, point, j_f, f, counts)
                     put(f, force)
             else:
-                predict(lead, known, shift, force, lacks, x, w, point)
+                see(1.0, sources, x, shift, scale, known, lead, base, gain)
+                predict(lead, known, force, lacks, w)
+                look(base, gain, sources, w, point)
                 for _ in range(table.sweeps):
                     evaluate(rhs, jac, has_jac, params, t, point, j_f, f, counts)
-                    correct(lead, known, shift, f, lacks, x, w, moved, point)
+                    correct(lead, known, f, lacks, w, moved)
+                    look(base, gain, sources, w, point)
                 evaluate(rhs, jac, has_jac, params, t, point, j_f, f, counts)
-                if contraction(n_orbit, point, lead, f, moved, lacks, table.limits, counts):
+                if contraction(n_solved, point, lead, f, moved, lacks, table.limits, counts):
                     k = n // every - first_stretch
                     look_again(rhs, jac, has_jac, params, t, point, moved, k, output, counts)
                 settle(lead, f, force, lacks)
+            if reads and not explicit:
+                follow(explicit, p, sources, pieces, w, d)
             close(
-                p, n, explicit, integral, ratio[i], groups, weights, shift, w, f, x, u, d, lag,
-                pieces,
+                p, n, explicit, integral, ratio[i], groups, sources, weights, shift, w, f, x, u, d,
+                lag, pieces,
             )  # fmt: skip
-            for c in range(n_orbit if slowest > 0.0 else 0):
+            if reads and explicit:
+                recall(n, sources, given, lead, known, d, x)
+            for c in range(n_solved if slowest > 0.0 else 0):
                 if (u[c] - d[c]) * u[c] < 0.0:  # a turn of the increments
                     watch_turn(monitor[c], d[c], u[c], x[c], slowest, counts)
             if n == 0 and integral == 0:

@@ -48,10 +48,11 @@ class StepTable(NamedTuple):
 
     h, the step, 0 on a mesh; slowest, steps between turns up to which these are watched (0: none);
     sweeps of a corrector; integral, whether pieces are values of f instead of increments; n_orbit
-    components, the first columns; every so many steps a Jacobian is kept (0: none). groups and
-    given (W,), whether the first increment is given; weights and start_weights (C, B + 2) and
-    (V C, B + 2) inside a block; limits (W,) of lead times -J for sweeps; powers (r, W) of the known
-    terms.
+    components, the first columns, of which n_solved have an equation: the others are memory that f
+    reads; every so many steps a Jacobian is kept (0: none). groups, sources, the column whose
+    increments each takes, and given, whether the first one is given, (W,); weights and
+    start_weights (C, B + 2) and (V C, B + 2) inside a block; limits (W,) of lead times -J for
+    sweeps; powers (r, W) of the known terms.
     """
 
     h: float
@@ -59,8 +60,10 @@ class StepTable(NamedTuple):
     sweeps: int
     integral: int
     n_orbit: int
+    n_solved: int
     every: int
     groups: np.ndarray
+    sources: np.ndarray
     given: np.ndarray
     weights: np.ndarray
     start_weights: np.ndarray
@@ -96,12 +99,13 @@ class StepRows(NamedTuple):
 class March(NamedTuple):
     """State of a march; all but counts and monitor is linear in the solution.
 
-    The W columns are the components of the orbit, then those of one tangent after the other. x, the
-    newest increment and its change (W,); lag (W, B) of the block under way and pieces (W, B + 1);
-    monitor, records (d,); shift (W,), x'(0) times the unit of lengths, which the pieces leave out;
-    drift (W, r), amplitudes of known terms; first (W,), the first increment where it is given;
-    corrections (W, k) of the right-hand side in the first steps; starts (W, V), start values; force
-    and lacks (W,), the newest right-hand side, and what the last step took too much of it.
+    The W columns are the components of the orbit, then those of one tangent after the other. x,
+    with memory that an explicit step reads among them, the newest increment and its change (W,);
+    lag (W, B) of the block under way and pieces (W, B + 1); monitor, records (d,); shift (W,),
+    x'(0) times the unit of lengths, which the pieces leave out; drift (W, r), amplitudes of known
+    terms; first (W,), the first increment where it is given; corrections (W, k) of the right-hand
+    side in the first steps; starts (W, V), start values; force and lacks (W,), the newest
+    right-hand side, and what the last step took too much of it.
     """
 
     counts: np.record
@@ -130,7 +134,9 @@ class Output(NamedTuple):
 
 
 _COUNTS = from_dtype(COUNTS)
-STEP_TABLE = types.NamedTuple((F8, F8, I8, I8, I8, I8, IVEC, IVEC, MAT, MAT, VEC, MAT), StepTable)
+STEP_TABLE = types.NamedTuple(
+    (F8, F8, I8, I8, I8, I8, I8, IVEC, IVEC, IVEC, MAT, MAT, VEC, MAT), StepTable
+)
 STEP_ROWS = types.NamedTuple((I8, I8, VEC, VEC, VEC, VEC, VEC, MAT, MAT, MAT, MAT, MAT), StepRows)
 _MONITORS = types.Array(from_dtype(MONITOR), 1, "C")
 STATE = types.NamedTuple(

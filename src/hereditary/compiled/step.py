@@ -48,6 +48,41 @@ def add_powers(n, t, amplitudes, powers, corrections, lead, known):
 
 
 @inlined
+def see(theta, sources, x, shift, scale, known, lead, base, gain):
+    """Set where f is taken: at ``base + gain w`` with w of the sources, y and memory alike."""
+    for c in range(base.shape[0]):
+        if sources[c] == c:
+            base[c], gain[c] = x[c] + theta * shift[c], theta
+        else:  # scale w + known is lead times the derivative
+            base[c], gain[c] = known[c] / lead[c], scale[c] / lead[c]
+
+
+@inlined
+def look(base, gain, sources, w, point):
+    """Set the point where f is taken."""
+    for c in range(point.shape[0]):
+        point[c] = base[c] + gain[c] * w[sources[c]]
+
+
+@inlined
+def follow(explicit, p, sources, pieces, w, d):
+    """Give memory the increments of its sources, and in an explicit step their change."""
+    for c in range(w.shape[0]):
+        if sources[c] != c:
+            w[c] = w[sources[c]]
+            if explicit:
+                d[c] = w[c] - pieces[c, p]
+
+
+@inlined
+def recall(n, sources, given, lead, known, d, x):
+    """Set the memory that the next explicit step reads."""
+    for c in range(x.shape[0]):
+        if sources[c] != c:
+            x[c] = 0.0 if n == 0 and given[c] == 1 else (d[c] + known[c]) / lead[c]
+
+
+@inlined
 def change(n, p, given, lead, known, shift, f, u, pieces, w, d):
     """Set w of an explicit step, and its change."""
     for c in range(w.shape[0]):
@@ -58,7 +93,9 @@ def change(n, p, given, lead, known, shift, f, u, pieces, w, d):
 
 
 @inlined
-def close(p, n, explicit, integral, ratio, groups, weights, shift, w, f, x, u, d, lag, pieces):
+def close(
+    p, n, explicit, integral, ratio, groups, sources, weights, shift, w, f, x, u, d, lag, pieces
+):
     """Move the solution on, keep the piece and spread it over the steps ahead in its block."""
     bend = 2.0 * ratio / (1.0 + ratio)
     for c in range(w.shape[0]):
@@ -66,7 +103,7 @@ def close(p, n, explicit, integral, ratio, groups, weights, shift, w, f, x, u, d
         if not explicit:
             d[c] = bend * (new - ratio * u[c]) if n > 0 else 0.0
         u[c], x[c] = new, x[c] + new
-        piece, a = f[c] if integral == 1 else w[c], groups[c]
+        piece, a = f[c] if integral == 1 and sources[c] == c else w[c], groups[c]
         pieces[c, p + 1] = piece
         for k in range(2, lag.shape[1] - p):
             lag[c, p + k] += weights[a, k] * piece

@@ -10,6 +10,7 @@ import numpy as np
 from .._jit import inner
 from .jacobian import jacobian
 from .linalg import solve_in_place
+from .newton import newton_matrix
 
 
 @inner
@@ -40,26 +41,25 @@ def evaluate(rhs, jac, has_jac, params, t, x, j_f, f, counts):
 
 @inner
 def solve_tangents(
-    rhs, jac, has_jac, params, t, x, j_f, theta, shift, scale, known, lead, w, counts
+    rhs, jac, has_jac, params, t, n_solved, sources, base, gain, j_f, scale, known, lead, w, counts
 ):
-    """Solve ``scale w + known = lead J (x + theta (shift + w))`` for every tangent's w.
+    """Solve ``scale w + known = lead J (base + gain w)`` for every tangent's w.
 
     J is the Jacobian where the orbit's own w, which is given, solves the step (compiled/newton.py).
     Returns False where the equations are singular; calls of `rhs` are counted.
     """
-    # x, shift, known, lead, w (W,), j_f (d, d): filled with J, scale (>= d,)
-    d = j_f.shape[0]
-    point, change, matrix = np.empty(d), np.empty(d), np.empty((d, d))
-    for c in range(d):
-        point[c] = x[c] + theta * (shift[c] + w[c])
+    # sources, base, gain, known, lead, w (W,), j_f (n, n): filled with J, scale (>= n,)
+    n, d = j_f.shape[0], n_solved
+    point, change, matrix = np.empty(n), np.empty(d), np.empty((d, d))
+    for c in range(n):
+        point[c] = base[c] + gain[c] * w[sources[c]]
     counts.rhs += jacobian(rhs, jac, has_jac, t, point, params, j_f)
-    for first in range(d, x.shape[0], d):
+    for first in range(n, base.shape[0], n):
+        newton_matrix(j_f, sources, gain, scale, lead, matrix)
         for i in range(d):
             total = 0.0
-            for k in range(d):
-                matrix[i, k] = -theta * lead[i] * j_f[i, k]
-                total += j_f[i, k] * (x[first + k] + theta * shift[first + k])
-            matrix[i, i] += scale[i]
+            for k in range(n):
+                total += j_f[i, k] * base[first + k]
             change[i] = lead[i] * total - known[first + i]
         if not solve_in_place(matrix, change):
             return False

@@ -18,6 +18,7 @@ from .._checks import count, within
 from ..compiled.watch import QUICK
 from ..special import first_moment_exponential, gauss_unit, mean_exponential
 from ..system import System
+from .derivative_form import drift_of_speed
 from .modes import Modes, edge, series
 from .scheme import (
     Convolution,
@@ -29,6 +30,7 @@ from .scheme import (
     uniform_rows,
 )
 from .stability import StabilityRegion, polylogarithm
+from .weights import weighed
 
 # A mode of the sweeps counts as unstable when it grows by more than this a step; one that turns, of
 # a system, by more than a fiftieth, with fewer than 20 steps a turn. So many weights leave 1e-7.
@@ -104,10 +106,21 @@ FIRST_VALUE = WeightRule(start_weights, _exponent, _modal_start)
 def _plan(equation, h, corrections):
     """Plan in integral form; on the left side f has negative weights."""
     distinct, groups = distinct_components(equation)
+    # memory that f reads has weights of increments, and groups of its own
+    keys = [(distinct[a], bool(read)) for a, read in zip(groups, equation.read, strict=True)]
+    distinct = list(dict.fromkeys(keys))
+    groups = np.array([distinct.index(key) for key in keys], dtype=np.int64)
     lead, near, lists, start_lists = [], [], [], []
-    for key in distinct:
-        ((c, operator),) = key
+    for ((c, operator),), read in distinct:
         alpha = operator.order
+        if read:
+            factor, rule, p = weighed(c, operator, h)
+            first, second = factor * rule.exact(p, 2)
+            lead.append(1 / first)
+            near.append(second / first)
+            lists.append(((factor / first, rule, p),))
+            start_lists.append(())
+            continue
         factor = h**alpha * rgamma(alpha + 2) / c
         lead.append(factor)
         near.append(-factor * hat_weights(alpha, 2)[1])
@@ -117,15 +130,19 @@ def _plan(equation, h, corrections):
     lead_of = np.array(lead)[groups]
     region = _region(equation, lead_of, corrections)
     limits = region.limits * lead_of if region else np.full(equation.d, np.inf)
+    amplitudes, powers = drift_of_speed(equation)
+    amplitudes[:, ~equation.read] = 0.0
     return Plan(
         past=Convolution(tuple(lists), tuple(start_lists), first_modal=3),
         rows=uniform_rows(h, 1.0, lead, near),
         groups=groups,
-        initial=equation.y0[0],
+        initial=equation.at_start,
         increments=shift,
         shift=shift,
         sweeps=corrections,
         integral=True,
+        powers=powers,
+        drift=amplitudes,
         limits=limits,
         region=region,
         slowest=QUICK,
@@ -138,7 +155,7 @@ def _region(equation, lead, corrections):
     The implicit scheme's alternating mode leaves the unit circle above order 1 only, at ``lead K =
     1 / (4 |eta(-1-beta)|)``, eta being Dirichlet's.
     """
-    orders = equation.highest_orders()
+    orders = equation.highest_orders()[equation.sources]
     if corrections:
         limits = np.array([sweep_limit(alpha, corrections) for alpha in orders]) / lead
     elif orders.max() > 1:
@@ -148,7 +165,10 @@ def _region(equation, lead, corrections):
         return None
     modes = lru_cache(lambda d: _modes(orders[:d], lead[:d], corrections))
     nothing = np.zeros(0)
-    return StabilityRegion(limits, nothing, nothing, np.pi, modes, sweeps=corrections > 0)
+    # memory moves with the newest increment by 1 / lead
+    return StabilityRegion(
+        limits, nothing, nothing, np.pi, modes, sweeps=corrections > 0, gains=1 / lead
+    )
 
 
 @lru_cache(maxsize=256)

@@ -167,7 +167,7 @@ def _formed_drift(equation, h, p):
     first values (k, d), and the amplitudes and powers of what is left later (r, d); None without
     such terms.
     """
-    above = equation.highest_orders() > 1
+    above = equation.above
     lower = [
         (operator.order, np.where(above, c, 0.0))
         for operator, c in equation.left
@@ -251,17 +251,16 @@ def _start_corrections(equation, h, p):
 
     ``a_n phi(0) + sum_(l=1)^(p-2) b_(l,n) h**l phi^(l)(0)`` with phi(t) = f(t, x(0) + t x'(0)) less
     the derivatives of order 1 of t x'(0), its own derivatives by differences over the first p
-    values.
+    values. Memory that f reads stays as it is at 0 there.
     """
     if p == 1:
         return np.zeros((0, equation.d))
     values = np.empty((p, equation.d))
+    speed = np.where(equation.read, 0.0, equation.y0[-1] if equation.m == 2 else 0.0)
     for i in range(p):
-        x = equation.y0[0] + (i * h * equation.y0[1] if equation.m == 2 else 0.0)
-        equation._rhs(i * h, x * 1.0, values[i], equation._params)
-    if equation.m == 2:
-        above = equation.highest_orders() > 1
-        values -= np.where(above, equation.coefficient(1.0), 0.0) * equation.y0[1]
+        equation._rhs(i * h, equation.at_start + i * h * speed, values[i], equation._params)
+    values -= np.where(equation.above, equation.coefficient(1.0), 0.0) * speed
+    values[:, equation.read] = 0.0
     nodes = np.arange(p)
     taylor = np.linalg.solve(np.vander(nodes, increasing=True).astype(float), values)
     derivatives = taylor * np.cumprod(np.maximum(nodes, 1))[:, None]  # h**l phi^(l)(0)

@@ -84,7 +84,7 @@ def derivative_plan(
         past=Convolution(tuple(lists), tuple(start_lists), first_modal, tuple(map(tuple, more))),
         rows=uniform_rows(h, theta, lead, near, scale),
         groups=groups,
-        initial=equation.y0[0],
+        initial=equation.at_start,
         increments=increments,
         shift=shift,
         given=None if first is None else np.ones(equation.d, dtype=np.int64),
@@ -106,7 +106,7 @@ def drift_of_speed(equation, whole=False):
     """
     if equation.m == 1 or whole:
         return np.zeros((2, 0, equation.d))
-    above = equation.highest_orders() > 1
+    above = equation.above
     lower = [(op, c) for op, c in equation.left if op.constant and op.order <= 1]
     rows = [(op.factor(1.0) * np.where(above, c, 0) * equation.y0[1], op.power) for op, c in lower]
     amplitudes = np.array([row for row, _ in rows]).reshape(-1, equation.d)

@@ -153,7 +153,7 @@ class ExplicitCaputo(Scheme):
             past=Convolution(tuple(lists), tuple(start_lists), more_starts=values),
             rows=uniform_rows(h, 0.0, lead, near),
             groups=groups,
-            initial=equation.y0[0],
+            initial=equation.at_start,
             increments=increments,
             shift=np.zeros(equation.d),
             given=second.astype(np.int64),

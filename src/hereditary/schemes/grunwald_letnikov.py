@@ -135,7 +135,7 @@ class GrunwaldLetnikov(Scheme):
             past=Convolution(tuple(lists), none, more_starts=more),
             rows=uniform_rows(h, 0.0, lead, near),
             groups=groups,
-            initial=equation.y0[0],
+            initial=equation.at_start,
             increments=h * speeds,
             shift=np.zeros(equation.d),
             starts=np.array([0 * start, start] if above else [start]),

@@ -84,28 +84,36 @@ class L2(Scheme):
 
 def _first_increment(equation, times):
     """x_1 - x_0 from the equation at t_1 and t_2 with one parabola through x_0, x_1, x_2."""
-    d = equation.d
+    solved, sources = ~equation.read, equation.sources
+    d = int(solved.sum())
     weights = _start_weights(equation, times)
 
+    def widened(u):  # memory has the increments of its sources
+        whole = np.zeros((2, equation.d))
+        whole[:, solved] = u.reshape(2, d)
+        return whole[:, sources]
+
     def excess(u):
-        u = u.reshape(2, d)
-        values = np.empty((2, d))
+        u, values = widened(u), np.empty((2, equation.d))
+        left = np.einsum("rcj,cj->rj", weights, u)
         for row, x in ((0, equation.y0[0] + u[0]), (1, equation.y0[0] + u[0] + u[1])):
-            equation._rhs(times[row + 1], x, values[row], equation._params)
-        return (np.einsum("rcj,cj->rj", weights, u) - values).ravel()
+            point = np.where(solved, x, left[row])
+            equation._rhs(times[row + 1], point, values[row], equation._params)
+        return (left - values)[:, solved].ravel()
 
     u = np.zeros(2 * d)
-    scale = np.abs(equation.y0[0]).max()
+    initial = equation.y0[0, solved]
+    scale = np.abs(initial).max()
     for _ in range(50):
         jacobian = np.empty((2 * d, 2 * d))
         for k in range(2 * d):
             e = np.zeros(2 * d)
-            e[k] = 6e-6 * max(1.0, abs(equation.y0[0, k % d]))
+            e[k] = 6e-6 * max(1.0, abs(initial[k % d]))
             jacobian[:, k] = (excess(u + e) - excess(u - e)) / (2 * e[k])
         change = np.linalg.solve(jacobian, excess(u))
         u -= change
         if np.abs(change).max() <= 1e-14 * (scale + np.abs(u).max()):
-            return u[:d]
+            return widened(u)[0]
     required = "let Newton's method find the first two values"
     raise ValueError(complaint("steps", required, f"increments {shown(u)}", "take smaller ones"))
 

@@ -98,7 +98,7 @@ def mesh_plan(name, equation, times, theta, parabolas, first=None, above=False):
         past=sums,
         rows=sums.rows,
         groups=sums.groups,
-        initial=equation.y0[0],
+        initial=equation.at_start,
         increments=shift * (times[1] - times[0]),
         shift=shift,
         given=None if first is None else np.ones(equation.d, dtype=np.int64),

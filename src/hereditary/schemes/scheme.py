@@ -45,8 +45,8 @@ class Region(Protocol):
     def every(self) -> int:
         """Blocks between two Jacobians."""
 
-    def orbit(self, d: int) -> Region:
-        """Return the region of the first d components."""
+    def orbit(self, d: int, sources: np.ndarray) -> Region:
+        """Return the region of the first d components; `sources` as in `System`."""
 
     def ratios(self, jacobians: np.ndarray, steps: np.ndarray) -> np.ndarray:
         """Largest ratio of an eigenvalue to its limit, for each of Jacobians at `steps`."""

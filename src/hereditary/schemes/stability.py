@@ -39,6 +39,11 @@ class StabilityRegion:
         ``modes(d)``: the `Modes` of the first d components, where no such curve is known.
     sweeps : bool
         Whether the march adds a Jacobian to each stretch in which its sweeps hardly contracted.
+    gains : ndarray, shape (d,), optional
+        Value that memory read by the right-hand side has for the mode at the limit of its source's
+        size; by default `limits`, as an explicit scheme reads it.
+    sources : ndarray of int64, shape (d,), optional
+        As in `System`.
     """
 
     limits: np.ndarray
@@ -47,10 +52,13 @@ class StabilityRegion:
     first_angle: float
     modes: Callable | None = None
     sweeps: bool = False
+    gains: np.ndarray | None = None
+    sources: np.ndarray | None = None
 
-    def orbit(self, d):
-        """The region of the first d components."""
-        return replace(self, limits=self.limits[:d])
+    def orbit(self, d, sources):
+        """The region of the first d components; `sources` as in `System`."""
+        gains = self.limits if self.gains is None else self.gains
+        return replace(self, limits=self.limits[:d], gains=gains[:d], sources=sources)
 
     @property
     def every(self):
@@ -73,25 +81,43 @@ class StabilityRegion:
         """
         finite = np.isfinite(jacobians).all(axis=(1, 2))
         jacobians = np.where(finite[:, None, None], jacobians, 0.0)
-        scaled = -jacobians / self.limits[:, None]
+        limits = self.limits
+        if self.sources is not None:
+            jacobians = folded(jacobians, self.gains, self.sources)
+            limits = limits[: jacobians.shape[1]]
+        scaled = -jacobians / limits[:, None]
         if scaled.shape[1] == 1:
             return np.maximum(0.0, scaled[:, 0, 0])
         values = np.linalg.eigvals(scaled)
         real = np.abs(values.imag) <= 1e-9 * np.abs(values)
         ratios = np.where(real, values.real, 0.0).max(axis=1, initial=0.0)
         if self.angles.size:
-            spiral = -values * self.limits[0]
+            spiral = -values * limits[0]
             angle = np.abs(np.angle(spiral))
             share = np.abs(spiral) / np.interp(angle, self.angles, self.radii)
             share[real | (angle <= self.first_angle)] = 0.0
             ratios = np.maximum(ratios, share.max(axis=1))
         if self.modes is not None:
-            ratios = np.maximum(ratios, self.modes(self.limits.size).ratios(jacobians))
+            ratios = np.maximum(ratios, self.modes(limits.size).ratios(jacobians))
         return ratios
 
     def ratio(self, jacobians):
         """The largest of them."""
         return float(self.ratios(jacobians).max(initial=0.0))
+
+
+def folded(jacobians, gains, sources):
+    """Jacobians (k, d, d) of the components with an equation: memory that f reads becomes theirs.
+
+    `gains` (d,) or (k, d) are its values where its source is 1.
+    """
+    own = sources == np.arange(sources.size)
+    if own.all():
+        return jacobians
+    total = jacobians[:, own][:, :, own].copy()
+    for c in np.flatnonzero(~own):
+        total[:, :, sources[c]] += jacobians[:, own, c] * np.asarray(gains)[..., c, None]
+    return total
 
 
 def largest_step(limits, stiffness):

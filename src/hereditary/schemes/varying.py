@@ -20,6 +20,7 @@ from ..special import alternating_power_sum
 from ..system import System
 from .beside import KernelTerms
 from .scheme import Plan, distinct_components
+from .stability import folded
 
 # Steps at which orders are looked at before a run.
 _LOOKED_AT = 1001
@@ -264,23 +265,28 @@ class FrozenLimits:
         Components of the orbit.
     every : int
         Steps between two Jacobians.
+    sources : ndarray of int64, shape (d,)
+        As in `System`.
     """
 
     schedule: Schedule
     d: int
     every: int
+    sources: np.ndarray
     sweeps: ClassVar[bool] = False
 
-    def orbit(self, d):
-        """The region of the first d components."""
+    def orbit(self, d, sources):
+        """The region of the first d components; `sources` as in `System`."""
         # as in systems of constant orders: one Jacobian by differences takes 2 d calls
-        return FrozenLimits(self.schedule, d, 32 * ((d + 1) // 2))
+        return FrozenLimits(self.schedule, d, 32 * ((d + 1) // 2), sources)
 
     def ratios(self, jacobians, steps):
         """Largest ratio of a real eigenvalue to its limit, for each of Jacobians at `steps`."""
         if steps.size == 0:
             return np.zeros(0)
-        scaled = -jacobians / self.schedule.limits(steps)[:, : self.d, None]
+        limits = self.schedule.limits(steps)[:, : self.d]
+        jacobians = folded(jacobians, limits, self.sources)
+        scaled = -jacobians / limits[:, : jacobians.shape[1], None]
         scaled = np.where(np.isfinite(scaled).all(axis=(1, 2))[:, None, None], scaled, 0.0)
         values = np.linalg.eigvals(scaled)
         real = np.abs(values.imag) <= 1e-9 * np.abs(values)
@@ -295,11 +301,11 @@ def varying_plan(system, h, theta, explicit):
         past=schedule,
         rows=schedule.rows,
         groups=schedule.groups,
-        initial=system.y0[0],
+        initial=system.at_start,
         increments=shift,
         shift=shift,
         given=(system.highest_orders() > 1).astype(np.int64) if explicit else None,
         starts=system.y0[:1],
-        region=FrozenLimits(schedule, system.d, 0) if explicit else None,
+        region=FrozenLimits(schedule, system.d, 0, system.sources) if explicit else None,
         slowest=SLOWEST if explicit else 0.0,
     )

@@ -71,13 +71,16 @@ class Stepper:
     def _plan(self, directions):
         """The scheme's plan for orbit and tangents."""
         equation = self.equation
-        self._system = self.scheme.reduction(equation) or equation
+        system = self._system = self.scheme.reduction(equation) or equation.enlarged
+        self._sources = system.sources
         if self.n_tangents == 0:
-            return self.steps.plan(self.scheme, self._system)
-        rows = np.zeros((self._system.m, self._system.d, self.n_tangents))
+            return self.steps.plan(self.scheme, system)
+        rows = np.zeros((system.m, system.d, self.n_tangents))
         rows[0, : equation.d] = directions[: equation.d]
         rows[1:, self._with_speed] = directions[equation.d :]
-        return self.steps.plan(self.scheme, variational(self._system, rows))
+        beside = variational(system, rows[:, system.sources])
+        self._sources = beside.sources
+        return self.steps.plan(self.scheme, beside)
 
     def _open(self, plan):
         """A fresh memory."""
@@ -88,7 +91,7 @@ class Stepper:
         self._loop = MARCHES[self.scheme.solve, self.memory.inlined]
         d, width = self._system.d, plan.groups.size
         self._past, self._rows, self._lasting = plan.past, plan.rows, plan.lasting
-        self._region = plan.region and plan.region.orbit(d)
+        self._region = plan.region and plan.region.orbit(d, self._system.sources)
         none = np.zeros((0, width))
         self._table = StepTable(
             h=self.steps.h,
@@ -96,8 +99,10 @@ class Stepper:
             sweeps=plan.sweeps,
             integral=int(plan.integral),
             n_orbit=d,
+            n_solved=int(np.sum(~self._system.read)),
             every=self._block * self._region.every if self._region else 0,
             groups=plan.groups,
+            sources=self._sources,
             given=np.zeros(width, dtype=np.int64) if plan.given is None else plan.given,
             weights=self.memory.block_weights,
             start_weights=self.memory.block_start_weights,
@@ -254,9 +259,10 @@ class Stepper:
 
     def seconds_of_rhs(self):
         """Time that one call of the right-hand side takes, a few microseconds of entry included."""
-        y, dy = self.y, np.empty(self.equation.d)
+        system = self._system
+        y, dy = self._march.x[: system.d].copy(), np.empty(system.d)
         began = time.perf_counter()
-        self.equation._rhs(self.t, y, dy, self.equation._params)
+        system._rhs(self.t - self._origin, y, dy, system._params)
         return time.perf_counter() - began
 
     def prepare(self, n_end):

@@ -1,0 +1,105 @@
+"""From the terms that a user writes to those of a system: left side, and memory that f reads."""
+
+import numbers
+from typing import Any
+
+import numpy as np
+
+from ._checks import complaint
+from .operators import Summand
+from .orders import merged_orders
+from .system import System
+from .terms import SystemTerm
+
+
+def as_terms(terms):
+    """List the terms that a user wrote, in any of the forms that `Equation` takes."""
+    items: Any = [terms] if isinstance(terms, (Summand, numbers.Real)) else terms
+    required = "be Caputo or Memory operators with coefficients"
+    example = "write [Caputo(1.8), 0.25 * Caputo(0.8)]"
+    if callable(items):
+        example = "they come first: Equation(terms, rhs, y0)"
+    try:
+        items = list(items)
+    except TypeError as error:
+        raise TypeError(complaint("terms", required, repr(terms), example)) from error
+    for item in items:
+        if not isinstance(item, Summand):
+            if isinstance(item, numbers.Real):
+                example = f"write Caputo({item}) for a derivative of that order"
+            raise TypeError(complaint("terms", required, repr(item), example))
+    if not items:
+        raise ValueError(complaint("terms", "hold at least one term", "none", example))
+    return tuple(term.plain() for item in items for term in item._terms())
+
+
+def left_side(terms, factors, orders):
+    """List the system's own operators with their coefficients; one for each constant order."""
+    left, rows = [], iter(orders)
+    for term, c in zip(terms, factors, strict=True):
+        row = next(rows) if term.operator.constant else None
+        for operator, held in term.operator.parts(row):
+            left.append(SystemTerm(operator, np.where(held, c, 0.0)))
+    return left
+
+
+def per_component(name, arrays, d):
+    """Stack one row a term, each broadcast to the d components."""
+    for array in arrays:
+        if array.ndim and array.size != d:
+            required = f"be one number or one for each of the {d} components"
+            raise ValueError(complaint(name, required, f"shape {array.shape}"))
+    stacked = np.array([np.broadcast_to(array, (d,)) for array in arrays]).reshape(-1, d)
+    stacked.flags.writeable = False
+    return stacked
+
+
+def read_terms(memory):
+    """List the terms that a right-hand side reads."""
+    if isinstance(memory, (list, tuple)) and not memory:
+        return ()
+    return as_terms(memory)
+
+
+def enlarged(equation, memory):
+    """Return the system of an equation whose right-hand side reads memory: (1 + k) d components.
+
+    Behind the d components stand those of each term of `memory`, whose `left` they are. Schemes
+    weigh them as they would weigh such a term in an equation of its own; marches give them the
+    increments of their sources.
+    """
+    d, k = equation.d, len(memory)
+    factors = per_component("coefficient", [t.coefficient for t in memory], d)
+    constant = [t.operator.constant for t in memory]
+    own = [t.operator._order for t in memory if t.operator.constant]
+    mine = [op.order for op, _ in equation.left if op.constant]
+    orders = per_component("order", own, d)
+    # orders that differ from those of the left side by rounding are the same
+    orders = merged_orders(np.vstack([np.tile(mine, (d, 1)).T.reshape(-1, d), orders]))[len(mine) :]
+    left = [SystemTerm(op, np.concatenate([c, np.zeros(k * d)])) for op, c in equation.left]
+    rows = iter(orders)
+    for number, (term, known) in enumerate(zip(memory, constant, strict=True), 1):
+        if np.any(factors[number - 1] == 0):
+            raise ValueError(complaint("memory", "have coefficients other than 0", repr(term)))
+        for operator, held in term.operator.parts(next(rows) if known else None):
+            coefficients = np.zeros((1 + k, d))
+            coefficients[number] = np.where(held, factors[number - 1], 0.0)
+            left.append(SystemTerm(operator, coefficients.ravel()))
+            _check_below(operator, held, equation.highest_orders())
+    y0, sources = np.tile(equation.y0, (1, 1 + k)), np.tile(np.arange(d), 1 + k)
+    jac = equation._jac if equation.has_jac else None
+    system = System(left, y0, equation._params, equation._rhs, jac, sources)
+    system.rhs_digest = equation.rhs_digest
+    return system
+
+
+def _check_below(operator, held, highest):
+    """Refuse memory of an order that is not below that of its component."""
+    order = operator.order
+    if operator.varies:  # known at the start; it is the user's to keep it below
+        order = float(operator.sampled(np.zeros(1))[0][0])
+    lowest = float(highest[np.broadcast_to(held, highest.shape)].min())
+    if order >= lowest:
+        required = f"have orders below the highest of their component, {lowest:g}"
+        remedy = "solve the equation for its highest derivative"
+        raise ValueError(complaint("memory", required, f"{order:g}", remedy))
