@@ -12,12 +12,12 @@ from scipy.special import gamma
 from test_pairs import EQUATIONS, REFUSED, name_of
 
 import hereditary as hd
-from hereditary.analysis.estimators import displaced
 from hereditary.analysis.order import observed_order
 from hereditary.compiled.mesh import moments
 from hereditary.meshes import mesh_steps
 from hereditary.solver.stepper import Stepper
 from hereditary.special import gauss_unit
+from hereditary.system import displaced
 
 SCHEMES = [hd.L1(), hd.L2(), hd.L2Sigma()]
 HISTORIES = [hd.Direct(), hd.SumOfExponentials(1e-12)]

@@ -4,11 +4,9 @@ The components of a system are y (d,) and, behind it, memory (k, d) row by row.
 """
 
 import numpy as np
-from numba import config, njit
+from numba import njit
 
-
-def _njit(fun):
-    return fun if config.DISABLE_JIT else njit(error_model="numpy", nogil=True)(fun)
+_njit = njit(error_model="numpy", nogil=True)
 
 
 def split(fun, arity, k, compiled=True):

@@ -150,10 +150,33 @@ def variational(system, directions):
 
 def shifted(system, origin, y0):
     """Begin a system anew at time `origin`, which becomes its time 0, from `y0` (m, d)."""
+    if system.enlarged is not system:
+        inner = system.enlarged
+        return _seen(system, shifted(inner, origin, y0[:, inner.sources]))
     params = np.append(system._params, float(origin))
     jac = _shifted(system._jac) if system.has_jac else None
     left = [SystemTerm(operator.later(origin), c) for operator, c in system.left]
     return System(left, y0, params, _shifted(system._rhs), jac, system.sources)
+
+
+def displaced(system, y0):
+    """The system with other initial values (m, d)."""
+    if system.enlarged is not system:
+        inner = system.enlarged
+        return _seen(system, displaced(inner, y0[:, inner.sources]))
+    jac = system._jac if system.has_jac else None
+    apart = System(system.left, y0, system._params, system._rhs, jac, system.sources)
+    apart.rhs_digest = system.rhs_digest
+    return apart
+
+
+def _seen(system, inner):
+    """The first components of an enlarged system, with the left side they have in `system`."""
+    terms = zip(system.left, inner.left, strict=False)  # those of memory stand last
+    left = [SystemTerm(operator, c) for (_, c), (operator, _) in terms]
+    seen = System(left, inner.y0[:, : system.d], inner._params, None)
+    seen._enlarged, seen.rhs_digest = inner, system.rhs_digest
+    return seen
 
 
 @lru_cache(maxsize=64)

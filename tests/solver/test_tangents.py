@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 import hereditary as hd
-from hereditary.analysis.estimators import displaced
 from hereditary.meshes import UniformSteps
 from hereditary.solver.stepper import Stepper
+from hereditary.system import displaced
 
 SCHEMES = [
     hd.ExplicitCaputo(),

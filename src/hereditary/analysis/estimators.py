@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from .._checks import complaint
-from ..system import System
+from ..system import displaced
 
 
 class Tangents:
@@ -171,14 +171,6 @@ class Restarted(Tangents):
         """Refuse."""
         required = 'be left out with mode="restart"'
         raise ValueError(complaint("resume", required, type(state).__name__))
-
-
-def displaced(equation, y0):
-    """The equation with other initial values (m, d)."""
-    jac = equation._jac if equation.has_jac else None
-    apart = System(equation.left, y0, equation._params, equation._rhs, jac)
-    apart.rhs_digest = equation.rhs_digest
-    return apart
 
 
 def _values(stepper):

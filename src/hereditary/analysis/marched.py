@@ -23,7 +23,7 @@ def marched(equation: System, scheme: Scheme, mode: str) -> System:
     Increments kept apart from t x'(0), as most schemes keep them above order 1, lose a tangent that
     has decayed to their rounding. With memory none decays so far.
     """
-    whole = scheme.whole or mode == "restart"
+    whole = scheme.whole or mode == "restart" or equation.enlarged is not equation
     if whole or equation.m == 1 or memory(equation) != "none":
         return equation
     return first_order(equation)
@@ -32,8 +32,9 @@ def marched(equation: System, scheme: Scheme, mode: str) -> System:
 def memory(equation: System) -> str:
     """Whether "all", "none" or "some" components have a term of fractional order."""
     found = np.zeros(equation.d, dtype=bool)
-    for operator, coefficients in equation.left:
-        found |= (coefficients != 0) & (not operator.classical)
+    system = equation.enlarged
+    for operator, coefficients in system.left:
+        found[system.sources[(coefficients != 0) & (not operator.classical)]] = True
     return "all" if found.all() else "some" if found.any() else "none"
 
 
@@ -62,7 +63,7 @@ def checking_scheme(scheme: Scheme, equation: System, mode: str) -> Scheme:
 
 def _second_order(equation, mode):
     """`Adams` where it is of second order, else `BDF(2)`; None where there are other kernels."""
-    if not equation.constant:
+    if not equation.enlarged.constant:
         return None
     distinct, _ = distinct_components(marched(equation, Adams(), mode))
     orders = [operator.order for key in distinct for _, operator in key]

@@ -42,6 +42,7 @@ from .quadrature import (
     shortened_legendre,
     to_legendre,
 )
+from .reading import Plain, Reading
 from .singular_start import SingularStart
 
 # Fraction of the tolerance that one step may err by, and fraction of that for the modes: errors add
@@ -86,6 +87,8 @@ class AdaptiveStepper:
     ):  # fmt: skip
         scheme.check_terms(equation)
         self.equation, self._scheme = equation, scheme
+        self._view = view = Plain(equation) if equation.enlarged is equation else Reading(equation)
+        self._system, self.second = view.system, view.second
         self._tolerances = (rtol, atol)
         self._rtol, self._atol = _STEP_FRACTION * rtol, _STEP_FRACTION * atol
         default_tol = max(1e-14, min(1e-3, _MODES_FRACTION * self._rtol))
@@ -95,8 +98,7 @@ class AdaptiveStepper:
         self._known = max(t_end, scheme.horizon or 0.0)
         self._farthest = max(min(_REACH * t_end, 1e307), self._known)
         s = self._s = scheme.nodes_for(rtol)
-        self._form = form = integral_form(equation)
-        self.second = form.second == 1
+        self._form = form = integral_form(view.system)
         singular = np.array([radau_integrals(s, a) for a in form.orders])
         rule = (radau_nodes(s), singular, to_legendre(s), np.linalg.inv(singular[-1]))
         self._rule = Rule(*(np.array(a) for a in rule + check_points(s)))
@@ -104,10 +106,11 @@ class AdaptiveStepper:
         self._graded = bool(form.implicit.any() or form.varying)
         self._orders = OrderTables(form.varying, s)
         self._transforms = shortened_legendre(s)
-        self._orbit = OrbitAndTangents(form, initial_values(equation, self.second, directions), s)
+        initial = initial_values(view.system, form.second == 1, view.directions(directions))
+        self._orbit = OrbitAndTangents(form, initial, s)
         self._state = initial_state(t_end, np.abs(self._orbit.p[0]))
         self._at_singular_start, self._largest_error, self._tables = True, 0.0, None
-        self._peak = np.zeros((2, equation.d))  # of p and y at the starts of steps
+        self._peak = np.zeros((2, view.system.d))  # of p and y at the starts of steps
         self.ending = Ending()
         self.error: Exception | None = None
         self.pace = Pace(max_step, max_steps)
@@ -142,18 +145,18 @@ class AdaptiveStepper:
     @property
     def y(self):
         """Solution at `t`, shape (d,); a copy."""
-        return self._orbit.x[0].copy()
+        return self._view.values(self._orbit.x[0], self._orbit.p[0])[0]
 
     @property
     def ydot(self):
         """First derivative at `t` where it is an unknown, NaN elsewhere; shape (d,)."""
-        return np.where(self.second, self._orbit.p[0], np.nan)
+        return self._view.values(self._orbit.x[0], self._orbit.p[0])[1]
 
     @property
     def tangent(self):
         """Tangents: derivatives of y, and of y' for orders above 1, shape (n_data, k); a copy."""
-        orbit = self._orbit
-        return np.vstack([orbit.x[1:].T, orbit.p[1:, self.second].T])
+        values, speeds = self._view.values(self._orbit.x[1:], self._orbit.p[1:])
+        return np.vstack([values.T, speeds[:, self.second].T])
 
     def transform_tangent(self, matrix):
         """Replace the tangents and their history by ``tangent @ matrix``, matrix (k, k)."""
@@ -170,11 +173,11 @@ class AdaptiveStepper:
             return None
         if self._at_singular_start:
             if not self._graded:
-                return self._singular_step(t_stop)
+                return self._view.piece(self._singular_step(t_stop))
             self._begin_graded(t_stop)
             if self.ending.not_solved:
                 return None
-        d, s, counts = self.equation.d, self._s, self._state.counts
+        d, s, counts = self._system.d, self._s, self._state.counts
         shapes = (n_rows,), (n_rows,), (n_rows, d, s), (n_rows, 2, d), (n_rows,)
         steps = Steps(*(np.empty(shape) for shape in shapes))
         n, status, before = 0, TOO_CLOSE, (self.t, counts.copy())
@@ -209,12 +212,12 @@ class AdaptiveStepper:
         self._peak = np.maximum(self._peak, at_starts[::-1])
         if status not in (REACHED, FULL, TOO_CLOSE):
             lengths, last = (self._control.last, self._control.next), self._orbit.last[0]
-            self.ending = ending(status, self.equation, self.t, *lengths, last, self._peak)
+            self.ending = ending(status, self._system, self.t, *lengths, last, self._peak)
         if n == 0:
             return None
         *piece, errors = (array[:n] for array in steps)
         self._largest_error = max(self._largest_error, float(errors.max()))
-        return PolynomialPieces(*piece)
+        return self._view.piece(PolynomialPieces(*piece))
 
     @property
     def blown_up(self):
@@ -247,7 +250,7 @@ class AdaptiveStepper:
 
     def _march(self, steps, t_stop):
         """March to `t_stop` in compiled code, filling `steps`; return rows filled and status."""
-        equation, orbit = self.equation, self._orbit
+        equation, orbit = self._system, self._orbit
         basis = ExponentialBasis(orbit.rates, orbit.weights, orbit.masses, self._transforms)
         longest, longest_idle = self.pace.longest.tolist()
         limits = Limits(t_stop, longest, longest_idle, self._rtol, self._atol)
@@ -331,7 +334,7 @@ class AdaptiveStepper:
         tolerances = max(self._rtol, _ROUNDING), self._atol
         problem = self._form, orbit, t, t_stop, self._farthest / _LARGEST_RATIO
         longest = self.pace.longest[0]
-        start = SingularStart(self.equation, *problem, tolerances, self._state, longest)
+        start = SingularStart(self._system, *problem, tolerances, self._state, longest)
         found = start.step()
         self._state.counts.refused += start.n_refused
         if found is None:
@@ -351,7 +354,7 @@ class AdaptiveStepper:
             self._refine_modes(closest)
         orbit.finish_singular_start(basis, h, values)
         speeds = np.maximum(largest, np.abs(values[0, PRIMARY]).max(axis=1))
-        largest[:] = np.where(self.second, speeds, 0.0)
+        largest[:] = np.where(self._form.second == 1, speeds, 0.0)
         self._begin_steps(h)
         self._set_origin(*((t_stop,) if h == t_stop - t else (t, h)))
         self._state.counts.accepted += 1
@@ -368,9 +371,9 @@ class AdaptiveStepper:
         if closest < self._orbit.closest:
             self._refine_modes(closest)
         # the right-hand side may jump here
-        settled = jump(self.equation, self._form, self._orbit, self.t, self._state.counts)
+        settled = jump(self._system, self._form, self._orbit, self.t, self._state.counts)
         self.ending = Ending(not_solved=not settled)
-        self._state.largest[:] = np.where(self.second, self._state.largest, 0.0)
+        self._state.largest[:] = np.where(self._form.second == 1, self._state.largest, 0.0)
         self._begin_steps(floor_to_grid(h))
         self._at_singular_start = False
 

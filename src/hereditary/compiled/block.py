@@ -55,6 +55,15 @@ def begin_start(v, values, first, n_starts, groups, weights, lag, start):
             lag[c, i] += weights[v * n_groups + groups[c], i] * values[c]
 
 
+@inner
+def begin_others(starts, values, first, n_starts, groups, weights, lag, start):
+    """Store all start values but the first one, of each column, with `values` (W,) as room."""
+    for v in range(1, n_starts):
+        for c in range(values.shape[0]):
+            values[c] = starts[c, v]
+        begin_start(v, values, first, n_starts, groups, weights, lag, start)
+
+
 @inlined
 def write_rows(n, first, output, x, y, d, h):
     """Write the rows asked for up to step n, from the parabola through the last three values.

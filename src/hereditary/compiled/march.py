@@ -27,6 +27,7 @@ from .block import (
     BLOWN_UP,
     NOT_SOLVED,
     RUNNING,
+    begin_others,
     begin_start,
     bounded,
     keep_jacobian,
@@ -38,19 +39,30 @@ from .jacobian import jacobian
 from .newton import guess, solve_step
 from .signatures import MARCH
 from .step import (
+    BASE,
+    GAIN,
+    KNOWN,
+    LEAD,
+    MOVED,
+    N_ROOM,
+    NEAR,
+    POINT,
+    SCALE,
+    SHIFT,
+    F,
+    W,
     add_drift,
     add_powers,
     change,
     close,
-    follow,
+    first_value,
     know,
     look,
     put,
-    recall,
     see,
     take_row,
 )
-from .tangent import evaluate, push_tangents, solve_tangents
+from .tangent import evaluate, push_tangents
 from .varying import read_varying
 from .watch import watch_turn
 
@@ -68,18 +80,17 @@ def marching(name, way, read=open_block):
         pieces, force, lacks, speed = state.pieces, state.force, state.lacks, state.shift
         theta, unit, length, ratio = rows.theta, rows.unit, rows.length, rows.ratio
         leads, nears, scales, drifts = rows.lead, rows.near, rows.scale, rows.drift
-        every, integral, sources = table.every, table.integral, table.sources
-        n_orbit, n_solved = table.n_orbit, table.n_solved
-        reads = n_orbit > n_solved
-        amplitudes, corrections, width = state.drift, state.corrections, x.shape[0]
+        every, integral, n_solved = table.every, table.integral, table.n_solved
+        amplitudes, corrections, sources = state.drift, state.corrections, table.sources
         values, starts, first, slowest = rows.value, state.starts, state.first, table.slowest
         monitor, start_weights, (_, start, _) = state.monitor, table.start_weights, memory
-        n_starts, room, row = max(1, starts.shape[1]), np.empty((11, width)), -1
-        known, shift, scale, lead, near = room[0], room[1], room[2], room[3], room[4]
-        w, f, moved, point, base, gain = room[5], room[6], room[7], room[8], room[9], room[10]
-        j_f, orbit, f_orbit = np.empty((n_orbit, n_orbit)), x[:n_orbit], f[:n_orbit]
+        n_starts, room, row = max(1, starts.shape[1]), np.empty((N_ROOM, x.shape[0])), -1
+        known, shift, scale, lead = room[KNOWN], room[SHIFT], room[SCALE], room[LEAD]
+        near, w, f, moved = room[NEAR], room[W], room[F], room[MOVED]
+        point, base, gain, n_orbit = room[POINT], room[BASE], room[GAIN], table.n_orbit
+        work, orbit, f_orbit = np.empty((2, n_orbit, n_orbit)), x[:n_orbit], f[:n_orbit]
         first_sample, first_stretch = samples(counts.step, end, every)
-        counts.rows = 0
+        j_f, counts.rows = work[0], 0
         while counts.step < end:
             n = counts.step
             p, i = n % lag.shape[1], min(n - rows.first, rows.last)
@@ -87,10 +98,7 @@ def marching(name, way, read=open_block):
             if p == 0 and counts.opened != n:  # the right-hand side may have raised since
                 read(lag, pieces, n, groups, weights, exchange, tables, memory)
                 if n == 0 and integral == 0:  # the first start value waits for the step; p = 0
-                    for v in range(1, n_starts):
-                        for c in range(width):
-                            known[c] = starts[c, v]
-                        begin_start(v, known, p, n_starts, groups, start_weights, lag, start)
+                    begin_others(starts, known, p, n_starts, groups, start_weights, lag, start)
                 elif n == 0 and not explicit:
                     evaluate(rhs, jac, has_jac, params, 0.0, x, j_f, force, counts)
                     begin_start(p, force, p, n_starts, groups, start_weights, lag, start)
@@ -104,38 +112,30 @@ def marching(name, way, read=open_block):
             know(p, near, lag, pieces, known)
             if drifts.shape[1] > 0:
                 add_drift(i, groups, drifts, values, speed, starts, known)
-            if not explicit and (amplitudes.shape[1] > 0 or n < corrections.shape[1]):
-                add_powers(n, t, amplitudes, table.powers, corrections, lead, known)
+            if not explicit:
+                if amplitudes.shape[1] > 0 or n < corrections.shape[1]:
+                    add_powers(n, t, amplitudes, table.powers, corrections, lead, known)
+                see(theta[i], sources, x, shift, scale, known, lead, base, gain)
             if explicit:
                 rhs(t, orbit, f_orbit, params)
                 counts.rhs += 1
-                if width > n_orbit:
+                if x.shape[0] > n_orbit:
                     counts.rhs += jacobian(rhs, jac, has_jac, t, orbit, params, j_f)
                     push_tangents(j_f, x, f)
                 change(n, p, given, lead, known, shift, f, u, pieces, w, d)
-                if reads:
-                    follow(explicit, p, sources, pieces, w, d)
             elif newton and n == 0 and given[0] == 1:
                 put(first, w)
             elif newton:
                 guess(p, integral, ratio[i], lead, known, force, pieces, w)
-                see(theta[i], sources, x, shift, scale, known, lead, base, gain)
                 if not solve_step(
-                    rhs, jac, has_jac, params, t, n_solved, sources, base[:n_orbit], gain, shift,
-                    scale, known, lead, w, counts,
-                ):  # fmt: skip
-                    return NOT_SOLVED
-                if width > n_orbit and not solve_tangents(
-                    rhs, jac, has_jac, params, t, n_solved, sources, base, gain, j_f, scale, known,
-                    lead, w, counts,
-                ):  # fmt: skip
+                    rhs, jac, has_jac, params, t, n_solved, sources, room, work, counts
+                ):
                     return NOT_SOLVED
                 if integral == 1:
                     look(base, gain, sources, w, point)
                     evaluate(rhs, jac, has_jac, params, t, point, j_f, f, counts)
                     put(f, force)
             else:
-                see(1.0, sources, x, shift, scale, known, lead, base, gain)
                 predict(lead, known, force, lacks, w)
                 look(base, gain, sources, w, point)
                 for _ in range(table.sweeps):
@@ -147,20 +147,15 @@ def marching(name, way, read=open_block):
                     k = n // every - first_stretch
                     look_again(rhs, jac, has_jac, params, t, point, moved, k, output, counts)
                 settle(lead, f, force, lacks)
-            if reads and not explicit:
-                follow(explicit, p, sources, pieces, w, d)
             close(
-                p, n, explicit, integral, ratio[i], groups, sources, weights, shift, w, f, x, u, d,
-                lag, pieces,
+                p, n, explicit, integral, ratio[i], groups, sources, weights, given, shift, known,
+                lead, base, gain, w, f, x, u, d, lag, pieces,
             )  # fmt: skip
-            if reads and explicit:
-                recall(n, sources, given, lead, known, d, x)
             for c in range(n_solved if slowest > 0.0 else 0):
                 if (u[c] - d[c]) * u[c] < 0.0:  # a turn of the increments
                     watch_turn(monitor[c], d[c], u[c], x[c], slowest, counts)
             if n == 0 and integral == 0:
-                for c in range(width):  # the first start value is an increment
-                    known[c] = starts[c, 0] if explicit else w[c]
+                first_value(explicit, starts, w, known)
                 begin_start(p, known, p + 1, n_starts, groups, start_weights, lag, start)
             counts.step = n + 1
             counts.rows = write_rows(n + 1, counts.rows, output, x, u, d, unit[i])

@@ -5,6 +5,7 @@ import numpy as np
 from .._jit import inlined, inner
 from .jacobian import jacobian
 from .linalg import solve_in_place
+from .step import BASE, GAIN, KNOWN, LEAD, MOVED, POINT, SCALE, SHIFT, F, W
 
 # Simplified Newton steps (one Jacobian) before the full method takes over, and full ones before a
 # step is given up.
@@ -15,32 +16,18 @@ _TOLERANCE, _ROUNDING, _UNDERFLOW = 1e-13, 2e-16, 1e-300
 
 
 @inner
-def solve_step(
-    rhs,
-    jac,
-    has_jac,
-    params,
-    t,
-    n_solved,
-    sources,
-    base,
-    gain,
-    shift,
-    scale,
-    known,
-    lead,
-    w,
-    counts,
-):
-    """Solve ``scale w + known = lead f(t, base + gain w)`` for w, from its present value.
+def solve_step(rhs, jac, has_jac, params, t, d, sources, room, work, counts):
+    """Solve ``scale w + known = lead f(t, base + gain w)`` for w, and so for tangents.
 
-    The first `n_solved` components have an equation; f reads all, at the w of their sources.
-    Returns False where the iteration does not converge; calls of `rhs` are counted.
+    The first d components have an equation; f reads all, at the w of their sources. Returns False
+    where the iteration does not converge; calls of `rhs` are counted.
     """
-    # base (n,), sources, gain, shift, scale, known, lead, w (>= n,)
-    n, d = base.shape[0], n_solved
-    point, f, change = np.empty(n), np.empty(n), np.empty(d)
-    j_f, matrix = np.empty((n, n)), np.empty((d, d))
+    # room (N_ROOM, >= n): rows of a step; work (2, n, n): the Jacobian and room for Newton's matrix
+    j_f, matrix = work[0], work[1]
+    n = j_f.shape[0]
+    known, shift, scale, lead, w = room[KNOWN], room[SHIFT], room[SCALE], room[LEAD], room[W]
+    base, gain = room[BASE], room[GAIN]
+    point, f, change = room[POINT][:n], room[F][:n], room[MOVED][:n]
     previous = np.inf
     for iteration in range(_SIMPLIFIED + _FULL):
         for c in range(n):
@@ -49,9 +36,9 @@ def solve_step(
         counts.rhs += 1
         if iteration == 0 or iteration >= _SIMPLIFIED:
             counts.rhs += jacobian(rhs, jac, has_jac, t, point, params, j_f)
-        for i in range(d):
-            change[i] = lead[i] * f[i] - known[i] - scale[i] * w[i]
-        newton_matrix(j_f, sources, gain, scale, lead, matrix)
+        for i in range(n):
+            change[i] = lead[i] * f[i] - known[i] - scale[i] * w[i] if i < d else 0.0
+        newton_matrix(j_f, d, sources, gain, scale, lead, matrix)
         if not solve_in_place(matrix, change):
             return False
         size, largest, reference = 0.0, 0.0, 0.0
@@ -66,22 +53,58 @@ def solve_step(
         rate = size / previous if iteration > 0 else 1.0
         left = size * rate / (1.0 - rate) if rate < 1.0 else size
         if left <= _TOLERANCE * largest + _ROUNDING * reference + _UNDERFLOW:
-            return True
+            alone = room.shape[1] == n
+            return alone or solve_tangents(
+                rhs, jac, has_jac, params, t, d, sources, room, work, counts
+            )
         previous = size
     return False
 
 
 @inner
-def newton_matrix(j_f, sources, gain, scale, lead, matrix):
-    """Set the derivative of ``scale w - lead f(t, base + gain w)`` by the w with an equation."""
-    # j_f (n, n), sources, gain, scale, lead (>= n,), matrix (d, d)
-    d = matrix.shape[0]
-    for i in range(d):
-        for k in range(d):
-            matrix[i, k] = -gain[k] * lead[i] * j_f[i, k]
-        for k in range(d, j_f.shape[0]):
+def solve_tangents(rhs, jac, has_jac, params, t, d, sources, room, work, counts):
+    """Solve ``scale w + known = lead J (base + gain w)`` for every tangent's w.
+
+    J is the Jacobian where the orbit's own w, which is given, solves the step (compiled/newton.py).
+    Returns False where the equations are singular; calls of `rhs` are counted.
+    """
+    j_f, matrix = work[0], work[1]
+    n = j_f.shape[0]
+    known, scale, lead, w = room[KNOWN], room[SCALE], room[LEAD], room[W]
+    base, gain = room[BASE], room[GAIN]
+    point, change = room[POINT][:n], room[MOVED][:n]
+    for c in range(n):
+        point[c] = base[c] + gain[c] * w[sources[c]]
+    counts.rhs += jacobian(rhs, jac, has_jac, t, point, params, j_f)
+    for first in range(n, base.shape[0], n):
+        newton_matrix(j_f, d, sources, gain, scale, lead, matrix)
+        for i in range(n):
+            change[i] = 0.0
+        for i in range(d):
+            total = 0.0
+            for k in range(n):
+                total += j_f[i, k] * base[first + k]
+            change[i] = lead[i] * total - known[first + i]
+        if not solve_in_place(matrix, change):
+            return False
+        for i in range(d):
+            w[first + i] = change[i]
+    return True
+
+
+@inlined
+def newton_matrix(j_f, d, sources, gain, scale, lead, matrix):
+    """Set the derivative of ``scale w - lead f(t, base + gain w)`` by w, (n, n).
+
+    Components beyond d have no equation: their w is left as it is.
+    """
+    n = j_f.shape[0]
+    for i in range(n):
+        for k in range(n):
+            matrix[i, k] = 0.0
+        for k in range(n if i < d else 0):
             matrix[i, sources[k]] -= gain[k] * lead[i] * j_f[i, k]
-        matrix[i, i] += scale[i]
+        matrix[i, i] += scale[i] if i < d else 1.0
 
 
 @inlined

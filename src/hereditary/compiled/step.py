@@ -2,6 +2,11 @@
 
 from .._jit import inlined, inner
 
+# Rows of the room of a step, (N_ROOM, W), for W columns: what is known of its left side, the
+# increment of t x'(0), factors of the increment, of f and of the newest piece, increments, f, what
+# a sweep changed, the point where f is taken, and that point without increments and their factor.
+KNOWN, SHIFT, SCALE, LEAD, NEAR, W, F, MOVED, POINT, BASE, GAIN, N_ROOM = range(12)
+
 
 @inlined
 def take_row(i, groups, length, speed, leads, nears, scales, shift, lead, near, scale):
@@ -65,24 +70,6 @@ def look(base, gain, sources, w, point):
 
 
 @inlined
-def follow(explicit, p, sources, pieces, w, d):
-    """Give memory the increments of its sources, and in an explicit step their change."""
-    for c in range(w.shape[0]):
-        if sources[c] != c:
-            w[c] = w[sources[c]]
-            if explicit:
-                d[c] = w[c] - pieces[c, p]
-
-
-@inlined
-def recall(n, sources, given, lead, known, d, x):
-    """Set the memory that the next explicit step reads."""
-    for c in range(x.shape[0]):
-        if sources[c] != c:
-            x[c] = 0.0 if n == 0 and given[c] == 1 else (d[c] + known[c]) / lead[c]
-
-
-@inlined
 def change(n, p, given, lead, known, shift, f, u, pieces, w, d):
     """Set w of an explicit step, and its change."""
     for c in range(w.shape[0]):
@@ -94,16 +81,35 @@ def change(n, p, given, lead, known, shift, f, u, pieces, w, d):
 
 @inlined
 def close(
-    p, n, explicit, integral, ratio, groups, sources, weights, shift, w, f, x, u, d, lag, pieces
-):
+    p, n, explicit, integral, ratio, groups, sources, weights, given, shift, known, lead, base,
+    gain, w, f, x, u, d, lag, pieces,
+):  # fmt: skip
     """Move the solution on, keep the piece and spread it over the steps ahead in its block."""
     bend = 2.0 * ratio / (1.0 + ratio)
     for c in range(w.shape[0]):
+        own = sources[c] == c
+        if not own:  # memory takes the increments of its source
+            w[c] = w[sources[c]]
+            if explicit:
+                d[c] = w[c] - pieces[c, p]
         new = shift[c] + w[c]
         if not explicit:
             d[c] = bend * (new - ratio * u[c]) if n > 0 else 0.0
-        u[c], x[c] = new, x[c] + new
-        piece, a = f[c] if integral == 1 and sources[c] == c else w[c], groups[c]
+        u[c] = new
+        if own:
+            x[c] += new
+        elif not explicit:
+            x[c] = base[c] + gain[c] * w[c]
+        else:  # for the next step
+            x[c] = 0.0 if n == 0 and given[c] == 1 else (d[c] + known[c]) / lead[c]
+        piece, a = f[c] if integral == 1 and own else w[c], groups[c]
         pieces[c, p + 1] = piece
         for k in range(2, lag.shape[1] - p):
             lag[c, p + k] += weights[a, k] * piece
+
+
+@inlined
+def first_value(explicit, starts, w, out):
+    """Set the first start value of each column, its first increment where that is solved for."""
+    for c in range(out.shape[0]):
+        out[c] = starts[c, 0] if explicit else w[c]

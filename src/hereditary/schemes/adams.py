@@ -110,7 +110,9 @@ def _plan(equation, h, corrections):
     keys = [(distinct[a], bool(read)) for a, read in zip(groups, equation.read, strict=True)]
     distinct = list(dict.fromkeys(keys))
     groups = np.array([distinct.index(key) for key in keys], dtype=np.int64)
-    lead, near, lists, start_lists = [], [], [], []
+    lead, near = [], []
+    lists: list[tuple] = []
+    start_lists: list[tuple] = []
     for ((c, operator),), read in distinct:
         alpha = operator.order
         if read:

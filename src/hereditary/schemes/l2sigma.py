@@ -58,6 +58,7 @@ class L2Sigma(Scheme):
     solve: ClassVar[str] = "newton"
     several_up_to: ClassVar[float] = 1.0
     components_differ: ClassVar[bool] = False
+    takes_memory: ClassVar[bool] = False
     takes_meshes: ClassVar[bool] = True
     meshes_up_to: ClassVar[float] = 2.0
 

@@ -311,8 +311,9 @@ class Scheme(ABC):
         Whether a component may have several terms, up to the highest order `several_up_to`.
     components_differ : bool
         Whether components may have terms of their own.
-    takes_kernels, takes_varying : bool
-        Whether terms may have kernels other than Caputo's, and orders that vary.
+    takes_kernels, takes_varying, takes_memory : bool
+        Whether terms may have kernels other than Caputo's, and orders that vary, and whether the
+        right-hand side may read some.
     takes_meshes : bool
         Whether steps may differ in length, up to the highest order `meshes_up_to`.
     """
@@ -328,6 +329,7 @@ class Scheme(ABC):
     components_differ: ClassVar[bool] = True
     takes_kernels: ClassVar[bool] = False
     takes_varying: ClassVar[bool] = False
+    takes_memory: ClassVar[bool] = True
     takes_meshes: ClassVar[bool] = False
     meshes_up_to: ClassVar[float] = 1.0
 
@@ -340,7 +342,10 @@ class Scheme(ABC):
         """Refuse orders and terms that the scheme does not take."""
         remedy = "use ExplicitCaputo, L1 or Collocation"
         name = type(self).__name__
-        for operator, _ in equation.left:
+        if equation.enlarged is not equation and not self.takes_memory:
+            required = f"be left out with {name}"
+            raise ValueError(complaint("memory", required, "terms that rhs reads", remedy))
+        for operator, _ in equation.enlarged.left:
             if operator.kernel is not None and not self.takes_kernels:
                 required = f"be Caputo operators with {name}"
                 raise ValueError(complaint("terms", required, f"{operator}", remedy))

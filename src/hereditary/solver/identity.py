@@ -38,7 +38,7 @@ def described_terms(equation, t):
 
     Functions are known by some of their values up to time t.
     """
-    left = equation.left
+    left = equation.enlarged.left
     return {
         "orders": [op.described(_LOOKS * t) for op, _ in left if op.kernel is None],
         "coefficients": [coefficients.tolist() for _, coefficients in left],

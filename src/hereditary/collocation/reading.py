@@ -1,0 +1,239 @@
+"""Memory terms that the right-hand side reads, as components of orders up to 1.
+
+With leading order alpha, ``c D^alpha y + sum_l c_l D^(gamma_l) y = f(t, y, m)`` and F = D^alpha y:
+
+- up to order 1, m = D^gamma y solves ``D^(alpha-gamma) m = F``;
+- above, with v = y', ``D^(alpha-1) v = F``; m = D^gamma y solves ``D^(1-gamma) m = v`` for gamma
+  below 1, is v for gamma = 1, and solves ``D^(alpha-gamma) m = F`` beyond.
+
+Here m(0) = 0, since y solves the equation. The lower terms of the left side become such components
+as well, so that F is ``(f - sum_l c_l m_l) / c``.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from .._checks import complaint
+from ..system import System
+from ..terms import ConstantOrder, SystemTerm
+from .pieces import PolynomialPieces, PowerPiece
+
+
+class Plain:
+    """View of a stepper that solves the equation as it is.
+
+    Attributes
+    ----------
+    system : System
+        What is solved.
+    second : ndarray of bool, shape (d,)
+        Components whose first derivative is an unknown.
+    """
+
+    def __init__(self, equation):
+        self.system, self.second = equation, equation.highest_orders() > 1
+
+    def directions(self, directions):
+        """Return directions of initial data of the system, shape (n_data, k)."""
+        return directions
+
+    def values(self, x, p):
+        """Return y and y' of x and its slopes p, (..., d) each; NaN where y' is no unknown."""
+        return x.copy(), np.where(self.second, p, np.nan)
+
+    def piece(self, piece):
+        """Return the dense output of y."""
+        return piece
+
+
+class Reading(Plain):
+    """View of a stepper that solves an equation whose right-hand side reads memory."""
+
+    def __init__(self, equation):
+        self.system, self._speeds = reduced(equation)
+        self.second, self._d = equation.highest_orders() > 1, equation.d
+
+    def directions(self, directions):
+        """Return directions of initial data of the system, shape (n_data, k)."""
+        if directions is None:
+            return None
+        wide = np.zeros((self.system.d, directions.shape[1]))
+        wide[: self._d] = directions[: self._d]
+        wide[self._speeds[self.second]] = directions[self._d :]
+        return wide
+
+    def values(self, x, p):
+        """Return y and y' of x and its slopes p, (..., d) each; NaN where y' is no unknown."""
+        speeds = np.where(self.second, x[..., self._speeds], np.nan)
+        return x[..., : self._d].copy(), speeds
+
+    def piece(self, piece):
+        """Return the dense output of y."""
+        return piece and ReadingPiece(piece, self._speeds)
+
+
+class ReadingPiece(NamedTuple):
+    """Dense output of y among the components of a larger system.
+
+    Attributes
+    ----------
+    inner : PowerPiece or PolynomialPieces
+    speeds : ndarray of int64, shape (d,)
+        Component that is y', where there is one.
+    """
+
+    inner: PowerPiece | PolynomialPieces
+    speeds: np.ndarray
+
+    def edges(self):
+        """Return the start of each step."""
+        return self.inner.edges()
+
+    def evaluate(self, t, second, derivative):
+        """Return y, or y' for ``derivative=1``, at times t inside the steps, (k, d)."""
+        none, d = np.zeros(1, dtype=bool), self.speeds.size
+        found = self.inner.evaluate(t, none, derivative)[:, :d]
+        if not derivative or not second.any():
+            return found
+        return np.where(second, self.inner.evaluate(t, none, 0)[:, self.speeds], found)
+
+
+def reduced(equation):
+    """Return the system without memory, and the component that is y' of each, (d,)."""
+    memory = equation.enlarged
+    if not memory.constant:
+        required = "be Caputo operators of constant order with Collocation, where memory is read"
+        raise ValueError(complaint("terms", required, "another", "take given steps, e.g. BDF(2)"))
+    d, leading = equation.d, equation.highest_orders()
+    layout = _Layout(list(equation.y0[0]), list(leading), [])
+    speeds = np.zeros(d, dtype=np.int64)
+    places: dict[tuple[int, float], int] = {}
+    for j in np.flatnonzero(leading > 1).tolist():
+        speeds[j] = len(layout.y0)
+        layout.orders[j] = 1.0
+        layout.add(equation.y0[1, j], leading[j] - 1, -1.0 - j)
+    # each component's right-hand side: F_j, as -1 - j, or another component
+    origins = [float(speeds[j]) if leading[j] > 1 else -1.0 - j for j in range(d)]
+    layout.origins[:0] = origins
+
+    def place(j, gamma):
+        """Component that is D^gamma y_j."""
+        if gamma == 1.0 and leading[j] > 1:
+            return int(speeds[j])
+        if (j, gamma) not in places:
+            places[j, gamma] = len(layout.y0)
+            slow = leading[j] > 1 and gamma < 1
+            order = 1 - gamma if slow else leading[j] - gamma
+            layout.add(0.0, order, float(speeds[j]) if slow else -1.0 - j)
+        return places[j, gamma]
+
+    # value k of z is factor times component place, terms are c times component place of the left
+    slots, lower = [], []
+    for operator, coefficients in memory.left:
+        for c in np.flatnonzero(coefficients).tolist():
+            j = int(memory.sources[c])
+            if c != j:
+                slots.append((float(c), coefficients[c], float(place(j, operator.order))))
+            elif operator.order < leading[j]:
+                lower.append((float(j), coefficients[c], float(place(j, operator.order))))
+    lead = equation.coefficient(leading)
+    tables = [*slots, *lower]
+    shape = [len(layout.y0), memory.d, d, len(slots), len(lower)]
+    flat = np.concatenate([np.ravel(tables), layout.origins, lead, shape])
+    params = np.concatenate([memory._params, flat])
+    left = [
+        SystemTerm(ConstantOrder(order), np.where(np.array(layout.orders) == order, 1.0, 0.0))
+        for order in dict.fromkeys(layout.orders)
+    ]
+    jac = _reduced_jacobian(memory._jac) if memory.has_jac else None
+    system = System(left, np.array([layout.y0]), params, _reduced(memory._rhs), jac)
+    system.rhs_digest = equation.rhs_digest
+    return system, speeds
+
+
+class _Layout(NamedTuple):
+    """Components of the reduced system: initial values, orders, and what each derivative is."""
+
+    y0: list
+    orders: list
+    origins: list
+
+    def add(self, value, order, origin):
+        """Add a component."""
+        self.y0.append(value)
+        self.orders.append(order)
+        self.origins.append(origin)
+
+
+_njit = njit(error_model="numpy", nogil=True)
+
+
+@lru_cache(maxsize=64)
+def _reduced(rhs):
+    """Right-hand side of the reduced system; params end in tables, origins, lead and sizes."""
+
+    def all_components(t, x, out, params):
+        end = params.shape[0] - 5
+        n, width, d = int(params[end]), int(params[end + 1]), int(params[end + 2])
+        n_slots, n_lower = int(params[end + 3]), int(params[end + 4])
+        lead = end - d
+        origins = lead - n
+        lower = origins - 3 * n_lower
+        slots = lower - 3 * n_slots
+        z, force = np.zeros(width), np.empty(width)
+        for j in range(d):
+            z[j] = x[j]
+        for i in range(slots, lower, 3):
+            z[int(params[i])] = params[i + 1] * x[int(params[i + 2])]
+        rhs(t, z, force, params[:slots])
+        for i in range(lower, origins, 3):
+            force[int(params[i])] -= params[i + 1] * x[int(params[i + 2])]
+        for i in range(n):
+            origin = int(params[origins + i])
+            if origin < 0:
+                out[i] = force[-1 - origin] / params[lead - 1 - origin]
+            else:
+                out[i] = x[origin]
+
+    return _njit(all_components)
+
+
+@lru_cache(maxsize=64)
+def _reduced_jacobian(jac):
+    """Return the Jacobian of `_reduced`."""
+
+    def all_components(t, x, out, params):
+        end = params.shape[0] - 5
+        n, width, d = int(params[end]), int(params[end + 1]), int(params[end + 2])
+        n_slots, n_lower = int(params[end + 3]), int(params[end + 4])
+        lead = end - d
+        origins = lead - n
+        lower = origins - 3 * n_lower
+        slots = lower - 3 * n_slots
+        z, block, force = np.zeros(width), np.empty((width, width)), np.zeros((d, n))
+        for j in range(d):
+            z[j] = x[j]
+        for i in range(slots, lower, 3):
+            z[int(params[i])] = params[i + 1] * x[int(params[i + 2])]
+        jac(t, z, block, params[:slots])
+        for j in range(d):
+            for k in range(d):
+                force[j, k] = block[j, k]
+            for i in range(slots, lower, 3):
+                force[j, int(params[i + 2])] += params[i + 1] * block[j, int(params[i])]
+        for i in range(lower, origins, 3):
+            force[int(params[i]), int(params[i + 2])] -= params[i + 1]
+        for i in range(n):
+            origin = int(params[origins + i])
+            for k in range(n):
+                if origin < 0:
+                    out[i, k] = force[-1 - origin, k] / params[lead - 1 - origin]
+                else:
+                    out[i, k] = 1.0 if k == origin else 0.0
+
+    return _njit(all_components)

@@ -1,0 +1,361 @@
+"""Memory terms that a right-hand side reads: the same equation, however it is written."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import hereditary as hd
+from hereditary.meshes import UniformSteps
+from hereditary.solver.stepper import Stepper
+from hereditary.system import displaced
+
+ON_BOTH_SIDES = [hd.L1(), hd.L2(), hd.L12(), hd.BDF(1), hd.BDF(2), hd.BDF(4)]
+HISTORIES = [hd.Direct(), hd.FFT(), hd.SumOfExponentials(1e-12)]
+
+
+def force(t, x):
+    return np.cos(t) - x - 0.2 * x**3
+
+
+def with_friction(t, x, memory, params):
+    return np.cos(t) - x - 0.2 * x**3 - params[0] * memory[0]
+
+
+def pair(leading, lower, c, y0):
+    """An equation with a term c times `lower` on the left, and with the same one read."""
+    left = hd.Equation([leading, c * lower], force, y0)
+    read = hd.Equation(leading, with_friction, y0, params=[c], memory=lower)
+    return left, read
+
+
+def airy(t, x, memory):
+    """Van der Pol-Airy: friction (x**2 - 1) D^gamma x, stiffness t."""
+    return (1.0 - x[0] ** 2) * memory[0, 0] - t * x[0]
+
+
+def van_der_pol(beta=1.8, gamma=0.6):
+    return hd.Equation(hd.Caputo(beta), airy, [0.5, 0.1], memory=hd.Caputo(gamma))
+
+
+@settings(deadline=None, max_examples=40)
+@given(
+    scheme=st.sampled_from(ON_BOTH_SIDES),
+    history=st.sampled_from(HISTORIES),
+    alpha=st.floats(0.1, 1.0),
+    share=st.floats(0.05, 0.95),
+    above=st.booleans(),
+    c=st.floats(-0.5, 2.0),
+    speed=st.floats(-1.0, 1.0),
+)
+def test_moving_a_term_into_memory_changes_rounding_alone(
+    scheme, history, alpha, share, above, c, speed
+):
+    above = above and scheme.orders[1] > 1 + alpha
+    leading = 1 + alpha if above else alpha
+    y0 = [0.5, speed] if above else 0.5
+    left, read = pair(hd.Caputo(leading), hd.Caputo(share * leading), c, y0)
+    a, b = (hd.solve(e, 1.0, 60, scheme=scheme, history=history) for e in (left, read))
+    np.testing.assert_allclose(b.y, a.y, rtol=0, atol=1e-11 * np.abs(a.y).max())
+
+
+@pytest.mark.parametrize("beta", [0.8, 1.6])
+def test_on_meshes(beta):
+    y0 = [0.5, 0.3] if beta > 1 else 0.5
+    left, read = pair(hd.Caputo(beta), hd.Caputo(0.4), 0.7, y0)
+    for history in (hd.Direct(), hd.SumOfExponentials(1e-12)):
+        how = {"mesh": hd.graded(60, 2.0), "scheme": hd.L1(), "history": history}
+        a, b = (hd.solve(e, 1.0, **how).y for e in (left, read))
+        np.testing.assert_allclose(b, a, rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize("history", [hd.Direct(), hd.SumOfExponentials(1e-12)])
+def test_of_an_order_that_varies(history):
+    leading, lower = hd.Caputo(lambda t: 1.7 - 0.1 * t), hd.Caputo(lambda t: 0.4 + 0.2 * t)
+    left, read = pair(leading, lower, 0.7, [0.5, 0.3])
+    a, b = (hd.solve(e, 1.0, 80, scheme=hd.L1(), history=history).y for e in (left, read))
+    np.testing.assert_allclose(b, a, rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize("derivative", [0, 1])
+def test_with_a_kernel_of_its_own(derivative):
+    lower = hd.Memory(hd.TemperedPowerLaw(0.6, 1.0), derivative)
+    left, read = pair(hd.Caputo(1.6), lower, 0.7, [0.5, 0.3])
+    a, b = (hd.solve(e, 1.0, 80, scheme=hd.L1()).y for e in (left, read))
+    np.testing.assert_allclose(b, a, rtol=0, atol=1e-13)
+
+
+def test_explicit_scheme_is_the_sum_written_out():
+    beta, gamma, h, n_steps = 1.8, 0.6, 0.01, 300
+    a = np.diff(np.arange(n_steps + 1.0) ** (2 - beta)) * h**-beta / math.gamma(3 - beta)
+    b = np.diff(np.arange(n_steps + 1.0) ** (1 - gamma)) * h**-gamma / math.gamma(2 - gamma)
+    x = np.zeros(n_steps + 1)
+    x[:2] = 0.5, 0.5 + h * 0.1
+    for n in range(1, n_steps):
+        memory = b[:n] @ np.diff(x[: n + 1])[::-1]
+        f = (1 - x[n] ** 2) * memory - n * h * x[n]
+        older = a[1:n] @ np.diff(x[: n + 1], 2)[::-1]
+        x[n + 1] = 2 * x[n] - x[n - 1] + (f - older) / a[0]
+    sol = hd.solve(van_der_pol(), n_steps * h, n_steps, history=hd.Direct())
+    np.testing.assert_allclose(sol.y[:, 0], x, rtol=0, atol=1e-12)
+
+
+def test_l1_is_the_sum_written_out():
+    """Orders 0.9 and 0.5, solved here by fixed points."""
+    alpha, gamma, h, n_steps = 0.9, 0.5, 0.01, 200
+    a = np.diff(np.arange(n_steps + 1.0) ** (1 - alpha)) * h**-alpha / math.gamma(2 - alpha)
+    b = np.diff(np.arange(n_steps + 1.0) ** (1 - gamma)) * h**-gamma / math.gamma(2 - gamma)
+    x = np.full(n_steps + 1, 0.5)
+    for n in range(1, n_steps + 1):
+        x[n] = x[n - 1]
+        for _ in range(60):
+            increments = np.diff(x[: n + 1])[::-1]
+            f = (1 - x[n] ** 2) * (b[:n] @ increments) - n * h * x[n]
+            x[n] = x[n - 1] + (f - a[1:n] @ increments[1:]) / a[0]
+    equation = hd.Equation(hd.Caputo(alpha), airy, 0.5, memory=hd.Caputo(gamma))
+    sol = hd.solve(equation, n_steps * h, n_steps, scheme=hd.L1(), history=hd.Direct())
+    np.testing.assert_allclose(sol.y[:, 0], x, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("gamma", [0.25, 0.6, 1.0])
+def test_collocation_is_the_equation_with_more_components(gamma):
+    """D^(1-gamma) w = v for w = D^gamma x and v = x'."""
+
+    def extended(t, z):
+        w = z[2] if gamma < 1 else z[1]
+        return np.array([z[1], (1 - z[0] ** 2) * w - t * z[0], z[1]])
+
+    orders = [1.0, 0.8, 1 - gamma if gamma < 1 else 1.0]
+    other = hd.Equation(hd.Caputo(orders), extended, [0.5, 0.1, 0.0])
+    t = np.linspace(0.0, 10.0, 41)
+    expected = hd.solve(other, 10.0, rtol=1e-12, t_eval=t).y
+    sol = hd.solve(van_der_pol(gamma=gamma), 10.0, rtol=1e-11, t_eval=t)
+    np.testing.assert_allclose(sol.y[:, 0], expected[:, 0], rtol=0, atol=1e-10)
+    np.testing.assert_allclose(sol.ydot[:, 0], expected[:, 1], rtol=0, atol=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("leading", "lower", "y0"),
+    [
+        (0.6, [0.2, 0.4], [0.5, 1.0]),
+        ([0.9, 1.0], 0.5, [0.5, 1.0]),
+        (1.7, 1.3, [[0.5, 1.0], [0.3, -0.2]]),
+        (2.0, 1.0, [[0.5, 1.0], [0.3, -0.2]]),
+        ([1.5, 0.7], 0.4, [[0.5, 1.0], [0.3, 0.0]]),
+    ],
+)
+def test_collocation_agrees_with_the_left_side(leading, lower, y0):
+    """Several components; y, y' and the dense output."""
+    left, read = pair(hd.Caputo(leading), hd.Caputo(lower), 0.7, y0)
+    between = np.linspace(0.1, 3.0, 17)
+    a, b = (hd.solve(e, 3.0, rtol=1e-10) for e in (left, read))
+    np.testing.assert_allclose(b(between), a(between), rtol=0, atol=2e-10)
+    second = np.broadcast_to(leading, 2) > 1
+    np.testing.assert_allclose(b(between, 1)[:, second], a(between, 1)[:, second], atol=2e-9)
+
+
+def order_of(equation, scheme, counts):
+    expected = hd.solve(equation, 1.0, rtol=1e-12).y[-1]
+    history = hd.SumOfExponentials(1e-13)
+    ends = (hd.solve(equation, 1.0, n, scheme=scheme, history=history).y[-1] for n in counts)
+    errors = [float(np.abs(y - expected).max()) for y in ends]
+    return math.log2(errors[0] / errors[-1]) / math.log2(counts[-1] / counts[0]), errors[-1]
+
+
+@pytest.mark.parametrize(
+    ("scheme", "beta", "gamma", "order", "bound"),
+    [
+        (hd.ExplicitCaputo(), 0.9, 0.4, 1.0, 3e-5),
+        (hd.GrunwaldLetnikov(), 0.9, 0.4, 1.0, 3e-5),
+        (hd.L1(), 0.9, 0.4, 1.0, 2e-5),
+        (hd.L2(), 0.9, 0.4, 1.0, 1e-6),
+        (hd.L12(), 0.9, 0.4, 1.0, 2e-6),
+        (hd.BDF(2), 0.9, 0.4, 2.0, 1e-9),
+        (hd.BDF(3), 0.9, 0.4, 2.4, 1e-11),
+        (hd.Adams(), 0.9, 0.4, 1.6, 4e-8),
+        (hd.ProductTrapezoid(), 0.9, 0.4, 1.6, 4e-8),
+        (hd.L1(), 1.6, 0.7, 1.4, 1e-6),
+        (hd.BDF(2), 1.6, 0.7, 2.0, 1e-8),
+        (hd.Adams(), 1.6, 0.7, 1.3, 5e-8),
+        (hd.GrunwaldLetnikov(), 1.6, 0.7, 1.0, 1e-4),
+    ],
+)
+def test_order_of_convergence(scheme, beta, gamma, order, bound):
+    """For a force that goes on like t**(alpha - gamma) at 0; docs/memory_terms.md."""
+
+    def f(t, x, memory):
+        return np.cos(t) - x - (0.5 + x**2) * memory[0]
+
+    y0 = [0.5, 0.3] if beta > 1 else 0.5
+    equation = hd.Equation(hd.Caputo(beta), f, y0, memory=hd.Caputo(gamma))
+    found, error = order_of(equation, scheme, (400, 1600, 6400))
+    assert found == pytest.approx(order, abs=0.15)
+    assert error < bound
+
+
+def values(stepper):
+    with_speed = stepper.equation.highest_orders() > 1
+    return np.concatenate([stepper.y, stepper.ydot[with_speed]])
+
+
+@pytest.mark.parametrize("history", HISTORIES)
+@pytest.mark.parametrize(
+    "scheme", [hd.ExplicitCaputo(), hd.L1(), hd.BDF(2), hd.Adams(), hd.ProductTrapezoid()]
+)
+def test_tangents_are_derivatives_of_the_steps(scheme, history):
+    equation, steps, n = van_der_pol(), UniformSteps(0.01), 70
+    directions = np.array([[0.8, 0.3], [-0.6, 1.0]])
+
+    def ends(begun, **more):
+        stepper = Stepper(begun, scheme, history, steps, n, **more)
+        stepper.advance(n, np.empty(0), np.empty((0, 1)), np.empty((0, 1)))
+        return stepper
+
+    tangent = ends(equation, directions=directions).tangent
+    for k, direction in enumerate(directions.T):
+        apart = [
+            values(ends(displaced(equation, equation.y0 + eps * direction[:, None])))
+            for eps in (1e-5, -1e-5)
+        ]
+        np.testing.assert_allclose(
+            tangent[:, k], (apart[0] - apart[1]) / 2e-5, rtol=1e-6, atol=1e-8
+        )
+
+
+def test_exponents_agree_between_kinds_of_schemes():
+    equation = van_der_pol()
+    given_steps = hd.lyapunov(equation, 20.0, 4000, k=2, renorm=0.5, scheme=hd.BDF(2))
+    pairs = hd.lyapunov(equation, 20.0, 4000, k=2, renorm=0.5, mode="pair", scheme=hd.BDF(2))
+    how = {"renorm": 0.5, "scheme": hd.Collocation(), "rtol": 1e-8}
+    adaptive = hd.lyapunov(equation, 20.0, 4000, k=2, **how)
+    np.testing.assert_allclose(pairs.exponents, given_steps.exponents, rtol=0, atol=1e-5)
+    np.testing.assert_allclose(adaptive.exponents, given_steps.exponents, rtol=0, atol=1e-3)
+
+
+@pytest.mark.parametrize("scheme", [hd.ExplicitCaputo(), hd.L1(), hd.Adams()])
+def test_resumes_bit_for_bit(scheme):
+    equation = van_der_pol()
+    whole = hd.solve(equation, 4.0, 400, scheme=scheme)
+    first = hd.solve(equation, 1.5, 150, scheme=scheme, history=hd.SumOfExponentials(horizon=4.0))
+    whole = hd.solve(equation, 4.0, 400, scheme=scheme, history=hd.SumOfExponentials(horizon=4.0))
+    rest = hd.solve(equation, 4.0, resume=first.state)
+    assert np.array_equal(rest.y, whole.y[150:])
+    other = hd.Equation(hd.Caputo(1.8), airy, [0.5, 0.1], memory=hd.Caputo(0.7))
+    with pytest.raises(ValueError, match="orders"):
+        hd.solve(other, 4.0, resume=first.state)
+
+
+def test_adaptive_runs_are_resumed_and_find_events():
+    def crossing(t, y):
+        return y[0]
+
+    whole = hd.solve(van_der_pol(), 10.0, rtol=1e-9, events=crossing)
+    first = hd.solve(van_der_pol(), 4.0, rtol=1e-9, events=crossing)
+    rest = hd.solve(van_der_pol(), 10.0, resume=first.state, events=crossing)
+    np.testing.assert_allclose(rest.y[-1], whole.y[-1], atol=1e-8)
+    found = np.concatenate([first.t_events[0], rest.t_events[0]])
+    np.testing.assert_allclose(found, whole.t_events[0], atol=1e-8)
+    steps = hd.solve(van_der_pol(), 10.0, 20_000, scheme=hd.BDF(2), events=crossing)
+    np.testing.assert_allclose(steps.t_events[0], found, atol=1e-5)
+
+
+@pytest.mark.parametrize("scheme", [hd.ExplicitCaputo(), hd.GrunwaldLetnikov()])
+@pytest.mark.parametrize("gamma", [0.3, 0.9])
+def test_step_limit_counts_memory(scheme, gamma):
+    """The step at which ``limit(beta) = K + c limit(gamma)``: friction is read a step late."""
+    beta, c, stiffness = 1.6, 2.0, 4.0
+
+    def f(t, x, memory):
+        return -stiffness * x - c * memory[0]
+
+    equation = hd.Equation(hd.Caputo(beta), f, [1.0, 0.0], memory=hd.Caputo(gamma))
+
+    def limits(h):
+        leading, friction = (
+            hd.Equation(hd.Caputo(a), lambda t, x: -x, y0)
+            for a, y0 in ((beta, [1.0, 0.0]), (gamma, 1.0))
+        )
+        a, b = (scheme.plan(e, h).region.limits[0] for e in (leading, friction))
+        return a - c * b - stiffness
+
+    low, high = 1e-4, 10.0
+    for _ in range(80):
+        middle = math.sqrt(low * high)
+        low, high = (middle, high) if limits(middle) > 0 else (low, middle)
+    below = hd.solve(equation, 600 * 0.97 * low, 600, scheme=scheme)
+    assert below.stats["stiffness_ratio"] < 1
+    with pytest.warns(hd.SolveWarning):
+        above = hd.solve(equation, 600 * 1.03 * low, 600, scheme=scheme)
+    assert above.stats["stiffness_ratio"] > 1
+    assert np.abs(below.y[-50:]).max() < 1 < np.abs(above.y[-50:]).max()
+
+
+def test_given_jacobians():
+    def jac(t, x, memory):
+        return np.array([[-2 * x[0] * memory[0, 0] - t]])
+
+    def jac_memory(t, x, memory):
+        return np.array([[1 - x[0] ** 2]])
+
+    equation = van_der_pol()
+    with_jac = equation.replace(jac=jac, jac_memory=jac_memory)
+    for how in ({"n_steps": 500, "scheme": hd.BDF(2)}, {"rtol": 1e-8}):
+        a, b = hd.solve(equation, 5.0, **how), hd.solve(with_jac, 5.0, **how)
+        np.testing.assert_allclose(b.y[-1], a.y[-1], rtol=0, atol=1e-9)
+        assert b.stats["n_rhs"] < a.stats["n_rhs"]
+    with pytest.raises(ValueError, match="jac_memory"):
+        equation.replace(jac=jac)
+    with pytest.raises(ValueError, match="must hold d rhs"):
+        equation.replace(jac=jac, jac_memory=lambda t, x, memory: np.array([[x[0] ** 2 - 1]]))
+
+
+@pytest.mark.parametrize("k", [1, 2])
+def test_in_every_form(k):
+    """In place, with params, several terms."""
+    memory = [hd.Caputo(0.8), 0.5 * hd.Caputo(0.3)][:k]
+
+    def returned(t, y, memory, p):
+        return p[0] * memory.sum(axis=0) - y
+
+    def in_place(t, y, memory, dy, p):
+        for i in range(2):
+            dy[i] = -y[i]
+            for m in range(memory.shape[0]):
+                dy[i] += p[0] * memory[m, i]
+
+    y0 = [[1.0, 2.0], [0.0, 0.5]]
+    runs = [
+        hd.solve(hd.Equation(hd.Caputo(1.5), f, y0, params=-0.4, memory=memory), 2.0, 100)
+        for f in (returned, in_place)
+    ]
+    left = [hd.Caputo(1.5), 0.4 * hd.Caputo(0.8), 0.2 * hd.Caputo(0.3)][: 1 + k]
+    expected = hd.solve(hd.Equation(left, lambda t, y: -y, y0), 2.0, rtol=1e-8)
+    assert np.array_equal(runs[0].y, runs[1].y)
+    np.testing.assert_allclose(runs[0].y[-1], expected.y[-1], atol=0.05)
+
+
+def test_bad_arguments():
+    with pytest.raises(TypeError, match=r"take memory third.*memory= pass it there"):
+        hd.Equation(hd.Caputo(0.9), lambda t, y, params: -y, 1.0, memory=hd.Caputo(0.5))
+    with pytest.raises(TypeError, match=r"rhs\(t, y, memory\)"):
+        hd.Equation(hd.Caputo(0.9), lambda t, y: -y, 1.0, memory=hd.Caputo(0.5))
+    for order in (0.9, 1.2):
+        with pytest.raises(ValueError, match="memory must have orders below"):
+            hd.Equation(hd.Caputo(0.9), lambda t, y, m: -m[0], 1.0, memory=hd.Caputo(order))
+    with pytest.raises(ValueError, match="coefficients other than 0"):
+        hd.Equation(hd.Caputo(0.9), lambda t, y, m: -m[0], 1.0, memory=0.0 * hd.Caputo(0.5))
+
+    def writing(t, y, m):
+        m[0] = 1.0
+        return -y
+
+    with pytest.raises(ValueError, match="leave memory as it is"):
+        hd.Equation(hd.Caputo(0.9), writing, 1.0, memory=hd.Caputo(0.5))
+    with pytest.raises(ValueError, match="memory must be left out with L2Sigma"):
+        hd.solve(van_der_pol(), 1.0, 10, scheme=hd.L2Sigma())
+    kernel = hd.Memory(hd.TemperedPowerLaw(0.6, 1.0), 1)
+    read = hd.Equation(hd.Caputo(1.6), airy, [0.5, 0.0], memory=kernel)
+    with pytest.raises(ValueError, match="constant order with Collocation"):
+        hd.solve(read, 1.0, rtol=1e-6)
