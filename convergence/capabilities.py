@@ -27,6 +27,7 @@ SCHEMES = [
 ]
 HISTORIES = [hd.SumOfExponentials(), hd.FFT(), hd.Direct()]
 KERNELS, VARYING, MESHES = "`Memory` kernels", "varying orders", "meshes"
+READS = "memory in `rhs`"
 ORDERS, SEVERAL, DIFFER = "orders", "several terms", "terms differ by component"
 
 
@@ -39,6 +40,7 @@ def scheme_cells(scheme):
         DIFFER: _word(scheme.components_differ),
         KERNELS: _word(scheme.takes_kernels),
         VARYING: _word(scheme.takes_varying),
+        READS: _word(scheme.takes_memory),
         MESHES: "its own"
         if scheme.adaptive
         else _reach(scheme.takes_meshes, scheme.meshes_up_to, high),

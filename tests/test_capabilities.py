@@ -41,6 +41,13 @@ def varying():
     return hd.Equation(hd.Caputo(lambda t: 0.6 + 0.1 * t), decay, 1.0)
 
 
+def reading():
+    def read(t, y, memory):
+        return -y - 0.5 * memory[0]
+
+    return hd.Equation(hd.Caputo(0.9), read, 1.0, memory=hd.Caputo(0.4))
+
+
 def taken(problem, scheme, history=None, mesh=None):
     """Whether a run is made, and right; False where it is refused with a ValueError."""
     how = {"history": history}
@@ -95,6 +102,7 @@ def test_every_cell_of_a_scheme(scheme):
     assert taken(equation(np.array([0.9, 0.4]), d=2), scheme) == yes[cells[tables.DIFFER]]
     assert taken(tempered(), scheme) == yes[cells[tables.KERNELS]]
     assert taken(varying(), scheme) == yes[cells[tables.VARYING]]
+    assert taken(reading(), scheme) == yes[cells[tables.READS]]
     own = cells[tables.MESHES] == "its own"
     assert own == scheme.adaptive
     reached(

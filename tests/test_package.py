@@ -183,7 +183,7 @@ def test_examples_in_docstrings(name):
 
 
 PAGES = ["README.md"]
-PAGES += [f"docs/{name}.md" for name in ("start", "collocation", "kernels")]
+PAGES += [f"docs/{name}.md" for name in ("start", "collocation", "kernels", "memory_terms")]
 
 
 @pytest.mark.parametrize("page", PAGES)

@@ -203,7 +203,10 @@ def _values(name, out, fun, arity, start, shape, hint, fill):
     first = (0.0, y, memory) if len(memory) else (0.0, y)
     arguments = {2: first, 3: (*first, p), 4: (*first, filled, p)}
     if arity == 4:
-        hint += f"; with as many arguments the last but one is {out}, to be filled"
+        words = ("five", "fourth", "fifth") if len(memory) else ("four", "third", "fourth")
+        hint += "; with {} arguments the {} is {out}, to be filled, and the {} params".format(
+            *words, out=out
+        )
     try:
         with np.errstate(all="ignore"):  # values that are not finite are reported below
             result = fun(*arguments[arity])

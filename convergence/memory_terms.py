@@ -1,0 +1,114 @@
+"""Orders of convergence where the right-hand side reads memory: a forced van der Pol-Airy equation.
+
+Friction ``(x**2 - 1) D^gamma x`` that the right-hand side reads goes on like ``t**(alpha - gamma)``
+at 0. BDF(p) keeps min(p, 1 + 2 alpha - gamma) and Adams min(2 - gamma, 1 + alpha), alpha being the
+highest order, L1 its order, and L2 and the explicit schemes the first order. Against Collocation at
+rtol = 1e-12.
+"""
+
+import matplotlib.pyplot as plt
+import numpy as np
+from _study import Study, check
+
+import hereditary as hd
+
+CASES = {(1.8, 0.6): [0.5, 0.1], (1.6, 0.7): [0.5, 0.1], (0.9, 0.4): 0.5, (0.9, 0.7): 0.5}
+SCHEMES = [
+    hd.ExplicitCaputo(),
+    hd.GrunwaldLetnikov(),
+    hd.L1(),
+    hd.L2(),
+    hd.BDF(2),
+    hd.BDF(3),
+    hd.Adams(),
+    hd.ProductTrapezoid(),
+]
+T_END = 2.0
+
+
+def airy(t, x, memory):
+    return np.cos(t) + (1 - x[0] ** 2) * memory[0, 0] - (1 + t) * x[0]
+
+
+def expected(scheme, alpha, gamma):
+    """Order that the docs claim."""
+    if isinstance(scheme, hd.BDF):
+        return min(scheme.formula, 1 + 2 * alpha - gamma)
+    if isinstance(scheme, hd.Adams | hd.ProductTrapezoid):
+        return min(2 - gamma, 1 + alpha)
+    return 3 - alpha if isinstance(scheme, hd.L1) and alpha > 1 else 1.0
+
+
+def measure(quick):
+    rows = []
+    for (alpha, gamma), y0 in CASES.items():
+        equation = hd.Equation(hd.Caputo(alpha), airy, y0, memory=hd.Caputo(gamma))
+        exact = hd.solve(equation, T_END, rtol=1e-12).y[-1]
+        for scheme in SCHEMES:
+            if alpha > scheme.orders[1]:
+                continue
+            before = np.nan
+            for n in [1600 * 2**k for k in range(4 if quick else 6)]:
+                history = hd.SumOfExponentials(1e-13)
+                sol = hd.solve(equation, T_END, n, scheme=scheme, history=history)
+                error = float(np.abs(sol.y[-1] - exact).max())
+                rows.append(
+                    {
+                        "alpha": alpha,
+                        "gamma": gamma,
+                        "scheme": repr(scheme),
+                        "n_steps": n,
+                        "error": f"{error:.3e}",
+                        "order": f"{np.log2(before / error):.3f}",
+                        "expected": f"{expected(scheme, alpha, gamma):.2f}",
+                        "milliseconds": f"{1e3 * sol.stats['run_seconds']:.2f}",
+                    }
+                )
+                before = error
+    return rows
+
+
+def resolved(row):
+    """Whether modes and rounding leave the order to be seen."""
+    return row["error"] > 1e-11
+
+
+def draw(rows):
+    figure, axes = plt.subplots(1, len(CASES), figsize=(13, 4), layout="constrained", sharey=True)
+    for ax, (alpha, gamma) in zip(axes, CASES, strict=True):
+        for number, scheme in enumerate(SCHEMES):
+            mine = [r for r in rows if (r["alpha"], r["gamma"]) == (alpha, gamma)]
+            mine = [r for r in mine if r["scheme"] == repr(scheme)]
+            if mine:
+                n, errors = ([r[key] for r in mine] for key in ("n_steps", "error"))
+                style = (
+                    f"o--C{number}" if isinstance(scheme, hd.ProductTrapezoid) else f"o-C{number}"
+                )
+                ax.loglog(n, errors, style, ms=3, lw=1, label=repr(scheme).split("(corr")[0])
+        ax.xaxis.set_minor_formatter("")
+        ax.set(xlabel="steps $N$", title=rf"$\alpha = {alpha}$, $\gamma = {gamma}$")
+        ax.grid(alpha=0.3)
+    axes[0].set_ylabel("error at the end")
+    axes[-1].legend(fontsize=7, loc="center left", bbox_to_anchor=(1.0, 0.5))
+    return figure
+
+
+def main():
+    study = Study(__file__, __doc__)
+    study.write(measure(study.quick))
+    rows = study.read()
+    last = {}
+    for row in rows:
+        if np.isfinite(row["order"]) and resolved(row):
+            last[row["alpha"], row["gamma"], row["scheme"]] = row
+    for (alpha, gamma, scheme), row in last.items():
+        short = row["order"] - row["expected"]
+        claim = (
+            f"{scheme} at {alpha}, {gamma}: order {row['order']:.2f}, {row['expected']:.2f} told"
+        )
+        check(claim, short > -0.15)
+    study.save(draw(rows))
+
+
+if __name__ == "__main__":
+    main()
