@@ -35,6 +35,8 @@ FLOORS = {
     "solver.state": 4,
     "solver.identity": 4,
     "solver.dense": 4,
+    "solver.status": 4,
+    "solver.stops": 4,
     "collocation": 5,
     "solver": 6,
     "analysis": 7,

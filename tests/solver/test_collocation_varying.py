@@ -289,7 +289,7 @@ def tangents_and_differences(made, t_end):
     """d (x, x') / d (x0, v0) along the run, and by runs from both sides; `made` takes x0, v0."""
     stepper = AdaptiveStepper(made(0.2, 0.3), hd.Collocation(), t_end, 1e-9, 1e-11, None, np.eye(2))
     while stepper.t < t_end:
-        stepper.advance(t_end, 100)
+        stepper.advance(t_end)
     found, step = np.empty((2, 2)), 1e-5
     for j, (dx, dv) in enumerate(step * np.eye(2)):
         ends = [

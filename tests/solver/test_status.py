@@ -67,10 +67,10 @@ def test_exponents_of_a_run_that_ends_early_warn_once_at_the_callers_line():
 def test_ctrl_c_is_quiet(monkeypatch):
     """Whoever pressed it knows."""
     monkeypatch.setattr(
-        "hereditary.solver.adaptive.Interruption.__enter__",
+        "hereditary.solver.run.Interruption.__enter__",
         lambda self: setattr(self, "asked", True) or self,
     )
-    monkeypatch.setattr("hereditary.solver.adaptive._ROWS", 1)
+    monkeypatch.setattr("hereditary.collocation.stepper._ROWS", 1)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         sol = hd.solve(hd.scenes.relaxation(), 1.0, rtol=1e-6)

@@ -70,8 +70,8 @@ def open_stepper(equation, scheme, history, n_tangents=None, seed=0, n_steps=250
 
 
 def march(stepper, n_end):
-    nothing = np.empty((0, stepper.equation.d))
-    stepper.advance(n_end - stepper.n, np.empty(0), nothing, nothing)
+    while stepper.n < n_end:
+        stepper.advance(n_end, keep=False)
     return stepper
 
 

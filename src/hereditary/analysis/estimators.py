@@ -32,9 +32,9 @@ class Tangents:
         return [self.stepper]
 
     @property
-    def n(self):
-        """Steps made."""
-        return self.stepper.n
+    def position(self):
+        """How far the orbit is, in steps or in time."""
+        return self.stepper.position
 
     @property
     def n_rhs(self):
@@ -42,39 +42,23 @@ class Tangents:
         return sum(stepper.n_rhs for stepper in self.steppers)
 
     @property
-    def no_step(self):
-        """Why no step of some stepper is small enough; empty where that is not so."""
-        return next((stepper.no_step for stepper in self.steppers if stepper.no_step), "")
-
-    @property
-    def blown_up(self):
-        """Whether an orbit stopped being finite."""
-        return any(stepper.blown_up for stepper in self.steppers)
-
-    @property
-    def not_solved(self):
-        """Whether Newton's method failed."""
-        return any(stepper.not_solved for stepper in self.steppers)
-
-    def seconds_of_rhs(self):
-        """Time that one call of the right-hand side takes."""
-        return self.stepper.seconds_of_rhs()
+    def trouble(self):
+        """Status and detail where a stepper cannot go on, else None."""
+        return next((stepper.trouble for stepper in self.steppers if stepper.trouble), None)
 
     def prepare(self, n_end):
         """Make room for a march up to step `n_end`."""
         for stepper in self.steppers:
             stepper.prepare(n_end)
 
-    def advance(self, n_more, rows=None):
-        """Make up to `n_more` steps; `rows` (n_more, d), if given, take the orbit."""
-        nothing = np.empty(0)
-        for stepper in self.steppers:
-            none = np.empty((0, stepper.equation.d))
-            if rows is not None and stepper is self.stepper:
-                positions = np.arange(1.0, n_more + 1) + stepper.n
-                stepper.advance(n_more, positions, rows, np.empty_like(rows))
-            else:
-                stepper.advance(n_more, nothing, none, none)
+    def advance(self, stop, keep):
+        """March some way towards `stop`; return the dense output of the orbit where it is kept."""
+        orbit, *others = self.steppers
+        piece = orbit.advance(stop, keep)
+        for other in others:
+            while other.position < orbit.position and not other.trouble:
+                other.advance(orbit.position, keep=False)
+        return piece
 
     def renormalise(self):
         """Make the tangents orthonormal; the logarithms of their growth (k,), None where lost."""
@@ -149,9 +133,13 @@ class Restarted(Tangents):
         self._n_before = 0
 
     @property
-    def n(self):
+    def position(self):
         """Steps made, those before the restarts included."""
         return self._n_before + self.stepper.n
+
+    def advance(self, stop, keep):
+        """March some way towards `stop`, counted from the first start."""
+        return super().advance(stop - self._n_before, keep)
 
     def prepare(self, n_end):
         """Nothing: the memory never holds more than one interval."""

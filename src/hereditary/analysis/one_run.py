@@ -13,18 +13,17 @@ from scipy.special import rgamma
 
 from .._checks import complaint, count, instance, positive, real_array, shown, within
 from .._warning import warn
-from ..collocation.marked_stepper import MarkedStepper
+from ..collocation.stepper import AdaptiveStepper
 from ..equation import Equation
 from ..history.exponentials import SumOfExponentials
 from ..history.history import History
 from ..meshes import UniformSteps
 from ..schemes.scheme import Scheme
-from ..solver.adaptive import modes_tolerance, tolerances
-from ..solver.drive import Drive, reached_end, told
+from ..solver.opening import modes_tolerance, tolerances, uniform_steps
 from ..solver.progress import Interruption, ProgressBar
+from ..solver.run import Drive, reached_end, told
 from ..solver.solution import Status
 from ..solver.stepper import Stepper
-from ..solver.uniform import uniform_steps
 from .divergence import Divergence
 from .estimators import Pairs, Restarted, Tangents
 from .growth import Verdict, assess, kaplan_yorke
@@ -36,8 +35,8 @@ _MODES = ("tangent", "pair", "restart")
 _WIDE = 22.0
 # More blocks than a window holds records are equal parts of them.
 _MOST_BLOCKS = 10_000
-# Marks of an adaptive run.
-_MARKS = 1 << 16
+# Times of an adaptive run at which it may be renormalised, and steps of it: no limit, in practice.
+_MARKS, _ANY = 1 << 16, 10**9
 _RESUMED = ("mode", "k", "renorm", "transient", "seed", "separation")
 
 
@@ -96,19 +95,21 @@ def march(request: Request) -> Run:
     tols = _tolerances(scheme, request.mode, request.rtol, request.atol)
     adaptive_marks = tols and request.n_steps is None and resume is None
     n_steps = _MARKS if adaptive_marks else request.n_steps
-    h, n_total, prepared = uniform_steps(t_end, n_steps, resume and resume.steppers[0])
+    h, n_total, prepared = uniform_steps(t_end, n_steps, resume)
     settings = _settings(request, h, n_total)
     system = marched(equation, scheme, request.mode)
     start = _directions(request.directions, settings["seed"], settings["k"], n_data(equation))
     how = {"scheme": scheme, "history": history, "n_steps": prepared}
     open_stepper: Callable = partial(Stepper, steps=UniformSteps(h), **how)
     if tols:
-        n_marks = max(prepared, n_total)
-        given = {"scheme": scheme, "tols": tols, "h": h, "n_marks": n_marks}
-        open_stepper = partial(MarkedStepper, **given, modes_tol=modes_tolerance(history))
+        prepared = max(prepared, n_total)
+        how = {"scheme": scheme, "rtol": tols[0], "atol": tols[1], "max_steps": _ANY}
+        how |= {"t_end": h * prepared, "modes_tol": modes_tolerance(history)}
+        open_stepper = partial(AdaptiveStepper, **how)
     estimator = _estimator(settings, open_stepper, system, start)
     record, divergence = _begin(estimator, settings, h, n_total, system, resume)
     status, detail = _run(estimator, record, divergence, n_total, request.progress)
+    settings |= {"memory_steps": prepared}
     settings |= {"scheme": scheme, "history": history, "t_end": t_end, "window": request.window}
     settings |= {"rtol": tols[0], "atol": tols[1]} if tols else {}
     seconds = time.perf_counter() - began
@@ -219,24 +220,26 @@ def _begin(estimator, settings, h, n_total, equation, resume):
 
 def _run(estimator, record, divergence, n_total, progress):
     """March from one renormalisation to the next; return the status and a detail for it."""
+    stepper, keep = estimator.stepper, divergence is not None
+    unit = record.h if stepper.adaptive else 1  # of positions
 
-    def advance(n_more):
-        if divergence is None:
-            estimator.advance(n_more)
-            return
-        n, rows = estimator.n, np.empty((n_more, estimator.stepper.equation.d))
-        estimator.advance(n_more, rows)
-        divergence.add(n, rows[: estimator.n - n])
+    def advance(stop):
+        n = _marks(stepper.t, record.h)
+        piece = estimator.advance(stop, keep)
+        if keep and piece is not None:
+            times = record.h * np.arange(n + 1, _marks(stepper.t, record.h) + 1)
+            if times.size:
+                divergence.add(n, piece.evaluate(times, np.zeros(1, dtype=bool), 0))
 
     bar = ProgressBar(progress)
     try:
         with Interruption() as interruption:
-            estimator.prepare(n_total)
-            whole = estimator.stepper.adaptive
-            drive = Drive(estimator, n_total, advance, interruption, bar, whole)
-            while estimator.n < n_total:
+            if not stepper.adaptive:
+                estimator.prepare(n_total)
+            drive = Drive(estimator, n_total * unit, advance, interruption, bar)
+            while estimator.position < n_total * unit:
                 stop = record.next_stop(n_total)
-                ended = drive.to(stop)
+                ended = drive.to(stop * unit)
                 if ended is not None:
                     return ended
                 logs = estimator.renormalise()
@@ -248,10 +251,16 @@ def _run(estimator, record, divergence, n_total, progress):
     return reached_end(estimator.stepper), ""
 
 
+def _marks(t, h):
+    """Number of whole steps h up to time t."""
+    return int(t / h * (1 + 1e-12))
+
+
 def result_of(request: Request, run: Run) -> LyapunovResult:
     """Put together the result of a run; warn of too large a step where the run may warn."""
     estimator, record, divergence, status, detail, settings, seconds = run
     equation, mode = estimator.stepper.equation, settings["mode"]
+    prepared = settings.pop("memory_steps")
     times, sums, trace = record.times, record.log_growth, record.trace
     kind = "none" if mode == "restart" else memory(equation)
     growth = assess(times, sums, settings["window"], request.n_blocks, kind)
@@ -265,11 +274,12 @@ def result_of(request: Request, run: Run) -> LyapunovResult:
         defect = float(np.sum(record.total) - integral) / (record.n_last * settings["h"])
         dimension = kaplan_yorke(exponents)
     resumable = {name: settings[name] for name in _RESUMED}
+    n = _marks(estimator.stepper.t, record.h)
     state = None
     if mode != "restart":
         left = divergence.state() if divergence else ()
-        t, n = estimator.stepper.t, estimator.n
-        state = LyapunovState(t, n, resumable, estimator.state(), record.copy(), left)
+        parts = estimator.state(), record.copy(), left
+        state = LyapunovState(estimator.stepper.t, n, record.h, resumable, prepared, *parts)
     message = status.sentence + (f": {detail}" if detail else "")
     if request.loud:
         message = told(estimator.stepper, status, detail) + _lost_digits(record)
@@ -292,7 +302,7 @@ def result_of(request: Request, run: Run) -> LyapunovResult:
         y=estimator.stepper.y[: request.equation.d],
         settings=settings,
         stats={
-            "n_steps": estimator.n,
+            "n_steps": n,
             "n_rhs": estimator.n_rhs,
             "n_modes": estimator.stepper.n_modes,
             "run_seconds": seconds,

@@ -34,7 +34,7 @@ class Record:
         self.automatic = interval is None
         self._longest = max(1, n_steps // _SAMPLES)
         self.interval = min(_FIRST, self._longest) if self.automatic else interval
-        self._h, self._n_transient = h, n_transient
+        self.h, self._n_transient = h, n_transient
         self.steps: list[int] = []
         self.sums: list[np.ndarray] = []
         self.total = np.zeros(k)
@@ -70,7 +70,7 @@ class Record:
     @property
     def times(self):
         """Times after the transient at which growth was measured, shape (n,)."""
-        return self._h * np.array(self.steps, dtype=float)
+        return self.h * np.array(self.steps, dtype=float)
 
     @property
     def log_growth(self):
@@ -80,7 +80,7 @@ class Record:
     @property
     def trace(self):
         """Mean rates since the transient, shape (n, k)."""
-        return self.log_growth / (self.times - self._h * self._n_transient)[:, None]
+        return self.log_growth / (self.times - self.h * self._n_transient)[:, None]
 
     def copy(self):
         """An independent record."""
@@ -98,7 +98,9 @@ class LyapunovState:
     t : float
         Time reached.
     n : int
-        Steps made.
+        Steps made, or times passed at which an adaptive run may be renormalised.
+    h : float
+        Their distance [time].
     settings : dict
         What the run was asked for; a resumed run keeps to it.
     check : LyapunovState or None
@@ -109,7 +111,9 @@ class LyapunovState:
 
     t: float
     n: int
+    h: float
     settings: dict[str, Any]
+    memory_steps: int = field(repr=False)
     steppers: tuple = field(repr=False)
     record: Record = field(repr=False)
     divergence: tuple = field(repr=False)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from ..compiled.adaptive import times_inside
-from ..compiled.structures import TABULATED, record
+from ..compiled.structures import TABULATED, VaryingOrders, record
 from ..orders import OrderFailed
 from .quadrature import radau_integrals, radau_nodes
 
@@ -45,6 +45,13 @@ class OrderTables:
     def clear(self):
         """Mark the tables as valid for no step."""
         self.tabulated.start = self.tabulated.length = np.nan
+
+    def compiled(self, of_varying):
+        """Return the tables for compiled code, with modes told by `of_varying` (M,)."""
+        if self.weights.shape[1] != of_varying.size:
+            self.clear()
+            self.weights = np.zeros((len(self.weights), of_varying.size, self._nodes.size))
+        return VaryingOrders(self.tabulated, self.integrals, self.weights, of_varying)
 
     def fill(self, orbit, origin, t_stop):
         """Fill the tables for the requested step; raise `OrderFailed` for a bad order."""

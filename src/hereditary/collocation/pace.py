@@ -6,6 +6,7 @@ import numpy as np
 
 from ..compiled.adaptive import CRAWLING, JUMPING, NOT_SOLVED
 from ..compiled.collocation import POSITION, PRIMARY
+from ..solver.status import Status
 
 # Largest number of steps of a run by default.
 MAX_STEPS = 1_000_000
@@ -31,7 +32,7 @@ _CRAWLS = (
     "steps stay short wherever the solution goes on: it may slide or chatter where the right-hand "
     "side jumps, or rounding hides what the tolerance asks for"
 )
-ROUNDS = (
+_ROUNDS = (
     "rounding hides what the tolerance asks for, or the solution is too steep; loosen rtol, and if "
     "the right-hand side jumps here name the time in breaks"
 )
@@ -70,22 +71,23 @@ class Pace:
         """Return whether all allowed steps are made."""
         return n_steps >= self.last_step
 
-    def is_stalled(self, accepted, refused, n_steps, advance, left, at_starts):
+    def is_stalled(self, since, earlier, t, counts, t_stop, at_starts):
         """Return whether steps stay short where the solution stands still, at jumps or by rounding.
 
         Parameters
         ----------
-        accepted, refused : int
-            Steps of the last stretch.
-        n_steps : int
-            Accepted steps in all.
-        advance, left : float
-            Time covered by the stretch, and time left [time].
+        since, t : float
+            Times at which the last stretch of steps began and ended.
+        earlier, counts : np.record
+            Counts there.
+        t_stop : float
         at_starts : ndarray, shape (n, 2, d)
             y and p at the starts of the steps of the stretch.
         """
+        accepted, refused = counts.accepted - earlier.accepted, counts.refused - earlier.refused
         if accepted < 200:
             return False
+        advance, left, n_steps = t - since, t_stop - t, int(counts.accepted)
         still = np.ptp(at_starts, axis=0) <= _STILL * (_STILL + np.abs(at_starts).max(axis=0))
         allowed = min(self.last_step - n_steps, _MOST_STEPS)
         slow = refused > _REFUSED * accepted and left * accepted > advance * allowed
@@ -94,21 +96,14 @@ class Pace:
 
 
 class Ending(NamedTuple):
-    """Reason why a run cannot go on.
+    """How a run that cannot go on ends, and a clause for its message; no status where it can."""
 
-    Attributes
-    ----------
-    blown_up : bool
-        The solution grows without bound.
-    not_solved : bool
-        Newton's method does not converge.
-    no_step : str
-        Clause for a message where no step is small enough; else empty.
-    """
+    status: Status | None = None
+    detail: str = ""
 
-    blown_up: bool = False
-    not_solved: bool = False
-    no_step: str = ""
+
+BLOWN_UP, UNSOLVED = Ending(Status.BLOWN_UP), Ending(Status.NOT_SOLVED)
+TOO_STEEP = Ending(Status.STEP_TOO_SMALL, _ROUNDS)
 
 
 def ending(status, equation, t, h, refused, last, peak):
@@ -118,17 +113,17 @@ def ending(status, equation, t, h, refused, last, peak):
     was refused down to the length `refused`. `peak` (2, d) holds the largest |p| and |y| before.
     """
     if status == CRAWLING:
-        return Ending(no_step=_CRAWLS)
+        return Ending(Status.STEP_TOO_SMALL, _CRAWLS)
     before, now = (np.abs(last[PRIMARY : POSITION + 1, :, i]) for i in (0, -1))
     largest = np.maximum((1 + _GROWING) * before, peak)
     growing = np.any(now.max(axis=1) > largest.max(axis=1)) and refused > _WALL * h
     if status != JUMPING and growing:
-        return Ending(blown_up=True)
+        return BLOWN_UP
     if not _finite_ahead(equation, t, h, last[POSITION]):
-        return Ending(no_step=_NOT_FINITE)
+        return Ending(Status.STEP_TOO_SMALL, _NOT_FINITE)
     if status == NOT_SOLVED:
-        return Ending(not_solved=True)
-    return Ending(no_step=_JUMPS if status == JUMPING else ROUNDS)
+        return UNSOLVED
+    return Ending(Status.STEP_TOO_SMALL, _JUMPS) if status == JUMPING else TOO_STEEP
 
 
 def _finite_ahead(equation, t, h, y):

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.polynomial import legendre as leg
 
-from ..solver.dense import last_start
+from ..solver.dense import Piece, last_start
 from .power_basis import PowerBasis
 from .quadrature import polynomial_integrals, through_start
 
@@ -14,7 +14,7 @@ _NEXT_TO_0, _STEEP = 1e-200, 1e12
 
 
 @dataclass(frozen=True, eq=False)
-class PowerPiece:
+class PowerPiece(Piece):
     """Dense output on the step of a singular start, in a power basis.
 
     Attributes
@@ -61,7 +61,7 @@ class PowerPiece:
 
 
 @dataclass(frozen=True, eq=False)
-class PolynomialPieces:
+class PolynomialPieces(Piece):
     """Dense output on n consecutive ordinary steps.
 
     Attributes

@@ -12,6 +12,7 @@ as well, so that F is ``(f - sum_l c_l m_l) / c``.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -19,9 +20,9 @@ import numpy as np
 from numba import njit
 
 from .._checks import complaint
+from ..solver.dense import Piece
 from ..system import System
 from ..terms import ConstantOrder, SystemTerm
-from .pieces import PolynomialPieces, PowerPiece
 
 
 class Plain:
@@ -74,20 +75,21 @@ class Reading(Plain):
 
     def piece(self, piece):
         """Return the dense output of y."""
-        return piece and ReadingPiece(piece, self._speeds)
+        return ReadingPiece(piece, self._speeds)
 
 
-class ReadingPiece(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class ReadingPiece(Piece):
     """Dense output of y among the components of a larger system.
 
     Attributes
     ----------
-    inner : PowerPiece or PolynomialPieces
+    inner : Piece
     speeds : ndarray of int64, shape (d,)
         Component that is y', where there is one.
     """
 
-    inner: PowerPiece | PolynomialPieces
+    inner: Piece
     speeds: np.ndarray
 
     def edges(self):

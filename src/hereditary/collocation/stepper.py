@@ -14,13 +14,12 @@ from ..compiled.adaptive import (
     march_adaptive,
 )
 from ..compiled.collocation import PRIMARY
-from ..compiled.mode_tables import empty_tables, floor_to_grid
+from ..compiled.mode_tables import floor_to_grid
 from ..compiled.structures import (
     ExponentialBasis,
     Limits,
     Rule,
     Steps,
-    VaryingOrders,
     initial_state,
     plain,
     restored_state,
@@ -29,11 +28,13 @@ from ..memory_kernel import told_error, warn_of_fit
 from ..schemes.scheme import refuse_late
 from ..solver.identity import check_identity, identity
 from ..solver.state import AdaptiveState, check_reach, check_sound, frozen, sealed
+from ..solver.status import Status, failed
+from ..solver.stops import breaks_ahead
 from .equations import integral_form
 from .jumps import jump
 from .orbit import OrbitAndTangents, initial_values
 from .order_tables import OrderTables
-from .pace import MAX_STEPS, ROUNDS, Ending, Pace, ending
+from .pace import MAX_STEPS, TOO_STEEP, UNSOLVED, Ending, Pace, ending
 from .pieces import PolynomialPieces, PowerPiece
 from .quadrature import (
     check_points,
@@ -54,6 +55,8 @@ _ROUNDING = 5e-13
 _REFINE_BY = 32.0
 # Ratio of the time up to which a run may be resumed to its length; largest ratio of distances.
 _REACH, _LARGEST_RATIO = 10.0, 1e305
+# Steps of one call of the compiled march, and points of each, besides its end, that events look at.
+_ROWS, _LOOKS = 256, 8
 # Closest distance expected, as fraction of the run, for fits before the run begins.
 _CLOSE = 1e-6
 
@@ -71,14 +74,12 @@ class AdaptiveStepper:
     modes_tol : float, optional
         Relative error of the modes, where it is to be smaller than the tolerance requires.
     directions : ndarray, shape (n_data, k), optional
-        Directions of initial data, one tangent for each; the steps are chosen by the errors of the
-        orbit and of the tangents.
-    max_step : float, optional
-        Longest step [time].
-    max_steps : int, optional
-        Largest number of steps of this run.
+        Directions of initial data, one tangent for each, whose errors count for the steps as well.
+    max_step, max_steps : float and int, optional
+        Longest step [time], and largest number of steps of this run.
     """
 
+    adaptive, looks = True, _LOOKS
     zigzag, growth, largest_ratio = None, None, 0.0
 
     def __init__(
@@ -95,8 +96,8 @@ class AdaptiveStepper:
         # larger errors of the modes would look like a rough solution, and no step would suffice
         self.modes_tol = default_tol if modes_tol is None else min(default_tol, modes_tol)
         refuse_late(equation, t_end)
-        self._known = max(t_end, scheme.horizon or 0.0)
-        self._farthest = max(min(_REACH * t_end, 1e307), self._known)
+        self._known = known = max(t_end, scheme.horizon or 0.0)
+        self._farthest = max(min(_REACH * t_end, 1e307), known)
         s = self._s = scheme.nodes_for(rtol)
         self._form = form = integral_form(view.system)
         singular = np.array([radau_integrals(s, a) for a in form.orders])
@@ -109,11 +110,11 @@ class AdaptiveStepper:
         initial = initial_values(view.system, form.second == 1, view.directions(directions))
         self._orbit = OrbitAndTangents(form, initial, s)
         self._state = initial_state(t_end, np.abs(self._orbit.p[0]))
-        self._at_singular_start, self._largest_error, self._tables = True, 0.0, None
+        self._at_singular_start, self._largest_error = True, 0.0
         self._peak = np.zeros((2, view.system.d))  # of p and y at the starts of steps
         self.ending = Ending()
         self.error: Exception | None = None
-        self.pace = Pace(max_step, max_steps)
+        self.pace, self._t_end, self._breaks = Pace(max_step, max_steps), t_end, np.zeros(0)
         self._limit_steps(t_end)
         self._prefit_kernels(t_end)
 
@@ -126,6 +127,8 @@ class AdaptiveStepper:
     def t(self):
         """Time reached."""
         return float(self._control.origin + self._control.time)
+
+    position = t  # how far the march is
 
     @property
     def n_steps(self):
@@ -162,20 +165,32 @@ class AdaptiveStepper:
         """Replace the tangents and their history by ``tangent @ matrix``, matrix (k, k)."""
         self._orbit.transform(matrix)
 
-    def advance(self, t_stop, n_rows):
-        """March towards `t_stop` by at most `n_rows` steps; return their dense output or None.
+    def advance(self, stop, keep=True):
+        """March towards time `stop` by some steps at most; return their dense output or None.
 
-        If the run cannot go on, `ending` gives the reason; `pace` tells whether all allowed steps
-        are used up, and `error` holds an exception of the right-hand side.
+        Where the march cannot go on `trouble` says why; an exception of the right-hand side is kept
+        in `error`.
         """
-        n_rows = min(n_rows, self.pace.last_step - self.n_steps)
+        ahead = self._breaks[self._breaks > self.t]
+        t_stop = min(stop, ahead[0]) if ahead.size else stop
+        try:
+            piece = self._steps(t_stop)
+        except Exception as error:
+            self.error, piece = error, None
+        if ahead.size and self.t == ahead[0]:
+            self._at_singular_start = True
+        return None if piece is None else self._view.piece(piece)
+
+    def _steps(self, t_stop):
+        """March towards `t_stop` by as many steps as one call makes; return their dense output."""
+        n_rows = min(_ROWS, self.pace.last_step - self.n_steps)
         if n_rows == 0:
             return None
         if self._at_singular_start:
             if not self._graded:
-                return self._view.piece(self._singular_step(t_stop))
+                return self._singular_step(t_stop)
             self._begin_graded(t_stop)
-            if self.ending.not_solved:
+            if self.ending.status is not None:
                 return None
         d, s, counts = self._system.d, self._s, self._state.counts
         shapes = (n_rows,), (n_rows,), (n_rows, d, s), (n_rows, 2, d), (n_rows,)
@@ -202,12 +217,9 @@ class AdaptiveStepper:
                     self._refine_modes(closest)
         if status == REACHED and self.error is None:
             self._set_origin(t_stop)
-        if status in (FULL, TOO_CLOSE):
-            since, earlier = before
-            accepted, refused = counts.accepted - earlier.accepted, counts.refused - earlier.refused
-            ahead = self.t - since, t_stop - self.t
-            if self.pace.is_stalled(accepted, refused, self.n_steps, *ahead, steps.at_starts[:n]):
-                status = CRAWLING
+        stretch = *before, self.t, counts, t_stop, steps.at_starts[:n]
+        if status in (FULL, TOO_CLOSE) and self.pace.is_stalled(*stretch):
+            status = CRAWLING
         at_starts = np.abs(steps.at_starts[:n]).max(axis=0, initial=0.0)  # y, then p
         self._peak = np.maximum(self._peak, at_starts[::-1])
         if status not in (REACHED, FULL, TOO_CLOSE):
@@ -217,22 +229,23 @@ class AdaptiveStepper:
             return None
         *piece, errors = (array[:n] for array in steps)
         self._largest_error = max(self._largest_error, float(errors.max()))
-        return self._view.piece(PolynomialPieces(*piece))
+        return PolynomialPieces(*piece)
 
     @property
-    def blown_up(self):
-        """Whether the solution grows without bound."""
-        return self.ending.blown_up
+    def trouble(self):
+        """Status and detail where the march cannot go on, else None."""
+        if self.error is not None:
+            return failed(self.error)
+        if self.ending.status is not None:
+            return self.ending
+        if self.pace.used_up(self.n_steps) and self.t < self._t_end:
+            return Status.MAX_STEPS, f"{self.n_steps} in all"
+        return None
 
-    @property
-    def not_solved(self):
-        """Whether Newton's method failed."""
-        return self.ending.not_solved
-
-    @property
-    def no_step(self):
-        """Clause for a message where no step is small enough; else empty."""
-        return self.ending.no_step
+    def set_breaks(self, times, t_end):
+        """Begin the steps anew at these times."""
+        at_once, self._breaks = breaks_ahead(times, self.t, t_end)
+        self._at_singular_start |= at_once
 
     def _set_origin(self, t, since=0.0):
         """Measure time from t, since rounding would hide steps next to a singular start."""
@@ -241,7 +254,7 @@ class AdaptiveStepper:
 
     @property
     def _control(self):
-        """Step control of the march, a record `CONTROL`."""
+        """Step control of the march, a record."""
         return self._state.control
 
     def _closest(self, h):
@@ -254,30 +267,12 @@ class AdaptiveStepper:
         basis = ExponentialBasis(orbit.rates, orbit.weights, orbit.masses, self._transforms)
         longest, longest_idle = self.pace.longest.tolist()
         limits = Limits(t_stop, longest, longest_idle, self._rtol, self._atol)
+        varying = self._orders.compiled(orbit.of_varying)
         return march_adaptive(
             equation._rhs, equation._jac, int(equation.has_jac), equation._params,
-            orbit.equations(), self._rule, basis, self._step_tables(), self._varying_orders(),
+            orbit.equations(), self._rule, basis, orbit.step_tables(), varying,
             orbit.march_arrays(), self._state, steps, limits,
         )  # fmt: skip
-
-    def _step_tables(self):
-        """Return the tables of mode factors, new ones where the modes changed."""
-        n, s = self.n_modes, self._s
-        if self._tables is None or self._tables.to_end.shape[1] != n:
-            self._tables = empty_tables(n, s, len(self._form.kernels) + len(self._form.varying))
-        return self._tables
-
-    def _varying_orders(self):
-        """Return the tables of varying orders in the form of compiled code."""
-        orders, of_varying = self._orders, self._orbit.of_varying
-        if orders.weights.shape[1] != of_varying.size:
-            orders.clear()
-            orders.weights = np.zeros((len(orders.weights), of_varying.size, self._s))
-        return VaryingOrders(orders.tabulated, orders.integrals, orders.weights, of_varying)
-
-    def begin_singular(self):
-        """Begin the next step at a point where the solution is not smooth."""
-        self._at_singular_start = True
 
     def stats(self):
         """Return counts and error estimates for the solution's stats."""
@@ -309,36 +304,44 @@ class AdaptiveStepper:
         )
         return sealed(state)
 
-    def restore(self, state, t_end, allow_change=False):
+    def restore(self, state, allow_change=False):
         """Continue from `state`; `allow_change` admits another right-hand side or parameters."""
         check_sound(state)
         changed = check_identity(state.identity, self._identity(state.t), allow_change)
-        refuse_late(self.equation, t_end)
-        check_reach(state, t_end)
+        refuse_late(self.equation, self._t_end)
+        check_reach(state, self._t_end)
         self._state = restored_state(state.march)
         self._orbit = copy.deepcopy(state.orbit)
         self._at_singular_start = state.at_singular_start or changed
         self._orbit.adopt(self._form)
-        self._tables = None  # computed for other modes
         self._orders.clear()
-        self._limit_steps(t_end)
+        self._limit_steps(self._t_end)
+
+    checkpoint = state
+
+    def go_back(self, checkpoint, t):
+        """Come back to where `checkpoint` was taken, and march to time t."""
+        self.error = None
+        self.restore(checkpoint)
+        while self.t < t and self.trouble is None:
+            self.advance(t)
 
     def _identity(self, t):
         """Describe the traits that a run to time t shares with one that resumes it."""
-        how = {"number of nodes": self._s, "tolerances": self._tolerances}
-        return identity(self.equation, t, len(self._orbit.x) - 1, **how)
+        n_tangents, how = len(self._orbit.x) - 1, {"number of nodes": self._s}
+        return identity(self.equation, t, n_tangents, **how, tolerances=self._tolerances)
 
     def _singular_step(self, t_stop):
         """Make the step of a singular start; return its dense output, or None and set `ending`."""
         orbit, t = self._orbit, self.t
         tolerances = max(self._rtol, _ROUNDING), self._atol
         problem = self._form, orbit, t, t_stop, self._farthest / _LARGEST_RATIO
-        longest = self.pace.longest[0]
-        start = SingularStart(self._system, *problem, tolerances, self._state, longest)
+        how = tolerances, self._state, self.pace.longest[0]
+        start = SingularStart(self._system, *problem, *how)
         found = start.step()
         self._state.counts.refused += start.n_refused
         if found is None:
-            self.ending = Ending(no_step=ROUNDS) if start.solved else Ending(not_solved=True)
+            self.ending = TOO_STEEP if start.solved else UNSOLVED
             return None
         h, basis, values = found
         at_start = orbit.x[0].copy()
@@ -372,7 +375,7 @@ class AdaptiveStepper:
             self._refine_modes(closest)
         # the right-hand side may jump here
         settled = jump(self._system, self._form, self._orbit, self.t, self._state.counts)
-        self.ending = Ending(not_solved=not settled)
+        self.ending = Ending() if settled else UNSOLVED
         self._state.largest[:] = np.where(self._form.second == 1, self._state.largest, 0.0)
         self._begin_steps(floor_to_grid(h))
         self._at_singular_start = False

@@ -65,20 +65,10 @@ def begin_others(starts, values, first, n_starts, groups, weights, lag, start):
 
 
 @inlined
-def write_rows(n, first, output, x, y, d, h):
-    """Write the rows asked for up to step n, from the parabola through the last three values.
-
-    Positions count in steps and ascend; returns the number of rows written so far.
-    """
-    positions, rows, slopes = output.positions, output.rows, output.slopes
-    k = first
-    while k < positions.shape[0] and positions[k] <= n:
-        back = positions[k] - n  # in (-1, 0]; zero on the mesh, where the row is x itself
-        for c in range(rows.shape[1]):
-            rows[k, c] = x[c] + back * (y[c] + 0.5 * (1.0 + back) * d[c])
-            slopes[k, c] = (y[c] + (0.5 + back) * d[c]) / h
-        k += 1
-    return k
+def write_row(k, rows, slopes, x, u, d, h):
+    """Write row k, with the slope at its end of the parabola through the last three values."""
+    for c in range(rows.shape[1]):
+        rows[k, c], slopes[k, c] = x[c], (u[c] + 0.5 * d[c]) / h
 
 
 @inlined

@@ -33,7 +33,7 @@ from .block import (
     keep_jacobian,
     open_block,
     samples,
-    write_rows,
+    write_row,
 )
 from .jacobian import jacobian
 from .newton import guess, solve_step
@@ -90,7 +90,7 @@ def marching(name, way, read=open_block):
         point, base, gain, n_orbit = room[POINT], room[BASE], room[GAIN], table.n_orbit
         work, orbit, f_orbit = np.empty((2, n_orbit, n_orbit)), x[:n_orbit], f[:n_orbit]
         first_sample, first_stretch = samples(counts.step, end, every)
-        j_f, counts.rows = work[0], 0
+        j_f, begun, rows_out, slopes = work[0], counts.step, output.rows, output.slopes
         while counts.step < end:
             n = counts.step
             p, i = n % lag.shape[1], min(n - rows.first, rows.last)
@@ -158,7 +158,8 @@ def marching(name, way, read=open_block):
                 first_value(explicit, starts, w, known)
                 begin_start(p, known, p + 1, n_starts, groups, start_weights, lag, start)
             counts.step = n + 1
-            counts.rows = write_rows(n + 1, counts.rows, output, x, u, d, unit[i])
+            if rows_out.shape[0] > 0:
+                write_row(n - begun, rows_out, slopes, x, u, d, unit[i])
             if not bounded(orbit):
                 return BLOWN_UP
         return RUNNING

@@ -23,11 +23,11 @@ MEMORY = types.UniTuple(MAT, 3)
 EXCHANGE_SIG = types.void(MAT, MAT, I8, IVEC, TABLES, MEMORY)
 EXCHANGE = types.FunctionType(EXCHANGE_SIG)
 
-# What a march counts: steps made, rows written, the step at which a zigzag had lasted (-1: none),
+# What a march counts: steps made, the step at which a zigzag had lasted (-1: none),
 # the one whose block is open, calls of the right-hand side, the step near which its Jacobian was
 # largest, the step at which turns had grown (-1); and how nearly sweeps failed to contract.
 COUNTS = np.dtype(
-    [(name, "i8") for name in ("step", "rows", "zigzag", "opened", "rhs", "largest", "growth")]
+    [(name, "i8") for name in ("step", "zigzag", "opened", "rhs", "largest", "growth")]
     + [("nearest", "f8")],
     align=True,
 )
@@ -125,9 +125,8 @@ class March(NamedTuple):
 
 
 class Output(NamedTuple):
-    """Rows asked for, at positions (k,) in steps: y and its slopes (k, d); Jacobians (n, d, d)."""
+    """A row for each step, or none: y and its slopes (k, d); Jacobians (n, d, d)."""
 
-    positions: np.ndarray
     rows: np.ndarray
     slopes: np.ndarray
     jacobians: np.ndarray
@@ -142,5 +141,5 @@ _MONITORS = types.Array(from_dtype(MONITOR), 1, "C")
 STATE = types.NamedTuple(
     (_COUNTS, VEC, VEC, VEC, MAT, MAT, _MONITORS, VEC, MAT, VEC, MAT, MAT, VEC, VEC), March
 )
-OUTPUT = types.NamedTuple((VEC, MAT, MAT, CUBE), Output)
+OUTPUT = types.NamedTuple((MAT, MAT, CUBE), Output)
 MARCH = (RHS, JAC, I8, VEC, EXCHANGE, TABLES, MEMORY, STEP_TABLE, STEP_ROWS, STATE, OUTPUT, I8)

@@ -5,6 +5,25 @@ import numpy as np
 from .._checks import complaint, real_array, shown
 
 
+class Piece:
+    """Dense output on one step, or on several consecutive ones."""
+
+    def edges(self):
+        """Return the start of each step."""
+        raise NotImplementedError
+
+    def evaluate(self, t, second, derivative):
+        """Return y, or y' for ``derivative=1``, at times t inside the steps, (k, d).
+
+        `second` (d,) tells the components whose first derivative was an unknown.
+        """
+        raise NotImplementedError
+
+    def at_ends(self, ends, chosen, second):
+        """Return y and y' at the chosen ones of the steps' ends, (k, d) each."""
+        return tuple(self.evaluate(ends[chosen], second, m) for m in (0, 1))
+
+
 class Dense:
     """The solution at any time of a run, from the steps that made it.
 

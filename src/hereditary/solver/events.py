@@ -9,9 +9,6 @@ from .._checks import complaint, real, shown
 from .._digest import digest
 from ..special import bracketed_root
 
-# Points of each step at which an event function is looked at, besides its end, where steps are
-# long; given steps are looked at from end to end.
-LOOKS = 8
 # Zeros this close to the start, relatively, are the start itself.
 _SAME = 1e-12
 _TINY = 5e-324
@@ -42,7 +39,7 @@ class Events:
         How an event function failed; empty where none did.
     """
 
-    def __init__(self, functions, t, y, signs, looks=LOOKS):
+    def __init__(self, functions, t, y, signs, looks):
         self._functions, self._start, self._looks = functions, t, looks
         # the last value seen: a zero between two stretches is then found once, and only once
         self._values = [_first_value(function, t, y) for function in functions]

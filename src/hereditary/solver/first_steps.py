@@ -9,25 +9,11 @@ import numpy as np
 from scipy.special import rgamma
 
 
-def starting_steps(stepper, t):
-    """`FirstSteps` of a `Stepper` from time t = 0 on; None from later ones, and without powers."""
-    if t > 0 or not stepper.equation.constant:
+def starting_steps(stepper):
+    """`FirstSteps` of a `Stepper` that made one at most; None later, and without powers."""
+    if stepper.n > 1 or not stepper.equation.enlarged.constant:
         return None
     return FirstSteps(stepper.equation, stepper.steps.times(np.array([1.0, 2.0])))
-
-
-def first_steps(stepper, positions):
-    """Prepare rows at these positions of a `Stepper`; None where none lies inside two steps.
-
-    Nor where a term has another kernel, or an order that varies.
-    """
-    early = positions[: np.searchsorted(positions, 2)]
-    if stepper.n > 1 or not stepper.equation.constant or not np.any(early % 1):
-        return None
-    starting = FirstSteps(stepper.equation, stepper.steps.times(np.array([1.0, 2.0])))
-    if stepper.n == 1:
-        starting.fill(1, stepper.y, np.zeros(0), *np.zeros((2, 0, stepper.equation.d)))
-    return starting
 
 
 class FirstSteps:
@@ -46,12 +32,6 @@ class FirstSteps:
         self._ends, self._values = np.asarray(ends, dtype=float), np.zeros((2, equation.d))
         self._more = np.where(self._alpha >= 1, 2.0, np.minimum(1.0, 2 * self._alpha))
         self._lead = _leading(equation, self._alpha)
-
-    def fill(self, n, y, times, rows, slopes):
-        """Overwrite rows and slopes (k, d) at times inside step n, 1 or 2, which ends at y."""
-        self.end(n, y)
-        inside = times < self._ends[n - 1]
-        rows[inside], slopes[inside] = self.inside(n, times[inside])
 
     def end(self, n, y):
         """Note that step n, 1 or 2, ends at y."""
@@ -82,7 +62,9 @@ def _leading(equation, alpha):
     """The a above, 0 where the right-hand side has no value at 0."""
     f = np.full(equation.d, np.nan)
     try:
-        equation._rhs(0.0, equation.y0[0].copy(), f, equation._params)
+        system, values = equation.enlarged, np.full(equation.enlarged.d, np.nan)
+        system._rhs(0.0, system.at_start, values, system._params)
+        f[:] = values[: equation.d]
     except Exception:  # the march meets it again, or never looks there
         f[:] = np.nan
     if equation.m == 2:

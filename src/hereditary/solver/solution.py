@@ -1,6 +1,5 @@
 """Results of a run: the orbit, how it ended, and the state to go on from."""
 
-import enum
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -11,48 +10,7 @@ from .._checks import complaint, shown
 from .._warning import warn
 from .dense import Dense
 from .state import AdaptiveState, State
-
-
-class Status(enum.StrEnum):
-    """How a run ended: a string, ``sol.status == "blown_up"``.
-
-    Attributes
-    ----------
-    sentence : str
-        What the solution's message begins with.
-    """
-
-    sentence: str
-
-    def __new__(cls, value, sentence):
-        """A member with its sentence."""
-        member = str.__new__(cls, value)
-        member._value_, member.sentence = value, sentence
-        return member
-
-    COMPLETED = "completed", "the run reached the end"
-    STEP_TOO_LARGE = (
-        "step_too_large",
-        "the run reached the end, but beyond the scheme's stability limit on the way",
-    )
-    ZIGZAG = (
-        "zigzag",
-        "the solution zigzags from step to step: the step is beyond the stability limit",
-    )
-    BLOWN_UP = "blown_up", "the solution stopped being finite"
-    INTERRUPTED = "interrupted", "the run was interrupted"
-    NOT_SOLVED = (
-        "not_solved",
-        "Newton's method did not converge: take smaller steps, give an exact jac, or name the "
-        "times of jumps as breaks",
-    )
-    STEP_TOO_SMALL = "step_too_small", "no step is small enough for the tolerance"
-    MAX_STEPS = "max_steps", "the run made max_steps steps before its end"
-    EVENT = "event", "a terminal event ended the run"
-    RHS_FAILED = "rhs_failed", "the right-hand side raised an exception"
-    ORDER_FAILED = "order_failed", "an order left its range, or its function raised an exception"
-    KERNEL_FAILED = "kernel_failed", "a memory kernel raised an exception"
-    EVENT_FAILED = "event_failed", "an event function raised an exception or returned no number"
+from .status import Status
 
 
 class SolveWarning(UserWarning):

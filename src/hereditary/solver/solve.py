@@ -1,5 +1,6 @@
-"""The front door of the solver: checks what is asked and hands it to a driver."""
+"""The front door of the solver: checks what is asked and hands it to a run."""
 
+import time
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -14,10 +15,13 @@ from ..history.history import History
 from ..meshes import Graded
 from ..schemes.explicit import ExplicitCaputo
 from ..schemes.scheme import Scheme
-from .adaptive import solve_adaptively
+from .events import Events
+from .opening import open_adaptively, open_on_steps
+from .output import Output
+from .run import run
 from .solution import Solution
 from .state import AdaptiveState, State, check_sound
-from .uniform import solve_on_steps
+from .stops import checked_breaks
 
 # What save_every may be at most: a whole number that arrays hold.
 _MOST_STEPS = 2**53
@@ -158,25 +162,30 @@ def solve(
         remedy = "it allows another right-hand side than the state's"
         raise ValueError(complaint("allow_change", "come with resume", allow_change, remedy))
     times = _eval_times(t_eval, 0.0 if resume is None else resume.t, t_end)
-    breaks = () if breaks is None else breaks
+    breaks = checked_breaks(() if breaks is None else breaks)
     events = () if events is None else events
     functions = tuple(events) if isinstance(events, (list, tuple)) else (events,)
+    began = time.perf_counter()
     if scheme.adaptive:
         _refuse("with Collocation, which chooses its steps", n_steps=n_steps, mesh=mesh)
-        return solve_adaptively(
-            equation, t_end, scheme, history, rtol, atol, save_every, times, breaks, functions,
-            progress, resume, allow_change,
-            None if max_step is None else positive("max_step", max_step),
-            MAX_STEPS if max_steps is None else count("max_steps", max_steps),
-        )  # fmt: skip
-    given = {"rtol": rtol, "atol": atol, "max_step": max_step, "max_steps": max_steps}
-    _refuse("or come with scheme=Collocation()", **given)
-    if history is None:
-        history = getattr(resume, "history", None) or SumOfExponentials()
-    return solve_on_steps(
-        equation, t_end, n_steps, mesh, scheme, history, save_every, times, breaks, functions,
-        progress, resume, allow_change,
-    )  # fmt: skip
+        max_step = None if max_step is None else positive("max_step", max_step)
+        max_steps = MAX_STEPS if max_steps is None else count("max_steps", max_steps)
+        stepper, stop = open_adaptively(
+            equation, scheme, history, t_end, rtol, atol, max_step, max_steps, resume, allow_change
+        )
+    else:
+        given = {"rtol": rtol, "atol": atol, "max_step": max_step, "max_steps": max_steps}
+        _refuse("or come with scheme=Collocation()", **given)
+        if history is None:
+            history = getattr(resume, "history", None) or SumOfExponentials()
+        stepper, stop = open_on_steps(
+            equation, scheme, history, t_end, n_steps, mesh, resume, allow_change
+        )
+    stepper.set_breaks(breaks, t_end)
+    signs = {} if resume is None else resume.event_signs
+    found = Events(functions, stepper.t, stepper.y, signs, stepper.looks)
+    output = Output(stepper, stop, save_every, times, found)
+    return run(stepper, stop, t_end, output, progress, began)
 
 
 def _scheme(scheme, rtol, n_steps, mesh, resume):

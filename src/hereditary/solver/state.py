@@ -91,6 +91,7 @@ class AdaptiveState:
         Digest of the contents.
     """
 
+    adaptive: ClassVar[bool] = True
     t: float
     y: np.ndarray
     scheme: Scheme

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from .dense import Piece
 from .first_steps import FirstSteps
 
 # The slope at 0 is taken here, and called infinite beyond this size.
 _NEXT_TO_0, _STEEP = 1e-200, 1e12
 
 
-class StepPieces:
+class StepPieces(Piece):
     """Consecutive steps, each a parabola through its ends with the slope at its end.
 
     Parameters
@@ -20,22 +21,28 @@ class StepPieces:
     rows, slopes : ndarray, shape (k+1, d)
         Solution and first derivative there.
     starting : FirstSteps, optional
-        The solution inside the first two steps of a run, where these are the first.
+        The solution inside the first two steps of a run, where it is known there.
+    n : int
+        Number of the step that the start is.
     """
 
-    def __init__(self, times, rows, slopes, starting: FirstSteps | None = None):
+    def __init__(self, times, rows, slopes, starting: FirstSteps | None = None, n=0):
         self.times, self._rows, self._slopes = times, rows, slopes
-        self._starting = starting
+        self._starting, self._n = starting, n
         if starting is not None:
-            for n in range(1, min(3, times.size)):
-                starting.end(n, rows[n])
+            for number in range(max(1, n), min(3, n + times.size)):
+                starting.end(number, rows[number - n])
 
     def edges(self):
-        """Start of each step."""
+        """Return the start of each step."""
         return self.times[:-1]
 
+    def at_ends(self, ends, chosen, second):
+        """Return y and y' at the chosen ones of the steps' ends, (k, d) each."""
+        return self._rows[1:][chosen], self._slopes[1:][chosen]
+
     def evaluate(self, t, second, derivative):
-        """y or y' at times t inside the steps, shape (k, d)."""
+        """Return y or y' at times t inside the steps, shape (k, d)."""
         i = np.clip(np.searchsorted(self.times, t), 1, self.times.size - 1)
         h = (self.times[i] - self.times[i - 1])[:, None]
         back = (t - self.times[i])[:, None] / h
@@ -46,10 +53,10 @@ class StepPieces:
         else:
             found = self._rows[i] + back * (increment + 0.5 * (1.0 + back) * change)
         if self._starting is not None:
-            for n in (1, 2):
-                inside = (i == n) & (t < self.times[i])
+            for number in (1, 2):
+                inside = (i + self._n == number) & (t < self.times[i])
                 if inside.any():
-                    found[inside] = _near_start(self._starting, n, t[inside], derivative)
+                    found[inside] = _near_start(self._starting, number, t[inside], derivative)
         return found
 
 

@@ -7,15 +7,19 @@ import numpy as np
 
 from ..compiled.block import BLOWN_UP, NOT_SOLVED, RUNNING
 from ..compiled.march import MARCHES
-from ..compiled.signatures import COUNTS, MONITOR, March, Output, StepTable
+from ..compiled.signatures import COUNTS, MONITOR, March, Output
 from ..compiled.structures import plain, record
-from ..memory_kernel import warn_of_fit
+from ..memory_kernel import told_error, warn_of_fit
 from ..schemes.scheme import refuse_late
 from ..system import shifted, variational
-from .first_steps import first_steps
+from .first_steps import starting_steps
 from .identity import check_identity, described, identity
+from .march_arrays import initial_march, step_table
 from .state import State, check_sound, frozen, sealed
-from .stops import before_break, rows_beside
+from .status import Status, failed
+from .step_pieces import StepPieces
+from .stops import before_break, break_steps, rows_beside
+from .stretch import Stretch
 
 # Steps in a block. Measured with 56 modes: 74, 75 and 85 ns a step at 16, 32 and 64, where the
 # in-block sums take over; below 16 the calls of the history do.
@@ -45,7 +49,7 @@ class Stepper:
         Steps in a block; results depend on it by rounding alone.
     """
 
-    no_step, adaptive = "", False
+    adaptive, looks = False, 1
 
     def __init__(self, equation, scheme, history, steps, n_steps, directions=None, block=BLOCK):
         scheme.check_terms(equation)
@@ -65,8 +69,9 @@ class Stepper:
         self.memory = self._open(plan)
         warn_of_fit(self.memory.kernel_error, getattr(history, "tol", 0.0))
         self._begin(plan)
-        self.largest_ratio, self.blown_up, self.not_solved = 0.0, False, False
-        self.breaks: frozenset[int] = frozenset()
+        self.largest_ratio, self._status, self._stretch = 0.0, RUNNING, Stretch()
+        self.error: Exception | None = None
+        self._breaks: frozenset[int] = frozenset()
 
     def _plan(self, directions):
         """The scheme's plan for orbit and tangents."""
@@ -89,44 +94,13 @@ class Stepper:
     def _begin(self, plan):
         """Arrays of a march that stands at step 0."""
         self._loop = MARCHES[self.scheme.solve, self.memory.inlined]
-        d, width = self._system.d, plan.groups.size
+        d = self._system.d
         self._past, self._rows, self._lasting = plan.past, plan.rows, plan.lasting
         self._region = plan.region and plan.region.orbit(d, self._system.sources)
-        none = np.zeros((0, width))
-        self._table = StepTable(
-            h=self.steps.h,
-            slowest=plan.slowest,
-            sweeps=plan.sweeps,
-            integral=int(plan.integral),
-            n_orbit=d,
-            n_solved=int(np.sum(~self._system.read)),
-            every=self._block * self._region.every if self._region else 0,
-            groups=plan.groups,
-            sources=self._sources,
-            given=np.zeros(width, dtype=np.int64) if plan.given is None else plan.given,
-            weights=self.memory.block_weights,
-            start_weights=self.memory.block_start_weights,
-            limits=np.zeros(width) if plan.limits is None else plan.limits,
-            powers=none if plan.powers is None else plan.powers,
-        )
-        monitor = np.zeros(d, MONITOR).view(np.recarray)
-        monitor.turns[: self.equation.d] = -1.0 * (self.equation.highest_orders() == 2)
-        self._march = March(
-            counts=record(COUNTS, zigzag=-1, opened=-1, growth=-1),
-            x=plan.initial.copy(),
-            increment=plan.increments.copy(),
-            change=np.zeros(width),
-            lag=np.zeros((width, self._block)),
-            pieces=np.zeros((width, self._block + 1)),
-            monitor=monitor,
-            shift=plan.shift.copy(),
-            drift=_by_columns(plan.drift, none),
-            first=np.zeros(width) if plan.first is None else plan.first.copy(),
-            corrections=_by_columns(plan.corrections, none),
-            starts=_by_columns(plan.starts, none),
-            force=np.zeros(width),
-            lacks=np.zeros(width),
-        )
+        every = self._block * self._region.every if self._region else 0
+        self._table = step_table(plan, self.memory, self._system, self._sources, every, self.h)
+        self._march = initial_march(plan, d, self._block)
+        self._march.monitor.turns[: self.equation.d] = -1.0 * (self.equation.highest_orders() == 2)
         self.memory.begin(self._march.shift, self._march.starts)
 
     @property
@@ -139,10 +113,7 @@ class Stepper:
         """Steps made."""
         return int(self._march.counts.step)
 
-    @property
-    def rows_written(self):
-        """Rows that the last `advance` filled; fewer than asked for where it stopped early."""
-        return int(self._march.counts.rows)
+    position = n  # how far the march is
 
     @property
     def t(self):
@@ -257,13 +228,17 @@ class Stepper:
         n = int(self._march.counts.growth)
         return None if n < 0 else n
 
-    def seconds_of_rhs(self):
-        """Time that one call of the right-hand side takes, a few microseconds of entry included."""
-        system = self._system
-        y, dy = self._march.x[: system.d].copy(), np.empty(system.d)
-        began = time.perf_counter()
-        system._rhs(self.t - self._origin, y, dy, system._params)
-        return time.perf_counter() - began
+    @property
+    def trouble(self):
+        """Status and detail where the march cannot go on, else None."""
+        if self.error is not None:
+            return failed(self.error)
+        statuses = {BLOWN_UP: Status.BLOWN_UP, NOT_SOLVED: Status.NOT_SOLVED}
+        return (statuses[self._status], "") if self._status in statuses else None
+
+    def set_breaks(self, times, t_end):
+        """Let the steps beside these times see jumps from their own side."""
+        self._breaks = break_steps(times, self.t, t_end, self.steps)
 
     def prepare(self, n_end):
         """Make room for a march up to step `n_end`."""
@@ -271,47 +246,48 @@ class Stepper:
         self._past.prepare(n_end)
         self.memory.prepare(n_end)
 
-    def advance(self, n_more, positions, rows, slopes):
-        """Make up to `n_more` steps and write the rows asked for on the way.
+    def advance(self, stop, keep=True):
+        """Make steps towards step `stop`, as many as take a moment.
 
-        Parameters
-        ----------
-        n_more : int
-        positions : ndarray, shape (k,)
-            Where rows are wanted, in steps, ascending, within the stretch.
-        rows, slopes : ndarray, shape (k, d)
-            Filled with the solution and its first derivative there.
-
-        Raises whatever the right-hand side raises; the steps before it are made and kept.
+        Returns them as `StepPieces`, or None where none is made or kept. An exception of the
+        right-hand side is kept in `error`; the steps before it are made.
         """
-        n_end = self.n + n_more
+        n, d = self.n, self.equation.d
+        n_more = min(stop - n, self._stretch.steps(self._system))
+        began = time.perf_counter()
+        rows, slopes = np.empty((2, n_more + 1 if keep else 0, d))
+        if keep:
+            rows[0], slopes[0] = self.y, self.ydot
+        starting = starting_steps(self) if keep else None
+        try:
+            self._march_to(n + n_more, rows[1:], slopes[1:])
+        except Exception as error:
+            self.error = error
+        made = self.n - n
+        self._stretch.note(time.perf_counter() - began, made)
+        if not keep or made == 0:
+            return None
+        times = self.steps.times(np.arange(n, n + made + 1.0))
+        return StepPieces(times, rows[: made + 1], slopes[: made + 1], starting, n)
+
+    def _march_to(self, n_end, rows, slopes):
+        """March to step `n_end` and write rows (k, d) of the steps, or none for k = 0."""
         self.prepare(n_end)
-        self._march.counts.rows = written = 0
-        starting = first_steps(self, positions)
+        begun = self.n
         while self.n < n_end:
             known, size = self._past.reach(self.n)
             if size:
                 self._rows = self._past.rows
                 self.memory.follow(size)
             stop = min(n_end, known, self.memory.reach(self.n))
-            if starting and self.n < 2:
-                stop = self.n + 1
-            stop = before_break(self.breaks, self.n, stop)
+            stop = before_break(self._breaks, self.n, stop)
             self.memory.refresh(self.n, self._march.pieces, self._table.groups)
-            part = slice(written, int(np.searchsorted(positions, stop, side="right")))
-            try:
-                status = self._advance(stop, positions[part], rows[part], slopes[part])
-            finally:
-                written += self.rows_written
-                self._march.counts.rows = written
-            if starting and self.n == stop <= 2:
-                times = self.steps.times(positions[part])
-                starting.fill(stop, self.y, times, rows[part], slopes[part])
-            self.blown_up, self.not_solved = status == BLOWN_UP, status == NOT_SOLVED
-            if status != RUNNING:
+            part = slice(self.n - begun, stop - begun)
+            self._status = self._enter(stop, rows[part], slopes[part])
+            if self._status != RUNNING:
                 return
 
-    def _advance(self, n_end, positions, rows, slopes):
+    def _enter(self, n_end, rows, slopes):
         """Enter the compiled march once; watch the stability along the orbit."""
         n, region = self.n, self._region
         every = self._block * region.every if region else n_end
@@ -330,9 +306,9 @@ class Stepper:
                 self.memory.tables,
                 self.memory.arrays,
                 self._table,
-                rows_beside(self.breaks, self.n, self._rows, self.steps),
+                rows_beside(self._breaks, self.n, self._rows, self.steps),
                 self._march,
-                Output(positions, rows, slopes, jacobians),
+                Output(rows, slopes, jacobians),
                 n_end,
             )
         finally:
@@ -345,14 +321,29 @@ class Stepper:
                 self._note(region.ratios(jacobians[n_samples + taken], steps), steps)
 
     def checkpoint(self):
-        """Return all that `rewind` needs to come back to this step."""
+        """Return all that `go_back` needs to come back to this step."""
         march = March._make(part.copy() for part in self._march)
         return march, self.memory.state(), self.largest_ratio
 
-    def rewind(self, checkpoint):
-        """Come back to the step at which `checkpoint` was taken."""
+    def go_back(self, checkpoint, t):
+        """Come back to where `checkpoint` was taken, and march to the first step not before t."""
         self._march, memory, self.largest_ratio = checkpoint
         self.memory.restore(memory)
+        self.error = None
+        stop = int(np.ceil(self.steps.positions(np.array([t]))[0]))
+        while self.n < stop and self.trouble is None:
+            self.advance(stop, keep=False)
+
+    def stats(self):
+        """Counts and errors for the solution's stats."""
+        return {
+            "n_steps": self.n,
+            "n_rhs": self.n_rhs,
+            "n_modes": self.n_modes,
+            "history_bytes": self.memory.nbytes,
+            "stiffness_ratio": self.largest_ratio,
+            "kernel_error": told_error(self.memory.kernel_error),
+        }
 
     def _note(self, ratios, steps):
         """Keep the largest ratio so far and its step."""
@@ -398,8 +389,3 @@ class Stepper:
         """Describe what a run to time t must share with one that resumes it."""
         how = {"scheme": described(self.scheme), "history": described(self.history)}
         return identity(self.equation, t, self.n_tangents, **how)
-
-
-def _by_columns(rows, none):
-    """Copy rows, (k, W), as columns (W, k)."""
-    return np.array((none if rows is None else rows).T, order="C")

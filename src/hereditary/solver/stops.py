@@ -6,6 +6,8 @@ from .._checks import complaint, real_array, shown
 
 # Breaks closer than this, relatively, are no two times to a clock of double precision.
 APART = 1e-13
+# Breaks may miss their steps by so much of a step.
+_OFF = 1e-6
 # A step next to a jump sees it from this far aside, relative to its time.
 _ASIDE = 8 * np.finfo(float).eps
 
@@ -22,6 +24,25 @@ def checked_breaks(breaks):
         pair = f"{float(times[close[0]])!r} and {float(times[close[0] + 1])!r}"
         raise ValueError(complaint("breaks", required, pair, "name such a jump once"))
     return times
+
+
+def breaks_ahead(times, start, t_end):
+    """Whether there is a break at `start`, and those between `start` and t_end."""
+    ahead = (times > start * (1 + APART)) & (times < t_end * (1 - APART))
+    return bool(np.any(np.abs(times - start) < APART * start)), times[ahead]
+
+
+def break_steps(times, start, t_end, steps):
+    """Numbers of the steps that end at breaks from `start` on, a frozenset."""
+    times = times[(times >= start) & (times <= t_end)]
+    positions = steps.positions(times)
+    numbers = np.rint(positions)
+    off = np.abs(positions - numbers) > _OFF
+    if np.any(off):
+        required = "be times of steps, which see the jump from its own side each"
+        remedy = "take as many steps that one ends there, or a mesh through it"
+        raise ValueError(complaint("breaks", required, shown(times[off]), remedy))
+    return frozenset(int(n) for n in numbers)
 
 
 def before_break(breaks, n, stop):

@@ -1,0 +1,143 @@
+"""Steppers of a run, anew or from a state, with all that is asked of their steps checked."""
+
+import math
+
+import numpy as np
+
+from .._checks import complaint, count, positive, shown, whole, within
+from ..collocation.stepper import AdaptiveStepper
+from ..history.exponentials import SumOfExponentials
+from ..meshes import UniformSteps, mesh_steps
+from .stepper import Stepper
+
+# Steps of a run, and floats, are whole numbers up to here.
+_COUNTED = 2**53
+# Logarithms of the powers of the step that schemes may have to divide by.
+_LEAST, _MOST = -290.0, 290.0
+# Below this the rounding of double precision, not the scheme, decides.
+TOLERANCE_FLOOR = 1e-12
+# Time to the highest order, if that is above 1, must stay below this.
+_FARTHEST = 1e300
+
+
+def open_on_steps(equation, scheme, history, t_end, n_steps, mesh, resume, allow_change):
+    """Stepper with uniform steps or along a mesh, and its last step number."""
+    asked = t_end, n_steps, resume, allow_change
+    if mesh is None:
+        stepper, n_total = _on_uniform_steps(equation, scheme, history, *asked)
+    else:
+        stepper, n_total = _on_mesh(equation, scheme, history, mesh, *asked)
+    try:
+        stepper.prepare(n_total)
+    except (MemoryError, OverflowError) as error:
+        required = f"hold {n_total} steps in memory"
+        remedy = "SumOfExponentials() takes no more for more steps"
+        raise ValueError(complaint("history", required, repr(history), remedy)) from error
+    return stepper, n_total
+
+
+def open_adaptively(
+    equation, scheme, history, t_end, rtol, atol, max_step, max_steps, resume, allow_change
+):
+    """Stepper that chooses its steps by the tolerance, and the time of its end."""
+    farthest = _FARTHEST ** (1 / max(1.0, float(equation.highest_orders().max())))
+    interval = f"[{1 / _FARTHEST:g}, {farthest:g}]"
+    within("t_end", t_end, 1 / _FARTHEST, farthest, interval, "take another unit of time")
+    modes_tol = modes_tolerance(history)
+    if resume is not None:
+        rtol = resume.rtol if rtol is None else rtol
+        atol = resume.atol if atol is None else atol
+        modes_tol = resume.modes_tol if history is None else modes_tol
+    rtol, atol = tolerances(rtol, atol)
+    how = {"modes_tol": modes_tol, "max_step": max_step, "max_steps": max_steps}
+    stepper = AdaptiveStepper(equation, scheme, t_end, rtol, atol, **how)
+    if resume is None:
+        return stepper, t_end
+    if t_end <= resume.t:
+        raise ValueError(complaint("t_end", f"exceed the state's time {resume.t}", t_end))
+    if stepper.modes_tol != resume.modes_tol:
+        required = f"be left out or ask for modes as the state has them, to {resume.modes_tol:g}"
+        raise ValueError(complaint("history", required, f"to {stepper.modes_tol:g}"))
+    return resumed(stepper, resume, allow_change), t_end
+
+
+def tolerances(rtol, atol):
+    """Relative and absolute tolerance, checked, or what stands for them by default."""
+    interval, remedy = f"[{TOLERANCE_FLOOR:g}, 0.1]", "double precision allows no less"
+    rtol = 1e-6 if rtol is None else rtol
+    rtol = within("rtol", rtol, TOLERANCE_FLOOR, 0.1, interval, remedy)
+    return rtol, 1e-2 * rtol if atol is None else positive("atol", atol)
+
+
+def modes_tolerance(history):
+    """Tolerance of the modes that a history asks for, None where it asks for none."""
+    if not isinstance(history, SumOfExponentials | None):
+        required = "be left out with Collocation, or be SumOfExponentials(tol)"
+        raise ValueError(complaint("history", required, repr(history)))
+    return None if history is None else history.tol
+
+
+def _on_mesh(equation, scheme, history, mesh, t_end, n_steps, resume, allow_change):
+    """Stepper along a mesh, anew or resumed, and its last step number."""
+    if n_steps is not None:
+        required = "be left out where a mesh is given"
+        raise ValueError(complaint("n_steps", required, type(n_steps).__name__))
+    begun = None
+    if resume is not None:
+        if resume.h > 0:
+            required = "be left out where a run of uniform steps goes on"
+            raise ValueError(complaint("mesh", required, type(mesh).__name__))
+        if t_end <= resume.t:
+            raise ValueError(complaint("t_end", f"exceed the state's time {resume.t}", t_end))
+        begun = resume.steps
+    steps = mesh_steps(mesh, t_end, begun)
+    n_total = steps.mesh.size - 1
+    stepper = Stepper(equation, scheme, history, steps, n_total)
+    return resumed(stepper, resume, allow_change), n_total
+
+
+def _on_uniform_steps(equation, scheme, history, t_end, n_steps, resume, allow_change):
+    """Stepper with uniform steps, anew or resumed, and its last step number."""
+    h, n_total, prepared = uniform_steps(t_end, n_steps, resume)
+    order = float(equation.highest_orders().max())
+    if h == 0 or not _LEAST < order * math.log10(h) < _MOST:
+        required = f"leave steps h whose power h**{order:g} is a number of double precision"
+        raise ValueError(complaint("t_end", required, f"h = {h}", "take another unit of time"))
+    stepper = Stepper(equation, scheme, history, UniformSteps(h), prepared)
+    return resumed(stepper, resume, allow_change), n_total
+
+
+def resumed(stepper, state, allow_change):
+    """Return the stepper where a state was taken, or as it is without one."""
+    if state is not None:
+        stepper.restore(state, allow_change)
+        if not np.all(np.isfinite(stepper.y)):
+            required = "hold a finite solution"
+            raise ValueError(complaint("resume", required, f"y = {shown(stepper.y)}"))
+    return stepper
+
+
+def uniform_steps(t_end, n_steps, state):
+    """Step, last step number and the number of steps that the history is opened for."""
+    if state is None:
+        if n_steps is None:
+            raise TypeError(complaint("n_steps", "be given", "none", "e.g. n_steps=10_000"))
+        n_steps = count("n_steps", whole(n_steps))
+        if n_steps > _COUNTED:
+            required = f"be at most {_COUNTED:.0e}, as far as times of steps are told apart"
+            raise ValueError(complaint("n_steps", required, f"{n_steps:.3g}"))
+        return t_end / n_steps, n_steps, n_steps
+    if state.h == 0:
+        required = "be given where a run on a mesh goes on"
+        raise TypeError(complaint("mesh", required, "none", "times from the state's time on"))
+    n_total = round(t_end / state.h)
+    if n_total <= state.n:
+        raise ValueError(complaint("t_end", f"exceed the state's time {state.t}", t_end))
+    if abs(n_total * state.h - t_end) > 1e-6 * state.h:
+        remedy = f"the nearest is {n_total * state.h}"
+        required = f"be a whole number of the state's steps h = {state.h}"
+        raise ValueError(complaint("t_end", required, t_end, remedy))
+    if n_steps is not None and count("n_steps", whole(n_steps)) not in (n_total, n_total - state.n):
+        required = f"be {n_total - state.n} (from the state) or {n_total} (from 0), its step kept"
+        raise ValueError(complaint("n_steps", required, n_steps, "or leave n_steps out"))
+    return state.h, n_total, state.memory_steps

@@ -1,0 +1,151 @@
+"""What a run keeps: rows, dense output and events."""
+
+import os
+
+import numpy as np
+
+from .._checks import complaint
+from .dense import Dense, Piece
+from .first_steps import starting_steps
+from .step_pieces import StepPieces
+
+# Rows that there is room for at first where steps are chosen on the way.
+_SOME = 512
+# Rows asked for may miss the end of a step by rounding.
+_SLACK = 8 * np.finfo(float).eps
+
+
+class Output:
+    """Rows, dense output and events of a run, taken piece by piece.
+
+    Parameters
+    ----------
+    stepper : Stepper or AdaptiveStepper
+    stop : int or float
+        Position at which the run is to end.
+    save_every : int
+        Every so many-th step is kept.
+    times : ndarray, shape (k,), or None
+        Times of the rows to keep instead.
+    events : Events
+
+    Attributes
+    ----------
+    end : float
+        Time up to which the run counts.
+    ended : bool
+        Whether an event has ended it there.
+    """
+
+    def __init__(self, stepper, stop, save_every, times, events):
+        self._stepper, self._stop, self._every = stepper, stop, save_every
+        self._wanted, self.events = times, events
+        # steps chosen on the way are counted from where the run begins
+        self._n = 0 if stepper.adaptive else stepper.n
+        self._first = self._n
+        self._starting = None if stepper.adaptive else starting_steps(stepper)
+        self._second = stepper.equation.highest_orders() > 1
+        self.end, self.ended = stepper.t, False
+        self._dense = Dense(self._second, resolved=not stepper.adaptive)
+        self._newest: Piece | None = None
+        self._rows = _room(self._most_rows(), stepper.y.size, times is None)
+        self._size = 0
+        if times is None:
+            self._add(np.array([stepper.t]), stepper.y[None], stepper.ydot[None])
+        elif times[0] <= stepper.t:
+            self._add(times[:1], stepper.y[None], stepper.ydot[None])
+            self._wanted = times[1:]
+
+    def _most_rows(self):
+        """Rows to make room for."""
+        if self._wanted is not None:
+            return self._wanted.size
+        if self._stepper.adaptive:
+            return _SOME
+        n, every = self._stop, self._every
+        return n // every - self._n // every + (n % every > 0) + 2
+
+    def _add(self, t, y, ydot):
+        """Append rows (k,), (k, d), (k, d)."""
+        end = self._size + t.size
+        if end > self._rows[0].size:
+            self._rows = tuple(
+                np.concatenate([part, np.empty((end, *part.shape[1:]))]) for part in self._rows
+            )
+        for part, values in zip(self._rows, (t, y, ydot), strict=True):
+            part[self._size : end] = values
+        self._size = end
+
+    def take(self, piece, start):
+        """Take in what follows from time `start` on, up to the event that ends the run in it."""
+        edges = np.append(piece.edges(), self._stepper.t)
+        end = None
+        if self.events.times:
+            end = self.events.look(edges, lambda t: piece.evaluate(t, self._second, 0))
+        self.end, self.ended = edges[-1] if end is None else end, end is not None
+        self._newest = piece
+        if self._wanted is not None:
+            self._take_wanted(piece)
+            return
+        if self._stepper.adaptive:
+            self._dense.add(piece, start)
+        n = np.arange(self._n + 1, self._n + edges.size)
+        # steps next to a singular start may be too short for its time to change
+        chosen = (n % self._every == 0) & (edges[1:] <= self.end) & (np.diff(edges) > 0)
+        self._n += edges.size - 1
+        self._add(edges[1:][chosen], *piece.at_ends(edges[1:], chosen, self._second))
+
+    def _take_wanted(self, piece):
+        """Take in the rows at given times."""
+        last = self.end if self.ended else self.end * (1 + _SLACK)
+        ahead = int(np.searchsorted(self._wanted, last, side="right"))
+        times, self._wanted = self._wanted[:ahead], self._wanted[ahead:]
+        if times.size:
+            self._add(times, *(piece.evaluate(times, self._second, m) for m in (0, 1)))
+
+    def close(self, t_end):
+        """Return times, rows, slopes and dense output: (n,), (n, d), (n, d), `Dense` or None."""
+        stepper = self._stepper
+        if self._wanted is not None:
+            return *(part[: self._size] for part in self._rows), None
+        if self._rows[0][self._size - 1] < self.end:
+            self._add_last()
+        t, y, ydot = (part[: self._size] for part in self._rows)
+        if stepper.adaptive:
+            return t, y, ydot, self._dense
+        if stepper.position == self._stop and not self.ended:
+            t[-1] = t_end  # n h may miss it by rounding
+        if self._every > 1 or t.size < 2:
+            return t, y, ydot, None
+        self._dense.add(StepPieces(t, y, ydot, self._starting, self._first), t[0])
+        return t, y, ydot, self._dense
+
+    def _add_last(self):
+        """Add the row where the run ended."""
+        last, piece = np.array([self.end]), self._newest
+        if piece is not None and (self.ended or self._stepper.adaptive):
+            self._add(last, *(piece.evaluate(last, self._second, m) for m in (0, 1)))
+        else:
+            self._add(last, self._stepper.y[None], self._stepper.ydot[None])
+
+
+def _room(size, d, every):
+    """Arrays (size,), (size, d) and (size, d) for rows, or a refusal where they do not fit."""
+    n_bytes = 8.0 * size * (1 + 2 * d)
+    try:
+        if n_bytes > _memory():
+            raise MemoryError
+        return np.empty(size), np.empty((size, d)), np.empty((size, d))
+    except MemoryError as error:
+        required = "keep as many rows as fit in memory"
+        got = f"{size:.3g} rows of {d} components, {n_bytes:.1e} bytes"
+        argument = "save_every" if every else "t_eval"
+        raise ValueError(complaint(argument, required, got, "keep fewer")) from error
+
+
+def _memory():
+    """Bytes of memory that the machine has, where it says."""
+    try:
+        return float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
+    except (AttributeError, OSError, ValueError):
+        return np.inf

@@ -1,0 +1,123 @@
+"""The run: a march to its end, between looks at Ctrl-C and the progress bar."""
+
+import time
+from dataclasses import replace
+
+import numpy as np
+
+from .progress import Interruption, ProgressBar
+from .solution import Solution, warn_of
+from .status import Status
+
+
+class Drive:
+    """Takes a march to given positions, and says how it ended where it does not get there.
+
+    Parameters
+    ----------
+    march : Stepper or the like
+        Has `position`, in steps or in time, and `trouble`.
+    end : int or float
+        Position at which the whole run ends.
+    advance : callable
+        ``advance(stop)`` marches some way towards `stop`; returns how the run ends there, as
+        status and detail, or None.
+    interruption : Interruption
+    bar : ProgressBar
+    """
+
+    def __init__(self, march, end, advance, interruption, bar):
+        self._march, self._first, self._end = march, march.position, end
+        self._advance, self._interruption, self._bar = advance, interruption, bar
+
+    def to(self, stop):
+        """March to `stop`; None when there, else a status and a detail for it."""
+        march = self._march
+        while march.position < stop:
+            ended = self._advance(stop) or march.trouble
+            if ended:
+                return ended
+            self._bar.update((march.position - self._first) / (self._end - self._first))
+            if self._interruption.asked and march.position < self._end:
+                self._interruption.heeded = True
+                return Status.INTERRUPTED, ""
+        return None
+
+
+def run(stepper, stop, t_end, output, progress, began):
+    """March to position `stop`, time `t_end`, or as far as it goes; return the `Solution`.
+
+    `began` is when its preparation began, on the clock of time.perf_counter.
+    """
+    ready = time.perf_counter()
+    events = output.events
+
+    def advance(stop):
+        start = stepper.t
+        before = stepper.checkpoint() if events.times else None
+        piece = stepper.advance(stop)
+        if piece is not None:
+            output.take(piece, start)
+        if not output.ended:
+            return None
+        stepper.go_back(before, output.end)
+        return (Status.EVENT_FAILED if events.failure else Status.EVENT), events.failure
+
+    bar = ProgressBar(progress)
+    try:
+        with Interruption() as interruption:
+            ended = Drive(stepper, stop, advance, interruption, bar).to(stop)
+    finally:
+        bar.close()
+    status, detail = ended or (reached_end(stepper), "")
+    t, y, ydot, dense = output.close(t_end)
+    seconds = {"setup_seconds": ready - began, "run_seconds": time.perf_counter() - ready}
+    return Solution(
+        t=t,
+        y=y,
+        ydot=ydot if stepper.equation.m == 2 else None,
+        status=status,
+        message=told(stepper, status, detail),
+        stats=stepper.stats() | seconds,
+        state=replace(stepper.state(), event_signs=events.signs()),
+        dense=dense,
+        t_events=[np.array(times) for times in events.times],
+        y_events=[np.array(rows).reshape(-1, stepper.y.size) for rows in events.values],
+    )
+
+
+def reached_end(stepper):
+    """Status of a run that reached its end."""
+    if stepper.zigzag is not None:
+        return Status.ZIGZAG
+    beyond = stepper.largest_ratio > 1 or stepper.growth is not None
+    return Status.STEP_TOO_LARGE if beyond else Status.COMPLETED
+
+
+def told(stepper, status, detail):
+    """The status in a sentence with the run's numbers; warns of an ending not asked for."""
+    message = status.sentence + (f": {detail}" if detail else "")
+    if status is not Status.COMPLETED:
+        message += f" (t = {stepper.t:g}{'' if stepper.adaptive else f' of step {stepper.n}'})"
+    trouble = _stability(stepper)
+    if trouble:
+        message += f"; {trouble}"
+    warn_of(status, message, unstable=bool(trouble))
+    return message
+
+
+def _stability(stepper):
+    """Name what is wrong with the step, in a clause; empty when nothing is."""
+    found = []
+    if stepper.zigzag is not None:
+        seen = stepper.zigzag * stepper.h
+        found.append(f"a step-to-step zigzag had lasted at t = {seen:g}")
+    if stepper.growth is not None:
+        at = f"by t = {stepper.growth * stepper.h:g}"
+        found.append(f"increments that turn within a few steps had grown {at}")
+    if stepper.largest_ratio > 1:
+        at = f"near t = {stepper.largest_ratio_step * stepper.h:g}"
+        found.append(f"d rhs/d y reached {stepper.largest_ratio:.4g} times its limit {at}")
+    if not found:
+        return ""
+    return " and ".join(found) + f" at h = {stepper.h:g}; take smaller steps"
