@@ -228,8 +228,10 @@ def _run(estimator, record, divergence, n_total, progress):
         piece = estimator.advance(stop, keep)
         if keep and piece is not None:
             times = record.h * np.arange(n + 1, _marks(stepper.t, record.h) + 1)
-            if times.size:
+            if times.size and stepper.adaptive:
                 divergence.add(n, piece.evaluate(times, np.zeros(1, dtype=bool), 0))
+            elif times.size:
+                divergence.add(n, piece.at_ends(times, slice(None), None)[0])
 
     bar = ProgressBar(progress)
     try:

@@ -89,11 +89,18 @@ class Output:
             return
         if self._stepper.adaptive:
             self._dense.add(piece, start)
-        n = np.arange(self._n + 1, self._n + edges.size)
-        # steps next to a singular start may be too short for its time to change
-        chosen = (n % self._every == 0) & (edges[1:] <= self.end) & (np.diff(edges) > 0)
-        self._n += edges.size - 1
+        chosen = self._chosen(edges)
         self._add(edges[1:][chosen], *piece.at_ends(edges[1:], chosen, self._second))
+
+    def _chosen(self, edges):
+        """Which steps between these edges are kept: a slice, or an array of truth values."""
+        first = self._n + 1
+        self._n += edges.size - 1
+        if not (self._stepper.adaptive or self.ended):
+            return slice(-first % self._every, None, self._every)
+        # steps next to a singular start may be too short for its time to change
+        chosen = (edges[1:] <= self.end) & (np.diff(edges) > 0)
+        return chosen & (np.arange(first, self._n + 1) % self._every == 0)
 
     def _take_wanted(self, piece):
         """Take in the rows at given times."""

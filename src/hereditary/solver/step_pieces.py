@@ -46,12 +46,13 @@ class StepPieces(Piece):
         i = np.clip(np.searchsorted(self.times, t), 1, self.times.size - 1)
         h = (self.times[i] - self.times[i - 1])[:, None]
         back = (t - self.times[i])[:, None] / h
-        increment = self._rows[i] - self._rows[i - 1]
-        change = 2.0 * (h * self._slopes[i] - increment)
-        if derivative:
-            found = (increment + (0.5 + back) * change) / h
-        else:
-            found = self._rows[i] + back * (increment + 0.5 * (1.0 + back) * change)
+        with np.errstate(over="ignore", invalid="ignore"):  # the last step may overflow
+            increment = self._rows[i] - self._rows[i - 1]
+            change = 2.0 * (h * self._slopes[i] - increment)
+            if derivative:
+                found = (increment + (0.5 + back) * change) / h
+            else:
+                found = self._rows[i] + back * (increment + 0.5 * (1.0 + back) * change)
         if self._starting is not None:
             for number in (1, 2):
                 inside = (i + self._n == number) & (t < self.times[i])
