@@ -235,10 +235,29 @@ def test_exponents_agree_between_kinds_of_schemes():
     np.testing.assert_allclose(adaptive.exponents, given_steps.exponents, rtol=0, atol=1e-3)
 
 
+def test_classical_friction_is_memory_of_order_1():
+    """Van der Pol's oscillator, against the scene: the orbit, and exponents that add up."""
+
+    def friction(t, x, memory, p):
+        return p[0] * (1 - x[0] ** 2) * memory[0, 0] - x[0]
+
+    read = hd.Equation(hd.Caputo(2), friction, [2.0, 0.0], params=1.0, memory=hd.Caputo(1))
+
+    def first_order(t, z):
+        return np.array([z[1], (1 - z[0] ** 2) * z[1] - z[0]])
+
+    scene = hd.Equation(hd.Caputo(1), first_order, [2.0, 0.0])
+    a, b = hd.solve(scene, 10.0, rtol=1e-10), hd.solve(read, 10.0, rtol=1e-10)
+    np.testing.assert_allclose(b(7.0, 1), a(7.0)[1:], atol=1e-8)
+    assert abs(hd.solve(read, 10.0, 20_000).y[-1, 0] - a.y[-1, 0]) < 1e-3
+    how = {"k": 2, "renorm": 0.5}
+    found = [hd.lyapunov(e, 30.0, 6000, **how).exponents for e in (scene, read)]
+    np.testing.assert_allclose(found[1], found[0], atol=2e-2)
+
+
 @pytest.mark.parametrize("scheme", [hd.ExplicitCaputo(), hd.L1(), hd.Adams()])
 def test_resumes_bit_for_bit(scheme):
     equation = van_der_pol()
-    whole = hd.solve(equation, 4.0, 400, scheme=scheme)
     first = hd.solve(equation, 1.5, 150, scheme=scheme, history=hd.SumOfExponentials(horizon=4.0))
     whole = hd.solve(equation, 4.0, 400, scheme=scheme, history=hd.SumOfExponentials(horizon=4.0))
     rest = hd.solve(equation, 4.0, resume=first.state)

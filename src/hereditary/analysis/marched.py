@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..collocation.reading import reduced
 from ..schemes.adams import Adams
 from ..schemes.bdf import BDF
 from ..schemes.explicit import ExplicitCaputo
@@ -23,10 +24,10 @@ def marched(equation: System, scheme: Scheme, mode: str) -> System:
     Increments kept apart from t x'(0), as most schemes keep them above order 1, lose a tangent that
     has decayed to their rounding. With memory none decays so far.
     """
-    whole = scheme.whole or mode == "restart" or equation.enlarged is not equation
+    whole = scheme.whole or mode == "restart"
     if whole or equation.m == 1 or memory(equation) != "none":
         return equation
-    return first_order(equation)
+    return first_order(equation) if equation.enlarged is equation else reduced(equation)[0]
 
 
 def memory(equation: System) -> str:
@@ -57,7 +58,7 @@ def checking_scheme(scheme: Scheme, equation: System, mode: str) -> Scheme:
     """
     if scheme.adaptive or scheme.order(_NEAR_1) > _FIRST_ORDER:
         return scheme
-    opposite = ExplicitCaputo() if scheme.implicit else L1()
+    opposite = L1() if scheme.solve == "explicit" else ExplicitCaputo()
     return _second_order(equation, mode) or opposite
 
 
@@ -65,6 +66,8 @@ def _second_order(equation, mode):
     """`Adams` where it is of second order, else `BDF(2)`; None where there are other kernels."""
     if not equation.enlarged.constant:
         return None
+    if equation.enlarged is not equation:
+        return BDF(2)
     distinct, _ = distinct_components(marched(equation, Adams(), mode))
     orders = [operator.order for key in distinct for _, operator in key]
     single = len(orders) == len(distinct)

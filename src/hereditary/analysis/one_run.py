@@ -197,7 +197,8 @@ def _estimator(settings, open_stepper, system, start):
 def _begin(estimator, settings, h, n_total, equation, resume):
     """Record and divergence, anew or as the state left them."""
     k = settings["k"]
-    whole = settings["mode"] == "tangent" and memory(equation) == "none" and k == n_data(equation)
+    plain = memory(equation) == "none" and equation.enlarged is equation
+    whole = settings["mode"] == "tangent" and plain and k == n_data(equation)
     divergence = Divergence(equation, h) if whole else None
     if resume is None:
         interval = None if settings["renorm"] is None else round(settings["renorm"] / h)

@@ -74,7 +74,6 @@ class ExplicitCaputo(Scheme):
     """
 
     solve: ClassVar[str] = "explicit"
-    implicit: ClassVar[bool] = False
     whole: ClassVar[bool] = True
     takes_kernels: ClassVar[bool] = True
     takes_varying: ClassVar[bool] = True

@@ -68,7 +68,6 @@ class GrunwaldLetnikov(Scheme):
     """
 
     solve: ClassVar[str] = "explicit"
-    implicit: ClassVar[bool] = False
     whole: ClassVar[bool] = True
 
     def order(self, alpha: float, smoothness: str = "smooth") -> float:

@@ -101,7 +101,7 @@ class L1(Scheme):
     def mesh_plan(self, equation: System, times: np.ndarray) -> Plan:
         """Plan on a mesh of any steps; above order 1 velocities are lines between their middles."""
         theta = 0.5 if equation.highest_orders().max() > 1 else 1.0
-        return mesh_plan("L1", equation, times, theta, 0, above=True)
+        return mesh_plan(self, equation, times, theta, 0)
 
 
 def _speed_weights(key, total, h):

@@ -79,7 +79,7 @@ class L2(Scheme):
         steps = np.diff(times[:3])
         bent = times.size > 2 and steps[1] <= STEEPEST * steps[0]
         first = _first_increment(equation, times[:3]) if bent else None
-        return mesh_plan("L2", equation, times, 1.0, 2, first)
+        return mesh_plan(self, equation, times, 1.0, 2, first)
 
 
 def _first_increment(equation, times):

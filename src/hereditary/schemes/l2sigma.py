@@ -98,7 +98,7 @@ class L2Sigma(Scheme):
         """Plan on a mesh of any steps, for orders in (0, 1]."""
         terms = _terms(equation)
         sigma = np.array([_sigma(terms, step) for step in np.diff(times)])
-        return mesh_plan("L2Sigma", equation, times, sigma, 1)
+        return mesh_plan(self, equation, times, sigma, 1)
 
 
 def _terms(equation):

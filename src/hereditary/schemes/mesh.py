@@ -78,18 +78,15 @@ class MeshSums:
         return history.open_mesh(self, n_columns, span)
 
 
-def mesh_plan(name, equation, times, theta, parabolas, first=None, above=False):
-    """Plan on a mesh of any steps.
-
-    `first` (d,) is the first increment, where it is given; `above` tells whether orders above 1 are
-    taken, by lines of velocities.
-    """
+def mesh_plan(scheme, equation, times, theta, parabolas, first=None):
+    """Plan of a scheme on a mesh of any steps; `first` (d,) is the first increment, where given."""
+    name, up_to = type(scheme).__name__, scheme.meshes_up_to
     if not equation.constant:
         required = f"be Caputo operators of constant order for {name} on a mesh"
         raise ValueError(complaint("terms", required, "another", "take uniform steps"))
     highest = float(equation.highest_orders().max())
-    if highest > 1 and not above:
-        required = f"lie in (0, 1] for {name} on a mesh"
+    if highest > up_to:
+        required = f"lie in (0, {up_to:g}] for {name} on a mesh"
         raise ValueError(complaint("order", required, highest, "take uniform steps"))
     sums = MeshSums(equation, times, theta, parabolas)
     shift = equation.y0[1] if equation.m == 2 else np.zeros(equation.d)

@@ -319,10 +319,8 @@ class Scheme(ABC):
     """
 
     solve: ClassVar[str]
-    # whether it chooses its own steps, whether a step must be solved for, and whether what it
-    # stores of orders above 1 keeps t x'(0)
+    # whether it chooses its own steps, and whether what it stores of orders above 1 keeps t x'(0)
     adaptive: ClassVar[bool] = False
-    implicit: ClassVar[bool] = True
     whole: ClassVar[bool] = False
     several_terms: ClassVar[bool] = True
     several_up_to: ClassVar[float] = 2.0
