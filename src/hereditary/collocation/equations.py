@@ -68,7 +68,11 @@ class Form:
 
     @cached_property
     def n_rows(self) -> int:
-        """Number of rows: d, or 2 d where terms are subtracted from right-hand sides."""
+        """Number of sums of convolution terms that a step needs, of which each is one row.
+
+        One for each of the d components; d more where some terms act on the right-hand side of
+        their component instead of on its unknown.
+        """
         d = self.second.size
         return d if self.terms.row.max() < d else 2 * d
 

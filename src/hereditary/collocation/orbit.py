@@ -280,7 +280,11 @@ def _round_to_decades(closest, farthest):
 
 
 def initial_values(equation, second, directions):
-    """Return the initial values of orbit and tangents, shape (1 + k, m, d)."""
+    """Return y(0), and y'(0) where m = 2, of the orbit and of k tangents, shape (1 + k, m, d).
+
+    A tangent begins at one of the directions, (n_data, k), in which initial values change: those of
+    y(0), then those of y'(0) for each component that `second` (d,) marks as one of order above 1.
+    """
     if directions is None:
         return equation.y0[None]
     values = np.zeros((1 + directions.shape[1], *equation.y0.shape))

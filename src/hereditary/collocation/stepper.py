@@ -142,7 +142,7 @@ class AdaptiveStepper:
 
     @property
     def n_modes(self):
-        """Number of modes of each row."""
+        """Number of exponentials whose sums carry the past of each component."""
         return self._orbit.rates.size
 
     @property

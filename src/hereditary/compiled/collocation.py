@@ -151,8 +151,8 @@ def positions(h, p, x_start, second, integral, x):
 
 @inner
 def forces(rhs, params, times, x, f):
-    """Evaluate the right-hand side at all nodes."""
-    # times (s,), x, f (d, s)
+    """Set f to the right-hand side at all nodes of a step, where y is x."""
+    # times (s,), x and f (d, s)
     point, value = np.empty(x.shape[0]), np.empty(x.shape[0])
     for i in range(times.shape[0]):
         point[:] = x[:, i]

@@ -28,16 +28,29 @@ _FITS = np.array([_polynomial(lambda p: rgamma(p + 1)), _polynomial(_sine)])
 
 @compiled
 def fill_term(p, scale, factor, first, second, drift, least, lead, near, drifts, share, kernels):
-    """Work out one term's amplitudes at n steps, and add its nearest weights to its group's.
+    """Set the factor of one term at n steps, and add its weights of the newest pieces.
 
-    The term's Caputo weights are multiples of its amplitude ``factor scale / Gamma(p + 1)``, which
-    goes to `share`; its kernel as an integral over rates has the amplitude in `kernels`. Times
-    `first`, `second` and `drift` it is added to the group's weights `lead` of the newest increment,
-    `near` of the one before, and `drifts` of x'(0); `drift` is empty where x'(0) has no weight.
-    Exponents 1 - p are at least `least`, so that amplitudes stay what they are where rounding takes
-    an exponent for 0.
+    Weights of increments in Caputo's derivative are integrals of ``p t**(p-1)`` times the factor
+    ``coefficient h**-alpha / Gamma(p + 1)``.
+
+    Parameters
+    ----------
+    p : ndarray, shape (n,)
+        p = m - alpha at each step.
+    scale, factor : ndarray, shape (n,), and float
+        h**p, and the term's coefficient times h**-m: their product is that with h**-alpha.
+    first, second, drift : ndarray, shape (n,)
+        Integrals for the newest increment, for the one before and for x'(0); the last is empty
+        where x'(0) has no weight.
+    least : float
+        What 1 - p counts as at least: where rounding makes it 0 it would take the modes away.
+    lead, near, drifts : ndarray, shape (n,)
+        Weights of these three, to which the term's are added.
+    share : ndarray, shape (n,)
+        Set to the factor.
+    kernels : ndarray, shape (n,)
+        Set to the factor of ``t**(p-1)`` as an integral over the rates of exponentials.
     """
-    # p, scale, first, second, drift (n,); lead, near, drifts (n,) of the group; share, kernels (n,)
     for i in range(p.shape[0]):
         u = 2 * p[i] - 1
         one, other = _FITS[0, _DEGREE], _FITS[1, _DEGREE]
@@ -78,16 +91,25 @@ def invert_lead(lead):
 
 @compiled
 def fill_starts(own, kernels, factors, decays):
-    """Work out one term's modes at n steps: its first amplitude on the grid, and the slow nodes'.
+    """Set the weights with which a sum of exponentials stands for ``t**-a`` at each of n steps.
 
-    On the grid of rates ``exp(h j)`` the kernel ``t**-a`` has amplitudes in geometric progression,
-    with the ratio exp(a h) in row 1 of `own`; row 0 becomes the first of them. All slower rates
-    are replaced by three nodes with the same moments k = 0, 1, 2, ``before / (1 - exp(-(a + k)
-    h))`` where `before` is the amplitude one rate below the grid; rows 3 to 5 become the weights of
-    these nodes.
+    The rates are ``exp(x + q j)``, j = 0, 1, .., whose weights grow by exp(a q) from one to the
+    next; the first of them is set. All slower rates, j < 0, are replaced by three rates with the
+    same moments k = 0, 1, 2 of their weights, ``before / (1 - exp(-(a + k) q))`` with `before` the
+    weight at j = -1; the weights of these three are set.
+
+    Parameters
+    ----------
+    own : ndarray, shape (6, n)
+        Given exp(a x), exp(a q), anything and exp(-a q) - 1 in rows 0 to 3; set to the first weight
+        in row 0 and to the weights of the three rates in rows 3 to 5.
+    kernels : ndarray, shape (n,)
+        Coefficient of ``t**-a`` as an integral over rates, from `fill_term`.
+    factors : ndarray, shape (3, 3)
+        Weights of the three rates for a unit of each moment.
+    decays : ndarray, shape (2,)
+        exp(-k q) for k = 1, 2.
     """
-    # own (6, n): exp(a x), exp(a h), any, exp(-a h) - 1 and unused; factors (3, 3): what each
-    #   moment gives to the nodes; decays (2,): exp(-k h)
     begin, ratio, fall = own[0], own[1], own[3]
     first, second, third = own[3], own[4], own[5]
     for i in range(kernels.shape[0]):

@@ -108,7 +108,7 @@ class Schedule:
         self._n_end, self._known, self._trouble = 0, (0, 0, 0), ""
 
     def prepare(self, n_end: int) -> None:
-        """Check the orders at some thousand steps up to `n_end`, before the run begins.
+        """Check the orders at about a thousand steps up to `n_end`, before the run begins.
 
         Raises `OrderFailed` where one is outside its range, or its function raises.
         """
@@ -126,7 +126,7 @@ class Schedule:
         Returns
         -------
         end : int
-            First step behind the filled ones.
+            First step after the filled ones.
         size : int
             Number of steps filled by this call; 0 where they were in place.
         """
