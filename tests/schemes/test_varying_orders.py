@@ -394,3 +394,14 @@ def test_beyond_the_step_limit_the_run_says_so():
     equation = hd.Equation(hd.Caputo(alpha), lambda t, y: -200.0 * y, 1.0)
     with pytest.warns(hd.StabilityWarning):
         assert not hd.solve(equation, 10.0, 1000).success
+
+
+@pytest.mark.parametrize("scheme", [hd.ExplicitCaputo(), hd.L1()])
+@pytest.mark.parametrize("derivative", [0, 1])
+def test_kernels_beside_a_varying_order_are_left_to_collocation(scheme, derivative):
+    kernel = hd.Memory(hd.Prony([1.0], [1.0]), derivative)
+    terms = [hd.Caputo(lambda t: 0.6 + 0.1 * t), kernel]
+    equation = hd.Equation(terms, lambda t, y: -y, 1.0)
+    with pytest.raises(ValueError, match=r"terms must be Caputo operators .* Collocation"):
+        hd.solve(equation, 1.0, 10, scheme=scheme)
+    assert hd.solve(equation, 1.0, rtol=1e-6).success

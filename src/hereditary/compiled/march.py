@@ -82,7 +82,7 @@ def marching(name, way, read=open_block):
         leads, nears, scales, drifts = rows.lead, rows.near, rows.scale, rows.drift
         every, integral, n_solved = table.every, table.integral, table.n_solved
         amplitudes, corrections, sources = state.drift, state.corrections, table.sources
-        values, starts, first, slowest = rows.value, state.starts, state.first, table.slowest
+        starts, first, slowest = state.starts, state.first, table.slowest
         monitor, start_weights, (_, start, _) = state.monitor, table.start_weights, memory
         n_starts, room, row = max(1, starts.shape[1]), np.empty((N_ROOM, x.shape[0])), -1
         known, shift, scale, lead = room[KNOWN], room[SHIFT], room[SCALE], room[LEAD]
@@ -111,7 +111,7 @@ def marching(name, way, read=open_block):
                 row = i
             know(p, near, lag, pieces, known)
             if drifts.shape[1] > 0:
-                add_drift(i, groups, drifts, values, speed, starts, known)
+                add_drift(i, groups, drifts, speed, known)
             if not explicit:
                 if amplitudes.shape[1] > 0 or n < corrections.shape[1]:
                     add_powers(n, t, amplitudes, table.powers, corrections, lead, known)
@@ -154,7 +154,7 @@ def marching(name, way, read=open_block):
             for c in range(n_solved if slowest > 0.0 else 0):
                 if (u[c] - d[c]) * u[c] < 0.0:  # a turn of the increments
                     watch_turn(monitor[c], d[c], u[c], x[c], slowest, counts)
-            if n == 0 and integral == 0:
+            if n == 0 and integral == 0 and start_weights.shape[1] > 0:
                 first_value(explicit, starts, w, known)
                 begin_start(p, known, p + 1, n_starts, groups, start_weights, lag, start)
             counts.step = n + 1

@@ -78,8 +78,7 @@ class StepRows(NamedTuple):
     times (R,) at which steps begin, empty on uniform steps; theta (R,), where in a step the
     equation holds; unit (R,), lengths [time], and length (R,), these in units of those that shift
     is given in; ratio (R,) of a length to the one before. lead, near and scale (C, R), factors of
-    f, of the newest piece and of the increment; drift and value (C, R), factors of shift and of the
-    start value, or (C, 0).
+    f, of the newest piece and of the increment; drift (C, R), factor of shift, or (C, 0).
     """
 
     first: int
@@ -93,7 +92,6 @@ class StepRows(NamedTuple):
     near: np.ndarray
     scale: np.ndarray
     drift: np.ndarray
-    value: np.ndarray
 
 
 class March(NamedTuple):
@@ -136,7 +134,7 @@ _COUNTS = from_dtype(COUNTS)
 STEP_TABLE = types.NamedTuple(
     (F8, F8, I8, I8, I8, I8, I8, IVEC, IVEC, IVEC, MAT, MAT, VEC, MAT), StepTable
 )
-STEP_ROWS = types.NamedTuple((I8, I8, VEC, VEC, VEC, VEC, VEC, MAT, MAT, MAT, MAT, MAT), StepRows)
+STEP_ROWS = types.NamedTuple((I8, I8, VEC, VEC, VEC, VEC, VEC, MAT, MAT, MAT, MAT), StepRows)
 _MONITORS = types.Array(from_dtype(MONITOR), 1, "C")
 STATE = types.NamedTuple(
     (_COUNTS, VEC, VEC, VEC, MAT, MAT, _MONITORS, VEC, MAT, VEC, MAT, MAT, VEC, VEC), March

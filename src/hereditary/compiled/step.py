@@ -32,10 +32,10 @@ def know(p, near, lag, pieces, known):
 
 
 @inlined
-def add_drift(i, groups, drifts, values, speed, starts, known):
-    """Add what terms with orders that vary take of x'(0) and x(0)."""
+def add_drift(i, groups, drifts, speed, known):
+    """Add what terms with orders that vary take of x'(0)."""
     for c in range(known.shape[0]):
-        known[c] += drifts[groups[c], i] * speed[c] + values[groups[c], i] * starts[c, 0]
+        known[c] += drifts[groups[c], i] * speed[c]
 
 
 @inner

@@ -4,13 +4,11 @@ With ``x_(n+1) = x_n + shift + w_n``, shift = h x'(0) for orders above 1, every 
 step is ``amplitude sum_k W_k(p) w_(n-k)`` with its own amplitude and p. Terms with y' weigh by
 ``W_k = (k+theta)**p - (k-1+theta)**p``, terms with y'' by ``W_k = b_k - b_(k-1)``, b_k = (k+1)**p -
 k**p. No weight lasts longer than a step, so blocks are of one step: the nearest two weights are the
-scheme's, the history sums those from k = 2 on. Weights of terms with other kernels do last, but for
-the leading weight that all of a step is divided by.
+scheme's, the history sums those from k = 2 on.
 
 Tables of both histories begin with the number of each step ahead (1, n), the inverse (C, n) of the
 leading weights, amplitudes and p (C T, n) of the terms of each group, and the derivative in each
-term (C, T), 0 where a group has fewer terms. The third array of the memory holds what terms with
-other kernels need of each column, shift and x(0), and has no columns without such terms.
+term (C, T), 0 where a group has fewer terms.
 """
 
 import math
@@ -27,16 +25,15 @@ LANES = 4
 def exchange_varying_direct(lag, pieces, n, groups, tables, memory):
     """Store u_(n-2) and add ``sum_(k>=2) W_k u_(n-k)`` with the weights of step n."""
     # lag (W, 1), pieces (W, 2); last tables: logs (4, > n) of k, 1 + 1/k and of k - 1 + theta,
-    #   1 + 1/(k - 1 + theta), weights (1 + 3 C, > n): room, and for each group those of other
-    #   kernels, of w, of shift and of x(0); unused
-    # memory: stored (W, > n) with u_m at m + 1, unused, shift and x(0) (W, 2) for other kernels
-    numbers, leads, amplitudes, powers, derivatives, logs, others, _ = tables
-    stored, _, begun = memory
+    #   1 + 1/(k - 1 + theta), room (1, > n) for weights, unused
+    # memory: stored (W, > n) with u_m at m + 1, unused twice
+    numbers, _, amplitudes, powers, derivatives, logs, room, _ = tables
+    stored, _, _ = memory
     if n < 2:
         return
     stored[:, n - 1] = pieces[:, 0]
     i = n - int(numbers[0, 0])
-    weights = others[0]
+    weights = room[0]
     n_groups, n_terms = derivatives.shape
     for a in range(n_groups):
         for j in range(n_terms):
@@ -55,12 +52,6 @@ def exchange_varying_direct(lag, pieces, n, groups, tables, memory):
                     # d_(n-1) = w_(n-1) - w_(n-2), the first of which the scheme weighs
                     total -= math.expm1(p * math.log(2.0)) * stored[c, n - 1]
                 lag[c, 0] += amplitude * total
-    if begun.shape[1] > 0:
-        for c in range(lag.shape[0]):
-            a = groups[c]
-            total = weighed(others[1 + 3 * a], stored[c], n, False)
-            total += others[2 + 3 * a, n] * begun[c, 0] + others[3 + 3 * a, n] * begun[c, 1]
-            lag[c, 0] += leads[a, i] * total
 
 
 @inner
@@ -81,20 +72,18 @@ def weighed(weights, stored, n, differences):
 
 @inlined
 def read_varying(lag, pieces, n, groups, weights, exchange, tables, memory):
-    """Take u_(n-2) into the modes and set the lag to what they give, other kernels included."""
+    """Take u_(n-2) into the modes and set the lag to what they give."""
     numbers, _, _, _, derivatives, table, starts, size = tables
-    _, modes, begun = memory
+    _, modes, _ = memory
     i = n - int(numbers[0, 0])
     read_modes(lag, pieces, i, groups, derivatives, table, starts, size, modes)
-    if begun.shape[1] > 0:
-        exchange(lag, pieces, n, groups, tables, memory)
     for c in range(lag.shape[0]):
         pieces[c, 0] = pieces[c, 1]
 
 
 @inlined
 def read_modes(lag, pieces, i, groups, derivatives, table, starts, size, modes):
-    """Take u_(n-2) into the modes of power laws; set the lag to what they give, 0 without any.
+    """Take u_(n-2) into the modes and set the lag to what they give.
 
     On the grid of rates exp(h j) a kernel's amplitudes are a geometric sequence whatever its order,
     so their sum is a polynomial in its ratio: Horner's rule, first on the quarters of the modes,
@@ -102,12 +91,11 @@ def read_modes(lag, pieces, i, groups, derivatives, table, starts, size, modes):
     weight is written down.
     """
     # pieces (W, 2); derivatives (C, T); i: column of the tables
-    # table (5 + C, M): decay q, what a rate's amplitude is multiplied by for terms with y' and with
-    #   y'', two rows for other kernels, then the weights of their modes for each class
+    # table (3, M): decay q, what a rate's amplitude is multiplied by for terms with y' and with y''
     # starts (6 C T, n): for each term the first amplitude, the ratio, its power M / 4, and the
     #   weights of the slow end
-    # size (2, > M / 4): modes of power laws, a multiple of 16, where the slow end stands behind the
-    #   grid, whether other kernels leave out the first whole increment; room
+    # size (2, > M / 4): number of modes, a multiple of 16, and where the slow end stands behind the
+    #   grid; room
     n_powers, behind = int(size[0, 0]), int(size[0, 1])
     lanes, quarter = size[1], n_powers // LANES
     n_terms = derivatives.shape[1] if n_powers > 0 else 0
@@ -137,27 +125,3 @@ def read_modes(lag, pieces, i, groups, derivatives, table, starts, size, modes):
                     total += starts[term + 3 + k, i] * modes[c, behind + k]
             term += STARTS
         lag[c, 0] = total
-
-
-@compiled
-def exchange_kernel_modes(lag, pieces, n, groups, tables, memory):
-    """Take u_(n-2) into the modes of other kernels, whose weights last, and add them to the lag.
-
-    Where they remember y' or y they are driven by whole increments, shift included, from u_1 or u_0
-    on; x(0), where y itself is remembered, is there from k = 2 on.
-    """
-    # table as in `read_modes`; its rows 3 and 4: what a mode takes of shift and x(0)
-    numbers, leads, _, _, _, table, _, size = tables
-    _, modes, begun = memory
-    i = n - int(numbers[0, 0])
-    first, late = int(size[0, 0]), int(size[0, 2])
-    for c in range(lag.shape[0]):
-        shift = begun[c, 0] if n >= 2 + late else 0.0
-        value = begun[c, 1] if n == 2 else 0.0
-        row, total = 5 + groups[c], 0.0
-        for m in range(first, modes.shape[1]):
-            more = pieces[c, 0] + table[3, m] * shift + table[4, m] * value
-            modes[c, m] = table[0, m] * modes[c, m] + more
-        for m in range(first, modes.shape[1]):
-            total += table[row, m] * modes[c, m]
-        lag[c, 0] += leads[groups[c], i] * total

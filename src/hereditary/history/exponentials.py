@@ -106,8 +106,7 @@ class SumOfExponentials(History):
 
     def open_varying(self, schedule: Schedule, n_columns: int, n_steps: int) -> Memory:
         """A fresh memory where orders vary; see `History.open_varying`."""
-        groups = (key for terms in schedule.others for key in terms.groups())
-        covered = self._covered(n_steps + 1, [kernel for kernel, _ in groups], n_steps)
+        covered = self._covered(n_steps + 1, (), n_steps)
         return VaryingModes(schedule, n_columns, covered, float(self.tol))
 
     def _covered(self, enough, kernels, n_steps):

@@ -66,9 +66,6 @@ class Memory(ABC):
     def follow(self, size: int) -> None:  # noqa: B027
         """Work out tables of the `size` steps whose rows are new; nothing by default."""
 
-    def begin(self, shift: np.ndarray, starts: np.ndarray) -> None:  # noqa: B027
-        """Take shift (W,) and start values (W, V) of a march at step 0; nothing by default."""
-
     def reach(self, n: int) -> int:
         """Step up to which a march may go from step n before `refresh` must be called."""
         return n + 2**62

@@ -16,12 +16,7 @@ from scipy.special import gammainccinv, gammaln, rgamma
 from .._checks import complaint
 from ..compiled.convolution import exchange_nothing
 from ..compiled.orders import fill_starts
-from ..compiled.varying import (
-    LANES,
-    STARTS,
-    exchange_kernel_modes,
-    exchange_varying_direct,
-)
+from ..compiled.varying import LANES, STARTS, exchange_varying_direct
 from ..exponential_sum import trapezoid_step
 from ..schemes.varying import LEAST
 from ..special import mean_exponential
@@ -61,18 +56,12 @@ class VaryingMemory(Memory):
         super().__init__(exchange, (*common, *own), arrays, empty, empty)
         self._schedule = schedule
 
-    def begin(self, shift, starts):
-        """Keep shift and x(0) for terms with other kernels."""
-        *_, begun = self.arrays
-        if begun.shape[1] > 0:
-            begun[:, 0], begun[:, 1] = shift, starts[:, 0]
-
 
 class VaryingPieces(VaryingMemory):
     """All pieces ever absorbed."""
 
     def __init__(self, schedule, n_columns):
-        arrays = tuple(np.zeros((n_columns, k)) for k in (0, 0, begun(schedule)))
+        arrays = (np.zeros((n_columns, 0)),) * 3
         super().__init__(exchange_varying_direct, [], arrays, schedule)
         self._n_known = 0
 
@@ -90,9 +79,8 @@ class VaryingPieces(VaryingMemory):
         k = np.maximum(np.arange(n), 1.0)
         begun = np.maximum(k - 1 + self._schedule.theta, 0.5)
         logs = [np.log(k), np.log1p(1 / k), np.log(begun), np.log1p(1 / begun)]
-        weights = [np.zeros((1, n)), *(terms.exact(n) for terms in self._schedule.others)]
         *common, _, _, unused = self.tables
-        self.tables = (*common, np.array(logs), np.vstack(weights), unused)
+        self.tables = (*common, np.array(logs), np.zeros((1, n)), unused)
 
     def copy(self):
         """An independent memory with the same pieces."""
@@ -119,21 +107,17 @@ class VaryingModes(VaryingMemory):
                 mean * np.exp(-rates) * np.expm1(-rates),
             ]
         )
-        (other_rates, *rows), self.kernel_error = other_modes(schedule, float(covered), tol)
-        self.n_modes = rates.size + other_rates.size
-        table = np.zeros((5 + len(schedule.others), n_powers + other_rates.size))
-        table[0, : rates.size], table[0, n_powers:] = np.exp(-rates), np.exp(-other_rates)
-        table[1:3, :n_grid] = shares[:, :n_grid]
-        table[3:, n_powers:] = rows
+        self.n_modes = rates.size
+        table = np.zeros((3, n_powers))
+        table[0, : rates.size] = np.exp(-rates)
+        table[1:, :n_grid] = shares[:, :n_grid]
         self._grid = h, x, shares[:, n_grid:, None] * _from_moments(), n_powers // LANES
         self._starts = np.zeros((schedule.derivatives.size * STARTS, schedule.numbers.size))
-        late = any(terms.late for terms in schedule.others)
-        size = np.zeros((2, 3 + n_powers // LANES))
-        size[0, :3] = n_powers, n_grid, late
+        size = np.zeros((2, 2 + n_powers // LANES))
+        size[0, :2] = n_powers, n_grid
         own = [table, self._starts, size]
-        arrays = tuple(np.zeros((n_columns, k)) for k in (0, table.shape[1], begun(schedule)))
-        exchange = exchange_kernel_modes if begun(schedule) else exchange_nothing
-        super().__init__(exchange, own, arrays, schedule)
+        arrays = tuple(np.zeros((n_columns, k)) for k in (0, n_powers, 0))
+        super().__init__(exchange_nothing, own, arrays, schedule)
 
     def prepare(self, n_end):
         """Refuse steps that the exponential sums do not reach."""
@@ -170,37 +154,6 @@ class VaryingModes(VaryingMemory):
         twin = VaryingModes(self._schedule, n_columns, self._covered, self._tol)
         twin.restore(self.state())
         return twin
-
-
-def begun(schedule):
-    """Columns of what terms with other kernels need from the start: shift and x(0), or none."""
-    return 2 if any(schedule.others) else 0
-
-
-def other_modes(schedule, covered, tol):
-    """Modes of the other kernels, each of which brings its own.
-
-    Returns
-    -------
-    rates : ndarray, shape (M,)
-        In units of the step.
-    whole, values : ndarray, shape (M,)
-        What a mode takes of each whole increment, and of x(0) at k = 2.
-    weights : ndarray, shape (M,), for each class
-    error : float
-        The largest of a kernel's sum; the arrays before it are the rows of one.
-    """
-    columns, error = [np.zeros((3 + len(schedule.others), 0))], 0.0
-    for group in dict.fromkeys(key for terms in schedule.others for key in terms.groups()):
-        kernel, m = group
-        found = kernel.exponentials(covered, tol)
-        rates, weights, error = found.rates, found.weights, max(error, found.max_error)
-        own = np.zeros((3 + len(schedule.others), rates.size))
-        own[0], own[1] = rates, m == 1
-        own[2] = schedule.others[0].begun(kernel, rates)
-        own[3:] = [terms.amplitudes(group, rates, weights) for terms in schedule.others]
-        columns.append(own)
-    return np.hstack(columns), error
 
 
 @lru_cache(maxsize=16)

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from .._checks import complaint, within
+from .._checks import within
 from ..system import System
 from .derivative_form import derivative_plan
 from .mesh import mesh_plan
@@ -27,8 +27,7 @@ class L1(Scheme):
     (k+1)**(2-beta) - k**(2-beta)``, lower orders are seen at t_n + h/2 as well, and the equation
     holds there with ``x = (x_n + x_(n+1)) / 2``. Implicit: Newton's method with the equation's
     Jacobian or differences. Any number of terms and components. Where orders vary, all of a step's
-    weights are those of the orders at the time at which its equation holds; beside them, above
-    order 1, no `Memory` of y itself is taken.
+    weights are those of the orders at the time at which its equation holds.
 
     Error
     -----
@@ -80,7 +79,6 @@ class L1(Scheme):
         """Tables and convolution for `equation` with step h."""
         theta = 0.5 if equation.highest_orders().max() > 1 else 1.0
         if equation.varies:
-            _refuse_values_beside_varying(equation)
             return varying_plan(equation, h, theta, explicit=False)
         # where a kernel acts on y, that of y'(0) t grows with t, which no decaying modes follow:
         # there the increments keep h y'(0), and the velocities' differences begin at it
@@ -116,10 +114,3 @@ def _remembers(equation, derivative):
         operator.kernel is not None and operator.derivative == derivative and np.any(c)
         for operator, c in equation.left
     )
-
-
-def _refuse_values_beside_varying(equation):
-    """Refuse terms that remember y itself beside orders that vary above order 1."""
-    if equation.m == 2 and _remembers(equation, 0):
-        required = "be 1 or 2 with L1 in equations above order 1 whose orders vary"
-        raise ValueError(complaint("derivative", required, 0, "use ExplicitCaputo or Collocation"))

@@ -63,7 +63,6 @@ class MeshSums:
             near=near,
             scale=np.ones_like(lead),
             drift=none,
-            value=none,
         )
 
     def prepare(self, n_end: int) -> None:

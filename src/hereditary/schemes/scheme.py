@@ -267,7 +267,6 @@ def uniform_rows(h, theta, lead, near, scale=None):
         near=twice(near),
         scale=scales,
         drift=none,
-        value=none,
     )
 
 

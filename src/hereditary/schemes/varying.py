@@ -18,7 +18,6 @@ from ..compiled.watch import SLOWEST
 from ..orders import OrderFailed
 from ..special import alternating_power_sum
 from ..system import System
-from .beside import KernelTerms
 from .scheme import Plan, distinct_components
 from .stability import folded
 
@@ -60,8 +59,6 @@ class Schedule:
         Group of each component, of the same terms.
     derivatives : ndarray, shape (C, T)
         m of each term of each group; 0 for none.
-    others : tuple of KernelTerms
-        The terms of each group with other kernels.
     theta : float
     rows : StepRows
         Of the stretch worked out last.
@@ -76,17 +73,12 @@ class Schedule:
         distinct, self.groups = distinct_components(system)
         self.theta, self._h, self._explicit = theta, h, explicit
         self._offset, self._drifts = 0.0 if explicit else theta, system.m == 2
-        self._terms, others = [], []
-        for key in distinct:
-            own = [(c, operator) for c, operator in key if operator.kernel is not None]
-            others.append(KernelTerms.seen(own, h, theta, self._offset))
-            self._terms.append([(c, operator) for c, operator in key if operator.kernel is None])
-        self.others = tuple(others)
-        self.derivatives = np.zeros((len(distinct), max(map(len, self._terms))))
+        self._terms = distinct
+        self.derivatives = np.zeros((len(distinct), max(map(len, distinct))))
         for row, terms in zip(self.derivatives, self._terms, strict=True):
             row[: len(terms)] = [operator.derivative for _, operator in terms]
-        ones, table = np.ones(_STRETCH), np.zeros((5, len(distinct), _STRETCH))
-        self._lead, self._near, scale, self._drift, self._value = table
+        ones, table = np.ones(_STRETCH), np.zeros((4, len(distinct), _STRETCH))
+        self._lead, self._near, scale, self._drift = table
         scale[:] = 1.0
         self.rows = StepRows(
             first=0,
@@ -100,7 +92,6 @@ class Schedule:
             near=self._near,
             scale=scale,
             drift=self._drift,
-            value=self._value,
         )
         self.numbers, self._room = np.zeros((1, _STRETCH)), np.zeros((4, _STRETCH))
         shape = (3, self.derivatives.size, _STRETCH)
@@ -160,7 +151,7 @@ class Schedule:
                 row = a * self.derivatives.shape[1] + j
                 alternating = polyval(2 * self.powers[row, at] - 1, _ALTERNATING)
                 limits[a] += self.amplitudes[row, at] * alternating * (2 * operator.derivative)
-            limits[a] = limits[a] / self._lead[a, at] + self.others[a].limit()
+            limits[a] /= self._lead[a, at]
         return limits.T[:, self.groups]
 
     def _sampled(self, steps):
@@ -197,7 +188,7 @@ class Schedule:
         """Divide the rows of a group by its leading weight; return how many steps that suits."""
         lead, n_terms = self._lead[a, :n], self.derivatives.shape[1]
         sound = invert_lead(lead)
-        for rows in (self._near, self._drift, self._value):
+        for rows in (self._near, self._drift):
             rows[a, :n] *= lead
         for row in range(a * n_terms, (a + 1) * n_terms):
             self.amplitudes[row, :n] *= lead
@@ -206,13 +197,11 @@ class Schedule:
 
     def _fill_group(self, a, powers, steps):
         """Fill the rows of a group, not yet divided by its leading weight."""
-        h, theta, terms, others = self._h, self.theta, self._terms[a], self.others[a]
+        h, theta, terms = self._h, self.theta, self._terms[a]
         n, n_terms = steps.size, self.derivatives.shape[1]
         lead, near = self._lead[a, :n], self._near[a, :n]
-        drifts, value = self._drift[a, :n], self._value[a, :n]
-        (first_weight, second_weight), whole = others.nearest()
-        lead[:], near[:] = first_weight, second_weight
-        drifts[:], value[:] = 0.0, 0.0
+        drifts = self._drift[a, :n]
+        lead[:], near[:], drifts[:] = 0.0, 0.0, 0.0
         # rooms of their own: fresh ones of this size are handed back to the system each time
         first, second, elapsed, scale = self._room[:, :n]
         for row, (c, operator) in enumerate(terms, a * n_terms):
@@ -233,16 +222,6 @@ class Schedule:
                 p, scale, c * np.exp(-m * np.log(h)), first, second, drift, LEAST, lead, near,
                 drifts, self.amplitudes[row, :n], self.kernels[row, :n],
             )  # fmt: skip
-        if self._explicit:
-            near += first_weight
-        if others:
-            # pieces older than two increments are the history's
-            drifts += whole.sum()
-            late = int(self._explicit)
-            for k in np.flatnonzero(steps < 2):
-                step = steps[k]
-                drifts[k] += whole[: max(0, step + 1 - late)].sum() - whole.sum()
-                value[k] = others.value(step)
 
 
 def _power(base, p, out):
@@ -295,6 +274,9 @@ class FrozenLimits:
 
 def varying_plan(system, h, theta, explicit):
     """Plan of a scheme on an equation with orders that vary."""
+    if any(operator.kernel is not None for operator, _ in system.left):
+        required = "be Caputo operators on given steps where an order varies"
+        raise ValueError(complaint("terms", required, "one with a kernel", "use Collocation"))
     schedule = Schedule(system, h, theta, explicit)
     shift = h * system.y0[1] if system.m == 2 else np.zeros(system.d)
     return Plan(
@@ -305,7 +287,6 @@ def varying_plan(system, h, theta, explicit):
         increments=shift,
         shift=shift,
         given=(system.highest_orders() > 1).astype(np.int64) if explicit else None,
-        starts=system.y0[:1],
         region=FrozenLimits(schedule, system.d, 0, system.sources) if explicit else None,
         slowest=SLOWEST if explicit else 0.0,
     )

@@ -101,7 +101,6 @@ class Stepper:
         self._table = step_table(plan, self.memory, self._system, self._sources, every, self.h)
         self._march = initial_march(plan, d, self._block)
         self._march.monitor.turns[: self.equation.d] = -1.0 * (self.equation.highest_orders() == 2)
-        self.memory.begin(self._march.shift, self._march.starts)
 
     @property
     def h(self):
