@@ -20,6 +20,7 @@ import numpy as np
 from numba import njit
 
 from .._checks import complaint
+from .._jit import inner
 from ..solver.dense import Piece
 from ..system import System
 from ..terms import ConstantOrder, SystemTerm
@@ -175,23 +176,36 @@ class _Layout(NamedTuple):
 _njit = njit(error_model="numpy", nogil=True)
 
 
+@inner
+def _parts(params):
+    """Numbers of components n and d, and where slots, lower terms, origins and lead begin."""
+    end = params.shape[0] - 5
+    n, d = int(params[end]), int(params[end + 2])
+    lead = end - d
+    origins = lead - n
+    lower = origins - 3 * int(params[end + 4])
+    return n, d, lower - 3 * int(params[end + 3]), lower, origins, lead
+
+
+@inner
+def _y_and_memory(x, params, d, slots, lower):
+    """Return what the user's right-hand side reads: y, and memory behind it."""
+    z = np.zeros(int(params[params.shape[0] - 4]))
+    for j in range(d):
+        z[j] = x[j]
+    for i in range(slots, lower, 3):
+        z[int(params[i])] = params[i + 1] * x[int(params[i + 2])]
+    return z
+
+
 @lru_cache(maxsize=64)
 def _reduced(rhs):
     """Right-hand side of the reduced system; params end in tables, origins, lead and sizes."""
 
     def all_components(t, x, out, params):
-        end = params.shape[0] - 5
-        n, width, d = int(params[end]), int(params[end + 1]), int(params[end + 2])
-        n_slots, n_lower = int(params[end + 3]), int(params[end + 4])
-        lead = end - d
-        origins = lead - n
-        lower = origins - 3 * n_lower
-        slots = lower - 3 * n_slots
-        z, force = np.zeros(width), np.empty(width)
-        for j in range(d):
-            z[j] = x[j]
-        for i in range(slots, lower, 3):
-            z[int(params[i])] = params[i + 1] * x[int(params[i + 2])]
+        n, d, slots, lower, origins, lead = _parts(params)
+        z = _y_and_memory(x, params, d, slots, lower)
+        force = np.empty(z.shape[0])
         rhs(t, z, force, params[:slots])
         for i in range(lower, origins, 3):
             force[int(params[i])] -= params[i + 1] * x[int(params[i + 2])]
@@ -210,18 +224,9 @@ def _reduced_jacobian(jac):
     """Return the Jacobian of `_reduced`."""
 
     def all_components(t, x, out, params):
-        end = params.shape[0] - 5
-        n, width, d = int(params[end]), int(params[end + 1]), int(params[end + 2])
-        n_slots, n_lower = int(params[end + 3]), int(params[end + 4])
-        lead = end - d
-        origins = lead - n
-        lower = origins - 3 * n_lower
-        slots = lower - 3 * n_slots
-        z, block, force = np.zeros(width), np.empty((width, width)), np.zeros((d, n))
-        for j in range(d):
-            z[j] = x[j]
-        for i in range(slots, lower, 3):
-            z[int(params[i])] = params[i + 1] * x[int(params[i + 2])]
+        n, d, slots, lower, origins, lead = _parts(params)
+        z = _y_and_memory(x, params, d, slots, lower)
+        block, force = np.empty((z.shape[0], z.shape[0])), np.zeros((d, n))
         jac(t, z, block, params[:slots])
         for j in range(d):
             for k in range(d):
