@@ -195,6 +195,22 @@ def test_order_of_convergence(scheme, beta, gamma, order, bound):
     assert error < bound
 
 
+@pytest.mark.parametrize("scheme", [hd.BDF(2), hd.BDF(3), hd.Adams(), hd.GrunwaldLetnikov()])
+@pytest.mark.parametrize("order", [0.7, 1.0])
+def test_a_coefficient_of_memory_is_one_in_front_of_it(scheme, order):
+    """At 0 too, where memory of order 1 is y'(0)."""
+    runs = []
+    for c in (1.0, 3.0):
+
+        def f(t, x, memory, p):
+            return -x - p[0] * memory[0]
+
+        lower = c * hd.Caputo(order)
+        equation = hd.Equation(hd.Caputo(1.5), f, [1.0, 2.0], params=0.6 / c, memory=lower)
+        runs.append(hd.solve(equation, 2.0, 200, scheme=scheme).y)
+    np.testing.assert_allclose(runs[1], runs[0], rtol=0, atol=1e-12)
+
+
 def values(stepper):
     with_speed = stepper.equation.highest_orders() > 1
     return np.concatenate([stepper.y, stepper.ydot[with_speed]])
@@ -327,6 +343,12 @@ def test_given_jacobians():
         assert b.stats["n_rhs"] < a.stats["n_rhs"]
     with pytest.raises(ValueError, match="jac_memory"):
         equation.replace(jac=jac)
+    assert with_jac.replace(jac=None).jac_memory is None
+    with pytest.raises(ValueError, match="jac must come with another rhs"):
+        with_jac.replace(rhs=lambda t, x, memory: -x)
+    assert with_jac.replace(rhs=lambda t, x, memory: -x, jac=None).jac is None
+    with pytest.raises(ValueError, match="read no memory"):
+        equation.jacobian(0.0, [1.0])
     with pytest.raises(ValueError, match="must hold d rhs"):
         equation.replace(jac=jac, jac_memory=lambda t, x, memory: np.array([[x[0] ** 2 - 1]]))
 

@@ -160,9 +160,12 @@ class Equation(System):
         if unknown:
             required = f"be among {', '.join(_GIVEN)}"
             raise TypeError(complaint("changes", required, ", ".join(sorted(unknown))))
-        if "rhs" in changes and self.jac is not None and "jac" not in changes:
-            remedy = "or jac=None for differences"
-            raise ValueError(complaint("jac", "come with another rhs", "none", remedy))
+        for name in ("jac", "jac_memory"):
+            if "rhs" in changes and getattr(self, name) is not None and "jac" not in changes:
+                remedy = "or jac=None for differences"
+                raise ValueError(complaint(name, "come with another rhs", "none", remedy))
+        if "jac" in changes:  # which are given together
+            changes = {"jac_memory": None} | changes
         return Equation(**({name: getattr(self, name) for name in _GIVEN} | changes))
 
     def current(self) -> "Equation":

@@ -6,6 +6,7 @@ from functools import lru_cache
 import numpy as np
 from numba import njit
 
+from ._checks import complaint
 from ._jit import JAC_SIG, as_value, compiled
 from .compiled.jacobian import jacobian_at
 from .terms import ConstantOrder, SystemTerm
@@ -30,7 +31,7 @@ class System:
         What tells the user's right-hand side from others, also in another process.
     sources : ndarray of int64, shape (d,)
         Component whose derivative by its term each component is: itself where it has an equation,
-        another where it is memory that the right-hand side reads (see memory_reading.py).
+        another where it is memory that the right-hand side reads (see sides.py).
     """
 
     rhs_digest = ""
@@ -72,9 +73,9 @@ class System:
 
     @property
     def at_start(self) -> np.ndarray:
-        """Components at time 0, shape (d,): y(0), and memory, which is 0 but at order 1."""
+        """Components at time 0, shape (d,): y(0), and memory, which is 0 but for that of y'."""
         first = self.y0[-1] if self.m == 2 else np.zeros(self.d)
-        return np.where(self.read, np.where(self.coefficient(1.0) != 0, first, 0.0), self.y0[0])
+        return np.where(self.read, self.coefficient(1.0) * first, self.y0[0])
 
     def highest_orders(self) -> np.ndarray:
         """Highest order with a nonzero coefficient of each component, shape (d,).
@@ -108,7 +109,13 @@ class System:
         return any(operator.varies for operator, _ in self.left)
 
     def jacobian(self, t, y):
-        """d rhs / d y at (t, y), shape (d, d): the given one, or differences."""
+        """d rhs / d y at (t, y), shape (d, d): the given one, or differences.
+
+        Of an equation whose right-hand side reads memory ask that of `enlarged`, by y and memory.
+        """
+        if self.enlarged is not self:
+            required = "read no memory where its Jacobian by y alone is asked for"
+            raise ValueError(complaint("rhs", required, "memory", "ask equation.enlarged"))
         out = np.empty((self.d, self.d))
         y = np.array(y, dtype=float)
         jacobian_at(self._rhs, self._jac, int(self.has_jac), float(t), y, self._params, out)

@@ -538,3 +538,17 @@ def test_a_jacobian_of_the_wrong_sign_reaches_no_run():
             hd.lyapunov(hd.Equation(hd.Caputo(0.9), spring, 1.0, jac=jac), 20.0, 2000)
     exact = hd.Equation(hd.Caputo(0.9), spring, 1.0, jac=lambda t, y: np.array([[-1.0]]))
     assert alone(exact, 20.0, 2000).exponents[0] < 0
+
+
+@pytest.mark.parametrize("how", [{"scheme": hd.BDF(2)}, {"scheme": hd.Collocation(), "rtol": 1e-6}])
+def test_the_sum_rule_ends_where_growth_is_known(how):
+    """At the last renormalisation before the right-hand side fails."""
+
+    def fails(t, y, p):
+        return np.array([-y[0] + 0.0 * p[int(t + 0.2)]])
+
+    equation = hd.Equation(hd.Caputo(1.0), fails, 1.0, params=np.ones(5))
+    with pytest.warns(hd.SolveWarning):
+        result = hd.lyapunov(equation, 10.0, 1000, renorm=1.0, **how)
+    assert result.status == "rhs_failed"
+    assert abs(result.sum_rule_defect) < 1e-4

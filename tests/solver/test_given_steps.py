@@ -209,3 +209,57 @@ def test_breaks_must_be_times_of_steps():
         hd.solve(hd.scenes.relaxation(), 1.0, 10, breaks=[0.123])
     with pytest.raises(ValueError, match="breaks must be increasing times above 0"):
         hd.solve(hd.scenes.relaxation(), 1.0, 10, breaks=[0.5, 0.2])
+
+
+def squared(t, y):
+    return y**2
+
+
+def reaching(level):
+    def event(t, y):
+        return y[0] - level
+
+    event.terminal = True
+    return event
+
+
+@pytest.mark.parametrize("scheme", [hd.ExplicitCaputo(), hd.BDF(2)])
+def test_an_event_counts_though_the_run_blows_up_behind_it(scheme):
+    """In the same stretch of steps; the state stands at the first step not before the event."""
+    equation = hd.Equation(hd.Caputo(1.0), squared, 1.0)
+    sol = hd.solve(equation, 2.0, 400, scheme=scheme, events=reaching(5.0))
+    assert sol.status == "event"
+    assert 0 <= sol.state.t - sol.t[-1] < 2.0 / 400
+    assert sol.t[-1] == pytest.approx(0.8, abs=0.02)
+
+
+def test_an_event_counts_though_steps_cannot_go_on_behind_it():
+    def relay(t, y):
+        return np.where(y < 0.7, 1.0, -1.0)
+
+    for order in (1.0, 0.7):
+        equation = hd.Equation(hd.Caputo(order), relay, 0.5)
+        for level in (0.6, 0.69, 0.6999):
+            sol = hd.solve(equation, 2.0, rtol=1e-3, events=reaching(level))
+            assert sol.status == "event"
+            assert sol.state.t == sol.t[-1]
+            assert sol.y[-1, 0] == pytest.approx(level, abs=1e-6)
+
+
+def test_the_last_row_asked_for_is_kept_though_the_last_step_misses_it():
+    """By rounding, as far as runs may be ended beside a step."""
+    equation = hd.scenes.relaxation(0.5)
+    begun, end = hd.solve(equation, 1.0, 100), 2.0 * (1 + 1e-10)
+    assert hd.solve(equation, end, resume=begun.state, t_eval=[1.5, end]).t.tolist() == [1.5, end]
+    mesh = np.linspace(0, 1, 101) ** 2 * (1 - 5e-13)
+    sol = hd.solve(equation, 1.0, mesh=mesh, scheme=hd.L1(), t_eval=[0.5, 1.0])
+    assert sol.t.tolist() == [0.5, 1.0]
+    assert np.all(np.isfinite(sol.y))
+
+
+def test_dense_output_in_the_first_step_does_not_depend_on_an_event_in_it():
+    equation = hd.scenes.relaxation(0.5)
+    whole = hd.solve(equation, 1.0, 10, scheme=hd.L1())
+    ended = hd.solve(equation, 1.0, 10, scheme=hd.L1(), events=reaching(0.9))
+    assert ended.t[-1] < 0.1
+    np.testing.assert_allclose(ended(0.004), whole(0.004), rtol=1e-13)

@@ -28,6 +28,11 @@ class Divergence:
         self._constant = -float(np.sum(first[second] / leading[second]))
         self._first = self._newest = self._sum_at(0.0, equation.y0[:1].copy())
         self._total = 0.0
+        self.mark()
+
+    def mark(self):
+        """Note that growth is known up to here: `integral` ends here."""
+        self._marked = self._total, self._newest
 
     def add(self, n, rows):
         """Take in the orbit at the steps from n + 1 on, shape (k, d)."""
@@ -35,17 +40,18 @@ class Divergence:
         self._total += self._sum_at((n + 1) * self._h, rows)
 
     def integral(self, n):
-        """Integral from 0 to step n, by the trapezoidal rule."""
-        changing = self._total + 0.5 * (self._first - self._newest) if n else 0.0
+        """Integral from 0 to step n, the marked one, by the trapezoidal rule."""
+        total, newest = self._marked
+        changing = total + 0.5 * (self._first - newest) if n else 0.0
         return self._h * (changing + n * self._constant)
 
     def state(self):
         """Return the sum so far."""
-        return self._total, self._newest
+        return self._total, self._newest, self._marked
 
     def restore(self, state):
         """Take over where `state` was taken."""
-        self._total, self._newest = state
+        self._total, self._newest, self._marked = state
 
     def _sum_at(self, t, rows):
         equation = self._equation

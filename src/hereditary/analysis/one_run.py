@@ -249,6 +249,8 @@ def _run(estimator, record, divergence, n_total, progress):
                 if logs is None:
                     return Status.BLOWN_UP, estimator.lost
                 record.add(stop, logs)
+                if keep:
+                    divergence.mark()
     finally:
         bar.close()
     return reached_end(estimator.stepper), ""

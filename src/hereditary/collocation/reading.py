@@ -111,7 +111,7 @@ def reduced(equation):
     memory = equation.enlarged
     if not memory.constant:
         required = "be Caputo operators of constant order with Collocation, where memory is read"
-        raise ValueError(complaint("terms", required, "another", "take given steps, e.g. BDF(2)"))
+        raise ValueError(complaint("terms", required, "another", "take ExplicitCaputo or L1"))
     d, leading = equation.d, equation.highest_orders()
     layout = _Layout(list(equation.y0[0]), list(leading), [])
     speeds = np.zeros(d, dtype=np.int64)

@@ -313,6 +313,7 @@ class AdaptiveStepper:
         self._state = restored_state(state.march)
         self._orbit = copy.deepcopy(state.orbit)
         self._at_singular_start = state.at_singular_start or changed
+        self.ending, self.error = Ending(), None
         self._orbit.adopt(self._form)
         self._orders.clear()
         self._limit_steps(self._t_end)
@@ -321,7 +322,6 @@ class AdaptiveStepper:
 
     def go_back(self, checkpoint, t):
         """Come back to where `checkpoint` was taken, and march to time t."""
-        self.error = None
         self.restore(checkpoint)
         while self.t < t and self.trouble is None:
             self.advance(t)

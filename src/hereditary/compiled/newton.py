@@ -65,7 +65,7 @@ def solve_step(rhs, jac, has_jac, params, t, d, sources, room, work, counts):
 def solve_tangents(rhs, jac, has_jac, params, t, d, sources, room, work, counts):
     """Solve ``scale w + known = lead J (base + gain w)`` for every tangent's w.
 
-    J is the Jacobian where the orbit's own w, which is given, solves the step (compiled/newton.py).
+    J is the Jacobian where the orbit's own w, which is given, solves the step.
     Returns False where the equations are singular; calls of `rhs` are counted.
     """
     j_f, matrix = work[0], work[1]

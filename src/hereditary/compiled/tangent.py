@@ -1,8 +1,8 @@
 """Tangents alongside an orbit: the derivative of each step along some directions.
 
-The columns of a march are the d components of the orbit and then those of one tangent after the
+The columns of a march are the components of the orbit and then those of one tangent after the
 other. All linear parts of a step treat them alike; what remains is the right-hand side, which for a
-tangent is the Jacobian at the orbit times its value.
+tangent is the Jacobian at the orbit times its value, here and in newton.py.
 """
 
 from .._jit import inner

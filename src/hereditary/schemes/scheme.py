@@ -339,9 +339,11 @@ class Scheme(ABC):
         """Refuse orders and terms that the scheme does not take."""
         remedy = "use ExplicitCaputo, L1 or Collocation"
         name = type(self).__name__
-        if equation.enlarged is not equation and not self.takes_memory:
-            required = f"be left out with {name}"
-            raise ValueError(complaint("memory", required, "terms that rhs reads", remedy))
+        if equation.enlarged is not equation:
+            if not self.takes_memory:
+                required = f"be left out with {name}"
+                raise ValueError(complaint("memory", required, "terms that rhs reads", remedy))
+            remedy = "use ExplicitCaputo or L1"
         for operator, _ in equation.enlarged.left:
             if operator.kernel is not None and not self.takes_kernels:
                 required = f"be Caputo operators with {name}"

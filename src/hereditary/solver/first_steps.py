@@ -29,7 +29,7 @@ class FirstSteps:
 
     def __init__(self, equation, ends):
         self._y0, self._alpha = equation.y0, equation.highest_orders()
-        self._ends, self._values = np.asarray(ends, dtype=float), np.zeros((2, equation.d))
+        self.ends, self._values = np.asarray(ends, dtype=float), np.zeros((2, equation.d))
         self._more = np.where(self._alpha >= 1, 2.0, np.minimum(1.0, 2 * self._alpha))
         self._lead = _leading(equation, self._alpha)
 
@@ -39,7 +39,7 @@ class FirstSteps:
 
     def inside(self, n, times):
         """Solution and slope at times inside step n, shapes (k, d)."""
-        t, ends = times[:, None], self._ends[:n, None]
+        t, ends = times[:, None], self.ends[:n, None]
         unit = ends[-1]
         missed = (self._values[:n] - self._known(ends)[0]).T  # (d, n)
         powers = self._more[:, None] + np.arange(n)  # (d, n)

@@ -84,6 +84,8 @@ class Output:
             end = self.events.look(edges, lambda t: piece.evaluate(t, self._second, 0))
         self.end, self.ended = edges[-1] if end is None else end, end is not None
         self._newest = piece
+        if not self._stepper.adaptive:
+            self._starting = piece.starting or self._starting
         if self._wanted is not None:
             self._take_wanted(piece)
             return
@@ -105,6 +107,8 @@ class Output:
     def _take_wanted(self, piece):
         """Take in the rows at given times."""
         last = self.end if self.ended else self.end * (1 + _SLACK)
+        if self._stepper.position == self._stop and not self.ended:
+            last = np.inf  # the last step may miss the end of the run by rounding
         ahead = int(np.searchsorted(self._wanted, last, side="right"))
         times, self._wanted = self._wanted[:ahead], self._wanted[ahead:]
         if times.size:

@@ -28,10 +28,11 @@ class StepPieces(Piece):
 
     def __init__(self, times, rows, slopes, starting: FirstSteps | None = None, n=0):
         self.times, self._rows, self._slopes = times, rows, slopes
-        self._starting, self._n = starting, n
+        self.starting, self._n = starting, n
         if starting is not None:
             for number in range(max(1, n), min(3, n + times.size)):
-                starting.end(number, rows[number - n])
+                if times[number - n] >= starting.ends[number - 1]:  # no event before it
+                    starting.end(number, rows[number - n])
 
     def edges(self):
         """Return the start of each step."""
@@ -53,11 +54,11 @@ class StepPieces(Piece):
                 found = (increment + (0.5 + back) * change) / h
             else:
                 found = self._rows[i] + back * (increment + 0.5 * (1.0 + back) * change)
-        if self._starting is not None:
+        if self.starting is not None:
             for number in (1, 2):
                 inside = (i + self._n == number) & (t < self.times[i])
                 if inside.any():
-                    found[inside] = _near_start(self._starting, number, t[inside], derivative)
+                    found[inside] = _near_start(self.starting, number, t[inside], derivative)
         return found
 
 

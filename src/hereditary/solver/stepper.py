@@ -328,7 +328,7 @@ class Stepper:
         """Come back to where `checkpoint` was taken, and march to the first step not before t."""
         self._march, memory, self.largest_ratio = checkpoint
         self.memory.restore(memory)
-        self.error = None
+        self.error, self._status = None, RUNNING
         stop = int(np.ceil(self.steps.positions(np.array([t]))[0]))
         while self.n < stop and self.trouble is None:
             self.advance(stop, keep=False)
