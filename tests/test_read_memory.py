@@ -353,6 +353,13 @@ def test_given_jacobians():
         equation.replace(jac=jac, jac_memory=lambda t, x, memory: np.array([[x[0] ** 2 - 1]]))
 
 
+def test_other_params_compile_nothing_anew():
+    _, read = pair(hd.Caputo(0.9), hd.Caputo(0.5), 0.7, 0.5)
+    other = read.replace(params=[0.3])
+    assert other.enlarged._rhs is read.enlarged._rhs
+    assert hd.solve(other, 1.0, 20).y[-1, 0] != hd.solve(read, 1.0, 20).y[-1, 0]
+
+
 @pytest.mark.parametrize("k", [1, 2])
 def test_in_every_form(k):
     """In place, with params, several terms."""

@@ -3,6 +3,8 @@
 The components of a system are y (d,) and, behind it, memory (k, d) row by row.
 """
 
+from functools import lru_cache
+
 import numpy as np
 from numba import njit
 
@@ -33,6 +35,7 @@ def split(fun, arity, k, compiled=True):
     return _njit(chosen) if compiled else chosen
 
 
+@lru_cache(maxsize=256)
 def padded(rhs, k):
     """Return a right-hand side of d values as one of d + k d, those of memory 0."""
 
@@ -45,6 +48,7 @@ def padded(rhs, k):
     return _njit(all_components)
 
 
+@lru_cache(maxsize=256)
 def joined(jac, beside, k):
     """Return the Jacobian of `padded` from those by y, (d, d), and by memory, (d, k d)."""
 
