@@ -1,7 +1,7 @@
 """Equations as schemes and marches see them, and systems derived from one."""
 
 from collections.abc import Iterable
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numba import njit
@@ -61,17 +61,17 @@ class System:
         """The system that marches take: memory that the right-hand side reads stands behind y."""
         return self._enlarged or self
 
-    @property
+    @cached_property
     def read(self) -> np.ndarray:
         """Whether each component is memory that the right-hand side reads, shape (d,)."""
         return self.sources != np.arange(self.d)
 
-    @property
+    @cached_property
     def above(self) -> np.ndarray:
         """Whether each component, or what it is the memory of, has an order above 1, (d,)."""
         return self.highest_orders()[self.sources] > 1
 
-    @property
+    @cached_property
     def at_start(self) -> np.ndarray:
         """Components at time 0, shape (d,): y(0), and memory, which is 0 but for that of y'."""
         first = self.y0[-1] if self.m == 2 else np.zeros(self.d)
@@ -82,9 +82,14 @@ class System:
 
         Terms with general kernels, or with orders that vary, count as the derivative inside them.
         """
+        return self._highest_orders
+
+    @cached_property
+    def _highest_orders(self):
         highest = np.zeros(self.d)
         for operator, coefficients in self.left:
             highest = np.maximum(highest, np.where(coefficients != 0, operator.order, 0.0))
+        highest.flags.writeable = False
         return highest
 
     def coefficient(self, alpha) -> np.ndarray:

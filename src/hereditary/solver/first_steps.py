@@ -5,6 +5,8 @@ equation at 0, and powers more that go through the values of the scheme: with r 
 below order 1 and 2 from there on, t**r in the first step, t**r and t**(r+1) in the second.
 """
 
+from functools import cached_property
+
 import numpy as np
 from scipy.special import rgamma
 
@@ -28,10 +30,15 @@ class FirstSteps:
     """
 
     def __init__(self, equation, ends):
-        self._y0, self._alpha = equation.y0, equation.highest_orders()
+        self._equation = equation
         self.ends, self._values = np.asarray(ends, dtype=float), np.zeros((2, equation.d))
-        self._more = np.where(self._alpha >= 1, 2.0, np.minimum(1.0, 2 * self._alpha))
-        self._lead = _leading(equation, self._alpha)
+
+    @cached_property
+    def _powers(self):
+        """Highest order, its factor, and r for each component, (d,); asked for by few runs."""
+        alpha = self._equation.highest_orders()
+        more = np.where(alpha >= 1, 2.0, np.minimum(1.0, 2 * alpha))
+        return alpha, _leading(self._equation, alpha), more
 
     def end(self, n, y):
         """Note that step n, 1 or 2, ends at y."""
@@ -42,7 +49,8 @@ class FirstSteps:
         t, ends = times[:, None], self.ends[:n, None]
         unit = ends[-1]
         missed = (self._values[:n] - self._known(ends)[0]).T  # (d, n)
-        powers = self._more[:, None] + np.arange(n)  # (d, n)
+        _, _, more = self._powers
+        powers = more[:, None] + np.arange(n)  # (d, n)
         matrix = (ends.T / unit)[..., None] ** powers[:, None]  # (d, n, n)
         factors = np.linalg.solve(matrix, missed[..., None])[..., 0]
         y, slope = self._known(t)
@@ -53,9 +61,10 @@ class FirstSteps:
 
     def _known(self, t):
         """x(0) + t x'(0) + a t**alpha, and its slope."""
-        speed = self._y0[1] if self._y0.shape[0] == 2 else 0.0
-        y = self._y0[0] + t * speed + self._lead * t**self._alpha
-        return y, speed + self._lead * self._alpha * t ** (self._alpha - 1)
+        y0, (alpha, lead, _) = self._equation.y0, self._powers
+        speed = y0[1] if y0.shape[0] == 2 else 0.0
+        y = y0[0] + t * speed + lead * t**alpha
+        return y, speed + lead * alpha * t ** (alpha - 1)
 
 
 def _leading(equation, alpha):

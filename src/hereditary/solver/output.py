@@ -6,7 +6,7 @@ import numpy as np
 
 from .._checks import complaint
 from .dense import Dense, Piece
-from .first_steps import starting_steps
+from .first_steps import FirstSteps
 from .step_pieces import StepPieces
 
 # Rows that there is room for at first where steps are chosen on the way.
@@ -43,7 +43,7 @@ class Output:
         # steps chosen on the way are counted from where the run begins
         self._n = 0 if stepper.adaptive else stepper.n
         self._first = self._n
-        self._starting = None if stepper.adaptive else starting_steps(stepper)
+        self._starting: FirstSteps | None = None
         self._second = stepper.equation.highest_orders() > 1
         self.end, self.ended = stepper.t, False
         self._dense = Dense(self._second, resolved=not stepper.adaptive)

@@ -35,6 +35,8 @@ def breaks_ahead(times, start, t_end):
 def break_steps(times, start, t_end, steps):
     """Numbers of the steps that end at breaks from `start` on, a frozenset."""
     times = times[(times >= start) & (times <= t_end)]
+    if times.size == 0:
+        return frozenset()
     positions = steps.positions(times)
     numbers = np.rint(positions)
     off = np.abs(positions - numbers) > _OFF
