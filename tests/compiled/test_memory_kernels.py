@@ -26,7 +26,7 @@ def test_direct_sums():
     weights = RNG.normal(size=(2, n + n_block + 1))
     start_weights = RNG.normal(size=(2, n + n_block + 1))
     start = np.array([[0.0], [0.7]])
-    classes = np.array([1, 0])
+    groups = np.array([1, 0])
     unused = np.zeros((1, 0))
     tables = (weights, start_weights, *(unused,) * 6)
     memory = (np.zeros((width, n + 1)), start, unused)
@@ -37,12 +37,12 @@ def test_direct_sums():
         handed = np.zeros((width, n_block + 1))
         if b:
             handed[:] = padded[:, first - n_block : first + 1]
-        exchange_direct(lag, handed, first, classes, tables, memory)
+        exchange_direct(lag, handed, first, groups, tables, memory)
         for c in range(width):
             for i in range(n_block):
                 known = pieces[c, : max(0, first - 1)]
-                w = weights[classes[c]][first + i - np.arange(known.size)]
-                expected = w @ known + start_weights[classes[c], first + i] * start[c, 0]
+                w = weights[groups[c]][first + i - np.arange(known.size)]
+                expected = w @ known + start_weights[groups[c], first + i] * start[c, 0]
                 assert lag[c, i] == pytest.approx(expected, rel=1e-12, abs=1e-13)
 
 

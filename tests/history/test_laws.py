@@ -39,7 +39,7 @@ def feed(memory, pieces, first_block=0, last_block=None):
     """Lags of the blocks, (W, N), while `pieces` (W, N) are absorbed block by block."""
     width = pieces.shape[0]
     padded = np.pad(pieces, ((0, 0), (1, 0)))
-    classes = np.zeros(width, dtype=np.int64)
+    groups = np.zeros(width, dtype=np.int64)
     lags = []
     for b in range(first_block, pieces.shape[1] // N_BLOCK if last_block is None else last_block):
         n = b * N_BLOCK
@@ -47,7 +47,7 @@ def feed(memory, pieces, first_block=0, last_block=None):
         if b:
             handed[:] = padded[:, n - N_BLOCK : n + 1]
         lag = np.zeros((width, N_BLOCK))
-        memory.exchange(lag, handed, n, classes, memory.tables, memory.arrays)
+        memory.exchange(lag, handed, n, groups, memory.tables, memory.arrays)
         lags.append(lag)
     return np.concatenate(lags, axis=1)
 

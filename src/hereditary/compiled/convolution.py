@@ -6,26 +6,26 @@ from .._jit import compiled, inner
 
 
 @compiled
-def exchange_direct(lag, pieces, n, classes, tables, memory):
+def exchange_direct(lag, pieces, n, groups, tables, memory):
     """Store the finished block's pieces, and add ``sum_m W_(n+i-m) u_m`` to the next block."""
-    add_direct(lag, pieces, n, 0, classes, tables, memory)
+    add_direct(lag, pieces, n, 0, groups, tables, memory)
 
 
 @compiled
-def exchange_pending(lag, pieces, n, classes, tables, memory):
+def exchange_pending(lag, pieces, n, groups, tables, memory):
     """Sum directly over the present stretch alone, and add the rest from `pending`."""
     # memory: stored pieces, start values, pending (W, capacity)
     _, _, pending = memory
     _, _, stretch, _, _, _, _, _ = tables
     length = int(stretch[0, 0])
-    add_direct(lag, pieces, n, n // length * length, classes, tables, memory)
+    add_direct(lag, pieces, n, n // length * length, groups, tables, memory)
     for c in range(lag.shape[0]):
         for i in range(lag.shape[1]):
             lag[c, i] += pending[c, n + i]
 
 
 @inner
-def add_direct(lag, pieces, n, first, classes, tables, memory):
+def add_direct(lag, pieces, n, first, groups, tables, memory):
     """Store the finished block's pieces, and sum those stored from index `first` on.
 
     The sums are compensated by Knuth's two-sum: being the reference, they must not lose digits as
@@ -39,7 +39,7 @@ def add_direct(lag, pieces, n, first, classes, tables, memory):
     n_block = lag.shape[1]
     lost = np.empty(n_block)
     for c in range(lag.shape[0]):
-        w, u, out = weights[classes[c]], stored[c], lag[c]
+        w, u, out = weights[groups[c]], stored[c], lag[c]
         if n > 0:
             for k in range(n_block):  # u_(n-1) stays outside: its nearest weight is the scheme's
                 u[n - n_block + k] = pieces[c, k]
@@ -57,11 +57,11 @@ def add_direct(lag, pieces, n, first, classes, tables, memory):
             out[i] += lost[i]
         for v in range(start.shape[1]):
             if start[c, v] != 0.0:
-                s = start_weights[v * weights.shape[0] + classes[c]]
+                s = start_weights[v * weights.shape[0] + groups[c]]
                 for i in range(n_block):
                     out[i] += s[n + i] * start[c, v]
 
 
 @compiled
-def exchange_nothing(lag, pieces, n, classes, tables, memory):
+def exchange_nothing(lag, pieces, n, groups, tables, memory):
     """The history of an equation whose terms are all classical."""

@@ -11,7 +11,7 @@ from .._jit import compiled, inner
 
 
 @compiled
-def exchange_modes(lag, pieces, n, classes, tables, memory):
+def exchange_modes(lag, pieces, n, groups, tables, memory):
     """Take the finished block's pieces in and add the lag of all of them to the next block."""
     # lag (W, B), pieces (W, B + 1); memory: modes (W, M), modes of each start value (W, V M),
     #   window (W, L)
@@ -19,18 +19,18 @@ def exchange_modes(lag, pieces, n, classes, tables, memory):
     #   q**B, corrections (C, L + 2) of the weights k = 2 .. L + 1
     weights, start_weights, ahead, back, corrections, _, _, _ = tables
     modes, start, window = memory
-    n_block, n_modes, n_classes = lag.shape[1], modes.shape[1], weights.shape[0]
+    n_block, n_modes, n_groups = lag.shape[1], modes.shape[1], weights.shape[0]
     amplitudes = np.empty(n_modes)
     for c in range(lag.shape[0]):
-        w = weights[classes[c]]
+        w = weights[groups[c]]
         if n > 0:
             for i in range(n_modes):
                 modes[c, i] *= back[n_block, i]
             add_rows(modes[c], pieces[c, :n_block], back[:n_block])
         for i in range(n_modes):
             amplitudes[i] = w[i] * modes[c, i]
-        for v in range(start_weights.shape[0] // n_classes):
-            s = start_weights[v * n_classes + classes[c]]
+        for v in range(start_weights.shape[0] // n_groups):
+            s = start_weights[v * n_groups + groups[c]]
             mine = start[c, v * n_modes : (v + 1) * n_modes]
             for i in range(n_modes):
                 if n > 0:
@@ -39,7 +39,7 @@ def exchange_modes(lag, pieces, n, classes, tables, memory):
         add_rows(lag[c], amplitudes, ahead)
         if window.shape[1] > 0:
             slide(window[c], pieces[c, :n_block])
-            correct(lag[c], window[c], corrections[classes[c]])
+            correct(lag[c], window[c], corrections[groups[c]])
 
 
 @inner

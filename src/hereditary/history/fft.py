@@ -80,7 +80,7 @@ class _Pending(Memory):
         """The end of the stretch that step n lies in."""
         return (n // self._stretch + 1) * self._stretch
 
-    def refresh(self, n, pieces, classes):
+    def refresh(self, n, pieces, groups):
         """Let the pieces of a finished square act on the steps to come."""
         stored, _, pending = self.arrays
         if n == 0 or n % self._stretch:
@@ -96,7 +96,7 @@ class _Pending(Memory):
         # stored[s] is u_(s-1): it acts on step n' with the weight of k = n' - s + 1
         size = next_fast_len(2 * length, real=True)
         kernel = rfft(self.tables[0][:, 1 : 2 * length + 1], size, axis=1)
-        product = rfft(stored[:, n - length : n], size, axis=1) * kernel[classes]
+        product = rfft(stored[:, n - length : n], size, axis=1) * kernel[groups]
         pending[:, n : n + length] += irfft(product, size, axis=1)[:, length : 2 * length]
 
     def copy(self):

@@ -70,11 +70,11 @@ class Memory(ABC):
         """Step up to which a march may go from step n before `refresh` must be called."""
         return n + 2**62
 
-    def refresh(self, n: int, pieces: np.ndarray, classes: np.ndarray) -> None:  # noqa: B027
+    def refresh(self, n: int, pieces: np.ndarray, groups: np.ndarray) -> None:  # noqa: B027
         """Do what cannot be done in compiled code before a march from step n; nothing by default.
 
         `pieces` (W, B + 1) are those of the block that ended at step n, not yet exchanged,
-        `classes` (W,) the class of each column.
+        `groups` (W,) the group of each column.
         """
 
     @abstractmethod
@@ -97,7 +97,7 @@ class Memory(ABC):
         Parameters
         ----------
         matrix : array_like, shape (W - first, W - first)
-            Columns that are mixed must belong to one class of weights.
+            Columns that are mixed must belong to one group of weights.
         first : int
             Columns before this one stay as they are.
         """

@@ -38,7 +38,7 @@ def derivative_plan(
     corrections : ndarray, shape (k, d), optional
         Added to the right-hand side in the first k steps.
     more_starts : sequence of (callable, ndarray of shape (d,))
-        Further start values, with ``lists(key, total)``, the weights of each class.
+        Further start values, with ``lists(key, total)``, the weights of each group.
     whole : bool
         Whether the increments keep h x'(0), which then is one of `more_starts`.
     more_drift : tuple of three ndarrays (k, d), (r, d), (r, d), optional

@@ -182,10 +182,10 @@ def _region(equation, h, distinct, groups):
 
 def _limits(equation, h):
     """Stiffness of each component at which the alternating mode leaves the unit circle."""
-    distinct, classes = distinct_components(equation)
+    distinct, groups = distinct_components(equation)
     limits = np.zeros(len(distinct))
     for i, key in enumerate(distinct):
         for c, operator in key:
             factor, _, kernel = weighed(c, operator, h)
             limits[i] += factor * kernel.alternating() * (4 if operator.derivative == 2 else 2)
-    return limits[classes]
+    return limits[groups]

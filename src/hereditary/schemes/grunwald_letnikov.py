@@ -180,9 +180,9 @@ SPEED = WeightRule(_speed, _speed_exponent, _modal_speed)
 
 def _limits(equation, h):
     """Stiffness of each component at which the alternating mode leaves the unit circle."""
-    distinct, classes = distinct_components(equation)
+    distinct, groups = distinct_components(equation)
     limits = [sum(c * (2 / h) ** op.order for c, op in key) for key in distinct]
-    return np.array(limits)[classes]
+    return np.array(limits)[groups]
 
 
 def _region(equation, h, distinct, groups):

@@ -79,21 +79,21 @@ class Convolution:
     """Sum that a history makes on a uniform mesh: ``lag_n = sum_k W_k u_(n-k)``, k >= 2.
 
     The weights are sums ``W_k = sum_j factor_j rule_j(p_j)_k``, one such list of (factor, rule, p)
-    for each class of columns; a second list of the same kind weighs the start value of a column
+    for each group of columns; a second list of the same kind weighs the start value of a column
     (its weights are as sums of exponentials from k = 2 on).
 
     Attributes
     ----------
-    classes : tuple of tuple of (float, WeightRule, float)
-    start_classes : tuple of tuple of (float, WeightRule, float)
+    groups : tuple of tuple of (float, WeightRule, float)
+    start_groups : tuple of tuple of (float, WeightRule, float)
     first_modal : int
         First k from which the weights are sums of exponentials, at least 2.
     more_starts : tuple of such tuples
-        As `start_classes`, for each further start value of the columns.
+        As `start_groups`, for each further start value of the columns.
     """
 
-    classes: tuple
-    start_classes: tuple
+    groups: tuple
+    start_groups: tuple
     first_modal: int = 2
     more_starts: tuple = ()
 
@@ -119,7 +119,7 @@ class Convolution:
 
     @property
     def _all_starts(self):
-        return sum(self.more_starts, self.start_classes)
+        return sum(self.more_starts, self.start_groups)
 
     def exponents(self):
         """Exponents of power-law kernels that occur."""
@@ -140,13 +140,13 @@ class Convolution:
 
     @property
     def _lists(self):
-        return self.classes + self._all_starts
+        return self.groups + self._all_starts
 
     def exact(self, n):
-        """Weights (C, n) and start weights (V C, n) of every class for k < n."""
+        """Weights (C, n) and start weights (V C, n) of every group for k < n."""
         return tuple(
             np.array([_total((f * rule.exact(p, n) for f, rule, p in terms), n) for terms in lists])
-            for lists in (self.classes, self._all_starts)
+            for lists in (self.groups, self._all_starts)
         )
 
     def modal(self, bank, k, k_start):
@@ -166,7 +166,7 @@ class Convolution:
 
         return tuple(
             np.array([share(terms, at) for terms in lists])
-            for lists, at in ((self.classes, k), (self._all_starts, k_start))
+            for lists, at in ((self.groups, k), (self._all_starts, k_start))
         )
 
 
