@@ -36,7 +36,7 @@ _VERSIONS_MAX = 50
 
 
 class Start(NamedTuple):
-    """What functions are tried with: y (d,), memory (k, d) and params (p,) at t = 0."""
+    """Arguments that functions are tried with at t = 0: y (d,), memory (k, d) and params (p,)."""
 
     y: np.ndarray
     memory: np.ndarray

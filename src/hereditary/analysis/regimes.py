@@ -40,7 +40,7 @@ _CUT_SHORT = frozenset(Status) - {
     Status.INTERRUPTED,
     Status.EVENT,
 }
-# What a slope of an exponent may say at most: its normal law is not known to hold further out.
+# Most that a slope of an exponent may say: its normal law is not known to hold further out.
 _SUREST = 0.99
 
 

@@ -23,7 +23,7 @@ MEMORY = types.UniTuple(MAT, 3)
 EXCHANGE_SIG = types.void(MAT, MAT, I8, IVEC, TABLES, MEMORY)
 EXCHANGE = types.FunctionType(EXCHANGE_SIG)
 
-# What a march counts: steps made, the step at which a zigzag had lasted (-1: none),
+# Counts of a march: steps made, the step at which a zigzag had lasted (-1: none),
 # the one whose block is open, calls of the right-hand side, the step near which its Jacobian was
 # largest, the step at which turns had grown (-1); and how nearly sweeps failed to contract.
 COUNTS = np.dtype(
@@ -31,7 +31,7 @@ COUNTS = np.dtype(
     + [("nearest", "f8")],
     align=True,
 )
-# What is watched of each component (compiled/watch.py): length of the alternation under way, the
+# Watches of each component (compiled/watch.py): length of the alternation under way, the
 # largest increment of its present stretch and of the one before; step of the last turn, where
 # increments change sign, the change there and the growth of these changes; smallest and largest
 # increment of the present short stretch; turns in quick succession (-1: they may last), the largest

@@ -39,7 +39,7 @@ class Kernel(MemoryKernel):
     Notes
     -----
     Unless `signed`, K must be completely monotone: positive, decreasing, convex and so on. A fit
-    that finds it is not says so. What no fit sees is what the function does before t_min; give
+    that finds it is not says so. No fit sees how the function behaves before t_min; give
     the exponent where rounding spoils the function at small times.
 
     Examples

@@ -29,7 +29,7 @@ _RATIO_MAX = 1e30
 _WIDE = 1e15
 # Rates above 45 / t_min and below 0.02 / t_max cannot help.
 _FASTEST, _SLOWEST = math.log(45.0), math.log(0.02)
-# What a sum that is stuck above this share of the kernel says: not completely monotone.
+# A sum that is stuck above this share of the kernel shows that it is not completely monotone.
 _HOPELESS = 1e-6
 
 

@@ -28,7 +28,7 @@ def _root_mean_square(error):
 def closest_table(times, values, t_min, t_max, tol, norm=largest, fading=False):
     """A sum with positive weights for measured values; `tol` bounds a norm of relative errors.
 
-    What comes closest is returned where `tol` cannot be met.
+    The closest one is returned where `tol` cannot be met.
     """
     samples = Samples(times / times[0], values, values, np.ones(times.size), fading)
     best, closest = math.inf, (np.zeros(0), np.zeros(0))

@@ -2,7 +2,7 @@
 
 import matplotlib.pyplot as plt
 
-# What the parameters of the scenes are called in figures; scaled quantities have no unit.
+# Names of the scenes' parameters in figures; scaled quantities have no unit.
 LABELS = {
     "alpha": r"order $\alpha$ [-]",
     "beta": r"order of inertia $\beta$ [-]",

@@ -6,7 +6,7 @@ from .._checks import complaint
 
 # Shares of the time so far at which a state remembers orders and kernels that are functions.
 _LOOKS = np.linspace(0.0, 1.0, 5)
-# What another equation may bring where that is meant: the memory does not depend on it.
+# Traits that may change where that is meant: the memory does not depend on them.
 _CHANGEABLE = ("params", "right-hand side")
 # Characters of a value that a message shows.
 _SHOWN = 120

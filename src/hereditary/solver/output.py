@@ -1,4 +1,4 @@
-"""What a run keeps: rows, dense output and events."""
+"""Rows, dense output and events that a run keeps."""
 
 import os
 

@@ -23,7 +23,7 @@ from .solution import Solution
 from .state import AdaptiveState, State, check_sound
 from .stops import checked_breaks
 
-# What save_every may be at most: a whole number that arrays hold.
+# Largest save_every: a whole number that arrays hold.
 _MOST_STEPS = 2**53
 
 
