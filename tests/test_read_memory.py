@@ -79,6 +79,23 @@ def test_of_an_order_that_varies(history):
     np.testing.assert_allclose(b, a, rtol=0, atol=1e-13)
 
 
+@pytest.mark.parametrize("history", [hd.Direct(), hd.SumOfExponentials(1e-12)])
+@pytest.mark.parametrize("scheme", [hd.ExplicitCaputo(), hd.L1()])
+@pytest.mark.parametrize("beta", [0.9, 1.8])
+def test_a_function_that_is_constant_is_the_constant_order(scheme, history, beta):
+    """With a tangent, whose memory goes along."""
+    y0 = [0.5, 0.1] if beta > 1 else 0.5
+    runs = []
+    for lower in (hd.Caputo(0.6), hd.Caputo(lambda t: 0.6)):
+        equation = hd.Equation(hd.Caputo(beta), airy, y0, memory=lower)
+        direction = np.ones((equation.m, 1))
+        stepper = Stepper(equation, scheme, history, UniformSteps(0.01), 150, directions=direction)
+        while stepper.n < 150:
+            stepper.advance(150, keep=False)
+        runs.append(np.append(stepper.y, stepper.tangent))
+    np.testing.assert_allclose(runs[1], runs[0], rtol=0, atol=1e-10 * np.abs(runs[0]).max())
+
+
 @pytest.mark.parametrize("derivative", [0, 1])
 def test_with_a_kernel_of_its_own(derivative):
     lower = hd.Memory(hd.TemperedPowerLaw(0.6, 1.0), derivative)

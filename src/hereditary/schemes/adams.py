@@ -26,7 +26,7 @@ from .scheme import (
     Scheme,
     WeightRule,
     check_smoothness,
-    distinct_components,
+    distinct_columns,
     uniform_rows,
 )
 from .stability import StabilityRegion, polylogarithm
@@ -105,17 +105,13 @@ FIRST_VALUE = WeightRule(start_weights, _exponent, _modal_start)
 
 def _plan(equation, h, corrections):
     """Plan in integral form; on the left side f has negative weights."""
-    distinct, groups = distinct_components(equation)
-    # memory that f reads has weights of increments, and groups of its own
-    keys = [(distinct[a], bool(read)) for a, read in zip(groups, equation.read, strict=True)]
-    distinct = list(dict.fromkeys(keys))
-    groups = np.array([distinct.index(key) for key in keys], dtype=np.int64)
+    distinct, groups = distinct_columns(equation)
     lead, near = [], []
     lists: list[tuple] = []
     start_lists: list[tuple] = []
     for ((c, operator),), read in distinct:
         alpha = operator.order
-        if read:
+        if read:  # weights of increments
             factor, rule, p = weighed(c, operator, h)
             first, second = factor * rule.exact(p, 2)
             lead.append(1 / first)

@@ -283,6 +283,17 @@ def distinct_components(equation):
     return distinct, np.array([distinct.index(key) for key in keys], dtype=np.int64)
 
 
+def distinct_columns(system):
+    """As `distinct_components`, told apart as well by whether a component is memory that f reads.
+
+    The first of the results lists terms and this truth value.
+    """
+    distinct, groups = distinct_components(system)
+    keys = [(distinct[a], bool(read)) for a, read in zip(groups, system.read, strict=True)]
+    found = list(dict.fromkeys(keys))
+    return found, np.array([found.index(key) for key in keys], dtype=np.int64)
+
+
 def check_lead(total, h):
     """Refuse a leading weight that cannot be divided by."""
     if total == 0 or not np.isfinite(total):

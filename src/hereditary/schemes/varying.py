@@ -18,7 +18,7 @@ from ..compiled.watch import SLOWEST
 from ..orders import OrderFailed
 from ..special import alternating_power_sum
 from ..system import System
-from .scheme import Plan, distinct_components
+from .scheme import Plan, distinct_columns
 from .stability import folded
 
 # Steps at which orders are looked at before a run.
@@ -70,7 +70,10 @@ class Schedule:
     """
 
     def __init__(self, system: System, h: float, theta: float, explicit: bool):
-        distinct, self.groups = distinct_components(system)
+        found, self.groups = distinct_columns(system)
+        distinct, reads = zip(*found, strict=True)
+        # an explicit step leaves memory that f reads for the next one, where t x'(0) is a step on
+        self._late = [float(explicit and read) for read in reads]
         self.theta, self._h, self._explicit = theta, h, explicit
         self._offset, self._drifts = 0.0 if explicit else theta, system.m == 2
         self._terms = distinct
@@ -215,7 +218,7 @@ class Schedule:
                 second -= 1.0
             drift = elapsed[:0]
             if m == 1 and self._drifts:  # t x'(0), which the increments leave out
-                drift = np.power(steps + self._offset, p, out=elapsed)
+                drift = np.power(steps + self._offset + self._late[a], p, out=elapsed)
             _power(h, p, scale)
             self.powers[row, :n] = p
             fill_term(
