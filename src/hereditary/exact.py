@@ -1,4 +1,4 @@
-"""Exact solutions of linear Caputo problems (floor 6, a leaf: needs the extra ``exact``).
+"""Exact solutions of linear Caputo problems, which need the extra ``exact``.
 
 Each function returns a callable ``solution(t)``, with t >= 0 a number or of shape (n,) and a value
 of shape (d,) or (n, d). One order, alone or as a diagonalised system, is a Mittag-Leffler
