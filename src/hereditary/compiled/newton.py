@@ -5,7 +5,7 @@ import numpy as np
 from .._jit import inlined, inner
 from .jacobian import jacobian
 from .linalg import solve_in_place
-from .step import BASE, GAIN, KNOWN, LEAD, MOVED, POINT, SCALE, SHIFT, F, W
+from .step import BASE, GAIN, KNOWN, LEAD, MOVED, POINT, SCALE, SHIFT, F, W, look
 
 # Simplified Newton steps (one Jacobian) before the full method takes over, and full ones before a
 # step is given up.
@@ -30,8 +30,7 @@ def solve_step(rhs, jac, has_jac, params, t, d, sources, room, work, counts):
     point, f, change = room[POINT][:n], room[F][:n], room[MOVED][:n]
     previous = np.inf
     for iteration in range(_SIMPLIFIED + _FULL):
-        for c in range(n):
-            point[c] = base[c] + gain[c] * w[sources[c]]
+        look(base, gain, sources, w, point)
         rhs(t, point, f, params)
         counts.rhs += 1
         if iteration == 0 or iteration >= _SIMPLIFIED:
@@ -73,8 +72,7 @@ def solve_tangents(rhs, jac, has_jac, params, t, d, sources, room, work, counts)
     known, scale, lead, w = room[KNOWN], room[SCALE], room[LEAD], room[W]
     base, gain = room[BASE], room[GAIN]
     point, change = room[POINT][:n], room[MOVED][:n]
-    for c in range(n):
-        point[c] = base[c] + gain[c] * w[sources[c]]
+    look(base, gain, sources, w, point)
     counts.rhs += jacobian(rhs, jac, has_jac, t, point, params, j_f)
     for first in range(n, base.shape[0], n):
         newton_matrix(j_f, d, sources, gain, scale, lead, matrix)
