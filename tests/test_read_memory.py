@@ -410,6 +410,9 @@ def test_bad_arguments():
     for order in (0.9, 1.2):
         with pytest.raises(ValueError, match="memory must have orders below"):
             hd.Equation(hd.Caputo(0.9), lambda t, y, m: -m[0], 1.0, memory=hd.Caputo(order))
+    for wrong in (airy, 0.5, [0.5], None):
+        with pytest.raises(TypeError, match="memory must be Caputo or Memory operators"):
+            hd.Equation(hd.Caputo(0.9), lambda t, y, m: -m[0], 1.0, memory=wrong)
     with pytest.raises(ValueError, match="coefficients other than 0"):
         hd.Equation(hd.Caputo(0.9), lambda t, y, m: -m[0], 1.0, memory=0.0 * hd.Caputo(0.5))
 

@@ -12,24 +12,24 @@ from .system import System
 from .terms import SystemTerm
 
 
-def as_terms(terms):
-    """List the terms that a user wrote, in any of the forms that `Equation` takes."""
+def as_terms(terms, name="terms"):
+    """List the terms of an argument, in any of the forms that `Equation` takes."""
     items: Any = [terms] if isinstance(terms, (Summand, numbers.Real)) else terms
     required = "be Caputo or Memory operators with coefficients"
     example = "write [Caputo(1.8), 0.25 * Caputo(0.8)]"
-    if callable(items):
+    if callable(items) and name == "terms":
         example = "they come first: Equation(terms, rhs, y0)"
     try:
         items = list(items)
     except TypeError as error:
-        raise TypeError(complaint("terms", required, repr(terms), example)) from error
+        raise TypeError(complaint(name, required, repr(terms), example)) from error
     for item in items:
         if not isinstance(item, Summand):
             if isinstance(item, numbers.Real):
                 example = f"write Caputo({item}) for a derivative of that order"
-            raise TypeError(complaint("terms", required, repr(item), example))
+            raise TypeError(complaint(name, required, repr(item), example))
     if not items:
-        raise ValueError(complaint("terms", "hold at least one term", "none", example))
+        raise ValueError(complaint(name, "hold at least one term", "none", example))
     return tuple(term.plain() for item in items for term in item._terms())
 
 
@@ -58,7 +58,7 @@ def read_terms(memory):
     """List the terms that a right-hand side reads."""
     if isinstance(memory, (list, tuple)) and not memory:
         return ()
-    return as_terms(memory)
+    return as_terms(memory, "memory")
 
 
 def enlarged(equation, memory):
@@ -70,22 +70,21 @@ def enlarged(equation, memory):
     """
     d, k = equation.d, len(memory)
     factors = per_component("coefficient", [t.coefficient for t in memory], d)
-    constant = [t.operator.constant for t in memory]
     own = [t.operator._order for t in memory if t.operator.constant]
     mine = [op.order for op, _ in equation.left if op.constant]
     orders = per_component("order", own, d)
     # orders that differ from those of the left side by rounding are the same
     orders = merged_orders(np.vstack([np.tile(mine, (d, 1)).T.reshape(-1, d), orders]))[len(mine) :]
     left = [SystemTerm(op, np.concatenate([c, np.zeros(k * d)])) for op, c in equation.left]
-    rows = iter(orders)
-    for number, (term, known) in enumerate(zip(memory, constant, strict=True), 1):
-        if np.any(factors[number - 1] == 0):
+    rows, highest = iter(orders), equation.highest_orders()
+    for number, (term, c) in enumerate(zip(memory, factors, strict=True), 1):
+        if np.any(c == 0):
             raise ValueError(complaint("memory", "have coefficients other than 0", repr(term)))
-        for operator, held in term.operator.parts(next(rows) if known else None):
+        for operator, held in left_side([term], [c], rows):
             coefficients = np.zeros((1 + k, d))
-            coefficients[number] = np.where(held, factors[number - 1], 0.0)
+            coefficients[number] = held
             left.append(SystemTerm(operator, coefficients.ravel()))
-            _check_below(operator, held, equation.highest_orders())
+            _check_below(operator, float(highest[held != 0].min()))
     y0, sources = np.tile(equation.y0, (1, 1 + k)), np.tile(np.arange(d), 1 + k)
     jac = equation._jac if equation.has_jac else None
     system = System(left, y0, equation._params, equation._rhs, jac, sources)
@@ -93,12 +92,11 @@ def enlarged(equation, memory):
     return system
 
 
-def _check_below(operator, held, highest):
-    """Refuse memory of an order that is not below that of its component."""
+def _check_below(operator, lowest):
+    """Refuse memory of an order that is not below `lowest`, the highest of its components."""
     order = operator.order
     if operator.varies:  # known at the start; it is the user's to keep it below
         order = float(operator.sampled(np.zeros(1))[0][0])
-    lowest = float(highest[np.broadcast_to(held, highest.shape)].min())
     if order >= lowest:
         required = f"have orders below the highest of their component, {lowest:g}"
         remedy = "solve the equation for its highest derivative"
