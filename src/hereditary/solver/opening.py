@@ -53,8 +53,6 @@ def open_adaptively(
     stepper = AdaptiveStepper(equation, scheme, t_end, rtol, atol, **how)
     if resume is None:
         return stepper, t_end
-    if t_end <= resume.t:
-        raise ValueError(complaint("t_end", f"exceed the state's time {resume.t}", t_end))
     if stepper.modes_tol != resume.modes_tol:
         required = f"be left out or ask for modes as the state has them, to {resume.modes_tol:g}"
         raise ValueError(complaint("history", required, f"to {stepper.modes_tol:g}"))
@@ -87,8 +85,6 @@ def _on_mesh(equation, scheme, history, mesh, t_end, n_steps, resume, allow_chan
         if resume.h > 0:
             required = "be left out where a run of uniform steps goes on"
             raise ValueError(complaint("mesh", required, type(mesh).__name__))
-        if t_end <= resume.t:
-            raise ValueError(complaint("t_end", f"exceed the state's time {resume.t}", t_end))
         begun = resume.steps
     steps = mesh_steps(mesh, t_end, begun)
     n_total = steps.mesh.size - 1

@@ -158,6 +158,8 @@ def solve(
     if resume is not None:
         kind = AdaptiveState if scheme.adaptive else State
         instance("resume", resume, kind, "the .state of an earlier Solution of the same kind")
+        if t_end <= resume.t:
+            raise ValueError(complaint("t_end", f"exceed the state's time {resume.t}", t_end))
     elif allow_change:
         remedy = "it allows another right-hand side than the state's"
         raise ValueError(complaint("allow_change", "come with resume", allow_change, remedy))
