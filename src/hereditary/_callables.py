@@ -15,13 +15,13 @@ from collections import OrderedDict
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import config, njit, types
+from numba import config, types
 from numba.extending import is_jitted
 
 from ._checks import complaint, shown
 from ._complaints import compile_complaint, defined, line_of, writing_complaint
 from ._frozen import code_names, fresh, frozen_values, uncompiled
-from ._jit import F8, JAC_SIG, RHS_SIG, as_value, compiling
+from ._jit import F8, JAC_SIG, RHS_SIG, as_value, compiling, derived
 from ._memory_argument import joined, padded, split
 
 _SHAPES = "{0}({2}), {0}({2}, params) or, in place, {0}({2}, {1}, params)"
@@ -262,7 +262,7 @@ def _build(name, fun, arity, form, n_axes, signature, copied, k):
         jitted.compile(own)  # by itself first, so that a message refers to the user's lines
         jitted.disable_compile()
         adapter = _adapter(split(jitted, arity, k), arity, form, n_axes, copied)
-        return as_value(_njit(adapter), signature)
+        return as_value(derived(adapter), signature)
     except Exception as error:  # numba raises many types besides its own
         plain = _plain(fun)
         if _compiles(fresh(fun, inner, inside), [a.copy(readonly=False) for a in own[1:]]):
@@ -277,9 +277,6 @@ def _compiles(jitted, arrays):
     except Exception:
         return False
     return True
-
-
-_njit = njit(error_model="numpy", nogil=True)
 
 
 def _adapter(fun, arity, form, n_axes, copied):

@@ -116,6 +116,11 @@ def inlined(fun):
     return njit(inline="always")(fun)
 
 
+def derived(fun):
+    """Compile a function that is made of a user's functions, for this process alone."""
+    return njit(error_model="numpy", nogil=True)(fun)
+
+
 def as_value(fun, signature):
     """Compile `fun` for `signature`, so that it can be passed as a function value."""
     if config.DISABLE_JIT:

@@ -6,9 +6,8 @@ The components of a system are y (d,) and, behind it, memory (k, d) row by row.
 from functools import lru_cache
 
 import numpy as np
-from numba import njit
 
-_njit = njit(error_model="numpy", nogil=True)
+from ._jit import derived
 
 
 def split(fun, arity, k, compiled=True):
@@ -32,7 +31,7 @@ def split(fun, arity, k, compiled=True):
         fun(t, z[:d], z[d:].reshape(k, d), out, params)
 
     chosen = {2: alone, 3: with_params, 4: in_place}[arity]
-    return _njit(chosen) if compiled else chosen
+    return derived(chosen) if compiled else chosen
 
 
 @lru_cache(maxsize=256)
@@ -45,7 +44,7 @@ def padded(rhs, k):
         for i in range(d, z.shape[0]):
             out[i] = 0.0
 
-    return _njit(all_components)
+    return derived(all_components)
 
 
 @lru_cache(maxsize=256)
@@ -65,4 +64,4 @@ def joined(jac, beside, k):
                 else:
                     out[i, j] = by_y[i, j] if j < d else by_memory[i, j - d]
 
-    return _njit(all_components)
+    return derived(all_components)

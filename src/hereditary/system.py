@@ -4,10 +4,9 @@ from collections.abc import Iterable
 from functools import cached_property, lru_cache
 
 import numpy as np
-from numba import njit
 
 from ._checks import complaint
-from ._jit import JAC_SIG, as_value, compiled
+from ._jit import JAC_SIG, as_value, compiled, derived
 from .compiled.jacobian import jacobian_at
 from .terms import ConstantOrder, SystemTerm
 
@@ -199,7 +198,7 @@ def _shifted(fun):
         own = params.shape[0] - 1
         fun(t + params[own], y, out, params[:own])
 
-    return njit(error_model="numpy", nogil=True)(later)
+    return derived(later)
 
 
 def first_order(system):
@@ -237,7 +236,7 @@ def _with_velocities(rhs):
                 dy[k] = force - params[own + d + j] * y[k]
                 k += 1
 
-    return njit(error_model="numpy", nogil=True)(enlarged)
+    return derived(enlarged)
 
 
 @lru_cache(maxsize=64)
@@ -260,4 +259,4 @@ def _with_velocities_jacobian(jac):
                 k += 1
             out[row, :d] = block[j]
 
-    return njit(error_model="numpy", nogil=True)(enlarged)
+    return derived(enlarged)

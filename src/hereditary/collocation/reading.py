@@ -17,10 +17,9 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from .._checks import complaint
-from .._jit import inner
+from .._jit import derived, inner
 from ..solver.dense import Piece
 from ..system import System
 from ..terms import ConstantOrder, SystemTerm
@@ -173,9 +172,6 @@ class _Layout(NamedTuple):
         self.origins.append(origin)
 
 
-_njit = njit(error_model="numpy", nogil=True)
-
-
 @inner
 def _parts(params):
     """Numbers of components n and d, and where slots, lower terms, origins and lead begin."""
@@ -216,7 +212,7 @@ def _reduced(rhs):
             else:
                 out[i] = x[origin]
 
-    return _njit(all_components)
+    return derived(all_components)
 
 
 @lru_cache(maxsize=64)
@@ -243,4 +239,4 @@ def _reduced_jacobian(jac):
                 else:
                     out[i, k] = 1.0 if k == origin else 0.0
 
-    return _njit(all_components)
+    return derived(all_components)

@@ -9,8 +9,8 @@ Source: [LyuVong2022].
 from functools import lru_cache
 
 import numpy as np
-from numba import njit
 
+from .._jit import derived
 from ..system import System
 from ..terms import ConstantOrder, SystemTerm
 
@@ -37,7 +37,7 @@ def _pair(rhs):
             dy[j] = y[d + j]
             dy[d + j] /= params[own]
 
-    return njit(error_model="numpy", nogil=True)(pair)
+    return derived(pair)
 
 
 @lru_cache(maxsize=64)
@@ -55,4 +55,4 @@ def _pair_jacobian(jac):
             for j in range(d):
                 out[d + i, j] = block[i, j] / params[own]
 
-    return njit(error_model="numpy", nogil=True)(pair)
+    return derived(pair)
