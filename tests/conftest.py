@@ -24,3 +24,11 @@ def no_collection():
     gc.disable()
     yield
     gc.enable()
+
+
+@pytest.fixture(autouse=True)
+def _untold():
+    """Let every test see the warnings that are given once."""
+    from hereditary import _python_calls
+
+    _python_calls._told.clear()

@@ -118,24 +118,15 @@ def any_number(t, *y):
     return 0.0
 
 
-@pytest.mark.parametrize("rhs", [no_arguments, five, any_number, lambda t: t])
+@pytest.mark.parametrize(
+    "rhs", [no_arguments, five, any_number, lambda t: t, math.hypot, partial(two, 0.0)]
+)
 def test_wrong_arity(rhs):
     with pytest.raises(TypeError, match=r"rhs must be one of rhs\(t, y\), rhs\(t, y, params\) or"):
         equation(rhs)
 
 
-class Callable:
-    def __call__(self, t, y):
-        return -y
-
-    def method(self, t, y):
-        return -y
-
-
-@pytest.mark.parametrize(
-    "rhs",
-    [None, 5, "f", math.hypot, partial(two, 0.0), Callable(), Callable().method, np.sin],
-)
+@pytest.mark.parametrize("rhs", [None, 5, "f"])
 def test_no_function(rhs):
     with pytest.raises(TypeError, match="rhs must be a function"):
         equation(rhs)
@@ -234,9 +225,9 @@ def test_nan_at_the_start():
     ],
 )
 def test_uncompilable_functions_are_told_with_their_line(rhs, line):
-    with pytest.raises(TypeError, match="rhs must be a function that numba can compile") as caught:
+    with pytest.warns(hd.PythonFunctionWarning, match="rhs is called in Python") as caught:
         equation(rhs)
-    message = str(caught.value)
+    message = str(caught[0].message)
     assert f'of {__file__}: "{line}"' in message
     assert "use arithmetic, math and NumPy functions" in message
 
@@ -292,8 +283,11 @@ def changes_params(t, y, params):
 
 
 def test_whole_numbers_that_numba_takes_otherwise():
-    with pytest.raises(ValueError, match=r"same numbers compiled as in Python.*write 1.0 for 1"):
-        equation(divides_whole_numbers)
+    with pytest.warns(hd.PythonFunctionWarning, match=r"compiled it gives .*: write 1.0 for 1"):
+        eq = equation(divides_whole_numbers)
+    values = np.empty(2)
+    eq._rhs(0.0, np.array([1.0, 2.0]), values, eq._params)
+    assert values.tolist() == list(divides_whole_numbers(0.0, np.array([1.0, 2.0])))
 
 
 @pytest.mark.parametrize(("rhs", "name"), [(changes_y, "y"), (changes_params, "params")])
@@ -375,7 +369,7 @@ def formats(t, y):
     ],
 )
 def test_the_sentence_of_numba_that_helps_is_told(rhs, reason, line):
-    with pytest.raises(TypeError, match="rhs must be a function that numba can compile") as caught:
+    with pytest.warns(hd.PythonFunctionWarning, match="numba cannot compile it") as caught:
         equation(rhs)
-    assert reason in str(caught.value)
-    assert line in str(caught.value)
+    assert reason in str(caught[0].message)
+    assert line in str(caught[0].message)

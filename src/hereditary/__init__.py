@@ -4,6 +4,7 @@ import importlib
 import importlib.metadata
 
 from . import scenes
+from ._python_calls import PythonFunctionWarning
 from .analysis.lyapunov import lyapunov
 from .analysis.regimes import Regime, RegimeVerdict, classify
 from .analysis.sections import Section, maxima, stroboscopic
@@ -68,6 +69,7 @@ __all__ = [
     "PowerLaw",
     "ProductTrapezoid",
     "Prony",
+    "PythonFunctionWarning",
     "Regime",
     "RegimeVerdict",
     "Section",

@@ -1,4 +1,4 @@
-"""Users' functions: recognised by arity, tried once, compiled once.
+"""Users' functions: recognised by arity, tried once, compiled once or called in Python.
 
 A right-hand side may be written ``f(t, y)``, ``f(t, y, params)`` (both return the values) or in
 place ``f(t, y, dy, params)``; a Jacobian likewise. One that reads memory takes it behind y. In each
@@ -6,11 +6,11 @@ case the solver receives one compiled function of one fixed signature, to which 
 components. The function is first called once in plain Python, so that an error
 shows its own line instead of a compiler's message.
 
-It is compiled with bounds checks, and for read-only arrays y and params.
+It is compiled with bounds checks, and for read-only arrays y and params. A function that numba
+cannot compile is called in Python from a compiled one (_python_calls.py).
 """
 
 import inspect
-import warnings
 from collections import OrderedDict
 from typing import Any, NamedTuple
 
@@ -19,12 +19,14 @@ from numba import config, types
 from numba.extending import is_jitted
 
 from ._checks import complaint, shown
-from ._complaints import compile_complaint, defined, line_of, writing_complaint
+from ._complaints import compile_reason, defined, writing_complaint
 from ._frozen import code_names, fresh, frozen_values, uncompiled
 from ._jit import F8, JAC_SIG, RHS_SIG, as_value, compiling, derived
 from ._memory_argument import joined, padded, split
+from ._python_calls import Callback, before_addresses, in_python, warn_of_python
+from ._trial import arity_of, try_out
+from ._warning import warn
 
-_SHAPES = "{0}({2}), {0}({2}, params) or, in place, {0}({2}, {1}, params)"
 _READ_ONLY = types.Array(F8, 1, "C", readonly=True)
 _MEMORY = types.Array(F8, 2, "C", readonly=True)
 # Through these numba returns y as a writable array.
@@ -35,54 +37,88 @@ _compiled: OrderedDict[tuple, Any] = OrderedDict()
 _VERSIONS_MAX = 50
 
 
-class Start(NamedTuple):
-    """Arguments that functions are tried with at t = 0: y (d,), memory (k, d) and params (p,)."""
+class Function(NamedTuple):
+    """A user's function: compiled, or None, and ``fill(t, z, out, params)``, which calls it."""
 
-    y: np.ndarray
-    memory: np.ndarray
-    params: np.ndarray
-
-    def components(self):
-        """Return y and memory as the components of one system, (d + k d,)."""
-        return np.concatenate([self.y, self.memory.ravel()])
-
-    def named(self):
-        """Name the arguments in front of params."""
-        return "t, y, memory" if len(self.memory) else "t, y"
+    compiled: Any
+    fill: Any
 
 
-def compile_rhs(fun, start, hint=""):
-    """Check `fun` at t = 0 and return it compiled as ``rhs(t, y, dy, params)``.
+class Functions(NamedTuple):
+    """Functions as marches take them, and what they need.
 
-    `hint` is appended to messages where `fun` does not fit y0.
+    rhs, and jac or None; params (p,), with addresses behind them where a function is called in
+    Python; callbacks that stand at these addresses, to be kept as long as the functions are used.
     """
-    compiled = _compile("rhs", "dy", fun, start, (start.y.size,), RHS_SIG, hint)
-    k = len(start.memory)
-    return as_value(padded(compiled, k), RHS_SIG) if k else compiled
+
+    rhs: Any
+    jac: Any
+    params: np.ndarray
+    callbacks: tuple
 
 
-def compile_jac(fun, fun_memory, start):
-    """Check a Jacobian at t = 0 and return it compiled as ``jac(t, y, jacobian, params)``.
+def functions_of(rhs, jac, jac_memory, start, hint=""):
+    """Check the functions of an equation at t = 0 and return them as `Functions`.
 
-    None where none is given; `fun_memory` holds the derivatives by the memory.
+    `jac_memory` holds the derivatives by the memory. `hint` is appended to messages where `rhs`
+    does not fit y0.
     """
     k, d = start.memory.shape
-    if (fun is None) != (fun_memory is None) and (k or fun is None):
-        given, lacking = ("jac", "jac_memory") if fun_memory is None else ("jac_memory", "jac")
+    first = [_function("rhs", "dy", rhs, start, (d,), RHS_SIG, hint)]
+    if (jac is None) != (jac_memory is None) and (k or jac is None):
+        given, lacking = ("jac", "jac_memory") if jac_memory is None else ("jac_memory", "jac")
         required = f"come with {lacking}" if k else "be left out where no memory is read"
         raise ValueError(complaint(given, required, "it alone", "leave out both for differences"))
-    if fun is None:
+    second = [] if jac is None else [_function("jac", "jacobian", jac, start, (d, d), JAC_SIG)]
+    if jac is not None and k:
+        beside = _function("jac_memory", "jacobian", jac_memory, start, (d, k * d), JAC_SIG)
+        second.append(beside)
+    callbacks = [_callback("rhs", first, start), _callback("jac", second, start)]
+    addresses = [held.address if held else 0.0 for held in callbacks]
+    called = any(callbacks)
+    params = np.append(start.params, addresses) if called else start.params
+    kinds = zip((first, second), (RHS_SIG, JAC_SIG), callbacks, strict=True)
+    made_rhs, made_jac = (
+        in_python(signature) if callback else _joined(parts, signature, k, called)
+        for parts, signature, callback in kinds
+    )
+    return Functions(made_rhs, made_jac, params, tuple(held for held in callbacks if held))
+
+
+def _joined(parts, signature, k, called):
+    """Return the compiled functions of a system's right-hand side or Jacobian as one, or None."""
+    found = [part.compiled for part in parts]
+    if not found:
         return None
-    compiled = _compile("jac", "jacobian", fun, start, (d, d), JAC_SIG)
-    if not k:
-        return compiled
-    beside = _compile("jac_memory", "jacobian", fun_memory, start, (d, k * d), JAC_SIG)
-    return as_value(joined(compiled, beside, k), JAC_SIG)
+    one = found[0]
+    if k:
+        one = as_value(padded(one, k) if signature is RHS_SIG else joined(*found, k), signature)
+    return before_addresses(one, signature) if called else one
+
+
+def _callback(name, parts, start):
+    """Return a callback that fills all values by the functions `parts`; None if all compile."""
+    if all(part.compiled for part in parts):
+        return None
+    d, n, params = start.y.size, start.components().size, _locked(start.params)
+    shape = (n,) if name == "rhs" else (n, n)
+    if d == n:
+        fill = parts[0].fill
+        return Callback(name, lambda t, z, out: fill(t, z, out, params), n, shape)
+
+    def fill_all(t, z, out):
+        out[d:] = 0.0
+        places = [out[:d]] if name == "rhs" else [out[:d, :d], out[:d, d:]]
+        for part, place in zip(parts, places, strict=True):
+            part.fill(t, z, place, params)
+
+    return Callback(name, fill_all, n, shape)
 
 
 def present_values(fun):
     """Return the values that compilation of `fun` would freeze now, for comparison."""
-    return frozen_values(_plain(fun)) if fun is not None else ()
+    plain = _plain(fun)
+    return frozen_values(plain) if inspect.isfunction(plain) else ()
 
 
 def _plain(fun):
@@ -90,67 +126,83 @@ def _plain(fun):
     return fun.py_func if is_jitted(fun) else fun
 
 
-def _compile(name, out, fun, start, shape, signature, hint=""):
-    """Check a user's function and return it compiled, from the cache if it is there."""
+class _NotCompiled(Exception):
+    """numba cannot compile a function, or makes another one of it."""
+
+
+def _function(name, out, fun, start, shape, signature, hint=""):
+    """Check a user's function and return it, compiled where it can be, as a `Function`."""
     plain = _plain(fun)
-    if not inspect.isfunction(plain):
-        required = f"be a function {_SHAPES.format(name, out, start.named())}"
-        remedy = "write it with def or lambda and pass constants through params"
-        raise TypeError(complaint(name, required, repr(fun), remedy))
+    if not callable(plain):
+        required = f"be a function {start.shapes(name, out)}"
+        raise TypeError(complaint(name, required, repr(fun), "write it with def or lambda"))
+    arity = arity_of(name, out, plain, start)
+    values, form = try_out(name, out, plain, arity, start, shape, hint)
+    fill = _in_python(plain, arity, start.memory.shape, shape)
+    try:
+        if not inspect.isfunction(plain):
+            raise _NotCompiled("for numba compiles functions written with def or lambda alone")
+        compiled = _from_cache(name, fun, arity, form, values, signature, start)
+        _compare(name, plain, arity, compiled, values, start)
+    except _NotCompiled as reason:
+        z, params = start.components(), start.params
+        warn_of_python(name, plain, reason, lambda t, out: fill(t, z, out, params), shape)
+        compiled = None
+    return Function(compiled, fill)
+
+
+def _from_cache(name, fun, arity, form, values, signature, start):
+    """Return a user's function compiled, from the cache if it is there."""
     k = len(start.memory)
-    arity = _arity(name, out, plain, start)
-    values, form = _try_out(name, out, plain, arity, start, shape, hint)
-    frozen = frozen_values(plain)
+    frozen = frozen_values(_plain(fun))
     options = repr(sorted(fun.targetoptions.items())) if is_jitted(fun) else ""
     key = (frozen, options, arity, form, signature, k)
     with compiling:
         if key not in _compiled:
             copied = bool(_PAST_READ_ONLY & code_names(frozen))
-            _compiled[key] = _build(name, fun, arity, form, len(shape), signature, copied, k)
-            _warn_of_versions(name, plain)
+            shapes = start.memory.shape, values.shape
+            try:
+                _compiled[key] = _build(name, fun, arity, form, shapes, signature, copied)
+                _warn_of_versions(name, _plain(fun))
+            except _NotCompiled as reason:  # which takes as long to find as to compile
+                _compiled[key] = reason
             while len(_compiled) > _COMPILED_MAX:
                 _compiled.popitem(last=False)
         _compiled.move_to_end(key)
-        compiled = _compiled[key]
-    _compare(name, plain, arity, form, compiled, values, start)
-    return compiled
+        found = _compiled[key]
+    if isinstance(found, _NotCompiled):
+        raise _NotCompiled(*found.args)
+    return found
 
 
 def _warn_of_versions(name, plain):
     """Warn where one function is compiled over and over for other frozen values."""
     versions = sum(frozen[0] == plain.__code__ for frozen, *_ in _compiled)
     if versions == _VERSIONS_MAX:
-        warnings.warn(
+        warn(
             f"{name} was compiled {versions} times for other globals or closed-over values, "
             f"{defined(plain)}; every time takes 2 MB of memory that numba cannot free; pass "
             "what changes through params",
-            stacklevel=5,
+            UserWarning,
         )
 
 
-def _compare(name, fun, arity, form, compiled, values, start):
-    """Refuse a function whose compiled values differ from those in Python."""
-    again = np.empty_like(values)
+def _compare(name, fun, arity, compiled, values, start):
+    """Refuse compiled code whose values differ from those in Python."""
+    again, z, params = np.empty_like(values), start.components(), start.params
     try:
-        compiled(0.0, start.components(), again, start.params.copy())
+        compiled(0.0, z.copy(), again, params.copy())
     except Exception as error:
-        got = f"{type(error).__name__}: {error}"
-        raise ValueError(complaint(name, "run at t = 0", got, defined(fun))) from error
+        raise _NotCompiled(f"for compiled it raises {type(error).__name__}: {error}") from error
     if _close(again, values):
         return
     # helpers compiled earlier may have run with the values of that time
-    plain = split(uncompiled(fun), arity, len(start.memory), compiled=False)
-    in_python = _adapter(plain, arity, form, values.ndim, False)
     expected = np.empty_like(values)
-    in_python(0.0, start.components(), expected, start.params.copy())
+    _in_python(uncompiled(fun), arity, start.memory.shape, values.shape)(0.0, z, expected, params)
     if not _close(again, expected):
-        raise ValueError(
-            complaint(
-                name,
-                "give the same numbers compiled as in Python",
-                f"{shown(again)} and {shown(expected)} at t = 0",
-                "write 1.0 for 1 where whole numbers are divided, raised or grow large",
-            )
+        raise _NotCompiled(
+            f"for compiled it gives {shown(again)} instead of {shown(expected)} at t = 0: write "
+            "1.0 for 1 where whole numbers are divided, raised or grow large"
         )
 
 
@@ -159,94 +211,15 @@ def _close(values, expected):
     return np.allclose(values, expected, rtol=1e-8, atol=1e-12 * np.abs(expected).max())
 
 
-def _arity(name, out, fun, start):
-    """Return the number of positional arguments besides memory: 2, 3 or 4."""
-    required = f"be one of {_SHAPES.format(name, out, start.named())}"
-    more = int(len(start.memory) > 0)
-    try:
-        parameters = inspect.signature(fun).parameters.values()
-    except (TypeError, ValueError) as error:
-        raise TypeError(complaint(name, required, repr(fun), "write it with def")) from error
-    positional = [p for p in parameters if p.kind in (p.POSITIONAL_ONLY, p.POSITIONAL_OR_KEYWORD)]
-    if len(positional) != len(parameters) or len(positional) - more not in (2, 3, 4):
-        got = f"{getattr(fun, '__name__', fun)}{inspect.signature(fun)}"
-        raise TypeError(complaint(name, required, got, "pass constants through params"))
-    if positional[1].name in ("t", "time"):
-        got = f"{fun.__name__}{inspect.signature(fun)}"
-        raise TypeError(complaint(name, "take t first and y second", got, defined(fun)))
-    if more and positional[2].name in ("p", "params", "dy", "jacobian"):
-        got = f"{fun.__name__}{inspect.signature(fun)}"
-        reason = f"equations with memory= pass it there, {defined(fun)}"
-        raise TypeError(complaint(name, "take memory third", got, reason))
-    return len(positional) - more
+def _build(name, fun, arity, form, shapes, signature, copied):
+    """Compile a user's function, or with `copied` one that is given copies of y and params.
 
-
-def _try_out(name, out, fun, arity, start, shape, hint):
-    """Call `fun` once in Python at t = 0, check its values and return them and their form."""
-    filled, form = _values(name, out, fun, arity, start, shape, hint, np.nan)
-    if np.all(np.isfinite(filled)):
-        return filled, form
-    if arity == 4:
-        again, _ = _values(name, out, fun, arity, start, shape, hint, 0.5)
-        unset = np.isnan(filled) & (again == 0.5)
-        if unset.any():
-            got = f"entries {np.argwhere(unset).tolist()} left unset"
-            raise ValueError(complaint(name, f"set every entry of {out}", got, defined(fun)))
-    remedy = f"check y0 = {shown(start.y)} and params = {shown(start.params)}, {defined(fun)}"
-    raise ValueError(complaint(name, "be finite at t = 0", shown(filled), remedy))
-
-
-def _values(name, out, fun, arity, start, shape, hint, fill):
-    """Call `fun` at t = 0; return its values as an array of `shape`, and their form."""
-    filled = np.full(shape, fill)  # marks entries that an in-place function leaves unset
-    y, memory, p = (part.copy() for part in start)
-    first = (0.0, y, memory) if len(memory) else (0.0, y)
-    arguments = {2: first, 3: (*first, p), 4: (*first, filled, p)}
-    if arity == 4:
-        words = ("five", "fourth", "fifth") if len(memory) else ("four", "third", "fourth")
-        hint += "; with {} arguments the {} is {out}, to be filled, and the {} params".format(
-            *words, out=out
-        )
-    try:
-        with np.errstate(all="ignore"):  # values that are not finite are reported below
-            result = fun(*arguments[arity])
-    except Exception as error:
-        raise ValueError(
-            f"{name} must run at t = 0, got {type(error).__name__}: {error} {line_of(error, fun)};"
-            f" it was called with y = {shown(start.y)} and params = {shown(start.params)}{hint}"
-        ) from error
-    for argument, given, left in zip(start._fields, start, (y, memory, p), strict=True):
-        if not np.array_equal(given, left):
-            got = f"{shown(given)} changed to {shown(left)}"
-            remedy = f"work on a copy, {defined(fun)}"
-            raise ValueError(complaint(name, f"leave {argument} as it is", got, remedy))
-    if arity == 4:
-        if result is not None:
-            remedy = f"leave {out} out of the arguments to return values, {defined(fun)}{hint}"
-            raise TypeError(complaint(name, f"fill {out} and return None", repr(result), remedy))
-        return filled, "in place"
-    remedy = f"return numpy.array([...]) of shape {shape}, {defined(fun)}"
-    try:
-        values = np.asarray(result)
-    except ValueError:  # rows of unequal length
-        values = np.asarray(None)
-    if values.dtype.kind not in "biuf":
-        raise TypeError(complaint(name, "return real numbers", repr(result), remedy))
-    if values.shape != shape and not (values.ndim == 0 and np.prod(shape) == 1):
-        size = f"shape {shape}" + (" or a number" if np.prod(shape) == 1 else "")
-        got = f"shape {values.shape}"
-        raise ValueError(complaint(name, f"return {size}", got, remedy + hint))
-    form = "array" if values.ndim else "number"
-    return values.astype(float).reshape(shape), form
-
-
-def _build(name, fun, arity, form, n_axes, signature, copied, k):
-    """Compile `fun` for `signature`, through an adapter that passes it read-only arrays.
-
-    numba converts arrays to read-only ones where it calls a function compiled for these alone.
+    Those may be written to. `shapes` are those of memory and of the values. Its own code, and its
+    compiled helpers, are compiled anew, so that the result depends on these alone.
     """
+    (k, _), values = shapes
     if config.DISABLE_JIT:
-        return _adapter(split(_locking(fun, k), arity, k, False), arity, form, n_axes, copied)
+        return _locking(_in_python(_plain(fun), arity, *shapes))
     # the functions are called from compiled code alone: a wrapper for others takes 1 MB each
     inside = {"boundscheck": True, "no_cpython_wrapper": True}
     inner: dict[str, Any] = {"nogil": True, "no_cfunc_wrapper": True, **inside}
@@ -261,13 +234,13 @@ def _build(name, fun, arity, form, n_axes, signature, copied, k):
         jitted = fresh(fun, inner, inside)
         jitted.compile(own)  # by itself first, so that a message refers to the user's lines
         jitted.disable_compile()
-        adapter = _adapter(split(jitted, arity, k), arity, form, n_axes, copied)
+        adapter = _adapter(split(jitted, arity, k), arity, form, len(values), copied)
         return as_value(derived(adapter), signature)
     except Exception as error:  # numba raises many types besides its own
         plain = _plain(fun)
         if _compiles(fresh(fun, inner, inside), [a.copy(readonly=False) for a in own[1:]]):
             raise TypeError(writing_complaint(name, plain, error)) from error
-        raise TypeError(compile_complaint(name, plain, error)) from error
+        raise _NotCompiled(compile_reason(plain, error)) from error
 
 
 def _compiles(jitted, arrays):
@@ -323,17 +296,36 @@ def _adapter(fun, arity, form, n_axes, copied):
     return from_vector if n_axes == 1 else from_matrix
 
 
-def _locking(fun, k):
+def _in_python(fun, arity, memory_shape, shape):
+    """Return ``fill(t, z, out, params)``, which calls `fun` in Python; z holds y and memory."""
+    k, d = memory_shape
+
+    def fill(t, z, out, params):
+        arguments = (t, z[:d], z[d:].reshape(k, d)) if k else (t, z)
+        if arity == 4:
+            values = np.empty(shape)  # which the function may keep
+            fun(*arguments, values, params)
+        else:
+            values = np.asarray(fun(*arguments, params) if arity == 3 else fun(*arguments))
+        if values.shape != shape:
+            if values.size != 1 or out.size != 1:
+                raise ValueError(_RESHAPED)
+            values = values.reshape(shape)
+        out[...] = values
+
+    return fill
+
+
+def _locking(fill):
     """Return the function with its arguments read-only, for runs without a compiler."""
+    return lambda t, z, out, params: fill(t, _locked(z), out, _locked(params))
 
-    def locked(t, y, *rest):
-        views = [array.view() for array in (y, *rest)]
-        views[0].flags.writeable = views[-1].flags.writeable = False
-        if k:
-            views[1].flags.writeable = False
-        return fun(t, *views)
 
-    return locked
+def _locked(array):
+    """Return a view of an array that cannot be written to."""
+    view = array.view()
+    view.setflags(write=False)
+    return view
 
 
 _RESHAPED = "the function returned another shape than at t = 0"

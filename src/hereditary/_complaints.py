@@ -8,26 +8,34 @@ from pathlib import Path
 from ._checks import complaint
 
 
+def code_of(fun):
+    """Return the code behind a function, a method, a partial or a callable object; or None."""
+    fun = getattr(fun, "func", fun)
+    return getattr(fun, "__code__", None) or getattr(type(fun).__call__, "__code__", None)
+
+
 def defined(fun):
     """Where a function begins, in a clause."""
-    return f"in the function at line {fun.__code__.co_firstlineno} of {fun.__code__.co_filename}"
+    code = code_of(fun)
+    if code is None:
+        return f"in {fun!r}"
+    return f"in the function at line {code.co_firstlineno} of {code.co_filename}"
 
 
 def line_of(error, fun):
     """Where in the user's function an exception came from."""
-    path = fun.__code__.co_filename
+    code = code_of(fun)
+    path = code.co_filename if code else ""
     lines = [f for f in traceback.extract_tb(error.__traceback__) if f.filename == path]
     return f'at line {lines[-1].lineno} of {path}: "{lines[-1].line}"' if lines else ""
 
 
-def compile_complaint(name, fun, error):
-    """One sentence from numba's report: the line it stopped at, its reason, and the remedy."""
-    return complaint(
-        name,
-        "be a function that numba can compile",
-        f"one that stops it {_place(fun, str(error))} ({_reason(str(error))})",
-        "use arithmetic, math and NumPy functions on floats and arrays, and pass constants "
-        "through params",
+def compile_reason(fun, error):
+    """Why numba cannot compile a function, by its report: the line, its reason, and the remedy."""
+    return (
+        f"for numba cannot compile it {_place(fun, str(error))} ({_reason(str(error))}): use "
+        "arithmetic, math and NumPy functions on floats and arrays, and pass constants through "
+        "params"
     )
 
 

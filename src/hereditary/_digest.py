@@ -11,7 +11,7 @@ import types
 
 import numpy as np
 
-from ._frozen import names_in
+from ._frozen import installed, names_in
 
 _PLAIN = (bool, int, float, complex, str, bytes, type(None), type(...))
 # Functions of these modules are represented by their names.
@@ -60,7 +60,7 @@ def _taken_apart(value):
         return "code", [value.co_argcount, value.co_code, value.co_names, value.co_consts]
     name = f"{getattr(value, '__module__', '')}.{getattr(value, '__qualname__', '')}"
     if inspect.isfunction(value) and name.split(".")[0] not in _FOREIGN:
-        return "function", [value.__code__, value.__defaults__, outer_values(value)]
+        return "function", [value.__code__, value.__defaults__, _outside(value)]
     if callable(value) and hasattr(value, "__name__"):  # built-in, ufunc, class or foreign
         owner = getattr(value, "__self__", None)
         bound = [value.__func__, owner] if inspect.ismethod(value) else []
@@ -74,13 +74,25 @@ def _taken_apart(value):
 
 def outer_values(function):
     """List the values a function takes from its closure, globals, and modules among these."""
-    cells = [cell.cell_contents for cell in function.__closure__ or () if _is_filled(cell)]
+    cells = _closed_over(function)
     names = set(names_in(function.__code__))
     held = [function.__globals__[name] for name in sorted(names & function.__globals__.keys())]
     for module in [value for value in cells + held if inspect.ismodule(value)]:
-        if module.__name__.split(".")[0] not in _FOREIGN:
+        if not installed(getattr(module, "__file__", None) or "<frozen"):
             held += [vars(module)[name] for name in sorted(names & vars(module).keys())]
     return cells + held
+
+
+def _outside(function):
+    """List what a function takes from outside; of one that is installed its closure alone."""
+    if installed(function.__code__.co_filename):
+        return _closed_over(function)
+    return outer_values(function)
+
+
+def _closed_over(function):
+    """List the values in the closure of a function."""
+    return [cell.cell_contents for cell in function.__closure__ or () if _is_filled(cell)]
 
 
 def _is_filled(cell):

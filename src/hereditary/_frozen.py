@@ -1,18 +1,45 @@
 """Values that compilation freezes into a function, and copies with present values.
 
 numba compiles the globals and closed-over values of a function as constants, and those of the
-compiled helpers that it calls. Compiled functions are therefore equal only if their code and all of
+helpers that it calls. Compiled functions are therefore equal only if their code and all of
 these values are.
 """
 
 import hashlib
 import inspect
+import sysconfig
 from types import CellType, FunctionType
 from typing import Any
 
 import numpy as np
 from numba import jit
 from numba.extending import is_jitted
+
+# Where packages are installed; what they hold is not the user's.
+_INSTALLED = tuple({sysconfig.get_path(name) for name in ("purelib", "platlib", "stdlib")})
+
+
+def installed(path):
+    """Return whether a file belongs to Python or to an installed package."""
+    return str(path).startswith((*_INSTALLED, "<frozen"))
+
+
+def _is_helper(value, caller):
+    """Return whether a value is a function that is compiled together with `caller`.
+
+    Plain functions of other packages are not: there may be no end to what they call.
+    """
+    if not inspect.isfunction(value):
+        return is_jitted(value)
+    own = str(value.__module__).split(".")[0] == str(caller.__module__).split(".")[0]
+    return own or not installed(value.__code__.co_filename)
+
+
+def _parts(helper):
+    """Return the Python function of a helper, and its numba options."""
+    if is_jitted(helper):
+        return helper.py_func, helper.targetoptions
+    return helper, {"nopython": True}
 
 
 def frozen_values(fun):
@@ -22,13 +49,14 @@ def frozen_values(fun):
     for function in functions:  # which grows
         held.append(function.__code__)
         for name, value in sorted(_read(function).items()):
-            if not is_jitted(value):
+            of_module = "." in name  # where numba takes compiled functions alone
+            if not (is_jitted(value) if of_module else _is_helper(value, function)):
                 held.append((name, _identity(value)))
                 continue
-            if value.py_func not in functions:
-                functions.append(value.py_func)
-            options = repr(sorted(value.targetoptions.items()))
-            held.append((name, functions.index(value.py_func), options))
+            helper, options = _parts(value)
+            if helper not in functions:
+                functions.append(helper)
+            held.append((name, functions.index(helper), repr(sorted(options.items()))))
     return tuple(held)
 
 
@@ -38,7 +66,7 @@ def code_names(frozen):
 
 
 def fresh(fun, own_options, helper_options):
-    """Return a dispatcher for a copy of `fun` that calls fresh copies of its compiled helpers.
+    """Return a dispatcher for a copy of `fun` that calls fresh copies of its helpers.
 
     A dispatcher keeps the code it compiled first, with the values and options of that time. Helpers
     reached as attributes of a module stay as they are.
@@ -51,8 +79,8 @@ def fresh(fun, own_options, helper_options):
     """
 
     def compiled(copy, given):
-        own = given.targetoptions if is_jitted(given) else {"nopython": True}
-        return jit(**(own | (own_options if given is fun else helper_options)))(copy)
+        own = own_options if given is fun else helper_options
+        return jit(**(_parts(given)[1] | own))(copy)
 
     return _copied(fun, compiled)
 
@@ -68,17 +96,18 @@ def _copied(fun, make):
 
     def again(given):
         if id(given) not in made:
-            plain = given.py_func if is_jitted(given) else given
+            plain, _ = _parts(given)
             copy = _blank(plain)
             made[id(given)] = make(copy, given)
             names = set(names_in(plain.__code__)) & plain.__globals__.keys()
-            copy.__globals__.update({name: held(plain.__globals__[name]) for name in names})
+            found = {name: held(plain.__globals__[name], plain) for name in names}
+            copy.__globals__.update(found)
             for own, cell in zip(copy.__closure__ or (), plain.__closure__ or (), strict=True):
-                own.cell_contents = held(cell.cell_contents)
+                own.cell_contents = held(cell.cell_contents, plain)
         return made[id(given)]
 
-    def held(value):
-        return again(value) if is_jitted(value) else value
+    def held(value, caller):
+        return again(value) if _is_helper(value, caller) else value
 
     return again(fun)
 

@@ -10,8 +10,8 @@ import numpy as np
 from ._jit import derived
 
 
-def split(fun, arity, k, compiled=True):
-    """Return a user's function of y and memory as one of all components; `fun` itself for k = 0.
+def split(fun, arity, k):
+    """Return a compiled function of y and memory as one of all components; itself for k = 0.
 
     `arity` counts the arguments besides memory: t and y, with params, or with values and params.
     """
@@ -30,8 +30,7 @@ def split(fun, arity, k, compiled=True):
         d = z.shape[0] // (1 + k)
         fun(t, z[:d], z[d:].reshape(k, d), out, params)
 
-    chosen = {2: alone, 3: with_params, 4: in_place}[arity]
-    return derived(chosen) if compiled else chosen
+    return derived({2: alone, 3: with_params, 4: in_place}[arity])
 
 
 @lru_cache(maxsize=256)

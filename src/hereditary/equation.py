@@ -5,10 +5,11 @@ from collections.abc import Callable, Iterable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ._callables import Start, compile_jac, compile_rhs, present_values
+from ._callables import functions_of, present_values
 from ._checks import complaint, real_array, shown
 from ._differences import check_jacobian
 from ._digest import digest
+from ._trial import Start
 from .operators import Summand
 from .orders import merged_orders
 from .sides import as_terms, enlarged, left_side, per_component, read_terms
@@ -113,14 +114,15 @@ class Equation(System):
         self.orders, self.coefficients = orders, factors[constant]
         self.coefficients.flags.writeable = False
         start = Start(initial[0], np.zeros((len(self.memory), d)), _numbers(params))
-        compiled = compile_rhs(rhs, start, _of_shorthand(values, initial))
-        compiled_jac = compile_jac(jac, jac_memory, start)
-        if compiled_jac is not None:
-            check_jacobian(compiled, compiled_jac, start.components(), start.params)
+        functions = functions_of(rhs, jac, jac_memory, start, _of_shorthand(values, initial))
+        if functions.jac is not None:
+            check_jacobian(functions.rhs, functions.jac, start.components(), functions.params)
+        self._callbacks = functions.callbacks
         self._frozen = self._present_values()
         initial.flags.writeable = False
         left = left_side(self.terms, factors, orders)
-        super().__init__(left, initial, start.params, compiled, compiled_jac)
+        super().__init__(left, initial, functions.params, functions.rhs, functions.jac)
+        self._n_params = start.params.size
         self.rhs_digest = digest(rhs)
         _check_leading(self.highest_orders(), initial)
         if self.memory:
@@ -138,6 +140,9 @@ class Equation(System):
                 f"{name} of an Equation cannot be changed; make another equation with {remedy}"
             )
         super().__setattr__(name, value)
+
+    def __reduce__(self):
+        return _made, tuple(getattr(self, name) for name in _GIVEN)
 
     def replace(self, **changes) -> "Equation":
         """Return an equation like this one with some of its arguments changed.
@@ -177,6 +182,11 @@ class Equation(System):
 
     def _present_values(self):
         return tuple(present_values(fun) for fun in (self.rhs, self.jac, self.jac_memory))
+
+
+def _made(*given):
+    """Return the equation of these arguments, for unpickling."""
+    return Equation(**dict(zip(_GIVEN, given, strict=True)))
 
 
 _GIVEN = ("terms", "rhs", "y0", "params", "jac", "memory", "jac_memory")

@@ -37,7 +37,8 @@ class System:
 
     def __init__(self, left: Iterable[SystemTerm], y0, params, rhs, jac=None, sources=None):
         self.left = tuple(left)
-        self.y0, self._params = y0, params
+        # of an equation whose functions are called in Python, addresses stand behind its own
+        self.y0, self._params, self._n_params = y0, params, params.size
         self.m, self.d = y0.shape
         self.sources = np.arange(self.d) if sources is None else sources
         self._enlarged: System | None = None
@@ -51,7 +52,7 @@ class System:
 
         Marches take `_params`: compiled code knows no read-only arrays.
         """
-        locked = self._params.view()
+        locked = self._params[: self._n_params]
         locked.flags.writeable = False
         return locked
 

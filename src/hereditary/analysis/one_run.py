@@ -12,6 +12,7 @@ import numpy as np
 from scipy.special import rgamma
 
 from .._checks import complaint, count, instance, positive, real_array, shown, within
+from .._python_calls import pass_on
 from .._warning import warn
 from ..collocation.stepper import AdaptiveStepper
 from ..equation import Equation
@@ -288,7 +289,7 @@ def result_of(request: Request, run: Run) -> LyapunovResult:
     message = status.sentence + (f": {detail}" if detail else "")
     if request.loud:
         message = told(estimator.stepper, status, detail) + _lost_digits(record)
-    return LyapunovResult(
+    result = LyapunovResult(
         exponents=exponents,
         times=times,
         trace=trace,
@@ -314,6 +315,9 @@ def result_of(request: Request, run: Run) -> LyapunovResult:
         },
         state=state,
     )
+    for stepper in estimator.steppers:
+        pass_on(stepper.error, result)
+    return result
 
 
 def _lost_digits(record):

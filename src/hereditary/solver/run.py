@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from .._python_calls import PythonRaised, pass_on
 from .progress import Interruption, ProgressBar
 from .solution import Solution, warn_of
 from .status import Status
@@ -72,7 +73,7 @@ def run(stepper, stop, t_end, output, progress, began):
     status, detail = ended or (reached_end(stepper), "")
     t, y, ydot, dense = output.close(t_end)
     seconds = {"setup_seconds": ready - began, "run_seconds": time.perf_counter() - ready}
-    return Solution(
+    solution = Solution(
         t=t,
         y=y,
         ydot=ydot if stepper.equation.m == 2 else None,
@@ -84,6 +85,8 @@ def run(stepper, stop, t_end, output, progress, began):
         t_events=[np.array(times) for times in events.times],
         y_events=[np.array(rows).reshape(-1, stepper.y.size) for rows in events.values],
     )
+    pass_on(stepper.error, solution)
+    return solution
 
 
 def reached_end(stepper):
@@ -95,14 +98,18 @@ def reached_end(stepper):
 
 
 def told(stepper, status, detail):
-    """The status in a sentence with the run's numbers; warns of an ending not asked for."""
+    """The status in a sentence with the run's numbers; warns of an ending not asked for.
+
+    An exception of a function called in Python is passed on instead.
+    """
     message = status.sentence + (f": {detail}" if detail else "")
     if status is not Status.COMPLETED:
         message += f" (t = {stepper.t:g}{'' if stepper.adaptive else f' of step {stepper.n}'})"
     trouble = _stability(stepper)
     if trouble:
         message += f"; {trouble}"
-    warn_of(status, message, unstable=bool(trouble))
+    if not isinstance(stepper.error, PythonRaised):
+        warn_of(status, message, unstable=bool(trouble))
     return message
 
 

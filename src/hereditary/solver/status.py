@@ -3,6 +3,7 @@
 import enum
 import traceback
 
+from .._python_calls import original
 from ..memory_kernel import MemoryKernel
 from ..orders import OrderFailed
 
@@ -51,6 +52,7 @@ class Status(enum.StrEnum):
 
 def failed(error):
     """Status and detail of a run that an exception ended, by the function that raised it."""
+    error = original(error)
     if isinstance(error, OrderFailed):
         return Status.ORDER_FAILED, str(error)
     # kernels are called from Python alone: their methods are among the frames

@@ -1,0 +1,178 @@
+"""Functions that numba cannot compile: compiled code calls them in Python.
+
+A march hands its functions t, all components and an array for the values. In place of a function
+that must run in Python it gets a compiled one that is the same for all of them, and the address of
+a C function, made by ctypes, that enters Python. Addresses stand behind the parameters, first that
+of the right-hand side and then that of the Jacobian, so nothing is compiled for a single function.
+"""
+
+import ctypes
+import threading
+import time
+import weakref
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
+
+from ._complaints import code_of
+from ._jit import RHS_SIG, as_value, compiled, derived
+from ._warning import warn
+
+# Numbers behind the parameters of an equation whose functions are called in Python.
+N_ADDRESSES = 2
+# Views of memory that one function keeps, by their addresses; marches use few.
+_VIEWS = 256
+# Seconds for which a function is timed, that a call adds to it, and of a compiled explicit step.
+_TIMED, _ADDED, _COMPILED_STEP = 1e-3, 3e-6, 2e-7
+_C_FUNCTION = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_double, ctypes.c_ssize_t, ctypes.c_ssize_t)
+_raised = threading.local()
+_told: weakref.WeakSet = weakref.WeakSet()
+
+
+class PythonFunctionWarning(UserWarning):
+    """A function that numba cannot compile makes runs slow, for it is called in Python."""
+
+
+class PythonRaised(Exception):
+    """A function called in Python raised; `__cause__` is its exception."""
+
+    def __init__(self):
+        super().__init__("a function that is called in Python raised")
+        # numba may make the exception more than once
+        self.__cause__ = vars(_raised).get("error")
+
+
+def original(error):
+    """Return the exception that a user's function raised."""
+    vars(_raised).clear()
+    return error.__cause__ if isinstance(error, PythonRaised) else error
+
+
+def pass_on(error, result):
+    """Raise what a function called in Python raised; `result` is that of the run until then."""
+    cause: Any = error.__cause__ if isinstance(error, PythonRaised) else None
+    if cause is not None:
+        cause.add_note("the run until then is the attribute `result` of this exception")
+        cause.result = result
+        raise cause
+
+
+class Callback:
+    """C function that fills an array by functions of t and the components.
+
+    Parameters
+    ----------
+    name : str
+        Argument of the equation that holds the function.
+    fill : callable
+        ``fill(t, z, out)``, z (n,) read-only.
+    n : int
+    shape : tuple of int
+        Shape of `out`.
+
+    Attributes
+    ----------
+    address : float
+        Its address; exact, since addresses have fewer than 53 bits.
+    """
+
+    def __init__(self, name, fill, n, shape):
+        self._name, self._fill = name, fill
+        self._known: tuple[dict[int, np.ndarray], ...] = ({}, {})
+        sizes = ctypes.c_double * int(np.prod(shape)), ctypes.c_double * n
+        self._kinds = tuple(zip(sizes, (shape, (n,)), strict=True))
+        self._function = _C_FUNCTION(self._call)
+        self.address = float(ctypes.cast(self._function, ctypes.c_void_p).value or 0)
+
+    def _call(self, t, components, values):
+        """Fill the values at one address from the components at another; 1 for an exception."""
+        try:
+            z = self._view(components).copy()  # which the function may keep
+            z.setflags(write=False)
+            self._fill(t, z, self._view(values, inward=False))
+            return 0
+        except BaseException as error:
+            error.add_note(f"raised by {self._name} at t = {t:.10g}")
+            _raised.error = error
+            return 1
+
+    def _view(self, address, inward=True):
+        """Return an array of the numbers at an address: the components, or else the values."""
+        known = self._known[inward]
+        if address not in known:
+            if len(known) >= _VIEWS:
+                known.clear()
+            kind, shape = self._kinds[inward]
+            known[address] = np.frombuffer(kind.from_address(address)).reshape(shape)
+        return known[address]
+
+
+@intrinsic
+def _call_at(typing_context, address, t, components, values):
+    """Call the C function at an address."""
+
+    def codegen(context, builder, signature, arguments):
+        place, *others = arguments
+        word = ir.IntType(64)
+        kind = ir.FunctionType(ir.IntType(32), [ir.DoubleType(), word, word])
+        result = builder.call(builder.inttoptr(place, kind.as_pointer()), others)
+        return builder.sext(result, word)
+
+    return types.int64(types.int64, types.float64, types.uintp, types.uintp), codegen
+
+
+@compiled
+def _rhs_in_python(t, y, dy, params):
+    """Right-hand side that calls the C function whose address stands last but one in params."""
+    address = int(params[params.shape[0] - 2])
+    if _call_at(address, t, y.ctypes.data, dy.ctypes.data) != 0:  # type: ignore[call-arg]
+        raise PythonRaised
+
+
+@compiled
+def _jac_in_python(t, y, jacobian, params):
+    """Jacobian that calls the C function whose address stands last in params."""
+    address = int(params[params.shape[0] - 1])
+    if _call_at(address, t, y.ctypes.data, jacobian.ctypes.data) != 0:  # type: ignore[call-arg]
+        raise PythonRaised
+
+
+def in_python(signature):
+    """Return the compiled function that calls a right-hand side or a Jacobian in Python."""
+    fun = _rhs_in_python if signature is RHS_SIG else _jac_in_python
+    return as_value(fun, signature)
+
+
+@lru_cache(maxsize=256)
+def before_addresses(fun, signature):
+    """Return a compiled function that is not to see addresses behind its parameters."""
+
+    def seen(t, y, out, params):
+        fun(t, y, out, params[: params.shape[0] - N_ADDRESSES])
+
+    return as_value(derived(seen), signature)
+
+
+def warn_of_python(name, fun, reason, fill, shape):
+    """Warn, once for each function, that it is called in Python, and by how much that is slower."""
+    known = code_of(fun) or type(fun)
+    if known in _told:
+        return
+    _told.add(known)
+    spent: list[float] = []
+    began, out = time.perf_counter(), np.empty(shape)
+    while not spent or (len(spent) < 20 and time.perf_counter() - began < _TIMED):
+        start = time.perf_counter()
+        fill(0.0, out)
+        spent.append(time.perf_counter() - start)
+    seconds = min(spent) + _ADDED
+    warn(
+        f"{name} is called in Python, {reason}; a call takes {1e6 * seconds:.3g} us, where a step "
+        f"of a compiled run takes {1e6 * _COMPILED_STEP:g} us and more, so that runs may take "
+        f"{seconds / _COMPILED_STEP:.0f} times as long",
+        PythonFunctionWarning,
+    )

@@ -1,0 +1,115 @@
+"""Users' functions: how they are written, and one call of each in Python at t = 0."""
+
+import inspect
+from typing import NamedTuple
+
+import numpy as np
+
+from ._checks import complaint, shown
+from ._complaints import defined, line_of
+
+
+class Start(NamedTuple):
+    """Arguments that functions are tried with at t = 0: y (d,), memory (k, d) and params (p,)."""
+
+    y: np.ndarray
+    memory: np.ndarray
+    params: np.ndarray
+
+    def components(self):
+        """Return y and memory as the components of one system, (d + k d,)."""
+        return np.concatenate([self.y, self.memory.ravel()])
+
+    def named(self):
+        """Name the arguments in front of params."""
+        return "t, y, memory" if len(self.memory) else "t, y"
+
+    def shapes(self, name, out):
+        """Name the ways in which a function may be written."""
+        first = self.named()
+        return (
+            f"{name}({first}), {name}({first}, params) or, in place, {name}({first}, {out}, params)"
+        )
+
+
+def arity_of(name, out, fun, start):
+    """Return the number of positional arguments besides memory: 2, 3 or 4."""
+    required = f"be one of {start.shapes(name, out)}"
+    more = int(len(start.memory) > 0)
+    try:
+        parameters = inspect.signature(fun).parameters.values()
+    except (TypeError, ValueError) as error:
+        raise TypeError(complaint(name, required, repr(fun), "write it with def")) from error
+    positional = [p for p in parameters if p.kind in (p.POSITIONAL_ONLY, p.POSITIONAL_OR_KEYWORD)]
+    fixed = [p for p in parameters if p.kind is p.KEYWORD_ONLY and p.default is not p.empty]
+    known = len(positional) + len(fixed) == len(parameters)
+    if not known or len(positional) - more not in (2, 3, 4):
+        got = f"{getattr(fun, '__name__', fun)}{inspect.signature(fun)}"
+        raise TypeError(complaint(name, required, got, "pass constants through params"))
+    if positional[1].name in ("t", "time"):
+        got = f"{getattr(fun, '__name__', fun)}{inspect.signature(fun)}"
+        raise TypeError(complaint(name, "take t first and y second", got, defined(fun)))
+    if more and positional[2].name in ("p", "params", "dy", "jacobian"):
+        got = f"{getattr(fun, '__name__', fun)}{inspect.signature(fun)}"
+        reason = f"equations with memory= pass it there, {defined(fun)}"
+        raise TypeError(complaint(name, "take memory third", got, reason))
+    return len(positional) - more
+
+
+def try_out(name, out, fun, arity, start, shape, hint):
+    """Call `fun` once in Python at t = 0, check its values and return them and their form."""
+    filled, form = _values(name, out, fun, arity, start, shape, hint, np.nan)
+    if np.all(np.isfinite(filled)):
+        return filled, form
+    if arity == 4:
+        again, _ = _values(name, out, fun, arity, start, shape, hint, 0.5)
+        unset = np.isnan(filled) & (again == 0.5)
+        if unset.any():
+            got = f"entries {np.argwhere(unset).tolist()} left unset"
+            raise ValueError(complaint(name, f"set every entry of {out}", got, defined(fun)))
+    remedy = f"check y0 = {shown(start.y)} and params = {shown(start.params)}, {defined(fun)}"
+    raise ValueError(complaint(name, "be finite at t = 0", shown(filled), remedy))
+
+
+def _values(name, out, fun, arity, start, shape, hint, fill):
+    """Call `fun` at t = 0; return its values as an array of `shape`, and their form."""
+    filled = np.full(shape, fill)  # marks entries that an in-place function leaves unset
+    y, memory, p = (part.copy() for part in start)
+    first = (0.0, y, memory) if len(memory) else (0.0, y)
+    arguments = {2: first, 3: (*first, p), 4: (*first, filled, p)}
+    if arity == 4:
+        words = ("five", "fourth", "fifth") if len(memory) else ("four", "third", "fourth")
+        hint += "; with {} arguments the {} is {out}, to be filled, and the {} params".format(
+            *words, out=out
+        )
+    try:
+        with np.errstate(all="ignore"):  # values that are not finite are reported below
+            result = fun(*arguments[arity])
+    except Exception as error:
+        raise ValueError(
+            f"{name} must run at t = 0, got {type(error).__name__}: {error} {line_of(error, fun)};"
+            f" it was called with y = {shown(start.y)} and params = {shown(start.params)}{hint}"
+        ) from error
+    for argument, given, left in zip(start._fields, start, (y, memory, p), strict=True):
+        if not np.array_equal(given, left):
+            got = f"{shown(given)} changed to {shown(left)}"
+            remedy = f"work on a copy, {defined(fun)}"
+            raise ValueError(complaint(name, f"leave {argument} as it is", got, remedy))
+    if arity == 4:
+        if result is not None:
+            remedy = f"leave {out} out of the arguments to return values, {defined(fun)}{hint}"
+            raise TypeError(complaint(name, f"fill {out} and return None", repr(result), remedy))
+        return filled, "in place"
+    remedy = f"return numpy.array([...]) of shape {shape}, {defined(fun)}"
+    try:
+        values = np.asarray(result)
+    except ValueError:  # rows of unequal length
+        values = np.asarray(None)
+    if values.dtype.kind not in "biuf":
+        raise TypeError(complaint(name, "return real numbers", repr(result), remedy))
+    if values.shape != shape and not (values.ndim == 0 and np.prod(shape) == 1):
+        size = f"shape {shape}" + (" or a number" if np.prod(shape) == 1 else "")
+        got = f"shape {values.shape}"
+        raise ValueError(complaint(name, f"return {size}", got, remedy + hint))
+    form = "array" if values.ndim else "number"
+    return values.astype(float).reshape(shape), form
