@@ -30,9 +30,11 @@ class Equation(System):
     rhs : callable
         ``rhs(t, y)`` or ``rhs(t, y, params)`` returning shape (d,) (or a number when d = 1), or in
         place ``rhs(t, y, dy, params)``; told apart by the number of arguments. t is a float, y has
-        shape (d,). It is compiled with numba, and again when a run begins after a global or a
-        closed-over value that it reads has changed. It must not write into y or params; an index
-        out of bounds ends the run.
+        shape (d,). It is compiled with numba, its helpers too, and again when a run begins after a
+        global or a closed-over value that it reads has changed. What numba cannot compile (methods,
+        callable objects, SciPy's functions, try) is called in Python, with a
+        `PythonFunctionWarning`: 3 us more a call, and its exceptions pass through. It must not
+        write into y or params; an index out of bounds ends the run.
     y0 : array_like, shape (m, d)
         Initial values y(0), y'(0), ..., with m = ceil(highest order). Shorthands: shape (m,) when
         d = 1, shape (d,) when m = 1, a number when both are 1. A component whose own highest order

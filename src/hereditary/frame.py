@@ -1,0 +1,47 @@
+"""The user's frame: where time begins, and complex components."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+
+class Frame(NamedTuple):
+    """How times and components inside a run are those of the user.
+
+    Inside, a run begins at time 0 and all components are real: a complex one is two, its real and
+    imaginary part side by side.
+
+    Attributes
+    ----------
+    start : float
+        Time of the user at which runs begin.
+    paired : bool
+        Whether components are complex.
+    """
+
+    start: float = 0.0
+    paired: bool = False
+
+    def values(self, inside):
+        """Return components as the user sees them; `inside` (..., d) is contiguous."""
+        return inside.view(complex) if self.paired and inside is not None else inside
+
+    def event(self, function):
+        """Return a function of the user's times and components as one of those inside."""
+        return function if self == Frame() else _Inside(function, self)
+
+
+class _Inside:
+    """An event function that is given times and components of a run."""
+
+    def __init__(self, function, frame):
+        self._function, self._frame = function, frame
+        self.__name__ = getattr(function, "__name__", repr(function))
+        for name in ("terminal", "direction"):
+            if hasattr(function, name):
+                setattr(self, name, getattr(function, name))
+
+    def __call__(self, t, y):
+        return self._function(t + self._frame.start, self._frame.values(np.ascontiguousarray(y)))
