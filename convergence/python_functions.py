@@ -11,6 +11,7 @@ each kind and by collocation:
 
 import time
 import warnings
+from functools import partial
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -80,8 +81,7 @@ def measure(study):
                 return hd.solve(eq, 1.0, scheme=scheme, **how)
 
             ours, theirs = solved(equation), solved(compiled)
-            seconds = fastest(lambda: solved(equation), times)
-            beside = fastest(lambda: solved(compiled), times)
+            seconds, beside = (fastest(partial(solved, eq), times) for eq in (equation, compiled))
             own, n_rhs = own_time(fun, times), ours.stats["n_rhs"]
             yield {
                 "function": name,

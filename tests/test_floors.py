@@ -19,6 +19,7 @@ FLOORS = {
     "_callables": 1,
     "_python_calls": 0,
     "_trial": 0,
+    "frame": 0,
     "_memory_argument": 1,
     "_differences": 1,
     "memory_kernel": 1,

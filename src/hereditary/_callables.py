@@ -22,13 +22,12 @@ from ._checks import complaint, shown
 from ._complaints import compile_reason, defined, writing_complaint
 from ._frozen import code_names, fresh, frozen_values, uncompiled
 from ._jit import F8, JAC_SIG, RHS_SIG, as_value, compiling, derived
-from ._memory_argument import joined, padded, split
+from ._memory_argument import joined, padded, paired, split
 from ._python_calls import Callback, before_addresses, in_python, warn_of_python
 from ._trial import arity_of, try_out
 from ._warning import warn
 
 _READ_ONLY = types.Array(F8, 1, "C", readonly=True)
-_MEMORY = types.Array(F8, 2, "C", readonly=True)
 # Through these numba returns y as a writable array.
 _PAST_READ_ONLY = {"flat", "nditer", "ascontiguousarray", "asfortranarray", "fill_diagonal", "dot"}
 _COMPILED_MAX = 256
@@ -64,6 +63,9 @@ def functions_of(rhs, jac, jac_memory, start, hint=""):
     does not fit y0.
     """
     k, d = start.memory.shape
+    if start.paired and jac is not None:
+        required = "be left out where y is complex, for differences"
+        raise ValueError(complaint("jac", required, repr(jac)))
     first = [_function("rhs", "dy", rhs, start, (d,), RHS_SIG, hint)]
     if (jac is None) != (jac_memory is None) and (k or jac is None):
         given, lacking = ("jac", "jac_memory") if jac_memory is None else ("jac_memory", "jac")
@@ -100,7 +102,8 @@ def _callback(name, parts, start):
     """Return a callback that fills all values by the functions `parts`; None if all compile."""
     if all(part.compiled for part in parts):
         return None
-    d, n, params = start.y.size, start.components().size, _locked(start.params)
+    n, params = start.components().size, _locked(start.params)
+    d = n // (1 + len(start.memory))
     shape = (n,) if name == "rhs" else (n, n)
     if d == n:
         fill = parts[0].fill
@@ -138,15 +141,15 @@ def _function(name, out, fun, start, shape, signature, hint=""):
         raise TypeError(complaint(name, required, repr(fun), "write it with def or lambda"))
     arity = arity_of(name, out, plain, start)
     values, form = try_out(name, out, plain, arity, start, shape, hint)
-    fill = _in_python(plain, arity, start.memory.shape, shape)
+    fill = _in_python(plain, arity, start, shape)
     try:
         if not inspect.isfunction(plain):
             raise _NotCompiled("for numba compiles functions written with def or lambda alone")
         compiled = _from_cache(name, fun, arity, form, values, signature, start)
         _compare(name, plain, arity, compiled, values, start)
     except _NotCompiled as reason:
-        z, params = start.components(), start.params
-        warn_of_python(name, plain, reason, lambda t, out: fill(t, z, out, params), shape)
+        z, room, params = start.components(), np.empty_like(values).view(float), start.params
+        warn_of_python(name, plain, reason, lambda: fill(start.t, z, room, params))
         compiled = None
     return Function(compiled, fill)
 
@@ -156,13 +159,13 @@ def _from_cache(name, fun, arity, form, values, signature, start):
     k = len(start.memory)
     frozen = frozen_values(_plain(fun))
     options = repr(sorted(fun.targetoptions.items())) if is_jitted(fun) else ""
-    key = (frozen, options, arity, form, signature, k)
+    key = (frozen, options, arity, form, signature, k, start.paired)
     with compiling:
         if key not in _compiled:
             copied = bool(_PAST_READ_ONLY & code_names(frozen))
-            shapes = start.memory.shape, values.shape
+            kinds = arity, form, start, values.shape
             try:
-                _compiled[key] = _build(name, fun, arity, form, shapes, signature, copied)
+                _compiled[key] = _build(name, fun, kinds, signature, copied)
                 _warn_of_versions(name, _plain(fun))
             except _NotCompiled as reason:  # which takes as long to find as to compile
                 _compiled[key] = reason
@@ -191,18 +194,19 @@ def _compare(name, fun, arity, compiled, values, start):
     """Refuse compiled code whose values differ from those in Python."""
     again, z, params = np.empty_like(values), start.components(), start.params
     try:
-        compiled(0.0, z.copy(), again, params.copy())
+        compiled(start.t, z.copy(), again.view(float), params.copy())
     except Exception as error:
         raise _NotCompiled(f"for compiled it raises {type(error).__name__}: {error}") from error
     if _close(again, values):
         return
     # helpers compiled earlier may have run with the values of that time
     expected = np.empty_like(values)
-    _in_python(uncompiled(fun), arity, start.memory.shape, values.shape)(0.0, z, expected, params)
+    fill = _in_python(uncompiled(fun), arity, start, values.shape)
+    fill(start.t, z, expected.view(float), params)
     if not _close(again, expected):
         raise _NotCompiled(
-            f"for compiled it gives {shown(again)} instead of {shown(expected)} at t = 0: write "
-            "1.0 for 1 where whole numbers are divided, raised or grow large"
+            f"for compiled it gives {shown(again)} instead of {shown(expected)} at t = {start.t:g}"
+            ": write 1.0 for 1 where whole numbers are divided, raised or grow large"
         )
 
 
@@ -211,15 +215,16 @@ def _close(values, expected):
     return np.allclose(values, expected, rtol=1e-8, atol=1e-12 * np.abs(expected).max())
 
 
-def _build(name, fun, arity, form, shapes, signature, copied):
+def _build(name, fun, kinds, signature, copied):
     """Compile a user's function, or with `copied` one that is given copies of y and params.
 
-    Those may be written to. `shapes` are those of memory and of the values. Its own code, and its
-    compiled helpers, are compiled anew, so that the result depends on these alone.
+    Those may be written to. `kinds` are number of arguments, form, start and shape of the values.
+    Its own code, and its helpers, are compiled anew, so that the result depends on these alone.
     """
-    (k, _), values = shapes
+    arity, form, start, shape = kinds
     if config.DISABLE_JIT:
-        return _locking(_in_python(_plain(fun), arity, *shapes))
+        return _locking(_in_python(_plain(fun), arity, start, shape))
+    k = len(start.memory)
     # the functions are called from compiled code alone: a wrapper for others takes 1 MB each
     inside = {"boundscheck": True, "no_cpython_wrapper": True}
     inner: dict[str, Any] = {"nogil": True, "no_cfunc_wrapper": True, **inside}
@@ -227,15 +232,17 @@ def _build(name, fun, arity, form, shapes, signature, copied):
     inner["boundscheck"] = not str(_plain(fun).__module__).startswith(f"{__package__}.")
     if not is_jitted(fun):
         inner["error_model"] = "numpy"
-    t, _, out, _ = signature.args
-    first = (t, _READ_ONLY, _MEMORY) if k else (t, _READ_ONLY)
-    own = (*first, *{2: (), 3: (_READ_ONLY,), 4: (out, _READ_ONLY)}[arity])
+    number = types.complex128 if start.paired else F8
+    y, memory = (types.Array(number, axes, "C", readonly=True) for axes in (1, 2))
+    first = (F8, y, memory) if k else (F8, y)
+    filled = types.Array(number, len(shape), "C")
+    own = (*first, *{2: (), 3: (_READ_ONLY,), 4: (filled, _READ_ONLY)}[arity])
     try:
         jitted = fresh(fun, inner, inside)
         jitted.compile(own)  # by itself first, so that a message refers to the user's lines
         jitted.disable_compile()
-        adapter = _adapter(split(jitted, arity, k), arity, form, len(values), copied)
-        return as_value(derived(adapter), signature)
+        adapter = derived(_adapter(split(jitted, arity, k), arity, form, len(shape), copied))
+        return as_value(paired(adapter) if start.paired else adapter, signature)
     except Exception as error:  # numba raises many types besides its own
         plain = _plain(fun)
         if _compiles(fresh(fun, inner, inside), [a.copy(readonly=False) for a in own[1:]]):
@@ -296,14 +303,17 @@ def _adapter(fun, arity, form, n_axes, copied):
     return from_vector if n_axes == 1 else from_matrix
 
 
-def _in_python(fun, arity, memory_shape, shape):
+def _in_python(fun, arity, start, shape):
     """Return ``fill(t, z, out, params)``, which calls `fun` in Python; z holds y and memory."""
-    k, d = memory_shape
+    k, d = start.memory.shape
+    kind = start.y.dtype
 
     def fill(t, z, out, params):
+        if start.paired:
+            z, out = z.view(kind), out.view(kind)
         arguments = (t, z[:d], z[d:].reshape(k, d)) if k else (t, z)
         if arity == 4:
-            values = np.empty(shape)  # which the function may keep
+            values = np.empty(shape, kind)  # which the function may keep
             fun(*arguments, values, params)
         else:
             values = np.asarray(fun(*arguments, params) if arity == 3 else fun(*arguments))

@@ -32,7 +32,7 @@ def check_jacobian(rhs, jac, y0, params):
         return
     i, j = np.unravel_index(np.argmax(counts), counts.shape)
     _, given, expected = next(trial for trial in found if trial[0][i, j])
-    got = f"{given[i, j]:.6g} in row {i}, column {j}, near y0 at t = 0"
+    got = f"{given[i, j]:.6g} in row {i}, column {j}, near y0 at the start"
     required = f"hold d rhs[i] / d y[j] = {expected[i, j]:.6g}"
     remedy = "check signs and whether it is transposed, or leave jac out for differences"
     raise ValueError(complaint("jac", required, got, remedy))

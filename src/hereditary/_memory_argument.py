@@ -33,6 +33,15 @@ def split(fun, arity, k):
     return derived({2: alone, 3: with_params, 4: in_place}[arity])
 
 
+def paired(fun):
+    """Return a function of complex components as one of their real and imaginary parts."""
+
+    def of_parts(t, z, out, params):
+        fun(t, z.view(np.complex128), out.view(np.complex128), params)
+
+    return derived(of_parts)
+
+
 @lru_cache(maxsize=256)
 def padded(rhs, k):
     """Return a right-hand side of d values as one of d + k d, those of memory 0."""

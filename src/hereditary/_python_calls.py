@@ -157,17 +157,17 @@ def before_addresses(fun, signature):
     return as_value(derived(seen), signature)
 
 
-def warn_of_python(name, fun, reason, fill, shape):
+def warn_of_python(name, fun, reason, call):
     """Warn, once for each function, that it is called in Python, and by how much that is slower."""
     known = code_of(fun) or type(fun)
     if known in _told:
         return
     _told.add(known)
     spent: list[float] = []
-    began, out = time.perf_counter(), np.empty(shape)
+    began = time.perf_counter()
     while not spent or (len(spent) < 20 and time.perf_counter() - began < _TIMED):
         start = time.perf_counter()
-        fill(0.0, out)
+        call()
         spent.append(time.perf_counter() - start)
     seconds = min(spent) + _ADDED
     warn(

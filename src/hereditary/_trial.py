@@ -1,4 +1,4 @@
-"""Users' functions: how they are written, and one call of each in Python at t = 0."""
+"""Users' functions: how they are written, and one call of each in Python at the start."""
 
 import inspect
 from typing import NamedTuple
@@ -10,15 +10,24 @@ from ._complaints import defined, line_of
 
 
 class Start(NamedTuple):
-    """Arguments that functions are tried with at t = 0: y (d,), memory (k, d) and params (p,)."""
+    """Arguments that functions are tried with: y (d,), memory (k, d), params (p,) and the time t.
+
+    y and memory may be complex.
+    """
 
     y: np.ndarray
     memory: np.ndarray
     params: np.ndarray
+    t: float = 0.0
+
+    @property
+    def paired(self):
+        """Whether components are complex, two real ones of a system each."""
+        return self.y.dtype.kind == "c"
 
     def components(self):
-        """Return y and memory as the components of one system, (d + k d,)."""
-        return np.concatenate([self.y, self.memory.ravel()])
+        """Return y and memory as the real components of one system."""
+        return np.concatenate([self.y, self.memory.ravel()]).view(float)
 
     def named(self):
         """Name the arguments in front of params."""
@@ -57,7 +66,7 @@ def arity_of(name, out, fun, start):
 
 
 def try_out(name, out, fun, arity, start, shape, hint):
-    """Call `fun` once in Python at t = 0, check its values and return them and their form."""
+    """Call `fun` once in Python at the start, check its values and return them and their form."""
     filled, form = _values(name, out, fun, arity, start, shape, hint, np.nan)
     if np.all(np.isfinite(filled)):
         return filled, form
@@ -68,14 +77,16 @@ def try_out(name, out, fun, arity, start, shape, hint):
             got = f"entries {np.argwhere(unset).tolist()} left unset"
             raise ValueError(complaint(name, f"set every entry of {out}", got, defined(fun)))
     remedy = f"check y0 = {shown(start.y)} and params = {shown(start.params)}, {defined(fun)}"
-    raise ValueError(complaint(name, "be finite at t = 0", shown(filled), remedy))
+    raise ValueError(complaint(name, f"be finite at t = {start.t:g}", shown(filled), remedy))
 
 
 def _values(name, out, fun, arity, start, shape, hint, fill):
-    """Call `fun` at t = 0; return its values as an array of `shape`, and their form."""
-    filled = np.full(shape, fill)  # marks entries that an in-place function leaves unset
-    y, memory, p = (part.copy() for part in start)
-    first = (0.0, y, memory) if len(memory) else (0.0, y)
+    """Call `fun` at the start; return its values as an array of `shape`, and their form."""
+    filled = np.full(
+        shape, fill, start.y.dtype
+    )  # marks entries that an in-place function leaves unset
+    y, memory, p = (part.copy() for part in start[:3])
+    first = (start.t, y, memory) if len(memory) else (start.t, y)
     arguments = {2: first, 3: (*first, p), 4: (*first, filled, p)}
     if arity == 4:
         words = ("five", "fourth", "fifth") if len(memory) else ("four", "third", "fourth")
@@ -87,10 +98,11 @@ def _values(name, out, fun, arity, start, shape, hint, fill):
             result = fun(*arguments[arity])
     except Exception as error:
         raise ValueError(
-            f"{name} must run at t = 0, got {type(error).__name__}: {error} {line_of(error, fun)};"
-            f" it was called with y = {shown(start.y)} and params = {shown(start.params)}{hint}"
+            f"{name} must run at t = {start.t:g}, got {type(error).__name__}: {error} "
+            f"{line_of(error, fun)}; it was called with y = {shown(start.y)} and params = "
+            f"{shown(start.params)}{hint}"
         ) from error
-    for argument, given, left in zip(start._fields, start, (y, memory, p), strict=True):
+    for argument, given, left in zip(start._fields, start, (y, memory, p), strict=False):
         if not np.array_equal(given, left):
             got = f"{shown(given)} changed to {shown(left)}"
             remedy = f"work on a copy, {defined(fun)}"
@@ -105,11 +117,14 @@ def _values(name, out, fun, arity, start, shape, hint, fill):
         values = np.asarray(result)
     except ValueError:  # rows of unequal length
         values = np.asarray(None)
-    if values.dtype.kind not in "biuf":
-        raise TypeError(complaint(name, "return real numbers", repr(result), remedy))
+    if values.dtype.kind not in ("biufc" if start.paired else "biuf"):
+        required = "return numbers" if start.paired else "return real numbers"
+        if values.dtype.kind == "c":
+            remedy = "give y0 complex numbers for a complex solution"
+        raise TypeError(complaint(name, required, repr(result), remedy))
     if values.shape != shape and not (values.ndim == 0 and np.prod(shape) == 1):
         size = f"shape {shape}" + (" or a number" if np.prod(shape) == 1 else "")
         got = f"shape {values.shape}"
         raise ValueError(complaint(name, f"return {size}", got, remedy + hint))
     form = "array" if values.ndim else "number"
-    return values.astype(float).reshape(shape), form
+    return values.astype(start.y.dtype).reshape(shape), form

@@ -6,18 +6,19 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ._callables import functions_of, present_values
-from ._checks import complaint, real_array, shown
+from ._checks import complaint, real, real_array, shown
 from ._differences import check_jacobian
 from ._digest import digest
 from ._trial import Start
+from .frame import Frame
 from .operators import Summand
 from .orders import merged_orders
 from .sides import as_terms, enlarged, left_side, per_component, read_terms
-from .system import System
+from .system import System, later
 
 
 class Equation(System):
-    """An initial value problem ``sum_j c_j (memory operator)_j y = rhs(t, y)`` on t >= 0.
+    """An initial value problem ``sum_j c_j (memory operator)_j y = rhs(t, y)`` from t_start on.
 
     Everything is checked here: the right-hand side is called once at t = 0 and compiled, so that a
     mistake is reported before any run.
@@ -38,7 +39,8 @@ class Equation(System):
     y0 : array_like, shape (m, d)
         Initial values y(0), y'(0), ..., with m = ceil(highest order). Shorthands: shape (m,) when
         d = 1, shape (d,) when m = 1, a number when both are 1. A component whose own highest order
-        needs no y'(0) takes 0 there.
+        needs no y'(0) takes 0 there. Complex numbers state a complex equation: `rhs` is given and
+        returns complex numbers (and `jac` is left out), and so are the results.
     params : float or sequence of float, optional
         Handed to `rhs` and `jac` as an array of shape (p,).
     jac : callable, optional
@@ -53,16 +55,19 @@ class Equation(System):
     jac_memory : callable, optional
         The derivatives of `rhs` by ``memory.ravel()``, shape (d, k d), with the arguments of `jac`;
         where memory is read both are given or none.
+    t_start : float, optional
+        Time at which y0 is given and memory begins; 0 by default [time].
 
     Attributes
     ----------
     d : int
-        Number of components.
+        Number of real components; a complex one counts as two.
     m : int
         Number of initial conditions, ceil(highest order).
     orders, coefficients : ndarray, shape (n_terms, d)
         Order and coefficient for each component of each Caputo term of constant order.
     y0 : ndarray, shape (m, d)
+        Real and imaginary parts side by side where they are complex.
     params : ndarray, shape (p,)
     terms, rhs, jac, memory, jac_memory
         As given. No attribute and no array can be changed: `replace` makes another equation.
@@ -97,35 +102,43 @@ class Equation(System):
         *,
         memory: Summand | Iterable[Summand] = (),
         jac_memory: Callable | None = None,
+        t_start: float = 0.0,
     ) -> None:
         self.terms, self.memory = as_terms(terms), read_terms(memory)
         self.rhs, self.jac, self.jac_memory = rhs, jac, jac_memory
-        values = real_array("y0", y0, remedy="give shape (m, d): y(0), y'(0), ...")
+        values = _finite(y0)
         highest = max(t.operator.derivative for t in self.terms)
         if highest == 0:
             required = "hold a derivative"
             remedy = "an equation in y and its past alone is none of these"
             raise ValueError(complaint("terms", required, repr(self.terms[0]), remedy))
         initial = _initial_values(values, highest)
-        d = initial.shape[1]
-        factors = per_component("coefficient", [t.coefficient for t in self.terms], d)
+        d, paired = initial.shape[1], initial.dtype.kind == "c"
+        self.t_start = real("t_start", t_start)
+        self.frame = Frame(self.t_start, paired)
+        factors = per_component("coefficient", [t.coefficient for t in self.terms], d, paired)
         constant = [t.operator.constant for t in self.terms]
         own = [t.operator._order for t in self.terms if t.operator.constant]
-        orders = merged_orders(per_component("order", own, d))
+        orders = merged_orders(per_component("order", own, d, paired))
         orders.flags.writeable = False
         self.orders, self.coefficients = orders, factors[constant]
         self.coefficients.flags.writeable = False
-        start = Start(initial[0], np.zeros((len(self.memory), d)), _numbers(params))
+        nothing = np.zeros((len(self.memory), d), initial.dtype)
+        start = Start(initial[0], nothing, _numbers(params), self.t_start)
         functions = functions_of(rhs, jac, jac_memory, start, _of_shorthand(values, initial))
-        if functions.jac is not None:
-            check_jacobian(functions.rhs, functions.jac, start.components(), functions.params)
         self._callbacks = functions.callbacks
+        params, rhs, jac = functions.params, functions.rhs, functions.jac
+        if self.t_start != 0:
+            params, rhs, jac = later(self.t_start, params, rhs, jac)
+        if jac is not None:
+            check_jacobian(rhs, jac, start.components(), params)
         self._frozen = self._present_values()
+        initial = initial.view(float)
         initial.flags.writeable = False
-        left = left_side(self.terms, factors, orders)
-        super().__init__(left, initial, functions.params, functions.rhs, functions.jac)
+        left = left_side(self.terms, factors, orders, self.t_start)
+        super().__init__(left, initial, params, rhs, jac)
         self._n_params = start.params.size
-        self.rhs_digest = digest(rhs)
+        self.rhs_digest = digest(self.rhs)
         _check_leading(self.highest_orders(), initial)
         if self.memory:
             self._enlarged = enlarged(self, self.memory)
@@ -144,7 +157,7 @@ class Equation(System):
         super().__setattr__(name, value)
 
     def __reduce__(self):
-        return _made, tuple(getattr(self, name) for name in _GIVEN)
+        return _made, (self._arguments(),)
 
     def replace(self, **changes) -> "Equation":
         """Return an equation like this one with some of its arguments changed.
@@ -152,9 +165,9 @@ class Equation(System):
         Parameters
         ----------
         **changes
-            Any of terms, rhs, y0, params, jac, memory and jac_memory, as in `Equation`. An rhs that
-            stays is not compiled again. A given jac belongs to its rhs: with another rhs give
-            another jac, or None for differences.
+            Any of terms, rhs, y0, params, jac, memory, jac_memory and t_start, as in `Equation`.
+            An rhs that stays is not compiled again. A given jac belongs to its rhs: with another
+            rhs give another jac, or None for differences.
 
         Examples
         --------
@@ -173,7 +186,11 @@ class Equation(System):
                 raise ValueError(complaint(name, "come with another rhs", "none", remedy))
         if "jac" in changes:  # which are given together
             changes = {"jac_memory": None} | changes
-        return Equation(**({name: getattr(self, name) for name in _GIVEN} | changes))
+        return Equation(**(self._arguments() | changes))
+
+    def _arguments(self):
+        """Return the arguments that make this equation."""
+        return {name: getattr(self, name) for name in _GIVEN} | {"y0": self.frame.values(self.y0)}
 
     def current(self) -> "Equation":
         """Return this equation with the globals and closed-over values its functions now read.
@@ -186,12 +203,23 @@ class Equation(System):
         return tuple(present_values(fun) for fun in (self.rhs, self.jac, self.jac_memory))
 
 
-def _made(*given):
+def _made(arguments):
     """Return the equation of these arguments, for unpickling."""
-    return Equation(**dict(zip(_GIVEN, given, strict=True)))
+    return Equation(**arguments)
 
 
-_GIVEN = ("terms", "rhs", "y0", "params", "jac", "memory", "jac_memory")
+_GIVEN = ("terms", "rhs", "y0", "params", "jac", "memory", "jac_memory", "t_start")
+
+
+def _finite(y0):
+    """Return initial values as an array of finite numbers, real or complex."""
+    remedy = "give shape (m, d): y(0), y'(0), ..."
+    if not np.iscomplexobj(y0):
+        return real_array("y0", y0, remedy=remedy)
+    values = np.array(y0, dtype=complex)
+    real_array("y0", values.real, remedy=remedy)
+    real_array("y0", values.imag, remedy=remedy)
+    return values
 
 
 def _numbers(params):

@@ -37,11 +37,11 @@ class _Inside:
     """An event function that is given times and components of a run."""
 
     def __init__(self, function, frame):
-        self._function, self._frame = function, frame
+        self._function, self._frame, self.start = function, frame, frame.start
         self.__name__ = getattr(function, "__name__", repr(function))
         for name in ("terminal", "direction"):
             if hasattr(function, name):
                 setattr(self, name, getattr(function, name))
 
     def __call__(self, t, y):
-        return self._function(t + self._frame.start, self._frame.values(np.ascontiguousarray(y)))
+        return self._function(t + self.start, self._frame.values(np.ascontiguousarray(y)))

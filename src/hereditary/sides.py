@@ -33,23 +33,27 @@ def as_terms(terms, name="terms"):
     return tuple(term.plain() for item in items for term in item._terms())
 
 
-def left_side(terms, factors, orders):
-    """List the system's own operators with their coefficients; one for each constant order."""
+def left_side(terms, factors, orders, origin):
+    """List the system's own operators with their coefficients; one for each constant order.
+
+    Times of the system count from `origin`.
+    """
     left, rows = [], iter(orders)
     for term, c in zip(terms, factors, strict=True):
         row = next(rows) if term.operator.constant else None
         for operator, held in term.operator.parts(row):
-            left.append(SystemTerm(operator, np.where(held, c, 0.0)))
+            left.append(SystemTerm(operator.later(origin), np.where(held, c, 0.0)))
     return left
 
 
-def per_component(name, arrays, d):
-    """Stack one row a term, each broadcast to the d components."""
+def per_component(name, arrays, d, paired=False):
+    """Stack one row a term, each broadcast to d components; to two each where they are paired."""
     for array in arrays:
         if array.ndim and array.size != d:
             required = f"be one number or one for each of the {d} components"
             raise ValueError(complaint(name, required, f"shape {array.shape}"))
     stacked = np.array([np.broadcast_to(array, (d,)) for array in arrays]).reshape(-1, d)
+    stacked = np.repeat(stacked, 2, axis=1) if paired else stacked
     stacked.flags.writeable = False
     return stacked
 
@@ -68,11 +72,12 @@ def enlarged(equation, memory):
     weigh them as they would weigh such a term in an equation of its own; marches give them the
     increments of their sources.
     """
-    d, k = equation.d, len(memory)
-    factors = per_component("coefficient", [t.coefficient for t in memory], d)
+    d, k, (origin, paired) = equation.d, len(memory), equation.frame
+    own_d = d // 2 if paired else d
+    factors = per_component("coefficient", [t.coefficient for t in memory], own_d, paired)
     own = [t.operator._order for t in memory if t.operator.constant]
     mine = [op.order for op, _ in equation.left if op.constant]
-    orders = per_component("order", own, d)
+    orders = per_component("order", own, own_d, paired)
     # orders that differ from those of the left side by rounding are the same
     orders = merged_orders(np.vstack([np.tile(mine, (d, 1)).T.reshape(-1, d), orders]))[len(mine) :]
     left = [SystemTerm(op, np.concatenate([c, np.zeros(k * d)])) for op, c in equation.left]
@@ -80,7 +85,7 @@ def enlarged(equation, memory):
     for number, (term, c) in enumerate(zip(memory, factors, strict=True), 1):
         if np.any(c == 0):
             raise ValueError(complaint("memory", "have coefficients other than 0", repr(term)))
-        for operator, held in left_side([term], [c], rows):
+        for operator, held in left_side([term], [c], rows, origin):
             coefficients = np.zeros((1 + k, d))
             coefficients[number] = held
             left.append(SystemTerm(operator, coefficients.ravel()))

@@ -8,6 +8,7 @@ import numpy as np
 from ._checks import complaint
 from ._jit import JAC_SIG, as_value, compiled, derived
 from .compiled.jacobian import jacobian_at
+from .frame import Frame
 from .terms import ConstantOrder, SystemTerm
 
 
@@ -28,12 +29,15 @@ class System:
         Whether the Jacobian is given; otherwise it comes from differences.
     rhs_digest : str
         What tells the user's right-hand side from others, also in another process.
+    frame : Frame
+        How users see times and components.
     sources : ndarray of int64, shape (d,)
         Component whose derivative by its term each component is: itself where it has an equation,
         another where it is memory that the right-hand side reads (see sides.py).
     """
 
     rhs_digest = ""
+    frame = Frame()
 
     def __init__(self, left: Iterable[SystemTerm], y0, params, rhs, jac=None, sources=None):
         self.left = tuple(left)
@@ -116,6 +120,7 @@ class System:
     def jacobian(self, t, y):
         """d rhs / d y at (t, y), shape (d, d): the given one, or differences.
 
+        Times count from the start, and complex components are two.
         Of an equation whose right-hand side reads memory ask that of `enlarged`, by y and memory.
         """
         if self.enlarged is not self:
@@ -165,10 +170,10 @@ def shifted(system, origin, y0):
     if system.enlarged is not system:
         inner = system.enlarged
         return _seen(system, shifted(inner, origin, y0[:, inner.sources]))
-    params = np.append(system._params, float(origin))
-    jac = _shifted(system._jac) if system.has_jac else None
+    jac = system._jac if system.has_jac else None
+    params, rhs, jac = later(origin, system._params, system._rhs, jac)
     left = [SystemTerm(operator.later(origin), c) for operator, c in system.left]
-    return System(left, y0, params, _shifted(system._rhs), jac, system.sources)
+    return System(left, y0, params, rhs, jac, system.sources)
 
 
 def displaced(system, y0):
@@ -189,6 +194,11 @@ def _seen(system, inner):
     seen = System(left, inner.y0[:, : system.d], inner._params, None)
     seen._enlarged, seen.rhs_digest = inner, system.rhs_digest
     return seen
+
+
+def later(origin, params, rhs, jac):
+    """Return params, rhs, and jac or None of a system whose time 0 is `origin`."""
+    return np.append(params, float(origin)), _shifted(rhs), jac and _shifted(jac)
 
 
 @lru_cache(maxsize=64)

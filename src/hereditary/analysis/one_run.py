@@ -82,6 +82,10 @@ def march(request: Request) -> Run:
     """Check the arguments and march to the end or as far as it goes."""
     began = time.perf_counter()
     equation, t_end = request.equation, positive("t_end", request.t_end)
+    if equation.frame.start != 0:
+        required = "be 0 for exponents"
+        remedy = "shift the time in rhs"
+        raise ValueError(complaint("t_start", required, equation.frame.start, remedy))
     scheme, history = request.scheme, request.history
     instance("scheme", scheme, Scheme, "hereditary.ExplicitCaputo()")
     if not scheme.adaptive:
@@ -305,7 +309,7 @@ def result_of(request: Request, run: Run) -> LyapunovResult:
         mode=mode,
         status=status,
         message=message,
-        y=estimator.stepper.y[: request.equation.d],
+        y=request.equation.frame.values(estimator.stepper.y[: request.equation.d]),
         settings=settings,
         stats={
             "n_steps": n,

@@ -3,6 +3,7 @@
 import numpy as np
 
 from .._checks import complaint, real_array, shown
+from ..frame import Frame
 
 
 class Piece:
@@ -33,10 +34,13 @@ class Dense:
         Components whose first derivative was the unknown.
     resolved : bool
         Whether steps are so short that their ends show whatever happens.
+    frame : Frame
+        How the user sees times and components.
     """
 
-    def __init__(self, second, resolved=False):
+    def __init__(self, second, resolved=False, frame=Frame()):  # noqa: B008
         self._second, self.resolved = np.asarray(second, dtype=bool), resolved
+        self._frame = frame
         self._pieces: list = []
         self._starts: list[float] = []
 
@@ -54,15 +58,17 @@ class Dense:
         if not self._pieces:
             raise ValueError(complaint("t", "wait for a run that made a step", shown(times)))
         starts = np.array(self._starts)
-        start = starts[0]
+        start = starts[0] + self._frame.start
         if not np.all((times >= start) & (times <= end)):
             required = f"lie in [{start}, {end}]"
             raise ValueError(complaint("t", required, shown(times)))
+        times = np.maximum(times - self._frame.start, starts[0])
         out = np.empty((times.size, self._second.size))
         where = last_start(starts, times)
         for k in np.unique(where):
             chosen = where == k
             out[chosen] = self._pieces[k].evaluate(times[chosen], self._second, derivative)
+        out = self._frame.values(out)
         return out if np.ndim(t) else out[0]
 
 

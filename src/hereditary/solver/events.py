@@ -158,7 +158,8 @@ class _Failed(Exception):
     """An event function raised, or returned no number, at time t."""
 
     def __init__(self, function, how, t):
-        super().__init__(f"{_name(function)} {how} at t = {t:g}")
+        shown_t = t + getattr(function, "start", 0.0)
+        super().__init__(f"{_name(function)} {how} at t = {shown_t:g}")
         self.t = t
 
 

@@ -28,6 +28,7 @@ def identity(equation, t, n_tangents, **how):
         **described_terms(equation, t),
         "tangents": n_tangents,
         "y0": equation.y0.tolist(),
+        "t_start": equation.frame.start,
         "params": equation.params.tolist(),
         "right-hand side": equation.rhs_digest,
     }

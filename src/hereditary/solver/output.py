@@ -26,7 +26,7 @@ class Output:
     save_every : int
         Every so many-th step is kept.
     times : ndarray, shape (k,), or None
-        Times of the rows to keep instead.
+        Times of the rows to keep instead, the user's.
     events : Events
 
     Attributes
@@ -39,26 +39,27 @@ class Output:
 
     def __init__(self, stepper, stop, save_every, times, events):
         self._stepper, self._stop, self._every = stepper, stop, save_every
-        self._wanted, self.events = times, events
+        self._frame, self._asked, self.events = stepper.equation.frame, times, events
+        self._wanted = np.empty(0) if times is None else times - self._frame.start
         # steps chosen on the way are counted from where the run begins
         self._n = 0 if stepper.adaptive else stepper.n
         self._first = self._n
         self._starting: FirstSteps | None = None
         self._second = stepper.equation.highest_orders() > 1
         self.end, self.ended = stepper.t, False
-        self._dense = Dense(self._second, resolved=not stepper.adaptive)
+        self._dense = Dense(self._second, not stepper.adaptive, self._frame)
         self._newest: Piece | None = None
         self._rows = _room(self._most_rows(), stepper.y.size, times is None)
         self._size = 0
         if times is None:
             self._add(np.array([stepper.t]), stepper.y[None], stepper.ydot[None])
-        elif times[0] <= stepper.t:
-            self._add(times[:1], stepper.y[None], stepper.ydot[None])
-            self._wanted = times[1:]
+        elif self._wanted[0] <= stepper.t:
+            self._add(self._wanted[:1], stepper.y[None], stepper.ydot[None])
+            self._wanted = self._wanted[1:]
 
     def _most_rows(self):
         """Rows to make room for."""
-        if self._wanted is not None:
+        if self._asked is not None:
             return self._wanted.size
         if self._stepper.adaptive:
             return _SOME
@@ -86,7 +87,7 @@ class Output:
         self._newest = piece
         if not self._stepper.adaptive:
             self._starting = piece.starting or self._starting
-        if self._wanted is not None:
+        if self._asked is not None:
             self._take_wanted(piece)
             return
         if self._stepper.adaptive:
@@ -115,21 +116,30 @@ class Output:
             self._add(times, *(piece.evaluate(times, self._second, m) for m in (0, 1)))
 
     def close(self, t_end):
-        """Return times, rows, slopes and dense output: (n,), (n, d), (n, d), `Dense` or None."""
-        stepper = self._stepper
-        if self._wanted is not None:
-            return *(part[: self._size] for part in self._rows), None
+        """Return times, rows, slopes and dense output: (n,), (n, d), (n, d), `Dense` or None.
+
+        Times are the user's, and `t_end` is.
+        """
+        stepper, start = self._stepper, self._frame.start
+        if self._asked is not None:
+            _, y, ydot = (part[: self._size] for part in self._rows)
+            return self._asked[: self._size], y, ydot, None
         if self._rows[0][self._size - 1] < self.end:
             self._add_last()
         t, y, ydot = (part[: self._size] for part in self._rows)
+        at_end = stepper.position == self._stop and not self.ended
+        if not stepper.adaptive and at_end:
+            t[-1] = t_end - start  # n h may miss it by rounding
+        dense = None
         if stepper.adaptive:
-            return t, y, ydot, self._dense
-        if stepper.position == self._stop and not self.ended:
-            t[-1] = t_end  # n h may miss it by rounding
-        if self._every > 1 or t.size < 2:
-            return t, y, ydot, None
-        self._dense.add(StepPieces(t, y, ydot, self._starting, self._first), t[0])
-        return t, y, ydot, self._dense
+            dense = self._dense
+        elif self._every == 1 and t.size > 1:
+            dense = self._dense
+            dense.add(StepPieces(t, y, ydot, self._starting, self._first), t[0])
+        if start != 0:
+            t = t + start
+            t[-1] = t_end if at_end else t[-1]
+        return t, y, ydot, dense
 
     def _add_last(self):
         """Add the row where the run ended."""

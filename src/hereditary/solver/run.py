@@ -46,9 +46,9 @@ class Drive:
 
 
 def run(stepper, stop, t_end, output, progress, began):
-    """March to position `stop`, time `t_end`, or as far as it goes; return the `Solution`.
+    """March to position `stop`, the user's time `t_end`, or as far as it goes.
 
-    `began` is when its preparation began, on the clock of time.perf_counter.
+    Returns the `Solution`. `began` is when its preparation began, by time.perf_counter.
     """
     ready = time.perf_counter()
     events = output.events
@@ -73,17 +73,20 @@ def run(stepper, stop, t_end, output, progress, began):
     status, detail = ended or (reached_end(stepper), "")
     t, y, ydot, dense = output.close(t_end)
     seconds = {"setup_seconds": ready - began, "run_seconds": time.perf_counter() - ready}
+    frame = stepper.equation.frame
     solution = Solution(
         t=t,
-        y=y,
-        ydot=ydot if stepper.equation.m == 2 else None,
+        y=frame.values(y),
+        ydot=frame.values(ydot) if stepper.equation.m == 2 else None,
         status=status,
         message=told(stepper, status, detail),
         stats=stepper.stats() | seconds,
         state=replace(stepper.state(), event_signs=events.signs()),
         dense=dense,
-        t_events=[np.array(times) for times in events.times],
-        y_events=[np.array(rows).reshape(-1, stepper.y.size) for rows in events.values],
+        t_events=[np.array(times) + frame.start for times in events.times],
+        y_events=[
+            frame.values(np.array(rows).reshape(-1, stepper.y.size)) for rows in events.values
+        ],
     )
     pass_on(stepper.error, solution)
     return solution
@@ -104,7 +107,8 @@ def told(stepper, status, detail):
     """
     message = status.sentence + (f": {detail}" if detail else "")
     if status is not Status.COMPLETED:
-        message += f" (t = {stepper.t:g}{'' if stepper.adaptive else f' of step {stepper.n}'})"
+        t = stepper.t + stepper.equation.frame.start
+        message += f" (t = {t:g}{'' if stepper.adaptive else f' of step {stepper.n}'})"
     trouble = _stability(stepper)
     if trouble:
         message += f"; {trouble}"
@@ -115,15 +119,15 @@ def told(stepper, status, detail):
 
 def _stability(stepper):
     """Name what is wrong with the step, in a clause; empty when nothing is."""
-    found = []
+    found, start = [], stepper.equation.frame.start
     if stepper.zigzag is not None:
-        seen = stepper.zigzag * stepper.h
+        seen = start + stepper.zigzag * stepper.h
         found.append(f"a step-to-step zigzag had lasted at t = {seen:g}")
     if stepper.growth is not None:
-        at = f"by t = {stepper.growth * stepper.h:g}"
+        at = f"by t = {start + stepper.growth * stepper.h:g}"
         found.append(f"increments that turn within a few steps had grown {at}")
     if stepper.largest_ratio > 1:
-        at = f"near t = {stepper.largest_ratio_step * stepper.h:g}"
+        at = f"near t = {start + stepper.largest_ratio_step * stepper.h:g}"
         found.append(f"d rhs/d y reached {stepper.largest_ratio:.4g} times its limit {at}")
     if not found:
         return ""

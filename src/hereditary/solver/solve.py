@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._checks import complaint, count, instance, positive, real_array, shown, whole
+from .._checks import complaint, count, instance, positive, real, real_array, shown, whole
 from ..collocation.pace import MAX_STEPS
 from ..collocation.scheme import Collocation
 from ..equation import Equation
@@ -47,17 +47,17 @@ def solve(
     resume: State | AdaptiveState | None = None,
     allow_change: bool = False,
 ) -> Solution:
-    """Solve an equation with memory on [0, t_end]: with uniform steps, along a mesh, or adaptively.
+    """Solve an equation with memory up to t_end: with uniform steps, along a mesh, or adaptively.
 
     Parameters
     ----------
     equation : Equation
         What is solved.
     t_end : float
-        End of the run, above 0 (above the state's time when resuming) [time].
+        End of the run, above the equation's t_start (the state's time when resuming) [time].
     n_steps : int
-        Number of steps, h = t_end / n_steps. When resuming, the state's step is kept: leave it
-        out, or give a number that agrees, counted either from 0 or from the state.
+        Number of steps, h = (t_end - t_start) / n_steps. When resuming, the state's step is kept:
+        leave it out, or give a number that agrees, counted either from 0 or from the state.
     rtol, atol : float, optional
         Tolerances of `Collocation`, which chooses its own steps: errors of y, and of y' where the
         order exceeds 1, stay about ``atol + rtol * size``, with atol / max(1, t) for y'. rtol is
@@ -145,7 +145,9 @@ def solve(
     equation = instance(
         "equation", equation, Equation, "hereditary.Equation(terms, rhs, y0)"
     ).current()
-    t_end = positive("t_end", t_end)
+    start = equation.frame.start
+    t_last = _end("t_end", t_end, start)
+    t_end = t_last - start
     if isinstance(resume, (State, AdaptiveState)):
         check_sound(resume)
     scheme = _scheme(scheme, rtol, n_steps, mesh, resume)
@@ -159,14 +161,18 @@ def solve(
         kind = AdaptiveState if scheme.adaptive else State
         instance("resume", resume, kind, "the .state of an earlier Solution of the same kind")
         if t_end <= resume.t:
-            raise ValueError(complaint("t_end", f"exceed the state's time {resume.t}", t_end))
+            required = f"exceed the state's time {start + resume.t}"
+            raise ValueError(complaint("t_end", required, t_last))
     elif allow_change:
         remedy = "it allows another right-hand side than the state's"
         raise ValueError(complaint("allow_change", "come with resume", allow_change, remedy))
-    times = _eval_times(t_eval, 0.0 if resume is None else resume.t, t_end)
-    breaks = checked_breaks(() if breaks is None else breaks)
+    times = _eval_times(t_eval, start if resume is None else start + resume.t, t_last)
+    breaks = checked_breaks(() if breaks is None else breaks, start)
+    if start != 0 and not isinstance(mesh, Graded | None):
+        mesh = real_array("mesh", mesh) - start
     events = () if events is None else events
     functions = tuple(events) if isinstance(events, (list, tuple)) else (events,)
+    functions = tuple(map(equation.frame.event, functions))
     began = time.perf_counter()
     if scheme.adaptive:
         _refuse("with Collocation, which chooses its steps", n_steps=n_steps, mesh=mesh)
@@ -187,7 +193,17 @@ def solve(
     signs = {} if resume is None else resume.event_signs
     found = Events(functions, stepper.t, stepper.y, signs, stepper.looks)
     output = Output(stepper, stop, save_every, times, found)
-    return run(stepper, stop, t_end, output, progress, began)
+    return run(stepper, stop, t_last, output, progress, began)
+
+
+def _end(name, t_end, start):
+    """Return the end of a run, a number above its start."""
+    if start == 0:
+        return positive(name, t_end)
+    number = real(name, t_end)
+    if number <= start:
+        raise ValueError(complaint(name, f"exceed t_start = {start:g}", number))
+    return number
 
 
 def _scheme(scheme, rtol, n_steps, mesh, resume):

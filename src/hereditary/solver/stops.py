@@ -12,12 +12,13 @@ _OFF = 1e-6
 _ASIDE = 8 * np.finfo(float).eps
 
 
-def checked_breaks(breaks):
-    """Increasing times above 0 that lie apart, shape (k,)."""
-    times = real_array("breaks", breaks)
-    if times.ndim != 1 or np.any(np.diff(times) <= 0) or np.any(times <= 0):
-        required = "be increasing times above 0"
-        raise ValueError(complaint("breaks", required, shown(times)))
+def checked_breaks(breaks, start):
+    """Increasing times above `start` that lie apart, shape (k,), counted from there."""
+    given = real_array("breaks", breaks)
+    if given.ndim != 1 or np.any(np.diff(given) <= 0) or np.any(given <= start):
+        required = f"be increasing times above {start:g}"
+        raise ValueError(complaint("breaks", required, shown(given)))
+    times = given - start
     close = np.flatnonzero(np.diff(times) < APART * times[1:])
     if close.size:
         required = f"lie apart by more than rounding, {APART:g} of their time"

@@ -1,0 +1,353 @@
+"""The user's frame: equations that begin at other times than 0, and complex ones."""
+
+import math
+import pickle
+import warnings
+
+import mpmath
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import hereditary as hd
+
+SCHEMES = (
+    hd.ExplicitCaputo(), hd.GrunwaldLetnikov(), hd.L1(), hd.BDF(2), hd.Adams(),
+    hd.Collocation(),
+)  # fmt: skip
+ROTATION = np.array([[0.0, -1.0], [1.0, 0.0]])
+
+
+def run(eq, scheme, length=2.0, **given):
+    steps = {"rtol": 1e-8} if scheme.adaptive else {"n_steps": 100}
+    return hd.solve(eq, eq.t_start + length, scheme=scheme, **steps, **given)
+
+
+def driven(t, y, p):
+    return np.array([y[1] - y[0] + np.cos(p[0] * t), -y[0] * y[1] + t])
+
+
+def driven_later(t, y, p):
+    return driven(t + p[1], y, p)
+
+
+def crosses(t, y):
+    return y[0] - 0.8
+
+
+@given(
+    alpha=st.floats(0.2, 1.9),
+    start=st.floats(-5.0, 5.0),
+    frequency=st.floats(0.1, 2.0),
+    scheme=st.sampled_from(SCHEMES),
+)
+def test_a_start_shifts_time(alpha, start, frequency, scheme):
+    y0 = [1.0, 0.2] if alpha <= 1 else [[1.0, 0.2], [0.0, 1.0]]
+
+    def moved(t, y):
+        return crosses(t - start, y)
+
+    there = hd.Equation(hd.Caputo(alpha), driven, y0, [frequency, start], t_start=start)
+    here = hd.Equation(hd.Caputo(alpha), driven_later, y0, [frequency, start])
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", hd.SolveWarning)
+        sol, other = run(there, scheme, events=moved), run(here, scheme, events=crosses)
+    assert sol.status == other.status
+    assert sol.t[0] == start
+    if not sol.success:  # an explicit run beyond its limit ends in numbers that rounding made
+        return
+    assert sol.t[-1] == start + 2.0
+    np.testing.assert_allclose(sol.y, other.y, rtol=1e-9, atol=1e-11 * np.abs(other.y).max())
+    np.testing.assert_allclose(sol.t, start + other.t, atol=1e-14 * 10)
+    assert len(sol.t_events[0]) == len(other.t_events[0])
+    np.testing.assert_allclose(sol.t_events[0], start + other.t_events[0], atol=1e-8)
+    t = np.linspace(0.0, 2.0, 9)
+    np.testing.assert_allclose(sol(start + t), other(t), rtol=1e-9, atol=1e-9)
+
+
+def test_rows_are_at_the_times_asked_for():
+    eq = hd.Equation(hd.Caputo(0.7), driven, [1.0, 0.2], [1.0, 0.0], t_start=0.1)
+    for scheme in (hd.L1(), hd.Collocation()):
+        times = np.linspace(0.1, 2.1, 7)
+        sol = run(eq, scheme, t_eval=times)
+        np.testing.assert_array_equal(sol.t, times)
+        np.testing.assert_allclose(sol.y, run(eq, scheme)(times), rtol=1e-10)
+
+
+def test_orders_that_vary_kernels_memory_and_breaks_begin_at_the_start():
+    def order(t):
+        return 0.6 + 0.1 * np.tanh(t)
+
+    def order_later(t):
+        return order(t + 3.0)
+
+    def reads(t, y, memory):
+        return -y * (1 + np.sign(t - 4.0)) - memory[0] * t
+
+    def reads_later(t, y, memory):
+        return reads(t + 3.0, y, memory)
+
+    kernel = hd.Memory(hd.Prony([1.0], [0.5]), 1)
+    for terms, later, memory in (
+        (hd.Caputo(order), hd.Caputo(order_later), hd.Caputo(0.3)),
+        (hd.Caputo(1.0) + kernel, hd.Caputo(1.0) + kernel, hd.Caputo(0.4)),
+    ):
+        there = hd.Equation(terms, reads, 1.0, memory=memory, t_start=3.0)
+        here = hd.Equation(later, reads_later, 1.0, memory=memory)
+        found = hd.solve(there, 5.0, 100, scheme=hd.L1(), breaks=[4.0])
+        expected = hd.solve(here, 2.0, 100, scheme=hd.L1(), breaks=[1.0])
+        np.testing.assert_allclose(found.y, expected.y, rtol=1e-12)
+
+
+def test_a_run_that_begins_later_is_resumed_bit_for_bit():
+    eq = hd.Equation(hd.Caputo(0.7), driven, [1.0, 0.2], [1.0, 0.0], t_start=-2.0)
+    half = hd.solve(eq, -1.0, 50)
+    rest = hd.solve(eq, 0.0, resume=pickle.loads(pickle.dumps(half.state)))
+    assert (rest.t[0], rest.t[-1]) == (-1.0, 0.0)
+    np.testing.assert_array_equal(rest.y[-1], hd.solve(eq, 0.0, 100).y[-1])
+    with pytest.raises(ValueError, match="same t_start, here 0"):
+        hd.solve(eq.replace(t_start=0.0), 2.0, resume=half.state)
+    with pytest.raises(ValueError, match=r"exceed the state's time -1.0, got -1.5"):
+        hd.solve(eq, -1.5, resume=half.state)
+
+
+def test_meshes_run_from_the_start():
+    eq = hd.Equation(hd.Caputo(0.7), driven, [1.0, 0.2], [1.0, 1.0], t_start=1.0)
+    here = hd.Equation(hd.Caputo(0.7), driven_later, [1.0, 0.2], [1.0, 1.0])
+    mesh = np.linspace(0.0, 1.0, 40) ** 2
+    found = hd.solve(eq, 2.0, mesh=1.0 + mesh, scheme=hd.L1())
+    expected = hd.solve(here, 1.0, mesh=mesh, scheme=hd.L1())
+    np.testing.assert_allclose(found.y, expected.y, rtol=1e-10)
+    np.testing.assert_array_equal(found.t, 1.0 + mesh)
+
+
+def test_mistakes_name_the_users_times():
+    eq = hd.Equation(hd.Caputo(0.7), driven, [1.0, 0.2], [1.0, 0.0], t_start=2.0)
+    for arguments, told in (
+        ({"t_end": 1.0}, "t_end must exceed t_start = 2, got 1.0"),
+        ({"t_eval": [1.0, 2.5]}, r"t_eval must be increasing times in \[2.0, 3.0\]"),
+        ({"breaks": [1.5]}, "breaks must be increasing times above 2"),
+    ):
+        with pytest.raises(ValueError, match=told):
+            hd.solve(eq, **({"t_end": 3.0, "rtol": 1e-6} | arguments))
+    sol = hd.solve(eq, 3.0, 10)
+    with pytest.raises(ValueError, match=r"t must lie in \[2.0, 3.0\], got \[1.\]"):
+        sol(1.0)
+    with pytest.raises(ValueError, match="rhs must be finite at t = 2"):
+        hd.Equation(hd.Caputo(0.7), lambda t, y: y / (t - 2.0), 1.0, t_start=2.0)
+    with pytest.raises(ValueError, match="t_start must be 0 for exponents"):
+        hd.lyapunov(eq, 3.0, 100)
+    with pytest.raises(TypeError, match="t_start must be a finite real number"):
+        hd.Equation(hd.Caputo(0.7), driven, [1.0, 0.2], [1.0, 0.0], t_start="now")
+
+
+def test_the_message_of_an_early_end_has_the_users_time():
+    def fails(t, y):
+        return y if t < 2.5 else [1.0][int(t)] * y
+
+    eq = hd.Equation(hd.Caputo(0.7), fails, 1.0, t_start=2.0)
+    with pytest.warns(hd.SolveWarning, match=r"t = 2.5"):
+        sol = hd.solve(eq, 3.0, 100)
+    assert sol.t[-1] == pytest.approx(2.5, abs=0.011)
+
+
+# complex equations
+
+
+@given(
+    alpha=st.floats(0.5, 1.9),
+    numbers=st.lists(st.floats(-1.0, 1.0), min_size=6, max_size=6),
+    scheme=st.sampled_from(SCHEMES),
+)
+def test_a_complex_equation_is_its_real_pair(alpha, numbers, scheme):
+    a, b, *parts = numbers
+    z0 = np.array([complex(*parts[:2]), complex(*parts[2:])])
+
+    def both(t, z, p):
+        return (p[0] + 1j * p[1]) * z - z * np.abs(z) ** 2 + np.conj(z[::-1]) * np.sin(t)
+
+    def pair(t, y, p):
+        z = both(t, y[0::2] + 1j * y[1::2], p)
+        out = np.empty(4)
+        out[0::2], out[1::2] = z.real, z.imag
+        return out
+
+    y0 = z0.view(float)
+    if alpha > 1:
+        z0, y0 = np.array([z0, 1j * z0]), np.array([y0, (1j * z0).view(float)])
+    ours = hd.Equation(hd.Caputo(alpha), both, z0, [a, b])
+    theirs = hd.Equation(hd.Caputo(alpha), pair, y0, [a, b])
+    found, expected = run(ours, scheme), run(theirs, scheme)
+    assert found.status == expected.status
+    assert found.y.dtype == complex
+    np.testing.assert_allclose(found.y.view(float), expected.y, rtol=1e-9, atol=1e-9)
+    if alpha > 1:
+        np.testing.assert_allclose(found.ydot.view(float), expected.ydot, rtol=1e-8, atol=1e-8)
+    t = np.linspace(0.5, 2.0, 5)
+    np.testing.assert_allclose(found(t).view(float), expected(t), rtol=1e-9, atol=1e-9)
+    assert found(1.0).shape == (2,)
+
+
+def mittag_leffler(alpha, z):
+    """E_alpha(z) of a complex number by its series."""
+    with mpmath.workdps(60):
+        order, z = mpmath.mpf(alpha), mpmath.mpmathify(z)
+        return complex(mpmath.fsum(z**k / mpmath.gamma(order * k + 1) for k in range(400)))
+
+
+@pytest.mark.parametrize("alpha", [0.4, 0.9, 1.3])
+def test_a_complex_rate_gives_mittag_leffler(alpha):
+    rate, t_end = -0.7 + 1.9j, 3.0
+    y0 = 1.0 + 0.0j if alpha <= 1 else [1.0 + 0j, 0j]
+    eq = hd.Equation(hd.Caputo(alpha), lambda t, z: rate * z, y0)
+    sol = hd.solve(eq, t_end, rtol=1e-10)
+    exact = mittag_leffler(alpha, rate * t_end**alpha)
+    assert abs(sol.y[-1, 0] - exact) < 3e-10
+    steps = [hd.solve(eq, t_end, n, scheme=hd.BDF(2)).y[-1, 0] for n in (400, 800)]
+    errors = [abs(value - exact) for value in steps]
+    assert errors[1] < 1e-3
+    assert abs(np.log2(errors[0] / errors[1]) - 2) < 0.15
+
+
+def shapes(rate):
+    def in_place(t, z, dz, params):
+        for j in range(z.size):
+            dz[j] = rate * z[j]
+
+    class InPython:
+        def __call__(self, t, z):
+            return rate * z
+
+    return (
+        lambda t, z: rate * z, lambda t, z, p: rate * z, in_place, InPython(),
+        lambda t, z: [rate * z[0], rate * z[1]],
+    )  # fmt: skip
+
+
+@pytest.mark.filterwarnings("ignore::hereditary.PythonFunctionWarning")
+def test_all_shapes_of_complex_functions_agree():
+    z0 = [1.0 + 1j, -0.5j]
+    sols = [run(hd.Equation(hd.Caputo(0.6), f, z0), hd.L1()) for f in shapes(1j - 0.5)]
+    for sol in sols[1:]:
+        np.testing.assert_allclose(sol.y, sols[0].y, rtol=1e-13)
+    one = hd.Equation(hd.Caputo(0.6), lambda t, z: (1j - 0.5) * z[0], 1.0 + 1j)
+    np.testing.assert_allclose(run(one, hd.L1()).y[:, 0], sols[0].y[:, 0], rtol=1e-13)
+
+
+def test_complex_events_memory_orders_and_coefficients():
+    def reads(t, z, memory):
+        return 1j * z - np.abs(z) ** 2 * memory[0]
+
+    def parts(t, y, memory):
+        z, m = y[0::2] + 1j * y[1::2], memory[0, 0::2] + 1j * memory[0, 1::2]
+        f = 1j * z - np.abs(z) ** 2 * m
+        return np.array([f[0].real, f[0].imag, f[1].real, f[1].imag])
+
+    orders, factors, z0 = np.array([0.7, 0.9]), np.array([1.0, 2.0]), [1 + 0j, 0.5j]
+    eq = hd.Equation(factors * hd.Caputo(orders), reads, z0, memory=hd.Caputo([0.3, 0.5]))
+    two = np.repeat(factors, 2) * hd.Caputo(np.repeat(orders, 2))
+    memory = hd.Caputo(np.repeat([0.3, 0.5], 2))
+    real = hd.Equation(two, parts, [1.0, 0.0, 0.0, 0.5], memory=memory)
+
+    def turns(t, z):
+        assert z.dtype == complex
+        return z[0].imag - 0.2
+
+    for scheme in (hd.L1(), hd.Collocation()):
+        sol = run(eq, scheme, events=turns)
+        other = run(real, scheme, events=lambda t, y: y[1] - 0.2)
+        np.testing.assert_allclose(sol.y.view(float), other.y, rtol=1e-9, atol=1e-12)
+        np.testing.assert_allclose(sol.t_events[0], other.t_events[0], rtol=1e-9)
+        assert sol.y_events[0].dtype == complex
+        assert sol.y_events[0][0, 0].imag == pytest.approx(0.2)
+
+
+def test_complex_equations_are_resumed_replaced_and_pickled():
+    eq = hd.Equation(hd.Caputo(0.6), lambda t, z, p: 1j * p[0] * z, [1 + 1j, 0j], [2.0])
+    other = eq.replace(params=[2.0])
+    np.testing.assert_array_equal(run(eq, hd.L1()).y, run(other, hd.L1()).y)
+    half = hd.solve(eq, 1.0, 50, scheme=hd.L1())
+    rest = hd.solve(eq, 2.0, resume=pickle.loads(pickle.dumps(half.state)))
+    np.testing.assert_array_equal(rest.y[-1], run(eq, hd.L1()).y[-1])
+    assert rest.y.dtype == complex
+
+
+def test_exponents_of_a_complex_equation_are_those_of_the_pair():
+    eq = hd.Equation(hd.Caputo(0.9), lambda t, z: (1 + 1j) * z - np.abs(z) ** 2 * z, 0.5 + 0j)
+    result = hd.lyapunov(eq, 20.0, 2000, k=2)
+    assert result.exponents.shape == (2,)
+    assert result.y.dtype == complex
+
+
+def test_mistakes_in_complex_equations():
+    with pytest.raises(TypeError, match=r"return real numbers, got .*; give y0 complex numbers"):
+        hd.Equation(hd.Caputo(0.6), lambda t, z: 1j * z, [1.0, 2.0])
+    with pytest.raises(ValueError, match="jac must be left out where y is complex"):
+        hd.Equation(hd.Caputo(0.6), lambda t, z: 1j * z, 1j, jac=lambda t, z: 1j)
+    with pytest.raises(ValueError, match="y0 must be real, finite numbers"):
+        hd.Equation(hd.Caputo(0.6), lambda t, z: 1j * z, complex(0, np.inf))
+    with pytest.raises(ValueError, match=r"rhs must return shape \(2,\), got shape \(3,\)"):
+        hd.Equation(hd.Caputo(0.6), lambda t, z: np.zeros(3), [1j, 0])
+    with pytest.raises(ValueError, match="coefficient must be one number or one for each of the 2"):
+        hd.Equation(np.ones(4) * hd.Caputo(0.6), lambda t, z: 1j * z, [1j, 0])
+
+
+def test_schroedinger_by_its_eigenstates():
+    """i D^alpha psi = H psi on a chain of sites."""
+    n, alpha = 8, 0.8
+    chain = 2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
+    psi = np.exp(-((np.arange(n) - 2.0) ** 2)) * np.exp(1j * np.arange(n))
+    eq = hd.Equation(hd.Caputo(alpha), lambda t, y: -1j * (chain.astype(np.complex128) @ y), psi)
+    energies, states = np.linalg.eigh(chain)
+    factors = [mittag_leffler(alpha, -1j * energy * 2.0**alpha) for energy in energies]
+    exact = states @ (factors * (states.T @ psi))
+    assert np.abs(hd.solve(eq, 2.0, rtol=1e-9).y[-1] - exact).max() < 3e-9
+    errors = [
+        np.abs(hd.solve(eq, 2.0, k, scheme=hd.Adams()).y[-1] - exact).max() for k in (200, 400)
+    ]
+    assert errors[1] < 2e-4
+    assert abs(np.log2(errors[0] / errors[1]) - (1 + alpha)) < 0.15
+
+
+def test_landau_stuart_at_order_1_and_by_sums():
+    mu, shear, alpha, n, t_end = 0.7, 0.4, 0.85, 200, 3.0
+
+    def rhs(t, z):
+        return (mu + 1j) * z - (1 + 1j * shear) * np.abs(z) ** 2 * z
+
+    sol = hd.solve(hd.Equation(hd.Caputo(1.0), rhs, 0.3 + 0j), t_end, rtol=1e-10)
+    square = mu / (1 + (mu / 0.09 - 1) * np.exp(-2 * mu * t_end))
+    # phase: t - shear int |z|**2, the integral of a logistic curve
+    area = 0.5 * np.log(square / 0.09) - mu * t_end
+    exact = np.sqrt(square) * np.exp(1j * (t_end + shear * area))
+    assert abs(sol.y[-1, 0] - exact) < 1e-9
+    # explicit sums in complex NumPy
+    h = t_end / n
+    weights = np.diff(np.arange(n + 1) ** (1 - alpha))
+    y, scale = np.zeros(n + 1, complex), h**alpha * math.gamma(2 - alpha)
+    y[0] = 0.3
+    for k in range(n):
+        past = weights[1 : k + 1][::-1] @ np.diff(y[: k + 1])
+        y[k + 1] = y[k] + scale * rhs(0.0, y[k]) - past
+    sol = hd.solve(hd.Equation(hd.Caputo(alpha), rhs, 0.3 + 0j), t_end, n, history=hd.Direct())
+    np.testing.assert_allclose(sol.y[:, 0], y, rtol=1e-11)
+
+
+def test_many_riccati_equations_of_rough_volatility_at_once():
+    alpha, rate, spread, correlation = 0.62, 0.1, 0.331, -0.681
+
+    def riccati(t, h, u):
+        mixed = 1j * u * correlation * spread - rate
+        return -0.5 * (u * u + 1j * u) + mixed * h + 0.5 * spread**2 * h * h
+
+    u = np.linspace(0.1, 20.0, 200)
+    eq = hd.Equation(hd.Caputo(alpha), riccati, np.zeros(200, complex), u)
+    together = hd.solve(eq, 1.0, 1000, scheme=hd.Adams())
+    assert together.y.shape == (1001, 200)
+    for k in (0, 99, 199):
+        alone = hd.Equation(hd.Caputo(alpha), riccati, 0j, u[k : k + 1])
+        found = hd.solve(alone, 1.0, 1000, scheme=hd.Adams()).y[-1, 0]
+        assert together.y[-1, k] == pytest.approx(found, rel=1e-12)
+        exact = hd.solve(alone, 1.0, rtol=1e-10).y[-1, 0]
+        assert abs(found - exact) < 2e-4 * abs(exact)
