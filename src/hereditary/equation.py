@@ -10,11 +10,12 @@ from ._checks import complaint, real, real_array, shown
 from ._differences import check_jacobian
 from ._digest import digest
 from ._trial import Start
+from .chain import chained
 from .frame import Frame
 from .operators import Summand
 from .orders import merged_orders
 from .sides import as_terms, enlarged, left_side, per_component, read_terms
-from .system import System, later
+from .system import System, later, leading_orders
 
 
 class Equation(System):
@@ -63,7 +64,8 @@ class Equation(System):
     d : int
         Number of real components; a complex one counts as two.
     m : int
-        Number of initial conditions, ceil(highest order).
+        Number of initial conditions, ceil(highest order); 1 where that is above 2, and the
+        derivatives are components behind y.
     orders, coefficients : ndarray, shape (n_terms, d)
         Order and coefficient for each component of each Caputo term of constant order.
     y0 : ndarray, shape (m, d)
@@ -115,7 +117,6 @@ class Equation(System):
         initial = _initial_values(values, highest)
         d, paired = initial.shape[1], initial.dtype.kind == "c"
         self.t_start = real("t_start", t_start)
-        self.frame = Frame(self.t_start, paired)
         factors = per_component("coefficient", [t.coefficient for t in self.terms], d, paired)
         constant = [t.operator.constant for t in self.terms]
         own = [t.operator._order for t in self.terms if t.operator.constant]
@@ -133,17 +134,35 @@ class Equation(System):
         if jac is not None:
             check_jacobian(rhs, jac, start.components(), params)
         self._frozen = self._present_values()
-        initial = initial.view(float)
-        initial.flags.writeable = False
         left = left_side(self.terms, factors, orders, self.t_start)
-        super().__init__(left, initial, params, rhs, jac)
+        self._given_y0 = initial
+        self._state(left, initial.view(float), params, rhs, jac, paired)
         self._n_params = start.params.size
-        self.rhs_digest = digest(self.rhs)
-        _check_leading(self.highest_orders(), initial)
-        if self.memory:
-            self._enlarged = enlarged(self, self.memory)
-            self._rhs = None  # those of `enlarged` read memory too
         self._sealed = True
+
+    def _state(self, left, initial, params, rhs, jac, paired):
+        """Become the system of these terms, of orders up to 1 where there are some above 2."""
+        initial.flags.writeable = False
+        _check_leading(left, initial)
+        speeds: tuple[int, ...] = ()
+        beside = None
+        if len(initial) > 2:
+            if self.memory:
+                required = "be left out beside orders above 2"
+                remedy = "write the equation as a system of y and its derivatives"
+                raise ValueError(complaint("memory", required, "some", remedy))
+            system, beside, found = chained(left, initial, params, rhs, jac)
+            speeds = tuple(found.tolist())
+            left, initial, params = system.left, system.y0, system._params
+            rhs, jac = system._rhs, system._jac if system.has_jac else None
+        self.frame = Frame(self.t_start, paired, speeds)
+        super().__init__(left, initial, params, rhs, jac)
+        self.rhs_digest = digest(self.rhs)
+        if self.memory:
+            beside = enlarged(self, self.memory)
+            self._rhs = None  # those of `enlarged` read memory too
+        if beside is not None:
+            beside.rhs_digest, self._enlarged = self.rhs_digest, beside
 
     def __repr__(self):
         return f"Equation({' + '.join(map(repr, self.terms))} = rhs, d={self.d})"
@@ -190,7 +209,7 @@ class Equation(System):
 
     def _arguments(self):
         """Return the arguments that make this equation."""
-        return {name: getattr(self, name) for name in _GIVEN} | {"y0": self.frame.values(self.y0)}
+        return {name: getattr(self, name) for name in _GIVEN} | {"y0": self._given_y0}
 
     def current(self) -> "Equation":
         """Return this equation with the globals and closed-over values its functions now read.
@@ -214,11 +233,15 @@ _GIVEN = ("terms", "rhs", "y0", "params", "jac", "memory", "jac_memory", "t_star
 def _finite(y0):
     """Return initial values as an array of finite numbers, real or complex."""
     remedy = "give shape (m, d): y(0), y'(0), ..."
-    if not np.iscomplexobj(y0):
+    try:
+        is_complex = np.array(y0).dtype.kind == "c"
+    except (TypeError, ValueError):  # rows of unequal length
+        is_complex = False
+    if not is_complex:
         return real_array("y0", y0, remedy=remedy)
     values = np.array(y0, dtype=complex)
-    real_array("y0", values.real, remedy=remedy)
-    real_array("y0", values.imag, remedy=remedy)
+    for part in (values.real, values.imag):
+        real_array("y0", part, "be finite numbers", remedy)
     return values
 
 
@@ -232,15 +255,20 @@ def _numbers(params):
     return values.reshape(-1)
 
 
-def _check_leading(highest, y0):
+def _check_leading(left, y0):
+    """Refuse components without a term, and initial values that an order does not take."""
+    highest = leading_orders(left, y0.shape[1])
     for j in np.flatnonzero(highest == 0):
         required = "leave every component at least one nonzero term"
         raise ValueError(complaint("terms", required, f"none for component {j}"))
-    needless = (highest <= 1) & np.any(y0[1:] != 0, axis=0)
-    for j in np.flatnonzero(needless):
-        got = f"y0[1][{j}] = {y0[1, j]}"
-        required = f"hold no y'(0) for component {j}, whose highest order is {highest[j]}"
-        raise ValueError(complaint("y0", required, got, "set it to 0"))
+    for k in range(1, len(y0)):
+        for j in np.flatnonzero((highest <= k) & (y0[k] != 0)):
+            got = f"y0[{k}][{j}] = {y0[k, j]}"
+            primes = "'" * k
+            required = (
+                f"hold no y{primes}(0) for component {j}, whose highest order is {highest[j]}"
+            )
+            raise ValueError(complaint("y0", required, got, "set it to 0"))
 
 
 def _initial_values(values, m):
@@ -252,7 +280,8 @@ def _initial_values(values, m):
         values = values.reshape(1, -1) if m == 1 else values.reshape(-1, 1)
     if values.ndim == 2 and values.shape[0] == m and values.shape[1] >= 1:
         return np.ascontiguousarray(values)
-    names = "y(0)" if m == 1 else "y(0) and y'(0)"
+    given_names = [f"y{chr(39) * k}(0)" for k in range(m)]
+    names = " and ".join(filter(None, [", ".join(given_names[:-1]), given_names[-1]]))
     required = f"hold {names}, shape ({m}, d)"
     remedy = "the highest order sets how many rows are needed, ceil(order)"
     if m == 2 and values.size == 1:

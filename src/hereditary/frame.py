@@ -11,7 +11,7 @@ class Frame(NamedTuple):
     """How times and components inside a run are those of the user.
 
     Inside, a run begins at time 0 and all components are real: a complex one is two, its real and
-    imaginary part side by side.
+    imaginary part side by side. Of an order above 2 the derivatives are components too, behind y.
 
     Attributes
     ----------
@@ -19,14 +19,28 @@ class Frame(NamedTuple):
         Time of the user at which runs begin.
     paired : bool
         Whether components are complex.
+    speeds : tuple of int
+        Component that is the first derivative of each real one of y, -1 for none; empty where
+        derivatives are no components.
     """
 
     start: float = 0.0
     paired: bool = False
+    speeds: tuple[int, ...] = ()
 
     def values(self, inside):
-        """Return components as the user sees them; `inside` (..., d) is contiguous."""
-        return inside.view(complex) if self.paired and inside is not None else inside
+        """Return y of components (..., n) as the user sees it."""
+        if self.speeds:
+            inside = inside[..., : len(self.speeds)]
+        return np.ascontiguousarray(inside).view(complex) if self.paired else inside
+
+    def slopes(self, inside, slopes):
+        """Return y' as the user sees it, of components and their slopes (..., n) each."""
+        if self.speeds:
+            speeds = np.array(self.speeds)
+            known = inside[..., np.maximum(speeds, 0)]
+            slopes = np.where(speeds >= 0, known, slopes[..., : speeds.size])
+        return np.ascontiguousarray(slopes).view(complex) if self.paired else slopes
 
     def event(self, function):
         """Return a function of the user's times and components as one of those inside."""
@@ -44,4 +58,4 @@ class _Inside:
                 setattr(self, name, getattr(function, name))
 
     def __call__(self, t, y):
-        return self._function(t + self.start, self._frame.values(np.ascontiguousarray(y)))
+        return self._function(t + self.start, self._frame.values(y))

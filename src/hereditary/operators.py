@@ -17,7 +17,7 @@ from scipy.special import gamma
 from ._checks import complaint, instance, real_array, shown, within
 from .exponential_sum import SumKernel, fit_interval, fit_power
 from .memory_kernel import ExponentialSum, MemoryKernel, ScaledKernel
-from .orders import ROUNDING, derivative_order, rounded_order
+from .orders import HIGHEST, ROUNDING, derivative_order, rounded_order
 from .terms import ConstantOrder, KernelOperator, VaryingOrder
 
 
@@ -135,8 +135,9 @@ class Caputo(Summand):
     Parameters
     ----------
     order : float, array_like of shape (d,), or callable
-        Order alpha in (0, 2] [-], one for all components or one for each (an incommensurate
-        system); m = ceil(alpha). Integers give the classical derivative exactly. A function
+        Order alpha above 0 [-], one for all components or one for each (an incommensurate system);
+        m = ceil(alpha). An equation with orders above 2, of constant orders all, is solved as a
+        system of y and its derivatives. Integers give the classical derivative exactly. A function
         ``alpha(t)`` of the time gives an order that varies: all its values in (0, 1], or all in
         (1, 2].
 
@@ -169,15 +170,15 @@ class Caputo(Summand):
         self.varying = VaryingOrder.begun(order) if callable(order) else None
         if self.varying is not None:
             return
-        remedy = "Caputo orders above 2 are not covered; write the equation as a system"
-        orders = real_array("order", order, "lie in (0, 2]", "give a number or one per component")
+        orders = real_array("order", order, "be above 0", "give a number or one per component")
         orders = rounded_order(orders)
         if orders.ndim > 1 or orders.size == 0:
             raise ValueError(
                 complaint("order", "be a number or have shape (d,)", f"shape {orders.shape}")
             )
-        if np.any(orders <= 0) or np.any(orders > 2):
-            raise ValueError(complaint("order", "lie in (0, 2]", orders.tolist(), remedy))
+        if np.any(orders <= 0) or np.any(orders > HIGHEST):
+            required = f"lie in (0, {HIGHEST}]"
+            raise ValueError(complaint("order", required, orders.tolist()))
         orders.flags.writeable = False
         self._order = orders
 

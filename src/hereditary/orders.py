@@ -9,10 +9,12 @@ from numpy.typing import ArrayLike
 
 # Orders this close to an integer, or to each other, are it: they come from sums and quotients.
 ROUNDING = 1e-14
+# Highest order of an equation.
+HIGHEST = 20
 
 
 def rounded_order(orders: ArrayLike) -> np.ndarray:
-    """Orders with those within rounding of 1 or 2 set to it."""
+    """Orders with those within rounding of an integer set to it."""
     orders = np.asarray(orders, dtype=float)
     nearest = np.round(orders)
     return np.where((np.abs(orders - nearest) <= ROUNDING) & (nearest > 0), nearest, orders)
@@ -27,7 +29,7 @@ def merged_orders(orders: np.ndarray) -> np.ndarray:
 
 
 def derivative_order(alpha: float) -> int:
-    """m = ceil(alpha), the derivative inside Caputo's operator: 1 or 2."""
+    """m = ceil(alpha), the derivative inside Caputo's operator."""
     return math.ceil(rounded_order(alpha))
 
 

@@ -62,7 +62,11 @@ def read_terms(memory):
     """List the terms that a right-hand side reads."""
     if isinstance(memory, (list, tuple)) and not memory:
         return ()
-    return as_terms(memory, "memory")
+    terms = as_terms(memory, "memory")
+    for term in terms:
+        if term.operator.derivative > 2:
+            raise ValueError(complaint("memory", "have orders up to 2", f"{term}"))
+    return terms
 
 
 def enlarged(equation, memory):
@@ -72,7 +76,7 @@ def enlarged(equation, memory):
     weigh them as they would weigh such a term in an equation of its own; marches give them the
     increments of their sources.
     """
-    d, k, (origin, paired) = equation.d, len(memory), equation.frame
+    d, k, origin, paired = equation.d, len(memory), equation.frame.start, equation.frame.paired
     own_d = d // 2 if paired else d
     factors = per_component("coefficient", [t.coefficient for t in memory], own_d, paired)
     own = [t.operator._order for t in memory if t.operator.constant]

@@ -90,9 +90,7 @@ class System:
 
     @cached_property
     def _highest_orders(self):
-        highest = np.zeros(self.d)
-        for operator, coefficients in self.left:
-            highest = np.maximum(highest, np.where(coefficients != 0, operator.order, 0.0))
+        highest = leading_orders(self.left, self.d)
         highest.flags.writeable = False
         return highest
 
@@ -130,6 +128,14 @@ class System:
         y = np.array(y, dtype=float)
         jacobian_at(self._rhs, self._jac, int(self.has_jac), float(t), y, self._params, out)
         return out
+
+
+def leading_orders(left, d):
+    """Highest order with a nonzero coefficient of each of d components; 0 where there is none."""
+    highest = np.zeros(d)
+    for operator, coefficients in left:
+        highest = np.maximum(highest, np.where(coefficients != 0, operator.order, 0.0))
+    return highest
 
 
 @compiled

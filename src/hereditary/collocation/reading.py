@@ -13,13 +13,12 @@ as well, so that F is ``(f - sum_l c_l m_l) / c``.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
 from .._checks import complaint
-from .._jit import derived, inner
+from ..rearranged import Tables, rearranged
 from ..solver.dense import Piece
 from ..system import System
 from ..terms import ConstantOrder, SystemTerm
@@ -143,17 +142,14 @@ def reduced(equation):
                 slots.append((float(c), coefficients[c], float(place(j, operator.order))))
             elif operator.order < leading[j]:
                 lower.append((float(j), coefficients[c], float(place(j, operator.order))))
-    lead = equation.coefficient(leading)
-    tables = [*slots, *lower]
-    shape = [len(layout.y0), memory.d, d, len(slots), len(lower)]
-    flat = np.concatenate([np.ravel(tables), layout.origins, lead, shape])
-    params = np.concatenate([memory._params, flat])
+    tables = Tables(slots, lower, layout.origins, equation.coefficient(leading), memory.d)
     left = [
         SystemTerm(ConstantOrder(order), np.where(np.array(layout.orders) == order, 1.0, 0.0))
         for order in dict.fromkeys(layout.orders)
     ]
-    jac = _reduced_jacobian(memory._jac) if memory.has_jac else None
-    system = System(left, np.array([layout.y0]), params, _reduced(memory._rhs), jac)
+    jac = memory._jac if memory.has_jac else None
+    params, rhs, jac = rearranged(tables, memory._params, memory._rhs, jac)
+    system = System(left, np.array([layout.y0]), params, rhs, jac)
     system.rhs_digest = equation.rhs_digest
     return system, speeds
 
@@ -170,73 +166,3 @@ class _Layout(NamedTuple):
         self.y0.append(value)
         self.orders.append(order)
         self.origins.append(origin)
-
-
-@inner
-def _parts(params):
-    """Numbers of components n and d, and where slots, lower terms, origins and lead begin."""
-    end = params.shape[0] - 5
-    n, d = int(params[end]), int(params[end + 2])
-    lead = end - d
-    origins = lead - n
-    lower = origins - 3 * int(params[end + 4])
-    return n, d, lower - 3 * int(params[end + 3]), lower, origins, lead
-
-
-@inner
-def _y_and_memory(x, params, d, slots, lower):
-    """Return what the user's right-hand side reads: y, and memory behind it."""
-    z = np.zeros(int(params[params.shape[0] - 4]))
-    for j in range(d):
-        z[j] = x[j]
-    for i in range(slots, lower, 3):
-        z[int(params[i])] = params[i + 1] * x[int(params[i + 2])]
-    return z
-
-
-@lru_cache(maxsize=64)
-def _reduced(rhs):
-    """Right-hand side of the reduced system; params end in tables, origins, lead and sizes."""
-
-    def all_components(t, x, out, params):
-        n, d, slots, lower, origins, lead = _parts(params)
-        z = _y_and_memory(x, params, d, slots, lower)
-        force = np.empty(z.shape[0])
-        rhs(t, z, force, params[:slots])
-        for i in range(lower, origins, 3):
-            force[int(params[i])] -= params[i + 1] * x[int(params[i + 2])]
-        for i in range(n):
-            origin = int(params[origins + i])
-            if origin < 0:
-                out[i] = force[-1 - origin] / params[lead - 1 - origin]
-            else:
-                out[i] = x[origin]
-
-    return derived(all_components)
-
-
-@lru_cache(maxsize=64)
-def _reduced_jacobian(jac):
-    """Return the Jacobian of `_reduced`."""
-
-    def all_components(t, x, out, params):
-        n, d, slots, lower, origins, lead = _parts(params)
-        z = _y_and_memory(x, params, d, slots, lower)
-        block, force = np.empty((z.shape[0], z.shape[0])), np.zeros((d, n))
-        jac(t, z, block, params[:slots])
-        for j in range(d):
-            for k in range(d):
-                force[j, k] = block[j, k]
-            for i in range(slots, lower, 3):
-                force[j, int(params[i + 2])] += params[i + 1] * block[j, int(params[i])]
-        for i in range(lower, origins, 3):
-            force[int(params[i]), int(params[i + 2])] -= params[i + 1]
-        for i in range(n):
-            origin = int(params[origins + i])
-            for k in range(n):
-                if origin < 0:
-                    out[i, k] = force[-1 - origin, k] / params[lead - 1 - origin]
-                else:
-                    out[i, k] = 1.0 if k == origin else 0.0
-
-    return derived(all_components)

@@ -63,13 +63,22 @@ class Dense:
             required = f"lie in [{start}, {end}]"
             raise ValueError(complaint("t", required, shown(times)))
         times = np.maximum(times - self._frame.start, starts[0])
+        out = self._evaluate(times, derivative)
+        if derivative:
+            inside = self._evaluate(times, 0) if self._frame.speeds else out
+            out = self._frame.slopes(inside, out)
+        else:
+            out = self._frame.values(out)
+        return out if np.ndim(t) else out[0]
+
+    def _evaluate(self, times, derivative):
+        """Return the components inside, or their slopes, at times inside, (k, d)."""
         out = np.empty((times.size, self._second.size))
-        where = last_start(starts, times)
+        where = last_start(np.array(self._starts), times)
         for k in np.unique(where):
             chosen = where == k
             out[chosen] = self._pieces[k].evaluate(times[chosen], self._second, derivative)
-        out = self._frame.values(out)
-        return out if np.ndim(t) else out[0]
+        return out
 
 
 def last_start(starts, t):

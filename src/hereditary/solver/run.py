@@ -77,7 +77,7 @@ def run(stepper, stop, t_end, output, progress, began):
     solution = Solution(
         t=t,
         y=frame.values(y),
-        ydot=frame.values(ydot) if stepper.equation.m == 2 else None,
+        ydot=frame.slopes(y, ydot) if stepper.equation.m == 2 or frame.speeds else None,
         status=status,
         message=told(stepper, status, detail),
         stats=stepper.stats() | seconds,

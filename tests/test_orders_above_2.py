@@ -1,0 +1,210 @@
+"""Orders above 2: systems of y and its derivatives, made by the library."""
+
+import pickle
+
+import mpmath
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+
+import hereditary as hd
+
+C = hd.Caputo
+GIVEN = (hd.ExplicitCaputo(), hd.L1(), hd.BDF(2), hd.GrunwaldLetnikov())
+
+
+def run(eq, scheme, t_end=2.0, **given):
+    steps = {"rtol": 1e-9} if scheme.adaptive else {"n_steps": 200}
+    return hd.solve(eq, t_end, scheme=scheme, **steps, **given)
+
+
+def mittag_leffler(alpha, beta, z):
+    with mpmath.workdps(60):
+        a, z = mpmath.mpf(alpha), mpmath.mpf(z)
+        return float(mpmath.fsum(z**k * mpmath.rgamma(a * k + beta) for k in range(200)))
+
+
+@pytest.mark.parametrize("alpha", [2.1, 2.5, 3.0, 3.7])
+def test_decay_of_order_above_2_is_mittag_leffler(alpha):
+    m, t_end = int(np.ceil(alpha)), 3.0
+    for k in range(m):
+        y0 = np.eye(m)[k]
+        eq = hd.Equation(C(alpha), lambda t, y: -y, y0)
+        exact = t_end**k * mittag_leffler(alpha, k + 1, -(t_end**alpha))
+        slope = t_end ** (k - 1) * mittag_leffler(alpha, k, -(t_end**alpha))
+        sol = hd.solve(eq, t_end, rtol=1e-10)
+        assert sol.y.shape == (sol.t.size, 1)
+        assert abs(sol.y[-1, 0] - exact) < 1e-9
+        assert abs(sol.ydot[-1, 0] - slope) < 1e-9
+        assert abs(sol(t_end, 1)[0] - slope) < 1e-9
+        errors = [
+            abs(hd.solve(eq, t_end, n, scheme=hd.BDF(2)).y[-1, 0] - exact) for n in (400, 800)
+        ]
+        assert errors[1] < 1e-3
+        assert abs(np.log2(errors[0] / errors[1]) - 2) < 0.15
+
+
+def test_the_benchmark_of_many_terms_holds_for_long():
+    """D^3 x + D^2.5 x + x'' + 4 x' + D^0.5 x + 4 x = 6 cos t."""
+    terms = C(3) + C(2.5) + C(2) + 4 * C(1) + C(0.5)
+    eq = hd.Equation(terms, lambda t, x: 6 * np.cos(t) - 4 * x, [1.0, 1.0, -1.0])
+    sol = hd.solve(eq, 5000.0, rtol=1e-10)
+    t = np.linspace(0.0, 5000.0, 50_001)
+    assert np.abs(sol(t)[:, 0] - np.sqrt(2) * np.sin(t + np.pi / 4)).max() < 1e-11
+    assert np.abs(sol(t, 1)[:, 0] - np.sqrt(2) * np.cos(t + np.pi / 4)).max() < 1e-11
+    for scheme, order, least in ((hd.BDF(2), 2, 1e-4), (hd.ExplicitCaputo(), 1, 2e-2)):
+        errors = []
+        for n in (2000, 4000):
+            steps = hd.solve(eq, 10.0, n, scheme=scheme)
+            exact = np.sqrt(2) * np.sin(steps.t + np.pi / 4)
+            errors.append(np.abs(steps.y[:, 0] - exact).max())
+        assert errors[1] < least
+        assert abs(np.log2(errors[0] / errors[1]) - order) < 0.15
+
+
+@given(
+    alpha=st.floats(2.05, 3.0),
+    low=st.floats(0.1, 0.9),
+    middle=st.floats(1.1, 1.9),
+    factors=st.tuples(*[st.floats(-0.5, 0.5)] * 4),
+)
+def test_it_is_the_system_by_hand(alpha, low, middle, factors):
+    a, b, c, d = factors
+    terms = [C(alpha), a * C(middle), b * C(low), c * C(2), d * C(1)]
+
+    def f(t, y):
+        return -y[0] - 0.1 * y[0] ** 3 + np.cos(t)
+
+    eq = hd.Equation(terms, f, [1.0, 0.5, -0.2])
+
+    def by_hand(t, y):
+        # y, y', y'', D^low y, D^middle y
+        force = f(t, y) - a * y[4] - b * y[3] - c * y[2] - d * y[1]
+        return np.array([y[1], y[2], force, y[1], y[2]])
+
+    orders = [1.0, 1.0, alpha - 2, 1 - low, 2 - middle]
+    system = hd.Equation(C(orders), by_hand, [1.0, 0.5, -0.2, 0.0, 0.0])
+    found, expected = run(eq, hd.Collocation()), run(system, hd.Collocation())
+    np.testing.assert_allclose(found.y[-1, 0], expected.y[-1, 0], atol=1e-7)
+    np.testing.assert_allclose(found.ydot[-1, 0], expected.y[-1, 1], atol=1e-7)
+
+
+@given(alpha=st.floats(2.05, 4.0), scheme=st.sampled_from(GIVEN))
+def test_one_term_is_the_chain_to_rounding(alpha, scheme):
+    m = int(np.ceil(alpha))
+    y0 = [1.0, 0.5, -0.2, 0.3][:m]
+
+    def chain(t, y):
+        return np.append(y[1:], -np.sin(y[0]) + 0.2 * t)
+
+    ours = run(hd.Equation(C(alpha), lambda t, y: -np.sin(y) + 0.2 * t, y0), scheme)
+    orders = np.append(np.ones(m - 1), alpha - m + 1)
+    theirs = run(hd.Equation(C(orders), chain, y0), scheme)
+    np.testing.assert_allclose(ours.y[:, 0], theirs.y[:, 0], rtol=1e-11, atol=1e-12)
+    np.testing.assert_allclose(ours.ydot[:, 0], theirs.y[:, 1], rtol=1e-10, atol=1e-11)
+
+
+def test_order_3_is_scipys():
+    def rhs(t, y):
+        return -y * np.abs(y) + np.sin(t)
+
+    eq = hd.Equation(C(3) + 0.5 * C(2) + C(1), rhs, [0.3, 0.0, 1.0])
+    sol = hd.solve(eq, 10.0, rtol=1e-10)
+
+    def chain(t, y):
+        return [y[1], y[2], rhs(t, y[0]) - 0.5 * y[2] - y[1]]
+
+    told = solve_ivp(chain, (0, 10), [0.3, 0.0, 1.0], "DOP853", rtol=1e-12, atol=1e-13)
+    assert abs(sol.y[-1, 0] - told.y[0, -1]) < 1e-8
+    assert abs(sol.ydot[-1, 0] - told.y[1, -1]) < 1e-8
+
+
+def coupled(t, y, p):
+    return np.array([p[0] * y[1] - y[0], -y[1] + y[0] * y[1]])
+
+
+def slopes(t, y, p):
+    return np.array([[-1.0, p[0]], [y[1], -1.0 + y[0]]])
+
+
+@pytest.mark.parametrize("scheme", [hd.L1(), hd.BDF(2), hd.Collocation()], ids=repr)
+def test_components_may_have_orders_of_their_own_and_a_jacobian(scheme):
+    y0 = [[1.0, 0.5], [0.2, 0.0], [0.1, 0.0]]
+    terms = C([2.6, 0.8]) + np.array([0.3, 0.0]) * C(1.4)
+    eq = hd.Equation(terms, coupled, y0, [0.7])
+    exact = hd.Equation(terms, coupled, y0, [0.7], jac=slopes)
+    found, expected = run(eq, scheme), run(exact, scheme)
+    assert found.y.shape[1] == 2
+    np.testing.assert_allclose(found.y[-1], expected.y[-1], rtol=1e-7)
+
+    def by_hand(t, y, p):
+        force = coupled(t, y[:2], p)
+        return np.array([y[2], force[1], y[3], force[0] - 0.3 * y[4], y[3]])
+
+    system = hd.Equation(C([1, 0.8, 1, 0.6, 0.6]), by_hand, [1.0, 0.5, 0.2, 0.1, 0.0], [0.7])
+    truth = hd.solve(system, 2.0, rtol=1e-10).y[-1, :2]
+    assert np.abs(found.y[-1] - truth).max() < (1e-7 if scheme.adaptive else 0.02)
+    # y' of the second is its slope, as ever
+    assert np.isfinite(found.ydot[-1]).all()
+    assert found.ydot[-1, 1] == pytest.approx(
+        float(hd.solve(system, 2.0, rtol=1e-10)(2.0, 1)[1]), abs=0.02
+    )
+
+
+def turned(t, z):
+    return 1j * z + np.cos(t)
+
+
+def test_complex_later_starts_events_and_resuming():
+    eq = hd.Equation(C(2.4) + 0.3 * C(0.6), turned, [1 + 1j, 0j, 0.5j], t_start=1.0)
+
+    def crosses(t, z):
+        return z[0].real - 0.9
+
+    sol = hd.solve(eq, 4.0, 300, scheme=hd.BDF(2), events=crosses)
+    assert sol.y.dtype == sol.ydot.dtype == complex
+    assert sol.y.shape == sol.ydot.shape == (301, 1)
+    (t,) = sol.t_events[0]
+    assert sol(t)[0].real == pytest.approx(0.9, abs=1e-9)
+    half = hd.solve(eq, 2.5, 150, scheme=hd.BDF(2))
+    rest = hd.solve(eq, 4.0, resume=pickle.loads(pickle.dumps(half.state)))
+    np.testing.assert_array_equal(rest.y[-1], sol.y[-1])
+    tight = hd.solve(eq, 4.0, rtol=1e-9)
+    assert abs(tight.y[-1, 0] - sol.y[-1, 0]) < 1e-3
+    again = pickle.loads(pickle.dumps(eq.replace(params=())))
+    np.testing.assert_array_equal(hd.solve(again, 4.0, rtol=1e-9).y, tight.y)
+
+
+def test_exponents_count_all_derivatives():
+    eq = hd.Equation(C(3) + 0.5 * C(2) + C(1), lambda t, y: -0.2 * y, [1.0, 0.0, 0.0])
+    result = hd.lyapunov(eq, 200.0, 20_000, k=3)
+    # roots of s^3 + 0.5 s^2 + s + 0.2
+    real = np.sort(np.roots([1, 0.5, 1, 0.2]).real)[::-1]
+    np.testing.assert_allclose(np.sort(result.exponents)[::-1], real, atol=0.01)
+    assert result.y.shape == (1,)
+
+
+def test_mistakes():
+    def rhs(t, y):
+        return -y
+
+    for terms, y0, told in (
+        (C(2.5), [1.0, 0.0], r"y0 must hold y\(0\), y'\(0\) and y''\(0\), shape \(3, d\)"),
+        (
+            C(2.5) + hd.Memory(hd.Prony([1.0], [1.0]), 1),
+            [1.0, 0, 0],
+            "be Caputo operators of const",
+        ),
+        (C([2.5, 0.5]), [[1.0, 1.0], [0, 1.0], [0, 0]], r"hold no y'\(0\) for component 1"),
+        (C([2.5, 1.5]), [[1.0, 1.0], [0, 0], [0, 2.0]], r"hold no y''\(0\) for component 1"),
+    ):
+        with pytest.raises(ValueError, match=told):
+            hd.Equation(terms, rhs, y0)
+    with pytest.raises(ValueError, match=r"order must lie in \(0, 20\]"):
+        C(21)
+    with pytest.raises(ValueError, match="memory must be left out beside orders above 2"):
+        hd.Equation(C(2.5), lambda t, y, memory: -y, [1.0, 0, 0], memory=C(0.5))
+    with pytest.raises(ValueError, match="memory must have orders up to 2"):
+        hd.Equation(C(1.5), lambda t, y, memory: -y, [1.0, 0], memory=C(2.5))
