@@ -12,6 +12,7 @@ cannot compile is called in Python from a compiled one (_python_calls.py).
 
 import inspect
 from collections import OrderedDict
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -106,8 +107,7 @@ def _callback(name, parts, start):
     d = n // (1 + len(start.memory))
     shape = (n,) if name == "rhs" else (n, n)
     if d == n:
-        fill = parts[0].fill
-        return Callback(name, lambda t, z, out: fill(t, z, out, params), n, shape)
+        return Callback(name, partial(parts[0].fill, params=params), n, shape)
 
     def fill_all(t, z, out):
         out[d:] = 0.0
@@ -316,7 +316,12 @@ def _in_python(fun, arity, start, shape):
             values = np.empty(shape, kind)  # which the function may keep
             fun(*arguments, values, params)
         else:
-            values = np.asarray(fun(*arguments, params) if arity == 3 else fun(*arguments))
+            values = fun(*arguments, params) if arity == 3 else fun(*arguments)
+            if type(values) is list and shape == (len(values),) and len(values) <= _FEW:
+                for place, value in enumerate(values):  # an array is made in twice the time
+                    out[place] = value
+                return
+            values = np.asarray(values)
         if values.shape != shape:
             if values.size != 1 or out.size != 1:
                 raise ValueError(_RESHAPED)
@@ -338,4 +343,6 @@ def _locked(array):
     return view
 
 
+# Longest list that is not made an array first.
+_FEW = 6
 _RESHAPED = "the function returned another shape than at t = 0"

@@ -81,34 +81,37 @@ class Callback:
     """
 
     def __init__(self, name, fill, n, shape):
-        self._name, self._fill = name, fill
-        self._known: tuple[dict[int, np.ndarray], ...] = ({}, {})
-        sizes = ctypes.c_double * int(np.prod(shape)), ctypes.c_double * n
-        self._kinds = tuple(zip(sizes, (shape, (n,)), strict=True))
-        self._function = _C_FUNCTION(self._call)
+        # written out in one function, which is entered a million times
+        components: dict[int, np.ndarray] = {}
+        values: dict[int, np.ndarray] = {}
+        kinds = ctypes.c_double * n, ctypes.c_double * int(np.prod(shape))
+
+        def call(t, given, wanted):
+            """Fill the values at one address from the components at another; 1 for an exception."""
+            try:
+                z, out = components.get(given), values.get(wanted)
+                if z is None:
+                    z = _view(components, given, kinds[0], (n,))
+                if out is None:
+                    out = _view(values, wanted, kinds[1], shape)
+                z = z.copy()  # which the function may keep
+                z.setflags(write=False)
+                fill(t, z, out)
+                return 0
+            except BaseException as error:
+                error.add_note(f"raised by {name} at t = {t:.10g}")
+                _raised.error = error
+                return 1
+
+        self._function = _C_FUNCTION(call)
         self.address = float(ctypes.cast(self._function, ctypes.c_void_p).value or 0)
 
-    def _call(self, t, components, values):
-        """Fill the values at one address from the components at another; 1 for an exception."""
-        try:
-            z = self._view(components).copy()  # which the function may keep
-            z.setflags(write=False)
-            self._fill(t, z, self._view(values, inward=False))
-            return 0
-        except BaseException as error:
-            error.add_note(f"raised by {self._name} at t = {t:.10g}")
-            _raised.error = error
-            return 1
 
-    def _view(self, address, inward=True):
-        """Return an array of the numbers at an address: the components, or else the values."""
-        known = self._known[inward]
-        if address not in known:
-            if len(known) >= _VIEWS:
-                known.clear()
-            kind, shape = self._kinds[inward]
-            known[address] = np.frombuffer(kind.from_address(address)).reshape(shape)
-        return known[address]
+def _view(known, address, kind, shape):
+    """Return an array of the numbers at an address, and keep it by that."""
+    if len(known) >= _VIEWS:
+        known.clear()
+    return known.setdefault(address, np.frombuffer(kind.from_address(address)).reshape(shape))
 
 
 @intrinsic
