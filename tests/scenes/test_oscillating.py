@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from references import classical, matrix, value
+from scipy.special import rgamma
 
 import hereditary as hd
 from hereditary.scenes import oscillating
@@ -127,3 +128,61 @@ def test_van_der_pol_near_its_equilibrium_is_linear():
         0.0,
         pytest.approx(2.0 * math.cos(1.2)),
     ]
+
+
+def test_van_der_pol_airy_is_its_sum_written_out():
+    """At beta = 2 against SciPy with friction of order 1, below by the sums of L1."""
+    eq = hd.scenes.van_der_pol_airy(2.0, 1.0, 0.7, 0.4, 0.2, 0.1)
+    exact = classical(
+        lambda t, u: [u[1], 0.7 * (1 - u[0] ** 2) * u[1] - 0.4 * t * u[0]], 10.0, [0.2, 0.1]
+    )
+    assert abs(hd.solve(eq, 10.0, rtol=1e-9).y[-1, 0] - exact[0]) < 1e-7
+    beta, gamma, n, t_end = 1.7, 0.6, 400, 4.0
+    h, x = t_end / n, np.zeros(n + 1)
+    k = np.arange(n + 1)
+    inertia = np.diff(k ** (2 - beta)) / (h**beta * math.gamma(3 - beta))
+    damper = np.diff(k ** (1 - gamma)) / (h**gamma * math.gamma(2 - gamma))
+    x[0], x[1] = 0.3, 0.3 + 0.1 * h
+    eq = hd.scenes.van_der_pol_airy(beta, gamma, 0.7, 0.4, 0.3, 0.1)
+    tight = hd.solve(eq, t_end, rtol=1e-9)
+    for j in range(1, n):
+        steps = np.diff(x[: j + 1])
+        friction = 0.7 * (1 - x[j] ** 2) * (damper[:j][::-1] @ steps)
+        seconds = np.append(steps[0] - 0.1 * h, np.diff(steps))
+        past = inertia[1 : j + 1][::-1] @ seconds
+        force = friction - 0.4 * j * h * x[j]
+        x[j + 1] = 2 * x[j] - x[j - 1] + (force - past) / inertia[0]
+    assert np.abs(x - tight(h * k)[:, 0]).max() < 0.05
+    found = hd.solve(eq, t_end, n, scheme=hd.BDF(2)).y[:, 0]
+    assert np.abs(found - tight(h * k)[:, 0]).max() < 2e-3
+
+
+@pytest.mark.filterwarnings("ignore::hereditary.PythonFunctionWarning")
+def test_a_control_loop_reads_the_derivative_of_its_reference():
+    """D^mu e with D^mu of the plant on the left side, and that of sin t by its series."""
+    mu, gains = 0.4, (8.0, 4.0, 1.5)
+
+    def loop(t, y, memory, p):
+        error = y[2] - y[0]
+        u = p[0] * error + p[1] * y[1] + p[2] * (memory[0, 2] - memory[0, 0])
+        return np.array([u - y[0], error, np.cos(t)])
+
+    orders = [0.9, 0.6, 1.0]
+    eq = hd.Equation(hd.Caputo(orders), loop, [0.0] * 3, gains, memory=hd.Caputo(mu))
+    k = np.arange(60)
+    reciprocals = rgamma(2 * k + 2 - mu)
+
+    def of_sine(t):
+        return t ** (1 - mu) * float(np.sum((-t * t) ** k * reciprocals))
+
+    def direct(t, y):
+        error = math.sin(t) - y[0]
+        u = gains[0] * error + gains[1] * y[1] + gains[2] * of_sine(t)
+        return [u - y[0], error]
+
+    terms = hd.Caputo([0.9, 0.6]) + np.array([gains[2], 0.0]) * hd.Caputo(mu)
+    truth = hd.solve(hd.Equation(terms, direct, [0.0, 0.0]), 5.0, rtol=1e-9)
+    times = np.linspace(0.5, 5.0, 10)
+    assert np.abs(hd.solve(eq, 5.0, rtol=1e-9)(times)[:, :2] - truth(times)).max() < 3e-8
+    steps = hd.solve(eq, 5.0, 2000, scheme=hd.BDF(2))
+    assert np.abs(steps.y[::200, :2] - truth(steps.t[::200])).max() < 1e-4

@@ -2,7 +2,7 @@
 
 from .chaotic import lorenz, rabinovich_fabrikant, rossler
 from .linear import oscillator, relaxation
-from .oscillating import brusselator, duffing, van_der_pol
+from .oscillating import brusselator, duffing, van_der_pol, van_der_pol_airy
 from .stick_slip import PRINTED_WELL, stick_slip, sticking_intervals, well_coefficients
 
 __all__ = [
@@ -17,5 +17,6 @@ __all__ = [
     "stick_slip",
     "sticking_intervals",
     "van_der_pol",
+    "van_der_pol_airy",
     "well_coefficients",
 ]

@@ -146,6 +146,75 @@ def van_der_pol(
 
 
 @compiled
+def _airy(t, y, memory, dy, params):
+    # params: friction, stiffness
+    dy[0] = params[0] * (1.0 - y[0] * y[0]) * memory[0, 0] - params[1] * t * y[0]
+
+
+@compiled
+def _airy_jacobian(t, y, memory, jacobian, params):
+    jacobian[0, 0] = -2.0 * params[0] * y[0] * memory[0, 0] - params[1] * t
+
+
+@compiled
+def _airy_memory_jacobian(t, y, memory, jacobian, params):
+    jacobian[0, 0] = params[0] * (1.0 - y[0] * y[0])
+
+
+def van_der_pol_airy(
+    beta: float = 1.8,
+    gamma: float = 0.8,
+    friction: float = 1.0,
+    stiffness: float = 1.0,
+    x0: float = 0.1,
+    v0: float = 0.0,
+) -> Equation:
+    """The van der Pol-Airy oscillator: friction with memory that depends on the state.
+
+    ``D^beta x + friction (x**2 - 1) D^gamma x + stiffness t x = 0``.
+
+    Parameters
+    ----------
+    beta, gamma : float
+        Orders of inertia and friction, 1 < beta <= 2 and 0 < gamma <= 1 [-].
+    friction : float
+        Strength of the friction, which excites below ``|x| = 1`` and damps above.
+    stiffness : float
+        Rate at which the spring grows stiffer.
+    x0, v0 : float
+        x(0) and x'(0).
+
+    Returns
+    -------
+    Equation
+        The friction is memory that its right-hand side reads (docs/memory_terms.md).
+
+    Source
+    ------
+    [VanDerPol1926] for the friction, Airy's equation for the spring.
+
+    Examples
+    --------
+    The inertia of order below 2 damps fast oscillations more than the friction excites them:
+
+    >>> import hereditary as hd
+    >>> sol = hd.solve(hd.scenes.van_der_pol_airy(), 30.0, rtol=1e-8)
+    >>> bool(0.1 < abs(sol.y[sol.t > 10]).max() < 0.2), bool(abs(sol.y[-1, 0]) < 0.01)
+    (True, True)
+    """
+    orders = oscillator_terms(beta, gamma, 1.0)
+    return Equation(
+        orders[0],
+        _airy,
+        [[real("x0", x0)], [real("v0", v0)]],
+        params=(real("friction", friction), real("stiffness", stiffness)),
+        jac=_airy_jacobian,
+        memory=orders[1],
+        jac_memory=_airy_memory_jacobian,
+    )
+
+
+@compiled
 def _brusselator(t, y, dy, params):
     # params: a, b
     product = y[0] * y[0] * y[1]
