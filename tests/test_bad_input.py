@@ -24,7 +24,7 @@ def test_orders_that_are_no_numbers(order):
         hd.Caputo(order)
 
 
-@pytest.mark.parametrize("coefficient", [math.nan, math.inf, "a", 1j, None, [[1.0]]])
+@pytest.mark.parametrize("coefficient", [math.nan, math.inf, "a", 1j, None, [[1.0, 2.0]]])
 def test_coefficients(coefficient):
     with pytest.raises((TypeError, ValueError), match="coefficient must"):
         coefficient * hd.Caputo(0.5)

@@ -14,7 +14,7 @@ from .chain import chained
 from .frame import Frame
 from .operators import Summand
 from .orders import merged_orders
-from .sides import as_terms, enlarged, left_side, per_component, read_terms
+from .sides import as_terms, enlarged, factors_of, left_side, per_component, read_terms
 from .system import System, later, leading_orders
 
 
@@ -28,7 +28,8 @@ class Equation(System):
     ----------
     terms : Caputo, Memory, Term, a sum or a sequence of them
         Operators with their coefficients, ``[Caputo(1.8), 0.25 * Caputo(0.8)]`` or ``Caputo(1.8) +
-        0.25 * Caputo(0.8)``. Orders and coefficients are one for all components or of shape (d,).
+        0.25 * Caputo(0.8)``. Orders and coefficients are one for all components or of shape (d,); a
+        coefficient of shape (d, d) has a row for each equation and a column for each component.
     rhs : callable
         ``rhs(t, y)`` or ``rhs(t, y, params)`` returning shape (d,) (or a number when d = 1), or in
         place ``rhs(t, y, dy, params)``; told apart by the number of arguments. t is a float, y has
@@ -67,7 +68,8 @@ class Equation(System):
         Number of initial conditions, ceil(highest order); 1 where that is above 2, and the
         derivatives are components behind y.
     orders, coefficients : ndarray, shape (n_terms, d)
-        Order and coefficient for each component of each Caputo term of constant order.
+        Order and coefficient for each component of each Caputo term of constant order; coefficients
+        of shape (n_terms, d, d) where one is a matrix.
     y0 : ndarray, shape (m, d)
         Real and imaginary parts side by side where they are complex.
     params : ndarray, shape (p,)
@@ -117,7 +119,7 @@ class Equation(System):
         initial = _initial_values(values, highest)
         d, paired = initial.shape[1], initial.dtype.kind == "c"
         self.t_start = real("t_start", t_start)
-        factors = per_component("coefficient", [t.coefficient for t in self.terms], d, paired)
+        factors = factors_of(self.terms, d, paired)
         constant = [t.operator.constant for t in self.terms]
         own = [t.operator._order for t in self.terms if t.operator.constant]
         orders = merged_orders(per_component("order", own, d, paired))
@@ -141,14 +143,14 @@ class Equation(System):
         self._sealed = True
 
     def _state(self, left, initial, params, rhs, jac, paired):
-        """Become the system of these terms, of orders up to 1 where there are some above 2."""
+        """Become the system of these terms: without matrices, without orders above 2."""
         initial.flags.writeable = False
         _check_leading(left, initial)
         speeds: tuple[int, ...] = ()
         beside = None
-        if len(initial) > 2:
+        if len(initial) > 2 or left[0].coefficients.ndim > 1:
             if self.memory:
-                required = "be left out beside orders above 2"
+                required = "be left out beside orders above 2 and coefficients that are matrices"
                 remedy = "write the equation as a system of y and its derivatives"
                 raise ValueError(complaint("memory", required, "some", remedy))
             system, beside, found = chained(left, initial, params, rhs, jac)

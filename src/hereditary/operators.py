@@ -273,10 +273,11 @@ class Term(Summand):
     """A coefficient times a memory operator; made by multiplication, ``0.25 * Caputo(0.8)``."""
 
     def __init__(self, operator: Caputo | Memory, coefficient: ArrayLike) -> None:
-        required = "be a real number or have shape (d,)"
-        remedy = "it cannot vary; terms with other factors belong to the right-hand side"
+        required = "be a real number or have shape (d,) or (d, d)"
+        remedy = "where it varies let the right-hand side read the term: Equation(..., memory=)"
         factor = real_array("coefficient", coefficient, required, remedy)
-        if factor.ndim > 1 or factor.size == 0:
+        square = factor.ndim < 2 or factor.shape == factor.shape[:1] * 2
+        if not square or factor.size == 0:
             raise ValueError(complaint("coefficient", required, f"shape {factor.shape}"))
         factor.flags.writeable = False
         self.operator = operator
@@ -286,9 +287,13 @@ class Term(Summand):
         return (self,)
 
     def times(self, factor: ArrayLike) -> Term:
-        """This term with its coefficient multiplied."""
-        checked = Term(self.operator, factor).coefficient
-        return Term(self.operator, checked * self.coefficient)
+        """This term with its coefficient multiplied; from the left, where it is a matrix."""
+        checked, own = Term(self.operator, factor).coefficient, self.coefficient
+        if checked.ndim == 2 and own.ndim:
+            return Term(self.operator, checked @ (own if own.ndim == 2 else np.diag(own)))
+        if checked.ndim == 1 and own.ndim == 2:
+            return Term(self.operator, checked[:, None] * own)
+        return Term(self.operator, checked * own)
 
     def plain(self) -> Term:
         """Return the term with its kernel's factor in the coefficient, a power law as Caputo's."""

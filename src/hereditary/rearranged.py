@@ -47,6 +47,47 @@ def rearranged(tables, params, rhs, jac):
     return np.concatenate([params, flat]), _right_side(rhs), jac and _jacobian(jac)
 
 
+def mixed(matrix, params, rhs, jac):
+    """Return params, right-hand side, and Jacobian or None, of forces multiplied by a matrix."""
+    flat = np.append(matrix.ravel(), matrix.shape[0])
+    return np.concatenate([params, flat]), _mixed_side(rhs), jac and _mixed_jacobian(jac)
+
+
+@lru_cache(maxsize=64)
+def _mixed_side(rhs):
+    """Right-hand side multiplied by a matrix (d, d) that stands, with d, behind the parameters."""
+
+    def product(t, y, out, params):
+        d = int(params[params.shape[0] - 1])
+        own = params.shape[0] - d * d - 1
+        force = np.empty(d)
+        rhs(t, y, force, params[:own])
+        for i in range(d):
+            out[i] = 0.0
+            for k in range(d):
+                out[i] += params[own + i * d + k] * force[k]
+
+    return derived(product)
+
+
+@lru_cache(maxsize=64)
+def _mixed_jacobian(jac):
+    """Return the Jacobian of `_mixed_side`."""
+
+    def product(t, y, out, params):
+        d = int(params[params.shape[0] - 1])
+        own = params.shape[0] - d * d - 1
+        slopes = np.empty((d, d))
+        jac(t, y, slopes, params[:own])
+        for i in range(d):
+            for j in range(d):
+                out[i, j] = 0.0
+                for k in range(d):
+                    out[i, j] += params[own + i * d + k] * slopes[k, j]
+
+    return derived(product)
+
+
 @inner
 def _parts(params):
     """Numbers of components n and d, and where slots, lower terms, origins and lead begin."""

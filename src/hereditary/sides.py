@@ -46,6 +46,24 @@ def left_side(terms, factors, orders, origin):
     return left
 
 
+def factors_of(terms, d, paired):
+    """Stack the terms' coefficients, (n_terms, d), or (n_terms, d, d) where one is a matrix."""
+    found = [t.coefficient for t in terms]
+    if all(factor.ndim < 2 for factor in found):
+        return per_component("coefficient", found, d, paired)
+    stacked = []
+    for factor in found:
+        if factor.ndim < 2:
+            factor = np.diag(per_component("coefficient", [factor], d)[0])
+        elif factor.shape != (d, d):
+            required = f"be one number, or have shape ({d},) or ({d}, {d})"
+            raise ValueError(complaint("coefficient", required, f"shape {factor.shape}"))
+        stacked.append(np.kron(factor, np.eye(2)) if paired else factor)
+    matrices = np.array(stacked)
+    matrices.flags.writeable = False
+    return matrices
+
+
 def per_component(name, arrays, d, paired=False):
     """Stack one row a term, each broadcast to d components; to two each where they are paired."""
     for array in arrays:
@@ -78,7 +96,10 @@ def enlarged(equation, memory):
     """
     d, k, origin, paired = equation.d, len(memory), equation.frame.start, equation.frame.paired
     own_d = d // 2 if paired else d
-    factors = per_component("coefficient", [t.coefficient for t in memory], own_d, paired)
+    factors = factors_of(memory, own_d, paired)
+    if factors.ndim > 2:
+        required = "have coefficients of shape (d,)"
+        raise ValueError(complaint("memory", required, "a matrix", "multiply in rhs"))
     own = [t.operator._order for t in memory if t.operator.constant]
     mine = [op.order for op, _ in equation.left if op.constant]
     orders = per_component("order", own, own_d, paired)

@@ -131,10 +131,14 @@ class System:
 
 
 def leading_orders(left, d):
-    """Highest order with a nonzero coefficient of each of d components; 0 where there is none."""
+    """Highest order of each of d components in any equation; 0 where there is none.
+
+    Coefficients are of shape (d,) or (d, d), a row for each equation.
+    """
     highest = np.zeros(d)
     for operator, coefficients in left:
-        highest = np.maximum(highest, np.where(coefficients != 0, operator.order, 0.0))
+        held = np.any(coefficients.reshape(-1, d) != 0, axis=0)
+        highest = np.maximum(highest, np.where(held, operator.order, 0.0))
     return highest
 
 

@@ -1,0 +1,184 @@
+"""Coefficients that are matrices: solved for the highest derivatives, the rest read as memory."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+
+import hereditary as hd
+
+C = hd.Caputo
+SCHEMES = (hd.ExplicitCaputo(), hd.L1(), hd.BDF(2), hd.Collocation())
+
+
+def run(eq, scheme, t_end=2.0, **given):
+    steps = {"rtol": 1e-9} if scheme.adaptive else {"n_steps": 200}
+    return hd.solve(eq, t_end, scheme=scheme, **steps, **given)
+
+
+def rotated(angle, values):
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    return turn, turn @ np.diag(values) @ turn.T
+
+
+@given(
+    alpha=st.floats(0.6, 1.9),
+    share=st.floats(0.1, 0.9),
+    angle=st.floats(0.1, 1.5),
+    values=st.lists(st.floats(0.5, 2.0), min_size=4, max_size=4),
+    scheme=st.sampled_from(SCHEMES),
+)
+def test_it_is_the_rotated_system(alpha, share, angle, values, scheme):
+    """With matrices of common axes the components along these stand alone."""
+    lead, low = np.array(values[:2]), np.array(values[2:])
+    turn, matrix = rotated(angle, lead)
+    _, lower = rotated(angle, low)
+
+    def force(t, y, p):
+        return -y + np.cos(t) * p[:2]
+
+    y0 = np.array([1.0, -0.5])
+    both = [matrix * C(alpha), lower * C(share * alpha)]
+    alone = [lead * C(alpha), low * C(share * alpha)]
+    start, turned = (y0, turn.T @ y0) if alpha <= 1 else ([y0, -y0], [turn.T @ y0, -turn.T @ y0])
+    push = np.array([0.3, 0.7])
+    ours = run(hd.Equation(both, force, start, push), scheme)
+    theirs = run(hd.Equation(alone, force, turned, turn.T @ push), scheme)
+    expected = theirs.y @ turn.T
+    if scheme.adaptive:
+        np.testing.assert_allclose(ours.y[-1], expected[-1], atol=1e-7)
+    elif isinstance(scheme, hd.ExplicitCaputo):  # memory is read a step late: to first order
+        assert np.abs(ours.y - expected).max() < 0.15
+    else:
+        np.testing.assert_allclose(ours.y, expected, atol=1e-9)
+
+
+@pytest.mark.parametrize("scheme", [*SCHEMES, hd.Adams(), hd.GrunwaldLetnikov()], ids=repr)
+def test_one_term_is_multiplied_by_the_inverse(scheme):
+    matrix = np.array([[1.0, 0.2], [0.3, 1.5]])
+    inverse = np.linalg.inv(matrix)
+
+    def force(t, y):
+        return np.array([-y[0] + np.sin(t), y[0] * y[1]])
+
+    def slopes(t, y):
+        return np.array([[-1.0, 0.0], [y[1], y[0]]])
+
+    ours = run(hd.Equation(matrix * C(0.8), force, [1.0, 0.3]), scheme)
+    theirs = run(hd.Equation(C(0.8), lambda t, y: inverse @ force(t, y), [1.0, 0.3]), scheme)
+    np.testing.assert_allclose(ours.y[-1], theirs.y[-1], rtol=1e-8)
+    exact = run(hd.Equation(matrix * C(0.8), force, [1.0, 0.3], jac=slopes), scheme)
+    np.testing.assert_allclose(exact.y[-1], ours.y[-1], rtol=1e-7)
+
+
+def test_classical_matrices_are_scipys():
+    mass = np.array([[2.0, 0.3], [0.3, 1.0]])
+    damping = np.array([[0.2, -0.1], [-0.1, 0.4]])
+    spring = np.array([[3.0, -1.0], [-1.0, 2.0]])
+
+    def force(t, y):
+        return np.array([np.cos(t), 0.0]) - spring @ y
+
+    eq = hd.Equation(mass * C(2) + damping * C(1), force, [[1.0, 0.0], [0.0, 0.5]])
+
+    def first_order(t, u):
+        y, v = u[:2], u[2:]
+        return np.append(v, np.linalg.solve(mass, force(t, y) - damping @ v))
+
+    told = solve_ivp(first_order, (0, 10), [1.0, 0.0, 0.0, 0.5], "DOP853", rtol=1e-12, atol=1e-12)
+    sol = hd.solve(eq, 10.0, rtol=1e-9)
+    assert np.abs(sol.y[-1] - told.y[:2, -1]).max() < 1e-7
+    assert np.abs(sol.ydot[-1] - told.y[2:, -1]).max() < 1e-7
+    errors = [
+        np.abs(hd.solve(eq, 10.0, n, scheme=hd.BDF(2)).y[-1] - told.y[:2, -1]).max()
+        for n in (1000, 2000)
+    ]
+    assert errors[1] < 1e-3
+    assert abs(np.log2(errors[0] / errors[1]) - 2) < 0.15
+
+
+def test_a_zener_body_as_it_is_written():
+    """Stress s + b D^a s = E (e + c D^a e) under a strain e(t) = t, by an equation of its own."""
+    a, b, c, modulus, t_end = 0.6, 0.5, 1.4, 2.0, 3.0
+    # rows: the material; the strain. D^a of both stand in the first.
+    terms = [np.array([[b, -modulus * c], [0.0, 0.0]]) * C(a), np.diag([0.0, 1.0]) * C(1)]
+
+    def law(t, y):
+        return np.array([modulus * y[1] - y[0], 1.0])
+
+    sol = hd.solve(hd.Equation(terms, law, [0.0, 0.0]), t_end, rtol=1e-9)
+
+    def stress(t, y, p):
+        of_ramp = t ** (1 - p[0]) / p[1]
+        return (p[4] * (t + p[3] * of_ramp) - y) / p[2]
+
+    gamma = 0.8872638175030753  # of 2 - a
+    params = [a, gamma, b, c, modulus]
+    alone = hd.solve(hd.Equation(C(a), stress, 0.0, params), t_end, rtol=1e-9)
+    assert abs(sol.y[-1, 0] - alone.y[-1, 0]) < 1e-8
+    assert abs(sol.y[-1, 1] - t_end) < 1e-10
+
+
+def test_with_complex_components_later_starts_and_orders_above_2():
+    matrix = np.array([[1.0, 0.4], [0.1, 1.0]])
+    inverse = np.linalg.inv(matrix).astype(complex)
+
+    def force(t, z):
+        return 1j * z + np.cos(t)
+
+    ours = hd.Equation(matrix * C(0.7), force, [1 + 1j, 0j], t_start=1.0)
+    theirs = hd.Equation(C(0.7), lambda t, z: inverse @ force(t, z), [1 + 1j, 0j], t_start=1.0)
+    found, expected = (hd.solve(eq, 3.0, 200, scheme=hd.L1()).y for eq in (ours, theirs))
+    np.testing.assert_allclose(found, expected, rtol=1e-9)
+    lower = np.array([[0.0, 0.5], [-0.5, 0.1]])
+    terms = [matrix * C(2.6), lower * C(1.3), 0.2 * C(1)]
+    eq = hd.Equation(terms, lambda t, y: -y, [[1.0, 0.0], [0.0, 1.0], [0.2, 0.0]])
+    below = np.linalg.inv(matrix) @ lower
+
+    def by_hand(t, y):
+        m = y[6:8]  # D^1.3 y
+        force = np.linalg.inv(matrix) @ (-y[:2] - 0.2 * y[2:4]) - below @ m
+        return np.concatenate([y[2:6], force, y[4:6]])
+
+    orders = [1.0] * 4 + [0.6] * 2 + [0.7] * 2
+    start = [1.0, 0.0, 0.0, 1.0, 0.2, 0.0, 0.0, 0.0]
+    with pytest.warns(hd.PythonFunctionWarning):
+        hand = hd.Equation(C(orders), lambda t, y: list(by_hand(t, y)) + sorted([]), start)
+    truth = hd.solve(hand, 2.0, rtol=1e-9).y[-1, :2]
+    assert np.abs(hd.solve(eq, 2.0, rtol=1e-9).y[-1] - truth).max() < 1e-7
+
+
+def test_products_of_coefficients():
+    a, b, v = np.array([[1.0, 2.0], [3.0, 4.0]]), np.array([[0.0, 1.0], [1.0, 0.0]]), [5.0, 6.0]
+    for term, expected in (
+        (2 * (a * C(0.5)), 2 * a),
+        (a * (2 * C(0.5)), 2 * a),
+        (b * (a * C(0.5)), b @ a),
+        (np.array(v) * (a * C(0.5)), np.diag(v) @ a),
+        (a * (np.array(v) * C(0.5)), a @ np.diag(v)),
+        ((a * C(0.5)) / 2, a / 2),
+    ):
+        np.testing.assert_array_equal(term.coefficient, expected)
+
+
+def test_mistakes():
+    def force(t, y):
+        return -y
+
+    singular, good = np.ones((2, 2)), np.eye(2)
+    kernel = hd.Memory(hd.Prony([1.0], [1.0]), 1)
+    for terms, told in (
+        (singular * C(0.5), "terms must have an invertible matrix in front of the highest"),
+        (np.eye(3) * C(0.5), r"coefficient must be one number, or have shape \(2,\) or \(2, 2\)"),
+        (good * C(1) + 0.5 * kernel, "be Caputo operators of constant order beside orders above 2"),
+        (np.diag([1.0, 0.0]) * C(0.5), "at least one nonzero term, got none for component 1"),
+    ):
+        with pytest.raises(ValueError, match=told):
+            hd.Equation(terms, force, [1.0, 1.0])
+    with pytest.raises(ValueError, match=r"coefficient must be a real number or have shape \(d,\)"):
+        np.ones((2, 3)) * C(0.5)
+    with pytest.raises(ValueError, match="memory must be left out beside"):
+        hd.Equation(good * C(0.5), lambda t, y, m: -y, [1.0, 1.0], memory=C(0.3))
+    with pytest.raises(ValueError, match="memory must have coefficients of shape"):
+        hd.Equation(C(0.5), lambda t, y, m: -y, [1.0, 1.0], memory=good * C(0.3))
