@@ -238,3 +238,26 @@ def test_messages_stay_short():
     with pytest.raises(ValueError, match="t_eval must") as caught:
         run(t_eval=np.linspace(0, 2, 100_000))
     assert len(str(caught.value)) < 300
+
+
+def test_an_order_may_cross_1_where_d_is_stated():
+    for order in (0.8, 0.99, 1.0, 1.01, 1.6, 2.4):
+        eq = hd.Equation(hd.Caputo(order), decay, [1.0, 0.5, 0.0], d=1)
+        rows = math.ceil(order)
+        plain = hd.Equation(hd.Caputo(order), decay, [1.0, 0.5, 0.0][:rows])
+        ours, theirs = (hd.solve(e, 1.0, rtol=1e-8).y[-1] for e in (eq, plain))
+        assert np.array_equal(ours, theirs)
+        assert np.array_equal(hd.solve(eq.replace(d=1), 1.0, rtol=1e-8).y[-1], ours)
+    two = [[1.0, 2.0], [0.5, 0.6]]
+    eq = hd.Equation(hd.Caputo([1.5, 0.6]), decay, two, d=2)
+    assert eq.y0.tolist() == [[1.0, 2.0], [0.5, 0.0]]
+    crossed = eq.replace(terms=hd.Caputo([0.5, 1.6]))
+    assert crossed.y0.tolist() == [[1.0, 2.0], [0.0, 0.6]]
+    for y0, d, told in (
+        ([1.0, 2.0, 3.0], 2, r"y0 must hold at least 2 rows of 2.*got shape \(3,\)"),
+        (1.0, 1, "y0 must hold at least 2 rows of 1.*got 1."),
+        (two, 3, r"got shape \(2, 2\)"),
+        (two, 0, "d must be a positive integer"),
+    ):
+        with pytest.raises(ValueError, match=told):
+            hd.Equation(hd.Caputo(1.5), decay, y0, d=d)

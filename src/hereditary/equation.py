@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ._callables import functions_of, present_values
-from ._checks import complaint, real, real_array, shown
+from ._checks import complaint, count, real, real_array, shown
 from ._differences import check_jacobian
 from ._digest import digest
 from ._trial import Start
@@ -59,6 +59,9 @@ class Equation(System):
         where memory is read both are given or none.
     t_start : float, optional
         Time at which y0 is given and memory begins; 0 by default [time].
+    d : int, optional
+        Number of components in a row of y0, which may then have more rows than the orders need; the
+        others are left out. So an order may cross 1 in a sweep or a fit.
 
     Attributes
     ----------
@@ -107,6 +110,7 @@ class Equation(System):
         memory: Summand | Iterable[Summand] = (),
         jac_memory: Callable | None = None,
         t_start: float = 0.0,
+        d: int | None = None,
     ) -> None:
         self.terms, self.memory = as_terms(terms), read_terms(memory)
         self.rhs, self.jac, self.jac_memory = rhs, jac, jac_memory
@@ -116,7 +120,12 @@ class Equation(System):
             required = "hold a derivative"
             remedy = "an equation in y and its past alone is none of these"
             raise ValueError(complaint("terms", required, repr(self.terms[0]), remedy))
-        initial = _initial_values(values, highest)
+        if d is None:
+            initial = self._given_y0 = _initial_values(values, highest)
+        else:
+            self._given_y0 = _rows(values, highest, count("d", d))
+            initial = self._given_y0[:highest].copy()
+        self._given_d = d
         d, paired = initial.shape[1], initial.dtype.kind == "c"
         self.t_start = real("t_start", t_start)
         factors = factors_of(self.terms, d, paired)
@@ -137,13 +146,15 @@ class Equation(System):
             check_jacobian(rhs, jac, start.components(), params)
         self._frozen = self._present_values()
         left = left_side(self.terms, factors, orders, self.t_start)
-        self._given_y0 = initial
         self._state(left, initial.view(float), params, rhs, jac, paired)
         self._n_params = start.params.size
         self._sealed = True
 
     def _state(self, left, initial, params, rhs, jac, paired):
         """Become the system of these terms: without matrices, without orders above 2."""
+        if self._given_d is not None:
+            needed = leading_orders(left, initial.shape[1]) > np.arange(len(initial))[:, None]
+            initial = np.where(needed, initial, 0.0)
         initial.flags.writeable = False
         _check_leading(left, initial)
         speeds: tuple[int, ...] = ()
@@ -186,7 +197,7 @@ class Equation(System):
         Parameters
         ----------
         **changes
-            Any of terms, rhs, y0, params, jac, memory, jac_memory and t_start, as in `Equation`.
+            Any of terms, rhs, y0, params, jac, memory, jac_memory, t_start and d, as in `Equation`.
             An rhs that stays is not compiled again. A given jac belongs to its rhs: with another
             rhs give another jac, or None for differences.
 
@@ -211,7 +222,8 @@ class Equation(System):
 
     def _arguments(self):
         """Return the arguments that make this equation."""
-        return {name: getattr(self, name) for name in _GIVEN} | {"y0": self._given_y0}
+        own = {"y0": self._given_y0, "d": self._given_d}
+        return {name: getattr(self, name) for name in _GIVEN} | own
 
     def current(self) -> "Equation":
         """Return this equation with the globals and closed-over values its functions now read.
@@ -229,7 +241,7 @@ def _made(arguments):
     return Equation(**arguments)
 
 
-_GIVEN = ("terms", "rhs", "y0", "params", "jac", "memory", "jac_memory", "t_start")
+_GIVEN = ("terms", "rhs", "y0", "params", "jac", "memory", "jac_memory", "t_start", "d")
 
 
 def _finite(y0):
@@ -294,6 +306,16 @@ def _initial_values(values, m):
         remedy = f"for {values.size} components give two rows, [[y(0), ...], [y'(0), ...]]"
     got = f"shape {given}" if given else shown(values[0, 0])
     raise ValueError(complaint("y0", required, got, remedy))
+
+
+def _rows(values, m, d):
+    """The (k, d) array of initial values of d components, k >= m."""
+    rows = values.reshape(-1, d) if values.ndim < 2 and values.size % d == 0 else values
+    if rows.ndim != 2 or rows.shape[1] != d or len(rows) < m:
+        required = f"hold at least {m} rows of {d}, where d = {d} is stated"
+        got = f"shape {values.shape}" if values.ndim else shown(values)
+        raise ValueError(complaint("y0", required, got))
+    return np.ascontiguousarray(rows)
 
 
 def _of_shorthand(values, initial):

@@ -190,3 +190,29 @@ def test_long_messages_are_cut():
     with pytest.raises(ValueError, match="same params") as caught:
         hd.solve(equation(params=2 * many), 2.0, resume=state)
     assert len(str(caught.value)) < 600
+
+
+@pytest.mark.parametrize("how", [{"n_steps": 100}, {"rtol": 1e-8}])
+def test_going_on_with_other_params(how):
+    """A rate that is switched half-way, the memory kept."""
+
+    def decay(t, y, p):
+        return -p[0] * y
+
+    def switched(t, y):
+        return -(1.0 if t < 1.0 else 3.0) * y
+
+    eq = hd.Equation(hd.Caputo(0.7), decay, 1.0, [1.0])
+    half = hd.solve(eq, 1.0, **how)
+    rest = hd.solve(eq, 2.0, resume=half.state, params=[3.0])
+    other = hd.solve(eq.replace(params=[3.0]), 2.0, resume=half.state, allow_change=True)
+    np.testing.assert_array_equal(rest.y, other.y)
+    whole = {"n_steps": 200} if "n_steps" in how else how
+    told = hd.solve(hd.Equation(hd.Caputo(0.7), switched, 1.0), 2.0, breaks=[1.0], **whole)
+    assert abs(rest.y[-1, 0] - told.y[-1, 0]) < (1e-7 if "rtol" in how else 5e-3)
+    third = hd.solve(eq, 3.0, resume=rest.state, params=3.0)
+    assert third.success
+    with pytest.raises(ValueError, match="params must come with resume"):
+        hd.solve(eq, 1.0, 10, params=[2.0])
+    with pytest.raises(ValueError, match="same params"):
+        hd.solve(eq, 3.0, resume=rest.state)

@@ -46,6 +46,7 @@ def solve(
     progress: bool = False,
     resume: State | AdaptiveState | None = None,
     allow_change: bool = False,
+    params: ArrayLike | None = None,
 ) -> Solution:
     """Solve an equation with memory up to t_end: with uniform steps, along a mesh, or adaptively.
 
@@ -106,6 +107,8 @@ def solve(
     allow_change : bool, optional
         Go on with another right-hand side or other `params` than the state's, all of the memory
         kept: a force or a parameter is switched at the state's time.
+    params : float or sequence of float, optional
+        With `resume`: go on with these parameters instead of the equation's.
 
     Returns
     -------
@@ -145,6 +148,11 @@ def solve(
     equation = instance(
         "equation", equation, Equation, "hereditary.Equation(terms, rhs, y0)"
     ).current()
+    if params is not None:
+        if resume is None:
+            remedy = "equation.replace(params=...) makes an equation with others"
+            raise ValueError(complaint("params", "come with resume", repr(params), remedy))
+        equation, allow_change = equation.replace(params=params), True
     start = equation.frame.start
     t_last = _end("t_end", t_end, start)
     t_end = t_last - start
