@@ -351,3 +351,48 @@ def test_many_riccati_equations_of_rough_volatility_at_once():
         assert together.y[-1, k] == pytest.approx(found, rel=1e-12)
         exact = hd.solve(alone, 1.0, rtol=1e-10).y[-1, 0]
         assert abs(found - exact) < 2e-4 * abs(exact)
+
+
+@pytest.mark.parametrize("start", [0.0, 0.3, 7.0, -50.0, 1000.0])
+@pytest.mark.parametrize("scheme", [hd.L1(), hd.BDF(2), hd.Collocation()], ids=repr)
+def test_steps_see_jumps_from_their_own_side_wherever_time_begins(start, scheme):
+    def jumps(t, y, p):
+        return np.array([1.0 if t < p[0] else -300.0])
+
+    for place in (0.1, 0.37, 0.5, 0.93):
+        at = start + place
+        eq = hd.Equation(hd.Caputo(1.0), jumps, 0.0, [at], t_start=start)
+        sol = run(eq, scheme, 1.0, breaks=[at])
+        exact = (at - start) - 300.0 * (start + 1.0 - at)
+        # BDF's three points lie on both sides of the jump: half a step of it is lost, on one side
+        lost = 0.5 * 0.01 * 301.0 if scheme == hd.BDF(2) else 0.0
+        bound = 1e-3 if lost else 1e-9 * max(1.0, abs(start))
+        assert sol.y[-1, 0] - exact == pytest.approx(lost, abs=bound)
+        if scheme.adaptive:
+            assert sol.stats["n_rejected"] == 0
+
+
+def test_rows_events_and_sections_at_negative_times():
+    eq = hd.Equation(hd.Caputo(2.0), lambda t, x: -x, [0.0, 1.0], t_start=-20.0)
+    sol = hd.solve(eq, -1.0, rtol=1e-8, t_eval=[-20.0, -7.0, -1.0])
+    assert sol.t.tolist() == [-20.0, -7.0, -1.0]
+    dense = hd.solve(eq, -1.0, rtol=1e-8)
+    times, values = hd.maxima(dense)
+    np.testing.assert_allclose(times, -20 + np.pi / 2 + 2 * np.pi * np.arange(3), atol=1e-5)
+    np.testing.assert_allclose(values, 1.0, atol=1e-6)
+    np.testing.assert_array_equal(hd.stroboscopic(dense, 2.0).t, np.arange(-20.0, -1.0, 2.0))
+    with pytest.raises(ValueError, match=r"at t = -20.0"):
+        hd.solve(eq, -1.0, rtol=1e-8, events=lambda t, y: np.nan)
+
+
+def test_the_jacobian_takes_the_users_time():
+    eq = hd.Equation(hd.Caputo(0.9), lambda t, y: -t * y, 1.0, t_start=2.0)
+    assert eq.jacobian(5.0, [1.0])[0, 0] == pytest.approx(-5.0)
+    given = eq.replace(jac=lambda t, y: np.array([[-t]]))
+    assert given.jacobian(5.0, [1.0])[0, 0] == -5.0
+
+
+def test_complex_solutions_have_no_maxima():
+    sol = run(hd.Equation(hd.Caputo(0.9), lambda t, z: 1j * z, 1 + 0j), hd.L1())
+    with pytest.raises(ValueError, match="solution must be real, got a complex one"):
+        hd.maxima(sol)

@@ -208,3 +208,34 @@ def test_mistakes():
         hd.Equation(C(2.5), lambda t, y, memory: -y, [1.0, 0, 0], memory=C(0.5))
     with pytest.raises(ValueError, match="memory must have orders up to 2"):
         hd.Equation(C(1.5), lambda t, y, memory: -y, [1.0, 0], memory=C(2.5))
+
+
+def test_resuming_knows_the_terms():
+    def rhs(t, y):
+        return -y
+
+    mild, strong = (hd.Equation(C(3) + c * C(1), rhs, [1.0, 0, 0]) for c in (2.0, 40.0))
+    for how in ({"rtol": 1e-6}, {"n_steps": 100, "scheme": hd.BDF(2)}):
+        state = hd.solve(mild, 1.0, **how).state
+        assert hd.solve(mild, 2.0, resume=state).success
+        with pytest.raises(ValueError, match="same terms"):
+            hd.solve(strong, 2.0, resume=state)
+
+
+def test_terms_that_cancel_and_add_up():
+    def rhs(t, y):
+        return -y
+
+    with pytest.raises(ValueError, match="nonzero coefficient before the highest order"):
+        hd.Equation(C(3) - C(3) + C(1), rhs, [1.0, 0, 0])
+    twice = hd.Equation(C(3) + C(3) + C(1), rhs, [1.0, 0, 0])
+    once = hd.Equation(2 * C(3) + C(1), rhs, [1.0, 0, 0])
+    np.testing.assert_array_equal(*(hd.solve(eq, 1.0, 50).y for eq in (twice, once)))
+
+
+def test_slopes_at_the_start_are_unknown_where_no_order_exceeds_1():
+    eq = hd.Equation(C([2.5, 0.7]), lambda t, y: -y, [[1.0, 1.0], [0.3, 0], [0, 0]])
+    for how in ({"n_steps": 100}, {"rtol": 1e-6}):
+        first = hd.solve(eq, 1.0, **how).ydot[0]
+        assert first[0] == 0.3
+        assert np.isnan(first[1])

@@ -447,3 +447,88 @@ def test_params_do_not_show_addresses():
 
 def equation_in_python(rhs, jac):
     return in_python(rhs, jac=jac, params=[3.0])
+
+
+def test_a_changed_object_is_another_right_hand_side():
+    class Decay:
+        k = 1.0
+
+        def __call__(self, t, y):
+            return -self.k * y
+
+    rates = {"k": 1.0}
+    for rhs, change in (
+        (Decay(), lambda rhs: setattr(rhs, "k", 5.0)),
+        (lambda t, y: -rates["k"] * y, lambda rhs: rates.update(k=5.0)),
+    ):
+        eq = in_python(rhs)
+        state = hd.solve(eq, 1.0, 100).state
+        assert hd.solve(eq, 2.0, resume=state).success
+        change(rhs)
+        with pytest.raises(ValueError, match="same right-hand side"):
+            hd.solve(eq, 2.0, resume=state)
+        assert hd.solve(eq, 2.0, resume=state, allow_change=True).success
+
+
+def test_classes_and_keyword_defaults_tell_right_hand_sides_apart():
+    def made(k):
+        class Decay:
+            def __call__(self, t, y):
+                return -k * y
+
+        return Decay()
+
+    def keyword(k):
+        def decay(t, y, *, k=k):
+            return -k * y
+
+        return decay
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", hd.PythonFunctionWarning)
+        for make in (made, keyword):
+            digests = [equation(make(k)).rhs_digest for k in (1.0, 1.0, 5.0)]
+            assert digests[0] == digests[1] != digests[2]
+
+
+@pytest.mark.parametrize("value", [None, "one", 1j, np.array([1j, 0])])
+def test_values_that_are_no_real_numbers_end_the_run(value):
+    class Late:
+        def __call__(self, t, y):
+            return -y if t < 0.5 else value
+
+    with pytest.raises((TypeError, ValueError), match="rhs must return real numbers, got"):
+        run(in_python(Late()), hd.L1())
+
+
+class Refuses(Exception):
+    """An exception that takes no attributes."""
+
+    def __setattr__(self, name, value):
+        raise AttributeError(name)
+
+    def add_note(self, note):
+        raise TypeError("no notes")
+
+
+@pytest.mark.parametrize("scheme", [hd.L1(), hd.Collocation()], ids=repr)
+def test_exceptions_that_take_no_attributes_pass_through(scheme):
+    class Raises:
+        def __call__(self, t, y):
+            if t > 0.5:
+                raise Refuses("no")
+            return -y
+
+    with pytest.raises(Refuses, match="no"):
+        run(in_python(Raises()), scheme)
+
+
+def test_the_jacobian_of_a_function_in_python_raises_what_it_raises():
+    class Only:
+        def __call__(self, t, y):
+            if y[0] != 1.0:
+                raise Late("only there")
+            return -y
+
+    with pytest.raises(Late, match="only there"):
+        in_python(Only()).jacobian(0.0, [2.0, 0.0])

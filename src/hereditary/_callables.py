@@ -141,7 +141,7 @@ def _function(name, out, fun, start, shape, signature, hint=""):
         raise TypeError(complaint(name, required, repr(fun), "write it with def or lambda"))
     arity = arity_of(name, out, plain, start)
     values, form = try_out(name, out, plain, arity, start, shape, hint)
-    fill = _in_python(plain, arity, start, shape)
+    fill = _in_python(name, plain, arity, start, shape)
     try:
         if not inspect.isfunction(plain):
             raise _NotCompiled("for numba compiles functions written with def or lambda alone")
@@ -201,7 +201,7 @@ def _compare(name, fun, arity, compiled, values, start):
         return
     # helpers compiled earlier may have run with the values of that time
     expected = np.empty_like(values)
-    fill = _in_python(uncompiled(fun), arity, start, values.shape)
+    fill = _in_python(name, uncompiled(fun), arity, start, values.shape)
     fill(start.t, z, expected.view(float), params)
     if not _close(again, expected):
         raise _NotCompiled(
@@ -223,7 +223,7 @@ def _build(name, fun, kinds, signature, copied):
     """
     arity, form, start, shape = kinds
     if config.DISABLE_JIT:
-        return _locking(_in_python(_plain(fun), arity, start, shape))
+        return _locking(_in_python(name, _plain(fun), arity, start, shape))
     k = len(start.memory)
     # the functions are called from compiled code alone: a wrapper for others takes 1 MB each
     inside = {"boundscheck": True, "no_cpython_wrapper": True}
@@ -303,7 +303,7 @@ def _adapter(fun, arity, form, n_axes, copied):
     return from_vector if n_axes == 1 else from_matrix
 
 
-def _in_python(fun, arity, start, shape):
+def _in_python(name, fun, arity, start, shape):
     """Return ``fill(t, z, out, params)``, which calls `fun` in Python; z holds y and memory."""
     k, d = start.memory.shape
     kind = start.y.dtype
@@ -321,7 +321,10 @@ def _in_python(fun, arity, start, shape):
                 for place, value in enumerate(values):  # an array is made in twice the time
                     out[place] = value
                 return
-            values = np.asarray(values)
+            given, values = values, np.asarray(values)
+            if values.dtype.kind not in ("biufc" if start.paired else "biuf"):
+                required = "return numbers" if start.paired else "return real numbers"
+                raise TypeError(complaint(name, required, repr(given), defined(fun)))
         if values.shape != shape:
             if values.size != 1 or out.size != 1:
                 raise ValueError(_RESHAPED)

@@ -129,6 +129,7 @@ def _read(function):
     cells = zip(function.__code__.co_freevars, function.__closure__ or (), strict=True)
     found |= {f"{name} closed over": cell.cell_contents for name, cell in cells}
     found |= {f"default {i}": value for i, value in enumerate(function.__defaults__ or ())}
+    found |= {f"{name} by default": v for name, v in (function.__kwdefaults__ or {}).items()}
     for module in [value for value in found.values() if inspect.ismodule(value)]:
         own = names & vars(module).keys()
         found |= {f"{module.__name__}.{name}": vars(module)[name] for name in own}

@@ -10,6 +10,7 @@ import ctypes
 import threading
 import time
 import weakref
+from contextlib import suppress
 from functools import lru_cache
 from typing import Any
 
@@ -56,8 +57,9 @@ def pass_on(error, result):
     """Raise what a function called in Python raised; `result` is that of the run until then."""
     cause: Any = error.__cause__ if isinstance(error, PythonRaised) else None
     if cause is not None:
-        cause.add_note("the run until then is the attribute `result` of this exception")
-        cause.result = result
+        with suppress(Exception):  # of exceptions that take no attributes
+            cause.result = result
+            cause.add_note("the run until then is the attribute `result` of this exception")
         raise cause
 
 
@@ -99,8 +101,9 @@ class Callback:
                 fill(t, z, out)
                 return 0
             except BaseException as error:
-                error.add_note(f"raised by {name} at t = {t:.10g}")
                 _raised.error = error
+                with suppress(Exception):  # of exceptions that take no attributes
+                    error.add_note(f"raised by {name} at t = {t:.10g}")
                 return 1
 
         self._function = _C_FUNCTION(call)

@@ -101,6 +101,15 @@ class Chain:
         return own, lower, read
 
 
+def _summed(left):
+    """Add up the terms of equal order."""
+    sums: dict[float, SystemTerm] = {}
+    for operator, c in left:
+        known = sums.get(operator.order)
+        sums[operator.order] = SystemTerm(operator, c if known is None else known.coefficients + c)
+    return [term for term in sums.values() if np.any(term.coefficients)]
+
+
 def _solved(left, d):
     """List the terms, solved for the highest derivatives; and the matrix in front of f, or None."""
     for operator, _ in left:
@@ -110,6 +119,11 @@ def _solved(left, d):
                 "are matrices"
             )
             raise ValueError(complaint("terms", required, f"{operator}"))
+    before = leading_orders(left, d)
+    left = _summed(left)
+    if not len(left) or np.any(np.ceil(leading_orders(left, d)) < np.ceil(before)):
+        required = "leave a nonzero coefficient before the highest order"
+        raise ValueError(complaint("terms", required, "terms that cancel"))
     if left[0].coefficients.ndim == 1:
         pairs = [(o.order, j, c[j]) for o, c in left for j in np.flatnonzero(c).tolist()]
         return [Entry(order, j, j, float(c)) for order, j, c in pairs], None

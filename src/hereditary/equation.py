@@ -9,6 +9,7 @@ from ._callables import functions_of, present_values
 from ._checks import complaint, count, real, real_array, shown
 from ._differences import check_jacobian
 from ._digest import digest
+from ._python_calls import PythonRaised, original
 from ._trial import Start
 from .chain import chained
 from .frame import Frame
@@ -152,6 +153,7 @@ class Equation(System):
 
     def _state(self, left, initial, params, rhs, jac, paired):
         """Become the system of these terms: without matrices, without orders above 2."""
+        self.origin = self.t_start
         if self._given_d is not None:
             needed = leading_orders(left, initial.shape[1]) > np.arange(len(initial))[:, None]
             initial = np.where(needed, initial, 0.0)
@@ -164,6 +166,7 @@ class Equation(System):
                 required = "be left out beside orders above 2 and coefficients that are matrices"
                 remedy = "write the equation as a system of y and its derivatives"
                 raise ValueError(complaint("memory", required, "some", remedy))
+            self.terms_digest = digest([(op.described(np.zeros(1)), c) for op, c in left])
             system, beside, found = chained(left, initial, params, rhs, jac)
             speeds = tuple(found.tolist())
             left, initial, params = system.left, system.y0, system._params
@@ -225,6 +228,16 @@ class Equation(System):
         own = {"y0": self._given_y0, "d": self._given_d}
         return {name: getattr(self, name) for name in _GIVEN} | own
 
+    def jacobian(self, t, y):
+        """Return d rhs / d y at time t, shape (d, d): the given one, or differences.
+
+        Of real components y (d,), as `d` counts them.
+        """
+        try:
+            return self.jacobian_inside(t - self.t_start, y)
+        except PythonRaised as error:
+            raise original(error) from None
+
     def current(self) -> "Equation":
         """Return this equation with the globals and closed-over values its functions now read.
 
@@ -233,7 +246,10 @@ class Equation(System):
         return self if self._present_values() == self._frozen else self.replace()
 
     def _present_values(self):
-        return tuple(present_values(fun) for fun in (self.rhs, self.jac, self.jac_memory))
+        functions = self.rhs, self.jac, self.jac_memory
+        if self._callbacks:  # whose objects may hold anything
+            return digest(*functions)
+        return tuple(present_values(fun) for fun in functions)
 
 
 def _made(arguments):

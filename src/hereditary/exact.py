@@ -20,7 +20,7 @@ from scipy.special import gamma as gamma_function
 
 from ._checks import complaint, real, real_array, within
 from .equation import _initial_values
-from .operators import Caputo, derivative_order
+from .orders import derivative_order, orders_up_to_2
 
 try:
     from pymittagleffler import mittag_leffler
@@ -230,8 +230,7 @@ def _initial(y0, order):
 
 def _merged(orders, coefficients):
     """Distinct orders, increasing, and their coefficients, none of them 0."""
-    constant = real_array("order", orders, "lie in (0, 2]", "give numbers")
-    a = np.atleast_1d(np.asarray(Caputo(constant).order, dtype=float))
+    a = np.atleast_1d(orders_up_to_2(orders))
     c = np.atleast_1d(real_array("coefficients", coefficients))
     if c.shape != a.shape:
         raise ValueError(complaint("coefficients", f"have shape {a.shape}", f"shape {c.shape}"))

@@ -274,7 +274,7 @@ class Term(Summand):
 
     def __init__(self, operator: Caputo | Memory, coefficient: ArrayLike) -> None:
         required = "be a real number or have shape (d,) or (d, d)"
-        remedy = "where it varies let the right-hand side read the term: Equation(..., memory=)"
+        remedy = "it cannot vary; let the right-hand side read the term: Equation(..., memory=)"
         factor = real_array("coefficient", coefficient, required, remedy)
         square = factor.ndim < 2 or factor.shape == factor.shape[:1] * 2
         if not square or factor.size == 0:

@@ -7,6 +7,8 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ._checks import complaint, real_array
+
 # Orders this close to an integer, or to each other, are it: they come from sums and quotients.
 ROUNDING = 1e-14
 # Highest order of an equation.
@@ -18,6 +20,16 @@ def rounded_order(orders: ArrayLike) -> np.ndarray:
     orders = np.asarray(orders, dtype=float)
     nearest = np.round(orders)
     return np.where((np.abs(orders - nearest) <= ROUNDING) & (nearest > 0), nearest, orders)
+
+
+def orders_up_to_2(orders: ArrayLike) -> np.ndarray:
+    """Return orders in (0, 2] as rounded; refuse any other."""
+    found = rounded_order(real_array("order", orders, "lie in (0, 2]", "give numbers"))
+    if found.ndim > 1 or found.size == 0:
+        raise ValueError(complaint("order", "be numbers in a row", f"shape {found.shape}"))
+    if np.any(found <= 0) or np.any(found > 2):
+        raise ValueError(complaint("order", "lie in (0, 2]", found.tolist()))
+    return found
 
 
 def merged_orders(orders: np.ndarray) -> np.ndarray:

@@ -29,15 +29,21 @@ class System:
         Whether the Jacobian is given; otherwise it comes from differences.
     rhs_digest : str
         What tells the user's right-hand side from others, also in another process.
+    terms_digest : str
+        The same for terms that the left side does not show.
     frame : Frame
         How users see times and components.
+    origin : float
+        Time of the user's functions at time 0.
     sources : ndarray of int64, shape (d,)
         Component whose derivative by its term each component is: itself where it has an equation,
         another where it is memory that the right-hand side reads (see sides.py).
     """
 
     rhs_digest = ""
+    terms_digest = ""
     frame = Frame()
+    origin = 0.0
 
     def __init__(self, left: Iterable[SystemTerm], y0, params, rhs, jac=None, sources=None):
         self.left = tuple(left)
@@ -59,6 +65,13 @@ class System:
         locked = self._params[: self._n_params]
         locked.flags.writeable = False
         return locked
+
+    def beside(self, t, sign):
+        """Return the nearest time after (sign 1) or before (-1) t that functions tell from t."""
+        apart = 0.0
+        if self.origin != 0:  # times there are farther apart
+            apart = 4 * np.spacing(max(abs(self.origin), abs(self.origin + t)))
+        return np.nextafter(t, sign * np.inf) + sign * apart
 
     @property
     def enlarged(self) -> "System":
@@ -115,7 +128,7 @@ class System:
         """Whether an order varies."""
         return any(operator.varies for operator, _ in self.left)
 
-    def jacobian(self, t, y):
+    def jacobian_inside(self, t, y):
         """d rhs / d y at (t, y), shape (d, d): the given one, or differences.
 
         Times count from the start, and complex components are two.
@@ -168,7 +181,7 @@ def variational(system, directions):
 
     def rhs(t, y, dy, params):
         system._rhs(t, np.ascontiguousarray(y[:d]), dy[:d], params)
-        dy[d:] = (y[d:].reshape(k, d) @ system.jacobian(t, y[:d]).T).ravel()
+        dy[d:] = (y[d:].reshape(k, d) @ system.jacobian_inside(t, y[:d]).T).ravel()
 
     left = [SystemTerm(operator, np.tile(c, 1 + k)) for operator, c in system.left]
     sources = (system.sources + d * np.arange(1 + k)[:, None]).ravel()

@@ -51,7 +51,7 @@ class Section:
 
 
 def stroboscopic(
-    solution: Solution, period: float, transient: float = 0.0, count: int | None = None
+    solution: Solution, period: float, transient: float | None = None, count: int | None = None
 ) -> Section:
     """The orbit at whole multiples of a period.
 
@@ -62,7 +62,7 @@ def stroboscopic(
         Time between two samples, e.g. that of the drive; for the stick-slip oscillator
         ``2 pi omega**2 / b``, in which the pulled spring passes one well [time].
     transient : float, optional
-        No samples before this time [time].
+        No samples before this time, by default the start [time].
     count : int, optional
         The last so many samples; where there are fewer, NaN follow them.
 
@@ -84,14 +84,15 @@ def stroboscopic(
     [5.35, 3.09, 5.35, 3.08]
     """
     instance("solution", solution, Solution, "hereditary.solve(...)")
-    period, begin = positive("period", period), real("transient", transient)
+    period, begin = positive("period", period), _begin(solution, transient)
     # a period that divides the run up to rounding still gives its last sample
-    if solution.t[-1] > _MOST_SAMPLES * period:
+    if np.ptp(solution.t[[0, -1]]) > _MOST_SAMPLES * period:
         required = f"give at most {_MOST_SAMPLES} samples"
         raise ValueError(complaint("period", required, period, "give one of the orbit's own"))
-    last = int(np.floor(solution.t[-1] / period * (1 + 1e-12)))
-    first = int(np.ceil(max(begin, solution.t[0]) / period * (1 - 1e-12)))
-    times = np.minimum(period * np.arange(first, last + 1), solution.t[-1])
+    ends = np.array([max(begin, solution.t[0]), solution.t[-1]]) / period
+    slack = 1e-12 * np.abs(ends).max()
+    first, last = int(np.ceil(ends[0] - slack)), int(np.floor(ends[1] + slack))
+    times = np.clip(period * np.arange(first, last + 1), solution.t[0], solution.t[-1])
     size = _size(count, times.size)
     times = times[max(0, times.size - size) :]
     speeds = None if solution.ydot is None else _filled(values_at(solution, times, 1), size)
@@ -102,7 +103,7 @@ def maxima(
     solution: Solution,
     component: int = 0,
     derivative: int = 0,
-    transient: float = 0.0,
+    transient: float | None = None,
     count: int | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Local maxima of one component, or of its first derivative.
@@ -115,7 +116,7 @@ def maxima(
     derivative : {0, 1}, optional
         1 for maxima of the first derivative.
     transient : float, optional
-        No maxima before this time [time].
+        No maxima before this time, by default the start [time].
     count : int, optional
         The last so many maxima; where there are fewer, NaN follow them.
 
@@ -138,7 +139,7 @@ def maxima(
         raise ValueError(complaint("component", required, repr(component)))
     j = int(component)
     times, values = _samples(solution, j, derivative)
-    inside = times >= real("transient", transient)
+    inside = times >= _begin(solution, transient)
     times, values = times[inside], values[inside]
     top = 1 + np.flatnonzero((values[1:-1] > values[:-2]) & (values[1:-1] >= values[2:]))
     t, best = _vertices(
@@ -219,6 +220,14 @@ def _refined(solution, j, derivative, t, distance):
         t, _ = _vertices(*points, *(solution(point, derivative)[:, j] for point in points))
         t = np.clip(t, points[0], points[2])
     return t, solution(t, derivative)[:, j]
+
+
+def _begin(solution, transient):
+    """Return the time from which on samples count; refuse complex solutions."""
+    if np.iscomplexobj(solution.y):
+        required, remedy = "be real", "take parts, e.g. dataclasses.replace(solution, y=y.real)"
+        raise ValueError(complaint("solution", required, "a complex one", remedy))
+    return solution.t[0] if transient is None else real("transient", transient)
 
 
 def _is_index(value, n):

@@ -27,11 +27,11 @@ def jump(equation, form, orbit, t, counts):
         return True
     p, x, is_y = orbit.p.copy(), orbit.x.copy(), form.second == 0
     before = (
-        _forces(equation, np.nextafter(t, 0.0), x, counts)[0] if t > 0 else coefficients_of_p * p
+        _forces(equation, equation.beside(t, -1), x, counts)[0] if t > 0 else coefficients_of_p * p
     )
     stiffness = np.where(free, stiffness + coefficients_of_p, 1.0)
     for _ in range(_SWEEPS):
-        forces, jacobian = _forces(equation, np.nextafter(t, np.inf), x, counts)
+        forces, jacobian = _forces(equation, equation.beside(t, 1), x, counts)
         left = np.where(free, forces - before - stiffness * (p - orbit.p), 0.0)
         matrix = np.diag(stiffness) - np.where(is_y, jacobian, 0.0) * np.outer(free, free)
         if not np.all(np.isfinite(left)) or np.linalg.matrix_rank(matrix) < free.size:
@@ -47,7 +47,7 @@ def jump(equation, form, orbit, t, counts):
 
 def _forces(equation, t, x, counts):
     """Return f for the orbit and its tangents, (1 + k, d), and the Jacobian; x (1 + k, d)."""
-    force, jacobian = np.empty(x.shape[1]), equation.jacobian(t, x[0])
+    force, jacobian = np.empty(x.shape[1]), equation.jacobian_inside(t, x[0])
     equation._rhs(t, x[0], force, equation._params)
     counts.rhs += 1
     return np.vstack([force, x[1:] @ jacobian.T]), jacobian

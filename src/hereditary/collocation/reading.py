@@ -150,7 +150,7 @@ def reduced(equation):
     jac = memory._jac if memory.has_jac else None
     params, rhs, jac = rearranged(tables, memory._params, memory._rhs, jac)
     system = System(left, np.array([layout.y0]), params, rhs, jac)
-    system.rhs_digest = equation.rhs_digest
+    system.rhs_digest, system.origin = equation.rhs_digest, equation.origin
     return system, speeds
 
 

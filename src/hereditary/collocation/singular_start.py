@@ -49,8 +49,8 @@ class SingularStart:
         self._tolerances, self._state = tolerances, state
         self._largest = np.maximum(np.abs(orbit.p[0]), state.largest)
         # the first time after t, for the right-hand side may jump at t
-        self._just_after = np.nextafter(t, np.inf) if t > 0 else 0.0
-        self._jacobian = equation.jacobian(self._just_after, orbit.x[0])
+        self._just_after = equation.beside(t, 1) if t > 0 else 0.0
+        self._jacobian = equation.jacobian_inside(self._just_after, orbit.x[0])
         self._force = np.empty(form.second.size)
         state.counts.rhs += 1
         equation._rhs(self._just_after, orbit.x[0], self._force, equation._params)
@@ -81,7 +81,8 @@ class SingularStart:
             h = min(h, 0.5 * (t_stop - t)) if h < t_stop - t else h
             values[0, PRIMARY] = orbit.p[0][:, None]
             # strictly before the stop, where the right-hand side may jump too
-            times = np.clip(t + h * points, self._just_after, np.nextafter(t_stop, 0.0))
+            last = self._equation.beside(t_stop, -1)
+            times = np.clip(t + h * points, self._just_after, last)
             local = self._convolutions(basis, h)
             if self._solve_and_check(
                 basis, times, h, orbit.history(np.log(h) + basis.logs), operators, local, values

@@ -265,14 +265,14 @@ class AdaptiveStepper:
         """March to `t_stop` in compiled code, filling `steps`; return rows filled and status."""
         equation, orbit = self._system, self._orbit
         basis = ExponentialBasis(orbit.rates, orbit.weights, orbit.masses, self._transforms)
-        longest, longest_idle = self.pace.longest.tolist()
-        limits = Limits(t_stop, longest, longest_idle, self._rtol, self._atol)
-        varying = self._orders.compiled(orbit.of_varying)
+        inside = equation.beside(self._control.origin, 1), equation.beside(t_stop, -1)
+        longest = self.pace.longest.tolist()
+        limits = Limits._make([t_stop, *inside, *longest, self._rtol, self._atol])
         return march_adaptive(
             equation._rhs, equation._jac, int(equation.has_jac), equation._params,
-            orbit.equations(), self._rule, basis, orbit.step_tables(), varying,
-            orbit.march_arrays(), self._state, steps, limits,
-        )  # fmt: skip
+            orbit.equations(), self._rule, basis, orbit.step_tables(),
+            self._orders.compiled(orbit.of_varying), orbit.march_arrays(), self._state, steps,
+            limits)  # fmt: skip
 
     def stats(self):
         """Return counts and error estimates for the solution's stats."""

@@ -73,10 +73,10 @@ def march_adaptive(
             assemble_operators(h, equations, rule.integrals, rule.inverse, local, operators)
         assembled_for = h
         set_known_part(orbit, tables.to_nodes[slot], equations, varying, operators, base)
-        times = times_inside(control.origin, t, h, nodes, limits.stop)
+        times = times_inside(control.origin, t, h, nodes, limits)
         last = orbit.last[0, PRIMARY]
         extrapolate(nodes, legendre, last, h, control.last, orbit.p[0], values[0, PRIMARY])
-        check_times = times_inside(control.origin, t, h, rule.check_points, limits.stop)
+        check_times = times_inside(control.origin, t, h, rule.check_points, limits)
         ratio, by_defect, solved = step_orbit(
             rhs, jac, has_jac, params, times, check_times, h, base, equations, rule,
             operators.matrices, local, values, orbit, state, newton, limits,
@@ -128,10 +128,10 @@ def mode_weights(equations, basis, varying, orbit):
 
 
 @compiled
-def times_inside(origin, t, h, nodes, t_stop):
+def times_inside(origin, t, h, nodes, limits):
     """Return the times of the nodes, kept strictly between origin and stop, where f may jump."""
-    times = np.minimum(origin + (t + h * nodes), np.nextafter(t_stop, 0.0))
-    return np.maximum(times, np.nextafter(origin, np.inf))
+    times = np.minimum(origin + (t + h * nodes), limits.latest)
+    return np.maximum(times, limits.earliest)
 
 
 @inner

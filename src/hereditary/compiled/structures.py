@@ -149,9 +149,14 @@ class Steps(NamedTuple):
 
 
 class Limits(NamedTuple):
-    """Time to stop at, longest step, longest step where the solution is at rest, and tolerances."""
+    """Time to stop at, longest step, longest step where the solution is at rest, and tolerances.
+
+    earliest and latest, between which f may be called.
+    """
 
     stop: float
+    earliest: float
+    latest: float
     longest: float
     longest_idle: float
     rtol: float
@@ -192,7 +197,7 @@ VARYING = types.NamedTuple((TABULATED_RECORD, CUBE, CUBE, VEC), VaryingOrders)
 ORBIT = types.NamedTuple((MAT, MAT, MAT, CUBE, CUBE, CUBES), OrbitArrays)
 STATE = types.NamedTuple((CONTROL_RECORD, COUNTS_RECORD, CONTRACTION_RECORD, VEC), MarchState)
 STEPS = types.NamedTuple((VEC, VEC, CUBE, CUBE, VEC), Steps)
-LIMITS = types.NamedUniTuple(F8, 5, Limits)
+LIMITS = types.NamedUniTuple(F8, 7, Limits)
 
 
 def record(dtype, values=None, **fields):

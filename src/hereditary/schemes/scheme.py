@@ -352,8 +352,8 @@ class Scheme(ABC):
         name = type(self).__name__
         if equation.enlarged is not equation:
             if not self.takes_memory:
-                required = f"be left out with {name}"
-                raise ValueError(complaint("memory", required, "terms that rhs reads", remedy))
+                required = f"need no memory that the right-hand side reads with {name}"
+                raise ValueError(complaint("terms", required, "some", remedy))
             remedy = "use ExplicitCaputo or L1"
         for operator, _ in equation.enlarged.left:
             if operator.kernel is not None and not self.takes_kernels:

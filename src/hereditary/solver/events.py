@@ -191,7 +191,7 @@ def _first_value(function, t, y):
         kind = TypeError if error.__cause__ is not None else ValueError
         raise kind(complaint("events", required, error)) from error
     if not math.isfinite(value):
-        got = f"{value} from {_name(function)} at t = {t}"
+        got = f"{value} from {_name(function)} at t = {t + getattr(function, 'start', 0.0)}"
         raise ValueError(complaint("events", "be finite at the start", got))
     real("direction", getattr(function, "direction", 0.0))
     return value

@@ -31,6 +31,7 @@ def identity(equation, t, n_tangents, **how):
         "t_start": equation.frame.start,
         "params": equation.params.tolist(),
         "right-hand side": equation.rhs_digest,
+        "terms": equation.terms_digest,
     }
 
 

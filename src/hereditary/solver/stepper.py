@@ -129,7 +129,7 @@ class Stepper:
         """First derivative at `t`, from the newest two increments, shape (d,)."""
         slope = self._slopes()[: self.equation.d]
         # before the first step only components with an initial derivative have one
-        known = self.n > 0 or self.equation.m == 1
+        known = self.n > 0 or (self.equation.m == 1 and not self.equation.frame.speeds)
         return slope if known else np.where(self.equation.highest_orders() > 1, slope, np.nan)
 
     @property
@@ -237,7 +237,7 @@ class Stepper:
 
     def set_breaks(self, times, t_end):
         """Let the steps beside these times see jumps from their own side."""
-        self._breaks = break_steps(times, self.t, t_end, self.steps)
+        self._breaks = break_steps(times, self.t, t_end, self.steps, self.equation.origin)
 
     def prepare(self, n_end):
         """Make room for a march up to step `n_end`."""
@@ -305,7 +305,7 @@ class Stepper:
                 self.memory.tables,
                 self.memory.arrays,
                 self._table,
-                rows_beside(self._breaks, self.n, self._rows, self.steps),
+                rows_beside(self._breaks, self.n, self._rows, self.steps, self.equation.origin),
                 self._march,
                 Output(rows, slopes, jacobians),
                 n_end,

@@ -33,8 +33,11 @@ def breaks_ahead(times, start, t_end):
     return bool(np.any(np.abs(times - start) < APART * start)), times[ahead]
 
 
-def break_steps(times, start, t_end, steps):
-    """Numbers of the steps that end at breaks from `start` on, a frozenset."""
+def break_steps(times, start, t_end, steps, origin):
+    """Numbers of the steps that end at breaks from `start` on, a frozenset.
+
+    Messages name times from `origin` on.
+    """
     times = times[(times >= start) & (times <= t_end)]
     if times.size == 0:
         return frozenset()
@@ -44,7 +47,7 @@ def break_steps(times, start, t_end, steps):
     if np.any(off):
         required = "be times of steps, which see the jump from its own side each"
         remedy = "take as many steps that one ends there, or a mesh through it"
-        raise ValueError(complaint("breaks", required, shown(times[off]), remedy))
+        raise ValueError(complaint("breaks", required, shown(origin + times[off]), remedy))
     return frozenset(int(n) for n in numbers)
 
 
@@ -57,10 +60,14 @@ def before_break(breaks, n, stop):
     return min([stop, *(number - 1 for number in breaks if number > n)])
 
 
-def rows_beside(breaks, n, rows, steps):
-    """Return the rows of step n, which next to a break sees the jump from its own side."""
+def rows_beside(breaks, n, rows, steps, origin):
+    """Return the rows of step n, which next to a break sees the jump from its own side.
+
+    Functions see times from `origin` on.
+    """
     theta = rows.theta
     for beside, seen, sign in ((n + 1 in breaks, 1.0, -1.0), (n in breaks, 0.0, 1.0)):
         if beside and np.all(theta == seen):
-            theta = theta + sign * _ASIDE * steps.time(n + 1) / steps.unit(n + 1)
+            t = steps.time(n + 1)
+            theta = theta + sign * _ASIDE * max(t, abs(origin), abs(origin + t)) / steps.unit(n + 1)
     return rows._replace(theta=theta)
