@@ -396,3 +396,14 @@ def test_complex_solutions_have_no_maxima():
     sol = run(hd.Equation(hd.Caputo(0.9), lambda t, z: 1j * z, 1 + 0j), hd.L1())
     with pytest.raises(ValueError, match="solution must be real, got a complex one"):
         hd.maxima(sol)
+
+
+def test_messages_about_steps_name_the_users_times():
+    eq = hd.Equation(hd.Caputo(0.7), driven, [1.0, 0.2], [1.0, 0.0], t_start=5.0)
+    with pytest.raises(ValueError, match=r"increase from 5 to t_end = 6.0, got \[4.9, 6. \]"):
+        hd.solve(eq, 6.0, mesh=[4.9, 6.0], scheme=hd.L1())
+    with pytest.raises(ValueError, match=r"breaks must be times of steps.*got \[5.5003\]"):
+        hd.solve(eq, 6.0, 100, breaks=[5.5003])
+    state = hd.solve(eq, 6.0, 10).state
+    with pytest.raises(ValueError, match=r"got 6.53; the nearest is 6.5"):
+        hd.solve(eq, 6.53, resume=state)

@@ -58,7 +58,7 @@ class Functions(NamedTuple):
 
 
 def functions_of(rhs, jac, jac_memory, start, hint=""):
-    """Check the functions of an equation at t = 0 and return them as `Functions`.
+    """Check the functions of an equation at the start and return them as `Functions`.
 
     `jac_memory` holds the derivatives by the memory. `hint` is appended to messages where `rhs`
     does not fit y0.
@@ -348,4 +348,4 @@ def _locked(array):
 
 # Longest list that is not made an array first.
 _FEW = 6
-_RESHAPED = "the function returned another shape than at t = 0"
+_RESHAPED = "the function returned another shape than at the start"

@@ -22,8 +22,8 @@ from .system import System, later, leading_orders
 class Equation(System):
     """An initial value problem ``sum_j c_j (memory operator)_j y = rhs(t, y)`` from t_start on.
 
-    Everything is checked here: the right-hand side is called once at t = 0 and compiled, so that a
-    mistake is reported before any run.
+    Everything is checked here: the right-hand side is called once at the start and compiled, so
+    that a mistake is reported before any run.
 
     Parameters
     ----------
@@ -69,8 +69,8 @@ class Equation(System):
     d : int
         Number of real components; a complex one counts as two.
     m : int
-        Number of initial conditions, ceil(highest order); 1 where that is above 2, and the
-        derivatives are components behind y.
+        Number of initial conditions of the system that is solved: ceil(highest order) up to order
+        2, and 1 above, where the derivatives are components behind y.
     orders, coefficients : ndarray, shape (n_terms, d)
         Order and coefficient for each component of each Caputo term of constant order; coefficients
         of shape (n_terms, d, d) where one is a matrix.

@@ -60,20 +60,25 @@ class Span(NamedTuple):
 _FAR = 10.0
 
 
-def mesh_steps(mesh: Graded | ArrayLike, t_end: float, begun: MeshSteps | None = None) -> MeshSteps:
-    """Steps of a mesh on [0, t_end], checked; those of a run begun stand before them."""
+def mesh_steps(
+    mesh: Graded | ArrayLike, t_end: float, begun: MeshSteps | None = None, origin: float = 0.0
+) -> MeshSteps:
+    """Steps of a mesh on [0, t_end], checked; those of a run begun stand before them.
+
+    Messages name times from `origin` on.
+    """
     start = 0.0 if begun is None else float(begun.mesh[-1])
     if isinstance(mesh, Graded):
         times = start + mesh.times(t_end - start)
     else:
         times = real_array("mesh", mesh)
-    required = f"be times that increase from {start:g} to t_end = {t_end}"
+    required = f"be times that increase from {origin + start:g} to t_end = {origin + t_end}"
     remedy = "pass hereditary.graded(n, exponent) or an array"
     if times.ndim != 1 or times.size < 2:
         raise ValueError(complaint("mesh", required, f"shape {times.shape}", remedy))
     ends = abs(times[0] - start) <= 1e-12 * start and abs(times[-1] - t_end) <= 1e-12 * t_end
     if not ends or np.any(np.diff(times) <= 0):
-        raise ValueError(complaint("mesh", required, shown(times), remedy))
+        raise ValueError(complaint("mesh", required, shown(origin + times), remedy))
     if begun is not None:
         return MeshSteps(np.concatenate([begun.mesh, times[1:]]), begun.span)
     shortest = float(np.diff(times)[:-1].min(initial=np.inf))

@@ -20,6 +20,7 @@ from hereditary import exact
 from hereditary.collocation.equations import integral_form
 from hereditary.collocation.exponential_basis import varying_basis
 from hereditary.collocation.order_tables import OrderTables
+from hereditary.collocation.pace import Pace
 from hereditary.collocation.quadrature import radau_integrals
 from hereditary.collocation.stepper import AdaptiveStepper
 from hereditary.terms import VaryingOrder
@@ -441,7 +442,10 @@ def test_tables_of_orders(a, h):
     times = h * np.array(OrderTables((), 4)._nodes)
     tables = OrderTables((VaryingOrder(order, 1),), 4)
     tables.tabulated.next_start, tables.tabulated.next_length = 0.0, h
-    tables.fill(orbit := Orbit(), 0.0, 2 * h)
+    pace = Pace(None, 10)
+    pace.begin(0.0, 2 * h, 0)
+    limits = pace.limits(hd.scenes.relaxation(), 0.0, 2 * h, (1e-6, 1e-8))
+    tables.fill(orbit := Orbit(), 0.0, limits)
     for i in range(4):
         expected = h ** a[i] * radau_integrals(4, a[i])[i]
         np.testing.assert_allclose(tables.integrals[0, i], expected, rtol=0, atol=1e-13 * (1 + h))

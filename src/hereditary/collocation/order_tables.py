@@ -53,10 +53,10 @@ class OrderTables:
             self.weights = np.zeros((len(self.weights), of_varying.size, self._nodes.size))
         return VaryingOrders(self.tabulated, self.integrals, self.weights, of_varying)
 
-    def fill(self, orbit, origin, t_stop):
+    def fill(self, orbit, origin, limits):
         """Fill the tables for the requested step; raise `OrderFailed` for a bad order."""
         t, h = float(self.tabulated.next_start), float(self.tabulated.next_length)
-        times = times_inside(origin, t, h, self._nodes, t_stop)
+        times = times_inside(origin, t, h, self._nodes, limits)
         n = orbit.rates.size
         if self.weights.shape[1] != n:
             self.weights = np.zeros((len(self._varying), n, self._nodes.size))

@@ -6,6 +6,7 @@ import numpy as np
 
 from ..compiled.adaptive import CRAWLING, JUMPING, NOT_SOLVED
 from ..compiled.collocation import POSITION, PRIMARY
+from ..compiled.structures import Limits
 from ..solver.status import Status
 
 # Largest number of steps of a run by default.
@@ -66,6 +67,11 @@ class Pace:
         longest = min(self._max_step, t_end - t)
         self.longest = np.array([longest, min(longest, _DORMANT * (t_end - t))])
         self.last_step = n_steps + self._max_steps
+
+    def limits(self, system, origin, t_stop, tolerances):
+        """Return the `Limits` of a march from `origin` to `t_stop`."""
+        times = t_stop, system.beside(origin, 1), system.beside(t_stop, -1)
+        return Limits._make([*times, *self.longest.tolist(), *tolerances])
 
     def used_up(self, n_steps):
         """Return whether all allowed steps are made."""

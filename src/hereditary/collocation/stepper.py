@@ -17,7 +17,6 @@ from ..compiled.collocation import PRIMARY
 from ..compiled.mode_tables import floor_to_grid
 from ..compiled.structures import (
     ExponentialBasis,
-    Limits,
     Rule,
     Steps,
     initial_state,
@@ -195,13 +194,14 @@ class AdaptiveStepper:
         d, s, counts = self._system.d, self._s, self._state.counts
         shapes = (n_rows,), (n_rows,), (n_rows, d, s), (n_rows, 2, d), (n_rows,)
         steps = Steps(*(np.empty(shape) for shape in shapes))
-        n, status, before = 0, TOO_CLOSE, (self.t, counts.copy())
+        n, status, before, origin = 0, TOO_CLOSE, (self.t, counts.copy()), self._control.origin
+        limits = self.pace.limits(self._system, origin, t_stop, (self._rtol, self._atol))
         while (status == TOO_CLOSE and n == 0) or status == ORDERS_NEEDED:
             first = self.n_steps
             try:
                 if status == ORDERS_NEEDED:
-                    self._orders.fill(self._orbit, self._control.origin, t_stop)
-                _, status = self._march(Steps(*(array[n:] for array in steps)), t_stop)
+                    self._orders.fill(self._orbit, origin, limits)
+                _, status = self._march(Steps(*(array[n:] for array in steps)), limits)
             except Exception as error:
                 # the steps before the failure are accepted
                 self.error, status = error, REACHED
@@ -261,13 +261,10 @@ class AdaptiveStepper:
         """Return the distance down to which modes must hold for steps of length h and shorter."""
         return self._rule.nodes[0] * h / _REFINE_BY
 
-    def _march(self, steps, t_stop):
-        """March to `t_stop` in compiled code, filling `steps`; return rows filled and status."""
+    def _march(self, steps, limits):
+        """March to a stop in compiled code, filling `steps`; return rows filled and status."""
         equation, orbit = self._system, self._orbit
         basis = ExponentialBasis(orbit.rates, orbit.weights, orbit.masses, self._transforms)
-        inside = equation.beside(self._control.origin, 1), equation.beside(t_stop, -1)
-        longest = self.pace.longest.tolist()
-        limits = Limits._make([t_stop, *inside, *longest, self._rtol, self._atol])
         return march_adaptive(
             equation._rhs, equation._jac, int(equation.has_jac), equation._params,
             orbit.equations(), self._rule, basis, orbit.step_tables(),

@@ -86,7 +86,7 @@ def _on_mesh(equation, scheme, history, mesh, t_end, n_steps, resume, allow_chan
             required = "be left out where a run of uniform steps goes on"
             raise ValueError(complaint("mesh", required, type(mesh).__name__))
         begun = resume.steps
-    steps = mesh_steps(mesh, t_end, begun)
+    steps = mesh_steps(mesh, t_end, begun, equation.origin)
     n_total = steps.mesh.size - 1
     stepper = Stepper(equation, scheme, history, steps, n_total)
     return resumed(stepper, resume, allow_change), n_total
@@ -94,7 +94,7 @@ def _on_mesh(equation, scheme, history, mesh, t_end, n_steps, resume, allow_chan
 
 def _on_uniform_steps(equation, scheme, history, t_end, n_steps, resume, allow_change):
     """Stepper with uniform steps, anew or resumed, and its last step number."""
-    h, n_total, prepared = uniform_steps(t_end, n_steps, resume)
+    h, n_total, prepared = uniform_steps(t_end, n_steps, resume, equation.origin)
     order = float(equation.highest_orders().max())
     if h == 0 or not _LEAST < order * math.log10(h) < _MOST:
         required = f"leave steps h whose power h**{order:g} is a number of double precision"
@@ -113,8 +113,11 @@ def resumed(stepper, state, allow_change):
     return stepper
 
 
-def uniform_steps(t_end, n_steps, state):
-    """Step, last step number and the number of steps that the history is opened for."""
+def uniform_steps(t_end, n_steps, state, origin=0.0):
+    """Step, last step number and the number of steps that the history is opened for.
+
+    Messages name times from `origin` on.
+    """
     if state is None:
         if n_steps is None:
             raise TypeError(complaint("n_steps", "be given", "none", "e.g. n_steps=10_000"))
@@ -128,11 +131,12 @@ def uniform_steps(t_end, n_steps, state):
         raise TypeError(complaint("mesh", required, "none", "times from the state's time on"))
     n_total = round(t_end / state.h)
     if n_total <= state.n:
-        raise ValueError(complaint("t_end", f"exceed the state's time {state.t}", t_end))
+        required = f"exceed the state's time {origin + state.t}"
+        raise ValueError(complaint("t_end", required, origin + t_end))
     if abs(n_total * state.h - t_end) > 1e-6 * state.h:
-        remedy = f"the nearest is {n_total * state.h}"
+        remedy = f"the nearest is {origin + n_total * state.h}"
         required = f"be a whole number of the state's steps h = {state.h}"
-        raise ValueError(complaint("t_end", required, t_end, remedy))
+        raise ValueError(complaint("t_end", required, origin + t_end, remedy))
     if n_steps is not None and count("n_steps", whole(n_steps)) not in (n_total, n_total - state.n):
         required = f"be {n_total - state.n} (from the state) or {n_total} (from 0), its step kept"
         raise ValueError(complaint("n_steps", required, n_steps, "or leave n_steps out"))

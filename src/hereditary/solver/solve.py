@@ -65,9 +65,10 @@ def solve(
         1e-6 by default and at least 1e-12, atol a hundredth of rtol; when resuming, both are
         the state's.
     mesh : Graded or array_like, shape (n+1,), optional
-        Instead of n_steps: ``graded(n, exponent)`` or times that increase from 0 to t_end. For L1,
-        L2 and L2Sigma with orders up to 1 (L2Sigma also above), with Direct or SumOfExponentials.
-        When resuming such a run, times from the state's on, or ``graded`` over what is left.
+        Instead of n_steps: ``graded(n, exponent)`` or times that increase from t_start to t_end.
+        For L1, L2 and L2Sigma with orders up to 1 (L2Sigma also above), with Direct or
+        SumOfExponentials. When resuming such a run, times from the state's on, or ``graded`` over
+        what is left.
     scheme : Scheme, optional
         Default ``ExplicitCaputo()``, or ``Collocation()`` where `rtol` is given; the state's when
         resuming.
