@@ -407,3 +407,16 @@ def test_messages_about_steps_name_the_users_times():
     state = hd.solve(eq, 6.0, 10).state
     with pytest.raises(ValueError, match=r"got 6.53; the nearest is 6.5"):
         hd.solve(eq, 6.53, resume=state)
+
+
+@pytest.mark.parametrize("start", [0.0, 2.0])
+def test_events_of_one_name_are_told_apart_when_a_run_goes_on(start):
+    eq = hd.Equation(hd.Caputo(2.0), lambda t, y: -y, [1.0 + 0j, 0j], t_start=start)
+    levels = [lambda t, z, level=level: z[0].real - level for level in (0.5, -0.5)]
+    levels[0].terminal = True
+    half = hd.solve(eq, start + 8.0, rtol=1e-9, events=levels)
+    assert half.status is hd.Status.EVENT
+    assert len(half.state.event_signs) == 2
+    rest = hd.solve(eq, start + 4.0, resume=half.state, events=[lambda t, z: 1.0, levels[1]])
+    np.testing.assert_allclose(half.t_events[0], [start + np.pi / 3], atol=1e-7)
+    np.testing.assert_allclose(rest.t_events[1], start + 2 * np.pi / 3, atol=1e-7)

@@ -153,7 +153,6 @@ class Equation(System):
 
     def _state(self, left, initial, params, rhs, jac, paired):
         """Become the system of these terms: without matrices, without orders above 2."""
-        self.origin = self.t_start
         if self._given_d is not None:
             needed = leading_orders(left, initial.shape[1]) > np.arange(len(initial))[:, None]
             initial = np.where(needed, initial, 0.0)
@@ -166,8 +165,8 @@ class Equation(System):
                 required = "be left out beside orders above 2 and coefficients that are matrices"
                 remedy = "write the equation as a system of y and its derivatives"
                 raise ValueError(complaint("memory", required, "some", remedy))
-            self.terms_digest = digest([(op.described(np.zeros(1)), c) for op, c in left])
             system, beside, found = chained(left, initial, params, rhs, jac)
+            self.terms_digest = digest([(operator.order, c) for operator, c in left])
             speeds = tuple(found.tolist())
             left, initial, params = system.left, system.y0, system._params
             rhs, jac = system._rhs, system._jac if system.has_jac else None

@@ -52,10 +52,12 @@ class _Inside:
 
     def __init__(self, function, frame):
         self._function, self._frame, self.start = function, frame, frame.start
-        self.__name__ = getattr(function, "__name__", repr(function))
         for name in ("terminal", "direction"):
             if hasattr(function, name):
                 setattr(self, name, getattr(function, name))
+
+    def __repr__(self):
+        return getattr(self._function, "__name__", repr(self._function))
 
     def __call__(self, t, y):
         return self._function(t + self.start, self._frame.values(y))

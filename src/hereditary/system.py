@@ -33,8 +33,6 @@ class System:
         The same for terms that the left side does not show.
     frame : Frame
         How users see times and components.
-    origin : float
-        Time of the user's functions at time 0.
     sources : ndarray of int64, shape (d,)
         Component whose derivative by its term each component is: itself where it has an equation,
         another where it is memory that the right-hand side reads (see sides.py).
@@ -43,7 +41,6 @@ class System:
     rhs_digest = ""
     terms_digest = ""
     frame = Frame()
-    origin = 0.0
 
     def __init__(self, left: Iterable[SystemTerm], y0, params, rhs, jac=None, sources=None):
         self.left = tuple(left)
@@ -68,9 +65,9 @@ class System:
 
     def beside(self, t, sign):
         """Return the nearest time after (sign 1) or before (-1) t that functions tell from t."""
-        apart = 0.0
-        if self.origin != 0:  # times there are farther apart
-            apart = 4 * np.spacing(max(abs(self.origin), abs(self.origin + t)))
+        apart, start = 0.0, self.frame.start
+        if start != 0:  # times there are farther apart
+            apart = 4 * np.spacing(max(abs(start), abs(start + t)))
         return np.nextafter(t, sign * np.inf) + sign * apart
 
     @property

@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .._checks import complaint
+from ..frame import Frame
 from ..rearranged import Tables, rearranged
 from ..solver.dense import Piece
 from ..system import System
@@ -150,7 +151,7 @@ def reduced(equation):
     jac = memory._jac if memory.has_jac else None
     params, rhs, jac = rearranged(tables, memory._params, memory._rhs, jac)
     system = System(left, np.array([layout.y0]), params, rhs, jac)
-    system.rhs_digest, system.origin = equation.rhs_digest, equation.origin
+    system.rhs_digest, system.frame = equation.rhs_digest, Frame(equation.frame.start)
     return system, speeds
 
 

@@ -86,7 +86,7 @@ def _on_mesh(equation, scheme, history, mesh, t_end, n_steps, resume, allow_chan
             required = "be left out where a run of uniform steps goes on"
             raise ValueError(complaint("mesh", required, type(mesh).__name__))
         begun = resume.steps
-    steps = mesh_steps(mesh, t_end, begun, equation.origin)
+    steps = mesh_steps(mesh, t_end, begun, equation.frame.start)
     n_total = steps.mesh.size - 1
     stepper = Stepper(equation, scheme, history, steps, n_total)
     return resumed(stepper, resume, allow_change), n_total
@@ -94,7 +94,7 @@ def _on_mesh(equation, scheme, history, mesh, t_end, n_steps, resume, allow_chan
 
 def _on_uniform_steps(equation, scheme, history, t_end, n_steps, resume, allow_change):
     """Stepper with uniform steps, anew or resumed, and its last step number."""
-    h, n_total, prepared = uniform_steps(t_end, n_steps, resume, equation.origin)
+    h, n_total, prepared = uniform_steps(t_end, n_steps, resume, equation.frame.start)
     order = float(equation.highest_orders().max())
     if h == 0 or not _LEAST < order * math.log10(h) < _MOST:
         required = f"leave steps h whose power h**{order:g} is a number of double precision"

@@ -237,7 +237,7 @@ class Stepper:
 
     def set_breaks(self, times, t_end):
         """Let the steps beside these times see jumps from their own side."""
-        self._breaks = break_steps(times, self.t, t_end, self.steps, self.equation.origin)
+        self._breaks = break_steps(times, self.t, t_end, self.steps, self.equation.frame.start)
 
     def prepare(self, n_end):
         """Make room for a march up to step `n_end`."""
@@ -293,7 +293,7 @@ class Stepper:
         first = (n - 1) // every + 1
         n_samples = (n_end - 1) // every + 1 - first if region else 0
         n_stretches = (n_end - 1) // every + 1 - n // every if region and region.sweeps else 0
-        system = self._system
+        system, start = self._system, self.equation.frame.start
         jacobians = np.zeros((n_samples + n_stretches, system.d, system.d))
         try:
             return self._loop(
@@ -305,7 +305,7 @@ class Stepper:
                 self.memory.tables,
                 self.memory.arrays,
                 self._table,
-                rows_beside(self._breaks, self.n, self._rows, self.steps, self.equation.origin),
+                rows_beside(self._breaks, self.n, self._rows, self.steps, start),
                 self._march,
                 Output(rows, slopes, jacobians),
                 n_end,
