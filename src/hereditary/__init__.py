@@ -29,7 +29,7 @@ from .memory_kernels import (
     TemperedPowerLaw,
 )
 from .meshes import Graded, graded
-from .operators import Caputo, Memory, PowerLaw
+from .operators import Caputo, Memory, PowerLaw, RiemannLiouville
 from .schemes.adams import Adams, ProductTrapezoid
 from .schemes.bdf import BDF
 from .schemes.explicit import ExplicitCaputo
@@ -72,6 +72,7 @@ __all__ = [
     "PythonFunctionWarning",
     "Regime",
     "RegimeVerdict",
+    "RiemannLiouville",
     "Section",
     "Solution",
     "SolveWarning",

@@ -113,7 +113,7 @@ def _summed(left):
 def _solved(left, d):
     """List the terms, solved for the highest derivatives; and the matrix in front of f, or None."""
     for operator, _ in left:
-        if not operator.constant:
+        if not operator.constant or operator.from_zero:
             required = (
                 "be Caputo operators of constant order beside orders above 2 and coefficients that "
                 "are matrices"

@@ -15,7 +15,15 @@ from .chain import chained
 from .frame import Frame
 from .operators import Summand
 from .orders import merged_orders
-from .sides import as_terms, enlarged, factors_of, left_side, per_component, read_terms
+from .sides import (
+    as_terms,
+    check_initial_terms,
+    enlarged,
+    factors_of,
+    left_side,
+    per_component,
+    read_terms,
+)
 from .system import System, later, leading_orders
 
 
@@ -286,10 +294,12 @@ def _numbers(params):
 
 def _check_leading(left, y0):
     """Refuse components without a term, and initial values that an order does not take."""
-    highest = leading_orders(left, y0.shape[1])
+    d = y0.shape[1]
+    highest = leading_orders([term for term in left if not term.operator.from_zero], d)
     for j in np.flatnonzero(highest == 0):
-        required = "leave every component at least one nonzero term"
+        required = "leave every component at least one nonzero term other than RiemannLiouville"
         raise ValueError(complaint("terms", required, f"none for component {j}"))
+    check_initial_terms(left, highest)
     for k in range(1, len(y0)):
         for j in np.flatnonzero((highest <= k) & (y0[k] != 0)):
             got = f"y0[{k}][{j}] = {y0[k, j]}"

@@ -8,7 +8,7 @@ is the classical derivative and has no memory.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -215,6 +215,59 @@ class Caputo(Summand):
 
     def _terms(self):
         return (Term(self, 1.0),)
+
+
+class RiemannLiouville(Caputo):
+    """Riemann and Liouville's derivative of order below 1, ``d/dt J**(1-gamma) y``.
+
+    It is ``Caputo(gamma) y + y(0) t**-gamma / Gamma(1-gamma)``: y counts as 0 before the start.
+    Multiply it by a coefficient to make a term of an equation, beside a Caputo term of higher
+    order, whose initial values are y(0) and y'(0).
+
+    Parameters
+    ----------
+    order : float, array_like of shape (d,), or callable
+        gamma in (0, 1) [-], below the highest order of its component, and more than 1 below where
+        that exceeds 1: else y'(0) would be infinite. A function ``gamma(t)`` of the time gives an
+        order that varies.
+
+    Notes
+    -----
+    What y(0) adds is infinite at 0 and never sampled there: `Collocation` integrates it exactly,
+    and on given steps its first samples are corrected such that their sums are its integral. So
+    `ExplicitCaputo`, `GrunwaldLetnikov` and `L1` have the orders that they have for solutions like
+    t**alpha, and ``BDF(p)`` has order p for f linear in y, otherwise min(p, 1 + 2 (alpha - gamma)),
+    alpha being the highest order. `L2`, `L12` and `L2Sigma` have 1 - gamma at most, the full order
+    on a mesh ``graded(n, order / (1 - gamma))`` (convergence/riemann_liouville.py).
+
+    Examples
+    --------
+    >>> import hereditary as hd
+    >>> terms = hd.Caputo(2) + 0.5 * hd.RiemannLiouville(0.5)
+    >>> sol = hd.solve(hd.Equation(terms, lambda t, x: -x, y0=[1.0, 0.0]), 10.0, rtol=1e-8)
+    >>> sol.success
+    True
+    """
+
+    def __init__(self, order: ArrayLike | Callable) -> None:
+        super().__init__(order)
+        required = "lie in (0, 1) with RiemannLiouville"
+        if self.varying is not None:
+            if self.varying.derivative > 1:
+                raise ValueError(complaint("order", required, f"above 1 in {self.varying.name}"))
+            self.varying = replace(self.varying, from_zero=True)
+        elif np.any(self._order >= 1):
+            raise ValueError(complaint("order", required, self._order.tolist()))
+
+    def parts(self, orders):
+        """Operators of a `System`; see `Caputo.parts`."""
+        return [
+            (part if part.varies else replace(part, from_zero=True), held)
+            for part, held in super().parts(orders)
+        ]
+
+    def __repr__(self):
+        return f"RiemannLiouville({self.varying.name if self.varying else self._order.tolist()})"
 
 
 class Memory(Summand):

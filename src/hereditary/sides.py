@@ -64,6 +64,24 @@ def factors_of(terms, d, paired):
     return matrices
 
 
+def check_initial_terms(left, leading):
+    """Refuse Riemann-Liouville terms whose order is too close to `leading`, those of Caputo's (d,).
+
+    y' would be infinite at 0 where its initial value is given.
+    """
+    for operator, coefficients in left:
+        if not operator.from_zero:
+            continue
+        gamma = operator.order if operator.constant else float(operator.sampled(np.zeros(1))[0][0])
+        for c in np.flatnonzero(coefficients):
+            highest = leading[c] - (leading[c] > 1)
+            if gamma >= highest:
+                required = f"be below {highest:g} for RiemannLiouville in component {c}"
+                if leading[c] > 1:
+                    required += f", 1 below its highest order {leading[c]:g}"
+                raise ValueError(complaint("order", required, gamma, "or take Caputo"))
+
+
 def per_component(name, arrays, d, paired=False):
     """Stack one row a term, each broadcast to d components; to two each where they are paired."""
     for array in arrays:
@@ -84,6 +102,9 @@ def read_terms(memory):
     for term in terms:
         if term.operator.derivative > 2:
             raise ValueError(complaint("memory", "have orders up to 2", f"{term}"))
+        if any(operator.from_zero for operator, _ in term.operator.parts(np.full(1, 0.5))):
+            remedy = "write Caputo's, and what y(0) adds in rhs"
+            raise ValueError(complaint("memory", "hold Caputo or Memory terms", f"{term}", remedy))
     return terms
 
 

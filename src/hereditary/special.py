@@ -7,7 +7,7 @@ numbers ``b_k(p) = (k+1)**p - k**p``, 0 <= p < 1, their differences and their al
 from functools import lru_cache
 
 import numpy as np
-from scipy.special import binom, zeta
+from scipy.special import bernoulli, binom, factorial, zeta
 
 
 def power_differences(p, n):
@@ -30,6 +30,31 @@ def power_differences(p, n):
         k = np.arange(1.0, n)
         b[1:] = k**p * np.expm1(p * np.log1p(1 / k))
     return b
+
+
+def hurwitz_zeta(s, q):
+    """Return Hurwitz's ``zeta(s, q) = sum_(k >= 0) (k + q)**-s``, continued to s below 1.
+
+    Parameters
+    ----------
+    s : float
+        Below 1 [-]; SciPy has those above.
+    q : float
+        Above 0 [-].
+
+    Returns
+    -------
+    float
+        By Euler and Maclaurin's formula from 12 summands on; relative error some 1e-13.
+    """
+    n = 12
+    end, total = n + q, np.sum((np.arange(n) + q) ** -s)
+    total += end ** (1 - s) / (s - 1) + 0.5 * end**-s
+    rising = s
+    for j in range(1, 9):
+        total += bernoulli(2 * j)[2 * j] / factorial(2 * j) * rising * end ** (1 - s - 2 * j)
+        rising *= (s + 2 * j - 1) * (s + 2 * j)
+    return float(total)
 
 
 def power_second_differences(p, n):

@@ -48,6 +48,10 @@ class Operator(Protocol):
         """Whether it is y' or y'', without memory."""
 
     @property
+    def from_zero(self) -> bool:
+        """Whether it takes y as 0 before the start: a Riemann-Liouville derivative."""
+
+    @property
     def t_last(self) -> float:
         """Time up to which the operator is known [time]."""
 
@@ -76,9 +80,12 @@ class ConstantOrder:
     ----------
     order : float
         alpha in (0, 2].
+    from_zero : bool
+        Whether it is Riemann and Liouville's, which takes y as 0 before the start.
     """
 
     order: float
+    from_zero: bool = False
     kernel: ClassVar[MemoryKernel | None] = None
     constant: ClassVar[bool] = True
     varies: ClassVar[bool] = False
@@ -117,7 +124,7 @@ class ConstantOrder:
 
     def described(self, times: np.ndarray) -> object:
         """Order alpha."""
-        return self.order
+        return ("Riemann-Liouville", self.order) if self.from_zero else self.order
 
 
 @dataclass(frozen=True)
@@ -136,6 +143,7 @@ class KernelOperator:
     constant: ClassVar[bool] = False
     varies: ClassVar[bool] = False
     classical: ClassVar[bool] = False
+    from_zero: ClassVar[bool] = False
 
     def __str__(self):
         return f"a Memory with {self.kernel!r}"
@@ -184,11 +192,14 @@ class VaryingOrder:
         m, 1 or 2: orders lie in (m - 1, m].
     origin : float
         The time that is called 0 [time].
+    from_zero : bool
+        Whether it is Riemann and Liouville's, which takes y as 0 before the start.
     """
 
     function: Callable
     derivative: int
     origin: float = 0.0
+    from_zero: bool = False
 
     @classmethod
     def begun(cls, function: Callable) -> VaryingOrder:
@@ -216,7 +227,7 @@ class VaryingOrder:
     t_last: ClassVar[float] = math.inf
 
     def __str__(self):
-        return f"Caputo({self.name})"
+        return f"{'RiemannLiouville' if self.from_zero else 'Caputo'}({self.name})"
 
     @property
     def order(self) -> float:
@@ -242,7 +253,8 @@ class VaryingOrder:
 
     def described(self, times: np.ndarray) -> object:
         """Orders at some times: a function has no name that lasts."""
-        return self.sampled(times)[0].tolist()
+        values = self.sampled(times)[0].tolist()
+        return ("Riemann-Liouville", values) if self.from_zero else values
 
     def sampled(self, times: np.ndarray) -> tuple[np.ndarray, str]:
         """Orders at increasing times (n,), up to the first bad one, and what is wrong with that.

@@ -55,6 +55,8 @@ class Form:
         General kernels; their indices follow those of the orders.
     varying : tuple of VaryingOrder
         Varying orders; their indices follow those of the kernels.
+    from_zero : tuple of (int, int)
+        Integrand and component of each Riemann-Liouville term with a varying order.
     """
 
     terms: np.recarray
@@ -65,6 +67,7 @@ class Form:
     implicit: np.ndarray
     kernels: tuple = ()
     varying: tuple = ()
+    from_zero: tuple[tuple[int, int], ...] = ()
 
     @cached_property
     def n_rows(self) -> int:
@@ -95,6 +98,8 @@ class Form:
             own = (self.terms.row % d == c) & (self.terms.integrand == integrand)
             powers = [self._start_power(k, integrand, t) for k in self.terms.index[own].tolist()]
             found.append(max(powers) if self.implicit[c] else min(powers))
+            if t == 0 and any(component == c for _, component in self.from_zero):
+                found[-1] -= max(float(op.sampled(np.zeros(1))[0][0]) for op in self.varying)
         return min(1.0, *found)
 
     def graded_first_step(self, t: float, left: float, atol: float, least: float = 0.0) -> float:
@@ -140,6 +145,9 @@ def integral_form(system: System) -> Form:
     rows: list[_Row] = []
     for c in range(system.d):
         if implicit[c]:
+            if any(op.from_zero and own[c] != 0 for op, own in system.left):
+                required = "have a constant order in front of RiemannLiouville, with Collocation"
+                raise ValueError(complaint("terms", required, "another", "take L1"))
             rows += _derivative_rows(system, c, second[c])
         elif leading[c] == 0:
             required = "leave a nonzero coefficient before the highest order"
@@ -157,7 +165,10 @@ def integral_form(system: System) -> Form:
     varying = list(dict.fromkeys(op for op in others if op.kernel is None))
     places: list = [*orders, *kernels, *varying]
     listed = [(row.row, row.integrand, _place(row, places), row.coefficient) for row in rows]
-    increments = [r.order + (r.integrand == POSITION) for r in rows if r.order is not None]
+    # y(0) itself, where it is integrated, has the exponent 0 instead of 1
+    raised = [row.integrand == POSITION and row.offset > 0 for row in rows]
+    powers = zip(rows, raised, strict=True)
+    increments = [row.order + one for row, one in powers if row.order is not None]
     for kernel in kernels:
         increments += [1 - kernel.singular_exponent, *kernel.generators]
     return Form(
@@ -169,7 +180,21 @@ def integral_form(system: System) -> Form:
         implicit,
         tuple(kernels),
         tuple(varying),
+        _from_zero(rows, system.d),
     )
+
+
+def _from_zero(rows, d):
+    """List integrand and component of the Riemann-Liouville terms with varying orders."""
+    found: dict[tuple[int, int], list[bool]] = {}
+    for row in rows:
+        if row.operator is not None and row.operator.varies:
+            kinds = found.setdefault((row.integrand, row.row % d), [])
+            kinds.append(row.operator.from_zero)
+    if any(any(kinds) and not all(kinds) for kinds in found.values()):
+        required = "not mix Caputo's and RiemannLiouville orders that vary, with Collocation"
+        raise ValueError(complaint("terms", required, "both", "take L1 or ExplicitCaputo"))
+    return tuple(place for place, kinds in found.items() if any(kinds))
 
 
 def _is_implicit(system, c, highest):
@@ -203,12 +228,13 @@ def _integral_rows(system, c, highest, second, leading):
                 rows.append(_subtracted_row(operator, coefficients[c], c, system.d, second))
             continue
         a = float(highest - operator.order)
+        taken = not operator.from_zero  # of y alone, or of what y differs from its initial value
         if not second or operator.order > 1:
-            rows.append(_Row(c, PRIMARY, factor, a, offset=1))
+            rows.append(_Row(c, PRIMARY, factor, a, offset=1 * taken))
         elif a <= 1:
             rows.append(_Row(c, PRIMARY, factor, a))
         else:
-            rows.append(_Row(c, POSITION, factor, a - 1, offset=2))
+            rows.append(_Row(c, POSITION, factor, a - 1, offset=2 * taken))
     return rows
 
 

@@ -167,7 +167,15 @@ class OrbitAndTangents:
             self.varying = varying_basis(closest, farthest, tol)
         self._join()
         self.modes = np.zeros((self.x.shape[0], self._n_rows, self.rates.size))
+        self._take_start(slice(None))
         self.before = self.modes.copy()
+
+    def _take_start(self, modes):
+        """Let y(0) of Riemann-Liouville terms enter these modes, as a jump from 0."""
+        d, unweighted = self.x.shape[1], self._form.unweighted.tolist()
+        for q, c in self._form.from_zero:
+            row = (2 + unweighted.index(q)) * d + c
+            self.modes[:, row, modes] += np.multiply.outer(self.x[:, c], self.of_varying[modes])
 
     def finish_singular_start(self, basis, length, values):
         """Move to the end of a singular start; values (1 + k, 3, d, n) of f, p and y."""
@@ -203,7 +211,11 @@ class OrbitAndTangents:
             for old in (self.modes, self.before)
         )
         added = np.r_[n:n_new, end + n_new - n : self.rates.size]
-        self.modes[..., added] = self._advanced(np.zeros_like(self.modes))[..., added]
+        if self._last_length == 0.0:  # nothing is past but the start
+            self._take_start(added)
+            self.before = self.modes.copy()
+        else:
+            self.modes[..., added] = self._advanced(np.zeros_like(self.modes))[..., added]
 
     def history(self, log_distances):
         """Return p(0) plus the history of every row at n later times, (1 + k, R, n).

@@ -111,10 +111,10 @@ def marching(name, way, read=open_block):
                 row = i
             know(p, near, lag, pieces, known)
             if drifts.shape[1] > 0:
-                add_drift(i, groups, drifts, speed, known)
+                add_drift(i, groups, drifts, speed, amplitudes, known)
+            if table.powers.shape[0] > 0 or n < corrections.shape[1]:
+                add_powers(n, t, amplitudes, table.powers, corrections, lead, known)
             if not explicit:
-                if amplitudes.shape[1] > 0 or n < corrections.shape[1]:
-                    add_powers(n, t, amplitudes, table.powers, corrections, lead, known)
                 see(theta[i], sources, x, shift, scale, known, lead, base, gain)
             if explicit:
                 rhs(t, orbit, f_orbit, params)

@@ -78,7 +78,8 @@ class StepRows(NamedTuple):
     times (R,) at which steps begin, empty on uniform steps; theta (R,), where in a step the
     equation holds; unit (R,), lengths [time], and length (R,), these in units of those that shift
     is given in; ratio (R,) of a length to the one before. lead, near and scale (C, R), factors of
-    f, of the newest piece and of the increment; drift (C, R), factor of shift, or (C, 0).
+    f, of the newest piece and of the increment; drift (C, R), factor of shift, or (C, 0); where
+    terms take x(0), (2 C, R), its factors behind those.
     """
 
     first: int
@@ -101,9 +102,10 @@ class March(NamedTuple):
     with memory that an explicit step reads among them, the newest increment and its change (W,);
     lag (W, B) of the block under way and pieces (W, B + 1); monitor, records (d,); shift (W,),
     x'(0) times the unit of lengths, which the pieces leave out; drift (W, r), amplitudes of known
-    terms; first (W,), the first increment where it is given; corrections (W, k) of the right-hand
-    side in the first steps; starts (W, V), start values; force and lacks (W,), the newest
-    right-hand side, and what the last step took too much of it.
+    terms, or x(0) where rows have factors for it; first (W,), the first increment where it is
+    given; corrections (W, k) of the right-hand side in the first steps; starts (W, V), start
+    values; force and lacks (W,), the newest right-hand side, and what the last step took too much
+    of it.
     """
 
     counts: np.record

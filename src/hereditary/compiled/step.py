@@ -32,19 +32,22 @@ def know(p, near, lag, pieces, known):
 
 
 @inlined
-def add_drift(i, groups, drifts, speed, known):
-    """Add what terms with orders that vary take of x'(0)."""
+def add_drift(i, groups, drifts, speed, amplitudes, known):
+    """Add what terms with orders that vary take of x'(0), and of x(0) where amplitudes hold it."""
+    n_groups = drifts.shape[0] // (1 + amplitudes.shape[1])
     for c in range(known.shape[0]):
         known[c] += drifts[groups[c], i] * speed[c]
+        if amplitudes.shape[1] > 0:
+            known[c] += drifts[n_groups + groups[c], i] * amplitudes[c, 0]
 
 
 @inner
 def add_powers(n, t, amplitudes, powers, corrections, lead, known):
-    """Add known powers of t, and corrections of the first steps."""
+    """Add known powers of t, not at 0, and corrections of the first steps."""
     # amplitudes (W, r), powers (r, W), corrections (W, k), lead, known (W,)
     for c in range(known.shape[0]):
         total = 0.0
-        for k in range(amplitudes.shape[1]):
+        for k in range(powers.shape[0] if t > 0.0 else 0):
             if amplitudes[c, k] != 0.0:
                 total += amplitudes[c, k] * t ** powers[k, c]
         if n < corrections.shape[1]:

@@ -52,7 +52,7 @@ def relaxation(alpha: float = 0.5, rate: float = 1.0, y0: float = 1.0) -> Equati
     )
 
 
-def oscillator_terms(beta, gamma, friction):
+def oscillator_terms(beta, gamma, friction, kind=Caputo):
     """Inertia and friction, ``D^beta + friction D^gamma``, with orders in their ranges.
 
     An order may be a function of the time; its value at 0 tells which range it must keep to.
@@ -60,7 +60,7 @@ def oscillator_terms(beta, gamma, friction):
     at_start = [order(0.0) if callable(order) else order for order in (beta, gamma)]
     within("beta", at_start[0], 1 + 1e-15, 2.0, "(1, 2]", "order 1 and below takes no x'(0)")
     within("gamma", at_start[1], 5e-324, 1.0, "(0, 1]")
-    return [Caputo(beta), real("friction", friction) * Caputo(gamma)]
+    return [Caputo(beta), real("friction", friction) * kind(gamma)]
 
 
 def oscillator(

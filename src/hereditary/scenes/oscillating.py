@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from .._checks import real
 from .._jit import compiled
 from ..equation import Equation
+from ..operators import Caputo, RiemannLiouville
 from ._coupled import coupled
 from .linear import oscillator_terms
 
@@ -37,6 +38,7 @@ def duffing(
     frequency: float = 1.0,
     x0: float = 2.5,
     v0: float = 0.0,
+    riemann_liouville: bool = False,
 ) -> Equation:
     """The Duffing oscillator with memory; Ueda's chaotic one by default.
 
@@ -44,8 +46,8 @@ def duffing(
 
     Parameters
     ----------
-    beta, gamma : float
-        Orders of inertia and friction, 1 < beta <= 2 and 0 < gamma <= 1 [-].
+    beta, gamma : float or callable
+        Orders of inertia and friction, 1 < beta <= 2 and 0 < gamma <= 1 [-], or functions of time.
     friction : float
         Coefficient of the friction term.
     stiffness, cubic : float
@@ -54,6 +56,9 @@ def duffing(
         Amplitude and angular frequency of the drive.
     x0, v0 : float
         x(0) and x'(0).
+    riemann_liouville : bool
+        Whether the friction is Riemann and Liouville's derivative instead of Caputo's, gamma below
+        beta - 1.
 
     Returns
     -------
@@ -61,7 +66,8 @@ def duffing(
 
     Source
     ------
-    [Ueda1979], at friction 0.05 and force 7.5.
+    [Ueda1979], at friction 0.05 and force 7.5; [KimParovik2020] for a Riemann-Liouville friction
+    whose order varies.
 
     Examples
     --------
@@ -78,8 +84,9 @@ def duffing(
         real("force", force),
         real("frequency", frequency),
     )
+    kind = RiemannLiouville if riemann_liouville else Caputo
     return Equation(
-        oscillator_terms(beta, gamma, friction),
+        oscillator_terms(beta, gamma, friction, kind),
         _cubic_spring,
         [[real("x0", x0)], [real("v0", v0)]],
         params=params,

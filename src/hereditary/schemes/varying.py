@@ -10,6 +10,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.polynomial import Chebyshev, Polynomial
 from numpy.polynomial.polynomial import polyval
+from scipy.special import rgamma
 
 from .._checks import complaint
 from ..compiled.orders import fill_term, invert_lead
@@ -18,6 +19,7 @@ from ..compiled.watch import SLOWEST
 from ..orders import OrderFailed
 from ..special import alternating_power_sum
 from ..system import System
+from .riemann_liouville import first_samples
 from .scheme import Plan, distinct_columns
 from .stability import folded
 
@@ -80,9 +82,12 @@ class Schedule:
         self.derivatives = np.zeros((len(distinct), max(map(len, distinct))))
         for row, terms in zip(self.derivatives, self._terms, strict=True):
             row[: len(terms)] = [operator.derivative for _, operator in terms]
-        ones, table = np.ones(_STRETCH), np.zeros((4, len(distinct), _STRETCH))
-        self._lead, self._near, scale, self._drift = table
+        ones, table = np.ones(_STRETCH), np.zeros((3, len(distinct), _STRETCH))
+        self._lead, self._near, scale = table
         scale[:] = 1.0
+        from_zero = any(operator.from_zero for terms in distinct for _, operator in terms)
+        # factors of x'(0), and of x(0) in Riemann-Liouville terms
+        self._drift = np.zeros((1 + from_zero, len(distinct), _STRETCH))
         self.rows = StepRows(
             first=0,
             last=_STRETCH - 1,
@@ -94,7 +99,7 @@ class Schedule:
             lead=self._lead,
             near=self._near,
             scale=scale,
-            drift=self._drift,
+            drift=self._drift.reshape(-1, _STRETCH),
         )
         self.numbers, self._room = np.zeros((1, _STRETCH)), np.zeros((4, _STRETCH))
         shape = (3, self.derivatives.size, _STRETCH)
@@ -191,7 +196,7 @@ class Schedule:
         """Divide the rows of a group by its leading weight; return how many steps that suits."""
         lead, n_terms = self._lead[a, :n], self.derivatives.shape[1]
         sound = invert_lead(lead)
-        for rows in (self._near, self._drift):
+        for rows in (self._near, *self._drift):
             rows[a, :n] *= lead
         for row in range(a * n_terms, (a + 1) * n_terms):
             self.amplitudes[row, :n] *= lead
@@ -203,8 +208,8 @@ class Schedule:
         h, theta, terms = self._h, self.theta, self._terms[a]
         n, n_terms = steps.size, self.derivatives.shape[1]
         lead, near = self._lead[a, :n], self._near[a, :n]
-        drifts = self._drift[a, :n]
-        lead[:], near[:], drifts[:] = 0.0, 0.0, 0.0
+        drifts = self._drift[0, a, :n]
+        lead[:], near[:], self._drift[:, a] = 0.0, 0.0, 0.0
         # rooms of their own: fresh ones of this size are handed back to the system each time
         first, second, elapsed, scale = self._room[:, :n]
         for row, (c, operator) in enumerate(terms, a * n_terms):
@@ -225,6 +230,19 @@ class Schedule:
                 p, scale, c * np.exp(-m * np.log(h)), first, second, drift, LEAST, lead, near,
                 drifts, self.amplitudes[row, :n], self.kernels[row, :n],
             )  # fmt: skip
+            if operator.from_zero:
+                self._drift[1, a, :n] += c * self._initial(a, 1 - p, steps)
+
+    def _initial(self, a, gamma, steps):
+        """Return ``t**-gamma / Gamma(1-gamma)`` of each step, not at 0, the first one corrected."""
+        times = (steps + self._offset) * self._h
+        values = np.where(times > 0, times, np.inf) ** -gamma * rgamma(1 - gamma)
+        # an explicit step of order above 1 is given the first increment
+        at = int(self._explicit and self.derivatives[a].max() == 2) - int(steps[0])
+        if 0 <= at < steps.size:
+            (more,) = first_samples(float(gamma[at]), self._offset, 1)
+            values[at] += more * self._h ** -gamma[at] * rgamma(1 - gamma[at])
+        return values
 
 
 def _power(base, p, out):
@@ -292,4 +310,5 @@ def varying_plan(system, h, theta, explicit):
         given=(system.highest_orders() > 1).astype(np.int64) if explicit else None,
         region=FrozenLimits(schedule, system.d, 0, system.sources) if explicit else None,
         slowest=SLOWEST if explicit else 0.0,
+        drift=system.y0[:1] if any(operator.from_zero for operator, _ in system.left) else None,
     )

@@ -10,6 +10,7 @@ from ..compiled.march import MARCHES
 from ..compiled.signatures import COUNTS, MONITOR, March, Output
 from ..compiled.structures import plain, record
 from ..memory_kernel import told_error, warn_of_fit
+from ..schemes.riemann_liouville import with_initial_values
 from ..schemes.scheme import refuse_late
 from ..system import shifted, variational
 from .first_steps import starting_steps
@@ -79,13 +80,18 @@ class Stepper:
         system = self._system = self.scheme.reduction(equation) or equation.enlarged
         self._sources = system.sources
         if self.n_tangents == 0:
-            return self.steps.plan(self.scheme, system)
+            return self._planned(system)
         rows = np.zeros((system.m, system.d, self.n_tangents))
         rows[0, : equation.d] = directions[: equation.d]
         rows[1:, self._with_speed] = directions[equation.d :]
         beside = variational(system, rows[:, system.sources])
         self._sources = beside.sources
-        return self.steps.plan(self.scheme, beside)
+        return self._planned(beside)
+
+    def _planned(self, system):
+        """Return the scheme's plan for a system, with initial values of Riemann-Liouville terms."""
+        order = self.scheme.order(float(self.equation.highest_orders().max()))
+        return with_initial_values(self.steps.plan(self.scheme, system), system, order)
 
     def _open(self, plan):
         """A fresh memory."""

@@ -1,0 +1,133 @@
+"""Orders of convergence with Riemann-Liouville terms, whose initial value is infinite at 0.
+
+``D^alpha x + 0.7 D^gamma x = f`` with a linear and a nonlinear f. Explicit schemes and L1 keep
+their orders for solutions like t**alpha; BDF(p) keeps p for linear f and min(p, 1 + 2 (alpha -
+gamma)) for others; L2 and L12 have order 1 - gamma, and L2 has 3 - alpha on meshes ``graded(n, (3 -
+alpha) / (1 - gamma))``. Against Collocation at rtol = 1e-12.
+"""
+
+import matplotlib.pyplot as plt
+import numpy as np
+from _study import Study, check
+
+import hereditary as hd
+
+CASES = {
+    (2.0, 0.5): [1.0, 0.3],
+    (1.7, 0.4): [1.0, 0.3],
+    (1.0, 0.6): [1.0],
+    (0.8, 0.5): [1.0],
+}
+SCHEMES = [
+    hd.ExplicitCaputo(),
+    hd.GrunwaldLetnikov(),
+    hd.L1(),
+    hd.BDF(2),
+    hd.BDF(3),
+    hd.L2(),
+    hd.L12(),
+]
+T_END = 3.0
+
+
+def linear(t, x):
+    return -1.3 * x
+
+
+def cubic(t, x):
+    return np.cos(t) - x**3
+
+
+def expected(scheme, alpha, gamma, force, graded):
+    """Order that the docs claim."""
+    if isinstance(scheme, hd.BDF):
+        return min(scheme.formula, 9.0 if force is linear else 1 + 2 * (alpha - gamma))
+    if isinstance(scheme, hd.L2 | hd.L12):
+        return 3 - alpha if graded else 1 - gamma
+    return 3 - alpha if isinstance(scheme, hd.L1) and alpha > 1 else 1.0
+
+
+def errors(equation, exact, scheme, graded, quick):
+    """Errors at the end for ever more steps, by their number."""
+    found = {}
+    for n in [400 * 2**k for k in range(3 if quick else 6)]:
+        how = {"mesh": hd.graded(n, graded)} if graded else {"n_steps": n}
+        history = hd.SumOfExponentials(1e-13)
+        sol = hd.solve(equation, T_END, scheme=scheme, history=history, **how)
+        found[n] = float(np.abs(sol.y[-1] - exact).max()), sol.stats["run_seconds"]
+    return found
+
+
+def measure(quick):
+    rows = []
+    for (alpha, gamma), y0 in CASES.items():
+        for force in (linear, cubic):
+            terms = hd.Caputo(alpha) + 0.7 * hd.RiemannLiouville(gamma)
+            equation = hd.Equation(terms, force, y0)
+            exact = hd.solve(equation, T_END, rtol=1e-12).y[-1]
+            tried = [(scheme, 0.0) for scheme in SCHEMES if alpha <= scheme.orders[1]]
+            if alpha <= 1:
+                tried.append((hd.L2(), (3 - alpha) / (1 - gamma)))
+            for scheme, graded in tried:
+                before = np.nan
+                for n, (error, seconds) in errors(equation, exact, scheme, graded, quick).items():
+                    order = expected(scheme, alpha, gamma, force, graded)
+                    rows.append(
+                        {
+                            "alpha": alpha,
+                            "gamma": gamma,
+                            "force": force.__name__,
+                            "scheme": repr(scheme) + (", graded" if graded else ""),
+                            "n_steps": n,
+                            "error": f"{error:.3e}",
+                            "order": f"{np.log2(before / error):.3f}",
+                            "expected": f"{order:.2f}",
+                            "milliseconds": f"{1e3 * seconds:.2f}",
+                        }
+                    )
+                    before = error
+    return rows
+
+
+def resolved(row):
+    """Whether modes and rounding leave the order to be seen."""
+    return row["error"] > 1e-11
+
+
+def draw(rows):
+    figure, axes = plt.subplots(2, len(CASES), figsize=(14, 7), layout="constrained", sharey=True)
+    names = list(dict.fromkeys(row["scheme"] for row in rows))
+    for line, force in zip(axes, ("linear", "cubic"), strict=True):
+        for ax, (alpha, gamma) in zip(line, CASES, strict=True):
+            for number, name in enumerate(names):
+                key = (alpha, gamma, force, name)
+                mine = [r for r in rows if (r["alpha"], r["gamma"], r["force"], r["scheme"]) == key]
+                n, found = ([r[key] for r in mine] for key in ("n_steps", "error"))
+                ax.loglog(n, found, f"o-C{number}", ms=3, lw=1, label=name)
+            ax.xaxis.set_minor_formatter("")
+            ax.set(title=rf"{force} $f$, $\alpha = {alpha}$, $\gamma = {gamma}$")
+            ax.grid(alpha=0.3)
+        line[0].set_ylabel("error at the end")
+    for ax in axes[1]:
+        ax.set_xlabel("steps $N$")
+    axes[0, -1].legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))
+    return figure
+
+
+def main():
+    study = Study(__file__, __doc__)
+    study.write(measure(study.quick))
+    rows = study.read()
+    last = {}
+    for row in rows:
+        if np.isfinite(row["order"]) and resolved(row):
+            last[row["alpha"], row["gamma"], row["force"], row["scheme"]] = row
+    for (alpha, gamma, force, scheme), row in last.items():
+        short = row["order"] - row["expected"]
+        claim = f"{scheme} at {alpha}, {gamma}, {force} f: order {row['order']:.2f}"
+        check(f"{claim}, {row['expected']:.2f} told", short > -0.15)
+    study.save(draw(rows))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,60 @@
+"""Initial values in Riemann-Liouville terms: ``y(0) t**-gamma / Gamma(1-gamma)`` on given steps.
+
+It is infinite at 0 and never sampled there. Samples at the times of steps alone would leave errors
+of order 1 - gamma; the first ones are corrected such that their sums tend to the integrals of
+``t**-gamma``, ``t**(1-gamma)``, ... as fast as the scheme converges (Euler and Maclaurin).
+"""
+
+from dataclasses import replace
+from functools import lru_cache
+from math import ceil
+
+import numpy as np
+from scipy.special import rgamma
+
+from ..special import hurwitz_zeta
+
+
+def with_initial_values(plan, system, order):
+    """Return the plan of a scheme of this order with the initial values of such terms."""
+    terms = [(op, c) for op, c in system.left if op.from_zero and op.constant]
+    if not terms or system.varies:
+        return plan
+    theta, rows, d = float(plan.rows.theta[-1]), plan.rows, system.d
+    n_first = 1 if theta == 0 or rows.times.size else ceil(order)
+    # a first step that is given cannot be corrected
+    first = np.zeros(d, dtype=int) if plan.given is None else plan.given
+    corrections = np.zeros((n_first + 1, d))
+    amplitudes, powers = [], []
+    for operator, c in terms:
+        gamma = operator.order
+        amplitudes.append(c * system.y0[0] * rgamma(1 - gamma))
+        powers.append(np.where(c != 0, -gamma, 0.0))
+        sizes = amplitudes[-1] * rows.unit[0] ** -gamma
+        samples = first_samples(gamma, theta, n_first)
+        if rows.times.size:  # on a mesh the first step alone is made right
+            samples = np.array([1 / (1 - gamma) - theta**-gamma])
+        for k, weight in enumerate(samples):
+            corrections[k + first, np.arange(d)] -= weight * sizes
+    known = np.zeros((0, d)) if plan.corrections is None else plan.corrections
+    size = max(len(known), len(corrections))
+    total = sum(np.pad(part, ((0, size - len(part)), (0, 0))) for part in (known, corrections))
+    before = [np.zeros((0, d)) if part is None else part for part in (plan.drift, plan.powers)]
+    return replace(
+        plan,
+        drift=np.vstack([before[0], amplitudes]),
+        powers=np.vstack([before[1], powers]),
+        corrections=total,
+    )
+
+
+@lru_cache(maxsize=64)
+def first_samples(gamma, theta, n):
+    """Return what is added to the first n samples of ``t**-gamma``, in units of the step, (n,).
+
+    Samples are taken at k + theta, k >= 0, but not at 0. The sums of all, times powers
+    of k + theta below the n-th, then are the integrals in the sense of ``zeta(gamma - j, theta)``.
+    """
+    places = np.arange(n) + theta
+    lacking = [-hurwitz_zeta(gamma - j, theta or 1.0) for j in range(n)]
+    return np.linalg.solve(np.vander(places, n, increasing=True).T, lacking)

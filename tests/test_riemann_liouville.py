@@ -1,0 +1,228 @@
+"""Riemann-Liouville terms: Caputo's derivative and what y(0) adds, which is infinite at 0."""
+
+import mpmath
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import hereditary as hd
+from hereditary.collocation.stepper import AdaptiveStepper
+from hereditary.meshes import UniformSteps
+from hereditary.solver.stepper import Stepper
+from hereditary.special import hurwitz_zeta
+
+FRICTION, STIFFNESS, T_END = 0.7, 1.3, 3.0
+# Highest order and that of the Riemann-Liouville term.
+CASES = [(2.0, 0.5), (1.7, 0.4), (1.0, 0.6), (0.8, 0.5)]
+
+
+def spring(t, x):
+    return -1.3 * x
+
+
+def half(t):
+    return 0.5 + 0.0 * t
+
+
+def waving(t):
+    return 0.5 + 0.3 * np.sin(t)
+
+
+def initial(alpha, scale=1.0):
+    return [scale, 0.3 * scale] if alpha > 1 else [scale]
+
+
+def equation(alpha, gamma, rhs=spring, scale=1.0):
+    terms = hd.Caputo(alpha) + FRICTION * hd.RiemannLiouville(gamma)
+    return hd.Equation(terms, rhs, initial(alpha, scale))
+
+
+def exact(alpha, gamma, t):
+    """By Laplace: that of D^gamma y is s**gamma Y, without y(0)."""
+    y0 = initial(alpha)
+
+    def transform(s):
+        start = s ** (alpha - 1) * y0[0] + (s ** (alpha - 2) * y0[1] if alpha > 1 else 0)
+        return start / (s**alpha + FRICTION * s**gamma + STIFFNESS)
+
+    with mpmath.workdps(30):
+        return float(mpmath.invertlaplace(transform, t, method="talbot", degree=40))
+
+
+def order_claimed(scheme, alpha, gamma):
+    if isinstance(scheme, hd.BDF):
+        return scheme.formula
+    if isinstance(scheme, hd.L2 | hd.L12):
+        return 1 - gamma
+    return 3 - alpha if isinstance(scheme, hd.L1) and alpha > 1 else 1.0
+
+
+SCHEMES = [hd.ExplicitCaputo(), hd.GrunwaldLetnikov(), hd.L1(), hd.BDF(1), hd.BDF(2), hd.BDF(3)]
+SCHEMES += [hd.L2(), hd.L12()]
+
+
+@pytest.mark.parametrize(("alpha", "gamma"), CASES)
+def test_collocation_is_exact_to_its_tolerance(alpha, gamma):
+    times = np.array([1e-6, 1e-3, 0.1, 1.0, 3.0])
+    truth = np.array([exact(alpha, gamma, t) for t in times])
+    for rtol in (1e-6, 1e-10):
+        sol = hd.solve(equation(alpha, gamma), T_END, rtol=rtol)
+        assert np.abs(sol(times)[:, 0] - truth).max() < rtol
+
+
+@pytest.mark.parametrize(("alpha", "gamma"), CASES)
+@pytest.mark.parametrize("scheme", SCHEMES, ids=repr)
+def test_schemes_converge_as_told(scheme, alpha, gamma):
+    if alpha > scheme.orders[1]:
+        pytest.skip("beyond the scheme's orders")
+    eq, truth = equation(alpha, gamma), exact(alpha, gamma, T_END)
+    errors = [abs(hd.solve(eq, T_END, n, scheme=scheme).y[-1, 0] - truth) for n in (800, 1600)]
+    assert errors[1] < (1e-2 if order_claimed(scheme, alpha, gamma) >= 1 else 1e-1)
+    order = np.log2(errors[0] / errors[1])
+    assert abs(order - order_claimed(scheme, alpha, gamma)) < 0.15
+
+
+@pytest.mark.parametrize("scheme", [hd.L1(), hd.L2()], ids=repr)
+def test_graded_meshes_restore_the_order(scheme):
+    alpha, gamma = 0.8, 0.5
+    order = scheme.order(alpha)
+    eq, truth = equation(alpha, gamma), exact(alpha, gamma, T_END)
+    meshes = [hd.graded(n, order / (1 - gamma)) for n in (400, 800)]
+    ends = [hd.solve(eq, T_END, mesh=mesh, scheme=scheme).y[-1, 0] for mesh in meshes]
+    errors = np.abs(np.array(ends) - truth)
+    assert errors[1] < 1e-4
+    assert abs(np.log2(errors[0] / errors[1]) - order) < 0.15
+
+
+@pytest.mark.parametrize("alpha", [2.0, 1.0])
+def test_an_order_that_varies_may_be_constant(alpha):
+    truth = exact(alpha, 0.5, T_END)
+    sol = hd.solve(equation(alpha, half), T_END, rtol=1e-10)
+    assert abs(sol.y[-1, 0] - truth) < 1e-10
+    for scheme in (hd.ExplicitCaputo(), hd.L1()):
+        for history in (hd.Direct(), hd.SumOfExponentials()):
+            how = {"scheme": scheme, "history": history}
+            varying = hd.solve(equation(alpha, half), T_END, 300, **how).y
+            constant = hd.solve(equation(alpha, 0.5), T_END, 300, **how).y
+            assert np.abs(varying - constant).max() < 1e-8
+
+
+@pytest.mark.parametrize("alpha", [2.0, 1.0])
+@pytest.mark.parametrize("scheme", [hd.ExplicitCaputo(), hd.L1()], ids=repr)
+def test_orders_that_vary_converge_to_collocation(scheme, alpha):
+    eq = equation(alpha, waving)
+    truth = hd.solve(eq, T_END, rtol=1e-10).y[-1, 0]
+    assert abs(hd.solve(eq, T_END, rtol=1e-6).y[-1, 0] - truth) < 1e-6
+    errors = [abs(hd.solve(eq, T_END, n, scheme=scheme).y[-1, 0] - truth) for n in (800, 1600)]
+    assert errors[1] < 5e-3
+    assert abs(np.log2(errors[0] / errors[1]) - 1) < 0.15
+
+
+@pytest.mark.hypothesis
+@given(
+    st.floats(0.1, 0.9),
+    st.sampled_from([hd.ExplicitCaputo(), hd.L1(), hd.BDF(2), hd.GrunwaldLetnikov(), None]),
+    st.floats(-2.0, 2.0),
+)
+def test_without_an_initial_value_it_is_caputos(gamma, scheme, slope):
+    how = {"rtol": 1e-9} if scheme is None else {"n_steps": 60, "scheme": scheme}
+    rows = []
+    for kind in (hd.Caputo, hd.RiemannLiouville):
+        terms = hd.Caputo(2.0) + 0.5 * kind(gamma)
+        eq = hd.Equation(terms, lambda t, x: np.cos(t) - x, [0.0, slope])
+        rows.append(hd.solve(eq, 2.0, **how).y[-1, 0])
+    assert abs(rows[1] - rows[0]) < (1e-12 if scheme is not None else 1e-9)
+
+
+@pytest.mark.hypothesis
+@given(st.floats(-3.0, 0.95), st.floats(0.05, 2.0))
+def test_hurwitz_zeta_is_mpmaths(s, q):
+    truth = float(mpmath.zeta(s, q))
+    assert abs(hurwitz_zeta(s, q) - truth) < 1e-11 * max(1.0, abs(truth), 1 / abs(1 - s))
+
+
+@pytest.mark.parametrize("gamma", [0.5, waving])
+@pytest.mark.parametrize("alpha", [2.0, 1.0])
+def test_tangents_take_their_own_initial_values(alpha, gamma):
+    """Along its own initial values the tangent of a linear equation is its solution."""
+    eq = equation(alpha, gamma)
+    directions = np.array(initial(alpha))[:, None]
+    stepper = AdaptiveStepper(eq, hd.Collocation(), T_END, 1e-9, 1e-11, directions=directions)
+    while stepper.t < T_END:
+        stepper.advance(T_END)
+    assert abs(stepper.tangent[0, 0] - stepper.y[0]) < 1e-9
+    for scheme in (hd.ExplicitCaputo(), hd.L1()):
+        steps = UniformSteps(0.01)
+        stepper = Stepper(
+            eq, scheme, hd.SumOfExponentials(), steps, 300, np.array(initial(alpha))[:, None]
+        )
+        stepper.advance(20)
+        stepper.transform_tangent(np.array([[2.0]]))
+        stepper.advance(300)
+        assert abs(stepper.tangent[0, 0] - 2 * stepper.y[0]) < 1e-8
+
+
+@pytest.mark.parametrize("gamma", [0.5, waving])
+def test_runs_go_on_from_a_state(gamma):
+    eq = equation(2.0, gamma)
+    for scheme in (hd.ExplicitCaputo(), hd.L1()):
+        half_way = hd.solve(eq, 1.5, 150, scheme=scheme)
+        whole = hd.solve(eq, 3.0, 300, scheme=scheme)
+        assert np.array_equal(hd.solve(eq, 3.0, resume=half_way.state).y, whole.y[150:])
+    half_way = hd.solve(eq, 1.5, rtol=1e-9)
+    whole = hd.solve(eq, 3.0, rtol=1e-9)
+    assert abs(hd.solve(eq, 3.0, resume=half_way.state).y[-1, 0] - whole.y[-1, 0]) < 1e-9
+    caputo = hd.Equation(hd.Caputo(2.0) + FRICTION * hd.Caputo(0.5), spring, [1.0, 0.3])
+    with pytest.raises(ValueError, match="same orders"):
+        hd.solve(caputo, 3.0, resume=half_way.state, allow_change=True)
+
+
+def test_one_of_several_components_may_have_it():
+    """The other component and another start of time change nothing."""
+    terms = hd.Caputo([1.0, 0.6]) + np.array([FRICTION, 0.0]) * hd.RiemannLiouville(0.6)
+    eq = hd.Equation(terms, lambda t, y: np.array([-1.3 * y[0], -y[1]]), [1.0, 1.0], t_start=5.0)
+    sol = hd.solve(eq, 8.0, rtol=1e-10)
+    assert abs(sol.y[-1, 0] - exact(1.0, 0.6, 3.0)) < 1e-10
+    steps = hd.solve(eq, 8.0, 1600, scheme=hd.BDF(3))
+    assert abs(steps.y[-1, 0] - exact(1.0, 0.6, 3.0)) < 1e-7
+    complex_eq = hd.Equation(
+        hd.Caputo(1.0) + FRICTION * hd.RiemannLiouville(0.6), spring, [1.0 + 2.0j]
+    )
+    sol = hd.solve(complex_eq, 3.0, rtol=1e-10)
+    assert abs(sol.y[-1, 0] - (1 + 2j) * exact(1.0, 0.6, 3.0)) < 1e-9
+
+
+def test_the_duffing_oscillator_of_that_kind():
+    eq = hd.scenes.duffing(gamma=waving, friction=0.3, riemann_liouville=True)
+    sol = hd.solve(eq, 5.0, rtol=1e-9)
+    errors = [abs(hd.solve(eq, 5.0, n).y[-1, 0] - sol.y[-1, 0]) for n in (8000, 16_000)]
+    assert errors[1] < 1e-2
+    assert abs(np.log2(errors[0] / errors[1]) - 1) < 0.15
+    other = hd.solve(hd.scenes.duffing(gamma=waving, friction=0.3), 5.0, rtol=1e-9)
+    assert abs(other.y[-1, 0] - sol.y[-1, 0]) > 0.1
+
+
+def test_refusals_name_the_reason():
+    RL, C = hd.RiemannLiouville, hd.Caputo
+    for order in (1.0, 1.5, lambda t: 1.5):
+        with pytest.raises(ValueError, match=r"lie in \(0, 1\)"):
+            RL(order)
+    with pytest.raises(ValueError, match="other than RiemannLiouville"):
+        hd.Equation(RL(0.5), spring, 1.0)
+    with pytest.raises(ValueError, match=r"be below 0\.4 for RiemannLiouville"):
+        hd.Equation(C(0.4) + RL(0.5), spring, 1.0)
+    with pytest.raises(ValueError, match=r"1 below its highest order 1\.5"):
+        hd.Equation(C(1.5) + RL(0.5), spring, [1.0, 0.0])
+    with pytest.raises(ValueError, match="memory must hold Caputo or Memory terms"):
+        hd.Equation(C(1.5), lambda t, y, memory: -y, [1.0, 0.0], memory=RL(0.3))
+    with pytest.raises(ValueError, match="orders above 2"):
+        hd.Equation(C(2.5) + RL(0.3), spring, [1.0, 0.0, 0.0])
+    mixed = hd.Equation(C(2.0) + RL(waving) + C(half), spring, [1.0, 0.0])
+    with pytest.raises(ValueError, match="not mix"):
+        hd.solve(mixed, 1.0, rtol=1e-6)
+    assert hd.solve(mixed, 1.0, 100, scheme=hd.L1()).success
+    ahead = hd.Equation(C(lambda t: 1.9 - 0.05 * t) + RL(0.3), spring, [1.0, 0.0])
+    with pytest.raises(ValueError, match="constant order in front"):
+        hd.solve(ahead, 1.0, rtol=1e-6)
+    assert hd.solve(ahead, 1.0, 100).success
