@@ -44,7 +44,7 @@ class OrbitAndTangents:
         Present values of y and of the primary unknown.
     initial, offsets : ndarray, shape (1 + k, d) and (1 + k, n)
         p(0) plus the content of modes of rate 0, or 0 where p is implicit; constants subtracted
-        from the integrand of each convolution term.
+        from the integrand of each convolution term, in the steps to come.
     modes, before : ndarray, shape (1 + k, R, M)
         Modes of each row now and at the start of the last step. Rows of unweighted modes, d for
         each integrand of varying orders, follow the others. Along the last axis the modes of power
@@ -68,8 +68,7 @@ class OrbitAndTangents:
         self.initial = np.where(form.second == 1, y0[:, -1], y0[:, 0])
         self.p = self.initial.copy()
         constants = np.array([0 * self.initial, self.initial, y0[:, 0]])
-        components = form.terms.row % d
-        self.offsets = np.ascontiguousarray(constants[form.offset_of, :, components].T)
+        self.offsets = self._last_offsets = self._of_terms(constants)
         self.initial[:, form.implicit == 1] = 0.0
         self._n_rows = form.n_rows + d * form.unweighted.size
         self.modes = self.before = np.zeros((n_columns, self._n_rows, 0))
@@ -80,6 +79,11 @@ class OrbitAndTangents:
         self._last_length, self._singular, self._prefitted = 0.0, None, None
         self._tables = None
         self._join()
+
+    def _of_terms(self, constants):
+        """Return what is subtracted from the integrand of each term, from 0, p(0), y(0)."""
+        components = self._form.terms.row % constants.shape[2]
+        return np.ascontiguousarray(constants[self._form.offset_of, :, components].T)
 
     @property
     def farthest(self):
@@ -144,7 +148,7 @@ class OrbitAndTangents:
 
     def record_step(self, length):
         """Record that the last step was an ordinary one of this length."""
-        self._last_length, self._singular = length, None
+        self._last_length, self._singular, self._last_offsets = length, None, self.offsets
 
     def prefit_kernels(self, closest, farthest, t_end, tol):
         """Fit kernels known by their values before the run begins; return the largest error."""
@@ -166,6 +170,10 @@ class OrbitAndTangents:
         if self._form.varying:
             self.varying = varying_basis(closest, farthest, tol)
         self._join()
+        self._clear_modes()
+
+    def _clear_modes(self):
+        """Set all modes to what they hold at a start."""
         self.modes = np.zeros((self.x.shape[0], self._n_rows, self.rates.size))
         self._take_start(slice(None))
         self.before = self.modes.copy()
@@ -180,6 +188,7 @@ class OrbitAndTangents:
     def finish_singular_start(self, basis, length, values):
         """Move to the end of a singular start; values (1 + k, 3, d, n) of f, p and y."""
         self._last_length, self._singular = length, (basis, values)
+        self._last_offsets = self.offsets
         self.x[:], self.p[:] = values[:, POSITION, :, -1], values[:, PRIMARY, :, -1]
         if np.any(self.power_laws.rates[:1] == 0.0):  # as in compiled/adaptive.py
             d = self.x.shape[1]
@@ -187,6 +196,29 @@ class OrbitAndTangents:
             self.modes[:, :d, 0] = 0.0
         self.before = self.modes
         self.modes = self._advanced(self.before)
+
+    def shift(self, change):
+        """Add `change` (d,) to y of the orbit, and to all that is measured from p(0) and y(0).
+
+        So the jump does not enter the memory.
+        """
+        of_p = np.where(self._form.second == 1, 0.0, change)
+        constants = np.array([0 * change, of_p, change])[:, None]
+        self.x[0] += change
+        self.p[0] += of_p
+        self.initial[0] += of_p
+        self.offsets = self.offsets.copy()
+        self.offsets[0] += self._of_terms(constants)[0]
+
+    def begin_anew(self, x):
+        """Return the orbit without its past, from y = x, (d,), on; y' is kept where it is p."""
+        rows = [x, self.p[0]] if self._form.second.any() else [x]
+        anew = OrbitAndTangents(self._form, np.array(rows)[None], self.last.shape[3])
+        anew.power_laws, anew.kernels, anew.varying = self.power_laws, self.kernels, self.varying
+        anew._prefitted = self._prefitted
+        anew._join()
+        anew._clear_modes()
+        return anew
 
     def jump_to(self, p, x):
         """Set p and y, (1 + k, d), and add the jump of p to the modes."""
@@ -239,10 +271,10 @@ class OrbitAndTangents:
         for row, (c, q, k, coefficient) in enumerate(convolution_terms(self._form)):
             if k >= self._form.orders.size:
                 continue  # included in the modes of general kernels
-            a, offset = self._form.orders[k], self.offsets[:, row, None]
+            a, offset = self._form.orders[k], self._last_offsets[:, row, None]
             kernel = weights * np.add.outer(u, v) ** (a - 1)
             part = (integrands[:, q, c] - offset) @ kernel.T
-            end = (self.x if q == POSITION else self._ends(q))[:, c, None] - offset
+            end = self._ends(q)[:, c, None] - offset
             part += end * ((LEFT_OUT + u) ** a - np.exp(a * log_u)) / a
             base[:, c] += coefficient * self._last_length**a * rgamma(a) * part
         return base
@@ -276,7 +308,7 @@ class OrbitAndTangents:
         for row, (c, q, k, coefficient) in enumerate(convolution_terms(self._form)):
             if k == ITSELF:
                 continue
-            input_part = (integrands[:, q, c % d] - self.offsets[:, row, None]) @ damped.T
+            input_part = (integrands[:, q, c % d] - self._last_offsets[:, row, None]) @ damped.T
             advanced[:, c] += self._last_length * coefficient * weights[k] * input_part
         return advanced
 

@@ -6,6 +6,8 @@ import numpy as np
 from numpy.polynomial import legendre as leg
 from scipy.special import rgamma, roots_jacobi
 
+from ..compiled.structures import Rule
+
 
 @lru_cache(maxsize=16)
 def radau_nodes(s):
@@ -31,6 +33,13 @@ def to_legendre(s):
 def radau_integrals(s, a):
     """Return the integrals of order a of the node polynomials, from 0 to each node, (s, s)."""
     return _frozen(polynomial_integrals(s, a, radau_nodes(s)))
+
+
+def rule_of(s, orders):
+    """Return the `Rule` of s nodes with the integrals of these orders, the last of which is 1."""
+    singular = np.array([radau_integrals(s, a) for a in orders])
+    matrices = radau_nodes(s), singular, to_legendre(s), np.linalg.inv(singular[-1])
+    return Rule(*(np.array(part) for part in matrices + check_points(s)))
 
 
 def polynomial_integrals(s, a, ends):

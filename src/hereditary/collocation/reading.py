@@ -51,6 +51,14 @@ class Plain:
         """Return the dense output of y."""
         return piece
 
+    def widened(self, change):
+        """Return a change of y, (d,), as one of all components of the system."""
+        return change
+
+    def begun(self, y, x):
+        """Return components at the start of a run from y, (d,); others than y's are as in x."""
+        return y
+
 
 class Reading(Plain):
     """View of a stepper that solves an equation whose right-hand side reads memory."""
@@ -76,6 +84,17 @@ class Reading(Plain):
     def piece(self, piece):
         """Return the dense output of y."""
         return ReadingPiece(piece, self._speeds)
+
+    def widened(self, change):
+        """Return a change of y, (d,), as one of all components of the system."""
+        return np.pad(change, (0, self.system.d - self._d))
+
+    def begun(self, y, x):
+        """Return components at the start of a run from y, (d,); memory is 0, y' as in x."""
+        found = self.widened(y)
+        speeds = self._speeds[self.second]
+        found[speeds] = x[speeds]
+        return found
 
 
 @dataclass(frozen=True, eq=False)
