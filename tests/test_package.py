@@ -183,7 +183,9 @@ def test_examples_in_docstrings(name):
 
 
 PAGES = ["README.md"]
-PAGES += [f"docs/{name}.md" for name in ("start", "collocation", "kernels", "memory_terms")]
+PAGES += [
+    f"docs/{name}.md" for name in ("start", "collocation", "kernels", "memory_terms", "events")
+]
 
 
 @pytest.mark.parametrize("page", PAGES)

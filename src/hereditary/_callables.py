@@ -25,7 +25,7 @@ from ._frozen import code_names, fresh, frozen_values, uncompiled
 from ._jit import F8, JAC_SIG, RHS_SIG, as_value, compiling, derived
 from ._memory_argument import joined, padded, paired, split
 from ._python_calls import Callback, before_addresses, in_python, warn_of_python
-from ._trial import arity_of, try_out
+from ._trial import Start, arity_of, try_out
 from ._warning import warn
 
 _READ_ONLY = types.Array(F8, 1, "C", readonly=True)
@@ -86,6 +86,19 @@ def functions_of(rhs, jac, jac_memory, start, hint=""):
         for parts, signature, callback in kinds
     )
     return Functions(made_rhs, made_jac, params, tuple(held for held in callbacks if held))
+
+
+def switch_of(switch, y, t):
+    """Check ``switch(t, y)``, a function with one value, and return it compiled."""
+    start = Start(y, np.zeros((0, y.size), y.dtype), np.zeros(0), t)
+    required = "be functions switch(t, y) of real components that numba compiles"
+    made = None
+    if callable(switch) and not start.paired:
+        made = _function("switches", "value", switch, start, (1,), RHS_SIG).compiled
+    if made is None:
+        got = repr(switch) if not start.paired else "complex y"
+        raise TypeError(complaint("switches", required, got))
+    return made
 
 
 def _joined(parts, signature, k, called):

@@ -34,6 +34,13 @@ class Frame(NamedTuple):
             inside = inside[..., : len(self.speeds)]
         return np.ascontiguousarray(inside).view(complex) if self.paired else inside
 
+    def moved(self, inside, values):
+        """Return components (n,) where y, as the user sees it, has other values."""
+        found = inside.copy()
+        real = np.ascontiguousarray(values, complex if self.paired else float).view(float)
+        found[: real.size] = real
+        return found
+
     def slopes(self, inside, slopes):
         """Return y' as the user sees it, of components and their slopes (..., n) each."""
         if self.speeds:
@@ -52,7 +59,7 @@ class _Inside:
 
     def __init__(self, function, frame):
         self._function, self._frame, self.start = function, frame, frame.start
-        for name in ("terminal", "direction"):
+        for name in ("terminal", "direction", "change", "forget"):
             if hasattr(function, name):
                 setattr(self, name, getattr(function, name))
 

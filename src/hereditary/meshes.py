@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import ClassVar, NamedTuple
 
@@ -96,7 +97,10 @@ class UniformSteps:
     """
 
     h: float
-    span: ClassVar[None] = None
+
+    def covered(self, n_steps: int, horizon: float) -> int:
+        """Return the number of steps that a history is to cover, at least to `horizon`."""
+        return max(int(n_steps), math.ceil(horizon / self.h * (1 - 1e-12)))
 
     def time(self, n: int) -> float:
         """Time of step n."""
@@ -121,6 +125,10 @@ class UniformSteps:
         near = np.abs(positions - mesh) <= 8 * np.finfo(float).eps * mesh
         return np.where(near, mesh, positions)
 
+    def first_from(self, t: float) -> int:
+        """Return the number of the first step that is not before t."""
+        return int(np.ceil(self.positions(np.array([t]))[0]))
+
     def plan(self, scheme, system):
         """Plan of a scheme for a system on these steps."""
         return scheme.plan(system, self.h)
@@ -142,6 +150,10 @@ class MeshSteps:
 
     h: ClassVar[float] = 0.0
 
+    def covered(self, n_steps: int, horizon: float) -> Span:
+        """Return the distances that a history is to cover."""
+        return self.span
+
     def time(self, n: int) -> float:
         """Time of step n."""
         return float(self.mesh[n])
@@ -162,6 +174,10 @@ class MeshSteps:
     def positions(self, times: np.ndarray) -> np.ndarray:
         """Positions of times, counted in steps."""
         return np.interp(times, self.mesh, np.arange(self.mesh.size))
+
+    def first_from(self, t: float) -> int:
+        """Return the number of the first step that is not before t."""
+        return int(np.searchsorted(self.mesh, t))
 
     def plan(self, scheme, system):
         """Plan of a scheme for a system on this mesh."""

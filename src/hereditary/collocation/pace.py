@@ -27,7 +27,7 @@ _DISTANCES_AHEAD = (1.0, 10.0, 100.0, 1000.0)
 _NOT_FINITE = "the right-hand side is not finite just ahead"
 _JUMPS = (
     "the right-hand side jumps, or stops being finite, wherever the solution goes on (it may slide "
-    "or chatter there); where it jumps at known times name these in breaks"
+    "or chatter there); name known times in breaks, functions that change their sign in switches"
 )
 _CRAWLS = (
     "steps stay short wherever the solution goes on: it may slide or chatter where the right-hand "
@@ -35,7 +35,7 @@ _CRAWLS = (
 )
 _ROUNDS = (
     "rounding hides what the tolerance asks for, or the solution is too steep; loosen rtol, and if "
-    "the right-hand side jumps here name the time in breaks"
+    "the right-hand side jumps here name the time in breaks, or the function in switches"
 )
 
 

@@ -39,7 +39,7 @@ class AdaptiveStepper(CollocationMarch):
         Longest step [time], and largest number of steps of this run.
     """
 
-    adaptive, looks = True, _LOOKS
+    adaptive, looks, h = True, _LOOKS, 0.0
     zigzag, growth, largest_ratio = None, None, 0.0
 
     def __init__(
@@ -164,12 +164,19 @@ class AdaptiveStepper(CollocationMarch):
         """Return the time at which a march that goes back to t stands."""
         return t
 
-    def expect_changes(self, changes, forgets):
-        """Make few steps at once; refuse equations whose past a jump of y would not leave alone."""
+    def expect(self, kinds):
+        """Make few steps at once, for events are going to change, forget or switch something.
+
+        Refuse equations whose past a jump of y or f would not leave alone.
+        """
         self._rows = _FEW_ROWS
-        if (changes or forgets) and self._form.implicit.any():
-            required = "change no y where a component's highest order varies or is a kernel's"
-            raise ValueError(complaint("events", required, "a change or forget"))
+        required = "change, forget or switch nothing"
+        if self._form.implicit.any():
+            required += " where a component's highest order varies or is a kernel's"
+            raise ValueError(complaint("events", required, ", ".join(sorted(kinds))))
+        if "change" in kinds and any(operator.from_zero for operator, _ in self.equation.left):
+            required = "change no y beside RiemannLiouville, which takes jumps for derivatives"
+            raise ValueError(complaint("events", required, "a change", "or forget the past"))
 
     def change(self, y):
         """Let y jump to these values, (d,), here; the jump does not enter the memory."""
@@ -181,11 +188,10 @@ class AdaptiveStepper(CollocationMarch):
         self._orbit = self._orbit.begin_anew(self._view.begun(y, self._orbit.x[0]))
         self._at_singular_start = True
 
-    @property
-    def params(self):
-        """Parameters that the march hands to the right-hand side; they may be written to."""
+    def set_parameter(self, number, value):
+        """Set a parameter of the right-hand side, which jumps."""
+        self._system._params[number] = value
         self._at_singular_start = True
-        return self._system._params
 
     def _identity(self, t):
         """Describe the traits that a run to time t shares with one that resumes it."""

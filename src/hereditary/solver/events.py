@@ -12,6 +12,8 @@ from ..special import bracketed_root
 # Zeros this close to the start, relatively, are the start itself.
 _SAME = 1e-12
 _TINY = 5e-324
+# Fractions of the first step after a change that are looked at too.
+_NEXT = 10.0 ** np.arange(-9, 0)
 
 
 class Events:
@@ -22,73 +24,147 @@ class Events:
     functions : sequence of callable
         ``event(t, y)``, with the attributes `terminal` (default False: that many zeros end the
         run, True for one) and `direction` (default 0: both; 1 upwards only, -1 downwards only) as
-        in SciPy. A number, or a truth value whose changes are sought; NaN where there is none.
-    t : float
-    y : ndarray, shape (d,)
+        in SciPy. A number, or a truth value whose changes are sought; NaN where there is none. One
+        with `change` or `forget` acts on the march.
+    switches : sequence of callable
+        Such functions at whose zeros the right-hand side jumps.
+    stepper : Stepper or AdaptiveStepper
         Where the run begins.
     signs : dict
         Signs that `signs` gave at the end of the run that this one goes on from.
-    looks : int
-        Points of each step that are looked at, besides its end.
 
     Attributes
     ----------
     times, values : list of list
-        Zeros of each function, and the solution there.
+        Zeros of each event, and the solution there.
     failure : str
         How an event function failed; empty where none did.
+    fired : dict of int and float
+        Events and, behind them, switches that act where the march was ended by `look`, with the
+        signs behind their zeros.
+    stuck : int or None
+        The one of them whose zero was followed by the next one at once.
     """
 
-    def __init__(self, functions, t, y, signs, looks):
-        self._functions, self._start, self._looks = functions, t, looks
-        # the last value seen: a zero between two stretches is then found once, and only once
-        self._values = [_first_value(function, t, y) for function in functions]
-        self._limits = [_limit(function) for function in functions]
-        self._after = [0.0 for _ in functions]
-        for number, function in enumerate(functions):
-            # a run that begins at a zero may stand on either side of it by its tolerance
-            value, sign = self._values[number], signs.get(digest(function), 0.0)
-            if sign * np.sign(value) <= 0 and sign:
-                self._values[number] = math.copysign(max(abs(value), _TINY), sign)
+    def __init__(self, functions, switches, stepper, signs):
+        functions, switches = tuple(functions), tuple(switches)
+        self._functions = [*functions, *switches]
+        self._looks, self._stands_at = stepper.looks, stepper.stands_at
+        # the part of a step in which a solution comes back to a switch at once
+        self._at_once = 1.0 if stepper.looks == 1 else 1e-6
+        self._limits = [_limit(function) for function in self._functions]
+        acting = [getattr(f, "change", None) or getattr(f, "forget", False) for f in functions]
+        self._acting = [*map(bool, acting), *(True for _ in switches)]
+        self._n_told = len(functions)
         self.times: list[list[float]] = [[] for _ in functions]
         self.values: list[list[np.ndarray]] = [[] for _ in functions]
         self.failure, self._failed_at = "", math.inf
+        self.fired: dict[int, float] = {}
+        self.stuck: int | None = None
+        t, y = stepper.t, stepper.y
+        values = [_first_value(function, t, y) for function in self._functions]
+        self._begin(t, values, [signs.get(digest(f), 0.0) for f in self._functions])
+
+    @property
+    def any(self):
+        """Whether there is something to look for."""
+        return bool(self._functions)
+
+    def begin(self, t, y, changed):
+        """Go on at time t from components y, which have jumped there or not."""
+        values = [float(self._seen(function, [t], [y])[0]) for function in self._functions]
+        self._begin(t, values, [0.0 for _ in values] if changed else self._after)
+
+    def _begin(self, t, values, after):
+        """Begin at time t, where functions have some values; `after` are signs, 0 for unknown."""
+        # the last value seen: a zero between two stretches is then found once, and only once
+        self._start, self._values = t, list(values)
+        self._last, self.fired = self.fired, {}
+        # switches at which the run begins, which it may yet turn out to leave to the other side
+        self._open: set[int] = set()
+        for number, (value, sign) in enumerate(zip(self._values, after, strict=True)):
+            if number >= self._n_told and value == 0 and not sign:
+                self._open.add(number)
+                sign = 1.0
+            # a run that begins at a zero may stand on either side of it by its tolerance
+            if sign * np.sign(value) <= 0 and sign:
+                self._values[number] = math.copysign(max(abs(value), _TINY), sign)
+        self._after = [float(np.sign(value)) for value in self._values]
+        self._sides = self._after[self._n_told :]
+
+    def sides(self):
+        """Return the sign of each switch from which the march goes on."""
+        return self._sides
 
     def look(self, edges, at):
         """Search between consecutive `edges`; `at(t)` is the solution, (k, d) for k times.
 
-        Returns the time at which a terminal event, or a function that fails, ends the run, or None.
+        Returns the time at which the march is to stand where a terminal event, a function that
+        fails, or one that acts ends it, or None.
         """
         looks = edges[:-1, None] + np.diff(edges)[:, None] * np.arange(self._looks) / self._looks
         times = np.append(looks.ravel(), edges[-1])
-        rows = at(times)
-        found, end = [], math.inf
+        if edges[0] == self._start and self._last:
+            # just after a change two zeros may follow each other in any time
+            times = np.union1d(times, edges[0] + (edges[1] - edges[0]) * _NEXT)
+        rows, found, acting, end = at(times), [], [], math.inf
+        at_once = self._start * (1 + _SAME)
+        if edges[0] == self._start:
+            at_once = max(at_once, self._start + self._at_once * (edges[1] - edges[0]))
         for number, function in enumerate(self._functions):
             values = np.append(self._values[number], self._seen(function, times[1:], rows[1:]))
             self._values[number] = values[-1]
-            left = self._limits[number] - len(self.times[number])
+            left = self._limits[number] - self._n_found(number)
             for t, sign in self._zeros(function, times, values, at):
+                if self._comes_back(number, t, sign, at_once):
+                    self.stuck = number if number in self._last else None
+                    acting.append((self._start, number, sign))
+                    break
                 if t <= self._start * (1 + _SAME):
                     continue  # where a run goes on from its own event
                 found.append((t, number, sign))
                 left -= 1
                 if left == 0:
                     end = min(end, t)
+                if self._acting[number]:
+                    acting.append((t, number, sign))
+                if left == 0 or self._acting[number]:
                     break
-        if self.failure and self._failed_at <= end:  # back to the last step before
-            end = edges[max(int(np.searchsorted(edges, self._failed_at)) - 1, 0)]
-        else:
-            self.failure = ""
+        end = self._end(end, acting, edges)
         self._keep(sorted(found), min(end, edges[-1]), at)
         return None if end == math.inf else float(end)
+
+    def _comes_back(self, number, t, sign, at_once):
+        """Return whether a zero at t is that from which the run has just gone on."""
+        if number >= self._n_told:
+            return (number in self._last or number in self._open) and t <= at_once
+        return self._last.get(number) == sign and t <= self._start * (1 + _SAME)
+
+    def _n_found(self, number):
+        """Return how many zeros of a function are known."""
+        return len(self.times[number]) if number < self._n_told else 0
+
+    def _end(self, end, acting, edges):
+        """Return where the march ends, `end` by a terminal event; acting (time, number, sign)."""
+        stands = self._stands_at(min(acting)[0]) if acting else math.inf
+        if stands < end:
+            end, self.fired = stands, {number: sign for t, number, sign in acting if t <= stands}
+        if self.failure and self._failed_at <= end:  # back to the last step before
+            self.fired = {}
+            return edges[max(int(np.searchsorted(edges, self._failed_at)) - 1, 0)]
+        self.failure = ""
+        return end
 
     def _keep(self, found, end, at):
         """Take in zeros up to `end`, and the signs just after it."""
         row = at(np.array([end]))
         for number, function in enumerate(self._functions):
             self._after[number] = float(np.sign(self._seen(function, [end], row)[0]))
+        for number in self.fired:
+            if number >= self._n_told:  # whose zero may lie at the end itself
+                self._after[number] = -self._sides[number - self._n_told]
         for t, number, sign in found:
-            if t <= end:
+            if t <= end and number < self._n_told:
                 self.times[number].append(t)
                 self.values[number].append(at(np.array([t]))[0])
             if t == end:

@@ -52,6 +52,44 @@ def initial_march(plan, d, n_block):
     )
 
 
+def restored_march(kept):
+    """Return the `March` whose parts were stored as arrays of numbers."""
+    counts, *parts = kept
+    march = March(record(COUNTS, tuple(counts[0])), *(part.copy() for part in parts))
+    monitor = np.array([tuple(row) for row in march.monitor], MONITOR)
+    return march._replace(monitor=monitor.view(np.recarray))
+
+
+def linear_parts(march):
+    """Return the arrays of a march that are linear in the solution."""
+    return [part for part in march if part is not march.counts and part is not march.monitor]
+
+
+def forget_start(march, d, lasting):
+    """Clear what tangents, behind the first d columns, use in the first steps alone.
+
+    It would grow without end as tangents decay.
+    """
+    march.starts[d:] = 0.0
+    if not lasting:
+        march.first[d:] = 0.0
+        march.corrections[d:] = 0.0
+
+
+def transform_columns(march, memory, d, matrix):
+    """Replace the tangents, behind the first d columns, by linear combinations, matrix (k, k)."""
+    k = len(matrix)
+    if k == 1:
+        for array in [*linear_parts(march), *memory.arrays]:
+            array[d:] *= matrix[0, 0]
+        return
+    mixed = matrix[:, None, :, None] * np.eye(d)[:, None, :]  # np.kron takes ten times as long
+    large = mixed.reshape(k * d, -1)
+    memory.combine(large, first=d)
+    for array in linear_parts(march):
+        array[d:] = large.T @ array[d:]
+
+
 def _by_columns(rows, none):
     """Copy rows, (k, W), as columns (W, k)."""
     return np.array((none if rows is None else rows).T, order="C")

@@ -81,7 +81,7 @@ class Output:
         """Take in what follows from time `start` on, up to the event that ends the run in it."""
         edges = np.append(piece.edges(), self._stepper.t)
         end = None
-        if self.events.times:
+        if self.events.any:
             end = self.events.look(edges, lambda t: piece.evaluate(t, self._second, 0))
         self.end, self.ended = edges[-1] if end is None else end, end is not None
         self._newest = piece
@@ -94,16 +94,29 @@ class Output:
             self._dense.add(piece, start)
         chosen = self._chosen(edges)
         self._add(edges[1:][chosen], *piece.at_ends(edges[1:], chosen, self._second))
+        if self.events.fired and self._rows[0][self._size - 1] < self.end:
+            self._add_last()
+
+    def go_on(self, changed):
+        """Go on from where the march stands, after events have acted on it there."""
+        t, y = self._stepper.t, self._stepper.y
+        self.ended = False
+        self.events.begin(t, y, changed)
+        if not changed or self._asked is not None:
+            return
+        self._add(np.array([t]), y[None], self._stepper.ydot[None])
+        if self._n <= 2:  # rows no longer begin with those of two steps
+            self._starting = None
 
     def _chosen(self, edges):
         """Which steps between these edges are kept: a slice, or an array of truth values."""
         first = self._n + 1
-        self._n += edges.size - 1
+        self._n += int(np.sum(edges[1:] <= self.end))
         if not (self._stepper.adaptive or self.ended):
             return slice(-first % self._every, None, self._every)
         # steps next to a singular start may be too short for its time to change
         chosen = (edges[1:] <= self.end) & (np.diff(edges) > 0)
-        return chosen & (np.arange(first, self._n + 1) % self._every == 0)
+        return chosen & (np.arange(first, first + chosen.size) % self._every == 0)
 
     def _take_wanted(self, piece):
         """Take in the rows at given times."""

@@ -45,7 +45,7 @@ class Drive:
         return None
 
 
-def run(stepper, stop, t_end, output, progress, began):
+def run(stepper, stop, t_end, output, reactions, progress, began):
     """March to position `stop`, the user's time `t_end`, or as far as it goes.
 
     Returns the `Solution`. `began` is when its preparation began, by time.perf_counter.
@@ -55,14 +55,18 @@ def run(stepper, stop, t_end, output, progress, began):
 
     def advance(stop):
         start = stepper.t
-        before = stepper.checkpoint() if events.times else None
+        before = stepper.checkpoint() if events.any else None
         piece = stepper.advance(stop)
         if piece is not None:
             output.take(piece, start)
         if not output.ended:
             return None
         stepper.go_back(before, output.end)
-        return (Status.EVENT_FAILED if events.failure else Status.EVENT), events.failure
+        if events.failure:
+            return Status.EVENT_FAILED, events.failure
+        if not events.fired:
+            return Status.EVENT, ""
+        return stepper.trouble or reactions.act(output)
 
     bar = ProgressBar(progress)
     try:

@@ -18,10 +18,12 @@ from ..schemes.scheme import Scheme
 from .events import Events
 from .opening import open_adaptively, open_on_steps
 from .output import Output
+from .reactions import Reactions
 from .run import run
 from .solution import Solution
 from .state import AdaptiveState, State, check_sound
 from .stops import checked_breaks
+from .switches import switched
 
 # Largest save_every: a whole number that arrays hold.
 _MOST_STEPS = 2**53
@@ -43,6 +45,7 @@ def solve(
     max_steps: int | None = None,
     breaks: ArrayLike = (),
     events: Callable | Sequence[Callable] = (),
+    switches: Callable | Sequence[Callable] = (),
     progress: bool = False,
     resume: State | AdaptiveState | None = None,
     allow_change: bool = False,
@@ -98,7 +101,13 @@ def solve(
         are looked at, and the ends of given steps: two zeros between neighbours pass unseen, unless
         steps are shorter, and so does a zero next to where the function is NaN. A zero at the very
         start is not reported. Given steps go on, when resumed, from the first one that is not
-        before the event.
+        before the event. Two attributes act on the run: ``change``, a function ``change(t, y)``
+        that returns a new y, whose jump does not enter the memory, and ``forget`` (True: the past
+        is forgotten, with `Collocation`). Rows then hold y before and after (docs/events.md).
+    switches : callable or sequence of callable, optional
+        ``switch(t, y)``, functions at whose changes of sign the right-hand side jumps, compiled as
+        it is. They are located as events are, and the steps begin anew there, each seeing one side
+        alone. Where both sides push the solution back the run ends as SLIDING.
     progress : bool, optional
         Show a progress bar with the time left, on a terminal only.
     resume : State, optional
@@ -179,16 +188,15 @@ def solve(
     breaks = checked_breaks(() if breaks is None else breaks, start)
     if start != 0 and not isinstance(mesh, Graded | None):
         mesh = real_array("mesh", mesh) - start
-    events = () if events is None else events
-    functions = tuple(events) if isinstance(events, (list, tuple)) else (events,)
-    functions = tuple(map(equation.frame.event, functions))
+    functions, jumping = _listed(events), _listed(switches)
     began = time.perf_counter()
+    system, numbers = switched(equation, jumping) if jumping else (equation, [])
     if scheme.adaptive:
         _refuse("with Collocation, which chooses its steps", n_steps=n_steps, mesh=mesh)
         max_step = None if max_step is None else positive("max_step", max_step)
         max_steps = MAX_STEPS if max_steps is None else count("max_steps", max_steps)
         stepper, stop = open_adaptively(
-            equation, scheme, history, t_end, rtol, atol, max_step, max_steps, resume, allow_change
+            system, scheme, history, t_end, rtol, atol, max_step, max_steps, resume, allow_change
         )
     else:
         given = {"rtol": rtol, "atol": atol, "max_step": max_step, "max_steps": max_steps}
@@ -196,13 +204,21 @@ def solve(
         if history is None:
             history = getattr(resume, "history", None) or SumOfExponentials()
         stepper, stop = open_on_steps(
-            equation, scheme, history, t_end, n_steps, mesh, resume, allow_change
+            system, scheme, history, t_end, n_steps, mesh, resume, allow_change
         )
     stepper.set_breaks(breaks, t_end)
     signs = {} if resume is None else resume.event_signs
-    found = Events(functions, stepper.t, stepper.y, signs, stepper.looks)
+    inside = equation.frame.event
+    found = Events(map(inside, functions), map(inside, jumping), stepper, signs)
+    reactions = Reactions(stepper, found, functions, numbers, t_end - stepper.t)
     output = Output(stepper, stop, save_every, times, found)
-    return run(stepper, stop, t_last, output, progress, began)
+    return run(stepper, stop, t_last, output, reactions, progress, began)
+
+
+def _listed(functions):
+    """Return a function, several or none as a tuple."""
+    functions = () if functions is None else functions
+    return tuple(functions) if isinstance(functions, (list, tuple)) else (functions,)
 
 
 def _end(name, t_end, start):

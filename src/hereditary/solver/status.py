@@ -44,6 +44,8 @@ class Status(enum.StrEnum):
     STEP_TOO_SMALL = "step_too_small", "no step is small enough for the tolerance"
     MAX_STEPS = "max_steps", "the run made max_steps steps before its end"
     EVENT = "event", "a terminal event ended the run"
+    SLIDING = "sliding", "the solution slides along a switch: both sides push it there"
+    PILED_UP = "piled_up", "changes by an event follow each other without end"
     RHS_FAILED = "rhs_failed", "the right-hand side raised an exception"
     ORDER_FAILED = "order_failed", "an order left its range, or its function raised an exception"
     KERNEL_FAILED = "kernel_failed", "a memory kernel raised an exception"

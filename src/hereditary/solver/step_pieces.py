@@ -44,7 +44,10 @@ class StepPieces(Piece):
 
     def evaluate(self, t, second, derivative):
         """Return y or y' at times t inside the steps, shape (k, d)."""
-        i = np.clip(np.searchsorted(self.times, t), 1, self.times.size - 1)
+        last = self.times.size - 1
+        i = np.clip(np.searchsorted(self.times, t), 1, last)
+        # where a change of y gives a time two rows, the second one counts
+        i = np.where((self.times[np.minimum(i + 1, last)] == t) & (i + 2 <= last), i + 2, i)
         h = (self.times[i] - self.times[i - 1])[:, None]
         back = (t - self.times[i])[:, None] / h
         with np.errstate(over="ignore", invalid="ignore"):  # the last step may overflow

@@ -1,21 +1,21 @@
 """The stepper: one march over given steps, advanced a stretch at a time."""
 
-import math
 import time
 
 import numpy as np
 
+from .._checks import complaint
 from ..compiled.block import BLOWN_UP, NOT_SOLVED, RUNNING
 from ..compiled.march import MARCHES
-from ..compiled.signatures import COUNTS, MONITOR, March, Output
-from ..compiled.structures import plain, record
+from ..compiled.signatures import March, Output
+from ..compiled.structures import plain
 from ..memory_kernel import told_error, warn_of_fit
 from ..schemes.riemann_liouville import with_initial_values
 from ..schemes.scheme import refuse_late
 from ..system import shifted, variational
+from . import march_arrays as arrays
 from .first_steps import starting_steps
 from .identity import check_identity, described, identity
-from .march_arrays import initial_march, step_table
 from .state import State, check_sound, frozen, sealed
 from .status import Status, failed
 from .step_pieces import StepPieces
@@ -25,6 +25,8 @@ from .stretch import Stretch
 # Steps in a block. Measured with 56 modes: 74, 75 and 85 ns a step at 16, 32 and 64, where the
 # in-block sums take over; below 16 the calls of the history do.
 BLOCK = 32
+# Steps made at once where an event may cut them short.
+_FEW_STEPS = 256
 # Steps after which a march reads no data but the lasting ones.
 _FIRST_STEPS = 8
 
@@ -57,13 +59,9 @@ class Stepper:
         refuse_late(equation, steps.time(n_steps))
         self.equation, self.scheme, self.history = equation, scheme, history
         self.steps, self._given, self._origin = steps, equation, 0.0
-        self._span = steps.span
-        if steps.h > 0:
-            horizon = getattr(history, "horizon", None) or 0.0
-            self._span = max(int(n_steps), math.ceil(horizon / steps.h * (1 - 1e-12)))
+        self._span = steps.covered(n_steps, getattr(history, "horizon", None) or 0.0)
         self._with_speed = np.flatnonzero(equation.highest_orders() > 1)
-        if directions is None:
-            directions = np.zeros((self.n_data, 0))
+        directions = np.zeros((self.n_data, 0)) if directions is None else directions
         self.n_tangents = directions.shape[1]
         plan = self._plan(directions)
         self._block = 1 if plan.rows.last > 1 else block
@@ -104,8 +102,10 @@ class Stepper:
         self._past, self._rows, self._lasting = plan.past, plan.rows, plan.lasting
         self._region = plan.region and plan.region.orbit(d, self._system.sources)
         every = self._block * self._region.every if self._region else 0
-        self._table = step_table(plan, self.memory, self._system, self._sources, every, self.h)
-        self._march = initial_march(plan, d, self._block)
+        self._table = arrays.step_table(
+            plan, self.memory, self._system, self._sources, every, self.h
+        )
+        self._march = arrays.initial_march(plan, d, self._block)
         self._march.monitor.turns[: self.equation.d] = -1.0 * (self.equation.highest_orders() == 2)
 
     @property
@@ -165,29 +165,12 @@ class Stepper:
         """
         d = self._system.d
         if self.n > _FIRST_STEPS:
-            # what is not used any more would grow without end as tangents decay
-            self._march.starts[d:] = 0.0
-            if not self._lasting:
-                self._march.first[d:] = 0.0
-                self._march.corrections[d:] = 0.0
-        if self.n_tangents == 1:
-            for array in self.parts():
-                array[d:] *= matrix[0, 0]
-            return
-        mixed = matrix[:, None, :, None] * np.eye(d)[:, None, :]  # np.kron takes ten times as long
-        large = mixed.reshape(self.n_tangents * d, -1)
-        self.memory.combine(large, first=d)
-        for array in self._linear():
-            array[d:] = large.T @ array[d:]
+            arrays.forget_start(self._march, d, self._lasting)
+        arrays.transform_columns(self._march, self.memory, d, matrix)
 
     def parts(self):
         """Every array of the march and its memory that is linear in the solution; not copies."""
-        return [*self._linear(), *self.memory.arrays]
-
-    def _linear(self):
-        """Return the arrays of the march that are linear in the solution."""
-        march = self._march
-        return [part for part in march if part is not march.counts and part is not march.monitor]
+        return [*arrays.linear_parts(self._march), *self.memory.arrays]
 
     def restart(self):
         """Forget the past: the present values, also of the tangents, become initial ones at step 0.
@@ -335,9 +318,32 @@ class Stepper:
         self._march, memory, self.largest_ratio = checkpoint
         self.memory.restore(memory)
         self.error, self._status = None, RUNNING
-        stop = int(np.ceil(self.steps.positions(np.array([t]))[0]))
+        stop = self.steps.first_from(t)
         while self.n < stop and self.trouble is None:
             self.advance(stop, keep=False)
+
+    def stands_at(self, t):
+        """Return the time at which a march that goes back to t stands."""
+        return self.steps.time(self.steps.first_from(t))
+
+    def expect(self, kinds):
+        """Make few steps at once, for events are going to change or switch something."""
+        self._stretch.most = _FEW_STEPS
+        if "forget" in kinds:
+            required, remedy = "forget nothing on given steps", "take rtol= and Collocation"
+            raise ValueError(complaint("events", required, "forget", remedy))
+        terms = [operator for operator, _ in self.equation.enlarged.left]
+        if "change" in kinds and any(op.derivative == 0 or op.from_zero for op in terms):
+            required = "change no y that a kernel or RiemannLiouville acts on, on given steps"
+            raise ValueError(complaint("events", required, "a change"))
+
+    def change(self, y):
+        """Let y jump to these values, (d,), here; the jump does not enter the memory."""
+        self._march.x[: self.equation.d] = y
+
+    def set_parameter(self, number, value):
+        """Set a parameter of the right-hand side, which jumps."""
+        self._system._params[number] = value
 
     def stats(self):
         """Counts and errors for the solution's stats."""
@@ -383,10 +389,7 @@ class Stepper:
         """Take over where `state` was taken, of another right-hand side where that is allowed."""
         check_sound(state)
         check_identity(state.identity, self._identity(state.t), allow_change)
-        counts, *parts = state.march
-        self._march = March(record(COUNTS, tuple(counts[0])), *(part.copy() for part in parts))
-        monitor = np.array([tuple(row) for row in self._march.monitor], MONITOR)
-        self._march = self._march._replace(monitor=monitor.view(np.recarray))
+        self._march = arrays.restored_march(state.march)
         self.memory.restore(state.memory)
         self.largest_ratio = state.largest_ratio
 

@@ -13,7 +13,7 @@ class Stretch:
     """Steps to make at once, by the time that those before took."""
 
     def __init__(self):
-        self._seconds = 0.0
+        self._seconds, self.most = 0.0, _NUMBERS
 
     def steps(self, system):
         """Return the number of steps for a system; at first by the time of one call of f."""
@@ -24,7 +24,7 @@ class Stretch:
             except Exception:  # the march meets it again, at its own time
                 return 1
             self.note(time.perf_counter() - began, 1)
-        most = max(_NUMBERS // system.d, _LEAST)
+        most = min(max(_NUMBERS // system.d, _LEAST), self.most)
         return int(min(max(_SECONDS / self._seconds, 1), most))
 
     def note(self, seconds, made):

@@ -1,0 +1,303 @@
+"""Events that change y or forget the past."""
+
+from math import gamma
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import hereditary as hd
+
+C = hd.Caputo
+GIVEN = [hd.ExplicitCaputo(), hd.L1(), hd.BDF(2), hd.Adams(), hd.GrunwaldLetnikov()]
+
+
+def at_one(t, y):
+    return t - 1.0
+
+
+def event(function=at_one, change=None, forget=False, **attributes):
+    """A new event function with these attributes."""
+
+    def zero(t, y):
+        return function(t, y)
+
+    if change is not None:
+        zero.change = change
+    zero.forget = forget
+    for name, value in attributes.items():
+        setattr(zero, name, value)
+    return zero
+
+
+def add(jump):
+    return lambda t, y: y + jump
+
+
+def decay(t, y):
+    return -y
+
+
+def read_decay(t, y, memory):
+    return -y - 0.5 * memory[0]
+
+
+# Linear equations without a force: from y0 on, and how they are stated.
+LINEAR = {
+    "order 1": (C(1.0), decay, 1.0, {}),
+    "order 0.6": (C(0.6), decay, 1.0, {}),
+    "two terms": (C(0.9) + 0.5 * C(0.4), decay, 1.0, {}),
+    "oscillator": (C(1.8) + 0.3 * C(0.7), decay, [1.0, 0.0], {}),
+    "friction above 1": (C(1.9) + 0.3 * C(1.2), decay, [1.0, 0.0], {}),
+    "kernel": (C(1.0) + 0.5 * hd.Memory(hd.Prony([1.0], [2.0]), 1), decay, 1.0, {}),
+    "kernel on y": (C(1.0) + 0.5 * hd.Memory(hd.Prony([1.0], [2.0]), 0), decay, 1.0, {}),
+    "memory read": (C(0.9), read_decay, 1.0, {"memory": C(0.3)}),
+    "read above 1": (C(1.8), read_decay, [1.0, 0.0], {"memory": C(0.6)}),
+    "order 2.5": (C(2.5) + C(1.0), decay, [1.0, 0.0, 0.0], {}),
+    "complex": (C(0.7), lambda t, y: -1j * y, 1.0 + 0.5j, {}),
+    "matrix": (
+        np.array([[1.0, 0.2], [0.1, 1.0]]) * C(0.8) + 0.3 * C(0.3),
+        decay,
+        [1.0, -1.0],
+        {},
+    ),
+}
+
+
+@pytest.mark.parametrize("name", LINEAR)
+def test_a_jump_is_another_solution_on_top(name):
+    """Without a force: y = phi(t) y(0) + phi(t - tau) D, for the jump enters no memory."""
+    terms, rhs, y0, more = LINEAR[name]
+    eq = hd.Equation(terms, rhs, y0, **more)
+    jump = 0.7 * np.atleast_1d(y0)[: 2 if name == "matrix" else 1]
+    alone = hd.solve(eq, 3.0, rtol=1e-10)
+    sol = hd.solve(eq, 3.0, rtol=1e-10, events=event(change=add(jump)))
+    assert sol.success
+    after = sol.t > 1.0
+    on_top = sol.y[after] - alone(sol.t[after])
+    if name != "kernel on y":  # which acts on y itself, jump and all
+        assert np.abs(on_top - 0.7 * alone(sol.t[after] - 1.0)).max() < 1e-8
+    before = sol.t < 1.0
+    assert np.abs(sol.y[before] - alone(sol.t[before])).max() < 1e-9
+    assert sol.t_events[0] == pytest.approx([1.0], abs=1e-12)
+
+
+def test_a_kernel_that_acts_on_y_sees_the_jump():
+    """y' + 0.5 z = -y, z' = 2 y - z: z is the kernel's integral."""
+    terms, rhs, y0, _ = LINEAR["kernel on y"]
+    sol = hd.solve(hd.Equation(terms, rhs, y0), 3.0, rtol=1e-10, events=event(change=add(0.7)))
+
+    def pair(t, y):
+        return np.array([-y[0] - 0.5 * y[1], 2 * y[0] - y[1]])
+
+    jump = event(change=lambda t, y: y + np.array([0.7, 0.0]))
+    other = hd.solve(hd.Equation(C(1.0), pair, [1.0, 0.0]), 3.0, rtol=1e-10, events=jump)
+    assert abs(sol.y[-1, 0] - other.y[-1, 0]) < 1e-9
+
+
+def test_rows_and_dense_output_show_both_sides():
+    eq = hd.Equation(C(0.7), decay, 1.0)
+    for how in ({"rtol": 1e-8}, {"n_steps": 100}):
+        plain = hd.solve(eq, 2.0, **how)
+        sol = hd.solve(eq, 2.0, **how, events=event(change=add(1.0)))
+        (where,) = np.flatnonzero(np.diff(sol.t) == 0)
+        assert sol.t[where] == pytest.approx(1.0, abs=1e-12)
+        assert sol.y[where + 1, 0] - sol.y[where, 0] == pytest.approx(1.0, abs=1e-9)
+        assert sol(1.0)[0] == pytest.approx(sol.y[where + 1, 0], abs=1e-12)
+        assert sol(1.0 - 1e-9)[0] == pytest.approx(sol.y[where, 0], abs=1e-7)
+        assert sol(1.0 + 1e-12)[0] == pytest.approx(sol.y[where + 1, 0], abs=1e-5)
+        assert np.array_equal(sol.y[: where // 2], plain.y[: where // 2])
+        assert np.all(np.diff(sol.t) >= 0)
+        at = [0.5, 1.0, 1.5]
+        rows = hd.solve(eq, 2.0, **how, events=event(change=add(1.0)), t_eval=at)
+        assert rows.y[1, 0] == pytest.approx(sol.y[where, 0], abs=1e-7)  # just before
+        assert rows.y[2, 0] == pytest.approx(sol(1.5)[0], abs=1e-5)
+    every = hd.solve(eq, 2.0, 100, events=event(change=add(1.0)), save_every=30)
+    steps = hd.solve(eq, 2.0, 100, events=event(change=add(1.0)))
+    assert np.round(every.t / 0.02).tolist() == [0, 30, 50, 50, 60, 90, 100]
+    assert np.isin(every.y, steps.y).all()
+
+
+@pytest.mark.parametrize("history", [hd.Direct(), hd.FFT(), hd.SumOfExponentials()], ids=repr)
+@pytest.mark.parametrize("scheme", GIVEN, ids=repr)
+def test_given_steps_converge_to_the_jump(scheme, history):
+    eq = hd.Equation(C(0.7), decay, 1.0)
+    sought = hd.solve(eq, 2.0, rtol=1e-10, events=event(change=add(1.0))).y[-1, 0]
+    how = {"scheme": scheme, "history": history, "events": event(change=add(1.0))}
+    errors = [abs(hd.solve(eq, 2.0, n, **how).y[-1, 0] - sought) for n in (500, 1000)]
+    assert errors[1] < 2e-3
+    assert np.log2(errors[0] / errors[1]) > 0.85
+
+
+def test_leaky_integrate_and_fire_without_memory_is_exact():
+    """v' = -v + 1.5 from 0 reaches 1 in log 3."""
+    fire = event(lambda t, v: v[0] - 1.0, lambda t, v: 0 * v, direction=1)
+    eq = hd.Equation(C(1.0), lambda t, v: 1.5 - v, 0.0)
+    sol = hd.solve(eq, 20.0, rtol=1e-10, events=fire)
+    assert sol.t_events[0].size == 18
+    assert np.abs(sol.t_events[0] - np.log(3) * np.arange(1, 19)).max() < 1e-9
+    assert np.abs(sol.y_events[0] - 1.0).max() < 1e-9  # values just before
+
+
+def spikes_by_sums(alpha, force, start, reset, t_end, n):
+    """Product rectangles: y = y(0) + all jumps + J**alpha f, no jump in the memory."""
+    h = t_end / n
+    y, jumps = np.array(start, dtype=float), np.array(start, dtype=float)
+    k = np.arange(n + 1.0)
+    weights = np.diff(k**alpha) * h**alpha / gamma(1 + alpha)
+    f, spikes = np.zeros((n, y.size)), []
+    for i in range(n):
+        f[i] = force(y)
+        before, y = y, jumps + weights[: i + 1] @ f[i::-1]
+        new = reset(y)
+        if new is not None:
+            spikes.append(((i + 1) * h, before))
+            jumps, y = jumps + new - y, new
+    return np.array([t for t, _ in spikes])
+
+
+def test_leaky_integrate_and_fire_with_memory_against_tiny_steps():
+    fire = event(lambda t, v: v[0] - 1.0, lambda t, v: 0 * v, direction=1)
+    eq = hd.Equation(C(0.8), lambda t, v: 1.5 - v, 0.0)
+    sol = hd.solve(eq, 8.0, rtol=1e-10, events=fire)
+    tiny = [
+        spikes_by_sums(0.8, lambda v: 1.5 - v, [0.0], lambda v: 0 * v if v[0] >= 1 else None, 8, n)
+        for n in (4000, 16_000)
+    ]
+    errors = [np.abs(t - sol.t_events[0]).max() for t in tiny]
+    assert sol.t_events[0].size == 4
+    assert errors[1] < 1e-3
+    assert errors[1] < errors[0] / 2.5
+    steps = [hd.solve(eq, 8.0, n, events=fire).t_events[0] for n in (4000, 16_000)]
+    errors = [np.abs(t - sol.t_events[0]).max() for t in steps]
+    assert errors[1] < 2e-3
+    assert errors[1] < errors[0] / 2.5
+
+
+def izhikevich(t, y):
+    v, u = y
+    return np.array([0.04 * v**2 + 5 * v + 140 - u + 10, 0.02 * (0.2 * v - u)])
+
+
+def test_izhikevich_with_memory_against_tiny_steps():
+    peak = event(lambda t, y: y[0] - 30.0, lambda t, y: np.array([-65.0, y[1] + 8.0]))
+    eq = hd.Equation(C(0.9), izhikevich, [-65.0, -13.0])
+    sol = hd.solve(eq, 100.0, rtol=1e-9, events=peak)
+    assert sol.success
+    assert sol.t_events[0].size == 2
+    errors = []
+    for n in (20_000, 80_000):
+        steps = hd.solve(eq, 100.0, n, events=peak, save_every=1000)
+        errors.append(np.abs(steps.t_events[0] - sol.t_events[0]).max())
+    assert errors[1] < 0.1
+    assert errors[1] < errors[0] / 2.5
+    tiny = spikes_by_sums(
+        0.9,
+        lambda y: izhikevich(0.0, y),
+        [-65.0, -13.0],
+        lambda y: np.array([-65.0, y[1] + 8.0]) if y[0] >= 30 else None,
+        40.0,
+        20_000,
+    )
+    assert np.abs(tiny - sol.t_events[0]).max() < 0.15
+
+
+@pytest.mark.parametrize("alpha", [0.8, 1.0])
+def test_a_past_that_is_forgotten_begins_anew(alpha):
+    """Every interval between spikes is as the first."""
+    fire = event(lambda t, v: v[0] - 1.0, lambda t, v: 0 * v, forget=True)
+    eq = hd.Equation(C(alpha) + 0.2 * C(0.3), lambda t, v: 1.5 - v, 0.0)
+    sol = hd.solve(eq, 8.0, rtol=1e-10, events=fire)
+    assert sol.t_events[0].size > 2
+    assert np.ptp(np.diff(sol.t_events[0], prepend=0.0)) < 1e-8
+    keep = hd.solve(eq, 3.0, rtol=1e-10, events=event(forget=True))
+    anew = hd.solve(eq.replace(y0=keep(1.0)), 2.0, rtol=1e-10)
+    assert abs(keep.y[-1, 0] - anew.y[-1, 0]) < 1e-9
+
+
+def test_forgetting_keeps_the_speed_and_empties_memory():
+    terms, rhs, y0, more = LINEAR["read above 1"]
+    eq = hd.Equation(terms, rhs, y0, **more)
+    sol = hd.solve(eq, 3.0, rtol=1e-10, events=event(forget=True))
+    anew = eq.replace(y0=[sol(1.0)[0], sol(1.0, 1)[0]])
+    assert abs(sol.y[-1, 0] - hd.solve(anew, 2.0, rtol=1e-10).y[-1, 0]) < 1e-9
+    riemann = hd.Equation(C(1.0) + hd.RiemannLiouville(0.4), decay, 1.0)
+    sol = hd.solve(riemann, 3.0, rtol=1e-10, events=event(forget=True))
+    anew = riemann.replace(y0=sol(1.0)[0])
+    assert abs(sol.y[-1, 0] - hd.solve(anew, 2.0, rtol=1e-10).y[-1, 0]) < 1e-9
+
+
+@pytest.mark.hypothesis
+@given(st.floats(0.3, 1.9), st.floats(0.1, 1.9), st.sampled_from([None, *GIVEN]))
+def test_the_present_value_changes_nothing(alpha, tau, scheme):
+    how = {"rtol": 1e-9} if scheme is None else {"n_steps": 100, "scheme": scheme}
+    eq = hd.Equation(C(alpha), lambda t, y: np.cos(t) - y, [1.0, 0.3] if alpha > 1 else 1.0)
+    same = event(lambda t, y: t - tau, lambda t, y: y)
+    plain = hd.solve(eq, 2.0, **how)
+    changed = hd.solve(eq, 2.0, **how, events=same)
+    assert abs(changed.t_events[0][0] - tau) < 1e-10
+    assert np.abs(changed.y[-1] - plain.y[-1]).max() < (1e-8 if scheme is None else 1e-12)
+
+
+def test_a_run_with_jumps_goes_on_from_its_state():
+    fire = event(lambda t, v: v[0] - 1.0, lambda t, v: 0 * v, direction=1)
+    eq = hd.Equation(C(0.8), lambda t, v: 1.5 - v, 0.0)
+    for how, near in (({"rtol": 1e-9}, 1e-7), ({"n_steps": 8000}, 0.0)):
+        whole = hd.solve(eq, 8.0, **how, events=fire)
+        part = {"n_steps": 3000} if "n_steps" in how else how
+        first = hd.solve(eq, 3.0, **part, events=fire)
+        rest = hd.solve(eq, 8.0, resume=first.state, events=fire)
+        assert abs(rest.y[-1, 0] - whole.y[-1, 0]) <= near
+        assert first.t_events[0].size + rest.t_events[0].size == whole.t_events[0].size
+
+
+def falling(t, y):
+    return np.array([y[1], -1.0])
+
+
+@pytest.mark.parametrize("e", [0.8, 0.3, 1e-3])
+def test_a_bouncing_ball_comes_to_an_end(e):
+    floor = event(lambda t, y: y[0], lambda t, y: np.array([0.0, -e * y[1]]), direction=-1)
+    eq = hd.Equation(C(1.0), falling, [1.0, 0.0])
+    with pytest.warns(hd.SolveWarning, match="follow each other without end"):
+        sol = hd.solve(eq, 20.0, rtol=1e-9, events=floor)
+    assert sol.status is hd.Status.PILED_UP
+    flights = np.sqrt(2) * np.cumsum([1, *(2 * e**k for k in range(1, sol.t_events[0].size))])
+    assert np.abs(sol.t_events[0] - flights).max() < 1e-7
+    assert abs(sol.t[-1] - np.sqrt(2) * (1 + 2 * e / (1 - e))) < 1e-3
+    assert sol.y[:, 0].min() > -1e-9
+
+
+def test_terminal_counts_and_other_events_go_along():
+    fire = event(lambda t, v: v[0] - 1.0, lambda t, v: 0 * v, terminal=3)
+    eq = hd.Equation(C(1.0), lambda t, v: 1.5 - v, 0.0)
+    half = event(lambda t, v: v[0] - 0.5, direction=1)
+    for how in ({"rtol": 1e-9}, {"n_steps": 20_000}):
+        sol = hd.solve(eq, 20.0, **how, events=[fire, half])
+        assert sol.status is hd.Status.EVENT
+        assert sol.t_events[0].size == sol.t_events[1].size == 3
+        assert sol.t[-1] == pytest.approx(3 * np.log(3), abs=1e-2)
+
+
+def test_bad_changes_are_refused_or_end_the_run():
+    eq = hd.Equation(C(0.8), decay, 1.0)
+    for change in (lambda t, y: np.zeros(2), lambda t, y: np.nan * y, lambda t, y: "x"):
+        with pytest.warns(hd.SolveWarning, match="change"):
+            sol = hd.solve(eq, 2.0, rtol=1e-6, events=event(change=change))
+        assert sol.status is hd.Status.EVENT_FAILED
+        assert sol.t[-1] == pytest.approx(1.0)
+    riemann = hd.Equation(C(1.0) + hd.RiemannLiouville(0.4), decay, 1.0)
+    kernel = hd.Equation(C(1.0) + hd.Memory(hd.Prony([1.0], [2.0]), 0), decay, 1.0)
+    varying = hd.Equation(C(lambda t: 0.8 - 0.1 * t), decay, 1.0)
+    jump = event(change=add(1.0))
+    with pytest.raises(ValueError, match="beside RiemannLiouville"):
+        hd.solve(riemann, 2.0, rtol=1e-6, events=jump)
+    for other in (riemann, kernel):
+        with pytest.raises(ValueError, match="acts on, on given steps"):
+            hd.solve(other, 2.0, 100, events=jump)
+    with pytest.raises(ValueError, match="highest order varies"):
+        hd.solve(varying, 2.0, rtol=1e-6, events=jump)
+    assert hd.solve(varying, 2.0, 100, events=jump).success
+    with pytest.raises(ValueError, match="forget nothing on given steps"):
+        hd.solve(eq, 2.0, 100, events=event(forget=True))

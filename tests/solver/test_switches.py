@@ -1,0 +1,192 @@
+"""Right-hand sides that jump where functions of t and y change their signs."""
+
+from math import gamma
+
+import numpy as np
+import pytest
+
+import hereditary as hd
+
+C = hd.Caputo
+
+
+def first(t, y):
+    return y[0]
+
+
+def relay(t, x):
+    return -np.sign(x)
+
+
+def test_a_relay_of_order_2_moves_along_parabolas():
+    eq = hd.Equation(C(2.0), relay, [1.0, 0.0])
+    sol = hd.solve(eq, 10.0, rtol=1e-9, switches=first, events=first)
+    quarters = np.sqrt(2) * (1 + 2 * np.arange(4))
+    assert np.abs(sol.t_events[0] - quarters).max() < 1e-12
+    assert sol.stats["n_rejected"] == 0
+    plain = hd.solve(eq, 10.0, rtol=1e-9, events=first)
+    assert sol.stats["n_steps"] < plain.stats["n_steps"] / 3
+    rows = np.searchsorted(sol.t, quarters - 1e-9)
+    assert np.abs(sol.t[rows] - quarters).max() < 1e-12  # steps end there
+
+
+def test_pieces_of_a_fractional_relay_add_up():
+    """x = 1 - t**a / Gamma(1+a) + 2 sum of (t - t_k)**a / Gamma(1+a), alternating."""
+    a = 1.5
+    eq = hd.Equation(C(a), relay, [1.0, 0.0])
+    with pytest.warns(hd.SolveWarning, match="slides"):  # crossings pile up
+        sol = hd.solve(eq, 10.0, rtol=1e-10, switches=first, events=first)
+    times = sol.t_events[0]
+    signs = 2.0 * (-1.0) ** np.arange(times.size)
+
+    def exact(t):
+        parts = signs * np.maximum(np.subtract.outer(t, times), 0.0) ** a
+        return 1 - (t**a - parts.sum(axis=1)) / gamma(1 + a)
+
+    assert times.size > 10
+    assert np.abs(exact(times)).max() < 1e-11
+    assert np.abs(sol.y[:, 0] - exact(sol.t)).max() < 1e-11
+    assert np.all(np.diff(times)[1:] < 0.3 * np.diff(times)[:-1])
+
+
+def test_a_force_that_grows_at_a_switch():
+    a = 0.7
+    eq = hd.Equation(C(a), lambda t, y: 1.0 if y[0] < 1 else 2.0, 0.0)
+    sol = hd.solve(eq, 3.0, rtol=1e-10, switches=lambda t, y: y[0] - 1)
+    begin = gamma(1 + a) ** (1 / a)
+    exact = (sol.t**a + np.maximum(sol.t - begin, 0) ** a) / gamma(1 + a)
+    assert np.abs(sol.y[:, 0] - exact).max() < 1e-11
+    errors = []
+    for n in (1000, 2000):
+        steps = hd.solve(eq, 3.0, n, switches=lambda t, y: y[0] - 1)
+        errors.append(abs(steps.y[-1, 0] - exact[-1]))
+    assert errors[1] < 1e-2
+    assert errors[1] < errors[0] / 1.6
+
+
+@pytest.mark.parametrize("how", [{"rtol": 1e-8}, {"n_steps": 2000}], ids=["rtol", "steps"])
+@pytest.mark.parametrize("a", [0.7, 1.0])
+def test_sliding_is_told_and_not_marched(a, how):
+    """Both sides push towards y = 1, which is reached at Gamma(1+a)**(1/a)."""
+    eq = hd.Equation(C(a), lambda t, y: 1.0 if y[0] < 1 else -0.5, 0.0)
+    with pytest.warns(hd.SolveWarning, match="slides along a switch"):
+        sol = hd.solve(eq, 3.0, **how, switches=lambda t, y: y[0] - 1)
+    assert sol.status is hd.Status.SLIDING
+    assert not sol
+    near = 1e-9 if "rtol" in how else 1e-2
+    assert abs(sol.t[-1] - gamma(1 + a) ** (1 / a)) < near
+    assert abs(sol.y[-1, 0] - 1) < near
+    assert sol.stats["n_steps"] < 2000
+
+
+def coulomb(t, y):
+    return np.array([y[1], -y[0] - 0.3 * np.sign(y[1])])
+
+
+def test_coulomb_friction_loses_the_same_amplitude_each_half_period():
+    eq = hd.Equation(C(1.0), coulomb, [2.0, 0.0])
+    speed = lambda t, y: y[1]  # noqa: E731
+    with pytest.warns(hd.SolveWarning, match="slides"):  # it sticks where |x| < 0.3
+        sol = hd.solve(eq, 20.0, rtol=1e-9, switches=speed, events=speed)
+    assert np.abs(sol.t_events[0][1:] / np.pi - [1, 2, 3]).max() < 1e-9
+    assert np.abs(sol.y_events[0][1:, 0] - [-1.4, 0.8, -0.2]).max() < 1e-9
+    assert sol.t[-1] == pytest.approx(3 * np.pi, abs=1e-9)
+
+
+def test_friction_with_memory_against_small_steps():
+    """A force keeps it moving: no sticking; the memory is not the friction's."""
+
+    def driven(t, y):
+        return np.array([y[1], -y[0] - 0.2 * np.sign(y[1]) + 2.0 * np.cos(1.5 * t)])
+
+    def speed(t, y):
+        return y[1]
+
+    terms = C(1.0) + np.array([0.0, 0.4]) * C(0.5)
+    eq = hd.Equation(terms, driven, [0.0, 1.0])
+    sol = hd.solve(eq, 15.0, rtol=1e-9, switches=speed, events=speed)
+    assert sol.success
+    assert sol.t_events[0].size >= 5
+    plain = hd.solve(eq, 15.0, rtol=1e-7)
+    assert np.abs(plain.y[-1] - sol.y[-1]).max() < 1e-5
+    errors = []
+    for n in (4000, 16_000):
+        steps = hd.solve(eq, 15.0, n, switches=speed)
+        errors.append(np.abs(steps.y[-1] - sol.y[-1]).max())
+    assert errors[1] < 1e-2
+    assert errors[1] < errors[0] / 2.5
+
+
+def test_switches_with_memory_read_another_start_and_a_jacobian():
+    def rhs(t, y, memory):
+        return np.array([-0.5 * memory[0, 0] + (1.2 if y[0] > t - 4.0 else 0.3)])
+
+    def later(t, y):
+        return y[0] - (t - 4.0)
+
+    eq = hd.Equation(C(0.9), rhs, 0.0, memory=C(0.3), t_start=2.0)
+    sol = hd.solve(eq, 12.0, rtol=1e-9, switches=later, events=later)
+    assert sol.success
+    assert sol.t_events[0].size == 1
+    errors = []
+    for n in (4000, 16_000):
+        steps = hd.solve(eq, 12.0, n, scheme=hd.L1(), switches=later, events=later)
+        assert abs(steps.t_events[0][0] - sol.t_events[0][0]) < 30 / n
+        errors.append(abs(steps.y[-1, 0] - sol.y[-1, 0]))
+    assert errors[1] < 2e-3
+    assert errors[1] < errors[0] / 2.5
+    given = hd.Equation(C(2.0), relay, [1.0, 0.0], jac=lambda t, x: np.zeros((1, 1)))
+    for scheme in (hd.BDF(2), hd.L1(), hd.L2Sigma()):
+        steps = hd.solve(given, 5.0, 5000, scheme=scheme, switches=first, events=first)
+        assert np.abs(steps.t_events[0] - np.sqrt(2) * np.array([1, 3])).max() < 2e-2
+
+
+def test_runs_go_on_on_the_side_where_they_were():
+    eq = hd.Equation(C(2.0), relay, [1.0, 0.0])
+    for how in ({"rtol": 1e-9}, {"n_steps": 1000}):
+        whole = hd.solve(eq, 4.0, **how, switches=first)
+        half = hd.solve(eq, 2.0, **({"n_steps": 500} if "n_steps" in how else how), switches=first)
+        rest = hd.solve(eq, 4.0, resume=half.state, switches=first)
+        assert abs(rest.y[-1, 0] - whole.y[-1, 0]) <= (0 if "n_steps" in how else 1e-9)
+
+
+def test_a_start_on_the_switch_finds_its_side():
+    for speed in (1.0, -1.0):
+        eq = hd.Equation(C(2.0), relay, [0.0, speed])
+        sol = hd.solve(eq, 3.0, rtol=1e-9, switches=first, events=first)
+        assert abs(sol(1.0)[0] - speed / 2) < 1e-9
+        assert sol.t_events[0] == pytest.approx([2.0], abs=1e-9)
+    with pytest.warns(hd.SolveWarning, match="slides"):
+        stuck = hd.solve(hd.Equation(C(0.8), relay, 0.0), 3.0, rtol=1e-9, switches=first)
+    assert stuck.t[-1] == 0.0
+
+
+def test_a_change_may_carry_y_across_a_switch():
+    def across(t, y):
+        return t - 1.0
+
+    across.change = lambda t, y: -y
+    eq = hd.Equation(C(1.0), lambda t, y: np.array([1.0]) if y[0] > 0 else np.array([-2.0]), 1.0)
+    sol = hd.solve(eq, 2.0, rtol=1e-9, switches=first, events=across)
+    assert sol.y[-1, 0] == pytest.approx(-2.0 - 2.0, abs=1e-9)
+
+
+def test_two_switches_at_once():
+    """A square of forces: each changes its own."""
+    eq = hd.Equation(C(2.0), lambda t, y: -np.sign(y), [[1.0, 0.5], [0.0, 0.0]])
+    switches = [lambda t, y: y[0], lambda t, y: y[1]]
+    sol = hd.solve(eq, 10.0, rtol=1e-9, switches=switches, events=switches)
+    assert np.abs(sol.t_events[0] - np.sqrt(2) * np.arange(1, 8, 2)).max() < 1e-11
+    assert np.abs(sol.t_events[1] - np.arange(1, 10, 2)).max() < 1e-11
+
+
+def test_bad_switches_are_refused():
+    eq = hd.Equation(C(0.8), relay, 1.0)
+    for bad in (3.0, lambda t: t):
+        with pytest.raises(TypeError, match="switches"):
+            hd.solve(eq, 1.0, rtol=1e-6, switches=bad)
+    with pytest.raises(TypeError, match="real components"):
+        hd.solve(hd.Equation(C(0.8), lambda t, y: -y, 1j), 1.0, rtol=1e-6, switches=first)
+    varying = hd.Equation(C(lambda t: 0.8 - 0.1 * t), relay, 1.0)
+    with pytest.raises(ValueError, match="highest order varies"):
+        hd.solve(varying, 1.0, rtol=1e-6, switches=first)
