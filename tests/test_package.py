@@ -184,7 +184,8 @@ def test_examples_in_docstrings(name):
 
 PAGES = ["README.md"]
 PAGES += [
-    f"docs/{name}.md" for name in ("start", "collocation", "kernels", "memory_terms", "events")
+    f"docs/{name}.md"
+    for name in ("start", "collocation", "kernels", "memory_terms", "events", "sweeps")
 ]
 
 

@@ -285,12 +285,12 @@ def test_ctrl_c_cuts_no_run_short_in_a_worker_process():
         return str(signal.getsignal(signal.SIGINT) == signal.SIG_IGN)
 
     before = signal.getsignal(signal.SIGINT)
-    elsewhere = module.computed(point, {"a": 1.0}, home=-1)
-    assert elsewhere == ("completed", {"value": "True"})
+    elsewhere = module.computed(point, False, [{"a": 1.0}], home=-1)
+    assert elsewhere == [("completed", {"value": "True"})]
     assert signal.getsignal(signal.SIGINT) is before
     with ThreadPoolExecutor(1) as pool:
-        here = pool.submit(module.computed, lambda a: a, {"a": 1.0}, home=-1).result()
-    assert here == ("completed", {"value": 1.0})
+        here = pool.submit(module.computed, lambda a: a, False, [{"a": 1.0}], home=-1).result()
+    assert here == [("completed", {"value": 1.0})]
 
 
 def test_progress_counts_what_is_left(monkeypatch, tmp_path):
@@ -359,3 +359,74 @@ def test_bad_input(change, error, match):
             arguments["grid"] = arguments["grid"] | {name: value}
     with pytest.raises(error, match=match):
         hd.sweep(**arguments)
+
+
+def springy(t, x, p):
+    return p[0] * np.cos(p[1] * t) - x - x**3
+
+
+def resonance(force, frequency, state):
+    """Amplitude of a hardening spring with memory, 200 on from the last frequency."""
+    eq, params = SPRING, [force, frequency]
+    if state is None:
+        sol = hd.solve(eq.replace(params=params), 200.0, 4000, scheme=hd.BDF(2))
+    else:
+        sol = hd.solve(eq, state.t + 200.0, resume=state, params=params)
+    amplitude = np.abs(sol.y[-1000:]).max()
+    return {"amplitude": amplitude, "state": sol.state, "status": sol.status}
+
+
+TERMS = hd.Caputo(2.0) + 0.2 * hd.Caputo(0.9)
+SPRING = hd.Equation(TERMS, springy, [0.0, 0.0], params=[0.8, 1.0])
+
+
+def test_sweeps_up_and_down_show_hysteresis():
+    frequencies = np.linspace(1.0, 3.0, 9)
+    up = hd.sweep(resonance, {"force": [0.8], "frequency": frequencies}, carry=True)
+    down = hd.sweep(resonance, {"force": [0.8], "frequency": frequencies[::-1]}, carry=True)
+    assert up.success.all()
+    assert down.success.all()
+    more = up["amplitude"][0] - down["amplitude"][0, ::-1]
+    assert np.abs(more[[0, -1]]).max() < 1e-3
+    assert more.max() > 1.0
+
+
+def walk(row, step, state):
+    """A sum along the row."""
+    if step == 3 and row == "b":
+        raise ValueError("no step 3 here")
+    total = (state or 0.0) + step
+    calls.append((row, step))
+    return {"total": total, "state": total}
+
+
+calls: list = []
+
+
+def test_each_row_carries_its_own_state(tmp_path, processes):
+    grid = {"row": ["a", "b"], "step": [1, 2, 3, 4]}
+    table = hd.sweep(walk, grid, carry=True)
+    assert table["total"][0].tolist() == [1, 3, 6, 10]
+    assert table["total"][1, [0, 1, 3]].tolist() == [1, 3, 7]  # on from the last that ended
+    assert table.status[1, 2] == "ValueError: no step 3 here"
+    store = tmp_path / "walk"
+    hd.sweep(walk, grid, carry=True, store=store)
+    lines = store.read_text().splitlines(keepends=True)
+    store.write_text("".join(lines[:3]))  # the grid and two points
+    calls.clear()
+    again = hd.sweep(walk, grid, carry=True, store=store)
+    assert np.array_equal(again["total"], table["total"], equal_nan=True)
+    assert len(store.read_text().splitlines()) == 9
+    assert len(calls) == 7  # both rows from their first points on
+    kept = hd.sweep(walk, grid, carry=True, store=store)
+    assert len(calls) == 7
+    assert np.array_equal(kept["total"], table["total"], equal_nan=True)
+
+
+def test_what_carrying_needs_is_told():
+    with pytest.raises(TypeError, match='takes "state" too'):
+        hd.sweep(lambda a: {"b": a, "state": 1}, {"a": [1.0]}, carry=True)
+    with pytest.raises(ValueError, match='no axis "state"'):
+        hd.sweep(walk, {"state": [1.0]}, carry=True)
+    table = hd.sweep(lambda a, state: a, {"a": [1.0]}, carry=True)
+    assert 'mapping with "state"' in table.status[0]

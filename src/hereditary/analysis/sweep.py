@@ -12,6 +12,7 @@ import signal
 import threading
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor, ThreadPoolExecutor
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -34,6 +35,7 @@ def sweep(
     executor: Executor | None = None,
     store: str | os.PathLike | None = None,
     progress: bool = True,
+    carry: bool = False,
 ) -> Table:
     """Call a function at every point of a grid, on all cores.
 
@@ -56,6 +58,11 @@ def sweep(
         refused; that the function is the same is not checked.
     progress : bool, optional
         Show a bar with the time left, on a terminal.
+    carry : bool, optional
+        Go along the last axis in its order, each point from where the one before ended: the
+        function is called as ``function(state=..., **point)`` and returns a mapping with its
+        "state" for the next point, None at the first point of each row. Rows are computed side by
+        side, and a row that a store holds in part is computed again from its first point on.
 
     Returns
     -------
@@ -82,11 +89,27 @@ def sweep(
     >>> table = hd.sweep(last_place, {"b": [1.0, 2.0]})
     >>> table["x"].round(2).tolist()
     [4.19, 4.74]
+
+    Each speed goes on from the orbit of the one before:
+
+    >>> eq = hd.scenes.stick_slip(beta=1.8, gamma=0.8)
+    >>> def onwards(omega, state):
+    ...     params = [omega, *eq.params[1:]]
+    ...     if state is None:
+    ...         sol = hd.solve(eq.replace(params=params), 10.0, 1000)
+    ...     else:
+    ...         sol = hd.solve(eq, state.t + 10.0, resume=state, params=params)
+    ...     return {"x": sol.y[-1, 0], "state": sol.state}
+    >>> hd.sweep(onwards, {"omega": [1.0, 2.0, 3.0]}, carry=True)["x"].shape
+    (3,)
     """
     if not callable(function):
         raise TypeError(complaint("function", "be callable", repr(function)))
     axes = _axes(grid)
-    _check_arguments(function, axes)
+    if carry and "state" in axes:
+        required = 'name no axis "state" with carry=True'
+        raise ValueError(complaint("grid", required, ", ".join(axes)))
+    _check_arguments(function, axes, carry)
     if executor is not None:
         example = "concurrent.futures.ProcessPoolExecutor() or a Dask client.get_executor()"
         instance("executor", executor, Executor, example)
@@ -96,14 +119,19 @@ def sweep(
             kept.restore(columns.add)
 
         def keep(index, status, values):
+            """Keep a point; return whether it is new."""
+            if index in columns:  # of a row that was kept in part
+                return False
             if kept is not None:
                 kept.add(index, status, values)
             columns.add(index, status, values)
+            return True
 
         pool = ThreadPoolExecutor(_cores()) if executor is None else executor
         try:
-            left = ((i, point) for i, point in enumerate(_points(axes)) if i not in columns)
-            _run(function, left, columns.n_left, pool, keep, progress)
+            rows = _rows(axes, len(list(axes.values())[-1]) if carry else 1)
+            left = (row for row in rows if any(i not in columns for i in row))
+            _run(partial(computed, function, carry), left, columns.n_left, pool, keep, progress)
         finally:
             if executor is None:
                 pool.shutdown(wait=False, cancel_futures=True)
@@ -143,23 +171,26 @@ def _axis(name, values):
     return array
 
 
-def _check_arguments(function, axes):
+def _check_arguments(function, axes, carry):
     """Refuse axes that every call would stumble over."""
     try:
         signature = inspect.signature(function)
     except (TypeError, ValueError):  # some built-in functions tell nothing
         return
     try:
-        signature.bind(**axes)
+        signature.bind(**axes, **({"state": None} if carry else {}))
     except TypeError as error:
         required = "have an axis for each argument of function"
+        required += ', which takes "state" too with carry=True' if carry else ""
         raise TypeError(complaint("grid", required, f"axes {', '.join(axes)}", error)) from error
 
 
-def _points(axes):
-    """All points of the grid, the last axis fastest."""
-    for values in itertools.product(*(axis.tolist() for axis in axes.values())):
-        yield dict(zip(axes, values, strict=True))
+def _rows(axes, size):
+    """Points of the grid by their numbers, `size` of them at a time, the last axis fastest."""
+    found = itertools.product(*(axis.tolist() for axis in axes.values()))
+    points = enumerate(dict(zip(axes, values, strict=True)) for values in found)
+    while row := dict(itertools.islice(points, size)):
+        yield row
 
 
 def _cores():
@@ -169,10 +200,10 @@ def _cores():
     return os.cpu_count() or 1
 
 
-def _run(function, left, n_left, executor, keep, progress):
-    """Hand out points, a bounded number at a time, and keep what comes back."""
+def _run(compute, left, n_left, executor, keep, progress):
+    """Hand out rows of points, a bounded number at a time, and keep what comes back."""
     finished: queue.SimpleQueue = queue.SimpleQueue()
-    running: dict[Any, int] = {}
+    running: dict[Any, dict] = {}
     bar, n_done, stopped = ProgressBar(progress), 0, False
     try:
         with Interruption() as interruption:
@@ -180,16 +211,14 @@ def _run(function, left, n_left, executor, keep, progress):
             while running or following is not None:
                 handed_out = False
                 if following is not None and len(running) < _IN_FLIGHT:
-                    handed_out, (index, point) = True, following
-                    future = executor.submit(computed, function, point, os.getpid())
-                    running[future] = index
+                    handed_out = True
+                    future = executor.submit(compute, list(following.values()), os.getpid())
+                    running[future] = following
                     future.add_done_callback(finished.put)
                     following = next(left, None)
                 future = _taken(finished, 0.0 if handed_out else _LOOK)
-                if future is not None and _kept(
-                    future, running.pop(future), keep, interruption.asked
-                ):
-                    n_done += 1
+                if future is not None:
+                    n_done += _kept(future, running.pop(future), keep, interruption.asked)
                     bar.update(n_done / n_left)
                 if interruption.asked and not stopped:
                     following, stopped = None, True
@@ -208,16 +237,16 @@ def _taken(finished, seconds):
         return None
 
 
-def _kept(future, index, keep, asked_to_stop):
-    """Keep what a finished future holds; whether there was something to keep."""
+def _kept(future, row, keep, asked_to_stop):
+    """Keep what a finished future holds; return the number of new points in it."""
     if future.cancelled():
-        return False
+        return 0
     error = future.exception()
     if error is None:
-        keep(index, *future.result())
-        return True
+        results = zip(row, future.result(), strict=True)
+        return sum([keep(index, *found) for index, found in results])
     if asked_to_stop:  # Ctrl-C reaches worker processes too
-        return False
+        return 0
     remedy = (
         "for other processes define function at the top of a module; points in the store are kept"
     )
@@ -233,27 +262,44 @@ def _withdraw(running):
         future.cancel()
 
 
-def computed(function, point, home):
-    """Status and plain values of one point: what an executor runs, in whatever process.
+def computed(function, carry, points, home):
+    """Status and plain values of each of some points: what an executor runs, in any process.
 
     Parameters
     ----------
     function : callable
-    point : dict
+    carry : bool
+        Whether each point goes on from the state that the one before returned.
+    points : list of dict
     home : int
         Process of the sweep.
 
     Returns
     -------
-    status : str
-    values : dict
-        Floats, strings and nested lists of them, as a store gives them back.
+    list of (str, dict)
+        Statuses; floats, strings and nested lists of them, as a store gives them back.
     """
     with contextlib.nullcontext() if os.getpid() == home else _deaf_to_ctrl_c():
-        try:
-            return _plain(function(**point), point)
-        except Exception as error:
-            return _one_line(f"{type(error).__name__}: {error}"), {}
+        found, state = [], None
+        for point in points:
+            try:
+                if carry:
+                    returned, state = _with_state(function(state=state, **point))
+                else:
+                    returned = function(**point)
+                found.append(_plain(returned, point))
+            except Exception as error:
+                found.append((_one_line(f"{type(error).__name__}: {error}"), {}))
+        return found
+
+
+def _with_state(returned):
+    """Split what a function returned into values and the state for the next point."""
+    if not isinstance(returned, Mapping) or "state" not in returned:
+        required = 'return a mapping with "state", for the next point, with carry=True'
+        raise ValueError(complaint("function", required, repr(returned)[:STATUS_LENGTH]))
+    values = dict(returned)
+    return values, values.pop("state")
 
 
 @contextlib.contextmanager
