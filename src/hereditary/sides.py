@@ -148,6 +148,8 @@ def _check_below(operator, lowest):
     order = operator.order
     if operator.varies:  # known at the start; it is the user's to keep it below
         order = float(operator.sampled(np.zeros(1))[0][0])
+    elif operator.kernel is not None:  # bounded kernels give one derivative less
+        order += operator.kernel.singular_exponent - 1
     if order >= lowest:
         required = f"have orders below the highest of their component, {lowest:g}"
         remedy = "solve the equation for its highest derivative"

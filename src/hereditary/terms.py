@@ -281,7 +281,7 @@ class VaryingOrder:
             reason = f"{values[k]}"
         if not reason:
             return values, ""
-        required = f"stay in ({low}, {high}], where it is at t = 0"
+        required = f"stay in ({low}, {high}], where it is at the start"
         return values[:k], complaint("order", required, f"{reason} at t = {times[k]:.6g}")
 
     def _at_once(self, times):
