@@ -223,7 +223,7 @@ def test_a_bad_order_ends_the_run_with_all_that_was_computed():
     with pytest.warns(hd.SolveWarning, match="order must stay in"):
         sol = hd.solve(equation, 5.0, rtol=1e-8)
     assert sol.status is hd.Status.ORDER_FAILED
-    assert "order must stay in (0, 1], where it is at t = 0, got" in sol.message
+    assert "order must stay in (0, 1], where it is at the start, got" in sol.message
     assert 2.0 < sol.t[-1] <= 2.5
     held = hd.Equation(hd.Caputo(lambda t: np.minimum(0.5 + 0.2 * t, 1.0)), decay, 1.0)
     t = np.linspace(0, sol.t[-1], 51)
