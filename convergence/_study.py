@@ -10,6 +10,7 @@ import tempfile
 from pathlib import Path
 
 import matplotlib
+import numpy as np
 
 matplotlib.use("Agg")
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))  # the named problems
@@ -65,6 +66,33 @@ class Study:
         """Save the figure and say where it is."""
         figure.savefig(self.path(".png"), dpi=150)
         print(f"{self._name}: {self.path('.csv')}, {self.path('.png')}")
+
+
+def order_rows(labels, expected, found):
+    """Rows of errors and orders: labels, then what {steps: (error, seconds)} tells."""
+    rows, before = [], np.nan
+    for n, (error, seconds) in found.items():
+        told = {
+            "n_steps": n,
+            "error": f"{error:.3e}",
+            "order": f"{np.log2(before / error):.3f}",
+            "expected": f"{expected:.2f}",
+            "milliseconds": f"{1e3 * seconds:.2f}",
+        }
+        rows.append(labels | told)
+        before = error
+    return rows
+
+
+def check_orders(rows, labels, least=1e-11):
+    """Check the last order of each kind of rows whose error is above rounding and modes."""
+    last = {}
+    for row in rows:
+        if np.isfinite(row["order"]) and row["error"] > least:
+            last[tuple(row[label] for label in labels)] = row
+    for kind, row in last.items():
+        claim = f"{', '.join(map(str, kind))}: order {row['order']:.2f}, {row['expected']:.2f} told"
+        check(claim, row["order"] - row["expected"] > -0.15)
 
 
 def _number(text):
