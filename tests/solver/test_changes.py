@@ -4,7 +4,7 @@ from math import gamma
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 import hereditary as hd
@@ -229,6 +229,7 @@ def test_forgetting_keeps_the_speed_and_empties_memory():
 
 
 @pytest.mark.hypothesis
+@example(1.0, 0.30000000000000004, hd.ExplicitCaputo())  # a step is at 0.3
 @given(st.floats(0.3, 1.9), st.floats(0.1, 1.9), st.sampled_from([None, *GIVEN]))
 def test_the_present_value_changes_nothing(alpha, tau, scheme):
     how = {"rtol": 1e-9} if scheme is None else {"n_steps": 100, "scheme": scheme}

@@ -122,6 +122,8 @@ class Events:
                     break
                 if t <= self._start * (1 + _SAME):
                     continue  # where a run goes on from its own event
+                if self._acting[number]:  # a step at the very time may be earlier by rounding
+                    t = min(t, self._stands_at(t))
                 found.append((t, number, sign))
                 left -= 1
                 if left == 0:
