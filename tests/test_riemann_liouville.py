@@ -218,6 +218,16 @@ def test_refusals_name_the_reason():
         hd.Equation(C(1.5), lambda t, y, memory: -y, [1.0, 0.0], memory=RL(0.3))
     with pytest.raises(ValueError, match="orders above 2"):
         hd.Equation(C(2.5) + RL(0.3), spring, [1.0, 0.0, 0.0])
+    matrix = np.array([[0.5, 0.2], [0.2, 0.3]])
+    with pytest.raises(ValueError, match=r"got RiemannLiouville\(0\.5\)"):
+        hd.Equation(C(1.0) + matrix * RL(0.5), spring, [1.0, 0.5])
+    read = hd.Equation(C(0.9) + RL(0.4), lambda t, y, m: -y - m[0], 1.0, memory=C(0.3))
+    with pytest.raises(ValueError, match="where memory is read"):
+        hd.solve(read, 1.0, rtol=1e-6)
+    assert hd.solve(read, 1.0, 100, scheme=hd.BDF(2)).success
+    low = hd.Equation(C(0.8) + RL(half), spring, 1.0)
+    with pytest.raises(ValueError, match="one of 1 or more where that of RiemannLiouville varies"):
+        hd.solve(low, 1.0, rtol=1e-6)
     mixed = hd.Equation(C(2.0) + RL(waving) + C(half), spring, [1.0, 0.0])
     with pytest.raises(ValueError, match="not mix"):
         hd.solve(mixed, 1.0, rtol=1e-6)

@@ -11,6 +11,7 @@ cannot compile is called in Python from a compiled one (_python_calls.py).
 """
 
 import inspect
+import warnings
 from collections import OrderedDict
 from functools import partial
 from typing import Any, NamedTuple
@@ -24,7 +25,13 @@ from ._complaints import compile_reason, defined, writing_complaint
 from ._frozen import code_names, fresh, frozen_values, uncompiled
 from ._jit import F8, JAC_SIG, RHS_SIG, as_value, compiling, derived
 from ._memory_argument import joined, padded, paired, split
-from ._python_calls import Callback, before_addresses, in_python, warn_of_python
+from ._python_calls import (
+    Callback,
+    PythonFunctionWarning,
+    before_addresses,
+    in_python,
+    warn_of_python,
+)
 from ._trial import Start, arity_of, try_out
 from ._warning import warn
 
@@ -94,7 +101,9 @@ def switch_of(switch, y, t):
     required = "be functions switch(t, y) of real components that numba compiles"
     made = None
     if callable(switch) and not start.paired:
-        made = _function("switches", "value", switch, start, (1,), RHS_SIG).compiled
+        with warnings.catch_warnings():  # one that does not compile is refused
+            warnings.simplefilter("ignore", PythonFunctionWarning)
+            made = _function("switches", "value", switch, start, (1,), RHS_SIG).compiled
     if made is None:
         got = repr(switch) if not start.paired else "complex y"
         raise TypeError(complaint("switches", required, got))

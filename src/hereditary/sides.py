@@ -73,7 +73,7 @@ def check_initial_terms(left, leading):
         if not operator.from_zero:
             continue
         gamma = operator.order if operator.constant else float(operator.sampled(np.zeros(1))[0][0])
-        for c in np.flatnonzero(coefficients):
+        for c in np.flatnonzero(coefficients.reshape(-1, leading.size).any(axis=0)):
             highest = leading[c] - (leading[c] > 1)
             if gamma >= highest:
                 required = f"be below {highest:g} for RiemannLiouville in component {c}"

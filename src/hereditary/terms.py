@@ -91,6 +91,9 @@ class ConstantOrder:
     varies: ClassVar[bool] = False
     t_last: ClassVar[float] = math.inf
 
+    def __str__(self):
+        return f"{'RiemannLiouville' if self.from_zero else 'Caputo'}({self.order:g})"
+
     @property
     def derivative(self) -> int:
         """m = ceil(alpha)."""

@@ -111,7 +111,7 @@ def test_rows_and_dense_output_show_both_sides():
         assert np.all(np.diff(sol.t) >= 0)
         at = [0.5, 1.0, 1.5]
         rows = hd.solve(eq, 2.0, **how, events=event(change=add(1.0)), t_eval=at)
-        assert rows.y[1, 0] == pytest.approx(sol.y[where, 0], abs=1e-7)  # just before
+        assert rows.y[1, 0] == pytest.approx(sol(1.0)[0], abs=1e-7)
         assert rows.y[2, 0] == pytest.approx(sol(1.5)[0], abs=1e-5)
     every = hd.solve(eq, 2.0, 100, events=event(change=add(1.0)), save_every=30)
     steps = hd.solve(eq, 2.0, 100, events=event(change=add(1.0)))
@@ -302,3 +302,76 @@ def test_bad_changes_are_refused_or_end_the_run():
     assert hd.solve(varying, 2.0, 100, events=jump).success
     with pytest.raises(ValueError, match="forget nothing on given steps"):
         hd.solve(eq, 2.0, 100, events=event(forget=True))
+
+
+def doses(t, y):
+    return np.sin(np.pi * (t - 0.5))
+
+
+doses.change = add(1.0)
+
+
+def test_doses_at_times_of_steps_and_one_a_step():
+    """Given steps act at a zero on a step, and equal intervals are no pile."""
+    eq = hd.Equation(C(0.8), decay, 1.0)
+    for n in (20, 200, 1000):
+        sol = hd.solve(eq, 10.0, n, scheme=hd.L1(), events=doses)
+        assert sol.status is hd.Status.COMPLETED
+        assert sol.t_events[0] == pytest.approx(np.arange(10) + 0.5, abs=1e-9)
+    sought = hd.solve(eq, 10.0, rtol=1e-9, events=doses)
+    assert sought.t_events[0] == pytest.approx(np.arange(10) + 0.5, abs=1e-9)
+    assert abs(sol.y[-1, 0] - sought.y[-1, 0]) < 0.05
+
+
+def test_neurons_in_step_all_fire():
+    """Zeros that coincide to rounding are each found."""
+    eq = hd.Equation(C(0.8), lambda t, v: np.array([1.5 - v[0], (4.5 - 3 * v[1]) / 3]), [0.0, 0.0])
+    fires = [
+        event(lambda t, v: v[0] - 1.0, lambda t, v: np.array([0.0, v[1]])),
+        event(lambda t, v: v[1] - 1.0, lambda t, v: np.array([v[0], 0.0])),
+    ]
+    sol = hd.solve(eq, 8.0, rtol=1e-9, events=fires)
+    assert sol.t_events[0].size == sol.t_events[1].size == 4
+    assert np.abs(sol.t_events[0] - sol.t_events[1]).max() < 1e-9
+    assert np.abs(sol.y[:, 0] - sol.y[:, 1]).max() < 1.1  # at an event one is reset first
+    assert abs(sol.y[-1, 0] - sol.y[-1, 1]) < 1e-9
+
+
+def test_a_terminal_event_changes_y_before_it_ends_the_run():
+    eq = hd.Equation(C(0.8), decay, 1.0)
+    for how in ({"rtol": 1e-9}, {"n_steps": 2000}):
+        stop = event(lambda t, y: t - 1.0005, add(1.0), terminal=True)
+        whole = hd.solve(eq, 2.0, **how, events=event(lambda t, y: t - 1.0005, add(1.0)))
+        part = hd.solve(eq, 2.0, **how, events=stop)
+        assert part.status is hd.Status.EVENT
+        assert part.y[-1, 0] - part.y[-2, 0] == pytest.approx(1.0, abs=1e-9)
+        rest = hd.solve(eq, 2.0, resume=part.state, events=stop)
+        assert rest.success
+        assert rest.t_events[0].size == 0
+        assert abs(rest.y[-1, 0] - whole.y[-1, 0]) < 1e-8
+
+
+def test_a_ball_that_came_to_an_end_stays_there():
+    floor = event(lambda t, y: y[0], lambda t, y: np.array([0.0, -0.5 * y[1]]), direction=-1)
+    eq = hd.Equation(C(1.0), falling, [1.0, 0.0])
+    with pytest.warns(hd.SolveWarning, match="without end"):
+        sol = hd.solve(eq, 10.0, rtol=1e-9, events=floor)
+    with pytest.warns(hd.SolveWarning, match="without end"):
+        rest = hd.solve(eq, 10.0, resume=sol.state, events=floor)
+    assert rest.status is hd.Status.PILED_UP
+    assert rest.y[:, 0].min() > -1e-9
+    for scheme in (hd.L1(), hd.BDF(2), hd.ExplicitCaputo()):
+        with pytest.warns(hd.SolveWarning):
+            steps = hd.solve(eq, 10.0, 2000, scheme=scheme, events=floor)
+        assert not steps.success
+        assert steps.y[:, 0].min() > -0.02
+
+
+def test_sections_are_not_taken_across_changes():
+    fire = event(lambda t, v: v[0] - 1.0, lambda t, v: 0 * v, direction=1)
+    eq = hd.Equation(C(0.9), lambda t, v: 1.5 - v, 0.0)
+    for how in ({"rtol": 1e-6}, {"n_steps": 500}):
+        with pytest.raises(ValueError, match="hold no changes by events"):
+            hd.maxima(hd.solve(eq, 5.0, **how, events=fire), 0)
+    with pytest.raises(TypeError, match="have a function change"):
+        hd.solve(eq, 5.0, rtol=1e-6, events=event(change=5.0))

@@ -88,8 +88,8 @@ def test_coulomb_friction_loses_the_same_amplitude_each_half_period():
     speed = lambda t, y: y[1]  # noqa: E731
     with pytest.warns(hd.SolveWarning, match="slides"):  # it sticks where |x| < 0.3
         sol = hd.solve(eq, 20.0, rtol=1e-9, switches=speed, events=speed)
-    assert np.abs(sol.t_events[0][1:] / np.pi - [1, 2, 3]).max() < 1e-9
-    assert np.abs(sol.y_events[0][1:, 0] - [-1.4, 0.8, -0.2]).max() < 1e-9
+    assert np.abs(sol.t_events[0] / np.pi - [1, 2, 3]).max() < 1e-9
+    assert np.abs(sol.y_events[0][:, 0] - [-1.4, 0.8, -0.2]).max() < 1e-9
     assert sol.t[-1] == pytest.approx(3 * np.pi, abs=1e-9)
 
 
@@ -190,3 +190,83 @@ def test_bad_switches_are_refused():
     varying = hd.Equation(C(lambda t: 0.8 - 0.1 * t), relay, 1.0)
     with pytest.raises(ValueError, match="highest order varies"):
         hd.solve(varying, 1.0, rtol=1e-6, switches=first)
+
+
+def pulled(t, x, p):
+    return -p * np.sign(x)
+
+
+def second(t, y):
+    return y[1]
+
+
+@pytest.mark.parametrize("ratio", [1.0, 3.0, 0.7])
+def test_switches_that_coincide_are_both_seen(ratio):
+    """The same motion in two sizes."""
+    eq = hd.Equation(C(2.0), pulled, [[1.0, ratio], [0.0, 0.0]], params=[1.0, ratio])
+    sol = hd.solve(eq, 10.0, rtol=1e-9, switches=[first, second])
+    assert sol.success
+    assert np.abs(sol.y[:, 1] - ratio * sol.y[:, 0]).max() < 1e-7
+    assert abs(sol.y[-1, 0] - 0.137085) < 1e-5
+
+
+def stepping(t, y):
+    return np.where(y > 0, -1.0, -2.0)
+
+
+@pytest.mark.parametrize("apart", [0.0, 1e-14, 1e-13, 5e-13, 1e-12, 1e-9])
+def test_switches_next_to_each_other(apart):
+    eq = hd.Equation(C(1.0), stepping, [1.0, 1.0 + apart])
+    sol = hd.solve(eq, 3.0, rtol=1e-9, switches=[first, second])
+    assert sol.success
+    assert np.abs(sol.y[-1] + 4.0).max() < 1e-8
+
+
+@pytest.mark.parametrize("beside", [-1e-12, -1e-13, 1e-13, 1e-12])
+def test_runs_that_end_next_to_a_switch_go_on(beside):
+    eq = hd.Equation(C(1.0), stepping, 1.0)
+    part = hd.solve(eq, 1.0 + beside, rtol=1e-9, switches=first)
+    assert part.success
+    rest = hd.solve(eq, 3.0, resume=part.state, switches=first)
+    assert abs(rest.y[-1, 0] + 4.0) < 1e-8
+
+
+def test_a_run_that_slides_slides_again():
+    eq = hd.Equation(C(1.0), coulomb, [2.0, 0.0])
+
+    def speed(t, y):
+        return y[1]
+
+    for how in ({"rtol": 1e-9}, {"n_steps": 20_000}):
+        with pytest.warns(hd.SolveWarning, match="slides"):
+            sol = hd.solve(eq, 20.0, **how, switches=speed)
+        with pytest.warns(hd.SolveWarning, match="slides"):
+            rest = hd.solve(eq, 40.0, resume=sol.state, switches=speed)
+        assert rest.t[-1] - sol.t[-1] < 0.02
+
+
+def square_wave(t, y):
+    return np.sign(np.sin(t))
+
+
+def sine(t, y):
+    return np.sin(t)
+
+
+@pytest.mark.parametrize("alpha", [0.3, 0.7, 1.0])
+@pytest.mark.parametrize("rtol", [1e-6, 1e-9, 1e-11])
+def test_a_switch_of_time_alone(alpha, rtol):
+    sol = hd.solve(hd.Equation(C(alpha), square_wave, 0.0), 10.0, rtol=rtol, switches=sine)
+    assert sol.success
+    starts = np.pi * np.arange(4)
+    exact = np.array([1.0, -2.0, 2.0, -2.0]) @ (10.0 - starts) ** alpha / gamma(1 + alpha)
+    assert abs(sol.y[-1, 0] - exact) < 10 * rtol
+
+
+def test_a_switch_that_is_called_in_python_is_refused_without_more():
+    class Object:
+        def __call__(self, t, y):
+            return y[0]
+
+    with pytest.raises(TypeError, match="that numba compiles"):
+        hd.solve(hd.Equation(C(0.8), stepping, 1.0), 1.0, rtol=1e-6, switches=Object())

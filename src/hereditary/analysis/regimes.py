@@ -15,7 +15,7 @@ from scipy.special import ndtr
 
 from .._checks import complaint, instance, positive, real
 from ..solver.solution import Solution, Status
-from .sections import values_at
+from .sections import check_unbroken, values_at
 from .spectrum import LyapunovResult
 
 # A load rests while it moves less than this share of the way that it is pulled in a quarter of the
@@ -170,6 +170,8 @@ def classify(
     runs = [solution]
     if check is not None:
         runs.append(instance("check", check, Solution, "a run with half the step"))
+    for run in runs:
+        check_unbroken(run)
     if any(run.status in _CUT_SHORT or not np.isfinite(run.y[:, 0]).all() for run in runs):
         nothing = {"irregular": math.nan, "recurrence": math.nan, "longest_stay": 0.0}
         return RegimeVerdict(

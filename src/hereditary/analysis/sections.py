@@ -227,7 +227,16 @@ def _begin(solution, transient):
     if np.iscomplexobj(solution.y):
         required, remedy = "be real", "take parts, e.g. dataclasses.replace(solution, y=y.real)"
         raise ValueError(complaint("solution", required, "a complex one", remedy))
+    check_unbroken(solution)
     return solution.t[0] if transient is None else real("transient", transient)
+
+
+def check_unbroken(solution):
+    """Refuse solutions that events have changed."""
+    (where,) = np.nonzero(np.diff(solution.t) <= 0)
+    if where.size:
+        required, got = "hold no changes by events", f"one at t = {solution.t[where[0]]:g}"
+        raise ValueError(complaint("solution", required, got, "take the parts between them"))
 
 
 def _is_index(value, n):

@@ -147,6 +147,7 @@ def integral_form(system: System) -> Form:
         if implicit[c]:
             if any(op.from_zero and own[c] != 0 for op, own in system.left):
                 required = "have a constant order in front of RiemannLiouville, with Collocation"
+                required += ", and one of 1 or more where that of RiemannLiouville varies"
                 raise ValueError(complaint("terms", required, "another", "take L1"))
             rows += _derivative_rows(system, c, second[c])
         elif leading[c] == 0:

@@ -12,6 +12,8 @@ from ..special import bracketed_root
 # Zeros this close to the start, relatively, are the start itself.
 _SAME = 1e-12
 _TINY = 5e-324
+# Times this close to a start, relatively, tell nothing of a sign there.
+_ROUNDED = 64 * np.finfo(float).eps
 # Fractions of the first step after a change that are looked at too.
 _NEXT = 10.0 ** np.arange(-9, 0)
 
@@ -42,6 +44,8 @@ class Events:
     fired : dict of int and float
         Events and, behind them, switches that act where the march was ended by `look`, with the
         signs behind their zeros.
+    over : bool
+        Whether a terminal event ends the run there.
     stuck : int or None
         The one of them whose zero was followed by the next one at once.
     """
@@ -60,7 +64,9 @@ class Events:
         self.values: list[list[np.ndarray]] = [[] for _ in functions]
         self.failure, self._failed_at = "", math.inf
         self.fired: dict[int, float] = {}
-        self.stuck: int | None = None
+        self._last: dict[int, float] = {}
+        self._start = stepper.t
+        self.over, self.stuck = False, None
         t, y = stepper.t, stepper.y
         values = [_first_value(function, t, y) for function in self._functions]
         self._begin(t, values, [signs.get(digest(f), 0.0) for f in self._functions])
@@ -70,22 +76,29 @@ class Events:
         """Whether there is something to look for."""
         return bool(self._functions)
 
-    def begin(self, t, y, changed):
-        """Go on at time t from components y, which have jumped there or not."""
-        values = [float(self._seen(function, [t], [y])[0]) for function in self._functions]
-        self._begin(t, values, [0.0 for _ in values] if changed else self._after)
+    def begin(self, t, before, y):
+        """Go on at time t from components y, (d,), which were `before` until then."""
+        values, known = [], []
+        for function, sign in zip(self._functions, self._after, strict=True):
+            then, now = self._seen(function, [t, t], [before, y]).tolist()
+            values.append(now)
+            known.append(sign if now == then else 0.0)
+        self._begin(t, values, known)
 
     def _begin(self, t, values, after):
         """Begin at time t, where functions have some values; `after` are signs, 0 for unknown."""
         # the last value seen: a zero between two stretches is then found once, and only once
+        earlier = self._last if t == self._start else {}
         self._start, self._values = t, list(values)
-        self._last, self.fired = self.fired, {}
+        self._last, self.fired = earlier | self.fired, {}
         # switches at which the run begins, which it may yet turn out to leave to the other side
         self._open: set[int] = set()
         for number, (value, sign) in enumerate(zip(self._values, after, strict=True)):
             if number >= self._n_told and value == 0 and not sign:
                 self._open.add(number)
                 sign = 1.0
+            elif value == 0 and not sign and self._looks == 1 and number in self._last:
+                sign = -self._last[number]  # a change took it back; steps show no more of it
             # a run that begins at a zero may stand on either side of it by its tolerance
             if sign * np.sign(value) <= 0 and sign:
                 self._values[number] = math.copysign(max(abs(value), _TINY), sign)
@@ -104,9 +117,11 @@ class Events:
         """
         looks = edges[:-1, None] + np.diff(edges)[:, None] * np.arange(self._looks) / self._looks
         times = np.append(looks.ravel(), edges[-1])
-        if edges[0] == self._start and self._last:
+        if edges[0] == self._start and self._last and self._looks > 1:
             # just after a change two zeros may follow each other in any time
             times = np.union1d(times, edges[0] + (edges[1] - edges[0]) * _NEXT)
+            near = (times > edges[0]) & (times < edges[0] * (1 + _ROUNDED)) & (times < edges[1])
+            times = times[~near]
         rows, found, acting, end = at(times), [], [], math.inf
         at_once = self._start * (1 + _SAME)
         if edges[0] == self._start:
@@ -117,11 +132,16 @@ class Events:
             left = self._limits[number] - self._n_found(number)
             for t, sign in self._zeros(function, times, values, at):
                 if self._comes_back(number, t, sign, at_once):
-                    self.stuck = number if number in self._last else None
+                    self.stuck = number
                     acting.append((self._start, number, sign))
                     break
-                if t <= self._start * (1 + _SAME):
-                    continue  # where a run goes on from its own event
+                if t <= self._start * (1 + _SAME) or (number in self._open and t <= at_once):
+                    if number in self._last and (self._looks > 1 or sign != self._last[number]):
+                        continue  # where a run goes on from its own event
+                    # given steps that end beyond the zero again change there
+                    t = float(edges[1]) if number in self._last else self._start
+                    if self._n_found(number) and t <= self.times[number][-1] * (1 + _SAME):
+                        continue
                 if self._acting[number]:  # a step at the very time may be earlier by rounding
                     t = min(t, self._stands_at(t))
                 found.append((t, number, sign))
@@ -139,8 +159,9 @@ class Events:
     def _comes_back(self, number, t, sign, at_once):
         """Return whether a zero at t is that from which the run has just gone on."""
         if number >= self._n_told:
-            return (number in self._last or number in self._open) and t <= at_once
-        return self._last.get(number) == sign and t <= self._start * (1 + _SAME)
+            return number in self._last and t <= at_once
+        again = self._looks > 1 and self._last.get(number) == sign
+        return again and t <= self._start * (1 + _SAME)
 
     def _n_found(self, number):
         """Return how many zeros of a function are known."""
@@ -149,7 +170,8 @@ class Events:
     def _end(self, end, acting, edges):
         """Return where the march ends, `end` by a terminal event; acting (time, number, sign)."""
         stands = self._stands_at(min(acting)[0]) if acting else math.inf
-        if stands < end:
+        self.over = end < math.inf
+        if acting and stands <= (self._stands_at(end) if self.over else end):
             end, self.fired = stands, {number: sign for t, number, sign in acting if t <= stands}
         if self.failure and self._failed_at <= end:  # back to the last step before
             self.fired = {}
@@ -160,17 +182,24 @@ class Events:
     def _keep(self, found, end, at):
         """Take in zeros up to `end`, and the signs just after it."""
         row = at(np.array([end]))
-        for number, function in enumerate(self._functions):
+        for number, function in enumerate(self._functions if end > self._start else ()):
             self._after[number] = float(np.sign(self._seen(function, [end], row)[0]))
         for number in self.fired:
             if number >= self._n_told:  # whose zero may lie at the end itself
                 self._after[number] = -self._sides[number - self._n_told]
+        for t, number, sign in reversed(found):
+            if t > end:  # the row at the end may show another sign by rounding
+                self._after[number] = -sign
         for t, number, sign in found:
             if t <= end and number < self._n_told:
                 self.times[number].append(t)
                 self.values[number].append(at(np.array([t]))[0])
             if t == end:
                 self._after[number] = sign
+
+    def take_back(self, number):
+        """Let a run that goes on find the last zero of a function again."""
+        self._after[number] = -self.fired[number]
 
     def signs(self):
         """Signs of the functions where the run ended, just after any zero there, by their digests.

@@ -97,11 +97,16 @@ class Output:
         if self.events.fired and self._rows[0][self._size - 1] < self.end:
             self._add_last()
 
-    def go_on(self, changed):
-        """Go on from where the march stands, after events have acted on it there."""
+    def go_on(self, before):
+        """Go on from where the march stands, after events acted on it; y was `before`, (d,)."""
         t, y = self._stepper.t, self._stepper.y
-        self.ended = False
-        self.events.begin(t, y, changed)
+        self.ended, changed = False, bool(np.any(y != before))
+        self.events.begin(t, before, y)
+        if self._asked is not None:  # rows asked for at the very time are those after it
+            at_once = int(np.searchsorted(self._wanted, t * (1 + _SLACK), side="right"))
+            times, self._wanted = self._wanted[:at_once], self._wanted[at_once:]
+            rows = np.ones((times.size, 1))
+            self._add(times, rows * y, rows * self._stepper.ydot)
         if not changed or self._asked is not None:
             return
         self._add(np.array([t]), y[None], self._stepper.ydot[None])
@@ -123,7 +128,8 @@ class Output:
         last = self.end if self.ended else self.end * (1 + _SLACK)
         if self._stepper.position == self._stop and not self.ended:
             last = np.inf  # the last step may miss the end of the run by rounding
-        ahead = int(np.searchsorted(self._wanted, last, side="right"))
+        fired = bool(self.events.fired)  # rows at the very time are those after it
+        ahead = int(np.searchsorted(self._wanted, last, side="left" if fired else "right"))
         times, self._wanted = self._wanted[:ahead], self._wanted[ahead:]
         if times.size:
             self._add(times, *(piece.evaluate(times, self._second, m) for m in (0, 1)))

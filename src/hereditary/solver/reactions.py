@@ -5,9 +5,11 @@ import numpy as np
 from .._checks import complaint, shown
 from .status import Status
 
-# Intervals between changes by one event, relative to the run: two in a row below the first, or of
-# a step each, or one below the second, mean that they follow each other without end.
-_CLOSE, _AT_ONCE = 1e-6, 1e-9
+# Intervals between changes by one event, relative to the longest one: two in a row below the first,
+# or of a step each where they were of _STEPS, or one below the second, mean that they follow each
+# other without end; so do _MANY changes within a fraction _CROWDED of the run.
+# The longest one counts as a fraction _LONG of the run at least.
+_CLOSE, _AT_ONCE, _STEPS, _MANY, _CROWDED, _LONG = 1e-6, 1e-9, 100, 10_000, 1e-3, 0.03
 
 
 class Reactions:
@@ -27,14 +29,19 @@ class Reactions:
 
     def __init__(self, stepper, events, functions, signs, span):
         self._stepper, self._functions, self._span = stepper, functions, span
-        self._signs, self._last = signs, [(-np.inf, np.inf)] * len(functions)
+        self._signs, self._begun = signs, stepper.t
+        self._times: list[list[float]] = [[] for _ in functions]
+        self._longest = [_LONG * span for _ in functions]
+        for function in functions:
+            change = getattr(function, "change", None)
+            if change is not None and not callable(change):
+                required = "have a function change(t, y), or none"
+                raise TypeError(complaint("events", required, repr(change)))
         kinds = {name for f in functions for name in ("change", "forget") if getattr(f, name, None)}
         if signs:
             kinds.add("switch")
-        self._close = _CLOSE
         if kinds:
             stepper.expect(kinds)
-            self._close = max(_CLOSE, 1.5 * stepper.h / span)
         self._take_sides(events)
 
     def act(self, output):
@@ -42,15 +49,20 @@ class Reactions:
 
         Returns status and detail where the run ends by that, else None.
         """
-        fired, stuck, before = output.events.fired, output.events.stuck, self._stepper.y
+        events, before = output.events, self._stepper.y
+        fired, stuck = events.fired, events.stuck
         if stuck in fired and stuck >= len(self._functions):
+            events.take_back(stuck)
             return Status.SLIDING, ""
         for number in fired:
             if number < len(self._functions):
-                trouble = self._change(number, stuck == number)
+                if stuck == number or self._piles_up(number):
+                    events.take_back(number)
+                    return Status.PILED_UP, self._name(number)
+                trouble = self._change(number)
                 if trouble is not None:
                     return trouble
-        output.go_on(bool(np.any(self._stepper.y != before)))
+        output.go_on(before)
         self._take_sides(output.events)
         failure = output.events.failure
         return (Status.EVENT_FAILED, failure) if failure else None
@@ -60,14 +72,28 @@ class Reactions:
         for number, side in zip(self._signs, events.sides(), strict=True):
             self._stepper.set_parameter(number, side)
 
-    def _change(self, number, stuck):
+    def _name(self, number):
+        """Return the name of an event."""
+        return getattr(self._functions[number], "__name__", repr(self._functions[number]))
+
+    def _piles_up(self, number):
+        """Note a change by an event; return whether they follow each other without end."""
+        times, t = self._times[number], self._stepper.t
+        times.append(t)
+        first = times[-2] if len(times) > 1 else self._begun
+        self._longest[number] = longest = max(self._longest[number], t - first)
+        if len(times) < 3:
+            return False
+        last, before = t - first, first - times[-3]
+        h = self._stepper.h
+        close = max(_CLOSE * longest, 1.5 * h if longest > _STEPS * h > 0.0 else 0.0)
+        if len(times) > _MANY and t - times.pop(0) <= _CROWDED * self._span:
+            return True
+        return last <= _AT_ONCE * longest or max(last, before) <= close
+
+    def _change(self, number):
         """Set the y that an event gives, and forget the past where it says so."""
         stepper, function = self._stepper, self._functions[number]
-        last, before = self._last[number]
-        interval = (stepper.t - last) / self._span
-        if stuck or interval <= _AT_ONCE or max(interval, before) <= self._close:
-            return Status.PILED_UP, getattr(function, "__name__", repr(function))
-        self._last[number] = stepper.t, interval
         y = stepper.y
         change = getattr(function, "change", None)
         if change is not None:

@@ -66,7 +66,8 @@ def run(stepper, stop, t_end, output, reactions, progress, began):
             return Status.EVENT_FAILED, events.failure
         if not events.fired:
             return Status.EVENT, ""
-        return stepper.trouble or reactions.act(output)
+        ended = stepper.trouble or reactions.act(output)
+        return ended or ((Status.EVENT, "") if events.over else None)
 
     bar = ProgressBar(progress)
     try:

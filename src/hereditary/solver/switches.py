@@ -72,11 +72,11 @@ def _one_sided(fun, switch):
         largest = 0.0
         for i in range(n):
             largest = max(largest, abs(y[i]))
-        if sign * value[0] > _NEAR * largest:
+        if sign * value[0] > _NEAR * largest or value[0] != value[0]:
             fun(t, y, out, params[:own])
             return
         point, slope = y.copy(), np.empty(n)
-        beside = np.empty(1)
+        beside, square = np.empty(1), 0.0
         for _ in range(_ITERATIONS):
             square, size = 0.0, 0.0
             for i in range(n):
@@ -93,6 +93,17 @@ def _one_sided(fun, switch):
             for i in range(n):
                 point[i] += (2.0 * sign * margin - value[0]) * slope[i] / square
             switch(t + params[own + 1], point[:n], value, none)
+        if square == 0.0:  # a switch of the time alone
+            for _ in range(_ITERATIONS):
+                now = t + params[own + 1]
+                step = _DIFFERENCE * (abs(now) if now != 0.0 else 1.0)
+                switch(now + step, point[:n], beside, none)
+                slope_t = (beside[0] - value[0]) / step
+                margin = _MARGIN * abs(slope_t * now) + _LEAST
+                if slope_t == 0.0 or sign * value[0] >= margin:
+                    break
+                t += (2.0 * sign * margin - value[0]) / slope_t
+                switch(t + params[own + 1], point[:n], value, none)
         fun(t, point, out, params[:own])
 
     return derived(one_sided)
