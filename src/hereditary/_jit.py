@@ -72,9 +72,10 @@ compiling = _Compiling()
 def compiled(fun, fused=False, **options):
     """Compile `fun` on first call: cached on disk, without the GIL, with IEEE division.
 
-    With `fused` a product may be added without being rounded first; nothing is reordered.
+    With `fused` a product may be added without being rounded first; nothing is reordered, unless
+    `fused` names more of LLVM's liberties.
     """
-    loose = {"contract"} if fused else False
+    loose = {"contract"} if fused is True else fused
     dispatcher = njit(nogil=True, error_model="numpy", fastmath=loose, **options)(fun)
     if config.DISABLE_JIT:
         return dispatcher
@@ -98,6 +99,12 @@ def inner(fun):
     if not config.DISABLE_JIT:
         dispatcher.__class__ = _Inner
     return dispatcher
+
+
+def reordered(fun):
+    """Compile `fun` for compiled callers alone, its sums in whatever order takes least time."""
+    loose = {"contract", "reassoc"}
+    return compiled(fun, loose, no_cpython_wrapper=True, no_cfunc_wrapper=True)
 
 
 class _Inner(CPUDispatcher):

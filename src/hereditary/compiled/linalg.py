@@ -1,6 +1,21 @@
-"""Small dense linear algebra for compiled code."""
+"""Dense linear algebra for compiled code: elimination by loops, from some size on by LAPACK."""
 
-from .._jit import inner
+import numpy as np
+from numba import config, types
+
+from .._jit import inner, reordered
+
+# Size from which LAPACK, and sums in any order, take less time than plain loops.
+_LARGE = np.inf if config.DISABLE_JIT else 40  # type: ignore[attr-defined]
+# numba's own entry to SciPy's LAPACK: kind, m, n, a, lda, ipiv
+_GETRF = types.ExternalFunction(
+    "numba_xxgetrf",
+    types.intc(
+        types.char, types.intp, types.intp, types.CPointer(types.float64), types.intp,
+        types.CPointer(types.int32),
+    ),
+)  # fmt: skip
+_DOUBLE = np.uint8(ord("d"))
 
 
 @inner
@@ -42,6 +57,8 @@ def factorise(a, order):
     """
     # a (n, n), order (n,) of whole numbers
     n = a.shape[0]
+    if n >= _LARGE:
+        return factorise_large(a, order)
     for i in range(n):
         order[i] = i
     for j in range(n):
@@ -64,10 +81,52 @@ def factorise(a, order):
 
 
 @inner
+def factorise_large(a, order):
+    """As `factorise`, by LAPACK."""
+    n = a.shape[0]
+    swaps = np.empty(n, dtype=np.int32)
+    transpose(a)  # LAPACK's matrices have their columns in a row
+    failed = _GETRF(_DOUBLE, n, n, a.ctypes, n, swaps.ctypes)  # type: ignore[call-overload]
+    transpose(a)
+    for i in range(n):
+        order[i] = i
+    for i in range(n):
+        k = swaps[i] - 1
+        order[i], order[k] = order[k], order[i]
+    for i in range(n):
+        if not 0.0 < abs(a[i, i]) < np.inf:
+            return False
+    return failed == 0
+
+
+@inner
+def transpose(a):
+    """Transpose a square matrix in its place."""
+    for i in range(a.shape[0]):
+        for k in range(i):
+            a[i, k], a[k, i] = a[k, i], a[i, k]
+
+
+@reordered
+def dot(row, x, first, end):
+    """Return the sum of products of two vectors, from `first` to before `end`."""
+    total = 0.0
+    for k in range(first, end):
+        total += row[k] * x[k]
+    return total
+
+
+@inner
 def substitute(factors, order, b, x):
     """Solve a x = b with the factors of `factorise`."""
     # factors (n, n), order (n,), b, x (n,)
     n = b.shape[0]
+    if n >= _LARGE:
+        for i in range(n):
+            x[i] = b[order[i]] - dot(factors[i], x, 0, i)
+        for i in range(n - 1, -1, -1):
+            x[i] = (x[i] - dot(factors[i], x, i + 1, n)) / factors[i, i]
+        return
     for i in range(n):
         total = b[order[i]]
         for k in range(i):

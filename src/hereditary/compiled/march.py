@@ -128,8 +128,9 @@ def marching(name, way, read=open_block):
             elif newton:
                 guess(p, integral, ratio[i], lead, known, force, pieces, w)
                 if not solve_step(
-                    rhs, jac, has_jac, params, t, n_solved, sources, room, work, counts
-                ):
+                    rhs, jac, has_jac, params, t, n_solved, sources, room, work, state.factors,
+                    state.order, counts,
+                ):  # fmt: skip
                     return NOT_SOLVED
                 if integral == 1:
                     look(base, gain, sources, w, point)

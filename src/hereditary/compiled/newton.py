@@ -4,24 +4,31 @@ import numpy as np
 
 from .._jit import inlined, inner
 from .jacobian import jacobian
-from .linalg import solve_in_place
+from .linalg import factorise, solve_in_place, substitute
 from .step import BASE, GAIN, KNOWN, LEAD, MOVED, POINT, SCALE, SHIFT, F, W, look
 
 # Simplified Newton steps (one Jacobian) before the full method takes over, and full ones before a
 # step is given up.
 _SIMPLIFIED, _FULL = 8, 30
+# Components above which factors are kept over steps, and contraction from which they are not.
+KEPT_FROM, _SLOW = 10, 0.1
 # The step is solved when the estimated error of the increment is below this share of it, or below
 # rounding of the solution, or below what floats can resolve.
 _TOLERANCE, _ROUNDING, _UNDERFLOW = 1e-13, 2e-16, 1e-300
 
 
 @inner
-def solve_step(rhs, jac, has_jac, params, t, d, sources, room, work, counts):
+def solve_step(rhs, jac, has_jac, params, t, d, sources, room, work, factors, order, counts):
     """Solve ``scale w + known = lead f(t, base + gain w)`` for w, and so for tangents.
 
     The first d components have an equation; f reads all, at the w of their sources. Returns False
-    where the iteration does not converge; calls of `rhs` are counted.
+    where the iteration does not converge; calls of `rhs` are counted. Where factors (n, n) of many
+    components, with their order (n,), are kept over steps they are used.
     """
+    if factors.shape[0] > 0:
+        return solve_with_factors(
+            rhs, jac, has_jac, params, t, d, sources, room, work, factors, order, counts
+        )
     # room (N_ROOM, >= n): rows of a step; work (2, n, n): the Jacobian and room for Newton's matrix
     j_f, matrix = work[0], work[1]
     n = j_f.shape[0]
@@ -38,6 +45,7 @@ def solve_step(rhs, jac, has_jac, params, t, d, sources, room, work, counts):
         for i in range(n):
             change[i] = lead[i] * f[i] - known[i] - scale[i] * w[i] if i < d else 0.0
         newton_matrix(j_f, d, sources, gain, scale, lead, matrix)
+        counts.factorised += 1
         if not solve_in_place(matrix, change):
             return False
         size, largest, reference = 0.0, 0.0, 0.0
@@ -61,6 +69,60 @@ def solve_step(rhs, jac, has_jac, params, t, d, sources, room, work, counts):
 
 
 @inner
+def solve_with_factors(
+    rhs, jac, has_jac, params, t, d, sources, room, work, factors, order, counts
+):
+    """As `solve_step`, with factors that are kept from step to step while they contract.
+
+    factors (n, n) and order (n,) of Newton's matrix, in force where counts.factored is 1.
+    """
+    known, shift, scale, lead, w = room[KNOWN], room[SHIFT], room[SCALE], room[LEAD], room[W]
+    base, gain, n = room[BASE], room[GAIN], factors.shape[0]
+    point, f, left, change = room[POINT][:n], room[F][:n], room[MOVED][:n], np.empty(n)
+    first, previous, fresh = w[:n].copy(), np.inf, False
+    for _ in range(_SIMPLIFIED + _FULL):
+        look(base, gain, sources, w, point)
+        if counts.factored == 0:
+            counts.rhs += jacobian(rhs, jac, has_jac, t, point, params, work[0])
+            newton_matrix(work[0], d, sources, gain, scale, lead, factors)
+            if not factorise(factors, order):
+                return False
+            counts.factored, counts.factorised, fresh = 1, counts.factorised + 1, True
+            previous = np.inf
+        rhs(t, point, f, params)
+        counts.rhs += 1
+        for i in range(n):
+            left[i] = lead[i] * f[i] - known[i] - scale[i] * w[i] if i < d else 0.0
+        substitute(factors, order, left, change)
+        size, largest, reference = 0.0, 0.0, 0.0
+        for c in range(d):
+            w[c] += change[c]
+            size = max(size, abs(change[c]))
+            largest = max(largest, abs(w[c]) + abs(shift[c]))
+            reference = max(reference, abs(base[c]))
+        rate = size / previous if previous < np.inf else 1.0
+        if not size < np.inf or (rate >= 1.0 and previous < np.inf):
+            if fresh and not size < np.inf:
+                return False
+            counts.factored = 0
+            if not fresh:
+                for c in range(n):
+                    w[c] = first[c]
+            continue
+        error = size * rate / (1.0 - rate) if rate < 1.0 else size
+        if error <= _TOLERANCE * largest + _ROUNDING * reference + _UNDERFLOW:
+            alone = room.shape[1] == n
+            return alone or solve_tangents(
+                rhs, jac, has_jac, params, t, d, sources, room, work, counts
+            )
+        if rate < 1.0 and rate > _SLOW:
+            counts.factored = 0
+        previous = size
+    counts.factored = 0
+    return False
+
+
+@inner
 def solve_tangents(rhs, jac, has_jac, params, t, d, sources, room, work, counts):
     """Solve ``scale w + known = lead J (base + gain w)`` for every tangent's w.
 
@@ -71,11 +133,14 @@ def solve_tangents(rhs, jac, has_jac, params, t, d, sources, room, work, counts)
     n = j_f.shape[0]
     known, scale, lead, w = room[KNOWN], room[SCALE], room[LEAD], room[W]
     base, gain = room[BASE], room[GAIN]
-    point, change = room[POINT][:n], room[MOVED][:n]
+    point, change, found = room[POINT][:n], room[MOVED][:n], np.empty(n)
+    order = np.empty(n, dtype=np.int64)
     look(base, gain, sources, w, point)
     counts.rhs += jacobian(rhs, jac, has_jac, t, point, params, j_f)
+    newton_matrix(j_f, d, sources, gain, scale, lead, matrix)
+    if not factorise(matrix, order):
+        return False
     for first in range(n, base.shape[0], n):
-        newton_matrix(j_f, d, sources, gain, scale, lead, matrix)
         for i in range(n):
             change[i] = 0.0
         for i in range(d):
@@ -83,10 +148,9 @@ def solve_tangents(rhs, jac, has_jac, params, t, d, sources, room, work, counts)
             for k in range(n):
                 total += j_f[i, k] * base[first + k]
             change[i] = lead[i] * total - known[first + i]
-        if not solve_in_place(matrix, change):
-            return False
+        substitute(matrix, order, change, found)
         for i in range(d):
-            w[first + i] = change[i]
+            w[first + i] = found[i]
     return True
 
 

@@ -25,10 +25,11 @@ EXCHANGE = types.FunctionType(EXCHANGE_SIG)
 
 # Counts of a march: steps made, the step at which a zigzag had lasted (-1: none),
 # the one whose block is open, calls of the right-hand side, the step near which its Jacobian was
-# largest, the step at which turns had grown (-1); and how nearly sweeps failed to contract.
+# largest, the step at which turns had grown (-1); how nearly sweeps failed to contract; whether
+# factors of Newton's matrix are in force, and how many were computed.
 COUNTS = np.dtype(
     [(name, "i8") for name in ("step", "zigzag", "opened", "rhs", "largest", "growth")]
-    + [("nearest", "f8")],
+    + [("nearest", "f8"), ("factored", "i8"), ("factorised", "i8")],
     align=True,
 )
 # Watches of each component (compiled/watch.py): length of the alternation under way, the
@@ -96,7 +97,7 @@ class StepRows(NamedTuple):
 
 
 class March(NamedTuple):
-    """State of a march; all but counts and monitor is linear in the solution.
+    """State of a march; all but counts, monitor, factors and order is linear in the solution.
 
     The W columns are the components of the orbit, then those of one tangent after the other. x,
     with memory that an explicit step reads among them, the newest increment and its change (W,);
@@ -105,7 +106,7 @@ class March(NamedTuple):
     terms, or x(0) where rows have factors for it; first (W,), the first increment where it is
     given; corrections (W, k) of the right-hand side in the first steps; starts (W, V), start
     values; force and lacks (W,), the newest right-hand side, and what the last step took too much
-    of it.
+    of it; factors (n, n) and order (n,) of Newton's matrix for n components, (0, 0) for few.
     """
 
     counts: np.record
@@ -122,6 +123,8 @@ class March(NamedTuple):
     starts: np.ndarray
     force: np.ndarray
     lacks: np.ndarray
+    factors: np.ndarray
+    order: np.ndarray
 
 
 class Output(NamedTuple):
@@ -139,7 +142,8 @@ STEP_TABLE = types.NamedTuple(
 STEP_ROWS = types.NamedTuple((I8, I8, VEC, VEC, VEC, VEC, VEC, MAT, MAT, MAT, MAT), StepRows)
 _MONITORS = types.Array(from_dtype(MONITOR), 1, "C")
 STATE = types.NamedTuple(
-    (_COUNTS, VEC, VEC, VEC, MAT, MAT, _MONITORS, VEC, MAT, VEC, MAT, MAT, VEC, VEC), March
+    (_COUNTS, VEC, VEC, VEC, MAT, MAT, _MONITORS, VEC, MAT, VEC, MAT, MAT, VEC, VEC, MAT, IVEC),
+    March,
 )
 OUTPUT = types.NamedTuple((MAT, MAT, CUBE), Output)
 MARCH = (RHS, JAC, I8, VEC, EXCHANGE, TABLES, MEMORY, STEP_TABLE, STEP_ROWS, STATE, OUTPUT, I8)

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from ..compiled.newton import KEPT_FROM
 from ..compiled.signatures import COUNTS, MONITOR, March, StepTable
 from ..compiled.structures import record
 
@@ -30,9 +31,12 @@ def step_table(plan, memory, system, sources, every, h):
     )
 
 
-def initial_march(plan, d, n_block):
-    """State of a march at step 0, with d components of the orbit and blocks of `n_block` steps."""
-    width = plan.groups.size
+def initial_march(plan, d, n_block, newton):
+    """State of a march at step 0, with d components of the orbit and blocks of `n_block` steps.
+
+    Factors of Newton's matrix are kept for many components where `newton` solves its steps.
+    """
+    width, kept = plan.groups.size, d if newton and d > KEPT_FROM else 0
     none = np.zeros((0, width))
     return March(
         counts=record(COUNTS, zigzag=-1, opened=-1, growth=-1),
@@ -49,6 +53,8 @@ def initial_march(plan, d, n_block):
         starts=_by_columns(plan.starts, none),
         force=np.zeros(width),
         lacks=np.zeros(width),
+        factors=np.zeros((kept, kept)),
+        order=np.zeros(kept, dtype=np.int64),
     )
 
 
@@ -62,7 +68,8 @@ def restored_march(kept):
 
 def linear_parts(march):
     """Return the arrays of a march that are linear in the solution."""
-    return [part for part in march if part is not march.counts and part is not march.monitor]
+    others = {id(part) for part in (march.counts, march.monitor, march.factors, march.order)}
+    return [part for part in march if id(part) not in others]
 
 
 def forget_start(march, d, lasting):

@@ -50,7 +50,8 @@ class Solution:
     message : str
         The same in a sentence, with the numbers of this run.
     stats : dict
-        n_steps and n_rhs (counted from t = 0), n_modes, history_bytes, setup_seconds, run_seconds,
+        n_steps and n_rhs (counted from t = 0), n_factorised, the number of Newton matrices that
+        implicit steps eliminated, n_modes, history_bytes, setup_seconds, run_seconds,
         kernel_error, the largest relative error of sums that stand for general kernels.
         With `Collocation` n_rejected, the steps made again shorter, and error_estimate: rtol times
         the largest error of a step over its share of the tolerance, a tenth of it, and rtol / 10 at

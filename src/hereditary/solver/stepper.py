@@ -105,7 +105,7 @@ class Stepper:
         self._table = arrays.step_table(
             plan, self.memory, self._system, self._sources, every, self.h
         )
-        self._march = arrays.initial_march(plan, d, self._block)
+        self._march = arrays.initial_march(plan, d, self._block, self.scheme.solve == "newton")
         self._march.monitor.turns[: self.equation.d] = -1.0 * (self.equation.highest_orders() == 2)
 
     @property
@@ -350,6 +350,7 @@ class Stepper:
         return {
             "n_steps": self.n,
             "n_rhs": self.n_rhs,
+            "n_factorised": int(self._march.counts.factorised),
             "n_modes": self.n_modes,
             "history_bytes": self.memory.nbytes,
             "stiffness_ratio": self.largest_ratio,

@@ -1,0 +1,118 @@
+"""Implicit steps of many components: factors of Newton's matrix that are kept over steps."""
+
+import numpy as np
+import pytest
+
+import hereditary as hd
+from hereditary._jit import compiled
+from hereditary.compiled.linalg import factorise, substitute
+from hereditary.meshes import UniformSteps
+from hereditary.solver.stepper import Stepper
+
+SCHEMES = [hd.BDF(2), hd.L1(), hd.L2(), hd.ProductTrapezoid()]
+
+
+@compiled
+def solved(a, order, b, x):
+    if not factorise(a, order):
+        return False
+    substitute(a, order, b, x)
+    return True
+
+
+@pytest.mark.parametrize("n", [1, 7, 39, 40, 41, 130])
+def test_systems_of_any_size_are_solved(n):
+    random = np.random.default_rng(n)
+    a, b = random.normal(size=(n, n)), random.normal(size=n)
+    x, order = np.empty(n), np.empty(n, dtype=np.int64)
+    assert solved(a.copy(), order, b, x)
+    assert np.abs(a @ x - b).max() < 1e-11
+    singular = np.ones((n, n)) * (n > 1)
+    assert not solved(singular, order, b, x)
+    broken = a.copy()
+    broken[0, 0] = np.nan
+    assert not solved(broken, order, b, x)
+
+
+def laplacian(d):
+    ones = np.ones(d - 1)
+    return (np.diag(-2 * np.ones(d)) + np.diag(ones, 1) + np.diag(ones, -1)) * (d + 1) ** 2
+
+
+def diffusion(t, u):
+    n = u.size
+    du = -2 * u * (n + 1.0) ** 2
+    du[1:] += u[:-1] * (n + 1.0) ** 2
+    du[:-1] += u[1:] * (n + 1.0) ** 2
+    return du
+
+
+@pytest.mark.parametrize("scheme", SCHEMES, ids=repr)
+@pytest.mark.parametrize("d", [9, 15, 60])
+def test_many_components_are_as_many_single_ones(scheme, d):
+    """A symmetric system in its eigenvectors is a scheme for each of them."""
+    rates, vectors = np.linalg.eigh(laplacian(d))
+    u0 = np.sin(np.pi * np.arange(1, d + 1) / (d + 1)) ** 3
+    sol = hd.solve(hd.Equation(hd.Caputo(0.7), diffusion, u0), 1.0, 100, scheme=scheme)
+    parts = vectors.T @ u0
+    singles = np.array(
+        [
+            hd.solve(
+                hd.Equation(hd.Caputo(0.7), lambda t, y, p: p[0] * y, part, params=[rate]),
+                1.0,
+                100,
+                scheme=scheme,
+            ).y[-1, 0]
+            if abs(part) > 1e-13
+            else 0.0
+            for rate, part in zip(rates, parts, strict=True)
+        ]
+    )
+    assert np.abs(sol.y[-1] - vectors @ singles).max() < 1e-11
+    assert sol.stats["n_factorised"] <= (4 if d > 10 else 400)
+
+
+def reaction(t, u):
+    return diffusion(t, u) + 50.0 * np.sin(3 * t) * u - 30.0 * u**3
+
+
+@pytest.mark.parametrize("scheme", [hd.BDF(2), hd.L1()], ids=repr)
+def test_nonlinear_systems_are_solved_to_rounding(scheme):
+    """An exact Jacobian and differences, a run at once and in parts, give the same numbers."""
+    d = 30
+    u0 = np.sin(np.pi * np.arange(1, d + 1) / (d + 1))
+
+    def jac(t, u):
+        n = u.size
+        out = np.zeros((n, n))
+        for i in range(n):
+            out[i, i] = -2 * (n + 1.0) ** 2 + 50.0 * np.sin(3 * t) - 90.0 * u[i] ** 2
+            if i > 0:
+                out[i, i - 1] = (n + 1.0) ** 2
+                out[i - 1, i] = (n + 1.0) ** 2
+        return out
+
+    eq = hd.Equation(hd.Caputo(0.8), reaction, u0)
+    sol = hd.solve(eq, 2.0, 200, scheme=scheme)
+    given = hd.solve(hd.Equation(hd.Caputo(0.8), reaction, u0, jac=jac), 2.0, 200, scheme=scheme)
+    assert np.abs(sol.y - given.y).max() < 1e-12
+    assert sol.stats["n_factorised"] < 200
+    half = hd.solve(eq, 1.0, 100, scheme=scheme)
+    assert np.array_equal(hd.solve(eq, 2.0, resume=half.state).y, sol.y[100:])
+    fine = hd.solve(eq, 2.0, rtol=1e-8).y[-1]
+    assert np.abs(sol.y[-1] - fine).max() < 2e-2
+
+
+def test_tangents_of_many_components():
+    """Along its own initial values, and another's, the tangent of a linear system is a solution."""
+    d = 14
+    places = np.arange(1, d + 1) / (d + 1)
+    u0, other = np.sin(np.pi * places), places * (1 - places)
+    eq = hd.Equation(hd.Caputo(0.8), diffusion, u0)
+    steps, directions = UniformSteps(0.01), np.array([u0, other]).T
+    stepper = Stepper(eq, hd.BDF(2), hd.SumOfExponentials(), steps, 200, directions)
+    stepper.advance(200)
+    beside = hd.solve(eq.replace(y0=other), 2.0, 200, scheme=hd.BDF(2)).y[-1]
+    assert stepper.n == 200
+    assert np.abs(stepper.tangent[:, 0] - stepper.y).max() < 1e-12
+    assert np.abs(stepper.tangent[:, 1] - beside).max() < 1e-12
