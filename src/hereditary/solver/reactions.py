@@ -31,7 +31,7 @@ class Reactions:
         self._stepper, self._functions, self._span = stepper, functions, span
         self._signs, self._begun = signs, stepper.t
         self._times: list[list[float]] = [[] for _ in functions]
-        self._longest = [_LONG * span for _ in functions]
+        self._longest = [0.0 for _ in functions]
         for function in functions:
             change = getattr(function, "change", None)
             if change is not None and not callable(change):
@@ -85,11 +85,11 @@ class Reactions:
         if len(times) < 3:
             return False
         last, before = t - first, first - times[-3]
-        h = self._stepper.h
-        close = max(_CLOSE * longest, 1.5 * h if longest > _STEPS * h > 0.0 else 0.0)
+        h, size = self._stepper.h, max(longest, _LONG * self._span)
+        close = max(_CLOSE * size, 1.5 * h if longest > _STEPS * h > 0.0 else 0.0)
         if len(times) > _MANY and t - times.pop(0) <= _CROWDED * self._span:
             return True
-        return last <= _AT_ONCE * longest or max(last, before) <= close
+        return last <= _AT_ONCE * size or max(last, before) <= close
 
     def _change(self, number):
         """Set the y that an event gives, and forget the past where it says so."""
