@@ -335,3 +335,36 @@ def test_what_is_no_instability(scheme):
     assert not warned_of(hd.scenes.lorenz(), 30.0, 6000, scheme=scheme)[1]
     tiny = hd.Equation(hd.Caputo(1.0), decaying, 5e-324, (1.5,))
     assert not warned_of(tiny, 1000.0, 1000, scheme=scheme)[1]
+
+
+def coupled_chain(t, u, p):
+    """Neighbours pull (p[0]) or turn (p[1]) each other."""
+    du = -2 * u
+    du[1:] += (p[0] + p[1]) * u[:-1]
+    du[:-1] += (p[0] - p[1]) * u[1:]
+    return du
+
+
+@pytest.mark.parametrize("d", [33, 80, 201])
+@pytest.mark.parametrize(("pull", "turn"), [(1.0, 0.0), (0.0, 1.5)], ids=["pull", "turn"])
+@pytest.mark.parametrize("alpha", [0.7, 1.5])
+def test_many_components_are_watched_by_norms_and_few_eigenvalues(alpha, pull, turn, d):
+    """Above the limit the ratio is that of all eigenvalues, below no warning is given."""
+    if d > 200 and turn:
+        pytest.skip("those of largest modulus need not be the worst")
+    y0 = np.sin(np.pi * np.arange(1, d + 1) / (d + 1))
+    eq = hd.Equation(
+        hd.Caputo(alpha), coupled_chain, [y0, 0 * y0] if alpha > 1 else y0, params=[pull, turn]
+    )
+    h = SCHEME.step_limit(eq, 4.0)
+    jacobian = eq.jacobian(0.0, y0)
+    for share in (0.7, 1.2, 3.0):
+        step = h * share ** (1 / alpha)
+        region = SCHEME.plan(eq, step).region
+        found = region.ratios(jacobian[None])[0]
+        scaled = -jacobian / region.limits[:, None]
+        every = region._ratios_of(np.linalg.eigvals(scaled)[None], None)[0]
+        assert found >= every * (1 - 1e-6)
+        assert found <= max(every * (1 + 1e-6), 1.0)
+    assert region.ratios(np.zeros((0, d, d))).shape == (0,)
+    assert region.ratios(np.full((1, d, d), np.nan))[0] == 0.0

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
+from scipy.sparse.linalg import ArpackError, eigs
 from scipy.special import factorial, gamma, zeta
 
 from .modes import Modes, edge
@@ -20,6 +21,9 @@ _N_ANGLES = 512
 # Modes of systems whose components differ count with fewer than 14 steps a turn: none of order 1
 # that decays in the equation grows so with more.
 _ANGLE = 0.45
+# Components beyond which norms are looked at before eigenvalues, and beyond which these are the
+# _LARGEST of largest modulus alone.
+_MANY, _VERY_MANY, _LARGEST = 32, 200, 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,22 +92,53 @@ class StabilityRegion:
         scaled = -jacobians / limits[:, None]
         if scaled.shape[1] == 1:
             return np.maximum(0.0, scaled[:, 0, 0])
-        values = np.linalg.eigvals(scaled)
+        if scaled.shape[1] > _MANY:
+            return self._ratios_of_many(scaled)
+        return self._ratios_of(np.linalg.eigvals(scaled), jacobians)
+
+    def _ratios_of_many(self, scaled):
+        """Ratios of Jacobians of many components over their limits: bounds where these are below 1.
+
+        Where the largest bound is above 1, the eigenvalues of its Jacobian decide.
+        """
+        sizes = np.abs(scaled)
+        rows, columns = sizes.sum(axis=2).max(axis=1), sizes.sum(axis=1).max(axis=1)
+        bounds = np.sqrt(rows * columns)  # of the spectral norm
+        least = self.radii.min() / self.limits[0] if self.radii.size else 1.0
+        ratios = np.minimum(bounds, 1.0)
+        worst = int(np.argmax(bounds)) if bounds.size else 0
+        if bounds.size and bounds[worst] > min(1.0, least):
+            ratios[worst] = self._ratios_of(_eigenvalues(scaled[worst])[None], None)[0]
+        return ratios
+
+    def _ratios_of(self, values, jacobians):
+        """Ratios from eigenvalues over limits, (k, n), and from Jacobians where modes are known."""
         real = np.abs(values.imag) <= 1e-9 * np.abs(values)
         ratios = np.where(real, values.real, 0.0).max(axis=1, initial=0.0)
         if self.angles.size:
-            spiral = -values * limits[0]
+            spiral = -values * self.limits[0]
             angle = np.abs(np.angle(spiral))
             share = np.abs(spiral) / np.interp(angle, self.angles, self.radii)
             share[real | (angle <= self.first_angle)] = 0.0
             ratios = np.maximum(ratios, share.max(axis=1))
-        if self.modes is not None:
-            ratios = np.maximum(ratios, self.modes(limits.size).ratios(jacobians))
+        if self.modes is not None and jacobians is not None:
+            ratios = np.maximum(ratios, self.modes(jacobians.shape[1]).ratios(jacobians))
         return ratios
 
     def ratio(self, jacobians):
         """The largest of them."""
         return float(self.ratios(jacobians).max(initial=0.0))
+
+
+def _eigenvalues(matrix):
+    """Eigenvalues of a matrix; of very many rows those of largest modulus, if ARPACK finds them."""
+    start = np.random.default_rng(0).normal(size=len(matrix))
+    if len(matrix) <= _VERY_MANY:
+        return np.linalg.eigvals(matrix)
+    try:
+        return eigs(matrix, _LARGEST, v0=start, return_eigenvectors=False, tol=1e-6)
+    except ArpackError:
+        return np.linalg.eigvals(matrix)
 
 
 def folded(jacobians, gains, sources):
