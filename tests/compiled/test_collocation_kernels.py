@@ -11,7 +11,7 @@ from hereditary.compiled.linalg import factorise, substitute
 
 def solved(a, b):
     """The solution by factors, or None where they are refused; a is left alone."""
-    factors, order, x = a.copy(), np.empty(len(a), dtype=np.int64), np.empty(len(a))
+    factors, order, x = a.copy(), np.empty(len(a)), np.empty(len(a))
     if not factorise(factors, order):
         return None
     assert sorted(order) == list(range(len(a)))
@@ -39,7 +39,7 @@ def test_a_permutation_is_undone_exactly(b, order):
 
 def test_factors_serve_many_right_hand_sides():
     rng = np.random.default_rng(3)
-    a, order, x = rng.normal(size=(5, 5)), np.empty(5, dtype=np.int64), np.empty(5)
+    a, order, x = rng.normal(size=(5, 5)), np.empty(5), np.empty(5)
     factors = a.copy()
     assert factorise(factors, order)
     for b in rng.normal(size=(4, 5)):

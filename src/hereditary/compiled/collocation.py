@@ -192,7 +192,7 @@ def newton_matrix(h, matrices, integral, second, jacobians, out):
 @inner
 def empty_factors(d, s):
     """Allocate the factors of Newton's matrix."""
-    return Factors(np.empty((d * s, d * s)), np.empty(d * s, dtype=np.int64), np.zeros(d))
+    return Factors(np.empty((d * s, d * s)), np.empty(d * s), np.zeros(d))
 
 
 @inner

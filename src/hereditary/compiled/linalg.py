@@ -55,7 +55,7 @@ def factorise(a, order):
 
     Returns False where a pivot vanishes or is not finite.
     """
-    # a (n, n), order (n,) of whole numbers
+    # a (n, n), order (n,)
     n = a.shape[0]
     if n >= _LARGE:
         return factorise_large(a, order)
@@ -123,12 +123,12 @@ def substitute(factors, order, b, x):
     n = b.shape[0]
     if n >= _LARGE:
         for i in range(n):
-            x[i] = b[order[i]] - dot(factors[i], x, 0, i)
+            x[i] = b[int(order[i])] - dot(factors[i], x, 0, i)
         for i in range(n - 1, -1, -1):
             x[i] = (x[i] - dot(factors[i], x, i + 1, n)) / factors[i, i]
         return
     for i in range(n):
-        total = b[order[i]]
+        total = b[int(order[i])]
         for k in range(i):
             total -= factors[i, k] * x[k]
         x[i] = total

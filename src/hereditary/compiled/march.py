@@ -88,7 +88,9 @@ def marching(name, way, read=open_block):
         known, shift, scale, lead = room[KNOWN], room[SHIFT], room[SCALE], room[LEAD]
         near, w, f, moved = room[NEAR], room[W], room[F], room[MOVED]
         point, base, gain, n_orbit = room[POINT], room[BASE], room[GAIN], table.n_orbit
-        work, orbit, f_orbit = np.empty((2, n_orbit, n_orbit)), x[:n_orbit], f[:n_orbit]
+        orbit, f_orbit, work = x[:n_orbit], f[:n_orbit], state.newton
+        if work.shape[0] == 0:
+            work = np.empty((2, n_orbit, n_orbit))
         first_sample, first_stretch = samples(counts.step, end, every)
         j_f, begun, rows_out, slopes = work[0], counts.step, output.rows, output.slopes
         while counts.step < end:
@@ -128,9 +130,8 @@ def marching(name, way, read=open_block):
             elif newton:
                 guess(p, integral, ratio[i], lead, known, force, pieces, w)
                 if not solve_step(
-                    rhs, jac, has_jac, params, t, n_solved, sources, room, work, state.factors,
-                    state.order, counts,
-                ):  # fmt: skip
+                    rhs, jac, has_jac, params, t, n_solved, sources, room, work, counts
+                ):
                     return NOT_SOLVED
                 if integral == 1:
                     look(base, gain, sources, w, point)

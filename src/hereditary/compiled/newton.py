@@ -5,7 +5,7 @@ import numpy as np
 from .._jit import inlined, inner
 from .jacobian import jacobian
 from .linalg import factorise, solve_in_place, substitute
-from .step import BASE, GAIN, KNOWN, LEAD, MOVED, POINT, SCALE, SHIFT, F, W, look
+from .step import BASE, GAIN, KNOWN, LEAD, MOVED, POINT, SCALE, SHIFT, F, W, look, put
 
 # Simplified Newton steps (one Jacobian) before the full method takes over, and full ones before a
 # step is given up.
@@ -18,18 +18,16 @@ _TOLERANCE, _ROUNDING, _UNDERFLOW = 1e-13, 2e-16, 1e-300
 
 
 @inner
-def solve_step(rhs, jac, has_jac, params, t, d, sources, room, work, factors, order, counts):
+def solve_step(rhs, jac, has_jac, params, t, d, sources, room, work, counts):
     """Solve ``scale w + known = lead f(t, base + gain w)`` for w, and so for tangents.
 
     The first d components have an equation; f reads all, at the w of their sources. Returns False
-    where the iteration does not converge; calls of `rhs` are counted. Where factors (n, n) of many
-    components, with their order (n,), are kept over steps they are used.
+    where the iteration does not converge; calls of `rhs` are counted.
     """
-    if factors.shape[0] > 0:
-        return solve_with_factors(
-            rhs, jac, has_jac, params, t, d, sources, room, work, factors, order, counts
-        )
-    # room (N_ROOM, >= n): rows of a step; work (2, n, n): the Jacobian and room for Newton's matrix
+    # room (N_ROOM, >= n): rows of a step; work (2, n, n): Jacobian and room for Newton's matrix,
+    # and of many components (4, n, n) its factors, which are kept, and their order
+    if work.shape[0] > 2:
+        return solve_with_factors(rhs, jac, has_jac, params, t, d, sources, room, work, counts)
     j_f, matrix = work[0], work[1]
     n = j_f.shape[0]
     known, shift, scale, lead, w = room[KNOWN], room[SHIFT], room[SCALE], room[LEAD], room[W]
@@ -69,13 +67,12 @@ def solve_step(rhs, jac, has_jac, params, t, d, sources, room, work, factors, or
 
 
 @inner
-def solve_with_factors(
-    rhs, jac, has_jac, params, t, d, sources, room, work, factors, order, counts
-):
+def solve_with_factors(rhs, jac, has_jac, params, t, d, sources, room, work, counts):
     """As `solve_step`, with factors that are kept from step to step while they contract.
 
-    factors (n, n) and order (n,) of Newton's matrix, in force where counts.factored is 1.
+    They are in force where counts.factored is 1.
     """
+    factors, order = work[2], work[3, 0]
     known, shift, scale, lead, w = room[KNOWN], room[SHIFT], room[SCALE], room[LEAD], room[W]
     base, gain, n = room[BASE], room[GAIN], factors.shape[0]
     point, f, left, change = room[POINT][:n], room[F][:n], room[MOVED][:n], np.empty(n)
@@ -133,13 +130,14 @@ def solve_tangents(rhs, jac, has_jac, params, t, d, sources, room, work, counts)
     n = j_f.shape[0]
     known, scale, lead, w = room[KNOWN], room[SCALE], room[LEAD], room[W]
     base, gain = room[BASE], room[GAIN]
-    point, change, found = room[POINT][:n], room[MOVED][:n], np.empty(n)
-    order = np.empty(n, dtype=np.int64)
+    point, change, many = room[POINT][:n], room[MOVED][:n], work.shape[0] > 2
     look(base, gain, sources, w, point)
     counts.rhs += jacobian(rhs, jac, has_jac, t, point, params, j_f)
-    newton_matrix(j_f, d, sources, gain, scale, lead, matrix)
-    if not factorise(matrix, order):
-        return False
+    if many:
+        newton_matrix(j_f, d, sources, gain, scale, lead, matrix)
+        found, order = np.empty(n), np.empty(n)
+        if not factorise(matrix, order):
+            return False
     for first in range(n, base.shape[0], n):
         for i in range(n):
             change[i] = 0.0
@@ -148,9 +146,15 @@ def solve_tangents(rhs, jac, has_jac, params, t, d, sources, room, work, counts)
             for k in range(n):
                 total += j_f[i, k] * base[first + k]
             change[i] = lead[i] * total - known[first + i]
-        substitute(matrix, order, change, found)
+        if many:
+            substitute(matrix, order, change, found)
+            put(found, change)
+        else:
+            newton_matrix(j_f, d, sources, gain, scale, lead, matrix)
+            if not solve_in_place(matrix, change):
+                return False
         for i in range(d):
-            w[first + i] = found[i]
+            w[first + i] = change[i]
     return True
 
 

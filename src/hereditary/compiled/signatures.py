@@ -97,7 +97,7 @@ class StepRows(NamedTuple):
 
 
 class March(NamedTuple):
-    """State of a march; all but counts, monitor, factors and order is linear in the solution.
+    """State of a march; all but counts, monitor and newton is linear in the solution.
 
     The W columns are the components of the orbit, then those of one tangent after the other. x,
     with memory that an explicit step reads among them, the newest increment and its change (W,);
@@ -106,7 +106,8 @@ class March(NamedTuple):
     terms, or x(0) where rows have factors for it; first (W,), the first increment where it is
     given; corrections (W, k) of the right-hand side in the first steps; starts (W, V), start
     values; force and lacks (W,), the newest right-hand side, and what the last step took too much
-    of it; factors (n, n) and order (n,) of Newton's matrix for n components, (0, 0) for few.
+    of it; newton (4, n, n), room of Newton's method for n components with the factors that it keeps
+    (compiled/newton.py), (0, 0, 0) for few.
     """
 
     counts: np.record
@@ -123,8 +124,7 @@ class March(NamedTuple):
     starts: np.ndarray
     force: np.ndarray
     lacks: np.ndarray
-    factors: np.ndarray
-    order: np.ndarray
+    newton: np.ndarray
 
 
 class Output(NamedTuple):
@@ -142,8 +142,7 @@ STEP_TABLE = types.NamedTuple(
 STEP_ROWS = types.NamedTuple((I8, I8, VEC, VEC, VEC, VEC, VEC, MAT, MAT, MAT, MAT), StepRows)
 _MONITORS = types.Array(from_dtype(MONITOR), 1, "C")
 STATE = types.NamedTuple(
-    (_COUNTS, VEC, VEC, VEC, MAT, MAT, _MONITORS, VEC, MAT, VEC, MAT, MAT, VEC, VEC, MAT, IVEC),
-    March,
+    (_COUNTS, VEC, VEC, VEC, MAT, MAT, _MONITORS, VEC, MAT, VEC, MAT, MAT, VEC, VEC, CUBE), March
 )
 OUTPUT = types.NamedTuple((MAT, MAT, CUBE), Output)
 MARCH = (RHS, JAC, I8, VEC, EXCHANGE, TABLES, MEMORY, STEP_TABLE, STEP_ROWS, STATE, OUTPUT, I8)

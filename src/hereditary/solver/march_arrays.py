@@ -53,8 +53,7 @@ def initial_march(plan, d, n_block, newton):
         starts=_by_columns(plan.starts, none),
         force=np.zeros(width),
         lacks=np.zeros(width),
-        factors=np.zeros((kept, kept)),
-        order=np.zeros(kept, dtype=np.int64),
+        newton=np.zeros((4 if kept else 0, kept, kept)),
     )
 
 
@@ -68,7 +67,7 @@ def restored_march(kept):
 
 def linear_parts(march):
     """Return the arrays of a march that are linear in the solution."""
-    others = {id(part) for part in (march.counts, march.monitor, march.factors, march.order)}
+    others = {id(part) for part in (march.counts, march.monitor, march.newton)}
     return [part for part in march if id(part) not in others]
 
 
