@@ -38,7 +38,7 @@ class Solution:
     Attributes
     ----------
     t : ndarray, shape (n+1,)
-        Times of the rows [time].
+        Times of the rows [time], twice where an event changed y: before and after.
     y : ndarray, shape (n+1, d)
         Solution, time first.
     ydot : ndarray, shape (n+1, d), or None
