@@ -163,6 +163,15 @@ def test_tangents_take_their_own_initial_values(alpha, gamma):
         assert abs(stepper.tangent[0, 0] - 2 * stepper.y[0]) < 1e-8
 
 
+@pytest.mark.parametrize(("alpha", "gamma"), CASES)
+def test_rows_between_the_first_steps_err_as_steps_do(alpha, gamma):
+    sol = hd.solve(equation(alpha, gamma), 1.0, 100, scheme=hd.BDF(2))
+    exactly = hd.solve(equation(alpha, gamma), 1.0, rtol=1e-9)
+    times = np.linspace(1e-4, 0.02, 50)
+    steps = np.abs(sol.y[1:3] - exactly(sol.t[1:3])).max()
+    assert np.abs(sol(times) - exactly(times)).max() < 1.5 * steps
+
+
 @pytest.mark.parametrize("gamma", [0.5, waving])
 def test_runs_go_on_from_a_state(gamma):
     eq = equation(2.0, gamma)

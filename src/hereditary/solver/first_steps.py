@@ -12,8 +12,10 @@ from scipy.special import rgamma
 
 
 def starting_steps(stepper):
-    """`FirstSteps` of a `Stepper` that made one at most; None later, and without powers."""
-    if stepper.n > 1 or not stepper.equation.enlarged.constant:
+    """`FirstSteps` of a `Stepper` that made one at most; None later, and without these powers."""
+    system = stepper.equation.enlarged
+    # Riemann-Liouville terms begin with lower ones, which the values of the first steps miss
+    if stepper.n > 1 or not system.constant or any(op.from_zero for op, _ in system.left):
         return None
     return FirstSteps(stepper.equation, stepper.steps.times(np.array([1.0, 2.0])))
 
