@@ -4,12 +4,12 @@ Inserting x_n = zeta**n and f = mu x into a convolution scheme gives the curve m
 decays in the equation grows in the scheme when mu lies beyond the curve of |zeta| = 1.
 """
 
+import importlib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
-from scipy.sparse.linalg import ArpackError, eigs
 from scipy.special import factorial, gamma, zeta
 
 from .modes import Modes, edge
@@ -132,12 +132,13 @@ class StabilityRegion:
 
 def _eigenvalues(matrix):
     """Eigenvalues of a matrix; of very many rows those of largest modulus, if ARPACK finds them."""
-    start = np.random.default_rng(0).normal(size=len(matrix))
     if len(matrix) <= _VERY_MANY:
         return np.linalg.eigvals(matrix)
+    arpack = importlib.import_module("scipy.sparse.linalg")  # whose import takes long
+    start = np.random.default_rng(0).normal(size=len(matrix))
     try:
-        return eigs(matrix, _LARGEST, v0=start, return_eigenvectors=False, tol=1e-6)
-    except ArpackError:
+        return arpack.eigs(matrix, _LARGEST, v0=start, return_eigenvectors=False, tol=1e-6)
+    except arpack.ArpackError:
         return np.linalg.eigvals(matrix)
 
 
