@@ -237,8 +237,9 @@ class RiemannLiouville(Caputo):
     and on given steps its first samples are corrected such that their sums are its integral. So
     `ExplicitCaputo`, `GrunwaldLetnikov` and `L1` have the orders that they have for solutions like
     t**alpha, and ``BDF(p)`` has order p for f linear in y, otherwise min(p, 1 + 2 (alpha - gamma)),
-    alpha being the highest order. `L2`, `L12` and `L2Sigma` have 1 - gamma at most, the full order
-    on a mesh ``graded(n, order / (1 - gamma))`` (convergence/riemann_liouville.py).
+    alpha being the highest order. `L2` and `L12` have order 1 - gamma, and the full order on a
+    mesh ``graded(n, order / (1 - gamma))``; `L2Sigma` stays below order 1 on uniform steps
+    (convergence/riemann_liouville.py).
 
     Examples
     --------

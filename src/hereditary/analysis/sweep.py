@@ -90,18 +90,17 @@ def sweep(
     >>> table["x"].round(2).tolist()
     [4.19, 4.74]
 
-    Each speed goes on from the orbit of the one before:
+    Each force goes on from where the one before left y:
 
-    >>> eq = hd.scenes.stick_slip(beta=1.8, gamma=0.8)
-    >>> def onwards(omega, state):
-    ...     params = [omega, *eq.params[1:]]
+    >>> eq = hd.Equation(hd.Caputo(0.8), lambda t, y, p: p[0] - y, 0.0, params=[1.0])
+    >>> def onwards(force, state):
     ...     if state is None:
-    ...         sol = hd.solve(eq.replace(params=params), 10.0, 1000)
+    ...         sol = hd.solve(eq.replace(params=[force]), 10.0, 1000)
     ...     else:
-    ...         sol = hd.solve(eq, state.t + 10.0, resume=state, params=params)
-    ...     return {"x": sol.y[-1, 0], "state": sol.state}
-    >>> hd.sweep(onwards, {"omega": [1.0, 2.0, 3.0]}, carry=True)["x"].shape
-    (3,)
+    ...         sol = hd.solve(eq, state.t + 10.0, resume=state, params=[force])
+    ...     return {"y": sol.y[-1, 0], "state": sol.state}
+    >>> hd.sweep(onwards, {"force": [1.0, 2.0, 1.5]}, carry=True)["y"].round(1).tolist()
+    [1.0, 1.9, 1.5]
     """
     if not callable(function):
         raise TypeError(complaint("function", "be callable", repr(function)))

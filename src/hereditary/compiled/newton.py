@@ -40,18 +40,12 @@ def solve_step(rhs, jac, has_jac, params, t, d, sources, room, work, counts):
         counts.rhs += 1
         if iteration == 0 or iteration >= _SIMPLIFIED:
             counts.rhs += jacobian(rhs, jac, has_jac, t, point, params, j_f)
-        for i in range(n):
-            change[i] = lead[i] * f[i] - known[i] - scale[i] * w[i] if i < d else 0.0
+        set_residual(d, lead, f, known, scale, w, change)
         newton_matrix(j_f, d, sources, gain, scale, lead, matrix)
         counts.factorised += 1
         if not solve_in_place(matrix, change):
             return False
-        size, largest, reference = 0.0, 0.0, 0.0
-        for c in range(d):
-            w[c] += change[c]
-            size = max(size, abs(change[c]))
-            largest = max(largest, abs(w[c]) + abs(shift[c]))
-            reference = max(reference, abs(base[c]))
+        size, largest, reference = apply_change(d, change, shift, base, w)
         if not size < np.inf:
             return False
         # a contraction by `rate` leaves an error of rate / (1 - rate) times the last change
@@ -88,15 +82,9 @@ def solve_with_factors(rhs, jac, has_jac, params, t, d, sources, room, work, cou
             previous = np.inf
         rhs(t, point, f, params)
         counts.rhs += 1
-        for i in range(n):
-            left[i] = lead[i] * f[i] - known[i] - scale[i] * w[i] if i < d else 0.0
+        set_residual(d, lead, f, known, scale, w, left)
         substitute(factors, order, left, change)
-        size, largest, reference = 0.0, 0.0, 0.0
-        for c in range(d):
-            w[c] += change[c]
-            size = max(size, abs(change[c]))
-            largest = max(largest, abs(w[c]) + abs(shift[c]))
-            reference = max(reference, abs(base[c]))
+        size, largest, reference = apply_change(d, change, shift, base, w)
         rate = size / previous if previous < np.inf else 1.0
         if not size < np.inf or (rate >= 1.0 and previous < np.inf):
             if fresh and not size < np.inf:
@@ -171,6 +159,25 @@ def newton_matrix(j_f, d, sources, gain, scale, lead, matrix):
         for k in range(n if i < d else 0):
             matrix[i, sources[k]] -= gain[k] * lead[i] * j_f[i, k]
         matrix[i, i] += scale[i] if i < d else 1.0
+
+
+@inlined
+def set_residual(d, lead, f, known, scale, w, out):
+    """Set ``lead f - known - scale w`` of the d components with an equation, 0 of others."""
+    for i in range(out.shape[0]):
+        out[i] = lead[i] * f[i] - known[i] - scale[i] * w[i] if i < d else 0.0
+
+
+@inlined
+def apply_change(d, change, shift, base, w):
+    """Add a change to w; return the largest change, increment and value of the d components."""
+    size, largest, reference = 0.0, 0.0, 0.0
+    for c in range(d):
+        w[c] += change[c]
+        size = max(size, abs(change[c]))
+        largest = max(largest, abs(w[c]) + abs(shift[c]))
+        reference = max(reference, abs(base[c]))
+    return size, largest, reference
 
 
 @inlined

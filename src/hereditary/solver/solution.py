@@ -62,7 +62,8 @@ class Solution:
         components norms tell first, and their bound stands here where it is below 1.
     state : State
         Everything needed to go on, ``solve(eq, t_later, resume=sol.state)``: a few kilobytes with
-        `SumOfExponentials`, the whole past with `Direct`.
+        `SumOfExponentials`, the whole past with `Direct`; an implicit scheme adds 32 d**2 bytes for
+        more than ten components d.
     dense : Dense or None
         Dense output that ``sol(t)`` reads; of a run that kept every step.
     t_events, y_events : list of ndarray
