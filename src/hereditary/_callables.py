@@ -32,6 +32,7 @@ from ._python_calls import (
     in_python,
     warn_of_python,
 )
+from ._structured import as_row
 from ._trial import Start, arity_of, try_out
 from ._warning import warn
 
@@ -64,26 +65,31 @@ class Functions(NamedTuple):
     callbacks: tuple
 
 
-def functions_of(rhs, jac, jac_memory, start, hint=""):
+def functions_of(rhs, jac, jac_memory, start, hint="", shape=None):
     """Check the functions of an equation at the start and return them as `Functions`.
 
-    `jac_memory` holds the derivatives by the memory. `hint` is appended to messages where `rhs`
-    does not fit y0.
+    `rhs` may be None, for nothing. `jac_memory` holds the derivatives by the memory. `hint` is
+    appended to messages where `rhs` does not fit y0. `shape` is that of the values of `jac`, (d, d)
+    by default.
     """
     k, d = start.memory.shape
+    shape = (d, d) if shape is None else shape
     if start.paired and jac is not None:
         required = "be left out where y is complex, for differences"
         raise ValueError(complaint("jac", required, repr(jac)))
-    first = [_function("rhs", "dy", rhs, start, (d,), RHS_SIG, hint)]
+    first = [] if rhs is None else [_function("rhs", "dy", rhs, start, (d,), RHS_SIG, hint)]
     if (jac is None) != (jac_memory is None) and (k or jac is None):
         given, lacking = ("jac", "jac_memory") if jac_memory is None else ("jac_memory", "jac")
         required = f"come with {lacking}" if k else "be left out where no memory is read"
         raise ValueError(complaint(given, required, "it alone", "leave out both for differences"))
-    second = [] if jac is None else [_function("jac", "jacobian", jac, start, (d, d), JAC_SIG)]
+    second = [] if jac is None else [_jacobian(jac, start, shape)]
     if jac is not None and k:
         beside = _function("jac_memory", "jacobian", jac_memory, start, (d, k * d), JAC_SIG)
         second.append(beside)
-    callbacks = [_callback("rhs", first, start), _callback("jac", second, start)]
+    callbacks = [
+        _callback("rhs", first, start, (d * (1 + k),)),
+        _callback("jac", second, start, shape if k == 0 else (d * (1 + k), d * (1 + k))),
+    ]
     addresses = [held.address if held else 0.0 for held in callbacks]
     called = any(callbacks)
     params = np.append(start.params, addresses) if called else start.params
@@ -121,13 +127,22 @@ def _joined(parts, signature, k, called):
     return before_addresses(one, signature) if called else one
 
 
-def _callback(name, parts, start):
+def _jacobian(jac, start, shape):
+    """Check a Jacobian; return it with values (j, k), or of a function that fills a row, (1, k)."""
+    if len(shape) > 1:
+        return _function("jac", "jacobian", jac, start, shape, JAC_SIG)
+    with warnings.catch_warnings():  # large systems keep their Jacobians for many steps
+        warnings.simplefilter("ignore", PythonFunctionWarning)
+        made = _function("jac", "data", jac, start, shape, RHS_SIG)
+    return made._replace(compiled=made.compiled and as_row(made.compiled))
+
+
+def _callback(name, parts, start, shape):
     """Return a callback that fills all values by the functions `parts`; None if all compile."""
     if all(part.compiled for part in parts):
         return None
     n, params = start.components().size, _locked(start.params)
     d = n // (1 + len(start.memory))
-    shape = (n,) if name == "rhs" else (n, n)
     if d == n:
         return Callback(name, partial(parts[0].fill, params=params), n, shape)
 

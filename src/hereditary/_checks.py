@@ -50,12 +50,12 @@ def within(argument, value, low, high, interval, remedy=""):
     return number
 
 
-def count(argument, value, remedy="pass a whole number of at least 1"):
-    """Return `value` as an int of at least 1."""
-    required = "be a positive integer"
+def count(argument, value, remedy="pass a whole number of at least 1", least=1):
+    """Return `value` as an int of at least 1, or 0 where that is the least."""
+    required = "be a positive integer" if least else "be an integer of at least 0"
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, numbers.Integral):
         raise TypeError(complaint(argument, required, repr(value), remedy))
-    if value < 1:
+    if value < least:
         raise ValueError(complaint(argument, required, int(value), remedy))
     return int(value)
 

@@ -3,11 +3,16 @@
 import numpy as np
 
 from ._checks import complaint
+from ._jit import JAC_SIG, as_value
+from .compiled.jacobian import VALUES, jacobian_at, no_jacobian
 
 # Steps of the two differences, in units of the size of a component and at least of 1.
 _STEPS = 1e-4, 1e-5
 # Relative deviation that rounding and truncation cannot explain.
 _TOLERANCE = 1e-3
+# The same of products with a direction, in comparison with the summands of their rows: of a given
+# Jacobian, and of one by differences.
+_OF_GIVEN, _OF_DIFFERENCES = 1e-6, 1e-9
 
 
 def check_jacobian(rhs, jac, y0, params):
@@ -36,6 +41,53 @@ def check_jacobian(rhs, jac, y0, params):
     required = f"hold d rhs[i] / d y[j] = {expected[i, j]:.6g}"
     remedy = "check signs and whether it is transposed, or leave jac out for differences"
     raise ValueError(complaint("jac", required, got, remedy))
+
+
+def check_entries(rhs, jac, structure, y0, params):
+    """Refuse entries of a Jacobian that miss some near y0, or are wrong, by random directions.
+
+    Products of the entries, given or by differences, with a direction are compared with
+    differences of `rhs` along it, as in `check_jacobian`.
+    """
+    random = np.random.default_rng(0)
+    scale = np.maximum(np.abs(y0), 0.1)
+    aside = random.uniform(0.5, 1.0, (2, y0.size)) * 0.03 * scale
+    found = []
+    for y in (y0, y0 + aside[0], y0 - aside[1]):
+        direction = random.choice([-1.0, 1.0], y0.size) * random.uniform(0.5, 1.0, y0.size)
+        trial = _missed(rhs, jac, structure, y, params, direction * scale)
+        if trial is not None:
+            found.append(trial)
+    wrong = np.flatnonzero(sum(trial.astype(int) for trial in found) >= 2 if found else 0)
+    if wrong.size:
+        name = "jac_sparsity or bandwidth" if jac is None else "jac"
+        required = "hold every entry of d rhs / d y that differs from 0"
+        remedy = "differences along a random direction tell so"
+        got = f"others in row {wrong[0]}, near y0 at the start"
+        raise ValueError(complaint(name, required, got, remedy))
+
+
+def _missed(rhs, jac, structure, y, params, direction):
+    """Rows in which products with a direction are wrong; None where it cannot tell."""
+    entries = structure.entries.copy()
+    try:
+        if jac is None:
+            jacobian_at(rhs, as_value(no_jacobian, JAC_SIG), 0, 0.0, y, params, entries)
+        else:
+            jac(0.0, y.copy(), entries, params)
+        values = np.empty((4, y.size))
+        for row, step in zip(values, (_STEPS[0], -_STEPS[0], _STEPS[1], -_STEPS[1]), strict=True):
+            rhs(0.0, y + step * direction, row, params)
+    except Exception:  # y lies outside of the domain of the functions
+        return None
+    far, near = (values[::2] - values[1::2]) / (2 * np.array(_STEPS)[:, None])
+    matrix = structure.matrix(entries[VALUES])
+    given, sizes = matrix @ direction, abs(matrix) @ np.abs(direction)
+    if not all(np.all(np.isfinite(a)) for a in (given, far, near)):
+        return None
+    noise = 1e-14 * (np.abs(values).max(axis=0) + sizes) / _STEPS[1]
+    share = _OF_DIFFERENCES if jac is None else _OF_GIVEN
+    return np.abs(given - near) > share * sizes + 10 * np.abs(far - near) + noise
 
 
 def _deviation(rhs, jac, y, params):

@@ -29,7 +29,7 @@ N_ADDRESSES = 2
 _VIEWS = 256
 # Seconds for which a function is timed, that a call adds to it, and of a compiled explicit step.
 _TIMED, _ADDED, _COMPILED_STEP = 1e-3, 3e-6, 2e-7
-_C_FUNCTION = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_double, ctypes.c_ssize_t, ctypes.c_ssize_t)
+C_FUNCTION = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_double, ctypes.c_ssize_t, ctypes.c_ssize_t)
 _raised = threading.local()
 _told: weakref.WeakSet = weakref.WeakSet()
 
@@ -106,8 +106,13 @@ class Callback:
                     error.add_note(f"raised by {name} at t = {t:.10g}")
                 return 1
 
-        self._function = _C_FUNCTION(call)
+        self._function = C_FUNCTION(call)
         self.address = float(ctypes.cast(self._function, ctypes.c_void_p).value or 0)
+
+
+def keep_raised(error):
+    """Keep an exception for the compiled code that is told of it."""
+    _raised.error = error
 
 
 def _view(known, address, kind, shape):
@@ -118,7 +123,7 @@ def _view(known, address, kind, shape):
 
 
 @intrinsic
-def _call_at(typing_context, address, t, components, values):
+def call_at(typing_context, address, t, components, values):
     """Call the C function at an address."""
 
     def codegen(context, builder, signature, arguments):
@@ -135,7 +140,7 @@ def _call_at(typing_context, address, t, components, values):
 def _rhs_in_python(t, y, dy, params):
     """Right-hand side that calls the C function whose address stands last but one in params."""
     address = int(params[params.shape[0] - 2])
-    if _call_at(address, t, y.ctypes.data, dy.ctypes.data) != 0:  # type: ignore[call-arg]
+    if call_at(address, t, y.ctypes.data, dy.ctypes.data) != 0:  # type: ignore[call-arg]
         raise PythonRaised
 
 
@@ -143,7 +148,7 @@ def _rhs_in_python(t, y, dy, params):
 def _jac_in_python(t, y, jacobian, params):
     """Jacobian that calls the C function whose address stands last in params."""
     address = int(params[params.shape[0] - 1])
-    if _call_at(address, t, y.ctypes.data, jacobian.ctypes.data) != 0:  # type: ignore[call-arg]
+    if call_at(address, t, y.ctypes.data, jacobian.ctypes.data) != 0:  # type: ignore[call-arg]
         raise PythonRaised
 
 

@@ -6,9 +6,10 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from ._checks import complaint
-from ._jit import JAC_SIG, as_value, compiled, derived
-from .compiled.jacobian import jacobian_at
+from ._jit import JAC_SIG, as_value, derived
+from .compiled.jacobian import VALUES, jacobian_at, no_jacobian
 from .frame import Frame
+from .structure import Structure
 from .terms import ConstantOrder, SystemTerm
 
 
@@ -33,6 +34,8 @@ class System:
         The same for terms that the left side does not show.
     frame : Frame
         How users see times and components.
+    structure : Structure or None
+        Entries of the Jacobian that may differ from 0, which are then all that `jac` sets.
     sources : ndarray of int64, shape (d,)
         Component whose derivative by its term each component is: itself where it has an equation,
         another where it is memory that the right-hand side reads (see sides.py).
@@ -42,7 +45,9 @@ class System:
     terms_digest = ""
     frame = Frame()
 
-    def __init__(self, left: Iterable[SystemTerm], y0, params, rhs, jac=None, sources=None):
+    def __init__(
+        self, left: Iterable[SystemTerm], y0, params, rhs, jac=None, sources=None, structure=None
+    ):  # fmt: skip
         self.left = tuple(left)
         # of an equation whose functions are called in Python, addresses stand behind its own
         self.y0, self._params, self._n_params = y0, params, params.size
@@ -50,8 +55,9 @@ class System:
         self.sources = np.arange(self.d) if sources is None else sources
         self._enlarged: System | None = None
         self._rhs = rhs
+        self.structure: Structure | None = structure
         self.has_jac = jac is not None
-        self._jac = jac if self.has_jac else as_value(_no_jacobian, JAC_SIG)
+        self._jac = jac if self.has_jac else as_value(no_jacobian, JAC_SIG)
 
     @property
     def params(self) -> np.ndarray:
@@ -134,10 +140,28 @@ class System:
         if self.enlarged is not self:
             required = "read no memory where its Jacobian by y alone is asked for"
             raise ValueError(complaint("rhs", required, "memory", "ask equation.enlarged"))
-        out = np.empty((self.d, self.d))
+        found = self.derivative(t, y)
+        return found if self.structure is None else found.toarray()
+
+    def derivative(self, t, y):
+        """Return d rhs / d y, as an array or, where its entries are known, SciPy's CSR array."""
+        structure, d = self.structure, self.d
+        out = np.empty((d, d)) if structure is None else structure.entries.copy()
         y = np.array(y, dtype=float)
         jacobian_at(self._rhs, self._jac, int(self.has_jac), float(t), y, self._params, out)
-        return out
+        return out if structure is None else structure.matrix(out[VALUES])
+
+    def dense(self) -> "System":
+        """Return the system without known entries, its Jacobians by differences where it has some.
+
+        For those who take dense Jacobians alone.
+        """
+        if self.structure is None:
+            return self
+        found = System(self.left, self.y0, self._params, self._rhs, None, self.sources)
+        found.rhs_digest, found.terms_digest = self.rhs_digest, self.terms_digest
+        found.frame, found._n_params = self.frame, self._n_params
+        return found
 
 
 def leading_orders(left, d):
@@ -150,11 +174,6 @@ def leading_orders(left, d):
         held = np.any(coefficients.reshape(-1, d) != 0, axis=0)
         highest = np.maximum(highest, np.where(held, operator.order, 0.0))
     return highest
-
-
-@compiled
-def _no_jacobian(t, y, out, params):
-    """Stands in for a Jacobian where the user gives none."""
 
 
 def variational(system, directions):
@@ -178,7 +197,7 @@ def variational(system, directions):
 
     def rhs(t, y, dy, params):
         system._rhs(t, np.ascontiguousarray(y[:d]), dy[:d], params)
-        dy[d:] = (y[d:].reshape(k, d) @ system.jacobian_inside(t, y[:d]).T).ravel()
+        dy[d:] = (system.derivative(t, y[:d]) @ y[d:].reshape(k, d).T).T.ravel()
 
     left = [SystemTerm(operator, np.tile(c, 1 + k)) for operator, c in system.left]
     sources = (system.sources + d * np.arange(1 + k)[:, None]).ravel()
@@ -193,7 +212,7 @@ def shifted(system, origin, y0):
     jac = system._jac if system.has_jac else None
     params, rhs, jac = later(origin, system._params, system._rhs, jac)
     left = [SystemTerm(operator.later(origin), c) for operator, c in system.left]
-    return System(left, y0, params, rhs, jac, system.sources)
+    return System(left, y0, params, rhs, jac, system.sources, system.structure)
 
 
 def displaced(system, y0):
@@ -202,7 +221,8 @@ def displaced(system, y0):
         inner = system.enlarged
         return _seen(system, displaced(inner, y0[:, inner.sources]))
     jac = system._jac if system.has_jac else None
-    apart = System(system.left, y0, system._params, system._rhs, jac, system.sources)
+    how = jac, system.sources, system.structure
+    apart = System(system.left, y0, system._params, system._rhs, *how)
     apart.rhs_digest = system.rhs_digest
     return apart
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from .._jit import F8, I8, MAT, VEC, entry
-from ..compiled.jacobian import jacobian
+from ..compiled.jacobian import COLUMNS, ROWS, VALUES, is_sparse, jacobian
 from ..compiled.signatures import JAC, RHS
 
 
@@ -21,7 +21,9 @@ class Divergence:
     """
 
     def __init__(self, equation, h):
-        self._equation, self._h = equation, h
+        self._equation, self._h, d = equation, h, equation.d
+        known = equation.structure
+        self._jacobian = np.empty((d, d)) if known is None else known.entries.copy()
         second = equation.highest_orders() > 1
         first, leading = equation.coefficient(1.0), equation.coefficient(2.0)
         self._shares = np.where(second, 0.0, 1 / np.where(second, 1.0, first))
@@ -65,17 +67,20 @@ class Divergence:
             self._h,
             rows,
             self._shares,
+            self._jacobian,
         )
 
 
-@entry(RHS, JAC, I8, VEC, F8, F8, MAT, VEC)
-def _sum_of_traces(rhs, jac, has_jac, params, t, h, rows, shares):
+@entry(RHS, JAC, I8, VEC, F8, F8, MAT, VEC, MAT)
+def _sum_of_traces(rhs, jac, has_jac, params, t, h, rows, shares, j_f):
     """Sum over rows (k, d) of ``sum_j shares_j d f_j / d x_j``, the first one at time t."""
-    d = rows.shape[1]
-    j_f = np.empty((d, d))
-    total = 0.0
+    d, total = rows.shape[1], 0.0
     for k in range(rows.shape[0]):
         jacobian(rhs, jac, has_jac, t + k * h, rows[k], params, j_f)
-        for j in range(d):
+        if is_sparse(j_f, d):
+            for i in range(j_f.shape[1]):
+                j = int(j_f[COLUMNS, i])
+                total += shares[j] * j_f[VALUES, i] if int(j_f[ROWS, i]) == j else 0.0
+        for j in range(0 if is_sparse(j_f, d) else d):
             total += shares[j] * j_f[j, j]
     return total

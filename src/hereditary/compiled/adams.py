@@ -40,7 +40,7 @@ def settle(lead, f, force, lacks):
 def look_again(rhs, jac, has_jac, params, t, point, moved, k, output, counts):
     """Keep the Jacobian in the middle of the last two sweeps, as number k."""
     sample = output.jacobians[k]
-    middle = np.empty(sample.shape[0])
+    middle = np.empty(point.shape[0])
     for c in range(middle.shape[0]):
         middle[c] = point[c] - 0.5 * moved[c]
     counts.rhs += jacobian(rhs, jac, has_jac, t, middle, params, sample)

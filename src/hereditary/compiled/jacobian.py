@@ -1,12 +1,26 @@
-"""The Jacobian of a right-hand side, from the user or by differences."""
+"""The Jacobian of a right-hand side, from the user or by differences: dense or sparse.
+
+A sparse one is an array (5, k) of its k entries: values, rows, columns, groups and constants.
+Columns of one group share no row, so that one difference serves them all; entries stand in the
+order of their groups. Systems of few components are always dense, so these shapes never coincide.
+"""
 
 import numpy as np
 
-from .._jit import F8, I8, MAT, VEC, entry, inner
+from .._jit import F8, I8, MAT, VEC, compiled, entry, inlined, inner
 from .signatures import JAC, RHS
 
 # Central differences lose least at the cube root of the rounding unit, 6e-6: error 4e-11 relative.
 _STEP = 6.055454452393343e-06
+# Rows of the entries of a sparse Jacobian. Where it is given, the place of each value in the array
+# that the user's function fills (-1: none) stands for its group; constants are added to these.
+VALUES, ROWS, COLUMNS, GROUPS, CONSTANTS, N_ENTRY_ROWS = range(6)
+
+
+@inlined
+def is_sparse(j_f, n):
+    """Whether a Jacobian of n components is given by its entries."""
+    return j_f.shape[0] != n
 
 
 @inner
@@ -15,11 +29,13 @@ def jacobian(rhs, jac, has_jac, t, y, params, out):
 
     Returns the number of calls of `rhs`.
     """
-    # y (d,), out (d, d)
+    # y (d,), out (d, d), or (5, k) with rows, columns and groups set
     if has_jac == 1:
         jac(t, y, out, params)
         return 0
     d = y.shape[0]
+    if is_sparse(out, d):
+        return grouped_differences(rhs, t, y, params, out)
     up, down, shifted = np.empty(d), np.empty(d), np.empty(d)
     for j in range(d):  # y.copy() takes longer to compile
         shifted[j] = y[j]
@@ -35,6 +51,57 @@ def jacobian(rhs, jac, has_jac, t, y, params, out):
         for i in range(d):
             out[i, j] = (up[i] - down[i]) / width
     return 2 * d
+
+
+@inner
+def grouped_differences(rhs, t, y, params, out):
+    """Set the values of a sparse Jacobian, one group of columns after the other."""
+    up, down, shifted = np.empty(y.shape[0]), np.empty(y.shape[0]), np.empty(y.shape[0])
+    for j in range(y.shape[0]):
+        shifted[j] = y[j]
+    first, calls = 0, 0
+    while first < out.shape[1]:
+        end = first
+        while end < out.shape[1] and out[GROUPS, end] == out[GROUPS, first]:
+            j = int(out[COLUMNS, end])
+            shifted[j] = y[j] + _STEP * max(1.0, abs(y[j]))
+            end += 1
+        rhs(t, shifted, up, params)
+        for k in range(first, end):
+            j = int(out[COLUMNS, k])
+            shifted[j] = y[j] - _STEP * max(1.0, abs(y[j]))
+        rhs(t, shifted, down, params)
+        for k in range(first, end):
+            i, j = int(out[ROWS, k]), int(out[COLUMNS, k])
+            step = _STEP * max(1.0, abs(y[j]))
+            out[VALUES, k] = (up[i] - down[i]) / ((y[j] + step) - (y[j] - step))
+        for k in range(first, end):
+            j = int(out[COLUMNS, k])
+            shifted[j] = y[j]
+        first, calls = end, calls + 2
+    return calls
+
+
+@inner
+def multiply(j_f, x, out):
+    """Set out = J x, of a dense Jacobian or a sparse one."""
+    n = x.shape[0]
+    if is_sparse(j_f, n):
+        for i in range(n):
+            out[i] = 0.0
+        for k in range(j_f.shape[1]):
+            out[int(j_f[ROWS, k])] += j_f[VALUES, k] * x[int(j_f[COLUMNS, k])]
+        return
+    for i in range(n):
+        total = 0.0
+        for k in range(n):
+            total += j_f[i, k] * x[k]
+        out[i] = total
+
+
+@compiled
+def no_jacobian(t, y, out, params):
+    """Stands in for a Jacobian where none is given."""
 
 
 @entry(RHS, JAC, I8, F8, VEC, VEC, MAT)

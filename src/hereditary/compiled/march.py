@@ -30,13 +30,14 @@ from .block import (
     begin_others,
     begin_start,
     bounded,
+    jacobian_room,
     keep_jacobian,
     open_block,
     samples,
     write_row,
 )
 from .jacobian import jacobian
-from .newton import guess, solve_step
+from .newton import guess, solve
 from .signatures import MARCH
 from .step import (
     BASE,
@@ -74,7 +75,8 @@ def marching(name, way, read=open_block):
     """
     explicit, newton = way == "explicit", way == "newton"
 
-    def march(rhs, jac, has_jac, params, exchange, tables, memory, table, rows, state, output, end):
+    def march(rhs, jac, has_jac, params, exchange, tables, memory, solver, linear, table, rows,
+              state, output, end):  # fmt: skip
         h, groups, weights, given = table.h, table.groups, table.weights, table.given
         counts, x, u, d, lag = state.counts, state.x, state.increment, state.change, state.lag
         pieces, force, lacks, speed = state.pieces, state.force, state.lacks, state.shift
@@ -88,9 +90,8 @@ def marching(name, way, read=open_block):
         known, shift, scale, lead = room[KNOWN], room[SHIFT], room[SCALE], room[LEAD]
         near, w, f, moved = room[NEAR], room[W], room[F], room[MOVED]
         point, base, gain, n_orbit = room[POINT], room[BASE], room[GAIN], table.n_orbit
-        orbit, f_orbit, work = x[:n_orbit], f[:n_orbit], state.newton
-        if work.shape[0] == 0:
-            work = np.empty((2, n_orbit, n_orbit))
+        orbit, f_orbit = x[:n_orbit], f[:n_orbit]
+        work = jacobian_room(state.newton, n_orbit, newton or x.shape[0] > n_orbit)
         first_sample, first_stretch = samples(counts.step, end, every)
         j_f, begun, rows_out, slopes = work[0], counts.step, output.rows, output.slopes
         while counts.step < end:
@@ -102,7 +103,7 @@ def marching(name, way, read=open_block):
                 if n == 0 and integral == 0:  # the first start value waits for the step; p = 0
                     begin_others(starts, known, p, n_starts, groups, start_weights, lag, start)
                 elif n == 0 and not explicit:
-                    evaluate(rhs, jac, has_jac, params, 0.0, x, j_f, force, counts)
+                    evaluate(rhs, jac, has_jac, params, 0.0, n_orbit, x, j_f, force, counts)
                     begin_start(p, force, p, n_starts, groups, start_weights, lag, start)
                 counts.opened = n
             if every > 0 and n % every == 0:
@@ -123,31 +124,32 @@ def marching(name, way, read=open_block):
                 counts.rhs += 1
                 if x.shape[0] > n_orbit:
                     counts.rhs += jacobian(rhs, jac, has_jac, t, orbit, params, j_f)
-                    push_tangents(j_f, x, f)
+                    push_tangents(n_orbit, j_f, x, f)
                 change(n, p, given, lead, known, shift, f, u, pieces, w, d)
             elif newton and n == 0 and given[0] == 1:
                 put(first, w)
             elif newton:
                 guess(p, integral, ratio[i], lead, known, force, pieces, w)
-                if not solve_step(
-                    rhs, jac, has_jac, params, t, n_solved, sources, room, work, counts
-                ):
+                solved = solve(rhs, jac, has_jac, params, t, n_solved, sources, room, work, counts,
+                               solver, linear)  # fmt: skip
+                if not solved:
                     return NOT_SOLVED
                 if integral == 1:
                     look(base, gain, sources, w, point)
-                    evaluate(rhs, jac, has_jac, params, t, point, j_f, f, counts)
+                    evaluate(rhs, jac, has_jac, params, t, n_orbit, point, j_f, f, counts)
                     put(f, force)
             else:
                 predict(lead, known, force, lacks, w)
                 look(base, gain, sources, w, point)
                 for _ in range(table.sweeps):
-                    evaluate(rhs, jac, has_jac, params, t, point, j_f, f, counts)
+                    evaluate(rhs, jac, has_jac, params, t, n_orbit, point, j_f, f, counts)
                     correct(lead, known, f, lacks, w, moved)
                     look(base, gain, sources, w, point)
-                evaluate(rhs, jac, has_jac, params, t, point, j_f, f, counts)
+                evaluate(rhs, jac, has_jac, params, t, n_orbit, point, j_f, f, counts)
                 if contraction(n_solved, point, lead, f, moved, lacks, table.limits, counts):
                     k = n // every - first_stretch
-                    look_again(rhs, jac, has_jac, params, t, point, moved, k, output, counts)
+                    look_again(rhs, jac, has_jac, params, t, point[:n_orbit], moved, k, output,
+                               counts)  # fmt: skip
                 settle(lead, f, force, lacks)
             close(
                 p, n, explicit, integral, ratio[i], groups, sources, weights, given, shift, known,

@@ -3,9 +3,10 @@
 import numpy as np
 
 from .._jit import inlined, inner
-from .jacobian import jacobian
-from .linalg import factorise, solve_in_place, substitute
-from .step import BASE, GAIN, KNOWN, LEAD, MOVED, POINT, SCALE, SHIFT, F, W, look, put
+from .jacobian import COLUMNS, ROWS, VALUES, is_sparse, jacobian, multiply
+from .linalg import solve_in_place
+from .signatures import FACTORISE, SUBSTITUTE
+from .step import BASE, GAIN, KNOWN, LEAD, MOVED, POINT, SCALE, SHIFT, F, W, look
 
 # Simplified Newton steps (one Jacobian) before the full method takes over, and full ones before a
 # step is given up.
@@ -17,6 +18,18 @@ KEPT_FROM, _SLOW = 10, 0.1
 _TOLERANCE, _ROUNDING, _UNDERFLOW = 1e-13, 2e-16, 1e-300
 
 
+@inlined
+def solve(rhs, jac, has_jac, params, t, d, sources, room, work, counts, solver, linear):
+    """Solve a step by Newton's method, and so for tangents; return whether it converged."""
+    if linear.order.shape[0] > 0:
+        solved = solve_with_factors(
+            rhs, jac, has_jac, params, t, d, sources, room, work, counts, solver, linear
+        )
+    else:
+        solved = solve_step(rhs, jac, has_jac, params, t, d, sources, room, work, counts)
+    return solved
+
+
 @inner
 def solve_step(rhs, jac, has_jac, params, t, d, sources, room, work, counts):
     """Solve ``scale w + known = lead f(t, base + gain w)`` for w, and so for tangents.
@@ -24,10 +37,7 @@ def solve_step(rhs, jac, has_jac, params, t, d, sources, room, work, counts):
     The first d components have an equation; f reads all, at the w of their sources. Returns False
     where the iteration does not converge; calls of `rhs` are counted.
     """
-    # room (N_ROOM, >= n): rows of a step; work (2, n, n): Jacobian and room for Newton's matrix,
-    # and of many components (4, n, n) its factors, which are kept, and their order
-    if work.shape[0] > 2:
-        return solve_with_factors(rhs, jac, has_jac, params, t, d, sources, room, work, counts)
+    # room (N_ROOM, >= n): rows of a step; work (2, n, n): Jacobian and room for Newton's matrix
     j_f, matrix = work[0], work[1]
     n = j_f.shape[0]
     known, shift, scale, lead, w = room[KNOWN], room[SHIFT], room[SCALE], room[LEAD], room[W]
@@ -41,7 +51,7 @@ def solve_step(rhs, jac, has_jac, params, t, d, sources, room, work, counts):
         if iteration == 0 or iteration >= _SIMPLIFIED:
             counts.rhs += jacobian(rhs, jac, has_jac, t, point, params, j_f)
         set_residual(d, lead, f, known, scale, w, change)
-        newton_matrix(j_f, d, sources, gain, scale, lead, matrix)
+        newton_matrix(j_f, n, d, sources, gain, scale, lead, matrix)
         counts.factorised += 1
         if not solve_in_place(matrix, change):
             return False
@@ -61,29 +71,31 @@ def solve_step(rhs, jac, has_jac, params, t, d, sources, room, work, counts):
 
 
 @inner
-def solve_with_factors(rhs, jac, has_jac, params, t, d, sources, room, work, counts):
+def solve_with_factors(
+    rhs, jac, has_jac, params, t, d, sources, room, work, counts, solver, linear
+):  # fmt: skip
     """As `solve_step`, with factors that are kept from step to step while they contract.
 
-    They are in force where counts.factored is 1.
+    They are in force where counts.factored is 1, and then those of work[1].
     """
-    factors, order = work[2], work[3, 0]
+    # work (2, ., .), or (3, ., .) with tangents: Jacobian, Newton's matrix, that of the tangents
     known, shift, scale, lead, w = room[KNOWN], room[SHIFT], room[SCALE], room[LEAD], room[W]
-    base, gain, n = room[BASE], room[GAIN], factors.shape[0]
-    point, f, left, change = room[POINT][:n], room[F][:n], room[MOVED][:n], np.empty(n)
+    base, gain, n = room[BASE], room[GAIN], linear.order.shape[0]
+    point, f, change = room[POINT][:n], room[F][:n], room[MOVED][:n]
     first, previous, fresh = w[:n].copy(), np.inf, False
     for _ in range(_SIMPLIFIED + _FULL):
         look(base, gain, sources, w, point)
         if counts.factored == 0:
             counts.rhs += jacobian(rhs, jac, has_jac, t, point, params, work[0])
-            newton_matrix(work[0], d, sources, gain, scale, lead, factors)
-            if not factorise(factors, order):
+            newton_matrix(work[0], n, d, sources, gain, scale, lead, work[1])
+            if solver(FACTORISE, 0, work[1], change, linear) != 0:
                 return False
             counts.factored, counts.factorised, fresh = 1, counts.factorised + 1, True
             previous = np.inf
         rhs(t, point, f, params)
         counts.rhs += 1
-        set_residual(d, lead, f, known, scale, w, left)
-        substitute(factors, order, left, change)
+        set_residual(d, lead, f, known, scale, w, change)
+        solver(SUBSTITUTE, 0, work[1], change, linear)
         size, largest, reference = apply_change(d, change, shift, base, w)
         rate = size / previous if previous < np.inf else 1.0
         if not size < np.inf or (rate >= 1.0 and previous < np.inf):
@@ -96,9 +108,8 @@ def solve_with_factors(rhs, jac, has_jac, params, t, d, sources, room, work, cou
             continue
         error = size * rate / (1.0 - rate) if rate < 1.0 else size
         if error <= _TOLERANCE * largest + _ROUNDING * reference + _UNDERFLOW:
-            alone = room.shape[1] == n
-            return alone or solve_tangents(
-                rhs, jac, has_jac, params, t, d, sources, room, work, counts
+            return room.shape[1] == n or solve_tangents_with_factors(
+                rhs, jac, has_jac, params, t, d, sources, room, work, counts, solver, linear
             )
         if rate < 1.0 and rate > _SLOW:
             counts.factored = 0
@@ -116,43 +127,61 @@ def solve_tangents(rhs, jac, has_jac, params, t, d, sources, room, work, counts)
     """
     j_f, matrix = work[0], work[1]
     n = j_f.shape[0]
-    known, scale, lead, w = room[KNOWN], room[SCALE], room[LEAD], room[W]
+    scale, lead, w = room[SCALE], room[LEAD], room[W]
     base, gain = room[BASE], room[GAIN]
-    point, change, many = room[POINT][:n], room[MOVED][:n], work.shape[0] > 2
+    point, change = room[POINT][:n], room[MOVED][:n]
     look(base, gain, sources, w, point)
     counts.rhs += jacobian(rhs, jac, has_jac, t, point, params, j_f)
-    if many:
-        newton_matrix(j_f, d, sources, gain, scale, lead, matrix)
-        found, order = np.empty(n), np.empty(n)
-        if not factorise(matrix, order):
-            return False
     for first in range(n, base.shape[0], n):
-        for i in range(n):
-            change[i] = 0.0
-        for i in range(d):
-            total = 0.0
-            for k in range(n):
-                total += j_f[i, k] * base[first + k]
-            change[i] = lead[i] * total - known[first + i]
-        if many:
-            substitute(matrix, order, change, found)
-            put(found, change)
-        else:
-            newton_matrix(j_f, d, sources, gain, scale, lead, matrix)
-            if not solve_in_place(matrix, change):
-                return False
+        set_tangent(first, d, j_f, room, change)
+        newton_matrix(j_f, n, d, sources, gain, scale, lead, matrix)
+        if not solve_in_place(matrix, change):
+            return False
         for i in range(d):
             w[first + i] = change[i]
     return True
 
 
+@inner
+def solve_tangents_with_factors(
+    rhs, jac, has_jac, params, t, d, sources, room, work, counts, solver, linear
+):  # fmt: skip
+    """As `solve_tangents`, for many components: one factorisation for all tangents."""
+    j_f, matrix, n = work[0], work[2], linear.order.shape[0]
+    base, gain, w = room[BASE], room[GAIN], room[W]
+    point, change = room[POINT][:n], room[MOVED][:n]
+    look(base, gain, sources, w, point)
+    counts.rhs += jacobian(rhs, jac, has_jac, t, point, params, j_f)
+    newton_matrix(j_f, n, d, sources, gain, room[SCALE], room[LEAD], matrix)
+    if solver(FACTORISE, 1, matrix, change, linear) != 0:
+        return False
+    for first in range(n, base.shape[0], n):
+        set_tangent(first, d, j_f, room, change)
+        solver(SUBSTITUTE, 1, matrix, change, linear)
+        for i in range(d):
+            w[first + i] = change[i]
+    return True
+
+
+@inner
+def set_tangent(first, d, j_f, room, out):
+    """Set ``lead J base - known`` of the tangent whose columns begin at `first`."""
+    multiply(j_f, room[BASE][first : first + out.shape[0]], out)
+    for i in range(out.shape[0]):
+        out[i] = room[LEAD][i] * out[i] - room[KNOWN][first + i] if i < d else 0.0
+
+
 @inlined
-def newton_matrix(j_f, d, sources, gain, scale, lead, matrix):
+def newton_matrix(j_f, n, d, sources, gain, scale, lead, matrix):
     """Set the derivative of ``scale w - lead f(t, base + gain w)`` by w, (n, n).
 
     Components beyond d have no equation: their w is left as it is.
     """
-    n = j_f.shape[0]
+    if is_sparse(j_f, n):
+        for k in range(j_f.shape[1]):
+            i, j = int(j_f[ROWS, k]), int(j_f[COLUMNS, k])
+            matrix[VALUES, k] = (scale[i] if i == j else 0.0) - gain[j] * lead[i] * j_f[VALUES, k]
+        return
     for i in range(n):
         for k in range(n):
             matrix[i, k] = 0.0

@@ -23,12 +23,32 @@ MEMORY = types.UniTuple(MAT, 3)
 EXCHANGE_SIG = types.void(MAT, MAT, I8, IVEC, TABLES, MEMORY)
 EXCHANGE = types.FunctionType(EXCHANGE_SIG)
 
+# Tasks of a linear solver, of Newton's matrix or, as number 1, that of the tangents.
+FACTORISE, SUBSTITUTE = 0, 1
+
+
+class LinearSolver(NamedTuple):
+    """Room and tables of a linear solver for n components; n = 0 for few, which need none.
+
+    factors (m, ., .), for Newton's matrix and, m = 2, for that of the tangents; order (n,), the
+    place of each component; lower and upper, diagonals of a band; addresses of LAPACK's function
+    that factorises bands, and of one that enters Python.
+    """
+
+    factors: np.ndarray
+    order: np.ndarray
+    lower: int
+    upper: int
+    lapack: int
+    python: int
+
+
 # Counts of a march: steps made, the step at which a zigzag had lasted (-1: none),
-# the one whose block is open, calls of the right-hand side, the step near which its Jacobian was
-# largest, the step at which turns had grown (-1); how nearly sweeps failed to contract; whether
+# the one whose block is open, calls of the right-hand side, the step at which turns had grown
+# (-1); how nearly sweeps failed to contract; whether
 # factors of Newton's matrix are in force, and how many were computed.
 COUNTS = np.dtype(
-    [(name, "i8") for name in ("step", "zigzag", "opened", "rhs", "largest", "growth")]
+    [(name, "i8") for name in ("step", "zigzag", "opened", "rhs", "growth")]
     + [("nearest", "f8"), ("factored", "i8"), ("factorised", "i8")],
     align=True,
 )
@@ -106,8 +126,8 @@ class March(NamedTuple):
     terms, or x(0) where rows have factors for it; first (W,), the first increment where it is
     given; corrections (W, k) of the right-hand side in the first steps; starts (W, V), start
     values; force and lacks (W,), the newest right-hand side, and what the last step took too much
-    of it; newton (4, n, n), room of Newton's method for n components with the factors that it keeps
-    (compiled/newton.py), (0, 0, 0) for few.
+    of it; newton (2, ., .), the Jacobian and Newton's matrix whose factors are kept, for many
+    components (compiled/newton.py), and with tangents room for theirs; (0, 0, 0) for few.
     """
 
     counts: np.record
@@ -136,6 +156,10 @@ class Output(NamedTuple):
 
 
 _COUNTS = from_dtype(COUNTS)
+LINEAR = types.NamedTuple((CUBE, IVEC, I8, I8, I8, I8), LinearSolver)
+# task, number, matrix, vector that the solution replaces; 0 where it is done
+SOLVER_SIG = I8(I8, I8, MAT, VEC, LINEAR)
+SOLVER = types.FunctionType(SOLVER_SIG)
 STEP_TABLE = types.NamedTuple(
     (F8, F8, I8, I8, I8, I8, I8, IVEC, IVEC, IVEC, MAT, MAT, VEC, MAT), StepTable
 )
@@ -145,4 +169,7 @@ STATE = types.NamedTuple(
     (_COUNTS, VEC, VEC, VEC, MAT, MAT, _MONITORS, VEC, MAT, VEC, MAT, MAT, VEC, VEC, CUBE), March
 )
 OUTPUT = types.NamedTuple((MAT, MAT, CUBE), Output)
-MARCH = (RHS, JAC, I8, VEC, EXCHANGE, TABLES, MEMORY, STEP_TABLE, STEP_ROWS, STATE, OUTPUT, I8)
+MARCH = (
+    RHS, JAC, I8, VEC, EXCHANGE, TABLES, MEMORY, SOLVER, LINEAR, STEP_TABLE, STEP_ROWS, STATE,
+    OUTPUT, I8,
+)  # fmt: skip

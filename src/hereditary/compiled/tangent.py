@@ -6,30 +6,24 @@ tangent is the Jacobian at the orbit times its value, here and in newton.py.
 """
 
 from .._jit import inner
-from .jacobian import jacobian
+from .jacobian import jacobian, multiply
 
 
 @inner
-def push_tangents(j_f, x, f):
-    """Right-hand sides of the tangents: the Jacobian `j_f` (d, d) times each of them."""
-    # x, f (W,)
-    d = j_f.shape[0]
+def push_tangents(d, j_f, x, f):
+    """Set the right-hand sides of the tangents: the Jacobian times each of them."""
+    # x, f (W,), of d components of the orbit and then those of tangents
     for first in range(d, x.shape[0], d):
-        for i in range(d):
-            total = 0.0
-            for k in range(d):
-                total += j_f[i, k] * x[first + k]
-            f[first + i] = total
+        multiply(j_f, x[first : first + d], f[first : first + d])
 
 
 @inner
-def evaluate(rhs, jac, has_jac, params, t, x, j_f, f, counts):
+def evaluate(rhs, jac, has_jac, params, t, d, x, j_f, f, counts):
     """Right-hand sides of orbit and tangents; calls of `rhs` are counted."""
-    # x, f (W,), j_f (d, d): filled with the Jacobian where there are tangents
-    d = j_f.shape[0]
+    # x, f (W,), d components of the orbit; j_f takes the Jacobian where there are tangents
     orbit = x[:d]
     rhs(t, orbit, f[:d], params)
     counts.rhs += 1
     if x.shape[0] > d:
         counts.rhs += jacobian(rhs, jac, has_jac, t, orbit, params, j_f)
-        push_tangents(j_f, x, f)
+        push_tangents(d, j_f, x, f)

@@ -1,5 +1,6 @@
 """The L2 scheme: piecewise quadratic solutions."""
 
+import importlib
 from dataclasses import dataclass
 from functools import partial
 from typing import ClassVar
@@ -14,6 +15,9 @@ from .derivative_form import derivative_plan
 from .mesh import mesh_plan
 from .scheme import Plan, Scheme, check_smoothness
 from .weights import parabola_start, weighed_parabolas
+
+# Changes of increments that stay this small, in comparison with the solution, are rounding.
+_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
@@ -101,21 +105,45 @@ def _first_increment(equation, times):
             equation._rhs(times[row + 1], point, values[row], equation._params)
         return (left - values)[:, solved].ravel()
 
-    u = np.zeros(2 * d)
-    initial = equation.y0[0, solved]
-    scale = np.abs(initial).max()
-    for _ in range(50):
+    def differences(u):
         jacobian = np.empty((2 * d, 2 * d))
         for k in range(2 * d):
             e = np.zeros(2 * d)
             e[k] = 6e-6 * max(1.0, abs(initial[k % d]))
             jacobian[:, k] = (excess(u + e) - excess(u - e)) / (2 * e[k])
-        change = np.linalg.solve(jacobian, excess(u))
+        return jacobian
+
+    u = np.zeros(2 * d)
+    initial, before = equation.y0[0, solved], np.inf
+    scale = np.abs(initial).max()
+    for _ in range(50):
+        if equation.structure is None:
+            change = np.linalg.solve(differences(u), excess(u))
+        else:
+            change = _sparse_change(equation, times, weights, u, excess(u))
         u -= change
-        if np.abs(change).max() <= 1e-14 * (scale + np.abs(u).max()):
+        size, goal = np.abs(change).max(), scale + np.abs(u).max()
+        if size <= 1e-14 * goal or before / 2 < size <= _ROUNDING * goal:
             return widened(u)[0]
+        before = size
     required = "let Newton's method find the first two values"
     raise ValueError(complaint("steps", required, f"increments {shown(u)}", "take smaller ones"))
+
+
+def _sparse_change(equation, times, weights, u, excess):
+    """Newton's change of both increments, (2 d,), where entries of the Jacobian are known."""
+    sparse = importlib.import_module("scipy.sparse")  # whose imports take long
+    linalg = importlib.import_module("scipy.sparse.linalg")
+    first, second = equation.y0[0] + np.cumsum(u.reshape(2, -1), axis=0)
+    at_first, at_second = (
+        equation.derivative(t, y) for t, y in zip(times[1:3], (first, second), strict=True)
+    )
+    diagonals = [[sparse.diags_array(w) for w in row] for row in weights]
+    blocks = [
+        [diagonals[0][0] - at_first, diagonals[0][1]],
+        [diagonals[1][0] - at_second, diagonals[1][1] - at_second],
+    ]
+    return linalg.spsolve(sparse.block_array(blocks, format="csc"), excess)
 
 
 def _start_weights(equation, times):

@@ -74,7 +74,7 @@ class StabilityRegion:
 
         Parameters
         ----------
-        jacobians : ndarray, shape (k, d, d)
+        jacobians : ndarray, shape (k, d, d), or list of SciPy's sparse arrays
         steps : ndarray, shape (k,), optional
             Where they were taken; these limits are the same everywhere.
 
@@ -83,6 +83,9 @@ class StabilityRegion:
         ndarray, shape (k,)
             0 where a Jacobian is not finite.
         """
+        if isinstance(jacobians, list):
+            bounds, worst = bounds_of(jacobians, [self.limits] * len(jacobians))
+            return self._ratios_where_largest(bounds, worst)
         finite = np.isfinite(jacobians).all(axis=(1, 2))
         jacobians = np.where(finite[:, None, None], jacobians, 0.0)
         limits = self.limits
@@ -93,28 +96,25 @@ class StabilityRegion:
         if scaled.shape[1] == 1:
             return np.maximum(0.0, scaled[:, 0, 0])
         if scaled.shape[1] > _MANY:
-            return self._ratios_of_many(scaled)
+            bounds, worst = bounds_of(jacobians, [limits] * len(jacobians))
+            return self._ratios_where_largest(bounds, worst)
         return self._ratios_of(np.linalg.eigvals(scaled), jacobians)
 
-    def _ratios_of_many(self, scaled):
-        """Ratios of Jacobians of many components over their limits: bounds where these are below 1.
+    def _ratios_where_largest(self, bounds, worst):
+        """Ratios of Jacobians of many components: bounds where these are below 1.
 
-        Where the largest bound is above 1, the eigenvalues of its Jacobian decide.
+        Where the largest bound is above 1, the eigenvalues of its Jacobian, `worst`, decide.
         """
-        sizes = np.abs(scaled)
-        rows, columns = sizes.sum(axis=2).max(axis=1), sizes.sum(axis=1).max(axis=1)
-        bounds = np.sqrt(rows * columns)  # of the spectral norm
         least = self.radii.min() / self.limits[0] if self.radii.size else 1.0
         ratios = np.minimum(bounds, 1.0)
-        worst = int(np.argmax(bounds)) if bounds.size else 0
-        if bounds.size and bounds[worst] > min(1.0, least):
-            ratios[worst] = self._ratios_of(_eigenvalues(scaled[worst])[None], None)[0]
+        if worst is not None and bounds.max() > min(1.0, least):
+            values = eigenvalues(worst)[None]
+            ratios[np.argmax(bounds)] = self._ratios_of(values, None)[0]
         return ratios
 
     def _ratios_of(self, values, jacobians):
         """Ratios from eigenvalues over limits, (k, n), and from Jacobians where modes are known."""
-        real = np.abs(values.imag) <= 1e-9 * np.abs(values)
-        ratios = np.where(real, values.real, 0.0).max(axis=1, initial=0.0)
+        real, ratios = _are_real(values), largest_real(values)
         if self.angles.size:
             spiral = -values * self.limits[0]
             angle = np.abs(np.angle(spiral))
@@ -130,16 +130,54 @@ class StabilityRegion:
         return float(self.ratios(jacobians).max(initial=0.0))
 
 
-def _eigenvalues(matrix):
+def _are_real(values):
+    """Whether eigenvalues are real, but for rounding."""
+    return np.abs(values.imag) <= 1e-9 * np.abs(values)
+
+
+def largest_real(values):
+    """Return the largest of the real ones, and of 0, among eigenvalues (k, n)."""
+    return np.where(_are_real(values), values.real, 0.0).max(axis=1, initial=0.0)
+
+
+def bounds_of(jacobians, limits):
+    """Bounds of the ratios of many components, by norms of Jacobians over their limits (d,).
+
+    Returns
+    -------
+    bounds : ndarray, shape (k,)
+        0 where a Jacobian is not finite.
+    worst : ndarray or sparse array, shape (d, d), or None
+        That of the largest bound, over its limits and negated.
+    """
+    bounds, worst = np.zeros(len(jacobians)), None
+    for k, (jacobian, limit) in enumerate(zip(jacobians, limits, strict=True)):
+        scaled = -jacobian / limit[:, None] if isinstance(jacobian, np.ndarray) else None
+        if scaled is None:
+            scaled = jacobian.multiply(-1 / limit[:, None]).tocsr()
+        sizes = abs(scaled)
+        # of the spectral norm
+        bound = np.sqrt(sizes.sum(axis=0).max() * sizes.sum(axis=1).max())
+        bounds[k] = bound if np.isfinite(bound) else 0.0
+        if bounds[k] > bounds[:k].max(initial=0.0):
+            worst = scaled
+    return bounds, worst
+
+
+def eigenvalues(matrix):
     """Eigenvalues of a matrix; of very many rows those of largest modulus, if ARPACK finds them."""
-    if len(matrix) <= _VERY_MANY:
-        return np.linalg.eigvals(matrix)
+    if matrix.shape[0] <= _VERY_MANY:
+        return np.linalg.eigvals(matrix if isinstance(matrix, np.ndarray) else matrix.toarray())
     arpack = importlib.import_module("scipy.sparse.linalg")  # whose import takes long
-    start = np.random.default_rng(0).normal(size=len(matrix))
+    start = np.random.default_rng(0).normal(size=matrix.shape[0])
     try:
-        return arpack.eigs(matrix, _LARGEST, v0=start, return_eigenvectors=False, tol=1e-6)
-    except arpack.ArpackError:
-        return np.linalg.eigvals(matrix)
+        return arpack.eigs(matrix, _LARGEST, v0=start, return_eigenvectors=False, tol=1e-5)
+    except arpack.ArpackNoConvergence as error:
+        # the largest converge first; of a power iteration's estimate the norm is a bound
+        if error.eigenvalues.size:
+            return error.eigenvalues
+        sizes = abs(matrix)
+        return np.sqrt([sizes.sum(axis=0).max() * sizes.sum(axis=1).max()])
 
 
 def folded(jacobians, gains, sources):

@@ -21,7 +21,7 @@ from ..special import alternating_power_sum
 from ..system import System
 from .riemann_liouville import first_samples
 from .scheme import Plan, distinct_columns
-from .stability import folded
+from .stability import bounds_of, eigenvalues, folded, largest_real
 
 # Steps at which orders are looked at before a run.
 _LOOKED_AT = 1001
@@ -285,12 +285,16 @@ class FrozenLimits:
         if steps.size == 0:
             return np.zeros(0)
         limits = self.schedule.limits(steps)[:, : self.d]
+        if isinstance(jacobians, list):  # of sparse arrays
+            bounds, worst = bounds_of(jacobians, limits)
+            ratios = np.minimum(bounds, 1.0)
+            if bounds.max() > 1:
+                ratios[np.argmax(bounds)] = largest_real(eigenvalues(worst)[None])[0]
+            return ratios
         jacobians = folded(jacobians, limits, self.sources)
         scaled = -jacobians / limits[:, : jacobians.shape[1], None]
         scaled = np.where(np.isfinite(scaled).all(axis=(1, 2))[:, None, None], scaled, 0.0)
-        values = np.linalg.eigvals(scaled)
-        real = np.abs(values.imag) <= 1e-9 * np.abs(values)
-        return np.where(real, values.real, 0.0).max(axis=1, initial=0.0)
+        return largest_real(np.linalg.eigvals(scaled))
 
 
 def varying_plan(system, h, theta, explicit):

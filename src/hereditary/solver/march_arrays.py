@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from ..compiled.newton import KEPT_FROM
 from ..compiled.signatures import COUNTS, MONITOR, March, StepTable
 from ..compiled.structures import record
 
@@ -34,9 +33,9 @@ def step_table(plan, memory, system, sources, every, h):
 def initial_march(plan, d, n_block, newton):
     """State of a march at step 0, with d components of the orbit and blocks of `n_block` steps.
 
-    Factors of Newton's matrix are kept for many components where `newton` solves its steps.
+    `newton` is the room of Newton's method for many components.
     """
-    width, kept = plan.groups.size, d if newton and d > KEPT_FROM else 0
+    width = plan.groups.size
     none = np.zeros((0, width))
     return March(
         counts=record(COUNTS, zigzag=-1, opened=-1, growth=-1),
@@ -53,7 +52,7 @@ def initial_march(plan, d, n_block, newton):
         starts=_by_columns(plan.starts, none),
         force=np.zeros(width),
         lacks=np.zeros(width),
-        newton=np.zeros((4 if kept else 0, kept, kept)),
+        newton=newton,
     )
 
 

@@ -53,6 +53,7 @@ class State:
     memory: tuple = field(repr=False)
     memory_steps: int | Span = field(repr=False)
     largest_ratio: float = field(repr=False)
+    largest_ratio_step: int = field(repr=False)
     event_signs: dict[str, float] = field(default_factory=dict, repr=False)
     version: str = field(default="", repr=False)
     seal: str = field(default="", repr=False)
@@ -64,7 +65,8 @@ class State:
 
     def contents(self):
         """All that a march reads."""
-        numbers = (self.t, self.n, self.block, self.memory_steps, self.largest_ratio)
+        ratio = self.largest_ratio, self.largest_ratio_step
+        numbers = (self.t, self.n, self.block, self.memory_steps, *ratio)
         return numbers, tuple(vars(self.steps).values()), self.y, self.march, self.memory
 
 

@@ -1,5 +1,6 @@
 """The stepper: one march over given steps, advanced a stretch at a time."""
 
+import copy
 import time
 
 import numpy as np
@@ -7,7 +8,7 @@ import numpy as np
 from .._checks import complaint
 from ..compiled.block import BLOWN_UP, NOT_SOLVED, RUNNING
 from ..compiled.march import MARCHES
-from ..compiled.signatures import March, Output
+from ..compiled.signatures import FACTORISE, March, Output
 from ..compiled.structures import plain
 from ..memory_kernel import told_error, warn_of_fit
 from ..schemes.riemann_liouville import with_initial_values
@@ -16,6 +17,8 @@ from ..system import shifted, variational
 from . import march_arrays as arrays
 from .first_steps import starting_steps
 from .identity import check_identity, described, identity
+from .jacobian_watch import JacobianWatch
+from .linear_solvers import newton_of
 from .state import State, check_sound, frozen, sealed
 from .status import Status, failed
 from .step_pieces import StepPieces
@@ -68,7 +71,7 @@ class Stepper:
         self.memory = self._open(plan)
         warn_of_fit(self.memory.kernel_error, getattr(history, "tol", 0.0))
         self._begin(plan)
-        self.largest_ratio, self._status, self._stretch = 0.0, RUNNING, Stretch()
+        self._status, self._stretch = RUNNING, Stretch()
         self.error: Exception | None = None
         self._breaks: frozenset[int] = frozenset()
 
@@ -100,12 +103,13 @@ class Stepper:
         self._loop = MARCHES[self.scheme.solve, self.memory.inlined]
         d = self._system.d
         self._past, self._rows, self._lasting = plan.past, plan.rows, plan.lasting
-        self._region = plan.region and plan.region.orbit(d, self._system.sources)
-        every = self._block * self._region.every if self._region else 0
-        self._table = arrays.step_table(
-            plan, self.memory, self._system, self._sources, every, self.h
+        self._watch = JacobianWatch(plan.region, self._system, self._block)
+        how = self._sources, self._watch.every, self.h
+        self._table = arrays.step_table(plan, self.memory, self._system, *how)
+        self._newton = newton_of(
+            self._system.structure, d, self.n_tangents > 0, self.scheme.solve == "newton"
         )
-        self._march = arrays.initial_march(plan, d, self._block, self.scheme.solve == "newton")
+        self._march = arrays.initial_march(plan, d, self._block, self._newton.room)
         self._march.monitor.turns[: self.equation.d] = -1.0 * (self.equation.highest_orders() == 2)
 
     @property
@@ -180,7 +184,7 @@ class Stepper:
         initial = np.zeros_like(self.equation.y0)
         initial[0] = self.y
         initial[1:, self._with_speed] = self.ydot[self._with_speed]
-        tangent, calls = self.tangent, self.n_rhs
+        tangent, calls, watch = self.tangent, self.n_rhs, self._watch
         self._origin = self.t
         self.equation = shifted(self._given, self._origin, initial)
         plan = self._plan(tangent)
@@ -189,6 +193,7 @@ class Stepper:
         self.memory.clear()
         self._begin(plan)
         self._march.counts.rhs = calls
+        self._watch.largest, self._watch.step = watch.largest, watch.step
 
     def _slopes(self):
         """First derivative of all columns."""
@@ -277,50 +282,39 @@ class Stepper:
 
     def _enter(self, n_end, rows, slopes):
         """Enter the compiled march once; watch the stability along the orbit."""
-        n, region = self.n, self._region
-        every = self._block * region.every if region else n_end
-        first = (n - 1) // every + 1
-        n_samples = (n_end - 1) // every + 1 - first if region else 0
-        n_stretches = (n_end - 1) // every + 1 - n // every if region and region.sweeps else 0
         system, start = self._system, self.equation.frame.start
-        jacobians = np.zeros((n_samples + n_stretches, system.d, system.d))
+        jacobians = self._watch.room(self.n, n_end)
         try:
             return self._loop(
-                system._rhs,
-                system._jac,
-                int(system.has_jac),
-                system._params,
-                self.memory.exchange,
-                self.memory.tables,
-                self.memory.arrays,
-                self._table,
-                rows_beside(self._breaks, self.n, self._rows, self.steps, start),
-                self._march,
-                Output(rows, slopes, jacobians),
-                n_end,
-            )
+                system._rhs, system._jac, int(system.has_jac), system._params,
+                self.memory.exchange, self.memory.tables, self.memory.arrays,
+                self._newton.solver, self._newton.tables, self._table,
+                rows_beside(self._breaks, self.n, self._rows, self.steps, start), self._march,
+                Output(rows, slopes, jacobians), n_end,
+            )  # fmt: skip
         finally:
-            if region:
-                made = (self.n - 1) // every + 1 - first
-                steps = (first + np.arange(made)) * every
-                self._note(region.ratios(jacobians[:made], steps), steps)
-                taken = np.flatnonzero(jacobians[n_samples:].any(axis=(1, 2)))
-                steps = (n // every + taken) * every
-                self._note(region.ratios(jacobians[n_samples + taken], steps), steps)
+            self._watch.note(jacobians, self.n)
 
     def checkpoint(self):
         """Return all that `go_back` needs to come back to this step."""
         march = March._make(part.copy() for part in self._march)
-        return march, self.memory.state(), self.largest_ratio
+        return march, self.memory.state(), copy.copy(self._watch)
 
     def go_back(self, checkpoint, t):
         """Come back to where `checkpoint` was taken, and march to the first step not before t."""
-        self._march, memory, self.largest_ratio = checkpoint
+        self._march, memory, self._watch = checkpoint
         self.memory.restore(memory)
         self.error, self._status = None, RUNNING
+        self._refactorise()
         stop = self.steps.first_from(t)
         while self.n < stop and self.trouble is None:
             self.advance(stop, keep=False)
+
+    def _refactorise(self):
+        """Factorise the matrix whose factors are in force, after the march went elsewhere."""
+        if self._march.counts.factored:
+            solver, tables = self._newton.solver, self._newton.tables
+            solver(FACTORISE, 0, self._march.newton[1], np.empty(tables.order.size), tables)
 
     def stands_at(self, t):
         """Return the time at which a march that goes back to t stands."""
@@ -353,20 +347,19 @@ class Stepper:
             "n_factorised": int(self._march.counts.factorised),
             "n_modes": self.n_modes,
             "history_bytes": self.memory.nbytes,
-            "stiffness_ratio": self.largest_ratio,
+            "stiffness_ratio": self.largest_ratio if self._watch.watches else np.nan,
             "kernel_error": told_error(self.memory.kernel_error),
         }
 
-    def _note(self, ratios, steps):
-        """Keep the largest ratio so far and its step."""
-        if ratios.max(initial=0.0) > self.largest_ratio:
-            self.largest_ratio = float(ratios.max())
-            self._march.counts.largest = steps[np.argmax(ratios)]
+    @property
+    def largest_ratio(self):
+        """Largest ratio of an eigenvalue of the Jacobian to its limit so far."""
+        return self._watch.largest
 
     @property
     def largest_ratio_step(self):
         """Step near which the Jacobian was largest in comparison with its limit."""
-        return int(self._march.counts.largest)
+        return self._watch.step
 
     def state(self):
         """A `State` from which a later run goes on bit for bit."""
@@ -383,6 +376,7 @@ class Stepper:
             memory=tuple(map(frozen, self.memory.arrays)),
             memory_steps=self._span,
             largest_ratio=self.largest_ratio,
+            largest_ratio_step=self.largest_ratio_step,
         )
         return sealed(state)
 
@@ -391,8 +385,9 @@ class Stepper:
         check_sound(state)
         check_identity(state.identity, self._identity(state.t), allow_change)
         self._march = arrays.restored_march(state.march)
+        self._refactorise()
         self.memory.restore(state.memory)
-        self.largest_ratio = state.largest_ratio
+        self._watch.largest, self._watch.step = state.largest_ratio, state.largest_ratio_step
 
     def _identity(self, t):
         """Describe what a run to time t must share with one that resumes it."""

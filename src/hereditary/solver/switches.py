@@ -47,7 +47,7 @@ def switched(equation, functions):
         signs.append(params.size)
         params = np.append(params, [1.0, frame.start, n_user])
         rhs, jac = _one_sided(rhs, value), jac and _one_sided(jac, value)
-    found = System(inner.left, inner.y0, params, rhs, jac, inner.sources)
+    found = System(inner.left, inner.y0, params, rhs, jac, inner.sources, inner.structure)
     if inner is not equation:
         seen = System(equation.left, equation.y0, params, None)
         seen._enlarged, found = found, seen

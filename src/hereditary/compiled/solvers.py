@@ -1,0 +1,121 @@
+"""Linear solvers of Newton's matrix for many components: dense, banded, and sparse in Python.
+
+Each is one function value that a march is handed, so that none is compiled for runs without it. A
+matrix is dense, or sparse as in jacobian.py. Bands go to LAPACK, other sparse matrices to SciPy's
+SuperLU behind a C function that enters Python.
+"""
+
+import numpy as np
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
+
+from .._jit import compiled, inner
+from .._python_calls import PythonRaised, call_at
+from .jacobian import COLUMNS, ROWS, VALUES
+from .linalg import factorise, substitute
+from .signatures import FACTORISE
+
+_WORD, _N_NUMBERS = ir.IntType(64), 5
+
+
+@intrinsic
+def _call_lapack(typing_context, address, arguments):
+    """Call a function of LAPACK, which returns nothing, with the addresses of its arguments."""
+    count = len(arguments)
+
+    def codegen(context, builder, signature, values):
+        places = [builder.extract_value(values[1], k) for k in range(count)]
+        kind = ir.FunctionType(ir.VoidType(), [_WORD] * count)
+        builder.call(builder.inttoptr(values[0], kind.as_pointer()), places)
+        return context.get_dummy_value()
+
+    return types.void(types.int64, types.UniTuple(types.uintp, count)), codegen
+
+
+@compiled
+def dense_solver(task, number, matrix, x, linear):
+    """Factorise a dense matrix, or solve for x with its factors; 0 where it is done."""
+    # factors (m, n + 1, n), whose last row is the order of the rows
+    n = x.shape[0]
+    factors, order = linear.factors[number, :n], linear.factors[number, n]
+    if task == FACTORISE:
+        for i in range(n):
+            for k in range(n):
+                factors[i, k] = matrix[i, k]
+        return 0 if factorise(factors, order) else 1
+    solution = np.empty(n)
+    substitute(factors, order, x, solution)
+    for i in range(n):
+        x[i] = solution[i]
+    return 0
+
+
+@compiled
+def banded_solver(task, number, matrix, x, linear):
+    """Factorise a banded matrix by LAPACK, or solve for x with its factors; 0 where it is done."""
+    # factors (m, n, 2 lower + upper + 3): LAPACK's columns, and behind each its pivot and the
+    # inverse of its diagonal entry
+    factors, place = linear.factors[number], linear.order
+    lower, upper, n, width = linear.lower, linear.upper, x.shape[0], factors.shape[1] - 2
+    if task == FACTORISE:
+        return factorise_band(matrix, place, lower, upper, linear.lapack, factors)
+    ordered = np.empty(n)
+    for i in range(n):
+        ordered[place[i]] = x[i]
+    # LAPACK's substitution takes five times as long where the band is narrow
+    diagonal = lower + upper
+    for j in range(n):
+        pivot = int(factors[j, width])
+        value = ordered[pivot]
+        if pivot != j:
+            ordered[pivot], ordered[j] = ordered[j], value
+        for k in range(1, min(lower, n - 1 - j) + 1):
+            ordered[j + k] -= value * factors[j, diagonal + k]
+    for j in range(n - 1, -1, -1):
+        value = ordered[j] * factors[j, width + 1]
+        ordered[j] = value
+        for k in range(1, min(diagonal, j) + 1):
+            ordered[j - k] -= value * factors[j, diagonal - k]
+    for i in range(n):
+        x[i] = ordered[place[i]]
+    return 0
+
+
+@inner
+def factorise_band(matrix, place, lower, upper, lapack, factors):
+    """Set the factors of a sparse matrix as LAPACK has them; 0 where none is singular."""
+    n, width, wrong = factors.shape[0], factors.shape[1] - 2, 0
+    for j in range(n):
+        for k in range(width):
+            factors[j, k] = 0.0
+    for k in range(matrix.shape[1]):
+        i, j = place[int(matrix[ROWS, k])], place[int(matrix[COLUMNS, k])]
+        factors[j, lower + upper + i - j] += matrix[VALUES, k]
+        if not abs(matrix[VALUES, k]) < np.inf:
+            wrong = 1
+    # n, diagonals, length of a column, what is told in return; then the pivots: one array, which
+    # is alive until LAPACK returns
+    numbers = np.empty(_N_NUMBERS + n, dtype=np.int32)
+    numbers[0], numbers[1], numbers[2], numbers[3] = n, lower, upper, width + 2
+    numbers[4], pivots, at = wrong, numbers[_N_NUMBERS:], numbers.ctypes.data
+    if wrong == 0:
+        pivots_at = at + 4 * _N_NUMBERS
+        _call_lapack(  # type: ignore[call-arg]
+            lapack, (at, at, at + 4, at + 8, factors.ctypes.data, at + 12, pivots_at, at + 16)
+        )
+    for j in range(n if numbers[4] == 0 else 0):
+        factors[j, width] = pivots[j] - 1
+        factors[j, width + 1] = 1.0 / factors[j, lower + upper]
+    return int(numbers[4])
+
+
+@compiled
+def sparse_solver(task, number, matrix, x, linear):
+    """Factorise a sparse matrix in Python, or solve for x with its factors; 0 where it is done."""
+    which = 2.0 * number + task
+    given, wanted = matrix.ctypes.data, x.ctypes.data
+    found: int = call_at(linear.python, which, given, wanted)  # type: ignore[call-arg]
+    if found < 0:
+        raise PythonRaised
+    return found

@@ -1,0 +1,306 @@
+"""Large systems: bands, patterns and constant matrices give the numbers of dense Jacobians."""
+
+import pickle
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import hereditary as hd
+from hereditary._jit import JAC_SIG, as_value
+from hereditary.compiled.jacobian import COLUMNS, GROUPS, ROWS, VALUES, jacobian_at, no_jacobian
+from hereditary.meshes import UniformSteps
+from hereditary.solver.stepper import Stepper
+from hereditary.structure import Structure
+
+IMPLICIT = [hd.BDF(2), hd.L1(), hd.L2(), hd.L12(), hd.L2Sigma(), hd.ProductTrapezoid()]
+D = 30
+
+
+def laplacian(d):
+    ones = np.ones(d - 1)
+    parts = [ones, -2 * np.ones(d), ones]
+    return (sp.diags_array(parts, offsets=[-1, 0, 1]) * (d + 1.0) ** 2).tocsr()
+
+
+def diffusion(t, u, du, p):
+    n = u.size
+    for i in range(n):
+        total = -2 * u[i]
+        if i > 0:
+            total += u[i - 1]
+        if i < n - 1:
+            total += u[i + 1]
+        du[i] = total * (n + 1.0) ** 2
+
+
+def force(t, u, du, p):
+    for i in range(u.size):
+        du[i] = 50.0 * np.sin(3 * t) * u[i] - 30.0 * u[i] ** 3
+
+
+def reaction(t, u, du, p):
+    diffusion(t, u, du, p)
+    for i in range(u.size):
+        du[i] += 50.0 * np.sin(3 * t) * u[i] - 30.0 * u[i] ** 3
+
+
+def packed(t, u, ab, p):
+    n = u.size
+    for j in range(n):
+        ab[0, j] = (n + 1.0) ** 2 if j > 0 else 0.0
+        ab[1, j] = -2 * (n + 1.0) ** 2 + 50.0 * np.sin(3 * t) - 90.0 * u[j] ** 2
+        ab[2, j] = (n + 1.0) ** 2 if j < n - 1 else 0.0
+
+
+def dense(t, u):
+    n = u.size
+    out = np.zeros((n, n))
+    for i in range(n):
+        out[i, i] = -2 * (n + 1.0) ** 2 + 50.0 * np.sin(3 * t) - 90.0 * u[i] ** 2
+        if i > 0:
+            out[i, i - 1] = (n + 1.0) ** 2
+            out[i - 1, i] = (n + 1.0) ** 2
+    return out
+
+
+def matrix(t, u):
+    """As SciPy's users write it."""
+    n = u.size
+    return laplacian(n) + sp.diags_array(50.0 * np.sin(3 * t) - 90.0 * u**2)
+
+
+def data(t, u, values, p):
+    """Values of the pattern of `laplacian`, in CSR order."""
+    n, k = u.size, 0
+    for i in range(n):
+        for j in range(max(0, i - 1), min(n, i + 2)):
+            values[k] = (n + 1.0) ** 2
+            if i == j:
+                values[k] = -2 * (n + 1.0) ** 2 + 50.0 * np.sin(3 * t) - 90.0 * u[i] ** 2
+            k += 1
+
+
+def diagonal(t, u, ab, p):
+    for j in range(u.size):
+        ab[0, j] = 50.0 * np.sin(3 * t) - 90.0 * u[j] ** 2
+
+
+def start(d):
+    places = np.arange(1, d + 1) / (d + 1)
+    return np.sin(np.pi * places) + np.sin(3 * np.pi * places)
+
+
+def statements(d):
+    """Ways of stating the reaction, by name."""
+    a = laplacian(d)
+    return {
+        "band": {"rhs": reaction, "bandwidth": (1, 1)},
+        "wider band": {"rhs": reaction, "bandwidth": (2, 3)},
+        "band and jac": {"rhs": reaction, "bandwidth": (1, 1), "jac": packed},
+        "pattern": {"rhs": reaction, "jac_sparsity": a},
+        "pattern, dense": {"rhs": reaction, "jac_sparsity": a.toarray() != 0},
+        "pattern and jac": {"rhs": reaction, "jac_sparsity": a, "jac": data},
+        "pattern and matrices": {"rhs": reaction, "jac_sparsity": a, "jac": matrix},
+        "linear": {"rhs": force, "linear": a},
+        "linear and band": {"rhs": force, "linear": a, "bandwidth": (0, 0)},
+        "linear, band and jac": {"rhs": force, "linear": a, "bandwidth": (0, 0), "jac": diagonal},
+        "dense linear": {"rhs": force, "linear": a.toarray(), "bandwidth": (0, 0)},
+    }
+
+
+@pytest.mark.parametrize("d", [5, D])
+@pytest.mark.parametrize("name", statements(D))
+def test_every_statement_gives_the_numbers_of_dense_jacobians(name, d):
+    eq = hd.Equation(hd.Caputo(0.8), reaction, start(d), jac=dense)
+    same = hd.Equation(hd.Caputo(0.8), y0=start(d), **statements(d)[name])
+    expected = hd.solve(eq, 1.0, 100, scheme=hd.BDF(2))
+    found = hd.solve(same, 1.0, 100, scheme=hd.BDF(2))
+    assert np.abs(found.y - expected.y).max() < 1e-12
+    jacobian = eq.jacobian(0.3, start(d))
+    assert np.abs(same.jacobian(0.3, start(d)) - jacobian).max() < 1e-8 * np.abs(jacobian).max()
+    again = pickle.loads(pickle.dumps(same))
+    assert np.array_equal(hd.solve(again, 1.0, 100, scheme=hd.BDF(2)).y, found.y)
+
+
+@pytest.mark.parametrize("scheme", IMPLICIT, ids=repr)
+@pytest.mark.parametrize("alpha", [0.8, 1.6])
+def test_bands_give_the_numbers_of_dense_jacobians_in_every_scheme(scheme, alpha):
+    if alpha > scheme.orders[1]:
+        return
+    y0 = [start(D), 0 * start(D)] if alpha > 1 else start(D)
+    eq = hd.Equation(hd.Caputo(alpha), reaction, y0)
+    expected = hd.solve(eq, 1.0, 100, scheme=scheme)
+    found = hd.solve(eq.replace(bandwidth=(1, 1)), 1.0, 100, scheme=scheme)
+    assert np.abs(found.y - expected.y).max() < 1e-11 * np.abs(expected.y).max()
+    assert found.stats["n_rhs"] < expected.stats["n_rhs"]
+
+
+@pytest.mark.parametrize("scheme", [hd.ExplicitCaputo(), hd.Adams()], ids=repr)
+def test_explicit_steps_are_watched_as_with_dense_jacobians(scheme):
+    eq = hd.Equation(hd.Caputo(0.9), reaction, start(40))
+    expected = hd.solve(eq, 0.2, 4000, scheme=scheme)
+    found = hd.solve(eq.replace(bandwidth=(1, 1)), 0.2, 4000, scheme=scheme)
+    assert np.array_equal(found.y, expected.y)
+    ratio = found.stats["stiffness_ratio"]
+    assert 0 < ratio == pytest.approx(expected.stats["stiffness_ratio"], rel=1e-6)
+    beyond = eq.replace(bandwidth=(1, 1), params=[])
+    with pytest.warns(hd.StabilityWarning):
+        assert hd.solve(beyond, 0.2, 300, scheme=hd.ExplicitCaputo()).stats["stiffness_ratio"] > 1
+
+
+def test_limits_of_large_systems_are_those_of_their_eigenvalues():
+    """The largest eigenvalue of the Laplacian meets its limit where the watch says so."""
+    d = 3000
+    rate = 4 * (d + 1) ** 2 * np.sin(np.pi * d / (2 * (d + 1))) ** 2
+    eq = hd.Equation(hd.Caputo(0.9), diffusion, np.zeros(d), bandwidth=(1, 1))
+    single = hd.Equation(hd.Caputo(0.9), lambda t, y, p: -p[0] * y, 0.0, params=[rate])
+    steps = (1e-7, 10)
+    with pytest.warns(hd.StabilityWarning):
+        expected = hd.solve(single, *steps).stats["stiffness_ratio"]
+    with pytest.warns(hd.StabilityWarning):
+        found = hd.solve(eq, *steps).stats["stiffness_ratio"]
+    assert found == pytest.approx(expected, rel=1e-3)
+    unknown = hd.solve(eq.replace(bandwidth=None), 1e-7, 1000, save_every=1000)
+    assert np.isnan(unknown.stats["stiffness_ratio"])
+
+
+def plane(m):
+    one = laplacian(m)
+    return (sp.kron(one, sp.eye_array(m)) + sp.kron(sp.eye_array(m), one)).tocsr()
+
+
+@pytest.mark.parametrize("scheme", [hd.BDF(2), hd.L1(), hd.L2Sigma()], ids=repr)
+@pytest.mark.parametrize("m", [4, 40])
+def test_a_mode_of_the_plane_is_a_single_equation(scheme, m):
+    """A wide pattern goes to SuperLU (m = 40), and a narrow one to LAPACK: an eigenvector stays."""
+    waves = np.sin(np.pi * np.arange(1, m + 1) / (m + 1))
+    mode, rate = np.outer(waves, waves).ravel(), 8 * (m + 1) ** 2 * np.sin(np.pi / (2 * m + 2)) ** 2
+    eq = hd.Equation(hd.Caputo(0.7), None, mode, linear=plane(m))
+    single = hd.Equation(hd.Caputo(0.7), lambda t, y, p: -p[0] * y, 1.0, params=[rate])
+    expected = hd.solve(single, 1.0, 100, scheme=scheme).y
+    sol = hd.solve(eq, 1.0, 100, scheme=scheme)
+    assert np.abs(sol.y - expected * mode).max() < 1e-12
+    assert sol.stats["n_factorised"] <= 3
+    half = hd.solve(eq, 0.5, 50, scheme=scheme)
+    assert np.array_equal(hd.solve(eq, 1.0, resume=half.state).y, sol.y[50:])
+
+
+@pytest.mark.parametrize("name", ["band", "band and jac", "linear, band and jac", "pattern"])
+@pytest.mark.parametrize("scheme", [hd.BDF(2), hd.L2(), hd.Adams(), hd.ExplicitCaputo()], ids=repr)
+def test_tangents_are_derivatives_and_runs_go_on_bit_for_bit(scheme, name):
+    d, h, n = 14, 2e-4, 200
+    directions = np.random.default_rng(1).normal(size=(d, 2))
+    eq = hd.Equation(hd.Caputo(0.9), y0=start(d), **statements(d)[name])
+
+    def marched(y0, directions=None):
+        begun = eq.replace(y0=y0)
+        stepper = Stepper(begun, scheme, hd.SumOfExponentials(), UniformSteps(h), n, directions)
+        while stepper.n < n:
+            stepper.advance(n)
+        return stepper
+
+    found = marched(start(d), directions)
+    for k in range(2):
+        up, down = (marched(start(d) + side * 1e-5 * directions[:, k]).y for side in (1, -1))
+        assert np.abs(found.tangent[:, k] - (up - down) / 2e-5).max() < 1e-7
+    whole = hd.solve(eq, n * h, n, scheme=scheme)
+    half = hd.solve(eq, n * h / 2, n // 2, scheme=scheme)
+    assert np.array_equal(hd.solve(eq, n * h, resume=half.state).y, whole.y[n // 2 :])
+
+
+def ring(t, u, du, p):
+    """Neighbours on a ring, the last beside the first."""
+    n = u.size
+    for i in range(n):
+        du[i] = 100.0 * (u[i - 1] - 2 * u[i] + u[(i + 1) % n]) - u[i] ** 3
+
+
+def test_components_are_put_in_the_order_of_a_narrow_band():
+    d = 200
+    pattern = sp.diags_array(np.ones((3, d)), offsets=[-1, 0, 1], shape=(d, d)).tolil()
+    pattern[0, d - 1] = pattern[d - 1, 0] = 1.0
+    eq = hd.Equation(hd.Caputo(0.8), ring, start(d), jac_sparsity=pattern.tocsr())
+    assert eq.structure.band.lower + eq.structure.band.upper <= 4
+    expected = hd.solve(eq.replace(jac_sparsity=None), 1.0, 50, scheme=hd.BDF(2)).y
+    assert np.abs(hd.solve(eq, 1.0, 50, scheme=hd.BDF(2)).y - expected).max() < 1e-12
+
+
+@settings(max_examples=30)
+@given(st.integers(11, 40), st.integers(0, 2**32 - 1), st.floats(0.01, 0.3))
+def test_differences_by_groups_are_those_of_every_column(d, seed, density):
+    random = np.random.default_rng(seed)
+    a = sp.random_array((d, d), density=density, rng=random, format="csr")
+    found = a.tocoo()
+    structure = Structure.of(d, found.row.astype(np.int64), found.col.astype(np.int64))
+    entries = structure.entries.copy()
+    rows, columns, groups = (entries[k].astype(int) for k in (ROWS, COLUMNS, GROUPS))
+    for group in np.unique(groups):  # no two columns of a group share a row
+        assert np.unique(rows[groups == group]).size == np.sum(groups == group)
+    eq = hd.Equation(hd.Caputo(0.5), None, np.ones(d), linear=a)
+    y = random.normal(size=d)
+    none = as_value(no_jacobian, JAC_SIG)
+    jacobian_at(eq._rhs, none, 0, 0.0, y, eq._params, entries)
+    assert np.abs(structure.matrix(entries[VALUES]) - a).max() < 1e-9
+    assert set(zip(rows, columns, strict=True)) >= {(i, i) for i in range(d)}
+
+
+def test_patterns_that_miss_an_entry_are_refused():
+    def far(t, u, du, p):
+        reaction(t, u, du, p)
+        du[3] += 0.01 * u[20]
+
+    message = "jac_sparsity or bandwidth must hold every entry .* row 3"
+    with pytest.raises(ValueError, match=message):
+        hd.Equation(hd.Caputo(0.8), far, start(D), bandwidth=(1, 1))
+    with pytest.raises(ValueError, match="jac must hold every entry"):
+        hd.Equation(hd.Caputo(0.8), reaction, start(D), bandwidth=(1, 1), jac=diagonal_wide)
+    eye = sp.eye_array(D, format="csr")
+    with pytest.raises(ValueError, match="without entries outside jac_sparsity"):
+        hd.Equation(hd.Caputo(0.8), reaction, start(D), jac_sparsity=eye, jac=matrix)
+
+
+def diagonal_wide(t, u, ab, p):
+    for k in range(3):
+        for j in range(u.size):
+            ab[k, j] = 1.0
+
+
+def test_equations_refuse_statements_that_make_no_sense():
+    given = {"rhs": reaction, "y0": start(D)}
+    for wrong, error, message in (
+        ({"bandwidth": 3}, TypeError, "lower, upper"),
+        ({"bandwidth": (1, -1)}, ValueError, "bandwidth must be an integer of at least 0"),
+        ({"bandwidth": (1, 1), "jac_sparsity": laplacian(D)}, ValueError, "without bandwidth"),
+        ({"jac_sparsity": laplacian(5)}, ValueError, r"shape \(5, 5\)"),
+        ({"jac_sparsity": np.ones(D)}, ValueError, "pattern of shape"),
+        ({"linear": laplacian(5)}, ValueError, r"shape \(5, 5\)"),
+        ({"linear": np.full((D, D), np.nan)}, ValueError, "finite real numbers"),
+        ({"linear": laplacian(D) * 1j}, ValueError, "finite real numbers"),
+        ({"linear": "A"}, ValueError, "linear must be a matrix"),
+        ({"rhs": None}, TypeError, "rhs must be a function"),
+        ({"bandwidth": (1, 1), "memory": hd.Caputo(0.3)}, ValueError, "left out beside memory"),
+        ({"bandwidth": (1, 1), "jac": dense}, ValueError, r"shape \(3, 30\)"),
+    ):
+        with pytest.raises(error, match=message):
+            hd.Equation(hd.Caputo(0.8), **(given | wrong))
+    with pytest.raises(ValueError, match="complex y"):
+        hd.Equation(hd.Caputo(0.8), None, 1j * start(D), linear=laplacian(D))
+    eq = hd.Equation(hd.Caputo(0.8), None, start(D), linear=laplacian(D))
+    sol = hd.solve(eq, 0.1, 10, scheme=hd.L1())
+    other = hd.Equation(hd.Caputo(0.8), None, start(D), linear=2 * laplacian(D))
+    with pytest.raises(ValueError, match="right-hand side"):
+        hd.solve(other, 0.2, resume=sol.state)
+
+
+def test_a_matrix_that_is_singular_ends_the_run_with_its_reason():
+    """Where scale and lead meet an eigenvalue the step has no solution."""
+    m, h = 40, 0.1
+    scale = 1 / (h**0.5 * 0.886226925452758)  # of L1 at order 0.5, 1 / Gamma(1.5) h**-0.5
+    for linear in (scale * sp.eye_array(D), scale * sp.eye_array(m * m) + 0 * plane(m)):
+        eq = hd.Equation(hd.Caputo(0.5), None, np.ones(linear.shape[0]), linear=linear.tocsr())
+        with pytest.warns(hd.SolveWarning):
+            sol = hd.solve(eq, 1.0, 10, scheme=hd.L1())
+        assert sol.status in (hd.Status.NOT_SOLVED, hd.Status.BLOWN_UP)
