@@ -7,11 +7,11 @@ import numpy as np
 from ..compiled.adaptive import (
     CRAWLING,
     FULL,
+    MARCHES,
     ORDERS_NEEDED,
     REACHED,
     TOO_CLOSE,
     TOO_ROUGH,
-    march_adaptive,
 )
 from ..compiled.collocation import PRIMARY
 from ..compiled.mode_tables import floor_to_grid
@@ -25,6 +25,7 @@ from .pace import TOO_STEEP, UNSOLVED, Ending, Pace, ending
 from .pieces import PolynomialPieces, PowerPiece
 from .quadrature import rule_of, shortened_legendre
 from .singular_start import SingularStart
+from .stages import has_stages, stage_solver
 
 # Fraction of the tolerance that one step may err by, and fraction of that for the modes: errors add
 # up along periodic and chaotic orbits (convergence/collocation.py).
@@ -73,6 +74,10 @@ class CollocationMarch:
         self._farthest = max(min(_REACH * t_end, 1e307), known)
         s = self._s = n_nodes
         self._form = form = integral_form(system)
+        many = has_stages(form)
+        if not many:
+            system = self._system = system.dense()
+        self._stages = stage_solver(system.structure, system.d, s, many)
         self._rule = rule_of(s, form.orders)
         # such equations have no power basis and begin with ordinary steps, the first one tiny
         self._graded = bool(form.implicit.any() or form.varying)
@@ -186,11 +191,12 @@ class CollocationMarch:
         """March to a stop in compiled code, filling `steps`; return rows filled and status."""
         equation, orbit = self._system, self._orbit
         basis = ExponentialBasis(orbit.rates, orbit.weights, orbit.masses, self._transforms)
-        return march_adaptive(
+        march = MARCHES[self._stages.many]
+        return march(
             equation._rhs, equation._jac, int(equation.has_jac), equation._params,
-            orbit.equations(), self._rule, basis, orbit.step_tables(),
-            self._orders.compiled(orbit.of_varying), orbit.march_arrays(), self._state, steps,
-            limits)  # fmt: skip
+            self._stages.solver, self._stages.stages, orbit.equations(), self._rule, basis,
+            orbit.step_tables(), self._orders.compiled(orbit.of_varying), orbit.march_arrays(),
+            self._state, steps, limits)  # fmt: skip
 
     def _go_on_from(self, kept, orbit):
         """Take over the state and the orbit of a march."""

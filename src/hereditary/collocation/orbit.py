@@ -318,6 +318,18 @@ def convolution_terms(form):
     return form.terms.tolist()
 
 
+def grouped_terms(form, numbered=False):
+    """List integrand, index, coefficient and rows (ndarray) of terms that differ by rows alone.
+
+    With `numbered` their numbers among all terms stand behind.
+    """
+    groups: dict[tuple, list] = {}
+    for number, (row, *kind) in enumerate(convolution_terms(form)):
+        groups.setdefault(tuple(kind), []).append((row, number))
+    found = [(*kind, *np.array(places).T) for kind, places in groups.items()]
+    return found if numbered else [group[:4] for group in found]
+
+
 def _round_to_decades(closest, farthest):
     """Return the next smaller distance ``farthest / 10**k``, so that similar runs share fits."""
     return farthest / 10.0 ** math.ceil(math.log10(max(farthest / closest, 10.0)))

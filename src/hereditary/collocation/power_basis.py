@@ -20,11 +20,11 @@ from scipy.special import rgamma
 _CUT = 1e-14
 # A generator below this is tiny and counts as this when functions are chosen. Steps cannot be so
 # small that its power becomes small; more functions are used instead.
-_TINY = 0.12
+TINY = 0.12
 # Tiny generators have nodes of their own where they are this many times larger than the one before.
 _SEPARATE = 30.0
 # Number of functions: usually, with a tiny generator, and with several rational maps of it.
-_SIZE, _SIZE_IF_TINY, _SIZE_IF_MAPPED = 18, 24, 48
+_SIZE, _SIZE_IFTINY, _SIZE_IF_MAPPED = 18, 24, 48
 # Largest number of rational maps, and the least rate that has one.
 _MOST_MAPS, _LEAST_RATE = 3, 0.1
 # Least distance at which kernels are evaluated.
@@ -57,8 +57,8 @@ class PowerBasis:
     def __init__(self, generators, size=None, map_rates=()):
         g, n_maps = generators[0], len(map_rates)
         if size is None:
-            several = _SIZE_IF_MAPPED if n_maps > 1 else _SIZE_IF_TINY
-            size = several if g < _TINY else _SIZE
+            several = _SIZE_IF_MAPPED if n_maps > 1 else _SIZE_IFTINY
+            size = several if g < TINY else _SIZE
         self.map_rates = map_rates
         self._variables = [(g, c) for c in map_rates or (0.0,)] + [
             (other, 0.0) for other in generators[1:]
@@ -194,13 +194,13 @@ def _scales(variables, n_first):
     separated, the bound of tiny generators, and the first generator that is not tiny.
     """
     scales, others = variables[:n_first], variables[n_first:]
-    if scales[0][0] >= _TINY:
+    if scales[0][0] >= TINY:
         return scales
     is_mapped = scales[0][1] > 0.0  # maps cover the times before those of other variables
-    for variable in [] if is_mapped else [v for v in others if v[0] < _TINY] + [(_TINY, 0.0)]:
+    for variable in [] if is_mapped else [v for v in others if v[0] < TINY] + [(TINY, 0.0)]:
         if variable[0] > _SEPARATE * scales[-1][0]:
             scales = [*scales, variable]
-    return scales + [v for v in others if v[0] >= _TINY][:1]
+    return scales + [v for v in others if v[0] >= TINY][:1]
 
 
 def _log(t):
@@ -220,7 +220,7 @@ def choose_map_rates(generators, rates):
     Only a tiny first generator needs maps: other powers are resolved by small steps. Rates are
     rounded to powers of 2, since bases are cached.
     """
-    if generators[0] >= _TINY:
+    if generators[0] >= TINY:
         return ()
     found = {2.0 ** round(math.log2(rate)) for rate in rates if rate >= _LEAST_RATE}
     return tuple(sorted(found, reverse=True)[:_MOST_MAPS])
@@ -256,7 +256,7 @@ def _smallest_sums(variables, n_first, size):
     multiples leave room for the others. The first `n_first` variables stand for one generator, and
     products of their polynomials count as one polynomial of the product's degree.
     """
-    weights = np.array([max(g, _TINY) for g, _ in variables])
+    weights = np.array([max(g, TINY) for g, _ in variables])
 
     def total(degrees):
         first = weights[0] * (math.prod(1 + k for k in degrees[:n_first]) - 1)

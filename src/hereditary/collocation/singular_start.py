@@ -4,12 +4,17 @@ After t = 0, a break or a jump the solution is a sum of powers of the time since
 in a basis of such powers (power_basis.py).
 """
 
+import importlib
+
 import numpy as np
 from scipy.special import rgamma
 
-from ..compiled.collocation import FORCE, POSITION, PRIMARY, solve_single_step
-from .orbit import convolution_terms
-from .power_basis import choose_map_rates, power_basis
+from ..compiled.collocation import FORCE, POSITION, PRIMARY
+from ..compiled.single_step import SINGLE_STEPS
+from ..schemes.stability import eigenvalues
+from .orbit import convolution_terms, grouped_terms
+from .power_basis import TINY, choose_map_rates, power_basis
+from .stages import has_stages, stage_solver
 
 # Factor of the length after a refused step; number of trials with rational maps.
 _SHORTER, _MAPPED_TRIALS = 0.3, 12
@@ -50,7 +55,8 @@ class SingularStart:
         self._largest = np.maximum(np.abs(orbit.p[0]), state.largest)
         # the first time after t, for the right-hand side may jump at t
         self._just_after = equation.beside(t, 1) if t > 0 else 0.0
-        self._jacobian = equation.jacobian_inside(self._just_after, orbit.x[0])
+        self._many = has_stages(form)
+        self._jacobian = equation.derivative(self._just_after, orbit.x[0])
         self._force = np.empty(form.second.size)
         state.counts.rhs += 1
         equation._rhs(self._just_after, orbit.x[0], self._force, equation._params)
@@ -62,9 +68,11 @@ class SingularStart:
         None means that every length was refused. A stiff start of tiny order is first tried with
         rational maps on long steps.
         """
-        size, left = float(np.abs(self._jacobian).max()), self._t_stop - self._t
+        size, left = float(abs(self._jacobian).max()), self._t_stop - self._t
         most = min(left / 16, self._longest)
-        map_rates = choose_map_rates(self._form.generators, self._decay_rates())
+        generators = self._form.generators
+        rates = self._decay_rates() if generators[0] < TINY else ()
+        map_rates = choose_map_rates(generators, rates)
         found = self._try_lengths(map_rates, most, _MAPPED_TRIALS) if map_rates else None
         return found or self._try_lengths((), self._first_length(size, most), np.inf)
 
@@ -103,14 +111,17 @@ class SingularStart:
         """Return |eigenvalues| of the coefficients of p in the integral of smallest order, (d,)."""
         smallest = self._form.generators[0]
         gains = self._gains(lambda a: 1.0 if a == smallest else 0.0)
-        return np.abs(np.linalg.eigvals(gains)) if np.all(np.isfinite(gains)) else np.zeros(0)
+        return np.abs(eigenvalues(gains)) if np.isfinite(abs(gains).sum()) else np.zeros(0)
 
     def _gains(self, weight):
         """Return the derivative of p with respect to p through its integrals, (d, d).
 
-        The integral of order a counts with the factor weight(a).
+        The integral of order a counts with the factor weight(a). It is sparse as the Jacobian is.
         """
-        form, gains = self._form, np.zeros_like(self._jacobian)
+        form = self._form
+        if self._many:
+            return self._common_gains(weight)
+        gains = np.zeros_like(self._jacobian)
         for c, q, k, coefficient in convolution_terms(form):
             if k >= form.orders.size:
                 continue
@@ -120,6 +131,21 @@ class SingularStart:
             elif q == PRIMARY:
                 gains[c, c] += factor
         return gains
+
+    def _common_gains(self, weight):
+        """As `_gains`, for components that share their terms."""
+        form, of_force, of_p = self._form, 0.0, 0.0
+        for q, k, coefficient, rows in grouped_terms(form):
+            if k < form.orders.size and rows[0] == 0:
+                factor = coefficient * weight(form.orders[k])
+                of_force += factor * (q == FORCE and form.second[0] == 0)
+                of_p += factor * (q == PRIMARY)
+        gains = self._jacobian * of_force
+        if isinstance(gains, np.ndarray):
+            gains[np.diag_indices(len(gains))] += of_p
+            return gains
+        eye = importlib.import_module("scipy.sparse").eye_array(form.second.size, format="csr")
+        return gains + of_p * eye
 
     def _first_length(self, size, most):
         """Return a first trial length: over it the solution changes by about half of itself."""
@@ -135,9 +161,10 @@ class SingularStart:
         """Solve for the values at the nodes; return whether the orbit also holds between them."""
         equation, form, orbit, state = self._equation, self._form, self._orbit, self._state
         n = basis.nodes.size
-        solved = solve_single_step(
-            equation._rhs, equation._jac, int(equation.has_jac), equation._params,
-            orbit.equations(), times[:n], np.ascontiguousarray(operators[:, :n]),
+        stages = stage_solver(equation.structure, form.second.size, n, self._many)
+        solved = SINGLE_STEPS[self._many](
+            equation._rhs, equation._jac, int(equation.has_jac), equation._params, stages.solver,
+            stages.stages, orbit.equations(), times[:n], np.ascontiguousarray(operators[:, :n]),
             np.ascontiguousarray(local[:, :n]), h, np.ascontiguousarray(base[:, :, :n]), orbit.x,
             1e-3 * self._tolerance(self._size(h)), values, state.counts, state.contraction,
         )  # fmt: skip
@@ -161,19 +188,20 @@ class SingularStart:
     def _size(self, h):
         """Estimate the size of p on a step of length h, (d,)."""
         form, size = self._form, self._largest.copy()
-        for c, q, k, coefficient in convolution_terms(form):
-            if q == FORCE and form.second[c]:
-                size[c] += abs(coefficient * self._force[c]) * h ** form.orders[k]
+        for q, k, coefficient, rows in grouped_terms(form):
+            own = rows[form.second[rows % size.size] == 1]
+            if q == FORCE and own.size:
+                size[own] += abs(coefficient * self._force[own]) * h ** form.orders[k]
         return size
 
     def _defect(self, basis, times, h, base, operators, local, values):
         """Return the error between the nodes, of integrated equations and of the basis, (d,)."""
         equation, form, orbit = self._equation, self._form, self._orbit
         found, d, n_a = base.copy(), form.second.size, form.orders.size
-        for row, (c, q, k, coefficient) in enumerate(convolution_terms(form)):
-            integrand = values[q, c % d] - orbit.offsets[0, row]
+        for q, k, coefficient, rows, numbers in grouped_terms(form, numbered=True):
+            integrand = values[q, rows % d] - orbit.offsets[0, numbers][:, None]
             matrix = h ** form.orders[k] * operators[k] if k < n_a else local[k - n_a]
-            found[c] += coefficient * (matrix @ integrand)
+            found[rows] += coefficient * (integrand @ matrix.T)
         p = found[:d]
         x = orbit.x[0][:, None] + h * (values[PRIMARY] @ operators[-1].T)
         x = np.where(form.second[:, None] == 1, x, p)
@@ -186,10 +214,10 @@ class SingularStart:
         deviation_at = np.abs(np.array([f, p, x]) - basis.interpolate_between(values))
         deviation = deviation_at.max(axis=2)
         defect = np.zeros(d)
-        for c, q, k, coefficient in convolution_terms(form):
-            if c < d:
-                size = h ** form.orders[k] if k < n_a else np.abs(local[k - n_a]).sum(axis=1).max()
-                defect[c] += abs(coefficient) * size * deviation[q, c]
+        for q, k, coefficient, rows in grouped_terms(form):
+            own = rows[rows < d]
+            size = h ** form.orders[k] if k < n_a else np.abs(local[k - n_a]).sum(axis=1).max()
+            defect[own] += abs(coefficient) * size * deviation[q, own]
         # the error of the basis affects dense output alone, and y there through the means of y'
         n, means = values.shape[2], self._means(basis, values[PRIMARY])
         deviation_of_means = means[:, n:] - basis.interpolate_between(means[:, :n])
@@ -223,6 +251,27 @@ class SingularStart:
     def _error_from_defect(self, defect, h):
         """Return the error of p that a defect causes, less than the defect if stiff; (d,)."""
         gain = self._gains(lambda a: h**a * rgamma(1 + a))
+        if self._many:
+            return _damped(gain, defect)
         if not np.all(np.isfinite(gain)) or np.linalg.eigvals(gain).real.max() > 0:
             return defect
         return np.abs(np.linalg.inv(np.eye(defect.size) - gain)) @ defect
+
+
+def _damped(gain, defect):
+    """Return the error of p that a defect of many components causes, at most the largest defect.
+
+    `gain` is a dense or sparse matrix. The defect is taken with equal signs, and with signs that
+    change from component to component.
+    """
+    signs = np.array([np.ones(defect.size), (-1.0) ** np.arange(defect.size)])
+    if not np.isfinite(abs(gain).sum()):
+        return defect
+    if isinstance(gain, np.ndarray):
+        found = np.linalg.solve(np.eye(defect.size) - gain, (signs * defect).T).T
+    else:
+        sparse = importlib.import_module("scipy.sparse")
+        linalg = importlib.import_module("scipy.sparse.linalg")
+        matrix = sparse.eye_array(defect.size, format="csc") - gain.tocsc()
+        found = linalg.spsolve(matrix, (signs * defect).T).T
+    return np.minimum(np.abs(found).max(axis=0), defect.max())

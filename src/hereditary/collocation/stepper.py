@@ -48,9 +48,7 @@ class AdaptiveStepper(CollocationMarch):
     ):  # fmt: skip
         scheme.check_terms(equation)
         self.equation, self._scheme = equation, scheme
-        self._view = view = (
-            Plain(equation.dense()) if equation.enlarged is equation else Reading(equation)
-        )
+        self._view = view = Plain(equation) if equation.enlarged is equation else Reading(equation)
         self.second = view.second
         refuse_late(equation, t_end)
         self._t_end, self._breaks = t_end, np.zeros(0)

@@ -25,9 +25,23 @@ from .error_estimate import (
     measure_force_defect,
     tangent_error_ratio,
 )
+from .many_stages import solve_many, solve_many_tangents
 from .mode_tables import advance_modes, find_slot, floor_to_grid, read_modes, set_mode_weights
 from .signatures import JAC, RHS
-from .structures import BASIS, EQUATIONS, LIMITS, ORBIT, RULE, STATE, STEPS, TABLES, VARYING
+from .structures import (
+    BASIS,
+    EQUATIONS,
+    HELD,
+    LIMITS,
+    ORBIT,
+    RULE,
+    STAGE_SOLVER,
+    STAGES,
+    STATE,
+    STEPS,
+    TABLES,
+    VARYING,
+)  # fmt: skip
 
 # Status codes of a march: stop reached, rows full, modes not close enough, no step small enough for
 # the error or for Newton's method, tables of varying orders needed for the next step, right-hand
@@ -38,75 +52,116 @@ REACHED, FULL, TOO_CLOSE, TOO_ROUGH, NOT_SOLVED, ORDERS_NEEDED, JUMPING, CRAWLIN
 _GROW, _SHRINK, _SAFETY, _NEWTON = 3.0, 0.2, 0.8, 0.01
 # Below this fraction of the tolerance an error says nothing of how long the next step may be.
 _DORMANT = 1e-3
+# Growth that is always worth new factors of many components.
+_WORTH = 2.0
 # Highest degree of the extrapolation that gives Newton's first guess.
 _GUESS = 3
 
 
-@entry(RHS, JAC, I8, VEC, EQUATIONS, RULE, BASIS, TABLES, VARYING, ORBIT, STATE, STEPS, LIMITS)
-def march_adaptive(
-    rhs, jac, has_jac, params, equations, rule, basis, tables, varying, orbit, state, steps, limits
-):
-    """March until `limits.stop`; return the number of accepted steps and a status code."""
-    nodes, legendre = rule.nodes, rule.legendre
-    control, counts = state.control, state.counts
-    s, n_columns = nodes.shape[0], orbit.x.shape[0]
-    n_rows = orbit.modes.shape[1] - equations.unweighted.shape[0] * orbit.x.shape[1]
-    operators, base = empty_operators(n_columns, n_rows, s), np.empty((n_columns, n_rows, s))
-    values, newton = np.empty(orbit.last.shape), empty_factors(orbit.x.shape[1], s)
-    input_weights, offset_weights = mode_weights(equations, basis, varying, orbit)
-    lowest, row, assembled_for = lowest_order(equations), 0, -1.0
-    was_refused, end = control.refused == 1.0, limits.stop - control.origin
-    while control.time < end:
-        if row == steps.starts.shape[0]:
-            return row, FULL
-        t, left, h = next_step(control, end)
-        if not t + 0.01 * h > t:
-            return row, TOO_ROUGH
-        if nodes[0] * h < control.closest:
-            return row, TOO_CLOSE
-        if not orders_tabulated(t, h, varying):
-            return row, ORDERS_NEEDED
-        slot = find_slot(h, nodes, basis, tables)
-        local = tables.local[slot]
-        if h != assembled_for or equations.unweighted.shape[0] > 0:
-            local[local.shape[0] - varying.integrals.shape[0] :] = varying.integrals
-            assemble_operators(h, equations, rule.integrals, rule.inverse, local, operators)
-        assembled_for = h
-        set_known_part(orbit, tables.to_nodes[slot], equations, varying, operators, base)
-        times = times_inside(control.origin, t, h, nodes, limits)
-        last = orbit.last[0, PRIMARY]
-        extrapolate(nodes, legendre, last, h, control.last, orbit.p[0], values[0, PRIMARY])
-        check_times = times_inside(control.origin, t, h, rule.check_points, limits)
-        ratio, by_defect, solved = step_orbit(
-            rhs, jac, has_jac, params, times, check_times, h, base, equations, rule,
-            operators.matrices, local, values, orbit, state, newton, limits,
-        )  # fmt: skip
-        if ratio <= 1.0 and n_columns > 1:
-            more = step_tangents(
-                rhs, jac, has_jac, params, times, h, base, equations, rule, operators.matrices,
-                local, values, orbit, state, newton, limits,
+_MARCH = (
+    RHS, JAC, I8, VEC, STAGE_SOLVER, STAGES, EQUATIONS, RULE, BASIS, TABLES, VARYING, ORBIT, STATE,
+    STEPS, LIMITS,
+)  # fmt: skip
+
+
+def marching(name, solve, solve_for_tangents):
+    """Compile the march for one way of solving the equations of a step."""
+
+    def march(
+        rhs, jac, has_jac, params, solver, stages, equations, rule, basis, tables, varying, orbit,
+        state, steps, limits,
+    ):  # fmt: skip
+        nodes, legendre = rule.nodes, rule.legendre
+        control, counts = state.control, state.counts
+        s, n_columns = nodes.shape[0], orbit.x.shape[0]
+        n_rows = orbit.modes.shape[1] - equations.unweighted.shape[0] * orbit.x.shape[1]
+        operators, base = empty_operators(n_columns, n_rows, s), np.empty((n_columns, n_rows, s))
+        values = np.empty(orbit.last.shape)
+        newton = empty_factors(orbit.x.shape[1], s, solver, stages)
+        input_weights, offset_weights = mode_weights(equations, basis, varying, orbit)
+        integral = rule.integrals[equations.orders.shape[0] - 1]  # of order 1
+        lowest, row, assembled_for = lowest_order(equations), 0, -1.0
+        was_refused, end = control.refused == 1.0, limits.stop - control.origin
+        while control.time < end:
+            if row == steps.starts.shape[0]:
+                return row, FULL
+            t, left, h = next_step(control, end)
+            if not t + 0.01 * h > t:
+                return row, TOO_ROUGH
+            if nodes[0] * h < control.closest:
+                return row, TOO_CLOSE
+            if not orders_tabulated(t, h, varying):
+                return row, ORDERS_NEEDED
+            slot = find_slot(h, nodes, basis, tables)
+            local = tables.local[slot]
+            if h != assembled_for or equations.unweighted.shape[0] > 0:
+                local[local.shape[0] - varying.integrals.shape[0] :] = varying.integrals
+                assemble_operators(h, equations, rule.integrals, rule.inverse, local, operators)
+            assembled_for = h
+            set_known_part(orbit, tables.to_nodes[slot], equations, varying, operators, base)
+            times = times_inside(control.origin, t, h, nodes, limits)
+            last = orbit.last[0, PRIMARY]
+            extrapolate(nodes, legendre, last, h, control.last, orbit.p[0], values[0, PRIMARY])
+            check_times = times_inside(control.origin, t, h, rule.check_points, limits)
+            goal = newton_goal(orbit, state, limits)
+            solved = solve(
+                rhs, jac, has_jac, params, times, h, base[0], orbit.x[0], equations.second,
+                operators.matrices, integral, goal, values[0], counts, state.contraction, newton,
             )  # fmt: skip
-            ratio, solved = max(ratio, more), more < np.inf
-        longest = floor_to_grid(limits.longest_idle if ratio < _DORMANT else limits.longest)
-        planned = next_length(h, control.next, ratio, was_refused, s + lowest)
-        control.next = min(planned, longest)
-        was_refused = not ratio <= 1.0
-        control.refused = 1.0 if was_refused else 0.0
-        if was_refused:
-            counts.refused += 1
-            counts.by_defect += int(by_defect)
-            if not t + 0.01 * control.next > t:
-                return row, reason_of_refusal(by_defect, solved)
-            continue
-        counts.accepted += 1
-        record_step(state, t, h, ratio, values[0], equations.second, orbit, steps, row)
-        absorb_constant_mode(basis.rates, orbit)
-        orbit.before[:], orbit.last[:] = orbit.modes, values
-        to_end, moments = tables.to_end[slot], tables.moments[slot]
-        advance_orbit(h, to_end, moments, input_weights, offset_weights, legendre, orbit)
-        row += 1
-        control.time, control.last = (end if h == left else t + h), h
-    return row, REACHED
+            ratio, by_defect = np.inf, False
+            if solved:
+                ratio, by_defect = orbit_error(
+                    rhs, params, times, check_times, h, base, equations, rule, goal,
+                    operators.matrices, local, values, orbit, state, newton, limits,
+                )  # fmt: skip
+            if ratio <= 1.0 and n_columns > 1:
+                solved = solve_for_tangents(
+                    rhs, jac, has_jac, params, times, h, base, orbit.x, equations.second,
+                    operators.matrices, integral, values, counts, newton,
+                )  # fmt: skip
+                more = np.inf
+                if solved:
+                    more = tangents_error(
+                        h, base, equations, rule, operators.matrices, local, values, orbit, newton,
+                        limits,
+                    )  # fmt: skip
+                ratio, solved = max(ratio, more), more < np.inf
+            longest = floor_to_grid(limits.longest_idle if ratio < _DORMANT else limits.longest)
+            planned = next_length(h, control.next, ratio, was_refused, s + lowest)
+            planned = worth_new_factors(h, planned, ratio, stages)
+            control.next = min(planned, longest)
+            was_refused = not ratio <= 1.0
+            control.refused = 1.0 if was_refused else 0.0
+            if was_refused:
+                counts.refused += 1
+                counts.by_defect += int(by_defect)
+                if not t + 0.01 * control.next > t:
+                    return row, reason_of_refusal(by_defect, solved)
+                continue
+            counts.accepted += 1
+            record_step(state, t, h, ratio, values[0], equations.second, orbit, steps, row)
+            absorb_constant_mode(basis.rates, orbit)
+            orbit.before[:], orbit.last[:] = orbit.modes, values
+            to_end, moments = tables.to_end[slot], tables.moments[slot]
+            advance_orbit(h, to_end, moments, input_weights, offset_weights, legendre, orbit)
+            row += 1
+            control.time, control.last = (end if h == left else t + h), h
+        return row, REACHED
+
+    march.__name__ = march.__qualname__ = name
+    march.__doc__ = "March until `limits.stop`; return the accepted steps and a status code."
+    return entry(*_MARCH)(march)
+
+
+@inner
+def worth_new_factors(h, planned, ratio, stages):
+    """Return the planned length, or h again for some steps where it is hardly longer."""
+    held = stages.control[HELD]
+    if stages.hold > held and ratio <= 1.0 and h < planned < _WORTH * h:
+        stages.control[HELD] = held + 1.0
+        return h
+    stages.control[HELD] = 0.0
+    return planned
 
 
 @inner
@@ -221,25 +276,23 @@ def lowest_order(equations):
 
 
 @inner
-def step_orbit(
-    rhs, jac, has_jac, params, times, check_times, h, base, equations, rule, matrices, local,
-    values, orbit, state, newton, limits,
-):  # fmt: skip
-    """Solve the step for the orbit and estimate its error.
+def newton_goal(orbit, state, limits):
+    """Return the error of p that Newton's method may leave, (d,)."""
+    return _NEWTON * (limits.atol + limits.rtol * np.maximum(state.largest, np.abs(orbit.p[0])))
 
-    Returns the ratio of error to tolerance, whether the defect of f between the nodes alone makes
-    it too large, and whether Newton's method converged.
+
+@inner
+def orbit_error(
+    rhs, params, times, check_times, h, base, equations, rule, goal, matrices, local, values,
+    orbit, state, newton, limits,
+):  # fmt: skip
+    """Estimate the error of a solved step, and subtract terms from f.
+
+    Returns the ratio of error to tolerance, and whether the defect of f between the nodes alone
+    makes it too large.
     """
     second, largest, start = equations.second, state.largest, orbit.initial[0]
     rtol, atol = limits.rtol, limits.atol
-    integral = rule.integrals[equations.orders.shape[0] - 1]  # of order 1
-    goal = _NEWTON * (atol + rtol * np.maximum(largest, np.abs(orbit.p[0])))
-    solved = solve_stages(
-        rhs, jac, has_jac, params, times, h, base[0], orbit.x[0], second, matrices, integral, goal,
-        values[0], state.counts, state.contraction, newton,
-    )  # fmt: skip
-    if not solved:
-        return np.inf, False, False
     errors, force_defect = np.empty(second.shape[0]), np.zeros(second.shape[0])
     x_start = orbit.x[0]
     measure_force_defect(
@@ -249,7 +302,7 @@ def step_orbit(
     if defect_matters(force_defect, matrices, goal, newton):
         state.counts.rhs += times.shape[0]
         if not equations_hold(rhs, params, times, base[0], matrices, goal, values[0], newton):
-            return np.inf, True, True
+            return np.inf, True
     subtract_from_forces(second.shape[0], matrices, base, values[:1])
     if values.shape[1] > SLOPE:
         nodal_slopes(h, rule.inverse, orbit.p[0], values[0, PRIMARY], values[0, SLOPE])
@@ -258,28 +311,16 @@ def step_orbit(
     ratio_at_nodes = error_ratio(h, end, errors, values[0], second, largest, start, rtol, atol)
     add_force_defect(force_defect, matrices, newton, errors)
     ratio = error_ratio(h, end, errors, values[0], second, largest, start, rtol, atol)
-    return ratio, ratio_at_nodes <= 1.0 and not ratio <= 1.0, True
+    return ratio, ratio_at_nodes <= 1.0 and not ratio <= 1.0
 
 
 @inner
-def step_tangents(
-    rhs, jac, has_jac, params, times, h, base, equations, rule, matrices, local, values, orbit,
-    state, newton, limits,
-):  # fmt: skip
-    """Solve the step for the tangents; return their largest ratio of error to tolerance.
-
-    It is infinite where the linear system is singular.
-    """
-    second, legendre, x, p = equations.second, rule.legendre, orbit.x, orbit.p
-    integral = rule.integrals[equations.orders.shape[0] - 1]
-    if not solve_tangents(
-        rhs, jac, has_jac, params, times, h, base, x, second, matrices, integral, values,
-        state.counts,
-    ):  # fmt: skip
-        return np.inf
-    subtract_from_forces(second.shape[0], matrices, base[1:], values[1:])
+def tangents_error(h, base, equations, rule, matrices, local, values, orbit, newton, limits):
+    """Return the largest ratio of error to tolerance of solved tangents; subtract terms from f."""
+    legendre, p = rule.legendre, orbit.p
+    subtract_from_forces(equations.second.shape[0], matrices, base[1:], values[1:])
     if values.shape[1] > SLOPE:
-        for column in range(1, x.shape[0]):
+        for column in range(1, p.shape[0]):
             nodal_slopes(h, rule.inverse, p[column], values[column, PRIMARY], values[column, SLOPE])
     return tangent_error_ratio(h, equations, legendre, local, matrices, values, newton, limits.rtol)
 
@@ -350,3 +391,9 @@ def extrapolate(nodes, legendre, last, h, h_last, p, out):
                 offset = p[c] - total
             else:
                 out[c, i] = total + offset
+
+
+MARCHES = {
+    False: marching("march_adaptive", solve_stages, solve_tangents),
+    True: marching("march_many_adaptive", solve_many, solve_many_tangents),
+}

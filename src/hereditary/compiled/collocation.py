@@ -9,11 +9,11 @@ history before the step is a sum of exponential modes, advanced by exact moments
 
 import numpy as np
 
-from .._jit import CUBE, CUBES, F8, I8, MAT, VEC, entry, inner
+from .._jit import inner
 from .jacobian import jacobian
 from .linalg import factorise, substitute
-from .signatures import JAC, RHS
-from .structures import CONTRACTION_RECORD, COUNTS_RECORD, EQUATIONS, Factors, Operators
+from .signatures import SUBSTITUTE
+from .structures import Factors, Operators
 
 # Integrands: f, p, y and, where needed, p'.
 FORCE, PRIMARY, POSITION, SLOPE = 0, 1, 2, 3
@@ -190,9 +190,22 @@ def newton_matrix(h, matrices, integral, second, jacobians, out):
 
 
 @inner
-def empty_factors(d, s):
-    """Allocate the factors of Newton's matrix."""
-    return Factors(np.empty((d * s, d * s)), np.empty(d * s), np.zeros(d))
+def empty_factors(d, s, solver, stages):
+    """Allocate the factors of Newton's matrix, where it is not solved for the stages."""
+    size = d * s if stages.order.shape[0] == 0 else 0
+    return Factors(np.empty((size, size)), np.empty(size), np.zeros(d), solver, stages)
+
+
+@inner
+def solve_newton(newton, b, x):
+    """Solve for x, (d s,), with the factors of Newton's matrix."""
+    if newton.stages.order.shape[0] == 0:
+        substitute(newton.matrix, newton.order, b, x)
+        return
+    for i in range(b.shape[0]):
+        x[i] = b[i]
+    d = newton.force_scales.shape[0]
+    newton.solver(SUBSTITUTE, x.reshape((d, b.shape[0] // d)), newton.stages)
 
 
 @inner
@@ -235,14 +248,7 @@ def solve_stages(
             return False
         before[:] = x
         positions(h, p, x_start, second, integral, x)
-        if previous < np.inf:
-            rate = size / previous
-            contraction.rate = max(rate, 0.1 * contraction.rate)
-            contraction.change = max(previous, 0.1 * contraction.change)
-            contraction.length = h
-        else:  # from earlier steps: slower for a worse guess and for a longer step
-            rate = contraction.rate * max(1.0, size / contraction.change)
-            rate *= max(1.0, h / contraction.length) ** 2
+        rate = contraction_rate(size, previous, h, contraction)
         if size * min(1.0, 4.0 * rate) < 1.0:
             correct_forces(jacobians, before, x, f)
             return True
@@ -250,6 +256,20 @@ def solve_stages(
             return False
         previous = size
     return False
+
+
+@inner
+def contraction_rate(size, previous, h, contraction):
+    """Return how fast Newton's method converges, and record it where two changes tell."""
+    if previous < np.inf:
+        rate = size / previous
+        contraction.rate = max(rate, 0.1 * contraction.rate)
+        contraction.change = max(previous, 0.1 * contraction.change)
+        contraction.length = h
+        return rate
+    # from earlier steps: slower for a worse guess and for a longer step
+    rate = contraction.rate * max(1.0, size / contraction.change)
+    return rate * max(1.0, h / contraction.length) ** 2
 
 
 @inner
@@ -301,7 +321,8 @@ def residuals(base, matrices, p, x, f, out):
 
 @inner
 def solve_tangents(
-    rhs, jac, has_jac, params, times, h, base, x_start, second, matrices, integral, values, counts
+    rhs, jac, has_jac, params, times, h, base, x_start, second, matrices, integral, values, counts,
+    newton,
 ):  # fmt: skip
     """Solve the step, linearised along the orbit, for the tangents' `values` at the nodes.
 
@@ -311,13 +332,13 @@ def solve_tangents(
     """
     # base (1 + k, R, s), x_start (1 + k, d), values (1 + k, 3, d, s)
     d, s = second.shape[0], base.shape[2]
-    newton = empty_factors(d, s)
+    matrix, order = np.empty(newton.matrix.shape), np.empty(d * s)
     known, found = np.empty(d * s), np.empty(d * s)
     jacobians, start = np.empty((s, d, d)), np.empty((d, s))
     orbit = values[0, POSITION]
     counts.rhs += stage_jacobians(rhs, jac, has_jac, params, times, orbit, True, jacobians)
-    newton_matrix(h, matrices, integral, second, jacobians, newton.matrix)
-    if not factorise(newton.matrix, newton.order):
+    newton_matrix(h, matrices, integral, second, jacobians, matrix)
+    if not factorise(matrix, order):
         return False
     for column in range(1, base.shape[0]):
         f, p, x = values[column, FORCE], values[column, PRIMARY], values[column, POSITION]
@@ -328,47 +349,13 @@ def solve_tangents(
         start[:] = 0.0
         correct_forces(jacobians, start, x, f)
         residuals(base[column], matrices, p, x, f, known)
-        substitute(newton.matrix, newton.order, known, found)
+        substitute(matrix, order, known, found)
         for c in range(d):
             for i in range(s):
                 p[c, i] = -found[c * s + i]
         positions(h, p, x_start[column], second, integral, x)
         f[:] = 0.0
         correct_forces(jacobians, start, x, f)
-    return True
-
-
-@entry(
-    RHS, JAC, I8, VEC, EQUATIONS, VEC, CUBE, CUBE, F8, CUBE, MAT, VEC, CUBES, COUNTS_RECORD,
-    CONTRACTION_RECORD,
-)  # fmt: skip
-def solve_single_step(
-    rhs, jac, has_jac, params, equations, times, integrals, local, h, base, x_start, goal, values,
-    counts, contraction,
-):  # fmt: skip
-    """Solve one step of equations without p' among the integrands; called from Python.
-
-    base (1 + k, R, s) holds p(0) and the history of the orbit and its tangents; values (1 + k, 3,
-    d, s) receives f, p and y at the nodes and holds a first guess of the orbit's p.
-    """
-    n_nodes, d, n_rows = times.shape[0], equations.second.shape[0], base.shape[1]
-    operators, inverse = empty_operators(base.shape[0], n_rows, n_nodes), np.empty((0, 0))
-    assemble_operators(h, equations, integrals, inverse, local, operators)
-    known = base + operators.constant
-    eliminate_known(d, operators.matrices, known)
-    integral = integrals[equations.orders.shape[0] - 1]
-    if not solve_stages(
-        rhs, jac, has_jac, params, times, h, known[0], x_start[0], equations.second,
-        operators.matrices, integral, goal, values[0], counts, contraction,
-        empty_factors(d, n_nodes),
-    ):  # fmt: skip
-        return False
-    if x_start.shape[0] > 1 and not solve_tangents(
-        rhs, jac, has_jac, params, times, h, known, x_start, equations.second,
-        operators.matrices, integral, values, counts,
-    ):  # fmt: skip
-        return False
-    subtract_from_forces(d, operators.matrices, known, values)
     return True
 
 

@@ -3,8 +3,7 @@
 import numpy as np
 
 from .._jit import inner
-from .collocation import FORCE, POSITION, PRIMARY, forces, residuals
-from .linalg import substitute
+from .collocation import FORCE, POSITION, PRIMARY, forces, residuals, solve_newton
 
 # Relative tolerance of tangents is at least this: those that have decayed consist of rounding
 # errors, which grow when tangents are normalised.
@@ -64,7 +63,7 @@ def estimate_error(h, equations, legendre, local, matrices, values, newton, erro
 @inner
 def solve_for_error(defect, newton, nodal_errors):
     """Solve for the error that a defect at all nodes, (d s,), causes, at most the defect."""
-    substitute(newton.matrix, newton.order, defect, nodal_errors)
+    solve_newton(newton, defect, nodal_errors)
     # a nearly singular matrix would amplify rounding errors
     nodal_errors *= min(1.0, np.max(np.abs(defect)) / max(np.max(np.abs(nodal_errors)), 1e-300))
 
@@ -142,7 +141,7 @@ def equations_hold(rhs, params, times, base, matrices, goal, values, newton):
     residual, change = np.empty(p.size), np.empty(p.size)
     forces(rhs, params, times, x, f)
     residuals(base, matrices, p, x, f, residual)
-    substitute(newton.matrix, newton.order, residual, change)
+    solve_newton(newton, residual, change)
     s = p.shape[1]
     for c in range(p.shape[0]):
         for i in range(s):
@@ -165,6 +164,8 @@ def add_force_defect(force_defect, matrices, newton, errors):
             excess = 0.0
         for i in range(s):
             defect[c * s + i] = excess * np.sum(matrices[c, FORCE, i])
+    if not np.any(defect):
+        return
     solve_for_error(defect, newton, nodal_errors)
     for c in range(d):
         error = _DEFECT_WEIGHT * np.max(np.abs(nodal_errors[c * s : (c + 1) * s]))

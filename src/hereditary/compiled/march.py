@@ -37,7 +37,7 @@ from .block import (
     write_row,
 )
 from .jacobian import jacobian
-from .newton import guess, solve
+from .newton import guess, solve_step
 from .signatures import MARCH
 from .step import (
     BASE,
@@ -130,8 +130,8 @@ def marching(name, way, read=open_block):
                 put(first, w)
             elif newton:
                 guess(p, integral, ratio[i], lead, known, force, pieces, w)
-                solved = solve(rhs, jac, has_jac, params, t, n_solved, sources, room, work, counts,
-                               solver, linear)  # fmt: skip
+                solved = solve_step(rhs, jac, has_jac, params, t, n_solved, sources, room, work,
+                                    counts, solver, linear)  # fmt: skip
                 if not solved:
                     return NOT_SOLVED
                 if integral == 1:

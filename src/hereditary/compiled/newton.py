@@ -18,26 +18,20 @@ KEPT_FROM, _SLOW = 10, 0.1
 _TOLERANCE, _ROUNDING, _UNDERFLOW = 1e-13, 2e-16, 1e-300
 
 
-@inlined
-def solve(rhs, jac, has_jac, params, t, d, sources, room, work, counts, solver, linear):
-    """Solve a step by Newton's method, and so for tangents; return whether it converged."""
-    if linear.order.shape[0] > 0:
-        solved = solve_with_factors(
-            rhs, jac, has_jac, params, t, d, sources, room, work, counts, solver, linear
-        )
-    else:
-        solved = solve_step(rhs, jac, has_jac, params, t, d, sources, room, work, counts)
-    return solved
-
-
 @inner
-def solve_step(rhs, jac, has_jac, params, t, d, sources, room, work, counts):
+def solve_step(
+    rhs, jac, has_jac, params, t, d, sources, room, work, counts, solver, linear
+):  # fmt: skip
     """Solve ``scale w + known = lead f(t, base + gain w)`` for w, and so for tangents.
 
     The first d components have an equation; f reads all, at the w of their sources. Returns False
     where the iteration does not converge; calls of `rhs` are counted.
     """
     # room (N_ROOM, >= n): rows of a step; work (2, n, n): Jacobian and room for Newton's matrix
+    if linear.order.shape[0] > 0:
+        return solve_with_factors(
+            rhs, jac, has_jac, params, t, d, sources, room, work, counts, solver, linear
+        )
     j_f, matrix = work[0], work[1]
     n = j_f.shape[0]
     known, shift, scale, lead, w = room[KNOWN], room[SHIFT], room[SCALE], room[LEAD], room[W]
@@ -87,7 +81,7 @@ def solve_with_factors(
         look(base, gain, sources, w, point)
         if counts.factored == 0:
             counts.rhs += jacobian(rhs, jac, has_jac, t, point, params, work[0])
-            newton_matrix(work[0], n, d, sources, gain, scale, lead, work[1])
+            newton_matrix_of_many(work[0], n, d, sources, gain, scale, lead, work[1])
             if solver(FACTORISE, 0, work[1], change, linear) != 0:
                 return False
             counts.factored, counts.factorised, fresh = 1, counts.factorised + 1, True
@@ -127,13 +121,19 @@ def solve_tangents(rhs, jac, has_jac, params, t, d, sources, room, work, counts)
     """
     j_f, matrix = work[0], work[1]
     n = j_f.shape[0]
-    scale, lead, w = room[SCALE], room[LEAD], room[W]
+    known, scale, lead, w = room[KNOWN], room[SCALE], room[LEAD], room[W]
     base, gain = room[BASE], room[GAIN]
     point, change = room[POINT][:n], room[MOVED][:n]
     look(base, gain, sources, w, point)
     counts.rhs += jacobian(rhs, jac, has_jac, t, point, params, j_f)
     for first in range(n, base.shape[0], n):
-        set_tangent(first, d, j_f, room, change)
+        for i in range(n):
+            change[i] = 0.0
+        for i in range(d):
+            total = 0.0
+            for k in range(n):
+                total += j_f[i, k] * base[first + k]
+            change[i] = lead[i] * total - known[first + i]
         newton_matrix(j_f, n, d, sources, gain, scale, lead, matrix)
         if not solve_in_place(matrix, change):
             return False
@@ -152,23 +152,17 @@ def solve_tangents_with_factors(
     point, change = room[POINT][:n], room[MOVED][:n]
     look(base, gain, sources, w, point)
     counts.rhs += jacobian(rhs, jac, has_jac, t, point, params, j_f)
-    newton_matrix(j_f, n, d, sources, gain, room[SCALE], room[LEAD], matrix)
+    newton_matrix_of_many(j_f, n, d, sources, gain, room[SCALE], room[LEAD], matrix)
     if solver(FACTORISE, 1, matrix, change, linear) != 0:
         return False
     for first in range(n, base.shape[0], n):
-        set_tangent(first, d, j_f, room, change)
+        multiply(j_f, base[first : first + n], change)
+        for i in range(n):
+            change[i] = room[LEAD][i] * change[i] - room[KNOWN][first + i] if i < d else 0.0
         solver(SUBSTITUTE, 1, matrix, change, linear)
         for i in range(d):
             w[first + i] = change[i]
     return True
-
-
-@inner
-def set_tangent(first, d, j_f, room, out):
-    """Set ``lead J base - known`` of the tangent whose columns begin at `first`."""
-    multiply(j_f, room[BASE][first : first + out.shape[0]], out)
-    for i in range(out.shape[0]):
-        out[i] = room[LEAD][i] * out[i] - room[KNOWN][first + i] if i < d else 0.0
 
 
 @inlined
@@ -177,17 +171,23 @@ def newton_matrix(j_f, n, d, sources, gain, scale, lead, matrix):
 
     Components beyond d have no equation: their w is left as it is.
     """
-    if is_sparse(j_f, n):
-        for k in range(j_f.shape[1]):
-            i, j = int(j_f[ROWS, k]), int(j_f[COLUMNS, k])
-            matrix[VALUES, k] = (scale[i] if i == j else 0.0) - gain[j] * lead[i] * j_f[VALUES, k]
-        return
     for i in range(n):
         for k in range(n):
             matrix[i, k] = 0.0
         for k in range(n if i < d else 0):
             matrix[i, sources[k]] -= gain[k] * lead[i] * j_f[i, k]
         matrix[i, i] += scale[i] if i < d else 1.0
+
+
+@inner
+def newton_matrix_of_many(j_f, n, d, sources, gain, scale, lead, matrix):
+    """As `newton_matrix`, of a sparse Jacobian where it is one."""
+    if is_sparse(j_f, n):
+        for k in range(j_f.shape[1]):
+            i, j = int(j_f[ROWS, k]), int(j_f[COLUMNS, k])
+            matrix[VALUES, k] = (scale[i] if i == j else 0.0) - gain[j] * lead[i] * j_f[VALUES, k]
+    else:
+        newton_matrix(j_f, n, d, sources, gain, scale, lead, matrix)
 
 
 @inlined

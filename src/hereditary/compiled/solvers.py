@@ -20,7 +20,7 @@ _WORD, _N_NUMBERS = ir.IntType(64), 5
 
 
 @intrinsic
-def _call_lapack(typing_context, address, arguments):
+def call_lapack(typing_context, address, arguments):
     """Call a function of LAPACK, which returns nothing, with the addresses of its arguments."""
     count = len(arguments)
 
@@ -101,7 +101,7 @@ def factorise_band(matrix, place, lower, upper, lapack, factors):
     numbers[4], pivots, at = wrong, numbers[_N_NUMBERS:], numbers.ctypes.data
     if wrong == 0:
         pivots_at = at + 4 * _N_NUMBERS
-        _call_lapack(  # type: ignore[call-arg]
+        call_lapack(  # type: ignore[call-arg]
             lapack, (at, at, at + 4, at + 8, factors.ctypes.data, at + 12, pivots_at, at + 16)
         )
     for j in range(n if numbers[4] == 0 else 0):

@@ -6,12 +6,12 @@ integrands (3, or 4 with p'), k tangents. An axis of length 1 + k holds the orbi
 tangents (docs/notation.md).
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import from_dtype, types
 
-from .._jit import CUBE, CUBES, F8, IVEC, MAT, VEC
+from .._jit import CUBE, CUBES, F8, I8, IVEC, MAT, VEC
 
 # Convolution term: its row, integrand, index of the order or kernel, and coefficient.
 TERM = np.dtype(
@@ -175,17 +175,63 @@ class Operators(NamedTuple):
     constant: np.ndarray
 
 
-class Factors(NamedTuple):
-    """Factorised Newton matrix (d s, d s), its row order (d s,), and the scales |J| |y| of f, (d,).
+class Stages(NamedTuple):
+    """Systems of size d for many components that share their terms (compiled/stages.py).
 
+    factors (K, ., .) of up to K = s systems; order (d,), the place of each component, (0,) where
+    the step is solved as one system; lower and upper, diagonals of a band; addresses of two
+    functions of LAPACK, and of one that enters Python; hold, steps of one length before
+    a longer one is worth new factors; pencil (2, s, s), the matrices G and M of a
+    step; shifts (K,), and the transforms back (K, s) and forth (s, K) of nodal values; jacobian (d,
+    d) or the entries of a sparse one; control (4,).
+    """
+
+    factors: np.ndarray
+    order: np.ndarray
+    lower: int
+    upper: int
+    lapack: int
+    lapack_solve: int
+    python: int
+    hold: int
+    pencil: np.ndarray
+    shifts: np.ndarray
+    back: np.ndarray
+    forth: np.ndarray
+    jacobian: np.ndarray
+    control: np.ndarray
+
+
+class Factors(NamedTuple):
+    """Factorised Newton matrix of a step, or its stages, and the scales |J| |y| of f, (d,).
+
+    matrix (d s, d s) with its row order (d s,), both empty where `solver` solves for the stages.
     Summands of f are as large as its scale, so its rounding error is that of the scale.
     """
 
     matrix: np.ndarray
     order: np.ndarray
     force_scales: np.ndarray
+    solver: Any
+    stages: Stages
 
 
+# Control of stages: step length that the factors hold for (0: none), 1 where the Jacobian is to be
+# kept, the number of systems, and the steps for which a longer one was put off. A record would not
+# pass through a function value.
+LENGTH, KEPT, SYSTEMS, HELD, N_CONTROL = range(5)
+_C16 = types.complex128
+_COMPLEX, _COMPLEX_ROW = types.Array(_C16, 2, "C"), types.Array(_C16, 1, "C")
+STAGES = types.NamedTuple(
+    (
+        types.Array(_C16, 3, "C"), IVEC, I8, I8, I8, I8, I8, I8, CUBE, _COMPLEX_ROW,
+        _COMPLEX, _COMPLEX, MAT, VEC,
+    ),
+    Stages,
+)  # fmt: skip
+# task, nodal values (d, s), which the solution replaces; 0 where it is done
+STAGES_SIG = I8(I8, MAT, STAGES)
+STAGE_SOLVER = types.FunctionType(STAGES_SIG)
 CONTROL_RECORD, COUNTS_RECORD = from_dtype(CONTROL), from_dtype(COUNTS)
 CONTRACTION_RECORD, TABULATED_RECORD = from_dtype(CONTRACTION), from_dtype(TABULATED)
 TERMS = types.Array(from_dtype(TERM), 1, "C")

@@ -1,0 +1,163 @@
+"""Newton's method for a collocation step of many components, one Jacobian for all its stages."""
+
+import numpy as np
+
+from .._jit import inner
+from .collocation import (
+    FORCE,
+    POSITION,
+    PRIMARY,
+    contraction_rate,
+    forces,
+    positions,
+    residuals,
+    solve_newton,
+)
+from .jacobian import COLUMNS, ROWS, VALUES, is_sparse, jacobian, multiply
+from .signatures import FACTORISE
+from .structures import KEPT, LENGTH
+
+# Newton iterations before a step is refused, and contraction from which a Jacobian is not kept.
+_SWEEPS, _SLOW = 12, 0.05
+# Iterations for a tangent, and the relative change that ends them.
+_TANGENT_SWEEPS, _TANGENT_GOAL = 30, 1e-11
+
+
+@inner
+def solve_many(
+    rhs, jac, has_jac, params, times, h, base, x_start, second, matrices, integral, goal, values,
+    counts, contraction, newton,
+):  # fmt: skip
+    """As `solve_stages`, by systems of the size of the equation.
+
+    The Jacobian is kept over steps while the method converges fast, and factors as long as the
+    step's length stays.
+    """
+    f, p, x = values[FORCE], values[PRIMARY], values[POSITION]
+    stages, control = newton.stages, newton.stages.control
+    d, s = p.shape
+    residual, change, before = np.empty(d * s), np.empty(d * s), np.empty((d, s))
+    previous, fresh = np.inf, False
+    positions(h, p, x_start, second, integral, x)
+    for sweep in range(_SWEEPS):
+        if control[KEPT] == 0.0:
+            point = x[:, s // 2].copy()
+            counts.rhs += jacobian(rhs, jac, has_jac, times[s // 2], point, params, stages.jacobian)
+            control[KEPT], control[LENGTH], fresh = 1.0, 0.0, True
+        if control[LENGTH] != h:
+            set_pencil(h, matrices[0], integral, second[0], stages.pencil)
+            control[LENGTH] = 0.0
+            if newton.solver(FACTORISE, p, stages) != 0:
+                return False
+            control[LENGTH], previous = h, np.inf
+        forces(rhs, params, times, x, f)
+        counts.rhs += s
+        residuals(base, matrices, p, x, f, residual)
+        solve_newton(newton, residual, change)
+        size = 0.0
+        for c in range(d):
+            for i in range(s):
+                p[c, i] -= change[c * s + i]
+                size = max(size, abs(change[c * s + i]) / goal[c])
+        if not size < np.inf:
+            control[KEPT] = 0.0
+            return False
+        before[:] = x
+        positions(h, p, x_start, second, integral, x)
+        rate = contraction_rate(size, previous, h, contraction)
+        if size * min(1.0, 4.0 * rate) < 1.0:
+            set_scales(stages.jacobian, x, newton.force_scales)
+            correct_forces(stages.jacobian, before, x, f)
+            return True
+        if previous < np.inf and rate > _SLOW:
+            if rate > 0.9 and sweep > 5:
+                control[KEPT] = 0.0
+                return False
+            if not fresh:  # one of an earlier step
+                control[KEPT] = 0.0
+        previous = size
+    control[KEPT] = 0.0
+    return False
+
+
+@inner
+def set_pencil(h, matrices, integral, second, pencil):
+    """Set the matrices G and M of a step, with which residuals change by M x - G x J^T."""
+    # matrices (3, s, s) of any component; p is y' where second is 1
+    s = integral.shape[0]
+    for i in range(s):
+        for j in range(s):
+            gain, rest = matrices[FORCE, i, j], matrices[POSITION, i, j]
+            if second == 1:
+                gain, rest = 0.0, 0.0
+                for k in range(s):
+                    gain += h * matrices[FORCE, i, k] * integral[k, j]
+                    rest += h * matrices[POSITION, i, k] * integral[k, j]
+            pencil[0, i, j] = gain
+            pencil[1, i, j] = (1.0 if i == j else 0.0) - matrices[PRIMARY, i, j] - rest
+
+
+@inner
+def set_scales(j_f, x, force_scales):
+    """Set |J| |y|, (d,), with y at the last node: the size of the summands of f."""
+    d = force_scales.shape[0]
+    force_scales[:] = 0.0
+    for c in range(0 if is_sparse(j_f, d) else d):
+        for e in range(d):
+            force_scales[c] += abs(j_f[c, e] * x[e, -1])
+    for k in range(j_f.shape[1] if is_sparse(j_f, d) else 0):
+        term = j_f[VALUES, k] * x[int(j_f[COLUMNS, k]), -1]
+        force_scales[int(j_f[ROWS, k])] += abs(term)
+
+
+@inner
+def correct_forces(j_f, before, x, f):
+    """Correct f (d, s) to first order from y = `before` to y = x."""
+    d = x.shape[0]
+    moved, more = np.empty(d), np.empty(d)
+    for i in range(x.shape[1]):
+        for c in range(d):
+            moved[c] = x[c, i] - before[c, i]
+        multiply(j_f, moved, more)
+        for c in range(d):
+            f[c, i] += more[c]
+
+
+@inner
+def solve_many_tangents(
+    rhs, jac, has_jac, params, times, h, base, x_start, second, matrices, integral, values, counts,
+    newton,
+):  # fmt: skip
+    """As `solve_tangents`, by the orbit's systems, until the Jacobians of all stages hold."""
+    d, s = second.shape[0], base.shape[2]
+    residual, change = np.empty(d * s), np.empty(d * s)
+    shape = newton.stages.jacobian.shape
+    jacobians, more = np.empty((s, shape[0], shape[1])), np.empty(d)
+    for i in range(s):
+        jacobians[i] = newton.stages.jacobian
+        point = values[0, POSITION, :, i].copy()
+        counts.rhs += jacobian(rhs, jac, has_jac, times[i], point, params, jacobians[i])
+    for column in range(1, base.shape[0]):
+        f, p, x = values[column, FORCE], values[column, PRIMARY], values[column, POSITION]
+        p[:], done = 0.0, False
+        for _ in range(_TANGENT_SWEEPS):
+            positions(h, p, x_start[column], second, integral, x)
+            for i in range(s):
+                multiply(jacobians[i], x[:, i].copy(), more)
+                f[:, i] = more
+            if done:
+                break
+            residuals(base[column], matrices, p, x, f, residual)
+            solve_newton(newton, residual, change)
+            moved, size = 0.0, 0.0
+            for c in range(d):
+                for i in range(s):
+                    p[c, i] -= change[c * s + i]
+                    moved = max(moved, abs(change[c * s + i]))
+                    size = max(size, abs(p[c, i]))
+            done = moved <= _TANGENT_GOAL * size
+            if not moved < np.inf:
+                return False
+        if not done:
+            return False
+    return True

@@ -1,0 +1,63 @@
+"""One collocation step on any nodes, as a singular start has them."""
+
+import numpy as np
+
+from .._jit import CUBE, CUBES, F8, I8, MAT, VEC, entry
+from .collocation import (
+    assemble_operators,
+    eliminate_known,
+    empty_factors,
+    empty_operators,
+    solve_stages,
+    solve_tangents,
+    subtract_from_forces,
+)
+from .many_stages import solve_many, solve_many_tangents
+from .signatures import JAC, RHS
+from .structures import CONTRACTION_RECORD, COUNTS_RECORD, EQUATIONS, STAGE_SOLVER, STAGES
+
+_SINGLE_STEP = (
+    RHS, JAC, I8, VEC, STAGE_SOLVER, STAGES, EQUATIONS, VEC, CUBE, CUBE, F8, CUBE, MAT, VEC, CUBES,
+    COUNTS_RECORD, CONTRACTION_RECORD,
+)  # fmt: skip
+
+
+def single_step(name, solve, solve_for_tangents):
+    """Compile the solution of one step for one way of solving its equations."""
+
+    def step(
+        rhs, jac, has_jac, params, solver, stages, equations, times, integrals, local, h, base,
+        x_start, goal, values, counts, contraction,
+    ):  # fmt: skip
+        n_nodes, d, n_rows = times.shape[0], equations.second.shape[0], base.shape[1]
+        operators, inverse = empty_operators(base.shape[0], n_rows, n_nodes), np.empty((0, 0))
+        assemble_operators(h, equations, integrals, inverse, local, operators)
+        known, newton = base + operators.constant, empty_factors(d, n_nodes, solver, stages)
+        eliminate_known(d, operators.matrices, known)
+        integral = integrals[equations.orders.shape[0] - 1]
+        if not solve(
+            rhs, jac, has_jac, params, times, h, known[0], x_start[0], equations.second,
+            operators.matrices, integral, goal, values[0], counts, contraction, newton,
+        ):  # fmt: skip
+            return False
+        if x_start.shape[0] > 1 and not solve_for_tangents(
+            rhs, jac, has_jac, params, times, h, known, x_start, equations.second,
+            operators.matrices, integral, values, counts, newton,
+        ):  # fmt: skip
+            return False
+        subtract_from_forces(d, operators.matrices, known, values)
+        return True
+
+    step.__name__ = step.__qualname__ = name
+    step.__doc__ = """Solve one step of equations without p' among the integrands.
+
+    base (1 + k, R, s) holds p(0) and the history of the orbit and its tangents; values (1 + k, 3,
+    d, s) receives f, p and y at the nodes and holds a first guess of the orbit's p.
+    """
+    return entry(*_SINGLE_STEP)(step)
+
+
+SINGLE_STEPS = {
+    False: single_step("solve_single_step", solve_stages, solve_tangents),
+    True: single_step("solve_single_step_of_many", solve_many, solve_many_tangents),
+}

@@ -1,0 +1,193 @@
+"""Linear systems of the stages of a collocation step, for many components that share their terms.
+
+Of nodal values x (d, s) the derivative of the residuals is ``x M^T - J x G^T`` with matrices M and
+G (s, s) that all components share and one Jacobian J for all nodes. With ``M^-1 G = V Lambda V^-1``
+that is solved by systems ``(1 - lambda_k J) z = r`` of size d, one for each pair of complex
+eigenvalues. V may be ill-conditioned: residuals are those of the equations themselves, so that its
+rounding errors leave with the next iteration. Source: [HairerWan1996], section IV.8, where M is 1.
+"""
+
+import numpy as np
+
+from .._jit import compiled, inner
+from .._python_calls import PythonRaised, call_at
+from .jacobian import COLUMNS, ROWS, VALUES
+from .linalg import solve_in_place
+from .signatures import FACTORISE
+from .solvers import call_lapack
+from .structures import SYSTEMS
+
+# Fraction of an eigenvalue below which its imaginary part is rounding.
+_REAL = 1e-13
+
+
+@inner
+def transform(stage):
+    """Set the eigenvalues that are needed, and both transforms; False where there are none."""
+    gain, rest = stage.pencil[0], stage.pencil[1]
+    s = gain.shape[0]
+    inverse = np.empty((s, s))
+    for j in range(s):
+        column = np.zeros(s)
+        column[j] = 1.0
+        if not solve_in_place(rest.copy(), column):
+            return False
+        inverse[:, j] = column
+    product = inverse @ gain
+    for value in product.ravel():
+        if not abs(value) < np.inf:
+            return False
+    values, vectors = np.linalg.eig(product.astype(np.complex128))
+    back = np.linalg.inv(vectors) @ inverse.astype(np.complex128)
+    n_real, n_above = 0, 0
+    for value in values:
+        small = abs(value.imag) <= _REAL * abs(value)
+        n_real += int(small)
+        n_above += int(value.imag > 0.0 and not small)
+    paired = n_real + 2 * n_above == s
+    kept = 0
+    for k in range(s):
+        small = abs(values[k].imag) <= _REAL * abs(values[k])
+        if paired and not small and values[k].imag < 0.0:
+            continue
+        weight = 2.0 if paired and not small else 1.0
+        stage.shifts[kept] = values[k]
+        for i in range(s):
+            stage.forth[i, kept], stage.back[kept, i] = weight * vectors[i, k], back[k, i]
+        kept += 1
+    stage.control[SYSTEMS] = kept
+    return True
+
+
+@inner
+def project(k, values, stage, out):
+    """Set the right-hand side of system k, (d,), from nodal values (d, s)."""
+    for c in range(out.shape[0]):
+        total = 0.0j
+        for i in range(values.shape[1]):
+            total += stage.back[k, i] * values[c, i]
+        out[c] = total
+
+
+@inner
+def add_solution(k, solution, stage, out):
+    """Add the solution of system k, (d,), to nodal values (d, s)."""
+    for c in range(solution.shape[0]):
+        for i in range(out.shape[1]):
+            out[c, i] += (stage.forth[i, k] * solution[c]).real
+
+
+@compiled
+def dense_stages(task, values, stage):
+    """Factorise all systems of a dense Jacobian, or solve them for nodal values; 0 if done."""
+    n = stage.order.shape[0]
+    pivots, numbers = np.empty(n, dtype=np.int32), np.empty(4, dtype=np.int32)
+    numbers[0], numbers[1], numbers[2], numbers[3] = n, 1, 0, ord("T")
+    at = numbers.ctypes.data
+    if task == FACTORISE:
+        if not transform(stage):
+            return 1
+        for k in range(int(stage.control[SYSTEMS])):
+            factors = stage.factors[k, :n]
+            for i in range(n):
+                for j in range(n):
+                    factors[i, j] = -stage.shifts[k] * stage.jacobian[i, j]
+                factors[i, i] += 1.0
+            call_lapack(  # type: ignore[call-arg]
+                stage.lapack,
+                (at, at, factors.ctypes.data, at, pivots.ctypes.data, at + 8),
+            )
+            if numbers[2] != 0:
+                return 1
+            for i in range(n):
+                stage.factors[k, n, i] = pivots[i]
+        return 0
+    right = np.empty(n, dtype=np.complex128)
+    found = np.zeros(values.shape)
+    for k in range(int(stage.control[SYSTEMS])):
+        project(k, values, stage, right)
+        for i in range(n):
+            pivots[i] = int(stage.factors[k, n, i].real)
+        call_lapack(  # type: ignore[call-arg]
+            stage.lapack_solve,
+            (at + 12, at, at + 4, stage.factors[k].ctypes.data, at, pivots.ctypes.data,
+             right.ctypes.data, at, at + 8),
+        )  # fmt: skip
+        add_solution(k, right, stage, found)
+    values[:] = found
+    return int(numbers[2]) + 0 * int(pivots[0])
+
+
+@compiled
+def banded_stages(task, values, stage):
+    """Factorise all systems of a banded Jacobian, or solve them for nodal values; 0 if done."""
+    # factors (K, n, 2 lower + upper + 2): LAPACK's columns, and behind each its pivot
+    n, place, lower, upper = stage.order.shape[0], stage.order, stage.lower, stage.upper
+    width, entries = stage.factors.shape[2] - 1, stage.jacobian
+    pivots, numbers = np.empty(n, dtype=np.int32), np.empty(7, dtype=np.int32)
+    numbers[0], numbers[1], numbers[2], numbers[3] = n, lower, upper, width + 1
+    numbers[4], numbers[5], numbers[6] = 1, 0, ord("N")
+    at = numbers.ctypes.data
+    if task == FACTORISE:
+        if not transform(stage):
+            return 1
+        for k in range(int(stage.control[SYSTEMS])):
+            factors = stage.factors[k]
+            factors[:] = 0.0
+            for e in range(entries.shape[1]):
+                i, j = place[int(entries[ROWS, e])], place[int(entries[COLUMNS, e])]
+                factors[j, lower + upper + i - j] -= stage.shifts[k] * entries[VALUES, e]
+            for j in range(n):
+                factors[j, lower + upper] += 1.0
+            call_lapack(  # type: ignore[call-arg]
+                stage.lapack,
+                (at, at, at + 4, at + 8, factors.ctypes.data, at + 12, pivots.ctypes.data,
+                 at + 20),
+            )  # fmt: skip
+            if numbers[5] != 0:
+                return 1
+            for j in range(n):
+                factors[j, width] = pivots[j]
+        return 0
+    right, ordered = np.empty((2, n), dtype=np.complex128)
+    found = np.zeros(values.shape)
+    for k in range(int(stage.control[SYSTEMS])):
+        project(k, values, stage, right)
+        for i in range(n):
+            ordered[place[i]] = right[i]
+            pivots[i] = int(stage.factors[k, i, width].real)
+        call_lapack(  # type: ignore[call-arg]
+            stage.lapack_solve,
+            (at + 24, at, at + 4, at + 8, at + 16, stage.factors[k].ctypes.data, at + 12,
+             pivots.ctypes.data, ordered.ctypes.data, at, at + 20),
+        )  # fmt: skip
+        for i in range(n):
+            right[i] = ordered[place[i]]
+        add_solution(k, right, stage, found)
+    values[:] = found
+    return int(numbers[5]) + 0 * int(pivots[0])
+
+
+@compiled
+def sparse_stages(task, values, stage):
+    """Factorise all systems of a sparse Jacobian in Python, or solve them; 0 if done."""
+    n, found = stage.order.shape[0], np.zeros(values.shape)
+    if task == FACTORISE and not transform(stage):
+        return 1
+    right = np.empty(n, dtype=np.complex128)
+    for k in range(int(stage.control[SYSTEMS])):
+        given, wanted = stage.jacobian.ctypes.data, right.ctypes.data
+        if task == FACTORISE:
+            right[0] = stage.shifts[k]
+        else:
+            project(k, values, stage, right)
+        status: int = call_at(stage.python, 2.0 * k + task, given, wanted)  # type: ignore[call-arg]
+        if status < 0:
+            raise PythonRaised
+        if status > 0:
+            return status
+        if task != FACTORISE:
+            add_solution(k, right, stage, found)
+    if task != FACTORISE:
+        values[:] = found
+    return 0

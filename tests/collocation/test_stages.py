@@ -1,0 +1,162 @@
+"""Collocation of many components: stage by stage, within its tolerance, as single equations are."""
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+import hereditary as hd
+from hereditary.collocation.equations import integral_form
+from hereditary.collocation.stages import has_stages
+from hereditary.collocation.stepper import AdaptiveStepper
+from hereditary.exact import mittag_leffler
+
+
+def laplacian(d):
+    ones = np.ones(d - 1)
+    parts = [ones, -2 * np.ones(d), ones]
+    return (sp.diags_array(parts, offsets=[-1, 0, 1]) * (d + 1.0) ** 2).tocsr()
+
+
+def modes(d):
+    """Two eigenvectors of the Laplacian, and their rates."""
+    places, numbers = np.arange(1, d + 1) / (d + 1), np.array([1, 3])
+    rates = 4 * (d + 1) ** 2 * np.sin(numbers * np.pi / (2 * d + 2)) ** 2
+    return np.sin(np.pi * np.outer(numbers, places)), rates
+
+
+@pytest.mark.parametrize("rtol", [1e-4, 1e-8])
+@pytest.mark.parametrize(("d", "how"), [(50, "dense"), (50, "band"), (200, "band"), (1000, "band")])
+def test_diffusion_keeps_its_tolerance(d, how, rtol):
+    waves, rates = modes(d)
+    a = laplacian(d) if how == "band" else laplacian(d).toarray()
+    sol = hd.solve(hd.Equation(hd.Caputo(0.7), None, waves.sum(axis=0), linear=a), 1.0, rtol=rtol)
+    assert sol.success
+    times = np.array([1e-6, 1e-3, 0.1, 1.0])
+    parts = np.array([[mittag_leffler(-rate * t**0.7, 0.7, 1.0) for rate in rates] for t in times])
+    errors = np.abs(sol(times) - parts @ waves)
+    assert errors.max() < 2 * rtol
+    assert sol.stats["n_steps"] < 400
+
+
+def plane(m):
+    one = laplacian(m)
+    return (sp.kron(one, sp.eye_array(m)) + sp.kron(sp.eye_array(m), one)).tocsr()
+
+
+def test_a_plane_keeps_its_tolerance():
+    """Its pattern is too wide for a band and goes to SuperLU."""
+    m = 40
+    wave = modes(m)[0][0]
+    rate = 2 * modes(m)[1][0]
+    eq = hd.Equation(hd.Caputo(0.7), None, np.outer(wave, wave).ravel(), linear=plane(m))
+    sol = hd.solve(eq, 0.5, rtol=1e-6, save_every=10)
+    exact = mittag_leffler(-rate * 0.5**0.7, 0.7, 1.0) * np.outer(wave, wave).ravel()
+    assert np.abs(sol.y[-1] - exact).max() < 1e-6
+
+
+def spread(u):
+    """Cubic oscillators by themselves."""
+    out = np.empty(u.size)
+    for i in range(u.size):
+        out[i] = np.sin(u[i]) - u[i] ** 3
+    return out
+
+
+TERMS = {
+    "one": hd.Caputo(0.6),
+    "one, above 1": hd.Caputo(1.6),
+    "two": hd.Caputo(0.9) + 0.5 * hd.Caputo(0.3),
+    "two, above 1": hd.Caputo(1.8) + 0.3 * hd.Caputo(0.7),
+    "classical": hd.Caputo(1.0),
+    "classical oscillator": hd.Caputo(2.0) + 0.2 * hd.Caputo(1.0),
+    "leading kernel": hd.Memory(hd.TemperedPowerLaw(0.5, 1.0), derivative=1),
+    "kernel": hd.Caputo(1.0) + hd.Memory(hd.TemperedPowerLaw(0.5, 1.0), derivative=1),
+    "varying": hd.Caputo(lambda t: 0.7 + 0.1 * np.sin(t)),
+}
+
+
+@pytest.mark.parametrize("name", TERMS)
+def test_components_by_themselves_are_single_equations(name):
+    """Twelve components and one, of all kinds of terms; a tolerance each may err by."""
+    d, rtol = 12, 1e-8
+    above = name.endswith(("above 1", "oscillator"))
+    y0 = np.linspace(0.2, 1.3, d)
+    eq = hd.Equation(TERMS[name], lambda t, u: spread(u), [y0, 0 * y0] if above else y0)
+    assert has_stages(integral_form(eq))
+    sol = hd.solve(eq, 3.0, rtol=rtol, t_eval=[0.0, 0.5, 3.0], max_steps=600)
+    for k in (0, 5, 11):
+        single = hd.Equation(
+            TERMS[name], lambda t, u: np.sin(u) - u**3, [y0[k], 0.0] if above else y0[k]
+        )
+        expected = hd.solve(single, 3.0, rtol=rtol, t_eval=[0.0, 0.5, 3.0])
+        assert np.abs(sol.y[:, k] - expected.y[:, 0]).max() < 2 * rtol
+
+
+def test_components_of_other_orders_are_solved_as_one_system():
+    d = 14
+    orders = np.where(np.arange(d) % 2, 0.6, 0.8)
+    y0 = np.linspace(0.2, 1.3, d)
+    eq = hd.Equation(hd.Caputo(orders), lambda t, u: spread(u), y0, bandwidth=(0, 0))
+    assert not has_stages(integral_form(eq))
+    sol = hd.solve(eq, 2.0, rtol=1e-8)
+    for k in (2, 3):
+        single = hd.Equation(hd.Caputo(orders[k]), lambda t, u: np.sin(u) - u**3, y0[k])
+        assert abs(sol.y[-1, k] - hd.solve(single, 2.0, rtol=1e-8).y[-1, 0]) < 2e-8
+
+
+def bistable(t, u, du, p):
+    """Bistable sites that neighbours pull at."""
+    n = u.size
+    for i in range(n):
+        left, right = u[i - 1] if i > 0 else 0.0, u[i + 1] if i < n - 1 else 0.0
+        du[i] = 4.0 * (left - 2 * u[i] + right) + 3.0 * u[i] - u[i] ** 3
+
+
+@pytest.mark.parametrize("bandwidth", [None, (1, 1)])
+def test_tangents_resumed_runs_and_events(bandwidth):
+    d, rtol = 15, 1e-8
+    random = np.random.default_rng(2)
+    y0, directions = random.normal(size=d), random.normal(size=(d, 2))
+    eq = hd.Equation(hd.Caputo(0.8), bistable, y0, bandwidth=bandwidth)
+    stepper = AdaptiveStepper(eq, hd.Collocation(), 2.0, 1e-10, 1e-12, directions=directions)
+    while stepper.t < 2.0:
+        stepper.advance(2.0)
+    for k in range(2):
+        ends = [
+            hd.solve(eq.replace(y0=y0 + side * 2e-5 * directions[:, k]), 2.0, rtol=1e-11).y[-1]
+            for side in (1, -1)
+        ]
+        assert np.abs(stepper.tangent[:, k] - (ends[0] - ends[1]) / 4e-5).max() < 1e-6
+
+    def crossing(t, u):
+        return u[3] - 0.5 * (y0[3] + whole.y[-1, 3])
+
+    whole = hd.solve(eq, 4.0, rtol=rtol)
+    half = hd.solve(eq, 2.0, rtol=rtol)
+    rest = hd.solve(eq, 4.0, resume=half.state)
+    assert np.abs(rest.y[-1] - whole.y[-1]).max() < 2 * rtol
+    found = hd.solve(eq, 4.0, rtol=rtol, events=crossing)
+    assert found.t_events[0].size > 0
+    values = [crossing(t, found(t)) for t in found.t_events[0]]
+    assert np.abs(values).max() < 1e-7
+
+
+def test_stiff_reactions_renew_their_jacobian():
+    """Of a Jacobian that changes by orders the kept one would no longer contract."""
+
+    def burning(t, u, du, p):
+        for i in range(u.size):
+            du[i] = -(1.0 + 1e4 * np.sin(t) ** 2) * (u[i] - np.cos(t + i))
+
+    d, rtol = 12, 1e-7
+    sol = hd.solve(
+        hd.Equation(hd.Caputo(0.9), burning, np.zeros(d), bandwidth=(0, 0)), 4.0, rtol=rtol
+    )
+    single = hd.Equation(
+        hd.Caputo(0.9), lambda t, u: -(1.0 + 1e4 * np.sin(t) ** 2) * (u - np.cos(t + 5)), 0.0
+    )
+    expected = hd.solve(single, 4.0, rtol=1e-10)
+    assert sol.success
+    assert (
+        np.abs(sol(np.linspace(0, 4, 9))[:, 5] - expected(np.linspace(0, 4, 9))[:, 0]).max() < rtol
+    )
