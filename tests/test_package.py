@@ -185,7 +185,16 @@ def test_examples_in_docstrings(name):
 PAGES = ["README.md"]
 PAGES += [
     f"docs/{name}.md"
-    for name in ("start", "collocation", "kernels", "memory_terms", "events", "sweeps", "recipes")
+    for name in (
+        "start",
+        "collocation",
+        "kernels",
+        "memory_terms",
+        "events",
+        "sweeps",
+        "recipes",
+        "large_systems",
+    )
 ]
 
 

@@ -1,0 +1,160 @@
+"""Time and memory of large systems grow with the entries of their Jacobian.
+
+``D^0.7 u = u_xx`` by the method of lines on d inner points of [0, 1], u(0) = sin(pi x) + sin(3 pi
+x), to T = 1, against the exact solution of the discrete system:
+
+* `Collocation` at rtol 1e-10, dense and banded, keeps its tolerance;
+* `BDF(2)` with 1,000 steps, dense and banded, is as accurate as one equation is;
+* L1 with the full history in NumPy and SciPy's `solve_banded`, as it is written by hand;
+* the plane, m**2 components, by `BDF(2)` and SuperLU.
+
+Where the entries of the Jacobian are stated a step takes a time in proportion to d.
+"""
+
+import time
+
+import matplotlib.pyplot as plt
+import numpy as np
+import scipy.sparse as sp
+from _study import Study, check
+from scipy.linalg import solve_banded
+from scipy.special import gamma
+
+import hereditary as hd
+from hereditary.exact import mittag_leffler
+
+ALPHA, STEPS = 0.7, 1000
+
+
+def laplacian(d):
+    ones = np.ones(d - 1)
+    parts = [ones, -2 * np.ones(d), ones]
+    return (sp.diags_array(parts, offsets=[-1, 0, 1]) * (d + 1.0) ** 2).tocsr()
+
+
+def plane(m):
+    one = laplacian(m)
+    return (sp.kron(one, sp.eye_array(m)) + sp.kron(sp.eye_array(m), one)).tocsr()
+
+
+def waves(d):
+    """Two eigenvectors, and their rates."""
+    places, numbers = np.arange(1, d + 1) / (d + 1), np.array([1, 3])
+    rates = 4 * (d + 1) ** 2 * np.sin(numbers * np.pi / (2 * d + 2)) ** 2
+    return np.sin(np.pi * np.outer(numbers, places)), rates
+
+
+def exact(rates, parts):
+    return sum(mittag_leffler(-r, ALPHA, 1.0) * part for r, part in zip(rates, parts, strict=True))
+
+
+def by_hand(d):
+    """L1 with the full history in NumPy."""
+    h, u = 1.0 / STEPS, np.empty((STEPS + 1, d))
+    u[0] = waves(d)[0].sum(axis=0)
+    weights = np.diff(np.arange(STEPS + 1.0) ** (1 - ALPHA)) * h**-ALPHA / gamma(2 - ALPHA)
+    bands = np.zeros((3, d))
+    bands[0, 1:] = bands[2, :-1] = -((d + 1.0) ** 2)
+    bands[1] = weights[0] + 2 * (d + 1.0) ** 2
+    for n in range(1, STEPS + 1):
+        past = weights[1:n][::-1] @ np.diff(u[:n], axis=0) if n > 1 else 0.0
+        u[n] = solve_banded((1, 1), bands, weights[0] * u[n - 1] - past)
+    return u[-1], {"history_bytes": u.nbytes}
+
+
+def solved(d, how, scheme):
+    matrix = laplacian(d) if how == "banded" else laplacian(d).toarray()
+    equation = hd.Equation(hd.Caputo(ALPHA), None, waves(d)[0].sum(axis=0), linear=matrix)
+    steps = {"rtol": 1e-10} if scheme is None else {"n_steps": STEPS, "scheme": scheme}
+
+    def run():
+        sol = hd.solve(equation, 1.0, save_every=STEPS, **steps)
+        return sol.y[-1], sol.stats
+
+    return run
+
+
+def measured(run, quick):
+    """Best time of some runs, and what the last one gave."""
+    best = np.inf
+    for _ in range(1 if quick else 3):
+        began = time.perf_counter()
+        found, stats = run()
+        best = min(best, time.perf_counter() - began)
+        if best > 5:
+            break
+    return best, found, stats
+
+
+def measure(quick):
+    few, some = ([11, 20], [11, 50]) if quick else ([11, 40, 100, 200, 500], [11, 40, 100, 500])
+    cases = [("Collocation", "dense", d, None) for d in few]
+    cases += [("Collocation", "banded", d, None) for d in some + ([] if quick else [1000])]
+    cases += [("BDF(2)", "dense", d, hd.BDF(2)) for d in few]
+    cases += [("BDF(2)", "banded", d, hd.BDF(2)) for d in some]
+    cases += [("BDF(2)", "banded", d, hd.BDF(2)) for d in ([] if quick else [10**3, 10**4, 10**5])]
+    cases += [("L1 by hand", "banded", d, None) for d in ([20] if quick else [11, 100, 1000])]
+    for scheme, how, d, given in cases:
+        run = (lambda d=d: by_hand(d)) if scheme == "L1 by hand" else solved(d, how, given)
+        run()  # compiles
+        seconds, found, stats = measured(run, quick)
+        parts, rates = waves(d)
+        yield row(scheme, how, d, seconds, np.abs(found - exact(rates, parts)).max(), stats)
+    m = 12 if quick else 256
+    wave, rate = waves(m)[0][0], waves(m)[1][0]
+    start = np.outer(wave, wave).ravel()
+    equation = hd.Equation(hd.Caputo(ALPHA), None, start, linear=plane(m))
+    began = time.perf_counter()
+    sol = hd.solve(equation, 1.0, STEPS, scheme=hd.BDF(2), save_every=STEPS)
+    seconds = time.perf_counter() - began
+    error = np.abs(sol.y[-1] - exact([2 * rate], [start])).max()
+    yield row("BDF(2)", "plane", m * m, seconds, error, sol.stats)
+
+
+def row(scheme, how, d, seconds, error, stats):
+    return {
+        "scheme": scheme,
+        "jacobian": how,
+        "d": d,
+        "ms": f"{1e3 * seconds:.3g}",
+        "error": f"{error:.2g}",
+        "MB": f"{stats['history_bytes'] / 1e6:.3g}",
+        "factorised": stats.get("n_factorised", ""),
+    }
+
+
+def main():
+    study = Study(__file__, __doc__)
+    study.write(list(measure(study.quick)))
+    rows = study.read()
+    worst = max(row["error"] for row in rows if row["scheme"] == "Collocation")
+    check(f"Collocation errs by at most {worst:.1e} (tolerance 1e-10)", worst < 1e-10)
+    worst = max(row["error"] for row in rows if row["scheme"] == "BDF(2)")
+    check(f"BDF(2) errs by at most {worst:.1e} (below 1e-6)", worst < 1e-6)
+    banded = {
+        row["d"]: row["ms"] / row["d"]
+        for row in rows
+        if (row["scheme"], row["jacobian"]) == ("BDF(2)", "banded")
+    }
+    if not study.quick:
+        growth = banded[100_000] / banded[1000]
+        check(f"a component takes {growth:.2f} times as long in 1e5 as in 1e3", growth < 2)
+    draw(study, rows)
+
+
+def draw(study, rows):
+    figure, (left, right) = plt.subplots(1, 2, figsize=(10, 4), layout="constrained")
+    kinds = list(dict.fromkeys((row["scheme"], row["jacobian"]) for row in rows))
+    for number, kind in enumerate(kinds):
+        mine = [row for row in rows if (row["scheme"], row["jacobian"]) == kind]
+        d, ms, size = ([row[key] for row in mine] for key in ("d", "ms", "MB"))
+        left.loglog(d, ms, f"o-C{number}", ms=4, label=", ".join(kind))
+        right.loglog(d, size, f"o-C{number}", ms=4)
+    left.set(xlabel="components", ylabel="ms", title="Time of a run")
+    right.set(xlabel="components", ylabel="MB", title="Memory of the past")
+    left.legend(fontsize=8)
+    study.save(figure)
+
+
+if __name__ == "__main__":
+    main()
