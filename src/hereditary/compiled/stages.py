@@ -4,7 +4,7 @@ Of nodal values x (d, s) the derivative of the residuals is ``x M^T - J x G^T`` 
 G (s, s) that all components share and one Jacobian J for all nodes. With ``M^-1 G = V Lambda V^-1``
 that is solved by systems ``(1 - lambda_k J) z = r`` of size d, one for each pair of complex
 eigenvalues. V may be ill-conditioned: residuals are those of the equations themselves, so that its
-rounding errors leave with the next iteration. Source: [HairerWanner1996], section IV.8, where M is 1.
+rounding errors leave with the next iteration. Source: [HairerWanner1996], section IV.8, for M = 1.
 """
 
 import numpy as np
