@@ -86,9 +86,10 @@ def functions_of(rhs, jac, jac_memory, start, hint="", shape=None):
     if jac is not None and k:
         beside = _function("jac_memory", "jacobian", jac_memory, start, (d, k * d), JAC_SIG)
         second.append(beside)
+    n = start.components().size
     callbacks = [
-        _callback("rhs", first, start, (d * (1 + k),)),
-        _callback("jac", second, start, shape if k == 0 else (d * (1 + k), d * (1 + k))),
+        _callback("rhs", first, start, (n,)),
+        _callback("jac", second, start, (n, n) if k else shape),
     ]
     addresses = [held.address if held else 0.0 for held in callbacks]
     called = any(callbacks)

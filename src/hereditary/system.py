@@ -137,14 +137,14 @@ class System:
         Times count from the start, and complex components are two.
         Of an equation whose right-hand side reads memory ask that of `enlarged`, by y and memory.
         """
-        if self.enlarged is not self:
-            required = "read no memory where its Jacobian by y alone is asked for"
-            raise ValueError(complaint("rhs", required, "memory", "ask equation.enlarged"))
         found = self.derivative(t, y)
         return found if self.structure is None else found.toarray()
 
     def derivative(self, t, y):
         """Return d rhs / d y, as an array or, where its entries are known, SciPy's CSR array."""
+        if self.enlarged is not self:
+            required = "read no memory where its Jacobian by y alone is asked for"
+            raise ValueError(complaint("rhs", required, "memory", "ask equation.enlarged"))
         structure, d = self.structure, self.d
         out = np.empty((d, d)) if structure is None else structure.entries.copy()
         y = np.array(y, dtype=float)
