@@ -304,3 +304,82 @@ def test_a_matrix_that_is_singular_ends_the_run_with_its_reason():
         with pytest.warns(hd.SolveWarning):
             sol = hd.solve(eq, 1.0, 10, scheme=hd.L1())
         assert sol.status in (hd.Status.NOT_SOLVED, hd.Status.BLOWN_UP)
+
+
+def test_states_go_on_with_other_statements():
+    """Factors of another pattern are no longer in force; those of the same one are."""
+    d = 14
+    ways = {name: statements(d)[name] for name in ("band", "wider band", "band and jac", "pattern")}
+    ways["dense"] = {"rhs": reaction}
+    equations = {name: hd.Equation(hd.Caputo(0.8), y0=start(d), **ways[name]) for name in ways}
+    expected = hd.solve(equations["dense"], 1.0, 100, scheme=hd.BDF(2)).y[50:]
+    for first in equations.values():
+        state = hd.solve(first, 0.5, 50, scheme=hd.BDF(2)).state
+        for second in equations.values():
+            found = hd.solve(second, 1.0, resume=state)
+            assert found.success
+            assert np.abs(found.y - expected).max() < 1e-12
+    stated = {"linear": laplacian(d), "bandwidth": (0, 0), "jac": diagonal}
+    begun = hd.solve(
+        hd.Equation(hd.Caputo(0.8), force, start(d), **stated), 0.5, 50, scheme=hd.L1()
+    )
+    other = hd.Equation(hd.Caputo(0.8), force, start(d), **(stated | {"linear": 2 * laplacian(d)}))
+    assert hd.solve(other, 1.0, resume=begun.state, allow_change=True).success
+
+
+def pinned(t, x):
+    """Masses in a row of springs, each with a soft one of its own."""
+    n = x.size
+    out = np.empty(n)
+    for i in range(n):
+        left, right = x[i - 1] if i > 0 else 0.0, x[i + 1] if i < n - 1 else 0.0
+        out[i] = 4.0 * (left - 2 * x[i] + right) + x[i] - x[i] ** 3
+    return out
+
+
+def pinned_band(t, x, ab, p):
+    for j in range(x.size):
+        ab[0, j] = ab[2, j] = 4.0
+        ab[1, j] = -7.0 - 3 * x[j] ** 2
+
+
+def test_classical_exponents_take_bands():
+    d = 12
+    terms = hd.Caputo(2.0) + 0.5 * hd.Caputo(1.0)
+    y0 = [5.0 * np.sin(np.arange(1.0, d + 1)), np.zeros(d)]
+    eq = hd.Equation(terms, pinned, y0)
+    expected = hd.lyapunov(eq, 10.0, 400, verify=False).exponents
+    for more in ({}, {"jac": pinned_band}):
+        found = hd.lyapunov(eq.replace(bandwidth=(1, 1), **more), 10.0, 400, verify=False)
+        assert np.abs(found.exponents - expected).max() < 1e-8
+
+
+@pytest.mark.parametrize("kind", [sp.coo_array, sp.csc_array, sp.csr_array, sp.lil_array])
+def test_values_stand_in_the_order_of_the_pattern(kind):
+    pattern = kind(laplacian(D))
+    found = pattern.tocoo() if kind is not sp.lil_array else pattern.tocsr().tocoo()
+    rows, columns = found.row, found.col
+
+    def values(t, u):
+        return np.array([dense(t, u)[i, j] for i, j in zip(rows, columns, strict=True)])
+
+    eq = hd.Equation(hd.Caputo(0.8), reaction, start(D), jac_sparsity=pattern, jac=values)
+    assert np.abs(eq.jacobian(0.3, start(D)) - dense(0.3, start(D))).max() == 0.0
+    twice = sp.coo_array((np.ones(2), ([0, 0], [1, 1])), shape=(D, D))
+    with pytest.raises(ValueError, match="hold each entry once"):
+        hd.Equation(hd.Caputo(0.8), reaction, start(D), jac_sparsity=twice)
+
+
+@pytest.mark.parametrize("d", [3, 14])
+def test_patterns_may_be_empty(d):
+    eq = hd.Equation(
+        hd.Caputo(0.8),
+        lambda t, u: np.cos(t) * np.ones(u.size),
+        np.zeros(d),
+        jac_sparsity=np.zeros((d, d)),
+        jac=lambda t, u: np.zeros(0),
+    )
+    exact = hd.solve(
+        hd.Equation(hd.Caputo(0.8), lambda t, u: np.cos(t), 0.0), 1.0, 50, scheme=hd.L1()
+    )
+    assert np.abs(hd.solve(eq, 1.0, 50, scheme=hd.L1()).y - exact.y).max() < 1e-14

@@ -250,7 +250,7 @@ def _compare(name, fun, arity, compiled, values, start):
 
 def _close(values, expected):
     """Return whether values agree to 1e-8."""
-    return np.allclose(values, expected, rtol=1e-8, atol=1e-12 * np.abs(expected).max())
+    return np.allclose(values, expected, rtol=1e-8, atol=1e-12 * np.abs(expected).max(initial=0.0))
 
 
 def _build(name, fun, kinds, signature, copied):

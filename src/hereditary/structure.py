@@ -267,12 +267,12 @@ def _pattern(pattern, d):
         pattern = _as_matrix("jac_sparsity", pattern, required)
     if pattern.shape != (d, d):
         raise ValueError(complaint("jac_sparsity", required, f"shape {pattern.shape}"))
-    pattern = pattern.copy() if pattern.format in ("csr", "csc") else pattern.tocsc()
-    if not pattern.has_canonical_format:
-        required = "hold each entry once, with sorted indices"
-        raise ValueError(complaint("jac_sparsity", required, "others", "call sum_duplicates()"))
-    found = pattern.tocoo()
-    return found.row.astype(np.int64), found.col.astype(np.int64)
+    found = (pattern if pattern.format in ("coo", "csc") else pattern.tocsr()).tocoo()
+    rows, columns = found.row.astype(np.int64), found.col.astype(np.int64)
+    if np.unique(rows * d + columns).size < rows.size:
+        required = "hold each entry once"
+        raise ValueError(complaint("jac_sparsity", required, "some twice", "call sum_duplicates()"))
+    return rows, columns
 
 
 def _linear(linear, d):

@@ -257,6 +257,7 @@ def first_order(system):
 
     They stand behind the d components, in their order, one for each component of order 2.
     """
+    system = system.dense()
     second = system.highest_orders() > 1
     slopes, leading = system.coefficient(1.0), system.coefficient(2.0)
     friction, only = slopes * second, slopes * ~second

@@ -24,6 +24,8 @@ _ANGLE = 0.45
 # Components beyond which norms are looked at before eigenvalues, and beyond which these are the
 # _LARGEST of largest modulus alone.
 _MANY, _VERY_MANY, _LARGEST = 32, 200, 6
+# Restarts of ARPACK before a bound by norms is taken instead.
+_RESTARTS = 300
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,7 +173,8 @@ def eigenvalues(matrix):
     arpack = importlib.import_module("scipy.sparse.linalg")  # whose import takes long
     start = np.random.default_rng(0).normal(size=matrix.shape[0])
     try:
-        return arpack.eigs(matrix, _LARGEST, v0=start, return_eigenvectors=False, tol=1e-5)
+        how = {"return_eigenvectors": False, "tol": 1e-5, "maxiter": _RESTARTS}
+        return arpack.eigs(matrix, _LARGEST, v0=start, **how)
     except arpack.ArpackNoConvergence as error:
         # the largest converge first; of a power iteration's estimate the norm is a bound
         if error.eigenvalues.size:

@@ -9,7 +9,7 @@ from numba.extending import get_cython_function_address
 
 from .._jit import as_value
 from .._python_calls import C_FUNCTION, keep_raised
-from ..compiled.jacobian import COLUMNS, ROWS
+from ..compiled.jacobian import COLUMNS, ROWS, VALUES
 from ..compiled.newton import KEPT_FROM
 from ..compiled.signatures import FACTORISE, SOLVER_SIG, LinearSolver
 from ..compiled.solvers import banded_solver, dense_solver, sparse_solver
@@ -28,6 +28,21 @@ class Newton(NamedTuple):
     tables: LinearSolver
     room: np.ndarray
     held: Any = None
+
+    def taken_over(self, march):
+        """Return the room with the matrices that a restored march kept.
+
+        Where their entries are others, as of another equation, its factors are no longer in force.
+        """
+        kept, room = march.newton, self.room
+        if kept.shape == room.shape and kept.shape[1] == kept.shape[2]:
+            return kept
+        places = slice(ROWS, COLUMNS + 1)
+        if kept.shape == room.shape and np.array_equal(kept[:, places], room[:, places]):
+            room[:, VALUES] = kept[:, VALUES]
+        else:
+            march.counts.factored = 0
+        return room
 
 
 def newton_of(structure, d, tangents, implicit):

@@ -384,7 +384,8 @@ class Stepper:
         """Take over where `state` was taken, of another right-hand side where that is allowed."""
         check_sound(state)
         check_identity(state.identity, self._identity(state.t), allow_change)
-        self._march = arrays.restored_march(state.march)
+        march = arrays.restored_march(state.march)
+        self._march = march._replace(newton=self._newton.taken_over(march))
         self._refactorise()
         self.memory.restore(state.memory)
         self._watch.largest, self._watch.step = state.largest_ratio, state.largest_ratio_step
