@@ -25,7 +25,7 @@ from .error_estimate import (
     measure_force_defect,
     tangent_error_ratio,
 )
-from .many_stages import solve_many, solve_many_tangents
+from .many_stages import solve_many, solve_many_tangents, stage_factors
 from .mode_tables import advance_modes, find_slot, floor_to_grid, read_modes, set_mode_weights
 from .signatures import JAC, RHS
 from .structures import (
@@ -64,7 +64,7 @@ _MARCH = (
 )  # fmt: skip
 
 
-def marching(name, solve, solve_for_tangents):
+def marching(name, solve, solve_for_tangents, factors):
     """Compile the march for one way of solving the equations of a step."""
 
     def march(
@@ -77,7 +77,7 @@ def marching(name, solve, solve_for_tangents):
         n_rows = orbit.modes.shape[1] - equations.unweighted.shape[0] * orbit.x.shape[1]
         operators, base = empty_operators(n_columns, n_rows, s), np.empty((n_columns, n_rows, s))
         values = np.empty(orbit.last.shape)
-        newton = empty_factors(orbit.x.shape[1], s, solver, stages)
+        newton = factors(orbit.x.shape[1], s, solver, stages)
         input_weights, offset_weights = mode_weights(equations, basis, varying, orbit)
         integral = rule.integrals[equations.orders.shape[0] - 1]  # of order 1
         lowest, row, assembled_for = lowest_order(equations), 0, -1.0
@@ -394,6 +394,6 @@ def extrapolate(nodes, legendre, last, h, h_last, p, out):
 
 
 MARCHES = {
-    False: marching("march_adaptive", solve_stages, solve_tangents),
-    True: marching("march_many_adaptive", solve_many, solve_many_tangents),
+    False: marching("march_adaptive", solve_stages, solve_tangents, empty_factors),
+    True: marching("march_many_adaptive", solve_many, solve_many_tangents, stage_factors),
 }

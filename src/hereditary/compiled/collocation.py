@@ -8,12 +8,13 @@ history before the step is a sum of exponential modes, advanced by exact moments
 """
 
 import numpy as np
+from numba.extending import overload
 
 from .._jit import inner
 from .jacobian import jacobian
 from .linalg import factorise, substitute
 from .signatures import SUBSTITUTE
-from .structures import Factors, Operators
+from .structures import Factors, Operators, StageFactors
 
 # Integrands: f, p, y and, where needed, p'.
 FORCE, PRIMARY, POSITION, SLOPE = 0, 1, 2, 3
@@ -191,17 +192,26 @@ def newton_matrix(h, matrices, integral, second, jacobians, out):
 
 @inner
 def empty_factors(d, s, solver, stages):
-    """Allocate the factors of Newton's matrix, where it is not solved for the stages."""
-    size = d * s if stages.order.shape[0] == 0 else 0
-    return Factors(np.empty((size, size)), np.empty(size), np.zeros(d), solver, stages)
+    """Allocate the factors of Newton's matrix."""
+    return Factors(np.empty((d * s, d * s)), np.empty(d * s), np.zeros(d))
 
 
-@inner
 def solve_newton(newton, b, x):
-    """Solve for x, (d s,), with the factors of Newton's matrix."""
-    if newton.stages.order.shape[0] == 0:
-        substitute(newton.matrix, newton.order, b, x)
-        return
+    """Solve for x, (d s,), with the factors of Newton's matrix, of either kind."""
+    (_solve_stages if isinstance(newton, StageFactors) else _solve_as_one)(newton, b, x)
+
+
+@overload(solve_newton, jit_options={"nogil": True, "error_model": "numpy"})
+def _of_either_kind(newton, b, x):
+    """Choose by the type: a branch in compiled code would hand arrays of both kinds on."""
+    return _solve_stages if newton.instance_class is StageFactors else _solve_as_one
+
+
+def _solve_as_one(newton, b, x):
+    substitute(newton.matrix, newton.order, b, x)
+
+
+def _solve_stages(newton, b, x):
     for i in range(b.shape[0]):
         x[i] = b[i]
     d = newton.force_scales.shape[0]

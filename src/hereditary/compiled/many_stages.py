@@ -15,12 +15,18 @@ from .collocation import (
 )
 from .jacobian import COLUMNS, ROWS, VALUES, is_sparse, jacobian, multiply
 from .signatures import FACTORISE
-from .structures import KEPT, LENGTH
+from .structures import KEPT, LENGTH, StageFactors
 
 # Newton iterations before a step is refused, and contraction from which a Jacobian is not kept.
 _SWEEPS, _SLOW = 12, 0.05
 # Iterations for a tangent, and the relative change that ends them.
 _TANGENT_SWEEPS, _TANGENT_GOAL = 30, 1e-11
+
+
+@inner
+def stage_factors(d, s, solver, stages):
+    """Join the solver of the stages, its room and the scales of f."""
+    return StageFactors(solver, stages, np.zeros(d))
 
 
 @inner

@@ -12,7 +12,7 @@ from .collocation import (
     solve_tangents,
     subtract_from_forces,
 )
-from .many_stages import solve_many, solve_many_tangents
+from .many_stages import solve_many, solve_many_tangents, stage_factors
 from .signatures import JAC, RHS
 from .structures import CONTRACTION_RECORD, COUNTS_RECORD, EQUATIONS, STAGE_SOLVER, STAGES
 
@@ -22,7 +22,7 @@ _SINGLE_STEP = (
 )  # fmt: skip
 
 
-def single_step(name, solve, solve_for_tangents):
+def single_step(name, solve, solve_for_tangents, factors):
     """Compile the solution of one step for one way of solving its equations."""
 
     def step(
@@ -32,7 +32,7 @@ def single_step(name, solve, solve_for_tangents):
         n_nodes, d, n_rows = times.shape[0], equations.second.shape[0], base.shape[1]
         operators, inverse = empty_operators(base.shape[0], n_rows, n_nodes), np.empty((0, 0))
         assemble_operators(h, equations, integrals, inverse, local, operators)
-        known, newton = base + operators.constant, empty_factors(d, n_nodes, solver, stages)
+        known, newton = base + operators.constant, factors(d, n_nodes, solver, stages)
         eliminate_known(d, operators.matrices, known)
         integral = integrals[equations.orders.shape[0] - 1]
         if not solve(
@@ -58,6 +58,6 @@ def single_step(name, solve, solve_for_tangents):
 
 
 SINGLE_STEPS = {
-    False: single_step("solve_single_step", solve_stages, solve_tangents),
-    True: single_step("solve_single_step_of_many", solve_many, solve_many_tangents),
+    False: single_step("solve_single_step", solve_stages, solve_tangents, empty_factors),
+    True: single_step("solve_single_step_of_many", solve_many, solve_many_tangents, stage_factors),
 }

@@ -203,17 +203,22 @@ class Stages(NamedTuple):
 
 
 class Factors(NamedTuple):
-    """Factorised Newton matrix of a step, or its stages, and the scales |J| |y| of f, (d,).
+    """Factorised Newton matrix (d s, d s), its row order (d s,), and the scales |J| |y| of f, (d,).
 
-    matrix (d s, d s) with its row order (d s,), both empty where `solver` solves for the stages.
     Summands of f are as large as its scale, so its rounding error is that of the scale.
     """
 
     matrix: np.ndarray
     order: np.ndarray
     force_scales: np.ndarray
+
+
+class StageFactors(NamedTuple):
+    """As `Factors`, of many components: the solver of the stages and its room."""
+
     solver: Any
     stages: Stages
+    force_scales: np.ndarray
 
 
 # Control of stages: step length that the factors hold for (0: none), 1 where the Jacobian is to be
