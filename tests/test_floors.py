@@ -26,6 +26,7 @@ FLOORS = {
     "_differences": 1,
     "_structured": 1,
     "structure": 2,
+    "superlu": 2,
     "memory_kernel": 1,
     "operators": 2,
     "orders": 2,

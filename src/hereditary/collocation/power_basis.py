@@ -24,7 +24,7 @@ TINY = 0.12
 # Tiny generators have nodes of their own where they are this many times larger than the one before.
 _SEPARATE = 30.0
 # Number of functions: usually, with a tiny generator, and with several rational maps of it.
-_SIZE, _SIZE_IFTINY, _SIZE_IF_MAPPED = 18, 24, 48
+_SIZE, _SIZE_IF_TINY, _SIZE_IF_MAPPED = 18, 24, 48
 # Largest number of rational maps, and the least rate that has one.
 _MOST_MAPS, _LEAST_RATE = 3, 0.1
 # Least distance at which kernels are evaluated.
@@ -57,7 +57,7 @@ class PowerBasis:
     def __init__(self, generators, size=None, map_rates=()):
         g, n_maps = generators[0], len(map_rates)
         if size is None:
-            several = _SIZE_IF_MAPPED if n_maps > 1 else _SIZE_IFTINY
+            several = _SIZE_IF_MAPPED if n_maps > 1 else _SIZE_IF_TINY
             size = several if g < TINY else _SIZE
         self.map_rates = map_rates
         self._variables = [(g, c) for c in map_rates or (0.0,)] + [

@@ -267,11 +267,14 @@ def _damped(gain, defect):
     signs = np.array([np.ones(defect.size), (-1.0) ** np.arange(defect.size)])
     if not np.isfinite(abs(gain).sum()):
         return defect
-    if isinstance(gain, np.ndarray):
-        found = np.linalg.solve(np.eye(defect.size) - gain, (signs * defect).T).T
-    else:
-        sparse = importlib.import_module("scipy.sparse")
-        linalg = importlib.import_module("scipy.sparse.linalg")
-        matrix = sparse.eye_array(defect.size, format="csc") - gain.tocsc()
-        found = linalg.spsolve(matrix, (signs * defect).T).T
+    try:
+        if isinstance(gain, np.ndarray):
+            found = np.linalg.solve(np.eye(defect.size) - gain, (signs * defect).T).T
+        else:
+            sparse = importlib.import_module("scipy.sparse")
+            linalg = importlib.import_module("scipy.sparse.linalg")
+            matrix = sparse.eye_array(defect.size, format="csc") - gain.tocsc()
+            found = linalg.splu(matrix).solve((signs * defect).T).T
+    except (np.linalg.LinAlgError, RuntimeError):  # singular
+        return defect
     return np.minimum(np.abs(found).max(axis=0), defect.max())

@@ -1,18 +1,14 @@
 """Room for the stages of collocation steps of many components."""
 
-import ctypes
-import importlib
 from typing import Any, NamedTuple
 
 import numpy as np
 from numba.extending import get_cython_function_address
 
 from .._jit import as_value
-from .._python_calls import C_FUNCTION, keep_raised
-from ..compiled.jacobian import COLUMNS, ROWS
-from ..compiled.signatures import FACTORISE
 from ..compiled.stages import banded_stages, dense_stages, sparse_stages
 from ..compiled.structures import N_CONTROL, STAGES_SIG, Stages
+from ..superlu import SparseFactors
 
 # Components up to which a step is solved as one system: that takes no longer.
 _FEW = 10
@@ -21,10 +17,7 @@ _HOLD = 3
 
 
 class StageSolver(NamedTuple):
-    """Solver of the systems of all stages and its room; `held` keeps alive what enters Python.
-
-    many tells whether it is one: otherwise a step is solved as one system.
-    """
+    """Solver of the systems of all stages and its room; `held` keeps alive what enters Python."""
 
     solver: Any
     stages: Stages
@@ -32,7 +25,7 @@ class StageSolver(NamedTuple):
 
     @property
     def many(self):
-        """Whether steps are solved stage by stage."""
+        """Whether steps are solved stage by stage, and not as one system."""
         return self.stages.order.size > 0
 
 
@@ -63,7 +56,7 @@ def stage_solver(structure, d, s, many):
         return _solver(dense_stages, shape, np.arange(d), s, np.zeros((d, d)), **how)
     jacobian, band = structure.entries.copy(), structure.band
     if band is None:
-        held = ComplexFactors(structure)
+        held = SparseFactors(structure, complex)
         how = {"python": held.address}
         found = _solver(sparse_stages, (0, 0, 0), np.arange(d), s, jacobian, **how)
         return found._replace(held=held)
@@ -96,51 +89,3 @@ def _solver(function, shape, order, s, jacobian, **numbers):
         **(defaults | numbers),
     )
     return StageSolver(as_value(function, STAGES_SIG), stages)
-
-
-class ComplexFactors:
-    """SuperLU's factors of ``1 - lambda J`` for sparse Jacobians J, for compiled code.
-
-    Attributes
-    ----------
-    address : int
-        Of a C function of a task, the entries of J and a vector, which begins with lambda.
-    """
-
-    def __init__(self, structure):
-        sparse = importlib.import_module("scipy.sparse")  # whose imports take long
-        linalg = importlib.import_module("scipy.sparse.linalg")
-        n, size = structure.n, structure.rows.size
-        rows, columns = structure.entries[[ROWS, COLUMNS]].astype(np.int64)
-        order = np.lexsort((rows, columns))
-        starts = np.searchsorted(columns[order], np.arange(n + 1)).astype(np.int32)
-        parts, diagonal = (rows[order].astype(np.int32), starts), rows[order] == columns[order]
-        found: dict[int, Any] = {}
-
-        def call(task, jacobian_at, vector_at):
-            """Do a task; 1 for a singular matrix, -1 for an exception."""
-            try:
-                number, kind = divmod(int(task), 2)
-                numbers = (ctypes.c_double * (2 * n)).from_address(vector_at)
-                vector = np.frombuffer(numbers, dtype=complex)
-                if kind != FACTORISE:
-                    vector[:] = found[number].solve(vector)
-                    return 0
-                entries = np.frombuffer((ctypes.c_double * size).from_address(jacobian_at))
-                values = diagonal - vector[0] * entries[order]
-                if not np.all(np.isfinite(values)):
-                    return 1
-                matrix = sparse.csc_array((values, *parts), shape=(n, n))
-                options = {"SymmetricMode": True}
-                found[number] = linalg.splu(
-                    matrix, "MMD_AT_PLUS_A", diag_pivot_thresh=0.1, options=options
-                )
-                return 0
-            except RuntimeError:  # which SuperLU raises for singular matrices
-                return 1
-            except BaseException as error:
-                keep_raised(error)
-                return -1
-
-        self._function = C_FUNCTION(call)
-        self.address = int(ctypes.cast(self._function, ctypes.c_void_p).value or 0)

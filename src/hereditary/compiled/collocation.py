@@ -10,7 +10,7 @@ history before the step is a sum of exponential modes, advanced by exact moments
 import numpy as np
 from numba.extending import overload
 
-from .._jit import inner
+from .._jit import inlined, inner
 from .jacobian import jacobian
 from .linalg import factorise, substitute
 from .signatures import SUBSTITUTE
@@ -249,11 +249,7 @@ def solve_stages(
         counts.rhs += s
         residuals(base, matrices, p, x, f, residual)
         substitute(newton.matrix, newton.order, residual, change)
-        size = 0.0
-        for c in range(d):
-            for i in range(s):
-                p[c, i] -= change[c * s + i]
-                size = max(size, abs(change[c * s + i]) / goal[c])
+        size = take_change(change, goal, p)
         if not size < np.inf:
             return False
         before[:] = x
@@ -266,6 +262,17 @@ def solve_stages(
             return False
         previous = size
     return False
+
+
+@inlined
+def take_change(change, goal, p):
+    """Subtract a change, (d s,), from p; return the largest in units of the goal."""
+    size = 0.0
+    for c in range(p.shape[0]):
+        for i in range(p.shape[1]):
+            p[c, i] -= change[c * p.shape[1] + i]
+            size = max(size, abs(change[c * p.shape[1] + i]) / goal[c])
+    return size
 
 
 @inner

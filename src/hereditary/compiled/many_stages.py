@@ -12,6 +12,7 @@ from .collocation import (
     positions,
     residuals,
     solve_newton,
+    take_change,
 )
 from .jacobian import COLUMNS, ROWS, VALUES, is_sparse, jacobian, multiply
 from .signatures import FACTORISE
@@ -60,11 +61,7 @@ def solve_many(
         counts.rhs += s
         residuals(base, matrices, p, x, f, residual)
         solve_newton(newton, residual, change)
-        size = 0.0
-        for c in range(d):
-            for i in range(s):
-                p[c, i] -= change[c * s + i]
-                size = max(size, abs(change[c * s + i]) / goal[c])
+        size = take_change(change, goal, p)
         if not size < np.inf:
             control[KEPT] = 0.0
             return False

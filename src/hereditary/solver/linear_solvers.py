@@ -1,21 +1,16 @@
 """Linear solvers of Newton's matrix for many components, with their room."""
 
-import ctypes
-import importlib
 from typing import Any, NamedTuple
 
 import numpy as np
 from numba.extending import get_cython_function_address
 
 from .._jit import as_value
-from .._python_calls import C_FUNCTION, keep_raised
 from ..compiled.jacobian import COLUMNS, ROWS, VALUES
 from ..compiled.newton import KEPT_FROM
-from ..compiled.signatures import FACTORISE, SOLVER_SIG, LinearSolver
+from ..compiled.signatures import SOLVER_SIG, LinearSolver
 from ..compiled.solvers import banded_solver, dense_solver, sparse_solver
-
-# Pivots of SuperLU are on the diagonal as long as they are this large in comparison.
-_PIVOT = 0.1
+from ..superlu import SparseFactors
 
 
 class Newton(NamedTuple):
@@ -64,7 +59,7 @@ def newton_of(structure, d, tangents, implicit):
         return Newton(as_value(dense_solver, SOLVER_SIG), empty, room)
     band = structure.band
     if band is None:
-        held = SparseFactors(structure)
+        held = SparseFactors(structure, float)
         tables = _tables(np.zeros((0, 0, 0)), np.arange(d), python=held.address)
         return Newton(as_value(sparse_solver, SOLVER_SIG), tables, room, held)
     factors = np.zeros((slots, d, 2 * band.lower + band.upper + 3))
@@ -76,50 +71,3 @@ def newton_of(structure, d, tangents, implicit):
 def _tables(factors, order, lower=0, upper=0, lapack=0, python=0):
     """Return the tables of a solver."""
     return LinearSolver(factors, order.astype(np.int64), lower, upper, lapack, python)
-
-
-class SparseFactors:
-    """SuperLU's factors of sparse matrices, for compiled code.
-
-    Attributes
-    ----------
-    address : int
-        Of a C function of a task, the entries of a matrix and a vector.
-    """
-
-    def __init__(self, structure):
-        sparse = importlib.import_module("scipy.sparse")  # whose imports take long
-        linalg = importlib.import_module("scipy.sparse.linalg")
-        n, size = structure.n, structure.rows.size
-        rows, columns = structure.entries[[ROWS, COLUMNS]].astype(np.int64)
-        order = np.lexsort((rows, columns))
-        starts = np.searchsorted(columns[order], np.arange(n + 1))
-        parts = rows[order].astype(np.int32), starts.astype(np.int32)
-        symmetric = {"SymmetricMode": True}
-        found: dict[int, Any] = {}
-
-        def call(task, matrix_at, x_at):
-            """Do a task; 1 for a singular matrix, -1 for an exception."""
-            try:
-                number, kind = divmod(int(task), 2)
-                if kind == FACTORISE:
-                    entries = (ctypes.c_double * size).from_address(matrix_at)
-                    values = np.frombuffer(entries)[order]
-                    if not np.all(np.isfinite(values)):
-                        return 1
-                    matrix = sparse.csc_array((values, *parts), shape=(n, n))
-                    found[number] = linalg.splu(
-                        matrix, "MMD_AT_PLUS_A", diag_pivot_thresh=_PIVOT, options=symmetric
-                    )
-                    return 0
-                x = np.frombuffer((ctypes.c_double * n).from_address(x_at))
-                x[:] = found[number].solve(x)
-                return 0
-            except RuntimeError:  # which SuperLU raises for singular matrices
-                return 1
-            except BaseException as error:
-                keep_raised(error)
-                return -1
-
-        self._function = C_FUNCTION(call)
-        self.address = int(ctypes.cast(self._function, ctypes.c_void_p).value or 0)
