@@ -6,7 +6,7 @@ import numpy as np
 from numba.extending import get_cython_function_address
 
 from .._jit import as_value
-from ..compiled.stages import banded_stages, dense_stages, sparse_stages
+from ..compiled.stages import banded_stages, dense_stages, no_stages, sparse_stages
 from ..compiled.structures import N_CONTROL, STAGES_SIG, Stages
 from ..superlu import SparseFactors
 
@@ -48,7 +48,7 @@ def has_stages(form):
 def stage_solver(structure, d, s, many):
     """Return the `StageSolver` of steps with s nodes for d components, or one for no stages."""
     if not many:
-        return _solver(dense_stages, (0, 0, 0), np.arange(0), s, np.zeros((0, 0)))
+        return _solver(no_stages, (0, 0, 0), np.arange(0), s, np.zeros((0, 0)))
     if structure is None:
         places = _lapack("zgetrf", "zgetrs")
         how = {"lapack": places[0], "lapack_solve": places[1], "hold": _HOLD}

@@ -9,7 +9,7 @@ from .._jit import as_value
 from ..compiled.jacobian import COLUMNS, ROWS, VALUES
 from ..compiled.newton import KEPT_FROM
 from ..compiled.signatures import SOLVER_SIG, LinearSolver
-from ..compiled.solvers import banded_solver, dense_solver, sparse_solver
+from ..compiled.solvers import banded_solver, dense_solver, no_solver, sparse_solver
 from ..superlu import SparseFactors
 
 
@@ -52,11 +52,12 @@ def newton_of(structure, d, tangents, implicit):
         if kept:
             room = np.zeros((1 + slots, d, d))
         tables = _tables(np.zeros((slots if kept else 0, kept + 1, kept)), np.arange(kept))
-        return Newton(as_value(dense_solver, SOLVER_SIG), tables, room)
+        solver = dense_solver if kept else no_solver
+        return Newton(as_value(solver, SOLVER_SIG), tables, room)
     room = np.tile(structure.entries, (1 + slots if implicit else 1, 1, 1))
     if not implicit:
         empty = _tables(np.zeros((0, 0, 0)), np.arange(0))
-        return Newton(as_value(dense_solver, SOLVER_SIG), empty, room)
+        return Newton(as_value(no_solver, SOLVER_SIG), empty, room)
     band = structure.band
     if band is None:
         held = SparseFactors(structure, float)
