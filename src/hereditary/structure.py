@@ -130,7 +130,7 @@ class Structure:
 
 
 class Stated(NamedTuple):
-    """What an equation states of its Jacobian.
+    """Statements of an equation about its Jacobian.
 
     rows and columns (k,) of the entries of that of rhs, or None where any may differ from 0; shape,
     that of the array a given Jacobian fills, and places (k,) of the entries there; linear, SciPy's

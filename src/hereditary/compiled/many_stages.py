@@ -55,6 +55,7 @@ def solve_many(
             set_pencil(h, matrices[0], integral, second[0], stages.pencil)
             control[LENGTH] = 0.0
             if newton.solver(FACTORISE, p, stages) != 0:
+                control[KEPT] = 0.0  # it may hold what is no number
                 return False
             control[LENGTH], previous = h, np.inf
         forces(rhs, params, times, x, f)
