@@ -38,6 +38,7 @@ from .schemes.l1 import L1
 from .schemes.l2 import L2
 from .schemes.l2sigma import L2Sigma
 from .schemes.l12 import L12
+from .solver.memory_term import MemoryTerm, memory_term
 from .solver.solution import Solution, SolveWarning, StabilityWarning, Status
 from .solver.solve import solve
 
@@ -65,6 +66,7 @@ __all__ = [
     "LyapunovResult",
     "Memory",
     "MemoryKernel",
+    "MemoryTerm",
     "MittagLeffler",
     "PowerLaw",
     "ProductTrapezoid",
@@ -89,6 +91,7 @@ __all__ = [
     "graded",
     "lyapunov",
     "maxima",
+    "memory_term",
     "plots",
     "scenes",
     "solve",
