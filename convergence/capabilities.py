@@ -4,6 +4,7 @@ Nothing is measured here: tests/test_capabilities.py makes a run for every cell.
 the tables between the marks of both pages, a quick one compares them.
 """
 
+import re
 import sys
 from pathlib import Path
 
@@ -20,6 +21,8 @@ SCHEMES = [
     [hd.L12()],
     [hd.L2Sigma()],
     [hd.BDF(1), hd.BDF(2)],
+    [hd.IMEX(hd.L1())],
+    [hd.IMEX(hd.BDF(1)), hd.IMEX(hd.BDF(2))],
     [hd.BDF(3), hd.BDF(4), hd.BDF(5), hd.BDF(6)],
     [hd.Adams()],
     [hd.ProductTrapezoid()],
@@ -67,11 +70,10 @@ def _reach(takes, highest, high):
 
 def _name(schemes):
     """Of a row, as one writes it; parameters where the row needs them."""
-    calls = [repr(scheme).split("(")[0] + "()" for scheme in schemes]
     if len(schemes) == 1:
-        return f"`{calls[0]}`"
+        return f"`{re.sub('[(][^()]*[)]', '()', repr(schemes[0])).replace('scheme=', '')}`"
     joint = "`, `" if len(schemes) == 2 else "` to `"
-    return f"`{joint.join((repr(schemes[0]), repr(schemes[-1])))}`"
+    return f"`{joint.join((repr(schemes[0]), repr(schemes[-1])))}`".replace("scheme=", "")
 
 
 def _scheme_rows():

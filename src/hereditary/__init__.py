@@ -34,6 +34,7 @@ from .schemes.adams import Adams, ProductTrapezoid
 from .schemes.bdf import BDF
 from .schemes.explicit import ExplicitCaputo
 from .schemes.grunwald_letnikov import GrunwaldLetnikov
+from .schemes.imex import IMEX
 from .schemes.l1 import L1
 from .schemes.l2 import L2
 from .schemes.l2sigma import L2Sigma
@@ -47,6 +48,7 @@ __version__ = importlib.metadata.version("hereditary")
 __all__ = [
     "BDF",
     "FFT",
+    "IMEX",
     "L1",
     "L2",
     "L12",

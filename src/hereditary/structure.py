@@ -211,6 +211,17 @@ def assembled(said, functions, d):
     return params, rhs, jac, structure
 
 
+def constant_part(matrix):
+    """Return the Jacobian of ``matrix @ y`` as a function, and its `Structure` or None."""
+    d = matrix.shape[0]
+    nothing = np.zeros(0, dtype=np.int64)
+    structure = Structure.of(d, nothing, nothing, nothing, matrix)
+    jac = entries_of(None, (0,), True)
+    if d > FEW and 2 * matrix.nnz < d * d:
+        return jac, structure
+    return dense_of(jac, structure.entries), None
+
+
 def stated(d, rhs, jac, rearranged, bandwidth=None, jac_sparsity=None, linear=None):
     """Check what an equation of d components states of its Jacobian, and return it as `Stated`.
 

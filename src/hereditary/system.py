@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from functools import cached_property, lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -9,7 +10,7 @@ from ._checks import complaint
 from ._jit import JAC_SIG, as_value, derived
 from .compiled.jacobian import VALUES, jacobian_at, no_jacobian
 from .frame import Frame
-from .structure import Structure
+from .structure import Structure, constant_part
 from .terms import ConstantOrder, SystemTerm
 
 
@@ -36,6 +37,8 @@ class System:
         How users see times and components.
     structure : Structure or None
         Entries of the Jacobian that may differ from 0, which are then all that `jac` sets.
+    matrix : scipy.sparse.csr_array or None
+        Constant matrix that is part of the right-hand side, where one is given.
     sources : ndarray of int64, shape (d,)
         Component whose derivative by its term each component is: itself where it has an equation,
         another where it is memory that the right-hand side reads (see sides.py).
@@ -44,6 +47,7 @@ class System:
     rhs_digest = ""
     terms_digest = ""
     frame = Frame()
+    matrix: Any = None
 
     def __init__(
         self, left: Iterable[SystemTerm], y0, params, rhs, jac=None, sources=None, structure=None
@@ -163,6 +167,12 @@ class System:
         found.frame, found._n_params = self.frame, self._n_params
         return found
 
+    def linearly_implicit(self) -> "System":
+        """Return the system whose Jacobian is the constant matrix of its right-hand side alone."""
+        jac, structure = constant_part(self.matrix)
+        how = jac, self.sources, structure
+        return System(self.left, self.y0, self._params, self._rhs, *how)
+
 
 def leading_orders(left, d):
     """Highest order of each of d components in any equation; 0 where there is none.
@@ -212,7 +222,9 @@ def shifted(system, origin, y0):
     jac = system._jac if system.has_jac else None
     params, rhs, jac = later(origin, system._params, system._rhs, jac)
     left = [SystemTerm(operator.later(origin), c) for operator, c in system.left]
-    return System(left, y0, params, rhs, jac, system.sources, system.structure)
+    found = System(left, y0, params, rhs, jac, system.sources, system.structure)
+    found.matrix = system.matrix
+    return found
 
 
 def displaced(system, y0):
@@ -223,7 +235,7 @@ def displaced(system, y0):
     jac = system._jac if system.has_jac else None
     how = jac, system.sources, system.structure
     apart = System(system.left, y0, system._params, system._rhs, *how)
-    apart.rhs_digest = system.rhs_digest
+    apart.rhs_digest, apart.matrix = system.rhs_digest, system.matrix
     return apart
 
 

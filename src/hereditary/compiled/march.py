@@ -36,6 +36,7 @@ from .block import (
     samples,
     write_row,
 )
+from .imex import solve_linearly
 from .jacobian import jacobian
 from .newton import guess, solve_step
 from .signatures import MARCH
@@ -69,11 +70,11 @@ from .watch import watch_turn
 
 
 def marching(name, way, read=open_block):
-    """Compile the march for one way of solving a step: "explicit", "newton" or "sweeps".
+    """Compile the march for one way of solving a step: "explicit", "newton", "imex" or "sweeps".
 
     `read` opens a block; modes of orders that vary have a reader of their own, for speed.
     """
-    explicit, newton = way == "explicit", way == "newton"
+    explicit, newton, imex = (way == name for name in ("explicit", "newton", "imex"))
 
     def march(rhs, jac, has_jac, params, exchange, tables, memory, solver, linear, table, rows,
               state, output, end):  # fmt: skip
@@ -107,8 +108,8 @@ def marching(name, way, read=open_block):
                     begin_start(p, force, p, n_starts, groups, start_weights, lag, start)
                 counts.opened = n
             if every > 0 and n % every == 0:
-                k = n // every - first_sample
-                keep_jacobian(rhs, jac, has_jac, params, n * h, orbit, k, output, counts)
+                keep_jacobian(rhs, jac, has_jac, params, n * h, orbit, n // every - first_sample,
+                              output, counts)  # fmt: skip
             if i != row:  # uniform steps share one
                 take_row(i, groups, length, speed, leads, nears, scales, shift, lead, near, scale)
                 row = i
@@ -130,14 +131,17 @@ def marching(name, way, read=open_block):
                 put(first, w)
             elif newton:
                 guess(p, integral, ratio[i], lead, known, force, pieces, w)
-                solved = solve_step(rhs, jac, has_jac, params, t, n_solved, sources, room, work,
-                                    counts, solver, linear)  # fmt: skip
-                if not solved:
+                if not solve_step(rhs, jac, has_jac, params, t, n_solved, sources, room, work,
+                                  counts, solver, linear):  # fmt: skip
                     return NOT_SOLVED
                 if integral == 1:
                     look(base, gain, sources, w, point)
                     evaluate(rhs, jac, has_jac, params, t, n_orbit, point, j_f, f, counts)
                     put(f, force)
+            elif imex:
+                if not solve_linearly(rhs, jac, params, t, i, rows, x, sources, force, room, work,
+                                      counts, solver, linear):  # fmt: skip
+                    return NOT_SOLVED
             else:
                 predict(lead, known, force, lacks, w)
                 look(base, gain, sources, w, point)
@@ -147,14 +151,11 @@ def marching(name, way, read=open_block):
                     look(base, gain, sources, w, point)
                 evaluate(rhs, jac, has_jac, params, t, n_orbit, point, j_f, f, counts)
                 if contraction(n_solved, point, lead, f, moved, lacks, table.limits, counts):
-                    k = n // every - first_stretch
-                    look_again(rhs, jac, has_jac, params, t, point[:n_orbit], moved, k, output,
-                               counts)  # fmt: skip
+                    look_again(rhs, jac, has_jac, params, t, point[:n_orbit], moved,
+                               n // every - first_stretch, output, counts)  # fmt: skip
                 settle(lead, f, force, lacks)
-            close(
-                p, n, explicit, integral, ratio[i], groups, sources, weights, given, shift, known,
-                lead, base, gain, w, f, x, u, d, lag, pieces,
-            )  # fmt: skip
+            close(p, n, explicit, integral, ratio[i], groups, sources, weights, given, shift, known,
+                  lead, base, gain, w, f, x, u, d, lag, pieces)  # fmt: skip
             for c in range(n_solved if slowest > 0.0 else 0):
                 if (u[c] - d[c]) * u[c] < 0.0:  # a turn of the increments
                     watch_turn(monitor[c], d[c], u[c], x[c], slowest, counts)
@@ -177,6 +178,7 @@ MARCHES = {
     ("explicit", False): marching("march_explicit", "explicit"),
     ("newton", False): marching("march_newton", "newton"),
     ("sweeps", False): marching("march_sweeps", "sweeps"),
+    ("imex", False): marching("march_imex", "imex"),
     ("explicit", True): marching("march_varying_explicit", "explicit", read_varying),
     ("newton", True): marching("march_varying_newton", "newton", read_varying),
 }

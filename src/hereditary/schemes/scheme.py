@@ -322,10 +322,9 @@ class Scheme(ABC):
     components_differ : bool
         Whether components may have terms of their own.
     takes_kernels, takes_varying, takes_memory : bool
-        Whether terms may have kernels other than Caputo's, and orders that vary, and whether the
-        right-hand side may read some.
-    takes_meshes : bool
-        Whether steps may differ in length, up to the highest order `meshes_up_to`.
+        Whether terms may have kernels other than Caputo's, orders that vary, and be read by f.
+    takes_meshes, takes_tangents : bool
+        Whether steps may differ in length, up to order `meshes_up_to`, and tangents go along.
     """
 
     solve: ClassVar[str]
@@ -338,6 +337,7 @@ class Scheme(ABC):
     takes_kernels: ClassVar[bool] = False
     takes_varying: ClassVar[bool] = False
     takes_memory: ClassVar[bool] = True
+    takes_tangents: ClassVar[bool] = True
     takes_meshes: ClassVar[bool] = False
     meshes_up_to: ClassVar[float] = 1.0
 

@@ -1,5 +1,7 @@
 """Common traits of a run and of one that resumes it."""
 
+from dataclasses import is_dataclass
+
 import numpy as np
 
 from .._checks import complaint
@@ -68,6 +70,12 @@ def _short(value):
 
 
 def described(description):
-    """A frozen dataclass by name and values, whatever number types these have."""
-    values = {key: None if v is None else float(v) for key, v in vars(description).items()}
+    """A frozen dataclass by name and values, whatever number types these have.
+
+    Schemes may be values, too.
+    """
+    values = {
+        key: value if value is None else described(value) if is_dataclass(value) else float(value)
+        for key, value in vars(description).items()
+    }
     return f"{type(description).__name__}({values})"

@@ -40,15 +40,17 @@ class Newton(NamedTuple):
         return room
 
 
-def newton_of(structure, d, tangents, implicit):
+def newton_of(structure, d, tangents, solve):
     """Return `Newton` for d components of an orbit, with tangents or without.
 
-    Of few components, and of dense ones whose steps are not implicit, room and tables are empty.
+    `solve` is the scheme's. Of few components, but for steps with a constant Jacobian, and of dense
+    ones whose steps are not implicit, room and tables are empty.
     """
+    implicit = solve in ("newton", "imex")
     slots = 1 + int(tangents)
     room = np.zeros((0, 0, 0))
     if structure is None:
-        kept = d if implicit and d > KEPT_FROM else 0
+        kept = d if implicit and (d > KEPT_FROM or solve == "imex") else 0
         if kept:
             room = np.zeros((1 + slots, d, d))
         tables = _tables(np.zeros((slots if kept else 0, kept + 1, kept)), np.arange(kept))

@@ -82,6 +82,9 @@ class Stepper:
         self._sources = system.sources
         if self.n_tangents == 0:
             return self._planned(system)
+        if not self.scheme.takes_tangents:
+            required = "give derivatives of its steps, for tangents and exponents"
+            raise ValueError(complaint("scheme", required, repr(self.scheme), "use L1 or BDF(2)"))
         rows = np.zeros((system.m, system.d, self.n_tangents))
         rows[0, : equation.d] = directions[: equation.d]
         rows[1:, self._with_speed] = directions[equation.d :]
@@ -106,9 +109,8 @@ class Stepper:
         self._watch = JacobianWatch(plan.region, self._system, self._block)
         how = self._sources, self._watch.every, self.h
         self._table = arrays.step_table(plan, self.memory, self._system, *how)
-        self._newton = newton_of(
-            self._system.structure, d, self.n_tangents > 0, self.scheme.solve == "newton"
-        )
+        structure = self._system.structure
+        self._newton = newton_of(structure, d, self.n_tangents > 0, self.scheme.solve)
         self._march = arrays.initial_march(plan, d, self._block, self._newton.room)
         self._march.monitor.turns[: self.equation.d] = -1.0 * (self.equation.highest_orders() == 2)
 

@@ -1,0 +1,164 @@
+"""Implicit-explicit steps: the constant matrix implicitly, the rest explicitly."""
+
+import pickle
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.special import gamma
+
+import hereditary as hd
+
+MATRIX = np.array([[-2.0, 1.0], [0.5, -1.0]])
+INNER = [hd.L1(), hd.BDF(1), hd.BDF(2)]
+
+
+def power_problem(alpha, powers):
+    """Equation with y = (1, 2) (1 + sum_k t**powers_k), and that at t = 1."""
+    mu = np.array(powers)
+    factors = gamma(1 + mu) / gamma(1 + mu - alpha)
+
+    def rhs(t, y, dy, p):
+        k = (p.size - 1) // 2
+        x, derivative = 1.0, 0.0
+        for i in range(k):
+            x += t ** p[i]
+            derivative += p[k + i] * t ** (p[i] - p[-1])
+        dy[0] = derivative + np.sin(y[0] * y[1]) - np.sin(2 * x * x)
+        dy[1] = 2 * derivative + 1.5 * x + np.cos(y[0]) - np.cos(x)
+
+    start = np.array([1.0, 2.0])
+    y0 = start if alpha <= 1 else [start, 0 * start]
+    params = [*mu, *factors, alpha]
+    return hd.Equation(hd.Caputo(alpha), rhs, y0, params, linear=MATRIX), start * (1 + mu.size)
+
+
+@pytest.mark.parametrize(
+    ("scheme", "alpha", "kind", "largest"),
+    [
+        (hd.L1(), 0.5, "smooth", 8e-6), (hd.L1(), 0.5, "singular", 9e-5),
+        (hd.L1(), 0.8, "smooth", 1.2e-4), (hd.L1(), 1.5, "smooth", 1e-5),
+        (hd.BDF(1), 0.5, "singular", 9e-5), (hd.BDF(1), 0.8, "smooth", 6e-4),
+        (hd.BDF(2), 0.3, "singular", 9.5e-5), (hd.BDF(2), 0.5, "singular", 1.7e-6),
+        (hd.BDF(2), 0.5, "smooth", 1e-6), (hd.BDF(2), 0.8, "singular", 3e-7),
+        (hd.BDF(2), 1.5, "singular", 9e-7),
+    ],
+)  # fmt: skip
+def test_orders(scheme, alpha, kind, largest):
+    powers = [3.0] if kind == "smooth" else [alpha, 2 * alpha]
+    equation, exact = power_problem(alpha, powers)
+    imex = hd.IMEX(scheme)
+    runs = [hd.solve(equation, 1.0, n, scheme=imex) for n in (1600, 3200)]
+    errors = [np.abs(run.y[-1] - exact).max() for run in runs]
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(imex.order(alpha, kind), abs=0.15)
+    assert largest / 3 < errors[1] < largest
+    assert runs[1].stats["n_rhs"] == 3200
+    assert runs[1].stats["n_factorised"] == 1
+
+
+def chain(d):
+    return sp.diags_array([1.0, -2.0, 1.0], offsets=[-1, 0, 1], shape=(d, d)) * 30.0
+
+
+@pytest.mark.parametrize("history", [hd.Direct(), hd.FFT(), hd.SumOfExponentials()], ids=repr)
+@pytest.mark.parametrize("scheme", INNER, ids=repr)
+@given(alpha=st.floats(0.1, 1.9), d=st.sampled_from([1, 7, 23]), dense=st.booleans())
+def test_the_scheme_itself_where_all_is_implicit(scheme, history, alpha, d, dense):
+    matrix = chain(d).toarray() if dense else chain(d)
+    start = np.cos(np.arange(d))
+    equation = hd.Equation(
+        hd.Caputo(alpha), None, start if alpha <= 1 else [start, -start], linear=matrix
+    )
+    ends = [
+        hd.solve(equation, 1.0, 70, scheme=each, history=history).y[-1]
+        for each in (scheme, hd.IMEX(scheme))
+    ]
+    np.testing.assert_allclose(*ends, rtol=0, atol=1e-11)
+
+
+def reaction(t, u, du, p):
+    for i in range(u.size):
+        du[i] = 5.0 * (u[i] - u[i] ** 3) + np.sin(t + i)
+
+
+@pytest.mark.parametrize("terms", [hd.Caputo(0.7), hd.Caputo(1.6) + 0.3 * hd.Caputo(0.6)])
+def test_every_form_of_the_matrix_gives_one_solution(terms):
+    d, found = 25, []
+    order = np.random.default_rng(1).permutation(d)
+    start = np.cos(np.arange(d))
+    y0 = [start, 0 * start] if len(terms._terms()) > 1 else start
+    swapped = sp.eye_array(d).tocsr()[order]  # an entry far from the diagonal: SuperLU
+    for matrix in (chain(d), chain(d).toarray(), chain(d) + 1e-13 * (swapped + swapped.T)):
+        equation = hd.Equation(terms, reaction, y0, linear=matrix)
+        found.append(hd.solve(equation, 2.0, 300, scheme=hd.IMEX(hd.BDF(2))).y[-1])
+    np.testing.assert_allclose(found[1], found[0], rtol=0, atol=1e-10)
+    np.testing.assert_allclose(found[2], found[0], rtol=0, atol=1e-10)
+
+
+def test_graded_meshes_restore_the_order_of_l1():
+    equation, exact = power_problem(0.5, [0.5, 1.0])
+    errors = []
+    for n in (800, 1600):
+        sol = hd.solve(equation, 1.0, mesh=hd.graded(n, 2.0), scheme=hd.IMEX(hd.L1()))
+        errors.append(np.abs(sol.y[-1] - exact).max())
+        assert sol.stats["n_factorised"] == n
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(1.5, abs=0.15)
+    assert 3e-6 < errors[1] < 1e-5
+
+
+@pytest.mark.parametrize("d", [2, 30])
+@pytest.mark.parametrize("mesh", [False, True])
+def test_resumed_bit_for_bit(d, mesh):
+    equation = hd.Equation(hd.Caputo(0.7), reaction, np.cos(np.arange(d)), linear=chain(d))
+    scheme = hd.IMEX(hd.L1())
+    if mesh:
+        times, history = np.linspace(0, 1.41, 142) ** 2, hd.Direct()
+        whole = hd.solve(equation, times[-1], mesh=times, scheme=scheme, history=history)
+        half = hd.solve(equation, times[77], mesh=times[:78], scheme=scheme, history=history)
+        state = pickle.loads(pickle.dumps(half.state))
+        rest = hd.solve(equation, times[-1], mesh=times[77:], resume=state)
+    else:
+        whole = hd.solve(equation, 2.0, 200, scheme=scheme)
+        half = hd.solve(equation, 0.77, 77, scheme=scheme)
+        rest = hd.solve(equation, 2.0, resume=pickle.loads(pickle.dumps(half.state)))
+    assert np.array_equal(rest.y[-1], whole.y[-1])
+
+
+def test_a_jump_is_seen_from_behind_it():
+    def pushed(t, y):
+        return np.where(t < 0.3, 0.0, 1.0) * np.ones(1)
+
+    equation = hd.Equation(hd.Caputo(0.8), pushed, [0.0], linear=[[-1.0]])
+    truth = hd.solve(equation, 1.0, rtol=1e-10, breaks=[0.3]).y[-1, 0]
+    errors = []
+    for n in (1000, 2000):
+        run = hd.solve(equation, 1.0, n, scheme=hd.IMEX(hd.BDF(2)), breaks=[0.3])
+        errors.append(abs(run.y[-1, 0] - truth))
+    assert errors[1] < 5e-4
+    assert errors[1] < 0.6 * errors[0]
+
+
+def test_beyond_its_limit_a_run_says_so():
+    equation = hd.Equation(hd.Caputo(0.9), lambda t, y: -100.0 * y, [1.0], linear=[[-1.0]])
+    with pytest.warns(hd.SolveWarning):
+        run = hd.solve(equation, 10.0, 100, scheme=hd.IMEX(hd.BDF(2)))
+    assert not run.success
+
+
+def test_refusals():
+    plain = hd.Equation(hd.Caputo(0.5), lambda t, y: -y, 1.0)
+    with pytest.raises(ValueError, match="linear must be given with IMEX"):
+        hd.solve(plain, 1.0, 10, scheme=hd.IMEX(hd.L1()))
+    for scheme in (hd.BDF(3), hd.L12(), hd.L1):
+        with pytest.raises(ValueError, match="scheme must be hereditary"):
+            hd.IMEX(scheme)
+    linear = hd.Equation(hd.Caputo(0.5), lambda t, y: -y, [1.0], linear=[[-1.0]])
+    with pytest.raises(ValueError, match="mesh must be left out with IMEX"):
+        hd.solve(linear, 1.0, mesh=hd.graded(5, 2.0), scheme=hd.IMEX(hd.BDF(2)))
+    with pytest.raises(ValueError, match="scheme must give derivatives of its steps"):
+        hd.lyapunov(linear, 1.0, 10, scheme=hd.IMEX(hd.L1()))
+    half = hd.solve(linear, 1.0, 10, scheme=hd.IMEX(hd.L1())).state
+    with pytest.raises(ValueError, match="same scheme"):
+        hd.solve(linear, 2.0, resume=half, scheme=hd.L1())
