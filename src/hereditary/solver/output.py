@@ -28,6 +28,8 @@ class Output:
     times : ndarray, shape (k,), or None
         Times of the rows to keep instead, the user's.
     events : Events
+    components : ndarray of int64, shape (k,), or None
+        Components whose rows are kept, without dense output; all by default.
 
     Attributes
     ----------
@@ -37,8 +39,10 @@ class Output:
         Whether an event has ended it there.
     """
 
-    def __init__(self, stepper, stop, save_every, times, events):
+    def __init__(self, stepper, stop, save_every, times, events, components=None):
         self._stepper, self._stop, self._every = stepper, stop, save_every
+        self._components = components
+        width = stepper.y.size if components is None else components.size
         self._frame, self._asked, self.events = stepper.equation.frame, times, events
         self._wanted = np.empty(0) if times is None else times - self._frame.start
         # steps chosen on the way are counted from where the run begins
@@ -49,7 +53,7 @@ class Output:
         self.end, self.ended = stepper.t, False
         self._dense = Dense(self._second, not stepper.adaptive, self._frame)
         self._newest: Piece | None = None
-        self._rows = _room(self._most_rows(), stepper.y.size, times is None)
+        self._rows = _room(self._most_rows(), width, times is None)
         self._size = 0
         if times is None:
             self._add(np.array([stepper.t]), stepper.y[None], stepper.ydot[None])
@@ -73,6 +77,8 @@ class Output:
             self._rows = tuple(
                 np.concatenate([part, np.empty((end, *part.shape[1:]))]) for part in self._rows
             )
+        if self._components is not None:
+            y, ydot = y[:, self._components], ydot[:, self._components]
         for part, values in zip(self._rows, (t, y, ydot), strict=True):
             part[self._size : end] = values
         self._size = end
@@ -90,7 +96,7 @@ class Output:
         if self._asked is not None:
             self._take_wanted(piece)
             return
-        if self._stepper.adaptive:
+        if self._stepper.adaptive and self._components is None:
             self._dense.add(piece, start)
         chosen = self._chosen(edges)
         self._add(edges[1:][chosen], *piece.at_ends(edges[1:], chosen, self._second))
@@ -150,9 +156,10 @@ class Output:
         if not stepper.adaptive and at_end:
             t[-1] = t_end - start  # n h may miss it by rounding
         dense = None
-        if stepper.adaptive:
+        whole = self._components is None
+        if whole and stepper.adaptive:
             dense = self._dense
-        elif self._every == 1 and t.size > 1:
+        elif whole and self._every == 1 and t.size > 1:
             dense = self._dense
             dense.add(StepPieces(t, y, ydot, self._starting, self._first), t[0])
         if start != 0:

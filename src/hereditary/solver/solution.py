@@ -40,7 +40,7 @@ class Solution:
     t : ndarray, shape (n+1,)
         Times of the rows [time], twice where an event changed y: before and after.
     y : ndarray, shape (n+1, d)
-        Solution, time first.
+        Solution, time first; of the components asked for.
     ydot : ndarray, shape (n+1, d), or None
         First derivative when the highest order exceeds 1; NaN at t = 0 for components that have
         no initial derivative.

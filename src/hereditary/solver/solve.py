@@ -41,6 +41,7 @@ def solve(
     history: History | None = None,
     save_every: int = 1,
     t_eval: ArrayLike | None = None,
+    components: ArrayLike | None = None,
     max_step: float | None = None,
     max_steps: int | None = None,
     breaks: ArrayLike = (),
@@ -84,6 +85,9 @@ def solve(
         joined by parabolas, to O(h**3) where the solution is smooth. In the first two steps of
         equations with constant orders powers of t take their place, t**alpha for each component's
         highest order among them: a row errs about as much as the nearest steps.
+    components : array_like of int, shape (k,), optional
+        Keep rows of these components of y alone, in this order and without dense output; events
+        and the state have all of them.
     max_step : float, optional
         Longest step of `Collocation` [time]. A force that comes on for a time shorter than a step
         may lie between all points that the step looks at; half of its length is a safe choice.
@@ -185,6 +189,7 @@ def solve(
         remedy = "it allows another right-hand side than the state's"
         raise ValueError(complaint("allow_change", "come with resume", allow_change, remedy))
     times = _eval_times(t_eval, start if resume is None else start + resume.t, t_last)
+    kept = None if components is None else _components(components, equation)
     breaks = checked_breaks(() if breaks is None else breaks, start)
     if start != 0 and not isinstance(mesh, Graded | None):
         mesh = real_array("mesh", mesh) - start
@@ -211,8 +216,21 @@ def solve(
     inside = equation.frame.event
     found = Events(map(inside, functions), map(inside, jumping), stepper, signs)
     reactions = Reactions(stepper, found, functions, numbers, t_end - stepper.t)
-    output = Output(stepper, stop, save_every, times, found)
+    output = Output(stepper, stop, save_every, times, found, kept)
     return run(stepper, stop, t_last, output, reactions, progress, began)
+
+
+def _components(components, equation):
+    """Return numbers of components, or say why they are none."""
+    if equation.frame.paired or equation.frame.speeds:
+        required = "be left out for complex y and orders above 2"
+        raise ValueError(complaint("components", required, shown(components)))
+    found, d = np.atleast_1d(np.asarray(components)), equation.d
+    whole = found.ndim == 1 and found.size and found.dtype.kind in "iu"
+    if not whole or np.any(found < 0) or np.any(found >= d):
+        required = f"be numbers of components, 0 to {d - 1}"
+        raise ValueError(complaint("components", required, shown(components)))
+    return found.astype(np.int64)
 
 
 def _listed(functions):
