@@ -1,0 +1,138 @@
+"""Scenes of many components: diffusion with memory, the chain of stick-slip blocks."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from references import differences
+from scipy.special import gamma
+
+import hereditary as hd
+from hereditary.exact import mittag_leffler
+from hereditary.scenes import block_chain
+
+
+@pytest.mark.parametrize("dimensions", [1, 2])
+@pytest.mark.parametrize(("alpha", "largest"), [(0.4, 2e-6), (0.7, 4e-6), (1.0, 3e-6), (1.5, 2e-4)])
+def test_subdiffusion_decays_as_mittag_and_leffler_say(alpha, largest, dimensions):
+    n = 15
+    equation = hd.scenes.subdiffusion(alpha, n, dimensions=dimensions, diffusivity=0.1)
+    rate = 0.1 * dimensions * (2 * (n + 1) * np.sin(np.pi / (2 * n + 2))) ** 2
+    errors = []
+    for steps in (200, 400):
+        sol = hd.solve(equation, 2.0, steps, scheme=hd.BDF(2), save_every=steps)
+        truth = mittag_leffler(-rate * 2.0**alpha, alpha, 1.0) * equation.y0[0]
+        errors.append(np.abs(sol.y[-1] - truth).max())
+    assert errors[1] < largest
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.15)
+    tight = hd.solve(equation, 2.0, rtol=1e-8)
+    assert np.abs(tight.y[-1] - truth).max() < 1e-8
+
+
+def manufactured(alpha, n):
+    """Equation with u = (1 + t**2) x (1 - x) sin(pi y), but for differences in space; that u."""
+    x = np.arange(1, n + 1) / (n + 1)
+    shape = np.outer(x * (1 - x), np.sin(np.pi * x))
+    flat = shape.ravel()
+    pushed = np.outer(2 + np.pi**2 * x * (1 - x), np.sin(np.pi * x)).ravel()
+    rate = 2 / gamma(3 - alpha)
+
+    def source(t, u):
+        return rate * t ** (2 - alpha) * flat + (1 + t * t) * pushed
+
+    return hd.scenes.subdiffusion(alpha, n, dimensions=2, u0=shape, source=source), flat
+
+
+@pytest.mark.parametrize("alpha", [0.6, 1.4])
+def test_subdiffusion_with_a_source_is_second_order_in_space(alpha):
+    errors = []
+    for n in (7, 15):
+        equation, flat = manufactured(alpha, n)
+        sol = hd.solve(equation, 1.0, 400, scheme=hd.IMEX(hd.BDF(2)), save_every=400)
+        errors.append(np.abs(sol.y[-1] - 2 * flat).max())
+    assert errors[1] < 2e-3
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.15)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"alpha": 2.5}, "alpha must lie in"),
+        ({"dimensions": 3}, "dimensions must be 1 or 2"),
+        ({"u0": [1.0, 2.0]}, r"u0 must have shape \(4,\)"),
+        ({"v0": np.zeros(4)}, "v0 must be left out"),
+        ({"diffusivity": 0.0}, "diffusivity must be"),
+    ],
+)
+def test_subdiffusion_refuses(given, message):
+    with pytest.raises(ValueError, match=message):
+        hd.scenes.subdiffusion(points=4, **given)
+
+
+@given(
+    y=st.lists(st.floats(-20, 20), min_size=1, max_size=6),
+    numbers=st.tuples(*[st.floats(-3, 3)] * 5),
+)
+def test_jacobian_of_the_chain(y, numbers):
+    d = len(y)
+    params = np.array([*numbers[:3], *(numbers[3] + np.arange(d)), 0.3, 0.1 * numbers[4]])
+    ab = np.zeros((3, d))
+    block_chain._forces_jacobian(0.3, np.array(y), ab, params)
+    dense = sum(np.diag(ab[1 - k][max(k, 0) : d + min(k, 0)], k) for k in (-1, 0, 1) if abs(k) < d)
+    # differences of the linear part are exact; the wells' are held below by a run
+    params[3 : 3 + d] = 0.0
+    block_chain._forces_jacobian(0.3, np.array(y), ab, params)
+    linear = sum(np.diag(ab[1 - k][max(k, 0) : d + min(k, 0)], k) for k in (-1, 0, 1) if abs(k) < d)
+    expected = differences(block_chain._forces, 0.3, np.array(y), params)
+    np.testing.assert_allclose(linear, expected, atol=1e-9)
+    wells = np.diag(dense - linear)
+    k = np.array([1.0, 2.0])
+    slopes = np.cos(np.outer(y, k)) @ (k * [0.3, 0.1 * numbers[4]])
+    np.testing.assert_allclose(wells, (numbers[3] + np.arange(d)) * slopes, atol=1e-9)
+
+
+def test_uncoupled_blocks_are_single_ones():
+    places, depths = [0.2, 0.3], [50.0, 40.0]
+    chain = hd.scenes.stick_slip_chain(2, coupling=0.0, x0=places, v0=0.3, adhesion=depths)
+    together = hd.solve(chain, 10.0, 2000).y
+    for j in range(2):
+        one = hd.scenes.stick_slip(x0=places[j], v0=0.3, adhesion=depths[j])
+        np.testing.assert_allclose(together[:, j], hd.solve(one, 10.0, 2000).y[:, 0], atol=1e-10)
+
+
+def test_the_middle_of_equal_blocks_moves_as_one():
+    chain = hd.scenes.stick_slip_chain(12, coupling=30.0, x0=0.2, v0=0.3)
+    one = hd.solve(hd.scenes.stick_slip(), 10.0, 2000).y
+    np.testing.assert_allclose(hd.solve(chain, 10.0, 2000).y, one * np.ones(12), atol=1e-9)
+    tight = hd.solve(chain, 5.0, rtol=1e-8).y[-1]
+    alone = hd.solve(hd.scenes.stick_slip(), 5.0, rtol=1e-8).y[-1, 0]
+    np.testing.assert_allclose(tight, np.full(12, alone), rtol=1e-6)
+
+
+def test_slips_are_moves_that_touch_in_space_and_time():
+    moving = np.zeros((9, 5))
+    moving[1:3, 0:2] = 1.0  # blocks 0 and 1 between rows 1 and 3
+    moving[2, 2] = 1.0
+    moving[6, 4] = -2.0
+    y = np.vstack([np.zeros(5), np.cumsum(moving, axis=0)])
+    sol = hd.Solution(np.arange(10.0), y, None, hd.Status.COMPLETED, "", {}, None)
+    found = hd.scenes.slips(sol, speed=0.5)
+    assert found.start.tolist() == [1.0, 6.0]
+    assert found.end.tolist() == [3.0, 7.0]
+    assert (found.first.tolist(), found.last.tolist()) == ([0, 4], [2, 4])
+    assert found.size.tolist() == [5.0, 2.0]
+    assert hd.scenes.slips(sol, speed=3.0).size.size == 0
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"x0": [0.1, 0.2]}, r"x0 must be a number or have shape \(3,\)"),
+        ({"adhesion": [1.0, 2.0]}, r"adhesion must be a number or have shape \(3,\)"),
+        ({"well": []}, "well must be a flat sequence"),
+        ({"beta": 0.9}, "beta must lie in"),
+    ],
+)
+def test_the_chain_refuses(given, message):
+    with pytest.raises(ValueError, match=message):
+        hd.scenes.stick_slip_chain(3, **given)
