@@ -184,7 +184,7 @@ class Equation(System):
         entries = said.values_of(jac, start)
         functions = functions_of(rhs, entries, jac_memory, start, hint, said.shape)
         self._callbacks, self._constants = functions.callbacks, said.constants()
-        self.matrix = said.linear
+        self.matrix, self.linear_alone = said.linear, rhs is None
         params, rhs, jac, self.structure = assembled(said, functions, d)
         if self.t_start != 0:
             params, rhs, jac = later(self.t_start, params, rhs, jac)

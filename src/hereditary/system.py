@@ -39,6 +39,8 @@ class System:
         Entries of the Jacobian that may differ from 0, which are then all that `jac` sets.
     matrix : scipy.sparse.csr_array or None
         Constant matrix that is part of the right-hand side, where one is given.
+    linear_alone : bool
+        Whether it is all of the right-hand side.
     sources : ndarray of int64, shape (d,)
         Component whose derivative by its term each component is: itself where it has an equation,
         another where it is memory that the right-hand side reads (see sides.py).
@@ -48,6 +50,7 @@ class System:
     terms_digest = ""
     frame = Frame()
     matrix: Any = None
+    linear_alone = False
 
     def __init__(
         self, left: Iterable[SystemTerm], y0, params, rhs, jac=None, sources=None, structure=None
@@ -174,6 +177,15 @@ class System:
         return System(self.left, self.y0, self._params, self._rhs, *how)
 
 
+def refuse_late(system, t_end):
+    """Refuse a run beyond the times at which an operator is known."""
+    last = min(operator.t_last for operator, _ in system.left)
+    if t_end > last * (1 + 1e-12):
+        required = f"stay within t = {last:g}, up to which a kernel is known"
+        remedy = "end the run there, or give a kernel that reaches farther"
+        raise ValueError(complaint("t_end", required, f"{t_end:g}", remedy))
+
+
 def leading_orders(left, d):
     """Highest order of each of d components in any equation; 0 where there is none.
 
@@ -223,7 +235,7 @@ def shifted(system, origin, y0):
     params, rhs, jac = later(origin, system._params, system._rhs, jac)
     left = [SystemTerm(operator.later(origin), c) for operator, c in system.left]
     found = System(left, y0, params, rhs, jac, system.sources, system.structure)
-    found.matrix = system.matrix
+    found.matrix, found.linear_alone = system.matrix, system.linear_alone
     return found
 
 
@@ -236,6 +248,7 @@ def displaced(system, y0):
     how = jac, system.sources, system.structure
     apart = System(system.left, y0, system._params, system._rhs, *how)
     apart.rhs_digest, apart.matrix = system.rhs_digest, system.matrix
+    apart.linear_alone = system.linear_alone
     return apart
 
 

@@ -7,11 +7,11 @@ import numpy as np
 from .._checks import complaint
 from ..compiled.structures import plain
 from ..memory_kernel import told_error
-from ..schemes.scheme import refuse_late
 from ..solver.identity import check_identity, identity
 from ..solver.state import AdaptiveState, check_reach, check_sound, frozen, sealed
 from ..solver.status import Status, failed
 from ..solver.stops import breaks_ahead
+from ..system import refuse_late
 from .march import STEP_FRACTION, CollocationMarch
 from .pace import MAX_STEPS, Pace
 from .reading import Plain, Reading

@@ -13,6 +13,9 @@ from .step import BASE, GAIN, KNOWN, LEAD, MOVED, POINT, SCALE, SHIFT, F, W, loo
 _SIMPLIFIED, _FULL = 8, 30
 # Components above which factors are kept over steps, and contraction from which they are not.
 KEPT_FROM, _SLOW = 10, 0.1
+# counts.factored where factors of a linear step have been seen to solve it at once: to this rate, and
+# without a residual that grew by this much, as by a matrix that is nearly singular.
+AT_ONCE, _AT_ONCE_BELOW, _MOST_GROWN = 2, 1e-8, 1e6
 # The step is solved when the estimated error of the increment is below this share of it, or below
 # rounding of the solution, or below what floats can resolve.
 _TOLERANCE, _ROUNDING, _UNDERFLOW = 1e-13, 2e-16, 1e-300
@@ -70,13 +73,14 @@ def solve_with_factors(
 ):  # fmt: skip
     """As `solve_step`, with factors that are kept from step to step while they contract.
 
-    They are in force where counts.factored is 1, and then those of work[1].
+    They are in force where counts.factored is not 0, and then those of work[1].
     """
     # work (2, ., .), or (3, ., .) with tangents: Jacobian, Newton's matrix, that of the tangents
     known, shift, scale, lead, w = room[KNOWN], room[SHIFT], room[SCALE], room[LEAD], room[W]
     base, gain, n = room[BASE], room[GAIN], linear.order.shape[0]
     point, f, change = room[POINT][:n], room[F][:n], room[MOVED][:n]
     first, previous, fresh = w[:n].copy(), np.inf, False
+    residual, grown = 0.0, 0.0
     for _ in range(_SIMPLIFIED + _FULL):
         look(base, gain, sources, w, point)
         if counts.factored == 0:
@@ -89,9 +93,16 @@ def solve_with_factors(
         rhs(t, point, f, params)
         counts.rhs += 1
         set_residual(d, lead, f, known, scale, w, change)
+        if linear.exact == 1 and counts.factored != AT_ONCE and previous == np.inf:
+            for c in range(n):
+                residual = max(residual, abs(change[c]))
         solver(SUBSTITUTE, 0, work[1], change, linear)
         size, largest, reference = apply_change(d, change, shift, base, w)
         rate = size / previous if previous < np.inf else 1.0
+        if counts.factored == AT_ONCE:
+            rate = 0.0
+        grown = max(grown, size / residual) if residual > 0.0 else grown
+        residual = 0.0
         if not size < np.inf or (rate >= 1.0 and previous < np.inf):
             if fresh and not size < np.inf:
                 return False
@@ -102,6 +113,8 @@ def solve_with_factors(
             continue
         error = size * rate / (1.0 - rate) if rate < 1.0 else size
         if error <= _TOLERANCE * largest + _ROUNDING * reference + _UNDERFLOW:
+            if linear.exact == 1 and rate <= _AT_ONCE_BELOW and grown < _MOST_GROWN:
+                counts.factored = AT_ONCE
             return room.shape[1] == n or solve_tangents_with_factors(
                 rhs, jac, has_jac, params, t, d, sources, room, work, counts, solver, linear
             )

@@ -32,7 +32,8 @@ class LinearSolver(NamedTuple):
 
     factors (m, ., .), for Newton's matrix and, m = 2, for that of the tangents; order (n,), the
     place of each component; lower and upper, diagonals of a band; addresses of LAPACK's function
-    that factorises bands, and of one that enters Python.
+    that factorises bands, and of one that enters Python; exact, 1 where the right-hand side is
+    linear and all steps have one matrix, so that one iteration solves a step.
     """
 
     factors: np.ndarray
@@ -41,12 +42,13 @@ class LinearSolver(NamedTuple):
     upper: int
     lapack: int
     python: int
+    exact: int
 
 
 # Counts of a march: steps made, the step at which a zigzag had lasted (-1: none),
 # the one whose block is open, calls of the right-hand side, the step at which turns had grown
-# (-1); how nearly sweeps failed to contract; whether
-# factors of Newton's matrix are in force, and how many were computed.
+# (-1); how nearly sweeps failed to contract; whether factors of Newton's matrix are in force (2: and
+# solve a linear step at once), and how many were computed.
 COUNTS = np.dtype(
     [(name, "i8") for name in ("step", "zigzag", "opened", "rhs", "growth")]
     + [("nearest", "f8"), ("factored", "i8"), ("factorised", "i8")],
@@ -115,6 +117,12 @@ class StepRows(NamedTuple):
     scale: np.ndarray
     drift: np.ndarray
 
+    @property
+    def alike(self) -> bool:
+        """Whether all steps are solved with the same matrix."""
+        each = (self.theta[None], self.lead, self.scale)
+        return all(np.all(part == part[:, :1]) for part in each) and self.last <= 1
+
 
 class March(NamedTuple):
     """State of a march; all but counts, monitor and newton is linear in the solution.
@@ -156,7 +164,7 @@ class Output(NamedTuple):
 
 
 _COUNTS = from_dtype(COUNTS)
-LINEAR = types.NamedTuple((CUBE, IVEC, I8, I8, I8, I8), LinearSolver)
+LINEAR = types.NamedTuple((CUBE, IVEC, I8, I8, I8, I8, I8), LinearSolver)
 # task, number, matrix, vector that the solution replaces; 0 where it is done
 SOLVER_SIG = I8(I8, I8, MAT, VEC, LINEAR)
 SOLVER = types.FunctionType(SOLVER_SIG)

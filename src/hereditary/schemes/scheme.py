@@ -275,12 +275,17 @@ def distinct_components(equation):
 
     Terms with a zero coefficient are left out.
     """
-    keys = [
-        tuple((float(c[j]), operator) for operator, c in equation.left if c[j] != 0)
-        for j in range(equation.d)
-    ]
+    columns = np.array([c for _, c in equation.left])
+    if np.all(columns == columns[:, :1]):
+        columns = columns[:, :1]
+    rows = map(tuple, columns.T.tolist())
+    kinds: dict[tuple, int] = {}
+    numbers = [kinds.setdefault(row, len(kinds)) for row in rows]
+    held = [zip(row, equation.left, strict=True) for row in kinds]
+    keys = [tuple((c, operator) for c, (operator, _) in terms if c != 0) for terms in held]
     distinct = list(dict.fromkeys(keys))
-    return distinct, np.array([distinct.index(key) for key in keys], dtype=np.int64)
+    found = np.array([distinct.index(key) for key in keys], dtype=np.int64)[numbers]
+    return distinct, np.broadcast_to(found, equation.d).copy()
 
 
 def distinct_columns(system):
@@ -389,12 +394,3 @@ class Scheme(ABC):
             raise NotImplementedError(f"{type(self).__name__}.mesh_plan")
         required = f"be left out with {type(self).__name__}, which takes uniform steps"
         raise ValueError(complaint("mesh", required, f"{times.size - 1} steps", "or use L1 or L2"))
-
-
-def refuse_late(system, t_end):
-    """Refuse a run beyond the times at which an operator is known."""
-    last = min(operator.t_last for operator, _ in system.left)
-    if t_end > last * (1 + 1e-12):
-        required = f"stay within t = {last:g}, up to which a kernel is known"
-        remedy = "end the run there, or give a kernel that reaches farther"
-        raise ValueError(complaint("t_end", required, f"{t_end:g}", remedy))

@@ -40,11 +40,12 @@ class Newton(NamedTuple):
         return room
 
 
-def newton_of(structure, d, tangents, solve):
+def newton_of(structure, d, tangents, solve, exact):
     """Return `Newton` for d components of an orbit, with tangents or without.
 
-    `solve` is the scheme's. Of few components, but for steps with a constant Jacobian, and of dense
-    ones whose steps are not implicit, room and tables are empty.
+    `solve` is the scheme's; `exact` tells whether one iteration is enough. Of few components, but
+    for steps with a constant Jacobian, and of dense ones whose steps are not implicit, room and
+    tables are empty.
     """
     implicit = solve in ("newton", "imex")
     slots = 1 + int(tangents)
@@ -53,24 +54,25 @@ def newton_of(structure, d, tangents, solve):
         kept = d if implicit and (d > KEPT_FROM or solve == "imex") else 0
         if kept:
             room = np.zeros((1 + slots, d, d))
-        tables = _tables(np.zeros((slots if kept else 0, kept + 1, kept)), np.arange(kept))
+        tables = _tables(np.zeros((slots if kept else 0, kept + 1, kept)), np.arange(kept), exact)
         solver = dense_solver if kept else no_solver
         return Newton(as_value(solver, SOLVER_SIG), tables, room)
     room = np.tile(structure.entries, (1 + slots if implicit else 1, 1, 1))
     if not implicit:
-        empty = _tables(np.zeros((0, 0, 0)), np.arange(0))
+        empty = _tables(np.zeros((0, 0, 0)), np.arange(0), exact)
         return Newton(as_value(no_solver, SOLVER_SIG), empty, room)
     band = structure.band
     if band is None:
         held = SparseFactors(structure, float)
-        tables = _tables(np.zeros((0, 0, 0)), np.arange(d), python=held.address)
+        tables = _tables(np.zeros((0, 0, 0)), np.arange(d), exact, python=held.address)
         return Newton(as_value(sparse_solver, SOLVER_SIG), tables, room, held)
     factors = np.zeros((slots, d, 2 * band.lower + band.upper + 3))
     lapack = get_cython_function_address("scipy.linalg.cython_lapack", "dgbtrf")
-    tables = _tables(factors, band.order, band.lower, band.upper, lapack)
+    tables = _tables(factors, band.order, exact, band.lower, band.upper, lapack)
     return Newton(as_value(banded_solver, SOLVER_SIG), tables, room)
 
 
-def _tables(factors, order, lower=0, upper=0, lapack=0, python=0):
+def _tables(factors, order, exact, lower=0, upper=0, lapack=0, python=0):
     """Return the tables of a solver."""
-    return LinearSolver(factors, order.astype(np.int64), lower, upper, lapack, python)
+    places = order.astype(np.int64)
+    return LinearSolver(factors, places, lower, upper, lapack, python, int(exact))

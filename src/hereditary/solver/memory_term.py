@@ -15,9 +15,9 @@ from ..history.history import History
 from ..memory_kernel import MemoryKernel, warn_of_fit
 from ..meshes import UniformSteps
 from ..operators import Caputo, Memory, Term
-from ..schemes.scheme import Plan, Scheme, refuse_late
+from ..schemes.scheme import Plan, Scheme
 from ..sides import left_side
-from ..system import System
+from ..system import System, refuse_late
 
 # Steps in a block, as in marches.
 _BLOCK = 32

@@ -12,8 +12,7 @@ from ..compiled.signatures import FACTORISE, March, Output
 from ..compiled.structures import plain
 from ..memory_kernel import told_error, warn_of_fit
 from ..schemes.riemann_liouville import with_initial_values
-from ..schemes.scheme import refuse_late
-from ..system import shifted, variational
+from ..system import refuse_late, shifted, variational
 from . import march_arrays as arrays
 from .first_steps import starting_steps
 from .identity import check_identity, described, identity
@@ -109,8 +108,8 @@ class Stepper:
         self._watch = JacobianWatch(plan.region, self._system, self._block)
         how = self._sources, self._watch.every, self.h
         self._table = arrays.step_table(plan, self.memory, self._system, *how)
-        structure = self._system.structure
-        self._newton = newton_of(structure, d, self.n_tangents > 0, self.scheme.solve)
+        structure, exact = self._system.structure, self._system.linear_alone and plan.rows.alike
+        self._newton = newton_of(structure, d, self.n_tangents > 0, self.scheme.solve, exact)
         self._march = arrays.initial_march(plan, d, self._block, self._newton.room)
         self._march.monitor.turns[: self.equation.d] = -1.0 * (self.equation.highest_orders() == 2)
 
