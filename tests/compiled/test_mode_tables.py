@@ -167,7 +167,8 @@ def test_modes_are_read_and_moved(seed, d, s):
     legendre = to_legendre(s).copy()
     taken = np.einsum("cqm,qcm->cm", input_weights, values @ legendre.T @ moments)
     expected = modes * to_end + h * (offset_weights * moments[0] + taken)
-    advance_modes(h, to_end, moments, input_weights, offset_weights, legendre, values, modes)
+    absorbed = input_weights, offset_weights, np.arange(d)
+    advance_modes(h, to_end, moments, *absorbed, legendre, values, modes)
     np.testing.assert_allclose(modes, expected, atol=1e-13)
 
 
@@ -180,9 +181,8 @@ def test_a_mode_of_a_polynomial_is_its_integral():
     values[2, 0], input_weights[0, 2] = (h * radau_nodes(s)) ** 2, 1.0
     modes, offset_weights = np.zeros((2, 1, RATES.size))
     _, _, to_end, moments, _ = (table[slot] for table in tables)
-    advance_modes(
-        h, to_end, moments, input_weights, offset_weights, to_legendre(s).copy(), values, modes
-    )
+    absorbed = input_weights, offset_weights, np.arange(1)
+    advance_modes(h, to_end, moments, *absorbed, to_legendre(s).copy(), values, modes)
     with mpmath.workdps(60):
         exact = [
             h**3 / 3 if r == 0 else (h * h - 2 * h / r + 2 / r**2 * (1 - mpmath.exp(-r * h))) / r
@@ -198,7 +198,7 @@ def test_weights_of_the_integrals_add_up():
     offsets, weights = np.array([[0.0, 4.0, 0.0], [0.0, 5.0, 0.0]]), np.array([[1.0, 2], [3, 7]])
     input_weights, offset_weights = np.full((2, 3, 2), np.nan), np.full((2, 2, 2), np.nan)
     none = np.zeros(0, dtype=np.int64)
-    equations = Equations(terms, np.zeros(2), none, offsets, none, none)
+    equations = Equations(terms, np.zeros(2), none, offsets, none, none, np.arange(2))
     set_mode_weights(equations, weights, np.zeros(2), input_weights, offset_weights)
     assert input_weights.tolist() == [[[2, 4], [-9, -21], [0, 0]], [[1.5, 3.5], [0, 0], [0, 0]]]
     assert offset_weights.tolist() == [[[36, 84], [0, 0]], [[45, 105], [0, 0]]]

@@ -19,7 +19,13 @@ from typing import NamedTuple
 import numpy as np
 
 from .._checks import complaint
-from ..compiled.collocation import FORCE, ITSELF, POSITION, PRIMARY, SLOPE
+from ..compiled.operators import (
+    FORCE,
+    ITSELF,
+    POSITION,
+    PRIMARY,
+    SLOPE,
+)
 from ..compiled.structures import TERM
 from ..orders import OrderFailed
 from ..system import System
@@ -78,6 +84,18 @@ class Form:
         """
         d = self.second.size
         return d if self.terms.row.max() < d else 2 * d
+
+    @cached_property
+    def kinds(self) -> np.ndarray:
+        """Number of the kind of each component, all of one kind having the same terms, (d,)."""
+        d = self.second.size
+        terms: list[list] = [[] for _ in range(d)]
+        for row, *term in self.terms.tolist():
+            terms[row % d].append((row // d, *term))
+        how = zip(terms, self.second.tolist(), self.implicit.tolist(), strict=True)
+        numbers: dict[tuple, int] = {}
+        keys = [(tuple(own), *rest) for own, *rest in how]
+        return np.array([numbers.setdefault(key, len(numbers)) for key in keys], dtype=np.int64)
 
     @cached_property
     def n_integrands(self) -> int:

@@ -6,7 +6,7 @@ keeps p continuous: at t = 0, and wherever f jumps, p jumps until the equation h
 
 import numpy as np
 
-from ..compiled.collocation import ITSELF, PRIMARY, SLOPE
+from ..compiled.operators import ITSELF, PRIMARY, SLOPE
 from .orbit import convolution_terms
 
 # Distance at which kernels are evaluated for their value at 0.

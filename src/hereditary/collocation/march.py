@@ -13,8 +13,8 @@ from ..compiled.adaptive import (
     TOO_CLOSE,
     TOO_ROUGH,
 )
-from ..compiled.collocation import PRIMARY
 from ..compiled.mode_tables import floor_to_grid
+from ..compiled.operators import PRIMARY
 from ..compiled.structures import ExponentialBasis, Steps, initial_state, restored_state
 from ..memory_kernel import warn_of_fit
 from .equations import integral_form

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.polynomial.legendre import legvander
 from scipy.special import rgamma
 
-from ..compiled.collocation import ITSELF, POSITION, PRIMARY, SLOPE
 from ..compiled.mode_tables import empty_tables
+from ..compiled.operators import ITSELF, POSITION, PRIMARY, SLOPE
 from ..compiled.structures import Equations, OrbitArrays
 from .exponential_basis import (
     PowerLawBasis,
@@ -128,7 +128,7 @@ class OrbitAndTangents:
         """Return the integral equations in the form of compiled code."""
         form = self._form
         parts = form.terms, form.orders, form.second, self.offsets, form.implicit, form.unweighted
-        return Equations(*parts)
+        return Equations(*parts, form.kinds)
 
     def march_arrays(self):
         """Return the arrays in the form of compiled code, which changes them in place."""

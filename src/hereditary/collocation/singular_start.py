@@ -9,7 +9,7 @@ import importlib
 import numpy as np
 from scipy.special import rgamma
 
-from ..compiled.collocation import FORCE, POSITION, PRIMARY
+from ..compiled.operators import FORCE, POSITION, PRIMARY
 from ..compiled.single_step import SINGLE_STEPS
 from ..schemes.stability import eigenvalues
 from .orbit import convolution_terms, grouped_terms

@@ -34,15 +34,7 @@ def has_stages(form):
 
     That asks for many components that share their terms.
     """
-    d = form.second.size
-    if d <= _FEW:
-        return False
-    terms: list[list] = [[] for _ in range(2 * d)]
-    for row, *term in form.terms.tolist():
-        terms[row].append(term)
-    own, subtracted = terms[:d], terms[d:]
-    kinds = own, subtracted, form.second.tolist(), form.implicit.tolist()
-    return all(part == kind[0] for kind in kinds for part in kind)
+    return form.second.size > _FEW and not form.kinds.any()
 
 
 def stage_solver(structure, d, s, many):

@@ -3,19 +3,7 @@
 import numpy as np
 
 from .._jit import I8, VEC, compiled, entry, inner
-from .collocation import (
-    POSITION,
-    PRIMARY,
-    SLOPE,
-    assemble_operators,
-    eliminate_known,
-    empty_factors,
-    empty_operators,
-    nodal_slopes,
-    solve_stages,
-    solve_tangents,
-    subtract_from_forces,
-)
+from .collocation import empty_factors, nodal_slopes, solve_stages, solve_tangents
 from .error_estimate import (
     add_force_defect,
     defect_matters,
@@ -26,7 +14,24 @@ from .error_estimate import (
     tangent_error_ratio,
 )
 from .many_stages import solve_many, solve_many_tangents, stage_factors
-from .mode_tables import advance_modes, find_slot, floor_to_grid, read_modes, set_mode_weights
+from .mode_tables import (
+    advance_modes,
+    find_slot,
+    floor_to_grid,
+    read_modes,
+    read_varying,
+    set_mode_weights,
+)
+from .operators import (
+    POSITION,
+    PRIMARY,
+    SLOPE,
+    assemble_operators,
+    eliminate_known,
+    empty_operators,
+    number_of,
+    subtract_from_forces,
+)
 from .signatures import JAC, RHS
 from .structures import (
     BASIS,
@@ -75,7 +80,8 @@ def marching(name, solve, solve_for_tangents, factors):
         control, counts = state.control, state.counts
         s, n_columns = nodes.shape[0], orbit.x.shape[0]
         n_rows = orbit.modes.shape[1] - equations.unweighted.shape[0] * orbit.x.shape[1]
-        operators, base = empty_operators(n_columns, n_rows, s), np.empty((n_columns, n_rows, s))
+        kinds, base = equations.kinds, np.empty((n_columns, n_rows, s))
+        operators = empty_operators(n_columns, n_rows, kinds, s)
         values = np.empty(orbit.last.shape)
         newton = factors(orbit.x.shape[1], s, solver, stages)
         input_weights, offset_weights = mode_weights(equations, basis, varying, orbit)
@@ -106,7 +112,8 @@ def marching(name, solve, solve_for_tangents, factors):
             goal = newton_goal(orbit, state, limits)
             solved = solve(
                 rhs, jac, has_jac, params, times, h, base[0], orbit.x[0], equations.second,
-                operators.matrices, integral, goal, values[0], counts, state.contraction, newton,
+                operators.matrices, kinds, integral, goal, values[0], counts, state.contraction,
+                newton,
             )  # fmt: skip
             ratio, by_defect = np.inf, False
             if solved:
@@ -117,7 +124,7 @@ def marching(name, solve, solve_for_tangents, factors):
             if ratio <= 1.0 and n_columns > 1:
                 solved = solve_for_tangents(
                     rhs, jac, has_jac, params, times, h, base, orbit.x, equations.second,
-                    operators.matrices, integral, values, counts, newton,
+                    operators.matrices, kinds, integral, values, counts, newton,
                 )  # fmt: skip
                 more = np.inf
                 if solved:
@@ -143,7 +150,7 @@ def marching(name, solve, solve_for_tangents, factors):
             absorb_constant_mode(basis.rates, orbit)
             orbit.before[:], orbit.last[:] = orbit.modes, values
             to_end, moments = tables.to_end[slot], tables.moments[slot]
-            advance_orbit(h, to_end, moments, input_weights, offset_weights, legendre, orbit)
+            advance_orbit(h, to_end, moments, input_weights, offset_weights, kinds, legendre, orbit)
             row += 1
             control.time, control.last = (end if h == left else t + h), h
         return row, REACHED
@@ -174,10 +181,15 @@ def reason_of_refusal(by_defect, solved):
 
 @inner
 def mode_weights(equations, basis, varying, orbit):
-    """Return the weights in the modes of integrands, (R, n_q, M), and offsets, (1 + k, R, M)."""
-    modes, last = orbit.modes, orbit.last
-    input_weights = np.empty((modes.shape[1], last.shape[1], modes.shape[2]))
-    offset_weights = np.empty(modes.shape)
+    """Return the weights in the modes of integrands and offsets; see `set_mode_weights`.
+
+    Those of offsets have no rows where all offsets are 0.
+    """
+    modes, last, n_kinds = orbit.modes, orbit.last, number_of(equations.kinds)
+    n_rows = modes.shape[1] // equations.kinds.shape[0] * n_kinds
+    input_weights = np.empty((n_rows, last.shape[1], modes.shape[2]))
+    n_offsets = modes.shape[1] if np.any(equations.offsets) else 0
+    offset_weights = np.empty((modes.shape[0], n_offsets, modes.shape[2]))
     set_mode_weights(equations, basis.weights, varying.of_varying, input_weights, offset_weights)
     return input_weights, offset_weights
 
@@ -213,41 +225,20 @@ def set_known_part(orbit, to_nodes, equations, varying, operators, base):
 
     It consists of initial values, history and offsets.
     """
-    initial, p, modes = orbit.initial, orbit.p, orbit.modes
-    d = p.shape[1]
+    initial, p, modes, kinds = orbit.initial, orbit.p, orbit.modes, equations.kinds
+    d, n_kinds = p.shape[1], number_of(kinds)
     for column in range(base.shape[0]):
         read_modes(modes[column], to_nodes, base[column])
         if varying.integrals.shape[0] > 0:
             read_varying(modes[column], to_nodes, equations, varying, base[column])
         for c in range(base.shape[1]):
+            row = c // d * n_kinds + kinds[c % d]
             for i in range(base.shape[2]):
                 base[column, c, i] += operators.constant[column, c, i]
-                base[column, c, i] += operators.start_weights[c, i] * p[column, c % d]
+                base[column, c, i] += operators.start_weights[row, i] * p[column, c % d]
                 if c < d:
                     base[column, c, i] += initial[column, c]
-    eliminate_known(d, operators.matrices, base)
-
-
-@inner
-def read_varying(modes, to_nodes, equations, varying, out):
-    """Add the history of terms with varying orders: unweighted modes times weights at the nodes."""
-    # modes (R, M), to_nodes (M, s), out (R, s)
-    terms, weights, unweighted = equations.terms, varying.weights, equations.unweighted
-    d, first = equations.second.shape[0], 1 - weights.shape[0]
-    for n in range(terms.shape[0]):  # varying orders have the last indices
-        first = max(first, terms[n].index + 1 - weights.shape[0])
-    for n in range(terms.shape[0]):
-        k = terms[n].index - first
-        if k < 0:
-            continue
-        c, q = terms[n].row, terms[n].integrand
-        for b in range(unweighted.shape[0]):
-            if unweighted[b] != q:
-                continue
-            for m in range(to_nodes.shape[0]):
-                held = terms[n].coefficient * modes[(2 + b) * d + c % d, m]
-                for i in range(to_nodes.shape[1]):
-                    out[c, i] += held * weights[k, m, i] * to_nodes[m, i]
+    eliminate_known(kinds, operators.matrices, base)
 
 
 @inner
@@ -294,22 +285,24 @@ def orbit_error(
     second, largest, start = equations.second, state.largest, orbit.initial[0]
     rtol, atol = limits.rtol, limits.atol
     errors, force_defect = np.empty(second.shape[0]), np.zeros(second.shape[0])
-    x_start = orbit.x[0]
+    x_start, kinds = orbit.x[0], equations.kinds
     measure_force_defect(
         rhs, params, check_times, h, rule, x_start, start, second, values[0], limits, force_defect
     )
     state.counts.rhs += check_times.shape[0]
-    if defect_matters(force_defect, matrices, goal, newton):
+    if defect_matters(force_defect, matrices, kinds, goal, newton):
         state.counts.rhs += times.shape[0]
-        if not equations_hold(rhs, params, times, base[0], matrices, goal, values[0], newton):
+        if not equations_hold(
+            rhs, params, times, base[0], matrices, kinds, goal, values[0], newton
+        ):  # fmt: skip
             return np.inf, True
-    subtract_from_forces(second.shape[0], matrices, base, values[:1])
+    subtract_from_forces(kinds, matrices, base, values[:1])
     if values.shape[1] > SLOPE:
         nodal_slopes(h, rule.inverse, orbit.p[0], values[0, PRIMARY], values[0, SLOPE])
     estimate_error(h, equations, rule.legendre, local, matrices, values[0], newton, errors)
     end = state.control.origin + state.control.time + h
     ratio_at_nodes = error_ratio(h, end, errors, values[0], second, largest, start, rtol, atol)
-    add_force_defect(force_defect, matrices, newton, errors)
+    add_force_defect(force_defect, matrices, kinds, newton, errors)
     ratio = error_ratio(h, end, errors, values[0], second, largest, start, rtol, atol)
     return ratio, ratio_at_nodes <= 1.0 and not ratio <= 1.0
 
@@ -318,7 +311,7 @@ def orbit_error(
 def tangents_error(h, base, equations, rule, matrices, local, values, orbit, newton, limits):
     """Return the largest ratio of error to tolerance of solved tangents; subtract terms from f."""
     legendre, p = rule.legendre, orbit.p
-    subtract_from_forces(equations.second.shape[0], matrices, base[1:], values[1:])
+    subtract_from_forces(equations.kinds, matrices, base[1:], values[1:])
     if values.shape[1] > SLOPE:
         for column in range(1, p.shape[0]):
             nodal_slopes(h, rule.inverse, p[column], values[column, PRIMARY], values[column, SLOPE])
@@ -340,12 +333,12 @@ def absorb_constant_mode(rates, orbit):
 
 
 @inner
-def advance_orbit(h, to_end, moments, input_weights, offset_weights, legendre, orbit):
+def advance_orbit(h, to_end, moments, input_weights, offset_weights, kinds, legendre, orbit):
     """Advance the orbit and its tangents to the end of the step solved last."""
     values = orbit.last
     for column in range(values.shape[0]):
-        modes, offsets = orbit.modes[column], offset_weights[column]
-        advance_modes(h, to_end, moments, input_weights, offsets, legendre, values[column], modes)
+        weights = input_weights, offset_weights[column], kinds
+        advance_modes(h, to_end, moments, *weights, legendre, values[column], orbit.modes[column])
         orbit.x[column] = values[column, POSITION, :, -1]
         orbit.p[column] = values[column, PRIMARY, :, -1]
 

@@ -13,66 +13,12 @@ from numba.extending import overload
 from .._jit import inlined, inner
 from .jacobian import jacobian
 from .linalg import factorise, substitute
+from .operators import FORCE, POSITION, PRIMARY
 from .signatures import SUBSTITUTE
-from .structures import Factors, Operators, StageFactors
+from .structures import Factors, StageFactors
 
-# Integrands: f, p, y and, where needed, p'.
-FORCE, PRIMARY, POSITION, SLOPE = 0, 1, 2, 3
-# Index of a term that is no convolution: the integrand itself.
-ITSELF = -1
 # Newton iterations before a step is refused.
 _SWEEPS = 12
-
-
-@inner
-def assemble_operators(h, equations, integrals, inverse, local, operators):
-    """Assemble the matrices from nodal values to all rows for a step of length h.
-
-    Row c < d gives p of component c; row d + c holds the terms subtracted from its right-hand side.
-    The integrand p' is the derivative of the polynomial through p at the start and at the nodes.
-    """
-    # integrals (n_a, s, s), inverse (s, s) of the last of these, local (n_k, s, s)
-    terms, orders, offsets = equations.terms, equations.orders, equations.offsets
-    operators.matrices[:] = 0.0
-    operators.start_weights[:] = 0.0
-    operators.constant[:] = 0.0
-    s, d = operators.constant.shape[2], equations.second.shape[0]
-    for n in range(terms.shape[0]):
-        c, q, k = terms[n].row, terms[n].integrand, terms[n].index
-        factor = terms[n].coefficient
-        convolution = integrals[0]
-        if k >= orders.shape[0]:
-            convolution = local[k - orders.shape[0]]
-        elif k >= 0:
-            convolution = integrals[k]
-            factor *= h ** orders[k]
-        for i in range(s):
-            for j in range(s):
-                weight = factor * convolution[i, j]
-                if k == ITSELF:
-                    weight = factor if i == j else 0.0
-                if q == SLOPE:
-                    for e in range(s):
-                        operators.matrices[c, PRIMARY, i, e] += weight * inverse[j, e] / h
-                        operators.start_weights[c, i] -= weight * inverse[j, e] / h
-                    continue
-                operators.matrices[c, q, i, j] += weight
-                for column in range(offsets.shape[0]):
-                    operators.constant[column, c, i] -= weight * offsets[column, n]
-    for c in range(d):
-        if equations.implicit[c] == 1:
-            set_implicit_row(d, c, operators.matrices)
-    eliminate_operators(d, operators.matrices)
-
-
-@inner
-def set_implicit_row(d, c, matrices):
-    """Set row c to p plus the balance of right-hand side and terms, scaled to the units of p."""
-    s = matrices.shape[2]
-    size = abs(matrices[d + c, PRIMARY, s - 1, s - 1])
-    for i in range(s):
-        matrices[c, PRIMARY, i, i] = 1.0
-        matrices[c, FORCE, i, i] = 1.0 / size if size > 0.0 else 1.0
 
 
 @inner
@@ -88,51 +34,6 @@ def nodal_slopes(h, inverse, start, p, out):
             for j in range(p.shape[1]):
                 total += inverse[i, j] * (p[c, j] - start[c])
             out[c, i] = total / h
-
-
-@inner
-def subtract_matvec(matrix, vector, out):
-    """Compute out -= matrix @ vector."""
-    for i in range(matrix.shape[0]):
-        for j in range(matrix.shape[1]):
-            out[i] -= matrix[i, j] * vector[j]
-
-
-@inner
-def subtract_matmul(left, right, out):
-    """Compute out -= left @ right."""
-    for i in range(left.shape[0]):
-        for k in range(left.shape[1]):
-            for j in range(right.shape[1]):
-                out[i, j] -= left[i, k] * right[k, j]
-
-
-@inner
-def eliminate_operators(d, matrices):
-    """Substitute the terms subtracted from the right-hand sides, rows d + c, into the rows of p."""
-    for c in range(matrices.shape[0] - d):
-        for q in (PRIMARY, POSITION):
-            subtract_matmul(matrices[c, FORCE], matrices[d + c, q], matrices[c, q])
-
-
-@inner
-def eliminate_known(d, matrices, known):
-    """Substitute the known parts of rows d + c into those of the rows of p; known (1 + k, R, s)."""
-    for column in range(known.shape[0]):
-        for c in range(known.shape[1] - d):
-            subtract_matvec(matrices[c, FORCE], known[column, d + c], known[column, c])
-
-
-@inner
-def subtract_from_forces(d, matrices, known, values):
-    """Subtract the terms of rows d + c from f, given p and y at the nodes; values (k, 3, d, s)."""
-    for column in range(values.shape[0]):
-        for c in range(known.shape[1] - d):
-            force = values[column, FORCE, c]
-            for i in range(force.shape[0]):
-                force[i] -= known[column, d + c, i]
-            for q in (PRIMARY, POSITION):
-                subtract_matvec(matrices[d + c, q], values[column, q, c], force)
 
 
 @inner
@@ -162,12 +63,13 @@ def forces(rhs, params, times, x, f):
 
 
 @inner
-def newton_matrix(h, matrices, integral, second, jacobians, out):
+def newton_matrix(h, matrices, kinds, integral, second, jacobians, out):
     """Set the derivative of the residuals with respect to p at the nodes, in the order (c, i)."""
-    # matrices (R, 3, s, s), integral (s, s), jacobians (s, d, d), out (d s, d s)
+    # matrices (K, 3, s, s), integral (s, s), jacobians (s, d, d), out (d s, d s)
     d, s = second.shape[0], integral.shape[0]
     for c in range(d):
-        force, primary, place = matrices[c, FORCE], matrices[c, PRIMARY], matrices[c, POSITION]
+        own = matrices[kinds[c]]
+        force, primary, place = own[FORCE], own[PRIMARY], own[POSITION]
         for e in range(d):
             for i in range(s):
                 for j in range(s):
@@ -220,8 +122,8 @@ def _solve_stages(newton, b, x):
 
 @inner
 def solve_stages(
-    rhs, jac, has_jac, params, times, h, base, x_start, second, matrices, integral, goal, values,
-    counts, contraction, newton,
+    rhs, jac, has_jac, params, times, h, base, x_start, second, matrices, kinds, integral, goal,
+    values, counts, contraction, newton,
 ):  # fmt: skip
     """Solve for p at the nodes by Newton's method, starting from the given values.
 
@@ -240,14 +142,14 @@ def solve_stages(
             # one Jacobian for all nodes first: it suffices where little changes over the step
             calls = stage_jacobians(rhs, jac, has_jac, params, times, x, sweep > 0, jacobians)
             counts.rhs += calls
-            newton_matrix(h, matrices, integral, second, jacobians, newton.matrix)
+            newton_matrix(h, matrices, kinds, integral, second, jacobians, newton.matrix)
             if not factorise(newton.matrix, newton.order):
                 return False
             set_force_scales(jacobians[0], x, newton.force_scales)
             previous = np.inf
         forces(rhs, params, times, x, f)
         counts.rhs += s
-        residuals(base, matrices, p, x, f, residual)
+        residuals(base, matrices, kinds, p, x, f, residual)
         substitute(newton.matrix, newton.order, residual, change)
         size = take_change(change, goal, p)
         if not size < np.inf:
@@ -324,11 +226,12 @@ def correct_forces(jacobians, before, x, f):
 
 
 @inner
-def residuals(base, matrices, p, x, f, out):
+def residuals(base, matrices, kinds, p, x, f, out):
     """Set the residuals p - base - integrals at all nodes, in the order (c, i)."""
     d, s = p.shape
     for c in range(d):
-        force, primary, place = matrices[c, FORCE], matrices[c, PRIMARY], matrices[c, POSITION]
+        own = matrices[kinds[c]]
+        force, primary, place = own[FORCE], own[PRIMARY], own[POSITION]
         for i in range(s):
             total = p[c, i] - base[c, i]
             for j in range(s):
@@ -338,8 +241,8 @@ def residuals(base, matrices, p, x, f, out):
 
 @inner
 def solve_tangents(
-    rhs, jac, has_jac, params, times, h, base, x_start, second, matrices, integral, values, counts,
-    newton,
+    rhs, jac, has_jac, params, times, h, base, x_start, second, matrices, kinds, integral, values,
+    counts, newton,
 ):  # fmt: skip
     """Solve the step, linearised along the orbit, for the tangents' `values` at the nodes.
 
@@ -354,7 +257,7 @@ def solve_tangents(
     jacobians, start = np.empty((s, d, d)), np.empty((d, s))
     orbit = values[0, POSITION]
     counts.rhs += stage_jacobians(rhs, jac, has_jac, params, times, orbit, True, jacobians)
-    newton_matrix(h, matrices, integral, second, jacobians, matrix)
+    newton_matrix(h, matrices, kinds, integral, second, jacobians, matrix)
     if not factorise(matrix, order):
         return False
     for column in range(1, base.shape[0]):
@@ -365,7 +268,7 @@ def solve_tangents(
         f[:] = 0.0
         start[:] = 0.0
         correct_forces(jacobians, start, x, f)
-        residuals(base[column], matrices, p, x, f, known)
+        residuals(base[column], matrices, kinds, p, x, f, known)
         substitute(matrix, order, known, found)
         for c in range(d):
             for i in range(s):
@@ -374,10 +277,3 @@ def solve_tangents(
         f[:] = 0.0
         correct_forces(jacobians, start, x, f)
     return True
-
-
-@inner
-def empty_operators(n_columns, n_rows, s):
-    """Allocate the operators of a step."""
-    matrices, start_weights = np.empty((n_rows, 3, s, s)), np.empty((n_rows, s))
-    return Operators(matrices, start_weights, np.empty((n_columns, n_rows, s)))

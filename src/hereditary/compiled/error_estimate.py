@@ -3,7 +3,8 @@
 import numpy as np
 
 from .._jit import inner
-from .collocation import FORCE, POSITION, PRIMARY, forces, residuals, solve_newton
+from .collocation import forces, residuals, solve_newton
+from .operators import FORCE, POSITION, PRIMARY
 
 # Relative tolerance of tangents is at least this: those that have decayed consist of rounding
 # errors, which grow when tangents are normalised.
@@ -30,7 +31,7 @@ def estimate_error(h, equations, legendre, local, matrices, values, newton, erro
     The resulting defect is damped by the equations where these are stiff, and never amplified. The
     error is at least that of p as the dense output interpolates it.
     """
-    # local (n_k, s, s), matrices (R, 3, s, s), values (n_q, d, s), errors (d,)
+    # local (n_k, s, s), matrices (K, 3, s, s), values (n_q, d, s), errors (d,)
     terms, orders = equations.terms, equations.orders
     d, s, n_a = errors.shape[0], values.shape[2], orders.shape[0]
     defect, nodal_errors = np.empty(d * s), np.empty(d * s)
@@ -50,14 +51,14 @@ def estimate_error(h, equations, legendre, local, matrices, values, newton, erro
             elif k >= 0:
                 size = h ** orders[k]
             if c >= d:
-                size *= np.max(np.abs(matrices[c - d, FORCE, -1]))
+                size *= np.max(np.abs(matrices[equations.kinds[c - d], FORCE, -1]))
             for i in range(s):
                 defect[(c % d) * s + i] += terms[n].coefficient * size * last * decay
         if not np.any(defect):
             continue
         solve_for_error(defect, newton, nodal_errors)
         for c in range(d):
-            errors[c] += np.max(np.abs(nodal_errors[c * s : (c + 1) * s]))
+            errors[c] += largest_of(nodal_errors, c * s, s)
 
 
 @inner
@@ -119,10 +120,32 @@ def update_force_defect(rhs, params, t, point, check_values, values, force_defec
 
 
 @inner
-def defect_matters(force_defect, matrices, goal, newton):
+def largest_of(values, first, many):
+    """Return the largest absolute value of so many, NaN where one is NaN."""
+    largest = 0.0
+    for i in range(first, first + many):
+        if not abs(values[i]) <= largest:
+            largest = abs(values[i])
+    return largest
+
+
+@inner
+def sums_of_force(matrices):
+    """Return the integral of f = 1 at the nodes by the operators of each kind, (K, s)."""
+    found = np.zeros((matrices.shape[0], matrices.shape[2]))
+    for k in range(found.shape[0]):
+        for i in range(found.shape[1]):
+            for j in range(found.shape[1]):
+                found[k, i] += matrices[k, FORCE, i, j]
+    return found
+
+
+@inner
+def defect_matters(force_defect, matrices, kinds, goal, newton):
     """Return whether the defect of f, undamped, would move p beyond Newton's goal."""
+    sums = sums_of_force(matrices)
     for c in range(force_defect.shape[0]):
-        size = np.max(np.abs(np.sum(matrices[c, FORCE], axis=1)))
+        size = largest_of(sums[kinds[c]], 0, sums.shape[1])
         if (
             abs(force_defect[c]) > _NOISE * newton.force_scales[c]
             and abs(force_defect[c]) * size > _CHECK_BEYOND * goal[c]
@@ -132,7 +155,7 @@ def defect_matters(force_defect, matrices, goal, newton):
 
 
 @inner
-def equations_hold(rhs, params, times, base, matrices, goal, values, newton):
+def equations_hold(rhs, params, times, base, matrices, kinds, goal, values, newton):
     """Evaluate f anew and return whether p at the nodes still satisfies the equations.
 
     A Jacobian from differences across a jump makes any equation look stiff, and solved.
@@ -140,7 +163,7 @@ def equations_hold(rhs, params, times, base, matrices, goal, values, newton):
     f, p, x = np.empty(values[FORCE].shape), values[PRIMARY], values[POSITION]
     residual, change = np.empty(p.size), np.empty(p.size)
     forces(rhs, params, times, x, f)
-    residuals(base, matrices, p, x, f, residual)
+    residuals(base, matrices, kinds, p, x, f, residual)
     solve_newton(newton, residual, change)
     s = p.shape[1]
     for c in range(p.shape[0]):
@@ -151,24 +174,24 @@ def equations_hold(rhs, params, times, base, matrices, goal, values, newton):
 
 
 @inner
-def add_force_defect(force_defect, matrices, newton, errors):
+def add_force_defect(force_defect, matrices, kinds, newton, errors):
     """Raise the errors (d,) to the error of p that the defect of f causes.
 
     A defect within the rounding error of f is ignored.
     """
     d, s = force_defect.shape[0], matrices.shape[2]
-    defect, nodal_errors = np.empty(d * s), np.empty(d * s)
+    defect, nodal_errors, sums = np.empty(d * s), np.empty(d * s), sums_of_force(matrices)
     for c in range(d):
         excess = force_defect[c]
         if abs(excess) <= _NOISE * newton.force_scales[c]:
             excess = 0.0
         for i in range(s):
-            defect[c * s + i] = excess * np.sum(matrices[c, FORCE, i])
+            defect[c * s + i] = excess * sums[kinds[c], i]
     if not np.any(defect):
         return
     solve_for_error(defect, newton, nodal_errors)
     for c in range(d):
-        error = _DEFECT_WEIGHT * np.max(np.abs(nodal_errors[c * s : (c + 1) * s]))
+        error = _DEFECT_WEIGHT * largest_of(nodal_errors, c * s, s)
         if not error <= errors[c]:
             errors[c] = error
 

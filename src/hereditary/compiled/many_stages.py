@@ -4,9 +4,6 @@ import numpy as np
 
 from .._jit import inner
 from .collocation import (
-    FORCE,
-    POSITION,
-    PRIMARY,
     contraction_rate,
     forces,
     positions,
@@ -15,6 +12,7 @@ from .collocation import (
     take_change,
 )
 from .jacobian import COLUMNS, ROWS, VALUES, is_sparse, jacobian, multiply
+from .operators import FORCE, POSITION, PRIMARY
 from .signatures import FACTORISE
 from .structures import KEPT, LENGTH, StageFactors
 
@@ -32,8 +30,8 @@ def stage_factors(d, s, solver, stages):
 
 @inner
 def solve_many(
-    rhs, jac, has_jac, params, times, h, base, x_start, second, matrices, integral, goal, values,
-    counts, contraction, newton,
+    rhs, jac, has_jac, params, times, h, base, x_start, second, matrices, kinds, integral, goal,
+    values, counts, contraction, newton,
 ):  # fmt: skip
     """As `solve_stages`, by systems of the size of the equation.
 
@@ -60,7 +58,7 @@ def solve_many(
             control[LENGTH], previous = h, np.inf
         forces(rhs, params, times, x, f)
         counts.rhs += s
-        residuals(base, matrices, p, x, f, residual)
+        residuals(base, matrices, kinds, p, x, f, residual)
         solve_newton(newton, residual, change)
         size = take_change(change, goal, p)
         if not size < np.inf:
@@ -129,8 +127,8 @@ def correct_forces(j_f, before, x, f):
 
 @inner
 def solve_many_tangents(
-    rhs, jac, has_jac, params, times, h, base, x_start, second, matrices, integral, values, counts,
-    newton,
+    rhs, jac, has_jac, params, times, h, base, x_start, second, matrices, kinds, integral, values,
+    counts, newton,
 ):  # fmt: skip
     """As `solve_tangents`, by the orbit's systems, until the Jacobians of all stages hold."""
     d, s = second.shape[0], base.shape[2]
@@ -151,7 +149,7 @@ def solve_many_tangents(
                 f[:, i] = more
             if done:
                 break
-            residuals(base[column], matrices, p, x, f, residual)
+            residuals(base[column], matrices, kinds, p, x, f, residual)
             solve_newton(newton, residual, change)
             moved, size = 0.0, 0.0
             for c in range(d):

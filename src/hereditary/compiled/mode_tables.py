@@ -88,17 +88,49 @@ def read_modes(modes, to_nodes, out):
 
 
 @inner
-def advance_modes(h, to_end, moments, input_weights, offset_weights, legendre, values, modes):
+def read_varying(modes, to_nodes, equations, varying, out):
+    """Add the history of terms with varying orders: unweighted modes times weights at the nodes."""
+    # modes (R, M), to_nodes (M, s), out (R, s)
+    terms, weights, unweighted = equations.terms, varying.weights, equations.unweighted
+    d, first = equations.second.shape[0], 1 - weights.shape[0]
+    for n in range(terms.shape[0]):  # varying orders have the last indices
+        first = max(first, terms[n].index + 1 - weights.shape[0])
+    for n in range(terms.shape[0]):
+        k = terms[n].index - first
+        if k < 0:
+            continue
+        c, q = terms[n].row, terms[n].integrand
+        for b in range(unweighted.shape[0]):
+            if unweighted[b] != q:
+                continue
+            for m in range(to_nodes.shape[0]):
+                held = terms[n].coefficient * modes[(2 + b) * d + c % d, m]
+                for i in range(to_nodes.shape[1]):
+                    out[c, i] += held * weights[k, m, i] * to_nodes[m, i]
+
+
+@inner
+def advance_modes(
+    h, to_end, moments, input_weights, offset_weights, kinds, legendre, values, modes
+):  # fmt: skip
     """Advance the modes over the step: decay, and absorb the integrands' polynomials on it."""
-    # to_end (M,), moments (s, M), input_weights (R, n_q, M), offset_weights, modes (R, M),
-    # legendre (s, s), values (n_q, d, s); row c absorbs integrands of component c modulo d
+    # to_end (M,), moments (s, M), input_weights (K, n_q, M), offset_weights (R, M) or (0, M),
+    # kinds (d,), legendre (s, s), values (n_q, d, s), modes (R, M); row c absorbs integrands of
+    # component c modulo d
     d, s = values.shape[1], values.shape[2]
-    part = np.empty(to_end.shape[0])
+    n_kinds = input_weights.shape[0] * d // max(1, modes.shape[0])
+    part, used = np.empty(to_end.shape[0]), np.empty(input_weights.shape[:2], dtype=np.bool_)
+    for c in range(used.shape[0]):
+        for q in range(used.shape[1]):
+            used[c, q] = np.any(input_weights[c, q])
     for c in range(modes.shape[0]):
+        kind = c // d * n_kinds + kinds[c % d]
         for m in range(to_end.shape[0]):
-            modes[c, m] = modes[c, m] * to_end[m] + h * offset_weights[c, m] * moments[0, m]
+            modes[c, m] = modes[c, m] * to_end[m]
+        for m in range(to_end.shape[0] if offset_weights.shape[0] > 0 else 0):
+            modes[c, m] += h * offset_weights[c, m] * moments[0, m]
         for q in range(input_weights.shape[1]):
-            if not np.any(input_weights[c, q]):
+            if not used[kind, q]:
                 continue
             part[:] = 0.0
             for k in range(s):
@@ -108,29 +140,35 @@ def advance_modes(h, to_end, moments, input_weights, offset_weights, legendre, v
                 for m in range(to_end.shape[0]):
                     part[m] += coefficient * moments[k, m]
             for m in range(to_end.shape[0]):
-                modes[c, m] += h * input_weights[c, q, m] * part[m]
+                modes[c, m] += h * input_weights[kind, q, m] * part[m]
 
 
 @inner
 def set_mode_weights(equations, weights, of_varying, input_weights, offset_weights):
     """Set the weights with which the modes absorb integrands and, for the offsets, the constant 1.
 
-    input_weights (R, n_q, M) and offset_weights (1 + k, R, M). Modes of varying orders have weight
-    1: they fill rows behind the others, d rows for each integrand.
+    input_weights (K, n_q, M), for the rows of each kind of components, and offset_weights (1 + k,
+    R, M) or (1 + k, 0, M). Modes of varying orders have weight 1: they fill rows behind the others,
+    a row of each component for each integrand.
     """
     # weights (n_a + n_k, M), of_varying (M,)
     terms, offsets, unweighted = equations.terms, equations.offsets, equations.unweighted
     input_weights[:] = 0.0
     offset_weights[:] = 0.0
-    d = input_weights.shape[0] // (2 + unweighted.shape[0])
+    d, n_kinds = equations.kinds.shape[0], np.max(equations.kinds) + 1
     for b in range(unweighted.shape[0]):
-        input_weights[(2 + b) * d : (3 + b) * d, unweighted[b]] = of_varying
+        input_weights[(2 + b) * n_kinds : (3 + b) * n_kinds, unweighted[b]] = of_varying
+    first = np.full(n_kinds, -1)
     for n in range(terms.shape[0]):
         c, q, k = terms[n].row, terms[n].integrand, terms[n].index
+        kind = equations.kinds[c % d]
+        if first[kind] < 0:
+            first[kind] = c % d
         for m in range(weights.shape[1] if k >= 0 else 0):
             weight = terms[n].coefficient * weights[k, m]
-            input_weights[c, q, m] += weight
-            for column in range(offsets.shape[0]):
+            if first[kind] == c % d:
+                input_weights[c // d * n_kinds + kind, q, m] += weight
+            for column in range(offsets.shape[0] if offset_weights.shape[1] > 0 else 0):
                 offset_weights[column, c, m] -= weight * offsets[column, n]
 
 

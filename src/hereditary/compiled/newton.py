@@ -13,8 +13,8 @@ from .step import BASE, GAIN, KNOWN, LEAD, MOVED, POINT, SCALE, SHIFT, F, W, loo
 _SIMPLIFIED, _FULL = 8, 30
 # Components above which factors are kept over steps, and contraction from which they are not.
 KEPT_FROM, _SLOW = 10, 0.1
-# counts.factored where factors of a linear step have been seen to solve it at once: to this rate, and
-# without a residual that grew by this much, as by a matrix that is nearly singular.
+# counts.factored where factors of a linear step have been seen to solve it at once: to this rate,
+# and without a residual that grew by this much, as by a matrix that is nearly singular.
 AT_ONCE, _AT_ONCE_BELOW, _MOST_GROWN = 2, 1e-8, 1e6
 # The step is solved when the estimated error of the increment is below this share of it, or below
 # rounding of the solution, or below what floats can resolve.

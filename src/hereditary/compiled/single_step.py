@@ -3,16 +3,9 @@
 import numpy as np
 
 from .._jit import CUBE, CUBES, F8, I8, MAT, VEC, entry
-from .collocation import (
-    assemble_operators,
-    eliminate_known,
-    empty_factors,
-    empty_operators,
-    solve_stages,
-    solve_tangents,
-    subtract_from_forces,
-)
+from .collocation import empty_factors, solve_stages, solve_tangents
 from .many_stages import solve_many, solve_many_tangents, stage_factors
+from .operators import assemble_operators, eliminate_known, empty_operators, subtract_from_forces
 from .signatures import JAC, RHS
 from .structures import CONTRACTION_RECORD, COUNTS_RECORD, EQUATIONS, STAGE_SOLVER, STAGES
 
@@ -29,23 +22,25 @@ def single_step(name, solve, solve_for_tangents, factors):
         rhs, jac, has_jac, params, solver, stages, equations, times, integrals, local, h, base,
         x_start, goal, values, counts, contraction,
     ):  # fmt: skip
+        kinds = equations.kinds
         n_nodes, d, n_rows = times.shape[0], equations.second.shape[0], base.shape[1]
-        operators, inverse = empty_operators(base.shape[0], n_rows, n_nodes), np.empty((0, 0))
+        operators = empty_operators(base.shape[0], n_rows, kinds, n_nodes)
+        inverse = np.empty((0, 0))
         assemble_operators(h, equations, integrals, inverse, local, operators)
         known, newton = base + operators.constant, factors(d, n_nodes, solver, stages)
-        eliminate_known(d, operators.matrices, known)
+        eliminate_known(kinds, operators.matrices, known)
         integral = integrals[equations.orders.shape[0] - 1]
         if not solve(
             rhs, jac, has_jac, params, times, h, known[0], x_start[0], equations.second,
-            operators.matrices, integral, goal, values[0], counts, contraction, newton,
+            operators.matrices, kinds, integral, goal, values[0], counts, contraction, newton,
         ):  # fmt: skip
             return False
         if x_start.shape[0] > 1 and not solve_for_tangents(
             rhs, jac, has_jac, params, times, h, known, x_start, equations.second,
-            operators.matrices, integral, values, counts, newton,
+            operators.matrices, kinds, integral, values, counts, newton,
         ):  # fmt: skip
             return False
-        subtract_from_forces(d, operators.matrices, known, values)
+        subtract_from_forces(kinds, operators.matrices, known, values)
         return True
 
     step.__name__ = step.__qualname__ = name

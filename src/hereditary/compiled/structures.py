@@ -39,7 +39,8 @@ class Equations(NamedTuple):
     terms (n,) of `TERM`; orders (n_a,) of the fractional integrals; second (d,), 1 where the
     primary unknown is y'; offsets (1 + k, n), constants subtracted from the integrands; implicit
     (d,), 1 where p is found from the balance of right-hand side and terms; unweighted, the
-    integrands of terms with varying orders, whose modes are stored without weights.
+    integrands of terms with varying orders, whose modes are stored without weights; kinds (d,), the
+    number of each component's kind, all of one kind having the same terms.
     """
 
     terms: np.ndarray
@@ -48,6 +49,7 @@ class Equations(NamedTuple):
     offsets: np.ndarray
     implicit: np.ndarray
     unweighted: np.ndarray
+    kinds: np.ndarray
 
 
 class Rule(NamedTuple):
@@ -166,8 +168,9 @@ class Limits(NamedTuple):
 class Operators(NamedTuple):
     """Matrices from nodal values to the rows of the equations at the nodes of one step.
 
-    matrices (R, 3, s, s), one for each of f, p and y; start_weights (R, s) of p at the start;
-    constant (1 + k, R, s), contributions of the offsets.
+    matrices (K, 3, s, s), one for each of f, p and y, for the rows of each kind of components and
+    then for those that are subtracted from their right-hand sides; start_weights (K, s) of p at the
+    start; constant (1 + k, R, s), contributions of the offsets.
     """
 
     matrices: np.ndarray
@@ -240,7 +243,7 @@ STAGE_SOLVER = types.FunctionType(STAGES_SIG)
 CONTROL_RECORD, COUNTS_RECORD = from_dtype(CONTROL), from_dtype(COUNTS)
 CONTRACTION_RECORD, TABULATED_RECORD = from_dtype(CONTRACTION), from_dtype(TABULATED)
 TERMS = types.Array(from_dtype(TERM), 1, "C")
-EQUATIONS = types.NamedTuple((TERMS, VEC, IVEC, MAT, IVEC, IVEC), Equations)
+EQUATIONS = types.NamedTuple((TERMS, VEC, IVEC, MAT, IVEC, IVEC, IVEC), Equations)
 RULE = types.NamedTuple((VEC, CUBE, MAT, MAT, VEC, MAT, MAT), Rule)
 BASIS = types.NamedTuple((VEC, MAT, VEC, CUBE), ExponentialBasis)
 TABLES = types.NamedTuple((VEC, CUBE, MAT, CUBE, CUBES), StepTables)
