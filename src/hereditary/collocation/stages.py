@@ -52,8 +52,7 @@ def stage_solver(structure, d, s, many):
         how = {"python": held.address}
         found = _solver(sparse_stages, (0, 0, 0), np.arange(d), s, jacobian, **how)
         return found._replace(held=held)
-    places = _lapack("zgbtrf", "zgbtrs")
-    how = {"lapack": places[0], "lapack_solve": places[1]}
+    how = {"lapack": _lapack("zgbtrf")[0]}
     shape = (s, d, 2 * band.lower + band.upper + 2)
     widths = {"lower": band.lower, "upper": band.upper}
     return _solver(banded_stages, shape, band.order, s, jacobian, **how, **widths)

@@ -13,7 +13,7 @@ from .error_estimate import (
     measure_force_defect,
     tangent_error_ratio,
 )
-from .many_stages import solve_many, solve_many_tangents, stage_factors
+from .many_stages import read_many, solve_many, solve_many_tangents, stage_factors
 from .mode_tables import (
     advance_modes,
     find_slot,
@@ -69,8 +69,8 @@ _MARCH = (
 )  # fmt: skip
 
 
-def marching(name, solve, solve_for_tangents, factors):
-    """Compile the march for one way of solving the equations of a step."""
+def marching(name, solve, solve_for_tangents, factors, read):
+    """Compile the march for one way of solving the equations of a step and reading the modes."""
 
     def march(
         rhs, jac, has_jac, params, solver, stages, equations, rule, basis, tables, varying, orbit,
@@ -104,6 +104,8 @@ def marching(name, solve, solve_for_tangents, factors):
                 local[local.shape[0] - varying.integrals.shape[0] :] = varying.integrals
                 assemble_operators(h, equations, rule.integrals, rule.inverse, local, operators)
             assembled_for = h
+            for column in range(n_columns):
+                read(orbit.modes[column], tables.to_nodes[slot], base[column])
             set_known_part(orbit, tables.to_nodes[slot], equations, varying, operators, base)
             times = times_inside(control.origin, t, h, nodes, limits)
             last = orbit.last[0, PRIMARY]
@@ -221,14 +223,13 @@ def orders_tabulated(t, h, varying):
 
 @inner
 def set_known_part(orbit, to_nodes, equations, varying, operators, base):
-    """Set the part of every row that is known before the step is solved, (1 + k, R, s).
+    """Complete what every row is known to be before the step is solved, (1 + k, R, s).
 
-    It consists of initial values, history and offsets.
+    Initial values, offsets, and history of orders that vary are added to the other history.
     """
     initial, p, modes, kinds = orbit.initial, orbit.p, orbit.modes, equations.kinds
     d, n_kinds = p.shape[1], number_of(kinds)
     for column in range(base.shape[0]):
-        read_modes(modes[column], to_nodes, base[column])
         if varying.integrals.shape[0] > 0:
             read_varying(modes[column], to_nodes, equations, varying, base[column])
         for c in range(base.shape[1]):
@@ -360,33 +361,34 @@ def record_step(state, t, h, ratio, values, second, orbit, steps, row):
 
 @inner
 def extrapolate(nodes, legendre, last, h, h_last, p, out):
-    """Extrapolate p from the last step to the nodes of the next, with a lower degree."""
+    """Extrapolate p from the last step to the nodes of the next, with a lower degree.
+
+    The truncated polynomial is shifted to p at the end of the last step, which it misses.
+    """
     # last, out (d, s), p (d,)
     d, s = out.shape
-    if h_last == 0.0:
-        for c in range(d):
-            out[c, :] = p[c]
-        return
+    reached = np.zeros((s + 1, s))  # from the last values to the nodes ahead, and to the end
     degree = min(s - 1, _GUESS if h <= 1.5 * h_last else 1)
+    for i in range(s + 1 if h_last > 0.0 else 0):
+        u = 1.0 + 2.0 * h / h_last * (nodes[i] if i < s else 0.0)
+        before, now = 1.0, u
+        for k in range(degree + 1):
+            for j in range(s):
+                reached[i, j] += before * legendre[k, j]
+            before, now = now, ((2 * k + 3) * u * now - (k + 1) * before) / (k + 2)
+    for i in range(s):
+        for j in range(s):
+            reached[i, j] -= reached[s, j]
     for c in range(d):
-        offset = 0.0
-        for i in range(-1, s):
-            # shifted to p at the end of the last step, which the truncated polynomial misses
-            u = 1.0 + 2.0 * h / h_last * (nodes[i] if i >= 0 else 0.0)
-            before, now, total = 1.0, u, 0.0
-            for k in range(degree + 1):
-                coefficient = 0.0
-                for j in range(s):
-                    coefficient += legendre[k, j] * last[c, j]
-                total += coefficient * before
-                before, now = now, ((2 * k + 3) * u * now - (k + 1) * before) / (k + 2)
-            if i < 0:
-                offset = p[c] - total
-            else:
-                out[c, i] = total + offset
+        for i in range(s):
+            total = p[c]
+            for j in range(s):
+                total += reached[i, j] * last[c, j]
+            out[c, i] = total
 
 
+_MANY = solve_many, solve_many_tangents, stage_factors, read_many
 MARCHES = {
-    False: marching("march_adaptive", solve_stages, solve_tangents, empty_factors),
-    True: marching("march_many_adaptive", solve_many, solve_many_tangents, stage_factors),
+    False: marching("march_adaptive", solve_stages, solve_tangents, empty_factors, read_modes),
+    True: marching("march_many_adaptive", *_MANY),
 }

@@ -229,14 +229,21 @@ def correct_forces(jacobians, before, x, f):
 def residuals(base, matrices, kinds, p, x, f, out):
     """Set the residuals p - base - integrals at all nodes, in the order (c, i)."""
     d, s = p.shape
+    columns = np.empty(matrices.shape)  # sums of columns are vectorised
+    for k in range(matrices.shape[0]):
+        for q in range(3):
+            for i in range(s):
+                for j in range(s):
+                    columns[k, q, j, i] = matrices[k, q, i, j]
     for c in range(d):
-        own = matrices[kinds[c]]
-        force, primary, place = own[FORCE], own[PRIMARY], own[POSITION]
+        own, first = columns[kinds[c]], c * s
         for i in range(s):
-            total = p[c, i] - base[c, i]
-            for j in range(s):
-                total -= force[i, j] * f[c, j] + primary[i, j] * p[c, j] + place[i, j] * x[c, j]
-            out[c * s + i] = total
+            out[first + i] = p[c, i] - base[c, i]
+        for j in range(s):
+            by_f, by_p, by_x = own[FORCE, j], own[PRIMARY, j], own[POSITION, j]
+            a, b, e = f[c, j], p[c, j], x[c, j]
+            for i in range(s):
+                out[first + i] -= by_f[i] * a + by_p[i] * b + by_x[i] * e
 
 
 @inner

@@ -12,6 +12,7 @@ from .collocation import (
     take_change,
 )
 from .jacobian import COLUMNS, ROWS, VALUES, is_sparse, jacobian, multiply
+from .mode_tables import read_modes
 from .operators import FORCE, POSITION, PRIMARY
 from .signatures import FACTORISE
 from .structures import KEPT, LENGTH, StageFactors
@@ -80,6 +81,15 @@ def solve_many(
         previous = size
     control[KEPT] = 0.0
     return False
+
+
+@inner
+def read_many(modes, to_nodes, out):
+    """As `read_modes`, by a matrix product."""
+    if modes.shape[0] == out.shape[0]:
+        np.dot(modes, to_nodes, out)
+    else:
+        read_modes(modes, to_nodes, out)
 
 
 @inner

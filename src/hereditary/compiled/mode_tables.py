@@ -10,6 +10,7 @@ import math
 import numpy as np
 
 from .._jit import compiled, inner
+from .modes import add_rows
 from .structures import StepTables
 
 # Step lengths are 2**(n / _PER_OCTAVE), rounded up to so few digits that sums of them are exact:
@@ -82,9 +83,7 @@ def read_modes(modes, to_nodes, out):
     # modes (R, M), to_nodes (M, s), out (R, s)
     out[:] = 0.0
     for c in range(out.shape[0]):
-        for m in range(to_nodes.shape[0]):
-            for i in range(out.shape[1]):
-                out[c, i] += modes[c, m] * to_nodes[m, i]
+        add_rows(out[c], modes[c], to_nodes)
 
 
 @inner
@@ -119,7 +118,8 @@ def advance_modes(
     # component c modulo d
     d, s = values.shape[1], values.shape[2]
     n_kinds = input_weights.shape[0] * d // max(1, modes.shape[0])
-    part, used = np.empty(to_end.shape[0]), np.empty(input_weights.shape[:2], dtype=np.bool_)
+    part, coefficients = np.empty(to_end.shape[0]), np.empty(s)
+    used = np.empty(input_weights.shape[:2], dtype=np.bool_)
     for c in range(used.shape[0]):
         for q in range(used.shape[1]):
             used[c, q] = np.any(input_weights[c, q])
@@ -134,11 +134,10 @@ def advance_modes(
                 continue
             part[:] = 0.0
             for k in range(s):
-                coefficient = 0.0
+                coefficients[k] = 0.0
                 for j in range(s):
-                    coefficient += legendre[k, j] * values[q, c % d, j]
-                for m in range(to_end.shape[0]):
-                    part[m] += coefficient * moments[k, m]
+                    coefficients[k] += legendre[k, j] * values[q, c % d, j]
+            add_rows(part, coefficients, moments)
             for m in range(to_end.shape[0]):
                 modes[c, m] += h * input_weights[kind, q, m] * part[m]
 

@@ -127,14 +127,14 @@ def dense_stages(task, values, stage):
 @compiled
 def banded_stages(task, values, stage):
     """Factorise all systems of a banded Jacobian, or solve them for nodal values; 0 if done."""
-    # factors (K, n, 2 lower + upper + 2): LAPACK's columns, and behind each its pivot
+    # factors (K, n, 2 lower + upper + 2): LAPACK's columns, their diagonal entries inverted, and
+    # behind each its pivot
     n, place, lower, upper = stage.order.shape[0], stage.order, stage.lower, stage.upper
     width, entries = stage.factors.shape[2] - 1, stage.jacobian
-    pivots, numbers = np.empty(n, dtype=np.int32), np.empty(7, dtype=np.int32)
-    numbers[0], numbers[1], numbers[2], numbers[3] = n, lower, upper, width + 1
-    numbers[4], numbers[5], numbers[6] = 1, 0, ord("N")
-    at = numbers.ctypes.data
     if task == FACTORISE:
+        pivots, numbers = np.empty(n, dtype=np.int32), np.empty(5, dtype=np.int32)
+        numbers[0], numbers[1], numbers[2], numbers[3] = n, lower, upper, width + 1
+        numbers[4], at = 0, numbers.ctypes.data
         if not transform(stage):
             return 1
         for k in range(int(stage.control[SYSTEMS])):
@@ -148,12 +148,13 @@ def banded_stages(task, values, stage):
             call_lapack(  # type: ignore[call-arg]
                 stage.lapack,
                 (at, at, at + 4, at + 8, factors.ctypes.data, at + 12, pivots.ctypes.data,
-                 at + 20),
+                 at + 16),
             )  # fmt: skip
-            if numbers[5] != 0:
+            if numbers[4] != 0:
                 return 1
             for j in range(n):
-                factors[j, width] = pivots[j]
+                factors[j, width] = pivots[j] - 1
+                factors[j, lower + upper] = 1.0 / factors[j, lower + upper]
         return 0
     right, ordered = np.empty((2, n), dtype=np.complex128)
     found = np.zeros(values.shape)
@@ -161,17 +162,30 @@ def banded_stages(task, values, stage):
         project(k, values, stage, right)
         for i in range(n):
             ordered[place[i]] = right[i]
-            pivots[i] = int(stage.factors[k, i, width].real)
-        call_lapack(  # type: ignore[call-arg]
-            stage.lapack_solve,
-            (at + 24, at, at + 4, at + 8, at + 16, stage.factors[k].ctypes.data, at + 12,
-             pivots.ctypes.data, ordered.ctypes.data, at, at + 20),
-        )  # fmt: skip
+        substitute_band(stage.factors[k], lower, upper, ordered)
         for i in range(n):
             right[i] = ordered[place[i]]
         add_solution(k, right, stage, found)
     values[:] = found
-    return int(numbers[5]) + 0 * int(pivots[0])
+    return 0
+
+
+@inner
+def substitute_band(factors, lower, upper, x):
+    """Solve for x (n,) with the factors that LAPACK has of a band; it takes longer by itself."""
+    n, width, diagonal = x.shape[0], factors.shape[1] - 1, lower + upper
+    for j in range(n):
+        pivot = int(factors[j, width].real)
+        value = x[pivot]
+        if pivot != j:
+            x[pivot], x[j] = x[j], value
+        for k in range(1, min(lower, n - 1 - j) + 1):
+            x[j + k] -= value * factors[j, diagonal + k]
+    for j in range(n - 1, -1, -1):
+        value = x[j] * factors[j, diagonal]
+        x[j] = value
+        for k in range(1, min(diagonal, j) + 1):
+            x[j - k] -= value * factors[j, diagonal - k]
 
 
 @compiled
