@@ -13,7 +13,7 @@ from ..superlu import SparseFactors
 # Components up to which a step is solved as one system: that takes no longer.
 _FEW = 10
 # Steps of one length with a dense Jacobian before a longer one is worth new factors.
-_HOLD = 3
+_HOLD = 1
 
 
 class StageSolver(NamedTuple):
@@ -42,10 +42,12 @@ def stage_solver(structure, d, s, many):
     if not many:
         return _solver(no_stages, (0, 0, 0), np.arange(0), s, np.zeros((0, 0)))
     if structure is None:
-        places = _lapack("zgetrf", "zgetrs")
+        places = _lapack("dgehrd", "dorghr")
         how = {"lapack": places[0], "lapack_solve": places[1], "hold": _HOLD}
-        shape = (s, d + 1, d)
-        return _solver(dense_stages, shape, np.arange(d), s, np.zeros((d, d)), **how)
+        dense = np.empty((2 + 2 * s, d, d))
+        return _solver(
+            dense_stages, (s, 1, d), np.arange(d), s, np.zeros((d, d)), dense=dense, **how
+        )
     jacobian, band = structure.entries.copy(), structure.band
     if band is None:
         held = SparseFactors(structure, complex)
@@ -65,6 +67,7 @@ def _lapack(*names):
 
 def _solver(function, shape, order, s, jacobian, **numbers):
     """Return a `StageSolver` with room for s systems."""
+    numbers.setdefault("dense", np.zeros((0, 0, 0)))
     complex_room = [np.zeros(size, complex) for size in (s, (s, s), (s, s))]
     defaults = {"lower": 0, "upper": 0, "lapack": 0, "lapack_solve": 0, "python": 0, "hold": 0}
     shifts, back, forth = complex_room

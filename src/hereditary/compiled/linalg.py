@@ -110,9 +110,9 @@ def transpose(a):
 @reordered
 def dot(row, x, first, end):
     """Return the sum of products of two vectors, from `first` to before `end`."""
-    total = 0.0
-    for k in range(first, end):
-        total += row[k] * x[k]
+    total, a, b = 0.0, row[first:end], x[first:end]
+    for k in range(a.shape[0]):  # from 0 on: vectorised
+        total += a[k] * b[k]
     return total
 
 

@@ -15,7 +15,7 @@ from .jacobian import COLUMNS, ROWS, VALUES, is_sparse, jacobian, multiply
 from .mode_tables import read_modes
 from .operators import FORCE, POSITION, PRIMARY
 from .signatures import FACTORISE
-from .structures import KEPT, LENGTH, StageFactors
+from .structures import KEPT, LENGTH, REDUCED, StageFactors
 
 # Newton iterations before a step is refused, and contraction from which a Jacobian is not kept.
 _SWEEPS, _SLOW = 12, 0.05
@@ -49,7 +49,7 @@ def solve_many(
         if control[KEPT] == 0.0:
             point = x[:, s // 2].copy()
             counts.rhs += jacobian(rhs, jac, has_jac, times[s // 2], point, params, stages.jacobian)
-            control[KEPT], control[LENGTH], fresh = 1.0, 0.0, True
+            control[KEPT], control[LENGTH], control[REDUCED], fresh = 1.0, 0.0, 0.0, True
         if control[LENGTH] != h:
             set_pencil(h, matrices[0], integral, second[0], stages.pencil)
             control[LENGTH] = 0.0

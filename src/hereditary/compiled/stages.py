@@ -9,13 +9,13 @@ rounding errors leave with the next iteration. Source: [HairerWanner1996], secti
 
 import numpy as np
 
-from .._jit import compiled, inner
+from .._jit import compiled, inner, reordered
 from .._python_calls import PythonRaised, call_at
 from .jacobian import COLUMNS, ROWS, VALUES
 from .linalg import solve_in_place
 from .signatures import FACTORISE
 from .solvers import call_lapack
-from .structures import SYSTEMS
+from .structures import REDUCED, SYSTEMS
 
 # Fraction of an eigenvalue below which its imaginary part is rounding.
 _REAL = 1e-13
@@ -85,43 +85,121 @@ def no_stages(task, values, stage):
 
 @compiled
 def dense_stages(task, values, stage):
-    """Factorise all systems of a dense Jacobian, or solve them for nodal values; 0 if done."""
+    """Factorise all systems of a dense Jacobian, or solve them for nodal values; 0 if done.
+
+    With ``J = Q H Q^T``, H being zero below its first subdiagonal, every system costs d**2.
+    """
+    # dense (2 + 2 K, n, n): H, Q, and real and imaginary part of each system's factors, whose
+    # subdiagonal holds the multipliers; factors (K, 1, n): 1 where rows were exchanged
     n = stage.order.shape[0]
-    pivots, numbers = np.empty(n, dtype=np.int32), np.empty(4, dtype=np.int32)
-    numbers[0], numbers[1], numbers[2], numbers[3] = n, 1, 0, ord("T")
-    at = numbers.ctypes.data
     if task == FACTORISE:
-        if not transform(stage):
+        if not transform(stage) or (stage.control[REDUCED] == 0.0 and not reduce(stage)):
             return 1
+        stage.control[REDUCED] = 1.0
         for k in range(int(stage.control[SYSTEMS])):
-            factors = stage.factors[k, :n]
-            for i in range(n):
-                for j in range(n):
-                    factors[i, j] = -stage.shifts[k] * stage.jacobian[i, j]
-                factors[i, i] += 1.0
-            call_lapack(  # type: ignore[call-arg]
-                stage.lapack,
-                (at, at, factors.ctypes.data, at, pivots.ctypes.data, at + 8),
-            )
-            if numbers[2] != 0:
+            real, imaginary = stage.dense[2 + 2 * k], stage.dense[3 + 2 * k]
+            if not eliminate(stage.shifts[k], stage.dense[0], real, imaginary, stage.factors[k, 0]):
                 return 1
-            for i in range(n):
-                stage.factors[k, n, i] = pivots[i]
         return 0
-    right = np.empty(n, dtype=np.complex128)
-    found = np.zeros(values.shape)
+    turned = np.dot(stage.dense[1].T, values)
+    found, right = np.zeros(values.shape), np.empty(n, dtype=np.complex128)
     for k in range(int(stage.control[SYSTEMS])):
-        project(k, values, stage, right)
-        for i in range(n):
-            pivots[i] = int(stage.factors[k, n, i].real)
-        call_lapack(  # type: ignore[call-arg]
-            stage.lapack_solve,
-            (at + 12, at, at + 4, stage.factors[k].ctypes.data, at, pivots.ctypes.data,
-             right.ctypes.data, at, at + 8),
-        )  # fmt: skip
+        project(k, turned, stage, right)
+        real, imaginary = stage.dense[2 + 2 * k], stage.dense[3 + 2 * k]
+        substitute_hessenberg(real, imaginary, stage.factors[k, 0], right)
         add_solution(k, right, stage, found)
-    values[:] = found
-    return int(numbers[2]) + 0 * int(pivots[0])
+    np.dot(stage.dense[1], found, values)
+    return 0
+
+
+@inner
+def reduce(stage):
+    """Set H and Q of ``J = Q H Q^T`` by LAPACK; False where J is not finite."""
+    n = stage.order.shape[0]
+    h, q = stage.dense[0], stage.dense[1]
+    for i in range(n):
+        for j in range(n):
+            q[j, i] = stage.jacobian[i, j]  # LAPACK's matrices have their columns in a row
+            if not abs(q[j, i]) < np.inf:
+                return False
+    numbers, room = np.empty(4, dtype=np.int32), np.empty(65 * n)
+    numbers[0], numbers[1], numbers[2], numbers[3] = n, 1, 64 * n, 0
+    at, tau = numbers.ctypes.data, room.ctypes.data
+    work = tau + 8 * n
+    for step in range(2):
+        address = stage.lapack if step == 0 else stage.lapack_solve
+        call_lapack(  # type: ignore[call-arg]
+            address, (at, at + 4, at, q.ctypes.data, at, tau, work, at + 8, at + 12)
+        )
+        for i in range(n if step == 0 else 0):
+            for j in range(n):
+                h[i, j] = q[j, i] if i <= j + 1 else 0.0
+    for i in range(n):
+        for j in range(i):
+            q[i, j], q[j, i] = q[j, i], q[i, j]
+    return numbers[3] == 0 and room[0] == room[0]
+
+
+@inner
+def eliminate(shift, h, real, imaginary, exchanged):
+    """Set the factors of ``1 - shift H``, pivots inverted, rows exchanged where that is needed."""
+    n = h.shape[0]
+    for i in range(n):
+        for j in range(max(0, i - 1), n):
+            real[i, j] = (1.0 if i == j else 0.0) - shift.real * h[i, j]
+            imaginary[i, j] = -shift.imag * h[i, j]
+    for j in range(n):
+        below = 0.0
+        if j < n - 1:
+            below = abs(real[j + 1, j]) + abs(imaginary[j + 1, j])
+        exchanged[j] = 0.0
+        if below > abs(real[j, j]) + abs(imaginary[j, j]):
+            exchanged[j] = 1.0
+            for k in range(j, n):
+                real[j, k], real[j + 1, k] = real[j + 1, k], real[j, k]
+                imaginary[j, k], imaginary[j + 1, k] = imaginary[j + 1, k], imaginary[j, k]
+        pivot = complex(real[j, j], imaginary[j, j])
+        if not 0.0 < abs(pivot) < np.inf:
+            return False
+        inverse = 1.0 / pivot
+        real[j, j], imaginary[j, j] = inverse.real, inverse.imag
+        if j == n - 1:
+            break
+        factor = complex(real[j + 1, j], imaginary[j + 1, j]) * inverse
+        a, b = factor.real, factor.imag
+        real[j + 1, j], imaginary[j + 1, j] = a, b
+        upper, upper_i, lower, lower_i = real[j], imaginary[j], real[j + 1], imaginary[j + 1]
+        for k in range(j + 1, n):
+            lower[k] -= a * upper[k] - b * upper_i[k]
+            lower_i[k] -= a * upper_i[k] + b * upper[k]
+    return True
+
+
+@inner
+def substitute_hessenberg(real, imaginary, exchanged, x):
+    """Solve for x (n,) with the factors of `eliminate`."""
+    n = x.shape[0]
+    x_real, x_imaginary = np.empty(n), np.empty(n)
+    for j in range(n - 1):
+        if exchanged[j].real == 1.0:
+            x[j], x[j + 1] = x[j + 1], x[j]
+        x[j + 1] -= complex(real[j + 1, j], imaginary[j + 1, j]) * x[j]
+    for j in range(n - 1, -1, -1):
+        a, b = complex_dot(real[j], imaginary[j], x_real, x_imaginary, j + 1, n)
+        x[j] = (x[j] - complex(a, b)) * complex(real[j, j], imaginary[j, j])
+        x_real[j], x_imaginary[j] = x[j].real, x[j].imag
+
+
+@reordered
+def complex_dot(real, imaginary, x_real, x_imaginary, first, end):
+    """Return both parts of the sum of products of two complex vectors."""
+    a, b = 0.0, 0.0
+    c, d = real[first:end], imaginary[first:end]
+    x, y = x_real[first:end], x_imaginary[first:end]
+    for k in range(c.shape[0]):  # from 0 on: vectorised
+        a += c[k] * x[k] - d[k] * y[k]
+        b += c[k] * y[k] + d[k] * x[k]
+    return a, b
 
 
 @compiled

@@ -186,7 +186,8 @@ class Stages(NamedTuple):
     functions of LAPACK, and of one that enters Python; hold, steps of one length before
     a longer one is worth new factors; pencil (2, s, s), the matrices G and M of a
     step; shifts (K,), and the transforms back (K, s) and forth (s, K) of nodal values; jacobian (d,
-    d) or the entries of a sparse one; control (4,).
+    d) or the entries of a sparse one; dense (2 + 2 K, d, d), a dense one reduced and factors;
+    control (6,).
     """
 
     factors: np.ndarray
@@ -202,6 +203,7 @@ class Stages(NamedTuple):
     back: np.ndarray
     forth: np.ndarray
     jacobian: np.ndarray
+    dense: np.ndarray
     control: np.ndarray
 
 
@@ -225,15 +227,15 @@ class StageFactors(NamedTuple):
 
 
 # Control of stages: step length that the factors hold for (0: none), 1 where the Jacobian is to be
-# kept, the number of systems, and the steps for which a longer one was put off. A record would not
-# pass through a function value.
-LENGTH, KEPT, SYSTEMS, HELD, N_CONTROL = range(5)
+# kept, the number of systems, the steps for which a longer one was put off, and 1 where a dense
+# Jacobian is reduced. A record would not pass through a function value.
+LENGTH, KEPT, SYSTEMS, HELD, REDUCED, N_CONTROL = range(6)
 _C16 = types.complex128
 _COMPLEX, _COMPLEX_ROW = types.Array(_C16, 2, "C"), types.Array(_C16, 1, "C")
 STAGES = types.NamedTuple(
     (
         types.Array(_C16, 3, "C"), IVEC, I8, I8, I8, I8, I8, I8, CUBE, _COMPLEX_ROW,
-        _COMPLEX, _COMPLEX, MAT, VEC,
+        _COMPLEX, _COMPLEX, MAT, CUBE, VEC,
     ),
     Stages,
 )  # fmt: skip
