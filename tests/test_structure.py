@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 import hereditary as hd
 from hereditary._jit import JAC_SIG, as_value
 from hereditary.compiled.jacobian import COLUMNS, GROUPS, ROWS, VALUES, jacobian_at, no_jacobian
+from hereditary.exact import mittag_leffler
 from hereditary.meshes import UniformSteps
 from hereditary.solver.stepper import Stepper
 from hereditary.structure import Structure
@@ -304,6 +305,46 @@ def test_a_matrix_that_is_singular_ends_the_run_with_its_reason():
         with pytest.warns(hd.SolveWarning):
             sol = hd.solve(eq, 1.0, 10, scheme=hd.L1())
         assert sol.status in (hd.Status.NOT_SOLVED, hd.Status.BLOWN_UP)
+
+
+@pytest.mark.parametrize(("stiffness", "largest"), [(1e8, 2e-6), (1e11, 2e-6), (1e13, 1e-4)])
+def test_steps_are_solved_as_far_as_rounding_of_f_allows(stiffness, largest):
+    """Pairs that stay together by springs so stiff that f rounds to more than Newton's goal."""
+    pair = stiffness * np.array([[-1.0, 1.0], [1.0, -1.0]]) - np.eye(2)
+    y0 = np.linspace(1, 2, 8).repeat(2)
+    eq = hd.Equation(hd.Caputo(0.7), None, y0, linear=sp.block_diag([pair] * 8).tocsr())
+    sol = hd.solve(eq, 1.0, 400, scheme=hd.BDF(2))
+    assert sol.success
+    assert np.abs(sol.y[-1] - y0 * mittag_leffler(-1.0, 0.7, 1.0)).max() < largest
+
+
+def test_linear_steps_take_one_iteration_and_as_many_as_they_need():
+    eq = hd.Equation(hd.Caputo(0.7), None, start(D), linear=laplacian(D))
+    sol = hd.solve(eq, 1.0, 200, scheme=hd.BDF(2))
+    assert sol.stats["n_factorised"] == 1
+    assert sol.stats["n_rhs"] <= 210
+    iterated = hd.Equation(hd.Caputo(0.7), still, start(D), linear=laplacian(D), bandwidth=(0, 0))
+    again = hd.solve(iterated, 1.0, 200, scheme=hd.BDF(2))
+    assert again.stats["n_rhs"] > 400
+    np.testing.assert_allclose(sol.y, again.y, rtol=0, atol=1e-13)
+    for scheme in (hd.L12(), hd.L2Sigma()):  # whose first step has another matrix
+        ends = [hd.solve(each, 1.0, 100, scheme=scheme).y[-1] for each in (eq, iterated)]
+        np.testing.assert_allclose(*ends, rtol=0, atol=1e-13)
+
+
+def still(t, u):
+    return 0.0 * u
+
+
+def test_a_hundred_thousand_components_resume_bit_for_bit():
+    d = 100_000
+    eq = hd.Equation(hd.Caputo(0.7), None, np.cos(np.arange(d)), linear=laplacian(d))
+    how = {"scheme": hd.BDF(2), "components": [0, d // 2]}
+    whole = hd.solve(eq, 0.4, 40, **how)
+    half = hd.solve(eq, 0.23, 23, **how)
+    rest = hd.solve(eq, 0.4, resume=half.state, components=[0, d // 2])
+    assert np.array_equal(rest.state.y, whole.state.y)
+    assert np.array_equal(rest.y[-1], whole.y[-1])
 
 
 def test_states_go_on_with_other_statements():

@@ -28,7 +28,8 @@ _MISSED = 10.0
 def estimate_error(h, equations, legendre, local, matrices, values, newton, errors):
     """Estimate the error of p by the next Legendre coefficient of each integrand, integrated.
 
-    The resulting defect is damped by the equations where these are stiff, and never amplified. The
+    The resulting defect is damped by the equations where these are stiff, and never amplified;
+    coefficients of f within its rounding error are ignored, for no step makes them smaller. The
     error is at least that of p as the dense output interpolates it.
     """
     # local (n_k, s, s), matrices (K, 3, s, s), values (n_q, d, s), errors (d,)
@@ -45,6 +46,8 @@ def estimate_error(h, equations, legendre, local, matrices, values, newton, erro
             if q != integrand:
                 continue
             last, decay = legendre_tail(legendre, values[q, c % d])
+            if q == FORCE and abs(last) <= _NOISE * newton.force_scales[c % d]:
+                continue
             size = 1.0
             if k >= n_a:
                 size = np.max(np.abs(local[k - n_a, -1]))

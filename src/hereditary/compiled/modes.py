@@ -20,7 +20,9 @@ def exchange_modes(lag, pieces, n, groups, tables, memory):
     weights, start_weights, ahead, back, corrections, _, _, _ = tables
     modes, start, window = memory
     n_block, n_modes, n_groups = lag.shape[1], modes.shape[1], weights.shape[0]
-    amplitudes = np.empty(n_modes)
+    amplitudes, n_starts = np.empty(n_modes), start_weights.shape[0] // n_groups
+    if not np.any(start_weights):
+        n_starts = 0
     for c in range(lag.shape[0]):
         w = weights[groups[c]]
         if n > 0:
@@ -29,7 +31,7 @@ def exchange_modes(lag, pieces, n, groups, tables, memory):
             add_rows(modes[c], pieces[c, :n_block], back[:n_block])
         for i in range(n_modes):
             amplitudes[i] = w[i] * modes[c, i]
-        for v in range(start_weights.shape[0] // n_groups):
+        for v in range(n_starts):
             s = start_weights[v * n_groups + groups[c]]
             mine = start[c, v * n_modes : (v + 1) * n_modes]
             for i in range(n_modes):

@@ -19,6 +19,8 @@ AT_ONCE, _AT_ONCE_BELOW, _MOST_GROWN = 2, 1e-8, 1e6
 # The step is solved when the estimated error of the increment is below this share of it, or below
 # rounding of the solution, or below what floats can resolve.
 _TOLERANCE, _ROUNDING, _UNDERFLOW = 1e-13, 2e-16, 1e-300
+# A residual below this share of its summands is rounding.
+_RESIDUAL = 4e-15
 
 
 @inner
@@ -80,7 +82,7 @@ def solve_with_factors(
     base, gain, n = room[BASE], room[GAIN], linear.order.shape[0]
     point, f, change = room[POINT][:n], room[F][:n], room[MOVED][:n]
     first, previous, fresh = w[:n].copy(), np.inf, False
-    residual, grown = 0.0, 0.0
+    residual, grown, stalled, done = 0.0, 0.0, False, False
     for _ in range(_SIMPLIFIED + _FULL):
         look(base, gain, sources, w, point)
         if counts.factored == 0:
@@ -93,7 +95,9 @@ def solve_with_factors(
         rhs(t, point, f, params)
         counts.rhs += 1
         set_residual(d, lead, f, known, scale, w, change)
-        if linear.exact == 1 and counts.factored != AT_ONCE and previous == np.inf:
+        if stalled and grown < _MOST_GROWN:
+            done = within_rounding(work[0], d, lead, f, known, scale, w, point, change)
+        if counts.factored != AT_ONCE and previous == np.inf:
             for c in range(n):
                 residual = max(residual, abs(change[c]))
         solver(SUBSTITUTE, 0, work[1], change, linear)
@@ -103,7 +107,10 @@ def solve_with_factors(
             rate = 0.0
         grown = max(grown, size / residual) if residual > 0.0 else grown
         residual = 0.0
-        if not size < np.inf or (rate >= 1.0 and previous < np.inf):
+        if previous < np.inf and 0.5 < rate < np.inf and not stalled:
+            stalled, previous = True, size  # by rounding, or because it does not contract
+            continue
+        if not done and (not size < np.inf or (rate >= 1.0 and previous < np.inf)):
             if fresh and not size < np.inf:
                 return False
             counts.factored = 0
@@ -112,7 +119,7 @@ def solve_with_factors(
                     w[c] = first[c]
             continue
         error = size * rate / (1.0 - rate) if rate < 1.0 else size
-        if error <= _TOLERANCE * largest + _ROUNDING * reference + _UNDERFLOW:
+        if done or error <= _TOLERANCE * largest + _ROUNDING * reference + _UNDERFLOW:
             if linear.exact == 1 and rate <= _AT_ONCE_BELOW and grown < _MOST_GROWN:
                 counts.factored = AT_ONCE
             return room.shape[1] == n or solve_tangents_with_factors(
@@ -123,6 +130,25 @@ def solve_with_factors(
         previous = size
     counts.factored = 0
     return False
+
+
+@inner
+def within_rounding(j_f, d, lead, f, known, scale, w, point, residual):
+    """Whether the residuals of the d components are rounding errors of their summands."""
+    n = point.shape[0]
+    sizes = np.zeros(n)  # |J| |y|, of the summands of f
+    if is_sparse(j_f, n):
+        for k in range(j_f.shape[1]):
+            sizes[int(j_f[ROWS, k])] += abs(j_f[VALUES, k] * point[int(j_f[COLUMNS, k])])
+    else:
+        for i in range(n):
+            for k in range(n):
+                sizes[i] += abs(j_f[i, k] * point[k])
+    for i in range(d):
+        size = abs(lead[i]) * (sizes[i] + abs(f[i])) + abs(known[i]) + abs(scale[i] * w[i])
+        if not abs(residual[i]) <= _RESIDUAL * size:
+            return False
+    return True
 
 
 @inner

@@ -1,0 +1,234 @@
+"""Large systems beside what one would do otherwise, and beside the machine's limits.
+
+* Order 1: a Brusselator of 40 components to t = 10, against SciPy's Radau and LSODA: `Collocation`
+  is as accurate in less time than Radau.
+* Memory as further states: D^0.7 u = u_xx on 40 points, the modes of a sum of exponentials given
+  to SciPy's BDF as components, against ``BDF(2)``.
+* Reaction and diffusion, D^0.7 u = u_xx + 5 (u - u**3) on 1,000 points: implicit-explicit steps,
+  which need no derivative, against Newton's method.
+* Modes of 10^5 components are read and advanced in 3 to 4 times the time that their bytes take to
+  be copied.
+* Watching the Jacobian of 1,000 components takes explicit and `Adams` marches at most 1.2 times
+  the time of unwatched ones.
+"""
+
+import time
+
+import matplotlib.pyplot as plt
+import numpy as np
+import scipy.sparse as sp
+from _study import Study, check
+from scipy.integrate import solve_ivp
+from scipy.special import gamma
+
+import hereditary as hd
+from hereditary.exact import mittag_leffler
+from hereditary.meshes import UniformSteps
+from hereditary.solver.jacobian_watch import JacobianWatch
+from hereditary.solver.stepper import Stepper
+
+ALPHA, POINTS = 0.7, 20
+
+
+def brusselator(t, y, dy, p):
+    n = y.size // 2
+    c = (n + 1) ** 2 / 50
+    for i in range(n):
+        u, v = y[2 * i], y[2 * i + 1]
+        left, right = (y[2 * i - 2] if i > 0 else 1.0), (y[2 * i + 2] if i < n - 1 else 1.0)
+        low, high = (y[2 * i - 1] if i > 0 else 3.0), (y[2 * i + 3] if i < n - 1 else 3.0)
+        dy[2 * i] = 1 + u * u * v - 4 * u + c * (left - 2 * u + right)
+        dy[2 * i + 1] = 3 * u - u * u * v + c * (low - 2 * v + high)
+
+
+def vectorised(t, y):
+    dy, u, v, c = np.empty_like(y), y[::2], y[1::2], (POINTS + 1) ** 2 / 50
+    wide, high = np.concatenate([[1.0], u, [1.0]]), np.concatenate([[3.0], v, [3.0]])
+    dy[::2] = 1 + u * u * v - 4 * u + c * (wide[:-2] - 2 * u + wide[2:])
+    dy[1::2] = 3 * u - u * u * v + c * (high[:-2] - 2 * v + high[2:])
+    return dy
+
+
+def jacobian(t, y):
+    u, v, c = y[::2], y[1::2], (POINTS + 1) ** 2 / 50
+    own, crossed = np.empty(2 * POINTS), np.zeros((2, 2 * POINTS - 1))
+    own[::2], own[1::2] = 2 * u * v - 4 - 2 * c, -u * u - 2 * c
+    crossed[0, ::2], crossed[1, ::2] = u * u, 3 - 2 * u * v
+    far = np.full(2 * POINTS - 2, c)
+    parts = [far, crossed[1], own, crossed[0], far]
+    return sum(np.diag(part, k - 2) for k, part in enumerate(parts))
+
+
+def brusselator_rows(quick):
+    x = np.arange(1, POINTS + 1) / (POINTS + 1)
+    y0 = np.stack([1 + np.sin(2 * np.pi * x), np.full(POINTS, 3.0)], axis=1).ravel()
+    how = {"jac": jacobian, "method": "Radau"}
+    truth = solve_ivp(vectorised, (0, 10), y0, rtol=1e-12, atol=1e-12, **how).y[:, -1]
+    equation = hd.Equation(hd.Caputo(1.0), brusselator, y0, bandwidth=(2, 2))
+    for rtol in (1e-4,) if quick else (1e-3, 1e-4, 1e-6, 1e-8, 1e-10):
+        ways = {
+            name: lambda name=name, rtol=rtol: solve_ivp(
+                vectorised, (0, 10), y0, name, rtol=rtol, atol=rtol, jac=jacobian
+            ).y[:, -1]
+            for name in ("Radau", "LSODA")
+        }
+        ways["Collocation"] = lambda rtol=rtol: hd.solve(equation, 10.0, rtol=rtol).y[-1]
+        for name, run in ways.items():
+            seconds, found = best(run, quick)
+            yield row("Brusselator", name, 40, seconds, np.abs(found - truth).max())
+
+
+def laplacian(d):
+    parts = np.array([1.0, -2.0, 1.0]) * (d + 1.0) ** 2
+    return sp.diags_array(parts, offsets=[-1, 0, 1], shape=(d, d)).tocsr()
+
+
+def states_rows(quick):
+    """u = u(0) + sum_i c_i z_i with z_i' = -s_i z_i + A u, c and s of J^alpha's kernel."""
+    d = 10 if quick else 40
+    wave = np.sin(np.pi * np.arange(1, d + 1) / (d + 1))
+    rate = (2 * (d + 1) * np.sin(np.pi / (2 * d + 2))) ** 2
+    truth, matrix = mittag_leffler(-rate, ALPHA, 1.0) * wave, laplacian(d)
+    fit = hd.fit_exponentials(hd.PowerLaw(1 - ALPHA), 1e-5, 2.0, 1e-5)
+    rates, weights = fit.rates, fit.weights / gamma(ALPHA)
+    sums = sp.kron(weights[None], sp.eye_array(d)).tocsr()
+    lines = sp.kron(np.ones((rates.size, 1)), matrix).tocsr()
+    jac = (sp.kron(-sp.diags_array(rates), sp.eye_array(d)) + lines @ sums).tocsc()
+
+    def states(t, z):
+        return jac @ z + np.tile(matrix @ wave, rates.size)
+
+    def by_scipy():
+        z0, how = np.zeros(d * rates.size), {"rtol": 1e-6, "atol": 1e-9, "jac": lambda t, z: jac}
+        return wave + sums @ solve_ivp(states, (0, 1), z0, "BDF", **how).y[:, -1]
+
+    equation = hd.Equation(hd.Caputo(ALPHA), None, wave, linear=matrix)
+    ways = {
+        "SciPy's BDF, modes as states": by_scipy,
+        "BDF(2)": lambda: hd.solve(equation, 1.0, 1000, scheme=hd.BDF(2), save_every=1000).y[-1],
+        "Collocation": lambda: hd.solve(equation, 1.0, rtol=1e-6).y[-1],
+    }
+    for name, run in ways.items():
+        seconds, found = best(run, quick)
+        yield row("memory as states", name, d, seconds, np.abs(found - truth).max())
+
+
+def reaction(t, u, du, p):
+    for i in range(u.size):
+        du[i] = 5.0 * (u[i] - u[i] ** 3)
+
+
+def reaction_rows(quick):
+    d = 50 if quick else 1000
+    start = 0.1 * np.sin(np.pi * np.arange(1, d + 1) / (d + 1))
+    how = {"linear": laplacian(d), "bandwidth": (0, 0)}
+    equation = hd.Equation(hd.Caputo(ALPHA), reaction, start, **how)
+    truth = hd.solve(equation, 1.0, rtol=1e-9).y[-1]
+    for n in (200,) if quick else (250, 500, 1000, 2000):
+        for scheme in (hd.BDF(2), hd.IMEX(hd.BDF(2))):
+            run = lambda n=n, s=scheme: hd.solve(equation, 1.0, n, scheme=s, save_every=n).y[-1]  # noqa: E731
+            seconds, found = best(run, quick)
+            name = f"{scheme!r}".replace("scheme=", "") + f", N = {n}"
+            yield row("reaction", name, d, seconds, np.abs(found - truth).max())
+
+
+def bandwidth(quick):
+    """Time of a block's reading and advancing of the modes over that of copying their bytes."""
+    d = 2000 if quick else 100_000
+    equation = hd.Equation(hd.Caputo(ALPHA), None, np.ones(d), linear=sp.eye_array(d))
+    stepper = Stepper(equation, hd.L1(), hd.SumOfExponentials(), UniformSteps(1e-3), 1000)
+    memory, march, groups = stepper.memory, stepper._march, np.zeros(d, dtype=np.int64)
+    march.pieces[:] = 1e-3
+    arrays = memory.tables, memory.arrays
+
+    def exchange():
+        memory.exchange(march.lag, march.pieces, 32, groups, *arrays)
+
+    held = np.concatenate([part.ravel() for part in (*memory.arrays, march.lag, march.pieces)])
+    other = np.empty_like(held)
+    exchange()
+    taken, copied = best(exchange, False)[0], best(lambda: np.copyto(other, held), False)[0]
+    return taken / copied, 1e9 * taken / 32 / d
+
+
+def watched(quick):
+    """Largest ratio of the times of watched and unwatched marches of 1,000 components."""
+    d, n = (100, 200) if quick else (1000, 4000)
+    start = np.sin(np.pi * np.arange(1, d + 1) / (d + 1))
+    equation = hd.Equation(hd.Caputo(0.9), reaction, start, bandwidth=(0, 0))
+    every, ratios = JacobianWatch.__init__, []
+
+    def unwatched(self, region, system, n_block):
+        every(self, None, system, n_block)
+
+    for scheme in (hd.ExplicitCaputo(), hd.Adams()):
+        run = lambda s=scheme: hd.solve(equation, 1.0, n, scheme=s, save_every=n)  # noqa: E731
+        times = []
+        for _ in range(2 if quick else 7):  # alternating
+            pair = []
+            for init in (every, unwatched):
+                JacobianWatch.__init__ = init
+                pair.append(best(run, True)[0])
+            times.append(pair)
+        JacobianWatch.__init__ = every
+        watch, none = np.min(times, axis=0)
+        ratios.append(watch / none)
+    return max(ratios)
+
+
+def best(run, quick):
+    run()
+    seconds = np.inf
+    for _ in range(1 if quick else 5):
+        began = time.perf_counter()
+        found = run()
+        seconds = min(seconds, time.perf_counter() - began)
+        if seconds > 2:
+            break
+    return seconds, found
+
+
+def row(problem, way, d, seconds, error):
+    told = {"d": d, "ms": f"{1e3 * seconds:.3g}", "error": f"{error:.2g}"}
+    return {"problem": problem, "way": way, **told}
+
+
+def main():
+    study = Study(__file__, __doc__)
+    found = [brusselator_rows, states_rows, reaction_rows]
+    study.write([one for rows in found for one in rows(study.quick)])
+    rows = study.read()
+    limit, nanoseconds = bandwidth(study.quick)
+    watch = watched(study.quick)
+    print(f"a component's modes take {nanoseconds:.1f} ns a step, {limit:.2f} times a copy")
+    if not study.quick:
+        check(
+            f"modes take {limit:.2f} times as long as a copy of their bytes (at most 5)", limit < 5
+        )
+        check(
+            f"a watched march takes {watch:.2f} times an unwatched one (at most 1.2)", watch < 1.2
+        )
+        ours = [r for r in rows if (r["problem"], r["way"]) == ("Brusselator", "Collocation")]
+        radau = [r for r in rows if (r["problem"], r["way"]) == ("Brusselator", "Radau")]
+        slower = max(
+            min(own["ms"] for own in ours if own["error"] <= each["error"]) / each["ms"]
+            for each in radau
+        )
+        check(f"Collocation takes {slower:.2f} of Radau's time at most (at most 1)", slower <= 1)
+    draw(study, rows)
+
+
+def draw(study, rows):
+    figure, axes = plt.subplots(1, 3, figsize=(12, 4), layout="constrained")
+    for axis, problem in zip(axes, dict.fromkeys(r["problem"] for r in rows), strict=True):
+        mine = [r for r in rows if r["problem"] == problem]
+        for name in dict.fromkeys(r["way"].split(", N")[0] for r in mine):
+            own = [r for r in mine if r["way"].split(", N")[0] == name]
+            axis.loglog([r["error"] for r in own], [r["ms"] for r in own], "o-", ms=4, label=name)
+        axis.set(xlabel="error", ylabel="ms", title=f"{problem}, {int(mine[0]['d'])} components")
+        axis.legend(fontsize=8)
+    study.save(figure)
+
+
+if __name__ == "__main__":
+    main()
