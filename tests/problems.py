@@ -269,3 +269,28 @@ def errors_on_mesh(problem, scheme, history, mesh):
     """Largest error of a component over all times on a mesh."""
     sol = hd.solve(problem.equation(), problem.t_end, mesh=mesh, scheme=scheme, history=history)
     return float(np.abs(sol.y - problem.exact(sol.t)).max())
+
+
+def linear_and_rest(alpha, powers):
+    """Two components, a constant matrix and a nonlinear rest; y(1) of a known solution.
+
+    y = (1, 2) (1 + sum_k t**powers_k).
+    """
+    mu = np.array(powers)
+    factors = gamma(1 + mu) / gamma(1 + mu - alpha)
+
+    def rhs(t, y, dy, p):
+        k = (p.size - 1) // 2
+        x, derivative = 1.0, 0.0
+        for i in range(k):
+            x += t ** p[i]
+            derivative += p[k + i] * t ** (p[i] - p[-1])
+        dy[0] = derivative + np.sin(y[0] * y[1]) - np.sin(2 * x * x)
+        dy[1] = 2 * derivative + 1.5 * x + np.cos(y[0]) - np.cos(x)
+
+    start = np.array([1.0, 2.0])
+    y0 = start if alpha <= 1 else [start, 0 * start]
+    params = [*mu, *factors, alpha]
+    return hd.Equation(
+        hd.Caputo(alpha), rhs, y0, params, linear=[[-2.0, 1.0], [0.5, -1.0]]
+    ), start * (1 + mu.size)

@@ -7,32 +7,11 @@ import pytest
 import scipy.sparse as sp
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.special import gamma
+from problems import linear_and_rest
 
 import hereditary as hd
 
-MATRIX = np.array([[-2.0, 1.0], [0.5, -1.0]])
 INNER = [hd.L1(), hd.BDF(1), hd.BDF(2)]
-
-
-def power_problem(alpha, powers):
-    """Equation with y = (1, 2) (1 + sum_k t**powers_k), and that at t = 1."""
-    mu = np.array(powers)
-    factors = gamma(1 + mu) / gamma(1 + mu - alpha)
-
-    def rhs(t, y, dy, p):
-        k = (p.size - 1) // 2
-        x, derivative = 1.0, 0.0
-        for i in range(k):
-            x += t ** p[i]
-            derivative += p[k + i] * t ** (p[i] - p[-1])
-        dy[0] = derivative + np.sin(y[0] * y[1]) - np.sin(2 * x * x)
-        dy[1] = 2 * derivative + 1.5 * x + np.cos(y[0]) - np.cos(x)
-
-    start = np.array([1.0, 2.0])
-    y0 = start if alpha <= 1 else [start, 0 * start]
-    params = [*mu, *factors, alpha]
-    return hd.Equation(hd.Caputo(alpha), rhs, y0, params, linear=MATRIX), start * (1 + mu.size)
 
 
 @pytest.mark.parametrize(
@@ -48,7 +27,7 @@ def power_problem(alpha, powers):
 )  # fmt: skip
 def test_orders(scheme, alpha, kind, largest):
     powers = [3.0] if kind == "smooth" else [alpha, 2 * alpha]
-    equation, exact = power_problem(alpha, powers)
+    equation, exact = linear_and_rest(alpha, powers)
     imex = hd.IMEX(scheme)
     runs = [hd.solve(equation, 1.0, n, scheme=imex) for n in (1600, 3200)]
     errors = [np.abs(run.y[-1] - exact).max() for run in runs]
@@ -98,7 +77,7 @@ def test_every_form_of_the_matrix_gives_one_solution(terms):
 
 
 def test_graded_meshes_restore_the_order_of_l1():
-    equation, exact = power_problem(0.5, [0.5, 1.0])
+    equation, exact = linear_and_rest(0.5, [0.5, 1.0])
     errors = []
     for n in (800, 1600):
         sol = hd.solve(equation, 1.0, mesh=hd.graded(n, 2.0), scheme=hd.IMEX(hd.L1()))
