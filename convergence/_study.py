@@ -16,6 +16,7 @@ matplotlib.use("Agg")
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))  # the named problems
 
 import hereditary as hd
+from hereditary.analysis.order import observed_order
 
 RESULTS = Path(__file__).parent / "results"
 
@@ -66,6 +67,21 @@ class Study:
         """Save the figure and say where it is."""
         figure.savefig(self.path(".png"), dpi=150)
         print(f"{self._name}: {self.path('.csv')}, {self.path('.png')}")
+
+
+def last_order(scheme, alpha, kind, counts, errors, floor):
+    """Return a row: the last pairwise order of errors above `floor`, beside the proven one."""
+    kept = np.array(errors) > floor
+    table = observed_order(np.array(counts)[kept], np.array(errors)[kept])
+    return {
+        "scheme": repr(scheme),
+        "alpha": alpha,
+        "solution": kind,
+        "n_steps": int(table.n_steps[-1]),
+        "error": f"{table.errors[-1]:.2e}",
+        "order": f"{table.pairwise[-1]:.3f}",
+        "proven": f"{scheme.order(alpha, kind):.2f}",
+    }
 
 
 def order_rows(labels, expected, found):

@@ -7,11 +7,10 @@ t**(2 alpha). Where they start like t**alpha, extrapolating the rest leaves orde
 
 import matplotlib.pyplot as plt
 import numpy as np
-from _study import Study, check
+from _study import Study, check, last_order
 from problems import linear_and_rest
 
 import hereditary as hd
-from hereditary.analysis.order import observed_order
 
 ALPHAS = (0.4, 0.6, 0.8, 1.4, 1.6, 1.8)
 SCHEMES = (hd.L1(), hd.BDF(1), hd.BDF(2))
@@ -29,17 +28,7 @@ def measure(quick):
                 how = {"scheme": scheme, "history": hd.SumOfExponentials(1e-13)}
                 ends = [hd.solve(equation, 1.0, n, **how, save_every=n).y[-1] for n in counts]
                 errors = np.abs(np.array(ends) - exact).max(axis=1)
-                kept = errors > _FLOOR
-                table = observed_order(np.array(counts)[kept], errors[kept])
-                yield {
-                    "scheme": repr(scheme.scheme),
-                    "alpha": alpha,
-                    "solution": kind,
-                    "n_steps": int(table.n_steps[-1]),
-                    "error": f"{table.errors[-1]:.2e}",
-                    "order": f"{table.pairwise[-1]:.3f}",
-                    "proven": f"{scheme.order(alpha, kind):.2f}",
-                }
+                yield last_order(scheme, alpha, kind, counts, errors, _FLOOR)
 
 
 def main():
@@ -50,10 +39,15 @@ def main():
     check(f"all orders within {off:.2f} of the proven ones", off <= 0.15, study.quick)
     figure, axes = plt.subplots(1, 2, figsize=(9, 4), sharey=True, layout="constrained")
     for axis, kind in zip(axes, ("smooth", "singular"), strict=True):
-        for number, scheme in enumerate(map(repr, SCHEMES)):
+        for number, scheme in enumerate(f"IMEX(scheme={inner!r})" for inner in SCHEMES):
             mine = [r for r in rows if (r["scheme"], r["solution"]) == (scheme, kind)]
             alpha = [row["alpha"] for row in mine]
-            axis.plot(alpha, [r["order"] for r in mine], f"oC{number}", label=f"IMEX({scheme})")
+            axis.plot(
+                alpha,
+                [r["order"] for r in mine],
+                f"oC{number}",
+                label=scheme.replace("scheme=", ""),
+            )
             for part in ([r for r in mine if r["alpha"] < 1], [r for r in mine if r["alpha"] > 1]):
                 x = [row["alpha"] for row in part]
                 axis.plot(x, [row["proven"] for row in part], f"-C{number}", lw=0.8)

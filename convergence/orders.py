@@ -9,11 +9,10 @@ goes along (order 1.2), that takes more steps.
 from pathlib import Path
 
 import matplotlib.pyplot as plt
-from _study import Study, check
+from _study import Study, check, last_order
 from problems import errors, singular_problem, smooth_problem
 
 import hereditary as hd
-from hereditary.analysis.order import observed_order
 
 ORDERS = (0.1, 0.3, 0.5, 0.8, 0.95)
 ABOVE_ONE = (1.2, 1.5, 1.8, 1.95)
@@ -46,19 +45,7 @@ def measure(quick):
                 found = [
                     errors(problem, scheme, hd.SumOfExponentials(1e-13), n)[which] for n in counts
                 ]
-                kept = [i for i, e in enumerate(found) if e > _FLOOR]
-                table = observed_order([counts[i] for i in kept], [found[i] for i in kept])
-                rows.append(
-                    {
-                        "scheme": repr(scheme),
-                        "alpha": alpha,
-                        "solution": kind,
-                        "n_steps": int(table.n_steps[-1]),
-                        "error": f"{table.errors[-1]:.2e}",
-                        "order": f"{table.pairwise[-1]:.3f}",
-                        "proven": f"{scheme.order(alpha, kind):.2f}",
-                    }
-                )
+                rows.append(last_order(scheme, alpha, kind, counts, found, _FLOOR))
     return rows
 
 

@@ -60,38 +60,42 @@ def dense_solver(task, number, matrix, x, linear):
 @compiled
 def banded_solver(task, number, matrix, x, linear):
     """Factorise a banded matrix by LAPACK, or solve for x with its factors; 0 where it is done."""
-    # factors (m, n, 2 lower + upper + 3): LAPACK's columns, and behind each its pivot and the
-    # inverse of its diagonal entry
+    # factors (m, n, 2 lower + upper + 2), see `substitute_band`
     factors, place = linear.factors[number], linear.order
-    lower, upper, n, width = linear.lower, linear.upper, x.shape[0], factors.shape[1] - 2
+    lower, upper, n = linear.lower, linear.upper, x.shape[0]
     if task == FACTORISE:
         return factorise_band(matrix, place, lower, upper, linear.lapack, factors)
     ordered = np.empty(n)
     for i in range(n):
         ordered[place[i]] = x[i]
-    # LAPACK's substitution takes five times as long where the band is narrow
-    diagonal = lower + upper
-    for j in range(n):
-        pivot = int(factors[j, width])
-        value = ordered[pivot]
-        if pivot != j:
-            ordered[pivot], ordered[j] = ordered[j], value
-        for k in range(1, min(lower, n - 1 - j) + 1):
-            ordered[j + k] -= value * factors[j, diagonal + k]
-    for j in range(n - 1, -1, -1):
-        value = ordered[j] * factors[j, width + 1]
-        ordered[j] = value
-        for k in range(1, min(diagonal, j) + 1):
-            ordered[j - k] -= value * factors[j, diagonal - k]
+    substitute_band(factors, lower, upper, ordered)
     for i in range(n):
         x[i] = ordered[place[i]]
     return 0
 
 
 @inner
+def substitute_band(factors, lower, upper, x):
+    """Solve for x (n,) with the factors that LAPACK has of a band; it takes longer by itself."""
+    n, width, diagonal = x.shape[0], factors.shape[1] - 1, lower + upper
+    for j in range(n):
+        pivot = int(factors[j, width].real)
+        value = x[pivot]
+        if pivot != j:
+            x[pivot], x[j] = x[j], value
+        for k in range(1, min(lower, n - 1 - j) + 1):
+            x[j + k] -= value * factors[j, diagonal + k]
+    for j in range(n - 1, -1, -1):
+        value = x[j] * factors[j, diagonal]
+        x[j] = value
+        for k in range(1, min(diagonal, j) + 1):
+            x[j - k] -= value * factors[j, diagonal - k]
+
+
+@inner
 def factorise_band(matrix, place, lower, upper, lapack, factors):
     """Set the factors of a sparse matrix as LAPACK has them; 0 where none is singular."""
-    n, width, wrong = factors.shape[0], factors.shape[1] - 2, 0
+    n, width, wrong = factors.shape[0], factors.shape[1] - 1, 0
     for j in range(n):
         for k in range(width):
             factors[j, k] = 0.0
@@ -103,7 +107,7 @@ def factorise_band(matrix, place, lower, upper, lapack, factors):
     # n, diagonals, length of a column, what is told in return; then the pivots: one array, which
     # is alive until LAPACK returns
     numbers = np.empty(_N_NUMBERS + n, dtype=np.int32)
-    numbers[0], numbers[1], numbers[2], numbers[3] = n, lower, upper, width + 2
+    numbers[0], numbers[1], numbers[2], numbers[3] = n, lower, upper, width + 1
     numbers[4], pivots, at = wrong, numbers[_N_NUMBERS:], numbers.ctypes.data
     if wrong == 0:
         pivots_at = at + 4 * _N_NUMBERS
@@ -112,7 +116,7 @@ def factorise_band(matrix, place, lower, upper, lapack, factors):
         )
     for j in range(n if numbers[4] == 0 else 0):
         factors[j, width] = pivots[j] - 1
-        factors[j, width + 1] = 1.0 / factors[j, lower + upper]
+        factors[j, lower + upper] = 1.0 / factors[j, lower + upper]
     return int(numbers[4])
 
 

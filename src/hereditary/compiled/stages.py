@@ -14,7 +14,7 @@ from .._python_calls import PythonRaised, call_at
 from .jacobian import COLUMNS, ROWS, VALUES
 from .linalg import solve_in_place
 from .signatures import FACTORISE
-from .solvers import call_lapack
+from .solvers import call_lapack, substitute_band
 from .structures import REDUCED, SYSTEMS
 
 # Fraction of an eigenvalue below which its imaginary part is rounding.
@@ -205,8 +205,7 @@ def complex_dot(real, imaginary, x_real, x_imaginary, first, end):
 @compiled
 def banded_stages(task, values, stage):
     """Factorise all systems of a banded Jacobian, or solve them for nodal values; 0 if done."""
-    # factors (K, n, 2 lower + upper + 2): LAPACK's columns, their diagonal entries inverted, and
-    # behind each its pivot
+    # factors (K, n, 2 lower + upper + 2), see `substitute_band`
     n, place, lower, upper = stage.order.shape[0], stage.order, stage.lower, stage.upper
     width, entries = stage.factors.shape[2] - 1, stage.jacobian
     if task == FACTORISE:
@@ -246,24 +245,6 @@ def banded_stages(task, values, stage):
         add_solution(k, right, stage, found)
     values[:] = found
     return 0
-
-
-@inner
-def substitute_band(factors, lower, upper, x):
-    """Solve for x (n,) with the factors that LAPACK has of a band; it takes longer by itself."""
-    n, width, diagonal = x.shape[0], factors.shape[1] - 1, lower + upper
-    for j in range(n):
-        pivot = int(factors[j, width].real)
-        value = x[pivot]
-        if pivot != j:
-            x[pivot], x[j] = x[j], value
-        for k in range(1, min(lower, n - 1 - j) + 1):
-            x[j + k] -= value * factors[j, diagonal + k]
-    for j in range(n - 1, -1, -1):
-        value = x[j] * factors[j, diagonal]
-        x[j] = value
-        for k in range(1, min(diagonal, j) + 1):
-            x[j - k] -= value * factors[j, diagonal - k]
 
 
 @compiled

@@ -66,7 +66,7 @@ def newton_of(structure, d, tangents, solve, exact):
         held = SparseFactors(structure, float)
         tables = _tables(np.zeros((0, 0, 0)), np.arange(d), exact, python=held.address)
         return Newton(as_value(sparse_solver, SOLVER_SIG), tables, room, held)
-    factors = np.zeros((slots, d, 2 * band.lower + band.upper + 3))
+    factors = np.zeros((slots, d, 2 * band.lower + band.upper + 2))
     lapack = get_cython_function_address("scipy.linalg.cython_lapack", "dgbtrf")
     tables = _tables(factors, band.order, exact, band.lower, band.upper, lapack)
     return Newton(as_value(banded_solver, SOLVER_SIG), tables, room)
