@@ -332,6 +332,20 @@ def test_linear_steps_take_one_iteration_and_as_many_as_they_need():
         np.testing.assert_allclose(*ends, rtol=0, atol=1e-13)
 
 
+@pytest.mark.parametrize("scheme", [hd.BDF(2), hd.L1(), hd.IMEX(hd.BDF(2))], ids=repr)
+def test_another_matrix_is_factorised_where_a_run_goes_on(scheme):
+    ends = []
+    for d in (5, 12):
+        eq, other = (
+            hd.Equation(hd.Caputo(0.7), None, np.ones(d), linear=-k * np.eye(d)) for k in (1, 1e3)
+        )
+        half = hd.solve(eq, 1.0, 100, scheme=scheme).state
+        run = hd.solve(other, 2.0, resume=half, allow_change=True)
+        ends.append(run.y[-1][0])
+        assert run.success
+    assert ends[1] == pytest.approx(ends[0], rel=1e-12)
+
+
 def still(t, u):
     return 0.0 * u
 

@@ -122,6 +122,8 @@ def test_slips_are_moves_that_touch_in_space_and_time():
     assert (found.first.tolist(), found.last.tolist()) == ([0, 4], [2, 4])
     assert found.size.tolist() == [5.0, 2.0]
     assert hd.scenes.slips(sol, speed=3.0).size.size == 0
+    one = hd.Solution(np.zeros(1), y[:1], None, hd.Status.COMPLETED, "", {}, None)
+    assert hd.scenes.slips(one).size.size == 0
 
 
 @pytest.mark.parametrize(

@@ -119,6 +119,21 @@ def test_a_jump_is_seen_from_behind_it():
     assert errors[1] < 0.6 * errors[0]
 
 
+def test_a_break_is_not_extrapolated_over():
+    def pushed(t, y):
+        return np.where(t < 0.5, 0.0, 10.0) * np.ones(1)
+
+    equation = hd.Equation(hd.Caputo(0.2), pushed, [0.0], linear=[[-1.0]])
+    runs = [
+        hd.solve(equation, 1.0, 100, scheme=scheme, breaks=[0.5])
+        for scheme in (hd.IMEX(hd.BDF(2)), hd.BDF(2))
+    ]
+    np.testing.assert_allclose(runs[0].y, runs[1].y, atol=1e-12)
+    half = hd.solve(equation, 0.5, 50, scheme=hd.IMEX(hd.BDF(2)))
+    rest = hd.solve(equation, 1.0, resume=pickle.loads(pickle.dumps(half.state)), breaks=[0.5])
+    assert np.array_equal(rest.y[-1], runs[0].y[-1])
+
+
 def test_beyond_its_limit_a_run_says_so():
     equation = hd.Equation(hd.Caputo(0.9), lambda t, y: -100.0 * y, [1.0], linear=[[-1.0]])
     with pytest.warns(hd.SolveWarning):
@@ -136,8 +151,10 @@ def test_refusals():
     linear = hd.Equation(hd.Caputo(0.5), lambda t, y: -y, [1.0], linear=[[-1.0]])
     with pytest.raises(ValueError, match="mesh must be left out with IMEX"):
         hd.solve(linear, 1.0, mesh=hd.graded(5, 2.0), scheme=hd.IMEX(hd.BDF(2)))
-    with pytest.raises(ValueError, match="scheme must give derivatives of its steps"):
+    with pytest.raises(ValueError, match="scheme must give tangents"):
         hd.lyapunov(linear, 1.0, 10, scheme=hd.IMEX(hd.L1()))
+    with pytest.raises(ValueError, match="switches must be left out with IMEX"):
+        hd.solve(linear, 1.0, 10, scheme=hd.IMEX(hd.L1()), switches=lambda t, y: y[0] - 0.5)
     half = hd.solve(linear, 1.0, 10, scheme=hd.IMEX(hd.L1())).state
     with pytest.raises(ValueError, match="same scheme"):
         hd.solve(linear, 2.0, resume=half, scheme=hd.L1())

@@ -79,6 +79,32 @@ def test_goes_on_bit_for_bit(history, stop):
         hd.memory_term(1.5, 0.02, hd.BDF(2), [1.0, 1.0], history=history).restore(first.state())
 
 
+GRID = np.linspace(0.01, 3.0, 300)
+
+
+@pytest.mark.parametrize("history", HISTORIES[::2], ids=repr)
+def test_kernels_known_by_values_make_the_steps_asked_for(history):
+    def term(n_steps):
+        table = hd.TabulatedKernel(GRID, np.exp(-GRID))
+        return hd.memory_term(table, 0.01, hd.L1(), 1.0, history=history, n_steps=n_steps)
+
+    def made(one, n_steps):
+        for _ in range(n_steps):
+            one.absorb(-one.lag / (one.weight + 1.0))
+        return one.u
+
+    first, second = term(100), term(100)
+    made(first, 40)
+    second.restore(pickle.loads(pickle.dumps(first.state())))
+    assert made(first, 60) == made(second, 60)
+    with pytest.raises(ValueError, match="n_steps must cover all steps, got 101"):
+        made(first, 1)
+    long = term(320)
+    with pytest.raises(ValueError, match="stay within t = 3"):
+        made(long, 320)
+    assert long.n == 300
+
+
 def test_any_shape():
     square = np.arange(6.0).reshape(2, 3)
     term = hd.memory_term(0.5, 0.1, hd.L1(), square)
@@ -96,6 +122,7 @@ def test_any_shape():
         ((2.5, 0.1, hd.L1(), 1.0), {}, "order must be at most 2"),
         ((0.5, 0.1, hd.ExplicitCaputo(), 1.0), {}, "scheme must solve one equation a step"),
         ((0.5, 0.1, hd.BDF(3), 1.0), {}, "scheme must solve one equation a step"),
+        ((0.5, 0.1, hd.ProductTrapezoid(), 1.0), {}, "scheme must solve one equation a step"),
         ((0.5, 0.1, hd.L2(), 1.0), {}, "scheme must solve one equation a step"),
         ((1.5, 0.1, hd.L2Sigma(), 1.0), {}, "scheme must solve one equation a step"),
         ((0.5, 0.1, hd.Collocation(), 1.0), {}, "scheme must solve one equation a step"),

@@ -19,7 +19,8 @@ def solve_linearly(
 
     ``g = f + theta ratio (f - f_before)`` extrapolates f = rhs - A y from t_n and the step before
     to t, with theta and the lengths' ratio of row i; A is the Jacobian, which is constant. `force`
-    (d,) is f. Returns False where the matrix is singular.
+    (d,) is f of the step before, NaN where that is another function. Returns False where the
+    matrix is singular.
     """
     # room (N_ROOM, d): rows of a step; work (2, ., .): A, and the matrix whose factors are kept
     n, moved, f, point = x.shape[0], room[MOVED], room[F], room[POINT]
@@ -34,11 +35,11 @@ def solve_linearly(
     rhs(t - (rows.theta[i] - _ASIDE) * rows.unit[i], x, f, params)
     counts.rhs += 1
     multiply(work[0], x, moved)
-    ahead = rows.theta[i] * rows.ratio[i] if counts.step > 0 else 0.0
+    ahead = rows.theta[i] * rows.ratio[i] if counts.step > 0 and force[0] == force[0] else 0.0
     for c in range(n):
         point[c] = base[c] - x[c]
         moved[c] = f[c] - moved[c]
-        f[c] += ahead * (moved[c] - force[c])
+        f[c] += ahead * (moved[c] - force[c]) if ahead > 0.0 else 0.0
         force[c] = moved[c]
     multiply(work[0], point, moved)
     for c in range(n):

@@ -45,13 +45,14 @@ def solve_many(
     residual, change, before = np.empty(d * s), np.empty(d * s), np.empty((d, s))
     previous, fresh = np.inf, False
     positions(h, p, x_start, second, integral, x)
+    if set_pencil(h, matrices[0], integral, second[0], stages.pencil):
+        control[LENGTH] = 0.0
     for sweep in range(_SWEEPS):
         if control[KEPT] == 0.0:
             point = x[:, s // 2].copy()
             counts.rhs += jacobian(rhs, jac, has_jac, times[s // 2], point, params, stages.jacobian)
             control[KEPT], control[LENGTH], control[REDUCED], fresh = 1.0, 0.0, 0.0, True
         if control[LENGTH] != h:
-            set_pencil(h, matrices[0], integral, second[0], stages.pencil)
             control[LENGTH] = 0.0
             if newton.solver(FACTORISE, p, stages) != 0:
                 control[KEPT] = 0.0  # it may hold what is no number
@@ -94,9 +95,12 @@ def read_many(modes, to_nodes, out):
 
 @inner
 def set_pencil(h, matrices, integral, second, pencil):
-    """Set the matrices G and M of a step, with which residuals change by M x - G x J^T."""
+    """Set the matrices G and M of a step, with which residuals change by M x - G x J^T.
+
+    Returns whether they were others: orders that vary change them at any length.
+    """
     # matrices (3, s, s) of any component; p is y' where second is 1
-    s = integral.shape[0]
+    s, changed = integral.shape[0], False
     for i in range(s):
         for j in range(s):
             gain, rest = matrices[FORCE, i, j], matrices[POSITION, i, j]
@@ -105,8 +109,10 @@ def set_pencil(h, matrices, integral, second, pencil):
                 for k in range(s):
                     gain += h * matrices[FORCE, i, k] * integral[k, j]
                     rest += h * matrices[POSITION, i, k] * integral[k, j]
-            pencil[0, i, j] = gain
-            pencil[1, i, j] = (1.0 if i == j else 0.0) - matrices[PRIMARY, i, j] - rest
+            rest = (1.0 if i == j else 0.0) - matrices[PRIMARY, i, j] - rest
+            changed = changed or pencil[0, i, j] != gain or pencil[1, i, j] != rest
+            pencil[0, i, j], pencil[1, i, j] = gain, rest
+    return changed
 
 
 @inner

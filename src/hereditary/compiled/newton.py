@@ -103,7 +103,7 @@ def solve_with_factors(
         solver(SUBSTITUTE, 0, work[1], change, linear)
         size, largest, reference = apply_change(d, change, shift, base, w)
         rate = size / previous if previous < np.inf else 1.0
-        if counts.factored == AT_ONCE:
+        if counts.factored == AT_ONCE and linear.exact == 1:
             rate = 0.0
         grown = max(grown, size / residual) if residual > 0.0 else grown
         residual = 0.0

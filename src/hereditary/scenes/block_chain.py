@@ -179,6 +179,9 @@ def slips(solution: Solution, speed: float = 2.0) -> Slips:
     [45.0, 48.0, 51.0]
     """
     speed = positive("speed", speed)
+    if solution.t.size < 2:
+        none, where = np.zeros(0), np.zeros(0, dtype=np.int64)
+        return Slips(none, none, where, where, none)
     moved, steps = np.diff(solution.y, axis=0), np.diff(solution.t)[:, None]
     images: Any = importlib.import_module("scipy.ndimage")
     labels, many = images.label(np.abs(moved) > speed * steps)

@@ -18,10 +18,10 @@ class IMEX(Scheme):
     """Take the constant matrix `linear` of an equation implicitly, its `rhs` explicitly.
 
     Of ``terms = A y + f(t, y)`` a step of `scheme` is solved with ``f_n + theta (f_n - f_(n-1))``
-    in place of f(t_n + theta h, y): one call of f, one solution with factors that all steps of one
-    length share, no Newton iteration, and no derivative of f. On meshes the difference is scaled
-    by the ratio of the lengths. For stiff A beside a mild or expensive f, such as diffusion and
-    reaction.
+    in place of f(t_n + theta h, y), or with f_n alone after breaks: one call of f, one solution
+    with factors that all steps of one length share, no Newton iteration, and no derivative of f. On
+    meshes the difference is scaled by the ratio of the lengths. For stiff A beside a mild or
+    expensive f, such as diffusion and reaction.
 
     Parameters
     ----------
@@ -56,6 +56,7 @@ class IMEX(Scheme):
     solve: ClassVar[str] = "imex"
     takes_memory: ClassVar[bool] = False
     takes_tangents: ClassVar[bool] = False
+    takes_switches: ClassVar[bool] = False
 
     def __post_init__(self):
         inner = self.scheme

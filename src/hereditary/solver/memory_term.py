@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import numbers
 from typing import NamedTuple
 
@@ -18,6 +19,7 @@ from ..operators import Caputo, Memory, Term
 from ..schemes.scheme import Plan, Scheme
 from ..sides import left_side
 from ..system import System, refuse_late
+from .identity import described, described_terms
 
 # Steps in a block, as in marches.
 _BLOCK = 32
@@ -28,11 +30,11 @@ _CORRECTED = 1
 class MemoryTermState(NamedTuple):
     """Everything a `MemoryTerm` needs to go on.
 
-    made, its arguments in words; steps made; step whose block is open; u (W,); h v0 and term0
-    (2, W); lag and newest pieces of the block, and the memory of older ones.
+    made, its arguments; steps made; step whose block is open; u (W,); h v0 and term0 (2, W); lag
+    and newest pieces of the block, and the memory of older ones.
     """
 
-    made: str
+    made: dict
     n: int
     opened: int
     u: np.ndarray
@@ -57,8 +59,8 @@ class MemoryTerm:
         1 - alpha/2 for `L2Sigma` [-].
     """
 
-    def __init__(self, made, system, plan: Plan, memory, h, u0, v0, term0):
-        self._made, self._system, self._plan, self._memory, self._h = made, system, plan, memory, h
+    def __init__(self, how, system, plan: Plan, memory, h, u0, v0, term0):
+        self._how, self._system, self._plan, self._memory, self._h = how, system, plan, memory, h
         self._shape, width = u0.shape, u0.size
         self._groups = np.zeros(width, dtype=np.int64)
         self._u, self._shift, self._term0 = u0.ravel(), h * v0.ravel(), term0.ravel()
@@ -94,6 +96,10 @@ class MemoryTerm:
         return self._known.reshape(self._shape).copy()
 
     def _known_part(self):
+        refuse_late(self._system, (self.n + 1) * self._h)
+        if self.n >= self._how["steps"]:
+            got, remedy = f"{self.n + 1} of them", "make the term for more"
+            raise ValueError(complaint("n_steps", "cover all steps", got, remedy))
         p = self.n % _BLOCK
         if p == 0 and self._opened < self.n:
             self._open()
@@ -110,8 +116,7 @@ class MemoryTerm:
     def _open(self):
         """Let the memory add everything older than the block that begins here to its lag."""
         n, memory = self.n, self._memory
-        refuse_late(self._system, (n + 1) * self._h)
-        memory.prepare(n + _BLOCK)
+        memory.prepare(min(n + _BLOCK, self._how["steps"]))
         memory.refresh(n, self._pieces, self._groups)
         arrays = memory.exchange, memory.tables, memory.arrays
         open_lag(self._lag, self._pieces, n, self._groups, memory.block_weights, *arrays)
@@ -145,8 +150,13 @@ class MemoryTerm:
         """
         start = np.array([self._shift, self._term0])
         block = self._lag.copy(), self._pieces.copy()
-        done = self._made, self.n, self._opened
+        done = self._made(self.n), self.n, self._opened
         return MemoryTermState(*done, self._u.copy(), start, *block, self._memory.state())
+
+    def _made(self, n):
+        """Describe what terms must share with one whose state at step n they take over."""
+        terms = described_terms(self._system, n * self._h)
+        return {**self._how, **terms, "shape": self._shape, "h": self._h}
 
     def restore(self, state: MemoryTermState) -> None:
         """Go on from where `state` was taken, of a term made with the same arguments.
@@ -156,9 +166,11 @@ class MemoryTerm:
         state : MemoryTermState
         """
         instance("state", state, MemoryTermState, "what state() returned")
-        if state.made != self._made:
-            required = f"come from {self._made}"
-            raise ValueError(complaint("state", required, state.made))
+        mine = self._made(state.n)
+        for name, value in state.made.items():
+            if value != mine[name]:
+                required = f"come from a term with the same {name}, here {mine[name]}"
+                raise ValueError(complaint("state", required, value))
         self.n, self._opened, self._u = state.n, state.opened, state.u.copy()
         self._shift, self._term0 = state.start.copy()
         self._lag, self._pieces = state.lag.copy(), state.pieces.copy()
@@ -190,11 +202,12 @@ def memory_term(
     Parameters
     ----------
     kernel_or_order : float or MemoryKernel
-        Order alpha of Caputo's derivative, 0 < alpha <= 2, or a kernel K, with L1 or L12.
+        Order alpha of Caputo's derivative, 0 < alpha <= 2, or a kernel K, with L1.
     h : float
         Step [time].
     scheme : Scheme
-        `L1`, `L12`, `L2Sigma`, ``BDF(1)`` or ``BDF(2)``: implicit, with steps of one length.
+        `L1`, ``BDF(1)`` or ``BDF(2)``, or for orders up to 1 `L12` or `L2Sigma`: implicit, with
+        steps of one length.
     u0 : array_like
         u(0), of any shape.
     v0 : array_like, optional
@@ -206,7 +219,7 @@ def memory_term(
         `SumOfExponentials` by default.
     n_steps : int, optional
         Steps of the run; left out, runs of any length are covered. Kernels known by their values
-        need it.
+        need it, and make no more.
 
     Returns
     -------
@@ -255,8 +268,9 @@ def memory_term(
     covered = UniformSteps(h).covered(most, getattr(history, "horizon", None) or 0.0)
     memory = plan.past.open(history, start.size, _BLOCK, covered)
     warn_of_fit(memory.kernel_error, getattr(history, "tol", 0.0))
-    made = f"{operator!r}, h = {h!r}, {scheme!r}, {history!r}, u of shape {start.shape}"
-    return MemoryTerm(made, system, plan, memory, h, start, speed, value)
+    last = most if by_values else math.inf
+    how = {"scheme": described(scheme), "history": described(history), "steps": last}
+    return MemoryTerm(how, system, plan, memory, h, start, speed, value)
 
 
 def _operator(kernel_or_order):
@@ -285,12 +299,13 @@ def _one(t, y, dy, params):
 def _plan(scheme, system, h):
     """Return the scheme's plan, or refuse a scheme whose steps are more than one equation."""
     required = "solve one equation a step here"
-    remedy = "use L1, L12, L2Sigma, BDF(1) or BDF(2)"
+    remedy = "use BDF(1), BDF(2), L1, or up to order 1 L12 or L2Sigma"
     if not scheme.adaptive and scheme.solve == "newton":
         scheme.check_terms(system)
         plan = None if scheme.reduction(system) else scheme.plan(system, h)
         corrected = 0 if plan is None or plan.corrections is None else len(plan.corrections)
-        if plan is not None and plan.given is None and corrected <= _CORRECTED:
+        single = plan is not None and plan.given is None and not plan.integral
+        if single and corrected <= _CORRECTED:
             return plan
     raise ValueError(complaint("scheme", required, repr(scheme), remedy))
 

@@ -118,3 +118,14 @@ def _moved(change, stepper):
         required = f"return a new y, finite and of shape {y.shape}"
         raise ValueError(complaint("change", required, shown(given)))
     return frame.moved(inside, given)
+
+
+def check_on_given_steps(kinds, equation):
+    """Refuse what events cannot do where steps are given."""
+    if "forget" in kinds:
+        required, remedy = "forget nothing on given steps", "take rtol= and Collocation"
+        raise ValueError(complaint("events", required, "forget", remedy))
+    terms = [operator for operator, _ in equation.enlarged.left]
+    if "change" in kinds and any(op.derivative == 0 or op.from_zero for op in terms):
+        required = "change no y that a kernel or RiemannLiouville acts on, on given steps"
+        raise ValueError(complaint("events", required, "a change"))

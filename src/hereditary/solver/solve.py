@@ -195,7 +195,7 @@ def solve(
         mesh = real_array("mesh", mesh) - start
     functions, jumping = _listed(events), _listed(switches)
     began = time.perf_counter()
-    system, numbers = switched(equation, jumping) if jumping else (equation, [])
+    system, numbers = switched(equation, jumping, scheme) if jumping else (equation, [])
     if scheme.adaptive:
         _refuse("with Collocation, which chooses its steps", n_steps=n_steps, mesh=mesh)
         max_step = None if max_step is None else positive("max_step", max_step)

@@ -18,6 +18,7 @@ from .first_steps import starting_steps
 from .identity import check_identity, described, identity
 from .jacobian_watch import JacobianWatch
 from .linear_solvers import newton_of
+from .reactions import check_on_given_steps
 from .state import State, check_sound, frozen, sealed
 from .status import Status, failed
 from .step_pieces import StepPieces
@@ -27,8 +28,6 @@ from .stretch import Stretch
 # Steps in a block. Measured with 56 modes: 74, 75 and 85 ns a step at 16, 32 and 64, where the
 # in-block sums take over; below 16 the calls of the history do.
 BLOCK = 32
-# Steps made at once where an event may cut them short.
-_FEW_STEPS = 256
 # Steps after which a march reads no data but the lasting ones.
 _FIRST_STEPS = 8
 
@@ -82,8 +81,7 @@ class Stepper:
         if self.n_tangents == 0:
             return self._planned(system)
         if not self.scheme.takes_tangents:
-            required = "give derivatives of its steps, for tangents and exponents"
-            raise ValueError(complaint("scheme", required, repr(self.scheme), "use L1 or BDF(2)"))
+            raise ValueError(complaint("scheme", "give tangents and exponents", f"{self.scheme!r}"))
         rows = np.zeros((system.m, system.d, self.n_tangents))
         rows[0, : equation.d] = directions[: equation.d]
         rows[1:, self._with_speed] = directions[equation.d :]
@@ -228,7 +226,8 @@ class Stepper:
         if self.error is not None:
             return failed(self.error)
         statuses = {BLOWN_UP: Status.BLOWN_UP, NOT_SOLVED: Status.NOT_SOLVED}
-        return (statuses[self._status], "") if self._status in statuses else None
+        detail = "the matrix of a step is singular" if self.scheme.solve == "imex" else ""
+        return (statuses[self._status], detail) if self._status in statuses else None
 
     def set_breaks(self, times, t_end):
         """Let the steps beside these times see jumps from their own side."""
@@ -284,6 +283,8 @@ class Stepper:
     def _enter(self, n_end, rows, slopes):
         """Enter the compiled march once; watch the stability along the orbit."""
         system, start = self._system, self.equation.frame.start
+        if self.n in self._breaks:
+            self._forget_explicit()
         jacobians = self._watch.room(self.n, n_end)
         try:
             return self._loop(
@@ -323,18 +324,18 @@ class Stepper:
 
     def expect(self, kinds):
         """Make few steps at once, for events are going to change or switch something."""
-        self._stretch.most = _FEW_STEPS
-        if "forget" in kinds:
-            required, remedy = "forget nothing on given steps", "take rtol= and Collocation"
-            raise ValueError(complaint("events", required, "forget", remedy))
-        terms = [operator for operator, _ in self.equation.enlarged.left]
-        if "change" in kinds and any(op.derivative == 0 or op.from_zero for op in terms):
-            required = "change no y that a kernel or RiemannLiouville acts on, on given steps"
-            raise ValueError(complaint("events", required, "a change"))
+        self._stretch.keep_short()
+        check_on_given_steps(kinds, self.equation)
 
     def change(self, y):
         """Let y jump to these values, (d,), here; the jump does not enter the memory."""
         self._march.x[: self.equation.d] = y
+        self._forget_explicit()
+
+    def _forget_explicit(self):
+        """Let the next step not extrapolate f, which jumps here (compiled/imex.py)."""
+        if self.scheme.solve == "imex":
+            self._march.force[:] = np.nan
 
     def set_parameter(self, number, value):
         """Set a parameter of the right-hand side, which jumps."""
@@ -384,9 +385,11 @@ class Stepper:
     def restore(self, state, allow_change=False):
         """Take over where `state` was taken, of another right-hand side where that is allowed."""
         check_sound(state)
-        check_identity(state.identity, self._identity(state.t), allow_change)
         march = arrays.restored_march(state.march)
         self._march = march._replace(newton=self._newton.taken_over(march))
+        if check_identity(state.identity, self._identity(state.t), allow_change):
+            march.counts.factored = 0
+            self._forget_explicit()
         self._refactorise()
         self.memory.restore(state.memory)
         self._watch.largest, self._watch.step = state.largest_ratio, state.largest_ratio_step

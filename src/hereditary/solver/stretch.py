@@ -7,6 +7,8 @@ import numpy as np
 # As many as take this long, but no more than whose rows stay in a near cache, that is so many
 # numbers. Entering the compiled march costs 0.04 ms.
 _SECONDS, _NUMBERS, _LEAST = 0.1, 1 << 15, 32
+# Steps made at once where an event may cut them short.
+_SHORT = 256
 
 
 class Stretch:
@@ -26,6 +28,10 @@ class Stretch:
             self.note(time.perf_counter() - began, 1)
         most = min(max(_NUMBERS // system.d, _LEAST), self.most)
         return int(min(max(_SECONDS / self._seconds, 1), most))
+
+    def keep_short(self):
+        """Make few steps at once."""
+        self.most = _SHORT
 
     def note(self, seconds, made):
         """Note the time that some steps took."""

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .._callables import switch_of
+from .._checks import complaint
 from .._jit import derived
 from ..system import System
 
@@ -35,8 +36,11 @@ class Switched(NamedTuple):
     signs: list[int]
 
 
-def switched(equation, functions):
+def switched(equation, functions, scheme):
     """Return the system of an equation whose right-hand side jumps at switches, as `Switched`."""
+    if not scheme.takes_switches:
+        required = f"be left out with {type(scheme).__name__}"
+        raise ValueError(complaint("switches", required, f"{len(functions)}", "use L1 or BDF(2)"))
     inner, frame = equation.enlarged, equation.frame
     params, rhs, jac = inner._params, inner._rhs, inner._jac if inner.has_jac else None
     n_user = len(frame.speeds) or equation.d
