@@ -19,8 +19,9 @@ AT_ONCE, _AT_ONCE_BELOW, _MOST_GROWN = 2, 1e-8, 1e6
 # The step is solved when the estimated error of the increment is below this share of it, or below
 # rounding of the solution, or below what floats can resolve.
 _TOLERANCE, _ROUNDING, _UNDERFLOW = 1e-13, 2e-16, 1e-300
-# A residual below this share of its summands is rounding.
-_RESIDUAL = 4e-15
+# A residual below this share of its summands is rounding, which is looked for where changes stay
+# below this share of the solution.
+_RESIDUAL, _SMALL = 4e-15, 1e-3
 
 
 @inner
@@ -107,8 +108,9 @@ def solve_with_factors(
             rate = 0.0
         grown = max(grown, size / residual) if residual > 0.0 else grown
         residual = 0.0
-        if previous < np.inf and 0.5 < rate < np.inf and not stalled:
-            stalled, previous = True, size  # by rounding, or because it does not contract
+        small = size <= _SMALL * (largest + reference)
+        if small and previous < np.inf and rate > 0.5 and not stalled:
+            stalled, previous = True, size  # perhaps by rounding
             continue
         if not done and (not size < np.inf or (rate >= 1.0 and previous < np.inf)):
             if fresh and not size < np.inf:
