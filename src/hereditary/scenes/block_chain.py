@@ -18,7 +18,7 @@ from .._jit import compiled
 from ..equation import Equation
 from ..solver.solution import Solution
 from .linear import oscillator_terms
-from .stick_slip import PRINTED_WELL
+from .stick_slip import checked_well, over_sine, slope_of_wells
 
 # Initial places by default lie in this stretch, shifted from block to block by the golden ratio.
 _SPREAD, _GOLDEN = 0.4, 0.6180339887498949
@@ -26,20 +26,16 @@ _SPREAD, _GOLDEN = 0.4, 0.6180339887498949
 
 @compiled
 def _forces(t, y, dy, params):
-    """Springs, pull and wells; the sine series by Clenshaw's recurrence."""
+    """Springs, pull and wells."""
     # params: omega**2, spring_speed, coupling, adhesion of each block, a_1, a_2, ...
     d = y.shape[0]
     for i in range(d):
-        twice_cosine = 2.0 * math.cos(y[i])
-        b, b_next = 0.0, 0.0
-        for k in range(params.shape[0] - 1, d + 2, -1):
-            b, b_next = (params[k] - b_next) + twice_cosine * b, b
         pull = 0.0
         if i > 0:
             pull += y[i - 1] - y[i]
         if i < d - 1:
             pull += y[i + 1] - y[i]
-        well = params[3 + i] * b * math.sin(y[i])
+        well = params[3 + i] * over_sine(y[i], params, 3 + d) * math.sin(y[i])
         dy[i] = params[1] * t + well - params[0] * y[i] + params[2] * pull
 
 
@@ -48,12 +44,9 @@ def _forces_jacobian(t, y, ab, params):
     """Three diagonals, as `scipy.linalg.solve_banded` has them; one for a single block."""
     d, upper = y.shape[0], ab.shape[0] // 2
     for i in range(d):
-        cosine = math.cos(y[i])
-        b, b_next = 0.0, 0.0
-        for k in range(params.shape[0] - 1, d + 2, -1):
-            b, b_next = ((k - d - 2) * params[k] - b_next) + 2.0 * cosine * b, b
+        slope = params[3 + i] * slope_of_wells(y[i], params, 3 + d)
         neighbours = float((i > 0) + (i < d - 1))
-        ab[upper, i] = params[3 + i] * (b * cosine - b_next) - params[0] - params[2] * neighbours
+        ab[upper, i] = slope - params[0] - params[2] * neighbours
         if upper > 0:
             ab[0, i] = ab[2, i] = params[2]
 
@@ -111,10 +104,6 @@ def stick_slip_chain(
     True
     """
     blocks = count("blocks", blocks)
-    series = real_array("well", PRINTED_WELL if well is None else well)
-    if series.ndim != 1 or series.size == 0:
-        required = "be a flat sequence a_1, a_2, ..."
-        raise ValueError(complaint("well", required, f"shape {series.shape}"))
     if x0 is None:
         x0 = _SPREAD * (np.arange(blocks) * _GOLDEN % 1.0)
     params = (
@@ -122,7 +111,7 @@ def stick_slip_chain(
         real("spring_speed", spring_speed),
         real("coupling", coupling),
         *_by_blocks("adhesion", adhesion, blocks),
-        *series,
+        *checked_well(well),
     )
     start = [_by_blocks("x0", x0, blocks), _by_blocks("v0", v0, blocks)]
     terms = oscillator_terms(beta, gamma, friction)

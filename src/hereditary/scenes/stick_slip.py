@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._checks import complaint, count, positive, real, real_array
-from .._jit import compiled
+from .._jit import compiled, inlined
 from ..equation import Equation
 from ..memory_kernel import MemoryKernel
 from ..operators import Memory, Term
@@ -27,25 +27,38 @@ _SHORTEST_STAY = 3.0
 _LOOKS = 8
 
 
+@inlined
+def over_sine(x, params, first):
+    """Return ``sum_n a_n sin(n x) / sin(x)``, a_1 standing at `first`, by Clenshaw's recurrence."""
+    twice_cosine = 2.0 * math.cos(x)
+    b, b_next = 0.0, 0.0
+    for k in range(params.shape[0] - 1, first - 1, -1):
+        b, b_next = (params[k] - b_next) + twice_cosine * b, b
+    return b
+
+
+@inlined
+def slope_of_wells(x, params, first):
+    """Return ``sum_n n a_n cos(n x)``, by the same recurrence."""
+    cosine = math.cos(x)
+    b, b_next = 0.0, 0.0
+    for k in range(params.shape[0] - 1, first - 1, -1):
+        b, b_next = ((k - first + 1) * params[k] - b_next) + 2.0 * cosine * b, b
+    return b * cosine - b_next
+
+
 @compiled
 def _force(t, y, dy, params):
-    """Spring, pull and wells; the sine series by Clenshaw's recurrence."""
+    """Spring, pull and wells."""
     # params: omega**2, spring_speed, adhesion, a_1, a_2, ...
-    twice_cosine = 2.0 * math.cos(y[0])
-    b, b_next = 0.0, 0.0
-    for k in range(params.shape[0] - 1, 2, -1):
-        b, b_next = (params[k] - b_next) + twice_cosine * b, b
+    b = over_sine(y[0], params, 3)
     dy[0] = params[1] * t + params[2] * b * math.sin(y[0]) - params[0] * y[0]
 
 
 @compiled
 def _force_jacobian(t, y, jacobian, params):
-    """-omega**2 + adhesion sum_n n a_n cos(n x), by the same recurrence."""
-    cosine = math.cos(y[0])
-    b, b_next = 0.0, 0.0
-    for k in range(params.shape[0] - 1, 2, -1):
-        b, b_next = ((k - 2) * params[k] - b_next) + 2.0 * cosine * b, b
-    jacobian[0, 0] = params[2] * (b * cosine - b_next) - params[0]
+    """-omega**2 + adhesion sum_n n a_n cos(n x)."""
+    jacobian[0, 0] = params[2] * slope_of_wells(y[0], params, 3) - params[0]
 
 
 def stick_slip(
@@ -111,15 +124,11 @@ def stick_slip(
     >>> round(hd.scenes.sticking_intervals(sol)[0][1], 1)
     45.3
     """
-    coefficients = real_array("well", PRINTED_WELL if well is None else well)
-    if coefficients.ndim != 1 or coefficients.size == 0:
-        required = "be a flat sequence a_1, a_2, ..."
-        raise ValueError(complaint("well", required, f"shape {coefficients.shape}"))
     params = (
         real("omega", omega) ** 2,
         real("spring_speed", spring_speed),
         real("adhesion", adhesion),
-        *coefficients,
+        *checked_well(well),
     )
     terms = oscillator_terms(beta, gamma, friction)
     if inertia is not None:
@@ -133,6 +142,15 @@ def stick_slip(
         params=params,
         jac=_force_jacobian,
     )
+
+
+def checked_well(well):
+    """Return Fourier coefficients (n,) of the force, the printed ones by default."""
+    found = real_array("well", PRINTED_WELL if well is None else well)
+    if found.ndim != 1 or found.size == 0:
+        required = "be a flat sequence a_1, a_2, ..."
+        raise ValueError(complaint("well", required, f"shape {found.shape}"))
+    return found
 
 
 def well_coefficients(n: int) -> np.ndarray:
