@@ -6,12 +6,11 @@ import numpy as np
 from numba.extending import get_cython_function_address
 
 from .._jit import as_value
+from ..compiled.newton import KEPT_FROM
 from ..compiled.stages import banded_stages, dense_stages, no_stages, sparse_stages
 from ..compiled.structures import N_CONTROL, STAGES_SIG, Stages
 from ..superlu import SparseFactors
 
-# Components up to which a step is solved as one system: that takes no longer.
-_FEW = 10
 # Steps of one length with a dense Jacobian before a longer one is worth new factors.
 _HOLD = 1
 
@@ -32,9 +31,9 @@ class StageSolver(NamedTuple):
 def has_stages(form):
     """Whether steps of these equations are solved stage by stage.
 
-    That asks for many components that share their terms.
+    That asks for many components that share their terms: of few, one system takes no longer.
     """
-    return form.second.size > _FEW and not form.kinds.any()
+    return form.second.size > KEPT_FROM and not form.kinds.any()
 
 
 def stage_solver(structure, d, s, many):

@@ -11,6 +11,7 @@ import numpy as np
 
 from .._jit import compiled, inner
 from .modes import add_rows
+from .operators import number_of
 from .structures import StepTables
 
 # Step lengths are 2**(n / _PER_OCTAVE), rounded up to so few digits that sums of them are exact:
@@ -117,7 +118,7 @@ def advance_modes(
     # kinds (d,), legendre (s, s), values (n_q, d, s), modes (R, M); row c absorbs integrands of
     # component c modulo d
     d, s = values.shape[1], values.shape[2]
-    n_kinds = input_weights.shape[0] * d // max(1, modes.shape[0])
+    n_kinds = number_of(kinds)
     part, coefficients = np.empty(to_end.shape[0]), np.empty(s)
     used = np.empty(input_weights.shape[:2], dtype=np.bool_)
     for c in range(used.shape[0]):
@@ -154,7 +155,7 @@ def set_mode_weights(equations, weights, of_varying, input_weights, offset_weigh
     terms, offsets, unweighted = equations.terms, equations.offsets, equations.unweighted
     input_weights[:] = 0.0
     offset_weights[:] = 0.0
-    d, n_kinds = equations.kinds.shape[0], np.max(equations.kinds) + 1
+    d, n_kinds = equations.kinds.shape[0], number_of(equations.kinds)
     for b in range(unweighted.shape[0]):
         input_weights[(2 + b) * n_kinds : (3 + b) * n_kinds, unweighted[b]] = of_varying
     first = np.full(n_kinds, -1)

@@ -92,7 +92,7 @@ class IMEX(Scheme):
         return order if smoothness == "smooth" else min(order, 1 + alpha)
 
     def reduction(self, equation: System) -> System | None:
-        """The same equation, with the constant matrix for its Jacobian."""
+        """Return the equation with its constant matrix alone for the Jacobian."""
         return equation.linearly_implicit()
 
     def plan(self, equation: System, h: float) -> Plan:

@@ -20,9 +20,8 @@ from ..schemes.scheme import Plan, Scheme
 from ..sides import left_side
 from ..system import System, refuse_late
 from .identity import described, described_terms
+from .stepper import BLOCK
 
-# Steps in a block, as in marches.
-_BLOCK = 32
 # First steps that may be corrected: the first one, by the term's own value at 0.
 _CORRECTED = 1
 
@@ -64,7 +63,7 @@ class MemoryTerm:
         self._shape, width = u0.shape, u0.size
         self._groups = np.zeros(width, dtype=np.int64)
         self._u, self._shift, self._term0 = u0.ravel(), h * v0.ravel(), term0.ravel()
-        self._lag, self._pieces = np.zeros((width, _BLOCK)), np.zeros((width, _BLOCK + 1))
+        self._lag, self._pieces = np.zeros((width, BLOCK)), np.zeros((width, BLOCK + 1))
         self.n, self._opened, self.theta = 0, -1, float(plan.rows.theta[0])
         self._known: np.ndarray | None = None
 
@@ -83,9 +82,7 @@ class MemoryTerm:
 
     @property
     def weight(self) -> float:
-        """Factor of the unknown; one number for all steps, but for another in the first of `L12`
-        and `L2Sigma`.
-        """
+        """Factor of the unknown; the first step of `L12` and `L2Sigma` has one of its own."""
         return self._factor(self._plan.rows.scale) / self._factor(self._plan.rows.lead)
 
     @property
@@ -100,7 +97,7 @@ class MemoryTerm:
         if self.n >= self._how["steps"]:
             got, remedy = f"{self.n + 1} of them", "make the term for more"
             raise ValueError(complaint("n_steps", "cover all steps", got, remedy))
-        p = self.n % _BLOCK
+        p = self.n % BLOCK
         if p == 0 and self._opened < self.n:
             self._open()
             self._opened = self.n
@@ -116,7 +113,7 @@ class MemoryTerm:
     def _open(self):
         """Let the memory add everything older than the block that begins here to its lag."""
         n, memory = self.n, self._memory
-        memory.prepare(min(n + _BLOCK, self._how["steps"]))
+        memory.prepare(min(n + BLOCK, self._how["steps"]))
         memory.refresh(n, self._pieces, self._groups)
         arrays = memory.exchange, memory.tables, memory.arrays
         open_lag(self._lag, self._pieces, n, self._groups, memory.block_weights, *arrays)
@@ -132,12 +129,12 @@ class MemoryTerm:
         new = _array("u", u, self._shape).ravel()
         if self._known is None:
             self._known = self._known_part()
-        p, piece = self.n % _BLOCK, new - self._u - self._shift
+        p, piece = self.n % BLOCK, new - self._u - self._shift
         close_piece(p, self._memory.block_weights[0], piece, self._lag, self._pieces)
         weights = self._memory.block_start_weights
         if self.n == 0 and weights.shape[1] > 0:  # the first increment weighs as a start value
             self._memory.arrays[1][...] = piece[:, None]
-            self._lag[:, 1:] += np.outer(piece, weights[0, 1:_BLOCK])
+            self._lag[:, 1:] += np.outer(piece, weights[0, 1:BLOCK])
         self.n, self._u, self._known = self.n + 1, new, None
 
     def state(self) -> MemoryTermState:
@@ -266,7 +263,7 @@ def memory_term(
     plan = _plan(scheme, system, h)
     most = 1 if n_steps is None else count("n_steps", n_steps)
     covered = UniformSteps(h).covered(most, getattr(history, "horizon", None) or 0.0)
-    memory = plan.past.open(history, start.size, _BLOCK, covered)
+    memory = plan.past.open(history, start.size, BLOCK, covered)
     warn_of_fit(memory.kernel_error, getattr(history, "tol", 0.0))
     last = most if by_values else math.inf
     how = {"scheme": described(scheme), "history": described(history), "steps": last}
