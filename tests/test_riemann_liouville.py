@@ -3,7 +3,7 @@
 import mpmath
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 import hereditary as hd
@@ -137,9 +137,18 @@ def test_without_an_initial_value_it_is_caputos(gamma, scheme, slope):
 
 @pytest.mark.hypothesis
 @given(st.floats(-3.0, 0.95), st.floats(0.05, 2.0))
+@example(-1e-13, 0.5)
 def test_hurwitz_zeta_is_mpmaths(s, q):
-    truth = float(mpmath.zeta(s, q))
+    """Below s = 0 mpmath reflects and loses as many digits as 1 / s has, so it is given more."""
+    s = round(s, 20)
+    with mpmath.workdps(50):
+        truth = float(mpmath.zeta(s, q))
     assert abs(hurwitz_zeta(s, q) - truth) < 1e-11 * max(1.0, abs(truth), 1 / abs(1 - s))
+
+
+@pytest.mark.parametrize("s", [-5e-324, -1e-38, 0.0, 1e-30])
+def test_hurwitz_zeta_at_zero_is_a_line(s):
+    assert abs(hurwitz_zeta(s, 0.3) - 0.2) < 1e-13
 
 
 @pytest.mark.parametrize("gamma", [0.5, waving])
