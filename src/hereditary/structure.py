@@ -122,6 +122,14 @@ class Structure:
         order[found] = np.arange(self.n)
         return order
 
+    def by_blocks(self, s):
+        """Return the structure in which each entry is a full block (s, s), entry after entry."""
+        own = np.arange(s)
+        rows, columns = self.entries[[ROWS, COLUMNS]].astype(np.int64)
+        rows = (rows[:, None, None] * s + own[:, None] + 0 * own).ravel()
+        columns = (columns[:, None, None] * s + 0 * own[:, None] + own).ravel()
+        return Structure(self.n * s, rows, columns, places=np.full(rows.size, -1))
+
     def with_velocities(self):
         """Return the structure of pairs (x, w) whose first half is w and whose second half f(x)."""
         n, own = self.n, np.arange(self.n)

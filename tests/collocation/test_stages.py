@@ -102,16 +102,42 @@ def test_components_by_themselves_are_single_equations(name):
         assert np.abs(sol.y[:, k] - expected.y[:, 0]).max() < 2 * rtol
 
 
-def test_components_of_other_orders_are_solved_as_one_system():
+@pytest.mark.parametrize("how", ["dense", "band", "sparse"])
+@pytest.mark.parametrize("pair", [(0.6, 0.8), (0.7, 1.6)])
+def test_components_of_other_orders_are_single_equations(pair, how, monkeypatch):
+    """As the others, with the stages of all components in one system."""
     d = 14
-    orders = np.where(np.arange(d) % 2, 0.6, 0.8)
+    if how == "sparse":
+        monkeypatch.setattr("hereditary.structure._WIDEST", -1)
+    orders = np.where(np.arange(d) % 2, *pair)
     y0 = np.linspace(0.2, 1.3, d)
-    eq = hd.Equation(hd.Caputo(orders), lambda t, u: spread(u), y0, bandwidth=(0, 0))
-    assert not has_stages(integral_form(eq))
+    kwargs = {} if how == "dense" else {"bandwidth": (0, 0)}
+    start = np.array([y0, 0 * y0]) if max(pair) > 1 else y0
+    eq = hd.Equation(hd.Caputo(orders), lambda t, u: spread(u), start, **kwargs)
     sol = hd.solve(eq, 2.0, rtol=1e-8)
     for k in (2, 3):
-        single = hd.Equation(hd.Caputo(orders[k]), lambda t, u: np.sin(u) - u**3, y0[k])
+        begin = [y0[k], 0.0] if orders[k] > 1 else y0[k]
+        single = hd.Equation(hd.Caputo(orders[k]), lambda t, u: np.sin(u) - u**3, begin)
         assert abs(sol.y[-1, k] - hd.solve(single, 2.0, rtol=1e-8).y[-1, 0]) < 2e-8
+
+
+@pytest.mark.parametrize("d", [40, 300])
+def test_two_fields_of_different_orders_keep_their_tolerance(d):
+    """Eigenvectors of the Laplacian in both fields reduce them to two equations, solved tightly."""
+    orders, pull, rtol = (0.9, 0.6), 3.0, 1e-6
+    waves, rates = modes(d)
+    line, eye = 0.1 * laplacian(d), sp.eye_array(d)
+    a = sp.kron(line, np.eye(2)) + sp.kron(eye, [[0.0, pull], [-pull, 0.0]])
+    start = np.outer(waves[0], [1.0, 0.5]).ravel()
+    eq = hd.Equation(hd.Caputo(np.tile(orders, d)), None, start, linear=a)
+    few = np.array([[-0.1 * rates[0], pull], [-pull, -0.1 * rates[0]]])
+    pair = hd.Equation(hd.Caputo(orders), lambda t, u: few @ u, [1.0, 0.5])
+    expected = hd.solve(pair, 2.0, rtol=1e-11)
+    sol = hd.solve(eq, 2.0, rtol=rtol)
+    times = np.array([1e-4, 0.1, 1.0, 2.0])
+    for t in times:
+        assert np.abs(sol(t) - np.outer(waves[0], expected(t)).ravel()).max() < 2 * rtol
+    assert sol.stats["n_steps"] < 100
 
 
 def bistable(t, u, du, p):
@@ -122,12 +148,13 @@ def bistable(t, u, du, p):
         du[i] = 4.0 * (left - 2 * u[i] + right) + 3.0 * u[i] - u[i] ** 3
 
 
+@pytest.mark.parametrize("orders", [0.8, (0.9, 0.8, 0.6)])
 @pytest.mark.parametrize("bandwidth", [None, (1, 1)])
-def test_tangents_resumed_runs_and_events(bandwidth):
+def test_tangents_resumed_runs_and_events(bandwidth, orders):
     d, rtol = 15, 1e-8
     random = np.random.default_rng(2)
     y0, directions = random.normal(size=d), random.normal(size=(d, 2))
-    eq = hd.Equation(hd.Caputo(0.8), bistable, y0, bandwidth=bandwidth)
+    eq = hd.Equation(hd.Caputo(np.resize(orders, d)), bistable, y0, bandwidth=bandwidth)
     stepper = AdaptiveStepper(eq, hd.Collocation(), 2.0, 1e-10, 1e-12, directions=directions)
     while stepper.t < 2.0:
         stepper.advance(2.0)

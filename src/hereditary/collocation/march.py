@@ -74,10 +74,9 @@ class CollocationMarch:
         self._farthest = max(min(_REACH * t_end, 1e307), known)
         s = self._s = n_nodes
         self._form = form = integral_form(system)
-        many = has_stages(form)
-        if not many:
+        if not has_stages(form):
             system = self._system = system.dense()
-        self._stages = stage_solver(system.structure, system.d, s, many)
+        self._stages = stage_solver(system.structure, form, s)
         self._rule = rule_of(s, form.orders)
         # such equations have no power basis and begin with ordinary steps, the first one tiny
         self._graded = bool(form.implicit.any() or form.varying)

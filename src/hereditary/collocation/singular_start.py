@@ -12,7 +12,7 @@ from scipy.special import rgamma
 from ..compiled.operators import FORCE, POSITION, PRIMARY
 from ..compiled.single_step import SINGLE_STEPS
 from ..schemes.stability import eigenvalues
-from .orbit import convolution_terms, grouped_terms
+from .orbit import grouped_terms
 from .power_basis import TINY, choose_map_rates, power_basis
 from .stages import has_stages, stage_solver
 
@@ -119,33 +119,19 @@ class SingularStart:
         The integral of order a counts with the factor weight(a). It is sparse as the Jacobian is.
         """
         form = self._form
-        if self._many:
-            return self._common_gains(weight)
-        gains = np.zeros_like(self._jacobian)
-        for c, q, k, coefficient in convolution_terms(form):
-            if k >= form.orders.size:
-                continue
-            factor = coefficient * weight(form.orders[k])
-            if q == FORCE:
-                gains[c] += factor * np.where(form.second == 1, 0.0, self._jacobian[c])
-            elif q == PRIMARY:
-                gains[c, c] += factor
-        return gains
-
-    def _common_gains(self, weight):
-        """As `_gains`, for components that share their terms."""
-        form, of_force, of_p = self._form, 0.0, 0.0
+        d = form.second.size
+        of_force, of_p = np.zeros(d), np.zeros(d)
         for q, k, coefficient, rows in grouped_terms(form):
-            if k < form.orders.size and rows[0] == 0:
-                factor = coefficient * weight(form.orders[k])
-                of_force += factor * (q == FORCE and form.second[0] == 0)
-                of_p += factor * (q == PRIMARY)
-        gains = self._jacobian * of_force
-        if isinstance(gains, np.ndarray):
-            gains[np.diag_indices(len(gains))] += of_p
-            return gains
-        eye = importlib.import_module("scipy.sparse").eye_array(form.second.size, format="csr")
-        return gains + of_p * eye
+            own = rows[rows < d]
+            if k < form.orders.size and q in (FORCE, PRIMARY):
+                factors = of_force if q == FORCE else of_p
+                np.add.at(factors, own, coefficient * weight(form.orders[k]))
+        of_values = np.where(form.second == 1, 0.0, 1.0)
+        if isinstance(self._jacobian, np.ndarray):
+            return of_force[:, None] * self._jacobian * of_values + np.diag(of_p)
+        diagonal = importlib.import_module("scipy.sparse").diags_array
+        scaled = diagonal(of_force) @ self._jacobian @ diagonal(of_values)
+        return (scaled + diagonal(of_p)).tocsr()
 
     def _first_length(self, size, most):
         """Return a first trial length: over it the solution changes by about half of itself."""
@@ -161,7 +147,7 @@ class SingularStart:
         """Solve for the values at the nodes; return whether the orbit also holds between them."""
         equation, form, orbit, state = self._equation, self._form, self._orbit, self._state
         n = basis.nodes.size
-        stages = stage_solver(equation.structure, form.second.size, n, self._many)
+        stages = stage_solver(equation.structure, form, n)
         solved = SINGLE_STEPS[self._many](
             equation._rhs, equation._jac, int(equation.has_jac), equation._params, stages.solver,
             stages.stages, orbit.equations(), times[:n], np.ascontiguousarray(operators[:, :n]),

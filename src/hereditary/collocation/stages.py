@@ -6,6 +6,7 @@ import numpy as np
 from numba.extending import get_cython_function_address
 
 from .._jit import as_value
+from ..compiled.joint_stages import joint_banded, joint_dense, joint_sparse
 from ..compiled.newton import KEPT_FROM
 from ..compiled.stages import banded_stages, dense_stages, no_stages, sparse_stages
 from ..compiled.structures import N_CONTROL, STAGES_SIG, Stages
@@ -29,34 +30,55 @@ class StageSolver(NamedTuple):
 
 
 def has_stages(form):
-    """Whether steps of these equations are solved stage by stage.
+    """Whether steps of these equations keep the factors of one Jacobian for all stages.
 
-    That asks for many components that share their terms: of few, one system takes no longer.
+    That asks for many components: of few, factors take no longer than solutions.
     """
-    return form.second.size > KEPT_FROM and not form.kinds.any()
+    return form.second.size > KEPT_FROM
 
 
-def stage_solver(structure, d, s, many):
-    """Return the `StageSolver` of steps with s nodes for d components, or one for no stages."""
-    if not many:
-        return _solver(no_stages, (0, 0, 0), np.arange(0), s, np.zeros((0, 0)))
+def stage_solver(structure, form, s):
+    """Return the `StageSolver` of steps with s nodes; for few components it does nothing."""
+    if not has_stages(form):
+        return _solver(no_stages, form, s, order=np.arange(0), jacobian=np.zeros((0, 0)))
+    if form.kinds.any():
+        return _joint_solver(structure, form, s)
+    d = form.second.size
     if structure is None:
         places = _lapack("dgehrd", "dorghr")
         how = {"lapack": places[0], "lapack_solve": places[1], "hold": _HOLD}
-        dense = np.empty((2 + 2 * s, d, d))
-        return _solver(
-            dense_stages, (s, 1, d), np.arange(d), s, np.zeros((d, d)), dense=dense, **how
-        )
+        room = {"factors": np.empty((s, 1, d), complex), "dense": np.empty((2 + 2 * s, d, d))}
+        order, jacobian = np.arange(d), np.zeros((d, d))
+        return _solver(dense_stages, form, s, order=order, jacobian=jacobian, **room, **how)
     jacobian, band = structure.entries.copy(), structure.band
     if band is None:
         held = SparseFactors(structure, complex)
-        how = {"python": held.address}
-        found = _solver(sparse_stages, (0, 0, 0), np.arange(d), s, jacobian, **how)
-        return found._replace(held=held)
-    how = {"lapack": _lapack("zgbtrf")[0]}
-    shape = (s, d, 2 * band.lower + band.upper + 2)
+        how = {"order": np.arange(d), "jacobian": jacobian, "python": held.address}
+        return _solver(sparse_stages, form, s, held, **how)
+    factors = np.empty((s, d, 2 * band.lower + band.upper + 2), complex)
+    how = {"order": band.order, "jacobian": jacobian, "lapack": _lapack("zgbtrf")[0]}
     widths = {"lower": band.lower, "upper": band.upper}
-    return _solver(banded_stages, shape, band.order, s, jacobian, **how, **widths)
+    return _solver(banded_stages, form, s, factors=factors, **how, **widths)
+
+
+def _joint_solver(structure, form, s):
+    """Return the `StageSolver` of components whose terms differ."""
+    d = form.second.size
+    n, order = d * s, np.arange(d * s)
+    if structure is None:
+        how = {"order": order, "jacobian": np.zeros((d, d)), "hold": _HOLD}
+        room = {"joint": np.empty((n, n)), "dense": np.empty((1, n + 1, n))}
+        return _solver(joint_dense, form, s, **how, **room)
+    joint, band = structure.by_blocks(s), structure.band
+    how = {"jacobian": structure.entries.copy(), "joint": joint.entries.copy()}
+    if band is None:
+        held = SparseFactors(joint, float)
+        return _solver(joint_sparse, form, s, held, order=order, python=held.address, **how)
+    lower, upper = ((width + 1) * s - 1 for width in (band.lower, band.upper))
+    dense = np.empty((1, n, 2 * lower + upper + 2))
+    order = (band.order[:, None] * s + np.arange(s)).ravel()
+    how |= {"lower": lower, "upper": upper, "lapack": _lapack("dgbtrf")[0]}
+    return _solver(joint_banded, form, s, order=order, dense=dense, **how)
 
 
 def _lapack(*names):
@@ -64,21 +86,25 @@ def _lapack(*names):
     return [get_cython_function_address("scipy.linalg.cython_lapack", name) for name in names]
 
 
-def _solver(function, shape, order, s, jacobian, **numbers):
-    """Return a `StageSolver` with room for s systems."""
-    numbers.setdefault("dense", np.zeros((0, 0, 0)))
+def _solver(function, form, s, held=None, *, order, **given):
+    """Return a `StageSolver` with what is given, and no room for anything else."""
+    n = int(form.kinds.max()) + 1 if order.size else 0
+    second = np.zeros(n, dtype=np.int64)
+    if order.size:
+        second[form.kinds] = form.second
     complex_room = [np.zeros(size, complex) for size in (s, (s, s), (s, s))]
     defaults = {"lower": 0, "upper": 0, "lapack": 0, "lapack_solve": 0, "python": 0, "hold": 0}
+    none: dict[str, Any] = {"factors": np.empty((0, 0, 0), complex), "joint": np.empty((0, 0))}
     shifts, back, forth = complex_room
     stages = Stages(
-        factors=np.empty(shape, complex),
         order=order.astype(np.int64),
-        pencil=np.zeros((2, s, s)),
+        kinds=form.kinds,
+        second=second,
+        pencil=np.zeros((n, 3, s, s)),
         shifts=shifts,
         back=back,
         forth=forth,
-        jacobian=jacobian,
         control=np.zeros(N_CONTROL),
-        **(defaults | numbers),
+        **(defaults | none | {"dense": np.empty((0, 0, 0))} | given),
     )
-    return StageSolver(as_value(function, STAGES_SIG), stages)
+    return StageSolver(as_value(function, STAGES_SIG), stages, held)

@@ -15,7 +15,7 @@ from .jacobian import COLUMNS, ROWS, VALUES, is_sparse, jacobian, multiply
 from .mode_tables import read_modes
 from .operators import FORCE, POSITION, PRIMARY
 from .signatures import FACTORISE
-from .structures import KEPT, LENGTH, REDUCED, StageFactors
+from .structures import KEPT, LENGTH, OF_SPEEDS, OF_VALUES, REDUCED, REST, StageFactors
 
 # Newton iterations before a step is refused, and contraction from which a Jacobian is not kept.
 _SWEEPS, _SLOW = 12, 0.05
@@ -45,7 +45,7 @@ def solve_many(
     residual, change, before = np.empty(d * s), np.empty(d * s), np.empty((d, s))
     previous, fresh = np.inf, False
     positions(h, p, x_start, second, integral, x)
-    if set_pencil(h, matrices[0], integral, second[0], stages.pencil):
+    if set_pencil(h, matrices, integral, stages.second, stages.pencil):
         control[LENGTH] = 0.0
     for sweep in range(_SWEEPS):
         if control[KEPT] == 0.0:
@@ -95,23 +95,27 @@ def read_many(modes, to_nodes, out):
 
 @inner
 def set_pencil(h, matrices, integral, second, pencil):
-    """Set the matrices G and M of a step, with which residuals change by M x - G x J^T.
+    """Set matrices with which the residuals of component c change by ``M x_c - sum_e J_ce G x_e``.
 
+    M and both G are those of the kind of c, G for x_e that are values of y and for those of y'.
     Returns whether they were others: orders that vary change them at any length.
     """
-    # matrices (3, s, s) of any component; p is y' where second is 1
+    # matrices (., 3, s, s), second (n,), pencil (n, 3, s, s)
     s, changed = integral.shape[0], False
-    for i in range(s):
-        for j in range(s):
-            gain, rest = matrices[FORCE, i, j], matrices[POSITION, i, j]
-            if second == 1:
+    for kind in range(second.shape[0]):
+        own, out = matrices[kind], pencil[kind]
+        for i in range(s):
+            for j in range(s):
                 gain, rest = 0.0, 0.0
                 for k in range(s):
-                    gain += h * matrices[FORCE, i, k] * integral[k, j]
-                    rest += h * matrices[POSITION, i, k] * integral[k, j]
-            rest = (1.0 if i == j else 0.0) - matrices[PRIMARY, i, j] - rest
-            changed = changed or pencil[0, i, j] != gain or pencil[1, i, j] != rest
-            pencil[0, i, j], pencil[1, i, j] = gain, rest
+                    gain += h * own[FORCE, i, k] * integral[k, j]
+                    rest += h * own[POSITION, i, k] * integral[k, j]
+                rest = rest if second[kind] == 1 else own[POSITION, i, j]
+                rest = (1.0 if i == j else 0.0) - own[PRIMARY, i, j] - rest
+                changed = changed or out[OF_VALUES, i, j] != own[FORCE, i, j]
+                changed = changed or out[OF_SPEEDS, i, j] != gain or out[REST, i, j] != rest
+                out[OF_VALUES, i, j], out[OF_SPEEDS, i, j] = own[FORCE, i, j], gain
+                out[REST, i, j] = rest
     return changed
 
 

@@ -15,7 +15,7 @@ from .jacobian import COLUMNS, ROWS, VALUES
 from .linalg import solve_in_place
 from .signatures import FACTORISE
 from .solvers import call_lapack, substitute_band
-from .structures import REDUCED, SYSTEMS
+from .structures import REDUCED, REST, SYSTEMS
 
 # Fraction of an eigenvalue below which its imaginary part is rounding.
 _REAL = 1e-13
@@ -24,7 +24,7 @@ _REAL = 1e-13
 @inner
 def transform(stage):
     """Set the eigenvalues that are needed, and both transforms; False where there are none."""
-    gain, rest = stage.pencil[0], stage.pencil[1]
+    gain, rest = stage.pencil[0, stage.second[0]], stage.pencil[0, REST]
     s = gain.shape[0]
     inverse = np.empty((s, s))
     for j in range(s):

@@ -179,15 +179,18 @@ class Operators(NamedTuple):
 
 
 class Stages(NamedTuple):
-    """Systems of size d for many components that share their terms (compiled/stages.py).
+    """Linear systems of a step of many components (compiled/stages.py, compiled/joint_stages.py).
 
-    factors (K, ., .) of up to K = s systems; order (d,), the place of each component, (0,) where
-    the step is solved as one system; lower and upper, diagonals of a band; addresses of two
-    functions of LAPACK, and of one that enters Python; hold, steps of one length before
-    a longer one is worth new factors; pencil (2, s, s), the matrices G and M of a
-    step; shifts (K,), and the transforms back (K, s) and forth (s, K) of nodal values; jacobian (d,
-    d) or the entries of a sparse one; dense (2 + 2 K, d, d), a dense one reduced and factors;
-    control (6,).
+    For components that share their terms: factors (K, ., .) of up to K = s systems of size d; order
+    (d,), the place of each component; dense (2 + 2 K, d, d), a dense Jacobian reduced and its
+    factors; shifts (K,), and the transforms back (K, s) and forth (s, K) of nodal values. Where
+    terms differ: order (d s,) of all unknowns, dense (1, ., .) the factors, joint the matrix, (d s,
+    d s) or its entries. order is (0,) for few components.
+
+    lower and upper, diagonals of a band; addresses of two functions of LAPACK, and of one that
+    enters Python; hold, steps of one length before a longer one is worth new factors; kinds (d,) of
+    the components and second (n,), 1 for kinds whose primary unknown is y'; pencil (n, 3, s, s) of
+    `set_pencil`; jacobian (d, d) or the entries of a sparse one; control (6,).
     """
 
     factors: np.ndarray
@@ -198,12 +201,15 @@ class Stages(NamedTuple):
     lapack_solve: int
     python: int
     hold: int
+    kinds: np.ndarray
+    second: np.ndarray
     pencil: np.ndarray
     shifts: np.ndarray
     back: np.ndarray
     forth: np.ndarray
     jacobian: np.ndarray
     dense: np.ndarray
+    joint: np.ndarray
     control: np.ndarray
 
 
@@ -230,12 +236,15 @@ class StageFactors(NamedTuple):
 # kept, the number of systems, the steps for which a longer one was put off, and 1 where a dense
 # Jacobian is reduced. A record would not pass through a function value.
 LENGTH, KEPT, SYSTEMS, HELD, REDUCED, N_CONTROL = range(6)
+# Matrices of the pencil of a kind: G of components whose unknowns are values of y, G of those
+# whose unknowns are y', and M.
+OF_VALUES, OF_SPEEDS, REST = range(3)
 _C16 = types.complex128
 _COMPLEX, _COMPLEX_ROW = types.Array(_C16, 2, "C"), types.Array(_C16, 1, "C")
 STAGES = types.NamedTuple(
     (
-        types.Array(_C16, 3, "C"), IVEC, I8, I8, I8, I8, I8, I8, CUBE, _COMPLEX_ROW,
-        _COMPLEX, _COMPLEX, MAT, CUBE, VEC,
+        types.Array(_C16, 3, "C"), IVEC, I8, I8, I8, I8, I8, I8, IVEC, IVEC, CUBES, _COMPLEX_ROW,
+        _COMPLEX, _COMPLEX, MAT, CUBE, MAT, VEC,
     ),
     Stages,
 )  # fmt: skip

@@ -1,0 +1,75 @@
+"""The linear system of all stages of a collocation step, for components whose terms differ.
+
+Of nodal values x_c (s,) of each component c the derivative of the residuals is ``M_c x_c - sum_e
+J_ce G_ce x_e`` with matrices (s, s) of the kinds of components and one Jacobian J for all nodes.
+The matrices of one kind would be diagonal in a common basis, those of several have none, so the
+system of size d s is solved as it is: s times the diagonals of a banded J, s**2 times its entries.
+"""
+
+from .._jit import compiled, inner
+from .jacobian import COLUMNS, ROWS, VALUES, is_sparse
+from .signatures import FACTORISE, LinearSolver
+from .solvers import banded_solver, dense_solver, sparse_solver
+from .structures import REST
+
+
+@inner
+def set_joint(stage):
+    """Set the matrix of all stages, unknowns in the order (c, i)."""
+    jacobian, kinds, pencil, out = stage.jacobian, stage.kinds, stage.pencil, stage.joint
+    d, s = kinds.shape[0], pencil.shape[2]
+    if not is_sparse(jacobian, d):
+        for c in range(d):
+            for e in range(d):
+                block = out[c * s : (c + 1) * s, e * s : (e + 1) * s]
+                gain = pencil[kinds[c], stage.second[kinds[e]]]
+                for i in range(s):
+                    for j in range(s):
+                        block[i, j] = -jacobian[c, e] * gain[i, j]
+                        if c == e:
+                            block[i, j] += pencil[kinds[c], REST, i, j]
+        return
+    number = 0
+    for entry in range(jacobian.shape[1]):
+        c, e = int(jacobian[ROWS, entry]), int(jacobian[COLUMNS, entry])
+        gain, rest = pencil[kinds[c], stage.second[kinds[e]]], pencil[kinds[c], REST]
+        for i in range(s):
+            for j in range(s):
+                own = rest[i, j] if c == e else 0.0
+                out[VALUES, number] = own - jacobian[VALUES, entry] * gain[i, j]
+                number += 1
+
+
+@inner
+def linear_solver(stage):
+    """Room of a real linear solver for all unknowns."""
+    return LinearSolver(
+        stage.dense, stage.order, stage.lower, stage.upper, stage.lapack, stage.python, 0
+    )
+
+
+@compiled
+def joint_dense(task, values, stage):
+    """Factorise the system with a dense Jacobian, or solve it for nodal values; 0 if done."""
+    if task == FACTORISE:
+        set_joint(stage)
+    unknowns = values.reshape(values.size)
+    return dense_solver(task, 0, stage.joint, unknowns, linear_solver(stage))
+
+
+@compiled
+def joint_banded(task, values, stage):
+    """As `joint_dense`, with a banded Jacobian, by LAPACK."""
+    if task == FACTORISE:
+        set_joint(stage)
+    unknowns = values.reshape(values.size)
+    return banded_solver(task, 0, stage.joint, unknowns, linear_solver(stage))
+
+
+@compiled
+def joint_sparse(task, values, stage):
+    """As `joint_dense`, with a sparse Jacobian, in Python."""
+    if task == FACTORISE:
+        set_joint(stage)
+    unknowns = values.reshape(values.size)
+    return sparse_solver(task, 0, stage.joint, unknowns, linear_solver(stage))
