@@ -12,8 +12,9 @@ import numpy as np
 
 from .._jit import compiled, inner
 
-# A step longer than this many times the one before gets a line, not a parabola that leans on it.
-STEEPEST = 30.0
+# Steps so many times longer or shorter than the one before have a corner between them, or begin at
+# a singular point: lines, for a parabola would lean on the other.
+_STEEPEST = 30.0
 
 
 @compiled
@@ -41,12 +42,18 @@ def moments(low, width, p, nodes, weights):
 
 
 @inner
+def is_parabola(step, before, parabolas):
+    """Whether the solution on the step before the newest one is a parabola, and not a line."""
+    return parabolas != 0 and step <= _STEEPEST * before and before <= _STEEPEST * step
+
+
+@inner
 def piece_of(newer, older, n, times, parabolas):
     """Slope and lean of the piece on the step before the newest one, that from t_(n-2) on."""
     # newer, older: increments of the newest step, from t_(n-1) on, and of the one before
     step, before = times[n] - times[n - 1], times[n - 1] - times[n - 2]
     mean = older / before
-    if parabolas == 0 or step > STEEPEST * before:
+    if not is_parabola(step, before, parabolas):
         return mean, 0.0
     return mean, 2.0 * (newer / step - mean) / (step + before)
 
@@ -192,7 +199,7 @@ def near_weights(factors, powers, derivatives, ahead, step, before, parabolas, r
         if before > 0.0:
             b_0, b_1 = moments(ahead, before, powers[j], rule[0], rule[1])
             lean = 2.0 * (b_1 + (m_1 if parabolas == 2 else 0.0)) / (step + before)
-            if parabolas == 0 or step > STEEPEST * before:
+            if not is_parabola(step, before, parabolas):
                 lean = 0.0
             now += factors[j] * lean / step
             then += factors[j] * (b_0 - lean) / before

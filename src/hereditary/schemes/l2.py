@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from .._checks import complaint, shown, within
-from ..compiled.mesh import STEEPEST, moments
+from ..compiled.mesh import is_parabola, moments
 from ..special import gauss_unit
 from ..system import System
 from .derivative_form import derivative_plan
@@ -81,7 +81,7 @@ class L2(Scheme):
     def mesh_plan(self, equation: System, times: np.ndarray) -> Plan:
         """Plan on a mesh of any steps, for orders in (0, 1]."""
         steps = np.diff(times[:3])
-        bent = times.size > 2 and steps[1] <= STEEPEST * steps[0]
+        bent = times.size > 2 and is_parabola(steps[1], steps[0], 2)
         first = _first_increment(equation, times[:3]) if bent else None
         return mesh_plan(self, equation, times, 1.0, 2, first)
 
