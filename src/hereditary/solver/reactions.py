@@ -37,9 +37,7 @@ class Reactions:
             if change is not None and not callable(change):
                 required = "have a function change(t, y), or none"
                 raise TypeError(complaint("events", required, repr(change)))
-        kinds = {name for f in functions for name in ("change", "forget") if getattr(f, name, None)}
-        if signs:
-            kinds.add("switch")
+        kinds = reaction_kinds(functions, signs)
         if kinds:
             stepper.expect(kinds)
         self._take_sides(events)
@@ -118,6 +116,12 @@ def _moved(change, stepper):
         required = f"return a new y, finite and of shape {y.shape}"
         raise ValueError(complaint("change", required, shown(given)))
     return frame.moved(inside, given)
+
+
+def reaction_kinds(functions, switches):
+    """Return the kinds of what events and switches do to a run, a set of names."""
+    kinds = {name for f in functions for name in ("change", "forget") if getattr(f, name, None)}
+    return kinds | {"switch"} if switches else kinds
 
 
 def check_on_given_steps(kinds, equation):

@@ -75,7 +75,7 @@ def run(stepper, stop, t_end, output, reactions, progress, began):
             ended = Drive(stepper, stop, advance, interruption, bar).to(stop)
     finally:
         bar.close()
-    status, detail = ended or (reached_end(stepper), "")
+    status, detail = ended or (reached_end(stepper), _too_large(stepper))
     t, y, ydot, dense = output.close(t_end)
     seconds = {"setup_seconds": ready - began, "run_seconds": time.perf_counter() - ready}
     frame = stepper.equation.frame
@@ -85,7 +85,7 @@ def run(stepper, stop, t_end, output, reactions, progress, began):
         ydot=frame.slopes(y, ydot) if stepper.equation.m == 2 or frame.speeds else None,
         status=status,
         message=told(stepper, status, detail),
-        stats=stepper.stats() | seconds,
+        stats=_stats(stepper) | seconds,
         state=replace(stepper.state(), event_signs=events.signs()),
         dense=dense,
         t_events=[np.array(times) + frame.start for times in events.times],
@@ -97,8 +97,27 @@ def run(stepper, stop, t_end, output, reactions, progress, began):
     return solution
 
 
+def _too_large(stepper):
+    """Name the errors of a refined mesh where they are beyond the tolerance."""
+    measured = stepper.measured
+    if measured is None or measured.error <= 1:
+        return ""
+    return f"with max_steps, errors are some {measured.error:.2g} times as large"
+
+
+def _stats(stepper):
+    """Return counts and error estimates, with those of a mesh refined for a tolerance."""
+    stats, measured = stepper.stats(), stepper.measured
+    if measured:
+        stats["n_rhs"] += measured.n_rhs
+        stats["error_estimate"] = measured.error * measured.rtol
+    return stats
+
+
 def reached_end(stepper):
     """Status of a run that reached its end."""
+    if stepper.measured and stepper.measured.error > 1:
+        return Status.STEP_TOO_SMALL
     if stepper.zigzag is not None:
         return Status.ZIGZAG
     beyond = stepper.largest_ratio > 1 or stepper.growth is not None

@@ -7,21 +7,19 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._checks import complaint, count, instance, positive, real, real_array, shown, whole
-from ..collocation.pace import MAX_STEPS
 from ..collocation.scheme import Collocation
 from ..equation import Equation
-from ..history.exponentials import SumOfExponentials
 from ..history.history import History
 from ..meshes import Graded
 from ..schemes.explicit import ExplicitCaputo
 from ..schemes.scheme import Scheme
 from .events import Events
-from .opening import open_adaptively, open_on_steps
 from .output import Output
-from .reactions import Reactions
+from .reactions import Reactions, reaction_kinds
 from .run import run
 from .solution import Solution
 from .state import AdaptiveState, State, check_sound
+from .stepping import Asked, open_run
 from .stops import checked_breaks
 from .switches import switched
 
@@ -67,7 +65,8 @@ def solve(
         Tolerances of `Collocation`, which chooses its own steps: errors of y, and of y' where the
         order exceeds 1, stay about ``atol + rtol * size``, with atol / max(1, t) for y'. rtol is
         1e-6 by default and at least 1e-12, atol a hundredth of rtol; when resuming, both are
-        the state's.
+        the state's. With L1, L2, L2Sigma and constant orders: a mesh is refined until y changes by
+        less than half of that, ``size`` being the largest value so far, when steps are halved.
     mesh : Graded or array_like, shape (n+1,), optional
         Instead of n_steps: ``graded(n, exponent)`` or times that increase from t_start to t_end.
         For L1, L2 and L2Sigma with orders up to 1 (L2Sigma also above), with Direct or
@@ -93,11 +92,12 @@ def solve(
         may lie between all points that the step looks at; half of its length is a safe choice.
     max_steps : int, optional
         Most steps of this call of `Collocation`, one million by default; a run that needs more ends
-        with the status MAX_STEPS and can be resumed.
+        with the status MAX_STEPS and can be resumed. Of a mesh that `rtol` refines, 2**17; where
+        more are needed, the run on the finest one has the status STEP_TOO_SMALL.
     breaks : array_like, shape (k,), optional
         Times at which the right-hand side jumps: each step sees the jump from its own side. With
-        `Collocation` the steps begin anew there; otherwise they must be times of steps, and every
-        scheme is of first order from there on, for its memory keeps the corner.
+        `rtol` the steps begin anew there; otherwise they must be times of steps, and on uniform
+        steps every scheme is of first order from there on, for its memory keeps the corner.
     events : callable or sequence of callable, optional
         ``event(t, y)``, whose zeros are located to rounding on the dense output; with the
         attributes `terminal` (a number n: the run ends at the n-th zero) and `direction` as in
@@ -196,22 +196,13 @@ def solve(
     functions, jumping = _listed(events), _listed(switches)
     began = time.perf_counter()
     system, numbers = switched(equation, jumping, scheme) if jumping else (equation, [])
-    if scheme.adaptive:
-        _refuse("with Collocation, which chooses its steps", n_steps=n_steps, mesh=mesh)
-        max_step = None if max_step is None else positive("max_step", max_step)
-        max_steps = MAX_STEPS if max_steps is None else count("max_steps", max_steps)
-        stepper, stop = open_adaptively(
-            system, scheme, history, t_end, rtol, atol, max_step, max_steps, resume, allow_change
-        )
-    else:
-        given = {"rtol": rtol, "atol": atol, "max_step": max_step, "max_steps": max_steps}
-        _refuse("or come with scheme=Collocation()", **given)
-        if history is None:
-            history = getattr(resume, "history", None) or SumOfExponentials()
-        stepper, stop = open_on_steps(
-            system, scheme, history, t_end, n_steps, mesh, resume, allow_change
-        )
-    stepper.set_breaks(breaks, t_end)
+    kinds = reaction_kinds(functions, jumping)
+    if kinds and rtol is not None and not scheme.adaptive:
+        required = "change, forget and switch nothing where rtol refines a mesh"
+        got, remedy = ", ".join(sorted(kinds)), "take Collocation, or give steps"
+        raise ValueError(complaint("events", required, got, remedy))
+    asked = n_steps, rtol, atol, mesh, max_step, max_steps, breaks, resume, allow_change
+    stepper, stop = open_run(system, scheme, history, t_end, Asked(*asked))
     signs = {} if resume is None else resume.event_signs
     inside = equation.frame.event
     found = Events(map(inside, functions), map(inside, jumping), stepper, signs)
@@ -263,12 +254,6 @@ def _scheme(scheme, rtol, n_steps, mesh, resume):
         )
         raise TypeError(complaint("solve", required, "neither", remedy))
     return ExplicitCaputo() if rtol is None else Collocation()
-
-
-def _refuse(reason, **given):
-    for name, value in given.items():
-        if value is not None:
-            raise ValueError(complaint(name, f"be left out {reason}", shown(value)))
 
 
 def _eval_times(t_eval, t_start, t_end):
