@@ -77,7 +77,7 @@ class CollocationMarch:
         if not has_stages(form):
             system = self._system = system.dense()
         self._stages = stage_solver(system.structure, form, s)
-        self._rule = rule_of(s, form.orders)
+        self._rule = rule_of(s, tuple(form.orders.tolist()))
         # such equations have no power basis and begin with ordinary steps, the first one tiny
         self._graded = bool(form.implicit.any() or form.varying)
         self._orders = OrderTables(form.varying, s)
@@ -97,24 +97,24 @@ class CollocationMarch:
     def _limit_steps(self, t_end):
         """Set the longest steps and the last step of a run from here to t_end."""
         self.pace.begin(self.t, t_end, self.n_steps)
-        self._control.next = min(self._control.next, floor_to_grid(self.pace.longest[0]))
+        self._control["next"] = min(self._control["next"], floor_to_grid(self.pace.longest[0]))
 
     @property
     def t(self):
         """Time reached."""
-        return float(self._control.origin + self._control.time)
+        return float(self._control["origin"] + self._control["time"])
 
     position = t  # how far the march is
 
     @property
     def n_steps(self):
         """Number of accepted steps."""
-        return int(self._state.counts.accepted)
+        return int(self._state.counts["accepted"])
 
     @property
     def n_rhs(self):
         """Number of calls of the right-hand side."""
-        return int(self._state.counts.rhs)
+        return int(self._state.counts["rhs"])
 
     @property
     def n_modes(self):
@@ -135,7 +135,7 @@ class CollocationMarch:
         d, s, counts = self._system.d, self._s, self._state.counts
         shapes = (n_rows,), (n_rows,), (n_rows, d, s), (n_rows, 2, d), (n_rows,)
         steps = Steps(*(np.empty(shape) for shape in shapes))
-        n, status, before, origin = 0, TOO_CLOSE, (self.t, counts.copy()), self._control.origin
+        n, status, before, origin = 0, TOO_CLOSE, (self.t, counts.copy()), self._control["origin"]
         limits = self.pace.limits(self._system, origin, t_stop, (self._rtol, self._atol))
         while (status == TOO_CLOSE and n == 0) or status == ORDERS_NEEDED:
             first = self.n_steps
@@ -147,11 +147,11 @@ class CollocationMarch:
                 # the steps before the failure are accepted
                 self.error, status = error, REACHED
             if self.n_steps > first:
-                self._orbit.record_step(float(self._control.last))
+                self._orbit.record_step(float(self._control["last"]))
             n += self.n_steps - first
             if status == TOO_CLOSE:
                 # the march returned before this step
-                closest = self._closest(min(self._control.next, t_stop - self.t))
+                closest = self._closest(min(self._control["next"], t_stop - self.t))
                 if closest < self._farthest / _LARGEST_RATIO:
                     status = TOO_ROUGH
                 else:
@@ -164,7 +164,7 @@ class CollocationMarch:
         at_starts = np.abs(steps.at_starts[:n]).max(axis=0, initial=0.0)  # y, then p
         self._peak = np.maximum(self._peak, at_starts[::-1])
         if status not in (REACHED, FULL, TOO_CLOSE):
-            lengths, last = (self._control.last, self._control.next), self._orbit.last[0]
+            lengths, last = (self._control["last"], self._control["next"]), self._orbit.last[0]
             self.ending = ending(status, self._system, self.t, *lengths, last, self._peak)
         if n == 0:
             return None
@@ -174,7 +174,7 @@ class CollocationMarch:
 
     def _set_origin(self, t, since=0.0):
         """Measure time from t, since rounding would hide steps next to a singular start."""
-        self._control.time, self._control.origin = since, t
+        self._control["time"], self._control["origin"] = since, t
         self._orders.clear()
 
     @property
@@ -212,7 +212,7 @@ class CollocationMarch:
         how = tolerances, self._state, self.pace.longest[0]
         start = SingularStart(self._system, *problem, *how)
         found = start.step()
-        self._state.counts.refused += start.n_refused
+        self._state.counts["refused"] += start.n_refused
         if found is None:
             self.ending = TOO_STEEP if start.solved else UNSOLVED
             return None
@@ -233,7 +233,7 @@ class CollocationMarch:
         largest[:] = np.where(self._form.second == 1, speeds, 0.0)
         self._begin_steps(h)
         self._set_origin(*((t_stop,) if h == t_stop - t else (t, h)))
-        self._state.counts.accepted += 1
+        self._state.counts["accepted"] += 1
         self._at_singular_start = False
 
     def _begin_graded(self, t_stop):
@@ -256,8 +256,8 @@ class CollocationMarch:
     def _begin_steps(self, h):
         """Begin ordinary steps, the first of length h."""
         control = self._control
-        control.next, control.last, control.refused = h, 0.0, 0.0
-        control.closest = self._orbit.closest
+        control["next"], control["last"], control["refused"] = h, 0.0, 0.0
+        control["closest"] = self._orbit.closest
 
     def _prefit_kernels(self, t_end):
         """Fit kernels known by their values, for steps as short as are to be expected."""
@@ -270,4 +270,4 @@ class CollocationMarch:
     def _refine_modes(self, closest):
         """Refine the modes to hold at the distance `closest`."""
         self._orbit.refine(closest)
-        self._control.closest = self._orbit.closest
+        self._control["closest"] = self._orbit.closest

@@ -8,6 +8,7 @@ modes hold.
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 from numpy.polynomial.legendre import legvander
@@ -286,12 +287,10 @@ class OrbitAndTangents:
 
     def _integrands(self):
         """Return the last step's integrands at points of the graded rule, (1 + k, n_q, d, n)."""
-        u, _, _ = graded_rule()
         if self._singular is not None:
             basis, values = self._singular
-            return values @ basis.at(u).T
-        s = self.last.shape[-1]
-        return self.last @ (legvander(2 * u - 1, s - 1) @ to_legendre(s)).T
+            return values @ basis.at_rule.T
+        return self.last @ at_rule(self.last.shape[-1]).T
 
     def _advanced(self, modes):
         """Return modes given before the last step, advanced to its end."""
@@ -311,6 +310,12 @@ class OrbitAndTangents:
             input_part = (integrands[:, q, c % d] - self._last_offsets[:, row, None]) @ damped.T
             advanced[:, c] += self._last_length * coefficient * weights[k] * input_part
         return advanced
+
+
+@lru_cache(maxsize=16)
+def at_rule(s):
+    """Return the polynomials of the s nodes at points of the graded rule, (k, s)."""
+    return legvander(2 * graded_rule()[0] - 1, s - 1) @ to_legendre(s)
 
 
 def convolution_terms(form):

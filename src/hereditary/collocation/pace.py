@@ -90,10 +90,13 @@ class Pace:
         at_starts : ndarray, shape (n, 2, d)
             y and p at the starts of the steps of the stretch.
         """
-        accepted, refused = counts.accepted - earlier.accepted, counts.refused - earlier.refused
+        accepted, refused = (
+            counts["accepted"] - earlier["accepted"],
+            counts["refused"] - earlier["refused"],
+        )
         if accepted < 200:
             return False
-        advance, left, n_steps = t - since, t_stop - t, int(counts.accepted)
+        advance, left, n_steps = t - since, t_stop - t, int(counts["accepted"])
         still = np.ptp(at_starts, axis=0) <= _STILL * (_STILL + np.abs(at_starts).max(axis=0))
         allowed = min(self.last_step - n_steps, _MOST_STEPS)
         slow = refused > _REFUSED * accepted and left * accepted > advance * allowed

@@ -1,6 +1,7 @@
 """Pieces of dense output: the solution on collocation steps."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.polynomial import legendre as leg
@@ -59,6 +60,14 @@ class PowerPiece(Piece):
         steep = (u[:, None] == 0.0) & (np.abs(slopes) > _STEEP)
         return np.where(second, speeds, np.where(steep, np.copysign(np.inf, slopes), slopes))
 
+    def at_ends(self, ends, chosen, second):
+        """Return y and y' at the end of the step, if it is chosen, (k, d) each."""
+        _, p, y = self.values[..., -1]
+        position = self.at_start + self.length * self.means[:, -1]
+        slopes = self.values[1] @ self.basis.slopes_at_end / self.length
+        found = np.where(second, position, y), np.where(second, p, slopes)
+        return tuple(row[None][chosen] for row in found)
+
 
 @dataclass(frozen=True, eq=False)
 class PolynomialPieces(Piece):
@@ -100,6 +109,28 @@ class PolynomialPieces(Piece):
         # integral of the polynomial through the nodes alone, so that y is continuous
         position = h * np.einsum("kdj,kj->kd", rows, polynomial_integrals(s, 1.0, u))
         return np.where(second, self.at_starts[i, 0] + position, p)
+
+    def at_ends(self, ends, chosen, second):
+        """Return y and y' at the chosen ones of the steps' ends, (k, d) each."""
+        rows, h = self.rows[chosen], self.lengths[chosen, None]
+        p, s = rows[:, :, -1], self.rows.shape[2]
+        of_start, of_rows, integral = _end_weights(s)
+        slopes = (self.at_starts[chosen, 1] * of_start + rows @ of_rows) / h
+        if not second.any():
+            return p, slopes
+        position = self.at_starts[chosen, 0] + h * (rows @ integral)
+        return np.where(second, position, p), np.where(second, p, slopes)
+
+
+@lru_cache(maxsize=16)
+def _end_weights(s):
+    """Return weights for the end of a step of length 1, of p at the start and at the nodes.
+
+    Weights of the slope there: a number and (s,); and of the integral, (s,).
+    """
+    end = np.ones(1)
+    slope = (_slopes(end, s) @ through_start(s))[0]
+    return slope[0], slope[1:], polynomial_integrals(s, 1.0, end)[0]
 
 
 def _values(u, s):

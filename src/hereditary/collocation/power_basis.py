@@ -10,7 +10,7 @@ they do, and c times them, a right-hand side, is accurate at late times as well 
 """
 
 import math
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.polynomial.legendre import leggauss, legval, legvander
@@ -55,6 +55,7 @@ class PowerBasis:
     """
 
     def __init__(self, generators, size=None, map_rates=()):
+        self._made_of = generators, size, map_rates
         g, n_maps = generators[0], len(map_rates)
         if size is None:
             several = _SIZE_IF_MAPPED if n_maps > 1 else _SIZE_IF_TINY
@@ -88,6 +89,9 @@ class PowerBasis:
         self._mix = v[kept].T / sizes[kept] / lengths[:, None]
         self._coefficients = u[:, kept].T * row_weights
 
+    def __reduce__(self):
+        return _basis_of, self._made_of
+
     def at(self, t):
         """Return the cardinal functions, 1 at one node and 0 at the others, at t (k,); (k, n)."""
         return (self._functions(_log(t)) @ self._mix) @ self._coefficients
@@ -101,8 +105,23 @@ class PowerBasis:
 
     def interpolate_between(self, values):
         """Interpolate `values` (..., n) to the points between the nodes, shape (..., n + 1)."""
+        return self._interpolate(values, self._at_between)
+
+    @cached_property
+    def _at_between(self):
+        """The cardinal functions at the points between the nodes, (n + 1, n)."""
         functions = self._functions(self.logs[self.nodes.size :])
-        return self._interpolate(values, (functions @ self._mix) @ self._coefficients)
+        return (functions @ self._mix) @ self._coefficients
+
+    @cached_property
+    def at_rule(self):
+        """The cardinal functions at the points of the graded rule, (k, n)."""
+        return self.at(graded_rule()[0])
+
+    @cached_property
+    def slopes_at_end(self):
+        """Derivatives of the cardinal functions at 1, (n,)."""
+        return self.slopes(np.ones(1))[0]
 
     @staticmethod
     def _interpolate(values, at):
@@ -230,6 +249,13 @@ def choose_map_rates(generators, rates):
 def power_basis(generators, map_rates=()):
     """Return the cached basis of these generators and rational maps."""
     return PowerBasis(generators, map_rates=map_rates)
+
+
+def _basis_of(generators, size, map_rates):
+    """Return the basis that these arguments make, the cached one where it is."""
+    if size is None:
+        return power_basis(generators, map_rates)
+    return PowerBasis(generators, size, map_rates)
 
 
 @lru_cache(maxsize=1)

@@ -35,6 +35,7 @@ def radau_integrals(s, a):
     return _frozen(polynomial_integrals(s, a, radau_nodes(s)))
 
 
+@lru_cache(maxsize=256)
 def rule_of(s, orders):
     """Return the `Rule` of s nodes with the integrals of these orders, the last of which is 1."""
     singular = np.array([radau_integrals(s, a) for a in orders])

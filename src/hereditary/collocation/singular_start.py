@@ -58,7 +58,7 @@ class SingularStart:
         self._many = has_stages(form)
         self._jacobian = equation.derivative(self._just_after, orbit.x[0])
         self._force = np.empty(form.second.size)
-        state.counts.rhs += 1
+        state.counts["rhs"] += 1
         equation._rhs(self._just_after, orbit.x[0], self._force, equation._params)
         self.n_refused, self.solved, self._longest = 0, True, longest
 
@@ -196,7 +196,7 @@ class SingularStart:
             equation._rhs(t, np.ascontiguousarray(x[:, i]), out, equation._params)
             f[:, i] = out
         f[: form.n_rows - d] -= found[d:]
-        self._state.counts.rhs += times.size
+        self._state.counts["rhs"] += times.size
         deviation_at = np.abs(np.array([f, p, x]) - basis.interpolate_between(values))
         deviation = deviation_at.max(axis=2)
         defect = np.zeros(d)

@@ -112,7 +112,7 @@ class AdaptiveStepper(CollocationMarch):
         """Return counts and error estimates for the solution's stats."""
         return {
             "n_steps": self.n_steps,
-            "n_rejected": int(self._state.counts.refused),
+            "n_rejected": int(self._state.counts["refused"]),
             "n_rhs": self.n_rhs,
             "n_modes": self.n_modes,
             "history_bytes": self._orbit.modes.nbytes,

@@ -270,9 +270,9 @@ def record(dtype, values=None, **fields):
 
     Keyword arguments set single fields.
     """
-    found = np.array([values] if values else [(0,) * len(dtype)], dtype).view(np.recarray)[0]
+    found = np.array([values or (0,) * len(dtype)], (np.record, dtype))[0]
     for name, value in fields.items():
-        setattr(found, name, value)
+        found[name] = value  # an attribute takes three times as long
     return found
 
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from .._python_calls import PythonRaised, pass_on
+from ..structure import FEW
 from .progress import Interruption, ProgressBar
 from .solution import Solution, warn_of
 from .status import Status
@@ -79,6 +80,10 @@ def run(stepper, stop, t_end, output, reactions, progress, began):
     t, y, ydot, dense = output.close(t_end)
     seconds = {"setup_seconds": ready - began, "run_seconds": time.perf_counter() - ready}
     frame = stepper.equation.frame
+
+    def left():
+        return replace(stepper.state(), event_signs=events.signs())
+
     solution = Solution(
         t=t,
         y=frame.values(y),
@@ -86,7 +91,9 @@ def run(stepper, stop, t_end, output, reactions, progress, began):
         status=status,
         message=told(stepper, status, detail),
         stats=_stats(stepper) | seconds,
-        state=replace(stepper.state(), event_signs=events.signs()),
+        # of few components made when asked for: it takes as long as some steps do; with more the
+        # march holds matrices, which are not kept for it
+        left=left if stepper.equation.d <= FEW else left(),
         dense=dense,
         t_events=[np.array(times) + frame.start for times in events.times],
         y_events=[

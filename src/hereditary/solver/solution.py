@@ -1,6 +1,8 @@
 """Results of a run: the orbit, how it ended, and the state to go on from."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -60,10 +62,8 @@ class Solution:
         seen along the orbit, sampled every 32 steps (more rarely in systems); the scheme is
         unstable above 1. Complex eigenvalues of orders that vary are not seen. Of more than 32
         components norms tell first, and their bound stands here where it is below 1.
-    state : State
-        Everything needed to go on, ``solve(eq, t_later, resume=sol.state)``: a few kilobytes with
-        `SumOfExponentials`, the whole past with `Direct`; an implicit scheme adds 32 d**2 bytes for
-        more than ten components d.
+    left : State or callable
+        What `state` is, or returns it.
     dense : Dense or None
         Dense output that ``sol(t)`` reads; of a run that kept every step.
     t_events, y_events : list of ndarray
@@ -76,10 +76,22 @@ class Solution:
     status: Status
     message: str
     stats: dict[str, Any] = field(repr=False)
-    state: State | AdaptiveState | None = field(repr=False)
+    left: State | AdaptiveState | Callable | None = field(repr=False)
     dense: Dense | None = field(default=None, repr=False)
     t_events: list[np.ndarray] = field(default_factory=list, repr=False)
     y_events: list[np.ndarray] = field(default_factory=list, repr=False)
+
+    @cached_property
+    def state(self) -> State | AdaptiveState | None:
+        """Everything needed to go on, ``solve(eq, t_later, resume=sol.state)``.
+
+        A few kilobytes with `SumOfExponentials`, the whole past with `Direct`; an implicit scheme
+        adds 32 d**2 bytes for more than ten components d.
+        """
+        return self.left() if callable(self.left) else self.left
+
+    def __getstate__(self):
+        return vars(self) | {"left": self.state}
 
     @property
     def success(self) -> bool:

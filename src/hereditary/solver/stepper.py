@@ -191,7 +191,7 @@ class Stepper:
             self.memory = self._open(plan)
         self.memory.clear()
         self._begin(plan)
-        self._march.counts.rhs = calls
+        self._march.counts["rhs"] = calls
         self._watch.largest, self._watch.step = watch.largest, watch.step
 
     def _slopes(self):
@@ -206,18 +206,18 @@ class Stepper:
     @property
     def n_rhs(self):
         """Calls of the right-hand side."""
-        return int(self._march.counts.rhs)
+        return int(self._march.counts["rhs"])
 
     @property
     def zigzag(self):
         """Step at which a sustained step-to-step zigzag was seen, or None."""
-        n = int(self._march.counts.zigzag)
+        n = int(self._march.counts["zigzag"])
         return None if n < 0 else n
 
     @property
     def growth(self):
         """Step at which turns of a few steps each were seen to have grown, or None."""
-        n = int(self._march.counts.growth)
+        n = int(self._march.counts["growth"])
         return None if n < 0 else n
 
     @property
@@ -314,7 +314,7 @@ class Stepper:
 
     def _refactorise(self):
         """Factorise the matrix whose factors are in force, after the march went elsewhere."""
-        if self._march.counts.factored:
+        if self._march.counts["factored"]:
             solver, tables = self._newton.solver, self._newton.tables
             solver(FACTORISE, 0, self._march.newton[1], np.empty(tables.order.size), tables)
 
@@ -346,7 +346,7 @@ class Stepper:
         return {
             "n_steps": self.n,
             "n_rhs": self.n_rhs,
-            "n_factorised": int(self._march.counts.factorised),
+            "n_factorised": int(self._march.counts["factorised"]),
             "n_modes": self.n_modes,
             "history_bytes": self.memory.nbytes,
             "stiffness_ratio": self.largest_ratio if self._watch.watches else np.nan,
