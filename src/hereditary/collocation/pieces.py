@@ -60,12 +60,13 @@ class PowerPiece(Piece):
         steep = (u[:, None] == 0.0) & (np.abs(slopes) > _STEEP)
         return np.where(second, speeds, np.where(steep, np.copysign(np.inf, slopes), slopes))
 
-    def at_ends(self, ends, chosen, second):
-        """Return y and y' at the end of the step, if it is chosen, (k, d) each."""
+    def at_ends(self, ends, chosen, second, slopes=True):
+        """As `evaluate_both`, at the end of the step, if it is chosen."""
         _, p, y = self.values[..., -1]
-        position = self.at_start + self.length * self.means[:, -1]
-        slopes = self.values[1] @ self.basis.slopes_at_end / self.length
-        found = np.where(second, position, y), np.where(second, p, slopes)
+        position, steep = self.at_start + self.length * self.means[:, -1], np.nan
+        if slopes and not np.all(second):
+            steep = self.values[1] @ self.basis.slopes_at_end / self.length
+        found = np.where(second, position, y), np.where(second, p, steep)
         return tuple(row[None][chosen] for row in found)
 
 
@@ -110,8 +111,8 @@ class PolynomialPieces(Piece):
         position = h * np.einsum("kdj,kj->kd", rows, polynomial_integrals(s, 1.0, u))
         return np.where(second, self.at_starts[i, 0] + position, p)
 
-    def at_ends(self, ends, chosen, second):
-        """Return y and y' at the chosen ones of the steps' ends, (k, d) each."""
+    def at_ends(self, ends, chosen, second, slopes=True):
+        """As `evaluate_both`, at the chosen ones of the steps' ends."""
         rows, h = self.rows[chosen], self.lengths[chosen, None]
         p, s = rows[:, :, -1], self.rows.shape[2]
         of_start, of_rows, integral = _end_weights(s)

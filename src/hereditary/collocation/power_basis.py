@@ -11,6 +11,8 @@ they do, and c times them, a right-hand side, is accurate at late times as well 
 
 import math
 from functools import cached_property, lru_cache
+from heapq import heappop, heappush
+from operator import mul
 
 import numpy as np
 from numpy.polynomial.legendre import leggauss, legval, legvander
@@ -148,17 +150,31 @@ class PowerBasis:
     @lru_cache(maxsize=16)  # noqa: B019 (bases are few and kept anyway)
     def means(self, orders):
         """Return ``J**a / t**a`` of the cardinal functions, finite for all t, (n_a, 2 n + 1, n)."""
-        u, v, weights = graded_rule()
-        ends = self.logs
-        values = self._functions(np.add.outer(ends, np.log(u)).ravel())
-        values = values.reshape(ends.size, u.size, -1)
-        last = self._functions(ends)
-        found = []
-        for a in orders:
-            # the width that the rule leaves out contributes a power of itself
-            inner = np.einsum("q,kqj->kj", weights * v ** (a - 1), values) + last * LEFT_OUT**a / a
-            found.append(rgamma(a) * (inner @ self._mix))
-        return np.array(found) @ self._coefficients
+        log_points, weights = self._mean_rule(orders)
+        values = self._functions(np.add.outer(self.logs, log_points).ravel())
+        inner = np.tensordot(
+            weights, values.reshape(self.logs.size, log_points.size, -1), (1, 1)
+        )  # (n_a, 2 n + 1, j)
+        return (inner @ self._mix) @ self._coefficients
+
+    def _mean_rule(self, orders):
+        """Return a rule for ``J**a q(1)`` of functions of the basis, at t u for any t in [0, 1].
+
+        Logarithms of its points u, (q,), and weights for each order, (n_a, q). Powers of t u are
+        powers of u, so that one rule at the nodes serves all t; rational maps are none.
+        """
+        u, v, rule = graded_rule()
+        logs = np.append(np.log(u), 0.0)
+        # the width that the rule leaves out contributes a power of itself
+        weights = [rgamma(a) * np.append(rule * v ** (a - 1), LEFT_OUT**a / a) for a in orders]
+        if self.map_rates:
+            return logs, np.array(weights)
+        values, wanted = self._functions(self.logs[: self.nodes.size]).T, self._functions(logs).T
+        wanted = wanted @ np.array(weights).T
+        found = np.zeros((self.nodes.size, len(orders)))
+        for _ in range(2):  # and what rounding has left
+            found += np.linalg.lstsq(values, wanted - values @ found, 1e-16)[0]
+        return self.logs[: self.nodes.size], found.T
 
     def convolutions(self, kernel, h):
         """Return the convolutions with a kernel K, in steps of length h, (2 n + 1, n).
@@ -282,18 +298,20 @@ def _smallest_sums(variables, n_first, size):
     multiples leave room for the others. The first `n_first` variables stand for one generator, and
     products of their polynomials count as one polynomial of the product's degree.
     """
-    weights = np.array([max(g, TINY) for g, _ in variables])
+    weights = [max(g, TINY) for g, _ in variables]
 
     def total(degrees):
         first = weights[0] * (math.prod(1 + k for k in degrees[:n_first]) - 1)
-        return first + float(weights[n_first:] @ degrees[n_first:])
+        return first + sum(map(mul, weights[n_first:], degrees[n_first:]))
 
-    found = {(0,) * len(variables): 0.0}
-    for i in range(len(variables)):
-        step = np.eye(len(variables), dtype=int)[i]
-        for _ in range(size):
-            for degrees in tuple(found):
-                more = tuple((degrees + step).tolist())
-                found.setdefault(more, total(more))
-            found = dict(sorted(found.items(), key=lambda item: item[1])[:size])
-    return np.array(list(found))
+    found: list[tuple[int, ...]] = []
+    ahead, seen = [(0.0, (0,) * len(variables))], set()
+    while len(found) < size:
+        _, degrees = heappop(ahead)
+        found.append(degrees)
+        for i in range(len(variables)):
+            more = (*degrees[:i], degrees[i] + 1, *degrees[i + 1 :])
+            if more not in seen:
+                seen.add(more)
+                heappush(ahead, (total(more), more))
+    return np.array(found)

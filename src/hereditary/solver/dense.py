@@ -20,9 +20,14 @@ class Piece:
         """
         raise NotImplementedError
 
-    def at_ends(self, ends, chosen, second):
-        """Return y and y' at the chosen ones of the steps' ends, (k, d) each."""
-        return tuple(self.evaluate(ends[chosen], second, m) for m in (0, 1))
+    def evaluate_both(self, t, second, slopes):
+        """Return y and y' at times t inside the steps, (k, d) each; NaN for y' without `slopes`."""
+        y = self.evaluate(t, second, 0)
+        return y, self.evaluate(t, second, 1) if slopes else np.full_like(y, np.nan)
+
+    def at_ends(self, ends, chosen, second, slopes=True):
+        """As `evaluate_both`, at the chosen ones of the steps' ends."""
+        return self.evaluate_both(ends[chosen], second, slopes)
 
 
 class Dense:

@@ -50,6 +50,8 @@ class Output:
         self._first = self._n
         self._starting: FirstSteps | None = None
         self._second = stepper.equation.highest_orders() > 1
+        # slopes of given steps are those of their dense output
+        self._sloped = not stepper.adaptive or stepper.equation.m == 2 or self._frame.speeds
         self.end, self.ended = stepper.t, False
         self._dense = Dense(self._second, not stepper.adaptive, self._frame)
         self._newest: Piece | None = None
@@ -99,7 +101,7 @@ class Output:
         if self._stepper.adaptive and self._components is None:
             self._dense.add(piece, start)
         chosen = self._chosen(edges)
-        self._add(edges[1:][chosen], *piece.at_ends(edges[1:], chosen, self._second))
+        self._add(edges[1:][chosen], *piece.at_ends(edges[1:], chosen, self._second, self._sloped))
         if self.events.fired and self._rows[0][self._size - 1] < self.end:
             self._add_last()
 
@@ -138,7 +140,7 @@ class Output:
         ahead = int(np.searchsorted(self._wanted, last, side="left" if fired else "right"))
         times, self._wanted = self._wanted[:ahead], self._wanted[ahead:]
         if times.size:
-            self._add(times, *(piece.evaluate(times, self._second, m) for m in (0, 1)))
+            self._add(times, *piece.evaluate_both(times, self._second, self._sloped))
 
     def close(self, t_end):
         """Return times, rows, slopes and dense output: (n,), (n, d), (n, d), `Dense` or None.
@@ -171,7 +173,7 @@ class Output:
         """Add the row where the run ended."""
         last, piece = np.array([self.end]), self._newest
         if piece is not None and (self.ended or self._stepper.adaptive):
-            self._add(last, *(piece.evaluate(last, self._second, m) for m in (0, 1)))
+            self._add(last, *piece.evaluate_both(last, self._second, self._sloped))
         else:
             self._add(last, self._stepper.y[None], self._stepper.ydot[None])
 

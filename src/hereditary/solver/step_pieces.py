@@ -38,7 +38,7 @@ class StepPieces(Piece):
         """Return the start of each step."""
         return self.times[:-1]
 
-    def at_ends(self, ends, chosen, second):
+    def at_ends(self, ends, chosen, second, slopes=True):
         """Return y and y' at the chosen ones of the steps' ends, (k, d) each."""
         return self.rows[1:][chosen], self._slopes[1:][chosen]
 
