@@ -15,6 +15,7 @@ from numba import config, njit, types
 from numba.core.registry import CPUDispatcher
 
 from ._cache import CodeCache
+from ._linked import LinkedCompiler, set_environments
 
 F8 = types.float64
 I8 = types.int64
@@ -84,7 +85,9 @@ def compiled(fun, fused=False, **options):
 
     def compile_guarded(sig):
         with compiling:
-            return compile_alone(sig)
+            found = compile_alone(sig)
+            set_environments(dispatcher.overloads[tuple(sig)])
+            return found
 
     dispatcher.compile = compile_guarded
     return dispatcher
@@ -95,16 +98,21 @@ def inner(fun):
 
     They are a seventh of the time of all compilation. Called from Python its source is run.
     """
-    dispatcher = compiled(fun, no_cpython_wrapper=True, no_cfunc_wrapper=True)
-    if not config.DISABLE_JIT:
-        dispatcher.__class__ = _Inner
-    return dispatcher
+    return _linked(fun, False)
 
 
 def reordered(fun):
-    """Compile `fun` for compiled callers alone, its sums in whatever order takes least time."""
-    loose = {"contract", "reassoc"}
-    return compiled(fun, loose, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+    """As `inner`, with sums in whatever order takes least time."""
+    return _linked(fun, {"contract", "reassoc"})
+
+
+def _linked(fun, loose):
+    """Compile `fun` into its callers' machine code (_linked.py); nothing is kept on disk."""
+    how = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "pipeline_class": LinkedCompiler}
+    dispatcher = njit(nogil=True, error_model="numpy", fastmath=loose, **how)(fun)
+    if not config.DISABLE_JIT:
+        dispatcher.__class__ = _Inner
+    return dispatcher
 
 
 class _Inner(CPUDispatcher):

@@ -4,6 +4,7 @@ import numpy as np
 
 from .._jit import I8, VEC, compiled, entry, inner
 from .collocation import empty_factors, nodal_slopes, solve_stages, solve_tangents
+from .copying import put, put_cube, put_matrix
 from .error_estimate import (
     add_force_defect,
     defect_matters,
@@ -101,7 +102,8 @@ def marching(name, solve, solve_for_tangents, factors, read):
             slot = find_slot(h, nodes, basis, tables)
             local = tables.local[slot]
             if h != assembled_for or equations.unweighted.shape[0] > 0:
-                local[local.shape[0] - varying.integrals.shape[0] :] = varying.integrals
+                first = local.shape[0] - varying.integrals.shape[0]
+                put_cube(varying.integrals, local[first:])
                 assemble_operators(h, equations, rule.integrals, rule.inverse, local, operators)
             assembled_for = h
             for column in range(n_columns):
@@ -150,7 +152,9 @@ def marching(name, solve, solve_for_tangents, factors, read):
             counts.accepted += 1
             record_step(state, t, h, ratio, values[0], equations.second, orbit, steps, row)
             absorb_constant_mode(basis.rates, orbit)
-            orbit.before[:], orbit.last[:] = orbit.modes, values
+            put_cube(orbit.modes, orbit.before)
+            for column in range(n_columns):
+                put_cube(values[column], orbit.last[column])
             to_end, moments = tables.to_end[slot], tables.moments[slot]
             advance_orbit(h, to_end, moments, input_weights, offset_weights, kinds, legendre, orbit)
             row += 1
@@ -340,8 +344,8 @@ def advance_orbit(h, to_end, moments, input_weights, offset_weights, kinds, lege
     for column in range(values.shape[0]):
         weights = input_weights, offset_weights[column], kinds
         advance_modes(h, to_end, moments, *weights, legendre, values[column], orbit.modes[column])
-        orbit.x[column] = values[column, POSITION, :, -1]
-        orbit.p[column] = values[column, PRIMARY, :, -1]
+        put(values[column, POSITION, :, -1], orbit.x[column])
+        put(values[column, PRIMARY, :, -1], orbit.p[column])
 
 
 @inner
@@ -351,7 +355,7 @@ def record_step(state, t, h, ratio, values, second, orbit, steps, row):
     x, p, nodal, at_start = orbit.x[0], orbit.p[0], steps.p[row], steps.at_starts[row]
     (d, s), largest = nodal.shape, state.largest
     steps.starts[row], steps.lengths[row], steps.errors[row] = state.control.origin + t, h, ratio
-    nodal[:] = values[PRIMARY]
+    put_matrix(values[PRIMARY], nodal)
     for c in range(d):
         at_start[0, c], at_start[1, c] = x[c], p[c]
         for i in range(s):

@@ -11,6 +11,7 @@ import numpy as np
 from numba.extending import overload
 
 from .._jit import inlined, inner
+from .copying import put, put_matrix
 from .jacobian import jacobian
 from .linalg import factorise, substitute
 from .operators import FORCE, POSITION, PRIMARY
@@ -57,9 +58,9 @@ def forces(rhs, params, times, x, f):
     # times (s,), x and f (d, s)
     point, value = np.empty(x.shape[0]), np.empty(x.shape[0])
     for i in range(times.shape[0]):
-        point[:] = x[:, i]
+        put(x[:, i], point)
         rhs(times[i], point, value, params)
-        f[:, i] = value
+        put(value, f[:, i])
 
 
 @inner
@@ -154,7 +155,7 @@ def solve_stages(
         size = take_change(change, goal, p)
         if not size < np.inf:
             return False
-        before[:] = x
+        put_matrix(x, before)
         positions(h, p, x_start, second, integral, x)
         rate = contraction_rate(size, previous, h, contraction)
         if size * min(1.0, 4.0 * rate) < 1.0:
@@ -199,10 +200,10 @@ def stage_jacobians(rhs, jac, has_jac, params, times, x, every, out):
     point, calls = np.empty(x.shape[0]), 0
     for i in range(s):
         if i > 0 and not every:
-            out[i] = out[0]
+            put_matrix(out[0], out[i])
             continue
         k = i if every else s // 2
-        point[:] = x[:, k]
+        put(x[:, k], point)
         calls += jacobian(rhs, jac, has_jac, times[k], point, params, out[i])
     return calls
 

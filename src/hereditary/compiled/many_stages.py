@@ -11,6 +11,7 @@ from .collocation import (
     solve_newton,
     take_change,
 )
+from .copying import put, put_matrix
 from .jacobian import COLUMNS, ROWS, VALUES, is_sparse, jacobian, multiply
 from .mode_tables import read_modes
 from .operators import FORCE, POSITION, PRIMARY
@@ -66,7 +67,7 @@ def solve_many(
         if not size < np.inf:
             control[KEPT] = 0.0
             return False
-        before[:] = x
+        put_matrix(x, before)
         positions(h, p, x_start, second, integral, x)
         rate = contraction_rate(size, previous, h, contraction)
         if size * min(1.0, 4.0 * rate) < 1.0:
@@ -166,7 +167,7 @@ def solve_many_tangents(
             positions(h, p, x_start[column], second, integral, x)
             for i in range(s):
                 multiply(jacobians[i], x[:, i].copy(), more)
-                f[:, i] = more
+                put(more, f[:, i])
             if done:
                 break
             residuals(base[column], matrices, kinds, p, x, f, residual)

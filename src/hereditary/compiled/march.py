@@ -36,6 +36,7 @@ from .block import (
     samples,
     write_row,
 )
+from .copying import put
 from .imex import solve_linearly
 from .jacobian import jacobian
 from .newton import guess, solve_step
@@ -60,7 +61,6 @@ from .step import (
     first_value,
     know,
     look,
-    put,
     see,
     take_row,
 )

@@ -10,6 +10,7 @@ import math
 import numpy as np
 
 from .._jit import compiled, inner
+from .copying import put
 from .modes import add_rows
 from .operators import number_of
 from .structures import StepTables
@@ -48,7 +49,7 @@ def find_slot(h, nodes, basis, tables):
             tables.to_nodes[slot, m, i] = math.exp(-rates[m] * (h * nodes[i]))
         tables.to_end[slot, m] = math.exp(-rates[m] * h)
         exponential_legendre(rates[m] * h, nodes.shape[0], moments)
-        tables.moments[slot, :, m] = moments
+        put(moments, tables.moments[slot, :, m])
     for k in range(masses.shape[0]):
         kernel_weights = weights[weights.shape[0] - masses.shape[0] + k]
         matrix = tables.local[slot, k]
@@ -157,7 +158,8 @@ def set_mode_weights(equations, weights, of_varying, input_weights, offset_weigh
     offset_weights[:] = 0.0
     d, n_kinds = equations.kinds.shape[0], number_of(equations.kinds)
     for b in range(unweighted.shape[0]):
-        input_weights[(2 + b) * n_kinds : (3 + b) * n_kinds, unweighted[b]] = of_varying
+        for row in range((2 + b) * n_kinds, (3 + b) * n_kinds):
+            put(of_varying, input_weights[row, unweighted[b]])
     first = np.full(n_kinds, -1)
     for n in range(terms.shape[0]):
         c, q, k = terms[n].row, terms[n].integrand, terms[n].index

@@ -18,13 +18,6 @@ def take_row(i, groups, length, speed, leads, nears, scales, shift, lead, near, 
 
 
 @inlined
-def put(values, out):
-    """Copy values; numba takes seconds to compile ``out[:] = values``."""
-    for c in range(out.shape[0]):
-        out[c] = values[c]
-
-
-@inlined
 def know(p, near, lag, pieces, known):
     """Add the newest piece to the lag."""
     for c in range(known.shape[0]):

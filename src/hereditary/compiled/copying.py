@@ -1,0 +1,27 @@
+"""Copies between arrays by loops: numba takes seconds to compile ``out[:] = values``."""
+
+from .._jit import inlined, inner
+
+
+@inlined
+def put(values, out):
+    """Copy a vector."""
+    for c in range(out.shape[0]):
+        out[c] = values[c]
+
+
+@inner
+def put_matrix(values, out):
+    """Copy a matrix."""
+    for i in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            out[i, j] = values[i, j]
+
+
+@inner
+def put_cube(values, out):
+    """Copy an array of three axes."""
+    for i in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            for k in range(out.shape[2]):
+                out[i, j, k] = values[i, j, k]
