@@ -9,6 +9,7 @@ SOURCE = Path(__file__).parent.parent / "src" / "hereditary"
 FLOORS = {
     "_cache": 0,
     "_jit": 0,
+    "_linked": 0,
     "_checks": 0,
     "_complaints": 0,
     "_frozen": 0,
@@ -48,6 +49,7 @@ FLOORS = {
     "collocation": 5,
     "solver": 6,
     "analysis": 7,
+    "_ahead": 7,
     "scenes": 8,
     "plots": 8,
     "exact": 8,
@@ -58,6 +60,7 @@ FLOORS = {
 # Importable from the floor's other rooms; inside one floor the rest must not know each other.
 SAME_FLOOR = {
     ("_jit", "_cache"),
+    ("_jit", "_linked"),
     ("_cache", "_frozen"),
     ("_digest", "_frozen"),
     ("_callables", "_memory_argument"),

@@ -17,6 +17,11 @@ def test_main_job(tmp_path, capsys):
     assert out.stat().st_size > 10_000
 
 
+def test_everything_is_compiled_ahead(capsys):
+    assert main(["compile"]) == 0
+    assert "runs are ready" in capsys.readouterr().out
+
+
 def test_flags_change_the_parameters(tmp_path, capsys):
     out = str(tmp_path / "figure.pdf")
     flags = ["--beta", "2", "--gamma", "1", "--adhesion", "7", "--t-end", "5", "--n-steps", "501"]

@@ -110,6 +110,57 @@ def test_an_edited_helper_compiles_its_callers_anew_and_only_those(tmp_path):
     assert run() == "16.0 1 0 5.0 0 1"
 
 
+LINKED = """
+import sys
+from hereditary._jit import F8, entry, inner, reordered
+
+@inner
+def halved(x):
+    if x < 0.0:
+        raise ValueError("below 0")
+    return 0.5 * x
+
+@reordered
+def added(x):
+    return halved(x) + halved(x)
+
+@entry(F8, told="the sum")
+def summed(x):
+    return added(x)
+
+@entry(F8)
+def half(x):
+    return halved(x)
+
+if __name__ == "__main__":
+    print(summed(3.0), half(3.0), end=" ")
+    try:
+        summed(-1.0)
+    except ValueError as error:
+        print(error)
+"""
+
+
+@compiled
+def test_linked_helpers_belong_to_each_loop_and_raise_there(tmp_path):
+    """Also where the loop comes from the disk, when standard error has nothing to tell."""
+    file = tmp_path / "linked.py"
+    file.write_text(LINKED)
+    environment = {"NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": str(SOURCE.parent)}
+    told = "hereditary: compiling the sum, once on this machine ...\n"
+    for message in (told, ""):
+        done = subprocess.run(
+            [sys.executable, str(file)],
+            env=os.environ | environment,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.stdout == "3.0 1.5 below 0\n"
+        assert done.stderr == message
+    assert not list((tmp_path / "cache").rglob("*halved*"))
+
+
 @compiled
 def test_damaged_entries_and_a_missing_folder_cost_no_more_than_time(tmp_path):
     (tmp_path / "tiny.py").write_text(TINY)

@@ -15,6 +15,7 @@ import numpy as np
 from matplotlib.backend_bases import FigureCanvasBase
 
 from . import plots
+from ._ahead import compile_ahead
 from ._checks import complaint
 from .equation import Equation
 from .history.exponentials import SumOfExponentials
@@ -39,11 +40,14 @@ _PARAMETERS = {
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the scene with the parameters on the command line; return the exit status.
 
-    With "paper" as the first word, compute the source's figures instead.
+    With "paper" as the first word, compute the source's figures instead; with "compile" make all
+    machine code that first runs would wait for.
     """
     argv = sys.argv[1:] if argv is None else argv
     if argv and argv[0] == "paper":
         return paper(argv[1:])
+    if argv == ["compile"]:
+        return compile_ahead()
     arguments = _parser().parse_args(argv)
     parameters = {name: getattr(arguments, name) for name in _PARAMETERS}
     try:
@@ -71,7 +75,7 @@ def _parser():
         prog="python -m hereditary",
         description="Hereditary stick-slip: D^beta x + lambda D^gamma x + omega^2 x "
         "= b t + c sum a_n sin(n x), Caputo derivatives. `paper --out DIR` computes the source's "
-        "figures, see `paper --help`.",
+        "figures, see `paper --help`; `compile` makes all machine code ahead.",
         formatter_class=argparse.ArgumentDefaultsHelpFormatter,
     )
     defaults = inspect.signature(stick_slip).parameters

@@ -35,23 +35,25 @@ class CodeCache:
         The function to compile.
     options : str
         Everything else its machine code depends on.
+    told : str, optional
+        Name under which a compilation that takes seconds is told of on standard error.
     """
 
-    def __init__(self, fun, options):
-        self._fun, self._options = fun, options
+    def __init__(self, fun, options, told=None):
+        self._fun, self._options, self._told = fun, options, told
         self._opened = False
         self._entries = None
 
     def load_overload(self, sig, target_context):
         """Return the stored compile result for a signature, or None."""
-        entries = self._open()
-        if entries is None:
-            return None
+        found, entries = None, self._open()
         try:
-            return entries.load_overload(sig, target_context)
+            found = entries and entries.load_overload(sig, target_context)
         except Exception:  # a damaged entry may raise anything
             self._attempt(entries.flush)
-            return None
+        if found is None and self._told:
+            print(f"hereditary: compiling {self._told}, once on this machine ...", file=sys.stderr)
+        return found
 
     def save_overload(self, sig, data):
         """Store a compile result."""

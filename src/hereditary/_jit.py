@@ -10,6 +10,7 @@ once per machine, whatever functions they are given.
 import signal
 import threading
 from functools import lru_cache
+from typing import Any
 
 from numba import config, njit, types
 from numba.core.registry import CPUDispatcher
@@ -70,27 +71,34 @@ class _Compiling:
 compiling = _Compiling()
 
 
-def compiled(fun, fused=False, **options):
+def compiled(fun, fused=False, told=None, **options):
     """Compile `fun` on first call: cached on disk, without the GIL, with IEEE division.
 
     With `fused` a product may be added without being rounded first; nothing is reordered, unless
-    `fused` names more of LLVM's liberties.
+    `fused` names more of LLVM's liberties. `told` is that of `CodeCache`.
     """
     loose = {"contract"} if fused is True else fused
     dispatcher = njit(nogil=True, error_model="numpy", fastmath=loose, **options)(fun)
     if config.DISABLE_JIT:
         return dispatcher
-    dispatcher._cache = CodeCache(fun, repr(sorted(dispatcher.targetoptions.items(), key=str)))
+    stated = repr(sorted(dispatcher.targetoptions.items(), key=str))
+    dispatcher._cache = CodeCache(fun, stated, told)
+    _guard(dispatcher, set_environments)
+    return dispatcher
+
+
+def _guard(dispatcher, finish=None):
+    """Let `dispatcher` compile inside `compiling`, and then do what is left for the result."""
     compile_alone = dispatcher.compile
 
     def compile_guarded(sig):
         with compiling:
             found = compile_alone(sig)
-            set_environments(dispatcher.overloads[tuple(sig)])
+            if finish:
+                finish(dispatcher.overloads[tuple(sig)])
             return found
 
     dispatcher.compile = compile_guarded
-    return dispatcher
 
 
 def inner(fun):
@@ -108,9 +116,11 @@ def reordered(fun):
 
 def _linked(fun, loose):
     """Compile `fun` into its callers' machine code (_linked.py); nothing is kept on disk."""
-    how = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "pipeline_class": LinkedCompiler}
+    how: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    how["pipeline_class"] = LinkedCompiler
     dispatcher = njit(nogil=True, error_model="numpy", fastmath=loose, **how)(fun)
     if not config.DISABLE_JIT:
+        _guard(dispatcher)
         dispatcher.__class__ = _Inner
     return dispatcher
 
@@ -176,16 +186,19 @@ class _Loaded:
 
 
 class entry:
-    """Decorator of a top-level loop: compiled for `argtypes` at the first call, then locked."""
+    """Decorator of a top-level loop: compiled for `argtypes` at the first call, then locked.
 
-    def __init__(self, *argtypes, fused=False):
-        self.argtypes, self.fused = argtypes, fused
+    `told` names one whose compilation takes seconds.
+    """
+
+    def __init__(self, *argtypes, fused=False, told=None):
+        self.argtypes, self.fused, self.told = argtypes, fused, told
 
     def __call__(self, fun):
         if config.DISABLE_JIT:
             return fun
         # called from Python alone: another wrapper would take a tenth of the compilation
-        dispatcher = compiled(fun, self.fused, no_cfunc_wrapper=True)
+        dispatcher = compiled(fun, self.fused, self.told, no_cfunc_wrapper=True)
 
         def call(*args):
             if not dispatcher.overloads:

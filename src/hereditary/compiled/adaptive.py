@@ -70,7 +70,7 @@ _MARCH = (
 )  # fmt: skip
 
 
-def marching(name, solve, solve_for_tangents, factors, read):
+def marching(name, solve, solve_for_tangents, factors, read, told):
     """Compile the march for one way of solving the equations of a step and reading the modes."""
 
     def march(
@@ -163,7 +163,7 @@ def marching(name, solve, solve_for_tangents, factors, read):
 
     march.__name__ = march.__qualname__ = name
     march.__doc__ = "March until `limits.stop`; return the accepted steps and a status code."
-    return entry(*_MARCH)(march)
+    return entry(*_MARCH, told=told)(march)
 
 
 @inner
@@ -391,8 +391,9 @@ def extrapolate(nodes, legendre, last, h, h_last, p, out):
             out[c, i] = total
 
 
-_MANY = solve_many, solve_many_tangents, stage_factors, read_many
+_FEW = solve_stages, solve_tangents, empty_factors, read_modes, "the march of collocation"
+_MANY = solve_many, solve_many_tangents, stage_factors, read_many, f"{_FEW[-1]} of many components"
 MARCHES = {
-    False: marching("march_adaptive", solve_stages, solve_tangents, empty_factors, read_modes),
+    False: marching("march_adaptive", *_FEW),
     True: marching("march_many_adaptive", *_MANY),
 }

@@ -68,6 +68,11 @@ from .tangent import evaluate, push_tangents
 from .varying import read_varying
 from .watch import watch_turn
 
+_WAYS = {
+    "explicit": "explicit", "newton": "implicit", "imex": "implicit-explicit",
+    "sweeps": "predictor-corrector",
+}  # fmt: skip
+
 
 def marching(name, way, read=open_block):
     """Compile the march for one way of solving a step: "explicit", "newton", "imex" or "sweeps".
@@ -171,7 +176,9 @@ def marching(name, way, read=open_block):
 
     march.__name__ = march.__qualname__ = name
     march.__doc__ = "March to step `end`; return how it ended (compiled/block.py)."
-    return entry(*MARCH, fused=read is read_varying)(march)
+    kind = "varying orders" if read is read_varying else "constant orders"
+    told = f"the march of {_WAYS[way]} schemes with {kind}"
+    return entry(*MARCH, fused=read is read_varying, told=told)(march)
 
 
 MARCHES = {

@@ -15,7 +15,7 @@ _SINGLE_STEP = (
 )  # fmt: skip
 
 
-def single_step(name, solve, solve_for_tangents, factors):
+def single_step(name, solve, solve_for_tangents, factors, told):
     """Compile the solution of one step for one way of solving its equations."""
 
     def step(
@@ -49,10 +49,12 @@ def single_step(name, solve, solve_for_tangents, factors):
     base (1 + k, R, s) holds p(0) and the history of the orbit and its tangents; values (1 + k, 3,
     d, s) receives f, p and y at the nodes and holds a first guess of the orbit's p.
     """
-    return entry(*_SINGLE_STEP)(step)
+    return entry(*_SINGLE_STEP, told=told)(step)
 
 
+_FEW = solve_stages, solve_tangents, empty_factors, "the first step of collocation"
+_MANY = solve_many, solve_many_tangents, stage_factors, f"{_FEW[-1]} of many components"
 SINGLE_STEPS = {
-    False: single_step("solve_single_step", solve_stages, solve_tangents, empty_factors),
-    True: single_step("solve_single_step_of_many", solve_many, solve_many_tangents, stage_factors),
+    False: single_step("solve_single_step", *_FEW),
+    True: single_step("solve_single_step_of_many", *_MANY),
 }

@@ -1,0 +1,69 @@
+"""Compilation ahead of all that a first run would otherwise wait for."""
+
+import sys
+
+import numpy as np
+
+from .equation import Equation
+from .history.direct import Direct
+from .history.fft import FFT
+from .meshes import graded
+from .operators import Caputo
+from .schemes.adams import Adams
+from .schemes.bdf import BDF
+from .schemes.explicit import ExplicitCaputo
+from .schemes.imex import IMEX
+from .schemes.l1 import L1
+from .solver.progress import ProgressBar
+from .solver.solve import solve
+
+_MANY = 12
+
+
+def _decay(t, y):
+    return -y
+
+
+def _half(t):
+    return 0.5 + 0.0 * t
+
+
+def _runs():
+    """List short runs that need all compiled loops, one after the other: equation and how."""
+    one = Equation(Caputo(0.5), _decay, 1.0)
+    varying = Equation(Caputo(_half), _decay, 1.0)
+    wave = np.ones(_MANY)
+    dense = Equation(Caputo(0.5), _decay, wave)
+    band = Equation(Caputo(0.5), _decay, wave, bandwidth=(0, 0))
+    mixed = [
+        Equation(Caputo(np.linspace(0.5, 0.9, _MANY)), _decay, wave, bandwidth=width)
+        for width in (None, (0, 0))
+    ]
+    linear = Equation(Caputo(0.5), _decay, wave, linear=-np.eye(_MANY))
+    steps = {"n_steps": 40}
+    return [
+        *((one, steps | {"scheme": scheme}) for scheme in (ExplicitCaputo(), L1(), Adams())),
+        *((one, steps | {"history": history}) for history in (Direct(), FFT())),
+        (one, {"mesh": graded(40, 2.0), "scheme": L1()}),
+        *((varying, steps | {"scheme": scheme}) for scheme in (ExplicitCaputo(), L1())),
+        *((eq, steps | {"scheme": BDF(2)}) for eq in (dense, band)),
+        (linear, steps | {"scheme": IMEX(BDF(2))}),
+        *((eq, {"rtol": 1e-4}) for eq in (one, dense, band, *mixed)),
+    ]
+
+
+def compile_ahead():
+    """Compile all loops into the cache on disk; return the exit status of a command.
+
+    SuperLU's solvers and tangents need nothing more.
+    """
+    runs, bar = _runs(), ProgressBar(True)
+    for number, (equation, how) in enumerate(runs):
+        solution = solve(equation, 1.0, **how)
+        if not solution:
+            print(f"hereditary: {solution.message}", file=sys.stderr)
+            return 1
+        bar.update((number + 1) / len(runs))
+    bar.close()
+    print(f"compiled: {len(runs)} runs are ready")
+    return 0
