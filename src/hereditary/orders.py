@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -40,6 +41,7 @@ def merged_orders(orders: np.ndarray) -> np.ndarray:
     return first[np.searchsorted(values, orders)]
 
 
+@lru_cache(maxsize=1024)
 def derivative_order(alpha: float) -> int:
     """m = ceil(alpha), the derivative inside Caputo's operator."""
     return math.ceil(rounded_order(alpha))

@@ -1,14 +1,14 @@
 """Pieces of dense output: the solution on collocation steps."""
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
-from numpy.polynomial import legendre as leg
+from numpy.polynomial.legendre import legder, legint, legvander
 
 from ..solver.dense import Piece, last_start
 from .power_basis import PowerBasis
-from .quadrature import polynomial_integrals, through_start
+from .quadrature import through_start, to_legendre
 
 # Distance at which the slope at 0 is evaluated, and size beyond which it is infinite.
 _NEXT_TO_0, _STEEP = 1e-200, 1e12
@@ -95,21 +95,38 @@ class PolynomialPieces(Piece):
     def evaluate(self, t, second, derivative):
         """Return y, or y' for ``derivative=1``, at times t inside the steps, (k, d)."""
         i = np.clip(last_start(self.starts, t), 0, self.starts.size - 1)
-        s = self.rows.shape[2]
+        s, h = self.rows.shape[2], self.lengths[i, None]
         u = np.clip((t - self.starts[i]) / self.lengths[i], 0.0, 1.0)
-        rows, h = self.rows[i], self.lengths[i, None]
-        # polynomial through p at the start and at the nodes
-        values = np.concatenate([self.at_starts[i, 1, :, None], rows], axis=2)
-        coefficients = values @ through_start(s).T
-        if derivative:
-            slopes = np.einsum("kdj,kj->kd", coefficients, _slopes(u, s)) / h
-            return np.where(second, np.einsum("kdj,kj->kd", coefficients, _values(u, s)), slopes)
-        p = np.einsum("kdj,kj->kd", coefficients, _values(u, s))
-        if not second.any():
+        values = legvander(2 * u - 1, s)
+        if not derivative and second.all():
+            return self._positions(i, h, values)
+        p = np.einsum("kdj,kj->kd", self._coefficients[i], values)
+        if derivative and not second.all():
+            slopes = values[:, :-1] @ _derivatives(s)
+            steep = np.einsum("kdj,kj->kd", self._coefficients[i], slopes) / h
+            return np.where(second, p, steep)
+        if derivative or not second.any():
             return p
-        # integral of the polynomial through the nodes alone, so that y is continuous
-        position = h * np.einsum("kdj,kj->kd", rows, polynomial_integrals(s, 1.0, u))
-        return np.where(second, self.at_starts[i, 0] + position, p)
+        return np.where(second, self._positions(i, h, values), p)
+
+    @cached_property
+    def _coefficients(self):
+        """Legendre coefficients of the polynomials through p at start and nodes, (n, d, s + 1)."""
+        values = np.concatenate([self.at_starts[:, 1, :, None], self.rows], axis=2)
+        return values @ through_start(self.rows.shape[2]).T
+
+    @cached_property
+    def _integrated(self):
+        """Legendre coefficients of the integrals of those through the nodes alone, (n, d, s + 1).
+
+        With these y is continuous.
+        """
+        s = self.rows.shape[2]
+        return self.rows @ (_integrals(s) @ to_legendre(s)).T
+
+    def _positions(self, i, h, values):
+        """Return y as the integral of p in the steps i, (k, d); values (k, s + 1) of Legendre's."""
+        return self.at_starts[i, 0] + h * np.einsum("kdj,kj->kd", self._integrated[i], values)
 
     def at_ends(self, ends, chosen, second, slopes=True):
         """As `evaluate_both`, at the chosen ones of the steps' ends."""
@@ -129,16 +146,17 @@ def _end_weights(s):
 
     Weights of the slope there: a number and (s,); and of the integral, (s,).
     """
-    end = np.ones(1)
-    slope = (_slopes(end, s) @ through_start(s))[0]
-    return slope[0], slope[1:], polynomial_integrals(s, 1.0, end)[0]
+    slope = _derivatives(s).sum(axis=0) @ through_start(s)  # all polynomials are 1 at the end
+    return slope[0], slope[1:], _integrals(s).sum(axis=0) @ to_legendre(s)
 
 
-def _values(u, s):
-    """Return the shifted Legendre polynomials P_0 .. P_s at u, (k, s + 1)."""
-    return leg.legvander(2 * u - 1, s)
+@lru_cache(maxsize=16)
+def _derivatives(s):
+    """Return the derivatives of P_0 .. P_s, shifted, in terms of P_0 .. P_(s-1), (s, s + 1)."""
+    return 2 * legder(np.eye(s + 1))
 
 
-def _slopes(u, s):
-    """Return the derivatives in u of the shifted Legendre polynomials P_0 .. P_s, (k, s + 1)."""
-    return np.array([2 * leg.legval(2 * u - 1, leg.legder(row)) for row in np.eye(s + 1)]).T
+@lru_cache(maxsize=16)
+def _integrals(s):
+    """Return the integrals from 0 of P_0 .. P_(s-1) in terms of P_0 .. P_s, (s + 1, s)."""
+    return legint(np.eye(s), lbnd=-1) / 2

@@ -6,7 +6,8 @@ q_i**(n-2-m) u_m`` then hold all there is to know about the past.
 """
 
 from dataclasses import dataclass
-from typing import ClassVar
+from functools import lru_cache
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -85,24 +86,13 @@ class SumOfExponentials(History):
         # one block more than asked for: a lag is filled for whole blocks
         kernels = convolution.kernels()
         covered = self._covered(n_steps + n_block, kernels, n_steps)
-        rates, bank, pad, error = _bank(convolution, float(covered), float(self.tol))
-        shares, start_shares = convolution.modal(bank, 2, 0)
-        ahead, back = _powers(rates, n_block)
-        block_weights, block_start_weights = convolution.exact(n_block + 2)
-        first = convolution.first_modal
-        corrections = np.zeros((shares.shape[0], first))
-        corrections[:, 2:] = (
-            convolution.exact(first)[0][:, 2:] - shares @ _powers(rates, first)[0][:, : first - 2]
-        )
-        block_weights[:, 2:] = shares @ ahead
-        n_short = min(first, n_block + 2)
-        block_weights[:, :n_short] += corrections[:, :n_short]
-        block_start_weights[:, 2:n_block] = (start_shares @ ahead)[:, 2:]
-        sizes = (rates.size, convolution.n_starts * rates.size, first - 2)
+        # kernels of the user's may change between runs, powers do not
+        tabulate = _tabulated if kernels else _kept
+        tables, blocks, pad, error = tabulate(convolution, float(covered), self.tol, n_block)
+        n = tables[0].shape[1]
+        sizes = (n, convolution.n_starts * n, convolution.first_modal - 2)
         arrays = tuple(np.zeros((n_columns, k)) for k in sizes)
-        tables = (shares, start_shares, ahead, back, corrections)
-        blocks = (block_weights, block_start_weights)
-        return _Modes(tables, arrays, blocks, rates.size - pad, covered, error)
+        return _Modes(tables, arrays, blocks, n - pad, covered, error)
 
     def open_varying(self, schedule: Schedule, n_columns: int, n_steps: int) -> Memory:
         """A fresh memory where orders vary; see `History.open_varying`."""
@@ -132,6 +122,37 @@ class SumOfExponentials(History):
         arrays = tuple(np.zeros((n_columns, k)) for k in (rates.size, 0, 0))
         covers = Span(shortest, farthest) if rates.size else None
         return MeshMemory(exchange_mesh_modes, sums, kinds, arrays, rates.size, covers)
+
+
+class _Tabulated(NamedTuple):
+    """Tables of `exchange_modes`, block weights, modes of the padding, and the kernels' error."""
+
+    tables: tuple
+    blocks: tuple
+    pad: int
+    error: float
+
+
+def _tabulated(convolution, covered, tol, n_block):
+    """Work out the tables of a convolution over so many steps, for blocks of `n_block` steps."""
+    rates, bank, pad, error = _bank(convolution, covered, float(tol))
+    shares, start_shares = convolution.modal(bank, 2, 0)
+    ahead, back = _powers(rates, n_block)
+    block_weights, block_start_weights = convolution.exact(n_block + 2)
+    first = convolution.first_modal
+    corrections = np.zeros((shares.shape[0], first))
+    corrections[:, 2:] = (
+        convolution.exact(first)[0][:, 2:] - shares @ _powers(rates, first)[0][:, : first - 2]
+    )
+    block_weights[:, 2:] = shares @ ahead
+    n_short = min(first, n_block + 2)
+    block_weights[:, :n_short] += corrections[:, :n_short]
+    block_start_weights[:, 2:n_block] = (start_shares @ ahead)[:, 2:]
+    tables = (shares, start_shares, ahead, back, corrections)
+    return _Tabulated(tables, (block_weights, block_start_weights), pad, error)
+
+
+_kept = lru_cache(maxsize=64)(_tabulated)
 
 
 def _mesh_modes(sums, m, nearest, farthest, tol):

@@ -62,12 +62,11 @@ class Dense:
             raise ValueError(complaint("t", required, f"shape {times.shape}", remedy))
         if not self._pieces:
             raise ValueError(complaint("t", "wait for a run that made a step", shown(times)))
-        starts = np.array(self._starts)
-        start = starts[0] + self._frame.start
+        start = self._starts[0] + self._frame.start
         if not np.all((times >= start) & (times <= end)):
             required = f"lie in [{start}, {end}]"
             raise ValueError(complaint("t", required, shown(times)))
-        times = np.maximum(times - self._frame.start, starts[0])
+        times = np.maximum(times - self._frame.start, self._starts[0])
         out = self._evaluate(times, derivative)
         if derivative:
             inside = self._evaluate(times, 0) if self._frame.speeds else out
@@ -78,8 +77,10 @@ class Dense:
 
     def _evaluate(self, times, derivative):
         """Return the components inside, or their slopes, at times inside, (k, d)."""
-        out = np.empty((times.size, self._second.size))
         where = last_start(np.array(self._starts), times)
+        if times.size and np.all(where == where[0]):
+            return self._pieces[where[0]].evaluate(times, self._second, derivative)
+        out = np.empty((times.size, self._second.size))
         for k in np.unique(where):
             chosen = where == k
             out[chosen] = self._pieces[k].evaluate(times[chosen], self._second, derivative)

@@ -58,12 +58,16 @@ class JacobianWatch:
         made = self._last(n) - self._first
         self._look(self._region, jacobians[:made], self._first + np.arange(made))
         others = jacobians[self._n_samples :]
+        if len(others) == 0:
+            return
         values = others if self._structure is None else others[:, VALUES : VALUES + 1]
         taken = np.flatnonzero(values.any(axis=(1, 2)))
         self._look(self._region, others[taken], self._stretch + taken)
 
     def _look(self, region, jacobians, places):
         """Look at Jacobians taken at these multiples of `every`."""
+        if len(jacobians) == 0:
+            return
         steps = places * self.every
         if self._structure is not None:
             jacobians = [self._structure.matrix(entries[VALUES]) for entries in jacobians]
