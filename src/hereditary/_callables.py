@@ -250,6 +250,8 @@ def _compare(name, fun, arity, compiled, values, start):
 
 def _close(values, expected):
     """Return whether values agree to 1e-8."""
+    if np.array_equal(values, expected):  # in a tenth of the time
+        return True
     return np.allclose(values, expected, rtol=1e-8, atol=1e-12 * np.abs(expected).max(initial=0.0))
 
 

@@ -1,0 +1,106 @@
+"""Short runs: what set-up, a new order and dense output cost beside the steps themselves.
+
+Relaxation y(0) = 1, D^alpha y = -y, and the stick-slip oscillator, warm, best of several. Claims:
+
+* forty steps of any scheme take less time than SciPy's `solve_ivp` for y' = -y to t = 5 at rtol =
+  1e-8, and `Collocation` at that tolerance less than three times as much;
+* an order never seen before costs less than four runs with one that was;
+* one point of dense output costs less than ten of SciPy's, and many less than four times as much
+  each.
+"""
+
+import time
+
+import matplotlib.pyplot as plt
+import numpy as np
+from _study import Study, check
+from scipy.integrate import solve_ivp
+
+import hereditary as hd
+
+POINTS = np.linspace(0.0, 5.0, 100_000)
+
+
+def decay(t, y):
+    return -y
+
+
+def best(run, repeats, times=8):
+    """Return the least mean of `repeats` runs, in milliseconds."""
+    run()
+    found = []
+    for _ in range(times):
+        began = time.perf_counter()
+        for _ in range(repeats):
+            run()
+        found.append((time.perf_counter() - began) / repeats)
+    return 1e3 * min(found)
+
+
+def measure(quick):
+    """Return milliseconds by name."""
+    repeats, random = 5 if quick else 30, np.random.default_rng(0)
+    half = hd.Equation(hd.Caputo(0.5), decay, 1.0)
+    ours = hd.solve(half, 5.0, rtol=1e-8)
+    how = {"rtol": 1e-8, "atol": 1e-10, "dense_output": True}
+    theirs = solve_ivp(decay, (0.0, 5.0), [1.0], **how).sol
+
+    def unseen():
+        order = random.uniform(0.3, 0.95)
+        hd.solve(hd.Equation(hd.Caputo(order), decay, 1.0), 5.0, rtol=1e-8)
+
+    schemes = (hd.ExplicitCaputo(), hd.L1(), hd.BDF(2), hd.Adams())
+    runs = {
+        "solve_ivp, rtol 1e-8": lambda: solve_ivp(decay, (0.0, 5.0), [1.0], **how),
+        **{
+            f"40 steps, {type(scheme).__name__}": lambda scheme=scheme: hd.solve(
+                half, 5.0, 40, scheme=scheme
+            )
+            for scheme in schemes
+        },
+        "Collocation, rtol 1e-3": lambda: hd.solve(half, 5.0, rtol=1e-3),
+        "Collocation, rtol 1e-8": lambda: hd.solve(half, 5.0, rtol=1e-8),
+        "Collocation, a new order": unseen,
+        "dense output, one point": lambda: ours(1.234),
+        "solve_ivp's, one point": lambda: theirs(1.234),
+    }
+    found = {name: best(run, repeats) for name, run in runs.items()}
+    # in nanoseconds a point
+    found["dense output, each of many"] = best(lambda: ours(POINTS), 1) / POINTS.size
+    found["solve_ivp's, each of many"] = best(lambda: theirs(POINTS), 1) / POINTS.size
+    return found
+
+
+def main():
+    study = Study(__file__, __doc__)
+    found = measure(study.quick)
+    study.write([{"what": name, "milliseconds": f"{value:.3g}"} for name, value in found.items()])
+    rows = {row["what"]: row["milliseconds"] for row in study.read()}
+    scipy = rows["solve_ivp, rtol 1e-8"]
+    slowest = max(value for name, value in rows.items() if name.startswith("40 steps"))
+    for text, ratio, limit in (
+        ("forty steps", slowest / scipy, 1),
+        ("Collocation", rows["Collocation, rtol 1e-8"] / scipy, 3),
+        (
+            "a new order over one that was seen",
+            rows["Collocation, a new order"] / rows["Collocation, rtol 1e-8"],
+            4,
+        ),
+        ("one point", rows["dense output, one point"] / rows["solve_ivp's, one point"], 10),
+        (
+            "each of many points",
+            rows["dense output, each of many"] / rows["solve_ivp's, each of many"],
+            4,
+        ),
+    ):
+        check(f"{text}: {ratio:.1f} times (below {limit})", ratio < limit, study.quick)
+    timed = {name: value for name, value in rows.items() if "many" not in name}
+    figure, ax = plt.subplots(figsize=(7, 3.5), layout="constrained")
+    ax.barh(list(timed), list(timed.values()))
+    ax.invert_yaxis()
+    ax.set(xlabel="milliseconds, best of several", title="Short runs", xscale="log")
+    study.save(figure)
+
+
+if __name__ == "__main__":
+    main()
