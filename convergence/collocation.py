@@ -380,8 +380,9 @@ def write_run(study):
     sol = hd.solve(equation, t_end, rtol=1e-8, scheme=SCHEME)
     stepper, modes = AdaptiveStepper(equation, SCHEME, t_end, 1e-8, 1e-10), []
     while stepper.t < t_end:
-        stepper.advance(t_end, 1)
-        modes.append(stepper.n_modes)
+        before = stepper.n_steps
+        stepper.advance(t_end)
+        modes += [stepper.n_modes] * (stepper.n_steps - before)
     off = np.abs(sol(truth.t) - truth.y)[:, 0]
     step = np.clip(np.searchsorted(sol.t, truth.t) - 1, 0, sol.t.size - 2)
     errors = np.zeros(sol.t.size - 1)

@@ -72,7 +72,10 @@ class _Pending(Memory):
             np.pad(array, ((0, 0), (0, max(0, capacity - array.shape[1])))) if grows else array
             for array, grows in zip(self.arrays, (True, False, True), strict=True)
         )
-        n_tables = capacity + self._n_block + 1
+        # the largest square that ends before step n_end asks for weights of twice its length
+        blocks = (n_end - 1) // self._stretch
+        square = self._stretch << (blocks.bit_length() - 1) if blocks else 0
+        n_tables = max(capacity + self._n_block, 2 * square) + 1
         if self.tables[0].shape[1] < n_tables:
             self.tables = (*self._convolution.exact(n_tables), *self.tables[2:])
 
