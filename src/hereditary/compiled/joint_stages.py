@@ -48,28 +48,19 @@ def linear_solver(stage):
     )
 
 
-@compiled
-def joint_dense(task, values, stage):
-    """Factorise the system with a dense Jacobian, or solve it for nodal values; 0 if done."""
-    if task == FACTORISE:
-        set_joint(stage)
-    unknowns = values.reshape(values.size)
-    return dense_solver(task, 0, stage.joint, unknowns, linear_solver(stage))
+def joint_stages(name, solver):
+    """Compile the solution of the system by one of the real linear solvers."""
+
+    def solve(task, values, stage):
+        if task == FACTORISE:
+            set_joint(stage)
+        return solver(task, 0, stage.joint, values.reshape(values.size), linear_solver(stage))
+
+    solve.__name__ = solve.__qualname__ = name
+    solve.__doc__ = "Factorise the system of all stages, or solve it for nodal values; 0 if done."
+    return compiled(solve)
 
 
-@compiled
-def joint_banded(task, values, stage):
-    """As `joint_dense`, with a banded Jacobian, by LAPACK."""
-    if task == FACTORISE:
-        set_joint(stage)
-    unknowns = values.reshape(values.size)
-    return banded_solver(task, 0, stage.joint, unknowns, linear_solver(stage))
-
-
-@compiled
-def joint_sparse(task, values, stage):
-    """As `joint_dense`, with a sparse Jacobian, in Python."""
-    if task == FACTORISE:
-        set_joint(stage)
-    unknowns = values.reshape(values.size)
-    return sparse_solver(task, 0, stage.joint, unknowns, linear_solver(stage))
+joint_dense = joint_stages("joint_dense", dense_solver)
+joint_banded = joint_stages("joint_banded", banded_solver)
+joint_sparse = joint_stages("joint_sparse", sparse_solver)
