@@ -119,6 +119,11 @@ def _linked(fun, loose):
     how: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
     how["pipeline_class"] = LinkedCompiler
     dispatcher = njit(nogil=True, error_model="numpy", fastmath=loose, **how)(fun)
+    return _for_callers(dispatcher)
+
+
+def _for_callers(dispatcher):
+    """Let Python run the source of a function that is compiled for compiled callers alone."""
     if not config.DISABLE_JIT:
         _guard(dispatcher)
         dispatcher.__class__ = _Inner
@@ -136,9 +141,9 @@ def inlined(fun):
     """Compile `fun` into its callers.
 
     For a few lines in a step loop that touch many arrays: handing those to a function costs 45 ns a
-    call in reference counting.
+    call in reference counting. Called from Python its source is run.
     """
-    return njit(inline="always")(fun)
+    return _for_callers(njit(inline="always")(fun))
 
 
 def derived(fun):
