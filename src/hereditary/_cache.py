@@ -6,6 +6,7 @@ import pickle
 import re
 import sys
 import warnings
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -51,8 +52,9 @@ class CodeCache:
             found = entries and entries.load_overload(sig, target_context)
         except Exception:  # a damaged entry may raise anything
             self._attempt(entries.flush)
-        if found is None and self._told:
-            print(f"hereditary: compiling {self._told}, once on this machine ...", file=sys.stderr)
+        if found is None and self._told and sys.stderr is not None:
+            with suppress(OSError, ValueError):  # of a stream that is closed
+                sys.stderr.write(f"hereditary: compiling {self._told}, once on this machine ...\n")
         return found
 
     def save_overload(self, sig, data):

@@ -387,3 +387,18 @@ def test_nothing_is_lost_before_the_first_row_asked_for():
     assert repr(sol).endswith("0 rows of 1 components)")
     rest = hd.solve(swing, 10.0, resume=sol.state, t_eval=[8.0, 9.0])
     np.testing.assert_allclose(rest.y, hd.solve(swing, 10.0, rtol=1e-8)(rest.t), atol=1e-6)
+
+
+def test_signs_in_a_state_are_those_of_the_run():
+    """A state is made when it is asked for; an event function may be another by then."""
+
+    class Below:
+        level = 0.1
+
+        def __call__(self, t, y):
+            return y[0] - self.level
+
+    below, eq = Below(), hd.Equation(hd.Caputo(0.7), lambda t, y: -y, 1.0)
+    first = hd.solve(eq, 1.0, rtol=1e-8, events=below)
+    below.level = 0.45
+    assert hd.solve(eq, 3.0, resume=first.state, events=below).t_events[0].size == 0

@@ -49,6 +49,54 @@ def test_steps_begin_anew_at_breaks(scheme):
     assert sol.stats["n_steps"] < 1500
 
 
+def test_a_corner_that_no_clock_resolves_is_not_called_within_the_tolerance():
+    """Steps behind the break are as long as the clock tells apart, on all meshes."""
+    eq = hd.Equation(hd.Caputo(0.2), lambda t, y: -y + np.where(t > 1e4, 5.0, -5.0), 0.5)
+    with pytest.warns(hd.SolveWarning):
+        sol = hd.solve(eq, 1e4 + 3, rtol=1e-3, scheme=hd.L1(), breaks=[1e4], max_steps=4000)
+    truth = hd.solve(eq, 1e4 + 3, rtol=1e-8, breaks=[1e4])
+    scales = 0.01 + np.maximum.accumulate(np.abs(sol.y), axis=0)
+    assert np.max(np.abs(sol.y - truth(sol.t)) / scales) < sol.stats["error_estimate"]
+
+
+@pytest.mark.parametrize("rate", [1e2, 1e5])
+@pytest.mark.parametrize("scheme", SCHEMES)
+def test_stiff_layers_are_resolved_between_the_steps_as_well(scheme, rate):
+    """The first step counts, which no coarser mesh has; neighbours of other lengths have lines.
+
+    Between the times of the mesh the solution errs up to three tolerances.
+    """
+    sol = hd.solve(relaxation(0.3, rate), 1.0, rtol=1e-2, scheme=scheme)
+    times = np.geomspace(1e-24, 1.0, 400)
+    truth = np.array([mittag_leffler(-rate * t**0.3, 0.3, 1.0) for t in times])
+    assert np.abs(sol(times)[:, 0] - truth).max() < 3e-2
+    check(sol, hd.solve(relaxation(0.3, rate), 1.0, rtol=1e-9)(sol.t), 1e-2)
+
+
+def test_a_terminal_event_on_a_mesh_that_does_not_suffice_is_no_success():
+    def below(t, y):
+        return y[0] - 0.3
+
+    below.terminal = True
+    with pytest.warns(hd.SolveWarning, match="times it"):
+        sol = hd.solve(
+            relaxation(0.9, 1.0), 5.0, rtol=1e-6, scheme=hd.L1(), events=below, max_steps=60
+        )
+    assert not sol.success
+    assert sol.t_events[0].size == 1
+
+
+@pytest.mark.parametrize("changes", [{}, {"params": 3.0}])
+@pytest.mark.parametrize("t_end", [1.0001, 2.0])
+def test_steps_after_a_state_are_no_shorter_than_its_modes_allow(t_end, changes):
+    eq = relaxation(0.7, 1.0)
+    state = hd.solve(eq, 1.0, rtol=1e-3, scheme=hd.L2()).state
+    sol = hd.solve(eq, t_end, rtol=1e-3, scheme=hd.L2(), resume=state, **changes)
+    begun = hd.solve(eq, 1.0, rtol=1e-9).state
+    truth = hd.solve(eq, t_end, resume=begun, **changes)
+    assert abs(sol.y[-1, 0] - truth.y[-1, 0]) < 2e-3
+
+
 def test_runs_go_on_from_states():
     eq = hd.Equation(hd.Caputo([0.9, 0.7]), lambda t, y: np.array([y[1], -y[0]]), [1.0, 0.0])
     truth = hd.solve(eq, 6.0, rtol=1e-9)
@@ -88,7 +136,7 @@ def test_every_call_of_the_right_hand_side_counts():
 
 
 def test_a_mesh_that_does_not_suffice_says_so():
-    with pytest.warns(hd.SolveWarning, match="times as large"):
+    with pytest.warns(hd.SolveWarning, match="times it"):
         sol = hd.solve(relaxation(0.9, 1.0), 5.0, rtol=1e-5, scheme=hd.L1(), max_steps=400)
     assert sol.status == "step_too_small"
     assert sol.stats["n_steps"] <= 400

@@ -7,6 +7,8 @@ from .jacobian import jacobian
 
 # Fraction of the limit from which a Jacobian tells for sure; one is taken again at twice as much.
 LOOK_FROM = 0.9
+# Ratio of neighbouring steps from which no parabola tells the slope.
+_STEEP = 8.0
 # how a march ended
 RUNNING, BLOWN_UP, NOT_SOLVED = 0, 1, 2
 
@@ -76,10 +78,14 @@ def begin_others(starts, values, first, n_starts, groups, weights, lag, start):
 
 
 @inlined
-def write_row(k, rows, slopes, x, u, d, h):
-    """Write row k, with the slope at its end of the parabola through the last three values."""
+def write_row(k, rows, slopes, x, u, d, h, ratio):
+    """Write row k, with the slope at its end of the parabola through the last three values.
+
+    Where steps grow or shrink by more than _STEEP at once, that of a line.
+    """
+    lean = 0.5 if ratio <= _STEEP and _STEEP * ratio >= 1.0 else 0.0
     for c in range(rows.shape[1]):
-        rows[k, c], slopes[k, c] = x[c], (u[c] + 0.5 * d[c]) / h
+        rows[k, c], slopes[k, c] = x[c], (u[c] + lean * d[c]) / h
 
 
 @inlined

@@ -169,7 +169,7 @@ def marching(name, way, read=open_block):
                 begin_start(p, known, p + 1, n_starts, groups, start_weights, lag, start)
             counts.step = n + 1
             if rows_out.shape[0] > 0:
-                write_row(n - begun, rows_out, slopes, x, u, d, unit[i])
+                write_row(n - begun, rows_out, slopes, x, u, d, unit[i], ratio[i])
             if not bounded(orbit):
                 return BLOWN_UP
         return RUNNING

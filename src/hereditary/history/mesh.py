@@ -27,7 +27,7 @@ class MeshMemory(Memory):
         times = np.ascontiguousarray(sums.times.reshape(1, -1))
         first, second, derivatives = kinds
         tables = (times, sums.rows.lead, theta, first, second, sums.rule, kind, derivatives)
-        none = np.zeros((1, 0))
+        none = np.zeros((len(sums.factors), 0))
         super().__init__(exchange, tables, arrays, none, none)
         self._how, self.n_modes, self._covers = (exchange, sums, kinds), n_modes, covers
         self._mesh = sums.times

@@ -45,7 +45,7 @@ class VaryingMemory(Memory):
     """
 
     def __init__(self, exchange, own, arrays, schedule):
-        empty = np.zeros((1, 0))
+        empty = np.zeros((schedule.rows.lead.shape[0], 0))
         common = (
             schedule.numbers,
             schedule.rows.lead,

@@ -40,9 +40,7 @@ def open_adaptively(
     equation, scheme, history, t_end, rtol, atol, max_step, max_steps, resume, allow_change
 ):
     """Stepper that chooses its steps by the tolerance, and the time of its end."""
-    farthest = _FARTHEST ** (1 / max(1.0, float(equation.highest_orders().max())))
-    interval = f"[{1 / _FARTHEST:g}, {farthest:g}]"
-    within("t_end", t_end, 1 / _FARTHEST, farthest, interval, "take another unit of time")
+    check_end(t_end, equation)
     modes_tol = modes_tolerance(history)
     if resume is not None:
         rtol = resume.rtol if rtol is None else rtol
@@ -57,6 +55,13 @@ def open_adaptively(
         required = f"be left out or ask for modes as the state has them, to {resume.modes_tol:g}"
         raise ValueError(complaint("history", required, f"to {stepper.modes_tol:g}"))
     return resumed(stepper, resume, allow_change), t_end
+
+
+def check_end(t_end, equation):
+    """Refuse ends of a run whose powers are no numbers of double precision."""
+    farthest = _FARTHEST ** (1 / max(1.0, float(equation.highest_orders().max())))
+    interval = f"[{1 / _FARTHEST:g}, {farthest:g}]"
+    within("t_end", t_end, 1 / _FARTHEST, farthest, interval, "take another unit of time")
 
 
 def tolerances(rtol, atol):

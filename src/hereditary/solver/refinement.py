@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .._checks import complaint
-from .opening import open_on_steps
+from .opening import check_end, open_on_steps
 from .progress import Interruption
 from .status import Status
 from .stops import APART, breaks_ahead
@@ -16,8 +16,9 @@ from .stops import APART, breaks_ahead
 _FIRST_STEPS, MOST_STEPS = 24, 2**17
 # Least and largest factor of the number of steps from one mesh to the next, and a margin.
 _LEAST, _LARGEST, _MARGIN = 1.5, 8.0, 1.2
-# Factor of the change that stands for the error; of first order they are equal in the limit.
-_SAFE = 2.0
+# Factor of the change that stands for the error, which of first order they equal in the limit; and
+# part of the change over a first step that its error may be, where no coarser mesh tells.
+_SAFE, _FIRST = 2.0, 0.35
 # Largest exponent with which a mesh is refined towards a singular point.
 _STEEPEST = 10.0
 # Part of the steps that are spread evenly over time, whatever the solution does.
@@ -68,12 +69,14 @@ def open_refined(
 ):
     """Return a stepper on a mesh whose errors are within the tolerance, and its last step number.
 
-    The errors of a mesh are those by which the solution changes when every step is halved, which
-    from first order on is no less than what is left; they are compared with ``atol + rtol`` times
-    the largest value so far of each component. Steps are then spread so that each is worth the same
-    of ``sqrt(|y''| / tolerance)``, and their number follows the order. Where no mesh of at most
-    `max_steps` steps suffices, the finest one is taken; `measured` tells its error.
+    The error of a mesh is taken as twice the change of the solution when every step is halved,
+    which from first order on is no less than what is left, or as a third of the change over the
+    first step from a singular point, which no coarser mesh has; it is compared with ``atol + rtol``
+    times the largest value so far of each component. Steps are then spread so that each is worth
+    the same of ``sqrt(|y''| / tolerance)``, and their number follows the order. Where no mesh of at
+    most `max_steps` steps suffices, the finest one is taken; `measured` tells its error.
     """
+    check_end(t_end, equation)
     if not history.takes_meshes:
         required = "be SumOfExponentials or Direct where rtol refines a mesh"
         raise ValueError(complaint("history", required, repr(history)))
@@ -84,7 +87,10 @@ def open_refined(
         stepper.set_breaks(breaks, t_end)
         return stepper, n
 
-    start = 0.0 if resume is None else resume.t
+    start, least = 0.0, np.zeros(2)
+    least[1] = 4 * np.finfo(float).eps * abs(equation.frame.start)  # the user's clock
+    if resume is not None:
+        start, least[0] = resume.t, resume.memory_steps.shortest if resume.h == 0 else 0.0
     highest = equation.highest_orders()
     power = min(_STEEPEST, 2.0 / float(highest.min()))
     order = scheme.order(float(highest.max()))
@@ -97,9 +103,9 @@ def open_refined(
         Stretch(places[k : k + 2], even * (places[k + 1] - places[k]), p)
         for k, p in enumerate(powers)
     ]
-    n, calls = _FIRST_STEPS, 0
+    n, calls = min(_FIRST_STEPS, max(2, max_steps // 2)), 0
     while True:
-        times, kept = _mesh(stretches, n)
+        times, kept = _mesh(stretches, n, least.max())
         error, trial = np.inf, _march(*opened(times[kept]))
         calls += trial.n_rhs
         if trial.trouble is None:
@@ -108,6 +114,8 @@ def open_refined(
         if trial.trouble is None:
             scales = _scales(trial.rows, tolerances)
             error = _SAFE * float(np.max(np.abs(trial.rows[kept] - coarse.rows) / scales[kept]))
+            singular = places[:-1][np.array(powers) > 1]
+            error = max(error, _FIRST * _first_changes(trial, scales, singular))
             stretches = _spread(trial, scales, places, powers)
         lost = trial.trouble not in (None, Status.NOT_SOLVED, Status.BLOWN_UP)
         if error <= 1 or lost or 2 * n >= max_steps:
@@ -119,23 +127,31 @@ def open_refined(
     return stepper, last
 
 
-def _mesh(stretches, n):
-    """Return a mesh of about 2 n steps, and which of its times are those of n steps."""
+def _first_changes(trial, scales, places):
+    """Return the largest change over a first step from these times, in units of the tolerance."""
+    after = np.searchsorted(trial.times, places) + 1
+    changes = np.abs(trial.rows[after] - trial.rows[after - 1])
+    return float(np.max(changes / scales[after], initial=0.0))
+
+
+def _mesh(stretches, n, least):
+    """Return a mesh of about 2 n steps, and which of its times are those of n steps.
+
+    Steps are no shorter than `least`, and than what a clock tells apart.
+    """
     total = sum(stretch.worth[-1] for stretch in stretches)
-    parts, kept = [stretches[0].ends[:1]], [np.array([True])]
+    parts, numbers = [stretches[0].ends[:1]], [np.zeros(1)]
     for stretch in stretches:
         own = max(2, round(n * stretch.worth[-1] / total))
         parts.append(stretch.times(2 * own)[1:])
-        kept.append(np.arange(1, 2 * own + 1) % 2 == 0)
-    times, chosen = np.concatenate(parts), np.concatenate(kept)
-    # steps next to a singular point may be too short for a clock
-    ends = np.isin(times, [stretch.ends[-1] for stretch in stretches])
-    apart = np.diff(times, prepend=-np.inf) > APART * times
-    before = np.append(times[1:] - times[:-1] <= APART * times[1:], False) & np.append(
-        ends[1:], False
-    )
-    good = (apart | ends) & ~before
-    return times[good], chosen[good]
+        numbers.append(np.arange(1, 2 * own + 1) % (2 * own))
+    times, number = np.concatenate(parts), np.concatenate(numbers)
+    chosen, ends = number % 2 == 0, number == 0
+    close = np.diff(times) <= np.maximum(APART * times[1:], least)
+    # of two times that are too close the later one goes, but for ends of stretches
+    left_out = np.append(False, close & ~ends[1:]) | np.append(close & ends[1:], False)
+    left_out[0] = False
+    return times[~left_out], chosen[~left_out]
 
 
 def _march(stepper, n):
@@ -166,8 +182,11 @@ def _spread(trial, scales, places, powers):
         steps = np.diff(times)
         slopes = np.diff(rows, axis=0) / steps[:, None]
         bends = 2 * np.abs(np.diff(slopes, axis=0)) / (steps[1:] + steps[:-1])[:, None]
-        density = np.sqrt((bends / scales[own][1:-1]).max(axis=1))
-        density = np.maximum(np.append(density[:1] * power, density), np.append(density, 0.0))
+        inside = np.sqrt((bends / scales[own][1:-1]).max(axis=1))
+        density = np.zeros(steps.size)  # of a single step there is no bend
+        density[1:] = inside
+        density[:-1] = np.maximum(density[:-1], inside)
+        density[0] *= power
         found.append((times, steps, density))
     length = places[-1] - places[0]
     even = _EVEN * sum(float(steps @ density) for _, steps, density in found) / length

@@ -11,6 +11,9 @@ from .progress import Interruption, ProgressBar
 from .solution import Solution, warn_of
 from .status import Status
 
+# Bytes of a history that a solution may hold on to besides its state.
+_LITTLE = 100_000
+
 
 class Drive:
     """Takes a march to given positions, and says how it ended where it does not get there.
@@ -76,13 +79,16 @@ def run(stepper, stop, t_end, output, reactions, progress, began):
             ended = Drive(stepper, stop, advance, interruption, bar).to(stop)
     finally:
         bar.close()
-    status, detail = ended or (reached_end(stepper), _too_large(stepper))
+    status, detail = ended or (reached_end(stepper), "")
+    if _too_large(stepper) and status in (Status.STEP_TOO_SMALL, Status.EVENT):
+        status, detail = Status.STEP_TOO_SMALL, _too_large(stepper)
+    signs = events.signs()
     t, y, ydot, dense = output.close(t_end)
     seconds = {"setup_seconds": ready - began, "run_seconds": time.perf_counter() - ready}
-    frame = stepper.equation.frame
+    frame, stats = stepper.equation.frame, _stats(stepper) | seconds
 
     def left():
-        return replace(stepper.state(), event_signs=events.signs())
+        return replace(stepper.state(), event_signs=signs)
 
     solution = Solution(
         t=t,
@@ -90,10 +96,10 @@ def run(stepper, stop, t_end, output, reactions, progress, began):
         ydot=frame.slopes(y, ydot) if stepper.equation.m == 2 or frame.speeds else None,
         status=status,
         message=told(stepper, status, detail),
-        stats=_stats(stepper) | seconds,
-        # of few components made when asked for: it takes as long as some steps do; with more the
-        # march holds matrices, which are not kept for it
-        left=left if stepper.equation.d <= FEW else left(),
+        stats=stats,
+        # a small one is made when asked for: it takes as long as some steps do; the march that is
+        # kept for it holds more than that, which for few components is little
+        left=left if stepper.equation.d <= FEW and stats["history_bytes"] <= _LITTLE else left(),
         dense=dense,
         t_events=[np.array(times) + frame.start for times in events.times],
         y_events=[
@@ -109,7 +115,9 @@ def _too_large(stepper):
     measured = stepper.measured
     if measured is None or measured.error <= 1:
         return ""
-    return f"with max_steps, errors are some {measured.error:.2g} times as large"
+    return (
+        f"on the finest mesh that max_steps allows, errors are some {measured.error:.2g} times it"
+    )
 
 
 def _stats(stepper):

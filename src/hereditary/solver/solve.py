@@ -65,16 +65,16 @@ def solve(
         Tolerances of `Collocation`, which chooses its own steps: errors of y, and of y' where the
         order exceeds 1, stay about ``atol + rtol * size``, with atol / max(1, t) for y'. rtol is
         1e-6 by default and at least 1e-12, atol a hundredth of rtol; when resuming, both are
-        the state's. With L1, L2, L2Sigma and constant orders: a mesh is refined until y changes by
-        less than half of that, ``size`` being the largest value so far, when steps are halved.
+        the state's. With L1, L2, L2Sigma or IMEX(L1()), which must be named, and constant orders: a
+        mesh is refined until y changes by less than half of that, ``size`` being the largest value
+        so far, when steps are halved.
     mesh : Graded or array_like, shape (n+1,), optional
         Instead of n_steps: ``graded(n, exponent)`` or times that increase from t_start to t_end.
-        For L1, L2 and L2Sigma with orders up to 1 (L2Sigma also above), with Direct or
-        SumOfExponentials. When resuming such a run, times from the state's on, or ``graded`` over
-        what is left.
+        For L2 with orders up to 1, L1 and L2Sigma with any, with Direct or SumOfExponentials. When
+        resuming such a run, times from the state's on, or ``graded`` over what is left.
     scheme : Scheme, optional
         Default ``ExplicitCaputo()``, or ``Collocation()`` where `rtol` is given; the state's when
-        resuming.
+        resuming without `rtol`.
     history : History, optional
         Default ``SumOfExponentials(tol=1e-10)``, the state's when resuming.
     save_every : int, optional
@@ -135,7 +135,7 @@ def solve(
     TypeError, ValueError
         An argument is not as required; nothing has been run.
     KeyboardInterrupt
-        Ctrl-C came when the run had just reached its end.
+        Ctrl-C came when the run had just reached its end, or while a mesh was refined.
 
     Warns
     -----
@@ -200,7 +200,7 @@ def solve(
     if kinds and rtol is not None and not scheme.adaptive:
         required = "change, forget and switch nothing where rtol refines a mesh"
         got, remedy = ", ".join(sorted(kinds)), "take Collocation, or give steps"
-        raise ValueError(complaint("events", required, got, remedy))
+        raise ValueError(complaint("switches" if jumping else "events", required, got, remedy))
     asked = n_steps, rtol, atol, mesh, max_step, max_steps, breaks, resume, allow_change
     stepper, stop = open_run(system, scheme, history, t_end, Asked(*asked))
     signs = {} if resume is None else resume.event_signs

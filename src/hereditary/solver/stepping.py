@@ -44,7 +44,9 @@ def open_run(system, scheme, history, t_end, asked: Asked):
         run = system, scheme, history, t_end
         reason = "or come with scheme=Collocation()"
         if rtol is None or not scheme.takes_meshes:
-            _refuse(reason, rtol=rtol, atol=atol, max_step=max_step, max_steps=max_steps)
+            _refuse(reason, rtol=rtol, max_step=max_step)
+            reason = "or come with rtol" if scheme.takes_meshes else reason
+            _refuse(reason, atol=atol, max_steps=max_steps)
             stepper, stop = open_on_steps(*run, asked.n_steps, asked.mesh, resume, allow_change)
         else:
             _refuse(reason, max_step=max_step)
