@@ -53,8 +53,9 @@ class CodeCache:
         except Exception:  # a damaged entry may raise anything
             self._attempt(entries.flush)
         if found is None and self._told and sys.stderr is not None:
+            once = ", once on this machine" if entries is not None else ""
             with suppress(OSError, ValueError):  # of a stream that is closed
-                sys.stderr.write(f"hereditary: compiling {self._told}, once on this machine ...\n")
+                sys.stderr.write(f"hereditary: compiling {self._told}{once} ...\n")
         return found
 
     def save_overload(self, sig, data):
