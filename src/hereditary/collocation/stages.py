@@ -94,7 +94,11 @@ def _solver(function, form, s, held=None, *, order, **given):
         second[form.kinds] = form.second
     complex_room = [np.zeros(size, complex) for size in (s, (s, s), (s, s))]
     defaults = {"lower": 0, "upper": 0, "lapack": 0, "lapack_solve": 0, "python": 0, "hold": 0}
-    none: dict[str, Any] = {"factors": np.empty((0, 0, 0), complex), "joint": np.empty((0, 0))}
+    none: dict[str, Any] = {
+        "factors": np.empty((0, 0, 0), complex),
+        "dense": np.empty((0, 0, 0)),
+        "joint": np.empty((0, 0)),
+    }
     shifts, back, forth = complex_room
     stages = Stages(
         order=order.astype(np.int64),
@@ -105,6 +109,6 @@ def _solver(function, form, s, held=None, *, order, **given):
         back=back,
         forth=forth,
         control=np.zeros(N_CONTROL),
-        **(defaults | none | {"dense": np.empty((0, 0, 0))} | given),
+        **(defaults | none | given),
     )
     return StageSolver(as_value(function, STAGES_SIG), stages, held)

@@ -102,13 +102,15 @@ def set_pencil(h, matrices, integral, second, pencil):
     Returns whether they were others: orders that vary change them at any length.
     """
     # matrices (., 3, s, s), second (n,), pencil (n, 3, s, s)
-    s, changed = integral.shape[0], False
+    s, changed, speeds = integral.shape[0], False, False
+    for kind in range(second.shape[0]):
+        speeds = speeds or second[kind] == 1
     for kind in range(second.shape[0]):
         own, out = matrices[kind], pencil[kind]
         for i in range(s):
             for j in range(s):
                 gain, rest = 0.0, 0.0
-                for k in range(s):
+                for k in range(s if speeds else 0):
                     gain += h * own[FORCE, i, k] * integral[k, j]
                     rest += h * own[POSITION, i, k] * integral[k, j]
                 rest = rest if second[kind] == 1 else own[POSITION, i, j]

@@ -87,10 +87,11 @@ def open_refined(
         stepper.set_breaks(breaks, t_end)
         return stepper, n
 
-    start, least = 0.0, np.zeros(2)
-    least[1] = 4 * np.finfo(float).eps * abs(equation.frame.start)  # the user's clock
+    start, least = 0.0, 4 * np.finfo(float).eps * abs(equation.frame.start)  # the user's clock
     if resume is not None:
-        start, least[0] = resume.t, resume.memory_steps.shortest if resume.h == 0 else 0.0
+        start = resume.t
+        if resume.h == 0:  # as short as the modes of the run begun allow
+            least = max(least, resume.memory_steps.shortest)
     highest = equation.highest_orders()
     power = min(_STEEPEST, 2.0 / float(highest.min()))
     order = scheme.order(float(highest.max()))
@@ -105,7 +106,7 @@ def open_refined(
     ]
     n, calls = min(_FIRST_STEPS, max(2, max_steps // 2)), 0
     while True:
-        times, kept = _mesh(stretches, n, least.max())
+        times, kept = _mesh(stretches, n, least)
         error, trial = np.inf, _march(*opened(times[kept]))
         calls += trial.n_rhs
         if trial.trouble is None:

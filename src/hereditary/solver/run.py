@@ -80,8 +80,9 @@ def run(stepper, stop, t_end, output, reactions, progress, began):
     finally:
         bar.close()
     status, detail = ended or (reached_end(stepper), "")
-    if _too_large(stepper) and status in (Status.STEP_TOO_SMALL, Status.EVENT):
-        status, detail = Status.STEP_TOO_SMALL, _too_large(stepper)
+    lacking = _lacking(stepper)
+    if lacking and (ended is None or status is Status.EVENT):
+        status, detail = Status.STEP_TOO_SMALL, lacking
     signs = events.signs()
     t, y, ydot, dense = output.close(t_end)
     seconds = {"setup_seconds": ready - began, "run_seconds": time.perf_counter() - ready}
@@ -110,7 +111,7 @@ def run(stepper, stop, t_end, output, reactions, progress, began):
     return solution
 
 
-def _too_large(stepper):
+def _lacking(stepper):
     """Name the errors of a refined mesh where they are beyond the tolerance."""
     measured = stepper.measured
     if measured is None or measured.error <= 1:
@@ -131,8 +132,6 @@ def _stats(stepper):
 
 def reached_end(stepper):
     """Status of a run that reached its end."""
-    if stepper.measured and stepper.measured.error > 1:
-        return Status.STEP_TOO_SMALL
     if stepper.zigzag is not None:
         return Status.ZIGZAG
     beyond = stepper.largest_ratio > 1 or stepper.growth is not None
