@@ -17,6 +17,7 @@ from .schemes.l1 import L1
 from .solver.progress import ProgressBar
 from .solver.solve import solve
 
+# Components, more than those of which a step is one dense system (structure.FEW).
 _MANY = 12
 
 
@@ -53,9 +54,10 @@ def _runs():
 
 
 def compile_ahead():
-    """Compile all loops into the cache on disk; return the exit status of a command.
+    """Compile all that takes seconds into the cache on disk; return the exit status of a command.
 
-    SuperLU's solvers and tangents need nothing more.
+    SuperLU's solvers, direct sums on meshes and of orders that vary, memory terms that others step
+    and the divergence of orbits are left: a second each at most.
     """
     runs, bar = _runs(), ProgressBar(True)
     for number, (equation, how) in enumerate(runs):
