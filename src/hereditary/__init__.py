@@ -39,6 +39,7 @@ from .schemes.l1 import L1
 from .schemes.l2 import L2
 from .schemes.l2sigma import L2Sigma
 from .schemes.l12 import L12
+from .solver.ensemble import Ensemble, ensemble
 from .solver.memory_term import MemoryTerm, memory_term
 from .solver.solution import Solution, SolveWarning, StabilityWarning, Status
 from .solver.solve import solve
@@ -88,6 +89,7 @@ __all__ = [
     "TabulatedKernel",
     "TemperedPowerLaw",
     "classify",
+    "ensemble",
     "exact",
     "fit_exponentials",
     "graded",

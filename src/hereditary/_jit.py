@@ -163,6 +163,14 @@ def as_value(fun, signature):
     return fun
 
 
+def loop_value(loop, signature):
+    """Return an `entry` as a value that another one may be handed."""
+    if config.DISABLE_JIT:
+        return loop
+    loop.compiled()
+    return as_value(loop.dispatcher, signature)
+
+
 class _Value(CPUDispatcher):
     """A compiled function of one signature that is handed to loops.
 
@@ -187,7 +195,9 @@ class _Loaded:
     def __init__(self, compiled):
         self.fndesc = compiled.fndesc
         self.library = self
-        self.get_pointer_to_function = lru_cache(compiled.library.get_pointer_to_function)
+        find, own = compiled.library.get_pointer_to_function, self.fndesc.llvm_func_name
+        # entries have no wrapper for C, which is never called, but asked for
+        self.get_pointer_to_function = lru_cache(lambda name: find(name) or find(own))
 
 
 class entry:
@@ -205,15 +215,18 @@ class entry:
         # called from Python alone: another wrapper would take a tenth of the compilation
         dispatcher = compiled(fun, self.fused, self.told, no_cfunc_wrapper=True)
 
-        def call(*args):
+        def ready():
             if not dispatcher.overloads:
                 with compiling:
                     if not dispatcher.overloads:
                         dispatcher.compile(self.argtypes)
                         dispatcher.disable_compile()
+
+        def call(*args):
+            ready()
             return dispatcher(*args)
 
         call.__doc__ = fun.__doc__
         call.__name__ = fun.__name__
-        call.dispatcher = dispatcher
+        call.dispatcher, call.compiled = dispatcher, ready
         return call

@@ -111,4 +111,4 @@ def drift_of_speed(equation, whole=False):
     rows = [(op.factor(1.0) * np.where(above, c, 0) * equation.y0[1], op.power) for op, c in lower]
     amplitudes = np.array([row for row, _ in rows]).reshape(-1, equation.d)
     powers = np.array([np.full(equation.d, p) for _, p in rows]).reshape(-1, equation.d)
-    return amplitudes, np.where(amplitudes != 0, powers, 0.0)
+    return amplitudes, powers

@@ -57,6 +57,7 @@ class L2(Scheme):
     solve: ClassVar[str] = "newton"
     orders = (0.0, 1.0)
     takes_meshes: ClassVar[bool] = True
+    solves_first_steps: ClassVar[bool] = True
 
     def order(self, alpha: float, smoothness: str = "smooth") -> float:
         """Proven order of convergence at a fixed time, on uniform steps.

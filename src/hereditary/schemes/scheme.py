@@ -330,8 +330,8 @@ class Scheme(ABC):
         Whether terms may have kernels other than Caputo's, orders that vary, and be read by f.
     takes_meshes, takes_tangents : bool
         Whether steps may differ in length, up to order `meshes_up_to`, and tangents go along.
-    takes_switches : bool
-        Whether the right-hand side may jump at switches.
+    takes_switches, solves_first_steps : bool
+        Whether f may jump at switches, and whether plans solve for the first increments.
     """
 
     solve: ClassVar[str]
@@ -346,6 +346,7 @@ class Scheme(ABC):
     takes_memory: ClassVar[bool] = True
     takes_tangents: ClassVar[bool] = True
     takes_switches: ClassVar[bool] = True
+    solves_first_steps: ClassVar[bool] = False
     takes_meshes: ClassVar[bool] = False
     meshes_up_to: ClassVar[float] = 1.0
 

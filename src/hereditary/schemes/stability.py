@@ -21,9 +21,10 @@ _N_ANGLES = 512
 # Modes of systems whose components differ count with fewer than 14 steps a turn: none of order 1
 # that decays in the equation grows so with more.
 _ANGLE = 0.45
-# Components beyond which norms are looked at before eigenvalues, and beyond which these are the
+# Components up to which eigenvalues of all Jacobians are found, beyond which norms are looked at
+# before those of the largest one, and beyond which these are the
 # _LARGEST of largest modulus alone.
-_MANY, _VERY_MANY, _LARGEST = 32, 200, 6
+TOGETHER, _VERY_MANY, _LARGEST = 32, 200, 6
 # Restarts of ARPACK before a bound by norms is taken instead.
 _RESTARTS = 300
 
@@ -97,7 +98,7 @@ class StabilityRegion:
         scaled = -jacobians / limits[:, None]
         if scaled.shape[1] == 1:
             return np.maximum(0.0, scaled[:, 0, 0])
-        if scaled.shape[1] > _MANY:
+        if scaled.shape[1] > TOGETHER:
             bounds, worst = bounds_of(jacobians, [limits] * len(jacobians))
             return self._ratios_where_largest(bounds, worst)
         return self._ratios_of(np.linalg.eigvals(scaled), jacobians)

@@ -3,6 +3,7 @@
 import numpy as np
 
 from ..compiled.jacobian import VALUES
+from ..schemes.stability import TOGETHER
 
 # Components beyond which dense Jacobians would take longer than the march, and more memory.
 _MOST = 2000
@@ -63,6 +64,28 @@ class JacobianWatch:
         values = others if self._structure is None else others[:, VALUES : VALUES + 1]
         taken = np.flatnonzero(values.any(axis=(1, 2)))
         self._look(self._region, others[taken], self._stretch + taken)
+
+    def of_members(self, jacobians, n):
+        """Return the largest ratios (E,) of marches from step 0 to steps n (E,).
+
+        jacobians (E, k, ., .), what each of them left in the room.
+        """
+        if self._region is None:
+            return np.zeros(n.size)
+        if self._structure is not None or self._shape[0] > TOGETHER:
+            return np.array([self._of_one(*march) for march in zip(jacobians, n, strict=True)])
+        regular = np.arange(jacobians.shape[1]) < self._n_samples
+        made = np.arange(jacobians.shape[1]) < self._last(n)[:, None]
+        taken = np.where(regular, made, jacobians.any(axis=(2, 3)))
+        ratios = np.zeros(taken.shape)
+        ratios[taken] = self._region.ratios(jacobians[taken])
+        return ratios.max(axis=1, initial=0.0)
+
+    def _of_one(self, jacobians, n):
+        """Return the largest ratio of one of them."""
+        self.largest = 0.0
+        self.note(jacobians, n)
+        return self.largest
 
     def _look(self, region, jacobians, places):
         """Look at Jacobians taken at these multiples of `every`."""

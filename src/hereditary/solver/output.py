@@ -55,7 +55,7 @@ class Output:
         self.end, self.ended = stepper.t, False
         self._dense = Dense(self._second, not stepper.adaptive, self._frame)
         self._newest: Piece | None = None
-        self._rows = _room(self._most_rows(), width, times is None)
+        self._rows = room_for(self._most_rows(), width, times is None)
         self._size = 0
         if times is None:
             self._add(np.array([stepper.t]), stepper.y[None], stepper.ydot[None])
@@ -178,7 +178,7 @@ class Output:
             self._add(last, self._stepper.y[None], self._stepper.ydot[None])
 
 
-def _room(size, d, every):
+def room_for(size, d, every):
     """Arrays (size,), (size, d) and (size, d) for rows, or a refusal where they do not fit."""
     n_bytes = 8.0 * size * (1 + 2 * d)
     try:

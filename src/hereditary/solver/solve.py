@@ -168,11 +168,11 @@ def solve(
             raise ValueError(complaint("params", "come with resume", repr(params), remedy))
         equation, allow_change = equation.replace(params=params), True
     start = equation.frame.start
-    t_last = _end("t_end", t_end, start)
+    t_last = run_end("t_end", t_end, start)
     t_end = t_last - start
     if isinstance(resume, (State, AdaptiveState)):
         check_sound(resume)
-    scheme = _scheme(scheme, rtol, n_steps, mesh, resume)
+    scheme = chosen_scheme(scheme, rtol, n_steps, mesh, resume)
     if history is not None:
         instance("history", history, History, "hereditary.SumOfExponentials()")
     save_every = min(count("save_every", whole(save_every)), _MOST_STEPS)
@@ -188,7 +188,7 @@ def solve(
     elif allow_change:
         remedy = "it allows another right-hand side than the state's"
         raise ValueError(complaint("allow_change", "come with resume", allow_change, remedy))
-    times = _eval_times(t_eval, start if resume is None else start + resume.t, t_last)
+    times = evaluation_times(t_eval, start if resume is None else start + resume.t, t_last)
     kept = None if components is None else _components(components, equation)
     breaks = checked_breaks(() if breaks is None else breaks, start)
     if start != 0 and not isinstance(mesh, Graded | None):
@@ -230,7 +230,7 @@ def _listed(functions):
     return tuple(functions) if isinstance(functions, (list, tuple)) else (functions,)
 
 
-def _end(name, t_end, start):
+def run_end(name, t_end, start):
     """Return the end of a run, a number above its start."""
     if start == 0:
         return positive(name, t_end)
@@ -240,7 +240,7 @@ def _end(name, t_end, start):
     return number
 
 
-def _scheme(scheme, rtol, n_steps, mesh, resume):
+def chosen_scheme(scheme, rtol, n_steps, mesh, resume):
     """The scheme given, or that of the state, or the one that the other arguments speak of."""
     if scheme is not None:
         return instance("scheme", scheme, Scheme, "hereditary.ExplicitCaputo()")
@@ -256,7 +256,8 @@ def _scheme(scheme, rtol, n_steps, mesh, resume):
     return ExplicitCaputo() if rtol is None else Collocation()
 
 
-def _eval_times(t_eval, t_start, t_end):
+def evaluation_times(t_eval, t_start, t_end):
+    """Return the times of rows that are asked for, checked; None where none are."""
     if t_eval is None:
         return None
     times = np.atleast_1d(real_array("t_eval", t_eval))

@@ -1,0 +1,144 @@
+"""Members of an ensemble that are marched in compiled code, one after the other."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .._jit import loop_value
+from .._python_calls import PythonRaised, original
+from ..compiled.block import BLOWN_UP, NOT_SOLVED, RUNNING
+from ..compiled.march import MARCHES
+from ..compiled.members import MARCH_SIG, RAISED, Found, Starts, keep, march_members
+from ..compiled.signatures import COUNTS
+from ..system import System, displaced
+from ..terms import SystemTerm
+from .march_arrays import columns
+from .status import Status, failed
+from .stepper import Stepper
+
+_ENDS = {BLOWN_UP: Status.BLOWN_UP, NOT_SOLVED: Status.NOT_SOLVED}
+
+
+class Lane(Stepper):
+    """A march on uniform steps that takes members of an ensemble one after the other."""
+
+    def whole(self, n_steps):
+        """Make ready for a run; return whether compiled code gets to its end without leaving."""
+        if self.equation.enlarged.varies:
+            return False
+        self.prepare(n_steps)
+        return self.memory.reach(0) >= n_steps
+
+    def rows(self, starts, kept):
+        """Return room for y and its slopes in rows of the steps `kept` (k,), (E, k, d) each.
+
+        NaN but for those of step 0.
+        """
+        d, above = self.equation.d, self.equation.highest_orders() > 1
+        rows, slopes = np.full((2, len(starts.x), kept.size, d), np.nan)
+        if kept[0] == 0:
+            rows[:, 0] = starts.x[:, :d]
+            slopes[:, 0, above] = starts.increment[:, :d][:, above] / self.h
+        return rows, slopes
+
+    def starts(self, params, y0):
+        """Return the `Starts` of members, of parameters and initial values.
+
+        params (E, p) and y0 (E, m, d), one of which may be None for those of the equation.
+        """
+        n = len(y0 if params is None else params)
+        own, params = params, np.tile(self._system._params, (n, 1))
+        if own is not None:  # others, which the system needs itself, stand behind them
+            params[:, : own.shape[1]] = own
+        values = self._initial_values(n, y0)
+        size = 1 if self.scheme.solves_first_steps else len(params)
+        parts = [slice(k, k + size) for k in range(0, len(params), size)]
+        plans = [self._planned(self._beside(values[part], params[part])) for part in parts]
+        d, found = self._system.d, [columns(plan) for plan in plans]
+        joined = (np.concatenate(arrays) for arrays in zip(*found, strict=True))
+        fields = (array.reshape(len(params), d, *array.shape[1:]) for array in joined)
+        monitor = self._march.monitor.copy()
+        monitor[:] = 0
+        monitor["turns"][: self.equation.d] = -1.0 * (self.equation.highest_orders() == 2)
+        return Starts(params, *fields, monitor)
+
+    def _initial_values(self, size, y0):
+        """Return y(0), and y'(0), of the systems that are marched, (E, m, d)."""
+        inside = self._system
+        if y0 is None:
+            return np.broadcast_to(inside.y0, (size, *inside.y0.shape))
+        if inside is self.equation:
+            return y0
+        systems = (displaced(self.equation, np.ascontiguousarray(row)) for row in y0)
+        return np.array([(self.scheme.reduction(s) or s.enlarged).y0 for s in systems])
+
+    def _beside(self, y0, params):
+        """Return members side by side as one system, for the scheme's plan of their starts."""
+        system, size = self._system, len(y0)
+        d = system.d
+
+        def rhs(t, y, dy, _):
+            for m in range(size):
+                own = slice(m * d, (m + 1) * d)
+                system._rhs(t, np.ascontiguousarray(y[own]), dy[own], params[m])
+
+        left = [SystemTerm(operator, np.tile(c, size)) for operator, c in system.left]
+        sources = (system.sources + d * np.arange(size)[:, None]).ravel()
+        start = np.ascontiguousarray(np.moveaxis(y0, 0, 1)).reshape(system.m, -1)
+        return System(left, start, params[0], rhs, sources=sources)
+
+    def run(self, starts, n_steps, kept, rows, slopes):
+        """March members to step `n_steps`, and fill the rows (E, k, d) of the steps `kept` (k,).
+
+        Returns status, detail, and the numbers of steps and of calls of the right-hand side of
+        each.
+        """
+        size, d = len(starts.params), self.equation.d
+        jacobians = self._watch.room(0, n_steps)
+        jacobians = np.tile(jacobians, (size, 1, 1, 1))
+        counts = np.zeros(size, COUNTS).view(np.recarray)
+        found = Found(kept, rows, slopes, jacobians, counts, np.full(size, RAISED))
+        room, raised = np.empty((2, n_steps, d)), {}
+        system, first = self._system, 0
+        loop = loop_value(MARCHES[self.scheme.solve, False], MARCH_SIG)
+        while first < size:
+            try:
+                march_members(
+                    loop, system._rhs, system._jac, int(system.has_jac), self.memory.exchange,
+                    self.memory.tables, self.memory.arrays, self._newton.solver,
+                    self._newton.tables, self._table, self._rows, self._march, starts, *room, found,
+                    first, n_steps,
+                )  # fmt: skip
+                first = size
+            except Exception as error:
+                self._raised(error)
+                first += int(np.argmax(found.status[first:] == RAISED))
+                keep(first, self.n, *room, found)
+                counts[first] = self._march.counts
+                raised[first] = failed(error)
+                first += 1
+        return self._ends(found, raised)
+
+    def _raised(self, error):
+        """Pass on an exception that is not a mere `Exception`."""
+        cause = original(error) if isinstance(error, PythonRaised) else error
+        if not isinstance(cause, Exception):
+            raise cause
+
+    def _ends(self, found, raised):
+        """Return how members ended, those that raised as told."""
+        counts, n_steps = found.counts, found.counts["step"].tolist()
+        ratios = self._watch.of_members(found.jacobians, counts["step"])
+        grew, zigzag = counts["growth"] >= 0, counts["zigzag"] >= 0
+        ended = [_ENDS.get(end, Status.COMPLETED) for end in found.status.tolist()]
+        for m in np.flatnonzero((found.status == RUNNING) & ((ratios > 1) | grew | zigzag)):
+            ended[m] = Status.ZIGZAG if zigzag[m] else Status.STEP_TOO_LARGE
+        details = [""] * len(ended)
+        for m, end in enumerate(ended):
+            if m in raised:
+                ended[m], details[m] = raised[m]
+            elif end is Status.STEP_TOO_LARGE and ratios[m] > 1:
+                details[m] = f"d rhs/d y reached {ratios[m]:.4g} times its limit at h = {self.h:g}"
+            elif end is not Status.COMPLETED:
+                details[m] = f"step {n_steps[m]}"
+        return list(zip(ended, details, n_steps, counts["rhs"].tolist(), strict=True))
