@@ -38,6 +38,8 @@ class Divergence:
 
     def add(self, n, rows):
         """Take in the orbit at the steps from n + 1 on, shape (k, d)."""
+        if len(rows) == 0:
+            return
         self._newest = self._sum_at((n + rows.shape[0]) * self._h, rows[-1:])
         self._total += self._sum_at((n + 1) * self._h, rows)
 

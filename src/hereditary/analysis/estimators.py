@@ -1,10 +1,10 @@
 """How growth is measured over a stepper: by tangents, pairs of orbits, or restarts."""
 
-import math
-
 import numpy as np
 
 from .._checks import complaint
+from ..compiled.growth import due, measure, note
+from ..solver.status import Status
 from ..system import displaced
 
 
@@ -14,17 +14,27 @@ class Tangents:
     Parameters
     ----------
     open_stepper : callable
-        ``open_stepper(equation, directions=...)``: a `Stepper` or the like.
+        ``open_stepper(equation, directions=...)``: a stepper.
     equation : System
     directions : ndarray, shape (n_data, k)
         Orthonormal initial directions.
     """
 
-    # why `renormalise` finds nothing
+    # what is said where tangents cannot be made orthonormal
     lost = "tangents overflowed or vanished; shorten renorm"
+    failed = False
 
     def __init__(self, open_stepper, equation, directions):
         self.stepper = open_stepper(equation, directions=directions)
+        self._steps: list[int] = []
+        self._logs: list[np.ndarray] = []
+
+    def follow(self, pace, last, unit):
+        """Make tangents orthonormal when `pace` says, in a run to step `last`.
+
+        `unit` is the length of a step in positions.
+        """
+        self._pace, self._last, self._unit = pace, last, unit
 
     @property
     def steppers(self):
@@ -43,8 +53,9 @@ class Tangents:
 
     @property
     def trouble(self):
-        """Status and detail where a stepper cannot go on, else None."""
-        return next((stepper.trouble for stepper in self.steppers if stepper.trouble), None)
+        """Status and detail where the march cannot go on, else None."""
+        found = next((stepper.trouble for stepper in self.steppers if stepper.trouble), None)
+        return (Status.BLOWN_UP, self.lost) if self.failed and not found else found
 
     def prepare(self, n_end):
         """Make room for a march up to step `n_end`."""
@@ -53,20 +64,43 @@ class Tangents:
 
     def advance(self, stop, keep):
         """March some way towards `stop`; return the dense output of the orbit where it is kept."""
+        n = int(due(self._pace, self._last))
+        stop = min(stop, n * self._unit)
         orbit, *others = self.steppers
         piece = orbit.advance(stop, keep)
         for other in others:
             while other.position < orbit.position and not other.trouble:
                 other.advance(orbit.position, keep=False)
+        if orbit.position >= n * self._unit and not self.trouble:
+            self._renormalise(n)
         return piece
 
-    def renormalise(self):
-        """Make the tangents orthonormal; the logarithms of their growth (k,), None where lost."""
-        lengths, inverse = _triangle(self.stepper.tangent)
-        if lengths is None:
-            return None
-        self.stepper.transform_tangent(inverse)
-        return np.log(lengths)
+    def grown(self):
+        """Return steps (n,) and logarithms of the growth up to them (n, k), since the last call."""
+        steps, logs = self._steps, self._logs
+        self._steps, self._logs = [], []
+        return np.array(steps, dtype=np.int64), np.array(logs)
+
+    def _renormalise(self, n):
+        """Make the tangents orthonormal at step n, and note their growth."""
+        columns = self._columns()
+        inverse = np.empty((columns.shape[1], columns.shape[1]))
+        if not measure(columns, inverse):
+            self.failed = True
+            return
+        self._transform(inverse)
+        logs = -np.log(np.diag(inverse))
+        note(self._pace, n, logs)
+        self._steps.append(n)
+        self._logs.append(logs)
+
+    def _columns(self):
+        """Return what is made orthonormal, (n_data, k)."""
+        return self.stepper.tangent
+
+    def _transform(self, matrix):
+        """Replace what is made orthonormal by combinations, memory included."""
+        self.stepper.transform_tangent(matrix)
 
     def state(self):
         """States of all steppers."""
@@ -76,6 +110,27 @@ class Tangents:
         """Take over where `state` was taken."""
         for stepper, part in zip(self.steppers, state, strict=True):
             stepper.restore(part)
+
+
+class StepTangents(Tangents):
+    """Tangents on given steps, made orthonormal in compiled code by a `GrowingStepper`."""
+
+    def follow(self, pace, last, unit):
+        """Make tangents orthonormal when `pace` says, in a run to step `last`."""
+        self.stepper.follow(pace, last)
+
+    def advance(self, stop, keep):
+        """March some way towards `stop`; return the dense output of the orbit where it is kept."""
+        return self.stepper.advance(stop, keep)
+
+    @property
+    def failed(self):
+        """Whether tangents cannot be made orthonormal."""
+        return self.stepper.lost
+
+    def grown(self):
+        """Return steps (n,) and logarithms of the growth up to them (n, k), since the last call."""
+        return self.stepper.grown()
 
 
 class Pairs(Tangents):
@@ -93,7 +148,7 @@ class Pairs(Tangents):
     lost = "orbits overflowed or fell together; shorten renorm or take a larger separation"
 
     def __init__(self, open_stepper, equation, directions, separation):
-        self.stepper = open_stepper(equation)
+        super().__init__(lambda system, **_: open_stepper(system), equation, directions)
         self._separation = separation
         d, with_speed = equation.d, equation.highest_orders() > 1
         self._others = []
@@ -108,21 +163,21 @@ class Pairs(Tangents):
         """The orbit's stepper, and those beside it."""
         return [self.stepper, *self._others]
 
-    def renormalise(self):
-        """Draw the other orbits back; the logarithms of their growth (k,), None where lost."""
+    def _columns(self):
+        """Return the distances of the other orbits, in units of the separation."""
         origin = _values(self.stepper)
         apart = [(_values(other) - origin) / self._separation for other in self._others]
-        lengths, inverse = _triangle(np.array(apart).T)
-        if lengths is None:
-            return None
+        return np.ascontiguousarray(np.array(apart).T)
+
+    def _transform(self, matrix):
+        """Draw the other orbits back."""
         for base, *others in zip(*(stepper.parts() for stepper in self.steppers), strict=True):
-            drawn = np.tensordot(inverse.T, np.array(others) - base, axes=1)
+            drawn = np.tensordot(matrix.T, np.array(others) - base, axes=1)
             for array, difference in zip(others, drawn, strict=True):
                 array[...] = base + difference
-        return np.log(lengths)
 
 
-class Restarted(Tangents):
+class Restarted(StepTangents):
     """Tangents whose memory, and that of the orbit, is cut off at every renormalisation.
 
     A published algorithm, for comparison with published numbers: not exponents of the equation.
@@ -131,6 +186,15 @@ class Restarted(Tangents):
     def __init__(self, open_stepper, equation, directions):
         super().__init__(open_stepper, equation, directions)
         self._n_before = 0
+        self.stepper.room = 1
+
+    def follow(self, pace, last, unit):
+        """Make tangents orthonormal when `pace` says, in a run to step `last`."""
+        self._pace, self._last = pace, last
+        # steps of the stepper count from the last start
+        own = pace.copy()
+        own["last"], own["transient"] = 0, max(0, pace["transient"] - self._n_before)
+        self.stepper.follow(own, last - self._n_before)
 
     @property
     def position(self):
@@ -139,18 +203,23 @@ class Restarted(Tangents):
 
     def advance(self, stop, keep):
         """March some way towards `stop`, counted from the first start."""
-        return super().advance(stop - self._n_before, keep)
+        piece = super().advance(stop - self._n_before, keep)
+        steps, logs = super().grown()
+        for n, grown in zip(steps + self._n_before, logs, strict=True):
+            note(self._pace, n, grown)
+            self._steps.append(n)
+            self._logs.append(grown)
+            self._n_before = n
+            self.stepper.restart()
+            self.follow(self._pace, self._last, 1)
+        return piece
+
+    def grown(self):
+        """Return steps (n,) and logarithms of the growth up to them (n, k), since the last call."""
+        return Tangents.grown(self)
 
     def prepare(self, n_end):
         """Nothing: the memory never holds more than one interval."""
-
-    def renormalise(self):
-        """Make the tangents orthonormal and begin anew; the logarithms of their growth (k,)."""
-        logs = super().renormalise()
-        if logs is not None:
-            self._n_before += self.stepper.n
-            self.stepper.restart()
-        return logs
 
     def state(self):
         """None: where the memory is cut off there is nothing to resume."""
@@ -165,19 +234,3 @@ def _values(stepper):
     """Return y, and ydot where the order is above 1, shape (n_data,): later initial data."""
     with_speed = stepper.equation.highest_orders() > 1
     return np.concatenate([stepper.y, stepper.ydot[with_speed]])
-
-
-def _triangle(columns):
-    """Diagonal (k,), above 0, and inverse (k, k) of R in ``columns = Q R``; None where lost."""
-    if columns.shape[1] == 1:
-        length = math.hypot(*columns[:, 0])
-        known = 0 < length < math.inf
-        return (np.array([length]), np.array([[1 / length]])) if known else (None, None)
-    if not np.all(np.isfinite(columns)):
-        return None, None
-    r = np.linalg.qr(columns)[1]
-    triangle = r * np.where(np.diag(r) < 0, -1.0, 1.0)[:, None]
-    lengths = np.diag(triangle)
-    if not np.all(lengths > 0):
-        return None, None
-    return lengths, np.linalg.inv(triangle)

@@ -25,8 +25,9 @@ from ..solver.progress import Interruption, ProgressBar
 from ..solver.run import Drive, reached_end, told
 from ..solver.solution import Status
 from ..solver.stepper import Stepper
+from ..solver.growing import GrowingStepper
 from .divergence import Divergence
-from .estimators import Pairs, Restarted, Tangents
+from .estimators import Pairs, Restarted, StepTangents, Tangents
 from .growth import Verdict, assess, kaplan_yorke
 from .marched import marched, memory, n_data
 from .spectrum import LyapunovResult, LyapunovState, Record
@@ -105,13 +106,14 @@ def march(request: Request) -> Run:
     system = marched(equation, scheme, request.mode)
     start = _directions(request.directions, settings["seed"], settings["k"], n_data(equation))
     how = {"scheme": scheme, "history": history, "n_steps": prepared}
-    open_stepper: Callable = partial(Stepper, steps=UniformSteps(h), **how)
+    kind = Stepper if request.mode == "pair" else GrowingStepper
+    open_stepper: Callable = partial(kind, steps=UniformSteps(h), **how)
     if tols:
         prepared = max(prepared, n_total)
         how = {"scheme": scheme, "rtol": tols[0], "atol": tols[1], "max_steps": _ANY}
         how |= {"t_end": h * prepared, "modes_tol": modes_tolerance(history)}
         open_stepper = partial(AdaptiveStepper, **how)
-    estimator = _estimator(settings, open_stepper, system, start)
+    estimator = _estimator(settings, scheme, open_stepper, system, start)
     record, divergence = _begin(estimator, settings, h, n_total, system, resume)
     status, detail = _run(estimator, record, divergence, n_total, request.progress)
     settings |= {"memory_steps": prepared}
@@ -192,10 +194,12 @@ def _tolerances(scheme, mode, rtol, atol):
     return None
 
 
-def _estimator(settings, open_stepper, system, start):
+def _estimator(settings, scheme, open_stepper, system, start):
     if settings["mode"] == "pair":
         return Pairs(open_stepper, system, start, settings["separation"])
-    kind = Tangents if settings["mode"] == "tangent" else Restarted
+    if settings["mode"] == "restart":
+        return Restarted(open_stepper, system, start)
+    kind = Tangents if scheme.adaptive else StepTangents
     return kind(open_stepper, system, start)
 
 
@@ -225,40 +229,42 @@ def _begin(estimator, settings, h, n_total, equation, resume):
 
 
 def _run(estimator, record, divergence, n_total, progress):
-    """March from one renormalisation to the next; return the status and a detail for it."""
+    """March to the end or as far as it goes; return the status and a detail for it."""
     stepper, keep = estimator.stepper, divergence is not None
     unit = record.h if stepper.adaptive else 1  # of positions
 
     def advance(stop):
         n = _marks(stepper.t, record.h)
         piece = estimator.advance(stop, keep)
+        steps, logs = estimator.grown()
         if keep and piece is not None:
-            times = record.h * np.arange(n + 1, _marks(stepper.t, record.h) + 1)
-            if times.size and stepper.adaptive:
-                divergence.add(n, piece.evaluate(times, np.zeros(1, dtype=bool), 0))
-            elif times.size:
-                divergence.add(n, piece.at_ends(times, slice(None), None)[0])
+            size = _marks(stepper.t, record.h) - n
+            known = int(steps[-1]) - n if steps.size else 0
+            rows = _rows(piece, n, size, record.h, stepper.adaptive)
+            divergence.add(n, rows[:known])
+            if known:
+                divergence.mark()
+            divergence.add(n + known, rows[known:])
+        record.add(steps, logs)
 
+    estimator.follow(record.pace, n_total, unit)
     bar = ProgressBar(progress)
     try:
         with Interruption() as interruption:
             if not stepper.adaptive:
                 estimator.prepare(n_total)
             drive = Drive(estimator, n_total * unit, advance, interruption, bar)
-            while estimator.position < n_total * unit:
-                stop = record.next_stop(n_total)
-                ended = drive.to(stop * unit)
-                if ended is not None:
-                    return ended
-                logs = estimator.renormalise()
-                if logs is None:
-                    return Status.BLOWN_UP, estimator.lost
-                record.add(stop, logs)
-                if keep:
-                    divergence.mark()
+            ended = drive.to(n_total * unit)
     finally:
         bar.close()
-    return reached_end(estimator.stepper), ""
+    return ended or (reached_end(estimator.stepper), "")
+
+
+def _rows(piece, n, size, h, adaptive):
+    """Return the orbit at the `size` steps after step n, (size, d)."""
+    if size and adaptive:
+        return piece.evaluate(h * np.arange(n + 1, n + size + 1), np.zeros(1, dtype=bool), 0)
+    return piece.at_ends(None, slice(None), None)[0]
 
 
 def _marks(t, h):

@@ -8,14 +8,15 @@ from typing import Any
 
 import numpy as np
 
+from ..compiled.growth import PACE
+from ..compiled.structures import record
 from ..solver.solution import Status
 from .growth import Verdict
 
 # Samples of an automatic record; more would cost time, and the late window holds half of them.
 _SAMPLES = 128
-# First automatic interval [steps], and the growth or spread of tangents over one that is wanted:
-# R loses about as many of sixteen digits as there are in exp(spread).
-_FIRST, _LOW, _HIGH = 32, 3.0, 8.0
+# First automatic interval [steps].
+_FIRST = 32
 
 
 class Record:
@@ -28,44 +29,43 @@ class Record:
     interval : int or None
         Steps between two renormalisations; None to follow the growth.
     n_steps, n_transient, k : int
+
+    Attributes
+    ----------
+    pace : record of `PACE`
+        When tangents are made orthonormal; whoever does so keeps it up to date.
     """
 
     def __init__(self, h, interval, n_steps, n_transient, k):
-        self.automatic = interval is None
-        self._longest = max(1, n_steps // _SAMPLES)
-        self.interval = min(_FIRST, self._longest) if self.automatic else interval
+        longest = max(1, n_steps // _SAMPLES)
+        first = min(_FIRST, longest) if interval is None else interval
+        how = {"longest": longest, "automatic": int(interval is None)}
+        self.pace = record(PACE, interval=first, transient=n_transient, **how)
         self.h, self._n_transient = h, n_transient
         self.steps: list[int] = []
         self.sums: list[np.ndarray] = []
         self.total = np.zeros(k)
         self._at_transient = np.zeros(k)
-        self.n_last = 0
         self.widest = 0.0
 
-    def next_stop(self, n_total):
-        """Step of the next renormalisation."""
-        stop = min(self.n_last + self.interval, n_total)
-        return self._n_transient if self.n_last < self._n_transient < stop else stop
+    @property
+    def n_last(self):
+        """Step of the last renormalisation."""
+        return int(self.pace["last"])
 
-    def add(self, n, logs):
-        """Note the growth up to step n, and suit the interval to it."""
-        self.n_last = n
-        size = max(map(abs, logs.tolist()))
-        width = max(logs.tolist()) - min(logs.tolist())
-        self.widest = max(self.widest, width)
-        self.total = self.total + logs
-        if n == self._n_transient:
-            self._at_transient = self.total
-        elif n > self._n_transient:
-            self.steps.append(n)
-            self.sums.append(self.total - self._at_transient)
-        if self.automatic:
-            spread = max(size, width)
-            if spread > _HIGH:
-                # and no longer ever after: spikes of contraction are rare, but come again
-                self.interval = self._longest = max(1, int(self.interval * _HIGH / spread))
-            elif spread < _LOW:
-                self.interval = min(2 * self.interval, self._longest)
+    def add(self, steps, logs):
+        """Note the growth (n, k) up to each of some steps, (n,), since the one before."""
+        if len(steps) == 0:
+            return
+        self.widest = max(self.widest, float((logs.max(axis=1) - logs.min(axis=1)).max()))
+        totals = np.cumsum(np.vstack([self.total, logs]), axis=0)[1:]
+        self.total = totals[-1]
+        for n, total in zip(steps, totals, strict=True):
+            if n == self._n_transient:
+                self._at_transient = total
+            elif n > self._n_transient:
+                self.steps.append(int(n))
+                self.sums.append(total - self._at_transient)
 
     @property
     def times(self):
@@ -86,6 +86,7 @@ class Record:
         """An independent record."""
         twin = copy.copy(self)
         twin.steps, twin.sums = list(self.steps), list(self.sums)
+        twin.pace = self.pace.copy()
         return twin
 
 

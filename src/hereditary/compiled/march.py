@@ -98,8 +98,8 @@ def marching(name, way, read=open_block):
         point, base, gain, n_orbit = room[POINT], room[BASE], room[GAIN], table.n_orbit
         orbit, f_orbit = x[:n_orbit], f[:n_orbit]
         work = jacobian_room(state.newton, n_orbit, newton or x.shape[0] > n_orbit)
-        first_sample, first_stretch = samples(counts.step, end, every)
-        j_f, begun, rows_out, slopes = work[0], counts.step, output.rows, output.slopes
+        first_sample, first_stretch = samples(output.begun, output.end, every)
+        j_f, begun, rows_out, slopes = work[0], output.begun, output.rows, output.slopes
         while counts.step < end:
             n = counts.step
             p, i = n % lag.shape[1], min(n - rows.first, rows.last)

@@ -15,7 +15,7 @@ from .signatures import (
     EXCHANGE,
     JAC,
     LINEAR,
-    MARCH,
+    MARCH_VALUE,
     MEMORY,
     MONITOR,
     RHS,
@@ -72,9 +72,8 @@ _COUNTED = types.Array(from_dtype(COUNTS), 1, "C")
 _MONITORS = types.Array(from_dtype(MONITOR), 1, "C")
 _STARTS = types.NamedTuple((MAT, MAT, MAT, MAT, MAT, CUBE, CUBE, CUBE, _MONITORS), Starts)
 _FOUND = types.NamedTuple((IVEC, CUBE, CUBE, CUBES, _COUNTED, IVEC), Found)
-MARCH_SIG = I8(*MARCH)
 _MEMBERS = (
-    types.FunctionType(MARCH_SIG), RHS, JAC, I8, EXCHANGE, TABLES, MEMORY, SOLVER, LINEAR,
+    MARCH_VALUE, RHS, JAC, I8, EXCHANGE, TABLES, MEMORY, SOLVER, LINEAR,
     STEP_TABLE, STEP_ROWS, STATE, _STARTS, MAT, MAT, _FOUND, I8, I8,
 )  # fmt: skip
 
@@ -130,7 +129,7 @@ def march_members(
     """
     for m in range(first, found.status.shape[0]):
         begin(m, starts, state, memory)
-        output = Output(all_rows, all_slopes, found.jacobians[m])
+        output = Output(all_rows, all_slopes, found.jacobians[m], 0, end)
         found.status[m] = march(
             rhs, jac, has_jac, starts.params[m], exchange, tables, memory, solver, linear, table,
             rows, state, output, end,

@@ -156,11 +156,16 @@ class March(NamedTuple):
 
 
 class Output(NamedTuple):
-    """A row for each step, or none: y and its slopes (k, d); Jacobians (n, d, d)."""
+    """Room for a row of each step from `begun` to `end`, or none: y and its slopes (k, d).
+
+    And for Jacobians (n, d, d) of these steps.
+    """
 
     rows: np.ndarray
     slopes: np.ndarray
     jacobians: np.ndarray
+    begun: int
+    end: int
 
 
 _COUNTS = from_dtype(COUNTS)
@@ -176,8 +181,11 @@ _MONITORS = types.Array(from_dtype(MONITOR), 1, "C")
 STATE = types.NamedTuple(
     (_COUNTS, VEC, VEC, VEC, MAT, MAT, _MONITORS, VEC, MAT, VEC, MAT, MAT, VEC, VEC, CUBE), March
 )
-OUTPUT = types.NamedTuple((MAT, MAT, CUBE), Output)
+OUTPUT = types.NamedTuple((MAT, MAT, CUBE, I8, I8), Output)
 MARCH = (
     RHS, JAC, I8, VEC, EXCHANGE, TABLES, MEMORY, SOLVER, LINEAR, STEP_TABLE, STEP_ROWS, STATE,
     OUTPUT, I8,
 )  # fmt: skip
+# a march as a value that other loops are handed
+MARCH_SIG = I8(*MARCH)
+MARCH_VALUE = types.FunctionType(MARCH_SIG)

@@ -91,20 +91,6 @@ class Memory(ABC):
         """Bytes of the memory itself, tables not counted."""
         return sum(array.nbytes for array in self.arrays)
 
-    def combine(self, matrix, first=0) -> None:
-        """Replace columns by their linear combinations, ``column_j <- sum_i column_i M_ij``.
-
-        Parameters
-        ----------
-        matrix : array_like, shape (W - first, W - first)
-            Columns that are mixed must belong to one group of weights.
-        first : int
-            Columns before this one stay as they are.
-        """
-        matrix = np.asarray(matrix, dtype=float)
-        for array in self.arrays:
-            array[first:] = matrix.T @ array[first:]
-
     def clear(self) -> None:
         """Forget everything."""
         for array in self.arrays:

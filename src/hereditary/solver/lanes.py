@@ -8,8 +8,8 @@ from .._jit import loop_value
 from .._python_calls import PythonRaised, original
 from ..compiled.block import BLOWN_UP, NOT_SOLVED, RUNNING
 from ..compiled.march import MARCHES
-from ..compiled.members import MARCH_SIG, RAISED, Found, Starts, keep, march_members
-from ..compiled.signatures import COUNTS
+from ..compiled.members import RAISED, Found, Starts, keep, march_members
+from ..compiled.signatures import COUNTS, MARCH_SIG
 from ..system import System, displaced
 from ..terms import SystemTerm
 from .march_arrays import columns

@@ -99,31 +99,6 @@ def linear_parts(march):
     return [part for part in march if id(part) not in others]
 
 
-def forget_start(march, d, lasting):
-    """Clear what tangents, behind the first d columns, use in the first steps alone.
-
-    It would grow without end as tangents decay.
-    """
-    march.starts[d:] = 0.0
-    if not lasting:
-        march.first[d:] = 0.0
-        march.corrections[d:] = 0.0
-
-
-def transform_columns(march, memory, d, matrix):
-    """Replace the tangents, behind the first d columns, by linear combinations, matrix (k, k)."""
-    k = len(matrix)
-    if k == 1:
-        for array in [*linear_parts(march), *memory.arrays]:
-            array[d:] *= matrix[0, 0]
-        return
-    mixed = matrix[:, None, :, None] * np.eye(d)[:, None, :]  # np.kron takes ten times as long
-    large = mixed.reshape(k * d, -1)
-    memory.combine(large, first=d)
-    for array in linear_parts(march):
-        array[d:] = large.T @ array[d:]
-
-
 def _by_columns(rows, none):
     """Copy rows, (k, W), as columns (W, k)."""
     return np.array((none if rows is None else rows).T, order="C")

@@ -7,6 +7,7 @@ import numpy as np
 
 from .._checks import complaint
 from ..compiled.block import BLOWN_UP, NOT_SOLVED, RUNNING
+from ..compiled.growth import transform_march
 from ..compiled.march import MARCHES
 from ..compiled.signatures import FACTORISE, March, Output
 from ..compiled.structures import plain
@@ -28,8 +29,6 @@ from .stretch import Stretch
 # Steps in a block. Measured with 56 modes: 74, 75 and 85 ns a step at 16, 32 and 64, where the
 # in-block sums take over; below 16 the calls of the history do.
 BLOCK = 32
-# Steps after which a march reads no data but the lasting ones.
-_FIRST_STEPS = 8
 
 
 class Stepper:
@@ -166,10 +165,9 @@ class Stepper:
         ----------
         matrix : ndarray, shape (k, k)
         """
-        d = self._system.d
-        if self.n > _FIRST_STEPS:
-            arrays.forget_start(self._march, d, self._lasting)
-        arrays.transform_columns(self._march, self.memory, d, matrix)
+        matrix = np.ascontiguousarray(matrix, dtype=float)
+        how = self._system.d, int(self._lasting), matrix
+        transform_march(self._march, self.memory.arrays, *how)
 
     def parts(self):
         """Every array of the march and its memory that is linear in the solution; not copies."""
@@ -292,7 +290,7 @@ class Stepper:
                 self.memory.exchange, self.memory.tables, self.memory.arrays,
                 self._newton.solver, self._newton.tables, self._table,
                 rows_beside(self._breaks, self.n, self._rows, self.steps, start), self._march,
-                Output(rows, slopes, jacobians), n_end,
+                Output(rows, slopes, jacobians, self.n, n_end), n_end,
             )  # fmt: skip
         finally:
             self._watch.note(jacobians, self.n)
