@@ -58,6 +58,7 @@ __all__ = [
     "Collocation",
     "Direct",
     "DistributedOrder",
+    "Ensemble",
     "Equation",
     "ExplicitCaputo",
     "ExponentialSum",

@@ -20,12 +20,12 @@ from ..history.exponentials import SumOfExponentials
 from ..history.history import History
 from ..meshes import UniformSteps
 from ..schemes.scheme import Scheme
+from ..solver.growing import GrowingStepper
 from ..solver.opening import modes_tolerance, tolerances, uniform_steps
 from ..solver.progress import Interruption, ProgressBar
 from ..solver.run import Drive, reached_end, told
 from ..solver.solution import Status
 from ..solver.stepper import Stepper
-from ..solver.growing import GrowingStepper
 from .divergence import Divergence
 from .estimators import Pairs, Restarted, StepTangents, Tangents
 from .growth import Verdict, assess, kaplan_yorke

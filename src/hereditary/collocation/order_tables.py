@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..compiled.adaptive import times_inside
+from ..compiled.attempt import times_inside
 from ..compiled.structures import TABULATED, VaryingOrders, record
 from ..orders import OrderFailed
 from .quadrature import radau_integrals, radau_nodes

@@ -2,37 +2,14 @@
 
 import numpy as np
 
-from .._jit import I8, VEC, compiled, entry, inner
-from .collocation import empty_factors, nodal_slopes, solve_stages, solve_tangents
+from .._borrowed import borrowed
+from .._jit import I8, VEC, entry, inner
+from .attempt import attempting
+from .collocation import empty_factors, solve_stages, solve_tangents
 from .copying import put, put_cube, put_matrix
-from .error_estimate import (
-    add_force_defect,
-    defect_matters,
-    equations_hold,
-    error_ratio,
-    estimate_error,
-    measure_force_defect,
-    tangent_error_ratio,
-)
 from .many_stages import read_many, solve_many, solve_many_tangents, stage_factors
-from .mode_tables import (
-    advance_modes,
-    find_slot,
-    floor_to_grid,
-    read_modes,
-    read_varying,
-    set_mode_weights,
-)
-from .operators import (
-    POSITION,
-    PRIMARY,
-    SLOPE,
-    assemble_operators,
-    eliminate_known,
-    empty_operators,
-    number_of,
-    subtract_from_forces,
-)
+from .mode_tables import advance_modes, find_slot, floor_to_grid, read_modes, set_mode_weights
+from .operators import POSITION, PRIMARY, assemble_operators, empty_operators, number_of
 from .signatures import JAC, RHS
 from .structures import (
     BASIS,
@@ -53,16 +30,13 @@ from .structures import (
 # the error or for Newton's method, tables of varying orders needed for the next step, right-hand
 # side jumps, no progress.
 REACHED, FULL, TOO_CLOSE, TOO_ROUGH, NOT_SOLVED, ORDERS_NEEDED, JUMPING, CRAWLING = range(8)
-# Largest and smallest factor between steps, and fractions of the tolerance: the error that a step
-# aims at, in step lengths, and the goal of Newton's method.
-_GROW, _SHRINK, _SAFETY, _NEWTON = 3.0, 0.2, 0.8, 0.01
+# Largest and smallest factor between steps, and the error that a step aims at, in step lengths and
+# tolerances.
+_GROW, _SHRINK, _SAFETY = 3.0, 0.2, 0.8
 # Below this fraction of the tolerance an error says nothing of how long the next step may be.
 _DORMANT = 1e-3
 # Growth that is always worth new factors of many components.
 _WORTH = 2.0
-# Highest degree of the extrapolation that gives Newton's first guess.
-_GUESS = 3
-
 
 _MARCH = (
     RHS, JAC, I8, VEC, STAGE_SOLVER, STAGES, EQUATIONS, RULE, BASIS, TABLES, VARYING, ORBIT, STATE,
@@ -73,20 +47,22 @@ _MARCH = (
 def marching(name, solve, solve_for_tangents, factors, read, told):
     """Compile the march for one way of solving the equations of a step and reading the modes."""
 
-    def march(
-        rhs, jac, has_jac, params, solver, stages, equations, rule, basis, tables, varying, orbit,
-        state, steps, limits,
+    attempt = attempting(solve, solve_for_tangents, read)
+
+    @inner
+    def take_steps(
+        rhs, jac, has_jac, params, equations, rule, basis, tables, varying, orbit, state, steps,
+        limits, stages, newton, weights, base, operators, values,
     ):  # fmt: skip
-        nodes, legendre = rule.nodes, rule.legendre
+        """March; what the caller allocates for it stands behind `limits`."""
+        equations, rule, basis, tables = borrowed((equations, rule, basis, tables))
+        params, orbit, steps, operators = borrowed((params, orbit, steps, operators))
+        varying, state, stages = borrowed((varying, state, stages))
+        newton, base, values = borrowed((newton, base, values))
+        input_weights, offset_weights = borrowed(weights)
+        nodes, legendre, kinds = rule.nodes, rule.legendre, equations.kinds
         control, counts = state.control, state.counts
         s, n_columns = nodes.shape[0], orbit.x.shape[0]
-        n_rows = orbit.modes.shape[1] - equations.unweighted.shape[0] * orbit.x.shape[1]
-        kinds, base = equations.kinds, np.empty((n_columns, n_rows, s))
-        operators = empty_operators(n_columns, n_rows, kinds, s)
-        values = np.empty(orbit.last.shape)
-        newton = factors(orbit.x.shape[1], s, solver, stages)
-        input_weights, offset_weights = mode_weights(equations, basis, varying, orbit)
-        integral = rule.integrals[equations.orders.shape[0] - 1]  # of order 1
         lowest, row, assembled_for = lowest_order(equations), 0, -1.0
         was_refused, end = control.refused == 1.0, limits.stop - control.origin
         while control.time < end:
@@ -106,37 +82,10 @@ def marching(name, solve, solve_for_tangents, factors, read, told):
                 put_cube(varying.integrals, local[first:])
                 assemble_operators(h, equations, rule.integrals, rule.inverse, local, operators)
             assembled_for = h
-            for column in range(n_columns):
-                read(orbit.modes[column], tables.to_nodes[slot], base[column])
-            set_known_part(orbit, tables.to_nodes[slot], equations, varying, operators, base)
-            times = times_inside(control.origin, t, h, nodes, limits)
-            last = orbit.last[0, PRIMARY]
-            extrapolate(nodes, legendre, last, h, control.last, orbit.p[0], values[0, PRIMARY])
-            check_times = times_inside(control.origin, t, h, rule.check_points, limits)
-            goal = newton_goal(orbit, state, limits)
-            solved = solve(
-                rhs, jac, has_jac, params, times, h, base[0], orbit.x[0], equations.second,
-                operators.matrices, kinds, integral, goal, values[0], counts, state.contraction,
-                newton,
+            ratio, solved, by_defect = attempt(
+                rhs, jac, has_jac, params, t, h, slot, equations, rule, tables, varying, orbit,
+                state, limits, newton, base, operators, values,
             )  # fmt: skip
-            ratio, by_defect = np.inf, False
-            if solved:
-                ratio, by_defect = orbit_error(
-                    rhs, params, times, check_times, h, base, equations, rule, goal,
-                    operators.matrices, local, values, orbit, state, newton, limits,
-                )  # fmt: skip
-            if ratio <= 1.0 and n_columns > 1:
-                solved = solve_for_tangents(
-                    rhs, jac, has_jac, params, times, h, base, orbit.x, equations.second,
-                    operators.matrices, kinds, integral, values, counts, newton,
-                )  # fmt: skip
-                more = np.inf
-                if solved:
-                    more = tangents_error(
-                        h, base, equations, rule, operators.matrices, local, values, orbit, newton,
-                        limits,
-                    )  # fmt: skip
-                ratio, solved = max(ratio, more), more < np.inf
             longest = floor_to_grid(limits.longest_idle if ratio < _DORMANT else limits.longest)
             planned = next_length(h, control.next, ratio, was_refused, s + lowest)
             planned = worth_new_factors(h, planned, ratio, stages)
@@ -160,6 +109,21 @@ def marching(name, solve, solve_for_tangents, factors, read, told):
             row += 1
             control.time, control.last = (end if h == left else t + h), h
         return row, REACHED
+
+    def march(
+        rhs, jac, has_jac, params, solver, stages, equations, rule, basis, tables, varying, orbit,
+        state, steps, limits,
+    ):  # fmt: skip
+        s, n_columns, kinds = rule.nodes.shape[0], orbit.x.shape[0], equations.kinds
+        n_rows = orbit.modes.shape[1] - equations.unweighted.shape[0] * orbit.x.shape[1]
+        base, values = np.empty((n_columns, n_rows, s)), np.empty(orbit.last.shape)
+        operators = empty_operators(n_columns, n_rows, kinds, s)
+        newton = factors(orbit.x.shape[1], s, solver, stages)
+        weights = mode_weights(equations, basis, varying, orbit)
+        return take_steps(
+            rhs, jac, has_jac, params, equations, rule, basis, tables, varying, orbit, state,
+            steps, limits, stages, newton, weights, base, operators, values,
+        )  # fmt: skip
 
     march.__name__ = march.__qualname__ = name
     march.__doc__ = "March until `limits.stop`; return the accepted steps and a status code."
@@ -200,13 +164,6 @@ def mode_weights(equations, basis, varying, orbit):
     return input_weights, offset_weights
 
 
-@compiled
-def times_inside(origin, t, h, nodes, limits):
-    """Return the times of the nodes, kept strictly between origin and stop, where f may jump."""
-    times = np.minimum(origin + (t + h * nodes), limits.latest)
-    return np.maximum(times, limits.earliest)
-
-
 @inner
 def next_step(control, end):
     """Return start, time left and length of the next step, such that no tiny remainder is left."""
@@ -223,27 +180,6 @@ def orders_tabulated(t, h, varying):
         return True
     tabulated.next_start, tabulated.next_length = t, h
     return False
-
-
-@inner
-def set_known_part(orbit, to_nodes, equations, varying, operators, base):
-    """Complete what every row is known to be before the step is solved, (1 + k, R, s).
-
-    Initial values, offsets, and history of orders that vary are added to the other history.
-    """
-    initial, p, modes, kinds = orbit.initial, orbit.p, orbit.modes, equations.kinds
-    d, n_kinds = p.shape[1], number_of(kinds)
-    for column in range(base.shape[0]):
-        if varying.integrals.shape[0] > 0:
-            read_varying(modes[column], to_nodes, equations, varying, base[column])
-        for c in range(base.shape[1]):
-            row = c // d * n_kinds + kinds[c % d]
-            for i in range(base.shape[2]):
-                base[column, c, i] += operators.constant[column, c, i]
-                base[column, c, i] += operators.start_weights[row, i] * p[column, c % d]
-                if c < d:
-                    base[column, c, i] += initial[column, c]
-    eliminate_known(kinds, operators.matrices, base)
 
 
 @inner
@@ -269,58 +205,6 @@ def lowest_order(equations):
         if 0 <= terms[n].index < equations.orders.shape[0]:
             lowest = min(lowest, equations.orders[terms[n].index])
     return lowest
-
-
-@inner
-def newton_goal(orbit, state, limits):
-    """Return the error of p that Newton's method may leave, (d,)."""
-    return _NEWTON * (limits.atol + limits.rtol * np.maximum(state.largest, np.abs(orbit.p[0])))
-
-
-@inner
-def orbit_error(
-    rhs, params, times, check_times, h, base, equations, rule, goal, matrices, local, values,
-    orbit, state, newton, limits,
-):  # fmt: skip
-    """Estimate the error of a solved step, and subtract terms from f.
-
-    Returns the ratio of error to tolerance, and whether the defect of f between the nodes alone
-    makes it too large.
-    """
-    second, largest, start = equations.second, state.largest, orbit.initial[0]
-    rtol, atol = limits.rtol, limits.atol
-    errors, force_defect = np.empty(second.shape[0]), np.zeros(second.shape[0])
-    x_start, kinds = orbit.x[0], equations.kinds
-    measure_force_defect(
-        rhs, params, check_times, h, rule, x_start, start, second, values[0], limits, force_defect
-    )
-    state.counts.rhs += check_times.shape[0]
-    if defect_matters(force_defect, matrices, kinds, goal, newton):
-        state.counts.rhs += times.shape[0]
-        if not equations_hold(
-            rhs, params, times, base[0], matrices, kinds, goal, values[0], newton
-        ):  # fmt: skip
-            return np.inf, True
-    subtract_from_forces(kinds, matrices, base, values[:1])
-    if values.shape[1] > SLOPE:
-        nodal_slopes(h, rule.inverse, orbit.p[0], values[0, PRIMARY], values[0, SLOPE])
-    estimate_error(h, equations, rule.legendre, local, matrices, values[0], newton, errors)
-    end = state.control.origin + state.control.time + h
-    ratio_at_nodes = error_ratio(h, end, errors, values[0], second, largest, start, rtol, atol)
-    add_force_defect(force_defect, matrices, kinds, newton, errors)
-    ratio = error_ratio(h, end, errors, values[0], second, largest, start, rtol, atol)
-    return ratio, ratio_at_nodes <= 1.0 and not ratio <= 1.0
-
-
-@inner
-def tangents_error(h, base, equations, rule, matrices, local, values, orbit, newton, limits):
-    """Return the largest ratio of error to tolerance of solved tangents; subtract terms from f."""
-    legendre, p = rule.legendre, orbit.p
-    subtract_from_forces(equations.kinds, matrices, base[1:], values[1:])
-    if values.shape[1] > SLOPE:
-        for column in range(1, p.shape[0]):
-            nodal_slopes(h, rule.inverse, p[column], values[column, PRIMARY], values[column, SLOPE])
-    return tangent_error_ratio(h, equations, legendre, local, matrices, values, newton, limits.rtol)
 
 
 @inner
@@ -361,34 +245,6 @@ def record_step(state, t, h, ratio, values, second, orbit, steps, row):
         for i in range(s):
             if second[c] == 1:
                 largest[c] = max(largest[c], abs(nodal[c, i]))
-
-
-@inner
-def extrapolate(nodes, legendre, last, h, h_last, p, out):
-    """Extrapolate p from the last step to the nodes of the next, with a lower degree.
-
-    The truncated polynomial is shifted to p at the end of the last step, which it misses.
-    """
-    # last, out (d, s), p (d,)
-    d, s = out.shape
-    reached = np.zeros((s + 1, s))  # from the last values to the nodes ahead, and to the end
-    degree = min(s - 1, _GUESS if h <= 1.5 * h_last else 1)
-    for i in range(s + 1 if h_last > 0.0 else 0):
-        u = 1.0 + 2.0 * h / h_last * (nodes[i] if i < s else 0.0)
-        before, now = 1.0, u
-        for k in range(degree + 1):
-            for j in range(s):
-                reached[i, j] += before * legendre[k, j]
-            before, now = now, ((2 * k + 3) * u * now - (k + 1) * before) / (k + 2)
-    for i in range(s):
-        for j in range(s):
-            reached[i, j] -= reached[s, j]
-    for c in range(d):
-        for i in range(s):
-            total = p[c]
-            for j in range(s):
-                total += reached[i, j] * last[c, j]
-            out[c, i] = total
 
 
 _FEW = solve_stages, solve_tangents, empty_factors, read_modes, "the march of collocation"

@@ -1,7 +1,5 @@
 """Parts of the march: open a block, add known terms, start the memory, write rows."""
 
-import numpy as np
-
 from .._jit import inlined, inner
 from .jacobian import jacobian
 
@@ -37,15 +35,6 @@ def samples(n, n_end, every):
         return 0, 0
     first = (n + every - 1) // every
     return first, n // every - ((n_end - 1) // every + 1 - first)
-
-
-@inner
-def jacobian_room(kept, n, needed):
-    """Return room for Jacobian and Newton's matrix of n components: what is kept, or new."""
-    if kept.shape[0] > 0:
-        return kept
-    size = n if needed else 0
-    return np.empty((2, size, size))
 
 
 @inner

@@ -19,8 +19,7 @@ Arrays of every step are named here one by one: to hand groups of them to functi
 than most steps do.
 """
 
-import numpy as np
-
+from .._borrowed import borrowed
 from .._jit import entry
 from .adams import contraction, correct, look_again, predict, settle
 from .block import (
@@ -30,7 +29,6 @@ from .block import (
     begin_others,
     begin_start,
     bounded,
-    jacobian_room,
     keep_jacobian,
     open_block,
     samples,
@@ -47,7 +45,6 @@ from .step import (
     KNOWN,
     LEAD,
     MOVED,
-    N_ROOM,
     NEAR,
     POINT,
     SCALE,
@@ -83,23 +80,23 @@ def marching(name, way, read=open_block):
 
     def march(rhs, jac, has_jac, params, exchange, tables, memory, solver, linear, table, rows,
               state, output, end):  # fmt: skip
-        h, groups, weights, given = table.h, table.groups, table.weights, table.given
+        params, tables, memory, linear = borrowed((params, tables, memory, linear))
+        table, rows, state, output = borrowed((table, rows, state, output))
+        h, groups, weights, every = table.h, table.groups, table.weights, table.every
         counts, x, u, d, lag = state.counts, state.x, state.increment, state.change, state.lag
         pieces, force, lacks, speed = state.pieces, state.force, state.lacks, state.shift
         theta, unit, length, ratio = rows.theta, rows.unit, rows.length, rows.ratio
         leads, nears, scales, drifts = rows.lead, rows.near, rows.scale, rows.drift
-        every, integral, n_solved = table.every, table.integral, table.n_solved
+        n_solved, n_orbit, start_weights = table.n_solved, table.n_orbit, table.start_weights
         amplitudes, corrections, sources = state.drift, state.corrections, table.sources
-        starts, first, slowest = state.starts, state.first, table.slowest
-        monitor, start_weights, (_, start, _) = state.monitor, table.start_weights, memory
-        n_starts, room, row = max(1, starts.shape[1]), np.empty((N_ROOM, x.shape[0])), -1
+        starts, first, start, integral = state.starts, state.first, memory[1], table.integral
+        room, work, monitor, given = output.room, state.newton, state.monitor, table.given
         known, shift, scale, lead = room[KNOWN], room[SHIFT], room[SCALE], room[LEAD]
-        near, w, f, moved = room[NEAR], room[W], room[F], room[MOVED]
-        point, base, gain, n_orbit = room[POINT], room[BASE], room[GAIN], table.n_orbit
-        orbit, f_orbit = x[:n_orbit], f[:n_orbit]
-        work = jacobian_room(state.newton, n_orbit, newton or x.shape[0] > n_orbit)
+        near, w, f, n_starts = room[NEAR], room[W], room[F], max(1, starts.shape[1])
+        point, base, gain, moved = room[POINT], room[BASE], room[GAIN], room[MOVED]
+        orbit, f_orbit, looked, row = x[:n_orbit], f[:n_orbit], point[:n_orbit], -1
         first_sample, first_stretch = samples(output.begun, output.end, every)
-        j_f, begun, rows_out, slopes = work[0], output.begun, output.rows, output.slopes
+        rows_out, slopes, begun, j_f = output.rows, output.slopes, output.begun, work[-1]
         while counts.step < end:
             n = counts.step
             p, i = n % lag.shape[1], min(n - rows.first, rows.last)
@@ -136,8 +133,8 @@ def marching(name, way, read=open_block):
                 put(first, w)
             elif newton:
                 guess(p, integral, ratio[i], lead, known, force, pieces, w)
-                if not solve_step(rhs, jac, has_jac, params, t, n_solved, sources, room, work,
-                                  counts, solver, linear):  # fmt: skip
+                if not solve_step(rhs, jac, has_jac, params, t, n_solved, sources, room, looked,
+                                  f_orbit, work, counts, solver, linear):  # fmt: skip
                     return NOT_SOLVED
                 if integral == 1:
                     look(base, gain, sources, w, point)
@@ -161,9 +158,9 @@ def marching(name, way, read=open_block):
                 settle(lead, f, force, lacks)
             close(p, n, explicit, integral, ratio[i], groups, sources, weights, given, shift, known,
                   lead, base, gain, w, f, x, u, d, lag, pieces)  # fmt: skip
-            for c in range(n_solved if slowest > 0.0 else 0):
+            for c in range(n_solved if table.slowest > 0.0 else 0):
                 if (u[c] - d[c]) * u[c] < 0.0:  # a turn of the increments
-                    watch_turn(monitor[c], d[c], u[c], x[c], slowest, counts)
+                    watch_turn(monitor[c], d[c], u[c], x[c], table.slowest, counts)
             if n == 0 and integral == 0 and start_weights.shape[1] > 0:
                 first_value(explicit, starts, w, known)
                 begin_start(p, known, p + 1, n_starts, groups, start_weights, lag, start)

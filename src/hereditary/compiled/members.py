@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import from_dtype, types
 
-from .._jit import CUBE, CUBES, F8, I8, IVEC, MAT, VEC, entry, inner
+from .._jit import CUBE, CUBES, I8, IVEC, MAT, entry, inner
 from .copying import put, put_matrix
 from .signatures import (
     COUNTS,
@@ -74,7 +74,7 @@ _STARTS = types.NamedTuple((MAT, MAT, MAT, MAT, MAT, CUBE, CUBE, CUBE, _MONITORS
 _FOUND = types.NamedTuple((IVEC, CUBE, CUBE, CUBES, _COUNTED, IVEC), Found)
 _MEMBERS = (
     MARCH_VALUE, RHS, JAC, I8, EXCHANGE, TABLES, MEMORY, SOLVER, LINEAR,
-    STEP_TABLE, STEP_ROWS, STATE, _STARTS, MAT, MAT, _FOUND, I8, I8,
+    STEP_TABLE, STEP_ROWS, STATE, _STARTS, MAT, MAT, MAT, _FOUND, I8, I8,
 )  # fmt: skip
 
 
@@ -121,15 +121,15 @@ def keep(m, n, rows, slopes, found):
 @entry(*_MEMBERS, told="the loop over the members of an ensemble")
 def march_members(
     march, rhs, jac, has_jac, exchange, tables, memory, solver, linear, table, rows, state, starts,
-    all_rows, all_slopes, found, first, end,
+    all_rows, all_slopes, room, found, first, end,
 ):  # fmt: skip
     """March from the start of each member, from number `first` on, to step `end`.
 
-    all_rows and all_slopes (end, d) are room for every step of one member.
+    all_rows and all_slopes (end, d) are room for every step of one member, room that of one step.
     """
     for m in range(first, found.status.shape[0]):
         begin(m, starts, state, memory)
-        output = Output(all_rows, all_slopes, found.jacobians[m], 0, end)
+        output = Output(all_rows, all_slopes, found.jacobians[m], room, 0, end)
         found.status[m] = march(
             rhs, jac, has_jac, starts.params[m], exchange, tables, memory, solver, linear, table,
             rows, state, output, end,

@@ -11,6 +11,8 @@ from .step import BASE, GAIN, KNOWN, LEAD, MOVED, POINT, SCALE, SHIFT, F, W, loo
 # Simplified Newton steps (one Jacobian) before the full method takes over, and full ones before a
 # step is given up.
 _SIMPLIFIED, _FULL = 8, 30
+# Contraction from which the Jacobian of an earlier step is not kept.
+_WORN = 0.01
 # Components above which factors are kept over steps, and contraction from which they are not.
 KEPT_FROM, _SLOW = 10, 0.1
 # counts.factored where factors of a linear step have been seen to solve it at once: to this rate,
@@ -26,48 +28,91 @@ _RESIDUAL, _SMALL = 4e-15, 1e-3
 
 @inner
 def solve_step(
-    rhs, jac, has_jac, params, t, d, sources, room, work, counts, solver, linear
+    rhs, jac, has_jac, params, t, d, sources, room, point, f, work, counts, solver, linear
 ):  # fmt: skip
     """Solve ``scale w + known = lead f(t, base + gain w)`` for w, and so for tangents.
 
     The first d components have an equation; f reads all, at the w of their sources. Returns False
-    where the iteration does not converge; calls of `rhs` are counted.
+    where the iteration does not converge; calls of `rhs` are counted. A Jacobian by differences is
+    that of an earlier step as long as it contracts well.
     """
-    # room (N_ROOM, >= n): rows of a step; work (2, n, n): Jacobian and room for Newton's matrix
+    # room (N_ROOM, >= n): rows of a step; point, f (n,): its rows of these names; work (2, n, n),
+    # or (3, n, n) with tangents: Jacobian, in force where counts.factored is not 0, and room for
+    # Newton's matrix
     if linear.order.shape[0] > 0:
         return solve_with_factors(
             rhs, jac, has_jac, params, t, d, sources, room, work, counts, solver, linear
         )
-    j_f, matrix = work[0], work[1]
-    n = j_f.shape[0]
-    known, shift, scale, lead, w = room[KNOWN], room[SHIFT], room[SCALE], room[LEAD], room[W]
-    base, gain = room[BASE], room[GAIN]
-    point, f, change = room[POINT][:n], room[F][:n], room[MOVED][:n]
-    previous = np.inf
+    n = point.shape[0]
+    previous, kept = np.inf, has_jac == 0 and counts.factored != 0
+    counts.factored = int(kept)
     for iteration in range(_SIMPLIFIED + _FULL):
-        look(base, gain, sources, w, point)
+        for c in range(n):
+            point[c] = room[BASE, c] + room[GAIN, c] * room[W, sources[c]]
         rhs(t, point, f, params)
         counts.rhs += 1
-        if iteration == 0 or iteration >= _SIMPLIFIED:
-            counts.rhs += jacobian(rhs, jac, has_jac, t, point, params, j_f)
-        set_residual(d, lead, f, known, scale, w, change)
-        newton_matrix(j_f, n, d, sources, gain, scale, lead, matrix)
+        if counts.factored == 0 or iteration >= _SIMPLIFIED:
+            counts.rhs += jacobian(rhs, jac, has_jac, t, point, params, work[0])
+            counts.factored = 1
+        set_newton_system(n, d, sources, room, f, work)
         counts.factorised += 1
-        if not solve_in_place(matrix, change):
-            return False
-        size, largest, reference = apply_change(d, change, shift, base, w)
-        if not size < np.inf:
-            return False
+        solved = eliminate(n, work, room)
+        size, largest, reference = 0.0, 0.0, 0.0
+        for c in range(d):
+            room[W, c] += room[MOVED, c]
+            size = max(size, abs(room[MOVED, c]))
+            largest = max(largest, abs(room[W, c]) + abs(room[SHIFT, c]))
+            reference = max(reference, abs(room[BASE, c]))
+        if not (solved and size < np.inf):
+            counts.factored = 0
+            if not kept:
+                return False
+            for c in range(d):  # once more, with a Jacobian of this step
+                room[W, c] -= room[MOVED, c]
+            kept = False
+            continue
         # a contraction by `rate` leaves an error of rate / (1 - rate) times the last change
-        rate = size / previous if iteration > 0 else 1.0
+        rate = size / previous if previous < np.inf else 1.0
         left = size * rate / (1.0 - rate) if rate < 1.0 else size
+        if kept and previous < np.inf and rate > _WORN:
+            kept, counts.factored = False, 0
         if left <= _TOLERANCE * largest + _ROUNDING * reference + _UNDERFLOW:
-            alone = room.shape[1] == n
-            return alone or solve_tangents(
+            return room.shape[1] == n or solve_tangents(
                 rhs, jac, has_jac, params, t, d, sources, room, work, counts
             )
         previous = size
+    counts.factored = 0
     return False
+
+
+@inlined
+def set_newton_system(n, d, sources, room, f, work):
+    """Set the derivative of ``scale w - lead f(t, base + gain w)`` by w, and its residual.
+
+    Components beyond d have no equation: their w is left as it is.
+    """
+    for i in range(n):
+        for k in range(n):
+            work[1, i, k] = 0.0
+        for k in range(n if i < d else 0):
+            work[1, i, sources[k]] -= room[GAIN, k] * room[LEAD, i] * work[0, i, k]
+        work[1, i, i] += room[SCALE, i] if i < d else 1.0
+        room[MOVED, i] = 0.0
+        if i < d:
+            known = room[KNOWN, i] + room[SCALE, i] * room[W, i]
+            room[MOVED, i] = room[LEAD, i] * f[i] - known
+
+
+@inlined
+def eliminate(n, work, room):
+    """Solve Newton's system of few components, whose solution replaces the residual.
+
+    Returns whether no pivot vanishes.
+    """
+    if n == 1:
+        room[MOVED, 0] /= work[1, 0, 0]
+        return abs(work[1, 0, 0]) > 0.0
+    return solve_in_place(work[1], room[MOVED][:n])
 
 
 @inner
@@ -160,7 +205,8 @@ def solve_tangents(rhs, jac, has_jac, params, t, d, sources, room, work, counts)
     J is the Jacobian where the orbit's own w, which is given, solves the step.
     Returns False where the equations are singular; calls of `rhs` are counted.
     """
-    j_f, matrix = work[0], work[1]
+    # of its own, that the orbit does not depend on whether tangents go along
+    j_f, matrix = work[2], work[1]
     n = j_f.shape[0]
     known, scale, lead, w = room[KNOWN], room[SCALE], room[LEAD], room[W]
     base, gain = room[BASE], room[GAIN]

@@ -134,8 +134,8 @@ class March(NamedTuple):
     terms, or x(0) where rows have factors for it; first (W,), the first increment where it is
     given; corrections (W, k) of the right-hand side in the first steps; starts (W, V), start
     values; force and lacks (W,), the newest right-hand side, and what the last step took too much
-    of it; newton (2, ., .), the Jacobian and Newton's matrix whose factors are kept, for many
-    components (compiled/newton.py), and with tangents room for theirs; (0, 0, 0) for few.
+    of it; newton (2, ., .), a Jacobian and room for Newton's matrix, or that whose factors are
+    kept, for many components (compiled/newton.py), or (3, ., .) with room for that of tangents.
     """
 
     counts: np.record
@@ -158,12 +158,13 @@ class March(NamedTuple):
 class Output(NamedTuple):
     """Room for a row of each step from `begun` to `end`, or none: y and its slopes (k, d).
 
-    And for Jacobians (n, d, d) of these steps.
+    And for Jacobians (n, d, d) of these steps; room (N_ROOM, W) for one step (compiled/step.py).
     """
 
     rows: np.ndarray
     slopes: np.ndarray
     jacobians: np.ndarray
+    room: np.ndarray
     begun: int
     end: int
 
@@ -181,7 +182,7 @@ _MONITORS = types.Array(from_dtype(MONITOR), 1, "C")
 STATE = types.NamedTuple(
     (_COUNTS, VEC, VEC, VEC, MAT, MAT, _MONITORS, VEC, MAT, VEC, MAT, MAT, VEC, VEC, CUBE), March
 )
-OUTPUT = types.NamedTuple((MAT, MAT, CUBE, I8, I8), Output)
+OUTPUT = types.NamedTuple((MAT, MAT, CUBE, MAT, I8, I8), Output)
 MARCH = (
     RHS, JAC, I8, VEC, EXCHANGE, TABLES, MEMORY, SOLVER, LINEAR, STEP_TABLE, STEP_ROWS, STATE,
     OUTPUT, I8,

@@ -98,7 +98,8 @@ class Lane(Stepper):
         jacobians = np.tile(jacobians, (size, 1, 1, 1))
         counts = np.zeros(size, COUNTS).view(np.recarray)
         found = Found(kept, rows, slopes, jacobians, counts, np.full(size, RAISED))
-        room, raised = np.empty((2, n_steps, d)), {}
+        every_row, room = np.empty((2, n_steps, d)), self._room
+        raised = {}
         system, first = self._system, 0
         loop = loop_value(MARCHES[self.scheme.solve, False], MARCH_SIG)
         while first < size:
@@ -106,14 +107,14 @@ class Lane(Stepper):
                 march_members(
                     loop, system._rhs, system._jac, int(system.has_jac), self.memory.exchange,
                     self.memory.tables, self.memory.arrays, self._newton.solver,
-                    self._newton.tables, self._table, self._rows, self._march, starts, *room, found,
-                    first, n_steps,
+                    self._newton.tables, self._table, self._rows, self._march, starts,
+                    *every_row, room, found, first, n_steps,
                 )  # fmt: skip
                 first = size
             except Exception as error:
                 self._raised(error)
                 first += int(np.argmax(found.status[first:] == RAISED))
-                keep(first, self.n, *room, found)
+                keep(first, self.n, *every_row, found)
                 counts[first] = self._march.counts
                 raised[first] = failed(error)
                 first += 1

@@ -43,17 +43,15 @@ class Newton(NamedTuple):
 def newton_of(structure, d, tangents, solve, exact):
     """Return `Newton` for d components of an orbit, with tangents or without.
 
-    `solve` is the scheme's; `exact` tells whether one iteration is enough. Of few components, but
-    for steps with a constant Jacobian, and of dense ones whose steps are not implicit, room and
-    tables are empty.
+    `solve` is the scheme's; `exact` tells whether one iteration is enough. Tables are empty of few
+    components, but for steps with a constant Jacobian; room is where no Jacobian is taken.
     """
     implicit = solve in ("newton", "imex")
     slots = 1 + int(tangents)
-    room = np.zeros((0, 0, 0))
     if structure is None:
         kept = d if implicit and (d > KEPT_FROM or solve == "imex") else 0
-        if kept:
-            room = np.zeros((1 + slots, d, d))
+        size = d if implicit or tangents else 0
+        room = np.zeros((1 + slots, size, size))
         tables = _tables(np.zeros((slots if kept else 0, kept + 1, kept)), np.arange(kept), exact)
         solver = dense_solver if kept else no_solver
         return Newton(as_value(solver, SOLVER_SIG), tables, room)

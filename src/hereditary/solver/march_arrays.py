@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..compiled.signatures import COUNTS, MONITOR, March, StepTable
+from ..compiled.step import N_ROOM
 from ..compiled.structures import record
 
 
@@ -83,6 +84,11 @@ def columns(plan):
         corrections=_by_columns(plan.corrections, none),
         starts=_by_columns(plan.starts, none),
     )
+
+
+def room_of_step(march):
+    """Return room for one step of a march."""
+    return np.empty((N_ROOM, march.x.size))
 
 
 def restored_march(kept):

@@ -108,6 +108,7 @@ class Stepper:
         structure, exact = self._system.structure, self._system.linear_alone and plan.rows.alike
         self._newton = newton_of(structure, d, self.n_tangents > 0, self.scheme.solve, exact)
         self._march = arrays.initial_march(plan, d, self._block, self._newton.room)
+        self._room = arrays.room_of_step(self._march)
         self._march.monitor.turns[: self.equation.d] = -1.0 * (self.equation.highest_orders() == 2)
 
     @property
@@ -290,7 +291,7 @@ class Stepper:
                 self.memory.exchange, self.memory.tables, self.memory.arrays,
                 self._newton.solver, self._newton.tables, self._table,
                 rows_beside(self._breaks, self.n, self._rows, self.steps, start), self._march,
-                Output(rows, slopes, jacobians, self.n, n_end), n_end,
+                Output(rows, slopes, jacobians, self._room, self.n, n_end), n_end,
             )  # fmt: skip
         finally:
             self._watch.note(jacobians, self.n)
@@ -312,7 +313,7 @@ class Stepper:
 
     def _refactorise(self):
         """Factorise the matrix whose factors are in force, after the march went elsewhere."""
-        if self._march.counts["factored"]:
+        if self._march.counts["factored"] and self._newton.tables.order.size:
             solver, tables = self._newton.solver, self._newton.tables
             solver(FACTORISE, 0, self._march.newton[1], np.empty(tables.order.size), tables)
 

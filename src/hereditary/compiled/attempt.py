@@ -1,0 +1,183 @@
+"""An attempt at one collocation step: its equations solved, and the error estimated."""
+
+import numpy as np
+
+from .._jit import compiled, inner
+from .collocation import nodal_slopes
+from .error_estimate import (
+    add_force_defect,
+    defect_matters,
+    equations_hold,
+    error_ratio,
+    estimate_error,
+    measure_force_defect,
+    tangent_error_ratio,
+)
+from .mode_tables import read_varying
+from .operators import PRIMARY, SLOPE, eliminate_known, number_of, subtract_from_forces
+
+# Goal of Newton's method, in tolerances.
+_NEWTON = 0.01
+# Highest degree of the extrapolation that gives Newton's first guess.
+_GUESS = 3
+
+
+def attempting(solve, solve_for_tangents, read):
+    """Return an attempt for one way of solving the equations of a step and reading the modes."""
+
+    @inner
+    def attempt(
+        rhs, jac, has_jac, params, t, h, slot, equations, rule, tables, varying, orbit, state,
+        limits, newton, base, operators, values,
+    ):  # fmt: skip
+        """Solve a step from t of length h for f, p and y at the nodes, `values` (1 + k, n_q, d, s).
+
+        Returns the ratio of its error to the tolerance, whether the equations were solved, and
+        whether the defect of f alone makes the error too large. base (1 + k, R, s) is room for what
+        is known of the rows; slot is the place of tables for h.
+        """
+        nodes, kinds, local = rule.nodes, equations.kinds, tables.local[slot]
+        control, counts, origin = state.control, state.counts, state.control.origin
+        n_columns, last = orbit.x.shape[0], orbit.last[0, PRIMARY]
+        integral = rule.integrals[equations.orders.shape[0] - 1]  # of order 1
+        for column in range(n_columns):
+            read(orbit.modes[column], tables.to_nodes[slot], base[column])
+        set_known_part(orbit, tables.to_nodes[slot], equations, varying, operators, base)
+        times = times_inside(origin, t, h, nodes, limits)
+        extrapolate(nodes, rule.legendre, last, h, control.last, orbit.p[0], values[0, PRIMARY])
+        check_times = times_inside(origin, t, h, rule.check_points, limits)
+        goal = newton_goal(orbit, state, limits)
+        solved = solve(
+            rhs, jac, has_jac, params, times, h, base[0], orbit.x[0], equations.second,
+            operators.matrices, kinds, integral, goal, values[0], counts, state.contraction,
+            newton,
+        )  # fmt: skip
+        ratio, by_defect = np.inf, False
+        if solved:
+            ratio, by_defect = orbit_error(
+                rhs, params, times, check_times, h, base, equations, rule, goal,
+                operators.matrices, local, values, orbit, state, newton, limits,
+            )  # fmt: skip
+        if ratio <= 1.0 and n_columns > 1:
+            solved = solve_for_tangents(
+                rhs, jac, has_jac, params, times, h, base, orbit.x, equations.second,
+                operators.matrices, kinds, integral, values, counts, newton,
+            )  # fmt: skip
+            more = np.inf
+            if solved:
+                more = tangents_error(
+                    h, base, equations, rule, operators.matrices, local, values, orbit, newton,
+                    limits,
+                )  # fmt: skip
+            ratio, solved = max(ratio, more), more < np.inf
+        return ratio, solved, by_defect
+
+    return attempt
+
+
+@compiled
+def times_inside(origin, t, h, nodes, limits):
+    """Return the times of the nodes, kept strictly between origin and stop, where f may jump."""
+    times = np.minimum(origin + (t + h * nodes), limits.latest)
+    return np.maximum(times, limits.earliest)
+
+
+@inner
+def set_known_part(orbit, to_nodes, equations, varying, operators, base):
+    """Complete what every row is known to be before the step is solved, (1 + k, R, s).
+
+    Initial values, offsets, and history of orders that vary are added to the other history.
+    """
+    initial, p, modes, kinds = orbit.initial, orbit.p, orbit.modes, equations.kinds
+    d, n_kinds = p.shape[1], number_of(kinds)
+    for column in range(base.shape[0]):
+        if varying.integrals.shape[0] > 0:
+            read_varying(modes[column], to_nodes, equations, varying, base[column])
+        for c in range(base.shape[1]):
+            row = c // d * n_kinds + kinds[c % d]
+            for i in range(base.shape[2]):
+                base[column, c, i] += operators.constant[column, c, i]
+                base[column, c, i] += operators.start_weights[row, i] * p[column, c % d]
+                if c < d:
+                    base[column, c, i] += initial[column, c]
+    eliminate_known(kinds, operators.matrices, base)
+
+
+@inner
+def newton_goal(orbit, state, limits):
+    """Return the error of p that Newton's method may leave, (d,)."""
+    return _NEWTON * (limits.atol + limits.rtol * np.maximum(state.largest, np.abs(orbit.p[0])))
+
+
+@inner
+def orbit_error(
+    rhs, params, times, check_times, h, base, equations, rule, goal, matrices, local, values,
+    orbit, state, newton, limits,
+):  # fmt: skip
+    """Estimate the error of a solved step, and subtract terms from f.
+
+    Returns the ratio of error to tolerance, and whether the defect of f between the nodes alone
+    makes it too large.
+    """
+    second, largest, start = equations.second, state.largest, orbit.initial[0]
+    rtol, atol = limits.rtol, limits.atol
+    errors, force_defect = np.empty(second.shape[0]), np.zeros(second.shape[0])
+    x_start, kinds = orbit.x[0], equations.kinds
+    measure_force_defect(
+        rhs, params, check_times, h, rule, x_start, start, second, values[0], limits, force_defect
+    )
+    state.counts.rhs += check_times.shape[0]
+    if defect_matters(force_defect, matrices, kinds, goal, newton):
+        state.counts.rhs += times.shape[0]
+        if not equations_hold(
+            rhs, params, times, base[0], matrices, kinds, goal, values[0], newton
+        ):  # fmt: skip
+            return np.inf, True
+    subtract_from_forces(kinds, matrices, base, values[:1])
+    if values.shape[1] > SLOPE:
+        nodal_slopes(h, rule.inverse, orbit.p[0], values[0, PRIMARY], values[0, SLOPE])
+    estimate_error(h, equations, rule.legendre, local, matrices, values[0], newton, errors)
+    end = state.control.origin + state.control.time + h
+    ratio_at_nodes = error_ratio(h, end, errors, values[0], second, largest, start, rtol, atol)
+    add_force_defect(force_defect, matrices, kinds, newton, errors)
+    ratio = error_ratio(h, end, errors, values[0], second, largest, start, rtol, atol)
+    return ratio, ratio_at_nodes <= 1.0 and not ratio <= 1.0
+
+
+@inner
+def tangents_error(h, base, equations, rule, matrices, local, values, orbit, newton, limits):
+    """Return the largest ratio of error to tolerance of solved tangents; subtract terms from f."""
+    legendre, p = rule.legendre, orbit.p
+    subtract_from_forces(equations.kinds, matrices, base[1:], values[1:])
+    if values.shape[1] > SLOPE:
+        for column in range(1, p.shape[0]):
+            nodal_slopes(h, rule.inverse, p[column], values[column, PRIMARY], values[column, SLOPE])
+    return tangent_error_ratio(h, equations, legendre, local, matrices, values, newton, limits.rtol)
+
+
+@inner
+def extrapolate(nodes, legendre, last, h, h_last, p, out):
+    """Extrapolate p from the last step to the nodes of the next, with a lower degree.
+
+    The truncated polynomial is shifted to p at the end of the last step, which it misses.
+    """
+    # last, out (d, s), p (d,)
+    d, s = out.shape
+    reached = np.zeros((s + 1, s))  # from the last values to the nodes ahead, and to the end
+    degree = min(s - 1, _GUESS if h <= 1.5 * h_last else 1)
+    for i in range(s + 1 if h_last > 0.0 else 0):
+        u = 1.0 + 2.0 * h / h_last * (nodes[i] if i < s else 0.0)
+        before, now = 1.0, u
+        for k in range(degree + 1):
+            for j in range(s):
+                reached[i, j] += before * legendre[k, j]
+            before, now = now, ((2 * k + 3) * u * now - (k + 1) * before) / (k + 2)
+    for i in range(s):
+        for j in range(s):
+            reached[i, j] -= reached[s, j]
+    for c in range(d):
+        for i in range(s):
+            total = p[c]
+            for j in range(s):
+                total += reached[i, j] * last[c, j]
+            out[c, i] = total
