@@ -226,7 +226,10 @@ def _modes(orders, lead, corrections):
         for _ in range(corrections):
             power = power @ m
             sweeps = sweeps + power
-        return eye - sweeps @ ((total - 1)[:, :, None] * m) - power @ m / points[:, None, None]
+        # sweeps diag(total - 1) m at all points, in a tenth of the time of so many small products
+        parts = (sweeps.T[:, :, None] * m[:, None, :]).reshape(eye.shape[0], -1)
+        older = ((total - 1) @ parts).reshape(-1, *eye.shape)
+        return eye - older - power @ m / points[:, None, None]
 
     def reach(sizes):
         # |C - 1| is at most q (bound / (1 - q) + 1), q being that of the sweeps

@@ -72,7 +72,7 @@ class StabilityRegion:
         """Blocks between two Jacobians: by differences one costs 2 d right-hand sides."""
         return (self.limits.size + 1) // 2
 
-    def ratios(self, jacobians, steps=None):
+    def ratios(self, jacobians, steps=None, runs=None):
         """Largest ratio of an eigenvalue to its limit, for each Jacobian; unstable above 1.
 
         Parameters
@@ -80,6 +80,8 @@ class StabilityRegion:
         jacobians : ndarray, shape (k, d, d), or list of SciPy's sparse arrays
         steps : ndarray, shape (k,), optional
             Where they were taken; these limits are the same everywhere.
+        runs : ndarray, shape (k,), optional
+            Numbers of the runs that they are of, by default one.
 
         Returns
         -------
@@ -89,19 +91,32 @@ class StabilityRegion:
         if isinstance(jacobians, list):
             bounds, worst = bounds_of(jacobians, [self.limits] * len(jacobians))
             return self._ratios_where_largest(bounds, worst)
-        finite = np.isfinite(jacobians).all(axis=(1, 2))
-        jacobians = np.where(finite[:, None, None], jacobians, 0.0)
-        limits = self.limits
-        if self.sources is not None:
-            jacobians = folded(jacobians, self.gains, self.sources)
-            limits = limits[: jacobians.shape[1]]
+        jacobians, limits = self._folded(jacobians)
         scaled = -jacobians / limits[:, None]
         if scaled.shape[1] == 1:
             return np.maximum(0.0, scaled[:, 0, 0])
         if scaled.shape[1] > TOGETHER:
             bounds, worst = bounds_of(jacobians, [limits] * len(jacobians))
             return self._ratios_where_largest(bounds, worst)
-        return self._ratios_of(np.linalg.eigvals(scaled), jacobians)
+        return self._ratios_of(np.linalg.eigvals(scaled), jacobians, runs)
+
+    def suspects(self, jacobians):
+        """Whether a ratio may exceed 1 by norms, for each of Jacobians (k, d, d); d is small."""
+        jacobians, limits = self._folded(jacobians)
+        sizes = np.abs(jacobians)
+        least = min(1.0, self.radii.min() / self.limits[0]) if self.radii.size else 1.0
+        found = (sizes / limits[:, None]).sum(axis=2).max(axis=1) > least
+        if self.modes is not None and limits.size > 1:
+            found |= self.modes(limits.size).reach(sizes) > 1
+        return found
+
+    def _folded(self, jacobians):
+        """Jacobians of components with an equation, 0 where they are not finite, and limits."""
+        finite = np.isfinite(jacobians).all(axis=(1, 2))
+        jacobians = np.where(finite[:, None, None], jacobians, 0.0)
+        if self.sources is not None:
+            jacobians = folded(jacobians, self.gains, self.sources)
+        return jacobians, self.limits[: jacobians.shape[1]]
 
     def _ratios_where_largest(self, bounds, worst):
         """Ratios of Jacobians of many components: bounds where these are below 1.
@@ -115,7 +130,7 @@ class StabilityRegion:
             ratios[np.argmax(bounds)] = self._ratios_of(values, None)[0]
         return ratios
 
-    def _ratios_of(self, values, jacobians):
+    def _ratios_of(self, values, jacobians, runs=None):
         """Ratios from eigenvalues over limits, (k, n), and from Jacobians where modes are known."""
         real, ratios = _are_real(values), largest_real(values)
         if self.angles.size:
@@ -125,7 +140,7 @@ class StabilityRegion:
             share[real | (angle <= self.first_angle)] = 0.0
             ratios = np.maximum(ratios, share.max(axis=1))
         if self.modes is not None and jacobians is not None:
-            ratios = np.maximum(ratios, self.modes(jacobians.shape[1]).ratios(jacobians))
+            ratios = np.maximum(ratios, self.modes(jacobians.shape[1]).ratios(jacobians, runs))
         return ratios
 
     def ratio(self, jacobians):

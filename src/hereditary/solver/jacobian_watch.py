@@ -66,7 +66,7 @@ class JacobianWatch:
         self._look(self._region, others[taken], self._stretch + taken)
 
     def of_members(self, jacobians, n):
-        """Return the largest ratios (E,) of marches from step 0 to steps n (E,).
+        """Return the largest ratios (E,) of marches from step 0 to steps n (E,), 0 up to 1.
 
         jacobians (E, k, ., .), what each of them left in the room.
         """
@@ -77,8 +77,9 @@ class JacobianWatch:
         regular = np.arange(jacobians.shape[1]) < self._n_samples
         made = np.arange(jacobians.shape[1]) < self._last(n)[:, None]
         taken = np.where(regular, made, jacobians.any(axis=(2, 3)))
+        taken[taken] = self._region.suspects(jacobians[taken])
         ratios = np.zeros(taken.shape)
-        ratios[taken] = self._region.ratios(jacobians[taken])
+        ratios[taken] = self._region.ratios(jacobians[taken], runs=np.nonzero(taken)[0])
         return ratios.max(axis=1, initial=0.0)
 
     def _of_one(self, jacobians, n):

@@ -1,0 +1,272 @@
+"""Ensembles: every member is the run that `solve` makes of it, bit for bit on given steps."""
+
+import warnings
+
+import numpy as np
+import pytest
+import scipy.sparse
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import hereditary as hd
+
+SCHEMES = [
+    hd.ExplicitCaputo(),
+    hd.GrunwaldLetnikov(),
+    hd.L1(),
+    hd.L12(),
+    hd.L2(),
+    hd.L2Sigma(),
+    hd.BDF(1),
+    hd.BDF(2),
+    hd.BDF(3),
+    hd.Adams(),
+    hd.ProductTrapezoid(),
+]
+HISTORIES = [hd.SumOfExponentials(), hd.FFT(), hd.Direct()]
+
+
+def decay(t, y, p):
+    return -p[0] * y
+
+
+def driven(t, x, p):
+    return p[0] * np.cos(p[1] * t) - np.sin(x)
+
+
+def predators(t, y, dy, p):
+    dy[0] = y[0] * (p[0] - y[1])
+    dy[1] = y[1] * (y[0] - p[1])
+
+
+def friction(t, x, memory, p):
+    return (p[0] - x[0] ** 2) * memory[0, 0] - x[0]
+
+
+def rotation(t, z, p):
+    return 1j * p[0] * z
+
+
+def cubic(t, y):
+    return -(y**3)
+
+
+LAPLACIAN = 100 * scipy.sparse.diags_array(
+    [np.ones(19), -2 * np.ones(20), np.ones(19)], offsets=[-1, 0, 1]
+)
+ONE = {"params": [[0.3], [2.0], [1.0]]}
+TWO = {"params": [[0.3, 1.0], [2.0, 0.5], [1.0, 1.5]]}
+FASTER = {"y0": [[0.1, 0.2], [0.0, 0.0], [-0.4, 1.0]]}
+ROWS = {"y0": np.linspace(-1.0, 2.0, 60).reshape(3, 20)}
+# what an equation may be made of, with members and a scheme that takes it
+KINDS = {
+    "order above 1": (
+        lambda: hd.Equation(hd.Caputo(1.7) + 0.2 * hd.Caputo(0.7), driven, [0.1, 0.2], [1.0, 1.0]),
+        TWO | FASTER,
+        None,
+    ),
+    "two components": (
+        lambda: hd.Equation(hd.Caputo([0.9, 0.8]), predators, [1.0, 0.5], [1.0, 1.0]),
+        TWO | {"y0": [[1.0, 0.5], [0.2, 0.3], [0.4, 1.0]]},
+        None,
+    ),
+    "complex": (
+        lambda: hd.Equation(hd.Caputo(0.8), rotation, 1 + 0j, [1.0]),
+        ONE | {"y0": [1 + 0j, 1j, 0.5 - 2j]},
+        None,
+    ),
+    "memory read by f": (
+        lambda: hd.Equation(hd.Caputo(1.8), friction, [0.5, 0.0], [1.0], memory=hd.Caputo(0.8)),
+        ONE | FASTER,
+        hd.BDF(2),
+    ),
+    "order 2.5": (
+        lambda: hd.Equation(hd.Caputo(2.5), decay, [1.0, 0.0, 0.0], [1.0]),
+        ONE | {"y0": [[1.0, 0.2, 0.0], [0.0, 0.5, 1.0], [2.0, 0.0, 0.3]]},
+        hd.BDF(2),
+    ),
+    "matrix": (
+        lambda: hd.Equation(
+            np.array([[1.0, 0.2], [0.0, 1.0]]) * hd.Caputo(0.8), decay, [1.0, 2.0], [1.0]
+        ),
+        ONE | FASTER,
+        hd.L1(),
+    ),
+    "Riemann-Liouville": (
+        lambda: hd.Equation(hd.Caputo(0.9) + 0.3 * hd.RiemannLiouville(0.4), decay, 1.0, [1.0]),
+        ONE | {"y0": [1.0, -2.0, 0.5]},
+        hd.BDF(2),
+    ),
+    "reduced order": (
+        lambda: hd.Equation(hd.Caputo(1.6), decay, [1.0, 0.1], [1.0]),
+        ONE | FASTER,
+        hd.L2Sigma(),
+    ),
+    "start at another time": (
+        lambda: hd.Equation(hd.Caputo(0.8), driven, 1.0, [1.0, 1.0], t_start=2.0),
+        TWO,
+        None,
+    ),
+    "sparse and linear": (
+        lambda: hd.Equation(hd.Caputo(0.8), None, np.ones(20), linear=LAPLACIAN),
+        ROWS,
+        hd.BDF(2),
+    ),
+    "implicit-explicit": (
+        lambda: hd.Equation(hd.Caputo(0.8), cubic, np.ones(20), linear=LAPLACIAN),
+        ROWS,
+        hd.IMEX(hd.BDF(2)),
+    ),
+    "orders that vary": (
+        lambda: hd.Equation(hd.Caputo(lambda t: 0.8 - 0.1 * t), decay, 1.0, [1.0]),
+        ONE,
+        None,
+    ),
+    "general kernel": (
+        lambda: hd.Equation(
+            hd.Caputo(1.0) + hd.Memory(hd.TemperedPowerLaw(0.5, 1.0), 1), decay, 1.0, [1.0]
+        ),
+        ONE,
+        None,
+    ),
+}
+
+
+def alone(equation, tables, m, t_end, *arguments, **how):
+    """The run of one member by itself."""
+    changed = {name: table[m] for name, table in tables.items()}
+    return hd.solve(equation.replace(**changed), t_end, *arguments, **how)
+
+
+def assert_equal(found, m, sol):
+    n = len(sol.y)
+    assert np.array_equal(found.t[:n], sol.t)
+    assert np.array_equal(found.y[m, :n], sol.y)
+    assert np.all(np.isnan(found.y[m, n:]))
+    assert (found.ydot is None) == (sol.ydot is None)
+    if sol.ydot is not None:
+        assert np.array_equal(found.ydot[m, :n], sol.ydot, equal_nan=True)
+    assert found.status[m] == sol.status
+    assert found.stats["n_rhs"][m] == sol.stats["n_rhs"]
+    assert found.stats["n_steps"][m] == sol.stats["n_steps"]
+
+
+@pytest.mark.parametrize("history", HISTORIES, ids=repr)
+@pytest.mark.parametrize("scheme", SCHEMES, ids=repr)
+def test_members_are_the_runs_by_themselves(scheme, history):
+    equation = hd.Equation(hd.Caputo(0.7), decay, 1.0, [1.0])
+    tables = {"params": [0.5, 1.0, 2.0, 0.1], "y0": [1.0, -1.0, 0.0, 3.0]}
+    how = {"scheme": scheme, "history": history, "save_every": 7}
+    found = hd.ensemble(equation, 2.0, 130, threads=2, **tables, **how)
+    for m in range(4):
+        assert_equal(found, m, alone(equation, tables, m, 2.0, 130, **how))
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=str)
+def test_members_of_every_kind_of_equation(kind):
+    make, tables, scheme = KINDS[kind]
+    equation = make()
+    t_end = equation.t_start + 1.0
+    found = hd.ensemble(equation, t_end, 60, scheme=scheme, **tables)
+    for m in range(3):
+        assert_equal(found, m, alone(equation, tables, m, t_end, 60, scheme=scheme))
+
+
+@settings(max_examples=25)
+@given(
+    st.lists(st.floats(0.01, 3.0), min_size=1, max_size=5),
+    st.integers(1, 70),
+    st.integers(1, 80),
+    st.sampled_from(SCHEMES),
+)
+def test_any_members_are_the_runs_by_themselves(rates, n_steps, save_every, scheme):
+    equation = hd.Equation(hd.Caputo(0.6), decay, 1.0, [1.0])
+    how = {"scheme": scheme, "save_every": save_every}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", hd.SolveWarning)
+        found = hd.ensemble(equation, 1.0, n_steps, params=rates, **how)
+        for m in range(len(rates)):
+            sol = alone(equation, {"params": rates}, m, 1.0, n_steps, **how)
+            assert_equal(found, m, sol)
+
+
+def test_each_member_has_its_own_ending():
+    """Members that blow up, are unstable or raise leave the others alone, and keep their rows."""
+
+    def moody(t, y, p):
+        if p[0] == 3.0 and t > 1.0:
+            raise ValueError("too late")
+        return p[0] * y[0] ** 2 if p[0] > 0 else p[0] * y[0]
+
+    equation = hd.Equation(hd.Caputo(0.8), moody, 1.0, [0.1])
+    rates = [0.1, 40.0, -100.0, 3.0, -0.1]
+    with pytest.warns(hd.StabilityWarning, match="3 of 5 members did not complete"):
+        found = hd.ensemble(equation, 2.0, 100, params=rates, y0=[0.1, 1.0, 1.0, 0.1, 1.0])
+    assert found.status.tolist() == [
+        "completed",
+        "blown_up",
+        "step_too_large",
+        "rhs_failed",
+        "completed",
+    ]
+    assert found.success.tolist() == [True, False, False, False, True]
+    assert sorted(found.messages) == [1, 2, 3]
+    assert "ValueError: too late" in found.messages[3]
+    assert np.isfinite(found.y[3]).sum() == found.stats["n_steps"][3] + 1 == 52
+    assert np.isfinite(found.y[1]).all(axis=1).sum() <= found.stats["n_steps"][1] + 1
+
+
+def test_functions_called_in_python():
+    class Decay:
+        def __call__(self, t, y, p):
+            return -p[0] * y
+
+    with pytest.warns(hd.PythonFunctionWarning):
+        equation = hd.Equation(hd.Caputo(0.8), Decay(), 1.0, [1.0])
+    found = hd.ensemble(equation, 1.0, 40, params=[0.5, 2.0])
+    compiled = hd.Equation(hd.Caputo(0.8), decay, 1.0, [1.0])
+    assert np.array_equal(found.y, hd.ensemble(compiled, 1.0, 40, params=[0.5, 2.0]).y)
+
+
+def test_a_tolerance_instead_of_steps():
+    equation = hd.Equation(hd.Caputo(0.8), decay, 1.0, [1.0])
+    times = np.array([0.0, 0.3, 1.0])
+    found = hd.ensemble(equation, 1.0, rtol=1e-8, params=[0.5, 2.0], t_eval=times)
+    for m, rate in enumerate((0.5, 2.0)):
+        exact = hd.exact.relaxation(0.8, rate)(times)[:, 0]
+        assert np.abs(found.y[m, :, 0] - exact).max() < 1e-8
+    ends = hd.ensemble(equation, 1.0, rtol=1e-8, params=[0.5, 2.0])
+    assert ends.t.tolist() == [0.0, 1.0]
+    assert np.abs(ends.y[:, 1] - found.y[:, 2]).max() < 1e-8
+
+
+def test_times_of_steps():
+    equation = hd.Equation(hd.Caputo(0.8), decay, 1.0, [1.0])
+    whole = hd.ensemble(equation, 1.0, 40, params=[0.5, 2.0])
+    some = hd.ensemble(equation, 1.0, 40, params=[0.5, 2.0], t_eval=[0.1, 0.5])
+    assert np.array_equal(some.y, whole.y[:, [4, 20]])
+    assert np.array_equal(some.stats["n_steps"], [40, 40])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({}, "params must be given, params or y0 or both"),
+        ({"params": [[1.0, 2.0]]}, r"params must have shape \(E, 1\)"),
+        ({"params": []}, "params must have a row for each member"),
+        ({"params": [1.0, np.nan]}, "params must be real, finite numbers"),
+        ({"params": [1.0], "y0": [1.0, 2.0]}, "params must have as many rows as y0"),
+        ({"y0": [[1.0, 2.0]]}, "y0 must hold 1 components"),
+        ({"params": [1.0], "t_eval": [0.333]}, "t_eval must be times of steps"),
+        ({"params": [1.0], "t_eval": [0.5], "save_every": 2}, "save_every must be left out"),
+        ({"params": [1.0], "threads": 0}, "threads must be a positive integer"),
+        ({"params": [1.0], "atol": 1e-6}, "atol must come with rtol"),
+    ],
+)
+def test_refusals(arguments, message):
+    equation = hd.Equation(hd.Caputo(0.8), decay, 1.0, [1.0])
+    with pytest.raises((TypeError, ValueError), match=message):
+        hd.ensemble(equation, 1.0, 40, **arguments)
+    above = hd.Equation(hd.Caputo([1.8, 0.8]), decay, [[1.0, 1.0], [0.5, 0.0]], [1.0])
+    with pytest.raises(ValueError, match=r"y0\[1\] must hold no y'\(0\)"):
+        hd.ensemble(above, 1.0, 40, y0=[[[1.0, 1.0], [0.5, 0.0]], [[1.0, 1.0], [0.5, 0.1]]])
