@@ -41,7 +41,7 @@ def measure(quick):
     """Return milliseconds by name."""
     repeats, random = 5 if quick else 30, np.random.default_rng(0)
     half = hd.Equation(hd.Caputo(0.5), decay, 1.0)
-    ours = hd.solve(half, 5.0, rtol=1e-8)
+    ours, stick_slip = hd.solve(half, 5.0, rtol=1e-8), hd.scenes.stick_slip()
     how = {"rtol": 1e-8, "atol": 1e-10, "dense_output": True}
     theirs = solve_ivp(decay, (0.0, 5.0), [1.0], **how).sol
 
@@ -58,6 +58,7 @@ def measure(quick):
             )
             for scheme in schemes
         },
+        "an exponent, 1,000 steps": lambda: hd.lyapunov(stick_slip, 10.0, 1000),
         "Collocation, rtol 1e-3": lambda: hd.solve(half, 5.0, rtol=1e-3),
         "Collocation, rtol 1e-8": lambda: hd.solve(half, 5.0, rtol=1e-8),
         "Collocation, a new order": unseen,

@@ -1,9 +1,12 @@
 """Compilation ahead of all that a first run would otherwise wait for."""
 
 import sys
+from functools import partial
+from typing import Any
 
 import numpy as np
 
+from .analysis.lyapunov import lyapunov
 from .equation import Equation
 from .history.direct import Direct
 from .history.fft import FFT
@@ -14,6 +17,7 @@ from .schemes.bdf import BDF
 from .schemes.explicit import ExplicitCaputo
 from .schemes.imex import IMEX
 from .schemes.l1 import L1
+from .solver.ensemble import ensemble
 from .solver.progress import ProgressBar
 from .solver.solve import solve
 
@@ -30,7 +34,7 @@ def _half(t):
 
 
 def _runs():
-    """List short runs that need all compiled loops, one after the other: equation and how."""
+    """List short runs that need all compiled loops, one after the other."""
     one = Equation(Caputo(0.5), _decay, 1.0)
     varying = Equation(Caputo(_half), _decay, 1.0)
     wave = np.ones(_MANY)
@@ -42,7 +46,7 @@ def _runs():
     ]
     linear = Equation(Caputo(0.5), _decay, wave, linear=-np.eye(_MANY))
     steps = {"n_steps": 40}
-    return [
+    runs: list[tuple[Equation, dict[str, Any]]] = [
         *((one, steps | {"scheme": scheme}) for scheme in (ExplicitCaputo(), L1(), Adams())),
         *((one, steps | {"history": history}) for history in (Direct(), FFT())),
         (one, {"mesh": graded(40, 2.0), "scheme": L1()}),
@@ -50,6 +54,11 @@ def _runs():
         *((eq, steps | {"scheme": BDF(2)}) for eq in (dense, band)),
         (linear, steps | {"scheme": IMEX(BDF(2))}),
         *((eq, {"rtol": 1e-4}) for eq in (one, dense, band, *mixed)),
+    ]
+    return [
+        *(partial(solve, equation, 1.0, **how) for equation, how in runs),
+        partial(ensemble, one, 1.0, 40, y0=[1.0, 2.0]),
+        partial(lyapunov, one, 1.0, 40),
     ]
 
 
@@ -60,10 +69,10 @@ def compile_ahead():
     and the divergence of orbits are left: a second each at most.
     """
     runs, bar = _runs(), ProgressBar(True)
-    for number, (equation, how) in enumerate(runs):
-        solution = solve(equation, 1.0, **how)
-        if not solution:
-            print(f"hereditary: {solution.message}", file=sys.stderr)
+    for number, run in enumerate(runs):
+        found = run()
+        if not np.all(found.success):
+            print(f"hereditary: {found}", file=sys.stderr)
             return 1
         bar.update((number + 1) / len(runs))
     bar.close()

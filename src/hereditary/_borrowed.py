@@ -5,6 +5,8 @@ is handed it, each time by an atomic addition that takes as long as twenty other
 caller keeps alive need no count.
 """
 
+from typing import Any
+
 from numba import config, types
 from numba.core import cgutils
 from numba.extending import intrinsic
@@ -20,10 +22,11 @@ def _borrowed(typing_context, value):
     return value(value), codegen
 
 
-def _uncounted(context, builder, kind, value):
+def _uncounted(context: Any, builder: Any, kind: Any, value: Any) -> Any:
     """Return a value of a type with all arrays in it uncounted."""
     if isinstance(kind, types.BaseTuple):
-        for place, part in enumerate(kind.types):
+        parts: Any = kind
+        for place, part in enumerate(parts):
             own = builder.extract_value(value, place)
             own = _uncounted(context, builder, part, own)
             value = builder.insert_value(value, own, place)
@@ -41,4 +44,4 @@ def _itself(value):
 
 
 # borrowed(value): an array, or a tuple of some, not to be kept beyond the life of their owner
-borrowed = _itself if config.DISABLE_JIT else _borrowed
+borrowed: Any = _itself if config.DISABLE_JIT else _borrowed  # type: ignore[attr-defined]

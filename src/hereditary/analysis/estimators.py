@@ -22,12 +22,12 @@ class Tangents:
 
     # what is said where tangents cannot be made orthonormal
     lost = "tangents overflowed or vanished; shorten renorm"
-    failed = False
 
     def __init__(self, open_stepper, equation, directions):
         self.stepper = open_stepper(equation, directions=directions)
         self._steps: list[int] = []
         self._logs: list[np.ndarray] = []
+        self._failed = False
 
     def follow(self, pace, last, unit):
         """Make tangents orthonormal when `pace` says, in a run to step `last`.
@@ -35,6 +35,11 @@ class Tangents:
         `unit` is the length of a step in positions.
         """
         self._pace, self._last, self._unit = pace, last, unit
+
+    @property
+    def failed(self):
+        """Whether tangents cannot be made orthonormal."""
+        return self._failed
 
     @property
     def steppers(self):
@@ -86,7 +91,7 @@ class Tangents:
         columns = self._columns()
         inverse = np.empty((columns.shape[1], columns.shape[1]))
         if not measure(columns, inverse):
-            self.failed = True
+            self._failed = True
             return
         self._transform(inverse)
         logs = -np.log(np.diag(inverse))

@@ -110,8 +110,8 @@ def lyapunov(
 
     Cost
     ----
-    For k tangents one Jacobian a step and k more columns of memory, and 0.1 ms a renormalisation;
-    half as much again for the second run (convergence/lyapunov_cost.py).
+    For k tangents one Jacobian a step and k more columns of memory, and 1 to 5 us a
+    renormalisation; half as much again for the second run (convergence/lyapunov_cost.py).
 
     Source
     ------

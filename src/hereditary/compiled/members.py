@@ -50,7 +50,7 @@ class Starts(NamedTuple):
 
     def of(self, part):
         """Return those of some members."""
-        return Starts(*(array[part] for array in self[:-1]), self.monitor)
+        return Starts._make((*(array[part] for array in self[:-1]), self.monitor))
 
 
 class Found(NamedTuple):

@@ -256,6 +256,7 @@ class _Run:
         """Solve some members one by one."""
         for m in range(part.start, part.stop):
             equation = self._members.equation(m, self._equation)
+            found: Any
             try:
                 found = solve(equation, self._t_end, t_eval=self._times, **self._how)
             except Exception as error:

@@ -60,7 +60,7 @@ class Lane(Stepper):
         monitor = self._march.monitor.copy()
         monitor[:] = 0
         monitor["turns"][: self.equation.d] = -1.0 * (self.equation.highest_orders() == 2)
-        return Starts(params, *fields, monitor)
+        return Starts._make((params, *fields, monitor))
 
     def _initial_values(self, size, y0):
         """Return y(0), and y'(0), of the systems that are marched, (E, m, d)."""
@@ -132,7 +132,8 @@ class Lane(Stepper):
         ratios = self._watch.of_members(found.jacobians, counts["step"])
         grew, zigzag = counts["growth"] >= 0, counts["zigzag"] >= 0
         ended = [_ENDS.get(end, Status.COMPLETED) for end in found.status.tolist()]
-        for m in np.flatnonzero((found.status == RUNNING) & ((ratios > 1) | grew | zigzag)):
+        beyond = (found.status == RUNNING) & ((ratios > 1) | grew | zigzag)
+        for m in np.flatnonzero(beyond).tolist():
             ended[m] = Status.ZIGZAG if zigzag[m] else Status.STEP_TOO_LARGE
         details = [""] * len(ended)
         for m, end in enumerate(ended):
