@@ -16,6 +16,7 @@ FLOORS = {
     "_frozen": 0,
     "_digest": 0,
     "_warning": 0,
+    "_optional": 0,
     "compiled": 1,
     "special": 1,
     "_callables": 1,

@@ -5,6 +5,7 @@ import importlib.metadata
 
 from . import scenes
 from ._python_calls import PythonFunctionWarning
+from .analysis.convergence import ConvergenceTable, convergence_table
 from .analysis.lyapunov import lyapunov
 from .analysis.regimes import Regime, RegimeVerdict, classify
 from .analysis.sections import Section, maxima, stroboscopic
@@ -56,6 +57,7 @@ __all__ = [
     "Adams",
     "Caputo",
     "Collocation",
+    "ConvergenceTable",
     "Direct",
     "DistributedOrder",
     "Ensemble",
@@ -90,6 +92,7 @@ __all__ = [
     "TabulatedKernel",
     "TemperedPowerLaw",
     "classify",
+    "convergence_table",
     "ensemble",
     "exact",
     "fit_exponentials",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import os
 from dataclasses import dataclass
 from typing import Any
@@ -10,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from .._checks import complaint
+from .._optional import optional
 
 COMPLETED, NOT_COMPUTED = "completed", "not computed"
 # A status is one line of at most so many characters: arrays of strings are as wide as the widest.
@@ -118,7 +118,7 @@ class Table:
             Rows are labelled by the axes; entries of arrays become columns "name[0]", "name[1]",
             ...; the last column is "status".
         """
-        pandas = _imported("pandas", "to_pandas")
+        pandas = optional("pandas", "to_pandas")
         n = self.status.size
         columns = {}
         for name, value in self.values.items():
@@ -143,7 +143,7 @@ class Table:
             Dimensions are the axes and, for arrays, "name_0", "name_1", ...; the status is a
             variable like the values.
         """
-        xarray = _imported("xarray", "to_xarray")
+        xarray = optional("xarray", "to_xarray")
         variables = {}
         for name, value in (self.values | {_STATUS: self.status}).items():
             own = [f"{name}_{k}" for k in range(value.ndim - len(self.shape))]
@@ -154,14 +154,6 @@ class Table:
         axes = ", ".join(f"{name} ({axis.size})" for name, axis in self.axes.items())
         done = int(np.count_nonzero(self.success))
         return f"Table({', '.join(self.names)} over {axes}; {done} of {self.status.size} completed)"
-
-
-def _imported(package, method):
-    try:
-        return importlib.import_module(package)
-    except ImportError as error:
-        remedy = f"python -m pip install {package}"
-        raise ImportError(f"{method} needs {package}, which is not installed; {remedy}") from error
 
 
 class Columns:

@@ -1,5 +1,8 @@
 """Results of a run: the orbit, how it ended, and the state to go on from."""
 
+from __future__ import annotations
+
+import os
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -10,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from .._checks import complaint, shown
 from .._warning import warn
+from . import exports
 from .dense import Dense
 from .state import AdaptiveState, State
 from .status import Status
@@ -133,6 +137,63 @@ class Solution:
         if derivative not in (0, 1):
             raise ValueError(complaint("derivative", "be 0 or 1", derivative))
         return self.dense(t, derivative, self.t[-1])
+
+    def to_pandas(self) -> Any:
+        """The rows as a pandas DataFrame.
+
+        Returns
+        -------
+        pandas.DataFrame
+            Indexed by t, with columns "y[0]", "y[1]", ... and, where there is one, "ydot[0]", ...
+        """
+        return exports.as_frame(self)
+
+    def to_xarray(self) -> Any:
+        """The rows as an xarray Dataset.
+
+        Returns
+        -------
+        xarray.Dataset
+            Variables y and, where there is one, ydot over "t" and "component"; status, message and
+            single numbers of the stats are attributes.
+        """
+        return exports.as_dataset(self)
+
+    def save(self, path: str | os.PathLike) -> None:
+        """Write rows, events, status and stats to a compressed .npz file, named exactly `path`.
+
+        State and dense output are not in it: pickle the solution to go on from it.
+
+        Parameters
+        ----------
+        path : path-like
+        """
+        exports.save(self, path)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike) -> Solution:
+        """Read a solution that `save` wrote.
+
+        Parameters
+        ----------
+        path : path-like
+
+        Returns
+        -------
+        Solution
+            Without state and dense output.
+
+        Examples
+        --------
+        >>> import os, tempfile
+        >>> import hereditary as hd
+        >>> sol = hd.solve(hd.scenes.relaxation(0.5), 1.0, rtol=1e-6)
+        >>> path = os.path.join(tempfile.mkdtemp(), "relaxation.npz")
+        >>> sol.save(path)
+        >>> bool((hd.Solution.load(path).y == sol.y).all())
+        True
+        """
+        return exports.load(cls, path)
 
     def __repr__(self):
         rows = f"{self.t.size} rows of {self.y.shape[1]} components"

@@ -1,0 +1,12 @@
+"""Packages that only some methods need."""
+
+import importlib
+
+
+def optional(package, method):
+    """Return an optional package that a method needs, or say how to install it."""
+    try:
+        return importlib.import_module(package)
+    except ImportError as error:
+        remedy = f"python -m pip install {package}"
+        raise ImportError(f"{method} needs {package}, which is not installed; {remedy}") from error

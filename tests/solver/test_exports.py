@@ -1,0 +1,90 @@
+"""Solutions in files and as tables of other packages."""
+
+import numpy as np
+import pytest
+
+import hereditary as hd
+
+
+def crossing(t, y):
+    return y[0] - 0.5
+
+
+@pytest.fixture(params=["order above 1", "complex", "events"])
+def solution(request):
+    if request.param == "complex":
+        equation = hd.Equation(hd.Caputo(0.8), lambda t, z: 1j * z, 1 + 0j)
+        return hd.solve(equation, 1.0, 50)
+    if request.param == "events":
+        return hd.solve(hd.scenes.relaxation(0.6), 3.0, rtol=1e-6, events=crossing)
+    return hd.solve(hd.scenes.stick_slip(), 1.0, 50)
+
+
+def test_a_file_gives_back_rows_events_and_ending(solution, tmp_path):
+    path = tmp_path / "kept"
+    solution.save(path)
+    found = hd.Solution.load(path)
+    assert np.array_equal(found.t, solution.t)
+    assert np.array_equal(found.y, solution.y)
+    assert found.y.dtype == solution.y.dtype
+    assert (found.ydot is None) == (solution.ydot is None)
+    if solution.ydot is not None:
+        assert np.array_equal(found.ydot, solution.ydot, equal_nan=True)
+    assert found.status is solution.status
+    assert found.message == solution.message
+    assert found.stats == pytest.approx(solution.stats)
+    assert len(found.t_events) == len(solution.t_events)
+    for times, rows, *kept in zip(
+        found.t_events, found.y_events, solution.t_events, solution.y_events, strict=True
+    ):
+        assert np.array_equal(times, kept[0])
+        assert np.array_equal(rows, kept[1])
+    assert found.state is None
+    with pytest.raises(ValueError, match="kept no dense output"):
+        found(0.5)
+
+
+@pytest.mark.parametrize("damage", ["foreign", "another archive", "cut"])
+def test_other_files_are_refused(damage, tmp_path):
+    path = tmp_path / "kept"
+    hd.solve(hd.scenes.relaxation(0.6), 1.0, 50).save(path)
+    if damage == "foreign":
+        path.write_text("t, y")
+    elif damage == "cut":
+        path.write_bytes(path.read_bytes()[:200])
+    else:
+        with open(path, "wb") as file:
+            np.savez(file, x=np.zeros(3))
+    with pytest.raises(ValueError, match=r"a solution that Solution\.save wrote"):
+        hd.Solution.load(path)
+    with pytest.raises(FileNotFoundError):
+        hd.Solution.load(tmp_path / "nothing")
+
+
+def test_pandas(solution):
+    pytest.importorskip("pandas")
+    frame = solution.to_pandas()
+    assert frame.index.name == "t"
+    assert np.array_equal(frame.index, solution.t)
+    assert np.array_equal(frame["y[0]"], solution.y[:, 0])
+    assert ("ydot[0]" in frame) == (solution.ydot is not None)
+
+
+def test_xarray(solution):
+    pytest.importorskip("xarray")
+    data = solution.to_xarray()
+    assert np.array_equal(data.y, solution.y)
+    assert data.y.dims == ("t", "component")
+    assert data.attrs["status"] == solution.status
+    assert data.attrs["n_steps"] == solution.stats["n_steps"]
+
+
+@pytest.mark.parametrize("package", ["pandas", "xarray"])
+def test_a_package_that_is_not_there_is_named(package, monkeypatch):
+    def missing(name):
+        raise ImportError(name)
+
+    monkeypatch.setattr("importlib.import_module", missing)
+    solution = hd.solve(hd.scenes.relaxation(0.6), 1.0, 10)
+    with pytest.raises(ImportError, match=f"to_{package} needs {package}"):
+        getattr(solution, f"to_{package}")()
