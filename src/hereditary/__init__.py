@@ -6,6 +6,7 @@ import importlib.metadata
 from . import scenes
 from ._python_calls import PythonFunctionWarning
 from .analysis.convergence import ConvergenceTable, convergence_table
+from .analysis.fitting import FitResult, IdentifiabilityWarning, fit
 from .analysis.lyapunov import lyapunov
 from .analysis.regimes import Regime, RegimeVerdict, classify
 from .analysis.sections import Section, maxima, stroboscopic
@@ -64,8 +65,10 @@ __all__ = [
     "Equation",
     "ExplicitCaputo",
     "ExponentialSum",
+    "FitResult",
     "Graded",
     "GrunwaldLetnikov",
+    "IdentifiabilityWarning",
     "Kernel",
     "KernelWarning",
     "L2Sigma",
@@ -95,6 +98,7 @@ __all__ = [
     "convergence_table",
     "ensemble",
     "exact",
+    "fit",
     "fit_exponentials",
     "graded",
     "lyapunov",

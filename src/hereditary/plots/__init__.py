@@ -3,11 +3,13 @@
 Every function draws into given axes or makes its own, and returns the axes.
 """
 
+from .fits import fit
 from .solutions import oscillogram, phase_portrait, velocity
 from .tables import bifurcation, lyapunov_spectrum, regime_map
 
 __all__ = [
     "bifurcation",
+    "fit",
     "lyapunov_spectrum",
     "oscillogram",
     "phase_portrait",

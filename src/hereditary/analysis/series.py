@@ -1,0 +1,90 @@
+"""Series of data that a model is compared with."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from .._checks import complaint, real_array, shown
+
+
+class Series(NamedTuple):
+    """Data at increasing times, and their standard deviations.
+
+    t (n,), data (n, k), NaN where a value is missing, and sigma (n, k) or None.
+    """
+
+    t: np.ndarray
+    data: np.ndarray
+    sigma: np.ndarray | None
+
+    @property
+    def size(self) -> int:
+        """Number of values that are not missing."""
+        return int(np.isfinite(self.data).sum())
+
+    def lacking(self, solution, observe):
+        """Return model minus data, (n, k): NaN where data are missing, inf where the run ended."""
+        n, k = self.data.shape
+        y = solution.y
+        if observe is None:
+            seen = y[:, :k]
+        else:
+            seen = np.asarray(observe(y) if callable(observe) else y[:, np.asarray(observe)])
+        seen = seen.reshape(len(y), -1)
+        if seen.shape[1] != k or seen.dtype.kind not in "iuf":
+            required = f"give {k} real values at each time, as data has"
+            got = f"{seen.shape[1]} of {seen.dtype} from y of {y.shape[1]} components"
+            raise ValueError(complaint("observe", required, got))
+        found = np.full((n, k), np.inf)
+        found[: len(y)] = seen - self.data[: len(y)]
+        found[np.isnan(self.data)] = np.nan
+        return found
+
+    def weighed(self, lacking):
+        """Return what is not missing of residuals, over sigma, flat."""
+        sigma = 1.0 if self.sigma is None else self.sigma
+        return (lacking / sigma)[np.isfinite(self.data)]
+
+
+def series_of(t, data, sigma) -> list[Series]:
+    """Return series of data, checked; t and data are arrays, or lists of one for each series."""
+    several = isinstance(t, (list, tuple)) and len(t) > 0 and np.ndim(t[0]) > 0
+    if not several:
+        return [_one("", t, data, sigma)]
+    if not isinstance(data, (list, tuple)) or len(data) != len(t):
+        required = f"be a list of {len(t)} series, as t is"
+        raise ValueError(complaint("data", required, type(data).__name__))
+    sigmas = sigma if isinstance(sigma, (list, tuple)) else [sigma] * len(t)
+    if len(sigmas) != len(t):
+        required = f"be one for all, or a list of {len(t)}"
+        raise ValueError(complaint("sigma", required, f"{len(sigmas)} of them"))
+    parts = enumerate(zip(t, data, sigmas, strict=True))
+    return [_one(f"[{k}]", *part) for k, part in parts]
+
+
+def _one(place, t, data, sigma):
+    """Return one series; `place` is where it stands in a list."""
+    times = real_array(f"t{place}", t)
+    if times.ndim != 1 or times.size == 0 or np.any(np.diff(times) <= 0):
+        raise ValueError(complaint(f"t{place}", "be increasing times (n,)", shown(times)))
+    values = np.array(data, dtype=float)
+    required = f"have shape ({times.size},) or ({times.size}, k), NaN for missing values"
+    if values.ndim not in (1, 2) or len(values) != times.size:
+        raise ValueError(complaint(f"data{place}", required, f"shape {values.shape}"))
+    if np.any(np.isinf(values)) or not np.any(np.isfinite(values)):
+        raise ValueError(complaint(f"data{place}", "be finite, or NaN", shown(values)))
+    values = values.reshape(times.size, -1)
+    if sigma is None:
+        return Series(times, values, None)
+    spread = real_array(f"sigma{place}", sigma)
+    spread = spread[:, None] if spread.ndim == 1 and spread.size == times.size else spread
+    try:
+        spread = np.broadcast_to(spread, values.shape)
+    except ValueError as error:
+        required = "be one number, or have the shape of data"
+        raise ValueError(complaint(f"sigma{place}", required, f"shape {spread.shape}")) from error
+    if not np.all(spread > 0):
+        raise ValueError(complaint(f"sigma{place}", "be above 0", shown(spread)))
+    return Series(times, values, spread)

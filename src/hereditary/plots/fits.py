@@ -1,0 +1,49 @@
+"""Figures of fits."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ._axes import made
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from ..analysis.fitting import FitResult
+
+
+def fit(result: FitResult, ax: Axes | None = None) -> Axes:
+    """Data as points, with their standard deviations where given, and the fitted model as lines.
+
+    Parameters
+    ----------
+    result : FitResult
+    ax : matplotlib Axes, optional
+        Where to draw; new axes by default.
+
+    Returns
+    -------
+    matplotlib Axes
+    """
+    ax = made(ax)
+    several = len(result.series) > 1
+    for k, (one, lacking) in enumerate(zip(result.series, result.residuals, strict=True)):
+        for c in range(one.data.shape[1]):
+            names = [f"series {k}"] * several + [f"value {c}"] * (one.data.shape[1] > 1)
+            spread = None if one.sigma is None else one.sigma[:, c]
+            (points, *_) = ax.errorbar(
+                one.t, one.data[:, c], spread, fmt=".", alpha=0.7, label=", ".join(names) or "data"
+            )
+            seen = np.isfinite(lacking[:, c])
+            fitted = one.data[seen, c] + lacking[seen, c]
+            ax.plot(one.t[seen], fitted, "-", color=points.get_color())
+    told = ", ".join(
+        f"{name} {value:.4g}({result.standard_errors[name]:.1g})"
+        for name, value in result.parameters.items()
+    )
+    ax.set(xlabel="$t$", ylabel="data and model", title=told)
+    ax.title.set_fontsize(9)
+    ax.legend(fontsize=8)
+    return ax

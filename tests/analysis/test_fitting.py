@@ -1,0 +1,180 @@
+"""Fits: true parameters are found, and known as well as their standard errors say."""
+
+import matplotlib
+import numpy as np
+import pytest
+
+import hereditary as hd
+from hereditary import exact
+
+matplotlib.use("Agg")
+T = np.linspace(0.1, 5.0, 30)
+
+
+def decay(t, y, p):
+    return -p[0] * y
+
+
+def swing(t, x, p):
+    return -p[0] * x
+
+
+def relaxation(alpha, rate):
+    return hd.Equation(hd.Caputo(alpha), decay, 1.0, params=[rate])
+
+
+def oscillator(beta, stiffness, x0=1.0):
+    terms = hd.Caputo(beta) + 0.3 * hd.Caputo(0.6)
+    return hd.Equation(terms, swing, [x0, 0.0], params=[stiffness], d=1)
+
+
+def measured(alpha=0.7, rate=1.5, t=T, noise=0.0, seed=0):
+    y = exact.relaxation(alpha, rate)(t)[:, 0]
+    return y + noise * np.random.default_rng(seed).normal(size=y.size)
+
+
+GUESS = {"alpha": 0.9, "rate": 1.0}
+BOUNDS = {"alpha": (0.1, 1.0)}
+
+
+def test_exact_data_give_back_the_parameters():
+    found = hd.fit(relaxation, T, measured(), GUESS, bounds=BOUNDS)
+    assert found.success
+    assert found.parameters == pytest.approx({"alpha": 0.7, "rate": 1.5}, abs=1e-6)
+    assert max(found.standard_errors.values()) < 1e-6
+    assert np.abs(found.residuals[0]).max() < 1e-7
+    assert found.solutions[0].t.tolist() == T.tolist()
+
+
+def test_standard_errors_are_those_of_many_trials():
+    """Spread of estimates and stated errors agree within the scatter of 40 trials."""
+    noise, values, errors = 0.02, [], []
+    for seed in range(40):
+        data = measured(noise=noise, seed=seed)
+        found = hd.fit(relaxation, T, data, GUESS, bounds=BOUNDS, rtol=1e-6)
+        values.append(list(found.parameters.values()))
+        errors.append(list(found.standard_errors.values()))
+    spread, stated = np.std(values, axis=0, ddof=1), np.mean(errors, axis=0)
+    assert np.all(np.abs(spread / stated - 1) < 0.35)
+    assert np.all(np.abs(np.mean(values, axis=0) - [0.7, 1.5]) < 4 * stated / np.sqrt(40))
+
+
+def test_sigma_weighs_and_scales():
+    """Data of a tenth of the deviation count a hundred times; given deviations are believed."""
+    data, sigma = measured(noise=0.02), np.full(T.size, 0.02)
+    free = hd.fit(relaxation, T, data, GUESS, bounds=BOUNDS)
+    given = hd.fit(relaxation, T, data, GUESS, bounds=BOUNDS, sigma=0.02)
+    twice = hd.fit(relaxation, T, data, GUESS, bounds=BOUNDS, sigma=2 * sigma)
+    assert given.parameters == pytest.approx(free.parameters, rel=1e-5)
+    for name, error in given.standard_errors.items():
+        assert twice.standard_errors[name] == pytest.approx(2 * error, rel=1e-3)
+    wrong = data + np.where(T > 3, 0.5, 0.0)
+    sigma = np.where(T > 3, 1e3, 0.02)
+    spared = hd.fit(relaxation, T, wrong, GUESS, bounds=BOUNDS, sigma=sigma)
+    part = hd.fit(relaxation, T[T <= 3], data[T <= 3], GUESS, bounds=BOUNDS)
+    assert spared.parameters == pytest.approx(part.parameters, abs=1e-4)
+
+
+def test_missing_values_are_left_out():
+    data = measured(noise=0.01)
+    gaps = np.where(np.arange(T.size) % 3 == 0, np.nan, data)
+    here = np.isfinite(gaps)
+    found = hd.fit(relaxation, T, gaps, GUESS, bounds=BOUNDS)
+    less = hd.fit(relaxation, T[here], data[here], GUESS, bounds=BOUNDS)
+    assert found.parameters == pytest.approx(less.parameters, abs=1e-6)
+    assert np.array_equal(np.isnan(found.residuals[0][:, 0]), ~here)
+
+
+def test_an_order_crosses_1():
+    truth = hd.solve(oscillator(0.9, 1.2), 5.0, rtol=1e-10, t_eval=T)
+    found = hd.fit(oscillator, T, truth.y, {"beta": 1.2, "stiffness": 1.0})
+    assert found.parameters == pytest.approx({"beta": 0.9, "stiffness": 1.2}, abs=1e-5)
+
+
+def test_several_series_share_parameters():
+    def both(alpha, rate, y0):
+        start = relaxation(alpha, rate)
+        return [start, start.replace(y0=y0)]
+
+    late = np.linspace(1.0, 8.0, 20)
+    data = [measured(), 3.0 * measured(t=late)]
+    found = hd.fit(both, [T, late], data, GUESS | {"y0": 1.0}, bounds=BOUNDS)
+    assert found.parameters == pytest.approx({"alpha": 0.7, "rate": 1.5, "y0": 3.0}, abs=1e-5)
+    assert [r.shape for r in found.residuals] == [(30, 1), (20, 1)]
+
+
+def test_what_is_observed():
+    """A function of y, chosen components, a sequence for p0, and steps instead of a tolerance."""
+
+    def model(p):
+        return hd.Equation(hd.Caputo([0.7, 0.9]), decay, [1.0, 2.0], params=p)
+
+    y = hd.solve(model([1.5]), 5.0, rtol=1e-10, t_eval=T).y
+    total = hd.fit(model, T, y.sum(axis=1), [1.0], observe=lambda y: y.sum(axis=1))
+    second = hd.fit(model, T, y[:, 1], [1.0], observe=[1])
+    both = hd.fit(model, T, y, [1.0])
+    for found in (total, second, both):
+        assert found.parameters == pytest.approx({"p0": 1.5}, abs=1e-5)
+    stepped = hd.fit(model, T, y, [1.0], n_steps=2000, scheme=hd.BDF(2))
+    assert stepped.parameters == pytest.approx({"p0": 1.5}, abs=1e-3)
+
+
+def test_parameters_that_data_do_not_tell():
+    def model(rate, more):
+        return relaxation(0.7, rate + more)
+
+    with pytest.warns(hd.IdentifiabilityWarning, match="do not tell rate and more apart"):
+        found = hd.fit(model, T, measured(), {"rate": 1.0, "more": 0.2})
+    assert sum(found.parameters.values()) == pytest.approx(1.5, abs=1e-5)
+    assert np.all(np.isnan(list(found.standard_errors.values())))
+
+
+def test_a_parameter_at_its_bound_has_no_error():
+    found = hd.fit(relaxation, T, measured(0.7), GUESS, bounds={"alpha": (0.8, 1.0)})
+    assert found.parameters["alpha"] == pytest.approx(0.8)
+    assert np.isnan(found.standard_errors["alpha"])
+    assert "At a bound" in found.message
+
+
+def test_runs_that_end_early_are_left_behind():
+    """A first guess that blows up is far from the data, not the end of the fit."""
+
+    def model(gain):
+        return hd.Equation(hd.Caputo(0.8), lambda t, y, p: p[0] * y**2 - y, 0.5, params=[gain])
+
+    data = hd.solve(model(0.5), 5.0, rtol=1e-9, t_eval=T).y
+    with pytest.warns(hd.SolveWarning):
+        found = hd.fit(model, T, data, {"gain": 3.0})
+    assert np.all(np.isfinite(list(found.parameters.values())))
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"p0": {}}, "p0 must be a mapping of names to numbers"),
+        ({"p0": {"alpha": np.nan, "rate": 1.0}}, "p0 must be"),
+        ({"bounds": {"gamma": (0, 1)}}, "bounds must name parameters, alpha, rate"),
+        ({"bounds": {"alpha": (0.1, 0.5)}}, r"bounds\['alpha'\] must hold"),
+        ({"t": T[::-1]}, "t must be increasing times"),
+        ({"data": np.full(30, np.nan)}, "data must be finite, or NaN"),
+        ({"data": np.zeros(29)}, r"data must have shape \(30,\)"),
+        ({"data": np.where(np.arange(30), np.nan, 1.0)}, "data must hold at least 2 values"),
+        ({"sigma": -1.0}, "sigma must be above 0"),
+        ({"sigma": np.ones(7)}, "sigma must be one number"),
+        ({"model": lambda alpha, rate: None}, "model must return an Equation"),
+        ({"observe": lambda y: y[:, [0, 0]]}, "observe must give 1 real values"),
+        ({"t": [T, T]}, "data must be a list of 2 series"),
+        ({"t": np.linspace(-1.0, 1.0, 30)}, "t must begin at t_start = 0 or later"),
+    ],
+)
+def test_refusals(changes, message):
+    arguments = {"model": relaxation, "t": T, "data": measured(), "p0": GUESS} | changes
+    with pytest.raises((TypeError, ValueError), match=message):
+        hd.fit(**arguments)
+
+
+def test_figure():
+    data = np.where(np.arange(T.size) == 3, np.nan, measured(noise=0.01))
+    ax = hd.plots.fit(hd.fit(relaxation, T, data, GUESS, bounds=BOUNDS, sigma=0.01))
+    assert ax.lines[1].get_xdata().size == T.size - 1
+    assert "alpha 0.7" in ax.get_title()
