@@ -366,6 +366,13 @@ def test_adaptive_collocation_agrees_with_given_steps_whatever_the_interval(scen
     assert distance < 0.3 * np.abs(fine - found[-1]).max()
 
 
+@pytest.mark.parametrize("n_steps", [50, 1000])
+def test_the_sum_rule_of_collocation_whatever_times_tangents_are_looked_at(n_steps):
+    """Also where steps are shorter than the distance of these times, as the first ones are."""
+    result = hd.lyapunov(hd.scenes.lorenz(), 20.0, n_steps, k=3, scheme=hd.Collocation())
+    assert abs(result.sum_rule_defect) < 1e-8
+
+
 def test_adaptive_collocation_follows_decays_and_the_sum_rule():
     equation = hd.Equation(hd.Caputo(2.0), lambda t, x: 1.0 * x, [1.0, 0.0])
     result = alone(equation, 100.0, k=2, scheme=hd.Collocation(), rtol=1e-9)

@@ -216,6 +216,31 @@ def test_each_member_has_its_own_ending():
     assert np.isfinite(found.y[1]).all(axis=1).sum() <= found.stats["n_steps"][1] + 1
 
 
+@pytest.mark.parametrize(
+    "how",
+    [
+        {"n_steps": 40},
+        {"n_steps": 40, "scheme": hd.BDF(2)},  # whose plan calls f
+        {"n_steps": 40, "scheme": hd.L2()},
+        {"n_steps": 40, "history": hd.FFT()},
+        {"rtol": 1e-5},
+    ],
+    ids=str,
+)
+def test_a_member_that_cannot_begin_leaves_the_others_alone(how):
+    def moody(t, y, p):
+        if p[0] > 1:
+            raise ValueError("too large")
+        return -p[0] * y
+
+    equation = hd.Equation(hd.Caputo(0.7), moody, 1.0, [0.5])
+    with pytest.warns(hd.SolveWarning, match="1 of 3 members") as told:
+        found = hd.ensemble(equation, 1.0, params=[0.5, 2.0, 0.7], **how)
+    assert len(told) == 1  # one warning for all
+    assert found.status.tolist() == ["completed", "rhs_failed", "completed"]
+    assert "too large" in found.messages[1]
+
+
 def test_functions_called_in_python():
     class Decay:
         def __call__(self, t, y, p):
@@ -259,6 +284,8 @@ def test_times_of_steps():
         ({"y0": [[1.0, 2.0]]}, "y0 must hold 1 components"),
         ({"params": [1.0], "t_eval": [0.333]}, "t_eval must be times of steps"),
         ({"params": [1.0], "t_eval": [0.5], "save_every": 2}, "save_every must be left out"),
+        ({"params": [1.0], "n_steps": None, "rtol": 1e-3, "save_every": 2}, "save_every must be"),
+        ({"params": [1.0], "n_steps": None, "rtol": 5.0}, "rtol must lie in"),
         ({"params": [1.0], "threads": 0}, "threads must be a positive integer"),
         ({"params": [1.0], "atol": 1e-6}, "atol must come with rtol"),
     ],
@@ -266,7 +293,7 @@ def test_times_of_steps():
 def test_refusals(arguments, message):
     equation = hd.Equation(hd.Caputo(0.8), decay, 1.0, [1.0])
     with pytest.raises((TypeError, ValueError), match=message):
-        hd.ensemble(equation, 1.0, 40, **arguments)
+        hd.ensemble(equation, 1.0, **({"n_steps": 40} | arguments))
     above = hd.Equation(hd.Caputo([1.8, 0.8]), decay, [[1.0, 1.0], [0.5, 0.0]], [1.0])
     with pytest.raises(ValueError, match=r"y0\[1\] must hold no y'\(0\)"):
         hd.ensemble(above, 1.0, 40, y0=[[[1.0, 1.0], [0.5, 0.0]], [[1.0, 1.0], [0.5, 0.1]]])

@@ -116,3 +116,23 @@ def test_tangents_of_many_components():
     assert stepper.n == 200
     assert np.abs(stepper.tangent[:, 0] - stepper.y).max() < 1e-12
     assert np.abs(stepper.tangent[:, 1] - beside).max() < 1e-12
+
+
+@pytest.mark.parametrize("scheme", [hd.L1(), hd.BDF(2), hd.ProductTrapezoid()], ids=repr)
+def test_a_jacobian_found_by_differences_is_as_good_as_a_given_one(scheme):
+    """Also where stiffness fades on the way, beside a component a thousand times larger."""
+
+    def fading(t, y, p):
+        g = 0.5 * (1 - np.tanh((t - 2) / 0.3))
+        return np.array([-p[0] * g * (y[0] - y[1] / p[1]) - 0.3 * y[0], -0.1 * y[1]])
+
+    def jac(t, y, p):
+        g = 0.5 * (1 - np.tanh((t - 2) / 0.3))
+        return np.array([[-p[0] * g - 0.3, p[0] * g / p[1]], [0.0, -0.1]])
+
+    how = {"y0": [1.0, 1e3], "params": [1e8, 1e3]}
+    ends = [
+        hd.solve(hd.Equation(hd.Caputo(0.9), fading, jac=given, **how), 5.0, 1000, scheme=scheme).y
+        for given in (None, jac)
+    ]
+    assert np.abs(ends[0] / ends[1] - 1).max() < 1e-8

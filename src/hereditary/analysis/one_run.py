@@ -262,7 +262,9 @@ def _run(estimator, record, divergence, n_total, progress):
 
 def _rows(piece, n, size, h, adaptive):
     """Return the orbit at the `size` steps after step n, (size, d)."""
-    if size and adaptive:
+    if adaptive and size == 0:  # steps may be longer than the distance of these times
+        return np.empty((0, 0))
+    if adaptive:
         return piece.evaluate(h * np.arange(n + 1, n + size + 1), np.zeros(1, dtype=bool), 0)
     return piece.at_ends(None, slice(None), None)[0]
 

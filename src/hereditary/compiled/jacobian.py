@@ -40,18 +40,26 @@ def jacobian(rhs, jac, has_jac, t, y, params, out):
     up, down, shifted = np.empty(d), np.empty(d), np.empty(d)
     for j in range(d):  # y.copy() takes longer to compile
         shifted[j] = y[j]
+    differences(rhs, t, shifted, params, out, up, down)
+    return 2 * d
+
+
+@inner
+def differences(rhs, t, y, params, out, up, down):
+    """Set the Jacobian by central differences, moving y; up and down (>= d,) are room."""
+    d = y.shape[0]
     for j in range(d):
-        step = _STEP * max(1.0, abs(y[j]))
-        shifted[j] = y[j] + step
-        rhs(t, shifted, up, params)
-        width = shifted[j]
-        shifted[j] = y[j] - step
-        rhs(t, shifted, down, params)
-        width -= shifted[j]
-        shifted[j] = y[j]
+        here = y[j]
+        step = _STEP * max(1.0, abs(here))
+        y[j] = here + step
+        rhs(t, y, up[:d], params)
+        width = y[j]
+        y[j] = here - step
+        rhs(t, y, down[:d], params)
+        width -= y[j]
+        y[j] = here
         for i in range(d):
             out[i, j] = (up[i] - down[i]) / width
-    return 2 * d
 
 
 @inner

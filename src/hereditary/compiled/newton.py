@@ -3,7 +3,7 @@
 import numpy as np
 
 from .._jit import inlined, inner
-from .jacobian import COLUMNS, ROWS, VALUES, is_sparse, jacobian, multiply
+from .jacobian import COLUMNS, ROWS, VALUES, differences, is_sparse, jacobian, multiply
 from .linalg import solve_in_place
 from .signatures import FACTORISE, SUBSTITUTE
 from .step import BASE, GAIN, KNOWN, LEAD, MOVED, POINT, SCALE, SHIFT, F, W, look
@@ -11,8 +11,6 @@ from .step import BASE, GAIN, KNOWN, LEAD, MOVED, POINT, SCALE, SHIFT, F, W, loo
 # Simplified Newton steps (one Jacobian) before the full method takes over, and full ones before a
 # step is given up.
 _SIMPLIFIED, _FULL = 8, 30
-# Contraction from which the Jacobian of an earlier step is not kept.
-_WORN = 0.01
 # Components above which factors are kept over steps, and contraction from which they are not.
 KEPT_FROM, _SLOW = 10, 0.1
 # counts.factored where factors of a linear step have been seen to solve it at once: to this rate,
@@ -33,55 +31,46 @@ def solve_step(
     """Solve ``scale w + known = lead f(t, base + gain w)`` for w, and so for tangents.
 
     The first d components have an equation; f reads all, at the w of their sources. Returns False
-    where the iteration does not converge; calls of `rhs` are counted. A Jacobian by differences is
-    that of an earlier step as long as it contracts well.
+    where the iteration does not converge; calls of `rhs` are counted.
     """
-    # room (N_ROOM, >= n): rows of a step; point, f (n,): its rows of these names; work (2, n, n),
-    # or (3, n, n) with tangents: Jacobian, in force where counts.factored is not 0, and room for
-    # Newton's matrix
+    # room (N_ROOM, >= n): rows of a step; point, f (n,): its rows of these names; work (2, n, n):
+    # Jacobian and room for Newton's matrix
     if linear.order.shape[0] > 0:
         return solve_with_factors(
             rhs, jac, has_jac, params, t, d, sources, room, work, counts, solver, linear
         )
-    n = point.shape[0]
-    previous, kept = np.inf, has_jac == 0 and counts.factored != 0
-    counts.factored = int(kept)
+    n, previous = point.shape[0], np.inf
     for iteration in range(_SIMPLIFIED + _FULL):
         for c in range(n):
             point[c] = room[BASE, c] + room[GAIN, c] * room[W, sources[c]]
+        if iteration == 0 or iteration >= _SIMPLIFIED:
+            if has_jac == 1:
+                jac(t, point, work[0], params)
+            else:
+                differences(rhs, t, point, params, work[0], f, room[MOVED])
+                counts.rhs += 2 * n
         rhs(t, point, f, params)
         counts.rhs += 1
-        if counts.factored == 0 or iteration >= _SIMPLIFIED:
-            counts.rhs += jacobian(rhs, jac, has_jac, t, point, params, work[0])
-            counts.factored = 1
         set_newton_system(n, d, sources, room, f, work)
         counts.factorised += 1
-        solved = eliminate(n, work, room)
+        if not eliminate(n, work, room):
+            return False
         size, largest, reference = 0.0, 0.0, 0.0
         for c in range(d):
             room[W, c] += room[MOVED, c]
             size = max(size, abs(room[MOVED, c]))
             largest = max(largest, abs(room[W, c]) + abs(room[SHIFT, c]))
             reference = max(reference, abs(room[BASE, c]))
-        if not (solved and size < np.inf):
-            counts.factored = 0
-            if not kept:
-                return False
-            for c in range(d):  # once more, with a Jacobian of this step
-                room[W, c] -= room[MOVED, c]
-            kept = False
-            continue
+        if not size < np.inf:
+            return False
         # a contraction by `rate` leaves an error of rate / (1 - rate) times the last change
-        rate = size / previous if previous < np.inf else 1.0
+        rate = size / previous if iteration > 0 else 1.0
         left = size * rate / (1.0 - rate) if rate < 1.0 else size
-        if kept and previous < np.inf and rate > _WORN:
-            kept, counts.factored = False, 0
         if left <= _TOLERANCE * largest + _ROUNDING * reference + _UNDERFLOW:
             return room.shape[1] == n or solve_tangents(
                 rhs, jac, has_jac, params, t, d, sources, room, work, counts
             )
         previous = size
-    counts.factored = 0
     return False
 
 
@@ -205,8 +194,7 @@ def solve_tangents(rhs, jac, has_jac, params, t, d, sources, room, work, counts)
     J is the Jacobian where the orbit's own w, which is given, solves the step.
     Returns False where the equations are singular; calls of `rhs` are counted.
     """
-    # of its own, that the orbit does not depend on whether tangents go along
-    j_f, matrix = work[2], work[1]
+    j_f, matrix = work[0], work[1]
     n = j_f.shape[0]
     known, scale, lead, w = room[KNOWN], room[SCALE], room[LEAD], room[W]
     base, gain = room[BASE], room[GAIN]

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._checks import complaint, count, instance, shown, whole
-from .._warning import warn
+from .._warning import silence, warn
 from ..equation import Equation
 from ..history.exponentials import SumOfExponentials
 from ..history.history import History
@@ -93,9 +93,10 @@ def ensemble(
 ) -> Ensemble:
     """Solve one equation for many parameters or initial values, on all cores.
 
-    Every member gets the solution that `solve` gives it. With uniform steps all weights, modes and
-    stability limits are worked out once, and members are marched one after the other in compiled
-    code. For equations that differ otherwise, in their orders above all, take `sweep`.
+    Every member gets the solution that `solve` gives it, at times of uniform steps to the last bit.
+    With these all weights, modes and stability limits are worked out once, and members are marched
+    one after the other in compiled code. For equations that differ otherwise, in their orders above
+    all, take `sweep`.
 
     Parameters
     ----------
@@ -129,7 +130,7 @@ def ensemble(
     Raises
     ------
     TypeError, ValueError
-        An argument is not as required; nothing has been run.
+        An argument is not as required.
 
     Warns
     -----
@@ -170,6 +171,9 @@ def ensemble(
         kept = _kept(n_steps, save_every, times, h, start)
         times = start + h * kept
         times[-1] = t_last if kept[-1] == n_steps else times[-1]
+    elif save_every > 1:
+        required = "be left out with rtol, whose steps differ from member to member"
+        raise ValueError(complaint("save_every", required, save_every, "give t_eval"))
     elif times is None:
         times = np.array([start, t_last])
     run = _Run(equation, members, times, t_last, how)
@@ -220,6 +224,7 @@ class _Run:
         self._ends = [(Status.INTERRUPTED, "", 0, 0)] * size
         self._next, self._lock, self._stopped = 0, threading.Lock(), False
         self._open: Callable = lambda: self._solve
+        self._refused: dict[int, Exception] = {}
 
     def take_lanes(self, h, kept):
         """Let compiled code march the members, where one of its marches gets to the end."""
@@ -234,7 +239,10 @@ class _Run:
         first = opened()
         if not first.whole(n_steps):
             return
-        starts = first.starts(members.params, members.inside)
+        try:
+            starts = first.starts(members.params, members.inside)
+        except Exception:  # of a right-hand side, for some member: `solve` tells of which
+            return
         lanes = [first]
 
         def open_lane():
@@ -255,14 +263,17 @@ class _Run:
     def _solve(self, part):
         """Solve some members one by one."""
         for m in range(part.start, part.stop):
-            equation = self._members.equation(m, self._equation)
             found: Any
             try:
-                found = solve(equation, self._t_end, t_eval=self._times, **self._how)
+                with silence():
+                    equation = self._members.equation(m, self._equation)
+                    found = solve(equation, self._t_end, t_eval=self._times, **self._how)
             except Exception as error:
                 found = getattr(error, "result", None)
                 if found is None:
-                    raise
+                    self._refused[m] = error
+                    self._ends[m] = (Status.RHS_FAILED, f"{type(error).__name__}: {error}", 0, 0)
+                    continue
             n = len(found.y)
             self._y[m, :n] = found.y
             if found.ydot is not None:
@@ -312,6 +323,8 @@ class _Run:
 
     def close(self, seconds):
         """Return the `Ensemble`, and warn of members that did not complete."""
+        if len(self._refused) == len(self._ends):  # arguments that suit no member
+            raise self._refused[0]
         status = np.array([str(end[0]) for end in self._ends])
         failing = [m for m, end in enumerate(self._ends) if end[0] is not Status.COMPLETED]
         messages = {}

@@ -139,8 +139,15 @@ class Lane(Stepper):
         for m, end in enumerate(ended):
             if m in raised:
                 ended[m], details[m] = raised[m]
-            elif end is Status.STEP_TOO_LARGE and ratios[m] > 1:
-                details[m] = f"d rhs/d y reached {ratios[m]:.4g} times its limit at h = {self.h:g}"
             elif end is not Status.COMPLETED:
-                details[m] = f"step {n_steps[m]}"
+                details[m] = self._detail(end, n_steps[m], ratios[m])
         return list(zip(ended, details, n_steps, counts["rhs"].tolist(), strict=True))
+
+    def _detail(self, end, n, ratio):
+        """Say where a member ended, and what is wrong with its step."""
+        found = f"t = {self.equation.frame.start + self.steps.time(n):g} of step {n}"
+        if end is Status.NOT_SOLVED and self.scheme.solve == "imex":
+            found = f"the matrix of a step is singular, {found}"
+        if ratio > 1:
+            found += f"; d rhs/d y reached {ratio:.4g} times its limit at h = {self.h:g}"
+        return found

@@ -313,7 +313,7 @@ class Stepper:
 
     def _refactorise(self):
         """Factorise the matrix whose factors are in force, after the march went elsewhere."""
-        if self._march.counts["factored"] and self._newton.tables.order.size:
+        if self._march.counts["factored"]:
             solver, tables = self._newton.solver, self._newton.tables
             solver(FACTORISE, 0, self._march.newton[1], np.empty(tables.order.size), tables)
 
