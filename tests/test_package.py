@@ -243,6 +243,7 @@ PAGES += [
         "memory_terms",
         "events",
         "sweeps",
+        "fitting",
         "recipes",
         "large_systems",
     )

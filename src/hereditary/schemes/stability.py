@@ -263,7 +263,7 @@ def _modes(distinct, groups, symbol):
     bound = np.abs(inverse).max(axis=0)
     eye = np.eye(groups.size)
     return Modes(
-        matrix=lambda jacobian: eye - inverse[:, :, None] * jacobian,
+        matrix=lambda jacobians: eye - inverse[:, :, None] * jacobians[:, None],
         reach=lambda sizes: (bound * sizes.sum(axis=2)).max(axis=1),
     )
 
