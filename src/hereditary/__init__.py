@@ -10,6 +10,7 @@ from .analysis.fitting import FitResult, IdentifiabilityWarning, fit
 from .analysis.lyapunov import lyapunov
 from .analysis.regimes import Regime, RegimeVerdict, classify
 from .analysis.sections import Section, maxima, stroboscopic
+from .analysis.sensitivity import Sensitivities, sensitivities
 from .analysis.spectrum import LyapunovResult
 from .analysis.sweep import sweep
 from .analysis.table import Table
@@ -85,6 +86,7 @@ __all__ = [
     "RegimeVerdict",
     "RiemannLiouville",
     "Section",
+    "Sensitivities",
     "Solution",
     "SolveWarning",
     "StabilityWarning",
@@ -106,6 +108,7 @@ __all__ = [
     "memory_term",
     "plots",
     "scenes",
+    "sensitivities",
     "solve",
     "stroboscopic",
     "sweep",

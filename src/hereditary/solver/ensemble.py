@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._checks import complaint, count, instance, shown, whole
+from .._checks import complaint, count, instance, whole
 from .._warning import silence, warn
 from ..equation import Equation
 from ..history.exponentials import SumOfExponentials
@@ -29,6 +29,7 @@ from .progress import Interruption, ProgressBar
 from .solution import SolveWarning, StabilityWarning
 from .solve import chosen_scheme, evaluation_times, run_end, solve
 from .status import Status
+from .stops import kept_steps
 
 # Seconds that members marched at once are to take.
 _SECONDS = 0.05
@@ -191,12 +192,7 @@ def _kept(n_steps, save_every, times, h, start):
     if save_every > 1:
         required = "be left out where t_eval says which rows to keep"
         raise ValueError(complaint("save_every", required, save_every))
-    positions = UniformSteps(h).positions(times - start)
-    steps = np.rint(positions).astype(np.int64)
-    if np.any(np.abs(positions - steps) > 1e-6):
-        required = f"be times of steps, whole multiples of h = {h:g} from t_start on"
-        raise ValueError(complaint("t_eval", required, shown(times), "or leave n_steps out"))
-    return steps
+    return kept_steps(times, h, start)
 
 
 def _cores():

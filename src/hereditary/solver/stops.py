@@ -71,3 +71,13 @@ def rows_beside(breaks, n, rows, steps, origin):
             t = steps.time(n + 1)
             theta = theta + sign * _ASIDE * max(t, abs(origin), abs(origin + t)) / steps.unit(n + 1)
     return rows._replace(theta=theta)
+
+
+def kept_steps(times, h, start):
+    """Return the numbers of the uniform steps h that end at given times, counted from `start`."""
+    positions = (times - start) / h
+    numbers = np.rint(positions)
+    if np.any(np.abs(positions - numbers) > _OFF):
+        required = f"be times of steps, whole multiples of h = {h:g} from t_start on"
+        raise ValueError(complaint("t_eval", required, shown(times)))
+    return numbers.astype(np.int64)

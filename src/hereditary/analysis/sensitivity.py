@@ -1,0 +1,276 @@
+"""Derivatives of a solution by parameters, initial values and orders."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .._checks import complaint, instance
+from .._jit import RHS_SIG, as_value, derived
+from ..collocation.stepper import AdaptiveStepper
+from ..equation import Equation
+from ..history.exponentials import SumOfExponentials
+from ..history.history import History
+from ..meshes import UniformSteps
+from ..schemes.scheme import Scheme
+from ..solver.opening import check_end, modes_tolerance, tolerances, uniform_steps
+from ..solver.run import reached_end, told
+from ..solver.solve import chosen_scheme, evaluation_times, run_end, solve
+from ..solver.status import Status
+from ..solver.stepper import Stepper
+from ..solver.stops import kept_steps
+from ..system import System
+from ..terms import ConstantOrder, SystemTerm
+
+_KINDS = ("params", "y0", "orders")
+# Changes of orders in differences, by given steps and by a tolerance, and what that is at most.
+_BY_STEPS, _BY_TOLERANCE, _TIGHT = 1e-5, 1e-4, 1e-11
+
+
+@dataclass(frozen=True, eq=False)
+class Sensitivities:
+    """A solution and its derivatives.
+
+    Attributes
+    ----------
+    t : ndarray, shape (n,)
+        Times of the rows [time].
+    y : ndarray, shape (n, d)
+    by_params : ndarray, shape (n, d, p), or None
+        Derivatives by the parameters.
+    by_y0 : ndarray, shape (n, d, n_data), or None
+        By y(0) of each component, and then by y'(0) of each one of order above 1.
+    by_orders : ndarray, shape (n, d, n_terms), or None
+        By the orders of the terms, in their order.
+    status : Status
+        How the run ended; rows end there as well.
+    message : str
+    """
+
+    t: np.ndarray
+    y: np.ndarray
+    by_params: np.ndarray | None = field(repr=False)
+    by_y0: np.ndarray | None = field(repr=False)
+    by_orders: np.ndarray | None = field(repr=False)
+    status: Status
+    message: str
+
+    @property
+    def success(self) -> bool:
+        """Whether the run came to its end, inside the scheme's stability limit."""
+        return self.status is Status.COMPLETED
+
+
+def sensitivities(
+    equation: Equation,
+    t_end: float,
+    n_steps: int | None = None,
+    *,
+    wrt: str | Sequence[str] = ("params", "y0"),
+    t_eval: ArrayLike | None = None,
+    rtol: float | None = None,
+    atol: float | None = None,
+    scheme: Scheme | None = None,
+    history: History | None = None,
+) -> Sensitivities:
+    """Solve an equation with the derivatives of its solution by parameters, y0 and orders.
+
+    Parameters become components that stay as they are, ``q' = 0`` with q(0) = params, and tangents
+    along q(0) and y(0) are marched with the orbit: derivatives of the discrete solution itself.
+    Derivatives by orders are central differences of further runs, one-sided next to the integers
+    that an order cannot cross.
+
+    Parameters
+    ----------
+    equation : Equation
+        Of real y, orders up to 2 and compiled functions, without `memory` and matrices.
+    t_end : float
+        End of the run [time].
+    n_steps : int, optional
+        Number of steps; or `rtol`.
+    wrt : str or sequence of str, optional
+        "params", "y0" and "orders", or some of them.
+    t_eval : array_like, shape (n,), optional
+        Times of the rows, by default the start and the end. With n_steps times of steps; with rtol
+        steps end at each of them.
+    rtol, atol, scheme, history
+        As in `solve`.
+
+    Returns
+    -------
+    Sensitivities
+        With the rows until its end also where the run ends early.
+
+    Raises
+    ------
+    TypeError, ValueError
+        An argument is not as required, or the scheme does not take tangents.
+
+    Error
+    -----
+    On given steps derivatives by params and y0 are those of the discrete solution to rounding, or
+    to 1e-10 where the Jacobian comes from differences, and converge with the order of the scheme;
+    with `Collocation` they are within rtol of their largest size so far. Derivatives by orders are
+    exact to 1e-7 of the solution.
+
+    Cost
+    ----
+    One tangent for each parameter and initial value; two runs for each order.
+
+    Examples
+    --------
+    >>> import hereditary as hd
+    >>> eq = hd.Equation(hd.Caputo(1.0), lambda t, y, p: -p[0] * y, 2.0, params=[0.5])
+    >>> found = hd.sensitivities(eq, 1.0, rtol=1e-10)
+    >>> found.by_params[-1, 0].round(6).tolist(), found.by_y0[-1, 0].round(6).tolist()
+    ([-1.213061], [0.606531])
+    """
+    equation = instance(
+        "equation", equation, Equation, "hereditary.Equation(terms, rhs, y0)"
+    ).current()
+    kinds = _kinds(wrt)
+    _check(equation, kinds)
+    start = equation.frame.start
+    t_last = run_end("t_end", t_end, start)
+    scheme = chosen_scheme(scheme, rtol, n_steps, None, None)
+    times = evaluation_times(t_eval, start, t_last)
+    how = {"scheme": scheme, "history": history, "rtol": rtol, "atol": atol, "n_steps": n_steps}
+    stepper, stops, times = _opened(equation, kinds, t_last, times, how)
+    rows, tangents = [], []
+    for stop in stops:
+        while stepper.position < stop and not stepper.trouble:
+            stepper.advance(stop, keep=False)
+        if stepper.trouble:
+            break
+        rows.append(stepper.y[: equation.d])
+        tangents.append(stepper.tangent[: equation.d])
+    status, detail = stepper.trouble or (reached_end(stepper), "")
+    message = told(stepper, status, detail)
+    y = np.array(rows).reshape(-1, equation.d)
+    every = np.array(tangents).reshape(len(y), equation.d, -1)
+    size = equation.params.size if "params" in kinds else 0
+    by_orders = _by_orders(equation, t_last, times[: len(y)], how) if "orders" in kinds else None
+    return Sensitivities(
+        t=times[: len(y)],
+        y=y,
+        by_params=every[..., :size] if "params" in kinds else None,
+        by_y0=every[..., size:] if "y0" in kinds else None,
+        by_orders=by_orders,
+        status=status,
+        message=message,
+    )
+
+
+def _kinds(wrt):
+    """Return what derivatives are asked for."""
+    kinds = (wrt,) if isinstance(wrt, str) else tuple(wrt)
+    if not kinds or any(kind not in _KINDS for kind in kinds):
+        raise ValueError(complaint("wrt", f"hold some of {', '.join(_KINDS)}", repr(wrt)))
+    return kinds
+
+
+def _check(equation, kinds):
+    """Refuse equations whose parameters cannot be components, and those without any."""
+    frame, matrices = equation.frame, equation.coefficients.ndim > 2
+    rearranged = equation.enlarged is not equation or matrices or frame.speeds or frame.paired
+    if rearranged or equation._callbacks:
+        required = "be real and compiled, of orders up to 2, without memory= and matrices"
+        raise ValueError(complaint("equation", required, repr(equation), "or take differences"))
+    if "params" in kinds and equation.params.size == 0:
+        raise ValueError(
+            complaint("wrt", "leave out params, which the equation has none of", kinds)
+        )
+    if "orders" in kinds and not equation.constant:
+        required = "leave out orders where they vary, or kernels are general"
+        raise ValueError(complaint("wrt", required, kinds))
+
+
+def _opened(equation, kinds, t_last, times, how):
+    """Return a stepper with tangents, the positions to stop at, and their times."""
+    start, scheme, history = equation.frame.start, how["scheme"], how["history"]
+    system = equation.dense()
+    size = equation.params.size if "params" in kinds else 0
+    if size:
+        system = _with_parameters(system, size)
+    d, n_data = system.d, system.d + int(np.sum(system.highest_orders() > 1))
+    columns = [*range(equation.d, d)]
+    columns += [*range(equation.d), *range(d, n_data)] if "y0" in kinds else []
+    directions = np.eye(n_data)[:, columns]
+    if scheme.adaptive:
+        if how["n_steps"] is not None:
+            required = "be left out with Collocation, which chooses its steps"
+            raise ValueError(complaint("n_steps", required, how["n_steps"]))
+        check_end(t_last - start, system)
+        tols = tolerances(how["rtol"], how["atol"])
+        more = {"modes_tol": modes_tolerance(history), "directions": directions}
+        stepper = AdaptiveStepper(system, scheme, t_last - start, *tols, **more)
+        times = np.array([start, t_last]) if times is None else times
+        return stepper, times - start, times
+    for name in ("rtol", "atol"):
+        if how[name] is not None:
+            raise ValueError(complaint(name, "come with Collocation here", how[name]))
+    history = SumOfExponentials() if history is None else history
+    instance("history", history, History, "hereditary.SumOfExponentials()")
+    h, n_steps, _ = uniform_steps(t_last - start, how["n_steps"], None, start)
+    march = Stepper(system, scheme, history, UniformSteps(h), n_steps, directions)
+    march.prepare(n_steps)
+    ends = np.array([start, t_last]) if times is None else times
+    return march, kept_steps(ends, h, start), ends
+
+
+def _with_parameters(system, size):
+    """Return the system whose first parameters are components behind its own, of order 1."""
+    d, none = system.d, np.zeros(size)
+    left = [SystemTerm(op, np.concatenate([c, none])) for op, c in system.left]
+    left.append(SystemTerm(ConstantOrder(1.0), np.repeat([0.0, 1.0], [d, size])))
+    y0 = np.hstack([system.y0, np.zeros((system.m, size))])
+    y0[0, d:] = system.params
+    params = np.append(system._params, float(size))
+    return System(left, y0, params, as_value(_reading(system._rhs), RHS_SIG))
+
+
+@lru_cache(maxsize=64)
+def _reading(rhs):
+    """A right-hand side that finds its first parameters among the components; their number last."""
+
+    def reading(t, y, dy, params):
+        size = int(params[-1])
+        d, own = y.shape[0] - size, params[:-1].copy()
+        for k in range(size):
+            own[k] = y[d + k]
+            dy[d + k] = 0.0
+        rhs(t, y[:d], dy[:d], own)
+
+    return derived(reading)
+
+
+def _by_orders(equation, t_last, times, how):
+    """Return derivatives by the orders of all terms, (n, d, n_terms), by differences of runs."""
+    adaptive = how["scheme"].adaptive
+    change = _BY_TOLERANCE if adaptive else _BY_STEPS
+    if adaptive:
+        how = how | {"rtol": min(how["rtol"] or _TIGHT, _TIGHT), "atol": None}
+
+    def run(k, by):
+        terms = list(equation.terms)
+        operator = terms[k].operator
+        moved = type(operator)(np.asarray(operator.order) + by)
+        terms[k] = moved * terms[k].coefficient
+        found = solve(equation.replace(terms=terms), t_last, t_eval=times, **how)
+        return found.y
+
+    found = []
+    for k, term in enumerate(equation.terms):
+        order = np.atleast_1d(term.operator.order)
+        sides = [np.all(np.ceil(order + by) == np.ceil(order)) for by in (-2 * change, 2 * change)]
+        if all(sides):
+            found.append((run(k, change) - run(k, -change)) / (2 * change))
+            continue
+        side = change if sides[1] else -change  # of second order too
+        parts = [run(k, by * side) for by in (0, 1, 2)]
+        found.append((4 * parts[1] - 3 * parts[0] - parts[2]) / (2 * side))
+    return np.moveaxis(np.array(found), 0, 2)

@@ -1,0 +1,168 @@
+"""Sensitivities: closed forms of Mittag-Leffler's derivatives, and differences of runs."""
+
+import mpmath
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import hereditary as hd
+
+SCHEMES = [
+    hd.ExplicitCaputo(),
+    hd.GrunwaldLetnikov(),
+    hd.L1(),
+    hd.L12(),
+    hd.L2(),
+    hd.BDF(2),
+    hd.BDF(3),
+    hd.Adams(),
+    hd.ProductTrapezoid(),
+]
+ALL = ("params", "y0", "orders")
+
+
+def decay(t, y, p):
+    return -p[0] * y
+
+
+def driven(t, x, p):
+    return p[0] * np.cos(t) - p[1] * np.sin(x)
+
+
+def predators(t, y, dy, p):
+    dy[0] = y[0] * (p[0] - y[1])
+    dy[1] = y[1] * (y[0] - p[1])
+
+
+def relaxation(alpha=0.7, rate=1.5, y0=2.0):
+    return hd.Equation(hd.Caputo(alpha), decay, y0, params=[rate])
+
+
+def swing(t_start=0.0):
+    terms = hd.Caputo(1.8) + 0.25 * hd.Caputo(0.8)
+    return hd.Equation(terms, driven, [0.3, 0.1], params=[1.0, 2.0], t_start=t_start)
+
+
+def mittag_leffler(alpha, z):
+    return mpmath.nsum(lambda n: z**n / mpmath.gamma(alpha * n + 1), [0, mpmath.inf])
+
+
+@pytest.mark.parametrize("alpha", [0.3, 0.7, 1.0])
+def test_derivatives_of_mittag_leffler_functions(alpha):
+    times, rate, y0 = [0.25, 0.5, 1.0], 1.5, 2.0
+    found = hd.sensitivities(relaxation(alpha), 1.0, rtol=1e-10, wrt=ALL, t_eval=times)
+    assert found.success
+    with mpmath.workdps(30):
+        for i, t in enumerate(map(mpmath.mpf, times)):
+
+            def y(a, k, t=t):
+                return y0 * mittag_leffler(a, -k * t**a)
+
+            assert found.y[i, 0] == pytest.approx(float(y(alpha, rate)), abs=1e-10)
+            by_rate = float(mpmath.diff(lambda k: y(alpha, k), rate))
+            assert found.by_params[i, 0, 0] == pytest.approx(by_rate, abs=1e-9)
+            assert found.by_y0[i, 0, 0] == pytest.approx(float(y(alpha, rate)) / y0, abs=1e-10)
+            by_order = float(mpmath.diff(lambda a: y(a, rate), alpha))
+            assert found.by_orders[i, 0, 0] == pytest.approx(by_order, abs=3e-7)
+
+
+@pytest.mark.parametrize("scheme", SCHEMES, ids=repr)
+def test_on_given_steps_they_are_derivatives_of_the_steps(scheme):
+    """To rounding: far closer than either solution is to the exact one."""
+    equation, change = relaxation(), 1e-5
+    found = hd.sensitivities(equation, 2.0, 100, scheme=scheme, t_eval=[0.5, 2.0])
+    sol = hd.solve(equation, 2.0, 100, scheme=scheme)
+    rows = [25, 100]
+    assert np.abs(found.y - sol.y[rows]).max() < 1e-13
+
+    def run(**changes):
+        return hd.solve(equation.replace(**changes), 2.0, 100, scheme=scheme).y[rows]
+
+    by_params = (run(params=[1.5 + change]) - run(params=[1.5 - change])) / (2 * change)
+    assert np.abs(found.by_params[..., 0] - by_params).max() < 1e-8
+    by_y0 = (run(y0=2.0 + change) - run(y0=2.0 - change)) / (2 * change)
+    assert np.abs(found.by_y0[..., 0] - by_y0).max() < 1e-8
+
+
+@pytest.mark.parametrize("how", [{"rtol": 1e-10}, {"n_steps": 4000, "scheme": hd.BDF(2)}], ids=str)
+@pytest.mark.parametrize("start", [0.0, 3.0])
+def test_several_terms_of_order_above_1(how, start):
+    equation, change = swing(start), 1e-4
+    found = hd.sensitivities(equation, start + 4.0, wrt=ALL, **how)
+    assert found.by_params.shape == (2, 1, 2)
+    assert found.by_y0.shape == found.by_orders.shape == (2, 1, 2)
+    assert np.array_equal(found.by_y0[0], [[1.0, 0.0]])
+
+    def end(**changes):
+        return hd.solve(equation.replace(**changes), start + 4.0, **how).y[-1, 0]
+
+    for k in range(2):
+        p, y0 = np.array([1.0, 2.0]), np.array([0.3, 0.1])
+        e = change * np.eye(2)[k]
+        by_params = (end(params=p + e) - end(params=p - e)) / (2 * change)
+        assert found.by_params[-1, 0, k] == pytest.approx(by_params, abs=2e-6)
+        by_y0 = (end(y0=y0 + e) - end(y0=y0 - e)) / (2 * change)
+        assert found.by_y0[-1, 0, k] == pytest.approx(by_y0, abs=2e-6)
+
+
+def test_components_whose_orders_differ():
+    equation = hd.Equation(hd.Caputo([0.9, 0.7]), predators, [1.0, 0.5], params=[1.0, 0.8])
+    found = hd.sensitivities(equation, 3.0, rtol=1e-9)
+    steps = hd.sensitivities(equation, 3.0, 4000, scheme=hd.BDF(2))
+    assert np.abs(found.by_params[-1] - steps.by_params[-1]).max() < 1e-5
+    assert np.abs(found.by_y0[-1] - steps.by_y0[-1]).max() < 1e-5
+
+
+@settings(max_examples=20)
+@given(st.floats(0.2, 1.0), st.floats(0.1, 3.0), st.floats(-2.0, 2.0))
+def test_linear_solutions_are_linear_in_y0(alpha, rate, y0):
+    """And scale in time: rate d/drate = t / alpha d/dt."""
+    found = hd.sensitivities(relaxation(alpha, rate, y0), 1.0, rtol=1e-8, wrt=["y0", "params"])
+    unit = hd.solve(relaxation(alpha, rate, 1.0), 1.0, rtol=1e-8)
+    assert found.by_y0[-1, 0, 0] == pytest.approx(unit.y[-1, 0], abs=1e-7)
+    slope = unit(1.0, 1)[0] * y0
+    assert rate * found.by_params[-1, 0, 0] == pytest.approx(slope / alpha, abs=2e-5)
+
+
+def test_a_run_that_ends_early_keeps_its_rows():
+    growing = hd.Equation(hd.Caputo(0.8), lambda t, y, p: p[0] * y**2, 1.0, params=[1.0])
+    with pytest.warns(hd.SolveWarning):
+        found = hd.sensitivities(growing, 5.0, rtol=1e-6, wrt=ALL, t_eval=[0.1, 0.3, 4.0])
+    assert found.status == "blown_up"
+    assert found.t.tolist() == [0.1, 0.3]
+    assert found.by_params.shape == found.by_orders.shape == (2, 1, 1)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"wrt": "rate"}, "wrt must hold some of params, y0, orders"),
+        ({"wrt": ()}, "wrt must hold some of params, y0, orders"),
+        ({"n_steps": 10, "t_eval": [0.33]}, "t_eval must be times of steps"),
+        ({"n_steps": 10, "rtol": 1e-3, "scheme": hd.BDF(2)}, "rtol must come with Collocation"),
+        ({"n_steps": 10, "scheme": hd.Collocation()}, "n_steps must be left out"),
+    ],
+)
+def test_refusals(arguments, message):
+    with pytest.raises((TypeError, ValueError), match=message):
+        hd.sensitivities(relaxation(), 1.0, **({"rtol": None} | arguments))
+
+
+def test_equations_that_are_refused():
+    rotor = hd.Equation(hd.Caputo(0.8), lambda t, z: 1j * z, 1 + 0j)
+    third = hd.Equation(hd.Caputo(2.5), decay, [1.0, 0.0, 0.0], params=[1.0])
+    for equation in (rotor, third):
+        with pytest.raises(ValueError, match="equation must be real and compiled"):
+            hd.sensitivities(equation, 1.0, rtol=1e-6, wrt="y0")
+    bare = hd.Equation(hd.Caputo(0.8), lambda t, y: -y, 1.0)
+    with pytest.raises(ValueError, match="wrt must leave out params"):
+        hd.sensitivities(bare, 1.0, rtol=1e-6)
+    varying = hd.Equation(hd.Caputo(lambda t: 0.7 + 0.1 * t), decay, 1.0, params=[1.0])
+    with pytest.raises(ValueError, match="wrt must leave out orders"):
+        hd.sensitivities(varying, 1.0, rtol=1e-6, wrt="orders")
+    found = hd.sensitivities(varying, 1.0, rtol=1e-8)
+    below, above = (
+        hd.solve(varying.replace(params=[k]), 1.0, rtol=1e-10).y[-1] for k in (0.999, 1.001)
+    )
+    assert found.by_params[-1, :, 0] == pytest.approx((above - below) / 2e-3, abs=1e-5)
