@@ -244,6 +244,7 @@ PAGES += [
         "events",
         "sweeps",
         "fitting",
+        "chaos",
         "recipes",
         "large_systems",
     )

@@ -8,12 +8,14 @@ from ._python_calls import PythonFunctionWarning
 from .analysis.convergence import ConvergenceTable, convergence_table
 from .analysis.fitting import FitResult, IdentifiabilityWarning, fit
 from .analysis.lyapunov import lyapunov
+from .analysis.power_spectrum import PowerSpectrum, power_spectrum
 from .analysis.regimes import Regime, RegimeVerdict, classify
 from .analysis.sections import Section, maxima, stroboscopic
 from .analysis.sensitivity import Sensitivities, sensitivities
 from .analysis.spectrum import LyapunovResult
 from .analysis.sweep import sweep
 from .analysis.table import Table
+from .analysis.zero_one import ZeroOneResult, zero_one_test
 from .collocation.scheme import Collocation
 from .equation import Equation
 from .exponential_sum import fit_exponentials
@@ -79,6 +81,7 @@ __all__ = [
     "MemoryTerm",
     "MittagLeffler",
     "PowerLaw",
+    "PowerSpectrum",
     "ProductTrapezoid",
     "Prony",
     "PythonFunctionWarning",
@@ -96,6 +99,7 @@ __all__ = [
     "Table",
     "TabulatedKernel",
     "TemperedPowerLaw",
+    "ZeroOneResult",
     "classify",
     "convergence_table",
     "ensemble",
@@ -107,11 +111,13 @@ __all__ = [
     "maxima",
     "memory_term",
     "plots",
+    "power_spectrum",
     "scenes",
     "sensitivities",
     "solve",
     "stroboscopic",
     "sweep",
+    "zero_one_test",
 ]
 
 

@@ -1,0 +1,91 @@
+"""Exponents, the 0-1 test and power spectra beside each other, on orbits whose nature is known.
+
+* The 0-1 test and `lyapunov` agree on every classical orbit and on those with memory that have
+  settled; the logistic map's chaos and cycles are told as they are.
+* A fractional Lorenz system (order 0.99) whose orbit falls to its equilibrium like a power is told
+  by its exponents; its maxima are too few for the 0-1 test, which refuses it.
+"""
+
+import matplotlib.pyplot as plt
+import numpy as np
+from _study import Study, check
+
+import hereditary as hd
+
+
+def driven(t, x, p):
+    return p[0] * np.cos(p[1] * t) - p[2] * x - p[3] * x**3
+
+
+def duffing(beta, gamma, friction, force, stiffness):
+    terms = hd.Caputo(beta) + friction * hd.Caputo(gamma)
+    return hd.Equation(terms, driven, [0.1, 0.0], params=[force, 1.2, stiffness, 1.0])
+
+
+# equation, component, time of the orbit, and what is known of it
+ORBITS = {
+    "Lorenz": (hd.scenes.lorenz(), 2, 1000.0, "chaotic"),
+    "Lorenz, order 0.995": (hd.scenes.lorenz(alpha=0.995, rho=35.0), 2, 1000.0, None),
+    "Lorenz, order 0.99": (hd.scenes.lorenz(alpha=0.99), 2, 400.0, "falls to its equilibrium"),
+    "Duffing, double well": (duffing(2.0, 1.0, 0.3, 0.5, -1.0), 0, 4000.0, "chaotic"),
+    "Duffing, weak force": (duffing(2.0, 1.0, 0.3, 0.2, -1.0), 0, 3000.0, "regular"),
+    "Duffing, orders 1.9, 0.9": (duffing(1.9, 0.9, 0.3, 0.2, -1.0), 0, 3000.0, "regular"),
+    "hardening, orders 1.8, 0.8": (duffing(1.8, 0.8, 0.3, 0.5, 1.0), 0, 3000.0, "regular"),
+}
+
+
+def logistic(r):
+    x, found = 0.3, []
+    for _ in range(2500):
+        x = r * x * (1 - x)
+        found.append(x)
+    return np.array(found[500:])
+
+
+def row(name, known, verdict, k, peaks):
+    return {"orbit": name, "known": known or "", "exponent": verdict, "K": k, "lines": peaks}
+
+
+def main():
+    study = Study(__file__, __doc__)
+    rows, spectra = [], {}
+    for r, known in ((3.5, "regular"), (3.83, "regular"), (3.9, "chaotic"), (4.0, "chaotic")):
+        found = hd.zero_one_test(logistic(r))
+        rows.append(row(f"logistic map, r = {r:g}", known, "", f"{found.k:.3f}", ""))
+    for name, (equation, component, t_end, known) in ORBITS.items():
+        if study.quick and "weak" not in name:
+            continue
+        orbit = hd.solve(equation, t_end, rtol=1e-7)
+        late = 0.2 * t_end
+        try:
+            k = f"{hd.zero_one_test(orbit, component=component, transient=late).k:.3f}"
+        except ValueError:
+            k = "too few maxima"
+        spectra[name] = hd.power_spectrum(orbit, component=component, transient=late)
+        strong = spectra[name].peaks
+        strong = strong[strong["amplitude"] > 0.02 * strong["amplitude"].max(initial=0.0)]
+        exponent = hd.lyapunov(equation, min(t_end, 400.0), 40_000)
+        told = f"{exponent.slope[0]:.3f}, {exponent.verdict}"
+        rows.append(row(name, known, told, k, len(strong)))
+    study.write(rows)
+    for told in rows:
+        if told["known"] in ("chaotic", "regular"):
+            chaotic, k = told["known"] == "chaotic", float(told["K"])
+            text = f"{told['orbit']}: K = {k:.2f} ({told['known']})"
+            check(text, k > 0.8 if chaotic else k < 0.2, study.quick)
+            grows = "exponential growth" in told["exponent"]
+            if told["exponent"]:
+                check(f"{told['orbit']}: {told['exponent']}", grows == chaotic, study.quick)
+    figure, axes = plt.subplots(len(spectra), 1, figsize=(7, 1.7 * len(spectra)), squeeze=False)
+    figure.set_layout_engine("constrained")
+    for ax, (name, found) in zip(axes[:, 0], spectra.items(), strict=True):
+        ax.semilogy(found.omega, np.maximum(found.power, 1e-12), lw=0.6)
+        ax.plot(found.peaks["omega"], np.full(found.peaks.size, found.power.max()), "v", ms=4)
+        ax.set(xlim=(0, 16 if "Lorenz" in name else 6), title=name, ylabel="power")
+        ax.title.set_fontsize(9)
+    axes[-1, 0].set(xlabel=r"$\omega$")
+    study.save(figure)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,113 @@
+"""The 0-1 test and power spectra on series and orbits whose nature is known."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import hereditary as hd
+
+
+def logistic(r, n=1500, x=0.3):
+    found = []
+    for _ in range(500 + n):
+        x = r * x * (1 - x)
+        found.append(x)
+    return np.array(found[500:])
+
+
+def driven(t, x):
+    return 0.5 * np.cos(1.2 * t) - x
+
+
+@pytest.mark.parametrize("r", [3.9, 3.97, 4.0])
+def test_chaos_of_the_logistic_map(r):
+    found = hd.zero_one_test(logistic(r))
+    assert found.verdict == "chaotic"
+    assert found.k > 0.95
+    assert found.rates.shape == found.frequencies.shape == (100,)
+
+
+@pytest.mark.parametrize("r", [2.8, 3.2, 3.5, 3.83])
+def test_cycles_of_the_logistic_map(r):
+    found = hd.zero_one_test(logistic(r))
+    assert found.verdict == "regular"
+    assert abs(found.k) < 0.1
+
+
+@settings(max_examples=20)
+@given(st.floats(1e-3, 1e3), st.floats(-1e3, 1e3), st.sampled_from([3.5, 4.0]))
+def test_scale_and_origin_do_not_matter(scale, origin, r):
+    plain = hd.zero_one_test(logistic(r, 400), n_c=20)
+    moved = hd.zero_one_test(scale * logistic(r, 400) + origin, n_c=20)
+    assert moved.k == pytest.approx(plain.k, abs=1e-4)
+
+
+def test_orbits_and_what_exponents_say_of_them():
+    lorenz = hd.solve(hd.scenes.lorenz(), 400.0, rtol=1e-6)
+    assert hd.zero_one_test(lorenz, component=2, transient=20.0).verdict == "chaotic"
+    assert hd.lyapunov(hd.scenes.lorenz(), 100.0, 20_000).verdict == "exponential growth"
+    terms = hd.Caputo(1.8) + 0.3 * hd.Caputo(0.8)
+    swing = hd.Equation(terms, driven, [0.0, 0.0])
+    orbit = hd.solve(swing, 1500.0, rtol=1e-6)
+    assert hd.zero_one_test(orbit, transient=300.0).verdict == "regular"
+    assert hd.lyapunov(swing, 200.0, 10_000).exponents[0] < 0
+
+
+def test_a_constant_series_is_regular():
+    assert hd.zero_one_test(np.full(300, 2.5)).k == 0.0
+
+
+@settings(max_examples=30)
+@given(st.floats(0.5, 20.0), st.floats(1e-3, 1e3), st.floats(0.0, 6.0), st.floats(-5.0, 5.0))
+def test_lines_are_found(omega, amplitude, phase, mean):
+    t = 0.05 * np.arange(4096)
+    found = hd.power_spectrum(mean + amplitude * np.cos(omega * t + phase), 0.05)
+    peak = found.peaks[0]
+    assert peak["omega"] == pytest.approx(omega, abs=1e-3 * found.resolution)
+    assert peak["amplitude"] == pytest.approx(amplitude, rel=1e-3)
+    # Parseval: the density's integral is the variance
+    power = np.sum(found.power[1:-1]) + 0.5 * (found.power[0] + found.power[-1])
+    variance = power * found.omega[1] / (2 * np.pi)
+    assert variance == pytest.approx(amplitude**2 / 2, rel=0.05)
+
+
+def test_the_steady_response_of_a_fractional_oscillator():
+    """Amplitude and frequency are those of the transfer function."""
+    terms = hd.Caputo(1.8) + 0.3 * hd.Caputo(0.8)
+    orbit = hd.solve(hd.Equation(terms, driven, [0.0, 0.0]), 1500.0, rtol=1e-7)
+    found = hd.power_spectrum(orbit, transient=300.0)
+    s = 1.2j
+    expected = 0.5 / abs(s**1.8 + 0.3 * s**0.8 + 1)
+    assert found.peaks[0]["omega"] == pytest.approx(1.2, abs=1e-5)
+    assert found.peaks[0]["amplitude"] == pytest.approx(expected, rel=1e-3)
+    assert len(found.peaks) == 1 or found.peaks[1]["amplitude"] < 1e-3 * expected
+    rows = hd.solve(hd.Equation(terms, driven, [0.0, 0.0]), 1500.0, 60_000)
+    again = hd.power_spectrum(rows, transient=300.0)
+    assert again.peaks[0]["amplitude"] == pytest.approx(expected, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: hd.zero_one_test(np.zeros(100)), "series must hold 200 values"),
+        (lambda: hd.zero_one_test(logistic(4.0), n_c=0), "n_c must be a positive integer"),
+        (lambda: hd.power_spectrum(np.zeros(100)), "step must be the distance"),
+        (lambda: hd.power_spectrum(np.zeros(5), 0.1), "series must hold 16 values"),
+        (
+            lambda: hd.power_spectrum(hd.solve(hd.scenes.relaxation(0.5), 1.0, 40), component=1),
+            "component must be one of 0 .. 0",
+        ),
+        (
+            lambda: hd.power_spectrum(hd.solve(hd.scenes.relaxation(0.5), 1.0, 40), transient=2.0),
+            "transient must leave 16 rows",
+        ),
+        (
+            lambda: hd.zero_one_test(hd.solve(hd.scenes.relaxation(0.5), 1.0, 40)),
+            "run longer: so many maxima are needed",
+        ),
+    ],
+)
+def test_refusals(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()
