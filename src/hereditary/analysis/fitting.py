@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.optimize import least_squares
 
 from .._checks import complaint, real_array, shown
 from .._warning import warn
@@ -187,7 +187,7 @@ def fit(
         required = f"hold at least {start.size} values, one for each parameter"
         raise ValueError(complaint("data", required, sum(one.size for one in series)))
     scale = np.where(start != 0, np.abs(start), 1.0)
-    found = least_squares(
+    found = importlib.import_module("scipy.optimize").least_squares(  # whose import takes long
         bounded, start, bounds=(low, high), x_scale=scale, diff_step=_CHANGE, loss=loss
     )
     best = solutions(found.x)
