@@ -123,29 +123,80 @@ def test_parameters_that_data_do_not_tell():
     def model(rate, more):
         return relaxation(0.7, rate + more)
 
-    with pytest.warns(hd.IdentifiabilityWarning, match="do not tell rate and more apart"):
+    with pytest.warns(hd.IdentifiabilityWarning, match="do not tell rate and more"):
         found = hd.fit(model, T, measured(), {"rate": 1.0, "more": 0.2})
     assert sum(found.parameters.values()) == pytest.approx(1.5, abs=1e-5)
     assert np.all(np.isnan(list(found.standard_errors.values())))
 
 
-def test_a_parameter_at_its_bound_has_no_error():
-    found = hd.fit(relaxation, T, measured(0.7), GUESS, bounds={"alpha": (0.8, 1.0)})
+def test_a_parameter_without_effect_leaves_the_others_known():
+    def model(rate, idle):
+        return relaxation(0.7, rate)
+
+    with pytest.warns(hd.IdentifiabilityWarning, match="do not tell idle"):
+        found = hd.fit(model, T, measured(noise=0.01), {"rate": 1.0, "idle": 1.0})
+    alone = hd.fit(lambda rate: relaxation(0.7, rate), T, measured(noise=0.01), {"rate": 1.0})
+    assert np.isnan(found.standard_errors["idle"])
+    ratio = found.standard_errors["rate"] / alone.standard_errors["rate"]
+    assert ratio == pytest.approx(1.0, abs=0.02)  # one degree of freedom less
+
+
+def test_a_parameter_at_its_bound_counts_as_fixed():
+    data = measured(noise=0.01)
+    found = hd.fit(relaxation, T, data, GUESS, bounds={"alpha": (0.8, 1.0)}, sigma=0.01)
+    fixed = hd.fit(lambda rate: relaxation(0.8, rate), T, data, {"rate": 1.0}, sigma=0.01)
     assert found.parameters["alpha"] == pytest.approx(0.8)
     assert np.isnan(found.standard_errors["alpha"])
-    assert "At a bound" in found.message
+    assert found.standard_errors["rate"] == pytest.approx(fixed.standard_errors["rate"], rel=1e-3)
+    assert "At a bound: alpha" in found.message
 
 
-def test_runs_that_end_early_are_left_behind():
-    """A first guess that blows up is far from the data, not the end of the fit."""
+@pytest.mark.parametrize("scale", [1e-12, 1e-6, 1e8])
+def test_the_unit_of_the_data_does_not_matter(scale):
+    def model(alpha, rate, y0):
+        return relaxation(alpha, rate).replace(y0=y0)
+
+    guess = GUESS | {"y0": 0.8 * scale}
+    found = hd.fit(model, T, scale * measured(), guess, bounds=BOUNDS)
+    assert found.parameters["alpha"] == pytest.approx(0.7, abs=1e-6)
+    assert found.parameters["y0"] == pytest.approx(scale, rel=1e-6)
+
+
+def test_a_true_value_of_0_has_an_error():
+    def gain(t, y, p):
+        return p[1] - p[0] * y
+
+    def model(rate, source):
+        return hd.Equation(hd.Caputo(0.7), gain, 1.0, params=[rate, source])
+
+    found = hd.fit(model, T, measured(noise=0.01), {"rate": 1.0, "source": 0.1})
+    assert abs(found.parameters["source"]) < 3 * found.standard_errors["source"] < 0.05
+
+
+def test_outliers_are_spared():
+    data = measured(noise=0.01)
+    data[[5, 20]] += [3.0, -2.0]
+    found = hd.fit(relaxation, T, data, GUESS, bounds=BOUNDS, sigma=0.01, loss="soft_l1")
+    assert found.parameters["alpha"] == pytest.approx(0.7, abs=0.03)
+
+
+def growth(t, y, p):
+    return p[0] * y * y
+
+
+@pytest.mark.parametrize("sigma", [None, 1e-6])
+def test_runs_that_end_early_are_left_behind(sigma):
+    """A first guess that blows up is far from the data, in whatever units."""
 
     def model(gain):
-        return hd.Equation(hd.Caputo(0.8), lambda t, y, p: p[0] * y**2 - y, 0.5, params=[gain])
+        return hd.Equation(hd.Caputo(0.9), growth, 1.0, params=[gain])
 
-    data = hd.solve(model(0.5), 5.0, rtol=1e-9, t_eval=T).y
+    t = np.linspace(0.05, 1.0, 20)
+    data = hd.solve(model(0.5), 1.0, rtol=1e-9, t_eval=t).y
     with pytest.warns(hd.SolveWarning):
-        found = hd.fit(model, T, data, {"gain": 3.0})
-    assert np.all(np.isfinite(list(found.parameters.values())))
+        found = hd.fit(model, t, data, {"gain": 2.5}, sigma=sigma)
+    assert found.success
+    assert found.parameters["gain"] == pytest.approx(0.5, abs=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -161,6 +212,12 @@ def test_runs_that_end_early_are_left_behind():
         ({"data": np.where(np.arange(30), np.nan, 1.0)}, "data must hold at least 2 values"),
         ({"sigma": -1.0}, "sigma must be above 0"),
         ({"sigma": np.ones(7)}, "sigma must be one number"),
+        ({"loss": "huber"}, "sigma must be given with loss='huber'"),
+        ({"bounds": [(0, 1)]}, "bounds must be a mapping"),
+        ({"bounds": {"alpha": (0, 1, 2)}}, r"bounds\['alpha'\] must hold"),
+        ({"data": measured() + 1j}, "data must be real"),
+        ({"t_eval": T}, "t_eval must be left out"),
+        ({"t": [T, T], "data": [T, T], "sigma": [0.1, None]}, "sigma must be given for all"),
         ({"model": lambda alpha, rate: None}, "model must return an Equation"),
         ({"observe": lambda y: y[:, [0, 0]]}, "observe must give 1 real values"),
         ({"t": [T, T]}, "data must be a list of 2 series"),

@@ -125,6 +125,53 @@ def test_linear_solutions_are_linear_in_y0(alpha, rate, y0):
     assert rate * found.by_params[-1, 0, 0] == pytest.approx(slope / alpha, abs=2e-5)
 
 
+def ratio(t, y, p):
+    return -p[1] / p[0] * y
+
+
+@pytest.mark.parametrize("scale", [1e-10, 1e-3, 1e8])
+@pytest.mark.parametrize("how", [{"rtol": 1e-9}, {"n_steps": 400, "scheme": hd.BDF(2)}], ids=str)
+def test_the_unit_of_parameters_does_not_matter(scale, how):
+    """Only p1 / p0 acts, so the derivatives by the two of them are opposite."""
+    equation = hd.Equation(hd.Caputo(0.7), ratio, 1.0, params=[scale, scale])
+    found = hd.sensitivities(equation, 2.0, **how).by_params[-1, 0] * scale
+    assert found == pytest.approx([0.2534105, -0.2534105], abs=1e-6)
+
+
+def test_a_given_jacobian_is_taken():
+    """Differences over 6e-6 would not see a solution of 1e-10 bend."""
+
+    def saturating(t, y, p):
+        return -p[0] * 1e-10 * y / (1e-10 + y)
+
+    def jac(t, y, p):
+        return np.array([[-p[0] * 1e-20 / (1e-10 + y[0]) ** 2]])
+
+    equation = hd.Equation(hd.Caputo(0.7), saturating, 1e-10, params=[1.0], jac=jac)
+    found = hd.sensitivities(equation, 2.0, 1000, scheme=hd.BDF(2))
+    above, below = (
+        hd.solve(equation.replace(y0=y0), 2.0, 1000, scheme=hd.BDF(2)).y[-1, 0]
+        for y0 in (1.001e-10, 0.999e-10)
+    )
+    assert found.by_y0[-1, 0, 0] == pytest.approx((above - below) / 2e-13, rel=1e-4)
+
+
+def test_orders_whose_runs_end_early_and_orders_around_1():
+    growing = hd.Equation(hd.Caputo(0.9), lambda t, y, p: p[0] * y * y, 1.0, params=[1.0])
+    found = hd.sensitivities(growing, 2.0, t_eval=[0.0, 0.5, 0.8105], wrt="orders", rtol=1e-8)
+    assert np.isfinite(found.by_orders[:2]).all()
+    assert np.isnan(found.by_orders[2]).all()
+    around = hd.Equation(hd.Caputo([1 - 1e-5, 1 + 1e-5]), decay, [[1.0, 1.0], [0.0, 0.0]], [1.0])
+    with pytest.raises(ValueError, match="orders of a term must lie on one side of 1"):
+        hd.sensitivities(around, 1.0, wrt="orders", rtol=1e-8)
+
+
+def test_any_history():
+    found = hd.sensitivities(relaxation(), 2.0, 3000, history=hd.FFT(), t_eval=[1.0, 2.0])
+    modes = hd.sensitivities(relaxation(), 2.0, 3000, t_eval=[1.0, 2.0])
+    assert found.by_params == pytest.approx(modes.by_params, abs=1e-8)
+
+
 def test_a_run_that_ends_early_keeps_its_rows():
     growing = hd.Equation(hd.Caputo(0.8), lambda t, y, p: p[0] * y**2, 1.0, params=[1.0])
     with pytest.warns(hd.SolveWarning):
@@ -142,6 +189,7 @@ def test_a_run_that_ends_early_keeps_its_rows():
         ({"n_steps": 10, "t_eval": [0.33]}, "t_eval must be times of steps"),
         ({"n_steps": 10, "rtol": 1e-3, "scheme": hd.BDF(2)}, "rtol must come with Collocation"),
         ({"n_steps": 10, "scheme": hd.Collocation()}, "n_steps must be left out"),
+        ({"n_steps": 10, "scheme": hd.L2Sigma()}, "scheme must take components of their own"),
     ],
 )
 def test_refusals(arguments, message):
@@ -157,7 +205,8 @@ def test_equations_that_are_refused():
             hd.sensitivities(equation, 1.0, rtol=1e-6, wrt="y0")
     bare = hd.Equation(hd.Caputo(0.8), lambda t, y: -y, 1.0)
     with pytest.raises(ValueError, match="wrt must leave out params"):
-        hd.sensitivities(bare, 1.0, rtol=1e-6)
+        hd.sensitivities(bare, 1.0, rtol=1e-6, wrt="params")
+    assert hd.sensitivities(bare, 1.0, rtol=1e-6).by_params is None
     varying = hd.Equation(hd.Caputo(lambda t: 0.7 + 0.1 * t), decay, 1.0, params=[1.0])
     with pytest.raises(ValueError, match="wrt must leave out orders"):
         hd.sensitivities(varying, 1.0, rtol=1e-6, wrt="orders")

@@ -19,10 +19,9 @@ from .series import Series, series_of
 
 # Relative change of parameters in differences: runs to a tolerance of 1e-8 leave 1e-4 in them.
 _CHANGE = 1e-4
-# Ratio of singular values below which data do not tell a combination of parameters.
-_UNTOLD = 1e-4
-# Residual in place of one that is no number, in units of the largest datum.
-_LOST = 1e3
+# Ratio of singular values below which data do not tell a combination of parameters, and share of a
+# parameter in such a combination from which it has no error.
+_UNTOLD, _SHARE = 1e-4, 0.01
 
 
 class IdentifiabilityWarning(UserWarning):
@@ -39,13 +38,14 @@ class FitResult:
         By name, m of them; errors by the linear theory of least squares, NaN at a bound and where
         data do not tell the parameter.
     covariance, correlation : ndarray, shape (m, m)
-        In the order of `parameters`.
+        In the order of `parameters`; NaN where an error is.
     residuals : list of ndarray, shape (n, k)
         Model minus data of each series, in units of the data; NaN where data are missing.
     cost : float
         Half the sum of squares of residuals over sigma.
-    singular_values : ndarray, shape (m,)
-        Of the derivatives of residuals by relative changes of parameters.
+    singular_values : ndarray
+        Of the derivatives of residuals by parameters that are at no bound, columns of length 1: 0
+        for a combination that data do not tell.
     solutions : list of Solution
         Of each series, with the best parameters.
     success : bool
@@ -117,9 +117,9 @@ def fit(
         ``observe(y)`` of rows (n, d) returns what is measured, (n,) or (n, k); or the components
         that are. By default the first k of them.
     loss : str, optional
-        As in `scipy.optimize.least_squares`: "soft_l1" or "huber" for outliers.
+        As in `scipy.optimize.least_squares`: "soft_l1" or "huber" for outliers, beyond one sigma.
     **how
-        As in `solve`, by default ``rtol=1e-8``.
+        As in `solve`, by default ``rtol=1e-8``, with atol for the size of the data.
 
     Returns
     -------
@@ -133,8 +133,8 @@ def fit(
     Warns
     -----
     IdentifiabilityWarning
-        Data do not tell some combination of parameters: a singular value is below 1e-4 times the
-        largest, which is what differences leave of nothing.
+        Data do not tell a parameter, or some combination of them: what they change is below 1e-4 of
+        what others do, which is what differences leave of nothing.
 
     Error
     -----
@@ -163,56 +163,84 @@ def fit(
     names, start = _start(p0)
     low, high = _bounds(bounds, names, start)
     series = series_of(t, data, sigma)
-    how = {"rtol": 1e-8} | how if not {"n_steps", "mesh"} & how.keys() else how
-    named = isinstance(p0, Mapping)
-    runs = 0
-
-    def solutions(p):
-        nonlocal runs
-        runs += 1
-        made = model(**dict(zip(names, p.tolist(), strict=True))) if named else model(p.copy())
-        equations = _equations(made, len(series))
-        return [_solved(*pair, how) for pair in zip(equations, series, strict=True)]
-
-    def residuals(p):
-        pairs = zip(solutions(p), series, strict=True)
-        return np.concatenate([one.weighed(one.lacking(sol, observe)) for sol, one in pairs])
-
-    def bounded(p):  # differences stay finite where a run ends early
-        found = residuals(p)
-        largest = max(float(np.nanmax(np.abs(one.data))) for one in series)
-        return np.where(np.isfinite(found), found, _LOST * (1 + largest))
-
+    if loss != "linear" and series[0].sigma is None:
+        remedy = "it tells outliers from data"
+        raise ValueError(complaint("sigma", f"be given with loss={loss!r}", "none", remedy))
     if sum(one.size for one in series) < start.size:
         required = f"hold at least {start.size} values, one for each parameter"
         raise ValueError(complaint("data", required, sum(one.size for one in series)))
+    runs = _Runs(model, names, isinstance(p0, Mapping), series, observe, how)
     scale = np.where(start != 0, np.abs(start), 1.0)
-    found = importlib.import_module("scipy.optimize").least_squares(  # whose import takes long
-        bounded, start, bounds=(low, high), x_scale=scale, diff_step=_CHANGE, loss=loss
-    )
-    best = solutions(found.x)
-    lacking = [one.lacking(sol, observe) for sol, one in zip(best, series, strict=True)]
-    at_bound = {name for name, active in zip(names, found.active_mask, strict=True) if active != 0}
-    covariance, singular = _covariance(found, series, names)
-    errors = np.sqrt(np.diag(covariance))
-    errors[[name in at_bound for name in names]] = np.nan
+    least_squares = importlib.import_module("scipy.optimize").least_squares  # whose import is long
+    limits = {"bounds": (low, high), "x_scale": scale, "diff_step": _CHANGE, "loss": loss}
+    found = least_squares(runs.residuals, start, **limits)
+    best = runs.solutions(found.x)
+    at_bound = found.active_mask != 0
+    scale = np.maximum(np.abs(found.x), scale)
+    estimated = series[0].sigma is None
+    covariance, singular = _covariance(found, scale, at_bound, estimated, names)
+    completed = all(sol.success for sol in best)
+    errors = np.sqrt(np.diag(covariance)) if completed else np.full(start.size, np.nan)
     with np.errstate(invalid="ignore", divide="ignore"):
         correlation = covariance / np.outer(errors, errors)
-    message = found.message if not at_bound else f"{found.message} At a bound: {sorted(at_bound)}"
+    message = found.message
+    if at_bound.any():
+        held = ", ".join(name for name, held in zip(names, at_bound, strict=True) if held)
+        message += f" At a bound: {held}."
     return FitResult(
         parameters=dict(zip(names, found.x.tolist(), strict=True)),
         standard_errors=dict(zip(names, errors.tolist(), strict=True)),
         covariance=covariance,
         correlation=correlation,
-        residuals=lacking,
-        cost=float(found.cost),
+        residuals=[one.lacking(sol, observe) for sol, one in zip(best, series, strict=True)],
+        cost=float(found.cost) * runs.unit**2,
         singular_values=singular,
         solutions=best,
-        success=bool(found.success) and all(sol.success for sol in best),
+        success=bool(found.success) and completed,
         message=message,
-        n_runs=runs,
+        n_runs=runs.count,
         series=series,
     )
+
+
+class _Runs:
+    """Runs of a model for sets of parameters, and their residuals.
+
+    Attributes
+    ----------
+    unit : float
+        Size of the data where their deviations are not given, which residuals are divided by:
+        what the optimiser stops at is absolute.
+    count : int
+        Sets of runs so far.
+    """
+
+    def __init__(self, model, names, named, series, observe, how):
+        self._model, self._names, self._named = model, names, named
+        self._series, self._observe, self.count = series, observe, 0
+        largest = max(one.largest for one in series)
+        self.unit = (largest or 1.0) if series[0].sigma is None else 1.0
+        if "t_eval" in how:
+            raise TypeError(complaint("t_eval", "be left out, for t says it", "some"))
+        if not {"n_steps", "mesh", "rtol"} & how.keys():
+            how = {"rtol": 1e-8, "atol": 1e-10 * min(1.0, largest or 1.0)} | how
+        self._how = how
+
+    def solutions(self, p):
+        """Return solutions with these parameters, one for each series."""
+        self.count += 1
+        values = p.tolist()
+        named = dict(zip(self._names, values, strict=True))
+        made = self._model(**named) if self._named else self._model(p.copy())
+        equations = _equations(made, len(self._series))
+        pairs = zip(equations, self._series, strict=True)
+        return [_solved(*pair, self._how) for pair in pairs]
+
+    def residuals(self, p):
+        """Return all residuals over their deviations, (n,); large ones where runs ended early."""
+        pairs = zip(self.solutions(p), self._series, strict=True)
+        found = [one.weighed(one.lacking(sol, self._observe)) for sol, one in pairs]
+        return np.concatenate(found) / self.unit
 
 
 def _start(p0):
@@ -229,15 +257,19 @@ def _start(p0):
 def _bounds(bounds, names, start):
     """Return lowest and highest values of all parameters."""
     low, high = np.full(start.size, -np.inf), np.full(start.size, np.inf)
-    for name, pair in ({} if bounds is None else bounds).items():
+    bounds = {} if bounds is None else bounds
+    if not isinstance(bounds, Mapping):
+        required = "be a mapping of names to (lowest, highest)"
+        raise TypeError(complaint("bounds", required, repr(bounds)))
+    for name, pair in bounds.items():
         if name not in names:
             required = f"name parameters, {', '.join(names)}"
             raise ValueError(complaint("bounds", required, repr(name)))
-        k = names.index(name)
-        low[k], high[k] = np.asarray(pair, dtype=float)
-        if not low[k] < high[k] or not low[k] <= start[k] <= high[k]:
+        k, limits = names.index(name), np.asarray(pair, dtype=float).ravel()
+        if limits.size != 2 or not limits[0] < limits[1] or not limits[0] <= start[k] <= limits[1]:
             required = f"hold a lower value, a higher one, and p0 = {start[k]:g} between them"
             raise ValueError(complaint(f"bounds[{name!r}]", required, shown(pair)))
+        low[k], high[k] = limits
     return low, high
 
 
@@ -260,25 +292,31 @@ def _solved(equation, one, how):
     return solve(equation, t_end, t_eval=one.t, **how)
 
 
-def _covariance(found, series, names):
-    """Return the covariance of parameters, and singular values for relative changes.
+def _covariance(found, scale, at_bound, estimated, names):
+    """Return the covariance of parameters, and singular values for changes by their scale.
 
-    Warns where a combination of parameters leaves the residuals as they are.
+    NaN where a parameter is at a bound, or part of a combination that leaves residuals as they are;
+    warns of these.
     """
-    scale = np.where(found.x != 0, np.abs(found.x), 1.0)
-    _, singular, rows = np.linalg.svd(found.jac * scale, full_matrices=False)
-    told = singular > _UNTOLD * singular[0]
-    if not told.all():
-        shares = np.abs(rows[np.argmin(singular)])
-        parts = [name for name, share in zip(names, shares, strict=True) if share > 0.1]
-        warn(
-            f"data do not tell {' and '.join(parts)} apart: the ratio of singular values is "
-            f"{singular.min() / singular[0]:.1e}; fix one of them, or measure more",
-            IdentifiabilityWarning,
-        )
-    inverse = np.where(told, 1 / np.where(told, singular, 1.0), np.nan)
-    spread = (rows.T * inverse) @ (rows.T * inverse).T * np.outer(scale, scale)
-    if any(one.sigma is not None for one in series):
-        return spread, singular
-    freedom = found.jac.shape[0] - found.x.size
-    return spread * (2 * found.cost / freedom if freedom else np.nan), singular
+    free = np.flatnonzero(~at_bound)
+    jacobian = found.jac[:, free] * scale[free]
+    sizes = np.linalg.norm(jacobian, axis=0)
+    dead = sizes <= _UNTOLD * sizes.max(initial=0.0)
+    sizes[dead] = 1.0
+    _, singular, rows = np.linalg.svd(np.where(dead, 0.0, jacobian) / sizes, full_matrices=False)
+    told = singular > _UNTOLD * singular.max(initial=0.0)
+    shares = np.linalg.norm(rows[~told], axis=0)
+    untold = shares > _SHARE
+    if untold.any():
+        parts = " and ".join(names[k] for k in free[untold])
+        warn(f"data do not tell {parts}: fix one of them, or measure more", IdentifiabilityWarning)
+    inverse = np.where(told, 1 / np.where(told, singular, 1.0), 0.0)
+    half = (rows.T * inverse) * (scale[free] / sizes)[:, None]
+    spread = half @ half.T
+    if estimated:
+        freedom = found.jac.shape[0] - free.size
+        spread *= 2 * found.cost / freedom if freedom > 0 else np.nan
+    spread[untold] = spread[:, untold] = np.nan
+    covariance = np.full((scale.size, scale.size), np.nan)
+    covariance[np.ix_(free, free)] = spread
+    return covariance, singular

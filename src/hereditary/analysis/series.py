@@ -8,6 +8,9 @@ import numpy as np
 
 from .._checks import complaint, real_array, shown
 
+# A residual that is larger than so many of the largest value, or no number, counts as that.
+_FAR = 1e3
+
 
 class Series(NamedTuple):
     """Data at increasing times, and their standard deviations.
@@ -23,6 +26,11 @@ class Series(NamedTuple):
     def size(self) -> int:
         """Number of values that are not missing."""
         return int(np.isfinite(self.data).sum())
+
+    @property
+    def largest(self) -> float:
+        """Largest absolute value."""
+        return float(np.nanmax(np.abs(self.data)))
 
     def lacking(self, solution, observe):
         """Return model minus data, (n, k): NaN where data are missing, inf where the run ended."""
@@ -43,9 +51,14 @@ class Series(NamedTuple):
         return found
 
     def weighed(self, lacking):
-        """Return what is not missing of residuals, over sigma, flat."""
+        """Return what is not missing of residuals, over sigma, flat.
+
+        Rows behind the end of a run count as far from the data, so that others are preferred.
+        """
         sigma = 1.0 if self.sigma is None else self.sigma
-        return (lacking / sigma)[np.isfinite(self.data)]
+        far = _FAR * (self.largest or 1.0)
+        found = np.where(np.abs(lacking) < far, lacking, np.copysign(far, lacking))
+        return (found / sigma)[np.isfinite(self.data)]
 
 
 def series_of(t, data, sigma) -> list[Series]:
@@ -60,6 +73,8 @@ def series_of(t, data, sigma) -> list[Series]:
     if len(sigmas) != len(t):
         required = f"be one for all, or a list of {len(t)}"
         raise ValueError(complaint("sigma", required, f"{len(sigmas)} of them"))
+    if len({one is None for one in sigmas}) > 1:
+        raise ValueError(complaint("sigma", "be given for all series or for none", "some"))
     parts = enumerate(zip(t, data, sigmas, strict=True))
     return [_one(f"[{k}]", *part) for k, part in parts]
 
@@ -69,6 +84,9 @@ def _one(place, t, data, sigma):
     times = real_array(f"t{place}", t)
     if times.ndim != 1 or times.size == 0 or np.any(np.diff(times) <= 0):
         raise ValueError(complaint(f"t{place}", "be increasing times (n,)", shown(times)))
+    if np.iscomplexobj(np.asarray(data)):
+        remedy = "give real and imaginary part as two values, and observe them"
+        raise TypeError(complaint(f"data{place}", "be real", "complex numbers", remedy))
     values = np.array(data, dtype=float)
     required = f"have shape ({times.size},) or ({times.size}, k), NaN for missing values"
     if values.ndim not in (1, 2) or len(values) != times.size:

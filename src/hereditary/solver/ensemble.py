@@ -251,6 +251,10 @@ class _Run:
                 self._ends[part] = lane.run(some, n_steps, kept, rows, slopes)
                 self._y[part] = frame.values(rows)
                 self._ydot[part] = frame.slopes(rows, slopes)
+                for m in range(part.start, part.stop):
+                    end, _, n, _ = self._ends[m]
+                    if n <= 1 < n_steps and end is not Status.COMPLETED:
+                        self._solve(slice(m, m + 1))  # which tells what is wrong at the start
 
             return march
 

@@ -9,6 +9,10 @@ from ..schemes.stability import TOGETHER
 _MOST = 2000
 
 
+# Jacobians of a stretch of a member of an ensemble.
+_STRETCH = 32
+
+
 class JacobianWatch:
     """Jacobians at regular steps of a march, and at those where sweeps contracted least.
 
@@ -74,12 +78,16 @@ class JacobianWatch:
             return np.zeros(n.size)
         if self._structure is not None or self._shape[0] > TOGETHER:
             return np.array([self._of_one(*march) for march in zip(jacobians, n, strict=True)])
-        regular = np.arange(jacobians.shape[1]) < self._n_samples
-        made = np.arange(jacobians.shape[1]) < self._last(n)[:, None]
+        number = np.arange(jacobians.shape[1])
+        regular = number < self._n_samples
+        made = number < self._last(n)[:, None]
         taken = np.where(regular, made, jacobians.any(axis=(2, 3)))
         taken[taken] = self._region.suspects(jacobians[taken])
         ratios = np.zeros(taken.shape)
-        ratios[taken] = self._region.ratios(jacobians[taken], runs=np.nonzero(taken)[0])
+        # modes are looked at for the largest ones of a stretch
+        stretch = number // _STRETCH + (number[-1:].max(initial=0) + 1) * ~regular
+        runs = np.arange(len(n))[:, None] * 4 * number.size + stretch
+        ratios[taken] = self._region.ratios(jacobians[taken], runs=runs[taken])
         return ratios.max(axis=1, initial=0.0)
 
     def _of_one(self, jacobians, n):
