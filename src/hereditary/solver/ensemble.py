@@ -264,6 +264,7 @@ class _Run:
         """Solve some members one by one."""
         for m in range(part.start, part.stop):
             found: Any
+            self._y[m], self._ydot[m] = np.nan, np.nan
             try:
                 with silence():
                     equation = self._members.equation(m, self._equation)
