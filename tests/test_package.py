@@ -245,6 +245,7 @@ PAGES += [
         "sweeps",
         "fitting",
         "chaos",
+        "frequency_response",
         "recipes",
         "large_systems",
     )

@@ -7,6 +7,7 @@ from . import scenes
 from ._python_calls import PythonFunctionWarning
 from .analysis.convergence import ConvergenceTable, convergence_table
 from .analysis.fitting import FitResult, IdentifiabilityWarning, fit
+from .analysis.frequency_response import FrequencyResponse, frequency_response
 from .analysis.lyapunov import lyapunov
 from .analysis.power_spectrum import PowerSpectrum, power_spectrum
 from .analysis.regimes import Regime, RegimeVerdict, classify
@@ -69,6 +70,7 @@ __all__ = [
     "ExplicitCaputo",
     "ExponentialSum",
     "FitResult",
+    "FrequencyResponse",
     "Graded",
     "GrunwaldLetnikov",
     "IdentifiabilityWarning",
@@ -106,6 +108,7 @@ __all__ = [
     "exact",
     "fit",
     "fit_exponentials",
+    "frequency_response",
     "graded",
     "lyapunov",
     "maxima",

@@ -4,12 +4,14 @@ Every function draws into given axes or makes its own, and returns the axes.
 """
 
 from .fits import fit
+from .responses import frequency_response
 from .solutions import oscillogram, phase_portrait, velocity
 from .tables import bifurcation, lyapunov_spectrum, regime_map
 
 __all__ = [
     "bifurcation",
     "fit",
+    "frequency_response",
     "lyapunov_spectrum",
     "oscillogram",
     "phase_portrait",

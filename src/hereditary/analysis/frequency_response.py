@@ -1,0 +1,307 @@
+"""Steady response to a periodic force, by harmonic balance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .._checks import complaint, count, instance, real_array, shown
+from ..equation import Equation
+from .harmonic_balance import Balance
+
+# Newton iterations at a frequency, and their tolerance.
+_ITERATIONS, _TOLERANCE = 30, 1e-12
+# Shortest and longest step along the curve, as shares of the range of frequencies and of the size
+# of responses, the growth of steps after few iterations, and the most points of a curve.
+_SHORTEST, _LONGEST, _GROW, _FEW, _MOST_POINTS = 1e-7, 0.03, 1.5, 3, 20_000
+# Cosine of the largest bend between two points, iterations to the next one and how near they come.
+_STRAIGHT, _TRIES, _NEAR = 0.9, 8, 1e-7
+
+
+@dataclass(frozen=True, eq=False)
+class FrequencyResponse:
+    """Steady responses along a curve of frequencies.
+
+    Attributes
+    ----------
+    omega : ndarray, shape (n,)
+        Angular frequencies of the force, in the order of the curve: a frequency with several
+        responses occurs several times [1/time].
+    coefficients : ndarray of complex, shape (n, d, H + 1)
+        ``y_c(t) = Re sum_k coefficients[c, k] exp(i k omega t)``.
+    branch : ndarray of int, shape (n,)
+        Turning points passed before: the odd ones are what a slow sweep jumps over.
+    turning : ndarray, shape (m,)
+        Frequencies of the turning points.
+    complete : bool
+        Whether the curve was followed to the last frequency.
+    message : str
+    """
+
+    omega: np.ndarray
+    coefficients: np.ndarray = field(repr=False)
+    branch: np.ndarray = field(repr=False)
+    turning: np.ndarray
+    complete: bool
+    message: str
+
+    @property
+    def amplitude(self) -> np.ndarray:
+        """Amplitude of the first harmonic, shape (n, d)."""
+        return np.abs(self.coefficients[..., 1])
+
+    @property
+    def phase(self) -> np.ndarray:
+        """Phase of the first harmonic, in (-pi, pi], shape (n, d)."""
+        return np.angle(self.coefficients[..., 1])
+
+    def values(self, n_times: int = 256) -> np.ndarray:
+        """Return the responses over one period, at equal times, shape (n, d, n_times)."""
+        k = np.arange(self.coefficients.shape[2])
+        turns = np.exp(2j * np.pi * np.outer(k, np.arange(n_times)) / n_times)
+        return np.real(self.coefficients @ turns)
+
+    def quality(self, component: int = 0) -> float:
+        """Return the quality factor: peak frequency over the width at 1 / sqrt(2) of the peak.
+
+        NaN where the curve does not fall so far on both sides of its highest amplitude.
+        """
+        a, top = self.amplitude[:, component], int(np.argmax(self.amplitude[:, component]))
+        level, ends = a[top] / np.sqrt(2), []
+        for side in (np.arange(top, -1, -1), np.arange(top, a.size)):
+            below = np.flatnonzero(a[side] < level)
+            if below.size == 0:
+                return float("nan")
+            i, j = side[below[0]], side[below[0] - 1]
+            share = (level - a[i]) / (a[j] - a[i])
+            ends.append(self.omega[i] + share * (self.omega[j] - self.omega[i]))
+        return float(self.omega[top] / abs(ends[1] - ends[0]))
+
+
+def frequency_response(
+    equation: Equation,
+    omegas: ArrayLike,
+    *,
+    frequency: int = 0,
+    harmonics: int = 7,
+) -> FrequencyResponse:
+    """Steady response of an equation with memory to a periodic force, against its frequency.
+
+    The equation is taken from time minus infinity on, where it has periodic solutions: an operator
+    of order alpha multiplies the k-th harmonic by ``(i k omega)**alpha``. Coefficients of the
+    harmonics are found by Newton's method, with the right-hand side evaluated over a period, and
+    the curve of solutions is followed by its length, around turning points as well.
+
+    Parameters
+    ----------
+    equation : Equation
+        Of constant orders, whose right-hand side has period 2 pi / omega in t, omega being one of
+        its parameters.
+    omegas : array_like, shape (n,)
+        Angular frequencies, all increasing or all decreasing, above 0; responses are found at each,
+        beginning with the first [1/time].
+    frequency : int, optional
+        Number of the parameter that is omega.
+    harmonics : int, optional
+        Highest harmonic H.
+
+    Returns
+    -------
+    FrequencyResponse
+        Also where the curve could not be followed to its end.
+
+    Notes
+    -----
+    From a finite time on no equation with memory has an exact periodic solution: the response of a
+    march tends to the one here like a power of t. Stability is not told, beyond turning points:
+    where the curve turns back, a pair of responses meets, of which one is unstable.
+
+    Error
+    -----
+    Harmonics beyond H are left out, and the right-hand side is sampled 8 H times a period: errors
+    fall with H as the response's harmonics do. Linear equations are solved to rounding.
+
+    Cost
+    ----
+    Some ten systems of d (2 H + 1) unknowns for each frequency: 1 ms for one component.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import hereditary as hd
+    >>> def force(t, x, p):
+    ...     return np.cos(p[0] * t) - x
+    >>> terms = hd.Caputo(1.8) + 0.2 * hd.Caputo(0.8)
+    >>> eq = hd.Equation(terms, force, [0.0, 0.0], params=[1.0])
+    >>> found = hd.frequency_response(eq, [0.5, 1.0, 2.0])
+    >>> s = 1j * found.omega
+    >>> np.allclose(found.coefficients[:, 0, 1], 1 / (s**1.8 + 0.2 * s**0.8 + 1), atol=1e-13)
+    True
+    """
+    instance("equation", equation, Equation, "hereditary.Equation(terms, rhs, y0)")
+    wanted = _frequencies(omegas)
+    _check(equation, frequency)
+    balance = Balance(equation, frequency, count("harmonics", harmonics))
+    balance.check_period(float(wanted[0]))
+    curve = _Curve(balance, wanted)
+    trouble = curve.follow()
+    points = curve.found
+    x = np.array([point.x for point in points]).reshape(-1, balance.size)
+    return FrequencyResponse(
+        omega=np.array([point.omega for point in points]),
+        coefficients=balance.coefficients(x),
+        branch=np.array([point.branch for point in points], dtype=np.int64),
+        turning=np.array(curve.turning),
+        complete=not trouble,
+        message=trouble or "the curve was followed to the last frequency",
+    )
+
+
+def _frequencies(omegas):
+    """Return frequencies, or say why they are none."""
+    wanted = np.atleast_1d(real_array("omegas", omegas))
+    steps = np.diff(wanted)
+    monotone = np.all(steps > 0) or np.all(steps < 0)
+    if wanted.ndim != 1 or wanted.size == 0 or not monotone or np.any(wanted <= 0):
+        required = "be frequencies above 0, all increasing or all decreasing"
+        raise ValueError(complaint("omegas", required, shown(wanted)))
+    return wanted
+
+
+def _check(equation, frequency):
+    """Refuse equations whose operators have no symbol here, and parameters that are none."""
+    rearranged = equation.enlarged is not equation or equation.frame.paired
+    rearranged = rearranged or equation.frame.speeds or equation.coefficients.ndim > 2
+    if rearranged or not equation.constant or equation._callbacks or equation.t_start != 0:
+        required = "be real and compiled, of constant orders up to 2 from t = 0 on"
+        remedy = "without memory= and matrices"
+        raise ValueError(complaint("equation", required, repr(equation), remedy))
+    p = equation.params.size
+    whole = isinstance(frequency, (int, np.integer)) and not isinstance(frequency, bool)
+    if not whole or not 0 <= frequency < p:
+        required = f"be the number of a parameter, 0 .. {p - 1}" if p else "name a parameter"
+        raise ValueError(complaint("frequency", required, repr(frequency)))
+
+
+class _Point(NamedTuple):
+    """A response: unknowns, frequency, and turning points passed before."""
+
+    x: np.ndarray
+    omega: float
+    branch: int
+
+
+class _Curve:
+    """Responses along a curve through a range of frequencies."""
+
+    def __init__(self, balance, wanted):
+        self._balance, self._wanted = balance, wanted
+        self.found: list[_Point] = []
+        self.turning: list[float] = []
+        self._sign = 1.0 if wanted[-1] >= wanted[0] else -1.0
+        self._range = abs(wanted[-1] - wanted[0]) or wanted[0]
+
+    def follow(self):
+        """Follow the curve to the last frequency; return why it could not be, or nothing."""
+        omega = float(self._wanted[0])
+        x, _ = self._at(np.zeros(self._balance.size), omega)
+        if x is None:
+            return f"no response was found at the first frequency, {omega:g}"
+        self.found.append(_Point(x, omega, 0))
+        if self._wanted.size == 1:
+            return ""
+        self._scale = float(np.linalg.norm(x)) or 1.0
+        tangent, step = self._tangent(x, omega, np.append(np.zeros(x.size), self._sign)), _LONGEST
+        for _ in range(_MOST_POINTS):
+            ahead, taken = self._corrected(x, omega, tangent, step)
+            turned = None if ahead is None else self._tangent(ahead[0], ahead[1], tangent)
+            if turned is None or self._product(turned, tangent) < _STRAIGHT:
+                step *= 0.5
+                if step < _SHORTEST:
+                    return f"the curve could not be followed beyond omega = {omega:g}"
+                continue
+            before, after = tangent[-1], turned[-1]
+            if before * after < 0:  # omega is a parabola of the length there
+                share = before / (before - after)
+                self.turning.append(omega + 0.5 * share * before * step)
+            self._note(x, omega, ahead[0], ahead[1], len(self.turning))
+            (x, omega), tangent = ahead, turned
+            self._scale = max(self._scale, float(np.linalg.norm(x)))
+            if (omega - self._wanted[-1]) * self._sign >= 0:
+                return ""
+            if (omega - self._wanted[0]) * self._sign < -_LONGEST * self._range:
+                return "the curve turns back beyond the first frequency"
+            step = min(_LONGEST, step * _GROW) if taken <= _FEW else step
+        return f"the curve has more than {_MOST_POINTS} points"
+
+    def _product(self, one, other):
+        """Product of two directions (size + 1,), unknowns and frequency in their units."""
+        inside = one[:-1] @ other[:-1] / self._scale**2
+        return float(inside + one[-1] * other[-1] / self._range**2)
+
+    def _row(self, direction):
+        """Return what multiplies a change to give the product with a direction."""
+        return np.append(direction[:-1] / self._scale**2, direction[-1] / self._range**2)
+
+    def _bordered(self, x, omega, direction):
+        """Return the residual, and its derivative with the product with a direction below."""
+        residual, matrix = self._balance.residual(x, omega)
+        beside = self._balance.by_frequency(x, omega)[:, None]
+        return residual, np.vstack([np.hstack([matrix, beside]), self._row(direction)])
+
+    def _tangent(self, x, omega, previous):
+        """Return the direction of the curve, of length 1, going on as the previous one."""
+        _, matrix = self._bordered(x, omega, previous)
+        found = np.linalg.solve(matrix, np.append(np.zeros(x.size), 1.0))
+        return found / np.sqrt(self._product(found, found))
+
+    def _corrected(self, x, omega, tangent, step):
+        """Return a point of the curve at a distance, or None, and iterations."""
+        length = step / np.sqrt(self._product(tangent, tangent))
+        start = np.append(x, omega) + length * tangent
+        place = start.copy()
+        for iteration in range(_TRIES):
+            if not place[-1] > 0:
+                return None, iteration
+            residual, matrix = self._bordered(place[:-1], place[-1], tangent)
+            off = self._product(place - start, tangent)
+            if not np.all(np.isfinite(residual)) or not np.all(np.isfinite(matrix)):
+                return None, iteration
+            try:
+                change = np.linalg.solve(matrix, np.append(residual, off))
+            except np.linalg.LinAlgError:
+                return None, iteration
+            place -= change
+            if self._product(change, change) <= _NEAR**2:
+                return (place[:-1], float(place[-1])), iteration
+        return None, _TRIES
+
+    def _note(self, x, omega, new_x, new_omega, branch):
+        """Find responses at the frequencies asked for between two points."""
+        low, high = min(omega, new_omega), max(omega, new_omega)
+        between = np.sort(self._wanted[(self._wanted >= low) & (self._wanted <= high)])
+        for wanted in between if new_omega > omega else between[::-1]:
+            if wanted == omega:  # found with the point before
+                continue
+            share = (wanted - omega) / (new_omega - omega)
+            found, _ = self._at(x + share * (new_x - x), float(wanted))
+            if found is not None:
+                self.found.append(_Point(found, float(wanted), branch))
+
+    def _at(self, x, omega):
+        """Solve at a frequency from a first guess; return unknowns or None, and iterations."""
+        for iteration in range(_ITERATIONS):
+            residual, matrix = self._balance.residual(x, omega)
+            if not np.all(np.isfinite(residual)) or not np.all(np.isfinite(matrix)):
+                return None, iteration
+            try:
+                change = np.linalg.solve(matrix, residual)
+            except np.linalg.LinAlgError:
+                return None, iteration
+            x = x - change
+            if np.linalg.norm(change) <= _TOLERANCE * max(float(np.linalg.norm(x)), 1e-300):
+                return x, iteration
+        return None, _ITERATIONS

@@ -1,0 +1,143 @@
+"""Steady responses: transfer functions, and marches that have settled."""
+
+import matplotlib
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import hereditary as hd
+
+matplotlib.use("Agg")
+
+
+def driven(t, x, p):
+    return p[1] * np.cos(p[0] * t) - x - p[2] * x**3
+
+
+def coupled(t, x, dx, p):
+    dx[0] = np.cos(p[0] * t) - x[0] + 0.3 * (x[1] - x[0])
+    dx[1] = 0.5 * np.sin(p[0] * t) - 2.0 * x[1] + 0.3 * (x[0] - x[1])
+
+
+def duffing(force=0.3, hardening=0.5, beta=1.95, gamma=0.9, y0=(0.0, 0.0)):
+    terms = hd.Caputo(beta) + 0.1 * hd.Caputo(gamma)
+    return hd.Equation(terms, driven, y0, params=[1.0, force, hardening])
+
+
+@settings(max_examples=25)
+@given(st.floats(1.05, 2.0), st.floats(0.05, 1.0), st.floats(0.05, 1.0))
+def test_linear_responses_are_transfer_functions(beta, gamma, friction):
+    terms = hd.Caputo(beta) + friction * hd.Caputo(gamma)
+    equation = hd.Equation(terms, driven, [0.0, 0.0], params=[1.0, 0.7, 0.0])
+    omegas = np.linspace(0.2, 3.0, 12)
+    found = hd.frequency_response(equation, omegas, harmonics=3)
+    s = 1j * omegas
+    expected = 0.7 / (s**beta + friction * s**gamma + 1)
+    assert found.complete
+    assert np.array_equal(found.omega, omegas)
+    error = np.abs(found.coefficients[:, 0, 1] - expected)
+    assert error.max() < 1e-12 * max(1.0, np.abs(expected).max())
+    assert np.abs(found.coefficients[:, 0, [0, 2, 3]]).max() < 1e-11
+    assert np.allclose(found.amplitude[:, 0], np.abs(expected), rtol=1e-10)
+    assert np.allclose(found.phase[:, 0], np.angle(expected), atol=1e-9)
+
+
+def test_coupled_components_of_different_orders():
+    equation = hd.Equation(hd.Caputo([1.7, 0.8]), coupled, [[0.0, 0.0], [0.0, 0.0]], params=[1.0])
+    omegas = np.array([2.5, 1.2, 0.4])
+    found = hd.frequency_response(equation, omegas, harmonics=2)
+    for omega, coefficients in zip(omegas, found.coefficients, strict=True):
+        s = 1j * omega
+        matrix = np.array([[s**1.7 + 1.3, -0.3], [-0.3, s**0.8 + 2.3]])
+        assert np.allclose(coefficients[:, 1], np.linalg.solve(matrix, [1.0, -0.5j]), atol=1e-12)
+
+
+def test_marches_settle_on_both_branches():
+    """Begun at a response's own values, in the range that has three of them."""
+    equation = duffing()
+    found = hd.frequency_response(equation, np.linspace(0.4, 2.4, 101), harmonics=9)
+    assert found.complete
+    assert found.turning.size == 2
+    assert found.turning[1] < found.turning[0]
+    chosen = [k for k in range(found.omega.size) if abs(found.omega[k] - 1.26) < 1e-9]
+    assert found.branch[chosen].tolist() == [0, 1, 2]
+    assert np.all(np.diff(found.amplitude[chosen, 0]) < 0)
+    for k in (chosen[0], chosen[2]):
+        omega = found.omega[k]
+        start = found.coefficients[k, 0]
+        orders = np.arange(start.size)
+        y0 = [np.sum(start).real, np.sum(1j * orders * omega * start).real]
+        period = 2 * np.pi / omega
+        times = np.linspace(200 * period, 204 * period, 257)
+        march = duffing(y0=y0).replace(params=[omega, 0.3, 0.5])
+        y = hd.solve(march, 204 * period, rtol=1e-8, t_eval=times).y[:-1, 0]
+        settled = 2 * np.mean(y * np.exp(-1j * omega * times[:-1]))
+        assert abs(settled) == pytest.approx(found.amplitude[k, 0], rel=2e-4)
+
+
+def test_the_curve_does_not_depend_on_its_direction():
+    up = hd.frequency_response(duffing(), np.linspace(0.4, 2.4, 41))
+    down = hd.frequency_response(duffing(), np.linspace(2.4, 0.4, 41))
+    assert np.allclose(up.turning, down.turning[::-1], atol=2e-4)
+    assert np.allclose(up.omega, down.omega[::-1])
+    assert np.allclose(up.coefficients, down.coefficients[::-1], atol=1e-10)
+
+
+def test_more_harmonics_change_little():
+    few = hd.frequency_response(duffing(), np.linspace(0.6, 1.2, 7), harmonics=5)
+    more = hd.frequency_response(duffing(), np.linspace(0.6, 1.2, 7), harmonics=11)
+    assert np.abs(few.coefficients[..., :6] - more.coefficients[..., :6]).max() < 1e-5
+    y = more.values(64)
+    assert y.shape == (7, 1, 64)
+    assert y[0, 0, 0] == pytest.approx(more.coefficients[0, 0].sum().real)
+
+
+def test_the_quality_factor_of_a_classical_oscillator():
+    """Of weak damping 2 zeta: 1 / (2 zeta), to second order in it."""
+    terms = hd.Caputo(2.0) + 0.02 * hd.Caputo(1.0)
+    equation = hd.Equation(terms, driven, [0.0, 0.0], params=[1.0, 1.0, 0.0])
+    found = hd.frequency_response(equation, np.linspace(0.9, 1.1, 401), harmonics=1)
+    assert found.quality() == pytest.approx(50.0, rel=0.01)
+    narrow = hd.frequency_response(equation, np.linspace(0.999, 1.001, 11), harmonics=1)
+    assert np.isnan(narrow.quality())
+
+
+def test_figure():
+    found = hd.frequency_response(duffing(), np.linspace(0.4, 2.4, 101))
+    ax = hd.plots.frequency_response(found)
+    assert [line.get_linestyle() for line in ax.lines[:3]] == ["-", "--", "-"]
+    assert hd.plots.frequency_response(found, phase=True).get_ylabel() == "phase"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"omegas": []}, "omegas must be frequencies above 0"),
+        ({"omegas": [1.0, 1.0]}, "omegas must be frequencies above 0"),
+        ({"omegas": [-1.0, 1.0]}, "omegas must be frequencies above 0"),
+        ({"frequency": 3}, "frequency must be the number of a parameter, 0 .. 2"),
+        ({"harmonics": 0}, "harmonics must be a positive integer"),
+        (
+            {"frequency": 1, "omegas": [1.3]},
+            r"rhs must have period 2 pi / omega in t, omega being params\[1\]",
+        ),
+    ],
+)
+def test_refusals(arguments, message):
+    with pytest.raises((TypeError, ValueError), match=message):
+        hd.frequency_response(**({"equation": duffing(), "omegas": [1.0]} | arguments))
+    varying = hd.Equation(hd.Caputo(lambda t: 0.5 + 0.1 * t), driven, 0.0, params=[1.0, 1.0, 0.0])
+    with pytest.raises(ValueError, match="equation must be real and compiled"):
+        hd.frequency_response(varying, [1.0])
+
+
+def test_a_response_that_is_not_found_is_told():
+    def none(t, x, p):
+        return np.cos(p[0] * t) - x + 50.0 + 10.0 * x**2
+
+    equation = hd.Equation(hd.Caputo(1.8) + 0.1 * hd.Caputo(0.8), none, [0.0, 0.0], params=[1.0])
+    found = hd.frequency_response(equation, [1.0, 2.0])
+    assert not found.complete
+    assert "no response was found at the first frequency" in found.message
+    assert found.omega.size == 0
