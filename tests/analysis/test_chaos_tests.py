@@ -56,6 +56,21 @@ def test_orbits_and_what_exponents_say_of_them():
 
 def test_a_constant_series_is_regular():
     assert hd.zero_one_test(np.full(300, 2.5)).k == 0.0
+    noise = np.random.default_rng(0).normal(size=300)
+    assert hd.zero_one_test(1 + 1e-15 * noise).k == 0.0
+
+
+def test_a_large_start_does_not_count():
+    start = hd.scenes.lorenz().replace(y0=[1.0, 1.0, 3e4])
+    orbit = hd.solve(start, 250.0, rtol=1e-6)
+    assert hd.zero_one_test(orbit, component=2, transient=20.0).verdict == "chaotic"
+
+
+def test_spectra_of_runs_that_begin_before_0():
+    equation = hd.Equation(hd.Caputo(1.0), lambda t, y: np.cos(2 * t), 0.0, t_start=-150.0)
+    found = hd.power_spectrum(hd.solve(equation, 0.0, 30_000))
+    assert found.peaks[0]["omega"] == pytest.approx(2.0, abs=1e-4)
+    assert found.resolution == pytest.approx(4 * np.pi / 150, rel=1e-3)
 
 
 @settings(max_examples=30)
@@ -92,15 +107,26 @@ def test_the_steady_response_of_a_fractional_oscillator():
     [
         (lambda: hd.zero_one_test(np.zeros(100)), "series must hold 200 values"),
         (lambda: hd.zero_one_test(logistic(4.0), n_c=0), "n_c must be a positive integer"),
-        (lambda: hd.power_spectrum(np.zeros(100)), "step must be the distance"),
-        (lambda: hd.power_spectrum(np.zeros(5), 0.1), "series must hold 16 values"),
+        (lambda: hd.power_spectrum(np.zeros(100)), "series must be of shape"),
+        (lambda: hd.power_spectrum(np.zeros(5), 0.1), "series must leave 16 values"),
+        (
+            lambda: hd.power_spectrum(np.zeros(99), 0.1, transient=9.0),
+            "series must leave 16 values",
+        ),
+        (lambda: hd.power_spectrum(np.zeros(99), np.inf), "step must be"),
+        (
+            lambda: hd.power_spectrum(
+                hd.solve(hd.scenes.relaxation(0.5), 1.0, mesh=hd.graded(40, 2), scheme=hd.L1())
+            ),
+            "series must have dense output, or rows at equal times",
+        ),
         (
             lambda: hd.power_spectrum(hd.solve(hd.scenes.relaxation(0.5), 1.0, 40), component=1),
             "component must be one of 0 .. 0",
         ),
         (
             lambda: hd.power_spectrum(hd.solve(hd.scenes.relaxation(0.5), 1.0, 40), transient=2.0),
-            "transient must leave 16 rows",
+            "series must leave 16 values",
         ),
         (
             lambda: hd.zero_one_test(hd.solve(hd.scenes.relaxation(0.5), 1.0, 40)),

@@ -84,6 +84,42 @@ def test_the_curve_does_not_depend_on_its_direction():
     assert np.allclose(up.coefficients, down.coefficients[::-1], atol=1e-10)
 
 
+@pytest.mark.parametrize("omegas", [np.linspace(100, 1000, 20), np.logspace(-4, 4, 30)], ids=str)
+def test_every_frequency_has_its_row(omegas):
+    """Also where responses are so small or so stiff that rounding ends Newton's method."""
+    found = hd.frequency_response(duffing(hardening=0.0), omegas)
+    assert found.complete
+    assert np.array_equal(found.omega, omegas)
+    soft = hd.Equation(hd.Caputo(1.8), driven_softly, [0.0, 0.0], params=[1.0])
+    assert hd.frequency_response(soft, np.linspace(0.3, 3.0, 30)).omega.size == 30
+
+
+def driven_softly(t, x, p):
+    return np.cos(p[0] * t) - 1e-4 * x
+
+
+def test_frequencies_next_to_turning_points_have_three_rows():
+    omegas = [0.4, 1.25255, 1.25256, 1.274275, 2.4]  # folds are at 1.252546 and 1.274290
+    found = hd.frequency_response(duffing(), omegas)
+    assert found.complete
+    for omega in omegas[1:4]:
+        here = found.omega == omega
+        assert found.branch[here].tolist() == [0, 1, 2]
+        assert np.all(np.diff(found.amplitude[here, 0]) < 0)
+    assert found.turning == pytest.approx([1.274290, 1.252546], abs=5e-6)
+
+
+def test_a_narrow_peak_is_passed():
+    terms = hd.Caputo(2.0) + 1e-4 * hd.Caputo(1.0)
+    equation = hd.Equation(terms, driven, [0.0, 0.0], params=[1.0, 1.0, 0.0])
+    found = hd.frequency_response(equation, np.linspace(0.3, 3.0, 28), harmonics=1)
+    assert found.complete
+    s = 1j * found.omega
+    expected = 1 / (s**2 + 1e-4 * s + 1)
+    assert np.allclose(found.coefficients[:, 0, 1], expected, rtol=1e-9)
+    assert np.isnan(found.quality())  # one frequency at its top
+
+
 def test_more_harmonics_change_little():
     few = hd.frequency_response(duffing(), np.linspace(0.6, 1.2, 7), harmonics=5)
     more = hd.frequency_response(duffing(), np.linspace(0.6, 1.2, 7), harmonics=11)

@@ -140,7 +140,8 @@ def fit(
     -----
     Standard errors are those of a model that is linear near its best parameters, with independent
     normal errors of the data (convergence/fits.py: true values lie within two of them in 95 per
-    cent of seeded trials). A minimum may be a local one: try other first guesses.
+    cent of seeded trials). A minimum may be a local one: try other first guesses. These also say
+    how large parameters are: 0 is taken for a size of 1, but 1e-12 for what it is.
 
     Cost
     ----

@@ -12,13 +12,17 @@ from .._checks import complaint, count, instance, real_array, shown
 from ..equation import Equation
 from .harmonic_balance import Balance
 
-# Newton iterations at a frequency, and their tolerance.
-_ITERATIONS, _TOLERANCE = 30, 1e-12
+# Newton iterations at a frequency, their tolerance, and that where rounding ends them.
+_ITERATIONS, _TOLERANCE, _STALLED = 30, 1e-12, 1e-7
+# Longest step across a turning point, and fewest frequencies above the width of a peak.
+_TURN, _LEAST_ABOVE = 1e-3, 8
 # Shortest and longest step along the curve, as shares of the range of frequencies and of the size
 # of responses, the growth of steps after few iterations, and the most points of a curve.
 _SHORTEST, _LONGEST, _GROW, _FEW, _MOST_POINTS = 1e-7, 0.03, 1.5, 3, 20_000
 # Cosine of the largest bend between two points, iterations to the next one and how near they come.
 _STRAIGHT, _TRIES, _NEAR = 0.9, 8, 1e-7
+# Least unit of responses, as a share of the largest so far.
+_LEAST = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,10 +71,14 @@ class FrequencyResponse:
     def quality(self, component: int = 0) -> float:
         """Return the quality factor: peak frequency over the width at 1 / sqrt(2) of the peak.
 
-        NaN where the curve does not fall so far on both sides of its highest amplitude.
+        From the frequencies asked for; NaN where fewer than eight of them lie above that height, or
+        the curve does not fall so far on both sides.
         """
-        a, top = self.amplitude[:, component], int(np.argmax(self.amplitude[:, component]))
-        level, ends = a[top] / np.sqrt(2), []
+        a = self.amplitude[:, component]
+        level, ends = a.max(initial=0.0) / np.sqrt(2), []
+        if np.sum(a > level) < _LEAST_ABOVE:
+            return float("nan")
+        top = int(np.argmax(a))
         for side in (np.arange(top, -1, -1), np.arange(top, a.size)):
             below = np.flatnonzero(a[side] < level)
             if below.size == 0:
@@ -93,7 +101,8 @@ def frequency_response(
     The equation is taken from time minus infinity on, where it has periodic solutions: an operator
     of order alpha multiplies the k-th harmonic by ``(i k omega)**alpha``. Coefficients of the
     harmonics are found by Newton's method, with the right-hand side evaluated over a period, and
-    the curve of solutions is followed by its length, around turning points as well.
+    the curve of solutions is followed by its length, around turning points as well. Frequencies
+    within some 1e-6 of the range of a turning point may be passed over.
 
     Parameters
     ----------
@@ -121,8 +130,10 @@ def frequency_response(
 
     Error
     -----
-    Harmonics beyond H are left out, and the right-hand side is sampled 8 H times a period: errors
-    fall with H as the response's harmonics do. Linear equations are solved to rounding.
+    Harmonics beyond H are left out, and the right-hand side is sampled 8 H times a period, 129 at
+    least: errors fall with H as the harmonics of response and force do. Linear equations are solved
+    to rounding where the force has no harmonics beyond; a pulse or a jump has, and needs a larger
+    H. Turning points are found to about 1e-6 of the range.
 
     Cost
     ----
@@ -145,7 +156,7 @@ def frequency_response(
     wanted = _frequencies(omegas)
     _check(equation, frequency)
     balance = Balance(equation, frequency, count("harmonics", harmonics))
-    balance.check_period(float(wanted[0]))
+    balance.check_period({float(wanted[0]), float(wanted[-1])})
     curve = _Curve(balance, wanted)
     trouble = curve.follow()
     points = curve.found
@@ -175,8 +186,11 @@ def _check(equation, frequency):
     """Refuse equations whose operators have no symbol here, and parameters that are none."""
     rearranged = equation.enlarged is not equation or equation.frame.paired
     rearranged = rearranged or equation.frame.speeds or equation.coefficients.ndim > 2
-    if rearranged or not equation.constant or equation._callbacks or equation.t_start != 0:
-        required = "be real and compiled, of constant orders up to 2 from t = 0 on"
+    if equation.t_start != 0:
+        remedy = "steady responses know no start"
+        raise ValueError(complaint("t_start", "be 0", equation.t_start, remedy))
+    if rearranged or not equation.constant or equation._callbacks:
+        required = "be real and compiled, of constant orders up to 2"
         remedy = "without memory= and matrices"
         raise ValueError(complaint("equation", required, repr(equation), remedy))
     p = equation.params.size
@@ -201,6 +215,7 @@ class _Curve:
         self._balance, self._wanted = balance, wanted
         self.found: list[_Point] = []
         self.turning: list[float] = []
+        self._missed = ""
         self._sign = 1.0 if wanted[-1] >= wanted[0] else -1.0
         self._range = abs(wanted[-1] - wanted[0]) or wanted[0]
 
@@ -209,13 +224,17 @@ class _Curve:
         omega = float(self._wanted[0])
         x, _ = self._at(np.zeros(self._balance.size), omega)
         if x is None:
-            return f"no response was found at the first frequency, {omega:g}"
+            remedy = "begin elsewhere, or give jac and write y in units of its size"
+            return f"no response was found at the first frequency, {omega:g}: {remedy}"
         self.found.append(_Point(x, omega, 0))
         if self._wanted.size == 1:
             return ""
-        self._scale = float(np.linalg.norm(x)) or 1.0
+        peak = self._scale = float(np.linalg.norm(x)) or 1.0
         tangent, step = self._tangent(x, omega, np.append(np.zeros(x.size), self._sign)), _LONGEST
         for _ in range(_MOST_POINTS):
+            # steps are short beside a narrow peak: in units of the response here
+            self._scale = max(float(np.linalg.norm(x)), _LEAST * peak)
+            tangent = tangent / np.sqrt(self._product(tangent, tangent))
             ahead, taken = self._corrected(x, omega, tangent, step)
             turned = None if ahead is None else self._tangent(ahead[0], ahead[1], tangent)
             if turned is None or self._product(turned, tangent) < _STRAIGHT:
@@ -224,14 +243,17 @@ class _Curve:
                     return f"the curve could not be followed beyond omega = {omega:g}"
                 continue
             before, after = tangent[-1], turned[-1]
+            if before * after < 0 and step > _TURN:
+                step = _TURN
+                continue
             if before * after < 0:  # omega is a parabola of the length there
                 share = before / (before - after)
                 self.turning.append(omega + 0.5 * share * before * step)
             self._note(x, omega, ahead[0], ahead[1], len(self.turning))
             (x, omega), tangent = ahead, turned
-            self._scale = max(self._scale, float(np.linalg.norm(x)))
+            peak = max(peak, float(np.linalg.norm(x)))
             if (omega - self._wanted[-1]) * self._sign >= 0:
-                return ""
+                return self._missed
             if (omega - self._wanted[0]) * self._sign < -_LONGEST * self._range:
                 return "the curve turns back beyond the first frequency"
             step = min(_LONGEST, step * _GROW) if taken <= _FEW else step
@@ -286,13 +308,19 @@ class _Curve:
         for wanted in between if new_omega > omega else between[::-1]:
             if wanted == omega:  # found with the point before
                 continue
-            share = (wanted - omega) / (new_omega - omega)
-            found, _ = self._at(x + share * (new_x - x), float(wanted))
-            if found is not None:
+            guess = x + (wanted - omega) / (new_omega - omega) * (new_x - x)
+            found, _ = self._at(guess, float(wanted))
+            near = 2 * float(np.linalg.norm(new_x - x)) + 1e-6 * float(np.linalg.norm(x))
+            if found is None or np.linalg.norm(found - guess) > near:
+                self._missed = (
+                    f"no response was found at omega = {wanted:g}, which the curve passes"
+                )
+            else:
                 self.found.append(_Point(found, float(wanted), branch))
 
     def _at(self, x, omega):
         """Solve at a frequency from a first guess; return unknowns or None, and iterations."""
+        before = np.inf
         for iteration in range(_ITERATIONS):
             residual, matrix = self._balance.residual(x, omega)
             if not np.all(np.isfinite(residual)) or not np.all(np.isfinite(matrix)):
@@ -302,6 +330,8 @@ class _Curve:
             except np.linalg.LinAlgError:
                 return None, iteration
             x = x - change
-            if np.linalg.norm(change) <= _TOLERANCE * max(float(np.linalg.norm(x)), 1e-300):
+            size, norm = float(np.linalg.norm(change)), max(float(np.linalg.norm(x)), 1e-300)
+            if size <= _TOLERANCE * norm or 0.25 * before <= size <= _STALLED * norm:
                 return x, iteration
+            before = size
         return None, _ITERATIONS

@@ -9,8 +9,9 @@ from .._jit import F8, I8, MAT, VEC, entry
 from ..compiled.jacobian import jacobian
 from ..compiled.signatures import JAC, RHS
 
-# Samples of a period for each harmonic, and relative change of a frequency in differences.
-_SAMPLES, _CHANGE = 8, 1e-6
+# Samples of a period for each harmonic and at least, and relative change of a frequency in
+# differences.
+_SAMPLES, _FEWEST, _CHANGE = 8, 129, 1e-6
 
 
 @entry(RHS, JAC, I8, VEC, F8, MAT, MAT, MAT)
@@ -36,26 +37,33 @@ class Balance:
     def __init__(self, equation, frequency, harmonics):
         self._system, self._frequency = equation.dense(), frequency
         self._params, self._h, self.d = equation._params.copy(), harmonics, equation.d
-        self.size, self._n = self.d * (2 * harmonics + 1), _SAMPLES * harmonics + 1
+        self.size, self._n = self.d * (2 * harmonics + 1), max(_SAMPLES * harmonics + 1, _FEWEST)
         angles = 2 * np.pi * np.outer(np.arange(self._n), np.arange(1, harmonics + 1)) / self._n
         columns = np.stack([np.cos(angles), np.sin(angles)], axis=2).reshape(self._n, -1)
         self._basis = np.hstack([np.ones((self._n, 1)), columns])
         self._project = 2.0 / self._n * self._basis.T
         self._project[0] /= 2
 
-    def check_period(self, omega):
+    def check_period(self, omegas):
         """Refuse right-hand sides without the period 2 pi / omega."""
         system, params = self._system, self._params
-        params[self._frequency] = omega
-        values = np.empty((2, self.d))
-        for share in (0.0, 0.31, 0.83):
-            for k in (0, 1):
-                t = 2 * np.pi * (share + k) / omega
-                system._rhs(t, system.y0[0].copy(), values[k], params)
-            apart = np.abs(values[1] - values[0]).max()
-            if not apart <= 1e-6 * max(1.0, np.abs(values[0]).max()):
-                required = f"have period 2 pi / omega in t, omega being params[{self._frequency}]"
-                raise ValueError(complaint("rhs", required, f"values {shown(values.ravel())}"))
+        y0 = system.y0[0]
+        for omega in omegas:
+            params[self._frequency] = omega
+            for y in (y0, y0 + 1.0):
+                times = 2 * np.pi / omega * np.array([[0.0, 0.31, 0.83], [1.0, 1.31, 1.83]])
+                values = np.array([[self._force(t, y) for t in row] for row in times])
+                apart = np.abs(values[1] - values[0]).max()
+                if not apart <= 1e-6 * np.abs(values).max():
+                    required = "have period 2 pi / omega in t, omega being params"
+                    required += f"[{self._frequency}]"
+                    raise ValueError(complaint("rhs", required, f"values {shown(values.ravel())}"))
+
+    def _force(self, t, y):
+        """Return the right-hand side, (d,)."""
+        found = np.empty(self.d)
+        self._system._rhs(t, y.copy(), found, self._params)
+        return found
 
     def coefficients(self, x):
         """Return complex amplitudes (n, d, H + 1) of unknowns (n, size)."""

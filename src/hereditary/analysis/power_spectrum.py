@@ -8,12 +8,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._checks import complaint, count, real_array
+from .._checks import complaint, count, positive, real, real_array
 from ..solver.solution import Solution
 from .sections import check_unbroken, values_at
 
-# Samples of a solution: a power of two, as many as its rows at most.
-_MOST = 2**18
+# Most samples of a solution, and fewest values.
+_MOST, _FEWEST = 2**18, 16
 # A peak stands out of its neighbours by this factor at least, and is this share of the highest one.
 _PROMINENT, _LEAST = 4.0, 1e-8
 
@@ -28,7 +28,7 @@ class PowerSpectrum:
         Angular frequencies [1/time].
     power : ndarray, shape (n,)
         Power spectral density, in units of the series squared times time; its integral over
-        omega / (2 pi) is the variance.
+        omega / (2 pi) is about the variance where the series is long.
     peaks : ndarray, shape (k,)
         Records with fields omega and amplitude, the highest peak first: a line ``a cos(omega t)``
         has amplitude a.
@@ -47,7 +47,7 @@ def power_spectrum(
     step: float | None = None,
     *,
     component: int = 0,
-    transient: float = 0.0,
+    transient: float | None = None,
     n_peaks: int = 10,
 ) -> PowerSpectrum:
     """The power spectrum of a component, through Hann's window.
@@ -55,13 +55,14 @@ def power_spectrum(
     Parameters
     ----------
     series : Solution or array_like, shape (n,)
-        A solution, or values at equal distances.
+        A solution with dense output or rows at equal times, which resolve the motion, or values at
+        equal distances.
     step : float, optional
         Distance of the values, where a series is given [time].
     component : int, optional
         Of a solution.
     transient : float, optional
-        What comes before this time is left out [time].
+        What comes before this time is left out, of a series counted from its first value [time].
     n_peaks : int, optional
         Most peaks in the table.
 
@@ -100,26 +101,38 @@ def power_spectrum(
 
 def _sampled(series, step, component, transient):
     """Return values at equal distances, and the distance."""
+    if transient is not None:
+        transient = real("transient", transient)
     if not isinstance(series, Solution):
         values = real_array("series", series)
-        if values.ndim != 1 or values.size < 16:
-            required = "hold 16 values at least, of shape (n,)"
-            raise ValueError(complaint("series", required, f"shape {values.shape}"))
-        if step is None or not step > 0:
-            raise ValueError(complaint("step", "be the distance of the values", step))
-        return values[int(np.ceil(transient / step - 1e-9)) :], float(step)
+        h = positive("step", step, "the distance of the values") if step is not None else None
+        if values.ndim != 1 or h is None:
+            required = "be of shape (n,) and come with their distance, step"
+            raise ValueError(complaint("series", required, f"shape {values.shape}, step {step}"))
+        first = max(0, int(np.ceil((transient or 0.0) / h - 1e-9)))
+        return _long(values[first:]), h
     check_unbroken(series)
     if not 0 <= component < series.y.shape[1]:
         required = f"be one of 0 .. {series.y.shape[1] - 1}"
         raise ValueError(complaint("component", required, component))
-    begin, end = max(transient, series.t[0]), series.t[-1]
+    begin = series.t[0] if transient is None else max(transient, series.t[0])
     inside = series.t >= begin
-    if begin >= end or inside.sum() < 16:
-        required = f"leave 16 rows at least before {end:g}"
-        raise ValueError(complaint("transient", required, transient))
+    _long(series.t[inside])
+    gaps = np.diff(series.t[inside])
+    if not series.coarse and gaps[:-1].size and np.ptp(gaps[:-1]) > 0.01 * gaps.max():
+        required = "have dense output, or rows at equal times"
+        raise ValueError(complaint("series", required, f"gaps {gaps.min():g} to {gaps.max():g}"))
     n = int(min(_MOST, 2 ** np.ceil(np.log2(4 * inside.sum() if series.coarse else inside.sum()))))
-    times = np.linspace(begin, end, n)
-    return values_at(series, times)[:, component], (end - begin) / (n - 1)
+    times = np.linspace(begin, series.t[-1], n)
+    return values_at(series, times)[:, component], (series.t[-1] - begin) / (n - 1)
+
+
+def _long(values):
+    """Return values, or refuse too few of them."""
+    if values.size < _FEWEST:
+        required = f"leave {_FEWEST} values at least behind the transient"
+        raise ValueError(complaint("series", required, values.size))
+    return values
 
 
 def _peaks(signal, omega, amplitudes, most):

@@ -116,7 +116,8 @@ def sensitivities(
     Error
     -----
     On given steps derivatives by params and y0 are those of the discrete solution to 1e-9, for
-    derivatives of the right-hand side by parameters come from differences over 6e-6 of each, those
+    derivatives of the right-hand side by parameters come from differences over 6e-6 of each, of 1
+    where it is 0, those
     by y too where no jac is given (over 6e-6 of 1 or of a larger y), and converge with the order of
     the scheme; with `Collocation` they are within rtol of their largest size so far, or 1e-9.
     Derivatives by orders are exact to 1e-7 of the solution; NaN where a run of theirs ends early.

@@ -8,8 +8,8 @@ import numpy as np
 
 from .._checks import complaint, real_array, shown
 
-# A residual that is larger than so many of the largest value, or no number, counts as that.
-_FAR = 1e3
+# A residual that is no number counts as ten of the largest one, or of so many of the largest value.
+_FAR = 1e2
 
 
 class Series(NamedTuple):
@@ -56,9 +56,9 @@ class Series(NamedTuple):
         Rows behind the end of a run count as far from the data, so that others are preferred.
         """
         sigma = 1.0 if self.sigma is None else self.sigma
-        far = _FAR * (self.largest or 1.0)
-        found = np.where(np.abs(lacking) < far, lacking, np.copysign(far, lacking))
-        return (found / sigma)[np.isfinite(self.data)]
+        known = np.isfinite(lacking)
+        far = 10 * max(_FAR * (self.largest or 1.0), np.abs(lacking[known]).max(initial=0.0))
+        return (np.where(known, lacking, far) / sigma)[np.isfinite(self.data)]
 
 
 def series_of(t, data, sigma) -> list[Series]:

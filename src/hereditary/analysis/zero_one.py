@@ -14,8 +14,9 @@ from .sections import maxima
 # Fewest values of a series, share of its length for displacements, and range of frequencies, which
 # leaves out resonances at 0 and pi.
 _FEWEST, _SHARE, _RANGE = 200, 0.1, (np.pi / 5, 4 * np.pi / 5)
-# Maxima that differ by less than this share of the component's range are all the same.
-_SAME = 1e-3
+# Maxima that differ by less than this share of the component's range are all the same, and values
+# of a series by less than this share of the largest.
+_SAME, _ROUNDING = 1e-3, 1e-10
 # K above this is chaos, and below one minus it none.
 _SURE = 0.8
 
@@ -99,9 +100,11 @@ def zero_one_test(
     least = 0.0
     if isinstance(series, Solution):
         _, values = maxima(series, component, transient=transient)
-        least = _SAME * float(np.ptp(series.y[:, component]))
+        late = series.t >= (series.t[0] if transient is None else transient)
+        least = _SAME * float(np.ptp(series.y[late, component])) if late.any() else 0.0
     else:
         values = real_array("series", series)
+        least = _ROUNDING * float(np.abs(values).max(initial=0.0))
     if values.ndim != 1 or values.size < _FEWEST:
         required = f"hold {_FEWEST} values or more"
         remedy = "run longer: so many maxima are needed"
