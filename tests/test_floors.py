@@ -17,6 +17,7 @@ FLOORS = {
     "_digest": 0,
     "_warning": 0,
     "_optional": 0,
+    "_machine": 0,
     "compiled": 1,
     "special": 1,
     "_callables": 1,

@@ -88,6 +88,14 @@ class System:
         """The system that marches take: memory that the right-hand side reads stands behind y."""
         return self._enlarged or self
 
+    @property
+    def plain(self) -> bool:
+        """Whether the components that are marched are those of y: real, of orders up to 2.
+
+        So there is no memory that the right-hand side reads, and no coefficient is a matrix.
+        """
+        return self.enlarged is self and not (self.frame.paired or self.frame.speeds)
+
     @cached_property
     def read(self) -> np.ndarray:
         """Whether each component is memory that the right-hand side reads, shape (d,)."""

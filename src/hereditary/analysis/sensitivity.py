@@ -115,12 +115,12 @@ def sensitivities(
 
     Error
     -----
-    On given steps derivatives by params and y0 are those of the discrete solution to 1e-9, for
-    derivatives of the right-hand side by parameters come from differences over 6e-6 of each, of 1
-    where it is 0, those
-    by y too where no jac is given (over 6e-6 of 1 or of a larger y), and converge with the order of
-    the scheme; with `Collocation` they are within rtol of their largest size so far, or 1e-9.
-    Derivatives by orders are exact to 1e-7 of the solution; NaN where a run of theirs ends early.
+    On given steps derivatives by params and y0 are those of the discrete solution to 1e-9, and
+    converge with the order of the scheme; with `Collocation` they are within rtol of their largest
+    size so far, or 1e-9. Derivatives of the right-hand side by a parameter are differences over
+    6e-6 of it, of 1 where it is 0; those by y too where no jac is given, over 6e-6 of 1 or of a
+    larger y. Derivatives by orders are exact to 1e-7 of the solution, and NaN where one of their
+    runs ends early.
 
     Cost
     ----
@@ -188,9 +188,7 @@ def _kinds(wrt, equation):
 
 def _check(equation, kinds):
     """Refuse equations whose parameters cannot be components, and those without any."""
-    frame, matrices = equation.frame, equation.coefficients.ndim > 2
-    rearranged = equation.enlarged is not equation or matrices or frame.speeds or frame.paired
-    if rearranged or equation._callbacks:
+    if not equation.plain or equation._callbacks:
         required = "be real and compiled, of orders up to 2, without memory= and matrices"
         raise ValueError(complaint("equation", required, repr(equation), "or take differences"))
     if "params" in kinds and equation.params.size == 0:

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._checks import complaint, instance, shown
+from .._machine import cores
 from ..solver.progress import Interruption, ProgressBar
 from .store import Store
 from .table import COMPLETED, STATUS_LENGTH, Columns, Table
@@ -126,7 +127,7 @@ def sweep(
             columns.add(index, status, values)
             return True
 
-        pool = ThreadPoolExecutor(_cores()) if executor is None else executor
+        pool = ThreadPoolExecutor(cores()) if executor is None else executor
         try:
             rows = _rows(axes, len(list(axes.values())[-1]) if carry else 1)
             left = (row for row in rows if any(i not in columns for i in row))
@@ -190,13 +191,6 @@ def _rows(axes, size):
     points = enumerate(dict(zip(axes, values, strict=True)) for values in found)
     while row := dict(itertools.islice(points, size)):
         yield row
-
-
-def _cores():
-    """Cores that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def _run(compute, left, n_left, executor, keep, progress):

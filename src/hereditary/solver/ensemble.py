@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import threading
 import time
 from collections import Counter
@@ -15,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._checks import complaint, count, instance, whole
+from .._machine import cores
 from .._warning import silence, warn
 from ..equation import Equation
 from ..history.exponentials import SumOfExponentials
@@ -161,7 +161,7 @@ def ensemble(
     scheme = chosen_scheme(scheme, rtol, n_steps, None, None)
     save_every = count("save_every", whole(save_every))
     times = evaluation_times(t_eval, start, t_last)
-    threads = _cores() if threads is None else count("threads", threads)
+    threads = cores() if threads is None else count("threads", threads)
     began = time.perf_counter()
     how = {"scheme": scheme, "history": history, "rtol": rtol, "atol": atol, "n_steps": n_steps}
     kept = None
@@ -193,13 +193,6 @@ def _kept(n_steps, save_every, times, h, start):
         required = "be left out where t_eval says which rows to keep"
         raise ValueError(complaint("save_every", required, save_every))
     return kept_steps(times, h, start)
-
-
-def _cores():
-    """Cores that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 class _Run:

@@ -18,10 +18,6 @@ class GrowingStepper(Stepper):
 
     Attributes
     ----------
-    pace : record of `PACE`
-        When they are.
-    last : int
-        Step at which the run ends.
     room : int
         Renormalisations after which `advance` returns.
     """

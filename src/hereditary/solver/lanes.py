@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from .._jit import loop_value
-from .._python_calls import PythonRaised, original
 from ..compiled.block import BLOWN_UP, NOT_SOLVED, RUNNING
 from ..compiled.march import MARCHES
 from ..compiled.members import RAISED, Found, Starts, keep, march_members
@@ -54,13 +53,14 @@ class Lane(Stepper):
         size = 1 if self.scheme.solves_first_steps else len(params)
         parts = [slice(k, k + size) for k in range(0, len(params), size)]
         plans = [self._planned(self._beside(values[part], params[part])) for part in parts]
-        d, found = self._system.d, [columns(plan) for plan in plans]
-        joined = (np.concatenate(arrays) for arrays in zip(*found, strict=True))
-        fields = (array.reshape(len(params), d, *array.shape[1:]) for array in joined)
+        d, found, fields = self._system.d, [columns(plan) for plan in plans], {}
+        for name in found[0]:
+            joined = np.concatenate([begun[name] for begun in found])
+            fields[name] = joined.reshape(n, d, *joined.shape[1:])
         monitor = self._march.monitor.copy()
         monitor[:] = 0
         monitor["turns"][: self.equation.d] = -1.0 * (self.equation.highest_orders() == 2)
-        return Starts._make((params, *fields, monitor))
+        return Starts(params=params, monitor=monitor, **fields)
 
     def _initial_values(self, size, y0):
         """Return y(0), and y'(0), of the systems that are marched, (E, m, d)."""
@@ -112,19 +112,12 @@ class Lane(Stepper):
                 )  # fmt: skip
                 first = size
             except Exception as error:
-                self._raised(error)
                 first += int(np.argmax(found.status[first:] == RAISED))
                 keep(first, self.n, *every_row, found)
                 counts[first] = self._march.counts
                 raised[first] = failed(error)
                 first += 1
         return self._ends(found, raised)
-
-    def _raised(self, error):
-        """Pass on an exception that is not a mere `Exception`."""
-        cause = original(error) if isinstance(error, PythonRaised) else error
-        if not isinstance(cause, Exception):
-            raise cause
 
     def _ends(self, found, raised):
         """Return how members ended, those that raised as told."""

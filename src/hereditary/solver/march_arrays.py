@@ -1,7 +1,5 @@
 """Arrays of a march on given steps, from the plan of its scheme."""
 
-from typing import NamedTuple
-
 import numpy as np
 
 from ..compiled.signatures import COUNTS, MONITOR, March, StepTable
@@ -39,51 +37,32 @@ def initial_march(plan, d, n_block, newton):
     `newton` is the room of Newton's method for many components.
     """
     width = plan.groups.size
-    begun = columns(plan)
     return March(
         counts=record(COUNTS, zigzag=-1, opened=-1, growth=-1),
-        x=begun.x,
-        increment=begun.increment,
         change=np.zeros(width),
         lag=np.zeros((width, n_block)),
         pieces=np.zeros((width, n_block + 1)),
         monitor=np.zeros(d, MONITOR).view(np.recarray),
-        shift=begun.shift,
-        drift=begun.drift,
-        first=begun.first,
-        corrections=begun.corrections,
-        starts=begun.starts,
         force=np.zeros(width),
         lacks=np.zeros(width),
         newton=newton,
+        **columns(plan),
     )
-
-
-class Columns(NamedTuple):
-    """What a plan says of the start of each column; fields are those of `March`."""
-
-    x: np.ndarray
-    increment: np.ndarray
-    shift: np.ndarray
-    first: np.ndarray
-    drift: np.ndarray
-    corrections: np.ndarray
-    starts: np.ndarray
 
 
 def columns(plan):
-    """Return copies of what a plan says of the start of each column."""
+    """Return copies of where columns begin by a plan, by names of the fields of `March`."""
     width = plan.groups.size
     none = np.zeros((0, width))
-    return Columns(
-        x=plan.initial.copy(),
-        increment=plan.increments.copy(),
-        shift=plan.shift.copy(),
-        first=np.zeros(width) if plan.first is None else plan.first.copy(),
-        drift=_by_columns(plan.drift, none),
-        corrections=_by_columns(plan.corrections, none),
-        starts=_by_columns(plan.starts, none),
-    )
+    return {
+        "x": plan.initial.copy(),
+        "increment": plan.increments.copy(),
+        "shift": plan.shift.copy(),
+        "first": np.zeros(width) if plan.first is None else plan.first.copy(),
+        "drift": _by_columns(plan.drift, none),
+        "corrections": _by_columns(plan.corrections, none),
+        "starts": _by_columns(plan.starts, none),
+    }
 
 
 def room_of_step(march):

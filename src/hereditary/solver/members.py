@@ -75,8 +75,8 @@ def _inside(equation, values):
     if first.d != equation.d:
         required = f"hold {equation.d} components, as the equation has"
         raise ValueError(complaint("y0", required, f"{first.d} in a row"))
-    plain = equation.frame._replace(start=0.0) == type(equation.frame)()
-    if not plain or equation._given_d is not None or equation.coefficients.ndim > 2:
+    rearranged = equation.frame.paired or equation.frame.speeds
+    if rearranged or equation._given_d is not None:
         rows = [first, *(equation.replace(y0=row) for row in values[1:])]
         return np.array([row.y0 for row in rows])
     inside = values.reshape(-1, *first.y0.shape)

@@ -1,10 +1,9 @@
 """Rows, dense output and events that a run keeps."""
 
-import os
-
 import numpy as np
 
 from .._checks import complaint
+from .._machine import memory
 from .dense import Dense, Piece
 from .first_steps import FirstSteps
 from .step_pieces import StepPieces
@@ -182,7 +181,7 @@ def room_for(size, d, every):
     """Arrays (size,), (size, d) and (size, d) for rows, or a refusal where they do not fit."""
     n_bytes = 8.0 * size * (1 + 2 * d)
     try:
-        if n_bytes > _memory():
+        if n_bytes > memory():
             raise MemoryError
         return np.empty(size), np.empty((size, d)), np.empty((size, d))
     except MemoryError as error:
@@ -190,11 +189,3 @@ def room_for(size, d, every):
         got = f"{size:.3g} rows of {d} components, {n_bytes:.1e} bytes"
         argument = "save_every" if every else "t_eval"
         raise ValueError(complaint(argument, required, got, "keep fewer")) from error
-
-
-def _memory():
-    """Bytes of memory that the machine has, where it says."""
-    try:
-        return float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
-    except (AttributeError, OSError, ValueError):
-        return np.inf
