@@ -1,4 +1,4 @@
-"""What the machine has for a process."""
+"""Cores and memory of the machine."""
 
 import os
 
