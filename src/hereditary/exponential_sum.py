@@ -111,6 +111,10 @@ class SumKernel(MemoryKernel):
         t = np.asarray(t, dtype=float)
         return t * (mean_exponential(np.multiply.outer(t, self.sum.rates)) @ self.sum.weights)
 
+    def laplace(self, s: ArrayLike) -> np.ndarray:
+        """Return the Laplace transform of the sum."""
+        return (1 / np.add.outer(np.asarray(s), self.sum.rates)) @ self.sum.weights
+
     def fit(self, t_min: float, t_max: float, tol: float) -> ExponentialSum:
         """Return the sum itself, as an exact fit on this interval."""
         return replace(self.sum, t_min=t_min, t_max=t_max, max_error=0.0)

@@ -90,6 +90,11 @@ class MemoryKernel(ABC):
     def integral(self, t: ArrayLike) -> np.ndarray:
         """``int_0^t K(s) ds`` at times t >= 0, the shape of `t`."""
 
+    def laplace(self, s: ArrayLike) -> np.ndarray:
+        """``int_0^inf K(t) exp(-s t) dt`` at complex s, Re s >= 0, the shape of `s`."""
+        required, remedy = "have a Laplace transform in closed form", "take its fit_exponentials"
+        raise ValueError(complaint("kernel", required, repr(self), remedy))
+
     @abstractmethod
     def fit(self, t_min: float, t_max: float, tol: float) -> ExponentialSum:
         """The kernel as a sum of exponentials on [t_min, t_max]; see `fit_exponentials`."""
@@ -157,6 +162,10 @@ class ScaledKernel(MemoryKernel):
     def integral(self, t: ArrayLike) -> np.ndarray:
         """``int_0^t`` of it."""
         return self.factor * self.kernel.integral(t)
+
+    def laplace(self, s: ArrayLike) -> np.ndarray:
+        """Laplace transform of it."""
+        return self.factor * self.kernel.laplace(s)
 
     @property
     def t_last(self) -> float:

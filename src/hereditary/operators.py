@@ -60,6 +60,11 @@ class PowerLaw(MemoryKernel):
             raise ValueError(complaint("exponent", "be below 1 for a finite integral from 0", a))
         return np.asarray(t, dtype=float) ** (1 - a) / (1 - a)
 
+    def laplace(self, s: ArrayLike) -> np.ndarray:
+        """``Gamma(1 - exponent) s**(exponent - 1)``, for exponents below 1."""
+        a = float(self.exponent)
+        return gamma(1 - a) * np.asarray(s) ** (a - 1)
+
     def fit(self, t_min: float, t_max: float, tol: float) -> ExponentialSum:
         """The kernel as a sum of exponentials; see `fit_exponentials`."""
         return fit_power(float(self.exponent), *fit_interval(t_min, t_max, tol))

@@ -19,6 +19,9 @@ from .memory_kernel import MemoryKernel
 from .orders import derivative_order, rounded_order
 from .step_kernel import Integrated, PowerSteps, StepKernel
 
+# A kernel has a constant part where s K^(s) stays the same between these two s, and how nearly.
+_SLOW, _SLOWER, _CONSTANT = 1e-200 + 0j, 1e-250 + 0j, 0.99
+
 
 class Operator(Protocol):
     """Memory operator of one term; equal to another where the two are the same."""
@@ -113,6 +116,10 @@ class ConstantOrder:
         """Return the operator itself: it knows no time."""
         return self
 
+    def symbol(self, s: np.ndarray) -> np.ndarray:
+        """``s**alpha``, by which it multiplies ``exp(s t)`` from time minus infinity on."""
+        return s**self.order
+
     def factor(self, h: float) -> float:
         """Factor on increments, or their differences: ``h**-alpha / Gamma(p + 1)``."""
         return float(h**-self.order * rgamma(self.power + 1))
@@ -164,6 +171,19 @@ class KernelOperator:
     def later(self, origin: float) -> KernelOperator:
         """Return the operator itself: it knows no time."""
         return self
+
+    def symbol(self, s: np.ndarray) -> np.ndarray:
+        """``s**m`` times the kernel's Laplace transform, by which it multiplies ``exp(s t)``."""
+        m = self.derivative
+        with np.errstate(all="ignore"):  # at 0 a transform may be infinite
+            mean = 0.0 if m else complex(self.kernel.laplace(0j))
+            found = np.where(s == 0, mean, s**m * self.kernel.laplace(s))
+            late, later = (abs(x * self.kernel.laplace(x)) for x in (_SLOW, _SLOWER))
+        if not np.isfinite(mean) or later > _CONSTANT * late:
+            required = "fade" if m else "be integrable over all times"
+            remedy = "periodic solutions of the past would not be forgotten"
+            raise ValueError(complaint("kernel", required, repr(self.kernel), remedy))
+        return found
 
     def factor(self, h: float) -> float:
         """Factor on increments, 1, or on their differences, 1/h."""

@@ -1,10 +1,13 @@
 """Steady responses: transfer functions, and marches that have settled."""
 
+import itertools
+
 import matplotlib
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.integrate import quad
 
 import hereditary as hd
 
@@ -124,7 +127,7 @@ def test_more_harmonics_change_little():
     few = hd.frequency_response(duffing(), np.linspace(0.6, 1.2, 7), harmonics=5)
     more = hd.frequency_response(duffing(), np.linspace(0.6, 1.2, 7), harmonics=11)
     assert np.abs(few.coefficients[..., :6] - more.coefficients[..., :6]).max() < 1e-5
-    y = more.values(64)
+    y = more.period(64)
     assert y.shape == (7, 1, 64)
     assert y[0, 0, 0] == pytest.approx(more.coefficients[0, 0].sum().real)
 
@@ -143,7 +146,9 @@ def test_figure():
     found = hd.frequency_response(duffing(), np.linspace(0.4, 2.4, 101))
     ax = hd.plots.frequency_response(found)
     assert [line.get_linestyle() for line in ax.lines[:3]] == ["-", "--", "-"]
-    assert hd.plots.frequency_response(found, phase=True).get_ylabel() == "phase"
+    upper, lower = hd.plots.amplitude_and_phase(found)
+    assert (upper.get_ylabel(), lower.get_ylabel()) == ("amplitude", "phase")
+    assert np.array_equal(lower.lines[1].get_ydata(), found.phase[found.branch == 1, 0])
 
 
 @pytest.mark.parametrize(
@@ -175,5 +180,145 @@ def test_a_response_that_is_not_found_is_told():
     equation = hd.Equation(hd.Caputo(1.8) + 0.1 * hd.Caputo(0.8), none, [0.0, 0.0], params=[1.0])
     found = hd.frequency_response(equation, [1.0, 2.0])
     assert not found.complete
-    assert "no response was found at the first frequency" in found.message
+    assert "no response was found at the first value" in found.message
     assert found.omega.size == 0
+
+
+KERNELS = [
+    hd.TemperedPowerLaw(0.4, 0.7),
+    2.0 * hd.Prony([0.3, 5.0], [0.4, 0.6]),
+    hd.MittagLeffler(0.6, 1.5),
+    hd.DistributedOrder([0.2, 0.7], [0.5, 0.3]),
+    hd.PowerLaw(0.3),
+]
+
+
+@settings(max_examples=40)
+@given(st.sampled_from(KERNELS), st.floats(0.05, 3.0), st.floats(-5.0, 5.0))
+def test_transforms_of_kernels_are_their_integrals(kernel, real, imaginary):
+    s = complex(real, imaginary)
+
+    def part(x, of):  # t = x**4: smooth enough at 0
+        return of(4 * x**3 * kernel(x**4) * np.exp(-s * x**4))
+
+    end = (60.0 / real) ** 0.25
+    whole = [quad(part, 1e-300, end, of, limit=2000)[0] for of in (np.real, np.imag)]
+    assert abs(kernel.laplace(s) - complex(*whole)) < 1e-7 * abs(kernel.laplace(real))
+
+
+@pytest.mark.parametrize(
+    ("kernel", "m"),
+    [*itertools.product(KERNELS[:4], [1, 2]), (KERNELS[0], 0), (KERNELS[1], 0)],
+)
+def test_linear_responses_with_kernels(kernel, m):
+    terms = hd.Caputo(2.0) + 0.3 * hd.Caputo(1.0) + 0.2 * hd.Memory(kernel, m)
+    equation = hd.Equation(terms, driven, [0.0, 0.0], params=[1.0, 0.7, 0.0])
+    found = hd.frequency_response(equation, np.linspace(0.2, 3.0, 7), harmonics=2)
+    s = 1j * found.omega
+    expected = 0.7 / (s**2 + 0.3 * s + 0.2 * s**m * kernel.laplace(s) + 1)
+    assert np.allclose(found.coefficients[:, 0, 1], expected, rtol=1e-11, atol=0)
+
+
+def test_a_fitted_sum_stands_for_a_kernel():
+    exact, terms = hd.MittagLeffler(0.6, 1.5), hd.Caputo(2.0) + 0.3 * hd.Caputo(1.0)
+    both = [
+        hd.frequency_response(
+            hd.Equation(terms + hd.Memory(kernel, 1), driven, [0.0, 0.0], params=[1.0, 1.0, 0.2]),
+            [0.5, 1.0],
+        ).coefficients
+        for kernel in (exact, hd.fit_exponentials(exact, 1e-8, 1e8, 1e-9))
+    ]
+    assert np.abs(both[0] - both[1]).max() < 1e-6
+
+
+def reads_friction(t, x, memory, p):
+    return p[1] * np.cos(p[0] * t) - x - 0.2 * memory[0, 0] - p[2] * x[0] ** 2 * memory[0, 0]
+
+
+def test_memory_that_the_right_hand_side_reads():
+    """As the same term on the left side, where it is linear; and as a march, where it is not."""
+    read = hd.Equation(
+        hd.Caputo(1.9), reads_friction, [0.0, 0.0], params=[1.0, 0.5, 0.0], memory=hd.Caputo(0.8)
+    )
+    terms = hd.Caputo(1.9) + 0.2 * hd.Caputo(0.8)
+    written = hd.Equation(terms, driven, [0.0, 0.0], params=[1.0, 0.5, 0.0])
+    omegas = np.linspace(0.5, 2.0, 6)
+    one, other = (hd.frequency_response(eq, omegas).coefficients for eq in (read, written))
+    assert np.allclose(one, other, atol=1e-12)
+    found = hd.frequency_response(read.replace(params=[1.0, 0.5, 0.4]), [1.1], harmonics=11)
+    start, k = found.coefficients[0, 0], np.arange(12)
+    y0 = [np.sum(start).real, np.sum(1.1j * k * start).real]
+    period = 2 * np.pi / 1.1
+    times = np.linspace(200 * period, 204 * period, 257)
+    march = read.replace(params=[1.1, 0.5, 0.4], y0=y0)
+    y = hd.solve(march, times[-1], rtol=1e-8, t_eval=times).y[:-1, 0]
+    settled = 2 * np.mean(y * np.exp(-1.1j * times[:-1]))
+    assert abs(settled - start[1]) < 2e-4 * abs(start[1])
+
+
+def test_matrix_coefficients():
+    matrix = np.array([[1.0, 0.2], [-0.3, 1.0]])
+    equation = hd.Equation(matrix * hd.Caputo(0.8), coupled, [0.0, 0.0], params=[1.0])
+    found = hd.frequency_response(equation, [0.7, 1.3], harmonics=2)
+    for omega, coefficients in zip(found.omega, found.coefficients, strict=True):
+        left = matrix * (1j * omega) ** 0.8 + np.array([[1.3, -0.3], [-0.3, 2.3]])
+        assert np.allclose(coefficients[:, 1], np.linalg.solve(left, [1.0, -0.5j]), atol=1e-12)
+
+
+def test_the_curve_follows_another_parameter():
+    """Through both folds of the force, onto the responses of a curve of frequencies."""
+    equation = duffing().replace(params=[1.4, 0.3, 0.5])
+    by_force = hd.frequency_response(equation, np.linspace(0.0, 1.0, 51), along=1)
+    assert by_force.complete
+    assert by_force.turning.size == 2
+    assert np.all(by_force.omega == 1.4)
+    assert by_force.values[0] == 0.0
+    assert np.isnan(by_force.quality())
+    by_frequency = hd.frequency_response(
+        equation.replace(params=[1.0, 0.5, 0.5]), np.linspace(0.4, 2.4, 101)
+    )
+    here = np.abs(by_frequency.omega - 1.4) < 1e-9
+    there = np.abs(by_force.values - 0.5) < 1e-9
+    assert here.sum() == there.sum() == 3
+    one, other = (
+        np.sort(found.amplitude[at, 0]) for found, at in ((by_frequency, here), (by_force, there))
+    )
+    assert np.allclose(one, other, rtol=1e-9)
+
+
+def test_peaks_lie_between_frequencies():
+    """Of classical resonance: at sqrt(1 - 2 zeta**2), 1 / (2 zeta sqrt(1 - zeta**2)) high."""
+    zeta = 0.1
+    terms = hd.Caputo(2.0) + 2 * zeta * hd.Caputo(1.0)
+    equation = hd.Equation(terms, driven, [0.0, 0.0], params=[1.0, 1.0, 0.0])
+    found = hd.frequency_response(equation, np.linspace(0.8, 1.2, 41), harmonics=1)
+    omega, height = found.peak()
+    assert omega == pytest.approx(np.sqrt(1 - 2 * zeta**2), abs=1e-4)
+    assert height == pytest.approx(1 / (2 * zeta * np.sqrt(1 - zeta**2)), rel=1e-5)
+    rising = hd.frequency_response(equation, np.linspace(0.2, 0.8, 11), harmonics=1)
+    assert rising.peak() == (0.8, rising.amplitude[-1, 0])
+
+
+@pytest.mark.parametrize(
+    ("kernel", "m", "message"),
+    [
+        (hd.StretchedExponential(0.5, 1.0), 1, "kernel must have a Laplace transform in closed"),
+        (hd.Prony([0.0, 1.0], [1.0, 1.0]), 1, "kernel must fade"),
+        (hd.TemperedPowerLaw(0.5, 0.0), 0, "kernel must be integrable over all times"),
+        (hd.DistributedOrder([0.0, 0.5], [1.0, 1.0]), 1, "kernel must fade"),
+    ],
+    ids=["no transform", "constant", "not integrable", "order 0"],
+)
+def test_kernels_without_a_steady_state_are_refused(kernel, m, message):
+    terms = hd.Caputo(2.0) + hd.Memory(kernel, m)
+    equation = hd.Equation(terms, driven, [0.0, 0.0], params=[1.0, 1.0, 0.0])
+    with pytest.raises(ValueError, match=message):
+        hd.frequency_response(equation, [1.0])
+
+
+def test_another_parameter_needs_a_frequency():
+    equation = duffing().replace(params=[0.0, 0.3, 0.5])
+    with pytest.raises(ValueError, match="equation must have a frequency above 0"):
+        hd.frequency_response(equation, [0.0, 1.0], along=1)
+    with pytest.raises(ValueError, match="along must be the number of a parameter"):
+        hd.frequency_response(equation, [0.0, 1.0], along=7)

@@ -16,12 +16,17 @@ _SAMPLES, _FEWEST, _CHANGE = 8, 129, 1e-6
 
 @entry(RHS, JAC, I8, VEC, F8, MAT, MAT, MAT)
 def _over_a_period(rhs, jac, has_jac, params, omega, y, f, j_f):
-    """Set f (N, d), and its Jacobian, flat (N, d d), at equal times of a period and y (N, d)."""
+    """Set f (N, d) at equal times of a period and y (N, d), and its Jacobian, flat (N, d d).
+
+    No Jacobian where `j_f` has no rows.
+    """
     n, d = y.shape
     out = np.empty((d, d))
     for i in range(n):
         t = 2.0 * np.pi * i / (n * omega)
         rhs(t, y[i], f[i], params)
+        if i >= j_f.shape[0]:
+            continue
         jacobian(rhs, jac, has_jac, t, y[i], params, out)
         for a in range(d):
             for b in range(d):
@@ -31,11 +36,14 @@ def _over_a_period(rhs, jac, has_jac, params, omega, y, f, j_f):
 class Balance:
     """Equations of the harmonics: their residual, and its derivative.
 
-    Unknowns x (d, 2 H + 1), flat, are the mean and then cosine and sine of each harmonic.
+    Unknowns x (d, 2 H + 1), flat, are the mean and then cosine and sine of each harmonic. Memory
+    that the right-hand side reads stands behind y there, and is linear in it. `along` is the
+    parameter whose values the curve follows: `frequency`, or another one.
     """
 
-    def __init__(self, equation, frequency, harmonics):
-        self._system, self._frequency = equation.dense(), frequency
+    def __init__(self, equation, frequency, along, harmonics):
+        self._system = equation.enlarged.dense()
+        self._frequency, self._along = frequency, along
         self._params, self._h, self.d = equation._params.copy(), harmonics, equation.d
         self.size, self._n = self.d * (2 * harmonics + 1), max(_SAMPLES * harmonics + 1, _FEWEST)
         angles = 2 * np.pi * np.outer(np.arange(self._n), np.arange(1, harmonics + 1)) / self._n
@@ -44,12 +52,11 @@ class Balance:
         self._project = 2.0 / self._n * self._basis.T
         self._project[0] /= 2
 
-    def check_period(self, omegas):
+    def check_period(self, values):
         """Refuse right-hand sides without the period 2 pi / omega."""
-        system, params = self._system, self._params
-        y0 = system.y0[0]
-        for omega in omegas:
-            params[self._frequency] = omega
+        y0 = self._system.y0[0]
+        for value in values:
+            omega = self._omega(value)
             for y in (y0, y0 + 1.0):
                 times = 2 * np.pi / omega * np.array([[0.0, 0.31, 0.83], [1.0, 1.31, 1.83]])
                 values = np.array([[self._force(t, y) for t in row] for row in times])
@@ -61,9 +68,18 @@ class Balance:
 
     def _force(self, t, y):
         """Return the right-hand side, (d,)."""
-        found = np.empty(self.d)
+        found = np.empty(self._system.d)
         self._system._rhs(t, y.copy(), found, self._params)
         return found
+
+    def _omega(self, value):
+        """Set the parameter that is followed; return the frequency."""
+        self._params[self._along] = value
+        return float(self._params[self._frequency])
+
+    def omegas(self, values):
+        """Return the frequency for each value of the parameter that is followed."""
+        return np.array([self._omega(value) for value in values])
 
     def coefficients(self, x):
         """Return complex amplitudes (n, d, H + 1) of unknowns (n, size)."""
@@ -72,42 +88,43 @@ class Balance:
         return np.concatenate([parts[..., :1].astype(complex), harmonic], axis=2)
 
     def _operators(self, omega):
-        """Return the matrices of the left side, (d, 2 H + 1, 2 H + 1)."""
-        k = np.arange(1, self._h + 1)
-        symbol = np.zeros((self.d, self._h), complex)
+        """Return the matrices of the left sides, memory's behind, (n, 2 H + 1, 2 H + 1)."""
+        s = 1j * omega * np.arange(self._h + 1)
+        symbol = np.zeros((self._system.d, self._h + 1), complex)
         for operator, c in self._system.left:
-            symbol += np.multiply.outer(c, (1j * k * omega) ** operator.order)
-        found = np.zeros((self.d, 2 * self._h + 1, 2 * self._h + 1))
-        for j in range(self._h):  # on (cos, sin) of a cos + b sin = Re (a - i b) exp
-            real, imaginary = symbol[:, j].real, symbol[:, j].imag
-            a, b = 2 * j + 1, 2 * j + 2
-            found[:, a, a], found[:, a, b] = real, imaginary
-            found[:, b, a], found[:, b, b] = -imaginary, real
+            symbol += c[:, None] * operator.symbol(s)
+        found = np.zeros((self._system.d, 2 * self._h + 1, 2 * self._h + 1))
+        found[:, 0, 0] = symbol[:, 0].real
+        a = np.arange(1, 2 * self._h, 2)  # on (cos, sin) of a cos + b sin = Re (a - i b) exp
+        found[:, a, a] = found[:, a + 1, a + 1] = symbol[:, 1:].real
+        found[:, a, a + 1], found[:, a + 1, a] = symbol[:, 1:].imag, -symbol[:, 1:].imag
         return found
 
-    def residual(self, x, omega, derivative=True):
+    def residual(self, x, value, derivative=True):
         """Return the residual (size,), and its derivative (size, size)."""
-        m, d = 2 * self._h + 1, self.d
-        rows = x.reshape(d, m)
-        y = np.ascontiguousarray((rows @ self._basis.T).T)
-        f, j_f = np.empty((self._n, d)), np.empty((self._n, d * d))
-        self._params[self._frequency] = omega
-        system = self._system
-        how = int(system.has_jac), self._params, float(omega), y, f, j_f
-        _over_a_period(system._rhs, system._jac, *how)
+        m, d, system = 2 * self._h + 1, self.d, self._system
+        rows, omega = x.reshape(d, m), self._omega(value)
         left = self._operators(omega)
-        found = (left @ rows[..., None])[..., 0] - (self._project @ f).T
+        sources = system.sources[d:]
+        beside = (left[d:] @ rows[sources, :, None])[..., 0]
+        y = np.ascontiguousarray((np.vstack([rows, beside]) @ self._basis.T).T)
+        f, j_f = np.empty(y.shape), np.empty((self._n if derivative else 0, system.d**2))
+        how = int(system.has_jac), self._params, omega, y, f, j_f
+        _over_a_period(system._rhs, system._jac, *how)
+        found = (left[:d] @ rows[..., None])[..., 0] - (self._project @ f[:, :d]).T
         if not derivative:
             return found.ravel(), None
-        slopes = j_f.T.reshape(d, d, self._n)
-        blocks = (self._project * slopes[:, :, None]) @ self._basis  # (d, d, 2 H + 1, 2 H + 1)
-        matrix = -np.ascontiguousarray(np.moveaxis(blocks, 1, 2))
+        slopes = j_f.T.reshape(system.d, system.d, self._n)[:d]
+        blocks = (self._project * slopes[:, :, None]) @ self._basis  # (d, n, 2 H + 1, 2 H + 1)
+        matrix = -np.ascontiguousarray(np.moveaxis(blocks[:, :d], 1, 2))
         for c in range(d):
             matrix[c, :, c, :] += left[c]
+        for c, source in enumerate(sources, d):
+            matrix[:, :, source, :] -= blocks[:, c] @ left[c]
         return found.ravel(), matrix.reshape(self.size, self.size)
 
-    def by_frequency(self, x, omega):
-        """Return the derivative of the residual by omega, (size,)."""
-        step = _CHANGE * omega
-        above, below = (self.residual(x, omega + by, False)[0] for by in (step, -step))
+    def by_value(self, x, value, unit):
+        """Return the derivative of the residual by the parameter that is followed, (size,)."""
+        step = _CHANGE * max(abs(value), unit)
+        above, below = (self.residual(x, value + by, False)[0] for by in (step, -step))
         return (above - below) / (2 * step)

@@ -70,6 +70,11 @@ class TemperedPowerLaw(MemoryKernel):
         p = 1 - self.exponent
         return t**p / p * mean_of_decay(p, self.rate * t)
 
+    def laplace(self, s: ArrayLike) -> np.ndarray:
+        """``Gamma(1 - exponent) (s + rate)**(exponent - 1)``."""
+        p = 1 - self.exponent
+        return math.gamma(p) * (np.asarray(s) + self.rate) ** -p
+
     def fit(self, t_min: float, t_max: float, tol: float) -> ExponentialSum:
         """The power law's sum with all rates faster by `rate`; see `fit_exponentials`."""
         t_min, t_max, tol = fit_interval(t_min, t_max, tol)
@@ -146,6 +151,10 @@ class DistributedOrder(MemoryKernel):
         """``int_0^t K``, in closed form."""
         t, order = np.asarray(t, dtype=float), np.array(self.orders)
         return np.power.outer(t, 1 - order) @ (self._factors / (1 - order))
+
+    def laplace(self, s: ArrayLike) -> np.ndarray:
+        """``sum_k weights[k] s**(orders[k] - 1)``."""
+        return np.power.outer(np.asarray(s), np.array(self.orders) - 1) @ np.array(self.weights)
 
     def fit(self, t_min: float, t_max: float, tol: float) -> ExponentialSum:
         """By its values, or by its spectrum where the tolerance is too tight for these."""

@@ -61,6 +61,10 @@ class Prony(MemoryKernel):
         t = np.asarray(t, dtype=float)
         return t * (mean_exponential(np.multiply.outer(t, self.rates)) @ np.array(self.weights))
 
+    def laplace(self, s: ArrayLike) -> np.ndarray:
+        """``sum_i weights[i] / (s + rates[i])``."""
+        return (1 / np.add.outer(np.asarray(s), self.rates)) @ np.array(self.weights)
+
     def fit(self, t_min: float, t_max: float, tol: float) -> ExponentialSum:
         """The kernel itself, exact at any tolerance."""
         t_min, t_max, tol = fit_interval(t_min, t_max, tol)
@@ -201,6 +205,11 @@ class MittagLeffler(MemoryKernel):
             return np.where(y < 1e3, y * first_moment_exponential(np.minimum(y, 1e3)), 1 / y)
 
         return t * self._over_decades(x, weight, 40 / (1 - self.order))
+
+    def laplace(self, s: ArrayLike) -> np.ndarray:
+        """``s**(order - 1) / (s**order + rate**order)``."""
+        s = np.asarray(s)
+        return 1 / (s + self.rate**self.order * s ** (1 - self.order))
 
     def fit(self, t_min: float, t_max: float, tol: float) -> ExponentialSum:
         """By its values, or by its spectrum where the tolerance is too tight for these."""

@@ -4,11 +4,12 @@ Every function draws into given axes or makes its own, and returns the axes.
 """
 
 from .fits import fit
-from .responses import frequency_response
+from .responses import amplitude_and_phase, frequency_response
 from .solutions import oscillogram, phase_portrait, velocity
 from .tables import bifurcation, lyapunov_spectrum, regime_map
 
 __all__ = [
+    "amplitude_and_phase",
     "bifurcation",
     "fit",
     "frequency_response",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import matplotlib.pyplot as plt
 import numpy as np
 
 from ._axes import made
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 def frequency_response(
     response: FrequencyResponse, ax: Axes | None = None, component: int = 0, phase: bool = False
 ) -> Axes:
-    """Amplitude, or phase, of the first harmonic against frequency, one line for each branch.
+    """Amplitude, or phase, of the first harmonic along the curve, one line for each branch.
 
     Parameters
     ----------
@@ -37,8 +38,37 @@ def frequency_response(
     for number in np.unique(response.branch):
         here = response.branch == number
         style = "--" if number % 2 else "-"
-        ax.plot(response.omega[here], drawn[here, component], style, marker=".", ms=3, color="C0")
-    for omega in response.turning:
-        ax.axvline(omega, color="0.7", lw=0.8)
-    ax.set(xlabel=r"$\omega$", ylabel="phase" if phase else "amplitude")
+        ax.plot(response.values[here], drawn[here, component], style, marker=".", ms=3, color="C0")
+    for value in response.turning:
+        ax.axvline(value, color="0.7", lw=0.8)
+    by_frequency = np.array_equal(response.values, response.omega)
+    ax.set(
+        xlabel=r"$\omega$" if by_frequency else "parameter",
+        ylabel="phase" if phase else "amplitude",
+    )
     return ax
+
+
+def amplitude_and_phase(
+    response: FrequencyResponse, axes: tuple[Axes, Axes] | None = None, component: int = 0
+) -> tuple[Axes, Axes]:
+    """Amplitude above phase of the first harmonic, with all branches.
+
+    Parameters
+    ----------
+    response : FrequencyResponse
+    axes : pair of matplotlib Axes, optional
+        Where to draw; a new figure by default.
+    component : int, optional
+
+    Returns
+    -------
+    pair of matplotlib Axes
+    """
+    if axes is None:
+        axes = plt.subplots(2, sharex=True, layout="constrained")[1]
+    upper, lower = axes
+    frequency_response(response, upper, component)
+    frequency_response(response, lower, component, phase=True)
+    upper.set_xlabel("")
+    return upper, lower
