@@ -1,14 +1,16 @@
 """Nonlinear oscillators, classical or with memory.
 
-A driven cubic spring, a self-excited circuit and an oscillating reaction. All quantities are
+A driven cubic spring, a self-excited circuit and two oscillating reactions. All quantities are
 scaled [-].
 """
 
 import math
+from collections.abc import Callable
 
+import numpy as np
 from numpy.typing import ArrayLike
 
-from .._checks import real
+from .._checks import complaint, positive, real
 from .._jit import compiled
 from ..equation import Equation
 from ..operators import Caputo, RiemannLiouville
@@ -153,75 +155,6 @@ def van_der_pol(
 
 
 @compiled
-def _airy(t, y, memory, dy, params):
-    # params: friction, stiffness
-    dy[0] = params[0] * (1.0 - y[0] * y[0]) * memory[0, 0] - params[1] * t * y[0]
-
-
-@compiled
-def _airy_jacobian(t, y, memory, jacobian, params):
-    jacobian[0, 0] = -2.0 * params[0] * y[0] * memory[0, 0] - params[1] * t
-
-
-@compiled
-def _airy_memory_jacobian(t, y, memory, jacobian, params):
-    jacobian[0, 0] = params[0] * (1.0 - y[0] * y[0])
-
-
-def van_der_pol_airy(
-    beta: float = 1.8,
-    gamma: float = 0.8,
-    friction: float = 1.0,
-    stiffness: float = 1.0,
-    x0: float = 0.1,
-    v0: float = 0.0,
-) -> Equation:
-    """The van der Pol-Airy oscillator: friction with memory that depends on the state.
-
-    ``D^beta x + friction (x**2 - 1) D^gamma x + stiffness t x = 0``.
-
-    Parameters
-    ----------
-    beta, gamma : float
-        Orders of inertia and friction, 1 < beta <= 2 and 0 < gamma <= 1 [-].
-    friction : float
-        Strength of the friction, which excites below ``|x| = 1`` and damps above.
-    stiffness : float
-        Rate at which the spring grows stiffer.
-    x0, v0 : float
-        x(0) and x'(0).
-
-    Returns
-    -------
-    Equation
-        The friction is memory that its right-hand side reads (docs/memory_terms.md).
-
-    Source
-    ------
-    [VanDerPol1926] for the friction, Airy's equation for the spring.
-
-    Examples
-    --------
-    The inertia of order below 2 damps fast oscillations more than the friction excites them:
-
-    >>> import hereditary as hd
-    >>> sol = hd.solve(hd.scenes.van_der_pol_airy(), 30.0, rtol=1e-8)
-    >>> bool(0.1 < abs(sol.y[sol.t > 10]).max() < 0.2), bool(abs(sol.y[-1, 0]) < 0.01)
-    (True, True)
-    """
-    orders = oscillator_terms(beta, gamma, 1.0)
-    return Equation(
-        orders[0],
-        _airy,
-        [[real("x0", x0)], [real("v0", v0)]],
-        params=(real("friction", friction), real("stiffness", stiffness)),
-        jac=_airy_jacobian,
-        memory=orders[1],
-        jac_memory=_airy_memory_jacobian,
-    )
-
-
-@compiled
 def _brusselator(t, y, dy, params):
     # params: a, b
     product = y[0] * y[0] * y[1]
@@ -277,3 +210,87 @@ def brusselator(
     """
     params = (real("a", a), real("b", b))
     return coupled(2, alpha, _brusselator, y0, params, _brusselator_jacobian)
+
+
+@compiled
+def _selkov(t, y, dy, params):
+    # params: a, b
+    eaten = params[0] * y[1] + y[0] * y[0] * y[1]
+    dy[0] = eaten - y[0]
+    dy[1] = params[1] - eaten
+
+
+@compiled
+def _selkov_jacobian(t, y, jacobian, params):
+    by_x, by_y = 2.0 * y[0] * y[1], params[0] + y[0] * y[0]
+    jacobian[0, 0], jacobian[0, 1] = by_x - 1.0, by_y
+    jacobian[1, 0], jacobian[1, 1] = -by_x, -by_y
+
+
+def selkov(
+    alpha: ArrayLike | Callable | tuple[Callable, Callable] = 1.0,
+    a: float = 0.08,
+    b: float = 0.6,
+    time_scale: float = 1.0,
+    y0: ArrayLike = (0.5, 0.7),
+) -> Equation:
+    """Selkov's self-oscillating reaction, with a time scale and orders that may vary.
+
+    ``time_scale**(alpha_1 - 1) D^alpha_1 x = a y + x**2 y - x`` and
+    ``time_scale**(alpha_2 - 1) D^alpha_2 y = b - a y - x**2 y``.
+
+    Parameters
+    ----------
+    alpha : float, array_like of shape (2,), callable, or two of them
+        Order, 0 < alpha <= 1, one for both components or one for each [-]; functions of the time
+        give orders that vary.
+    a, b : float
+        Rates of the reaction.
+    time_scale : float
+        Characteristic time: how long the memory's time is, above 0 [time].
+    y0 : array_like, shape (2,)
+        x(0) and y(0).
+
+    Returns
+    -------
+    Equation
+
+    Notes
+    -----
+    The only equilibrium is (b, b / (a + b**2)). Of constant orders alpha for both components it is
+    unstable where ``alpha > 2/pi arctan(sqrt(4 D - T**2) / T)``, with trace T and determinant D of
+    the Jacobian, for the default parameters above 0.905423. With one constant order the time scale
+    stretches time alone, by ``time_scale**((1 - alpha) / alpha)``.
+
+    Source
+    ------
+    [Selkov1968]; with memory and a time scale [Parovik2025].
+
+    Examples
+    --------
+    Oscillations die out where the memory is long:
+
+    >>> import hereditary as hd
+    >>> import numpy as np
+    >>> late = [hd.solve(hd.scenes.selkov(alpha), 400.0, rtol=1e-6) for alpha in (0.88, 0.95)]
+    >>> [bool(np.ptp(sol.y[sol.t > 350, 0]) > 0.1) for sol in late]
+    [False, True]
+    """
+    params, scale = (real("a", a), real("b", b)), positive("time_scale", time_scale)
+    each = alpha if isinstance(alpha, (tuple, list)) else (alpha, alpha)
+    if not any(callable(order) for order in each):
+        found = coupled(2, alpha, _selkov, y0, params, _selkov_jacobian)
+        return found.replace(terms=scale ** (found.orders[0] - 1) * Caputo(found.orders[0]))
+    if len(each) != 2 or not all(callable(order) for order in each):
+        required = "be functions of the time for both components, or for none"
+        raise ValueError(complaint("alpha", required, repr(alpha), "write lambda t: 0.9"))
+    first, second = each
+    log_scale = math.log(scale)
+
+    def faster(t, y, dy, params):
+        _selkov(t, y, dy, params)
+        dy[0] *= math.exp((1.0 - first(t)) * log_scale)
+        dy[1] *= math.exp((1.0 - second(t)) * log_scale)
+
+    only_x, only_y = np.array([1.0, 0.0]), np.array([0.0, 1.0])
+    return Equation(only_x * Caputo(first) + only_y * Caputo(second), faster, y0, params=params)

@@ -1,0 +1,254 @@
+"""Models of the field: classical trajectories, thresholds and exact solutions."""
+
+import math
+
+import mpmath
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from references import classical, matrix
+from scipy.optimize import brentq, root
+from scipy.special import gamma, mathieu_a, mathieu_b
+
+import hereditary as hd
+from hereditary.scenes import oscillating
+
+
+def van_der_pol_duffing(t, u):
+    x, v = u
+    return [v, -0.7 * (x**2 - 1) * v - 1.2 * x - 0.3 * x**3 + 0.5 * math.cos(1.1 * t)]
+
+
+def airy(t, u):
+    x, v = u
+    return [v, -0.4 * (x**2 - 1) * v - 0.5 * t * x]
+
+
+def mathieu(t, u):
+    x, v = u
+    return [v, -0.2 * v - (0.3 + 0.4 * math.cos(1.5 * t)) * x]
+
+
+def selkov(t, u):
+    x, y = u
+    return [0.08 * y + x**2 * y - x, 0.6 - 0.08 * y - x**2 * y]
+
+
+def riccati(t, u):
+    return [1 + 2 * u[0] - u[0] ** 2]
+
+
+CLASSICAL = {
+    "van der Pol-Duffing": (
+        hd.scenes.van_der_pol_duffing(2.0, 1.0, 0.7, 1.2, 0.3, 0.5, 1.1, 0.4, -0.2),
+        van_der_pol_duffing,
+    ),
+    "van der Pol-Airy": (hd.scenes.van_der_pol_airy(2.0, 1.0, 0.4, 0.5, 0.4, -0.2), airy),
+    "Mathieu": (hd.scenes.mathieu(2.0, 1.0, 0.2, 0.3, 0.4, 1.5, 0.4, -0.2), mathieu),
+    "Selkov": (hd.scenes.selkov(), selkov),
+    "Riccati": (hd.scenes.riccati(1.0), riccati),
+}
+
+
+@pytest.mark.parametrize(("equation", "rhs"), CLASSICAL.values(), ids=CLASSICAL)
+def test_without_memory_models_are_classical_systems(equation, rhs):
+    exact = classical(rhs, 8.0, equation.y0.ravel())[: equation.d]
+    assert np.abs(hd.solve(equation, 8.0, rtol=1e-10).y[-1] - exact).max() < 1e-8
+
+
+def test_the_nerve_is_the_system_of_fitzhugh():
+    """As one equation of second order: x' = c (y + x - x**3/3 + z), y' = -(x - a + b y) / c."""
+    a, b, c, z = 0.7, 0.8, 3.0, -0.4
+
+    def system(t, u):
+        x, y = u
+        return [c * (y + x - x**3 / 3 + z), -(x - a + b * y) / c]
+
+    x0, y0 = 0.3, -0.2
+    nerve = hd.scenes.fitzhugh_nagumo(x0=x0, v0=c * (y0 + x0 - x0**3 / 3 + z))
+    exact = classical(system, 12.0, [x0, y0])[0]
+    assert abs(hd.solve(nerve, 12.0, rtol=1e-10).y[-1, 0] - exact) < 1e-8
+
+
+def crossing(friction_at_rest, stiffness, order, guess):
+    """Order of inertia and frequency at which a linear oscillator begins to oscillate."""
+
+    def zero(u):
+        beta, omega = u
+        s = 1j * omega
+        value = s**beta + friction_at_rest * s**order + stiffness
+        return [value.real, value.imag]
+
+    return root(zero, guess, tol=1e-13).x
+
+
+def grows(equation, t_end):
+    """Whether an oscillation about its late mean grows."""
+    sol = hd.solve(equation, t_end, rtol=1e-9)
+    t = np.linspace(0, t_end, 4001)
+    x = sol(t)[:, 0]
+    middle, late = (np.ptp(x[(t > a * t_end) & (t < b * t_end)]) for a, b in ((0.3, 0.5), (0.8, 1)))
+    return bool(late > middle)
+
+
+def test_van_der_pol_duffing_begins_to_oscillate_where_its_docstring_says():
+    beta, omega = crossing(-1.0, 1.0, 0.8, [1.3, 1.2])
+    assert (beta, omega) == pytest.approx((1.337001, 1.197992), abs=1e-6)
+    for apart, expected in ((-0.03, False), (0.03, True)):
+        equation = hd.scenes.van_der_pol_duffing(beta + apart, 0.8, cubic=0.0, x0=1e-4)
+        assert grows(equation, 60.0) is expected
+
+
+def test_the_nerve_begins_to_fire_where_its_docstring_says():
+    x = max(np.roots([0.8 / 3, 0, 1 - 0.8, 0.8 * 0.4 - 0.7]).real)
+    assert x == pytest.approx(0.906567, abs=1e-6)
+    beta, _ = crossing(3 * (x**2 - 1 + 0.8 / 9), 0.8 * x**2 + 0.2, 1.0, [1.8, 0.9])
+    assert beta == pytest.approx(1.818246, abs=1e-6)
+    for apart, expected in ((-0.03, False), (0.03, True)):
+        assert grows(hd.scenes.fitzhugh_nagumo(beta + apart, x0=x + 1e-4), 200.0) is expected
+
+
+@pytest.mark.parametrize("stimulus", [-1.403522, -0.346478])
+def test_hopf_bifurcations_of_the_nerve(stimulus):
+    """Friction vanishes at the equilibrium there."""
+    x = math.copysign(math.sqrt(1 - 0.8 / 9), stimulus + 0.875)
+    assert 0.8 * x**3 / 3 + 0.2 * x == pytest.approx(0.7 + 0.8 * stimulus, abs=1e-6)
+
+
+@pytest.mark.parametrize("beta", [1.8, 2.0])
+def test_airys_oscillator_without_friction_is_its_series(beta):
+    equation = hd.scenes.van_der_pol_airy(beta, friction=0.0, x0=1.0)
+    with mpmath.workdps(60):
+        power = mpmath.mpf(beta) + 1
+        for t in (1, 5, 10):
+            total, term, n = mpmath.mpf(1), mpmath.mpf(1), 0
+            while abs(term) > 1e-40:
+                n += 1
+                term *= -mpmath.gamma(n * power + 2 - power) / mpmath.gamma(n * power + 1)
+                term *= mpmath.mpf(t) ** power
+                total += term
+            found = hd.solve(equation, float(t), rtol=1e-10).y[-1, 0]
+            assert found == pytest.approx(float(total), abs=1e-9)
+
+
+def hill(stiffness, depth, friction, order, n=15):
+    """Determinant of the harmonics k/2, k odd: 0 at the edges of instability at half frequency."""
+    k = np.arange(-2 * n - 1, 2 * n + 2, 2) / 2
+    diagonal = stiffness - k**2 + friction * (1j * k) ** order
+    beside = np.full(k.size - 1, depth / 2)
+    found = np.diag(diagonal) + np.diag(beside, 1) + np.diag(beside, -1)
+    return np.linalg.det(found / np.maximum(1, k**2)[:, None]).real
+
+
+def edges(depth, friction, order, near):
+    return [
+        brentq(hill, x - 0.03, x + 0.02, args=(depth, friction, order), xtol=1e-14) for x in near
+    ]
+
+
+def test_edges_of_instability_of_mathieu():
+    """Without friction characteristic values of Mathieu's functions; marches on both sides."""
+    free = edges(0.3, 0.0, 0.5, (0.1, 0.4))
+    assert free == pytest.approx([mathieu_b(1, 0.6) / 4, mathieu_a(1, 0.6) / 4], abs=1e-12)
+    found = edges(0.3, 0.1, 0.5, (0.0586, 0.3414))
+    assert found == pytest.approx([0.0480962963, 0.3289509755], abs=1e-9)
+    for edge, inwards in zip(found, (1, -1), strict=True):
+        for side in (1, -1):
+            equation = hd.scenes.mathieu(stiffness=edge + 0.01 * side * inwards)
+            assert grows(equation, 300.0) is (side > 0)
+
+
+@given(a=st.floats(0.01, 0.12), b=st.floats(0.2, 1.0))
+def test_selkov_begins_to_oscillate_where_its_docstring_says(a, b):
+    jacobian = matrix(oscillating._selkov_jacobian, 0.0, [b, b / (a + b**2)], [a, b])
+    trace, determinant = np.trace(jacobian), np.linalg.det(jacobian)
+    assume(trace > 1e-3 and 4 * determinant > trace**2)
+    alpha = 2 / math.pi * math.atan(math.sqrt(4 * determinant - trace**2) / trace)
+    arguments = np.abs(np.angle(np.linalg.eigvals(jacobian)))
+    np.testing.assert_allclose(arguments, alpha * math.pi / 2, atol=1e-6)
+
+
+def test_selkov_on_both_sides_of_its_threshold():
+    near = 0.6 + 1e-4, 0.6 / 0.44
+    for alpha, expected in ((0.905423 - 0.02, False), (0.905423 + 0.02, True)):
+        assert grows(hd.scenes.selkov(alpha, y0=near), 300.0) is expected
+
+
+@pytest.mark.parametrize("alpha", [0.7, 0.95])
+def test_the_time_scale_of_selkov_stretches_time(alpha):
+    plain, slow = (hd.scenes.selkov(alpha, time_scale=scale) for scale in (1.0, 3.0))
+    stretched = 10.0 * 3.0 ** ((1 - alpha) / alpha)
+    one, other = hd.solve(plain, stretched, rtol=1e-9), hd.solve(slow, 10.0, rtol=1e-9)
+    assert np.abs(one.y[-1] - other.y[-1]).max() < 1e-7
+
+
+def test_orders_of_selkov_that_vary():
+    """Functions that are constant are constants; and each component has its own."""
+    constant = hd.scenes.selkov([0.9, 0.8], time_scale=2.0)
+    functions = hd.scenes.selkov((lambda t: 0.9, lambda t: 0.8), time_scale=2.0)
+    one, other = (hd.solve(equation, 20.0, rtol=1e-8).y[-1] for equation in (constant, functions))
+    assert np.abs(one - other).max() < 1e-6
+    pair = (lambda t: 0.95 - 0.05 * np.cos(0.1 * t), lambda t: 0.9 - 0.05 * np.sin(0.1 * t))
+    varying = hd.scenes.selkov(pair, time_scale=2.0)
+    exact = hd.solve(varying, 20.0, rtol=1e-9).y[-1]
+    errors = [
+        np.abs(hd.solve(varying, 20.0, n, scheme=hd.L1()).y[-1] - exact).max() for n in (2000, 4000)
+    ]
+    assert errors[1] < 2e-3
+    assert 1.6 < errors[0] / errors[1] < 2.5
+
+
+@given(alpha=st.floats(0.4, 1.0), linear=st.floats(-1.0, 2.0))
+def test_riccati_is_its_series_near_0(alpha, linear):
+    c = [0.0]
+    for k in range(60):
+        square = sum(c[i] * c[k - i] for i in range(k + 1))
+        source = (k == 0) + linear * c[k] - square
+        c.append(source * gamma(k * alpha + 1) / gamma((k + 1) * alpha + 1))
+    x = 0.15**alpha if alpha > 0.7 else 0.04**alpha
+    t = x ** (1 / alpha)
+    expected = sum(value * x**k for k, value in enumerate(c))
+    equation = hd.scenes.riccati(alpha, 1.0, linear, -1.0)
+    assert hd.solve(equation, t, rtol=1e-10).y[-1, 0] == pytest.approx(expected, rel=1e-8)
+
+
+def test_riccati_tends_to_its_root_like_a_power():
+    alpha, limit = 0.6, 1 + math.sqrt(2)
+    sol = hd.solve(hd.scenes.riccati(alpha), 2e4, rtol=1e-9)
+    left = (limit - sol.y[-1, 0]) / limit
+    expected = 2e4**-alpha / (2 * math.sqrt(2) * gamma(1 - alpha))
+    assert left == pytest.approx(expected, rel=5e-3)
+
+
+def test_rough_heston():
+    """Towards its stable root; and within the published approximant's own error on the way."""
+    a, nu, rho, rate = 3 - 0.5j, 0.4, -0.65, 1.0
+    coefficients = -0.5 * a * (a + 1j), 1j * rho * nu * a - rate, 0.5 * nu**2
+    sol = hd.solve(hd.scenes.riccati(0.7, *coefficients), 3.0, rtol=1e-9)
+    assert abs(sol.y[-1, 0] - (-2.520564 + 1.086576j)) < 0.02
+    roots = np.roots(coefficients[::-1])
+    limit = roots[np.argmin(abs(roots - (-2.747831628 + 1.365466499j)))]
+    assert abs(limit - (-2.747831628 + 1.365466499j)) < 1e-8
+    far = [
+        hd.solve(hd.scenes.riccati(0.7, *coefficients), t, rtol=1e-8).y[-1, 0] for t in (2e3, 4e3)
+    ]
+    ratio = abs(far[0] - limit) / abs(far[1] - limit)
+    assert ratio == pytest.approx(2**0.7, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("scene", "arguments", "message"),
+    [
+        ("selkov", {"alpha": (0.9, lambda t: 0.8)}, "alpha must be functions of the time for both"),
+        ("selkov", {"alpha": 1.2}, "alpha must lie in"),
+        ("selkov", {"time_scale": 0.0}, "time_scale must be"),
+        ("fitzhugh_nagumo", {"c": 0.0}, "c must not be 0"),
+        ("mathieu", {"gamma": 1.5}, "gamma must lie in"),
+        ("riccati", {"alpha": 1.5}, "alpha must lie in"),
+        ("riccati", {"linear": complex("nan")}, "linear must be a finite number"),
+    ],
+)  # fmt: skip
+def test_refusals(scene, arguments, message):
+    with pytest.raises(ValueError, match=message):
+        getattr(hd.scenes, scene)(**arguments)
