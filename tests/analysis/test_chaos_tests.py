@@ -54,6 +54,21 @@ def test_orbits_and_what_exponents_say_of_them():
     assert hd.lyapunov(swing, 200.0, 10_000).exponents[0] < 0
 
 
+def test_oversampled_series_are_tested_by_their_extrema():
+    lorenz = hd.solve(hd.scenes.lorenz(), 400.0, rtol=1e-6)
+    x = lorenz(np.arange(20.0, 400.0, 0.02))[:, 2]
+    assert hd.zero_one_test(x).verdict != "chaotic"
+    for take in ("maxima", "extrema"):
+        by_series = hd.zero_one_test(x, take=take)
+        by_orbit = hd.zero_one_test(lorenz, component=2, transient=20.0, take=take)
+        assert by_series.verdict == by_orbit.verdict == "chaotic"
+        assert by_series.n == by_orbit.n
+    swing = np.sin(0.1 * np.arange(30_000)) + 0.5 * np.sin(0.2 * np.arange(30_000))
+    both, tops = (hd.zero_one_test(swing, take=take) for take in ("extrema", "maxima"))
+    assert both.verdict == tops.verdict == "regular"
+    assert abs(both.n - 2 * tops.n) <= 1
+
+
 def test_a_constant_series_is_regular():
     assert hd.zero_one_test(np.full(300, 2.5)).k == 0.0
     noise = np.random.default_rng(0).normal(size=300)
@@ -107,6 +122,7 @@ def test_the_steady_response_of_a_fractional_oscillator():
     [
         (lambda: hd.zero_one_test(np.zeros(100)), "series must hold 200 values"),
         (lambda: hd.zero_one_test(logistic(4.0), n_c=0), "n_c must be a positive integer"),
+        (lambda: hd.zero_one_test(logistic(4.0), take="minima"), "take must be .maxima. or"),
         (lambda: hd.power_spectrum(np.zeros(100)), "series must be of shape"),
         (lambda: hd.power_spectrum(np.zeros(5), 0.1), "series must leave 16 values"),
         (
@@ -130,7 +146,7 @@ def test_the_steady_response_of_a_fractional_oscillator():
         ),
         (
             lambda: hd.zero_one_test(hd.solve(hd.scenes.relaxation(0.5), 1.0, 40)),
-            "run longer: so many maxima are needed",
+            "run longer: so many maxima, or values, are needed",
         ),
     ],
 )

@@ -206,7 +206,7 @@ def test_other_files_are_left_alone(tmp_path, content):
         b'[0,7,{"value":1.0}]\n',
         b'[0,"completed",{"value":[[1.0],[1.0,2.0]]}]\n',
         b'[0,"completed",{"value":null}]\n',
-        b'[0,"completed",{"value":[]}]\n',
+        b'[0,"completed",{"value":[[]]}]\n',
         b"[0,1]\n",
         b"\n",
         b"3\n",

@@ -187,14 +187,14 @@ def test_what_a_point_may_return():
     [
         (None, "TypeError: value must be a number, a string, or an array of them, got a NoneType"),
         (1j, "TypeError: value must be a number, .* got a complex"),
-        ([], "TypeError: value must be a number"),
+        ([[]], "TypeError: value must be a number"),
         ({"x": [[1], [2, 3]]}, "ValueError: setting an array element"),
         ({"a": 1.0}, "ValueError: function must name its values .* got 'a'"),
         ({1: 1.0}, "ValueError: function must name its values"),
         (10**400, "TypeError"),
         (
             [1.0, 2.0],
-            "ValueError: value must be numbers of shape \\(\\), as at the first point, got ",
+            "ValueError: value must be numbers of shape \\(\\), but for its length, as at ",
         ),
         ("text", "ValueError: value must be numbers of shape"),
     ],
@@ -206,6 +206,29 @@ def test_a_point_that_returns_something_else_has_failed(returned, match):
     assert table.success.tolist() == [True, False, True]
     with pytest.raises(AssertionError, match=match):
         raise AssertionError(table.status[1])
+
+
+def test_arrays_of_different_lengths(tmp_path):
+    """As maxima are: rows are filled up to the longest one, in a store and a file too."""
+    returned = [[1.0, 2.0], [], [3.0], 4.0, [[5.0]], ["a"]]
+
+    def point(k):
+        return {"tops": returned[k], "words": ["long"] * k}
+
+    with_store = [
+        hd.sweep(point, {"k": range(6)}, store=tmp_path / "points", progress=False)
+        for _ in range(2)
+    ]
+    table = with_store[0]
+    assert np.array_equal(table["tops"][:3], [[1, 2], [np.nan] * 2, [3, np.nan]], equal_nan=True)
+    assert np.isnan(table["tops"][3:]).all()
+    assert table.success.tolist() == [True] * 3 + [False] * 3
+    assert table["words"].shape == (6, 5)
+    assert table["words"][2].tolist() == ["long", "long", "", "", ""]
+    assert np.array_equal(with_store[1]["tops"], table["tops"], equal_nan=True)
+    table.save(tmp_path / "table.npz")
+    again = hd.Table.load(tmp_path / "table.npz")
+    assert np.array_equal(again["tops"], table["tops"], equal_nan=True)
 
 
 def test_failing_points_stop_nothing():

@@ -133,6 +133,14 @@ def maxima(
     >>> times.round(6).tolist(), values.round(6).tolist()
     ([1.570796, 7.853982], [1.0, 1.0])
     """
+    t, best = extrema(solution, component, derivative, transient, (1.0,))
+    size = _size(count, t.size)
+    kept = slice(max(0, t.size - size), None)
+    return _filled(t[kept], size), _filled(best[kept], size)
+
+
+def extrema(solution, component, derivative, transient, signs=(1.0, -1.0)):
+    """Return times and values (n,) of local maxima, sign 1, and minima, -1, of a component."""
     instance("solution", solution, Solution, "hereditary.solve(...)")
     if not _is_index(component, solution.y.shape[1]):
         required = f"be one of 0 .. {solution.y.shape[1] - 1}"
@@ -141,15 +149,22 @@ def maxima(
     times, values = _samples(solution, j, derivative)
     inside = times >= _begin(solution, transient)
     times, values = times[inside], values[inside]
-    top = 1 + np.flatnonzero((values[1:-1] > values[:-2]) & (values[1:-1] >= values[2:]))
+    top = tops(values, signs)
     t, best = _vertices(
         *(times[top + k] for k in (-1, 0, 1)), *(values[top + k] for k in (-1, 0, 1))
     )
     if solution.coarse and t.size:
         t, best = _refined(solution, j, derivative, t, times[top + 1] - times[top - 1])
-    size = _size(count, t.size)
-    kept = slice(max(0, t.size - size), None)
-    return _filled(t[kept], size), _filled(best[kept], size)
+    return t, best
+
+
+def tops(values, signs=(1.0, -1.0)):
+    """Return the indices of local maxima, sign 1, and minima, -1, of a series (n,)."""
+    found = [
+        1 + np.flatnonzero((signed[1:-1] > signed[:-2]) & (signed[1:-1] >= signed[2:]))
+        for signed in (sign * values for sign in signs)
+    ]
+    return np.sort(np.concatenate(found))
 
 
 def values_at(solution: Solution, times: ArrayLike, derivative: int = 0) -> np.ndarray:

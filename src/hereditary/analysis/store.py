@@ -132,12 +132,12 @@ def _line(content):
 
 
 def _are_plain(values):
-    """Whether values are numbers, strings or full arrays of either, by name."""
+    """Whether values are numbers, strings or arrays of either, by name."""
     if not isinstance(values, dict):
         return False
     # rows of unequal length raise a ValueError
     arrays = [np.asarray(value) for value in values.values()]
-    return all(array.dtype.kind in "iufU" and array.size for array in arrays)
+    return all(array.dtype.kind in "iufU" and (array.size or array.ndim == 1) for array in arrays)
 
 
 def _is_axis(values):

@@ -44,7 +44,8 @@ def sweep(
     ----------
     function : callable
         Called as ``function(**point)`` with one value for each axis. Returns a number, a string, an
-        array of them, or a mapping of names to such; a bare value is named "value". Under the name
+        array of them, or a mapping of names to such; a bare value is named "value". Arrays may have
+        a different length at each point: NaN fill them up to the longest. Under the name
         "status" a mapping may say how the point ended, e.g. ``solution.status``.
     grid : mapping of str to sequence, shape (n,)
         The values of each axis, finite and distinct numbers or strings; the points are all
@@ -328,7 +329,7 @@ def _plain(returned, point):
 def _plain_value(name, value):
     array = np.asarray(str(value) if isinstance(value, enum.Enum) else value)
     kind = array.dtype.kind
-    if kind not in "biufU" or array.size == 0:
+    if kind not in "biufU" or (array.size == 0 and array.ndim != 1):
         required = "be a number, a string, or an array of them"
         raise TypeError(complaint(name, required, f"a {type(value).__name__}"))
     if kind != "U":

@@ -28,7 +28,7 @@ class Table:
         The values of each axis, in the order of the array axes.
     values : dict of str to ndarray, shape (*table.shape, ...)
         What the function returned, under its names: float64, or strings. NaN, or an empty string,
-        where a point failed or was not computed.
+        where a point failed or was not computed, and behind arrays shorter than the longest one.
     status : ndarray of str, shape table.shape
         "completed", what the function returned as its status, "not computed", or the exception that
         it raised, as one line of at most 200 characters.
@@ -156,6 +156,11 @@ class Table:
         return f"Table({', '.join(self.names)} over {axes}; {done} of {self.status.size} completed)"
 
 
+def _but_length(kind, shape):
+    """Return kind, number of dimensions and all but the first length of an array."""
+    return kind, len(shape), shape[1:]
+
+
 class Columns:
     """Takes in points in any order and makes the table, which does not depend on that order.
 
@@ -201,17 +206,23 @@ class Columns:
 
     def _column(self, name):
         forms = self._found[name]
-        kind, shape = chosen = min(forms, key=lambda form: min(forms[form][0]))
-        indices, rows = forms[chosen]
-        filled = np.array(rows)
+        # arrays may be of different lengths: the longest one decides; an empty one is of any kind
+        empty = {form for form in forms if form[1] == (0,)}
+        told = forms.keys() - empty or empty
+        kind, shape = min(told, key=lambda form: min(forms[form][0]))
+        alike = {form for form in told if _but_length(*form) == _but_length(kind, shape)}
+        shape = max(own for _, own in alike)
         column = np.full((len(self._status), *shape), "" if kind == "text" else np.nan)
-        column = column.astype(filled.dtype)
-        column[indices] = filled
-        for form in forms.keys() - {chosen}:
-            required = f"be {kind} of shape {shape}, as at the first point"
+        for _, own in alike:
+            indices, rows = forms[kind, own]
+            filled = np.array(rows)
+            column = column.astype(np.promote_types(column.dtype, filled.dtype))
+            column[(indices, slice(own[0])) if own else indices] = filled
+        for form in forms.keys() - alike - (empty if len(shape) == 1 else set()):
+            required = f"be {kind} of shape {shape}, but for its length, as at the first point"
             got = f"{form[0]} of shape {form[1]}"
             for index in forms[form][0]:
                 if self._status[index] is COMPLETED:
-                    told = f"ValueError: {complaint(name, required, got)}"
-                    self._status[index] = told[:STATUS_LENGTH]
+                    trouble = f"ValueError: {complaint(name, required, got)}"
+                    self._status[index] = trouble[:STATUS_LENGTH]
         return column.reshape(self._shape + shape)

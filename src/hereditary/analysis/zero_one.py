@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from .._checks import complaint, count, real_array
 from ..solver.solution import Solution
-from .sections import maxima
+from .sections import extrema, tops
 
 # Fewest values of a series, share of its length for displacements, and range of frequencies, which
 # leaves out resonances at 0 and pi.
@@ -17,6 +17,8 @@ _FEWEST, _SHARE, _RANGE = 200, 0.1, (np.pi / 5, 4 * np.pi / 5)
 # Maxima that differ by less than this share of the component's range are all the same, and values
 # of a series by less than this share of the largest.
 _SAME, _ROUNDING = 1e-3, 1e-10
+# Signs of the extrema that are tested: maxima alone, or minima as well.
+_SIGNS = {"maxima": (1.0,), "extrema": (1.0, -1.0)}
 # K above this is chaos, and below one minus it none.
 _SURE = 0.8
 
@@ -50,6 +52,7 @@ def zero_one_test(
     *,
     component: int = 0,
     transient: float | None = None,
+    take: str | None = None,
     n_c: int = 100,
     seed: int = 0,
 ) -> ZeroOneResult:
@@ -63,11 +66,14 @@ def zero_one_test(
     Parameters
     ----------
     series : Solution or array_like, shape (n,)
-        A series whose neighbours are far apart in time: an oversampled one looks regular. Of a
-        `Solution` the maxima of one component are taken, which are all the same where they differ
-        by less than a thousandth of its range. 200 values at least; some thousand tell.
+        200 values at least are needed; some thousand tell.
     component, transient : optional
         Of a solution: as in `maxima`.
+    take : {"values", "maxima", "extrema"}, optional
+        Whether all values of a series are tested, its local maxima, or maxima and minima in turn.
+        Neighbours must be far apart in time: all values of an oversampled series look regular. By
+        default all values of an array, which may be a map's, and the maxima of a `Solution`, which
+        knows no "values". Extrema that differ by less than a thousandth of the range are the same.
     n_c : int, optional
         Number of frequencies, at random in (pi/5, 4 pi/5).
     seed : int, optional
@@ -97,17 +103,10 @@ def zero_one_test(
     >>> found.verdict, found.k > 0.98
     ('chaotic', True)
     """
-    least = 0.0
-    if isinstance(series, Solution):
-        _, values = maxima(series, component, transient=transient)
-        late = series.t >= (series.t[0] if transient is None else transient)
-        least = _SAME * float(np.ptp(series.y[late, component])) if late.any() else 0.0
-    else:
-        values = real_array("series", series)
-        least = _ROUNDING * float(np.abs(values).max(initial=0.0))
+    values, least = _tested(series, component, transient, take)
     if values.ndim != 1 or values.size < _FEWEST:
         required = f"hold {_FEWEST} values or more"
-        remedy = "run longer: so many maxima are needed"
+        remedy = "run longer: so many maxima, or values, are needed"
         raise ValueError(complaint("series", required, f"shape {values.shape}", remedy))
     spread = float(np.ptp(values))
     values = (values - values[0]) / spread if spread > least else np.zeros(values.size)
@@ -117,6 +116,26 @@ def zero_one_test(
     k = float(np.median(rates))
     verdict = "chaotic" if k > _SURE else "regular" if k < 1 - _SURE else "undetermined"
     return ZeroOneResult(k, verdict, rates, frequencies, values.size)
+
+
+def _tested(series, component, transient, take):
+    """Return the values that are tested, and the range below which they are all the same."""
+    of_solution = isinstance(series, Solution)
+    take = ("maxima" if of_solution else "values") if take is None else take
+    if take not in _SIGNS and (of_solution or take != "values"):
+        required = f'be "maxima" or "extrema"{"" if of_solution else ", or values"}'
+        raise ValueError(complaint("take", required, repr(take)))
+    if of_solution:
+        _, values = extrema(series, component, 0, transient, _SIGNS[take])
+        late = series.t >= (series.t[0] if transient is None else transient)
+        width = float(np.ptp(series.y[late, component])) if late.any() else 0.0
+    else:
+        values = real_array("series", series)
+        if take == "values" or values.ndim != 1:
+            return values, _ROUNDING * float(np.abs(values).max(initial=0.0))
+        width = float(np.ptp(values)) if values.size else 0.0
+        values = values[tops(values, _SIGNS[take])]
+    return values, _SAME * width
 
 
 def _rate(values, c):
