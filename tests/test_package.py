@@ -238,6 +238,7 @@ PAGES += [
     f"docs/{name}.md"
     for name in (
         "start",
+        "step",
         "collocation",
         "kernels",
         "memory_terms",
@@ -246,6 +247,7 @@ PAGES += [
         "fitting",
         "chaos",
         "frequency_response",
+        "scenes",
         "recipes",
         "large_systems",
     )

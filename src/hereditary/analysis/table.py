@@ -26,7 +26,7 @@ class Table:
     ----------
     axes : dict of str to ndarray, shape (n,)
         The values of each axis, in the order of the array axes.
-    values : dict of str to ndarray, shape (*table.shape, ...)
+    values : dict of str to ndarray, shape table.shape + (...)
         What the function returned, under its names: float64, or strings. NaN, or an empty string,
         where a point failed or was not computed, and behind arrays shorter than the longest one.
     status : ndarray of str, shape table.shape

@@ -317,9 +317,9 @@ class ProductTrapezoid(Scheme):
 
     Stability
     ---------
-    No step limit for orders up to 1. Above, ``D^beta y = -K y`` needs K h**beta below Gamma(beta +
-    2) / (4 |eta(-1-beta)|), 50 at 1.05, 9.3 at 1.6, 12 at 2 (docs/stability.md); `solve`
-    watches it along the orbit.
+    No step limit for orders up to 1. Above, ``D^beta y = -K y`` needs K h**beta below
+    ``Gamma(beta + 2) / (4 |eta(-1-beta)|)``, 50 at 1.05, 9.3 at 1.6, 12 at 2 (docs/stability.md);
+    `solve` watches it along the orbit.
 
     Source
     ------

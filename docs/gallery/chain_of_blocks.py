@@ -1,0 +1,28 @@
+"""
+A chain of stick-slip blocks
+============================
+
+Fifty blocks coupled by springs, each over wells of a strength of its own, pulled at one speed: a
+model of a fault. Slips are found on the run and counted.
+"""
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+import hereditary as hd
+
+strengths = np.random.default_rng(1).uniform(20, 100, 50)
+chain = hd.scenes.stick_slip_chain(50, adhesion=strengths)
+sol = hd.solve(chain, 100.0, 20_000, save_every=20)
+assert sol.success
+
+slips = hd.scenes.slips(sol)
+fig, (left, right) = plt.subplots(1, 2, figsize=(10, 4), layout="constrained")
+image = left.pcolormesh(sol.t, np.arange(50), (sol.y - sol.t[:, None]).T, rasterized=True)
+left.set(xlabel="$t$", ylabel="block", title="place less the mean pull")
+fig.colorbar(image, ax=left)
+sizes = np.sort(slips.size)[::-1]
+right.loglog(sizes, np.arange(1, sizes.size + 1), ".")
+right.set(xlabel="size of a slip", ylabel="slips of this size or larger")
+plt.show()
+print(sizes.size, "slips, the largest", sizes[0])

@@ -1,0 +1,36 @@
+"""
+A map of regimes
+================
+
+How a stick-slip oscillator with memory moves, against the speed of the pull and the strength of
+the wells.
+"""
+
+import math
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+import hereditary as hd
+
+
+def regime(speed, adhesion):
+    equation = hd.scenes.stick_slip(spring_speed=speed, adhesion=adhesion)
+    sol = hd.solve(equation, 200.0, n_steps=20_000, scheme=hd.BDF(2), save_every=10)
+    found = hd.classify(sol, period=2 * math.pi / speed)
+    return {"regime": found.regime, "certainty": found.certainty, "status": sol.status}
+
+
+grid = {"adhesion": np.linspace(2.0, 60.0, 16), "speed": np.linspace(0.4, 3.0, 16)}
+table = hd.sweep(regime, grid, progress=False)
+
+fig, ax = plt.subplots(figsize=(7, 5), layout="constrained")
+hd.plots.regime_map(table, ax=ax)
+plt.show()
+
+# %%
+# The paler a cell, the less certain its verdict: thresholds are varied, and the certainty says how
+# many of the variations agree. ``store="map"`` would keep every finished point in a file, so that
+# a long sweep can go on after it was stopped.
+
+assert table.success.all()

@@ -1,0 +1,43 @@
+"""
+A neuron with memory that fires
+===============================
+
+A leaky integrate-and-fire neuron, ``D^alpha v = I - v``, begins again at 0 where v reaches 1. The
+reset is a jump of the state: it does not enter the memory of the derivative.
+"""
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+import hereditary as hd
+
+
+def fire(t, v):
+    return v[0] - 1.0
+
+
+fire.direction = 1
+fire.change = lambda t, v: 0.0 * v
+
+
+def leaky(t, v):
+    return 1.5 - v
+
+
+fig, ax = plt.subplots(figsize=(8, 4), layout="constrained")
+for alpha in (1.0, 0.8):
+    sol = hd.solve(hd.Equation(hd.Caputo(alpha), leaky, 0.0), 12.0, rtol=1e-9, events=fire)
+    spikes = sol.t_events[0]
+    print(f"alpha = {alpha}: intervals", np.round(np.diff(spikes, prepend=0.0), 3))
+    ax.plot(sol.t, sol.y[:, 0], label=rf"$\alpha$ = {alpha}")
+ax.set(xlabel="$t$", ylabel="$v$")
+ax.legend(loc="lower right")
+plt.show()
+
+# %%
+# With memory the intervals grow: every spike leaves a jump of y behind which the derivative
+# remembers the whole way up. With ``fire.forget = True`` the past would be forgotten instead, and
+# all intervals would be as long as the first.
+
+intervals = np.diff(spikes, prepend=0.0)
+assert np.all(np.diff(intervals) > 0)

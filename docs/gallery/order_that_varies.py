@@ -1,0 +1,43 @@
+"""
+Relaxation with an order that varies
+====================================
+
+``D^alpha(t) y = -y`` with an order that falls with time: a body whose memory grows longer as it
+ages. The order at the present time holds for all of the past.
+"""
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+import hereditary as hd
+
+
+def ageing(t):
+    return 0.9 - 0.4 * (1 - np.exp(-t / 2))
+
+
+def decay(t, y):
+    return -y
+
+
+fig, ax = plt.subplots(figsize=(6, 4), layout="constrained")
+for order, name in ((0.9, "0.9"), (0.5, "0.5"), (ageing, "from 0.9 to 0.5")):
+    sol = hd.solve(hd.Equation(hd.Caputo(order), decay, 1.0), 20.0, rtol=1e-8)
+    ax.loglog(sol.t[1:], sol.y[1:, 0], label=name)
+ax.set(xlabel="$t$", ylabel="$y$", xlim=(1e-2, 20))
+ax.legend(title="order")
+
+# %%
+# How good are given steps? Errors of L1 against the run with a tolerance.
+
+equation = hd.Equation(hd.Caputo(ageing), decay, 1.0)
+exact = hd.solve(equation, 20.0, rtol=1e-9).y[-1, 0]
+counts = np.array([250, 500, 1000, 2000])
+errors = [abs(hd.solve(equation, 20.0, n, scheme=hd.L1()).y[-1, 0] - exact) for n in counts]
+fig, ax = plt.subplots(figsize=(6, 4), layout="constrained")
+ax.loglog(counts, errors, "o-")
+ax.loglog(counts, errors[0] * counts[0] / counts, "--", color="0.6", label="first order")
+ax.set(xlabel="steps", ylabel="error at the end")
+ax.legend()
+plt.show()
+assert np.all(np.diff(errors) < 0)

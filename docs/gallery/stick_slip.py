@@ -1,0 +1,33 @@
+"""
+Stick-slip with memory, and its exponents
+=========================================
+
+A load that is pulled over a chain of wells by a spring sticks in a well, slips over the next
+barrier, and sticks again. Inertia and friction have memory: ``D^1.8 x + 0.25 D^0.8 x + x = t + 50
+sum_n a_n sin(n x)``.
+"""
+
+import matplotlib.pyplot as plt
+
+import hereditary as hd
+
+equation = hd.scenes.stick_slip()  # beta 1.8, gamma 0.8, speed 1, adhesion 50
+orbit = hd.solve(equation, 100.0, rtol=1e-8)
+
+fig, (left, right) = plt.subplots(1, 2, figsize=(10, 4), layout="constrained")
+hd.plots.oscillogram(orbit, left)
+hd.plots.phase_portrait(orbit, right)
+
+# %%
+# Is it chaotic? The largest Lyapunov exponent, with all of the memory kept, is negative here, and
+# falls like 1 / T: a number that says how long the run was, not a rate. The verdict says so.
+
+exponents = hd.lyapunov(equation, 400.0, n_steps=64_000)
+print(exponents.exponents, exponents.verdict)
+assert exponents.verdict == "neutral"
+
+fig, ax = plt.subplots(figsize=(7, 3.5), layout="constrained")
+ax.plot(exponents.times, exponents.trace[:, 0])
+ax.axhline(0, color="0.6", lw=0.8)
+ax.set(xlabel="T", ylabel="largest exponent up to T")
+plt.show()

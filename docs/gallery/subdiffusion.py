@@ -1,0 +1,38 @@
+"""
+Subdiffusion on a square
+========================
+
+``D^alpha u = Laplace u`` on the unit square with u = 0 on its boundary: 2,500 components by the
+method of lines, the matrix factorised once.
+"""
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+import hereditary as hd
+
+POINTS = 50
+x = np.arange(1, POINTS + 1) / (POINTS + 1)
+spot = np.exp(-200 * ((x[:, None] - 0.35) ** 2 + (x[None, :] - 0.6) ** 2))
+
+fig, axes = plt.subplots(2, 3, figsize=(9, 6), layout="constrained")
+for row, alpha in zip(axes, (0.5, 1.0), strict=True):
+    equation = hd.scenes.subdiffusion(alpha, POINTS, dimensions=2, u0=spot)
+    sol = hd.solve(equation, 0.02, 200, scheme=hd.BDF(2), save_every=10)
+    assert sol.success
+    for ax, k in zip(row, (0, 5, 20), strict=True):
+        image = ax.imshow(sol.y[k].reshape(POINTS, POINTS).T, origin="lower", extent=(0, 1, 0, 1))
+        ax.set(title=rf"$\alpha$ = {alpha}, t = {sol.t[k]:g}")
+        fig.colorbar(image, ax=ax, shrink=0.7)
+plt.show()
+
+# %%
+# With memory the spot spreads at once and then hardly at all: its height keeps a cusp, and decays
+# like a power of t. The lowest mode has a closed form, which the run meets.
+
+mode = hd.scenes.subdiffusion(0.5, POINTS, dimensions=2)
+found = hd.solve(mode, 0.02, 200, scheme=hd.BDF(2)).y[-1]
+rate = 2 * (2 * (POINTS + 1) * np.sin(np.pi / (2 * POINTS + 2))) ** 2
+exact = hd.exact.mittag_leffler(-rate * 0.02**0.5, 0.5, 1.0) * mode.y0[0]
+print("largest error of the lowest mode:", np.abs(found - exact).max())
+assert np.abs(found - exact).max() < 1e-4

@@ -1,0 +1,156 @@
+"""Pages of the site that are made: the reference, the studies, the picture of the imports."""
+
+import ast
+import inspect
+import pathlib
+
+import matplotlib
+
+matplotlib.use("Agg")
+
+import matplotlib.pyplot as plt
+
+import hereditary
+
+# Small rooms, whose names begin with an underscore, are drawn as one on these floors.
+_SMALL = {0: "basics", 1: "users' functions"}
+
+
+def make(docs):
+    """Write all made pages below ``docs/made``; a page that is the same is left alone.
+
+    Parameters
+    ----------
+    docs : pathlib.Path
+    """
+    made = docs / "made"
+    written = {made / "api.md": reference()}
+    written |= studies(made / "studies", docs.parent / "convergence")
+    for path, text in written.items():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if not path.exists() or path.read_text() != text:
+            path.write_text(text)
+    for stale in set((made / "studies").glob("*.md")) - written.keys():
+        stale.unlink()
+    level = floors(docs.parent / "tests" / "test_floors.py")
+    imports_figure(made / "imports.png", docs.parent / "src" / "hereditary", level)
+
+
+def reference():
+    """Return the page that lists every public name."""
+    kinds = {"Functions": [], "Classes": [], "Warnings": [], "Modules": []}
+    for name in sorted(hereditary.__all__, key=str.lower):
+        thing = getattr(hereditary, name)
+        if inspect.ismodule(thing):
+            kinds["Modules"].append(name)
+        elif inspect.isclass(thing):
+            warns = issubclass(thing, Warning)
+            kinds["Warnings" if warns else "Classes"].append(name)
+        else:
+            kinds["Functions"].append(name)
+    page = "# Reference\n\nEvery public name, from `import hereditary as hd`.\n"
+    for title, names in kinds.items():
+        page += f"\n## {title}\n\n```{{eval-rst}}\n.. currentmodule:: hereditary\n\n"
+        page += ".. autosummary::\n   :toctree: api\n\n"
+        page += "".join(f"   {name}\n" for name in names) + "```\n"
+    return page
+
+
+def studies(folder, scripts):
+    """Return the pages of studies by their paths: claim, figure, and files."""
+    pages, names = {}, []
+    for script in sorted(scripts.glob("[!_]*.py")):
+        names.append(script.stem)
+        title, _, rest = ast.get_docstring(ast.parse(script.read_text())).partition("\n")
+        page = f"# {script.stem}\n\n{title}\n{rest}\n\n"
+        results = scripts / "results"
+        figures = sorted(
+            {*results.glob(f"{script.stem}.png"), *results.glob(f"{script.stem}_*.png")}
+        )
+        for figure in figures:
+            page += f"![{script.stem}](../../../convergence/results/{figure.name})\n\n"
+        files = [f"[{script.name}](../../../convergence/{script.name})"]
+        if (results / f"{script.stem}.csv").exists():
+            files.append(f"[{script.stem}.csv](../../../convergence/results/{script.stem}.csv)")
+        page += f"Files: {', '.join(files)}. Run it with `python convergence/{script.name}`; "
+        pages[folder / f"{script.stem}.md"] = page + "`--quick` is a smoke test at small sizes.\n"
+    index = "# Studies\n\nEvery claim that the pages make about accuracy or speed is measured by a "
+    index += (
+        "script, which fails where the claim does not hold. Timings are of the machine and day "
+    )
+    index += "that stand in the head of each CSV.\n\n```{toctree}\n:maxdepth: 1\n\n"
+    pages[folder / "index.md"] = index + "\n".join(names) + "\n```\n"
+    return pages
+
+
+def floors(test):
+    """Return the floor of each room, as the test of the imports has it."""
+    tree = ast.parse(test.read_text()).body
+    (found,) = (node for node in tree if isinstance(node, ast.Assign) and _name(node) == "FLOORS")
+    return ast.literal_eval(found.value)
+
+
+def _name(assignment):
+    return getattr(assignment.targets[0], "id", None)
+
+
+def box_of(module, level):
+    """Return the box that a module is drawn in: its room, small rooms of a floor as one."""
+    room = next(r for r in (".".join(module[:2]), module[0]) if r in level)
+    small = _SMALL.get(level[room]) if room.startswith("_") else None
+    return small or room.removesuffix(".py")
+
+
+def imports_of(source, level):
+    """Return for each box the boxes that it imports, and the floor of each."""
+    found, floor = {}, {}
+    for path in source.rglob("*.py"):
+        module = (*path.relative_to(source).parts[:-1], path.stem)
+        if module[0] in ("__init__", "__main__"):
+            continue
+        own = box_of(module, level)
+        found.setdefault(own, set())
+        room = next(r for r in (".".join(module[:2]), module[0]) if r in level)
+        floor[own] = level[room]
+        for node in ast.walk(ast.parse(path.read_text())):
+            if not isinstance(node, ast.ImportFrom) or not node.level:
+                continue
+            above = list(module[: len(module) - node.level])
+            names = above + (node.module.split(".") if node.module else [])
+            targets = [names] if node.module else [[*names, alias.name] for alias in node.names]
+            found[own] |= {box_of(target, level) for target in targets} - {own}
+    return found, floor
+
+
+def imports_figure(path, source, level):
+    """Draw rooms on their floors, with an arrow for each that imports one of a lower floor."""
+    imports, floor = imports_of(source, level)
+    width, place = 10.0, {}
+    for height in range(max(floor.values()) + 1):
+        here = sorted(box for box, own in floor.items() if own == height)
+        for k, box in enumerate(here):
+            shift = 0.4 * (height % 2) - 0.2
+            place[box] = (width * (k + 0.5) / len(here) + shift, height + 0.26 * (k % 3) - 0.26)
+    figure, ax = plt.subplots(figsize=(12, 8))
+    for box, others in imports.items():
+        for other in others:
+            if floor[other] < floor[box] and not _by_way(box, other, imports):
+                line = {"arrowstyle": "-|>", "color": "0.65", "lw": 0.7, "shrinkA": 8, "shrinkB": 8}
+                ax.annotate("", place[other], place[box], arrowprops=line)
+    for box, (x, y) in place.items():
+        frame = {"boxstyle": "round", "fc": "#dbe9f6", "ec": "#1f4e79"}
+        ax.text(x, y, box, ha="center", va="center", fontsize=8, bbox=frame)
+    ax.set(xlim=(-0.4, width + 0.4), ylim=(-0.6, max(floor.values()) + 0.7))
+    ax.set_axis_off()
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, dpi=110, bbox_inches="tight")
+    plt.close(figure)
+
+
+def _by_way(box, other, imports):
+    """Return whether another import of a box leads to `other` as well, whose arrow is enough."""
+    return any(other in imports[via] for via in imports[box] - {other, box})
+
+
+if __name__ == "__main__":
+    make(pathlib.Path(__file__).parent)
