@@ -1,4 +1,4 @@
-"""Tables of what schemes and histories take, from their own fields, in README.md and choosing.md.
+"""Tables of what schemes and histories take, from their own fields, in overview.md and choosing.md.
 
 Nothing is measured here: tests/test_capabilities.py makes a run for every cell. A full run writes
 the tables between the marks of both pages, a quick one compares them.
@@ -107,7 +107,7 @@ def tables():
     one = _table("scheme or history", [*_scheme_rows(), *_history_rows()], every, "any")
     two = _table("scheme", _scheme_rows(), every)
     two += "\n" + _table("history", _history_rows(), list(history_cells(hd.FFT())))
-    return {ROOT / "README.md": one, ROOT / "docs" / "choosing.md": two}
+    return {ROOT / "docs" / "overview.md": one, ROOT / "docs" / "choosing.md": two}
 
 
 def page(path, table):
