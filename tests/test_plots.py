@@ -139,3 +139,27 @@ def test_tables_with_other_axes_are_refused():
             draw(two)
     with pytest.raises(ValueError, match="table must have two axes, got b"):
         hd.plots.regime_map(one)
+
+
+def test_keywords_of_matplotlib_and_components(relaxation, oscillation):
+    ax = hd.plots.oscillogram(relaxation, components=1, linewidth=3.0, label="one")
+    assert [line.get_linewidth() for line in ax.lines] == [3.0]
+    assert np.array_equal(ax.lines[0].get_ydata(), relaxation.y[:, 1])
+    assert ax.get_legend().get_texts()[0].get_text() == "one"
+    ax = hd.plots.phase_portrait(relaxation, components=[1, 0], color="red")
+    assert ax.get_xlabel() == "$y_{2}$"
+    assert np.array_equal(ax.lines[0].get_xdata(), relaxation.y[:, 1])
+    assert hd.plots.velocity(oscillation, ls=":").lines[0].get_linestyle() == ":"
+    for plot, components in (
+        (hd.plots.oscillogram, 2),
+        (hd.plots.oscillogram, [0.5]),
+        (hd.plots.phase_portrait, 0),
+    ):
+        with pytest.raises(ValueError, match="components must"):
+            plot(relaxation, components=components)
+
+
+def test_keywords_of_figures_of_tables():
+    table = table_of({"b": [1.0, 2.0]}, exponent=[0.1, -0.1], place=[[1.0], [2.0]])
+    assert hd.plots.lyapunov_spectrum(table, c="k").lines[-1].get_color() == "k"
+    assert hd.plots.bifurcation(table, markersize=7).lines[0].get_markersize() == 7

@@ -129,3 +129,7 @@ def __getattr__(name):
     if name in ("plots", "exact"):
         return importlib.import_module(f".{name}", __name__)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__():
+    return [*__all__, "__doc__", "__version__"]

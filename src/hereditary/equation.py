@@ -1,5 +1,7 @@
 """The equation: a sum of memory terms equals a right-hand side."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterable
 from typing import Any
 
@@ -7,13 +9,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ._callables import functions_of, present_values
-from ._checks import complaint, count, real, real_array, shown
+from ._checks import complaint, count, real, real_array
 from ._differences import check_entries, check_jacobian
 from ._digest import digest
 from ._python_calls import PythonRaised, original
 from ._trial import Start
 from .chain import chained
+from .formula import formula
 from .frame import Frame
+from .initial_values import finite, initial_values, of_shorthand, rows_of
 from .operators import Summand
 from .orders import merged_orders
 from .sides import (
@@ -154,16 +158,16 @@ class Equation(System):
         self.rhs, self.jac, self.jac_memory = rhs, jac, jac_memory
         self.linear, self.jac_sparsity = copied(linear), copied(jac_sparsity)
         self.bandwidth = bandwidth
-        values = _finite(y0)
+        values = finite(y0)
         highest = max(t.operator.derivative for t in self.terms)
         if highest == 0:
             required = "hold a derivative"
             remedy = "an equation in y and its past alone is none of these"
             raise ValueError(complaint("terms", required, repr(self.terms[0]), remedy))
         if d is None:
-            initial = self._given_y0 = _initial_values(values, highest)
+            initial = self._given_y0 = initial_values(values, highest)
         else:
-            self._given_y0 = _rows(values, highest, count("d", d))
+            self._given_y0 = rows_of(values, highest, count("d", d))
             initial = self._given_y0[:highest].copy()
         self._given_d = d
         d, paired = initial.shape[1], initial.dtype.kind == "c"
@@ -180,7 +184,7 @@ class Equation(System):
         given = {"bandwidth": bandwidth, "jac_sparsity": jac_sparsity, "linear": linear}
         rearranged = initial.shape[0] > 2 or factors.ndim > 2 or paired or bool(self.memory)
         said = stated(d, rhs, jac, rearranged, **given)
-        hint = _of_shorthand(values, initial)
+        hint = of_shorthand(values, initial)
         entries = said.values_of(jac, start)
         functions = functions_of(rhs, entries, jac_memory, start, hint, said.shape)
         self._callbacks, self._constants = functions.callbacks, said.constants()
@@ -229,6 +233,9 @@ class Equation(System):
     def __repr__(self):
         return f"Equation({' + '.join(map(repr, self.terms))} = rhs, d={self.d})"
 
+    def _repr_html_(self):
+        return formula(self)
+
     def __setattr__(self, name, value):
         if "_sealed" in self.__dict__:
             remedy = f"eq.replace({name}=...)" if name in _GIVEN else "eq.replace(...)"
@@ -240,7 +247,7 @@ class Equation(System):
     def __reduce__(self):
         return _made, (self._arguments(),)
 
-    def replace(self, **changes) -> "Equation":
+    def replace(self, **changes) -> Equation:
         """Return an equation like this one with some of its arguments changed.
 
         Parameters
@@ -285,7 +292,7 @@ class Equation(System):
         except PythonRaised as error:
             raise original(error) from None
 
-    def current(self) -> "Equation":
+    def current(self) -> Equation:
         """Return this equation with the globals and closed-over values its functions now read.
 
         Itself where none has changed since it was made.
@@ -308,21 +315,6 @@ _GIVEN = (
     "terms", "rhs", "y0", "params", "jac", "memory", "jac_memory", "t_start", "d", "linear",
     "bandwidth", "jac_sparsity",
 )  # fmt: skip
-
-
-def _finite(y0):
-    """Return initial values as an array of finite numbers, real or complex."""
-    remedy = "give shape (m, d): y(0), y'(0), ..."
-    try:
-        is_complex = np.array(y0).dtype.kind == "c"
-    except (TypeError, ValueError):  # rows of unequal length
-        is_complex = False
-    if not is_complex:
-        return real_array("y0", y0, remedy=remedy)
-    values = np.array(y0, dtype=complex)
-    for part in (values.real, values.imag):
-        real_array("y0", part, "be finite numbers", remedy)
-    return values
 
 
 def _numbers(params):
@@ -351,46 +343,3 @@ def _check_leading(left, y0):
                 f"hold no y{primes}(0) for component {j}, whose highest order is {highest[j]}"
             )
             raise ValueError(complaint("y0", required, got, "set it to 0"))
-
-
-def _initial_values(values, m):
-    """The (m, d) array behind any of the shorthands."""
-    given = values.shape
-    if values.ndim == 0:
-        values = values.reshape(1, 1)
-    elif values.ndim == 1:
-        values = values.reshape(1, -1) if m == 1 else values.reshape(-1, 1)
-    if values.ndim == 2 and values.shape[0] == m and values.shape[1] >= 1:
-        return np.ascontiguousarray(values)
-    given_names = [f"y{chr(39) * k}(0)" for k in range(m)]
-    names = " and ".join(filter(None, [", ".join(given_names[:-1]), given_names[-1]]))
-    required = f"hold {names}, shape ({m}, d)"
-    remedy = "the highest order sets how many rows are needed, ceil(order)"
-    if m == 2 and values.size == 1:
-        remedy = f"an order above 1 needs y'(0) too, e.g. [{values[0, 0]}, 0.0]"
-    elif m == 1 and len(given) == 2 and given[1] == 1:
-        remedy = "orders up to 1 need y(0) alone, its components in a row"
-    elif m == 2 and values.ndim == 2 and values.shape[1] == 1:
-        remedy = f"for {values.size} components give two rows, [[y(0), ...], [y'(0), ...]]"
-    got = f"shape {given}" if given else shown(values[0, 0])
-    raise ValueError(complaint("y0", required, got, remedy))
-
-
-def _rows(values, m, d):
-    """The (k, d) array of initial values of d components, k >= m."""
-    rows = values.reshape(-1, d) if values.ndim < 2 and values.size % d == 0 else values
-    if rows.ndim != 2 or rows.shape[1] != d or len(rows) < m:
-        required = f"hold at least {m} rows of {d}, where d = {d} is stated"
-        got = f"shape {values.shape}" if values.ndim else shown(values)
-        raise ValueError(complaint("y0", required, got))
-    return np.ascontiguousarray(rows)
-
-
-def _of_shorthand(values, initial):
-    """Say what a flat y0 was taken for, where it could mean something else."""
-    if values.ndim != 1 or initial.shape[0] == 1:
-        return ""
-    return (
-        f"; y0 = {shown(values)} is taken for y(0) and y'(0) of one component: for two write "
-        "[[y(0), ...], [y'(0), ...]]"
-    )

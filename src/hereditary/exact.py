@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from scipy.special import gamma as gamma_function
 
 from ._checks import complaint, real, real_array, within
-from .equation import _initial_values
+from .initial_values import initial_values
 from .orders import derivative_order, orders_up_to_2
 
 try:
@@ -225,7 +225,7 @@ def _mittag_leffler(z, a, b):
 
 
 def _initial(y0, order):
-    return _initial_values(real_array("y0", y0), derivative_order(order))
+    return initial_values(real_array("y0", y0), derivative_order(order))
 
 
 def _merged(orders, coefficients):

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from .._html import paragraph, rows_of
 from ..compiled.growth import PACE
 from ..compiled.structures import record
 from ..solver.solution import Status
@@ -200,6 +201,14 @@ class LyapunovResult:
     def success(self) -> bool:
         """Whether the run reached the end inside the scheme's stability limit."""
         return self.status is Status.COMPLETED
+
+    def _repr_html_(self):
+        columns = self.exponents, self.slope, self.slope_stderr, self.algebraic_slope
+        numbers = zip(*(column.tolist() for column in columns), strict=True)
+        rows = [[*row, verdict] for row, verdict in zip(numbers, self.verdicts, strict=True)]
+        head = ["exponent", "late slope", "its error", "algebraic slope", "verdict"]
+        restarted = "Memory restarted: not exponents of this equation. " * (self.mode == "restart")
+        return rows_of(head, rows) + paragraph(f"{restarted}{self.mode}: {self.message}")
 
     def __repr__(self):
         rates = ", ".join(

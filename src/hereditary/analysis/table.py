@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 from dataclasses import dataclass
 from typing import Any
@@ -9,12 +10,15 @@ from typing import Any
 import numpy as np
 
 from .._checks import complaint
+from .._html import paragraph, rows_of
 from .._optional import optional
 
 COMPLETED, NOT_COMPUTED = "completed", "not computed"
 # A status is one line of at most so many characters: arrays of strings are as wide as the widest.
 STATUS_LENGTH = 200
 _AXIS, _VALUE, _STATUS = "axis:", "value:", "status"
+# Rows that a notebook shows.
+_SHOWN = 10
 _SAVED = "be a whole file that Table.save wrote"
 
 
@@ -149,6 +153,16 @@ class Table:
             own = [f"{name}_{k}" for k in range(value.ndim - len(self.shape))]
             variables[name] = ([*self.axes, *own], value)
         return xarray.Dataset(variables, coords=self.axes)
+
+    def _repr_html_(self):
+        plain = [name for name, value in self.values.items() if value.shape == self.shape]
+        rows = []
+        for index in itertools.islice(np.ndindex(self.shape), _SHOWN):
+            places = zip(index, self.axes.values(), strict=True)
+            point = [axis[k].item() for k, axis in places]
+            values = [self.values[name][index].item() for name in plain]
+            rows.append([*point, *values, self.status[index]])
+        return paragraph(repr(self)) + rows_of([*self.axes, *plain, _STATUS], rows)
 
     def __repr__(self):
         axes = ", ".join(f"{name} ({axis.size})" for name, axis in self.axes.items())

@@ -1,6 +1,11 @@
-"""Axes and their labels."""
+"""Axes, their labels, and the components that are drawn."""
 
 import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.cbook import normalize_kwargs
+from matplotlib.lines import Line2D
+
+from .._checks import complaint
 
 # Names of the scenes' parameters in figures; scaled quantities have no unit.
 LABELS = {
@@ -22,3 +27,19 @@ def made(ax):
 def label(name):
     """How an axis of that name is labelled."""
     return LABELS.get(name, name)
+
+
+def chosen(components, d):
+    """Return the components that are asked for, all of d by default, as a list."""
+    if components is None:
+        return list(range(d))
+    asked = np.atleast_1d(np.asarray(components))
+    whole = asked.ndim == 1 and asked.size > 0 and asked.dtype.kind in "iu"
+    if not whole or asked.min() < 0 or asked.max() >= d:
+        raise ValueError(complaint("components", f"hold numbers 0 .. {d - 1}", components))
+    return asked.tolist()
+
+
+def style(own, line):
+    """Return keywords of a line with the user's before our own, whatever they are called."""
+    return normalize_kwargs(own, Line2D) | normalize_kwargs(line, Line2D)

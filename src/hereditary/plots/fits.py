@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ._axes import made
+from ._axes import chosen, made, style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from numpy.typing import ArrayLike
 
     from ..analysis.fitting import FitResult
 
 
-def fit(result: FitResult, ax: Axes | None = None) -> Axes:
+def fit(
+    result: FitResult,
+    ax: Axes | None = None,
+    *,
+    components: ArrayLike | None = None,
+    **line: Any,
+) -> Axes:
     """Data as points, with their standard deviations where given, and the fitted model as lines.
 
     Parameters
@@ -22,6 +29,10 @@ def fit(result: FitResult, ax: Axes | None = None) -> Axes:
     result : FitResult
     ax : matplotlib Axes, optional
         Where to draw; new axes by default.
+    components : int or array_like of int, optional
+        Which columns of the data; all by default.
+    **line
+        Keywords of ``Axes.plot`` for the model.
 
     Returns
     -------
@@ -30,7 +41,7 @@ def fit(result: FitResult, ax: Axes | None = None) -> Axes:
     ax = made(ax)
     several = len(result.series) > 1
     for k, (one, lacking) in enumerate(zip(result.series, result.residuals, strict=True)):
-        for c in range(one.data.shape[1]):
+        for c in chosen(components, one.data.shape[1]):
             names = [f"series {k}"] * several + [f"value {c}"] * (one.data.shape[1] > 1)
             spread = None if one.sigma is None else one.sigma[:, c]
             (points, *_) = ax.errorbar(
@@ -38,7 +49,8 @@ def fit(result: FitResult, ax: Axes | None = None) -> Axes:
             )
             seen = np.isfinite(lacking[:, c])
             fitted = one.data[seen, c] + lacking[seen, c]
-            ax.plot(one.t[seen], fitted, "-", color=points.get_color())
+            own = {"ls": "-", "color": points.get_color()}
+            ax.plot(one.t[seen], fitted, **style(own, line))
     told = ", ".join(
         f"{name} {value:.4g}({result.standard_errors[name]:.1g})"
         for name, value in result.parameters.items()

@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import matplotlib.pyplot as plt
 import numpy as np
 
-from ._axes import made
+from ._axes import chosen, made, style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from numpy.typing import ArrayLike
 
     from ..analysis.frequency_response import FrequencyResponse
 
 
 def frequency_response(
-    response: FrequencyResponse, ax: Axes | None = None, component: int = 0, phase: bool = False
+    response: FrequencyResponse,
+    ax: Axes | None = None,
+    *,
+    components: ArrayLike = 0,
+    phase: bool = False,
+    **line: Any,
 ) -> Axes:
     """Amplitude, or phase, of the first harmonic along the curve, one line for each branch.
 
@@ -25,9 +31,11 @@ def frequency_response(
     response : FrequencyResponse
     ax : matplotlib Axes, optional
         Where to draw; new axes by default.
-    component : int, optional
+    components : int or array_like of int, optional
     phase : bool, optional
         The phase instead of the amplitude [radians].
+    **line
+        Keywords of ``Axes.plot``; `label` stands for the whole curve.
 
     Returns
     -------
@@ -35,10 +43,15 @@ def frequency_response(
     """
     ax = made(ax)
     drawn = response.phase if phase else response.amplitude
-    for number in np.unique(response.branch):
-        here = response.branch == number
-        style = "--" if number % 2 else "-"
-        ax.plot(response.values[here], drawn[here, component], style, marker=".", ms=3, color="C0")
+    for k, c in enumerate(chosen(components, drawn.shape[1])):
+        own = style({"marker": ".", "ms": 3, "color": f"C{k}"}, line)
+        for number in np.unique(response.branch):
+            here = response.branch == number
+            dashed = {"ls": "--" if number % 2 else "-"}
+            ax.plot(response.values[here], drawn[here, c], **style(dashed, own))
+            own.pop("label", None)  # once for all branches
+    if "label" in line:
+        ax.legend()
     for value in response.turning:
         ax.axvline(value, color="0.7", lw=0.8)
     by_frequency = np.array_equal(response.values, response.omega)
@@ -50,7 +63,11 @@ def frequency_response(
 
 
 def amplitude_and_phase(
-    response: FrequencyResponse, axes: tuple[Axes, Axes] | None = None, component: int = 0
+    response: FrequencyResponse,
+    axes: tuple[Axes, Axes] | None = None,
+    *,
+    components: ArrayLike = 0,
+    **line: Any,
 ) -> tuple[Axes, Axes]:
     """Amplitude above phase of the first harmonic, with all branches.
 
@@ -59,7 +76,9 @@ def amplitude_and_phase(
     response : FrequencyResponse
     axes : pair of matplotlib Axes, optional
         Where to draw; a new figure by default.
-    component : int, optional
+    components : int or array_like of int, optional
+    **line
+        Keywords of ``Axes.plot``.
 
     Returns
     -------
@@ -68,7 +87,7 @@ def amplitude_and_phase(
     if axes is None:
         axes = plt.subplots(2, sharex=True, layout="constrained")[1]
     upper, lower = axes
-    frequency_response(response, upper, component)
-    frequency_response(response, lower, component, phase=True)
+    frequency_response(response, upper, components=components, **line)
+    frequency_response(response, lower, components=components, phase=True, **line)
     upper.set_xlabel("")
     return upper, lower

@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from .._checks import complaint
-from ._axes import made
+from ._axes import chosen, made, style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from numpy.typing import ArrayLike
 
     from ..solver.solution import Solution
 
 
-def oscillogram(solution: Solution, ax: Axes | None = None) -> Axes:
+def oscillogram(
+    solution: Solution,
+    ax: Axes | None = None,
+    *,
+    components: ArrayLike | None = None,
+    **line: Any,
+) -> Axes:
     """The solution against time, one line for each component.
 
     Parameters
@@ -21,32 +28,48 @@ def oscillogram(solution: Solution, ax: Axes | None = None) -> Axes:
     solution : Solution
     ax : matplotlib Axes, optional
         Where to draw; new axes by default.
+    components : int or array_like of int, optional
+        Which columns of ``solution.y``; all by default.
+    **line
+        Keywords of ``Axes.plot``, e.g. `label`, `color`, `lw`.
 
     Returns
     -------
     matplotlib Axes
     """
     ax = made(ax)
-    _lines(ax, solution.t, solution.y)
+    _lines(ax, solution.t, solution.y, components, line)
     ax.set(xlabel="$t$", ylabel="$x$", title="Oscillogram")
     ax.margins(x=0)
     return ax
 
 
-def velocity(solution: Solution, ax: Axes | None = None) -> Axes:
+def velocity(
+    solution: Solution,
+    ax: Axes | None = None,
+    *,
+    components: ArrayLike | None = None,
+    **line: Any,
+) -> Axes:
     """The first derivative against time; the equation's highest order must exceed 1.
 
     Parameters and return value as for `oscillogram`.
     """
     ax = made(ax)
-    _lines(ax, solution.t, _derivative(solution))
+    _lines(ax, solution.t, _derivative(solution), components, line)
     ax.set(xlabel="$t$", ylabel=r"$\dot x$", title="Velocity")
     ax.margins(x=0)
     return ax
 
 
-def phase_portrait(solution: Solution, ax: Axes | None = None) -> Axes:
-    """The orbit in its phase plane: x' against x, or the second component against the first.
+def phase_portrait(
+    solution: Solution,
+    ax: Axes | None = None,
+    *,
+    components: ArrayLike | None = None,
+    **line: Any,
+) -> Axes:
+    """The orbit in its phase plane: x' against x, or one component against another.
 
     Parameters
     ----------
@@ -54,26 +77,45 @@ def phase_portrait(solution: Solution, ax: Axes | None = None) -> Axes:
         Of an equation with highest order above 1, or with two components at least.
     ax : matplotlib Axes, optional
         Where to draw; new axes by default.
+    components : int or array_like of int, optional
+        Components whose x' is drawn against x, all by default; for orders up to 1 the two that are
+        drawn against each other, the first two by default.
+    **line
+        Keywords of ``Axes.plot``.
 
     Returns
     -------
     matplotlib Axes
     """
-    first_order_system = solution.ydot is None and solution.y.shape[1] > 1
-    slopes = solution.y[:, 1:2] if first_order_system else _derivative(solution)
-    ax = made(ax)
-    for j in range(slopes.shape[1]):
-        (line,) = ax.plot(solution.y[:, j], slopes[:, j], lw=0.8)
-        ax.plot(solution.y[0, j], slopes[0, j], "o", ms=4, color=line.get_color())
-    labels = ("$y_1$", "$y_2$") if first_order_system else ("$x$", r"$\dot x$")
+    ax, d = made(ax), solution.y.shape[1]
+    pair = solution.ydot is None and d > 1
+    which = chosen(components, d) if components is not None or not pair else [0, 1]
+    if pair and len(which) != 2:
+        required = "name two components, one against the other, for orders up to 1"
+        raise ValueError(complaint("components", required, repr(components)))
+    if pair:
+        orbits = [(solution.y[:, which[0]], solution.y[:, which[1]])]
+        labels = f"$y_{{{which[0] + 1}}}$", f"$y_{{{which[1] + 1}}}$"
+    else:
+        slopes = _derivative(solution)
+        orbits = [(solution.y[:, j], slopes[:, j]) for j in which]
+        labels = "$x$", r"$\dot x$"
+    for x, y in orbits:
+        (drawn,) = ax.plot(x, y, **style({"lw": 0.8}, line))
+        ax.plot(x[0], y[0], "o", ms=4, color=drawn.get_color())
     ax.set(xlabel=labels[0], ylabel=labels[1], title="Phase portrait")
+    if "label" in line:
+        ax.legend()
     return ax
 
 
-def _lines(ax, t, values):
-    lines = ax.plot(t, values, lw=0.8)
-    if values.shape[1] > 1:
-        ax.legend(lines, [f"component {j}" for j in range(values.shape[1])])
+def _lines(ax, t, values, components, line):
+    which = chosen(components, values.shape[1])
+    lines = ax.plot(t, values[:, which], **style({"lw": 0.8}, line))
+    if "label" in line:
+        ax.legend()
+    elif len(which) > 1:
+        ax.legend(lines, [f"component {j}" for j in which])
 
 
 def _derivative(solution):

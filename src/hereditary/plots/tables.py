@@ -6,7 +6,7 @@ of many points these are drawn as an image inside vector files.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -16,7 +16,7 @@ from matplotlib.patches import Patch
 
 from .._checks import complaint
 from ..analysis.regimes import Regime
-from ._axes import label, made
+from ._axes import label, made, style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -46,6 +46,7 @@ def lyapunov_spectrum(
     ax: Axes | None = None,
     *,
     name: str | None = None,
+    **line: Any,
 ) -> Axes:
     """An exponent over one parameter, with the line that separates growth from decay.
 
@@ -61,6 +62,8 @@ def lyapunov_spectrum(
         Where to draw, e.g. beside another spectrum; new axes by default.
     name : str, optional
         What the legend calls it; no legend without one.
+    **line
+        Keywords of ``Axes.plot``.
 
     Returns
     -------
@@ -77,7 +80,8 @@ def lyapunov_spectrum(
         drawn = sum(line.get_gid() == "series" for line in ax.lines)
         colour = _SERIES[drawn % len(_SERIES)]
         # a line breaks where a value is missing
-        ax.plot(x, y[:, k], ".-", color=colour, lw=0.9, ms=4, gid="series", label=told)
+        own = {"marker": ".", "color": colour, "lw": 0.9, "ms": 4, "label": told}
+        ax.plot(x, y[:, k], gid="series", **style(own, line))
         if bars is not None:
             ax.errorbar(x, y[:, k], bars[:, k], fmt="none", color=colour, lw=0.7)
     _cross_out(ax, x[~table.success])
@@ -88,7 +92,12 @@ def lyapunov_spectrum(
 
 
 def bifurcation(
-    table: Table, value: str = "place", ax: Axes | None = None, *, ylabel: str | None = None
+    table: Table,
+    value: str = "place",
+    ax: Axes | None = None,
+    *,
+    ylabel: str | None = None,
+    **points: Any,
 ) -> Axes:
     """Bifurcation diagram: samples of the orbit over one parameter.
 
@@ -103,6 +112,8 @@ def bifurcation(
         Where to draw; new axes by default.
     ylabel : str, optional
         The name of `value` by default.
+    **points
+        Keywords of ``Axes.plot``, e.g. `ms` or `color`.
 
     Returns
     -------
@@ -114,8 +125,9 @@ def bifurcation(
     places, samples = np.repeat(x, y.shape[1]), y.ravel()
     shown = np.isfinite(samples)
     many = int(shown.sum()) > _MANY
-    ax.plot(places[shown], samples[shown], "o", color=_BLUE, ms=1.2 if many else 2, mew=0,
-            rasterized=many)  # fmt: skip
+    own = {"ls": "", "marker": "o", "color": _BLUE, "ms": 1.2 if many else 2, "mew": 0}
+    own["rasterized"] = many
+    ax.plot(places[shown], samples[shown], **style(own, points))
     _cross_out(ax, x[~table.success])
     ax.set(xlabel=label(axis), ylabel=value if ylabel is None else ylabel)
     ax.margins(x=0.01)
@@ -127,6 +139,7 @@ def regime_map(
     regime: str = "regime",
     certainty: str | None = "certainty",
     ax: Axes | None = None,
+    **mesh: Any,
 ) -> Axes:
     """Map of dynamic regimes over two parameters; the paler a cell, the less certain.
 
@@ -141,6 +154,8 @@ def regime_map(
         Name of their certainties in [0, 1]; None to draw all of them alike.
     ax : matplotlib Axes, optional
         Where to draw; new axes by default.
+    **mesh
+        Keywords of ``Axes.pcolormesh``.
 
     Returns
     -------
@@ -157,7 +172,7 @@ def regime_map(
     colours = np.ones((*verdicts.shape, 3))
     for kind, colour in COLOURS.items():
         colours[verdicts == kind] = to_rgb(colour)
-    ax.pcolormesh(_edges(x), _edges(y), 1 - shade * (1 - colours), rasterized=True)
+    ax.pcolormesh(_edges(x), _edges(y), 1 - shade * (1 - colours), **({"rasterized": True} | mesh))
     failed = ~table.success
     if failed.any():
         rows, columns = np.nonzero(failed)

@@ -7,7 +7,7 @@ import time
 
 
 class ProgressBar:
-    """One line on a terminal: share done, time left; silent on anything but a terminal.
+    """One line on a terminal or in a notebook: share done, time left; silent elsewhere.
 
     Parameters
     ----------
@@ -22,7 +22,7 @@ class ProgressBar:
 
     def __init__(self, shown, stream=None):
         self._stream = sys.stderr if stream is None else stream
-        self._live = bool(shown) and self._stream.isatty()
+        self._live = bool(shown) and (self._stream.isatty() or _in_notebook(self._stream))
         self._began = time.perf_counter()
         self._drawn = -1.0
 
@@ -47,6 +47,11 @@ class ProgressBar:
         if self._live and self._drawn >= 0:
             self._stream.write("\n")
             self._stream.flush()
+
+
+def _in_notebook(stream):
+    """Return whether a stream is that of a notebook's kernel, which shows a line that moves."""
+    return type(stream).__module__.startswith("ipykernel.")
 
 
 def _clock(seconds):

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._checks import complaint, shown
+from .._html import paragraph, rows_of, small_figure
 from .._warning import warn
 from . import exports
 from .dense import Dense
@@ -137,6 +138,13 @@ class Solution:
         if derivative not in (0, 1):
             raise ValueError(complaint("derivative", "be 0 or 1", derivative))
         return self.dense(t, derivative, self.t[-1])
+
+    def _repr_html_(self):
+        wanted = "n_steps", "n_rhs", "n_modes", "error_estimate", "run_seconds"
+        names = [name for name in wanted if name in self.stats]
+        about = paragraph(f"{self.status}: {self.message}")
+        told = rows_of(names, [[self.stats[name] for name in names]])
+        return small_figure(self.t, self.y.real) + about + told
 
     def to_pandas(self) -> Any:
         """The rows as a pandas DataFrame.

@@ -1,5 +1,7 @@
 """The front door of the solver: checks what is asked and hands it to a run."""
 
+from __future__ import annotations
+
 import time
 from collections.abc import Callable, Sequence
 

@@ -1,0 +1,128 @@
+"""Representations in notebooks, and names that completion shows."""
+
+import inspect
+import io
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+import hereditary as hd
+from hereditary.solver.progress import ProgressBar
+
+
+class Balance(HTMLParser):
+    """Checks that tags close in order, and keeps the text."""
+
+    def __init__(self, page):
+        super().__init__()
+        self.open, self.text, self.rows = [], "", 0
+        self.feed(page)
+        self.close()
+        assert not self.open
+
+    def handle_starttag(self, tag, attrs):
+        self.rows += tag == "tr"
+        if tag != "img":
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.text += data
+
+
+def spring(t, x):
+    return -x
+
+
+def friction(t, x, memory):
+    return -x - memory[0]
+
+
+@pytest.mark.parametrize(
+    ("equation", "expected"),
+    [
+        (hd.Equation(hd.Caputo(1.8) + 0.25 * hd.Caputo(0.8), spring, [1.0, 0.0]),
+         "D1.8 y + 0.25 D0.8 y = spring(t, y)one component, from t = 0 on"),
+        (hd.Equation(hd.Caputo([0.5, 1.0]), spring, [1.0, 0.0]),
+         "D(0.5, 1) y = spring(t, y)2 components, from t = 0 on"),
+        (hd.Equation(hd.Caputo(1.8), friction, [1.0, 0.0], memory=-2 * hd.Caputo(0.5)),
+         "D1.8 y = friction(t, y, memory), memory: -2 D0.5 yone component, from t = 0 on"),
+        (hd.Equation(hd.Caputo(1) - hd.RiemannLiouville(0.5), spring, 1.0),
+         "D1 y \N{MINUS SIGN} 1 DRL0.5 y = spring(t, y)one component, from t = 0 on"),
+        (hd.Equation(np.eye(2) * hd.Caputo(0.5), spring, [1.0, 1.0]),
+         "[2 x 2 matrix] D0.5 y = spring(t, y)2 components, from t = 0 on"),
+        (hd.Equation(hd.Caputo(1) + hd.Memory(hd.Prony([1.0], [2.0]), 1), spring, 1.0),
+         "D1 y + \N{INTEGRAL} Prony(rates=(1.0,), weights=(2.0,)) y\N{PRIME} = spring(t, y)"
+         "one component, from t = 0 on"),
+        (hd.scenes.subdiffusion(0.5, 3), "D0.5 y = A y3 components, from t = 0 on"),
+    ],
+    ids=["two terms", "components", "memory", "RL", "matrix", "kernel", "linear"],
+)  # fmt: skip
+def test_an_equation_is_its_formula(equation, expected):
+    assert Balance(equation._repr_html_()).text == expected
+
+
+def test_an_order_that_varies_is_named():
+    def ageing(t):
+        return 0.5 + 0.1 * np.sin(t)
+
+    equation = hd.Equation(hd.Caputo(ageing), lambda t, y: -y, 1.0)
+    assert Balance(equation._repr_html_()).text.startswith("Dageing(t) y = f(t, y)")
+
+
+def test_a_solution_is_a_figure_and_its_numbers():
+    for sol in (
+        hd.solve(hd.scenes.relaxation(0.5), 1.0, 100),
+        hd.solve(hd.scenes.lorenz(), 1.0, rtol=1e-6),
+        hd.solve(hd.Equation(hd.Caputo(1), lambda t, y: 1j * y, 1.0 + 0j), 1.0, 10),
+    ):
+        page = sol._repr_html_()
+        assert "data:image/png;base64," in page
+        found = Balance(page)
+        assert found.rows == 2
+        assert "completed" in found.text
+        assert str(sol.stats["n_steps"]) in found.text
+
+
+def test_a_table_shows_its_first_points():
+    table = hd.sweep(
+        lambda a, b: {"<x>": a + b, "orbit": [a, b]}, {"a": range(4), "b": [0.5, 1.0, 2.0]}
+    )
+    found = Balance(table._repr_html_())
+    assert found.rows == 1 + 10
+    assert "ab<x>status" in found.text
+    assert "orbit" not in found.text.split("ab<x>status")[1]
+
+
+def test_exponents_are_a_table():
+    result = hd.lyapunov(hd.scenes.lorenz(), 10.0, 1000, k=2, verify=False)
+    found = Balance(result._repr_html_())
+    assert found.rows == 3
+    assert str(result.verdict) in found.text
+    restarted = hd.lyapunov(hd.scenes.lorenz(0.9), 5.0, 500, mode="restart", renorm=0.5)
+    assert "not exponents of this equation" in Balance(restarted._repr_html_()).text
+
+
+def test_completion_shows_public_names_alone():
+    assert set(dir(hd)) == {*hd.__all__, "__doc__", "__version__"}
+
+
+@pytest.mark.parametrize("name", [*hd.__all__])
+def test_signatures_can_be_read(name):
+    thing = getattr(hd, name)
+    if callable(thing) and not (isinstance(thing, type) and issubclass(thing, Warning)):
+        assert "numpy._typing" not in str(inspect.signature(thing))
+
+
+def test_a_bar_moves_in_a_notebook():
+    kernel = type("OutStream", (io.StringIO,), {"__module__": "ipykernel.iostream"})()
+    bar = ProgressBar(True, kernel)
+    bar.update(0.5)
+    bar.close()
+    assert "50.0 %" in kernel.getvalue()
+    plain = io.StringIO()
+    ProgressBar(True, plain).update(0.5)
+    assert plain.getvalue() == ""
