@@ -249,6 +249,8 @@ PAGES += [
         "frequency_response",
         "scenes",
         "recipes",
+        "coming_from",
+        "which_derivative",
         "large_systems",
     )
 ]
@@ -269,3 +271,13 @@ def test_exact_is_there_without_an_import_of_its_own(tmp_path):
     missing = "import sys; sys.modules['pymittagleffler'] = None; import hereditary as hd\n"
     told = "try:\n    hd.exact\nexcept ImportError as error:\n    print(error)"
     assert python(missing + told, tmp_path).endswith("pip install hereditary[exact]")
+
+
+def test_the_version_is_the_same_everywhere():
+    citation = (ROOT / "CITATION.cff").read_text()
+    assert f"\nversion: {hereditary.__version__}\n" in citation
+    assert f'version = "{hereditary.__version__}"' in (ROOT / "pyproject.toml").read_text()
+    changelog = (ROOT / "CHANGELOG.md").read_text()
+    assert f"version, {hereditary.__version__}." in changelog or (
+        f"## [{hereditary.__version__}]" in changelog
+    )

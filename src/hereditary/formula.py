@@ -21,7 +21,7 @@ def formula(equation) -> str:
 
 def _name(function):
     name = getattr(function, "__name__", type(function).__name__)
-    return "f" if name == "<lambda>" else html.escape(name)
+    return "f" if name == "<lambda>" else html.escape(name.lstrip("_"))
 
 
 def _term(term):
