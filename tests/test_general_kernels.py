@@ -5,6 +5,7 @@ import math
 import mpmath
 import numpy as np
 import pytest
+import scipy.special
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -382,3 +383,18 @@ def test_time_scales_scale(family, exponent, log_c):
     np.testing.assert_allclose(other.integral(c * t), c * one.integral(t), rtol=1e-13)
     fit = other.fit(c * 1e-3, c * 10.0, 1e-5)
     np.testing.assert_allclose(fit(c * t), one(t), rtol=1.01e-5)
+
+
+def test_a_first_step_that_values_do_not_reach_is_refused_in_the_users_words():
+    """A leading kernel given as a function: steps begin at about (rtol / 1000)**(1 / alpha)."""
+
+    def kernel(u):
+        order = 0.6 - 0.1 * np.exp(-u)
+        return u**-order / scipy.special.gamma(1 - order)
+
+    leading = hd.Memory(hd.Kernel(kernel), 1)
+    equation = hd.Equation(leading, lambda t, y: -y, 1.0)
+    coarse, fine = (hd.solve(equation, 2.0, rtol=rtol).y[-1, 0] for rtol in (1e-5, 1e-6))
+    assert coarse == pytest.approx(fine, abs=1e-5)
+    with pytest.raises(ValueError, match=r"rtol must let steps begin .* take a larger rtol, L1"):
+        hd.solve(equation, 2.0, rtol=1e-8)

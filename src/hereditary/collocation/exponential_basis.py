@@ -14,8 +14,10 @@ from functools import lru_cache
 import numpy as np
 from scipy.special import rgamma
 
+from .._checks import complaint
 from ..exponential_sum import fit_unit, grid_spacing
 from ..history.varying import SLOW_NODES, bank_of_all_orders, weights_of_orders
+from ..memory_kernels.fits import RATIO_OF_VALUES
 from ..special import mean_exponential
 
 # General kernels are fitted down to this fraction of the closest distance, and are a point mass
@@ -159,6 +161,10 @@ def _constant_until(kernel, closest, tol):
 def _fit(kernel, t_min, t_max, tol):
     """Fit a kernel to `tol`, or to the smallest tolerance above it that can be reached."""
     if kernel.by_values:
+        if t_max * _DECAYED > RATIO_OF_VALUES * t_min:
+            required = "let steps begin within 30 decades of t_end for a kernel known by its values"
+            remedy = "take a larger rtol, L1, or a kernel in closed form"
+            raise ValueError(complaint("rtol", required, f"a first distance {t_min:.1e}", remedy))
         fit = kernel.closest_fit(t_min / _DECAYED, t_max, max(1e-13, tol))
         lasting = fit.rates * t_min <= _DECAYED
         return replace(fit, rates=fit.rates[lasting], weights=fit.weights[lasting], t_min=t_min)

@@ -24,7 +24,8 @@ from .least_squares import fewer_positive, nonnegative_least_squares
 _POINTS_PER_OSCILLATION = 48
 # Where t K(t) has faded to this share of its maximum, errors count relative to this share.
 FADED = 1e-16
-_RATIO_MAX = 1e30
+# Most that the ends of a fit by values may differ by.
+RATIO_OF_VALUES = 1e30
 # Over more than this a spectral density's own rule stands: to fit fewer rates would take minutes.
 _WIDE = 1e15
 # Rates above 45 / t_min and below 0.02 / t_max cannot help.
@@ -69,7 +70,7 @@ def sampled(kernel, t_min, t_max, tol, wide=False, fading=False):
 
     Over a wide range early times count as much as late ones, however little is left of t K there.
     """
-    ratio, ratio_max = t_max / t_min, RATIO_MAX if wide else _RATIO_MAX
+    ratio, ratio_max = t_max / t_min, RATIO_MAX if wide else RATIO_OF_VALUES
     if ratio > ratio_max:
         raise ValueError(complaint("t_max", f"be at most {ratio_max:g} times t_min", t_max))
     n = math.ceil(_POINTS_PER_OSCILLATION * math.log(ratio) / trapezoid_step(0.5, tol))
