@@ -1,0 +1,264 @@
+"""Error against time beside other codes, on thirteen problems with known solutions.
+
+* `Collocation` gets below 1e-9 on each. For errors from 1e-5 down pycaputo takes at least ten times
+  as long, as far as it gets.
+* At order 1 SciPy's DOP853 takes at least 1.2 times as long for errors from 1e-7 down (van der Pol,
+  mu = 1), LSODA 0.7 times; with mu = 100 Radau takes 4 times, LSODA 1.2 times from 1e-5 down.
+* Methods of the published figures repeat the published errors, so that only their times are
+  another machine's.
+
+Milliseconds are those of a whole call, the fastest of several after one that warms up (runs of half
+a second and more are made once): compiling is not counted. Rows of "fresh process" count it, of
+whole processes with an empty cache and with a full one. Errors of P4 to P6 and van der Pol are
+those at the end, all others the largest over the mesh.
+
+pycaputo, SciPy (order 1) and Octave codes (in a folder named by HEREDITARY_OCTAVE_CODES) run where
+they are found. Docs: docs/benchmark.md.
+"""
+
+import os
+import subprocess
+import sys
+import tempfile
+import time
+import warnings
+from functools import partial
+
+import matplotlib.pyplot as plt
+import numpy as np
+from _peer_codes import by_octave, by_pycaputo, by_scipy, published, told_absent
+from _peer_problems import problems
+from _study import Study, check
+from work_precision import ENDED_EARLY, HISTORY, covered
+
+import hereditary as hd
+
+PROCESSES = {
+    "hereditary ExplicitCaputo": "import hereditary as hd; "
+    "hd.solve(hd.Equation(hd.Caputo(0.5), lambda t, y: -y, 1.0), 5.0, 1000)",
+    "hereditary Collocation": "import hereditary as hd; "
+    "hd.solve(hd.Equation(hd.Caputo(0.5), lambda t, y: -y, 1.0), 5.0, rtol=1e-6)",
+    "SciPy DOP853": "from scipy.integrate import solve_ivp; "
+    "solve_ivp(lambda t, y: -y, (0.0, 5.0), [1.0], method='DOP853', rtol=1e-6)",
+}
+OTHERS = ("pycaputo", "SciPy", "Octave")
+# Okabe and Ito's colours, a marker for each code.
+LOOKS = {
+    "Collocation": ("#000000", "*"),
+    "ExplicitCaputo": ("#56B4E9", "s"),
+    "BDF(2)": ("#0072B2", "o"),
+    "BDF(4)": ("#0072B2", "P"),
+    "L2": ("#009E73", "^"),
+    "pycaputo PECE": ("#E69F00", "v"),
+    "pycaputo ModifiedPECE": ("#E69F00", "x"),
+    "pycaputo Trapezoidal": ("#D55E00", "D"),
+    "SciPy DOP853": ("#CC79A7", "<"),
+    "SciPy LSODA": ("#CC79A7", "X"),
+    "SciPy Radau": ("#CC79A7", ">"),
+    "published": ("#666666", "+"),
+    "Octave": ("#666666", "1"),
+}
+
+
+def row(problem, code, setting, error, milliseconds, told=""):
+    return {
+        "problem": problem,
+        "code": code,
+        "setting": setting,
+        "error": f"{error:.2e}",
+        "ms": f"{milliseconds:.3g}",
+        "published": told,
+    }
+
+
+def best(call, quick, warm):
+    """Milliseconds of the fastest of several calls, and what the last one gave.
+
+    `warm` says that an earlier, shorter run has warmed it up: a long one is then run once.
+    """
+    spent, began = [], time.perf_counter()
+    found = call()
+    first = time.perf_counter() - began
+    if warm and first > 0.5:
+        return 1e3 * first, found
+    while not spent or (not quick and len(spent) < 7 and sum(spent) < 0.4):
+        began = time.perf_counter()
+        found = call()
+        spent.append(time.perf_counter() - began)
+    return 1e3 * min(spent), found
+
+
+def own_calls(problem, quick):
+    """Yield this library's ways: a tolerance, then given steps."""
+    for digits in (4, 8) if quick else (3, 4, 6, 8, 10, 12):
+        solve = partial(hd.solve, problem.equation, problem.t_end, rtol=10.0**-digits)
+        yield "Collocation", f"rtol=1e-{digits:02}", solve
+    for scheme in problem.schemes:
+        name = repr(scheme).replace("L2()", "L2").replace("ExplicitCaputo()", "ExplicitCaputo")
+        graded = name == "L2"
+        if graded and not covered(
+            scheme, scheme.mesh_plan, problem.equation, np.linspace(0, 1e-2, 11)
+        ):
+            continue
+        for n in problem.counts[:2] if quick else problem.counts:
+            how = {"n_steps": n}
+            if graded:
+                how = {"mesh": hd.graded(n, scheme.order(problem.alpha) / problem.alpha)}
+            solve = partial(hd.solve, problem.equation, problem.t_end, scheme=scheme, **how)
+            yield name, f"N={n}", partial(solve, history=HISTORY)
+
+
+def measure(problem, quick):
+    """Rows of a problem."""
+    name, warm = problem.name, set()
+    for code, setting, call in own_calls(problem, quick):
+        spent, sol = best(call, quick, code in warm)
+        warm.add(code)
+        error = np.nan if sol.status in ENDED_EARLY else problem.error(sol.t, sol.y)
+        yield row(name, code, setting, error, spent)
+    components = sol.y.shape[1]
+    for code, setting, call in [*by_pycaputo(problem, quick), *by_scipy(problem, quick)]:
+        with np.errstate(all="ignore"):
+            spent, (t, y) = best(call, quick, code in warm)
+            warm.add(code)
+            error = problem.error(t, y[:, :components])
+        yield row(name, code, setting, error if error < 1e3 else np.nan, spent)
+    for code, n, spent, error in by_octave(problem, quick):
+        yield row(name, code, f"N={n}", error, spent)
+    for code, n, spent, error, norm, known in published(problem):
+        told = f"{code}, N = {n}: norm {norm:.4g}, {known:.4g} published"
+        check(told, abs(norm / known - 1) < 0.02)
+        yield row(name, code, f"N={n}", error, spent, "published, another machine")
+
+
+def processes(quick):
+    """Rows of whole fresh processes, with an empty cache and with a full one."""
+    for code, script in PROCESSES.items():
+        with tempfile.TemporaryDirectory() as folder:
+            environment = os.environ | {"NUMBA_CACHE_DIR": folder}
+            own = code.startswith("hereditary") and not quick
+            for setting in ("empty cache", "full cache") if own else ("full cache",):
+                if quick and code.startswith("hereditary"):
+                    continue
+                began = time.perf_counter()
+                subprocess.run(
+                    [sys.executable, "-c", script], env=environment, check=True, capture_output=True
+                )
+                spent = time.perf_counter() - began
+                yield row("fresh process", code, setting, np.nan, 1e3 * spent)
+
+
+def least_ratio(rows, problem, code, most):
+    """Least time of a code's rows with errors up to `most`, over that of Collocation as accurate.
+
+    Infinite where the code gets no further than that.
+    """
+    mine = [r for r in rows if r["problem"] == problem and not r["published"]]
+    own = [r for r in mine if r["code"] == "Collocation"]
+    ratios = [
+        r["ms"] / min((c["ms"] for c in own if c["error"] <= r["error"]), default=np.inf)
+        for r in mine
+        if r["code"].startswith(code) and r["error"] <= most
+    ]
+    return min(ratios, default=np.inf)
+
+
+def check_all(rows, titles, quick):
+    """Check what is claimed of the measured rows."""
+    for name in titles:
+        ratio = least_ratio(rows, name, "pycaputo", 1e-5)
+        if np.isfinite(ratio):
+            text = f"{name}, errors from 1e-5 down: pycaputo takes {ratio:.3g} times as long"
+            check(f"{text} at least (10)", ratio >= 10, quick)
+        own = [r["error"] for r in rows if r["problem"] == name and r["code"] == "Collocation"]
+        text = f"{name}: smallest error of Collocation {min(own):.1e} (1e-9)"
+        check(text, min(own) <= 1e-9, quick)
+    for mu, code, most, bound in (
+        (1, "SciPy DOP853", 1e-7, 1.2),
+        (1, "SciPy LSODA", 1e-7, 0.7),
+        (100, "SciPy Radau", 1e-3, 4),
+        (100, "SciPy LSODA", 1e-5, 1.2),
+    ):
+        ratio = least_ratio(rows, f"van der Pol {mu}", code, most)
+        text = f"van der Pol, mu = {mu}, errors from {most:g} down: {code} takes {ratio:.3g} times"
+        check(f"{text} as long at least ({bound})", ratio >= bound, quick)
+
+
+def print_table(rows, titles):
+    """Print the fastest row of ours and of the others to three errors, in Markdown."""
+    print("| problem | error | ours | ms | others | ms |\n|---|---:|---|---:|---|---:|")
+    for name in titles:
+        for most in (1e-3, 1e-6, 1e-9):
+            close = [r for r in rows if r["problem"] == name and r["error"] <= most]
+            known = [r for r in close if not r["code"].startswith(OTHERS) and not r["published"]]
+            found = [r for r in close if r not in known]
+            told = [fastest(some) for some in (known, found)]
+            print(f"| {name} | {most:g} | {told[0]} | {told[1]} |")
+
+
+def fastest(rows):
+    """Two cells: code, setting and error, then milliseconds."""
+    if not rows:
+        return "none | "
+    r = min(rows, key=lambda r: r["ms"])
+    star = "*" if r["published"] else ""
+    setting = str(r["setting"]).replace("N=", "N = ").replace("rtol=", "rtol ")
+    return f"{r['code']}{star}, {setting}: {r['error']:.0e} | {r['ms']:.3g}"
+
+
+def look(code, told):
+    name = "published" if told else code.split(" ")[0] if "Octave" in code else code
+    color, marker = LOOKS[name]
+    size, width = (9, 2) if code == "Collocation" else (5, 1)
+    line = {"color": color, "marker": marker, "ms": size, "lw": width}
+    return line | ({"ls": ":"} if told else {}) | {"label": name}
+
+
+def draw(rows, titles):
+    figure, axes = plt.subplots(3, 5, figsize=(16, 9.5), layout="constrained")
+    handles = {}
+    for ax, (name, title) in zip(axes.flat, titles.items(), strict=False):
+        mine = [r for r in rows if r["problem"] == name and r["error"] > 0]
+        for code in dict.fromkeys(r["code"] for r in mine):
+            own = [r for r in mine if r["code"] == code]
+            how = look(code, own[0]["published"])
+            (line,) = ax.loglog([r["ms"] for r in own], [r["error"] for r in own], **how)
+            handles.setdefault(how["label"], line)
+        ax.set_title(f"{name}: {title}" if name in ("P1", "P2", "P3", "P4", "P5", "P6") else title)
+        ax.grid(alpha=0.3)
+    for ax in axes[-1]:
+        ax.set_xlabel("milliseconds")
+    for ax in axes[:, 0]:
+        ax.set_ylabel("error")
+    for ax in axes.flat[len(titles) :]:
+        ax.axis("off")
+    axes.flat[-1].legend(handles=list(handles.values()), loc="center", fontsize=9)
+    return figure
+
+
+def main():
+    if os.environ.get("OPENBLAS_NUM_THREADS") != "1":
+        # of small matrices: with more threads they wait for each other where other work runs beside
+        os.environ["OPENBLAS_NUM_THREADS"] = "1"
+        os.execv(sys.executable, [sys.executable, *sys.argv])
+    study = Study(__file__, __doc__)
+    told_absent()
+    rows, titles = [], {}
+    with warnings.catch_warnings():
+        # coarse steps are beyond stability limits and of short validity here and there
+        warnings.simplefilter("ignore")
+        for problem in problems():
+            began = time.perf_counter()
+            titles[problem.name] = problem.title
+            rows += measure(problem, study.quick)
+            print(f"{problem.name}: {time.perf_counter() - began:.1f} s")
+        rows += processes(study.quick)
+    study.write(rows)
+    rows = study.read()
+    check_all(rows, titles, study.quick)
+    print_table(rows, titles)
+    study.save(draw(rows, titles))
+
+
+if __name__ == "__main__":
+    main()
