@@ -29,6 +29,10 @@ def decay(t, y):
     return -y
 
 
+def slowed(t, y, p):
+    return -p[0] * y
+
+
 def decay_in_place(t, y, dy, p):
     dy[0] = -y[0]
 
@@ -68,6 +72,7 @@ def measure(quick):
     repeats, random = 5 if quick else 30, np.random.default_rng(0)
     half = hd.Equation(hd.Caputo(0.5), decay, 1.0)
     ours, stick_slip = hd.solve(half, 5.0, rtol=1e-8), hd.scenes.stick_slip()
+    swing = hd.Equation(hd.Caputo(0.5), slowed, 1.0, params=[1.0])
     how = {"rtol": 1e-8, "atol": 1e-10, "dense_output": True}
     theirs = solve_ivp(decay, (0.0, 5.0), [1.0], **how).sol
 
@@ -88,6 +93,8 @@ def measure(quick):
         "Collocation, rtol 1e-3": lambda: hd.solve(half, 5.0, rtol=1e-3),
         "Collocation, rtol 1e-8": lambda: hd.solve(half, 5.0, rtol=1e-8),
         "Collocation, a new order": unseen,
+        "an equation with other params": lambda: swing.replace(params=[2.0]),
+        "an equation of another order": lambda: hd.Equation(hd.Caputo(0.6), decay, 1.0),
         "dense output, one point": lambda: ours(1.234),
         "solve_ivp's, one point": lambda: theirs(1.234),
     }

@@ -1,5 +1,6 @@
 """Users' functions: what they may not do to a run, and what they read when it begins."""
 
+import pickle
 import warnings
 
 import numpy as np
@@ -260,6 +261,43 @@ def test_equations_made_from_others():
     assert not eq.replace(rhs=with_global, jac=None).has_jac
     with pytest.raises(TypeError, match="changes must be among terms, rhs, y0, params, jac"):
         eq.replace(parameters=[3.0])
+
+
+def damped(t, y, p):
+    return (p[1] * np.cos(t) - p[0]) * y
+
+
+LATER = {"t_start": 2.0}
+COMPLEX = {"y0": [1.0 + 0.5j]}
+BANDED = {"y0": [1.0, 2.0], "bandwidth": (0, 0)}
+CHAINED = {"terms": hd.Caputo(2.5) + hd.Caputo(1.0), "y0": [1.0, 0.0, 0.0]}
+
+
+@pytest.mark.parametrize("given", [{}, LATER, COMPLEX, BANDED, CHAINED], ids=str)
+def test_other_params_give_the_equation_that_they_would_have_made(given):
+    how = {"terms": hd.Caputo(0.7), "rhs": damped, "y0": 1.0} | given
+    eq = hd.Equation(params=[1.0, 0.2], **how)
+    replaced = eq.replace(params=[2.0, 0.3])
+    made = hd.Equation(params=[2.0, 0.3], **how)
+    assert replaced.params.tolist() == [2.0, 0.3]
+    assert eq.params.tolist() == [1.0, 0.2]
+    ends = [hd.solve(one, 3.0, 200).y for one in (replaced, made, eq)]
+    assert np.array_equal(ends[0], ends[1])
+    assert not np.array_equal(ends[0], ends[2])
+    again = pickle.loads(pickle.dumps(eq.replace(params=[4.0, 0.3]).replace(params=[2.0, 0.3])))
+    assert np.array_equal(hd.solve(again, 3.0, 200).y, ends[0])
+
+
+def test_other_params_are_checked():
+    eq = equation(lambda t, y, p: np.log(p[0]) * y)
+    with pytest.raises(ValueError, match="rhs must be finite at t = 0"):
+        eq.replace(params=[0.0, 1.0])
+    with pytest.raises(ValueError, match="rhs must run at t = 0, got IndexError"):
+        eq.replace(params=[])
+    with pytest.raises(ValueError, match="params must"):
+        eq.replace(params=[np.nan, 1.0])
+    with pytest.raises(AttributeError, match="cannot be changed"):
+        eq.replace(params=[2.0, 1.0]).d = 3
 
 
 @pytest.mark.parametrize(

@@ -268,6 +268,10 @@ class Equation(System):
         if unknown:
             required = f"be among {', '.join(_GIVEN)}"
             raise TypeError(complaint("changes", required, ", ".join(sorted(unknown))))
+        if changes.keys() == {"params"}:
+            found = self._with_params(_numbers(changes["params"]))
+            if found is not None:
+                return found
         for name in ("jac", "jac_memory"):
             if "rhs" in changes and getattr(self, name) is not None and "jac" not in changes:
                 remedy = "or jac=None for differences"
@@ -275,6 +279,25 @@ class Equation(System):
         if "jac" in changes:  # which are given together
             changes = {"jac_memory": None} | changes
         return Equation(**(self._arguments() | changes))
+
+    def _with_params(self, params):
+        """Return the equation with other parameters, all else shared; None where that will not do.
+
+        Functions were checked when they were compiled: here the right-hand side is called once.
+        """
+        alone = self._enlarged is None and self.structure is None and not self._callbacks
+        if not alone or params.size != self._n_params or self._present_values() != self._frozen:
+            return None
+        values, out = np.append(params, self._params[self._n_params :]), np.empty(self.d)
+        try:
+            self._rhs(0.0, self.y0[0].copy(), out, values)
+        except Exception:  # the whole way says what is wrong
+            return None
+        if not np.isfinite(out).all():
+            return None
+        found = object.__new__(Equation)
+        vars(found).update(vars(self), _params=values)
+        return found
 
     def _arguments(self):
         """Return the arguments that make this equation."""

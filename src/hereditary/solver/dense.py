@@ -63,7 +63,7 @@ class Dense:
         if not self._pieces:
             raise ValueError(complaint("t", "wait for a run that made a step", shown(times)))
         start = self._starts[0] + self._frame.start
-        if not np.all((times >= start) & (times <= end)):
+        if not ((times >= start) & (times <= end)).all():
             required = f"lie in [{start}, {end}]"
             raise ValueError(complaint("t", required, shown(times)))
         times = np.maximum(times - self._frame.start, self._starts[0])
@@ -78,7 +78,7 @@ class Dense:
     def _evaluate(self, times, derivative):
         """Return the components inside, or their slopes, at times inside, (k, d)."""
         where = last_start(np.array(self._starts), times)
-        if times.size and np.all(where == where[0]):
+        if times.size and (where == where[0]).all():
             return self._pieces[where[0]].evaluate(times, self._second, derivative)
         out = np.empty((times.size, self._second.size))
         for k in np.unique(where):
@@ -92,6 +92,6 @@ def last_start(starts, t):
 
     Steps next to a singular start may be too short for its time to change.
     """
-    last = np.searchsorted(starts, t, side="right") - 1
-    first = np.searchsorted(starts, t, side="left")
+    last = starts.searchsorted(t, side="right") - 1
+    first = starts.searchsorted(t, side="left")
     return np.where(first <= last, first, last)
