@@ -29,7 +29,8 @@ for alpha in (1.0, 0.8):
     sol = hd.solve(hd.Equation(hd.Caputo(alpha), leaky, 0.0), 12.0, rtol=1e-9, events=fire)
     spikes = sol.t_events[0]
     print(f"alpha = {alpha}: intervals", np.round(np.diff(spikes, prepend=0.0), 3))
-    ax.plot(sol.t, sol.y[:, 0], label=rf"$\alpha$ = {alpha}")
+    t = np.linspace(0.0, 12.0, 2000)
+    ax.plot(t, sol(t)[:, 0], label=rf"$\alpha$ = {alpha}")
 ax.set(xlabel="$t$", ylabel="$v$")
 ax.legend(loc="lower right")
 plt.show()

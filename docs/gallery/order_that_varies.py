@@ -21,10 +21,11 @@ def decay(t, y):
 
 
 fig, ax = plt.subplots(figsize=(6, 4), layout="constrained")
+times = np.geomspace(1e-2, 20.0, 400)
 for order, name in ((0.9, "0.9"), (0.5, "0.5"), (ageing, "from 0.9 to 0.5")):
     sol = hd.solve(hd.Equation(hd.Caputo(order), decay, 1.0), 20.0, rtol=1e-8)
-    ax.loglog(sol.t[1:], sol.y[1:, 0], label=name)
-ax.set(xlabel="$t$", ylabel="$y$", xlim=(1e-2, 20))
+    ax.loglog(times, sol(times)[:, 0], label=name)
+ax.set(xlabel="$t$", ylabel="$y$")
 ax.legend(title="order")
 
 # %%
