@@ -65,6 +65,19 @@ def test_an_equation_is_its_formula(equation, expected):
     assert Balance(equation._repr_html_()).text == expected
 
 
+def test_names_that_say_nothing_are_left_out():
+    def _(t, y):
+        return -y
+
+    equation = hd.Equation(hd.Caputo(lambda t: 0.5), _, 1.0)
+    assert Balance(equation._repr_html_()).text.startswith("Dalpha(t) y = f(t, y)")
+    fitted = hd.fit_exponentials(hd.PowerLaw(0.5), 1e-3, 1e3, 1e-6)
+    equation = hd.Equation(hd.Caputo(1) + hd.Memory(fitted, 1), spring, 1.0)
+    assert "SumKernel y" in Balance(equation._repr_html_()).text
+    equation = hd.Equation(hd.Caputo(1), lambda t, y: 1j * y, 1.0 + 0j)
+    assert "one component, complex" in Balance(equation._repr_html_()).text
+
+
 def test_an_order_that_varies_is_named():
     def ageing(t):
         return 0.5 + 0.1 * np.sin(t)

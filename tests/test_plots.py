@@ -162,4 +162,7 @@ def test_keywords_of_matplotlib_and_components(relaxation, oscillation):
 def test_keywords_of_figures_of_tables():
     table = table_of({"b": [1.0, 2.0]}, exponent=[0.1, -0.1], place=[[1.0], [2.0]])
     assert hd.plots.lyapunov_spectrum(table, c="k").lines[-1].get_color() == "k"
+    wide = table_of({"b": [1.0, 2.0]}, exponent=[0.1, -0.1], se=[0.1, 0.1])
+    ax = hd.plots.lyapunov_spectrum(wide, error="se", color="k")
+    assert np.all(ax.collections[0].get_colors()[0][:3] == 0.0)
     assert hd.plots.bifurcation(table, markersize=7).lines[0].get_markersize() == 7

@@ -4,6 +4,9 @@ import html
 
 import numpy as np
 
+# Kernels whose parameters take more letters are shown by their kind alone.
+_LONGEST = 60
+
 
 def formula(equation) -> str:
     """Return the equation's two sides and initial values as a line of HTML."""
@@ -14,14 +17,16 @@ def formula(equation) -> str:
     read = ""
     if equation.memory:
         read = f", memory: {', '.join(_term(term) for term in equation.memory)}"
-    about = f"{equation.d} components" if equation.d > 1 else "one component"
+    d = equation.d // 2 if equation.frame.paired else equation.d
+    about = f"{d} components" if d > 1 else "one component"
+    about += ", complex" * equation.frame.paired
     line = f"{left.replace('+ -', '&minus; ')} = {' + '.join(right)}"
     return f"<p><i>{line}</i>{read}</p><p>{about}, from t = {equation.t_start:g} on</p>"
 
 
-def _name(function):
-    name = getattr(function, "__name__", type(function).__name__)
-    return "f" if name == "<lambda>" else html.escape(name.lstrip("_"))
+def _name(function, otherwise="f"):
+    name = getattr(function, "__name__", type(function).__name__).lstrip("_")
+    return otherwise if name in ("<lambda>", "") else html.escape(name)
 
 
 def _term(term):
@@ -29,11 +34,13 @@ def _term(term):
     operator = term.operator
     order = getattr(operator, "order", None)
     if order is None:  # a general kernel
-        primes = "&prime;" * operator.derivative
-        return f"{factor}&int; {html.escape(repr(operator.kernel))} y{primes}"
-    told = _name(order) + "(t)" if callable(order) else _plain(order)
-    kind = "RL" if "RiemannLiouville" in repr(operator) else ""
-    return f"{factor}D<sub>{kind}</sub><sup>{told}</sup> y"
+        kernel, primes = repr(operator.kernel), "&prime;" * operator.derivative
+        if len(kernel) > _LONGEST or " at 0x" in kernel:
+            kernel = type(operator.kernel).__name__
+        return f"{factor}&int; {html.escape(kernel)} y{primes}"
+    told = _name(order, "alpha") + "(t)" if callable(order) else _plain(order)
+    kind = "<sub>RL</sub>" if "RiemannLiouville" in repr(operator) else ""
+    return f"{factor}D{kind}<sup>{told}</sup> y"
 
 
 def _number(coefficient):

@@ -179,7 +179,8 @@ class KernelOperator:
             mean = 0.0 if m else complex(self.kernel.laplace(0j))
             found = np.where(s == 0, mean, s**m * self.kernel.laplace(s))
             late, later = (abs(x * self.kernel.laplace(x)) for x in (_SLOW, _SLOWER))
-        if not np.isfinite(mean) or later > _CONSTANT * late:
+        known = m > 0 or np.isinf(self.kernel.t_last)
+        if not known or not np.isfinite(mean) or later > _CONSTANT * late:
             required = "fade" if m else "be integrable over all times"
             remedy = "periodic solutions of the past would not be forgotten"
             raise ValueError(complaint("kernel", required, repr(self.kernel), remedy))

@@ -69,6 +69,17 @@ def test_oversampled_series_are_tested_by_their_extrema():
     assert abs(both.n - 2 * tops.n) <= 1
 
 
+@pytest.mark.parametrize("take", ["maxima", "extrema"])
+def test_digitised_series_have_plateaus(take):
+    """Shoulders of a staircase are no extrema: a series of whole numbers stays regular."""
+    t = np.arange(0, 4000, 0.02 * 1.0173)
+    swing = np.sin(t) + 0.5 * np.sin(np.sqrt(2) * t)
+    whole, rounded = (hd.zero_one_test(x, take=take) for x in (swing, np.round(1000 * swing)))
+    assert rounded.verdict == "regular"
+    assert abs(rounded.n - whole.n) <= 2
+    assert rounded.k == pytest.approx(whole.k, abs=0.05)
+
+
 def test_a_constant_series_is_regular():
     assert hd.zero_one_test(np.full(300, 2.5)).k == 0.0
     noise = np.random.default_rng(0).normal(size=300)

@@ -299,6 +299,56 @@ def test_peaks_lie_between_frequencies():
     assert rising.peak() == (0.8, rising.amplitude[-1, 0])
 
 
+@pytest.mark.parametrize("force", [0.1, 0.2, 0.3, 0.6])
+def test_peaks_beside_folds_do_not_depend_on_the_frequencies_asked_for(force):
+    """Never below a response that was found, and above the highest of many by next to nothing."""
+    equation = duffing().replace(params=[1.0, force, 0.5])
+    fine = hd.frequency_response(equation, np.linspace(0.4, 2.4, 1001)).amplitude.max()
+    for n in (20, 50, 61):
+        found = hd.frequency_response(equation, np.linspace(0.4, 2.4, n))
+        assert len(found.peaks) == 1
+        assert found.peak()[1] >= found.amplitude.max()
+        assert fine - 1e-9 <= found.peak()[1] < fine * (1 + 1e-4)
+
+
+def test_a_curve_without_responses_has_no_peak():
+    with_none = hd.frequency_response(hd.scenes.duffing(), [1.0, 1.2], frequency=3)
+    assert with_none.omega.size == 0 or with_none.complete
+    if with_none.omega.size == 0:
+        assert np.all(np.isnan(with_none.peak()))
+
+
+def two_forces(t, x, p):
+    return 0.1 * np.cos(p[0] * t) + np.cos(t) - x
+
+
+def test_a_second_frequency_is_found_wherever_it_is_none():
+    """At 0.5 and 1 a force of frequency 1 has the period of the first; between them it has not."""
+    equation = hd.Equation(
+        hd.Caputo(1.8) + 0.2 * hd.Caputo(0.8), two_forces, [0.0, 0.0], params=[1.0]
+    )
+    with pytest.raises(ValueError, match="rhs must have period 2 pi / omega"):
+        hd.frequency_response(equation, np.linspace(0.5, 1.0, 6))
+
+
+def test_a_right_hand_side_without_values_is_told():
+    def rooted(t, x, p):
+        return np.sqrt(p[1]) * np.cos(p[0] * t) - x
+
+    equation = hd.Equation(hd.Caputo(1.8), rooted, [0.0, 0.0], params=[1.0, 1.0])
+    with pytest.raises(ValueError, match="rhs must be finite over a period"):
+        hd.frequency_response(equation, [1.0, 0.0, -1.0], along=1)
+
+
+def test_several_components_have_a_legend():
+    equation = hd.Equation(hd.Caputo([1.7, 0.8]), coupled, [[0.0, 0.0], [0.0, 0.0]], params=[1.0])
+    found = hd.frequency_response(equation, [0.5, 1.0, 1.5], harmonics=2)
+    ax = hd.plots.frequency_response(found, components=[0, 1], label="x")
+    texts = [text.get_text() for text in ax.get_legend().get_texts()]
+    assert texts == ["x, component 0", "x, component 1"]
+    assert hd.plots.frequency_response(found).get_legend() is None
+
+
 @pytest.mark.parametrize(
     ("kernel", "m", "message"),
     [
@@ -306,8 +356,13 @@ def test_peaks_lie_between_frequencies():
         (hd.Prony([0.0, 1.0], [1.0, 1.0]), 1, "kernel must fade"),
         (hd.TemperedPowerLaw(0.5, 0.0), 0, "kernel must be integrable over all times"),
         (hd.DistributedOrder([0.0, 0.5], [1.0, 1.0]), 1, "kernel must fade"),
+        (
+            hd.fit_exponentials(hd.PowerLaw(0.4), 1e-3, 1e3, 1e-8),
+            0,
+            "kernel must be integrable over all times",
+        ),
     ],
-    ids=["no transform", "constant", "not integrable", "order 0"],
+    ids=["no transform", "constant", "not integrable", "order 0", "a sum's mean"],
 )
 def test_kernels_without_a_steady_state_are_refused(kernel, m, message):
     terms = hd.Caputo(2.0) + hd.Memory(kernel, m)

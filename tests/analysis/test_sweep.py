@@ -231,6 +231,20 @@ def test_arrays_of_different_lengths(tmp_path):
     assert np.array_equal(again["tops"], table["tops"], equal_nan=True)
 
 
+def test_pairs_of_which_there_are_none(tmp_path):
+    """Times and heights of maxima, say: two columns, and at some points no row."""
+    for empty in ([], np.zeros((0, 2))):
+        table = hd.sweep(
+            lambda n, empty=empty: {"tops": np.ones((n, 2)) if n else empty},
+            {"n": [0, 1, 3]},
+            store=tmp_path / f"points{len(np.shape(empty))}",
+            progress=False,
+        )
+        assert table.success.all()
+        assert table["tops"].shape == (3, 3, 2)
+        assert np.isfinite(table["tops"]).sum(axis=(1, 2)).tolist() == [0, 2, 6]
+
+
 def test_failing_points_stop_nothing():
     def picky(a, b):
         if a == b:

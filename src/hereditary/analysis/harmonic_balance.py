@@ -60,6 +60,9 @@ class Balance:
             for y in (y0, y0 + 1.0):
                 times = 2 * np.pi / omega * np.array([[0.0, 0.31, 0.83], [1.0, 1.31, 1.83]])
                 values = np.array([[self._force(t, y) for t in row] for row in times])
+                if not np.isfinite(values).all():
+                    required, got = "be finite over a period", f"params {shown(self._params)}"
+                    raise ValueError(complaint("rhs", required, got))
                 apart = np.abs(values[1] - values[0]).max()
                 if not apart <= 1e-6 * np.abs(values).max():
                     required = "have period 2 pi / omega in t, omega being params"
@@ -86,6 +89,16 @@ class Balance:
         parts = x.reshape(-1, self.d, 2 * self._h + 1)
         harmonic = parts[..., 1::2] - 1j * parts[..., 2::2]
         return np.concatenate([parts[..., :1].astype(complex), harmonic], axis=2)
+
+    def amplitudes(self, x):
+        """Return the amplitudes of the first harmonic (n, d) of unknowns (n, size)."""
+        parts = x.reshape(-1, self.d, 2 * self._h + 1)
+        return np.hypot(parts[..., 1], parts[..., 2])
+
+    def rises(self, x, direction):
+        """Return what has the sign of the amplitudes' derivatives (d,) at x along a direction."""
+        parts, onwards = (v.reshape(self.d, 2 * self._h + 1)[:, 1:3] for v in (x, direction))
+        return (parts * onwards).sum(axis=1)
 
     def _operators(self, omega):
         """Return the matrices of the left sides, memory's behind, (n, 2 H + 1, 2 H + 1)."""

@@ -111,7 +111,8 @@ def lyapunov(
     Cost
     ----
     For k tangents one Jacobian a step and k more columns of memory, and 1 to 5 us a
-    renormalisation; half as much again for the second run (convergence/lyapunov_cost.py).
+    renormalisation; half as much again for the second run, and more than twice as much with
+    `ExplicitCaputo`, which takes half the step there (convergence/lyapunov_cost.py).
 
     Source
     ------

@@ -159,10 +159,14 @@ def extrema(solution, component, derivative, transient, signs=(1.0, -1.0)):
 
 
 def tops(values, signs=(1.0, -1.0)):
-    """Return the indices of local maxima, sign 1, and minima, -1, of a series (n,)."""
+    """Return the indices of local maxima, sign 1, and minima, -1, of a series (n,).
+
+    Of a plateau the first, where the series falls on both sides of it.
+    """
+    first = np.flatnonzero(np.append(True, values[1:] != values[:-1]))
     found = [
-        1 + np.flatnonzero((signed[1:-1] > signed[:-2]) & (signed[1:-1] >= signed[2:]))
-        for signed in (sign * values for sign in signs)
+        first[1:-1][(level[1:-1] > level[:-2]) & (level[1:-1] > level[2:])]
+        for level in (sign * values[first] for sign in signs)
     ]
     return np.sort(np.concatenate(found))
 

@@ -137,7 +137,7 @@ def _are_plain(values):
         return False
     # rows of unequal length raise a ValueError
     arrays = [np.asarray(value) for value in values.values()]
-    return all(array.dtype.kind in "iufU" and (array.size or array.ndim == 1) for array in arrays)
+    return all(array.dtype.kind in "iufU" and (array.size or not len(array)) for array in arrays)
 
 
 def _is_axis(values):

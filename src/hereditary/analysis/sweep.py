@@ -329,7 +329,7 @@ def _plain(returned, point):
 def _plain_value(name, value):
     array = np.asarray(str(value) if isinstance(value, enum.Enum) else value)
     kind = array.dtype.kind
-    if kind not in "biufU" or (array.size == 0 and array.ndim != 1):
+    if kind not in "biufU" or (array.size == 0 and len(array)):
         required = "be a number, a string, or an array of them"
         raise TypeError(complaint(name, required, f"a {type(value).__name__}"))
     if kind != "U":

@@ -32,7 +32,8 @@ class Table:
         The values of each axis, in the order of the array axes.
     values : dict of str to ndarray, shape table.shape + (...)
         What the function returned, under its names: float64, or strings. NaN, or an empty string,
-        where a point failed or was not computed, and behind arrays shorter than the longest one.
+        where a point gave none or one that does not fit, and behind arrays shorter than the longest
+        one.
     status : ndarray of str, shape table.shape
         "completed", what the function returned as its status, "not computed", or the exception that
         it raised, as one line of at most 200 characters.
@@ -232,7 +233,7 @@ class Columns:
             filled = np.array(rows)
             column = column.astype(np.promote_types(column.dtype, filled.dtype))
             column[(indices, slice(own[0])) if own else indices] = filled
-        for form in forms.keys() - alike - (empty if len(shape) == 1 else set()):
+        for form in forms.keys() - alike - (empty if shape else set()):
             required = f"be {kind} of shape {shape}, but for its length, as at the first point"
             got = f"{form[0]} of shape {form[1]}"
             for index in forms[form][0]:

@@ -122,7 +122,7 @@ def _tested(series, component, transient, take):
     """Return the values that are tested, and the range below which they are all the same."""
     of_solution = isinstance(series, Solution)
     take = ("maxima" if of_solution else "values") if take is None else take
-    if take not in _SIGNS and (of_solution or take != "values"):
+    if not isinstance(take, str) or (take not in _SIGNS and (of_solution or take != "values")):
         required = f'be "maxima" or "extrema"{"" if of_solution else ", or values"}'
         raise ValueError(complaint("take", required, repr(take)))
     if of_solution:

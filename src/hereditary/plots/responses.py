@@ -43,14 +43,17 @@ def frequency_response(
     """
     ax = made(ax)
     drawn = response.phase if phase else response.amplitude
-    for k, c in enumerate(chosen(components, drawn.shape[1])):
+    which = chosen(components, drawn.shape[1])
+    told = [str(line.pop("label"))] if "label" in line else []
+    for k, c in enumerate(which):
         own = style({"marker": ".", "ms": 3, "color": f"C{k}"}, line)
+        own["label"] = ", ".join(told + [f"component {c}"] * (len(which) > 1)) or None
         for number in np.unique(response.branch):
             here = response.branch == number
             dashed = {"ls": "--" if number % 2 else "-"}
             ax.plot(response.values[here], drawn[here, c], **style(dashed, own))
             own.pop("label", None)  # once for all branches
-    if "label" in line:
+    if told or len(which) > 1:
         ax.legend()
     for value in response.turning:
         ax.axvline(value, color="0.7", lw=0.8)

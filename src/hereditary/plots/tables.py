@@ -81,9 +81,10 @@ def lyapunov_spectrum(
         colour = _SERIES[drawn % len(_SERIES)]
         # a line breaks where a value is missing
         own = {"marker": ".", "color": colour, "lw": 0.9, "ms": 4, "label": told}
-        ax.plot(x, y[:, k], gid="series", **style(own, line))
+        (drawn_line,) = ax.plot(x, y[:, k], gid="series", **style(own, line))
         if bars is not None:
-            ax.errorbar(x, y[:, k], bars[:, k], fmt="none", color=colour, lw=0.7)
+            shade = drawn_line.get_color()
+            ax.errorbar(x, y[:, k], bars[:, k], fmt="none", color=shade, lw=0.7)
     _cross_out(ax, x[~table.success])
     ax.set(xlabel=label(axis), ylabel=r"exponent $\Lambda$ [1/time]")
     if name is not None:

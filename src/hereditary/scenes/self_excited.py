@@ -78,7 +78,8 @@ def van_der_pol_duffing(
     Returns
     -------
     Equation
-        The friction is memory that its right-hand side reads (docs/memory_terms.md).
+        The friction is memory that its right-hand side reads (docs/memory_terms.md); with orders
+        that vary `ExplicitCaputo` and `L1` take it.
 
     Notes
     -----
@@ -128,7 +129,8 @@ def van_der_pol_airy(
     Returns
     -------
     Equation
-        The friction is memory that its right-hand side reads (docs/memory_terms.md).
+        The friction is memory that its right-hand side reads (docs/memory_terms.md); with orders
+        that vary `ExplicitCaputo` and `L1` take it.
 
     Notes
     -----
@@ -184,7 +186,8 @@ def fitzhugh_nagumo(
     Returns
     -------
     Equation
-        The friction is memory that its right-hand side reads (docs/memory_terms.md).
+        The friction is memory that its right-hand side reads (docs/memory_terms.md); with orders
+        that vary `ExplicitCaputo` and `L1` take it.
 
     Notes
     -----

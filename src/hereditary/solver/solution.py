@@ -144,7 +144,8 @@ class Solution:
         names = [name for name in wanted if name in self.stats]
         about = paragraph(f"{self.status}: {self.message}")
         told = rows_of(names, [[self.stats[name] for name in names]])
-        return small_figure(self.t, self.y.real) + about + told
+        parts = (self.y.real, self.y.imag) if np.iscomplexobj(self.y) else (self.y,)
+        return small_figure(self.t, np.hstack(parts)) + about + told
 
     def to_pandas(self) -> Any:
         """The rows as a pandas DataFrame.
