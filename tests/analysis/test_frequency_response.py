@@ -182,6 +182,8 @@ def test_a_response_that_is_not_found_is_told():
     assert not found.complete
     assert "no response was found at the first value" in found.message
     assert found.omega.size == 0
+    assert np.all(np.isnan(found.peak()))
+    assert np.isnan(found.quality())
 
 
 KERNELS = [
@@ -309,13 +311,6 @@ def test_peaks_beside_folds_do_not_depend_on_the_frequencies_asked_for(force):
         assert len(found.peaks) == 1
         assert found.peak()[1] >= found.amplitude.max()
         assert fine - 1e-9 <= found.peak()[1] < fine * (1 + 1e-4)
-
-
-def test_a_curve_without_responses_has_no_peak():
-    with_none = hd.frequency_response(hd.scenes.duffing(), [1.0, 1.2], frequency=3)
-    assert with_none.omega.size == 0 or with_none.complete
-    if with_none.omega.size == 0:
-        assert np.all(np.isnan(with_none.peak()))
 
 
 def two_forces(t, x, p):
