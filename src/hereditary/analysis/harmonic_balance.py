@@ -11,7 +11,7 @@ from ..compiled.signatures import JAC, RHS
 
 # Samples of a period for each harmonic and at least, and relative change of a frequency in
 # differences.
-_SAMPLES, _FEWEST, _CHANGE = 8, 129, 1e-6
+_SAMPLES, _FEWEST, _CHANGE = 8, 129, 1e-7
 
 
 @entry(RHS, JAC, I8, VEC, F8, MAT, MAT, MAT)
@@ -136,8 +136,7 @@ class Balance:
             matrix[:, :, source, :] -= blocks[:, c] @ left[c]
         return found.ravel(), matrix.reshape(self.size, self.size)
 
-    def by_value(self, x, value, unit):
-        """Return the derivative of the residual by the parameter that is followed, (size,)."""
+    def by_value(self, x, value, unit, residual):
+        """Return the derivative of the residual, which is known, by the parameter, (size,)."""
         step = _CHANGE * max(abs(value), unit)
-        above, below = (self.residual(x, value + by, False)[0] for by in (step, -step))
-        return (above - below) / (2 * step)
+        return (self.residual(x, value + step, False)[0] - residual) / step

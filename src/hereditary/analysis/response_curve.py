@@ -110,7 +110,7 @@ class Curve:
     def _bordered(self, x, value, direction):
         """Return the residual, and its derivative with the product with a direction below."""
         residual, matrix = self._balance.residual(x, value)
-        beside = self._balance.by_value(x, value, self._unit)[:, None]
+        beside = self._balance.by_value(x, value, self._unit, residual)[:, None]
         return residual, np.vstack([np.hstack([matrix, beside]), self._row(direction)])
 
     def _tangent(self, x, value, previous):
