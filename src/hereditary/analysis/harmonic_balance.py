@@ -59,15 +59,15 @@ class Balance:
             omega = self._omega(value)
             for y in (y0, y0 + 1.0):
                 times = 2 * np.pi / omega * np.array([[0.0, 0.31, 0.83], [1.0, 1.31, 1.83]])
-                values = np.array([[self._force(t, y) for t in row] for row in times])
-                if not np.isfinite(values).all():
+                found = np.array([[self._force(t, y) for t in row] for row in times])
+                if not np.isfinite(found).all():
                     required, got = "be finite over a period", f"params {shown(self._params)}"
                     raise ValueError(complaint("rhs", required, got))
-                apart = np.abs(values[1] - values[0]).max()
-                if not apart <= 1e-6 * np.abs(values).max():
+                apart = np.abs(found[1] - found[0]).max()
+                if not apart <= 1e-6 * np.abs(found).max():
                     required = "have period 2 pi / omega in t, omega being params"
                     required += f"[{self._frequency}]"
-                    raise ValueError(complaint("rhs", required, f"values {shown(values.ravel())}"))
+                    raise ValueError(complaint("rhs", required, f"values {shown(found.ravel())}"))
 
     def _force(self, t, y):
         """Return the right-hand side, (d,)."""
