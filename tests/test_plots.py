@@ -166,3 +166,12 @@ def test_keywords_of_figures_of_tables():
     ax = hd.plots.lyapunov_spectrum(wide, error="se", color="k")
     assert np.all(ax.collections[0].get_colors()[0][:3] == 0.0)
     assert hd.plots.bifurcation(table, markersize=7).lines[0].get_markersize() == 7
+
+
+@pytest.mark.parametrize(
+    ("axis", "label"),
+    [("alpha", r"order $\alpha$ [-]"), ("force", "force [-]"), ("anything", "anything")],
+)
+def test_axes_name_orders_and_parameters(axis, label):
+    table = table_of({axis: [1.0, 2.0]}, exponent=[0.1, -0.1])
+    assert hd.plots.lyapunov_spectrum(table).get_xlabel() == label

@@ -16,6 +16,16 @@ LABELS = {
     "omega": r"spring frequency $\omega$ [1/time]",
     "spring_speed": r"spring speed $b$ [-]",
     "adhesion": r"adhesion $c$ [-]",
+    "stiffness": "stiffness [-]",
+    "cubic": "cubic stiffness [-]",
+    "force": "force [-]",
+    "frequency": r"frequency of the force $\omega$ [1/time]",
+    "depth": "depth of the modulation [-]",
+    "stimulus": "stimulus $z$ [-]",
+    "time_scale": r"time scale $\theta$ [time]",
+    "mu": r"excitation $\mu$ [-]",
+    "sigma": r"$\sigma$ [-]",
+    "rho": r"$\rho$ [-]",
 }
 
 
