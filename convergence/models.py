@@ -8,12 +8,17 @@ stiffness, to both sides of it, where a straight line through them is 0. Claims:
 [GatheralRadoicic2023].
 """
 
-import math
-
 import matplotlib.pyplot as plt
-import mpmath
 import numpy as np
 from _study import Study, check
+from model_references import (
+    airy_series,
+    mathieu_edges,
+    nerve_at_rest,
+    onset,
+    riccati_series,
+    selkov_onset,
+)
 
 import hereditary as hd
 
@@ -44,7 +49,7 @@ def duffing(beta):
     return growth(scenes.van_der_pol_duffing(beta, 0.8, cubic=0.0, x0=1e-6), 120.0)
 
 
-X_REST = float(max(np.roots([0.8 / 3, 0, 0.2, 0.32 - 0.7]).real))
+X_REST, *AT_REST = nerve_at_rest()
 
 
 def nerve(beta):
@@ -55,29 +60,9 @@ def mathieu(stiffness):
     return growth(scenes.mathieu(stiffness=stiffness), 600.0)
 
 
-def airy(t):
-    """Series of the van der Pol-Airy oscillator without friction at order 1.8."""
-    with mpmath.workdps(60):
-        power, total, term, n = mpmath.mpf(1.8) + 1, mpmath.mpf(1), mpmath.mpf(1), 0
-        while abs(term) > 1e-40:
-            n += 1
-            term *= (
-                -mpmath.gamma(n * power + 2 - power)
-                / mpmath.gamma(n * power + 1)
-                * mpmath.mpf(t) ** power
-            )
-            total += term
-        return float(total)
-
-
-def series(alpha, t):
-    """Power series of the Riccati equation ``D^alpha y = 1 + 2 y - y**2``."""
-    c = [0.0]
-    for k in range(80):
-        square = sum(c[i] * c[k - i] for i in range(k + 1))
-        source = (k == 0) + 2 * c[k] - square
-        c.append(source * math.gamma(k * alpha + 1) / math.gamma((k + 1) * alpha + 1))
-    return sum(value * t ** (alpha * k) for k, value in enumerate(c))
+def begins(*linear):
+    """Order of inertia at which a linear oscillator begins to oscillate."""
+    return float(onset(*linear)[0])
 
 
 def last(equation, t_end):
@@ -101,32 +86,66 @@ def heston():
 
 def rows():
     """Rows of models: number, value measured, reference, its kind, how far they may be apart."""
+    edges = mathieu_edges(0.3, 0.1, 0.5, (0.0586, 0.3414))
     found = {
-        "selkov": ("order of onset", threshold(selkov, 0.905, 0.01), 0.9054234, "Matignon", 1e-3),
+        "selkov": (
+            "order of onset",
+            threshold(selkov, 0.905, 0.01),
+            selkov_onset(0.08, 0.6),
+            "Matignon",
+            1e-3,
+        ),
         "van_der_pol_duffing": (
-            "order of onset", threshold(duffing, 1.337, 0.01), 1.3370010, "zeros", 1e-3,
+            "order of onset",
+            threshold(duffing, 1.337, 0.01),
+            begins(-1.0, 1.0, 0.8, [1.3, 1.2]),
+            "zeros",
+            1e-3,
         ),
         "van_der_pol_duffing, classical": (
-            "period", period(), 6.663286859, "integration in many digits", 1e-8,
+            "period",
+            period(),
+            6.663286859,
+            "integration in many digits",
+            1e-8,
         ),
         "van_der_pol_airy": (
-            "x(5)", last(scenes.van_der_pol_airy(friction=0.0, x0=1.0), 5.0),
-            airy(5), "series", 1e-8,
+            "x(5)",
+            last(scenes.van_der_pol_airy(friction=0.0, x0=1.0), 5.0),
+            airy_series(1.8, 5.0),
+            "series",
+            1e-8,
         ),
         "fitzhugh_nagumo": (
-            "order of onset", threshold(nerve, 1.818, 0.01), 1.8182458, "zeros", 1e-3,
+            "order of onset",
+            threshold(nerve, 1.818, 0.01),
+            begins(*AT_REST, 1.0, [1.8, 0.9]),
+            "zeros",
+            1e-3,
         ),
         "mathieu, lower edge": (
-            "stiffness", threshold(mathieu, 0.0481, 0.001), 0.0480963, "Hill determinant", 1e-3,
+            "stiffness",
+            threshold(mathieu, 0.0481, 0.001),
+            edges[0],
+            "Hill determinant",
+            1e-3,
         ),
         "mathieu, upper edge": (
-            "stiffness", threshold(mathieu, 0.329, 0.001), 0.3289510, "Hill determinant", 1e-3,
+            "stiffness",
+            threshold(mathieu, 0.329, 0.001),
+            edges[1],
+            "Hill determinant",
+            1e-3,
         ),
         "riccati": (
-            "y(0.5)", last(scenes.riccati(0.75), 0.5), series(0.75, 0.5), "series", 1e-8,
+            "y(0.5)",
+            last(scenes.riccati(0.75), 0.5),
+            riccati_series(0.75, 0.5),
+            "series",
+            1e-8,
         ),
         "riccati, rough Heston": ("Re h(3)", heston(), -2.520564, "approximant", 1e-2),
-    }  # fmt: skip
+    }
     for model, (number, value, reference, kind, within) in found.items():
         yield {
             "model": model,

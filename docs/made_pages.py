@@ -74,11 +74,11 @@ def studies(folder, scripts):
             files.append(f"[{script.stem}.csv](../../../convergence/results/{script.stem}.csv)")
         page += f"Files: {', '.join(files)}. Run it with `python convergence/{script.name}`; "
         pages[folder / f"{script.stem}.md"] = page + "`--quick` is a smoke test at small sizes.\n"
-    index = "# Studies\n\nEvery claim that the pages make about accuracy or speed is measured by a "
-    index += (
-        "script, which fails where the claim does not hold. Timings are of the machine and day "
+    index = (
+        "# Studies\n\nWhat the pages say about accuracy and speed is measured by these scripts. "
     )
-    index += "that stand in the head of each CSV.\n\n```{toctree}\n:maxdepth: 1\n\n"
+    index += "A script fails where the claim in its head does not hold. Timings are of the machine "
+    index += "and day that stand in the head of each CSV.\n\n```{toctree}\n:maxdepth: 1\n\n"
     pages[folder / "index.md"] = index + "\n".join(names) + "\n```\n"
     return pages
 

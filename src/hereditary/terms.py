@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import ClassVar, NamedTuple, Protocol
 
 import numpy as np
@@ -19,7 +20,7 @@ from .memory_kernel import MemoryKernel
 from .orders import derivative_order, rounded_order
 from .step_kernel import Integrated, PowerSteps, StepKernel
 
-# A kernel has a constant part where s K^(s) stays the same between these two s, and how nearly.
+# Values of s at which s K^(s) is the same where a kernel has a constant part, and how nearly.
 _SLOW, _SLOWER, _CONSTANT = 1e-200 + 0j, 1e-250 + 0j, 0.99
 
 
@@ -174,17 +175,9 @@ class KernelOperator:
 
     def symbol(self, s: np.ndarray) -> np.ndarray:
         """``s**m`` times the kernel's Laplace transform, by which it multiplies ``exp(s t)``."""
-        m = self.derivative
+        mean = _mean_symbol(self.kernel, self.derivative)
         with np.errstate(all="ignore"):  # at 0 a transform may be infinite
-            mean = 0.0 if m else complex(self.kernel.laplace(0j))
-            found = np.where(s == 0, mean, s**m * self.kernel.laplace(s))
-            late, later = (abs(x * self.kernel.laplace(x)) for x in (_SLOW, _SLOWER))
-        known = m > 0 or np.isinf(self.kernel.t_last)
-        if not known or not np.isfinite(mean) or later > _CONSTANT * late:
-            required = "fade" if m else "be integrable over all times"
-            remedy = "periodic solutions of the past would not be forgotten"
-            raise ValueError(complaint("kernel", required, repr(self.kernel), remedy))
-        return found
+            return np.where(s == 0, mean, s**self.derivative * self.kernel.laplace(s))
 
     def factor(self, h: float) -> float:
         """Factor on increments, 1, or on their differences, 1/h."""
@@ -202,6 +195,23 @@ class KernelOperator:
         values = self.kernel(times) if times.size else np.zeros(0)
         shown = ", ".join(f"{value:.9g}" for value in values)
         return f"{type(self.kernel).__name__}, {shown}", self.derivative
+
+
+@lru_cache(maxsize=64)
+def _mean_symbol(kernel, m):
+    """Return what a kernel on y^(m) multiplies a mean by; refuse one that never forgets the start.
+
+    A kernel has a constant part where s K^(s) stays the same as s tends to 0.
+    """
+    with np.errstate(all="ignore"):
+        mean = 0.0 if m else complex(kernel.laplace(0j))
+        late, later = (abs(s * kernel.laplace(s)) for s in (_SLOW, _SLOWER))
+    known = m > 0 or math.isinf(kernel.t_last)
+    if not known or not np.isfinite(mean) or later > _CONSTANT * late:
+        required = "fade" if m else "be integrable over all times"
+        remedy = "periodic solutions of the past would not be forgotten"
+        raise ValueError(complaint("kernel", required, repr(kernel), remedy))
+    return mean
 
 
 @dataclass(frozen=True)

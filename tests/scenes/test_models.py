@@ -2,13 +2,19 @@
 
 import math
 
-import mpmath
 import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
+from model_references import (
+    airy_series,
+    mathieu_edges,
+    nerve_at_rest,
+    onset,
+    riccati_series,
+    selkov_onset,
+)
 from references import classical, matrix
-from scipy.optimize import brentq, root
 from scipy.special import gamma, mathieu_a, mathieu_b
 
 import hereditary as hd
@@ -71,18 +77,6 @@ def test_the_nerve_is_the_system_of_fitzhugh():
     assert abs(hd.solve(nerve, 12.0, rtol=1e-10).y[-1, 0] - exact) < 1e-8
 
 
-def crossing(friction_at_rest, stiffness, order, guess):
-    """Order of inertia and frequency at which a linear oscillator begins to oscillate."""
-
-    def zero(u):
-        beta, omega = u
-        s = 1j * omega
-        value = s**beta + friction_at_rest * s**order + stiffness
-        return [value.real, value.imag]
-
-    return root(zero, guess, tol=1e-13).x
-
-
 def grows(equation, t_end):
     """Whether an oscillation about its late mean grows."""
     sol = hd.solve(equation, t_end, rtol=1e-9)
@@ -93,7 +87,7 @@ def grows(equation, t_end):
 
 
 def test_van_der_pol_duffing_begins_to_oscillate_where_its_docstring_says():
-    beta, omega = crossing(-1.0, 1.0, 0.8, [1.3, 1.2])
+    beta, omega = onset(-1.0, 1.0, 0.8, [1.3, 1.2])
     assert (beta, omega) == pytest.approx((1.337001, 1.197992), abs=1e-6)
     for apart, expected in ((-0.03, False), (0.03, True)):
         equation = hd.scenes.van_der_pol_duffing(beta + apart, 0.8, cubic=0.0, x0=1e-4)
@@ -101,9 +95,9 @@ def test_van_der_pol_duffing_begins_to_oscillate_where_its_docstring_says():
 
 
 def test_the_nerve_begins_to_fire_where_its_docstring_says():
-    x = max(np.roots([0.8 / 3, 0, 1 - 0.8, 0.8 * 0.4 - 0.7]).real)
+    x, *at_rest = nerve_at_rest()
     assert x == pytest.approx(0.906567, abs=1e-6)
-    beta, _ = crossing(3 * (x**2 - 1 + 0.8 / 9), 0.8 * x**2 + 0.2, 1.0, [1.8, 0.9])
+    beta, _ = onset(*at_rest, 1.0, [1.8, 0.9])
     assert beta == pytest.approx(1.818246, abs=1e-6)
     for apart, expected in ((-0.03, False), (0.03, True)):
         assert grows(hd.scenes.fitzhugh_nagumo(beta + apart, x0=x + 1e-4), 200.0) is expected
@@ -119,39 +113,16 @@ def test_hopf_bifurcations_of_the_nerve(stimulus):
 @pytest.mark.parametrize("beta", [1.8, 2.0])
 def test_airys_oscillator_without_friction_is_its_series(beta):
     equation = hd.scenes.van_der_pol_airy(beta, friction=0.0, x0=1.0)
-    with mpmath.workdps(60):
-        power = mpmath.mpf(beta) + 1
-        for t in (1, 5, 10):
-            total, term, n = mpmath.mpf(1), mpmath.mpf(1), 0
-            while abs(term) > 1e-40:
-                n += 1
-                term *= -mpmath.gamma(n * power + 2 - power) / mpmath.gamma(n * power + 1)
-                term *= mpmath.mpf(t) ** power
-                total += term
-            found = hd.solve(equation, float(t), rtol=1e-10).y[-1, 0]
-            assert found == pytest.approx(float(total), abs=1e-9)
-
-
-def hill(stiffness, depth, friction, order, n=15):
-    """Determinant of the harmonics k/2, k odd: 0 at the edges of instability at half frequency."""
-    k = np.arange(-2 * n - 1, 2 * n + 2, 2) / 2
-    diagonal = stiffness - k**2 + friction * (1j * k) ** order
-    beside = np.full(k.size - 1, depth / 2)
-    found = np.diag(diagonal) + np.diag(beside, 1) + np.diag(beside, -1)
-    return np.linalg.det(found / np.maximum(1, k**2)[:, None]).real
-
-
-def edges(depth, friction, order, near):
-    return [
-        brentq(hill, x - 0.03, x + 0.02, args=(depth, friction, order), xtol=1e-14) for x in near
-    ]
+    for t in (1.0, 5.0, 10.0):
+        found = hd.solve(equation, t, rtol=1e-10).y[-1, 0]
+        assert found == pytest.approx(airy_series(beta, t), abs=1e-9)
 
 
 def test_edges_of_instability_of_mathieu():
     """Without friction characteristic values of Mathieu's functions; marches on both sides."""
-    free = edges(0.3, 0.0, 0.5, (0.1, 0.4))
+    free = mathieu_edges(0.3, 0.0, 0.5, (0.1, 0.4))
     assert free == pytest.approx([mathieu_b(1, 0.6) / 4, mathieu_a(1, 0.6) / 4], abs=1e-12)
-    found = edges(0.3, 0.1, 0.5, (0.0586, 0.3414))
+    found = mathieu_edges(0.3, 0.1, 0.5, (0.0586, 0.3414))
     assert found == pytest.approx([0.0480962963, 0.3289509755], abs=1e-9)
     for edge, inwards in zip(found, (1, -1), strict=True):
         for side in (1, -1):
@@ -164,7 +135,7 @@ def test_selkov_begins_to_oscillate_where_its_docstring_says(a, b):
     jacobian = matrix(oscillating._selkov_jacobian, 0.0, [b, b / (a + b**2)], [a, b])
     trace, determinant = np.trace(jacobian), np.linalg.det(jacobian)
     assume(trace > 1e-3 and 4 * determinant > trace**2)
-    alpha = 2 / math.pi * math.atan(math.sqrt(4 * determinant - trace**2) / trace)
+    alpha = selkov_onset(a, b)
     arguments = np.abs(np.angle(np.linalg.eigvals(jacobian)))
     np.testing.assert_allclose(arguments, alpha * math.pi / 2, atol=1e-6)
 
@@ -201,14 +172,8 @@ def test_orders_of_selkov_that_vary():
 
 @given(alpha=st.floats(0.4, 1.0), linear=st.floats(-1.0, 2.0))
 def test_riccati_is_its_series_near_0(alpha, linear):
-    c = [0.0]
-    for k in range(60):
-        square = sum(c[i] * c[k - i] for i in range(k + 1))
-        source = (k == 0) + linear * c[k] - square
-        c.append(source * gamma(k * alpha + 1) / gamma((k + 1) * alpha + 1))
-    x = 0.15**alpha if alpha > 0.7 else 0.04**alpha
-    t = x ** (1 / alpha)
-    expected = sum(value * x**k for k, value in enumerate(c))
+    t = 0.15 if alpha > 0.7 else 0.04
+    expected = riccati_series(alpha, t, linear, 60)
     equation = hd.scenes.riccati(alpha, 1.0, linear, -1.0)
     assert hd.solve(equation, t, rtol=1e-10).y[-1, 0] == pytest.approx(expected, rel=1e-8)
 

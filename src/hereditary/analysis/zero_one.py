@@ -122,8 +122,9 @@ def _tested(series, component, transient, take):
     """Return the values that are tested, and the range below which they are all the same."""
     of_solution = isinstance(series, Solution)
     take = ("maxima" if of_solution else "values") if take is None else take
-    if not isinstance(take, str) or (take not in _SIGNS and (of_solution or take != "values")):
-        required = f'be "maxima" or "extrema"{"" if of_solution else ", or values"}'
+    kinds = [*_SIGNS, *["values"] * (not of_solution)]
+    if take not in kinds:
+        required = "be " + " or ".join(f'"{kind}"' for kind in kinds)
         raise ValueError(complaint("take", required, repr(take)))
     if of_solution:
         _, values = extrema(series, component, 0, transient, _SIGNS[take])
