@@ -89,3 +89,13 @@ def instance(argument, value, kind, example):
             got, remedy = f"the class {value.__name__}", f"write {value.__name__}(...)"
         raise TypeError(complaint(argument, f"be {article} {kind.__name__}", got, remedy))
     return value
+
+
+def component_numbers(components, d):
+    """Return numbers of components of d, as an array; refuse anything else."""
+    found = np.atleast_1d(np.asarray(components))
+    whole = found.ndim == 1 and found.size and found.dtype.kind in "iu"
+    if not whole or np.any(found < 0) or np.any(found >= d):
+        required = f"be numbers of components, 0 to {d - 1}"
+        raise ValueError(complaint("components", required, shown(components)))
+    return found.astype(np.int64)

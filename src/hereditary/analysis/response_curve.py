@@ -58,7 +58,7 @@ class Curve:
     def follow(self):
         """Follow the curve to the last value; return why it could not be, or nothing."""
         value = float(self._wanted[0])
-        x, _ = self._at(np.zeros(self._balance.size), value)
+        x = self._at(np.zeros(self._balance.size), value)
         if x is None:
             remedy = "begin elsewhere, or give jac and write y in units of its size"
             return f"no response was found at the first value, {value:g}: {remedy}"
@@ -154,7 +154,7 @@ class Curve:
             if wanted == value:  # found with the point before
                 continue
             guess = x + (wanted - value) / (new_value - value) * (new_x - x)
-            found, _ = self._at(guess, float(wanted))
+            found = self._at(guess, float(wanted))
             near = 2 * float(np.linalg.norm(new_x - x)) + 1e-6 * float(np.linalg.norm(x))
             if found is None or np.linalg.norm(found - guess) > near:
                 self._missed = f"no response was found at {wanted:g}, which the curve passes"
@@ -189,19 +189,19 @@ class Curve:
                 self.peaks.append(Peak(int(c), omega, height, value))
 
     def _at(self, x, value):
-        """Solve at a value from a first guess; return unknowns or None, and iterations."""
+        """Solve at a value from a first guess; return unknowns, or None."""
         before = np.inf
-        for iteration in range(_ITERATIONS):
+        for _ in range(_ITERATIONS):
             residual, matrix = self._balance.residual(x, value)
             if not np.all(np.isfinite(residual)) or not np.all(np.isfinite(matrix)):
-                return None, iteration
+                return None
             try:
                 change = np.linalg.solve(matrix, residual)
             except np.linalg.LinAlgError:
-                return None, iteration
+                return None
             x = x - change
             size, norm = float(np.linalg.norm(change)), max(float(np.linalg.norm(x)), 1e-300)
             if size <= _TOLERANCE * norm or 0.25 * before <= size <= _STALLED * norm:
-                return x, iteration
+                return x
             before = size
-        return None, _ITERATIONS
+        return None

@@ -1,11 +1,10 @@
 """Axes, their labels, and the components that are drawn."""
 
 import matplotlib.pyplot as plt
-import numpy as np
 from matplotlib.cbook import normalize_kwargs
 from matplotlib.lines import Line2D
 
-from .._checks import complaint
+from .._checks import component_numbers
 
 # Names of the scenes' parameters in figures; scaled quantities have no unit.
 LABELS = {
@@ -43,11 +42,7 @@ def chosen(components, d):
     """Return the components that are asked for, all of d by default, as a list."""
     if components is None:
         return list(range(d))
-    asked = np.atleast_1d(np.asarray(components))
-    whole = asked.ndim == 1 and asked.size > 0 and asked.dtype.kind in "iu"
-    if not whole or asked.min() < 0 or asked.max() >= d:
-        raise ValueError(complaint("components", f"hold numbers 0 .. {d - 1}", components))
-    return asked.tolist()
+    return component_numbers(components, d).tolist()
 
 
 def style(own, line):

@@ -8,7 +8,17 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._checks import complaint, count, instance, positive, real, real_array, shown, whole
+from .._checks import (
+    complaint,
+    component_numbers,
+    count,
+    instance,
+    positive,
+    real,
+    real_array,
+    shown,
+    whole,
+)
 from ..collocation.scheme import Collocation
 from ..equation import Equation
 from ..history.history import History
@@ -218,12 +228,7 @@ def _components(components, equation):
     if equation.frame.paired or equation.frame.speeds:
         required = "be left out for complex y and orders above 2"
         raise ValueError(complaint("components", required, shown(components)))
-    found, d = np.atleast_1d(np.asarray(components)), equation.d
-    whole = found.ndim == 1 and found.size and found.dtype.kind in "iu"
-    if not whole or np.any(found < 0) or np.any(found >= d):
-        required = f"be numbers of components, 0 to {d - 1}"
-        raise ValueError(complaint("components", required, shown(components)))
-    return found.astype(np.int64)
+    return component_numbers(components, equation.d)
 
 
 def _listed(functions):
