@@ -12,6 +12,7 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike
 from scipy.special import gammaincc, gammainccinv, gammaln, loggamma
 
@@ -23,7 +24,10 @@ from .special import mean_exponential
 _TRAPEZOID, _FAST, _SLOW = 0.90, 0.05, 0.05
 # The error curve in log t has the band limit 2 pi / h; 24 points per oscillation give its maximum
 # to 0.9 %, so a checked error below tol / 1.01 is a certificate.
-_POINTS_PER_OSCILLATION, _CERTIFICATE = 24, 1.01
+_DIVISIONS, _FEWEST_POINTS, _CERTIFICATE = 24, 200, 1.01
+# Steps h are multiples of 24 / 2**30: logarithms of rates and of points of the check, which divide
+# them, are then exact, and with them the products of both.
+_UNIT_STEP = _DIVISIONS / 2**30
 _TOL_MIN = 1e-13
 # Fractions of the tolerance to construct a fit for, tried until its checked error is within it.
 _FRACTIONS = 1.0, 0.9, 0.7, 0.5
@@ -192,8 +196,8 @@ def fit_unit(exponents, ratio, tol, fraction=None):
     goal = tol / _CERTIFICATE
     allowed = max(goal, _ROUNDING[0] + _ROUNDING[1] * math.log(ratio))
     for tried in _FRACTIONS if fraction is None else (fraction,):
-        rates, weights = _construct(exponents, ratio, goal * tried)
-        rates, weights, error = _trim(exponents, ratio, allowed, rates, weights)
+        found = _construct(exponents, ratio, goal * tried)
+        rates, weights, error = _trim(exponents, ratio, allowed, found)
         if error <= allowed or tried == fraction:
             break
     else:
@@ -233,7 +237,7 @@ def trapezoid_step(a, tol):
         if abs(f) < 1e-10 or f == f_previous:
             break
         u, previous, f_previous = u - f * (u - previous) / (f - f_previous), u, f
-    return min(2.0, 1 / u)
+    return _UNIT_STEP * math.floor(min(2.0, 1 / u) / _UNIT_STEP)
 
 
 def grid_spacing(exponents, tol, fraction):
@@ -242,24 +246,41 @@ def grid_spacing(exponents, tol, fraction):
     return min((trapezoid_step(a, fraction * tol / _CERTIFICATE) for a in others), default=math.inf)
 
 
+class _Grid(NamedTuple):
+    """Rates of a sum: slow ones of their own, (n,), and exp(j h) with j = first, first + 1, ...
+
+    weights (n_kernels, n + n_grid), those of the slow rates first.
+    """
+
+    slow: np.ndarray
+    h: float
+    first: int
+    weights: np.ndarray
+
+    def kept(self, n):
+        """Return the n slowest rates, ascending, and their weights."""
+        grid = np.arange(self.first, self.first + n - self.slow.size)
+        rates = np.concatenate([self.slow, np.exp(self.h * grid)])
+        order = np.argsort(rates, kind="stable")
+        return rates[order], np.take(self.weights, order, axis=1)
+
+
 def _construct(exponents, ratio, tol):
-    """Return rates and weights on the grid exp(j h), with the slow nodes of each kernel."""
+    """Return the rates on a grid, with the slow nodes of each kernel, and weights."""
     h = min(trapezoid_step(a, tol) for a in exponents)
     pieces = [_one_kernel(a, h, ratio, tol) for a in exponents]
     first = min(j0 for j0, *_ in pieces)
     last = max(j1 for _, j1, *_ in pieces)
     grid = np.arange(first, last + 1)
     slow_rates = np.concatenate([nodes for _, _, nodes, _ in pieces])
-    rates = np.concatenate([slow_rates, np.exp(h * grid)])
-    weights = np.zeros((len(exponents), rates.size))
+    weights = np.zeros((len(exponents), slow_rates.size + grid.size))
     offset = 0
     for row, a, (j0, j1, nodes, masses) in zip(weights, exponents, pieces, strict=True):
         row[offset : offset + nodes.size] = masses
         offset += nodes.size
         used = (grid >= j0) & (grid <= j1)
         row[slow_rates.size :][used] = np.exp(math.log(h) - gammaln(a) + a * h * grid[used])
-    order = np.argsort(rates, kind="stable")
-    return rates[order], weights[:, order]
+    return _Grid(slow_rates, h, first, weights)
 
 
 def _one_kernel(a, h, ratio, tol):
@@ -339,21 +360,31 @@ def _gauss_rule(x, mass, m):
     return np.maximum(nodes, 0.0), total * vectors[0] ** 2
 
 
-def _trim(exponents, ratio, goal, rates, weights):
-    """Check every kernel, and drop the fastest rates while the error stays within `goal`."""
-    h = min(trapezoid_step(a, goal) for a in exponents)
-    n_points = max(200, math.ceil(_POINTS_PER_OSCILLATION * math.log(ratio) / h))
-    t = np.exp(np.linspace(0.0, math.log(ratio), n_points))
-    t[-1] = ratio
-    table = np.exp(-np.multiply.outer(t, rates))
+def _trim(exponents, ratio, goal, found):
+    """Check every kernel, and drop the fastest rates while the error stays within `goal`.
+
+    Returns rates, weights and the largest relative error. Times of the check divide the grid of
+    rates, so that the products of both have few different values.
+    """
+    slow, h, first, weights = found
+    n_slow, n = slow.size, weights.shape[1]
+    finer = max(0, math.ceil(math.log2(_FEWEST_POINTS * h / (_DIVISIONS * math.log(ratio)))))
+    between = _DIVISIONS * 2**finer
+    logs = np.arange(math.ceil(math.log(ratio) * between / h)) * (h / between)
+    t = np.append(np.exp(logs), ratio)
+    table = np.empty((n, t.size))
+    table[:n_slow] = np.exp(-np.multiply.outer(slow, t))
+    numbers = np.arange(first * between, (first + n - n_slow - 1) * between + logs.size)
+    decayed = np.exp(-np.exp(numbers * (h / between)))  # at t times rate, exact as multiples are
+    table[n_slow:, :-1] = sliding_window_view(decayed, logs.size)[::between]
+    table[n_slow:, -1] = np.exp(-ratio * np.exp(h * np.arange(first, first + n - n_slow)))
     powers = np.array([t**a for a in exponents])
-    excess = powers * (weights @ table.T) - 1
+    excess = powers * (weights @ table) - 1
     error = float(np.abs(excess).max())
-    n = rates.size
-    while n > 1:
-        trial = excess - powers * np.multiply.outer(weights[:, n - 1], table[:, n - 1])
+    while n > max(n_slow, 1):
+        trial = excess - powers * np.multiply.outer(weights[:, n - 1], table[n - 1])
         trial_error = float(np.abs(trial).max())
         if trial_error > goal:
             break
         excess, error, n = trial, trial_error, n - 1
-    return rates[:n].copy(), weights[:, :n].copy(), error
+    return *found.kept(n), error

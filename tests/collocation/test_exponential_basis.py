@@ -58,12 +58,14 @@ def test_a_refined_basis_extends_the_old_one(orders, decades, log_tol, log_facto
 
 def test_a_basis_keeps_its_grid_where_its_tolerance_is_that_of_rounding():
     """There a fit may need a smaller share of its tolerance than one that reaches closer."""
-    old = power_law_basis([1e-4, 1.0], 4.2140230991156427e-4, 4.214e5, 2.5765157476387665e-14)
-    new = old.refine(3.880950380547688e-06)
-    assert new.fraction == old.fraction
-    np.testing.assert_allclose(new.rates[: old.rates.size], old.rates, rtol=1e-6)
-    fractions = {power_law_basis([1e-4], 10.0**-k, 4.2e5, 2.58e-14).fraction for k in range(10)}
-    assert len(fractions) > 1
+    orders, tol, alone = [0.0031612884040537552, 1.0], 3.0774780113128216e-14, []
+    for closest in (1e-2, 1e-3):
+        old = power_law_basis(orders, closest, 4.2e5, tol)
+        new = old.refine(closest / 100)
+        assert new.fraction == old.fraction
+        np.testing.assert_allclose(new.rates[: old.rates.size], old.rates, rtol=1e-6)
+        alone.append(power_law_basis(orders, new.closest, 4.2e5, tol).fraction - old.fraction)
+    assert min(alone) < 0 < max(alone)
 
 
 def test_closer_and_closer():

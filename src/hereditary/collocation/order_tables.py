@@ -5,10 +5,7 @@ import numpy as np
 from ..compiled.attempt import times_inside
 from ..compiled.structures import TABULATED, VaryingOrders, record
 from ..orders import OrderFailed
-from .quadrature import radau_integrals, radau_nodes
-
-# Number of orders between which integrals, entire functions of the order, are interpolated.
-_N_ORDERS = 24
+from .quadrature import integrals_of_rows, radau_nodes
 
 
 class OrderTables:
@@ -36,11 +33,6 @@ class OrderTables:
         self.tabulated = record(TABULATED, start=np.nan, length=np.nan)
         self.integrals = np.zeros((len(varying), s, s))
         self.weights = np.zeros((len(varying), 0, s))
-        k = np.arange(_N_ORDERS)
-        self._orders = (1 - np.cos(np.pi * (k + 0.5) / _N_ORDERS)) / 2
-        self._barycentric = (-1.0) ** k * np.sin(np.pi * (k + 0.5) / _N_ORDERS)
-        if varying:
-            self._table = np.array([radau_integrals(s, a) for a in self._orders])
 
     def clear(self):
         """Mark the tables as valid for no step."""
@@ -66,20 +58,8 @@ class OrderTables:
             if trouble:
                 raise OrderFailed(trouble)
             row[:] = order.derivative - values
-        self.integrals[:] = h ** a[:, :, None] * self._interpolated(a)
+        self.integrals[:] = h ** a[:, :, None] * integrals_of_rows(self._nodes.size, a)
         weights = orbit.varying.weights(a.ravel())
         first = n - len(weights)
         self.weights[:, first:] = weights.reshape(len(weights), *a.shape).swapaxes(0, 1)
         self.tabulated.start, self.tabulated.length = t, h
-
-    def _interpolated(self, a):
-        """Interpolate the integrals, (n_v, s, s), to the orders a (n_v, s) of their rows."""
-        gaps = a[:, :, None] - self._orders
-        coincides = gaps == 0.0
-        if coincides.any():
-            fractions = self._barycentric / (gaps + coincides)
-            fractions = np.where(coincides.any(axis=2, keepdims=True), coincides, fractions)
-        else:
-            fractions = self._barycentric / gaps
-        fractions /= fractions.sum(axis=2, keepdims=True)
-        return np.einsum("vik,kij->vij", fractions, self._table)

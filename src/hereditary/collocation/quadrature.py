@@ -8,6 +8,9 @@ from scipy.special import rgamma, roots_jacobi
 
 from ..compiled.structures import Rule
 
+# Number of orders between which integrals, entire functions of the order, are interpolated.
+_N_ORDERS = 24
+
 
 @lru_cache(maxsize=16)
 def radau_nodes(s):
@@ -32,7 +35,43 @@ def to_legendre(s):
 @lru_cache(maxsize=256)
 def radau_integrals(s, a):
     """Return the integrals of order a of the node polynomials, from 0 to each node, (s, s)."""
-    return _frozen(polynomial_integrals(s, a, radau_nodes(s)))
+    return _frozen(integrals_of_rows(s, np.full(s, a)))
+
+
+def integrals_of_rows(s, a):
+    """Return integrals as `radau_integrals`, with an order in [0, 1] for each node, (..., s, s)."""
+    weights = _towards(np.asarray(a))
+    return radau_nodes(s)[:, None] ** a[..., None] * np.einsum(
+        "...ik,kij->...ij", weights, _tabulated(s)
+    )
+
+
+def _towards(a):
+    """Return the weights that interpolate functions of the order to orders a, (..., 24)."""
+    orders, barycentric = _chebyshev_orders()
+    gaps = a[..., None] - orders
+    coincides = gaps == 0.0
+    fractions = barycentric / (gaps + coincides)
+    if coincides.any():
+        fractions = np.where(coincides.any(axis=-1, keepdims=True), coincides, fractions)
+    return fractions / fractions.sum(axis=-1, keepdims=True)
+
+
+@lru_cache(maxsize=1)
+def _chebyshev_orders():
+    """Return orders in [0, 1] and their barycentric weights."""
+    k = np.arange(_N_ORDERS)
+    orders = (1 - np.cos(np.pi * (k + 0.5) / _N_ORDERS)) / 2
+    return _frozen(orders), _frozen((-1.0) ** k * np.sin(np.pi * (k + 0.5) / _N_ORDERS))
+
+
+@lru_cache(maxsize=16)
+def _tabulated(s):
+    """Return ``J**a / t**a`` of the node polynomials at the nodes, at 24 orders a, (24, s, s)."""
+    nodes = radau_nodes(s)
+    orders, _ = _chebyshev_orders()
+    means = [polynomial_integrals(s, a, nodes) / nodes[:, None] ** a for a in orders]
+    return _frozen(np.array(means))
 
 
 @lru_cache(maxsize=256)
