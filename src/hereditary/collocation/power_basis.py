@@ -15,8 +15,8 @@ from heapq import heappop, heappush
 from operator import mul
 
 import numpy as np
-from numpy.polynomial.legendre import leggauss, legval, legvander
-from scipy.special import rgamma
+from numpy.polynomial.legendre import leggauss
+from scipy.special import legendre_p_all, rgamma
 
 # Singular values below this fraction of the largest are rounding errors of the basis.
 _CUT = 1e-14
@@ -82,9 +82,10 @@ class PowerBasis:
         self.nodes, self.between = np.exp(logs[0]), np.exp(logs[1])
         # late values count for more, to separate decaying functions from constants
         row_weights = (1 + max(map_rates, default=0.0) * np.exp(g * logs[0])) ** 0.7
-        functions = self._functions(logs[0]) * row_weights[:, None]
-        lengths = np.linalg.norm(functions, axis=0)
-        u, sizes, v = np.linalg.svd(functions / lengths, full_matrices=False)
+        self._at_logs = self._functions(self.logs)
+        functions = self._at_logs[:, : self.nodes.size] * row_weights
+        lengths = np.linalg.norm(functions, axis=1)
+        u, sizes, v = np.linalg.svd((functions / lengths[:, None]).T, full_matrices=False)
         kept = sizes > _CUT * sizes[0]
         # Two factors, to an orthonormal basis and from values to its coefficients: kept apart, the
         # rounding errors of small singular values meet only the small coefficients they belong to.
@@ -96,7 +97,11 @@ class PowerBasis:
 
     def at(self, t):
         """Return the cardinal functions, 1 at one node and 0 at the others, at t (k,); (k, n)."""
-        return (self._functions(_log(t)) @ self._mix) @ self._coefficients
+        return self._cardinal(self._functions(_log(t)))
+
+    def _cardinal(self, functions):
+        """Return the combinations of functions, (size, ...), that are cardinal, (..., n)."""
+        return (functions.T @ self._mix) @ self._coefficients
 
     def interpolate(self, values, t):
         """Interpolate `values` (..., n) at the nodes to the points t, shape (..., k).
@@ -112,13 +117,17 @@ class PowerBasis:
     @cached_property
     def _at_between(self):
         """The cardinal functions at the points between the nodes, (n + 1, n)."""
-        functions = self._functions(self.logs[self.nodes.size :])
-        return (functions @ self._mix) @ self._coefficients
+        return self._cardinal(self._at_logs[:, self.nodes.size :])
+
+    @cached_property
+    def _at_points(self):
+        """The functions at the points of the graded rule, and at 1 behind them."""
+        return self._functions(np.append(np.log(graded_rule()[0]), 0.0))
 
     @cached_property
     def at_rule(self):
         """The cardinal functions at the points of the graded rule, (k, n)."""
-        return self.at(graded_rule()[0])
+        return self._cardinal(self._at_points[:, :-1])
 
     @cached_property
     def slopes_at_end(self):
@@ -134,14 +143,13 @@ class PowerBasis:
     def slopes(self, t):
         """Return the derivatives of the cardinal functions, (k, n), possibly infinite at 0."""
         t = np.asarray(t, dtype=float)
-        total = np.zeros((t.size, len(self._degrees)))
+        total = np.zeros((len(self._degrees), t.size))
         for i, (g, c) in enumerate(self._variables):
             with np.errstate(divide="ignore", invalid="ignore"):
                 inner = 2 * g * t ** (g - 1) * (1 + c) / (1 + c * t**g) ** 2
             varying = self._degrees[:, i] > 0
-            part = self._functions(_log(t), derivative=i)[:, varying]
-            total[:, varying] += inner[:, None] * part
-        return (total @ self._mix) @ self._coefficients
+            total[varying] += inner * self._functions(_log(t), derivative=i)[varying]
+        return self._cardinal(total)
 
     def integrals(self, orders):
         """Return ``J**a`` of the cardinal functions at nodes and between, (n_a, 2 n + 1, n)."""
@@ -152,10 +160,8 @@ class PowerBasis:
         """Return ``J**a / t**a`` of the cardinal functions, finite for all t, (n_a, 2 n + 1, n)."""
         log_points, weights = self._mean_rule(orders)
         values = self._functions(np.add.outer(self.logs, log_points).ravel())
-        inner = np.tensordot(
-            weights, values.reshape(self.logs.size, log_points.size, -1), (1, 1)
-        )  # (n_a, 2 n + 1, j)
-        return (inner @ self._mix) @ self._coefficients
+        inner = values.reshape(-1, self.logs.size, log_points.size) @ weights.T
+        return self._cardinal(inner)  # from (size, 2 n + 1, n_a)
 
     def _mean_rule(self, orders):
         """Return a rule for ``J**a q(1)`` of functions of the basis, at t u for any t in [0, 1].
@@ -164,13 +170,11 @@ class PowerBasis:
         powers of u, so that one rule at the nodes serves all t; rational maps are none.
         """
         u, v, rule = graded_rule()
-        logs = np.append(np.log(u), 0.0)
         # the width that the rule leaves out contributes a power of itself
         weights = [rgamma(a) * np.append(rule * v ** (a - 1), LEFT_OUT**a / a) for a in orders]
         if self.map_rates:
-            return logs, np.array(weights)
-        values, wanted = self._functions(self.logs[: self.nodes.size]).T, self._functions(logs).T
-        wanted = wanted @ np.array(weights).T
+            return np.append(np.log(u), 0.0), np.array(weights)
+        values, wanted = self._at_logs[:, : self.nodes.size], self._at_points @ np.array(weights).T
         found = np.zeros((self.nodes.size, len(orders)))
         for _ in range(2):  # and what rounding has left
             found += np.linalg.lstsq(values, wanted - values @ found, 1e-16)[0]
@@ -184,42 +188,49 @@ class PowerBasis:
         u, v, weights = graded_rule()
         ends = np.exp(self.logs)
         values = self._functions(np.add.outer(self.logs, np.log(u)).ravel())
-        values = values.reshape(ends.size, u.size, -1)
+        values = values.reshape(-1, ends.size, u.size)
         distances = np.maximum(h * np.multiply.outer(ends, v), _NEXT_TO_0)
         kernels = kernel(distances) * weights * (h * ends)[:, None]
-        inner = np.einsum("kq,kqj->kj", kernels, values)
+        inner = np.einsum("kq,jkq->jk", kernels, values)
         # the width that the rule leaves out
         rest = kernel.integral(np.maximum(h * ends * LEFT_OUT, _NEXT_TO_0))
-        inner += self._functions(self.logs) * rest[:, None]
-        return (inner @ self._mix) @ self._coefficients
+        inner += self._at_logs * rest
+        return self._cardinal(inner)
 
     def _functions(self, log_t, derivative=None):
-        """Return the products of polynomials, (k, size), one variable's differentiated if given."""
-        product = np.ones((log_t.size, len(self._degrees)))
-        for i, (variable, degrees) in enumerate(zip(self._variables, self._degrees.T, strict=True)):
-            values = _polynomials(log_t, *variable, int(degrees.max()), i == derivative)
-            product *= values[:, degrees]
+        """Return the products of polynomials, (size, k), one variable's differentiated if given."""
+        product = np.empty((len(self._degrees), log_t.size))
+        highest = self._degrees.max(axis=0).tolist()
+        tables = [
+            _polynomials(log_t, *variable, degree, i == derivative)
+            for i, (variable, degree) in enumerate(zip(self._variables, highest, strict=True))
+        ]
+        # row by row: arrays of all would take ten times as long to allocate
+        for row, degrees in zip(product, self._degrees.tolist(), strict=True):
+            row[:] = tables[0][degrees[0]]
+            for table, degree in zip(tables[1:], degrees[1:], strict=True):
+                row *= table[degree]
         return product
 
 
 def _polynomials(log_t, g, c, highest, differentiated):
     """Return polynomials in t**g, or its rational map of rate c, of degree up to `highest`.
 
-    Where c > 0 those above degree 0 are 1 / (1 + c t**g) times Legendre polynomials. If
-    `differentiated` the derivatives with respect to 2 t**g - 1 are returned.
+    The shape is (highest + 1, k). Where c > 0 those above degree 0 are 1 / (1 + c t**g) times
+    Legendre polynomials. If `differentiated` the derivatives with respect to 2 t**g - 1 are
+    returned.
     """
     u = np.exp(g * log_t)
     decay = 1 / (1 + c * u)
     x = 2 * (1 + c) * u * decay - 1
     degree = highest - 1 if c and highest else highest
-    values = legvander(x, degree)
+    values, *slopes = legendre_p_all(degree, x, diff_n=1 if differentiated else 0)
     if differentiated:
-        slopes = np.array([legval(x, _slope(k)) for k in range(degree + 1)]).T
         if not c:
-            return slopes
-        slopes = slopes * decay[:, None] - values * c / (2 * (1 + c))
-        return np.hstack([np.zeros((x.size, 1)), slopes])
-    return np.hstack([np.ones((x.size, 1)), values * decay[:, None]]) if c else values
+            return slopes[0]
+        slopes = slopes[0] * decay - values * c / (2 * (1 + c))
+        return np.vstack([np.zeros((1, x.size)), slopes])
+    return np.vstack([np.ones((1, x.size)), values * decay]) if c else values
 
 
 def _scales(variables, n_first):
@@ -283,12 +294,6 @@ def graded_rule():
     half = (ends[:-1, None] + widths * (1 + x) / 2).ravel()
     weights = (widths * w / 2).ravel()
     return np.concatenate([half, 1 - half]), np.concatenate([1 - half, half]), np.tile(weights, 2)
-
-
-@lru_cache(maxsize=64)
-def _slope(k):
-    """Return the Legendre coefficients of P_k'."""
-    return np.polynomial.legendre.legder(np.eye(k + 1)[k]) if k else np.zeros(1)
 
 
 def _smallest_sums(variables, n_first, size):
