@@ -16,7 +16,7 @@ from operator import mul
 
 import numpy as np
 from numpy.polynomial.legendre import leggauss
-from scipy.special import legendre_p_all, rgamma
+from scipy.special import rgamma
 
 # Singular values below this fraction of the largest are rounding errors of the basis.
 _CUT = 1e-14
@@ -224,13 +224,35 @@ def _polynomials(log_t, g, c, highest, differentiated):
     decay = 1 / (1 + c * u)
     x = 2 * (1 + c) * u * decay - 1
     degree = highest - 1 if c and highest else highest
-    values, *slopes = legendre_p_all(degree, x, diff_n=1 if differentiated else 0)
+    values = _legendre(x, degree)
     if differentiated:
+        slopes = _slopes(values)
         if not c:
-            return slopes[0]
-        slopes = slopes[0] * decay - values * c / (2 * (1 + c))
+            return slopes
+        slopes = slopes * decay - values * c / (2 * (1 + c))
         return np.vstack([np.zeros((1, x.size)), slopes])
     return np.vstack([np.ones((1, x.size)), values * decay]) if c else values
+
+
+def _legendre(x, degree):
+    """Return the Legendre polynomials up to this degree at x (n,), exact at -1 and 1; (., n)."""
+    values = np.ones((degree + 1, x.size))
+    values[1:2] = x
+    for k in range(2, degree + 1):
+        product = x * values[k - 1]
+        np.subtract(product, values[k - 2], out=values[k])
+        values[k] *= (k - 1) / k
+        values[k] += product
+    return values
+
+
+def _slopes(values):
+    """Return the derivatives of Legendre polynomials from their values, (degree + 1, n)."""
+    slopes = np.zeros_like(values)
+    slopes[1:2] = 1.0
+    for k in range(2, len(values)):
+        slopes[k] = slopes[k - 2] + (2 * k - 1) * values[k - 1]
+    return slopes
 
 
 def _scales(variables, n_first):
