@@ -22,8 +22,9 @@ _STRETCHES, _STILL, _REFUSED, _MOST_STEPS = 4, 1e-2, 0.125, 1e7
 # A run that ends blows up if the solution, larger than before, grew by more than this fraction over
 # the last step and the next step was not refused below _WALL times its length.
 _GROWING, _WALL = 1e-3, 1e-8
-# Distances ahead at which f is evaluated, in lengths of the last step.
-_DISTANCES_AHEAD = (1.0, 10.0, 100.0, 1000.0)
+# Distances ahead at which f is evaluated, in lengths of the last step; it jumps where it changes by
+# more than a fraction of its size on the way, for steps are as short as they can be.
+_DISTANCES_AHEAD, _JUMP = (0.0, 1.0, 10.0, 100.0, 1000.0), 0.1
 _NOT_FINITE = "the right-hand side is not finite just ahead"
 _JUMPS = (
     "the right-hand side jumps, or stops being finite, wherever the solution goes on (it may slide "
@@ -128,22 +129,22 @@ def ending(status, equation, t, h, refused, last, peak):
     growing = np.any(now.max(axis=1) > largest.max(axis=1)) and refused > _WALL * h
     if status != JUMPING and growing:
         return BLOWN_UP
-    if not _finite_ahead(equation, t, h, last[POSITION]):
+    forces = _forces_ahead(equation, t, h, last[POSITION])
+    if not np.all(np.isfinite(forces)):
         return Ending(Status.STEP_TOO_SMALL, _NOT_FINITE)
-    if status == NOT_SOLVED:
+    jumps = np.abs(forces - forces[0]).max() > _JUMP * np.abs(forces).max()
+    if status == NOT_SOLVED and not jumps:
         return UNSOLVED
-    return Ending(Status.STEP_TOO_SMALL, _JUMPS) if status == JUMPING else TOO_STEEP
+    return Ending(Status.STEP_TOO_SMALL, _JUMPS) if status in (JUMPING, NOT_SOLVED) else TOO_STEEP
 
 
-def _finite_ahead(equation, t, h, y):
-    """Return whether f is finite where the last step, y (d, s) of length h, points to.
+def _forces_ahead(equation, t, h, y):
+    """Return f where the last step, y (d, s) of length h, points to, shape (n, d).
 
     It is evaluated at points extrapolated linearly from the first and the last node.
     """
-    force = np.empty(equation.d)
-    for distance in _DISTANCES_AHEAD:
+    forces = np.empty((len(_DISTANCES_AHEAD), equation.d))
+    for force, distance in zip(forces, _DISTANCES_AHEAD, strict=True):
         point = y[:, -1] + distance * (y[:, -1] - y[:, 0])
         equation._rhs(t + distance * h, point, force, equation._params)
-        if not np.all(np.isfinite(force)):
-            return False
-    return True
+    return forces
