@@ -16,6 +16,8 @@ _TINY = 5e-324
 _ROUNDED = 64 * np.finfo(float).eps
 # Fractions of the first step after a change that are looked at too.
 _NEXT = 10.0 ** np.arange(-9, 0)
+# Values below this fraction of the largest one over a step may be its rounding.
+_HIDDEN = 1e-13
 
 
 class Events:
@@ -93,12 +95,16 @@ class Events:
         self._last, self.fired = earlier | self.fired, {}
         # switches at which the run begins, which it may yet turn out to leave to the other side
         self._open: set[int] = set()
+        # events that have changed y where they vanish still, or that did not see the change
+        self._unsettled: set[int] = set()
         for number, (value, sign) in enumerate(zip(self._values, after, strict=True)):
             if number >= self._n_told and value == 0 and not sign:
                 self._open.add(number)
                 sign = 1.0
             elif value == 0 and not sign and self._looks == 1 and number in self._last:
                 sign = -self._last[number]  # a change took it back; steps show no more of it
+            if number < self._n_told and number in self._last and (value == 0 or sign):
+                self._unsettled.add(number)
             # a run that begins at a zero may stand on either side of it by its tolerance
             if sign * np.sign(value) <= 0 and sign:
                 self._values[number] = math.copysign(max(abs(value), _TINY), sign)
@@ -128,6 +134,8 @@ class Events:
             at_once = max(at_once, self._start + self._at_once * (edges[1] - edges[0]))
         for number, function in enumerate(self._functions):
             values = np.append(self._values[number], self._seen(function, times[1:], rows[1:]))
+            if edges[0] == self._start and number in self._unsettled and self._looks > 1:
+                self._settle(number, values)
             self._values[number] = values[-1]
             left = self._limits[number] - self._n_found(number)
             for t, sign in self._zeros(function, times, values, at):
@@ -155,6 +163,15 @@ class Events:
         end = self._end(end, acting, edges)
         self._keep(sorted(found), min(end, edges[-1]), at)
         return None if end == math.inf else float(end)
+
+    def _settle(self, number, values):
+        """Set the first of an event's values after its change, which rounding may hide.
+
+        A bounce may be too short for the step that comes after it; the event has then turned back.
+        """
+        hidden = np.abs(values) <= _HIDDEN * np.nanmax(np.abs(values))
+        if hidden[1] and not hidden.all():
+            values[: np.argmin(hidden[1:]) + 1] = math.copysign(_TINY, -self._last[number])
 
     def _comes_back(self, number, t, sign, at_once):
         """Return whether a zero at t is that from which the run has just gone on."""
