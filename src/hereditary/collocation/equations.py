@@ -76,6 +76,19 @@ class Form:
     from_zero: tuple[tuple[int, int], ...] = ()
 
     @cached_property
+    def listed(self) -> list[tuple[int, int, int, float]]:
+        """Row, integrand, index of order or kernel, and coefficient of each convolution term."""
+        return self.terms.tolist()
+
+    @cached_property
+    def groups(self) -> list["Group"]:
+        """The convolution terms, with all that differ by their rows alone in one group."""
+        found: dict[tuple, list] = {}
+        for number, (row, *kind) in enumerate(self.listed):
+            found.setdefault(tuple(kind), []).append((row, number))
+        return [Group(*kind, *np.array(places).T) for kind, places in found.items()]
+
+    @cached_property
     def n_rows(self) -> int:
         """Number of sums of convolution terms that a step needs, of which each is one row.
 
@@ -90,7 +103,7 @@ class Form:
         """Number of the kind of each component, all of one kind having the same terms, (d,)."""
         d = self.second.size
         terms: list[list] = [[] for _ in range(d)]
-        for row, *term in self.terms.tolist():
+        for row, *term in self.listed:
             terms[row % d].append((row // d, *term))
         how = zip(terms, self.second.tolist(), self.implicit.tolist(), strict=True)
         numbers: dict[tuple, int] = {}
@@ -137,6 +150,16 @@ class Form:
         if trouble:
             raise OrderFailed(trouble)
         return 1 - order.derivative + float(values[0])
+
+
+class Group(NamedTuple):
+    """Convolution terms that differ by their rows alone; their numbers among all terms."""
+
+    integrand: int
+    index: int
+    coefficient: float
+    rows: np.ndarray
+    numbers: np.ndarray
 
 
 class _Row(NamedTuple):

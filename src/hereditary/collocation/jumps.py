@@ -7,7 +7,6 @@ keeps p continuous: at t = 0, and wherever f jumps, p jumps until the equation h
 import numpy as np
 
 from ..compiled.operators import ITSELF, PRIMARY, SLOPE
-from .orbit import convolution_terms
 
 # Distance at which kernels are evaluated for their value at 0.
 _NEXT_TO_0 = 1e-300
@@ -57,7 +56,7 @@ def _stiffness(form):
     """Return ``sum_k c_k K_k(0)`` over terms with p', infinite for singular kernels; (d,)."""
     d, n_a = form.second.size, form.orders.size
     total = np.zeros(d)
-    for c, q, k, coefficient in convolution_terms(form):
+    for c, q, k, coefficient in form.listed:
         if q != SLOPE:
             continue
         bounded = n_a <= k < n_a + len(form.kernels)
@@ -72,7 +71,7 @@ def _coefficients_of_p(form):
     """Return the coefficients of p itself among the terms, (d,)."""
     d = form.second.size
     total = np.zeros(d)
-    for c, q, k, coefficient in convolution_terms(form):
+    for c, q, k, coefficient in form.listed:
         if k == ITSELF and q == PRIMARY:
             total[c % d] += coefficient
     return total

@@ -224,7 +224,7 @@ class OrbitAndTangents:
     def jump_to(self, p, x):
         """Set p and y, (1 + k, d), and add the jump of p to the modes."""
         d = x.shape[1]
-        for c, q, k, coefficient in convolution_terms(self._form):
+        for c, q, k, coefficient in self._form.listed:
             if q == SLOPE and k != ITSELF:
                 self.modes[:, c] += coefficient * self.weights[k] * (p - self.p)[:, c % d, None]
         self.p, self.x = p, x
@@ -269,7 +269,7 @@ class OrbitAndTangents:
         _, v, weights = graded_rule()
         log_u, integrands = log_distances - np.log(self._last_length), self._integrands()
         u = np.exp(log_u)
-        for row, (c, q, k, coefficient) in enumerate(convolution_terms(self._form)):
+        for row, (c, q, k, coefficient) in enumerate(self._form.listed):
             if k >= self._form.orders.size:
                 continue  # included in the modes of general kernels
             a, offset = self._form.orders[k], self._last_offsets[:, row, None]
@@ -304,7 +304,7 @@ class OrbitAndTangents:
             advanced[:, (2 + b) * d : (3 + b) * d] += (
                 self._last_length * self.of_varying * input_part
             )
-        for row, (c, q, k, coefficient) in enumerate(convolution_terms(self._form)):
+        for row, (c, q, k, coefficient) in enumerate(self._form.listed):
             if k == ITSELF:
                 continue
             input_part = (integrands[:, q, c % d] - self._last_offsets[:, row, None]) @ damped.T
@@ -316,23 +316,6 @@ class OrbitAndTangents:
 def at_rule(s):
     """Return the polynomials of the s nodes at points of the graded rule, (k, s)."""
     return legvander(2 * graded_rule()[0] - 1, s - 1) @ to_legendre(s)
-
-
-def convolution_terms(form):
-    """List row, integrand, index of order or kernel, and coefficient of each term."""
-    return form.terms.tolist()
-
-
-def grouped_terms(form, numbered=False):
-    """List integrand, index, coefficient and rows (ndarray) of terms that differ by rows alone.
-
-    With `numbered` their numbers among all terms stand behind.
-    """
-    groups: dict[tuple, list] = {}
-    for number, (row, *kind) in enumerate(convolution_terms(form)):
-        groups.setdefault(tuple(kind), []).append((row, number))
-    found = [(*kind, *np.array(places).T) for kind, places in groups.items()]
-    return found if numbered else [group[:4] for group in found]
 
 
 def _round_to_decades(closest, farthest):

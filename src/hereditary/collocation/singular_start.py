@@ -12,7 +12,6 @@ from scipy.special import rgamma
 from ..compiled.operators import FORCE, POSITION, PRIMARY
 from ..compiled.single_step import SINGLE_STEPS
 from ..schemes.stability import eigenvalues
-from .orbit import grouped_terms
 from .power_basis import TINY, choose_map_rates, power_basis
 from .stages import has_stages, stage_solver
 
@@ -81,6 +80,7 @@ class SingularStart:
         orbit, t, t_stop = self._orbit, self._t, self._t_stop
         basis = power_basis(self._form.generators, map_rates)
         points = np.concatenate([basis.nodes, basis.between])
+        self._stages = stage_solver(self._equation.structure, self._form, basis.nodes.size)
         operators = basis.integrals(tuple(self._form.orders.tolist()))
         n_columns, d = orbit.x.shape
         values = np.empty((n_columns, 3, d, basis.nodes.size))
@@ -121,7 +121,7 @@ class SingularStart:
         form = self._form
         d = form.second.size
         of_force, of_p = np.zeros(d), np.zeros(d)
-        for q, k, coefficient, rows in grouped_terms(form):
+        for q, k, coefficient, rows, _ in form.groups:
             own = rows[rows < d]
             if k < form.orders.size and q in (FORCE, PRIMARY):
                 factors = of_force if q == FORCE else of_p
@@ -146,8 +146,7 @@ class SingularStart:
     def _solve_and_check(self, basis, times, h, base, operators, local, values):
         """Solve for the values at the nodes; return whether the orbit also holds between them."""
         equation, form, orbit, state = self._equation, self._form, self._orbit, self._state
-        n = basis.nodes.size
-        stages = stage_solver(equation.structure, form, n)
+        n, stages = basis.nodes.size, self._stages
         solved = SINGLE_STEPS[self._many](
             equation._rhs, equation._jac, int(equation.has_jac), equation._params, stages.solver,
             stages.stages, orbit.equations(), times[:n], np.ascontiguousarray(operators[:, :n]),
@@ -176,7 +175,7 @@ class SingularStart:
     def _size(self, h):
         """Estimate the size of p on a step of length h, (d,)."""
         form, size = self._form, self._largest.copy()
-        for q, k, coefficient, rows in grouped_terms(form):
+        for q, k, coefficient, rows, _ in form.groups:
             own = rows[form.second[rows % size.size] == 1]
             if q == FORCE and own.size:
                 size[own] += abs(coefficient * self._force[own]) * h ** form.orders[k]
@@ -186,23 +185,23 @@ class SingularStart:
         """Return the defects of the equations between the nodes, and errors of the basis, (d,)."""
         equation, form, orbit = self._equation, self._form, self._orbit
         found, d, n_a = base.copy(), form.second.size, form.orders.size
-        for q, k, coefficient, rows, numbers in grouped_terms(form, numbered=True):
+        for q, k, coefficient, rows, numbers in form.groups:
             integrand = values[q, rows % d] - orbit.offsets[0, numbers][:, None]
             matrix = h ** form.orders[k] * operators[k] if k < n_a else local[k - n_a]
             found[rows] += coefficient * (integrand @ matrix.T)
         p = found[:d]
         x = orbit.x[0][:, None] + h * (values[PRIMARY] @ operators[-1].T)
         x = np.where(form.second[:, None] == 1, x, p)
-        f, out = np.empty_like(x), np.empty(d)
-        for i, t in enumerate(times):
-            equation._rhs(t, np.ascontiguousarray(x[:, i]), out, equation._params)
-            f[:, i] = out
+        points, f = np.ascontiguousarray(x.T), np.empty(x.shape[::-1])
+        for t, point, force in zip(times.tolist(), points, f, strict=True):
+            equation._rhs(t, point, force, equation._params)
+        f = f.T
         f[: form.n_rows - d] -= found[d:]
         self._state.counts["rhs"] += times.size
         deviation_at = np.abs(np.array([f, p, x]) - basis.interpolate_between(values))
         deviation = deviation_at.max(axis=2)
         defect = np.zeros(d)
-        for q, k, coefficient, rows in grouped_terms(form):
+        for q, k, coefficient, rows, _ in form.groups:
             own = rows[rows < d]
             size = h ** form.orders[k] if k < n_a else np.abs(local[k - n_a]).sum(axis=1).max()
             defect[own] += abs(coefficient) * size * deviation[q, own]
