@@ -105,6 +105,13 @@ def as_row(values):
 
 def dense_of(jac, table):
     """Return a dense Jacobian from one that sets the values of entries, whose `table` is (5, k)."""
+    return _dense_of(jac, table.tobytes(), table.shape)
+
+
+@lru_cache(maxsize=64)
+def _dense_of(jac, content, shape):
+    """Return `dense_of`, compiled once for tables of this content."""
+    table = np.frombuffer(content).reshape(shape).copy()
 
     def dense(t, y, out, params):
         entries = table.copy()

@@ -211,23 +211,24 @@ def assembled(said, functions, d):
     if structure is not None:
         if alone or jac is not None:
             jac = entries_of(jac, said.shape, linear)
-    elif said.rows is not None and jac is not None:  # of few components
-        table = Structure.of(d, said.rows, said.columns, said.places, said.linear).entries
-        jac = dense_of(entries_of(jac, said.shape, linear), table)
-    elif linear and (alone or jac is not None):
-        jac = dense_with_linear(jac)
+    elif alone or jac is not None:
+        if said.rows is not None and jac is not None:  # of few components
+            table = Structure.of(d, said.rows, said.columns, said.places, None).entries
+            jac = dense_of(entries_of(jac, said.shape, False), table)
+        jac = dense_with_linear(jac) if linear else jac
     return params, rhs, jac, structure
 
 
 def constant_part(matrix):
-    """Return the Jacobian of ``matrix @ y`` as a function, and its `Structure` or None."""
+    """Return the Jacobian of ``matrix @ y`` as a function, and its `Structure` or None.
+
+    Without a structure it is dense, and reads the matrix behind the parameters.
+    """
     d = matrix.shape[0]
+    if d <= FEW or 2 * matrix.nnz >= d * d:
+        return dense_with_linear(None), None
     nothing = np.zeros(0, dtype=np.int64)
-    structure = Structure.of(d, nothing, nothing, nothing, matrix)
-    jac = entries_of(None, (0,), True)
-    if d > FEW and 2 * matrix.nnz < d * d:
-        return jac, structure
-    return dense_of(jac, structure.entries), None
+    return entries_of(None, (0,), True), Structure.of(d, nothing, nothing, nothing, matrix)
 
 
 def stated(d, rhs, jac, rearranged, bandwidth=None, jac_sparsity=None, linear=None):

@@ -181,6 +181,8 @@ class System:
     def linearly_implicit(self) -> "System":
         """Return the system whose Jacobian is the constant matrix of its right-hand side alone."""
         jac, structure = constant_part(self.matrix)
+        if structure is None and self.frame.start != 0:
+            jac = _shifted(jac)
         how = jac, self.sources, structure
         return System(self.left, self.y0, self._params, self._rhs, *how)
 

@@ -153,10 +153,14 @@ class Form:
 
 
 class Group(NamedTuple):
-    """Convolution terms that differ by their rows alone; their numbers among all terms."""
+    """Convolution terms that differ by their rows alone.
+
+    Their integrand, the place of their order or kernel, and their coefficient are those of `Form`;
+    rows, and numbers among all terms, (n,).
+    """
 
     integrand: int
-    index: int
+    place: int
     coefficient: float
     rows: np.ndarray
     numbers: np.ndarray
