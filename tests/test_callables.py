@@ -1,5 +1,6 @@
 """Users' functions: all shapes accepted, all mistakes told with line and remedy before a run."""
 
+import gc
 import math
 from functools import partial
 
@@ -253,6 +254,18 @@ def test_a_changed_global_or_closure_value_is_seen(monkeypatch):
     assert hd.solve(equation(with_closure), 1.0, 50).y[-1, 0] == slow
     rate[0] = 3.0
     assert hd.solve(equation(with_closure), 1.0, 50).y[-1, 0] == fast
+
+
+def test_compilation_leaves_the_collection_of_garbage_as_it_was():
+    before = gc.get_threshold()
+    try:
+        for threshold in (before, (0, 10, 10), (300_000, 7, 7)):
+            gc.set_threshold(*threshold)
+            allowed = float(threshold[0])
+            hd.Equation(hd.Caputo(0.5), lambda t, y: -y - allowed, 1.0)  # noqa: B023
+            assert gc.get_threshold() == threshold
+    finally:
+        gc.set_threshold(*before)
 
 
 def test_a_function_is_compiled_once():

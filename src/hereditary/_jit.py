@@ -7,6 +7,7 @@ compiled at first use for one fixed list of argument types and then locked, so t
 once per machine, whatever functions they are given.
 """
 
+import gc
 import signal
 import threading
 from functools import lru_cache
@@ -32,6 +33,11 @@ RHS_SIG = types.void(F8, VEC, VEC, VEC)
 JAC_SIG = types.void(F8, VEC, MAT, VEC)
 
 
+# Objects that are made between two collections of garbage while functions are compiled, and how
+# often older ones are looked at: the compiler makes millions, and a tenth of its time went there.
+_RARELY = 20_000, 20, 50
+
+
 class _Compiling:
     """Entered around every compilation: one at a time, and not broken off in the middle.
 
@@ -42,10 +48,15 @@ class _Compiling:
 
     def __init__(self):
         self._lock, self._depth, self._asked, self._previous = threading.RLock(), 0, False, None
+        self._collected = gc.get_threshold()
 
     def __enter__(self):
         self._lock.acquire()
         self._depth += 1
+        if self._depth == 1:
+            self._collected = gc.get_threshold()
+            if self._collected[0]:  # 0 stands for never
+                gc.set_threshold(*map(max, self._collected, _RARELY))
         if self._depth == 1 and threading.current_thread() is threading.main_thread():
             self._previous = signal.getsignal(signal.SIGINT)
             if callable(self._previous):
@@ -57,6 +68,8 @@ class _Compiling:
     def __exit__(self, *exception):
         self._depth -= 1
         asked = False
+        if self._depth == 0:
+            gc.set_threshold(*self._collected)
         if self._depth == 0 and callable(self._previous):
             signal.signal(signal.SIGINT, self._previous)
             asked, self._asked, self._previous = self._asked, False, None
