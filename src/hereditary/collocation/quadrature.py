@@ -40,10 +40,8 @@ def radau_integrals(s, a):
 
 def integrals_of_rows(s, a):
     """Return integrals as `radau_integrals`, with an order in [0, 1] for each node, (..., s, s)."""
-    weights = _towards(np.asarray(a))
-    return radau_nodes(s)[:, None] ** a[..., None] * np.einsum(
-        "...ik,kij->...ij", weights, _tabulated(s)
-    )
+    means = np.einsum("...ik,kij->...ij", _towards(a), _tabulated(s))
+    return radau_nodes(s)[:, None] ** a[..., None] * means
 
 
 def _towards(a):

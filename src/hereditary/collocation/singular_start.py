@@ -157,15 +157,13 @@ class SingularStart:
         if not solved:
             return False
         inner = (operators[:, n:], local[:, n:])
-        defect, of_basis = self._defect(basis, times[n:], h, base[0, :, n:], *inner, values[0])
+        defect = self._defect(basis, times[n:], h, base[0, :, n:], *inner, values[0])
         # y' may become large at once, so its tolerance follows its size on this step
         size = np.maximum(self._largest, np.abs(values[0, PRIMARY]).max(axis=1))
-        allowed = self._tolerance(np.where(form.second, size, self._largest))
-        of_position = np.where(form.second, self._tolerance(np.abs(orbit.x[0])) / h, np.inf)
-        allowed = np.minimum(allowed, of_position)
-        if not np.all(defect <= allowed):
-            defect = self._error_from_defect(defect, h)
-        return bool(np.all(np.maximum(defect, of_basis) <= allowed))  # False where not finite
+        size = np.where(form.second, size, self._largest)
+        fits = defect <= self._tolerance(size)  # False where the defect is not finite
+        fits &= (form.second == 0) | (h * defect <= self._tolerance(np.abs(orbit.x[0])))
+        return bool(np.all(fits))
 
     def _tolerance(self, size):
         """Return the tolerance of a quantity of this size."""
@@ -182,7 +180,7 @@ class SingularStart:
         return size
 
     def _defect(self, basis, times, h, base, operators, local, values):
-        """Return the defects of the equations between the nodes, and errors of the basis, (d,)."""
+        """Return the error between the nodes, of integrated equations and of the basis, (d,)."""
         equation, form, orbit = self._equation, self._form, self._orbit
         found, d, n_a = base.copy(), form.second.size, form.orders.size
         for q, k, coefficient, rows, numbers in form.groups:
@@ -210,7 +208,10 @@ class SingularStart:
         deviation_of_means = means[:, n:] - basis.interpolate_between(means[:, :n])
         relative = self._relative_error(deviation_at[POSITION], x)
         basis_error = np.where(form.second, np.abs(deviation_of_means).max(axis=1), relative)
-        return defect, _BASIS_WEIGHT * np.maximum(deviation[PRIMARY], basis_error)
+        return np.maximum(
+            self._error_from_defect(defect, h),
+            _BASIS_WEIGHT * np.maximum(deviation[PRIMARY], basis_error),
+        )
 
     def _relative_error(self, deviation, x):
         """Return the largest deviation of y, early ones scaled to the tolerance at the end, (d,).
