@@ -156,7 +156,7 @@ def bracketed_root(function, low, high):
         if slow == 3 or not min(low, high) < x < max(low, high):
             x, slow = middle, 0
         f = function(x)
-        if f * f_high <= 0.0:
+        if (f > 0.0) != (f_high > 0.0) or f == 0.0:  # products of tiny values are 0
             low, f_low = high, f_high
         else:
             shrink = 1.0 - f / f_high

@@ -178,6 +178,17 @@ class System:
         found.frame, found._n_params = self.frame, self._n_params
         return found
 
+    def motion(self, t, y, ydot):
+        """Estimate y' at time t from y and ydot, both (d,), NaN where ydot is no unknown.
+
+        There it is the right-hand side over the leading coefficient, as without lower terms.
+        """
+        force = np.empty(self.d)
+        self._rhs(self.beside(t, 1), y.copy(), force, self._params)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            slope = force / self.coefficient(self.highest_orders())
+        return np.where(self.highest_orders() > 1, ydot, slope)
+
     def linearly_implicit(self) -> "System":
         """Return the system whose Jacobian is the constant matrix of its right-hand side alone."""
         jac, structure = constant_part(self.matrix)

@@ -375,3 +375,82 @@ def test_sections_are_not_taken_across_changes():
             hd.maxima(hd.solve(eq, 5.0, **how, events=fire), 0)
     with pytest.raises(TypeError, match="have a function change"):
         hd.solve(eq, 5.0, rtol=1e-6, events=event(change=5.0))
+
+
+def counter(t, y):
+    return np.array([y[0], y[1] + 1.0])
+
+
+@given(st.floats(0.3, 1.0), st.floats(0.1, 0.3), st.sampled_from([1e-4, 1e-6, 1e-8]), st.booleans())
+def test_a_change_elsewhere_is_made_once(alpha, start, rtol, either):
+    """Where the event is found y errs by the tolerance, and may lie on either side of the zero."""
+    level = event(lambda t, y: y[0] - 0.7, counter, direction=0 if either else 1)
+    watched = event(lambda t, y: y[0] - 0.7)
+    eq = hd.Equation(C(alpha), lambda t, y: np.array([1.0, 0.0]), [start, 0.0])
+    sol = hd.solve(eq, 3.0, rtol=rtol, events=[watched, level])
+    exact = ((0.7 - start) * gamma(1 + alpha)) ** (1 / alpha)
+    assert sol.success
+    assert sol.y[-1, 1] == 1.0
+    for times in sol.t_events:
+        assert times == pytest.approx([exact], rel=1e3 * rtol)
+
+
+@pytest.mark.parametrize("direction", [-1, 0])
+@pytest.mark.parametrize("e", [0.1, 0.3, 0.5])
+@pytest.mark.parametrize("how", [{"rtol": 1e-4}, {"rtol": 1e-8}, *GIVEN], ids=repr)
+def test_balls_that_keep_their_height_stay_above_the_floor(how, e, direction):
+    """SciPy's users write [y[0], -e y[1]]; errors left it below, from where it fell."""
+    floor = event(lambda t, y: y[0], lambda t, y: np.array([y[0], -e * y[1]]), direction=direction)
+    eq = hd.Equation(C(1.0), falling, [1.0, 0.0])
+    how = how if isinstance(how, dict) else {"n_steps": 8000, "scheme": how}
+    with pytest.warns(hd.SolveWarning):
+        sol = hd.solve(eq, 10.0, events=floor, **how)
+    assert not sol.success
+    assert sol.y[:, 0].min() > -1e-2
+    assert sol.t_events[0][0] == pytest.approx(np.sqrt(2), abs=3e-3)
+    assert sol.t[-1] < 10.0 or sol.status is hd.Status.ZIGZAG
+
+
+@pytest.mark.parametrize("kept", [False, True])
+@pytest.mark.parametrize(
+    "how", [{"rtol": 1e-6}, *GIVEN, hd.ProductTrapezoid(), hd.L2Sigma()], ids=repr
+)
+def test_a_ball_between_walls(how, kept):
+    def wall(place, direction):
+        return event(
+            lambda t, y: y[0] - place,
+            lambda t, y: np.array([y[0] if kept else place, -y[1]]),
+            direction=direction,
+        )
+
+    eq = hd.Equation(C(1.0), lambda t, y: np.array([y[1], 0.0]), [0.5, 1.0])
+    how = how if isinstance(how, dict) else {"n_steps": 4000, "scheme": how}
+    sol = hd.solve(eq, 10.2, events=[wall(0.0, -1), wall(1.0, 1)], **how)
+    assert sol.success
+    assert [times.size for times in sol.t_events] == [5, 5]
+    assert sol.y[-1] == pytest.approx([0.7, 1.0], abs=0.1)
+    assert sol.y[:, 0].min() > -0.01
+    assert sol.y[:, 0].max() < 1.01
+
+
+@pytest.mark.parametrize("n", [3999, 4000])
+@pytest.mark.parametrize("scheme", [hd.ExplicitCaputo(), hd.L1(), hd.GrunwaldLetnikov()], ids=repr)
+def test_a_mirror_acts_once_where_it_falls_on_a_step(scheme, n):
+    mirror = event(
+        lambda t, y: y[0] * (1.0 - y[0]),
+        lambda t, y: np.array([-y[0] if y[0] < 0 else 2.0 - y[0], -y[1]]),
+    )
+    eq = hd.Equation(C(1.0), lambda t, y: np.array([y[1], 0.0]), [0.5, 7.3])
+    sol = hd.solve(eq, 10.0, n, scheme=scheme, events=mirror)
+    assert sol.t_events[0].size == 73
+    assert sol.y[-1] == pytest.approx([0.5, -7.3], abs=1e-9)
+
+
+@pytest.mark.parametrize("scale", [1e-150, 1e-160, 1e-300])
+def test_events_of_tiny_values_are_located(scale):
+    eq = hd.Equation(C(0.8), lambda t, v: 1.5 - v, 0.0)
+    times = [
+        hd.solve(eq, 3.0, rtol=1e-9, events=lambda t, v, c=c: c * (v[0] - 1.0)).t_events[0][0]
+        for c in (1.0, scale)
+    ]
+    assert times[1] == pytest.approx(times[0], abs=1e-12)

@@ -62,6 +62,11 @@ class AdaptiveStepper(CollocationMarch):
         return self._view.values(self._orbit.x[0], self._orbit.p[0])[0]
 
     @property
+    def tolerances(self):
+        """Relative and absolute tolerance of y."""
+        return self._tolerances
+
+    @property
     def ydot(self):
         """First derivative at `t` where it is an unknown, NaN elsewhere; shape (d,)."""
         return self._view.values(self._orbit.x[0], self._orbit.p[0])[1]

@@ -2,12 +2,14 @@
 
 import math
 import numbers
+from functools import partial
 
 import numpy as np
 
 from .._checks import complaint, real, shown
 from .._digest import digest
 from ..special import bracketed_root
+from .ways import Way, sign_ahead, uncertainty
 
 # Zeros this close to the start, relatively, are the start itself.
 _SAME = 1e-12
@@ -16,8 +18,6 @@ _TINY = 5e-324
 _ROUNDED = 64 * np.finfo(float).eps
 # Fractions of the first step after a change that are looked at too.
 _NEXT = 10.0 ** np.arange(-9, 0)
-# Values below this fraction of the largest one over a step may be its rounding.
-_HIDDEN = 1e-13
 
 
 class Events:
@@ -78,33 +78,59 @@ class Events:
         """Whether there is something to look for."""
         return bool(self._functions)
 
-    def begin(self, t, before, y):
-        """Go on at time t from components y, (d,), which were `before` until then."""
-        values, known = [], []
-        for function, sign in zip(self._functions, self._after, strict=True):
+    def begin(self, before, stepper):
+        """Go on from where a march stands, whose components, (d,), were `before` until then."""
+        t, y = stepper.t, stepper.y
+        values, known, ways = [], [], {}
+        for number, function in enumerate(self._functions):
             then, now = self._seen(function, [t, t], [before, y]).tolist()
             values.append(now)
-            known.append(sign if now == then else 0.0)
-        self._begin(t, values, known)
+            known.append(self._after[number] if now == then else 0.0)
+            if number < self._n_told:
+                ways[number] = self._way(number, then, now, before, stepper)
+        self._begin(t, values, known, ways)
 
-    def _begin(self, t, values, after):
-        """Begin at time t, where functions have some values; `after` are signs, 0 for unknown."""
+    def _way(self, number, then, now, before, stepper):
+        """Return the `Way` of an event that was `then` before a change; None if off its zero.
+
+        Events without changes, too, may have found the zero at which another one acted.
+        """
+        function, error, by_steps = self._functions[number], abs(then), self._looks == 1
+        acted = number in self.fired
+        sign = self.fired[number] if acted else self._after[number]
+        value = partial(_value, function)
+        open_by = uncertainty(value, stepper)
+        if by_steps:
+            at_zero = acted and (now in (0.0, then) or abs(now) <= open_by)
+        else:
+            error = max(error, open_by)
+            at_zero = abs(now) <= error
+        if not sign or not at_zero:
+            return None
+        ahead = sign_ahead(value, sign, before, stepper, acted)
+        return Way(sign, ahead, now, error, by_steps) if ahead or acted else None
+
+    def _begin(self, t, values, after, ways=None):
+        """Begin at time t, where functions have some values; `after` are signs, 0 for unknown.
+
+        `ways` holds the `Way` of each event that has just changed y, or None.
+        """
         # the last value seen: a zero between two stretches is then found once, and only once
         earlier = self._last if t == self._start else {}
         self._start, self._values = t, list(values)
         self._last, self.fired = earlier | self.fired, {}
+        self._ways = ways or {}
         # switches at which the run begins, which it may yet turn out to leave to the other side
         self._open: set[int] = set()
-        # events that have changed y where they vanish still, or that did not see the change
-        self._unsettled: set[int] = set()
         for number, (value, sign) in enumerate(zip(self._values, after, strict=True)):
-            if number >= self._n_told and value == 0 and not sign:
+            way = self._ways.get(number)
+            if way and way.sign:
+                sign = way.sign
+            elif number >= self._n_told and value == 0 and not sign:
                 self._open.add(number)
                 sign = 1.0
             elif value == 0 and not sign and self._looks == 1 and number in self._last:
                 sign = -self._last[number]  # a change took it back; steps show no more of it
-            if number < self._n_told and number in self._last and (value == 0 or sign):
-                self._unsettled.add(number)
             # a run that begins at a zero may stand on either side of it by its tolerance
             if sign * np.sign(value) <= 0 and sign:
                 self._values[number] = math.copysign(max(abs(value), _TINY), sign)
@@ -134,9 +160,17 @@ class Events:
             at_once = max(at_once, self._start + self._at_once * (edges[1] - edges[0]))
         for number, function in enumerate(self._functions):
             values = np.append(self._values[number], self._seen(function, times[1:], rows[1:]))
-            if edges[0] == self._start and number in self._unsettled and self._looks > 1:
-                self._settle(number, values)
+            way, stuck_at = self._ways.get(number), None
+            if way and self._looks > 1 and edges[0] == self._start and way.settle(values):
+                stuck_at = self._start
+            elif way and way.returning:
+                away = way.follow(values)
+                stuck_at = None if away is None else float(times[away])
             self._values[number] = values[-1]
+            if way and stuck_at is not None:
+                self.stuck = number
+                acting.append((stuck_at, number, way.before))
+                continue
             left = self._limits[number] - self._n_found(number)
             for t, sign in self._zeros(function, times, values, at):
                 if self._comes_back(number, t, sign, at_once):
@@ -163,15 +197,6 @@ class Events:
         end = self._end(end, acting, edges)
         self._keep(sorted(found), min(end, edges[-1]), at)
         return None if end == math.inf else float(end)
-
-    def _settle(self, number, values):
-        """Set the first of an event's values after its change, which rounding may hide.
-
-        A bounce may be too short for the step that comes after it; the event has then turned back.
-        """
-        hidden = np.abs(values) <= _HIDDEN * np.nanmax(np.abs(values))
-        if hidden[1] and not hidden.all():
-            values[: np.argmin(hidden[1:]) + 1] = math.copysign(_TINY, -self._last[number])
 
     def _comes_back(self, number, t, sign, at_once):
         """Return whether a zero at t is that from which the run has just gone on."""

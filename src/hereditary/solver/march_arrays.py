@@ -65,6 +65,25 @@ def columns(plan):
     }
 
 
+def renew_force(system, t, table, march):
+    """Let the newest piece be f behind a jump of y at time t, where pieces are values of f.
+
+    Of components of order 1 alone, whose last step keeps what it made of the old one.
+    """
+    n, newest = table.n_orbit, int(march.counts["step"]) - 1
+    if table.integral == 0 or newest < 0:
+        return
+    force = np.empty(n)
+    system._rhs(t, march.x[:n].copy(), force, system._params)
+    march.counts["rhs"] += 1
+    p, first_order = newest % march.lag.shape[1], system.highest_orders()[:n] == 1
+    jump = np.where(first_order, force - march.pieces[:n, p + 1], 0.0)
+    march.pieces[:n, p + 1] += jump
+    march.force[:n] = np.where(first_order, force, march.force[:n])
+    ahead = march.lag[:n, p + 2 :]
+    ahead += table.weights[table.groups[:n], 2 : 2 + ahead.shape[1]] * jump[:, None]
+
+
 def room_of_step(march):
     """Return room for one step of a march."""
     return np.empty((N_ROOM, march.x.size))

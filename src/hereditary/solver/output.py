@@ -108,7 +108,7 @@ class Output:
         """Go on from where the march stands, after events acted on it; y was `before`, (d,)."""
         t, y = self._stepper.t, self._stepper.y
         self.ended, changed = False, bool(np.any(y != before))
-        self.events.begin(t, before, y)
+        self.events.begin(before, self._stepper)
         if self._asked is not None:  # rows asked for at the very time are those after it
             at_once = int(np.searchsorted(self._wanted, t * (1 + _SLACK), side="right"))
             times, self._wanted = self._wanted[:at_once], self._wanted[at_once:]

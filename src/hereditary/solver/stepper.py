@@ -330,6 +330,7 @@ class Stepper:
         """Let y jump to these values, (d,), here; the jump does not enter the memory."""
         self._march.x[: self.equation.d] = y
         self._forget_explicit()
+        arrays.renew_force(self._system, self.t, self._table, self._march)
 
     def _forget_explicit(self):
         """Let the next step not extrapolate f, which jumps here (compiled/imex.py)."""
