@@ -137,6 +137,10 @@ def gauss_unit(n):
     return (nodes + 1) / 2, weights / 2
 
 
+# Relative width to which a zero is found.
+_LEAST_BRACKET = 2.0**-60
+
+
 def bracketed_root(function, low, high):
     """Find a zero of a continuous function between points of different sign, to rounding.
 
@@ -148,9 +152,10 @@ def bracketed_root(function, low, high):
     if f_low == 0.0:
         return low
     width, slow = abs(high - low), 0
+    least = _LEAST_BRACKET * max(abs(low), abs(high))  # around 0, where all numbers are apart
     while f_high != 0.0:
         middle = low + 0.5 * (high - low)
-        if middle in (low, high):
+        if middle in (low, high) or abs(high - low) <= least:
             break
         x = high - f_high * (high - low) / (f_high - f_low)
         if slow == 3 or not min(low, high) < x < max(low, high):
