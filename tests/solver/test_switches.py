@@ -270,3 +270,19 @@ def test_a_switch_that_is_called_in_python_is_refused_without_more():
 
     with pytest.raises(TypeError, match="that numba compiles"):
         hd.solve(hd.Equation(C(0.8), stepping, 1.0), 1.0, rtol=1e-6, switches=Object())
+
+
+@pytest.mark.parametrize("rtol", [1e-4, 1e-5, 1e-7])
+def test_errors_at_a_switch_are_no_sliding(rtol):
+    """Where the switch is found y errs by the tolerance; the force only grows there."""
+    a, start = 0.8, 0.3
+    eq = hd.Equation(C(a), lambda t, y: 1.0 + 3.0 * (y[0] > 1.0), start)
+    sol = hd.solve(eq, 1.5, rtol=rtol, switches=first_minus_1)
+    assert sol.success
+    tau = ((1.0 - start) * gamma(1 + a)) ** (1 / a)
+    exact = start + (1.5**a + 3.0 * (1.5 - tau) ** a) / gamma(1 + a)
+    assert sol.y[-1, 0] == pytest.approx(exact, rel=5 * rtol)
+
+
+def first_minus_1(t, y):
+    return y[0] - 1.0

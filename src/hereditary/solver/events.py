@@ -137,6 +137,18 @@ class Events:
         self._after = [float(np.sign(value)) for value in self._values]
         self._sides = self._after[self._n_told :]
 
+    def leave_switches(self, stepper):
+        """Let switches count as on the side that the march goes on from, if f leads away there.
+
+        Errors may put the start on the other side of their zero.
+        """
+        for number in range(self._n_told, len(self._functions) if self._looks > 1 else 0):
+            value, y = partial(_value, self._functions[number]), stepper.y
+            side = self._sides[number - self._n_told]
+            if number in self._last and sign_ahead(value, side, y, stepper, False) == side:
+                error = uncertainty(value, stepper)
+                self._ways[number] = Way(side, side, 0.0, error, False)
+
     def sides(self):
         """Return the sign of each switch from which the march goes on."""
         return self._sides

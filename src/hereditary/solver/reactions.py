@@ -62,6 +62,7 @@ class Reactions:
                     return trouble
         output.go_on(before)
         self._take_sides(output.events)
+        output.events.leave_switches(self._stepper)
         failure = output.events.failure
         return (Status.EVENT_FAILED, failure) if failure else None
 

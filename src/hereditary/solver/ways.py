@@ -80,11 +80,13 @@ def uncertainty(value, stepper):
     rtol, atol = stepper.tolerances if stepper.adaptive else (_ROUNDED, 0.0)
     t, y = stepper.t, stepper.y
     allowed = atol + rtol * np.abs(y)
+    signs = np.ones(y.size), (-1.0) ** np.arange(y.size)
     try:
-        around = [value(t, y + signs * allowed) for signs in (1.0, (-1.0) ** np.arange(y.size))]
-        return max(abs(one - value(t, y)) for one in around)
-    except Exception:  # where it is not defined beside y
+        with np.errstate(all="ignore"):
+            found = max(abs(value(t, y + side * allowed) - value(t, y)) for side in signs)
+    except Exception:  # it is not defined beside y
         return 0.0
+    return found if math.isfinite(found) else 0.0
 
 
 def sign_ahead(value, sign, before, stepper, crossed):
@@ -99,9 +101,10 @@ def sign_ahead(value, sign, before, stepper, crossed):
         return 0.0
     ahead = t + _AHEAD * t
     try:
-        for y in (before, stepper.y):
-            then = y + (ahead - t) * equation.motion(t, y, stepper.ydot)
-            slopes.append(float(np.sign(value(ahead, then) - value(t, y))))
+        with np.errstate(all="ignore"):
+            for y in (before, stepper.y):
+                then = y + (ahead - t) * equation.motion(t, y, stepper.ydot)
+                slopes.append(float(np.sign(value(ahead, then) - value(t, y))))
     except Exception:  # the march meets it again
         return 0.0
     if crossed and slopes[0] == slopes[1]:
