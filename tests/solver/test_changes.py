@@ -454,3 +454,25 @@ def test_events_of_tiny_values_are_located(scale):
         for c in (1.0, scale)
     ]
     assert times[1] == pytest.approx(times[0], abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    "how", [{"rtol": 1e-6}, *GIVEN, hd.ProductTrapezoid(), hd.IMEX(hd.L1())], ids=repr
+)
+def test_a_right_hand_side_that_raises_behind_a_change_keeps_what_was_computed(how):
+    def bounded(t, v):
+        if v[0] < -0.5:
+            raise ValueError("below")
+        return [float(str(1.0))]  # in Python
+
+    fire = event(lambda t, v: v[0] - 1.0, lambda t, v: 0 * v - 1.0, direction=1)
+    with pytest.warns(hd.PythonFunctionWarning):
+        eq = hd.Equation(C(1.0), bounded, 0.0, linear=np.zeros((1, 1)))
+    how = how if isinstance(how, dict) else {"n_steps": 1000, "scheme": how}
+    with pytest.raises(ValueError, match="below") as caught:
+        hd.solve(eq, 3.0, events=fire, **how)
+    sol = caught.value.result
+    assert sol.status is hd.Status.RHS_FAILED
+    assert sol.t_events[0] == pytest.approx([1.0], abs=1e-9)
+    assert sol.t[-1] == pytest.approx(1.0, abs=4e-3)
+    assert sol.y[-1, 0] == pytest.approx(-1.0, abs=1e-12)

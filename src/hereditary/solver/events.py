@@ -9,11 +9,10 @@ import numpy as np
 from .._checks import complaint, real, shown
 from .._digest import digest
 from ..special import bracketed_root
-from .ways import Way, sign_ahead, uncertainty
+from .ways import TINY, Way, sign_ahead, uncertainty
 
 # Zeros this close to the start, relatively, are the start itself.
 _SAME = 1e-12
-_TINY = 5e-324
 # Times this close to a start, relatively, tell nothing of a sign there.
 _ROUNDED = 64 * np.finfo(float).eps
 # Fractions of the first step after a change that are looked at too.
@@ -95,17 +94,15 @@ class Events:
 
         Events without changes, too, may have found the zero at which another one acted.
         """
-        function, error, by_steps = self._functions[number], abs(then), self._looks == 1
-        acted = number in self.fired
+        acted, by_steps = number in self.fired, self._looks == 1
         sign = self.fired[number] if acted else self._after[number]
-        value = partial(_value, function)
-        open_by = uncertainty(value, stepper)
-        if by_steps:
-            at_zero = acted and (now in (0.0, then) or abs(now) <= open_by)
-        else:
-            error = max(error, open_by)
-            at_zero = abs(now) <= error
-        if not sign or not at_zero:
+        if not sign or (by_steps and not acted):
+            return None
+        value = partial(_value, self._functions[number])
+        error = uncertainty(value, stepper)
+        if not by_steps:  # these stand at the zero itself
+            error = max(error, abs(then))
+        if not abs(now) <= error and not (by_steps and now == then):
             return None
         ahead = sign_ahead(value, sign, before, stepper, acted)
         return Way(sign, ahead, now, error, by_steps) if ahead or acted else None
@@ -133,7 +130,7 @@ class Events:
                 sign = -self._last[number]  # a change took it back; steps show no more of it
             # a run that begins at a zero may stand on either side of it by its tolerance
             if sign * np.sign(value) <= 0 and sign:
-                self._values[number] = math.copysign(max(abs(value), _TINY), sign)
+                self._values[number] = math.copysign(max(abs(value), TINY), sign)
         self._after = [float(np.sign(value)) for value in self._values]
         self._sides = self._after[self._n_told :]
 

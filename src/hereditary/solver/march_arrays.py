@@ -68,15 +68,20 @@ def columns(plan):
 def renew_force(system, t, table, march):
     """Let the newest piece be f behind a jump of y at time t, where pieces are values of f.
 
-    Of components of order 1 alone, whose last step keeps what it made of the old one.
+    Of components of order 1 alone, whose last step keeps what it made of the old one. Where f
+    raises the march meets it again, and keeps what was computed.
     """
     n, newest = table.n_orbit, int(march.counts["step"]) - 1
     if table.integral == 0 or newest < 0:
         return
     force = np.empty(n)
-    system._rhs(t, march.x[:n].copy(), force, system._params)
     march.counts["rhs"] += 1
-    p, first_order = newest % march.lag.shape[1], system.highest_orders()[:n] == 1
+    try:
+        system._rhs(t, march.x[:n].copy(), force, system._params)
+    except Exception:
+        return
+    own = table.sources[:n] == np.arange(n)  # memory that f reads has increments for pieces
+    p, first_order = newest % march.lag.shape[1], own & (system.highest_orders()[:n] == 1)
     jump = np.where(first_order, force - march.pieces[:n, p + 1], 0.0)
     march.pieces[:n, p + 1] += jump
     march.force[:n] = np.where(first_order, force, march.force[:n])

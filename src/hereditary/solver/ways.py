@@ -17,7 +17,8 @@ _AHEAD = 1e-8
 _CORNER = 4
 # Relative rounding of y on given steps.
 _ROUNDED = 1e-13
-_TINY = 5e-324
+# A value that has a sign, and no size.
+TINY = 5e-324
 
 
 class Way:
@@ -56,7 +57,7 @@ class Way:
         if not hidden[1] or hidden.all():
             return False
         clear = np.argmin(hidden[1:]) + 1
-        values[:clear] = math.copysign(_TINY, self.sign or -self.before)
+        values[:clear] = math.copysign(TINY, self.sign or -self.before)
         return self.sign == -self.before == -np.sign(values[clear])
 
     def follow(self, values):
@@ -68,10 +69,10 @@ class Way:
             self._steps = self._steps + 1 if abs(value) > self._far else 0
             if not value * self.before > 0.0 or self._steps > _CORNER:
                 self.returning = False
-                values[:i] = math.copysign(_TINY, -self.before)
+                values[:i] = math.copysign(TINY, -self.before)
                 return i if value * self.before > 0.0 else None
             self._far = abs(value)
-        values[:] = math.copysign(_TINY, -self.before)
+        values[:] = math.copysign(TINY, -self.before)
         return None
 
 
@@ -83,7 +84,8 @@ def uncertainty(value, stepper):
     signs = np.ones(y.size), (-1.0) ** np.arange(y.size)
     try:
         with np.errstate(all="ignore"):
-            found = max(abs(value(t, y + side * allowed) - value(t, y)) for side in signs)
+            here = value(t, y)
+            found = max(abs(value(t, y + side * allowed) - here) for side in signs)
     except Exception:  # it is not defined beside y
         return 0.0
     return found if math.isfinite(found) else 0.0
