@@ -158,7 +158,7 @@ def main():
         (line,) = ax.loglog(n, [found["theirs_at_end"] for found in mine], "o--")
         own = [found["ours_at_end"] for found in mine]
         ax.loglog(n, own, "s-", color=line.get_color(), label=rf"$\alpha$ = {alpha:g}")
-    ax.set_xticks(n, map(str, n))
+    ax.set_xticks(n, [f"{steps:g}" for steps in n])
     ax.minorticks_off()
     ax.set(xlabel="steps", ylabel="error at t = 1", title="PECE (dashed) and Adams, y = t^2")
     ax.legend()
