@@ -8,7 +8,8 @@ import pytest
 from numba import njit
 
 import hereditary as hd
-from hereditary import _callables
+from hereditary import _one_function
+from hereditary._digest import digest
 
 TABLE = np.ones(5)
 SCHEMES = (hd.ExplicitCaputo(), hd.L1(), hd.Adams(), hd.Collocation())
@@ -167,7 +168,7 @@ def test_equal_closures_are_compiled_once():
 
 
 def test_many_versions_of_one_function_are_told(monkeypatch):
-    monkeypatch.setattr(_callables, "_VERSIONS_MAX", 3)
+    monkeypatch.setattr(_one_function, "_VERSIONS_MAX", 3)
 
     def version(rate):
         return lambda t, y: rate - y[0]
@@ -329,3 +330,35 @@ def test_a_function_of_no_module_is_checked_like_any_other():
     with pytest.warns(hd.SolveWarning, match="IndexError"):
         sol = run(equation(made["rhs"]))
     assert sol.status is hd.Status.RHS_FAILED
+
+
+def test_a_function_that_is_known_is_checked_at_every_start():
+    """Compiled before, it still says in its own words where it does not fit other values."""
+
+    def rhs(t, y, p):
+        return np.array([np.log(p[0]) * y[0], p[1] * y[1]])
+
+    def filled(t, y, dy, p):
+        for i in range(2):
+            dy[i] = p[0] * y[i]
+
+    for fun in (rhs, filled):
+        hd.Equation(hd.Caputo(0.5), fun, [1.0, 2.0], params=[2.0, 1.0])
+    bad = [
+        (rhs, [1.0, 2.0], [2.0], r"rhs must run at t = 0, got IndexError"),
+        (rhs, [1.0, 2.0], [0.0, 1.0], r"rhs must be finite at t = 0, got \[-inf"),
+        (rhs, [1.0], [2.0, 1.0], r"rhs must run at t = 0, got IndexError"),
+        (rhs, [1.0, 2.0, 3.0], [2.0, 1.0], r"rhs must return shape \(3,\), got shape \(2,\)"),
+        (filled, [1.0, 2.0, 3.0], [2.0], r"set every entry of dy, got entries \[\[2\]\]"),
+    ]
+    for fun, y0, params, message in bad:
+        with pytest.raises(ValueError, match=message):
+            hd.Equation(hd.Caputo(0.5), fun, y0, params=params)
+
+
+def test_digests_of_known_functions_are_those_of_new_ones():
+    """States resume by them: what is remembered must be what a new process would work out."""
+    made = [hd.Equation(hd.Caputo(0.5), closure(c), 1.0) for c in (1.0, 2.0, 1.0)]
+    digests = [eq.rhs_digest for eq in made]
+    assert digests[0] == digests[2] != digests[1]
+    assert digests == [digest(eq.rhs) for eq in made]

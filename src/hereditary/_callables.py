@@ -1,56 +1,24 @@
-"""Users' functions: recognised by arity, tried once, compiled once or called in Python.
+"""Users' functions as marches take them: right-hand side, Jacobian and what reads memory as one.
 
 A right-hand side may be written ``f(t, y)``, ``f(t, y, params)`` (both return the values) or in
 place ``f(t, y, dy, params)``; a Jacobian likewise. One that reads memory takes it behind y. In each
 case the solver receives one compiled function of one fixed signature, to which memory is further
-components. The function is first called once in plain Python, so that an error
-shows its own line instead of a compiler's message.
-
-It is compiled with bounds checks, and for read-only arrays y and params. A function that numba
-cannot compile is called in Python from a compiled one (_python_calls.py).
+components.
 """
 
-import inspect
 import warnings
-from collections import OrderedDict
 from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import config, types
-from numba.extending import is_jitted
 
-from ._borrowed import borrowed
-from ._checks import complaint, shown
-from ._complaints import compile_reason, defined, writing_complaint
-from ._frozen import code_names, fresh, frozen_values, uncompiled
-from ._jit import F8, JAC_SIG, RHS_SIG, as_value, compiling, derived
-from ._memory_argument import joined, padded, paired, split
-from ._python_calls import (
-    Callback,
-    PythonFunctionWarning,
-    before_addresses,
-    in_python,
-    warn_of_python,
-)
+from ._checks import complaint
+from ._jit import JAC_SIG, RHS_SIG, as_value
+from ._memory_argument import joined, padded
+from ._one_function import function_of, locked
+from ._python_calls import Callback, PythonFunctionWarning, before_addresses, in_python
 from ._structured import as_row
-from ._trial import Start, arity_of, try_out
-from ._warning import warn
-
-_READ_ONLY = types.Array(F8, 1, "C", readonly=True)
-# Through these numba returns y as a writable array.
-_PAST_READ_ONLY = {"flat", "nditer", "ascontiguousarray", "asfortranarray", "fill_diagonal", "dot"}
-_COMPILED_MAX = 256
-_compiled: OrderedDict[tuple, Any] = OrderedDict()
-# Number of versions, by frozen values alone, of which the user is warned: numba frees none.
-_VERSIONS_MAX = 50
-
-
-class Function(NamedTuple):
-    """A user's function: compiled, or None, and ``fill(t, z, out, params)``, which calls it."""
-
-    compiled: Any
-    fill: Any
+from ._trial import Start
 
 
 class Functions(NamedTuple):
@@ -66,10 +34,10 @@ class Functions(NamedTuple):
     callbacks: tuple
 
 
-def functions_of(rhs, jac, jac_memory, start, hint="", shape=None):
+def functions_of(rhs, jac, jac_memory, start, hint, shape=None):
     """Check the functions of an equation at the start and return them as `Functions`.
 
-    `rhs` may be None, for nothing. `jac_memory` holds the derivatives by the memory. `hint` is
+    `rhs` may be None, for nothing. `jac_memory` holds the derivatives by the memory. ``hint()`` is
     appended to messages where `rhs` does not fit y0. `shape` is that of the values of `jac`, (d, d)
     by default.
     """
@@ -78,14 +46,14 @@ def functions_of(rhs, jac, jac_memory, start, hint="", shape=None):
     if start.paired and jac is not None:
         required = "be left out where y is complex, for differences"
         raise ValueError(complaint("jac", required, repr(jac)))
-    first = [] if rhs is None else [_function("rhs", "dy", rhs, start, (d,), RHS_SIG, hint)]
+    first = [] if rhs is None else [function_of("rhs", "dy", rhs, start, (d,), RHS_SIG, hint)]
     if (jac is None) != (jac_memory is None) and (k or jac is None):
         given, lacking = ("jac", "jac_memory") if jac_memory is None else ("jac_memory", "jac")
         required = f"come with {lacking}" if k else "be left out where no memory is read"
         raise ValueError(complaint(given, required, "it alone", "leave out both for differences"))
     second = [] if jac is None else [_jacobian(jac, start, shape)]
     if jac is not None and k:
-        beside = _function("jac_memory", "jacobian", jac_memory, start, (d, k * d), JAC_SIG)
+        beside = function_of("jac_memory", "jacobian", jac_memory, start, (d, k * d), JAC_SIG)
         second.append(beside)
     n = start.components().size
     callbacks = [
@@ -111,7 +79,7 @@ def switch_of(switch, y, t):
     if callable(switch) and not start.paired:
         with warnings.catch_warnings():  # one that does not compile is refused
             warnings.simplefilter("ignore", PythonFunctionWarning)
-            made = _function("switches", "value", switch, start, (1,), RHS_SIG).compiled
+            made = function_of("switches", "value", switch, start, (1,), RHS_SIG).compiled
     if made is None:
         got = repr(switch) if not start.paired else "complex y"
         raise TypeError(complaint("switches", required, got))
@@ -132,10 +100,10 @@ def _joined(parts, signature, k, called):
 def _jacobian(jac, start, shape):
     """Check a Jacobian; return it with values (j, k), or of a function that fills a row, (1, k)."""
     if len(shape) > 1:
-        return _function("jac", "jacobian", jac, start, shape, JAC_SIG)
+        return function_of("jac", "jacobian", jac, start, shape, JAC_SIG)
     with warnings.catch_warnings():  # large systems keep their Jacobians for many steps
         warnings.simplefilter("ignore", PythonFunctionWarning)
-        made = _function("jac", "data", jac, start, shape, RHS_SIG)
+        made = function_of("jac", "data", jac, start, shape, RHS_SIG)
     return made._replace(compiled=made.compiled and as_row(made.compiled))
 
 
@@ -143,7 +111,7 @@ def _callback(name, parts, start, shape):
     """Return a callback that fills all values by the functions `parts`; None if all compile."""
     if all(part.compiled for part in parts):
         return None
-    n, params = start.components().size, _locked(start.params)
+    n, params = start.components().size, locked(start.params)
     d = n // (1 + len(start.memory))
     if d == n:
         return Callback(name, partial(parts[0].fill, params=params), n, shape)
@@ -155,242 +123,3 @@ def _callback(name, parts, start, shape):
             part.fill(t, z, place, params)
 
     return Callback(name, fill_all, n, shape)
-
-
-def present_values(fun):
-    """Return the values that compilation of `fun` would freeze now, for comparison."""
-    plain = _plain(fun)
-    return frozen_values(plain) if inspect.isfunction(plain) else ()
-
-
-def _plain(fun):
-    """Return the Python function behind a compiled one; any other unchanged."""
-    return fun.py_func if is_jitted(fun) else fun
-
-
-class _NotCompiled(Exception):
-    """numba cannot compile a function, or makes another one of it."""
-
-
-def _function(name, out, fun, start, shape, signature, hint=""):
-    """Check a user's function and return it, compiled where it can be, as a `Function`."""
-    plain = _plain(fun)
-    if not callable(plain):
-        required = f"be a function {start.shapes(name, out)}"
-        raise TypeError(complaint(name, required, repr(fun), "write it with def or lambda"))
-    arity = arity_of(name, out, plain, start)
-    values, form = try_out(name, out, plain, arity, start, shape, hint)
-    fill = _in_python(name, plain, arity, start, shape)
-    try:
-        if not inspect.isfunction(plain):
-            raise _NotCompiled("for numba compiles functions written with def or lambda alone")
-        compiled = _from_cache(name, fun, arity, form, values, signature, start)
-        _compare(name, plain, arity, compiled, values, start)
-    except _NotCompiled as reason:
-        z, room, params = start.components(), np.empty_like(values).view(float), start.params
-        warn_of_python(name, plain, reason, lambda: fill(start.t, z, room, params))
-        compiled = None
-    return Function(compiled, fill)
-
-
-def _from_cache(name, fun, arity, form, values, signature, start):
-    """Return a user's function compiled, from the cache if it is there."""
-    k = len(start.memory)
-    frozen = frozen_values(_plain(fun))
-    options = repr(sorted(fun.targetoptions.items())) if is_jitted(fun) else ""
-    key = (frozen, options, arity, form, signature, k, start.paired)
-    with compiling:
-        if key not in _compiled:
-            copied = bool(_PAST_READ_ONLY & code_names(frozen))
-            kinds = arity, form, start, values.shape
-            try:
-                _compiled[key] = _build(name, fun, kinds, signature, copied)
-                _warn_of_versions(name, _plain(fun))
-            except _NotCompiled as reason:  # which takes as long to find as to compile
-                _compiled[key] = reason
-            while len(_compiled) > _COMPILED_MAX:
-                _compiled.popitem(last=False)
-        _compiled.move_to_end(key)
-        found = _compiled[key]
-    if isinstance(found, _NotCompiled):
-        raise _NotCompiled(*found.args)
-    return found
-
-
-def _warn_of_versions(name, plain):
-    """Warn where one function is compiled over and over for other frozen values."""
-    versions = sum(frozen[0] == plain.__code__ for frozen, *_ in _compiled)
-    if versions == _VERSIONS_MAX:
-        warn(
-            f"{name} was compiled {versions} times for other globals or closed-over values, "
-            f"{defined(plain)}; every time takes 2 MB of memory that numba cannot free; pass "
-            "what changes through params",
-            UserWarning,
-        )
-
-
-def _compare(name, fun, arity, compiled, values, start):
-    """Refuse compiled code whose values differ from those in Python."""
-    again, z, params = np.empty_like(values), start.components(), start.params
-    try:
-        compiled(start.t, z.copy(), again.view(float), params.copy())
-    except Exception as error:
-        raise _NotCompiled(f"for compiled it raises {type(error).__name__}: {error}") from error
-    if _close(again, values):
-        return
-    # helpers compiled earlier may have run with the values of that time
-    expected = np.empty_like(values)
-    fill = _in_python(name, uncompiled(fun), arity, start, values.shape)
-    fill(start.t, z, expected.view(float), params)
-    if not _close(again, expected):
-        raise _NotCompiled(
-            f"for compiled it gives {shown(again)} instead of {shown(expected)} at t = {start.t:g}"
-            ": write 1.0 for 1 where whole numbers are divided, raised or grow large"
-        )
-
-
-def _close(values, expected):
-    """Return whether values agree to 1e-8."""
-    if np.array_equal(values, expected):  # in a tenth of the time
-        return True
-    return np.allclose(values, expected, rtol=1e-8, atol=1e-12 * np.abs(expected).max(initial=0.0))
-
-
-def _build(name, fun, kinds, signature, copied):
-    """Compile a user's function, or with `copied` one that is given copies of y and params.
-
-    Those may be written to. `kinds` are number of arguments, form, start and shape of the values.
-    Its own code, and its helpers, are compiled anew, so that the result depends on these alone.
-    """
-    arity, form, start, shape = kinds
-    if config.DISABLE_JIT:
-        return _locking(_in_python(name, _plain(fun), arity, start, shape))
-    k = len(start.memory)
-    # the functions are called from compiled code alone: a wrapper for others takes 1 MB each
-    inside = {"boundscheck": True, "no_cpython_wrapper": True}
-    inner: dict[str, Any] = {"nogil": True, "no_cfunc_wrapper": True, **inside}
-    # scenes of the package always read the same entries, which the call at t = 0 has checked
-    inner["boundscheck"] = not str(_plain(fun).__module__).startswith(f"{__package__}.")
-    if not is_jitted(fun):
-        inner["error_model"] = "numpy"
-    number = types.complex128 if start.paired else F8
-    y, memory = (types.Array(number, axes, "C", readonly=True) for axes in (1, 2))
-    first = (F8, y, memory) if k else (F8, y)
-    filled = types.Array(number, len(shape), "C")
-    own = (*first, *{2: (), 3: (_READ_ONLY,), 4: (filled, _READ_ONLY)}[arity])
-    try:
-        jitted = fresh(fun, inner, inside)
-        jitted.compile(own)  # by itself first, so that a message refers to the user's lines
-        jitted.disable_compile()
-        adapter = derived(_adapter(split(jitted, arity, k), arity, form, len(shape), copied))
-        return as_value(paired(adapter) if start.paired else adapter, signature)
-    except Exception as error:  # numba raises many types besides its own
-        plain = _plain(fun)
-        if _compiles(fresh(fun, inner, inside), [a.copy(readonly=False) for a in own[1:]]):
-            raise TypeError(writing_complaint(name, plain, error)) from error
-        raise _NotCompiled(compile_reason(plain, error)) from error
-
-
-def _compiles(jitted, arrays):
-    """Return whether a function compiles for writable arrays."""
-    try:
-        jitted.compile((F8, *arrays))
-    except Exception:
-        return False
-    return True
-
-
-def _adapter(fun, arity, form, n_axes, copied):
-    """Return a function that calls `fun` and writes its values to the output array.
-
-    `form` is that of the trial call; with `copied`, `fun` receives copies of y and params. The
-    loops are written out because numba takes two seconds to compile ``out[...] = values``.
-    """
-    one, with_params = (0,) * n_axes, arity == 3
-
-    def in_place(t, y, out, params):
-        y, out, params = borrowed(y), borrowed(out), borrowed(params)
-        if copied:
-            y, params = y.copy(), params.copy()
-        fun(t, y, out, params)
-
-    def from_number(t, y, out, params):
-        y, out, params = borrowed(y), borrowed(out), borrowed(params)
-        if copied:
-            y, params = y.copy(), params.copy()
-        out[one] = fun(t, y, params) if with_params else fun(t, y)
-
-    def from_vector(t, y, out, params):
-        y, out, params = borrowed(y), borrowed(out), borrowed(params)
-        if copied:
-            y, params = y.copy(), params.copy()
-        values = np.asarray(fun(t, y, params) if with_params else fun(t, y))
-        if values.shape != out.shape:
-            raise ValueError(_RESHAPED)
-        for i in range(out.shape[0]):
-            out[i] = values[i]
-
-    def from_matrix(t, y, out, params):
-        y, out, params = borrowed(y), borrowed(out), borrowed(params)
-        if copied:
-            y, params = y.copy(), params.copy()
-        values = np.asarray(fun(t, y, params) if with_params else fun(t, y))
-        if values.shape != out.shape:
-            raise ValueError(_RESHAPED)
-        for i in range(out.shape[0]):
-            for j in range(out.shape[1]):
-                out[i, j] = values[i, j]
-
-    if form == "in place":
-        return in_place
-    if form == "number":
-        return from_number
-    return from_vector if n_axes == 1 else from_matrix
-
-
-def _in_python(name, fun, arity, start, shape):
-    """Return ``fill(t, z, out, params)``, which calls `fun` in Python; z holds y and memory."""
-    k, d = start.memory.shape
-    kind = start.y.dtype
-
-    def fill(t, z, out, params):
-        if start.paired:
-            z, out = z.view(kind), out.view(kind)
-        arguments = (t, z[:d], z[d:].reshape(k, d)) if k else (t, z)
-        if arity == 4:
-            values = np.empty(shape, kind)  # which the function may keep
-            fun(*arguments, values, params)
-        else:
-            values = fun(*arguments, params) if arity == 3 else fun(*arguments)
-            if type(values) is list and shape == (len(values),) and len(values) <= _FEW:
-                for place, value in enumerate(values):  # an array is made in twice the time
-                    out[place] = value
-                return
-            given, values = values, np.asarray(values)
-            if values.dtype.kind not in ("biufc" if start.paired else "biuf"):
-                required = "return numbers" if start.paired else "return real numbers"
-                raise TypeError(complaint(name, required, repr(given), defined(fun)))
-        if values.shape != shape:
-            if values.size != 1 or out.size != 1:
-                raise ValueError(_RESHAPED)
-            values = values.reshape(shape)
-        out[...] = values
-
-    return fill
-
-
-def _locking(fill):
-    """Return the function with its arguments read-only, for runs without a compiler."""
-    return lambda t, z, out, params: fill(t, _locked(z), out, _locked(params))
-
-
-def _locked(array):
-    """Return a view of an array that cannot be written to."""
-    view = array.view()
-    view.setflags(write=False)
-    return view
-
-
-# Longest list that is not made an array first.
-_FEW = 6
-_RESHAPED = "the function returned another shape than at the start"

@@ -75,9 +75,9 @@ def real_array(argument, value, required="be real, finite numbers", remedy=""):
     if array.dtype.kind not in "iuf":
         got = f"{reprlib.repr(value)} of dtype {array.dtype}"
         raise TypeError(complaint(argument, required, got, remedy))
-    if not np.all(np.isfinite(array)):
+    if not np.isfinite(array).all():
         raise ValueError(complaint(argument, required, shown(array), remedy))
-    return np.ascontiguousarray(array, dtype=float).reshape(array.shape)
+    return array.astype(float, order="C", copy=False)
 
 
 def instance(argument, value, kind, example):

@@ -8,6 +8,7 @@ import hashlib
 import inspect
 import sys
 import types
+from collections import OrderedDict
 
 import numpy as np
 
@@ -21,6 +22,21 @@ _FOREIGN = frozenset({"numpy", "scipy", "numba", *sys.stdlib_module_names})
 def digest(*values):
     """Return sixteen hexadecimal digits that identify these values."""
     return _Digests(map(_package, values)).of(values, ())[:16]
+
+
+# Digests of functions by the values that compilation freezes into them, and how many are kept.
+_REMEMBERED: OrderedDict[tuple, str] = OrderedDict()
+_REMEMBERED_MAX = 256
+
+
+def remembered(frozen, function):
+    """Return the digest of a compiled function, known by its frozen values where it was met."""
+    found = _REMEMBERED.get(frozen)
+    if found is None:
+        found = _REMEMBERED[frozen] = digest(function)
+        if len(_REMEMBERED) > _REMEMBERED_MAX:
+            _REMEMBERED.popitem(last=False)
+    return found
 
 
 class _Digests:

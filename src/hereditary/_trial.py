@@ -82,17 +82,19 @@ def try_out(name, out, fun, arity, start, shape, hint):
 
 def _values(name, out, fun, arity, start, shape, hint, fill):
     """Call `fun` at the start; return its values as an array of `shape`, and their form."""
-    filled = np.full(
-        shape, fill, start.y.dtype
-    )  # marks entries that an in-place function leaves unset
+    # marks entries that an in-place function leaves unset
+    filled = np.full(shape, fill, start.y.dtype)
     y, memory, p = (part.copy() for part in start[:3])
     first = (start.t, y, memory) if len(memory) else (start.t, y)
     arguments = {2: first, 3: (*first, p), 4: (*first, filled, p)}
-    if arity == 4:
+
+    def hinted():
+        if arity < 4:
+            return hint()
         words = ("five", "fourth", "fifth") if len(memory) else ("four", "third", "fourth")
-        hint += "; with {} arguments the {} is {out}, to be filled, and the {} params".format(
-            *words, out=out
-        )
+        more = "; with {} arguments the {} is {out}, to be filled, and the {} params"
+        return hint() + more.format(*words, out=out)
+
     try:
         with np.errstate(all="ignore"):  # values that are not finite are reported below
             result = fun(*arguments[arity])
@@ -100,7 +102,7 @@ def _values(name, out, fun, arity, start, shape, hint, fill):
         raise ValueError(
             f"{name} must run at t = {start.t:g}, got {type(error).__name__}: {error} "
             f"{line_of(error, fun)}; it was called with y = {shown(start.y)} and params = "
-            f"{shown(start.params)}{hint}"
+            f"{shown(start.params)}{hinted()}"
         ) from error
     for argument, given, left in zip(start._fields, start, (y, memory, p), strict=False):
         if not np.array_equal(given, left):
@@ -109,7 +111,7 @@ def _values(name, out, fun, arity, start, shape, hint, fill):
             raise ValueError(complaint(name, f"leave {argument} as it is", got, remedy))
     if arity == 4:
         if result is not None:
-            remedy = f"leave {out} out of the arguments to return values, {defined(fun)}{hint}"
+            remedy = f"leave {out} out of the arguments to return values, {defined(fun)}{hinted()}"
             raise TypeError(complaint(name, f"fill {out} and return None", repr(result), remedy))
         return filled, "in place"
     remedy = f"return numpy.array([...]) of shape {shape}, {defined(fun)}"
@@ -125,6 +127,6 @@ def _values(name, out, fun, arity, start, shape, hint, fill):
     if values.shape != shape and not (values.ndim == 0 and np.prod(shape) == 1):
         size = f"shape {shape}" + (" or a number" if np.prod(shape) == 1 else "")
         got = f"shape {values.shape}"
-        raise ValueError(complaint(name, f"return {size}", got, remedy + hint))
+        raise ValueError(complaint(name, f"return {size}", got, remedy + hinted()))
     form = "array" if values.ndim else "number"
     return values.astype(start.y.dtype).reshape(shape), form

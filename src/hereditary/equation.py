@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ._callables import functions_of, present_values
+from ._callables import functions_of
 from ._checks import complaint, count, real, real_array
 from ._differences import check_entries, check_jacobian
-from ._digest import digest
+from ._digest import digest, remembered
+from ._one_function import present_values
 from ._python_calls import PythonRaised, original
 from ._trial import Start
 from .chain import chained
@@ -184,7 +186,7 @@ class Equation(System):
         given = {"bandwidth": bandwidth, "jac_sparsity": jac_sparsity, "linear": linear}
         rearranged = initial.shape[0] > 2 or factors.ndim > 2 or paired or bool(self.memory)
         said = stated(d, rhs, jac, rearranged, **given)
-        hint = of_shorthand(values, initial)
+        hint = partial(of_shorthand, values, initial)
         entries = said.values_of(jac, start)
         functions = functions_of(rhs, entries, jac_memory, start, hint, said.shape)
         self._callbacks, self._constants = functions.callbacks, said.constants()
@@ -223,7 +225,7 @@ class Equation(System):
             rhs, jac = system._rhs, system._jac if system.has_jac else None
         self.frame = Frame(self.t_start, paired, speeds)
         super().__init__(left, initial, params, rhs, jac, structure=self.structure)
-        self.rhs_digest = digest(self.rhs, *self._constants)
+        self.rhs_digest = self._digest_of_rhs()
         if self.memory:
             beside = enlarged(self, self.memory)
             self._rhs = None  # those of `enlarged` read memory too
@@ -321,6 +323,12 @@ class Equation(System):
         Itself where none has changed since it was made.
         """
         return self if self._present_values() == self._frozen else self.replace()
+
+    def _digest_of_rhs(self):
+        """Return the digest of the right-hand side, a known one where its values say all."""
+        if self._callbacks or self._constants or self.rhs is None:
+            return digest(self.rhs, *self._constants)
+        return remembered(self._frozen[0], self.rhs)
 
     def _present_values(self):
         functions = self.rhs, self.jac, self.jac_memory

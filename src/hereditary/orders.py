@@ -35,8 +35,10 @@ def orders_up_to_2(orders: ArrayLike) -> np.ndarray:
 
 def merged_orders(orders: np.ndarray) -> np.ndarray:
     """Orders of one equation with those within rounding of a smaller one set to it."""
-    values = np.unique(orders)
-    apart = np.diff(values, prepend=-1.0) > ROUNDING
+    values = np.array(sorted(set(orders.ravel().tolist())))
+    apart = np.append(True, values[1:] - values[:-1] > ROUNDING)
+    if apart.all():
+        return orders.copy()
     first = values[apart][np.cumsum(apart) - 1]
     return first[np.searchsorted(values, orders)]
 

@@ -88,7 +88,9 @@ def per_component(name, arrays, d, paired=False):
         if array.ndim and array.size != d:
             required = f"be one number or one for each of the {d} components"
             raise ValueError(complaint(name, required, f"shape {array.shape}"))
-    stacked = np.array([np.broadcast_to(array, (d,)) for array in arrays]).reshape(-1, d)
+    stacked = np.empty((len(arrays), d))
+    for row, array in zip(stacked, arrays, strict=True):
+        row[:] = array
     stacked = np.repeat(stacked, 2, axis=1) if paired else stacked
     stacked.flags.writeable = False
     return stacked
