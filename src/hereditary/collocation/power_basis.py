@@ -54,6 +54,8 @@ class PowerBasis:
         The nodes, the last one 1, and points between them, the first one 0.
     logs : ndarray, shape (2 n + 1,)
         Logarithms of the nodes and then of `between`, valid where these are too small for a float.
+    missing : float
+        Exponent of the first power of t that the functions leave out.
     """
 
     def __init__(self, generators, size=None, map_rates=()):
@@ -66,7 +68,7 @@ class PowerBasis:
         self._variables = [(g, c) for c in map_rates or (0.0,)] + [
             (other, 0.0) for other in generators[1:]
         ]
-        self._degrees = _smallest_sums(self._variables, max(n_maps, 1), size)
+        self._degrees, self.missing = _smallest_sums(self._variables, max(n_maps, 1), size)
         # Functions of several generators are nearly dependent, so they are fitted to twice as many
         # values, at Chebyshev points of several t**g, by logarithms since t may be below any float.
         scales = _scales(self._variables, max(n_maps, 1))
@@ -321,9 +323,10 @@ def graded_rule():
 def _smallest_sums(variables, n_first, size):
     """Return the degrees in each variable of the functions with the smallest exponents.
 
-    The shape is (size, len(variables)). A tiny generator counts as a larger one, so that its
-    multiples leave room for the others. The first `n_first` variables stand for one generator, and
-    products of their polynomials count as one polynomial of the product's degree.
+    The shape is (size, len(variables)); the next exponent is returned too. A tiny generator counts
+    as a larger one, so that its multiples leave room for the others. The first `n_first` variables
+    stand for one generator, and products of their polynomials count as one polynomial of the
+    product's degree.
     """
     weights = [max(g, TINY) for g, _ in variables]
 
@@ -341,4 +344,4 @@ def _smallest_sums(variables, n_first, size):
             if more not in seen:
                 seen.add(more)
                 heappush(ahead, (total(more), more))
-    return np.array(found)
+    return np.array(found), ahead[0][0]

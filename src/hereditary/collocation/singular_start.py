@@ -17,6 +17,9 @@ from .stages import has_stages, stage_solver
 
 # Factor of the length after a refused step; number of trials with rational maps.
 _SHORTER, _MAPPED_TRIALS = 0.3, 12
+# Factor of the tolerance that the first power without a function may be of, on a first trial: bases
+# approximate better than sums of powers do. Shorter trials cost a step or two, but seldom fail.
+_MISSING = 2e6
 # Weight of the interpolation error of the basis, which affects dense output alone.
 _BASIS_WEIGHT = 0.25
 
@@ -141,7 +144,13 @@ class SingularStart:
         # solutions of tiny order change at once and then hardly: the defect decides there
         order = max(order, 0.1)
         # a right-hand side of time alone gives no estimate
-        return most if size * most**order < 0.5 else (0.5 / size) ** (1 / order)
+        h = most if size * most**order < 0.5 else (0.5 / size) ** (1 / order)
+        if size > 0.0 and len(form.generators) < 3:
+            return h  # a single order and integers: such solutions need few powers
+        # the first power that the basis lacks is to be small
+        return h * min(1.0, _MISSING * self._tolerances[0]) ** (
+            1 / power_basis(form.generators).missing
+        )
 
     def _solve_and_check(self, basis, times, h, base, operators, local, values):
         """Solve for the values at the nodes; return whether the orbit also holds between them."""
