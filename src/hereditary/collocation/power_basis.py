@@ -296,9 +296,14 @@ def choose_map_rates(generators, rates):
     return tuple(sorted(found, reverse=True)[:_MOST_MAPS])
 
 
-@lru_cache(maxsize=64)
 def power_basis(generators, map_rates=()):
     """Return the cached basis of these generators and rational maps."""
+    return _kept_basis(generators, map_rates)
+
+
+@lru_cache(maxsize=64)
+def _kept_basis(generators, map_rates):
+    """Make the basis of `power_basis`; a default here would be kept twice."""
     return PowerBasis(generators, map_rates=map_rates)
 
 

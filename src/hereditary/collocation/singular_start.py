@@ -75,13 +75,17 @@ class SingularStart:
         generators = self._form.generators
         rates = self._decay_rates() if generators[0] < TINY else ()
         map_rates = choose_map_rates(generators, rates)
-        found = self._try_lengths(map_rates, most, _MAPPED_TRIALS) if map_rates else None
-        return found or self._try_lengths((), self._first_length(size, most), np.inf)
+        if map_rates:
+            mapped = power_basis(generators, map_rates)
+            found = self._try_lengths(mapped, most, _MAPPED_TRIALS)
+            if found:
+                return found
+        basis = power_basis(generators)
+        return self._try_lengths(basis, self._first_length(size, most, basis.missing), np.inf)
 
-    def _try_lengths(self, map_rates, h, trials):
+    def _try_lengths(self, basis, h, trials):
         """Try ever shorter steps, from length h on, with one power basis."""
         orbit, t, t_stop = self._orbit, self._t, self._t_stop
-        basis = power_basis(self._form.generators, map_rates)
         points = np.concatenate([basis.nodes, basis.between])
         self._stages = stage_solver(self._equation.structure, self._form, basis.nodes.size)
         operators = basis.integrals(tuple(self._form.orders.tolist()))
@@ -136,8 +140,11 @@ class SingularStart:
         scaled = diagonal(of_force) @ self._jacobian @ diagonal(of_values)
         return (scaled + diagonal(of_p)).tocsr()
 
-    def _first_length(self, size, most):
-        """Return a first trial length: over it the solution changes by about half of itself."""
+    def _first_length(self, size, most, missing):
+        """Return a first trial length: over it the solution changes by about half of itself.
+
+        It is less with several orders; `missing` is the exponent of the first power left out.
+        """
         form = self._form
         forces = form.terms[form.terms.integrand == FORCE]
         order = (form.orders[forces.index] + form.second).min()
@@ -148,9 +155,7 @@ class SingularStart:
         if size > 0.0 and len(form.generators) < 3:
             return h  # a single order and integers: such solutions need few powers
         # the first power that the basis lacks is to be small
-        return h * min(1.0, _MISSING * self._tolerances[0]) ** (
-            1 / power_basis(form.generators).missing
-        )
+        return h * min(1.0, _MISSING * self._tolerances[0]) ** (1 / missing)
 
     def _solve_and_check(self, basis, times, h, base, operators, local, values):
         """Solve for the values at the nodes; return whether the orbit also holds between them."""
