@@ -45,7 +45,7 @@ class Function(NamedTuple):
 
 def present_values(fun):
     """Return the values that compilation of `fun` would freeze now, for comparison."""
-    plain = _plain(fun)
+    plain = None if fun is None else _plain(fun)
     return frozen_values(plain) if inspect.isfunction(plain) else ()
 
 

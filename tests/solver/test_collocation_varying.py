@@ -441,7 +441,7 @@ def test_tables_of_orders(a, h):
     a = [1 - (1 - value) if value > 1e-14 else 0.0 for value in a]
     times = h * np.array(OrderTables((), 4)._nodes)
     tables = OrderTables((VaryingOrder(order, 1),), 4)
-    tables.tabulated.next_start, tables.tabulated.next_length = 0.0, h
+    tables.tabulated["next_start"], tables.tabulated["next_length"] = 0.0, h
     pace = Pace(None, 10)
     pace.begin(0.0, 2 * h, 0)
     limits = pace.limits(hd.scenes.relaxation(), 0.0, 2 * h, (1e-6, 1e-8))

@@ -55,7 +55,9 @@ def test_a_force_that_grows_at_a_switch():
     sol = hd.solve(eq, 3.0, rtol=1e-10, switches=lambda t, y: y[0] - 1)
     begin = gamma(1 + a) ** (1 / a)
     exact = (sol.t**a + np.maximum(sol.t - begin, 0) ** a) / gamma(1 + a)
-    assert np.abs(sol.y[:, 0] - exact).max() < 1e-11
+    apart = np.abs(sol.t - begin) > 1e-12  # rounding of the time at the switch counts by its power
+    assert apart.sum() >= apart.size - 2
+    assert np.abs(sol.y[:, 0] - exact)[apart].max() < 1e-11
     errors = []
     for n in (1000, 2000):
         steps = hd.solve(eq, 3.0, n, switches=lambda t, y: y[0] - 1)

@@ -13,7 +13,7 @@ right-hand side and terms, and p' is among the integrands.
 """
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -26,10 +26,11 @@ from ..compiled.operators import (
     PRIMARY,
     SLOPE,
 )
-from ..compiled.structures import TERM
+from ..compiled.structures import TERM, records
 from ..orders import OrderFailed
+from ..structure import FEW
 from ..system import System
-from ..terms import Operator
+from ..terms import Operator, SystemTerm
 
 # Smallest order of integration: lesser powers of two step lengths are equal in double precision.
 _LEAST = 5e-10
@@ -43,7 +44,7 @@ class Form:
 
     Attributes
     ----------
-    terms : recarray of `TERM`, shape (n,)
+    terms : ndarray of `TERM`, shape (n,)
         Convolution terms: row, integrand (compiled/collocation.py), index of the order or kernel,
         and coefficient. Row c < d is p of component c, row d + c the terms subtracted from its
         right-hand side. The index is -1 where the integrand itself enters.
@@ -65,7 +66,7 @@ class Form:
         Integrand and component of each Riemann-Liouville term with a varying order.
     """
 
-    terms: np.recarray
+    terms: np.ndarray
     offset_of: np.ndarray
     orders: np.ndarray
     second: np.ndarray
@@ -96,7 +97,7 @@ class Form:
         their component instead of on its unknown.
         """
         d = self.second.size
-        return d if self.terms.row.max() < d else 2 * d
+        return d if self.terms["row"].max() < d else 2 * d
 
     @cached_property
     def kinds(self) -> np.ndarray:
@@ -113,21 +114,24 @@ class Form:
     @cached_property
     def n_integrands(self) -> int:
         """Number of integrands that a step stores: 3, or 4 with p'."""
-        return 4 if np.any(self.terms.integrand == SLOPE) else 3
+        return 4 if (self.terms["integrand"] == SLOPE).any() else 3
 
     @cached_property
     def unweighted(self) -> np.ndarray:
         """Integrands of terms with varying orders, whose modes have no weights; ascending."""
         first = self.orders.size + len(self.kernels)
-        return np.unique(self.terms.integrand[self.terms.index >= first])
+        if not self.varying:
+            return np.zeros(0, dtype=np.int64)
+        return np.unique(self.terms["integrand"][self.terms["index"] >= first])
 
     def start_exponent(self, t: float = 0.0) -> float:
         """Smallest exponent of the time since t with which p changes after a start at t."""
         d, found = self.second.size, []
         for c in range(d):
             integrand = SLOPE if self.implicit[c] else FORCE
-            own = (self.terms.row % d == c) & (self.terms.integrand == integrand)
-            powers = [self._start_power(k, integrand, t) for k in self.terms.index[own].tolist()]
+            own = (self.terms["row"] % d == c) & (self.terms["integrand"] == integrand)
+            places = self.terms["index"][own].tolist()
+            powers = [self._start_power(k, integrand, t) for k in places]
             found.append(max(powers) if self.implicit[c] else min(powers))
             if t == 0 and any(component == c for _, component in self.from_zero):
                 found[-1] -= max(float(op.sampled(np.zeros(1))[0][0]) for op in self.varying)
@@ -184,6 +188,21 @@ class _Row(NamedTuple):
 
 def integral_form(system: System) -> Form:
     """Return the integral equations of a system whose derivatives have orders in (0, 2]."""
+    if not system.constant or system.d > FEW:
+        return _form_of(system)
+    return _kept_form(tuple((op, tuple(own.tolist())) for op, own in system.left), system.m)
+
+
+@lru_cache(maxsize=256)
+def _kept_form(left, m):
+    """Return the integral equations of few components and constant orders, kept for other runs."""
+    terms = [SystemTerm(operator, np.array(coefficients)) for operator, coefficients in left]
+    y0 = np.zeros((m, terms[0].coefficients.size))
+    return _form_of(System(terms, y0, np.zeros(0), None))
+
+
+def _form_of(system):
+    """Work out the integral equations of a system."""
     highest = system.highest_orders()
     leading, second = system.coefficient(highest), highest > 1
     implicit = np.array([_is_implicit(system, c, highest[c]) for c in range(system.d)], np.int64)
@@ -218,7 +237,7 @@ def integral_form(system: System) -> Form:
     for kernel in kernels:
         increments += [1 - kernel.singular_exponent, *kernel.generators]
     return Form(
-        np.array(listed, dtype=TERM).view(np.recarray),
+        records(listed, TERM),
         np.array([row.offset for row in rows]),
         np.array(orders),
         second.astype(np.int64),

@@ -122,6 +122,8 @@ def kernel_basis(kernels, closest, farthest, t_end, tol):
 
     The sums hold up to `farthest`, or to `t_end` for kernels known by their values alone.
     """
+    if not kernels:
+        return NO_KERNELS
     starts = [_first_distance(kernel, closest, tol) for kernel in kernels]
     ends = [min(t_end if k.by_values else farthest, k.t_last) for k in kernels]
     fits = [
@@ -135,8 +137,10 @@ def kernel_basis(kernels, closest, farthest, t_end, tol):
         offset += fit.rates.size
         held = fit.weights @ (nearest * mean_exponential(fit.rates * nearest))
         masses[k] = float(kernel.integral(nearest)) - held
-    error = max((fit.max_error for fit in fits), default=0.0)
-    return KernelBasis(rates, weights, masses, min(ends, default=math.inf), error)
+    return KernelBasis(rates, weights, masses, min(ends), max(fit.max_error for fit in fits))
+
+
+NO_KERNELS = KernelBasis(np.zeros(0), np.zeros((0, 0)), np.zeros(0))
 
 
 def _first_distance(kernel, closest, tol):

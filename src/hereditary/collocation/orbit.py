@@ -18,6 +18,7 @@ from ..compiled.mode_tables import empty_tables
 from ..compiled.operators import ITSELF, POSITION, PRIMARY, SLOPE
 from ..compiled.structures import Equations, OrbitArrays
 from .exponential_basis import (
+    NO_KERNELS,
     PowerLawBasis,
     VaryingBasis,
     kernel_basis,
@@ -75,7 +76,7 @@ class OrbitAndTangents:
         self.modes = self.before = np.zeros((n_columns, self._n_rows, 0))
         self.last = np.zeros((n_columns, form.n_integrands, d, n_nodes))
         self.power_laws = PowerLawBasis((), np.inf, 0.0, 0.0, np.zeros(0), np.zeros((0, 0)), 1.0)
-        self.kernels = kernel_basis((), 1.0, 1.0, 1.0, 0.1)
+        self.kernels = NO_KERNELS
         self.varying = VaryingBasis(np.inf, 0.0, 0.0, np.zeros(0))
         self._last_length, self._singular, self._prefitted = 0.0, None, None
         self._tables = None
@@ -83,7 +84,7 @@ class OrbitAndTangents:
 
     def _of_terms(self, constants):
         """Return what is subtracted from the integrand of each term, from 0, p(0), y(0)."""
-        components = self._form.terms.row % constants.shape[2]
+        components = self._form.terms["row"] % constants.shape[2]
         return np.ascontiguousarray(constants[self._form.offset_of, :, components].T)
 
     @property
@@ -264,8 +265,9 @@ class OrbitAndTangents:
         n = self.power_laws.rates.size
         base += self.modes[..., n:] @ np.exp(-np.multiply.outer(self.kernels.rates, distances))
         # the last step by quadrature, for it is closer than the modes hold; all before it by modes
-        ages = np.multiply.outer(self.power_laws.rates, self._last_length + distances)
-        base += self.before[..., :n] @ np.exp(-ages)
+        base += self.before[..., :n] @ _damping(
+            self.power_laws.rates, self._last_length + distances
+        )
         _, v, weights = graded_rule()
         log_u, integrands = log_distances - np.log(self._last_length), self._integrands()
         u = np.exp(log_u)
@@ -297,7 +299,7 @@ class OrbitAndTangents:
         rates, integrands = self.rates * self._last_length, self._integrands()
         weights, d = self.weights, self.x.shape[1]
         _, v, rule = graded_rule()
-        damped = np.exp(-np.multiply.outer(rates, v)) * rule
+        damped, integrands = _damping(rates, v), integrands * rule
         advanced = modes * np.exp(-rates)
         for b, q in enumerate(self._form.unweighted):
             input_part = integrands[:, q] @ damped.T
@@ -307,9 +309,18 @@ class OrbitAndTangents:
         for row, (c, q, k, coefficient) in enumerate(self._form.listed):
             if k == ITSELF:
                 continue
-            input_part = (integrands[:, q, c % d] - self._last_offsets[:, row, None]) @ damped.T
+            offset = self._last_offsets[:, row, None] * rule
+            input_part = (integrands[:, q, c % d] - offset) @ damped.T
             advanced[:, c] += self._last_length * coefficient * weights[k] * input_part
         return advanced
+
+
+def _damping(rates, times):
+    """Return ``exp(-rate * time)``, (n_rates, n_times); below 1e-304 it is as small as that."""
+    ages = np.multiply.outer(rates, times)
+    np.minimum(ages, 700.0, out=ages)  # results that underflow take ten times as long
+    np.negative(ages, out=ages)
+    return np.exp(ages, out=ages)
 
 
 @lru_cache(maxsize=16)

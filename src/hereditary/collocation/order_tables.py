@@ -36,7 +36,7 @@ class OrderTables:
 
     def clear(self):
         """Mark the tables as valid for no step."""
-        self.tabulated.start = self.tabulated.length = np.nan
+        self.tabulated["start"] = self.tabulated["length"] = np.nan
 
     def compiled(self, of_varying):
         """Return the tables for compiled code, with modes told by `of_varying` (M,)."""
@@ -47,7 +47,7 @@ class OrderTables:
 
     def fill(self, orbit, origin, limits):
         """Fill the tables for the requested step; raise `OrderFailed` for a bad order."""
-        t, h = float(self.tabulated.next_start), float(self.tabulated.next_length)
+        t, h = float(self.tabulated["next_start"]), float(self.tabulated["next_length"])
         times = times_inside(origin, t, h, self._nodes, limits)
         n = orbit.rates.size
         if self.weights.shape[1] != n:
@@ -62,4 +62,4 @@ class OrderTables:
         weights = orbit.varying.weights(a.ravel())
         first = n - len(weights)
         self.weights[:, first:] = weights.reshape(len(weights), *a.shape).swapaxes(0, 1)
-        self.tabulated.start, self.tabulated.length = t, h
+        self.tabulated["start"], self.tabulated["length"] = t, h

@@ -85,7 +85,7 @@ class Pace:
         ----------
         since, t : float
             Times at which the last stretch of steps began and ended.
-        earlier, counts : np.record
+        earlier, counts : np.void
             Counts there.
         t_stop : float
         at_starts : ndarray, shape (n, 2, d)

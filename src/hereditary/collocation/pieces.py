@@ -4,11 +4,11 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
-from numpy.polynomial.legendre import legder, legint, legvander
+from numpy.polynomial.legendre import legder, legint
 
 from ..solver.dense import Piece, last_start
 from .power_basis import PowerBasis
-from .quadrature import through_start, to_legendre
+from .quadrature import legendre_values, through_start, to_legendre
 
 # Distance at which the slope at 0 is evaluated, and size beyond which it is infinite.
 _NEXT_TO_0, _STEEP = 1e-200, 1e12
@@ -94,15 +94,29 @@ class PolynomialPieces(Piece):
 
     def evaluate(self, t, second, derivative):
         """Return y, or y' for ``derivative=1``, at times t inside the steps, (k, d)."""
+        return self._at(self._places(t), second, derivative)
+
+    def evaluate_both(self, t, second, slopes):
+        """Return y and y' at times t inside the steps, (k, d) each; NaN for y' without `slopes`."""
+        places = self._places(t)
+        y = self._at(places, second, 0)
+        return y, self._at(places, second, 1) if slopes else np.full_like(y, np.nan)
+
+    def _places(self, t):
+        """Return the steps of these times, (k,), their lengths (k, 1), and polynomials there."""
         i = np.minimum(np.maximum(last_start(self.starts, t), 0), self.starts.size - 1)
-        s, h = self.rows.shape[2], self.lengths[i, None]
-        u = np.minimum(np.maximum((t - self.starts[i]) / self.lengths[i], 0.0), 1.0)
-        values = legvander(2 * u - 1, s) if u.size > 1 else _legendre(2 * float(u[0]) - 1, s)
+        s, h = self.rows.shape[2], self.lengths[i]
+        x = 2 * np.minimum(np.maximum((t - self.starts[i]) / h, 0.0), 1.0) - 1
+        return i, h[:, None], legendre_values(x, s).T if x.size > 1 else _legendre(float(x[0]), s)
+
+    def _at(self, places, second, derivative):
+        """Return y, or y' for ``derivative=1``, at what `_places` gives, (k, d)."""
+        i, h, values = places
         if not derivative and second.all():
             return self._positions(i, h, values)
         p = np.einsum("kdj,kj->kd", self._coefficients[i], values)
         if derivative and not second.all():
-            slopes = values[:, :-1] @ _derivatives(s)
+            slopes = values[:, :-1] @ _derivatives(self.rows.shape[2])
             steep = np.einsum("kdj,kj->kd", self._coefficients[i], slopes) / h
             return np.where(second, p, steep)
         if derivative or not second.any():
@@ -141,7 +155,7 @@ class PolynomialPieces(Piece):
 
 
 def _legendre(x, s):
-    """Return P_0 .. P_s at one point, (1, s + 1): as `legvander`, in a tenth of its time."""
+    """Return P_0 .. P_s at one point, (1, s + 1), in a tenth of the time that arrays take."""
     values = [1.0, x]
     for i in range(2, s + 1):
         values.append((values[-1] * x * (2 * i - 1) - values[-2] * (i - 1)) / i)

@@ -18,6 +18,8 @@ import numpy as np
 from numpy.polynomial.legendre import leggauss
 from scipy.special import rgamma
 
+from .quadrature import legendre_values
+
 # Singular values below this fraction of the largest are rounding errors of the basis.
 _CUT = 1e-14
 # A generator below this is tiny and counts as this when functions are chosen. Steps cannot be so
@@ -226,7 +228,7 @@ def _polynomials(log_t, g, c, highest, differentiated):
     decay = 1 / (1 + c * u)
     x = 2 * (1 + c) * u * decay - 1
     degree = highest - 1 if c and highest else highest
-    values = _legendre(x, degree)
+    values = legendre_values(x, degree)
     if differentiated:
         slopes = _slopes(values)
         if not c:
@@ -234,18 +236,6 @@ def _polynomials(log_t, g, c, highest, differentiated):
         slopes = slopes * decay - values * c / (2 * (1 + c))
         return np.vstack([np.zeros((1, x.size)), slopes])
     return np.vstack([np.ones((1, x.size)), values * decay]) if c else values
-
-
-def _legendre(x, degree):
-    """Return the Legendre polynomials up to this degree at x (n,), exact at -1 and 1; (., n)."""
-    values = np.ones((degree + 1, x.size))
-    values[1:2] = x
-    for k in range(2, degree + 1):
-        product = x * values[k - 1]
-        np.subtract(product, values[k - 2], out=values[k])
-        values[k] *= (k - 1) / k
-        values[k] += product
-    return values
 
 
 def _slopes(values):

@@ -137,6 +137,18 @@ def check_points(s):
     return tuple(_frozen(np.ascontiguousarray(array)) for array in found)
 
 
+def legendre_values(x, degree):
+    """Return the Legendre polynomials up to this degree at x (n,), exact at -1 and 1; (., n)."""
+    values = np.ones((degree + 1, x.size))
+    values[1:2] = x
+    for k in range(2, degree + 1):
+        product = x * values[k - 1]
+        np.subtract(product, values[k - 2], out=values[k])
+        values[k] *= (k - 1) / k
+        values[k] += product
+    return values
+
+
 def _frozen(array):
     """Return the array, made read-only."""
     array.flags.writeable = False

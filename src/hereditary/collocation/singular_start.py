@@ -146,8 +146,8 @@ class SingularStart:
         It is less with several orders; `missing` is the exponent of the first power left out.
         """
         form = self._form
-        forces = form.terms[form.terms.integrand == FORCE]
-        order = (form.orders[forces.index] + form.second).min()
+        forces = form.terms["index"][form.terms["integrand"] == FORCE]
+        order = (form.orders[forces] + form.second).min()
         # solutions of tiny order change at once and then hardly: the defect decides there
         order = max(order, 0.1)
         # a right-hand side of time alone gives no estimate

@@ -9,7 +9,7 @@ tangents (docs/notation.md).
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import from_dtype, types
+from numba import config, from_dtype, types
 
 from .._jit import CUBE, CUBES, F8, I8, IVEC, MAT, VEC
 
@@ -105,7 +105,7 @@ class VaryingOrders(NamedTuple):
     weights (n_v, M, s) of the modes at the nodes; of_varying (M,), 1 for the modes of such orders.
     """
 
-    tabulated: np.record
+    tabulated: np.void
     integrals: np.ndarray
     weights: np.ndarray
     of_varying: np.ndarray
@@ -130,9 +130,9 @@ class OrbitArrays(NamedTuple):
 class MarchState(NamedTuple):
     """Step control, counts, contraction of Newton's method, and the largest |y'| so far, (d,)."""
 
-    control: np.record
-    counts: np.record
-    contraction: np.record
+    control: np.void
+    counts: np.void
+    contraction: np.void
     largest: np.ndarray
 
 
@@ -270,10 +270,19 @@ def record(dtype, values=None, **fields):
 
     Keyword arguments set single fields.
     """
-    found = np.array([values or (0,) * len(dtype)], (np.record, dtype))[0]
+    found = records([values or (0,) * len(dtype)], dtype)[0]
     for name, value in fields.items():
-        found[name] = value  # an attribute takes three times as long
+        found[name] = value
     return found
+
+
+def records(values, dtype):
+    """Return an array of records; without a compiler their fields are attributes too.
+
+    Fields of np.record take ten times as long to read by name.
+    """
+    found = np.array(values, dtype)
+    return found.view(np.recarray) if config.DISABLE_JIT else found
 
 
 def plain(part):

@@ -375,8 +375,8 @@ class Scheme(ABC):
         if highest > self.orders[1]:
             required = f"be at most {self.orders[1]:g} for {self!r}"
             raise ValueError(complaint("order", required, highest, "use BDF(2) or L1"))
-        terms = max(map(len, distinct_components(equation)[0]))
-        if terms > 1 and not self.several_terms:
+        terms = 1 if self.several_terms else max(map(len, distinct_components(equation)[0]))
+        if terms > 1:
             required = f"hold one term for each component with {name}"
             raise ValueError(complaint("terms", required, f"{terms}", remedy))
 

@@ -36,7 +36,7 @@ class Newton(NamedTuple):
         if kept.shape == room.shape and np.array_equal(kept[:, places], room[:, places]):
             room[:, VALUES] = kept[:, VALUES]
         else:
-            march.counts.factored = 0
+            march.counts["factored"] = 0
         return room
 
 

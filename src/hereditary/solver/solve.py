@@ -271,9 +271,8 @@ def evaluation_times(t_eval, t_start, t_end):
     inside = f"be increasing times in [{t_start}, {t_end}]"
     if times.ndim != 1 or times.size == 0:
         raise ValueError(complaint("t_eval", inside, f"shape {times.shape}"))
-    slack = 1e-12 * max(
-        abs(t_start), abs(t_end)
-    )  # times computed otherwise may miss the ends by rounding
-    if np.any(np.diff(times) <= 0) or times[0] < t_start - slack or times[-1] > t_end + slack:
+    # times computed otherwise may miss the ends by rounding
+    slack = 1e-12 * max(abs(t_start), abs(t_end))
+    if (times[1:] <= times[:-1]).any() or times[0] < t_start - slack or times[-1] > t_end + slack:
         raise ValueError(complaint("t_eval", inside, shown(times)))
-    return np.clip(times, t_start, t_end)
+    return np.minimum(np.maximum(times, t_start), t_end)

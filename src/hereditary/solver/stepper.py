@@ -388,7 +388,7 @@ class Stepper:
         march = arrays.restored_march(state.march)
         self._march = march._replace(newton=self._newton.taken_over(march))
         if check_identity(state.identity, self._identity(state.t), allow_change):
-            march.counts.factored = 0
+            march.counts["factored"] = 0
             self._forget_explicit()
         self._refactorise()
         self.memory.restore(state.memory)

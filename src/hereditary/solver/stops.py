@@ -15,6 +15,8 @@ _ASIDE = 8 * np.finfo(float).eps
 def checked_breaks(breaks, start):
     """Increasing times above `start` that lie apart, shape (k,), counted from there."""
     given = real_array("breaks", breaks)
+    if given.size == 0:
+        return given.ravel()
     if given.ndim != 1 or np.any(np.diff(given) <= 0) or np.any(given <= start):
         required = f"be increasing times above {start:g}"
         raise ValueError(complaint("breaks", required, shown(given)))
