@@ -179,10 +179,9 @@ class PowerBasis:
         if self.map_rates:
             return np.append(np.log(u), 0.0), np.array(weights)
         values, wanted = self._at_logs[:, : self.nodes.size], self._at_points @ np.array(weights).T
-        found = np.zeros((self.nodes.size, len(orders)))
-        for _ in range(2):  # and what rounding has left
-            found += np.linalg.lstsq(values, wanted - values @ found, 1e-16)[0]
-        return self.logs[: self.nodes.size], found.T
+        found = self._cardinal(wanted)
+        found += self._cardinal(wanted - values @ found.T)  # what rounding has left
+        return self.logs[: self.nodes.size], found
 
     def convolutions(self, kernel, h):
         """Return the convolutions with a kernel K, in steps of length h, (2 n + 1, n).
