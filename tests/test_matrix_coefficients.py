@@ -185,3 +185,20 @@ def test_mistakes():
         hd.Equation(good * C(0.5), lambda t, y, m: -y, [1.0, 1.0], memory=C(0.3))
     with pytest.raises(ValueError, match="memory must have coefficients of shape"):
         hd.Equation(C(0.5), lambda t, y, m: -y, [1.0, 1.0], memory=good * C(0.3))
+
+
+def test_changes_may_come_before_the_first_step_of_a_stretch_ends():
+    """No row besides the start is then left of it. A change to the present value is none."""
+    terms = np.array([[1.0, 0.2], [0.0, 1.0]]) * C(0.8) + 0.3 * C(0.3)
+    eq = hd.Equation(terms, lambda t, y: -y, [1.0, 0.5])
+    alone = hd.solve(eq, 4.0, rtol=1e-9)
+    for when in np.linspace(0.5, 3.5, 40):
+
+        def event(t, y, when=when):
+            return t - when
+
+        event.change = lambda t, y: y
+        sol = hd.solve(eq, 4.0, rtol=1e-8, events=event)
+        assert sol.success
+        assert sol.t_events[0] == pytest.approx([when], rel=1e-9)
+        assert np.abs(sol.y - alone(sol.t)).max() < 1e-7

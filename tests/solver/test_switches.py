@@ -46,7 +46,10 @@ def test_pieces_of_a_fractional_relay_add_up():
     assert times.size > 10
     assert np.abs(exact(times)).max() < 1e-11
     assert np.abs(sol.y[:, 0] - exact(sol.t)).max() < 1e-11
-    assert np.all(np.diff(times)[1:] < 0.3 * np.diff(times)[:-1])
+    gaps = np.diff(times)
+    gaps = gaps[gaps > 3e-8]  # in shorter ones x stays below atol
+    assert gaps.size > 8
+    assert np.all(gaps[1:] < 0.3 * gaps[:-1])
 
 
 def test_a_force_that_grows_at_a_switch():

@@ -107,7 +107,7 @@ class PolynomialPieces(Piece):
         i = np.minimum(np.maximum(last_start(self.starts, t), 0), self.starts.size - 1)
         s, h = self.rows.shape[2], self.lengths[i]
         x = 2 * np.minimum(np.maximum((t - self.starts[i]) / h, 0.0), 1.0) - 1
-        return i, h[:, None], legendre_values(x, s).T if x.size > 1 else _legendre(float(x[0]), s)
+        return i, h[:, None], _legendre(float(x[0]), s) if x.size == 1 else legendre_values(x, s).T
 
     def _at(self, places, second, derivative):
         """Return y, or y' for ``derivative=1``, at what `_places` gives, (k, d)."""

@@ -15,8 +15,8 @@ from ..schemes.stability import eigenvalues
 from .power_basis import TINY, choose_map_rates, power_basis
 from .stages import has_stages, stage_solver
 
-# Factor of the length after a refused step; number of trials with rational maps.
-_SHORTER, _MAPPED_TRIALS = 0.3, 12
+# Factors of the length after a refused step, at most and at least; trials with rational maps.
+_SHORTER, _SHORTEST, _MAPPED_TRIALS = 0.3, 0.01, 12
 # Factor of the tolerance that the first power without a function may be of, on a first trial: bases
 # approximate better than sums of powers do. Shorter trials cost a step or two, but seldom fail.
 _MISSING = 2e6
@@ -63,6 +63,9 @@ class SingularStart:
         state.counts["rhs"] += 1
         equation._rhs(self._just_after, orbit.x[0], self._force, equation._params)
         self.n_refused, self.solved, self._longest = 0, True, longest
+        forces = form.terms["index"][form.terms["integrand"] == FORCE]
+        # solutions of tiny order change at once and then hardly: the defect decides there
+        self._order = max(float((form.orders[forces] + form.second).min()), 0.1)
 
     def step(self):
         """Solve the step; return its length, basis and values (1 + k, 3, d, n), or None.
@@ -99,11 +102,15 @@ class SingularStart:
             last = self._equation.beside(t_stop, -1)
             times = np.clip(t + h * points, self._just_after, last)
             local = self._convolutions(basis, h)
-            if self._solve_and_check(
+            excess = self._solve_and_check(
                 basis, times, h, orbit.history(np.log(h) + basis.logs), operators, local, values
-            ):
+            )
+            if excess <= 1:
                 return h, basis, values
-            h *= _SHORTER
+            if self.solved:  # errors fall faster than by the power 4/3 of the change of y
+                h *= max(_SHORTEST, min(_SHORTER, excess ** (-0.75 / self._order)))
+            else:
+                h *= _SHORTER
             trials -= 1
             self.n_refused += 1
         return None
@@ -145,20 +152,16 @@ class SingularStart:
 
         It is less with several orders; `missing` is the exponent of the first power left out.
         """
-        form = self._form
-        forces = form.terms["index"][form.terms["integrand"] == FORCE]
-        order = (form.orders[forces] + form.second).min()
-        # solutions of tiny order change at once and then hardly: the defect decides there
-        order = max(order, 0.1)
+        order = self._order
         # a right-hand side of time alone gives no estimate
         h = most if size * most**order < 0.5 else (0.5 / size) ** (1 / order)
-        if size > 0.0 and len(form.generators) < 3:
+        if size > 0.0 and len(self._form.generators) < 3:
             return h  # a single order and integers: such solutions need few powers
         # the first power that the basis lacks is to be small
         return h * min(1.0, _MISSING * self._tolerances[0]) ** (1 / missing)
 
     def _solve_and_check(self, basis, times, h, base, operators, local, values):
-        """Solve for the values at the nodes; return whether the orbit also holds between them."""
+        """Solve for the values at the nodes; return the error between them over the tolerance."""
         equation, form, orbit, state = self._equation, self._form, self._orbit, self._state
         n, stages = basis.nodes.size, self._stages
         solved = SINGLE_STEPS[self._many](
@@ -169,15 +172,15 @@ class SingularStart:
         )  # fmt: skip
         self.solved = solved
         if not solved:
-            return False
+            return np.inf
         inner = (operators[:, n:], local[:, n:])
         defect = self._defect(basis, times[n:], h, base[0, :, n:], *inner, values[0])
-        # y' may become large at once, so its tolerance follows its size on this step
+        # y', and y that begins at 0, may become large at once: tolerances follow sizes on this step
         size = np.maximum(self._largest, np.abs(values[0, PRIMARY]).max(axis=1))
-        size = np.where(form.second, size, self._largest)
-        fits = defect <= self._tolerance(size)  # False where the defect is not finite
-        fits &= (form.second == 0) | (h * defect <= self._tolerance(np.abs(orbit.x[0])))
-        return bool(np.all(fits))
+        excess = defect / self._tolerance(size)
+        of_y = np.where(form.second, h * defect / self._tolerance(np.abs(orbit.x[0])), 0.0)
+        excess = float(np.maximum(excess, of_y).max())
+        return excess if np.isfinite(excess) else np.inf
 
     def _tolerance(self, size):
         """Return the tolerance of a quantity of this size."""
@@ -210,30 +213,34 @@ class SingularStart:
         f = f.T
         f[: form.n_rows - d] -= found[d:]
         self._state.counts["rhs"] += times.size
-        deviation_at = np.abs(np.array([f, p, x]) - basis.interpolate_between(values))
-        deviation = deviation_at.max(axis=2)
-        defect = np.zeros(d)
+        deviation = np.abs(np.array([f, p, x]) - basis.interpolate_between(values))
+        early = self._early(p)
+        so_far = np.maximum.accumulate(deviation, axis=2) * early
+        defect, u = np.zeros(d), np.exp(basis.logs[values.shape[2] :])
         for q, k, coefficient, rows, _ in form.groups:
             own = rows[rows < d]
-            size = h ** form.orders[k] if k < n_a else np.abs(local[k - n_a]).sum(axis=1).max()
-            defect[own] += abs(coefficient) * size * deviation[q, own]
+            if k < n_a:
+                caused = (h * u) ** form.orders[k] * so_far[q, own]
+            else:
+                caused = np.abs(local[k - n_a]).sum(axis=1) * so_far[q, own]
+            defect[own] += abs(coefficient) * caused.max(axis=1)
         # the error of the basis affects dense output alone, and y there through the means of y'
         n, means = values.shape[2], self._means(basis, values[PRIMARY])
         deviation_of_means = means[:, n:] - basis.interpolate_between(means[:, :n])
-        relative = self._relative_error(deviation_at[POSITION], x)
-        basis_error = np.where(form.second, np.abs(deviation_of_means).max(axis=1), relative)
-        return np.maximum(
-            self._error_from_defect(defect, h),
-            _BASIS_WEIGHT * np.maximum(deviation[PRIMARY], basis_error),
-        )
+        deviation *= early
+        of_means = np.abs(deviation_of_means).max(axis=1)
+        of_y = np.where(form.second, of_means, deviation[POSITION].max(axis=1))
+        of_basis = np.maximum(deviation[PRIMARY].max(axis=1), of_y)
+        return np.maximum(self._error_from_defect(defect, h), _BASIS_WEIGHT * of_basis)
 
-    def _relative_error(self, deviation, x):
-        """Return the largest deviation of y, early ones scaled to the tolerance at the end, (d,).
+    def _early(self, p):
+        """Return how many times less the tolerance of y allows at early times than later, (d, n).
 
-        The tolerance at a time is that of the largest |y| until then; `deviation`, x (d, n).
+        At a time it is that of the largest |y| until then; p (d, n). Of y' it is that at the end.
         """
-        allowed = self._tolerance(np.maximum.accumulate(np.abs(x), axis=1))
-        return (deviation * (allowed[:, -1:] / allowed)).max(axis=1)
+        sizes = np.maximum(np.maximum.accumulate(np.abs(p), axis=1), self._largest[:, None])
+        allowed = self._tolerance(sizes)
+        return np.where(self._form.second[:, None] == 1, 1.0, allowed[:, -1:] / allowed)
 
     def means(self, basis, values):
         """Return the means of p from the start to the nodes, (d, n); values (3, d, n)."""
