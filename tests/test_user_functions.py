@@ -146,7 +146,7 @@ def test_reading_out_of_bounds_ends_the_run(rhs):
 
 def test_reading_out_of_bounds_ends_the_run_inside_a_jacobian():
     def jac(t, y):
-        return np.array([[-TABLE[int(10 * t)]]])
+        return np.array([[-TABLE[int(300 * t)]]])
 
     with pytest.warns(hd.SolveWarning, match="IndexError"):
         sol = run(equation(lambda t, y: -y, jac=jac), hd.L1())

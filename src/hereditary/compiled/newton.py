@@ -6,13 +6,17 @@ from .._jit import inlined, inner
 from .jacobian import COLUMNS, ROWS, VALUES, differences, is_sparse, jacobian, multiply
 from .linalg import solve_in_place
 from .signatures import FACTORISE, SUBSTITUTE
-from .step import BASE, GAIN, KNOWN, LEAD, MOVED, POINT, SCALE, SHIFT, F, W, look
+from .step import BASE, FIRST, GAIN, KNOWN, LEAD, MOVED, POINT, SCALE, SHIFT, F, W, look
 
 # Simplified Newton steps (one Jacobian) before the full method takes over, and full ones before a
 # step is given up.
 _SIMPLIFIED, _FULL = 8, 30
 # Components above which factors are kept over steps, and contraction from which they are not.
 KEPT_FROM, _SLOW = 10, 0.1
+# Contraction from which the Jacobian of an earlier step is not kept of few components, also the
+# share of an error that is allowed with it, for it leaves all of the estimate while Newton's method
+# leaves far less; and steps that then take their own (counts.factored counts them from below 0).
+_SLOW_OF_FEW, _OWN = 1e-3, -16
 # counts.factored where factors of a linear step have been seen to solve it at once: to this rate,
 # and without a residual that grew by this much, as by a matrix that is nearly singular.
 AT_ONCE, _AT_ONCE_BELOW, _MOST_GROWN = 2, 1e-8, 1e6
@@ -30,8 +34,9 @@ def solve_step(
 ):  # fmt: skip
     """Solve ``scale w + known = lead f(t, base + gain w)`` for w, and so for tangents.
 
-    The first d components have an equation; f reads all, at the w of their sources. Returns False
-    where the iteration does not converge; calls of `rhs` are counted.
+    The first d components have an equation; f reads all, at the w of their sources. The Jacobian of
+    an earlier step is kept while it contracts well: counts.factored is 1 where there is one.
+    Returns False where the iteration does not converge; calls of `rhs` are counted.
     """
     # room (N_ROOM, >= n): rows of a step; point, f (n,): its rows of these names; work (2, n, n):
     # Jacobian and room for Newton's matrix
@@ -39,11 +44,13 @@ def solve_step(
         return solve_with_factors(
             rhs, jac, has_jac, params, t, d, sources, room, work, counts, solver, linear
         )
-    n, previous = point.shape[0], np.inf
-    for iteration in range(_SIMPLIFIED + _FULL):
+    n, previous, kept, iteration = point.shape[0], np.inf, counts.factored == 1, 0
+    for c in range(d if kept else 0):
+        room[FIRST, c] = room[W, c]
+    while iteration < _SIMPLIFIED + _FULL:
         for c in range(n):
             point[c] = room[BASE, c] + room[GAIN, c] * room[W, sources[c]]
-        if iteration == 0 or iteration >= _SIMPLIFIED:
+        if not kept and (iteration == 0 or iteration >= _SIMPLIFIED):
             if has_jac == 1:
                 jac(t, point, work[0], params)
             else:
@@ -53,24 +60,30 @@ def solve_step(
         counts.rhs += 1
         set_newton_system(n, d, sources, room, f, work)
         counts.factorised += 1
-        if not eliminate(n, work, room):
-            return False
-        size, largest, reference = 0.0, 0.0, 0.0
+        solvable, size, largest, reference = eliminate(n, work, room), 0.0, 0.0, 0.0
         for c in range(d):
             room[W, c] += room[MOVED, c]
             size = max(size, abs(room[MOVED, c]))
             largest = max(largest, abs(room[W, c]) + abs(room[SHIFT, c]))
             reference = max(reference, abs(room[BASE, c]))
-        if not size < np.inf:
-            return False
+        solvable = solvable and size < np.inf
         # a contraction by `rate` leaves an error of rate / (1 - rate) times the last change
         rate = size / previous if iteration > 0 else 1.0
         left = size * rate / (1.0 - rate) if rate < 1.0 else size
-        if left <= _TOLERANCE * largest + _ROUNDING * reference + _UNDERFLOW:
+        allowed = _TOLERANCE * largest + _ROUNDING * reference + _UNDERFLOW
+        if solvable and left <= (_SLOW_OF_FEW * allowed if kept else allowed):
+            # one that takes a third call has become old: the next step takes its own
+            counts.factored += (iteration < 2) - 1 if kept else 1
             return room.shape[1] == n or solve_tangents(
                 rhs, jac, has_jac, params, t, d, sources, room, work, counts
             )
-        previous = size
+        previous, iteration = size, iteration + 1
+        if kept and not (solvable and (iteration == 1 or rate < _SLOW_OF_FEW)):
+            for c in range(d):
+                room[W, c] = room[FIRST, c]
+            kept, iteration, previous, counts.factored = False, 0, np.inf, _OWN
+        elif not solvable:
+            return False
     return False
 
 
@@ -194,7 +207,7 @@ def solve_tangents(rhs, jac, has_jac, params, t, d, sources, room, work, counts)
     J is the Jacobian where the orbit's own w, which is given, solves the step.
     Returns False where the equations are singular; calls of `rhs` are counted.
     """
-    j_f, matrix = work[0], work[1]
+    j_f, matrix = work[2], work[1]  # the Jacobian of the orbit may be kept
     n = j_f.shape[0]
     known, scale, lead, w = room[KNOWN], room[SCALE], room[LEAD], room[W]
     base, gain = room[BASE], room[GAIN]

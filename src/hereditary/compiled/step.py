@@ -4,8 +4,9 @@ from .._jit import inlined, inner
 
 # Rows of the room of a step, (N_ROOM, W), for W columns: what is known of its left side, the
 # increment of t x'(0), factors of the increment, of f and of the newest piece, increments, f, what
-# a sweep changed, the point where f is taken, and that point without increments and their factor.
-KNOWN, SHIFT, SCALE, LEAD, NEAR, W, F, MOVED, POINT, BASE, GAIN, N_ROOM = range(12)
+# a sweep changed, the point where f is taken, that point without increments and their factor, and
+# the increments that Newton's method begins with.
+KNOWN, SHIFT, SCALE, LEAD, NEAR, W, F, MOVED, POINT, BASE, GAIN, FIRST, N_ROOM = range(13)
 
 
 @inlined
