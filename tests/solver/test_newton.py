@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 import hereditary as hd
 from hereditary._jit import compiled
@@ -136,3 +137,35 @@ def test_a_jacobian_found_by_differences_is_as_good_as_a_given_one(scheme):
         for given in (None, jac)
     ]
     assert np.abs(ends[0] / ends[1] - 1).max() < 1e-8
+
+
+@pytest.mark.parametrize("scheme", [hd.L1(), hd.BDF(2), hd.ProductTrapezoid()], ids=repr)
+def test_short_steps_call_f_twice(scheme):
+    """The Jacobian of an earlier step is kept: once to move, once to see that it was enough."""
+
+    def duffing(t, y):
+        return y - y**3 + 0.3 * np.cos(t)
+
+    n = 100_000
+    sol = hd.solve(hd.Equation(hd.Caputo(0.8), duffing, 0.5), 20.0, n, scheme=scheme)
+    own = n if isinstance(scheme, hd.ProductTrapezoid) else 0  # f of the step itself is a piece
+    assert 2 * n <= sol.stats["n_rhs"] - own <= 2.1 * n
+
+
+@pytest.mark.parametrize("period", [2, 3, 40])
+def test_kept_jacobians_do_not_change_what_steps_solve(period):
+    """Implicit Euler against roots by bisection, where stiffness jumps up and down by 1e6."""
+    n, h = 400, 0.01
+
+    def force(t, y):
+        k = 1e6 if round(t / h) % period == 0 else 1.0
+        return np.cos(5 * t) - k * y**3
+
+    sol = hd.solve(hd.Equation(hd.Caputo(1.0), force, 1.0), n * h, n, scheme=hd.BDF(1))
+    y = [1.0]
+    for i in range(1, n + 1):
+        k = 1e6 if i % period == 0 else 1.0
+        start, push = y[-1], np.cos(5 * i * h)
+        y.append(brentq(lambda z: z - start - h * (push - k * z**3), -2, 2, xtol=1e-15))  # noqa: B023
+    assert np.abs(sol.y[:, 0] - y).max() < 1e-12
+    assert sol.stats["n_rhs"] <= 14 * n  # as many as Newton takes from anew

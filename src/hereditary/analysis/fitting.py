@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -175,7 +175,7 @@ def fit(
     least_squares = importlib.import_module("scipy.optimize").least_squares  # whose import is long
     limits = {"bounds": (low, high), "x_scale": scale, "diff_step": _CHANGE, "loss": loss}
     found = least_squares(runs.residuals, start, **limits)
-    best = runs.solutions(found.x)
+    best = runs.at(found.x)
     at_bound = found.active_mask != 0
     scale = np.maximum(np.abs(found.x), scale)
     estimated = series[0].sigma is None
@@ -204,6 +204,14 @@ def fit(
     )
 
 
+class _Best(NamedTuple):
+    """Parameters p (m,) with the least squares of residuals so far, and their solutions."""
+
+    squares: float
+    p: np.ndarray | None
+    solutions: list
+
+
 class _Runs:
     """Runs of a model for sets of parameters, and their residuals.
 
@@ -214,11 +222,14 @@ class _Runs:
         what the optimiser stops at is absolute.
     count : int
         Sets of runs so far.
+    best : _Best
+        Of these the one with the least squares.
     """
 
     def __init__(self, model, names, named, series, observe, how):
         self._model, self._names, self._named = model, names, named
         self._series, self._observe, self.count = series, observe, 0
+        self.best = _Best(np.inf, None, [])
         largest = max(one.largest for one in series)
         self.unit = (largest or 1.0) if series[0].sigma is None else 1.0
         if "t_eval" in how:
@@ -239,9 +250,19 @@ class _Runs:
 
     def residuals(self, p):
         """Return all residuals over their deviations, (n,); large ones where runs ended early."""
-        pairs = zip(self.solutions(p), self._series, strict=True)
+        solutions = self.solutions(p)
+        pairs = zip(solutions, self._series, strict=True)
         found = [one.weighed(one.lacking(sol, self._observe)) for sol, one in pairs]
-        return np.concatenate(found) / self.unit
+        residuals = np.concatenate(found) / self.unit
+        squares = float(residuals @ residuals)
+        if squares < self.best.squares:
+            self.best = _Best(squares, p.copy(), solutions)
+        return residuals
+
+    def at(self, p):
+        """Return solutions with these parameters, those of the best set where it is theirs."""
+        same = self.best.p is not None and np.array_equal(self.best.p, p)
+        return self.best.solutions if same else self.solutions(p)
 
 
 def _start(p0):

@@ -48,8 +48,8 @@ class LinearSolver(NamedTuple):
 # Counts of a march: steps made, the step at which a zigzag had lasted (-1: none),
 # the one whose block is open, calls of the right-hand side, the step at which turns had grown
 # (-1); how nearly sweeps failed to contract; whether factors of Newton's matrix are in force, or of
-# few components its Jacobian (2: and solve a linear step at once; below 0: steps that take Jacobians
-# of their own), and how many were computed.
+# few components its Jacobian (2: and solve a linear step at once; below 0: steps that take one of
+# their own), and how many were computed.
 COUNTS = np.dtype(
     [(name, "i8") for name in ("step", "zigzag", "opened", "rhs", "growth")]
     + [("nearest", "f8"), ("factored", "i8"), ("factorised", "i8")],
