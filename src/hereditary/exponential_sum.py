@@ -22,6 +22,9 @@ from .special import mean_exponential
 
 # Fractions of the tolerance for trapezoid rule, fast end and slow end, which add up to one.
 _TRAPEZOID, _FAST, _SLOW = 0.90, 0.05, 0.05
+# Sizes m of Gauss rules for slow rates, and log((2 m)! 4**(2 m)) of their errors.
+_SLOW_RULES = np.arange(1, 40)
+_OF_SLOW_RULES = gammaln(2 * _SLOW_RULES + 1) + 2 * _SLOW_RULES * math.log(4.0)
 # The error curve in log t has the band limit 2 pi / h; 24 points per oscillation give its maximum
 # to 0.9 %, so a checked error below tol / 1.01 is a certificate.
 _DIVISIONS, _FEWEST_POINTS, _CERTIFICATE = 24, 200, 1.01
@@ -302,17 +305,11 @@ def _slow_cut(a, h, tol):
     ``a h/(1-exp(-a h)) kappa**a/Gamma(a+1) 4 (kappa/4)**(2m)/(2m)!``; each kappa saves
     log(kappa)/h grid rates at the cost of m nodes.
     """
-    m = np.arange(1, 40)
-    log_bound = (
-        math.log(_SLOW * tol / 4)
-        + math.log(-math.expm1(-a * h) / (a * h))
-        + gammaln(a + 1)
-        + gammaln(2 * m + 1)
-        + 2 * m * math.log(4.0)
-    )
-    log_kappa = log_bound / (a + 2 * m)
-    best = int(np.argmin(m - log_kappa / h))
-    return int(m[best]), math.exp(log_kappa[best])
+    of_mass = math.log(_SLOW * tol / 4) + math.log(-math.expm1(-a * h) / (a * h))
+    of_mass += math.lgamma(a + 1)
+    log_kappa = (of_mass + _OF_SLOW_RULES) / (a + 2 * _SLOW_RULES)
+    best = int(np.argmin(_SLOW_RULES - log_kappa / h))
+    return int(_SLOW_RULES[best]), math.exp(log_kappa[best])
 
 
 def _slow_tail(a, h, ratio, j_slow, m):

@@ -329,13 +329,11 @@ def _smallest_sums(variables, n_first, size):
         return first + sum(map(mul, weights[n_first:], degrees[n_first:]))
 
     found: list[tuple[int, ...]] = []
-    ahead, seen = [(0.0, (0,) * len(variables))], set()
+    ahead = [(0.0, (0,) * len(variables), 0)]
     while len(found) < size:
-        _, degrees = heappop(ahead)
+        _, degrees, last = heappop(ahead)
         found.append(degrees)
-        for i in range(len(variables)):
+        for i in range(last, len(variables)):  # earlier ones were raised before: each comes once
             more = (*degrees[:i], degrees[i] + 1, *degrees[i + 1 :])
-            if more not in seen:
-                seen.add(more)
-                heappush(ahead, (total(more), more))
+            heappush(ahead, (total(more), more, i))
     return np.array(found), ahead[0][0]
