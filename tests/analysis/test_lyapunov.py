@@ -337,7 +337,7 @@ def one(t, x):
 def test_too_long_an_interval_warns():
     arguments = (hd.scenes.lorenz(), 12.0, 6000, 3)
     with pytest.warns(RuntimeWarning, match="shorter renorm"):
-        result = alone(*arguments, scheme=hd.L2Sigma(), renorm=4.0)
+        result = alone(*arguments, scheme=hd.L2Sigma(), renorm=2.0)
     assert "shorter renorm" in result.message
     assert "renorm" not in alone(*arguments, scheme=hd.L2Sigma()).message
 
