@@ -145,7 +145,7 @@ def fit(
 
     Cost
     ----
-    m + 1 runs an iteration, some ten iterations: 0.2 to 0.35 s for four parameters and 60 data.
+    m + 1 runs an iteration, some ten iterations: 0.15 to 0.25 s for four parameters and 60 data.
 
     Examples
     --------
