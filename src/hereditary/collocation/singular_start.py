@@ -94,6 +94,7 @@ class SingularStart:
         operators = basis.integrals(tuple(self._form.orders.tolist()))
         n_columns, d = orbit.x.shape
         values = np.empty((n_columns, 3, d, basis.nodes.size))
+        shortest = _SHORTER if basis.map_rates else _SHORTEST  # maps are for long steps
         while t + h > t and h > self._least and trials > 0:
             # no tiny remainder is left before the stop
             h = min(h, 0.5 * (t_stop - t)) if h < t_stop - t else h
@@ -108,7 +109,7 @@ class SingularStart:
             if excess <= 1:
                 return h, basis, values
             if self.solved:  # errors fall faster than by the power 4/3 of the change of y
-                h *= max(_SHORTEST, min(_SHORTER, excess ** (-0.75 / self._order)))
+                h *= max(shortest, min(_SHORTER, excess ** (-0.75 / self._order)))
             else:
                 h *= _SHORTER
             trials -= 1
