@@ -133,8 +133,8 @@ def marching(name, way, read=open_block):
                 put(first, w)
             elif newton:
                 guess(p, integral, ratio[i], lead, known, force, pieces, w)
-                if not solve_step(rhs, jac, has_jac, params, t, n_solved, sources, integral, room,
-                                  looked, f_orbit, work, counts, solver, linear):  # fmt: skip
+                if not solve_step(rhs, jac, has_jac, params, t, n_solved, sources, room, looked,
+                                  f_orbit, work, counts, solver, linear):  # fmt: skip
                     return NOT_SOLVED
                 if integral == 1:
                     look(base, gain, sources, w, point)

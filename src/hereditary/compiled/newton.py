@@ -13,11 +13,11 @@ from .step import BASE, FIRST, GAIN, KNOWN, LEAD, MOVED, POINT, SCALE, SHIFT, F,
 _SIMPLIFIED, _FULL = 8, 30
 # Components above which factors are kept over steps, and contraction from which they are not.
 KEPT_FROM, _SLOW = 10, 0.1
-# Contraction from which the Jacobian of an earlier step is not kept of few components, also the
-# share of an error that is allowed with it where f is kept, for all of the estimate may be left
-# while Newton's method leaves far less; and steps that then take their own (counts.factored counts
-# them from below 0).
-_SLOW_OF_FEW, _OWN = 1e-3, -16
+# Contraction from which the Jacobian of an earlier step is not kept of few components, and steps
+# that then take their own (counts.factored counts them from below 0). Share of the error that is
+# allowed with it: Newton's method leaves far less than its estimate, a kept Jacobian all of it,
+# with equal sign in every step, which orders above 1 add up twice, and stiff ones take for f.
+_SLOW_OF_FEW, _OWN, _OF_KEPT = 1e-3, -16, 1e-6
 # counts.factored where factors of a linear step have been seen to solve it at once: to this rate,
 # and without a residual that grew by this much, as by a matrix that is nearly singular.
 AT_ONCE, _AT_ONCE_BELOW, _MOST_GROWN = 2, 1e-8, 1e6
@@ -31,13 +31,12 @@ _RESIDUAL, _SMALL = 4e-15, 1e-3
 
 @inner
 def solve_step(
-    rhs, jac, has_jac, params, t, d, sources, integral, room, point, f, work, counts, solver, linear
+    rhs, jac, has_jac, params, t, d, sources, room, point, f, work, counts, solver, linear
 ):  # fmt: skip
     """Solve ``scale w + known = lead f(t, base + gain w)`` for w, and so for tangents.
 
     The first d components have an equation; f reads all, at the w of their sources. The Jacobian of
-    an earlier step is kept while it contracts well: counts.factored is 1 where there is one. With
-    `integral` 1 the step's f is kept, which is only known as well as w is times the Jacobian.
+    an earlier step is kept while it contracts well: counts.factored is 1 where there is one.
     Returns False where the iteration does not converge; calls of `rhs` are counted.
     """
     # room (N_ROOM, >= n): rows of a step; point, f (n,): its rows of these names; work (2, n, n):
@@ -73,7 +72,7 @@ def solve_step(
         rate = size / previous if iteration > 0 else 1.0
         left = size * rate / (1.0 - rate) if rate < 1.0 else size
         allowed = _TOLERANCE * largest + _ROUNDING * reference + _UNDERFLOW
-        if solvable and left <= (_SLOW_OF_FEW * allowed if kept and integral == 1 else allowed):
+        if solvable and left <= (_OF_KEPT * allowed if kept else allowed):
             # one that takes a third call has become old: the next step takes its own
             counts.factored += (iteration < 2) - 1 if kept else 1
             return room.shape[1] == n or solve_tangents(
