@@ -356,6 +356,25 @@ def test_a_function_that_is_known_is_checked_at_every_start():
             hd.Equation(hd.Caputo(0.5), fun, y0, params=params)
 
 
+def test_a_function_that_is_known_is_compared_at_every_start():
+    """Whole numbers overflow in compiled code alone, and for some parameters alone."""
+
+    def power(t, y, p):
+        return 2 ** int(p[0]) * 1e-20 * y
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        hd.Equation(hd.Caputo(0.5), power, 1.0, params=[10.0])
+    with pytest.warns(hd.PythonFunctionWarning, match="whole numbers"):
+        eq = hd.Equation(hd.Caputo(0.5), power, 1.0, params=[64.0])
+    found, exact = hd.solve(eq, 1e-3, 10).y, hd.solve(eq.replace(rhs=grown), 1e-3, 10).y
+    assert np.abs(found / exact - 1).max() < 1e-12
+
+
+def grown(t, y, p):
+    return 2.0 ** p[0] * 1e-20 * y
+
+
 def test_digests_of_known_functions_are_those_of_new_ones():
     """States resume by them: what is remembered must be what a new process would work out."""
     made = [hd.Equation(hd.Caputo(0.5), closure(c), 1.0) for c in (1.0, 2.0, 1.0)]

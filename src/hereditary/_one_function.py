@@ -2,8 +2,8 @@
 
 It is first called once in plain Python, so that an error shows its own line instead of a compiler's
 message. It is compiled with bounds checks, and for read-only arrays y and params; with the same
-code and the same values frozen into it, it is compiled no second time, and a call of the compiled
-function is all the trial it gets. A function that numba cannot compile is called in Python from a
+code and the same values frozen into it, it is compiled no second time, and is tried by one call of
+each, whose values are compared. A function that numba cannot compile is called in Python from a
 compiled one (_python_calls.py).
 """
 
@@ -71,8 +71,10 @@ def function_of(name, out, fun, start, shape, signature, hint=str):
         raise TypeError(complaint(name, required, repr(fun), "write it with def or lambda"))
     key = _key(fun, signature, start) if inspect.isfunction(plain) else ()
     compiled, arity = _tried.get(key, (None, 0))
-    if compiled and _runs(compiled, start, shape):
-        return Function(compiled, _in_python(name, plain, arity, start, shape))
+    if compiled:
+        fill = _in_python(name, plain, arity, start, shape)
+        if _agree(compiled, fill, start, shape):
+            return Function(compiled, fill)
     arity = arity_of(name, out, plain, start)
     values, form = try_out(name, out, plain, arity, start, shape, hint)
     fill = _in_python(name, plain, arity, start, shape)
@@ -98,14 +100,17 @@ def _key(fun, signature, start):
     return frozen_values(_plain(fun)), options, signature, len(start.memory), start.paired
 
 
-def _runs(compiled, start, shape):
-    """Return whether a compiled function fills all of `shape` with numbers at the start."""
-    values = np.full(shape, np.nan, start.y.dtype)
+def _agree(compiled, fill, start, shape):
+    """Return whether a compiled function and Python give equal numbers of `shape` at the start."""
+    values, expected = np.full((2, *shape), np.nan, start.y.dtype)
+    z, params = start.components(), start.params.copy()
     try:
-        compiled(start.t, start.components(), values.view(float), start.params.copy())
+        compiled(start.t, z, values.view(float), params)
+        with np.errstate(all="ignore"):
+            fill(start.t, locked(z), expected.view(float), locked(params))
     except Exception:  # the whole way says what is wrong
         return False
-    return bool(np.isfinite(values).all())
+    return bool(np.isfinite(values).all()) and _close(values, expected)
 
 
 def _from_cache(name, fun, key, arity, form, values, signature, start):
