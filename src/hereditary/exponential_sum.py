@@ -75,7 +75,8 @@ def fit_exponentials(
     Source
     ------
     Trapezoid rule and its error: [McLean2018], section 2; Gauss rule of the slow tail: the same
-    idea as the Prony reduction there, in Lanczos' stable form. See docs/theory.md.
+    idea as the Prony reduction there, by the recurrence of its orthogonal polynomials
+    [KoekoekLeskySwarttouw2010], section 14.12. See docs/theory.md.
 
     Examples
     --------
@@ -294,7 +295,7 @@ def _one_kernel(a, h, ratio, tol):
     m, kappa = _slow_cut(a, h, tol)
     j_slow = math.floor(math.log(kappa / ratio) / h)
     j_fast = math.ceil(math.log(fast) / h)
-    nodes, masses = _slow_tail(a, h, ratio, j_slow, m)
+    nodes, masses = _slow_tail(a, h, j_slow, m)
     return j_slow + 1, max(j_fast, j_slow + 1), nodes, masses
 
 
@@ -312,49 +313,26 @@ def _slow_cut(a, h, tol):
     return int(_SLOW_RULES[best]), math.exp(log_kappa[best])
 
 
-def _slow_tail(a, h, ratio, j_slow, m):
+def _slow_tail(a, h, j_slow, m):
     """Return the m-point Gauss rule for the measure of all grid rates exp(j h), j <= j_slow.
 
-    Rates below 1e-18/R are constant on [1, R]: they form one atom at rate 0 with their total mass,
-    a geometric sum, which keeps small exponents cheap.
+    Relative to the fastest one these are q**i, i = 0, 1, ..., with masses p**i, where q = exp(-h)
+    and p = exp(-a h): little q-Jacobi polynomials, whose recurrence is known.
     """
-    j_zero = math.ceil((math.log(1e-18) - math.log(ratio)) / h)
-    j = np.arange(j_zero, j_slow + 1)
-    scale = math.exp(h * j_slow)
-    x = np.concatenate([[0.0], np.exp(h * (j - j_slow))])
-    # masses relative to that of the fastest rate
-    mass = np.exp(a * h * (j - j_slow))
-    rest = math.exp(a * h * (j_zero - 1 - j_slow)) / -math.expm1(-a * h)
-    mass = np.concatenate([[rest], mass])
-    unit = math.exp(math.log(h) - gammaln(a) + a * h * j_slow)
-    if x.size <= m:
-        return scale * x, unit * mass
-    nodes, weights = _gauss_rule(x, mass, m)
-    return scale * nodes, unit * weights
+    n = np.arange(m)
 
+    def rest(k):
+        return -np.expm1(-h * k)
 
-def _gauss_rule(x, mass, m):
-    """Return the m-point Gauss rule of the measure with atoms x in [0, 1] and positive masses.
-
-    Lanczos' method with full reorthogonalisation on diag(x), started at sqrt(mass). The nodes are
-    the eigenvalues of the tridiagonal matrix and lie inside [0, 1]; the weights are positive.
-    """
-    total = mass.sum()
-    basis = np.zeros((m, x.size))
-    basis[0] = np.sqrt(mass / total)
-    jacobi = np.zeros((m, m))
-    for k in range(m):
-        v = x * basis[k]
-        jacobi[k, k] = v @ basis[k]
-        if k + 1 == m:
-            break
-        for _ in range(2):
-            v -= basis[: k + 1].T @ (basis[: k + 1] @ v)
-        norm = math.sqrt(v @ v)
-        jacobi[k, k + 1] = jacobi[k + 1, k] = norm
-        basis[k + 1] = v / norm
+    up = np.exp(-h * n) * rest(a + n) ** 2 / (rest(a + 2 * n) * rest(a + 2 * n + 1))
+    k = n[1:]
+    down = np.exp(-h * (a + k - 1)) * rest(k) ** 2 / (rest(a + 2 * k - 1) * rest(a + 2 * k))
+    jacobi = np.diag(up)
+    jacobi[k, k] += down
+    jacobi[k, k - 1] = np.sqrt(up[:-1] * down)  # eigh reads the lower half
     nodes, vectors = np.linalg.eigh(jacobi)
-    return np.maximum(nodes, 0.0), total * vectors[0] ** 2
+    unit = math.exp(math.log(h) - gammaln(a) + a * h * j_slow) / rest(a)
+    return math.exp(h * j_slow) * np.maximum(nodes, 0.0), unit * vectors[0] ** 2
 
 
 def _trim(exponents, ratio, goal, found):

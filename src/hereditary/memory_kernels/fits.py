@@ -15,10 +15,11 @@ from functools import lru_cache
 import numpy as np
 
 from .._checks import complaint
-from ..exponential_sum import RATIO_MAX, _gauss_rule, trapezoid_step
+from ..exponential_sum import RATIO_MAX, trapezoid_step
 from ..memory_kernel import ExponentialSum
 from .few_rates import few_rates
 from .least_squares import fewer_positive, nonnegative_least_squares
+from .shared import gauss_rule
 
 # The check points, an oscillation of a power law's error curve; the fit uses every other one.
 _POINTS_PER_OSCILLATION = 48
@@ -299,7 +300,7 @@ def _density_rule(density, ratio, step, tol):
     if slow.size <= m:
         return v, weights
     top = v[slow[-1]]
-    nodes, masses = _gauss_rule(np.exp(v[slow] - top), weights[slow], m)
+    nodes, masses = gauss_rule(np.exp(v[slow] - top), weights[slow], m)
     nodes = np.log(np.maximum(nodes, 1e-300)) + top
     return np.concatenate([nodes, v[slow.size :]]), np.concatenate([masses, weights[slow.size :]])
 

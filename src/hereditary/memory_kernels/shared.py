@@ -1,4 +1,4 @@
-"""Parts of several memory kernels: an incomplete gamma function and argument checks."""
+"""Parts of several memory kernels: special functions, a Gauss rule and argument checks."""
 
 import math
 
@@ -28,6 +28,30 @@ def mean_of_decay(p, x):
         total = total + term
     closed = gamma(p + 1) * far**-p * gammainc(p, far) if not np.all(small) else total
     return np.where(small, np.exp(-near) * total, closed)
+
+
+def gauss_rule(x, mass, m):
+    """Return the m-point Gauss rule of the measure with atoms x in [0, 1] and positive masses.
+
+    Lanczos' method with full reorthogonalisation on diag(x), started at sqrt(mass). The nodes are
+    the eigenvalues of the tridiagonal matrix and lie inside [0, 1]; the weights are positive.
+    """
+    total = mass.sum()
+    basis = np.zeros((m, x.size))
+    basis[0] = np.sqrt(mass / total)
+    jacobi = np.zeros((m, m))
+    for k in range(m):
+        v = x * basis[k]
+        jacobi[k, k] = v @ basis[k]
+        if k + 1 == m:
+            break
+        for _ in range(2):
+            v -= basis[: k + 1].T @ (basis[: k + 1] @ v)
+        norm = math.sqrt(v @ v)
+        jacobi[k, k + 1] = jacobi[k + 1, k] = norm
+        basis[k + 1] = v / norm
+    nodes, vectors = np.linalg.eigh(jacobi)
+    return np.maximum(nodes, 0.0), total * vectors[0] ** 2
 
 
 def not_negative(argument, value):
