@@ -57,15 +57,15 @@ def test_a_refined_basis_extends_the_old_one(orders, decades, log_tol, log_facto
 
 
 def test_a_basis_keeps_its_grid_where_its_tolerance_is_that_of_rounding():
-    """There a fit may need a smaller share of its tolerance than one that reaches closer."""
-    orders, tol, alone = [0.0031612884040537552, 1.0], 3.0774780113128216e-14, []
-    for closest in (1e-2, 1e-3):
+    """There a fit may need another share of its tolerance than one that reaches closer."""
+    orders, tol, alone = [0.0031612884040537552, 1.0], 2e-14, []
+    for closest in np.geomspace(1e-1, 1e-6, 40):
         old = power_law_basis(orders, closest, 4.2e5, tol)
         new = old.refine(closest / 100)
         assert new.fraction == old.fraction
         np.testing.assert_allclose(new.rates[: old.rates.size], old.rates, rtol=1e-6)
         alone.append(power_law_basis(orders, new.closest, 4.2e5, tol).fraction - old.fraction)
-    assert min(alone) < 0 < max(alone)
+    assert min(alone) < 0 < max(alone)  # by which machines round, at other distances
 
 
 def test_closer_and_closer():

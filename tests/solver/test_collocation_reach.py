@@ -140,6 +140,27 @@ def test_terms_that_cancel(orders, rate, rtol):
     assert sol.stats["n_steps"] < 400
 
 
+@pytest.mark.parametrize(
+    ("orders", "factor", "rate", "rtol"),
+    [
+        ((0.9216, 0.9643), 11.0, 3.9e3, 3.8e-12),
+        ((0.6945, 0.7921), 15.0, 1.4e4, 1.3e-12),
+        ((0.8167, 0.9135), 3.8, 1.2e3, 1.05e-11),
+        ((0.9444, 1.0), 2.0, 5.1e2, 1.75e-12),
+    ],
+    ids=str,
+)
+def test_what_rounding_leaves_is_no_error_of_the_steps(orders, factor, rate, rtol):
+    """y falls far below y(0), whose rounding it keeps: shorter steps would not make it less."""
+    terms = [factor * hd.Caputo(orders[0]), hd.Caputo(orders[1])]
+    for near in (rate, 1.003 * rate, 1.007 * rate):  # by which machines round, others would fail
+        sol = hd.solve(proportional(terms, near, 1.0), 1.0, rtol=rtol)
+        assert sol.success, sol.message
+        solution = exact.several_terms(orders, [factor, 1.0], [1.0], near)
+        assert error(sol, solution, rtol, True) <= 1
+        assert sol.stats["n_steps"] < 600
+
+
 def two_components(alpha, matrix, y0):
     """``D^alpha y = matrix y`` and its solution."""
     equation = hd.Equation(hd.Caputo(alpha), linear, y0, params=[*np.ravel(matrix), 0.0, 0.0])

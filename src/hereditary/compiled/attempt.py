@@ -47,6 +47,7 @@ def attempting(solve, solve_for_tangents, read):
         extrapolate(nodes, rule.legendre, last, h, control.last, orbit.p[0], values[0, PRIMARY])
         check_times = times_inside(origin, t, h, rule.check_points, limits)
         goal = newton_goal(orbit, state, limits)
+        set_starts(orbit, equations.second, newton.starts)
         solved = solve(
             rhs, jac, has_jac, params, times, h, base[0], orbit.x[0], equations.second,
             operators.matrices, kinds, integral, goal, values[0], counts, state.contraction,
@@ -104,6 +105,13 @@ def set_known_part(orbit, to_nodes, equations, varying, operators, base):
 
 
 @inner
+def set_starts(orbit, second, starts):
+    """Set |p(0)|, (d,), where p is y."""
+    for c in range(starts.shape[0]):
+        starts[c] = abs(orbit.initial[0, c]) if second[c] == 0 else 0.0
+
+
+@inner
 def newton_goal(orbit, state, limits):
     """Return the error of p that Newton's method may leave, (d,)."""
     return _NEWTON * (limits.atol + limits.rtol * np.maximum(state.largest, np.abs(orbit.p[0])))
@@ -136,7 +144,7 @@ def orbit_error(
     subtract_from_forces(kinds, matrices, base, values[:1])
     if values.shape[1] > SLOPE:
         nodal_slopes(h, rule.inverse, orbit.p[0], values[0, PRIMARY], values[0, SLOPE])
-    estimate_error(h, equations, rule.legendre, local, matrices, values[0], newton, errors)
+    estimate_error(h, equations, rule.legendre, local, matrices, values[0], start, newton, errors)
     end = state.control.origin + state.control.time + h
     ratio_at_nodes = error_ratio(h, end, errors, values[0], second, largest, start, rtol, atol)
     add_force_defect(force_defect, matrices, kinds, newton, errors)
@@ -152,7 +160,9 @@ def tangents_error(h, base, equations, rule, matrices, local, values, orbit, new
     if values.shape[1] > SLOPE:
         for column in range(1, p.shape[0]):
             nodal_slopes(h, rule.inverse, p[column], values[column, PRIMARY], values[column, SLOPE])
-    return tangent_error_ratio(h, equations, legendre, local, matrices, values, newton, limits.rtol)
+    return tangent_error_ratio(
+        h, equations, legendre, local, matrices, values, orbit.initial, newton, limits.rtol
+    )
 
 
 @inner

@@ -96,7 +96,7 @@ def newton_matrix(h, matrices, kinds, integral, second, jacobians, out):
 @inner
 def empty_factors(d, s, solver, stages):
     """Allocate the factors of Newton's matrix."""
-    return Factors(np.empty((d * s, d * s)), np.empty(d * s), np.zeros(d))
+    return Factors(np.empty((d * s, d * s)), np.empty(d * s), np.zeros(d), np.zeros(d), np.zeros(d))
 
 
 def solve_newton(newton, b, x):
@@ -146,7 +146,7 @@ def solve_stages(
             newton_matrix(h, matrices, kinds, integral, second, jacobians, newton.matrix)
             if not factorise(newton.matrix, newton.order):
                 return False
-            set_force_scales(jacobians[0], x, newton.force_scales)
+            set_force_scales(jacobians[0], x, newton)
             previous = np.inf
         forces(rhs, params, times, x, f)
         counts.rhs += s
@@ -209,12 +209,14 @@ def stage_jacobians(rhs, jac, has_jac, params, times, x, every, out):
 
 
 @inner
-def set_force_scales(jacobian_inside, x, force_scales):
-    """Set |J| |y|, (d,), with y at the last node: the size of the summands of f."""
-    for c in range(force_scales.shape[0]):
-        force_scales[c] = 0.0
-        for e in range(force_scales.shape[0]):
-            force_scales[c] += abs(jacobian_inside[c, e] * x[e, -1])
+def set_force_scales(jacobian_inside, x, newton):
+    """Set |J| |y|, with y at the last node, the size of the summands of f, and |J| |y(0)|."""
+    for c in range(x.shape[0]):
+        newton.force_scales[c], newton.start_scales[c] = 0.0, 0.0
+        for e in range(x.shape[0]):
+            size = abs(jacobian_inside[c, e])
+            newton.force_scales[c] += size * abs(x[e, -1])
+            newton.start_scales[c] += size * newton.starts[e]
 
 
 @inner

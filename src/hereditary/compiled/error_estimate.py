@@ -9,8 +9,8 @@ from .operators import FORCE, POSITION, PRIMARY
 # Relative tolerance of tangents is at least this: those that have decayed consist of rounding
 # errors, which grow when tangents are normalised.
 _TANGENT = 1e-9
-# Fraction of p(0) that rounding hides in p.
-_ROUNDING = 1e-14
+# Fraction of p(0) that rounding hides in p, and the ratio of coefficients where it does.
+_ROUNDING, _HIDDEN = 1e-14, 0.03
 # Fraction of the defect of f between the nodes that enters the error, as it does where f jumps. For
 # a smooth f the integrals are more accurate, and the tail of its polynomial estimates the error.
 _DEFECT_WEIGHT = 0.3
@@ -25,19 +25,19 @@ _MISSED = 10.0
 
 
 @inner
-def estimate_error(h, equations, legendre, local, matrices, values, newton, errors):
+def estimate_error(h, equations, legendre, local, matrices, values, p0, newton, errors):
     """Estimate the error of p by the next Legendre coefficient of each integrand, integrated.
 
-    The resulting defect is damped by the equations where these are stiff, and never amplified;
-    coefficients of f within its rounding error are ignored, for no step makes them smaller. The
+    The resulting defect is damped by the equations where these are stiff, and never amplified.
+    Coefficients of f within its rounding error are ignored, for no step makes them smaller. The
     error is at least that of p as the dense output interpolates it.
     """
-    # local (n_k, s, s), matrices (K, 3, s, s), values (n_q, d, s), errors (d,)
+    # local (n_k, s, s), matrices (K, 3, s, s), values (n_q, d, s), p0, errors (d,)
     terms, orders = equations.terms, equations.orders
     d, s, n_a = errors.shape[0], values.shape[2], orders.shape[0]
     defect, nodal_errors = np.empty(d * s), np.empty(d * s)
     for c in range(d):
-        last, decay = legendre_tail(legendre, values[PRIMARY, c])
+        last, decay = legendre_tail(legendre, values[PRIMARY, c], abs(p0[c]))
         errors[c] = abs(last) * decay * decay
     for integrand in range(values.shape[0]):
         defect[:] = 0.0
@@ -45,7 +45,12 @@ def estimate_error(h, equations, legendre, local, matrices, values, newton, erro
             c, q, k = terms[n].row, terms[n].integrand, terms[n].index
             if q != integrand:
                 continue
-            last, decay = legendre_tail(legendre, values[q, c % d])
+            start = 0.0
+            if q == PRIMARY:
+                start = abs(p0[c % d])
+            elif q == FORCE:
+                start = newton.start_scales[c % d]
+            last, decay = legendre_tail(legendre, values[q, c % d], start)
             if q == FORCE and abs(last) <= _NOISE * newton.force_scales[c % d]:
                 continue
             size = 1.0
@@ -200,23 +205,31 @@ def add_force_defect(force_defect, matrices, kinds, newton, errors):
 
 
 @inner
-def legendre_tail(legendre, values):
-    """Return the last Legendre coefficient and its ratio to the one before, 0 to 1."""
+def legendre_tail(legendre, values, start):
+    """Return the last Legendre coefficient and its ratio to the one before, 0 to 1.
+
+    Where both are within the rounding error of `start`, the size at the start of the run, the ratio
+    is unknown and taken for small: equal ones would have steps refused that no shorter one betters.
+    """
     # values (s,)
     s = values.shape[0]
     last, before = 0.0, 0.0
     for j in range(s):
         last += legendre[s - 1, j] * values[j]
         before += legendre[s - 2, j] * values[j]
-    return last, (min(1.0, abs(last / before)) if before != 0.0 else 1.0)
+    decay = min(1.0, abs(last / before)) if before != 0.0 else 1.0
+    hidden = abs(last) <= _ROUNDING * start * decay
+    return last, (min(decay, _HIDDEN) if hidden else decay)
 
 
 @inner
-def tangent_error_ratio(h, equations, legendre, local, matrices, values, newton, rtol):
+def tangent_error_ratio(h, equations, legendre, local, matrices, values, p0, newton, rtol):
     """Return the largest ratio of a tangent's error to its tolerance, relative to its size."""
     worst, errors = 0.0, np.empty(values.shape[2])
     for column in range(1, values.shape[0]):
-        estimate_error(h, equations, legendre, local, matrices, values[column], newton, errors)
+        estimate_error(
+            h, equations, legendre, local, matrices, values[column], p0[column], newton, errors
+        )
         size = np.max(np.abs(values[column, PRIMARY:]))
         if not size < np.inf:
             return np.inf

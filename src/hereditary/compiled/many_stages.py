@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from .._jit import inner
+from .._jit import inlined, inner
 from .collocation import (
     contraction_rate,
     forces,
@@ -27,7 +27,7 @@ _TANGENT_SWEEPS, _TANGENT_GOAL = 30, 1e-11
 @inner
 def stage_factors(d, s, solver, stages):
     """Join the solver of the stages, its room and the scales of f."""
-    return StageFactors(solver, stages, np.zeros(d))
+    return StageFactors(solver, stages, np.zeros(d), np.zeros(d), np.zeros(d))
 
 
 @inner
@@ -71,7 +71,7 @@ def solve_many(
         positions(h, p, x_start, second, integral, x)
         rate = contraction_rate(size, previous, h, contraction)
         if size * min(1.0, 4.0 * rate) < 1.0:
-            set_scales(stages.jacobian, x, newton.force_scales)
+            set_scales(stages.jacobian, x, newton)
             correct_forces(stages.jacobian, before, x, f)
             return True
         if previous < np.inf and rate > _SLOW:
@@ -123,16 +123,22 @@ def set_pencil(h, matrices, integral, second, pencil):
 
 
 @inner
-def set_scales(j_f, x, force_scales):
-    """Set |J| |y|, (d,), with y at the last node: the size of the summands of f."""
-    d = force_scales.shape[0]
-    force_scales[:] = 0.0
+def set_scales(j_f, x, newton):
+    """Set |J| |y|, with y at the last node, the size of the summands of f, and |J| |y(0)|."""
+    d = newton.starts.shape[0]
+    newton.force_scales[:], newton.start_scales[:] = 0.0, 0.0
     for c in range(0 if is_sparse(j_f, d) else d):
         for e in range(d):
-            force_scales[c] += abs(j_f[c, e] * x[e, -1])
+            add_scale(c, e, abs(j_f[c, e]), x, newton)
     for k in range(j_f.shape[1] if is_sparse(j_f, d) else 0):
-        term = j_f[VALUES, k] * x[int(j_f[COLUMNS, k]), -1]
-        force_scales[int(j_f[ROWS, k])] += abs(term)
+        add_scale(int(j_f[ROWS, k]), int(j_f[COLUMNS, k]), abs(j_f[VALUES, k]), x, newton)
+
+
+@inlined
+def add_scale(c, e, size, x, newton):
+    """Add the share of component e to the scales of f of component c."""
+    newton.force_scales[c] += size * abs(x[e, -1])
+    newton.start_scales[c] += size * newton.starts[e]
 
 
 @inner

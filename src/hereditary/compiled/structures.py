@@ -216,12 +216,16 @@ class Stages(NamedTuple):
 class Factors(NamedTuple):
     """Factorised Newton matrix (d s, d s), its row order (d s,), and the scales |J| |y| of f, (d,).
 
-    Summands of f are as large as its scale, so its rounding error is that of the scale.
+    Summands of f are as large as its scale, so its rounding error is that of the scale. Where y is
+    found as a difference from y(0), whose sizes `starts` (d,) holds with 0 elsewhere, its own
+    rounding error adds that of the scale |J| |y(0)|, `start_scales`.
     """
 
     matrix: np.ndarray
     order: np.ndarray
     force_scales: np.ndarray
+    starts: np.ndarray
+    start_scales: np.ndarray
 
 
 class StageFactors(NamedTuple):
@@ -230,6 +234,8 @@ class StageFactors(NamedTuple):
     solver: Any
     stages: Stages
     force_scales: np.ndarray
+    starts: np.ndarray
+    start_scales: np.ndarray
 
 
 # Control of stages: step length that the factors hold for (0: none), 1 where the Jacobian is to be
