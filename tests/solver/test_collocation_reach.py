@@ -161,6 +161,22 @@ def test_what_rounding_leaves_is_no_error_of_the_steps(orders, factor, rate, rto
         assert sol.stats["n_steps"] < 600
 
 
+@pytest.mark.parametrize(
+    ("orders", "friction", "stiffness", "t_end"),
+    [((1.8844, 0.8253), 2.026, 0.1311, 0.1363), ((1.7215, 0.6551), 81.3, 2.09, 2.483)],
+    ids=str,
+)
+def test_terms_of_y_itself_beside_its_velocity(orders, friction, stiffness, t_end):
+    """Orders that differ by little more than 1: y, known to rounding, acts on y' almost at once."""
+    parameters = (*orders, friction, stiffness**0.5, 1.0, 0.0)
+    solution = exact.oscillator(*parameters)
+    for rtol in (1e-12, 3e-12, 1e-11):
+        sol = hd.solve(hd.scenes.oscillator(*parameters), t_end, rtol=rtol)
+        assert sol.success, sol.message
+        assert error(sol, solution, rtol) <= 1
+        assert sol.stats["n_steps"] < 600
+
+
 def two_components(alpha, matrix, y0):
     """``D^alpha y = matrix y`` and its solution."""
     equation = hd.Equation(hd.Caputo(alpha), linear, y0, params=[*np.ravel(matrix), 0.0, 0.0])

@@ -29,6 +29,8 @@ TINY = 0.12
 _SEPARATE = 30.0
 # Number of functions: usually, with a tiny generator, and with several rational maps of it.
 _SIZE, _SIZE_IF_TINY, _SIZE_IF_MAPPED = 18, 24, 48
+# Weight of the ends where more values are fitted than functions: what steps join is continuous.
+_AT_ENDS = 10.0
 # Largest number of rational maps, and the least rate that has one.
 _MOST_MAPS, _LEAST_RATE = 3, 0.1
 # Least distance at which kernels are evaluated.
@@ -52,9 +54,9 @@ class PowerBasis:
 
     Attributes
     ----------
-    nodes, between : ndarray, shape (n,) and (n + 1,)
-        The nodes, the last one 1, and points between them, the first one 0.
-    logs : ndarray, shape (2 n + 1,)
+    nodes, between : ndarray, shape (n,) and (k,)
+        The nodes, the first one 0 and the last one 1, and points between them.
+    logs : ndarray, shape (n + k,)
         Logarithms of the nodes and then of `between`, valid where these are too small for a float.
     missing : float
         Exponent of the first power of t that the functions leave out.
@@ -75,18 +77,23 @@ class PowerBasis:
         # values, at Chebyshev points of several t**g, by logarithms since t may be below any float.
         scales = _scales(self._variables, max(n_maps, 1))
         n = size * min(2, len(generators)) // len(scales)
-        even, odd = np.arange(1, n + 1) / n, (np.arange(n) + 0.5) / n
+        # both ends are nodes: extrapolated to t = 0, values of f would grow by thousands
+        even, odd = np.linspace(0.0, 1.0, n), (np.arange(n - 1) + 0.5) / (n - 1)
         logs = [
             np.sort(np.concatenate([_inverse_map((1 - np.cos(np.pi * x)) / 2, *v) for v in scales]))
             for x in (even, odd)
         ]
-        logs[0] = np.unique(logs[0])  # all variables have t = 1
-        logs[1] = np.append(-np.inf, logs[1])  # and t = 0 is checked too
+        logs[0] = np.unique(logs[0])  # all variables have t = 0 and t = 1
         self.logs = np.concatenate(logs)
         self.nodes, self.between = np.exp(logs[0]), np.exp(logs[1])
         # late values count for more, to separate decaying functions from constants
         row_weights = (1 + max(map_rates, default=0.0) * np.exp(g * logs[0])) ** 0.7
-        self._at_logs = self._functions(self.logs)
+        if self.nodes.size > size:
+            row_weights[[0, -1]] *= _AT_ENDS
+        # at the points of the graded rule too, and at 1 behind them: most of a call is overhead
+        rule = np.append(np.log(graded_rule()[0]), 0.0)
+        found = self._functions(np.concatenate([self.logs, rule]))
+        self._at_logs, self._at_points = np.hsplit(found, [self.logs.size])
         functions = self._at_logs[:, : self.nodes.size] * row_weights
         lengths = np.linalg.norm(functions, axis=1)
         u, sizes, v = np.linalg.svd((functions / lengths[:, None]).T, full_matrices=False)
@@ -115,18 +122,13 @@ class PowerBasis:
         return self._interpolate(values, self.at(t))
 
     def interpolate_between(self, values):
-        """Interpolate `values` (..., n) to the points between the nodes, shape (..., n + 1)."""
+        """Interpolate `values` (..., n) to the points between the nodes, shape (..., k)."""
         return self._interpolate(values, self._at_between)
 
     @cached_property
     def _at_between(self):
-        """The cardinal functions at the points between the nodes, (n + 1, n)."""
+        """The cardinal functions at the points between the nodes, (k, n)."""
         return self._cardinal(self._at_logs[:, self.nodes.size :])
-
-    @cached_property
-    def _at_points(self):
-        """The functions at the points of the graded rule, and at 1 behind them."""
-        return self._functions(np.append(np.log(graded_rule()[0]), 0.0))
 
     @cached_property
     def at_rule(self):
@@ -156,35 +158,35 @@ class PowerBasis:
         return self._cardinal(total)
 
     def integrals(self, orders):
-        """Return ``J**a`` of the cardinal functions at nodes and between, (n_a, 2 n + 1, n)."""
+        """Return ``J**a`` of the cardinal functions at nodes and between, (n_a, n + k, n)."""
         return np.exp(np.multiply.outer(orders, self.logs))[..., None] * self.means(orders)
 
     @lru_cache(maxsize=16)  # noqa: B019 (bases are few and kept anyway)
     def means(self, orders):
-        """Return ``J**a / t**a`` of the cardinal functions, finite for all t, (n_a, 2 n + 1, n)."""
-        log_points, weights = self._mean_rule(orders)
-        values = self._functions(np.add.outer(self.logs, log_points).ravel())
-        inner = values.reshape(-1, self.logs.size, log_points.size) @ weights.T
-        return self._cardinal(inner)  # from (size, 2 n + 1, n_a)
-
-    def _mean_rule(self, orders):
-        """Return a rule for ``J**a q(1)`` of functions of the basis, at t u for any t in [0, 1].
-
-        Logarithms of its points u, (q,), and weights for each order, (n_a, q). Powers of t u are
-        powers of u, so that one rule at the nodes serves all t; rational maps are none.
-        """
+        """Return ``J**a / t**a`` of the cardinal functions, finite for all t, (n_a, n + k, n)."""
         u, v, rule = graded_rule()
+        a = np.array(orders)[:, None]
         # the width that the rule leaves out contributes a power of itself
-        weights = [rgamma(a) * np.append(rule * v ** (a - 1), LEFT_OUT**a / a) for a in orders]
-        if self.map_rates:
-            return np.append(np.log(u), 0.0), np.array(weights)
-        values, wanted = self._at_logs[:, : self.nodes.size], self._at_points @ np.array(weights).T
+        weights = rgamma(a) * np.hstack([rule * v ** (a - 1), LEFT_OUT**a / a])
+        points = np.append(np.log(u), 0.0)
+        if not self.map_rates:
+            points, weights = self.logs[: self.nodes.size], self._means_at_end(weights)
+        times = np.add.outer(self.logs, points)
+        values = self._functions(times.ravel()).reshape(-1, *times.shape)
+        return self._cardinal(values @ weights.T)  # from (size, n + k, n_a)
+
+    def _means_at_end(self, weights):
+        """Return from weights of the graded rule, (n_a, q), those of the nodes, (n_a, n).
+
+        Both integrate the functions over [0, 1]. Powers of t u are powers of u, so that the rule of
+        the nodes serves all t; rational maps are none.
+        """
+        values, wanted = self._at_logs[:, : self.nodes.size], self._at_points @ weights.T
         found = self._cardinal(wanted)
-        found += self._cardinal(wanted - values @ found.T)  # what rounding has left
-        return self.logs[: self.nodes.size], found
+        return found + self._cardinal(wanted - values @ found.T)  # what rounding has left
 
     def convolutions(self, kernel, h):
-        """Return the convolutions with a kernel K, in steps of length h, (2 n + 1, n).
+        """Return the convolutions with a kernel K, in steps of length h, (n + k, n).
 
         Row i is ``int_0^(h t_i) K(h t_i - s) q(s) ds`` from the values of q(h .) at the nodes.
         """
@@ -270,7 +272,7 @@ def _log(t):
 
 def _inverse_map(w, g, c):
     """Return log(t) where t**g, or its rational map of rate c > 0, equals w."""
-    return np.log(w / (1 + c * (1 - w))) / g
+    return _log(w / (1 + c * (1 - w))) / g
 
 
 def choose_map_rates(generators, rates):
@@ -325,8 +327,8 @@ def _smallest_sums(variables, n_first, size):
     weights = [max(g, TINY) for g, _ in variables]
 
     def total(degrees):
-        first = weights[0] * (math.prod(1 + k for k in degrees[:n_first]) - 1)
-        return first + sum(map(mul, weights[n_first:], degrees[n_first:]))
+        first = degrees[0] if n_first == 1 else math.prod(1 + k for k in degrees[:n_first]) - 1
+        return weights[0] * first + sum(map(mul, weights[n_first:], degrees[n_first:]))
 
     found: list[tuple[int, ...]] = []
     ahead = [(0.0, (0,) * len(variables), 0)]

@@ -117,7 +117,7 @@ class SingularStart:
         return None
 
     def _convolutions(self, basis, h):
-        """Return the convolution matrices of the general kernels, (n_k, 2 n + 1, n)."""
+        """Return the convolution matrices of the general kernels, (n_k, n + k, n)."""
         kernels = self._form.kernels
         empty = np.zeros((0, basis.nodes.size + basis.between.size, basis.nodes.size))
         return np.array([basis.convolutions(k, h) for k in kernels]) if kernels else empty
@@ -248,7 +248,7 @@ class SingularStart:
         return self._means(basis, values[PRIMARY])[:, : values.shape[2]]
 
     def _means(self, basis, p):
-        """Return the means of p (d, n) from the start to nodes and points between, (d, 2 n + 1).
+        """Return the means of p (d, n) from the start to nodes and points between, (d, n + k).
 
         Differences from the last value are integrated, so that a constant is exact.
         """

@@ -14,10 +14,10 @@ from .error_estimate import (
     tangent_error_ratio,
 )
 from .mode_tables import read_varying
-from .operators import PRIMARY, SLOPE, eliminate_known, number_of, subtract_from_forces
+from .operators import POSITION, PRIMARY, SLOPE, eliminate_known, number_of, subtract_from_forces
 
-# Goal of Newton's method, in tolerances.
-_NEWTON = 0.01
+# Goal of Newton's method, in tolerances; rounding of a sum over the nodes.
+_NEWTON, _ROUNDING = 0.01, 1e-15
 # Highest degree of the extrapolation that gives Newton's first guess.
 _GUESS = 3
 
@@ -46,7 +46,7 @@ def attempting(solve, solve_for_tangents, read):
         times = times_inside(origin, t, h, nodes, limits)
         extrapolate(nodes, rule.legendre, last, h, control.last, orbit.p[0], values[0, PRIMARY])
         check_times = times_inside(origin, t, h, rule.check_points, limits)
-        goal = newton_goal(orbit, state, limits)
+        goal = newton_goal(h, equations, orbit, state, limits)
         set_starts(orbit, equations.second, newton.starts)
         solved = solve(
             rhs, jac, has_jac, params, times, h, base[0], orbit.x[0], equations.second,
@@ -112,9 +112,20 @@ def set_starts(orbit, second, starts):
 
 
 @inner
-def newton_goal(orbit, state, limits):
-    """Return the error of p that Newton's method may leave, (d,)."""
-    return _NEWTON * (limits.atol + limits.rtol * np.maximum(state.largest, np.abs(orbit.p[0])))
+def newton_goal(h, equations, orbit, state, limits):
+    """Return the error of p that Newton's method may leave, (d,).
+
+    It is at least what the rounding of y leaves in p = y' through terms of y itself, and that at
+    most what changes y by as much over the step.
+    """
+    goal = _NEWTON * (limits.atol + limits.rtol * np.maximum(state.largest, np.abs(orbit.p[0])))
+    terms, orders, d = equations.terms, equations.orders, goal.shape[0]
+    for n in range(terms.shape[0]):
+        c, k = terms[n].row, terms[n].index
+        if terms[n].integrand == POSITION and 0 <= k < orders.shape[0] and c < d:
+            gain = min(abs(terms[n].coefficient) * h ** orders[k], 1 / h)
+            goal[c] = max(goal[c], _ROUNDING * abs(orbit.x[0, c]) * gain)
+    return goal
 
 
 @inner
@@ -146,9 +157,11 @@ def orbit_error(
         nodal_slopes(h, rule.inverse, orbit.p[0], values[0, PRIMARY], values[0, SLOPE])
     estimate_error(h, equations, rule.legendre, local, matrices, values[0], start, newton, errors)
     end = state.control.origin + state.control.time + h
-    ratio_at_nodes = error_ratio(h, end, errors, values[0], second, largest, start, rtol, atol)
+    ratio_at_nodes = error_ratio(
+        h, end, errors, values[0], second, largest, start, goal, rtol, atol
+    )
     add_force_defect(force_defect, matrices, kinds, newton, errors)
-    ratio = error_ratio(h, end, errors, values[0], second, largest, start, rtol, atol)
+    ratio = error_ratio(h, end, errors, values[0], second, largest, start, goal, rtol, atol)
     return ratio, ratio_at_nodes <= 1.0 and not ratio <= 1.0
 
 

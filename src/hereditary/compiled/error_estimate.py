@@ -9,8 +9,9 @@ from .operators import FORCE, POSITION, PRIMARY
 # Relative tolerance of tangents is at least this: those that have decayed consist of rounding
 # errors, which grow when tangents are normalised.
 _TANGENT = 1e-9
-# Fraction of p(0) that rounding hides in p, and the ratio of coefficients where it does.
-_ROUNDING, _HIDDEN = 1e-14, 0.03
+# Fraction of p(0) that rounding hides in p, the ratio of coefficients where it does, and how much
+# less of y it hides where p is y'.
+_ROUNDING, _HIDDEN, _OF_SUMS = 1e-14, 0.03, 0.1
 # Fraction of the defect of f between the nodes that enters the error, as it does where f jumps. For
 # a smooth f the integrals are more accurate, and the tail of its polynomial estimates the error.
 _DEFECT_WEIGHT = 0.3
@@ -50,6 +51,8 @@ def estimate_error(h, equations, legendre, local, matrices, values, p0, newton, 
                 start = abs(p0[c % d])
             elif q == FORCE:
                 start = newton.start_scales[c % d]
+            elif q == POSITION:
+                start = _OF_SUMS * abs(values[q, c % d, -1])
             last, decay = legendre_tail(legendre, values[q, c % d], start)
             if q == FORCE and abs(last) <= _NOISE * newton.force_scales[c % d]:
                 continue
@@ -239,10 +242,11 @@ def tangent_error_ratio(h, equations, legendre, local, matrices, values, p0, new
 
 
 @inner
-def error_ratio(h, end, errors, values, second, largest, p0, rtol, atol):
+def error_ratio(h, end, errors, values, second, largest, p0, goal, rtol, atol):
     """Return the largest ratio of an error to its tolerance, over y and, where it is unknown, y'.
 
-    p is the difference of p(0) and terms of its size, so it is known to the rounding of p(0) alone.
+    p is the difference of p(0) and terms of its size, so it is known to the rounding of p(0) alone,
+    and to no less than Newton's goal.
     The absolute tolerance of a velocity is that of y divided by the time at the end of the step,
     for its error moves y over all that time.
     """
@@ -255,7 +259,8 @@ def error_ratio(h, end, errors, values, second, largest, p0, rtol, atol):
         if second[c] == 1:
             size_p, least = max(size_p, largest[c]), atol / max(1.0, end)
             worst = max(worst, h * errors[c] / (atol + rtol * size_x))
-        worst = max(worst, errors[c] / max(least + rtol * size_p, _ROUNDING * abs(p0[c])))
+        allowed = max(least + rtol * size_p, _ROUNDING * abs(p0[c]), goal[c])
+        worst = max(worst, errors[c] / allowed)
         if not errors[c] < np.inf:
             return np.inf
     return worst
