@@ -6,7 +6,7 @@ chamber with memory, ``D^alpha(t) A = S - lambda A``, whose order is a line in t
 S and lambda); its measurements are of a tenth per cent. Claims:
 
 * all fits succeed, and true values lie within two standard errors in 95 +- 3 per cent of all cases;
-* the oscillator's four parameters take at most 20 sets of runs for each of them.
+* the oscillator's four parameters take at most 15 sets of runs for each of them.
 """
 
 import time
@@ -123,7 +123,7 @@ def main():
     statement += f"{min(shares):.1%} to {max(shares):.1%}"
     check(statement, 0.92 <= mean <= 0.98, study.quick)
     runs = max(row["sets of runs"] for row in rows if row["model"] == "oscillator")
-    check(f"the oscillator takes {runs:.0f} sets of runs (at most 80)", runs <= 80, study.quick)
+    check(f"the oscillator takes {runs:.0f} sets of runs (at most 60)", runs <= 60, study.quick)
     figure, axes = plt.subplots(3, 1, figsize=(6.5, 8), layout="constrained")
     for ax, found in zip(axes, fits, strict=True):
         hd.plots.fit(found, ax=ax)

@@ -92,8 +92,8 @@ def fit(
     """Fit the parameters of an equation with memory to data, by least squares.
 
     `scipy.optimize.least_squares` minimises the residuals' squares over sigma; derivatives are
-    differences over relative changes of 1e-4. Any number may be a parameter: orders, rates, initial
-    values, coefficients of an order that varies.
+    differences over relative changes of 1e-4, and serve until parameters move by half of that. Any
+    number may be a parameter: orders, rates, initial values, coefficients of an order that varies.
 
     Parameters
     ----------
@@ -145,7 +145,7 @@ def fit(
 
     Cost
     ----
-    m + 1 runs an iteration, some ten iterations: 0.15 to 0.25 s for four parameters and 60 data.
+    m + 1 runs an iteration, some eight iterations: 0.1 to 0.2 s for four parameters and 60 data.
 
     Examples
     --------
@@ -172,9 +172,10 @@ def fit(
         raise ValueError(complaint("data", required, sum(one.size for one in series)))
     runs = _Runs(model, names, isinstance(p0, Mapping), series, observe, how)
     scale = np.where(start != 0, np.abs(start), 1.0)
+    differences = _Differences(runs.residuals, scale, low, high)
     least_squares = importlib.import_module("scipy.optimize").least_squares  # whose import is long
-    limits = {"bounds": (low, high), "x_scale": scale, "diff_step": _CHANGE, "loss": loss}
-    found = least_squares(runs.residuals, start, **limits)
+    limits = {"bounds": (low, high), "x_scale": scale, "loss": loss}
+    found = least_squares(differences.value, start, differences.jacobian, **limits)
     best = runs.at(found.x)
     at_bound = found.active_mask != 0
     scale = np.maximum(np.abs(found.x), scale)
@@ -263,6 +264,48 @@ class _Runs:
         """Return solutions with these parameters, those of the best set where it is theirs."""
         same = self.best.p is not None and np.array_equal(self.best.p, p)
         return self.best.solutions if same else self.solutions(p)
+
+
+class _Differences:
+    """Derivatives of residuals by differences, which serve the points close by too.
+
+    A point is close where every parameter has moved by less than half of the change that the
+    differences are over: what these leave out is more than the derivatives change by.
+
+    Parameters
+    ----------
+    residuals : callable
+        Of parameters (m,).
+    scale, low, high : ndarray, shape (m,)
+        Sizes of parameters that are 0, and lowest and highest values.
+    """
+
+    def __init__(self, residuals, scale, low, high):
+        self._residuals, self._scale, self._low, self._high = residuals, scale, low, high
+        self._at, self._found = np.full(scale.size, np.nan), np.zeros((0, scale.size))
+        self._last = self._at, np.zeros(0)
+
+    def value(self, p):
+        """Return the residuals, kept for the derivatives that are asked for next."""
+        self._last = p.copy(), self._residuals(p)
+        return self._last[1]
+
+    def jacobian(self, p):
+        """Return the derivatives of the residuals, (n, m)."""
+        changes = _CHANGE * np.where(p != 0, p, self._scale)
+        if np.all(np.abs(p - self._at) <= 0.5 * np.abs(changes)):
+            return self._found
+        at, value = self._last
+        value = value if np.array_equal(at, p) else self._residuals(p)
+        columns = []
+        for k, change in enumerate(changes):
+            moved = p.copy()
+            moved[k] += change
+            if not self._low[k] <= moved[k] <= self._high[k]:
+                moved[k] = np.clip(p[k] - change, self._low[k], self._high[k])
+            columns.append((self._residuals(moved) - value) / (moved[k] - p[k]))
+        self._at, self._found = p.copy(), np.array(columns).T
+        return self._found
 
 
 def _start(p0):
