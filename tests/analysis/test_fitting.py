@@ -262,6 +262,14 @@ def test_derivatives_stay_inside_the_bounds_and_take_the_size_of_a_parameter_at_
     np.testing.assert_allclose(asked.points[1:], [[2 - 2e-4, 0.0], [2.0, 4e-4]], rtol=1e-12)
 
 
+@pytest.mark.parametrize("at", [0, 1])
+def test_derivatives_inside_bounds_narrower_than_their_change(at):
+    low, high = np.array([2.0, 1.0]), np.array([2.00001, 5.0])
+    p = np.array([(low, high)[at][0], 3.0])
+    found = _Differences(Asked(), np.ones(2), low, high).jacobian(p)
+    np.testing.assert_allclose(found, [[2 * p[0], 0.0], [3.0, p[0]]], rtol=0, atol=3e-4)
+
+
 def test_derivatives_serve_until_a_parameter_moves_by_half_of_their_change():
     asked = Asked()
     differences = _Differences(asked, np.ones(2), np.full(2, -np.inf), np.full(2, np.inf))

@@ -299,10 +299,9 @@ class _Differences:
         value = value if np.array_equal(at, p) else self._residuals(p)
         columns = []
         for k, change in enumerate(changes):
-            moved = p.copy()
-            moved[k] += change
-            if not self._low[k] <= moved[k] <= self._high[k]:
-                moved[k] = np.clip(p[k] - change, self._low[k], self._high[k])
+            moved, sides = p.copy(), np.array([p[k] + change, p[k] - change])
+            sides = np.clip(sides, self._low[k], self._high[k])
+            moved[k] = sides[np.argmax(np.abs(sides - p[k]))]
             columns.append((self._residuals(moved) - value) / (moved[k] - p[k]))
         self._at, self._found = p.copy(), np.array(columns).T
         return self._found
