@@ -81,7 +81,8 @@ def test_integrals_of_powers_are_exact_below_the_number_of_nodes(s, a):
     nodes = radau_nodes(s)
     for p in range(s):
         exact, found = integral_of_power(p, a, nodes), radau_integrals(s, a) @ nodes**p
-        np.testing.assert_allclose(found, exact, rtol=1e-13, atol=5e-15)
+        # rounded nodes alone leave 2.4e-15, with any inverse of their Legendre polynomials
+        np.testing.assert_allclose(found, exact, rtol=1e-13, atol=3e-15)
 
 
 @pytest.mark.parametrize("a", ORDERS)

@@ -90,9 +90,8 @@ class PowerBasis:
         row_weights = (1 + max(map_rates, default=0.0) * np.exp(g * logs[0])) ** 0.7
         if self.nodes.size > size:
             row_weights[[0, -1]] *= _AT_ENDS
-        # at the points of the graded rule too, and at 1 behind them: most of a call is overhead
-        rule = np.append(np.log(graded_rule()[0]), 0.0)
-        found = self._functions(np.concatenate([self.logs, rule]))
+        # at the points of the graded rule too: most of a call is overhead
+        found = self._functions(np.concatenate([self.logs, _logs_of_rule()]))
         self._at_logs, self._at_points = np.hsplit(found, [self.logs.size])
         functions = self._at_logs[:, : self.nodes.size] * row_weights
         lengths = np.linalg.norm(functions, axis=1)
@@ -164,11 +163,11 @@ class PowerBasis:
     @lru_cache(maxsize=16)  # noqa: B019 (bases are few and kept anyway)
     def means(self, orders):
         """Return ``J**a / t**a`` of the cardinal functions, finite for all t, (n_a, n + k, n)."""
-        u, v, rule = graded_rule()
+        _, v, rule = graded_rule()
         a = np.array(orders)[:, None]
         # the width that the rule leaves out contributes a power of itself
         weights = rgamma(a) * np.hstack([rule * v ** (a - 1), LEFT_OUT**a / a])
-        points = np.append(np.log(u), 0.0)
+        points = _logs_of_rule()
         if not self.map_rates:
             points, weights = self.logs[: self.nodes.size], self._means_at_end(weights)
         times = np.add.outer(self.logs, points)
@@ -190,10 +189,10 @@ class PowerBasis:
 
         Row i is ``int_0^(h t_i) K(h t_i - s) q(s) ds`` from the values of q(h .) at the nodes.
         """
-        u, v, weights = graded_rule()
+        _, v, weights = graded_rule()
         ends = np.exp(self.logs)
-        values = self._functions(np.add.outer(self.logs, np.log(u)).ravel())
-        values = values.reshape(-1, ends.size, u.size)
+        values = self._functions(np.add.outer(self.logs, _logs_of_rule()[:-1]).ravel())
+        values = values.reshape(-1, ends.size, v.size)
         distances = np.maximum(h * np.multiply.outer(ends, v), _NEXT_TO_0)
         kernels = kernel(distances) * weights * (h * ends)[:, None]
         inner = np.einsum("kq,jkq->jk", kernels, values)
@@ -316,6 +315,12 @@ def graded_rule():
     return np.concatenate([half, 1 - half]), np.concatenate([1 - half, half]), np.tile(weights, 2)
 
 
+@lru_cache(maxsize=1)
+def _logs_of_rule():
+    """Return the logarithms of the points of the graded rule, and of 1 behind them."""
+    return np.append(np.log(graded_rule()[0]), 0.0)
+
+
 def _smallest_sums(variables, n_first, size):
     """Return the degrees in each variable of the functions with the smallest exponents.
 
@@ -327,8 +332,8 @@ def _smallest_sums(variables, n_first, size):
     weights = [max(g, TINY) for g, _ in variables]
 
     def total(degrees):
-        first = degrees[0] if n_first == 1 else math.prod(1 + k for k in degrees[:n_first]) - 1
-        return weights[0] * first + sum(map(mul, weights[n_first:], degrees[n_first:]))
+        first = weights[0] * (math.prod(1 + k for k in degrees[:n_first]) - 1)
+        return first + sum(map(mul, weights[n_first:], degrees[n_first:]))
 
     found: list[tuple[int, ...]] = []
     ahead = [(0.0, (0,) * len(variables), 0)]

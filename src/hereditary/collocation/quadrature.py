@@ -35,19 +35,13 @@ def to_legendre(s):
 @lru_cache(maxsize=256)
 def radau_integrals(s, a):
     """Return the integrals of order a of the node polynomials, from 0 to each node, (s, s)."""
-    return _frozen(_integrals(s, np.array([a]))[0])
+    return _frozen(integrals_of_rows(s, np.full(s, a)))
 
 
 def integrals_of_rows(s, a):
     """Return integrals as `radau_integrals`, with an order in [0, 1] for each node, (..., s, s)."""
     means = np.einsum("...ik,kij->...ij", _towards(a), _tabulated(s))
     return radau_nodes(s)[:, None] ** a[..., None] * means
-
-
-def _integrals(s, orders):
-    """Return the integrals of several orders, (n_a,), as `radau_integrals`; (n_a, s, s)."""
-    means = (_towards(orders) @ _tabulated(s).reshape(_N_ORDERS, -1)).reshape(-1, s, s)
-    return np.power.outer(radau_nodes(s), orders).T[:, :, None] * means
 
 
 def _towards(a):
@@ -81,7 +75,8 @@ def _tabulated(s):
 @lru_cache(maxsize=256)
 def rule_of(s, orders):
     """Return the `Rule` of s nodes with the integrals of these orders, the last of which is 1."""
-    matrices = radau_nodes(s), _integrals(s, np.array(orders)), to_legendre(s), _slopes(s)
+    singular = integrals_of_rows(s, np.repeat(np.array(orders)[:, None], s, axis=1))
+    matrices = radau_nodes(s), singular, to_legendre(s), _slopes(s)
     return Rule(*(np.array(part) for part in matrices + check_points(s)))
 
 

@@ -5,6 +5,7 @@ import numpy as np
 from .._jit import compiled, inner
 from .collocation import nodal_slopes
 from .error_estimate import (
+    ROUNDING_OF_SUMS,
     add_force_defect,
     defect_matters,
     equations_hold,
@@ -16,8 +17,8 @@ from .error_estimate import (
 from .mode_tables import read_varying
 from .operators import POSITION, PRIMARY, SLOPE, eliminate_known, number_of, subtract_from_forces
 
-# Goal of Newton's method, in tolerances; rounding of a sum over the nodes.
-_NEWTON, _ROUNDING = 0.01, 1e-15
+# Goal of Newton's method, in tolerances.
+_NEWTON = 0.01
 # Highest degree of the extrapolation that gives Newton's first guess.
 _GUESS = 3
 
@@ -124,7 +125,7 @@ def newton_goal(h, equations, orbit, state, limits):
         c, k = terms[n].row, terms[n].index
         if terms[n].integrand == POSITION and 0 <= k < orders.shape[0] and c < d:
             gain = min(abs(terms[n].coefficient) * h ** orders[k], 1 / h)
-            goal[c] = max(goal[c], _ROUNDING * abs(orbit.x[0, c]) * gain)
+            goal[c] = max(goal[c], ROUNDING_OF_SUMS * abs(orbit.x[0, c]) * gain)
     return goal
 
 

@@ -9,9 +9,10 @@ from .operators import FORCE, POSITION, PRIMARY
 # Relative tolerance of tangents is at least this: those that have decayed consist of rounding
 # errors, which grow when tangents are normalised.
 _TANGENT = 1e-9
-# Fraction of p(0) that rounding hides in p, the ratio of coefficients where it does, and how much
-# less of y it hides where p is y'.
-_ROUNDING, _HIDDEN, _OF_SUMS = 1e-14, 0.03, 0.1
+# Fraction of p(0) that rounding hides in p, and of y where p is y', which sums over a step make.
+_ROUNDING, ROUNDING_OF_SUMS = 1e-14, 1e-15
+# Largest ratio of coefficients that counts where rounding hides both.
+_HIDDEN = 0.03
 # Fraction of the defect of f between the nodes that enters the error, as it does where f jumps. For
 # a smooth f the integrals are more accurate, and the tail of its polynomial estimates the error.
 _DEFECT_WEIGHT = 0.3
@@ -38,7 +39,7 @@ def estimate_error(h, equations, legendre, local, matrices, values, p0, newton, 
     d, s, n_a = errors.shape[0], values.shape[2], orders.shape[0]
     defect, nodal_errors = np.empty(d * s), np.empty(d * s)
     for c in range(d):
-        last, decay = legendre_tail(legendre, values[PRIMARY, c], abs(p0[c]))
+        last, decay = legendre_tail(legendre, values[PRIMARY, c], _ROUNDING * abs(p0[c]))
         errors[c] = abs(last) * decay * decay
     for integrand in range(values.shape[0]):
         defect[:] = 0.0
@@ -46,14 +47,14 @@ def estimate_error(h, equations, legendre, local, matrices, values, p0, newton, 
             c, q, k = terms[n].row, terms[n].integrand, terms[n].index
             if q != integrand:
                 continue
-            start = 0.0
+            rounding = 0.0
             if q == PRIMARY:
-                start = abs(p0[c % d])
+                rounding = _ROUNDING * abs(p0[c % d])
             elif q == FORCE:
-                start = newton.start_scales[c % d]
+                rounding = _ROUNDING * newton.start_scales[c % d]
             elif q == POSITION:
-                start = _OF_SUMS * abs(values[q, c % d, -1])
-            last, decay = legendre_tail(legendre, values[q, c % d], start)
+                rounding = ROUNDING_OF_SUMS * abs(values[q, c % d, -1])
+            last, decay = legendre_tail(legendre, values[q, c % d], rounding)
             if q == FORCE and abs(last) <= _NOISE * newton.force_scales[c % d]:
                 continue
             size = 1.0
@@ -208,11 +209,11 @@ def add_force_defect(force_defect, matrices, kinds, newton, errors):
 
 
 @inner
-def legendre_tail(legendre, values, start):
+def legendre_tail(legendre, values, rounding):
     """Return the last Legendre coefficient and its ratio to the one before, 0 to 1.
 
-    Where both are within the rounding error of `start`, the size at the start of the run, the ratio
-    is unknown and taken for small: equal ones would have steps refused that no shorter one betters.
+    Where both are within `rounding`, the rounding error of the values, the ratio is unknown and
+    taken for small: equal ones would have steps refused that no shorter one betters.
     """
     # values (s,)
     s = values.shape[0]
@@ -221,7 +222,7 @@ def legendre_tail(legendre, values, start):
         last += legendre[s - 1, j] * values[j]
         before += legendre[s - 2, j] * values[j]
     decay = min(1.0, abs(last / before)) if before != 0.0 else 1.0
-    hidden = abs(last) <= _ROUNDING * start * decay
+    hidden = abs(last) <= rounding * decay
     return last, (min(decay, _HIDDEN) if hidden else decay)
 
 
