@@ -73,11 +73,15 @@ def _tabulated(s):
 
 
 @lru_cache(maxsize=256)
-def rule_of(s, orders):
-    """Return the `Rule` of s nodes with the integrals of these orders, the last of which is 1."""
+def rule_of(s, orders, linear=False):
+    """Return the `Rule` of s nodes with the integrals of these orders, the last of which is 1.
+
+    A linear f equals its polynomial off the nodes, so it is looked at at the start alone.
+    """
     singular = integrals_of_rows(s, np.repeat(np.array(orders)[:, None], s, axis=1))
     matrices = radau_nodes(s), singular, to_legendre(s), _slopes(s)
-    return Rule(*(np.array(part) for part in matrices + check_points(s)))
+    checked = (part[:1] if linear else part for part in check_points(s))
+    return Rule(*(np.array(part) for part in (*matrices, *checked)))
 
 
 @lru_cache(maxsize=16)
