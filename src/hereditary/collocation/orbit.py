@@ -289,29 +289,35 @@ class OrbitAndTangents:
 
     def _integrands(self):
         """Return the last step's integrands at points of the graded rule, (1 + k, n_q, d, n)."""
+        values, functions = self._nodal()
+        return values @ functions.T
+
+    def _nodal(self):
+        """Return the last step's integrands at its nodes, (1 + k, n_q, d, s).
+
+        And the functions of the nodes at points of the graded rule, (n, s).
+        """
         if self._singular is not None:
             basis, values = self._singular
-            return values @ basis.at_rule.T
-        return self.last @ at_rule(self.last.shape[-1]).T
+            return values, basis.at_rule
+        return self.last, at_rule(self.last.shape[-1])
 
     def _advanced(self, modes):
         """Return modes given before the last step, advanced to its end."""
-        rates, integrands = self.rates * self._last_length, self._integrands()
-        weights, d = self.weights, self.x.shape[1]
+        rates, d = self.rates * self._last_length, self.x.shape[1]
+        values, functions = self._nodal()
         _, v, rule = graded_rule()
-        damped, integrands = _damping(rates, v), integrands * rule
+        damped = self._last_length * _damping(rates, v) * rule
+        integrals, of_one = values @ (damped @ functions).T, damped.sum(axis=1)
         advanced = modes * np.exp(-rates)
         for b, q in enumerate(self._form.unweighted):
-            input_part = integrands[:, q] @ damped.T
-            advanced[:, (2 + b) * d : (3 + b) * d] += (
-                self._last_length * self.of_varying * input_part
-            )
-        for row, (c, q, k, coefficient) in enumerate(self._form.listed):
+            advanced[:, (2 + b) * d : (3 + b) * d] += self.of_varying * integrals[:, q]
+        for q, k, coefficient, rows, numbers in self._form.groups:
             if k == ITSELF:
                 continue
-            offset = self._last_offsets[:, row, None] * rule
-            input_part = (integrands[:, q, c % d] - offset) @ damped.T
-            advanced[:, c] += self._last_length * coefficient * weights[k] * input_part
+            offsets = np.multiply.outer(self._last_offsets[:, numbers], of_one)
+            part = integrals[:, q, rows % d] - offsets
+            advanced[:, rows] += coefficient * self.weights[k] * part
         return advanced
 
 

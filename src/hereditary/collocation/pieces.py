@@ -1,7 +1,7 @@
 """Pieces of dense output: the solution on collocation steps."""
 
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import lru_cache
 
 import numpy as np
 from numpy.polynomial.legendre import legder, legint
@@ -114,33 +114,32 @@ class PolynomialPieces(Piece):
         i, h, values = places
         if not derivative and second.all():
             return self._positions(i, h, values)
-        p = np.einsum("kdj,kj->kd", self._coefficients[i], values)
+        s = self.rows.shape[2]
         if derivative and not second.all():
-            slopes = values[:, :-1] @ _derivatives(self.rows.shape[2])
-            steep = np.einsum("kdj,kj->kd", self._coefficients[i], slopes) / h
-            return np.where(second, p, steep)
+            steep = self._weighted(i, values[:, :-1] @ _derivatives(s)) / h
+            return np.where(second, self._weighted(i, values), steep)
+        p = self._weighted(i, values)
         if derivative or not second.any():
             return p
         return np.where(second, self._positions(i, h, values), p)
 
-    @cached_property
-    def _coefficients(self):
-        """Legendre coefficients of the polynomials through p at start and nodes, (n, d, s + 1)."""
-        values = np.concatenate([self.at_starts[:, 1, :, None], self.rows], axis=2)
-        return values @ through_start(self.rows.shape[2]).T
+    def _weighted(self, i, coefficients):
+        """Return sums of p's Legendre coefficients in the steps i, (k, d); (k, s + 1) the weights.
 
-    @cached_property
-    def _integrated(self):
-        """Legendre coefficients of the integrals of those through the nodes alone, (n, d, s + 1).
-
-        With these y is continuous.
+        The polynomials are those through p at the start and at the nodes.
         """
-        s = self.rows.shape[2]
-        return self.rows @ (_integrals(s) @ to_legendre(s)).T
+        weights = coefficients @ through_start(self.rows.shape[2])
+        found = np.einsum("kdj,kj->kd", self.rows[i], weights[:, 1:])
+        return found + self.at_starts[i, 1] * weights[:, :1]
 
     def _positions(self, i, h, values):
-        """Return y as the integral of p in the steps i, (k, d); values (k, s + 1) of Legendre's."""
-        return self.at_starts[i, 0] + h * np.einsum("kdj,kj->kd", self._integrated[i], values)
+        """Return y in the steps i, (k, d), with Legendre's polynomials there, (k, s + 1).
+
+        It is the integral of the polynomial through p at the nodes alone, so that it is continuous.
+        """
+        s = self.rows.shape[2]
+        weights = values @ (_integrals(s) @ to_legendre(s))
+        return self.at_starts[i, 0] + h * np.einsum("kdj,kj->kd", self.rows[i], weights)
 
     def at_ends(self, ends, chosen, second, slopes=True):
         """As `evaluate_both`, at the chosen ones of the steps' ends."""
