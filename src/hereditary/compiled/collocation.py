@@ -232,17 +232,24 @@ def correct_forces(jacobians, before, x, f):
 def residuals(base, matrices, kinds, p, x, f, out):
     """Set the residuals p - base - integrals at all nodes, in the order (c, i)."""
     d, s = p.shape
-    columns = np.empty(matrices.shape)  # sums of columns are vectorised
+    columns = np.empty(matrices.shape)
+    others = np.zeros(matrices.shape[0], dtype=np.bool_)  # where p and y enter by themselves
     for k in range(matrices.shape[0]):
         for q in range(3):
             for i in range(s):
-                for j in range(s):
+                for j in range(s):  # sums of columns are vectorised
                     columns[k, q, j, i] = matrices[k, q, i, j]
+                    others[k] = others[k] or (q != FORCE and matrices[k, q, i, j] != 0.0)
     for c in range(d):
-        own, first = columns[kinds[c]], c * s
+        kind, first = kinds[c], c * s
+        own = columns[kind]
         for i in range(s):
             out[first + i] = p[c, i] - base[c, i]
-        for j in range(s):
+        for j in range(s if not others[kind] else 0):
+            by_f, a = own[FORCE, j], f[c, j]
+            for i in range(s):
+                out[first + i] -= by_f[i] * a
+        for j in range(s if others[kind] else 0):  # f and terms may cancel: added first
             by_f, by_p, by_x = own[FORCE, j], own[PRIMARY, j], own[POSITION, j]
             a, b, e = f[c, j], p[c, j], x[c, j]
             for i in range(s):

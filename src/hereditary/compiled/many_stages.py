@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from .._jit import inlined, inner
+from .._jit import inner
 from .collocation import (
     contraction_rate,
     forces,
@@ -13,6 +13,7 @@ from .collocation import (
 )
 from .copying import put, put_matrix
 from .jacobian import COLUMNS, ROWS, VALUES, is_sparse, jacobian, multiply
+from .linalg import sums_of_sizes
 from .mode_tables import read_modes
 from .operators import FORCE, POSITION, PRIMARY
 from .signatures import FACTORISE
@@ -20,6 +21,8 @@ from .structures import KEPT, LENGTH, OF_SPEEDS, OF_VALUES, REDUCED, REST, Stage
 
 # Newton iterations before a step is refused, and contraction from which a Jacobian is not kept.
 _SWEEPS, _SLOW = 12, 0.05
+# Products of numbers up to which BLAS uses no threads for a product of matrices.
+_ALONE = 2e5
 # Iterations for a tangent, and the relative change that ends them.
 _TANGENT_SWEEPS, _TANGENT_GOAL = 30, 1e-11
 
@@ -87,11 +90,16 @@ def solve_many(
 
 @inner
 def read_many(modes, to_nodes, out):
-    """As `read_modes`, by a matrix product."""
-    if modes.shape[0] == out.shape[0]:
-        np.dot(modes, to_nodes, out)
-    else:
+    """As `read_modes`, by matrix products of so many rows that BLAS uses no threads for them.
+
+    Their threads wait for each other longer than a step takes.
+    """
+    if modes.shape[0] != out.shape[0]:
         read_modes(modes, to_nodes, out)
+        return
+    rows = max(1, int(_ALONE / max(1, to_nodes.size)))
+    for first in range(0, out.shape[0], rows):
+        np.dot(modes[first : first + rows], to_nodes, out[first : first + rows])
 
 
 @inner
@@ -125,33 +133,29 @@ def set_pencil(h, matrices, integral, second, pencil):
 @inner
 def set_scales(j_f, x, newton):
     """Set |J| |y|, with y at the last node, the size of the summands of f, and |J| |y(0)|."""
-    d = newton.starts.shape[0]
+    d, starts = newton.starts.shape[0], newton.starts
     newton.force_scales[:], newton.start_scales[:] = 0.0, 0.0
+    ends = np.abs(x[:, -1])
     for c in range(0 if is_sparse(j_f, d) else d):
-        for e in range(d):
-            add_scale(c, e, abs(j_f[c, e]), x, newton)
+        newton.force_scales[c], newton.start_scales[c] = sums_of_sizes(j_f[c], ends, starts)
     for k in range(j_f.shape[1] if is_sparse(j_f, d) else 0):
-        add_scale(int(j_f[ROWS, k]), int(j_f[COLUMNS, k]), abs(j_f[VALUES, k]), x, newton)
-
-
-@inlined
-def add_scale(c, e, size, x, newton):
-    """Add the share of component e to the scales of f of component c."""
-    newton.force_scales[c] += size * abs(x[e, -1])
-    newton.start_scales[c] += size * newton.starts[e]
+        c, e, size = int(j_f[ROWS, k]), int(j_f[COLUMNS, k]), abs(j_f[VALUES, k])
+        newton.force_scales[c] += size * ends[e]
+        newton.start_scales[c] += size * starts[e]
 
 
 @inner
 def correct_forces(j_f, before, x, f):
     """Correct f (d, s) to first order from y = `before` to y = x."""
     d = x.shape[0]
-    moved, more = np.empty(d), np.empty(d)
-    for i in range(x.shape[1]):
-        for c in range(d):
-            moved[c] = x[c, i] - before[c, i]
-        multiply(j_f, moved, more)
-        for c in range(d):
-            f[c, i] += more[c]
+    moved = x - before
+    if not is_sparse(j_f, d):
+        f += np.dot(j_f, moved)
+        return
+    for k in range(j_f.shape[1]):
+        c, e, value = int(j_f[ROWS, k]), int(j_f[COLUMNS, k]), j_f[VALUES, k]
+        for i in range(x.shape[1]):
+            f[c, i] += value * moved[e, i]
 
 
 @inner

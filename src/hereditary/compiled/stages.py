@@ -8,6 +8,7 @@ rounding errors leave with the next iteration. Source: [HairerWanner1996], secti
 """
 
 import numpy as np
+from numba import types
 
 from .._jit import compiled, inner, reordered
 from .._python_calls import PythonRaised, call_at
@@ -17,8 +18,17 @@ from .signatures import FACTORISE
 from .solvers import call_lapack, substitute_band
 from .structures import REDUCED, REST, SYSTEMS
 
-# Fraction of an eigenvalue below which its imaginary part is rounding.
-_REAL = 1e-13
+# numba's own entry to SciPy's LAPACK: kind, whether left and right vectors are wanted, n, a, lda,
+# both parts of the values, left and right vectors with the lengths of their columns
+_PLACE = types.CPointer(types.float64)
+_GEEV = types.ExternalFunction(
+    "numba_ez_rgeev",
+    types.intc(
+        types.char, types.char, types.char, types.intp, _PLACE, types.intp, _PLACE, _PLACE, _PLACE,
+        types.intp, _PLACE, types.intp,
+    ),
+)  # fmt: skip
+_DOUBLE, _WITHOUT, _WITH = (np.uint8(ord(letter)) for letter in "dNV")
 
 
 @inner
@@ -34,47 +44,65 @@ def transform(stage):
             return False
         inverse[:, j] = column
     product = inverse @ gain
-    for value in product.ravel():
-        if not abs(value) < np.inf:
-            return False
-    values, vectors = np.linalg.eig(product.astype(np.complex128))
-    back = np.linalg.inv(vectors) @ inverse.astype(np.complex128)
-    n_real, n_above = 0, 0
-    for value in values:
-        small = abs(value.imag) <= _REAL * abs(value)
-        n_real += int(small)
-        n_above += int(value.imag > 0.0 and not small)
-    paired = n_real + 2 * n_above == s
-    kept = 0
+    values, imaginary, vectors = np.empty(s), np.empty(s), np.empty((s, s))
+    if not eigenvectors(product, values, imaginary, vectors):
+        return False
+    # a pair of vectors v +- i w is held as v and w, so that this inverse is real as well
+    back, kept = np.linalg.inv(vectors).T.copy() @ inverse, 0
     for k in range(s):
-        small = abs(values[k].imag) <= _REAL * abs(values[k])
-        if paired and not small and values[k].imag < 0.0:
+        if imaginary[k] < 0.0:  # the conjugate of the one before
             continue
-        weight = 2.0 if paired and not small else 1.0
-        stage.shifts[kept] = values[k]
+        stage.shifts[kept] = complex(values[k], imaginary[k])
         for i in range(s):
-            stage.forth[i, kept], stage.back[kept, i] = weight * vectors[i, k], back[k, i]
+            if imaginary[k] > 0.0:
+                stage.forth[i, kept] = complex(vectors[k, i], vectors[k + 1, i])
+                stage.back[kept, i] = complex(back[k, i], -back[k + 1, i])
+            else:
+                stage.forth[i, kept], stage.back[kept, i] = vectors[k, i], back[k, i]
         kept += 1
     stage.control[SYSTEMS] = kept
     return True
 
 
 @inner
+def eigenvectors(matrix, values, imaginary, vectors):
+    """Set both parts of the eigenvalues, (s,), and the eigenvectors by LAPACK; False if it fails.
+
+    Vectors are rows, (s, s): the real part of a pair and then its imaginary part, of the eigenvalue
+    above the real axis, which comes first.
+    """
+    s = values.shape[0]
+    for value in matrix.ravel():
+        if not abs(value) < np.inf:
+            return False
+    turned, none = matrix.T.copy(), np.empty(1)  # LAPACK's matrices have their columns in a row
+    failed = _GEEV(  # type: ignore[call-overload]
+        _DOUBLE, _WITHOUT, _WITH, s, turned.ctypes, s, values.ctypes, imaginary.ctypes, none.ctypes,
+        1, vectors.ctypes, s,
+    )  # fmt: skip
+    return failed == 0
+
+
+@reordered
 def project(k, values, stage, out):
     """Set the right-hand side of system k, (d,), from nodal values (d, s)."""
+    real, imaginary = stage.back[k].real.copy(), stage.back[k].imag.copy()
     for c in range(out.shape[0]):
-        total = 0.0j
-        for i in range(values.shape[1]):
-            total += stage.back[k, i] * values[c, i]
-        out[c] = total
+        a, b = 0.0, 0.0
+        for i in range(real.shape[0]):
+            a += real[i] * values[c, i]
+            b += imaginary[i] * values[c, i]
+        out[c] = complex(a, b)
 
 
 @inner
 def add_solution(k, solution, stage, out):
     """Add the solution of system k, (d,), to nodal values (d, s)."""
+    real, imaginary = stage.forth[:, k].real.copy(), stage.forth[:, k].imag.copy()
     for c in range(solution.shape[0]):
-        for i in range(out.shape[1]):
-            out[c, i] += (stage.forth[i, k] * solution[c]).real
+        a, b = solution[c].real, solution[c].imag
+        for i in range(real.shape[0]):
+            out[c, i] += real[i] * a - imaginary[i] * b
 
 
 @compiled
@@ -144,13 +172,11 @@ def reduce(stage):
 def eliminate(shift, h, real, imaginary, exchanged):
     """Set the factors of ``1 - shift H``, pivots inverted, rows exchanged where that is needed."""
     n = h.shape[0]
-    for i in range(n):
-        for j in range(max(0, i - 1), n):
-            real[i, j] = (1.0 if i == j else 0.0) - shift.real * h[i, j]
-            imaginary[i, j] = -shift.imag * h[i, j]
+    set_shifted_row(0, shift, h, real, imaginary)
     for j in range(n):
         below = 0.0
-        if j < n - 1:
+        if j < n - 1:  # each row just before it is needed: it stays in the near cache
+            set_shifted_row(j + 1, shift, h, real, imaginary)
             below = abs(real[j + 1, j]) + abs(imaginary[j + 1, j])
         exchanged[j] = 0.0
         if below > abs(real[j, j]) + abs(imaginary[j, j]):
@@ -173,6 +199,16 @@ def eliminate(shift, h, real, imaginary, exchanged):
             lower[k] -= a * upper[k] - b * upper_i[k]
             lower_i[k] -= a * upper_i[k] + b * upper[k]
     return True
+
+
+@inner
+def set_shifted_row(i, shift, h, real, imaginary):
+    """Set a row of ``1 - shift H``."""
+    a, b = shift.real, shift.imag
+    own, row, row_i = h[i], real[i], imaginary[i]
+    for j in range(max(0, i - 1), h.shape[0]):
+        row[j], row_i[j] = -a * own[j], -b * own[j]
+    row[i] += 1.0
 
 
 @inner
