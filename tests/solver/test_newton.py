@@ -5,34 +5,10 @@ import pytest
 from scipy.optimize import brentq
 
 import hereditary as hd
-from hereditary._jit import compiled
-from hereditary.compiled.linalg import factorise, substitute
 from hereditary.meshes import UniformSteps
 from hereditary.solver.stepper import Stepper
 
 SCHEMES = [hd.BDF(2), hd.L1(), hd.L2(), hd.ProductTrapezoid()]
-
-
-@compiled
-def solved(a, order, b, x):
-    if not factorise(a, order):
-        return False
-    substitute(a, order, b, x)
-    return True
-
-
-@pytest.mark.parametrize("n", [1, 7, 39, 40, 41, 130])
-def test_systems_of_any_size_are_solved(n):
-    random = np.random.default_rng(n)
-    a, b = random.normal(size=(n, n)), random.normal(size=n)
-    x, order = np.empty(n), np.empty(n)
-    assert solved(a.copy(), order, b, x)
-    assert np.abs(a @ x - b).max() < 1e-11
-    singular = np.ones((n, n)) * (n > 1)
-    assert not solved(singular, order, b, x)
-    broken = a.copy()
-    broken[0, 0] = np.nan
-    assert not solved(broken, order, b, x)
 
 
 def laplacian(d):

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.polynomial.legendre import legvander
 from scipy.special import rgamma
 
+from ..compiled.linalg import product
 from ..compiled.mode_tables import empty_tables
 from ..compiled.operators import ITSELF, POSITION, PRIMARY, SLOPE
 from ..compiled.structures import Equations, OrbitArrays
@@ -308,7 +309,9 @@ class OrbitAndTangents:
         values, functions = self._nodal()
         _, v, rule = graded_rule()
         damped = self._last_length * _damping(rates, v) * rule
-        integrals, of_one = values @ (damped @ functions).T, damped.sum(axis=1)
+        gains = np.empty((rates.size, values.shape[-1]))
+        product(damped, functions, gains)
+        integrals, of_one = values @ gains.T, damped.sum(axis=1)
         advanced = modes * np.exp(-rates)
         for b, q in enumerate(self._form.unweighted):
             advanced[:, (2 + b) * d : (3 + b) * d] += self.of_varying * integrals[:, q]

@@ -5,8 +5,14 @@ from numba import config, types
 
 from .._jit import inner, reordered
 
-# Size from which LAPACK, and sums in any order, take less time than plain loops.
-_LARGE = np.inf if config.DISABLE_JIT else 40  # type: ignore[attr-defined]
+# Size from which sums in any order take less time than plain loops; and columns that are eliminated
+# at once, for which `subtract_rows` is written.
+_LARGE, _PANEL = 40, 4
+# Size from which LAPACK takes less time. Below it would use threads all the same, and wait for them
+# for milliseconds where other ones keep the cores.
+_LAPACK = np.inf if config.DISABLE_JIT else 400  # type: ignore[attr-defined]
+# Multiplications of a product of matrices up to which BLAS uses no threads.
+_ALONE = 2e5
 # numba's own entry to SciPy's LAPACK: kind, m, n, a, lda, ipiv
 _GETRF = types.ExternalFunction(
     "numba_xxgetrf",
@@ -57,16 +63,35 @@ def factorise(a, order):
     """
     # a (n, n), order (n,)
     n = a.shape[0]
-    if n >= _LARGE:
+    if n >= _LAPACK:
         return factorise_large(a, order)
     for i in range(n):
         order[i] = i
-    for j in range(n):
+    for first in range(0, n, _PANEL):
+        last = min(first + _PANEL, n)
+        if not factorise_columns(a, order, first, last):
+            return False
+        for j in range(first, last):
+            top = a[j]
+            for i in range(j + 1, last):
+                row, factor = a[i], a[i, j]
+                for k in range(last, n):
+                    row[k] -= factor * top[k]
+        if last < n:  # so the columns are _PANEL in number
+            subtract_rows(a, first, last)
+    return True
+
+
+@inner
+def factorise_columns(a, order, first, last):
+    """Factorise some columns of a, exchanging whole rows; False without a pivot that is finite."""
+    n = a.shape[0]
+    for j in range(first, last):
         pivot = j
         for i in range(j + 1, n):
             if abs(a[i, j]) > abs(a[pivot, j]):
                 pivot = i
-        if not abs(a[pivot, j]) > 0.0:
+        if not 0.0 < abs(a[pivot, j]) < np.inf:
             return False
         if pivot != j:
             order[j], order[pivot] = order[pivot], order[j]
@@ -75,9 +100,20 @@ def factorise(a, order):
         for i in range(j + 1, n):
             a[i, j] /= a[j, j]
             factor = a[i, j]
-            for k in range(j + 1, n):
+            for k in range(j + 1, last):
                 a[i, k] -= factor * a[j, k]
     return True
+
+
+@inner
+def subtract_rows(a, first, last):
+    """Subtract from all later rows their multiples of _PANEL rows, at once: fewer are stored."""
+    b, c, d, e = a[first, last:], a[first + 1, last:], a[first + 2, last:], a[first + 3, last:]
+    for i in range(last, a.shape[0]):
+        row, of_b, of_c = a[i, last:], a[i, first], a[i, first + 1]
+        of_d, of_e = a[i, first + 2], a[i, first + 3]
+        for k in range(row.shape[0]):
+            row[k] = row[k] - of_b * b[k] - of_c * c[k] - of_d * d[k] - of_e * e[k]
 
 
 @inner
@@ -105,6 +141,29 @@ def transpose(a):
     for i in range(a.shape[0]):
         for k in range(i):
             a[i, k], a[k, i] = a[k, i], a[i, k]
+
+
+@inner
+def product(a, b, out):
+    """Set out = a b, by blocks of rows for which BLAS uses no threads.
+
+    They gain little here, and where other ones keep the cores they wait for milliseconds.
+    """
+    # a (m, k), b (k, n), out (m, n)
+    rows = max(1, int(_ALONE / max(1, b.size)))
+    for first in range(0, out.shape[0], rows):
+        np.dot(a[first : first + rows], b, out[first : first + rows])
+
+
+@inner
+def transposed_product(a, b, out):
+    """Set out = a^T b, as `product`."""
+    # a (k, m), b (k, n), out (m, n)
+    rows, part = max(1, int(_ALONE / max(1, out.size))), np.empty(out.shape)
+    out[:] = 0.0
+    for first in range(0, a.shape[0], rows):
+        np.dot(a[first : first + rows].T, b[first : first + rows], part)
+        out += part
 
 
 @reordered

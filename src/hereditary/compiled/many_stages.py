@@ -13,7 +13,7 @@ from .collocation import (
 )
 from .copying import put, put_matrix
 from .jacobian import COLUMNS, ROWS, VALUES, is_sparse, jacobian, multiply
-from .linalg import sums_of_sizes
+from .linalg import product, sums_of_sizes
 from .mode_tables import read_modes
 from .operators import FORCE, POSITION, PRIMARY
 from .signatures import FACTORISE
@@ -21,8 +21,6 @@ from .structures import KEPT, LENGTH, OF_SPEEDS, OF_VALUES, REDUCED, REST, Stage
 
 # Newton iterations before a step is refused, and contraction from which a Jacobian is not kept.
 _SWEEPS, _SLOW = 12, 0.05
-# Products of numbers up to which BLAS uses no threads for a product of matrices.
-_ALONE = 2e5
 # Iterations for a tangent, and the relative change that ends them.
 _TANGENT_SWEEPS, _TANGENT_GOAL = 30, 1e-11
 
@@ -90,16 +88,11 @@ def solve_many(
 
 @inner
 def read_many(modes, to_nodes, out):
-    """As `read_modes`, by matrix products of so many rows that BLAS uses no threads for them.
-
-    Their threads wait for each other longer than a step takes.
-    """
-    if modes.shape[0] != out.shape[0]:
+    """As `read_modes`, by a matrix product."""
+    if modes.shape[0] == out.shape[0]:
+        product(modes, to_nodes, out)
+    else:
         read_modes(modes, to_nodes, out)
-        return
-    rows = max(1, int(_ALONE / max(1, to_nodes.size)))
-    for first in range(0, out.shape[0], rows):
-        np.dot(modes[first : first + rows], to_nodes, out[first : first + rows])
 
 
 @inner
@@ -148,9 +141,10 @@ def set_scales(j_f, x, newton):
 def correct_forces(j_f, before, x, f):
     """Correct f (d, s) to first order from y = `before` to y = x."""
     d = x.shape[0]
-    moved = x - before
+    moved, more = x - before, np.empty(x.shape)
     if not is_sparse(j_f, d):
-        f += np.dot(j_f, moved)
+        product(j_f, moved, more)
+        f += more
         return
     for k in range(j_f.shape[1]):
         c, e, value = int(j_f[ROWS, k]), int(j_f[COLUMNS, k]), j_f[VALUES, k]

@@ -13,7 +13,7 @@ from numba import types
 from .._jit import compiled, inner, reordered
 from .._python_calls import PythonRaised, call_at
 from .jacobian import COLUMNS, ROWS, VALUES
-from .linalg import solve_in_place
+from .linalg import product, solve_in_place, transposed_product
 from .signatures import FACTORISE
 from .solvers import call_lapack, substitute_band
 from .structures import REDUCED, REST, SYSTEMS
@@ -129,14 +129,15 @@ def dense_stages(task, values, stage):
             if not eliminate(stage.shifts[k], stage.dense[0], real, imaginary, stage.factors[k, 0]):
                 return 1
         return 0
-    turned = np.dot(stage.dense[1].T, values)
-    found, right = np.zeros(values.shape), np.empty(n, dtype=np.complex128)
+    turned, found = np.empty(values.shape), np.zeros(values.shape)
+    transposed_product(stage.dense[1], values, turned)
+    right = np.empty(n, dtype=np.complex128)
     for k in range(int(stage.control[SYSTEMS])):
         project(k, turned, stage, right)
         real, imaginary = stage.dense[2 + 2 * k], stage.dense[3 + 2 * k]
         substitute_hessenberg(real, imaginary, stage.factors[k, 0], right)
         add_solution(k, right, stage, found)
-    np.dot(stage.dense[1], found, values)
+    product(stage.dense[1], found, values)
     return 0
 
 
