@@ -12,7 +12,7 @@ from .step import BASE, FIRST, GAIN, KNOWN, LEAD, MOVED, POINT, SCALE, SHIFT, F,
 # step is given up.
 _SIMPLIFIED, _FULL = 8, 30
 # Components above which factors are kept over steps, and contraction from which they are not.
-KEPT_FROM, _SLOW = 10, 0.1
+KEPT_FROM, _SLOW = 9, 0.1
 # Contraction from which the Jacobian of an earlier step is not kept of few components, and steps
 # that then take their own (counts.factored counts them from below 0). Share of the error that is
 # allowed with it: Newton's method leaves far less than its estimate, a kept Jacobian all of it,

@@ -92,7 +92,7 @@ class Solution:
         """Everything needed to go on, ``solve(eq, t_later, resume=sol.state)``.
 
         A few kilobytes with `SumOfExponentials`, the whole past with `Direct`; an implicit scheme
-        adds 32 d**2 bytes for more than ten components d.
+        adds 32 d**2 bytes for ten components and more, d.
         """
         return self.left() if callable(self.left) else self.left
 
