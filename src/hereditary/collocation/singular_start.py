@@ -73,7 +73,7 @@ class SingularStart:
         None means that every length was refused. A stiff start of tiny order is first tried with
         rational maps on long steps.
         """
-        size, left = float(abs(self._jacobian).max()), self._t_stop - self._t
+        size, left = self._rate(), self._t_stop - self._t
         most = min(left / 16, self._longest)
         generators = self._form.generators
         rates = self._decay_rates() if generators[0] < TINY else ()
@@ -147,6 +147,22 @@ class SingularStart:
         diagonal = importlib.import_module("scipy.sparse").diags_array
         scaled = diagonal(of_force) @ self._jacobian @ diagonal(of_values)
         return (scaled + diagonal(of_p)).tocsr()
+
+    def _rate(self):
+        """Return how fast the solution may change at first: the largest entry of the Jacobian J.
+
+        For many components |J v| / |v| for v = f and v = y' tells more: of a partial differential
+        equation with smooth initial data it does not grow as the mesh becomes finer.
+        """
+        size = float(abs(self._jacobian).max())
+        if not self._many or not np.isfinite(size):
+            return size
+        scale, rates = self._tolerance(np.abs(self._orbit.x[0])), []
+        for v in (self._force, np.where(self._form.second, self._orbit.p[0], 0.0)):
+            largest = np.abs(v / scale).max()
+            if largest > 0.0:
+                rates.append(np.abs(self._jacobian @ v / scale).max() / largest)
+        return min(size, max(rates, default=size))
 
     def _first_length(self, size, most, missing):
         """Return a first trial length: over it the solution changes by about half of itself.
