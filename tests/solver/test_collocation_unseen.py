@@ -71,7 +71,7 @@ def test_sliding_and_chattering_end_with_the_reason(rtol):
             sol = hd.solve(equation, 20.0, rtol=rtol)
         assert sol.status is hd.Status.STEP_TOO_SMALL
         assert "slide or chatter" in sol.message
-        assert start <= sol.t[-1] < start + 0.1
+        assert start - rtol <= sol.t[-1] < start + 0.1
         assert sol.stats["n_steps"] < 5000
     assert sol.y[-1, 0] == pytest.approx(0.2, abs=5 * rtol)  # where it sticks
 

@@ -19,8 +19,6 @@ from .operators import POSITION, PRIMARY, SLOPE, eliminate_known, number_of, sub
 
 # Goal of Newton's method, in tolerances.
 _NEWTON = 0.01
-# Highest degree of the extrapolation that gives Newton's first guess.
-_GUESS = 3
 
 
 def attempting(solve, solve_for_tangents, read):
@@ -181,27 +179,23 @@ def tangents_error(h, base, equations, rule, matrices, local, values, orbit, new
 
 @inner
 def extrapolate(nodes, legendre, last, h, h_last, p, out):
-    """Extrapolate p from the last step to the nodes of the next, with a lower degree.
+    """Extrapolate the polynomial p of the last step to the nodes of the next.
 
-    The truncated polynomial is shifted to p at the end of the last step, which it misses.
+    Differences from p at the end of the last step are extrapolated, so that a constant is exact.
     """
     # last, out (d, s), p (d,)
     d, s = out.shape
-    reached = np.zeros((s + 1, s))  # from the last values to the nodes ahead, and to the end
-    degree = min(s - 1, _GUESS if h <= 1.5 * h_last else 1)
-    for i in range(s + 1 if h_last > 0.0 else 0):
-        u = 1.0 + 2.0 * h / h_last * (nodes[i] if i < s else 0.0)
+    reached = np.zeros((s, s))  # from the last values to the nodes ahead
+    for i in range(s if h_last > 0.0 else 0):
+        u = 1.0 + 2.0 * h / h_last * nodes[i]
         before, now = 1.0, u
-        for k in range(degree + 1):
+        for k in range(s):
             for j in range(s):
                 reached[i, j] += before * legendre[k, j]
             before, now = now, ((2 * k + 3) * u * now - (k + 1) * before) / (k + 2)
-    for i in range(s):
-        for j in range(s):
-            reached[i, j] -= reached[s, j]
     for c in range(d):
         for i in range(s):
             total = p[c]
             for j in range(s):
-                total += reached[i, j] * last[c, j]
+                total += reached[i, j] * (last[c, j] - p[c])
             out[c, i] = total
