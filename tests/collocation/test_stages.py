@@ -51,19 +51,21 @@ def test_a_linear_system_is_looked_at_between_the_nodes_at_the_start_alone(d, te
     assert 0.45 < alone.stats["n_rhs"] / stated.stats["n_rhs"] < 0.75
 
 
-@pytest.mark.parametrize("orders", [(0.7,), (1.6,), (0.9, 0.5)], ids=str)
-def test_a_smooth_start_takes_as_many_steps_on_any_mesh(orders):
-    """The fastest rate grows a hundred times, but y(0) has no part that changes so fast."""
+@pytest.mark.parametrize(
+    ("orders", "rtol"), [((0.7,), 1e-10), ((1.6,), 1e-6), ((0.9, 0.5), 1e-10)], ids=str
+)
+def test_a_smooth_start_takes_as_many_steps_on_any_mesh(orders, rtol):
+    """The fastest rate grows ten thousand times, but y(0) has no part that changes so fast."""
     terms, steps = sum(map(hd.Caputo, orders[1:]), hd.Caputo(orders[0])), []
-    for d in (20, 200):
+    for d in (20, 200, 2000):
         waves, rates = modes(d)
         one, start = (1.0, waves[0]) if orders[0] < 1 else ([1.0, 0.0], [waves[0], 0 * waves[0]])
-        sol = hd.solve(hd.Equation(terms, None, start, linear=laplacian(d)), 0.5, rtol=1e-8)
+        sol = hd.solve(hd.Equation(terms, None, start, linear=laplacian(d)), 0.5, rtol=rtol)
         alone = hd.Equation(terms, lambda t, y, p: -p * y, one, params=rates[0])
-        part = hd.solve(alone, 0.5, rtol=1e-11)(sol.t)
-        assert np.abs(sol.y - part.reshape(-1, 1) * waves[0]).max() < 1e-8
+        part = hd.solve(alone, 0.5, rtol=1e-12)(sol.t)
+        assert np.abs(sol.y - part.reshape(-1, 1) * waves[0]).max() < rtol
         steps.append(sol.stats["n_steps"] + sol.stats["n_rejected"])
-    assert steps[1] <= 1.2 * steps[0]
+    assert max(steps) <= 1.2 * steps[0]
 
 
 def plane(m):

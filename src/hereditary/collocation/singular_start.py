@@ -230,25 +230,25 @@ class SingularStart:
         f = f.T
         f[: form.n_rows - d] -= found[d:]
         self._state.counts["rhs"] += times.size
-        deviation = np.abs(np.array([f, p, x]) - basis.interpolate_between(values))
-        early = self._early(p)
-        so_far = np.maximum.accumulate(deviation, axis=2) * early
-        defect, u = np.zeros(d), np.exp(basis.logs[values.shape[2] :])
+        deviation = np.array([f, p, x]) - basis.interpolate_between(values)
+        early, u = self._early(p), np.exp(basis.logs[values.shape[2] :])
+        defect, caused = np.zeros(d), np.zeros(deviation.shape)
         for q, k, coefficient, rows, _ in form.groups:
             own = rows[rows < d]
-            if k < n_a:
-                caused = (h * u) ** form.orders[k] * so_far[q, own]
-            else:
-                caused = np.abs(local[k - n_a]).sum(axis=1) * so_far[q, own]
-            defect[own] += abs(coefficient) * caused.max(axis=1)
+            gain = (h * u) ** form.orders[k] if k < n_a else np.abs(local[k - n_a]).sum(axis=1)
+            # a defect matters from its time on
+            weight = np.maximum.accumulate((gain * early[own])[:, ::-1], axis=1)[:, ::-1]
+            change = abs(coefficient) * weight * deviation[q, own]
+            caused[q, own] += change
+            defect[own] += np.abs(change).max(axis=1)
+        deviation = np.abs(deviation) * early
         # the error of the basis affects dense output alone, and y there through the means of y'
         n, means = values.shape[2], self._means(basis, values[PRIMARY])
         deviation_of_means = means[:, n:] - basis.interpolate_between(means[:, :n])
-        deviation *= early
         of_means = np.abs(deviation_of_means).max(axis=1)
         of_y = np.where(form.second, of_means, deviation[POSITION].max(axis=1))
         of_basis = np.maximum(deviation[PRIMARY].max(axis=1), of_y)
-        return np.maximum(self._error_from_defect(defect, h), _BASIS_WEIGHT * of_basis)
+        return np.maximum(self._error_from_defect(defect, caused, h), _BASIS_WEIGHT * of_basis)
 
     def _early(self, p):
         """Return how many times less the tolerance of y allows at early times than later, (d, n).
@@ -271,33 +271,39 @@ class SingularStart:
         operator = basis.means(tuple(self._form.orders.tolist()))[-1]  # the last order is 1
         return p[:, -1:] + (p - p[:, -1:]) @ operator.T
 
-    def _error_from_defect(self, defect, h):
-        """Return the error of p that a defect causes, less than the defect if stiff; (d,)."""
+    def _error_from_defect(self, defect, caused, h):
+        """Return the error of p that a defect (d,) causes, less than the defect if stiff; (d,).
+
+        `caused` (3, d, k) tells it apart, with signs, by integrands and times: of many components.
+        """
         gain = self._gains(lambda a: h**a * rgamma(1 + a))
         if self._many:
-            return _damped(gain, defect)
+            return _damped(gain, defect, caused)
         if not np.all(np.isfinite(gain)) or np.linalg.eigvals(gain).real.max() > 0:
             return defect
         return np.abs(np.linalg.inv(np.eye(defect.size) - gain)) @ defect
 
 
-def _damped(gain, defect):
-    """Return the error of p that a defect of many components causes, at most the largest defect.
+def _damped(gain, defect, caused):
+    """Return the error of p that defects of many components cause, at most the largest defect.
 
-    `gain` is a dense or sparse matrix. The defect is taken with equal signs, and with signs that
-    change from component to component.
+    `gain` is a dense or sparse matrix. The defects of each time are damped with the signs that they
+    have: rounding of y makes large ones in stiff components, which hardly move y.
     """
-    signs = np.array([np.ones(defect.size), (-1.0) ** np.arange(defect.size)])
     if not np.isfinite(abs(gain).sum()):
         return defect
+    caused = caused[caused.any(axis=(1, 2))]
+    n_q, d, n_times = caused.shape
+    right = caused.transpose(1, 0, 2).reshape(d, n_q * n_times)
     try:
         if isinstance(gain, np.ndarray):
-            found = np.linalg.solve(np.eye(defect.size) - gain, (signs * defect).T).T
+            found = np.linalg.solve(np.eye(d) - gain, right)
         else:
             sparse = importlib.import_module("scipy.sparse")
             linalg = importlib.import_module("scipy.sparse.linalg")
-            matrix = sparse.eye_array(defect.size, format="csc") - gain.tocsc()
-            found = linalg.splu(matrix).solve((signs * defect).T).T
+            matrix = sparse.eye_array(d, format="csc") - gain.tocsc()
+            found = linalg.splu(matrix).solve(right)
     except (np.linalg.LinAlgError, RuntimeError):  # singular
         return defect
-    return np.minimum(np.abs(found).max(axis=0), defect.max())
+    errors = np.abs(found.reshape(d, n_q, n_times)).max(axis=2).sum(axis=1)
+    return np.minimum(errors, defect.max())
