@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..compiled.attempt import times_inside
+from ..compiled.attempt import set_times
 from ..compiled.structures import TABULATED, VaryingOrders, record
 from ..orders import OrderFailed
 from .quadrature import integrals_of_rows, radau_nodes
@@ -48,7 +48,8 @@ class OrderTables:
     def fill(self, orbit, origin, limits):
         """Fill the tables for the requested step; raise `OrderFailed` for a bad order."""
         t, h = float(self.tabulated["next_start"]), float(self.tabulated["next_length"])
-        times = times_inside(origin, t, h, self._nodes, limits)
+        times = np.empty(self._nodes.size)
+        set_times(origin, t, h, self._nodes, limits, times)
         n = orbit.rates.size
         if self.weights.shape[1] != n:
             self.weights = np.zeros((len(self._varying), n, self._nodes.size))

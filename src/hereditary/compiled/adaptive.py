@@ -118,7 +118,7 @@ def marching(name, solve, solve_for_tangents, factors, read, told):
         n_rows = orbit.modes.shape[1] - equations.unweighted.shape[0] * orbit.x.shape[1]
         base, values = np.empty((n_columns, n_rows, s)), np.empty(orbit.last.shape)
         operators = empty_operators(n_columns, n_rows, kinds, s)
-        newton = factors(orbit.x.shape[1], s, solver, stages)
+        newton = factors(orbit.x.shape[1], s, rule.check_points.shape[0], solver, stages)
         weights = mode_weights(equations, basis, varying, orbit)
         return take_steps(
             rhs, jac, has_jac, params, equations, rule, basis, tables, varying, orbit, state,

@@ -42,25 +42,26 @@ def attempting(solve, solve_for_tangents, read):
         for column in range(n_columns):
             read(orbit.modes[column], tables.to_nodes[slot], base[column])
         set_known_part(orbit, tables.to_nodes[slot], equations, varying, operators, base)
-        times = times_inside(origin, t, h, nodes, limits)
+        room = newton.room
+        set_times(origin, t, h, nodes, limits, room.times)
+        set_times(origin, t, h, rule.check_points, limits, room.check_times)
         extrapolate(nodes, rule.legendre, last, h, control.last, orbit.p[0], values[0, PRIMARY])
-        check_times = times_inside(origin, t, h, rule.check_points, limits)
-        goal = newton_goal(h, equations, orbit, state, limits)
+        set_newton_goal(h, equations, orbit, state, limits, room.goal)
         set_starts(orbit, equations.second, newton.starts)
         solved = solve(
-            rhs, jac, has_jac, params, times, h, base[0], orbit.x[0], equations.second,
-            operators.matrices, kinds, integral, goal, values[0], counts, state.contraction,
+            rhs, jac, has_jac, params, room.times, h, base[0], orbit.x[0], equations.second,
+            operators.matrices, kinds, integral, room.goal, values[0], counts, state.contraction,
             newton,
         )  # fmt: skip
         ratio, by_defect = np.inf, False
         if solved:
             ratio, by_defect = orbit_error(
-                rhs, params, times, check_times, h, base, equations, rule, goal,
-                operators.matrices, local, values, orbit, state, newton, limits,
+                rhs, params, h, base, equations, rule, operators.matrices, local, values, orbit,
+                state, newton, limits,
             )  # fmt: skip
         if ratio <= 1.0 and n_columns > 1:
             solved = solve_for_tangents(
-                rhs, jac, has_jac, params, times, h, base, orbit.x, equations.second,
+                rhs, jac, has_jac, params, room.times, h, base, orbit.x, equations.second,
                 operators.matrices, kinds, integral, values, counts, newton,
             )  # fmt: skip
             more = np.inf
@@ -76,10 +77,11 @@ def attempting(solve, solve_for_tangents, read):
 
 
 @compiled
-def times_inside(origin, t, h, nodes, limits):
-    """Return the times of the nodes, kept strictly between origin and stop, where f may jump."""
-    times = np.minimum(origin + (t + h * nodes), limits.latest)
-    return np.maximum(times, limits.earliest)
+def set_times(origin, t, h, nodes, limits, times):
+    """Set the times of the nodes, kept strictly between origin and stop, where f may jump."""
+    for i in range(nodes.shape[0]):
+        time = min(origin + (t + h * nodes[i]), limits.latest)
+        times[i] = max(time, limits.earliest)
 
 
 @inner
@@ -111,27 +113,27 @@ def set_starts(orbit, second, starts):
 
 
 @inner
-def newton_goal(h, equations, orbit, state, limits):
-    """Return the error of p that Newton's method may leave, (d,).
+def set_newton_goal(h, equations, orbit, state, limits, goal):
+    """Set the error of p that Newton's method may leave, (d,).
 
     It is at least what the rounding of y leaves in p = y' through terms of y itself, and that at
     most what changes y by as much over the step.
     """
-    goal = _NEWTON * (limits.atol + limits.rtol * np.maximum(state.largest, np.abs(orbit.p[0])))
     terms, orders, d = equations.terms, equations.orders, goal.shape[0]
+    for c in range(d):
+        size = max(state.largest[c], abs(orbit.p[0, c]))
+        goal[c] = _NEWTON * (limits.atol + limits.rtol * size)
     for n in range(terms.shape[0]):
         c, k = terms[n].row, terms[n].index
         if terms[n].integrand == POSITION and 0 <= k < orders.shape[0] and c < d:
             gain = min(abs(terms[n].coefficient) * h ** orders[k], 1 / h)
             goal[c] = max(goal[c], ROUNDING_OF_SUMS * abs(orbit.x[0, c]) * gain)
-    return goal
 
 
 @inner
 def orbit_error(
-    rhs, params, times, check_times, h, base, equations, rule, goal, matrices, local, values,
-    orbit, state, newton, limits,
-):  # fmt: skip
+    rhs, params, h, base, equations, rule, matrices, local, values, orbit, state, newton, limits
+):
     """Estimate the error of a solved step, and subtract terms from f.
 
     Returns the ratio of error to tolerance, and whether the defect of f between the nodes alone
@@ -139,17 +141,15 @@ def orbit_error(
     """
     second, largest, start = equations.second, state.largest, orbit.initial[0]
     rtol, atol = limits.rtol, limits.atol
-    errors, force_defect = np.empty(second.shape[0]), np.zeros(second.shape[0])
-    x_start, kinds = orbit.x[0], equations.kinds
+    room, kinds = newton.room, equations.kinds
+    goal, errors, force_defect = room.goal, room.errors, room.defect
     measure_force_defect(
-        rhs, params, check_times, h, rule, x_start, start, second, values[0], limits, force_defect
+        rhs, params, h, rule, orbit.x[0], start, second, values[0], limits, room, force_defect
     )
-    state.counts.rhs += check_times.shape[0]
+    state.counts.rhs += room.check_times.shape[0]
     if defect_matters(force_defect, matrices, kinds, goal, newton):
-        state.counts.rhs += times.shape[0]
-        if not equations_hold(
-            rhs, params, times, base[0], matrices, kinds, goal, values[0], newton
-        ):  # fmt: skip
+        state.counts.rhs += room.times.shape[0]
+        if not equations_hold(rhs, params, base[0], matrices, kinds, values[0], newton):
             return np.inf, True
     subtract_from_forces(kinds, matrices, base, values[:1])
     if values.shape[1] > SLOPE:

@@ -16,7 +16,7 @@ from .jacobian import jacobian
 from .linalg import factorise, substitute
 from .operators import FORCE, POSITION, PRIMARY
 from .signatures import SUBSTITUTE
-from .structures import Factors, StageFactors
+from .structures import Factors, StageFactors, StepRoom
 
 # Newton iterations before a step is refused.
 _SWEEPS = 12
@@ -53,14 +53,14 @@ def positions(h, p, x_start, second, integral, x):
 
 
 @inner
-def forces(rhs, params, times, x, f):
+def forces(rhs, params, times, x, f, room):
     """Set f to the right-hand side at all nodes of a step, where y is x."""
     # times (s,), x and f (d, s)
-    point, value = np.empty(x.shape[0]), np.empty(x.shape[0])
+    point, force = room.point, room.force
     for i in range(times.shape[0]):
         put(x[:, i], point)
-        rhs(times[i], point, value, params)
-        put(value, f[:, i])
+        rhs(times[i], point, force, params)
+        put(force, f[:, i])
 
 
 @inner
@@ -94,9 +94,21 @@ def newton_matrix(h, matrices, kinds, integral, second, jacobians, out):
 
 
 @inner
-def empty_factors(d, s, solver, stages):
-    """Allocate the factors of Newton's matrix."""
-    return Factors(np.empty((d * s, d * s)), np.empty(d * s), np.zeros(d), np.zeros(d), np.zeros(d))
+def empty_room(d, s, n_checks):
+    """Allocate the room of a step."""
+    return StepRoom(
+        np.empty(s), np.empty(n_checks), np.empty(d * s), np.empty(d * s), np.empty((d, s)),
+        np.empty(d), np.empty(d), np.empty(d), np.empty(d), np.empty(d),
+    )  # fmt: skip
+
+
+@inner
+def empty_factors(d, s, n_checks, solver, stages):
+    """Allocate the factors of Newton's matrix, and the room of a step."""
+    return Factors(
+        np.empty((d * s, d * s)), np.empty(d * s), np.zeros(d), np.zeros(d), np.zeros(d),
+        np.empty((s, d, d)), empty_room(d, s, n_checks),
+    )  # fmt: skip
 
 
 def solve_newton(newton, b, x):
@@ -133,23 +145,23 @@ def solve_stages(
     """
     # base (>= d, s), values (n_q, d, s): f, p and y; newton: factorised here
     f, p, x = values[FORCE], values[PRIMARY], values[POSITION]
-    d, s = p.shape
-    residual, change = np.empty(d * s), np.empty(d * s)
-    jacobians, before = np.empty((s, d, d)), np.empty((d, s))
+    room, jacobians = newton.room, newton.jacobians
+    residual, change, before = room.residual, room.change, room.before
     previous, rate = np.inf, 1.0
     positions(h, p, x_start, second, integral, x)
     for sweep in range(_SWEEPS):
         if sweep == 0 or sweep == 3:
             # one Jacobian for all nodes first: it suffices where little changes over the step
-            calls = stage_jacobians(rhs, jac, has_jac, params, times, x, sweep > 0, jacobians)
-            counts.rhs += calls
+            counts.rhs += stage_jacobians(
+                rhs, jac, has_jac, params, times, x, sweep > 0, jacobians, room.point
+            )
             newton_matrix(h, matrices, kinds, integral, second, jacobians, newton.matrix)
             if not factorise(newton.matrix, newton.order):
                 return False
             set_force_scales(jacobians[0], x, newton)
             previous = np.inf
-        forces(rhs, params, times, x, f)
-        counts.rhs += s
+        forces(rhs, params, times, x, f, room)
+        counts.rhs += times.shape[0]
         residuals(base, matrices, kinds, p, x, f, residual)
         substitute(newton.matrix, newton.order, residual, change)
         size = take_change(change, goal, p)
@@ -193,11 +205,10 @@ def contraction_rate(size, previous, h, contraction):
 
 
 @inner
-def stage_jacobians(rhs, jac, has_jac, params, times, x, every, out):
+def stage_jacobians(rhs, jac, has_jac, params, times, x, every, out, point):
     """Set the Jacobians at all nodes, or the middle one's for all; return the calls of `rhs`."""
-    # x (d, s), out (s, d, d)
-    s = times.shape[0]
-    point, calls = np.empty(x.shape[0]), 0
+    # x (d, s), out (s, d, d), point (d,) is room
+    s, calls = times.shape[0], 0
     for i in range(s):
         if i > 0 and not every:
             put_matrix(out[0], out[i])
@@ -273,7 +284,9 @@ def solve_tangents(
     known, found = np.empty(d * s), np.empty(d * s)
     jacobians, start = np.empty((s, d, d)), np.empty((d, s))
     orbit = values[0, POSITION]
-    counts.rhs += stage_jacobians(rhs, jac, has_jac, params, times, orbit, True, jacobians)
+    counts.rhs += stage_jacobians(
+        rhs, jac, has_jac, params, times, orbit, True, jacobians, newton.room.point
+    )
     newton_matrix(h, matrices, kinds, integral, second, jacobians, matrix)
     if not factorise(matrix, order):
         return False

@@ -37,7 +37,7 @@ def estimate_error(h, equations, legendre, local, matrices, values, p0, newton, 
     # local (n_k, s, s), matrices (K, 3, s, s), values (n_q, d, s), p0, errors (d,)
     terms, orders = equations.terms, equations.orders
     d, s, n_a = errors.shape[0], values.shape[2], orders.shape[0]
-    defect, nodal_errors = np.empty(d * s), np.empty(d * s)
+    defect, nodal_errors = newton.room.residual, newton.room.change
     for c in range(d):
         last, decay = legendre_tail(legendre, values[PRIMARY, c], _ROUNDING * abs(p0[c]))
         errors[c] = abs(last) * decay * decay
@@ -78,12 +78,13 @@ def solve_for_error(defect, newton, nodal_errors):
     """Solve for the error that a defect at all nodes, (d s,), causes, at most the defect."""
     solve_newton(newton, defect, nodal_errors)
     # a nearly singular matrix would amplify rounding errors
-    nodal_errors *= min(1.0, np.max(np.abs(defect)) / max(np.max(np.abs(nodal_errors)), 1e-300))
+    n, found = defect.shape[0], largest_of(nodal_errors, 0, defect.shape[0])
+    nodal_errors *= min(1.0, largest_of(defect, 0, n) / max(found, 1e-300))
 
 
 @inner
 def measure_force_defect(
-    rhs, params, times, h, rule, x_start, p0, second, values, limits, force_defect
+    rhs, params, h, rule, x_start, p0, second, values, limits, room, force_defect
 ):
     """Set the largest difference of f and its polynomial between the nodes, the defect, (d,).
 
@@ -92,9 +93,10 @@ def measure_force_defect(
     polynomial misses the start, the first of the times, by far more than the tolerance, f at the
     start counts too.
     """
-    # times (m,), x_start, p0 (d,), values (n_q, d, s)
+    # x_start, p0 (d,), values (n_q, d, s)
     d, s = second.shape[0], rule.check_values.shape[1]
-    point, misses_start = np.empty(d), False
+    times, point, misses_start = room.check_times, room.point, False
+    force_defect[:] = 0.0
     for i in range(times.shape[0]):
         for c in range(d):
             total = 0.0
@@ -110,18 +112,17 @@ def measure_force_defect(
             allowed = _MISSED * (limits.atol + limits.rtol * size)
             misses_start = misses_start or (i == 0 and abs(total - x_start[c]) > allowed)
         update_force_defect(
-            rhs, params, times[i], point, rule.check_values[i], values, force_defect
+            rhs, params, times[i], point, rule.check_values[i], values, room.force, force_defect
         )
     if misses_start:
         update_force_defect(
-            rhs, params, times[0], x_start, rule.check_values[0], values, force_defect
+            rhs, params, times[0], x_start, rule.check_values[0], values, room.force, force_defect
         )
 
 
 @inner
-def update_force_defect(rhs, params, t, point, check_values, values, force_defect):
+def update_force_defect(rhs, params, t, point, check_values, values, force, force_defect):
     """Raise the defect, (d,), to the difference of f and its polynomial at one point."""
-    force = np.empty(point.shape[0])
     rhs(t, point, force, params)
     for c in range(point.shape[0]):
         total = force[c]
@@ -167,20 +168,20 @@ def defect_matters(force_defect, matrices, kinds, goal, newton):
 
 
 @inner
-def equations_hold(rhs, params, times, base, matrices, kinds, goal, values, newton):
+def equations_hold(rhs, params, base, matrices, kinds, values, newton):
     """Evaluate f anew and return whether p at the nodes still satisfies the equations.
 
     A Jacobian from differences across a jump makes any equation look stiff, and solved.
     """
-    f, p, x = np.empty(values[FORCE].shape), values[PRIMARY], values[POSITION]
-    residual, change = np.empty(p.size), np.empty(p.size)
-    forces(rhs, params, times, x, f)
+    room, p, x = newton.room, values[PRIMARY], values[POSITION]
+    f, residual, change = room.before, room.residual, room.change
+    forces(rhs, params, room.times, x, f, room)
     residuals(base, matrices, kinds, p, x, f, residual)
     solve_newton(newton, residual, change)
     s = p.shape[1]
     for c in range(p.shape[0]):
         for i in range(s):
-            if not abs(change[c * s + i]) <= _UNSOLVED * goal[c]:
+            if not abs(change[c * s + i]) <= _UNSOLVED * room.goal[c]:
                 return False
     return True
 
@@ -192,7 +193,8 @@ def add_force_defect(force_defect, matrices, kinds, newton, errors):
     A defect within the rounding error of f is ignored.
     """
     d, s = force_defect.shape[0], matrices.shape[2]
-    defect, nodal_errors, sums = np.empty(d * s), np.empty(d * s), sums_of_force(matrices)
+    defect, nodal_errors = newton.room.residual, newton.room.change
+    sums = sums_of_force(matrices)
     for c in range(d):
         excess = force_defect[c]
         if abs(excess) <= _NOISE * newton.force_scales[c]:

@@ -5,6 +5,7 @@ import numpy as np
 from .._jit import inner
 from .collocation import (
     contraction_rate,
+    empty_room,
     forces,
     positions,
     residuals,
@@ -26,9 +27,10 @@ _TANGENT_SWEEPS, _TANGENT_GOAL = 30, 1e-11
 
 
 @inner
-def stage_factors(d, s, solver, stages):
-    """Join the solver of the stages, its room and the scales of f."""
-    return StageFactors(solver, stages, np.zeros(d), np.zeros(d), np.zeros(d))
+def stage_factors(d, s, n_checks, solver, stages):
+    """Join the solver of the stages, the scales of f and the room of a step."""
+    room = empty_room(d, s, n_checks)
+    return StageFactors(solver, stages, np.zeros(d), np.zeros(d), np.zeros(d), room)
 
 
 @inner
@@ -43,16 +45,18 @@ def solve_many(
     """
     f, p, x = values[FORCE], values[PRIMARY], values[POSITION]
     stages, control = newton.stages, newton.stages.control
-    d, s = p.shape
-    residual, change, before = np.empty(d * s), np.empty(d * s), np.empty((d, s))
+    room, s = newton.room, p.shape[1]
+    residual, change, before = room.residual, room.change, room.before
     previous, fresh = np.inf, False
     positions(h, p, x_start, second, integral, x)
     if set_pencil(h, matrices, integral, stages.second, stages.pencil):
         control[LENGTH] = 0.0
     for sweep in range(_SWEEPS):
         if control[KEPT] == 0.0:
-            point = x[:, s // 2].copy()
-            counts.rhs += jacobian(rhs, jac, has_jac, times[s // 2], point, params, stages.jacobian)
+            put(x[:, s // 2], room.point)
+            counts.rhs += jacobian(
+                rhs, jac, has_jac, times[s // 2], room.point, params, stages.jacobian
+            )
             control[KEPT], control[LENGTH], control[REDUCED], fresh = 1.0, 0.0, 0.0, True
         if control[LENGTH] != h:
             control[LENGTH] = 0.0
@@ -60,7 +64,7 @@ def solve_many(
                 control[KEPT] = 0.0  # it may hold what is no number
                 return False
             control[LENGTH], previous = h, np.inf
-        forces(rhs, params, times, x, f)
+        forces(rhs, params, times, x, f, room)
         counts.rhs += s
         residuals(base, matrices, kinds, p, x, f, residual)
         solve_newton(newton, residual, change)

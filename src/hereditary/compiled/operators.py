@@ -65,7 +65,10 @@ def assemble_operators(h, equations, integrals, inverse, local, operators):
 @inner
 def number_of(kinds):
     """Return the number of kinds of components."""
-    return np.max(kinds) + 1
+    most = 0
+    for c in range(kinds.shape[0]):
+        most = max(most, kinds[c])
+    return most + 1
 
 
 @inner

@@ -27,7 +27,7 @@ def single_step(name, solve, solve_for_tangents, factors, told):
         operators = empty_operators(base.shape[0], n_rows, kinds, n_nodes)
         inverse = np.empty((0, 0))
         assemble_operators(h, equations, integrals, inverse, local, operators)
-        known, newton = base + operators.constant, factors(d, n_nodes, solver, stages)
+        known, newton = base + operators.constant, factors(d, n_nodes, 0, solver, stages)
         eliminate_known(kinds, operators.matrices, known)
         integral = integrals[equations.orders.shape[0] - 1]
         if not solve(

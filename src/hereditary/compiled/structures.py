@@ -213,12 +213,33 @@ class Stages(NamedTuple):
     control: np.ndarray
 
 
+class StepRoom(NamedTuple):
+    """Room for one step of d components with s nodes; nothing in it is kept for the next.
+
+    times (s,) and check_times (m,), of the nodes and of m points between; residual and change of
+    the equations, (d s,); y before a change, (d, s); one point and f there, (d,); Newton's goal,
+    the errors and the defect of f, (d,).
+    """
+
+    times: np.ndarray
+    check_times: np.ndarray
+    residual: np.ndarray
+    change: np.ndarray
+    before: np.ndarray
+    point: np.ndarray
+    force: np.ndarray
+    goal: np.ndarray
+    errors: np.ndarray
+    defect: np.ndarray
+
+
 class Factors(NamedTuple):
     """Factorised Newton matrix (d s, d s), its row order (d s,), and the scales |J| |y| of f, (d,).
 
     Summands of f are as large as its scale, so its rounding error is that of the scale. Where y is
     found as a difference from y(0), whose sizes `starts` (d,) holds with 0 elsewhere, its own
-    rounding error adds that of the scale |J| |y(0)|, `start_scales`.
+    rounding error adds that of the scale |J| |y(0)|, `start_scales`. The Jacobians (s, d, d) are
+    those at the nodes; `room` is that of the step.
     """
 
     matrix: np.ndarray
@@ -226,16 +247,19 @@ class Factors(NamedTuple):
     force_scales: np.ndarray
     starts: np.ndarray
     start_scales: np.ndarray
+    jacobians: np.ndarray
+    room: StepRoom
 
 
 class StageFactors(NamedTuple):
-    """As `Factors`, of many components: the solver of the stages and its room."""
+    """As `Factors`, of many components: the solver of the stages, its own room, and the step's."""
 
     solver: Any
     stages: Stages
     force_scales: np.ndarray
     starts: np.ndarray
     start_scales: np.ndarray
+    room: StepRoom
 
 
 # Control of stages: step length that the factors hold for (0: none), 1 where the Jacobian is to be
