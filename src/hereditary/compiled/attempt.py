@@ -45,24 +45,27 @@ def attempting(solve, solve_for_tangents, read):
         room = newton.room
         set_times(origin, t, h, nodes, limits, room.times)
         set_times(origin, t, h, rule.check_points, limits, room.check_times)
-        extrapolate(nodes, rule.legendre, last, h, control.last, orbit.p[0], values[0, PRIMARY])
+        extrapolate(
+            nodes, rule.legendre, last, h, control.last, orbit.p[0], room.reached,
+            values[0, PRIMARY],
+        )  # fmt: skip
         set_newton_goal(h, equations, orbit, state, limits, room.goal)
         set_starts(orbit, equations.second, newton.starts)
         solved = solve(
             rhs, jac, has_jac, params, room.times, h, base[0], orbit.x[0], equations.second,
-            operators.matrices, kinds, integral, room.goal, values[0], counts, state.contraction,
+            operators, kinds, integral, room.goal, values[0], counts, state.contraction,
             newton,
         )  # fmt: skip
         ratio, by_defect = np.inf, False
         if solved:
             ratio, by_defect = orbit_error(
-                rhs, params, h, base, equations, rule, operators.matrices, local, values, orbit,
-                state, newton, limits,
+                rhs, params, h, base, equations, rule, operators, local, values, orbit, state,
+                newton, limits,
             )  # fmt: skip
         if ratio <= 1.0 and n_columns > 1:
             solved = solve_for_tangents(
                 rhs, jac, has_jac, params, room.times, h, base, orbit.x, equations.second,
-                operators.matrices, kinds, integral, values, counts, newton,
+                operators, kinds, integral, values, counts, newton,
             )  # fmt: skip
             more = np.inf
             if solved:
@@ -132,7 +135,7 @@ def set_newton_goal(h, equations, orbit, state, limits, goal):
 
 @inner
 def orbit_error(
-    rhs, params, h, base, equations, rule, matrices, local, values, orbit, state, newton, limits
+    rhs, params, h, base, equations, rule, operators, local, values, orbit, state, newton, limits
 ):
     """Estimate the error of a solved step, and subtract terms from f.
 
@@ -141,15 +144,15 @@ def orbit_error(
     """
     second, largest, start = equations.second, state.largest, orbit.initial[0]
     rtol, atol = limits.rtol, limits.atol
-    room, kinds = newton.room, equations.kinds
+    room, kinds, matrices = newton.room, equations.kinds, operators.matrices
     goal, errors, force_defect = room.goal, room.errors, room.defect
     measure_force_defect(
         rhs, params, h, rule, orbit.x[0], start, second, values[0], limits, room, force_defect
     )
     state.counts.rhs += room.check_times.shape[0]
-    if defect_matters(force_defect, matrices, kinds, goal, newton):
+    if defect_matters(force_defect, operators.sums, kinds, goal, newton):
         state.counts.rhs += room.times.shape[0]
-        if not equations_hold(rhs, params, base[0], matrices, kinds, values[0], newton):
+        if not equations_hold(rhs, params, base[0], operators, kinds, values[0], newton):
             return np.inf, True
     subtract_from_forces(kinds, matrices, base, values[:1])
     if values.shape[1] > SLOPE:
@@ -159,7 +162,7 @@ def orbit_error(
     ratio_at_nodes = error_ratio(
         h, end, errors, values[0], second, largest, start, goal, rtol, atol
     )
-    add_force_defect(force_defect, matrices, kinds, newton, errors)
+    add_force_defect(force_defect, operators.sums, kinds, newton, errors)
     ratio = error_ratio(h, end, errors, values[0], second, largest, start, goal, rtol, atol)
     return ratio, ratio_at_nodes <= 1.0 and not ratio <= 1.0
 
@@ -178,14 +181,14 @@ def tangents_error(h, base, equations, rule, matrices, local, values, orbit, new
 
 
 @inner
-def extrapolate(nodes, legendre, last, h, h_last, p, out):
+def extrapolate(nodes, legendre, last, h, h_last, p, reached, out):
     """Extrapolate the polynomial p of the last step to the nodes of the next.
 
     Differences from p at the end of the last step are extrapolated, so that a constant is exact.
     """
-    # last, out (d, s), p (d,)
+    # last, out (d, s), p (d,); reached (s, s), from the last values to the nodes ahead, is room
     d, s = out.shape
-    reached = np.zeros((s, s))  # from the last values to the nodes ahead
+    reached[:] = 0.0
     for i in range(s if h_last > 0.0 else 0):
         u = 1.0 + 2.0 * h / h_last * nodes[i]
         before, now = 1.0, u

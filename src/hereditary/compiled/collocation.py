@@ -98,7 +98,7 @@ def empty_room(d, s, n_checks):
     """Allocate the room of a step."""
     return StepRoom(
         np.empty(s), np.empty(n_checks), np.empty(d * s), np.empty(d * s), np.empty((d, s)),
-        np.empty(d), np.empty(d), np.empty(d), np.empty(d), np.empty(d),
+        np.empty((s, s)), np.empty(d), np.empty(d), np.empty(d), np.empty(d), np.empty(d),
     )  # fmt: skip
 
 
@@ -135,7 +135,7 @@ def _solve_stages(newton, b, x):
 
 @inner
 def solve_stages(
-    rhs, jac, has_jac, params, times, h, base, x_start, second, matrices, kinds, integral, goal,
+    rhs, jac, has_jac, params, times, h, base, x_start, second, operators, kinds, integral, goal,
     values, counts, contraction, newton,
 ):  # fmt: skip
     """Solve for p at the nodes by Newton's method, starting from the given values.
@@ -155,14 +155,14 @@ def solve_stages(
             counts.rhs += stage_jacobians(
                 rhs, jac, has_jac, params, times, x, sweep > 0, jacobians, room.point
             )
-            newton_matrix(h, matrices, kinds, integral, second, jacobians, newton.matrix)
+            newton_matrix(h, operators.matrices, kinds, integral, second, jacobians, newton.matrix)
             if not factorise(newton.matrix, newton.order):
                 return False
             set_force_scales(jacobians[0], x, newton)
             previous = np.inf
         forces(rhs, params, times, x, f, room)
         counts.rhs += times.shape[0]
-        residuals(base, matrices, kinds, p, x, f, residual)
+        residuals(base, operators, kinds, p, x, f, residual)
         substitute(newton.matrix, newton.order, residual, change)
         size = take_change(change, goal, p)
         if not size < np.inf:
@@ -240,27 +240,19 @@ def correct_forces(jacobians, before, x, f):
 
 
 @inner
-def residuals(base, matrices, kinds, p, x, f, out):
+def residuals(base, operators, kinds, p, x, f, out):
     """Set the residuals p - base - integrals at all nodes, in the order (c, i)."""
     d, s = p.shape
-    columns = np.empty(matrices.shape)
-    others = np.zeros(matrices.shape[0], dtype=np.bool_)  # where p and y enter by themselves
-    for k in range(matrices.shape[0]):
-        for q in range(3):
-            for i in range(s):
-                for j in range(s):  # sums of columns are vectorised
-                    columns[k, q, j, i] = matrices[k, q, i, j]
-                    others[k] = others[k] or (q != FORCE and matrices[k, q, i, j] != 0.0)
     for c in range(d):
         kind, first = kinds[c], c * s
-        own = columns[kind]
+        own, alone = operators.columns[kind], operators.alone[kind] == 1
         for i in range(s):
             out[first + i] = p[c, i] - base[c, i]
-        for j in range(s if not others[kind] else 0):
+        for j in range(s if alone else 0):
             by_f, a = own[FORCE, j], f[c, j]
             for i in range(s):
                 out[first + i] -= by_f[i] * a
-        for j in range(s if others[kind] else 0):  # f and terms may cancel: added first
+        for j in range(0 if alone else s):  # f and terms may cancel: added first
             by_f, by_p, by_x = own[FORCE, j], own[PRIMARY, j], own[POSITION, j]
             a, b, e = f[c, j], p[c, j], x[c, j]
             for i in range(s):
@@ -269,7 +261,7 @@ def residuals(base, matrices, kinds, p, x, f, out):
 
 @inner
 def solve_tangents(
-    rhs, jac, has_jac, params, times, h, base, x_start, second, matrices, kinds, integral, values,
+    rhs, jac, has_jac, params, times, h, base, x_start, second, operators, kinds, integral, values,
     counts, newton,
 ):  # fmt: skip
     """Solve the step, linearised along the orbit, for the tangents' `values` at the nodes.
@@ -287,7 +279,7 @@ def solve_tangents(
     counts.rhs += stage_jacobians(
         rhs, jac, has_jac, params, times, orbit, True, jacobians, newton.room.point
     )
-    newton_matrix(h, matrices, kinds, integral, second, jacobians, matrix)
+    newton_matrix(h, operators.matrices, kinds, integral, second, jacobians, matrix)
     if not factorise(matrix, order):
         return False
     for column in range(1, base.shape[0]):
@@ -298,7 +290,7 @@ def solve_tangents(
         f[:] = 0.0
         start[:] = 0.0
         correct_forces(jacobians, start, x, f)
-        residuals(base[column], matrices, kinds, p, x, f, known)
+        residuals(base[column], operators, kinds, p, x, f, known)
         substitute(matrix, order, known, found)
         for c in range(d):
             for i in range(s):

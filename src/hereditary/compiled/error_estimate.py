@@ -143,20 +143,8 @@ def largest_of(values, first, many):
 
 
 @inner
-def sums_of_force(matrices):
-    """Return the integral of f = 1 at the nodes by the operators of each kind, (K, s)."""
-    found = np.zeros((matrices.shape[0], matrices.shape[2]))
-    for k in range(found.shape[0]):
-        for i in range(found.shape[1]):
-            for j in range(found.shape[1]):
-                found[k, i] += matrices[k, FORCE, i, j]
-    return found
-
-
-@inner
-def defect_matters(force_defect, matrices, kinds, goal, newton):
+def defect_matters(force_defect, sums, kinds, goal, newton):
     """Return whether the defect of f, undamped, would move p beyond Newton's goal."""
-    sums = sums_of_force(matrices)
     for c in range(force_defect.shape[0]):
         size = largest_of(sums[kinds[c]], 0, sums.shape[1])
         if (
@@ -168,7 +156,7 @@ def defect_matters(force_defect, matrices, kinds, goal, newton):
 
 
 @inner
-def equations_hold(rhs, params, base, matrices, kinds, values, newton):
+def equations_hold(rhs, params, base, operators, kinds, values, newton):
     """Evaluate f anew and return whether p at the nodes still satisfies the equations.
 
     A Jacobian from differences across a jump makes any equation look stiff, and solved.
@@ -176,7 +164,7 @@ def equations_hold(rhs, params, base, matrices, kinds, values, newton):
     room, p, x = newton.room, values[PRIMARY], values[POSITION]
     f, residual, change = room.before, room.residual, room.change
     forces(rhs, params, room.times, x, f, room)
-    residuals(base, matrices, kinds, p, x, f, residual)
+    residuals(base, operators, kinds, p, x, f, residual)
     solve_newton(newton, residual, change)
     s = p.shape[1]
     for c in range(p.shape[0]):
@@ -187,14 +175,13 @@ def equations_hold(rhs, params, base, matrices, kinds, values, newton):
 
 
 @inner
-def add_force_defect(force_defect, matrices, kinds, newton, errors):
+def add_force_defect(force_defect, sums, kinds, newton, errors):
     """Raise the errors (d,) to the error of p that the defect of f causes.
 
     A defect within the rounding error of f is ignored.
     """
-    d, s = force_defect.shape[0], matrices.shape[2]
+    d, s = force_defect.shape[0], sums.shape[1]
     defect, nodal_errors = newton.room.residual, newton.room.change
-    sums = sums_of_force(matrices)
     for c in range(d):
         excess = force_defect[c]
         if abs(excess) <= _NOISE * newton.force_scales[c]:

@@ -35,7 +35,7 @@ def stage_factors(d, s, n_checks, solver, stages):
 
 @inner
 def solve_many(
-    rhs, jac, has_jac, params, times, h, base, x_start, second, matrices, kinds, integral, goal,
+    rhs, jac, has_jac, params, times, h, base, x_start, second, operators, kinds, integral, goal,
     values, counts, contraction, newton,
 ):  # fmt: skip
     """As `solve_stages`, by systems of the size of the equation.
@@ -49,7 +49,7 @@ def solve_many(
     residual, change, before = room.residual, room.change, room.before
     previous, fresh = np.inf, False
     positions(h, p, x_start, second, integral, x)
-    if set_pencil(h, matrices, integral, stages.second, stages.pencil):
+    if set_pencil(h, operators.matrices, integral, stages.second, stages.pencil):
         control[LENGTH] = 0.0
     for sweep in range(_SWEEPS):
         if control[KEPT] == 0.0:
@@ -66,7 +66,7 @@ def solve_many(
             control[LENGTH], previous = h, np.inf
         forces(rhs, params, times, x, f, room)
         counts.rhs += s
-        residuals(base, matrices, kinds, p, x, f, residual)
+        residuals(base, operators, kinds, p, x, f, residual)
         solve_newton(newton, residual, change)
         size = take_change(change, goal, p)
         if not size < np.inf:
@@ -158,7 +158,7 @@ def correct_forces(j_f, before, x, f):
 
 @inner
 def solve_many_tangents(
-    rhs, jac, has_jac, params, times, h, base, x_start, second, matrices, kinds, integral, values,
+    rhs, jac, has_jac, params, times, h, base, x_start, second, operators, kinds, integral, values,
     counts, newton,
 ):  # fmt: skip
     """As `solve_tangents`, by the orbit's systems, until the Jacobians of all stages hold."""
@@ -180,7 +180,7 @@ def solve_many_tangents(
                 put(more, f[:, i])
             if done:
                 break
-            residuals(base[column], matrices, kinds, p, x, f, residual)
+            residuals(base[column], operators, kinds, p, x, f, residual)
             solve_newton(newton, residual, change)
             moved, size = 0.0, 0.0
             for c in range(d):

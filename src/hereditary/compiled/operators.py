@@ -60,6 +60,26 @@ def assemble_operators(h, equations, integrals, inverse, local, operators):
         if equations.implicit[first[kind]] == 1:
             set_implicit_row(n_kinds, kind, operators.matrices)
     eliminate_operators(n_kinds, operators.matrices)
+    set_columns(operators)
+
+
+@inner
+def set_columns(operators):
+    """Set what follows from the matrices: by columns, sums are vectorised."""
+    matrices, columns, alone, sums = (
+        operators.matrices, operators.columns, operators.alone, operators.sums
+    )  # fmt: skip
+    alone[:], sums[:], s = 1, 0.0, matrices.shape[2]
+    for k in range(matrices.shape[0]):
+        for q in range(3):
+            for i in range(s):
+                for j in range(s):
+                    value = matrices[k, q, i, j]
+                    columns[k, q, j, i] = value
+                    if q == FORCE:
+                        sums[k, i] += value
+                    elif value != 0.0:
+                        alone[k] = 0
 
 
 @inner
@@ -133,4 +153,7 @@ def empty_operators(n_columns, n_rows, kinds, s):
     """Allocate the operators of a step."""
     n_kinds = n_rows // kinds.shape[0] * number_of(kinds)
     matrices, start_weights = np.empty((n_kinds, 3, s, s)), np.empty((n_kinds, s))
-    return Operators(matrices, start_weights, np.empty((n_columns, n_rows, s)))
+    return Operators(
+        matrices, start_weights, np.empty((n_columns, n_rows, s)), np.empty(matrices.shape),
+        np.empty(n_kinds, dtype=np.int64), np.empty((n_kinds, s)),
+    )  # fmt: skip

@@ -32,12 +32,12 @@ def single_step(name, solve, solve_for_tangents, factors, told):
         integral = integrals[equations.orders.shape[0] - 1]
         if not solve(
             rhs, jac, has_jac, params, times, h, known[0], x_start[0], equations.second,
-            operators.matrices, kinds, integral, goal, values[0], counts, contraction, newton,
+            operators, kinds, integral, goal, values[0], counts, contraction, newton,
         ):  # fmt: skip
             return False
         if x_start.shape[0] > 1 and not solve_for_tangents(
             rhs, jac, has_jac, params, times, h, known, x_start, equations.second,
-            operators.matrices, kinds, integral, values, counts, newton,
+            operators, kinds, integral, values, counts, newton,
         ):  # fmt: skip
             return False
         subtract_from_forces(kinds, operators.matrices, known, values)

@@ -170,12 +170,17 @@ class Operators(NamedTuple):
 
     matrices (K, 3, s, s), one for each of f, p and y, for the rows of each kind of components and
     then for those that are subtracted from their right-hand sides; start_weights (K, s) of p at the
-    start; constant (1 + k, R, s), contributions of the offsets.
+    start; constant (1 + k, R, s), contributions of the offsets. What follows from the matrices:
+    their transposes, columns (K, 3, s, s); 1 where p and y do not enter, alone (K,); the integrals
+    of f = 1, sums (K, s).
     """
 
     matrices: np.ndarray
     start_weights: np.ndarray
     constant: np.ndarray
+    columns: np.ndarray
+    alone: np.ndarray
+    sums: np.ndarray
 
 
 class Stages(NamedTuple):
@@ -217,8 +222,8 @@ class StepRoom(NamedTuple):
     """Room for one step of d components with s nodes; nothing in it is kept for the next.
 
     times (s,) and check_times (m,), of the nodes and of m points between; residual and change of
-    the equations, (d s,); y before a change, (d, s); one point and f there, (d,); Newton's goal,
-    the errors and the defect of f, (d,).
+    the equations, (d s,); y before a change, (d, s); the weights of an extrapolation, (s, s); one
+    point and f there, (d,); Newton's goal, the errors and the defect of f, (d,).
     """
 
     times: np.ndarray
@@ -226,6 +231,7 @@ class StepRoom(NamedTuple):
     residual: np.ndarray
     change: np.ndarray
     before: np.ndarray
+    reached: np.ndarray
     point: np.ndarray
     force: np.ndarray
     goal: np.ndarray
