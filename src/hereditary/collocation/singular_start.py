@@ -157,12 +157,14 @@ class SingularStart:
         size = float(abs(self._jacobian).max())
         if not self._many or not np.isfinite(size):
             return size
-        scale, rates = self._tolerance(np.abs(self._orbit.x[0])), []
-        for v in (self._force, np.where(self._form.second, self._orbit.p[0], 0.0)):
-            largest = np.abs(v / scale).max()
-            if largest > 0.0:
-                rates.append(np.abs(self._jacobian @ v / scale).max() / largest)
-        return min(size, max(rates, default=size))
+        scale, rates = self._tolerance(np.abs(self._orbit.x[0])), [0.0]
+        with np.errstate(over="ignore", invalid="ignore"):
+            for v in (self._force, np.where(self._form.second, self._orbit.p[0], 0.0)):
+                largest = np.abs(v / scale).max()
+                if largest > 0.0:
+                    rates.append(np.abs(self._jacobian @ v / scale).max() / largest)
+        rate = max(rates)
+        return rate if 0.0 < rate < size else size
 
     def _first_length(self, size, most, missing):
         """Return a first trial length: over it the solution changes by about half of itself.
