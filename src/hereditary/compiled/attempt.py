@@ -145,12 +145,11 @@ def orbit_error(
     second, largest, start = equations.second, state.largest, orbit.initial[0]
     rtol, atol = limits.rtol, limits.atol
     room, kinds, matrices = newton.room, equations.kinds, operators.matrices
-    goal, errors, force_defect = room.goal, room.errors, room.defect
-    measure_force_defect(
-        rhs, params, h, rule, orbit.x[0], start, second, values[0], limits, room, force_defect
-    )
+    goal, errors = room.goal, room.errors
+    x_start = orbit.x[0]
+    measure_force_defect(rhs, params, h, rule, x_start, start, second, values[0], limits, room)
     state.counts.rhs += room.check_times.shape[0]
-    if defect_matters(force_defect, operators.sums, kinds, goal, newton):
+    if defect_matters(operators.sums, kinds, newton):
         state.counts.rhs += room.times.shape[0]
         if not equations_hold(rhs, params, base[0], operators, kinds, values[0], newton):
             return np.inf, True
@@ -162,7 +161,7 @@ def orbit_error(
     ratio_at_nodes = error_ratio(
         h, end, errors, values[0], second, largest, start, goal, rtol, atol
     )
-    add_force_defect(force_defect, operators.sums, kinds, newton, errors)
+    add_force_defect(operators.sums, kinds, newton, errors)
     ratio = error_ratio(h, end, errors, values[0], second, largest, start, goal, rtol, atol)
     return ratio, ratio_at_nodes <= 1.0 and not ratio <= 1.0
 

@@ -83,10 +83,8 @@ def solve_for_error(defect, newton, nodal_errors):
 
 
 @inner
-def measure_force_defect(
-    rhs, params, h, rule, x_start, p0, second, values, limits, room, force_defect
-):
-    """Set the largest difference of f and its polynomial between the nodes, the defect, (d,).
+def measure_force_defect(rhs, params, h, rule, x_start, p0, second, values, limits, room):
+    """Set the defect in `room`: the largest difference of f and its polynomial between the nodes.
 
     Only there does a right-hand side show that jumps, or that acts between the nodes. Both
     polynomials are those through the nodes, so a linear f has no defect. Where the solution's
@@ -96,7 +94,7 @@ def measure_force_defect(
     # x_start, p0 (d,), values (n_q, d, s)
     d, s = second.shape[0], rule.check_values.shape[1]
     times, point, misses_start = room.check_times, room.point, False
-    force_defect[:] = 0.0
+    room.defect[:] = 0.0
     for i in range(times.shape[0]):
         for c in range(d):
             total = 0.0
@@ -111,18 +109,15 @@ def measure_force_defect(
             size = max(abs(x_start[c]), abs(p0[c]))  # a singular start may err by this much
             allowed = _MISSED * (limits.atol + limits.rtol * size)
             misses_start = misses_start or (i == 0 and abs(total - x_start[c]) > allowed)
-        update_force_defect(
-            rhs, params, times[i], point, rule.check_values[i], values, room.force, force_defect
-        )
+        update_force_defect(rhs, params, times[i], point, rule.check_values[i], values, room)
     if misses_start:
-        update_force_defect(
-            rhs, params, times[0], x_start, rule.check_values[0], values, room.force, force_defect
-        )
+        update_force_defect(rhs, params, times[0], x_start, rule.check_values[0], values, room)
 
 
 @inner
-def update_force_defect(rhs, params, t, point, check_values, values, force, force_defect):
+def update_force_defect(rhs, params, t, point, check_values, values, room):
     """Raise the defect, (d,), to the difference of f and its polynomial at one point."""
+    force, force_defect = room.force, room.defect
     rhs(t, point, force, params)
     for c in range(point.shape[0]):
         total = force[c]
@@ -143,8 +138,9 @@ def largest_of(values, first, many):
 
 
 @inner
-def defect_matters(force_defect, sums, kinds, goal, newton):
+def defect_matters(sums, kinds, newton):
     """Return whether the defect of f, undamped, would move p beyond Newton's goal."""
+    force_defect, goal = newton.room.defect, newton.room.goal
     for c in range(force_defect.shape[0]):
         size = largest_of(sums[kinds[c]], 0, sums.shape[1])
         if (
@@ -175,12 +171,12 @@ def equations_hold(rhs, params, base, operators, kinds, values, newton):
 
 
 @inner
-def add_force_defect(force_defect, sums, kinds, newton, errors):
+def add_force_defect(sums, kinds, newton, errors):
     """Raise the errors (d,) to the error of p that the defect of f causes.
 
     A defect within the rounding error of f is ignored.
     """
-    d, s = force_defect.shape[0], sums.shape[1]
+    d, s, force_defect = errors.shape[0], sums.shape[1], newton.room.defect
     defect, nodal_errors = newton.room.residual, newton.room.change
     for c in range(d):
         excess = force_defect[c]

@@ -145,8 +145,9 @@ def set_scales(j_f, x, newton):
 def correct_forces(j_f, before, x, f):
     """Correct f (d, s) to first order from y = `before` to y = x."""
     d = x.shape[0]
-    moved, more = x - before, np.empty(x.shape)
+    moved = x - before
     if not is_sparse(j_f, d):
+        more = np.empty(x.shape)
         product(j_f, moved, more)
         f += more
         return
