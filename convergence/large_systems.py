@@ -87,7 +87,7 @@ def measured(run, quick):
 
 
 def measure(quick):
-    few, some = ([11, 20], [11, 50]) if quick else ([11, 40, 100, 200, 500], [11, 40, 100, 500])
+    few, some = ([3, 20], [11, 50]) if quick else ([3, 10, 40, 100, 200, 500], [11, 40, 100, 500])
     cases = [("Collocation", "dense", d, None) for d in few]
     cases += [("Collocation", "banded", d, None) for d in some + ([] if quick else [1000, 5000])]
     cases += [("BDF(2)", "dense", d, hd.BDF(2)) for d in few]
