@@ -21,7 +21,7 @@ from hereditary.compiled.mode_tables import (
     read_modes,
     set_mode_weights,
 )
-from hereditary.compiled.structures import TERM, Equations, ExponentialBasis
+from hereditary.compiled.structures import TERM, Equations, ExponentialBasis, ModeWeights
 
 # Between neighbours of the grid lies a factor of 2**(1/8); its lengths are rounded up to 13 digits.
 FACTOR, ROUNDED = 2 ** (1 / 8), 1 + 2.0**-12
@@ -98,8 +98,9 @@ def check_slot(h, tables):
     nodes, slot = radau_nodes(tables.to_nodes.shape[2]), slot_for(h, tables)
     lengths, to_nodes, to_end, moments, _ = tables
     assert lengths[slot] == h
-    np.testing.assert_allclose(to_nodes[slot], np.exp(-np.outer(RATES, h * nodes)), rtol=1e-15)
-    np.testing.assert_allclose(to_end[slot], np.exp(-RATES * h), rtol=1e-15)
+    decays = np.exp(-np.outer(RATES, h * nodes))  # 0 where they nearly underflow
+    np.testing.assert_allclose(to_nodes[slot], decays, rtol=1e-15, atol=1e-304)
+    np.testing.assert_allclose(to_end[slot], np.exp(-RATES * h), rtol=1e-15, atol=1e-304)
     column = np.empty(nodes.size)
     for m, rate in enumerate(RATES):
         exponential_legendre(rate * h, nodes.size, column)
@@ -167,9 +168,16 @@ def test_modes_are_read_and_moved(seed, d, s):
     legendre = to_legendre(s).copy()
     taken = np.einsum("cqm,qcm->cm", input_weights, values @ legendre.T @ moments)
     expected = modes * to_end + h * (offset_weights * moments[0] + taken)
-    absorbed = input_weights, offset_weights, np.arange(d)
+    absorbed = mode_weights(input_weights, offset_weights, s), 0, np.arange(d)
     advance_modes(h, to_end, moments, *absorbed, legendre, values, modes)
     np.testing.assert_allclose(modes, expected, atol=1e-13)
+
+
+def mode_weights(integrands, offsets, s):
+    """Weights of the modes of one column, with room for a step of s nodes."""
+    used = np.any(integrands, axis=2).astype(int)
+    room = np.full(integrands.shape[2], np.nan), np.full(s, np.nan)
+    return ModeWeights(integrands, used, offsets[None], *room)
 
 
 def test_a_mode_of_a_polynomial_is_its_integral():
@@ -181,7 +189,7 @@ def test_a_mode_of_a_polynomial_is_its_integral():
     values[2, 0], input_weights[0, 2] = (h * radau_nodes(s)) ** 2, 1.0
     modes, offset_weights = np.zeros((2, 1, RATES.size))
     _, _, to_end, moments, _ = (table[slot] for table in tables)
-    absorbed = input_weights, offset_weights, np.arange(1)
+    absorbed = mode_weights(input_weights, offset_weights, s), 0, np.arange(1)
     advance_modes(h, to_end, moments, *absorbed, to_legendre(s).copy(), values, modes)
     with mpmath.workdps(60):
         exact = [
@@ -199,7 +207,10 @@ def test_weights_of_the_integrals_add_up():
     input_weights, offset_weights = np.full((2, 3, 2), np.nan), np.full((2, 2, 2), np.nan)
     none = np.zeros(0, dtype=np.int64)
     equations = Equations(terms, np.zeros(2), none, offsets, none, none, np.arange(2))
-    set_mode_weights(equations, weights, np.zeros(2), input_weights, offset_weights)
+    found = mode_weights(input_weights, np.zeros((2, 2)), 4)._replace(offsets=offset_weights)
+    found.used[:] = -1
+    set_mode_weights(equations, weights, np.zeros(2), found)
+    assert found.used.tolist() == [[1, 1, 0], [1, 0, 0]]
     assert input_weights.tolist() == [[[2, 4], [-9, -21], [0, 0]], [[1.5, 3.5], [0, 0], [0, 0]]]
     assert offset_weights.tolist() == [[[36, 84], [0, 0]], [[45, 105], [0, 0]]]
 

@@ -19,6 +19,7 @@ from ..compiled.structures import ExponentialBasis, Steps, initial_state, restor
 from ..memory_kernel import warn_of_fit
 from .equations import integral_form
 from .jumps import jump
+from .kept_tables import kept_tables
 from .orbit import OrbitAndTangents, initial_values
 from .order_tables import OrderTables
 from .pace import TOO_STEEP, UNSOLVED, Ending, Pace, ending
@@ -191,11 +192,15 @@ class CollocationMarch:
         equation, orbit = self._system, self._orbit
         basis = ExponentialBasis(orbit.rates, orbit.weights, orbit.masses, self._transforms)
         march = MARCHES[self._stages.many]
-        return march(
-            equation._rhs, equation._jac, int(equation.has_jac), equation._params,
-            self._stages.solver, self._stages.stages, orbit.equations(), self._rule, basis,
-            orbit.step_tables(), self._orders.compiled(orbit.of_varying), orbit.march_arrays(),
-            self._state, steps, limits)  # fmt: skip
+        taken = _, tables = kept_tables.take(basis, self._s, len(self._form.varying))
+        try:
+            return march(
+                equation._rhs, equation._jac, int(equation.has_jac), equation._params,
+                self._stages.solver, self._stages.stages, orbit.equations(), self._rule, basis,
+                tables, self._orders.compiled(orbit.of_varying), orbit.march_arrays(),
+                self._state, steps, limits)  # fmt: skip
+        finally:
+            kept_tables.give_back(taken)
 
     def _go_on_from(self, kept, orbit):
         """Take over the state and the orbit of a march."""

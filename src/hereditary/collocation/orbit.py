@@ -15,7 +15,6 @@ from numpy.polynomial.legendre import legvander
 from scipy.special import rgamma
 
 from ..compiled.linalg import product
-from ..compiled.mode_tables import empty_tables
 from ..compiled.operators import ITSELF, POSITION, PRIMARY, SLOPE
 from ..compiled.structures import Equations, OrbitArrays
 from .exponential_basis import (
@@ -80,7 +79,6 @@ class OrbitAndTangents:
         self.kernels = NO_KERNELS
         self.varying = VaryingBasis(np.inf, 0.0, 0.0, np.zeros(0))
         self._last_length, self._singular, self._prefitted = 0.0, None, None
-        self._tables = None
         self._join()
 
     def _of_terms(self, constants):
@@ -100,12 +98,12 @@ class OrbitAndTangents:
 
     def __getstate__(self):
         """Return the attributes without the form, whose functions may not pickle."""
-        left_out = ("rates", "weights", "masses", "of_varying", "_form", "_tables")
+        left_out = ("rates", "weights", "masses", "of_varying", "_form")
         return {name: value for name, value in vars(self).items() if name not in left_out}
 
     def adopt(self, form):
         """Attach the form that a stored state leaves out."""
-        self._form, self._tables = form, None
+        self._form = form
         self._join()
 
     def _join(self):
@@ -119,13 +117,6 @@ class OrbitAndTangents:
         self.weights[n_a : n_a + n_k, m : m + more] = self.kernels.weights
         self.masses = np.append(self.kernels.masses, np.zeros(n_varying))
         self.of_varying = np.repeat([0.0, 1.0], [m + more, self.varying.rates.size])
-
-    def step_tables(self):
-        """Return the tables of mode factors, new ones where the modes changed."""
-        n, s, form = self.rates.size, self.last.shape[3], self._form
-        if self._tables is None or self._tables.to_end.shape[1] != n:
-            self._tables = empty_tables(n, s, len(form.kernels) + len(form.varying))
-        return self._tables
 
     def equations(self):
         """Return the integral equations in the form of compiled code."""

@@ -24,6 +24,7 @@ from .structures import (
     STEPS,
     TABLES,
     VARYING,
+    ModeWeights,
 )  # fmt: skip
 
 # Status codes of a march: stop reached, rows full, modes not close enough, no step small enough for
@@ -59,7 +60,7 @@ def marching(name, solve, solve_for_tangents, factors, read, told):
         params, orbit, steps, operators = borrowed((params, orbit, steps, operators))
         varying, state, stages = borrowed((varying, state, stages))
         newton, base, values = borrowed((newton, base, values))
-        input_weights, offset_weights = borrowed(weights)
+        weights = borrowed(weights)
         nodes, legendre, kinds = rule.nodes, rule.legendre, equations.kinds
         control, counts = state.control, state.counts
         s, n_columns = nodes.shape[0], orbit.x.shape[0]
@@ -105,7 +106,7 @@ def marching(name, solve, solve_for_tangents, factors, read, told):
             for column in range(n_columns):
                 put_cube(values[column], orbit.last[column])
             to_end, moments = tables.to_end[slot], tables.moments[slot]
-            advance_orbit(h, to_end, moments, input_weights, offset_weights, kinds, legendre, orbit)
+            advance_orbit(h, to_end, moments, weights, kinds, legendre, orbit)
             row += 1
             control.time, control.last = (end if h == left else t + h), h
         return row, REACHED
@@ -151,17 +152,17 @@ def reason_of_refusal(by_defect, solved):
 
 @inner
 def mode_weights(equations, basis, varying, orbit):
-    """Return the weights in the modes of integrands and offsets; see `set_mode_weights`.
-
-    Those of offsets have no rows where all offsets are 0.
-    """
+    """Return the `ModeWeights` of a march; those of offsets have no rows where all are 0."""
     modes, last, n_kinds = orbit.modes, orbit.last, number_of(equations.kinds)
-    n_rows = modes.shape[1] // equations.kinds.shape[0] * n_kinds
-    input_weights = np.empty((n_rows, last.shape[1], modes.shape[2]))
-    n_offsets = modes.shape[1] if np.any(equations.offsets) else 0
-    offset_weights = np.empty((modes.shape[0], n_offsets, modes.shape[2]))
-    set_mode_weights(equations, basis.weights, varying.of_varying, input_weights, offset_weights)
-    return input_weights, offset_weights
+    n_columns, n_rows, n_modes = modes.shape
+    n_kept, n_integrands = n_rows // equations.kinds.shape[0] * n_kinds, last.shape[1]
+    n_offsets = n_rows if np.any(equations.offsets) else 0
+    found = ModeWeights(
+        np.empty((n_kept, n_integrands, n_modes)), np.empty((n_kept, n_integrands), np.int64),
+        np.empty((n_columns, n_offsets, n_modes)), np.empty(n_modes), np.empty(last.shape[3]),
+    )  # fmt: skip
+    set_mode_weights(equations, basis.weights, varying.of_varying, found)
+    return found
 
 
 @inner
@@ -222,14 +223,14 @@ def absorb_constant_mode(rates, orbit):
 
 
 @inner
-def advance_orbit(h, to_end, moments, input_weights, offset_weights, kinds, legendre, orbit):
+def advance_orbit(h, to_end, moments, weights, kinds, legendre, orbit):
     """Advance the orbit and its tangents to the end of the step solved last."""
     values = orbit.last
     for column in range(values.shape[0]):
-        weights = input_weights, offset_weights[column], kinds
-        advance_modes(h, to_end, moments, *weights, legendre, values[column], orbit.modes[column])
-        put(values[column, POSITION, :, -1], orbit.x[column])
-        put(values[column, PRIMARY, :, -1], orbit.p[column])
+        own, modes = values[column], orbit.modes[column]
+        advance_modes(h, to_end, moments, weights, column, kinds, legendre, own, modes)
+        put(own[POSITION, :, -1], orbit.x[column])
+        put(own[PRIMARY, :, -1], orbit.p[column])
 
 
 @inner

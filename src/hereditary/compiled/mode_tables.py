@@ -20,12 +20,14 @@ from .structures import StepTables
 _PER_OCTAVE, _DIGITS = 8, 2.0**12
 # Slots of the tables; lengths whose ratio is a power of 2**(SLOTS / _PER_OCTAVE) share one.
 SLOTS = 64
+# Arguments of exp(-z) from which it is taken for 0.
+_UNDERFLOW = 700.0
 
 
 def empty_tables(n_modes, s, n_kernels):
     """Allocate tables that hold the factors of no length yet."""
     slots = (SLOTS, n_modes, s), (SLOTS, n_modes), (SLOTS, s, n_modes), (SLOTS, n_kernels, s, s)
-    return StepTables(np.zeros(SLOTS), *(np.full(shape, np.nan) for shape in slots))
+    return StepTables(np.zeros(SLOTS), *(np.empty(shape) for shape in slots))
 
 
 @compiled
@@ -43,11 +45,11 @@ def find_slot(h, nodes, basis, tables):
     slot = math.floor(_PER_OCTAVE * math.log2(h) + 0.5) % tables.lengths.shape[0]
     if tables.lengths[slot] == h:
         return slot
-    moments = np.empty(nodes.shape[0])
+    tables.lengths[slot], moments = 0.0, np.empty(nodes.shape[0])
     for m in range(rates.shape[0]):
         for i in range(nodes.shape[0]):
-            tables.to_nodes[slot, m, i] = math.exp(-rates[m] * (h * nodes[i]))
-        tables.to_end[slot, m] = math.exp(-rates[m] * h)
+            tables.to_nodes[slot, m, i] = decay(rates[m] * (h * nodes[i]))
+        tables.to_end[slot, m] = decay(rates[m] * h)
         exponential_legendre(rates[m] * h, nodes.shape[0], moments)
         put(moments, tables.moments[slot, :, m])
     for k in range(masses.shape[0]):
@@ -56,6 +58,12 @@ def find_slot(h, nodes, basis, tables):
         set_kernel_matrix(h, nodes, rates, kernel_weights, masses[k], basis.transforms, matrix)
     tables.lengths[slot] = h
     return slot
+
+
+@inner
+def decay(z):
+    """Return exp(-z), and 0 for what underflows, which takes ten times as long."""
+    return math.exp(-z) if z < _UNDERFLOW else 0.0
 
 
 @inner
@@ -111,48 +119,44 @@ def read_varying(modes, to_nodes, equations, varying, out):
 
 
 @inner
-def advance_modes(
-    h, to_end, moments, input_weights, offset_weights, kinds, legendre, values, modes
-):  # fmt: skip
-    """Advance the modes over the step: decay, and absorb the integrands' polynomials on it."""
-    # to_end (M,), moments (s, M), input_weights (K, n_q, M), offset_weights (R, M) or (0, M),
-    # kinds (d,), legendre (s, s), values (n_q, d, s), modes (R, M); row c absorbs integrands of
-    # component c modulo d
-    d, s = values.shape[1], values.shape[2]
-    n_kinds = number_of(kinds)
-    part, coefficients = np.empty(to_end.shape[0]), np.empty(s)
-    used = np.empty(input_weights.shape[:2], dtype=np.bool_)
-    for c in range(used.shape[0]):
-        for q in range(used.shape[1]):
-            used[c, q] = np.any(input_weights[c, q])
+def advance_modes(h, to_end, moments, weights, column, kinds, legendre, values, modes):
+    """Advance the modes over the step: decay, and absorb the integrands' polynomials on it.
+
+    Row c absorbs integrands of component c modulo d; `column` is that of the orbit or a tangent.
+    """
+    # to_end (M,), moments (s, M), kinds (d,), legendre (s, s), values (n_q, d, s), modes (R, M)
+    d, s, n_modes = values.shape[1], values.shape[2], to_end.shape[0]
+    part, coefficients, n_kinds = weights.part, weights.coefficients, number_of(kinds)
     for c in range(modes.shape[0]):
-        kind = c // d * n_kinds + kinds[c % d]
-        for m in range(to_end.shape[0]):
-            modes[c, m] = modes[c, m] * to_end[m]
-        for m in range(to_end.shape[0] if offset_weights.shape[0] > 0 else 0):
-            modes[c, m] += h * offset_weights[c, m] * moments[0, m]
-        for q in range(input_weights.shape[1]):
-            if not used[kind, q]:
+        own, kind = modes[c], c // d * n_kinds + kinds[c % d]
+        for m in range(n_modes):
+            own[m] *= to_end[m]
+        for m in range(n_modes if weights.offsets.shape[1] > 0 else 0):
+            own[m] += h * weights.offsets[column, c, m] * moments[0, m]
+        for q in range(values.shape[0]):
+            if weights.used[kind, q] == 0:
                 continue
-            part[:] = 0.0
+            nodal, of_integrand = values[q, c % d], weights.integrands[kind, q]
             for k in range(s):
-                coefficients[k] = 0.0
+                total = 0.0
                 for j in range(s):
-                    coefficients[k] += legendre[k, j] * values[q, c % d, j]
+                    total += legendre[k, j] * nodal[j]
+                coefficients[k] = h * total
+            part[:] = 0.0
             add_rows(part, coefficients, moments)
-            for m in range(to_end.shape[0]):
-                modes[c, m] += h * input_weights[kind, q, m] * part[m]
+            for m in range(n_modes):
+                own[m] += of_integrand[m] * part[m]
 
 
 @inner
-def set_mode_weights(equations, weights, of_varying, input_weights, offset_weights):
-    """Set the weights with which the modes absorb integrands and, for the offsets, the constant 1.
+def set_mode_weights(equations, weights, of_varying, found):
+    """Set the `ModeWeights` with which the modes absorb integrands and the constant 1 of offsets.
 
-    input_weights (K, n_q, M), for the rows of each kind of components, and offset_weights (1 + k,
-    R, M) or (1 + k, 0, M). Modes of varying orders have weight 1: they fill rows behind the others,
-    a row of each component for each integrand.
+    Modes of varying orders have weight 1: they fill rows behind the others, a row of each component
+    for each integrand.
     """
     # weights (n_a + n_k, M), of_varying (M,)
+    input_weights, offset_weights = found.integrands, found.offsets
     terms, offsets, unweighted = equations.terms, equations.offsets, equations.unweighted
     input_weights[:] = 0.0
     offset_weights[:] = 0.0
@@ -172,6 +176,9 @@ def set_mode_weights(equations, weights, of_varying, input_weights, offset_weigh
                 input_weights[c // d * n_kinds + kind, q, m] += weight
             for column in range(offsets.shape[0] if offset_weights.shape[1] > 0 else 0):
                 offset_weights[column, c, m] -= weight * offsets[column, n]
+    for kind in range(found.used.shape[0]):
+        for q in range(found.used.shape[1]):
+            found.used[kind, q] = int(np.any(input_weights[kind, q]))
 
 
 @inner
@@ -187,7 +194,7 @@ def exponential_legendre(z, n, out):
     if n == 1:
         return
     if x > 2.0 * n:
-        out[1] = (0.5 * (1.0 + math.exp(-z)) - out[0]) / x
+        out[1] = (0.5 * (1.0 + decay(z)) - out[0]) / x
         for k in range(1, n - 1):
             out[k + 1] = out[k - 1] - (2 * k + 1) / x * out[k]
         return

@@ -98,6 +98,21 @@ class StepTables(NamedTuple):
     local: np.ndarray
 
 
+class ModeWeights(NamedTuple):
+    """Weights with which the modes absorb what a step adds to them (compiled/mode_tables.py).
+
+    integrands (K, n_q, M), for the rows of each kind of components; used (K, n_q), 1 where one of
+    them is not 0; offsets (1 + k, R, M), or (1 + k, 0, M) where all offsets are 0; part (M,) and
+    coefficients (s,) are room.
+    """
+
+    integrands: np.ndarray
+    used: np.ndarray
+    offsets: np.ndarray
+    part: np.ndarray
+    coefficients: np.ndarray
+
+
 class VaryingOrders(NamedTuple):
     """Tables of the varying orders for one step.
 
