@@ -299,10 +299,8 @@ class OrbitAndTangents:
         rates, d = self.rates * self._last_length, self.x.shape[1]
         values, functions = self._nodal()
         _, v, rule = graded_rule()
-        damped = self._last_length * _damping(rates, v) * rule
-        gains = np.empty((rates.size, values.shape[-1]))
-        product(damped, functions, gains)
-        integrals, of_one = values @ gains.T, damped.sum(axis=1)
+        damped, weights = _damping(rates, v), self._last_length * rule
+        integrals, of_one = _integrals(values, functions, weights, damped), damped @ weights
         advanced = modes * np.exp(-rates)
         for b, q in enumerate(self._form.unweighted):
             advanced[:, (2 + b) * d : (3 + b) * d] += self.of_varying * integrals[:, q]
@@ -313,6 +311,26 @@ class OrbitAndTangents:
             part = integrals[:, q, rows % d] - offsets
             advanced[:, rows] += coefficient * self.weights[k] * part
         return advanced
+
+
+def _integrals(values, functions, weights, damped):
+    """Return the weighted sums of integrands over a rule of K points, (1 + k, n_q, d, M).
+
+    values (1 + k, n_q, d, n) times functions (K, n) are the integrands, damped (M, K) the factors
+    of the modes. Of few integrands the points come first, of many the functions.
+    """
+    nodal = np.ascontiguousarray(values.reshape(-1, values.shape[-1]))
+    found = np.empty((nodal.shape[0], damped.shape[0]))
+    if nodal.shape[0] < nodal.shape[1]:
+        sampled = np.empty((nodal.shape[0], weights.size))
+        product(nodal, functions.T, sampled)
+        sampled *= weights
+        product(sampled, damped.T, found)
+    else:
+        gains = np.empty((damped.shape[0], nodal.shape[1]))
+        product(damped, functions * weights[:, None], gains)
+        product(nodal, gains.T, found)
+    return found.reshape(*values.shape[:-1], -1)
 
 
 def _damping(rates, times):

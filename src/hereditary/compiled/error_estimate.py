@@ -59,14 +59,14 @@ def estimate_error(h, equations, legendre, local, matrices, values, p0, newton, 
                 continue
             size = 1.0
             if k >= n_a:
-                size = np.max(np.abs(local[k - n_a, -1]))
+                size = largest_of(local[k - n_a, -1], 0, s)
             elif k >= 0:
                 size = h ** orders[k]
             if c >= d:
-                size *= np.max(np.abs(matrices[equations.kinds[c - d], FORCE, -1]))
+                size *= largest_of(matrices[equations.kinds[c - d], FORCE, -1], 0, s)
             for i in range(s):
                 defect[(c % d) * s + i] += terms[n].coefficient * size * last * decay
-        if not np.any(defect):
+        if largest_of(defect, 0, d * s) == 0.0:
             continue
         solve_for_error(defect, newton, nodal_errors)
         for c in range(d):
@@ -79,7 +79,9 @@ def solve_for_error(defect, newton, nodal_errors):
     solve_newton(newton, defect, nodal_errors)
     # a nearly singular matrix would amplify rounding errors
     n, found = defect.shape[0], largest_of(nodal_errors, 0, defect.shape[0])
-    nodal_errors *= min(1.0, largest_of(defect, 0, n) / max(found, 1e-300))
+    damped = min(1.0, largest_of(defect, 0, n) / max(found, 1e-300))
+    for i in range(n):
+        nodal_errors[i] *= damped
 
 
 @inner
@@ -184,7 +186,7 @@ def add_force_defect(sums, kinds, newton, errors):
             excess = 0.0
         for i in range(s):
             defect[c * s + i] = excess * sums[kinds[c], i]
-    if not np.any(defect):
+    if largest_of(defect, 0, d * s) == 0.0:
         return
     solve_for_error(defect, newton, nodal_errors)
     for c in range(d):
