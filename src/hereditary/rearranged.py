@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ._jit import derived, inner
+from ._jit import allocating, derived, inner
 
 
 class Tables(NamedTuple):
@@ -99,7 +99,7 @@ def _parts(params):
     return n, d, lower - 3 * int(params[end + 3]), lower, origins, lead
 
 
-@inner
+@allocating
 def _y_and_memory(x, params, d, slots, lower):
     """Return what the user's right-hand side reads: y, and memory behind it."""
     z = np.zeros(int(params[params.shape[0] - 4]))

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from .._jit import inlined, inner
+from .._jit import allocating, inlined
 from .jacobian import jacobian
 
 # Sweeps that change less than this, relative to the solution, contract by rounding.
@@ -36,7 +36,7 @@ def settle(lead, f, force, lacks):
         lacks[c] += lead[c] * f[c]
 
 
-@inner
+@allocating
 def look_again(rhs, jac, has_jac, params, t, point, moved, k, output, counts):
     """Keep the Jacobian in the middle of the last two sweeps, as number k."""
     sample = output.jacobians[k]

@@ -2,14 +2,13 @@
 
 import numpy as np
 
-from .._borrowed import borrowed
-from .._jit import I8, VEC, entry, inner
+from .._jit import I8, VEC, allocating, entry, inner
 from .attempt import attempting
 from .collocation import empty_factors, solve_stages, solve_tangents
 from .copying import put, put_cube, put_matrix
 from .many_stages import read_many, solve_many, solve_many_tangents, stage_factors
 from .mode_tables import advance_modes, find_slot, floor_to_grid, read_modes, set_mode_weights
-from .operators import POSITION, PRIMARY, assemble_operators, empty_operators, number_of
+from .operators import POSITION, PRIMARY, any_offset, assemble_operators, empty_operators, number_of
 from .signatures import JAC, RHS
 from .structures import (
     BASIS,
@@ -56,11 +55,6 @@ def marching(name, solve, solve_for_tangents, factors, read, told):
         limits, stages, newton, weights, base, operators, values,
     ):  # fmt: skip
         """March; what the caller allocates for it stands behind `limits`."""
-        equations, rule, basis, tables = borrowed((equations, rule, basis, tables))
-        params, orbit, steps, operators = borrowed((params, orbit, steps, operators))
-        varying, state, stages = borrowed((varying, state, stages))
-        newton, base, values = borrowed((newton, base, values))
-        weights = borrowed(weights)
         nodes, legendre, kinds = rule.nodes, rule.legendre, equations.kinds
         control, counts = state.control, state.counts
         s, n_columns = nodes.shape[0], orbit.x.shape[0]
@@ -150,13 +144,15 @@ def reason_of_refusal(by_defect, solved):
     return TOO_ROUGH if solved else NOT_SOLVED
 
 
-@inner
+@allocating
 def mode_weights(equations, basis, varying, orbit):
     """Return the `ModeWeights` of a march; those of offsets have no rows where all are 0."""
     modes, last, n_kinds = orbit.modes, orbit.last, number_of(equations.kinds)
     n_columns, n_rows, n_modes = modes.shape
     n_kept, n_integrands = n_rows // equations.kinds.shape[0] * n_kinds, last.shape[1]
-    n_offsets = n_rows if np.any(equations.offsets) else 0
+    n_offsets = 0
+    for n in range(equations.offsets.shape[1]):
+        n_offsets = n_rows if any_offset(equations.offsets, n) else n_offsets
     found = ModeWeights(
         np.empty((n_kept, n_integrands, n_modes)), np.empty((n_kept, n_integrands), np.int64),
         np.empty((n_columns, n_offsets, n_modes)), np.empty(n_modes), np.empty(last.shape[3]),
@@ -218,8 +214,10 @@ def absorb_constant_mode(rates, orbit):
     if rates.shape[0] > 0 and rates[0] == 0.0:
         initial, modes = orbit.initial, orbit.modes
         d = initial.shape[1]
-        initial += modes[:, :d, 0]
-        modes[:, :d, 0] = 0.0
+        for column in range(modes.shape[0]):
+            for c in range(d):
+                initial[column, c] += modes[column, c, 0]
+                modes[column, c, 0] = 0.0
 
 
 @inner

@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from .._jit import compiled, inner
+from .._jit import compiled, embedded, inner
 from .collocation import nodal_slopes
+from .copying import clear_matrix
 from .error_estimate import (
     ROUNDING_OF_SUMS,
     add_force_defect,
@@ -24,7 +25,7 @@ _NEWTON = 0.01
 def attempting(solve, solve_for_tangents, read):
     """Return an attempt for one way of solving the equations of a step and reading the modes."""
 
-    @inner
+    @embedded
     def attempt(
         rhs, jac, has_jac, params, t, h, slot, equations, rule, tables, varying, orbit, state,
         limits, newton, base, operators, values,
@@ -187,7 +188,7 @@ def extrapolate(nodes, legendre, last, h, h_last, p, reached, out):
     """
     # last, out (d, s), p (d,); reached (s, s), from the last values to the nodes ahead, is room
     d, s = out.shape
-    reached[:] = 0.0
+    clear_matrix(reached)
     for i in range(s if h_last > 0.0 else 0):
         u = 1.0 + 2.0 * h / h_last * nodes[i]
         before, now = 1.0, u

@@ -10,8 +10,8 @@ history before the step is a sum of exponential modes, advanced by exact moments
 import numpy as np
 from numba.extending import overload
 
-from .._jit import inlined, inner
-from .copying import put, put_matrix
+from .._jit import allocating, inlined, inner
+from .copying import clear_matrix, put_matrix
 from .jacobian import jacobian
 from .linalg import factorise, substitute
 from .operators import FORCE, POSITION, PRIMARY
@@ -58,9 +58,11 @@ def forces(rhs, params, times, x, f, room):
     # times (s,), x and f (d, s)
     point, force = room.point, room.force
     for i in range(times.shape[0]):
-        put(x[:, i], point)
+        for c in range(point.shape[0]):
+            point[c] = x[c, i]
         rhs(times[i], point, force, params)
-        put(force, f[:, i])
+        for c in range(point.shape[0]):
+            f[c, i] = force[c]
 
 
 @inner
@@ -93,7 +95,7 @@ def newton_matrix(h, matrices, kinds, integral, second, jacobians, out):
                     out[c * s + i, e * s + j] = -total
 
 
-@inner
+@allocating
 def empty_room(d, s, n_checks):
     """Allocate the room of a step."""
     return StepRoom(
@@ -102,7 +104,7 @@ def empty_room(d, s, n_checks):
     )  # fmt: skip
 
 
-@inner
+@allocating
 def empty_factors(d, s, n_checks, solver, stages):
     """Allocate the factors of Newton's matrix, and the room of a step."""
     return Factors(
@@ -214,7 +216,8 @@ def stage_jacobians(rhs, jac, has_jac, params, times, x, every, out, point):
             put_matrix(out[0], out[i])
             continue
         k = i if every else s // 2
-        put(x[:, k], point)
+        for c in range(point.shape[0]):
+            point[c] = x[c, k]
         calls += jacobian(rhs, jac, has_jac, times[k], point, params, out[i])
     return calls
 
@@ -259,7 +262,7 @@ def residuals(base, operators, kinds, p, x, f, out):
                 out[first + i] -= by_f[i] * a + by_p[i] * b + by_x[i] * e
 
 
-@inner
+@allocating
 def solve_tangents(
     rhs, jac, has_jac, params, times, h, base, x_start, second, operators, kinds, integral, values,
     counts, newton,
@@ -285,10 +288,10 @@ def solve_tangents(
     for column in range(1, base.shape[0]):
         f, p, x = values[column, FORCE], values[column, PRIMARY], values[column, POSITION]
         # one Newton step from p = 0 is exact, for the system is linear
-        p[:] = 0.0
+        clear_matrix(p)
         positions(h, p, x_start[column], second, integral, x)
-        f[:] = 0.0
-        start[:] = 0.0
+        clear_matrix(f)
+        clear_matrix(start)
         correct_forces(jacobians, start, x, f)
         residuals(base[column], operators, kinds, p, x, f, known)
         substitute(matrix, order, known, found)
@@ -296,6 +299,6 @@ def solve_tangents(
             for i in range(s):
                 p[c, i] = -found[c * s + i]
         positions(h, p, x_start[column], second, integral, x)
-        f[:] = 0.0
+        clear_matrix(f)
         correct_forces(jacobians, start, x, f)
     return True

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from .._jit import compiled, inner
+from .._jit import allocating, compiled
 
 
 @compiled
@@ -24,7 +24,7 @@ def exchange_pending(lag, pieces, n, groups, tables, memory):
             lag[c, i] += pending[c, n + i]
 
 
-@inner
+@allocating
 def add_direct(lag, pieces, n, first, groups, tables, memory):
     """Store the finished block's pieces, and sum those stored from index `first` on.
 

@@ -1,4 +1,4 @@
-"""Copies between arrays by loops: numba takes seconds to compile ``out[:] = values``."""
+"""Copies between arrays by loops: numba takes long to compile ``out[:] = values``."""
 
 from .._jit import inlined, inner
 
@@ -8,6 +8,21 @@ def put(values, out):
     """Copy a vector."""
     for c in range(out.shape[0]):
         out[c] = values[c]
+
+
+@inlined
+def clear(out):
+    """Set a vector to 0."""
+    for c in range(out.shape[0]):
+        out[c] = 0.0
+
+
+@inner
+def clear_matrix(out):
+    """Set a matrix to 0."""
+    for i in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            out[i, j] = 0.0
 
 
 @inner

@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from .._jit import inner
+from .._jit import allocating, inner
 from .collocation import forces, residuals, solve_newton
+from .copying import clear
 from .operators import FORCE, POSITION, PRIMARY
 
 # Relative tolerance of tangents is at least this: those that have decayed consist of rounding
@@ -42,7 +43,7 @@ def estimate_error(h, equations, legendre, local, matrices, values, p0, newton, 
         last, decay = legendre_tail(legendre, values[PRIMARY, c], _ROUNDING * abs(p0[c]))
         errors[c] = abs(last) * decay * decay
     for integrand in range(values.shape[0]):
-        defect[:] = 0.0
+        clear(defect)
         for n in range(terms.shape[0]):
             c, q, k = terms[n].row, terms[n].integrand, terms[n].index
             if q != integrand:
@@ -96,7 +97,7 @@ def measure_force_defect(rhs, params, h, rule, x_start, p0, second, values, limi
     # x_start, p0 (d,), values (n_q, d, s)
     d, s = second.shape[0], rule.check_values.shape[1]
     times, point, misses_start = room.check_times, room.point, False
-    room.defect[:] = 0.0
+    clear(room.defect)
     for i in range(times.shape[0]):
         for c in range(d):
             total = 0.0
@@ -213,7 +214,7 @@ def legendre_tail(legendre, values, rounding):
     return last, (min(decay, _HIDDEN) if hidden else decay)
 
 
-@inner
+@allocating
 def tangent_error_ratio(h, equations, legendre, local, matrices, values, p0, newton, rtol):
     """Return the largest ratio of a tangent's error to its tolerance, relative to its size."""
     worst, errors = 0.0, np.empty(values.shape[2])
@@ -221,11 +222,16 @@ def tangent_error_ratio(h, equations, legendre, local, matrices, values, p0, new
         estimate_error(
             h, equations, legendre, local, matrices, values[column], p0[column], newton, errors
         )
-        size = np.max(np.abs(values[column, PRIMARY:]))
-        if not size < np.inf:
-            return np.inf
+        size = 0.0
+        for q in range(PRIMARY, values.shape[1]):
+            for c in range(errors.shape[0]):
+                own = largest_of(values[column, q, c], 0, values.shape[3])
+                if not own < np.inf:
+                    return np.inf
+                size = max(size, own)
         if size > 0.0:
-            worst = max(worst, np.max(errors) / (max(rtol, _TANGENT) * size))
+            allowed = max(rtol, _TANGENT) * size
+            worst = max(worst, largest_of(errors, 0, errors.shape[0]) / allowed)
     return worst
 
 

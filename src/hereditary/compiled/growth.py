@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import from_dtype, types
 
-from .._jit import F8, I8, IVEC, MAT, entry, inner
+from .._jit import F8, I8, IVEC, MAT, allocating, entry, inner
 from .block import RUNNING
 from .signatures import MARCH, MARCH_VALUE, MEMORY, STATE
 
@@ -55,7 +55,7 @@ def due(pace, last):
     return pace["transient"] if pace["last"] < pace["transient"] < stop else stop
 
 
-@inner
+@allocating
 def note(pace, n, logs):
     """Note the growth (k,) up to step n, and suit the interval to it."""
     pace["last"] = n
@@ -71,7 +71,7 @@ def note(pace, n, logs):
         pace["interval"] = min(2 * pace["interval"], pace["longest"])
 
 
-@inner
+@allocating
 def triangle(columns, inverse):
     """Set the inverse (k, k) of R in ``columns = Q R``, its diagonal above 0; columns become Q.
 
@@ -122,7 +122,7 @@ def set_tangents(growth, state, d, columns):
             columns[growth.d + i, j] = (u[c] + 0.5 * change[c]) / growth.h
 
 
-@inner
+@allocating
 def combine(array, d, matrix):
     """Replace the columns of tangents by their combinations, rows of `array` (W, n)."""
     k, n = matrix.shape[0], array.shape[1]

@@ -7,7 +7,7 @@ order of their groups. Systems of few components are always dense, so these shap
 
 import numpy as np
 
-from .._jit import F8, I8, MAT, VEC, compiled, entry, inlined, inner
+from .._jit import F8, I8, MAT, VEC, allocating, compiled, entry, inlined, inner
 from .linalg import dot
 from .signatures import JAC, RHS
 
@@ -24,7 +24,7 @@ def is_sparse(j_f, n):
     return j_f.shape[0] != n
 
 
-@inner
+@allocating
 def jacobian(rhs, jac, has_jac, t, y, params, out):
     """out[i, j] = d rhs_i / d y_j at (t, y); by central differences where `has_jac` is 0.
 
@@ -62,7 +62,7 @@ def differences(rhs, t, y, params, out, up, down):
             out[i, j] = (up[i] - down[i]) / width
 
 
-@inner
+@allocating
 def grouped_differences(rhs, t, y, params, out):
     """Set the values of a sparse Jacobian, one group of columns after the other."""
     up, down, shifted = np.empty(y.shape[0]), np.empty(y.shape[0]), np.empty(y.shape[0])

@@ -6,7 +6,7 @@ The matrices of one kind would be diagonal in a common basis, those of several h
 system of size d s is solved as it is: s times the diagonals of a banded J, s**2 times its entries.
 """
 
-from .._jit import compiled, inner
+from .._jit import allocating, compiled, inner
 from .jacobian import COLUMNS, ROWS, VALUES, is_sparse
 from .signatures import FACTORISE, LinearSolver
 from .solvers import banded_solver, dense_solver, sparse_solver
@@ -40,7 +40,7 @@ def set_joint(stage):
                 number += 1
 
 
-@inner
+@allocating
 def linear_solver(stage):
     """Room of a real linear solver for all unknowns."""
     return LinearSolver(

@@ -3,7 +3,7 @@
 import numpy as np
 from numba import config, types
 
-from .._jit import inner, reordered
+from .._jit import allocating, inner, reordered
 
 # Size from which sums in any order take less time than plain loops; and columns that are eliminated
 # at once, for which `subtract_rows` is written.
@@ -116,7 +116,7 @@ def subtract_rows(a, first, last):
             row[k] = row[k] - of_b * b[k] - of_c * c[k] - of_d * d[k] - of_e * e[k]
 
 
-@inner
+@allocating
 def factorise_large(a, order):
     """As `factorise`, by LAPACK."""
     n = a.shape[0]
@@ -143,7 +143,7 @@ def transpose(a):
             a[i, k], a[k, i] = a[k, i], a[i, k]
 
 
-@inner
+@allocating
 def product(a, b, out):
     """Set out = a b, by blocks of rows for which BLAS uses no threads.
 
@@ -155,7 +155,7 @@ def product(a, b, out):
         np.dot(a[first : first + rows], b, out[first : first + rows])
 
 
-@inner
+@allocating
 def transposed_product(a, b, out):
     """Set out = a^T b, as `product`."""
     # a (k, m), b (k, n), out (m, n)

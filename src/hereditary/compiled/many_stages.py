@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from .._jit import inner
+from .._jit import allocating, inner
 from .collocation import (
     contraction_rate,
     empty_room,
@@ -26,7 +26,7 @@ _SWEEPS, _SLOW = 12, 0.05
 _TANGENT_SWEEPS, _TANGENT_GOAL = 30, 1e-11
 
 
-@inner
+@allocating
 def stage_factors(d, s, n_checks, solver, stages):
     """Join the solver of the stages, the scales of f and the room of a step."""
     room = empty_room(d, s, n_checks)
@@ -127,7 +127,7 @@ def set_pencil(h, matrices, integral, second, pencil):
     return changed
 
 
-@inner
+@allocating
 def set_scales(j_f, x, newton):
     """Set |J| |y|, with y at the last node, the size of the summands of f, and |J| |y(0)|."""
     d, starts = newton.starts.shape[0], newton.starts
@@ -141,7 +141,7 @@ def set_scales(j_f, x, newton):
         newton.start_scales[c] += size * starts[e]
 
 
-@inner
+@allocating
 def correct_forces(j_f, before, x, f):
     """Correct f (d, s) to first order from y = `before` to y = x."""
     d = x.shape[0]
@@ -157,7 +157,7 @@ def correct_forces(j_f, before, x, f):
             f[c, i] += value * moved[e, i]
 
 
-@inner
+@allocating
 def solve_many_tangents(
     rhs, jac, has_jac, params, times, h, base, x_start, second, operators, kinds, integral, values,
     counts, newton,

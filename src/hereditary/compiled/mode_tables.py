@@ -9,10 +9,10 @@ import math
 
 import numpy as np
 
-from .._jit import compiled, inner
-from .copying import put
+from .._jit import allocating, compiled, inner
+from .copying import clear, clear_matrix, put
 from .modes import add_rows
-from .operators import number_of
+from .operators import first_of_kind, number_of
 from .structures import StepTables
 
 # Step lengths are 2**(n / _PER_OCTAVE), rounded up to so few digits that sums of them are exact:
@@ -41,10 +41,16 @@ def floor_to_grid(h):
 @inner
 def find_slot(h, nodes, basis, tables):
     """Return the slot with the factors of a step of length h, computed if they are missing."""
-    rates, weights, masses = basis.rates, basis.weights, basis.masses
     slot = math.floor(_PER_OCTAVE * math.log2(h) + 0.5) % tables.lengths.shape[0]
-    if tables.lengths[slot] == h:
-        return slot
+    if tables.lengths[slot] != h:
+        fill_slot(h, nodes, basis, tables, slot)
+    return slot
+
+
+@allocating
+def fill_slot(h, nodes, basis, tables, slot):
+    """Compute the factors of a step of length h."""
+    rates, weights, masses = basis.rates, basis.weights, basis.masses
     tables.lengths[slot], moments = 0.0, np.empty(nodes.shape[0])
     for m in range(rates.shape[0]):
         for i in range(nodes.shape[0]):
@@ -57,7 +63,6 @@ def find_slot(h, nodes, basis, tables):
         matrix = tables.local[slot, k]
         set_kernel_matrix(h, nodes, rates, kernel_weights, masses[k], basis.transforms, matrix)
     tables.lengths[slot] = h
-    return slot
 
 
 @inner
@@ -66,7 +71,7 @@ def decay(z):
     return math.exp(-z) if z < _UNDERFLOW else 0.0
 
 
-@inner
+@allocating
 def set_kernel_matrix(h, nodes, rates, weights, mass, transforms, out):
     """Set out[i, j], the weight of the value at node j in the convolution at node i, over one step.
 
@@ -74,7 +79,7 @@ def set_kernel_matrix(h, nodes, rates, weights, mass, transforms, out):
     """
     s = nodes.shape[0]
     moments = np.empty(s)
-    out[:] = 0.0
+    clear_matrix(out)
     for i in range(s):
         for m in range(rates.shape[0]):
             if weights[m] == 0.0:
@@ -91,7 +96,7 @@ def set_kernel_matrix(h, nodes, rates, weights, mass, transforms, out):
 def read_modes(modes, to_nodes, out):
     """Set out[c, i] = ``sum_m modes[c, m] to_nodes[m, i]``, the history at the nodes."""
     # modes (R, M), to_nodes (M, s), out (R, s)
-    out[:] = 0.0
+    clear_matrix(out)
     for c in range(out.shape[0]):
         add_rows(out[c], modes[c], to_nodes)
 
@@ -142,7 +147,7 @@ def advance_modes(h, to_end, moments, weights, column, kinds, legendre, values, 
                 for j in range(s):
                     total += legendre[k, j] * nodal[j]
                 coefficients[k] = h * total
-            part[:] = 0.0
+            clear(part)
             add_rows(part, coefficients, moments)
             for m in range(n_modes):
                 own[m] += of_integrand[m] * part[m]
@@ -158,27 +163,29 @@ def set_mode_weights(equations, weights, of_varying, found):
     # weights (n_a + n_k, M), of_varying (M,)
     input_weights, offset_weights = found.integrands, found.offsets
     terms, offsets, unweighted = equations.terms, equations.offsets, equations.unweighted
-    input_weights[:] = 0.0
-    offset_weights[:] = 0.0
+    for row in range(input_weights.shape[0]):
+        clear_matrix(input_weights[row])
+    for column in range(offset_weights.shape[0]):
+        clear_matrix(offset_weights[column])
     d, n_kinds = equations.kinds.shape[0], number_of(equations.kinds)
     for b in range(unweighted.shape[0]):
         for row in range((2 + b) * n_kinds, (3 + b) * n_kinds):
             put(of_varying, input_weights[row, unweighted[b]])
-    first = np.full(n_kinds, -1)
     for n in range(terms.shape[0]):
         c, q, k = terms[n].row, terms[n].integrand, terms[n].index
         kind = equations.kinds[c % d]
-        if first[kind] < 0:
-            first[kind] = c % d
         for m in range(weights.shape[1] if k >= 0 else 0):
             weight = terms[n].coefficient * weights[k, m]
-            if first[kind] == c % d:
+            if first_of_kind(equations.kinds, kind) == c % d:
                 input_weights[c // d * n_kinds + kind, q, m] += weight
             for column in range(offsets.shape[0] if offset_weights.shape[1] > 0 else 0):
                 offset_weights[column, c, m] -= weight * offsets[column, n]
     for kind in range(found.used.shape[0]):
         for q in range(found.used.shape[1]):
-            found.used[kind, q] = int(np.any(input_weights[kind, q]))
+            found.used[kind, q] = 0
+            for m in range(weights.shape[1]):
+                if input_weights[kind, q, m] != 0.0:
+                    found.used[kind, q] = 1
 
 
 @inner

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from .._jit import inlined, inner
+from .._jit import allocating, inlined, inner
 from .jacobian import COLUMNS, ROWS, VALUES, differences, is_sparse, jacobian, multiply
 from .linalg import solve_in_place
 from .signatures import FACTORISE, SUBSTITUTE
@@ -118,7 +118,7 @@ def eliminate(n, work, room):
     return solve_in_place(work[1], room[MOVED][:n])
 
 
-@inner
+@allocating
 def solve_with_factors(
     rhs, jac, has_jac, params, t, d, sources, room, work, counts, solver, linear
 ):  # fmt: skip
@@ -182,7 +182,7 @@ def solve_with_factors(
     return False
 
 
-@inner
+@allocating
 def within_rounding(j_f, d, lead, f, known, scale, w, point, residual):
     """Whether the residuals of the d components are rounding errors of their summands."""
     n = point.shape[0]

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from .._jit import inner
+from .._jit import allocating, inner
+from .copying import clear_matrix
 from .structures import Operators
 
 # Integrands: f, p, y and, where needed, p'.
@@ -21,19 +22,19 @@ def assemble_operators(h, equations, integrals, inverse, local, operators):
     """
     # integrals (n_a, s, s), inverse (s, s) of the last of these, local (n_k, s, s)
     terms, orders, offsets = equations.terms, equations.orders, equations.offsets
-    operators.matrices[:] = 0.0
-    operators.start_weights[:] = 0.0
-    operators.constant[:] = 0.0
+    for kind in range(operators.matrices.shape[0]):
+        for q in range(operators.matrices.shape[1]):
+            clear_matrix(operators.matrices[kind, q])
+    clear_matrix(operators.start_weights)
+    for column in range(operators.constant.shape[0]):
+        clear_matrix(operators.constant[column])
     s, d, kinds = operators.constant.shape[2], equations.second.shape[0], equations.kinds
     n_kinds = number_of(kinds)
-    first = np.full(n_kinds, -1)
     for n in range(terms.shape[0]):
         c, q, k = terms[n].row, terms[n].integrand, terms[n].index
         kind = kinds[c % d]
-        if first[kind] < 0:
-            first[kind] = c % d
-        fresh, row = first[kind] == c % d, c // d * n_kinds + kind
-        if not fresh and not np.any(offsets[:, n]):
+        fresh, row = first_of_kind(kinds, kind) == c % d, c // d * n_kinds + kind
+        if not fresh and not any_offset(offsets, n):
             continue
         factor = terms[n].coefficient
         convolution = integrals[0]
@@ -57,7 +58,7 @@ def assemble_operators(h, equations, integrals, inverse, local, operators):
                 for column in range(offsets.shape[0]):
                     operators.constant[column, c, i] -= weight * offsets[column, n]
     for kind in range(n_kinds):
-        if equations.implicit[first[kind]] == 1:
+        if equations.implicit[first_of_kind(kinds, kind)] == 1:
             set_implicit_row(n_kinds, kind, operators.matrices)
     eliminate_operators(n_kinds, operators.matrices)
     set_columns(operators)
@@ -80,6 +81,24 @@ def set_columns(operators):
                         sums[k, i] += value
                     elif value != 0.0:
                         alone[k] = 0
+
+
+@inner
+def first_of_kind(kinds, kind):
+    """Return the first component of a kind."""
+    c = 0
+    while kinds[c] != kind:
+        c += 1
+    return c
+
+
+@inner
+def any_offset(offsets, n):
+    """Return whether a constant, (1 + k, n), is subtracted from the integrand of term n."""
+    found = False
+    for column in range(offsets.shape[0]):
+        found = found or offsets[column, n] != 0.0
+    return found
 
 
 @inner
@@ -148,7 +167,7 @@ def subtract_from_forces(kinds, matrices, known, values):
                 subtract_matvec(matrices[n_kinds + kinds[c], q], values[column, q, c], force)
 
 
-@inner
+@allocating
 def empty_operators(n_columns, n_rows, kinds, s):
     """Allocate the operators of a step."""
     n_kinds = n_rows // kinds.shape[0] * number_of(kinds)

@@ -10,7 +10,7 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-from .._jit import compiled, inner
+from .._jit import allocating, compiled, inner
 from .._python_calls import PythonRaised, call_at
 from .jacobian import COLUMNS, ROWS, VALUES
 from .linalg import factorise, substitute
@@ -92,7 +92,7 @@ def substitute_band(factors, lower, upper, x):
             x[j - k] -= value * factors[j, diagonal - k]
 
 
-@inner
+@allocating
 def factorise_band(matrix, place, lower, upper, lapack, factors):
     """Set the factors of a sparse matrix as LAPACK has them; 0 where none is singular."""
     n, width, wrong = factors.shape[0], factors.shape[1] - 1, 0

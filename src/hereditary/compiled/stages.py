@@ -10,7 +10,7 @@ rounding errors leave with the next iteration. Source: [HairerWanner1996], secti
 import numpy as np
 from numba import types
 
-from .._jit import compiled, inner, reordered
+from .._jit import allocating, compiled, inner, reordered
 from .._python_calls import PythonRaised, call_at
 from .jacobian import COLUMNS, ROWS, VALUES
 from .linalg import product, solve_in_place, transposed_product
@@ -31,7 +31,7 @@ _GEEV = types.ExternalFunction(
 _DOUBLE, _WITHOUT, _WITH = (np.uint8(ord(letter)) for letter in "dNV")
 
 
-@inner
+@allocating
 def transform(stage):
     """Set the eigenvalues that are needed, and both transforms; False where there are none."""
     gain, rest = stage.pencil[0, stage.second[0]], stage.pencil[0, REST]
@@ -64,7 +64,7 @@ def transform(stage):
     return True
 
 
-@inner
+@allocating
 def eigenvectors(matrix, values, imaginary, vectors):
     """Set both parts of the eigenvalues, (s,), and the eigenvectors by LAPACK; False if it fails.
 
@@ -95,7 +95,7 @@ def project(k, values, stage, out):
         out[c] = complex(a, b)
 
 
-@inner
+@allocating
 def add_solution(k, solution, stage, out):
     """Add the solution of system k, (d,), to nodal values (d, s)."""
     real, imaginary = stage.forth[:, k].real.copy(), stage.forth[:, k].imag.copy()
@@ -141,7 +141,7 @@ def dense_stages(task, values, stage):
     return 0
 
 
-@inner
+@allocating
 def reduce(stage):
     """Set H and Q of ``J = Q H Q^T`` by LAPACK; False where J is not finite."""
     n = stage.order.shape[0]
@@ -212,7 +212,7 @@ def set_shifted_row(i, shift, h, real, imaginary):
     row[i] += 1.0
 
 
-@inner
+@allocating
 def substitute_hessenberg(real, imaginary, exchanged, x):
     """Solve for x (n,) with the factors of `eliminate`."""
     n = x.shape[0]
