@@ -161,11 +161,18 @@ def reached_digest(fun):
             value = getattr(value, "dispatcher", value)  # of an entry
             if isinstance(value, Dispatcher):
                 ahead.append(value.py_func)
+                digest.update(stated_options(value).encode())
             elif isinstance(value, np.ndarray):
                 digest.update(f"{name} {value.dtype} {value.shape}".encode() + value.tobytes())
             elif isinstance(value, bool | int | float | str | tuple):
                 digest.update(f"{name} {value!r}".encode())
     return digest.hexdigest()
+
+
+def stated_options(dispatcher):
+    """Represent the options that a function is compiled with as text, equal in every process."""
+    options = dispatcher.targetoptions.items()
+    return repr(sorted((k, sorted(v) if isinstance(v, set) else v) for k, v in options))
 
 
 def _described(code):

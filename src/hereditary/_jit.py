@@ -16,7 +16,7 @@ from typing import Any
 from numba import config, njit, types
 from numba.core.registry import CPUDispatcher
 
-from ._cache import CodeCache
+from ._cache import CodeCache, stated_options
 from ._linked import LinkedCompiler, set_environments
 
 F8 = types.float64
@@ -94,8 +94,7 @@ def compiled(fun, fused=False, told=None, **options):
     dispatcher = njit(nogil=True, error_model="numpy", fastmath=loose, **options)(fun)
     if config.DISABLE_JIT:
         return dispatcher
-    stated = repr(sorted(dispatcher.targetoptions.items(), key=str))
-    dispatcher._cache = CodeCache(fun, stated, told)
+    dispatcher._cache = CodeCache(fun, stated_options(dispatcher), told)
     _guard(dispatcher, set_environments)
     return dispatcher
 
@@ -175,8 +174,8 @@ class _Inner(CPUDispatcher):
 def inlined(fun):
     """Compile `fun` into its callers.
 
-    For a few lines in a step loop that touch many arrays: handing those to a function costs 45 ns a
-    call in reference counting. Called from Python its source is run.
+    For a few lines in a step loop that touch many arrays, which it takes 45 ns a call to hand on.
+    Called from Python its source is run.
     """
     return _for_callers(njit(inline="always")(fun))
 
