@@ -129,7 +129,7 @@ def embedded(fun):
 
 
 def allocating(fun):
-    """As `inner`, for a function that makes arrays or returns some."""
+    """As `inner`, for a function that makes arrays, returns some, or is handed some back."""
     return _linked(fun, False, _nrt=True)
 
 
