@@ -11,7 +11,7 @@ MOVED = 1e-9
 
 @inlined
 def predict(lead, known, force, lacks, w):
-    """Predict w with f as it was; what the last step took too much of f is taken back."""
+    """Predict w with the last f, and add what the last sweep lacked of lead times f."""
     for c in range(w.shape[0]):
         known[c] -= lacks[c]
         w[c] = lead[c] * force[c] - known[c]
@@ -30,7 +30,7 @@ def correct(lead, known, f, lacks, w, moved):
 
 @inlined
 def settle(lead, f, force, lacks):
-    """Keep f, and what the last sweep took too much of it."""
+    """Keep f, and lead times what the last sweep lacked of it."""
     for c in range(f.shape[0]):
         force[c] = f[c]
         lacks[c] += lead[c] * f[c]

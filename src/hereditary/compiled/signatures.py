@@ -134,9 +134,9 @@ class March(NamedTuple):
     x'(0) times the unit of lengths, which the pieces leave out; drift (W, r), amplitudes of known
     terms, or x(0) where rows have factors for it; first (W,), the first increment where it is
     given; corrections (W, k) of the right-hand side in the first steps; starts (W, V), start
-    values; force and lacks (W,), the newest right-hand side, and what the last step took too much
-    of it; newton (2, ., .), a Jacobian and room for Newton's matrix, or that whose factors are
-    kept, for many components (compiled/newton.py), or (3, ., .) with room for that of tangents.
+    values; force and lacks (W,), the newest right-hand side, and lead times what the last sweep
+    lacked of it; newton (2, ., .), a Jacobian and room for Newton's matrix, or that whose factors
+    are kept, for many components (compiled/newton.py), or (3, ., .) with room for that of tangents.
     """
 
     counts: np.record
