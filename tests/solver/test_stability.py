@@ -1,6 +1,7 @@
 """The step limit is sharp, warned of from the Jacobian, and the zigzag beyond it is seen."""
 
 import math
+import re
 import warnings
 
 import numpy as np
@@ -99,6 +100,24 @@ def test_bounded_zigzag_is_seen_where_no_overflow_comes(scheme):
     assert np.abs(sol.y).max() < 10
     assert "take smaller steps" in sol.message
     assert hd.solve(equation, 5000 * 0.8 * h, 5000, scheme=scheme).success
+
+
+@pytest.mark.parametrize("scheme", [*EXPLICIT, hd.Adams()], ids=repr)
+@pytest.mark.parametrize("order", [0.5, 0.9])
+def test_a_step_that_would_do_is_named_and_does(scheme, order):
+    equation = hd.scenes.relaxation(alpha=order, rate=20.0)
+    with pytest.warns(hd.StabilityWarning, match=r"rtol=1e-6, or BDF\(2\)$"):
+        sol = hd.solve(equation, 1.0, 10, scheme=scheme)
+    h = float(re.search("h = ([^ ]+) would do", sol.message)[1])
+    fine = hd.solve(equation, 1.0, math.ceil(1 / h), scheme=scheme)
+    assert fine.success
+    assert fine.stats["stiffness_ratio"] > 0.8  # nor is it smaller than it must be
+
+
+def test_many_components_are_told_of_their_jacobian():
+    equation = hd.Equation(hd.Caputo(0.5), lambda t, y: -100.0 * y, np.ones(12))
+    with pytest.warns(hd.StabilityWarning, match=r"BDF\(2\), with linear= or bandwidth= for 12"):
+        hd.solve(equation, 1.0, 10)
 
 
 @pytest.mark.parametrize("scheme", EXPLICIT, ids=repr)

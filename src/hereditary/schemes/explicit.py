@@ -120,7 +120,17 @@ class ExplicitCaputo(Scheme):
         if equation.varies:
             required, remedy = "have constant orders", "ask for those of one time"
             raise ValueError(complaint("equation", required, repr(equation), remedy))
-        return largest_step(lambda h: _limits(equation, h), stiffness)
+        return largest_step(lambda h: self._limits(equation, h), stiffness)
+
+    def _limits(self, equation, h):
+        """Return the stiffness (d,) at which the alternating mode leaves the unit circle."""
+        distinct, groups = distinct_components(equation)
+        limits = np.zeros(len(distinct))
+        for i, key in enumerate(distinct):
+            for c, operator in key:
+                factor, _, kernel = weighed(c, operator, h)
+                limits[i] += factor * kernel.alternating() * (4 if operator.derivative == 2 else 2)
+        return limits[groups]
 
     def plan(self, equation: System, h: float) -> Plan:
         """Tables and convolution for `equation` with step h."""
@@ -144,7 +154,7 @@ class ExplicitCaputo(Scheme):
             value_lists.append(value_weights(key, total, h, 0.0, 0))
         increments = h * equation.y0[1] if equation.m == 2 else np.zeros(equation.d)
         start = np.where(second, increments, 0.0)
-        region = _region(equation, h, distinct, groups)
+        region = _region(equation, h, distinct, groups, self._limits(equation, h))
         # y(0), which no increment tells of, where a term remembers y itself
         values = (tuple(value_lists),) if any(value_lists) else ()
         starts = [start, equation.y0[0]] if values else [start]
@@ -162,7 +172,7 @@ class ExplicitCaputo(Scheme):
         )
 
 
-def _region(equation, h, distinct, groups):
+def _region(equation, h, distinct, groups, limits):
     def symbol(terms, zeta):
         parts = (weighed(c, operator, h) for c, operator in terms)
         weights = sum(factor * rule.exact(p, _N_WEIGHTS) for factor, rule, p in parts)
@@ -177,15 +187,4 @@ def _region(equation, h, distinct, groups):
         return total
 
     alike = closed if equation.constant else None
-    return stability_region(_limits(equation, h), distinct, groups, symbol, alike)
-
-
-def _limits(equation, h):
-    """Stiffness of each component at which the alternating mode leaves the unit circle."""
-    distinct, groups = distinct_components(equation)
-    limits = np.zeros(len(distinct))
-    for i, key in enumerate(distinct):
-        for c, operator in key:
-            factor, _, kernel = weighed(c, operator, h)
-            limits[i] += factor * kernel.alternating() * (4 if operator.derivative == 2 else 2)
-    return limits[groups]
+    return stability_region(limits, distinct, groups, symbol, alike)

@@ -109,7 +109,13 @@ class GrunwaldLetnikov(Scheme):
         """
         self.check_terms(equation)
         stiffness = within("stiffness", stiffness, 5e-324, np.inf, "(0, inf)")
-        return largest_step(lambda h: _limits(equation, h), stiffness)
+        return largest_step(lambda h: self._limits(equation, h), stiffness)
+
+    def _limits(self, equation, h):
+        """Return the stiffness (d,) at which the alternating mode leaves the unit circle."""
+        distinct, groups = distinct_components(equation)
+        limits = [sum(c * (2 / h) ** op.order for c, op in key) for key in distinct]
+        return np.array(limits)[groups]
 
     def plan(self, equation: System, h: float) -> Plan:
         """Tables and convolution for `equation` with step h."""
@@ -138,7 +144,7 @@ class GrunwaldLetnikov(Scheme):
             increments=h * speeds,
             shift=np.zeros(equation.d),
             starts=np.array([0 * start, start] if above else [start]),
-            region=_region(equation, h, distinct, groups),
+            region=_region(h, distinct, groups, self._limits(equation, h)),
             slowest=SLOWEST,
         )
 
@@ -178,15 +184,8 @@ POWER_SERIES = WeightRule(_SERIES.exact, _exponent, _modal)
 SPEED = WeightRule(_speed, _speed_exponent, _modal_speed)
 
 
-def _limits(equation, h):
-    """Stiffness of each component at which the alternating mode leaves the unit circle."""
-    distinct, groups = distinct_components(equation)
-    limits = [sum(c * (2 / h) ** op.order for c, op in key) for key in distinct]
-    return np.array(limits)[groups]
-
-
-def _region(equation, h, distinct, groups):
+def _region(h, distinct, groups, limits):
     def symbol(terms, zeta):
         return zeta * sum(c * ((1 - 1 / zeta) / h) ** operator.order for c, operator in terms)
 
-    return stability_region(_limits(equation, h), distinct, groups, symbol, symbol)
+    return stability_region(limits, distinct, groups, symbol, symbol)

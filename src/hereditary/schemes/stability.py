@@ -225,6 +225,16 @@ def largest_step(limits, stiffness):
     return float(np.exp(low))
 
 
+def longest_step(scheme, equation, h, ratio):
+    """Return the step whose limits are `ratio` times those at step h; 0 where it is not known."""
+    if equation.varies or equation.enlarged is not equation:
+        return 0.0
+    if not hasattr(scheme, "step_limit"):  # one term a component
+        return h * ratio ** (-1 / float(equation.highest_orders().min()))
+    stiffness = ratio * scheme._limits(equation, h).min()
+    return largest_step(lambda step: scheme._limits(equation, step), stiffness)
+
+
 def stability_region(limits, distinct, groups, symbol, alike):
     """Region of an explicit scheme whose weights are the same in every step.
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from .._python_calls import PythonRaised, pass_on
+from ..schemes.stability import longest_step
 from ..structure import FEW
 from .progress import Interruption, ProgressBar
 from .solution import Solution, warn_of
@@ -13,6 +14,9 @@ from .status import Status
 
 # Bytes of a history that a solution may hold on to besides its state.
 _LITTLE = 100_000
+# Fraction of the longest stable step that is named, so that two digits of it are below the limit,
+# and shortest one that is, as a fraction of the step.
+_BELOW, _LEAST = 0.9, 1e-6
 
 
 class Drive:
@@ -169,4 +173,20 @@ def _stability(stepper):
         found.append(f"d rhs/d y reached {stepper.largest_ratio:.4g} times its limit {at}")
     if not found:
         return ""
-    return " and ".join(found) + f" at h = {stepper.h:g}; take smaller steps"
+    return " and ".join(found) + f" at h = {stepper.h:g}; take {_remedy(stepper)}"
+
+
+def _remedy(stepper):
+    """Return what to take instead of steps beyond their limit."""
+    equation, scheme, ratio = stepper.equation, stepper.scheme, stepper.largest_ratio
+    smaller = "smaller steps"
+    if scheme.solve == "newton":
+        return smaller
+    if ratio > 1:
+        step = longest_step(scheme, equation, stepper.h, ratio)
+        # others come from orbits that blow up, or would take days
+        smaller += f", h = {_BELOW * step:.2g} would do" if step > _LEAST * stepper.h else ""
+    implicit = "BDF(2)" if equation.enlarged.constant else "L1()"
+    if equation.d > FEW and equation.structure is None:
+        implicit += f", with linear= or bandwidth= for {equation.d} components"
+    return f"{smaller}, or Collocation() with rtol=1e-6, or {implicit}"
