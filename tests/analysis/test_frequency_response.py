@@ -173,6 +173,36 @@ def test_refusals(arguments, message):
         hd.frequency_response(varying, [1.0])
 
 
+def integrated(t, v, p):
+    return p[1] + np.cos(p[0] * t)
+
+
+def between(t, v, p):
+    return np.array([np.cos(p[0] * t) - v[0] + v[1], v[0] - v[1]])
+
+
+def test_a_free_mean_is_told_and_is_0():
+    """A constant phase element, and two bodies that nothing holds; a mean force has no response."""
+    omegas = np.geomspace(1e-3, 1e3, 20)
+    element = hd.Equation(hd.Caputo(0.5), integrated, 0.0, params=[1.0, 0.0])
+    bodies = hd.Equation(hd.Caputo(1.5), between, np.zeros((2, 2)), params=[1.0])
+    for equation, expected in (
+        (element, lambda s: [s**-0.5]),
+        (bodies, lambda s: np.array([s**1.5 + 1, 1.0]) / (s**3 + 2 * s**1.5)),
+    ):
+        with pytest.warns(UserWarning, match="mean of y is free"):
+            found = hd.frequency_response(equation, omegas)
+        assert found.complete
+        assert np.array_equal(found.omega, omegas)
+        exact = np.array([expected(1j * omega) for omega in omegas])
+        np.testing.assert_allclose(found.coefficients[:, :, 1], exact, rtol=1e-6)
+        size = np.abs(found.coefficients[:, :, 1])
+        assert np.all(np.abs(found.coefficients[:, :, 0]) < 1e-9 * size.max(axis=1, keepdims=True))
+    with pytest.warns(UserWarning, match="mean of y is free"):
+        found = hd.frequency_response(element.replace(params=[1.0, 1.0]), omegas)
+    assert not found.complete
+
+
 def test_a_response_that_is_not_found_is_told():
     def none(t, x, p):
         return np.cos(p[0] * t) - x + 50.0 + 10.0 * x**2

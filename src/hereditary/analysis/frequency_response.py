@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._checks import complaint, count, instance, real_array, shown
+from .._warning import warn
 from ..equation import Equation
 from .harmonic_balance import Balance
 from .response_curve import Curve, Peak
@@ -139,6 +140,11 @@ def frequency_response(
     FrequencyResponse
         Also where the curve could not be followed to its end.
 
+    Warns
+    -----
+    UserWarning
+        A mean of y is free: neither terms nor right-hand side depend on it, and 0 is taken.
+
     Notes
     -----
     From a finite time on no equation with memory has an exact periodic solution: the response of a
@@ -177,6 +183,11 @@ def frequency_response(
     wanted = _followed(omegas, followed == frequency)
     balance = Balance(equation, frequency, followed, count("harmonics", harmonics))
     balance.check_period(wanted[np.unique(np.linspace(0, wanted.size - 1, _LOOKS).astype(int))])
+    if balance.hold_means(float(wanted[0])):
+        warn(
+            "a mean of y is free, because neither terms nor rhs depend on it: 0 is taken",
+            UserWarning,
+        )
     curve = Curve(balance, wanted, followed == frequency)
     trouble = curve.follow()
     points = curve.found

@@ -12,6 +12,8 @@ from ..compiled.signatures import JAC, RHS
 # Samples of a period for each harmonic and at least, and relative change of a frequency in
 # differences.
 _SAMPLES, _FEWEST, _CHANGE = 8, 129, 1e-7
+# Derivatives by a mean count as 0 below this fraction of the largest one: differences leave 1e-10.
+_FREE = 1e-7
 
 
 @entry(RHS, JAC, I8, VEC, F8, MAT, MAT, MAT)
@@ -51,6 +53,7 @@ class Balance:
         self._basis = np.hstack([np.ones((self._n, 1)), columns])
         self._project = 2.0 / self._n * self._basis.T
         self._project[0] /= 2
+        self._free, self._held = np.zeros((0, self.d)), np.zeros((self.d, self.d))
 
     def check_period(self, values):
         """Refuse right-hand sides without the period 2 pi / omega."""
@@ -69,6 +72,22 @@ class Balance:
                     required += f"[{self._frequency}]"
                     raise ValueError(complaint("rhs", required, f"values {shown(found.ravel())}"))
 
+    def hold_means(self, value):
+        """Hold the means of y that no equation depends on; return whether there are any.
+
+        Each adds its product with a left null vector to the derivatives of the means' equations:
+        Newton's matrix is regular then, and these means stay 0.
+        """
+        m, places = 2 * self._h + 1, np.outer([0.0, 1.0], np.ones(self.size))
+        matrices = [self.residual(x, value)[1] for x in places]
+        if not np.isfinite(matrices).all():
+            return False
+        _, sizes, means = np.linalg.svd(np.vstack([matrix[:, ::m] for matrix in matrices]))
+        self._free = means[sizes <= _FREE * sizes[0]]
+        left = np.linalg.svd(matrices[1][::m, ::m])[0][:, self.d - len(self._free) :]
+        self._held = left @ self._free
+        return len(self._free) > 0
+
     def _force(self, t, y):
         """Return the right-hand side, (d,)."""
         found = np.empty(self._system.d)
@@ -86,7 +105,8 @@ class Balance:
 
     def coefficients(self, x):
         """Return complex amplitudes (n, d, H + 1) of unknowns (n, size)."""
-        parts = x.reshape(-1, self.d, 2 * self._h + 1)
+        parts = x.reshape(-1, self.d, 2 * self._h + 1).copy()
+        parts[..., 0] -= parts[..., 0] @ self._free.T @ self._free  # which rounding moves
         harmonic = parts[..., 1::2] - 1j * parts[..., 2::2]
         return np.concatenate([parts[..., :1].astype(complex), harmonic], axis=2)
 
@@ -134,6 +154,7 @@ class Balance:
             matrix[c, :, c, :] += left[c]
         for c, source in enumerate(sources, d):
             matrix[:, :, source, :] -= blocks[:, c] @ left[c]
+        matrix[:, 0, :, 0] += self._held
         return found.ravel(), matrix.reshape(self.size, self.size)
 
     def by_value(self, x, value, unit, residual):
