@@ -332,6 +332,34 @@ def test_an_event_function_that_fails_ends_the_run(how, told):
     np.testing.assert_allclose(rest.t_events[0], zeros_of_cosine(10.0)[1:], atol=1e-7)
 
 
+@pytest.mark.parametrize("how", [{"rtol": 1e-8}, {"n_steps": 1000}])
+def test_an_event_that_writes_into_y_ends_the_run_and_changes_nothing(how):
+    def writing(t, y):
+        value = y[0] - 0.1
+        if t > 3.0:
+            y[0] = 7.0
+        return value
+
+    plain = hd.solve(SWING, 10.0, **how)
+    with pytest.warns(hd.SolveWarning, match=r"writing wrote into y, .*`change`.* at t = 3"):
+        sol = hd.solve(SWING, 10.0, events=writing, **how)
+    assert sol.status is hd.Status.EVENT_FAILED
+    assert sol.t.size > 5
+    assert np.array_equal(sol.y, plain.y[: sol.t.size])
+
+
+def test_a_change_may_write_into_its_y():
+    def doubled(t, y):
+        y *= 2.0
+        return y
+
+    ends = [
+        hd.solve(SWING, 4.0, rtol=1e-8, events=marked(place, change=change)).y
+        for change in (doubled, lambda t, y: 2.0 * y)
+    ]
+    assert np.array_equal(*ends)
+
+
 def test_a_terminal_event_before_a_failure_is_what_ends_the_run():
     stop = marked(place, terminal=True)
     sol = hd.solve(SWING, 10.0, rtol=1e-8, events=[fails_after(2.0, lambda t: None), stop])

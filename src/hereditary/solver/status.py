@@ -49,7 +49,10 @@ class Status(enum.StrEnum):
     RHS_FAILED = "rhs_failed", "the right-hand side raised an exception"
     ORDER_FAILED = "order_failed", "an order left its range, or its function raised an exception"
     KERNEL_FAILED = "kernel_failed", "a memory kernel raised an exception"
-    EVENT_FAILED = "event_failed", "an event function raised an exception or returned no number"
+    EVENT_FAILED = (
+        "event_failed",
+        "an event function raised an exception, wrote into y or returned no number",
+    )
 
 
 def failed(error):
