@@ -75,15 +75,11 @@ def switch_of(switch, y, t):
     """Check ``switch(t, y)``, a function with one value, and return it compiled."""
     start = Start(y, np.zeros((0, y.size), y.dtype), np.zeros(0), t)
     required = "be functions switch(t, y) of real components that numba compiles"
-    made = None
-    if callable(switch) and not start.paired:
-        with warnings.catch_warnings():  # one that does not compile is refused
-            warnings.simplefilter("ignore", PythonFunctionWarning)
-            made = function_of("switches", "value", switch, start, (1,), RHS_SIG).compiled
-    if made is None:
+    if not callable(switch) or start.paired:
         got = repr(switch) if not start.paired else "complex y"
         raise TypeError(complaint("switches", required, got))
-    return made
+    how = start, (1,), RHS_SIG, str, required
+    return function_of("switches", "value", switch, *how).compiled
 
 
 def _joined(parts, signature, k, called):

@@ -1,10 +1,10 @@
 """One function of a user: tried, compiled once or called in Python.
 
-It is first called once in plain Python, so that an error shows its own line instead of a compiler's
-message. It is compiled with bounds checks, and for read-only arrays y and params; with the same
-code and the same values frozen into it, it is compiled no second time, and is tried by one call of
-each, whose values are compared. A function that numba cannot compile is called in Python from a
-compiled one (_python_calls.py).
+It is first called twice in plain Python, so that an error shows its own line instead of a
+compiler's message. It is compiled with bounds checks, and for read-only arrays y and params; with
+the same code and the same values frozen into it, it is compiled no second time, and is tried by one
+call of each, whose values are compared. A function that numba cannot compile is called in Python
+from a compiled one (_python_calls.py).
 """
 
 import inspect
@@ -22,7 +22,7 @@ from ._frozen import code_names, fresh, frozen_values, uncompiled
 from ._jit import F8, as_value, compiling, derived
 from ._memory_argument import paired, split
 from ._python_calls import warn_of_python
-from ._trial import arity_of, try_out
+from ._trial import arity_of, close, try_out
 from ._warning import warn
 
 _READ_ONLY = types.Array(F8, 1, "C", readonly=True)
@@ -63,8 +63,11 @@ class _NotCompiled(Exception):
     """numba cannot compile a function, or makes another one of it."""
 
 
-def function_of(name, out, fun, start, shape, signature, hint=str):
-    """Check a user's function and return it, compiled where it can be, as a `Function`."""
+def function_of(name, out, fun, start, shape, signature, hint=str, required=""):
+    """Check a user's function and return it, compiled where it can be, as a `Function`.
+
+    `required` is what is required of a function that must compile.
+    """
     plain = _plain(fun)
     if not callable(plain):
         required = f"be a function {start.shapes(name, out)}"
@@ -88,6 +91,8 @@ def function_of(name, out, fun, start, shape, signature, hint=str):
         while len(_tried) > _COMPILED_MAX:
             _tried.popitem(last=False)
     except _NotCompiled as reason:
+        if required:
+            raise TypeError(complaint(name, required, f"{plain!r}, {reason}")) from reason
         z, room, params = start.components(), np.empty_like(values).view(float), start.params
         warn_of_python(name, plain, reason, lambda: fill(start.t, z, room, params))
         compiled = None
@@ -110,7 +115,7 @@ def _agree(compiled, fill, start, shape):
             fill(start.t, locked(z), expected.view(float), locked(params))
     except Exception:  # the whole way says what is wrong
         return False
-    return bool(np.isfinite(values).all()) and _close(values, expected)
+    return bool(np.isfinite(values).all()) and close(values, expected)
 
 
 def _from_cache(name, fun, key, arity, form, values, signature, start):
@@ -153,24 +158,17 @@ def _compare(name, fun, arity, compiled, values, start):
         compiled(start.t, z.copy(), again.view(float), params.copy())
     except Exception as error:
         raise _NotCompiled(f"for compiled it raises {type(error).__name__}: {error}") from error
-    if _close(again, values):
+    if close(again, values):
         return
     # helpers compiled earlier may have run with the values of that time
     expected = np.empty_like(values)
     fill = _in_python(name, uncompiled(fun), arity, start, values.shape)
     fill(start.t, z, expected.view(float), params)
-    if not _close(again, expected):
+    if not close(again, expected):
         raise _NotCompiled(
             f"for compiled it gives {shown(again)} instead of {shown(expected)} at t = {start.t:g}"
             ": write 1.0 for 1 where whole numbers are divided, raised or grow large"
         )
-
-
-def _close(values, expected):
-    """Return whether values agree to 1e-8."""
-    if np.array_equal(values, expected):  # in a tenth of the time
-        return True
-    return np.allclose(values, expected, rtol=1e-8, atol=1e-12 * np.abs(expected).max(initial=0.0))
 
 
 def _build(name, fun, kinds, signature, copied):

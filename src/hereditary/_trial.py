@@ -1,4 +1,4 @@
-"""Users' functions: how they are written, and one call of each in Python at the start."""
+"""Users' functions: how they are written, and two calls of each in Python at the start."""
 
 import inspect
 from typing import NamedTuple
@@ -66,9 +66,15 @@ def arity_of(name, out, fun, start):
 
 
 def try_out(name, out, fun, arity, start, shape, hint):
-    """Call `fun` once in Python at the start, check its values and return them and their form."""
+    """Call `fun` twice in Python at the start, check its values and return them and their form."""
     filled, form = _values(name, out, fun, arity, start, shape, hint, np.nan)
     if np.all(np.isfinite(filled)):
+        again, _ = _values(name, out, fun, arity, start, shape, hint, np.nan)
+        if not close(again, filled):
+            required = "give equal values for equal t, y"
+            got = f"{shown(filled)} and then {shown(again)}"
+            remedy = f"take no random numbers and keep no state, {defined(fun)}"
+            raise ValueError(complaint(name, required, got, remedy))
         return filled, form
     if arity == 4:
         again, _ = _values(name, out, fun, arity, start, shape, hint, 0.5)
@@ -78,6 +84,13 @@ def try_out(name, out, fun, arity, start, shape, hint):
             raise ValueError(complaint(name, f"set every entry of {out}", got, defined(fun)))
     remedy = f"check y0 = {shown(start.y)} and params = {shown(start.params)}, {defined(fun)}"
     raise ValueError(complaint(name, f"be finite at t = {start.t:g}", shown(filled), remedy))
+
+
+def close(values, expected):
+    """Return whether values agree to 1e-8."""
+    if np.array_equal(values, expected):  # in a tenth of the time
+        return True
+    return np.allclose(values, expected, rtol=1e-8, atol=1e-12 * np.abs(expected).max(initial=0.0))
 
 
 def _values(name, out, fun, arity, start, shape, hint, fill):
