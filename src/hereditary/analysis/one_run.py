@@ -21,7 +21,7 @@ from ..history.history import History
 from ..meshes import UniformSteps
 from ..schemes.scheme import Scheme
 from ..solver.growing import GrowingStepper
-from ..solver.opening import modes_tolerance, tolerances, uniform_steps
+from ..solver.opening import modes_tolerance, steps_in, tolerances, uniform_steps
 from ..solver.progress import Interruption, ProgressBar
 from ..solver.run import Drive, reached_end, told
 from ..solver.solution import Status
@@ -101,7 +101,7 @@ def march(request: Request) -> Run:
     tols = _tolerances(scheme, request.mode, request.rtol, request.atol)
     adaptive_marks = tols and request.n_steps is None and resume is None
     n_steps = _MARKS if adaptive_marks else request.n_steps
-    h, n_total, prepared = uniform_steps(t_end, n_steps, resume)
+    h, n_total, prepared = uniform_steps(equation, t_end, n_steps, resume)
     settings = _settings(request, h, n_total)
     system = marched(equation, scheme, request.mode)
     start = _directions(request.directions, settings["seed"], settings["k"], n_data(equation))
@@ -134,7 +134,7 @@ def _settings(request, h, n_total):
         required = f"be at most the number of initial data, {most}"
         raise ValueError(complaint("k", required, k))
     if renorm is not None:
-        renorm = h * max(1, round(positive("renorm", renorm) / h))
+        renorm = h * max(1, steps_in("renorm", positive("renorm", renorm), h))
     elif mode == "restart":
         remedy = "the numbers depend on it"
         raise TypeError(complaint("renorm", 'be given with mode="restart"', "none", remedy))

@@ -230,7 +230,7 @@ def _opened(equation, kinds, t_last, times, how):
             raise ValueError(complaint(name, "come with Collocation here", how[name]))
     history = SumOfExponentials() if history is None else history
     instance("history", history, History, "hereditary.SumOfExponentials()")
-    h, n_steps, _ = uniform_steps(t_last - start, how["n_steps"], None, start)
+    h, n_steps, _ = uniform_steps(system, t_last - start, how["n_steps"], None)
     march = Stepper(system, scheme, history, UniformSteps(h), n_steps, directions)
     march.prepare(n_steps)
     ends = np.array([start, t_last]) if times is None else times

@@ -62,6 +62,8 @@ class Kernel(MemoryKernel):
         if not callable(function):
             remedy = "use Kernel.from_table(t, K) for data"
             raise TypeError(complaint("function", "be callable", repr(function), remedy))
+        if not isinstance(signed, (bool, np.bool_)):
+            raise TypeError(complaint("signed", "be True or False", repr(signed)))
         self._function, self._signed = function, bool(signed)
         if singular_exponent is None:
             self._exponent = self._slope_at_zero()

@@ -168,7 +168,7 @@ def ensemble(
     if rtol is None and not scheme.adaptive:
         if atol is not None:
             raise ValueError(complaint("atol", "come with rtol", atol))
-        h, n_steps, _ = uniform_steps(t_last - start, n_steps, None, start)
+        h, n_steps, _ = uniform_steps(equation, t_last - start, n_steps, None)
         kept = _kept(n_steps, save_every, times, h, start)
         times = start + h * kept
         times[-1] = t_last if kept[-1] == n_steps else times[-1]

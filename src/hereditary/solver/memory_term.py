@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-import numbers
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._checks import complaint, count, instance, positive, real_array
+from .._checks import complaint, count, instance, positive, real, real_array
 from ..compiled.term import close_piece, open_lag
 from ..history.exponentials import SumOfExponentials
 from ..history.history import History
@@ -274,10 +273,8 @@ def _operator(kernel_or_order):
     """Return the operator of an order or a kernel, and whether a kernel is known by its values."""
     if isinstance(kernel_or_order, MemoryKernel):
         return Memory(kernel_or_order, 1), kernel_or_order.by_values
-    if not isinstance(kernel_or_order, numbers.Real):
-        required = "be an order alpha or a memory kernel"
-        raise TypeError(complaint("kernel_or_order", required, repr(kernel_or_order)))
-    return Caputo(float(kernel_or_order)), False
+    required = "be an order alpha or a memory kernel"
+    return Caputo(real("kernel_or_order", kernel_or_order, required)), False
 
 
 def _alone(operator):

@@ -66,7 +66,8 @@ def check_end(t_end, equation):
 
 def tolerances(rtol, atol):
     """Relative and absolute tolerance, checked, or what stands for them by default."""
-    interval, remedy = f"[{TOLERANCE_FLOOR:g}, 0.1]", "double precision allows no less"
+    interval = f"[{TOLERANCE_FLOOR:g}, 0.1]"
+    remedy = "write a number such as rtol=1e-6; below 1e-12 rounding decides"
     rtol = 1e-6 if rtol is None else rtol
     rtol = within("rtol", rtol, TOLERANCE_FLOOR, 0.1, interval, remedy)
     return rtol, 1e-2 * rtol if atol is None else positive("atol", atol)
@@ -99,13 +100,17 @@ def _on_mesh(equation, scheme, history, mesh, t_end, n_steps, resume, allow_chan
 
 def _on_uniform_steps(equation, scheme, history, t_end, n_steps, resume, allow_change):
     """Stepper with uniform steps, anew or resumed, and its last step number."""
-    h, n_total, prepared = uniform_steps(t_end, n_steps, resume, equation.frame.start)
-    order = float(equation.highest_orders().max())
-    if h == 0 or not _LEAST < order * math.log10(h) < _MOST:
-        required = f"leave steps h whose power h**{order:g} is a number of double precision"
-        raise ValueError(complaint("t_end", required, f"h = {h}", "take another unit of time"))
+    h, n_total, prepared = uniform_steps(equation, t_end, n_steps, resume)
     stepper = Stepper(equation, scheme, history, UniformSteps(h), prepared)
     return resumed(stepper, resume, allow_change), n_total
+
+
+def steps_in(name, length, h):
+    """Return the number of steps h next to a length."""
+    if not length / h <= _COUNTED:
+        required = f"be at most {_COUNTED:.0e} steps h = {h:g}"
+        raise ValueError(complaint(name, required, f"{length:g}"))
+    return round(length / h)
 
 
 def resumed(stepper, state, allow_change):
@@ -118,11 +123,9 @@ def resumed(stepper, state, allow_change):
     return stepper
 
 
-def uniform_steps(t_end, n_steps, state, origin=0.0):
-    """Step, last step number and the number of steps that the history is opened for.
-
-    Messages name times from `origin` on.
-    """
+def uniform_steps(equation, t_end, n_steps, state):
+    """Return step, last step number and the number of steps that the history is opened for."""
+    origin = equation.frame.start
     if state is None:
         if n_steps is None:
             raise TypeError(complaint("n_steps", "be given", "none", "e.g. n_steps=10_000"))
@@ -130,11 +133,15 @@ def uniform_steps(t_end, n_steps, state, origin=0.0):
         if n_steps > _COUNTED:
             required = f"be at most {_COUNTED:.0e}, as far as times of steps are told apart"
             raise ValueError(complaint("n_steps", required, f"{n_steps:.3g}"))
-        return t_end / n_steps, n_steps, n_steps
+        h, order = t_end / n_steps, float(equation.highest_orders().max())
+        if h == 0 or not _LEAST < order * math.log10(h) < _MOST:
+            required = f"leave steps h whose power h**{order:g} is a number of double precision"
+            raise ValueError(complaint("t_end", required, f"h = {h}", "take another unit of time"))
+        return h, n_steps, n_steps
     if state.h == 0:
         required = "be given where a run on a mesh goes on"
         raise TypeError(complaint("mesh", required, "none", "times from the state's time on"))
-    n_total = round(t_end / state.h)
+    n_total = steps_in("t_end", t_end, state.h)
     if n_total <= state.n:
         required = f"exceed the state's time {origin + state.t}"
         raise ValueError(complaint("t_end", required, origin + t_end))
