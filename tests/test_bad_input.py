@@ -1,6 +1,7 @@
 """Bad input: refused before any run, in one wording."""
 
 import math
+from functools import partial
 
 import numpy as np
 import pytest
@@ -261,3 +262,129 @@ def test_an_order_may_cross_1_where_d_is_stated():
     ):
         with pytest.raises(ValueError, match=told):
             hd.Equation(hd.Caputo(1.5), decay, y0, d=d)
+
+
+def linear(t, y, p):
+    return -p[0] * y
+
+
+LINEAR = hd.Equation(hd.Caputo(0.7), linear, 1.0, params=[1.0])
+MASKED = np.ma.array([0.5, 1.0], mask=[False, True])
+LOOKUP = {"level": 0.5}
+
+
+def velocity(t, x):
+    return -x[0] - 0.3 * x[1]
+
+
+def noisy(t, y):
+    return -y + np.random.default_rng().normal()
+
+
+def looked_up(t, y):
+    return y[0] - LOOKUP.get("level")
+
+
+def fit(**change):
+    t, data = [0.1, 0.2, 0.5], [0.9, 0.8, 0.6]
+    return hd.fit(lambda r: LINEAR.replace(params=[r]), t, data, {"r": 1.0}, **change)
+
+
+def fit_an_order():
+    t = np.linspace(0.1, 3.0, 10)
+    hd.fit(lambda a: hd.Equation(hd.Caputo(a), decay, [1.0, 0.0], d=1), t, 5.0 * t, {"a": 0.1})
+
+
+@pytest.mark.parametrize(
+    ("call", "error", "words"),
+    [
+        # a name for an object
+        (partial(run, scheme="L1"), TypeError, ["scheme must be a Scheme", "'L1'", "hd.L1()"]),
+        (partial(run, scheme="bdf2"), TypeError, ["hd.BDF()"]),
+        (partial(run, scheme="explicit"), TypeError, ["hd.ExplicitCaputo()"]),
+        (partial(run, scheme="IMEX"), TypeError, ["hd.IMEX(...)"]),
+        (partial(run, scheme="Radau"), TypeError, ["pass hereditary.ExplicitCaputo()"]),
+        (partial(run, history="FFT"), TypeError, ["history must be a History", "hd.FFT()"]),
+        # keywords of other solvers
+        (partial(run, t0=1.0), TypeError, ["t0 must be left out", "t_start"]),
+        (partial(run, t_span=(0, 1)), TypeError, ["t_span must", "t_start", "solve(eq, t_end)"]),
+        (partial(run, method="RK45"), TypeError, ["method must", "scheme="]),
+        # numbers that are none, or too large
+        (partial(hd.solve, LINEAR, 1.0, rtol=1), ValueError, ["rtol must lie", "rtol=1e-6"]),
+        (partial(hd.solve, LINEAR, 1.0, rtol="1e-6"), TypeError, ["rtol must lie", "a number"]),
+        (lambda: hd.solve(LINEAR, 1e308, resume=hd.solve(LINEAR, 1.0, 10).state),
+         ValueError, ["t_end must be at most 9e+15 steps h = 0.1", "1e+308"]),
+        (partial(hd.lyapunov, LINEAR, 2.0, 200, renorm=1e300), ValueError, ["renorm must be at"]),
+        (partial(hd.lyapunov, LINEAR, 2.0, 200, renorm=1e308), ValueError, ["renorm must be at"]),
+        (partial(hd.sensitivities, LINEAR, 1e-320, 20), ValueError, ["another unit of time"]),
+        (partial(hd.lyapunov, LINEAR, 1e-320, rtol=1e-6, scheme=hd.Collocation()),
+         ValueError, ["another unit of time"]),
+        # functions
+        (partial(hd.Equation, hd.Caputo(1.8), velocity, [1.0, 0.0]),
+         ValueError, ["two write [[y(0)", "memory=hd.Caputo(1)", "(t, y, memory)", "memory[0, 0]"]),
+        (partial(hd.Equation, hd.Caputo(1.8), velocity, [[1.0], [0.0]]),
+         ValueError, ["memory=hd.Caputo(1)", "memory[0, 0]"]),
+        (partial(hd.Equation, hd.Caputo(0.8), noisy, 1.0),
+         ValueError, ["rhs must give equal values for equal t, y", "random numbers", "at line"]),
+        (partial(run, rtol=1e-6, n_steps=None, switches=looked_up),
+         TypeError, ["switches must", "LOOKUP", "numba cannot compile it at line"]),
+        (partial(hd.Kernel, lambda t: np.exp(-t), signed="abc"), TypeError, ["signed must be"]),
+        (partial(hd.memory_term, True, 0.1, hd.L1(), 1.0), TypeError, ["an order alpha", "True"]),
+        # fits
+        (partial(fit, observe=np.diff), ValueError, ["shape (3,)", "got shape (3, 0)"]),
+        (partial(fit, observe=[1]), ValueError, ["observe must be numbers of components, 0 to 0"]),
+        (partial(fit, observe=0.5), ValueError, ["observe must be numbers of components"]),
+        (partial(fit, observe=[-1]), ValueError, ["observe must be numbers of components"]),
+        (partial(fit, observe=True), ValueError, ["observe must be numbers of components"]),
+        (fit_an_order, ValueError, ["order must lie in (0, 20]", "from model at a = 0", "bounds="]),
+    ],
+)  # fmt: skip
+def test_messages_say_what_to_write(call, error, words):
+    with pytest.raises(error) as caught:
+        call()
+    missing = [word for word in words if word not in str(caught.value)]
+    assert not missing, str(caught.value)
+
+
+def test_the_hint_on_a_velocity_is_right():
+    def hinted(t, x, memory):
+        return -x[0] - 0.3 * memory[0, 0]
+
+    start, classical = [1.0, 0.0], hd.Caputo(1.8) + 0.3 * hd.Caputo(1)
+    ours = hd.solve(hd.Equation(hd.Caputo(1.8), hinted, start, memory=hd.Caputo(1)), 5.0, rtol=1e-8)
+    theirs = hd.solve(hd.Equation(classical, decay, start), 5.0, rtol=1e-8)
+    assert ours.y[-1] == pytest.approx(theirs.y[-1], abs=1e-7)
+
+
+@pytest.mark.parametrize(
+    "read",
+    [
+        partial(hd.Equation, hd.Caputo(0.7), decay),
+        lambda y0: hd.Equation(hd.Caputo(0.7), decay, 1j * y0),
+        lambda y0: hd.Equation(hd.Caputo(0.7), decay, [y0, y0]),
+        lambda params: LINEAR.replace(params=params),
+        lambda order: hd.Caputo(order),
+        lambda coefficient: coefficient * hd.Caputo(0.5),
+        lambda t_eval: run(t_eval=t_eval),
+        lambda mesh: run(mesh=np.ma.concatenate([[0.0], mesh]), n_steps=None, scheme=hd.L1()),
+        lambda breaks: run(breaks=breaks),
+        lambda components: run(components=np.ma.array([0, 0], mask=components.mask)),
+        lambda t: run()(t),
+        lambda y0: hd.ensemble(LINEAR, 1.0, 10, y0=y0),
+        lambda linear: hd.Equation(hd.Caputo(0.7), None, [1, 1], linear=np.ma.stack([linear] * 2)),
+        lambda rates: hd.Prony(rates, [1.0, 1.0]),
+        lambda t: hd.Kernel.from_table(np.ma.concatenate([t, [2.0, 3.0]]), [4.0, 3.0, 2.0, 1.0]),
+        hd.zero_one_test,
+        hd.power_spectrum,
+        lambda sigma: fit(sigma=np.ma.concatenate([[1.0], sigma])),
+        lambda a: hd.sweep(lambda a: {"a": a}, {"a": a}),
+    ],
+)
+def test_masked_entries_are_refused(read):
+    with pytest.raises(ValueError, match="got masked entries; leave these entries out, or fill"):
+        read(MASKED)
+
+
+def test_masked_arrays_without_masked_entries_are_arrays():
+    equation = hd.Equation(hd.Caputo(0.7), decay, np.ma.array([1.0, 2.0], mask=False))
+    assert equation.y0.tolist() == [[1.0, 2.0]]

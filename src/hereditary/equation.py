@@ -38,7 +38,7 @@ from .system import System, later, leading_orders
 class Equation(System):
     """An initial value problem ``sum_j c_j (memory operator)_j y = rhs(t, y)`` from t_start on.
 
-    Everything is checked here: the right-hand side is called once at the start and compiled, so
+    Everything is checked here: the right-hand side is called twice at the start and compiled, so
     that a mistake is reported before any run.
 
     Parameters
@@ -46,7 +46,8 @@ class Equation(System):
     terms : Caputo, Memory, Term, a sum or a sequence of them
         Operators with their coefficients, ``[Caputo(1.8), 0.25 * Caputo(0.8)]`` or ``Caputo(1.8) +
         0.25 * Caputo(0.8)``. Orders and coefficients are one for all components or of shape (d,); a
-        coefficient of shape (d, d) has a row for each equation and a column for each component.
+        coefficient of shape (d, d) has a row for each equation and a column for each component. A
+        sequence is a sum: two components of orders 0.9 and 0.8 are ``Caputo([0.9, 0.8])``.
     rhs : callable, or None beside `linear`
         ``rhs(t, y)`` or ``rhs(t, y, params)`` returning shape (d,) (or a number when d = 1), or in
         place ``rhs(t, y, dy, params)``; told apart by the number of arguments. t is a float, y has
@@ -54,7 +55,8 @@ class Equation(System):
         global or a closed-over value that it reads has changed. What numba cannot compile (methods,
         callable objects, SciPy's functions, try) is called in Python, with a
         `PythonFunctionWarning`: 3 us more a call, and its exceptions pass through. It must not
-        write into y or params; an index out of bounds ends the run.
+        write into y or params, and give equal values for equal t and y; an index out of bounds ends
+        the run.
     y0 : array_like, shape (m, d)
         Initial values y(0), y'(0), ..., with m = ceil(highest order). Shorthands: shape (m,) when
         d = 1, shape (d,) when m = 1, a number when both are 1. A component whose own highest order
@@ -186,7 +188,7 @@ class Equation(System):
         given = {"bandwidth": bandwidth, "jac_sparsity": jac_sparsity, "linear": linear}
         rearranged = initial.shape[0] > 2 or factors.ndim > 2 or paired or bool(self.memory)
         said = stated(d, rhs, jac, rearranged, **given)
-        hint = partial(of_shorthand, values, initial)
+        hint = partial(of_shorthand, values, initial, bool(self.memory))
         entries = said.values_of(jac, start)
         functions = functions_of(rhs, entries, jac_memory, start, hint, said.shape)
         self._callbacks, self._constants = functions.callbacks, said.constants()

@@ -2,12 +2,18 @@
 
 import numpy as np
 
-from ._checks import complaint, real_array, shown
+from ._checks import complaint, real_array, refuse_masked, shown
+
+_SPEED = (
+    "; y' is no entry of y: with memory=hd.Caputo(1), rhs(t, y, memory) or rhs(t, y, memory, "
+    "params) reads it as memory[0, 0]"
+)
 
 
 def finite(y0):
     """Return initial values as an array of finite numbers, real or complex."""
     remedy = "give shape (m, d): y(0), y'(0), ..."
+    refuse_masked("y0", y0)
     try:
         is_complex = np.array(y0).dtype.kind == "c"
     except (TypeError, ValueError):  # rows of unequal length
@@ -53,11 +59,12 @@ def rows_of(values, m, d):
     return np.ascontiguousarray(rows)
 
 
-def of_shorthand(values, initial):
-    """Say what a flat y0 was taken for, where it could mean something else."""
+def of_shorthand(values, initial, reads_memory):
+    """Return what a flat y0 was taken for, and how rhs reads y', where these may be meant."""
+    speed = _SPEED if initial.shape == (2, 1) and not reads_memory else ""
     if values.ndim != 1 or initial.shape[0] == 1:
-        return ""
+        return speed
     return (
         f"; y0 = {shown(values)} is taken for y(0) and y'(0) of one component: for two write "
-        "[[y(0), ...], [y'(0), ...]]"
+        f"[[y(0), ...], [y'(0), ...]]{speed}"
     )

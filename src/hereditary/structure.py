@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ._checks import complaint, count
+from ._checks import complaint, count, refuse_masked
 from ._structured import behind_params, dense_of, dense_with_linear, entries_of, with_linear
 from ._trial import arity_of
 from .compiled.jacobian import COLUMNS, CONSTANTS, GROUPS, N_ENTRY_ROWS, ROWS
@@ -311,6 +311,7 @@ def _linear(linear, d):
 
 def _as_matrix(name, given, required):
     """Return an array as a sparse matrix."""
+    refuse_masked(name, given, required)
     try:
         values = np.asarray(given)
     except ValueError:  # rows of unequal length

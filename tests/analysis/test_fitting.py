@@ -83,6 +83,8 @@ def test_missing_values_are_left_out():
     here = np.isfinite(gaps)
     found = hd.fit(relaxation, T, gaps, GUESS, bounds=BOUNDS)
     less = hd.fit(relaxation, T[here], data[here], GUESS, bounds=BOUNDS)
+    masked = np.ma.array(np.where(here, data, 1e3), mask=~here)
+    assert hd.fit(relaxation, T, masked, GUESS, bounds=BOUNDS).parameters == found.parameters
     assert found.parameters == pytest.approx(less.parameters, abs=1e-6)
     assert np.array_equal(np.isnan(found.residuals[0][:, 0]), ~here)
 
@@ -221,7 +223,7 @@ def test_runs_that_end_early_are_left_behind(sigma):
         ({"t_eval": T}, "t_eval must be left out"),
         ({"t": [T, T], "data": [T, T], "sigma": [0.1, None]}, "sigma must be given for all"),
         ({"model": lambda alpha, rate: None}, "model must return an Equation"),
-        ({"observe": lambda y: y[:, [0, 0]]}, "observe must give 1 real values"),
+        ({"observe": lambda y: y[:, [0, 0]]}, r"observe must give real values of shape \(30,\)"),
         ({"t": [T, T]}, "data must be a list of 2 series"),
         ({"t": np.linspace(-1.0, 1.0, 30)}, "t must begin at t_start = 0 or later"),
     ],

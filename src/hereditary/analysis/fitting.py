@@ -105,7 +105,7 @@ def fit(
     t : array_like, shape (n,), or list of such
         Increasing times of the data [time]; a list of several series.
     data : array_like, shape (n,) or (n, k), or list of such
-        NaN for missing values.
+        NaN, or a masked entry, for a missing value.
     p0 : mapping of str to float, or sequence of float
         First guess; names are "p0", "p1", ... where a sequence is given.
     bounds : mapping of str to (float, float), optional
@@ -244,7 +244,14 @@ class _Runs:
         self.count += 1
         values = p.tolist()
         named = dict(zip(self._names, values, strict=True))
-        made = self._model(**named) if self._named else self._model(p.copy())
+        try:
+            made = self._model(**named) if self._named else self._model(p.copy())
+        except ValueError as error:
+            if self.count == 1:  # at p0
+                raise
+            at = ", ".join(f"{name} = {value:.6g}" for name, value in named.items())
+            remedy = "keep parameters in range by bounds={name: (lowest, highest)}"
+            raise ValueError(f"{error}, from model at {at}; {remedy}") from error
         equations = _equations(made, len(self._series))
         pairs = zip(equations, self._series, strict=True)
         return [_solved(*pair, self._how) for pair in pairs]

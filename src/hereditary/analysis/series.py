@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .._checks import complaint, real_array, shown
+from .._checks import complaint, component_numbers, real_array, shown
 
 # A residual that is no number counts as ten of the largest one, or of so many of the largest value.
 _FAR = 1e2
@@ -15,7 +15,7 @@ _FAR = 1e2
 class Series(NamedTuple):
     """Data at increasing times, and their standard deviations.
 
-    t (n,), data (n, k), NaN where a value is missing, and sigma (n, k) or None.
+    t (n,), data (n, k), NaN where a value is missing or masked, and sigma (n, k) or None.
     """
 
     t: np.ndarray
@@ -35,18 +35,21 @@ class Series(NamedTuple):
     def lacking(self, solution, observe):
         """Return model minus data, (n, k): NaN where data are missing, inf where the run ended."""
         n, k = self.data.shape
-        y = solution.y
-        if observe is None:
+        y, rows = solution.y, len(solution.y)
+        if callable(observe):
+            seen = np.asarray(observe(y))
+        elif observe is None:
             seen = y[:, :k]
         else:
-            seen = np.asarray(observe(y) if callable(observe) else y[:, np.asarray(observe)])
-        seen = seen.reshape(len(y), -1)
-        if seen.shape[1] != k or seen.dtype.kind not in "iuf":
-            required = f"give {k} real values at each time, as data has"
-            got = f"{seen.shape[1]} of {seen.dtype} from y of {y.shape[1]} components"
+            seen = y[:, component_numbers(observe, y.shape[1], "observe")]
+        if seen.shape[:1] != (rows,) or seen.size != rows * k or seen.dtype.kind not in "iuf":
+            required = (
+                f"give real values of shape ({rows}{f', {k}' if k > 1 else ','}), as data has"
+            )
+            got = f"shape {seen.shape} of {seen.dtype} from y of shape {y.shape}"
             raise ValueError(complaint("observe", required, got))
         found = np.full((n, k), np.inf)
-        found[: len(y)] = seen - self.data[: len(y)]
+        found[:rows] = seen.reshape(rows, k) - self.data[:rows]
         found[np.isnan(self.data)] = np.nan
         return found
 
@@ -87,7 +90,7 @@ def _one(place, t, data, sigma):
     if np.iscomplexobj(np.asarray(data)):
         remedy = "give real and imaginary part as two values, and observe them"
         raise TypeError(complaint(f"data{place}", "be real", "complex numbers", remedy))
-    values = np.array(data, dtype=float)
+    values: np.ndarray = np.ma.array(data, dtype=float, copy=True).filled(np.nan)
     required = f"have shape ({times.size},) or ({times.size}, k), NaN for missing values"
     if values.ndim not in (1, 2) or len(values) != times.size:
         raise ValueError(complaint(f"data{place}", required, f"shape {values.shape}"))

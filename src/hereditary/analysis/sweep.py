@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._checks import complaint, instance, shown
+from .._checks import complaint, instance, refuse_masked, shown
 from .._machine import cores
 from ..solver.progress import Interruption, ProgressBar
 from .store import Store
@@ -152,6 +152,7 @@ def _axis(name, values):
         required = "be named by strings other than '' and 'status'"
         raise ValueError(complaint("axes of grid", required, repr(name)))
     argument = f"grid[{name!r}]"
+    refuse_masked(argument, values, "hold numbers or strings alone")
     try:
         array = np.asarray(values)
     except ValueError:  # rows of unequal length

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .._checks import complaint, real_array, shown
+from .._checks import complaint, real_array, refuse_masked, shown
 from ..equation import Equation
 
 _NEITHER = "be given, params or y0 or both"
@@ -46,6 +46,7 @@ def members_of(equation: Equation, params, y0) -> Members:
 
 def _table(name, given, is_complex=False):
     """Return an array with a row for each member."""
+    refuse_masked(name, given)
     if is_complex:
         table = np.array(given, dtype=complex)
         for part in (table.real, table.imag):

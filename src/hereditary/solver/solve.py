@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from functools import wraps
+from typing import ParamSpec
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -35,10 +37,38 @@ from .stepping import Asked, open_run
 from .stops import checked_breaks
 from .switches import switched
 
+_P = ParamSpec("_P")
 # Largest save_every: a whole number that arrays hold.
 _MOST_STEPS = 2**53
+# What to write instead of keywords of other solvers.
+_INSTEAD = {
+    "t0": "Equation(..., t_start=t0) sets the start",
+    "t_span": "Equation(..., t_start=...) sets the start, and solve(eq, t_end) the end",
+    "y0": "Equation(terms, rhs, y0) has it",
+    "args": "Equation(..., params=...) has them",
+    "jac": "Equation(..., jac=...) has it",
+    "method": "pass scheme=, e.g. scheme=hd.BDF(2)",
+    "dense_output": "sol(t) is the dense output of every solution",
+    "h": "pass n_steps, for steps of (t_end - t_start) / n_steps",
+    "dt": "pass n_steps, for steps of (t_end - t_start) / n_steps",
+}
 
 
+def _refusing(solver: Callable[_P, Solution]) -> Callable[_P, Solution]:
+    """Return a solver that says what to write instead of keywords of other solvers."""
+
+    @wraps(solver)
+    def refusing(*args: _P.args, **keywords: _P.kwargs) -> Solution:
+        for name in keywords.keys() & _INSTEAD:
+            raise TypeError(
+                complaint(name, "be left out of solve", repr(keywords[name]), _INSTEAD[name])
+            )
+        return solver(*args, **keywords)
+
+    return refusing
+
+
+@_refusing
 def solve(
     equation: Equation,
     t_end: float,
