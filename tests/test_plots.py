@@ -45,6 +45,49 @@ def test_phase_portrait(oscillation, relaxation):
     assert np.array_equal(plane.lines[0].get_ydata(), relaxation.y[:, 1])
 
 
+def distance(points, x, y):
+    """Return the largest distance of points (k, 2) from a polygon, in shares of its size."""
+    corners = np.column_stack([x, y]) / (np.ptp(x), np.ptp(y))
+    start, along = corners[:-1], np.diff(corners, axis=0)
+    off = (points / (np.ptp(x), np.ptp(y)))[:, None] - start
+    place = np.clip((off * along).sum(2) / np.maximum((along**2).sum(1), 1e-300), 0, 1)
+    return np.linalg.norm(off - place[..., None] * along, axis=2).min(axis=1).max()
+
+
+@pytest.mark.parametrize("rtol", [1e-3, 1e-9])
+def test_lines_follow_the_solution_between_long_steps(rtol):
+    """To a thousandth of their size; the chords between the rows do not."""
+    bouncing = hd.Equation(hd.Caputo(2) + 0.5 * hd.Caputo(1.5), lambda t, x: -x, [1.0, 0.0])
+    fading = hd.Equation(hd.Caputo([0.3, 0.6]), lambda t, y: -y, [1.0, 2.0])
+    t = np.unique([*np.geomspace(1e-6, 0.1, 300), *np.linspace(0.1, 30.0, 700)])
+    swing, fall = (hd.solve(equation, 30.0, rtol=rtol) for equation in (bouncing, fading))
+    for draw, sol, line, rows in (
+        (hd.plots.oscillogram, swing, (t, swing(t)), (swing.t, swing.y)),
+        (hd.plots.velocity, swing, (t, swing(t, 1)), (swing.t, swing.ydot)),
+        (hd.plots.phase_portrait, swing, (swing(t), swing(t, 1)), (swing.y, swing.ydot)),
+        (hd.plots.oscillogram, fall, (t, fall(t)[:, 0]), (fall.t, fall.y[:, 0])),
+        (hd.plots.phase_portrait, fall, fall(t).T, fall.y.T),
+    ):
+        points = np.column_stack(line)
+        assert distance(points, *draw(sol).lines[0].get_data()) < 1e-3
+        assert distance(points, *map(np.ravel, rows)) > 1e-3
+    asked = hd.solve(bouncing, 30.0, rtol=rtol, t_eval=t)
+    assert np.array_equal(hd.plots.oscillogram(asked).lines[0].get_xdata(), t)
+
+
+def test_jumps_are_drawn_upright():
+    def fire(t, v):
+        return v[0] - 1.0
+
+    fire.change = lambda t, v: 0.0 * v
+    leaky = hd.Equation(hd.Caputo(0.8), lambda t, v: 1.5 - v, 0.0)
+    sol = hd.solve(leaky, 3.0, rtol=1e-6, events=fire)
+    t, v = hd.plots.oscillogram(sol).lines[0].get_data()
+    jumps = np.flatnonzero(np.diff(t) == 0)
+    assert np.array_equal(t[jumps], sol.t_events[0])
+    np.testing.assert_allclose(v[jumps] - v[jumps + 1], 1.0, atol=1e-9)
+
+
 def test_given_axes_are_used(oscillation):
     _, ax = plt.subplots()
     assert hd.plots.oscillogram(oscillation, ax) is ax
@@ -106,6 +149,10 @@ def test_bifurcation_shows_every_sample_once():
     assert ax.lines[0].get_xdata().tolist() == [0.1, 0.1, 0.2]
     assert ax.lines[0].get_ydata().tolist() == [1.0, 2.0, 3.0]
     assert not ax.lines[0].get_rasterized()
+    failed = table_of({"friction": [0.1, 0.2]}, ["diverged", "completed"], place=samples)
+    shown, cross = hd.plots.bifurcation(failed).lines
+    assert shown.get_xydata().tolist() == [[0.2, 3.0]]
+    assert cross.get_xdata().tolist() == [0.1]
     many = table_of({"friction": np.arange(3.0)}, place=np.zeros((3, 1000)))
     assert hd.plots.bifurcation(many).lines[0].get_rasterized()
 

@@ -234,11 +234,26 @@ def test_refusals(changes, message):
         hd.fit(**arguments)
 
 
-def test_figure():
+def test_figure_shows_the_model_between_the_data_too():
     data = np.where(np.arange(T.size) == 3, np.nan, measured(noise=0.01))
-    ax = hd.plots.fit(hd.fit(relaxation, T, data, GUESS, bounds=BOUNDS, sigma=0.01))
-    assert ax.lines[1].get_xdata().size == T.size - 1
+    found = hd.fit(relaxation, T, data, GUESS, bounds=BOUNDS, sigma=0.01)
+    ax = hd.plots.fit(found)
+    t, model = ax.lines[1].get_data()
+    assert t.size > 1000
+    assert (t[0], t[-1]) == (T[0], T[-1])
+    np.testing.assert_allclose(model, measured(*found.parameters.values(), t=t), rtol=0, atol=1e-7)
     assert "alpha 0.7" in ax.get_title()
+
+
+@pytest.mark.parametrize(
+    "observe", [lambda y: y[:, 0] * T, lambda y: -np.diff(y[:, 0], prepend=1.0)]
+)
+def test_what_is_observed_at_the_times_of_the_data_alone_is_drawn_there(observe):
+    data = observe(measured()[:, None])
+    found = hd.fit(relaxation, T, data, GUESS, bounds=BOUNDS, observe=observe)
+    t, model = hd.plots.fit(found).lines[1].get_data()
+    assert np.array_equal(t, T)
+    np.testing.assert_allclose(model, data, rtol=0, atol=1e-6)
 
 
 class Asked:

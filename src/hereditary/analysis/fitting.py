@@ -54,6 +54,8 @@ class FitResult:
         Sets of runs, one run for each series.
     series : list of Series
         Times, data and their standard deviations, as fitted.
+    curves : list of (ndarray, ndarray)
+        Times (m,) and values (m, k) of the best model for each series, also between the data.
     """
 
     parameters: dict[str, float]
@@ -68,6 +70,7 @@ class FitResult:
     message: str
     n_runs: int
     series: list[Series] = field(repr=False)
+    curves: list[tuple[np.ndarray, np.ndarray]] = field(repr=False)
 
     def __repr__(self):
         told = (
@@ -202,6 +205,7 @@ def fit(
         message=message,
         n_runs=runs.count,
         series=series,
+        curves=runs.curves(found.x, best),
     )
 
 
@@ -239,7 +243,7 @@ class _Runs:
             how = {"rtol": 1e-8, "atol": 1e-10 * min(1.0, largest or 1.0)} | how
         self._how = how
 
-    def solutions(self, p):
+    def solutions(self, p, series):
         """Return solutions with these parameters, one for each series."""
         self.count += 1
         values = p.tolist()
@@ -252,13 +256,12 @@ class _Runs:
             at = ", ".join(f"{name} = {value:.6g}" for name, value in named.items())
             remedy = "keep parameters in range by bounds={name: (lowest, highest)}"
             raise ValueError(f"{error}, from model at {at}; {remedy}") from error
-        equations = _equations(made, len(self._series))
-        pairs = zip(equations, self._series, strict=True)
+        pairs = zip(_equations(made, len(series)), series, strict=True)
         return [_solved(*pair, self._how) for pair in pairs]
 
     def residuals(self, p):
         """Return all residuals over their deviations, (n,); large ones where runs ended early."""
-        solutions = self.solutions(p)
+        solutions = self.solutions(p, self._series)
         pairs = zip(solutions, self._series, strict=True)
         found = [one.weighed(one.lacking(sol, self._observe)) for sol, one in pairs]
         residuals = np.concatenate(found) / self.unit
@@ -270,7 +273,13 @@ class _Runs:
     def at(self, p):
         """Return solutions with these parameters, those of the best set where it is theirs."""
         same = self.best.p is not None and np.array_equal(self.best.p, p)
-        return self.best.solutions if same else self.solutions(p)
+        return self.best.solutions if same else self.solutions(p, self._series)
+
+    def curves(self, p, best):
+        """Return times and values of the model for each series."""
+        fine = self.solutions(p, [one._replace(t=one.finer_times()) for one in self._series])
+        runs = zip(self._series, best, fine, strict=True)
+        return [one.curve(*pair, self._observe) for one, *pair in runs]
 
 
 class _Differences:

@@ -10,6 +10,8 @@ from .._checks import complaint, component_numbers, real_array, shown
 
 # A residual that is no number counts as ten of the largest one, or of so many of the largest value.
 _FAR = 1e2
+# A curve of the model has at least so many points: about the pixels of a figure's width.
+_FINE = 1000
 
 
 class Series(NamedTuple):
@@ -32,10 +34,15 @@ class Series(NamedTuple):
         """Largest absolute value."""
         return float(np.nanmax(np.abs(self.data)))
 
-    def lacking(self, solution, observe):
-        """Return model minus data, (n, k): NaN where data are missing, inf where the run ended."""
-        n, k = self.data.shape
-        y, rows = solution.y, len(solution.y)
+    def finer_times(self):
+        """Return times that divide the gaps between the data's times evenly."""
+        parts = _FINE // self.t.size + 2
+        places = np.arange((self.t.size - 1) * parts + 1) / parts
+        return np.interp(places, np.arange(self.t.size), self.t)
+
+    def seen(self, y, observe):
+        """Return what is observed of rows (m, d), (m, k)."""
+        rows, k = len(y), self.data.shape[1]
         if callable(observe):
             seen = np.asarray(observe(y))
         elif observe is None:
@@ -48,10 +55,28 @@ class Series(NamedTuple):
             )
             got = f"shape {seen.shape} of {seen.dtype} from y of shape {y.shape}"
             raise ValueError(complaint("observe", required, got))
-        found = np.full((n, k), np.inf)
-        found[:rows] = seen.reshape(rows, k) - self.data[:rows]
+        return seen.reshape(rows, k)
+
+    def lacking(self, solution, observe):
+        """Return model minus data, (n, k): NaN where data are missing, inf where the run ended."""
+        found = np.full(self.data.shape, np.inf)
+        found[: len(solution.y)] = self.seen(solution.y, observe) - self.data[: len(solution.y)]
         found[np.isnan(self.data)] = np.nan
         return found
+
+    def curve(self, solution, fine, observe):
+        """Return times (m,) and values (m, k) of the model from a run to finer times.
+
+        `observe` may need the data's times: the values are those of `solution`, at these times.
+        """
+        values = self.seen(solution.y, observe)
+        try:
+            often = self.seen(fine.y, observe)
+            again = often[np.isin(fine.t, solution.t)]
+            same = np.allclose(again, values, rtol=0, atol=1e-6 * self.largest)
+        except ValueError:  # of shapes
+            same = False
+        return (fine.t, often) if same else (solution.t, values)
 
     def weighed(self, lacking):
         """Return what is not missing of residuals, over sigma, flat.

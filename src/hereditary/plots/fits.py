@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from ._axes import chosen, made, style
 
 if TYPE_CHECKING:
@@ -22,7 +20,9 @@ def fit(
     components: ArrayLike | None = None,
     **line: Any,
 ) -> Axes:
-    """Data as points, with their standard deviations where given, and the fitted model as lines.
+    """Draw data as points and the fitted model as lines, also between the data.
+
+    Bars show the standard deviations of the data where they are given.
 
     Parameters
     ----------
@@ -40,17 +40,14 @@ def fit(
     """
     ax = made(ax)
     several = len(result.series) > 1
-    for k, (one, lacking) in enumerate(zip(result.series, result.residuals, strict=True)):
+    for k, (one, (t, model)) in enumerate(zip(result.series, result.curves, strict=True)):
         for c in chosen(components, one.data.shape[1]):
             names = [f"series {k}"] * several + [f"value {c}"] * (one.data.shape[1] > 1)
             spread = None if one.sigma is None else one.sigma[:, c]
             (points, *_) = ax.errorbar(
                 one.t, one.data[:, c], spread, fmt=".", alpha=0.7, label=", ".join(names) or "data"
             )
-            seen = np.isfinite(lacking[:, c])
-            fitted = one.data[seen, c] + lacking[seen, c]
-            own = {"ls": "-", "color": points.get_color()}
-            ax.plot(one.t[seen], fitted, **style(own, line))
+            ax.plot(t, model[:, c], **style({"ls": "-", "color": points.get_color()}, line))
     told = ", ".join(
         f"{name} {value:.4g}({result.standard_errors[name]:.1g})"
         for name, value in result.parameters.items()

@@ -1,10 +1,14 @@
-"""Figures of a solution."""
+"""Figures of a solution.
+
+Lines follow the dense output of a run that chose its steps, and join the rows of other runs.
+"""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
 from .._checks import complaint
+from ..solver.dense import curve
 from ._axes import chosen, made, style
 
 if TYPE_CHECKING:
@@ -38,7 +42,7 @@ def oscillogram(
     matplotlib Axes
     """
     ax = made(ax)
-    _lines(ax, solution.t, solution.y, components, line)
+    _lines(ax, solution, 0, components, line)
     ax.set(xlabel="$t$", ylabel="$x$", title="Oscillogram")
     ax.margins(x=0)
     return ax
@@ -55,8 +59,9 @@ def velocity(
 
     Parameters and return value as for `oscillogram`.
     """
+    _check_derivative(solution)
     ax = made(ax)
-    _lines(ax, solution.t, _derivative(solution), components, line)
+    _lines(ax, solution, 1, components, line)
     ax.set(xlabel="$t$", ylabel=r"$\dot x$", title="Velocity")
     ax.margins(x=0)
     return ax
@@ -94,13 +99,13 @@ def phase_portrait(
         required = "name two components, one against the other, for orders up to 1"
         raise ValueError(complaint("components", required, repr(components)))
     if pair:
-        orbits = [(solution.y[:, which[0]], solution.y[:, which[1]])]
         labels = f"$y_{{{which[0] + 1}}}$", f"$y_{{{which[1] + 1}}}$"
     else:
-        slopes = _derivative(solution)
-        orbits = [(solution.y[:, j], slopes[:, j]) for j in which]
+        _check_derivative(solution)
         labels = "$x$", r"$\dot x$"
-    for x, y in orbits:
+    _, columns = curve(solution, which, (0,) if pair else (0, 1))
+    half = columns.shape[1] // 2
+    for x, y in zip(columns.T[:half], columns.T[half:], strict=True):
         (drawn,) = ax.plot(x, y, **style({"lw": 0.8}, line))
         ax.plot(x[0], y[0], "o", ms=4, color=drawn.get_color())
     ax.set(xlabel=labels[0], ylabel=labels[1], title="Phase portrait")
@@ -109,17 +114,16 @@ def phase_portrait(
     return ax
 
 
-def _lines(ax, t, values, components, line):
-    which = chosen(components, values.shape[1])
-    lines = ax.plot(t, values[:, which], **style({"lw": 0.8}, line))
+def _lines(ax, solution, derivative, components, line):
+    which = chosen(components, solution.y.shape[1])
+    lines = ax.plot(*curve(solution, which, (derivative,)), **style({"lw": 0.8}, line))
     if "label" in line:
         ax.legend()
     elif len(which) > 1:
         ax.legend(lines, [f"component {j}" for j in which])
 
 
-def _derivative(solution):
+def _check_derivative(solution):
     if solution.ydot is None:
         required = "hold a first derivative (highest order above 1)"
         raise ValueError(complaint("solution", required, "ydot = None", "plot the oscillogram"))
-    return solution.ydot

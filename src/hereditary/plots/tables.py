@@ -106,7 +106,7 @@ def bifurcation(
     ----------
     table : Table
         Over one axis; for each point an array of samples, filled up with NaN where there are fewer.
-        Points whose status is not "completed" are crossed out.
+        Samples of points whose status is not "completed" are not drawn, a cross marks the point.
     value : str, optional
         Which of its values.
     ax : matplotlib Axes, optional
@@ -124,7 +124,7 @@ def bifurcation(
     ax = made(ax)
     y = np.asarray(table[value], dtype=float).reshape(x.size, -1)
     places, samples = np.repeat(x, y.shape[1]), y.ravel()
-    shown = np.isfinite(samples)
+    shown = np.isfinite(samples) & np.repeat(table.success, y.shape[1])
     many = int(shown.sum()) > _MANY
     own = {"ls": "", "marker": "o", "color": _BLUE, "ms": 1.2 if many else 2, "mew": 0}
     own["rasterized"] = many

@@ -5,6 +5,13 @@ import numpy as np
 from .._checks import complaint, real_array, shown
 from ..frame import Frame
 
+# A curve's chords miss it by at most this share of its size, half a pixel of 1,000; of a curve that
+# never gets smooth, e.g. rounding errors of a constant, so many points.
+_CHORD, _MOST = 5e-4, 100_000
+# Long steps are halved so many times before chords are compared with the curve: an oscillation over
+# a step has chords whose middles lie on it.
+_HALVINGS = 3
+
 
 class Piece:
     """Dense output on one step, or on several consecutive ones."""
@@ -95,3 +102,31 @@ def last_start(starts, t):
     last = starts.searchsorted(t, side="right") - 1
     first = starts.searchsorted(t, side="left")
     return np.where(first <= last, first, last)
+
+
+def curve(solution, components, derivatives=(0,)):
+    """Return times (k,) and values (k, m) that straight lines may join.
+
+    They are the rows and, where the steps are long, points of the dense output between them. The
+    columns are the chosen components of y, of y', or of both one after the other.
+    """
+    t = solution.t
+    values = np.hstack([(solution.y, solution.ydot)[k][:, components] for k in derivatives])
+    if not solution.coarse:
+        return t, values
+    with np.errstate(invalid="ignore", over="ignore"):  # of runs that blew up
+        allowed = _CHORD * np.fmax.reduce(np.abs(values - values[-1]))
+        chords, halvings = np.arange(t.size - 1), 0
+        while chords.size and t.size < _MOST:
+            middle = (t[chords] + t[chords + 1]) / 2
+            inside = (t[chords] < middle) & (middle < t[chords + 1])
+            chords, middle = chords[inside], middle[inside]
+            found = np.hstack([solution(middle, k)[:, components] for k in derivatives])
+            missed = np.abs(found - (values[chords] + values[chords + 1]) / 2) > allowed
+            bent = missed.any(axis=1) | (halvings < _HALVINGS)
+            chords, halvings = chords[bent], halvings + 1
+            t = np.insert(t, chords + 1, middle[bent])
+            values = np.insert(values, chords + 1, found[bent], axis=0)
+            chords = chords + np.arange(chords.size)
+            chords = np.sort(np.concatenate([chords, chords + 1]))
+    return t, values

@@ -15,7 +15,7 @@ from .._checks import complaint, shown
 from .._html import paragraph, rows_of, small_figure
 from .._warning import warn
 from . import exports
-from .dense import Dense
+from .dense import Dense, curve
 from .state import AdaptiveState, State
 from .status import Status
 
@@ -144,8 +144,9 @@ class Solution:
         names = [name for name in wanted if name in self.stats]
         about = paragraph(f"{self.status}: {self.message}")
         told = rows_of(names, [[self.stats[name] for name in names]])
-        parts = (self.y.real, self.y.imag) if np.iscomplexobj(self.y) else (self.y,)
-        return small_figure(self.t, np.hstack(parts)) + about + told
+        t, y = curve(self, slice(None))
+        parts = (y.real, y.imag) if np.iscomplexobj(y) else (y,)
+        return small_figure(t, np.hstack(parts)) + about + told
 
     def to_pandas(self) -> Any:
         """The rows as a pandas DataFrame.
