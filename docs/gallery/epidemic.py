@@ -40,7 +40,7 @@ for name, value in true.items():
     assert abs(found.parameters[name] - value) < 3 * found.standard_errors[name]
 
 fig, ax = plt.subplots(figsize=(7, 4), layout="constrained")
-hd.plots.fit(found, ax)
+hd.plots.fit(found, ax, label="model")
 ax.set(xlabel="day", ylabel="share infected")
 plt.show()
 
@@ -49,3 +49,4 @@ plt.show()
 # better than each.
 
 print(np.round(found.correlation, 2))
+assert np.abs(found.correlation).min() > 0.5

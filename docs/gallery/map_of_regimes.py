@@ -14,14 +14,14 @@ import numpy as np
 import hereditary as hd
 
 
-def regime(speed, adhesion):
-    equation = hd.scenes.stick_slip(spring_speed=speed, adhesion=adhesion)
-    sol = hd.solve(equation, 200.0, n_steps=20_000, scheme=hd.BDF(2), save_every=10)
-    found = hd.classify(sol, period=2 * math.pi / speed)
+def regime(spring_speed, adhesion):
+    equation = hd.scenes.stick_slip(spring_speed=spring_speed, adhesion=adhesion)
+    sol = hd.solve(equation, 200.0, rtol=1e-6)
+    found = hd.classify(sol, period=2 * math.pi / spring_speed)
     return {"regime": found.regime, "certainty": found.certainty, "status": sol.status}
 
 
-grid = {"adhesion": np.linspace(2.0, 60.0, 16), "speed": np.linspace(0.4, 3.0, 16)}
+grid = {"adhesion": np.linspace(2.0, 60.0, 16), "spring_speed": np.linspace(0.4, 3.0, 16)}
 table = hd.sweep(regime, grid, progress=False)
 
 fig, ax = plt.subplots(figsize=(7, 5), layout="constrained")
@@ -34,3 +34,7 @@ plt.show()
 # a long sweep can go on after it was stopped.
 
 assert table.success.all()
+regimes, counts = np.unique(table["regime"], return_counts=True)
+print(dict(zip(regimes.tolist(), counts.tolist(), strict=True)))
+assert table["regime"][0, -1] == "sliding"  # shallow wells, fast pull
+assert np.all(table["regime"][8:] == "stick-slip, periodic")  # deep wells

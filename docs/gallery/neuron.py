@@ -25,20 +25,22 @@ def leaky(t, v):
 
 
 fig, ax = plt.subplots(figsize=(8, 4), layout="constrained")
+intervals = {}
 for alpha in (1.0, 0.8):
     sol = hd.solve(hd.Equation(hd.Caputo(alpha), leaky, 0.0), 12.0, rtol=1e-9, events=fire)
-    spikes = sol.t_events[0]
-    print(f"alpha = {alpha}: intervals", np.round(np.diff(spikes, prepend=0.0), 3))
-    t = np.linspace(0.0, 12.0, 2000)
-    ax.plot(t, sol(t)[:, 0], label=rf"$\alpha$ = {alpha}")
-ax.set(xlabel="$t$", ylabel="$v$")
-ax.legend(loc="lower right")
+    intervals[alpha] = np.diff(sol.t_events[0], prepend=0.0)
+    print(f"alpha = {alpha}: intervals", np.round(intervals[alpha], 3))
+    hd.plots.oscillogram(sol, ax, lw=1.5, label=rf"$\alpha$ = {alpha}")
+ax.set(ylabel="$v$", title="")
 plt.show()
 
 # %%
-# With memory the intervals grow: every spike leaves a jump of y behind which the derivative
-# remembers the whole way up. With ``fire.forget = True`` the past would be forgotten instead, and
-# all intervals would be as long as the first.
+# Without memory all intervals are log 3. With it they grow: every spike leaves a jump of y behind
+# which the derivative remembers the whole way up. With ``fire.forget = True`` the past would be
+# forgotten instead, and all intervals would be as long as the first.
 
-intervals = np.diff(spikes, prepend=0.0)
-assert np.all(np.diff(intervals) > 0)
+assert np.allclose(intervals[1.0], np.log(3), rtol=0, atol=1e-7)
+assert np.all(np.diff(intervals[0.8]) > 0.1)
+fire.forget = True
+sol = hd.solve(hd.Equation(hd.Caputo(0.8), leaky, 0.0), 12.0, rtol=1e-9, events=fire)
+assert np.allclose(np.diff(sol.t_events[0]), intervals[0.8][0], rtol=0, atol=1e-6)

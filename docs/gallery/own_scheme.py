@@ -48,20 +48,25 @@ class Lines(Scheme):
 equation = hd.scenes.relaxation(0.6)
 exact = hd.exact.relaxation(0.6)
 fig, ax = plt.subplots(figsize=(6, 4), layout="constrained")
+last = []
 for scheme in (Lines(0.75), hd.L1(), hd.BDF(2)):
     counts = [100, 200, 400, 800, 1600]
     ends = [hd.solve(equation, 2.0, n, scheme=scheme).y[-1, 0] for n in counts]
     errors = np.abs(np.array(ends) - exact(2.0)[0])
     order = np.log2(errors[-2] / errors[-1])
+    last.append((order, errors[-1]))
     ax.loglog(counts, errors, "o-", label=f"{scheme!r}, order {order:.2f}")
 ax.set(xlabel="steps", ylabel="error at t = 2")
 ax.legend()
 plt.show()
+(own, error), (l1, error_of_l1), (bdf, _) = last
+assert np.allclose([own, l1, bdf], [1.0, 1.0, 2.0], rtol=0, atol=0.05)
+assert 0.45 < error / error_of_l1 < 0.55
 
 # %%
 # The table that papers print, of the largest error at all times: the steps next to the singular
 # start decide it.
 
-print(
-    hd.convergence_table(equation, 2.0, [100, 200, 400], scheme=Lines(), exact=exact).to_markdown()
-)
+table = hd.convergence_table(equation, 2.0, [100, 200, 400], scheme=Lines(), exact=exact)
+print(table.to_markdown())
+assert abs(table.slope - 0.6) < 0.1

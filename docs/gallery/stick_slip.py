@@ -3,11 +3,12 @@ Stick-slip with memory, and its exponents
 =========================================
 
 A load that is pulled over a chain of wells by a spring sticks in a well, slips over the next
-barrier, and sticks again. Inertia and friction have memory: ``D^1.8 x + 0.25 D^0.8 x + x = t + 50
+barriers, and sticks again. Inertia and friction have memory: ``D^1.8 x + 0.25 D^0.8 x + x = t + 50
 sum_n a_n sin(n x)``.
 """
 
 import matplotlib.pyplot as plt
+import numpy as np
 
 import hereditary as hd
 
@@ -18,6 +19,11 @@ fig, (left, right) = plt.subplots(1, 2, figsize=(10, 4), layout="constrained")
 hd.plots.oscillogram(orbit, left)
 hd.plots.phase_portrait(orbit, right)
 
+first, second = hd.scenes.sticking_intervals(orbit)
+print("sticks at first and at last for", first[1] - first[0], second[1] - second[0])
+assert second[0] - first[1] < 5  # the time of the slip
+assert min(first[1] - first[0], second[1] - second[0]) > 40
+
 # %%
 # Is it chaotic? The largest Lyapunov exponent, with all of the memory kept, is negative here, and
 # falls like 1 / T: a number that says how long the run was, not a rate. The verdict says so.
@@ -25,6 +31,8 @@ hd.plots.phase_portrait(orbit, right)
 exponents = hd.lyapunov(equation, 400.0, n_steps=64_000)
 print(exponents.exponents, exponents.verdict)
 assert exponents.verdict == "neutral"
+quarter = np.interp(100.0, exponents.times, exponents.trace[:, 0])
+assert 3 < quarter / exponents.exponents[0] < 5
 
 fig, ax = plt.subplots(figsize=(7, 3.5), layout="constrained")
 ax.plot(exponents.times, exponents.trace[:, 0])
