@@ -98,16 +98,27 @@ def test_jacobians_that_would_write_later_are_refused():
         equation(lambda t, y: -y, jac=jac)
 
 
-def writes_past_read_only(t, y, dy, params):
+def writes_by_flat(t, y, dy, params):
     dy[0] = -y[0]
-    np.ascontiguousarray(y)[0] = 7.0 if t > 0.0 else y[0]
+    y.flat[0] = 7.0 if t > 0.0 else y[0]
     params.flat[0] = 7.0 if t > 0.0 else params[0]
 
 
+def writes_past_read_only(t, y, dy, params):
+    dy[0] = -y[0]
+    np.ascontiguousarray(y)[0] = 7.0 if t > 0.0 else y[0]
+
+
+@pytest.mark.parametrize("writer", [writes_by_flat, writes_past_read_only])
 @pytest.mark.parametrize("scheme", SCHEMES, ids=str)
-def test_what_gets_past_read_only_types_writes_into_copies(scheme):
-    """numba lets these through: they must do no harm, in any scheme."""
-    eq = equation(writes_past_read_only)
+def test_what_gets_past_read_only_types_writes_into_copies(scheme, writer):
+    """numba lets these through, or versions of it: they must do no harm, in any scheme."""
+    try:
+        eq = equation(writer)
+    except TypeError as refusal:
+        if writer is writes_by_flat or "rhs must leave y" not in str(refusal):
+            raise
+        return
     expected = run(equation(lambda t, y, p: -y[0]), scheme)
     np.testing.assert_array_equal(run(eq, scheme).y, expected.y)
     np.testing.assert_array_equal(eq.params, [1.0, 2.0])

@@ -52,7 +52,7 @@ def save(solution, path):
     kept["stats"] = {name: _plain(value) for name, value in solution.stats.items()}
     arrays["text"] = np.array(json.dumps(kept))
     with open(path, "wb") as file:
-        np.savez_compressed(file, allow_pickle=False, **arrays)
+        np.savez_compressed(file, **arrays)
 
 
 def load(kind, path):
