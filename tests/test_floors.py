@@ -10,7 +10,6 @@ FLOORS = {
     "_cache": 0,
     "_jit": 0,
     "_linked": 0,
-    "_borrowed": 0,
     "_checks": 0,
     "_complaints": 0,
     "_frozen": 0,

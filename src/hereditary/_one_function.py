@@ -15,7 +15,6 @@ import numpy as np
 from numba import config, types
 from numba.extending import is_jitted
 
-from ._borrowed import borrowed
 from ._checks import complaint, shown
 from ._complaints import compile_reason, defined, writing_complaint
 from ._frozen import code_names, fresh, frozen_values, uncompiled
@@ -224,19 +223,16 @@ def _adapter(fun, arity, form, n_axes, copied):
     one, with_params = (0,) * n_axes, arity == 3
 
     def in_place(t, y, out, params):
-        y, out, params = borrowed(y), borrowed(out), borrowed(params)
         if copied:
             y, params = y.copy(), params.copy()
         fun(t, y, out, params)
 
     def from_number(t, y, out, params):
-        y, out, params = borrowed(y), borrowed(out), borrowed(params)
         if copied:
             y, params = y.copy(), params.copy()
         out[one] = fun(t, y, params) if with_params else fun(t, y)
 
     def from_vector(t, y, out, params):
-        y, out, params = borrowed(y), borrowed(out), borrowed(params)
         if copied:
             y, params = y.copy(), params.copy()
         values = np.asarray(fun(t, y, params) if with_params else fun(t, y))
@@ -246,7 +242,6 @@ def _adapter(fun, arity, form, n_axes, copied):
             out[i] = values[i]
 
     def from_matrix(t, y, out, params):
-        y, out, params = borrowed(y), borrowed(out), borrowed(params)
         if copied:
             y, params = y.copy(), params.copy()
         values = np.asarray(fun(t, y, params) if with_params else fun(t, y))

@@ -19,7 +19,6 @@ Arrays of every step are named here one by one: to hand groups of them to functi
 than most steps do.
 """
 
-from .._borrowed import borrowed
 from .._jit import entry
 from .adams import contraction, correct, look_again, predict, settle
 from .block import (
@@ -80,8 +79,6 @@ def marching(name, way, read=open_block):
 
     def march(rhs, jac, has_jac, params, exchange, tables, memory, solver, linear, table, rows,
               state, output, end):  # fmt: skip
-        params, tables, memory, linear = borrowed((params, tables, memory, linear))
-        table, rows, state, output = borrowed((table, rows, state, output))
         h, groups, weights, every = table.h, table.groups, table.weights, table.every
         counts, x, u, d, lag = state.counts, state.x, state.increment, state.change, state.lag
         pieces, force, lacks, speed = state.pieces, state.force, state.lacks, state.shift
