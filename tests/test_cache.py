@@ -1,10 +1,12 @@
-"""What stored machine code depends on, and what code without counts of references may do."""
+"""What stored code depends on, and what functions without counts, or handed on, may do."""
 
 import numpy as np
 import pytest
+from numba import types
 
 from hereditary._cache import reached_digest
-from hereditary._jit import allocating, compiled, inner, reordered
+from hereditary._jit import F8, I8, allocating, as_value, compiled, entry, inner, reordered
+from hereditary.compiled.numba_internals import LINKED
 
 
 def _scaled(x, factor):
@@ -19,6 +21,7 @@ def _caller_of(helper):
     return caller
 
 
+@pytest.mark.skipif(not LINKED, reason="plain numba compiles these alike")
 def test_an_entry_depends_on_how_the_functions_it_reaches_are_compiled():
     kinds = [inner, allocating, reordered]
     found = [reached_digest(_caller_of(kind(_scaled))) for kind in kinds]
@@ -51,3 +54,24 @@ def test_a_function_without_counts_that_returns_an_array_is_refused(in_tuple):
 
     with pytest.raises(Exception, match=r"allocating|returning of array"):
         caller(np.ones(2))
+
+
+@entry(F8, types.FunctionType(F8(F8)))
+def _twice(x, fun):
+    return fun(fun(x))
+
+
+def test_a_function_is_handed_on_for_its_signature_alone():
+    @compiled
+    def halved(x):
+        return 0.5 * x
+
+    @compiled
+    def rounded(x):
+        return int(x)
+
+    assert _twice(3.0, as_value(halved, F8(F8))) == 0.75
+    with pytest.raises(TypeError, match=r"must be .* -> float64; it returns int64"):
+        as_value(rounded, F8(F8))
+    with pytest.raises(TypeError):
+        _twice(3.0, as_value(rounded, I8(F8)))

@@ -7,14 +7,14 @@ import pytest
 
 SOURCE = Path(__file__).parent.parent / "src" / "hereditary"
 FLOORS = {
+    "_warning": -2,
+    "compiled.numba_internals": -1,
     "_cache": 0,
     "_jit": 0,
-    "_linked": 0,
     "_checks": 0,
     "_complaints": 0,
     "_frozen": 0,
     "_digest": 0,
-    "_warning": 0,
     "_optional": 0,
     "_machine": 0,
     "_html": 0,
@@ -66,7 +66,6 @@ FLOORS = {
 # Importable from the floor's other rooms; inside one floor the rest must not know each other.
 SAME_FLOOR = {
     ("_jit", "_cache"),
-    ("_jit", "_linked"),
     ("_cache", "_frozen"),
     ("_digest", "_frozen"),
     ("_callables", "_memory_argument"),
@@ -81,7 +80,6 @@ SAME_FLOOR = {
     ("__main__", "_ahead"),
     ("_python_calls", "_jit"),
     ("_python_calls", "_complaints"),
-    ("_python_calls", "_warning"),
     ("_trial", "_checks"),
     ("_trial", "_complaints"),
     ("equation", "operators"),

@@ -2,7 +2,6 @@
 
 import hashlib
 import inspect
-import pickle
 import re
 import sys
 import warnings
@@ -10,14 +9,10 @@ from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
-from numba import config
-from numba.core.caching import FunctionCache, IndexDataCacheFile
-from numba.core.dispatcher import Dispatcher
+from numba.extending import is_jitted
 
 from ._frozen import names_in
-
-# Bytes of the checksum in front of every entry.
-_CHECKSUM = hashlib.sha256().digest_size
+from .compiled.numba_internals import STORED, Entries, options_of
 
 
 class CodeCache:
@@ -51,7 +46,8 @@ class CodeCache:
         try:
             found = entries and entries.load_overload(sig, target_context)
         except Exception:  # a damaged entry may raise anything
-            self._attempt(entries.flush)
+            with suppress(OSError):
+                entries.flush()
         if found is None and self._told and sys.stderr is not None:
             once = ", once on this machine" if entries is not None else ""
             with suppress(OSError, ValueError):  # of a stream that is closed
@@ -61,52 +57,27 @@ class CodeCache:
     def save_overload(self, sig, data):
         """Store a compile result."""
         entries = self._open()
-        if entries is not None:
-            self._attempt(lambda: entries.save_overload(sig, data))
+        try:
+            if entries is not None:
+                entries.save_overload(sig, data)
+        except OSError as error:
+            _warn_once(str(error))
 
     @property
     def cache_path(self):
         """Folder of the cache, or None."""
-        entries = self._open()
-        return None if entries is None else entries.cache_path
-
-    def flush(self):
-        """Remove all entries of the function."""
-        entries = self._open()
-        if entries is not None:
-            self._attempt(entries.flush)
+        return getattr(self._open(), "cache_path", None)
 
     def _open(self):
         """Open the entries at first use, or return None with a warning."""
-        if not self._opened:  # helpers defined further down in a file exist only now
+        if STORED and not self._opened:  # helpers further down in a file exist only now
             self._opened = True
+            stamp = reached_digest(self._fun)
             try:
-                self._entries = _Entries(self._fun, self._options)
-            except (RuntimeError, OSError) as error:
+                self._entries = Entries(self._fun, self._options, _file_name(self._fun), stamp)
+            except (RuntimeError, OSError, AttributeError) as error:
                 _warn_once(str(error))
         return self._entries
-
-    @staticmethod
-    def _attempt(action):
-        """Run an action, with a warning instead of an OSError."""
-        try:
-            action()
-        except OSError as error:
-            _warn_once(str(error))
-
-
-class _Entries(FunctionCache):
-    """Entries of one function, stamped by a digest of all code that it reaches."""
-
-    def __init__(self, fun, options):
-        super().__init__(fun)
-        self._options = options
-        self._cache_file = _CheckedFile(self._cache_path, _file_name(fun), reached_digest(fun))
-
-    def _index_key(self, sig, codegen):
-        # numba's own key would hold what the function closes over, which is pickled anew in every
-        # process; the stamp of the entries knows the code of all that
-        return sig, codegen.magic_tuple(), self._options, bool(config.BOUNDSCHECK)
 
 
 def _file_name(fun):
@@ -114,37 +85,6 @@ def _file_name(fun):
     module = Path(fun.__code__.co_filename).stem
     name = re.sub(r"[^\w.]", "", fun.__qualname__)
     return f"{module}.{name}.py{sys.version_info[0]}{sys.version_info[1]}{sys.abiflags}"
-
-
-class _CheckedFile(IndexDataCacheFile):
-    """Entries with a checksum, for damaged machine code could do anything."""
-
-    def _dump(self, obj):
-        data = super()._dump(obj)
-        return hashlib.sha256(data).digest() + data
-
-    def _load_index(self):
-        try:
-            with open(self._index_path, "rb") as file:
-                version = pickle.load(file)
-                data = file.read()
-        except FileNotFoundError:
-            return {}
-        if version != self._version:
-            return {}
-        stamp, entries = pickle.loads(_checked(data))
-        return entries if stamp == self._source_stamp else {}
-
-    def _load_data(self, name):
-        with open(self._data_path(name), "rb") as file:
-            return pickle.loads(_checked(file.read()))
-
-
-def _checked(data):
-    """Return the data after the checksum; raise ValueError where it does not match."""
-    if hashlib.sha256(data[_CHECKSUM:]).digest() != data[:_CHECKSUM]:
-        raise ValueError("a damaged entry of the cache")
-    return data[_CHECKSUM:]
 
 
 def reached_digest(fun):
@@ -159,7 +99,7 @@ def reached_digest(fun):
         digest.update(_described(function.__code__).encode())
         for name, value in sorted(_used(function), key=lambda pair: pair[0]):
             value = getattr(value, "dispatcher", value)  # of an entry
-            if isinstance(value, Dispatcher):
+            if is_jitted(value):
                 ahead.append(value.py_func)
                 digest.update(stated_options(value).encode())
             elif isinstance(value, np.ndarray):
@@ -171,7 +111,7 @@ def reached_digest(fun):
 
 def stated_options(dispatcher):
     """Represent the options that a function is compiled with as text, equal in every process."""
-    options = dispatcher.targetoptions.items()
+    options = options_of(dispatcher).items()
     return repr(sorted((k, sorted(v) if isinstance(v, set) else v) for k, v in options))
 
 

@@ -15,6 +15,8 @@ import numpy as np
 from numba import jit
 from numba.extending import is_jitted
 
+from .compiled.numba_internals import options_of
+
 # Where packages are installed; what they hold is not the user's.
 _INSTALLED = tuple({sysconfig.get_path(name) for name in ("purelib", "platlib", "stdlib")})
 
@@ -38,7 +40,7 @@ def _is_helper(value, caller):
 def _parts(helper):
     """Return the Python function of a helper, and its numba options."""
     if is_jitted(helper):
-        return helper.py_func, helper.targetoptions
+        return helper.py_func, options_of(helper)
     return helper, {"nopython": True}
 
 

@@ -2,22 +2,19 @@
 
 `inner` is for functions called from compiled code alone, `compiled` for any other, `entry` for the
 loops that Python calls, `as_value` for a compiled function that is handed to an entry as a
-first-class value. Entries are
-compiled at first use for one fixed list of argument types and then locked, so they are compiled
-once per machine, whatever functions they are given.
+first-class value. Entries are compiled at first use for one fixed list of argument types and then
+locked, so they are compiled once per machine, whatever functions they are given.
 """
 
 import gc
 import signal
 import threading
-from functools import lru_cache
 from typing import Any
 
 from numba import config, njit, types
-from numba.core.registry import CPUDispatcher
 
 from ._cache import CodeCache, stated_options
-from ._linked import LinkedCompiler, set_environments
+from .compiled import numba_internals as internals
 
 F8 = types.float64
 I8 = types.int64
@@ -34,7 +31,7 @@ JAC_SIG = types.void(F8, VEC, MAT, VEC)
 
 
 # Objects that are made between two collections of garbage while functions are compiled, and how
-# often older ones are looked at: the compiler makes millions, and a tenth of its time went there.
+# often older ones are looked at: the compiler makes millions, and 7 % of its time went there.
 _RARELY = 20_000, 20, 50
 
 
@@ -94,12 +91,11 @@ def compiled(fun, fused=False, told=None, **options):
     dispatcher = njit(nogil=True, error_model="numpy", fastmath=loose, **options)(fun)
     if config.DISABLE_JIT:
         return dispatcher
-    dispatcher._cache = CodeCache(fun, stated_options(dispatcher), told)
-    _guard(dispatcher, set_environments)
-    return dispatcher
+    internals.keep(dispatcher, CodeCache(fun, stated_options(dispatcher), told))
+    return _guarded(dispatcher, internals.set_environments)
 
 
-def _guard(dispatcher, finish=None):
+def _guarded(dispatcher, finish=None):
     """Let `dispatcher` compile inside `compiling`, and then do what is left for the result."""
     compile_alone = dispatcher.compile
 
@@ -111,6 +107,7 @@ def _guard(dispatcher, finish=None):
             return found
 
     dispatcher.compile = compile_guarded
+    return dispatcher
 
 
 def inner(fun):
@@ -138,12 +135,11 @@ def reordered(fun):
     return _linked(fun, {"contract", "reassoc"}, _nrt=True)
 
 
-def _linked(fun, loose, **more):
-    """Compile `fun` into its callers' machine code (_linked.py); nothing is kept on disk."""
-    how: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, **more}
-    how["pipeline_class"] = LinkedCompiler
-    dispatcher = njit(nogil=True, error_model="numpy", fastmath=loose, **how)(fun)
-    return _for_callers(dispatcher, None if more["_nrt"] else _refuse_arrays)
+def _linked(fun, loose, **how):
+    """Compile `fun` into its callers' machine code; nothing is kept on disk."""
+    check = None if how["_nrt"] else _refuse_arrays
+    how = internals.linking(**how)
+    return _for_callers(njit(nogil=True, error_model="numpy", fastmath=loose, **how)(fun), check)
 
 
 def _refuse_arrays(result):
@@ -158,17 +154,11 @@ def _refuse_arrays(result):
 
 def _for_callers(dispatcher, check=None):
     """Let Python run the source of a function that is compiled for compiled callers alone."""
-    if not config.DISABLE_JIT:
-        _guard(dispatcher, check)
-        dispatcher.__class__ = _Inner
-    return dispatcher
-
-
-class _Inner(CPUDispatcher):
-    """A compiled function that Python cannot enter."""
-
-    def __call__(self, *args):
-        return self.py_func(*args)
+    if config.DISABLE_JIT:
+        return dispatcher
+    if internals.LINKED:
+        dispatcher.__class__ = internals.Inner
+    return _guarded(dispatcher, check)
 
 
 def inlined(fun):
@@ -187,13 +177,12 @@ def derived(fun):
 
 def as_value(fun, signature):
     """Compile a function of the package, for its only signature, to be passed as a value."""
-    if config.DISABLE_JIT or isinstance(fun, _Value):
+    if config.DISABLE_JIT or isinstance(fun, internals.Value):
         return fun
     with compiling:
         if signature.args not in fun.overloads:
             fun.compile(signature.args)
-        fun._loaded, fun._own_type = _Loaded(fun.overloads[signature.args]), fun._numba_type_
-        fun.__class__ = _Value
+        internals.become_value(fun, signature)
     return fun
 
 
@@ -203,35 +192,6 @@ def loop_value(loop, signature):
         return loop
     loop.compiled()
     return as_value(loop.dispatcher, signature)
-
-
-class _Value(CPUDispatcher):
-    """A compiled function of one signature that is handed to loops.
-
-    At every entry numba would make its type anew, and look up the function by its signature and its
-    two addresses by their names, which takes 25 us.
-    """
-
-    @property
-    def _numba_type_(self):
-        return self._own_type
-
-    def get_compile_result(self, sig):
-        return self._loaded
-
-    def _reduce_class(self):
-        return CPUDispatcher
-
-
-class _Loaded:
-    """A compile result that remembers where its functions are."""
-
-    def __init__(self, compiled):
-        self.fndesc = compiled.fndesc
-        self.library = self
-        find, own = compiled.library.get_pointer_to_function, self.fndesc.llvm_func_name
-        # entries have no wrapper for C, which is never called, but asked for
-        self.get_pointer_to_function = lru_cache(lambda name: find(name) or find(own))
 
 
 class entry:
@@ -247,7 +207,8 @@ class entry:
         if config.DISABLE_JIT:
             return fun
         # called from Python alone: another wrapper would take a tenth of the compilation
-        dispatcher = compiled(fun, self.fused, self.told, no_cfunc_wrapper=True)
+        how = internals.without("cfunc") if internals.VALUES else {}
+        dispatcher = compiled(fun, self.fused, self.told, **how)
 
         def ready():
             if not dispatcher.overloads:

@@ -23,6 +23,7 @@ from ._memory_argument import paired, split
 from ._python_calls import warn_of_python
 from ._trial import arity_of, close, try_out
 from ._warning import warn
+from .compiled.numba_internals import options_of, without
 
 _READ_ONLY = types.Array(F8, 1, "C", readonly=True)
 # Through these numba returns y as a writable array.
@@ -100,7 +101,7 @@ def function_of(name, out, fun, start, shape, signature, hint=str, required=""):
 
 def _key(fun, signature, start):
     """Return what a compiled function depends on, besides its number of arguments and its form."""
-    options = repr(sorted(fun.targetoptions.items())) if is_jitted(fun) else ""
+    options = repr(sorted(options_of(fun).items())) if is_jitted(fun) else ""
     return frozen_values(_plain(fun)), options, signature, len(start.memory), start.paired
 
 
@@ -181,8 +182,8 @@ def _build(name, fun, kinds, signature, copied):
         return _locking(_in_python(name, _plain(fun), arity, start, shape))
     k = len(start.memory)
     # the functions are called from compiled code alone: a wrapper for others takes 1 MB each
-    inside = {"boundscheck": True, "no_cpython_wrapper": True}
-    inner: dict[str, Any] = {"nogil": True, "no_cfunc_wrapper": True, **inside}
+    inside = {"boundscheck": True, **without("cpython")}
+    inner: dict[str, Any] = {"nogil": True, **without("cfunc"), **inside}
     # scenes of the package always read the same entries, which the call at t = 0 has checked
     inner["boundscheck"] = not _of_package(_plain(fun))
     if not is_jitted(fun):

@@ -9,6 +9,7 @@ from numba.extending import get_cython_function_address
 from .._jit import as_value
 from ..compiled.joint_stages import joint_banded, joint_dense, joint_sparse
 from ..compiled.newton import KEPT_FROM
+from ..compiled.numba_internals import LAPACK
 from ..compiled.stages import banded_stages, dense_stages, no_stages, sparse_stages
 from ..compiled.structures import N_CONTROL, STAGES_SIG, Stages
 from ..superlu import SparseFactors
@@ -42,7 +43,7 @@ def stage_solver(structure, form, s):
     """Return the `StageSolver` of steps with s nodes; for few components it does nothing."""
     if not has_stages(form):
         return _no_solver(s)
-    if form.kinds.any():
+    if form.kinds.any() or not LAPACK:  # which finds eigenvectors
         return _joint_solver(structure, form, s)
     d, kinds = form.second.size, (form.kinds, form.second)
     if structure is None:

@@ -1,26 +1,18 @@
 """Dense linear algebra for compiled code: elimination by loops, from some size on by LAPACK."""
 
 import numpy as np
-from numba import config, types
 
 from .._jit import allocating, inner, reordered
+from .numba_internals import GETRF, LAPACK
 
 # Size from which sums in any order take less time than plain loops; and columns that are eliminated
 # at once, for which `subtract_rows` is written.
 _LARGE, _PANEL = 40, 4
 # Size from which LAPACK takes less time. Below it would use threads all the same, and wait for them
 # for milliseconds where other ones keep the cores.
-_LAPACK = np.inf if config.DISABLE_JIT else 400  # type: ignore[attr-defined]
+_LAPACK = 400
 # Multiplications of a product of matrices up to which BLAS uses no threads.
 _ALONE = 2e5
-# numba's own entry to SciPy's LAPACK: kind, m, n, a, lda, ipiv
-_GETRF = types.ExternalFunction(
-    "numba_xxgetrf",
-    types.intc(
-        types.char, types.intp, types.intp, types.CPointer(types.float64), types.intp,
-        types.CPointer(types.int32),
-    ),
-)  # fmt: skip
 _DOUBLE = np.uint8(ord("d"))
 
 
@@ -63,7 +55,7 @@ def factorise(a, order):
     """
     # a (n, n), order (n,)
     n = a.shape[0]
-    if n >= _LAPACK:
+    if LAPACK and n >= _LAPACK:
         return factorise_large(a, order)
     for i in range(n):
         order[i] = i
@@ -122,7 +114,7 @@ def factorise_large(a, order):
     n = a.shape[0]
     swaps = np.empty(n, dtype=np.int32)
     transpose(a)  # LAPACK's matrices have their columns in a row
-    failed = _GETRF(_DOUBLE, n, n, a.ctypes, n, swaps.ctypes)  # type: ignore[call-overload]
+    failed = GETRF(_DOUBLE, n, n, a.ctypes, n, swaps.ctypes)
     transpose(a)
     for i in range(n):
         order[i] = i

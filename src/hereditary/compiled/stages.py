@@ -8,26 +8,16 @@ rounding errors leave with the next iteration. Source: [HairerWanner1996], secti
 """
 
 import numpy as np
-from numba import types
 
 from .._jit import allocating, compiled, inner, reordered
 from .._python_calls import PythonRaised, call_at
 from .jacobian import COLUMNS, ROWS, VALUES
 from .linalg import product, solve_in_place, transposed_product
+from .numba_internals import GEEV
 from .signatures import FACTORISE
 from .solvers import call_lapack, substitute_band
 from .structures import REDUCED, REST, SYSTEMS
 
-# numba's own entry to SciPy's LAPACK: kind, whether left and right vectors are wanted, n, a, lda,
-# both parts of the values, left and right vectors with the lengths of their columns
-_PLACE = types.CPointer(types.float64)
-_GEEV = types.ExternalFunction(
-    "numba_ez_rgeev",
-    types.intc(
-        types.char, types.char, types.char, types.intp, _PLACE, types.intp, _PLACE, _PLACE, _PLACE,
-        types.intp, _PLACE, types.intp,
-    ),
-)  # fmt: skip
 _DOUBLE, _WITHOUT, _WITH = (np.uint8(ord(letter)) for letter in "dNV")
 
 
@@ -76,7 +66,7 @@ def eigenvectors(matrix, values, imaginary, vectors):
         if not abs(value) < np.inf:
             return False
     turned, none = matrix.T.copy(), np.empty(1)  # LAPACK's matrices have their columns in a row
-    failed = _GEEV(  # type: ignore[call-overload]
+    failed = GEEV(
         _DOUBLE, _WITHOUT, _WITH, s, turned.ctypes, s, values.ctypes, imaginary.ctypes, none.ctypes,
         1, vectors.ctypes, s,
     )  # fmt: skip
