@@ -3,6 +3,7 @@
 import gc
 import os
 import tempfile
+from importlib.metadata import version
 from pathlib import Path
 
 import hypothesis
@@ -10,7 +11,9 @@ import pytest
 
 # A cache folder of the tests' own, kept between runs: an edit compiles anew what it changes, and
 # what calls that.
-os.environ["NUMBA_CACHE_DIR"] = str(Path(tempfile.gettempdir()) / f"hereditary-cache-{os.getuid()}")
+_PARTS = os.getuid(), version("numba"), version("numpy"), os.getenv("HEREDITARY_PLAIN_NUMBA", "")
+_FOLDER = "-".join(map(str, ("hereditary-cache", *_PARTS)))
+os.environ["NUMBA_CACHE_DIR"] = str(Path(tempfile.gettempdir()) / _FOLDER)
 os.environ.setdefault("MPLBACKEND", "Agg")
 
 hypothesis.settings.register_profile("ci", derandomize=True, deadline=None, max_examples=40)

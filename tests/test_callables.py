@@ -2,6 +2,7 @@
 
 import gc
 import math
+import re
 from functools import partial
 
 import numpy as np
@@ -228,7 +229,7 @@ def test_nan_at_the_start():
 def test_uncompilable_functions_are_told_with_their_line(rhs, line):
     with pytest.warns(hd.PythonFunctionWarning, match="rhs is called in Python") as caught:
         equation(rhs)
-    message = str(caught[0].message)
+    message = str(caught[-1].message)  # on Python 3.13 numba warns of its own before
     assert f'of {__file__}: "{line}"' in message
     assert "use arithmetic, math and NumPy functions" in message
 
@@ -378,11 +379,11 @@ def formats(t, y):
     [
         (uncompilable_call, "Key must be None or a Numba JIT", "len(sorted([scale], key=str))"),
         (catches, "Exception matching is limited to", "except ZeroDivisionError:"),
-        (formats, "format spec in f-strings not supported", 's = f"{t:.2f}"'),
+        (formats, "format spec in f-strings|FORMAT_WITH_SPEC", 's = f"{t:.2f}"'),
     ],
 )
 def test_the_sentence_of_numba_that_helps_is_told(rhs, reason, line):
     with pytest.warns(hd.PythonFunctionWarning, match="numba cannot compile it") as caught:
         equation(rhs)
-    assert reason in str(caught[0].message)
+    assert re.search(reason, str(caught[0].message))
     assert line in str(caught[0].message)
