@@ -8,7 +8,8 @@ to t); those of a table at its data. Claims:
 
 * each fit ends within two seconds, with positive weights;
 * a fit's error is within its tolerance, and at most 1.05 times the error that it reports;
-* a refusal names an error that the closest sum has, and calls no kernel other than it is.
+* a refusal names an error that the closest sum has, and calls no kernel other than it is;
+* each function is fitted, by at most 128 exponentials.
 """
 
 import re
@@ -158,6 +159,9 @@ def main():
     check(f"the longest fit took {seconds:.2f} s (2)", seconds <= 2, study.quick)
     true = outcomes["fitted"] + outcomes["refused truly"]
     check(f"{true} of {len(rows)} fitted or refused truly", true == len(rows))
+    functions = [row["outcome"] for row in rows if not row["kernel"].startswith("table")]
+    fitted = functions.count("fitted")
+    check(f"{fitted} of {len(functions)} functions fitted", fitted == len(functions))
     most = max(row["modes"] for row in rows)
     check(f"at most {most:.0f} modes (128)", most <= 128)
 

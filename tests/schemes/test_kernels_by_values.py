@@ -74,6 +74,42 @@ def test_a_few_data_of_an_exponential_are_that_exponential():
     assert table.stats["kernel_error"] < 1e-10
 
 
+COMPLETELY_MONOTONE = {
+    "tempered": lambda t: np.exp(-t) / np.sqrt(t),
+    "power and decay": lambda t: t**-0.5 + np.exp(-2 * t),
+    "by differences": lambda t: (1 - np.exp(-t)) / t,  # rounding makes it rise at small t
+}
+OTHERS = {
+    "rising before the first of few steps": lambda t: t * np.exp(-1000 * t),
+    "negative": lambda t: np.exp(-t) - 0.4 * np.exp(-t / 3),
+    "Gaussian": lambda t: np.exp(-(t**2)),
+}
+
+
+@pytest.mark.parametrize("n_steps", [10, 5000, 10_000, 10**7])
+def test_whether_a_kernel_is_accepted_does_not_depend_on_the_steps(n_steps):
+    for function in COMPLETELY_MONOTONE.values():
+        fit = hd.Kernel(function).closest_fit(T / n_steps, T, 1e-10)
+        t = np.geomspace(T / n_steps, T, 5001)
+        size = np.maximum(function(t), 1e-3 * hd.Kernel(function).integral(t) / t)
+        assert (np.abs(fit(t) - function(t)) / size).max() < 1.1e-10
+    for function in OTHERS.values():
+        with pytest.raises(ValueError, match=r"kernel must be completely monotone .* signed=True"):
+            hd.Kernel(function).closest_fit(T / n_steps, T, 1e-10)
+
+
+@pytest.mark.parametrize("rtol", [1e-4, 1e-7, 1e-10])
+def test_a_tempered_power_law_by_values_keeps_the_tolerance(rtol):
+    own, closed = (
+        hd.Equation(hd.Caputo(2) + 0.25 * hd.Memory(kernel, 1), pull, [0.2, 0.3])
+        for kernel in (hd.Kernel(COMPLETELY_MONOTONE["tempered"]), hd.TemperedPowerLaw(0.5, 1.0))
+    )
+    sol, exact = hd.solve(own, T, rtol=rtol), hd.solve(closed, T, rtol=1e-11)
+    assert sol.success
+    assert abs(sol.y[-1] - exact.y[-1]) < rtol
+    assert sol.stats["kernel_error"] < rtol
+
+
 SIGNED = (np.array([1.0, 3.0]), np.array([1.0, -0.9]))
 
 

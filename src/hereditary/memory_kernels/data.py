@@ -12,8 +12,14 @@ from .._checks import complaint, real, real_array
 from ..exponential_sum import fit_interval
 from ..memory_kernel import ExponentialSum, MemoryKernel
 from ..special import gauss_unit
-from .fits import closest_positive, closest_signed, fit_positive, fit_signed
-from .tables import closest_table, fit_table
+from .fits import (
+    closest_positive,
+    closest_signed,
+    closest_table,
+    fit_positive,
+    fit_signed,
+    fit_table,
+)
 
 # The behaviour at 0 is read at the smallest of these times at which the function has a value.
 _LADDER = 10.0 ** np.arange(-290.0, 1.0, 10.0)
@@ -38,9 +44,10 @@ class Kernel(MemoryKernel):
 
     Notes
     -----
-    Unless `signed`, K must be completely monotone: positive, decreasing, convex and so on. A fit
-    that finds it is not says so. No fit sees how the function behaves before t_min; give
-    the exponent where rounding spoils the function at small times.
+    Unless `signed`, K must be completely monotone: positive, decreasing, convex and so on. Kernels
+    that rise or are negative are refused; what else is not completely monotone shows in the error
+    of its fit. A run refuses a kernel by its values from 1e-8 of the run's end on, whatever the
+    steps. Give the exponent where rounding spoils the function at small times.
 
     Examples
     --------
@@ -169,16 +176,19 @@ class Kernel(MemoryKernel):
 
     def fit(self, t_min: float, t_max: float, tol: float) -> ExponentialSum:
         """By its values; see `fit_exponentials`."""
-        interval = fit_interval(t_min, t_max, tol)
-        return fit_signed(self, *interval) if self._signed else fit_positive(self, *interval)
+        t_min, t_max, tol = fit_interval(t_min, t_max, tol)
+        if self._signed:
+            return fit_signed(self, t_min, t_max, tol)
+        remedy = "signed=True allows weights of both signs"
+        return fit_positive(self, t_min, t_max, tol, remedy=remedy)
 
     def closest_fit(
         self, t_min: float, t_max: float, tol: float, fading: bool = False
     ) -> ExponentialSum:
         """As `fit`, or what comes closest."""
-        interval = fit_interval(t_min, t_max, tol)
+        t_min, t_max, tol = fit_interval(t_min, t_max, tol)
         closest = closest_signed if self._signed else closest_positive
-        return closest(self, *interval, fading=fading)
+        return closest(self, t_min, t_max, tol, fading)
 
 
 class TabulatedKernel(MemoryKernel):

@@ -1,15 +1,14 @@
 """Sums of exponentials for kernels known by their values.
 
-Non-negative least squares on a grid of rates, uniform in log rate and as coarse as the trapezoid
-rule for a power law would have it; finer grids follow, then rates that slide towards where the
-error asks for them or, where they are few, by Gauss's and Newton's steps, and at last the trapezoid
-rule for a spectral density where there is one.
-Everything is built on [1, R] and scaled.
+Non-negative least squares on a grid of rates that is even in the logarithm. Where the error is too
+large, the grid is refined: first evenly, then next to the rates in use. Signed kernels have plain
+least squares on such a grid, and kernels with a spectral density its trapezoid rule where the
+interval is very wide.
+All sums are constructed on [1, R] and scaled.
 """
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -17,84 +16,136 @@ import numpy as np
 from .._checks import complaint
 from ..exponential_sum import RATIO_MAX, trapezoid_step
 from ..memory_kernel import ExponentialSum
-from .few_rates import few_rates
-from .least_squares import fewer_positive, nonnegative_least_squares
-from .shared import gauss_rule
+from .density import density_rule
+from .shared import log_fastest
 
-# The check points, an oscillation of a power law's error curve; the fit uses every other one.
-_POINTS_PER_OSCILLATION = 48
-# Where t K(t) has faded to this share of its maximum, errors count relative to this share.
-FADED = 1e-16
+# Check points in an oscillation of a power law's error curve, and every which of them is fitted.
+_POINTS_PER_OSCILLATION, _FITTED = 48, 8
+# Errors of positive sums count relative to the kernel, and at least to this fraction of its mean
+# from 0 to t: a convolution sees the mean.
+_OF_MEAN = 1e-3
+# Where t K(t) of a signed kernel has faded to this fraction of its maximum, errors count relative
+# to this fraction.
+_FADED = 1e-16
 # Most that the ends of a fit by values may differ by.
 RATIO_OF_VALUES = 1e30
-# Over more than this a spectral density's own rule stands: to fit fewer rates would take minutes.
+# Over more than this a kernel's spectral density gives its sum: least squares would take seconds.
 _WIDE = 1e15
-# Rates above 45 / t_min and below 0.02 / t_max cannot help.
-_FASTEST, _SLOWEST = math.log(45.0), math.log(0.02)
-# A sum that is stuck above this share of the kernel shows that it is not completely monotone.
-_HOPELESS = 1e-6
+# Slowest rate of grids above 0, times t_max.
+_SLOWEST = 0.02
+# Spacings of the grid, relative to that of a trapezoid rule of this tolerance: a finer one follows
+# where the error is below so many tolerances.
+_SPACINGS, _NEAR = (0.92, 0.75, 0.6), 300.0
+# Rates are added where the misfit's gradient is above this fraction of its maximum; all of them are
+# where the maximum is rounding. Of 800 fits of random kernels (convergence/random_kernels.py) the
+# most rounds were 15.
+_OF_GRADIENT, _ROUNDING, _ROUNDS = 0.03, 1e-14, 20
+# Rounds that end the search where the error has not halved.
+_STALL = 8
+# Pairs of rates that are merged at once: one, and one more for so many rates.
+_AT_ONCE = 32
+# Most iterations of one solution, in columns (30 were needed), and most work of all solutions, in
+# rows times columns squared: it takes a second.
+_ITERATIONS, _WORK = 60, 4e8
+# A run's kernel may rise or be negative by this fraction of its size: by rounding.
+_SLACK = 1e-6
+# A run's kernel is checked from this fraction of its end on, whatever its steps, and refused where
+# a fit for the first tolerance errs by more than the second: exp(-t**2) gives 0.8.
+_CHECKED, _ROUGH, _HOPELESS = 1e-8, 1e-3, 0.1
 
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """A kernel at log-spaced times on [1, R], and what its errors are measured by."""
+    """A kernel at increasing times from 1 on, and the size that its errors are relative to."""
 
     t: np.ndarray
     values: np.ndarray
-    scale: np.ndarray
-    emphasis: np.ndarray
-    fading: bool = False  # whether a sum for it must do without rate 0
+    size: np.ndarray
 
-    @property
-    def ratio(self):
-        """t_max / t_min."""
-        return self.t[-1]
+    def columns(self, rates):
+        """Return exponentials of these rates relative to the size, shape (n, len(rates))."""
+        return np.exp(-np.multiply.outer(self.t, rates)) / self.size[:, None]
 
-    def columns(self, v):
-        """Exponentials of log rates `v` relative to the kernel, shape (n, len(v))."""
-        return np.exp(-np.multiply.outer(self.t, np.exp(v))) / self.scale[:, None]
+    def error(self, rates, weights):
+        """Return the relative error of a sum, shape (n,)."""
+        return self.columns(rates) @ weights - self.values / self.size
 
-    def error(self, v, weights):
-        """Relative error of a sum, shape (n,)."""
-        return self.columns(v) @ weights - self.values / self.scale
-
-    def thinned(self):
-        """Every other sample, those of an oscillation at each end counting more."""
-        t, values, scale = (array[::2] for array in (self.t, self.values, self.scale))
-        index = np.arange(t.size)
-        near_end = np.minimum(index, index[::-1]) * (2 / _POINTS_PER_OSCILLATION)
-        return Samples(t, values, scale, 1 + 3 * np.exp(-2 * near_end), self.fading)
+    def every(self, n):
+        """Return every n-th sample and the last."""
+        kept = np.unique(np.append(np.arange(0, self.t.size, n), self.t.size - 1))
+        return Samples(self.t[kept], self.values[kept], self.size[kept])
 
 
-def sampled(kernel, t_min, t_max, tol, wide=False, fading=False):
-    """The kernel on its check points, in units of t_min.
+def _size_by_mean(t, values):
+    """Return ``|K|``, at least a fraction of its mean from 0 to each time."""
+    size = np.abs(values)
+    pieces = 0.5 * (size[1:] + size[:-1]) * np.diff(t)
+    mean = (t[0] * size[0] + np.append(0.0, np.cumsum(pieces))) / t
+    return np.maximum(np.maximum(size, _OF_MEAN * mean), 1e-300)
 
-    Over a wide range early times count as much as late ones, however little is left of t K there.
-    """
-    ratio, ratio_max = t_max / t_min, RATIO_MAX if wide else RATIO_OF_VALUES
+
+def _size_from_then_on(t, values):
+    """Return the largest ``|K|`` from each time on, at least a faded kernel's t K(t) by t."""
+    size = np.abs(values)
+    largest_later = np.maximum.accumulate(size[::-1])[::-1]
+    return np.maximum(largest_later, _FADED * (t * size).max() / t)
+
+
+def sampled(kernel, t_min, t_max, tol, ratio_max=RATIO_OF_VALUES, size_of=_size_by_mean):
+    """Return the kernel on its check points, in units of t_min."""
+    ratio = t_max / t_min
     if ratio > ratio_max:
         raise ValueError(complaint("t_max", f"be at most {ratio_max:g} times t_min", t_max))
     n = math.ceil(_POINTS_PER_OSCILLATION * math.log(ratio) / trapezoid_step(0.5, tol))
     t = np.exp(np.linspace(0.0, math.log(ratio), max(400, n) // 2 * 2 + 1))
     t[-1] = ratio
     values = kernel(np.minimum(t * t_min, t_max))
-    scale = np.abs(values) if wide else scale_of(t, values)
-    return Samples(t, values, scale, np.ones(t.size), fading)
+    return Samples(t, values, size_of(t, values))
 
 
-def scale_of(t, values):
-    """The largest ``|K|`` from each time on, and no less than a faded kernel's share of t K(t)."""
-    size = np.abs(values)
-    largest = np.maximum.accumulate(size[::-1])[::-1]
-    return np.maximum(largest, FADED * (t * size).max() / t)
+def largest(error):
+    """Return the largest size of errors."""
+    return float(np.abs(error).max())
 
 
-def fit_positive(kernel, t_min, t_max, tol, density=None):
-    """As `closest_positive`; a ValueError says how far the fit came where `tol` was not met."""
-    return _within(closest_positive(kernel, t_min, t_max, tol, density), tol)
+def fit_positive(kernel, t_min, t_max, tol, density=None, remedy=""):
+    """Fit a completely monotone kernel by a sum with positive weights; refuse a larger error.
+
+    Parameters
+    ----------
+    kernel : callable
+        Values at times of shape (n,).
+    t_min, t_max, tol : float
+        See `hereditary.fit_exponentials`.
+    density : Density, optional
+        Spectral density of the kernel.
+    remedy : str
+        What to do about a larger error.
+
+    Returns
+    -------
+    ExponentialSum
+    """
+    if density is None:
+        refuse_if_rising(kernel, t_min, t_max)
+    return _within(_positive(kernel, t_min, t_max, tol, density), tol, remedy)
 
 
-def _within(fit, tol, remedy=""):
+def closest_positive(kernel, t_min, t_max, tol, fading=False):
+    """Fit a completely monotone kernel for a run to t_max as closely as positive weights can.
+
+    Whether the kernel is accepted does not depend on t_min. A kernel that is `fading` is fitted
+    without rate 0.
+    """
+    start = _CHECKED * t_max
+    refuse_if_rising(kernel, start, t_max)
+    error = _positive(kernel, start, t_max, _ROUGH).max_error
+    if error > _HOPELESS:
+        raise ValueError(_not_monotone(f"one from which positive sums differ by {error:.1e}"))
+    return _positive(kernel, t_min, t_max, tol, None, fading)
+
+
+def _within(fit, tol, remedy):
     """Refuse a fit that is not as close as it should be."""
     if fit.max_error > tol:
         required = f"be at least {1.1 * fit.max_error:.1e} for this kernel"
@@ -103,290 +154,220 @@ def _within(fit, tol, remedy=""):
 
 
 @lru_cache(maxsize=64)
-def closest_positive(kernel, t_min, t_max, tol, density=None, fading=False):
-    """A sum with positive weights for a completely monotone kernel.
-
-    Parameters
-    ----------
-    kernel : callable
-        Values at times of shape (n,).
-    t_min, t_max, tol : float
-        As in `fit_exponentials`.
-    density : Density, optional
-        The kernel's spectral density.
-    fading : bool
-        Whether the sum must do without rate 0.
-
-    Returns
-    -------
-    ExponentialSum
-        With ``max_error <= tol`` where one was found, else what came closest.
-    """
+def _positive(kernel, t_min, t_max, tol, density=None, fading=False):
+    """Return the closest positive sum of the tries, or the first within the tolerance."""
     wide = density is not None and t_max / t_min > _WIDE
-    samples = sampled(kernel, t_min, t_max, tol, wide, fading)
-    refuse_if_rising(samples, t_min)
-    thin, step = samples.thinned(), trapezoid_step(0.5, tol)
+    samples = sampled(kernel, t_min, t_max, tol, RATIO_MAX if wide else RATIO_OF_VALUES)
     best, closest = math.inf, (np.zeros(0), np.zeros(0))
-    rules = _density_rules if wide else attempts
-    for v, weights in rules(thin, step, tol, density):
-        error = float(np.abs(samples.error(v, weights)).max())
+    for rates, weights in _tries(samples, tol, wide, density, fading):
+        error = largest(samples.error(rates, weights))
         if error < best:
-            best, closest = error, (v, weights)
-        if error <= tol:
-            if not wide:
-                v, weights = _fewest(samples, thin, tol, v, weights)
-            v, weights, error = without_fastest(samples, tol, v, weights)
-            return summed(v, weights, t_min, t_max, error)
-    if best > max(_HOPELESS, 100 * tol):
-        raise ValueError(not_monotone(f"one that positive sums only approach to {best:.1e}"))
-    v, weights, error = without_fastest(samples, best, *closest)
-    return summed(v, weights, t_min, t_max, error)
+            best, closest = error, (rates, weights)
+        if best <= tol:
+            break
+    return summed(*closest, t_min, t_max, best)
 
 
-def refuse_if_rising(samples, t_min):
-    """Refuse what is negative or grows: neither is completely monotone."""
-    values, slack = samples.values, 1e-12 * samples.scale
+def _tries(samples, tol, wide, density, fading):
+    """Yield rates and weights by least squares, then by ever finer rules for the density."""
+    if not wide:
+        yield positive_sum(samples, tol, _FITTED, fading=fading)
+    if density is not None:
+        for finer in (1.0, 0.85, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2):
+            step = finer * trapezoid_step(0.5, tol)
+            yield density_rule(density, samples.t[-1], step, tol)
+
+
+@lru_cache(maxsize=64)
+def refuse_if_rising(kernel, t_min, t_max):
+    """Refuse a kernel that is negative or grows: neither is completely monotone."""
+    samples = sampled(kernel, t_min, t_max, _SLACK)
+    values, slack = samples.values, _SLACK * samples.size
     rising = np.flatnonzero(np.diff(values) > slack[1:])
     negative = np.flatnonzero(values < -slack)
     for where, what in ((negative, "negative"), (rising, "rising")):
         if where.size:
-            i = where[0]
-            raise ValueError(not_monotone(f"{what} at t = {samples.t[i] * t_min:g}"))
+            at = f"t = {samples.t[where[0]] * t_min:g}"
+            raise ValueError(_not_monotone(f"{what} at {at}"))
 
 
-def not_monotone(got):
-    """The sentence for kernels that no positive sum of decaying exponentials can follow."""
+def _not_monotone(got):
+    """Return the refusal of a kernel that no positive sum of decaying exponentials can follow."""
     required = "be completely monotone (a sum of decaying exponentials with positive weights)"
     return complaint("kernel", required, got, "pass signed=True to allow weights of both signs")
 
 
-def largest(error):
-    """The largest size."""
-    return float(np.abs(error).max())
+def positive_sum(samples, tol, every=1, norm=largest, fading=False):
+    """Fit samples by positive weights; return rates and weights of the closest sum.
 
+    Parameters
+    ----------
+    samples : Samples
+        Errors are checked at all of them.
+    tol : float
+        Norm of relative errors that ends the search.
+    every : int
+        Fit every so many-th sample.
+    norm : callable
+        Norm of relative errors, shape (n,).
+    fading : bool
+        Leave rate 0 out.
 
-def attempts(samples, step, tol, density=None, norm=largest):
-    """Log rates and weights to try, those with few modes first."""
-
-    def good_enough(error):
-        return norm(error) <= (0.99 * tol if norm is largest else tol * (1 + 1e-9))
-
-    if density is None and norm is largest:
-        yield from _few(samples, step, good_enough)
-    for finer in (1.0, 0.92, 0.85, 0.72, 0.6):
-        v, weights, _ = _grid_fit(samples, finer * step)
-        yield v, weights
-        if np.abs(samples.error(v, weights)).max() > 30 * tol:
-            break
-    yield sliding(samples, step, good_enough, 26 if density is None else 10)
-    if density is not None:
-        yield from _density_rules(samples, step, tol, density)
-    # through noise, all rates of a grid follow the kernel more closely than a few
-    if norm is not largest:
-        yield from _few(samples, step, good_enough)
-
-
-def _few(samples, step, good_enough):
-    """A few separate rates, where they are good enough."""
-    found = few_rates(samples, rate_grid(samples, step / 6), good_enough)
-    if found is not None:
-        yield found
-
-
-def _density_rules(samples, step, tol, density):
-    """Trapezoid rules for the spectral density, ever finer."""
-    for finer in (1.0, 0.85, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2):
-        yield _density_rule(density, samples.ratio, finer * step, tol)
-
-
-def rate_grid(samples, step):
-    """Log rates 0 (-inf), then uniform from the slowest to the fastest that matter."""
-    ratio = samples.ratio
-    first, last = (_SLOWEST - math.log(ratio)) / step, _FASTEST / step
-    grid = step * np.arange(math.floor(first), math.ceil(last) + 1)
-    return grid if samples.fading else np.append(-np.inf, grid)
-
-
-def _grid_fit(samples, step):
-    v = rate_grid(samples, step)
-    return _fit_on(samples, v, np.ones(v.size, dtype=bool))
-
-
-def _fit_on(samples, v, start):
-    """Non-negative least squares over given log rates: those used, weights and relative error."""
-    v, start, table, size = _unit_columns(samples, v, start)
-    target = samples.values / samples.scale
-    q, r = np.linalg.qr(samples.emphasis[:, None] * table)
-    x = nonnegative_least_squares(r, q.T @ (samples.emphasis * target), start)
-    used = x > 0
-    return v[used], x[used] / size[used], table @ x - target
-
-
-def _unit_columns(samples, v, other):
-    """Columns of largest value 1, without those that are 0, and their sizes; `other` along v."""
-    table = samples.columns(v)
-    size = table.max(axis=0)
-    v, other, table, size = (a[..., size > 1e-250] for a in (v, other, table, size))
-    return v, other, table / size, size
-
-
-def sliding(samples, step, good_enough, patience=26):
-    """Log rates and weights of a fit whose rates move, by half the last distance each time.
-
-    The problem over all positive measures is convex: neighbours of the rates in use and the peaks
-    of the misfit's own transform are all that can improve it.
+    Returns
+    -------
+    tuple of ndarray
     """
-    fine = rate_grid(samples, step / 6)
-    peaks = samples.columns(fine)
-    peaks /= peaks.max(axis=0)
-    v, weights, error = _grid_fit(samples, step)
-    history = [np.abs(error).max()]
-    while not good_enough(error) and len(history) < patience:
-        step /= 2
-        wish = -(samples.emphasis**2 * error) @ peaks
-        inner = wish[1:-1]
-        peak = (inner > wish[:-2]) & (inner >= wish[2:]) & (inner > 0)
-        moving = v[v > -np.inf]
-        candidates = np.concatenate([v, moving + step, moving - step, fine[1:-1][peak]])
-        candidates, index = np.unique(candidates, return_index=True)
-        v, weights, error = _fit_on(samples, candidates, index < v.size)
-        history.append(np.abs(error).max())
-        if len(history) > 8 and history[-1] > 0.6 * history[-8]:
+    fitted, step = samples.every(every), trapezoid_step(0.5, tol)
+    spacings = list(_SPACINGS)
+    candidates = rate_grid(samples.t[-1], spacings.pop(0) * step, tol, fading)
+    closest, bests, work = (np.zeros(0), np.zeros(0)), [math.inf], 0.0
+    share = _OF_GRADIENT
+    for _ in range(_ROUNDS):
+        rates, weights = _least_squares(fitted, candidates)
+        used = weights > 0
+        error = norm(samples.error(rates[used], weights[used]))
+        if error < bests[-1]:
+            closest = rates[used], weights[used]
+        bests.append(min(error, bests[-1]))
+        if bests[-1] <= tol:
+            return _merged(samples, fitted, tol, norm, _WORK - work, *closest)
+        stalls = len(bests) > _STALL and bests[-1] > 0.5 * bests[-1 - _STALL]
+        work += fitted.t.size * rates.size**2
+        share = 0.1 * share if bests[-1] > 0.5 * bests[-2] else _OF_GRADIENT
+        new = _refinement(fitted, rates, weights, share)
+        if stalls or work > _WORK or new.size == 0:
             break
-    return v, weights
+        if spacings and error < _NEAR * tol:
+            candidates = rate_grid(samples.t[-1], spacings.pop(0) * step, tol, fading)
+        else:
+            candidates, spacings = np.union1d(rates, new), []
+    return closest
 
 
-@dataclass(frozen=True)
-class Density:
-    """A spectral density over log rate, with a peak at `centre` of the given width.
+def _least_squares(samples, rates):
+    """Return the rates whose columns are not 0, and their non-negative weights (0: no solution)."""
+    from scipy.optimize import nnls
 
-    ``per_log_rate(v)`` integrates to K(0) over v = log(rate). Rates slower than exp(-reach) / t_max
-    are left out, or enter as a constant: ``rest(v, step)``, the sum over all grid points below v.
+    rates, table, scale = _unit_columns(samples, rates)
+    try:
+        x = nnls(table, samples.values / samples.size, maxiter=_ITERATIONS * rates.size)[0]
+    except RuntimeError:  # the iterations are used up
+        x = np.zeros(rates.size)
+    return rates, x / scale
+
+
+def rate_grid(ratio, step, tol, fading=False):
+    """Return rate 0, then rates even in the logarithm from the slowest to the fastest of use."""
+    first, last = math.floor(math.log(_SLOWEST / ratio) / step), math.ceil(log_fastest(tol) / step)
+    grid = np.exp(step * np.arange(first, last + 1))
+    return grid if fading else np.append(0.0, grid)
+
+
+def _unit_columns(samples, rates):
+    """Return the rates whose columns are not 0, columns of largest value 1, and their sizes."""
+    table = samples.columns(rates)
+    scale = table.max(axis=0)
+    kept = scale > 1e-250
+    return rates[kept], table[:, kept] / scale[kept], scale[kept]
+
+
+def _refinement(samples, rates, weights, share):
+    """Return rates next to those in use, (n,), whose gradients are this share of the steepest.
+
+    The middles between rates in use and their neighbours resolve a continuous spectrum. A lone rate
+    is the mean of the two rates that surround it, up to the square of their distance.
     """
-
-    per_log_rate: Callable
-    centre: float
-    width: float
-    t_min: float
-    reach: float = 80.0
-    rest: Callable | None = None
-
-
-def _density_rule(density, ratio, step, tol):
-    """Trapezoid rule, denser around the peak; the slow tail by its Gauss rule."""
-    centre = density.centre + math.log(density.t_min)
-    extra, width = 1.5 / step, density.width
-    low, high = -density.reach - math.log(ratio), _FASTEST
-
-    def index(v):
-        return v / step + extra * np.arcsinh((v - centre) / width)
-
-    # the map's inverse, by Newton's iteration from a table
-    table = np.unique(np.concatenate([np.linspace(low, high, 2001), centre + width * _SPREAD]))
-    table = table[(table >= low) & (table <= high)]
-    k = np.arange(math.ceil(index(low)), math.floor(index(high)) + 1)
-    v = np.interp(k, index(table), table)
-    for _ in range(4):
-        slope = 1 / step + extra / np.hypot(v - centre, width)
-        v = v - (index(v) - k) / slope
-    slope = 1 / step + extra / np.hypot(v - centre, width)
-    weights = density.per_log_rate(v - math.log(density.t_min)) / slope
-    if density.rest is not None:
-        constant = density.rest(v[0] - math.log(density.t_min), v[1] - v[0])
-        v, weights = np.append(-np.inf, v), np.append(constant, weights)
-    v, weights = v[weights > 1e-300], weights[weights > 1e-300]
-    slow = np.flatnonzero(v <= -math.log(ratio))
-    m = 4 + math.ceil(-0.4 * math.log10(tol))
-    if slow.size <= m:
-        return v, weights
-    top = v[slow[-1]]
-    nodes, masses = gauss_rule(np.exp(v[slow] - top), weights[slow], m)
-    nodes = np.log(np.maximum(nodes, 1e-300)) + top
-    return np.concatenate([nodes, v[slow.size :]]), np.concatenate([masses, weights[slow.size :]])
+    used = weights > 0
+    near = (used[1:] | used[:-1]) & (rates[:-1] > 0)
+    middles = np.sqrt(rates[:-1] * rates[1:])[near]
+    r, w = rates[used], weights[used]
+    means = (w[:-1] * r[:-1] + w[1:] * r[1:]) / (w[:-1] + w[1:])
+    new, table, _ = _unit_columns(samples, np.setdiff1d(np.append(middles, means), rates))
+    gradient = -samples.error(rates, weights) @ (table / np.linalg.norm(table, axis=0))
+    steepest = gradient.max(initial=0.0)
+    return new[gradient > share * steepest] if steepest > _ROUNDING else new
 
 
-_SPREAD = np.sinh(np.linspace(-12.0, 12.0, 2001))
+def _merged(samples, fitted, tol, norm, work, rates, weights):
+    """Return fewer rates: the closest pairs become their means while the error stays within tol.
 
-
-def _fewest(samples, thin, tol, v, weights):
-    """Fewer rates where the tolerance bears it, as for the many of a trapezoid rule."""
-    own, masses, table, size = _unit_columns(thin, v, weights)
-    q, r = np.linalg.qr(thin.emphasis[:, None] * table)
-    x = fewer_positive(r, q.T @ (thin.emphasis * thin.values / thin.scale), masses * size)
-    used = x > 0
-    fewer = own[used], x[used] / size[used]
-    merged = _merged(samples, thin, tol, v, weights)
-    if fewer[0].size == v.size or np.abs(samples.error(*fewer)).max() > tol:
-        return merged
-    return min(merged, _merged(samples, thin, tol, *fewer), key=lambda pair: pair[0].size)
-
-
-def _merged(samples, thin, tol, v, weights):
-    """Fewer rates: the closest two become one and the weights are fitted anew, while that holds."""
-    while v.size > 2:
-        order = np.argsort(v, kind="stable")
-        v, weights = v[order], weights[order]
-        first = 1 if v[0] == -np.inf else 0
-        i = first + int(np.argmin(np.diff(v[first:])))
-        if v[i + 1] - v[i] > 0.5 or i + 1 >= v.size:
+    At most so much `work` is done.
+    """
+    while rates.size > 1 and work > 0:
+        gaps = np.diff(np.log(np.maximum(rates, 1e-300)))
+        around = np.concatenate([[np.inf], gaps, [np.inf]])
+        closer = np.flatnonzero((gaps < around[:-2]) & (gaps <= around[2:]))
+        pairs = closer[np.argsort(gaps[closer])[: 1 + rates.size // _AT_ONCE]]
+        group = np.arange(rates.size) - np.searchsorted(np.sort(pairs), np.arange(rates.size))
+        masses = np.bincount(group, weights)
+        means = np.bincount(group, weights * rates) / masses
+        fewer, masses = _least_squares(fitted, means)
+        used = masses > 0
+        if norm(samples.error(fewer[used], masses[used])) > tol:
             break
-        middle = np.average(v[i : i + 2], weights=weights[i : i + 2])
-        fewer = np.concatenate([v[:i], [middle], v[i + 2 :]])
-        fewer, fitted, _ = _fit_on(thin, fewer, np.ones(fewer.size, dtype=bool))
-        if fewer.size >= v.size or np.abs(samples.error(fewer, fitted)).max() > tol:
-            break
-        v, weights = fewer, fitted
-    return v, weights
+        work -= fitted.t.size * rates.size**2
+        rates, weights = fewer[used], masses[used]
+    return rates, weights
 
 
-def without_fastest(samples, tol, v, weights):
-    """Without the fastest rates that the tolerance does not need."""
-    order = np.argsort(v, kind="stable")
-    v, weights = v[order], weights[order]
-    error = samples.error(v, weights)
-    while v.size > 1:
-        trial = error - samples.columns(v[-1:])[:, 0] * weights[-1]
-        if np.abs(trial).max() > tol:
-            break
-        v, weights, error = v[:-1], weights[:-1], trial
-    return v, weights, float(np.abs(error).max())
-
-
-def summed(v, weights, t_min, t_max, error):
-    """The sum in the kernel's own units, its rates in order."""
-    order = np.argsort(v, kind="stable")
-    rates, weights = np.exp(v[order]) / t_min, weights[order]
+def summed(rates, weights, t_min, t_max, error):
+    """Return the sum in the units of the kernel, its rates in order."""
+    order = np.argsort(rates, kind="stable")
+    rates, weights = rates[order] / t_min, weights[order]
     rates.flags.writeable = weights.flags.writeable = False
     return ExponentialSum(rates, weights, t_min, t_max, error)
 
 
+def fit_table(times, values, t_min, t_max, tol):
+    """Fit measured values; refuse where the root mean square misfit is above the tolerance."""
+    fit = closest_table(times, values, t_min, t_max, tol, _root_mean_square)
+    rms = _root_mean_square(fit(times) / values - 1)
+    if rms > tol * (1 + 1e-9):
+        remedy = "allow for the noise; only completely monotone data can be fitted closely"
+        required = f"be at least {1.01 * rms:.2g}, the rms misfit of the best positive sum"
+        raise ValueError(complaint("tol", required, tol, remedy))
+    return fit
+
+
+def _root_mean_square(error):
+    return math.sqrt(np.mean(error**2))
+
+
+def closest_table(times, values, t_min, t_max, tol, norm=largest, fading=False):
+    """Fit measured values by positive weights, until a norm of errors is within the tolerance."""
+    samples = Samples(times / times[0], values, values)
+    rates, weights = positive_sum(samples, tol, norm=norm, fading=fading)
+    error = largest(samples.error(rates, weights))
+    return replace(summed(rates, weights, times[0], t_max, error), t_min=t_min)
+
+
 def fit_signed(kernel, t_min, t_max, tol):
-    """As `closest_signed`; a ValueError says how far the fit came where `tol` was not met."""
+    """Fit a kernel with weights of both signs; refuse a larger error."""
     remedy = "decaying exponentials without oscillation come no closer to it"
     return _within(closest_signed(kernel, t_min, t_max, tol), tol, remedy)
 
 
 @lru_cache(maxsize=64)
 def closest_signed(kernel, t_min, t_max, tol, fading=False):
-    """A sum with weights of both signs, by least squares.
+    """Fit a kernel with weights of both signs, by least squares, as closely as can be.
 
     Errors are relative to the largest ``|K|`` from each time on.
     """
-    samples = sampled(kernel, t_min, t_max, tol, fading=fading)
-    thin, step = samples.thinned(), trapezoid_step(0.5, tol)
+    samples = sampled(kernel, t_min, t_max, tol, size_of=_size_from_then_on)
+    fitted, step = samples.every(2), trapezoid_step(0.5, tol)
+    index = np.arange(fitted.t.size)
+    near_end = np.minimum(index, index[::-1]) * (2 / _POINTS_PER_OSCILLATION)
+    emphasis = 1 + 3 * np.exp(-2 * near_end)
     best, closest = math.inf, (np.zeros(0), np.zeros(0))
     for finer in (1.0, 0.8, 0.6, 0.45):
-        v = rate_grid(samples, finer * step)
-        table = thin.columns(v)
-        size = table.max(axis=0)
-        v, table, size = v[size > 1e-250], table[:, size > 1e-250], size[size > 1e-250]
-        weighted = thin.emphasis[:, None] * table / size
-        target = thin.emphasis * thin.values / thin.scale
+        grid = rate_grid(samples.t[-1], finer * step, tol, fading)
+        rates, table, scale = _unit_columns(fitted, grid)
+        target = emphasis * fitted.values / fitted.size
         for cut in (1e-8, 1e-10, 1e-12, 1e-14):
-            weights = np.linalg.lstsq(weighted, target, rcond=cut)[0] / size
-            error = float(np.abs(samples.error(v, weights)).max())
+            weights = np.linalg.lstsq(emphasis[:, None] * table, target, rcond=cut)[0] / scale
+            error = largest(samples.error(rates, weights))
             if error < best:
-                best, closest = error, (v, weights)
+                best, closest = error, (rates, weights)
             if best <= tol:
                 return summed(*closest, t_min, t_max, best)
     return summed(*closest, t_min, t_max, best)

@@ -14,7 +14,8 @@ from .._checks import complaint, count, real, within
 from ..exponential_sum import fit_interval, fit_power
 from ..memory_kernel import ExponentialSum, MemoryKernel
 from ..special import gauss_unit
-from .fits import Density, fit_positive
+from .density import Density
+from .fits import fit_positive
 from .shared import (
     BELOW_ONE,
     GONE,

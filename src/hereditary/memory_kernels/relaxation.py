@@ -12,7 +12,8 @@ from .._checks import complaint, positive, within
 from ..exponential_sum import fit_interval
 from ..memory_kernel import ExponentialSum, MemoryKernel
 from ..special import first_moment_exponential, gauss_unit, mean_exponential
-from .fits import Density, fit_positive
+from .density import Density
+from .fits import fit_positive
 from .shared import GONE, all_positive, matching, mean_of_decay, refuse_gone
 
 

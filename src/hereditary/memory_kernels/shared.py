@@ -54,6 +54,11 @@ def gauss_rule(x, mass, m):
     return np.maximum(nodes, 0.0), total * vectors[0] ** 2
 
 
+def log_fastest(tol):
+    """Return the logarithm of the fastest rate of sums, times t_min: it decays to exp(-3) tol."""
+    return math.log(3.0 - math.log(tol))
+
+
 def not_negative(argument, value):
     """Refuse what is no finite number of at least 0."""
     number = real(argument, value, "be a finite number of at least 0")
