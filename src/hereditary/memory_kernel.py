@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,6 +15,9 @@ from ._warning import warn
 
 # Between the check points of a fit its error is no larger than at them times this.
 _MISSED = 1.05
+# Least tolerance of kernels in runs on given steps, whose schemes err by more.
+_ON_GIVEN_STEPS = 1e-6
+_ADVICE = "allow for that, or use Direct or FFT, which take kernels as they are"
 
 
 class KernelWarning(UserWarning):
@@ -80,6 +84,11 @@ class MemoryKernel(ABC):
     @property
     def by_values(self) -> bool:
         """Whether its values are all there is: then runs fit it over their own range alone."""
+        return False
+
+    @property
+    def measured(self) -> bool:
+        """Whether its values are measured: their noise alone may keep sums from coming closer."""
         return False
 
     @abstractmethod
@@ -177,6 +186,11 @@ class ScaledKernel(MemoryKernel):
         """As for the kernel."""
         return self.kernel.by_values
 
+    @property
+    def measured(self) -> bool:
+        """As for the kernel."""
+        return self.kernel.measured
+
     def fit(self, t_min: float, t_max: float, tol: float) -> ExponentialSum:
         """The kernel's sum with all weights times the factor."""
         fit = self.kernel.fit(t_min, t_max, tol)
@@ -190,9 +204,48 @@ class ScaledKernel(MemoryKernel):
         return replace(fit, weights=self.factor * fit.weights)
 
 
-def told_error(error):
-    """The error of a sum as it is reported: what its check points may have missed is added."""
-    return _MISSED * error
+class KernelErrors(NamedTuple):
+    """Largest errors of the sums that stand for general kernels.
+
+    Attributes
+    ----------
+    exact, measured : float
+        Of kernels whose values are exact, and of measured ones [-].
+    """
+
+    exact: float = 0.0
+    measured: float = 0.0
+
+    @classmethod
+    def of(cls, kernels, fits):
+        """Return the largest errors of these fits."""
+        errors: tuple[list, list] = [0.0], [0.0]
+        for kernel, fit in zip(kernels, fits, strict=True):
+            errors[kernel.measured].append(fit.max_error)
+        return cls(*map(max, errors))
+
+    @property
+    def reported(self):
+        """The largest error, with what check points may have missed."""
+        return _MISSED * max(self)
+
+    def misfit(self, tol):
+        """Say by how much exact kernels miss the tolerance of a run; empty where they keep it."""
+        if self.exact <= tol:
+            return ""
+        clause = f"its sum of exponentials differs by up to {self.exact:.1e}"
+        return f"{clause}, more than the {tol:.0e} asked for; {_ADVICE}"
+
+
+NO_ERRORS = KernelErrors()
+
+
+def misfit_on_given_steps(errors, history):
+    """Return the misfit of a run on given steps; warn of other errors beyond the history's."""
+    tol = getattr(history, "tol", 0.0)
+    misfit = errors.misfit(max(tol, _ON_GIVEN_STEPS))
+    warn_of_fit(errors.measured if misfit else max(errors), tol)
+    return misfit
 
 
 def warn_of_fit(error, tol):
@@ -200,8 +253,7 @@ def warn_of_fit(error, tol):
     if error <= tol:
         return
     clause = f"a kernel differs by up to {error:.1e} from its sum of exponentials"
-    advice = "allow for that, or use Direct or FFT, which take kernels as they are"
-    warn(f"{clause}, more than the {tol:.0e} asked for; {advice}", KernelWarning)
+    warn(f"{clause}, more than the {tol:.0e} asked for; {_ADVICE}", KernelWarning)
 
 
 def _scaled(factor, kernel):

@@ -102,6 +102,11 @@ class Integrated:
         """As for the kernel."""
         return self.kernel.by_values
 
+    @property
+    def measured(self):
+        """As for the kernel."""
+        return self.kernel.measured
+
     def __call__(self, t):
         """Return values of the kernel."""
         return self.kernel.integral(t)

@@ -148,7 +148,12 @@ def lyapunov(
     return _compared(result, check, how)
 
 
-_REACHED_END = (Status.COMPLETED, Status.STEP_TOO_LARGE, Status.ZIGZAG)
+_REACHED_END = (
+    Status.COMPLETED,
+    Status.STEP_TOO_LARGE,
+    Status.KERNEL_INACCURATE,
+    Status.ZIGZAG,
+)
 # Largest tolerance of `Collocation` that leaves room for one ten times as large.
 _LOOSEST = 0.01
 

@@ -36,6 +36,7 @@ _LOOKS, _FEWEST, _MOST = 64, 512, 65_536
 _CUT_SHORT = frozenset(Status) - {
     Status.COMPLETED,
     Status.STEP_TOO_LARGE,
+    Status.KERNEL_INACCURATE,
     Status.ZIGZAG,
     Status.INTERRUPTED,
     Status.EVENT,

@@ -17,6 +17,7 @@ from scipy.special import rgamma
 from .._checks import complaint
 from ..exponential_sum import fit_unit, grid_spacing
 from ..history.varying import SLOW_NODES, bank_of_all_orders, weights_of_orders
+from ..memory_kernel import NO_ERRORS, KernelErrors
 from ..memory_kernels.fits import RATIO_OF_VALUES
 from ..special import mean_exponential
 
@@ -106,15 +107,15 @@ class KernelBasis:
         Integral of each kernel over smaller distances, less that of the sum; a point mass at 0.
     farthest : float
         Distance up to which all sums hold [time].
-    error : float
-        Largest relative error of a sum [-].
+    errors : KernelErrors
+        Largest relative errors of the sums.
     """
 
     rates: np.ndarray
     weights: np.ndarray
     masses: np.ndarray
     farthest: float = math.inf
-    error: float = 0.0
+    errors: KernelErrors = NO_ERRORS
 
 
 def kernel_basis(kernels, closest, farthest, t_end, tol):
@@ -137,7 +138,7 @@ def kernel_basis(kernels, closest, farthest, t_end, tol):
         offset += fit.rates.size
         held = fit.weights @ (nearest * mean_exponential(fit.rates * nearest))
         masses[k] = float(kernel.integral(nearest)) - held
-    return KernelBasis(rates, weights, masses, min(ends), max(fit.max_error for fit in fits))
+    return KernelBasis(rates, weights, masses, min(ends), KernelErrors.of(kernels, fits))
 
 
 NO_KERNELS = KernelBasis(np.zeros(0), np.zeros((0, 0)), np.zeros(0))

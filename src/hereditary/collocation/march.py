@@ -269,8 +269,8 @@ class CollocationMarch:
         closest = _CLOSE * t_end
         if self._graded and not self._form.varying:
             closest = self._closest(self._form.graded_first_step(0.0, t_end, self._atol))
-        error = self._orbit.prefit_kernels(closest, self._farthest, self._known, self.modes_tol)
-        warn_of_fit(error, self._tolerances[0])
+        errors = self._orbit.prefit_kernels(closest, self._farthest, self._known, self.modes_tol)
+        warn_of_fit(errors.measured, self._tolerances[0])
 
     def _refine_modes(self, closest):
         """Refine the modes to hold at the distance `closest`."""

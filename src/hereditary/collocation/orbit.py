@@ -17,6 +17,7 @@ from scipy.special import rgamma
 from ..compiled.linalg import product
 from ..compiled.operators import ITSELF, POSITION, PRIMARY, SLOPE
 from ..compiled.structures import Equations, OrbitArrays
+from ..memory_kernel import NO_ERRORS
 from .exponential_basis import (
     NO_KERNELS,
     PowerLawBasis,
@@ -145,13 +146,13 @@ class OrbitAndTangents:
         self._last_length, self._singular, self._last_offsets = length, None, self.offsets
 
     def prefit_kernels(self, closest, farthest, t_end, tol):
-        """Fit kernels known by their values before the run begins; return the largest error."""
+        """Fit kernels known by their values before the run begins; return the largest errors."""
         if not any(kernel.by_values for kernel in self._form.kernels):
-            return 0.0
+            return NO_ERRORS
         closest = _round_to_decades(closest, farthest)
         found = kernel_basis(self._form.kernels, closest, farthest, t_end, tol)
         self._prefitted = closest, found
-        return found.error
+        return found.errors
 
     def open_modes(self, closest, farthest, t_end, tol):
         """Fit all kernels and set all modes to zero."""

@@ -6,7 +6,6 @@ import numpy as np
 
 from .._checks import complaint
 from ..compiled.structures import plain
-from ..memory_kernel import told_error
 from ..solver.identity import check_identity, identity
 from ..solver.state import AdaptiveState, check_reach, check_sound, frozen, sealed
 from ..solver.status import Status, failed
@@ -108,6 +107,11 @@ class AdaptiveStepper(CollocationMarch):
             return Status.MAX_STEPS, f"{self.n_steps} in all"
         return None
 
+    @property
+    def misfit(self):
+        """By how much kernels miss the tolerance; empty where they keep it."""
+        return self._orbit.kernels.errors.misfit(self._tolerances[0])
+
     def set_breaks(self, times, t_end):
         """Begin the steps anew at these times."""
         at_once, self._breaks = breaks_ahead(times, self.t, t_end)
@@ -122,7 +126,7 @@ class AdaptiveStepper(CollocationMarch):
             "n_modes": self.n_modes,
             "history_bytes": self._orbit.modes.nbytes,
             # a singular start may err by its fraction of the tolerance
-            "kernel_error": told_error(self._orbit.kernels.error),
+            "kernel_error": self._orbit.kernels.errors.reported,
             "error_estimate": max(self._largest_error, STEP_FRACTION) * self._tolerances[0],
         }
 

@@ -15,6 +15,7 @@ from .._checks import complaint, positive
 from ..compiled.mesh import exchange_mesh_modes
 from ..compiled.modes import exchange_modes
 from ..exponential_sum import fit_unit, tolerance
+from ..memory_kernel import KernelErrors
 from ..meshes import Span
 from ..schemes.mesh import MeshSums
 from ..schemes.scheme import Convolution
@@ -51,7 +52,8 @@ class SumOfExponentials(History):
     weights are positive, so a decaying memory stays one for any `tol`
     (convergence/memory_is_nearly_free.py). A function or a table that no sum follows so closely is
     followed as closely as can be: a `KernelWarning` says so before the run, and
-    ``stats["kernel_error"]`` how closely.
+    ``stats["kernel_error"]`` how closely. A run with a function that is followed less closely than
+    to `tol` and to 1e-6 ends as KERNEL_INACCURATE.
 
     Cost
     ----
@@ -88,11 +90,11 @@ class SumOfExponentials(History):
         covered = self._covered(n_steps + n_block, kernels, n_steps)
         # kernels of the user's may change between runs, powers do not
         tabulate = _tabulated if kernels else _kept
-        tables, blocks, pad, error = tabulate(convolution, float(covered), self.tol, n_block)
+        tables, blocks, pad, errors = tabulate(convolution, float(covered), self.tol, n_block)
         n = tables[0].shape[1]
         sizes = (n, convolution.n_starts * n, convolution.first_modal - 2)
         arrays = tuple(np.zeros((n_columns, k)) for k in sizes)
-        return _Modes(tables, arrays, blocks, n - pad, covered, error)
+        return _Modes(tables, arrays, blocks, n - pad, covered, errors)
 
     def open_varying(self, schedule: Schedule, n_columns: int, n_steps: int) -> Memory:
         """A fresh memory where orders vary; see `History.open_varying`."""
@@ -125,17 +127,17 @@ class SumOfExponentials(History):
 
 
 class _Tabulated(NamedTuple):
-    """Tables of `exchange_modes`, block weights, modes of the padding, and the kernels' error."""
+    """Tables of `exchange_modes`, block weights, modes of the padding, and the kernels' errors."""
 
     tables: tuple
     blocks: tuple
     pad: int
-    error: float
+    errors: KernelErrors
 
 
 def _tabulated(convolution, covered, tol, n_block):
     """Work out the tables of a convolution over so many steps, for blocks of `n_block` steps."""
-    rates, bank, pad, error = _bank(convolution, covered, float(tol))
+    rates, bank, pad, errors = _bank(convolution, covered, float(tol))
     shares, start_shares = convolution.modal(bank, 2, 0)
     ahead, back = _powers(rates, n_block)
     block_weights, block_start_weights = convolution.exact(n_block + 2)
@@ -149,7 +151,7 @@ def _tabulated(convolution, covered, tol, n_block):
     block_weights[:, :n_short] += corrections[:, :n_short]
     block_start_weights[:, 2:n_block] = (start_shares @ ahead)[:, 2:]
     tables = (shares, start_shares, ahead, back, corrections)
-    return _Tabulated(tables, (block_weights, block_start_weights), pad, error)
+    return _Tabulated(tables, (block_weights, block_start_weights), pad, errors)
 
 
 _kept = lru_cache(maxsize=64)(_tabulated)
@@ -178,9 +180,9 @@ def _mesh_modes(sums, m, nearest, farthest, tol):
 class _Modes(Memory):
     """Modes driven by the pieces, undriven ones for the start values, and a window."""
 
-    def __init__(self, tables, arrays, blocks, n_modes, covered, kernel_error):
+    def __init__(self, tables, arrays, blocks, n_modes, covered, kernel_errors):
         super().__init__(exchange_modes, tables, arrays, *blocks)
-        self.n_modes, self.kernel_error = n_modes, kernel_error
+        self.n_modes, self.kernel_errors = n_modes, kernel_errors
         self._covered = covered
 
     def prepare(self, n_end):
@@ -193,13 +195,13 @@ class _Modes(Memory):
     def copy(self):
         """An independent memory with the same modes; the tables are shared."""
         blocks = (self.block_weights, self.block_start_weights)
-        known = self.n_modes, self._covered, self.kernel_error
+        known = self.n_modes, self._covered, self.kernel_errors
         return _Modes(self.tables, self.state(), blocks, *known)
 
 
 def _bank(convolution, covered, tol):
     """Rates of all modes, their weights for each kernel, how many are there for the padding, and
-    the largest error of the other kernels.
+    the largest errors of the other kernels.
 
     Power laws share their rates; every other kernel brings its own.
     """
@@ -216,7 +218,7 @@ def _bank(convolution, covered, tol):
             bank[key] = (rates, np.zeros(rates.size))
             bank[key][1][offset : offset + own.size] = row
         offset += own.size
-    return rates, bank, pad, max((found.max_error for found in sums), default=0.0)
+    return rates, bank, pad, KernelErrors.of([own.kernel for own in kernels], sums)
 
 
 def _powers(rates, n_block):

@@ -18,6 +18,7 @@ from .._checks import complaint
 from .._jit import as_value
 from ..compiled.convolution import exchange_nothing
 from ..compiled.signatures import EXCHANGE_SIG, TABLES
+from ..memory_kernel import NO_ERRORS, KernelErrors
 from ..meshes import Span
 from ..schemes.mesh import MeshSums
 from ..schemes.scheme import Convolution
@@ -49,8 +50,8 @@ class Memory(ABC):
     n_modes: int = 0
     # whether the march reads it by a part of its own instead of `exchange`, for speed
     inlined: bool = False
-    # largest relative error of the sums that stand for kernels other than power laws
-    kernel_error: float = 0.0
+    # largest relative errors of the sums that stand for kernels other than power laws
+    kernel_errors: KernelErrors = NO_ERRORS
 
     def __init__(self, exchange, tables, arrays, block_weights, block_start_weights):
         self.exchange = as_value(exchange, EXCHANGE_SIG)

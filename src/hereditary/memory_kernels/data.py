@@ -256,6 +256,11 @@ class TabulatedKernel(MemoryKernel):
         """True: a table is."""
         return True
 
+    @property
+    def measured(self) -> bool:
+        """True: runs warn of the misfit at the data, and succeed."""
+        return True
+
     def __call__(self, t: ArrayLike) -> np.ndarray:
         """Kernel values, the shape of `t`; up to the last time of the table."""
         t = np.asarray(t, dtype=float)

@@ -134,6 +134,8 @@ class Lane(Stepper):
                 ended[m], details[m] = raised[m]
             elif end is not Status.COMPLETED:
                 details[m] = self._detail(end, n_steps[m], ratios[m])
+            elif self.misfit:
+                ended[m], details[m] = Status.KERNEL_INACCURATE, self.misfit
         return list(zip(ended, details, n_steps, counts["rhs"].tolist(), strict=True))
 
     def _detail(self, end, n, ratio):

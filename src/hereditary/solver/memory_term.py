@@ -263,7 +263,7 @@ def memory_term(
     most = 1 if n_steps is None else count("n_steps", n_steps)
     covered = UniformSteps(h).covered(most, getattr(history, "horizon", None) or 0.0)
     memory = plan.past.open(history, start.size, BLOCK, covered)
-    warn_of_fit(memory.kernel_error, getattr(history, "tol", 0.0))
+    warn_of_fit(max(memory.kernel_errors), getattr(history, "tol", 0.0))
     last = most if by_values else math.inf
     how = {"scheme": described(scheme), "history": described(history), "steps": last}
     return MemoryTerm(how, system, plan, memory, h, start, speed, value)

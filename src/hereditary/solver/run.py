@@ -87,6 +87,8 @@ def run(stepper, stop, t_end, output, reactions, progress, began):
     lacking = _lacking(stepper)
     if lacking and (ended is None or status is Status.EVENT):
         status, detail = Status.STEP_TOO_SMALL, lacking
+    if stepper.misfit and status is Status.EVENT:
+        status = Status.KERNEL_INACCURATE
     signs = events.signs()
     t, y, ydot, dense = output.close(t_end)
     seconds = {"setup_seconds": ready - began, "run_seconds": time.perf_counter() - ready}
@@ -138,8 +140,9 @@ def reached_end(stepper):
     """Status of a run that reached its end."""
     if stepper.zigzag is not None:
         return Status.ZIGZAG
-    beyond = stepper.largest_ratio > 1 or stepper.growth is not None
-    return Status.STEP_TOO_LARGE if beyond else Status.COMPLETED
+    if stepper.largest_ratio > 1 or stepper.growth is not None:
+        return Status.STEP_TOO_LARGE
+    return Status.KERNEL_INACCURATE if stepper.misfit else Status.COMPLETED
 
 
 def told(stepper, status, detail):
@@ -147,7 +150,11 @@ def told(stepper, status, detail):
 
     An exception of a function called in Python is passed on instead.
     """
+    inaccurate = Status.KERNEL_INACCURATE
+    detail = stepper.misfit if status is inaccurate else detail
     message = status.sentence + (f": {detail}" if detail else "")
+    if stepper.misfit and status is not inaccurate:
+        message += f"; {inaccurate.sentence}: {stepper.misfit}"
     if status is not Status.COMPLETED:
         t = stepper.t + stepper.equation.frame.start
         message += f" (t = {t:g}{'' if stepper.adaptive else f' of step {stepper.n}'})"

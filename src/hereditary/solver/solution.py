@@ -21,7 +21,7 @@ from .status import Status
 
 
 class SolveWarning(UserWarning):
-    """A run ended early, or beyond the scheme's stability limit: its message says how."""
+    """A run ended early, unstable or with an inaccurate kernel: its message says how."""
 
 
 class StabilityWarning(SolveWarning):
@@ -101,7 +101,7 @@ class Solution:
 
     @property
     def success(self) -> bool:
-        """Whether the run came to its end as asked for, inside the scheme's stability limit."""
+        """Whether the run ended as asked for, with stable steps and accurate kernels."""
         return self.status in (Status.COMPLETED, Status.EVENT)
 
     @property

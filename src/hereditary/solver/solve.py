@@ -182,7 +182,8 @@ def solve(
     Warns
     -----
     SolveWarning
-        The run ended early, other than by a terminal event or Ctrl-C.
+        The run ended early, other than by a terminal event or Ctrl-C, or with a kernel that is less
+        accurate than its tolerance.
     StabilityWarning
         One of these: the step exceeded the scheme's stability limit along the orbit, or the
         solution zigzags.

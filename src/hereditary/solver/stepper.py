@@ -11,7 +11,7 @@ from ..compiled.growth import transform_march
 from ..compiled.march import MARCHES
 from ..compiled.signatures import FACTORISE, March, Output
 from ..compiled.structures import plain
-from ..memory_kernel import told_error, warn_of_fit
+from ..memory_kernel import misfit_on_given_steps
 from ..schemes.riemann_liouville import with_initial_values
 from ..system import refuse_late, shifted, variational
 from . import march_arrays as arrays
@@ -66,7 +66,7 @@ class Stepper:
         plan = self._plan(directions)
         self._block = 1 if plan.rows.last > 1 else block
         self.memory = self._open(plan)
-        warn_of_fit(self.memory.kernel_error, getattr(history, "tol", 0.0))
+        self.misfit = misfit_on_given_steps(self.memory.kernel_errors, history)
         self._begin(plan)
         self._status, self._stretch = RUNNING, Stretch()
         self.error: Exception | None = None
@@ -350,7 +350,7 @@ class Stepper:
             "n_modes": self.n_modes,
             "history_bytes": self.memory.nbytes,
             "stiffness_ratio": self.largest_ratio if self._watch.watches else np.nan,
-            "kernel_error": told_error(self.memory.kernel_error),
+            "kernel_error": self.memory.kernel_errors.reported,
         }
 
     @property
