@@ -134,7 +134,7 @@ def convergence_table(
     numbers = _numbers(n_steps)
 
     def run(n):
-        found = solve(equation, t_end, n, scheme=scheme, history=history)
+        found = solve(equation, t_end, n, scheme=scheme, history=history, estimate=False)
         if not found.success:
             raise RuntimeError(f"{n} steps: {found.message}")
         return found

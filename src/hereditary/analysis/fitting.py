@@ -241,7 +241,7 @@ class _Runs:
             raise TypeError(complaint("t_eval", "be left out, for t says it", "some"))
         if not {"n_steps", "mesh", "rtol"} & how.keys():
             how = {"rtol": 1e-8, "atol": 1e-10 * min(1.0, largest or 1.0)} | how
-        self._how = how
+        self._how = {"estimate": False} | how
 
     def solutions(self, p, series):
         """Return solutions with these parameters, one for each series."""

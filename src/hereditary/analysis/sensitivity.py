@@ -304,6 +304,7 @@ def _by_orders(equation, t_last, times, how):
     change = _BY_TOLERANCE if adaptive else _BY_STEPS
     if adaptive:
         how = how | {"rtol": min(how["rtol"] or _TIGHT, _TIGHT), "atol": None}
+    how = how | {"estimate": False}
 
     def run(k, by):
         terms = list(equation.terms)

@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike
 
 from .._checks import complaint, instance, refuse_masked, shown
 from .._machine import cores
+from ..solver.first_order import no_estimates
 from ..solver.progress import Interruption, ProgressBar
 from .store import Store
 from .table import COMPLETED, STATUS_LENGTH, Columns, Table
@@ -274,7 +275,8 @@ def computed(function, carry, points, home):
     list of (str, dict)
         Statuses; floats, strings and nested lists of them, as a store gives them back.
     """
-    with contextlib.nullcontext() if os.getpid() == home else _deaf_to_ctrl_c():
+    deaf = contextlib.nullcontext() if os.getpid() == home else _deaf_to_ctrl_c()
+    with deaf, no_estimates():
         found, state = [], None
         for point in points:
             try:
