@@ -97,7 +97,7 @@ def main():
     lone = max(row["modes"] for row in rows if row["kernel"] == "two rates")
     check(f"two rates of a function are {lone:.0f} modes at all tolerances (2 to 4)", lone <= 4)
     most = max(row["modes"] for row in rows)
-    check(f"at most {most:.0f} modes (100)", most <= 100)
+    check(f"at most {most:.0f} modes (70)", most <= 70)
     smooth = [r for r in rows if r["tol"] >= 1e-8]
     excess = max(r["modes"] / r["power_law_modes"] for r in smooth)
     check(f"to 1e-8 at most {excess:.2f} times the power law's modes (2)", excess <= 2)

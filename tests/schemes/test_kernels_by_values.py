@@ -71,7 +71,7 @@ def test_a_few_data_of_an_exponential_are_that_exponential():
     )
     # the first step's integral is that of the power laws between the data
     assert abs(table.y[-1, 0] - exact.y[-1, 0]) < 1e-4
-    assert table.stats["kernel_error"] < 1e-10
+    assert table.stats["kernel_error"] < 1.05e-10  # the tolerance, and 5 per cent between points
 
 
 COMPLETELY_MONOTONE = {

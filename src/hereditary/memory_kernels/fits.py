@@ -39,7 +39,7 @@ _SPACINGS, _NEAR = (0.92, 0.75, 0.6), 300.0
 # Rates are added where the misfit's gradient is above this fraction of its maximum; all of them are
 # where the maximum is rounding. Of 800 fits of random kernels (convergence/random_kernels.py) the
 # most rounds were 15.
-_OF_GRADIENT, _ROUNDING, _ROUNDS = 0.03, 1e-14, 20
+_OF_GRADIENT, _ROUNDING, _ROUNDS = 0.01, 1e-14, 20
 # Rounds that end the search where the error has not halved.
 _STALL = 8
 # Pairs of rates that are merged at once: one, and one more for so many rates.
@@ -47,6 +47,8 @@ _AT_ONCE = 32
 # Most iterations of one solution, in columns (30 were needed), and most work of all solutions, in
 # rows times columns squared: it takes a second.
 _ITERATIONS, _WORK = 60, 4e8
+# Rows for each column from which on a table's solution is that of fewer rows.
+_TALL = 20
 # A run's kernel may rise or be negative by this fraction of its size: by rounding.
 _SLACK = 1e-6
 # A run's kernel is checked from this fraction of its end on, whatever its steps, and refused where
@@ -76,11 +78,11 @@ class Samples:
         return Samples(self.t[kept], self.values[kept], self.size[kept])
 
 
-def _size_by_mean(t, values):
-    """Return ``|K|``, at least a fraction of its mean from 0 to each time."""
+def _size_by_mean(t, values, before):
+    """Return ``|K|``, at least a fraction of its mean from 0 to t; `before` is that to t = 1."""
     size = np.abs(values)
     pieces = 0.5 * (size[1:] + size[:-1]) * np.diff(t)
-    mean = (t[0] * size[0] + np.append(0.0, np.cumsum(pieces))) / t
+    mean = (abs(before) + np.append(0.0, np.cumsum(pieces))) / t
     return np.maximum(np.maximum(size, _OF_MEAN * mean), 1e-300)
 
 
@@ -91,7 +93,7 @@ def _size_from_then_on(t, values):
     return np.maximum(largest_later, _FADED * (t * size).max() / t)
 
 
-def sampled(kernel, t_min, t_max, tol, ratio_max=RATIO_OF_VALUES, size_of=_size_by_mean):
+def sampled(kernel, t_min, t_max, tol, ratio_max=RATIO_OF_VALUES, signed=False):
     """Return the kernel on its check points, in units of t_min."""
     ratio = t_max / t_min
     if ratio > ratio_max:
@@ -100,7 +102,9 @@ def sampled(kernel, t_min, t_max, tol, ratio_max=RATIO_OF_VALUES, size_of=_size_
     t = np.exp(np.linspace(0.0, math.log(ratio), max(400, n) // 2 * 2 + 1))
     t[-1] = ratio
     values = kernel(np.minimum(t * t_min, t_max))
-    return Samples(t, values, size_of(t, values))
+    if signed:
+        return Samples(t, values, _size_from_then_on(t, values))
+    return Samples(t, values, _size_by_mean(t, values, float(kernel.integral(t_min)) / t_min))
 
 
 def largest(error):
@@ -113,8 +117,7 @@ def fit_positive(kernel, t_min, t_max, tol, density=None, remedy=""):
 
     Parameters
     ----------
-    kernel : callable
-        Values at times of shape (n,).
+    kernel : MemoryKernel
     t_min, t_max, tol : float
         See `hereditary.fit_exponentials`.
     density : Density, optional
@@ -249,8 +252,12 @@ def _least_squares(samples, rates):
     from scipy.optimize import nnls
 
     rates, table, scale = _unit_columns(samples, rates)
+    target = samples.values / samples.size
+    if len(table) > _TALL * rates.size:  # the same problem with fewer rows
+        q, table = np.linalg.qr(table)
+        target = q.T @ target
     try:
-        x = nnls(table, samples.values / samples.size, maxiter=_ITERATIONS * rates.size)[0]
+        x = nnls(table, target, maxiter=_ITERATIONS * rates.size)[0]
     except RuntimeError:  # the iterations are used up
         x = np.zeros(rates.size)
     return rates, x / scale
@@ -353,7 +360,7 @@ def closest_signed(kernel, t_min, t_max, tol, fading=False):
 
     Errors are relative to the largest ``|K|`` from each time on.
     """
-    samples = sampled(kernel, t_min, t_max, tol, size_of=_size_from_then_on)
+    samples = sampled(kernel, t_min, t_max, tol, signed=True)
     fitted, step = samples.every(2), trapezoid_step(0.5, tol)
     index = np.arange(fitted.t.size)
     near_end = np.minimum(index, index[::-1]) * (2 / _POINTS_PER_OSCILLATION)
