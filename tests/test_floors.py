@@ -158,12 +158,12 @@ def test_imports_go_down(path):
 @pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(SOURCE)))
 def test_files_and_functions_are_small(path):
     text = path.read_text()
-    assert text.count("\n") <= 400
+    assert text.count("\n") <= 800
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.FunctionDef):
             body = node.body[1:] if ast.get_docstring(node) else node.body
             if body:
-                longest = LONGEST.get(node.name, 60)
+                longest = LONGEST.get(node.name, 80)
                 assert node.end_lineno - body[0].lineno - nested(node) < longest, node.name
             inner = [n for n in ast.walk(node) if isinstance(n, (ast.Import, ast.ImportFrom))]
             hidden = [n for n in inner if getattr(n, "module", None) not in DEFERRED]

@@ -18,7 +18,7 @@ _RATIOS, _FEWEST = (10, 20), 400
 _NUMBERS = 65_536
 # Largest difference of companions that is no sign of chaos, and largest error without a warning,
 # as fractions of the solution's size.
-_CHAOS, _LARGE = 0.5, 0.05
+_CHAOS, _LARGE = 1.0, 0.05
 
 _off = local()
 
@@ -59,7 +59,8 @@ def estimated_error(stepper, n_steps):
     n = n_steps // _RATIOS[1]
     if n_steps < _FEWEST:
         return None
-    equation, t_end, difference, size = stepper.equation, stepper.t, 0.0, 0.0
+    equation, t_end = stepper.equation, stepper.t
+    difference, size = np.zeros((2, equation.d))
     first: np.ndarray | None = None
     with silence():
         how = equation, stepper.scheme, stepper.history

@@ -262,7 +262,7 @@ def solve(
     output = Output(stepper, stop, save_every, times, found, kept)
     solution = run(stepper, stop, t_last, output, reactions, progress, began)
     first_order = isinstance(scheme, (ExplicitCaputo, GrunwaldLetnikov)) and mesh is None
-    if first_order and estimate and resume is None and not (kinds or breaks.size):
+    if first_order and estimate and resume is None and not (kinds or np.size(breaks)):
         note_error(solution, stepper, stop)
     return solution
 
