@@ -126,7 +126,7 @@ def imports_figure(path, source, level):
     """Draw rooms on their floors, with an arrow for each that imports one of a lower floor."""
     imports, floor = imports_of(source, level)
     width, place = 10.0, {}
-    for height in range(max(floor.values()) + 1):
+    for height in range(min(floor.values()), max(floor.values()) + 1):
         here = sorted(box for box, own in floor.items() if own == height)
         for k, box in enumerate(here):
             shift = 0.4 * (height % 2) - 0.2
