@@ -10,22 +10,32 @@ from pathlib import Path
 _HERE = str(Path(__file__).parent) + os.sep
 
 
-_silent = threading.local()
+class ThreadSwitch(threading.local):
+    """A flag that is False but within `set()`, in the thread that calls it."""
+
+    value = False
+
+    @contextmanager
+    def set(self):
+        """Set the flag within a ``with`` statement."""
+        before, self.value = self.value, True
+        try:
+            yield
+        finally:
+            self.value = before
 
 
-@contextmanager
+_silent = ThreadSwitch()
+
+
 def silence():
-    """Let no warning of the package out of this thread."""
-    before, _silent.now = getattr(_silent, "now", False), True
-    try:
-        yield
-    finally:
-        _silent.now = before
+    """Let no warning of the package out of this thread, within a ``with`` statement."""
+    return _silent.set()
 
 
 def warn(message, kind):
     """Warn at the line that called into the package, however deep inside it this is."""
-    if getattr(_silent, "now", False):
+    if _silent.value:
         return
     level, frame = 1, sys._getframe()
     while frame.f_back is not None and frame.f_code.co_filename.startswith(_HERE):

@@ -61,11 +61,11 @@ class Solution:
         implicit steps eliminated, n_modes, history_bytes, setup_seconds, run_seconds,
         kernel_error, the largest relative error of sums that stand for general kernels.
         With uniform steps of `ExplicitCaputo` and `GrunwaldLetnikov` error_estimate: the largest
-        error relative to the size of each component, from two runs with a tenth and a twentieth of
-        the steps. It is usually within a factor of 3; with some thousand steps it can be 8 times
-        too small next to t = 0, where solutions of orders below 1 change most. None with fewer
-        than 400 steps, where one of these runs is unstable, and where they are far apart, as
-        chaotic ones are.
+        error beyond the first 40 steps, relative to the size of each component, from two runs with
+        a tenth and a twentieth of the steps. It is usually within a factor of 3. Errors of the
+        first steps can be 100 times as large with orders below 1/2. None with fewer than 400 steps,
+        if one of these runs comes near its stability limit, and if they are far apart, as chaotic
+        ones are.
         With `Collocation` n_rejected, the steps made again shorter, and error_estimate: rtol times
         the largest error of a step over its share of the tolerance, a tenth of it, and rtol / 10 at
         the least, which the first step may err by; on a mesh that rtol refined rtol times its
