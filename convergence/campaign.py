@@ -8,8 +8,9 @@ transforms inverted in extended precision (tests/laplace_truth.py), and at the w
 run that is found wrong, and at that of each tenth other, from mpmath.
 
 Errors of y and y' are taken at t = 0, from 1e-12 of the first step on, at nodes, between them and
-around corners, over rtol (0.01 + largest size so far of the component), for systems and relays
-times what perturbed initial values and forces grow by. Each problem has one of these verdicts:
+around corners, over rtol times the largest size so far of the component (tests/
+campaign_verdicts.py), for systems and relays times what perturbed initial values and forces grow
+by. Each problem has one of these verdicts:
 
 * ok; wrong success, of y; wrong slope, of y' alone; not seen: a window nobody told of;
 * true status: the run ended early and says why; false status: what it says is not so;

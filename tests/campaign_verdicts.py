@@ -1,8 +1,10 @@
 """How a run of a campaign's problem is judged.
 
-The tolerance of a component at a time is rtol (0.01 + its largest size so far), for y' its largest
-size up to the end of a step out of 0 or out of a break; for systems and relays times what perturbed
-initial values and forces amplify; and what rounding of the matrix, of forces and times moves y by.
+The tolerance of a component at a time is 1.01 rtol times its largest size so far. If it begins at
+0, the hundredth is of its largest size over the run. For y' the tolerance is rtol times its largest
+size, up to the end of a step out of 0 or out of a break, and 0.04 rtol / T times the size of y. For
+systems and relays it is multiplied by what perturbed initial values and forces amplify. What
+rounding of the matrix, of forces and times moves y by is added.
 """
 
 import contextlib
@@ -91,7 +93,7 @@ def _given_steps(problem, sol, told):
     t = problem.t_end * np.append(np.geomspace(1e-8, 1e-2, 100), np.linspace(0, 1, 300))
     size, largest = np.abs(sol.y), np.abs(problem.solution(np.sort(t)))
     first = np.abs(problem.truth.start[1]) * problem.t_end / problem.n_steps
-    bound = _GROSS * (largest.max(axis=0) + first + 0.01)
+    bound = _GROSS * (1.01 * largest.max(axis=0) + first)
     fine = bool(np.all(size <= bound))
     if sol.success:
         return OK if fine else WRONG
@@ -153,10 +155,18 @@ def agrees(problem, sol, t):
     for k in (0, 1) if truth.orders.max() > 1 else (0,):
         judged_there = (truth.orders.max(axis=0) > 1) | (k == 0)
         right = second_opinion(truth, t, k, _DIGITS)
-        off = np.abs(sol(t, k) - right) / (problem.rtol * (np.abs(right) + 0.01))
+        least = least_sizes(problem, np.linspace(0, t, 50), k)[-1]
+        off = np.abs(sol(t, k) - right) / (problem.rtol * (np.abs(right) + least))
         if np.any(off[judged_there] > 1):
             return False
     return True
+
+
+def least_sizes(problem, t, derivative):
+    """Size that counts of a component however small it is at times t, (n, d)."""
+    sizes = np.maximum.accumulate(np.abs(problem.solution(t)))
+    sizes = np.where(problem.truth.start[0] == 0, sizes[-1], sizes)
+    return np.maximum((0.04 / problem.t_end if derivative else 0.01) * sizes, 1e-200)
 
 
 def over_tolerance(problem, sol, t, derivative):
@@ -169,7 +179,8 @@ def over_tolerance(problem, sol, t, derivative):
         step = (t >= corner) & (t <= sol.t[np.searchsorted(sol.t[:-1], corner, "right")])
         largest = np.abs(value[step]).max(axis=0, initial=0.0)
         size[step] = np.maximum(size[step], largest)
-    tolerance = problem.rtol * (size + 0.01) * amplification(problem, t, derivative, size + 0.01)
+    size += least_sizes(problem, t, derivative)
+    tolerance = problem.rtol * size * amplification(problem, t, derivative, size)
     found = sol(t, derivative)
     error = np.abs(found - value)
     if not derivative:  # rows are to be what the dense output is
@@ -204,12 +215,14 @@ def later_amplification(problem, t, derivative):
     Of a Jordan block's solution that is t**2 times an oscillation they are some of what follows.
     """
     truth, out = problem.truth, np.ones((t.size, problem.truth.d))
-    scale = np.maximum(np.abs(problem.solution(t, derivative)), 0.01)
+    least = [least_sizes(problem, t, k) for k in (0, 1)]
+    scale = np.maximum(np.abs(problem.solution(t, derivative)), least[derivative])
     unit = replace(truth, start=np.ones((2, truth.d)), forces=())
     for since in _LATER * t[-1]:
         later = t > since
         moved = np.abs(unit.shares(t[later] - since, derivative))
-        sizes = [np.abs(problem.solution(np.array([since]), k)[0]) + 0.01 for k in (0, 1)]
+        first = np.searchsorted(t, since)
+        sizes = [np.abs(problem.solution(t[[first]], k)[0]) + least[k][first] for k in (0, 1)]
         sizes[1] *= truth.orders.max(axis=0) > 1
         grown = moved @ np.concatenate(sizes) / scale[later]
         out[later] = np.maximum(out[later], grown)
@@ -252,7 +265,7 @@ def truth_error(problem, t):
     off = 0.0
     for k in derivatives:
         value = truth(np.array([t]), k)[0]
-        scale = np.abs(truth.shares(np.array([t]), k)[0]).sum(axis=1) + 0.01
+        scale = np.abs(truth.shares(np.array([t]), k)[0]).sum(axis=1) + 1e-200
         other = second_opinion(truth, t, k, degree)
         off = max(off, float((np.abs(value - other) / scale).max()))
     return off

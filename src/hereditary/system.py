@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from ._checks import complaint
+from ._differences import units_of
 from ._jit import JAC_SIG, as_value, derived
 from .compiled.jacobian import VALUES, jacobian_at, no_jacobian
 from .frame import Frame
@@ -155,7 +156,7 @@ class System:
         found = self.derivative(t, y)
         return found if self.structure is None else found.toarray()
 
-    def derivative(self, t, y):
+    def derivative(self, t, y, units=None):
         """Return d rhs / d y, as an array or, where its entries are known, SciPy's CSR array."""
         if self.enlarged is not self:
             required = "read no memory where its Jacobian by y alone is asked for"
@@ -163,8 +164,21 @@ class System:
         structure, d = self.structure, self.d
         out = np.empty((d, d)) if structure is None else structure.entries.copy()
         y = np.array(y, dtype=float)
-        jacobian_at(self._rhs, self._jac, int(self.has_jac), float(t), y, self._params, out)
+        how = self._rhs, self._jac, int(self.has_jac), float(t), y, self._params
+        jacobian_at(*how, self.steps if units is None else units, out)
         return out if structure is None else structure.matrix(out[VALUES])
+
+    @cached_property
+    def units(self) -> np.ndarray:
+        """Units of the components, (d,), for differences where y is small; 0 if there are none."""
+        if self.has_jac or self._enlarged is not None:
+            return np.ones(self.d)
+        return units_of(self._rhs, self._params, self.at_start)
+
+    @property
+    def steps(self):
+        """Units of the components, 1 where there are none."""
+        return np.where(self.units > 0, self.units, 1.0)
 
     def dense(self) -> "System":
         """Return the system without known entries, its Jacobians by differences where it has some.

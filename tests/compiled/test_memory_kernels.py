@@ -99,8 +99,8 @@ def test_jacobian_by_differences_and_by_the_user():
 
     y, params, out = np.array([0.3, 100.0]), np.array([2.0]), np.empty((2, 2))
     plain = getattr(jacobian, "py_func", jacobian)
-    plain(rhs, jac, 0, 1.0, y, params, out)
+    plain(rhs, jac, 0, 1.0, y, params, np.ones(2), out)
     exact = [[np.cos(0.3) * 100.0, np.sin(0.3)], [4 * 0.3, 0.0]]
     np.testing.assert_allclose(out, exact, rtol=1e-9, atol=1e-9)
-    plain(rhs, jac, 1, 1.0, y, params, out)
+    plain(rhs, jac, 1, 1.0, y, params, np.ones(2), out)
     assert np.all(out == 7.0)

@@ -206,7 +206,7 @@ def test_weights_of_the_integrals_add_up():
     offsets, weights = np.array([[0.0, 4.0, 0.0], [0.0, 5.0, 0.0]]), np.array([[1.0, 2], [3, 7]])
     input_weights, offset_weights = np.full((2, 3, 2), np.nan), np.full((2, 2, 2), np.nan)
     none = np.zeros(0, dtype=np.int64)
-    equations = Equations(terms, np.zeros(2), none, offsets, none, none, np.arange(2))
+    equations = Equations(terms, np.zeros(2), none, offsets, none, none, np.arange(2), np.ones(2))
     found = mode_weights(input_weights, np.zeros((2, 2)), 4)._replace(offsets=offset_weights)
     found.used[:] = -1
     set_mode_weights(equations, weights, np.zeros(2), found)

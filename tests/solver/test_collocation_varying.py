@@ -193,13 +193,13 @@ def test_a_jump_of_the_right_hand_side(order):
     assert np.abs(runs[0](t) - runs[1](t)).max() < 1e-8
 
 
-def test_what_has_become_small_is_as_right_as_what_was_large():
+def test_what_has_become_small_is_as_right_as_what_was_large_with_an_absolute_tolerance():
     def drawn(t, y):
         return -y - y**3 + np.cos(t)
 
     t = np.linspace(0.5, 20, 100)
     runs = [
-        hd.solve(hd.Equation(term, drawn, 1e9), 20.0, rtol=rtol)(t)
+        hd.solve(hd.Equation(term, drawn, 1e9), 20.0, rtol=rtol, atol=1e-2 * rtol)(t)
         for term, rtol in ((always(0.9), 1e-6), (hd.Caputo(0.9), 1e-11))
     ]
     np.testing.assert_allclose(runs[0], runs[1], rtol=2e-6)
@@ -444,7 +444,7 @@ def test_tables_of_orders(a, h):
     tables.tabulated["next_start"], tables.tabulated["next_length"] = 0.0, h
     pace = Pace(None, 10)
     pace.begin(0.0, 2 * h, 0)
-    limits = pace.limits(hd.scenes.relaxation(), 0.0, 2 * h, (1e-6, 1e-8))
+    limits = pace.limits(hd.scenes.relaxation(), 0.0, 2 * h, (1e-6, 1e-8, 0.0))
     tables.fill(orbit := Orbit(), 0.0, limits)
     for i in range(4):
         expected = h ** a[i] * radau_integrals(4, a[i])[i]

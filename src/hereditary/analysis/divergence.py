@@ -22,6 +22,7 @@ class Divergence:
 
     def __init__(self, equation, h):
         self._equation, self._h, d = equation, h, equation.d
+        self._units = equation.steps
         known = equation.structure
         self._jacobian = np.empty((d, d)) if known is None else known.entries.copy()
         second = equation.highest_orders() > 1
@@ -69,16 +70,17 @@ class Divergence:
             self._h,
             rows,
             self._shares,
+            self._units,
             self._jacobian,
         )
 
 
-@entry(RHS, JAC, I8, VEC, F8, F8, MAT, VEC, MAT)
-def _sum_of_traces(rhs, jac, has_jac, params, t, h, rows, shares, j_f):
+@entry(RHS, JAC, I8, VEC, F8, F8, MAT, VEC, VEC, MAT)
+def _sum_of_traces(rhs, jac, has_jac, params, t, h, rows, shares, units, j_f):
     """Sum over rows (k, d) of ``sum_j shares_j d f_j / d x_j``, the first one at time t."""
     d, total = rows.shape[1], 0.0
     for k in range(rows.shape[0]):
-        jacobian(rhs, jac, has_jac, t + k * h, rows[k], params, j_f)
+        jacobian(rhs, jac, has_jac, t + k * h, rows[k], params, units, j_f)
         if is_sparse(j_f, d):
             for i in range(j_f.shape[1]):
                 j = int(j_f[COLUMNS, i])

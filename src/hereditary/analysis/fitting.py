@@ -122,7 +122,7 @@ def fit(
     loss : str, optional
         As in `scipy.optimize.least_squares`: "soft_l1" or "huber" for outliers, beyond one sigma.
     **how
-        As in `solve`, by default ``rtol=1e-8``, with atol for the size of the data.
+        As in `solve`, by default ``rtol=1e-8``.
 
     Returns
     -------
@@ -240,7 +240,7 @@ class _Runs:
         if "t_eval" in how:
             raise TypeError(complaint("t_eval", "be left out, for t says it", "some"))
         if not {"n_steps", "mesh", "rtol"} & how.keys():
-            how = {"rtol": 1e-8, "atol": 1e-10 * min(1.0, largest or 1.0)} | how
+            how = {"rtol": 1e-8} | how
         self._how = {"estimate": False} | how
 
     def solutions(self, p, series):

@@ -16,8 +16,8 @@ _SAMPLES, _FEWEST, _CHANGE = 8, 129, 1e-7
 _FREE = 1e-7
 
 
-@entry(RHS, JAC, I8, VEC, F8, MAT, MAT, MAT)
-def _over_a_period(rhs, jac, has_jac, params, omega, y, f, j_f):
+@entry(RHS, JAC, I8, VEC, F8, MAT, VEC, MAT, MAT)
+def _over_a_period(rhs, jac, has_jac, params, omega, y, units, f, j_f):
     """Set f (N, d) at equal times of a period and y (N, d), and its Jacobian, flat (N, d d).
 
     No Jacobian where `j_f` has no rows.
@@ -29,7 +29,7 @@ def _over_a_period(rhs, jac, has_jac, params, omega, y, f, j_f):
         rhs(t, y[i], f[i], params)
         if i >= j_f.shape[0]:
             continue
-        jacobian(rhs, jac, has_jac, t, y[i], params, out)
+        jacobian(rhs, jac, has_jac, t, y[i], params, units, out)
         for a in range(d):
             for b in range(d):
                 j_f[i, a * d + b] = out[a, b]
@@ -38,13 +38,15 @@ def _over_a_period(rhs, jac, has_jac, params, omega, y, f, j_f):
 class Balance:
     """Equations of the harmonics: their residual, and its derivative.
 
-    Unknowns x (d, 2 H + 1), flat, are the mean and then cosine and sine of each harmonic. Memory
-    that the right-hand side reads stands behind y there, and is linear in it. `along` is the
-    parameter whose values the curve follows: `frequency`, or another one.
+    Unknowns x (d, 2 H + 1), flat, are the mean and then cosine and sine of each harmonic, in units
+    of the components; so are residuals. Memory that the right-hand side reads stands behind y
+    there, and is linear in it. `along` is the parameter whose values the curve follows:
+    `frequency`, or another one.
     """
 
     def __init__(self, equation, frequency, along, harmonics):
         self._system = equation.enlarged.dense()
+        self._units = self._system.steps
         self._frequency, self._along = frequency, along
         self._params, self._h, self.d = equation._params.copy(), harmonics, equation.d
         self.size, self._n = self.d * (2 * harmonics + 1), max(_SAMPLES * harmonics + 1, _FEWEST)
@@ -60,7 +62,7 @@ class Balance:
         y0 = self._system.y0[0]
         for value in values:
             omega = self._omega(value)
-            for y in (y0, y0 + 1.0):
+            for y in (y0, y0 + self._units):
                 times = 2 * np.pi / omega * np.array([[0.0, 0.31, 0.83], [1.0, 1.31, 1.83]])
                 found = np.array([[self._force(t, y) for t in row] for row in times])
                 if not np.isfinite(found).all():
@@ -107,13 +109,14 @@ class Balance:
         """Return complex amplitudes (n, d, H + 1) of unknowns (n, size)."""
         parts = x.reshape(-1, self.d, 2 * self._h + 1).copy()
         parts[..., 0] -= parts[..., 0] @ self._free.T @ self._free  # which rounding moves
+        parts *= self._units[: self.d, None]
         harmonic = parts[..., 1::2] - 1j * parts[..., 2::2]
         return np.concatenate([parts[..., :1].astype(complex), harmonic], axis=2)
 
     def amplitudes(self, x):
         """Return the amplitudes of the first harmonic (n, d) of unknowns (n, size)."""
         parts = x.reshape(-1, self.d, 2 * self._h + 1)
-        return np.hypot(parts[..., 1], parts[..., 2])
+        return np.hypot(parts[..., 1], parts[..., 2]) * self._units[: self.d]
 
     def rises(self, x, direction):
         """Return what has the sign of the amplitudes' derivatives (d,) at x along a direction."""
@@ -136,15 +139,17 @@ class Balance:
     def residual(self, x, value, derivative=True):
         """Return the residual (size,), and its derivative (size, size)."""
         m, d, system = 2 * self._h + 1, self.d, self._system
-        rows, omega = x.reshape(d, m), self._omega(value)
+        own = self._units[:d, None]
+        rows, omega = x.reshape(d, m) * own, self._omega(value)
         left = self._operators(omega)
         sources = system.sources[d:]
         beside = (left[d:] @ rows[sources, :, None])[..., 0]
         y = np.ascontiguousarray((np.vstack([rows, beside]) @ self._basis.T).T)
         f, j_f = np.empty(y.shape), np.empty((self._n if derivative else 0, system.d**2))
-        how = int(system.has_jac), self._params, omega, y, f, j_f
+        units = np.maximum(np.abs(y).max(axis=0), self._units)
+        how = int(system.has_jac), self._params, omega, y, units, f, j_f
         _over_a_period(system._rhs, system._jac, *how)
-        found = (left[:d] @ rows[..., None])[..., 0] - (self._project @ f[:, :d]).T
+        found = ((left[:d] @ rows[..., None])[..., 0] - (self._project @ f[:, :d]).T) / own
         if not derivative:
             return found.ravel(), None
         slopes = j_f.T.reshape(system.d, system.d, self._n)[:d]
@@ -154,6 +159,7 @@ class Balance:
             matrix[c, :, c, :] += left[c]
         for c, source in enumerate(sources, d):
             matrix[:, :, source, :] -= blocks[:, c] @ left[c]
+        matrix *= own / own[..., None, None]
         matrix[:, 0, :, 0] += self._held
         return found.ravel(), matrix.reshape(self.size, self.size)
 

@@ -166,7 +166,8 @@ def _another(request, result, finer):
         finer = finer or found["rtol"] > _LOOSEST
         factor = 0.1 if finer else 10.0
         how = "a tenth of the tolerance" if finer else "ten times the tolerance"
-        changed = {"rtol": factor * found["rtol"], "atol": factor * found["atol"]}
+        atol = None if found["atol"] is None else factor * found["atol"]
+        changed = {"rtol": factor * found["rtol"], "atol": atol}
     else:
         n, h = (2 * n, found["h"] / 2) if finer else (n // 2, 2 * found["h"])
         other = scheme if finer else checking_scheme(scheme, request.equation, request.mode)

@@ -8,13 +8,15 @@ from ..compiled.adaptive import (
     CRAWLING,
     FULL,
     MARCHES,
+    NEAR,
     ORDERS_NEEDED,
     REACHED,
     TOO_CLOSE,
     TOO_ROUGH,
 )
+from ..compiled.error_estimate import LEAST
 from ..compiled.mode_tables import floor_to_grid
-from ..compiled.operators import PRIMARY
+from ..compiled.operators import POSITION, PRIMARY
 from ..compiled.structures import ExponentialBasis, Steps, initial_state, restored_state
 from ..memory_kernel import warn_of_fit
 from .equations import integral_form
@@ -26,11 +28,14 @@ from .pace import TOO_STEEP, UNSOLVED, Ending, Pace, ending
 from .pieces import PolynomialPieces, PowerPiece
 from .quadrature import rule_of, shortened_legendre
 from .singular_start import SingularStart
+from .sizes import begins_at_rest, floors_of
 from .stages import has_stages, stage_solver
 
 # Fraction of the tolerance that one step may err by, and fraction of that for the modes: errors add
 # up along periodic and chaotic orbits (convergence/collocation.py).
 STEP_FRACTION, _MODES_FRACTION = 0.1, 0.01
+# Fraction of rtol that counts relative to the size of a component, where no atol is given.
+OF_SIZE = 0.01
 # Least relative tolerance of a singular start: rounding allows no less.
 _ROUNDING = 5e-13
 # Modes are fitted, and refined each time, for steps this many times shorter than the present one.
@@ -55,7 +60,7 @@ class CollocationMarch:
         Time that the modes hold for at least; they hold up to ten times the run.
     n_nodes : int
     tolerances : (float, float)
-        rtol and atol.
+        rtol and atol; with None for atol errors are relative to the sizes of components.
     modes_tol : float, optional
         Relative error of the modes, where it is to be smaller than the tolerance requires.
     directions : ndarray, shape (n_data, k), optional
@@ -67,8 +72,9 @@ class CollocationMarch:
         self, system, t_end, horizon, n_nodes, tolerances, modes_tol, directions, pace: Pace
     ):
         self._system, self._tolerances = system, tolerances
-        self._rtol, self._atol = (STEP_FRACTION * tolerance for tolerance in tolerances)
-        default_tol = max(1e-14, min(1e-3, _MODES_FRACTION * self._rtol))
+        rtol, atol = tolerances
+        self._t_end, self._allowed = t_end, allowed_errors(rtol, atol)
+        default_tol = max(1e-14, min(1e-3, _MODES_FRACTION * self._allowed[0]))
         # larger errors of the modes would look like a rough solution, and no step would suffice
         self.modes_tol = default_tol if modes_tol is None else min(default_tol, modes_tol)
         self._known = known = max(t_end, horizon)
@@ -86,7 +92,8 @@ class CollocationMarch:
         self._orbit = OrbitAndTangents(
             form, initial_values(system, form.second == 1, directions), s
         )
-        self._state = initial_state(t_end, np.abs(self._orbit.p[0]))
+        self._units = system.units if atol is None else np.ones(system.d)
+        self._state = initial_state(t_end, *np.abs([self._orbit.p[0], self._orbit.x[0]]))
         self._at_singular_start, self._largest_error = True, 0.0
         self._peak = np.zeros((2, system.d))  # of p and y at the starts of steps
         self.ending = Ending()
@@ -128,6 +135,7 @@ class CollocationMarch:
         if n_rows == 0:
             return None
         if self._at_singular_start:
+            self._set_floors()
             if not self._graded:
                 return self._singular_step(t_stop)
             self._begin_graded(t_stop)
@@ -137,7 +145,7 @@ class CollocationMarch:
         shapes = (n_rows,), (n_rows,), (n_rows, d, s), (n_rows, 2, d), (n_rows,)
         steps = Steps(*(np.empty(shape) for shape in shapes))
         n, status, before, origin = 0, TOO_CLOSE, (self.t, counts.copy()), self._control["origin"]
-        limits = self.pace.limits(self._system, origin, t_stop, (self._rtol, self._atol))
+        limits = self.pace.limits(self._system, origin, t_stop, self._allowed)
         while (status == TOO_CLOSE and n == 0) or status == ORDERS_NEEDED:
             first = self.n_steps
             try:
@@ -159,7 +167,7 @@ class CollocationMarch:
                     self._refine_modes(closest)
         if status == REACHED and self.error is None:
             self._set_origin(t_stop)
-        stretch = *before, self.t, counts, t_stop, steps.at_starts[:n]
+        stretch = *before, self.t, counts, t_stop, steps.at_starts[:n], self._sizes()
         if status in (FULL, TOO_CLOSE) and self.pace.is_stalled(*stretch):
             status = CRAWLING
         at_starts = np.abs(steps.at_starts[:n]).max(axis=0, initial=0.0)  # y, then p
@@ -172,6 +180,13 @@ class CollocationMarch:
         *piece, errors = (array[:n] for array in steps)
         self._largest_error = max(self._largest_error, float(errors.max()))
         return PolynomialPieces(*piece)
+
+    def _sizes(self):
+        """Return the sizes of y, and of p where it is y, to which the tolerance refers, (2, d)."""
+        rtol, atol, by_size = self._allowed
+        sizes = np.maximum(self._state.sizes, self._state.floors)
+        sizes = sizes if by_size > 0 else np.full(sizes.size, atol / (OF_SIZE * rtol))
+        return np.array([sizes, np.where(self._form.second == 1, 0.0, sizes)])
 
     def _set_origin(self, t, since=0.0):
         """Measure time from t, since rounding would hide steps next to a singular start."""
@@ -196,8 +211,8 @@ class CollocationMarch:
         try:
             return march(
                 equation._rhs, equation._jac, int(equation.has_jac), equation._params,
-                self._stages.solver, self._stages.stages, orbit.equations(), self._rule, basis,
-                tables, self._orders.compiled(orbit.of_varying), orbit.march_arrays(),
+                self._stages.solver, self._stages.stages, orbit.equations(self._units), self._rule,
+                basis, tables, self._orders.compiled(orbit.of_varying), orbit.march_arrays(),
                 self._state, steps, limits)  # fmt: skip
         finally:
             kept_tables.give_back(taken)
@@ -209,12 +224,23 @@ class CollocationMarch:
         self._orders.clear()
         self.ending, self.error = Ending(), None
 
+    def _set_floors(self):
+        """Set the floors of components that begin at rest, where errors are relative to sizes."""
+        x = self._orbit.x[0]
+        if self.t == 0.0 and self._allowed[2] > 0.0 and begins_at_rest(x):
+            how = self._stages.many, self._t_end
+            self._state.floors[:], calls = floors_of(self._system, *how)
+            self._state.counts["rhs"] += calls
+
     def _singular_step(self, t_stop):
         """Make the step of a singular start; return its dense output, or None and set `ending`."""
         orbit, t = self._orbit, self.t
-        tolerances = max(self._rtol, _ROUNDING), self._atol
+        tolerances = max(self._allowed[0], _ROUNDING), *self._allowed[1:]
         problem = self._form, orbit, t, t_stop, self._farthest / _LARGEST_RATIO
-        how = tolerances, self._state, self.pace.longest[0]
+        sizes = np.maximum(self._state.sizes, self._state.floors)
+        units = np.maximum(self._units, sizes if self._allowed[2] > 0 else 0.0)
+        units = np.where(units > LEAST, units, 1.0)
+        how = tolerances, self._state, self.pace.longest[0], self._t_end, units
         start = SingularStart(self._system, *problem, *how)
         found = start.step()
         self._state.counts["refused"] += start.n_refused
@@ -236,6 +262,9 @@ class CollocationMarch:
         orbit.finish_singular_start(basis, h, values)
         speeds = np.maximum(largest, np.abs(values[0, PRIMARY]).max(axis=1))
         largest[:] = np.where(self._form.second == 1, speeds, 0.0)
+        sizes, floors = self._state.sizes, self._state.floors
+        sizes[:] = np.maximum(sizes, np.abs(values[0, POSITION]).max(axis=1))
+        floors[(sizes > 0) & (sizes >= NEAR * floors)] = -1.0
         self._begin_steps(h)
         self._set_origin(*((t_stop,) if h == t_stop - t else (t, h)))
         self._state.counts["accepted"] += 1
@@ -245,7 +274,7 @@ class CollocationMarch:
         """Begin with ordinary steps, the first so short that the solution hardly changes."""
         self._set_origin(self.t)
         least = 1e5 * self._farthest / _LARGEST_RATIO
-        h = self._form.graded_first_step(self.t, t_stop - self.t, self._atol, least)
+        h = self._form.graded_first_step(self.t, t_stop - self.t, sum(self._allowed[1:]), least)
         closest = self._closest(h)
         if self.n_modes == 0:
             self._orbit.open_modes(closest, self._farthest, self._known, self.modes_tol)
@@ -268,7 +297,8 @@ class CollocationMarch:
         """Fit kernels known by their values, for steps as short as are to be expected."""
         closest = _CLOSE * t_end
         if self._graded and not self._form.varying:
-            closest = self._closest(self._form.graded_first_step(0.0, t_end, self._atol))
+            first = self._form.graded_first_step(0.0, t_end, sum(self._allowed[1:]))
+            closest = self._closest(first)
         errors = self._orbit.prefit_kernels(closest, self._farthest, self._known, self.modes_tol)
         warn_of_fit(errors.measured, self._tolerances[0])
 
@@ -276,3 +306,9 @@ class CollocationMarch:
         """Refine the modes to hold at the distance `closest`."""
         self._orbit.refine(closest)
         self._control["closest"] = self._orbit.closest
+
+
+def allowed_errors(rtol, atol):
+    """Return the errors a step may make: relative to y, absolute, relative to sizes."""
+    by_size, atol = (OF_SIZE * rtol, 0.0) if atol is None else (0.0, atol)
+    return STEP_FRACTION * rtol, STEP_FRACTION * atol, STEP_FRACTION * by_size

@@ -15,9 +15,9 @@ MAX_STEPS = 1_000_000
 # force that sets in later.
 _DORMANT = 1 / 32
 # A run stalls if in so many consecutive stretches of 200 steps or more the solution changes by less
-# than the fraction _STILL, more than the fraction _REFUSED of steps is refused, the last stretch
-# covers no more than twice the time of the first, and more steps would be needed than are left, or
-# than _MOST_STEPS.
+# than the fraction _STILL, the last stretch covers no more than twice the time of the first, and
+# more steps would be needed than _MOST_STEPS, or than are left if more than the fraction _REFUSED
+# of steps is refused.
 _STRETCHES, _STILL, _REFUSED, _MOST_STEPS = 4, 1e-2, 0.125, 1e7
 # A run that ends blows up if the solution, larger than before, grew by more than this fraction over
 # the last step and the next step was not refused below _WALL times its length.
@@ -62,23 +62,24 @@ class Pace:
         self._max_step, self._max_steps = max_step or np.inf, max_steps
         self.longest, self.last_step = np.zeros(2), 0
         self._slow: list[float] = []
+        self._t_end = np.inf
 
     def begin(self, t, t_end, n_steps):
         """Set the limits of a run from t to t_end that begins after `n_steps` steps."""
-        longest = min(self._max_step, t_end - t)
+        longest, self._t_end = min(self._max_step, t_end - t), t_end
         self.longest = np.array([longest, min(longest, _DORMANT * (t_end - t))])
         self.last_step = n_steps + self._max_steps
 
     def limits(self, system, origin, t_stop, tolerances):
         """Return the `Limits` of a march from `origin` to `t_stop`."""
         times = t_stop, system.beside(origin, 1), system.beside(t_stop, -1)
-        return Limits._make([*times, *self.longest.tolist(), *tolerances])
+        return Limits._make([*times, *self.longest.tolist(), *tolerances, self._t_end])
 
     def used_up(self, n_steps):
         """Return whether all allowed steps are made."""
         return n_steps >= self.last_step
 
-    def is_stalled(self, since, earlier, t, counts, t_stop, at_starts):
+    def is_stalled(self, since, earlier, t, counts, t_stop, at_starts, sizes):
         """Return whether steps stay short where the solution stands still, at jumps or by rounding.
 
         Parameters
@@ -90,6 +91,8 @@ class Pace:
         t_stop : float
         at_starts : ndarray, shape (n, 2, d)
             y and p at the starts of the steps of the stretch.
+        sizes : ndarray, shape (2, d)
+            Largest |y| and |p| before.
         """
         accepted, refused = (
             counts["accepted"] - earlier["accepted"],
@@ -98,9 +101,13 @@ class Pace:
         if accepted < 200:
             return False
         advance, left, n_steps = t - since, t_stop - t, int(counts["accepted"])
-        still = np.ptp(at_starts, axis=0) <= _STILL * (_STILL + np.abs(at_starts).max(axis=0))
+        largest = np.abs(at_starts).max(axis=0)
+        still = np.ptp(at_starts, axis=0) <= _STILL * (
+            _STILL * np.maximum(sizes, largest) + largest
+        )
         allowed = min(self.last_step - n_steps, _MOST_STEPS)
-        slow = refused > _REFUSED * accepted and left * accepted > advance * allowed
+        needed = left * accepted / advance
+        slow = needed > (allowed if refused > _REFUSED * accepted else _MOST_STEPS)
         self._slow = [*self._slow, advance][-_STRETCHES:] if slow and still.all() else []
         return len(self._slow) == _STRETCHES and self._slow[-1] <= 2 * self._slow[0]
 

@@ -9,6 +9,7 @@ import importlib
 import numpy as np
 from scipy.special import rgamma
 
+from ..compiled.error_estimate import LEAST, OF_SPEED
 from ..compiled.operators import FORCE, POSITION, PRIMARY
 from ..compiled.single_step import SINGLE_STEPS
 from ..schemes.stability import eigenvalues
@@ -22,6 +23,8 @@ _SHORTER, _SHORTEST, _MAPPED_TRIALS = 0.3, 0.01, 12
 _MISSING = 2e6
 # Weight of the interpolation error of the basis, which affects dense output alone.
 _BASIS_WEIGHT = 0.25
+# Size that counts of a component at rest among many, as fraction of the largest.
+_OF_LARGEST = 0.01
 
 
 class SingularStart:
@@ -35,12 +38,15 @@ class SingularStart:
     t, t_stop : float
     least : float
         Length below which the modes cannot follow.
-    tolerances : (float, float)
-        Relative and absolute tolerance of y and p.
+    tolerances : (float, float, float)
+        Tolerances of y and p: relative to them, absolute, and relative to the size of a component.
     state : MarchState
-        Counts, contraction of Newton's method, and the largest |p| so far where p is y'.
-    longest : float
-        Longest step.
+        Counts, contraction of Newton's method, the largest |p| so far where p is y', and the sizes
+        of y so far.
+    longest, t_end : float
+        Longest step, and length of the run.
+    units : ndarray, shape (d,)
+        Units of the components.
 
     Attributes
     ----------
@@ -50,15 +56,18 @@ class SingularStart:
         Whether Newton's method converged on the last of them.
     """
 
-    def __init__(self, equation, form, orbit, t, t_stop, least, tolerances, state, longest):
+    def __init__(
+        self, equation, form, orbit, t, t_stop, least, tolerances, state, longest, t_end, units
+    ):  # fmt: skip
         self._equation, self._form, self._orbit = equation, form, orbit
         self._t, self._t_stop, self._least = t, t_stop, least
-        self._tolerances, self._state = tolerances, state
+        self._tolerances, self._state, self._t_end = tolerances, state, t_end
         self._largest = np.maximum(np.abs(orbit.p[0]), state.largest)
         # the first time after t, for the right-hand side may jump at t
         self._just_after = equation.beside(t, 1) if t > 0 else 0.0
         self._many = has_stages(form)
-        self._jacobian = equation.derivative(self._just_after, orbit.x[0])
+        self._units = units
+        self._jacobian = equation.derivative(self._just_after, orbit.x[0], units)
         self._force = np.empty(form.second.size)
         state.counts["rhs"] += 1
         equation._rhs(self._just_after, orbit.x[0], self._force, equation._params)
@@ -103,6 +112,7 @@ class SingularStart:
             last = self._equation.beside(t_stop, -1)
             times = np.clip(t + h * points, self._just_after, last)
             local = self._convolutions(basis, h)
+            self._sizes = np.maximum(self._state.sizes, self._state.floors)
             excess = self._solve_and_check(
                 basis, times, h, orbit.history(np.log(h) + basis.logs), operators, local, values
             )
@@ -149,15 +159,18 @@ class SingularStart:
         return (scaled + diagonal(of_p)).tocsr()
 
     def _rate(self):
-        """Return how fast the solution may change at first: the largest entry of the Jacobian J.
+        """Return how fast the solution may change at first: the largest sum of sqrt(J_ij J_ji).
 
         For many components |J v| / |v| for v = f and v = y' tells more: of a partial differential
         equation with smooth initial data it does not grow as the mesh becomes finer.
         """
-        size = float(abs(self._jacobian).max())
-        if not self._many or not np.isfinite(size):
+        if not self._many:  # units of components do not enter
+            pairs = np.sqrt(np.abs(self._jacobian * self._jacobian.T))
+            return float(pairs.sum(axis=1).max())
+        size, sizes = float(abs(self._jacobian).max()), np.abs(self._orbit.x[0])
+        if not np.isfinite(size):
             return size
-        scale, rates = self._tolerance(np.abs(self._orbit.x[0])), [0.0]
+        scale, rates = sizes + _OF_LARGEST * (sizes.max() or 1.0), [0.0]
         with np.errstate(over="ignore", invalid="ignore"):
             for v in (self._force, np.where(self._form.second, self._orbit.p[0], 0.0)):
                 largest = np.abs(v / scale).max()
@@ -183,11 +196,12 @@ class SingularStart:
         """Solve for the values at the nodes; return the error between them over the tolerance."""
         equation, form, orbit, state = self._equation, self._form, self._orbit, self._state
         n, stages = basis.nodes.size, self._stages
+        equations = orbit.equations(self._units)
         solved = SINGLE_STEPS[self._many](
             equation._rhs, equation._jac, int(equation.has_jac), equation._params, stages.solver,
-            stages.stages, orbit.equations(), times[:n], np.ascontiguousarray(operators[:, :n]),
+            stages.stages, equations, times[:n], np.ascontiguousarray(operators[:, :n]),
             np.ascontiguousarray(local[:, :n]), h, np.ascontiguousarray(base[:, :, :n]), orbit.x,
-            1e-3 * self._tolerance(self._size(h)), values, state.counts, state.contraction,
+            1e-3 * self._tolerance_of_p(self._size(h)), values, state.counts, state.contraction,
         )  # fmt: skip
         self.solved = solved
         if not solved:
@@ -196,15 +210,23 @@ class SingularStart:
         defect = self._defect(basis, times[n:], h, base[0, :, n:], *inner, values[0])
         # y', and y that begins at 0, may become large at once: tolerances follow sizes on this step
         size = np.maximum(self._largest, np.abs(values[0, PRIMARY]).max(axis=1))
-        excess = defect / self._tolerance(size)
+        reached = np.abs(values[0, POSITION]).max(axis=1)
+        self._sizes = np.maximum(self._sizes, reached)
+        excess = defect / self._tolerance_of_p(size)
         of_y = np.where(form.second, h * defect / self._tolerance(np.abs(orbit.x[0])), 0.0)
         excess = float(np.maximum(excess, of_y).max())
         return excess if np.isfinite(excess) else np.inf
 
-    def _tolerance(self, size):
-        """Return the tolerance of a quantity of this size."""
-        rtol, atol = self._tolerances
-        return atol + rtol * size
+    def _tolerance(self, values):
+        """Return the tolerance of y of these absolute values, (d,)."""
+        rtol, atol, by_size = self._tolerances
+        return np.maximum(atol + by_size * self._sizes + rtol * values, LEAST)
+
+    def _tolerance_of_p(self, values):
+        """Return the tolerance of y, or of y' where that is p, of these absolute values, (d,)."""
+        rtol, atol, by_size = self._tolerances
+        sizes = np.where(self._form.second == 1, OF_SPEED * self._sizes / self._t_end, self._sizes)
+        return np.maximum(atol + by_size * sizes + rtol * values, LEAST)
 
     def _size(self, h):
         """Estimate the size of p on a step of length h, (d,)."""
@@ -258,7 +280,7 @@ class SingularStart:
         At a time it is that of the largest |y| until then; p (d, n). Of y' it is that at the end.
         """
         sizes = np.maximum(np.maximum.accumulate(np.abs(p), axis=1), self._largest[:, None])
-        allowed = self._tolerance(sizes)
+        allowed = self._tolerance(sizes.T).T
         return np.where(self._form.second[:, None] == 1, 1.0, allowed[:, -1:] / allowed)
 
     def means(self, basis, values):
@@ -279,18 +301,21 @@ class SingularStart:
         `caused` (3, d, k) tells it apart, with signs, by integrands and times: of many components.
         """
         gain = self._gains(lambda a: h**a * rgamma(1 + a))
+        units = np.where(self._sizes > LEAST, self._sizes, 1.0)
         if self._many:
-            return _damped(gain, defect, caused)
+            return _damped(gain, defect, caused, units)
+        gain = gain * units / units[:, None]
         if not np.all(np.isfinite(gain)) or np.linalg.eigvals(gain).real.max() > 0:
             return defect
-        return np.abs(np.linalg.inv(np.eye(defect.size) - gain)) @ defect
+        return np.abs(np.linalg.inv(np.eye(defect.size) - gain)) @ (defect / units) * units
 
 
-def _damped(gain, defect, caused):
+def _damped(gain, defect, caused, units):
     """Return the error of p that defects of many components cause, at most the largest defect.
 
     `gain` is a dense or sparse matrix. The defects of each time are damped with the signs that they
-    have: rounding of y makes large ones in stiff components, which hardly move y.
+    have: rounding of y makes large ones in stiff components, which hardly move y. Errors of
+    components are compared in these units, (d,).
     """
     if not np.isfinite(abs(gain).sum()):
         return defect
@@ -308,4 +333,4 @@ def _damped(gain, defect, caused):
     except (np.linalg.LinAlgError, RuntimeError):  # singular
         return defect
     errors = np.abs(found.reshape(d, n_q, n_times)).max(axis=2).sum(axis=1)
-    return np.minimum(errors, defect.max())
+    return np.minimum(errors, units * (defect / units).max())

@@ -11,7 +11,7 @@ from ..solver.state import AdaptiveState, check_reach, check_sound, frozen, seal
 from ..solver.status import Status, failed
 from ..solver.stops import breaks_ahead
 from ..system import refuse_late
-from .march import STEP_FRACTION, CollocationMarch
+from .march import OF_SIZE, STEP_FRACTION, CollocationMarch
 from .pace import MAX_STEPS, Pace
 from .reading import Plain, Reading
 
@@ -29,7 +29,9 @@ class AdaptiveStepper(CollocationMarch):
     scheme : Collocation
     t_end : float
         End of the run; the modes hold up to ten times as far, or to the scheme's horizon.
-    rtol, atol : float
+    rtol : float
+    atol : float or None
+        None for errors relative to the largest size of each component so far.
     modes_tol : float, optional
         Relative error of the modes, where it is to be smaller than the tolerance requires.
     directions : ndarray, shape (n_data, k), optional
@@ -61,9 +63,11 @@ class AdaptiveStepper(CollocationMarch):
         return self._view.values(self._orbit.x[0], self._orbit.p[0])[0]
 
     @property
-    def tolerances(self):
-        """Relative and absolute tolerance of y."""
-        return self._tolerances
+    def uncertainty(self):
+        """Errors of y, (d,), that the tolerance allows here."""
+        rtol, atol = self._tolerances
+        sizes = self._view.values(self._state.sizes, self._state.sizes)[0]
+        return rtol * np.abs(self.y) + (OF_SIZE * rtol * sizes if atol is None else atol)
 
     @property
     def ydot(self):

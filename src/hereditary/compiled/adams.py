@@ -4,6 +4,7 @@ import numpy as np
 
 from .._jit import allocating, inlined
 from .jacobian import jacobian
+from .step import UNITS
 
 # Sweeps that change less than this, relative to the solution, contract by rounding.
 MOVED = 1e-9
@@ -43,7 +44,8 @@ def look_again(rhs, jac, has_jac, params, t, point, moved, k, output, counts):
     middle = np.empty(point.shape[0])
     for c in range(middle.shape[0]):
         middle[c] = point[c] - 0.5 * moved[c]
-    counts.rhs += jacobian(rhs, jac, has_jac, t, middle, params, sample)
+    units = output.room[UNITS]
+    counts.rhs += jacobian(rhs, jac, has_jac, t, middle, params, units, sample)
 
 
 @inlined

@@ -3,7 +3,7 @@
 import numpy as np
 
 from .._jit import I8, VEC, allocating, entry, inner
-from .attempt import attempting
+from .attempt import attempting, raise_sizes, unit_of
 from .collocation import empty_factors, solve_stages, solve_tangents
 from .copying import put, put_cube, put_matrix
 from .many_stages import read_many, solve_many, solve_many_tangents, stage_factors
@@ -35,6 +35,9 @@ REACHED, FULL, TOO_CLOSE, TOO_ROUGH, NOT_SOLVED, ORDERS_NEEDED, JUMPING, CRAWLIN
 _GROW, _SHRINK, _SAFETY = 3.0, 0.2, 0.8
 # Below this fraction of the tolerance an error says nothing of how long the next step may be.
 _DORMANT = 1e-3
+# A floor counts until the size of y exceeds this fraction of it (collocation/sizes.py): errors made
+# until then are within the tolerance ever after.
+NEAR = 0.01
 # Growth that is always worth new factors of many components.
 _WORTH = 2.0
 
@@ -94,6 +97,7 @@ def marching(name, solve, solve_for_tangents, factors, read, told):
                     return row, reason_of_refusal(by_defect, solved)
                 continue
             counts.accepted += 1
+            record_sizes(values[0], state)
             record_step(state, t, h, ratio, values[0], equations.second, orbit, steps, row)
             absorb_constant_mode(basis.rates, orbit)
             put_cube(orbit.modes, orbit.before)
@@ -114,6 +118,9 @@ def marching(name, solve, solve_for_tangents, factors, read, told):
         base, values = np.empty((n_columns, n_rows, s)), np.empty(orbit.last.shape)
         operators = empty_operators(n_columns, n_rows, kinds, s)
         newton = factors(orbit.x.shape[1], s, rule.check_points.shape[0], solver, stages)
+        for c in range(equations.units.shape[0]):
+            newton.room.units[c] = unit_of(equations.units[c], 0.0)
+        put(newton.room.units, newton.room.scales)
         weights = mode_weights(equations, basis, varying, orbit)
         return take_steps(
             rhs, jac, has_jac, params, equations, rule, basis, tables, varying, orbit, state,
@@ -229,6 +236,15 @@ def advance_orbit(h, to_end, moments, weights, kinds, legendre, orbit):
         advance_modes(h, to_end, moments, weights, column, kinds, legendre, own, modes)
         put(own[POSITION, :, -1], orbit.x[column])
         put(own[PRIMARY, :, -1], orbit.p[column])
+
+
+@inner
+def record_sizes(values, state):
+    """Record the sizes of y up to the end of a step, and which have come near their floors."""
+    raise_sizes(values, state.sizes)
+    for c in range(state.sizes.shape[0]):
+        if state.sizes[c] > 0.0 and NEAR * state.floors[c] <= state.sizes[c]:
+            state.floors[c] = -1.0
 
 
 @inner

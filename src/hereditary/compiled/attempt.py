@@ -2,12 +2,14 @@
 
 import numpy as np
 
-from .._jit import compiled, embedded, inner
+from .._jit import compiled, embedded, inlined, inner
 from .collocation import nodal_slopes
 from .copying import clear_matrix
 from .error_estimate import (
+    LEAST,
     ROUNDING_OF_SUMS,
     add_force_defect,
+    allowed_error,
     defect_matters,
     equations_hold,
     error_ratio,
@@ -50,7 +52,11 @@ def attempting(solve, solve_for_tangents, read):
             nodes, rule.legendre, last, h, control.last, orbit.p[0], room.reached,
             values[0, PRIMARY],
         )  # fmt: skip
-        set_newton_goal(h, equations, orbit, state, limits, room.goal)
+        for c in range(room.sizes.shape[0]):
+            room.sizes[c] = max(state.sizes[c], state.floors[c])
+            if limits.by_size > 0.0:
+                room.units[c] = unit_of(equations.units[c], room.sizes[c])
+        set_newton_goal(h, equations, orbit, state, limits, room)
         set_starts(orbit, equations.second, newton.starts)
         solved = solve(
             rhs, jac, has_jac, params, room.times, h, base[0], orbit.x[0], equations.second,
@@ -59,6 +65,7 @@ def attempting(solve, solve_for_tangents, read):
         )  # fmt: skip
         ratio, by_defect = np.inf, False
         if solved:
+            raise_sizes(values[0], room.sizes)
             ratio, by_defect = orbit_error(
                 rhs, params, h, base, equations, rule, operators, local, values, orbit, state,
                 newton, limits,
@@ -116,17 +123,34 @@ def set_starts(orbit, second, starts):
         starts[c] = abs(orbit.initial[0, c]) if second[c] == 0 else 0.0
 
 
+@inlined
+def unit_of(unit, size):
+    """Return the unit of a component of this size: the larger one, or 1 if both are next to 0."""
+    largest = max(unit, size)
+    return largest if largest > LEAST else 1.0
+
+
 @inner
-def set_newton_goal(h, equations, orbit, state, limits, goal):
+def raise_sizes(values, sizes):
+    """Raise the sizes of y, (d,), to those at the nodes; values (n_q, d, s)."""
+    for c in range(sizes.shape[0]):
+        for i in range(values.shape[2]):
+            size = abs(values[POSITION, c, i])
+            sizes[c] = size if sizes[c] < size < np.inf else sizes[c]
+
+
+@inner
+def set_newton_goal(h, equations, orbit, state, limits, room):
     """Set the error of p that Newton's method may leave, (d,).
 
     It is at least what the rounding of y leaves in p = y' through terms of y itself, and that at
     most what changes y by as much over the step.
     """
-    terms, orders, d = equations.terms, equations.orders, goal.shape[0]
+    terms, orders, goal = equations.terms, equations.orders, room.goal
+    second, d = equations.second, goal.shape[0]
     for c in range(d):
         size = max(state.largest[c], abs(orbit.p[0, c]))
-        goal[c] = _NEWTON * (limits.atol + limits.rtol * size)
+        goal[c] = _NEWTON * allowed_error(size, room.sizes[c], second[c], 1.0, limits)
     for n in range(terms.shape[0]):
         c, k = terms[n].row, terms[n].index
         if terms[n].integrand == POSITION and 0 <= k < orders.shape[0] and c < d:
@@ -144,10 +168,8 @@ def orbit_error(
     makes it too large.
     """
     second, largest, start = equations.second, state.largest, orbit.initial[0]
-    rtol, atol = limits.rtol, limits.atol
     room, kinds, matrices = newton.room, equations.kinds, operators.matrices
-    goal, errors = room.goal, room.errors
-    x_start = orbit.x[0]
+    errors, x_start = room.errors, orbit.x[0]
     measure_force_defect(rhs, params, h, rule, x_start, start, second, values[0], limits, room)
     state.counts.rhs += room.check_times.shape[0]
     if defect_matters(operators.sums, kinds, newton):
@@ -159,11 +181,9 @@ def orbit_error(
         nodal_slopes(h, rule.inverse, orbit.p[0], values[0, PRIMARY], values[0, SLOPE])
     estimate_error(h, equations, rule.legendre, local, matrices, values[0], start, newton, errors)
     end = state.control.origin + state.control.time + h
-    ratio_at_nodes = error_ratio(
-        h, end, errors, values[0], second, largest, start, goal, rtol, atol
-    )
+    ratio_at_nodes = error_ratio(h, end, errors, values[0], second, largest, start, limits, room)
     add_force_defect(operators.sums, kinds, newton, errors)
-    ratio = error_ratio(h, end, errors, values[0], second, largest, start, goal, rtol, atol)
+    ratio = error_ratio(h, end, errors, values[0], second, largest, start, limits, room)
     return ratio, ratio_at_nodes <= 1.0 and not ratio <= 1.0
 
 

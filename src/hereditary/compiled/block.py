@@ -2,6 +2,7 @@
 
 from .._jit import inlined, inner
 from .jacobian import jacobian
+from .step import UNITS
 
 # Fraction of the limit from which a Jacobian tells for sure; one is taken again at twice as much.
 LOOK_FROM = 0.9
@@ -40,7 +41,8 @@ def samples(n, n_end, every):
 @inner
 def keep_jacobian(rhs, jac, has_jac, params, t, orbit, k, output, counts):
     """Keep the Jacobian of a step at which one is taken for sure, as number k."""
-    counts.rhs += jacobian(rhs, jac, has_jac, t, orbit, params, output.jacobians[k])
+    units = output.room[UNITS]
+    counts.rhs += jacobian(rhs, jac, has_jac, t, orbit, params, units, output.jacobians[k])
     counts.nearest = 0.5 * LOOK_FROM
 
 

@@ -20,6 +20,8 @@ from .structures import Factors, StageFactors, StepRoom
 
 # Newton iterations before a step is refused.
 _SWEEPS = 12
+# Relative and absolute change of p that rounding leaves.
+_ROUNDING, _LEAST = 1e-14, 1e-202
 
 
 @inner
@@ -66,24 +68,28 @@ def forces(rhs, params, times, x, f, room):
 
 
 @inner
-def newton_matrix(h, matrices, kinds, integral, second, jacobians, out):
-    """Set the derivative of the residuals with respect to p at the nodes, in the order (c, i)."""
-    # matrices (K, 3, s, s), integral (s, s), jacobians (s, d, d), out (d s, d s)
+def newton_matrix(h, matrices, kinds, integral, second, jacobians, scales, out):
+    """Set the derivative of the residuals with respect to p at the nodes, in the order (c, i).
+
+    Residuals and p are in units of the scales of their components.
+    """
+    # matrices (K, 3, s, s), integral (s, s), jacobians (s, d, d), scales (d,), out (d s, d s)
     d, s = second.shape[0], integral.shape[0]
     for c in range(d):
         own = matrices[kinds[c]]
         force, primary, place = own[FORCE], own[PRIMARY], own[POSITION]
         for e in range(d):
+            ratio = scales[e] / scales[c]
             for i in range(s):
                 for j in range(s):
                     total = 0.0
                     if second[e] == 0:
-                        total = force[i, j] * jacobians[j, c, e]
+                        total = force[i, j] * (jacobians[j, c, e] * ratio)
                         if c == e:
                             total += place[i, j]
                     else:
                         for k in range(s):
-                            weight = force[i, k] * jacobians[k, c, e]
+                            weight = force[i, k] * (jacobians[k, c, e] * ratio)
                             if c == e:
                                 weight += place[i, k]
                             total += weight * integral[k, j]
@@ -101,6 +107,7 @@ def empty_room(d, s, n_checks):
     return StepRoom(
         np.empty(s), np.empty(n_checks), np.empty(d * s), np.empty(d * s), np.empty((d, s)),
         np.empty((s, s)), np.empty(d), np.empty(d), np.empty(d), np.empty(d), np.empty(d),
+        np.empty(d), np.ones(d), np.ones(d),
     )  # fmt: skip
 
 
@@ -125,7 +132,7 @@ def _of_either_kind(newton, b, x):
 
 
 def _solve_as_one(newton, b, x):
-    substitute(newton.matrix, newton.order, b, x)
+    substitute_scaled(newton.matrix, newton.order, newton.room.scales, b, x)
 
 
 def _solve_stages(newton, b, x):
@@ -133,6 +140,21 @@ def _solve_stages(newton, b, x):
         x[i] = b[i]
     d = newton.force_scales.shape[0]
     newton.solver(SUBSTITUTE, x.reshape((d, b.shape[0] // d)), newton.stages)
+
+
+@inner
+def substitute_scaled(matrix, order, scales, b, x):
+    """Solve for x by the factors of a scaled matrix; scales (d,) are powers of two."""
+    s = b.shape[0] // scales.shape[0]
+    for c in range(scales.shape[0]):
+        inverse = 1.0 / scales[c]
+        for i in range(c * s, c * s + s):
+            b[i] *= inverse
+    substitute(matrix, order, b, x)
+    for c in range(scales.shape[0]):
+        for i in range(c * s, c * s + s):
+            b[i] *= scales[c]
+            x[i] *= scales[c]
 
 
 @inner
@@ -155,9 +177,12 @@ def solve_stages(
         if sweep == 0 or sweep == 3:
             # one Jacobian for all nodes first: it suffices where little changes over the step
             counts.rhs += stage_jacobians(
-                rhs, jac, has_jac, params, times, x, sweep > 0, jacobians, room.point
+                rhs, jac, has_jac, params, times, x, sweep > 0, jacobians, room
             )
-            newton_matrix(h, operators.matrices, kinds, integral, second, jacobians, newton.matrix)
+            newton_matrix(
+                h, operators.matrices, kinds, integral, second, jacobians, room.scales,
+                newton.matrix,
+            )  # fmt: skip
             if not factorise(newton.matrix, newton.order):
                 return False
             set_force_scales(jacobians[0], x, newton)
@@ -165,7 +190,7 @@ def solve_stages(
         forces(rhs, params, times, x, f, room)
         counts.rhs += times.shape[0]
         residuals(base, operators, kinds, p, x, f, residual)
-        substitute(newton.matrix, newton.order, residual, change)
+        substitute_scaled(newton.matrix, newton.order, room.scales, residual, change)
         size = take_change(change, goal, p)
         if not size < np.inf:
             return False
@@ -186,9 +211,12 @@ def take_change(change, goal, p):
     """Subtract a change, (d s,), from p; return the largest in units of the goal."""
     size = 0.0
     for c in range(p.shape[0]):
+        allowed = goal[c]
         for i in range(p.shape[1]):
             p[c, i] -= change[c * p.shape[1] + i]
-            size = max(size, abs(change[c * p.shape[1] + i]) / goal[c])
+            if goal[c] <= _LEAST:  # a component at rest has no goal but its rounding
+                allowed = max(_ROUNDING * abs(p[c, i]), _LEAST)
+            size = max(size, abs(change[c * p.shape[1] + i]) / allowed)
     return size
 
 
@@ -207,10 +235,10 @@ def contraction_rate(size, previous, h, contraction):
 
 
 @inner
-def stage_jacobians(rhs, jac, has_jac, params, times, x, every, out, point):
+def stage_jacobians(rhs, jac, has_jac, params, times, x, every, out, room):
     """Set the Jacobians at all nodes, or the middle one's for all; return the calls of `rhs`."""
-    # x (d, s), out (s, d, d), point (d,) is room
-    s, calls = times.shape[0], 0
+    # x (d, s), out (s, d, d)
+    s, calls, point = times.shape[0], 0, room.point
     for i in range(s):
         if i > 0 and not every:
             put_matrix(out[0], out[i])
@@ -218,7 +246,7 @@ def stage_jacobians(rhs, jac, has_jac, params, times, x, every, out, point):
         k = i if every else s // 2
         for c in range(point.shape[0]):
             point[c] = x[c, k]
-        calls += jacobian(rhs, jac, has_jac, times[k], point, params, out[i])
+        calls += jacobian(rhs, jac, has_jac, times[k], point, params, room.units, out[i])
     return calls
 
 
@@ -280,9 +308,10 @@ def solve_tangents(
     jacobians, start = np.empty((s, d, d)), np.empty((d, s))
     orbit = values[0, POSITION]
     counts.rhs += stage_jacobians(
-        rhs, jac, has_jac, params, times, orbit, True, jacobians, newton.room.point
+        rhs, jac, has_jac, params, times, orbit, True, jacobians, newton.room
     )
-    newton_matrix(h, operators.matrices, kinds, integral, second, jacobians, matrix)
+    scales = newton.room.scales
+    newton_matrix(h, operators.matrices, kinds, integral, second, jacobians, scales, matrix)
     if not factorise(matrix, order):
         return False
     for column in range(1, base.shape[0]):
@@ -294,7 +323,7 @@ def solve_tangents(
         clear_matrix(start)
         correct_forces(jacobians, start, x, f)
         residuals(base[column], operators, kinds, p, x, f, known)
-        substitute(matrix, order, known, found)
+        substitute_scaled(matrix, order, scales, known, found)
         for c in range(d):
             for i in range(s):
                 p[c, i] = -found[c * s + i]

@@ -25,6 +25,10 @@ _CHECK_BEYOND, _UNSOLVED = 100.0, 10.0
 # Number of tolerances by which the polynomial may miss the start; stiff systems miss it by
 # rounding.
 _MISSED = 10.0
+# Fraction of the tolerance of y by size that an error of y' may move y over the run.
+OF_SPEED = 4.0
+# Least tolerance: smaller numbers lose their digits.
+LEAST = 1e-200
 
 
 @inner
@@ -76,13 +80,20 @@ def estimate_error(h, equations, legendre, local, matrices, values, p0, newton, 
 
 @inner
 def solve_for_error(defect, newton, nodal_errors):
-    """Solve for the error that a defect at all nodes, (d s,), causes, at most the defect."""
+    """Solve for the error that a defect at all nodes, (d s,), causes.
+
+    In units of Newton's goal, the largest error is at most the largest defect: a nearly singular
+    matrix would amplify rounding errors.
+    """
     solve_newton(newton, defect, nodal_errors)
-    # a nearly singular matrix would amplify rounding errors
-    n, found = defect.shape[0], largest_of(nodal_errors, 0, defect.shape[0])
-    damped = min(1.0, largest_of(defect, 0, n) / max(found, 1e-300))
-    for i in range(n):
-        nodal_errors[i] *= damped
+    goal, of_defect, of_error = newton.room.goal, 0.0, 0.0
+    s = defect.shape[0] // goal.shape[0]
+    for c in range(goal.shape[0]):
+        unit = max(goal[c], LEAST)
+        of_defect = max(of_defect, largest_of(defect, c * s, s) / unit)
+        of_error = max(of_error, largest_of(nodal_errors, c * s, s) / unit)
+    for i in range(defect.shape[0] if of_defect < of_error else 0):
+        nodal_errors[i] *= of_defect / of_error
 
 
 @inner
@@ -110,7 +121,7 @@ def measure_force_defect(rhs, params, h, rule, x_start, p0, second, values, limi
                 total = x_start[c] + h * total
             point[c] = total
             size = max(abs(x_start[c]), abs(p0[c]))  # a singular start may err by this much
-            allowed = _MISSED * (limits.atol + limits.rtol * size)
+            allowed = _MISSED * allowed_error(size, room.sizes[c], 0, 1.0, limits)
             misses_start = misses_start or (i == 0 and abs(total - x_start[c]) > allowed)
         update_force_defect(rhs, params, times[i], point, rule.check_values[i], values, room)
     if misses_start:
@@ -216,8 +227,11 @@ def legendre_tail(legendre, values, rounding):
 
 @allocating
 def tangent_error_ratio(h, equations, legendre, local, matrices, values, p0, newton, rtol):
-    """Return the largest ratio of a tangent's error to its tolerance, relative to its size."""
-    worst, errors = 0.0, np.empty(values.shape[2])
+    """Return the largest ratio of a tangent's error to its tolerance, relative to its size.
+
+    Sizes and errors are the largest among components, in the unit of each.
+    """
+    worst, errors, units = 0.0, np.empty(values.shape[2]), newton.room.units
     for column in range(1, values.shape[0]):
         estimate_error(
             h, equations, legendre, local, matrices, values[column], p0[column], newton, errors
@@ -228,32 +242,46 @@ def tangent_error_ratio(h, equations, legendre, local, matrices, values, p0, new
                 own = largest_of(values[column, q, c], 0, values.shape[3])
                 if not own < np.inf:
                     return np.inf
-                size = max(size, own)
+                size = max(size, own / units[c])
         if size > 0.0:
-            allowed = max(rtol, _TANGENT) * size
-            worst = max(worst, largest_of(errors, 0, errors.shape[0]) / allowed)
+            for c in range(errors.shape[0]):
+                worst = max(worst, errors[c] / units[c] / (max(rtol, _TANGENT) * size))
     return worst
 
 
 @inner
-def error_ratio(h, end, errors, values, second, largest, p0, goal, rtol, atol):
+def allowed_error(value, size, is_speed, end, limits):
+    """Return the tolerance of y of this absolute value and size, or of a y' of this value.
+
+    The tolerance of y' beyond the relative one is that of y divided by a time: the error of y'
+    moves y over all that time. The time is the length of the run, or `end` [time] for an absolute
+    tolerance.
+    """
+    if is_speed == 1:
+        least = limits.atol / max(1.0, end) + OF_SPEED * limits.by_size * size / limits.t_end
+        return least + limits.rtol * value
+    return limits.atol + limits.by_size * size + limits.rtol * value
+
+
+@inner
+def error_ratio(h, end, errors, values, second, largest, p0, limits, room):
     """Return the largest ratio of an error to its tolerance, over y and, where it is unknown, y'.
 
     p is the difference of p(0) and terms of its size, so it is known to the rounding of p(0) alone,
     and to no less than Newton's goal.
-    The absolute tolerance of a velocity is that of y divided by the time at the end of the step,
-    for its error moves y over all that time.
     """
     worst = 0.0
     for c in range(errors.shape[0]):
-        size_p, size_x, least = 0.0, 0.0, atol
+        size_p, size_x, size = 0.0, 0.0, room.sizes[c]
         for i in range(values.shape[2]):
             size_p = max(size_p, abs(values[PRIMARY, c, i]))
             size_x = max(size_x, abs(values[POSITION, c, i]))
         if second[c] == 1:
-            size_p, least = max(size_p, largest[c]), atol / max(1.0, end)
-            worst = max(worst, h * errors[c] / (atol + rtol * size_x))
-        allowed = max(least + rtol * size_p, _ROUNDING * abs(p0[c]), goal[c])
+            size_p = max(size_p, largest[c])
+            allowed = max(allowed_error(size_x, size, 0, end, limits), LEAST)
+            worst = max(worst, h * errors[c] / allowed)
+        allowed = allowed_error(size_p, size, second[c], end, limits)
+        allowed = max(allowed, _ROUNDING * abs(p0[c]), room.goal[c], LEAST)
         worst = max(worst, errors[c] / allowed)
         if not errors[c] < np.inf:
             return np.inf

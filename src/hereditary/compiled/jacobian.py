@@ -25,32 +25,33 @@ def is_sparse(j_f, n):
 
 
 @allocating
-def jacobian(rhs, jac, has_jac, t, y, params, out):
+def jacobian(rhs, jac, has_jac, t, y, params, units, out):
     """out[i, j] = d rhs_i / d y_j at (t, y); by central differences where `has_jac` is 0.
 
     Returns the number of calls of `rhs`.
     """
-    # y (d,), out (d, d), or (5, k) with rows, columns and groups set
+    # y (d,), units (d,) of steps where y is small; out (d, d), or (5, k) with rows, columns and
+    # groups set
     if has_jac == 1:
         jac(t, y, out, params)
         return 0
     d = y.shape[0]
     if is_sparse(out, d):
-        return grouped_differences(rhs, t, y, params, out)
+        return grouped_differences(rhs, t, y, params, units, out)
     up, down, shifted = np.empty(d), np.empty(d), np.empty(d)
     for j in range(d):  # y.copy() takes longer to compile
         shifted[j] = y[j]
-    differences(rhs, t, shifted, params, out, up, down)
+    differences(rhs, t, shifted, params, units, out, up, down)
     return 2 * d
 
 
 @inner
-def differences(rhs, t, y, params, out, up, down):
+def differences(rhs, t, y, params, units, out, up, down):
     """Set the Jacobian by central differences, moving y; up and down (>= d,) are room."""
     d = y.shape[0]
     for j in range(d):
         here = y[j]
-        step = _STEP * max(1.0, abs(here))
+        step = _STEP * max(units[j], abs(here))
         y[j] = here + step
         rhs(t, y, up[:d], params)
         width = y[j]
@@ -63,7 +64,7 @@ def differences(rhs, t, y, params, out, up, down):
 
 
 @allocating
-def grouped_differences(rhs, t, y, params, out):
+def grouped_differences(rhs, t, y, params, units, out):
     """Set the values of a sparse Jacobian, one group of columns after the other."""
     up, down, shifted = np.empty(y.shape[0]), np.empty(y.shape[0]), np.empty(y.shape[0])
     for j in range(y.shape[0]):
@@ -73,16 +74,16 @@ def grouped_differences(rhs, t, y, params, out):
         end = first
         while end < out.shape[1] and out[GROUPS, end] == out[GROUPS, first]:
             j = int(out[COLUMNS, end])
-            shifted[j] = y[j] + _STEP * max(1.0, abs(y[j]))
+            shifted[j] = y[j] + _STEP * max(units[j], abs(y[j]))
             end += 1
         rhs(t, shifted, up, params)
         for k in range(first, end):
             j = int(out[COLUMNS, k])
-            shifted[j] = y[j] - _STEP * max(1.0, abs(y[j]))
+            shifted[j] = y[j] - _STEP * max(units[j], abs(y[j]))
         rhs(t, shifted, down, params)
         for k in range(first, end):
             i, j = int(out[ROWS, k]), int(out[COLUMNS, k])
-            step = _STEP * max(1.0, abs(y[j]))
+            step = _STEP * max(units[j], abs(y[j]))
             out[VALUES, k] = (up[i] - down[i]) / ((y[j] + step) - (y[j] - step))
         for k in range(first, end):
             j = int(out[COLUMNS, k])
@@ -107,7 +108,7 @@ def no_jacobian(t, y, out, params):
     """Stands in for a Jacobian where none is given."""
 
 
-@entry(RHS, JAC, I8, F8, VEC, VEC, MAT)
-def jacobian_at(rhs, jac, has_jac, t, y, params, out):
+@entry(RHS, JAC, I8, F8, VEC, VEC, VEC, MAT)
+def jacobian_at(rhs, jac, has_jac, t, y, params, units, out):
     """Set the Jacobian at (t, y), for one call from Python."""
-    jacobian(rhs, jac, has_jac, t, y, params, out)
+    jacobian(rhs, jac, has_jac, t, y, params, units, out)

@@ -55,7 +55,7 @@ def solve_many(
         if control[KEPT] == 0.0:
             put(x[:, s // 2], room.point)
             counts.rhs += jacobian(
-                rhs, jac, has_jac, times[s // 2], room.point, params, stages.jacobian
+                rhs, jac, has_jac, times[s // 2], room.point, params, room.units, stages.jacobian
             )
             control[KEPT], control[LENGTH], control[REDUCED], fresh = 1.0, 0.0, 0.0, True
         if control[LENGTH] != h:
@@ -166,11 +166,11 @@ def solve_many_tangents(
     d, s = second.shape[0], base.shape[2]
     residual, change = np.empty(d * s), np.empty(d * s)
     shape = newton.stages.jacobian.shape
-    jacobians, more = np.empty((s, shape[0], shape[1])), np.empty(d)
+    jacobians, more, units = np.empty((s, shape[0], shape[1])), np.empty(d), newton.room.units
     for i in range(s):
         jacobians[i] = newton.stages.jacobian
         point = values[0, POSITION, :, i].copy()
-        counts.rhs += jacobian(rhs, jac, has_jac, times[i], point, params, jacobians[i])
+        counts.rhs += jacobian(rhs, jac, has_jac, times[i], point, params, units, jacobians[i])
     for column in range(1, base.shape[0]):
         f, p, x = values[column, FORCE], values[column, PRIMARY], values[column, POSITION]
         p[:], done = 0.0, False

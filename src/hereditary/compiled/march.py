@@ -48,6 +48,7 @@ from .step import (
     POINT,
     SCALE,
     SHIFT,
+    UNITS,
     F,
     W,
     add_drift,
@@ -91,6 +92,7 @@ def marching(name, way, read=open_block):
         known, shift, scale, lead = room[KNOWN], room[SHIFT], room[SCALE], room[LEAD]
         near, w, f, n_starts = room[NEAR], room[W], room[F], max(1, starts.shape[1])
         point, base, gain, moved = room[POINT], room[BASE], room[GAIN], room[MOVED]
+        units = room[UNITS]
         orbit, f_orbit, looked, row = x[:n_orbit], f[:n_orbit], point[:n_orbit], -1
         first_sample, first_stretch = samples(output.begun, output.end, every)
         rows_out, slopes, begun, j_f = output.rows, output.slopes, output.begun, work[-1]
@@ -103,7 +105,7 @@ def marching(name, way, read=open_block):
                 if n == 0 and integral == 0:  # the first start value waits for the step; p = 0
                     begin_others(starts, known, p, n_starts, groups, start_weights, lag, start)
                 elif n == 0 and not explicit:
-                    evaluate(rhs, jac, has_jac, params, 0.0, n_orbit, x, j_f, force, counts)
+                    evaluate(rhs, jac, has_jac, params, 0.0, n_orbit, x, units, j_f, force, counts)
                     begin_start(p, force, p, n_starts, groups, start_weights, lag, start)
                 counts.opened = n
             if every > 0 and n % every == 0:
@@ -123,7 +125,7 @@ def marching(name, way, read=open_block):
                 rhs(t, orbit, f_orbit, params)
                 counts.rhs += 1
                 if x.shape[0] > n_orbit:
-                    counts.rhs += jacobian(rhs, jac, has_jac, t, orbit, params, j_f)
+                    counts.rhs += jacobian(rhs, jac, has_jac, t, orbit, params, units, j_f)
                     push_tangents(n_orbit, j_f, x, f)
                 change(n, p, given, lead, known, shift, f, u, pieces, w, d)
             elif newton and n == 0 and given[0] == 1:
@@ -135,7 +137,7 @@ def marching(name, way, read=open_block):
                     return NOT_SOLVED
                 if integral == 1:
                     look(base, gain, sources, w, point)
-                    evaluate(rhs, jac, has_jac, params, t, n_orbit, point, j_f, f, counts)
+                    evaluate(rhs, jac, has_jac, params, t, n_orbit, point, units, j_f, f, counts)
                     put(f, force)
             elif imex:
                 if not solve_linearly(rhs, jac, params, t, i, rows, x, sources, force, room, work,
@@ -145,10 +147,10 @@ def marching(name, way, read=open_block):
                 predict(lead, known, force, lacks, w)
                 look(base, gain, sources, w, point)
                 for _ in range(table.sweeps):
-                    evaluate(rhs, jac, has_jac, params, t, n_orbit, point, j_f, f, counts)
+                    evaluate(rhs, jac, has_jac, params, t, n_orbit, point, units, j_f, f, counts)
                     correct(lead, known, f, lacks, w, moved)
                     look(base, gain, sources, w, point)
-                evaluate(rhs, jac, has_jac, params, t, n_orbit, point, j_f, f, counts)
+                evaluate(rhs, jac, has_jac, params, t, n_orbit, point, units, j_f, f, counts)
                 if contraction(n_solved, point, lead, f, moved, lacks, table.limits, counts):
                     look_again(rhs, jac, has_jac, params, t, point[:n_orbit], moved,
                                n // every - first_stretch, output, counts)  # fmt: skip

@@ -26,6 +26,7 @@ from .signatures import (
     TABLES,
     Output,
 )
+from .step import UNITS
 
 # How a member ended whose march raised; the others are those of compiled/block.py.
 RAISED = -1
@@ -34,11 +35,12 @@ RAISED = -1
 class Starts(NamedTuple):
     """Where E members begin, with W columns each; names are those of `March`.
 
-    params (E, p); x, increment, shift and first (E, W); drift (E, W, r), corrections (E, W, k) and
-    starts (E, W, V); monitor (d,), that of each of them.
+    params (E, p); units (E, d); x, increment, shift and first (E, W); drift (E, W, r), corrections
+    (E, W, k) and starts (E, W, V); monitor (d,), that of each of them.
     """
 
     params: np.ndarray
+    units: np.ndarray
     x: np.ndarray
     increment: np.ndarray
     shift: np.ndarray
@@ -70,7 +72,7 @@ class Found(NamedTuple):
 
 _COUNTED = types.Array(from_dtype(COUNTS), 1, "C")
 _MONITORS = types.Array(from_dtype(MONITOR), 1, "C")
-_STARTS = types.NamedTuple((MAT, MAT, MAT, MAT, MAT, CUBE, CUBE, CUBE, _MONITORS), Starts)
+_STARTS = types.NamedTuple((MAT, MAT, MAT, MAT, MAT, MAT, CUBE, CUBE, CUBE, _MONITORS), Starts)
 _FOUND = types.NamedTuple((IVEC, CUBE, CUBE, CUBES, _COUNTED, IVEC), Found)
 _MEMBERS = (
     MARCH_VALUE, RHS, JAC, I8, EXCHANGE, TABLES, MEMORY, SOLVER, LINEAR,
@@ -129,6 +131,7 @@ def march_members(
     """
     for m in range(first, found.status.shape[0]):
         begin(m, starts, state, memory)
+        put(starts.units[m], room[UNITS][: starts.units.shape[1]])
         output = Output(all_rows, all_slopes, found.jacobians[m], room, 0, end)
         found.status[m] = march(
             rhs, jac, has_jac, starts.params[m], exchange, tables, memory, solver, linear, table,

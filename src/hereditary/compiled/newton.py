@@ -6,7 +6,7 @@ from .._jit import allocating, inlined, inner
 from .jacobian import COLUMNS, ROWS, VALUES, differences, is_sparse, jacobian, multiply
 from .linalg import solve_in_place
 from .signatures import FACTORISE, SUBSTITUTE
-from .step import BASE, FIRST, GAIN, KNOWN, LEAD, MOVED, POINT, SCALE, SHIFT, F, W, look
+from .step import BASE, FIRST, GAIN, KNOWN, LEAD, MOVED, POINT, SCALE, SHIFT, UNITS, F, W, look
 
 # Simplified Newton steps (one Jacobian) before the full method takes over, and full ones before a
 # step is given up.
@@ -55,7 +55,7 @@ def solve_step(
             if has_jac == 1:
                 jac(t, point, work[0], params)
             else:
-                differences(rhs, t, point, params, work[0], f, room[MOVED])
+                differences(rhs, t, point, params, room[UNITS], work[0], f, room[MOVED])
                 counts.rhs += 2 * n
         rhs(t, point, f, params)
         counts.rhs += 1
@@ -135,7 +135,7 @@ def solve_with_factors(
     for _ in range(_SIMPLIFIED + _FULL):
         look(base, gain, sources, w, point)
         if counts.factored == 0:
-            counts.rhs += jacobian(rhs, jac, has_jac, t, point, params, work[0])
+            counts.rhs += jacobian(rhs, jac, has_jac, t, point, params, room[UNITS], work[0])
             newton_matrix_of_many(work[0], n, d, sources, gain, scale, lead, work[1])
             if solver(FACTORISE, 0, work[1], change, linear) != 0:
                 return False
@@ -214,7 +214,7 @@ def solve_tangents(rhs, jac, has_jac, params, t, d, sources, room, work, counts)
     base, gain = room[BASE], room[GAIN]
     point, change = room[POINT][:n], room[MOVED][:n]
     look(base, gain, sources, w, point)
-    counts.rhs += jacobian(rhs, jac, has_jac, t, point, params, j_f)
+    counts.rhs += jacobian(rhs, jac, has_jac, t, point, params, room[UNITS], j_f)
     for first in range(n, base.shape[0], n):
         for i in range(n):
             change[i] = 0.0
@@ -240,7 +240,7 @@ def solve_tangents_with_factors(
     base, gain, w = room[BASE], room[GAIN], room[W]
     point, change = room[POINT][:n], room[MOVED][:n]
     look(base, gain, sources, w, point)
-    counts.rhs += jacobian(rhs, jac, has_jac, t, point, params, j_f)
+    counts.rhs += jacobian(rhs, jac, has_jac, t, point, params, room[UNITS], j_f)
     newton_matrix_of_many(j_f, n, d, sources, gain, room[SCALE], room[LEAD], matrix)
     if solver(FACTORISE, 1, matrix, change, linear) != 0:
         return False

@@ -4,6 +4,7 @@ import numpy as np
 
 from .._jit import CUBE, CUBES, F8, I8, MAT, VEC, entry
 from .collocation import empty_factors, solve_stages, solve_tangents
+from .copying import put
 from .many_stages import solve_many, solve_many_tangents, stage_factors
 from .operators import assemble_operators, eliminate_known, empty_operators, subtract_from_forces
 from .signatures import JAC, RHS
@@ -28,6 +29,8 @@ def single_step(name, solve, solve_for_tangents, factors, told):
         inverse = np.empty((0, 0))
         assemble_operators(h, equations, integrals, inverse, local, operators)
         known, newton = base + operators.constant, factors(d, n_nodes, 0, solver, stages)
+        put(equations.units, newton.room.units)
+        put(equations.units, newton.room.scales)
         eliminate_known(kinds, operators.matrices, known)
         integral = integrals[equations.orders.shape[0] - 1]
         if not solve(

@@ -5,8 +5,10 @@ from .._jit import inlined, inner
 # Rows of the room of a step, (N_ROOM, W), for W columns: what is known of its left side, the
 # increment of t x'(0), factors of the increment, of f and of the newest piece, increments, f, what
 # a sweep changed, the point where f is taken, that point without increments and their factor, and
-# the increments that Newton's method begins with.
-KNOWN, SHIFT, SCALE, LEAD, NEAR, W, F, MOVED, POINT, BASE, GAIN, FIRST, N_ROOM = range(13)
+# the increments that Newton's method begins with; the units of components, for differences of f.
+(
+    KNOWN, SHIFT, SCALE, LEAD, NEAR, W, F, MOVED, POINT, BASE, GAIN, FIRST, UNITS, N_ROOM
+) = range(14)  # fmt: skip
 
 
 @inlined

@@ -40,7 +40,8 @@ class Equations(NamedTuple):
     primary unknown is y'; offsets (1 + k, n), constants subtracted from the integrands; implicit
     (d,), 1 where p is found from the balance of right-hand side and terms; unweighted, the
     integrands of terms with varying orders, whose modes are stored without weights; kinds (d,), the
-    number of each component's kind, all of one kind having the same terms.
+    number of each component's kind, all of one kind having the same terms; units (d,), for
+    differences of f.
     """
 
     terms: np.ndarray
@@ -50,6 +51,7 @@ class Equations(NamedTuple):
     implicit: np.ndarray
     unweighted: np.ndarray
     kinds: np.ndarray
+    units: np.ndarray
 
 
 class Rule(NamedTuple):
@@ -143,12 +145,18 @@ class OrbitArrays(NamedTuple):
 
 
 class MarchState(NamedTuple):
-    """Step control, counts, contraction of Newton's method, and the largest |y'| so far, (d,)."""
+    """Step control, counts and contraction of Newton's method.
+
+    largest (d,), the largest |y'| so far; sizes (d,), the largest |y| so far; floors (d,), what
+    counts in its place while it is far less, and -1 ever after (collocation/sizes.py).
+    """
 
     control: np.void
     counts: np.void
     contraction: np.void
     largest: np.ndarray
+    sizes: np.ndarray
+    floors: np.ndarray
 
 
 class Steps(NamedTuple):
@@ -168,7 +176,8 @@ class Steps(NamedTuple):
 class Limits(NamedTuple):
     """Time to stop at, longest step, longest step where the solution is at rest, and tolerances.
 
-    earliest and latest, between which f may be called.
+    earliest and latest, between which f may be called; t_end, the length of the run. The tolerance
+    of y is atol + rtol |y| + by_size times the size of the component.
     """
 
     stop: float
@@ -178,6 +187,8 @@ class Limits(NamedTuple):
     longest_idle: float
     rtol: float
     atol: float
+    by_size: float
+    t_end: float
 
 
 class Operators(NamedTuple):
@@ -238,7 +249,9 @@ class StepRoom(NamedTuple):
 
     times (s,) and check_times (m,), of the nodes and of m points between; residual and change of
     the equations, (d s,); y before a change, (d, s); the weights of an extrapolation, (s, s); one
-    point and f there, (d,); Newton's goal, the errors and the defect of f, (d,).
+    point and f there, (d,); Newton's goal, the errors and the defect of f, (d,); the sizes of y to
+    which its errors are relative, (d,), the units of components, for differences
+    of f, and the scales of Newton's matrix, (d,).
     """
 
     times: np.ndarray
@@ -252,6 +265,9 @@ class StepRoom(NamedTuple):
     goal: np.ndarray
     errors: np.ndarray
     defect: np.ndarray
+    sizes: np.ndarray
+    units: np.ndarray
+    scales: np.ndarray
 
 
 class Factors(NamedTuple):
@@ -305,15 +321,17 @@ STAGE_SOLVER = types.FunctionType(STAGES_SIG)
 CONTROL_RECORD, COUNTS_RECORD = from_dtype(CONTROL), from_dtype(COUNTS)
 CONTRACTION_RECORD, TABULATED_RECORD = from_dtype(CONTRACTION), from_dtype(TABULATED)
 TERMS = types.Array(from_dtype(TERM), 1, "C")
-EQUATIONS = types.NamedTuple((TERMS, VEC, IVEC, MAT, IVEC, IVEC, IVEC), Equations)
+EQUATIONS = types.NamedTuple((TERMS, VEC, IVEC, MAT, IVEC, IVEC, IVEC, VEC), Equations)
 RULE = types.NamedTuple((VEC, CUBE, MAT, MAT, VEC, MAT, MAT), Rule)
 BASIS = types.NamedTuple((VEC, MAT, VEC, CUBE), ExponentialBasis)
 TABLES = types.NamedTuple((VEC, CUBE, MAT, CUBE, CUBES), StepTables)
 VARYING = types.NamedTuple((TABULATED_RECORD, CUBE, CUBE, VEC), VaryingOrders)
 ORBIT = types.NamedTuple((MAT, MAT, MAT, CUBE, CUBE, CUBES), OrbitArrays)
-STATE = types.NamedTuple((CONTROL_RECORD, COUNTS_RECORD, CONTRACTION_RECORD, VEC), MarchState)
+STATE = types.NamedTuple(
+    (CONTROL_RECORD, COUNTS_RECORD, CONTRACTION_RECORD, VEC, VEC, VEC), MarchState
+)
 STEPS = types.NamedTuple((VEC, VEC, CUBE, CUBE, VEC), Steps)
-LIMITS = types.NamedUniTuple(F8, 7, Limits)
+LIMITS = types.NamedUniTuple(F8, 9, Limits)
 
 
 def record(dtype, values=None, **fields):
@@ -342,18 +360,20 @@ def plain(part):
     return part if named is None else np.array(part.tolist(), dtype=float).reshape(-1, len(named))
 
 
-def initial_state(h, largest):
+def initial_state(h, largest, sizes):
     """Return the state of a march that begins with a step of length h."""
     contraction = record(CONTRACTION, rate=1.0, change=1.0, length=1.0)
-    return MarchState(record(CONTROL, next=h), record(COUNTS), contraction, largest)
+    return MarchState(
+        record(CONTROL, next=h), record(COUNTS), contraction, largest, sizes, 0.0 * sizes
+    )
 
 
 def restored_state(kept):
     """Return the `MarchState` whose parts were stored as arrays of numbers."""
-    control, counts, contraction, largest = kept
+    control, counts, contraction, *sizes = kept
     return MarchState(
         record(CONTROL, tuple(control[0])),
         record(COUNTS, tuple(counts[0])),
         record(CONTRACTION, tuple(contraction[0])),
-        largest.copy(),
+        *(part.copy() for part in sizes),
     )

@@ -25,12 +25,12 @@ def push_tangents(d, j_f, x, f):
 
 
 @inner
-def evaluate(rhs, jac, has_jac, params, t, d, x, j_f, f, counts):
+def evaluate(rhs, jac, has_jac, params, t, d, x, units, j_f, f, counts):
     """Right-hand sides of orbit and tangents; calls of `rhs` are counted."""
     # x, f (W,), d components of the orbit; j_f takes the Jacobian where there are tangents
     orbit = x[:d]
     rhs(t, orbit, f[:d], params)
     counts.rhs += 1
     if x.shape[0] > d:
-        counts.rhs += jacobian(rhs, jac, has_jac, t, orbit, params, j_f)
+        counts.rhs += jacobian(rhs, jac, has_jac, t, orbit, params, units, j_f)
         push_tangents(d, j_f, x, f)

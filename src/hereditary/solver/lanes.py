@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from .._differences import units_of
 from .._jit import loop_value
 from ..compiled.block import BLOWN_UP, NOT_SOLVED, RUNNING
 from ..compiled.march import MARCHES
@@ -60,7 +61,12 @@ class Lane(Stepper):
         monitor = self._march.monitor.copy()
         monitor[:] = 0
         monitor["turns"][: self.equation.d] = -1.0 * (self.equation.highest_orders() == 2)
-        return Starts(params=params, monitor=monitor, **fields)
+        units = np.ones((n, d))
+        if not self._system.has_jac:
+            for row, x, own in zip(units, fields["x"], params, strict=True):
+                found_units = units_of(self._system._rhs, own, x[:d])
+                row[:] = np.where(found_units > 0, found_units, 1.0)
+        return Starts(params=params, units=units, monitor=monitor, **fields)
 
     def _initial_values(self, size, y0):
         """Return y(0), and y'(0), of the systems that are marched, (E, m, d)."""

@@ -3,7 +3,7 @@
 import numpy as np
 
 from ..compiled.signatures import COUNTS, MONITOR, March, StepTable
-from ..compiled.step import N_ROOM
+from ..compiled.step import N_ROOM, UNITS
 from ..compiled.structures import record
 
 
@@ -89,9 +89,11 @@ def renew_force(system, t, table, march):
     ahead += table.weights[table.groups[:n], 2 : 2 + ahead.shape[1]] * jump[:, None]
 
 
-def room_of_step(march):
-    """Return room for one step of a march."""
-    return np.empty((N_ROOM, march.x.size))
+def room_of_step(march, units):
+    """Return room for one step of a march, whose components have these units, (d,)."""
+    room = np.empty((N_ROOM, march.x.size))
+    room[UNITS, : units.size] = units
+    return room
 
 
 def restored_march(kept):

@@ -65,12 +65,12 @@ def check_end(t_end, equation):
 
 
 def tolerances(rtol, atol):
-    """Relative and absolute tolerance, checked, or what stands for them by default."""
+    """Return the relative and the absolute tolerance, checked; None for errors by sizes of y."""
     interval = f"[{TOLERANCE_FLOOR:g}, 0.1]"
     remedy = "write a number such as rtol=1e-6; below 1e-12 rounding decides"
     rtol = 1e-6 if rtol is None else rtol
     rtol = within("rtol", rtol, TOLERANCE_FLOOR, 0.1, interval, remedy)
-    return rtol, 1e-2 * rtol if atol is None else positive("atol", atol)
+    return rtol, None if atol is None else positive("atol", atol)
 
 
 def modes_tolerance(history):

@@ -171,7 +171,9 @@ def _march(stepper, n):
 def _scales(rows, tolerances):
     """Return what each row may err by, (n+1, d)."""
     rtol, atol = tolerances
-    return atol + rtol * np.maximum.accumulate(np.abs(rows), axis=0)
+    sizes = np.maximum.accumulate(np.abs(rows), axis=0)
+    least = np.maximum(0.01 * rtol * sizes[-1], 1e-300) if atol is None else atol
+    return least + rtol * sizes
 
 
 def _spread(trial, scales, places, powers):

@@ -95,7 +95,7 @@ def solve(
     params: ArrayLike | None = None,
     estimate: bool = True,
 ) -> Solution:
-    """Solve an equation with memory up to t_end: adaptively, with uniform steps, or along a mesh.
+    r"""Solve an equation with memory up to t_end: adaptively, with uniform steps, or along a mesh.
 
     ``hd.solve(equation, t_end)`` keeps errors within rtol = 1e-6 by `Collocation`; with `n_steps`
     the paper's explicit scheme, of first order, takes that many steps.
@@ -110,12 +110,14 @@ def solve(
         Number of steps, h = (t_end - t_start) / n_steps. When resuming, the state's step is kept:
         leave it out, or give a number that agrees, counted either from 0 or from the state.
     rtol, atol : float, optional
-        Tolerances of `Collocation`, which chooses its own steps: errors of y, and of y' where the
-        order exceeds 1, stay about ``atol + rtol * size``, with atol / max(1, t) for y'. rtol is
-        1e-6 by default and at least 1e-12, atol a hundredth of rtol; when resuming, both are
-        the state's. With L1, L2, L2Sigma or IMEX(L1()), which must be named, and constant orders: a
-        mesh is refined until y changes by less than half of that, ``size`` being the largest value
-        so far, when steps are halved.
+        Tolerances of `Collocation`, which chooses its own steps: errors of a component stay about
+        ``rtol * (|y| + 0.01 * size)``, size being the largest \|y| of that component so far. So
+        the units of components do not matter. A component that begins at 0 has a size from what
+        the right-hand side makes of it over the run (docs/collocation_method.md). With `atol`
+        errors stay about ``atol + rtol * |y|`` instead. Errors of y', where the order exceeds 1,
+        move y by as much over the run. rtol is 1e-6 by default and at least 1e-12; when resuming,
+        both are the state's. With L1, L2, L2Sigma or IMEX(L1()), which must be named, and constant
+        orders: a mesh is refined until y changes by less than half of that when steps are halved.
     mesh : Graded or array_like, shape (n+1,), optional
         Instead of n_steps: ``graded(n, exponent)`` or times that increase from t_start to t_end.
         For L2 with orders up to 1, L1 and L2Sigma with any, with Direct or SumOfExponentials. When

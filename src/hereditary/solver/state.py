@@ -98,7 +98,7 @@ class AdaptiveState:
     y: np.ndarray
     scheme: Scheme
     rtol: float
-    atol: float
+    atol: float | None
     modes_tol: float = field(repr=False)
     identity: dict[str, Any] = field(repr=False)
     march: tuple = field(repr=False)

@@ -108,7 +108,7 @@ class Stepper:
         structure, exact = self._system.structure, self._system.linear_alone and plan.rows.alike
         self._newton = newton_of(structure, d, self.n_tangents > 0, self.scheme.solve, exact)
         self._march = arrays.initial_march(plan, d, self._block, self._newton.room)
-        self._room = arrays.room_of_step(self._march)
+        self._room = arrays.room_of_step(self._march, self._system.steps)
         self._march.monitor.turns[: self.equation.d] = -1.0 * (self.equation.highest_orders() == 2)
 
     @property

@@ -78,9 +78,8 @@ class Way:
 
 def uncertainty(value, stepper):
     """Return how far errors of y leave the value of an event open where a march stands."""
-    rtol, atol = stepper.tolerances if stepper.adaptive else (_ROUNDED, 0.0)
     t, y = stepper.t, stepper.y
-    allowed = atol + rtol * np.abs(y)
+    allowed = stepper.uncertainty if stepper.adaptive else _ROUNDED * np.abs(y)
     signs = np.ones(y.size), (-1.0) ** np.arange(y.size)
     try:
         with np.errstate(all="ignore"):
