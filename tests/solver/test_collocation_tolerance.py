@@ -1,6 +1,6 @@
 """What a tolerance of adaptive collocation means, and what its error estimate is worth.
 
-The scale of a tolerance is ``rtol size + atol``, see random_problems.deviation.
+The scale of a tolerance is rtol times the size of y, see random_problems.deviation.
 """
 
 from itertools import pairwise
@@ -36,7 +36,8 @@ def check_most(ratios):
 @given(st.data())
 def test_errors_stay_below_ten_tolerances_and_ten_estimates(kind, data):
     def uniform(low, high):
-        return data.draw(st.floats(low, high))
+        number = data.draw(st.floats(low, high))
+        return number if abs(number) > 1e-100 else 0.0  # smaller ones lose their digits
 
     try:
         case = kind(uniform)
