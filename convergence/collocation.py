@@ -382,7 +382,7 @@ def write_run(study):
     """The steps of a stick-slip run: where they end, how long they are, x and its error."""
     equation, t_end, truth = problem("P5")
     sol = hd.solve(equation, t_end, rtol=1e-8, scheme=SCHEME)
-    stepper, modes = AdaptiveStepper(equation, SCHEME, t_end, 1e-8, 1e-10), []
+    stepper, modes = AdaptiveStepper(equation, SCHEME, t_end, 1e-8, None), []
     while stepper.t < t_end:
         before = stepper.n_steps
         stepper.advance(t_end)

@@ -170,9 +170,13 @@ def inlined(fun):
     return _for_callers(njit(inline="always")(fun))
 
 
-def derived(fun):
-    """Compile a function that is made of a user's functions, for this process alone."""
-    return njit(error_model="numpy", nogil=True)(fun)
+def derived(fun, counted=True):
+    """Compile a function that is made of a user's functions, for this process alone.
+
+    One that is not `counted` makes no arrays and is handed none back.
+    """
+    how = {} if counted else internals.uncounted()
+    return njit(error_model="numpy", nogil=True, **how)(fun)
 
 
 def as_value(fun, signature):
@@ -210,8 +214,7 @@ class entry:
             return fun
         # called from Python alone: another wrapper would take a tenth of the compilation
         how = internals.without("cfunc") if internals.VALUES else {}
-        if internals.LINKED and not self.counted:
-            how["_nrt"] = False
+        how |= {} if self.counted else internals.uncounted()
         dispatcher = compiled(fun, self.fused, self.told, **how)
 
         def ready():

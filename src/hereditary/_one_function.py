@@ -197,7 +197,10 @@ def _build(name, fun, kinds, signature, copied):
         jitted = fresh(fun, inner, inside)
         jitted.compile(own)  # by itself first, so that a message refers to the user's lines
         jitted.disable_compile()
-        adapter = derived(_adapter(split(jitted, arity, k), arity, form, len(shape), copied))
+        adapter = _adapter(split(jitted, arity, k), arity, form, len(shape), copied)
+        returned = jitted.nopython_signatures[0].return_type
+        simple = isinstance(returned, (types.NoneType, types.Number, types.Boolean))
+        adapter = derived(adapter, counted=copied or not simple)
         return as_value(paired(adapter) if start.paired else adapter, signature)
     except Exception as error:  # numba raises many types besides its own
         plain = _plain(fun)

@@ -225,6 +225,11 @@ def without(*wrappers):
     return {f"no_{name}_wrapper": True for name in wrappers if LINKED}
 
 
+def uncounted():
+    """Return options of numba.jit that count no references to arrays, which callers keep alive."""
+    return {"_nrt": False} if LINKED else {}
+
+
 def linking(**options):
     """Return options of numba.jit for a function that is linked into its callers."""
     own = {**options, **without("cpython", "cfunc"), "pipeline_class": _LinkedCompiler}
