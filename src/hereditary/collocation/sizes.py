@@ -5,7 +5,7 @@ none yet, and relative to itself a high power of t or the front of a wave would 
 over all its decades. Until |y| comes near it, a floor counts instead: what the right-hand side f
 makes of the component over the run,
 
-    gain * |f|,   1 / gain = 1 / T**alpha + max over e != c of sqrt(|J_ce J_ec|),
+    gain * |f|,   1 / gain = sum of a_k / T**alpha_k + max over e != c of sqrt(|J_ce J_ec|),
 
 with the integrals of f(t, y(0)) over t in place of f, so that fast forces count for little, but no
 more than the size at which f changes by as much; and then with f at y(0) plus the floors found so
@@ -57,15 +57,17 @@ def floors_of(system, many, t_end):
     y0, units = system.y0[0].copy(), np.where(system.units > 0, system.units, _LEAST)
     jacobian = system.derivative(system.beside(0.0, 1), y0, units)
     powers = system.highest_orders()
-    leading = np.abs(system.coefficient(powers))  # 0 for kernels and orders that vary
-    factors = 1 / np.where(leading > 0, leading, 1.0)
+    # what balances f: the terms over the run, or t**-alpha where kernels or orders vary
+    terms = [np.abs(c) * t_end ** -np.asarray(o.order) for o, c in system.left if o.constant]
+    balance = np.sum([np.zeros(y0.size), *terms], axis=0)
+    balance = np.where(balance > 0, balance, t_end**-powers)
     pairs = abs(jacobian * jacobian.T)
     if not many:
         np.fill_diagonal(pairs, 0.0)
     largest = pairs.max(axis=1)
     rates = np.sqrt(largest if isinstance(largest, np.ndarray) else largest.toarray().ravel())
     rates = np.where(rates < np.inf, rates, 0.0)
-    gains = factors / (t_end**-powers + factors * rates)
+    gains = 1 / (balance + rates)
     speeds = np.abs(system.y0[-1]) * (powers > 1)
     forces = _Forces(system)
     made, peaks = _made_over_the_run(forces, y0, t_end, np.ceil(powers))

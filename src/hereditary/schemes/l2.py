@@ -110,12 +110,12 @@ def _first_increment(equation, times):
         jacobian = np.empty((2 * d, 2 * d))
         for k in range(2 * d):
             e = np.zeros(2 * d)
-            e[k] = 6e-6 * max(1.0, abs(initial[k % d]))
+            e[k] = 6e-6 * max(units[k % d], abs(initial[k % d]))
             jacobian[:, k] = (excess(u + e) - excess(u - e)) / (2 * e[k])
         return jacobian
 
     u = np.zeros(2 * d)
-    initial, before = equation.y0[0, solved], np.inf
+    initial, units, before = equation.y0[0, solved], equation.steps[solved], np.inf
     scale = np.abs(initial).max()
     for _ in range(50):
         if equation.structure is None:
