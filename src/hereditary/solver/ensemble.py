@@ -94,7 +94,8 @@ def ensemble(
 ) -> Ensemble:
     """Solve one equation for many parameters or initial values, on all cores.
 
-    Every member gets the solution that `solve` gives it, at times of uniform steps to the last bit.
+    Every member gets the solution that `solve` gives it, at times of uniform steps to the last bit
+    (with BDF(3) to BDF(6) to rounding).
     With these all weights, modes and stability limits are worked out once, and members are marched
     one after the other in compiled code. For equations that differ otherwise, in their orders above
     all, take `sweep`.

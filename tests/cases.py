@@ -1,0 +1,259 @@
+"""Cases: equation x scheme x history x steps, every one that the schemes' declared abilities allow.
+
+An equation is made in other units of y and t, from another start, with its components permuted and
+with a decoupled one more, so that laws can compare the solutions.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import product
+from typing import Any
+
+import numba
+import numpy as np
+
+import hereditary as hd
+
+T_END, N_STEPS, TOL, RTOL = 4.0, 96, 1e-10, 1e-6
+
+
+@numba.njit
+def decay(t, y):
+    return np.cos(t) - y - 0.1 * y**3
+
+
+@numba.njit
+def spiral(t, y):
+    rest = 1.0 + 0.1 * y[0]
+    return np.array([-y[0] + 2 * y[1], -2 * y[0] - y[1] * rest + np.sin(t)])
+
+
+@numba.njit
+def backward(t, y):
+    found = spiral(t, np.array([y[1], y[0]]))
+    return np.array([found[1], found[0]])
+
+
+@numba.njit
+def beside_another(t, y):
+    found = spiral(t, np.array([y[0], y[1]]))
+    return np.array([found[0], found[1], np.cos(t) - y[2]])
+
+
+def scaled(f):
+    """Return the right-hand side in units of y and t, p = (scale of y, of t, start)."""
+
+    def rhs(t, y, p):
+        return f((t - p[2]) / p[1], y / p[0]) * p[0]
+
+    return rhs
+
+
+def _reading(t, y, memory, p):
+    return decay((t - p[2]) / p[1], y / p[0]) * p[0] - 0.5 * memory[0] * p[1] ** 0.4
+
+
+RHS = {f: scaled(f) for f in (decay, spiral, backward, beside_another)}
+
+
+def of_order(order, coefficient=1.0):
+    """Return a maker of a Caputo term in units of time: terms are multiplied by unit**order."""
+
+    def made(unit, places=slice(None)):
+        orders, factors = np.broadcast_arrays(order, coefficient)
+        if orders.ndim:
+            orders, factors = orders[places], factors[places]
+        return (factors * unit**orders) * hd.Caputo(orders if orders.ndim else float(orders))
+
+    return made
+
+
+@dataclass(frozen=True)
+class Family:
+    """An equation that can be made in other units.
+
+    Attributes
+    ----------
+    terms : tuple of callable
+        ``term(unit of time, places)``, with the orders of these components.
+    y0 : tuple
+        Rows y(0) and, above order 1, y'(0).
+    tags : frozenset of str
+        several, differ (terms differ by component), kernel, varying, memory; order 1.3 and so on
+        is `highest`.
+    """
+
+    name: str
+    terms: tuple
+    f: Any
+    y0: tuple
+    tags: frozenset = frozenset()
+    highest: float = 1.0
+
+    @property
+    def d(self):
+        return np.size(self.y0[0])
+
+
+def _family(name, terms, f, y0, *tags, highest=1.0):
+    return Family(name, terms, f, y0, frozenset(tags), highest)
+
+
+def _tempered(unit, places=slice(None)):
+    return unit * hd.Memory(hd.TemperedPowerLaw(0.8, 1.0 / unit), 1) / unit**0.2
+
+
+def _varying(unit, places=slice(None)):
+    return hd.Caputo(lambda t: 0.6 + 0.1 * np.sin(t))
+
+
+ABOVE = ((1.0, 0.0), (0.5, 0.0))
+FAMILIES = [
+    _family("one term", (of_order(0.6),), decay, (1.0,), highest=0.6),
+    _family("above one", (of_order(1.4),), decay, (1.0, 0.5), highest=1.4),
+    _family("order 1", (of_order(1.0),), decay, (1.0,)),
+    _family("order 2", (of_order(2.0),), decay, (1.0, 0.5), highest=2.0),
+    _family("system", (of_order(0.7),), spiral, ((1.0, 0.0),), highest=0.7),
+    _family(
+        "several terms", (of_order(0.9), of_order(0.3, 0.5)), decay, (1.0,), "several", highest=0.9
+    ),
+    _family(
+        "several above one", (of_order(1.8), of_order(0.8, 0.5), of_order(1.2, 0.1)), decay,
+        (1.0, 0.5), "several", highest=1.8,
+    ),
+    _family(
+        "orders differ", (of_order([0.9, 0.4]),), spiral, ((1.0, 0.0),), "differ", highest=0.9
+    ),
+    _family(
+        "orders differ above one", (of_order([1.3, 0.6]),), spiral, ABOVE, "differ", highest=1.3
+    ),
+    _family(
+        "coefficients", (of_order(0.7, [2.0, 0.5]),), spiral, ((1.0, 0.0),), "differ", highest=0.7
+    ),
+    _family("kernel", (of_order(1.0), _tempered), decay, (1.0,), "several", "kernel"),
+    _family("varying", (_varying,), decay, (1.0,), "varying", highest=0.7),
+    _family("reads memory", (of_order(0.9),), _reading, (1.0,), "memory", highest=0.9),
+]  # fmt: skip
+SCHEMES = [
+    hd.ExplicitCaputo(), hd.GrunwaldLetnikov(), hd.L1(), hd.L12(), hd.L2(), hd.L2Sigma(),
+    hd.BDF(1), hd.BDF(2), hd.BDF(3), hd.BDF(4), hd.BDF(5), hd.BDF(6), hd.Adams(),
+    hd.Adams(corrections=2), hd.ProductTrapezoid(), hd.IMEX(hd.L1()), hd.IMEX(hd.BDF(2)),
+    hd.Collocation(),
+]  # fmt: skip
+HISTORIES = [hd.Direct(), hd.FFT(), hd.SumOfExponentials(TOL)]
+
+
+@dataclass(frozen=True)
+class Case:
+    """One run: a family, a scheme, a history (None: the scheme's own) and the kind of its steps."""
+
+    family: Family
+    scheme: Any
+    history: Any
+    steps: str
+
+    def __str__(self):
+        return f"{self.family.name}, {self.scheme}, {self.history}, {self.steps}"
+
+    @property
+    def given(self):
+        """Whether the steps are given."""
+        return self.steps != "tolerance"
+
+    def allowed(self):
+        """Return whether the abilities that scheme and history declare allow this case."""
+        scheme, tags, highest = self.scheme, self.family.tags, self.family.highest
+        asked = [
+            (highest > scheme.orders[1], False),
+            ("several" in tags, scheme.several_terms and highest <= scheme.several_up_to),
+            ("differ" in tags, scheme.components_differ),
+            ("memory" in tags, scheme.takes_memory),
+            (self.steps == "mesh", scheme.takes_meshes and highest <= scheme.meshes_up_to),
+            (self.steps == "mesh", not tags & {"kernel", "varying"}),
+        ]
+        for name in ("kernel", "varying", "mesh"):
+            ability = {"kernel": "takes_kernels", "varying": "takes_varying"}.get(name)
+            if self.history is not None and (name in tags or self.steps == name):
+                asked.append((True, getattr(self.history, ability or "takes_meshes")))
+            if ability and name in tags:
+                asked.append((True, getattr(scheme, ability)))
+        return all(able for wanted, able in asked if wanted)
+
+    def equation(self, y=1.0, time=1.0, start=0.0, places=None, f=None, more=()):
+        """Return the equation in units of y and of time, from a start, of components in an order.
+
+        `f` is the right-hand side of the components in that order, with `more` values of y0.
+        """
+        family = self.family
+        places = slice(None) if places is None else np.asarray(places)
+        y0 = [np.append(np.atleast_1d(row)[places], more) for row in family.y0]
+        y0 = [y * row / time**k for k, row in enumerate(y0)]
+        f, how = f or family.f, {}
+        if "memory" in family.tags:
+            how["memory"] = hd.Caputo(0.4)
+        if isinstance(self.scheme, hd.IMEX):
+            how["linear"] = -0.5 * np.eye(y0[0].size)
+        terms = [term(time, places) for term in family.terms]
+        rhs, y0 = RHS.get(f, f), y0[0] if len(y0) == 1 else y0
+        return hd.Equation(terms, rhs, y0, [y, time, start], t_start=start, **how)
+
+    def how(self, t_end=T_END, time=1.0, start=0.0, n=N_STEPS):
+        """Return the keyword arguments of a run to t_end, in units of time."""
+        how = {"scheme": self.scheme, "history": self.history}
+        if self.steps == "tolerance":
+            return {"scheme": self.scheme, "rtol": RTOL}
+        if self.steps == "uniform":
+            return how | {"n_steps": n} | ({} if _estimates(self.scheme) else {"estimate": False})
+        mesh = start + time * t_end * np.linspace(0, 1, n + 1) ** 2
+        return how | {"mesh": mesh}
+
+    def solve(self, t_end=T_END, n=N_STEPS, **units):
+        """Solve the equation in these units, as `equation` takes them."""
+        run = {key: units[key] for key in ("time", "start") if key in units} | {"n": n}
+        end = units.get("start", 0.0) + units.get("time", 1.0) * t_end
+        return hd.solve(self.equation(**units), end, **self.how(t_end, **run))
+
+    def again(self):
+        """Return keyword arguments with which a run goes on: the state knows the others."""
+        return {} if _estimates(self.scheme) else {"estimate": False}
+
+    def moved(self, c, by):
+        """Return the equation with y(0) of a component moved."""
+        equation = self.equation()
+        y0 = equation.y0.copy()
+        y0[0, c] += by
+        return equation.replace(y0=y0 if len(self.family.y0) > 1 else y0[0])
+
+    @lru_cache  # noqa: B019
+    def solution(self):
+        """Return the run in units of 1."""
+        return self.solve()
+
+
+def _estimates(scheme):
+    return not isinstance(scheme, hd.ExplicitCaputo | hd.GrunwaldLetnikov)
+
+
+def _every():
+    for family, scheme in product(FAMILIES, SCHEMES):
+        if scheme.adaptive:
+            yield Case(family, scheme, None, "tolerance")
+        else:
+            for history, steps in product(HISTORIES, ("uniform", "mesh")):
+                yield Case(family, scheme, history, steps)
+
+
+EVERY = list(_every())
+CASES = [case for case in EVERY if case.allowed()]
+
+
+def chosen(*tags, **wanted):
+    """Return the cases whose family has all tags, and whose fields have the values wanted."""
+    return [
+        case
+        for case in CASES
+        if case.family.tags.issuperset(tags)
+        and all(getattr(case, name) == value for name, value in wanted.items())
+    ]

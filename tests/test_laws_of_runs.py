@@ -1,0 +1,177 @@
+"""Laws that every run obeys: each is stated once and holds for all cases (tests/cases.py)."""
+
+import pickle
+
+import numpy as np
+import pytest
+from cases import (
+    CASES,
+    EVERY,
+    HISTORIES,
+    N_STEPS,
+    RTOL,
+    SCHEMES,
+    T_END,
+    TOL,
+    backward,
+    beside_another,
+    chosen,
+    spiral,
+)
+
+import hereditary as hd
+
+# What rounding, and Newton's method, leave of laws that are exact otherwise, relative to |y|.
+ROUNDING = 3e-11
+GIVEN = [case for case in CASES if case.given]
+UNIFORM = chosen(steps="uniform")
+# One history is enough where it does not enter.
+ONCE = [c for c in CASES if c.history in (None, HISTORIES[2]) and c.steps != "mesh"]
+
+
+def over(cases):
+    return pytest.mark.parametrize("case", cases, ids=str)
+
+
+def assert_close(found, expected, case, bound=ROUNDING):
+    """Compare within rounding, or ten times the tolerance of a run that has one."""
+    bound = bound if case.given else 10 * RTOL
+    assert np.abs(found - expected).max() <= bound * np.abs(expected).max()
+
+
+@over(EVERY)
+def test_a_run_is_made_if_the_declared_abilities_allow_it_and_refused_otherwise(case):
+    if case.allowed():
+        assert case.solve(0.25).success
+    else:
+        with pytest.raises(ValueError, match=r"must .*, got "):
+            case.solve(0.25)
+
+
+@over(UNIFORM)
+@pytest.mark.parametrize("cut", [1, 33, 64])
+def test_a_run_that_was_stopped_goes_on_bit_for_bit(case, cut):
+    """Also from a state that was stored, and with steps of both runs counted as one."""
+    h = T_END / N_STEPS
+    through = case.solve()
+    first = case.solve(cut * h, n=cut)
+    state = pickle.loads(pickle.dumps(first.state))
+    rest = hd.solve(case.equation(), N_STEPS * h, resume=state, **case.again())
+    assert np.array_equal(first.y, through.y[: cut + 1])
+    assert np.array_equal(rest.y, through.y[cut:])
+
+
+@over([case for case in CASES if case.steps != "uniform"])
+def test_a_run_that_was_stopped_goes_on_as_one(case):
+    """On a mesh bit for bit, or as its modes allow; within the tolerance if steps are chosen."""
+    through, cut = case.solution(), 40
+    how = case.how()
+    if case.given:
+        mesh = how["mesh"]
+        first = hd.solve(case.equation(), mesh[cut], **how | {"mesh": mesh[: cut + 1]})
+        rest = hd.solve(case.equation(), T_END, resume=first.state, mesh=mesh[cut:])
+        # sums of exponentials are fitted for the mesh that a run is begun with
+        modes = isinstance(case.history, hd.SumOfExponentials)
+        assert_close(rest.y, through.y[cut:], case, 10 * TOL if modes else 0.0)
+    else:
+        first = case.solve(1.234)
+        rest = hd.solve(case.equation(), T_END, resume=pickle.loads(pickle.dumps(first.state)))
+        assert_close(rest.y[-1], through.y[-1], case)
+
+
+@pytest.mark.parametrize("steps", ["uniform", "mesh"])
+@pytest.mark.parametrize("scheme", [s for s in SCHEMES if not s.adaptive], ids=str)
+def test_histories_agree_within_their_tolerance_and_not_much_better(scheme, steps):
+    apart = {history: [0.0] for history in HISTORIES}
+    for case in chosen(scheme=scheme, steps=steps):
+        direct = next(
+            c for c in chosen(scheme=scheme, steps=steps, history=HISTORIES[0])
+            if c.family == case.family
+        ).solution()  # fmt: skip
+        off = np.abs(case.solution().y - direct.y).max() / np.abs(direct.y).max()
+        apart[case.history].append(off)
+    assert max(apart[HISTORIES[1]]) <= 1e-12
+    assert max(apart[HISTORIES[2]]) <= 10 * TOL
+    if len(apart[HISTORIES[2]]) > 1:
+        assert max(apart[HISTORIES[2]]) >= 1e-5 * TOL
+
+
+@over(CASES)
+def test_rows_are_what_the_dense_output_gives(case):
+    sol = case.solution()
+    assert_close(sol(sol.t), sol.y, case, 1e-13)
+    between = 0.5 * (sol.t[1:] + sol.t[:-1])
+    rows = hd.solve(case.equation(), T_END, **case.how(), t_eval=between)
+    assert_close(rows.y, sol(between), case, 1e-13)
+
+
+@over(ONCE)
+def test_units_of_y_do_not_matter(case):
+    """A power of two, which is exact; so are the steps where they are chosen."""
+    assert_close(case.solve(y=2.0**40).y[-1] / 2.0**40, case.solution().y[-1], case)
+
+
+@over([case for case in ONCE if "varying" not in case.family.tags])
+def test_units_of_time_do_not_matter(case):
+    assert_close(case.solve(time=5.0).y[-1], case.solution().y[-1], case, 1e-9)
+
+
+@over([case for case in ONCE if "varying" not in case.family.tags])
+def test_the_start_does_not_matter(case):
+    assert_close(case.solve(start=3.0).y[-1], case.solution().y[-1], case, 1e-9)
+
+
+@over([case for case in ONCE if case.family.d == 2])
+def test_the_order_of_components_does_not_matter(case):
+    found = case.solve(places=[1, 0], f=backward).y[-1, ::-1]
+    assert_close(found, case.solution().y[-1], case, 1e-9)
+
+
+@over([case for case in ONCE if case.family.f is spiral and case.family.name == "system"])
+def test_a_component_beside_them_changes_nothing(case):
+    found = case.solve(f=beside_another, more=[0.3]).y[-1, :2]
+    assert_close(found, case.solution().y[-1], case, 1e-9)
+
+
+@over([case for case in ONCE if case.scheme.takes_tangents and "memory" not in case.family.tags])
+def test_tangents_are_difference_quotients(case):
+    """Of the discrete solution with given steps, by each component of y(0)."""
+    how = case.how()
+    how.pop("estimate", None)
+    tangents = hd.sensitivities(case.equation(), T_END, **how, wrt="y0").by_y0[-1]
+    step = 1e-6 if case.given else 1e-4
+    for c in range(case.family.d):
+        ends = [hd.solve(case.moved(c, by), T_END, **case.how()).y[-1] for by in (step, -step)]
+        quotient = (ends[0] - ends[1]) / (2 * step)
+        bound = 1e-6 if case.given else 1e-3
+        assert np.abs(tangents[:, c] - quotient).max() <= bound * np.abs(quotient).max()
+
+
+@over(ONCE)
+def test_events_are_roots_of_the_dense_output(case):
+    def level(t, y):
+        return y[0] - 0.5 if y.ndim else 0.0
+
+    sol = hd.solve(case.equation(), T_END, **case.how(), events=level)
+    t = np.linspace(0, T_END, 20_001)
+    value = sol(t)[:, 0] - 0.5
+    crossed = np.flatnonzero(value[1:] * value[:-1] < 0)
+    found = sol.t_events[0]
+    assert len(found) == len(crossed)
+    assert np.abs(found - t[crossed]).max(initial=0.0) <= 2 * (t[1] - t[0])
+    assert np.abs(sol(found)[:, 0] - 0.5).max(initial=0.0) <= 1e-9
+
+
+@over([case for case in CASES if case.steps != "mesh"])
+def test_members_of_an_ensemble_are_single_runs(case):
+    how = case.how()
+    how.pop("estimate", None)
+    equation = case.equation()
+    params = [equation.params, [1.0, 1.0, 0.5]]
+    runs = hd.ensemble(equation, T_END, **how, params=params)
+    for own, y in zip(params, runs.y, strict=True):
+        one = hd.solve(equation.replace(params=own), T_END, **case.how())
+        same = one.y if case.given else one(runs.t)
+        # first steps of all members are corrected at once, by sums in another order
+        corrected = isinstance(case.scheme, hd.BDF) and case.scheme.formula > 2
+        assert_close(y, same, case, 1e-13 if corrected else 0.0)
