@@ -42,6 +42,15 @@ def beside_another(t, y):
     return np.array([found[0], found[1], np.cos(t) - y[2]])
 
 
+@numba.njit
+def diffusion(t, y):
+    found = np.empty(y.size)
+    for i in range(y.size):
+        left, right = y[max(i - 1, 0)], y[min(i + 1, y.size - 1)]
+        found[i] = left - 2 * y[i] + right - 0.1 * y[i] ** 3 + np.cos(t)
+    return found
+
+
 def scaled(f):
     """Return the right-hand side in units of y and t, p = (scale of y, of t, start)."""
 
@@ -55,7 +64,7 @@ def _reading(t, y, memory, p):
     return decay((t - p[2]) / p[1], y / p[0]) * p[0] - 0.5 * memory[0] * p[1] ** 0.4
 
 
-RHS = {f: scaled(f) for f in (decay, spiral, backward, beside_another)}
+RHS = {f: scaled(f) for f in (decay, spiral, backward, beside_another, diffusion)}
 
 
 def of_order(order, coefficient=1.0):
@@ -102,11 +111,15 @@ def _family(name, terms, f, y0, *tags, highest=1.0):
 
 
 def _tempered(unit, places=slice(None)):
-    return unit * hd.Memory(hd.TemperedPowerLaw(0.8, 1.0 / unit), 1) / unit**0.2
+    return unit**0.8 * hd.Memory(hd.TemperedPowerLaw(0.8, 1.0 / unit), 1)
 
 
 def _varying(unit, places=slice(None)):
     return hd.Caputo(lambda t: 0.6 + 0.1 * np.sin(t))
+
+
+def _riemann_liouville(unit, places=slice(None)):
+    return unit**0.6 * hd.RiemannLiouville(0.6)
 
 
 ABOVE = ((1.0, 0.0), (0.5, 0.0))
@@ -134,6 +147,15 @@ FAMILIES = [
     ),
     _family("kernel", (of_order(1.0), _tempered), decay, (1.0,), "several", "kernel"),
     _family("varying", (_varying,), decay, (1.0,), "varying", highest=0.7),
+    _family("leading kernel", (_tempered,), decay, (1.0,), "kernel", highest=0.8),
+    _family(
+        "Riemann-Liouville", (of_order(0.9), _riemann_liouville), decay, (1.0,), "several",
+        highest=0.9,
+    ),
+    _family("above two", (of_order(2.6),), decay, (1.0, 0.5, 0.0), "enlarged", "differ"),
+    _family("complex", (of_order(0.8),), decay, (1.0 + 0.5j,), "complex", highest=0.8),
+    _family("many", (of_order(0.7),), diffusion, (tuple(np.linspace(0, 1, 12)),), "banded",
+            highest=0.7),
     _family("reads memory", (of_order(0.9),), _reading, (1.0,), "memory", highest=0.9),
 ]  # fmt: skip
 SCHEMES = [
@@ -172,6 +194,7 @@ class Case:
             ("memory" in tags, scheme.takes_memory),
             (self.steps == "mesh", scheme.takes_meshes and highest <= scheme.meshes_up_to),
             (self.steps == "mesh", not tags & {"kernel", "varying"}),
+            (isinstance(scheme, hd.IMEX), not tags & {"complex", "enlarged"}),
         ]
         for name in ("kernel", "varying", "mesh"):
             ability = {"kernel": "takes_kernels", "varying": "takes_varying"}.get(name)
@@ -191,6 +214,8 @@ class Case:
         y0 = [np.append(np.atleast_1d(row)[places], more) for row in family.y0]
         y0 = [y * row / time**k for k, row in enumerate(y0)]
         f, how = f or family.f, {}
+        if "banded" in family.tags:
+            how["bandwidth"] = 1, 1
         if "memory" in family.tags:
             how["memory"] = hd.Caputo(0.4)
         if isinstance(self.scheme, hd.IMEX):

@@ -113,12 +113,12 @@ class SumOfExponentials(History):
 
     def open_mesh(self, sums: MeshSums, n_columns: int, span: Span) -> Memory:
         """A fresh memory on a mesh of any steps; see `History.open_mesh`."""
-        shortest, farthest = span.shortest, max(span.farthest, self.horizon or 0.0)
-        found = [np.zeros((2 + sums.factors.shape[0], 0))]
-        if np.isfinite(shortest):
-            # velocities of order above 1 are seen from the middle of a step on
-            for m, nearest in ((1, shortest), (2, 0.5 * shortest)):
-                found.append(_mesh_modes(sums, m, nearest, farthest, float(self.tol)))
+        # a mesh of one step may go on, with steps that are no shorter
+        shortest = span.shortest if np.isfinite(span.shortest) else sums.rows.unit[0]
+        farthest, found = max(span.farthest, self.horizon or 0.0), []
+        # velocities of order above 1 are seen from the middle of a step on
+        for m, nearest in ((1, shortest), (2, 0.5 * shortest)):
+            found.append(_mesh_modes(sums, m, nearest, farthest, float(self.tol)))
         rates, derivatives, *weights = np.hstack(found)
         kinds = rates.reshape(1, -1), np.array(weights), derivatives.reshape(1, -1)
         arrays = tuple(np.zeros((n_columns, k)) for k in (rates.size, 0, 0))

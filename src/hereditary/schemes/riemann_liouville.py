@@ -20,7 +20,8 @@ def with_initial_values(plan, system, order):
     terms = [(op, c) for op, c in system.left if op.from_zero and op.constant]
     if not terms or system.varies:
         return plan
-    theta, rows, d = float(plan.rows.theta[-1]), plan.rows, system.d
+    rows, d = plan.rows, system.d
+    theta = float(rows.theta[0 if rows.times.size else -1])
     n_first = 1 if theta == 0 or rows.times.size else ceil(order)
     # a first step that is given cannot be corrected
     first = np.zeros(d, dtype=int) if plan.given is None else plan.given

@@ -64,7 +64,7 @@ class Stepper:
         directions = np.zeros((self.n_data, 0)) if directions is None else directions
         self.n_tangents = directions.shape[1]
         plan = self._plan(directions)
-        self._block = 1 if plan.rows.last > 1 else block
+        self._block = 1 if plan.rows.last > 1 or plan.rows.times.size else block
         self.memory = self._open(plan)
         self.misfit = misfit_on_given_steps(self.memory.kernel_errors, history)
         self._begin(plan)
