@@ -21,12 +21,12 @@ T_END, N_STEPS, TOL, RTOL = 4.0, 96, 1e-10, 1e-6
 
 @numba.njit
 def decay(t, y):
-    return np.cos(t) - y - 0.1 * y**3
+    return np.cos(t) - (1 + 0.2 * np.sin(3 * t)) * y - 0.1 * y**3
 
 
 @numba.njit
 def spiral(t, y):
-    rest = 1.0 + 0.1 * y[0]
+    rest = 1.0 + 0.1 * y[0] + 0.2 * np.sin(3 * t)
     return np.array([-y[0] + 2 * y[1], -2 * y[0] - y[1] * rest + np.sin(t)])
 
 
@@ -234,11 +234,11 @@ class Case:
         mesh = start + time * t_end * np.linspace(0, 1, n + 1) ** 2
         return how | {"mesh": mesh}
 
-    def solve(self, t_end=T_END, n=N_STEPS, **units):
+    def solve(self, t_end=T_END, n=N_STEPS, events=None, **units):
         """Solve the equation in these units, as `equation` takes them."""
         run = {key: units[key] for key in ("time", "start") if key in units} | {"n": n}
         end = units.get("start", 0.0) + units.get("time", 1.0) * t_end
-        return hd.solve(self.equation(**units), end, **self.how(t_end, **run))
+        return hd.solve(self.equation(**units), end, **self.how(t_end, **run), events=events)
 
     def again(self):
         """Return keyword arguments with which a run goes on: the state knows the others."""

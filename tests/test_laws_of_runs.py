@@ -119,7 +119,9 @@ def test_units_of_time_do_not_matter(case):
 
 @over([case for case in ONCE if "varying" not in case.family.tags])
 def test_the_start_does_not_matter(case):
-    assert_close(case.solve(start=3.0).y[-1], case.solution().y[-1], case, 1e-9)
+    sol = case.solve(start=3.0, events=lambda t, y: t - 4.7)
+    assert_close(sol.y[-1], case.solution().y[-1], case, 1e-9)
+    assert sol.t_events[0] == pytest.approx([4.7], abs=1e-12)
 
 
 @over([case for case in ONCE if case.family.d == 2])
