@@ -166,8 +166,11 @@ def test_events_are_roots_of_the_dense_output(case):
     value = sol(t)[:, 0].real - 0.5
     crossed = np.flatnonzero(value[1:] * value[:-1] < 0)
     found = sol.t_events[0]
-    assert len(found) == len(crossed)
-    assert np.abs(found - t[crossed]).max(initial=0.0) <= 2 * (t[1] - t[0])
+    # two within one step that is given may be passed over
+    _, counts = np.unique(np.searchsorted(sol.t, t[crossed]), return_counts=True)
+    assert np.sum(counts % 2 if case.given else counts) <= len(found) <= len(crossed)
+    apart = np.abs(found[:, None] - t[crossed]).min(axis=1, initial=np.inf)
+    assert np.all(apart <= 2 * (t[1] - t[0]))
     assert np.abs(sol(found)[:, 0].real - 0.5).max(initial=0.0) <= 1e-9
 
 
