@@ -83,38 +83,3 @@ def test_kernels_share_one_bank():
     table = np.exp(-np.multiply.outer(t, rates))
     for row, a in zip(weights, (0.6, 0.8), strict=True):
         assert np.abs(table @ row * t**a - 1).max() <= 1e-10
-
-
-@pytest.mark.parametrize(
-    ("change", "error", "match"),
-    [
-        ({"tol": 1e-14}, ValueError, r"tol must lie in \[1e-13, 0.1\], got 1e-14"),
-        ({"tol": 0.5}, ValueError, "tol"),
-        ({"tol": "small"}, TypeError, "tol"),
-        ({"t_min": 0.0}, ValueError, "t_min"),
-        ({"t_min": 1e-200, "t_max": 1e200}, ValueError, "t_max"),
-        (
-            {"kernel": hd.PowerLaw(2.0), "t_min": 1e-300, "t_max": 1e-299},
-            ValueError,
-            "t_min must leave the kernel a finite value",
-        ),
-        (
-            {"t_max": 0.5},
-            ValueError,
-            r"t_max must lie between t_min = 1.0 and 1e\+100 times that, got 0.5",
-        ),
-        ({"t_max": math.inf}, ValueError, "t_max"),
-        ({"t_min": math.nan}, ValueError, "t_min"),
-        ({"kernel": 0.5}, TypeError, "kernel must be a MemoryKernel, got 0.5"),
-    ],
-)
-def test_nonsense_is_refused(change, error, match):
-    arguments = {"kernel": hd.PowerLaw(0.5), "t_min": 1.0, "t_max": 1e3, "tol": 1e-8} | change
-    with pytest.raises(error, match=match):
-        hd.fit_exponentials(**arguments)
-
-
-@pytest.mark.parametrize("exponent", [0.0, -0.5, 2.5, math.nan, "a", 1j, True])
-def test_exponents_outside_the_range_are_refused(exponent):
-    with pytest.raises((ValueError, TypeError), match="exponent must"):
-        hd.PowerLaw(exponent)

@@ -143,8 +143,6 @@ def test_fits_of_power_laws_have_not_moved():
     assert np.array_equal(fit.weights, same.weights)
     assert hd.PowerLaw(0.25).singular_exponent == 0.25
     assert hd.PowerLaw(0.25).integral(16.0) == pytest.approx(8 / 0.75, rel=1e-15)
-    with pytest.raises(ValueError, match="exponent must be below 1 for a finite integral"):
-        hd.PowerLaw(1.0).integral(1.0)
 
 
 def test_prony_is_exact():
@@ -229,8 +227,6 @@ def test_signed_kernels():
     t = np.geomspace(1e-3, 10.0, 2001)
     largest = np.maximum.accumulate(kernel(t)[::-1])[::-1]
     assert (np.abs(fit(t) - kernel(t)) / largest).max() <= 1.02e-7
-    with pytest.raises(ValueError, match=r"tol must be at least .* without oscillation"):
-        Kernel(lambda t: np.exp(-t) * np.cos(40 * t), signed=True).fit(1e-3, 10.0, 1e-8)
 
 
 def test_noise_is_smoothed():
@@ -255,73 +251,6 @@ def test_tables_interpolate_power_laws_exactly():
     times = np.array([1e-300, 1e-2, 0.037, 10.0])
     np.testing.assert_allclose(kernel(times), times**-0.5, rtol=1e-12)
     np.testing.assert_allclose(kernel.integral(times), 2 * times**0.5, rtol=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("make", "error", "match"),
-    [
-        (lambda: TemperedPowerLaw(1.0, 1.0), ValueError, r"exponent must lie in \(0, 1\), got 1.0"),
-        (lambda: TemperedPowerLaw(0.5, -1.0), ValueError, "rate must be .* at least 0, got -1.0"),
-        (lambda: MittagLeffler(1.2, 1.0), ValueError, r"order must lie in \[0.01, 1\], got 1.2"),
-        (lambda: MittagLeffler(0.5, math.nan), ValueError, "rate must be a finite number above 0"),
-        (lambda: StretchedExponential(0.5, 0.0), ValueError, "rate must be .* above 0, got 0.0"),
-        (lambda: StretchedExponential("b", 1.0), TypeError, "exponent must"),
-        (lambda: Prony([-1.0], [1.0]), ValueError, "rates must not be negative"),
-        (lambda: Prony([1.0], [-1.0]), ValueError, "weights must be positive"),
-        (lambda: Prony([], []), ValueError, r"rates must have shape \(n,\) as weights, n >= 1"),
-        (lambda: Prony([1.0, 2.0], [1.0]), ValueError, "rates must have shape"),
-        (lambda: DistributedOrder([1.0], [1.0]), ValueError, r"orders must lie in \[0, 1\)"),
-        (
-            lambda: DistributedOrder.from_density(lambda a: a - 0.5),
-            ValueError,
-            "weights must be po",
-        ),
-        (lambda: Kernel(0.5), TypeError, "function must be callable, got 0.5; use Kernel.from_tab"),
-        (lambda: Kernel(lambda t: t**-1.5), ValueError, "integrable at 0 .* got a = 1.5"),
-        (lambda: Kernel(lambda t: t * math.nan), ValueError, "finite values at t > 0, got none"),
-        (lambda: Kernel(lambda t: t + 1j), TypeError, "function must give one real number"),
-        (lambda: Kernel(np.exp, singular_exponent=1.0), ValueError, "integrable at 0"),
-        (lambda: Kernel.from_table([], []), ValueError, r"t must have shape \(n,\) as values"),
-        (lambda: Kernel.from_table([1, 3, 2, 4], [4, 3, 2, 1]), ValueError, "sort the table by t"),
-        (lambda: Kernel.from_table([1, 2, 3, 4], [2, 1, 0, 1]), ValueError, "got 0 at t = 3; end"),
-        (lambda: Kernel.from_table([1, 2, 3, 4], [2, 1, math.inf, 1]), ValueError, "values must"),
-        (lambda: Kernel.from_table([1, 2, 3, 4], [16, 4, 2, 1]), ValueError, "integrable at 0"),
-    ],
-)
-def test_nonsense_is_refused(make, error, match):
-    with pytest.raises(error, match=match):
-        make()
-
-
-@pytest.mark.parametrize(
-    ("function", "match"),
-    [
-        (np.exp, "got rising at t = .*; pass signed=True"),
-        (lambda t: -np.exp(-t), "got negative at t = 0.001; pass signed=True"),
-        (lambda t: np.exp(-t) * (1.01 + np.cos(9 * t)), "kernel must be completely monotone"),
-        (lambda t: np.exp(-(t**2)), "tol must be at least 8.*e-01 .*; signed=True allows"),
-        (lambda t: np.where(t < 1.0, 1.0, np.nan), "finite values at t > 0, got nan at t = 1"),
-        (lambda t: np.where(t > 1.0, np.inf, 1.0), "finite values at t > 0, got inf at t = 1"),
-    ],
-)
-def test_what_is_not_completely_monotone_is_refused(function, match):
-    with pytest.raises(ValueError, match=match):
-        Kernel(function).fit(1e-3, 3.0, 1e-6)
-
-
-def test_ranges_are_checked():
-    table = Kernel.from_table([1.0, 2.0, 3.0, 4.0], [4.0, 3.0, 2.5, 2.2])
-    with pytest.raises(ValueError, match=r"t_min and t_max must lie within the table, \[1, 4\]"):
-        table.fit(0.1, 4.0, 1e-2)
-    with pytest.raises(ValueError, match="t must not exceed the table's last time, 4, got 5"):
-        table(5.0)
-    with pytest.raises(ValueError, match="t_min must come before the kernel is 0 in rounding"):
-        TemperedPowerLaw(0.5, 1.0).fit(1e3, 1e4, 1e-6)
-    for kernel in (Prony([1.0], [1.0]), MittagLeffler(0.5, 1.0), table):
-        with pytest.raises(ValueError, match="t_max must lie between"):
-            kernel.fit(1.0, 0.5, 1e-6)
-        with pytest.raises(ValueError, match="tol must lie in"):
-            kernel.fit(1.0, 2.0, 0.0)
 
 
 FAMILIES = st.one_of(

@@ -162,31 +162,6 @@ def test_products_of_coefficients():
         np.testing.assert_array_equal(term.coefficient, expected)
 
 
-def test_mistakes():
-    def force(t, y):
-        return -y
-
-    singular, good = np.ones((2, 2)), np.eye(2)
-    kernel = hd.Memory(hd.Prony([1.0], [1.0]), 1)
-    for terms, told in (
-        (singular * C(0.5), "terms must have an invertible matrix in front of the highest"),
-        (np.eye(3) * C(0.5), r"coefficient must be one number, or have shape \(2,\) or \(2, 2\)"),
-        (good * C(1) + 0.5 * kernel, "be Caputo operators of constant order beside orders above 2"),
-        (
-            np.diag([1.0, 0.0]) * C(0.5),
-            "at least one nonzero term other than RiemannLiouville, got none",
-        ),
-    ):
-        with pytest.raises(ValueError, match=told):
-            hd.Equation(terms, force, [1.0, 1.0])
-    with pytest.raises(ValueError, match=r"coefficient must be a real number or have shape \(d,\)"):
-        np.ones((2, 3)) * C(0.5)
-    with pytest.raises(ValueError, match="memory must be left out beside"):
-        hd.Equation(good * C(0.5), lambda t, y, m: -y, [1.0, 1.0], memory=C(0.3))
-    with pytest.raises(ValueError, match="memory must have coefficients of shape"):
-        hd.Equation(C(0.5), lambda t, y, m: -y, [1.0, 1.0], memory=good * C(0.3))
-
-
 def test_changes_may_come_before_the_first_step_of_a_stretch_ends():
     """No row besides the start is then left of it. A change to the present value is none."""
     terms = np.array([[1.0, 0.2], [0.0, 1.0]]) * C(0.8) + 0.3 * C(0.3)

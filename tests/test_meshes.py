@@ -21,7 +21,6 @@ from hereditary.system import displaced
 
 SCHEMES = [hd.L1(), hd.L2(), hd.L2Sigma()]
 HISTORIES = [hd.Direct(), hd.SumOfExponentials(1e-12)]
-OSCILLATOR = hd.scenes.oscillator()
 COVERED = tuple(EQUATIONS)
 
 
@@ -169,22 +168,6 @@ def test_a_run_on_a_mesh_goes_on_where_it_stopped(scheme, history):
     assert again.t[-1] == 3.0
 
 
-def test_a_mesh_is_resumed_on_a_mesh_alone():
-    equation = hd.scenes.relaxation()
-    state = hd.solve(equation, 1.0, mesh=hd.graded(20, 2.0), scheme=hd.L1()).state
-    with pytest.raises(TypeError, match="mesh must be given where a run on a mesh goes on"):
-        hd.solve(equation, 2.0, resume=state)
-    with pytest.raises(ValueError, match=r"mesh must have no steps below 0.0025, the shortest"):
-        hd.solve(equation, 2.0, mesh=1 + hd.graded(20, 4.0).times(1.0), resume=state)
-    with pytest.raises(ValueError, match="resume must stay within t = 10"):
-        hd.solve(equation, 20.0, mesh=[1.0, 20.0], resume=state)
-    with pytest.raises(ValueError, match="mesh must be times that increase from 1 "):
-        hd.solve(equation, 2.0, mesh=[0.0, 2.0], resume=state)
-    uniform = hd.solve(equation, 1.0, 20, scheme=hd.L1()).state
-    with pytest.raises(ValueError, match="mesh must be left out where a run of uniform steps"):
-        hd.solve(equation, 2.0, mesh=[1.0, 2.0], resume=uniform)
-
-
 @pytest.mark.parametrize("name", COVERED)
 @pytest.mark.parametrize("scheme", SCHEMES, ids=repr)
 def test_tangents_on_a_mesh_are_derivatives(scheme, name):
@@ -220,40 +203,6 @@ def test_orders_above_1_keep_their_order_on_graded_meshes(beta):
     found = [errors_on_mesh(problem, hd.L1(), history, hd.graded(n, 3.0)) for n in steps]
     assert observed_order(steps, found).slope == pytest.approx(3 - beta, abs=0.15)
     assert found[-1] < {1.2: 1e-6, 1.5: 3e-5, 1.8: 4e-4}[beta]
-
-
-@pytest.mark.parametrize(
-    ("change", "match"),
-    [
-        ({"mesh": [0.0, 0.5, 0.4, 1.0]}, "mesh must be times that increase from 0"),
-        ({"mesh": [0.1, 1.0]}, "mesh must"),
-        ({"mesh": [0.0, 0.9]}, "mesh must"),
-        ({"mesh": [0.0]}, "mesh must"),
-        ({"mesh": [0.0, np.nan, 1.0]}, "mesh must"),
-        ({"n_steps": 10}, "n_steps must be left out where a mesh is given"),
-        ({"scheme": hd.ExplicitCaputo()}, "mesh must be left out with ExplicitCaputo"),
-        ({"scheme": hd.GrunwaldLetnikov()}, "mesh must be left out with GrunwaldLetnikov"),
-        ({"scheme": hd.L12()}, "mesh must be left out with L12"),
-        ({"scheme": hd.Adams()}, "mesh must be left out with Adams"),
-        ({"history": hd.FFT()}, "mesh must be left out with FFT"),
-        ({"equation": OSCILLATOR, "scheme": hd.L2()}, "order must be at most 1 for L2"),
-    ],
-)
-def test_bad_meshes(change, match):
-    arguments = {
-        "equation": hd.scenes.relaxation(),
-        "t_end": 1.0,
-        "mesh": hd.graded(10, 2.0),
-        "scheme": hd.L1(),
-    } | change
-    with pytest.raises(ValueError, match=match):
-        hd.solve(**arguments)
-
-
-@pytest.mark.parametrize("arguments", [(0, 2.0), (10, 0.0), (10, np.nan), (2.5, 1.0)])
-def test_bad_gradings(arguments):
-    with pytest.raises((TypeError, ValueError), match="must"):
-        hd.graded(*arguments)
 
 
 @pytest.mark.parametrize("p", [0.02, 0.3, 0.7, 0.98])

@@ -164,15 +164,3 @@ def test_a_horizon_is_kept_and_its_end_is_told():
     far.prepare(3 * 10**7)
     with pytest.raises(ValueError, match="resume must stay within"):
         far.prepare(3 * 10**8)
-
-
-@pytest.mark.parametrize("tol", [1e-14, 0.0, 1.0, "loose"])
-def test_tolerances_are_checked(tol):
-    with pytest.raises((ValueError, TypeError), match="tol must"):
-        hd.SumOfExponentials(tol)
-
-
-@pytest.mark.parametrize("horizon", [0, -1, np.inf, "far"])
-def test_horizons_are_checked(horizon):
-    with pytest.raises((ValueError, TypeError), match="horizon must"):
-        hd.SumOfExponentials(horizon=horizon)

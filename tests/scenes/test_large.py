@@ -54,21 +54,6 @@ def test_subdiffusion_with_a_source_is_second_order_in_space(alpha):
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.15)
 
 
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [
-        ({"alpha": 2.5}, "alpha must lie in"),
-        ({"dimensions": 3}, "dimensions must be 1 or 2"),
-        ({"u0": [1.0, 2.0]}, r"u0 must have shape \(4,\)"),
-        ({"v0": np.zeros(4)}, "v0 must be left out"),
-        ({"diffusivity": 0.0}, "diffusivity must be"),
-    ],
-)
-def test_subdiffusion_refuses(given, message):
-    with pytest.raises(ValueError, match=message):
-        hd.scenes.subdiffusion(points=4, **given)
-
-
 @given(
     y=st.lists(st.floats(-20, 20), min_size=1, max_size=6),
     numbers=st.tuples(*[st.floats(-3, 3)] * 5),
@@ -124,17 +109,3 @@ def test_slips_are_moves_that_touch_in_space_and_time():
     assert hd.scenes.slips(sol, speed=3.0).size.size == 0
     one = hd.Solution(np.zeros(1), y[:1], None, hd.Status.COMPLETED, "", {}, None)
     assert hd.scenes.slips(one).size.size == 0
-
-
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [
-        ({"x0": [0.1, 0.2]}, r"x0 must be a number or have shape \(3,\)"),
-        ({"adhesion": [1.0, 2.0]}, r"adhesion must be a number or have shape \(3,\)"),
-        ({"well": []}, "well must be a flat sequence"),
-        ({"beta": 0.9}, "beta must lie in"),
-    ],
-)
-def test_the_chain_refuses(given, message):
-    with pytest.raises(ValueError, match=message):
-        hd.scenes.stick_slip_chain(3, **given)

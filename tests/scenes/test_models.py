@@ -200,20 +200,3 @@ def test_rough_heston():
     ]
     ratio = abs(far[0] - limit) / abs(far[1] - limit)
     assert ratio == pytest.approx(2**0.7, rel=0.02)
-
-
-@pytest.mark.parametrize(
-    ("scene", "arguments", "message"),
-    [
-        ("selkov", {"alpha": (0.9, lambda t: 0.8)}, "alpha must be functions of the time for both"),
-        ("selkov", {"alpha": 1.2}, "alpha must lie in"),
-        ("selkov", {"time_scale": 0.0}, "time_scale must be"),
-        ("fitzhugh_nagumo", {"c": 0.0}, "c must not be 0"),
-        ("mathieu", {"gamma": 1.5}, "gamma must lie in"),
-        ("riccati", {"alpha": 1.5}, "alpha must lie in"),
-        ("riccati", {"linear": complex("nan")}, "linear must be a finite number"),
-    ],
-)  # fmt: skip
-def test_refusals(scene, arguments, message):
-    with pytest.raises(ValueError, match=message):
-        getattr(hd.scenes, scene)(**arguments)
