@@ -38,19 +38,6 @@ def test_the_table_in_print():
     assert repr(table).splitlines()[-1].endswith("errors by Runge's rule")
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (([100],), "n_steps must be two or more increasing numbers"),
-        (([200, 100],), "n_steps must be two or more increasing numbers"),
-        (([100, 200.5],), "n_steps must be a positive integer"),
-    ],
-)
-def test_refusals(arguments, message):
-    with pytest.raises((TypeError, ValueError), match=message):
-        hd.convergence_table(hd.scenes.relaxation(0.6), 2.0, *arguments)
-
-
 def test_a_run_that_does_not_complete_is_told():
     growing = hd.Equation(hd.Caputo(0.8), lambda t, y: y**2, 5.0)
     with (
@@ -58,5 +45,3 @@ def test_a_run_that_does_not_complete_is_told():
         pytest.raises(RuntimeError, match="100 steps: the solution"),
     ):
         hd.convergence_table(growing, 5.0, [100, 200])
-    with pytest.raises(ValueError, match="exact must return shape"):
-        hd.convergence_table(hd.scenes.relaxation(0.6), 2.0, [100, 200], exact=np.sin)

@@ -203,37 +203,6 @@ def test_runs_that_end_early_are_left_behind(sigma):
     assert found.parameters["gain"] == pytest.approx(0.5, abs=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"p0": {}}, "p0 must be a mapping of names to numbers"),
-        ({"p0": {"alpha": np.nan, "rate": 1.0}}, "p0 must be"),
-        ({"bounds": {"gamma": (0, 1)}}, "bounds must name parameters, alpha, rate"),
-        ({"bounds": {"alpha": (0.1, 0.5)}}, r"bounds\['alpha'\] must hold"),
-        ({"t": T[::-1]}, "t must be increasing times"),
-        ({"data": np.full(30, np.nan)}, "data must be finite, or NaN"),
-        ({"data": np.zeros(29)}, r"data must have shape \(30,\)"),
-        ({"data": np.where(np.arange(30), np.nan, 1.0)}, "data must hold at least 2 values"),
-        ({"sigma": -1.0}, "sigma must be above 0"),
-        ({"sigma": np.ones(7)}, "sigma must be one number"),
-        ({"loss": "huber"}, "sigma must be given with loss='huber'"),
-        ({"bounds": [(0, 1)]}, "bounds must be a mapping"),
-        ({"bounds": {"alpha": (0, 1, 2)}}, r"bounds\['alpha'\] must hold"),
-        ({"data": measured() + 1j}, "data must be real"),
-        ({"t_eval": T}, "t_eval must be left out"),
-        ({"t": [T, T], "data": [T, T], "sigma": [0.1, None]}, "sigma must be given for all"),
-        ({"model": lambda alpha, rate: None}, "model must return an Equation"),
-        ({"observe": lambda y: y[:, [0, 0]]}, r"observe must give real values of shape \(30,\)"),
-        ({"t": [T, T]}, "data must be a list of 2 series"),
-        ({"t": np.linspace(-1.0, 1.0, 30)}, "t must begin at t_start = 0 or later"),
-    ],
-)
-def test_refusals(changes, message):
-    arguments = {"model": relaxation, "t": T, "data": measured(), "p0": GUESS} | changes
-    with pytest.raises((TypeError, ValueError), match=message):
-        hd.fit(**arguments)
-
-
 def test_figure_shows_the_model_between_the_data_too():
     data = np.where(np.arange(T.size) == 3, np.nan, measured(noise=0.01))
     found = hd.fit(relaxation, T, data, GUESS, bounds=BOUNDS, sigma=0.01)

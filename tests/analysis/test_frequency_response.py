@@ -151,28 +151,6 @@ def test_figure():
     assert np.array_equal(lower.lines[1].get_ydata(), found.phase[found.branch == 1, 0])
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ({"omegas": []}, "omegas must be frequencies above 0"),
-        ({"omegas": [1.0, 1.0]}, "omegas must be frequencies above 0"),
-        ({"omegas": [-1.0, 1.0]}, "omegas must be frequencies above 0"),
-        ({"frequency": 3}, "frequency must be the number of a parameter, 0 .. 2"),
-        ({"harmonics": 0}, "harmonics must be a positive integer"),
-        (
-            {"frequency": 1, "omegas": [1.3]},
-            r"rhs must have period 2 pi / omega in t, omega being params\[1\]",
-        ),
-    ],
-)
-def test_refusals(arguments, message):
-    with pytest.raises((TypeError, ValueError), match=message):
-        hd.frequency_response(**({"equation": duffing(), "omegas": [1.0]} | arguments))
-    varying = hd.Equation(hd.Caputo(lambda t: 0.5 + 0.1 * t), driven, 0.0, params=[1.0, 1.0, 0.0])
-    with pytest.raises(ValueError, match="equation must be real and compiled"):
-        hd.frequency_response(varying, [1.0])
-
-
 def integrated(t, v, p):
     return p[1] + np.cos(p[0] * t)
 
@@ -343,28 +321,6 @@ def test_peaks_beside_folds_do_not_depend_on_the_frequencies_asked_for(force):
         assert fine - 1e-9 <= found.peak()[1] < fine * (1 + 1e-4)
 
 
-def two_forces(t, x, p):
-    return 0.1 * np.cos(p[0] * t) + np.cos(t) - x
-
-
-def test_a_second_frequency_is_found_wherever_it_is_none():
-    """At 0.5 and 1 a force of frequency 1 has the period of the first; between them it has not."""
-    equation = hd.Equation(
-        hd.Caputo(1.8) + 0.2 * hd.Caputo(0.8), two_forces, [0.0, 0.0], params=[1.0]
-    )
-    with pytest.raises(ValueError, match="rhs must have period 2 pi / omega"):
-        hd.frequency_response(equation, np.linspace(0.5, 1.0, 6))
-
-
-def test_a_right_hand_side_without_values_is_told():
-    def rooted(t, x, p):
-        return np.sqrt(p[1]) * np.cos(p[0] * t) - x
-
-    equation = hd.Equation(hd.Caputo(1.8), rooted, [0.0, 0.0], params=[1.0, 1.0])
-    with pytest.raises(ValueError, match="rhs must be finite over a period"):
-        hd.frequency_response(equation, [1.0, 0.0, -1.0], along=1)
-
-
 def test_several_components_have_a_legend():
     equation = hd.Equation(hd.Caputo([1.7, 0.8]), coupled, [[0.0, 0.0], [0.0, 0.0]], params=[1.0])
     found = hd.frequency_response(equation, [0.5, 1.0, 1.5], harmonics=2)
@@ -372,33 +328,3 @@ def test_several_components_have_a_legend():
     texts = [text.get_text() for text in ax.get_legend().get_texts()]
     assert texts == ["x, component 0", "x, component 1"]
     assert hd.plots.frequency_response(found).get_legend() is None
-
-
-@pytest.mark.parametrize(
-    ("kernel", "m", "message"),
-    [
-        (hd.StretchedExponential(0.5, 1.0), 1, "kernel must have a Laplace transform in closed"),
-        (hd.Prony([0.0, 1.0], [1.0, 1.0]), 1, "kernel must fade"),
-        (hd.TemperedPowerLaw(0.5, 0.0), 0, "kernel must be integrable over all times"),
-        (hd.DistributedOrder([0.0, 0.5], [1.0, 1.0]), 1, "kernel must fade"),
-        (
-            hd.fit_exponentials(hd.PowerLaw(0.4), 1e-3, 1e3, 1e-8),
-            0,
-            "kernel must be integrable over all times",
-        ),
-    ],
-    ids=["no transform", "constant", "not integrable", "order 0", "a sum's mean"],
-)
-def test_kernels_without_a_steady_state_are_refused(kernel, m, message):
-    terms = hd.Caputo(2.0) + hd.Memory(kernel, m)
-    equation = hd.Equation(terms, driven, [0.0, 0.0], params=[1.0, 1.0, 0.0])
-    with pytest.raises(ValueError, match=message):
-        hd.frequency_response(equation, [1.0])
-
-
-def test_another_parameter_needs_a_frequency():
-    equation = duffing().replace(params=[0.0, 0.3, 0.5])
-    with pytest.raises(ValueError, match="equation must have a frequency above 0"):
-        hd.frequency_response(equation, [0.0, 1.0], along=1)
-    with pytest.raises(ValueError, match="along must be the number of a parameter"):
-        hd.frequency_response(equation, [0.0, 1.0], along=7)

@@ -155,16 +155,3 @@ def test_exponents_count_as_a_witness_of_their_own():
         assert found[0].irregular < found[1].irregular < found[2].irregular
         assert found[1].irregular == found[3].irregular == alone
         assert (alone < 0.5) == repeats
-
-
-@pytest.mark.parametrize(
-    ("change", "match"),
-    [
-        ({"period": -1.0}, "period must"),
-        ({"spacing": 0.0}, "spacing must"),
-        ({"transient": 1e6}, "transient must lie before the end of the run"),
-    ],
-)
-def test_bad_arguments_are_told(change, match):
-    with pytest.raises(ValueError, match=match):
-        classify(stairs([5.0]), **({"period": PERIOD} | change))

@@ -70,25 +70,3 @@ def test_places_in_a_cell_and_behind_a_pull(parabola):
 def test_sections_without_a_derivative():
     decay = hd.solve(hd.Equation(hd.Caputo(0.5), lambda t, y: -y, 1.0), 1.0, 50)
     assert stroboscopic(decay, 0.1).ydot is None
-    with pytest.raises(ValueError, match="solution must hold a first derivative"):
-        maxima(decay, derivative=1)
-
-
-@pytest.mark.parametrize(
-    ("call", "match"),
-    [
-        (lambda s: stroboscopic(s, 0.0), "period must"),
-        (lambda s: stroboscopic(s, 1.0, count=0), "count must"),
-        (lambda s: maxima(s, component=1), "component must be one of 0 .. 0"),
-        (lambda s: maxima(s, component="x"), "component must be one of 0 .. 0"),
-        (lambda s: maxima(s, derivative=2), "derivative must be 0 or 1"),
-        (lambda s: stroboscopic(s, 1e-12), "period must give at most"),
-        (lambda s: maxima(s, count=10**12), "count must be at most"),
-        (lambda s: values_at(s, [9.0]), r"times must be a sequence of times in \[0, 8\]"),
-        (lambda s: values_at(s, [np.nan]), "times must be real, finite"),
-        (lambda s: values_at(s, 1.0), "times must be a sequence"),
-    ],
-)
-def test_bad_arguments_are_told(call, match, parabola):
-    with pytest.raises(ValueError, match=match):
-        call(parabola)

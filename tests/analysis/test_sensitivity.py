@@ -156,14 +156,11 @@ def test_a_given_jacobian_is_taken():
     assert found.by_y0[-1, 0, 0] == pytest.approx((above - below) / 2e-13, rel=1e-4)
 
 
-def test_orders_whose_runs_end_early_and_orders_around_1():
+def test_orders_whose_runs_end_early():
     growing = hd.Equation(hd.Caputo(0.9), lambda t, y, p: p[0] * y * y, 1.0, params=[1.0])
     found = hd.sensitivities(growing, 2.0, t_eval=[0.0, 0.5, 0.8105], wrt="orders", rtol=1e-8)
     assert np.isfinite(found.by_orders[:2]).all()
     assert np.isnan(found.by_orders[2]).all()
-    around = hd.Equation(hd.Caputo([1 - 1e-5, 1 + 1e-5]), decay, [[1.0, 1.0], [0.0, 0.0]], [1.0])
-    with pytest.raises(ValueError, match="orders of a term must lie on one side of 1"):
-        hd.sensitivities(around, 1.0, wrt="orders", rtol=1e-8)
 
 
 def test_any_history():
@@ -181,35 +178,10 @@ def test_a_run_that_ends_early_keeps_its_rows():
     assert found.by_params.shape == found.by_orders.shape == (2, 1, 1)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ({"wrt": "rate"}, "wrt must hold some of params, y0, orders"),
-        ({"wrt": ()}, "wrt must hold some of params, y0, orders"),
-        ({"n_steps": 10, "t_eval": [0.33]}, "t_eval must be times of steps"),
-        ({"n_steps": 10, "rtol": 1e-3, "scheme": hd.BDF(2)}, "rtol must come with Collocation"),
-        ({"n_steps": 10, "scheme": hd.Collocation()}, "n_steps must be left out"),
-        ({"n_steps": 10, "scheme": hd.L2Sigma()}, "scheme must take components of their own"),
-    ],
-)
-def test_refusals(arguments, message):
-    with pytest.raises((TypeError, ValueError), match=message):
-        hd.sensitivities(relaxation(), 1.0, **({"rtol": None} | arguments))
-
-
-def test_equations_that_are_refused():
-    rotor = hd.Equation(hd.Caputo(0.8), lambda t, z: 1j * z, 1 + 0j)
-    third = hd.Equation(hd.Caputo(2.5), decay, [1.0, 0.0, 0.0], params=[1.0])
-    for equation in (rotor, third):
-        with pytest.raises(ValueError, match="equation must be real and compiled"):
-            hd.sensitivities(equation, 1.0, rtol=1e-6, wrt="y0")
+def test_equations_without_params_and_with_orders_that_vary():
     bare = hd.Equation(hd.Caputo(0.8), lambda t, y: -y, 1.0)
-    with pytest.raises(ValueError, match="wrt must leave out params"):
-        hd.sensitivities(bare, 1.0, rtol=1e-6, wrt="params")
     assert hd.sensitivities(bare, 1.0, rtol=1e-6).by_params is None
     varying = hd.Equation(hd.Caputo(lambda t: 0.7 + 0.1 * t), decay, 1.0, params=[1.0])
-    with pytest.raises(ValueError, match="wrt must leave out orders"):
-        hd.sensitivities(varying, 1.0, rtol=1e-6, wrt="orders")
     found = hd.sensitivities(varying, 1.0, rtol=1e-8)
     below, above = (
         hd.solve(varying.replace(params=[k]), 1.0, rtol=1e-10).y[-1] for k in (0.999, 1.001)

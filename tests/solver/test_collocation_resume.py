@@ -12,10 +12,6 @@ from random_problems import error
 import hereditary as hd
 
 
-def squared(t, y):
-    return y**2
-
-
 @settings(max_examples=15)
 @given(st.floats(0.1, 0.95), st.sampled_from([1e-5, 1e-9]))
 def test_stopping_and_going_on_keeps_the_tolerance(share, rtol):
@@ -51,32 +47,6 @@ def test_beyond_ten_times_its_length_a_run_is_not_resumed():
         sol = hd.solve(equation, t_end, rtol=1e-8, scheme=far, resume=state)
         assert error(sol, half_order_relaxation, 1e-8) <= 1
         state = sol.state
-
-
-@pytest.mark.parametrize(
-    ("change", "error_kind", "match"),
-    [
-        ({"rtol": 1e-6}, ValueError, "resume must come from a run with the same"),
-        ({"atol": 1e-3}, ValueError, "same tolerances"),
-        ({"scheme": hd.Collocation(nodes=5)}, ValueError, "same number of nodes"),
-        ({"equation": hd.scenes.relaxation(0.6)}, ValueError, "same orders"),
-        ({"equation": hd.Equation(2 * hd.Caputo(0.5), squared, 1.0)}, ValueError, "same coeff"),
-        ({"t_end": 1.0}, ValueError, "t_end must exceed the state's time 1"),
-        ({"scheme": hd.BDF(2), "rtol": None, "n_steps": 10}, TypeError, "resume must be a State"),
-    ],
-)
-def test_resuming_with_something_else(change, error_kind, match):
-    equation = hd.scenes.relaxation(0.5)
-    state = hd.solve(equation, 1.0, rtol=1e-8).state
-    call = {"equation": equation, "t_end": 2.0, "rtol": 1e-8, "resume": state} | change
-    with pytest.raises(error_kind, match=match):
-        hd.solve(**call)
-
-
-def test_a_state_of_given_steps_is_no_state_of_this_scheme():
-    state = hd.solve(hd.scenes.relaxation(0.5), 1.0, 10).state
-    with pytest.raises(TypeError, match="resume must be an AdaptiveState"):
-        hd.solve(hd.scenes.relaxation(0.5), 2.0, rtol=1e-8, resume=state)
 
 
 def test_a_long_run_that_keeps_rows_alone():

@@ -43,15 +43,3 @@ def test_slopes_go_with_them():
     above = hd.Equation(hd.Caputo(1.5), ring, np.array([np.arange(4.0), np.ones(4)]))
     whole, some = (hd.solve(above, 1.0, 20, components=c) for c in (None, [2]))
     assert np.array_equal(some.ydot, whole.ydot[:, [2]])
-
-
-@pytest.mark.parametrize("bad", [[], [5], [-1], [0.5], "a", [[0]]])
-def test_refusals(bad):
-    with pytest.raises(ValueError, match="components must be numbers of components, 0 to 4"):
-        hd.solve(equation(), 1.0, 10, components=bad)
-
-
-def test_refused_where_components_are_others_inside():
-    third = hd.Equation(hd.Caputo(2.5), lambda t, y: -y, [1.0, 0.0, 0.0])
-    with pytest.raises(ValueError, match="components must be left out"):
-        hd.solve(third, 1.0, 10, components=[0])

@@ -140,8 +140,6 @@ def test_dense_output_is_what_rows_are(scheme):
     slopes = (relaxation(0.6)(times + 1e-6) - relaxation(0.6)(times - 1e-6)) / 2e-6
     late = times > 0.5
     assert np.abs(sol(times, 1) - slopes)[late].max() < 0.02
-    with pytest.raises(ValueError, match="lie in"):
-        sol(2.1)
 
 
 def test_dense_output_goes_on_after_a_state():
@@ -152,13 +150,6 @@ def test_dense_output_goes_on_after_a_state():
     np.testing.assert_allclose(later(times), whole(times), rtol=1e-12)
     # at its start itself the slope is that of the step to come
     np.testing.assert_allclose(later(times[1:], 1), whole(times[1:], 1), rtol=1e-9)
-
-
-def test_runs_that_keep_some_rows_have_no_dense_output():
-    for kept in ({"save_every": 2}, {"t_eval": [0.5]}):
-        sol = hd.solve(hd.scenes.relaxation(), 1.0, 10, **kept)
-        with pytest.raises(ValueError, match="this run kept no dense output"):
-            sol(0.5)
 
 
 def switched(on_from):
@@ -202,13 +193,6 @@ def test_breaks_on_a_mesh_and_in_a_resumed_run():
     later = hd.solve(switched("at"), 4.0, resume=first.state, breaks=[2.0])
     whole = hd.solve(switched("at"), 4.0, 400, breaks=[2.0])
     assert np.array_equal(later.y, whole.y[200:])
-
-
-def test_breaks_must_be_times_of_steps():
-    with pytest.raises(ValueError, match=r"breaks must be times of steps.*got \[0.123\]"):
-        hd.solve(hd.scenes.relaxation(), 1.0, 10, breaks=[0.123])
-    with pytest.raises(ValueError, match="breaks must be increasing times above 0"):
-        hd.solve(hd.scenes.relaxation(), 1.0, 10, breaks=[0.5, 0.2])
 
 
 def squared(t, y):

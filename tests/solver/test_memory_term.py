@@ -114,28 +114,6 @@ def test_any_shape():
     assert (term.n, term.t, term.theta) == (1, 0.1, 1.0)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "given", "message"),
-    [
-        (("0.5", 0.1, hd.L1(), 1.0), {}, "kernel_or_order must be an order"),
-        ((0.5, 0.0, hd.L1(), 1.0), {}, "h must be a finite number above 0"),
-        ((2.5, 0.1, hd.L1(), 1.0), {}, "order must be at most 2"),
-        ((0.5, 0.1, hd.ExplicitCaputo(), 1.0), {}, "scheme must solve one equation a step"),
-        ((0.5, 0.1, hd.BDF(3), 1.0), {}, "scheme must solve one equation a step"),
-        ((0.5, 0.1, hd.ProductTrapezoid(), 1.0), {}, "scheme must solve one equation a step"),
-        ((0.5, 0.1, hd.L2(), 1.0), {}, "scheme must solve one equation a step"),
-        ((1.5, 0.1, hd.L2Sigma(), 1.0), {}, "scheme must solve one equation a step"),
-        ((0.5, 0.1, hd.Collocation(), 1.0), {}, "scheme must solve one equation a step"),
-        ((0.5, 0.1, hd.L1(), 1.0), {"v0": 1.0}, "v0 must be left out"),
-        ((0.5, 0.1, hd.L1(), [1.0, 2.0]), {"term0": [1.0, 2.0, 3.0]}, "term0 must have the shape"),
-        ((hd.Kernel(np.exp), 0.1, hd.L1(), 1.0), {}, "n_steps must be given"),
-    ],
-)
-def test_refusals(arguments, given, message):
-    with pytest.raises((TypeError, ValueError), match=message):
-        hd.memory_term(*arguments, **given)
-
-
 def test_bad_values_are_refused_and_change_nothing():
     term = hd.memory_term(0.5, 0.1, hd.L1(), [1.0, 2.0])
     for bad in ([1.0, np.nan], [1.0, 2.0, 3.0]):

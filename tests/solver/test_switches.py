@@ -185,18 +185,6 @@ def test_two_switches_at_once():
     assert np.abs(sol.t_events[1] - np.arange(1, 10, 2)).max() < 1e-11
 
 
-def test_bad_switches_are_refused():
-    eq = hd.Equation(C(0.8), relay, 1.0)
-    for bad in (3.0, lambda t: t):
-        with pytest.raises(TypeError, match="switches"):
-            hd.solve(eq, 1.0, rtol=1e-6, switches=bad)
-    with pytest.raises(TypeError, match="real components"):
-        hd.solve(hd.Equation(C(0.8), lambda t, y: -y, 1j), 1.0, rtol=1e-6, switches=first)
-    varying = hd.Equation(C(lambda t: 0.8 - 0.1 * t), relay, 1.0)
-    with pytest.raises(ValueError, match="highest order varies"):
-        hd.solve(varying, 1.0, rtol=1e-6, switches=first)
-
-
 def pulled(t, x, p):
     return -p * np.sign(x)
 
@@ -266,15 +254,6 @@ def test_a_switch_of_time_alone(alpha, rtol):
     starts = np.pi * np.arange(4)
     exact = np.array([1.0, -2.0, 2.0, -2.0]) @ (10.0 - starts) ** alpha / gamma(1 + alpha)
     assert abs(sol.y[-1, 0] - exact) < 10 * rtol
-
-
-def test_a_switch_that_is_called_in_python_is_refused_without_more():
-    class Object:
-        def __call__(self, t, y):
-            return y[0]
-
-    with pytest.raises(TypeError, match="that numba compiles"):
-        hd.solve(hd.Equation(C(0.8), stepping, 1.0), 1.0, rtol=1e-6, switches=Object())
 
 
 @pytest.mark.parametrize("rtol", [1e-4, 1e-5, 1e-7])
