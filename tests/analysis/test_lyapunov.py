@@ -493,33 +493,8 @@ def test_restart_gives_what_is_published_for_it(alpha, rate, value):
 @pytest.mark.parametrize(
     ("arguments", "error", "message"),
     [
-        ({"k": 3}, ValueError, "k must be at most the number of initial data, 2, got 3"),
-        ({"k": 0}, ValueError, "k must be a positive integer, got 0"),
-        ({"mode": "benettin"}, ValueError, "mode must be one of .*, got 'benettin'"),
         ({"mode": "restart"}, TypeError, "renorm must be given"),
-        ({"renorm": -1.0}, ValueError, "renorm must be a finite number above 0"),
-        ({"transient": 20.0}, ValueError, r"transient must lie in \[0, t_end\)"),
-        ({"window": 0.0}, ValueError, r"window must lie in \(0, 1\]"),
-        ({"directions": [[1.0]]}, ValueError, r"directions must have shape \(2, 1\)"),
-        (
-            {"k": 2, "directions": [[1.0, 2.0], [1.0, 2.0]]},
-            ValueError,
-            "directions must be linearly independent",
-        ),
-        ({"directions": [[0.0], [0.0]]}, ValueError, "directions must be linearly independent"),
-        ({"seed": -1}, TypeError, "seed must be a whole number"),
-        ({"separation": 0.0}, ValueError, "separation must be a finite number above 0"),
-        ({"separation": 1e3}, ValueError, "separation must be at most 1, that orbits be neighb"),
-        ({"verify": "twice"}, TypeError, "verify must be True, False or None, got 'twice'"),
-        ({"n_blocks": 10**9}, ValueError, "n_blocks must be at most"),
-        ({"scheme": "L1"}, TypeError, "scheme must be a Scheme"),
         ({"resume": 1}, TypeError, "resume must be a LyapunovState"),
-        ({"rtol": 1e-8}, ValueError, "rtol must be left out or come with scheme=Collocation"),
-        (
-            {"scheme": hd.Collocation(), "mode": "pair"},
-            ValueError,
-            'mode must be "tangent" with Collocation',
-        ),
     ],
 )
 def test_bad_arguments_are_refused(arguments, error, message):
@@ -538,11 +513,7 @@ def test_a_state_belongs_to_its_settings():
         alone(equation, 2.0, resume=state, renorm=0.1, scheme=hd.L1())
 
 
-def test_a_jacobian_of_the_wrong_sign_reaches_no_run():
-    """It would tell growth where there is decay."""
-    for jac in (lambda t, y: np.array([[1.0]]), lambda t, y: np.array([[-2.0]])):
-        with pytest.raises(ValueError, match="jac must"):
-            hd.lyapunov(hd.Equation(hd.Caputo(0.9), spring, 1.0, jac=jac), 20.0, 2000)
+def test_a_given_jacobian_shows_the_decay():
     exact = hd.Equation(hd.Caputo(0.9), spring, 1.0, jac=lambda t, y: np.array([[-1.0]]))
     assert alone(exact, 20.0, 2000).exponents[0] < 0
 

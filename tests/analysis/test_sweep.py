@@ -355,49 +355,6 @@ def test_progress_counts_what_is_left(monkeypatch, tmp_path):
     assert bars[2] == ["closed"]
 
 
-def product(a, b):
-    return a * b
-
-
-@pytest.mark.parametrize(
-    ("change", "error", "match"),
-    [
-        ({"function": 3}, TypeError, "function must be callable, got 3"),
-        ({"grid": {}}, TypeError, "grid must be a mapping of axis names to values, got {}"),
-        ({"grid": [1.0]}, TypeError, "grid must be a mapping"),
-        ({"grid": {"a": [1.0]}}, TypeError, "grid must have an axis for each argument .*'b'"),
-        ({"grid": {"a": [1], "b": [1], "c": [1]}}, TypeError, "got axes a, b, c; .* 'c'"),
-        ({"b": []}, ValueError, r"grid\['b'\] must be a flat sequence of at least one value"),
-        ({"b": 1.0}, ValueError, r"grid\['b'\] must be a flat sequence .* got 1.0"),
-        ({"b": "one"}, ValueError, r"grid\['b'\] must be a flat sequence"),
-        ({"b": [[1.0]]}, ValueError, r"grid\['b'\] must be a flat sequence"),
-        ({"b": [[1.0], [1.0, 2.0]]}, ValueError, r"grid\['b'\] must be a flat sequence"),
-        ({"b": [1.0, math.nan]}, ValueError, r"grid\['b'\] must hold finite numbers"),
-        ({"b": [1.0, 2.0, 1.0]}, ValueError, r"grid\['b'\] must hold distinct values"),
-        ({"b": [1.0, "x"]}, TypeError, r"grid\['b'\] must hold numbers or strings alone"),
-        ({"b": [1j]}, TypeError, r"grid\['b'\] must hold numbers or strings"),
-        ({"b": [None]}, TypeError, r"grid\['b'\] must hold numbers or strings"),
-        ({"status": [1.0]}, ValueError, "axes of grid must be named .* got 'status'"),
-        ({1: [1.0]}, ValueError, "axes of grid must be named by strings"),
-        (
-            {"executor": 4},
-            TypeError,
-            "executor must be an Executor, got 4; pass concurrent",
-        ),
-        ({"store": 4}, TypeError, "store must be the path of a file, got 4"),
-    ],
-)
-def test_bad_input(change, error, match):
-    arguments = {"function": product, "grid": {"a": [1.0], "b": [1.0]}}
-    for name, value in change.items():
-        if name in ("function", "grid", "executor", "store"):
-            arguments[name] = value
-        else:
-            arguments["grid"] = arguments["grid"] | {name: value}
-    with pytest.raises(error, match=match):
-        hd.sweep(**arguments)
-
-
 def springy(t, x, p):
     return p[0] * np.cos(p[1] * t) - x - x**3
 
@@ -461,9 +418,5 @@ def test_each_row_carries_its_own_state(tmp_path, processes):
 
 
 def test_what_carrying_needs_is_told():
-    with pytest.raises(TypeError, match='takes "state" too'):
-        hd.sweep(lambda a: {"b": a, "state": 1}, {"a": [1.0]}, carry=True)
-    with pytest.raises(ValueError, match='no axis "state"'):
-        hd.sweep(walk, {"state": [1.0]}, carry=True)
     table = hd.sweep(lambda a, state: a, {"a": [1.0]}, carry=True)
     assert 'mapping with "state"' in table.status[0]

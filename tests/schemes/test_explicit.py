@@ -159,13 +159,3 @@ def test_first_exits_of_the_classical_load(adhesion, first_exit):
 
 def test_declared_order():
     assert SCHEME.order(0.3) == SCHEME.order(1.9, smoothness="singular") == 1.0
-    with pytest.raises(ValueError, match=r"alpha must lie in \(0, 2\], got 2.5"):
-        SCHEME.order(2.5)
-    with pytest.raises(ValueError, match="smoothness must"):
-        SCHEME.order(0.5, "rough")
-
-
-def test_a_vanishing_leading_weight_is_refused():
-    equation = hd.Equation([hd.Caputo(1.0), -1.0 * hd.Caputo(1.0)], lambda t, y: -y, y0=1.0)
-    with pytest.raises(ValueError, match="leading weight"):
-        hd.solve(equation, 1.0, 10)

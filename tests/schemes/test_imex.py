@@ -141,25 +141,6 @@ def test_beyond_its_limit_a_run_says_so():
     assert not run.success
 
 
-def test_refusals():
-    plain = hd.Equation(hd.Caputo(0.5), lambda t, y: -y, 1.0)
-    with pytest.raises(ValueError, match="linear must be given with IMEX"):
-        hd.solve(plain, 1.0, 10, scheme=hd.IMEX(hd.L1()))
-    for scheme in (hd.BDF(3), hd.L12(), hd.L1):
-        with pytest.raises(ValueError, match="scheme must be hereditary"):
-            hd.IMEX(scheme)
-    linear = hd.Equation(hd.Caputo(0.5), lambda t, y: -y, [1.0], linear=[[-1.0]])
-    with pytest.raises(ValueError, match="mesh must be left out with IMEX"):
-        hd.solve(linear, 1.0, mesh=hd.graded(5, 2.0), scheme=hd.IMEX(hd.BDF(2)))
-    with pytest.raises(ValueError, match="scheme must give tangents"):
-        hd.lyapunov(linear, 1.0, 10, scheme=hd.IMEX(hd.L1()))
-    with pytest.raises(ValueError, match="switches must be left out with IMEX"):
-        hd.solve(linear, 1.0, 10, scheme=hd.IMEX(hd.L1()), switches=lambda t, y: y[0] - 0.5)
-    half = hd.solve(linear, 1.0, 10, scheme=hd.IMEX(hd.L1())).state
-    with pytest.raises(ValueError, match="same scheme"):
-        hd.solve(linear, 2.0, resume=half, scheme=hd.L1())
-
-
 def two(t, y, p):
     return np.array([p[0] * y[1], -y[0]])
 

@@ -12,10 +12,6 @@ from hereditary.special import alternating_sum
 
 PRONY = hd.Prony((1.0, 10.0), (0.3, 0.7))
 HISTORIES = [hd.SumOfExponentials(), hd.Direct(), hd.FFT()]
-OTHERS = [
-    *(hd.GrunwaldLetnikov(), hd.L12(), hd.L2(), hd.L2Sigma()),
-    *(hd.BDF(2), hd.Adams(), hd.ProductTrapezoid()),
-]
 
 
 def decay(t, y):
@@ -210,38 +206,6 @@ def test_stop_and_resume(scheme):
     )
     through = hd.solve(equation, 10.0, scheme=scheme, **whole)
     np.testing.assert_allclose(again.y[-1], through.y[-1], rtol=0, atol=1e-8 if adaptive else 0)
-
-
-@pytest.mark.parametrize("scheme", OTHERS, ids=str)
-def test_other_schemes_say_no(scheme):
-    with pytest.raises(ValueError, match="terms must be Caputo operators with"):
-        hd.solve(made("y'"), 1.0, 10, scheme=scheme)
-
-
-def test_l1_takes_no_kernels_on_a_mesh():
-    with pytest.raises(ValueError, match="terms must be Caputo operators of constant order for L1"):
-        hd.solve(made("y'"), 1.0, mesh=hd.graded(10, 2), scheme=hd.L1())
-
-
-@pytest.mark.parametrize(
-    ("arguments", "error", "match"),
-    [
-        ((lambda t: t, 1), TypeError, "kernel must be a MemoryKernel"),
-        ((PRONY, 3), ValueError, "derivative must be 0, 1 or 2, got 3"),
-        ((PRONY, True), ValueError, "derivative must be 0, 1 or 2"),
-        ((hd.PowerLaw(1.0), 1), ValueError, "kernel must be integrable at 0"),
-        ((hd.PowerLaw(1.5), 2), ValueError, "kernel must be integrable at 0"),
-        ((PRONY, 0.5), ValueError, "derivative must be 0, 1 or 2"),
-    ],
-)
-def test_bad_operators(arguments, error, match):
-    with pytest.raises(error, match=match):
-        hd.Memory(*arguments)
-
-
-def test_an_equation_needs_a_derivative():
-    with pytest.raises(ValueError, match="terms must hold a derivative"):
-        hd.Equation(hd.Memory(PRONY, 0), decay, 1.0)
 
 
 @settings(max_examples=30)

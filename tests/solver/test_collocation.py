@@ -182,3 +182,9 @@ def test_the_tolerance_of_the_modes_can_be_tightened():
     )
     assert tight.stats["n_modes"] > own.stats["n_modes"]
     assert np.array_equal(loose.y, own.y)
+
+
+@pytest.mark.parametrize("nodes", [2, 3, 5, 12])
+def test_any_number_of_nodes_keeps_the_tolerance(nodes):
+    sol = hd.solve(hd.scenes.relaxation(0.5), 5.0, rtol=1e-6, scheme=hd.Collocation(nodes=nodes))
+    assert error(sol, half_order_relaxation, 1e-6) <= 10

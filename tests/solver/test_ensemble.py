@@ -299,29 +299,3 @@ def test_times_of_steps():
     some = hd.ensemble(equation, 1.0, 40, params=[0.5, 2.0], t_eval=[0.1, 0.5])
     assert np.array_equal(some.y, whole.y[:, [4, 20]])
     assert np.array_equal(some.stats["n_steps"], [40, 40])
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ({}, "params must be given, params or y0 or both"),
-        ({"params": [[1.0, 2.0]]}, r"params must have shape \(E, 1\)"),
-        ({"params": []}, "params must have a row for each member"),
-        ({"params": [1.0, np.nan]}, "params must be real, finite numbers"),
-        ({"params": [1.0], "y0": [1.0, 2.0]}, "params must have as many rows as y0"),
-        ({"y0": [[1.0, 2.0]]}, "y0 must hold 1 components"),
-        ({"params": [1.0], "t_eval": [0.333]}, "t_eval must be times of steps"),
-        ({"params": [1.0], "t_eval": [0.5], "save_every": 2}, "save_every must be left out"),
-        ({"params": [1.0], "n_steps": None, "rtol": 1e-3, "save_every": 2}, "save_every must be"),
-        ({"params": [1.0], "n_steps": None, "rtol": 5.0}, "rtol must lie in"),
-        ({"params": [1.0], "threads": 0}, "threads must be a positive integer"),
-        ({"params": [1.0], "atol": 1e-6}, "atol must come with rtol"),
-    ],
-)
-def test_refusals(arguments, message):
-    equation = hd.Equation(hd.Caputo(0.8), decay, 1.0, [1.0])
-    with pytest.raises((TypeError, ValueError), match=message):
-        hd.ensemble(equation, 1.0, **({"n_steps": 40} | arguments))
-    above = hd.Equation(hd.Caputo([1.8, 0.8]), decay, [[1.0, 1.0], [0.5, 0.0]], [1.0])
-    with pytest.raises(ValueError, match=r"y0\[1\] must hold no y'\(0\)"):
-        hd.ensemble(above, 1.0, 40, y0=[[[1.0, 1.0], [0.5, 0.0]], [[1.0, 1.0], [0.5, 0.1]]])
