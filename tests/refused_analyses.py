@@ -219,24 +219,18 @@ KERNELS = [
     (lambda: remember(Kernel(np.exp)), BAD, "n_steps must be given"),
 ]  # fmt: skip
 
+# components and parameters
 COUPLED = {
-    hd.scenes.brusselator: 2,
-    hd.scenes.lorenz: 3,
-    hd.scenes.rabinovich_fabrikant: 3,
-    hd.scenes.rossler: 3,
-    hd.scenes.van_der_pol: 2,
+    hd.scenes.brusselator: (2, "a b"),
+    hd.scenes.lorenz: (3, "sigma rho b"),
+    hd.scenes.rabinovich_fabrikant: (3, "a b"),
+    hd.scenes.rossler: (3, "a b c"),
+    hd.scenes.van_der_pol: (2, "mu force frequency"),
 }
-NAMES = {
-    hd.scenes.brusselator: "a b",
-    hd.scenes.duffing: "friction stiffness cubic force frequency x0 v0",
-    hd.scenes.lorenz: "sigma rho b",
-    hd.scenes.rabinovich_fabrikant: "a b",
-    hd.scenes.rossler: "a b c",
-    hd.scenes.van_der_pol: "mu force frequency",
-}
+DUFFING = hd.scenes.duffing, "friction stiffness cubic force frequency x0 v0"
 
 SCENES = [
-    *(row for scene, d in COUPLED.items() for row in [
+    *(row for scene, (d, _) in COUPLED.items() for row in [
         *each(lambda a, scene=scene: scene(alpha=a), [0.0, -0.5, 1.5, 2, [1.0, 1.0, 1.2][-d:]],
               ValueError, r"alpha must lie in \(0, 1\], got .*; orders above 1 need"),
         *each(lambda a, scene=scene: scene(alpha=a),
@@ -253,7 +247,8 @@ SCENES = [
               BAD, "y0 must be real, finite numbers, got"),
     ]),
     *((partial(scene, **{name: value}), error, f"^{name} must be a finite real number, got")
-      for scene, names in NAMES.items() for name in names.split()
+      for scene, names in [*((scene, names) for scene, (_, names) in COUPLED.items()), DUFFING]
+      for name in names.split()
       for value, error in ((math.nan, ValueError), ("one", TypeError), ([1.0], TypeError))),
     *each(lambda well: hd.scenes.stick_slip(well=well), [[], [[1.0]], ["a"], [math.nan]],
           BAD, "well must"),
@@ -350,8 +345,7 @@ SOLUTIONS = [
           ValueError, "component must be one of 0 .. 0"),
     (lambda: hd.maxima(parabola(), derivative=2), ValueError, "derivative must be 0 or 1"),
     (lambda: hd.maxima(parabola(), count=10**12), ValueError, "count must be at most"),
-    (lambda: hd.maxima(plain(), derivative=1),
-     ValueError, "solution must hold a first derivative"),
+    (lambda: hd.maxima(plain(), derivative=1), ValueError, "solution must hold a first derivative"),
     (lambda: hd.maxima(run(equation=equation(0.9, 1 + 0j, lambda t, z: 1j * z))),
      ValueError, "solution must be real, got a complex one"),
     (lambda: values_at(parabola(), [9.0]),
@@ -405,8 +399,7 @@ EXPONENTS = [
     (lambda: slid(verify="twice"), TypeError, "verify must be True, False or None, got 'twice'"),
     (lambda: slid(n_blocks=10**9), ValueError, "n_blocks must be at most"),
     (lambda: slid(scheme="L1"), TypeError, "scheme must be a Scheme"),
-    (lambda: slid(rtol=1e-8),
-     ValueError, "rtol must be left out or come with scheme=Collocation"),
+    (lambda: slid(rtol=1e-8), ValueError, "rtol must be left out or come with scheme=Collocation"),
     (lambda: slid(scheme=hd.Collocation(), mode="pair"),
      ValueError, 'mode must be "tangent" with Collocation'),
     (lambda: hd.lyapunov(linear(), 1e-320, rtol=1e-6, scheme=hd.Collocation()),
@@ -418,8 +411,7 @@ RESPONSES = [
     *each(respond, [[], [1.0, 1.0], [-1.0, 1.0]], ValueError, "omegas must be frequencies above 0"),
     (lambda: respond(frequency=3), BAD, "frequency must be the number of a parameter, 0 .. 2"),
     (lambda: respond(harmonics=0), ValueError, "harmonics must be a positive integer"),
-    (lambda: respond([1.3], frequency=1),
-     ValueError, rf"{PERIODIC} in t, omega being params\[1\]"),
+    (lambda: respond([1.3], frequency=1), ValueError, rf"{PERIODIC} in t, omega being params\[1\]"),
     # at 0.5 and 1 a force of frequency 1 has the period of the first; between them it has not
     (lambda: respond(np.linspace(0.5, 1.0, 6), rhs=two_forces, params=[1.0]), ValueError, PERIODIC),
     (lambda: respond([1.0, 0.0, -1.0], hd.Caputo(1.8), rooted, [1.0, 1.0], along=1),
@@ -482,8 +474,7 @@ FITS = [
      ValueError, "equation must be real and compiled"),
     (lambda: differ(equation=equation(2.5, [1.0, 0.0, 0.0], faded, params=[1.0]), wrt="y0"),
      ValueError, "equation must be real and compiled"),
-    (lambda: differ(equation=equation(0.8), wrt="params"),
-     ValueError, "wrt must leave out params"),
+    (lambda: differ(equation=equation(0.8), wrt="params"), ValueError, "wrt must leave out params"),
     (lambda: differ(
         equation=equation(lambda t: 0.7 + 0.1 * t, rhs=faded, params=[1.0]), wrt="orders"),
      ValueError, "wrt must leave out orders"),

@@ -16,22 +16,6 @@ def two(rhs, **given):
     return hd.Equation(C(0.8), rhs, [1.0, 2.0], **({"params": (2.0, 0.5)} | given))
 
 
-def no_arguments():
-    return 0.0
-
-
-def five(t, y, dy, params, more):
-    return 0.0
-
-
-def any_number(t, *y):
-    return 0.0
-
-
-def returns_instead(t, y, dy, params):
-    return -y
-
-
 def divides(t, y):
     ratio = y[0] / t
     return -y * ratio
@@ -39,10 +23,6 @@ def divides(t, y):
 
 def reads_too_far(t, y, params):
     return -params[7] * y
-
-
-def gives_nan(t, y):
-    return np.array([0.0, y[1] * math.nan])
 
 
 def changes_y(t, y):
@@ -76,14 +56,6 @@ def noisy(t, y):
 
 def turns(t, z):
     return 1j * z
-
-
-def logarithmic(t, y, p):
-    return np.log(p[0]) * y
-
-
-def alone(t, y, params):
-    return -y
 
 
 def unlike(t, y, p):
@@ -273,8 +245,8 @@ INITIAL_VALUES = [
 ]  # fmt: skip
 
 FUNCTIONS = [
-    *each(two, [no_arguments, five, any_number, lambda t: t, math.hypot, partial(decay, 0.0)],
-          TypeError, ARITY),
+    *each(two, [lambda: 0.0, lambda t: t, lambda t, y, dy, params, more: 0.0, lambda t, *y: 0.0,
+                math.hypot, partial(decay, 0.0)], TypeError, ARITY),
     *each(two, [None, 5, "f"], TypeError, "rhs must be a function"),
     (lambda: two(lambda t, y: np.zeros(3)),
      ValueError, r"rhs must return shape \(2,\), got shape \(3,\)"),
@@ -283,12 +255,13 @@ FUNCTIONS = [
      ValueError, r"shape \(1,\) or a number, got shape \(2,\)"),
     (lambda: two(lambda t, y: None), TypeError, NO_REAL),
     (lambda: two(lambda t, y: y * 1j), TypeError, NO_REAL),
-    (lambda: two(returns_instead), TypeError, "rhs must fill dy and return None"),
+    (lambda: two(lambda t, y, dy, params: -y), TypeError, "rhs must fill dy and return None"),
     (lambda: equation(rhs=lambda t, y: divides(t, [float(y[0])]) * 1.0),
      ValueError, r'ZeroDivisionError.*line \d+ .*"ratio = y\[0\] / t"'),
     (lambda: two(reads_too_far),
      ValueError, r'IndexError.*"return -params\[7\] \* y".*params = \[2. , 0.5\]'),
-    (lambda: two(gives_nan), ValueError, r"rhs must be finite at t = 0, got \[ 0., nan\]"),
+    (lambda: two(lambda t, y: np.array([0.0, y[1] * math.nan])),
+     ValueError, r"rhs must be finite at t = 0, got \[ 0., nan\]"),
     (lambda: equation(0.7, rhs=lambda t, y: y / (t - 2.0), t_start=2.0),
      ValueError, "rhs must be finite at t = 2"),
     (lambda: two(changes_y), ValueError, "rhs must leave y as it is"),
@@ -325,17 +298,15 @@ FUNCTIONS = [
 ]  # fmt: skip
 
 READ = [
-    (lambda: equation(0.9, rhs=alone, memory=C(0.5)),
+    (lambda: equation(0.9, rhs=lambda t, y, params: -y, memory=C(0.5)),
      TypeError, "take memory third.*memory= pass it there"),
     (lambda: equation(0.9, memory=C(0.5)), TypeError, r"rhs\(t, y, memory\)"),
     *each(lambda order: equation(0.9, rhs=read, memory=C(order)), [0.9, 1.2],
           ValueError, "memory must have orders below"),
     *each(lambda memory: equation(0.9, rhs=read, memory=memory), [airy, 0.5, [0.5], None],
           TypeError, "memory must be Caputo or Memory operators"),
-    (lambda: equation(0.9, rhs=read, memory=0.0 * C(0.5)),
-     ValueError, "coefficients other than 0"),
-    (lambda: equation(0.9, rhs=changes_memory, memory=C(0.5)),
-     ValueError, "leave memory as it is"),
+    (lambda: equation(0.9, rhs=read, memory=0.0 * C(0.5)), ValueError, "coefficients other than 0"),
+    (lambda: equation(0.9, rhs=changes_memory, memory=C(0.5)), ValueError, "leave memory as it is"),
     (lambda: equation(1.5, [1.0, 0.0], read, memory=RL(0.3)),
      ValueError, "memory must hold Caputo or Memory terms"),
     (lambda: equation(2.5, [1.0, 0, 0], read, memory=C(0.5)),
@@ -384,9 +355,9 @@ REPLACED = [
     (lambda: linear().replace(parameters=[3.0]),
      TypeError, "changes must be among terms, rhs, y0, params, jac"),
     (lambda: reading().jacobian(0.0, [1.0]), ValueError, "read no memory"),
-    *((lambda p=p: equation(0.8, rhs=logarithmic, params=[1.0, 2.0]).replace(params=p),
-       ValueError, words)
-      for p, words in [([0.0, 1.0], "rhs must be finite at t = 0"), ([], TOO_SHORT),
+    *((lambda new=new: equation(0.8, rhs=lambda t, y, p: np.log(p[0]) * y, params=[1.0, 2.0])
+       .replace(params=new), ValueError, words)
+      for new, words in [([0.0, 1.0], "rhs must be finite at t = 0"), ([], TOO_SHORT),
                        ([np.nan, 1.0], "params must")]),
     # scenes' functions run without bounds checks: the trial call meets what is missing
     *((lambda make=make, n=n: make().replace(params=make().params[:n]), ValueError,

@@ -4,18 +4,7 @@ import math
 from functools import cache, partial
 
 import numpy as np
-from refusals import (
-    BAD,
-    PRONY,
-    adapt,
-    adapted,
-    begun,
-    each,
-    equation,
-    linear,
-    read,
-    run,
-)
+from refusals import BAD, PRONY, adapt, adapted, begun, each, equation, linear, read, run
 
 import hereditary as hd
 
@@ -122,8 +111,7 @@ STEPS_GIVEN = [
     (lambda: run(n_steps=True), TypeError, "n_steps must"),
     (lambda: run(n_steps=None, scheme=hd.L1()), TypeError, "n_steps must be given"),
     (lambda: run(n_steps=10**40), ValueError, r"n_steps must be at most 9e\+15, .*, got 1e\+40"),
-    (lambda: run(n_steps=10**13),
-     ValueError, "save_every must keep as many rows as fit in memory"),
+    (lambda: run(n_steps=10**13), ValueError, "save_every must keep as many rows as fit in memory"),
     *each(lambda h: run(n_steps=10**14, save_every=10**13, history=h), [hd.Direct(), hd.FFT()],
           ValueError, PAST),
     (lambda: run(t_end=5e-324), ValueError, "t_end must leave steps h .* another unit of time"),
@@ -134,8 +122,7 @@ STEPS_GIVEN = [
     *each(lambda t: run(t_end=t), [-1.0, math.nan], ValueError, "t_end"),
     *each(lambda t: run(t_end=t), ["late", [1.0]], TypeError, "t_end"),
     (lambda: run(equation=5), TypeError, "equation must be an Equation"),
-    (lambda: run(scheme="explicit"),
-     TypeError, r"scheme must be a Scheme.*hd.ExplicitCaputo\(\)"),
+    (lambda: run(scheme="explicit"), TypeError, r"scheme must be a Scheme.*hd.ExplicitCaputo\(\)"),
     (lambda: run(scheme="L1"), TypeError, r"scheme must be a Scheme.*'L1'.*hd.L1\(\)"),
     (lambda: run(scheme="bdf2"), TypeError, r"hd.BDF\(\)"),
     (lambda: run(scheme="IMEX"), TypeError, r"hd.IMEX\(...\)"),
@@ -271,8 +258,7 @@ EVENTS = [
      ValueError, "beside RiemannLiouville"),
     *each(lambda term: run(equation=equation(C(1.0) + term), events=fire),
           [RL(0.4), hd.Memory(PRONY, 0)], ValueError, "acts on, on given steps"),
-    (lambda: adapt(equation=equation(varying), events=fire),
-     ValueError, "highest order varies"),
+    (lambda: adapt(equation=equation(varying), events=fire), ValueError, "highest order varies"),
     *((lambda how=how: hd.maxima(
         hd.solve(equation(0.9, 0.0, lambda t, y: 1.5 - y), 5.0, **how, events=fire), 0),
        ValueError, "hold no changes by events") for how in ({"rtol": 1e-6}, {"n_steps": 500})),
@@ -282,8 +268,7 @@ EVENTS = [
     *each(lambda bad: adapt(switches=bad), [3.0, lambda t: t], TypeError, "switches"),
     (lambda: adapt(switches=Switch()), TypeError, "that numba compiles"),
     (lambda: adapt(equation=equation(0.8, 1j), switches=first), TypeError, "real components"),
-    (lambda: adapt(equation=equation(varying), switches=first),
-     ValueError, "highest order varies"),
+    (lambda: adapt(equation=equation(varying), switches=first), ValueError, "highest order varies"),
     (lambda: imex(switches=fire), ValueError, "switches must be left out with IMEX"),
 ]  # fmt: skip
 
@@ -370,6 +355,8 @@ SCHEMES = [
           ValueError, "constant order"),
     (lambda: hd.ExplicitCaputo().step_limit(equation(waving), 1.0),
      ValueError, "equation must have constant orders"),
+    *each(lambda scheme: scheme.step_limit(hd.scenes.relaxation(alpha=1.0), -1.0),
+          [hd.ExplicitCaputo(), hd.GrunwaldLetnikov()], ValueError, "stiffness must"),
     (lambda: hd.GrunwaldLetnikov().step_limit(equation(waving), 1.0),
      ValueError, "terms must have constant orders with GrunwaldLetnikov"),
     *((lambda scheme=scheme, m=m: run(equation=equation([KERNEL_BESIDE, hd.Memory(PRONY, m)]),

@@ -102,11 +102,6 @@ def test_components_get_a_legend(relaxation):
     ]
 
 
-def test_no_velocity_without_a_derivative(relaxation):
-    with pytest.raises(ValueError, match="solution must hold a first derivative"):
-        hd.plots.velocity(relaxation)
-
-
 def table_of(axes, status=None, **values):
     shape = tuple(len(axis) for axis in axes.values())
     filled = np.full(shape, "completed") if status is None else np.array(status)
@@ -197,13 +192,6 @@ def test_keywords_of_matplotlib_and_components(relaxation, oscillation):
     assert ax.get_xlabel() == "$y_{2}$"
     assert np.array_equal(ax.lines[0].get_xdata(), relaxation.y[:, 1])
     assert hd.plots.velocity(oscillation, ls=":").lines[0].get_linestyle() == ":"
-    for plot, components in (
-        (hd.plots.oscillogram, 2),
-        (hd.plots.oscillogram, [0.5]),
-        (hd.plots.phase_portrait, 0),
-    ):
-        with pytest.raises(ValueError, match="components must"):
-            plot(relaxation, components=components)
 
 
 def test_keywords_of_figures_of_tables():
