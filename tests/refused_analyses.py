@@ -334,7 +334,9 @@ SOLUTIONS = [
           ValueError, "derivative must be 0 or 1, got"),
     (lambda: adapt()([[0.1], [0.2]]),
      ValueError, r"t must be a number or of shape .k,., got shape"),
-    (lambda: run()(1.1), ValueError, "lie in"),
+    *each(lambda scheme: run(scheme=scheme)(1.1),
+          [hd.ExplicitCaputo(), hd.GrunwaldLetnikov(), hd.L1(), hd.L12(), hd.L2(), hd.L2Sigma(),
+           hd.BDF(3), hd.Adams(), hd.ProductTrapezoid()], ValueError, "lie in"),
     *each(lambda kept: run(**kept)(0.5), [{"save_every": 2}, {"t_eval": [0.5]}],
           ValueError, "this run kept no dense output"),
     # sections

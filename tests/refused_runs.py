@@ -308,10 +308,13 @@ RESUMED = [
           [lambda t: 0.5 + 0.3 * np.sin(2 * t), lambda t: 0.5], ValueError, "same orders"),
     *((lambda how=how: resumed(*(equation(C(3) + c * C(1), [1.0, 0, 0]) for c in (2.0, 40.0)), how),
        ValueError, "same terms") for how in ({"rtol": 1e-6}, {"n_steps": 10, "scheme": hd.BDF(2)})),
-    (lambda: resumed(*(equation(C(2.0) + D(0.5), [1.0, 0.3]) for D in (RL, C)), STEPS[1],
-                     allow_change=True), ValueError, "same orders"),
-    (lambda: resumed(*(equation(1.8, [0.5, 0.1], read, memory=C(g)) for g in (0.6, 0.7)), STEPS[0]),
-     ValueError, "orders"),
+    *each(lambda gamma: resumed(
+        equation(C(2.0) + RL(gamma), [1.0, 0.3]), equation(C(2.0) + C(0.5), [1.0, 0.3]), STEPS[1],
+        allow_change=True), [0.5, waving], ValueError, "same orders"),
+    *each(lambda scheme: resumed(
+        *(equation(1.8, [0.5, 0.1], read, memory=C(gamma)) for gamma in (0.6, 0.7)),
+        {"n_steps": 10, "scheme": scheme}), [hd.ExplicitCaputo(), hd.L1(), hd.Adams()],
+        ValueError, "orders"),
     (lambda: resumed(*(equation(0.8, [1.0, 1.0], None, linear=c * np.eye(2)) for c in (-1, -2)),
                      STEPS[0]), ValueError, "right-hand side"),
     (lambda: resumed(equation(0.7, t_start=0.5), equation(0.7), STEPS[0]),
