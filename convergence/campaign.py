@@ -4,12 +4,12 @@ Orders from 0.01 to 2, a third of them within 1e-2 to 1e-12 of an integer, rates
 to 1e8; one order, several terms, systems, Jordan blocks, other orders in each component; forces,
 jumps told by `breaks` and not, windows of forcing, jumps in y that are passed or hold the solution;
 and schemes of given steps, for what they say of themselves. Exact solutions come from Laplace
-transforms inverted in extended precision (tests/laplace_truth.py), and at the worst time of every
-run that is found wrong, and at that of each tenth other, from mpmath.
+transforms inverted in extended precision (_laplace_truth.py), and at the worst time of every run
+that is found wrong, and at that of each tenth other, from mpmath.
 
 Errors of y and y' are taken at t = 0, from 1e-12 of the first step on, at nodes, between them and
-around corners, over rtol times the largest size so far of the component (tests/
-campaign_verdicts.py), for systems and relays times what perturbed initial values and forces grow
+around corners, over rtol times the largest size so far of the component
+(_campaign_verdicts.py), for systems and relays times what perturbed initial values and forces grow
 by. Each problem has one of these verdicts:
 
 * ok; wrong success, of y; wrong slope, of y' alone; not seen: a window nobody told of;
@@ -29,9 +29,8 @@ from multiprocessing.connection import wait
 from pathlib import Path
 
 import numpy as np
-from _study import Study, check
-from campaign_kinds import SCHEMES, problem
-from campaign_verdicts import (
+from _campaign_kinds import SCHEMES, problem
+from _campaign_verdicts import (
     CRASH,
     FALSE,
     NO_END,
@@ -47,6 +46,7 @@ from campaign_verdicts import (
     points,
     truth_error,
 )  # fmt: skip
+from _study import Study, check
 
 import hereditary as hd
 

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from campaign_kinds import problem
-from campaign_verdicts import OK, TRUE, WRONG, judged
-from laplace_truth import Force, Truth, second_opinion
+from _campaign_kinds import problem
+from _campaign_verdicts import OK, TRUE, WRONG, judged
+from _laplace_truth import Force, Truth, second_opinion
 
 from hereditary import exact
 

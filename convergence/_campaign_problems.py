@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from laplace_truth import Truth
+from _laplace_truth import Truth
 
 import hereditary as hd
 
@@ -101,7 +101,7 @@ class Problem:
         how = ", ".join(f"{k}={v if k == 'scheme' else repr(v)}" for k, v in given.items())
         return (
             "import numpy as np, hereditary as hd\n"
-            "from campaign_problems import piecewise_linear  # tests/\n"
+            "from _campaign_problems import piecewise_linear  # convergence/\n"
             f"eq = hd.Equation([{terms}], piecewise_linear, {self.y0.tolist()!r}, "
             f"params={self.params.tolist()!r})\n"
             f"sol = hd.solve(eq, {self.t_end!r}, {how})"

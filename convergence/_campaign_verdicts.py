@@ -13,7 +13,7 @@ import warnings
 from dataclasses import replace
 
 import numpy as np
-from laplace_truth import second_opinion
+from _laplace_truth import second_opinion
 
 # Relative rounding of numbers in the right-hand side and of times.
 _ROUNDING, _TICK = 1e-15, 4.5e-16

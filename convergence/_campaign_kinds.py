@@ -9,8 +9,8 @@ from dataclasses import replace
 from inspect import signature
 
 import numpy as np
-from campaign_problems import Problem
-from laplace_truth import Force, Truth
+from _campaign_problems import Problem
+from _laplace_truth import Force, Truth
 
 import hereditary as hd
 
