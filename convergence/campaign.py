@@ -25,6 +25,7 @@ import multiprocessing as mp
 import signal
 import time
 from collections import Counter
+from dataclasses import replace
 from multiprocessing.connection import wait
 from pathlib import Path
 
@@ -42,6 +43,7 @@ from _campaign_verdicts import (
     UNSURE,
     WRONG,
     judged,
+    measured,
     over_tolerance,
     points,
     truth_error,
@@ -53,6 +55,19 @@ import hereditary as hd
 VERDICTS = (OK, WRONG, SLOPE, NOT_SEEN, TRUE, FALSE, REFUSED, CRASH, NO_END, UNSURE)
 FAULTS = (WRONG, SLOPE, FALSE, CRASH, NO_END)
 _CONFIRMED, _SHOWN = 10, 40  # every how many-th truth is asked for twice; rows printed a verdict
+# Seed and number of problems that were at fault once, and what they are to be judged now.
+ONCE_AT_FAULT = [
+    (0, 384, OK),  # y next to t = 0: a tiny order beside orders just above 1
+    (0, 313, OK),  # y' there
+    (1, 493, OK),  # y there, between the nodes of a tiny order and those of t
+    (2, 44, OK),  # y' at t = 0, as the basis shows it
+    (0, 188, TRUE),  # a set of rates that could not be prolonged
+    (0, 136, TRUE),  # a relay at zero told as blown up
+    (1, 456, OK),  # y' that may err absolutely by as much as y, for a million units of time
+    (3, 36, OK),  # a jump between the start of a step and its first node
+    (13, 5057, OK),  # a Jacobian differenced across a jump
+    (14, 715, TRUE),  # a first step that errs by what is much later on, told as a jump
+]
 
 
 def work(pipe, seed, limit):
@@ -167,6 +182,22 @@ def report_worst(rows, seed):
             )
 
 
+def check_judge():
+    """Check exact solutions against mpmath, and that the judge sees an error of 3 tolerances."""
+    drawn = [problem(0, k) for k in range(20)]
+    off = np.array([truth_error(one, 0.7 * one.t_end) for one in drawn])
+    print("distances of two ways to exact solutions", off)
+    check("exact solutions agree with mpmath's", np.all(off[np.isfinite(off)] < 1e-13))
+    check("most exact solutions are compared", np.isfinite(off).mean() > 0.7)
+    one, sol = drawn[9], drawn[9].solve()
+    moved = replace(one.truth, start=one.truth.start * (1 + 3 * one.rtol))
+    ratios = [measured(p, sol, False)["ratio"] for p in (one, replace(one, truth=moved))]
+    check(
+        f"an error of 3 tolerances counts as {ratios[1]:.2f}",
+        ratios[0] < 1 and 2.5 < ratios[1] < 3.5,
+    )
+
+
 def show(seed, k):
     """One problem: as lines to paste, its verdict, and where it is worst."""
     one = problem(seed, k)
@@ -194,6 +225,10 @@ def main():
     if chosen.only >= 0:
         show(chosen.seed, chosen.only)
         return
+    check_judge()
+    for seed, k, verdict in ONCE_AT_FAULT:
+        found = judged(problem(seed, k))["verdict"]
+        check(f"problem {k} of seed {seed}, once at fault, is {found}", found == verdict)
     n = 20 if study.quick else chosen.problems
     path = Path(chosen.out) if chosen.out else study.path(".jsonl")
     done = rows_of(path, chosen.seed, n)
