@@ -3,6 +3,7 @@
 import ast
 import inspect
 import pathlib
+import tomllib
 
 import matplotlib
 
@@ -12,8 +13,8 @@ import matplotlib.pyplot as plt
 
 import hereditary
 
-# Small rooms, whose names begin with an underscore, are drawn as one on these floors.
-_SMALL = {0: "basics", 1: "users' functions"}
+# Small rooms, whose names begin with an underscore, are drawn as one below these rooms.
+_SMALL = {"compiled": "basics", "structure": "users' functions"}
 
 
 def make(docs):
@@ -32,7 +33,7 @@ def make(docs):
             path.write_text(text)
     for stale in set((made / "studies").glob("*.md")) - written.keys():
         stale.unlink()
-    level = floors(docs.parent / "tests" / "test_floors.py")
+    level = floors(docs.parent / "pyproject.toml")
     imports_figure(made / "imports.png", docs.parent / "src" / "hereditary", level)
 
 
@@ -83,26 +84,22 @@ def studies(folder, scripts):
     return pages
 
 
-def floors(test):
-    """Return the floor of each room, as the test of the imports has it."""
-    tree = ast.parse(test.read_text()).body
-    (found,) = (node for node in tree if isinstance(node, ast.Assign) and _name(node) == "FLOORS")
-    return ast.literal_eval(found.value)
-
-
-def _name(assignment):
-    return getattr(assignment.targets[0], "id", None)
+def floors(project):
+    """Return the floor of each room, as the contract of the imports has it."""
+    contract = tomllib.loads(project.read_text())["tool"]["importlinter"]["contracts"][0]
+    layers = enumerate(reversed(contract["layers"]))
+    return {room: height for height, layer in layers for room in layer.split(" | ")}
 
 
 def box_of(module, level):
-    """Return the box that a module is drawn in: its room, small rooms of a floor as one."""
-    room = next(r for r in (".".join(module[:2]), module[0]) if r in level)
-    small = _SMALL.get(level[room]) if room.startswith("_") else None
-    return small or room.removesuffix(".py")
+    """Return the box that a module is drawn in: its room, small rooms of some floors as one."""
+    room = module[0]
+    boxes = (box for top, box in _SMALL.items() if level[room] < level[top])
+    return next(boxes, room) if room.startswith("_") else room
 
 
 def imports_of(source, level):
-    """Return for each box the boxes that it imports, and the floor of each."""
+    """Return for each box the lower boxes that it imports, and the floor of each."""
     found, floor = {}, {}
     for path in source.rglob("*.py"):
         module = (*path.relative_to(source).parts[:-1], path.stem)
@@ -110,8 +107,7 @@ def imports_of(source, level):
             continue
         own = box_of(module, level)
         found.setdefault(own, set())
-        room = next(r for r in (".".join(module[:2]), module[0]) if r in level)
-        floor[own] = level[room]
+        floor[own] = max(floor.get(own, 0), level[module[0]])
         for node in ast.walk(ast.parse(path.read_text())):
             if not isinstance(node, ast.ImportFrom) or not node.level:
                 continue
@@ -119,7 +115,9 @@ def imports_of(source, level):
             names = above + (node.module.split(".") if node.module else [])
             targets = [names] if node.module else [[*names, alias.name] for alias in node.names]
             found[own] |= {box_of(target, level) for target in targets} - {own}
-    return found, floor
+    used = sorted(set(floor.values()))
+    found = {box: {o for o in others if floor[o] < floor[box]} for box, others in found.items()}
+    return found, {box: used.index(height) for box, height in floor.items()}
 
 
 def imports_figure(path, source, level):
@@ -134,7 +132,7 @@ def imports_figure(path, source, level):
     figure, ax = plt.subplots(figsize=(12, 8))
     for box, others in imports.items():
         for other in others:
-            if floor[other] < floor[box] and not _by_way(box, other, imports):
+            if not _by_way(box, other, imports):
                 line = {"arrowstyle": "-|>", "color": "0.65", "lw": 0.7, "shrinkA": 8, "shrinkB": 8}
                 ax.annotate("", place[other], place[box], arrowprops=line)
     for box, (x, y) in place.items():

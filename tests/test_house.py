@@ -1,0 +1,39 @@
+"""The house: files and functions stay small, no import is hidden."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+SOURCE = Path(__file__).parent.parent / "src" / "hereditary"
+# The march on given steps, whose parts would take longer to be called than to be run.
+LONGEST = {"march": 90}
+# Imported inside functions, since it takes long and few runs need it.
+DEFERRED = {"scipy.optimize"}
+FILES = sorted(SOURCE.rglob("*.py"))
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(SOURCE)))
+def test_files_and_functions_are_small(path):
+    text = path.read_text()
+    assert text.count("\n") <= 800
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.FunctionDef):
+            body = node.body[1:] if ast.get_docstring(node) else node.body
+            if body:
+                longest = LONGEST.get(node.name, 80)
+                assert node.end_lineno - body[0].lineno - nested(node) < longest, node.name
+            inner = [n for n in ast.walk(node) if isinstance(n, (ast.Import, ast.ImportFrom))]
+            hidden = [n for n in inner if getattr(n, "module", None) not in DEFERRED]
+            assert not hidden, f"{node.name} imports"
+
+
+def nested(node):
+    """Lines of the functions that a function makes, which are counted by themselves."""
+    inner = [n for n in node.body if isinstance(n, ast.FunctionDef)]
+    return sum(n.end_lineno - n.lineno for n in inner)
+
+
+def test_only_plots_and_the_command_line_import_matplotlib():
+    users = {path.relative_to(SOURCE) for path in FILES if "import matplotlib" in path.read_text()}
+    assert {user.with_suffix("").parts[0] for user in users} == {"plots", "paper", "__main__"}
