@@ -23,7 +23,8 @@ import hereditary as hd
 
 # What rounding, and Newton's method, leave of laws that are exact otherwise, relative to |y|.
 ROUNDING = 3e-11
-GIVEN = [case for case in CASES if case.given]
+# Steps of runs over more than two stretches of FFT.
+LONG, DIRECT = 2300, HISTORIES[0]
 UNIFORM = chosen(steps="uniform")
 # One history is enough where it does not enter.
 ONCE = [c for c in CASES if c.history in (None, HISTORIES[2]) and c.steps != "mesh"]
@@ -49,14 +50,15 @@ def test_a_run_is_made_if_the_declared_abilities_allow_it_and_refused_otherwise(
 
 
 @over(UNIFORM)
-@pytest.mark.parametrize("cut", [1, 33, 64])
-def test_a_run_that_was_stopped_goes_on_bit_for_bit(case, cut):
-    """Also from a state that was stored, and with steps of both runs counted as one."""
-    h = T_END / N_STEPS
-    through = case.solve()
+@pytest.mark.parametrize("which", [0, 1, 2])
+def test_a_run_that_was_stopped_goes_on_bit_for_bit(case, which):
+    """Also from a state that was stored, and where a block or a stretch of FFT ends."""
+    cut = ((1, 1024, 1025) if case.history == HISTORIES[1] else (1, 32, 65))[which]
+    n = LONG if case.history == HISTORIES[1] else N_STEPS
+    h, through = T_END / n, case.solve(n=n)
     first = case.solve(cut * h, n=cut)
     state = pickle.loads(pickle.dumps(first.state))
-    rest = hd.solve(case.equation(), N_STEPS * h, resume=state, **case.again())
+    rest = hd.solve(case.equation(), n * h, resume=state, **case.again())
     assert np.array_equal(first.y, through.y[: cut + 1])
     assert np.array_equal(rest.y, through.y[cut:])
 
@@ -83,13 +85,13 @@ def test_a_run_that_was_stopped_goes_on_as_one(case, cut):
 @pytest.mark.parametrize("steps", ["uniform", "mesh"])
 @pytest.mark.parametrize("scheme", [s for s in SCHEMES if not s.adaptive], ids=str)
 def test_histories_agree_within_their_tolerance_and_not_much_better(scheme, steps):
+    """Over more than two stretches of FFT."""
     apart = {history: [0.0] for history in HISTORIES}
+    n = LONG if steps == "uniform" else N_STEPS
+    direct = {c.family: c.solve(n=n).y for c in chosen(scheme=scheme, steps=steps, history=DIRECT)}
     for case in chosen(scheme=scheme, steps=steps):
-        direct = next(
-            c for c in chosen(scheme=scheme, steps=steps, history=HISTORIES[0])
-            if c.family == case.family
-        ).solution()  # fmt: skip
-        off = np.abs(case.solution().y - direct.y).max() / np.abs(direct.y).max()
+        expected = direct[case.family]
+        off = np.abs(case.solve(n=n).y - expected).max() / np.abs(expected).max()
         apart[case.history].append(off)
     assert max(apart[HISTORIES[1]]) <= 1e-12
     assert max(apart[HISTORIES[2]]) <= 10 * TOL

@@ -75,35 +75,6 @@ def name_of(scheme):
     return "BDF(4)" if scheme == hd.BDF(4) else type(scheme).__name__
 
 
-@pytest.mark.parametrize(("scheme", "name"), PAIRS, ids=str)
-def test_histories_agree(scheme, name):
-    equation = EQUATIONS[name]()
-    if (name_of(scheme), name) in REFUSED:
-        with pytest.raises(ValueError, match=REFUSED[name_of(scheme), name]):
-            hd.solve(equation, 4.0, 100, scheme=scheme)
-        return
-    n = 3000  # two stretches of the FFT history
-    direct, fft, modes = (hd.solve(equation, 4.0, n, scheme=scheme, history=h) for h in HISTORIES)
-    assert direct.success
-    scale = np.abs(direct.y).max()
-    assert np.abs(fft.y - direct.y).max() <= 1e-12 * scale
-    assert np.abs(modes.y - direct.y).max() <= 10 * TOL * scale
-
-
-@pytest.mark.parametrize("history", HISTORIES, ids=repr)
-@pytest.mark.parametrize("scheme", SCHEMES, ids=repr)
-def test_stopping_and_going_on_changes_nothing(scheme, history):
-    for name in ("scalar", "scalar above one", "incommensurate above one", "several above one"):
-        if (name_of(scheme), name) in REFUSED:
-            continue
-        equation, h, n = EQUATIONS[name](), 1 / 128, 2300
-        through = hd.solve(equation, n * h, n, scheme=scheme, history=history)
-        for cut in (1, 32, 1024, 1025):
-            first = hd.solve(equation, cut * h, cut, scheme=scheme, history=history)
-            rest = hd.solve(equation, n * h, scheme=scheme, history=history, resume=first.state)
-            assert np.array_equal(rest.y, through.y[cut:])
-
-
 @pytest.mark.parametrize("history", HISTORIES, ids=repr)
 @pytest.mark.parametrize("scheme", SCHEMES, ids=repr)
 def test_block_length_does_not_matter(scheme, history):

@@ -288,15 +288,6 @@ def test_classical_friction_is_memory_of_order_1():
     np.testing.assert_allclose(found[1], found[0], atol=2e-2)
 
 
-@pytest.mark.parametrize("scheme", [hd.ExplicitCaputo(), hd.L1(), hd.Adams()])
-def test_resumes_bit_for_bit(scheme):
-    equation = van_der_pol()
-    first = hd.solve(equation, 1.5, 150, scheme=scheme, history=hd.SumOfExponentials(horizon=4.0))
-    whole = hd.solve(equation, 4.0, 400, scheme=scheme, history=hd.SumOfExponentials(horizon=4.0))
-    rest = hd.solve(equation, 4.0, resume=first.state)
-    assert np.array_equal(rest.y, whole.y[150:])
-
-
 def test_adaptive_runs_are_resumed_and_find_events():
     def crossing(t, y):
         return y[0]

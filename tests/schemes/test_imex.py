@@ -87,24 +87,6 @@ def test_graded_meshes_restore_the_order_of_l1():
     assert 3e-6 < errors[1] < 1e-5
 
 
-@pytest.mark.parametrize("d", [2, 30])
-@pytest.mark.parametrize("mesh", [False, True])
-def test_resumed_bit_for_bit(d, mesh):
-    equation = hd.Equation(hd.Caputo(0.7), reaction, np.cos(np.arange(d)), linear=chain(d))
-    scheme = hd.IMEX(hd.L1())
-    if mesh:
-        times, history = np.linspace(0, 1.41, 142) ** 2, hd.Direct()
-        whole = hd.solve(equation, times[-1], mesh=times, scheme=scheme, history=history)
-        half = hd.solve(equation, times[77], mesh=times[:78], scheme=scheme, history=history)
-        state = pickle.loads(pickle.dumps(half.state))
-        rest = hd.solve(equation, times[-1], mesh=times[77:], resume=state)
-    else:
-        whole = hd.solve(equation, 2.0, 200, scheme=scheme)
-        half = hd.solve(equation, 0.77, 77, scheme=scheme)
-        rest = hd.solve(equation, 2.0, resume=pickle.loads(pickle.dumps(half.state)))
-    assert np.array_equal(rest.y[-1], whole.y[-1])
-
-
 def test_a_jump_is_seen_from_behind_it():
     def pushed(t, y):
         return np.where(t < 0.3, 0.0, 1.0) * np.ones(1)
@@ -160,14 +142,3 @@ def test_few_components_compile_nothing_for_another_matrix():
 
     for first, second in zip(compiled(1.0), compiled(2.0), strict=True):
         assert first is second
-
-
-@pytest.mark.parametrize("d", [2, 25])
-def test_a_later_start_shifts_the_solution(d):
-    ends = []
-    for t_start in (0.0, 3.0):
-        equation = hd.Equation(
-            hd.Caputo(0.7), lambda t, y: -(y**3), np.ones(d), linear=chain(d), t_start=t_start
-        )
-        ends.append(hd.solve(equation, t_start + 1.0, 70, scheme=hd.IMEX(hd.L1())).y[-1])
-    np.testing.assert_allclose(*ends, rtol=0, atol=1e-13)
