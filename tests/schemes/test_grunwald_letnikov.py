@@ -74,22 +74,6 @@ def test_constant_forces_give_the_binomial_solution(alpha):
             assert np.abs(sol.y[1:, 0] - expected).max() < 1e-11
 
 
-@pytest.mark.parametrize("history", HISTORIES, ids=repr)
-def test_exact_at_rest_and_in_steady_motion_and_not_on_lines_up_to_order_one(history):
-    def error(equation, exact):
-        sol = hd.solve(equation, 1.0, 50, scheme=SCHEME, history=history)
-        return np.abs(sol.y[:, 0] - exact(sol.t)).max()
-
-    for alpha in (0.3, 0.7, 1.0):
-        rest = hd.Equation(hd.Caputo(alpha), lambda t, y: 0.0 * y, 3.0)
-        assert error(rest, lambda t: 3.0 + 0 * t) == 0.0
-    for alpha in (1.2, 1.7, 2.0):
-        steady = hd.Equation(hd.Caputo(alpha), lambda t, y: 0.0 * y, [1.0, 2.0])
-        assert error(steady, lambda t: 1 + 2 * t) < 1e-12
-    rising = hd.Equation(hd.Caputo(0.5), lambda t, y: 2 * np.sqrt(t / np.pi), 0.0)
-    assert error(rising, lambda t: t) > 1e-3
-
-
 def test_order_two_is_the_classical_difference_scheme():
     """Of second order where it starts at rest, of first where the first step takes all of f."""
     h, n = 0.01, 400

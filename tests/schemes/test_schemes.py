@@ -1,0 +1,137 @@
+"""Every scheme by every history: exact on its monomials, and of its order from both sides."""
+
+import numpy as np
+import pytest
+from problems import errors, singular_problem, smooth_problem
+from scipy.special import rgamma
+
+import hereditary as hd
+from hereditary.analysis.order import observed_order
+
+HISTORIES = [hd.Direct(), hd.FFT(), hd.SumOfExponentials(1e-13)]
+
+
+# Powers of t on which a scheme is exact at an order alpha, and the next on which it is not.
+def rest(alpha):
+    return ((0,), 1) if alpha <= 1 else ((0, 1), 2)
+
+
+def lines(alpha):
+    return (0, 1), 2
+
+
+def parabolas(alpha):
+    return ((0, 1, 2), 3) if alpha <= 1 else ((0, 1), 2)
+
+
+def forces(alpha):
+    """Return the powers for constant and linear forces."""
+    return (0, alpha, 1 + alpha), 2 + alpha
+
+
+# Scheme, monomials, and the last errors for smooth and singular solutions at each order alpha, as
+# measured; a third more is allowed.
+ROWS = [
+    (hd.ExplicitCaputo(), rest, {
+        0.1: (2.0e-3, 4.4e-6), 0.3: (2.1e-3, 1.6e-5), 0.5: (2.3e-3, 3.4e-5), 0.8: (2.3e-3, 7.2e-5),
+        0.95: (1.8e-3, 8.7e-5), 1.2: (1.5e-3, 3.5e-5), 1.5: (1.5e-3, 7.4e-5), 1.8: (1.3e-3, 2.5e-4),
+        1.95: (5.1e-4, 3.2e-4),
+    }),
+    (hd.GrunwaldLetnikov(), rest, {
+        0.1: (1.9e-3, 4.4e-6), 0.3: (1.8e-3, 1.6e-5), 0.5: (1.7e-3, 3.0e-5), 0.8: (1.5e-3, 5.9e-5),
+        0.95: (1.4e-3, 7.8e-5), 1.2: (1.2e-3, 7.7e-5), 1.5: (7.9e-4, 1.3e-4), 1.8: (3.4e-4, 1.9e-4),
+        1.95: (8.7e-5, 2.6e-4),
+    }),
+    (hd.L12(), lines, {
+        0.1: (4.0e-10, 3.2e-6), 0.3: (4.0e-9, 8.4e-6), 0.5: (2.6e-8, 1.2e-5), 0.8: (3.6e-7, 9.7e-6),
+        0.95: (1.3e-6, 3.4e-6),
+    }),
+    (hd.BDF(1), rest, {
+        0.1: (9.9e-5, 4.0e-6), 0.3: (3.2e-4, 1.3e-5), 0.5: (5.8e-4, 2.3e-5), 0.8: (1.0e-3, 5.0e-5),
+        0.95: (1.3e-3, 7.5e-5), 1.2: (1.8e-3, 8.7e-5), 1.5: (2.4e-3, 1.6e-4), 1.8: (3.0e-3, 1.3e-4),
+        1.95: (3.4e-3, 2.4e-5),
+    }),
+    (hd.BDF(2), rest, {
+        0.1: (1.6e-7, 1.0e-9), 0.3: (5.0e-7, 3.3e-9), 0.5: (8.8e-7, 6.3e-9), 0.8: (1.5e-6, 1.4e-8),
+        0.95: (1.9e-6, 2.0e-8), 1.2: (2.5e-6, 3.7e-9), 1.5: (3.5e-6, 6.9e-8), 1.8: (4.5e-6, 2.2e-7),
+        1.95: (4.7e-6, 2.8e-7),
+    }),
+    (hd.BDF(3), rest, {
+        0.1: (3.6e-9, 5.9e-10), 0.3: (1.1e-8, 1.9e-9), 0.5: (2.0e-8, 3.4e-9), 0.8: (3.6e-8, 6.0e-9),
+        0.95: (4.4e-8, 5.4e-9),
+    }),
+    (hd.L1(), lines, {
+        0.1: (5.5e-7, 3.9e-6), 0.3: (4.9e-6, 1.2e-5), 0.5: (2.7e-5, 2.0e-5), 0.8: (3.0e-4, 3.7e-5),
+        0.95: (9.6e-4, 6.5e-5), 1.2: (5.3e-8, 1.2e-9), 1.5: (3.7e-5, 2.1e-6), 1.8: (4.0e-4, 9.3e-6),
+        1.95: (1.2e-3, 6.4e-5),
+    }),
+    (hd.L2(), parabolas, {
+        0.1: (9.6e-11, 3.0e-6), 0.3: (1.4e-9, 7.0e-6), 0.5: (1.7e-8, 8.1e-6), 0.8: (3.4e-7, 5.2e-6),
+        0.95: (1.3e-6, 1.6e-6),
+    }),
+    (hd.L2Sigma(), parabolas, {
+        0.1: (1.1e-7, 2.9e-6), 0.3: (2.8e-7, 6.6e-6), 0.5: (4.0e-7, 7.7e-6), 0.8: (5.2e-7, 4.7e-6),
+        0.95: (6.2e-7, 1.4e-6), 1.2: (3.4e-7, 1.8e-5), 1.5: (4.4e-7, 2.0e-5), 1.8: (4.6e-7, 1.5e-5),
+        1.95: (4.6e-7, 4.7e-6),
+    }),
+    (hd.Adams(corrections=1), forces, {
+        0.1: (1.0e-3, 1.8e-6), 0.3: (4.2e-5, 8.9e-7), 0.5: (2.9e-6, 2.4e-7), 0.8: (5.1e-7, 2.6e-8),
+        0.95: (5.0e-7, 1.1e-8), 1.2: (8.3e-9, 2.2e-11), 1.5: (5.8e-7, 1.4e-8),
+        1.8: (5.3e-7, 3.4e-8), 1.95: (2.4e-7, 4.2e-8),
+    }),
+    (hd.Adams(corrections=3), forces, {
+        0.1: (2.0e-4, 1.7e-6), 0.3: (9.4e-7, 8.5e-7), 0.5: (4.4e-7, 2.3e-7), 0.8: (4.7e-7, 2.6e-8),
+        0.95: (4.9e-7, 1.1e-8),
+    }),
+    (hd.ProductTrapezoid(), forces, {
+        0.1: (2.4e-7, 1.7e-6), 0.3: (3.9e-7, 8.5e-7), 0.5: (4.4e-7, 2.3e-7), 0.8: (4.7e-7, 2.6e-8),
+        0.95: (4.9e-7, 1.1e-8), 1.2: (8.3e-9, 2.2e-11), 1.5: (5.8e-7, 1.4e-8),
+        1.8: (5.3e-7, 3.4e-8), 1.95: (2.4e-7, 4.2e-8),
+    }),
+]  # fmt: skip
+CASES = [(*row[:2], alpha, *both) for row in ROWS for alpha, both in row[2].items()]
+# Where the proven order shows late: a term of nearly the same order goes with it.
+LATE = {("L1()", 1.2), ("ProductTrapezoid()", 1.2), ("Adams(corrections=1)", 1.2)}
+
+
+def power(t, y, p):
+    return p[0] * t ** p[1]
+
+
+def error_on(k, scheme, alpha, history):
+    """Return the largest error of t**k, whose derivative is the force."""
+    given = k == 0 or (k == 1 and alpha > 1)  # by the initial values
+    params = (0.0, 0.0) if given else (rgamma(k + 1 - alpha) / rgamma(k + 1), k - alpha)
+    y0 = [float(k == 0), float(k == 1)][: 1 + (alpha > 1)]
+    equation = hd.Equation(hd.Caputo(alpha), power, y0, params)
+    sol = hd.solve(equation, 1.0, 40, scheme=scheme, history=history)
+    return np.abs(sol.y[:, 0] - sol.t**k).max()
+
+
+@pytest.mark.parametrize(("scheme", "powers", "alpha"), [c[:3] for c in CASES], ids=str)
+def test_exact_on_its_monomials_and_not_on_the_next(scheme, powers, alpha):
+    exact, beyond = powers(alpha)
+    for history in HISTORIES:
+        assert error_on(0, scheme, alpha, history) == 0.0
+        for k in exact:
+            assert error_on(k, scheme, alpha, history) < 1e-13, (k, history)
+        assert error_on(beyond, scheme, alpha, history) > 1e-7, history
+
+
+@pytest.mark.parametrize("history", HISTORIES, ids=repr)
+@pytest.mark.parametrize("smoothness", ["smooth", "singular"])
+@pytest.mark.parametrize(("scheme", "alpha", "smooth", "singular"), [c[:1] + c[2:] for c in CASES])
+def test_order(scheme, alpha, smooth, singular, smoothness, history):
+    """Of 1 + t**3 over all times; of relaxation and oscillation, y ~ t**alpha, at a fixed time."""
+    if smoothness == "smooth":
+        problem, steps, bound, where = smooth_problem(alpha), [200, 400, 800], smooth, 1
+    else:
+        problem, steps, bound, where = singular_problem(alpha), [800, 1600, 3200], singular, 0
+    if scheme == hd.BDF(3):
+        steps = [80, 160, 320]
+    elif (repr(scheme), alpha) in LATE:
+        steps = [8 * n for n in steps]
+    found = observed_order(steps, [errors(problem, scheme, history, n)[where] for n in steps])
+    assert found.slope == pytest.approx(scheme.order(alpha, smoothness), abs=0.15), found
+    assert np.all(np.diff(found.errors) < 0)
+    assert found.errors[-1] < bound * 4 / 3
