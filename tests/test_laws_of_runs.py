@@ -20,6 +20,8 @@ from cases import (
 )
 
 import hereditary as hd
+from hereditary.meshes import UniformSteps
+from hereditary.solver.stepper import Stepper
 
 # What rounding, and Newton's method, leave of laws that are exact otherwise, relative to |y|.
 ROUNDING = 3e-11
@@ -80,6 +82,18 @@ def test_a_run_that_was_stopped_goes_on_as_one(case, cut):
         first = case.solve(0.5 + 0.02 * cut)
         rest = hd.solve(case.equation(), T_END, resume=pickle.loads(pickle.dumps(first.state)))
         assert_close(rest.y[-1], through.y[-1], case)
+
+
+@over([case for case in UNIFORM if "varying" not in case.family.tags])
+def test_the_length_of_blocks_does_not_matter(case):
+    ends = []
+    for block in (2, 7, 32, 100):
+        how = case.scheme, case.history, UniformSteps(T_END / N_STEPS), N_STEPS
+        stepper = Stepper(case.equation(), *how, block=block)
+        while stepper.n < N_STEPS:
+            stepper.advance(N_STEPS, keep=False)
+        ends.append(stepper.y)
+    assert_close(np.array(ends), ends[0], case, 1e-11)
 
 
 @pytest.mark.parametrize("steps", ["uniform", "mesh"])

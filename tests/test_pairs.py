@@ -5,8 +5,6 @@ import pytest
 from problems import PROBLEMS
 
 import hereditary as hd
-from hereditary.meshes import UniformSteps
-from hereditary.solver.stepper import Stepper
 
 SCHEMES = [
     hd.ExplicitCaputo(),
@@ -66,25 +64,11 @@ REFUSED = {
     ("ProductTrapezoid", "several terms"): "L1",
     ("ProductTrapezoid", "several above one"): "L1",
 }
-PAIRS = [(scheme, name) for scheme in SCHEMES for name in EQUATIONS]
 
 
 def name_of(scheme):
     """Its class, and its number where that decides what it covers."""
     return "BDF(4)" if scheme == hd.BDF(4) else type(scheme).__name__
-
-
-@pytest.mark.parametrize("history", HISTORIES, ids=repr)
-@pytest.mark.parametrize("scheme", SCHEMES, ids=repr)
-def test_block_length_does_not_matter(scheme, history):
-    equation, n = EQUATIONS["scalar"](), 300
-    ends = []
-    for block in (2, 7, 32, 100):
-        stepper = Stepper(equation, scheme, history, UniformSteps(4.0 / n), n, block=block)
-        while stepper.n < n:
-            stepper.advance(n, keep=False)
-        ends.append(stepper.y[0])
-    np.testing.assert_allclose(ends, ends[0], rtol=1e-12)
 
 
 @pytest.mark.parametrize("scheme", [hd.L1(), hd.L2Sigma(), hd.ProductTrapezoid()], ids=repr)

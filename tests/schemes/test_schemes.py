@@ -108,7 +108,11 @@ def error_on(k, scheme, alpha, history):
     return np.abs(sol.y[:, 0] - sol.t**k).max()
 
 
-@pytest.mark.parametrize(("scheme", "powers", "alpha"), [c[:3] for c in CASES], ids=str)
+@pytest.mark.parametrize(
+    ("scheme", "powers", "alpha"),
+    [c[:3] for c in CASES],
+    ids=lambda v: getattr(v, "__name__", str(v)),
+)
 def test_exact_on_its_monomials_and_not_on_the_next(scheme, powers, alpha):
     exact, beyond = powers(alpha)
     for history in HISTORIES:
@@ -120,7 +124,9 @@ def test_exact_on_its_monomials_and_not_on_the_next(scheme, powers, alpha):
 
 @pytest.mark.parametrize("history", HISTORIES, ids=repr)
 @pytest.mark.parametrize("smoothness", ["smooth", "singular"])
-@pytest.mark.parametrize(("scheme", "alpha", "smooth", "singular"), [c[:1] + c[2:] for c in CASES])
+@pytest.mark.parametrize(
+    ("scheme", "alpha", "smooth", "singular"), [c[:1] + c[2:] for c in CASES], ids=str
+)
 def test_order(scheme, alpha, smooth, singular, smoothness, history):
     """Of 1 + t**3 over all times; of relaxation and oscillation, y ~ t**alpha, at a fixed time."""
     if smoothness == "smooth":
