@@ -71,19 +71,20 @@ def floors_of(system, many, t_end):
     speeds = np.abs(system.y0[-1]) * (powers > 1)
     forces = _Forces(system)
     made, peaks = _made_over_the_run(forces, y0, t_end, np.ceil(powers))
-    found = np.maximum(np.abs(y0), speeds * gains ** (1 / powers))
-    found = np.fmax(found, np.where(made < np.inf, gains * made, 0.0))
+    by_themselves = np.maximum(np.abs(y0), speeds * gains ** (1 / powers))
+    found = np.where(made < np.inf, gains * made, 0.0)
     if many:
-        found = _shared(jacobian, found)
+        found = _shared(jacobian, np.maximum(by_themselves, found))
     else:
-        _balance(forces, 0.5 * t_end, y0, gains, found, peaks)
+        found = _balanced(forces, 0.5 * t_end, y0, gains, found, peaks, by_themselves)
     return np.where((np.abs(y0) >= NEAR * found) & (found > 0), -1.0, found), forces.calls
 
 
-def _balance(forces, t, y0, gains, found, peaks):
-    """Bound sizes by what drives the components, and raise them by the others'."""
-    for c in np.flatnonzero(found > np.abs(y0)):
-        found[c] = _bounded(forces, t, y0, c, found[c], peaks[c])
+def _balanced(forces, t, y0, gains, sizes, peaks, least):
+    """Return the sizes, bounded by what drives the components, and raised by the others'."""
+    found = least.copy()
+    for c in np.flatnonzero(sizes > least):
+        found[c] = max(least[c], _bounded(forces, t, y0, c, sizes[c], peaks[c]))
     for _ in found:
         before = found.copy()
         for c in np.flatnonzero(np.abs(y0) <= NEAR * found):
@@ -94,6 +95,7 @@ def _balance(forces, t, y0, gains, found, peaks):
             found[c] = size if found[c] <= NEAR * size else found[c]
         if np.array_equal(found, before):
             break
+    return found
 
 
 def _bounded(forces, t, y, c, size, drive):
