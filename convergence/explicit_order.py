@@ -6,9 +6,8 @@ h**(3-beta) and h**(2-gamma) accompany the first-order error: near beta = 2 the 
 creeps up to 1 from below.
 """
 
-import matplotlib.pyplot as plt
 import numpy as np
-from _study import Study, check
+from _study import Claim, orders, study
 from problems import PROBLEMS
 
 import hereditary as hd
@@ -38,30 +37,10 @@ def measure(quick):
     return rows
 
 
-def draw(rows):
-    figure, ax = plt.subplots(figsize=(7.5, 4.5), layout="constrained")
-    for problem in PROBLEMS:
-        mine = [row for row in rows if row["problem"] == problem.name]
-        style = "o--" if "singular" in problem.tags else "o-"
-        n = np.array([row["n_steps"] for row in mine])
-        ax.loglog(n, [row["error"] for row in mine], style, ms=3, lw=1, label=problem.name)
-    ax.loglog(n, 3 / n, "k:", label="order 1")
-    ax.set(xlabel="steps $N$", ylabel="error at the end", title="Explicit scheme")
-    ax.grid(alpha=0.3)
-    ax.legend(fontsize=7, loc="center left", bbox_to_anchor=(1.0, 0.5))
-    return figure
-
-
-def main():
-    study = Study(__file__, __doc__)
-    study.write(measure(study.quick))
-    rows = study.read()
-    last = {row["problem"]: row["order"] for row in rows}
-    worst = max(last, key=lambda name: abs(last[name] - 1))
-    held = abs(last[worst] - 1) <= 0.15
-    check(f"last observed order farthest from 1: {last[worst]:.3f} ({worst})", held)
-    study.save(draw(rows))
+def claims(rows):
+    for name, order in {row["problem"]: row["order"] for row in rows}.items():
+        yield Claim("last observed order off 1", abs(order - 1), 0.15, where=name, small=True)
 
 
 if __name__ == "__main__":
-    main()
+    study(measure, claims, orders(("problem",), slopes=(1,)))

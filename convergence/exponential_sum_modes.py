@@ -9,9 +9,8 @@ import math
 import statistics
 import time
 
-import matplotlib.pyplot as plt
 import numpy as np
-from _study import Study, check
+from _study import Claim, curves, study
 
 import hereditary as hd
 from hereditary.exponential_sum import fit_unit, trapezoid_step
@@ -48,36 +47,16 @@ def measure(quick):
     return rows
 
 
-def draw(rows):
-    figure, ax = plt.subplots(figsize=(6, 4), layout="constrained")
-    for tol in TOLERANCES:
-        mine = [row for row in rows if row["tol"] == tol and row["exponent"] == 1e-6]
-        mine = [row for row in rows if row["tol"] == tol and row["exponent"] == 0.9] or mine
-        ratio = [row["ratio"] for row in mine]
-        (line,) = ax.semilogx(ratio, [row["modes"] for row in mine], "o-", label=f"{tol:.0e}")
-        ax.semilogx(ratio, [row["best"] for row in mine], ":", color=line.get_color())
-    ax.set(
-        xlabel="$t_{max}/t_{min}$",
-        ylabel="modes",
-        title="Modes against the best possible count (dotted), $t^{-0.9}$",
-    )
-    ax.grid(alpha=0.3)
-    ax.legend(title="tolerance")
-    return figure
-
-
-def main():
-    study = Study(__file__, __doc__)
-    study.write(measure(study.quick))
-    rows = study.read()
-    worst = max(row["error_over_tol"] for row in rows)
-    excess = max(row["modes"] - row["best"] for row in rows)
+def claims(rows):
+    for row in rows:
+        where = f"t**-{row['exponent']:g}, tol {row['tol']:g}"
+        yield Claim("largest error over the tolerance", row["error_over_tol"], 1, small=True)
+        excess = row["modes"] - row["best"]
+        yield Claim("modes above the fewest possible", excess, 12, where=where, small=True)
     setup = statistics.median(row["milliseconds"] for row in rows)
-    check(f"largest error {worst:.3f} tol (at most 1)", worst <= 1)
-    check(f"at most {excess:.0f} modes above the best possible count (12)", excess <= 12)
-    check(f"median set-up {setup:.2f} ms (below 5)", setup < 5, study.quick)
-    study.save(draw(rows))
+    yield Claim("median set-up [ms]", setup, 5)
 
 
 if __name__ == "__main__":
-    main()
+    draw = curves("ratio", ("modes", "best"), ("tol",), ("exponent",), log="x")
+    study(measure, claims, draw)

@@ -6,9 +6,8 @@ grading the order is alpha. With it the full order holds to n = 4,000 even at al
 smallest step is 1e-32: moments of the kernel are computed without cancellation.
 """
 
-import matplotlib.pyplot as plt
 import numpy as np
-from _study import Study, check
+from _study import Claim, chosen, orders, study
 from problems import errors_on_mesh, singular_problem
 
 import hereditary as hd
@@ -45,41 +44,12 @@ def measure(quick):
     return rows
 
 
-def draw(rows):
-    figure, axes = plt.subplots(1, 3, figsize=(10, 4), sharey=True, layout="constrained")
-    for ax, alpha in zip(axes, ALPHAS, strict=True):
-        for scheme, color in zip(SCHEMES, ("#0072b2", "#d55e00", "#009e73"), strict=True):
-            for kind, style in (("uniform", "o:"), ("graded", "o-")):
-                mine = [
-                    row
-                    for row in rows
-                    if (row["alpha"], row["scheme"], row["mesh"]) == (alpha, repr(scheme), kind)
-                ]
-                n, error = [r["n_steps"] for r in mine], [r["error"] for r in mine]
-                ax.loglog(n, error, style, color=color, ms=4, label=f"{scheme!r}, {kind}")
-        ax.set(xlabel="steps $n$", title=rf"$\alpha = {alpha}$")
-        ax.set_xticks([125, 500, 2000], ["125", "500", "2000"])
-        ax.set_xticks([], minor=True)
-        ax.grid(alpha=0.3)
-    axes[0].set_ylabel("largest error")
-    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
-    return figure
-
-
-def main():
-    study = Study(__file__, __doc__)
-    study.write(measure(study.quick))
-    rows = study.read()
+def claims(rows):
     last = max(row["n_steps"] for row in rows)
-    ends = [row for row in rows if row["n_steps"] == last]
-    for kind in ("graded", "uniform"):
-        mine = [row for row in ends if row["mesh"] == kind]
-        worst = max(mine, key=lambda row: abs(row["order"] - row["proven"]))
-        off = abs(worst["order"] - worst["proven"])
-        where = f"{worst['scheme']}, alpha {worst['alpha']:g}: {worst['order']:.2f}"
-        check(f"{kind} orders within {off:.2f} of the proven ({where})", off <= 0.15, study.quick)
-    study.save(draw(rows))
+    for row in chosen(rows, n_steps=last):
+        off, where = abs(row["order"] - row["proven"]), f"{row['scheme']}, alpha {row['alpha']:g}"
+        yield Claim(f"orders off the proven ones, {row['mesh']} meshes", off, 0.15, where=where)
 
 
 if __name__ == "__main__":
-    main()
+    study(measure, claims, orders(("scheme", "mesh"), ("alpha",)))

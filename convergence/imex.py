@@ -5,9 +5,8 @@ t**(2 alpha). Where they start like t**alpha, extrapolating the rest leaves orde
 ``IMEX(BDF(2))`` has min(2, 1 + alpha). Last pairwise orders lie within 0.15 of the proven ones.
 """
 
-import matplotlib.pyplot as plt
 import numpy as np
-from _study import Study, check, last_order
+from _study import Claim, curves, last_order, study
 from problems import linear_and_rest
 
 import hereditary as hd
@@ -31,31 +30,13 @@ def measure(quick):
                 yield last_order(scheme, alpha, kind, counts, errors, _FLOOR)
 
 
-def main():
-    study = Study(__file__, __doc__)
-    study.write(list(measure(study.quick)))
-    rows = study.read()
-    off = max(abs(row["order"] - row["proven"]) for row in rows)
-    check(f"all orders within {off:.2f} of the proven ones", off <= 0.15, study.quick)
-    figure, axes = plt.subplots(1, 2, figsize=(9, 4), sharey=True, layout="constrained")
-    for axis, kind in zip(axes, ("smooth", "singular"), strict=True):
-        for number, scheme in enumerate(f"IMEX(scheme={inner!r})" for inner in SCHEMES):
-            mine = [r for r in rows if (r["scheme"], r["solution"]) == (scheme, kind)]
-            alpha = [row["alpha"] for row in mine]
-            axis.plot(
-                alpha,
-                [r["order"] for r in mine],
-                f"oC{number}",
-                label=scheme.replace("scheme=", ""),
-            )
-            for part in ([r for r in mine if r["alpha"] < 1], [r for r in mine if r["alpha"] > 1]):
-                x = [row["alpha"] for row in part]
-                axis.plot(x, [row["proven"] for row in part], f"-C{number}", lw=0.8)
-        axis.set(xlabel=r"$\alpha$", title=f"{kind} solutions")
-    axes[0].set_ylabel("order: observed (marks), proven (lines)")
-    axes[0].legend(fontsize=8)
-    study.save(figure)
+def claims(rows):
+    for row in rows:
+        off, where = abs(row["order"] - row["proven"]), f"{row['scheme']}, {row['alpha']:g}"
+        yield Claim(f"orders off the proven ones, {row['solution']}", off, 0.15, where=where)
 
 
 if __name__ == "__main__":
-    main()
+    how = {"log": "", "line": "", "xlabel": r"$\alpha$"}
+    draw = curves("alpha", ("order", "proven"), ("scheme",), ("solution",), **how)
+    study(measure, claims, draw)

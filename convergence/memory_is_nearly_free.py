@@ -12,9 +12,8 @@ scheme. Claims, all measured in one run because machines are noisy:
 
 import statistics
 
-import matplotlib.pyplot as plt
 import numpy as np
-from _study import Study, check
+from _study import Claim, chosen, curves, study
 
 import hereditary as hd
 
@@ -56,7 +55,7 @@ def measure(quick):
                     "bytes": sol.stats["history_bytes"],
                 }
             )
-    return rows
+    return [*rows, Claim("deviation from direct sums", deviation(), 1e-8, small=True)]
 
 
 def deviation():
@@ -67,40 +66,21 @@ def deviation():
     return float(np.abs(fast.y - direct.y).max())
 
 
-def draw(rows):
-    figure, ax = plt.subplots(figsize=(6, 4), layout="constrained")
-    for name, marker in (("direct", "s"), ("modes", "o"), ("no memory", "^")):
-        mine = [row for row in rows if row["history"] == name]
-        n = [row["n_steps"] for row in mine]
-        ax.loglog(n, [row["seconds"] for row in mine], marker + "-", label=name)
-    mine = [row for row in rows if row["history"] == "direct"]
-    n = np.array([mine[-1]["n_steps"], 2e6])
-    ax.loglog(n, mine[-1]["seconds"] * (n / n[0]) ** 2, "k:", label="direct, extrapolated")
-    ax.set(xlabel="steps $N$", ylabel="seconds", title="Hereditary stick-slip, T = 100")
-    ax.grid(alpha=0.3)
-    ax.legend()
-    return figure
-
-
-def main():
-    study = Study(__file__, __doc__)
-    study.write(measure(study.quick))
-    rows = study.read()
+def claims(rows):
     time_of = {(row["history"], row["n_steps"]): row["seconds"] for row in rows}
-    per_step = [row["ns_per_step"] for row in rows if row["history"] == "modes"]
-    stored = {row["bytes"] for row in rows if row["history"] == "modes"}
+    mine = chosen(rows, history="modes")
+    per_step = [row["ns_per_step"] for row in mine]
     modes = time_of["modes", N_MAIN]
+    yield Claim("seconds of the march with memory, N = 200,000", modes)
     ratio = modes / time_of["no memory", N_MAIN]
+    yield Claim("times the march without memory", ratio, 2)
     gain = time_of["direct", N_DIRECT] * (N_MAIN / N_DIRECT) ** 2 / modes
-    spread = max(per_step) / min(per_step) - 1
-    off = deviation()
-    check(f"{ratio:.2f} times the memoryless march (at most 2)", ratio <= 2, study.quick)
-    check(f"{gain:.0f} times faster than direct sums (at least 300)", gain >= 300, study.quick)
-    check(f"deviation from direct sums {off:.1e} (below 1e-8)", off < 1e-8)
-    check(f"time a step flat within {100 * spread:.0f} % (25 %)", spread <= 0.25, study.quick)
-    check(f"bytes of the history {sorted(stored)} (all the same)", len(stored) == 1)
-    study.save(draw(rows))
+    yield Claim("times as fast as direct sums, N = 200,000", gain, at_least=300)
+    yield Claim("time a step varies by", max(per_step) / min(per_step) - 1, 0.25)
+    stored = {row["bytes"] for row in mine}
+    yield Claim("different bytes of the history", len(stored), 1, small=True)
+    yield Claim("bytes of the history", max(stored))
 
 
 if __name__ == "__main__":
-    main()
+    study(measure, claims, curves("n_steps", "seconds", ("history",)))

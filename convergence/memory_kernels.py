@@ -8,9 +8,8 @@ law ``t**-0.5``, and the set-up time.
 
 import time
 
-import matplotlib.pyplot as plt
 import numpy as np
-from _study import Study, check
+from _study import Claim, curves, study
 
 import hereditary as hd
 from hereditary.memory_kernels import (
@@ -68,41 +67,18 @@ def measure(quick):
     return rows
 
 
-def draw(rows):
-    figure, ax = plt.subplots(figsize=(7, 4.5), layout="constrained")
-    for i, name in enumerate(dict.fromkeys(row["kernel"] for row in rows)):
-        mine = [row for row in rows if row["kernel"] == name]
-        style = "k--" if name.startswith("power") else "os^vD<>PdX*"[i % 11] + "-"
-        ax.loglog([r["tol"] for r in mine], [r["modes"] for r in mine], style, label=name)
-    ax.set(
-        xlabel="tolerance",
-        ylabel="modes",
-        title="Modes for six decades of time, $10^{-4}$ to $10^{2}$",
-    )
-    ax.invert_xaxis()
-    ax.set_yticks([10, 20, 30, 50, 70, 100, 200, 300], labels=[10, 20, 30, 50, 70, 100, 200, 300])
-    ax.minorticks_off()
-    ax.grid(alpha=0.3)
-    ax.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))
-    return figure
-
-
-def main():
-    study = Study(__file__, __doc__)
-    study.write(measure(study.quick))
-    rows = study.read()
-    worst = max(row["error_over_tol"] for row in rows)
-    check(f"largest error {worst:.3f} tol (at most 1.02)", worst <= 1.02)
-    check("all weights positive", all(row["smallest_weight_positive"] for row in rows))
-    lone = max(row["modes"] for row in rows if row["kernel"] == "two rates")
-    check(f"two rates of a function are {lone:.0f} modes at all tolerances (2 to 4)", lone <= 4)
-    most = max(row["modes"] for row in rows)
-    check(f"at most {most:.0f} modes (70)", most <= 70)
-    smooth = [r for r in rows if r["tol"] >= 1e-8]
-    excess = max(r["modes"] / r["power_law_modes"] for r in smooth)
-    check(f"to 1e-8 at most {excess:.2f} times the power law's modes (2)", excess <= 2)
-    study.save(draw(rows))
+def claims(rows):
+    for row in rows:
+        kind = {"where": f"{row['kernel']}, {row['tol']:g}", "small": True}
+        yield Claim("largest error over the tolerance", row["error_over_tol"], 1.02, **kind)
+        yield Claim("weights positive", row["smallest_weight_positive"], at_least=1, **kind)
+        yield Claim("modes at the most", row["modes"], 70, **kind)
+        if row["kernel"] == "two rates":
+            yield Claim("modes of two rates of a function", row["modes"], 4, **kind)
+        if row["tol"] >= 1e-8:
+            excess = row["modes"] / row["power_law_modes"]
+            yield Claim("modes over the power law's, to 1e-8", excess, 2, **kind)
 
 
 if __name__ == "__main__":
-    main()
+    study(measure, claims, curves("tol", "modes", ("kernel",)))

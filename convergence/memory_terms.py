@@ -6,9 +6,10 @@ at 0. With alpha the highest order BDF(p) keeps min(p, 1 + 2 alpha - gamma), Ada
 L2 and the explicit scheme the first order. Against Collocation at rtol = 1e-12.
 """
 
-import matplotlib.pyplot as plt
+from functools import partial
+
 import numpy as np
-from _study import Study, check_orders, order_rows
+from _study import order_claims, order_rows, orders, study
 
 import hereditary as hd
 
@@ -65,33 +66,6 @@ def measure(quick):
     return rows
 
 
-def draw(rows):
-    figure, axes = plt.subplots(1, len(CASES), figsize=(15, 4), layout="constrained", sharey=True)
-    for ax, (alpha, gamma) in zip(axes, CASES, strict=True):
-        for number, scheme in enumerate(SCHEMES):
-            mine = [r for r in rows if (r["alpha"], r["gamma"]) == (alpha, gamma)]
-            mine = [r for r in mine if r["scheme"] == repr(scheme)]
-            if mine:
-                n, errors = ([r[key] for r in mine] for key in ("n_steps", "error"))
-                style = (
-                    f"o--C{number}" if isinstance(scheme, hd.ProductTrapezoid) else f"o-C{number}"
-                )
-                ax.loglog(n, errors, style, ms=3, lw=1, label=repr(scheme).split("(corr")[0])
-        ax.xaxis.set_minor_formatter("")
-        ax.set(xlabel="steps $N$", title=rf"$\alpha = {alpha}$, $\gamma = {gamma}$")
-        ax.grid(alpha=0.3)
-    axes[0].set_ylabel("error at the end")
-    axes[-1].legend(fontsize=7, loc="center left", bbox_to_anchor=(1.0, 0.5))
-    return figure
-
-
-def main():
-    study = Study(__file__, __doc__)
-    study.write(measure(study.quick))
-    rows = study.read()
-    check_orders(rows, ("scheme", "alpha", "gamma"))
-    study.save(draw(rows))
-
-
 if __name__ == "__main__":
-    main()
+    labels = ("scheme", "alpha", "gamma")
+    study(measure, partial(order_claims, labels=labels), orders(panels=labels[1:]))

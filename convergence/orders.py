@@ -6,10 +6,10 @@ last pairwise order lies within 0.15 of the proven one; where a second term of n
 goes along (order 1.2), that takes more steps.
 """
 
+import sys
 from pathlib import Path
 
-import matplotlib.pyplot as plt
-from _study import Study, check, last_order
+from _study import Claim, Study, curves, last_order, study
 from problems import errors, singular_problem, smooth_problem
 
 import hereditary as hd
@@ -49,31 +49,12 @@ def measure(quick):
     return rows
 
 
-def draw(rows):
-    figure, axes = plt.subplots(1, 2, figsize=(9, 4), sharey=True, layout="constrained")
-    for ax, kind in zip(axes, ("smooth", "singular"), strict=True):
-        ax.set_prop_cycle(color=[*plt.colormaps["tab10"].colors, "black"])
-        for scheme, marker in zip(SCHEMES, "osD^Xdv<>Ph", strict=True):
-            mine = [r for r in rows if r["scheme"] == repr(scheme) and r["solution"] == kind]
-            label = repr(scheme)
-            alpha = [row["alpha"] for row in mine]
-            (line,) = ax.plot(alpha, [row["order"] for row in mine], marker, ms=5, label=label)
-            for part in ([r for r in mine if r["alpha"] < 1], [r for r in mine if r["alpha"] > 1]):
-                alpha = [row["alpha"] for row in part]
-                proven = [row["proven"] for row in part]
-                ax.plot(alpha, proven, "-", lw=0.8, color=line.get_color())
-        ax.set(xlabel=r"$\alpha$", title=f"{kind} solutions")
-        ax.grid(alpha=0.3)
-    axes[0].set_ylabel("order: observed (marks), proven (lines)")
-    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside right center", fontsize=8)
-    return figure
-
-
-def page(rows):
+def page():
     """docs/orders.md: the last observed order of every case beside the proven one."""
     lines = ["# Orders", "", "Written by `convergence/orders.py` from `results/orders.csv`:"]
     lines += ["last pairwise order, the proven one in brackets, and the error there.", ""]
     lines += ["| scheme | alpha | smooth | error | singular | error |", "|---|---|---|---|---|---|"]
+    rows = Study(__file__, __doc__).read()
     for smooth, singular in zip(rows[::2], rows[1::2], strict=True):
         cells = [f"`{smooth['scheme']}`", f"{smooth['alpha']:g}"]
         for row in (smooth, singular):
@@ -82,18 +63,15 @@ def page(rows):
     return "\n".join(lines) + "\n"
 
 
-def main():
-    study = Study(__file__, __doc__)
-    study.write(measure(study.quick))
-    rows = study.read()
-    worst = max(rows, key=lambda row: abs(row["order"] - row["proven"]))
-    off = abs(worst["order"] - worst["proven"])
-    where = f"{worst['scheme']}, {worst['alpha']}, {worst['solution']}"
-    check(f"all orders within {off:.2f} of the proven ones ({where})", off <= 0.15, study.quick)
-    study.save(draw(rows))
-    if not study.quick:
-        (Path(__file__).parent.parent / "docs" / "orders.md").write_text(page(rows))
+def claims(rows):
+    for row in rows:
+        off, where = abs(row["order"] - row["proven"]), f"{row['scheme']}, {row['alpha']:g}"
+        yield Claim(f"orders off the proven ones, {row['solution']}", off, 0.15, where=where)
 
 
 if __name__ == "__main__":
-    main()
+    how = {"log": "", "line": "", "xlabel": r"$\alpha$"}
+    draw = curves("alpha", ("order", "proven"), ("scheme",), ("solution",), **how)
+    study(measure, claims, draw)
+    if "--quick" not in sys.argv:
+        (Path(__file__).parent.parent / "docs" / "orders.md").write_text(page())

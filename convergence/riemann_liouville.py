@@ -6,9 +6,10 @@ gamma)) for others; L2 and L12 have order 1 - gamma, and L2 has 3 - alpha on mes
 alpha) / (1 - gamma))``. Against Collocation at rtol = 1e-12.
 """
 
-import matplotlib.pyplot as plt
+from functools import partial
+
 import numpy as np
-from _study import Study, check_orders, order_rows
+from _study import order_claims, order_rows, orders, study
 
 import hereditary as hd
 
@@ -76,33 +77,6 @@ def measure(quick):
     return rows
 
 
-def draw(rows):
-    figure, axes = plt.subplots(2, len(CASES), figsize=(14, 7), layout="constrained", sharey=True)
-    names = list(dict.fromkeys(row["scheme"] for row in rows))
-    for line, force in zip(axes, ("linear", "cubic"), strict=True):
-        for ax, (alpha, gamma) in zip(line, CASES, strict=True):
-            for number, name in enumerate(names):
-                key = (alpha, gamma, force, name)
-                mine = [r for r in rows if (r["alpha"], r["gamma"], r["force"], r["scheme"]) == key]
-                n, found = ([r[key] for r in mine] for key in ("n_steps", "error"))
-                ax.loglog(n, found, f"o-C{number}", ms=3, lw=1, label=name)
-            ax.xaxis.set_minor_formatter("")
-            ax.set(title=rf"{force} $f$, $\alpha = {alpha}$, $\gamma = {gamma}$")
-            ax.grid(alpha=0.3)
-        line[0].set_ylabel("error at the end")
-    for ax in axes[1]:
-        ax.set_xlabel("steps $N$")
-    axes[0, -1].legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))
-    return figure
-
-
-def main():
-    study = Study(__file__, __doc__)
-    study.write(measure(study.quick))
-    rows = study.read()
-    check_orders(rows, ("scheme", "alpha", "gamma", "force"))
-    study.save(draw(rows))
-
-
 if __name__ == "__main__":
-    main()
+    labels = ("scheme", "alpha", "gamma", "force")
+    study(measure, partial(order_claims, labels=labels), orders(panels=labels[1:]))

@@ -5,10 +5,9 @@ formula in double precision, both against 60 digits: second differences (explici
 order 1), parabola moments (L2), hat weights (Adams, product trapezoid).
 """
 
-import matplotlib.pyplot as plt
 import mpmath
 import numpy as np
-from _study import Study, check
+from _study import Claim, curves, study
 
 from hereditary.schemes.adams import hat_weights
 from hereditary.schemes.weights import parabola_start
@@ -75,30 +74,12 @@ def measure(quick):
     return rows
 
 
-def draw(rows):
-    figure, ax = plt.subplots(figsize=(6, 4), layout="constrained")
-    colors = ("#0072b2", "#d55e00", "#009e73")
-    for name, color in zip(FAMILIES, colors, strict=True):
-        mine = [row for row in rows if row["weights"] == name]
-        k = [row["k"] for row in mine]
-        ax.loglog(k, [max(row["ours"], 1e-17) for row in mine], "o-", color=color, label=name)
-        ax.loglog(k, [row["literal"] for row in mine], "x:", color=color)
-    ax.set(xlabel="$k$", ylabel="relative error", title="Weights: here (solid), literal (dotted)")
-    ax.grid(alpha=0.3)
-    ax.legend()
-    return figure
-
-
-def main():
-    study = Study(__file__, __doc__)
-    study.write(measure(study.quick))
-    rows = study.read()
-    worst = max(row["ours"] for row in rows)
+def claims(rows):
+    for row in rows:
+        yield Claim("largest relative error", row["ours"], 1e-12, where=row["weights"], small=True)
     lost = max(row["literal"] for row in rows)
-    check(f"largest relative error here {worst:.0e} (1e-12)", worst <= 1e-12)
-    check(f"the literal formulas lose up to {lost:.0e}", lost > 1e-9, study.quick)
-    study.save(draw(rows))
+    yield Claim("the literal formulas lose up to", lost, at_least=1e-9)
 
 
 if __name__ == "__main__":
-    main()
+    study(measure, claims, curves("k", ("ours", "literal"), ("weights",)))
