@@ -103,7 +103,8 @@ def units_of(rhs, params, y0):
 def _visible_step(rhs, params, y0, c):
     """Return a step of component c that moves f clearly and in proportion, at t = 0; 0 for none."""
     force, found, shrunk = _moved(rhs, params, y0), 0.0, False
-    size = max(abs(y0[c]), _FIRST_STEP * abs(force[c])) or _FIRST_STEP * np.abs(y0).max()
+    size = max(abs(y0[c]), _FIRST_STEP * abs(force[c]))
+    size = size if size > LEAST else _FIRST_STEP * np.abs(y0).max()
     if size == 0:  # a force that sets in, or acts on another component
         later = [abs(_moved(rhs, params, y0, t=t)[c]) for t in _LATER]
         size = _FIRST_STEP * (np.nanmax([0.0, *later]) or np.abs(force).max())
