@@ -82,12 +82,12 @@ def floors_of(system, many, t_end):
 
 def _balanced(forces, t, y0, gains, sizes, peaks, least):
     """Return the sizes, bounded by what drives the components, and raised by the others'."""
-    found = least.copy()
+    found, rounded = least.copy(), _ROUNDED * np.abs(y0).max()
     for c in np.flatnonzero(sizes > least):
         found[c] = max(least[c], _bounded(forces, t, y0, c, sizes[c], peaks[c]))
     for _ in found:
         before = found.copy()
-        for c in np.flatnonzero(np.abs(y0) <= NEAR * found):
+        for c in np.flatnonzero(np.abs(y0) <= np.maximum(NEAR * found, rounded)):
             others = y0 + found
             others[c] = y0[c]
             drive = abs(forces.at([t], others)[0, c])
