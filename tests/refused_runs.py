@@ -198,6 +198,10 @@ STEPS_THAT_ADAPT = [
     *((lambda name=name, value=value: run(scheme=hd.BDF(2), **{name: value}),
        ValueError, rf"{name} must be left out or come with scheme=Collocation\(\), got")
       for name, value in [("rtol", 1e-6), ("atol", 1e-8), ("max_step", 0.1), ("max_steps", 10)]),
+    *((lambda scheme=scheme: hd.solve(hd.scenes.stick_slip(), 1.0, rtol=1e-3, scheme=scheme),
+       ValueError,
+       r"rtol must be left out or come with scheme=Collocation\(\), got .*; or give mesh=graded")
+      for scheme in [hd.L1(), hd.L2(), hd.L2Sigma(), hd.IMEX(hd.L1())]),
     (lambda: run(max_steps=5), ValueError, "max_steps must be left out or come with"),
     (lambda: adapt(equation=equation([C(0.5), -C(0.5), C(0.3)])),
      ValueError, "terms must leave a nonzero coefficient"),

@@ -41,7 +41,7 @@ class AdaptiveStepper(CollocationMarch):
     """
 
     adaptive, looks, h = True, _LOOKS, 0.0
-    zigzag, growth, largest_ratio, measured = None, None, 0.0, None
+    zigzag, growth, largest_ratio = None, None, 0.0
 
     def __init__(
         self, equation, scheme, t_end, rtol, atol, modes_tol=None, directions=None, max_step=None,

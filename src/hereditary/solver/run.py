@@ -84,15 +84,12 @@ def run(stepper, stop, t_end, output, reactions, progress, began):
     finally:
         bar.close()
     status, detail = ended or (reached_end(stepper), "")
-    lacking = _lacking(stepper)
-    if lacking and (ended is None or status is Status.EVENT):
-        status, detail = Status.STEP_TOO_SMALL, lacking
     if stepper.misfit and status is Status.EVENT:
         status = Status.KERNEL_INACCURATE
     signs = events.signs()
     t, y, ydot, dense = output.close(t_end)
     seconds = {"setup_seconds": ready - began, "run_seconds": time.perf_counter() - ready}
-    frame, stats = stepper.equation.frame, _stats(stepper) | seconds
+    frame, stats = stepper.equation.frame, stepper.stats() | seconds
 
     def left():
         return replace(stepper.state(), event_signs=signs)
@@ -115,25 +112,6 @@ def run(stepper, stop, t_end, output, reactions, progress, began):
     )
     pass_on(stepper.error, solution)
     return solution
-
-
-def _lacking(stepper):
-    """Name the errors of a refined mesh where they are beyond the tolerance."""
-    measured = stepper.measured
-    if measured is None or measured.error <= 1:
-        return ""
-    return (
-        f"on the finest mesh that max_steps allows, errors are some {measured.error:.2g} times it"
-    )
-
-
-def _stats(stepper):
-    """Return counts and error estimates, with those of a mesh refined for a tolerance."""
-    stats, measured = stepper.stats(), stepper.measured
-    if measured:
-        stats["n_rhs"] += measured.n_rhs
-        stats["error_estimate"] = measured.error * measured.rtol
-    return stats
 
 
 def reached_end(stepper):

@@ -68,8 +68,7 @@ class Solution:
         ones are.
         With `Collocation` n_rejected, the steps made again shorter, and error_estimate: rtol times
         the largest error of a step over its share of the tolerance, a tenth of it, and rtol / 10 at
-        the least, which the first step may err by; on a mesh that rtol refined rtol times its
-        error, inf where the runs on it ended early. Otherwise
+        the least, which the first step may err by. Otherwise
         stiffness_ratio: the largest ratio of an eigenvalue of d rhs / d y to its step limit
         seen along the orbit, sampled every 32 steps (more rarely in systems); the scheme is
         unstable above 1. Complex eigenvalues of orders that vary are not seen. Of more than 32

@@ -116,8 +116,7 @@ def solve(
         the right-hand side makes of it over the run (docs/collocation_method.md). With `atol`
         errors stay about ``atol + rtol * |y|`` instead. Errors of y', where the order exceeds 1,
         move y by as much over the run. rtol is 1e-6 by default and at least 1e-12; when resuming,
-        both are the state's. With L1, L2, L2Sigma or IMEX(L1()), which must be named, and constant
-        orders: a mesh is refined until y changes by less than half of that when steps are halved.
+        both are the state's.
     mesh : Graded or array_like, shape (n+1,), optional
         Instead of n_steps: ``graded(n, exponent)`` or times that increase from t_start to t_end.
         For L2 with orders up to 1, L1 and L2Sigma with any, with Direct or SumOfExponentials. When
@@ -142,8 +141,7 @@ def solve(
         may lie between all points that the step looks at; half of its length is a safe choice.
     max_steps : int, optional
         Most steps of this call of `Collocation`, one million by default; a run that needs more ends
-        with the status MAX_STEPS and can be resumed. Of a mesh that `rtol` refines, 2**17; where
-        more are needed, the run on the finest one has the status STEP_TOO_SMALL.
+        with the status MAX_STEPS and can be resumed.
     breaks : array_like, shape (k,), optional
         Times at which the right-hand side jumps: each step sees the jump from its own side. With
         `rtol` the steps begin anew there; otherwise they must be times of steps, and on uniform
@@ -188,7 +186,7 @@ def solve(
     TypeError, ValueError
         An argument is not as required; nothing has been run.
     KeyboardInterrupt
-        Ctrl-C came when the run had just reached its end, or while a mesh was refined.
+        Ctrl-C came when the run had just reached its end.
 
     Warns
     -----
@@ -251,10 +249,6 @@ def solve(
     began = time.perf_counter()
     system, numbers = switched(equation, jumping, scheme) if jumping else (equation, [])
     kinds = reaction_kinds(functions, jumping)
-    if kinds and rtol is not None and not scheme.adaptive:
-        required = "change, forget and switch nothing where rtol refines a mesh"
-        got, remedy = ", ".join(sorted(kinds)), "take Collocation, or give steps"
-        raise ValueError(complaint("switches" if jumping else "events", required, got, remedy))
     asked = n_steps, rtol, atol, mesh, max_step, max_steps, breaks, resume, allow_change
     stepper, stop = open_run(system, scheme, history, t_end, Asked(*asked))
     signs = {} if resume is None else resume.event_signs

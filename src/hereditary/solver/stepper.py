@@ -52,7 +52,7 @@ class Stepper:
         Steps in a block; results depend on it by rounding alone.
     """
 
-    adaptive, looks, measured = False, 1, None
+    adaptive, looks = False, 1
 
     def __init__(self, equation, scheme, history, steps, n_steps, directions=None, block=BLOCK):
         scheme.check_terms(equation)

@@ -7,8 +7,7 @@ from typing import Any, NamedTuple
 from .._checks import complaint, count, positive, shown
 from ..collocation.pace import MAX_STEPS
 from ..history.exponentials import SumOfExponentials
-from .opening import open_adaptively, open_on_steps, tolerances
-from .refinement import MOST_STEPS, open_refined
+from .opening import open_adaptively, open_on_steps
 
 
 class Asked(NamedTuple):
@@ -33,7 +32,7 @@ def open_run(system, scheme, history, t_end, asked: Asked):
         max_steps = count("max_steps", max_steps)
     if scheme.adaptive:
         reason = "with Collocation, which chooses its steps"
-        _refuse(reason, n_steps=asked.n_steps, mesh=asked.mesh)
+        _refuse(reason, "", n_steps=asked.n_steps, mesh=asked.mesh)
         max_step = None if max_step is None else positive("max_step", max_step)
         tolerated = rtol, atol, max_step, max_steps or MAX_STEPS
         stepper, stop = open_adaptively(
@@ -41,26 +40,17 @@ def open_run(system, scheme, history, t_end, asked: Asked):
         )
     else:
         history = history or getattr(resume, "history", None) or SumOfExponentials()
-        run = system, scheme, history, t_end
         reason = "or come with scheme=Collocation()"
-        if rtol is None or not scheme.takes_meshes:
-            _refuse(reason, rtol=rtol, max_step=max_step)
-            reason = "or come with rtol" if scheme.takes_meshes else reason
-            _refuse(reason, atol=atol, max_steps=max_steps)
-            stepper, stop = open_on_steps(*run, asked.n_steps, asked.mesh, resume, allow_change)
-        else:
-            _refuse(reason, max_step=max_step)
-            _refuse("where rtol refines a mesh", n_steps=asked.n_steps, mesh=asked.mesh)
-            most = max_steps or MOST_STEPS
-            stepper, stop = open_refined(
-                *run, tolerances(rtol, atol), most, asked.breaks, resume, allow_change
-            )
+        remedy = "or give mesh=graded(n, exponent)" if scheme.takes_meshes else ""
+        _refuse(reason, remedy, rtol=rtol, atol=atol, max_step=max_step, max_steps=max_steps)
+        run = system, scheme, history, t_end
+        stepper, stop = open_on_steps(*run, asked.n_steps, asked.mesh, resume, allow_change)
     stepper.set_breaks(asked.breaks, t_end)
     return stepper, stop
 
 
-def _refuse(reason, **given):
+def _refuse(reason, remedy, **given):
     """Refuse arguments that are given."""
     for name, value in given.items():
         if value is not None:
-            raise ValueError(complaint(name, f"be left out {reason}", shown(value)))
+            raise ValueError(complaint(name, f"be left out {reason}", shown(value), remedy))
