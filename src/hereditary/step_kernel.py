@@ -13,7 +13,6 @@ from .special import (
     alternating_power_sum,
     alternating_sum,
     gauss_unit,
-    power_differences,
     power_second_differences,
 )
 
@@ -41,10 +40,6 @@ class PowerSteps:
     def amplitude(self) -> float:
         """Factor between it and that power law."""
         return self.p
-
-    def shares(self, n: int) -> np.ndarray:
-        """Integrals b_k over [k, k+1] for k < n: ``(k+1)**p - k**p``."""
-        return power_differences(self.p, n)
 
     def differences(self, n: int) -> np.ndarray:
         """b_0, and then ``b_k - b_(k-1)`` for k < n."""

@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import ClassVar, NamedTuple, Protocol
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from scipy.special import rgamma
@@ -22,51 +22,6 @@ from .step_kernel import Integrated, PowerSteps, StepKernel
 
 # Values of s at which s K^(s) is the same where a kernel has a constant part, and how nearly.
 _SLOW, _SLOWER, _CONSTANT = 1e-200 + 0j, 1e-250 + 0j, 0.99
-
-
-class Operator(Protocol):
-    """Memory operator of one term; equal to another where the two are the same."""
-
-    @property
-    def derivative(self) -> int:
-        """m, the derivative inside."""
-
-    @property
-    def order(self) -> float:
-        """Order alpha where it is constant, otherwise m."""
-
-    @property
-    def kernel(self) -> MemoryKernel | None:
-        """General kernel; None for Caputo's."""
-
-    @property
-    def constant(self) -> bool:
-        """Whether it is Caputo's derivative of a constant order."""
-
-    @property
-    def varies(self) -> bool:
-        """Whether the order is a function of the time."""
-
-    @property
-    def classical(self) -> bool:
-        """Whether it is y' or y'', without memory."""
-
-    @property
-    def from_zero(self) -> bool:
-        """Whether it takes y as 0 before the start: a Riemann-Liouville derivative."""
-
-    @property
-    def t_last(self) -> float:
-        """Time up to which the operator is known [time]."""
-
-    def later(self, origin: float) -> Operator:
-        """Return the operator with time counted from `origin`; itself where it knows no time."""
-
-    def described(self, times: np.ndarray) -> object:
-        """Describe the operator in things that can be compared in another process.
-
-        Functions have no lasting names: they are known by their values at some `times`.
-        """
 
 
 class SystemTerm(NamedTuple):
@@ -341,3 +296,6 @@ class VaryingOrder:
             except Exception as error:
                 return values[:i], f"{type(error).__name__}: {error}"
         return values, ""
+
+
+Operator = ConstantOrder | KernelOperator | VaryingOrder

@@ -30,7 +30,7 @@ def convolution(alpha, gamma):
 def open_memory(history, weights, start, n=N):
     memory = history.open(weights, len(start), N_BLOCK, n)
     memory.prepare(n)
-    if memory.n_stored:
+    if memory.nbytes:
         memory.arrays[1][:] = np.reshape(start, (-1, 1))
     return memory
 
@@ -118,15 +118,14 @@ def test_combinations_of_columns_are_linear_in_everything_held(history, u, matri
 
 
 @pytest.mark.parametrize("history", HISTORIES, ids=repr)
-def test_copy_and_restore(history):
+def test_restore(history):
     rng = np.random.default_rng(3)
     u, weights, half = rng.normal(size=(1, N)), convolution(1.7, 0.4), 3
     through = feed(open_memory(history, weights, [0.2]), u)[:, half * N_BLOCK :]
     memory = open_memory(history, weights, [0.2])
     feed(memory, u, last_block=half)
-    twin, stored = memory.copy(), memory.state()
-    feed(memory, 5 * u, first_block=half)  # must not reach the copy, nor what was stored
-    assert np.array_equal(feed(twin, u, first_block=half), through)
+    stored = memory.state()
+    feed(memory, 5 * u, first_block=half)  # must not reach what was stored
     fresh = open_memory(history, weights, [99.0])
     fresh.restore(stored)
     fresh.prepare(N)
@@ -139,7 +138,6 @@ def test_storage():
     assert short.nbytes == long.nbytes == 2 * 8 * 56
     assert short.n_modes <= 56
     direct = open_memory(hd.Direct(), weights, [0.0, 0.0], 1000)
-    assert direct.n_stored >= 1000
     assert direct.nbytes >= 2 * 8 * 1000
 
 
@@ -149,7 +147,7 @@ def test_classical_terms_need_no_memory():
     weights = Convolution(((terms,),), ((starts,),))
     for history in HISTORIES:
         memory = history.open(weights, 1, N_BLOCK, 100)
-        assert memory.nbytes == memory.n_modes == memory.n_stored == 0
+        assert memory.nbytes == memory.n_modes == 0
 
 
 def test_a_horizon_is_kept_and_its_end_is_told():

@@ -313,18 +313,6 @@ def test_a_peak_between_the_looks_ends_the_run(scheme, history):
     assert np.abs(sol.y - expected.y[: sol.y.shape[0]]).max() < 1e-9
 
 
-def test_the_step_limit_is_that_of_the_orders_at_each_time():
-    equation = hd.Equation(hd.Caputo(alpha), lambda t, y: -3.0 * y, 1.0)
-    sol = hd.solve(equation, 10.0, 1000)
-    ratios = []
-    for t in sol.t[32:-1:32]:
-        frozen = hd.Equation(hd.Caputo(float(alpha(t))), lambda t, y: -3.0 * y, 1.0)
-        ratios.append((0.01 / SCHEMES[0].step_limit(frozen, 3.0)) ** alpha(t))
-    assert sol.success
-    assert sol.stats["stiffness_ratio"] == pytest.approx(max(ratios), rel=1e-9)
-    assert min(ratios) < 0.5 * max(ratios)
-
-
 def test_beyond_the_step_limit_the_run_says_so():
     equation = hd.Equation(hd.Caputo(alpha), lambda t, y: -200.0 * y, 1.0)
     with pytest.warns(hd.StabilityWarning):

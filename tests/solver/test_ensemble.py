@@ -241,25 +241,6 @@ def test_a_member_that_cannot_begin_leaves_the_others_alone(how):
     assert "too large" in found.messages[1]
 
 
-def test_statuses_are_those_of_single_runs_where_stretches_differ():
-    """Jacobians of large norm that grow nothing stand beside smaller ones that do."""
-
-    def turning(t, y, p):
-        if t < p[1]:
-            return np.array([p[0] * y[1], -p[0] * y[0]])
-        return np.array([p[2] * y[1], -1e-3 * y[1]])
-
-    size = (5 / 2000) ** -1.3
-    equation = hd.Equation(
-        hd.Caputo(1.3), turning, [[1.0, 0.0], [0.0, 0.0]], [size, 5.0 * 33 / 2000, 3 * size]
-    )
-    with pytest.warns(hd.StabilityWarning):
-        one = hd.solve(equation, 5.0, 2000, scheme=hd.Adams())
-    with pytest.warns(hd.StabilityWarning):
-        found = hd.ensemble(equation, 5.0, 2000, params=[equation.params], scheme=hd.Adams())
-    assert found.status[0] == one.status == "step_too_large"
-
-
 @pytest.mark.parametrize("scheme", [hd.ExplicitCaputo(), hd.BDF(2)], ids=repr)
 def test_a_member_whose_rhs_is_no_number_at_the_start_is_told_so(scheme):
     equation = hd.Equation(hd.Caputo(0.7), lambda t, y, p: np.sqrt(p[0]) * -y, 1.0, [1.0])

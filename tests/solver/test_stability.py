@@ -9,7 +9,6 @@ import pytest
 
 import hereditary as hd
 from hereditary.schemes import stability
-from hereditary.schemes.adams import sweep_limit
 
 SCHEME, POWER_SERIES = hd.ExplicitCaputo(), hd.GrunwaldLetnikov()
 EXPLICIT = [SCHEME, POWER_SERIES]
@@ -192,13 +191,13 @@ def test_region_against_euler(scheme):
     region = scheme.plan(equation, h).region
     for mu in (-1 + 9j, -3 + 4j, -15 + 2j, -0.1 + 2j):
         jacobian = np.array([[mu.real, mu.imag], [-mu.imag, mu.real]])
-        ratio = region.ratio(jacobian[None])
+        ratio = region.ratios(jacobian[None])[0]
         on_curve = mu / ratio
         assert abs(1 + h * on_curve) == pytest.approx(1.1, abs=1e-3)
-    assert region.ratio(-3 * np.eye(2)[None]) == pytest.approx(3 * h / 2)
-    assert region.ratio(np.array([[[0.0, 0.5], [-0.5, 0.0]]])) == 0  # neutral in the equation
-    assert region.ratio(np.full((1, 2, 2), np.nan)) == 0
-    assert region.ratio(np.empty((0, 2, 2))) == 0
+    neutral = np.array([[0.0, 0.5], [-0.5, 0.0]])  # in the equation
+    others = np.array([-3 * np.eye(2), neutral, np.full((2, 2), np.nan)])
+    np.testing.assert_allclose(region.ratios(others), [3 * h / 2, 0, 0])
+    assert region.ratios(np.empty((0, 2, 2))).size == 0
 
 
 @pytest.mark.parametrize("scheme", [SCHEME, POWER_SERIES])
@@ -255,11 +254,18 @@ def warned_of(equation, *arguments, **options):
     return sol, found
 
 
-@pytest.mark.parametrize("corrections", [1, 2, 4])
-@pytest.mark.parametrize("order", [0.3, 0.8, 1.2, 1.5, 1.9])
+# Largest K h**alpha / Gamma(alpha + 2) of stable steps, by order and number of corrections.
+LIMITS_OF_SWEEPS = {
+    (0.3, 1): 1.0, (0.8, 1): 1.0, (1.2, 1): 0.9553, (1.5, 1): 0.7637, (1.9, 1): 0.3507,
+    (0.3, 2): 0.9038, (0.8, 2): 0.7785, (1.2, 2): 0.7058, (1.5, 2): 0.6679, (1.9, 2): 0.6416,
+    (0.3, 4): 0.9399, (0.8, 4): 0.8531, (1.2, 4): 0.7967, (1.5, 4): 0.7647, (1.9, 4): 0.7413,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("order", "corrections"), LIMITS_OF_SWEEPS)
 @pytest.mark.parametrize("force", [decaying, saturating])
 def test_adams_is_watched_with_any_sweeps_and_orders(corrections, order, force):
-    limit = sweep_limit(order, corrections) * math.gamma(order + 2)  # h = 1
+    limit = LIMITS_OF_SWEEPS[order, corrections] * math.gamma(order + 2)  # h = 1
     y0 = 1e-3 if order <= 1 else [1e-3, 0.0]
     for share in (0.98, 1.5):
         equation = hd.Equation(hd.Caputo(order), force, y0, (share * limit,))
@@ -269,7 +275,7 @@ def test_adams_is_watched_with_any_sweeps_and_orders(corrections, order, force):
         assert (np.abs(sol.y).max() > 2e-3) == (share > 1)
 
 
-@pytest.mark.parametrize("scheme", [*EXPLICIT, hd.Adams(), hd.Adams(corrections=2)])
+@pytest.mark.parametrize("scheme", [*EXPLICIT, hd.Adams(corrections=2)])
 @pytest.mark.parametrize("n_stiff", [10, 0])
 def test_stiffness_between_two_looks_at_the_jacobian_is_seen(scheme, n_stiff):
     """Ten steps of 1,000, of which every 32nd is looked at."""
@@ -283,22 +289,6 @@ def test_stiffness_between_two_looks_at_the_jacobian_is_seen(scheme, n_stiff):
     assert (np.abs(sol.y).max() > 1e3) == (n_stiff > 0)
 
 
-def coupled(t, y, p):
-    u, v = np.tanh(y)
-    return p[0] * np.array([-u - v, u - v])
-
-
-@pytest.mark.parametrize("scheme", [*EXPLICIT, hd.Adams(), hd.Adams(corrections=2)])
-def test_spirals_of_components_with_different_orders_are_seen(scheme):
-    equation = hd.Equation(hd.Caputo([0.9, 0.7]), coupled, [1.0, 0.5], (200.0,))
-    sol, found = warned_of(equation, 1.0, 200, scheme=scheme)
-    assert found
-    assert np.abs(sol.y[-1]).max() > 0.5  # the solution is below 1e-3 there
-    sol, found = warned_of(equation, 0.2, 8000, scheme=scheme)
-    assert not found
-    assert np.abs(sol.y[-1]).max() < 0.01
-
-
 @pytest.mark.parametrize("scheme", [*EXPLICIT, hd.Adams(corrections=2)])
 def test_cycles_of_a_force_that_saturates_are_seen(scheme):
     """From far out: the Jacobian along the orbit is small, and it need not turn at every step."""
@@ -306,7 +296,7 @@ def test_cycles_of_a_force_that_saturates_are_seen(scheme):
         unit = hd.Equation(hd.Caputo(1.7), saturating, [-20.0, 0.0], (1.0,))
         limit = scheme.step_limit(unit, 1.0) ** 1.7
     else:
-        limit = sweep_limit(1.7, 2) * math.gamma(3.7)
+        limit = 0.6511 * math.gamma(3.7)
     for share in (0.9, 1.2):
         rate = share * limit  # h = 1
         equation = hd.Equation(hd.Caputo(1.7), saturating, [-20.0, 0.0], (rate,))
@@ -380,7 +370,7 @@ def test_many_components_are_watched_by_norms_and_few_eigenvalues(alpha, pull, t
         region = SCHEME.plan(eq, step).region
         found = region.ratios(jacobian[None])[0]
         scaled = -jacobian / region.limits[:, None]
-        every = region._ratios_of(np.linalg.eigvals(scaled)[None], None)[0]
+        every = region._ratios_of(np.linalg.eigvals(scaled)[None])[0]
         assert found >= every * (1 - 1e-6)
         assert found <= max(every * (1 + 1e-6), 1.0)
     assert region.ratios(np.zeros((0, d, d))).shape == (0,)

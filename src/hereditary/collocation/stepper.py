@@ -7,7 +7,7 @@ import numpy as np
 from .._checks import complaint
 from ..compiled.structures import plain
 from ..solver.identity import check_identity, identity
-from ..solver.state import AdaptiveState, check_reach, check_sound, frozen, sealed
+from ..solver.state import AdaptiveState, check_reach, check_sound, complete, frozen
 from ..solver.status import Status, failed
 from ..solver.stops import breaks_ahead
 from ..system import refuse_late
@@ -149,7 +149,7 @@ class AdaptiveStepper(CollocationMarch):
             orbit=copy.deepcopy(self._orbit),
             at_singular_start=self._at_singular_start,
         )
-        return sealed(state)
+        return complete(state)
 
     def restore(self, state, allow_change=False):
         """Continue from `state`; `allow_change` admits another right-hand side or parameters."""

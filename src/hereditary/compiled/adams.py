@@ -1,13 +1,6 @@
 """Prediction and corrector sweeps, for pieces that are values of f."""
 
-import numpy as np
-
-from .._jit import allocating, inlined
-from .jacobian import jacobian
-from .step import UNITS
-
-# Sweeps that change less than this, relative to the solution, contract by rounding.
-MOVED = 1e-9
+from .._jit import inlined
 
 
 @inlined
@@ -35,32 +28,3 @@ def settle(lead, f, force, lacks):
     for c in range(f.shape[0]):
         force[c] = f[c]
         lacks[c] += lead[c] * f[c]
-
-
-@allocating
-def look_again(rhs, jac, has_jac, params, t, point, moved, k, output, counts):
-    """Keep the Jacobian in the middle of the last two sweeps, as number k."""
-    sample = output.jacobians[k]
-    middle = np.empty(point.shape[0])
-    for c in range(middle.shape[0]):
-        middle[c] = point[c] - 0.5 * moved[c]
-    units = output.room[UNITS]
-    counts.rhs += jacobian(rhs, jac, has_jac, t, middle, params, units, sample)
-
-
-@inlined
-def contraction(n_solved, x, lead, f, moved, lacks, limits, counts):
-    """Return whether sweeps contract by far less than they have in this stretch.
-
-    That is the fraction of its limit by which one more sweep would move a component, the largest of
-    all.
-    """
-    largest = 0.0
-    for c in range(n_solved):
-        if abs(moved[c]) > MOVED * abs(x[c]):
-            more = abs(lead[c] * f[c] + lacks[c])
-            largest = max(largest, more / (abs(moved[c]) * limits[c]))
-    less = largest > 2.0 * counts.nearest
-    if less:
-        counts.nearest = largest
-    return less

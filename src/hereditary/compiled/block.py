@@ -4,8 +4,6 @@ from .._jit import inlined, inner
 from .jacobian import jacobian
 from .step import UNITS
 
-# Fraction of the limit from which a Jacobian tells for sure; one is taken again at twice as much.
-LOOK_FROM = 0.9
 # Ratio of neighbouring steps from which no parabola tells the slope.
 _STEEP = 8.0
 # how a march ended
@@ -27,23 +25,10 @@ def open_block(lag, pieces, n, groups, weights, exchange, tables, memory):
 
 
 @inner
-def samples(n, n_end, every):
-    """Return what to subtract from n // every for the place of the regular Jacobian of step n.
-
-    And for the place of the Jacobian of its stretch; these stand behind the regular ones.
-    """
-    if every == 0:
-        return 0, 0
-    first = (n + every - 1) // every
-    return first, n // every - ((n_end - 1) // every + 1 - first)
-
-
-@inner
 def keep_jacobian(rhs, jac, has_jac, params, t, orbit, k, output, counts):
-    """Keep the Jacobian of a step at which one is taken for sure, as number k."""
+    """Keep the Jacobian of a step as number k."""
     units = output.room[UNITS]
     counts.rhs += jacobian(rhs, jac, has_jac, t, orbit, params, units, output.jacobians[k])
-    counts.nearest = 0.5 * LOOK_FROM
 
 
 @inner

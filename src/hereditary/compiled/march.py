@@ -20,7 +20,7 @@ than most steps do.
 """
 
 from .._jit import entry
-from .adams import contraction, correct, look_again, predict, settle
+from .adams import correct, predict, settle
 from .block import (
     BLOWN_UP,
     NOT_SOLVED,
@@ -30,7 +30,6 @@ from .block import (
     bounded,
     keep_jacobian,
     open_block,
-    samples,
     write_row,
 )
 from .copying import put
@@ -94,7 +93,7 @@ def marching(name, way, read=open_block):
         point, base, gain, moved = room[POINT], room[BASE], room[GAIN], room[MOVED]
         units = room[UNITS]
         orbit, f_orbit, looked, row = x[:n_orbit], f[:n_orbit], point[:n_orbit], -1
-        first_sample, first_stretch = samples(output.begun, output.end, every)
+        first_sample = (output.begun + every - 1) // every if every > 0 else 0
         rows_out, slopes, begun, j_f = output.rows, output.slopes, output.begun, work[-1]
         while counts.step < end:
             n = counts.step
@@ -151,9 +150,6 @@ def marching(name, way, read=open_block):
                     correct(lead, known, f, lacks, w, moved)
                     look(base, gain, sources, w, point)
                 evaluate(rhs, jac, has_jac, params, t, n_orbit, point, units, j_f, f, counts)
-                if contraction(n_solved, point, lead, f, moved, lacks, table.limits, counts):
-                    look_again(rhs, jac, has_jac, params, t, point[:n_orbit], moved,
-                               n // every - first_stretch, output, counts)  # fmt: skip
                 settle(lead, f, force, lacks)
             close(p, n, explicit, integral, ratio[i], groups, sources, weights, given, shift, known,
                   lead, base, gain, w, f, x, u, d, lag, pieces)  # fmt: skip

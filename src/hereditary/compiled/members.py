@@ -84,7 +84,7 @@ _MEMBERS = (
 def begin(m, starts, state, memory):
     """Let a march stand where member m begins."""
     counts, x, monitor = state.counts, starts.x[m], state.monitor
-    counts.step, counts.rhs, counts.nearest = 0, 0, 0.0
+    counts.step, counts.rhs = 0, 0
     counts.zigzag, counts.opened, counts.growth = -1, -1, -1
     counts.factored, counts.factorised = 0, 0
     put(x, state.x)

@@ -47,12 +47,12 @@ class LinearSolver(NamedTuple):
 
 # Counts of a march: steps made, the step at which a zigzag had lasted (-1: none),
 # the one whose block is open, calls of the right-hand side, the step at which turns had grown
-# (-1); how nearly sweeps failed to contract; whether factors of Newton's matrix are in force, or of
+# (-1); whether factors of Newton's matrix are in force, or of
 # few components its Jacobian (2: and solve a linear step at once; below 0: steps that take one of
 # their own), and how many were computed.
 COUNTS = np.dtype(
     [(name, "i8") for name in ("step", "zigzag", "opened", "rhs", "growth")]
-    + [("nearest", "f8"), ("factored", "i8"), ("factorised", "i8")],
+    + [("factored", "i8"), ("factorised", "i8")],
     align=True,
 )
 # Watches of each component (compiled/watch.py): length of the alternation under way, the
@@ -75,8 +75,7 @@ class StepTable(NamedTuple):
     components, the first columns, of which n_solved have an equation: the others are memory that f
     reads; every so many steps a Jacobian is kept (0: none). groups, sources, the column whose
     increments each takes, and given, whether the first one is given, (W,); weights and
-    start_weights (C, B + 2) and (V C, B + 2) inside a block; limits (W,) of lead times -J for
-    sweeps; powers (r, W) of the known terms.
+    start_weights (C, B + 2) and (V C, B + 2) inside a block; powers (r, W) of the known terms.
     """
 
     h: float
@@ -91,7 +90,6 @@ class StepTable(NamedTuple):
     given: np.ndarray
     weights: np.ndarray
     start_weights: np.ndarray
-    limits: np.ndarray
     powers: np.ndarray
 
 
@@ -176,7 +174,7 @@ LINEAR = types.NamedTuple((CUBE, IVEC, I8, I8, I8, I8, I8), LinearSolver)
 SOLVER_SIG = I8(I8, I8, MAT, VEC, LINEAR)
 SOLVER = types.FunctionType(SOLVER_SIG)
 STEP_TABLE = types.NamedTuple(
-    (F8, F8, I8, I8, I8, I8, I8, IVEC, IVEC, IVEC, MAT, MAT, VEC, MAT), StepTable
+    (F8, F8, I8, I8, I8, I8, I8, IVEC, IVEC, IVEC, MAT, MAT, MAT), StepTable
 )
 STEP_ROWS = types.NamedTuple((I8, I8, VEC, VEC, VEC, VEC, VEC, MAT, MAT, MAT, MAT), StepRows)
 _MONITORS = types.Array(from_dtype(MONITOR), 1, "C")

@@ -81,10 +81,3 @@ class _Pieces(Memory):
             n_tables = capacity + self._n_block + 1
         if self.tables[0].shape[1] < n_tables:
             self.tables = (*self._convolution.exact(n_tables), *self.tables[2:])
-
-    def copy(self):
-        """An independent memory with the same pieces."""
-        twin = _Pieces(self._convolution, self.arrays[0].shape[0], self._n_block)
-        twin.tables = self.tables
-        twin.restore(self.state())
-        return twin

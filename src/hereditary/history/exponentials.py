@@ -192,12 +192,6 @@ class _Modes(Memory):
             required = f"stay within the {self._covered} steps its history covers"
             raise ValueError(complaint("resume", required, f"a run to step {n_end}", remedy))
 
-    def copy(self):
-        """An independent memory with the same modes; the tables are shared."""
-        blocks = (self.block_weights, self.block_start_weights)
-        known = self.n_modes, self._covered, self.kernel_errors
-        return _Modes(self.tables, self.state(), blocks, *known)
-
 
 def _bank(convolution, covered, tol):
     """Rates of all modes, their weights for each kernel, how many are there for the padding, and

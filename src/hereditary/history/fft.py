@@ -101,10 +101,3 @@ class _Pending(Memory):
         kernel = rfft(self.tables[0][:, 1 : 2 * length + 1], size, axis=1)
         product = rfft(stored[:, n - length : n], size, axis=1) * kernel[groups]
         pending[:, n : n + length] += irfft(product, size, axis=1)[:, length : 2 * length]
-
-    def copy(self):
-        """An independent memory with the same pieces."""
-        twin = _Pending(self._convolution, self.arrays[0].shape[0], self._n_block)
-        twin.tables = self.tables
-        twin.restore(self.state())
-        return twin

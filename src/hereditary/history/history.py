@@ -78,15 +78,6 @@ class Memory(ABC):
         `groups` (W,) the group of each column.
         """
 
-    @abstractmethod
-    def copy(self) -> Memory:
-        """An independent memory with the same contents."""
-
-    @property
-    def n_stored(self):
-        """Numbers held for each column."""
-        return sum(array.shape[1] for array in self.arrays)
-
     @property
     def nbytes(self):
         """Bytes of the memory itself, tables not counted."""
@@ -115,10 +106,6 @@ class NoMemory(Memory):
 
     def prepare(self, n_end: int) -> None:
         """Any length will do."""
-
-    def copy(self) -> Memory:
-        """Another empty memory."""
-        return NoMemory(self.arrays[0].shape[0], self.block_weights, self.block_start_weights)
 
 
 class History(ABC):

@@ -29,8 +29,7 @@ class MeshMemory(Memory):
         tables = (times, sums.rows.lead, theta, first, second, sums.rule, kind, derivatives)
         none = np.zeros((len(sums.factors), 0))
         super().__init__(exchange, tables, arrays, none, none)
-        self._how, self.n_modes, self._covers = (exchange, sums, kinds), n_modes, covers
-        self._mesh = sums.times
+        self.n_modes, self._covers, self._mesh = n_modes, covers, sums.times
 
     def prepare(self, n_end):
         """Refuse steps that the modes do not reach."""
@@ -55,7 +54,3 @@ class MeshMemory(Memory):
             np.pad(array, ((0, 0), (0, max(0, n - array.shape[1])))) if array.shape[1] else array
             for array in self.arrays
         )
-
-    def copy(self):
-        """An independent memory with the same contents; the tables are shared."""
-        return MeshMemory(*self._how, self.state(), self.n_modes, self._covers)

@@ -82,12 +82,6 @@ class VaryingPieces(VaryingMemory):
         *common, _, _, unused = self.tables
         self.tables = (*common, np.array(logs), np.zeros((1, n)), unused)
 
-    def copy(self):
-        """An independent memory with the same pieces."""
-        twin = VaryingPieces(self._schedule, self.arrays[0].shape[0])
-        twin.restore(self.state())
-        return twin
-
 
 class VaryingModes(VaryingMemory):
     """Modes for all orders."""
@@ -147,13 +141,6 @@ class VaryingModes(VaryingMemory):
             np.multiply(exponent, -h, out=own[3])
             np.expm1(own[3], out=own[3])  # exp(-a h) - 1, to all its digits
             fill_starts(own, schedule.kernels[index, :size], from_moments[m - 1], decays)
-
-    def copy(self):
-        """An independent memory with the same modes."""
-        n_columns = self.arrays[0].shape[0]
-        twin = VaryingModes(self._schedule, n_columns, self._covered, self._tol)
-        twin.restore(self.state())
-        return twin
 
 
 @lru_cache(maxsize=16)

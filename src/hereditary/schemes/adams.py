@@ -19,7 +19,6 @@ from ..compiled.watch import QUICK
 from ..special import first_moment_exponential, gauss_unit, mean_exponential
 from ..system import System
 from .derivative_form import drift_of_speed
-from .modes import Modes, edge, series
 from .scheme import (
     Convolution,
     Plan,
@@ -29,13 +28,8 @@ from .scheme import (
     distinct_columns,
     uniform_rows,
 )
-from .stability import StabilityRegion, polylogarithm
+from .stability import StabilityRegion
 from .weights import weighed
-
-# A mode of the sweeps counts as unstable when it grows by more than this a step; one that turns, of
-# a system, by more than a fiftieth, with fewer than 20 steps a turn. So many weights leave 1e-7.
-_LEAST_GROWTH = 1.0005
-_GROWTH, _ANGLE, _N_WEIGHTS = 1.02, 0.3, 800
 
 
 def hat_weights(alpha, n):
@@ -130,8 +124,6 @@ def _plan(equation, h, corrections):
         start_lists.append(((-factor, FIRST_VALUE, alpha),))
     shift = h * equation.y0[1] if equation.m == 2 else np.zeros(equation.d)
     lead_of = np.array(lead)[groups]
-    region = _region(equation, lead_of, corrections)
-    limits = region.limits * lead_of if region else np.full(equation.d, np.inf)
     amplitudes, powers = drift_of_speed(equation)
     amplitudes[:, ~equation.read] = 0.0
     return Plan(
@@ -145,97 +137,31 @@ def _plan(equation, h, corrections):
         integral=True,
         powers=powers,
         drift=amplitudes,
-        limits=limits,
-        region=region,
+        region=_region(equation, lead_of, corrections),
         slowest=QUICK,
     )
 
 
 def _region(equation, lead, corrections):
-    """Limits of -d f / d y; None where nothing is to watch.
+    """Return the limits of -d f / d y; None if every step is stable.
 
-    The implicit scheme's alternating mode leaves the unit circle above order 1 only, at ``lead K =
-    1 / (4 |eta(-1-beta)|)``, eta being Dirichlet's.
+    Sweeps contract only if ``lead K < 1``, which is the limit of stability for an odd number of
+    sweeps and orders up to 1, and above it in all other cases. Without sweeps the alternating mode
+    leaves the unit circle above order 1 only, at ``lead K = 1 / (4 |eta(-1-beta)|)``, eta being
+    Dirichlet's.
     """
     orders = equation.highest_orders()[equation.sources]
     if corrections:
-        limits = np.array([sweep_limit(alpha, corrections) for alpha in orders]) / lead
-    elif orders.max() > 1:
-        eta = np.abs((1 - 2 ** (2 + orders)) * zeta(-1 - orders))
-        limits = np.where(orders > 1, 1 / (4 * eta * lead), np.inf)
-    else:
+        limits = 1 / lead
+    elif orders.max() <= 1:
         return None
-    modes = lru_cache(lambda d: _modes(orders[:d], lead[:d], corrections))
+    else:
+        above = np.where(orders > 1, orders, 2.0)
+        eta = np.abs((1 - 2 ** (2 + above)) * zeta(-1 - above))
+        limits = np.where(orders > 1, 1 / (4 * eta * lead), np.inf)
     nothing = np.zeros(0)
     # memory moves with the newest increment by 1 / lead
-    return StabilityRegion(
-        limits, nothing, nothing, np.pi, modes, sweeps=corrections > 0, gains=1 / lead
-    )
-
-
-@lru_cache(maxsize=256)
-def sweep_limit(alpha, corrections):
-    """Largest ``lead K`` of ``D^alpha y = -K y`` at which no mode grows, by the turns of `_matrix`.
-
-    With an odd number of sweeps and orders up to 1 it is 1, where the sweeps cease to contract.
-    """
-    if corrections % 2 == 1 and alpha <= 1:
-        return 1.0
-    angles = np.pi * np.linspace(0, 1, 2049) ** 2
-    points = _LEAST_GROWTH * np.exp(1j * angles)
-    w = 1 / points
-    total = (1 - w) ** 2 / w * polylogarithm(alpha + 1, w)
-
-    def grows(stiffness, every):
-        z, where = -np.asarray(stiffness)[:, None], slice(None, None, every)
-        sweeps = np.polynomial.polynomial.polyval(z, np.ones(corrections + 1))
-        turning = 1 - z * (total[where] - 1) * sweeps - z ** (corrections + 1) * w[where]
-        phases = np.unwrap(np.angle(turning), axis=1)
-        return np.rint((phases[:, -1] - phases[:, 0]) / np.pi) != 0
-
-    tried = np.geomspace(1e-3, 2.0, 48)
-    first = int(np.argmax(grows(tried, 4)))
-    low, high = tried[max(first - 1, 0)], tried[first]
-    for _ in range(14):
-        middle = np.sqrt(low * high)
-        if grows([middle], 1)[0]:
-            high = middle
-        else:
-            low = middle
-    return float(low)
-
-
-@lru_cache(maxsize=64)
-def _edge_series(alpha):
-    """Series of the weights at the edge, kept: where memory is cut off every interval asks anew."""
-    return series(hat_weights(alpha, _N_WEIGHTS), edge(_GROWTH, _ANGLE))
-
-
-def _modes(orders, lead, corrections):
-    """Modes of a system; `lead` times J is what a sweep multiplies differences by."""
-    points = edge(_GROWTH, _ANGLE)
-    total = np.array([_edge_series(float(alpha)) for alpha in orders]).T
-    total /= 1 - 1 / points[:, None]  # (k, d)
-    eye, bound = np.eye(orders.size), np.abs(total - 1).max()
-
-    def matrix(jacobians):
-        m, d = lead[:, None] * jacobians, orders.size
-        if corrections == 0:
-            return np.linalg.solve((eye - m)[:, None], eye - total[:, :, None] * m[:, None])
-        sweeps = power = np.broadcast_to(eye, m.shape)
-        for _ in range(corrections):
-            power = power @ m
-            sweeps = sweeps + power
-        # sweeps diag(total - 1) m at all points, in a tenth of the time of so many small products
-        parts = np.moveaxis(sweeps, 2, 1)[..., None] * m[:, :, None]
-        older = ((total - 1) @ parts.reshape(-1, d, d * d)).reshape(len(m), -1, d, d)
-        return eye - older - (power @ m)[:, None] / points[:, None, None]
-
-    def reach(sizes):
-        # |C - 1| is at most q (bound / (1 - q) + 1), q being that of the sweeps
-        return 2 * (bound + 1) * (lead * sizes.sum(axis=2)).max(axis=1)
-
-    return Modes(matrix, reach)
+    return StabilityRegion(limits, nothing, nothing, np.pi, gains=1 / lead)
 
 
 @dataclass(frozen=True)
@@ -261,8 +187,8 @@ class Adams(Scheme):
     Conditional: for ``D^alpha y = -K y`` with one sweep K h**alpha must stay below Gamma(alpha +
     2), 1.02 to 2, for orders up to 1 and below about 1.5 to 2.5 above; at order 2 it grows slowly
     at any step (docs/stability.md). Beyond, the solution grows, or with a force that saturates
-    stays bounded and wrong. `solve` watches the limit along the orbit, where the sweeps hardly
-    contract, and for increments that grow while they turn within a few steps.
+    stays bounded and wrong. `solve` watches whether the sweeps contract along the orbit, K h**alpha
+    < Gamma(alpha + 2), and whether increments grow while they turn within a few steps.
 
     Source
     ------

@@ -14,7 +14,6 @@ import numpy as np
 from .._checks import complaint, within
 from ..compiled.watch import SLOWEST
 from ..system import System
-from .modes import series
 from .scheme import (
     Convolution,
     Plan,
@@ -27,9 +26,6 @@ from .scheme import (
 from .stability import largest_step, polylogarithm, stability_region
 from .varying import varying_plan
 from .weights import FIRST_DIFFERENCES, value_weights, weighed
-
-# Weights of a symbol; on the circle that modes are sought outside of, the rest adds 3e-11.
-_N_WEIGHTS = 256
 
 
 @dataclass(frozen=True)
@@ -154,7 +150,7 @@ class ExplicitCaputo(Scheme):
             value_lists.append(value_weights(key, total, h, 0.0, 0))
         increments = h * equation.y0[1] if equation.m == 2 else np.zeros(equation.d)
         start = np.where(second, increments, 0.0)
-        region = _region(equation, h, distinct, groups, self._limits(equation, h))
+        region = _region(equation, h, distinct, self._limits(equation, h))
         # y(0), which no increment tells of, where a term remembers y itself
         values = (tuple(value_lists),) if any(value_lists) else ()
         starts = [start, equation.y0[0]] if values else [start]
@@ -172,19 +168,15 @@ class ExplicitCaputo(Scheme):
         )
 
 
-def _region(equation, h, distinct, groups, limits):
-    def symbol(terms, zeta):
-        parts = (weighed(c, operator, h) for c, operator in terms)
-        weights = sum(factor * rule.exact(p, _N_WEIGHTS) for factor, rule, p in parts)
-        return (zeta - 1) * series(weights, zeta)
-
-    def closed(terms, zeta):  # sum_k b_k zeta**-k = (zeta - 1) Li_(-p)(1 / zeta)
+def _region(equation, h, distinct, limits):
+    def curve(zeta):  # sum_k b_k zeta**-k = (zeta - 1) Li_(-p)(1 / zeta)
         total = 0.0
-        for c, operator in terms:
+        for c, operator in distinct[0]:
             factor, _, _ = weighed(c, operator, h)
             lean = 1 - 1 / zeta if operator.derivative == 2 else 1.0
             total += factor * lean * (zeta - 1) ** 2 * polylogarithm(operator.power, 1 / zeta)
         return total
 
-    alike = closed if equation.constant else None
-    return stability_region(limits, distinct, groups, symbol, alike)
+    alike = len(distinct) == 1 and equation.constant
+    orders = [operator.order for _, operator in distinct[0]]
+    return stability_region(limits, orders, curve if alike else None)

@@ -144,7 +144,7 @@ class GrunwaldLetnikov(Scheme):
             increments=h * speeds,
             shift=np.zeros(equation.d),
             starts=np.array([0 * start, start] if above else [start]),
-            region=_region(h, distinct, groups, self._limits(equation, h)),
+            region=_region(h, distinct, self._limits(equation, h)),
             slowest=SLOWEST,
         )
 
@@ -184,8 +184,10 @@ POWER_SERIES = WeightRule(_SERIES.exact, _exponent, _modal)
 SPEED = WeightRule(_speed, _speed_exponent, _modal_speed)
 
 
-def _region(h, distinct, groups, limits):
-    def symbol(terms, zeta):
+def _region(h, distinct, limits):
+    def curve(zeta):
+        terms = distinct[0]
         return zeta * sum(c * ((1 - 1 / zeta) / h) ** operator.order for c, operator in terms)
 
-    return stability_region(limits, distinct, groups, symbol, symbol)
+    orders = [operator.order for _, operator in distinct[0]]
+    return stability_region(limits, orders, curve if len(distinct) == 1 else None)

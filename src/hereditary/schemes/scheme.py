@@ -9,47 +9,14 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar
 
 import numpy as np
 
 from .._checks import complaint
 from ..compiled.signatures import StepRows
 from ..system import System
-
-
-class Past(Protocol):
-    """Sums over the past that a history makes, and the rows of the steps that need them."""
-
-    def prepare(self, n_end: int) -> None:
-        """Make ready for a run to step `n_end`."""
-
-    def reach(self, n: int) -> tuple[int, int]:
-        """Work out the rows from step n on; return their end, and how many were worked out now."""
-
-    def open(self, history, n_columns: int, n_block: int, span):
-        """Open a fresh memory of a history for these sums.
-
-        `span` is the number of steps of the run, or the shortest step and the last time.
-        """
-
-
-class Region(Protocol):
-    """Part of the complex plane that eigenvalues of the Jacobian must keep to."""
-
-    @property
-    def sweeps(self) -> bool:
-        """Whether a Jacobian is added where the sweeps of a stretch contracted least."""
-
-    @property
-    def every(self) -> int:
-        """Blocks between two Jacobians."""
-
-    def orbit(self, d: int, sources: np.ndarray) -> Region:
-        """Return the region of the first d components; `sources` as in `System`."""
-
-    def ratios(self, jacobians: np.ndarray, steps: np.ndarray) -> np.ndarray:
-        """Largest ratio of an eigenvalue to its limit, for each of Jacobians at `steps`."""
+from .stability import StabilityRegion
 
 
 @dataclass(frozen=True)
@@ -196,8 +163,6 @@ class Plan:
         Whether the pieces are values of the right-hand side instead of increments.
     given : ndarray of int64, shape (d,), or None
         Whether the first increment is given.
-    limits : ndarray, shape (d,)
-        Of lead times ``-d rhs / d y``, for sweeps.
     powers, drift : ndarray, shape (r, d)
         Known terms ``drift t**power`` on the left side.
     first : ndarray, shape (d,)
@@ -208,13 +173,13 @@ class Plan:
         Start values that `past` weighs.
     lasting : bool
         Whether `corrections` last beyond the first few steps.
-    region : StabilityRegion, FrozenLimits, or None
+    region : StabilityRegion or None
         Where the eigenvalues of the Jacobian must stay; None for a scheme without a step limit.
     slowest : float
         Steps between turns up to which growing turns are watched; 0 for a scheme without a limit.
     """
 
-    past: Past
+    past: Any
     rows: StepRows
     groups: np.ndarray
     initial: np.ndarray
@@ -223,14 +188,13 @@ class Plan:
     sweeps: int = 0
     integral: bool = False
     given: np.ndarray | None = None
-    limits: np.ndarray | None = None
     powers: np.ndarray | None = None
     drift: np.ndarray | None = None
     first: np.ndarray | None = None
     corrections: np.ndarray | None = None
     starts: np.ndarray | None = None
     lasting: bool = False
-    region: Region | None = None
+    region: StabilityRegion | None = None
     slowest: float = 0.0
 
 

@@ -5,22 +5,15 @@ decays in the equation grows in the scheme when mu lies beyond the curve of |zet
 """
 
 import importlib
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 import numpy as np
 from scipy.special import factorial, gamma, zeta
-
-from .modes import Modes, edge
 
 # Oscillatory modes count as unstable when they grow by more than this a step. A first-order scheme
 # lets every weakly damped oscillation grow a little, at any step: an error, but no instability.
 _GROWTH = 1.1
 _N_ANGLES = 512
-# Modes of systems whose components differ count with fewer than 14 steps a turn: none of order 1
-# that decays in the equation grows so with more.
-_ANGLE = 0.45
 # Components up to which eigenvalues of all Jacobians are found, beyond which norms are looked at
 # before those of the largest one, and beyond which these are the
 # _LARGEST of largest modulus alone.
@@ -42,10 +35,6 @@ class StabilityRegion:
         that argument in (0, pi) grows by a tenth a step. Empty where components differ.
     first_angle : float
         Eigenvalues of a smaller argument grow in the equation itself.
-    modes : callable, or None
-        ``modes(d)``: the `Modes` of the first d components, where no such curve is known.
-    sweeps : bool
-        Whether the march adds a Jacobian to each stretch in which its sweeps hardly contracted.
     gains : ndarray, shape (d,), optional
         Value that memory read by the right-hand side has for the mode at the limit of its source's
         size; by default `limits`, as an explicit scheme reads it.
@@ -57,8 +46,6 @@ class StabilityRegion:
     angles: np.ndarray
     radii: np.ndarray
     first_angle: float
-    modes: Callable | None = None
-    sweeps: bool = False
     gains: np.ndarray | None = None
     sources: np.ndarray | None = None
 
@@ -72,16 +59,12 @@ class StabilityRegion:
         """Blocks between two Jacobians: by differences one costs 2 d right-hand sides."""
         return (self.limits.size + 1) // 2
 
-    def ratios(self, jacobians, steps=None, runs=None):
+    def ratios(self, jacobians):
         """Largest ratio of an eigenvalue to its limit, for each Jacobian; unstable above 1.
 
         Parameters
         ----------
         jacobians : ndarray, shape (k, d, d), or list of SciPy's sparse arrays
-        steps : ndarray, shape (k,), optional
-            Where they were taken; these limits are the same everywhere.
-        runs : ndarray, shape (k,), optional
-            Numbers of the runs that they are of, by default one.
 
         Returns
         -------
@@ -98,17 +81,14 @@ class StabilityRegion:
         if scaled.shape[1] > TOGETHER:
             bounds, worst = bounds_of(jacobians, [limits] * len(jacobians))
             return self._ratios_where_largest(bounds, worst)
-        return self._ratios_of(np.linalg.eigvals(scaled), jacobians, runs)
+        return self._ratios_of(np.linalg.eigvals(scaled))
 
     def suspects(self, jacobians):
         """Whether a ratio may exceed 1 by norms, for each of Jacobians (k, d, d); d is small."""
         jacobians, limits = self._folded(jacobians)
         sizes = np.abs(jacobians)
         least = min(1.0, self.radii.min() / self.limits[0]) if self.radii.size else 1.0
-        found = (sizes / limits[:, None]).sum(axis=2).max(axis=1) > least
-        if self.modes is not None and limits.size > 1:
-            found |= self.modes(limits.size).reach(sizes) > 1
-        return found
+        return (sizes / limits[:, None]).sum(axis=2).max(axis=1) > least
 
     def _folded(self, jacobians):
         """Jacobians of components with an equation, 0 where they are not finite, and limits."""
@@ -127,35 +107,20 @@ class StabilityRegion:
         ratios = np.minimum(bounds, 1.0)
         if worst is not None and bounds.max() > min(1.0, least):
             values = eigenvalues(worst)[None]
-            ratios[np.argmax(bounds)] = self._ratios_of(values, None)[0]
+            ratios[np.argmax(bounds)] = self._ratios_of(values)[0]
         return ratios
 
-    def _ratios_of(self, values, jacobians, runs=None):
-        """Ratios from eigenvalues over limits, (k, n), and from Jacobians where modes are known."""
-        real, ratios = _are_real(values), largest_real(values)
+    def _ratios_of(self, values):
+        """Return the largest ratios from eigenvalues over limits, (k, n)."""
+        real = np.abs(values.imag) <= 1e-9 * np.abs(values)  # but for rounding
+        ratios = np.where(real, values.real, 0.0).max(axis=1, initial=0.0)
         if self.angles.size:
             spiral = -values * self.limits[0]
             angle = np.abs(np.angle(spiral))
             share = np.abs(spiral) / np.interp(angle, self.angles, self.radii)
             share[real | (angle <= self.first_angle)] = 0.0
             ratios = np.maximum(ratios, share.max(axis=1))
-        if self.modes is not None and jacobians is not None:
-            ratios = np.maximum(ratios, self.modes(jacobians.shape[1]).ratios(jacobians, runs))
         return ratios
-
-    def ratio(self, jacobians):
-        """The largest of them."""
-        return float(self.ratios(jacobians).max(initial=0.0))
-
-
-def _are_real(values):
-    """Whether eigenvalues are real, but for rounding."""
-    return np.abs(values.imag) <= 1e-9 * np.abs(values)
-
-
-def largest_real(values):
-    """Return the largest of the real ones, and of 0, among eigenvalues (k, n)."""
-    return np.where(_are_real(values), values.real, 0.0).max(axis=1, initial=0.0)
 
 
 def bounds_of(jacobians, limits):
@@ -235,47 +200,28 @@ def longest_step(scheme, equation, h, ratio):
     return largest_step(lambda step: scheme._limits(equation, step), stiffness)
 
 
-def stability_region(limits, distinct, groups, symbol, alike):
+def stability_region(limits, orders, curve):
     """Region of an explicit scheme whose weights are the same in every step.
 
     Parameters
     ----------
     limits : ndarray, shape (d,)
         Limits of real eigenvalues.
-    distinct : list
-        Terms (coefficient, operator) of each group of components.
-    groups : ndarray of int64, shape (d,)
-        Group of each component.
-    symbol : callable
-        ``symbol(terms, zeta)``: the scheme's terms of x_n = zeta**n over zeta**n, for an array.
-    alike : callable or None
-        As `symbol`, to rounding, for components that are all of one group; None where the scheme
-        has no such form for them.
+    orders : list of float
+        Orders of the terms that all components have.
+    curve : callable or None
+        ``curve(zeta)``: the left side of x_n = zeta**n over zeta**n, for an array; None where terms
+        of components differ, whose eigenvalues count if real.
     """
     nothing = np.zeros(0)
-    if len(limits) == 1:
+    if len(limits) == 1 or curve is None:
         return StabilityRegion(limits, nothing, nothing, np.pi)
-    if len(distinct) > 1 or alike is None:
-        modes = lru_cache(lambda d: _modes(distinct, groups[:d], symbol))
-        return StabilityRegion(limits, nothing, nothing, np.pi, modes)
     turns = np.linspace(0, np.pi, _N_ANGLES + 2)[1:-1]
-    curve = alike(distinct[0], _GROWTH * np.exp(1j * turns))
-    angles = np.angle(curve)
+    values = curve(_GROWTH * np.exp(1j * turns))
+    angles = np.angle(values)
     order = np.argsort(angles)
-    first_angle = min(np.pi, np.pi / 2 * max(operator.order for _, operator in distinct[0]))
-    return StabilityRegion(limits, angles[order], np.abs(curve)[order], first_angle)
-
-
-def _modes(distinct, groups, symbol):
-    """Modes of a system: ``D(zeta) v = J v`` with D the symbols of its components."""
-    zeta = edge(_GROWTH, _ANGLE)
-    inverse = 1 / np.array([symbol(terms, zeta) for terms in distinct])[groups].T  # (k, d)
-    bound = np.abs(inverse).max(axis=0)
-    eye = np.eye(groups.size)
-    return Modes(
-        matrix=lambda jacobians: eye - inverse[:, :, None] * jacobians[:, None],
-        reach=lambda sizes: (bound * sizes.sum(axis=2)).max(axis=1),
-    )
+    first_angle = min(np.pi, np.pi / 2 * max(orders))
+    return StabilityRegion(limits, angles[order], np.abs(values)[order], first_angle)
 
 
 def polylogarithm(p, z):

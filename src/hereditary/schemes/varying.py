@@ -4,12 +4,8 @@ A scheme sees the operators at t_n + offset h, with the orders there.
 """
 
 import math
-from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
-from numpy.polynomial import Chebyshev, Polynomial
-from numpy.polynomial.polynomial import polyval
 from scipy.special import rgamma
 
 from .._checks import complaint
@@ -17,11 +13,9 @@ from ..compiled.orders import fill_term, invert_lead
 from ..compiled.signatures import StepRows
 from ..compiled.watch import SLOWEST
 from ..orders import OrderFailed
-from ..special import alternating_power_sum
 from ..system import System
 from .riemann_liouville import first_samples
 from .scheme import Plan, distinct_columns
-from .stability import bounds_of, eigenvalues, folded, largest_real
 
 # Steps at which orders are looked at before a run.
 _LOOKED_AT = 1001
@@ -32,13 +26,6 @@ _STRETCH = 16384
 _GROUP = 64
 # Exponents 1 - p that rounding takes for 0 count as this: then too their share stays what it is.
 LEAST = 1e-290
-# The alternating sum of the weights as a polynomial, to 1e-13: zeta itself takes ten times as long.
-# Coefficients in 2 p - 1.
-_ALTERNATING = (
-    Chebyshev(Chebyshev.interpolate(alternating_power_sum, 10, (0, 1)).coef)
-    .convert(kind=Polynomial)
-    .coef
-)
 
 
 class Schedule:
@@ -147,21 +134,6 @@ class Schedule:
         """Open a fresh memory of a history for these sums; see `Past.open`."""
         return history.open_varying(self, n_columns, span)
 
-    def limits(self, steps: np.ndarray) -> np.ndarray:
-        """Stiffness at which the explicit scheme zigzags, orders frozen, shape (n, d).
-
-        For steps of the stretch worked out last.
-        """
-        at = steps - self.rows.first
-        limits = np.zeros((len(self._terms), steps.size))
-        for a, terms in enumerate(self._terms):
-            for j, (_, operator) in enumerate(terms):
-                row = a * self.derivatives.shape[1] + j
-                alternating = polyval(2 * self.powers[row, at] - 1, _ALTERNATING)
-                limits[a] += self.amplitudes[row, at] * alternating * (2 * operator.derivative)
-            limits[a] /= self._lead[a, at]
-        return limits.T[:, self.groups]
-
     def _sampled(self, steps):
         """p = m - alpha of each order at `steps`, how many are good, and what then goes wrong."""
         times = (steps + self._offset) * self._h
@@ -254,49 +226,6 @@ def _power(base, p, out):
     np.exp(out, out=out)
 
 
-@dataclass(frozen=True, eq=False)
-class FrozenLimits:
-    """Where the explicit scheme is stable when the orders are frozen at each step.
-
-    Attributes
-    ----------
-    schedule : Schedule
-    d : int
-        Components of the orbit.
-    every : int
-        Steps between two Jacobians.
-    sources : ndarray of int64, shape (d,)
-        As in `System`.
-    """
-
-    schedule: Schedule
-    d: int
-    every: int
-    sources: np.ndarray
-    sweeps: ClassVar[bool] = False
-
-    def orbit(self, d, sources):
-        """The region of the first d components; `sources` as in `System`."""
-        # as in systems of constant orders: one Jacobian by differences takes 2 d calls
-        return FrozenLimits(self.schedule, d, 32 * ((d + 1) // 2), sources)
-
-    def ratios(self, jacobians, steps):
-        """Largest ratio of a real eigenvalue to its limit, for each of Jacobians at `steps`."""
-        if steps.size == 0:
-            return np.zeros(0)
-        limits = self.schedule.limits(steps)[:, : self.d]
-        if isinstance(jacobians, list):  # of sparse arrays
-            bounds, worst = bounds_of(jacobians, limits)
-            ratios = np.minimum(bounds, 1.0)
-            if bounds.max() > 1:
-                ratios[np.argmax(bounds)] = largest_real(eigenvalues(worst)[None])[0]
-            return ratios
-        jacobians = folded(jacobians, limits, self.sources)
-        scaled = -jacobians / limits[:, : jacobians.shape[1], None]
-        scaled = np.where(np.isfinite(scaled).all(axis=(1, 2))[:, None, None], scaled, 0.0)
-        return largest_real(np.linalg.eigvals(scaled))
-
-
 def varying_plan(system, h, theta, explicit):
     """Plan of a scheme on an equation with orders that vary."""
     if any(operator.kernel is not None for operator, _ in system.left):
@@ -312,7 +241,6 @@ def varying_plan(system, h, theta, explicit):
         increments=shift,
         shift=shift,
         given=(system.highest_orders() > 1).astype(np.int64) if explicit else None,
-        region=FrozenLimits(schedule, system.d, 0, system.sources) if explicit else None,
         slowest=SLOWEST if explicit else 0.0,
         drift=system.y0[:1] if any(operator.from_zero for operator, _ in system.left) else None,
     )

@@ -9,16 +9,12 @@ from ..schemes.stability import TOGETHER
 _MOST = 2000
 
 
-# Jacobians of a stretch of a member of an ensemble.
-_STRETCH = 32
-
-
 class JacobianWatch:
-    """Jacobians at regular steps of a march, and at those where sweeps contracted least.
+    """Jacobians at regular steps of a march.
 
     Parameters
     ----------
-    region : Region or None
+    region : StabilityRegion or None
         Of the scheme's stability; None where every step is stable.
     system : System
     block : int
@@ -48,10 +44,8 @@ class JacobianWatch:
         """Return room for the Jacobians of the steps from n to before n_end."""
         if self._region is None:
             return np.zeros((0, 0, 0))
-        self._first, self._stretch = (n - 1) // self.every + 1, n // self.every
-        self._n_samples = self._last(n_end) - self._first
-        stretches = self._last(n_end) - self._stretch if self._region.sweeps else 0
-        count = self._n_samples + stretches
+        self._first = (n - 1) // self.every + 1
+        count = self._last(n_end) - self._first
         if self._structure is None:
             return np.zeros((count, *self._shape))
         return np.tile(self._structure.entries, (count, 1, 1))
@@ -62,12 +56,6 @@ class JacobianWatch:
             return
         made = self._last(n) - self._first
         self._look(self._region, jacobians[:made], self._first + np.arange(made))
-        others = jacobians[self._n_samples :]
-        if len(others) == 0:
-            return
-        values = others if self._structure is None else others[:, VALUES : VALUES + 1]
-        taken = np.flatnonzero(values.any(axis=(1, 2)))
-        self._look(self._region, others[taken], self._stretch + taken)
 
     def of_members(self, jacobians, n):
         """Return the largest ratios (E,) of marches from step 0 to steps n (E,), 0 up to 1.
@@ -78,16 +66,10 @@ class JacobianWatch:
             return np.zeros(n.size)
         if self._structure is not None or self._shape[0] > TOGETHER:
             return np.array([self._of_one(*march) for march in zip(jacobians, n, strict=True)])
-        number = np.arange(jacobians.shape[1])
-        regular = number < self._n_samples
-        made = number < self._last(n)[:, None]
-        taken = np.where(regular, made, jacobians.any(axis=(2, 3)))
+        taken = np.arange(jacobians.shape[1]) < self._last(n)[:, None]
         taken[taken] = self._region.suspects(jacobians[taken])
         ratios = np.zeros(taken.shape)
-        # modes are looked at for the largest ones of a stretch
-        stretch = number // _STRETCH + (number[-1:].max(initial=0) + 1) * ~regular
-        runs = np.arange(len(n))[:, None] * 4 * number.size + stretch
-        ratios[taken] = self._region.ratios(jacobians[taken], runs=runs[taken])
+        ratios[taken] = self._region.ratios(jacobians[taken])
         return ratios.max(axis=1, initial=0.0)
 
     def _of_one(self, jacobians, n):
@@ -103,7 +85,7 @@ class JacobianWatch:
         steps = places * self.every
         if self._structure is not None:
             jacobians = [self._structure.matrix(entries[VALUES]) for entries in jacobians]
-        ratios = region.ratios(jacobians, steps)
+        ratios = region.ratios(jacobians)
         if ratios.max(initial=0.0) > self.largest:
             self.largest, self.step = float(ratios.max()), int(steps[np.argmax(ratios)])
 

@@ -26,7 +26,6 @@ def step_table(plan, memory, system, sources, every, h):
         given=np.zeros(width, dtype=np.int64) if plan.given is None else plan.given,
         weights=memory.block_weights,
         start_weights=memory.block_start_weights,
-        limits=np.zeros(width) if plan.limits is None else plan.limits,
         powers=np.zeros((0, width)) if plan.powers is None else plan.powers,
     )
 

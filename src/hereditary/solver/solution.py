@@ -71,7 +71,8 @@ class Solution:
         the least, which the first step may err by. Otherwise
         stiffness_ratio: the largest ratio of an eigenvalue of d rhs / d y to its step limit
         seen along the orbit, sampled every 32 steps (more rarely in systems); the scheme is
-        unstable above 1. Complex eigenvalues of orders that vary are not seen. Of more than 32
+        unstable above 1. Orders that vary have none, and of components with different terms only
+        real eigenvalues count. Of more than 32
         components norms tell first, and their bound stands here where it is below 1.
     left : State or callable
         What `state` is, or returns it.

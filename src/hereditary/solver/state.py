@@ -8,7 +8,6 @@ from typing import Any, ClassVar
 import numpy as np
 
 from .._checks import complaint
-from .._digest import digest
 from ..history.history import History
 from ..meshes import MeshSteps, Span, UniformSteps
 from ..schemes.scheme import Scheme
@@ -36,8 +35,8 @@ class State:
         Sign of each event function just after its last zero, by its digest.
     version : str
         Version of the library.
-    seal : str
-        Digest of the contents.
+    layout : list
+        Shapes and types of the arrays.
     """
 
     adaptive: ClassVar[bool] = False
@@ -56,18 +55,12 @@ class State:
     largest_ratio_step: int = field(repr=False)
     event_signs: dict[str, float] = field(default_factory=dict, repr=False)
     version: str = field(default="", repr=False)
-    seal: str = field(default="", repr=False)
+    layout: list = field(default_factory=list, repr=False)
 
     @property
     def h(self) -> float:
         """Step of uniform ones; 0 on a mesh [time]."""
         return self.steps.h
-
-    def contents(self):
-        """All that a march reads."""
-        ratio = self.largest_ratio, self.largest_ratio_step
-        numbers = (self.t, self.n, self.block, self.memory_steps, *ratio)
-        return numbers, tuple(vars(self.steps).values()), self.y, self.march, self.memory
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,8 +82,8 @@ class AdaptiveState:
         Terms, right-hand side and more, by name; checked on resuming, as the next two are.
     version : str
         Version of the library.
-    seal : str
-        Digest of the contents.
+    layout : list
+        Shapes and types of the arrays.
     """
 
     adaptive: ClassVar[bool] = True
@@ -106,26 +99,22 @@ class AdaptiveState:
     at_singular_start: bool = field(repr=False)
     event_signs: dict[str, float] = field(default_factory=dict, repr=False)
     version: str = field(default="", repr=False)
-    seal: str = field(default="", repr=False)
-
-    def contents(self):
-        """All that a march reads."""
-        return self.t, self.y, self.march, self.orbit, self.at_singular_start
+    layout: list = field(default_factory=list, repr=False)
 
 
-def sealed(state):
-    """The state with its version and seal."""
-    return replace(state, version=_version(), seal=_seal(state))
+def complete(state):
+    """Return the state with the library's version and the layout of its arrays."""
+    return replace(state, version=_version(), layout=_layout(state))
 
 
 def check_sound(state):
-    """Refuse a state of another version, and one whose contents are not those that a run left."""
+    """Refuse a state of another version, or with other arrays than those that a run left."""
     here, version = _version(), getattr(state, "version", "another one")
     if version != here:
         required = f"come from the same version of hereditary, here {here}"
         raise ValueError(complaint("resume", required, version, "start anew"))
-    if state.seal != _seal(state):
-        required, got = "be a state as a run left it", "one that was damaged or changed since"
+    if state.layout != _layout(state):
+        required, got = "be a state as a run left it", "arrays of other shapes or types"
         raise ValueError(complaint("resume", required, got, "start anew"))
 
 
@@ -138,11 +127,11 @@ def check_reach(state, t_end):
         raise ValueError(complaint("resume", required, f"a run to {t_end}", remedy))
 
 
-def _seal(state):
-    try:
-        return digest(*state.contents())
-    except AttributeError:  # a part is missing
-        return "damaged"
+def _layout(state):
+    """Return the shape and the type of each array that compiled code is going to read."""
+    parts = state.memory if isinstance(state, State) else vars(state.orbit).values()
+    arrays = state.y, *state.march, *(part for part in parts if isinstance(part, np.ndarray))
+    return [(array.shape, array.dtype.str) for array in arrays]
 
 
 @cache

@@ -20,7 +20,7 @@ from .identity import check_identity, described, identity
 from .jacobian_watch import JacobianWatch
 from .linear_solvers import newton_of
 from .reactions import check_on_given_steps
-from .state import State, check_sound, frozen, sealed
+from .state import State, check_sound, complete, frozen
 from .status import Status, failed
 from .step_pieces import StepPieces
 from .stops import before_break, break_steps, rows_beside
@@ -380,7 +380,7 @@ class Stepper:
             largest_ratio=self.largest_ratio,
             largest_ratio_step=self.largest_ratio_step,
         )
-        return sealed(state)
+        return complete(state)
 
     def restore(self, state, allow_change=False):
         """Take over where `state` was taken, of another right-hand side where that is allowed."""
