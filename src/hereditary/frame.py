@@ -59,7 +59,7 @@ class _Inside:
 
     def __init__(self, function, frame):
         self._function, self._frame, self.start = function, frame, frame.start
-        for name in ("terminal", "direction", "change", "forget"):
+        for name in ("terminal", "direction", "forget"):
             if hasattr(function, name):
                 setattr(self, name, getattr(function, name))
 

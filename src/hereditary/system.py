@@ -78,11 +78,13 @@ class System:
         return locked
 
     def beside(self, t, sign):
-        """Return the nearest time after (sign 1) or before (-1) t that functions tell from t."""
-        apart, start = 0.0, self.frame.start
-        if start != 0:  # times there are farther apart
-            apart = 4 * np.spacing(max(abs(start), abs(start + t)))
-        return np.nextafter(t, sign * np.inf) + sign * apart
+        """Return a time after (sign 1) or before (-1) t, by some units of rounding.
+
+        Functions tell it from t, also where they round the time of a jump otherwise.
+        """
+        start = self.frame.start
+        apart = 8 * np.spacing(max(abs(t), abs(start), abs(start + t)))
+        return t + sign * apart
 
     @property
     def enlarged(self) -> "System":

@@ -1,4 +1,4 @@
-"""Events that change y or forget the past."""
+"""Changes of y by events and at stated times."""
 
 from math import gamma
 
@@ -17,7 +17,7 @@ def at_one(t, y):
     return t - 1.0
 
 
-def event(function=at_one, change=None, forget=False, **attributes):
+def event(function=at_one, change=None, **attributes):
     """A new event function with these attributes."""
 
     def zero(t, y):
@@ -25,7 +25,6 @@ def event(function=at_one, change=None, forget=False, **attributes):
 
     if change is not None:
         zero.change = change
-    zero.forget = forget
     for name, value in attributes.items():
         setattr(zero, name, value)
     return zero
@@ -203,31 +202,6 @@ def test_izhikevich_with_memory_against_tiny_steps():
     assert np.abs(tiny - sol.t_events[0]).max() < 0.15
 
 
-@pytest.mark.parametrize("alpha", [0.8, 1.0])
-def test_a_past_that_is_forgotten_begins_anew(alpha):
-    """Every interval between spikes is as the first."""
-    fire = event(lambda t, v: v[0] - 1.0, lambda t, v: 0 * v, forget=True)
-    eq = hd.Equation(C(alpha) + 0.2 * C(0.3), lambda t, v: 1.5 - v, 0.0)
-    sol = hd.solve(eq, 8.0, rtol=1e-10, events=fire)
-    assert sol.t_events[0].size > 2
-    assert np.ptp(np.diff(sol.t_events[0], prepend=0.0)) < 1e-8
-    keep = hd.solve(eq, 3.0, rtol=1e-10, events=event(forget=True))
-    anew = hd.solve(eq.replace(y0=keep(1.0)), 2.0, rtol=1e-10)
-    assert abs(keep.y[-1, 0] - anew.y[-1, 0]) < 1e-9
-
-
-def test_forgetting_keeps_the_speed_and_empties_memory():
-    terms, rhs, y0, more = LINEAR["read above 1"]
-    eq = hd.Equation(terms, rhs, y0, **more)
-    sol = hd.solve(eq, 3.0, rtol=1e-10, events=event(forget=True))
-    anew = eq.replace(y0=[sol(1.0)[0], sol(1.0, 1)[0]])
-    assert abs(sol.y[-1, 0] - hd.solve(anew, 2.0, rtol=1e-10).y[-1, 0]) < 1e-9
-    riemann = hd.Equation(C(1.0) + hd.RiemannLiouville(0.4), decay, 1.0)
-    sol = hd.solve(riemann, 3.0, rtol=1e-10, events=event(forget=True))
-    anew = riemann.replace(y0=sol(1.0)[0])
-    assert abs(sol.y[-1, 0] - hd.solve(anew, 2.0, rtol=1e-10).y[-1, 0]) < 1e-9
-
-
 @pytest.mark.hypothesis
 @example(1.0, 0.30000000000000004, hd.ExplicitCaputo())  # a step is at 0.3
 @given(st.floats(0.3, 1.9), st.floats(0.1, 1.9), st.sampled_from([None, *GIVEN]))
@@ -290,8 +264,6 @@ def test_bad_changes_are_refused_or_end_the_run():
         assert sol.t[-1] == pytest.approx(1.0)
     varying = hd.Equation(C(lambda t: 0.8 - 0.1 * t), decay, 1.0)
     assert hd.solve(varying, 2.0, 100, events=event(change=add(1.0))).success
-    with pytest.raises(ValueError, match="forget nothing on given steps"):
-        hd.solve(eq, 2.0, 100, events=event(forget=True))
 
 
 def doses(t, y):
@@ -456,3 +428,52 @@ def test_a_right_hand_side_that_raises_behind_a_change_keeps_what_was_computed(h
     assert sol.t_events[0] == pytest.approx([1.0], abs=1e-9)
     assert sol.t[-1] == pytest.approx(1.0, abs=4e-3)
     assert sol.y[-1, 0] == pytest.approx(-1.0, abs=1e-12)
+
+
+@pytest.mark.parametrize("how", [{"rtol": 1e-8}, *GIVEN], ids=repr)
+def test_doses_at_stated_times_add_solutions(how):
+    """Those beyond the end are left out; at the end the last row is the one after the change."""
+    eq = hd.Equation(C(0.7), decay, 1.0, t_start=-2.0)
+    allowed = 1e-7 if isinstance(how, dict) else 5e-3
+    how = how if isinstance(how, dict) else {"n_steps": 4000, "scheme": how}
+    doses, relax = dict.fromkeys([0.5, -1.0, 2.0, 7.0], add(1.0)), hd.exact.relaxation(0.7)
+    sol = hd.solve(eq, 2.0, **how, changes=doses)
+    assert sol.success
+    assert np.flatnonzero(np.diff(sol.t) == 0).size == 3
+    for t in (-1.2, -0.9, 0.4, 0.7, 1.9):
+        exact = sum(relax(t - since)[0] for since in (-2.0, -1.0, 0.5) if t > since)
+        assert abs(sol(t)[0] - exact) < allowed
+    assert sol.y[-1, 0] - sol.y[-2, 0] == pytest.approx(1.0, abs=1e-9)
+    times = [-1.5, -1.0, 0.5, 1.0]
+    rows = hd.solve(eq, 2.0, **how, changes=doses, t_eval=times)
+    np.testing.assert_allclose(rows.y, sol(times), rtol=0, atol=1e-5)
+    half = how | {"n_steps": 2500} if "n_steps" in how else how
+    first = hd.solve(eq, 0.5, **half, changes=doses)
+    rest = hd.solve(eq, 2.0, resume=first.state, changes=doses)
+    assert abs(rest.y[-1, 0] - sol.y[-1, 0]) < 1e-7
+
+
+@pytest.mark.parametrize("end", [1.0, 1.0 + 4e-16, 2.0])
+@pytest.mark.parametrize("order", [[0, 1], [1, 0]])
+def test_coinciding_changes_act_in_order(end, order):
+    """First as stated, then by events in the order in which they are given."""
+    changes = [lambda t, y: 2.0 * y, lambda t, y: y + 1.0]
+    first, second = (changes[k] for k in order)
+    fire = event(lambda t, y: t - np.nextafter(1.0, 0.0), second, terminal=end == 2.0)
+    sol = hd.solve(
+        hd.Equation(C(0.7), decay, 1.0), end, rtol=1e-8, breaks=[1.0 - 2e-16], events=fire,
+        changes={1.0: first},
+    )  # fmt: skip
+    before = hd.exact.relaxation(0.7)(1.0)[0]
+    assert sol.y[-1, 0] == pytest.approx(second(1.0, first(1.0, before)), abs=1e-7)
+    assert sol.t[-1] == pytest.approx(1.0, abs=1e-15)
+
+
+@pytest.mark.parametrize("step", [1, 2, 3])
+@pytest.mark.parametrize("scheme", GIVEN, ids=repr)
+def test_rows_and_dense_output_agree_next_to_a_change_in_the_first_steps(scheme, step):
+    eq = hd.Equation(C(0.5), lambda t, y: 3.0 - y, -0.9)
+    times = np.array([0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 1.75, 2.0, 2.5, 3.5]) / 16
+    how = {"scheme": scheme, "changes": {(step - 0.5) / 16: add(-1.0)}}
+    sol, rows = (hd.solve(eq, 1.0, 16, **how, **more) for more in ({}, {"t_eval": times}))
+    np.testing.assert_allclose(rows.y, sol(times), rtol=0, atol=1e-12)

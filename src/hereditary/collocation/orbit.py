@@ -205,16 +205,6 @@ class OrbitAndTangents:
         self.offsets = self.offsets.copy()
         self.offsets[0] += self._of_terms(constants)[0]
 
-    def begin_anew(self, x):
-        """Return the orbit without its past, from y = x, (d,), on; y' is kept where it is p."""
-        rows = [x, self.p[0]] if self._form.second.any() else [x]
-        anew = OrbitAndTangents(self._form, np.array(rows)[None], self.last.shape[3])
-        anew.power_laws, anew.kernels, anew.varying = self.power_laws, self.kernels, self.varying
-        anew._prefitted = self._prefitted
-        anew._join()
-        anew._clear_modes()
-        return anew
-
     def jump_to(self, p, x):
         """Set p and y, (1 + k, d), and add the jump of p to the modes."""
         d = x.shape[1]

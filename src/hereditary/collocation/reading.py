@@ -55,10 +55,6 @@ class Plain:
         """Return a change of y, (d,), as one of all components of the system."""
         return change
 
-    def begun(self, y, x):
-        """Return components at the start of a run from y, (d,); others than y's are as in x."""
-        return y
-
 
 class Reading(Plain):
     """View of a stepper that solves an equation whose right-hand side reads memory."""
@@ -88,13 +84,6 @@ class Reading(Plain):
     def widened(self, change):
         """Return a change of y, (d,), as one of all components of the system."""
         return np.pad(change, (0, self.system.d - self._d))
-
-    def begun(self, y, x):
-        """Return components at the start of a run from y, (d,); memory is 0, y' as in x."""
-        found = self.widened(y)
-        speeds = self._speeds[self.second]
-        found[speeds] = x[speeds]
-        return found
 
 
 @dataclass(frozen=True, eq=False)

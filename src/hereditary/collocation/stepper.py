@@ -118,7 +118,7 @@ class AdaptiveStepper(CollocationMarch):
 
     def set_breaks(self, times, t_end):
         """Begin the steps anew at these times."""
-        at_once, self._breaks = breaks_ahead(times, self.t, t_end)
+        at_once, self._breaks = breaks_ahead(times, self.t, t_end, self.equation.frame.start)
         self._at_singular_start |= at_once
 
     def stats(self):
@@ -173,32 +173,26 @@ class AdaptiveStepper(CollocationMarch):
         while self.t < t and self.trouble is None:
             self.advance(t)
 
-    def stands_at(self, t):
-        """Return the time at which a march that goes back to t stands."""
+    def position_at(self, t):
+        """Return the position of a march that stops at time t."""
         return t
 
-    def expect(self, kinds):
-        """Make few steps at once, for events are going to change, forget or switch something.
+    stands_at = position_at
 
-        Refuse equations whose past a jump of y or f would not leave alone.
-        """
+    def expect_moves(self, of_y):
+        """Make few steps at once, for f, and y if `of_y`, is going to jump; refuse if it cannot."""
         self._rows = _FEW_ROWS
-        required = "change, forget or switch nothing"
+        kinds = "a change of y" if of_y else "a switch"
         if self._form.implicit.any():
-            required += " where a component's highest order varies or is a kernel's"
-            raise ValueError(complaint("events", required, ", ".join(sorted(kinds))))
-        if "change" in kinds and any(operator.from_zero for operator, _ in self.equation.left):
+            required = "change or switch nothing where a component's highest order varies or is a "
+            raise ValueError(complaint("events", required + "kernel's", kinds))
+        if of_y and any(operator.from_zero for operator, _ in self.equation.left):
             required = "change no y beside RiemannLiouville, which takes jumps for derivatives"
-            raise ValueError(complaint("events", required, "a change", "or forget the past"))
+            raise ValueError(complaint("events", required, kinds))
 
-    def change(self, y):
+    def moved(self, y):
         """Let y jump to these values, (d,), here; the jump does not enter the memory."""
         self._orbit.shift(self._view.widened(y - self.y))
-        self._at_singular_start = True
-
-    def forget(self, y):
-        """Forget the past: the march begins anew here, from y (d,)."""
-        self._orbit = self._orbit.begin_anew(self._view.begun(y, self._orbit.x[0]))
         self._at_singular_start = True
 
     def set_parameter(self, number, value):

@@ -101,14 +101,13 @@ class Output:
             self._dense.add(piece, start)
         chosen = self._chosen(edges)
         self._add(edges[1:][chosen], *piece.at_ends(edges[1:], chosen, self._second, self._sloped))
-        if self.events.fired and self._rows[0][self._size - 1] < self.end:
+        if self.events.interrupted and self._rows[0][self._size - 1] < self.end:
             self._add_last()
 
-    def go_on(self, before):
-        """Go on from where the march stands, after events acted on it; y was `before`, (d,)."""
+    def go_on(self, changed):
+        """Go on from where the march stands, after y may have `changed` there."""
         t, y = self._stepper.t, self._stepper.y
-        self.ended, changed = False, bool(np.any(y != before))
-        self.events.begin(before, self._stepper)
+        self.ended = False
         if self._asked is not None:  # rows asked for at the very time are those after it
             at_once = int(np.searchsorted(self._wanted, t * (1 + _SLACK), side="right"))
             times, self._wanted = self._wanted[:at_once], self._wanted[at_once:]
@@ -117,8 +116,6 @@ class Output:
         if not changed or self._asked is not None:
             return
         self._add(np.array([t]), y[None], self._stepper.ydot[None])
-        if self._n <= 2:  # rows no longer begin with those of two steps
-            self._starting = None
 
     def _chosen(self, edges):
         """Which steps between these edges are kept: a slice, or an array of truth values."""
@@ -133,10 +130,12 @@ class Output:
     def _take_wanted(self, piece):
         """Take in the rows at given times."""
         last = self.end if self.ended else self.end * (1 + _SLACK)
-        if self._stepper.position == self._stop and not self.ended:
+        at_end = self._stepper.position == self._stop and not self.ended
+        if self.events.interrupted:  # rows at the very time are those after it
+            last = self.end * (1 - _SLACK)
+        elif at_end:
             last = np.inf  # the last step may miss the end of the run by rounding
-        fired = bool(self.events.fired)  # rows at the very time are those after it
-        ahead = int(np.searchsorted(self._wanted, last, side="left" if fired else "right"))
+        ahead = int(np.searchsorted(self._wanted, last, side="right"))
         times, self._wanted = self._wanted[:ahead], self._wanted[ahead:]
         if times.size:
             self._add(times, *piece.evaluate_both(times, self._second, self._sloped))

@@ -53,10 +53,11 @@ class Drive:
         return None
 
 
-def run(stepper, stop, t_end, output, reactions, progress, began):
+def run(stepper, stop, t_end, output, progress, began, march=Drive.to):
     """March to position `stop`, the user's time `t_end`, or as far as it goes.
 
-    Returns the `Solution`. `began` is when its preparation began, by time.perf_counter.
+    Returns the `Solution`. `began` is when its preparation began, by time.perf_counter;
+    ``march(drive, stop)`` takes a `Drive` there.
     """
     ready = time.perf_counter()
     events = output.events
@@ -72,15 +73,12 @@ def run(stepper, stop, t_end, output, reactions, progress, began):
         stepper.go_back(before, output.end)
         if events.failure:
             return Status.EVENT_FAILED, events.failure
-        if not events.fired:
-            return Status.EVENT, ""
-        ended = stepper.trouble or reactions.act(output)
-        return ended or ((Status.EVENT, "") if events.over else None)
+        return stepper.trouble or (Status.EVENT, "")
 
     bar = ProgressBar(progress)
     try:
         with Interruption() as interruption:
-            ended = Drive(stepper, stop, advance, interruption, bar).to(stop)
+            ended = march(Drive(stepper, stop, advance, interruption, bar), stop)
     finally:
         bar.close()
     status, detail = ended or (reached_end(stepper), "")
@@ -89,7 +87,7 @@ def run(stepper, stop, t_end, output, reactions, progress, began):
     signs = events.signs()
     t, y, ydot, dense = output.close(t_end)
     seconds = {"setup_seconds": ready - began, "run_seconds": time.perf_counter() - ready}
-    frame, stats = stepper.equation.frame, stepper.stats() | seconds
+    frame, stats, n_told = stepper.equation.frame, stepper.stats() | seconds, events.n_events
 
     def left():
         return replace(stepper.state(), event_signs=signs)
@@ -105,9 +103,10 @@ def run(stepper, stop, t_end, output, reactions, progress, began):
         # kept for it holds more than that, which for few components is little
         left=left if stepper.equation.d <= FEW and stats["history_bytes"] <= _LITTLE else left(),
         dense=dense,
-        t_events=[np.array(times) + frame.start for times in events.times],
+        t_events=[np.array(times) + frame.start for times in events.times[:n_told]],
         y_events=[
-            frame.values(np.array(rows).reshape(-1, stepper.y.size)) for rows in events.values
+            frame.values(np.array(rows).reshape(-1, stepper.y.size))
+            for rows in events.values[:n_told]
         ],
     )
     pass_on(stepper.error, solution)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
-from functools import wraps
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial, wraps
 from typing import ParamSpec
 
 import numpy as np
@@ -31,13 +31,11 @@ from ..schemes.scheme import Scheme
 from .events import Events
 from .first_order import note_error
 from .output import Output
-from .reactions import Reactions, reaction_kinds
-from .run import run
+from .run import Drive, run
 from .solution import Solution
 from .state import AdaptiveState, State, check_sound
 from .stepping import Asked, open_run
 from .stops import checked_breaks
-from .switches import switched
 
 _P = ParamSpec("_P")
 # Largest save_every: a whole number that arrays hold.
@@ -89,6 +87,7 @@ def solve(
     breaks: ArrayLike = (),
     events: Callable | Sequence[Callable] = (),
     switches: Callable | Sequence[Callable] = (),
+    changes: Mapping[float, Callable] | None = None,
     progress: bool = False,
     resume: State | AdaptiveState | None = None,
     allow_change: bool = False,
@@ -153,13 +152,16 @@ def solve(
         are looked at, and the ends of given steps: two zeros between neighbours pass unseen, unless
         steps are shorter, and so does a zero next to where the function is NaN. A zero at the very
         start is not reported. Given steps go on, when resumed, from the first one that is not
-        before the event. Two attributes act on the run: ``change``, a function ``change(t, y)``
-        that returns a new y, whose jump does not enter the memory, and ``forget`` (True: the past
-        is forgotten, with `Collocation`). Rows then hold y before and after (docs/events.md).
+        before the event. The attribute ``change``, a function ``change(t, y)``, returns a new y,
+        whose jump does not enter the memory; rows hold y before and after (docs/events.md).
     switches : callable or sequence of callable, optional
         ``switch(t, y)``, functions at whose changes of sign the right-hand side jumps, compiled as
         it is. They are located as events are, and the steps begin anew there, each seeing one side
         alone. Where both sides push the solution back the run ends as SLIDING.
+    changes : mapping of float to callable, optional
+        ``{time: change}`` with functions ``change(t, y)`` that return a new y, such as doses; as
+        `change` of an event, at stated times above t_start. Those up to the state's time are over
+        when resuming, those beyond t_end are left out.
     progress : bool, optional
         Show a progress bar with the time left, on a terminal only.
     resume : State, optional
@@ -247,18 +249,24 @@ def solve(
         mesh = real_array("mesh", mesh) - start
     functions, jumping = _listed(events), _listed(switches)
     began = time.perf_counter()
-    system, numbers = switched(equation, jumping, scheme) if jumping else (equation, [])
-    kinds = reaction_kinds(functions, jumping)
+    system, hybrid = equation, None
+    if jumping or changes or any(getattr(f, "change", None) is not None for f in functions):
+        from ..hybrid import Hybrid  # a leaf that stands on this room
+
+        hybrid = Hybrid(equation, scheme, functions, jumping, changes or {})
+        system = hybrid.system
     asked = n_steps, rtol, atol, mesh, max_step, max_steps, breaks, resume, allow_change
     stepper, stop = open_run(system, scheme, history, t_end, Asked(*asked))
     signs = {} if resume is None else resume.event_signs
-    inside = equation.frame.event
-    found = Events(map(inside, functions), map(inside, jumping), stepper, signs)
-    reactions = Reactions(stepper, found, functions, numbers, t_end - stepper.t)
+    if hybrid:
+        found = hybrid.open(stepper, t_end, breaks, signs)
+    else:
+        found = Events(map(equation.frame.event, functions), stepper, signs)
     output = Output(stepper, stop, save_every, times, found, kept)
-    solution = run(stepper, stop, t_last, output, reactions, progress, began)
+    march = partial(hybrid.march, output) if hybrid else Drive.to
+    solution = run(stepper, stop, t_last, output, progress, began, march)
     first_order = isinstance(scheme, (ExplicitCaputo, GrunwaldLetnikov)) and mesh is None
-    if first_order and estimate and resume is None and not (kinds or np.size(breaks)):
+    if first_order and estimate and resume is None and not (hybrid or np.size(breaks)):
         note_error(solution, stepper, stop)
     return solution
 

@@ -19,7 +19,6 @@ from .first_steps import starting_steps
 from .identity import check_identity, described, identity
 from .jacobian_watch import JacobianWatch
 from .linear_solvers import newton_of
-from .reactions import check_on_given_steps
 from .state import State, check_sound, complete, frozen
 from .status import Status, failed
 from .step_pieces import StepPieces
@@ -68,7 +67,7 @@ class Stepper:
         self.memory = self._open(plan)
         self.misfit = misfit_on_given_steps(self.memory.kernel_errors, history)
         self._begin(plan)
-        self._status, self._stretch = RUNNING, Stretch()
+        self._status, self._stretch, self._moved = RUNNING, Stretch(), False
         self.error: Exception | None = None
         self._breaks: frozenset[int] = frozenset()
 
@@ -250,7 +249,7 @@ class Stepper:
         rows, slopes = np.empty((2, n_more + 1 if keep else 0, d))
         if keep:
             rows[0], slopes[0] = self.y, self.ydot
-        starting = starting_steps(self) if keep else None
+        starting = starting_steps(self) if keep and not self._moved else None
         try:
             self._march_to(n + n_more, rows[1:], slopes[1:])
         except Exception as error:
@@ -317,18 +316,25 @@ class Stepper:
             solver, tables = self._newton.solver, self._newton.tables
             solver(FACTORISE, 0, self._march.newton[1], np.empty(tables.order.size), tables)
 
+    def position_at(self, t):
+        """Return the number of the step at which a march that stops at time t stands."""
+        return self.steps.first_from(t)
+
     def stands_at(self, t):
-        """Return the time at which a march that goes back to t stands."""
+        """Return the time at which a march that stops at time t stands."""
         return self.steps.time(self.steps.first_from(t))
 
-    def expect(self, kinds):
-        """Make few steps at once, for events are going to change or switch something."""
+    def expect_moves(self, of_y):
+        """Make few steps at once, for f, and y if `of_y`, is going to jump; refuse if it cannot."""
         self._stretch.keep_short()
-        check_on_given_steps(kinds, self.equation)
+        terms = [operator for operator, _ in self.equation.enlarged.left]
+        if of_y and any(op.derivative == 0 or op.from_zero for op in terms):
+            required = "change no y that a kernel or RiemannLiouville acts on, on given steps"
+            raise ValueError(complaint("events", required, "a change"))
 
-    def change(self, y):
+    def moved(self, y):
         """Let y jump to these values, (d,), here; the jump does not enter the memory."""
-        self._march.x[: self.equation.d] = y
+        self._march.x[: self.equation.d], self._moved = y, True
         self._forget_explicit()
         arrays.renew_force(self._system, self.t, self._table, self._march)
 

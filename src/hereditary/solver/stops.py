@@ -1,11 +1,11 @@
-"""Breaks, times at which a right-hand side jumps, and the steps beside them."""
+"""Times at which a run is to stop: which are one time, breaks, and the steps beside them."""
 
 import numpy as np
 
 from .._checks import complaint, real_array, shown
 
-# Breaks closer than this, relatively, are no two times to a clock of double precision.
-APART = 1e-13
+# Times closer than this, relatively, are one time: a few hundred units of rounding.
+_ONE_TIME = 1e-13
 # Breaks may miss their steps by so much of a step.
 _OFF = 1e-6
 # A step next to a jump sees it from this far aside, relative to its time.
@@ -21,18 +21,22 @@ def checked_breaks(breaks, start):
         required = f"be increasing times above {start:g}"
         raise ValueError(complaint("breaks", required, shown(given)))
     times = given - start
-    close = np.flatnonzero(np.diff(times) < APART * times[1:])
-    if close.size:
-        required = f"lie apart by more than rounding, {APART:g} of their time"
-        pair = f"{float(times[close[0]])!r} and {float(times[close[0] + 1])!r}"
-        raise ValueError(complaint("breaks", required, pair, "name such a jump once"))
-    return times
+    return times[np.append(True, ~together(times[1:], times[:-1], start))]
 
 
-def breaks_ahead(times, start, t_end):
+def together(times, t, origin=0.0):
+    """Return whether times are one with t: breaks, events, changes and ends of runs act once there.
+
+    Functions of the user see times from `origin` on, which are rounded there.
+    """
+    return np.abs(times - t) <= _ONE_TIME * np.maximum(np.abs(t), abs(origin))
+
+
+def breaks_ahead(times, start, t_end, origin):
     """Whether there is a break at `start`, and those between `start` and t_end."""
-    ahead = (times > start * (1 + APART)) & (times < t_end * (1 - APART))
-    return bool(np.any(np.abs(times - start) < APART * start)), times[ahead]
+    at_once, at_end = together(times, start, origin), together(times, t_end, origin)
+    ahead = (times > start) & (times < t_end) & ~at_once & ~at_end
+    return bool(np.any(at_once)) and start > 0, times[ahead]
 
 
 def break_steps(times, start, t_end, steps, origin):

@@ -1,0 +1,604 @@
+"""Hybrid runs: y changes at events or at stated times, and the right-hand side jumps at switches.
+
+A run is marched from one interruption to the next. Where several fall on one time they act once and
+in this order: switches change their side, then y changes as stated for that time, then by events in
+the order in which these are given, and a terminal event ends the run.
+
+Right-hand sides that jump are taken from one side until the run has located the change of sign.
+Beyond the switch, where trial points of a step may lie, they are continued by their values at the
+nearest point that is still on that side: steps see no jump, and their polynomials cross the switch
+where the solution does.
+"""
+
+import math
+from collections.abc import Mapping
+from functools import lru_cache, partial
+
+import numpy as np
+
+from ._callables import switch_of
+from ._checks import complaint, real, shown
+from ._jit import derived
+from .solver.events import TINY, Events, value_of
+from .solver.status import Status
+from .solver.stops import together
+from .system import System
+
+# Numbers that each switch adds to the parameters.
+_ADDED = 3
+# Values of a switch this small, relative to y, may be on either side by rounding.
+_NEAR = 1e-9
+# Change of y for differences, and distance kept from the switch, relative to y.
+_DIFFERENCE, _MARGIN, _LEAST = 1e-7, 1e-12, 1e-300
+# Iterations, for switches that are not linear in y.
+_ITERATIONS = 4
+
+# Changes by one event follow each other without end if two intervals in a row, or one, are shorter
+# than these fractions of the longest interval; that counts as a fraction _LONG of the run at least.
+# On given steps two intervals of a step each mean the same, if the longest has more than _STEPS
+# steps. So do _MANY changes within a fraction _CROWDED of the run.
+_CLOSE, _AT_ONCE, _STEPS, _MANY, _CROWDED, _LONG = 1e-6, 1e-9, 100, 10_000, 1e-3, 0.03
+
+# Fractions of the first step after an interruption at which functions are evaluated too.
+_NEXT = 10.0 ** np.arange(-9, 0)
+# Times this close to a start, relatively, show no sign there.
+_ROUNDED_TIME = 64 * np.finfo(float).eps
+# A solution comes back to a switch at once in this part of a step, or of the time.
+_RETURN, _RETURN_TIME = 1e-6, 1e-12
+# Values below this fraction of the largest one over a step may be its rounding; no larger ones than
+# the second fraction are taken for the error of where the event was found.
+_HIDDEN, _MISPLACED = 1e-13, 1e-2
+# How far ahead, relative to the time, the motion behind a change is followed.
+_AHEAD = 1e-8
+# Steps for which an event that has turned back may go on: schemes remember a corner.
+_CORNER = 4
+# Relative rounding of y on given steps.
+_ROUNDED = 1e-13
+
+
+class Hybrid:
+    """The interruptions of a run, and what they do.
+
+    Parameters
+    ----------
+    equation : System
+    scheme : Scheme
+    events, switches : tuple of callable
+        The user's; a ``change(t, y)`` is an attribute of some events.
+    changes : Mapping of float and callable
+        Changes of y at stated times, the user's.
+
+    Attributes
+    ----------
+    system : System
+        Whose right-hand side is taken from one side of each switch.
+    """
+
+    def __init__(self, equation, scheme, events, switches, changes):
+        self._functions = events
+        self._changes = [getattr(function, "change", None) for function in events]
+        for change in self._changes:
+            if change is not None and not callable(change):
+                required = "have a function change(t, y), or none"
+                raise TypeError(complaint("events", required, repr(change)))
+        self._stated = _stated(changes, equation.frame.start)
+        self._switches = switches
+        self._times: list[list[float]] = [[] for _ in events]
+        self.system, self._signs = equation, []
+        if switches:
+            self.system, self._signs = one_sided(equation, switches, scheme)
+
+    def open(self, stepper, t_end, breaks, signs):
+        """Return the `Events` of a run to t_end, for which a stepper stands at its start.
+
+        breaks (k,) are times at which the right-hand side jumps; `signs` are those of a state.
+        """
+        self._stepper, self._begun, self._span = stepper, stepper.t, t_end - stepper.t
+        self._longest = [0.0 for _ in self._functions]
+        origin = stepper.equation.frame.start
+        known = np.append(t_end, breaks)  # which come second where they are one time
+        stated = [(nearest(t, known, origin), change) for t, change in self._stated]
+        self._due = [
+            (t, change)
+            for t, change in stated
+            if self._begun < t <= t_end and not together(t, self._begun, origin)
+        ]
+        of_y = bool(self._due) or any(change is not None for change in self._changes)
+        if of_y or self._switches:
+            stepper.expect_moves(of_y)
+        inside = stepper.equation.frame.event
+        functions = [*map(inside, self._functions), *map(inside, self._switches)]
+        acting = [change is not None for change in self._changes] + [True] * len(self._switches)
+        known = np.append(known, [t for t, _ in self._due])
+        self._events = HybridEvents(functions, acting, len(self._functions), stepper, signs, known)
+        self._take_sides()
+        return self._events
+
+    def march(self, output, drive, stop):
+        """March to position `stop`, from one interruption to the next.
+
+        Returns status and detail where the run ends before, else None.
+        """
+        stepper, events = self._stepper, self._events
+        while True:
+            due = self._due[0][0] if self._due else math.inf
+            events.stated = stepper.stands_at(due) if self._due else math.inf
+            target = min(stop, stepper.position_at(due)) if self._due else stop
+            ended = drive.to(target)
+            if ended and ended[0] is not Status.EVENT:
+                return ended
+            ended = stepper.trouble or self._act(output)
+            if ended:
+                return ended
+            if events.over:
+                return Status.EVENT, ""
+            if stepper.position >= stop:
+                return None
+
+    def _act(self, output):
+        """Do what is due where the march stands, in the order of the module's description.
+
+        Returns status and detail where the run ends by that, else None.
+        """
+        stepper, events, t = self._stepper, self._events, self._stepper.t
+        fired, stuck, before = events.fired, events.stuck, stepper.y
+        if stuck in fired and stuck >= len(self._functions):
+            events.take_back(stuck)
+            return Status.SLIDING, ""
+        moved = False
+        while self._due and stepper.stands_at(self._due[0][0]) <= t:
+            moved, trouble = True, self._change(self._due.pop(0)[1])
+            if trouble:
+                return trouble
+        for number in fired:
+            if number < len(self._functions):
+                if stuck == number or self._piles_up(number):
+                    events.take_back(number)
+                    return Status.PILED_UP, self._name(number)
+                trouble = self._change(self._changes[number])
+                if trouble:
+                    return trouble
+        if moved or fired:
+            output.go_on(np.any(stepper.y != before))
+            events.go_on(before, stepper)
+            self._take_sides()
+            events.leave_switches(stepper)
+        return (Status.EVENT_FAILED, events.failure) if events.failure else None
+
+    def _take_sides(self):
+        """Let the right-hand side be taken from the present side of each switch."""
+        for number, side in zip(self._signs, self._events.sides, strict=True):
+            self._stepper.set_parameter(number, side)
+
+    def _name(self, number):
+        """Return the name of an event."""
+        return getattr(self._functions[number], "__name__", repr(self._functions[number]))
+
+    def _piles_up(self, number):
+        """Note a change by an event; return whether they follow each other without end."""
+        times, t = self._times[number], self._stepper.t
+        times.append(t)
+        first = times[-2] if len(times) > 1 else self._begun
+        self._longest[number] = longest = max(self._longest[number], t - first)
+        if len(times) < 3:
+            return False
+        last, before = t - first, first - times[-3]
+        h, size = self._stepper.h, max(longest, _LONG * self._span)
+        close = max(_CLOSE * size, 1.5 * h if longest > _STEPS * h > 0.0 else 0.0)
+        if len(times) > _MANY and t - times.pop(0) <= _CROWDED * self._span:
+            return True
+        return last <= _AT_ONCE * size or max(last, before) <= close
+
+    def _change(self, change):
+        """Set the y that ``change(t, y)`` returns; return status and detail where it fails."""
+        stepper = self._stepper
+        frame, inside = stepper.equation.frame, stepper.y
+        y = frame.values(inside)
+        try:
+            given = np.asarray(change(stepper.t + frame.start, y.copy()))
+            kinds = "biufc" if frame.paired else "biuf"
+            usable = given.shape == y.shape and given.dtype.kind in kinds
+            if not usable or not np.all(np.isfinite(given)):
+                required = f"return a new y, finite and of shape {y.shape}"
+                raise ValueError(complaint("change", required, shown(given)))
+        except Exception as error:
+            return Status.EVENT_FAILED, f"change: {type(error).__name__}: {error}"
+        stepper.moved(frame.moved(inside, given))
+        return None
+
+
+def _stated(changes, start):
+    """Return the times of stated changes, counted from `start`, and their functions, in order."""
+    required = "map times to functions change(t, y)"
+    if not isinstance(changes, Mapping):
+        raise TypeError(complaint("changes", required, repr(changes), "e.g. {12.0: dose}"))
+    found = []
+    for time, change in changes.items():
+        t = real("times of changes", time) - start
+        if not callable(change):
+            raise TypeError(complaint("changes", required, repr(change), "e.g. {12.0: dose}"))
+        if t <= 0:
+            remedy = "a change at the start belongs into y0"
+            raise ValueError(complaint("changes", f"lie above {start:g}", f"{time:g}", remedy))
+        found.append((t, change))
+    return sorted(found, key=lambda pair: pair[0])
+
+
+def nearest(t, times, origin):
+    """Return that one of some times, (k,), which is one with t, or t itself."""
+    same = times[together(times, t, origin)]
+    return float(same[0]) if same.size else t
+
+
+class HybridEvents(Events):
+    """Zeros along a run that goes on behind some of them.
+
+    Parameters
+    ----------
+    functions : sequence of callable
+        Events, and behind them switches.
+    acting : sequence of bool
+        Which of them interrupt the march.
+    n_events : int
+    stepper, signs
+        As of `Events`.
+    known : ndarray, shape (k,)
+        Times at which the run stops in any case.
+
+    Attributes
+    ----------
+    fired : dict of int and float
+        Functions that act where the march was ended by `look`, with the signs behind their zeros.
+    sides : list of float
+        Sign of each switch from which the march goes on.
+    stuck : int or None
+        The one of them whose zero was followed by the next one at once.
+    stated : float
+        Time at which the march is interrupted anyway.
+    """
+
+    any = True
+
+    def __init__(self, functions, acting, n_events, stepper, signs, known):
+        self._acting, self.n_events, self._start = acting, n_events, stepper.t
+        self._known, self._origin = known, stepper.equation.frame.start
+        self._stands_at, self.stated, self.stuck = stepper.stands_at, math.inf, None
+        self._at_once = 1.0 if stepper.looks == 1 else _RETURN
+        self.fired: dict[int, float] = {}
+        self._last: dict[int, float] = {}
+        super().__init__(functions, stepper, signs)
+
+    def go_on(self, before, stepper):
+        """Go on from where a march stands, whose components, (d,), were `before` until then."""
+        t, y = stepper.t, stepper.y
+        values, known, ways = [], [], {}
+        for number, function in enumerate(self._functions):
+            then, now = self._seen(function, [t, t], [before, y]).tolist()
+            values.append(now)
+            known.append(self._after[number] if now == then else 0.0)
+            if number < self.n_events:
+                ways[number] = self._way(number, then, now, before, stepper)
+        self._begin(t, values, known, ways)
+
+    def _way(self, number, then, now, before, stepper):
+        """Return the `Way` of an event that was `then` before a change; None if off its zero.
+
+        Events without changes, too, may have found the zero at which another one acted.
+        """
+        acted, by_steps = number in self.fired, self._looks == 1
+        sign = self.fired[number] if acted else self._after[number]
+        if not sign or (by_steps and not acted):
+            return None
+        value = partial(value_of, self._functions[number])
+        error = uncertainty(value, stepper)
+        if not by_steps:  # these stand at the zero itself
+            error = max(error, abs(then))
+        if not abs(now) <= error and not (by_steps and now == then):
+            return None
+        ahead = sign_ahead(value, sign, before, stepper, acted)
+        return Way(sign, ahead, now, error, by_steps) if ahead or acted else None
+
+    def _begin(self, t, values, after, ways=None):
+        """Begin at time t, as `Events` do; `ways` are those of events that have just changed y."""
+        # the last value seen: a zero between two stretches is then found once, and only once
+        earlier = self._last if t == self._start else {}
+        self._last, self.fired, self._ways = earlier | self.fired, {}, ways or {}
+        # switches at which the run begins, which it may yet turn out to leave to the other side
+        self._open: set[int] = set()
+        signs = list(after)
+        for number, (value, sign) in enumerate(zip(values, after, strict=True)):
+            way = self._ways.get(number)
+            if way and way.sign:
+                signs[number] = way.sign
+            elif number >= self.n_events and value == 0 and not sign:
+                self._open.add(number)
+                signs[number] = 1.0
+            elif value == 0 and not sign and self._looks == 1 and number in self._last:
+                signs[number] = -self._last[number]  # a change took it back; steps show no more
+        super()._begin(t, values, signs)
+        self.sides = self._after[self.n_events :]
+
+    def leave_switches(self, stepper):
+        """Let switches count as on the side that the march goes on from, if f leads away there.
+
+        Errors may put the start on the other side of their zero.
+        """
+        for number in range(self.n_events, len(self._functions) if self._looks > 1 else 0):
+            value, y = partial(value_of, self._functions[number]), stepper.y
+            side = self.sides[number - self.n_events]
+            if number in self._last and sign_ahead(value, side, y, stepper, False) == side:
+                error = uncertainty(value, stepper)
+                self._ways[number] = Way(side, side, 0.0, error, False)
+
+    def look(self, edges, at):
+        """Search between `edges` as `Events` do; end also where a function acts."""
+        end = super().look(edges, at)
+        reached = edges[-1] if end is None else end
+        self.interrupted = bool(self.fired) or bool(together(reached, self.stated))
+        return end
+
+    def _looked_at(self, times, edges):
+        """Return the times of a stretch between `edges` at which functions are evaluated."""
+        self._returns: list[tuple[float, int, float]] = []
+        if edges[0] == self._start and self._last and self._looks > 1:
+            # just after a change two zeros may follow each other in any time
+            times = np.union1d(times, edges[0] + (edges[1] - edges[0]) * _NEXT)
+            near = (times > edges[0]) & (times < edges[0] * (1 + _ROUNDED_TIME))
+            times = times[~(near & (times < edges[1]))]
+        return times
+
+    def _zeros_of(self, number, times, values, at, edges):
+        """Yield the zeros of a function up to the first one at which it acts."""
+        way, returned = self._ways.get(number), None
+        if way and self._looks > 1 and edges[0] == self._start and way.settle(values):
+            returned = self._start
+        elif way and way.returning:
+            away = way.follow(values)
+            returned = None if away is None else float(times[away])
+        self._values[number] = values[-1]
+        if way and returned is not None:
+            self.stuck = number
+            self._returns.append((returned, number, way.before))
+            return
+        for t, sign in self._zeros(self._functions[number], times, values, at):
+            if self._acting[number]:
+                t = nearest(t, self._known, self._origin)
+            if self._comes_back(number, t, sign, edges):
+                self.stuck = number
+                self._returns.append((self._start, number, sign))
+                return
+            if self._is_start(t) or (number in self._open and t <= self._soon(edges)):
+                if number in self._last and (self._looks > 1 or sign != self._last[number]):
+                    continue  # where a run goes on from its own event
+                # given steps that end beyond the zero again change there
+                t = float(edges[1]) if number in self._last else self._start
+                if number < self.n_events and self._is_known(number, t):
+                    continue
+            if self._acting[number]:  # a step at the very time may be earlier by rounding
+                t = min(t, self._stands_at(t))
+            yield t, sign
+            if self._acting[number]:
+                return
+
+    def _is_start(self, t):
+        """Return whether a zero at t is one at the start."""
+        return t <= self._start or bool(together(t, self._start, self._origin))
+
+    def _soon(self, edges):
+        """Return the time up to which a zero follows the start at once."""
+        rounded = self._start * (1 + _RETURN_TIME)
+        if edges[0] > self._start:
+            return rounded
+        return max(rounded, self._start + self._at_once * (edges[1] - edges[0]))
+
+    def _comes_back(self, number, t, sign, edges):
+        """Return whether a zero at t is that from which the run has just gone on."""
+        if number >= self.n_events:
+            return number in self._last and t <= self._soon(edges)
+        return self._looks > 1 and self._last.get(number) == sign and self._is_start(t)
+
+    def _end(self, end, found, edges):
+        """Return where the march ends: by a terminal event, or by a function that acts."""
+        acting = [one for one in found if self._acting[one[1]]] + self._returns
+        stands = self._stands_at(min(acting)[0]) if acting else math.inf
+        last = self._stands_at(end) if acting and end < math.inf else end
+        if acting and (stands <= last or together(stands, last)):
+            over = end < math.inf and (last <= stands or bool(together(last, stands)))
+            self.fired = {n: sign for t, n, sign in acting if t <= stands or together(t, stands)}
+            # what falls on one time with the interruption is found there
+            for i, (t, number, sign) in enumerate(found):
+                found[i] = (stands if together(t, stands) else t, number, sign)
+            end = stands
+        else:
+            over = end < math.inf
+        end = super()._end(end, found, edges)
+        self.over = over and not self.failure
+        if self.failure:
+            self.fired = {}
+        return end
+
+    def _keep(self, found, end, at):
+        """Take in zeros up to `end`, and the signs just after it."""
+        super()._keep(found, end, at)
+        for number in self.fired:
+            if number >= self.n_events:  # whose zero may lie at the end itself
+                self._after[number] = -self.sides[number - self.n_events]
+
+    def take_back(self, number):
+        """Let a run that goes on find the last zero of a function again."""
+        self._after[number] = -self.fired[number]
+
+
+class Way:
+    """Way on from an event that has just changed y and is still at its zero: through, or back.
+
+    A bounce turns back; a counter, or a force that is switched, lets the solution pass. Next to the
+    zero errors and rounding hide which it is, so slopes decide.
+
+    Parameters
+    ----------
+    before : float
+        Sign that the event had behind its zero.
+    sign : float
+        Sign that it goes on with, 0 where that is not known.
+    value, error : float
+        Its value where the change was made, and how much of that may be an error.
+    by_steps : bool
+        Whether steps are given, and the change is made at one of them, behind the zero.
+
+    Attributes
+    ----------
+    returning : bool
+        Whether the event has turned back, but has not come to its zero again.
+    """
+
+    def __init__(self, before, sign, value, error, by_steps):
+        self.before, self.sign, self._error = before, sign, error
+        self.returning = by_steps and sign == -before == -np.sign(value)
+        self._far, self._steps = abs(value), 0
+
+    def settle(self, values):
+        """Set the first of the values over the next step, which errors hide.
+
+        Returns whether they hide all of the way back from a turn, such as that of a short bounce.
+        """
+        scale = np.nanmax(np.abs(values))
+        error = min(2 * self._error, _MISPLACED * scale) if self.sign else 0.0
+        hidden = np.abs(values) <= max(_HIDDEN * scale, error)
+        if not hidden[1] or hidden.all():
+            return False
+        clear = np.argmin(hidden[1:]) + 1
+        values[:clear] = math.copysign(TINY, self.sign or -self.before)
+        return self.sign == -self.before == -np.sign(values[clear])
+
+    def follow(self, values):
+        """Let values of an event that is returning count as returned, until they are.
+
+        Returns the number of the value at which it goes away again instead, or None.
+        """
+        for i, value in enumerate(values[1:].tolist(), 1):
+            self._steps = self._steps + 1 if abs(value) > self._far else 0
+            if not value * self.before > 0.0 or self._steps > _CORNER:
+                self.returning = False
+                values[:i] = math.copysign(TINY, -self.before)
+                return i if value * self.before > 0.0 else None
+            self._far = abs(value)
+        values[:] = math.copysign(TINY, -self.before)
+        return None
+
+
+def uncertainty(value, stepper):
+    """Return how far errors of y leave the value of an event open where a march stands."""
+    t, y = stepper.t, stepper.y
+    allowed = stepper.uncertainty if stepper.adaptive else _ROUNDED * np.abs(y)
+    signs = np.ones(y.size), (-1.0) ** np.arange(y.size)
+    try:
+        with np.errstate(all="ignore"):
+            here = value(t, y)
+            found = max(abs(value(t, y + side * allowed) - here) for side in signs)
+    except Exception:  # it is not defined beside y
+        return 0.0
+    return found if math.isfinite(found) else 0.0
+
+
+def sign_ahead(value, sign, before, stepper, crossed):
+    """Return the sign to which an event goes behind a change of y; 0 where it is not known.
+
+    It is that of its slope along the motion there. What comes to rest has turned back. `value(t,
+    y)` is that of the event, which had this sign in front of the change, where y was `before`,
+    (d,); `crossed` tells that it had come through its zero.
+    """
+    t, equation, slopes = stepper.t, stepper.equation, []
+    if equation.enlarged is not equation:
+        return 0.0
+    ahead = t + _AHEAD * t
+    try:
+        with np.errstate(all="ignore"):
+            for y in (before, stepper.y):
+                then = y + (ahead - t) * equation.motion(t, y, stepper.ydot)
+                slopes.append(float(np.sign(value(ahead, then) - value(t, y))))
+    except Exception:  # the march meets it again
+        return 0.0
+    if crossed and slopes[0] == slopes[1]:
+        return sign
+    return slopes[1] or -sign if slopes[0] == sign else 0.0
+
+
+def one_sided(equation, functions, scheme):
+    """Return the system whose right-hand side is taken from one side of each switch.
+
+    And the number of the parameter that is the sign of each.
+    """
+    if not scheme.takes_switches:
+        required = f"be left out with {type(scheme).__name__}"
+        raise ValueError(complaint("switches", required, f"{len(functions)}", "use L1 or BDF(2)"))
+    inner, frame = equation.enlarged, equation.frame
+    params, rhs, jac = inner._params, inner._rhs, inner._jac if inner.has_jac else None
+    n_user = len(frame.speeds) or equation.d
+    y0 = frame.values(equation.at_start[: equation.d])
+    signs = []
+    for function in functions:
+        value = switch_of(function, y0, frame.start)
+        signs.append(params.size)
+        params = np.append(params, [1.0, frame.start, n_user])
+        rhs, jac = _one_sided(rhs, value), jac and _one_sided(jac, value)
+    found = System(inner.left, inner.y0, params, rhs, jac, inner.sources, inner.structure)
+    if inner is not equation:
+        seen = System(equation.left, equation.y0, params, None)
+        seen._enlarged, found = found, seen
+    found.frame, found.rhs_digest = frame, equation.rhs_digest
+    found.terms_digest, found._n_params = equation.terms_digest, equation._n_params
+    return found, signs
+
+
+@lru_cache(maxsize=64)
+def _one_sided(fun, switch):
+    """A right-hand side or Jacobian, continued from the side whose sign stands in params.
+
+    Behind the parameters of `fun` stand that sign, the user's time at the start, and how many
+    components `switch` reads.
+    """
+
+    def one_sided(t, y, out, params):
+        own = params.shape[0] - _ADDED
+        sign, n = params[own], int(params[own + 2])
+        none, value = params[:0], np.empty(1)
+        switch(t + params[own + 1], y[:n], value, none)
+        largest = 0.0
+        for i in range(n):
+            largest = max(largest, abs(y[i]))
+        if sign * value[0] > _NEAR * largest or value[0] != value[0]:
+            fun(t, y, out, params[:own])
+            return
+        point, slope = y.copy(), np.empty(n)
+        beside, square = np.empty(1), 0.0
+        for _ in range(_ITERATIONS):
+            square, size = 0.0, 0.0
+            for i in range(n):
+                before = point[i]
+                point[i] += _DIFFERENCE * (largest if largest > 0.0 else 1.0)
+                switch(t + params[own + 1], point[:n], beside, none)
+                slope[i] = (beside[0] - value[0]) / (point[i] - before)
+                point[i] = before
+                square += slope[i] * slope[i]
+                size += abs(slope[i] * before)
+            margin = _MARGIN * size + _LEAST
+            if square == 0.0 or sign * value[0] >= margin:
+                break
+            for i in range(n):
+                point[i] += (2.0 * sign * margin - value[0]) * slope[i] / square
+            switch(t + params[own + 1], point[:n], value, none)
+        if square == 0.0:  # a switch of the time alone
+            for _ in range(_ITERATIONS):
+                now = t + params[own + 1]
+                step = _DIFFERENCE * (abs(now) if now != 0.0 else 1.0)
+                switch(now + step, point[:n], beside, none)
+                slope_t = (beside[0] - value[0]) / step
+                margin = _MARGIN * abs(slope_t * now) + _LEAST
+                if slope_t == 0.0 or sign * value[0] >= margin:
+                    break
+                t += (2.0 * sign * margin - value[0]) / slope_t
+                switch(t + params[own + 1], point[:n], value, none)
+        fun(t, point, out, params[:own])
+
+    return derived(one_sided)
