@@ -198,7 +198,7 @@ def stages(equation, form, t, h, base, y, p):
         x = np.where(second[:, None], y[:, None] + p @ whole.T, p)
         for j, row in enumerate(np.ascontiguousarray(x.T)):
             out = np.empty(d)
-            equation._rhs(t[j], row, out, equation._params)
+            equation.compiled_rhs(t[j], row, out, equation.compiled_params)
             f[:, j] = out
         if sweep == 0:
             slopes = np.array([equation.jacobian(t[j], x[:, j].copy()) for j in range(s)])

@@ -243,7 +243,7 @@ def test_differences_by_groups_are_those_of_every_column(d, seed, density):
     eq = hd.Equation(hd.Caputo(0.5), None, np.ones(d), linear=a)
     y = random.normal(size=d)
     none = as_value(no_jacobian, JAC_SIG)
-    jacobian_at(eq._rhs, none, 0, 0.0, y, eq._params, np.ones(d), entries)
+    jacobian_at(eq.compiled_rhs, none, 0, 0.0, y, eq.compiled_params, np.ones(d), entries)
     assert np.abs(structure.matrix(entries[VALUES]) - a).max() < 1e-9
     assert set(zip(rows, columns, strict=True)) >= {(i, i) for i in range(d)}
 

@@ -161,11 +161,11 @@ def closure(rate):
 
 def test_equal_closures_are_compiled_once():
     first = equation(closure(2.0))
-    assert all(equation(closure(2.0))._rhs is first._rhs for _ in range(3))
-    assert equation(closure(2))._rhs is not first._rhs
-    assert equation(closure(3.0))._rhs is not first._rhs
+    assert all(equation(closure(2.0)).compiled_rhs is first.compiled_rhs for _ in range(3))
+    assert equation(closure(2)).compiled_rhs is not first.compiled_rhs
+    assert equation(closure(3.0)).compiled_rhs is not first.compiled_rhs
     table = np.array([2.0])
-    assert equation(closure(table))._rhs is equation(closure(table.copy()))._rhs
+    assert equation(closure(table)).compiled_rhs is equation(closure(table.copy())).compiled_rhs
 
 
 def test_many_versions_of_one_function_are_told(monkeypatch):
@@ -235,7 +235,7 @@ def test_lyapunov_takes_the_present_values():
 
 def test_equations_made_from_others():
     eq = equation(lambda t, y, p: -p[0] * y, jac=lambda t, y, p: np.array([[-p[0]]]))
-    assert eq.replace(params=[3.0])._rhs is eq._rhs
+    assert eq.replace(params=[3.0]).compiled_rhs is eq.compiled_rhs
     assert eq.replace(params=[3.0]).params.tolist() == [3.0]
     assert eq.params.tolist() == [1.0, 2.0]
     assert eq.replace(y0=[1.0, 2.0], jac=None).d == 2

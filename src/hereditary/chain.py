@@ -190,7 +190,7 @@ def chained(left, y0, params, rhs, jac):
     enlarged = System(wide, start[:, sources], params, rhs, jac, sources)
     narrow = [SystemTerm(operator, c[: chain.size]) for operator, c in wide]
     own_terms = [term for term in narrow if np.any(term.coefficients)]
-    return Chained(System(own_terms, start, params, None), enlarged, speeds)
+    return Chained(System(own_terms, start, params), enlarged, speeds)
 
 
 def _left(found, width):

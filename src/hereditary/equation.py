@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from dataclasses import fields
 from functools import partial
 from typing import Any
 
@@ -32,7 +33,7 @@ from .sides import (
     read_terms,
 )
 from .structure import assembled, copied, stated
-from .system import System, later, leading_orders
+from .system import System, changed, later, leading_orders
 
 
 class Equation(System):
@@ -192,47 +193,46 @@ class Equation(System):
         entries = said.values_of(jac, start)
         functions = functions_of(rhs, entries, jac_memory, start, hint, said.shape)
         self._callbacks, self._constants = functions.callbacks, said.constants()
-        self.matrix, self.linear_alone = said.linear, rhs is None
-        params, rhs, jac, self.structure = assembled(said, functions, d)
+        known = {"matrix": said.linear, "linear_alone": rhs is None}
+        params, rhs, jac, structure = assembled(said, functions, d)
         if self.t_start != 0:
             params, rhs, jac = later(self.t_start, params, rhs, jac)
-        if self.structure is not None:
-            check_entries(rhs, jac, self.structure, start.components(), params)
+        if structure is not None:
+            check_entries(rhs, jac, structure, start.components(), params)
         elif jac is not None:
             check_jacobian(rhs, jac, start.components(), params)
         self._frozen = self._present_values()
         left = left_side(self.terms, factors, orders, self.t_start)
-        self._state(left, initial.view(float), params, rhs, jac, paired)
-        self._n_params = start.params.size
-        self._sealed = True
+        known |= {"n_params": start.params.size, "structure": structure}
+        known["rhs_digest"] = self._digest_of_rhs()
+        found = self._system(left, initial.view(float), (params, rhs, jac), paired, known)
+        super().__init__(**{field.name: getattr(found, field.name) for field in fields(System)})
 
-    def _state(self, left, initial, params, rhs, jac, paired):
-        """Become the system of these terms: without matrices, without orders above 2."""
+    def _system(self, left, initial, functions, paired, known):
+        """Return the system of these terms: without matrices, without orders above 2."""
         if self._given_d is not None:
             needed = leading_orders(left, initial.shape[1]) > np.arange(len(initial))[:, None]
             initial = np.where(needed, initial, 0.0)
         initial.flags.writeable = False
         _check_leading(left, initial)
-        speeds: tuple[int, ...] = ()
-        beside = None
         if len(initial) > 2 or left[0].coefficients.ndim > 1:
             if self.memory:
                 required = "be left out beside orders above 2 and coefficients that are matrices"
                 remedy = "write the equation as a system of y and its derivatives"
                 raise ValueError(complaint("memory", required, "some", remedy))
-            system, beside, found = chained(left, initial, params, rhs, jac)
-            self.terms_digest = digest([(operator.order, c) for operator, c in left])
-            speeds = tuple(found.tolist())
-            left, initial, params = system.left, system.y0, system._params
-            rhs, jac = system._rhs, system._jac if system.has_jac else None
-        self.frame = Frame(self.t_start, paired, speeds)
-        super().__init__(left, initial, params, rhs, jac, structure=self.structure)
-        self.rhs_digest = self._digest_of_rhs()
-        if self.memory:
-            beside = enlarged(self, self.memory)
-            self._rhs = None  # those of `enlarged` read memory too
-        if beside is not None:
-            beside.rhs_digest, self._enlarged = self.rhs_digest, beside
+            known["terms_digest"] = digest([(operator.order, c) for operator, c in left])
+            system, beside, speeds = chained(left, initial, *functions)
+            known["frame"] = Frame(self.t_start, paired, tuple(speeds.tolist()))
+            if beside:
+                known["larger"] = changed(beside, rhs_digest=known["rhs_digest"])
+            return changed(system, **known)
+        known["frame"] = Frame(self.t_start, paired)
+        system = System(left, initial, *functions, **known)
+        if not self.memory:
+            return system
+        # the functions of `enlarged` read memory too
+        nothing = {"compiled_rhs": None, "compiled_jac": None}
+        return changed(system, **nothing, larger=enlarged(system, self.memory))
 
     def __repr__(self):
         return f"Equation({' + '.join(map(repr, self.terms))} = rhs, d={self.d})"
@@ -241,12 +241,12 @@ class Equation(System):
         return formula(self)
 
     def __setattr__(self, name, value):
-        if "_sealed" in self.__dict__:
+        if "left" in self.__dict__:  # the system is complete
             remedy = f"eq.replace({name}=...)" if name in _GIVEN else "eq.replace(...)"
             raise AttributeError(
                 f"{name} of an Equation cannot be changed; make another equation with {remedy}"
             )
-        super().__setattr__(name, value)
+        object.__setattr__(self, name, value)
 
     def __reduce__(self):
         return _made, (self._arguments(),)
@@ -289,18 +289,18 @@ class Equation(System):
 
         Functions were checked when they were compiled: here the right-hand side is called once.
         """
-        alone = self._enlarged is None and self.structure is None and not self._callbacks
-        if not alone or params.size != self._n_params or self._present_values() != self._frozen:
+        alone = self.larger is None and self.structure is None and not self._callbacks
+        if not alone or params.size != self.n_params or self._present_values() != self._frozen:
             return None
-        values, out = np.append(params, self._params[self._n_params :]), np.empty(self.d)
+        values = np.append(params, self.compiled_params[self.n_params :])
+        found = object.__new__(Equation)
+        vars(found).update(vars(self), compiled_params=values)
         try:
-            self._rhs(0.0, self.y0[0].copy(), out, values)
+            out = found.force(0.0, self.y0[0])
         except Exception:  # the whole way says what is wrong
             return None
         if not np.isfinite(out).all():
             return None
-        found = object.__new__(Equation)
-        vars(found).update(vars(self), _params=values)
         return found
 
     def _arguments(self):

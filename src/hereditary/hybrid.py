@@ -22,7 +22,7 @@ from ._jit import derived
 from .solver.events import TINY, Events, value_of
 from .solver.status import Status
 from .solver.stops import together
-from .system import System
+from .system import changed
 
 # Numbers that each switch adds to the parameters.
 _ADDED = 3
@@ -533,7 +533,7 @@ def one_sided(equation, functions, scheme):
         required = f"be left out with {type(scheme).__name__}"
         raise ValueError(complaint("switches", required, f"{len(functions)}", "use L1 or BDF(2)"))
     inner, frame = equation.enlarged, equation.frame
-    params, rhs, jac = inner._params, inner._rhs, inner._jac if inner.has_jac else None
+    params, rhs, jac = inner.compiled_params, inner.compiled_rhs, inner.compiled_jac
     n_user = len(frame.speeds) or equation.d
     y0 = frame.values(equation.at_start[: equation.d])
     signs = []
@@ -542,12 +542,11 @@ def one_sided(equation, functions, scheme):
         signs.append(params.size)
         params = np.append(params, [1.0, frame.start, n_user])
         rhs, jac = _one_sided(rhs, value), jac and _one_sided(jac, value)
-    found = System(inner.left, inner.y0, params, rhs, jac, inner.sources, inner.structure)
+    new = {"compiled_params": params, "compiled_rhs": rhs, "compiled_jac": jac}
+    new |= {"matrix": None, "linear_alone": False}
+    found = changed(inner, **new)
     if inner is not equation:
-        seen = System(equation.left, equation.y0, params, None)
-        seen._enlarged, found = found, seen
-    found.frame, found.rhs_digest = frame, equation.rhs_digest
-    found.terms_digest, found._n_params = equation.terms_digest, equation._n_params
+        found = changed(equation, compiled_params=params, larger=found)
     return found, signs
 
 

@@ -139,10 +139,8 @@ def enlarged(equation, memory):
             left.append(SystemTerm(operator, coefficients.ravel()))
             _check_below(operator, float(highest[held != 0].min()))
     y0, sources = np.tile(equation.y0, (1, 1 + k)), np.tile(np.arange(d), 1 + k)
-    jac = equation._jac if equation.has_jac else None
-    system = System(left, y0, equation._params, equation._rhs, jac, sources)
-    system.rhs_digest = equation.rhs_digest
-    return system
+    how = equation.compiled_params, equation.compiled_rhs, equation.compiled_jac, sources
+    return System(left, y0, *how, rhs_digest=equation.rhs_digest)
 
 
 def _check_below(operator, lowest):

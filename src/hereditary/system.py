@@ -1,7 +1,8 @@
 """Equations as schemes and marches see them, and systems derived from one."""
 
 from collections.abc import Iterable
-from functools import cached_property, lru_cache
+from dataclasses import dataclass, fields
+from functools import cached_property, lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -14,11 +15,14 @@ from .frame import Frame
 from .structure import Structure, constant_part
 from .terms import ConstantOrder, SystemTerm
 
+_OWN = Frame()
 
+
+@dataclass(frozen=True, eq=False, repr=False)
 class System:
     """A sum of memory terms for each component, equal to a right-hand side.
 
-    `hereditary.Equation` is one, with everything checked; others are derived from it.
+    `hereditary.Equation` is one, with everything checked; `changed` makes others.
 
     Attributes
     ----------
@@ -26,56 +30,90 @@ class System:
         Operators of the left side with their coefficients.
     y0 : ndarray, shape (m, d)
         y(0), and y'(0) where m = 2.
-    params : ndarray, shape (p,)
-    d, m : int
-    has_jac : bool
-        Whether the Jacobian is given; otherwise it comes from differences.
-    rhs_digest : str
-        What tells the user's right-hand side from others, also in another process.
-    terms_digest : str
-        The same for terms that the left side does not show.
+    compiled_params : ndarray
+        Parameters of the right-hand side, and behind them numbers that only compiled code reads.
+    compiled_rhs : callable or None
+        Right-hand side; None where it reads memory, which only `enlarged` has.
+    compiled_jac : callable, optional
+        Its Jacobian; None for differences.
+    sources : ndarray of int64, shape (d,), optional
+        Component whose memory each component is; itself for a component with an equation.
+    structure : Structure, optional
+        Entries of the Jacobian that may differ from 0, which are then all that it sets.
+    larger : System, optional
+        The same equation with the memory that its right-hand side reads behind its components.
+    n_params : int, optional
+        Number of parameters of the user.
     frame : Frame
         How users see times and components.
-    structure : Structure or None
-        Entries of the Jacobian that may differ from 0, which are then all that `jac` sets.
-    matrix : scipy.sparse.csr_array or None
-        Constant matrix that is part of the right-hand side, where one is given.
+    rhs_digest, terms_digest : str
+        Digests, equal in other processes, of the user's right-hand side and of terms that `left`
+        does not show.
+    matrix : scipy.sparse.csr_array, optional
+        Constant matrix that is part of the right-hand side.
     linear_alone : bool
         Whether it is all of the right-hand side.
-    sources : ndarray of int64, shape (d,)
-        Component whose derivative by its term each component is: itself where it has an equation,
-        another where it is memory that the right-hand side reads (see sides.py).
     """
 
-    rhs_digest = ""
-    terms_digest = ""
-    frame = Frame()
+    left: Iterable[SystemTerm]  # a tuple, once made
+    y0: np.ndarray
+    compiled_params: np.ndarray
+    compiled_rhs: Any = None
+    compiled_jac: Any = None
+    sources: Any = None
+    structure: Structure | None = None
+    larger: "System | None" = None
+    n_params: Any = None
+    frame: Frame = _OWN
+    rhs_digest: str = ""
+    terms_digest: str = ""
     matrix: Any = None
-    linear_alone = False
+    linear_alone: bool = False
 
-    def __init__(
-        self, left: Iterable[SystemTerm], y0, params, rhs, jac=None, sources=None, structure=None
-    ):  # fmt: skip
-        self.left = tuple(left)
-        # of an equation whose functions are called in Python, addresses stand behind its own
-        self.y0, self._params, self._n_params = y0, params, params.size
-        self.m, self.d = y0.shape
-        self.sources = np.arange(self.d) if sources is None else sources
-        self._enlarged: System | None = None
-        self._rhs = rhs
-        self.structure: Structure | None = structure
-        self.has_jac = jac is not None
-        self._jac = jac if self.has_jac else as_value(no_jacobian, JAC_SIG)
+    def __post_init__(self):
+        set_once = partial(object.__setattr__, self)
+        set_once("left", tuple(self.left))
+        if self.sources is None:
+            set_once("sources", np.arange(self.d))
+        if self.n_params is None:
+            set_once("n_params", self.compiled_params.size)
+
+    @property
+    def m(self) -> int:
+        """Number of initial values of a component."""
+        return self.y0.shape[0]
+
+    @property
+    def d(self) -> int:
+        """Number of components."""
+        return self.y0.shape[1]
+
+    @property
+    def has_jac(self) -> bool:
+        """Whether the Jacobian is given; otherwise it comes from differences."""
+        return self.compiled_jac is not None
+
+    @property
+    def compiled(self):
+        """Right-hand side, Jacobian, whether that is given, and parameters for compiled code."""
+        jac = self.compiled_jac if self.has_jac else as_value(no_jacobian, JAC_SIG)
+        return self.compiled_rhs, jac, int(self.has_jac), self.compiled_params
 
     @property
     def params(self) -> np.ndarray:
         """Parameters of the right-hand side, shape (p,), not to be written to.
 
-        Marches take `_params`: compiled code knows no read-only arrays.
+        Marches take `compiled_params`: compiled code knows no read-only arrays.
         """
-        locked = self._params[: self._n_params]
+        locked = self.compiled_params[: self.n_params]
         locked.flags.writeable = False
         return locked
+
+    def force(self, t, y):
+        """Return the right-hand side at time t, counted from the start, and y (d,)."""
+        out = np.empty(self.d)
+        self.compiled_rhs(float(t), np.array(y, dtype=float), out, self.compiled_params)
+        return out
 
     def beside(self, t, sign):
         """Return a time after (sign 1) or before (-1) t, by some units of rounding.
@@ -89,7 +127,7 @@ class System:
     @property
     def enlarged(self) -> "System":
         """The system that marches take: memory that the right-hand side reads stands behind y."""
-        return self._enlarged or self
+        return self.larger or self
 
     @property
     def plain(self) -> bool:
@@ -166,16 +204,17 @@ class System:
         structure, d = self.structure, self.d
         out = np.empty((d, d)) if structure is None else structure.entries.copy()
         y = np.array(y, dtype=float)
-        how = self._rhs, self._jac, int(self.has_jac), float(t), y, self._params
-        jacobian_at(*how, self.steps if units is None else units, out)
+        rhs, jac, has_jac, params = self.compiled
+        units = self.steps if units is None else units
+        jacobian_at(rhs, jac, has_jac, float(t), y, params, units, out)
         return out if structure is None else structure.matrix(out[VALUES])
 
     @cached_property
     def units(self) -> np.ndarray:
         """Units of the components, (d,), for differences where y is small; 0 if there are none."""
-        if self.has_jac or self._enlarged is not None:
+        if self.has_jac or self.larger is not None:
             return np.ones(self.d)
-        return units_of(self._rhs, self._params, self.at_start)
+        return units_of(self.compiled_rhs, self.compiled_params, self.at_start)
 
     @property
     def steps(self):
@@ -189,18 +228,14 @@ class System:
         """
         if self.structure is None:
             return self
-        found = System(self.left, self.y0, self._params, self._rhs, None, self.sources)
-        found.rhs_digest, found.terms_digest = self.rhs_digest, self.terms_digest
-        found.frame, found._n_params = self.frame, self._n_params
-        return found
+        return changed(self, compiled_jac=None, structure=None, matrix=None, linear_alone=False)
 
     def motion(self, t, y, ydot):
         """Estimate y' at time t from y and ydot, both (d,), NaN where ydot is no unknown.
 
         There it is the right-hand side over the leading coefficient, as without lower terms.
         """
-        force = np.empty(self.d)
-        self._rhs(self.beside(t, 1), y.copy(), force, self._params)
+        force = self.force(self.beside(t, 1), y)
         with np.errstate(divide="ignore", invalid="ignore"):
             slope = force / self.coefficient(self.highest_orders())
         return np.where(self.highest_orders() > 1, ydot, slope)
@@ -210,8 +245,13 @@ class System:
         jac, structure = constant_part(self.matrix)
         if structure is None and self.frame.start != 0:
             jac = _shifted(jac)
-        how = jac, self.sources, structure
-        return System(self.left, self.y0, self._params, self._rhs, *how)
+        return changed(self, compiled_jac=jac, structure=structure, linear_alone=False)
+
+
+def changed(system, **changes) -> System:
+    """Return a system like this one with some of its fields changed."""
+    own = {field.name: getattr(system, field.name) for field in fields(System)}
+    return System(**own | changes)
 
 
 def refuse_late(system, t_end):
@@ -255,47 +295,35 @@ def variational(system, directions):
     y0 = np.hstack([system.y0, *np.moveaxis(directions, 2, 0)])
 
     def rhs(t, y, dy, params):
-        system._rhs(t, np.ascontiguousarray(y[:d]), dy[:d], params)
+        system.compiled_rhs(t, np.ascontiguousarray(y[:d]), dy[:d], params)
         dy[d:] = (system.derivative(t, y[:d]) @ y[d:].reshape(k, d).T).T.ravel()
 
     left = [SystemTerm(operator, np.tile(c, 1 + k)) for operator, c in system.left]
     sources = (system.sources + d * np.arange(1 + k)[:, None]).ravel()
-    return System(left, y0, system._params, rhs, sources=sources)
+    return System(left, y0, system.compiled_params, rhs, sources=sources)
 
 
 def shifted(system, origin, y0):
     """Begin a system anew at time `origin`, which becomes its time 0, from `y0` (m, d)."""
-    if system.enlarged is not system:
-        inner = system.enlarged
-        return _seen(system, shifted(inner, origin, y0[:, inner.sources]))
-    jac = system._jac if system.has_jac else None
-    params, rhs, jac = later(origin, system._params, system._rhs, jac)
+    if system.larger:
+        inner = system.larger
+        larger = shifted(inner, origin, y0[:, inner.sources])
+        terms = zip(system.left, larger.left, strict=False)  # those of memory stand last
+        left = [SystemTerm(operator, c) for (_, c), (operator, _) in terms]
+        return changed(system, left=left, y0=y0, larger=larger, frame=Frame())
+    params, rhs, jac = later(
+        origin, system.compiled_params, system.compiled_rhs, system.compiled_jac
+    )
     left = [SystemTerm(operator.later(origin), c) for operator, c in system.left]
-    found = System(left, y0, params, rhs, jac, system.sources, system.structure)
-    found.matrix, found.linear_alone = system.matrix, system.linear_alone
-    return found
+    new = {"compiled_params": params, "compiled_rhs": rhs, "compiled_jac": jac}
+    return changed(system, left=left, y0=y0, n_params=None, frame=Frame(), **new)
 
 
 def displaced(system, y0):
-    """The system with other initial values (m, d)."""
-    if system.enlarged is not system:
-        inner = system.enlarged
-        return _seen(system, displaced(inner, y0[:, inner.sources]))
-    jac = system._jac if system.has_jac else None
-    how = jac, system.sources, system.structure
-    apart = System(system.left, y0, system._params, system._rhs, *how)
-    apart.rhs_digest, apart.matrix = system.rhs_digest, system.matrix
-    apart.linear_alone = system.linear_alone
-    return apart
-
-
-def _seen(system, inner):
-    """The first components of an enlarged system, with the left side they have in `system`."""
-    terms = zip(system.left, inner.left, strict=False)  # those of memory stand last
-    left = [SystemTerm(operator, c) for (_, c), (operator, _) in terms]
-    seen = System(left, inner.y0[:, : system.d], inner._params, None)
-    seen._enlarged, seen.rhs_digest = inner, system.rhs_digest
-    return seen
+    """Return the system with other initial values (m, d)."""
+    inner = system.larger
+    larger = inner and displaced(inner, y0[:, inner.sources])
+    return changed(system, y0=y0, larger=larger)
 
 
 def later(origin, params, rhs, jac):
@@ -325,13 +353,11 @@ def first_order(system):
     friction, only = slopes * second, slopes * ~second
     coefficients = np.concatenate([np.where(second, 1.0, only), leading[second]])
     y0 = np.concatenate([system.y0[0], system.y0[-1][second]])
-    params = np.concatenate([system._params, second, friction, [system.d]])
-    jac = _with_velocities_jacobian(system._jac) if system.has_jac else None
-    rhs = _with_velocities(system._rhs)
-    left = [SystemTerm(ConstantOrder(1.0), coefficients)]
-    enlarged = System(left, y0[None], params, rhs, jac)
-    enlarged.rhs_digest = system.rhs_digest
-    return enlarged
+    params = np.concatenate([system.compiled_params, second, friction, [system.d]])
+    jac = system.compiled_jac and _with_velocities_jacobian(system.compiled_jac)
+    rhs = _with_velocities(system.compiled_rhs)
+    left = (SystemTerm(ConstantOrder(1.0), coefficients),)
+    return System(left, y0[None], params, rhs, jac, rhs_digest=system.rhs_digest)
 
 
 @lru_cache(maxsize=64)

@@ -138,7 +138,11 @@ def test_few_components_compile_nothing_for_another_matrix():
         matrix = scale * np.array([[-2.0, 1.0], [1.0, -2.0]])
         given = {"params": [scale], "linear": matrix, "bandwidth": (1, 1), "jac": diagonals}
         equation = hd.Equation(hd.Caputo(0.7), two, [1.0, 0.0], **given)
-        return equation._rhs, equation._jac, equation.linearly_implicit()._jac
+        return (
+            equation.compiled_rhs,
+            equation.compiled_jac,
+            equation.linearly_implicit().compiled_jac,
+        )
 
     for first, second in zip(compiled(1.0), compiled(2.0), strict=True):
         assert first is second

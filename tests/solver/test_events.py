@@ -212,7 +212,7 @@ def test_sticking_ends_of_the_classical_stick_slip_oscillator():
     dy = np.empty(1)
 
     def flow(t, z):
-        scene._rhs(t, z[:1].copy(), dy, scene.params)
+        scene.compiled_rhs(t, z[:1].copy(), dy, scene.params)
         return [z[1], dy[0] - 0.25 * z[1]]
 
     tolerances = {"rtol": 1e-13, "atol": 1e-14}

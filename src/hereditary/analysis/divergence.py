@@ -62,10 +62,7 @@ class Divergence:
         equation = self._equation
         rows = np.ascontiguousarray(rows)
         return _sum_of_traces(
-            equation._rhs,
-            equation._jac,
-            int(equation.has_jac),
-            equation._params,
+            *equation.compiled,
             t,
             self._h,
             rows,

@@ -48,7 +48,7 @@ class Balance:
         self._system = equation.enlarged.dense()
         self._units = self._system.steps
         self._frequency, self._along = frequency, along
-        self._params, self._h, self.d = equation._params.copy(), harmonics, equation.d
+        self._params, self._h, self.d = equation.compiled_params.copy(), harmonics, equation.d
         self.size, self._n = self.d * (2 * harmonics + 1), max(_SAMPLES * harmonics + 1, _FEWEST)
         angles = 2 * np.pi * np.outer(np.arange(self._n), np.arange(1, harmonics + 1)) / self._n
         columns = np.stack([np.cos(angles), np.sin(angles)], axis=2).reshape(self._n, -1)
@@ -93,7 +93,7 @@ class Balance:
     def _force(self, t, y):
         """Return the right-hand side, (d,)."""
         found = np.empty(self._system.d)
-        self._system._rhs(t, y.copy(), found, self._params)
+        self._system.compiled_rhs(t, y.copy(), found, self._params)
         return found
 
     def _omega(self, value):
@@ -147,8 +147,8 @@ class Balance:
         y = np.ascontiguousarray((np.vstack([rows, beside]) @ self._basis.T).T)
         f, j_f = np.empty(y.shape), np.empty((self._n if derivative else 0, system.d**2))
         units = np.maximum(np.abs(y).max(axis=0), self._units)
-        how = int(system.has_jac), self._params, omega, y, units, f, j_f
-        _over_a_period(system._rhs, system._jac, *how)
+        rhs, jac, has_jac, _ = system.compiled
+        _over_a_period(rhs, jac, has_jac, self._params, omega, y, units, f, j_f)
         found = ((left[:d] @ rows[..., None])[..., 0] - (self._project @ f[:, :d]).T) / own
         if not derivative:
             return found.ravel(), None

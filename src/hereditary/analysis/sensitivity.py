@@ -245,9 +245,9 @@ def _with_parameters(system, size):
     y0 = np.hstack([system.y0, np.zeros((system.m, size))])
     units = _units(system.params)
     y0[0, d:] = system.params / units
-    params = np.concatenate([system._params, units, [float(size)]])
-    rhs = as_value(_reading(system._rhs), RHS_SIG)
-    jac = as_value(_reading_jacobian(rhs, system._jac), JAC_SIG) if system.has_jac else None
+    params = np.concatenate([system.compiled_params, units, [float(size)]])
+    rhs = as_value(_reading(system.compiled_rhs), RHS_SIG)
+    jac = system.compiled_jac and as_value(_reading_jacobian(rhs, system.compiled_jac), JAC_SIG)
     return System(left, y0, params, rhs, jac)
 
 

@@ -198,7 +198,7 @@ def _kept_form(left, m):
     """Return the integral equations of few components and constant orders, kept for other runs."""
     terms = [SystemTerm(operator, np.array(coefficients)) for operator, coefficients in left]
     y0 = np.zeros((m, terms[0].coefficients.size))
-    return _form_of(System(terms, y0, np.zeros(0), None))
+    return _form_of(System(terms, y0, np.zeros(0)))
 
 
 def _form_of(system):

@@ -46,8 +46,7 @@ def jump(equation, form, orbit, t, counts):
 
 def _forces(equation, t, x, counts):
     """Return f for the orbit and its tangents, (1 + k, d), and the Jacobian; x (1 + k, d)."""
-    force, jacobian = np.empty(x.shape[1]), equation.jacobian_inside(t, x[0])
-    equation._rhs(t, x[0], force, equation._params)
+    force, jacobian = equation.force(t, x[0]), equation.jacobian_inside(t, x[0])
     counts["rhs"] += 1
     return np.vstack([force, x[1:] @ jacobian.T]), jacobian
 

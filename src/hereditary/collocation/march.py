@@ -210,9 +210,9 @@ class CollocationMarch:
         taken = _, tables = kept_tables.take(basis, self._s, len(self._form.varying))
         try:
             return march(
-                equation._rhs, equation._jac, int(equation.has_jac), equation._params,
-                self._stages.solver, self._stages.stages, orbit.equations(self._units), self._rule,
-                basis, tables, self._orders.compiled(orbit.of_varying), orbit.march_arrays(),
+                *equation.compiled, self._stages.solver, self._stages.stages,
+                orbit.equations(self._units), self._rule, basis, tables,
+                self._orders.compiled(orbit.of_varying), orbit.march_arrays(),
                 self._state, steps, limits)  # fmt: skip
         finally:
             kept_tables.give_back(taken)

@@ -150,8 +150,5 @@ def _forces_ahead(equation, t, h, y):
 
     It is evaluated at points extrapolated linearly from the first and the last node.
     """
-    forces = np.empty((len(_DISTANCES_AHEAD), equation.d))
-    for force, distance in zip(forces, _DISTANCES_AHEAD, strict=True):
-        point = y[:, -1] + distance * (y[:, -1] - y[:, 0])
-        equation._rhs(t + distance * h, point, force, equation._params)
-    return forces
+    ahead = [(t + a * h, y[:, -1] + a * (y[:, -1] - y[:, 0])) for a in _DISTANCES_AHEAD]
+    return np.array([equation.force(*point) for point in ahead])

@@ -159,10 +159,9 @@ def reduced(equation):
         SystemTerm(ConstantOrder(order), np.where(np.array(layout.orders) == order, 1.0, 0.0))
         for order in dict.fromkeys(layout.orders)
     ]
-    jac = memory._jac if memory.has_jac else None
-    params, rhs, jac = rearranged(tables, memory._params, memory._rhs, jac)
-    system = System(left, np.array([layout.y0]), params, rhs, jac)
-    system.rhs_digest, system.frame = equation.rhs_digest, Frame(equation.frame.start)
+    how = memory.compiled_params, memory.compiled_rhs, memory.compiled_jac
+    known = {"rhs_digest": equation.rhs_digest, "frame": Frame(equation.frame.start)}
+    system = System(left, np.array([layout.y0]), *rearranged(tables, *how), **known)
     return system, speeds
 
 

@@ -68,9 +68,8 @@ class SingularStart:
         self._many = has_stages(form)
         self._units = units
         self._jacobian = equation.derivative(self._just_after, orbit.x[0], units)
-        self._force = np.empty(form.second.size)
         state.counts["rhs"] += 1
-        equation._rhs(self._just_after, orbit.x[0], self._force, equation._params)
+        self._force = equation.force(self._just_after, orbit.x[0])
         self.n_refused, self.solved, self._longest = 0, True, longest
         forces = form.terms["index"][form.terms["integrand"] == FORCE]
         # solutions of tiny order change at once and then hardly: the defect decides there
@@ -198,9 +197,9 @@ class SingularStart:
         n, stages = basis.nodes.size, self._stages
         equations = orbit.equations(self._units)
         solved = SINGLE_STEPS[self._many](
-            equation._rhs, equation._jac, int(equation.has_jac), equation._params, stages.solver,
-            stages.stages, equations, times[:n], np.ascontiguousarray(operators[:, :n]),
-            np.ascontiguousarray(local[:, :n]), h, np.ascontiguousarray(base[:, :, :n]), orbit.x,
+            *equation.compiled, stages.solver, stages.stages, equations, times[:n],
+            np.ascontiguousarray(operators[:, :n]), np.ascontiguousarray(local[:, :n]), h,
+            np.ascontiguousarray(base[:, :, :n]), orbit.x,
             1e-3 * self._tolerance_of_p(self._size(h)), values, state.counts, state.contraction,
         )  # fmt: skip
         self.solved = solved
@@ -248,10 +247,7 @@ class SingularStart:
         p = found[:d]
         x = orbit.x[0][:, None] + h * (values[PRIMARY] @ operators[-1].T)
         x = np.where(form.second[:, None] == 1, x, p)
-        points, f = np.ascontiguousarray(x.T), np.empty(x.shape[::-1])
-        for t, point, force in zip(times.tolist(), points, f, strict=True):
-            equation._rhs(t, point, force, equation._params)
-        f = f.T
+        f = np.array([equation.force(*pair) for pair in zip(times, x.T, strict=True)]).T
         f[: form.n_rows - d] -= found[d:]
         self._state.counts["rhs"] += times.size
         deviation = np.array([f, p, x]) - basis.interpolate_between(values)

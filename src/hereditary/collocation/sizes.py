@@ -127,7 +127,13 @@ class _Forces:
         points = np.array(np.broadcast_to(points, (len(times), self._system.d)), order="C")
         out, self.calls = np.full(points.shape, np.nan), self.calls + len(times)
         with suppress(Exception):
-            _forces_at(self._system._rhs, self._system._params, np.array(times), points, out)
+            _forces_at(
+                self._system.compiled_rhs,
+                self._system.compiled_params,
+                np.array(times),
+                points,
+                out,
+            )
         return out
 
 

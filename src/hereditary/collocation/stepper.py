@@ -197,7 +197,7 @@ class AdaptiveStepper(CollocationMarch):
 
     def set_parameter(self, number, value):
         """Set a parameter of the right-hand side, which jumps."""
-        self._system._params[number] = value
+        self._system.compiled_params[number] = value
         self._at_singular_start = True
 
     def _identity(self, t):

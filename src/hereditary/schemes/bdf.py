@@ -258,7 +258,7 @@ def _start_corrections(equation, h, p):
     values = np.empty((p, equation.d))
     speed = np.where(equation.read, 0.0, equation.y0[-1] if equation.m == 2 else 0.0)
     for i in range(p):
-        equation._rhs(i * h, equation.at_start + i * h * speed, values[i], equation._params)
+        values[i] = equation.force(i * h, equation.at_start + i * h * speed)
     values -= np.where(equation.above, equation.coefficient(1.0), 0.0) * speed
     values[:, equation.read] = 0.0
     nodes = np.arange(p)

@@ -103,7 +103,7 @@ def _first_increment(equation, times):
         left = np.einsum("rcj,cj->rj", weights, u)
         for row, x in ((0, equation.y0[0] + u[0]), (1, equation.y0[0] + u[0] + u[1])):
             point = np.where(solved, x, left[row])
-            equation._rhs(times[row + 1], point, values[row], equation._params)
+            values[row] = equation.force(times[row + 1], point)
         return (left - values)[:, solved].ravel()
 
     def differences(u):

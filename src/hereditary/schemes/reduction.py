@@ -19,11 +19,11 @@ def reduce_order(system: System, coefficient: float, beta: float) -> System:
     """The system of (x, w), 2 d components, for one whose only term is c D^beta everywhere."""
     d = system.d
     y0 = np.hstack([system.y0, np.zeros((2, d))])
-    params = np.append(system._params, coefficient)
+    params = np.append(system.compiled_params, coefficient)
     structure = system.structure and system.structure.with_velocities()
-    jac = _pair_jacobian(system._jac) if system.has_jac and structure is None else None
-    left = [SystemTerm(ConstantOrder(beta / 2), np.ones(2 * d))]
-    return System(left, y0, params, _pair(system._rhs), jac, structure=structure)
+    jac = _pair_jacobian(system.compiled_jac) if system.has_jac and structure is None else None
+    left = (SystemTerm(ConstantOrder(beta / 2), np.ones(2 * d)),)
+    return System(left, y0, params, _pair(system.compiled_rhs), jac, structure=structure)
 
 
 @lru_cache(maxsize=64)

@@ -73,9 +73,8 @@ def _leading(equation, alpha):
     """The a above, 0 where the right-hand side has no value at 0."""
     f = np.full(equation.d, np.nan)
     try:
-        system, values = equation.enlarged, np.full(equation.enlarged.d, np.nan)
-        system._rhs(0.0, system.at_start, values, system._params)
-        f[:] = values[: equation.d]
+        system = equation.enlarged
+        f[:] = system.force(0.0, system.at_start)[: equation.d]
     except Exception:  # the march meets it again, or never looks there
         f[:] = np.nan
     if equation.m == 2:

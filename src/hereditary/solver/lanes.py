@@ -47,7 +47,7 @@ class Lane(Stepper):
         params (E, p) and y0 (E, m, d), one of which may be None for those of the equation.
         """
         n = len(y0 if params is None else params)
-        own, params = params, np.tile(self._system._params, (n, 1))
+        own, params = params, np.tile(self._system.compiled_params, (n, 1))
         if own is not None:  # others, which the system needs itself, stand behind them
             params[:, : own.shape[1]] = own
         values = self._initial_values(n, y0)
@@ -64,7 +64,7 @@ class Lane(Stepper):
         units = np.ones((n, d))
         if not self._system.has_jac:
             for row, x, own in zip(units, fields["x"], params, strict=True):
-                found_units = units_of(self._system._rhs, own, x[:d])
+                found_units = units_of(self._system.compiled_rhs, own, x[:d])
                 row[:] = np.where(found_units > 0, found_units, 1.0)
         return Starts(params=params, units=units, monitor=monitor, **fields)
 
@@ -86,7 +86,7 @@ class Lane(Stepper):
         def rhs(t, y, dy, _):
             for m in range(size):
                 own = slice(m * d, (m + 1) * d)
-                system._rhs(t, np.ascontiguousarray(y[own]), dy[own], params[m])
+                system.compiled_rhs(t, np.ascontiguousarray(y[own]), dy[own], params[m])
 
         left = [SystemTerm(operator, np.tile(c, size)) for operator, c in system.left]
         sources = (system.sources + d * np.arange(size)[:, None]).ravel()
@@ -111,7 +111,7 @@ class Lane(Stepper):
         while first < size:
             try:
                 march_members(
-                    loop, system._rhs, system._jac, int(system.has_jac), self.memory.exchange,
+                    loop, *system.compiled[:3], self.memory.exchange,
                     self.memory.tables, self.memory.arrays, self._newton.solver,
                     self._newton.tables, self._table, self._rows, self._march, starts,
                     *every_row, room, found, first, n_steps,

@@ -73,10 +73,9 @@ def renew_force(system, t, table, march):
     n, newest = table.n_orbit, int(march.counts["step"]) - 1
     if table.integral == 0 or newest < 0:
         return
-    force = np.empty(n)
     march.counts["rhs"] += 1
     try:
-        system._rhs(t, march.x[:n].copy(), force, system._params)
+        force = system.force(t, march.x[:n])
     except Exception:
         return
     own = table.sources[:n] == np.arange(n)  # memory that f reads has increments for pieces

@@ -286,8 +286,7 @@ class Stepper:
         jacobians = self._watch.room(self.n, n_end)
         try:
             return self._loop(
-                system._rhs, system._jac, int(system.has_jac), system._params,
-                self.memory.exchange, self.memory.tables, self.memory.arrays,
+                *system.compiled, self.memory.exchange, self.memory.tables, self.memory.arrays,
                 self._newton.solver, self._newton.tables, self._table,
                 rows_beside(self._breaks, self.n, self._rows, self.steps, start), self._march,
                 Output(rows, slopes, jacobians, self._room, self.n, n_end), n_end,
@@ -345,7 +344,7 @@ class Stepper:
 
     def set_parameter(self, number, value):
         """Set a parameter of the right-hand side, which jumps."""
-        self._system._params[number] = value
+        self._system.compiled_params[number] = value
 
     def stats(self):
         """Counts and errors for the solution's stats."""
