@@ -65,7 +65,8 @@ def study(measure, claims=None, figure=None, **options):
     Parameters
     ----------
     measure : callable
-        ``measure(quick)`` gives rows (dicts with equal keys) and claims that no row holds.
+        ``measure(quick)`` gives rows (dicts with equal keys), and claims and a figure of what no
+        row holds.
     claims, figure : callable, optional
         Of the rows as they were written: the claims, and the figure.
     options
@@ -77,7 +78,9 @@ def study(measure, claims=None, figure=None, **options):
     if not own.stored:
         found = list(measure(own.quick, **{name: getattr(own.options, name) for name in options}))
         more = [one for one in found if isinstance(one, Claim)]
-        own.write([one for one in found if not isinstance(one, Claim)])
+        own.write([one for one in found if isinstance(one, dict)])
+        for drawn in (one for one in found if isinstance(one, plt.Figure)):
+            own.save(drawn)
     rows = own.read()
     if figure:
         own.save(figure(rows))
@@ -179,7 +182,8 @@ def _read(path):
 
 def _range(figures, limit):
     """Figures of one claim in words: the one next to its limit, or the range."""
-    low, high = (f"{value:.3g}" for value in (min(figures), max(figures)))
+    ends = min(figures), max(figures)
+    low, high = (f"{v:,.0f}" if 1e3 <= abs(v) < 1e6 else f"{v:.3g}" for v in ends)
     if low == high or ("most" in limit) != ("least" in limit):
         return low if "least" in limit else high
     return f"{low} to {high}"

@@ -6,7 +6,7 @@
 
 import matplotlib.pyplot as plt
 import numpy as np
-from _study import Study, check
+from _study import Claim, chosen, study
 
 import hereditary as hd
 
@@ -44,14 +44,13 @@ def row(name, known, verdict, k, peaks):
     return {"orbit": name, "known": known or "", "exponent": verdict, "K": k, "lines": peaks}
 
 
-def main():
-    study = Study(__file__, __doc__)
-    rows, spectra = [], {}
+def measure(quick):
+    spectra = {}
     for r, known in ((3.5, "regular"), (3.83, "regular"), (3.9, "chaotic"), (4.0, "chaotic")):
         found = hd.zero_one_test(logistic(r))
-        rows.append(row(f"logistic map, r = {r:g}", known, "", f"{found.k:.3f}", ""))
+        yield row(f"logistic map, r = {r:g}", known, "", f"{found.k:.3f}", "")
     for name, (equation, component, t_end, known) in ORBITS.items():
-        if study.quick and "weak" not in name:
+        if quick and "weak" not in name:
             continue
         orbit = hd.solve(equation, t_end, rtol=1e-7)
         late = 0.2 * t_end
@@ -64,16 +63,11 @@ def main():
         strong = strong[strong["amplitude"] > 0.02 * strong["amplitude"].max(initial=0.0)]
         exponent = hd.lyapunov(equation, 400.0, 80_000)
         told = f"{exponent.slope[0]:.3f}, {exponent.verdict}"
-        rows.append(row(name, known, told, k, len(strong)))
-    study.write(rows)
-    for told in rows:
-        if told["known"] in ("chaotic", "regular"):
-            chaotic, k = told["known"] == "chaotic", float(told["K"])
-            text = f"{told['orbit']}: K = {k:.2f} ({told['known']})"
-            check(text, k > 0.8 if chaotic else k < 0.2, study.quick)
-            against = ("growth",) if not chaotic else ("decay", "neutral")
-            agrees = not any(word in told["exponent"] for word in against)
-            check(f"{told['orbit']}: exponent {told['exponent']}", agrees, study.quick)
+        yield row(name, known, told, k, len(strong))
+    yield draw(spectra)
+
+
+def draw(spectra):
     figure, axes = plt.subplots(len(spectra), 1, figsize=(7, 1.7 * len(spectra)), squeeze=False)
     figure.set_layout_engine("constrained")
     for ax, (name, found) in zip(axes[:, 0], spectra.items(), strict=True):
@@ -82,8 +76,18 @@ def main():
         ax.set(xlim=(0, 16 if "Lorenz" in name else 6), title=name, ylabel="power")
         ax.title.set_fontsize(9)
     axes[-1, 0].set(xlabel=r"$\omega$")
-    study.save(figure)
+    return figure
+
+
+def claims(rows):
+    for kind, limit in (("chaotic", {"at_least": 0.8}), ("regular", {"at_most": 0.2})):
+        mine = chosen(rows, known=kind)
+        for told in mine:
+            yield Claim(f"K of {kind} orbits", told["K"], **limit, where=told["orbit"])
+        against = ("growth",) if kind == "regular" else ("decay", "neutral")
+        wrong = sum(any(word in told["exponent"] for word in against) for told in mine)
+        yield Claim(f"verdicts against {kind} orbits", wrong, 0)
 
 
 if __name__ == "__main__":
-    main()
+    study(measure, claims)

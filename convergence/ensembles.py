@@ -10,11 +10,8 @@ NumPy for all Riccati equations at once, with its weights computed beforehand. C
 * from an error of 2e-3 on down the Riccati equations take no longer than NumPy's.
 """
 
-import time
-
-import matplotlib.pyplot as plt
 import numpy as np
-from _study import Study, check
+from _study import Claim, chosen, curves, fastest, study
 from scipy.special import gamma
 
 import hereditary as hd
@@ -55,21 +52,11 @@ def riccati_in_numpy(n_steps):
     return y
 
 
-def best(run, times):
-    """Return the least time of some runs, in seconds, and the result."""
-    found = []
-    for _ in range(times):
-        began = time.perf_counter()
-        result = run()
-        found.append(time.perf_counter() - began)
-    return min(found), result
-
-
-def oscillators(study):
+def oscillators(quick):
     """Rows of the oscillator."""
     terms = hd.Caputo(1.9) + 0.2 * hd.Caputo(0.7)
     equation = hd.Equation(terms, duffing, [0.1, 0.2], params=[1.0, 1.0, 1.0])
-    size, n_steps = (100, 100) if study.quick else (5000, 1000)
+    size, n_steps = (100, 100) if quick else (5000, 1000)
     params = np.random.default_rng(0).uniform(0.5, 1.2, (size, 3))
     few, rows = params[: size // 25], []
     for scheme in (hd.ExplicitCaputo(), hd.BDF(2)):
@@ -80,9 +67,9 @@ def oscillators(study):
             for row in few:
                 hd.solve(equation.replace(params=row), 20.0, n_steps, **how)
 
-        alone, _ = best(loop, 3)
+        alone, _ = fastest(loop, 3)
         for threads in (1, 2):
-            seconds, found = best(
+            seconds, found = fastest(
                 lambda threads=threads, how=how: hd.ensemble(
                     equation, 20.0, n_steps, params=params, threads=threads, **how
                 ),
@@ -102,11 +89,11 @@ def oscillators(study):
     return rows
 
 
-def riccatis(study):
+def riccatis(quick):
     """Rows of the Riccati equations."""
-    steps = STEPS[:2] if study.quick else STEPS
+    steps = STEPS[:2] if quick else STEPS
     equation = hd.Equation(hd.Caputo(ALPHA), riccati, 0j, params=[1.0])
-    few = slice(None, None, 256 if study.quick else 8)
+    few = slice(None, None, 256 if quick else 8)
     exact = hd.ensemble(equation, 1.0, rtol=1e-9, params=FREQUENCIES[few]).y[:, -1, 0]
     rows = []
 
@@ -125,11 +112,11 @@ def riccatis(study):
         )
 
     for n_steps in steps:
-        add("NumPy", n_steps, *best(lambda n=n_steps: riccati_in_numpy(n), 5))
+        add("NumPy", n_steps, *fastest(lambda n=n_steps: riccati_in_numpy(n), 5))
         for scheme in SCHEMES:
             how = {"scheme": scheme, "save_every": n_steps, "params": FREQUENCIES}
             hd.ensemble(equation, 1.0, n_steps, **how)
-            seconds, found = best(
+            seconds, found = fastest(
                 lambda n=n_steps, how=how: hd.ensemble(equation, 1.0, n, **how), 5
             )
             if found.success.all():
@@ -144,35 +131,29 @@ def at_error(curve, error):
     return float(np.exp(np.interp(np.log(error), errors[order], seconds[order])))
 
 
-def main():
-    study = Study(__file__, __doc__)
+def measure(quick):
     with np.errstate(all="ignore"):  # the coarsest runs blow up
-        study.write(oscillators(study) + riccatis(study))
-    rows = study.read()
-    marched = [row for row in rows if row["equation"] == "oscillator"]
-    gain = min(row["loop of solve"] / row["milliseconds"] for row in marched)
-    check(f"a loop of solve takes {gain:.1f} times as long (above 5)", gain > 5, study.quick)
+        return oscillators(quick) + riccatis(quick)
+
+
+def claims(rows):
+    marched = chosen(rows, equation="oscillator")
+    for row in marched:
+        ratio = row["loop of solve"] / row["milliseconds"]
+        yield Claim("a loop of solve takes times as long", ratio, at_least=5, where=row["by"])
     seconds = min(row["milliseconds"] for row in marched) / 1e3
-    check(f"5,000 oscillators: {seconds:.2f} s (below 1)", seconds < 1, study.quick)
-    curves: dict[str, list] = {}
-    for row in rows:
-        if row["equation"] == "Riccati" and np.isfinite(row["error"]):
-            curves.setdefault(row["by"], []).append((row["error"], row["milliseconds"]))
+    yield Claim("5,000 oscillators, 1,000 steps [s]", seconds, 1)
+    found: dict[str, list] = {}
+    for row in chosen(rows, equation="Riccati"):
+        if np.isfinite(row["error"]):
+            found.setdefault(row["by"], []).append((row["error"], row["milliseconds"]))
     for error in (2e-2, 5e-3, 2e-3, 1e-3):
-        ours = min(at_error(curve, error) for by, curve in curves.items() if by != "NumPy")
-        ratio = ours / at_error(curves["NumPy"], error)
-        told = f"Riccati at {error:g}: {ratio:.2f} of NumPy's time"
-        if error > 2e-3:
-            print(told)
-        else:
-            check(f"{told} (at most 1)", ratio <= 1, study.quick)
-    figure, ax = plt.subplots(figsize=(6.5, 4.2), layout="constrained")
-    for by, curve in curves.items():
-        ax.loglog(*np.array(curve).T[::-1], "k--" if by == "NumPy" else ".-", label=by)
-    ax.set(xlabel="milliseconds", ylabel="largest error at t = 1", title="512 Riccati equations")
-    ax.legend(fontsize=8)
-    study.save(figure)
+        ours = min(at_error(curve, error) for by, curve in found.items() if by != "NumPy")
+        limit = np.inf if error > 2e-3 else 1
+        ratio = ours / at_error(found["NumPy"], error)
+        yield Claim(f"512 Riccati equations at {error:g}, of NumPy's time", ratio, limit)
 
 
 if __name__ == "__main__":
-    main()
+    draw = curves("milliseconds", "error", ("by",), title="512 Riccati equations")
+    study(measure, claims, lambda rows: draw(chosen(rows, equation="Riccati")))

@@ -9,11 +9,11 @@ law t**-0.8 that is tempered, both of relaxation time tau. By collocation, rtol 
 * An explicit run of 200,000 steps with such kernels takes at most 1.5 times one with Caputo's.
 """
 
-import time
+from functools import partial
 
 import matplotlib.pyplot as plt
 import numpy as np
-from _study import Study, check
+from _study import Claim, chosen, in_turns, study
 from scipy.integrate import solve_ivp
 from scipy.special import rgamma
 
@@ -78,17 +78,14 @@ def cost(quick):
     """Time of an explicit run with kernels in both terms over that with Caputo's derivatives."""
     inertia = hd.TemperedPowerLaw(0.8, 0.01)
     both = hd.scenes.stick_slip(inertia=inertia, resistance=hd.TemperedPowerLaw(0.8, 0.1))
-    n, best = 2_000 if quick else 200_000, {}
-    for _ in range(2 if quick else 9):
-        for name, eq in (("Caputo", hd.scenes.stick_slip()), ("kernels", both)):
-            began = time.perf_counter()
-            hd.solve(eq, T_END, n, save_every=100)
-            spent = time.perf_counter() - began
-            best[name] = min(best.get(name, np.inf), spent)
+    n = 2_000 if quick else 200_000
+    equations = {"Caputo": hd.scenes.stick_slip(), "kernels": both}
+    calls = {k: partial(hd.solve, eq, T_END, n, save_every=100) for k, eq in equations.items()}
+    best = in_turns(calls, 2 if quick else 9)
     return best["kernels"] / best["Caputo"]
 
 
-def draw(study, rows):
+def draw(rows):
     figure, axes = plt.subplots(1, 3, figsize=(13, 4), layout="constrained")
     t = np.geomspace(1e-2, 30, 300)
     for style, tau in zip(("-", "--"), SHOWN, strict=True):
@@ -109,7 +106,7 @@ def draw(study, rows):
     axes[1].set(xlabel="$t$", ylabel="$x$", title="Oscillograms")
     axes[1].legend(fontsize=8)
     for kind, colour in COLOURS.items():
-        mine = [r for r in rows if r["kernel"] == kind]
+        mine = chosen(rows, kernel=kind)
         axes[2].loglog(
             [r["tau"] for r in mine], [r["swing"] for r in mine], "o-", ms=3, color=colour
         )
@@ -118,22 +115,21 @@ def draw(study, rows):
         ylabel=r"range of $\dot x$",
         title="Swings left halfway to the first slip",
     )
-    study.save(figure)
+    return figure
 
 
-def main():
-    study = Study(__file__, __doc__)
-    taus = np.geomspace(1e-3, 30, 4 if study.quick else 25)
-    study.write([row(kind, tau) for kind in COLOURS for tau in taus])
-    rows = study.read()
-    nearly_classical = rows[0]["first_slip"]
-    check(f"tau = 0.001 slips first at {nearly_classical}", abs(nearly_classical - 45.2716) < 0.02)
+def measure(quick):
+    taus = np.geomspace(1e-3, 30, 4 if quick else 25)
+    yield from (row(kind, tau) for kind in COLOURS for tau in taus)
     off = max(distance_to_ordinary(tau) for tau in SHOWN)
-    check(f"equal to the ordinary system within {off:.1e}", off < 1e-7)
-    ratio = cost(study.quick)
-    check(f"kernels cost {ratio:.2f} times Caputo's terms", ratio <= 1.5, study.quick)
-    draw(study, rows)
+    yield Claim("distance from the ordinary system", off, 1e-7, small=True)
+    yield Claim("an explicit run with kernels, times one with Caputo's terms", cost(quick), 1.5)
+
+
+def claims(rows):
+    off = abs(rows[0]["first_slip"] - 45.2716)
+    yield Claim("first slip at tau = 0.001, off the classical one", off, 0.02, small=True)
 
 
 if __name__ == "__main__":
-    main()
+    study(measure, claims, draw)

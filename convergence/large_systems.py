@@ -11,12 +11,11 @@ x), to T = 1, against the exact solution of the discrete system:
 Where the entries of the Jacobian are stated a step takes a time in proportion to d.
 """
 
-import time
+from functools import partial
 
-import matplotlib.pyplot as plt
 import numpy as np
 import scipy.sparse as sp
-from _study import Study, check
+from _study import Claim, chosen, curves, fastest, study
 from scipy.linalg import solve_banded
 from scipy.special import gamma
 
@@ -74,18 +73,6 @@ def solved(d, how, scheme):
     return run
 
 
-def measured(run, quick):
-    """Best time of some runs, and what the last one gave."""
-    best = np.inf
-    for _ in range(1 if quick else 3):
-        began = time.perf_counter()
-        found, stats = run()
-        best = min(best, time.perf_counter() - began)
-        if best > 5:
-            break
-    return best, found, stats
-
-
 def measure(quick):
     few, some = ([3, 20], [11, 50]) if quick else ([3, 10, 40, 100, 200, 500], [11, 40, 100, 500])
     cases = [("Collocation", "dense", d, None) for d in few]
@@ -98,18 +85,16 @@ def measure(quick):
     cases += [("L1 by hand", "banded", d, None) for d in ([20] if quick else [11, 100, 1000])]
     for scheme, how, d, given in cases:
         run = (lambda d=d: by_hand(d)) if scheme == "L1 by hand" else solved(d, how, given)
-        if d < 10**5:  # compiles
-            run()
-        seconds, found, stats = measured(run, quick)
+        times = 1 if quick else 3
+        seconds, (found, stats) = fastest(run, times, within=5, warm=d < 10**5)  # compiles
         parts, rates = waves(d)
         yield row(scheme, how, d, seconds, np.abs(found - exact(rates, parts)).max(), stats)
     m = 12 if quick else 256
     wave, rate = waves(m)[0][0], waves(m)[1][0]
     start = np.outer(wave, wave).ravel()
     equation = hd.Equation(hd.Caputo(ALPHA), None, start, linear=plane(m))
-    began = time.perf_counter()
-    sol = hd.solve(equation, 1.0, STEPS, scheme=hd.BDF(2), save_every=STEPS)
-    seconds = time.perf_counter() - began
+    call = partial(hd.solve, equation, 1.0, STEPS, scheme=hd.BDF(2), save_every=STEPS)
+    seconds, sol = fastest(call, 1, warm=False)
     error = np.abs(sol.y[-1] - exact([2 * rate], [start])).max()
     yield row("BDF(2)", "plane", m * m, seconds, error, sol.stats)
 
@@ -126,40 +111,22 @@ def row(scheme, how, d, seconds, error, stats):
     }
 
 
-def main():
-    study = Study(__file__, __doc__)
-    study.write(list(measure(study.quick)))
-    rows = study.read()
-    worst = max(row["error"] for row in rows if row["scheme"] == "Collocation")
-    check(f"Collocation errs by at most {worst:.1e} (tolerance 1e-10)", worst < 1e-10)
-    worst = max(row["error"] for row in rows if row["scheme"] == "BDF(2)")
-    check(f"BDF(2) errs by at most {worst:.1e} (below 1e-6)", worst < 1e-6)
-    banded = {
-        row["d"]: row["ms"] / row["d"]
-        for row in rows
-        if (row["scheme"], row["jacobian"]) == ("BDF(2)", "banded")
-    }
-    if not study.quick:
-        growth = banded[1_000_000] / banded[1000]
-        check(
-            f"a component takes {growth:.2f} times as long in 1e6 as in 1e3 (below 3)", growth < 3
-        )
-    draw(study, rows)
-
-
-def draw(study, rows):
-    figure, (left, right) = plt.subplots(1, 2, figsize=(10, 4), layout="constrained")
-    kinds = list(dict.fromkeys((row["scheme"], row["jacobian"]) for row in rows))
-    for number, kind in enumerate(kinds):
-        mine = [row for row in rows if (row["scheme"], row["jacobian"]) == kind]
-        d, ms, size = ([row[key] for row in mine] for key in ("d", "ms", "MB"))
-        left.loglog(d, ms, f"o-C{number}", ms=4, label=", ".join(kind))
-        right.loglog(d, size, f"o-C{number}", ms=4)
-    left.set(xlabel="components", ylabel="ms", title="Time of a run")
-    right.set(xlabel="components", ylabel="MB", title="Memory of the past")
-    left.legend(fontsize=8)
-    study.save(figure)
+def claims(rows):
+    for scheme, limit, how in (("Collocation", 1e-10, "rtol 1e-10"), ("BDF(2)", 1e-6, "N = 1,000")):
+        for row in chosen(rows, scheme=scheme):
+            where = {"where": f"{row['d']:g} {row['jacobian']}", "small": True}
+            yield Claim(f"error of {scheme}, {how}", row["error"], limit, **where)
+    banded = {row["d"]: row["ms"] for row in chosen(rows, scheme="BDF(2)", jacobian="banded")}
+    sizes = (1_000_000, 1000)
+    if set(sizes) <= banded.keys():
+        growth = banded[sizes[0]] / banded[sizes[1]] / 1000
+        yield Claim("time of a component of 1e6 over that of 1e3, BDF(2)", growth, 3)
+    for scheme, d in (("Collocation", 100), ("Collocation", 1000), ("Collocation", 5000),
+                      ("BDF(2)", 1000), ("BDF(2)", 100_000)):  # fmt: skip
+        for row in chosen(rows, scheme=scheme, jacobian="banded", d=d):
+            yield Claim(f"{scheme}, {d:,} banded components [ms]", row["ms"])
 
 
 if __name__ == "__main__":
-    main()
+    draw = curves("d", ("ms", "MB"), ("scheme", "jacobian"))
+    study(measure, claims, draw)

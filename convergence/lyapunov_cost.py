@@ -8,10 +8,9 @@ beside it. Seconds are the processor's for whole calls, the best of several, tak
 """
 
 import time
+from functools import partial
 
-import matplotlib.pyplot as plt
-import numpy as np
-from _study import Study, check
+from _study import Claim, bars, in_turns, study
 
 import hereditary as hd
 
@@ -25,18 +24,14 @@ LABELS = (PLAIN, ONE, TWO, CHECKED)
 CLAIMS = [(EXPLICIT, ONE, PLAIN, 4.0), (EXPLICIT, TWO, PLAIN, 6.0), (USUAL, CHECKED, ONE, 1.6)]
 
 
-def seconds(equation, n, label, scheme):
-    """Of one whole call."""
-    began = time.process_time()  # the machine is shared
+def run(equation, n, label, scheme):
     if label == PLAIN:
         result = hd.solve(equation, T_END, n, scheme=scheme, save_every=1000)
     else:
         k, verify = 1 + (label == TWO), None if label == CHECKED else False
         result = hd.lyapunov(equation, T_END, n, k, scheme=scheme, verify=verify)
-    spent = time.process_time() - began
     if not result.success or (label == CHECKED and result.check is None):
         raise RuntimeError(f"{scheme} with {n} steps: {result.message}")
-    return spent
 
 
 def measure(quick):
@@ -46,12 +41,12 @@ def measure(quick):
     rows = []
     for scheme in SCHEMES:
         for label in LABELS:  # compiled before it is timed
-            seconds(equation, 8000, label, scheme)
+            run(equation, 8000, label, scheme)
         for n in (8000, N_SHORT) if quick else (N_SHORT, N_MAIN):
             repeats = 3 if quick else 10 if n == N_MAIN else 20
-            runs = [[seconds(equation, n, k, scheme) for k in LABELS] for _ in range(repeats)]
-            best = np.min(runs, axis=0)
-            for label, spent in zip(LABELS, best, strict=True):
+            calls = {label: partial(run, equation, n, label, scheme) for label in LABELS}
+            best = in_turns(calls, repeats, time.process_time)  # the machine is shared
+            for label, spent in best.items():
                 rows.append(
                     {
                         "scheme": repr(scheme),
@@ -59,42 +54,20 @@ def measure(quick):
                         "run": label,
                         "seconds": f"{spent:.4g}",
                         "ns_per_step": f"{spent / n * 1e9:.0f}",
-                        "ratio": f"{spent / best[0]:.2f}",
+                        "ratio": f"{spent / best[PLAIN]:.2f}",
                     }
                 )
     return rows
 
 
-def draw(rows):
-    figure, ax = plt.subplots(figsize=(7, 4), layout="constrained")
-    cases = list(dict.fromkeys((row["scheme"], row["n_steps"]) for row in rows))
-    x = np.arange(len(cases))
-    for k, label in enumerate(LABELS):
-        heights = [row["ns_per_step"] for row in rows if row["run"] == label]
-        bars = ax.bar(x + 0.21 * (k - 1.5), heights, 0.19, label=label)
-        ratios = [f"{row['ratio']:.1f}" for row in rows if row["run"] == label]
-        if k:
-            ax.bar_label(bars, ratios, fontsize=8)
-    ax.set_xticks(x, [f"{scheme}\nN = {n:,.0f}" for scheme, n in cases], fontsize=8)
-    ax.set(ylabel="ns a step", title="Hereditary stick-slip, T = 100 (times a plain run)")
-    ax.margins(y=0.1)
-    ax.grid(alpha=0.3, axis="y")
-    ax.legend()
-    return figure
-
-
-def main():
-    study = Study(__file__, __doc__)
-    study.write(measure(study.quick))
-    rows = study.read()
+def claims(rows):
     # the last rows of a scheme are those of its longest runs
     longest = {(row["scheme"], row["run"]): row["seconds"] for row in rows}
     for scheme, label, other, bound in CLAIMS:
         ratio = longest[scheme, label] / longest[scheme, other]
-        statement = f"{scheme}, {label}: {ratio:.2f} times {other} (at most {bound:g})"
-        check(statement, ratio <= bound, study.quick)
-    study.save(draw(rows))
+        yield Claim(f"{scheme}: {label}, times {other}", ratio, bound)
 
 
 if __name__ == "__main__":
-    main()
+    draw = bars("ns_per_step", ("scheme", "n_steps", "run"), title="Hereditary stick-slip, T = 100")
+    study(measure, claims, draw)

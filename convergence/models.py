@@ -10,7 +10,7 @@ stiffness, to both sides of it, where a straight line through them is 0. Claims:
 
 import matplotlib.pyplot as plt
 import numpy as np
-from _study import Study, check
+from _study import Claim, study
 from model_references import (
     airy_series,
     mathieu_edges,
@@ -84,7 +84,7 @@ def heston():
     return float(hd.solve(scenes.riccati(0.7, *coefficients), 3.0, rtol=1e-9).y[-1, 0].real)
 
 
-def rows():
+def measure(quick):
     """Rows of models: number, value measured, reference, its kind, how far they may be apart."""
     edges = mathieu_edges(0.3, 0.1, 0.5, (0.0586, 0.3414))
     found = {
@@ -157,8 +157,9 @@ def rows():
         }
 
 
-def draw(axes):
+def draw(rows):
     """Draw an orbit of each model, with memory and without."""
+    figure, axes = plt.subplots(2, 3, figsize=(12, 6), layout="constrained")
     orders = (
         lambda t: 0.97 - 0.03 * np.cos(0.1 * t),
         lambda t: 0.95 - 0.03 * np.sin(0.1 * t),
@@ -217,18 +218,16 @@ def draw(axes):
         ax.set(title=title, xlabel="t")
         ax.set_ylim(top=ax.get_ylim()[1] + 0.2 * np.ptp(ax.get_ylim()))  # room for the legend
         ax.legend(fontsize="x-small", loc="upper left", ncols=2)
+    return figure
 
 
-def main():
-    study = Study(__file__, __doc__.splitlines()[0])
-    study.write(list(rows()))
-    for row in study.read():
-        apart = abs(row["measured"] - row["reference"])
-        check(f"{row['model']}, {row['number']}: {apart:.1e} apart", apart <= row["within"])
-    figure, axes = plt.subplots(2, 3, figsize=(12, 6), layout="constrained")
-    draw(axes)
-    study.save(figure)
+def claims(rows):
+    for row in rows:
+        apart, number = abs(row["measured"] - row["reference"]), row["number"]
+        text = "thresholds" if number in ("order of onset", "stiffness") else "values"
+        text = "rough Heston's value" if row["within"] == 1e-2 else text
+        yield Claim(f"{text} apart", apart, row["within"], where=row["model"], small=True)
 
 
 if __name__ == "__main__":
-    main()
+    study(measure, claims, draw)

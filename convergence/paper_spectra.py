@@ -11,9 +11,8 @@ import time
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 
-import matplotlib.pyplot as plt
 import numpy as np
-from _study import Study, check
+from _study import Claim, bars, study
 
 import hereditary as hd
 from hereditary.paper import figures
@@ -87,34 +86,11 @@ def measure(quick):
     return rows
 
 
-def draw(rows):
-    figure, ax = plt.subplots(figsize=(7, 3), layout="constrained")
-    names = [f"{r['what']}\n{r['points']:g} x {r['n_steps']:,.0f} steps" for r in rows]
-    bars = ax.barh(names, [r["seconds"] for r in rows], color="#0072B2")
-    ax.bar_label(bars, [f"{r['seconds']:g} s" for r in rows], padding=4, fontsize=8)
-    for bar, row in zip(bars, rows, strict=True):
-        if row["bound"] != "":
-            y = bar.get_y()
-            ax.plot([row["bound"]] * 2, [y, y + bar.get_height()], color="#D55E00", lw=2)
-    ax.set(xscale="log", xlabel="seconds (bars), bound (line)")
-    ax.margins(x=0.15)
-    ax.invert_yaxis()
-    return figure
-
-
-def main():
-    study = Study(__file__, __doc__)
-    study.write(measure(study.quick))
-    rows = study.read()
+def claims(rows):
     for row in rows:
-        told = f"{row['what']}: {row['points']:g} points in {row['seconds']:g} s"
-        if row["bound"] == "":
-            print(told)
-        else:
-            statement = f"{told} (at most {row['bound']:g})"
-            check(statement, row["seconds"] <= row["bound"], study.quick)
-    study.save(draw(rows))
+        bound = np.inf if row["bound"] == "" else row["bound"]
+        yield Claim(f"{row['what']}, {row['points']:g} points [s]", row["seconds"], bound)
 
 
 if __name__ == "__main__":
-    main()
+    study(measure, claims, bars("seconds", ("what", "points", "n_steps"), log="x"))

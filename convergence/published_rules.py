@@ -13,10 +13,9 @@ method to rounding, beside the schemes with past sums term by term. Claims of do
 
 from math import gamma
 
-import matplotlib.pyplot as plt
 import numpy as np
 from _published_rules import flmm2, product_integration, several_terms
-from _study import Study, check
+from _study import Claim, chosen, curves, study
 
 import hereditary as hd
 
@@ -125,45 +124,27 @@ def measure(quick):
             yield row(told, " ".join(map(str, orders)), many, theirs, own, exact)
 
 
-def check_all(rows):
-    """Check what is claimed."""
+def claims(rows):
     for found in rows:
-        what, apart = found["what"], found["difference"]
-        told = f"{what}, order {found['orders']}, {found['n_steps']:.0f} steps"
+        what = found["what"]
+        how = {"where": f"{what}, order {found['orders']}, N = {found['n_steps']:g}", "small": True}
         ratio = found["theirs_at_end"] / found["ours_at_end"]
         equal = "trapezoids, Prod" in what or what.startswith(("Brus", "pece, 30"))
         if equal or what.startswith(("explicit", "rectangles")):
-            check(f"{told}: equal to {apart:.1e} (1e-12)", apart <= 1e-12)
+            told = "trapezoids" if equal else "rectangles at order 1"
+            yield Claim(f"{told} differ from ours by", found["difference"], 1e-12, **how)
         elif what == "smooth, pece":
-            check(f"{told}: Adams {ratio:.1f} times as accurate (1.9 to 45)", 1.9 < ratio < 45)
+            yield Claim("error of PECE over that of Adams, smooth solution", ratio, 45, 1.9, **how)
         elif what == "decay, pece":
-            check(f"{told}: ratio of errors {ratio:.2f} (0.8 to 3.6)", 0.8 < ratio < 3.6)
+            yield Claim("error of PECE over that of Adams, decay", ratio, 3.6, 0.8, **how)
         elif "flmm2" in what:
             most = found["theirs_largest"] / found["ours_largest"]
-            check(f"{told}: largest errors {most:.1e} times ours (below 1)", most < 1)
+            yield Claim("largest error of flmm2 over that of BDF(2)", most, 1, **how)
         elif "trapezoids" in what:
-            check(f"{told}: {ratio:.2f} times the error of BDF(2) (below 1)", ratio < 1)
-
-
-def main():
-    study = Study(__file__, __doc__)
-    study.write(list(measure(study.quick)))
-    rows = study.read()
-    check_all(rows)
-    figure, ax = plt.subplots(figsize=(6, 4), layout="constrained")
-    smooth_rows = [found for found in rows if found["what"] == "smooth, pece"]
-    for alpha in sorted({found["orders"] for found in smooth_rows}):
-        mine = [found for found in smooth_rows if found["orders"] == alpha]
-        n = [found["n_steps"] for found in mine]
-        (line,) = ax.loglog(n, [found["theirs_at_end"] for found in mine], "o--")
-        own = [found["ours_at_end"] for found in mine]
-        ax.loglog(n, own, "s-", color=line.get_color(), label=rf"$\alpha$ = {alpha:g}")
-    ax.set_xticks(n, [f"{steps:g}" for steps in n])
-    ax.minorticks_off()
-    ax.set(xlabel="steps", ylabel="error at t = 1", title="PECE (dashed) and Adams, y = t^2")
-    ax.legend()
-    study.save(figure)
+            yield Claim("error of mt_fde_pi2_im over that of BDF(2)", ratio, 1, **how)
 
 
 if __name__ == "__main__":
-    main()
+    columns = ("ours_at_end", "theirs_at_end")
+    draw = curves("n_steps", columns, ("orders",), title="Adams and PECE, y = t^2")
+    study(measure, claims, lambda rows: draw(chosen(rows, what="smooth, pece")))

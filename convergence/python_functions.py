@@ -10,13 +10,11 @@ over `n_rhs`:
 * numbers of both are equal to 1e-12.
 """
 
-import time
 import warnings
 from functools import partial
 
-import matplotlib.pyplot as plt
 import numpy as np
-from _study import Study, check
+from _study import Claim, bars, in_turns, study
 from scipy.interpolate import CubicSpline
 
 import hereditary as hd
@@ -47,12 +45,6 @@ class Model:
         return [-float(self.ramp(t)) * y[0]]
 
 
-def seconds(run):
-    began = time.perf_counter()
-    run()
-    return time.perf_counter() - began
-
-
 def calls(fun):
     """Call a function from Python."""
     y = np.ones(1)
@@ -60,8 +52,8 @@ def calls(fun):
         fun(1e-4 * k, y)
 
 
-def measure(study):
-    times = 2 if study.quick else 25
+def measure(quick):
+    times = 2 if quick else 25
     compiled = hd.Equation(hd.Caputo(0.9), lambda t, y: -y, 1.0)
     for name in ("method", "dictionary", "spline"):
         fun = getattr(Model(), name)
@@ -69,7 +61,7 @@ def measure(study):
             warnings.simplefilter("ignore", hd.PythonFunctionWarning)
             equation = hd.Equation(hd.Caputo(0.9), fun, 1.0)
         for label, scheme in SCHEMES.items():
-            how = {"rtol": 1e-8} if scheme.adaptive else {"n_steps": 2000 if study.quick else 20000}
+            how = {"rtol": 1e-8} if scheme.adaptive else {"n_steps": 2000 if quick else 20000}
 
             def solved(eq, how=how, scheme=scheme):
                 for _ in range(20 if scheme.adaptive else 1):
@@ -78,9 +70,7 @@ def measure(study):
 
             ours, theirs = solved(equation), solved(compiled)
             runs = partial(solved, equation), partial(solved, compiled), partial(calls, fun)
-            # in turn, so that all see the same machine
-            rounds = [[seconds(run) for run in runs] for _ in range(times)]
-            spent, beside, own = map(min, zip(*rounds, strict=True))
+            spent, beside, own = in_turns(dict(enumerate(runs)), times).values()
             own, n_rhs = 1e6 * own / CALLS, ours.stats["n_rhs"]
             spent, beside = (value / (20 if scheme.adaptive else 1) for value in (spent, beside))
             yield {
@@ -95,27 +85,14 @@ def measure(study):
             }
 
 
-def main():
-    study = Study(__file__, __doc__)
-    study.write(list(measure(study)))
-    rows = study.read()
-    for kind, most in (("given steps", MOST), ("collocation", 2 * MOST)):
-        chosen = [row for row in rows if (row["scheme"] == "Collocation") == (most > MOST)]
-        added = max(row["added_us"] for row in chosen)
-        text = f"{kind}: a call adds at most {added:.2g} us (below {most:g})"
-        check(text, added < most, study.quick)
-    apart = max(row["apart"] for row in rows)
-    check(f"numbers apart by {apart:.1e} (below 1e-12)", apart < 1e-12)
-    names = [f"{row['function']}, {row['scheme']}" for row in rows]
-    own, added = (np.array([row[key] for row in rows]) for key in ("own_us", "added_us"))
-    figure, ax = plt.subplots(figsize=(7, 4), layout="constrained")
-    ax.barh(names, own, label="the function itself", color="#56B4E9")
-    ax.barh(names, added, left=own, label="added", color="#D55E00")
-    ax.invert_yaxis()
-    ax.legend()
-    ax.set(xlabel="µs a call", title="A function called in Python")
-    study.save(figure)
+def claims(rows):
+    for row in rows:
+        kind, most = ("collocation", 2) if row["scheme"] == "Collocation" else ("given steps", 1)
+        where = f"{row['function']}, {row['scheme']}"
+        yield Claim(f"{kind}: a call adds [us]", row["added_us"], most * MOST, where=where)
+        yield Claim("results apart by", row["apart"], 1e-12, where=where, small=True)
 
 
 if __name__ == "__main__":
-    main()
+    title = "A function called in Python, beside its own time"
+    study(measure, claims, bars("added_us", ("function", "scheme"), title=title))

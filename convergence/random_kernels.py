@@ -19,7 +19,7 @@ from collections import Counter
 from contextlib import contextmanager
 
 import numpy as np
-from _study import Study, check
+from _study import Claim, study
 
 import hereditary as hd
 
@@ -146,24 +146,26 @@ def judged(name, function, h, tol, is_table):
     }
 
 
-def main():
-    study = Study(__file__, __doc__)
+def measure(quick):
     rng = np.random.default_rng(SEED)
     drawn = [draw(rng) for _ in range(COUNT)]
-    study.write([judged(*kernel) for kernel in drawn[:: 20 if study.quick else 1]])
-    rows = study.read()
-    outcomes = Counter(row["outcome"] for row in rows)
-    print(", ".join(f"{number} {outcome}" for outcome, number in outcomes.most_common()))
-    seconds = max(row["seconds"] for row in rows)
-    check(f"the longest fit took {seconds:.2f} s (2)", seconds <= 2, study.quick)
-    true = outcomes["fitted"] + outcomes["refused truly"]
-    check(f"{true} of {len(rows)} fitted or refused truly", true == len(rows))
-    functions = [row["outcome"] for row in rows if not row["kernel"].startswith("table")]
-    fitted = functions.count("fitted")
-    check(f"{fitted} of {len(functions)} functions fitted", fitted == len(functions))
-    most = max(row["modes"] for row in rows)
-    check(f"at most {most:.0f} modes (128)", most <= 128)
+    return [judged(*kernel) for kernel in drawn[:: 20 if quick else 1]]
+
+
+def claims(rows):
+    yield Claim("the longest fit [s]", max(row["seconds"] for row in rows), 2)
+    kinds = {"functions": [], "tables": []}
+    for row in rows:
+        kinds["tables" if row["kernel"].startswith("table") else "functions"].append(row["outcome"])
+    for kind, outcomes in kinds.items():
+        counts = Counter(outcomes)
+        yield Claim(f"{kind} fitted, of {len(outcomes)}", counts["fitted"])
+        yield Claim(f"{kind} refused truly", counts["refused truly"])
+        false = len(outcomes) - counts["fitted"]
+        false -= counts["refused truly"] if kind == "tables" else 0
+        yield Claim(f"{kind} neither fitted nor refused truly", false, 0, small=True)
+    yield Claim("modes at the most", max(row["modes"] for row in rows), 128, small=True)
 
 
 if __name__ == "__main__":
-    main()
+    study(measure, claims)

@@ -10,11 +10,11 @@ own values for 400 periods, and the first harmonic of the last four is compared.
 * 100 frequencies of the Duffing oscillator take less than 0.6 s.
 """
 
-import time
+from functools import partial
 
 import matplotlib.pyplot as plt
 import numpy as np
-from _study import Study, check
+from _study import Claim, fastest, study
 
 import hereditary as hd
 
@@ -60,53 +60,47 @@ def marched(equation, omega, coefficients, periods):
     return 2 * np.mean(y * np.exp(-1j * omega * times[:-1, None]), axis=0)
 
 
-def main():
-    study = Study(__file__, __doc__)
-    rows, figure = [], None
+def measure(quick):
     figure, axes = plt.subplots(2, 1, figsize=(6.5, 6.5), layout="constrained")
     for ax, (name, (equation, omegas, harmonics)) in zip(axes, CASES.items(), strict=True):
         hd.frequency_response(equation, omegas[:3])
-        began = time.perf_counter()
-        found = hd.frequency_response(equation, omegas)
-        seconds = time.perf_counter() - began
+        call = partial(hd.frequency_response, equation, omegas)
+        seconds, found = fastest(call, times=1, warm=False)
         fine = hd.frequency_response(equation, omegas, harmonics=harmonics)
         stable = np.flatnonzero(fine.branch % 2 == 0)
-        chosen = stable[:: max(1, stable.size // (2 if study.quick else 20))]
+        chosen = stable[:: max(1, stable.size // (2 if quick else 20))]
         settled = np.array(
             [
-                marched(equation, fine.omega[k], fine.coefficients[k], 20 if study.quick else 400)
+                marched(equation, fine.omega[k], fine.coefficients[k], 20 if quick else 400)
                 for k in chosen
             ]
         )
         first = fine.coefficients[chosen, :, 1]
         error = np.abs(np.abs(settled) - np.abs(first)).max() / np.abs(first).max()
-        rows.append(
-            {
-                "case": name,
-                "responses": found.omega.size,
-                "turning points": found.turning.size,
-                "seconds": f"{seconds:.3g}",
-                "compared": chosen.size,
-                "largest error": f"{error:.2e}",
-            }
-        )
+        yield {
+            "case": name,
+            "responses": found.omega.size,
+            "turning points": found.turning.size,
+            "seconds": f"{seconds:.3g}",
+            "compared": chosen.size,
+            "largest error": f"{error:.2e}",
+        }
         hd.plots.frequency_response(fine, ax=ax)
         ax.plot(fine.omega[chosen], np.abs(settled[:, 0]), "x", color="C3")
         ax.set(title=f"{name}: lines by harmonic balance, crosses by marches")
-    study.write(rows)
-    rows = {row["case"]: row for row in study.read()}
-    for name, limit in (("Duffing", 1e-5), ("van der Pol", 1e-4)):
-        error = rows[name]["largest error"]
-        check(f"{name}: marches within {error:.1e} (at most {limit:g})", error < limit, study.quick)
+    yield figure
     linear = CASES["Duffing"][0].replace(params=[1.0, 0.3, 0.0])
     response = hd.frequency_response(linear, CASES["Duffing"][1])
     s = 1j * response.omega
     off = np.abs(response.coefficients[:, 0, 1] - 0.3 / (s**1.98 + 0.05 * s**0.9 + 1)).max()
-    check(f"the transfer function within {off:.1e} (at most 1e-12)", off < 1e-12, study.quick)
-    seconds = rows["Duffing"]["seconds"]
-    check(f"100 frequencies in {seconds:.2f} s (below 0.6)", seconds < 0.6, study.quick)
-    study.save(figure)
+    yield Claim("distance from the linear transfer function", off, 1e-12)
+
+
+def claims(rows):
+    for row, limit in zip(rows, (1e-5, 1e-4), strict=True):
+        yield Claim(f"{row['case']}: marches differ by", row["largest error"], limit)
+    yield Claim("100 frequencies of the Duffing oscillator [s]", rows[0]["seconds"], 0.6)
 
 
 if __name__ == "__main__":
-    main()
+    study(measure, claims)

@@ -13,9 +13,8 @@ Relaxation y(0) = 1, D^alpha y = -y, and the stick-slip oscillator, warm, best o
 
 import time
 
-import matplotlib.pyplot as plt
 import numpy as np
-from _study import Study, check
+from _study import Claim, bars, study
 from scipy.integrate import solve_ivp
 
 import hereditary as hd
@@ -67,7 +66,7 @@ def longer():
     return runs
 
 
-def measure(quick):
+def milliseconds(quick):
     """Return milliseconds by name."""
     repeats, random = 5 if quick else 30, np.random.default_rng(0)
     half = hd.Equation(hd.Caputo(0.5), decay, 1.0)
@@ -106,44 +105,36 @@ def measure(quick):
     return found
 
 
-def main():
-    study = Study(__file__, __doc__)
-    found = measure(study.quick)
-    study.write([{"what": name, "milliseconds": f"{value:.3g}"} for name, value in found.items()])
-    rows = {row["what"]: row["milliseconds"] for row in study.read()}
-    scipy = rows["solve_ivp, rtol 1e-8"]
-    slowest = max(value for name, value in rows.items() if name.startswith("40 steps"))
-    more = {
-        name: rows[name.replace("one term", "20 terms")] / value
-        for name, value in rows.items()
-        if "one term" in name
-    }
-    by_collocation = more.pop("rtol 1e-8, one term, Collocation")
-    for text, ratio, limit in (
-        ("forty steps", slowest / scipy, 1),
-        ("Collocation", rows["Collocation, rtol 1e-8"] / scipy, 3),
-        (
-            "a new order over one that was seen",
-            rows["Collocation, a new order"] / rows["Collocation, rtol 1e-8"],
-            4,
-        ),
-        ("twenty terms over one, given steps", max(more.values()), 4),
-        ("twenty terms over one, Collocation", by_collocation, 8),
-        ("one point", rows["dense output, one point"] / rows["solve_ivp's, one point"], 10),
-        (
-            "each of many points",
-            rows["dense output, each of many"] / rows["solve_ivp's, each of many"],
-            4,
-        ),
-    ):
-        check(f"{text}: {ratio:.1f} times (below {limit})", ratio < limit, study.quick)
-    timed = {name: value for name, value in rows.items() if "many" not in name}
-    figure, ax = plt.subplots(figsize=(7, 5), layout="constrained")
-    ax.barh(list(timed), list(timed.values()))
-    ax.invert_yaxis()
-    ax.set(xlabel="milliseconds, best of several", title="Short runs", xscale="log")
-    study.save(figure)
+def measure(quick):
+    for name, value in milliseconds(quick).items():
+        yield {"what": name, "milliseconds": f"{value:.3g}"}
+
+
+def claims(rows):
+    found = {row["what"]: row["milliseconds"] for row in rows}
+    scipy = found["solve_ivp, rtol 1e-8"]
+    for name, value in found.items():
+        if name.startswith("40 steps"):
+            yield Claim("forty steps over SciPy's solve_ivp at 1e-8", value / scipy, 1, where=name)
+            yield Claim("forty steps [ms]", value)
+        if "one term" in name:
+            kind, limit = ("Collocation", 8) if "Coll" in name else ("given steps", 4)
+            ratio = found[name.replace("one term", "20 terms")] / value
+            yield Claim(f"twenty terms over one, {kind}", ratio, limit, where=name)
+    ours = "Collocation, rtol 1e-8"
+    for text, one, other, limit in (
+        ("Collocation at 1e-8 over solve_ivp", ours, "solve_ivp, rtol 1e-8", 3),
+        ("a new order over one that was seen", "Collocation, a new order", ours, 4),
+        ("one point of dense output over SciPy's", "dense output, one point",
+         "solve_ivp's, one point", 10),
+        ("each of many points over SciPy's", "dense output, each of many",
+         "solve_ivp's, each of many", 4),
+    ):  # fmt: skip
+        yield Claim(text, found[one] / found[other], limit)
+    for name in (ours, "Collocation, a new order", "an exponent, 1,000 steps"):
+        yield Claim(f"{name} [ms]", found[name])
 
 
 if __name__ == "__main__":
-    main()
+    draw = bars("milliseconds", ("what",), log="x", title="Short runs, best of several")
+    study(measure, claims, lambda rows: draw([row for row in rows if "many" not in row["what"]]))

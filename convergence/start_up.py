@@ -14,8 +14,8 @@ import subprocess
 import sys
 import tempfile
 
-import matplotlib.pyplot as plt
-from _study import Study, check
+import numpy as np
+from _study import Claim, bars, study
 
 CODE = """
 import time
@@ -69,8 +69,7 @@ def first_use(how, bytecode):
         return float(printed(FIRST_USE.format(how=how), bytecode, NUMBA_CACHE_DIR=folder))
 
 
-def measured(quick):
-    """Return the rows of the table."""
+def measure(quick):
     with tempfile.TemporaryDirectory() as bytecode:
         printed("import hereditary", bytecode)
         runs = [
@@ -78,32 +77,19 @@ def measured(quick):
             for _ in range(3 if quick else 9)
         ]
         medians = [statistics.median(column) for column in zip(*runs[1:], strict=True)]
-        table = [
-            {"stage": stage, "cold": f"{cold:.3f}", "warm": f"{warm:.3f}"}
-            for stage, cold, warm in zip(STAGES, runs[0], medians, strict=True)
-        ]
-        for name, (how, limit) in list(FIRST.items())[: 1 if quick else None]:
+        for stage, cold, warm in zip(STAGES, runs[0], medians, strict=True):
+            yield {"stage": stage, "cold": f"{cold:.3f}", "warm": f"{warm:.3f}"}
+        for name, (how, _) in list(FIRST.items())[: 1 if quick else None]:
             seconds = first_use(how, bytecode)
-            table.append({"stage": f"empty cache, {name}", "cold": f"{seconds:.1f}", "warm": ""})
-            check(f"first {name} run {seconds:.1f} s (below {limit})", seconds < limit, quick)
-    return table
+            yield {"stage": f"empty cache, {name}", "cold": f"{seconds:.1f}", "warm": ""}
 
 
-def main():
-    study = Study(__file__, __doc__)
-    study.write(measured(study.quick))
-    rows = study.read()[: len(STAGES)]
+def claims(rows):
+    limits = {f"empty cache, {name}": limit for name, (_, limit) in FIRST.items()} | LIMITS
     for row in rows:
-        limit = LIMITS.get(row["stage"])
-        if limit:
-            text = f"{row['stage']} {row['warm']:.2f} s (below {limit})"
-            check(text, row["warm"] < limit, study.quick)
-    figure, ax = plt.subplots(figsize=(6, 2.5), layout="constrained")
-    ax.barh([row["stage"] for row in rows], [row["warm"] for row in rows])
-    ax.invert_yaxis()
-    ax.set(xlabel="seconds, warm cache", title="A fresh process")
-    study.save(figure)
+        seconds = row["cold"] if row["warm"] == "" else row["warm"]
+        yield Claim(f"{row['stage']} [s]", seconds, limits.get(row["stage"], np.inf))
 
 
 if __name__ == "__main__":
-    main()
+    study(measure, claims, bars("warm", ("stage",), title="A fresh process, warm cache [s]"))

@@ -11,11 +11,11 @@ neighbours, ``hd.scenes.stick_slip_chain``, by the explicit scheme with h = 0.00
 """
 
 import resource
-import time
+from functools import partial
 
 import matplotlib.pyplot as plt
 import numpy as np
-from _study import Study, check
+from _study import Claim, fastest, study
 
 import hereditary as hd
 
@@ -62,47 +62,47 @@ def uncoupled():
     return np.abs(together - np.array(alone).T).max()
 
 
-def main():
-    study = Study(__file__, __doc__)
-    blocks, n_steps = (30, 12_000) if study.quick else (1000, 200_000)
+def measure(quick):
+    blocks, n_steps = (30, 12_000) if quick else (1000, 200_000)
     first, second = peaks(blocks, n_steps)
-    rows, sizes = [], {}
+    sizes = {}
     for kind in KINDS:
-        began = time.perf_counter()
-        sol = hd.solve(chain(kind, blocks), n_steps * H, n_steps, save_every=EVERY)
-        seconds, slips = time.perf_counter() - began, hd.scenes.slips(sol)
+        how = {"n_steps": n_steps, "save_every": EVERY}
+        call = partial(hd.solve, chain(kind, blocks), n_steps * H, **how)
+        seconds, sol = fastest(call, 1, warm=False)
+        slips = hd.scenes.slips(sol)
         sizes[kind] = slips.size
-        rows.append(
-            {
-                "kind": kind,
-                "blocks": blocks,
-                "steps": n_steps,
-                "seconds": f"{seconds:.3g}",
-                "ns_a_step_and_block": f"{1e9 * seconds / n_steps / blocks:.3g}",
-                "history_MB": f"{sol.stats['history_bytes'] / 1e6:.4g}",
-                "slips": slips.size.size,
-                "largest": f"{slips.size.max(initial=0):.4g}",
-                "widest": int((slips.last - slips.first + 1).max(initial=0)),
-            }
-        )
-    study.write(rows)
+        yield {
+            "kind": kind,
+            "blocks": blocks,
+            "steps": n_steps,
+            "seconds": f"{seconds:.3g}",
+            "ns_a_step_and_block": f"{1e9 * seconds / n_steps / blocks:.3g}",
+            "history_MB": f"{sol.stats['history_bytes'] / 1e6:.4g}",
+            "slips": slips.size.size,
+            "largest": f"{slips.size.max(initial=0):.4g}",
+            "widest": int((slips.last - slips.first + 1).max(initial=0)),
+        }
+    yield draw(sol.t, sol.y, sizes)
     more = second - first
-    check(f"the second half takes {more:.0f} MB more than {first:.0f} (at most 10)", more < 10)
-    apart = uncoupled()
-    check(f"uncoupled blocks are {apart:.1e} from single ones (below 1e-9)", apart < 1e-9)
-    if not study.quick:
-        decades = {kind: np.log10(found.max() / found.min()) for kind, found in sizes.items()}
-        told = ", ".join(f"{kind} {value:.1f}" for kind, value in decades.items())
-        check(f"sizes of slips span decades: {told} (at least 4)", min(decades.values()) > 4)
-        means = [found.mean() for found in sizes.values()]
-        check(f"mean sizes: {means[0]:.3g} classical, {means[1]:.3g} with memory, which is larger",
-              means[1] > means[0])  # fmt: skip
-        off = halved()
-        check(f"half the step changes counts and totals by {off:.1%} (below 10 %)", off < 0.1)
-    draw(study, sol.t, sol.y, sizes)
+    yield Claim("memory that the second half of a run adds [MB]", more, 10, small=True)
+    yield Claim("uncoupled blocks off single ones", uncoupled(), 1e-9, small=True)
+    if not quick:
+        for kind, found in sizes.items():
+            decades = np.log10(found.max() / found.min())
+            yield Claim("decades that sizes of slips span", decades, at_least=4, where=kind)
+        ratio = sizes["hereditary"].mean() / sizes["classical"].mean()
+        yield Claim("mean size of slips with memory over that without", ratio, at_least=1)
+        yield Claim("counts and totals change with half the step by", halved(), 0.1)
 
 
-def draw(study, t, y, sizes):
+def claims(rows):
+    row = rows[-1]
+    yield Claim(f"{row['blocks']:g} blocks, {row['steps']:g} steps, memory [s]", row["seconds"])
+    yield Claim("their history [MB]", row["history_MB"])
+
+
+def draw(t, y, sizes):
     figure, (left, right) = plt.subplots(1, 2, figsize=(10, 4), layout="constrained")
     rate = np.abs(np.diff(y, axis=0)) / np.diff(t)[:, None]
     late = t[1:] > 0.75 * t[-1]
@@ -119,8 +119,8 @@ def draw(study, t, y, sizes):
         right.loglog(ordered, share, color=COLOURS[kind], label=kind, drawstyle="steps-post")
     right.set(xlabel="size s of a slip", ylabel="share of slips larger than s", title="Sizes")
     right.legend()
-    study.save(figure)
+    return figure
 
 
 if __name__ == "__main__":
-    main()
+    study(measure, claims)

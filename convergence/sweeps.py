@@ -12,13 +12,12 @@ machine has no second core to give, gains are not judged.
 
 import itertools
 import tempfile
-import time
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 
-import matplotlib.pyplot as plt
 import numpy as np
-from _study import Study, check
+from _study import Claim, bars, in_turns, study
 
 import hereditary as hd
 
@@ -106,13 +105,12 @@ def measure(quick):
             first = {name: way(function, points) for name, way in reversed(chosen.items())}
             if any(not np.array_equal(found, first["loop"]) for found in first.values()):
                 raise RuntimeError(f"{function.__name__}: {first}")
-        best = dict.fromkeys(itertools.product(SIZES, chosen), np.inf)
-        for _ in range(repeats):
-            for function, name in best:
-                began = time.perf_counter()
-                chosen[name](function, values[function])
-                spent = time.perf_counter() - began
-                best[function, name] = min(best[function, name], spent)
+        calls = {
+            (function, name): partial(way, function, points)
+            for function, points in values.items()
+            for name, way in chosen.items()
+        }
+        best = in_turns(calls, repeats)
     for (function, name), seconds in best.items():
         rows.append(
             {
@@ -125,57 +123,24 @@ def measure(quick):
     return rows
 
 
-def judge(rows, quick):
+def claims(rows):
     gains = {(row["point"], row["way"]): row["gain"] for row in rows}
     for way in ("one thread", "one thread, store"):
         cost = 1 / gains["solve_60_000", way]
-        statement = f"{way}: {cost:.3f} times a loop, points of 5 ms (at most {OVERHEAD_MAX})"
-        check(statement, cost <= OVERHEAD_MAX, quick)
+        yield Claim(f"{way}, times a loop, points of 5 ms", cost, OVERHEAD_MAX)
     cores = gains["python", "two processes"]
+    yield Claim("cores that the machine gave", cores)
     if cores < FREE:
         print(f"gains not judged: the machine gives only {cores:.2f} cores now")
         return
     ours = {function: PROCESSES_MIN for function in SIZES if function is not python}
-    bounds = {"two processes": ours, "two threads": MARCHED}
-    for way, least in bounds.items():
+    for way, least in {"two processes": ours, "two threads": MARCHED}.items():
         for function, share in least.items():
-            gain = gains[function.__name__, way]
-            statement = (
-                f"{function.__name__}, {way}: gain {gain:.2f} (at least {share * cores:.2f})"
-            )
-            check(statement, gain >= share * cores, quick)
-
-
-def draw(rows):
-    figure, ax = plt.subplots(figsize=(8, 4), layout="constrained")
-    points = list(dict.fromkeys(row["point"] for row in rows))
-    names = list(dict.fromkeys(row["way"] for row in rows if row["way"] != "loop"))
-    x = np.arange(len(points))
-    for k, name in enumerate(names):
-        heights = [row["gain"] for row in rows if row["way"] == name]
-        bars = ax.bar(x + 0.2 * (k - 1.5), heights, 0.18, label=name)
-        ax.bar_label(bars, [f"{gain:.2f}" for gain in heights], fontsize=8)
-    loops = [row["ms_a_point"] for row in rows if row["way"] == "loop"]
-    labels = [
-        f"{point.replace('_', ', N = ', 1).replace('_', ',')}\n{ms:.3g} ms a point"
-        for point, ms in zip(points, loops, strict=True)
-    ]
-    ax.set_xticks(x, labels, fontsize=8)
-    ax.axhline(1, color="grey", linewidth=0.8)
-    ax.axhline(2, color="grey", linewidth=0.8, linestyle=":")
-    ax.set(ylabel="times as fast as a loop", title="Sweeps over stick-slip, two cores")
-    ax.set_ylim(0, 2.5)
-    ax.legend(ncols=4, fontsize=8, loc="upper center")
-    return figure
-
-
-def main():
-    study = Study(__file__, __doc__)
-    study.write(measure(study.quick))
-    rows = study.read()
-    judge(rows, study.quick)
-    study.save(draw(rows))
+            gain, text = gains[function.__name__, way], f"gain of {way} over that of two cores"
+            yield Claim(text, gain / cores, at_least=share, where=function.__name__)
+            yield Claim(f"gain of {way}", gain)
 
 
 if __name__ == "__main__":
-    main()
+    draw = bars("gain", ("point", "way"), title="Times as fast as a loop, stick-slip, two cores")
+    study(measure, claims, draw)
