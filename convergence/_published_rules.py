@@ -4,18 +4,28 @@ By the formulas of Diethelm, Ford and Freed and of Garrappa, on uniform steps, a
 Right-hand sides are f(t, y) with y (d,), initial values rows of d; solutions are (n + 1, d).
 """
 
-from math import factorial, gamma
+from math import factorial
 
 import numpy as np
+from scipy.special import gamma
 
 
 def weights(alpha, n):
-    """Weights of product integration: of trapezoids, of their first point, of rectangles."""
-    k = np.arange(n + 2.0)
+    """Weights of product integration: of trapezoids, of their first point, of rectangles.
+
+    Orders may be one for each component.
+    """
+    k = np.arange(n + 2.0).reshape(-1, *(1 for _ in np.shape(alpha)))
     power, next_power = k**alpha, k ** (alpha + 1)
-    inner = np.append(1.0, next_power[:-2] - 2 * next_power[1:-1] + next_power[2:])
-    first = np.append(0.0, next_power[:-2] - power[1:-1] * (k[1:-1] - alpha - 1))
+    inner, first = np.ones_like(power[1:]), np.zeros_like(power[1:])
+    inner[1:] = next_power[:-2] - 2 * next_power[1:-1] + next_power[2:]
+    first[1:] = next_power[:-2] - power[1:-1] * (k[1:-1] - alpha - 1)
     return inner, first, power[1:] - power[:-1]
+
+
+def summed(weights, values):
+    """Sum of rows by weights, one for all components or one for each."""
+    return weights @ values if weights.ndim == 1 else (weights * values).sum(axis=0)
 
 
 def solved(residual, y):
@@ -56,8 +66,8 @@ def product_integration(kind, alpha, f, y0, t_end, n, corrections=1):
     of_flat, of_lines = (t[1] ** alpha / gamma(alpha + order) for order in (1, 2))
     for m in range(1, n + 1):
         start, older = taylor(t[m], y0), values[1:m]
-        guess = start + of_flat * (flat[m - 1 :: -1][:m] @ values[:m])
-        known = start + of_lines * (first[m] * values[0] + inner[m - 1 : 0 : -1] @ older)
+        guess = start + of_flat * summed(flat[m - 1 :: -1][:m], values[:m])
+        known = start + of_lines * (first[m] * values[0] + summed(inner[m - 1 : 0 : -1], older))
         new = of_lines
         if kind == "rectangles":
             known, new = start + of_flat * (flat[m - 1 : 0 : -1] @ older), of_flat
