@@ -288,21 +288,23 @@ def order_claims(rows, labels, least=1e-11):
 # Figures.
 
 
-def curves(x, y, lines=(), panels=(), log="xy", slopes=(), line="-", **settings):
+def curves(x, y, lines=(), panels=(), log="xy", slopes=(), line="-", of=None, **settings):
     """Return what draws rows: a panel for each value of some columns, a line for each of others.
 
     A second column of `y` is drawn dotted; `slopes` are orders drawn beside, `settings` those of
-    each panel.
+    each panel; `of` are the values that some columns of the rows must have.
     """
     y, *beside = (y,) if isinstance(y, str) else y
 
-    def draw(rows):
+    def draw(rows, figure=None):
+        rows = chosen(rows, **(of or {}))
         kinds = list(dict.fromkeys(_label(row, lines) for row in rows))
         titles = list(dict.fromkeys(_label(row, panels) for row in rows))
         columns = min(len(titles), 4)
         size = (3 + 3.2 * columns, 0.6 + 3.6 * -(-len(titles) // columns))
-        shape = {"sharey": True, "squeeze": False, "layout": "constrained"}
-        figure, axes = plt.subplots(-(-len(titles) // columns), columns, figsize=size, **shape)
+        figure = figure or plt.figure(figsize=size, layout="constrained")
+        shape = {"sharey": True, "squeeze": False}
+        axes = figure.subplots(-(-len(titles) // columns), columns, **shape)
         for ax in axes.flat[len(titles) :]:
             ax.axis("off")
         for ax, title in zip(axes.flat, titles, strict=False):
@@ -331,6 +333,18 @@ def curves(x, y, lines=(), panels=(), log="xy", slopes=(), line="-", **settings)
         if any(kinds):
             handles = axes.flat[0].get_legend_handles_labels()
             figure.legend(*handles, loc="outside right center", fontsize=8)
+        return figure
+
+    return draw
+
+
+def side_by_side(*draws):
+    """Return what draws several of these beside each other."""
+
+    def draw(rows):
+        figure = plt.figure(figsize=(5 * len(draws), 5), layout="constrained")
+        for part, one in zip(figure.subfigures(1, len(draws)), draws, strict=True):
+            one(rows, part)
         return figure
 
     return draw

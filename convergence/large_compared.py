@@ -12,12 +12,9 @@
   the time of unwatched ones.
 """
 
-import time
-
-import matplotlib.pyplot as plt
 import numpy as np
 import scipy.sparse as sp
-from _study import Study, check
+from _study import Claim, chosen, curves, fastest, study
 from scipy.integrate import solve_ivp
 from scipy.special import gamma
 
@@ -74,7 +71,7 @@ def brusselator_rows(quick):
         }
         ways["Collocation"] = lambda rtol=rtol: hd.solve(equation, 10.0, rtol=rtol).y[-1]
         for name, run in ways.items():
-            seconds, found = best(run, quick)
+            seconds, found = fastest(run, 1 if quick else 5, within=2)
             yield row("Brusselator", name, 40, seconds, np.abs(found - truth).max())
 
 
@@ -109,7 +106,7 @@ def states_rows(quick):
         "Collocation": lambda: hd.solve(equation, 1.0, rtol=1e-6).y[-1],
     }
     for name, run in ways.items():
-        seconds, found = best(run, quick)
+        seconds, found = fastest(run, 1 if quick else 5, within=2)
         yield row("memory as states", name, d, seconds, np.abs(found - truth).max())
 
 
@@ -127,7 +124,7 @@ def reaction_rows(quick):
     for n in (200,) if quick else (250, 500, 1000, 2000):
         for scheme in (hd.BDF(2), hd.IMEX(hd.BDF(2))):
             run = lambda n=n, s=scheme: hd.solve(equation, 1.0, n, scheme=s, save_every=n).y[-1]  # noqa: E731
-            seconds, found = best(run, quick)
+            seconds, found = fastest(run, 1 if quick else 5, within=2)
             name = f"{scheme!r}".replace("scheme=", "") + f", N = {n}"
             yield row("reaction", name, d, seconds, np.abs(found - truth).max())
 
@@ -146,8 +143,7 @@ def bandwidth(quick):
 
     held = np.concatenate([part.ravel() for part in (*memory.arrays, march.lag, march.pieces)])
     other = np.empty_like(held)
-    exchange()
-    taken, copied = best(exchange, False)[0], best(lambda: np.copyto(other, held), False)[0]
+    taken, copied = (fastest(call, 5)[0] for call in (exchange, lambda: np.copyto(other, held)))
     return taken / copied, 1e9 * taken / 32 / d
 
 
@@ -168,7 +164,7 @@ def watched(quick):
             pair = []
             for init in (every, unwatched):
                 JacobianWatch.__init__ = init
-                pair.append(best(run, True)[0])
+                pair.append(fastest(run, 1)[0])
             times.append(pair)
         JacobianWatch.__init__ = every
         watch, none = np.min(times, axis=0)
@@ -176,59 +172,32 @@ def watched(quick):
     return max(ratios)
 
 
-def best(run, quick):
-    run()
-    seconds = np.inf
-    for _ in range(1 if quick else 5):
-        began = time.perf_counter()
-        found = run()
-        seconds = min(seconds, time.perf_counter() - began)
-        if seconds > 2:
-            break
-    return seconds, found
-
-
 def row(problem, way, d, seconds, error):
     told = {"d": d, "ms": f"{1e3 * seconds:.3g}", "error": f"{error:.2g}"}
     return {"problem": problem, "way": way, **told}
 
 
-def main():
-    study = Study(__file__, __doc__)
-    found = [brusselator_rows, states_rows, reaction_rows]
-    study.write([one for rows in found for one in rows(study.quick)])
-    rows = study.read()
-    limit, nanoseconds = bandwidth(study.quick)
-    watch = watched(study.quick)
-    print(f"a component's modes take {nanoseconds:.1f} ns a step, {limit:.2f} times a copy")
-    if not study.quick:
-        check(
-            f"modes take {limit:.2f} times as long as a copy of their bytes (at most 5)", limit < 5
-        )
-        check(
-            f"a watched march takes {watch:.2f} times an unwatched one (at most 1.2)", watch < 1.2
-        )
-        ours = [r for r in rows if (r["problem"], r["way"]) == ("Brusselator", "Collocation")]
-        radau = [r for r in rows if (r["problem"], r["way"]) == ("Brusselator", "Radau")]
-        slower = max(
-            min(own["ms"] for own in ours if own["error"] <= each["error"]) / each["ms"]
-            for each in radau
-        )
-        check(f"Collocation takes {slower:.2f} of Radau's time at most (at most 1)", slower <= 1)
-    draw(study, rows)
+def measure(quick):
+    for part in (brusselator_rows, states_rows, reaction_rows):
+        yield from part(quick)
+    limit, nanoseconds = bandwidth(quick)
+    yield Claim("modes of a component, a step [ns]", nanoseconds)
+    yield Claim("time of modes over that of copying their bytes", limit, 5)
+    yield Claim("a watched march, times an unwatched one", watched(quick), 1.2)
 
 
-def draw(study, rows):
-    figure, axes = plt.subplots(1, 3, figsize=(12, 4), layout="constrained")
-    for axis, problem in zip(axes, dict.fromkeys(r["problem"] for r in rows), strict=True):
-        mine = [r for r in rows if r["problem"] == problem]
-        for name in dict.fromkeys(r["way"].split(", N")[0] for r in mine):
-            own = [r for r in mine if r["way"].split(", N")[0] == name]
-            axis.loglog([r["error"] for r in own], [r["ms"] for r in own], "o-", ms=4, label=name)
-        axis.set(xlabel="error", ylabel="ms", title=f"{problem}, {int(mine[0]['d'])} components")
-        axis.legend(fontsize=8)
-    study.save(figure)
+def claims(rows):
+    ours = chosen(rows, problem="Brusselator", way="Collocation")
+    for row in chosen(rows, problem="Brusselator", way="Radau"):
+        best = min((own["ms"] for own in ours if own["error"] <= row["error"]), default=np.inf)
+        where = f"error {row['error']:g}"
+        yield Claim("Collocation's time over Radau's", best / row["ms"], 1, where=where)
+
+
+def draw(rows):
+    rows = [row | {"way": row["way"].split(", N")[0]} for row in rows]
+    return curves("error", "ms", ("way",), ("problem",))(rows)
 
 
 if __name__ == "__main__":
-    main()
+    study(measure, claims, draw)

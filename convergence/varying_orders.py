@@ -17,10 +17,10 @@ alpha(t) = 0.5 + 0.3 sin t and beta(t) = 1.5 + 0.3 cos t, alone and together. Cl
 
 import math
 import time
+from functools import partial
 
-import matplotlib.pyplot as plt
 import numpy as np
-from _study import Study, check
+from _study import Claim, chosen, curves, in_turns, side_by_side, study
 
 import hereditary as hd
 from hereditary.analysis.order import observed_order
@@ -113,11 +113,8 @@ def measure_work(quick):
         counts = [200 * 4**k for k in range(2 if quick else 7)]
         runs += [(label, {"n_steps": n, "scheme": scheme}) for n in counts]
     for label, given in runs:
-        seconds = math.inf
-        for _ in range(3):
-            began = time.process_time()
-            sol = hd.solve(equation, t_end, **given)
-            seconds = min(seconds, time.process_time() - began)
+        call = partial(hd.solve, equation, t_end, **given)
+        seconds, sol = in_turns({label: call}, 3, time.process_time)[label], call()
         some = slice(None, None, max(1, sol.t.size // 1000))
         error = float(np.abs(sol.y[some] - truth(sol.t[some])).max())
         rows.append(row("work", label, sol.t.size - 1, error, f"{seconds:.3e}"))
@@ -190,15 +187,13 @@ def measure_seconds(quick):
     }
     rows = []
     for name, equations in pairs.items():
-        best = [math.inf, math.inf]
-        for _ in range(3 if quick else 15):
-            for k, equation in enumerate(equations):
-                # time of the processor: the machine is shared
-                began = time.process_time()
-                hd.solve(equation, 5e-4 * n, n, save_every=100)
-                best[k] = min(best[k], time.process_time() - began)
-        rows.append(row("seconds, constant", name, n, best[0]))
-        rows.append(row("seconds, varying", name, n, best[1]))
+        calls = {
+            kind: partial(hd.solve, equation, 5e-4 * n, n, save_every=100)
+            for kind, equation in zip(("constant", "varying"), equations, strict=True)
+        }
+        # time of the processor: the machine is shared
+        for kind, best in in_turns(calls, 3 if quick else 15, time.process_time).items():
+            rows.append(row(f"seconds, {kind}", name, n, best))
     return rows
 
 
@@ -216,83 +211,48 @@ def measure_exponents(quick):
     ]
 
 
-def draw(rows):
-    figure, axes = plt.subplots(1, 3, figsize=(14, 4), layout="constrained")
-    names = dict.fromkeys(r["name"] for r in rows if r["what"] == "error")
-    for name, style in zip(names, ("o-", "s-", "^-", "o--", "s--", "^--"), strict=True):
-        mine = [r for r in rows if r["what"] == "error" and r["name"] == name]
-        n = np.array([r["n"] for r in mine])
-        axes[0].loglog(n, [r["value"] for r in mine], style, ms=3, lw=1, label=name)
-    axes[0].loglog(n, 8 / n, "k:", label="order 1")
-    axes[0].loglog(n, 2 / n**1.2, "k-.", label="order 1.2")
-    axes[0].set(xlabel="steps $N$", ylabel="largest error", title="Orders that vary")
-    for name, style in zip([*SCHEMES, "Collocation"], ("o-", "s--", "d-."), strict=True):
-        mine = [r for r in rows if r["what"] == "work" and r["name"] == name]
-        seconds, errors = [r["order"] for r in mine], [r["value"] for r in mine]
-        axes[1].loglog(seconds, errors, style, ms=3, lw=1, label=name)
-    axes[1].set(xlabel="seconds", ylabel="largest error", title="Both orders vary, oscillator")
-    for name in dict.fromkeys(r["name"] for r in rows if r["what"] == "rates"):
-        mine = [r for r in rows if r["what"] == "rates" and r["name"] == name]
-        axes[2].plot([r["n"] for r in mine], [r["value"] for r in mine], label=name)
-    axes[2].axhline(1.0, color="k", ls=":", lw=1)
-    axes[2].set(xlabel="exponent $a$", ylabel="error of $t^{-a}$ / tolerance", ylim=(0, 1.1))
-    axes[2].set_title("One set of rates for all orders")
-    for ax in axes:
-        ax.grid(alpha=0.3)
-        ax.legend(fontsize=8)
-    return figure
+def measure(quick):
+    parts = (measure_orders, measure_collocation, measure_work, measure_rates)
+    parts += (measure_deviation, measure_seconds, measure_exponents)
+    return [found for part in parts for found in part(quick)]
 
 
-def judge(rows, quick):
-    last = {r["name"]: r["order"] for r in rows if r["what"] == "error"}
-    for name, order in last.items():
-        proven = 1.0 if name.startswith("explicit") else 1.2
-        check(f"{name}: order {order:.3f} ({proven})", abs(order - proven) <= 0.1, quick)
-    found = [r for r in rows if r["what"] == "collocation" and "e-12" not in r["name"]]
-    worst, most = (max(r[key] for r in found) for key in ("value", "n"))
-    text = f"collocation: at most {worst:.2g} tolerances (1) in {most:.0f} steps (150)"
-    check(text, worst <= 1 and most <= 150)
-    work = {
-        name: sorted(
-            (r["value"], r["order"]) for r in rows if r["what"] == "work" and r["name"] == name
-        )
-        for name in ("Collocation", *SCHEMES)
-    }
-    for name in SCHEMES:
-        for error, seconds in work[name]:
-            if error < 1e-5:
-                ours = min(s for e, s in work["Collocation"] if e <= error)
-                text = f"{name}: error {error:.1e} takes {seconds / ours:.1f} times as long (1)"
-                check(text, seconds > ours, quick)
-    worst = max(r["value"] for r in rows if r["what"] == "rates")
-    check(f"errors of kernels at most {worst:.3f} of the tolerance, weights above 0", worst <= 1)
-    off = max(r["value"] for r in rows if r["what"] == "deviation")
-    check(f"modes deviate from direct sums by {off:.1e} (below 1e-9)", off < 1e-9)
-    seconds = {(r["what"], r["name"]): r["value"] for r in rows}
+def claims(rows):
+    for name, order in {row["name"]: row["order"] for row in chosen(rows, what="error")}.items():
+        off = abs(order - (1.0 if name.startswith("explicit") else 1.2))
+        yield Claim("orders off the proven ones", off, 0.1, where=name)
+    for row in chosen(rows, what="collocation"):
+        if "e-12" not in row["name"]:
+            how = {"where": row["name"], "small": True}
+            yield Claim("errors of Collocation over the tolerance", row["value"], 1, **how)
+            yield Claim("steps of Collocation", row["n"], 150, **how)
+    work = chosen(rows, what="work")
+    ours = [(row["value"], row["order"]) for row in work if row["name"] == "Collocation"]
+    for row in work:
+        if row["value"] < 1e-5 and row["name"] in SCHEMES:
+            ratio = row["order"] / min(s for error, s in ours if error <= row["value"])
+            text = "time of given steps over that of Collocation, errors below 1e-5"
+            yield Claim(text, ratio, at_least=1, where=row["name"])
+    worst = max(row["value"] for row in chosen(rows, what="rates"))
+    yield Claim("errors of kernels over the tolerance", worst, 1, small=True)
+    for row in chosen(rows, what="deviation"):
+        yield Claim("modes off direct sums", row["value"], 1e-9, where=row["name"], small=True)
+    seconds = {(row["what"], row["name"]): row["value"] for row in rows}
     for name in ("one term", "stick-slip", "two terms"):
         ratio = seconds["seconds, varying", name] / seconds["seconds, constant", name]
-        check(f"{name}: {ratio:.2f} times the time of constant orders (4)", ratio <= 4, quick)
-    exponents = [r["value"] for r in rows if r["what"] == "exponent"]
-    apart = max(abs(exponents[i] - exponents[i + 2]) for i in range(2))
-    check(f"exponents of tangents and pairs differ by {apart:.1e} (1e-5)", apart <= 1e-5)
-
-
-def main():
-    study = Study(__file__, __doc__)
-    parts = (
-        measure_orders,
-        measure_collocation,
-        measure_work,
-        measure_rates,
-        measure_deviation,
-        measure_seconds,
-        measure_exponents,
-    )
-    study.write([found for part in parts for found in part(study.quick)])
-    rows = study.read()
-    judge(rows, study.quick)
-    study.save(draw(rows))
+        yield Claim("times the run with constant orders", ratio, 4, where=name)
+    found = [row["value"] for row in chosen(rows, what="exponent")]
+    apart = max(abs(found[i] - found[i + 2]) for i in range(2))
+    yield Claim("exponents of tangents and pairs apart", apart, 1e-5, small=True)
 
 
 if __name__ == "__main__":
-    main()
+    errors = {"xlabel": "steps", "ylabel": "largest error", "title": "Orders that vary"}
+    work = {"xlabel": "seconds", "ylabel": "largest error", "title": "Oscillator, both vary"}
+    rates = {"xlabel": "exponent a", "ylabel": "error / tolerance", "title": "Rates for all orders"}
+    draw = side_by_side(
+        curves("n", "value", ("name",), slopes=(1, 1.2), of={"what": "error"}, **errors),
+        curves("order", "value", ("name",), of={"what": "work"}, **work),
+        curves("n", "value", ("name",), log="", of={"what": "rates"}, **rates),
+    )
+    study(measure, claims, draw)
