@@ -20,15 +20,11 @@ y; of a component that begins at 0 the hundredth is of its size over the run.
 * ``D^beta x = -K x`` stays bounded by x(0) for beta from 1.02 to 2 and K up to 1e6.
 """
 
-import csv
-import time
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 
-import matplotlib.pyplot as plt
 import numpy as np
-from _study import Study, check
-from matplotlib.ticker import NullFormatter
+from _study import Claim, chosen, curves, fastest, side_by_side, study
 from numpy.polynomial.legendre import leggauss, legvander
 from problems import half_order_oscillator, half_order_relaxation
 from random_problems import KINDS
@@ -40,7 +36,6 @@ from hereditary import exact
 from hereditary.collocation.equations import integral_form
 from hereditary.collocation.power_basis import LEFT_OUT, graded_rule
 from hereditary.collocation.quadrature import radau_integrals, radau_nodes, to_legendre
-from hereditary.collocation.stepper import AdaptiveStepper
 
 SCHEME = hd.Collocation()
 TOLERANCES = 10.0 ** -np.arange(4, 13)
@@ -69,18 +64,7 @@ LIMITS = [
     (1.5, 1e-6),
     (1.5, 1 - 1e-6),
 ]
-# Okabe and Ito's colours, with a marker each.
-STYLES = dict(
-    zip(
-        ("P1", "P2", "P3", "P4", "P5", "P6"),
-        zip(
-            ["#E69F00", "#56B4E9", "#009E73", "#0072B2", "#D55E00", "#CC79A7"],
-            "s^Dov<",
-            strict=True,
-        ),
-        strict=True,
-    )
-)
+NAMES = ("P1", "P2", "P3", "P4", "P5", "P6")
 
 
 @dataclass(frozen=True)
@@ -222,27 +206,27 @@ def problem(name):
     return case.equation, case.t_end, exact_memory(case.equation, case.t_end)
 
 
+def row(case, name, t_end, rtol):
+    """A row with empty cells."""
+    known = {"case": case, "problem": name, "t_end": f"{t_end:.8g}", "rtol": f"{rtol:.0e}"}
+    columns = ("error", "over_tolerance", "steps", "rejected", "rhs", "modes", "ms", "largest")
+    return known | dict.fromkeys((*columns, "status", "h"), "")
+
+
 def measured(case, name, equation, t_end, rtol, truth=None, quick=False, **given):
     """A row of the table: the fastest of several calls."""
-    sol, spent = hd.solve(equation, t_end, rtol=rtol, scheme=SCHEME, **given), []
-    while not spent or (not quick and len(spent) < 15 and sum(spent) < 0.5):
-        began = time.perf_counter()
-        sol = hd.solve(equation, t_end, rtol=rtol, scheme=SCHEME, **given)
-        spent.append(time.perf_counter() - began)
+    call = partial(hd.solve, equation, t_end, rtol=rtol, scheme=SCHEME, **given)
+    seconds, sol = fastest(call, 1 if quick else 15, within=0.5)
     error, ratio = (np.nan, np.nan) if truth is None or not sol.success else truth.judge(sol, rtol)
     found = sol.stats
-    return {
-        "case": case,
-        "problem": name,
-        "t_end": f"{t_end:.6g}",
-        "rtol": f"{rtol:.0e}",
+    return row(case, name, t_end, rtol) | {
         "error": f"{error:.3g}",
         "over_tolerance": f"{ratio:.3g}",
         "steps": found["n_steps"],
         "rejected": found["n_rejected"],
         "rhs": found["n_rhs"],
         "modes": found["n_modes"],
-        "ms": f"{1e3 * min(spent):.3g}",
+        "ms": f"{1e3 * seconds:.3g}",
         "largest": f"{np.abs(sol.y).max():.10g}",
         "status": str(sol.status),
     }
@@ -250,7 +234,7 @@ def measured(case, name, equation, t_end, rtol, truth=None, quick=False, **given
 
 def measure_problems(quick):
     rows = []
-    for name in ("P1", "P2", "P3") if quick else STYLES:
+    for name in ("P1", "P2", "P3") if quick else NAMES:
         equation, t_end, truth = problem(name)
         for rtol in TOLERANCES[:: 4 if quick else 1]:
             rows.append(measured("problems", name, equation, t_end, rtol, truth, quick))
@@ -366,182 +350,121 @@ def measure_others(quick):
 
 
 def measure(quick):
-    parts = (
-        measure_problems,
-        measure_random,
-        measure_long,
-        measure_limits,
-        measure_horizon,
-        measure_stiff,
-        measure_others,
-    )
-    return [row for part in parts for row in part(quick)]
+    for part in (measure_problems, measure_random, measure_long, measure_limits):
+        yield from part(quick)
+    for part in (measure_horizon, measure_stiff, measure_others):
+        yield from part(quick)
+    if not quick:
+        yield from run_rows()
+        yield from references()
 
 
-def write_run(study):
+def run_rows():
     """The steps of a stick-slip run: where they end, how long they are, x and its error."""
     equation, t_end, truth = problem("P5")
     sol = hd.solve(equation, t_end, rtol=1e-8, scheme=SCHEME)
-    stepper, modes = AdaptiveStepper(equation, SCHEME, t_end, 1e-8, None), []
-    while stepper.t < t_end:
-        before = stepper.n_steps
-        stepper.advance(t_end)
-        modes += [stepper.n_modes] * (stepper.n_steps - before)
     off = np.abs(sol(truth.t) - truth.y)[:, 0]
     step = np.clip(np.searchsorted(sol.t, truth.t) - 1, 0, sol.t.size - 2)
     errors = np.zeros(sol.t.size - 1)
     np.maximum.at(errors, step, off)
-    with open(study.path("_run.csv"), "w", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["t", "h", "modes", "x", "error"])
-        columns = (sol.t[1:], np.diff(sol.t), modes, sol.y[1:, 0], errors)
-        for cells in zip(*columns, strict=True):
-            writer.writerow([f"{cell:.8g}" for cell in cells])
+    for t, h, x, error in zip(sol.t[1:], np.diff(sol.t), sol.y[1:, 0], errors, strict=True):
+        found = {"h": f"{h:.4g}", "largest": f"{x:.8g}", "error": f"{error:.4g}"}
+        yield row("run", "P5", t, 1e-8) | found
 
 
-def chosen(rows, case, name=None):
-    return [r for r in rows if r["case"] == case and name in (None, r["problem"])]
-
-
-def check_claims(rows, quick):
-    """The times and errors claimed for P1 to P6."""
-    for name, (rtol, bound, ms) in CLAIMS.items():
-        for r in chosen(rows, "problems", name):
-            if r["rtol"] == rtol:
-                text = f"{name} at {rtol:.0e}: error {r['error']:.1e} ({bound:.0e})"
-                check(
-                    f"{text}, {r['ms']:.1f} ms ({ms})", r["error"] <= bound and r["ms"] <= ms, quick
-                )
-    far = chosen(rows, "problems", "P1 to 1e4")[0]
-    text = f"P1 to 1e4: error {far['error']:.1e} (1e-10), {far['rhs']:.0f} right-hand sides (1800)"
-    check(text, far["error"] <= 1e-10 and far["rhs"] < 1800)
-
-
-def check_references():
+def references():
     """The exact memory against closed forms and digits, and runs against it."""
     truth = problem("P3")[2]
     off = np.abs(truth.y - half_order_oscillator(truth.t)).max()
-    check(f"exact memory against the closed form of P3: {off:.1e} (1e-13)", off < 1e-13)
+    yield Claim("exact memory off the closed form of P3", off, 1e-13)
     off = abs(problem("P4")[2].y[-1, 0] - X_100)
-    check(f"exact memory against x(100) of P4: {off:.1e} (3e-13)", off < 3e-13)
+    yield Claim("exact memory off x(100) of P4", off, 3e-13)
     equation, t_end, truth = problem("P6")
-    ends = truth.y[-1].round(10)
-    check(f"exact memory against P6: {ends} {P6_DIGITS}", np.array_equal(ends, P6_DIGITS))
     sol = hd.solve(equation, t_end, rtol=1e-10, scheme=SCHEME)
-    ends = sol.y[-1].round(10)
-    check(f"P6 at 1e-10: {ends} {P6_DIGITS}", np.array_equal(ends, P6_DIGITS))
+    for where, ends in (("exact memory", truth.y[-1]), ("rtol 1e-10", sol.y[-1])):
+        off = np.abs(ends.round(10) - P6_DIGITS).max()
+        yield Claim("published digits of P6, off by", off, 0, where=where)
     equation, t_end, _ = problem("P4")
     off = abs(hd.solve(equation, t_end, rtol=CLAIMS["P4"][0]).y[-1, 0] - X_100)
-    check(f"x(100) of P4 at 1e-11: {off:.1e} (1e-10)", off <= 1e-10)
+    yield Claim("x(100) of P4 at 1e-11, error", off, 1e-10)
     equation, t_end, truth = problem("P5")
-    check(
-        f"x(100) of P5: {truth.y[-1, 0]:.10f} (62.0717793)", abs(truth.y[-1, 0] - 62.0717793) < 1e-7
-    )
+    yield Claim("x(100) of P5 off 62.0717793", abs(truth.y[-1, 0] - 62.0717793), 1e-7)
     early = truth.t <= 40
     sol = hd.solve(equation, t_end, rtol=CLAIMS["P5"][0])
     off = np.abs(sol(truth.t) - truth.y)[early].max()
-    check(f"P5 at 1e-9, t <= 40: {off:.1e} (1e-9)", off <= 1e-9)
+    yield Claim("P5 at 1e-9, t <= 40, error", off, 1e-9)
 
 
-def check_tolerance(rows, quick):
+def claims(rows):
+    for name, (rtol, bound, ms) in CLAIMS.items():
+        for row in chosen(rows, case="problems", problem=name, rtol=rtol):
+            yield Claim(f"{name} at {rtol:.0e}, error", row["error"], bound)
+            yield Claim(f"{name} at {rtol:.0e} [ms]", row["ms"], ms)
+    (far,) = chosen(rows, case="problems", problem="P1 to 1e4")
+    yield Claim("P1 to T = 1e4 at 1e-10, error", far["error"], 1e-10, small=True)
+    yield Claim("P1 to T = 1e4 at 1e-10, right-hand sides", far["rhs"], 1799, small=True)
+    yield from tolerance(rows)
+    yield from reach(rows)
+
+
+def tolerance(rows):
     """Errors are within the tolerance, in all runs down to 1e-11."""
-    judged = chosen(rows, "random")
-    for name in STYLES:
-        judged += chosen(rows, "problems", name)
-    judged += chosen(rows, "long")
-    for least in (1e-12, 1e-11):
-        ratios = np.array([r["over_tolerance"] for r in judged if r["rtol"] > 0.99 * least])
-        text = f"{ratios.size} runs from 1e-4 to {least:.0e}: at most {ratios.max():.2g} tolerances"
-        text = f"{text} (1)"
-        if least == 1e-12:
-            print(f"not claimed: {text}")
-        else:
-            check(text, ratios.max() <= 1, quick)
+    judged = [row for row in chosen(rows, case="problems") if row["problem"] in NAMES]
+    judged += chosen(rows, case="random") + chosen(rows, case="long")
+    for text, least, limit in (("1e-11", 1e-11, 1), ("1e-12", 1e-12, np.inf)):
+        ratios = [row["over_tolerance"] for row in judged if row["rtol"] > 0.99 * least]
+        yield Claim(f"runs with rtol from 1e-4 to {text}", len(ratios))
+        beyond = sum(not ratio <= 1 for ratio in ratios)
+        yield Claim(f"runs beyond the tolerance, 1e-4 to {text}", beyond, limit - 1)
+        yield Claim(f"largest error over the tolerance, 1e-4 to {text}", max(ratios), limit)
+    for row in chosen(rows, case="long"):
+        text = "error over the tolerance after 160 periods"
+        if row["t_end"] > 999:
+            yield Claim(text, row["over_tolerance"], 1, where=f"rtol {row['rtol']:g}")
+    for name in NAMES:
+        if spent := [row["ms"] for row in chosen(rows, case="problems", problem=name)]:
+            yield Claim(f"{name}: fastest run [ms]", min(spent))
 
 
-def check_reach(rows, quick):
+def reach(rows):
     """Limits, the horizon, and stiff problems."""
-    worst = max(r["over_tolerance"] for r in chosen(rows, "limits"))
-    check(f"orders near integers: at most {worst:.2g} tolerances (5)", worst <= 5, quick)
-    steps = [r["steps"] for r in chosen(rows, "horizon", "relaxation")]
+    for row in chosen(rows, case="limits"):
+        text, where = "orders near integers: error over the tolerance", row["problem"]
+        yield Claim(text, row["over_tolerance"], 5, where=where)
+    steps = [row["steps"] for row in chosen(rows, case="horizon", problem="relaxation")]
     added = np.diff(steps)[len(steps) // 2 :]
-    text = f"steps added by doubling T: {added.min():.0f} to {added.max():.0f}"
-    check(f"{text} (at most two apart)", np.ptp(added) <= 2, quick)
-    cost = [1e3 * r["ms"] / (r["steps"] + r["rejected"]) for r in chosen(rows, "horizon", "P5")]
+    yield Claim("steps that doubling T adds, apart", np.ptp(added), 2)
+    yield Claim("steps that doubling T adds", added.max())
+    cost = [
+        row["ms"] / (row["steps"] + row["rejected"])
+        for row in chosen(rows, case="horizon", problem="P5")
+    ]
     if cost:
-        text = f"stick and slip: {cost[0]:.1f} us a step to T = 100, {cost[-1]:.1f} to 3200"
-        check(f"{text} (twice)", cost[-1] <= 2 * cost[0])
-    stiff = chosen(rows, "stiff")
-    largest = max(r["largest"] for r in stiff)
-    check(f"stiff: never above {largest:.9f} of x(0) (1 + 1e-8)", largest <= 1 + 1e-8)
-    damped = [r for r in stiff if float(r["problem"].split(",")[0]) < 1.99]
-    worst = max(r["over_tolerance"] for r in damped)
-    check(f"stiff, beta up to 1.95: at most {worst:.2g} tolerances (1)", worst <= 1)
-    told = [r for r in chosen(rows, "jump") if "not" not in r["problem"]]
-    worst = max(r["over_tolerance"] for r in told + chosen(rows, "small order"))
-    check(f"a jump told, small orders: at most {worst:.2g} tolerances (1)", worst <= 1)
+        yield Claim("stick and slip: a step of T = 3200 over one of T = 100", cost[-1] / cost[0], 2)
+        yield Claim("stick and slip: a step [us]", 1e3 * cost[0])
+    for row in chosen(rows, case="stiff"):
+        how = {"where": row["problem"], "small": True}
+        yield Claim("stiff: largest y over y(0)", row["largest"], 1 + 1e-8, **how)
+        if float(row["problem"].split(",")[0]) < 1.99:
+            yield Claim("stiff: error over the tolerance", row["over_tolerance"], 1, **how)
+    for row in chosen(rows, case="jump") + chosen(rows, case="small order"):
+        if "not" not in row["problem"]:
+            text, how = "jumps told, small orders", {"where": row["problem"], "small": True}
+            yield Claim(f"{text}: error over the tolerance", row["over_tolerance"], 1, **how)
 
 
-def draw(rows, path):
-    figure = plt.figure(figsize=(12, 8), layout="constrained")
-    left, right = figure.subfigures(1, 2) if path.exists() else (figure, None)
-    tolerances, work = left.subplots(2)
-    other = chosen(rows, "random")
-    x, y = [r["rtol"] for r in other], [max(r["over_tolerance"], 1e-4) for r in other]
-    tolerances.loglog(x, y, ".", color="0.75", ms=4, label="random linear")
-    for name, (color, marker) in STYLES.items():
-        mine = chosen(rows, "problems", name)
-        given = {"color": color, "marker": marker, "ms": 5, "lw": 1, "label": name}
-        tolerances.loglog([r["rtol"] for r in mine], [r["over_tolerance"] for r in mine], **given)
-        work.loglog([r["ms"] for r in mine], [r["error"] for r in mine], **given)
-    tolerances.axhline(1, color="k", lw=0.8)
-    tolerances.set(xlabel="rtol", ylabel="error / tolerance", title="True error against tolerance")
-    tolerances.invert_xaxis()
-    tolerances.set_ylim(1e-5, 50)
-    tolerances.legend(ncols=4, fontsize=8, loc="lower left")
-    work.set(xlabel="milliseconds, whole call", ylabel="largest error", title="Work and precision")
-    work.set_xticks([3, 5, 10, 20, 50], ["3", "5", "10", "20", "50"])
-    work.xaxis.set_minor_formatter(NullFormatter())
-    work.legend(ncols=3, fontsize=8)
-    axes = [tolerances, work, *(draw_run(right, path) if right else ())]
-    for ax in axes:
-        ax.grid(alpha=0.3)
-    return figure
-
-
-def draw_run(figure, path):
-    """A stick-slip run along t; its panels."""
-    with open(path, newline="") as file:
-        cells = [[float(cell) for cell in row.values()] for row in csv.DictReader(file)]
-    t, h, modes, x, error = np.array(cells).T
-    axes = figure.subplots(4, sharex=True)
-    axes[0].plot(t, x, color="#D55E00", lw=1)
-    axes[0].set(ylabel="x", title="Stick and slip (P5), rtol = 1e-8")
-    axes[1].semilogy(t, h, ".", color="#0072B2", ms=2)
-    axes[1].set_ylabel("step h")
-    axes[2].step(t, modes, color="#009E73", lw=1)
-    axes[2].set(ylabel="modes", ylim=(0, 1.2 * modes.max()))
-    axes[3].semilogy(t, np.maximum(error, 1e-16), color="k", lw=0.8)
-    sizes = np.maximum.accumulate(np.abs(x))
-    tolerance = 1e-8 * (sizes + 0.01 * sizes[-1])
-    axes[3].semilogy(t, tolerance, color="k", lw=0.8, ls=":")
-    axes[3].set(xlabel="t", ylabel="error of x, tolerance (···)")
-    return axes
-
-
-def main():
-    study = Study(__file__, __doc__)
-    study.write(measure(study.quick))
-    if not study.quick:
-        write_run(study)
-    rows = study.read()
-    check_claims(rows, study.quick)
-    if not study.quick:
-        check_references()
-    check_tolerance(rows, study.quick)
-    check_reach(rows, study.quick)
-    study.save(draw(rows, study.path("_run.csv")))
+def draw(rows):
+    of = {"case": "problems"}
+    rows = [row for row in rows if row["problem"] != "P1 to 1e4"]
+    parts = [
+        curves("rtol", "over_tolerance", ("problem",), of=of, title="True error over tolerance"),
+        curves("ms", "error", ("problem",), of=of, title="Work and precision"),
+    ]
+    if chosen(rows, case="run"):
+        look = {"xlabel": "t", "ylabel": "step (line), error of x", "title": "P5 at 1e-8"}
+        parts.append(curves("t_end", ("h", "error"), log="y", of={"case": "run"}, **look))
+    return side_by_side(*parts)(rows)
 
 
 if __name__ == "__main__":
-    main()
+    study(measure, claims, draw)

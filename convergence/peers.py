@@ -24,11 +24,10 @@ import time
 import warnings
 from functools import partial
 
-import matplotlib.pyplot as plt
 import numpy as np
 from _peer_codes import by_octave, by_pycaputo, by_scipy, published, told_absent
 from _peer_problems import problems
-from _study import Study, check
+from _study import Claim, chosen, curves, fastest, study
 from work_precision import ENDED_EARLY, HISTORY, covered
 
 import hereditary as hd
@@ -41,23 +40,8 @@ PROCESSES = {
     "SciPy DOP853": "from scipy.integrate import solve_ivp; "
     "solve_ivp(lambda t, y: -y, (0.0, 5.0), [1.0], method='DOP853', rtol=1e-6)",
 }
+PROCESS = "fresh process"
 OTHERS = ("pycaputo", "SciPy", "Octave")
-# Okabe and Ito's colours, a marker for each code.
-LOOKS = {
-    "Collocation": ("#000000", "*"),
-    "ExplicitCaputo": ("#56B4E9", "s"),
-    "BDF(2)": ("#0072B2", "o"),
-    "BDF(4)": ("#0072B2", "P"),
-    "L2": ("#009E73", "^"),
-    "pycaputo PECE": ("#E69F00", "v"),
-    "pycaputo ModifiedPECE": ("#E69F00", "x"),
-    "pycaputo Trapezoidal": ("#D55E00", "D"),
-    "SciPy DOP853": ("#CC79A7", "<"),
-    "SciPy LSODA": ("#CC79A7", "X"),
-    "SciPy Radau": ("#CC79A7", ">"),
-    "published": ("#666666", "+"),
-    "Octave": ("#666666", "1"),
-}
 
 
 def row(problem, code, setting, error, milliseconds, told=""):
@@ -76,16 +60,10 @@ def best(call, quick, warm):
 
     `warm` says that an earlier, shorter run has warmed it up: a long one is then run once.
     """
-    spent, began = [], time.perf_counter()
-    found = call()
-    first = time.perf_counter() - began
-    if warm and first > 0.5:
-        return 1e3 * first, found
-    while not spent or (not quick and len(spent) < 7 and sum(spent) < 0.4):
-        began = time.perf_counter()
-        found = call()
-        spent.append(time.perf_counter() - began)
-    return 1e3 * min(spent), found
+    seconds, found = fastest(call, 1, warm=False)
+    if not (warm and seconds > 0.5):
+        seconds, found = fastest(call, 1 if quick else 7, within=0.4, warm=False)
+    return 1e3 * seconds, found
 
 
 def own_calls(problem, quick):
@@ -108,7 +86,7 @@ def own_calls(problem, quick):
             yield name, f"N={n}", partial(solve, history=HISTORY)
 
 
-def measure(problem, quick):
+def of_problem(problem, quick):
     """Rows of a problem."""
     name, warm = problem.name, set()
     for code, setting, call in own_calls(problem, quick):
@@ -126,8 +104,8 @@ def measure(problem, quick):
     for code, n, spent, error in by_octave(problem, quick):
         yield row(name, code, f"N={n}", error, spent)
     for code, n, spent, error, norm, known in published(problem):
-        told = f"{code}, N = {n}: norm {norm:.4g}, {known:.4g} published"
-        check(told, abs(norm / known - 1) < 0.02)
+        off, where = abs(norm / known - 1), f"{code}, N = {n}"
+        yield Claim("published errors, repeated to", off, 0.02, where=where, small=True)
         yield row(name, code, f"N={n}", error, spent, "published, another machine")
 
 
@@ -145,7 +123,7 @@ def processes(quick):
                     [sys.executable, "-c", script], env=environment, check=True, capture_output=True
                 )
                 spent = time.perf_counter() - began
-                yield row("fresh process", code, setting, np.nan, 1e3 * spent)
+                yield row(PROCESS, code, setting, np.nan, 1e3 * spent)
 
 
 def least_ratio(rows, problem, code, most):
@@ -163,16 +141,17 @@ def least_ratio(rows, problem, code, most):
     return min(ratios, default=np.inf)
 
 
-def check_all(rows, titles, quick):
-    """Check what is claimed of the measured rows."""
-    for name in titles:
+def claims(rows):
+    for name in dict.fromkeys(row["problem"] for row in rows if row["problem"] != PROCESS):
         ratio = least_ratio(rows, name, "pycaputo", 1e-5)
         if np.isfinite(ratio):
-            text = f"{name}, errors from 1e-5 down: pycaputo takes {ratio:.3g} times as long"
-            check(f"{text} at least (10)", ratio >= 10, quick)
-        own = [r["error"] for r in rows if r["problem"] == name and r["code"] == "Collocation"]
-        text = f"{name}: smallest error of Collocation {min(own):.1e} (1e-9)"
-        check(text, min(own) <= 1e-9, quick)
+            text = "errors from 1e-5 down: pycaputo takes times as long"
+            yield Claim(text, ratio, at_least=10, where=name)
+        own = chosen(rows, problem=name, code="Collocation")
+        least = min(row["error"] for row in own)
+        yield Claim("smallest error of Collocation", least, 1e-9, where=name)
+        enough = [row["ms"] for row in own if row["error"] <= 1e-9]
+        yield Claim("time of Collocation below 1e-9 [ms]", min(enough, default=np.nan))
     for mu, code, most, bound in (
         (1, "SciPy DOP853", 1e-7, 1.2),
         (1, "SciPy LSODA", 1e-7, 0.7),
@@ -180,23 +159,24 @@ def check_all(rows, titles, quick):
         (100, "SciPy LSODA", 1e-5, 1.2),
     ):
         ratio = least_ratio(rows, f"van der Pol {mu}", code, most)
-        text = f"van der Pol, mu = {mu}, errors from {most:g} down: {code} takes {ratio:.3g} times"
-        check(f"{text} as long at least ({bound})", ratio >= bound, quick)
+        text = f"van der Pol, mu = {mu}, errors from {most:g} down: {code} takes times as long"
+        yield Claim(text, ratio, at_least=bound)
+    print_table(rows)
 
 
-def print_table(rows, titles):
+def print_table(rows):
     """Print the fastest row of ours and of the others to three errors, in Markdown."""
     print("| problem | error | ours | ms | others | ms |\n|---|---:|---|---:|---|---:|")
-    for name in titles:
+    for name in dict.fromkeys(row["problem"] for row in rows if row["problem"] != PROCESS):
         for most in (1e-3, 1e-6, 1e-9):
             close = [r for r in rows if r["problem"] == name and r["error"] <= most]
             known = [r for r in close if not r["code"].startswith(OTHERS) and not r["published"]]
             found = [r for r in close if r not in known]
-            told = [fastest(some) for some in (known, found)]
+            told = [cells(some) for some in (known, found)]
             print(f"| {name} | {most:g} | {told[0]} | {told[1]} |")
 
 
-def fastest(rows):
+def cells(rows):
     """Two cells: code, setting and error, then milliseconds."""
     if not rows:
         return "none | "
@@ -206,59 +186,29 @@ def fastest(rows):
     return f"{r['code']}{star}, {setting}: {r['error']:.0e} | {r['ms']:.3g}"
 
 
-def look(code, told):
-    name = "published" if told else code.split(" ")[0] if "Octave" in code else code
-    color, marker = LOOKS[name]
-    size, width = (9, 2) if code == "Collocation" else (5, 1)
-    line = {"color": color, "marker": marker, "ms": size, "lw": width}
-    return line | ({"ls": ":"} if told else {}) | {"label": name}
-
-
-def draw(rows, titles):
-    figure, axes = plt.subplots(3, 5, figsize=(16, 9.5), layout="constrained")
-    handles = {}
-    for ax, (name, title) in zip(axes.flat, titles.items(), strict=False):
-        mine = [r for r in rows if r["problem"] == name and r["error"] > 0]
-        for code in dict.fromkeys(r["code"] for r in mine):
-            own = [r for r in mine if r["code"] == code]
-            how = look(code, own[0]["published"])
-            (line,) = ax.loglog([r["ms"] for r in own], [r["error"] for r in own], **how)
-            handles.setdefault(how["label"], line)
-        ax.set_title(f"{name}: {title}" if name in ("P1", "P2", "P3", "P4", "P5", "P6") else title)
-        ax.grid(alpha=0.3)
-    for ax in axes[-1]:
-        ax.set_xlabel("milliseconds")
-    for ax in axes[:, 0]:
-        ax.set_ylabel("error")
-    for ax in axes.flat[len(titles) :]:
-        ax.axis("off")
-    axes.flat[-1].legend(handles=list(handles.values()), loc="center", fontsize=9)
-    return figure
-
-
-def main():
-    if os.environ.get("OPENBLAS_NUM_THREADS") != "1":
-        # of small matrices: with more threads they wait for each other where other work runs beside
-        os.environ["OPENBLAS_NUM_THREADS"] = "1"
-        os.execv(sys.executable, [sys.executable, *sys.argv])
-    study = Study(__file__, __doc__)
+def measure(quick):
     told_absent()
-    rows, titles = [], {}
     with warnings.catch_warnings():
         # coarse steps are beyond stability limits and of short validity here and there
         warnings.simplefilter("ignore")
         for problem in problems():
-            began = time.perf_counter()
-            titles[problem.name] = problem.title
-            rows += measure(problem, study.quick)
-            print(f"{problem.name}: {time.perf_counter() - began:.1f} s")
-        rows += processes(study.quick)
-    study.write(rows)
-    rows = study.read()
-    check_all(rows, titles, study.quick)
-    print_table(rows, titles)
-    study.save(draw(rows, titles))
+            yield from of_problem(problem, quick)
+    yield from processes(quick)
+
+
+def draw(rows):
+    titles = {problem.name: problem.title for problem in problems()}
+    shown = [
+        row | {"title": titles[row["problem"]]}
+        for row in rows
+        if row["problem"] != PROCESS and row["error"] > 0
+    ]
+    return curves("ms", "error", ("code",), ("title",))(shown)
 
 
 if __name__ == "__main__":
-    main()
+    if os.environ.get("OPENBLAS_NUM_THREADS") != "1":
+        # of small matrices: with more threads they wait for each other where other work runs beside
+        os.environ["OPENBLAS_NUM_THREADS"] = "1"
+        os.execv(sys.executable, [sys.executable, *sys.argv])
+    study(measure, claims, draw)

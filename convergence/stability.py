@@ -12,9 +12,8 @@
 
 import warnings
 
-import matplotlib.pyplot as plt
 import numpy as np
-from _study import Study, check
+from _study import Claim, chosen, curves, side_by_side, study
 from scipy.special import gamma, zeta
 
 import hereditary as hd
@@ -27,8 +26,6 @@ UP_TO_ONE = [EXPLICIT, hd.L1(), hd.L2(), hd.L2Sigma(), *ADAMS, TRAPEZOID]
 UP_TO_TWO = [EXPLICIT, hd.L1(), *ADAMS, TRAPEZOID]
 GRADED = [hd.L1(), hd.L2(), hd.L2Sigma()]
 RATIOS = np.geomspace(0.1, 1e6, 22)
-MARKERS = dict(zip(map(repr, UP_TO_ONE), "osD^v<>", strict=True))
-COLORS = dict(zip(map(repr, UP_TO_ONE), (f"C{i}" for i in range(7)), strict=True))
 
 
 def decay(t, y, dy, params):
@@ -242,113 +239,72 @@ def measure(quick):
         return [found for part in parts for found in part(quick)]
 
 
-def chosen(rows, case, scheme=None, order=None):
-    return [
-        r
-        for r in rows
-        if r["case"] == case
-        and scheme in (None, r["scheme"])
-        and (order is None or r["order"] == order)
-    ]
+def claims(rows):
+    yield from bounds(rows)
+    yield from accuracy(rows)
+    sector = {kind: chosen(rows, case="sector", parameter=kind) for kind in ("inside", "outside")}
+    inside = max(row["value"] for row in sector["inside"])
+    yield Claim("BDF inside its sector: left of y(0) after 3,000 steps", inside, 1, small=True)
+    outside = min(row["value"] for row in sector["outside"])
+    yield Claim("BDF just outside it: grown times", outside, at_least=1e6, small=True)
 
 
-def curve(ax, x, y, scheme, line="-", label=True):
-    style = {"ms": 4, "lw": 1, "color": COLORS[scheme], "label": scheme if label else None}
-    ax.plot(x, y, MARKERS[scheme] + line, **style)
+def bounds(rows):
+    for scheme in map(repr, (*GRADED, TRAPEZOID)):
+        for row in chosen(rows, case="bounded", scheme=scheme):
+            if row["order"] <= 1 or scheme == "L1()":
+                orders = "orders up to 1" if row["order"] <= 1 else "L1 above order 1"
+                text, where = f"bounded up to K h^alpha, {orders}", f"{scheme}, {row['order']:g}"
+                yield Claim(text, row["value"], at_least=0.99e6, where=where)
+    for row in chosen(rows, case="limit"):
+        if row["bound"] != "":
+            off, where = abs(row["value"] / row["bound"] - 1), f"order {row['order']:g}"
+            yield Claim(f"{row['scheme']} leaves off its closed form", off, 0.01, where=where)
+
+
+def accuracy(rows):
+    for side in ("1-", "1+", "2-"):
+        near = chosen(rows, case=f"near {side}")
+        worst = max(row["value"] for row in near)
+        yield Claim("largest error at orders near 1 and 2", worst, 0.01, where=side)
+        for scheme in map(repr, UP_TO_ONE):
+            ends = [row["value"] for row in chosen(near, scheme=scheme) if row["parameter"] >= 6]
+            if ends:
+                jump, where = max(ends) / min(ends) - 1, f"{side}, {scheme}"
+                yield Claim("errors within 1e-6 of 1 and 2 differ by", jump, 0.05, where=where)
+    for scheme in map(repr, UP_TO_TWO):
+        finest = chosen(rows, case="amplitude", scheme=scheme, order=2.0)[-1]
+        if scheme != "L1()":
+            text = "order 2, finest steps: amplitude off by"
+            yield Claim(text, abs(finest["value"] - 1), 1e-4, where=scheme)
+    for row in chosen(rows, case="many"):
+        where = f"{row['scheme']}, order {row['order']:g}"
+        allowed = max(row["bound"] / 50, 1e-11)
+        text = "error at N = 1e7 over what N = 1e5 allows"
+        yield Claim(text, row["value"] / allowed, 1, where=where)
+    for row in chosen(rows, case="end"):
+        if row["scheme"] != "L2()" or row["parameter"] == 1:
+            where = f"{row['scheme']}, order {row['order']:g}, mesh exponent {row['parameter']:g}"
+            yield Claim("error at t = 1, orders 0.02 and 0.05", row["value"], 1e-6, where=where)
 
 
 def draw(rows):
-    figure, axes = plt.subplots(1, 3, figsize=(12, 4.2), layout="constrained")
-    for scheme in MARKERS:
-        mine = chosen(rows, "limit", scheme)
-        curve(axes[0], [r["order"] for r in mine], [r["value"] for r in mine], scheme, "")
-        proven = [r for r in mine if r["bound"] != ""]
-        x, y = [r["order"] for r in proven], [r["bound"] for r in proven]
-        axes[0].plot(x, y, "-", lw=0.8, color=COLORS[scheme])
-        for case, line in (("amplitude", "-"), ("phase", ":")):
-            mine = chosen(rows, case, scheme, 2.0)
-            per = [int(r["parameter"].split()[3]) for r in mine]
-            y = [max(abs(r["value"] - r["bound"]), 1e-9) for r in mine]  # as far as printed
-            curve(axes[1], per, y, scheme, line, False)
-        mine = chosen(rows, "all", scheme, 0.05)
-        if mine:
-            curve(axes[2], [r["parameter"] for r in mine], [r["value"] for r in mine], scheme)
-    axes[0].set(yscale="log", xlabel=r"order $\alpha$", ylabel=r"largest stable $K h^\alpha$")
-    axes[0].set_title("Limits: measured (marks), theory (lines)", fontsize=10)
-    axes[1].set(xscale="log", yscale="log", xlabel="steps a period")
-    axes[1].set_title(
-        "Order 2, 10,000 periods: drift of the\namplitude (—), phase (···)", fontsize=10
-    )
-    axes[1].set_xticks([100, 200, 400], ["100", "200", "400"])
-    axes[1].minorticks_off()
-    axes[2].set(xscale="log", yscale="log", xlabel="exponent of the mesh (1: uniform)")
-    axes[2].set_title("Order 0.05: largest error at any time", fontsize=10)
-    for ax in axes:
-        ax.grid(alpha=0.3)
-    handles = [
-        plt.Line2D([], [], ls="", marker=MARKERS[s], color=COLORS[s], label=s) for s in MARKERS
-    ]
-    figure.legend(handles=handles, loc="outside lower center", ncols=7, fontsize=8)
-    return figure
-
-
-def check_sector(rows):
-    """BDF(3) to BDF(6) are stable where theory says so and leave where it says so."""
-    mine = [r for r in rows if r["case"] == "sector"]
-    inside = max(r["value"] for r in mine if r["parameter"] == "inside")
-    outside = min(r["value"] for r in mine if r["parameter"] == "outside")
-    check(f"BDF inside its sector: at most {inside:.1e} of y(0) left after 3,000 steps", inside < 1)
-    check(f"just outside it has grown {outside:.0e} fold at least", outside > 1e6)
-
-
-def check_bounds(rows, quick):
-    names = [repr(s) for s in (*GRADED, TRAPEZOID)]
-    free = [r for r in chosen(rows, "bounded") if r["scheme"] in names and r["order"] <= 1]
-    holds = all(r["verdict"] == "all" for r in free)
-    check("implicit schemes are bounded up to K h^alpha = 1e6 for orders up to 1", holds, quick)
-    above = [r for r in chosen(rows, "bounded", "L1()") if r["order"] > 1]
-    check("L1 above order 1 as well", all(r["verdict"] == "all" for r in above), quick)
-    for scheme in (EXPLICIT, TRAPEZOID, *ADAMS):
-        limits = [r for r in chosen(rows, "limit", repr(scheme)) if r["bound"] != ""]
-        off = max(abs(r["value"] / r["bound"] - 1) for r in limits)
-        check(f"{scheme!r} leaves within {off:.2%} of its closed form (1%)", off < 0.01, quick)
-
-
-def check_accuracy(rows, quick):
-    for side in ("1-", "1+", "2-"):
-        ends = [r for r in chosen(rows, f"near {side}") if r["parameter"] >= 6]
-        jump = max(
-            max(values) / min(values) - 1
-            for scheme in MARKERS
-            if (values := [r["value"] for r in ends if r["scheme"] == scheme])
-        )
-        text = f"errors at orders {side} 1e-6 to 1e-14 differ by {jump:.1%}"
-        worst = max(r["value"] for r in chosen(rows, f"near {side}"))
-        check(f"{text} (5%), none is above {worst:.1e} (0.01)", max(jump, 5 * worst) < 0.05, quick)
-    for scheme in map(repr, UP_TO_TWO):
-        drift = [abs(r["value"] - 1) for r in chosen(rows, "amplitude", scheme, 2.0)]
-        if scheme != "L1()":
-            text = f"{scheme} at order 2, finest steps: amplitude off by {drift[-1]:.1e}"
-            check(f"{text} (1e-4)", drift[-1] < 1e-4, quick)
-    for r in chosen(rows, "many"):
-        text = f"{r['scheme']}, order {r['order']}: error {r['bound']:.1e} at N = 1e5"
-        holds = r["value"] < max(r["bound"] / 50, 1e-11)
-        check(f"{text}, {r['value']:.1e} at 1e7 (a fiftieth, or 1e-11)", holds, quick)
-    ends = chosen(rows, "end")
-    worst = max(r["value"] for r in ends if r["scheme"] != "L2()" or r["parameter"] == 1)
-    text = f"orders 0.02 and 0.05: error at t = 1 up to {worst:.1e}, graded L2 left out"
-    check(f"{text} (1e-6)", worst < 1e-6, quick)
-
-
-def main():
-    study = Study(__file__, __doc__)
-    study.write(measure(study.quick))
-    rows = study.read()
-    check_bounds(rows, study.quick)
-    check_accuracy(rows, study.quick)
-    check_sector(rows)
-    study.save(draw(rows))
+    rows = [row | {"steps": row["parameter"]} for row in rows]
+    for row in rows:
+        if row["case"] == "amplitude":
+            row["steps"] = int(row["parameter"].split()[3])
+            row["value"] = max(abs(row["value"] - row["bound"]), 1e-9)  # as far as printed
+    lines = {"lines": ("scheme",)}
+    limits = {"ylabel": "K h^order, measured (marks), theory (dotted)", "title": "Largest stable"}
+    limits |= {"log": "y", "line": "", "of": {"case": "limit"}}
+    drift = {"ylabel": "drift of the amplitude", "title": "Order 2, 10,000 periods"}
+    small = {"ylabel": "largest error", "title": "Order 0.05", "xlabel": "exponent of the mesh"}
+    return side_by_side(
+        curves("order", ("value", "bound"), **lines, **limits),
+        curves("steps", "value", of={"case": "amplitude", "order": 2.0}, **lines, **drift),
+        curves("steps", "value", of={"case": "all", "order": 0.05}, **lines, **small),
+    )(rows)
 
 
 if __name__ == "__main__":
-    main()
+    study(measure, claims, draw)

@@ -19,15 +19,13 @@ Meshes are graded(n, order / alpha). Where it is installed (extra `peers`), pyca
 P2 beside them, timed by its whole `evolve` loop.
 """
 
-import time
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
-import matplotlib.pyplot as plt
 import numpy as np
-from _study import Study, check
+from _study import Claim, chosen, curves, fastest, study
 from problems import column, half_order_oscillator, half_order_relaxation
 from scipy.special import gamma
 
@@ -56,10 +54,6 @@ SCHEMES = [
     hd.BDF(2),
     hd.BDF(4),
 ]
-# Okabe and Ito's colours and three more, with a marker each.
-COLORS = ["#000000", "#332288", "#E69F00", "#56B4E9", "#009E73", "#0072B2", "#D55E00", "#CC79A7"]
-STYLES = list(zip([*COLORS, "#882255", "#7A6A00"], "*osD^v<>PX", strict=True))
-PEERS = {"pycaputo PECE": ("#999999", "+"), "pycaputo Trapezoidal": ("#555555", "x")}
 ENDED_EARLY = (
     hd.Status.BLOWN_UP,
     hd.Status.NOT_SOLVED,
@@ -164,17 +158,6 @@ def settings(case, scheme, quick):
             yield f"graded({exponent:.3g})", n, {"mesh": mesh, "history": HISTORY}
 
 
-def timed(call, quick):
-    """Seconds of the fastest of several warm calls, and the last result."""
-    call()
-    spent = []
-    while not spent or (not quick and len(spent) < 9 and sum(spent) < 1.5):
-        began = time.perf_counter()
-        result = call()
-        spent.append(time.perf_counter() - began)
-    return min(spent), result
-
-
 def row(problem, scheme, mesh, n, seconds, error):
     return {
         "problem": problem,
@@ -194,12 +177,19 @@ def step_counts(case, quick):
 
 
 def measure(quick):
+    with warnings.catch_warnings():
+        # coarse steps are beyond the stability limit here and there
+        warnings.simplefilter("ignore", hd.StabilityWarning)
+        return measure_own(quick) + measure_peers(quick)
+
+
+def measure_own(quick):
     rows = []
     for case in cases():
         for scheme in SCHEMES:
             for mesh, n, given in settings(case, scheme, quick):
                 call = partial(hd.solve, case.equation, case.t_end, scheme=scheme, **given)
-                seconds, sol = timed(call, quick)
+                seconds, sol = fastest(call, 1 if quick else 9)
                 early = sol.status in ENDED_EARLY
                 for name, error in case.errors.items():
                     off = np.nan if early else error(sol.t, sol.y)
@@ -237,13 +227,14 @@ def evolved(setting, control, right, slope, solution):
     start, exact = solution
     given = {"ds": (CaputoDerivative(0.5),), "control": control, "source": right}
     given["y0"] = (np.array([start]),)
-    methods = PECE(corrector_iterations=1, **given), Trapezoidal(source_jac=slope, **given)
+    methods = {"PECE": PECE(corrector_iterations=1, **given)}
+    methods["Trapezoidal"] = Trapezoidal(source_jac=slope, **given)
     rows = []
-    for label, method in zip(PEERS, methods, strict=True):
+    for label, method in methods.items():
         call = partial(evolve, method, dtinit=control.dtinit)
-        seconds, events = timed(lambda call=call: list(call()), quick)
+        seconds, events = fastest(lambda call=call: list(call()), 1 if quick else 9)
         t, y = (np.array([getattr(event, key) for event in events]) for key in ("t", "y"))
-        rows.append(row(name, label, mesh, n, seconds, largest(exact)(t, y)))
+        rows.append(row(name, f"pycaputo {label}", mesh, n, seconds, largest(exact)(t, y)))
     return rows
 
 
@@ -257,104 +248,55 @@ TITLES = {
 }
 
 
-def draw(rows):
-    figure, axes = plt.subplots(2, 3, figsize=(12, 8.5), layout="constrained")
-    styles = dict(zip(map(repr, SCHEMES), STYLES, strict=True)) | PEERS
-    for ax, (name, title) in zip(axes.flat, TITLES.items(), strict=True):
-        for scheme, style in styles.items():
-            for graded, line in ((False, "-"), (True, "--")):
-                mine = [
-                    r
-                    for r in rows
-                    if (r["problem"], r["scheme"]) == (name, scheme)
-                    and r["mesh"].startswith("graded") == graded
-                    and r["error"] < 100
-                ]
-                x, y = [r["seconds"] for r in mine], [r["error"] for r in mine]
-                ax.loglog(x, y, line, **look(scheme, style, graded))
-        ax.set(xlabel="seconds", title=title)
-        late = name in ("P4", "P5", "P6")
-        ax.set_ylabel("error at the end" if late else "largest error on the mesh")
-        ax.grid(alpha=0.3)
-    handles = [
-        plt.Line2D(
-            [], [], label=scheme.replace("nodes=None, horizon=None", ""), **look(scheme, style)
-        )
-        for scheme, style in styles.items()
-    ]
-    handles += [
-        plt.Line2D([], [], color="k", ls=line, marker="o", ms=5, lw=1, mfc=fill, label=label)
-        for line, fill, label in (("-", "k", "uniform mesh"), ("--", "white", "graded mesh"))
-    ]
-    figure.legend(handles=handles, loc="outside lower center", ncols=7, fontsize=8)
-    return figure
-
-
-def look(scheme, style, graded=False):
-    """How a scheme is drawn: the one with chosen steps stands out."""
-    (color, marker), first = style, scheme == repr(COLLOCATION)
-    size, width = (11, 2) if first else (5, 1)
-    fill = "white" if graded else color
-    return {"color": color, "marker": marker, "ms": size, "lw": width, "mfc": fill}
-
-
-def check_collocation(rows, quick):
-    """How much longer others take for errors from 1e-8 down, and what they reach."""
+def claims(rows):
+    for scheme in ("L2()", "L2Sigma()"):
+        for row in chosen(rows, problem="P1", scheme=scheme, n_steps=10**4):
+            if row["mesh"].startswith("graded"):
+                text = "P1 on graded meshes, N = 10,000: error"
+                yield Claim(text, row["error"], 1e-8, where=scheme)
+    yield from oscillator(rows)
     for name in TITLES:
-        mine = [r for r in rows if r["problem"] == name]
-        own = [r for r in mine if r["scheme"] == repr(COLLOCATION)]
-        others = [r for r in mine if r["scheme"] != repr(COLLOCATION)]
-        ratios = [
-            r["seconds"] / min(c["seconds"] for c in own if c["error"] <= r["error"])
-            for r in others
-            if r["error"] <= 1e-8
-        ]
+        mine = [row for row in chosen(rows, problem=name) if row["error"] > 0]
+        own = chosen(mine, scheme=repr(COLLOCATION))
+        others = [row for row in mine if row not in own]
         bound = 0.5 if name == "P6" else 1.5
-        text = f"{name}, errors from 1e-8 down: others take {min(ratios, default=np.inf):.2g} times"
-        check(f"{text} as long at least ({bound})", min(ratios, default=np.inf) >= bound, quick)
-        reached = [min(r["error"] for r in some if r["error"] > 0) for some in (own, others)]
-        text = f"{name}: smallest error {reached[0]:.1e}, of others {reached[1]:.1e}"
-        check(f"{text} (ten times as much)", 10 * reached[0] <= reached[1], quick)
+        for row in others:
+            if row["error"] <= 1e-8:
+                best = min(
+                    (c["seconds"] for c in own if c["error"] <= row["error"]), default=np.inf
+                )
+                text = f"errors from 1e-8 down: times as long as Collocation, {name}"
+                yield Claim(text, row["seconds"] / best, at_least=bound, where=row["scheme"])
+        reached = [min(row["error"] for row in some) for some in (own, others)]
+        text = "smallest error of others over that of Collocation"
+        yield Claim(text, reached[1] / reached[0], at_least=10, where=name)
+        yield Claim(
+            f"{name}: fastest run of Collocation [ms]", min(1e3 * r["seconds"] for r in own)
+        )
 
 
-def check_oscillator(table, study):
+def oscillator(rows):
     """Orders of P3 at t = 20 in every decade, and the floor that L1 leaves room for."""
     for scheme in (hd.ExplicitCaputo(), hd.L1()):
-        mine = {
-            n: e
-            for (name, s, _, n), e in table.items()
-            if (name, s) == ("P3, t = 20", repr(scheme))
-        }
-        n = sorted(k for k in mine if k in (1000, 10**4, 10**5))
-        pairwise = observed_order(n, [mine[k] for k in n]).pairwise
-        proven = scheme.order(1.5)
-        shown = ", ".join(f"{p:.2f}" for p in pairwise)
-        near = np.all(np.abs(pairwise - proven) <= 0.15)
-        check(f"P3 at t = 20, {scheme!r}: orders {shown} ({proven:g})", near, study.quick)
-    if not study.quick:
-        excess = abs(mine[10**6] - mine[10**5] * 10**-1.5)
-        text = f"P3 at t = 20, L1: within {excess:.1e} of order 1.5 at N = 1e6 (1e-12)"
-        check(text, excess <= 1e-12)
+        mine = chosen(rows, problem="P3, t = 20", scheme=repr(scheme))
+        found = {row["n_steps"]: row["error"] for row in mine}
+        n = [k for k in (1000, 10**4, 10**5) if k in found]
+        for order in observed_order(n, [found[k] for k in n]).pairwise:
+            off = abs(order - scheme.order(1.5))
+            yield Claim("P3 at t = 20: orders off the proven ones", off, 0.15, where=repr(scheme))
+    if 10**6 in found:
+        excess = abs(found[10**6] - found[10**5] * 10**-1.5)
+        yield Claim("P3 at t = 20, L1: off order 1.5 at N = 1e6", excess, 1e-12)
 
 
-def main():
-    study = Study(__file__, __doc__)
-    with warnings.catch_warnings():
-        # coarse steps are beyond the stability limit here and there
-        warnings.simplefilter("ignore", hd.StabilityWarning)
-        study.write(measure(study.quick) + measure_peers(study.quick))
-    rows = study.read()
-    keys = ("problem", "scheme", "mesh", "n_steps")
-    table = {tuple(r[key] for key in keys): r["error"] for r in rows}
-    for (problem, scheme, mesh, n), error in table.items():
-        wanted = problem == "P1" and mesh.startswith("graded") and n == 10**4
-        if wanted and scheme in (repr(hd.L2()), repr(hd.L2Sigma())):
-            text = f"P1, {scheme} on {mesh}, N = 10,000: error {error:.1e} (1e-8)"
-            check(text, error <= 1e-8, study.quick)
-    check_oscillator(table, study)
-    check_collocation(rows, study.quick)
-    study.save(draw(rows))
+def draw(rows):
+    shown = [
+        row | {"panel": TITLES[row["problem"]], "mesh": row["mesh"].split("(")[0].split("=")[0]}
+        for row in rows
+        if row["problem"] in TITLES and row["error"] < 100
+    ]
+    return curves("seconds", "error", ("scheme", "mesh"), ("panel",))(shown)
 
 
 if __name__ == "__main__":
-    main()
+    study(measure, claims, draw)
