@@ -126,7 +126,7 @@ class Study:
 
     def read(self):
         """The rows back, numbers as floats."""
-        rows = _read((RESULTS if self.stored else self._folder) / f"{self._name}.csv")
+        rows = read((RESULTS if self.stored else self._folder) / f"{self._name}.csv")
         return [{key: _number(value) for key, value in row.items()} for row in rows]
 
     def save(self, figure):
@@ -145,9 +145,9 @@ class Study:
             word = "holds" if claim.holds else "FAILS" if judged else "not judged at this size"
             print(f"{word if claim.limit else 'reported'}: {text}")
             failed += [text] if judged and not claim.holds else []
+        self._register(told)
         if failed:
             raise SystemExit(f"claims not met: {'; '.join(failed)}")
-        self._register(told)
 
     def _register(self, told):
         """Write claims by study, one row each; those that stored rows do not hold stay."""
@@ -162,7 +162,7 @@ class Study:
         known = {row["claim"] for row in new}
         kept = [
             row
-            for row in (_read(path) if path.exists() else ())
+            for row in (read(path) if path.exists() else ())
             if row["study"] != self._name or (self.stored and row["claim"] not in known)
         ]
         with open(path, "w", newline="") as file:
@@ -175,7 +175,8 @@ def _write(file, rows):
     writer.writerows(rows)
 
 
-def _read(path):
+def read(path):
+    """The rows of a CSV as texts, without its comments."""
     with open(path, newline="") as file:
         return list(csv.DictReader(line for line in file if not line.startswith("#")))
 

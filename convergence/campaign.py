@@ -23,6 +23,7 @@ stopped takes up where it was. ``--only k`` shows one problem, as lines to paste
 import json
 import multiprocessing as mp
 import signal
+import tempfile
 import time
 from collections import Counter
 from dataclasses import replace
@@ -48,7 +49,7 @@ from _campaign_verdicts import (
     points,
     truth_error,
 )  # fmt: skip
-from _study import Study, check
+from _study import RESULTS, Claim, chosen, study
 
 import hereditary as hd
 
@@ -182,20 +183,21 @@ def report_worst(rows, seed):
             )
 
 
-def check_judge():
-    """Check exact solutions against mpmath, and that the judge sees an error of 3 tolerances."""
+def judge_claims():
+    """Exact solutions against mpmath, and whether the judge sees an error of 3 tolerances."""
     drawn = [problem(0, k) for k in range(20)]
     off = np.array([truth_error(one, 0.7 * one.t_end) for one in drawn])
-    print("distances of two ways to exact solutions", off)
-    check("exact solutions agree with mpmath's", np.all(off[np.isfinite(off)] < 1e-13))
-    check("most exact solutions are compared", np.isfinite(off).mean() > 0.7)
+    known = np.isfinite(off)
+    yield Claim("exact solutions off mpmath's", off[known].max(), 1e-13, small=True)
+    yield Claim("share of exact solutions compared", known.mean(), at_least=0.7, small=True)
     one, sol = drawn[9], drawn[9].solve()
     moved = replace(one.truth, start=one.truth.start * (1 + 3 * one.rtol))
-    ratios = [measured(p, sol, False)["ratio"] for p in (one, replace(one, truth=moved))]
-    check(
-        f"an error of 3 tolerances counts as {ratios[1]:.2f}",
-        ratios[0] < 1 and 2.5 < ratios[1] < 3.5,
-    )
+    right, wrong = (measured(p, sol, False)["ratio"] for p in (one, replace(one, truth=moved)))
+    yield Claim("what a run is judged to err by, in tolerances", right, 1, small=True)
+    yield Claim("the same with an error of 3 tolerances", wrong, 3.5, 2.5, small=True)
+    for seed, k, verdict in ONCE_AT_FAULT:
+        differs, where = judged(problem(seed, k))["verdict"] != verdict, f"{k} of seed {seed}"
+        yield Claim("problems once at fault, at fault again", differs, 0, where=where, small=True)
 
 
 def show(seed, k):
@@ -217,33 +219,34 @@ def show(seed, k):
     print("distance of two ways to the exact solution", truth_error(one, float(t[-1])))
 
 
-def main():
-    study = Study(
-        __file__, __doc__, problems=10_000, seed=0, out="", processes=2, limit=60.0, only=-1
-    )
-    chosen = study.options
-    if chosen.only >= 0:
-        show(chosen.seed, chosen.only)
-        return
-    check_judge()
-    for seed, k, verdict in ONCE_AT_FAULT:
-        found = judged(problem(seed, k))["verdict"]
-        check(f"problem {k} of seed {seed}, once at fault, is {found}", found == verdict)
-    n = 20 if study.quick else chosen.problems
-    path = Path(chosen.out) if chosen.out else study.path(".jsonl")
-    done = rows_of(path, chosen.seed, n)
+def measure(quick, problems, seed, out, processes, limit, only):
+    if only >= 0:
+        show(seed, only)
+        raise SystemExit
+    yield from judge_claims()
+    n = 20 if quick else problems
+    folder = Path(tempfile.mkdtemp()) if quick else RESULTS
+    path = Path(out) if out else folder / "campaign.jsonl"
+    done = rows_of(path, seed, n)
     with open(path, "a") as file:
         if file.tell() and not path.read_text().endswith("\n"):
             file.write("\n")
         wanted = [k for k in range(n) if k not in done]
-        run(chosen.seed, wanted, file, 1 if study.quick else chosen.processes, chosen.limit)
-    rows = list(rows_of(path, chosen.seed, n).values())
-    report_worst(rows, chosen.seed)
+        run(seed, wanted, file, 1 if quick else processes, limit)
+    rows = list(rows_of(path, seed, n).values())
+    report_worst(rows, seed)
     print()
-    study.write(table(rows))
-    at_fault = sum(row["verdict"] in (*FAULTS, UNSURE) for row in rows)
-    check(f"{at_fault} of {len(rows)} problems show a fault", at_fault == 0, study.quick)
+    yield from table(rows)
+
+
+def claims(rows):
+    (row,) = chosen(rows, kind="all")
+    yield Claim("problems", row["problems"])
+    yield Claim("problems that show a fault", sum(row[v] for v in (*FAULTS, UNSURE)), 0)
+    yield Claim("runs that end early for a true reason", row[TRUE])
+    yield Claim("problems refused in a sentence", row[REFUSED])
+    yield Claim("largest error of a success over its tolerance", row["largest ok"], 1)
 
 
 if __name__ == "__main__":
-    main()
+    study(measure, claims, problems=10_000, seed=0, out="", processes=2, limit=60.0, only=-1)

@@ -270,9 +270,6 @@ def claims(rows):
         reached = [min(row["error"] for row in some) for some in (own, others)]
         text = "smallest error of others over that of Collocation"
         yield Claim(text, reached[1] / reached[0], at_least=10, where=name)
-        yield Claim(
-            f"{name}: fastest run of Collocation [ms]", min(1e3 * r["seconds"] for r in own)
-        )
 
 
 def oscillator(rows):
