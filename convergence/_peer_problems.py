@@ -12,7 +12,7 @@ import numpy as np
 import scipy.sparse as sp
 from numba import njit
 from scipy.special import gamma
-from work_precision import POWERS, cases, largest, last, powers
+from work_precision import POWERS, TITLES, cases, largest, last, powers
 
 import hereditary as hd
 from hereditary import exact
@@ -84,32 +84,14 @@ def compiled(equation):
 def known_problems():
     """P1 to P6."""
     found = {name: (case, error) for case in cases() for name, error in case.errors.items()}
-    titles = {
-        "P1": "relaxation, order 0.5",
-        "P2": "powers of t, order 0.5",
-        "P3": "oscillator, 1.5 and 0.5",
-        "P4": "Brusselator, 0.8",
-        "P5": "stick-slip, 1.8 and 0.8",
-        "P6": "Brusselator, 1.3 and 0.8",
-    }
     systems = known_systems(found)
-    for name, title in titles.items():
+    for name, title in TITLES.items():
         case, error = found[name]
-        more = (
-            {"peer_counts": (16, 125, 500, 2000, 8000)} if name in ("P2", "P4", "P5", "P6") else {}
-        )
-        if name in ("P1", "P2"):
-            more["counts"] = (10, 30, 100, 1000, 10_000, 100_000)
-        yield Problem(
-            name,
-            title,
-            case.equation,
-            case.t_end,
-            case.alpha,
-            error,
-            system=systems[name],
-            **more,
-        )
+        more = {"counts": (10, 30, 100, 1000, 10_000, 100_000)} if name in ("P1", "P2") else {}
+        if name not in ("P1", "P3"):
+            more["peer_counts"] = (16, 125, 500, 2000, 8000)
+        own = (case.equation, case.t_end, case.alpha, error)
+        yield Problem(name, title, *own, system=systems[name], **more)
 
 
 def known_systems(found):

@@ -87,66 +87,27 @@ def heston():
 def measure(quick):
     """Rows of models: number, value measured, reference, its kind, how far they may be apart."""
     edges = mathieu_edges(0.3, 0.1, 0.5, (0.0586, 0.3414))
-    found = {
-        "selkov": (
-            "order of onset",
-            threshold(selkov, 0.905, 0.01),
-            selkov_onset(0.08, 0.6),
-            "Matignon",
-            1e-3,
-        ),
-        "van_der_pol_duffing": (
-            "order of onset",
-            threshold(duffing, 1.337, 0.01),
-            begins(-1.0, 1.0, 0.8, [1.3, 1.2]),
-            "zeros",
-            1e-3,
-        ),
-        "van_der_pol_duffing, classical": (
-            "period",
-            period(),
-            6.663286859,
-            "integration in many digits",
-            1e-8,
-        ),
-        "van_der_pol_airy": (
-            "x(5)",
-            last(scenes.van_der_pol_airy(friction=0.0, x0=1.0), 5.0),
-            airy_series(1.8, 5.0),
-            "series",
-            1e-8,
-        ),
-        "fitzhugh_nagumo": (
-            "order of onset",
-            threshold(nerve, 1.818, 0.01),
-            begins(*AT_REST, 1.0, [1.8, 0.9]),
-            "zeros",
-            1e-3,
-        ),
-        "mathieu, lower edge": (
-            "stiffness",
-            threshold(mathieu, 0.0481, 0.001),
-            edges[0],
-            "Hill determinant",
-            1e-3,
-        ),
-        "mathieu, upper edge": (
-            "stiffness",
-            threshold(mathieu, 0.329, 0.001),
-            edges[1],
-            "Hill determinant",
-            1e-3,
-        ),
-        "riccati": (
-            "y(0.5)",
-            last(scenes.riccati(0.75), 0.5),
-            riccati_series(0.75, 0.5),
-            "series",
-            1e-8,
-        ),
-        "riccati, rough Heston": ("Re h(3)", heston(), -2.520564, "approximant", 1e-2),
-    }
-    for model, (number, value, reference, kind, within) in found.items():
+    onset_at, hill = "order of onset", "Hill determinant"
+    airy = scenes.van_der_pol_airy(friction=0.0, x0=1.0)
+    found = [
+        ("selkov", onset_at, threshold(selkov, 0.905, 0.01),
+         selkov_onset(0.08, 0.6), "Matignon", 1e-3),
+        ("van_der_pol_duffing", onset_at, threshold(duffing, 1.337, 0.01),
+         begins(-1.0, 1.0, 0.8, [1.3, 1.2]), "zeros", 1e-3),
+        ("van_der_pol_duffing, classical", "period", period(),
+         6.663286859, "integration in many digits", 1e-8),
+        ("van_der_pol_airy", "x(5)", last(airy, 5.0), airy_series(1.8, 5.0), "series", 1e-8),
+        ("fitzhugh_nagumo", onset_at, threshold(nerve, 1.818, 0.01),
+         begins(*AT_REST, 1.0, [1.8, 0.9]), "zeros", 1e-3),
+        ("mathieu, lower edge", "stiffness", threshold(mathieu, 0.0481, 0.001),
+         edges[0], hill, 1e-3),
+        ("mathieu, upper edge", "stiffness", threshold(mathieu, 0.329, 0.001),
+         edges[1], hill, 1e-3),
+        ("riccati", "y(0.5)", last(scenes.riccati(0.75), 0.5),
+         riccati_series(0.75, 0.5), "series", 1e-8),
+        ("riccati, rough Heston", "Re h(3)", heston(), -2.520564, "approximant", 1e-2),
+    ]  # fmt: skip
+    for model, number, value, reference, kind, within in found:
         yield {
             "model": model,
             "number": number,
@@ -164,50 +125,20 @@ def draw(rows):
         lambda t: 0.97 - 0.03 * np.cos(0.1 * t),
         lambda t: 0.95 - 0.03 * np.sin(0.1 * t),
     )
+    a, plain = r"$\alpha$ =", "classical"
     cases = {
-        "Selkov": (
-            80.0,
-            scenes.selkov(),
-            r"$\alpha$ = 1",
-            scenes.selkov(orders, time_scale=2.0),
-            "orders vary, time scale 2",
-        ),
-        "FitzHugh-Nagumo": (
-            60.0,
-            scenes.fitzhugh_nagumo(),
-            "classical",
-            scenes.fitzhugh_nagumo(1.75, 0.9),
-            "orders 1.75, 0.9",
-        ),
-        "van der Pol-Duffing": (
-            40.0,
-            scenes.van_der_pol_duffing(2.0, 1.0),
-            "classical",
-            scenes.van_der_pol_duffing(1.6, 0.8),
-            "orders 1.6, 0.8",
-        ),
-        "van der Pol-Airy": (
-            30.0,
-            scenes.van_der_pol_airy(2.0, 1.0),
-            "classical",
-            scenes.van_der_pol_airy(),
-            "orders 1.8, 0.8",
-        ),
-        "Mathieu": (
-            90.0,
-            scenes.mathieu(gamma=1.0),
-            "friction of order 1",
-            scenes.mathieu(gamma=0.3),
-            "of order 0.3",
-        ),
-        "Riccati": (
-            6.0,
-            scenes.riccati(1.0),
-            r"$\alpha$ = 1",
-            scenes.riccati(0.5),
-            r"$\alpha$ = 0.5",
-        ),
-    }
+        "Selkov": (80, scenes.selkov(), f"{a} 1",
+                   scenes.selkov(orders, time_scale=2.0), "orders vary, time scale 2"),
+        "FitzHugh-Nagumo": (60, scenes.fitzhugh_nagumo(), plain,
+                            scenes.fitzhugh_nagumo(1.75, 0.9), "orders 1.75, 0.9"),
+        "van der Pol-Duffing": (40, scenes.van_der_pol_duffing(2.0, 1.0), plain,
+                                scenes.van_der_pol_duffing(1.6, 0.8), "orders 1.6, 0.8"),
+        "van der Pol-Airy": (30, scenes.van_der_pol_airy(2.0, 1.0), plain,
+                             scenes.van_der_pol_airy(), "orders 1.8, 0.8"),
+        "Mathieu": (90, scenes.mathieu(gamma=1.0), "friction of order 1",
+                    scenes.mathieu(gamma=0.3), "of order 0.3"),
+        "Riccati": (6, scenes.riccati(1.0), f"{a} 1", scenes.riccati(0.5), f"{a} 0.5"),
+    }  # fmt: skip
     for ax, (title, (t_end, one, first, other, second)) in zip(
         axes.flat, cases.items(), strict=True
     ):

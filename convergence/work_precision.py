@@ -15,8 +15,7 @@ SumOfExponentials(1e-12) for given steps. Collocation chooses its own by rtol fr
 Errors of P1 to P3 are maxima over the mesh, of P4 to P6 at the end, against values computed with
 all of the past (convergence/collocation.py), with which published digits agree. P6 is the
 Brusselator of orders 1.3 and 0.8 [GuglielmiHairer2025]. A run that ends early has error nan.
-Meshes are graded(n, order / alpha). Where it is installed (extra `peers`), pycaputo solves P1 and
-P2 beside them, timed by its whole `evolve` loop.
+Meshes are graded(n, order / alpha).
 """
 
 import warnings
@@ -31,14 +30,6 @@ from scipy.special import gamma
 
 import hereditary as hd
 from hereditary.analysis.order import observed_order
-
-try:
-    from pycaputo.controller import make_fixed_controller, make_graded_controller
-    from pycaputo.derivatives import CaputoDerivative
-    from pycaputo.fode.caputo import PECE, Trapezoidal
-    from pycaputo.stepping import evolve
-except ImportError:
-    evolve = None
 
 HISTORY = hd.SumOfExponentials(1e-12)
 COLLOCATION = hd.Collocation()
@@ -108,27 +99,19 @@ def last(*values):
 
 def cases():
     oscillator = hd.Equation([hd.Caputo(1.5), 0.5 * hd.Caputo(0.5)], lambda t, x: -x, y0=[1.0, 0.0])
-    at_20 = half_order_oscillator([20.0])[0, 0]
+    to_20 = {"P3": largest(half_order_oscillator)}
+    to_20["P3, t = 20"] = last(half_order_oscillator([20.0])[0, 0])
+    forced = hd.Equation(hd.Caputo(0.5), powers, 0.0, params=POWERS)
     product = hd.Equation(hd.Caputo(0.8), brusselator, [1.2, 2.8], params=[1.0, 3.0])
-    start = [[1.2, 2.8], [1.0, 0.0]]
+    start, ends = [[1.2, 2.8], [1.0, 0.0]], (1.009768417067, 2.158126403083)
     two_orders = hd.Equation(hd.Caputo([1.3, 0.8]), brusselator, start, params=[1.0, 3.0])
     return [
         Case(hd.scenes.relaxation(0.5, 1.0, 1.0), 5.0, 0.5, {"P1": largest(half_order_relaxation)}),
-        Case(
-            hd.Equation(hd.Caputo(0.5), powers, 0.0, params=POWERS),
-            1.0,
-            0.5,
-            {"P2": largest(sum_of_powers)},
-        ),
-        Case(
-            oscillator,
-            20.0,
-            1.5,
-            {"P3": largest(half_order_oscillator), "P3, t = 20": last(at_20)},
-        ),
+        Case(forced, 1.0, 0.5, {"P2": largest(sum_of_powers)}),
+        Case(oscillator, 20.0, 1.5, to_20),
         Case(product, 100.0, 0.8, {"P4": last(1.23585168586364)}),
         Case(hd.scenes.stick_slip(), 100.0, 1.8, {"P5": last(62.071779346609)}),
-        Case(two_orders, 220.0, 1.3, {"P6": last(1.009768417067, 2.158126403083)}),
+        Case(two_orders, 220.0, 1.3, {"P6": last(*ends)}),
     ]
 
 
@@ -158,17 +141,6 @@ def settings(case, scheme, quick):
             yield f"graded({exponent:.3g})", n, {"mesh": mesh, "history": HISTORY}
 
 
-def row(problem, scheme, mesh, n, seconds, error):
-    return {
-        "problem": problem,
-        "scheme": scheme,
-        "mesh": mesh,
-        "n_steps": n,
-        "seconds": f"{seconds:.3g}",
-        "error": f"{error:.3g}",
-    }
-
-
 def step_counts(case, quick):
     if quick:
         return [100, 1000, 10_000]
@@ -180,62 +152,27 @@ def measure(quick):
     with warnings.catch_warnings():
         # coarse steps are beyond the stability limit here and there
         warnings.simplefilter("ignore", hd.StabilityWarning)
-        return measure_own(quick) + measure_peers(quick)
+        warnings.simplefilter("ignore", hd.SolveWarning)
+        return [
+            row for case in cases() for scheme in SCHEMES for row in solved(case, scheme, quick)
+        ]
 
 
-def measure_own(quick):
-    rows = []
-    for case in cases():
-        for scheme in SCHEMES:
-            for mesh, n, given in settings(case, scheme, quick):
-                call = partial(hd.solve, case.equation, case.t_end, scheme=scheme, **given)
-                seconds, sol = fastest(call, 1 if quick else 9)
-                early = sol.status in ENDED_EARLY
-                for name, error in case.errors.items():
-                    off = np.nan if early else error(sol.t, sol.y)
-                    rows.append(row(name, repr(scheme), mesh, n or sol.t.size - 1, seconds, off))
-    return rows
-
-
-def measure_peers(quick):
-    """P1 on a graded mesh, which these methods need there, P2 on a uniform one."""
-    if evolve is None:
-        print("pycaputo is not installed: no peers")
-        return []
-    rows = []
-    for n in (100,) if quick else (100, 1000, 10_000):
-        rows += evolved(
-            ("P1", "graded(2)", n, quick),
-            make_graded_controller(0.0, 5.0, n, r=2.0),
-            lambda t, y: -y,
-            lambda t, y: -np.ones(1),
-            (1.0, half_order_relaxation),
-        )
-        rows += evolved(
-            ("P2", "uniform", n, quick),
-            make_fixed_controller(1 / n, nsteps=n),
-            lambda t, y: np.array([powers(t, y, POWERS)]),
-            lambda t, y: -1.5 * np.sqrt(np.maximum(y, 0.0)),
-            (0.0, sum_of_powers),
-        )
-    return rows
-
-
-def evolved(setting, control, right, slope, solution):
-    """Rows of pycaputo's methods for one problem and mesh."""
-    name, mesh, n, quick = setting
-    start, exact = solution
-    given = {"ds": (CaputoDerivative(0.5),), "control": control, "source": right}
-    given["y0"] = (np.array([start]),)
-    methods = {"PECE": PECE(corrector_iterations=1, **given)}
-    methods["Trapezoidal"] = Trapezoidal(source_jac=slope, **given)
-    rows = []
-    for label, method in methods.items():
-        call = partial(evolve, method, dtinit=control.dtinit)
-        seconds, events = fastest(lambda call=call: list(call()), 1 if quick else 9)
-        t, y = (np.array([getattr(event, key) for event in events]) for key in ("t", "y"))
-        rows.append(row(name, f"pycaputo {label}", mesh, n, seconds, largest(exact)(t, y)))
-    return rows
+def solved(case, scheme, quick):
+    """Rows of a scheme."""
+    for mesh, n, given in settings(case, scheme, quick):
+        call = partial(hd.solve, case.equation, case.t_end, scheme=scheme, **given)
+        seconds, sol = fastest(call, 1 if quick else 9)
+        for name, error in case.errors.items():
+            off = np.nan if sol.status in ENDED_EARLY else error(sol.t, sol.y)
+            yield {
+                "problem": name,
+                "scheme": repr(scheme),
+                "mesh": mesh,
+                "n_steps": n or sol.t.size - 1,
+                "seconds": f"{seconds:.3g}",
+                "error": f"{off:.3g}",
+            }
 
 
 TITLES = {
