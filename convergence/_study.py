@@ -259,6 +259,13 @@ def last_order(scheme, alpha, kind, counts, errors, floor):
     }
 
 
+def last_order_claims(rows):
+    """Claims of rows by `last_order`."""
+    for row in rows:
+        off, where = abs(row["order"] - row["proven"]), f"{row['scheme']}, {row['alpha']:g}"
+        yield Claim(f"orders off the proven ones, {row['solution']}", off, 0.15, where=where)
+
+
 def order_rows(labels, expected, found):
     """Rows of errors and orders: labels, then what {steps: (error, seconds)} tells."""
     rows, before = [], np.nan
@@ -337,6 +344,12 @@ def curves(x, y, lines=(), panels=(), log="xy", slopes=(), line="-", of=None, **
         return figure
 
     return draw
+
+
+def last_orders(rows):
+    """Draw rows by `last_order`: observed orders as marks, proven ones dotted."""
+    how = {"log": "", "line": "", "xlabel": r"$\alpha$"}
+    return curves("alpha", ("order", "proven"), ("scheme",), ("solution",), **how)(rows)
 
 
 def side_by_side(*draws):

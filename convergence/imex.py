@@ -6,7 +6,7 @@ t**(2 alpha). Where they start like t**alpha, extrapolating the rest leaves orde
 """
 
 import numpy as np
-from _study import Claim, curves, last_order, study
+from _study import last_order, last_order_claims, last_orders, study
 from problems import linear_and_rest
 
 import hereditary as hd
@@ -30,13 +30,5 @@ def measure(quick):
                 yield last_order(scheme, alpha, kind, counts, errors, _FLOOR)
 
 
-def claims(rows):
-    for row in rows:
-        off, where = abs(row["order"] - row["proven"]), f"{row['scheme']}, {row['alpha']:g}"
-        yield Claim(f"orders off the proven ones, {row['solution']}", off, 0.15, where=where)
-
-
 if __name__ == "__main__":
-    how = {"log": "", "line": "", "xlabel": r"$\alpha$"}
-    draw = curves("alpha", ("order", "proven"), ("scheme",), ("solution",), **how)
-    study(measure, claims, draw)
+    study(measure, last_order_claims, last_orders)

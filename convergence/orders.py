@@ -9,7 +9,7 @@ goes along (order 1.2), that takes more steps.
 import sys
 from pathlib import Path
 
-from _study import Claim, Study, curves, last_order, study
+from _study import Study, last_order, last_order_claims, last_orders, study
 from problems import errors, singular_problem, smooth_problem
 
 import hereditary as hd
@@ -63,15 +63,7 @@ def page():
     return "\n".join(lines) + "\n"
 
 
-def claims(rows):
-    for row in rows:
-        off, where = abs(row["order"] - row["proven"]), f"{row['scheme']}, {row['alpha']:g}"
-        yield Claim(f"orders off the proven ones, {row['solution']}", off, 0.15, where=where)
-
-
 if __name__ == "__main__":
-    how = {"log": "", "line": "", "xlabel": r"$\alpha$"}
-    draw = curves("alpha", ("order", "proven"), ("scheme",), ("solution",), **how)
-    study(measure, claims, draw)
+    study(measure, last_order_claims, last_orders)
     if "--quick" not in sys.argv:
         (Path(__file__).parent.parent / "docs" / "orders.md").write_text(page())
