@@ -18,6 +18,7 @@ from .analysis.sweep import sweep
 from .analysis.table import Table
 from .analysis.zero_one import ZeroOneResult, zero_one_test
 from .collocation.scheme import Collocation
+from .ensemble import Ensemble, ensemble
 from .equation import Equation
 from .exponential_sum import fit_exponentials
 from .history.direct import Direct
@@ -45,7 +46,6 @@ from .schemes.l1 import L1
 from .schemes.l2 import L2
 from .schemes.l2sigma import L2Sigma
 from .schemes.l12 import L12
-from .solver.ensemble import Ensemble, ensemble
 from .solver.memory_term import MemoryTerm, memory_term
 from .solver.solution import Solution, SolveWarning, StabilityWarning, Status
 from .solver.solve import solve

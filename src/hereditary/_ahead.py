@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from .analysis.lyapunov import lyapunov
+from .ensemble import ensemble
 from .equation import Equation
 from .history.direct import Direct
 from .history.fft import FFT
@@ -17,7 +18,6 @@ from .schemes.bdf import BDF
 from .schemes.explicit import ExplicitCaputo
 from .schemes.imex import IMEX
 from .schemes.l1 import L1
-from .solver.ensemble import ensemble
 from .solver.progress import ProgressBar
 from .solver.solve import solve
 

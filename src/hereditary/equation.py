@@ -33,7 +33,7 @@ from .sides import (
     read_terms,
 )
 from .structure import assembled, copied, stated
-from .system import System, changed, later, leading_orders
+from .system import System, changed, displaced, later, leading_orders
 
 
 class Equation(System):
@@ -292,15 +292,15 @@ class Equation(System):
         alone = self.larger is None and self.structure is None and not self._callbacks
         if not alone or params.size != self.n_params or self._present_values() != self._frozen:
             return None
-        values = np.append(params, self.compiled_params[self.n_params :])
-        found = object.__new__(Equation)
-        vars(found).update(vars(self), compiled_params=values)
+        system = displaced(self, self.y0, params)
         try:
-            out = found.force(0.0, self.y0[0])
+            out = system.force(0.0, self.y0[0])
         except Exception:  # the whole way says what is wrong
             return None
         if not np.isfinite(out).all():
             return None
+        found = object.__new__(Equation)
+        vars(found).update(vars(system))
         return found
 
     def _arguments(self):

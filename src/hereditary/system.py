@@ -16,6 +16,9 @@ from .structure import Structure, constant_part
 from .terms import ConstantOrder, SystemTerm
 
 _OWN = Frame()
+# What a system works out from its initial values and parameters.
+_OF_VALUES = "units", "at_start"
+
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -319,11 +322,15 @@ def shifted(system, origin, y0):
     return changed(system, left=left, y0=y0, n_params=None, frame=Frame(), **new)
 
 
-def displaced(system, y0):
-    """Return the system with other initial values (m, d)."""
-    inner = system.larger
-    larger = inner and displaced(inner, y0[:, inner.sources])
-    return changed(system, y0=y0, larger=larger)
+def displaced(system, y0, params=()):
+    """Return the system with other initial values (m, d) and first parameters, all else shared."""
+    inner, found = system.larger, object.__new__(System)
+    values = np.append(params, system.compiled_params[len(params) :])
+    larger = inner and displaced(inner, y0[:, inner.sources], params)
+    vars(found).update(vars(system), y0=y0, compiled_params=values, larger=larger)
+    for name in _OF_VALUES:
+        vars(found).pop(name, None)
+    return found
 
 
 def later(origin, params, rhs, jac):

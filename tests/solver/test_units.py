@@ -151,6 +151,15 @@ def test_ensembles_sensitivities_and_responses_change_as_y_does(power):
         np.testing.assert_allclose(other, one, rtol=1e-5, atol=1e-5)
 
 
+def test_other_parameters_have_units_of_their_own():
+    def towards(t, y, p):
+        return p[0] - y
+
+    equation = hd.Equation(hd.Caputo(0.8), towards, 0.0, params=[1.0])
+    anew = hd.Equation(hd.Caputo(0.8), towards, 0.0, params=[1000.0])
+    assert equation.units < anew.units == equation.replace(params=[1000.0]).units
+
+
 @pytest.mark.parametrize("power", POWERS)
 def test_fits_find_the_same_rate(power):
     t = np.linspace(0, 5, 21)

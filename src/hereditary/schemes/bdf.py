@@ -124,6 +124,7 @@ def _exact(p, alpha, n):
     return series_of_power(factor, float(alpha), n)
 
 
+@lru_cache(maxsize=8)
 def _shifted_power_sum(p):
     """Coefficients in z of ``sum_(k=1)^p (1-z)**(k-1) / k``."""
     total = np.polynomial.Polynomial([0.0])

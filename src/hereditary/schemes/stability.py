@@ -74,7 +74,11 @@ class StabilityRegion:
         if isinstance(jacobians, list):
             bounds, worst = bounds_of(jacobians, [self.limits] * len(jacobians))
             return self._ratios_where_largest(bounds, worst)
-        jacobians, limits = self._folded(jacobians)
+        finite = np.isfinite(jacobians).all(axis=(1, 2))
+        jacobians = np.where(finite[:, None, None], jacobians, 0.0)
+        if self.sources is not None:
+            jacobians = folded(jacobians, self.gains, self.sources)
+        limits = self.limits[: jacobians.shape[1]]
         scaled = -jacobians / limits[:, None]
         if scaled.shape[1] == 1:
             return np.maximum(0.0, scaled[:, 0, 0])
@@ -82,21 +86,6 @@ class StabilityRegion:
             bounds, worst = bounds_of(jacobians, [limits] * len(jacobians))
             return self._ratios_where_largest(bounds, worst)
         return self._ratios_of(np.linalg.eigvals(scaled))
-
-    def suspects(self, jacobians):
-        """Whether a ratio may exceed 1 by norms, for each of Jacobians (k, d, d); d is small."""
-        jacobians, limits = self._folded(jacobians)
-        sizes = np.abs(jacobians)
-        least = min(1.0, self.radii.min() / self.limits[0]) if self.radii.size else 1.0
-        return (sizes / limits[:, None]).sum(axis=2).max(axis=1) > least
-
-    def _folded(self, jacobians):
-        """Jacobians of components with an equation, 0 where they are not finite, and limits."""
-        finite = np.isfinite(jacobians).all(axis=(1, 2))
-        jacobians = np.where(finite[:, None, None], jacobians, 0.0)
-        if self.sources is not None:
-            jacobians = folded(jacobians, self.gains, self.sources)
-        return jacobians, self.limits[: jacobians.shape[1]]
 
     def _ratios_where_largest(self, bounds, worst):
         """Ratios of Jacobians of many components: bounds where these are below 1.

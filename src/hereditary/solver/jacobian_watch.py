@@ -3,7 +3,6 @@
 import numpy as np
 
 from ..compiled.jacobian import VALUES
-from ..schemes.stability import TOGETHER
 
 # Components beyond which dense Jacobians would take longer than the march, and more memory.
 _MOST = 2000
@@ -56,27 +55,6 @@ class JacobianWatch:
             return
         made = self._last(n) - self._first
         self._look(self._region, jacobians[:made], self._first + np.arange(made))
-
-    def of_members(self, jacobians, n):
-        """Return the largest ratios (E,) of marches from step 0 to steps n (E,), 0 up to 1.
-
-        jacobians (E, k, ., .), what each of them left in the room.
-        """
-        if self._region is None:
-            return np.zeros(n.size)
-        if self._structure is not None or self._shape[0] > TOGETHER:
-            return np.array([self._of_one(*march) for march in zip(jacobians, n, strict=True)])
-        taken = np.arange(jacobians.shape[1]) < self._last(n)[:, None]
-        taken[taken] = self._region.suspects(jacobians[taken])
-        ratios = np.zeros(taken.shape)
-        ratios[taken] = self._region.ratios(jacobians[taken])
-        return ratios.max(axis=1, initial=0.0)
-
-    def _of_one(self, jacobians, n):
-        """Return the largest ratio of one of them."""
-        self.largest = 0.0
-        self.note(jacobians, n)
-        return self.largest
 
     def _look(self, region, jacobians, places):
         """Look at Jacobians taken at these multiples of `every`."""

@@ -36,6 +36,7 @@ def initial_march(plan, d, n_block, newton):
     `newton` is the room of Newton's method for many components.
     """
     width = plan.groups.size
+    none = np.zeros((0, width))
     return March(
         counts=record(COUNTS, zigzag=-1, opened=-1, growth=-1),
         change=np.zeros(width),
@@ -45,23 +46,14 @@ def initial_march(plan, d, n_block, newton):
         force=np.zeros(width),
         lacks=np.zeros(width),
         newton=newton,
-        **columns(plan),
+        x=plan.initial.copy(),
+        increment=plan.increments.copy(),
+        shift=plan.shift.copy(),
+        first=np.zeros(width) if plan.first is None else plan.first.copy(),
+        drift=_by_columns(plan.drift, none),
+        corrections=_by_columns(plan.corrections, none),
+        starts=_by_columns(plan.starts, none),
     )
-
-
-def columns(plan):
-    """Return copies of where columns begin by a plan, by names of the fields of `March`."""
-    width = plan.groups.size
-    none = np.zeros((0, width))
-    return {
-        "x": plan.initial.copy(),
-        "increment": plan.increments.copy(),
-        "shift": plan.shift.copy(),
-        "first": np.zeros(width) if plan.first is None else plan.first.copy(),
-        "drift": _by_columns(plan.drift, none),
-        "corrections": _by_columns(plan.corrections, none),
-        "starts": _by_columns(plan.starts, none),
-    }
 
 
 def renew_force(system, t, table, march):

@@ -13,7 +13,7 @@ from ..compiled.signatures import FACTORISE, March, Output
 from ..compiled.structures import plain
 from ..memory_kernel import misfit_on_given_steps
 from ..schemes.riemann_liouville import with_initial_values
-from ..system import refuse_late, shifted, variational
+from ..system import displaced, refuse_late, shifted, variational
 from . import march_arrays as arrays
 from .first_steps import starting_steps
 from .identity import check_identity, described, identity
@@ -106,9 +106,25 @@ class Stepper:
         self._table = arrays.step_table(plan, self.memory, self._system, *how)
         structure, exact = self._system.structure, self._system.linear_alone and plan.rows.alike
         self._newton = newton_of(structure, d, self.n_tangents > 0, self.scheme.solve, exact)
-        self._march = arrays.initial_march(plan, d, self._block, self._newton.room)
+        self._stand_at_start(plan)
+
+    def _stand_at_start(self, plan):
+        """Stand at step 0, where nothing is remembered."""
+        self.memory.clear()
+        self._march = arrays.initial_march(plan, self._system.d, self._block, self._newton.room)
         self._room = arrays.room_of_step(self._march, self._system.steps)
         self._march.monitor.turns[: self.equation.d] = -1.0 * (self.equation.highest_orders() == 2)
+
+    def reset(self, params, y0):
+        """Stand at step 0, with other parameters (p,) and initial values (m, d); no tangents."""
+        self.equation = displaced(self.equation, y0, params)
+        plan = self._plan(np.zeros((self.n_data, 0)))
+        if self._block == 1:  # whose sums may be worked out on the way
+            self.memory = self._open(plan)
+            self._begin(plan)
+        self._stand_at_start(plan)
+        self._watch.largest = 0.0
+        self._status, self.error = RUNNING, None
 
     @property
     def h(self):

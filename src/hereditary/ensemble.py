@@ -1,0 +1,421 @@
+"""Ensembles: one equation with many parameters or initial values."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from itertools import islice
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ._checks import complaint, count, instance, real_array, refuse_masked, shown, whole
+from ._machine import cores
+from ._warning import silence, warn
+from .equation import Equation
+from .history.exponentials import SumOfExponentials
+from .history.history import History
+from .schemes.scheme import Scheme
+from .solver.opening import open_on_steps, uniform_steps
+from .solver.output import room_for
+from .solver.progress import Interruption, ProgressBar
+from .solver.run import Drive, reached_end, told
+from .solver.solution import SolveWarning, StabilityWarning
+from .solver.solve import chosen_scheme, evaluation_times, run_end, solve
+from .solver.status import Status
+from .solver.stops import kept_steps
+
+_UNSTABLE = (Status.STEP_TOO_LARGE, Status.ZIGZAG)
+
+
+@dataclass(frozen=True, eq=False)
+class Ensemble:
+    """Solutions of the members of an ensemble, at the same times.
+
+    Attributes
+    ----------
+    t : ndarray, shape (n,)
+        Times of the rows [time].
+    y : ndarray, shape (E, n, d)
+        Solutions, a member for each entry of the first axis; NaN from where a run ended early.
+    ydot : ndarray, shape (E, n, d), or None
+        First derivatives when the highest order exceeds 1.
+    status : ndarray of str, shape (E,)
+        How each run ended, as `Solution.status` has it.
+    messages : dict
+        Sentences of those members, by their numbers, that did not complete.
+    stats : dict
+        n_steps and n_rhs, (E,) each, and seconds in all.
+    """
+
+    t: np.ndarray
+    y: np.ndarray
+    ydot: np.ndarray | None
+    status: np.ndarray
+    messages: dict[int, str] = field(repr=False)
+    stats: dict[str, Any] = field(repr=False)
+
+    @property
+    def success(self) -> np.ndarray:
+        """Whether each run completed, inside the scheme's stability limit; shape (E,)."""
+        return self.status == Status.COMPLETED.value
+
+    def __len__(self) -> int:
+        return len(self.y)
+
+    def __repr__(self):
+        done = f"{int(self.success.sum())} of {len(self)} completed"
+        return f"Ensemble({done}; {self.t.size} rows of {self.y.shape[2]} components)"
+
+
+def ensemble(
+    equation: Equation,
+    t_end: float,
+    n_steps: int | None = None,
+    *,
+    params: ArrayLike | None = None,
+    y0: ArrayLike | None = None,
+    rtol: float | None = None,
+    atol: float | None = None,
+    scheme: Scheme | None = None,
+    history: History | None = None,
+    save_every: int = 1,
+    t_eval: ArrayLike | None = None,
+    threads: int | None = None,
+    progress: bool = False,
+) -> Ensemble:
+    """Solve one equation for many parameters or initial values, on all cores.
+
+    Every member gets the solution that `solve` gives it, at times of uniform steps to the last bit
+    (with BDF(3) to BDF(6) to rounding).
+    With these all weights, modes and stability limits are worked out once, and members are marched
+    one after the other in compiled code. For equations that differ otherwise, in their orders above
+    all, take `sweep`.
+
+    Parameters
+    ----------
+    equation : Equation
+    t_end : float
+        End of the runs [time].
+    n_steps : int, optional
+        Number of steps; or `rtol`.
+    params : array_like, shape (E, p), optional
+        Parameters of each member; shape (E,) where the equation has one.
+    y0 : array_like, shape (E, ...), optional
+        Initial values of each member, each row as `Equation` takes it.
+    rtol, atol, scheme, history
+        As in `solve`.
+    save_every : int, optional
+        Keep every so many-th step, besides the first and the last row.
+    t_eval : array_like, shape (n,), optional
+        Keep these times instead. With n_steps they must be times of steps. With rtol, whose steps
+        differ from member to member, the start and the end are kept where none are given.
+    threads : int, optional
+        By default as many as there are cores; one where a function is called in Python.
+    progress : bool, optional
+        Show a progress bar, on a terminal only.
+
+    Returns
+    -------
+    Ensemble
+        Also when runs end early: each member has its status. After Ctrl-C, which is heeded between
+        members, those that are left have the status "interrupted".
+
+    Raises
+    ------
+    TypeError, ValueError
+        An argument is not as required.
+
+    Warns
+    -----
+    SolveWarning, StabilityWarning
+        Members did not complete, or are beyond the scheme's stability limit.
+
+    Cost
+    ----
+    With uniform steps that of the steps alone: 0.1 to 0.5 microseconds each for one component
+    (convergence/ensembles.py). With rtol, FFT or orders that vary that of `solve` for each member.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import hereditary as hd
+    >>> eq = hd.Equation(hd.Caputo(0.6), lambda t, y, p: -p[0] * y, 1.0, params=[1.0])
+    >>> found = hd.ensemble(eq, 2.0, 200, params=np.linspace(0.5, 2.0, 100))
+    >>> found.y.shape, bool(found.success.all())
+    ((100, 201, 1), True)
+    """
+    equation = instance(
+        "equation", equation, Equation, "hereditary.Equation(terms, rhs, y0)"
+    ).current()
+    members = _Members(equation, params, y0)
+    start = equation.frame.start
+    t_last = run_end("t_end", t_end, start)
+    scheme = chosen_scheme(scheme, rtol, n_steps, None, None)
+    save_every = count("save_every", whole(save_every))
+    times = evaluation_times(t_eval, start, t_last)
+    threads = cores() if threads is None else count("threads", threads)
+    began = time.perf_counter()
+    how = {"scheme": scheme, "history": history, "rtol": rtol, "atol": atol, "n_steps": n_steps}
+    kept = None
+    if rtol is None and not scheme.adaptive:
+        if atol is not None:
+            raise ValueError(complaint("atol", "come with rtol", atol))
+        h, n_steps, _ = uniform_steps(equation, t_last - start, n_steps, None)
+        kept = _kept(n_steps, save_every, times, h, start)
+        times = start + h * kept
+        times[-1] = t_last if kept[-1] == n_steps else times[-1]
+        if history is not None:
+            instance("history", history, History, "hereditary.SumOfExponentials()")
+    elif save_every > 1:
+        required = "be left out with rtol, whose steps differ from member to member"
+        raise ValueError(complaint("save_every", required, save_every, "give t_eval"))
+    elif times is None:
+        times = np.array([start, t_last])
+    run = _Run(members, times, t_last, kept, how)
+    run.march(1 if equation._callbacks else threads, progress)
+    return run.close(time.perf_counter() - began)
+
+
+def _kept(n_steps, save_every, times, h, start):
+    """Return the numbers of the steps whose rows are kept, the start being 0."""
+    if times is None:
+        return np.append(np.arange(0, n_steps, min(save_every, n_steps)), n_steps)
+    if save_every > 1:
+        required = "be left out where t_eval says which rows to keep"
+        raise ValueError(complaint("save_every", required, save_every))
+    return kept_steps(times, h, start)
+
+
+class _Members:
+    """Parameters and initial values of E members, checked.
+
+    Attributes
+    ----------
+    base : Equation
+    size : int
+    params : ndarray, shape (E, p)
+    inside : ndarray, shape (E, m, d)
+        Initial values of the components that are marched.
+    """
+
+    def __init__(self, equation, params, y0):
+        if params is None and y0 is None:
+            required = "be given, params or y0 or both"
+            raise TypeError(complaint("params", required, "neither", "a row for each member"))
+        self._given: dict[str, np.ndarray] = {}
+        if params is not None:
+            self._given["params"] = _params(params, equation.params.size)
+        if y0 is not None:
+            self._given["y0"] = _table("y0", y0, np.iscomplexobj(np.asarray(y0)))
+        sizes = [len(table) for table in self._given.values()]
+        if len(set(sizes)) > 1:
+            got = f"{sizes[0]} rows of params and {sizes[1]} of y0"
+            raise ValueError(complaint("params", "have as many rows as y0", got))
+        self.base, self.size = equation, sizes[0]
+        own = np.broadcast_to(equation.params, (self.size, equation.params.size))
+        self.params = self._given.get("params", own)
+        self.inside = np.broadcast_to(equation.y0, (self.size, *equation.y0.shape))
+        if y0 is not None:
+            self.inside = _inside(equation, self._given["y0"])
+
+    def equation(self, m):
+        """Return the equation of member m."""
+        return self.base.replace(**{name: table[m] for name, table in self._given.items()})
+
+
+def _table(name, given, is_complex=False):
+    """Return an array with a row for each member."""
+    refuse_masked(name, given)
+    if is_complex:
+        table = np.array(given, dtype=complex)
+        for part in (table.real, table.imag):
+            real_array(name, part)
+    else:
+        table = real_array(name, given)
+    if table.ndim == 0 or len(table) == 0:
+        required = "have a row for each member, one at least"
+        raise ValueError(complaint(name, required, f"shape {table.shape}"))
+    return table
+
+
+def _params(given, p):
+    """Return the table of parameters, (E, p)."""
+    table = _table("params", given)
+    if table.ndim == 1 and p == 1:
+        table = table[:, None]
+    if table.ndim != 2 or table.shape[1] != p:
+        required = f"have shape (E, {p}), a row of the equation's parameters for each member"
+        raise ValueError(complaint("params", required, f"shape {table.shape}"))
+    return table
+
+
+def _inside(equation, values):
+    """Return the initial values of the components that are marched, (E, m, d)."""
+    first = equation.replace(y0=values[0])  # which says what is wrong with them
+    if first.d != equation.d:
+        required = f"hold {equation.d} components, as the equation has"
+        raise ValueError(complaint("y0", required, f"{first.d} in a row"))
+    rearranged = equation.frame.paired or equation.frame.speeds
+    if rearranged or equation._given_d is not None:
+        rows = [first, *(equation.replace(y0=row) for row in values[1:])]
+        return np.array([row.y0 for row in rows])
+    inside = values.reshape(-1, *first.y0.shape)
+    idle = equation.highest_orders() <= 1
+    if equation.m == 2 and np.any(inside[:, 1, idle]):
+        m = int(np.argmax(np.any(inside[:, 1, idle] != 0, axis=1)))
+        required = "hold no y'(0) for components whose highest order is at most 1"
+        raise ValueError(complaint(f"y0[{m}]", required, shown(values[m]), "set it to 0"))
+    return inside
+
+
+class _Run:
+    """Members under way: rows of those that are done, and how each ended.
+
+    `kept` (n,) are the numbers of the steps whose rows are kept, None where steps are chosen on the
+    way.
+    """
+
+    def __init__(self, members, times, t_end, kept, how):
+        self._members, self._times, self._t_end = members, times, t_end
+        self._kept, self._how = kept, how
+        size, frame = members.size, members.base.frame
+        width = frame.values(members.base.y0[0]).size
+        numbers = width * (2 if frame.paired else 1)
+        _, y, ydot = room_for(size * times.size, numbers, how["n_steps"] is not None)
+        shape = size, times.size, width
+        self._y, self._ydot = (
+            (part.view(complex) if frame.paired else part).reshape(shape) for part in (y, ydot)
+        )
+        self._y[:], self._ydot[:] = np.nan, np.nan
+        self._ends = [(Status.INTERRUPTED, Status.INTERRUPTED.sentence, 0, 0)] * size
+        self._left, self._done = iter(range(size)), 0
+        self._interruption = Interruption()
+        self._refused: dict[int, Exception] = {}
+
+    def march(self, threads, progress):
+        """March all members, on several threads, until Ctrl-C."""
+        interruption, bar = self._interruption, ProgressBar(progress)
+        try:
+            with interruption, ThreadPoolExecutor(threads) as pool:
+                work = self._worker()
+                work(1, bar)  # compiles what is needed
+                n_others = min(threads, self._members.size) - 1
+                others = [pool.submit(self._worker()) for _ in range(n_others)]
+                try:
+                    work(None, bar)
+                except BaseException:
+                    interruption.asked = True  # by a second Ctrl-C
+                    raise
+                for other in others:
+                    other.result()
+                interruption.heeded |= next(self._left, None) is not None
+        finally:
+            bar.close()
+
+    def _worker(self):
+        """Return a function that takes members that are left, `most` or all of them."""
+        base, n_steps = self._members.base, self._how["n_steps"]
+        one = self._solve
+        # functions that are called in Python hold the parameters of their equation
+        if self._kept is not None and not base._callbacks:
+            history = self._how["history"] or SumOfExponentials()
+            run = base, self._how["scheme"], history, self._t_end - base.frame.start
+            stepper, end = open_on_steps(*run, n_steps, None, None, False)
+
+            def one(m):
+                self._march(stepper, end, m)
+
+        def work(most=None, bar=None):
+            for m in islice(self._left, most):
+                one(m)
+                self._done += 1
+                if bar is not None:
+                    bar.update(self._done / self._members.size)
+                if self._interruption.asked:
+                    return
+
+        return work
+
+    def _march(self, stepper, end, m):
+        """March a member to step `end`, by a stepper that others take too."""
+        frame = stepper.equation.frame
+
+        def keep(first, last, y, ydot):
+            self._y[m, first:last] = frame.values(y)
+            self._ydot[m, first:last] = frame.slopes(y, ydot)
+
+        def advance(stop):
+            n, piece = stepper.n, stepper.advance(stop)
+            if piece is not None:
+                first, last = np.searchsorted(self._kept, [n + 1, stepper.n + 1])
+                chosen = self._kept[first:last] - (n + 1)
+                keep(first, last, *piece.at_ends(None, chosen, None))
+
+        try:
+            stepper.reset(self._members.params[m], self._members.inside[m])
+        except Exception:  # of a right-hand side: `solve` tells of it
+            return self._solve(m)
+        if self._kept[0] == 0:
+            keep(0, 1, stepper.y[None], stepper.ydot[None])
+        ended = Drive(stepper, end, advance, self._interruption, ProgressBar(False)).to(end)
+        status, detail = ended or (reached_end(stepper), "")
+        message = ""
+        if status is not Status.COMPLETED:
+            if stepper.n <= 1 < end:
+                return self._solve(m)  # which tells what is wrong at the start
+            with silence():
+                message = told(stepper, status, detail)
+        self._ends[m] = (status, message, stepper.n, stepper.n_rhs)
+
+    def _solve(self, m):
+        """Solve a member by itself."""
+        found: Any
+        self._y[m], self._ydot[m] = np.nan, np.nan
+        try:
+            with silence():
+                equation = self._members.equation(m)
+                found = solve(equation, self._t_end, t_eval=self._times, **self._how)
+        except Exception as error:
+            found = getattr(error, "result", None)
+            if found is None:
+                self._refused[m] = error
+                status = Status.RHS_FAILED
+                message = f"{status.sentence}: {type(error).__name__}: {error}"
+                self._ends[m] = (status, message, 0, 0)
+                return
+        n = len(found.y)
+        self._y[m, :n] = found.y
+        if found.ydot is not None:
+            self._ydot[m, :n] = found.ydot
+        self._ends[m] = (found.status, found.message, found.stats["n_steps"], found.stats["n_rhs"])
+        if found.status is Status.INTERRUPTED:
+            self._interruption.asked = self._interruption.heeded = True
+
+    def close(self, seconds):
+        """Return the `Ensemble`, and warn of members that did not complete."""
+        if len(self._refused) == len(self._ends):  # arguments that suit no member
+            raise self._refused[0]
+        ends, messages, n_steps, n_rhs = zip(*self._ends, strict=True)
+        failing = [m for m, end in enumerate(ends) if end is not Status.COMPLETED]
+        unasked = [ends[m] for m in failing if ends[m] is not Status.INTERRUPTED]
+        if unasked:
+            found = ", ".join(f"{n} {end}" for end, n in Counter(unasked).items())
+            unstable = any(end in _UNSTABLE for end in unasked)
+            warn(
+                f"{len(unasked)} of {len(ends)} members did not complete: {found}; "
+                "the result's status and messages say which and why",
+                StabilityWarning if unstable else SolveWarning,
+            )
+        base = self._members.base
+        return Ensemble(
+            t=self._times,
+            y=self._y,
+            ydot=self._ydot if base.m == 2 or base.frame.speeds else None,
+            status=np.array([str(end) for end in ends]),
+            messages={m: messages[m] for m in failing},
+            stats={"n_steps": np.array(n_steps), "n_rhs": np.array(n_rhs), "seconds": seconds},
+        )
