@@ -200,4 +200,6 @@ def test_members_of_an_ensemble_are_single_runs(case):
     for own, y in zip(params, runs.y, strict=True):
         one = hd.solve(equation.replace(params=own), T_END, **case.how())
         same = one.y if case.given else one(runs.t)
-        assert_close(y, same, case, 0.0)
+        # first steps of all members are found at once, by sums in another order
+        begun = getattr(case.scheme, "formula", 0) > 2
+        assert_close(y, same, case, 1e-13 if begun else 0.0)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import islice
 from typing import Any
@@ -295,6 +296,8 @@ class _Run:
         self._left, self._done = iter(range(size)), 0
         self._interruption = Interruption()
         self._refused: dict[int, Exception] = {}
+        self._plan: Any = None
+        self._no_bar = ProgressBar(False)
 
     def march(self, threads, progress):
         """March all members, on several threads, until Ctrl-C."""
@@ -325,6 +328,10 @@ class _Run:
             history = self._how["history"] or SumOfExponentials()
             run = base, self._how["scheme"], history, self._t_end - base.frame.start
             stepper, end = open_on_steps(*run, n_steps, None, None, False)
+            if self._plan is None:
+                with suppress(Exception):  # of a right-hand side, for some member
+                    of = self._members.params, self._members.inside
+                    self._plan = stepper.plan_of_members(*of)
 
             def one(m):
                 self._march(stepper, end, m)
@@ -356,12 +363,12 @@ class _Run:
                 keep(first, last, *piece.at_ends(None, chosen, None))
 
         try:
-            stepper.reset(self._members.params[m], self._members.inside[m])
+            stepper.reset(self._members.params[m], self._members.inside[m], self._plan, m)
         except Exception:  # of a right-hand side: `solve` tells of it
             return self._solve(m)
         if self._kept[0] == 0:
             keep(0, 1, stepper.y[None], stepper.ydot[None])
-        ended = Drive(stepper, end, advance, self._interruption, ProgressBar(False)).to(end)
+        ended = Drive(stepper, end, advance, self._interruption, self._no_bar).to(end)
         status, detail = ended or (reached_end(stepper), "")
         message = ""
         if status is not Status.COMPLETED:

@@ -301,8 +301,25 @@ def variational(system, directions):
         system.compiled_rhs(t, np.ascontiguousarray(y[:d]), dy[:d], params)
         dy[d:] = (system.derivative(t, y[:d]) @ y[d:].reshape(k, d).T).T.ravel()
 
-    left = [SystemTerm(operator, np.tile(c, 1 + k)) for operator, c in system.left]
-    sources = (system.sources + d * np.arange(1 + k)[:, None]).ravel()
+    return _repeated(system, 1 + k, y0, rhs)
+
+
+def side_by_side(systems):
+    """Return systems with the same left side, one behind the other, as one; for plans alone."""
+    d = systems[0].d
+
+    def rhs(t, y, dy, _):
+        for m, system in enumerate(systems):
+            own = slice(m * d, (m + 1) * d)
+            dy[own] = system.force(t, y[own])
+
+    return _repeated(systems[0], len(systems), np.hstack([s.y0 for s in systems]), rhs)
+
+
+def _repeated(system, times, y0, rhs):
+    """Return a system whose components have the terms of those of `system`, again and again."""
+    left = [SystemTerm(operator, np.tile(c, times)) for operator, c in system.left]
+    sources = (system.sources + system.d * np.arange(times)[:, None]).ravel()
     return System(left, y0, system.compiled_params, rhs, sources=sources)
 
 

@@ -7,7 +7,6 @@ and ``A = coefficient h**-alpha / Gamma(p + 1)``; the right-hand side is taken a
 """
 
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import ClassVar
 
 import numpy as np
@@ -151,8 +150,7 @@ class ExplicitCaputo(Scheme):
             value_lists.append(value_weights(key, total, h, 0.0, 0))
         increments = h * equation.y0[1] if equation.m == 2 else np.zeros(equation.d)
         start = np.where(second, increments, 0.0)
-        limits = tuple(self._limits(equation, h).tolist())
-        region = _region(tuple(distinct), h, limits, equation.constant)
+        region = _region(equation, h, distinct, self._limits(equation, h))
         # y(0), which no increment tells of, where a term remembers y itself
         values = (tuple(value_lists),) if any(value_lists) else ()
         starts = [start, equation.y0[0]] if values else [start]
@@ -170,8 +168,7 @@ class ExplicitCaputo(Scheme):
         )
 
 
-@lru_cache(maxsize=64)
-def _region(distinct, h, limits, constant):
+def _region(equation, h, distinct, limits):
     def curve(zeta):  # sum_k b_k zeta**-k = (zeta - 1) Li_(-p)(1 / zeta)
         total = 0.0
         for c, operator in distinct[0]:
@@ -180,6 +177,6 @@ def _region(distinct, h, limits, constant):
             total += factor * lean * (zeta - 1) ** 2 * polylogarithm(operator.power, 1 / zeta)
         return total
 
-    alike = len(distinct) == 1 and constant
+    alike = len(distinct) == 1 and equation.constant
     orders = [operator.order for _, operator in distinct[0]]
-    return stability_region(np.array(limits), orders, curve if alike else None)
+    return stability_region(limits, orders, curve if alike else None)

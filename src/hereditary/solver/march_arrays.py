@@ -30,29 +30,30 @@ def step_table(plan, memory, system, sources, every, h):
     )
 
 
-def initial_march(plan, d, n_block, newton):
+def initial_march(plan, d, n_block, newton, columns=slice(None)):
     """State of a march at step 0, with d components of the orbit and blocks of `n_block` steps.
 
-    `newton` is the room of Newton's method for many components.
+    `newton` is the room of Newton's method for many components; `columns` are those of the plan.
     """
-    width = plan.groups.size
-    none = np.zeros((0, width))
+    x = plan.initial[columns].copy()
+    width = x.size
+    none = np.zeros((0, plan.initial.size))
     return March(
         counts=record(COUNTS, zigzag=-1, opened=-1, growth=-1),
+        x=x,
+        increment=plan.increments[columns].copy(),
         change=np.zeros(width),
         lag=np.zeros((width, n_block)),
         pieces=np.zeros((width, n_block + 1)),
         monitor=np.zeros(d, MONITOR).view(np.recarray),
+        shift=plan.shift[columns].copy(),
+        drift=_by_columns(plan.drift, none, columns),
+        first=np.zeros(width) if plan.first is None else plan.first[columns].copy(),
+        corrections=_by_columns(plan.corrections, none, columns),
+        starts=_by_columns(plan.starts, none, columns),
         force=np.zeros(width),
         lacks=np.zeros(width),
         newton=newton,
-        x=plan.initial.copy(),
-        increment=plan.increments.copy(),
-        shift=plan.shift.copy(),
-        first=np.zeros(width) if plan.first is None else plan.first.copy(),
-        drift=_by_columns(plan.drift, none),
-        corrections=_by_columns(plan.corrections, none),
-        starts=_by_columns(plan.starts, none),
     )
 
 
@@ -100,6 +101,6 @@ def linear_parts(march):
     return [part for part in march if id(part) not in others]
 
 
-def _by_columns(rows, none):
-    """Copy rows, (k, W), as columns (W, k)."""
-    return np.array((none if rows is None else rows).T, order="C")
+def _by_columns(rows, none, columns):
+    """Copy columns of rows (k, W), as (W, k)."""
+    return np.array((none if rows is None else rows)[:, columns].T, order="C")

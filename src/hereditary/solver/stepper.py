@@ -13,7 +13,7 @@ from ..compiled.signatures import FACTORISE, March, Output
 from ..compiled.structures import plain
 from ..memory_kernel import misfit_on_given_steps
 from ..schemes.riemann_liouville import with_initial_values
-from ..system import displaced, refuse_late, shifted, variational
+from ..system import displaced, refuse_late, shifted, side_by_side, variational
 from . import march_arrays as arrays
 from .first_steps import starting_steps
 from .identity import check_identity, described, identity
@@ -74,7 +74,7 @@ class Stepper:
     def _plan(self, directions):
         """The scheme's plan for orbit and tangents."""
         equation = self.equation
-        system = self._system = self.scheme.reduction(equation) or equation.enlarged
+        system = self._system = self._inside(equation)
         self._sources = system.sources
         if self.n_tangents == 0:
             return self._planned(system)
@@ -86,6 +86,10 @@ class Stepper:
         beside = variational(system, rows[:, system.sources])
         self._sources = beside.sources
         return self._planned(beside)
+
+    def _inside(self, equation):
+        """Return the system that is marched in place of an equation."""
+        return self.scheme.reduction(equation) or equation.enlarged
 
     def _planned(self, system):
         """Return the scheme's plan for a system, with initial values of Riemann-Liouville terms."""
@@ -108,21 +112,40 @@ class Stepper:
         self._newton = newton_of(structure, d, self.n_tangents > 0, self.scheme.solve, exact)
         self._stand_at_start(plan)
 
-    def _stand_at_start(self, plan):
-        """Stand at step 0, where nothing is remembered."""
+    def _stand_at_start(self, plan, columns=slice(None)):
+        """Stand at step 0, where nothing is remembered; by these columns of a plan."""
+        d, orders = self._system.d, self.equation.highest_orders()
         self.memory.clear()
-        self._march = arrays.initial_march(plan, self._system.d, self._block, self._newton.room)
+        self._march = arrays.initial_march(plan, d, self._block, self._newton.room, columns)
         self._room = arrays.room_of_step(self._march, self._system.steps)
-        self._march.monitor.turns[: self.equation.d] = -1.0 * (self.equation.highest_orders() == 2)
+        self._march.monitor["turns"][: orders.size] = np.where(orders == 2, -1.0, 0.0)
 
-    def reset(self, params, y0):
-        """Stand at step 0, with other parameters (p,) and initial values (m, d); no tangents."""
+    def plan_of_members(self, params, y0):
+        """Return the scheme's plan of members side by side, for `reset`.
+
+        `params` (E, p) and y0 (E, m, d). None where members must be planned one by one.
+        """
+        if self.scheme.solves_first_steps or self._block == 1:
+            return None
+        members = [displaced(self.equation, *member) for member in zip(y0, params, strict=True)]
+        return self._planned(side_by_side([self._inside(member) for member in members]))
+
+    def reset(self, params, y0, plan=None, number=0):
+        """Stand at step 0, with other parameters (p,) and initial values (m, d); no tangents.
+
+        `plan`, where it is given, is that of members, and this is the one of that number.
+        """
         self.equation = displaced(self.equation, y0, params)
-        plan = self._plan(np.zeros((self.n_data, 0)))
+        self._system = self._inside(self.equation)
+        columns = slice(None)
+        if plan is None:
+            plan = self._planned(self._system)
+        else:
+            columns = slice(number * self._system.d, (number + 1) * self._system.d)
         if self._block == 1:  # whose sums may be worked out on the way
             self.memory = self._open(plan)
             self._begin(plan)
-        self._stand_at_start(plan)
+        self._stand_at_start(plan, columns)
         self._watch.largest = 0.0
         self._status, self.error = RUNNING, None
 
