@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 import hereditary as hd
+from hereditary import Regime, Table
 from hereditary.__main__ import main
-from hereditary.analysis.regimes import Regime
-from hereditary.analysis.table import Table
 from hereditary.paper import figures
 from hereditary.paper.job import Job, merged
 from hereditary.paper.runs import (

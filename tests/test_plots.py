@@ -6,7 +6,7 @@ import pytest
 from matplotlib.colors import to_rgb
 
 import hereditary as hd
-from hereditary.analysis.table import Table
+from hereditary import Table
 from hereditary.plots.tables import COLOURS
 
 

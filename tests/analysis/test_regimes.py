@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import hereditary as hd
-from hereditary.analysis.regimes import Regime, classify
+from hereditary import Regime, classify
 
 PERIOD = 2 * math.pi
 

@@ -18,10 +18,8 @@ from hereditary.compiled.mode_tables import (
     exponential_legendre,
     find_slot,
     floor_to_grid,
-    read_modes,
-    set_mode_weights,
 )
-from hereditary.compiled.structures import TERM, Equations, ExponentialBasis, ModeWeights
+from hereditary.compiled.structures import ExponentialBasis, ModeWeights
 
 # Between neighbours of the grid lies a factor of 2**(1/8); its lengths are rounded up to 13 digits.
 FACTOR, ROUNDED = 2 ** (1 / 8), 1 + 2.0**-12
@@ -62,12 +60,6 @@ def test_times_are_exact_sums_of_steps(lengths):
     for h in map(floor_to_grid, lengths):
         t, exact = t + h, exact + Fraction(h)
     assert Fraction(t) == exact
-
-
-def test_other_lengths_would_drift():
-    """The two-sided half: sums of a length with all its digits are off, and always to one side."""
-    t = np.cumsum(np.full(5000, 0.1))
-    assert np.ptp(np.sign(t[4000:] - 0.1 * np.arange(4001, 5001))) == 0
 
 
 # Factors of a length
@@ -152,27 +144,6 @@ def test_matrices_of_a_general_kernel(h, s, seed):
     np.testing.assert_allclose(matrix @ values, expected, atol=1e-11)
 
 
-@given(st.integers(0, 2**32 - 1), st.integers(1, 3), st.integers(2, 8))
-def test_modes_are_read_and_moved(seed, d, s):
-    """Against the same sums by NumPy."""
-    rng, h = np.random.default_rng(seed), 0.37
-    tables = empty_tables(RATES.size, s, 1)
-    slot = slot_for(h, tables)
-    _, to_nodes, to_end, moments, _ = (table[slot] for table in tables)
-    modes, offset_weights = rng.normal(size=(2, d, RATES.size))
-    values, input_weights = rng.normal(size=(3, d, s)), rng.normal(size=(d, 3, RATES.size))
-    input_weights[0, 1] = 0.0
-    out = np.full((d, s), np.nan)
-    read_modes(modes, to_nodes, out)
-    np.testing.assert_allclose(out, modes @ to_nodes, atol=1e-13)
-    legendre = to_legendre(s).copy()
-    taken = np.einsum("cqm,qcm->cm", input_weights, values @ legendre.T @ moments)
-    expected = modes * to_end + h * (offset_weights * moments[0] + taken)
-    absorbed = mode_weights(input_weights, offset_weights, s), 0, np.arange(d)
-    advance_modes(h, to_end, moments, *absorbed, legendre, values, modes)
-    np.testing.assert_allclose(modes, expected, atol=1e-13)
-
-
 def mode_weights(integrands, offsets, s):
     """Weights of the modes of one column, with room for a step of s nodes."""
     used = np.any(integrands, axis=2).astype(int)
@@ -197,22 +168,6 @@ def test_a_mode_of_a_polynomial_is_its_integral():
             for r in map(mpmath.mpf, RATES.tolist())
         ]
     np.testing.assert_allclose(modes[0], np.array(exact, dtype=float), rtol=1e-13)
-
-
-def test_weights_of_the_integrals_add_up():
-    """Two integrals drive component 0, one of them less an offset, and one component 1."""
-    listed = [(0, 0, 0, 2.0), (0, 1, 1, -3.0), (1, 0, 1, 0.5)]
-    terms = np.array(listed, dtype=TERM).view(np.recarray)
-    offsets, weights = np.array([[0.0, 4.0, 0.0], [0.0, 5.0, 0.0]]), np.array([[1.0, 2], [3, 7]])
-    input_weights, offset_weights = np.full((2, 3, 2), np.nan), np.full((2, 2, 2), np.nan)
-    none = np.zeros(0, dtype=np.int64)
-    equations = Equations(terms, np.zeros(2), none, offsets, none, none, np.arange(2), np.ones(2))
-    found = mode_weights(input_weights, np.zeros((2, 2)), 4)._replace(offsets=offset_weights)
-    found.used[:] = -1
-    set_mode_weights(equations, weights, np.zeros(2), found)
-    assert found.used.tolist() == [[1, 1, 0], [1, 0, 0]]
-    assert input_weights.tolist() == [[[2, 4], [-9, -21], [0, 0]], [[1.5, 3.5], [0, 0], [0, 0]]]
-    assert offset_weights.tolist() == [[[36, 84], [0, 0]], [[45, 105], [0, 0]]]
 
 
 # Moments
