@@ -118,6 +118,10 @@ def _varying(unit, places=slice(None)):
     return hd.Caputo(lambda t: 0.6 + 0.1 * np.sin(t))
 
 
+def _varying_above(unit, places=slice(None)):
+    return hd.Caputo(lambda t: 1.6 + 0.1 * np.sin(t))
+
+
 def _riemann_liouville(unit, places=slice(None)):
     return unit**0.6 * hd.RiemannLiouville(0.6)
 
@@ -147,6 +151,8 @@ FAMILIES = [
     ),
     _family("kernel", (of_order(1.0), _tempered), decay, (1.0,), "several", "kernel"),
     _family("varying", (_varying,), decay, (1.0,), "varying", highest=0.7),
+    _family("varying above one", (_varying_above, _varying), decay, (1.0, 0.5), "varying",
+            "several", highest=1.7),
     _family("leading kernel", (_tempered,), decay, (1.0,), "kernel", highest=0.8),
     _family(
         "Riemann-Liouville", (of_order(0.9), _riemann_liouville), decay, (1.0,), "several",
@@ -156,6 +162,8 @@ FAMILIES = [
     _family("complex", (of_order(0.8),), decay, (1.0 + 0.5j,), "complex", highest=0.8),
     _family("many", (of_order(0.7),), diffusion, (tuple(np.linspace(0, 1, 12)),), "banded",
             highest=0.7),
+    _family("many with orders of their own", (of_order(np.resize([0.9, 0.8, 0.6], 12)),), diffusion,
+            (tuple(np.linspace(0, 1, 12)),), "banded", "differ", highest=0.9),
     _family("reads memory", (of_order(0.9),), _reading, (1.0,), "memory", highest=0.9),
 ]  # fmt: skip
 SCHEMES = [

@@ -9,7 +9,8 @@ import numpy as np
 from scipy.special import erfcx, gamma, rgamma, wofz
 
 import hereditary as hd
-from hereditary.exact import relaxation
+
+relaxation = hd.exact.relaxation
 
 
 @dataclass(frozen=True)
@@ -264,6 +265,11 @@ def errors(problem, scheme, history, n):
     sol = hd.solve(problem.equation(), problem.t_end, n, **how)
     off = np.abs(sol.y - problem.exact(sol.t))
     return float(off[-1].max()), float(off.max())
+
+
+def observed_order(n_steps, errors):
+    """Return the order that errors at these numbers of steps show, by least squares."""
+    return -np.polyfit(np.log(n_steps), np.log(errors), 1)[0]
 
 
 def errors_on_mesh(problem, scheme, history, mesh):

@@ -20,13 +20,15 @@ from cases import (
 )
 
 import hereditary as hd
-from hereditary.meshes import UniformSteps
+from hereditary.meshes import UniformSteps, mesh_steps
 from hereditary.solver.stepper import Stepper
 
 # What rounding, and Newton's method, leave of laws that are exact otherwise, relative to |y|.
 ROUNDING = 3e-11
 # Steps of runs over more than two stretches of FFT.
 LONG, DIRECT = 2300, HISTORIES[0]
+# Users see other components than those that are marched.
+FRAMED = {"complex", "enlarged"}
 UNIFORM = chosen(steps="uniform")
 # One history is enough where it does not enter.
 ONCE = [c for c in CASES if c.history in (None, HISTORIES[2]) and c.steps != "mesh"]
@@ -34,6 +36,30 @@ ONCE = [c for c in CASES if c.history in (None, HISTORIES[2]) and c.steps != "me
 
 def over(cases):
     return pytest.mark.parametrize("case", cases, ids=str)
+
+
+def marched(case, equation, n=N_STEPS, stops=(), **more):
+    """March over n given steps; tangents are combined by each matrix of `stops`, {step: matrix}."""
+    steps = UniformSteps(T_END / n)
+    if case.steps == "mesh":
+        steps = mesh_steps(hd.graded(n, 2.0), T_END)
+    stepper = Stepper(equation, case.scheme, case.history, steps, n, **more)
+    for stop in (*stops, n):
+        while stepper.n < stop:
+            stepper.advance(stop, keep=False)
+        if stop in stops:
+            stepper.transform_tangent(stops[stop])
+    return stepper
+
+
+def values(stepper):
+    """Return y, and y' of components of order above 1: what tangents are derivatives of."""
+    return np.append(stepper.y, stepper.ydot[stepper.equation.highest_orders() > 1])
+
+
+def random_directions(equation, k=2):
+    n = equation.d + np.sum(equation.highest_orders() > 1)
+    return np.random.default_rng(1).normal(size=(n, k))
 
 
 def assert_close(found, expected, case, bound=ROUNDING):
@@ -86,13 +112,7 @@ def test_a_run_that_was_stopped_goes_on_as_one(case, cut):
 
 @over([case for case in UNIFORM if "varying" not in case.family.tags])
 def test_the_length_of_blocks_does_not_matter(case):
-    ends = []
-    for block in (2, 7, 32, 100):
-        how = case.scheme, case.history, UniformSteps(T_END / N_STEPS), N_STEPS
-        stepper = Stepper(case.equation(), *how, block=block)
-        while stepper.n < N_STEPS:
-            stepper.advance(N_STEPS, keep=False)
-        ends.append(stepper.y)
+    ends = [marched(case, case.equation(), block=block).y for block in (2, 7, 32, 100)]
     assert_close(np.array(ends), ends[0], case, 1e-11)
 
 
@@ -120,6 +140,10 @@ def test_rows_are_what_the_dense_output_gives(case):
     between = 0.5 * (sol.t[1:] + sol.t[:-1])
     rows = hd.solve(case.equation(), T_END, **case.how(), t_eval=between)
     assert_close(rows.y, sol(between), case, 1e-13)
+    some = hd.solve(case.equation(), T_END, **case.how(), save_every=7)
+    kept = sorted({*range(0, sol.t.size - 1, 7), sol.t.size - 1})
+    assert np.array_equal(some.t, sol.t[kept])
+    assert_close(some.y, sol.y[kept], case, 1e-13)
 
 
 @over(ONCE)
@@ -152,24 +176,70 @@ def test_a_component_beside_them_changes_nothing(case):
     assert_close(found, case.solution().y[-1], case, 1e-9)
 
 
-@over(
-    [
-        c
-        for c in ONCE
-        if c.scheme.takes_tangents and not c.family.tags & {"memory", "complex", "enlarged"}
-    ]
-)
+# Initial values of Riemann-Liouville terms are corrected in the first step alone on a mesh.
+@over([c for c in chosen(steps="mesh") if c.family.name != "Riemann-Liouville"])
+def test_a_uniform_mesh_gives_the_uniform_march(case):
+    times = np.linspace(0, T_END, N_STEPS + 1)
+    mesh = hd.solve(case.equation(), T_END, **case.how() | {"mesh": times})
+    how = {"scheme": case.scheme, "history": DIRECT}
+    modes = isinstance(case.history, hd.SumOfExponentials)
+    uniform = hd.solve(case.equation(), T_END, N_STEPS, **how)
+    assert_close(mesh.y, uniform.y, case, 10 * TOL if modes else ROUNDING)
+
+
+@over([case for case in ONCE if "banded" in case.family.tags])
+def test_bands_give_the_numbers_of_dense_jacobians(case):
+    dense = hd.solve(case.equation().replace(bandwidth=None), T_END, **case.how())
+    assert_close(case.solution().y[-1], dense.y[-1], case)
+    if getattr(case.scheme, "solve", "") == "newton":
+        assert case.solution().stats["n_rhs"] < dense.stats["n_rhs"]
+
+
+TANGENTS = [c for c in CASES if c.scheme.takes_tangents and c.family.tags.isdisjoint(FRAMED)]
+
+
+@over([case for case in TANGENTS if case.given and case.history in (None, HISTORIES[2])])
 def test_tangents_are_difference_quotients(case):
-    """Of the discrete solution with given steps, by each component of y(0)."""
-    how = case.how()
-    how.pop("estimate", None)
-    tangents = hd.sensitivities(case.equation(), T_END, **how, wrt="y0").by_y0[-1]
-    step = 1e-6 if case.given else 1e-4
+    """Of the discrete solution with given steps."""
+    equation = case.equation()
+    d, above = equation.d, equation.highest_orders() > 1
+    directions = random_directions(equation)
+    tangent = marched(case, equation, directions=directions).tangent
+    for k in range(2):
+        ends = []
+        for by in (1e-5, -1e-5):
+            y0 = equation.y0.copy()
+            y0[0] += by * directions[:d, k]
+            y0[1:, above] += by * directions[d:, k]
+            moved = equation.replace(y0=y0 if len(y0) > 1 else y0[0])
+            ends.append(values(marched(case, moved)))
+        quotient = (ends[0] - ends[1]) / 2e-5
+        assert_close(tangent[:, k], quotient, case, 1e-6)
+
+
+@over([case for case in TANGENTS if case.given])
+def test_combined_tangents_go_on_as_the_combination(case):
+    """Linear in all they hold; combined before, in and at the ends of blocks and of FFT's parts."""
+    n, at = (LONG, (1, 33, 1024, 2051)) if case.history == HISTORIES[1] else (N_STEPS, (1, 5, 32))
+    equation, stops = case.equation(), {k: np.array([[0.7, -1.3], [0.4, 2 + 1 / k]]) for k in at}
+    directions = random_directions(equation)
+    plain = marched(case, equation, n, directions=directions)
+    mixed = marched(case, equation, n, stops, directions=directions)
+    expected = plain.tangent @ np.linalg.multi_dot([np.eye(2), *stops.values()])
+    assert_close(mixed.tangent, expected, case, 1e-9)
+    assert np.array_equal(mixed.y, plain.y)
+    one = marched(case, equation, n, directions=directions[:, :1])
+    assert_close(one.y, plain.y, case, 1e-13)
+    assert_close(one.tangent, plain.tangent[:, :1], case, 1e-10)
+
+
+@over([c for c in TANGENTS if not c.given and "memory" not in c.family.tags])
+def test_tangents_by_a_tolerance_are_difference_quotients(case):
+    tangents = hd.sensitivities(case.equation(), T_END, **case.how(), wrt="y0").by_y0[-1]
     for c in range(case.family.d):
-        ends = [hd.solve(case.moved(c, by), T_END, **case.how()).y[-1] for by in (step, -step)]
-        quotient = (ends[0] - ends[1]) / (2 * step)
-        bound = 1e-6 if case.given else 1e-3
-        assert np.abs(tangents[:, c] - quotient).max() <= bound * np.abs(quotient).max()
+        ends = [hd.solve(case.moved(c, by), T_END, **case.how()).y[-1] for by in (1e-4, -1e-4)]
+        quotient = (ends[0] - ends[1]) / 2e-4
+        assert np.abs(tangents[:, c] - quotient).max() <= 1e-3 * np.abs(quotient).max()
 
 
 @over(ONCE)

@@ -1,12 +1,18 @@
-"""Power weights keep every digit, however long the run."""
+"""Special functions and moments keep every digit."""
 
 import mpmath
 import numpy as np
 import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
 
+from hereditary.compiled.mesh import moments
 from hereditary.special import (
     alternating_power_sum,
+    alternating_sum,
     bracketed_root,
+    gauss_unit,
+    hurwitz_zeta,
     mean_exponential,
     power_differences,
     power_second_differences,
@@ -30,14 +36,6 @@ def test_differences_of_powers_keep_their_digits(p):
         before, here = exact(p, k)
         assert b[k] == pytest.approx(float(here), rel=2e-15)
         assert c[k] == pytest.approx(float(here - before), rel=2e-14)
-
-
-@pytest.mark.parametrize("p", POWERS)
-def test_the_literal_formula_would_not_do(p):
-    k = 99_999.0
-    literal = (k + 1) ** p - 2 * k**p + (k - 1) ** p
-    before, here = exact(p, 99_999)
-    assert abs(literal / float(here - before) - 1) > 1e-9
 
 
 def test_classical_terms_have_no_memory():
@@ -90,3 +88,38 @@ def test_bracketed_root(function, low, high, root):
     found = bracketed_root(counted, low, high)
     assert found == pytest.approx(root, abs=1e-15)
     assert len(calls) < 250
+
+
+@given(st.floats(-3.0, 0.95), st.floats(0.05, 2.0))
+@example(-1e-13, 0.5)
+@example(-5e-324, 0.3)
+@example(-1e-38, 0.3)
+@example(0.0, 0.3)
+@example(1e-30, 0.3)
+def test_hurwitz_zeta(s, q):
+    """Below s = 0 mpmath reflects and loses as many digits as 1 / s has, so it is given more."""
+    with mpmath.workdps(50):
+        truth = float(mpmath.zeta(s, q)) if abs(s) > 1e-20 else 0.5 - q
+    assert abs(hurwitz_zeta(s, q) - truth) < 1e-11 * max(1.0, abs(truth), 1 / abs(1 - s))
+
+
+@settings(max_examples=30)
+@given(st.floats(0.01, 5), st.floats(0.01, 5))
+def test_alternating_sums_of_exponentials(rate, other):
+    k = np.arange(24)
+    terms = np.exp(-rate * k) + np.exp(-other * k)
+    exact = 1 / (1 + np.exp(-rate)) + 1 / (1 + np.exp(-other))
+    assert abs(alternating_sum(terms) - exact) < 1e-13
+
+
+@pytest.mark.parametrize("p", [0.02, 0.3, 0.7, 0.98])
+def test_moments_of_steps_of_a_mesh(p):
+    rule = gauss_unit(16)
+    for low, width in ((0.0, 1.0), (1e-9, 1.0), (0.1, 1.0), (0.5, 1.0), (1.0, 1.0), (1.0, 1e-12)):
+        with mpmath.workdps(60):
+            a, b, q = mpmath.mpf(low), mpmath.mpf(low) + mpmath.mpf(width), mpmath.mpf(p)
+            m_0 = b**q - a**q
+            m_1 = (a + b) / 2 * m_0 - q / (q + 1) * (b ** (q + 1) - a ** (q + 1))
+        found = moments(low, width, p, *rule)
+        assert found[0] == pytest.approx(float(m_0), rel=1e-14)
+        assert found[1] == pytest.approx(float(m_1), rel=1e-13)

@@ -5,11 +5,11 @@ import signal
 
 import numpy as np
 import pytest
+from problems import observed_order
 from pymittagleffler import mittag_leffler
 from scipy.special import gamma
 
 import hereditary as hd
-from hereditary.analysis.order import observed_order
 
 DIRECT = hd.Direct()
 HISTORIES = [DIRECT, hd.FFT(), hd.SumOfExponentials()]
@@ -79,7 +79,7 @@ def test_scalar_equations_have_the_mittag_leffler_rate(scheme, alpha, rate, t, v
         abs(alone(linear(alpha, rate), t, n, scheme=scheme).exponents[0] - exact) for n in steps
     ]
     assert errors[-1] < 0.01 * abs(exact)
-    assert observed_order(steps, errors).slope > scheme.order(alpha, "singular") - 0.15
+    assert observed_order(steps, errors) > scheme.order(alpha, "singular") - 0.15
 
 
 @pytest.mark.parametrize("scheme", SECOND_ORDER, ids=repr)
@@ -95,7 +95,7 @@ def test_several_terms_grow_at_the_real_root(scheme, adhesion, root):
     slopes = [alone(equation, 40.0 / root, n, scheme=scheme).slope[0] for n in steps]
     errors = np.abs(np.array(slopes) / root - 1)
     assert errors[-1] < {1.0: 3e-3, 1.2: 1e-3, 2.0: 3e-5}[round(scheme.order(1.8), 1)]
-    assert observed_order(steps, errors).slope == pytest.approx(scheme.order(1.8), abs=0.15)
+    assert observed_order(steps, errors) == pytest.approx(scheme.order(1.8), abs=0.15)
 
 
 def test_a_spiral_grows_at_the_real_part():
@@ -198,7 +198,7 @@ def test_the_default_converges_with_second_order(name):
     assert runs[0].settings["scheme"] == scheme
     finest = alone(equation, 4.0, scheme=hd.Collocation(), rtol=1e-10, renorm=0.5)
     errors = [abs(run.exponents[0] - finest.exponents[0]) for run in runs]
-    assert observed_order(steps, errors).slope > 1.5
+    assert observed_order(steps, errors) > 1.5
 
 
 def test_other_kernels_are_compared_with_the_implicit_scheme():

@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
-from problems import errors, singular_problem, smooth_problem
+from problems import errors, errors_on_mesh, observed_order, singular_problem, smooth_problem
 from scipy.special import rgamma
 
 import hereditary as hd
-from hereditary.analysis.order import observed_order
 
 HISTORIES = [hd.Direct(), hd.FFT(), hd.SumOfExponentials(1e-13)]
 
@@ -98,13 +97,13 @@ def power(t, y, p):
     return p[0] * t ** p[1]
 
 
-def error_on(k, scheme, alpha, history):
+def error_on(k, scheme, alpha, history, **steps):
     """Return the largest error of t**k, whose derivative is the force."""
     given = k == 0 or (k == 1 and alpha > 1)  # by the initial values
     params = (0.0, 0.0) if given else (rgamma(k + 1 - alpha) / rgamma(k + 1), k - alpha)
     y0 = [float(k == 0), float(k == 1)][: 1 + (alpha > 1)]
     equation = hd.Equation(hd.Caputo(alpha), power, y0, params)
-    sol = hd.solve(equation, 1.0, 40, scheme=scheme, history=history)
+    sol = hd.solve(equation, 1.0, scheme=scheme, history=history, **(steps or {"n_steps": 40}))
     return np.abs(sol.y[:, 0] - sol.t**k).max()
 
 
@@ -122,6 +121,61 @@ def test_exact_on_its_monomials_and_not_on_the_next(scheme, powers, alpha):
         assert error_on(beyond, scheme, alpha, history) > 1e-7, history
 
 
+MESHES = [np.linspace(0, 1, 41) ** 2, np.append(0, np.sort(np.random.default_rng(2).random(40)))]
+MESHES[1] /= MESHES[1][-1]
+
+
+@pytest.mark.parametrize("history", [HISTORIES[0], HISTORIES[2]], ids=repr)
+@pytest.mark.parametrize("mesh", MESHES, ids=["graded", "irregular"])
+@pytest.mark.parametrize("alpha", [0.1, 0.5, 0.95, 1.2, 1.8])
+@pytest.mark.parametrize("scheme", [hd.L1(), hd.L2(), hd.L2Sigma()], ids=repr)
+def test_exact_on_its_monomials_on_any_mesh(scheme, alpha, mesh, history):
+    """Where neighbouring steps differ much, parabolas give way to lines."""
+    if alpha > min(scheme.meshes_up_to, scheme.orders[1]):
+        return
+    exact, beyond = (lines if scheme == hd.L1() else parabolas)(alpha)
+    for k in exact[: None if mesh is MESHES[0] else 2]:
+        assert error_on(k, scheme, alpha, history, mesh=mesh) < 1e-12, k
+    assert error_on(beyond, scheme, alpha, history, mesh=mesh) > 1e-7
+
+
+def graded_rows():
+    """Yield problem, scheme, grading, steps, and order and largest error over all times there."""
+    for scheme in (hd.L1(), hd.L2(), hd.L2Sigma()):
+        for alpha in (0.3, 0.5, 0.8, 0.95):
+            order = scheme.order(alpha, "smooth")
+            bound = 2e-4 * 4 ** (2 - order)
+            yield singular_problem(alpha), scheme, order / alpha, 250, order, bound
+        yield singular_problem(0.5), scheme, 1.0, 2000, 0.5, 1e-2  # the start limits it
+        yield smooth_problem(0.5), scheme, 1.5, 200, scheme.order(0.5, "smooth"), 1e-3
+    for scheme in (hd.L2(), hd.L2Sigma()):  # moments in closed form would lose digits here
+        yield singular_problem(0.3), scheme, 9.0, 500, scheme.order(0.3, "smooth"), 1e-4
+    for beta, bound in ((1.2, 1e-6), (1.5, 3e-5), (1.8, 4e-4)):
+        yield singular_problem(beta), hd.L1(), 3.0, 400, 3 - beta, bound
+        yield singular_problem(beta), hd.L2Sigma(), 4 / beta, 200, 2.0, 5e-6
+
+
+@pytest.mark.parametrize(
+    ("problem", "scheme", "grading", "n", "order", "bound"),
+    list(graded_rows()),
+    ids=lambda v: getattr(v, "name", str(v)),
+)
+def test_order_on_graded_meshes(problem, scheme, grading, n, order, bound):
+    steps = [n, 2 * n, 4 * n]
+    found = [errors_on_mesh(problem, scheme, HISTORIES[2], hd.graded(k, grading)) for k in steps]
+    assert observed_order(steps, found) == pytest.approx(order, abs=0.15)
+    assert found[-1] < bound
+
+
+@pytest.mark.parametrize(("alpha", "grading"), [(0.02, 40.0), (0.05, 20.0), (0.1, 29.0)])
+@pytest.mark.parametrize("scheme", [hd.L1(), hd.L2(), hd.L2Sigma()], ids=repr)
+def test_the_steepest_meshes_give_no_garbage(scheme, alpha, grading):
+    """Neighbouring steps differ by 2**grading there: parabolas over that ratio would amplify."""
+    problem, mesh = singular_problem(alpha), hd.graded(1000, grading)
+    for history in (HISTORIES[0], HISTORIES[2]):
+        assert errors_on_mesh(problem, scheme, history, mesh) < 1e-3
+
+
 @pytest.mark.parametrize("history", HISTORIES, ids=repr)
 @pytest.mark.parametrize("smoothness", ["smooth", "singular"])
 @pytest.mark.parametrize(
@@ -137,7 +191,8 @@ def test_order(scheme, alpha, smooth, singular, smoothness, history):
         steps = [80, 160, 320]
     elif (repr(scheme), alpha) in LATE:
         steps = [8 * n for n in steps]
-    found = observed_order(steps, [errors(problem, scheme, history, n)[where] for n in steps])
-    assert found.slope == pytest.approx(scheme.order(alpha, smoothness), abs=0.15), found
-    assert np.all(np.diff(found.errors) < 0)
-    assert found.errors[-1] < bound * 4 / 3
+    found = [errors(problem, scheme, history, n)[where] for n in steps]
+    order = scheme.order(alpha, smoothness)
+    assert observed_order(steps, found) == pytest.approx(order, abs=0.15), found
+    assert np.all(np.diff(found) < 0)
+    assert found[-1] < bound * 4 / 3

@@ -5,8 +5,6 @@ import pytest
 from scipy.optimize import brentq
 
 import hereditary as hd
-from hereditary.meshes import UniformSteps
-from hereditary.solver.stepper import Stepper
 
 SCHEMES = [hd.BDF(2), hd.L1(), hd.L2(), hd.ProductTrapezoid()]
 
@@ -80,21 +78,6 @@ def test_nonlinear_systems_are_solved_to_rounding(scheme):
     assert np.abs(sol.y[-1] - fine).max() < 2e-2
 
 
-def test_tangents_of_many_components():
-    """Along its own initial values, and another's, the tangent of a linear system is a solution."""
-    d = 14
-    places = np.arange(1, d + 1) / (d + 1)
-    u0, other = np.sin(np.pi * places), places * (1 - places)
-    eq = hd.Equation(hd.Caputo(0.8), diffusion, u0)
-    steps, directions = UniformSteps(0.01), np.array([u0, other]).T
-    stepper = Stepper(eq, hd.BDF(2), hd.SumOfExponentials(), steps, 200, directions)
-    stepper.advance(200)
-    beside = hd.solve(eq.replace(y0=other), 2.0, 200, scheme=hd.BDF(2)).y[-1]
-    assert stepper.n == 200
-    assert np.abs(stepper.tangent[:, 0] - stepper.y).max() < 1e-12
-    assert np.abs(stepper.tangent[:, 1] - beside).max() < 1e-12
-
-
 @pytest.mark.parametrize("scheme", [hd.L1(), hd.BDF(2), hd.ProductTrapezoid()], ids=repr)
 def test_a_jacobian_found_by_differences_is_as_good_as_a_given_one(scheme):
     """Also where stiffness fades on the way, beside a component a thousand times larger."""
@@ -161,3 +144,33 @@ def test_kept_jacobians_do_not_change_what_steps_solve(period):
         y.append(brentq(lambda z: z - start - h * (push - k * z**3), -2, 2, xtol=1e-15))  # noqa: B023
     assert np.abs(sol.y[:, 0] - y).max() < 1e-12
     assert sol.stats["n_rhs"] <= 14 * n  # as many as Newton takes from anew
+
+
+@pytest.mark.parametrize("scheme", [hd.L1(), hd.L2Sigma(), hd.ProductTrapezoid()], ids=repr)
+def test_newton_that_does_not_converge_is_told(scheme):
+    """y' = y**2 jumps past its pole: no solution of the step's equation is left."""
+    equation = hd.Equation(hd.Caputo(1.0), lambda t, y: 1 + y**2, 0.0)
+    with pytest.warns(hd.SolveWarning, match="Newton"):
+        sol = hd.solve(equation, 3.0, 30, scheme=scheme)
+    assert sol.status is hd.Status.NOT_SOLVED
+    assert "Newton" in sol.message
+    assert 0.5 < sol.t[-1] < 1.8
+    assert np.all(np.isfinite(sol.y))
+
+
+@pytest.mark.parametrize(
+    "scheme", [hd.L1(), hd.L12(), hd.L2(), hd.L2Sigma(), hd.ProductTrapezoid()], ids=repr
+)
+@pytest.mark.parametrize("rate", [1e3, 1e6])
+def test_stiff_relaxation_stays_bounded(scheme, rate):
+    sol = hd.solve(hd.scenes.relaxation(0.7, rate, 1.0), 10.0, 200, scheme=scheme)
+    assert sol.success
+    assert np.abs(sol.y).max() <= 1.0
+    assert abs(sol.y[-1, 0]) < 1e-2
+
+
+def test_solutions_that_decay_to_nothing_are_solved():
+    """Below 1e-308 no increment has relative accuracy left; that is no failure."""
+    sol = hd.solve(hd.scenes.relaxation(1.0, 100.0), 20.0, 2000, scheme=hd.L2())
+    assert sol.success
+    assert sol.y[-1, 0] == 0.0 or abs(sol.y[-1, 0]) < 1e-300

@@ -75,45 +75,6 @@ def march(stepper, n_end):
     return stepper
 
 
-def values(stepper):
-    """y, and ydot where the order is above 1."""
-    above = stepper.equation.highest_orders() > 1
-    return np.concatenate([stepper.y, stepper.ydot[above]])
-
-
-@pytest.mark.parametrize("history", HISTORIES, ids=str)
-@pytest.mark.parametrize(("scheme", "name"), PAIRS, ids=str)
-def test_combined_tangents_go_on_as_the_combination(scheme, name, history):
-    """Linear in everything they hold: initial values, increments, modes and pending sums."""
-    equation = EQUATIONS[name]()
-    n_end = 2200  # across two stretches of the FFT history
-    plain = march(open_stepper(equation, scheme, history, 2), n_end)
-    mixed = open_stepper(equation, scheme, history, 2)
-    product = np.eye(2)
-    for n in (1, 5, 33, 700, 1024, 2051):  # before, inside and at the ends of blocks and stretches
-        matrix = np.array([[0.7, -1.3], [0.4, 2.0 + 1.0 / n]])
-        march(mixed, n).transform_tangent(matrix)
-        product = product @ matrix
-    march(mixed, n_end)
-    expected = plain.tangent @ product
-    assert np.abs(mixed.tangent - expected).max() < 1e-9 * np.abs(expected).max()
-    assert np.array_equal(mixed.y, plain.y)
-
-
-@pytest.mark.parametrize(("scheme", "name"), PAIRS, ids=str)
-def test_orbit_and_first_tangent_do_not_depend_on_how_many_go_along(scheme, name):
-    steppers = [
-        march(open_stepper(EQUATIONS[name](), scheme, hd.SumOfExponentials(), k), 100)
-        for k in (None, 1, 2)
-    ]
-    for stepper in steppers[1:]:
-        assert np.array_equal(stepper.y, steppers[0].y)
-    one = open_stepper(EQUATIONS[name](), scheme, hd.SumOfExponentials(), 2)
-    how = scheme, hd.SumOfExponentials(), UniformSteps(H), 2500
-    alone = Stepper(one.equation, *how, directions=one.tangent[:, :1])
-    assert np.allclose(march(one, 100).tangent[:, :1], march(alone, 100).tangent, rtol=1e-11)
-
-
 @settings(max_examples=10)
 @given(
     matrix=hnp.arrays(np.float64, (2, 2), elements=st.floats(-3, 3)),
