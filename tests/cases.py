@@ -114,12 +114,20 @@ def _tempered(unit, places=slice(None)):
     return unit**0.8 * hd.Memory(hd.TemperedPowerLaw(0.8, 1.0 / unit), 1)
 
 
+def _remembering(unit, places=slice(None)):
+    return 0.5 / unit * hd.Memory(hd.Prony([1.0 / unit, 10.0 / unit], [0.3, 0.7]), 0)
+
+
 def _varying(unit, places=slice(None)):
     return hd.Caputo(lambda t: 0.6 + 0.1 * np.sin(t))
 
 
 def _varying_above(unit, places=slice(None)):
     return hd.Caputo(lambda t: 1.6 + 0.1 * np.sin(t))
+
+
+def _varying_riemann_liouville(unit, places=slice(None)):
+    return 0.5 * hd.RiemannLiouville(lambda t: 0.4 + 0.1 * np.sin(t))
 
 
 def _riemann_liouville(unit, places=slice(None)):
@@ -153,6 +161,10 @@ FAMILIES = [
     _family("varying", (_varying,), decay, (1.0,), "varying", highest=0.7),
     _family("varying above one", (_varying_above, _varying), decay, (1.0, 0.5), "varying",
             "several", highest=1.7),
+    _family("varying Riemann-Liouville", (of_order(1.0), _varying_riemann_liouville), decay, (1.0,),
+            "varying", "several"),
+    _family("remembers y", (of_order(1.5), _remembering), decay, (1.0, 0.5), "several", "kernel",
+            highest=1.5),
     _family("leading kernel", (_tempered,), decay, (1.0,), "kernel", highest=0.8),
     _family(
         "Riemann-Liouville", (of_order(0.9), _riemann_liouville), decay, (1.0,), "several",
@@ -162,6 +174,8 @@ FAMILIES = [
     _family("complex", (of_order(0.8),), decay, (1.0 + 0.5j,), "complex", highest=0.8),
     _family("many", (of_order(0.7),), diffusion, (tuple(np.linspace(0, 1, 12)),), "banded",
             highest=0.7),
+    _family("many above one", (of_order(1.6),), diffusion,
+            (tuple(np.linspace(0, 1, 12)), (0.0,) * 12), "banded", highest=1.6),
     _family("many with orders of their own", (of_order(np.resize([0.9, 0.8, 0.6], 12)),), diffusion,
             (tuple(np.linspace(0, 1, 12)),), "banded", "differ", highest=0.9),
     _family("reads memory", (of_order(0.9),), _reading, (1.0,), "memory", highest=0.9),

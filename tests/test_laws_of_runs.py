@@ -31,7 +31,8 @@ LONG, DIRECT = 2300, HISTORIES[0]
 FRAMED = {"complex", "enlarged"}
 UNIFORM = chosen(steps="uniform")
 # One history is enough where it does not enter.
-ONCE = [c for c in CASES if c.history in (None, HISTORIES[2]) and c.steps != "mesh"]
+ALSO_MESHES = [c for c in CASES if c.history in (None, HISTORIES[2])]
+ONCE = [c for c in ALSO_MESHES if c.steps != "mesh"]
 
 
 def over(cases):
@@ -83,12 +84,14 @@ def test_a_run_that_was_stopped_goes_on_bit_for_bit(case, which):
     """Also from a state that was stored, and where a block or a stretch of FFT ends."""
     cut = ((1, 1024, 1025) if case.history == HISTORIES[1] else (1, 32, 65))[which]
     n = LONG if case.history == HISTORIES[1] else N_STEPS
-    h, through = T_END / n, case.solve(n=n)
-    first = case.solve(cut * h, n=cut)
+    h, start = T_END / n, (0.0, -2.0, 0.0)[which]
+    first, through = case.solve(cut * h, n=cut, start=start), case.solve(n=n, start=start)
     state = pickle.loads(pickle.dumps(first.state))
-    rest = hd.solve(case.equation(), n * h, resume=state, **case.again())
+    rest = hd.solve(case.equation(start=start), start + n * h, resume=state, **case.again())
     assert np.array_equal(first.y, through.y[: cut + 1])
     assert np.array_equal(rest.y, through.y[cut:])
+    t = np.linspace(rest.t[0], rest.t[-1], 33)
+    assert_close(rest(t), through(t), case, 1e-11)
 
 
 @over([case for case in CASES if case.steps != "uniform"])
@@ -157,7 +160,7 @@ def test_units_of_time_do_not_matter(case):
     assert_close(case.solve(time=5.0).y[-1], case.solution().y[-1], case, 1e-9)
 
 
-@over([case for case in ONCE if "varying" not in case.family.tags])
+@over([case for case in ALSO_MESHES if "varying" not in case.family.tags])
 def test_the_start_does_not_matter(case):
     sol = case.solve(start=3.0, events=lambda t, y: t - 4.7)
     assert_close(sol.y[-1], case.solution().y[-1], case, 1e-9)
@@ -242,7 +245,7 @@ def test_tangents_by_a_tolerance_are_difference_quotients(case):
         assert np.abs(tangents[:, c] - quotient).max() <= 1e-3 * np.abs(quotient).max()
 
 
-@over(ONCE)
+@over(ALSO_MESHES)
 def test_events_are_roots_of_the_dense_output(case):
     def level(t, y):
         return y[0].real - 0.5
@@ -264,11 +267,13 @@ def test_events_are_roots_of_the_dense_output(case):
 def test_members_of_an_ensemble_are_single_runs(case):
     how = case.how()
     how.pop("estimate", None)
-    equation = case.equation()
-    params = [equation.params, [1.0, 1.0, 0.5]]
-    runs = hd.ensemble(equation, T_END, **how, params=params)
-    for own, y in zip(params, runs.y, strict=True):
-        one = hd.solve(equation.replace(params=own), T_END, **case.how())
+    equation, y0 = case.equation(), np.array(case.family.y0)
+    y0 = y0[0] if len(y0) == 1 else y0
+    members = {"params": [equation.params, [1.0, 1.0, 0.5]], "y0": [y0, 0.9 * y0]}
+    runs = hd.ensemble(equation, T_END, **how, **members)
+    for m, y in enumerate(runs.y):
+        own = {name: table[m] for name, table in members.items()}
+        one = hd.solve(equation.replace(**own), T_END, **case.how())
         same = one.y if case.given else one(runs.t)
         # first steps of all members are found at once, by sums in another order
         begun = getattr(case.scheme, "formula", 0) > 2
