@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 import hereditary as hd
 from hereditary.exponential_sum import fit_unit, trapezoid_step
+from hereditary.history.varying import bank_of_all_orders, weights_of_orders
 
 EXPONENTS = [1e-6, 1e-3, 0.1, 0.5, 0.9, 1.0, 1.5, 1.99]
 RATIOS = [1e1, 1e3, 2e5, 1e7, 1e12]
@@ -83,3 +84,20 @@ def test_kernels_share_one_bank():
     table = np.exp(-np.multiply.outer(t, rates))
     for row, a in zip(weights, (0.6, 0.8), strict=True):
         assert np.abs(table @ row * t**a - 1).max() <= 1e-10
+
+
+@pytest.mark.parametrize("tol", [1e-4, 1e-7, 1e-10, 1e-13])
+@pytest.mark.parametrize("ratio", [1e3, 2e7])
+def test_one_set_of_rates_serves_every_order(ratio, tol):
+    """Relative error below tol at 20,001 points for all exponents; weights positive; not idle."""
+    rates, _, _ = bank_of_all_orders(ratio, tol)
+    t = np.exp(np.linspace(0.0, math.log(ratio), 20_001))
+    exponents = np.concatenate([[1e-300, 1e-9, 1e-4], np.linspace(0.01, 1.0, 34)])
+    weights = weights_of_orders(np.array(exponents), ratio, tol).T
+    assert np.all(weights >= 0)
+    decays = np.exp(-np.multiply.outer(t, rates))
+    errors = np.abs(decays @ weights.T * t[:, None] ** exponents - 1).max(axis=0)
+    assert errors.max() < max(tol, 3e-14)
+    assert errors[-1] > 0.5 * tol
+    alone = hd.fit_exponentials(hd.PowerLaw(0.5), 1.0, ratio, tol).n_modes
+    assert alone < rates.size < 2 * alone

@@ -1,8 +1,6 @@
 """The user's frame: equations that begin at other times than 0, and complex ones."""
 
 import math
-import pickle
-import warnings
 
 import mpmath
 import numpy as np
@@ -21,57 +19,6 @@ SCHEMES = (
 def run(eq, scheme, length=2.0, **given):
     steps = {"rtol": 1e-8} if scheme.adaptive else {"n_steps": 100}
     return hd.solve(eq, eq.t_start + length, scheme=scheme, **steps, **given)
-
-
-def driven(t, y, p):
-    return np.array([y[1] - y[0] + np.cos(p[0] * t), -y[0] * y[1] + t])
-
-
-def driven_later(t, y, p):
-    return driven(t + p[1], y, p)
-
-
-def crosses(t, y):
-    return y[0] - 0.8
-
-
-@given(
-    alpha=st.floats(0.2, 1.9),
-    start=st.floats(-5.0, 5.0),
-    frequency=st.floats(0.1, 2.0),
-    scheme=st.sampled_from(SCHEMES),
-)
-def test_a_start_shifts_time(alpha, start, frequency, scheme):
-    y0 = [1.0, 0.2] if alpha <= 1 else [[1.0, 0.2], [0.0, 1.0]]
-
-    def moved(t, y):
-        return crosses(t - start, y)
-
-    there = hd.Equation(hd.Caputo(alpha), driven, y0, [frequency, start], t_start=start)
-    here = hd.Equation(hd.Caputo(alpha), driven_later, y0, [frequency, start])
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", hd.SolveWarning)
-        sol, other = run(there, scheme, events=moved), run(here, scheme, events=crosses)
-    assert sol.status == other.status
-    assert sol.t[0] == start
-    if not sol.success:  # an explicit run beyond its limit ends in numbers that rounding made
-        return
-    assert sol.t[-1] == start + 2.0
-    np.testing.assert_allclose(sol.y, other.y, rtol=1e-9, atol=1e-11 * np.abs(other.y).max())
-    np.testing.assert_allclose(sol.t, start + other.t, atol=1e-14 * 10)
-    assert len(sol.t_events[0]) == len(other.t_events[0])
-    np.testing.assert_allclose(sol.t_events[0], start + other.t_events[0], atol=1e-8)
-    t = np.linspace(0.0, 2.0, 9)
-    np.testing.assert_allclose(sol(start + t), other(t), rtol=1e-9, atol=1e-9)
-
-
-def test_rows_are_at_the_times_asked_for():
-    eq = hd.Equation(hd.Caputo(0.7), driven, [1.0, 0.2], [1.0, 0.0], t_start=0.1)
-    for scheme in (hd.L1(), hd.Collocation()):
-        times = np.linspace(0.1, 2.1, 7)
-        sol = run(eq, scheme, t_eval=times)
-        np.testing.assert_array_equal(sol.t, times)
-        np.testing.assert_allclose(sol.y, run(eq, scheme)(times), rtol=1e-10)
 
 
 def test_orders_that_vary_kernels_memory_and_breaks_begin_at_the_start():
@@ -97,24 +44,6 @@ def test_orders_that_vary_kernels_memory_and_breaks_begin_at_the_start():
         found = hd.solve(there, 5.0, 100, scheme=hd.L1(), breaks=[4.0])
         expected = hd.solve(here, 2.0, 100, scheme=hd.L1(), breaks=[1.0])
         np.testing.assert_allclose(found.y, expected.y, rtol=1e-12)
-
-
-def test_a_run_that_begins_later_is_resumed_bit_for_bit():
-    eq = hd.Equation(hd.Caputo(0.7), driven, [1.0, 0.2], [1.0, 0.0], t_start=-2.0)
-    half = hd.solve(eq, -1.0, 50)
-    rest = hd.solve(eq, 0.0, resume=pickle.loads(pickle.dumps(half.state)))
-    assert (rest.t[0], rest.t[-1]) == (-1.0, 0.0)
-    np.testing.assert_array_equal(rest.y[-1], hd.solve(eq, 0.0, 100).y[-1])
-
-
-def test_meshes_run_from_the_start():
-    eq = hd.Equation(hd.Caputo(0.7), driven, [1.0, 0.2], [1.0, 1.0], t_start=1.0)
-    here = hd.Equation(hd.Caputo(0.7), driven_later, [1.0, 0.2], [1.0, 1.0])
-    mesh = np.linspace(0.0, 1.0, 40) ** 2
-    found = hd.solve(eq, 2.0, mesh=1.0 + mesh, scheme=hd.L1())
-    expected = hd.solve(here, 1.0, mesh=mesh, scheme=hd.L1())
-    np.testing.assert_allclose(found.y, expected.y, rtol=1e-10)
-    np.testing.assert_array_equal(found.t, 1.0 + mesh)
 
 
 def test_the_message_of_an_early_end_has_the_users_time():
@@ -236,16 +165,6 @@ def test_complex_events_memory_orders_and_coefficients():
         np.testing.assert_allclose(sol.t_events[0], other.t_events[0], rtol=1e-9)
         assert sol.y_events[0].dtype == complex
         assert sol.y_events[0][0, 0].imag == pytest.approx(0.2)
-
-
-def test_complex_equations_are_resumed_replaced_and_pickled():
-    eq = hd.Equation(hd.Caputo(0.6), lambda t, z, p: 1j * p[0] * z, [1 + 1j, 0j], [2.0])
-    other = eq.replace(params=[2.0])
-    np.testing.assert_array_equal(run(eq, hd.L1()).y, run(other, hd.L1()).y)
-    half = hd.solve(eq, 1.0, 50, scheme=hd.L1())
-    rest = hd.solve(eq, 2.0, resume=pickle.loads(pickle.dumps(half.state)))
-    np.testing.assert_array_equal(rest.y[-1], run(eq, hd.L1()).y[-1])
-    assert rest.y.dtype == complex
 
 
 def test_exponents_of_a_complex_equation_are_those_of_the_pair():

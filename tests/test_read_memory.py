@@ -8,9 +8,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import hereditary as hd
-from hereditary.meshes import UniformSteps
-from hereditary.solver.stepper import Stepper
-from hereditary.system import displaced
 
 ON_BOTH_SIDES = [hd.L1(), hd.L2(), hd.L12(), hd.BDF(1), hd.BDF(2), hd.BDF(4)]
 HISTORIES = [hd.Direct(), hd.FFT(), hd.SumOfExponentials(1e-12)]
@@ -83,16 +80,11 @@ def test_of_an_order_that_varies(history):
 @pytest.mark.parametrize("scheme", [hd.ExplicitCaputo(), hd.L1()])
 @pytest.mark.parametrize("beta", [0.9, 1.8])
 def test_a_function_that_is_constant_is_the_constant_order(scheme, history, beta):
-    """With a tangent, whose memory goes along."""
     y0 = [0.5, 0.1] if beta > 1 else 0.5
     runs = []
     for lower in (hd.Caputo(0.6), hd.Caputo(lambda t: 0.6)):
         equation = hd.Equation(hd.Caputo(beta), airy, y0, memory=lower)
-        direction = np.ones((equation.m, 1))
-        stepper = Stepper(equation, scheme, history, UniformSteps(0.01), 150, directions=direction)
-        while stepper.n < 150:
-            stepper.advance(150, keep=False)
-        runs.append(np.append(stepper.y, stepper.tangent))
+        runs.append(hd.solve(equation, 1.5, 150, scheme=scheme, history=history).y)
     np.testing.assert_allclose(runs[1], runs[0], rtol=0, atol=1e-10 * np.abs(runs[0]).max())
 
 
@@ -228,36 +220,6 @@ def test_a_coefficient_of_memory_is_one_in_front_of_it(scheme, order):
     np.testing.assert_allclose(runs[1], runs[0], rtol=0, atol=1e-12)
 
 
-def values(stepper):
-    with_speed = stepper.equation.highest_orders() > 1
-    return np.concatenate([stepper.y, stepper.ydot[with_speed]])
-
-
-@pytest.mark.parametrize("history", HISTORIES)
-@pytest.mark.parametrize(
-    "scheme", [hd.ExplicitCaputo(), hd.L1(), hd.BDF(2), hd.Adams(), hd.ProductTrapezoid()]
-)
-def test_tangents_are_derivatives_of_the_steps(scheme, history):
-    equation, steps, n = van_der_pol(), UniformSteps(0.01), 70
-    directions = np.array([[0.8, 0.3], [-0.6, 1.0]])
-
-    def ends(begun, **more):
-        stepper = Stepper(begun, scheme, history, steps, n, **more)
-        while stepper.n < n:
-            stepper.advance(n, keep=False)
-        return stepper
-
-    tangent = ends(equation, directions=directions).tangent
-    for k, direction in enumerate(directions.T):
-        apart = [
-            values(ends(displaced(equation, equation.y0 + eps * direction[:, None])))
-            for eps in (1e-5, -1e-5)
-        ]
-        np.testing.assert_allclose(
-            tangent[:, k], (apart[0] - apart[1]) / 2e-5, rtol=1e-6, atol=1e-8
-        )
-
-
 def test_exponents_agree_between_kinds_of_schemes():
     equation = van_der_pol()
     given_steps = hd.lyapunov(equation, 20.0, 4000, k=2, renorm=0.5, scheme=hd.BDF(2))
@@ -286,20 +248,6 @@ def test_classical_friction_is_memory_of_order_1():
     how = {"k": 2, "renorm": 0.5}
     found = [hd.lyapunov(e, 30.0, 6000, **how).exponents for e in (scene, read)]
     np.testing.assert_allclose(found[1], found[0], atol=2e-2)
-
-
-def test_adaptive_runs_are_resumed_and_find_events():
-    def crossing(t, y):
-        return y[0]
-
-    whole = hd.solve(van_der_pol(), 10.0, rtol=1e-9, events=crossing)
-    first = hd.solve(van_der_pol(), 4.0, rtol=1e-9, events=crossing)
-    rest = hd.solve(van_der_pol(), 10.0, resume=first.state, events=crossing)
-    np.testing.assert_allclose(rest.y[-1], whole.y[-1], atol=1e-8)
-    found = np.concatenate([first.t_events[0], rest.t_events[0]])
-    np.testing.assert_allclose(found, whole.t_events[0], atol=1e-8)
-    steps = hd.solve(van_der_pol(), 10.0, 20_000, scheme=hd.BDF(2), events=crossing)
-    np.testing.assert_allclose(steps.t_events[0], found, atol=1e-5)
 
 
 @pytest.mark.parametrize("scheme", [hd.ExplicitCaputo(), hd.GrunwaldLetnikov()])

@@ -3,14 +3,10 @@
 import mpmath
 import numpy as np
 import pytest
-from hypothesis import example, given
+from hypothesis import given
 from hypothesis import strategies as st
 
 import hereditary as hd
-from hereditary.collocation.stepper import AdaptiveStepper
-from hereditary.meshes import UniformSteps
-from hereditary.solver.stepper import Stepper
-from hereditary.special import hurwitz_zeta
 
 FRICTION, STIFFNESS, T_END = 0.7, 1.3, 3.0
 # Highest order and that of the Riemann-Liouville term.
@@ -135,43 +131,6 @@ def test_without_an_initial_value_it_is_caputos(gamma, scheme, slope):
     assert abs(rows[1] - rows[0]) < (1e-12 if scheme is not None else 1e-9)
 
 
-@pytest.mark.hypothesis
-@given(st.floats(-3.0, 0.95), st.floats(0.05, 2.0))
-@example(-1e-13, 0.5)
-def test_hurwitz_zeta_is_mpmaths(s, q):
-    """Below s = 0 mpmath reflects and loses as many digits as 1 / s has, so it is given more."""
-    s = round(s, 20)
-    with mpmath.workdps(50):
-        truth = float(mpmath.zeta(s, q))
-    assert abs(hurwitz_zeta(s, q) - truth) < 1e-11 * max(1.0, abs(truth), 1 / abs(1 - s))
-
-
-@pytest.mark.parametrize("s", [-5e-324, -1e-38, 0.0, 1e-30])
-def test_hurwitz_zeta_at_zero_is_a_line(s):
-    assert abs(hurwitz_zeta(s, 0.3) - 0.2) < 1e-13
-
-
-@pytest.mark.parametrize("gamma", [0.5, waving])
-@pytest.mark.parametrize("alpha", [2.0, 1.0])
-def test_tangents_take_their_own_initial_values(alpha, gamma):
-    """Along its own initial values the tangent of a linear equation is its solution."""
-    eq = equation(alpha, gamma)
-    directions = np.array(initial(alpha))[:, None]
-    stepper = AdaptiveStepper(eq, hd.Collocation(), T_END, 1e-9, 1e-11, directions=directions)
-    while stepper.t < T_END:
-        stepper.advance(T_END)
-    assert abs(stepper.tangent[0, 0] - stepper.y[0]) < 1e-9
-    for scheme in (hd.ExplicitCaputo(), hd.L1()):
-        steps = UniformSteps(0.01)
-        stepper = Stepper(
-            eq, scheme, hd.SumOfExponentials(), steps, 300, np.array(initial(alpha))[:, None]
-        )
-        stepper.advance(20)
-        stepper.transform_tangent(np.array([[2.0]]))
-        stepper.advance(300)
-        assert abs(stepper.tangent[0, 0] - 2 * stepper.y[0]) < 1e-8
-
-
 @pytest.mark.parametrize(("alpha", "gamma"), CASES)
 def test_rows_between_the_first_steps_err_as_steps_do(alpha, gamma):
     sol = hd.solve(equation(alpha, gamma), 1.0, 100, scheme=hd.BDF(2))
@@ -179,18 +138,6 @@ def test_rows_between_the_first_steps_err_as_steps_do(alpha, gamma):
     times = np.linspace(1e-4, 0.02, 50)
     steps = np.abs(sol.y[1:3] - exactly(sol.t[1:3])).max()
     assert np.abs(sol(times) - exactly(times)).max() < 1.5 * steps
-
-
-@pytest.mark.parametrize("gamma", [0.5, waving])
-def test_runs_go_on_from_a_state(gamma):
-    eq = equation(2.0, gamma)
-    for scheme in (hd.ExplicitCaputo(), hd.L1()):
-        half_way = hd.solve(eq, 1.5, 150, scheme=scheme)
-        whole = hd.solve(eq, 3.0, 300, scheme=scheme)
-        assert np.array_equal(hd.solve(eq, 3.0, resume=half_way.state).y, whole.y[150:])
-    half_way = hd.solve(eq, 1.5, rtol=1e-9)
-    whole = hd.solve(eq, 3.0, rtol=1e-9)
-    assert abs(hd.solve(eq, 3.0, resume=half_way.state).y[-1, 0] - whole.y[-1, 0]) < 1e-9
 
 
 def test_one_of_several_components_may_have_it():

@@ -5,7 +5,6 @@ import pytest
 import scipy.sparse as sp
 
 import hereditary as hd
-from hereditary.collocation.stepper import AdaptiveStepper
 from hereditary.exact import mittag_leffler
 
 
@@ -165,44 +164,6 @@ def test_two_fields_of_different_orders_keep_their_tolerance(d):
     for t in times:
         assert np.abs(sol(t) - np.outer(waves[0], expected(t)).ravel()).max() < 2 * rtol
     assert sol.stats["n_steps"] < 100
-
-
-def bistable(t, u, du, p):
-    """Bistable sites that neighbours pull at."""
-    n = u.size
-    for i in range(n):
-        left, right = u[i - 1] if i > 0 else 0.0, u[i + 1] if i < n - 1 else 0.0
-        du[i] = 4.0 * (left - 2 * u[i] + right) + 3.0 * u[i] - u[i] ** 3
-
-
-@pytest.mark.parametrize("orders", [0.8, (0.9, 0.8, 0.6)])
-@pytest.mark.parametrize("bandwidth", [None, (1, 1)])
-def test_tangents_resumed_runs_and_events(bandwidth, orders):
-    d, rtol = 15, 1e-8
-    random = np.random.default_rng(2)
-    y0, directions = random.normal(size=d), random.normal(size=(d, 2))
-    eq = hd.Equation(hd.Caputo(np.resize(orders, d)), bistable, y0, bandwidth=bandwidth)
-    stepper = AdaptiveStepper(eq, hd.Collocation(), 2.0, 1e-10, 1e-12, directions=directions)
-    while stepper.t < 2.0:
-        stepper.advance(2.0)
-    for k in range(2):
-        ends = [
-            hd.solve(eq.replace(y0=y0 + side * 2e-5 * directions[:, k]), 2.0, rtol=1e-11).y[-1]
-            for side in (1, -1)
-        ]
-        assert np.abs(stepper.tangent[:, k] - (ends[0] - ends[1]) / 4e-5).max() < 1e-6
-
-    def crossing(t, u):
-        return u[3] - 0.5 * (y0[3] + whole.y[-1, 3])
-
-    whole = hd.solve(eq, 4.0, rtol=rtol)
-    half = hd.solve(eq, 2.0, rtol=rtol)
-    rest = hd.solve(eq, 4.0, resume=half.state)
-    assert np.abs(rest.y[-1] - whole.y[-1]).max() < 2 * rtol
-    found = hd.solve(eq, 4.0, rtol=rtol, events=crossing)
-    assert found.t_events[0].size > 0
-    values = [crossing(t, found(t)) for t in found.t_events[0]]
-    assert np.abs(values).max() < 1e-7
 
 
 def test_stiff_reactions_renew_their_jacobian():

@@ -2,13 +2,10 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.special import gamma
 
 import hereditary as hd
-from hereditary.special import alternating_sum
 
 PRONY = hd.Prony((1.0, 10.0), (0.3, 0.7))
 HISTORIES = [hd.SumOfExponentials(), hd.Direct(), hd.FFT()]
@@ -127,17 +124,6 @@ def test_l1_keeps_its_order_where_y_is_remembered(name):
     assert abs(np.log2(errors[0] / errors[1]) - 1.5) < 0.1
 
 
-@pytest.mark.parametrize("name", REMEMBERING)
-def test_l1_remembers_y_by_any_history(name):
-    sums, direct, fft = (
-        hd.solve(remembering(name), 10.0, 1000, scheme=hd.L1(), history=history)
-        for history in HISTORIES
-    )
-    np.testing.assert_allclose(sums.y, direct.y, rtol=0, atol=1e-9)
-    np.testing.assert_allclose(fft.y, direct.y, rtol=0, atol=1e-11)
-    assert direct.ydot[0, 0] == pytest.approx(0.7, rel=1e-12)
-
-
 @pytest.mark.parametrize("name", CASES)
 def test_collocation_solves_the_same_system(name):
     exact = exactly(name)
@@ -179,42 +165,6 @@ def test_a_hardly_tempered_power_law_is_a_power_law(leading, m, a):
         assert np.abs(sol(t) - exact).max() < rtol
     runs = [hd.solve(equation, 10.0, 2000) for equation in equations]
     np.testing.assert_allclose(runs[0].y, runs[1].y, rtol=0, atol=1e-9)
-
-
-@pytest.mark.parametrize("name", CASES)
-def test_tangents_go_through_the_memory(name):
-    equation = made(name)
-    by = {"n_steps": 1000, "k": 1}
-    pair = hd.lyapunov(equation, 10.0, mode="pair", **by).exponents
-    np.testing.assert_allclose(hd.lyapunov(equation, 10.0, **by).exponents, pair, atol=1e-5)
-    for scheme in (hd.L1(), hd.Collocation()):
-        fine = hd.lyapunov(equation, 10.0, scheme=scheme, **by).exponents
-        np.testing.assert_allclose(fine, pair, atol=0.02)
-    half_step = {**by, "scheme": hd.L1()}
-    pair = hd.lyapunov(equation, 10.0, mode="pair", **half_step).exponents
-    np.testing.assert_allclose(hd.lyapunov(equation, 10.0, **half_step).exponents, pair, atol=1e-5)
-
-
-@pytest.mark.parametrize("scheme", [hd.ExplicitCaputo(), hd.L1(), hd.Collocation()], ids=str)
-def test_stop_and_resume(scheme):
-    equation = made("y and y'")
-    adaptive = isinstance(scheme, hd.Collocation)
-    half, whole = ({"rtol": 1e-9},) * 2 if adaptive else ({"n_steps": 500}, {"n_steps": 1000})
-    first = hd.solve(equation, 5.0, scheme=scheme, **half)
-    again = hd.solve(
-        equation, 10.0, scheme=scheme, resume=first.state, **(half if adaptive else whole)
-    )
-    through = hd.solve(equation, 10.0, scheme=scheme, **whole)
-    np.testing.assert_allclose(again.y[-1], through.y[-1], rtol=0, atol=1e-8 if adaptive else 0)
-
-
-@settings(max_examples=30)
-@given(st.floats(0.01, 5), st.floats(0.01, 5))
-def test_alternating_sums_of_exponentials(rate, other):
-    k = np.arange(24)
-    terms = np.exp(-rate * k) + np.exp(-other * k)
-    exact = 1 / (1 + np.exp(-rate)) + 1 / (1 + np.exp(-other))
-    assert abs(alternating_sum(terms) - exact) < 1e-13
 
 
 def test_the_step_limit_is_sharp():

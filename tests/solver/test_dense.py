@@ -142,23 +142,6 @@ def test_the_slope_at_the_start_is_infinite_where_powers_below_1_are():
     assert smooth(0.0, 1)[0] == pytest.approx(-1, rel=1e-7)
 
 
-@pytest.mark.parametrize("rtol", [1e-4, 1e-8])
-def test_rows_at_given_times_are_the_dense_output_of_the_same_run(case, rtol):
-    equation, t_end, breaks = case
-    sol = hd.solve(equation, t_end, rtol=rtol, breaks=breaks)
-    inside = (0.3 * sol.t[:-1] + 0.7 * sol.t[1:])[:: 1 + sol.t.size // 50]
-    t = np.unique(np.concatenate([[1e-9], inside, [t_end]]))
-    rows = hd.solve(equation, t_end, rtol=rtol, breaks=breaks, t_eval=t)
-    assert rows.t.tolist() == t.tolist()
-    scale = np.abs(sol.y).max()
-    np.testing.assert_allclose(rows.y, sol(t), rtol=0, atol=1e-13 * scale)
-    if sol.ydot is None:
-        assert rows.ydot is None
-    else:
-        np.testing.assert_allclose(rows.ydot, sol(t, 1), atol=1e-12 * np.abs(sol.ydot).max())
-    assert rows.stats["n_rhs"] == sol.stats["n_rhs"]
-
-
 def test_rows_at_the_start_and_at_the_end_are_there_if_asked_for():
     equation = hd.scenes.stick_slip()
     for t_eval in ([0.0, 1.0], [1.0], [0.0], [0.5, 0.6], [1.0 - 1e-15]):
@@ -194,37 +177,12 @@ def test_runs_that_keep_rows_alone_have_no_dense_output():
             sol(1.0)
 
 
-@pytest.mark.parametrize("every", [1, 2, 7, 10**6])
-def test_saved_rows_are_rows_of_the_full_run_and_the_dense_output_stays(every):
-    equation = hd.scenes.stick_slip()  # about 500 steps
-    full = hd.solve(equation, 100.0, rtol=1e-4)
-    some = hd.solve(equation, 100.0, rtol=1e-4, save_every=every)
-    n = full.t.size - 1
-    assert n > 300
-    kept = sorted({*range(0, n, every), n})
-    assert np.array_equal(some.t, full.t[kept])
-    np.testing.assert_allclose(some.y, full.y[kept], rtol=1e-14, atol=1e-14)
-    np.testing.assert_allclose(some.ydot, full.ydot[kept], rtol=1e-13, atol=1e-13)
-    t = np.linspace(0, 100, 333)
-    assert np.array_equal(some(t), full(t))
-
-
 def test_times_end_exactly():
     for t_end in (0.1, 0.7, 123.456, 1e-9, 1e9):
         sol = hd.solve(hd.scenes.relaxation(0.5), t_end, rtol=1e-6)
         assert sol.t[-1] == t_end
         assert np.all(np.diff(sol.t) > 0)
         np.testing.assert_allclose(sol(t_end), half_order_relaxation([t_end])[0], rtol=1e-6)
-
-
-def test_after_resuming_it_covers_the_new_part():
-    equation = hd.scenes.relaxation(0.5)
-    state = hd.solve(equation, 1.0, rtol=1e-9).state
-    sol = hd.solve(equation, 3.0, rtol=1e-9, resume=state)
-    t = np.linspace(1, 3, 200)
-    np.testing.assert_allclose(sol(t), half_order_relaxation(t), rtol=1e-9)
-    with pytest.raises(ValueError, match=r"t must lie in \[1.0, 3.0\]"):
-        sol(0.5)
 
 
 def grows(t, y):

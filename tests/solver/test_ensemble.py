@@ -4,7 +4,6 @@ import warnings
 
 import numpy as np
 import pytest
-import scipy.sparse
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -24,113 +23,13 @@ SCHEMES = [
     hd.Adams(),
     hd.ProductTrapezoid(),
 ]
-HISTORIES = [hd.SumOfExponentials(), hd.FFT(), hd.Direct()]
 
 
 def decay(t, y, p):
     return -p[0] * y
 
 
-def driven(t, x, p):
-    return p[0] * np.cos(p[1] * t) - np.sin(x)
-
-
-def predators(t, y, dy, p):
-    dy[0] = y[0] * (p[0] - y[1])
-    dy[1] = y[1] * (y[0] - p[1])
-
-
-def friction(t, x, memory, p):
-    return (p[0] - x[0] ** 2) * memory[0, 0] - x[0]
-
-
-def rotation(t, z, p):
-    return 1j * p[0] * z
-
-
-def cubic(t, y):
-    return -(y**3)
-
-
-LAPLACIAN = 100 * scipy.sparse.diags_array(
-    [np.ones(19), -2 * np.ones(20), np.ones(19)], offsets=[-1, 0, 1]
-)
-ONE = {"params": [[0.3], [2.0], [1.0]]}
-TWO = {"params": [[0.3, 1.0], [2.0, 0.5], [1.0, 1.5]]}
-FASTER = {"y0": [[0.1, 0.2], [0.0, 0.0], [-0.4, 1.0]]}
-ROWS = {"y0": np.linspace(-1.0, 2.0, 60).reshape(3, 20)}
 # what an equation may be made of, with members and a scheme that takes it
-KINDS = {
-    "order above 1": (
-        lambda: hd.Equation(hd.Caputo(1.7) + 0.2 * hd.Caputo(0.7), driven, [0.1, 0.2], [1.0, 1.0]),
-        TWO | FASTER,
-        None,
-    ),
-    "two components": (
-        lambda: hd.Equation(hd.Caputo([0.9, 0.8]), predators, [1.0, 0.5], [1.0, 1.0]),
-        TWO | {"y0": [[1.0, 0.5], [0.2, 0.3], [0.4, 1.0]]},
-        None,
-    ),
-    "complex": (
-        lambda: hd.Equation(hd.Caputo(0.8), rotation, 1 + 0j, [1.0]),
-        ONE | {"y0": [1 + 0j, 1j, 0.5 - 2j]},
-        None,
-    ),
-    "memory read by f": (
-        lambda: hd.Equation(hd.Caputo(1.8), friction, [0.5, 0.0], [1.0], memory=hd.Caputo(0.8)),
-        ONE | FASTER,
-        hd.BDF(2),
-    ),
-    "order 2.5": (
-        lambda: hd.Equation(hd.Caputo(2.5), decay, [1.0, 0.0, 0.0], [1.0]),
-        ONE | {"y0": [[1.0, 0.2, 0.0], [0.0, 0.5, 1.0], [2.0, 0.0, 0.3]]},
-        hd.BDF(2),
-    ),
-    "matrix": (
-        lambda: hd.Equation(
-            np.array([[1.0, 0.2], [0.0, 1.0]]) * hd.Caputo(0.8), decay, [1.0, 2.0], [1.0]
-        ),
-        ONE | FASTER,
-        hd.L1(),
-    ),
-    "Riemann-Liouville": (
-        lambda: hd.Equation(hd.Caputo(0.9) + 0.3 * hd.RiemannLiouville(0.4), decay, 1.0, [1.0]),
-        ONE | {"y0": [1.0, -2.0, 0.5]},
-        hd.BDF(2),
-    ),
-    "reduced order": (
-        lambda: hd.Equation(hd.Caputo(1.6), decay, [1.0, 0.1], [1.0]),
-        ONE | FASTER,
-        hd.L2Sigma(),
-    ),
-    "start at another time": (
-        lambda: hd.Equation(hd.Caputo(0.8), driven, 1.0, [1.0, 1.0], t_start=2.0),
-        TWO,
-        None,
-    ),
-    "sparse and linear": (
-        lambda: hd.Equation(hd.Caputo(0.8), None, np.ones(20), linear=LAPLACIAN),
-        ROWS,
-        hd.BDF(2),
-    ),
-    "implicit-explicit": (
-        lambda: hd.Equation(hd.Caputo(0.8), cubic, np.ones(20), linear=LAPLACIAN),
-        ROWS,
-        hd.IMEX(hd.BDF(2)),
-    ),
-    "orders that vary": (
-        lambda: hd.Equation(hd.Caputo(lambda t: 0.8 - 0.1 * t), decay, 1.0, [1.0]),
-        ONE,
-        None,
-    ),
-    "general kernel": (
-        lambda: hd.Equation(
-            hd.Caputo(1.0) + hd.Memory(hd.TemperedPowerLaw(0.5, 1.0), 1), decay, 1.0, [1.0]
-        ),
-        ONE,
-        None,
-    ),
-}
 
 
 def alone(equation, tables, m, t_end, *arguments, **how):
@@ -151,27 +50,6 @@ def assert_equal(found, m, sol):
     assert found.messages.get(m, Status.COMPLETED.sentence) == sol.message
     assert found.stats["n_rhs"][m] == sol.stats["n_rhs"]
     assert found.stats["n_steps"][m] == sol.stats["n_steps"]
-
-
-@pytest.mark.parametrize("history", HISTORIES, ids=repr)
-@pytest.mark.parametrize("scheme", SCHEMES, ids=repr)
-def test_members_are_the_runs_by_themselves(scheme, history):
-    equation = hd.Equation(hd.Caputo(0.7), decay, 1.0, [1.0])
-    tables = {"params": [0.5, 1.0, 2.0, 0.1], "y0": [1.0, -1.0, 0.0, 3.0]}
-    how = {"scheme": scheme, "history": history, "save_every": 7}
-    found = hd.ensemble(equation, 2.0, 130, threads=2, **tables, **how)
-    for m in range(4):
-        assert_equal(found, m, alone(equation, tables, m, 2.0, 130, **how))
-
-
-@pytest.mark.parametrize("kind", KINDS, ids=str)
-def test_members_of_every_kind_of_equation(kind):
-    make, tables, scheme = KINDS[kind]
-    equation = make()
-    t_end = equation.t_start + 1.0
-    found = hd.ensemble(equation, t_end, 60, scheme=scheme, **tables)
-    for m in range(3):
-        assert_equal(found, m, alone(equation, tables, m, t_end, 60, scheme=scheme))
 
 
 @settings(max_examples=25)

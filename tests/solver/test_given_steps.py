@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import hereditary as hd
-from hereditary.exact import relaxation
 
 SCHEMES = [
     hd.ExplicitCaputo(),
@@ -22,11 +21,6 @@ SCHEMES = [
 HISTORIES = [hd.SumOfExponentials(), hd.FFT(), hd.Direct()]
 
 
-def half(t, y):
-    """Vanishes where y is 0.5."""
-    return y[0] - 0.5
-
-
 def stop_at_half(t, y):
     return y[0] - 0.5
 
@@ -36,39 +30,6 @@ stop_at_half.terminal = True
 
 def oscillator():
     return hd.Equation([hd.Caputo(1.8), 0.2 * hd.Caputo(0.6)], lambda t, x: -4 * x, [1.0, 0.5])
-
-
-def varying():
-    return hd.Equation(hd.Caputo(lambda t: 0.7 + 0.2 * np.cos(t)), lambda t, y: -y, 1.0)
-
-
-def with_kernel():
-    kernel = hd.Prony([1.0, 3.0], [0.4, 0.6])
-    return hd.Equation(hd.Caputo(0.8) + 0.5 * hd.Memory(kernel, 1), lambda t, y: -y, 1.0)
-
-
-@pytest.mark.parametrize("history", HISTORIES, ids=repr)
-@pytest.mark.parametrize("scheme", SCHEMES, ids=repr)
-def test_zeros_lie_where_the_solution_has_them(scheme, history):
-    """As close as rows are, at the step's length and at half of it."""
-    equation, errors = hd.scenes.relaxation(0.6), []
-    adaptive = hd.solve(equation, 3.0, rtol=1e-11, events=half)
-    for n in (300, 600):
-        sol = hd.solve(equation, 3.0, n, scheme=scheme, history=history, events=half)
-        assert sol.y_events[0][0] == pytest.approx(0.5, abs=1e-14)
-        assert sol.success
-        assert len(sol.t_events[0]) == 1
-        errors.append(abs(sol.t_events[0][0] - adaptive.t_events[0][0]))
-    assert errors[0] < 0.02
-    assert errors[1] < 0.6 * errors[0]
-
-
-@pytest.mark.parametrize("equation", [varying, with_kernel, oscillator])
-@pytest.mark.parametrize("scheme", [hd.ExplicitCaputo(), hd.L1()], ids=repr)
-def test_zeros_with_orders_that_vary_and_kernels(scheme, equation):
-    adaptive = hd.solve(equation(), 3.0, rtol=1e-9, events=half)
-    sol = hd.solve(equation(), 3.0, 3000, scheme=scheme, events=half)
-    np.testing.assert_allclose(sol.t_events[0], adaptive.t_events[0], atol=4e-3)
 
 
 @pytest.mark.parametrize("history", HISTORIES, ids=repr)
@@ -90,24 +51,13 @@ def test_a_terminal_event_ends_the_run_and_it_goes_on_from_there(scheme, history
     np.testing.assert_array_equal(later.y, whole.y[n:])
 
 
-@pytest.mark.parametrize("scheme", [hd.L1(), hd.L2(), hd.L2Sigma()], ids=repr)
-def test_events_on_a_mesh(scheme):
-    equation, mesh = hd.scenes.relaxation(0.6), hd.graded(400, 3.0)
-    adaptive = hd.solve(equation, 3.0, rtol=1e-10, events=half)
-    sol = hd.solve(equation, 3.0, mesh=mesh, scheme=scheme, events=half)
-    np.testing.assert_allclose(sol.t_events[0], adaptive.t_events[0], rtol=1e-3)
-    ended = hd.solve(equation, 3.0, mesh=mesh, scheme=scheme, events=stop_at_half)
-    assert ended.t[-1] == ended.t_events[0][0] == sol.t_events[0][0]
-    assert ended.state.t >= ended.t[-1]
-
-
 def test_rows_asked_for_do_not_depend_on_events():
     equation, times = oscillator(), [0.0013, 0.0049, 0.5, 1.23456, 3.0]
     plain = hd.solve(equation, 3.0, 600, t_eval=times)
-    watched = hd.solve(equation, 3.0, 600, t_eval=times, events=half)
+    watched = hd.solve(equation, 3.0, 600, t_eval=times, events=lambda t, y: y[0] - 0.5)
     np.testing.assert_allclose(watched.y, plain.y, rtol=1e-13)
     np.testing.assert_allclose(watched.ydot, plain.ydot, rtol=1e-10)
-    some = hd.solve(equation, 3.0, 600, save_every=7, events=half)
+    some = hd.solve(equation, 3.0, 600, save_every=7, events=lambda t, y: y[0] - 0.5)
     assert np.array_equal(some.y, hd.solve(equation, 3.0, 600, save_every=7).y)
 
 
@@ -121,35 +71,6 @@ def test_an_event_that_fails_ends_the_run_with_what_was_made():
         sol = hd.solve(hd.scenes.relaxation(), 2.0, 200, events=fails)
     assert sol.status == "event_failed"
     assert 0.9 < sol.t[-1] <= 1.0 + 1e-12
-
-
-@pytest.mark.parametrize("scheme", SCHEMES, ids=repr)
-def test_dense_output_is_what_rows_are(scheme):
-    """And between the steps as close as at them, slopes of one order less, the start included."""
-    equation, n = hd.scenes.relaxation(0.6), 200
-    sol = hd.solve(equation, 2.0, n, scheme=scheme)
-    np.testing.assert_allclose(sol(sol.t), sol.y, rtol=1e-13)
-    times = np.sort(np.random.default_rng(1).uniform(0, 2.0, 100))
-    rows = hd.solve(equation, 2.0, n, scheme=scheme, t_eval=times)
-    np.testing.assert_allclose(sol(times), rows.y, rtol=1e-12)
-    exact = relaxation(0.6)(times)
-    off = np.abs(sol(sol.t) - relaxation(0.6)(sol.t)).max()
-    assert np.abs(sol(times) - exact).max() < 1.3 * off + 1e-4
-    assert sol(0.0, 1)[0] == -np.inf
-    assert sol(1.0).shape == (1,)
-    slopes = (relaxation(0.6)(times + 1e-6) - relaxation(0.6)(times - 1e-6)) / 2e-6
-    late = times > 0.5
-    assert np.abs(sol(times, 1) - slopes)[late].max() < 0.02
-
-
-def test_dense_output_goes_on_after_a_state():
-    equation = oscillator()
-    whole = hd.solve(equation, 3.0, 300)
-    later = hd.solve(equation, 3.0, resume=hd.solve(equation, 1.0, 100).state)
-    times = np.linspace(1.0, 3.0, 77)
-    np.testing.assert_allclose(later(times), whole(times), rtol=1e-12)
-    # at its start itself the slope is that of the step to come
-    np.testing.assert_allclose(later(times[1:], 1), whole(times[1:], 1), rtol=1e-9)
 
 
 def switched(on_from):

@@ -5,46 +5,19 @@ import os
 import pickle
 import signal
 import threading
+import time
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from problems import PROBLEMS
 
 import hereditary as hd
-from hereditary.compiled.march import MARCHES
-from hereditary.meshes import UniformSteps
-from hereditary.solver.stepper import BLOCK, Stepper
 
 HISTORIES = [hd.Direct(), hd.FFT(), hd.SumOfExponentials()]
 
 
 def slow_decay(t, y):
     return -y
-
-
-def test_stick_slip_by_modes_and_by_direct_sums():
-    equation = hd.scenes.stick_slip()
-    direct = hd.solve(equation, 100.0, 20_000, history=hd.Direct())
-    fast = hd.solve(equation, 100.0, 20_000, history=hd.SumOfExponentials(1e-10))
-    assert np.abs(fast.y - direct.y).max() < 1e-8
-
-
-@pytest.mark.parametrize("history", HISTORIES, ids=repr)
-@pytest.mark.parametrize("problem", PROBLEMS[:2] + PROBLEMS[-2:-1], ids=lambda p: p.name)
-def test_block_length_does_not_matter(problem, history):
-    equation, n = problem.equation(), 333
-    ends = []
-    for block in (2, 5, BLOCK, 64, 500):
-        scheme = hd.ExplicitCaputo()
-        stepper = Stepper(
-            equation, scheme, history, UniformSteps(problem.t_end / n), n, block=block
-        )
-        while stepper.n < n:
-            stepper.advance(n, keep=False)
-        ends.append(stepper.y)
-    np.testing.assert_allclose(ends, np.tile(ends[2], (5, 1)), rtol=2e-13, atol=1e-13)
 
 
 def test_going_on_accepts_either_count_of_steps():
@@ -59,16 +32,6 @@ def test_state_is_small_with_modes_and_does_not_grow():
     sizes = [len(pickle.dumps(hd.solve(equation, 1.0, n).state)) for n in (1000, 100_000)]
     assert sizes[0] == pytest.approx(sizes[1], abs=64)
     assert sizes[1] < 8192
-
-
-@given(st.integers(1, 200), st.integers(1, 250))
-def test_saved_rows_are_rows_of_the_full_run(n, every):
-    equation = hd.scenes.relaxation(alpha=0.7)
-    full = hd.solve(equation, 1.0, n)
-    some = hd.solve(equation, 1.0, n, save_every=every)
-    kept = sorted({*range(0, n, every), n})
-    assert np.array_equal(some.t, full.t[kept])
-    assert np.array_equal(some.y, full.y[kept])
 
 
 def test_times_and_shapes():
@@ -92,30 +55,6 @@ def test_velocity_converges():
     sol = hd.solve(problem.equation(), 10.0, 4000)
     slope = np.gradient(problem.exact(sol.t)[:, 0], sol.t)
     assert np.abs(sol.ydot[1:-1, 0] - slope[1:-1]).max() < 3e-3
-
-
-def test_evaluation_times():
-    equation = hd.scenes.stick_slip()
-    full = hd.solve(equation, 2.0, 400)
-    times = [0.0, 0.1234, 1.0, 1.00001, 2.0]
-    sol = hd.solve(equation, 2.0, 400, t_eval=times)
-    assert sol.t.tolist() == times
-    np.testing.assert_allclose(sol.y[:, 0], np.interp(times, full.t, full.y[:, 0]), atol=3e-4)
-    parabola = np.polyfit(full.t[23:26], full.y[23:26, 0], 2)
-    assert sol.y[1, 0] == pytest.approx(np.polyval(parabola, 0.1234), abs=1e-10)
-    assert np.array_equal(hd.solve(equation, 2.0, 400, t_eval=full.t).y, full.y)
-    later = hd.solve(equation, 4.0, resume=sol.state, t_eval=[2.5, 3.0])
-    assert later.t.tolist() == [2.5, 3.0]
-
-
-def test_time_units_do_not_matter():
-    """t -> c t scales coefficients by c**-order; the numbers stay the same."""
-    c = 7.0
-    one = hd.Equation([hd.Caputo(1.6), 0.3 * hd.Caputo(0.4)], slow_decay, [1.0, 0.5])
-    terms = [c**1.6 * hd.Caputo(1.6), 0.3 * c**0.4 * hd.Caputo(0.4)]
-    other = hd.Equation(terms, slow_decay, [1.0, 0.5 / c])
-    y, z = hd.solve(one, 5.0, 200).y, hd.solve(other, 5.0 * c, 200).y
-    np.testing.assert_allclose(z, y, rtol=1e-10, atol=1e-12)
 
 
 def test_near_integers_the_scheme_is_continuous():
@@ -161,7 +100,7 @@ def test_an_exception_in_the_right_hand_side_keeps_what_was_computed():
 
 
 @pytest.mark.parametrize("history", HISTORIES, ids=repr)
-@pytest.mark.parametrize("n_failed", [1, BLOCK, 2 * BLOCK, 2 * BLOCK + 1])
+@pytest.mark.parametrize("n_failed", [1, 32, 64, 65])
 def test_going_on_after_an_exception(n_failed, history):
     """Also where the function raised just after a block had been opened."""
     equations = [
@@ -203,20 +142,6 @@ def test_ctrl_c_keeps_what_was_computed_and_can_be_resumed():
     assert hd.solve(equation, n_more * 1e-6, resume=sol.state).success
 
 
-def test_ctrl_c_that_comes_too_late_is_not_swallowed(no_collection, monkeypatch):
-    """The run is over when the signal is seen: it goes to whoever handled signals before."""
-    equation = hd.scenes.relaxation()
-
-    def interrupted_march(*args):
-        os.kill(os.getpid(), signal.SIGINT)
-        return march(*args)
-
-    march = MARCHES["explicit", False]
-    monkeypatch.setitem(MARCHES, ("explicit", False), interrupted_march)
-    with pytest.raises(KeyboardInterrupt):
-        hd.solve(equation, 1.0, 100)
-
-
 def takes_long(t, y):
     total = 0.0
     for k in range(1_000_000):
@@ -224,23 +149,17 @@ def takes_long(t, y):
     return -y + 1e-9 * total
 
 
-def test_the_first_stretch_is_short(monkeypatch):
-    """A slow right-hand side must not keep Ctrl-C waiting for thousands of steps."""
-    made = []
-    advance = Stepper.advance
-
-    def counted(self, *asked):
-        before, piece = self.n, advance(self, *asked)
-        made.append(self.n - before)
-        return piece
-
-    monkeypatch.setattr(Stepper, "advance", counted)
+def test_a_slow_right_hand_side_does_not_keep_ctrl_c_waiting():
+    """It takes milliseconds a step: thousands of steps would be half a minute."""
     slow = hd.Equation(hd.Caputo(0.5), takes_long, 1.0)
-    hd.solve(slow, 1.0, 300)
-    assert max(made) < 100
-    made.clear()
-    hd.solve(hd.scenes.relaxation(), 1.0, 10**5)
-    assert made[0] > 1000
+    hd.solve(slow, 1.0, 1)
+    began = time.perf_counter()
+    timer = threading.Timer(0.2, os.kill, (os.getpid(), signal.SIGINT))
+    timer.start()
+    sol = hd.solve(slow, 1.0, 10_000)
+    timer.join()
+    assert sol.status is hd.Status.INTERRUPTED
+    assert time.perf_counter() - began < 5
 
 
 def test_a_finished_state_that_blew_up_cannot_go_on():

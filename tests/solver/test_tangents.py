@@ -122,6 +122,21 @@ def test_restart_is_a_new_problem_from_the_present_values(scheme, name, history)
     assert np.allclose(stepper.tangent, new.tangent, rtol=1e-12)
 
 
+def test_restart_keeps_the_time_of_orders():
+    """The order goes on from where it was: a restarted run is one of the function alpha(t + 1)."""
+
+    def alpha(t):
+        return 0.5 + 0.3 * np.sin(t)
+
+    equation = hd.Equation(hd.Caputo(alpha), lambda t, y: np.cos(t) - y, 1.0)
+    stepper = march(open_stepper(equation, hd.L1(), hd.SumOfExponentials(), 1), 100)
+    y = stepper.y
+    stepper.restart()
+    later = hd.Equation(hd.Caputo(lambda t: alpha(t + 1.0)), lambda t, y: np.cos(t + 1) - y, y)
+    expected = hd.solve(later, 1.0, 100, scheme=hd.L1()).y[-1]
+    assert march(stepper, 100).y == pytest.approx(expected, rel=1e-12)
+
+
 def test_restart_keeps_time():
     """Where the right-hand side is a function of time alone, a restarted integral goes on."""
     equation = hd.Equation(hd.Caputo(1.0), lambda t, y: np.array([np.cos(t)]), 0.0)
