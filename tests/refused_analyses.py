@@ -7,16 +7,15 @@ import numpy as np
 from refusals import BAD, MASKED, PRONY, adapt, decay, each, equation, faded, linear, run
 
 import hereditary as hd
-from hereditary import exact
-from hereditary.analysis.regimes import classify
-from hereditary.analysis.sections import values_at
-from hereditary.memory_kernels import (
+from hereditary import (
     DistributedOrder,
     Kernel,
     MittagLeffler,
     Prony,
     StretchedExponential,
     TemperedPowerLaw,
+    classify,
+    exact,
 )
 
 PowerLaw = hd.PowerLaw
@@ -350,10 +349,6 @@ SOLUTIONS = [
     (lambda: hd.maxima(plain(), derivative=1), ValueError, "solution must hold a first derivative"),
     (lambda: hd.maxima(run(equation=equation(0.9, 1 + 0j, lambda t, z: 1j * z))),
      ValueError, "solution must be real, got a complex one"),
-    (lambda: values_at(parabola(), [9.0]),
-     ValueError, r"times must be a sequence of times in \[0, 8\]"),
-    (lambda: values_at(parabola(), [np.nan]), ValueError, "times must be real, finite"),
-    (lambda: values_at(parabola(), 1.0), ValueError, "times must be a sequence"),
     # chaos
     (lambda: hd.zero_one_test(np.zeros(100)), ValueError, "series must hold 200 values"),
     (lambda: hd.zero_one_test(logistic(), n_c=0), ValueError, "n_c must be a positive integer"),

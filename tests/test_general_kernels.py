@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import hereditary as hd
-from hereditary.memory_kernels import (
+from hereditary import (
     DistributedOrder,
     Kernel,
     MemoryKernel,

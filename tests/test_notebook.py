@@ -2,13 +2,14 @@
 
 import inspect
 import io
+import itertools
+import re
 from html.parser import HTMLParser
 
 import numpy as np
 import pytest
 
 import hereditary as hd
-from hereditary.solver.progress import ProgressBar
 
 
 class Balance(HTMLParser):
@@ -130,12 +131,26 @@ def test_signatures_can_be_read(name):
         assert "numpy._typing" not in str(inspect.signature(thing))
 
 
-def test_a_bar_moves_in_a_notebook():
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+def drawn(stream, monkeypatch, progress=True, seconds=0.05):
+    """Return what a run of 1,000 steps that takes `seconds` a clock's tick draws."""
+    clock = itertools.count(0.0, seconds)
+    monkeypatch.setattr("sys.stderr", stream)
+    monkeypatch.setattr("time.perf_counter", lambda: next(clock))
+    hd.solve(hd.scenes.relaxation(), 1.0, 1000, progress=progress)
+    return stream.getvalue()
+
+
+def test_a_bar_moves_on_terminals_and_in_notebooks_alone(monkeypatch):
     kernel = type("OutStream", (io.StringIO,), {"__module__": "ipykernel.iostream"})()
-    bar = ProgressBar(True, kernel)
-    bar.update(0.5)
-    bar.close()
-    assert "50.0 %" in kernel.getvalue()
-    plain = io.StringIO()
-    ProgressBar(True, plain).update(0.5)
-    assert plain.getvalue() == ""
+    for stream in (Terminal(), kernel):
+        text = drawn(stream, monkeypatch)
+        assert "100.0 %  done in 0:0" in text
+        assert text.endswith("\n")
+    assert drawn(Terminal(), monkeypatch, progress=False) == ""
+    assert drawn(io.StringIO(), monkeypatch) == ""
+    assert re.search(r"done in \d+:00:\d\d", drawn(Terminal(), monkeypatch, seconds=3600.0))

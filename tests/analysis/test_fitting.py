@@ -7,7 +7,6 @@ from scipy.optimize import least_squares
 
 import hereditary as hd
 from hereditary import exact
-from hereditary.analysis.fitting import _Differences
 
 matplotlib.use("Agg")
 T = np.linspace(0.1, 5.0, 30)
@@ -146,8 +145,14 @@ def test_a_parameter_without_effect_leaves_the_others_known():
 
 
 def test_a_parameter_at_its_bound_counts_as_fixed():
-    data = measured(noise=0.01)
-    found = hd.fit(relaxation, T, data, GUESS, bounds={"alpha": (0.8, 1.0)}, sigma=0.01)
+    data, asked = measured(noise=0.01), []
+
+    def bounded(alpha, rate):
+        asked.append(alpha)
+        return relaxation(alpha, rate)
+
+    found = hd.fit(bounded, T, data, GUESS, bounds={"alpha": (0.8, 1.0)}, sigma=0.01)
+    assert 0.8 <= min(asked) < max(asked) <= 1.0  # derivatives are taken inside as well
     fixed = hd.fit(lambda rate: relaxation(0.8, rate), T, data, {"rate": 1.0}, sigma=0.01)
     assert found.parameters["alpha"] == pytest.approx(0.8)
     assert np.isnan(found.standard_errors["alpha"])
@@ -223,53 +228,6 @@ def test_what_is_observed_at_the_times_of_the_data_alone_is_drawn_there(observe)
     t, model = hd.plots.fit(found).lines[1].get_data()
     assert np.array_equal(t, T)
     np.testing.assert_allclose(model, data, rtol=0, atol=1e-6)
-
-
-class Asked:
-    """Residuals ``(p_0**2, p_0 p_1)`` that note where they were asked for."""
-
-    def __init__(self):
-        self.points = []
-
-    def __call__(self, p):
-        self.points.append(p.copy())
-        return np.array([p[0] ** 2, p[0] * p[1]])
-
-
-def test_derivatives_stay_inside_the_bounds_and_take_the_size_of_a_parameter_at_0():
-    asked = Asked()
-    low, high = np.array([-np.inf, 0.0]), np.array([2.0, 3.0])
-    differences = _Differences(asked, np.array([1.0, 4.0]), low, high)
-    p = np.array([2.0, 0.0])  # the first at its upper bound
-    differences.value(p)
-    found = differences.jacobian(p)
-    np.testing.assert_allclose(found, [[4.0, 0.0], [0.0, 2.0]], rtol=0, atol=3e-4)
-    assert all(np.all((low <= point) & (point <= high)) for point in asked.points)
-    np.testing.assert_allclose(asked.points[1:], [[2 - 2e-4, 0.0], [2.0, 4e-4]], rtol=1e-12)
-
-
-@pytest.mark.parametrize("at", [0, 1])
-def test_derivatives_inside_bounds_narrower_than_their_change(at):
-    low, high = np.array([2.0, 1.0]), np.array([2.00001, 5.0])
-    p = np.array([(low, high)[at][0], 3.0])
-    found = _Differences(Asked(), np.ones(2), low, high).jacobian(p)
-    np.testing.assert_allclose(found, [[2 * p[0], 0.0], [3.0, p[0]]], rtol=0, atol=3e-4)
-
-
-def test_derivatives_serve_until_a_parameter_moves_by_half_of_their_change():
-    asked = Asked()
-    differences = _Differences(asked, np.ones(2), np.full(2, -np.inf), np.full(2, np.inf))
-    p = np.array([2.0, 3.0])
-    differences.value(p)
-    first = differences.jacobian(p)
-    for factors, calls in (((1 + 4e-5, 1 - 4e-5), 0), ((1 - 6e-5, 1.0), 2)):
-        near = p * factors
-        differences.value(near)
-        before = len(asked.points)
-        again = differences.jacobian(near)
-        assert len(asked.points) - before == calls
-        assert (again is first) == (calls == 0)
-        np.testing.assert_allclose(again, [[2 * near[0], 0.0], [near[1], near[0]]], atol=1e-3)
 
 
 def test_the_optimum_is_that_of_new_derivatives_at_every_point():

@@ -15,7 +15,6 @@ from hypothesis import strategies as st
 from sweep_points import GRID, LONG_GRID, march, odd, same
 
 import hereditary as hd
-from hereditary.analysis.store import Store
 
 AXES = {"a": np.array([0.1, 0.25, 2.0]), "how": np.array(["x", "é"])}
 HERE = Path(__file__).parent
@@ -130,25 +129,16 @@ def test_failed_points_are_not_tried_again(tmp_path):
 
 
 NUMBERS = st.floats() | st.sampled_from([-0.0, 5e-324, math.inf, 1 / 3])
-VALUES = NUMBERS | st.text(max_size=5) | st.lists(NUMBERS, min_size=1, max_size=3)
+VALUES = NUMBERS | st.text(max_size=5) | st.lists(NUMBERS, min_size=2, max_size=2)
 
 
 @given(
-    st.dictionaries(
-        st.integers(0, 5),
-        st.tuples(st.text(max_size=5), st.dictionaries(st.text(max_size=3), VALUES, max_size=3)),
-    )
+    st.lists(st.dictionaries(st.sampled_from("xyz"), VALUES, max_size=3), min_size=1, max_size=6)
 )
 def test_every_bit_comes_back(tmp_path_factory, points):
-    path = tmp_path_factory.mktemp("store") / "points"
-    with Store(path, AXES) as store:
-        store.restore(None)
-        for index, (status, values) in points.items():
-            store.add(index, status, values)
-    found = {}
-    with Store(str(path), AXES) as store:
-        store.restore(lambda index, status, values: found.update({index: (status, values)}))
-    assert repr(found) == repr(points)
+    path, grid = tmp_path_factory.mktemp("store") / "points", {"k": range(len(points))}
+    table = hd.sweep(lambda k: points[k], grid, store=path, progress=False)
+    assert same(hd.sweep(lambda k: 1 / 0, grid, store=path, progress=False), table)
 
 
 @pytest.mark.parametrize(
@@ -162,14 +152,10 @@ def test_every_bit_comes_back(tmp_path_factory, points):
 )
 def test_another_grid_is_refused(tmp_path, axes, match):
     path = tmp_path / "points"
-    with Store(path, AXES) as store:
-        store.restore(None)
+    hd.sweep(lambda a, how: a, AXES, store=path)
     content = path.read_bytes()
-    with (
-        Store(path, axes) as store,
-        pytest.raises(ValueError, match="store must be of the .*" + match),
-    ):
-        store.restore(None)
+    with pytest.raises(ValueError, match="store must be of the .*" + match):
+        hd.sweep(lambda **point: 1.0, axes, store=path)
     assert path.read_bytes() == content
 
 

@@ -1,10 +1,13 @@
 """Sweeps: the same bits from every executor and in every order, failures, interruption."""
 
+import io
 import math
 import multiprocessing
 import os
 import random
+import re
 import signal
+import sys
 import threading
 import time
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
@@ -16,8 +19,6 @@ from hypothesis import strategies as st
 from sweep_points import GRID, exponents, march, odd, process, same
 
 import hereditary as hd
-from hereditary.analysis import sweep as module
-from hereditary.analysis.table import Columns
 
 
 @pytest.fixture(scope="module")
@@ -37,25 +38,24 @@ def dask():
 
 @pytest.fixture(scope="module")
 def loops():
-    """What a plain loop gives: a table by function."""
-    return {function: plain_loop(function) for function in (march, exponents, odd)}
+    """Tables of points that one thread computes, by function."""
+    with ThreadPoolExecutor(1) as pool:
+        return {f: hd.sweep(f, GRID, pool, progress=False) for f in (march, exponents, odd)}
 
 
-def plain_loop(function):
-    columns = Columns(GRID)
-    for i, b in enumerate(GRID["b"]):
-        for j, c in enumerate(GRID["c"]):
-            try:
-                found = function(float(b), float(c))
-                found = {k: str(v) if k == "verdict" else v for k, v in found.items()}
-                status = str(found.pop("status"))
-            except ValueError as error:
-                found, status = {}, " ".join(f"ValueError: {error}".split())
-            values = {
-                k: v if isinstance(v, str) else np.array(v).tolist() for k, v in found.items()
-            }
-            columns.add(i * GRID["c"].size + j, status, values)
-    return columns.table()
+@pytest.mark.parametrize("function", [march, exponents, odd])
+def test_tables_hold_what_a_plain_loop_gives(function, loops):
+    table = loops[function]
+    for place in np.ndindex(table.shape):
+        point = [float(axis[i]) for axis, i in zip(GRID.values(), place, strict=True)]
+        try:
+            found = function(*point)
+        except ValueError as error:
+            found = {"status": " ".join(f"ValueError: {error}".split())}
+        assert table.status[place] == found.pop("status")
+        for name, value in found.items():
+            value = str(value) if isinstance(value, str) else np.array(value).tolist()
+            assert repr(np.array(table[name][place]).tolist()) == repr(value)
 
 
 @pytest.mark.parametrize("function", [march, exponents, odd])
@@ -116,34 +116,11 @@ def test_the_order_of_points_does_not_matter(loops, seed):
         assert same(hd.sweep(odd, GRID, shuffled), loops[odd])
 
 
-SCALARS = st.floats() | st.text(max_size=3)
-VALUES = SCALARS | st.lists(st.floats(), min_size=1, max_size=2)
-POINTS = st.tuples(
-    st.sampled_from(["completed", "odd", "ValueError: no"]),
-    st.dictionaries(st.sampled_from("xyz"), VALUES, max_size=3),
-)
-
-
-@given(
-    st.lists(POINTS, min_size=1, max_size=6).flatmap(lambda p: st.permutations(list(enumerate(p))))
-)
-def test_a_table_does_not_depend_on_the_order_it_is_filled_in(points):
-    tables = []
-    for order in (points, sorted(points, key=lambda point: point[0])):
-        columns = Columns({"a": np.arange(len(points) + 1.0)})
-        for index, (status, values) in order:
-            columns.add(index, status, values)
-        tables.append(columns.table())
-    assert same(*tables)
-    assert tables[0].status[-1] == "not computed"
-
-
-def test_few_points_are_handed_out_at_a_time(monkeypatch):
-    monkeypatch.setattr(module, "_IN_FLIGHT", 8)
+def test_few_points_are_handed_out_at_a_time():
     with Shuffled(1) as shuffled:
-        table = hd.sweep(lambda a: a, {"a": range(200)}, shuffled)
-    assert table["value"].tolist() == list(range(200))
-    assert shuffled.n_waiting_most <= 8
+        table = hd.sweep(lambda a: a, {"a": range(3000)}, shuffled)
+    assert table["value"].tolist() == list(range(3000))
+    assert shuffled.n_waiting_most <= 1024
 
 
 def test_the_executor_stays_open():
@@ -316,43 +293,23 @@ def test_ctrl_c_that_comes_too_late_is_not_swallowed(no_collection):
         hd.sweep(lambda a: interrupt(), {"a": [1.0]})
 
 
-def test_ctrl_c_cuts_no_run_short_in_a_worker_process():
-    def point(a):
-        signal.raise_signal(signal.SIGINT)
-        return str(signal.getsignal(signal.SIGINT) == signal.SIG_IGN)
-
-    before = signal.getsignal(signal.SIGINT)
-    elsewhere = module.computed(point, False, [{"a": 1.0}], home=-1)
-    assert elsewhere == [("completed", {"value": "True"})]
-    assert signal.getsignal(signal.SIGINT) is before
-    with ThreadPoolExecutor(1) as pool:
-        here = pool.submit(module.computed, lambda a: a, False, [{"a": 1.0}], home=-1).result()
-    assert here == [("completed", {"value": 1.0})]
-
-
 def test_progress_counts_what_is_left(monkeypatch, tmp_path):
-    class Bar:
-        def __init__(self, shown):
-            assert shown is wanted
-            self.shares = bars.setdefault(len(bars), [])
+    class Terminal(io.StringIO):
+        def isatty(self):
+            return True
 
-        def update(self, share):
-            self.shares.append(share)
+    def drawn(**how):
+        monkeypatch.setattr("sys.stderr", Terminal())
+        hd.sweep(lambda a: time.sleep(0.15), {"a": range(4)}, store=store, **how)
+        return re.findall(r"[\d.]+ %", sys.stderr.getvalue())
 
-        def close(self):
-            self.shares.append("closed")
-
-    bars, wanted = {}, True
-    monkeypatch.setattr(module, "ProgressBar", Bar)
     store = tmp_path / "points"
-    hd.sweep(lambda a: a, {"a": range(4)}, store=store)
-    assert bars[0] == [0.25, 0.5, 0.75, 1.0, "closed"]
-    store.write_bytes(b"".join(store.read_bytes().splitlines(keepends=True)[:3]))
-    wanted = False
-    hd.sweep(lambda a: a, {"a": range(4)}, store=store, progress=False)
-    assert bars[1] == [0.5, 1.0, "closed"]
-    hd.sweep(lambda a: a, {"a": range(4)}, store=store, progress=False)
-    assert bars[2] == ["closed"]
+    shares = ["25.0 %", "50.0 %", "75.0 %", "100.0 %"]
+    with ThreadPoolExecutor(1) as pool:
+        assert drawn(executor=pool) == shares
+        store.write_bytes(b"".join(store.read_bytes().splitlines(keepends=True)[:3]))
+        assert drawn(executor=pool) == shares[1::2]
+        assert drawn(executor=pool) == drawn(progress=False) == []
 
 
 def springy(t, x, p):

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.special import rgamma
 
-from hereditary.collocation.exponential_basis import power_law_basis
+from hereditary.collocation.exponential_basis import power_law_basis, varying_basis
 
 ORDERS = st.lists(st.floats(0.001, 1.0), min_size=1, max_size=3, unique=True).map(sorted)
 EXPONENTS = st.floats(-13, -3)
@@ -102,3 +102,15 @@ def test_a_tighter_tolerance_takes_more_modes_and_shared_rates_fewer():
     assert sizes[0] < sizes[2] <= 60
     alone = [power_law_basis([a], 1e-3, 1e3, 1e-8).rates.size for a in (0.3, 0.6)]
     assert power_law_basis([0.3, 0.6], 1e-3, 1e3, 1e-8).rates.size < sum(alone)
+
+
+@pytest.mark.parametrize("closest", [1e-3, 1e-7, 3e-20])
+def test_a_basis_of_orders_that_vary_is_refined(closest):
+    basis = varying_basis(1e-2, 1e3, 1e-9)
+    closer = basis.refine(closest)
+    assert closer.closest <= closest
+    np.testing.assert_allclose(closer.rates[: basis.rates.size], basis.rates, rtol=1e-9)
+    t = np.geomspace(closest, 1e3, 200)
+    for a in (0.01, 0.3, 0.99):
+        sums = np.exp(-np.multiply.outer(t, closer.rates)) @ closer.weights(np.array([a]))[:, 0]
+        np.testing.assert_allclose(sums, t ** (a - 1) * rgamma(a), rtol=1e-9)

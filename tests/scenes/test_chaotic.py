@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from references import classical, matrix
+from references import classical
 from strategies import amplitudes
 
 import hereditary as hd
-from hereditary.scenes import chaotic
 
 points = st.tuples(*[amplitudes()] * 3)
 parameters = st.tuples(*[amplitudes()] * 3)
@@ -17,21 +16,22 @@ parameters = st.tuples(*[amplitudes()] * 3)
 @given(y=points, params=parameters)
 def test_divergence_of_lorenz_is_minus_sigma_minus_1_minus_b(y, params):
     sigma, _, b = params
-    divergence = np.trace(matrix(chaotic._lorenz_jacobian, 0.0, y, params))
+    divergence = np.trace(hd.scenes.lorenz().replace(params=params).jacobian(0.0, y))
     assert divergence == pytest.approx(-sigma - 1 - b, abs=1e-12)
 
 
 @given(y=points, params=parameters)
 def test_divergence_of_rossler_is_a_plus_x_minus_c(y, params):
     a, _, c = params
-    divergence = np.trace(matrix(chaotic._rossler_jacobian, 0.0, y, params))
+    divergence = np.trace(hd.scenes.rossler().replace(params=params).jacobian(0.0, y))
     assert divergence == pytest.approx(a + y[0] - c, abs=1e-12)
 
 
 @given(y=points, params=parameters)
 def test_divergence_of_rabinovich_fabrikant_is_2a_minus_2b(y, params):
     a, b, _ = params
-    jacobian = matrix(chaotic._rabinovich_fabrikant_jacobian, 0.0, y, params[:2])
+    scene = hd.scenes.rabinovich_fabrikant().replace(params=params[:2])
+    jacobian = scene.jacobian(0.0, y)
     assert np.trace(jacobian) == pytest.approx(2 * a - 2 * b, abs=1e-11)
 
 
@@ -64,8 +64,7 @@ def test_equilibria_stay_put_whatever_the_orders(scene, equilibrium, alpha):
 
 def test_equilibria_of_lorenz_are_stable_up_to_order_0_994():
     """A system of order alpha is stable where |arg| > alpha pi / 2 for every eigenvalue."""
-    params = hd.scenes.lorenz().params
-    jacobian = matrix(chaotic._lorenz_jacobian, 0.0, lorenz_equilibrium(1), params)
+    jacobian = hd.scenes.lorenz().jacobian(0.0, lorenz_equilibrium(1))
     argument = np.abs(np.angle(np.linalg.eigvals(jacobian))).min()
     assert argument / (np.pi / 2) == pytest.approx(0.9941, abs=5e-5)
 
@@ -106,3 +105,20 @@ def test_classical_trajectory_is_that_of_the_written_equations(scene, rhs, t_end
     ]
     assert errors[1] < bound
     assert errors[0] / errors[1] == pytest.approx(4, abs=0.3)
+
+
+COUPLED = [
+    *(hd.scenes.brusselator, hd.scenes.van_der_pol),
+    *(hd.scenes.lorenz, hd.scenes.rabinovich_fabrikant, hd.scenes.rossler),
+]
+
+
+@pytest.mark.parametrize("scene", COUPLED, ids=lambda scene: scene.__name__)
+def test_one_order_or_one_for_each_component(scene):
+    d = scene().d
+    assert scene(0.7).orders.tolist() == [[0.7] * d]
+    orders = [0.9, 1.0, 0.95][:d]
+    equation = scene(alpha=orders)
+    assert equation.orders.tolist() == [orders]
+    assert equation.has_jac  # which is compared with differences when an equation is made
+    assert hd.solve(equation, 1.0, 200, scheme=hd.BDF(2)).success

@@ -2,14 +2,10 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from references import differences
 from scipy.special import gamma
 
 import hereditary as hd
 from hereditary.exact import mittag_leffler
-from hereditary.scenes import block_chain
 
 
 @pytest.mark.parametrize("dimensions", [1, 2])
@@ -54,26 +50,11 @@ def test_subdiffusion_with_a_source_is_second_order_in_space(alpha):
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.15)
 
 
-@given(
-    y=st.lists(st.floats(-20, 20), min_size=1, max_size=6),
-    numbers=st.tuples(*[st.floats(-3, 3)] * 5),
-)
-def test_jacobian_of_the_chain(y, numbers):
-    d = len(y)
-    params = np.array([*numbers[:3], *(numbers[3] + np.arange(d)), 0.3, 0.1 * numbers[4]])
-    ab = np.zeros((3, d))
-    block_chain._forces_jacobian(0.3, np.array(y), ab, params)
-    dense = sum(np.diag(ab[1 - k][max(k, 0) : d + min(k, 0)], k) for k in (-1, 0, 1) if abs(k) < d)
-    # differences of the linear part are exact; the wells' are held below by a run
-    params[3 : 3 + d] = 0.0
-    block_chain._forces_jacobian(0.3, np.array(y), ab, params)
-    linear = sum(np.diag(ab[1 - k][max(k, 0) : d + min(k, 0)], k) for k in (-1, 0, 1) if abs(k) < d)
-    expected = differences(block_chain._forces, 0.3, np.array(y), params)
-    np.testing.assert_allclose(linear, expected, atol=1e-9)
-    wells = np.diag(dense - linear)
-    k = np.array([1.0, 2.0])
-    slopes = np.cos(np.outer(y, k)) @ (k * [0.3, 0.1 * numbers[4]])
-    np.testing.assert_allclose(wells, (numbers[3] + np.arange(d)) * slopes, atol=1e-9)
+def test_the_jacobian_of_the_chain_is_that_of_differences():
+    depths, places = [50.0, 40.0, 30.0, 20.0], np.array([0.2, -3.0, 7.0, 19.0])
+    chain = hd.scenes.stick_slip_chain(4, coupling=3.0, omega=1.3, adhesion=depths)
+    found, expected = (eq.jacobian(0.3, places) for eq in (chain, chain.replace(jac=None)))
+    np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-6)
 
 
 def test_uncoupled_blocks_are_single_ones():

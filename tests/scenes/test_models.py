@@ -14,11 +14,10 @@ from model_references import (
     riccati_series,
     selkov_onset,
 )
-from references import classical, matrix
+from references import classical
 from scipy.special import gamma, mathieu_a, mathieu_b
 
 import hereditary as hd
-from hereditary.scenes import oscillating
 
 
 def van_der_pol_duffing(t, u):
@@ -132,7 +131,8 @@ def test_edges_of_instability_of_mathieu():
 
 @given(a=st.floats(0.01, 0.12), b=st.floats(0.2, 1.0))
 def test_selkov_begins_to_oscillate_where_its_docstring_says(a, b):
-    jacobian = matrix(oscillating._selkov_jacobian, 0.0, [b, b / (a + b**2)], [a, b])
+    selkov = hd.scenes.selkov().replace(params=[a, b])
+    jacobian = selkov.jacobian(0.0, [b, b / (a + b**2)])
     trace, determinant = np.trace(jacobian), np.linalg.det(jacobian)
     assume(trace > 1e-3 and 4 * determinant > trace**2)
     alpha = selkov_onset(a, b)

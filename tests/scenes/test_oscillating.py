@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from references import classical, matrix, value
+from references import classical
 from scipy.special import rgamma
 
 import hereditary as hd
-from hereditary.scenes import oscillating
 
 
 def duffing(t, u):
@@ -89,7 +88,7 @@ def test_equilibrium_of_the_brusselator_stays_put_whatever_the_orders(alpha):
 def test_brusselator_turns_unstable_where_the_docstring_says(a, alpha):
     """A system of order alpha does where an eigenvalue has |arg| = alpha pi / 2."""
     b = 1 + a**2 + 2 * a * math.cos(math.pi * alpha / 2)
-    jacobian = matrix(oscillating._brusselator_jacobian, 0.0, [a, b / a], [a, b])
+    jacobian = hd.scenes.brusselator(a=a, b=b).jacobian(0.0, [a, b / a])
     arguments = np.abs(np.angle(np.linalg.eigvals(jacobian)))
     np.testing.assert_allclose(arguments, alpha * math.pi / 2, atol=1e-6)
 
@@ -113,15 +112,6 @@ def test_free_van_der_pol_circuit_settles_on_its_cycle():
     k = np.flatnonzero((x[:-1] < 0) & (x[1:] >= 0))
     crossings = t[k] - x[k] * (t[k + 1] - t[k]) / (x[k + 1] - x[k])
     np.testing.assert_allclose(np.diff(crossings), 6.6633, atol=1e-3)
-
-
-def test_van_der_pol_near_its_equilibrium_is_linear():
-    origin = matrix(oscillating._van_der_pol_jacobian, 0.0, [0.0, 0.0], [0.7, 0.0, 1.0])
-    assert origin.tolist() == [[0.0, 1.0], [-1.0, 0.7]]
-    assert value(oscillating._van_der_pol, 0.3, np.zeros(2), [0.7, 2.0, 4.0]).tolist() == [
-        0.0,
-        pytest.approx(2.0 * math.cos(1.2)),
-    ]
 
 
 def test_van_der_pol_airy_is_its_sum_written_out():

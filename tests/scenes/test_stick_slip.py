@@ -7,7 +7,6 @@ import pytest
 from scipy.integrate import quad
 
 import hereditary as hd
-from hereditary.scenes.stick_slip import _force, _force_jacobian
 
 WELL = hd.scenes.PRINTED_WELL
 
@@ -23,19 +22,13 @@ def test_coefficients_of_the_well_are_the_printed_ones():
 
 
 @pytest.mark.parametrize("n_coefficients", [1, 2, 7, 12])
-def test_force_and_its_jacobian(n_coefficients):
-    well = hd.scenes.well_coefficients(n_coefficients)
-    params = np.array([1.3**2, 0.7, 20.0, *well])
-    dy, jacobian = np.empty(1), np.empty((1, 1))
-    n = np.arange(1, n_coefficients + 1)
+def test_the_jacobian_of_the_force(n_coefficients):
+    """The force itself is that of the printed scheme in test_explicit.py."""
+    well, n = hd.scenes.well_coefficients(n_coefficients), np.arange(1, n_coefficients + 1)
+    equation = hd.scenes.stick_slip(omega=1.3, spring_speed=0.7, adhesion=20.0, well=well)
     for x in (-3.0, 0.0, 0.4, np.pi, 61.0):
-        _force(2.0, np.array([x]), dy, params)
-        _force_jacobian(2.0, np.array([x]), jacobian, params)
-        expected = 0.7 * 2.0 + 20.0 * well @ np.sin(n * x) - 1.3**2 * x
-        assert dy[0] == pytest.approx(expected, abs=1e-12)
-        assert jacobian[0, 0] == pytest.approx(
-            20.0 * (n * well) @ np.cos(n * x) - 1.3**2, abs=1e-12
-        )
+        expected = 20.0 * (n * well) @ np.cos(n * x) - 1.3**2
+        assert equation.jacobian(2.0, [x])[0, 0] == pytest.approx(expected, abs=1e-12)
 
 
 def test_parameters_reach_the_equation():

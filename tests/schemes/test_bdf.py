@@ -6,8 +6,6 @@ from problems import errors, observed_order, singular_problem
 
 import hereditary as hd
 from hereditary.exact import oscillator
-from hereditary.meshes import UniformSteps
-from hereditary.solver.stepper import Stepper
 
 
 @pytest.mark.parametrize("p", [4, 5, 6])
@@ -73,16 +71,9 @@ def test_tangents_along_a_speed_keep_the_order_of_bdf():
     steps, found = (160, 320, 640), []
     true = oscillator(1.8, 0.8, 0.25, 1.0, 0.0, 1.0)(10.0)[0]
     equation = hd.scenes.oscillator(1.8, 0.8, 0.25, 1.0, x0=0.2, v0=0.3)
+    how = {"scheme": hd.BDF(3), "history": hd.Direct(), "wrt": "y0"}
     for n in steps:
-        direction = np.array([[0.0], [1.0]])
-        stepper = Stepper(
-            equation, hd.BDF(3), hd.Direct(), UniformSteps(10.0 / n), n, directions=direction
-        )
-        while stepper.n < 20:
-            stepper.advance(20, keep=False)
-        stepper.transform_tangent(np.array([[2.0]]))
-        while stepper.n < n:
-            stepper.advance(n, keep=False)
-        found.append(abs(stepper.tangent[0, 0] / 2 - true))
+        tangents = hd.sensitivities(equation, 10.0, n, **how).by_y0[-1]
+        found.append(abs(tangents[0, 1] - true))
     assert observed_order(steps, found) == pytest.approx(3.0, abs=0.15), found
     assert found[-1] < 1e-6

@@ -5,8 +5,6 @@ import pytest
 from scipy.special import gamma
 
 import hereditary as hd
-from hereditary.schemes.l12 import BACKWARD_PARABOLAS
-from hereditary.step_kernel import PowerSteps
 
 SCHEME = hd.L12()
 HISTORIES = [hd.Direct(), hd.FFT(), hd.SumOfExponentials(1e-13)]
@@ -71,20 +69,6 @@ def test_order_one_is_the_second_backward_difference():
         for k in (800, 1600)
     ]
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.01)
-
-
-@pytest.mark.parametrize("alpha", [0.05, 0.1, 0.3, 0.5, 0.8, 0.95, 1.0])
-def test_symbol_keeps_to_the_sector_of_growth(alpha):
-    """So no damped mode grows at any step; the excess of 0.57 degrees is the largest there is."""
-    z = np.exp(1j * np.linspace(0.1, np.pi, 400))
-    weights = BACKWARD_PARABOLAS.exact(PowerSteps(1 - alpha), 20_000)
-    for _ in range(4):  # the series of the fourth differences converges on the circle
-        weights = np.diff(weights, prepend=0.0)
-    symbol = np.polynomial.polynomial.polyval(z, weights) / (1 - z) ** 3
-    excess = np.degrees(np.abs(np.angle(symbol)).max()) - 90 * alpha
-    assert excess < 0.6
-    assert (excess > 0.5) == (alpha == 0.3)
-    assert np.abs(np.angle(symbol)).max() < np.pi / 2 or alpha == 1
 
 
 def rotating(t, y, p):

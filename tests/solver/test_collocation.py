@@ -4,6 +4,8 @@ How errors compare with tolerances is in test_collocation_tolerance.py, extremes
 and times in test_collocation_reach.py.
 """
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -188,3 +190,18 @@ def test_the_tolerance_of_the_modes_can_be_tightened():
 def test_any_number_of_nodes_keeps_the_tolerance(nodes):
     sol = hd.solve(hd.scenes.relaxation(0.5), 5.0, rtol=1e-6, scheme=hd.Collocation(nodes=nodes))
     assert error(sol, half_order_relaxation, 1e-6) <= 10
+
+
+@given(st.floats(0.2, 0.95), st.floats(1.0, 30.0))
+def test_runs_do_not_depend_on_runs_before_or_beside_them(order, t_end):
+    """Bit for bit: tables of factors are kept from run to run."""
+    eq = hd.Equation(hd.Caputo(order), lambda t, y: np.cos(t) - y, 1.0)
+
+    def rows(end=t_end):
+        return hd.solve(eq, end, rtol=1e-6).y
+
+    fresh = rows()
+    rows(0.7 * t_end)
+    assert np.array_equal(rows(), fresh)
+    with ThreadPoolExecutor(4) as pool:
+        assert all(np.array_equal(found, fresh) for found in pool.map(lambda _: rows(), range(8)))

@@ -17,13 +17,6 @@ from scipy.special import gamma
 
 import hereditary as hd
 from hereditary import exact
-from hereditary.collocation.equations import integral_form
-from hereditary.collocation.exponential_basis import varying_basis
-from hereditary.collocation.order_tables import OrderTables
-from hereditary.collocation.pace import Pace
-from hereditary.collocation.quadrature import radau_integrals
-from hereditary.collocation.stepper import AdaptiveStepper
-from hereditary.terms import VaryingOrder
 
 PRONY = hd.Prony((1.0, 10.0), (0.3, 0.7))
 
@@ -239,23 +232,6 @@ def test_orders_next_to_an_integer_below_end_at_once():
     assert "no step is small enough" in sol.message
 
 
-def test_resumed_streamed_and_stopped_runs():
-    equation = hd.scenes.stick_slip(beta=lambda t: 1.8 - 0.1 * np.sin(t), gamma=below)
-    through = hd.solve(equation, 20.0, rtol=1e-9)
-    half = hd.solve(equation, 10.0, rtol=1e-9)
-    again = hd.solve(equation, 20.0, rtol=1e-9, resume=half.state)
-    assert np.abs(again(20.0) - through(20.0)).max() < 1e-8
-    rows = hd.solve(equation, 20.0, rtol=1e-9, t_eval=[5.0, 20.0])
-    np.testing.assert_allclose(rows.y, through(rows.t), rtol=0, atol=1e-12)
-
-    def half_way(t, y):
-        return y[0] - 1.0
-
-    half_way.terminal = True
-    stopped = hd.solve(equation, 20.0, rtol=1e-9, events=half_way)
-    assert through(stopped.t[-1])[0] == pytest.approx(1.0, abs=1e-8)
-
-
 @pytest.mark.parametrize("friction", [hd.Caputo(0.8), always(0.8), hd.Caputo(1)], ids=str)
 def test_nothing_jumps_at_a_break_where_nothing_does(friction):
     """Whatever the friction that p is held by, and however singular it is."""
@@ -284,30 +260,6 @@ def test_a_jump_by_many_sweeps():
     after = sol.y[1, 0]
     assert sol.success
     assert after + after**3 == pytest.approx(1e6 + 1, rel=1e-4)
-
-
-def tangents_and_differences(made, t_end):
-    """d (x, x') / d (x0, v0) along the run, and by runs from both sides; `made` takes x0, v0."""
-    stepper = AdaptiveStepper(made(0.2, 0.3), hd.Collocation(), t_end, 1e-9, 1e-11, None, np.eye(2))
-    while stepper.t < t_end:
-        stepper.advance(t_end)
-    found, step = np.empty((2, 2)), 1e-5
-    for j, (dx, dv) in enumerate(step * np.eye(2)):
-        ends = [
-            hd.solve(made(0.2 + sign * dx, 0.3 + sign * dv), t_end, rtol=1e-11) for sign in (1, -1)
-        ]
-        ends = [np.append(sol.y[-1], sol.ydot[-1]) for sol in ends]
-        found[:, j] = (ends[0] - ends[1]) / (2 * step)
-    return stepper.tangent, found
-
-
-def test_tangents_are_derivatives_with_respect_to_initial_values():
-    def made(x0, v0):
-        orders = {"beta": lambda t: 1.8 - 0.1 * np.sin(t), "gamma": below}
-        return hd.scenes.stick_slip(**orders, adhesion=5.0, x0=x0, v0=v0)
-
-    tangents, differences = tangents_and_differences(made, 5.0)
-    np.testing.assert_allclose(tangents, differences, rtol=0, atol=1e-5)
 
 
 # General kernels on the highest derivative
@@ -358,8 +310,13 @@ def test_a_jump_of_the_velocity_has_tangents():
         inertia = hd.Prony([0.5], [1.0])
         return hd.scenes.stick_slip(inertia=inertia, adhesion=5.0, x0=x0, v0=v0)
 
-    tangents, differences = tangents_and_differences(made, 5.0)
-    np.testing.assert_allclose(tangents, differences, rtol=0, atol=1e-5)
+    tangents = hd.sensitivities(made(0.2, 0.3), 5.0, rtol=1e-9, wrt="y0").by_y0[-1, 0]
+    for found, (dx, dv) in zip(tangents, 1e-5 * np.eye(2), strict=True):
+        ends = [
+            hd.solve(made(0.2 + sign * dx, 0.3 + sign * dv), 5.0, rtol=1e-11).y[-1, 0]
+            for sign in (1, -1)
+        ]
+        assert found == pytest.approx((ends[0] - ends[1]) / 2e-5, abs=1e-5)
     end = hd.solve(made(0.2, 0.3), 5.0, rtol=1e-8).y[-1, 0]
     march = [hd.solve(made(0.2, 0.3), 5.0, n).y[-1, 0] for n in (20_000, 40_000)]
     assert abs(end - (2 * march[1] - march[0])) < 1e-5
@@ -406,63 +363,3 @@ def test_two_general_kernels_as_in_the_paper():
     ]
     assert off[1] < 2e-3
     assert off[0] / off[1] == pytest.approx(2.0, abs=0.1)
-
-
-# The parts
-
-
-def test_which_components_have_no_integral_form():
-    def implicit(*terms, y0=(1.0,)):
-        return integral_form(hd.Equation(terms, decay, y0)).implicit[0] == 1
-
-    assert not implicit(hd.Caputo(0.5), hd.Memory(PRONY, 0))
-    assert not implicit(hd.Caputo(1), hd.Memory(PRONY, 1))
-    assert not implicit(hd.Caputo(1), always(0.5))
-    assert not implicit(hd.Caputo(1.5), always(0.5), y0=(1.0, 0.0))
-    assert implicit(hd.Caputo(0.5), hd.Memory(PRONY, 1))
-    assert implicit(always(0.5))
-    assert implicit(hd.Caputo(0.5), always(0.5))
-    assert implicit(hd.Caputo(1.5), hd.Memory(PRONY, 2), y0=(1.0, 0.0))
-
-
-@given(st.lists(st.floats(0.0, 0.999), min_size=4, max_size=4), st.floats(1e-3, 10.0))
-def test_tables_of_orders(a, h):
-    """Integrals of the order at each node, which the basis continues into the past."""
-
-    class Orbit:
-        def __init__(self):
-            self.varying = varying_basis(1e-6, 1e3, 1e-10)
-            self.rates = self.varying.rates
-
-    def order(t):
-        return 1 - np.interp(t, times, a)
-
-    # as they come back, an order within rounding of 1 as 1
-    a = [1 - (1 - value) if value > 1e-14 else 0.0 for value in a]
-    times = h * np.array(OrderTables((), 4)._nodes)
-    tables = OrderTables((VaryingOrder(order, 1),), 4)
-    tables.tabulated["next_start"], tables.tabulated["next_length"] = 0.0, h
-    pace = Pace(None, 10)
-    pace.begin(0.0, 2 * h, 0)
-    limits = pace.limits(hd.scenes.relaxation(), 0.0, 2 * h, (1e-6, 1e-8, 0.0))
-    tables.fill(orbit := Orbit(), 0.0, limits)
-    for i in range(4):
-        expected = h ** a[i] * radau_integrals(4, a[i])[i]
-        np.testing.assert_allclose(tables.integrals[0, i], expected, rtol=0, atol=1e-13 * (1 + h))
-    distances = np.geomspace(1e-6, 1e3, 50)
-    sums = np.exp(-np.multiply.outer(distances, orbit.rates)) @ tables.weights[0]
-    for i in range(4):
-        kernel = distances ** (a[i] - 1) / gamma(a[i]) if a[i] > 0 else 0 * distances
-        np.testing.assert_allclose(sums[:, i], kernel, rtol=2e-10, atol=1e-300)
-
-
-@pytest.mark.parametrize("closest", [1e-3, 1e-7, 3e-20])
-def test_a_basis_of_orders_is_refined(closest):
-    basis = varying_basis(1e-2, 1e3, 1e-9)
-    closer = basis.refine(closest)
-    assert closer.closest <= closest
-    np.testing.assert_allclose(closer.rates[: basis.rates.size], basis.rates, rtol=1e-9)
-    t = np.geomspace(closest, 1e3, 200)
-    for a in (0.01, 0.3, 0.99):
-        sums = np.exp(-np.multiply.outer(t, closer.rates)) @ closer.weights(np.array([a]))[:, 0]
-        np.testing.assert_allclose(sums, t ** (a - 1) / gamma(a), rtol=1e-9)
