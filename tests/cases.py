@@ -130,6 +130,11 @@ def _varying_riemann_liouville(unit, places=slice(None)):
     return 0.5 * hd.RiemannLiouville(lambda t: 0.4 + 0.1 * np.sin(t))
 
 
+def _matrix(unit, places=slice(None)):
+    matrix = np.array([[1.0, 0.2], [0.3, 1.5]])[places][:, places]
+    return unit**0.7 * matrix * hd.Caputo(0.7)
+
+
 def _riemann_liouville(unit, places=slice(None)):
     return unit**0.6 * hd.RiemannLiouville(0.6)
 
@@ -171,6 +176,7 @@ FAMILIES = [
         highest=0.9,
     ),
     _family("above two", (of_order(2.6),), decay, (1.0, 0.5, 0.0), "enlarged", "differ"),
+    _family("matrix", (_matrix,), spiral, ((1.0, 0.0),), "matrix", highest=0.7),
     _family("complex", (of_order(0.8),), decay, (1.0 + 0.5j,), "complex", highest=0.8),
     _family("many", (of_order(0.7),), diffusion, (tuple(np.linspace(0, 1, 12)),), "banded",
             highest=0.7),
@@ -216,7 +222,7 @@ class Case:
             ("memory" in tags, scheme.takes_memory),
             (self.steps == "mesh", scheme.takes_meshes and highest <= scheme.meshes_up_to),
             (self.steps == "mesh", not tags & {"kernel", "varying"}),
-            (isinstance(scheme, hd.IMEX), not tags & {"complex", "enlarged"}),
+            (isinstance(scheme, hd.IMEX), not tags & {"complex", "enlarged", "matrix"}),
         ]
         for name in ("kernel", "varying", "mesh"):
             ability = {"kernel": "takes_kernels", "varying": "takes_varying"}.get(name)

@@ -14,7 +14,6 @@ from strategies import amplitudes, orders
 
 pytest.importorskip("pymittagleffler")
 
-from pymittagleffler import mittag_leffler
 
 from hereditary import exact
 
@@ -65,24 +64,6 @@ def residue_and_cut(beta, gamma, friction, stiffness, t):
         ends = [-mpmath.log(t) + v for v in (-50 / g, -30 / g, -15 / g, -5 / g, -2, 0, 2, 4.5)]
         cut = mpmath.quad(density, ends) / mpmath.pi
         return float(2 * (residue * mpmath.exp(pole * t)).real + cut)
-
-
-def partial_fractions(q, degrees, coefficients, y0, rate, t):
-    """Orders degrees / q: a Mittag-Leffler function for each root in s**(1/q)."""
-    polynomial = np.zeros(max(degrees) + 1)
-    polynomial[degrees] = coefficients
-    polynomial[0] += rate
-    p = np.polynomial.polynomial
-    w = p.polyroots(polynomial).astype(complex)
-    above = sum(c * y0[0] * w ** (k - 1) for k, c in zip(degrees, coefficients, strict=True))
-    above += sum(
-        c * y0[1] * w ** (k - q - 1)
-        for k, c in zip(degrees, coefficients, strict=True)
-        if len(y0) == 2 and k > q
-    )
-    residues = above / p.polyval(w, p.polyder(polynomial))
-    z = np.multiply.outer(np.asarray(t, dtype=float) ** (1 / q), w)
-    return (mittag_leffler(z, 1 / q, 1.0) @ residues).real
 
 
 def poles(solution):
@@ -149,29 +130,6 @@ def test_late_times(beta, gamma, friction, stiffness, t):
     if poles(solution)[0].real * t < -60:
         # nothing but the algebraic tail is left
         assert solution(t)[0] == pytest.approx(expected, rel=1e-11)
-
-
-@pytest.mark.parametrize(
-    ("q", "degrees", "coefficients", "y0", "rate"),
-    [
-        (1, [2, 1], [1.0, 0.3], [1.0, 0.5], 4.0),
-        (2, [3, 1], [1.0, 0.5], [1.0, 0.0], 1.0),
-        (2, [4, 3], [1.0, 1.0], [1.0, 0.5], 2.0),
-        (3, [5, 2], [1.0, -0.5], [0.0, 1.0], 1.0),
-        (5, [9, 4], [1.0, 0.25], [0.2, 0.3], 1.0),
-        (5, [9, 4], [1.0, 0.25], [0.2, 0.3], 1e6),
-        (10, [19, 1], [1.0, 0.3], [1.0, 0.5], 4.0),
-        (12, [23, 7, 5], [1.0, 0.1, 3.0], [1.0, 0.5], 9.0),
-        (10, [9, 4], [1.0, 2.0], [1.0], 1e3),
-    ],
-)
-def test_against_partial_fractions(q, degrees, coefficients, y0, rate):
-    t = np.logspace(-8, 1.5, 60)
-    expected = partial_fractions(q, degrees, coefficients, y0, rate, t)
-    solution = exact.several_terms(np.array(degrees) / q, coefficients, y0, rate=rate)
-    turns = np.abs(poles(solution)).max(initial=0.0) * t
-    scale = np.maximum(np.abs(expected), 1.0)
-    assert np.all(np.abs(solution(t)[:, 0] - expected) / scale < 1e-13 + 1e-15 * turns)
 
 
 def test_half_orders():

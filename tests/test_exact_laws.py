@@ -109,24 +109,6 @@ def test_small_orders(alpha):
         assert abs(sol.y[-1, 0] - solution) < bound, scheme
 
 
-@pytest.mark.parametrize("rate", [1e2, 1e4, 1e6])
-def test_stiff_relaxation(rate):
-    for alpha in (0.3, 0.8):
-        solution = exact.relaxation(alpha, rate, 1.0)(10.0)[0]
-        for scheme in (hd.BDF(2), hd.BDF(3)):
-            sol = hd.solve(hd.scenes.relaxation(alpha, rate, 1.0), 10.0, 2000, scheme=scheme)
-            assert sol.y[-1, 0] == pytest.approx(solution, rel=1e-5), scheme
-
-
-@pytest.mark.parametrize("beta", [1 + 1e-6, 1.001, 1.999, 2 - 1e-6])
-def test_orders_near_the_integers(beta):
-    solution = exact.relaxation(beta, 1.0, (1.0, 0.5))(3.0)[0]
-    equation = hd.Equation(hd.Caputo(beta), decay, [1.0, 0.5], (1.0,))
-    for scheme in (hd.BDF(2), hd.ProductTrapezoid(), hd.L2Sigma()):
-        sol = hd.solve(equation, 3.0, 2000, scheme=scheme)
-        assert sol.y[-1, 0] == pytest.approx(solution, abs=2e-3 if scheme == hd.L2Sigma() else 1e-5)
-
-
 def test_several_terms_keep_second_order_to_many_steps():
     """D^1.5 x + 0.5 D^0.5 x + x = 0 at t = 20: no floor above 1e-12 up to 1e5 steps."""
     solution = exact.oscillator(1.5, 0.5, 0.5, 1.0, 1.0, 0.0)(20.0)[0]

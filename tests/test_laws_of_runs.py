@@ -28,7 +28,7 @@ ROUNDING = 3e-11
 # Steps of runs over more than two stretches of FFT.
 LONG, DIRECT = 2300, HISTORIES[0]
 # Users see other components than those that are marched.
-FRAMED = {"complex", "enlarged"}
+FRAMED = {"complex", "enlarged", "matrix"}
 UNIFORM = chosen(steps="uniform")
 # One history is enough where it does not enter.
 ALSO_MESHES = [c for c in CASES if c.history in (None, HISTORIES[2])]

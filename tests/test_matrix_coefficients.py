@@ -120,35 +120,6 @@ def test_a_zener_body_as_it_is_written():
     assert abs(sol.y[-1, 1] - t_end) < 1e-10
 
 
-def test_with_complex_components_later_starts_and_orders_above_2():
-    matrix = np.array([[1.0, 0.4], [0.1, 1.0]])
-    inverse = np.linalg.inv(matrix).astype(complex)
-
-    def force(t, z):
-        return 1j * z + np.cos(t)
-
-    ours = hd.Equation(matrix * C(0.7), force, [1 + 1j, 0j], t_start=1.0)
-    theirs = hd.Equation(C(0.7), lambda t, z: inverse @ force(t, z), [1 + 1j, 0j], t_start=1.0)
-    found, expected = (hd.solve(eq, 3.0, 200, scheme=hd.L1()).y for eq in (ours, theirs))
-    np.testing.assert_allclose(found, expected, rtol=1e-9)
-    lower = np.array([[0.0, 0.5], [-0.5, 0.1]])
-    terms = [matrix * C(2.6), lower * C(1.3), 0.2 * C(1)]
-    eq = hd.Equation(terms, lambda t, y: -y, [[1.0, 0.0], [0.0, 1.0], [0.2, 0.0]])
-    below = np.linalg.inv(matrix) @ lower
-
-    def by_hand(t, y):
-        m = y[6:8]  # D^1.3 y
-        force = np.linalg.inv(matrix) @ (-y[:2] - 0.2 * y[2:4]) - below @ m
-        return np.concatenate([y[2:6], force, y[4:6]])
-
-    orders = [1.0] * 4 + [0.6] * 2 + [0.7] * 2
-    start = [1.0, 0.0, 0.0, 1.0, 0.2, 0.0, 0.0, 0.0]
-    with pytest.warns(hd.PythonFunctionWarning):
-        hand = hd.Equation(C(orders), lambda t, y: list(by_hand(t, y)) + sorted([]), start)
-    truth = hd.solve(hand, 2.0, rtol=1e-9).y[-1, :2]
-    assert np.abs(hd.solve(eq, 2.0, rtol=1e-9).y[-1] - truth).max() < 1e-7
-
-
 def test_products_of_coefficients():
     a, b, v = np.array([[1.0, 2.0], [3.0, 4.0]]), np.array([[0.0, 1.0], [1.0, 0.0]]), [5.0, 6.0]
     for term, expected in (

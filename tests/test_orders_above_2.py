@@ -1,13 +1,10 @@
 """Orders above 2: systems of y and its derivatives, made by the library."""
 
-import pickle
-
 import mpmath
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.integrate import solve_ivp
 
 import hereditary as hd
 
@@ -106,21 +103,6 @@ def test_one_term_is_the_chain_to_rounding(alpha, scheme):
     np.testing.assert_allclose(ours.ydot[:, 0], theirs.y[:, 1], rtol=1e-10, atol=1e-11)
 
 
-def test_order_3_is_scipys():
-    def rhs(t, y):
-        return -y * np.abs(y) + np.sin(t)
-
-    eq = hd.Equation(C(3) + 0.5 * C(2) + C(1), rhs, [0.3, 0.0, 1.0])
-    sol = hd.solve(eq, 10.0, rtol=1e-10)
-
-    def chain(t, y):
-        return [y[1], y[2], rhs(t, y[0]) - 0.5 * y[2] - y[1]]
-
-    told = solve_ivp(chain, (0, 10), [0.3, 0.0, 1.0], "DOP853", rtol=1e-12, atol=1e-13)
-    assert abs(sol.y[-1, 0] - told.y[0, -1]) < 1e-8
-    assert abs(sol.ydot[-1, 0] - told.y[1, -1]) < 1e-8
-
-
 def coupled(t, y, p):
     return np.array([p[0] * y[1] - y[0], -y[1] + y[0] * y[1]])
 
@@ -153,30 +135,6 @@ def test_components_may_have_orders_of_their_own_and_a_jacobian(scheme):
     )
 
 
-def turned(t, z):
-    return 1j * z + np.cos(t)
-
-
-def test_complex_later_starts_events_and_resuming():
-    eq = hd.Equation(C(2.4) + 0.3 * C(0.6), turned, [1 + 1j, 0j, 0.5j], t_start=1.0)
-
-    def crosses(t, z):
-        return z[0].real - 0.9
-
-    sol = hd.solve(eq, 4.0, 300, scheme=hd.BDF(2), events=crosses)
-    assert sol.y.dtype == sol.ydot.dtype == complex
-    assert sol.y.shape == sol.ydot.shape == (301, 1)
-    (t,) = sol.t_events[0]
-    assert sol(t)[0].real == pytest.approx(0.9, abs=1e-9)
-    half = hd.solve(eq, 2.5, 150, scheme=hd.BDF(2))
-    rest = hd.solve(eq, 4.0, resume=pickle.loads(pickle.dumps(half.state)))
-    np.testing.assert_array_equal(rest.y[-1], sol.y[-1])
-    tight = hd.solve(eq, 4.0, rtol=1e-9)
-    assert abs(tight.y[-1, 0] - sol.y[-1, 0]) < 1e-3
-    again = pickle.loads(pickle.dumps(eq.replace(params=())))
-    np.testing.assert_array_equal(hd.solve(again, 4.0, rtol=1e-9).y, tight.y)
-
-
 def test_exponents_count_all_derivatives():
     eq = hd.Equation(C(3) + 0.5 * C(2) + C(1), lambda t, y: -0.2 * y, [1.0, 0.0, 0.0])
     result = hd.lyapunov(eq, 200.0, 20_000, k=3)
@@ -184,16 +142,6 @@ def test_exponents_count_all_derivatives():
     real = np.sort(np.roots([1, 0.5, 1, 0.2]).real)[::-1]
     np.testing.assert_allclose(np.sort(result.exponents)[::-1], real, atol=0.01)
     assert result.y.shape == (1,)
-
-
-def test_a_run_resumes_with_its_terms():
-    def rhs(t, y):
-        return -y
-
-    mild = hd.Equation(C(3) + 2.0 * C(1), rhs, [1.0, 0, 0])
-    for how in ({"rtol": 1e-6}, {"n_steps": 100, "scheme": hd.BDF(2)}):
-        state = hd.solve(mild, 1.0, **how).state
-        assert hd.solve(mild, 2.0, resume=state).success
 
 
 def test_equal_terms_add_up():

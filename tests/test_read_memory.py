@@ -111,23 +111,6 @@ def test_explicit_scheme_is_the_sum_written_out():
     np.testing.assert_allclose(sol.y[:, 0], x, rtol=0, atol=1e-12)
 
 
-def test_l1_is_the_sum_written_out():
-    """Orders 0.9 and 0.5, solved here by fixed points."""
-    alpha, gamma, h, n_steps = 0.9, 0.5, 0.01, 200
-    a = np.diff(np.arange(n_steps + 1.0) ** (1 - alpha)) * h**-alpha / math.gamma(2 - alpha)
-    b = np.diff(np.arange(n_steps + 1.0) ** (1 - gamma)) * h**-gamma / math.gamma(2 - gamma)
-    x = np.full(n_steps + 1, 0.5)
-    for n in range(1, n_steps + 1):
-        x[n] = x[n - 1]
-        for _ in range(60):
-            increments = np.diff(x[: n + 1])[::-1]
-            f = (1 - x[n] ** 2) * (b[:n] @ increments) - n * h * x[n]
-            x[n] = x[n - 1] + (f - a[1:n] @ increments[1:]) / a[0]
-    equation = hd.Equation(hd.Caputo(alpha), airy, 0.5, memory=hd.Caputo(gamma))
-    sol = hd.solve(equation, n_steps * h, n_steps, scheme=hd.L1(), history=hd.Direct())
-    np.testing.assert_allclose(sol.y[:, 0], x, rtol=0, atol=1e-12)
-
-
 @pytest.mark.parametrize("gamma", [0.25, 0.6, 1.0])
 def test_collocation_is_the_equation_with_more_components(gamma):
     """D^(1-gamma) w = v for w = D^gamma x and v = x'."""

@@ -117,27 +117,3 @@ def test_order_and_error(problem):
     assert order == pytest.approx(expected, abs=0.15), errors
     assert np.all(np.diff(errors) < 0)
     assert errors[-1] < 4 / 3 * ERRORS[problem.name]
-
-
-@pytest.mark.parametrize(("beta", "gamma"), [(1.8, 0.8), (2.0, 1.0)])
-def test_stick_slip_is_first_order_at_t_1(beta, gamma):
-    equation = hd.scenes.stick_slip(beta=beta, gamma=gamma)
-    steps = [2000, 4000, 8000, 16000]
-    x = [hd.solve(equation, 1.0, n, save_every=n).y[-1, 0] for n in steps]
-    order = observed_order(steps[:-1], np.abs(np.diff(x)))
-    assert order == pytest.approx(1.0, abs=0.15)
-
-
-@pytest.mark.parametrize(("adhesion", "first_exit"), [(50.0, 45.27), (70.0, 60.56)])
-def test_first_exits_of_the_classical_load(adhesion, first_exit):
-    exits = []
-    for n in (50_000, 100_000, 200_000):
-        equation = hd.scenes.stick_slip(beta=2.0, gamma=1.0, adhesion=adhesion)
-        sol = hd.solve(equation, 100.0, n)
-        exits.append(hd.scenes.sticking_intervals(sol)[0][1])
-    assert exits[-1] == pytest.approx(first_exit, abs=0.005)
-    assert abs(exits[2] - exits[1]) < abs(exits[1] - exits[0])
-
-
-def test_declared_order():
-    assert SCHEME.order(0.3) == SCHEME.order(1.9, smoothness="singular") == 1.0

@@ -2,9 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import example, given
-from scipy.special import binom, poch
-from strategies import orders
+from scipy.special import binom
 
 import hereditary as hd
 
@@ -54,24 +52,6 @@ def test_is_the_printed_scheme(terms, history):
     expected = printed_scheme(terms, swinging, 0.2, 0.7, h, n)
     sol = hd.solve(equation, n * h, n, scheme=SCHEME, history=history)
     np.testing.assert_allclose(sol.y[:, 0], expected, rtol=0, atol=2e-10)
-
-
-@given(orders(0.02, 1.98))
-@example(1.0)
-@example(2.0)
-def test_constant_forces_give_the_binomial_solution(alpha):
-    """x_n = h**alpha binom(n-1+alpha, n-1) beside x(0) + t x'(0); `BDF(1)` sees no difference."""
-    n, h = 64, 1 / 16
-    k = np.arange(1, n + 1)
-    y0 = [3.0] if alpha <= 1 else [3.0, -2.0]
-    equation = hd.Equation(hd.Caputo(alpha), lambda t, x: 1.0 + 0.0 * x, y0)
-    expected = 3.0 + h**alpha * poch(k, alpha) / poch(1.0, alpha)
-    if alpha > 1:
-        expected -= 2.0 * h * k
-    for history in HISTORIES:
-        for scheme in (SCHEME, hd.BDF(1)):
-            sol = hd.solve(equation, n * h, n, scheme=scheme, history=history)
-            assert np.abs(sol.y[1:, 0] - expected).max() < 1e-11
 
 
 def test_order_two_is_the_classical_difference_scheme():

@@ -132,22 +132,6 @@ def test_collocation_solves_the_same_system(name):
         assert abs(sol.y[-1, 0] - exact) < rtol
 
 
-def power_law_pair(m, a, factor=0.5):
-    """One term as a memory with a power law, and by Caputo's derivative."""
-    return factor / gamma(1 - a) * hd.Memory(hd.PowerLaw(a), m), factor * hd.Caputo(m - 1 + a)
-
-
-@pytest.mark.parametrize("m", [1, 2])
-@pytest.mark.parametrize("scheme", [hd.ExplicitCaputo(), hd.L1(), hd.Collocation()], ids=str)
-def test_a_power_law_is_caputos_derivative(scheme, m):
-    how = {"rtol": 1e-8} if isinstance(scheme, hd.Collocation) else {"n_steps": 500}
-    runs = [
-        hd.solve(hd.Equation([hd.Caputo(2), term], decay, [1.0, 0.2]), 5.0, scheme=scheme, **how)
-        for term in power_law_pair(m, 0.3)
-    ]
-    np.testing.assert_allclose(runs[0].y[-1], runs[1].y[-1], rtol=0, atol=1e-13)
-
-
 @pytest.mark.parametrize(("leading", "m"), [(1, 1), (2, 2), (1.8, 1), (2, 1)])
 @pytest.mark.parametrize("a", [0.2, 0.8])
 def test_a_hardly_tempered_power_law_is_a_power_law(leading, m, a):

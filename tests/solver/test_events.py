@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from problems import half_order_relaxation
-from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 import hereditary as hd
@@ -80,18 +79,6 @@ def test_a_terminal_event_ends_the_run():
     np.testing.assert_allclose(sol(1.0), np.cos(1.0), atol=1e-11)
     with pytest.raises(ValueError, match="t must lie in"):
         sol(sol.t[-1] + 1e-6)
-
-
-def test_a_terminal_event_in_its_direction_only():
-    sol = hd.solve(SWING, 30.0, events=marked(place, terminal=True, direction=1), **PRECISE)
-    assert sol.t[-1] == pytest.approx(1.5 * np.pi, abs=1e-10)
-
-
-def test_a_terminal_event_that_does_not_come():
-    sol = hd.solve(SWING, 1.0, events=marked(place, terminal=True), **PRECISE)
-    assert sol.status is hd.Status.COMPLETED
-    assert sol.t[-1] == 1.0
-    assert sol.t_events[0].size == 0
 
 
 def test_rows_end_with_a_terminal_event():
@@ -191,47 +178,6 @@ def test_shorter_steps_see_a_fast_event_beside_a_slow_solution():
     assert hd.solve(equation, 100.0, rtol=1e-6, events=fast).t_events[0].size < 159
     sol = hd.solve(equation, 100.0, rtol=1e-6, events=fast, max_step=2.0)
     np.testing.assert_allclose(sol.t_events[0], expected, atol=1e-12)
-
-
-def test_systems_hand_all_components_over():
-    sol = hd.solve(hd.scenes.brusselator(0.8), 20.0, rtol=1e-9, events=lambda t, y: y[0] - y[1])
-    assert sol.t_events[0].size > 2
-    assert sol.y_events[0].shape == (sol.t_events[0].size, 2)
-    np.testing.assert_allclose(sol.y_events[0][:, 0], sol.y_events[0][:, 1], atol=1e-12)
-    np.testing.assert_allclose(sol(sol.t_events[0]), sol.y_events[0], atol=1e-13)
-
-
-def barrier(t, y):
-    """Zero where a load on the chain of wells passes from one well into the next."""
-    return np.sin(0.5 * y[0])
-
-
-def test_sticking_ends_of_the_classical_stick_slip_oscillator():
-    """First exits from a well, against an explicit Runge-Kutta method of order 8."""
-    scene = hd.scenes.stick_slip(beta=2.0, gamma=1.0)
-    dy = np.empty(1)
-
-    def flow(t, z):
-        scene.compiled_rhs(t, z[:1].copy(), dy, scene.params)
-        return [z[1], dy[0] - 0.25 * z[1]]
-
-    tolerances = {"rtol": 1e-13, "atol": 1e-14}
-    known = solve_ivp(flow, (0, 62), [0.2, 0.3], "DOP853", events=barrier, **tolerances)
-    sol = hd.solve(scene, 62.0, events=barrier, rtol=1e-11)
-    assert sol.t_events[0][0] == pytest.approx(45.2716, abs=1e-4)
-    assert sol.t_events[0].size == known.t_events[0].size
-    np.testing.assert_allclose(sol.t_events[0], known.t_events[0], atol=1e-7)
-
-
-def test_an_exit_with_memory_does_not_depend_on_the_tolerance():
-    exits = [
-        hd.solve(hd.scenes.stick_slip(), 100.0, events=marked(barrier, terminal=True), rtol=rtol).t[
-            -1
-        ]
-        for rtol in (1e-6, 1e-10)
-    ]
-    assert exits[0] == pytest.approx(exits[1], abs=1e-4)
-    assert 40 < exits[0] < 100
 
 
 @pytest.mark.parametrize("terminal", [2, np.int64(2)])

@@ -47,37 +47,6 @@ def test_many_components_are_as_many_single_ones(scheme, d):
     assert sol.stats["n_factorised"] <= (4 if d > 10 else 400)
 
 
-def reaction(t, u):
-    return diffusion(t, u) + 50.0 * np.sin(3 * t) * u - 30.0 * u**3
-
-
-@pytest.mark.parametrize("scheme", [hd.BDF(2), hd.L1()], ids=repr)
-def test_nonlinear_systems_are_solved_to_rounding(scheme):
-    """An exact Jacobian and differences, a run at once and in parts, give the same numbers."""
-    d = 30
-    u0 = np.sin(np.pi * np.arange(1, d + 1) / (d + 1))
-
-    def jac(t, u):
-        n = u.size
-        out = np.zeros((n, n))
-        for i in range(n):
-            out[i, i] = -2 * (n + 1.0) ** 2 + 50.0 * np.sin(3 * t) - 90.0 * u[i] ** 2
-            if i > 0:
-                out[i, i - 1] = (n + 1.0) ** 2
-                out[i - 1, i] = (n + 1.0) ** 2
-        return out
-
-    eq = hd.Equation(hd.Caputo(0.8), reaction, u0)
-    sol = hd.solve(eq, 2.0, 200, scheme=scheme)
-    given = hd.solve(hd.Equation(hd.Caputo(0.8), reaction, u0, jac=jac), 2.0, 200, scheme=scheme)
-    assert np.abs(sol.y - given.y).max() < 1e-12
-    assert sol.stats["n_factorised"] < 200
-    half = hd.solve(eq, 1.0, 100, scheme=scheme)
-    assert np.array_equal(hd.solve(eq, 2.0, resume=half.state).y, sol.y[100:])
-    fine = hd.solve(eq, 2.0, rtol=1e-8).y[-1]
-    assert np.abs(sol.y[-1] - fine).max() < 2e-2
-
-
 @pytest.mark.parametrize("scheme", [hd.L1(), hd.BDF(2), hd.ProductTrapezoid()], ids=repr)
 def test_a_jacobian_found_by_differences_is_as_good_as_a_given_one(scheme):
     """Also where stiffness fades on the way, beside a component a thousand times larger."""

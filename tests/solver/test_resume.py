@@ -78,24 +78,6 @@ def test_another_equation_is_refused_unless_that_is_meant(steps, scheme, other, 
         assert sol.y[0] == pytest.approx(0.427584, abs=1e-3)
 
 
-@pytest.mark.parametrize(
-    ("steps", "scheme", "bound"),
-    [({"n_steps": 800}, hd.L1(), 2e-3), ({"rtol": 1e-8}, hd.Collocation(), 1e-7)],
-)
-def test_a_force_switched_on_the_way_keeps_the_memory(steps, scheme, bound):
-    """As one equation whose rate is another one after t = 1."""
-
-    def switched(t, y, p):
-        return -(1.0 if t <= 1 else 5.0) * y
-
-    truth = hd.solve(equation(switched), 2.0, rtol=1e-10, breaks=[1.0]).y[-1, 0]
-    state = hd.solve(equation(), 1.0, scheme=scheme, **steps).state
-    sol = hd.solve(equation(params=[5.0]), 2.0, resume=state, allow_change=True)
-    assert abs(sol.y[-1, 0] / truth - 1) < bound
-    kept = hd.solve(equation(), 2.0, resume=state).y[-1, 0]
-    assert abs(kept / truth - 1) > 1  # the switch is no small thing
-
-
 @pytest.mark.parametrize(("steps", "scheme"), WAYS)
 def test_states_cannot_be_changed(steps, scheme):
     """Arrays of a state are read-only."""
