@@ -7,7 +7,6 @@ from matplotlib.colors import to_rgb
 
 import hereditary as hd
 from hereditary import Table
-from hereditary.plots.tables import COLOURS
 
 
 @pytest.fixture(autouse=True)
@@ -159,14 +158,15 @@ def test_regime_map(tmp_path):
                      regime=regimes, certainty=[[1, 0.5], [1, np.nan], [0.0, 1]])  # fmt: skip
     ax = hd.plots.regime_map(table)
     colours = ax.collections[0].get_array()
-    stuck = np.array(to_rgb(COLOURS["stuck"]))
+    legend = ax.get_legend()
+    names = [text.get_text() for text in legend.get_texts()]
+    assert names == ["stick-slip, periodic", "sliding", "stuck"]
+    stuck = np.array(to_rgb(legend.legend_handles[2].get_facecolor()))
     np.testing.assert_allclose(colours[0, 0], stuck)
     np.testing.assert_allclose(colours[2, 1], stuck)
     assert np.all(colours[2, 0] > colours[2, 1])  # paler where less certain
     np.testing.assert_allclose(colours[1, 1], 1.0)
     assert [line.get_xdata().tolist() for line in crosses(ax)] == [[1.0]]
-    names = [text.get_text() for text in ax.get_legend().get_texts()]
-    assert names == ["stick-slip, periodic", "sliding", "stuck"]
     assert ax.get_ylim() == (0.5, 5.0)
     for suffix in ("pdf", "svg", "png"):
         ax.figure.savefig(tmp_path / f"map.{suffix}")

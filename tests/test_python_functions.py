@@ -18,7 +18,6 @@ from numba import njit
 from scipy.interpolate import CubicSpline
 
 import hereditary as hd
-from hereditary import _python_calls
 
 SCHEMES = (hd.ExplicitCaputo(), hd.L1(), hd.BDF(2), hd.Adams(), hd.Collocation())
 RATES = np.array([[-2, 1], [0, -1]])
@@ -194,24 +193,21 @@ class Reader:
         return self.fun(t, y, memory, params)
 
 
+@pytest.mark.parametrize("places", [(0, 1, 2), (0,), (2,)], ids=str)
 @pytest.mark.parametrize("scheme", SCHEMES, ids=repr)
-def test_memory_is_read_in_python(scheme):
+def test_memory_is_read_in_python(scheme, places):
     def made(*functions):
         rhs, jac, jac_memory = functions
         read = {"memory": hd.Caputo(0.4), "jac": jac, "jac_memory": jac_memory}
         return equation(rhs, params=[0.7], **read)
 
-    theirs = run(made(reads_memory, by_y, by_memory), scheme, 1.0)
-    kinds = [(0, 1, 2), (0,), (2,)]
-    for places in kinds:
-        functions = [reads_memory, by_y, by_memory]
-        for place in places:
-            functions[place] = Reader(functions[place]).read
-        _python_calls._told.clear()
-        with pytest.warns(hd.PythonFunctionWarning):
-            eq = made(*functions)
-        sol = run(eq, scheme, 1.0)
-        np.testing.assert_allclose(sol.y[-1], theirs.y[-1], rtol=1e-12)
+    functions = [reads_memory, by_y, by_memory]
+    theirs = run(made(*functions), scheme, 1.0)
+    for place in places:
+        functions[place] = Reader(functions[place]).read
+    with pytest.warns(hd.PythonFunctionWarning):
+        sol = run(made(*functions), scheme, 1.0)
+    np.testing.assert_allclose(sol.y[-1], theirs.y[-1], rtol=1e-12)
 
 
 def test_restarts_and_tangents_go_through_python():
@@ -423,10 +419,7 @@ def test_equations_pickle():
 def test_a_run_goes_on_in_another_process_state():
     eq = in_python(Model())
     half = run(eq, hd.L1(), 1.0)
-    _python_calls._told.clear()
-    with pytest.warns(hd.PythonFunctionWarning):
-        other = equation(Model())
-    later = hd.solve(other, 2.0, resume=pickle.loads(pickle.dumps(half.state)))
+    later = hd.solve(equation(Model()), 2.0, resume=pickle.loads(pickle.dumps(half.state)))
     whole = hd.solve(eq, 2.0, 300, scheme=hd.L1())
     np.testing.assert_array_equal(later.y[-1], whole.y[-1])
 

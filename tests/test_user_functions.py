@@ -8,8 +8,6 @@ import pytest
 from numba import njit
 
 import hereditary as hd
-from hereditary import _one_function
-from hereditary._digest import digest
 
 TABLE = np.ones(5)
 SCHEMES = (hd.ExplicitCaputo(), hd.L1(), hd.Adams(), hd.Collocation())
@@ -169,7 +167,7 @@ def test_equal_closures_are_compiled_once():
 
 
 def test_many_versions_of_one_function_are_told(monkeypatch):
-    monkeypatch.setattr(_one_function, "_VERSIONS_MAX", 3)
+    monkeypatch.setattr("hereditary._one_function._VERSIONS_MAX", 3)
 
     def version(rate):
         return lambda t, y: rate - y[0]
@@ -198,7 +196,16 @@ def with_helper(t, y, params):
     return helper_with_global(y)
 
 
-@pytest.mark.parametrize("rhs", [with_global, with_helper])
+@njit
+def jitted_with_global(t, y):
+    return -RATE * y
+
+
+def nested_with_global(t, y):
+    return np.array([-RATE * v for v in y])
+
+
+@pytest.mark.parametrize("rhs", [with_global, with_helper, jitted_with_global, nested_with_global])
 def test_a_run_takes_the_present_values_of_globals(rhs, monkeypatch):
     eq = equation(rhs, y0=1.0)
     slow = run(eq).y
@@ -298,11 +305,3 @@ def test_a_function_that_is_known_is_compared_at_every_start():
 
 def grown(t, y, p):
     return 2.0 ** p[0] * 1e-20 * y
-
-
-def test_digests_of_known_functions_are_those_of_new_ones():
-    """States resume by them: what is remembered must be what a new process would work out."""
-    made = [hd.Equation(hd.Caputo(0.5), closure(c), 1.0) for c in (1.0, 2.0, 1.0)]
-    digests = [eq.rhs_digest for eq in made]
-    assert digests[0] == digests[2] != digests[1]
-    assert digests == [digest(eq.rhs) for eq in made]
