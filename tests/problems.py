@@ -15,7 +15,7 @@ relaxation = hd.exact.relaxation
 
 @dataclass(frozen=True)
 class Problem:
-    """An equation, its exact solution and its difficulties.
+    """An equation and its exact solution.
 
     Attributes
     ----------
@@ -25,16 +25,12 @@ class Problem:
     exact : callable
         ``exact(t)``, shape (len(t), d).
     t_end : float
-    tags : frozenset of str
-        smooth or singular (like t**alpha at 0), system, several-terms, incommensurate, classical;
-        what makes it hard: stiff, near-integer, small-order, long-time, nonlinear.
     """
 
     name: str
     equation: Callable[[], hd.Equation]
     exact: Callable[[np.ndarray], np.ndarray]
     t_end: float
-    tags: frozenset[str]
 
 
 def column(values):
@@ -110,14 +106,12 @@ PROBLEMS = [
         lambda: hd.scenes.relaxation(alpha=0.5, rate=1.0, y0=1.0),
         half_order_relaxation,
         5.0,
-        frozenset({"singular"}),
     ),
     Problem(
         "oscillator 1.5 0.5",
         _half_order_equation,
         half_order_oscillator,
         20.0,
-        frozenset({"singular", "several-terms"}),
     ),
     *(
         Problem(
@@ -125,7 +119,6 @@ PROBLEMS = [
             lambda beta=beta, gamma=gamma: _smooth(beta, gamma),
             lambda t: column(1 + 2 * t + t**3),
             1.0,
-            frozenset({"smooth", "several-terms"}),
         )
         for beta, gamma in ((1.2, 0.3), (1.5, 0.5), (1.8, 0.8), (1.95, 0.05), (2.0, 1.0))
     ),
@@ -135,7 +128,6 @@ PROBLEMS = [
             lambda alpha=alpha: _smooth_first(alpha),
             lambda t: column(1 + t**3),
             1.0,
-            frozenset({"smooth"}),
         )
         for alpha in (0.1, 0.3, 0.5, 0.8, 0.95, 1.0)
     ),
@@ -144,14 +136,12 @@ PROBLEMS = [
         _incommensurate,
         lambda t: np.column_stack([t + t**2, 1 + t**2]),
         1.0,
-        frozenset({"smooth", "system", "incommensurate"}),
     ),
     Problem(
         "classical oscillator",
         lambda: hd.scenes.oscillator(beta=2.0, gamma=1.0, friction=0.2, x0=1.0, v0=0.5),
         lambda t: column(np.exp(-0.1 * t) * (np.cos(W * t) + (0.5 + 0.1) / W * np.sin(W * t))),
         10.0,
-        frozenset({"smooth", "several-terms", "classical"}),
     ),
 ]
 W = np.sqrt(1 - 0.01)
@@ -168,17 +158,15 @@ def _near(beta):
         lambda: equation,
         relaxation(beta, 1.0, (1.0, 0.5)),
         5.0,
-        frozenset({"singular", "near-integer"}),
     )
 
 
-def _relaxing(name, alpha, rate, t_end, tag):
+def _relaxing(name, alpha, rate, t_end):
     return Problem(
         name,
         lambda: hd.scenes.relaxation(alpha, rate, 1.0),
         relaxation(alpha, rate, 1.0),
         t_end,
-        frozenset({"singular", tag}),
     )
 
 
@@ -204,12 +192,12 @@ def _two_orders():
 
 # Each needs a scheme chosen for what makes it hard; tests/test_problems.py says which.
 HARD = [
-    _relaxing("stiff 0.8", 0.8, 1e6, 10.0, "stiff"),
-    _relaxing("stiff 0.3", 0.3, 1e4, 10.0, "stiff"),
-    _relaxing("small order 0.02", 0.02, 1.0, 1.0, "small-order"),
-    _relaxing("small order 0.05", 0.05, 1.0, 1.0, "small-order"),
-    _relaxing("long time 0.5", 0.5, 1.0, 1e4, "long-time"),
-    _relaxing("order 0.999", 0.999, 1.0, 5.0, "near-integer"),
+    _relaxing("stiff 0.8", 0.8, 1e6, 10.0),
+    _relaxing("stiff 0.3", 0.3, 1e4, 10.0),
+    _relaxing("small order 0.02", 0.02, 1.0, 1.0),
+    _relaxing("small order 0.05", 0.05, 1.0, 1.0),
+    _relaxing("long time 0.5", 0.5, 1.0, 1e4),
+    _relaxing("order 0.999", 0.999, 1.0, 5.0),
     _near(1.001),
     _near(1.999),
     Problem(
@@ -217,21 +205,14 @@ HARD = [
         _powers,
         lambda t: column(t**8 - 3 * t**4.25 + 2.25 * t**0.5),
         1.0,
-        frozenset({"singular", "nonlinear"}),
     ),
     Problem(
         "two orders",
         _two_orders,
         lambda t: np.column_stack([relaxation(0.9, 1.0, 1.0)(t)[:, 0], 1 + t**1.3]),
         3.0,
-        frozenset({"singular", "system", "incommensurate"}),
     ),
 ]
-
-
-def tagged(*tags):
-    """Problems that carry every one of the tags."""
-    return [problem for problem in PROBLEMS if problem.tags.issuperset(tags)]
 
 
 def smooth_problem(alpha):
@@ -242,7 +223,7 @@ def smooth_problem(alpha):
     def make():
         return hd.Equation(hd.Caputo(alpha), _smooth_rhs, y0, params=(factor, alpha))
 
-    return Problem(f"smooth {alpha}", make, lambda t: column(1 + t**3), 1.0, frozenset({"smooth"}))
+    return Problem(f"smooth {alpha}", make, lambda t: column(1 + t**3), 1.0)
 
 
 def _smooth_rhs(t, y, p):
@@ -256,7 +237,7 @@ def singular_problem(alpha):
     else:
         equation = hd.Equation(hd.Caputo(alpha), _decay, [1.0, 0.5])
         exact = relaxation(alpha, 1.0, (1.0, 0.5))
-    return Problem(f"singular {alpha}", lambda: equation, exact, 2.0, frozenset({"singular"}))
+    return Problem(f"singular {alpha}", lambda: equation, exact, 2.0)
 
 
 def errors(problem, scheme, history, n):

@@ -1,4 +1,4 @@
-"""The tables of what schemes and histories take stand in the pages, and every cell is true."""
+"""The tables of what schemes and histories take stand in the pages, up to the orders they say."""
 
 import importlib.util
 from pathlib import Path
@@ -34,41 +34,15 @@ def equation(*terms, d=1):
     return hd.Equation([hd.Caputo(alpha) for alpha in terms], decay, y0)
 
 
-def tempered():
-    kernel = hd.TemperedPowerLaw(0.8, 1.0)
-    return hd.Equation([hd.Caputo(1.0), hd.Memory(kernel, 1)], decay, 1.0)
-
-
-def varying():
-    return hd.Equation(hd.Caputo(lambda t: 0.6 + 0.1 * t), decay, 1.0)
-
-
-def reading():
-    def read(t, y, memory):
-        return -y - 0.5 * memory[0]
-
-    return hd.Equation(hd.Caputo(0.9), read, 1.0, memory=hd.Caputo(0.4))
-
-
-def taken(problem, scheme, history=None, mesh=None):
-    """Whether a run is made, and right; False where it is refused with a ValueError."""
-    how = {"history": history}
-    if isinstance(scheme, hd.IMEX) and not problem.memory:
+def taken(problem, scheme, mesh=None):
+    """Whether a run is made; False where it is refused with a ValueError."""
+    if isinstance(scheme, hd.IMEX):
         problem = problem.replace(rhs=half_decay, linear=-0.5 * np.eye(problem.d))
-    if mesh is not None:
-        how["mesh"] = mesh
-    elif scheme.adaptive:
-        how["rtol"] = 1e-4
-    else:
-        how["n_steps"] = 200
+    how = {"n_steps": 200} if mesh is None else {"mesh": mesh}
     try:
-        sol = hd.solve(problem, 0.5, scheme=scheme, **how)
+        return hd.solve(problem, 0.5, scheme=scheme, **({} if scheme.adaptive else how)).success
     except ValueError:
         return False
-    assert sol.success
-    expected = hd.solve(problem, 0.5, rtol=1e-6).y[-1]
-    np.testing.assert_allclose(sol.y[-1], expected, rtol=0, atol=5e-3)
-    return True
 
 
 def reached(cell, high, run):
@@ -95,32 +69,13 @@ def is_described(each):
 
 
 @pytest.mark.parametrize("scheme", SCHEMES, ids=repr)
-def test_every_cell_of_a_scheme(scheme):
+def test_orders_end_where_the_cells_say(scheme):
+    """Other abilities are the first law of tests/test_laws_of_runs.py."""
     cells = tables.scheme_cells(scheme)
     low, high = scheme.orders
     assert cells[tables.ORDERS] == f"({low:g}, {high:g}]"
     for order in (low + 0.1, high, min(2.0, high + 0.01)):
         assert taken(equation(order), scheme) == (order <= high), order
     reached(cells[tables.SEVERAL], high, lambda order: taken(equation(order, order / 2), scheme))
-    yes = {"yes": True, "no": False}
-    assert taken(equation(np.array([0.9, 0.4]), d=2), scheme) == yes[cells[tables.DIFFER]]
-    assert taken(tempered(), scheme) == yes[cells[tables.KERNELS]]
-    assert taken(varying(), scheme) == yes[cells[tables.VARYING]]
-    assert taken(reading(), scheme) == yes[cells[tables.READS]]
-    own = cells[tables.MESHES] == "its own"
-    assert own == scheme.adaptive
-    reached(
-        "no" if own else cells[tables.MESHES],
-        high,
-        lambda order: taken(equation(order), scheme, mesh=MESH),
-    )
-
-
-@pytest.mark.parametrize("history", tables.HISTORIES, ids=repr)
-def test_every_cell_of_a_history(history):
-    cells = tables.history_cells(history)
-    yes = {"yes": True, "no": False}
-    assert taken(equation(0.9, 0.4), hd.L1(), history)
-    assert taken(tempered(), hd.L1(), history) == yes[cells[tables.KERNELS]]
-    assert taken(varying(), hd.L1(), history) == yes[cells[tables.VARYING]]
-    assert taken(equation(0.5), hd.L1(), history, MESH) == yes[cells[tables.MESHES]]
+    if not scheme.adaptive:
+        reached(cells[tables.MESHES], high, lambda order: taken(equation(order), scheme, MESH))

@@ -1,7 +1,5 @@
 """The user's frame: equations that begin at other times than 0, and complex ones."""
 
-import math
-
 import mpmath
 import numpy as np
 import pytest
@@ -189,49 +187,6 @@ def test_schroedinger_by_its_eigenstates():
     ]
     assert errors[1] < 2e-4
     assert abs(np.log2(errors[0] / errors[1]) - (1 + alpha)) < 0.15
-
-
-def test_landau_stuart_at_order_1_and_by_sums():
-    mu, shear, alpha, n, t_end = 0.7, 0.4, 0.85, 200, 3.0
-
-    def rhs(t, z):
-        return (mu + 1j) * z - (1 + 1j * shear) * np.abs(z) ** 2 * z
-
-    sol = hd.solve(hd.Equation(hd.Caputo(1.0), rhs, 0.3 + 0j), t_end, rtol=1e-10)
-    square = mu / (1 + (mu / 0.09 - 1) * np.exp(-2 * mu * t_end))
-    # phase: t - shear int |z|**2, the integral of a logistic curve
-    area = 0.5 * np.log(square / 0.09) - mu * t_end
-    exact = np.sqrt(square) * np.exp(1j * (t_end + shear * area))
-    assert abs(sol.y[-1, 0] - exact) < 1e-9
-    # explicit sums in complex NumPy
-    h = t_end / n
-    weights = np.diff(np.arange(n + 1) ** (1 - alpha))
-    y, scale = np.zeros(n + 1, complex), h**alpha * math.gamma(2 - alpha)
-    y[0] = 0.3
-    for k in range(n):
-        past = weights[1 : k + 1][::-1] @ np.diff(y[: k + 1])
-        y[k + 1] = y[k] + scale * rhs(0.0, y[k]) - past
-    sol = hd.solve(hd.Equation(hd.Caputo(alpha), rhs, 0.3 + 0j), t_end, n, history=hd.Direct())
-    np.testing.assert_allclose(sol.y[:, 0], y, rtol=1e-11)
-
-
-def test_many_riccati_equations_of_rough_volatility_at_once():
-    alpha, rate, spread, correlation = 0.62, 0.1, 0.331, -0.681
-
-    def riccati(t, h, u):
-        mixed = 1j * u * correlation * spread - rate
-        return -0.5 * (u * u + 1j * u) + mixed * h + 0.5 * spread**2 * h * h
-
-    u = np.linspace(0.1, 20.0, 200)
-    eq = hd.Equation(hd.Caputo(alpha), riccati, np.zeros(200, complex), u)
-    together = hd.solve(eq, 1.0, 1000, scheme=hd.Adams())
-    assert together.y.shape == (1001, 200)
-    for k in (0, 99, 199):
-        alone = hd.Equation(hd.Caputo(alpha), riccati, 0j, u[k : k + 1])
-        found = hd.solve(alone, 1.0, 1000, scheme=hd.Adams()).y[-1, 0]
-        assert together.y[-1, k] == pytest.approx(found, rel=1e-12)
-        exact = hd.solve(alone, 1.0, rtol=1e-10).y[-1, 0]
-        assert abs(found - exact) < 2e-4 * abs(exact)
 
 
 @pytest.mark.parametrize("start", [0.0, 0.3, 7.0, -50.0, 1000.0])

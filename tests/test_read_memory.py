@@ -58,21 +58,25 @@ def test_moving_a_term_into_memory_changes_rounding_alone(
     np.testing.assert_allclose(b.y, a.y, rtol=0, atol=1e-11 * np.abs(a.y).max())
 
 
-@pytest.mark.parametrize("beta", [0.8, 1.6])
-def test_on_meshes(beta):
-    y0 = [0.5, 0.3] if beta > 1 else 0.5
-    left, read = pair(hd.Caputo(beta), hd.Caputo(0.4), 0.7, y0)
-    for history in (hd.Direct(), hd.SumOfExponentials(1e-12)):
-        how = {"mesh": hd.graded(60, 2.0), "scheme": hd.L1(), "history": history}
-        a, b = (hd.solve(e, 1.0, **how).y for e in (left, read))
-        np.testing.assert_allclose(b, a, rtol=0, atol=1e-13)
+MESH, VARYING = {"mesh": hd.graded(60, 2.0)}, hd.Caputo(lambda t: 1.7 - 0.1 * t)
+TEMPERED = hd.TemperedPowerLaw(0.6, 1.0)
 
 
-@pytest.mark.parametrize("history", [hd.Direct(), hd.SumOfExponentials(1e-12)])
-def test_of_an_order_that_varies(history):
-    leading, lower = hd.Caputo(lambda t: 1.7 - 0.1 * t), hd.Caputo(lambda t: 0.4 + 0.2 * t)
-    left, read = pair(leading, lower, 0.7, [0.5, 0.3])
-    a, b = (hd.solve(e, 1.0, 80, scheme=hd.L1(), history=history).y for e in (left, read))
+@pytest.mark.parametrize("history", HISTORIES[::2], ids=repr)
+@pytest.mark.parametrize(
+    ("leading", "lower", "steps"),
+    [
+        (hd.Caputo(0.8), hd.Caputo(0.4), MESH),
+        (hd.Caputo(1.6), hd.Caputo(0.4), MESH),
+        (VARYING, hd.Caputo(lambda t: 0.4 + 0.2 * t), {"n_steps": 80}),
+        (hd.Caputo(1.6), hd.Memory(TEMPERED, 0), {"n_steps": 80}),
+        (hd.Caputo(1.6), hd.Memory(TEMPERED, 1), {"n_steps": 80}),
+    ],
+)
+def test_on_meshes_with_orders_that_vary_and_with_kernels(leading, lower, steps, history):
+    y0 = 0.5 if leading == hd.Caputo(0.8) else [0.5, 0.3]
+    how = {"scheme": hd.L1(), "history": history} | steps
+    a, b = (hd.solve(e, 1.0, **how).y for e in pair(leading, lower, 0.7, y0))
     np.testing.assert_allclose(b, a, rtol=0, atol=1e-13)
 
 
@@ -86,14 +90,6 @@ def test_a_function_that_is_constant_is_the_constant_order(scheme, history, beta
         equation = hd.Equation(hd.Caputo(beta), airy, y0, memory=lower)
         runs.append(hd.solve(equation, 1.5, 150, scheme=scheme, history=history).y)
     np.testing.assert_allclose(runs[1], runs[0], rtol=0, atol=1e-10 * np.abs(runs[0]).max())
-
-
-@pytest.mark.parametrize("derivative", [0, 1])
-def test_with_a_kernel_of_its_own(derivative):
-    lower = hd.Memory(hd.TemperedPowerLaw(0.6, 1.0), derivative)
-    left, read = pair(hd.Caputo(1.6), lower, 0.7, [0.5, 0.3])
-    a, b = (hd.solve(e, 1.0, 80, scheme=hd.L1()).y for e in (left, read))
-    np.testing.assert_allclose(b, a, rtol=0, atol=1e-13)
 
 
 def test_explicit_scheme_is_the_sum_written_out():

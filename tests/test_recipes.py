@@ -94,29 +94,3 @@ def test_a_given_past_is_a_force():
     assert abs(sums[1] - y) < 2e-3
     assert abs(2 * sums[1] - sums[0] - y) < 2e-4
     assert with_past(1.0, 0.0) == pytest.approx(compiled(1.0, 0.0))
-
-
-def mittag_leffler(alpha, z):
-    with mpmath.workdps(40):
-        terms = (mpmath.mpf(z) ** k * mpmath.rgamma(alpha * k + 1) for k in range(150))
-        return float(mpmath.fsum(terms))
-
-
-def test_bounded_kernels_of_other_derivatives():
-    """D y = -y from 1: y jumps to 1 / (2 - alpha) and decays from there."""
-    alpha, t_end = 0.7, 2.0
-    rate = alpha / (1 - alpha)
-    fabrizio = hd.Memory(hd.Prony([rate], [1.0]), 1) / (1 - alpha)
-    baleanu = hd.Memory(hd.MittagLeffler(alpha, rate ** (1 / alpha)), 1) / (1 - alpha)
-    slower = alpha / (2 - alpha)
-    exact = {fabrizio: np.exp(-slower * t_end), baleanu: None}
-    exact[baleanu] = mittag_leffler(alpha, -slower * t_end**alpha)
-    for operator, decayed in exact.items():
-        sol = hd.solve(hd.Equation(operator, lambda t, y: -y, 1.0), t_end, rtol=1e-8)
-        assert abs(sol.y[-1, 0] - decayed / (2 - alpha)) < 1e-7
-
-
-def test_hadamards_derivative_is_caputos_in_the_logarithm():
-    """D^alpha y = -y from t = 1: E_alpha(-(log t)**alpha)."""
-    sol = hd.solve(hd.Equation(hd.Caputo(0.7), lambda t, y: -y, 1.0), np.log(3.0), rtol=1e-9)
-    assert abs(sol.y[-1, 0] - mittag_leffler(0.7, -(np.log(3.0) ** 0.7))) < 1e-9

@@ -1,9 +1,12 @@
-"""Nodes of collocation and exact integrals of their polynomials, against closed forms."""
+"""Nodes, integrals of polynomials, lengths of steps and moments of modes, against closed forms."""
+
+import math
+from fractions import Fraction
 
 import mpmath
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from numpy.polynomial import legendre as leg
@@ -15,6 +18,7 @@ from hereditary.collocation.quadrature import (
     radau_nodes,
     to_legendre,
 )
+from hereditary.compiled.mode_tables import exponential_legendre, floor_to_grid
 
 NUMBERS = (2, 3, 4, 6, 8, 12)
 ORDERS = (1e-6, 0.02, 0.5, 0.999999, 1.0)
@@ -138,3 +142,101 @@ def test_interpolation_is_exact_below_the_number_of_nodes_alone(s, data):
     np.testing.assert_allclose(found, coefficients, rtol=0, atol=1e-13 * scale)
     next_one = np.eye(s + 1)[s]  # P_s, which equals P_(s-1) at the nodes
     assert (to_legendre(s) @ leg.legval(2 * radau_nodes(s) - 1, next_one))[-1] == pytest.approx(1)
+
+
+# Lengths of steps
+
+# Between neighbours of the grid lies a factor of 2**(1/8); its lengths are rounded up to 13 digits.
+FACTOR, ROUNDED = 2 ** (1 / 8), 1 + 2.0**-12
+
+
+@given(st.floats(1e-290, 1e300))
+@example(1.0)
+@example(np.nextafter(1.0, 0.0))
+@example(2.0 ** (1 / 8))
+@example(1e-290)
+def test_the_next_smaller_length_of_the_grid(h):
+    found = floor_to_grid(h)
+    assert h / FACTOR / (1 + 1e-12) < found <= h * ROUNDED
+    assert floor_to_grid(found) == found
+    mantissa, _ = math.frexp(found)
+    assert mantissa * 2**13 == int(mantissa * 2**13)
+
+
+def test_an_octave_holds_eight_lengths():
+    found = {floor_to_grid(h) for h in np.linspace(1.0, 1.9999, 2000)}
+    assert len(found) == 8
+    ratios = np.array(sorted(found)) / FACTOR ** np.arange(8)
+    assert np.all((ratios >= 1 - 1e-15) & (ratios <= ROUNDED))
+
+
+@given(st.floats(1e-200, 1e200), st.integers(1, 10**6))
+def test_many_equal_steps_end_where_one_long_one_does(h, n):
+    h = floor_to_grid(h)
+    assert np.cumsum(np.full(min(n, 5000), h))[-1] == min(n, 5000) * h
+    assert Fraction(n * h) == n * Fraction(h)
+
+
+@given(st.lists(st.floats(1e-6, 1.0), min_size=1, max_size=300))
+def test_times_are_exact_sums_of_steps(lengths):
+    t, exact = 0.0, Fraction(0)
+    for h in map(floor_to_grid, lengths):
+        t, exact = t + h, exact + Fraction(h)
+    assert Fraction(t) == exact
+
+
+# Moments
+
+# Around the changes of method, z = 4 n and the smallest arguments, and everywhere else.
+ARGUMENTS = [0.0, 5e-324, 1e-300, 1e-20, 1e-8, 1e-3, 0.1, 1.0, 5.0, 15.9, 16.1, 20.0, 25.0, 31.9]
+ARGUMENTS += [32.1, 34.0, 47.9, 48.1, 50.0, 100.0, 745.0, 1e3, 1e4, 1e6, 1e12]
+
+
+def legendre_moments(z, n=12):
+    out = np.full(n, np.nan)
+    exponential_legendre(z, n, out)
+    return out
+
+
+def exact_moments(z, n=12):
+    """``exp(-x) i_k(x)``, x = z/2, with modified spherical Bessel functions in 60 digits."""
+    if z == 0:
+        return np.eye(n)[0]
+    with mpmath.workdps(60):
+        x = mpmath.mpf(z) / 2
+        factor = mpmath.sqrt(mpmath.pi / (2 * x)) * mpmath.exp(-x)
+        half = mpmath.mpf(1) / 2
+        return np.array([float(factor * mpmath.besseli(k + half, x)) for k in range(n)])
+
+
+@pytest.mark.parametrize("n", [2, 4, 6, 8, 12])
+@pytest.mark.parametrize("z", ARGUMENTS)
+def test_moments_of_legendre_polynomials(z, n):
+    """The high ones are tiny for small z, and no digit of them is lost; some are of the twelfth."""
+    rtol = 5e-15 if n <= 8 else 5e-14
+    np.testing.assert_allclose(legendre_moments(z, n), exact_moments(z, n), rtol=rtol, atol=1e-300)
+
+
+@given(st.floats(0, 1e4))
+def test_moments_of_any_argument(z):
+    np.testing.assert_allclose(legendre_moments(z, 8), exact_moments(z, 8), rtol=5e-15, atol=1e-300)
+
+
+@given(st.floats(0, 1e6), st.integers(1, 12))
+def test_moments_are_those_of_exponentials(z, n):
+    """For any z, against Gauss' rule where the exponential is not steep; fewer are the same."""
+    found = legendre_moments(z)
+    np.testing.assert_allclose(legendre_moments(z, n), found[:n], rtol=5e-14)
+    assert np.all((found >= 0) & (found <= found[0]))
+    if z < 50:
+        x, weights = np.polynomial.legendre.leggauss(60)
+        values = np.polynomial.legendre.legvander(x, 11)
+        expected = 0.5 * (weights * np.exp(-z * (1 - x) / 2)) @ values
+        np.testing.assert_allclose(found, expected, rtol=1e-11, atol=1e-14)
+
+
+@pytest.mark.parametrize("z", [1e-9, 0.3, 30.0, 1e5])
+def test_moments_obey_the_recurrence_of_bessel_functions(z):
+    """``i_(k-1)(x) - i_(k+1)(x) = (2 k + 1) / x i_k(x)``."""
+    m, x, k = legendre_moments(z), z / 2, np.arange(1, 11)
+    np.testing.assert_allclose(m[:-2] - m[2:], (2 * k + 1) / x * m[1:-1], rtol=1e-12, atol=1e-15)
