@@ -258,7 +258,7 @@ class Case:
         if self.steps == "tolerance":
             return {"scheme": self.scheme, "rtol": RTOL}
         if self.steps == "uniform":
-            return how | {"n_steps": n} | ({} if _estimates(self.scheme) else {"estimate": False})
+            return how | {"n_steps": n} | ({"estimate": False} if estimated(self.scheme) else {})
         mesh = start + time * t_end * np.linspace(0, 1, n + 1) ** 2
         return how | {"mesh": mesh}
 
@@ -270,7 +270,7 @@ class Case:
 
     def again(self):
         """Return keyword arguments with which a run goes on: the state knows the others."""
-        return {} if _estimates(self.scheme) else {"estimate": False}
+        return {"estimate": False} if estimated(self.scheme) else {}
 
     def moved(self, c, by):
         """Return the equation with y(0) of a component moved."""
@@ -285,8 +285,9 @@ class Case:
         return self.solve()
 
 
-def _estimates(scheme):
-    return not isinstance(scheme, hd.ExplicitCaputo | hd.GrunwaldLetnikov)
+def estimated(scheme):
+    """Return whether runs of given steps estimate their error, unless they are told not to."""
+    return isinstance(scheme, hd.ExplicitCaputo | hd.GrunwaldLetnikov)
 
 
 def _every():

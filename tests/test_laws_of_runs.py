@@ -16,6 +16,7 @@ from cases import (
     backward,
     beside_another,
     chosen,
+    estimated,
     spiral,
 )
 
@@ -147,6 +148,20 @@ def test_rows_are_what_the_dense_output_gives(case):
     kept = sorted({*range(0, sol.t.size - 1, 7), sol.t.size - 1})
     assert np.array_equal(some.t, sol.t[kept])
     assert_close(some.y, sol.y[kept], case, 1e-13)
+
+
+# Steps from which on estimates of explicit runs count: the first ones err by more.
+SETTLED = 40
+
+
+@over([case for case in ONCE if not case.given or estimated(case.scheme)])
+def test_error_estimates_do_not_understate(case):
+    equation, how = case.equation(), case.how(n=1000)
+    how.pop("estimate", None)
+    sol = hd.solve(equation, T_END, **how)
+    truth = hd.solve(equation, T_END, scheme=hd.Collocation(), rtol=1e-11)
+    off = np.abs(sol.y - truth(sol.t))[SETTLED if case.given else 0 :]
+    assert off.max() / np.abs(sol.y).max() <= 2 * sol.stats["error_estimate"] + 1e-14
 
 
 @over(ONCE)

@@ -34,7 +34,7 @@ class L1(Scheme):
     O(h**(2-alpha)) for smooth solutions; O(h) at a fixed time for solutions like t**alpha on
     uniform steps, O(n**-min(r alpha, 2-alpha)) at all times on the mesh ``graded(n, r)``.
     O(h**(3-beta)) for orders above 1, O(n**-(3-beta)) at all times on ``graded(n, 3)``
-    (convergence/orders.py, convergence/graded_meshes.py, tests/test_meshes.py). Where
+    (convergence/orders.py, convergence/graded_meshes.py, tests/schemes/test_schemes.py). Where
     orders vary, their largest value counts (convergence/varying_orders.py).
 
     Stability
