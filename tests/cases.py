@@ -192,6 +192,8 @@ SCHEMES = [
     hd.Adams(corrections=2), hd.ProductTrapezoid(), hd.IMEX(hd.L1()), hd.IMEX(hd.BDF(2)),
     hd.Collocation(),
 ]  # fmt: skip
+# Those of given steps that take any right-hand side.
+GIVEN = [s for s in SCHEMES if not (s.adaptive or isinstance(s, hd.IMEX))]
 HISTORIES = [hd.Direct(), hd.FFT(), hd.SumOfExponentials(TOL)]
 
 

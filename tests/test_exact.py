@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from problems import half_order_oscillator, half_order_relaxation
+from problems import half_order_oscillator
 from scipy.linalg import expm
 from strategies import amplitudes, orders
 
@@ -132,14 +132,6 @@ def test_late_times(beta, gamma, friction, stiffness, t):
         assert solution(t)[0] == pytest.approx(expected, rel=1e-11)
 
 
-def test_half_orders():
-    solution = exact.several_terms([1.5, 0.5], [1.0, 0.5], [1.0, 0.0], rate=1.0)
-    np.testing.assert_allclose(solution(T), half_order_oscillator(T), atol=1e-14)
-    solution = exact.oscillator(1.5, 0.5, 0.5, 1.0, 1.0, 0.0)
-    np.testing.assert_allclose(solution(T), half_order_oscillator(T), atol=1e-14)
-    np.testing.assert_allclose(exact.relaxation()(T), half_order_relaxation(T), atol=1e-14)
-
-
 @pytest.mark.parametrize("friction", [0.0, 1e-4, 0.2, 1.9, 2.0, 2.1, 50.0, -0.1])
 def test_classical_oscillator(friction):
     t = np.linspace(0.0, 100.0, 50)
@@ -199,16 +191,6 @@ def test_relaxation_against_talbot(alpha, rate):
             assert abs(one(t)[0] - expected) < 1e-12 * max(1.0, abs(expected))
             expected = exact.several_terms([alpha], [1.0], y0, rate=rate)(t)[0]
             assert abs(relaxation(t)[0] - expected) < 1e-12 * max(1.0, abs(expected))
-
-
-def test_classical_relaxation():
-    t = np.linspace(0.0, 20.0, 30)
-    expected = 3 * np.exp(-0.7 * t)
-    np.testing.assert_allclose(exact.relaxation(1.0, 0.7, 3.0)(t)[:, 0], expected, rtol=1e-13)
-    wave = exact.relaxation(2.0, 4.0, [1.0, 0.5])(t)[:, 0]
-    np.testing.assert_allclose(wave, np.cos(2 * t) + 0.25 * np.sin(2 * t), atol=1e-13)
-    fall = exact.system(2.0, [[0.0]], [[1.0], [2.0]], 3.0)(t)[:, 0]
-    np.testing.assert_allclose(fall, 1 + 2 * t + 1.5 * t**2, rtol=1e-14)
 
 
 @pytest.mark.parametrize("alpha", [0.4, 0.9, 1.0, 1.6, 2.0])

@@ -248,12 +248,6 @@ def test_a_second_run_that_fails_leaves_the_verdict_open():
     assert finer.verified
 
 
-def test_hereditary_stick_slip_has_no_positive_exponent_on_the_published_horizon():
-    for beta, gamma_ in ((1.8, 0.8), (1.6, 0.8), (1.4, 0.8), (1.2, 0.8), (1.1, 0.21), (1.1, 1.0)):
-        result = alone(hd.scenes.stick_slip(beta=beta, gamma=gamma_), 100.0, 8000)
-        assert result.exponents[0] < 0
-
-
 def test_pair_equals_tangent():
     for scheme, scene in CASES:
         arguments = (scene(), 20.0, 2000, 2)
@@ -284,12 +278,6 @@ def test_orders_tending_to_one_tend_to_the_classical_exponents():
                 for a in (1 - 1e-6, 1.0)
             )
             assert 0 < np.abs(near - at).max() < 1e-4
-
-
-def test_leading_exponents_do_not_depend_on_k():
-    for scheme, scene in CASES[:4]:
-        one, two = (alone(scene(), 20.0, 2000, k, scheme=scheme) for k in (1, 2))
-        assert one.exponents[0] == pytest.approx(two.exponents[0], abs=1e-9)
 
 
 def test_seed_and_directions():

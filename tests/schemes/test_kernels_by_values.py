@@ -110,19 +110,6 @@ def test_a_tempered_power_law_by_values_keeps_the_tolerance(rtol):
     assert sol.stats["kernel_error"] < rtol
 
 
-SIGNED = (np.array([1.0, 3.0]), np.array([1.0, -0.9]))
-
-
-@pytest.mark.parametrize("way", ["default", "rtol"])
-def test_signed_kernels(way):
-    rates, weights = SIGNED
-    function = hd.Kernel(lambda t: np.exp(np.multiply.outer(-t, rates)) @ weights, signed=True)
-    exact = hd.ExponentialSum(rates, weights, 0.0, np.inf, 0.0)
-    sols = [solved(kernel, **WAYS[way]) for kernel in (function, exact)]
-    assert all(sol.success for sol in sols)
-    assert abs(sols[0].y[-1, 0] - sols[1].y[-1, 0]) < (1e-8 if way == "default" else 1e-5)
-
-
 def rippled(t):
     """A kernel that no sum of decays follows: its slope turns, by 1e-7 of itself."""
     return np.exp(-np.sqrt(t)) * (1 + 1e-7 * np.sin(20 * np.sqrt(t)))

@@ -4,25 +4,12 @@ import warnings
 
 import numpy as np
 import pytest
+from cases import GIVEN
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import hereditary as hd
 from hereditary.solver.status import Status
-
-SCHEMES = [
-    hd.ExplicitCaputo(),
-    hd.GrunwaldLetnikov(),
-    hd.L1(),
-    hd.L12(),
-    hd.L2(),
-    hd.L2Sigma(),
-    hd.BDF(1),
-    hd.BDF(2),
-    hd.BDF(3),
-    hd.Adams(),
-    hd.ProductTrapezoid(),
-]
 
 
 def decay(t, y, p):
@@ -57,7 +44,7 @@ def assert_equal(found, m, sol):
     st.lists(st.floats(0.01, 3.0), min_size=1, max_size=5),
     st.integers(1, 70),
     st.integers(1, 80),
-    st.sampled_from(SCHEMES),
+    st.sampled_from(GIVEN),
 )
 def test_any_members_are_the_runs_by_themselves(rates, n_steps, save_every, scheme):
     equation = hd.Equation(hd.Caputo(0.6), decay, 1.0, [1.0])

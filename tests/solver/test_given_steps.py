@@ -4,20 +4,10 @@ import pickle
 
 import numpy as np
 import pytest
+from cases import GIVEN
 
 import hereditary as hd
 
-SCHEMES = [
-    hd.ExplicitCaputo(),
-    hd.GrunwaldLetnikov(),
-    hd.L1(),
-    hd.L12(),
-    hd.L2(),
-    hd.L2Sigma(),
-    hd.BDF(3),
-    hd.Adams(),
-    hd.ProductTrapezoid(),
-]
 HISTORIES = [hd.SumOfExponentials(), hd.FFT(), hd.Direct()]
 
 
@@ -33,7 +23,7 @@ def oscillator():
 
 
 @pytest.mark.parametrize("history", HISTORIES, ids=repr)
-@pytest.mark.parametrize("scheme", SCHEMES, ids=repr)
+@pytest.mark.parametrize("scheme", GIVEN, ids=repr)
 def test_a_terminal_event_ends_the_run_and_it_goes_on_from_there(scheme, history):
     """The state is that of the first step that is not before the event, bit for bit."""
     equation = hd.scenes.relaxation(0.6)
@@ -85,7 +75,7 @@ def switched(on_from):
     return hd.Equation(hd.Caputo(0.6), at if on_from == "at" else after, 0.5)
 
 
-@pytest.mark.parametrize("scheme", SCHEMES, ids=repr)
+@pytest.mark.parametrize("scheme", GIVEN, ids=repr)
 def test_steps_see_a_jump_from_their_own_side(scheme):
     """So that the value at the jump itself plays no part."""
     at, after = (

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from cases import GIVEN
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
@@ -11,20 +12,6 @@ from hereditary.meshes import UniformSteps
 from hereditary.solver.stepper import Stepper
 from hereditary.system import displaced
 
-SCHEMES = [
-    hd.ExplicitCaputo(),
-    hd.GrunwaldLetnikov(),
-    hd.L1(),
-    hd.L12(),
-    hd.L2(),
-    hd.L2Sigma(),
-    hd.BDF(1),
-    hd.BDF(2),
-    hd.BDF(3),
-    hd.Adams(),
-    hd.Adams(corrections=2),
-    hd.ProductTrapezoid(),
-]
 HISTORIES = [hd.Direct(), hd.FFT(), hd.SumOfExponentials(1e-12)]
 H = 0.01
 
@@ -57,7 +44,7 @@ def takes(scheme, name):
     return True
 
 
-PAIRS = [(scheme, name) for scheme in SCHEMES for name in EQUATIONS if takes(scheme, name)]
+PAIRS = [(scheme, name) for scheme in GIVEN for name in EQUATIONS if takes(scheme, name)]
 
 
 def open_stepper(equation, scheme, history, n_tangents=None, seed=0, n_steps=2500):
