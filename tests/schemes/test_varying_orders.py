@@ -8,7 +8,6 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from problems import observed_order
 from scipy.special import rgamma
-from varying import alpha, beta, decay, swing
 
 import hereditary as hd
 
@@ -16,19 +15,24 @@ SCHEMES = [hd.ExplicitCaputo(), hd.L1()]
 HISTORIES = [hd.Direct(), hd.SumOfExponentials(1e-12)]
 
 
-EQUATIONS = {
-    "below one": lambda: hd.Equation(hd.Caputo(alpha), decay, 1.0),
-    "above one": lambda: hd.Equation(hd.Caputo(beta), decay, [0.2, 0.3]),
-    "both": lambda: hd.Equation([hd.Caputo(beta), 0.5 * hd.Caputo(alpha)], decay, [0.2, 0.3]),
-    "one constant": lambda: hd.Equation(
-        [hd.Caputo(1.6), 0.5 * hd.Caputo(alpha)], decay, [0.2, 0.3]
-    ),
-    "system": lambda: hd.Equation(
-        [np.array([1.0, 0.0]) * hd.Caputo(beta), np.array([0.3, 2.0]) * hd.Caputo(alpha)],
-        swing,
-        [[1.0, 0.5], [0.3, 0.0]],
-    ),
-}
+def alpha(t):
+    return 0.5 + 0.3 * np.sin(t)
+
+
+def beta(t):
+    return 1.5 + 0.3 * np.cos(t)
+
+
+def decay(t, y):
+    return np.cos(t) - y
+
+
+def below():
+    return hd.Equation(hd.Caputo(alpha), decay, 1.0)
+
+
+def both():
+    return hd.Equation([hd.Caputo(beta), 0.5 * hd.Caputo(alpha)], decay, [0.2, 0.3])
 
 
 @settings(max_examples=15)
@@ -81,7 +85,7 @@ def by_definition(n, h):
 
 def test_is_the_definition_with_the_order_at_the_present_time():
     n, t_end = 200, 4.0
-    sol = hd.solve(EQUATIONS["both"](), t_end, n, history=hd.Direct())
+    sol = hd.solve(both(), t_end, n, history=hd.Direct())
     np.testing.assert_allclose(sol.y[:, 0], by_definition(n, t_end / n), rtol=0, atol=1e-11)
 
 
@@ -130,14 +134,14 @@ def test_orders(scheme, name):
 
 
 def test_memory_does_not_grow():
-    runs = [hd.solve(EQUATIONS["both"](), 10.0, n, save_every=n) for n in (1000, 30_000)]
+    runs = [hd.solve(both(), 10.0, n, save_every=n) for n in (1000, 30_000)]
     assert runs[0].stats["history_bytes"] == runs[1].stats["history_bytes"]
     assert runs[0].stats["n_modes"] == runs[1].stats["n_modes"] == 76
 
 
 @pytest.mark.parametrize("scheme", SCHEMES, ids=str)
 def test_resumes_bit_for_bit_where_the_weights_of_a_stretch_end(scheme):
-    equation = EQUATIONS["both"]()
+    equation = both()
     whole = hd.solve(equation, 20_000 / 1024, 20_000, scheme=scheme, save_every=20_000)
     for n in (16_383, 16_384, 16_385, 12_345):
         state = hd.solve(equation, n / 1024, n, scheme=scheme, save_every=n).state
@@ -146,7 +150,7 @@ def test_resumes_bit_for_bit_where_the_weights_of_a_stretch_end(scheme):
 
 
 def test_orders_of_equal_values_are_equal():
-    state = hd.solve(EQUATIONS["below one"](), 1.0, 100).state
+    state = hd.solve(below(), 1.0, 100).state
     twin = hd.Equation(hd.Caputo(lambda t: 0.5 + 0.3 * np.sin(t)), decay, 1.0)
     assert hd.solve(twin, 2.0, resume=state).success
 
@@ -157,7 +161,7 @@ def test_functions_that_take_one_time_at_a_time():
         lambda t: 0.5 + 0.3 * np.sin(t) if t < 100 else 0.5,
         np.vectorize(lambda t: 0.5 + 0.3 * math.sin(t)),
     ]
-    expected = hd.solve(EQUATIONS["below one"](), 3.0, 300).y
+    expected = hd.solve(below(), 3.0, 300).y
     for function in functions:
         sol = hd.solve(hd.Equation(hd.Caputo(function), decay, 1.0), 3.0, 300)
         assert np.abs(sol.y - expected).max() < 1e-14

@@ -133,29 +133,37 @@ def test_beside_an_integer_derivative(integer):
     assert error(sol, solution, 1e-9) <= 1
 
 
-@pytest.mark.parametrize(("order", "m"), [(0.5, 0), (0.5, 1), (1.6, 0), (1.6, 1), (1.6, 2)])
-def test_beside_a_memory(order, m):
-    y0 = [1.0, 0.5][: math.ceil(order)]
-    runs = [
-        hd.solve(hd.Equation([term, 0.5 * hd.Memory(PRONY, m)], decay, y0), 5.0, rtol=1e-10)
-        for term in (always(order), hd.Caputo(order))
-    ]
-    t = np.linspace(0, 5, 101)
-    assert np.abs(runs[0](t) - runs[1](t)).max() < 1e-10
+def coupled(t, y):
+    return np.array([y[1] - y[0], -y[0] - 0.5 * y[1]])
 
 
-def test_one_component_of_two():
-    """Each component has its own terms; they are coupled by the right-hand side alone."""
+def stepped(t, y):
+    return -y + (1.0 if t < 2.5 else 3.0)
 
-    def coupled(t, y):
-        return np.array([y[1] - y[0], -y[0] - 0.5 * y[1]])
 
-    def run(first):
-        terms = [[1.0, 0.0] * first, [0.0, 1.0] * hd.Caputo(0.8)]
-        return hd.solve(hd.Equation(terms, coupled, [1.0, 0.0]), 5.0, rtol=1e-10)
+@pytest.mark.parametrize("order", [0.3, 0.5, 1.2, 1.6])
+@pytest.mark.parametrize("beside", [0, 1, 2, "a component", "a jump"])
+def test_a_constant_function_is_the_constant_order_beside(beside, order):
+    """A memory of y, y' or y'', another component, or a jump of the right-hand side."""
+    y0, rhs, breaks = [1.0, 0.5][: math.ceil(order)], decay, ()
+    if beside == "a component":
+        y0, rhs = np.outer(y0, [1.0, 0.0]), coupled
+        y0 = y0 if order > 1 else y0[0]
+    elif beside == "a jump":
+        rhs, breaks = stepped, (2.5,)
 
-    t = np.linspace(0, 5, 101)
-    assert np.abs(run(always(0.5))(t) - run(hd.Caputo(0.5))(t)).max() < 1e-10
+    def run(term):
+        terms = [term]
+        if beside == "a component":
+            terms = [[1.0, 0.0] * term, [0.0, 1.0] * hd.Caputo(0.8)]
+        elif beside != "a jump":
+            terms += [0.5 * hd.Memory(PRONY, beside)]
+        return hd.solve(hd.Equation(terms, rhs, y0), 5.0, rtol=1e-9, breaks=breaks)
+
+    if beside == 2 and order < 1:
+        return
+    t = np.concatenate([np.linspace(0, 2.5, 51), 2.5 + np.geomspace(1e-3, 2.5, 50)])
+    assert np.abs(run(always(order))(t) - run(hd.Caputo(order))(t)).max() < 1e-9
 
 
 def test_an_order_that_reaches_an_integer_and_stays():
@@ -166,24 +174,6 @@ def test_an_order_that_reaches_an_integer_and_stays():
     assert sol.success
     assert abs(sol.y[-1, 0] - (2 * march[1] - march[0])) < 1e-6
     assert sol(5.0, 1)[0] == pytest.approx(-sol.y[-1, 0], rel=1e-7)
-
-
-@pytest.mark.parametrize("order", [0.3, 0.5, 1.2, 1.5])
-def test_a_jump_of_the_right_hand_side(order):
-    """Steps out of it are shorter than its time can tell."""
-
-    def stepped(t, y):
-        return -y + (1.0 if t < 5.0 else 3.0)
-
-    y0 = [1.0, 0.0][: math.ceil(order)]
-    runs = [
-        hd.solve(hd.Equation(term, stepped, y0), 8.0, rtol=1e-8, breaks=[5.0])
-        for term in (always(order), hd.Caputo(order))
-    ]
-    t = np.concatenate([np.linspace(0, 5, 51), 5 + np.geomspace(1e-3, 3, 50)])
-    assert runs[0].success
-    assert np.all(np.diff(runs[0].t) > 0)
-    assert np.abs(runs[0](t) - runs[1](t)).max() < 1e-8
 
 
 def test_what_has_become_small_is_as_right_as_what_was_large_with_an_absolute_tolerance():
