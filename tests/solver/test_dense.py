@@ -175,23 +175,3 @@ def test_runs_that_keep_rows_alone_have_no_dense_output():
         assert sol.dense is None
         with pytest.raises(ValueError, match="t must be answered by rows"):
             sol(1.0)
-
-
-def test_times_end_exactly():
-    for t_end in (0.1, 0.7, 123.456, 1e-9, 1e9):
-        sol = hd.solve(hd.scenes.relaxation(0.5), t_end, rtol=1e-6)
-        assert sol.t[-1] == t_end
-        assert np.all(np.diff(sol.t) > 0)
-        np.testing.assert_allclose(sol(t_end), half_order_relaxation([t_end])[0], rtol=1e-6)
-
-
-def grows(t, y):
-    return y**2
-
-
-def test_after_a_blow_up_it_covers_what_was_computed():
-    with pytest.warns(hd.SolveWarning, match="stopped being finite"):
-        sol = hd.solve(hd.Equation(hd.Caputo(1.0), grows, 1.0), 2.0, rtol=1e-8)
-    t = np.linspace(0, 0.9, 50)
-    np.testing.assert_allclose(sol(t)[:, 0], 1 / (1 - t), rtol=1e-6)
-    np.testing.assert_allclose(sol(sol.t[-1]), sol.y[-1], rtol=1e-14)

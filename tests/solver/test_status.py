@@ -43,6 +43,62 @@ def test_a_run_that_ends_early_warns_and_is_false(how):
 
 
 @pytest.mark.parametrize("how", WAYS)
+def test_a_run_ends_exactly_where_it_was_asked_to(how):
+    for t_end in (0.1, 0.7, 123.456, 1e-9, 1e9):
+        equation = hd.scenes.relaxation(0.5, t_end**-0.5)
+        sol = hd.solve(equation, t_end, **how)
+        assert sol.t[-1] == t_end
+        assert np.all(np.diff(sol.t) > 0)
+        rounded = sol.t[:-1] * (1 + 2e-16)
+        assert hd.solve(equation, t_end, **how, t_eval=rounded).t.size == rounded.size
+
+
+@pytest.mark.parametrize(
+    ("how", "off", "relative"),
+    [({"n_steps": 2000}, 0.05, 0.1), ({"rtol": 1e-6}, 1e-5, 1e-2), ({"rtol": 1e-10}, 1e-9, 1e-6)],
+)
+def test_blow_up_is_told_where_it_happens(how, off, relative):
+    """y = 1 / (1 - t); what was computed is kept, and the dense output covers it."""
+    with pytest.warns(hd.SolveWarning, match="stopped being finite"):
+        sol = hd.solve(hd.Equation(hd.Caputo(1.0), squared, 1.0), 2.0, **how)
+    assert sol.status is hd.Status.BLOWN_UP
+    assert sol.t[-1] == pytest.approx(1.0, abs=off)
+    assert np.all(np.isfinite(sol.y[:-1]))
+    t = np.linspace(0, 0.9, 50)
+    np.testing.assert_allclose(sol(t)[:, 0], 1 / (1 - t), rtol=relative)
+
+
+def test_blow_up_with_memory_does_not_depend_on_the_tolerance():
+    ends = []
+    for rtol in (1e-6, 1e-9):
+        with pytest.warns(hd.SolveWarning, match="stopped being finite"):
+            sol = hd.solve(hd.Equation(hd.Caputo(0.8), squared, 1.0), 2.0, rtol=rtol)
+        assert np.all(np.isfinite(sol.y))
+        ends.append(sol.t[-1])
+    assert ends == pytest.approx([0.6288] * 2, abs=1e-4)
+    assert ends[0] == pytest.approx(ends[1], abs=1e-5)
+
+
+def raises_late(t, y, p):
+    if t > p[0]:
+        raise ValueError("no further")
+    return -y
+
+
+@pytest.mark.parametrize("how", [{"n_steps": 400}, {"rtol": 1e-8}])
+@pytest.mark.parametrize("late", [0.5, 0.0])
+def test_an_exception_in_the_right_hand_side_keeps_what_was_computed(how, late):
+    equation = hd.Equation(hd.Caputo(0.5), raises_late, 1.0, params=[late])
+    with pytest.warns(hd.SolveWarning, match="ValueError: no further"):
+        sol = hd.solve(equation, 2.0, **how)
+    assert sol.status is hd.Status.RHS_FAILED
+    assert "ValueError: no further" in sol.message
+    assert min(late, 0.3) <= sol.t[-1] <= late + 2.0 / 400
+    whole = hd.solve(hd.scenes.relaxation(0.5), 2.0, **how)
+    np.testing.assert_allclose(sol.y, whole(sol.t), rtol=0.0 if "n_steps" in how else 1e-8)
+
+
+@pytest.mark.parametrize("how", WAYS)
 def test_a_run_that_ends_as_asked_for_is_true_and_quiet(how):
     sol = hd.solve(hd.scenes.relaxation(), 1.0, **how)
     assert sol
