@@ -136,15 +136,6 @@ def test_fits_down_to_tiny_times(kernel):
     check(kernel, 1e-8, 10.0, 1e-8)
 
 
-def test_fits_of_power_laws_have_not_moved():
-    fit = hd.PowerLaw(0.5).fit(1e-3, 1e3, 1e-10)
-    same = hd.fit_exponentials(hd.PowerLaw(0.5), 1e-3, 1e3, 1e-10)
-    assert np.array_equal(fit.rates, same.rates)
-    assert np.array_equal(fit.weights, same.weights)
-    assert hd.PowerLaw(0.25).singular_exponent == 0.25
-    assert hd.PowerLaw(0.25).integral(16.0) == pytest.approx(8 / 0.75, rel=1e-15)
-
-
 def test_prony_is_exact():
     kernel = Prony([2.0, 0.0, 2.0], [1.0, 0.5, 2.0])
     fit = hd.fit_exponentials(kernel, 1e-3, 10.0, 1e-4)

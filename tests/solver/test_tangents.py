@@ -1,4 +1,4 @@
-"""Tangents: the derivative of the discrete step, linear together with all of their memory."""
+"""Steppers with tangents that are restarted, and their states; tangents themselves are laws of runs."""
 
 import numpy as np
 import pytest
@@ -36,7 +36,7 @@ EQUATIONS = {
 
 
 def takes(scheme, name):
-    """Whether the scheme is made for the equation; what it refuses is tested with all pairs."""
+    """Whether the scheme is made for the equation."""
     try:
         Stepper(EQUATIONS[name](), scheme, hd.Direct(), UniformSteps(H), 10)
     except ValueError:
