@@ -1,4 +1,4 @@
-"""Steppers with tangents that are restarted, and their states; tangents themselves are laws of runs."""
+"""Restarts of steppers with tangents, and their states; tangents themselves are laws of runs."""
 
 import numpy as np
 import pytest
