@@ -114,6 +114,9 @@ def test_every_statement_gives_the_numbers_of_dense_jacobians(name, d):
     expected = hd.solve(eq, 1.0, 100, scheme=hd.BDF(2))
     found = hd.solve(same, 1.0, 100, scheme=hd.BDF(2))
     assert np.abs(found.y - expected.y).max() < 1e-12
+    how = {"scheme": hd.BDF(2), "verify": False}
+    exponents = [hd.lyapunov(each, 1.0, 100, **how).exponents for each in (same, eq)]
+    np.testing.assert_allclose(*exponents, rtol=1e-6)
     jacobian = eq.jacobian(0.3, start(d))
     assert np.abs(same.jacobian(0.3, start(d)) - jacobian).max() < 1e-8 * np.abs(jacobian).max()
     again = pickle.loads(pickle.dumps(same))
