@@ -144,6 +144,10 @@ def test_rows_are_what_the_dense_output_gives(case):
     between = 0.5 * (sol.t[1:] + sol.t[:-1])
     rows = hd.solve(case.equation(), T_END, **case.how(), t_eval=between)
     assert_close(rows.y, sol(between), case, 1e-13)
+    assert rows.stats["n_rhs"] == sol.stats["n_rhs"]
+    if sol.ydot is not None:
+        size = np.nanmax(np.abs(sol.ydot))
+        np.testing.assert_allclose(rows.ydot, sol(between, 1), rtol=0, atol=1e-11 * size)
     some = hd.solve(case.equation(), T_END, **case.how(), save_every=7)
     kept = sorted({*range(0, sol.t.size - 1, 7), sol.t.size - 1})
     assert np.array_equal(some.t, sol.t[kept])

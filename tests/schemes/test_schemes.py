@@ -172,8 +172,12 @@ def test_order_on_graded_meshes(problem, scheme, grading, n, order, bound):
 def test_the_steepest_meshes_give_no_garbage(scheme, alpha, grading):
     """Neighbouring steps differ by 2**grading there: parabolas over that ratio would amplify."""
     problem, mesh = singular_problem(alpha), hd.graded(1000, grading)
-    for history in (HISTORIES[0], HISTORIES[2]):
-        assert errors_on_mesh(problem, scheme, history, mesh) < 1e-3
+    direct, modes = (
+        hd.solve(problem.equation(), 2.0, mesh=mesh, scheme=scheme, history=history)
+        for history in HISTORIES[::2]
+    )
+    assert np.abs(direct.y - problem.exact(direct.t)).max() < 1e-3
+    assert np.abs(modes.y - direct.y).max() < 1e-11
 
 
 @pytest.mark.parametrize("history", HISTORIES, ids=repr)
