@@ -2,10 +2,8 @@
 
 import numpy as np
 import pytest
-from hypothesis import example, given
 from problems import PROBLEMS, observed_order
 from scipy.special import rgamma
-from strategies import orders
 
 import hereditary as hd
 
@@ -46,46 +44,6 @@ def test_is_the_printed_scheme(beta, gamma):
     expected = printed_scheme(beta, gamma, 0.25, force, 0.2, 0.3, t_end / n, n)
     sol = hd.solve(equation, t_end, n, history=hd.Direct())
     np.testing.assert_allclose(sol.y[:, 0], expected, rtol=0, atol=2e-9)
-
-
-@pytest.mark.parametrize("well", [None, (0.0,)])
-def test_classical_limit_is_the_classical_difference_scheme(well):
-    """(x_(n+1) - 2 x_n + x_(n-1))/h**2 + lambda (x_(n+1) - x_n)/h, to rounding."""
-    h, n = 0.01, 400
-    sol = hd.solve(hd.scenes.stick_slip(beta=2.0, gamma=1.0, well=well), n * h, n)
-    x = sol.y[:, 0]
-    coefficients = hd.scenes.PRINTED_WELL if well is None else well
-    force = sum(50.0 * a * np.sin((k + 1) * x) for k, a in enumerate(coefficients))
-    force += sol.t - x
-    left = (x[2:] - 2 * x[1:-1] + x[:-2]) / h**2 + 0.25 * (x[2:] - x[1:-1]) / h
-    assert np.abs(left - force[1:-1]).max() < 1e-15 / h**2 * 20
-    assert sol.stats["n_modes"] == sol.stats["history_bytes"] == 0
-
-
-def straight(t, x, p):
-    """What makes 1 + 2 t the solution: D^gamma of it, halved."""
-    return 0.5 * p[0] * t ** (1 - p[2])
-
-
-def parabolic(t, x, p):
-    """The same for 1 + 2 t + t**2."""
-    slope = 0.5 * (p[0] * t ** (1 - p[2]) + p[1] * t ** (2 - p[2]))
-    return slope + p[3] * t ** (2 - p[4])
-
-
-@given(orders(1.02, 1.98), orders(0.02, 0.98))
-@example(2.0, 1.0)
-@example(1.8, 1.0)
-@example(2.0, 0.3)
-def test_exact_on_straight_lines_and_not_on_parabolas(beta, gamma):
-    params = (2 * rgamma(2 - gamma), 2 * rgamma(3 - gamma), gamma, 2 * rgamma(3 - beta), beta)
-    terms = [hd.Caputo(beta), 0.5 * hd.Caputo(gamma)]
-    for rhs, square, exact in ((straight, 0.0, True), (parabolic, 1.0, False)):
-        equation = hd.Equation(terms, rhs, [1.0, 2.0], params)
-        for history in (hd.Direct(), hd.SumOfExponentials(1e-13)):
-            sol = hd.solve(equation, 1.0, 64, history=history)
-            error = np.abs(sol.y[:, 0] - (1 + 2 * sol.t + square * sol.t**2)).max()
-            assert (error < 1e-11) == exact, (error, history)
 
 
 # The error at t_end with 1600 steps, as measured; a third more is allowed. The orders are read off
