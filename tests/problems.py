@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import mpmath
 import numpy as np
+import scipy.sparse as sp
 from scipy.special import erfcx, gamma, rgamma, wofz
 
 import hereditary as hd
@@ -40,6 +42,26 @@ def column(values):
 def monomial(t, order, power):
     """Caputo's derivative of t**power, power > 0 and above order - 1."""
     return rgamma(power + 1 - order) / rgamma(power + 1) * t ** (power - order)
+
+
+def mittag_leffler(alpha, z, beta=1.0):
+    """E_(alpha, beta)(z) of a complex number by its series."""
+    with mpmath.workdps(60):
+        a, z = mpmath.mpf(alpha), mpmath.mpmathify(z)
+        return complex(mpmath.fsum(z**k * mpmath.rgamma(a * k + beta) for k in range(400)))
+
+
+def laplacian(d):
+    """Second differences of d places on a line of length 1, 0 at both ends."""
+    ones = np.ones(d - 1)
+    parts = [ones, -2 * np.ones(d), ones]
+    return (sp.diags_array(parts, offsets=[-1, 0, 1]) * (d + 1.0) ** 2).tocsr()
+
+
+def plane(m):
+    """The same of m by m places on a square."""
+    one = laplacian(m)
+    return (sp.kron(one, sp.eye_array(m)) + sp.kron(sp.eye_array(m), one)).tocsr()
 
 
 def half_order_relaxation(t):

@@ -1,10 +1,10 @@
 """The user's frame: equations that begin at other times than 0, and complex ones."""
 
-import mpmath
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from problems import mittag_leffler
 
 import hereditary as hd
 
@@ -89,13 +89,6 @@ def test_a_complex_equation_is_its_real_pair(alpha, numbers, scheme):
     t = np.linspace(0.5, 2.0, 5)
     np.testing.assert_allclose(found(t).view(float), expected(t), rtol=1e-9, atol=1e-9)
     assert found(1.0).shape == (2,)
-
-
-def mittag_leffler(alpha, z):
-    """E_alpha(z) of a complex number by its series."""
-    with mpmath.workdps(60):
-        order, z = mpmath.mpf(alpha), mpmath.mpmathify(z)
-        return complex(mpmath.fsum(z**k / mpmath.gamma(order * k + 1) for k in range(400)))
 
 
 @pytest.mark.parametrize("alpha", [0.4, 0.9, 1.3])

@@ -7,17 +7,12 @@ import pytest
 import scipy.sparse as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from problems import laplacian, plane
 
 import hereditary as hd
 from hereditary.exact import mittag_leffler
 
 D = 30
-
-
-def laplacian(d):
-    ones = np.ones(d - 1)
-    parts = [ones, -2 * np.ones(d), ones]
-    return (sp.diags_array(parts, offsets=[-1, 0, 1]) * (d + 1.0) ** 2).tocsr()
 
 
 def diffusion(t, u, du, p):
@@ -150,11 +145,6 @@ def test_limits_of_large_systems_are_those_of_their_eigenvalues():
     assert found == pytest.approx(expected, rel=1e-3)
     unknown = hd.solve(eq.replace(bandwidth=None), 1e-7, 1000, save_every=1000)
     assert np.isnan(unknown.stats["stiffness_ratio"])
-
-
-def plane(m):
-    one = laplacian(m)
-    return (sp.kron(one, sp.eye_array(m)) + sp.kron(sp.eye_array(m), one)).tocsr()
 
 
 @pytest.mark.parametrize("scheme", [hd.BDF(2), hd.L1(), hd.L2Sigma()], ids=repr)

@@ -3,15 +3,10 @@
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from problems import laplacian, plane
 
 import hereditary as hd
 from hereditary.exact import mittag_leffler
-
-
-def laplacian(d):
-    ones = np.ones(d - 1)
-    parts = [ones, -2 * np.ones(d), ones]
-    return (sp.diags_array(parts, offsets=[-1, 0, 1]) * (d + 1.0) ** 2).tocsr()
 
 
 def modes(d):
@@ -63,11 +58,6 @@ def test_a_smooth_start_takes_as_many_steps_on_any_mesh(orders, rtol):
         assert np.abs(sol.y - part.reshape(-1, 1) * waves[0]).max() < rtol
         steps.append(sol.stats["n_steps"] + sol.stats["n_rejected"])
     assert max(steps) <= 1.2 * steps[0]
-
-
-def plane(m):
-    one = laplacian(m)
-    return (sp.kron(one, sp.eye_array(m)) + sp.kron(sp.eye_array(m), one)).tocsr()
 
 
 def test_a_plane_keeps_its_tolerance():
