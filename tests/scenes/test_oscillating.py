@@ -93,17 +93,6 @@ def test_brusselator_turns_unstable_where_the_docstring_says(a, alpha):
     np.testing.assert_allclose(arguments, alpha * math.pi / 2, atol=1e-6)
 
 
-def test_brusselator_with_memory_agrees_with_another_library():
-    """x(100) = 1.23585168586364 at alpha = 0.8, and its error falls by four for half the step."""
-    errors = [
-        abs(hd.solve(hd.scenes.brusselator(0.8), 100.0, n, scheme=hd.BDF(2)).y[-1, 0]
-            - 1.23585168586364)
-        for n in (10_000, 20_000)
-    ]  # fmt: skip
-    assert errors[1] < 2e-4
-    assert errors[0] / errors[1] == pytest.approx(4, abs=0.3)
-
-
 def test_free_van_der_pol_circuit_settles_on_its_cycle():
     """Amplitude 2.0086 and period 6.6633 at mu = 1."""
     sol = hd.solve(hd.scenes.van_der_pol(y0=(0.1, 0.0)), 60.0, 6000, scheme=hd.L2Sigma())
@@ -112,33 +101,6 @@ def test_free_van_der_pol_circuit_settles_on_its_cycle():
     k = np.flatnonzero((x[:-1] < 0) & (x[1:] >= 0))
     crossings = t[k] - x[k] * (t[k + 1] - t[k]) / (x[k + 1] - x[k])
     np.testing.assert_allclose(np.diff(crossings), 6.6633, atol=1e-3)
-
-
-def test_van_der_pol_airy_is_its_sum_written_out():
-    """At beta = 2 against SciPy with friction of order 1, below by the sums of L1."""
-    eq = hd.scenes.van_der_pol_airy(2.0, 1.0, 0.7, 0.4, 0.2, 0.1)
-    exact = classical(
-        lambda t, u: [u[1], 0.7 * (1 - u[0] ** 2) * u[1] - 0.4 * t * u[0]], 10.0, [0.2, 0.1]
-    )
-    assert abs(hd.solve(eq, 10.0, rtol=1e-9).y[-1, 0] - exact[0]) < 1e-7
-    beta, gamma, n, t_end = 1.7, 0.6, 400, 4.0
-    h, x = t_end / n, np.zeros(n + 1)
-    k = np.arange(n + 1)
-    inertia = np.diff(k ** (2 - beta)) / (h**beta * math.gamma(3 - beta))
-    damper = np.diff(k ** (1 - gamma)) / (h**gamma * math.gamma(2 - gamma))
-    x[0], x[1] = 0.3, 0.3 + 0.1 * h
-    eq = hd.scenes.van_der_pol_airy(beta, gamma, 0.7, 0.4, 0.3, 0.1)
-    tight = hd.solve(eq, t_end, rtol=1e-9)
-    for j in range(1, n):
-        steps = np.diff(x[: j + 1])
-        friction = 0.7 * (1 - x[j] ** 2) * (damper[:j][::-1] @ steps)
-        seconds = np.append(steps[0] - 0.1 * h, np.diff(steps))
-        past = inertia[1 : j + 1][::-1] @ seconds
-        force = friction - 0.4 * j * h * x[j]
-        x[j + 1] = 2 * x[j] - x[j - 1] + (force - past) / inertia[0]
-    assert np.abs(x - tight(h * k)[:, 0]).max() < 0.05
-    found = hd.solve(eq, t_end, n, scheme=hd.BDF(2)).y[:, 0]
-    assert np.abs(found - tight(h * k)[:, 0]).max() < 2e-3
 
 
 @pytest.mark.filterwarnings("ignore::hereditary.PythonFunctionWarning")

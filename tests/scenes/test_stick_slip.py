@@ -82,16 +82,6 @@ def test_stays():
     np.testing.assert_allclose(hd.scenes.sticking_intervals(back), expected)
 
 
-def test_hereditary_load_agrees_with_an_independent_high_order_solution():
-    """x(100) = 62.0717793 at beta 1.8, gamma 0.8, from a spectral method of another library."""
-    ends = [
-        hd.solve(hd.scenes.stick_slip(), 100.0, n, save_every=n).y[-1, 0] for n in (10**5, 10**6)
-    ]
-    errors = np.abs(np.array(ends) - 62.0717793)
-    assert errors[1] < 2e-7
-    assert errors[1] < errors[0] / 5
-
-
 def test_orders_that_vary():
     """Constant functions are constant orders."""
     runs = [
