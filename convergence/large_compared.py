@@ -21,8 +21,8 @@ from scipy.special import gamma
 import hereditary as hd
 from hereditary.exact import mittag_leffler
 from hereditary.meshes import UniformSteps
+from hereditary.solver.fixed_stepper import FixedStepper
 from hereditary.solver.jacobian_watch import JacobianWatch
-from hereditary.solver.stepper import Stepper
 
 ALPHA, POINTS = 0.7, 20
 
@@ -133,7 +133,7 @@ def bandwidth(quick):
     """Time of a block's reading and advancing of the modes over that of copying their bytes."""
     d = 2000 if quick else 100_000
     equation = hd.Equation(hd.Caputo(ALPHA), None, np.ones(d), linear=sp.eye_array(d))
-    stepper = Stepper(equation, hd.L1(), hd.SumOfExponentials(), UniformSteps(1e-3), 1000)
+    stepper = FixedStepper(equation, hd.L1(), hd.SumOfExponentials(), UniformSteps(1e-3), 1000)
     memory, march, groups = stepper.memory, stepper._march, np.zeros(d, dtype=np.int64)
     march.pieces[:] = 1e-3
     arrays = memory.tables, memory.arrays

@@ -22,7 +22,7 @@ from cases import (
 
 import hereditary as hd
 from hereditary.meshes import UniformSteps, mesh_steps
-from hereditary.solver.stepper import Stepper
+from hereditary.solver.fixed_stepper import FixedStepper
 
 # What rounding, and Newton's method, leave of laws that are exact otherwise, relative to |y|.
 ROUNDING = 3e-11
@@ -45,7 +45,7 @@ def marched(case, equation, n=N_STEPS, stops=(), **more):
     steps = UniformSteps(T_END / n)
     if case.steps == "mesh":
         steps = mesh_steps(hd.graded(n, 2.0), T_END)
-    stepper = Stepper(equation, case.scheme, case.history, steps, n, **more)
+    stepper = FixedStepper(equation, case.scheme, case.history, steps, n, **more)
     for stop in (*stops, n):
         while stepper.n < stop:
             stepper.advance(stop, keep=False)

@@ -20,7 +20,6 @@ _OWN = Frame()
 _OF_VALUES = "units", "at_start"
 
 
-
 @dataclass(frozen=True, eq=False, repr=False)
 class System:
     """A sum of memory terms for each component, equal to a right-hand side.

@@ -11,7 +11,7 @@ from hereditary.compiled.convolution import exchange_direct
 from hereditary.meshes import UniformSteps
 from hereditary.schemes.scheme import Convolution
 from hereditary.schemes.weights import FIRST_DIFFERENCES, SECOND_DIFFERENCES
-from hereditary.solver.stepper import Stepper
+from hereditary.solver.fixed_stepper import FixedStepper
 from hereditary.step_kernel import PowerSteps
 
 N_BLOCK, N_BLOCKS = 8, 6
@@ -157,7 +157,7 @@ def test_a_horizon_is_kept_and_its_end_is_told():
     memory.prepare(10**7)
     with pytest.raises(ValueError, match=r"SumOfExponentials\(horizon=\), the time"):
         memory.prepare(3 * 10**7)
-    far = Stepper(
+    far = FixedStepper(
         hd.scenes.relaxation(), hd.L1(), hd.SumOfExponentials(horizon=3e4), UniformSteps(1e-3), 1000
     )
     far.prepare(3 * 10**7)

@@ -9,7 +9,7 @@ from hypothesis.extra import numpy as hnp
 
 import hereditary as hd
 from hereditary.meshes import UniformSteps
-from hereditary.solver.stepper import Stepper
+from hereditary.solver.fixed_stepper import FixedStepper
 from hereditary.system import displaced
 
 HISTORIES = [hd.Direct(), hd.FFT(), hd.SumOfExponentials(1e-12)]
@@ -38,7 +38,7 @@ EQUATIONS = {
 def takes(scheme, name):
     """Whether the scheme is made for the equation."""
     try:
-        Stepper(EQUATIONS[name](), scheme, hd.Direct(), UniformSteps(H), 10)
+        FixedStepper(EQUATIONS[name](), scheme, hd.Direct(), UniformSteps(H), 10)
     except ValueError:
         return False
     return True
@@ -53,7 +53,7 @@ def open_stepper(equation, scheme, history, n_tangents=None, seed=0, n_steps=250
     if n_tangents is not None:
         n_data = equation.d + int(np.sum(equation.highest_orders() > 1))
         directions = np.random.default_rng(seed).normal(size=(n_data, n_tangents))
-    return Stepper(equation, scheme, history, UniformSteps(H), n_steps, directions=directions)
+    return FixedStepper(equation, scheme, history, UniformSteps(H), n_steps, directions=directions)
 
 
 def march(stepper, n_end):
@@ -100,7 +100,7 @@ def test_restart_is_a_new_problem_from_the_present_values(scheme, name, history)
     initial[1:, above] = ydot[above]
     if name in ("second order", "one term above one", "several terms", "one component above one"):
         return  # these depend on time itself: a new problem would begin at time 0
-    new = Stepper(
+    new = FixedStepper(
         displaced(equation, initial), scheme, history, UniformSteps(H), 2500, directions=tangent
     )
     march(stepper, 50)

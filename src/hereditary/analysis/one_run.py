@@ -20,12 +20,12 @@ from ..history.exponentials import SumOfExponentials
 from ..history.history import History
 from ..meshes import UniformSteps
 from ..schemes.scheme import Scheme
+from ..solver.fixed_stepper import FixedStepper
 from ..solver.growing import GrowingStepper
 from ..solver.opening import modes_tolerance, steps_in, tolerances, uniform_steps
 from ..solver.progress import Interruption, ProgressBar
 from ..solver.run import Drive, reached_end, told
 from ..solver.solution import Status
-from ..solver.stepper import Stepper
 from .divergence import Divergence
 from .estimators import Pairs, Restarted, StepTangents, Tangents
 from .growth import Verdict, assess, kaplan_yorke
@@ -106,7 +106,7 @@ def march(request: Request) -> Run:
     system = marched(equation, scheme, request.mode)
     start = _directions(request.directions, settings["seed"], settings["k"], n_data(equation))
     how = {"scheme": scheme, "history": history, "n_steps": prepared}
-    kind = Stepper if request.mode == "pair" else GrowingStepper
+    kind = FixedStepper if request.mode == "pair" else GrowingStepper
     open_stepper: Callable = partial(kind, steps=UniformSteps(h), **how)
     if tols:
         prepared = max(prepared, n_total)

@@ -18,11 +18,11 @@ from ..history.exponentials import SumOfExponentials
 from ..history.history import History
 from ..meshes import UniformSteps
 from ..schemes.scheme import Scheme
+from ..solver.fixed_stepper import FixedStepper
 from ..solver.opening import check_end, modes_tolerance, tolerances, uniform_steps
 from ..solver.run import reached_end, told
 from ..solver.solve import chosen_scheme, evaluation_times, run_end, solve
 from ..solver.status import Status
-from ..solver.stepper import Stepper
 from ..solver.stops import kept_steps
 from ..system import System
 from ..terms import ConstantOrder, SystemTerm
@@ -231,7 +231,7 @@ def _opened(equation, kinds, t_last, times, how):
     history = SumOfExponentials() if history is None else history
     instance("history", history, History, "hereditary.SumOfExponentials()")
     h, n_steps, _ = uniform_steps(system, t_last - start, how["n_steps"], None)
-    march = Stepper(system, scheme, history, UniformSteps(h), n_steps, directions)
+    march = FixedStepper(system, scheme, history, UniformSteps(h), n_steps, directions)
     march.prepare(n_steps)
     ends = np.array([start, t_last]) if times is None else times
     return march, kept_steps(ends, h, start).tolist(), ends

@@ -9,6 +9,7 @@ from ..compiled.structures import plain
 from ..solver.identity import check_identity, identity
 from ..solver.state import AdaptiveState, check_reach, check_sound, complete, frozen
 from ..solver.status import Status, failed
+from ..solver.stepper import Stepper
 from ..solver.stops import breaks_ahead
 from ..system import refuse_late
 from .march import OF_SIZE, STEP_FRACTION, CollocationMarch
@@ -20,7 +21,7 @@ from .reading import Plain, Reading
 _FEW_ROWS, _LOOKS = 8, 8
 
 
-class AdaptiveStepper(CollocationMarch):
+class AdaptiveStepper(CollocationMarch, Stepper):
     """March of one equation by collocation, with steps chosen by the tolerance.
 
     Parameters

@@ -23,7 +23,7 @@ class Events:
         ``event(t, y)``, with the attributes `terminal` (default False: that many zeros end the
         run, True for one) and `direction` (default 0: both; 1 upwards only, -1 downwards only) as
         in SciPy. A number, or a truth value whose changes are sought; NaN where there is none.
-    stepper : Stepper or AdaptiveStepper
+    stepper : FixedStepper or AdaptiveStepper
         Where the run begins.
     signs : dict
         Signs that `signs` gave at the end of the run that this one goes on from.

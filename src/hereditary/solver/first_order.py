@@ -6,8 +6,8 @@ import numpy as np
 
 from .._warning import ThreadSwitch, silence, warn
 from ..meshes import UniformSteps
+from .fixed_stepper import FixedStepper
 from .solution import SolveWarning
-from .stepper import Stepper
 
 # Steps of the run for one of each companion; fewest steps of a run that is estimated.
 _RATIOS, _FEWEST = (10, 20), 400
@@ -59,7 +59,7 @@ def estimated_error(stepper, n_steps):
     difference = np.zeros(equation.d)
     with silence():
         how = equation, stepper.scheme, stepper.history
-        fine, coarse = (Stepper(*how, UniformSteps(t_end / k), k) for k in (2 * n, n))
+        fine, coarse = (FixedStepper(*how, UniformSteps(t_end / k), k) for k in (2 * n, n))
         size = np.abs(fine.y)
         begun = 0
         while begun < n:

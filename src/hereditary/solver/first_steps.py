@@ -12,7 +12,7 @@ from scipy.special import rgamma
 
 
 def starting_steps(stepper):
-    """`FirstSteps` of a `Stepper` that made one at most; None later, and without these powers."""
+    """`FirstSteps` of a stepper that made one step at most; else None, or without these powers."""
     system = stepper.equation.enlarged
     # Riemann-Liouville terms begin with lower ones, which the values of the first steps miss
     if stepper.n > 1 or not system.constant or any(op.from_zero for op, _ in system.left):

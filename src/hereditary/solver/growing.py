@@ -7,13 +7,13 @@ import numpy as np
 from .._jit import loop_value
 from ..compiled.growth import LOST, Growth, grow
 from ..compiled.signatures import MARCH_SIG
-from .stepper import Stepper
+from .fixed_stepper import FixedStepper
 
 # Renormalisations of one entry into compiled code.
 _ROOM = 1024
 
 
-class GrowingStepper(Stepper):
+class GrowingStepper(FixedStepper):
     """A march whose tangents are made orthonormal in compiled code, their memory included.
 
     Attributes

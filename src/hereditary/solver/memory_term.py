@@ -18,8 +18,8 @@ from ..operators import Caputo, Memory, Term
 from ..schemes.scheme import Plan, Scheme
 from ..sides import left_side
 from ..system import System, refuse_late
+from .fixed_stepper import BLOCK
 from .identity import described, described_terms
-from .stepper import BLOCK
 
 # First steps that may be corrected: the first one, by the term's own value at 0.
 _CORRECTED = 1

@@ -8,7 +8,7 @@ from .._checks import complaint, count, positive, shown, whole, within
 from ..collocation.stepper import AdaptiveStepper
 from ..history.exponentials import SumOfExponentials
 from ..meshes import UniformSteps, mesh_steps
-from .stepper import Stepper
+from .fixed_stepper import FixedStepper
 
 # Steps of a run, and floats, are whole numbers up to here.
 _COUNTED = 2**53
@@ -94,14 +94,14 @@ def _on_mesh(equation, scheme, history, mesh, t_end, n_steps, resume, allow_chan
         begun = resume.steps
     steps = mesh_steps(mesh, t_end, begun, equation.frame.start)
     n_total = steps.mesh.size - 1
-    stepper = Stepper(equation, scheme, history, steps, n_total)
+    stepper = FixedStepper(equation, scheme, history, steps, n_total)
     return resumed(stepper, resume, allow_change), n_total
 
 
 def _on_uniform_steps(equation, scheme, history, t_end, n_steps, resume, allow_change):
     """Stepper with uniform steps, anew or resumed, and its last step number."""
     h, n_total, prepared = uniform_steps(equation, t_end, n_steps, resume)
-    stepper = Stepper(equation, scheme, history, UniformSteps(h), prepared)
+    stepper = FixedStepper(equation, scheme, history, UniformSteps(h), prepared)
     return resumed(stepper, resume, allow_change), n_total
 
 

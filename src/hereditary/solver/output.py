@@ -19,7 +19,7 @@ class Output:
 
     Parameters
     ----------
-    stepper : Stepper or AdaptiveStepper
+    stepper : FixedStepper or AdaptiveStepper
     stop : int or float
         Position at which the run is to end.
     save_every : int

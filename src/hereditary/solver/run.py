@@ -24,7 +24,7 @@ class Drive:
 
     Parameters
     ----------
-    march : Stepper or the like
+    march : FixedStepper or the like
         Has `position`, in steps or in time, and `trouble`.
     end : int or float
         Position at which the whole run ends.

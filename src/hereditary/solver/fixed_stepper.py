@@ -1,0 +1,443 @@
+"""The stepper of given steps: one march, advanced a stretch at a time."""
+
+import copy
+import time
+
+import numpy as np
+
+from .._checks import complaint
+from ..compiled.block import BLOWN_UP, NOT_SOLVED, RUNNING
+from ..compiled.growth import transform_march
+from ..compiled.march import MARCHES
+from ..compiled.signatures import FACTORISE, March, Output
+from ..compiled.structures import plain
+from ..memory_kernel import misfit_on_given_steps
+from ..schemes.riemann_liouville import with_initial_values
+from ..system import displaced, refuse_late, shifted, side_by_side, variational
+from . import march_arrays as arrays
+from .first_steps import starting_steps
+from .identity import check_identity, described, identity
+from .jacobian_watch import JacobianWatch
+from .linear_solvers import newton_of
+from .state import State, check_sound, complete, frozen
+from .status import Status, failed
+from .step_pieces import StepPieces
+from .stepper import Stepper
+from .stops import before_break, break_steps, rows_beside
+from .stretch import Stretch
+
+# Steps in a block. Measured with 56 modes: 74, 75 and 85 ns a step at 16, 32 and 64, where the
+# in-block sums take over; below 16 the calls of the history do.
+BLOCK = 32
+
+
+class FixedStepper(Stepper):
+    """A march of one equation with one scheme and one history on given steps.
+
+    Tangents may go alongside: the derivative of every step along given directions. All that is
+    linear in them can be replaced by linear combinations at any step.
+
+    Parameters
+    ----------
+    equation : System
+    scheme : Scheme
+    history : History
+    steps : UniformSteps or MeshSteps
+    n_steps : int
+        Steps the whole run is going to take; histories prepare for that many.
+    directions : ndarray, shape (n_data, k), optional
+        Derivatives of the initial data along k directions: those of y(0), and behind them those of
+        y'(0) for each component of order above 1.
+    block : int
+        Steps in a block; results depend on it by rounding alone.
+    """
+
+    def __init__(self, equation, scheme, history, steps, n_steps, directions=None, block=BLOCK):
+        scheme.check_terms(equation)
+        refuse_late(equation, steps.time(n_steps))
+        self.equation, self.scheme, self.history = equation, scheme, history
+        self.steps, self._given, self._origin = steps, equation, 0.0
+        self._span = steps.covered(n_steps, getattr(history, "horizon", None) or 0.0)
+        self._with_speed = np.flatnonzero(equation.highest_orders() > 1)
+        directions = np.zeros((self.n_data, 0)) if directions is None else directions
+        self.n_tangents = directions.shape[1]
+        plan = self._plan(directions)
+        self._block = 1 if plan.rows.last > 1 or plan.rows.times.size else block
+        self.memory = self._open(plan)
+        self.misfit = misfit_on_given_steps(self.memory.kernel_errors, history)
+        self._begin(plan)
+        self._status, self._stretch, self._moved = RUNNING, Stretch(), False
+        self.error = None
+        self._breaks: frozenset[int] = frozenset()
+
+    def _plan(self, directions):
+        """The scheme's plan for orbit and tangents."""
+        equation = self.equation
+        system = self._system = self._inside(equation)
+        self._sources = system.sources
+        if self.n_tangents == 0:
+            return self._planned(system)
+        if not self.scheme.takes_tangents:
+            raise ValueError(complaint("scheme", "give tangents and exponents", f"{self.scheme!r}"))
+        rows = np.zeros((system.m, system.d, self.n_tangents))
+        rows[0, : equation.d] = directions[: equation.d]
+        rows[1:, self._with_speed] = directions[equation.d :]
+        beside = variational(system, rows[:, system.sources])
+        self._sources = beside.sources
+        return self._planned(beside)
+
+    def _inside(self, equation):
+        """Return the system that is marched in place of an equation."""
+        return self.scheme.reduction(equation) or equation.enlarged
+
+    def _planned(self, system):
+        """Return the scheme's plan for a system, with initial values of Riemann-Liouville terms."""
+        order = self.scheme.order(float(self.equation.highest_orders().max()))
+        return with_initial_values(self.steps.plan(self.scheme, system), system, order)
+
+    def _open(self, plan):
+        """A fresh memory."""
+        return plan.past.open(self.history, plan.groups.size, self._block, self._span)
+
+    def _begin(self, plan):
+        """Arrays of a march that stands at step 0."""
+        self._loop = MARCHES[self.scheme.solve, self.memory.inlined]
+        d = self._system.d
+        self._past, self._rows, self._lasting = plan.past, plan.rows, plan.lasting
+        self._watch = JacobianWatch(plan.region, self._system, self._block)
+        how = self._sources, self._watch.every, self.h
+        self._table = arrays.step_table(plan, self.memory, self._system, *how)
+        structure, exact = self._system.structure, self._system.linear_alone and plan.rows.alike
+        self._newton = newton_of(structure, d, self.n_tangents > 0, self.scheme.solve, exact)
+        self._stand_at_start(plan)
+
+    def _stand_at_start(self, plan, columns=slice(None)):
+        """Stand at step 0, where nothing is remembered; by these columns of a plan."""
+        d, orders = self._system.d, self.equation.highest_orders()
+        self.memory.clear()
+        self._march = arrays.initial_march(plan, d, self._block, self._newton.room, columns)
+        self._room = arrays.room_of_step(self._march, self._system.steps)
+        self._march.monitor["turns"][: orders.size] = np.where(orders == 2, -1.0, 0.0)
+
+    def plan_of_members(self, params, y0):
+        """Return the scheme's plan of members side by side, for `reset`.
+
+        `params` (E, p) and y0 (E, m, d). None where members must be planned one by one.
+        """
+        if self.scheme.solves_first_steps or self._block == 1:
+            return None
+        members = [displaced(self.equation, *member) for member in zip(y0, params, strict=True)]
+        return self._planned(side_by_side([self._inside(member) for member in members]))
+
+    def reset(self, params, y0, plan=None, number=0):
+        """Stand at step 0, with other parameters (p,) and initial values (m, d); no tangents.
+
+        `plan`, where it is given, is that of members, and this is the one of that number.
+        """
+        self.equation = displaced(self.equation, y0, params)
+        self._system = self._inside(self.equation)
+        columns = slice(None)
+        if plan is None:
+            plan = self._planned(self._system)
+        else:
+            columns = slice(number * self._system.d, (number + 1) * self._system.d)
+        if self._block == 1:  # whose sums may be worked out on the way
+            self.memory = self._open(plan)
+            self._begin(plan)
+        self._stand_at_start(plan, columns)
+        self._watch.largest = 0.0
+        self._status, self.error = RUNNING, None
+
+    @property
+    def h(self):
+        """Step of uniform ones; 0 on a mesh."""
+        return self.steps.h
+
+    @property
+    def n(self):
+        """Steps made."""
+        return int(self._march.counts["step"])  # an attribute takes ten times as long
+
+    position = n  # how far the march is
+
+    @property
+    def t(self):
+        """Time reached."""
+        return self._origin + self.steps.time(self.n)
+
+    @property
+    def y(self):
+        """Solution at `t`, shape (d,); a copy."""
+        return self._march.x[: self.equation.d].copy()
+
+    @property
+    def ydot(self):
+        """First derivative at `t`, from the newest two increments, shape (d,)."""
+        slope = self._slopes()[: self.equation.d]
+        # before the first step only components with an initial derivative have one
+        known = self.n > 0 or (self.equation.m == 1 and not self.equation.frame.speeds)
+        return slope if known else np.where(self.equation.highest_orders() > 1, slope, np.nan)
+
+    @property
+    def n_data(self):
+        """Number of initial data: d, and one more for each component of order above 1."""
+        return self.equation.d + self._with_speed.size
+
+    @property
+    def tangent(self):
+        """Derivatives of y, and of ydot where the order is above 1, shape (n_data, k); a copy."""
+        d = self._system.d
+        values, slopes = (
+            columns[d:].reshape(self.n_tangents, d).T for columns in (self._march.x, self._slopes())
+        )
+        return np.vstack([values[: self.equation.d], slopes[self._with_speed]])
+
+    def transform_tangent(self, matrix):
+        """Replace the tangents by linear combinations, ``tangent <- tangent @ matrix``.
+
+        Everything that is linear in them goes along: initial values, increments, the block under
+        way, and all of the memory. So the combinations are what a march from the combined initial
+        directions would have given.
+
+        Parameters
+        ----------
+        matrix : ndarray, shape (k, k)
+        """
+        matrix = np.ascontiguousarray(matrix, dtype=float)
+        how = self._system.d, int(self._lasting), matrix
+        transform_march(self._march, self.memory.arrays, *how)
+
+    def parts(self):
+        """Every array of the march and its memory that is linear in the solution; not copies."""
+        return [*arrays.linear_parts(self._march), *self.memory.arrays]
+
+    def restart(self):
+        """Forget the past: the present values, also of the tangents, become initial ones at step 0.
+
+        This is another problem than the one begun, whose memory reaches back to time 0.
+        """
+        initial = np.zeros_like(self.equation.y0)
+        initial[0] = self.y
+        initial[1:, self._with_speed] = self.ydot[self._with_speed]
+        tangent, calls, watch = self.tangent, self.n_rhs, self._watch
+        self._origin = self.t
+        self.equation = shifted(self._given, self._origin, initial)
+        plan = self._plan(tangent)
+        if self._block == 1:  # whose sums are those of later times
+            self.memory = self._open(plan)
+        self.memory.clear()
+        self._begin(plan)
+        self._march.counts["rhs"] = calls
+        self._watch.largest, self._watch.step = watch.largest, watch.step
+
+    def _slopes(self):
+        """First derivative of all columns."""
+        return (self._march.increment + 0.5 * self._march.change) / self.steps.unit(self.n)
+
+    @property
+    def n_modes(self):
+        """Modes held for each component."""
+        return self.memory.n_modes
+
+    @property
+    def n_rhs(self):
+        """Calls of the right-hand side."""
+        return int(self._march.counts["rhs"])
+
+    @property
+    def zigzag(self):
+        """Step at which a sustained step-to-step zigzag was seen, or None."""
+        n = int(self._march.counts["zigzag"])
+        return None if n < 0 else n
+
+    @property
+    def growth(self):
+        """Step at which turns of a few steps each were seen to have grown, or None."""
+        n = int(self._march.counts["growth"])
+        return None if n < 0 else n
+
+    @property
+    def trouble(self):
+        """Status and detail where the march cannot go on, else None."""
+        if self.error is not None:
+            return failed(self.error)
+        statuses = {BLOWN_UP: Status.BLOWN_UP, NOT_SOLVED: Status.NOT_SOLVED}
+        detail = "the matrix of a step is singular" if self.scheme.solve == "imex" else ""
+        return (statuses[self._status], detail) if self._status in statuses else None
+
+    def set_breaks(self, times, t_end):
+        """Let the steps beside these times see jumps from their own side."""
+        self._breaks = break_steps(times, self.t, t_end, self.steps, self.equation.frame.start)
+
+    def prepare(self, n_end):
+        """Make room for a march up to step `n_end`."""
+        refuse_late(self.equation, self.steps.time(n_end))
+        self._past.prepare(n_end)
+        self.memory.prepare(n_end)
+
+    def advance(self, stop, keep=True):
+        """Make steps towards step `stop`, as many as take a moment.
+
+        Returns them as `StepPieces`, or None where none is made or kept. An exception of the
+        right-hand side is kept in `error`; the steps before it are made.
+        """
+        n, d = self.n, self.equation.d
+        n_more = min(stop - n, self._stretch.steps(self._system))
+        began = time.perf_counter()
+        rows, slopes = np.empty((2, n_more + 1 if keep else 0, d))
+        if keep:
+            rows[0], slopes[0] = self.y, self.ydot
+        starting = starting_steps(self) if keep and not self._moved else None
+        try:
+            self._march_to(n + n_more, rows[1:], slopes[1:])
+        except Exception as error:
+            self.error = error
+        made = self.n - n
+        self._stretch.note(time.perf_counter() - began, made)
+        if not keep or made == 0:
+            return None
+        times = self.steps.times(np.arange(n, n + made + 1.0))
+        return StepPieces(times, rows[: made + 1], slopes[: made + 1], starting, n)
+
+    def _march_to(self, n_end, rows, slopes):
+        """March to step `n_end` and write rows (k, d) of the steps, or none for k = 0."""
+        self.prepare(n_end)
+        begun = self.n
+        while self.n < n_end:
+            known, size = self._past.reach(self.n)
+            if size:
+                self._rows = self._past.rows
+                self.memory.follow(size)
+            stop = min(n_end, known, self.memory.reach(self.n))
+            stop = before_break(self._breaks, self.n, stop)
+            self.memory.refresh(self.n, self._march.pieces, self._table.groups)
+            part = slice(self.n - begun, stop - begun)
+            self._status = self._enter(stop, rows[part], slopes[part])
+            if self._status != RUNNING:
+                return
+
+    def _enter(self, n_end, rows, slopes):
+        """Enter the compiled march once; watch the stability along the orbit."""
+        system, start = self._system, self.equation.frame.start
+        if self.n in self._breaks:
+            self._forget_explicit()
+        jacobians = self._watch.room(self.n, n_end)
+        try:
+            return self._loop(
+                *system.compiled, self.memory.exchange, self.memory.tables, self.memory.arrays,
+                self._newton.solver, self._newton.tables, self._table,
+                rows_beside(self._breaks, self.n, self._rows, self.steps, start), self._march,
+                Output(rows, slopes, jacobians, self._room, self.n, n_end), n_end,
+            )  # fmt: skip
+        finally:
+            self._watch.note(jacobians, self.n)
+
+    def checkpoint(self):
+        """Return all that `go_back` needs to come back to this step."""
+        march = March._make(part.copy() for part in self._march)
+        return march, self.memory.state(), copy.copy(self._watch)
+
+    def go_back(self, checkpoint, t):
+        """Come back to where `checkpoint` was taken, and march to the first step not before t."""
+        self._march, memory, self._watch = checkpoint
+        self.memory.restore(memory)
+        self.error, self._status = None, RUNNING
+        self._refactorise()
+        stop = self.steps.first_from(t)
+        while self.n < stop and self.trouble is None:
+            self.advance(stop, keep=False)
+
+    def _refactorise(self):
+        """Factorise the matrix whose factors are in force, after the march went elsewhere."""
+        if self._march.counts["factored"]:
+            solver, tables = self._newton.solver, self._newton.tables
+            solver(FACTORISE, 0, self._march.newton[1], np.empty(tables.order.size), tables)
+
+    def position_at(self, t):
+        """Return the number of the step at which a march that stops at time t stands."""
+        return self.steps.first_from(t)
+
+    def stands_at(self, t):
+        """Return the time at which a march that stops at time t stands."""
+        return self.steps.time(self.steps.first_from(t))
+
+    def expect_moves(self, of_y):
+        """Make few steps at once, for f, and y if `of_y`, is going to jump; refuse if it cannot."""
+        self._stretch.keep_short()
+        terms = [operator for operator, _ in self.equation.enlarged.left]
+        if of_y and any(op.derivative == 0 or op.from_zero for op in terms):
+            required = "change no y that a kernel or RiemannLiouville acts on, on given steps"
+            raise ValueError(complaint("events", required, "a change"))
+
+    def moved(self, y):
+        """Let y jump to these values, (d,), here; the jump does not enter the memory."""
+        self._march.x[: self.equation.d], self._moved = y, True
+        self._forget_explicit()
+        arrays.renew_force(self._system, self.t, self._table, self._march)
+
+    def _forget_explicit(self):
+        """Let the next step not extrapolate f, which jumps here (compiled/imex.py)."""
+        if self.scheme.solve == "imex":
+            self._march.force[:] = np.nan
+
+    def set_parameter(self, number, value):
+        """Set a parameter of the right-hand side, which jumps."""
+        self._system.compiled_params[number] = value
+
+    def stats(self):
+        """Counts and errors for the solution's stats."""
+        return {
+            "n_steps": self.n,
+            "n_rhs": self.n_rhs,
+            "n_factorised": int(self._march.counts["factorised"]),
+            "n_modes": self.n_modes,
+            "history_bytes": self.memory.nbytes,
+            "stiffness_ratio": self.largest_ratio if self._watch.watches else np.nan,
+            "kernel_error": self.memory.kernel_errors.reported,
+        }
+
+    @property
+    def largest_ratio(self):
+        """Largest ratio of an eigenvalue of the Jacobian to its limit so far."""
+        return self._watch.largest
+
+    @property
+    def largest_ratio_step(self):
+        """Step near which the Jacobian was largest in comparison with its limit."""
+        return self._watch.step
+
+    def state(self):
+        """A `State` from which a later run goes on bit for bit."""
+        state = State(
+            t=self.t,
+            n=self.n,
+            steps=self.steps.until(self.n),
+            y=frozen(self.y),
+            scheme=self.scheme,
+            history=self.history,
+            identity=self._identity(self.t),
+            block=self._block,
+            march=tuple(frozen(plain(part)) for part in self._march),
+            memory=tuple(map(frozen, self.memory.arrays)),
+            memory_steps=self._span,
+            largest_ratio=self.largest_ratio,
+            largest_ratio_step=self.largest_ratio_step,
+        )
+        return complete(state)
+
+    def restore(self, state, allow_change=False):
+        """Take over where `state` was taken, of another right-hand side where that is allowed."""
+        check_sound(state)
+        march = arrays.restored_march(state.march)
+        self._march = march._replace(newton=self._newton.taken_over(march))
+        if check_identity(state.identity, self._identity(state.t), allow_change):
+            march.counts["factored"] = 0
+            self._forget_explicit()
+        self._refactorise()
+        self.memory.restore(state.memory)
+        self._watch.largest, self._watch.step = state.largest_ratio, state.largest_ratio_step
+
+    def _identity(self, t):
+        """Describe what a run to time t must share with one that resumes it."""
+        how = {"scheme": described(self.scheme), "history": described(self.history)}
+        return identity(self.equation, t, self.n_tangents, **how)
