@@ -349,31 +349,27 @@ class _Run:
 
     def _march(self, stepper, end, m):
         """March a member to step `end`, by a stepper that others take too."""
-        frame = stepper.equation.frame
-
-        def keep(first, last, y, ydot):
-            self._y[m, first:last] = frame.values(y)
-            self._ydot[m, first:last] = frame.slopes(y, ydot)
+        members, kept, frame = self._members, self._kept, self._members.base.frame
 
         def advance(stop):
             n, piece = stepper.n, stepper.advance(stop)
             if piece is not None:
-                first, last = np.searchsorted(self._kept, [n + 1, stepper.n + 1])
-                chosen = self._kept[first:last] - (n + 1)
-                keep(first, last, *piece.at_ends(None, chosen, None))
+                first, last = np.searchsorted(kept, [n + (n > 0), stepper.n + 1])
+                chosen = kept[first:last] - n
+                y, slopes = piece.rows[chosen], piece.slopes[chosen]
+                self._y[m, first:last] = frame.values(y)
+                self._ydot[m, first:last] = frame.slopes(y, slopes)
 
         try:
-            stepper.reset(self._members.params[m], self._members.inside[m], self._plan, m)
+            stepper.reset(members.params[m], members.inside[m], self._plan, m)
         except Exception:  # of a right-hand side: `solve` tells of it
             return self._solve(m)
-        if self._kept[0] == 0:
-            keep(0, 1, stepper.y[None], stepper.ydot[None])
         ended = Drive(stepper, end, advance, self._interruption, self._no_bar).to(end)
+        if stepper.n <= 1 and stepper.trouble:
+            return self._solve(m)  # which tells what is wrong at the start
         status, detail = ended or (reached_end(stepper), "")
         message = ""
         if status is not Status.COMPLETED:
-            if stepper.n <= 1 < end:
-                return self._solve(m)  # which tells what is wrong at the start
             with silence():
                 message = told(stepper, status, detail)
         self._ends[m] = (status, message, stepper.n, stepper.n_rhs)

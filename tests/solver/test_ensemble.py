@@ -1,5 +1,8 @@
 """Ensembles: every member is the run that `solve` makes of it, bit for bit on given steps."""
 
+import os
+import signal
+import threading
 import warnings
 
 import numpy as np
@@ -139,6 +142,22 @@ def test_a_tolerance_instead_of_steps():
     ends = hd.ensemble(equation, 1.0, rtol=1e-8, params=[0.5, 2.0])
     assert ends.t.tolist() == [0.0, 1.0]
     assert np.abs(ends.y[:, 1] - found.y[:, 2]).max() < 1e-8
+
+
+def test_ctrl_c_leaves_the_members_that_are_left():
+    equation = hd.Equation(hd.Caputo(0.8), decay, 1.0, [1.0])
+    hd.ensemble(equation, 1.0, 100, params=[1.0])  # compiled: the interrupt shall meet the run
+    before = signal.getsignal(signal.SIGINT)
+    timer = threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT))
+    timer.start()
+    found = hd.ensemble(equation, 1.0, 10**6, save_every=10**5, params=np.ones(200), threads=2)
+    timer.join()
+    assert signal.getsignal(signal.SIGINT) is before
+    assert set(found.status) <= {"completed", "interrupted"}
+    assert found.status[-1] == "interrupted"
+    assert "interrupted" in found.messages[199]
+    assert np.all(np.isfinite(found.y[found.success]))
+    assert np.all(np.isnan(found.y[-1]))
 
 
 def test_times_of_steps():

@@ -27,7 +27,7 @@ class StepPieces(Piece):
     """
 
     def __init__(self, times, rows, slopes, starting: FirstSteps | None = None, n=0):
-        self.times, self.rows, self._slopes = times, rows, slopes
+        self.times, self.rows, self.slopes = times, rows, slopes
         self.starting, self._n = starting, n
         if starting is not None:
             for number in range(max(1, n), min(3, n + times.size)):
@@ -40,7 +40,7 @@ class StepPieces(Piece):
 
     def at_ends(self, ends, chosen, second, slopes=True):
         """Return y and y' at the chosen ones of the steps' ends, (k, d) each."""
-        return self.rows[1:][chosen], self._slopes[1:][chosen]
+        return self.rows[1:][chosen], self.slopes[1:][chosen]
 
     def evaluate(self, t, second, derivative):
         """Return y or y' at times t inside the steps, shape (k, d)."""
@@ -52,7 +52,7 @@ class StepPieces(Piece):
         back = (t - self.times[i])[:, None] / h
         with np.errstate(over="ignore", invalid="ignore"):  # the last step may overflow
             increment = self.rows[i] - self.rows[i - 1]
-            change = 2.0 * (h * self._slopes[i] - increment)
+            change = 2.0 * (h * self.slopes[i] - increment)
             if derivative:
                 found = (increment + (0.5 + back) * change) / h
             else:
