@@ -32,6 +32,6 @@ def no_collection():
 @pytest.fixture(autouse=True)
 def _untold():
     """Let every test see the warnings that are given once."""
-    from hereditary import _python_calls
+    from hereditary.functions import python_calls
 
-    _python_calls._told.clear()
+    python_calls._told.clear()

@@ -13,7 +13,7 @@ from numba import njit
 from numba import types as numba_types
 
 from hereditary._cache import reached_digest
-from hereditary._digest import digest
+from hereditary.functions.digest import digest
 from hereditary._jit import F8, I8, allocating, as_value, compiled, entry, inner, reordered
 from hereditary.compiled.numba_internals import LINKED
 
@@ -37,7 +37,7 @@ def made(source=SOURCE):
 
 def test_a_digest_lasts():
     """Another process orders sets otherwise and puts everything at other addresses."""
-    source = f"{SOURCE}\nfrom hereditary._digest import digest\nprint(digest(outer))"
+    source = f"{SOURCE}\nfrom hereditary.functions.digest import digest\nprint(digest(outer))"
     told = subprocess.run(
         [sys.executable, "-c", source],
         env=os.environ | {"PYTHONHASHSEED": "7"},

@@ -167,7 +167,7 @@ def test_equal_closures_are_compiled_once():
 
 
 def test_many_versions_of_one_function_are_told(monkeypatch):
-    monkeypatch.setattr("hereditary._one_function._VERSIONS_MAX", 3)
+    monkeypatch.setattr("hereditary.functions.build._VERSIONS_MAX", 3)
 
     def version(rate):
         return lambda t, y: rate - y[0]

@@ -4,7 +4,6 @@ import importlib
 import importlib.metadata
 
 from . import scenes
-from ._python_calls import PythonFunctionWarning
 from .analysis.convergence import ConvergenceTable, convergence_table
 from .analysis.fitting import FitResult, IdentifiabilityWarning, fit
 from .analysis.frequency_response import FrequencyResponse, frequency_response
@@ -21,6 +20,7 @@ from .collocation.scheme import Collocation
 from .ensemble import Ensemble, ensemble
 from .equation import Equation
 from .exponential_sum import fit_exponentials
+from .functions.python_calls import PythonFunctionWarning
 from .history.direct import Direct
 from .history.exponentials import SumOfExponentials
 from .history.fft import FFT

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 from numba.extending import is_jitted
 
-from ._frozen import names_in
 from .compiled.numba_internals import STORED, Entries, options_of
+from .functions.reads import names_in
 
 
 class CodeCache:

@@ -10,16 +10,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ._callables import functions_of
 from ._checks import complaint, count, real, real_array
-from ._differences import check_entries, check_jacobian
-from ._digest import digest, remembered
-from ._one_function import present_values
-from ._python_calls import PythonRaised, original
-from ._trial import Start
 from .chain import chained
+from .compiled.callbacks import PythonRaised, original
 from .formula import formula
 from .frame import Frame
+from .functions.assemble import functions_of
+from .functions.build import present_values
+from .functions.differences import check_entries, check_jacobian
+from .functions.digest import digest, remembered
+from .functions.trial import Start
 from .initial_values import finite, initial_values, of_shorthand, rows_of
 from .operators import Summand
 from .orders import merged_orders

@@ -16,7 +16,7 @@ from functools import lru_cache, partial
 
 import numpy as np
 
-from ._callables import switch_of
+from .functions.assemble import switch_of
 from ._checks import complaint, real, shown
 from ._jit import derived
 from .solver.events import TINY, Events, value_of

@@ -11,9 +11,9 @@ import numpy as np
 
 from ._checks import complaint, count, refuse_masked
 from ._structured import behind_params, dense_of, dense_with_linear, entries_of, with_linear
-from ._trial import arity_of
 from .compiled.jacobian import COLUMNS, CONSTANTS, GROUPS, N_ENTRY_ROWS, ROWS
 from .compiled.newton import KEPT_FROM
+from .functions.trial import arity_of
 
 # Diagonals up to which a pattern is taken for a band, its components put in another order: SuperLU
 # takes less time beyond.

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ._python_calls import C_FUNCTION, keep_raised
+from .compiled.callbacks import C_FUNCTION, keep_raised
 from .compiled.jacobian import COLUMNS, ROWS
 from .compiled.signatures import FACTORISE
 

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from ._checks import complaint
-from ._differences import units_of
 from ._jit import JAC_SIG, as_value, derived
 from .compiled.jacobian import VALUES, jacobian_at, no_jacobian
 from .frame import Frame
+from .functions.differences import units_of
 from .structure import Structure, constant_part
 from .terms import ConstantOrder, SystemTerm
 

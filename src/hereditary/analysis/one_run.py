@@ -12,9 +12,9 @@ import numpy as np
 from scipy.special import rgamma
 
 from .._checks import complaint, count, instance, positive, real_array, shown, within
-from .._python_calls import pass_on
 from .._warning import warn
 from ..collocation.stepper import AdaptiveStepper
+from ..compiled.callbacks import pass_on
 from ..equation import Equation
 from ..history.exponentials import SumOfExponentials
 from ..history.history import History

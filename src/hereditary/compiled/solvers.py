@@ -11,7 +11,7 @@ from numba import types
 from numba.extending import intrinsic
 
 from .._jit import allocating, compiled, inner
-from .._python_calls import PythonRaised, call_at
+from .callbacks import PythonRaised, call_at
 from .jacobian import COLUMNS, ROWS, VALUES
 from .linalg import factorise, substitute
 from .signatures import FACTORISE

@@ -10,7 +10,7 @@ rounding errors leave with the next iteration. Source: [HairerWanner1996], secti
 import numpy as np
 
 from .._jit import allocating, compiled, inner, reordered
-from .._python_calls import PythonRaised, call_at
+from .callbacks import PythonRaised, call_at
 from .jacobian import COLUMNS, ROWS, VALUES
 from .linalg import product, solve_in_place, transposed_product
 from .numba_internals import GEEV

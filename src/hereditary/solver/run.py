@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from .._python_calls import PythonRaised, pass_on
+from ..compiled.callbacks import PythonRaised, pass_on
 from ..schemes.stability import longest_step
 from ..structure import FEW
 from .progress import Interruption, ProgressBar

@@ -3,7 +3,7 @@
 import enum
 import traceback
 
-from .._python_calls import original
+from ..compiled.callbacks import original
 from ..memory_kernel import MemoryKernel
 from ..orders import OrderFailed
 

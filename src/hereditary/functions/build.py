@@ -4,7 +4,7 @@ It is first called twice in plain Python, so that an error shows its own line in
 compiler's message. It is compiled with bounds checks, and for read-only arrays y and params; with
 the same code and the same values frozen into it, it is compiled no second time, and is tried by one
 call of each, whose values are compared. A function that numba cannot compile is called in Python
-from a compiled one (_python_calls.py).
+from a compiled one (python_calls.py).
 """
 
 import inspect
@@ -15,15 +15,15 @@ import numpy as np
 from numba import config, types
 from numba.extending import is_jitted
 
-from ._checks import complaint, shown
-from ._complaints import compile_reason, defined, writing_complaint
-from ._frozen import code_names, fresh, frozen_values, uncompiled
-from ._jit import F8, as_value, compiling, derived
-from ._memory_argument import paired, split
-from ._python_calls import warn_of_python
-from ._trial import arity_of, close, try_out
-from ._warning import warn
-from .compiled.numba_internals import options_of, without
+from .._checks import complaint, shown
+from .._jit import F8, as_value, compiling, derived
+from .._warning import warn
+from ..compiled.numba_internals import options_of, without
+from .memory_argument import paired, split
+from .messages import compile_reason, defined, writing_complaint
+from .python_calls import warn_of_python
+from .reads import code_names, fresh, frozen_values, uncompiled
+from .trial import arity_of, close, try_out
 
 _READ_ONLY = types.Array(F8, 1, "C", readonly=True)
 # Through these numba returns y as a writable array.
@@ -56,7 +56,7 @@ def _plain(fun):
 
 def _of_package(plain):
     """Return whether a Python function is one of this package."""
-    return str(plain.__module__).startswith(f"{__package__}.")
+    return str(plain.__module__).startswith("hereditary.")
 
 
 class _NotCompiled(Exception):

@@ -15,7 +15,7 @@ import numpy as np
 from numba import jit
 from numba.extending import is_jitted
 
-from .compiled.numba_internals import options_of
+from ..compiled.numba_internals import options_of
 
 # Where packages are installed; what they hold is not the user's.
 _INSTALLED = tuple({sysconfig.get_path(name) for name in ("purelib", "platlib", "stdlib")})

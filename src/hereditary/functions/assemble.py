@@ -12,13 +12,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ._checks import complaint
-from ._jit import JAC_SIG, RHS_SIG, as_value
-from ._memory_argument import joined, padded
-from ._one_function import function_of, locked
-from ._python_calls import Callback, PythonFunctionWarning, before_addresses, in_python
-from ._structured import as_row
-from ._trial import Start
+from .._checks import complaint
+from .._jit import JAC_SIG, RHS_SIG, as_value
+from .._structured import as_row
+from .build import function_of, locked
+from .memory_argument import joined, padded
+from .python_calls import Callback, PythonFunctionWarning, before_addresses, in_python
+from .trial import Start
 
 
 class Functions(NamedTuple):

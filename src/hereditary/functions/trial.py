@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ._checks import complaint, shown
-from ._complaints import defined, line_of
+from .._checks import complaint, shown
+from .messages import defined, line_of
 
 
 class Start(NamedTuple):

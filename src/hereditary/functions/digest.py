@@ -12,7 +12,7 @@ from collections import OrderedDict
 
 import numpy as np
 
-from ._frozen import installed, names_in
+from .reads import installed, names_in
 
 _PLAIN = (bool, int, float, complex, str, bytes, type(None), type(...))
 # Functions of these modules are represented by their names.

@@ -7,7 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from ._jit import derived
+from .._jit import derived
 
 
 def split(fun, arity, k):

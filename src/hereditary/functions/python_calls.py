@@ -7,21 +7,17 @@ of the right-hand side and then that of the Jacobian, so nothing is compiled for
 """
 
 import ctypes
-import threading
 import time
 import weakref
 from contextlib import suppress
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
-from llvmlite import ir
-from numba import types
-from numba.extending import intrinsic
 
-from ._complaints import code_of
-from ._jit import RHS_SIG, as_value, compiled, derived
-from ._warning import warn
+from .._jit import RHS_SIG, as_value, compiled, derived
+from .._warning import warn
+from ..compiled.callbacks import C_FUNCTION, PythonRaised, call_at, keep_raised
+from .messages import code_of
 
 # Numbers behind the parameters of an equation whose functions are called in Python.
 N_ADDRESSES = 2
@@ -29,38 +25,11 @@ N_ADDRESSES = 2
 _VIEWS = 256
 # Seconds for which a function is timed, that a call adds to it, and of a compiled explicit step.
 _TIMED, _ADDED, _COMPILED_STEP = 1e-3, 3e-6, 2e-7
-C_FUNCTION = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_double, ctypes.c_ssize_t, ctypes.c_ssize_t)
-_raised = threading.local()
 _told: weakref.WeakSet = weakref.WeakSet()
 
 
 class PythonFunctionWarning(UserWarning):
     """A function that numba cannot compile makes runs slow, for it is called in Python."""
-
-
-class PythonRaised(Exception):
-    """A function called in Python raised; `__cause__` is its exception."""
-
-    def __init__(self):
-        super().__init__("a function that is called in Python raised")
-        # numba may make the exception more than once
-        self.__cause__ = vars(_raised).get("error")
-
-
-def original(error):
-    """Return the exception that a user's function raised."""
-    vars(_raised).clear()
-    return error.__cause__ if isinstance(error, PythonRaised) else error
-
-
-def pass_on(error, result):
-    """Raise what a function called in Python raised; `result` is that of the run until then."""
-    cause: Any = error.__cause__ if isinstance(error, PythonRaised) else None
-    if cause is not None:
-        with suppress(Exception):  # of exceptions that take no attributes
-            cause.result = result
-            cause.add_note("the run until then is the attribute `result` of this exception")
-        raise cause
 
 
 class Callback:
@@ -101,7 +70,7 @@ class Callback:
                 fill(t, z, out)
                 return 0
             except BaseException as error:
-                _raised.error = error
+                keep_raised(error)
                 with suppress(Exception):  # of exceptions that take no attributes
                     error.add_note(f"raised by {name} at t = {t:.10g}")
                 return 1
@@ -110,30 +79,11 @@ class Callback:
         self.address = float(ctypes.cast(self._function, ctypes.c_void_p).value or 0)
 
 
-def keep_raised(error):
-    """Keep an exception for the compiled code that is told of it."""
-    _raised.error = error
-
-
 def _view(known, address, kind, shape):
     """Return an array of the numbers at an address, and keep it by that."""
     if len(known) >= _VIEWS:
         known.clear()
     return known.setdefault(address, np.frombuffer(kind.from_address(address)).reshape(shape))
-
-
-@intrinsic
-def call_at(typing_context, address, t, components, values):
-    """Call the C function at an address."""
-
-    def codegen(context, builder, signature, arguments):
-        place, *others = arguments
-        word = ir.IntType(64)
-        kind = ir.FunctionType(ir.IntType(32), [ir.DoubleType(), word, word])
-        result = builder.call(builder.inttoptr(place, kind.as_pointer()), others)
-        return builder.sext(result, word)
-
-    return types.int64(types.int64, types.float64, types.uintp, types.uintp), codegen
 
 
 @compiled
