@@ -56,10 +56,16 @@ def test_solver_loops_compile_once_per_machine_whatever_the_function(tmp_path):
     assert python(SOLVE, tmp_path) == "1 1 1"
 
 
-TINY = """
-from hereditary._jit import F8, entry, inlined, compiled
+@pytest.fixture
+def package(tmp_path):
+    """A copy of the package that may be edited, in a folder of its own."""
+    ignored = shutil.ignore_patterns("__pycache__")
+    return Path(shutil.copytree(SOURCE, tmp_path / "copied" / "hereditary", ignore=ignored))
 
-LIMIT = 1.0
+
+TINY = """
+from ._jit import F8, entry, inlined, compiled
+from .limit import LIMIT
 
 @compiled
 def doubled(x):
@@ -78,42 +84,49 @@ def more(x):
 def higher(x):
     return raised(x)
 """
-# Results of both, and how often an entry of each was found and missed.
+# Results of both, and how often an entry of each was found and missed; {} comes before the calls.
 CALL = """
-import sys
-sys.path.insert(0, {!r})
-import tiny
+from hereditary import tiny
+{}
 for f in tiny.more, tiny.higher:
     stats = f.dispatcher.stats
     print(f(3.0), sum(stats.cache_hits.values()), sum(stats.cache_misses.values()), end=" ")
 """
+EDITED = """
+from pathlib import Path
+file = Path(tiny.__file__)
+file.write_text(file.read_text().replace("2.0 * x", "5.0 * x"))
+"""
 
 
 @compiled
-def test_an_edited_helper_compiles_its_callers_anew_and_only_those(tmp_path):
+def test_an_edit_anywhere_in_the_package_compiles_anew(package, tmp_path):
     """numba itself looks only at the file that defines the cached function."""
-    file = tmp_path / "tiny.py"
-    file.write_text(TINY)
+    (package / "tiny.py").write_text(TINY)
+    (package / "limit.py").write_text("LIMIT = 1.0")
 
-    def run():
-        return python(CALL.format(str(tmp_path)), tmp_path / "cache")
-
-    def edit(old, new):
-        assert old in file.read_text()
-        file.write_text(file.read_text().replace(old, new))
+    def run(before=""):
+        return python(CALL.format(before), tmp_path / "cache", package.parent)
 
     assert run() == "7.0 0 1 4.0 0 1"
-    edit("2.0 * x", "5.0 * x")
-    assert run() == "16.0 0 1 4.0 1 0"
-    edit("Double.", "Multiply by five.\n")  # words, and lines that move
-    assert run() == "16.0 1 0 4.0 1 0"
-    edit("LIMIT = 1.0", "LIMIT = 2.0")  # what an inlined helper reads
-    assert run() == "16.0 1 0 5.0 0 1"
+    assert run(EDITED) == "7.0 1 0 4.0 1 0"  # of the code that this process loaded
+    assert run() == "16.0 0 1 4.0 0 1"
+    (package / "limit.py").write_text("LIMIT = 2.0")  # what an inlined helper reads
+    assert run() == "16.0 0 1 5.0 0 1"
+    assert run() == "16.0 1 0 5.0 1 0"
+    assert len(list((tmp_path / "cache").rglob("tiny.*"))) == 6  # of an edit none is left over
+
+
+@compiled
+def test_code_that_is_compiled_after_an_edit_is_not_stored_as_that_of_the_edit(package, tmp_path):
+    (package / "tiny.py").write_text(TINY)
+    (package / "limit.py").write_text("LIMIT = 1.0")
+    for before, expected in (EDITED, "7.0 0 1 4.0 0 1"), ("", "16.0 0 1 4.0 0 1"):
+        assert python(CALL.format(before), tmp_path / "cache", package.parent) == expected
 
 
 LINKED = """
-import sys
-from hereditary._jit import F8, entry, inner, reordered
+from ._jit import F8, entry, inner, reordered
 
 @inner
 def halved(x):
@@ -133,7 +146,7 @@ def summed(x):
 def half(x):
     return halved(x)
 
-if __name__ == "__main__":
+def print_all():
     print(summed(3.0), half(3.0), end=" ")
     try:
         summed(-1.0)
@@ -143,15 +156,15 @@ if __name__ == "__main__":
 
 
 @compiled
-def test_linked_helpers_belong_to_each_loop_and_raise_there(tmp_path):
+def test_linked_helpers_belong_to_each_loop_and_raise_there(package, tmp_path):
     """Also where the loop comes from the disk, when standard error has nothing to tell."""
-    file = tmp_path / "linked.py"
-    file.write_text(LINKED)
-    environment = {"NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": str(SOURCE.parent)}
+    (package / "linked.py").write_text(LINKED)
+    call = [sys.executable, "-c", "from hereditary import linked; linked.print_all()"]
+    environment = {"NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": str(package.parent)}
     told = "hereditary: compiling the sum, once on this machine ...\n"
     for message in (told, ""):
         done = subprocess.run(
-            [sys.executable, str(file)],
+            call,
             env=os.environ | environment,
             capture_output=True,
             text=True,
@@ -163,21 +176,23 @@ def test_linked_helpers_belong_to_each_loop_and_raise_there(tmp_path):
 
 
 @compiled
-def test_damaged_entries_and_a_missing_folder_cost_no_more_than_time(tmp_path):
-    (tmp_path / "tiny.py").write_text(TINY)
-    cache, code = tmp_path / "cache", CALL.format(str(tmp_path))
-    assert python(code, cache) == "7.0 0 1 4.0 0 1"
-    assert python(code, cache) == "7.0 1 0 4.0 1 0"
+def test_damaged_entries_and_a_missing_folder_cost_no_more_than_time(package, tmp_path):
+    (package / "tiny.py").write_text(TINY)
+    (package / "limit.py").write_text("LIMIT = 1.0")
+    cache, code = tmp_path / "cache", CALL.format("")
+    assert python(code, cache, package.parent) == "7.0 0 1 4.0 0 1"
     for ending in ("nbc", "nbi"):
         for path in cache.rglob(f"*.{ending}"):
             path.write_bytes(path.read_bytes()[:-20])
-        assert python(code, cache) == "7.0 0 1 4.0 0 1"
-    assert python(code, cache) == "7.0 1 0 4.0 1 0"
+        assert python(code, cache, package.parent) == "7.0 0 1 4.0 0 1"
+    assert python(code, cache, package.parent) == "7.0 1 0 4.0 1 0"
     nowhere = tmp_path / "file" / "cache"  # no folder can be made there, nor beside the file
     nowhere.parent.write_text("")
-    shutil.rmtree(tmp_path / "__pycache__", ignore_errors=True)
-    (tmp_path / "__pycache__").write_text("")
-    environment = {"NUMBA_CACHE_DIR": str(nowhere), "HOME": str(nowhere)}
+    shutil.rmtree(package / "__pycache__", ignore_errors=True)
+    (package / "__pycache__").write_text("")
+    environment = {
+        "NUMBA_CACHE_DIR": str(nowhere), "HOME": str(nowhere), "PYTHONPATH": str(package.parent)
+    }  # fmt: skip
     done = subprocess.run(
         [sys.executable, "-W", "always", "-c", code],
         env=os.environ | environment,

@@ -1,18 +1,29 @@
-"""On-disk cache of machine code, keyed by all functions that it was made from."""
+"""On-disk cache of machine code, valid for one version of the package's sources."""
 
 import hashlib
-import inspect
-import re
+import os
 import sys
 import warnings
 from contextlib import suppress
+from functools import cached_property
 from pathlib import Path
 
-import numpy as np
-from numba.extending import is_jitted
+from .compiled.numba_internals import STORED, Entries
 
-from .compiled.numba_internals import STORED, Entries, options_of
-from .functions.reads import names_in
+
+def _digest_of_sources():
+    """Return a digest of all source files of the package."""
+    found = hashlib.sha256()
+    for folder, folders, names in os.walk(Path(__file__).parent):
+        folders.sort()
+        for name in sorted(name for name in names if name.endswith(".py")):
+            found.update(Path(folder, name).read_bytes())
+    return found.hexdigest()
+
+
+# Read at import: code loaded before an edit is not stored as that of the edit.
+_STAMP = _digest_of_sources()
+_NAMES: set[str] = set()
 
 
 class CodeCache:
@@ -20,10 +31,10 @@ class CodeCache:
 
     numba notices a change in the file that defines a cached function, but not in the helpers it
     calls, nor a switch of bounds checking or of fused arithmetic, and would return outdated machine
-    code. An entry here is valid for the code of every function that this one can reach, as it was
-    loaded, and for nothing else: an edit recompiles the functions it changes and their callers.
-    Where the cache has no place, or an entry cannot be read, the function is compiled anew, with a
-    single warning.
+    code. An entry here is valid for one digest of all sources and one set of options. Functions of
+    other packages, and those of one name after the first, are not stored. Where the cache has no
+    place, the function is compiled anew, with a single warning; where an entry cannot be read,
+    without one.
 
     Parameters
     ----------
@@ -37,12 +48,13 @@ class CodeCache:
 
     def __init__(self, fun, options, told=None):
         self._fun, self._options, self._told = fun, options, told
-        self._opened = False
-        self._entries = None
+        name, package = f"{fun.__module__}.{fun.__qualname__}", f"{__package__}."
+        self._stored = STORED and name.startswith(package) and name not in _NAMES
+        _NAMES.add(name)
 
     def load_overload(self, sig, target_context):
         """Return the stored compile result for a signature, or None."""
-        found, entries = None, self._open()
+        found, entries = None, self._entries
         try:
             found = entries and entries.load_overload(sig, target_context)
         except Exception:  # a damaged entry may raise anything
@@ -56,81 +68,24 @@ class CodeCache:
 
     def save_overload(self, sig, data):
         """Store a compile result."""
-        entries = self._open()
         try:
-            if entries is not None:
-                entries.save_overload(sig, data)
+            if self._entries is not None:
+                self._entries.save_overload(sig, data)
         except OSError as error:
             _warn_once(str(error))
 
     @property
     def cache_path(self):
         """Folder of the cache, or None."""
-        return getattr(self._open(), "cache_path", None)
+        return getattr(self._entries, "cache_path", None)
 
-    def _open(self):
-        """Open the entries at first use, or return None with a warning."""
-        if STORED and not self._opened:  # helpers further down in a file exist only now
-            self._opened = True
-            stamp = reached_digest(self._fun)
-            try:
-                self._entries = Entries(self._fun, self._options, _file_name(self._fun), stamp)
-            except (RuntimeError, OSError, AttributeError) as error:
-                _warn_once(str(error))
-        return self._entries
-
-
-def _file_name(fun):
-    """Return the name of a function's entries, independent of its line number."""
-    module = Path(fun.__code__.co_filename).stem
-    name = re.sub(r"[^\w.]", "", fun.__qualname__)
-    return f"{module}.{name}.py{sys.version_info[0]}{sys.version_info[1]}{sys.abiflags}"
-
-
-def reached_digest(fun):
-    """Return a digest of the code and constants of all functions that `fun` can reach."""
-    digest = hashlib.sha256()
-    seen, ahead = set(), [fun]
-    while ahead:
-        function = ahead.pop()
-        if function in seen:
-            continue
-        seen.add(function)
-        digest.update(_described(function.__code__).encode())
-        for name, value in sorted(_used(function), key=lambda pair: pair[0]):
-            value = getattr(value, "dispatcher", value)  # of an entry
-            if is_jitted(value):
-                ahead.append(value.py_func)
-                digest.update(stated_options(value).encode())
-            elif isinstance(value, np.ndarray):
-                digest.update(f"{name} {value.dtype} {value.shape}".encode() + value.tobytes())
-            elif isinstance(value, bool | int | float | str | tuple):
-                digest.update(f"{name} {value!r}".encode())
-    return digest.hexdigest()
-
-
-def stated_options(dispatcher):
-    """Represent the options that a function is compiled with as text, equal in every process."""
-    options = options_of(dispatcher).items()
-    return repr(sorted((k, sorted(v) if isinstance(v, set) else v) for k, v in options))
-
-
-def _described(code):
-    """Represent a code object as text, without docstring and line numbers."""
-    constants = list(code.co_consts)
-    if constants and isinstance(constants[0], str):
-        constants[0] = ""  # the docstring of a function
-    described = [_described(c) if inspect.iscode(c) else repr(c) for c in constants]
-    names = code.co_name, code.co_names, code.co_varnames, code.co_freevars
-    return repr((*names, code.co_code, described))
-
-
-def _used(function):
-    """List names and values of the globals and closed-over variables that a function reads."""
-    names = set(names_in(function.__code__)) & function.__globals__.keys()
-    found = [(name, function.__globals__[name]) for name in names]
-    cells = zip(function.__code__.co_freevars, function.__closure__ or (), strict=True)
-    return [*found, *((name, cell.cell_contents) for name, cell in cells)]
+    @cached_property
+    def _entries(self):
+        """The entries on disk, or None."""
+        try:
+            return Entries(self._fun, self._options, _STAMP) if self._stored else None
+        except (RuntimeError, OSError, AttributeError) as error:
+            _warn_once(str(error))
 
 
 _warned = False

@@ -8,6 +8,7 @@ environment makes all probes fail, for tests.
 
 import inspect
 import os
+import re
 from functools import lru_cache
 from importlib import import_module
 from types import SimpleNamespace
@@ -123,16 +124,19 @@ class _Loaded:
 
 
 class Entries(_FunctionCache):
-    """Machine code of one function on disk, valid for one stamp."""
+    """Machine code of one function on disk, valid for one stamp and one set of options."""
 
-    def __init__(self, fun, options, name, stamp):
+    def __init__(self, fun, options, stamp):
         super().__init__(fun)
         self._options = options
+        name = re.sub(
+            r"-\d+\.py", ".py", self._impl.filename_base
+        )  # without the number of its line
         self._cache_file: Any = type(self._cache_file)(self._cache_path, name, stamp)
 
     def _index_key(self, sig, codegen):
         # numba's own key would hold what the function closes over, which is pickled anew in every
-        # process; the stamp knows the code of all that
+        # process; the stamp stands for all that
         return sig, codegen.magic_tuple(), self._options, bool(config.BOUNDSCHECK)
 
 
