@@ -37,7 +37,7 @@ def made(source=SOURCE):
 
 def test_a_digest_lasts():
     """Another process orders sets otherwise and puts everything at other addresses."""
-    source = f"{SOURCE}\nfrom hereditary.functions.digest import digest\nprint(digest(outer))"
+    source = f"{SOURCE}\nfrom hereditary.functions.reads import digest\nprint(digest(outer))"
     told = subprocess.run(
         [sys.executable, "-c", source],
         env=os.environ | {"PYTHONHASHSEED": "7"},

@@ -91,14 +91,9 @@ def compiled(fun, fused=False, told=None, **options):
     dispatcher = njit(nogil=True, error_model="numpy", fastmath=loose, **options)(fun)
     if config.DISABLE_JIT:
         return dispatcher
-    internals.keep(dispatcher, CodeCache(fun, _stated_options(dispatcher), told))
+    options = internals.stated_options(internals.options_of(dispatcher))
+    internals.keep(dispatcher, CodeCache(fun, options, told))
     return _guarded(dispatcher, internals.set_environments)
-
-
-def _stated_options(dispatcher):
-    """Represent the options that a function is compiled with as text, equal in every process."""
-    options = internals.options_of(dispatcher).items()
-    return repr(sorted((k, sorted(v) if isinstance(v, set) else v) for k, v in options))
 
 
 def _guarded(dispatcher, finish=None):

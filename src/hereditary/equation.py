@@ -18,7 +18,7 @@ from .frame import Frame
 from .functions.assemble import functions_of
 from .functions.build import present_values
 from .functions.differences import check_entries, check_jacobian
-from .functions.digest import digest, remembered
+from .functions.reads import digest, digest_of_compiled
 from .functions.trial import Start
 from .initial_values import finite, initial_values, of_shorthand, rows_of
 from .operators import Summand
@@ -330,7 +330,7 @@ class Equation(System):
         """Return the digest of the right-hand side, a known one where its values say all."""
         if self._callbacks or self._constants or self.rhs is None:
             return digest(self.rhs, *self._constants)
-        return remembered(self._frozen[0], self.rhs)
+        return digest_of_compiled(self._frozen[0], self.rhs)
 
     def _present_values(self):
         functions = self.rhs, self.jac, self.jac_memory

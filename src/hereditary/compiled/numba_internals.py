@@ -224,6 +224,11 @@ def options_of(jitted):
     return getattr(jitted, "targetoptions", {"nopython": True})
 
 
+def stated_options(options):
+    """Represent options of numba.jit as text, equal in every process."""
+    return repr(sorted((k, sorted(v) if isinstance(v, set) else v) for k, v in options.items()))
+
+
 def without(*wrappers):
     """Return options of numba.jit that leave wrappers out, which take time and 1 MB each."""
     return {f"no_{name}_wrapper": True for name in wrappers if LINKED}

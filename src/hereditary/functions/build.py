@@ -18,7 +18,7 @@ from numba.extending import is_jitted
 from .._checks import complaint, shown
 from .._jit import F8, as_value, compiling, derived
 from .._warning import warn
-from ..compiled.numba_internals import options_of, without
+from ..compiled.numba_internals import options_of, stated_options, without
 from .memory_argument import paired, split
 from .messages import compile_reason, defined, writing_complaint
 from .python_calls import warn_of_python
@@ -101,7 +101,7 @@ def function_of(name, out, fun, start, shape, signature, hint=str, required=""):
 
 def _key(fun, signature, start):
     """Return what a compiled function depends on, besides its number of arguments and its form."""
-    options = repr(sorted(options_of(fun).items())) if is_jitted(fun) else ""
+    options = stated_options(options_of(fun)) if is_jitted(fun) else ""
     return frozen_values(_plain(fun)), options, signature, len(start.memory), start.paired
 
 

@@ -1,29 +1,46 @@
-"""Values that compilation freezes into a function, and copies with present values.
+"""What functions read, hashes of it, and copies of functions with the present values.
 
 numba compiles the globals and closed-over values of a function as constants, and those of the
-helpers that it calls. Compiled functions are therefore equal only if their code and all of
-these values are.
+helpers that it calls. Compiled functions are therefore equal only if their code and all of these
+values are: `frozen_values`, for comparison in one process. A `digest` is equal for equal contents
+in every process and after pickling; it changes with the version of Python, which compiles to other
+bytecode.
 """
 
 import hashlib
 import inspect
+import sys
 import sysconfig
-from types import CellType, FunctionType
+from contextlib import suppress
+from functools import lru_cache
+from types import CellType, CodeType, FunctionType, ModuleType
 from typing import Any
 
 import numpy as np
 from numba import jit
 from numba.extending import is_jitted
 
-from ..compiled.numba_internals import options_of
+from ..compiled.numba_internals import options_of, stated_options
 
 # Where packages are installed; what they hold is not the user's.
 _INSTALLED = tuple({sysconfig.get_path(name) for name in ("purelib", "platlib", "stdlib")})
+# Packages whose contents are represented by their names.
+_FOREIGN = frozenset({"numpy", "scipy", "numba", *sys.stdlib_module_names})
+_PLAIN = bool | int | float | complex | str | bytes | np.generic | None | type(...)
+# Bytes of a contiguous array up to which numba copies it into compiled code.
+_COPIED_MAX = 1_000_000
 
 
-def installed(path):
+def _installed(path):
     """Return whether a file belongs to Python or to an installed package."""
     return str(path).startswith((*_INSTALLED, "<frozen"))
+
+
+def _package(value):
+    """Return the name of the package that a function, a method or an object comes from."""
+    value = getattr(value, "func", value)
+    module = getattr(value, "__module__", None) or type(value).__module__
+    return str(module).split(".")[0]
 
 
 def _is_helper(value, caller):
@@ -33,8 +50,7 @@ def _is_helper(value, caller):
     """
     if not inspect.isfunction(value):
         return is_jitted(value)
-    own = str(value.__module__).split(".")[0] == str(caller.__module__).split(".")[0]
-    return own or not installed(value.__code__.co_filename)
+    return _package(value) == _package(caller) or not _installed(value.__code__.co_filename)
 
 
 def _parts(helper):
@@ -44,27 +60,168 @@ def _parts(helper):
     return helper, {"nopython": True}
 
 
+def _reads(function):
+    """Return the values that a function reads besides its arguments, by name."""
+    names = set(_names_in(function.__code__))
+    found = {name: function.__globals__[name] for name in names & function.__globals__.keys()}
+    for name, cell in zip(function.__code__.co_freevars, function.__closure__ or (), strict=True):
+        with suppress(ValueError):  # of a cell that is empty
+            found[f"{name} closed over"] = cell.cell_contents
+    found |= {f"default {i}": value for i, value in enumerate(function.__defaults__ or ())}
+    found |= {f"{name} by default": v for name, v in (function.__kwdefaults__ or {}).items()}
+    for module in [value for value in found.values() if inspect.ismodule(value)]:
+        values = {name: vars(module)[name] for name in names & vars(module).keys()}
+        if module.__name__.split(".")[0] in _FOREIGN:  # whose objects may hold anything
+            values = {name: value for name, value in values.items() if isinstance(value, _PLAIN)}
+        found |= {f"{module.__name__}.{name}": value for name, value in values.items()}
+    return found
+
+
+def _names_in(code):
+    """Iterate over names of globals and attributes in a code object and nested ones."""
+    yield from code.co_names
+    for constant in code.co_consts:
+        if inspect.iscode(constant):
+            yield from _names_in(constant)
+
+
 def frozen_values(fun):
     """Return the code of `fun` and of its helpers with all frozen values; hashable."""
     functions = [fun]
     held: list[Any] = []
     for function in functions:  # which grows
         held.append(function.__code__)
-        for name, value in sorted(_read(function).items()):
+        for name, value in sorted(_reads(function).items()):
             of_module = "." in name  # where numba takes compiled functions alone
             if not (is_jitted(value) if of_module else _is_helper(value, function)):
-                held.append((name, _identity(value)))
+                held.append((name, _key(value)))
                 continue
             helper, options = _parts(value)
             if helper not in functions:
                 functions.append(helper)
-            held.append((name, functions.index(helper), repr(sorted(options.items()))))
+            held.append((name, functions.index(helper), stated_options(options)))
     return tuple(held)
 
 
 def code_names(frozen):
     """Return all names of globals and attributes in the code found by `frozen_values`."""
-    return {name for value in frozen if inspect.iscode(value) for name in names_in(value)}
+    return {name for value in frozen if inspect.iscode(value) for name in _names_in(value)}
+
+
+class _Itself:
+    """Key of an object that equals only itself; keeps the object alive."""
+
+    def __init__(self, value):
+        self.value = value
+
+    def __eq__(self, other):
+        return isinstance(other, _Itself) and self.value is other.value
+
+    def __hash__(self):
+        return id(self.value)
+
+
+def _contents(value):
+    """Return the contents of an array, a number or a text, hashable; None for another value."""
+    if isinstance(value, np.ndarray) and not value.dtype.hasobject:
+        return value.shape, value.dtype.str, hashlib.sha256(value.tobytes()).hexdigest()
+    return (type(value).__name__, repr(value)) if isinstance(value, _PLAIN) else None
+
+
+def _key(value):
+    """Return a hashable key that is equal for equal frozen values."""
+    found = _contents(value)
+    if found is None:
+        several = isinstance(value, list | tuple)
+        return (type(value), tuple(map(_key, value))) if several else _Itself(value)
+    if isinstance(value, np.ndarray):
+        copied = value.flags.forc and value.nbytes <= _COPIED_MAX
+        return found if copied else (found, _Itself(value))  # which numba reads where it is
+    return found
+
+
+def digest(*values):
+    """Return sixteen hexadecimal digits that identify these values."""
+    return _Digests(set(map(_package, values))).of(values, ())[:16]
+
+
+def digest_of_compiled(frozen, function):
+    """Return the digest of a compiled function with these frozen values."""
+    return _digest_of_frozen(frozen, _package(function))
+
+
+@lru_cache(maxsize=256)
+def _digest_of_frozen(frozen, package):
+    return _Digests({package}).of((frozen,), ())[:16]
+
+
+class _Digests:
+    """Digests of values and their parts, each worked out once.
+
+    `own` are the packages whose functions are looked into although they are installed.
+    """
+
+    def __init__(self, own):
+        self._own, self._known = own, {}
+
+    def of(self, value, above):
+        """Return the digest of a value; `above` holds the ids of its containers."""
+        value = value.value if isinstance(value, _Itself) else value
+        if id(value) in above:  # which may hold themselves
+            return "itself"
+        if id(value) not in self._known:
+            found = hashlib.sha256(self._text(value, (*above, id(value))).encode())
+            self._known[id(value)] = found.hexdigest(), value  # alive, so that ids stay theirs
+        return self._known[id(value)][0]
+
+    def _text(self, value, above):
+        """Represent a value as text."""
+        value = getattr(value, "py_func", value)  # of a function compiled by numba
+        found = _contents(value.item() if isinstance(value, np.generic) else value)
+        if found is not None:
+            return repr(found)
+        if inspect.isfunction(value) and self._looked_into(value):
+            value = frozen_values(value)
+        kind, parts = self._taken_apart(value)
+        digests = [self.of(part, above) for part in parts]
+        return f"{kind} of {len(parts)}: {sorted(digests) if kind == 'set' else digests}"
+
+    def _looked_into(self, function):
+        """Return whether a function is represented by its code and by what it reads."""
+        package, path = _package(function), function.__code__.co_filename
+        return package not in _FOREIGN and (package in self._own or not _installed(path))
+
+    def _taken_apart(self, value):
+        """Return a name for the kind of a value, and its parts."""
+        if isinstance(value, tuple | list):
+            return "list", value
+        if isinstance(value, set | frozenset):
+            return "set", value
+        if isinstance(value, dict):
+            return "dict", sorted(value.items(), key=lambda item: repr(item[0]))
+        if isinstance(value, CodeType):
+            return "code", [value.co_argcount, value.co_code, value.co_names, value.co_consts]
+        if isinstance(value, ModuleType):
+            return f"module {value.__name__}", []
+        if inspect.ismethod(value):
+            return "method", [value.__func__, value.__self__]
+        if inspect.isfunction(value):
+            held = [item for item in _reads(value).items() if item[0].endswith(" closed over")]
+            return _name(value), [value.__defaults__, value.__kwdefaults__, held]
+        if callable(value) and hasattr(value, "__name__"):  # built-in, ufunc or class
+            return f"{_name(value)} {value.__name__}", []
+        try:
+            parts = list(value.__reduce_ex__(4)[:3])
+        except Exception:  # a value that cannot be pickled is represented by its kind
+            parts = []
+        if inspect.isfunction(getattr(type(value), "__call__", None)):  # noqa: B004
+            parts.append(type(value).__call__)
+        return _name(type(value)), parts
+
+
+def _name(value):
+    """Return the full name of a function or a class."""
+    return f"{getattr(value, '__module__', '')}.{getattr(value, '__qualname__', '')}"
 
 
 def fresh(fun, own_options, helper_options):
@@ -101,11 +258,12 @@ def _copied(fun, make):
             plain, _ = _parts(given)
             copy = _blank(plain)
             made[id(given)] = make(copy, given)
-            names = set(names_in(plain.__code__)) & plain.__globals__.keys()
+            names = set(_names_in(plain.__code__)) & plain.__globals__.keys()
             found = {name: held(plain.__globals__[name], plain) for name in names}
             copy.__globals__.update(found)
             for own, cell in zip(copy.__closure__ or (), plain.__closure__ or (), strict=True):
-                own.cell_contents = held(cell.cell_contents, plain)
+                with suppress(ValueError):  # of a cell that is empty
+                    own.cell_contents = held(cell.cell_contents, plain)
         return made[id(given)]
 
     def held(value, caller):
@@ -122,51 +280,3 @@ def _blank(plain):
     copy = FunctionType(plain.__code__, known, plain.__name__, plain.__defaults__, cells)
     copy.__qualname__, copy.__kwdefaults__ = plain.__qualname__, plain.__kwdefaults__
     return copy
-
-
-def _read(function):
-    """Return the names and values that a function reads besides its arguments."""
-    names = set(names_in(function.__code__))
-    found = {name: function.__globals__[name] for name in names & function.__globals__.keys()}
-    cells = zip(function.__code__.co_freevars, function.__closure__ or (), strict=True)
-    found |= {f"{name} closed over": cell.cell_contents for name, cell in cells}
-    found |= {f"default {i}": value for i, value in enumerate(function.__defaults__ or ())}
-    found |= {f"{name} by default": v for name, v in (function.__kwdefaults__ or {}).items()}
-    for module in [value for value in found.values() if inspect.ismodule(value)]:
-        own = names & vars(module).keys()
-        found |= {f"{module.__name__}.{name}": vars(module)[name] for name in own}
-    return found
-
-
-def names_in(code):
-    """Iterate over names of globals and attributes in a code object and nested ones."""
-    yield from code.co_names
-    for constant in code.co_consts:
-        if inspect.iscode(constant):
-            yield from names_in(constant)
-
-
-class _Itself:
-    """Key of an object that equals only itself; keeps the object alive."""
-
-    def __init__(self, value):
-        self._value = value
-
-    def __eq__(self, other):
-        return isinstance(other, _Itself) and self._value is other._value
-
-    def __hash__(self):
-        return id(self._value)
-
-
-def _identity(value):
-    """Return a hashable key that is equal for equal frozen values."""
-    if isinstance(value, np.ndarray) and not value.dtype.hasobject:
-        content = hashlib.sha256(value.tobytes()).digest()
-        # numba compiles for the layout too
-        return value.shape, value.strides, value.dtype.str, content
-    if isinstance(value, int | float | complex | bool | str | np.generic):
-        return type(value), repr(value)
-    if isinstance(value, list | tuple):
-        return type(value), tuple(_identity(v) for v in value)
-    return _Itself(value)

@@ -6,7 +6,7 @@ import numbers
 import numpy as np
 
 from .._checks import complaint, real, shown
-from ..functions.digest import digest
+from ..functions.reads import digest
 from ..special import bracketed_root
 from .stops import together
 
