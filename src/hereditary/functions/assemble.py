@@ -7,16 +7,15 @@ components.
 """
 
 import warnings
-from functools import partial
+from functools import lru_cache, partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from .._checks import complaint
-from .._jit import JAC_SIG, RHS_SIG, as_value
+from .._jit import JAC_SIG, RHS_SIG, as_value, derived
 from .._structured import as_row
 from .build import function_of, locked
-from .memory_argument import joined, padded
 from .python_calls import Callback, PythonFunctionWarning, before_addresses, in_python
 from .trial import Start
 
@@ -65,7 +64,7 @@ def functions_of(rhs, jac, jac_memory, start, hint, shape=None):
     params = np.append(start.params, addresses) if called else start.params
     kinds = zip((first, second), (RHS_SIG, JAC_SIG), callbacks, strict=True)
     made_rhs, made_jac = (
-        in_python(signature) if callback else _joined(parts, signature, k, called)
+        in_python(signature) if callback else _as_one(parts, signature, k, called)
         for parts, signature, callback in kinds
     )
     return Functions(made_rhs, made_jac, params, tuple(held for held in callbacks if held))
@@ -82,14 +81,14 @@ def switch_of(switch, y, t):
     return function_of("switches", "value", switch, *how).compiled
 
 
-def _joined(parts, signature, k, called):
+def _as_one(parts, signature, k, called):
     """Return the compiled functions of a system's right-hand side or Jacobian as one, or None."""
     found = [part.compiled for part in parts]
     if not found:
         return None
     one = found[0]
     if k:
-        one = as_value(padded(one, k) if signature is RHS_SIG else joined(*found, k), signature)
+        one = as_value(_padded(one, k) if signature is RHS_SIG else _joined(*found, k), signature)
     return before_addresses(one, signature) if called else one
 
 
@@ -119,3 +118,36 @@ def _callback(name, parts, start, shape):
             part.fill(t, z, place, params)
 
     return Callback(name, fill_all, n, shape)
+
+
+@lru_cache(maxsize=256)
+def _padded(rhs, k):
+    """Return a right-hand side of d values as one of d + k d, those of memory 0."""
+
+    def all_components(t, z, out, params):
+        d = z.shape[0] // (1 + k)
+        rhs(t, z, out[:d], params)
+        for i in range(d, z.shape[0]):
+            out[i] = 0.0
+
+    return derived(all_components)
+
+
+@lru_cache(maxsize=256)
+def _joined(jac, beside, k):
+    """Return the Jacobian of `_padded` from those by y, (d, d), and by memory, (d, k d)."""
+
+    def all_components(t, z, out, params):
+        n = z.shape[0]
+        d = n // (1 + k)
+        by_y, by_memory = np.empty((d, d)), np.empty((d, k * d))
+        jac(t, z, by_y, params)
+        beside(t, z, by_memory, params)
+        for i in range(n):
+            for j in range(n):
+                if i >= d:
+                    out[i, j] = 0.0
+                else:
+                    out[i, j] = by_y[i, j] if j < d else by_memory[i, j - d]
+
+    return derived(all_components)

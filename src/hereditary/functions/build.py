@@ -1,14 +1,15 @@
 """One function of a user: tried, compiled once or called in Python.
 
 It is first called twice in plain Python, so that an error shows its own line instead of a
-compiler's message. It is compiled with bounds checks, and for read-only arrays y and params; with
-the same code and the same values frozen into it, it is compiled no second time, and is tried by one
-call of each, whose values are compared. A function that numba cannot compile is called in Python
-from a compiled one (python_calls.py).
+compiler's message. It is compiled with bounds checks, and for read-only arrays y and params. With
+the same code and the same values frozen into it, it is not compiled again. Each time the values of
+compiled code at the start are compared with those in Python. A function that numba cannot compile
+is called in Python from a compiled one (python_calls.py).
 """
 
 import inspect
 from collections import OrderedDict
+from contextlib import suppress
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,7 +20,6 @@ from .._checks import complaint, shown
 from .._jit import F8, as_value, compiling, derived
 from .._warning import warn
 from ..compiled.numba_internals import options_of, stated_options, without
-from .memory_argument import paired, split
 from .messages import compile_reason, defined, writing_complaint
 from .python_calls import warn_of_python
 from .reads import code_names, fresh, frozen_values, uncompiled
@@ -28,10 +28,8 @@ from .trial import arity_of, close, try_out
 _READ_ONLY = types.Array(F8, 1, "C", readonly=True)
 # Through these numba returns y as a writable array.
 _PAST_READ_ONLY = {"flat", "nditer", "ascontiguousarray", "asfortranarray", "fill_diagonal", "dot"}
-_COMPILED_MAX = 256
-_compiled: OrderedDict[tuple, Any] = OrderedDict()
-# Compiled functions that were tried and compared, and their numbers of arguments.
-_tried: OrderedDict[tuple, tuple[Any, int]] = OrderedDict()
+# Number of functions that are kept compiled.
+_KEPT_MAX = 256
 # Number of versions, by frozen values alone, of which the user is warned: numba frees none.
 _VERSIONS_MAX = 50
 
@@ -41,6 +39,18 @@ class Function(NamedTuple):
 
     compiled: Any
     fill: Any
+
+
+class _Version(NamedTuple):
+    """A compiled function, or None and the reason; number of arguments and form of the values."""
+
+    compiled: Any
+    reason: str
+    arity: int
+    form: str
+
+
+_versions: OrderedDict[tuple, _Version] = OrderedDict()
 
 
 def present_values(fun):
@@ -54,15 +64,6 @@ def _plain(fun):
     return fun.py_func if is_jitted(fun) else fun
 
 
-def _of_package(plain):
-    """Return whether a Python function is one of this package."""
-    return str(plain.__module__).startswith("hereditary.")
-
-
-class _NotCompiled(Exception):
-    """numba cannot compile a function, or makes another one of it."""
-
-
 def function_of(name, out, fun, start, shape, signature, hint=str, required=""):
     """Check a user's function and return it, compiled where it can be, as a `Function`.
 
@@ -73,30 +74,29 @@ def function_of(name, out, fun, start, shape, signature, hint=str, required=""):
         required = f"be a function {start.shapes(name, out)}"
         raise TypeError(complaint(name, required, repr(fun), "write it with def or lambda"))
     key = _key(fun, signature, start) if inspect.isfunction(plain) else ()
-    compiled, arity = _tried.get(key, (None, 0))
-    if compiled:
-        fill = _in_python(name, plain, arity, start, shape)
-        if _agree(compiled, fill, start, shape):
-            return Function(compiled, fill)
+    known = _versions.get(key)
+    if known and known.compiled:
+        fill = _in_python(name, plain, known.arity, start, shape)
+        with suppress(Exception):  # the checks below say what is wrong
+            expected = _called(fill, start, shape)
+            if np.isfinite(expected).all() and not _difference(known.compiled, expected, start):
+                return Function(known.compiled, fill)
     arity = arity_of(name, out, plain, start)
     values, form = try_out(name, out, plain, arity, start, shape, hint)
     fill = _in_python(name, plain, arity, start, shape)
-    try:
-        if not key:
-            raise _NotCompiled("for numba compiles functions written with def or lambda alone")
-        compiled = _from_cache(name, fun, key, arity, form, values, signature, start)
-        _compare(name, plain, arity, compiled, values, start)
-        if not _of_package(plain):
-            _tried[key] = compiled, arity
-        while len(_tried) > _COMPILED_MAX:
-            _tried.popitem(last=False)
-    except _NotCompiled as reason:
-        if required:
-            raise TypeError(complaint(name, required, f"{plain!r}, {reason}")) from reason
-        z, room, params = start.components(), np.empty_like(values).view(float), start.params
-        warn_of_python(name, plain, reason, lambda: fill(start.t, z, room, params))
-        compiled = None
-    return Function(compiled, fill)
+    found, reason = None, "for numba compiles functions written with def or lambda alone"
+    if key:
+        found, reason, *_ = _version(name, fun, key, arity, form, start, shape)
+        reason = reason or _difference(found, values, start)
+        if found and reason:  # helpers compiled earlier may have run with the values of that time
+            present = _in_python(name, uncompiled(plain), arity, start, shape)
+            reason = _difference(found, _called(present, start, shape), start)
+    if not reason:
+        return Function(found, fill)
+    if required:
+        raise TypeError(complaint(name, required, f"{plain!r}, {reason}"))
+    warn_of_python(name, plain, reason, lambda: _called(fill, start, shape))
+    return Function(None, fill)
 
 
 def _key(fun, signature, start):
@@ -105,43 +105,47 @@ def _key(fun, signature, start):
     return frozen_values(_plain(fun)), options, signature, len(start.memory), start.paired
 
 
-def _agree(compiled, fill, start, shape):
-    """Return whether a compiled function and Python give equal numbers of `shape` at the start."""
-    values, expected = np.full((2, *shape), np.nan, start.y.dtype)
-    z, params = start.components(), start.params.copy()
+def _called(fill, start, shape):
+    """Return the values of a function at the start, in Python."""
+    values = np.full(shape, np.nan, start.y.dtype)
+    with np.errstate(all="ignore"):
+        fill(start.t, locked(start.components()), values.view(float), locked(start.params))
+    return values
+
+
+def _difference(compiled, expected, start):
+    """Return how compiled code differs from Python's values at the start; "" for not at all."""
+    found = np.full_like(expected, np.nan)
     try:
-        compiled(start.t, z, values.view(float), params)
-        with np.errstate(all="ignore"):
-            fill(start.t, locked(z), expected.view(float), locked(params))
-    except Exception:  # the whole way says what is wrong
-        return False
-    return bool(np.isfinite(values).all()) and close(values, expected)
+        compiled(start.t, start.components(), found.view(float), start.params.copy())
+    except Exception as error:
+        return f"for compiled it raises {type(error).__name__}: {error}"
+    if close(found, expected):
+        return ""
+    return (
+        f"for compiled it gives {shown(found)} instead of {shown(expected)} at t = {start.t:g}"
+        ": write 1.0 for 1 where whole numbers are divided, raised or grow large"
+    )
 
 
-def _from_cache(name, fun, key, arity, form, values, signature, start):
-    """Return a user's function compiled, from the cache if it is there."""
-    key = (*key, arity, form)
+def _version(name, fun, key, arity, form, start, shape):
+    """Return a user's function compiled for a key, or why it is not, as a `_Version`."""
     with compiling:
-        if key not in _compiled:
-            copied = bool(_PAST_READ_ONLY & code_names(key[0]))
-            kinds = arity, form, start, values.shape
-            try:
-                _compiled[key] = _build(name, fun, kinds, signature, copied)
+        known = _versions.pop(key, None)
+        if known is None or known[2:] != (arity, form):
+            found, reason = _build(name, fun, key, arity, form, start, shape)
+            known = _Version(found, reason, arity, form)
+            if known.compiled:
                 _warn_of_versions(name, _plain(fun))
-            except _NotCompiled as reason:  # which takes as long to find as to compile
-                _compiled[key] = reason
-            while len(_compiled) > _COMPILED_MAX:
-                _compiled.popitem(last=False)
-        _compiled.move_to_end(key)
-        found = _compiled[key]
-    if isinstance(found, _NotCompiled):
-        raise _NotCompiled(*found.args)
-    return found
+        _versions[key] = known  # the last one, which is forgotten last
+        if len(_versions) > _KEPT_MAX:
+            _versions.popitem(last=False)
+    return known
 
 
 def _warn_of_versions(name, plain):
     """Warn where one function is compiled over and over for other frozen values."""
-    versions = sum(frozen[0] == plain.__code__ for frozen, *_ in _compiled)
+    versions = 1 + sum(frozen[0] == plain.__code__ for frozen, *_ in _versions)
     if versions == _VERSIONS_MAX:
         warn(
             f"{name} was compiled {versions} times for other globals or closed-over values, "
@@ -151,41 +155,20 @@ def _warn_of_versions(name, plain):
         )
 
 
-def _compare(name, fun, arity, compiled, values, start):
-    """Refuse compiled code whose values differ from those in Python."""
-    again, z, params = np.empty_like(values), start.components(), start.params
-    try:
-        compiled(start.t, z.copy(), again.view(float), params.copy())
-    except Exception as error:
-        raise _NotCompiled(f"for compiled it raises {type(error).__name__}: {error}") from error
-    if close(again, values):
-        return
-    # helpers compiled earlier may have run with the values of that time
-    expected = np.empty_like(values)
-    fill = _in_python(name, uncompiled(fun), arity, start, values.shape)
-    fill(start.t, z, expected.view(float), params)
-    if not close(again, expected):
-        raise _NotCompiled(
-            f"for compiled it gives {shown(again)} instead of {shown(expected)} at t = {start.t:g}"
-            ": write 1.0 for 1 where whole numbers are divided, raised or grow large"
-        )
+def _build(name, fun, key, arity, form, start, shape):
+    """Compile a user's function; return it and "", or None and why numba cannot.
 
-
-def _build(name, fun, kinds, signature, copied):
-    """Compile a user's function, or with `copied` one that is given copies of y and params.
-
-    Those may be written to. `kinds` are number of arguments, form, start and shape of the values.
-    Its own code, and its helpers, are compiled anew, so that the result depends on these alone.
+    One that could write past read-only types is given copies of y and params. Its own code, and
+    its helpers, are compiled anew, so that the result depends on these alone.
     """
-    arity, form, start, shape = kinds
+    plain, k = _plain(fun), len(start.memory)
     if config.DISABLE_JIT:
-        return _locking(_in_python(name, _plain(fun), arity, start, shape))
-    k = len(start.memory)
+        return _locking(_in_python(name, plain, arity, start, shape)), ""
     # the functions are called from compiled code alone: a wrapper for others takes 1 MB each
     inside = {"boundscheck": True, **without("cpython")}
     inner: dict[str, Any] = {"nogil": True, **without("cfunc"), **inside}
     # scenes of the package always read the same entries, which the call at t = 0 has checked
-    inner["boundscheck"] = not _of_package(_plain(fun))
+    inner["boundscheck"] = not str(plain.__module__).startswith("hereditary.")
     if not is_jitted(fun):
         inner["error_model"] = "numpy"
     number = types.complex128 if start.paired else F8
@@ -197,16 +180,17 @@ def _build(name, fun, kinds, signature, copied):
         jitted = fresh(fun, inner, inside)
         jitted.compile(own)  # by itself first, so that a message refers to the user's lines
         jitted.disable_compile()
-        adapter = _adapter(split(jitted, arity, k), arity, form, len(shape), copied)
         returned = jitted.nopython_signatures[0].return_type
         simple = isinstance(returned, (types.NoneType, types.Number, types.Boolean))
-        adapter = derived(adapter, counted=copied or not simple)
-        return as_value(paired(adapter) if start.paired else adapter, signature)
+        copied = bool(_PAST_READ_ONLY & code_names(key[0]))
+        adapter = _adapter(_split(jitted, arity, k), arity, form, len(shape))
+        adapter = derived(adapter, counted=not simple)
+        adapter = derived(_of_copies(adapter)) if copied else adapter
+        return as_value(derived(_of_parts(adapter)) if start.paired else adapter, key[2]), ""
     except Exception as error:  # numba raises many types besides its own
-        plain = _plain(fun)
         if _compiles(fresh(fun, inner, inside), [a.copy(readonly=False) for a in own[1:]]):
             raise TypeError(writing_complaint(name, plain, error)) from error
-        raise _NotCompiled(compile_reason(plain, error)) from error
+        return None, compile_reason(plain, error)
 
 
 def _compiles(jitted, arrays):
@@ -218,27 +202,55 @@ def _compiles(jitted, arrays):
     return True
 
 
-def _adapter(fun, arity, form, n_axes, copied):
+def _split(fun, arity, k):
+    """Return a compiled function of y and memory as one of all components; itself for k = 0."""
+    if k == 0:
+        return fun
+
+    def of_values(t, z):
+        d = z.shape[0] // (1 + k)
+        return fun(t, z[:d], z[d:].reshape(k, d))
+
+    def with_params(t, z, params):
+        d = z.shape[0] // (1 + k)
+        return fun(t, z[:d], z[d:].reshape(k, d), params)
+
+    def in_place(t, z, out, params):
+        d = z.shape[0] // (1 + k)
+        fun(t, z[:d], z[d:].reshape(k, d), out, params)
+
+    return derived({2: of_values, 3: with_params, 4: in_place}[arity])
+
+
+def _of_copies(fun):
+    """Return a function that calls `fun` with copies of y and params, which it may change."""
+    return lambda t, y, out, params: fun(t, y.copy(), out, params.copy())
+
+
+def _of_parts(fun):
+    """Return a function of complex components as one of their real and imaginary parts."""
+
+    def of_parts(t, z, out, params):
+        fun(t, z.view(np.complex128), out.view(np.complex128), params)
+
+    return of_parts
+
+
+def _adapter(fun, arity, form, n_axes):
     """Return a function that calls `fun` and writes its values to the output array.
 
-    `form` is that of the trial call; with `copied`, `fun` receives copies of y and params. The
-    loops are written out because numba takes two seconds to compile ``out[...] = values``.
+    `form` is that of the trial call. The loops are written out because numba takes two seconds to
+    compile ``out[...] = values``.
     """
     one, with_params = (0,) * n_axes, arity == 3
 
     def in_place(t, y, out, params):
-        if copied:
-            y, params = y.copy(), params.copy()
         fun(t, y, out, params)
 
     def from_number(t, y, out, params):
-        if copied:
-            y, params = y.copy(), params.copy()
         out[one] = fun(t, y, params) if with_params else fun(t, y)
 
     def from_vector(t, y, out, params):
-        if copied:
-            y, params = y.copy(), params.copy()
         values = np.asarray(fun(t, y, params) if with_params else fun(t, y))
         if values.shape != out.shape:
             raise ValueError(_RESHAPED)
@@ -246,8 +258,6 @@ def _adapter(fun, arity, form, n_axes, copied):
             out[i] = values[i]
 
     def from_matrix(t, y, out, params):
-        if copied:
-            y, params = y.copy(), params.copy()
         values = np.asarray(fun(t, y, params) if with_params else fun(t, y))
         if values.shape != out.shape:
             raise ValueError(_RESHAPED)

@@ -46,20 +46,18 @@ def arity_of(name, out, fun, start):
     required = f"be one of {start.shapes(name, out)}"
     more = int(len(start.memory) > 0)
     try:
-        parameters = inspect.signature(fun).parameters.values()
+        signature = inspect.signature(fun)
     except (TypeError, ValueError) as error:
         raise TypeError(complaint(name, required, repr(fun), "write it with def")) from error
+    got, parameters = f"{getattr(fun, '__name__', fun)}{signature}", signature.parameters.values()
     positional = [p for p in parameters if p.kind in (p.POSITIONAL_ONLY, p.POSITIONAL_OR_KEYWORD)]
     fixed = [p for p in parameters if p.kind is p.KEYWORD_ONLY and p.default is not p.empty]
     known = len(positional) + len(fixed) == len(parameters)
     if not known or len(positional) - more not in (2, 3, 4):
-        got = f"{getattr(fun, '__name__', fun)}{inspect.signature(fun)}"
         raise TypeError(complaint(name, required, got, "pass constants through params"))
     if positional[1].name in ("t", "time"):
-        got = f"{getattr(fun, '__name__', fun)}{inspect.signature(fun)}"
         raise TypeError(complaint(name, "take t first and y second", got, defined(fun)))
     if more and positional[2].name in ("p", "params", "dy", "jacobian"):
-        got = f"{getattr(fun, '__name__', fun)}{inspect.signature(fun)}"
         reason = f"equations with memory= pass it there, {defined(fun)}"
         raise TypeError(complaint(name, "take memory third", got, reason))
     return len(positional) - more
