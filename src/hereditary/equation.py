@@ -17,7 +17,7 @@ from .formula import formula
 from .frame import Frame
 from .functions.assemble import functions_of
 from .functions.build import present_values
-from .functions.differences import check_entries, check_jacobian
+from .functions.differences import check_jacobian
 from .functions.reads import digest, digest_of_compiled
 from .functions.trial import Start
 from .initial_values import finite, initial_values, of_shorthand, rows_of
@@ -197,10 +197,8 @@ class Equation(System):
         params, rhs, jac, structure = assembled(said, functions, d)
         if self.t_start != 0:
             params, rhs, jac = later(self.t_start, params, rhs, jac)
-        if structure is not None:
-            check_entries(rhs, jac, structure, start.components(), params)
-        elif jac is not None:
-            check_jacobian(rhs, jac, start.components(), params)
+        if jac is not None or structure is not None:
+            check_jacobian(rhs, jac, start.components(), params, structure)
         self._frozen = self._present_values()
         left = left_side(self.terms, factors, orders, self.t_start)
         known |= {"n_params": start.params.size, "structure": structure}

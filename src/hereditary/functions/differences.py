@@ -11,8 +11,9 @@ from ..compiled.jacobian import VALUES, jacobian_at, no_jacobian
 
 # Steps of the two differences, in units of the size of a component.
 _STEPS = 1e-4, 1e-5
-# Relative deviation that rounding and truncation cannot explain.
-_TOLERANCE = 1e-3
+# Relative deviations that rounding and truncation cannot explain: of an entry of a dense Jacobian,
+# of a product of given entries with a direction, and of one of entries by differences.
+_OF_ENTRY, _OF_GIVEN, _OF_DIFFERENCES = 1e-3, 1e-6, 1e-9
 # Components that have units of their own, and the fraction of the largest below which a component
 # is next to 0.
 _FEW, _SMALL = 9, 1e-3
@@ -21,46 +22,24 @@ _LATER = (1e-3, 1e-2, 0.1, 1.0, 10.0)
 # First trial of a step, as fraction of f; ratio of trials and their number; fraction of f that is
 # clear of rounding.
 _FIRST_STEP, _APART, _MOST_TRIALS, _CLEAR = 1e-3, 1024.0, 12, 1e-5
-# The same of products with a direction, in comparison with the summands of their rows: of a given
-# Jacobian, and of one by differences.
-_OF_GIVEN, _OF_DIFFERENCES = 1e-6, 1e-9
 
 
-def check_jacobian(rhs, jac, y0, params):
+def check_jacobian(rhs, jac, y0, params, structure=None):
     """Refuse a Jacobian that is not the derivative of the right-hand side near y0, at t = 0.
 
-    An entry is refused where two points of three find it wrong beyond doubt: it misses two
-    differences, of longer and of shorter steps, by more than ten times what these are apart. So
-    corners, jumps and points outside the domain of `rhs` refuse nothing.
+    Its products with directions are compared with differences of `rhs` along them. Directions are
+    the axes for a dense Jacobian, and a random one where entries have a `structure`; without `jac`
+    these entries are differences, of which some may be missed. A product is refused where two
+    points of three find it wrong beyond doubt: it misses two differences, of longer and of shorter
+    steps, by more than ten times what these are apart. So corners, jumps and points outside the
+    domain of `rhs` refuse nothing.
 
     Parameters
     ----------
     rhs, jac : callable
         Compiled, filling their third argument.
     y0, params : ndarray, shape (d,) and (p,)
-    """
-    aside = np.random.default_rng(0).uniform(0.5, 1.0, (2, y0.size))
-    units = units_of(rhs, params, y0)
-    units[units == 0] = 1.0
-    scale = np.maximum(np.abs(y0), 0.1 * units)
-    points = [y0, y0 + 0.03 * scale * aside[0], y0 - 0.03 * scale * aside[1]]
-    found = [trial for y in points if (trial := _deviation(rhs, jac, y, params, units))]
-    counts = sum((wrong.astype(int) for wrong, _, _ in found), np.zeros((y0.size, y0.size), int))
-    if counts.max() < 2:
-        return
-    i, j = np.unravel_index(np.argmax(counts), counts.shape)
-    _, given, expected = next(trial for trial in found if trial[0][i, j])
-    got = f"{given[i, j]:.6g} in row {i}, column {j}, near y0 at the start"
-    required = f"hold d rhs[i] / d y[j] = {expected[i, j]:.6g}"
-    remedy = "check signs and whether it is transposed, or leave jac out for differences"
-    raise ValueError(complaint("jac", required, got, remedy))
-
-
-def check_entries(rhs, jac, structure, y0, params):
-    """Refuse entries of a Jacobian that miss some near y0, or are wrong, by random directions.
-
-    Products of the entries, given or by differences, with a direction are compared with
-    differences of `rhs` along it, as in `check_jacobian`.
+    structure : Structure, optional
     """
     random = np.random.default_rng(0)
     units = units_of(rhs, params, y0)
@@ -69,17 +48,67 @@ def check_entries(rhs, jac, structure, y0, params):
     aside = random.uniform(0.5, 1.0, (2, y0.size)) * 0.03 * scale
     found = []
     for y in (y0, y0 + aside[0], y0 - aside[1]):
-        direction = random.choice([-1.0, 1.0], y0.size) * random.uniform(0.5, 1.0, y0.size)
-        trial = _missed(rhs, jac, structure, y, params, units, direction * scale)
+        if structure is None:
+            directions, lengths = np.eye(y0.size), np.maximum(np.abs(y), units)
+        else:
+            signs = random.choice([-1.0, 1.0], y0.size)
+            directions = (signs * random.uniform(0.5, 1.0, y0.size) * scale)[None]
+            lengths = np.ones(1)
+        trial = _deviation(rhs, jac, structure, y, params, units, directions, lengths)
         if trial is not None:
             found.append(trial)
-    wrong = np.flatnonzero(sum(trial.astype(int) for trial in found) >= 2 if found else 0)
-    if wrong.size:
-        name = "jac_sparsity or bandwidth" if jac is None else "jac"
+    counts = sum(wrong.astype(int) for wrong, _, _ in found) if found else np.zeros((1, 1))
+    if counts.max() < 2:
+        return
+    i, j = np.unravel_index(np.argmax(counts), counts.shape)
+    if structure is None:
+        given, expected = next((g[i, j], e[i, j]) for wrong, g, e in found if wrong[i, j])
+        got = f"{given:.6g} in row {i}, column {j}, near y0 at the start"
+        required = f"hold d rhs[i] / d y[j] = {expected:.6g}"
+        remedy = "check signs and whether it is transposed, or leave jac out for differences"
+    else:
+        got = f"others in row {i}, near y0 at the start"
         required = "hold every entry of d rhs / d y that differs from 0"
         remedy = "differences along a random direction tell so"
-        got = f"others in row {wrong[0]}, near y0 at the start"
-        raise ValueError(complaint(name, required, got, remedy))
+    name = "jac_sparsity or bandwidth" if jac is None else "jac"
+    raise ValueError(complaint(name, required, got, remedy))
+
+
+def _deviation(rhs, jac, structure, y, params, units, directions, lengths):
+    """Return which products are wrong, the given ones and differences, (d, n); None for unknown.
+
+    Parameters
+    ----------
+    directions, lengths : ndarray, shape (n, d) and (n,)
+        Steps of differences are proportional to the product of both.
+    """
+    entries = np.empty((y.size, y.size)) if structure is None else structure.entries.copy()
+    values = np.empty((2, 2, len(directions), y.size))
+    try:
+        if jac is None:
+            jacobian_at(rhs, as_value(no_jacobian, JAC_SIG), 0, 0.0, y, params, units, entries)
+        else:
+            jac(0.0, y.copy(), entries, params.copy())
+        for step, pair in zip(_STEPS, values, strict=True):
+            for sign, rows in zip((1.0, -1.0), pair, strict=True):
+                for row, direction, length in zip(rows, directions, lengths, strict=True):
+                    rhs(0.0, y + sign * step * length * direction, row, params.copy())
+    except Exception:  # y lies outside of the domain of the functions
+        return None
+    given, sizes = entries, np.abs(entries)
+    with np.errstate(all="ignore"):
+        if structure is not None:
+            matrix = structure.matrix(entries[VALUES])
+            given, sizes = matrix @ directions.T, abs(matrix) @ np.abs(directions.T)
+        changes = (values[:, 0] - values[:, 1]).transpose(0, 2, 1)
+        far, near = changes / (2 * lengths * np.array(_STEPS)[:, None, None])
+    if not all(np.all(np.isfinite(a)) for a in (given, far, near)):
+        return None
+    sizes = np.maximum(sizes, np.abs(near))
+    noise = 1e-14 * (np.abs(values).max(axis=(0, 1)).T / lengths + sizes) / _STEPS[1]
+    share = _OF_ENTRY if structure is None else _OF_DIFFERENCES if jac is None else _OF_GIVEN
+    allowed = share * (sizes + 1e-3 * sizes.max(axis=1, keepdims=True))
+    return np.abs(given - near) > allowed + 10 * np.abs(far - near) + noise, given, near
 
 
 def units_of(rhs, params, y0):
@@ -134,58 +163,3 @@ def _moved(rhs, params, y0, c=0, step=0.0, t=0.0):
     with suppress(Exception):
         rhs(t, y, found, params)
     return found
-
-
-def _missed(rhs, jac, structure, y, params, units, direction):
-    """Rows in which products with a direction are wrong; None where it cannot tell."""
-    entries = structure.entries.copy()
-    try:
-        if jac is None:
-            none = as_value(no_jacobian, JAC_SIG)
-            jacobian_at(rhs, none, 0, 0.0, y, params, units, entries)
-        else:
-            jac(0.0, y.copy(), entries, params)
-        values = np.empty((4, y.size))
-        for row, step in zip(values, (_STEPS[0], -_STEPS[0], _STEPS[1], -_STEPS[1]), strict=True):
-            rhs(0.0, y + step * direction, row, params)
-    except Exception:  # y lies outside of the domain of the functions
-        return None
-    far, near = (values[::2] - values[1::2]) / (2 * np.array(_STEPS)[:, None])
-    matrix = structure.matrix(entries[VALUES])
-    given, sizes = matrix @ direction, abs(matrix) @ np.abs(direction)
-    if not all(np.all(np.isfinite(a)) for a in (given, far, near)):
-        return None
-    noise = 1e-14 * (np.abs(values).max(axis=0) + sizes) / _STEPS[1]
-    share = _OF_DIFFERENCES if jac is None else _OF_GIVEN
-    return np.abs(given - near) > share * sizes + 10 * np.abs(far - near) + noise
-
-
-def _deviation(rhs, jac, y, params, units):
-    """Which entries are wrong at y, the given ones, and differences; None where it cannot tell."""
-    given = np.empty((y.size, y.size))
-    try:
-        jac(0.0, y.copy(), given, params.copy())
-        pairs = [_differences(rhs, y, params, units, step) for step in _STEPS]
-    except Exception:  # y lies outside of the domain of the functions
-        return None
-    (far, _), (near, noise) = pairs
-    if not all(np.all(np.isfinite(a)) for a in (given, far, near)):
-        return None
-    apart = np.abs(far - near)
-    sizes = np.maximum(np.abs(given), np.abs(near))
-    allowed = _TOLERANCE * (sizes + 1e-3 * sizes.max(axis=1, keepdims=True)) + 10 * apart + noise
-    return np.abs(given - near) > allowed, given, near
-
-
-def _differences(rhs, y, params, units, step):
-    """Central differences d rhs / d y, shape (d, d), and a bound on their rounding, (d, 1)."""
-    jacobian, largest = np.empty((y.size, y.size)), np.zeros(y.size)
-    values = np.empty((2, y.size))
-    for j, size in enumerate(np.maximum(np.abs(y), units)):
-        for row, shift in zip(values, (step * size, -step * size), strict=True):
-            moved = y.copy()
-            moved[j] += shift
-            rhs(0.0, moved, row, params.copy())
-        jacobian[:, j] = (values[0] - values[1]) / (2 * step * size)
-        largest = np.maximum(largest, np.abs(values).max(axis=0))
-    return jacobian, (1e-14 * largest / step)[:, None]
