@@ -12,10 +12,8 @@ import pytest
 from numba import njit
 from numba import types as numba_types
 
-from hereditary._cache import reached_digest
-from hereditary.functions.digest import digest
-from hereditary._jit import F8, I8, allocating, as_value, compiled, entry, inner, reordered
-from hereditary.compiled.numba_internals import LINKED
+from hereditary._jit import F8, I8, as_value, compiled, entry, inner
+from hereditary.functions.reads import digest
 
 SOURCE = """
 import math
@@ -106,21 +104,6 @@ def test_what_lies_in_itself():
 def _scaled(x, factor):
     for i in range(x.shape[0]):
         x[i] *= factor
-
-
-def _caller_of(helper):
-    def caller(x):
-        helper(x, 2.0)
-
-    return caller
-
-
-@pytest.mark.skipif(not LINKED, reason="plain numba compiles these alike")
-def test_an_entry_depends_on_how_the_functions_it_reaches_are_compiled():
-    kinds = [inner, allocating, reordered]
-    found = [reached_digest(_caller_of(kind(_scaled))) for kind in kinds]
-    assert len(set(found)) == len(kinds)
-    assert found == [reached_digest(_caller_of(kind(_scaled))) for kind in kinds]
 
 
 def test_functions_without_counts_work_on_their_caller_s_arrays():

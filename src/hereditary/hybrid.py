@@ -16,9 +16,9 @@ from functools import lru_cache, partial
 
 import numpy as np
 
-from .functions.assemble import switch_of
 from ._checks import complaint, real, shown
 from ._jit import derived
+from .functions.assemble import switch_of
 from .solver.events import TINY, Events, value_of
 from .solver.status import Status
 from .solver.stops import together
