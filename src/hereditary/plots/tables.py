@@ -15,7 +15,6 @@ from matplotlib.colors import LinearSegmentedColormap, to_rgb
 from matplotlib.patches import Patch
 
 from .._checks import complaint
-from ..analysis.regimes import Regime
 from ._axes import label, made, style
 
 if TYPE_CHECKING:
@@ -25,11 +24,11 @@ if TYPE_CHECKING:
 
 _BLUE, _VERMILLION, _GREEN, _DARK, _PALE = "#0072B2", "#D55E00", "#009E73", "#404040", "#F0E442"
 COLOURS = {
-    Regime.PERIODIC: _BLUE,
-    Regime.IRREGULAR: _VERMILLION,
-    Regime.SLIDING: _GREEN,
-    Regime.STUCK: _DARK,
-    Regime.UNDETERMINED: _PALE,
+    "stick-slip, periodic": _BLUE,
+    "stick-slip, irregular": _VERMILLION,
+    "sliding": _GREEN,
+    "stuck": _DARK,
+    "undetermined": _PALE,
 }
 # Series of a spectrum, in their order.
 _SERIES = (_BLUE, _VERMILLION, _GREEN, "#CC79A7", "#56B4E9", _DARK)
@@ -150,7 +149,7 @@ def regime_map(
         Over two axes, the first one drawn upwards. Cells whose status is not "completed" are
         crossed out.
     regime : str, optional
-        Name of its regimes, see `hereditary.analysis.regimes.Regime`.
+        Name of its regimes, see `hereditary.Regime`.
     certainty : str, optional
         Name of their certainties in [0, 1]; None to draw all of them alike.
     ax : matplotlib Axes, optional
