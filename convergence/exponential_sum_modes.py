@@ -13,7 +13,7 @@ import numpy as np
 from _study import Claim, curves, study
 
 import hereditary as hd
-from hereditary.exponential_sum import fit_unit, trapezoid_step
+from hereditary.kernels.exponential_sum import fit_unit, trapezoid_step
 
 EXPONENTS = (1e-6, 0.1, 0.5, 0.9, 1.0, 1.5, 1.99)
 DECADES = (1, 3, 5, 7, 9, 12)

@@ -20,7 +20,7 @@ from scipy.special import gamma
 
 import hereditary as hd
 from hereditary.exact import mittag_leffler
-from hereditary.meshes import UniformSteps
+from hereditary.schemes.steps import UniformSteps
 from hereditary.solver.fixed_stepper import FixedStepper
 from hereditary.solver.jacobian_watch import JacobianWatch
 

@@ -21,7 +21,7 @@ from cases import (
 )
 
 import hereditary as hd
-from hereditary.meshes import UniformSteps, mesh_steps
+from hereditary.schemes.steps import UniformSteps, mesh_steps
 from hereditary.solver.fixed_stepper import FixedStepper
 
 # What rounding, and Newton's method, leave of laws that are exact otherwise, relative to |y|.

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from hereditary.compiled.mesh import moments
-from hereditary.special import (
+from hereditary.compiled.mesh_sums import moments
+from hereditary.kernels.special import (
     alternating_power_sum,
     alternating_sum,
     bracketed_root,

@@ -12,7 +12,7 @@ import pytest
 from numba import njit
 from numba import types as numba_types
 
-from hereditary._jit import F8, I8, as_value, compiled, entry, inner
+from hereditary.compiled.jit import F8, I8, as_value, compiled, entry, inner
 from hereditary.functions.reads import digest
 
 SOURCE = """

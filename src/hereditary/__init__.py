@@ -9,44 +9,36 @@ from .analysis.fitting import FitResult, IdentifiabilityWarning, fit
 from .analysis.frequency_response import FrequencyResponse, frequency_response
 from .analysis.lyapunov import lyapunov
 from .analysis.power_spectrum import PowerSpectrum, power_spectrum
-from .analysis.regimes import Regime, RegimeVerdict, classify
 from .analysis.sections import Section, maxima, stroboscopic
 from .analysis.sensitivity import Sensitivities, sensitivities
 from .analysis.spectrum import LyapunovResult
 from .analysis.sweep import sweep
 from .analysis.table import Table
 from .analysis.zero_one import ZeroOneResult, zero_one_test
-from .collocation.scheme import Collocation
+from .collocation.method import Collocation
 from .ensemble import Ensemble, ensemble
-from .equation import Equation
-from .exponential_sum import fit_exponentials
+from .equation.equation import Equation
+from .equation.operators import Caputo, Memory, PowerLaw, RiemannLiouville
 from .functions.python_calls import PythonFunctionWarning
 from .history.direct import Direct
 from .history.exponentials import SumOfExponentials
 from .history.fft import FFT
-from .memory_kernel import ExponentialSum, KernelWarning
-from .memory_kernels import (
-    DistributedOrder,
-    Kernel,
-    MemoryKernel,
-    MittagLeffler,
-    Prony,
-    StretchedExponential,
-    TabulatedKernel,
-    TemperedPowerLaw,
-)
-from .meshes import Graded, graded
-from .operators import Caputo, Memory, PowerLaw, RiemannLiouville
+from .kernels.exponential_sum import fit_exponentials
+from .kernels.measured import Kernel, TabulatedKernel
+from .kernels.memory_kernel import ExponentialSum, KernelWarning, MemoryKernel
+from .kernels.power_laws import DistributedOrder, TemperedPowerLaw
+from .kernels.relaxation import MittagLeffler, Prony, StretchedExponential
+from .large.imex import IMEX
+from .large.memory_term import MemoryTerm, memory_term
 from .schemes.adams import Adams, ProductTrapezoid
 from .schemes.bdf import BDF
 from .schemes.explicit import ExplicitCaputo
 from .schemes.grunwald_letnikov import GrunwaldLetnikov
-from .schemes.imex import IMEX
 from .schemes.l1 import L1
 from .schemes.l2 import L2
 from .schemes.l2sigma import L2Sigma
 from .schemes.l12 import L12
-from .solver.memory_term import MemoryTerm, memory_term
+from .schemes.steps import Graded, graded
 from .solver.solution import Solution, SolveWarning, StabilityWarning, Status
 from .solver.solve import solve
 
@@ -128,6 +120,8 @@ def __getattr__(name):
     # plots needs matplotlib, whose import takes as long as all the rest; exact needs an extra
     if name in ("plots", "exact"):
         return importlib.import_module(f".{name}", __name__)
+    if name in ("Regime", "RegimeVerdict", "classify"):
+        return getattr(importlib.import_module(".paper.regimes", __name__), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 

@@ -15,14 +15,14 @@ import numpy as np
 from matplotlib.backend_bases import FigureCanvasBase
 
 from . import plots
-from ._ahead import compile_ahead
-from ._checks import complaint
-from .equation import Equation
+from .compile_ahead import compile_ahead
+from .equation.equation import Equation
 from .history.exponentials import SumOfExponentials
 from .paper.command import main as paper
 from .scenes import stick_slip, sticking_intervals
 from .solver.solution import Solution, SolveWarning
 from .solver.solve import solve
+from .support.checks import complaint
 
 # scene parameter -> what it is
 _PARAMETERS = {

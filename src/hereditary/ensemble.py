@@ -13,10 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ._checks import complaint, count, instance, real_array, refuse_masked, shown, whole
-from ._machine import cores
-from ._warning import silence, warn
-from .equation import Equation
+from .equation.equation import Equation
 from .history.exponentials import SumOfExponentials
 from .history.history import History
 from .schemes.scheme import Scheme
@@ -28,6 +25,9 @@ from .solver.solution import SolveWarning, StabilityWarning
 from .solver.solve import chosen_scheme, evaluation_times, run_end, solve
 from .solver.status import Status
 from .solver.stops import kept_steps
+from .support.checks import complaint, count, instance, real_array, refuse_masked, shown, whole
+from .support.machine import cores
+from .support.warning import silence, warn
 
 _UNSTABLE = (Status.STEP_TOO_LARGE, Status.ZIGZAG)
 

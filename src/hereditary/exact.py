@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import gamma as gamma_function
 
-from ._checks import complaint, real, real_array, within
-from .initial_values import initial_values
-from .orders import derivative_order, orders_up_to_2
+from .equation.initial_values import initial_values
+from .equation.orders import derivative_order, orders_up_to_2
+from .support.checks import complaint, real, real_array, within
 
 try:
     from pymittagleffler import mittag_leffler

@@ -16,13 +16,13 @@ from functools import lru_cache, partial
 
 import numpy as np
 
-from ._checks import complaint, real, shown
-from ._jit import derived
+from .compiled.jit import derived
+from .equation.system import changed
 from .functions.assemble import switch_of
 from .solver.events import TINY, Events, value_of
 from .solver.status import Status
 from .solver.stops import together
-from .system import changed
+from .support.checks import complaint, real, shown
 
 # Numbers that each switch adds to the parameters.
 _ADDED = 3

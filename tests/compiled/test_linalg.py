@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hereditary._jit import compiled
+from hereditary.compiled.jit import compiled
 from hereditary.compiled.linalg import factorise, product, substitute, transposed_product
 
 

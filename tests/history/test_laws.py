@@ -8,11 +8,11 @@ from strategies import orders, sequences
 
 import hereditary as hd
 from hereditary.compiled.convolution import exchange_direct
-from hereditary.meshes import UniformSteps
+from hereditary.kernels.step_kernel import PowerSteps
 from hereditary.schemes.scheme import Convolution
+from hereditary.schemes.steps import UniformSteps
 from hereditary.schemes.weights import FIRST_DIFFERENCES, SECOND_DIFFERENCES
 from hereditary.solver.fixed_stepper import FixedStepper
-from hereditary.step_kernel import PowerSteps
 
 N_BLOCK, N_BLOCKS = 8, 6
 N = N_BLOCK * N_BLOCKS

@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 import hereditary as hd
-from hereditary.meshes import UniformSteps
+from hereditary.equation.system import displaced
+from hereditary.schemes.steps import UniformSteps
 from hereditary.solver.fixed_stepper import FixedStepper
-from hereditary.system import displaced
 
 HISTORIES = [hd.Direct(), hd.FFT(), hd.SumOfExponentials(1e-12)]
 H = 0.01

@@ -9,11 +9,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._checks import complaint, count, instance, shown, whole
-from ..equation import Equation
+from ..equation.equation import Equation
 from ..history.history import History
 from ..schemes.scheme import Scheme
 from ..solver.solve import solve
+from ..support.checks import complaint, count, instance, shown, whole
 from .order import observed_order
 
 _HEADS = "N", "h", "error", "order"

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from .._jit import F8, I8, MAT, VEC, entry
 from ..compiled.jacobian import COLUMNS, ROWS, VALUES, is_sparse, jacobian
+from ..compiled.jit import F8, I8, MAT, VEC, entry
 from ..compiled.signatures import JAC, RHS
 
 

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from .._checks import complaint
-from ..compiled.growth import due, measure, note
+from ..compiled.growing_march import due, measure, note
+from ..equation.system import displaced
 from ..solver.status import Status
-from ..system import displaced
+from ..support.checks import complaint
 
 
 class Tangents:

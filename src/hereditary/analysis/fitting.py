@@ -10,11 +10,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._checks import complaint, real_array, shown
-from .._warning import warn
-from ..equation import Equation
+from ..equation.equation import Equation
 from ..solver.solution import Solution
 from ..solver.solve import solve
+from ..support.checks import complaint, real_array, shown
+from ..support.warning import warn
 from .series import Series, series_of
 
 # Relative change of parameters in differences: runs to a tolerance of 1e-8 leave 1e-4 in them.

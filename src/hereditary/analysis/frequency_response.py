@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._checks import complaint, count, instance, real_array, shown
-from .._warning import warn
-from ..equation import Equation
+from ..equation.equation import Equation
+from ..support.checks import complaint, count, instance, real_array, shown
+from ..support.warning import warn
 from .harmonic_balance import Balance
 from .response_curve import Curve, Peak
 

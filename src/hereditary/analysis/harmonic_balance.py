@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from .._checks import complaint, shown
-from .._jit import F8, I8, MAT, VEC, entry
 from ..compiled.jacobian import jacobian
+from ..compiled.jit import F8, I8, MAT, VEC, entry
 from ..compiled.signatures import JAC, RHS
+from ..support.checks import complaint, shown
 
 # Samples of a period for each harmonic and at least, and relative change of a frequency in
 # differences.

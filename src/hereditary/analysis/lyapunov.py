@@ -6,11 +6,11 @@ from dataclasses import replace
 
 from numpy.typing import ArrayLike
 
-from .._checks import complaint, instance
-from ..equation import Equation
+from ..equation.equation import Equation
 from ..history.history import History
 from ..schemes.scheme import Scheme
 from ..solver.solution import Status
+from ..support.checks import complaint, instance
 from .growth import Verdict
 from .marched import checking_scheme, usual_scheme
 from .one_run import Request, march, result_of

@@ -11,21 +11,21 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.special import rgamma
 
-from .._checks import complaint, count, instance, positive, real_array, shown, within
-from .._warning import warn
-from ..collocation.stepper import AdaptiveStepper
+from ..collocation.adaptive_stepper import AdaptiveStepper
 from ..compiled.callbacks import pass_on
-from ..equation import Equation
+from ..equation.equation import Equation
 from ..history.exponentials import SumOfExponentials
 from ..history.history import History
-from ..meshes import UniformSteps
 from ..schemes.scheme import Scheme
+from ..schemes.steps import UniformSteps
 from ..solver.fixed_stepper import FixedStepper
 from ..solver.growing import GrowingStepper
 from ..solver.opening import modes_tolerance, steps_in, tolerances, uniform_steps
 from ..solver.progress import Interruption, ProgressBar
 from ..solver.run import Drive, reached_end, told
 from ..solver.solution import Status
+from ..support.checks import complaint, count, instance, positive, real_array, shown, within
+from ..support.warning import warn
 from .divergence import Divergence
 from .estimators import Pairs, Restarted, StepTangents, Tangents
 from .growth import Verdict, assess, kaplan_yorke

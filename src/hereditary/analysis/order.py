@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._checks import complaint, real_array
+from ..support.checks import complaint, real_array
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._checks import complaint, count, positive, real, real_array
 from ..solver.solution import Solution
+from ..support.checks import complaint, count, positive, real, real_array
 from .sections import check_unbroken, values_at
 
 # Most samples of a solution, and fewest values.

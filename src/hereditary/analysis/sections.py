@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._checks import complaint, count, instance, positive, real, real_array, shown
 from ..solver.solution import Solution
+from ..support.checks import complaint, count, instance, positive, real, real_array, shown
 
 # Points of each step at which a dense output is looked at for maxima.
 _LOOKS = 8

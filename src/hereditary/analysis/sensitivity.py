@@ -9,23 +9,23 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._checks import complaint, instance
-from .._jit import JAC_SIG, RHS_SIG, as_value, derived
-from .._warning import silence
-from ..collocation.stepper import AdaptiveStepper
-from ..equation import Equation
+from ..collocation.adaptive_stepper import AdaptiveStepper
+from ..compiled.jit import JAC_SIG, RHS_SIG, as_value, derived
+from ..equation.equation import Equation
+from ..equation.system import System
+from ..equation.terms import ConstantOrder, SystemTerm
 from ..history.exponentials import SumOfExponentials
 from ..history.history import History
-from ..meshes import UniformSteps
 from ..schemes.scheme import Scheme
+from ..schemes.steps import UniformSteps
 from ..solver.fixed_stepper import FixedStepper
 from ..solver.opening import check_end, modes_tolerance, tolerances, uniform_steps
 from ..solver.run import reached_end, told
 from ..solver.solve import chosen_scheme, evaluation_times, run_end, solve
 from ..solver.status import Status
 from ..solver.stops import kept_steps
-from ..system import System
-from ..terms import ConstantOrder, SystemTerm
+from ..support.checks import complaint, instance
+from ..support.warning import silence
 
 _KINDS = ("params", "y0", "orders")
 # Relative change of parameters in differences.

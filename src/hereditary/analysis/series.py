@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .._checks import complaint, component_numbers, real_array, shown
+from ..support.checks import complaint, component_numbers, real_array, shown
 
 # A residual that is no number counts as ten of the largest one, or of so many of the largest value.
 _FAR = 1e2

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from .._html import paragraph, rows_of
-from ..compiled.growth import PACE
+from ..compiled.growing_march import PACE
 from ..compiled.structures import record
 from ..solver.solution import Status
+from ..support.html import paragraph, rows_of
 from .growth import Verdict
 
 # Samples of an automatic record; more would cost time, and the late window holds half of them.

@@ -9,7 +9,7 @@ import os
 
 import numpy as np
 
-from .._checks import complaint
+from ..support.checks import complaint
 
 try:
     import fcntl

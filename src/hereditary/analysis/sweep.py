@@ -18,10 +18,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._checks import complaint, instance, refuse_masked, shown
-from .._machine import cores
 from ..solver.first_order import no_estimates
 from ..solver.progress import Interruption, ProgressBar
+from ..support.checks import complaint, instance, refuse_masked, shown
+from ..support.machine import cores
 from .store import Store
 from .table import COMPLETED, STATUS_LENGTH, Columns, Table
 

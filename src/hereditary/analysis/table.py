@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from .._checks import complaint
-from .._html import paragraph, rows_of
-from .._optional import optional
+from ..support.checks import complaint
+from ..support.html import paragraph, rows_of
+from ..support.optional import optional
 
 COMPLETED, NOT_COMPUTED = "completed", "not computed"
 # A status is one line of at most so many characters: arrays of strings are as wide as the widest.

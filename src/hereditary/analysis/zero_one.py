@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._checks import complaint, count, real_array
 from ..solver.solution import Solution
+from ..support.checks import complaint, count, real_array
 from .sections import extrema, tops
 
 # Fewest values of a series, share of its length for displacements, and range of frequencies, which

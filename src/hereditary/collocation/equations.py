@@ -18,8 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .._checks import complaint
-from ..compiled.operators import (
+from ..compiled.rows import (
     FORCE,
     ITSELF,
     POSITION,
@@ -27,10 +26,11 @@ from ..compiled.operators import (
     SLOPE,
 )
 from ..compiled.structures import TERM, records
-from ..orders import OrderFailed
-from ..structure import FEW
-from ..system import System
-from ..terms import Operator, SystemTerm
+from ..equation.orders import OrderFailed
+from ..equation.structure import FEW
+from ..equation.system import System
+from ..equation.terms import Operator, SystemTerm
+from ..support.checks import complaint
 
 # Smallest order of integration: lesser powers of two step lengths are equal in double precision.
 _LEAST = 5e-10

@@ -14,12 +14,12 @@ from functools import lru_cache
 import numpy as np
 from scipy.special import rgamma
 
-from .._checks import complaint
-from ..exponential_sum import fit_unit, grid_spacing
-from ..history.varying import SLOW_NODES, bank_of_all_orders, weights_of_orders
-from ..memory_kernel import NO_ERRORS, KernelErrors
-from ..memory_kernels.fits import RATIO_OF_VALUES
-from ..special import mean_exponential
+from ..history.varying_memory import SLOW_NODES, bank_of_all_orders, weights_of_orders
+from ..kernels.exponential_sum import fit_unit, grid_spacing
+from ..kernels.kernel_fits import RATIO_OF_VALUES
+from ..kernels.memory_kernel import NO_ERRORS, KernelErrors
+from ..kernels.special import mean_exponential
+from ..support.checks import complaint
 
 # General kernels are fitted down to this fraction of the closest distance, and are a point mass
 # below, whose error is of second order in that distance. Bounded kernels are fitted only from where

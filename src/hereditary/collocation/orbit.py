@@ -15,9 +15,9 @@ from numpy.polynomial.legendre import legvander
 from scipy.special import rgamma
 
 from ..compiled.linalg import product
-from ..compiled.operators import ITSELF, POSITION, PRIMARY, SLOPE
+from ..compiled.rows import ITSELF, POSITION, PRIMARY, SLOPE
 from ..compiled.structures import Equations, OrbitArrays
-from ..memory_kernel import NO_ERRORS
+from ..kernels.memory_kernel import NO_ERRORS
 from .exponential_basis import (
     NO_KERNELS,
     PowerLawBasis,

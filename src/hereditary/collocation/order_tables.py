@@ -4,7 +4,7 @@ import numpy as np
 
 from ..compiled.attempt import set_times
 from ..compiled.structures import TABULATED, VaryingOrders, record
-from ..orders import OrderFailed
+from ..equation.orders import OrderFailed
 from .quadrature import integrals_of_rows, radau_nodes
 
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..compiled.adaptive import CRAWLING, JUMPING, NOT_SOLVED
-from ..compiled.operators import POSITION, PRIMARY
+from ..compiled.rows import POSITION, PRIMARY
 from ..compiled.structures import Limits
 from ..solver.status import Status
 

@@ -17,12 +17,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .._checks import complaint
-from ..frame import Frame
-from ..rearranged import Tables, rearranged
+from ..equation.frame import Frame
+from ..equation.rearranged import Tables, rearranged
+from ..equation.system import System
+from ..equation.terms import ConstantOrder, SystemTerm
 from ..solver.dense import Piece
-from ..system import System
-from ..terms import ConstantOrder, SystemTerm
+from ..support.checks import complaint
 
 
 class Plain:

@@ -10,11 +10,11 @@ import numpy as np
 from scipy.special import rgamma
 
 from ..compiled.error_estimate import LEAST, OF_SPEED
-from ..compiled.operators import FORCE, POSITION, PRIMARY
+from ..compiled.rows import FORCE, POSITION, PRIMARY
 from ..compiled.single_step import SINGLE_STEPS
 from ..schemes.stability import eigenvalues
 from .power_basis import TINY, choose_map_rates, power_basis
-from .stages import has_stages, stage_solver
+from .stage_solver import has_stages, stage_solver
 
 # Factors of the length after a refused step, at most and at least; trials with rational maps.
 _SHORTER, _SHORTEST, _MAPPED_TRIALS = 0.3, 0.01, 12

@@ -18,8 +18,8 @@ from contextlib import suppress
 
 import numpy as np
 
-from .._jit import MAT, VEC, entry
 from ..compiled.adaptive import NEAR
+from ..compiled.jit import MAT, VEC, entry
 from ..compiled.signatures import RHS
 
 # Times at which forces are evaluated: a pulse of a 200th of the run is to be seen.

@@ -2,13 +2,13 @@
 
 import numpy as np
 
-from .._jit import I8, VEC, allocating, entry, inner
 from .attempt import attempting, raise_sizes, unit_of
 from .collocation import empty_factors, solve_stages, solve_tangents
 from .copying import put, put_cube, put_matrix
+from .jit import I8, VEC, allocating, entry, inner
 from .many_stages import read_many, solve_many, solve_many_tangents, stage_factors
 from .mode_tables import advance_modes, find_slot, floor_to_grid, read_modes, set_mode_weights
-from .operators import POSITION, PRIMARY, any_offset, assemble_operators, empty_operators, number_of
+from .rows import POSITION, PRIMARY, any_offset, assemble_operators, empty_operators, number_of
 from .signatures import JAC, RHS
 from .structures import (
     BASIS,

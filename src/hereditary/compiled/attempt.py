@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from .._jit import compiled, embedded, inlined, inner
 from .collocation import nodal_slopes
 from .copying import clear_matrix
 from .error_estimate import (
@@ -17,8 +16,9 @@ from .error_estimate import (
     measure_force_defect,
     tangent_error_ratio,
 )
+from .jit import compiled, embedded, inlined, inner
 from .mode_tables import read_varying
-from .operators import POSITION, PRIMARY, SLOPE, eliminate_known, number_of, subtract_from_forces
+from .rows import POSITION, PRIMARY, SLOPE, eliminate_known, number_of, subtract_from_forces
 
 # Goal of Newton's method, in tolerances.
 _NEWTON = 0.01

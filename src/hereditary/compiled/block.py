@@ -1,7 +1,7 @@
 """Parts of the march: open a block, add known terms, start the memory, write rows."""
 
-from .._jit import inlined, inner
 from .jacobian import jacobian
+from .jit import inlined, inner
 from .step import UNITS
 
 # Ratio of neighbouring steps from which no parabola tells the slope.

@@ -10,11 +10,11 @@ history before the step is a sum of exponential modes, advanced by exact moments
 import numpy as np
 from numba.extending import overload
 
-from .._jit import allocating, inlined, inner
 from .copying import clear_matrix, put_matrix
 from .jacobian import jacobian
+from .jit import allocating, inlined, inner
 from .linalg import factorise, substitute
-from .operators import FORCE, POSITION, PRIMARY
+from .rows import FORCE, POSITION, PRIMARY
 from .signatures import SUBSTITUTE
 from .structures import Factors, StageFactors, StepRoom
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from .._jit import allocating, compiled
+from .jit import allocating, compiled
 
 
 @compiled

@@ -1,6 +1,6 @@
 """Copies between arrays by loops: numba takes long to compile ``out[:] = values``."""
 
-from .._jit import inlined, inner
+from .jit import inlined, inner
 
 
 @inlined

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from .._jit import allocating, inner
 from .collocation import forces, residuals, solve_newton
 from .copying import clear
-from .operators import FORCE, POSITION, PRIMARY
+from .jit import allocating, inner
+from .rows import FORCE, POSITION, PRIMARY
 
 # Relative tolerance of tangents is at least this: those that have decayed consist of rounding
 # errors, which grow when tangents are normalised.

@@ -7,7 +7,7 @@ order of their groups. Systems of few components are always dense, so these shap
 
 import numpy as np
 
-from .._jit import F8, I8, MAT, VEC, allocating, compiled, entry, inlined, inner
+from .jit import F8, I8, MAT, VEC, allocating, compiled, entry, inlined, inner
 from .linalg import dot
 from .signatures import JAC, RHS
 

@@ -6,8 +6,8 @@ The matrices of one kind would be diagonal in a common basis, those of several h
 system of size d s is solved as it is: s times the diagonals of a banded J, s**2 times its entries.
 """
 
-from .._jit import allocating, compiled, inner
 from .jacobian import COLUMNS, ROWS, VALUES, is_sparse
+from .jit import allocating, compiled, inner
 from .signatures import FACTORISE, LinearSolver
 from .solvers import banded_solver, dense_solver, sparse_solver
 from .structures import REST

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from .._jit import allocating, inner, reordered
+from .jit import allocating, inner, reordered
 from .numba_internals import GETRF, LAPACK
 
 # Size from which sums in any order take less time than plain loops; and columns that are eliminated

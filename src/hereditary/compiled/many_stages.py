@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from .._jit import allocating, inner
 from .collocation import (
     contraction_rate,
     empty_room,
@@ -14,9 +13,10 @@ from .collocation import (
 )
 from .copying import put, put_matrix
 from .jacobian import COLUMNS, ROWS, VALUES, is_sparse, jacobian, multiply
+from .jit import allocating, inner
 from .linalg import product, sums_of_sizes
 from .mode_tables import read_modes
-from .operators import FORCE, POSITION, PRIMARY
+from .rows import FORCE, POSITION, PRIMARY
 from .signatures import FACTORISE
 from .structures import KEPT, LENGTH, OF_SPEEDS, OF_VALUES, REDUCED, REST, StageFactors
 

@@ -19,8 +19,6 @@ Arrays of every step are named here one by one: to hand groups of them to functi
 than most steps do.
 """
 
-from .._jit import entry
-from .adams import correct, predict, settle
 from .block import (
     BLOWN_UP,
     NOT_SOLVED,
@@ -33,8 +31,9 @@ from .block import (
     write_row,
 )
 from .copying import put
-from .imex import solve_linearly
 from .jacobian import jacobian
+from .jit import entry
+from .linearly_implicit import solve_linearly
 from .newton import guess, solve_step
 from .signatures import MARCH
 from .step import (
@@ -60,8 +59,9 @@ from .step import (
     see,
     take_row,
 )
+from .sweeps import correct, predict, settle
 from .tangent import evaluate, push_tangents
-from .varying import read_varying
+from .varying_sums import read_varying
 from .watch import watch_turn
 
 _WAYS = {

@@ -9,10 +9,10 @@ import math
 
 import numpy as np
 
-from .._jit import allocating, compiled, inner
 from .copying import clear, clear_matrix, put
+from .jit import allocating, compiled, inner
 from .modes import add_rows
-from .operators import first_of_kind, number_of
+from .rows import first_of_kind, number_of
 from .structures import StepTables
 
 # Step lengths are 2**(n / _PER_OCTAVE), rounded up to so few digits that sums of them are exact:

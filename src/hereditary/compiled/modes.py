@@ -7,7 +7,7 @@ scheme's first weights are no sum of exponentials, a window of the newest pieces
 
 import numpy as np
 
-from .._jit import compiled, inner
+from .jit import compiled, inner
 
 
 @compiled

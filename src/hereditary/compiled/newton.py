@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from .._jit import allocating, inlined, inner
 from .jacobian import COLUMNS, ROWS, VALUES, differences, is_sparse, jacobian, multiply
+from .jit import allocating, inlined, inner
 from .linalg import solve_in_place
 from .signatures import FACTORISE, SUBSTITUTE
 from .step import BASE, FIRST, GAIN, KNOWN, LEAD, MOVED, POINT, SCALE, SHIFT, UNITS, F, W, look

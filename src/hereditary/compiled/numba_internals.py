@@ -17,7 +17,7 @@ from typing import Any
 import numba
 from numba import TypingError, config, types
 
-from .._warning import warn
+from ..support.warning import warn
 
 _PLAIN = os.environ.get("HEREDITARY_PLAIN_NUMBA", "0") not in ("", "0")
 

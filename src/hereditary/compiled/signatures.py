@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import from_dtype, types
 
-from .._jit import CUBE, F8, I8, IVEC, JAC_SIG, MAT, RHS_SIG, VEC
+from .jit import CUBE, F8, I8, IVEC, JAC_SIG, MAT, RHS_SIG, VEC
 
 RHS = types.FunctionType(RHS_SIG)
 JAC = types.FunctionType(JAC_SIG)

@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from .._jit import CUBE, CUBES, F8, I8, MAT, VEC, entry
 from .collocation import empty_factors, solve_stages, solve_tangents
 from .copying import put
+from .jit import CUBE, CUBES, F8, I8, MAT, VEC, entry
 from .many_stages import solve_many, solve_many_tangents, stage_factors
-from .operators import assemble_operators, eliminate_known, empty_operators, subtract_from_forces
+from .rows import assemble_operators, eliminate_known, empty_operators, subtract_from_forces
 from .signatures import JAC, RHS
 from .structures import CONTRACTION_RECORD, COUNTS_RECORD, EQUATIONS, STAGE_SOLVER, STAGES
 

@@ -10,9 +10,9 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-from .._jit import allocating, compiled, inner
 from .callbacks import PythonRaised, call_at
 from .jacobian import COLUMNS, ROWS, VALUES
+from .jit import allocating, compiled, inner
 from .linalg import factorise, substitute
 from .signatures import FACTORISE
 

@@ -9,9 +9,9 @@ rounding errors leave with the next iteration. Source: [HairerWanner1996], secti
 
 import numpy as np
 
-from .._jit import allocating, compiled, inner, reordered
 from .callbacks import PythonRaised, call_at
 from .jacobian import COLUMNS, ROWS, VALUES
+from .jit import allocating, compiled, inner, reordered
 from .linalg import product, solve_in_place, transposed_product
 from .numba_internals import GEEV
 from .signatures import FACTORISE

@@ -1,6 +1,6 @@
 """Parts of a step that are inlined into the march, array by array."""
 
-from .._jit import inlined, inner
+from .jit import inlined, inner
 
 # Rows of the room of a step, (N_ROOM, W), for W columns: what is known of its left side, the
 # increment of t x'(0), factors of the increment, of f and of the newest piece, increments, f, what

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import config, from_dtype, types
 
-from .._jit import CUBE, CUBES, F8, I8, IVEC, MAT, VEC
+from .jit import CUBE, CUBES, F8, I8, IVEC, MAT, VEC
 
 # Convolution term: its row, integrand, index of the order or kernel, and coefficient.
 TERM = np.dtype(

@@ -5,8 +5,8 @@ other. All linear parts of a step treat them alike; what remains is the right-ha
 tangent is the Jacobian at the orbit times its value, here and in newton.py.
 """
 
-from .._jit import inner
 from .jacobian import is_sparse, jacobian, multiply
+from .jit import inner
 
 
 @inner

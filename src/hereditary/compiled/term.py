@@ -1,7 +1,7 @@
 """Steps of a memory term whose equation another program solves."""
 
-from .._jit import I8, IVEC, MAT, VEC, entry
 from .block import open_block
+from .jit import I8, IVEC, MAT, VEC, entry
 from .signatures import EXCHANGE, MEMORY, TABLES
 
 

@@ -4,7 +4,7 @@ Each component of the orbit has a record (`MONITOR`, compiled/signatures.py). No
 between turns: most orbits seldom turn.
 """
 
-from .._jit import inner
+from .jit import inner
 
 # Steps of unbroken alternation after which the amplitude is compared with that of the stretch
 # before. A resolved oscillation never alternates twice in a row; at 0.99 of the step limit the

@@ -12,11 +12,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .._checks import complaint
-from .._jit import JAC_SIG, RHS_SIG, as_value, derived
-from .._structured import as_row
+from ..compiled.jit import JAC_SIG, RHS_SIG, as_value, derived
+from ..support.checks import complaint
 from .build import function_of, locked
 from .python_calls import Callback, PythonFunctionWarning, before_addresses, in_python
+from .structured import as_row
 from .trial import Start
 
 

@@ -16,10 +16,10 @@ import numpy as np
 from numba import config, types
 from numba.extending import is_jitted
 
-from .._checks import complaint, shown
-from .._jit import F8, as_value, compiling, derived
-from .._warning import warn
+from ..compiled.jit import F8, as_value, compiling, derived
 from ..compiled.numba_internals import options_of, stated_options, without
+from ..support.checks import complaint, shown
+from ..support.warning import warn
 from .messages import compile_reason, defined, writing_complaint
 from .python_calls import warn_of_python
 from .reads import code_names, fresh, frozen_values, uncompiled

@@ -4,10 +4,10 @@ from contextlib import suppress
 
 import numpy as np
 
-from .._checks import complaint
-from .._jit import JAC_SIG, as_value
 from ..compiled.error_estimate import LEAST
 from ..compiled.jacobian import VALUES, jacobian_at, no_jacobian
+from ..compiled.jit import JAC_SIG, as_value
+from ..support.checks import complaint
 
 # Steps of the two differences, in units of the size of a component.
 _STEPS = 1e-4, 1e-5

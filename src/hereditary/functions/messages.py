@@ -5,7 +5,7 @@ import re
 import traceback
 from pathlib import Path
 
-from .._checks import complaint
+from ..support.checks import complaint
 
 
 def code_of(fun):

@@ -14,9 +14,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from .._jit import RHS_SIG, as_value, compiled, derived
-from .._warning import warn
 from ..compiled.callbacks import C_FUNCTION, PythonRaised, call_at, keep_raised
+from ..compiled.jit import RHS_SIG, as_value, compiled, derived
+from ..support.warning import warn
 from .messages import code_of
 
 # Numbers behind the parameters of an equation whose functions are called in Python.

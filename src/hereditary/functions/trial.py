@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .._checks import complaint, shown
+from ..support.checks import complaint, shown
 from .messages import defined, line_of
 
 

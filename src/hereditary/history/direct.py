@@ -6,14 +6,14 @@ from typing import ClassVar
 import numpy as np
 
 from ..compiled.convolution import exchange_direct
-from ..compiled.mesh import exchange_mesh_direct
-from ..meshes import Span
-from ..schemes.mesh import MeshSums
+from ..compiled.mesh_sums import exchange_mesh_direct
+from ..schemes.mesh_plan import MeshSums
 from ..schemes.scheme import Convolution
-from ..schemes.varying import Schedule
+from ..schemes.steps import Span
+from ..schemes.varying_plan import Schedule
 from .history import History, Memory, NoMemory
-from .mesh import MeshMemory
-from .varying import VaryingPieces
+from .mesh_memory import MeshMemory
+from .varying_memory import VaryingPieces
 
 
 @dataclass(frozen=True)

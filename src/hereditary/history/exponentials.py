@@ -11,18 +11,18 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from .._checks import complaint, positive
-from ..compiled.mesh import exchange_mesh_modes
+from ..compiled.mesh_sums import exchange_mesh_modes
 from ..compiled.modes import exchange_modes
-from ..exponential_sum import fit_unit, tolerance
-from ..memory_kernel import KernelErrors
-from ..meshes import Span
-from ..schemes.mesh import MeshSums
+from ..kernels.exponential_sum import fit_unit, tolerance
+from ..kernels.memory_kernel import KernelErrors
+from ..schemes.mesh_plan import MeshSums
 from ..schemes.scheme import Convolution
-from ..schemes.varying import Schedule
+from ..schemes.steps import Span
+from ..schemes.varying_plan import Schedule
+from ..support.checks import complaint, positive
 from .history import History, Memory, NoMemory
-from .mesh import MeshMemory
-from .varying import VaryingModes
+from .mesh_memory import MeshMemory
+from .varying_memory import VaryingModes
 
 # Steps that every bank covers. A run may be resumed up to here whatever length it first had, and
 # all shorter runs share one bank; longer ones take ten times as many, and so on. Against a bank

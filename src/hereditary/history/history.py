@@ -14,15 +14,15 @@ from typing import ClassVar
 
 import numpy as np
 
-from .._checks import complaint
-from .._jit import as_value
 from ..compiled.convolution import exchange_nothing
+from ..compiled.jit import as_value
 from ..compiled.signatures import EXCHANGE_SIG, TABLES
-from ..memory_kernel import NO_ERRORS, KernelErrors
-from ..meshes import Span
-from ..schemes.mesh import MeshSums
+from ..kernels.memory_kernel import NO_ERRORS, KernelErrors
+from ..schemes.mesh_plan import MeshSums
 from ..schemes.scheme import Convolution
-from ..schemes.varying import Schedule
+from ..schemes.steps import Span
+from ..schemes.varying_plan import Schedule
+from ..support.checks import complaint
 
 # Tables of a memory.
 N_TABLES = len(TABLES)

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import matplotlib
 
-from .._checks import complaint
+from ..support.checks import complaint
 from . import figures, maps
 from .job import Job
 

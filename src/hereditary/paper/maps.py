@@ -11,8 +11,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from .. import plots
-from ..analysis.regimes import Regime
 from .job import Job, merged
+from .regimes import Regime
 from .runs import CLASSICAL, regime, section
 
 # Samples are taken from the second half of a run that long, 143 of them at b = 3. Over the orders

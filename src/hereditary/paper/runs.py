@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 
 from ..analysis.lyapunov import lyapunov
-from ..analysis.regimes import classify
 from ..analysis.sections import stroboscopic, values_at
-from ..collocation.scheme import Collocation
+from ..collocation.method import Collocation
 from ..scenes import PRINTED_WELL, stick_slip, sticking_intervals
 from ..schemes.bdf import BDF
 from ..schemes.explicit import ExplicitCaputo
 from ..solver.solve import solve
+from .regimes import classify
 
 CLASSICAL = {"beta": 2.0, "gamma": 1.0}
 # Distance of the barriers.

@@ -4,7 +4,7 @@ import matplotlib.pyplot as plt
 from matplotlib.cbook import normalize_kwargs
 from matplotlib.lines import Line2D
 
-from .._checks import component_numbers
+from ..support.checks import component_numbers
 
 # Names of the scenes' parameters in figures; scaled quantities have no unit.
 LABELS = {

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from .._checks import complaint
 from ..solver.dense import curve
+from ..support.checks import complaint
 from ._axes import chosen, made, style
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LinearSegmentedColormap, to_rgb
 from matplotlib.patches import Patch
 
-from .._checks import complaint
+from ..support.checks import complaint
 from ._axes import label, made, style
 
 if TYPE_CHECKING:

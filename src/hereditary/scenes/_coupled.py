@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from .._checks import complaint, real_array
-from ..equation import Equation
-from ..operators import Caputo
+from ..equation.equation import Equation
+from ..equation.operators import Caputo
+from ..support.checks import complaint, real_array
 
 
 def coupled(d, alpha, rhs, y0, params, jac):

@@ -13,10 +13,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._checks import complaint, count, positive, real, real_array
-from .._jit import compiled
-from ..equation import Equation
+from ..compiled.jit import compiled
+from ..equation.equation import Equation
 from ..solver.solution import Solution
+from ..support.checks import complaint, count, positive, real, real_array
 from .linear import oscillator_terms
 from .stick_slip import checked_well, over_sine, slope_of_wells
 

@@ -6,9 +6,9 @@ as its authors wrote it. All quantities are scaled [-].
 
 from numpy.typing import ArrayLike
 
-from .._checks import real
-from .._jit import compiled
-from ..equation import Equation
+from ..compiled.jit import compiled
+from ..equation.equation import Equation
+from ..support.checks import real
 from ._coupled import coupled
 
 

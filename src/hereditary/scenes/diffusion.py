@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._checks import complaint, count, positive, real_array, within
-from ..equation import Equation
-from ..operators import Caputo
+from ..equation.equation import Equation
+from ..equation.operators import Caputo
+from ..support.checks import complaint, count, positive, real_array, within
 
 
 def subdiffusion(

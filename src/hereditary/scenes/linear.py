@@ -1,9 +1,9 @@
 """Linear scenes with known solutions."""
 
-from .._checks import real, within
-from .._jit import compiled
-from ..equation import Equation
-from ..operators import Caputo
+from ..compiled.jit import compiled
+from ..equation.equation import Equation
+from ..equation.operators import Caputo
+from ..support.checks import real, within
 
 
 @compiled

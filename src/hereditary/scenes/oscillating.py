@@ -10,10 +10,10 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._checks import complaint, positive, real
-from .._jit import compiled
-from ..equation import Equation
-from ..operators import Caputo, RiemannLiouville
+from ..compiled.jit import compiled
+from ..equation.equation import Equation
+from ..equation.operators import Caputo, RiemannLiouville
+from ..support.checks import complaint, positive, real
 from ._coupled import coupled
 from .linear import oscillator_terms
 

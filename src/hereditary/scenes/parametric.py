@@ -2,9 +2,9 @@
 
 import math
 
-from .._checks import real
-from .._jit import compiled
-from ..equation import Equation
+from ..compiled.jit import compiled
+from ..equation.equation import Equation
+from ..support.checks import real
 from .linear import oscillator_terms
 
 

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from .._checks import complaint, real, within
-from .._jit import compiled
-from ..equation import Equation
-from ..operators import Caputo
+from ..compiled.jit import compiled
+from ..equation.equation import Equation
+from ..equation.operators import Caputo
+from ..support.checks import complaint, real, within
 
 
 @compiled

@@ -5,9 +5,9 @@ All quantities are scaled [-].
 
 import math
 
-from .._checks import complaint, real
-from .._jit import compiled
-from ..equation import Equation
+from ..compiled.jit import compiled
+from ..equation.equation import Equation
+from ..support.checks import complaint, real
 from .linear import oscillator_terms
 
 

@@ -10,13 +10,13 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._checks import complaint, count, positive, real, real_array
-from .._jit import compiled, inlined
-from ..equation import Equation
-from ..memory_kernel import MemoryKernel
-from ..operators import Memory, Term
+from ..compiled.jit import compiled, inlined
+from ..equation.equation import Equation
+from ..equation.operators import Memory, Term
+from ..kernels.memory_kernel import MemoryKernel
+from ..kernels.special import bracketed_root
 from ..solver.solution import Solution
-from ..special import bracketed_root
+from ..support.checks import complaint, count, positive, real, real_array
 from .linear import oscillator_terms
 
 # Fourier coefficients of the well as [ParovikStickSlip], Example 1, prints them.

@@ -14,10 +14,10 @@ from typing import ClassVar
 import numpy as np
 from scipy.special import rgamma, zeta
 
-from .._checks import count, within
 from ..compiled.watch import QUICK
-from ..special import first_moment_exponential, gauss_unit, mean_exponential
-from ..system import System
+from ..equation.system import System
+from ..kernels.special import first_moment_exponential, gauss_unit, mean_exponential
+from ..support.checks import count, within
 from .derivative_form import drift_of_speed
 from .scheme import (
     Convolution,

@@ -12,9 +12,9 @@ from typing import ClassVar
 import numpy as np
 from scipy.special import factorial, rgamma
 
-from .._checks import complaint, count, within
-from ..compiled.weights import series_of_power
-from ..system import System
+from ..compiled.power_series import series_of_power
+from ..equation.system import System
+from ..support.checks import complaint, count, within
 from .derivative_form import derivative_plan
 from .scheme import Plan, Scheme, WeightRule, check_smoothness
 

@@ -11,9 +11,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from .._checks import complaint, within
 from ..compiled.watch import SLOWEST
-from ..system import System
+from ..equation.system import System
+from ..support.checks import complaint, within
 from .scheme import (
     Convolution,
     Plan,
@@ -24,7 +24,7 @@ from .scheme import (
     uniform_rows,
 )
 from .stability import largest_step, polylogarithm, stability_region
-from .varying import varying_plan
+from .varying_plan import varying_plan
 from .weights import FIRST_DIFFERENCES, value_weights, weighed
 
 

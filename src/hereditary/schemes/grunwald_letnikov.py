@@ -11,10 +11,10 @@ from typing import ClassVar
 import numpy as np
 from scipy.special import rgamma
 
-from .._checks import within
 from ..compiled.watch import SLOWEST
-from ..special import mean_exponential
-from ..system import System
+from ..equation.system import System
+from ..kernels.special import mean_exponential
+from ..support.checks import within
 from .bdf import quadrature_weights
 from .scheme import (
     Convolution,

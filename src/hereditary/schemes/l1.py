@@ -6,12 +6,12 @@ from typing import ClassVar
 
 import numpy as np
 
-from .._checks import within
-from ..system import System
+from ..equation.system import System
+from ..support.checks import within
 from .derivative_form import derivative_plan
-from .mesh import mesh_plan
+from .mesh_plan import mesh_plan
 from .scheme import Plan, Scheme, check_smoothness
-from .varying import varying_plan
+from .varying_plan import varying_plan
 from .weights import FIRST_DIFFERENCES, value_weights, weighed
 
 

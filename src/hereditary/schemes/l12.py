@@ -6,8 +6,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from .._checks import within
-from ..system import System
+from ..equation.system import System
+from ..support.checks import within
 from .derivative_form import derivative_plan
 from .scheme import Plan, Scheme, WeightRule, check_smoothness
 from .weights import FIRST_DIFFERENCES, parabola_start

@@ -7,12 +7,12 @@ from typing import ClassVar
 
 import numpy as np
 
-from .._checks import complaint, shown, within
-from ..compiled.mesh import is_parabola, moments
-from ..special import gauss_unit
-from ..system import System
+from ..compiled.mesh_sums import is_parabola, moments
+from ..equation.system import System
+from ..kernels.special import gauss_unit
+from ..support.checks import complaint, shown, within
 from .derivative_form import derivative_plan
-from .mesh import mesh_plan
+from .mesh_plan import mesh_plan
 from .scheme import Plan, Scheme, check_smoothness
 from .weights import parabola_start, weighed_parabolas
 

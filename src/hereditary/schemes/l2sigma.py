@@ -7,10 +7,10 @@ from typing import ClassVar
 import numpy as np
 from scipy.special import rgamma
 
-from .._checks import complaint, within
-from ..system import System
+from ..equation.system import System
+from ..support.checks import complaint, within
 from .derivative_form import derivative_plan
-from .mesh import mesh_plan
+from .mesh_plan import mesh_plan
 from .reduction import reduce_order
 from .scheme import (
     Plan,

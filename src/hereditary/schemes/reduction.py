@@ -10,9 +10,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from .._jit import derived
-from ..system import System
-from ..terms import ConstantOrder, SystemTerm
+from ..compiled.jit import derived
+from ..equation.system import System
+from ..equation.terms import ConstantOrder, SystemTerm
 
 
 def reduce_order(system: System, coefficient: float, beta: float) -> System:

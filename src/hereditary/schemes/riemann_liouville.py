@@ -12,7 +12,7 @@ from math import ceil
 import numpy as np
 from scipy.special import rgamma
 
-from ..special import hurwitz_zeta
+from ..kernels.special import hurwitz_zeta
 
 
 def with_initial_values(plan, system, order):

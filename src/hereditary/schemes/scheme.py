@@ -13,9 +13,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from .._checks import complaint
 from ..compiled.signatures import StepRows
-from ..system import System
+from ..equation.system import System
+from ..support.checks import complaint
 from .stability import StabilityRegion
 
 

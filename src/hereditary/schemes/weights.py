@@ -8,8 +8,8 @@ from operator import attrgetter
 
 import numpy as np
 
-from ..special import first_moment_exponential, mean_exponential
-from ..step_kernel import Integrated, StepKernel
+from ..kernels.special import first_moment_exponential, mean_exponential
+from ..kernels.step_kernel import Integrated, StepKernel
 from .scheme import WeightRule
 
 _KEY = attrgetter("key")

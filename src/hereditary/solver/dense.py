@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from .._checks import complaint, real_array, shown
-from ..frame import Frame
+from ..equation.frame import Frame
+from ..support.checks import complaint, real_array, shown
 
 # A curve's chords miss it by at most this share of its size, half a pixel of 1,000; of a curve that
 # never gets smooth, e.g. rounding errors of a constant, so many points.

@@ -5,9 +5,9 @@ import numbers
 
 import numpy as np
 
-from .._checks import complaint, real, shown
 from ..functions.reads import digest
-from ..special import bracketed_root
+from ..kernels.special import bracketed_root
+from ..support.checks import complaint, real, shown
 from .stops import together
 
 # A value that has a sign, and no size.

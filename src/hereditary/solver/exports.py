@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from .._checks import complaint
-from .._optional import optional
+from ..support.checks import complaint
+from ..support.optional import optional
 from .status import Status
 
 _SAVED = "be a solution that Solution.save wrote"

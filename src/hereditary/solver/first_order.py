@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from .._warning import ThreadSwitch, silence, warn
-from ..meshes import UniformSteps
+from ..schemes.steps import UniformSteps
+from ..support.warning import ThreadSwitch, silence, warn
 from .fixed_stepper import FixedStepper
 from .solution import SolveWarning
 

@@ -5,15 +5,15 @@ import time
 
 import numpy as np
 
-from .._checks import complaint
 from ..compiled.block import BLOWN_UP, NOT_SOLVED, RUNNING
-from ..compiled.growth import transform_march
+from ..compiled.growing_march import transform_march
 from ..compiled.march import MARCHES
 from ..compiled.signatures import FACTORISE, March, Output
 from ..compiled.structures import plain
-from ..memory_kernel import misfit_on_given_steps
+from ..equation.system import displaced, refuse_late, shifted, side_by_side, variational
+from ..kernels.memory_kernel import misfit_on_given_steps
 from ..schemes.riemann_liouville import with_initial_values
-from ..system import displaced, refuse_late, shifted, side_by_side, variational
+from ..support.checks import complaint
 from . import march_arrays as arrays
 from .first_steps import starting_steps
 from .identity import check_identity, described, identity

@@ -4,8 +4,8 @@ from functools import partial
 
 import numpy as np
 
-from .._jit import loop_value
-from ..compiled.growth import LOST, Growth, grow
+from ..compiled.growing_march import LOST, Growth, grow
+from ..compiled.jit import loop_value
 from ..compiled.signatures import MARCH_SIG
 from .fixed_stepper import FixedStepper
 

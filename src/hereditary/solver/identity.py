@@ -4,7 +4,7 @@ from dataclasses import is_dataclass
 
 import numpy as np
 
-from .._checks import complaint
+from ..support.checks import complaint
 
 # Shares of the time so far at which a state remembers orders and kernels that are functions.
 _LOOKS = np.linspace(0.0, 1.0, 5)

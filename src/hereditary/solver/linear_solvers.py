@@ -5,12 +5,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba.extending import get_cython_function_address
 
-from .._jit import as_value
 from ..compiled.jacobian import COLUMNS, ROWS, VALUES
+from ..compiled.jit import as_value
 from ..compiled.newton import KEPT_FROM
 from ..compiled.signatures import SOLVER_SIG, LinearSolver
 from ..compiled.solvers import banded_solver, dense_solver, no_solver, sparse_solver
-from ..superlu import SparseFactors
+from ..compiled.superlu import SparseFactors
 
 
 class Newton(NamedTuple):

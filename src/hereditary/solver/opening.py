@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 
-from .._checks import complaint, count, positive, shown, whole, within
-from ..collocation.stepper import AdaptiveStepper
+from ..collocation.adaptive_stepper import AdaptiveStepper
 from ..history.exponentials import SumOfExponentials
-from ..meshes import UniformSteps, mesh_steps
+from ..schemes.steps import UniformSteps, mesh_steps
+from ..support.checks import complaint, count, positive, shown, whole, within
 from .fixed_stepper import FixedStepper
 
 # Steps of a run, and floats, are whole numbers up to here.

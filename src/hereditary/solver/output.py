@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from .._checks import complaint
-from .._machine import memory
+from ..support.checks import complaint
+from ..support.machine import memory
 from .dense import Dense, Piece
 from .first_steps import FirstSteps
 from .step_pieces import StepPieces

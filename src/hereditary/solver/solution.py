@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._checks import complaint, shown
-from .._html import paragraph, rows_of, small_figure
-from .._warning import warn
+from ..support.checks import complaint, shown
+from ..support.html import paragraph, rows_of, small_figure
+from ..support.warning import warn
 from . import exports
 from .dense import Dense, curve
 from .state import AdaptiveState, State

@@ -10,7 +10,14 @@ from typing import ParamSpec
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._checks import (
+from ..collocation.method import Collocation
+from ..equation.equation import Equation
+from ..history.history import History
+from ..schemes.explicit import ExplicitCaputo
+from ..schemes.grunwald_letnikov import GrunwaldLetnikov
+from ..schemes.scheme import Scheme
+from ..schemes.steps import Graded
+from ..support.checks import (
     complaint,
     component_numbers,
     count,
@@ -21,13 +28,6 @@ from .._checks import (
     shown,
     whole,
 )
-from ..collocation.scheme import Collocation
-from ..equation import Equation
-from ..history.history import History
-from ..meshes import Graded
-from ..schemes.explicit import ExplicitCaputo
-from ..schemes.grunwald_letnikov import GrunwaldLetnikov
-from ..schemes.scheme import Scheme
 from .events import Events
 from .first_order import note_error
 from .output import Output

@@ -7,10 +7,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from .._checks import complaint
 from ..history.history import History
-from ..meshes import MeshSteps, Span, UniformSteps
 from ..schemes.scheme import Scheme
+from ..schemes.steps import MeshSteps, Span, UniformSteps
+from ..support.checks import complaint
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,8 +4,8 @@ import enum
 import traceback
 
 from ..compiled.callbacks import original
-from ..memory_kernel import MemoryKernel
-from ..orders import OrderFailed
+from ..equation.orders import OrderFailed
+from ..kernels.memory_kernel import MemoryKernel
 
 
 class Status(enum.StrEnum):

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from .._checks import complaint, count, positive, shown
 from ..collocation.pace import MAX_STEPS
 from ..history.exponentials import SumOfExponentials
+from ..support.checks import complaint, count, positive, shown
 from .opening import open_adaptively, open_on_steps
 
 

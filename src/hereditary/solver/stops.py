@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from .._checks import complaint, real_array, shown
+from ..support.checks import complaint, real_array, shown
 
 # Times closer than this, relatively, are one time: a few hundred units of rounding.
 _ONE_TIME = 1e-13

@@ -1,0 +1,100 @@
+"""Adaptive collocation as a scheme: its parameters, order and capabilities."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from ..equation.system import System
+from ..schemes.scheme import Plan, Scheme, check_smoothness
+from ..support.checks import complaint, count, positive, within
+
+
+@dataclass(frozen=True)
+class Collocation(Scheme):
+    """Spectral collocation at Radau points with steps chosen by the tolerance.
+
+    It solves every `Equation`: any number of terms and components, orders in (0, 2], different ones
+    in different components, classical terms among them. On every step the right-hand side and,
+    where lower terms need it, the unknown are polynomials through their values at s nodes. Their
+    fractional integrals over the step are exact, and the history is a sum of exponential modes,
+    advanced by exact moments. After t = 0, and after a jump, the first step uses sums of the
+    powers of t that the solution consists of, instead of polynomials.
+
+    Where terms with general kernels or varying orders contain a component's highest derivative, a
+    step solves the equation itself. There, and where any order varies, a run begins with tiny
+    ordinary steps, at 0 and at jumps; orders must exceed the integer below by at least 0.05.
+
+    Parameters
+    ----------
+    nodes : int, optional
+        s, 2 to 12; by default 4 for tolerances down to 1e-5, 6 down to 1e-8 and 8 below.
+    horizon : float, optional
+        Time up to which a run may be resumed, where that exceeds ten times its first length.
+
+    Error
+    -----
+    Kept within `rtol` and `atol` of `solve` (convergence/collocation.py); O(h**(s + a)) for smooth
+    solutions, a the smaller of 1 and the order of integration.
+
+    Stability
+    ---------
+    No step limit was found for orders up to 2 (docs/stability.md); implicit.
+
+    Cost
+    ----
+    s right-hand sides for each Newton sweep, one to three a step, and (modes) x s multiplications;
+    where orders vary, 0.2 ms of Python a step besides.
+
+    Source
+    ------
+    Collocation with graded meshes [Brunner2004]; this combination docs/collocation_method.md.
+
+    Examples
+    --------
+    >>> import hereditary as hd
+    >>> sol = hd.solve(hd.scenes.relaxation(0.5), 1.0, rtol=1e-10, scheme=hd.Collocation())
+    >>> round(float(sol.y[-1, 0]), 10)
+    0.4275835762
+    """
+
+    nodes: int | None = None
+    horizon: float | None = None
+    adaptive: ClassVar[bool] = True
+    whole: ClassVar[bool] = True
+    takes_kernels: ClassVar[bool] = True
+    takes_varying: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        if self.nodes is not None and not 2 <= count("nodes", self.nodes) <= 12:
+            raise ValueError(complaint("nodes", "lie in 2..12", self.nodes))
+        if self.horizon is not None:
+            positive("horizon", self.horizon)
+
+    def nodes_for(self, rtol: float) -> int:
+        """Return the number of nodes for a relative tolerance."""
+        if self.nodes is not None:
+            return int(self.nodes)
+        return 4 if rtol > 3e-6 else 6 if rtol > 3e-9 else 8
+
+    def order(self, alpha: float, smoothness: str = "smooth") -> float:
+        """Return the order of convergence: the number of nodes + the order of integration.
+
+        Parameters
+        ----------
+        alpha : float
+            Highest order of the equation, 0 < alpha <= 2 [-].
+        smoothness : {"smooth", "singular"}
+            Smooth solution at 0, or one that behaves as t**alpha there; both have the same order,
+            since the first step consists of such powers.
+        """
+        alpha = within("alpha", alpha, 5e-324, 2.0, "(0, 2]")
+        check_smoothness(smoothness)
+        if self.nodes is None:
+            raise ValueError(complaint("nodes", "be given for an order", None, "e.g. 6"))
+        return self.nodes + (alpha if alpha <= 1 else alpha - 1)
+
+    def plan(self, equation: System, h: float) -> Plan:
+        """Refuse: this scheme has no plan for uniform steps."""
+        required = "be left out with Collocation, which chooses its steps"
+        raise ValueError(complaint("n_steps", required, f"h = {h}", "pass rtol instead"))

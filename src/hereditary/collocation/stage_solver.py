@@ -1,0 +1,126 @@
+"""Room for the stages of collocation steps of many components."""
+
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba.extending import get_cython_function_address
+
+from ..compiled.jit import as_value
+from ..compiled.joint_stages import joint_banded, joint_dense, joint_sparse
+from ..compiled.newton import KEPT_FROM
+from ..compiled.numba_internals import LAPACK
+from ..compiled.stages import banded_stages, dense_stages, no_stages, sparse_stages
+from ..compiled.structures import N_CONTROL, STAGES_SIG, Stages
+from ..compiled.superlu import SparseFactors
+
+# Steps of one length with a dense Jacobian before a longer one is worth new factors.
+_HOLD = 1
+
+
+class StageSolver(NamedTuple):
+    """Solver of the systems of all stages and its room; `held` keeps alive what enters Python."""
+
+    solver: Any
+    stages: Stages
+    held: Any = None
+
+    @property
+    def many(self):
+        """Whether steps are solved stage by stage, and not as one system."""
+        return self.stages.order.size > 0
+
+
+def has_stages(form):
+    """Whether steps of these equations keep the factors of one Jacobian for all stages.
+
+    That asks for many components: of few, factors take no longer than solutions.
+    """
+    return form.second.size > KEPT_FROM
+
+
+def stage_solver(structure, form, s):
+    """Return the `StageSolver` of steps with s nodes; for few components it does nothing."""
+    if not has_stages(form):
+        return _no_solver(s)
+    if form.kinds.any() or not LAPACK:  # which finds eigenvectors
+        return _joint_solver(structure, form, s)
+    d, kinds = form.second.size, (form.kinds, form.second)
+    if structure is None:
+        places = _lapack("dgehrd", "dorghr")
+        how = {"lapack": places[0], "lapack_solve": places[1], "hold": _HOLD}
+        room = {"factors": np.empty((s, 1, d), complex), "dense": np.empty((2 + 2 * s, d, d))}
+        order, jacobian = np.arange(d), np.zeros((d, d))
+        return _solver(dense_stages, kinds, s, order=order, jacobian=jacobian, **room, **how)
+    jacobian, band = structure.entries.copy(), structure.band
+    if band is None:
+        held = SparseFactors(structure, complex)
+        how = {"order": np.arange(d), "jacobian": jacobian, "python": held.address}
+        return _solver(sparse_stages, kinds, s, held, **how)
+    factors = np.empty((s, d, 2 * band.lower + band.upper + 2), complex)
+    how = {"order": band.order, "jacobian": jacobian, "lapack": _lapack("zgbtrf")[0]}
+    widths = {"lower": band.lower, "upper": band.upper}
+    return _solver(banded_stages, kinds, s, factors=factors, **how, **widths)
+
+
+def _joint_solver(structure, form, s):
+    """Return the `StageSolver` of components whose terms differ."""
+    d, kinds = form.second.size, (form.kinds, form.second)
+    n, order = d * s, np.arange(d * s)
+    if structure is None:
+        how = {"order": order, "jacobian": np.zeros((d, d)), "hold": _HOLD}
+        room = {"joint": np.empty((n, n)), "dense": np.empty((1, n + 1, n))}
+        return _solver(joint_dense, kinds, s, **how, **room)
+    joint, band = structure.by_blocks(s), structure.band
+    how = {"jacobian": structure.entries.copy(), "joint": joint.entries.copy()}
+    if band is None:
+        held = SparseFactors(joint, float)
+        return _solver(joint_sparse, kinds, s, held, order=order, python=held.address, **how)
+    lower, upper = ((width + 1) * s - 1 for width in (band.lower, band.upper))
+    dense = np.empty((1, n, 2 * lower + upper + 2))
+    order = (band.order[:, None] * s + np.arange(s)).ravel()
+    how |= {"lower": lower, "upper": upper, "lapack": _lapack("dgbtrf")[0]}
+    return _solver(joint_banded, kinds, s, order=order, dense=dense, **how)
+
+
+def _lapack(*names):
+    """Return the addresses of functions of LAPACK."""
+    return [get_cython_function_address("scipy.linalg.cython_lapack", name) for name in names]
+
+
+@lru_cache(maxsize=16)
+def _no_solver(s):
+    """Return a `StageSolver` that does nothing, and that all may share."""
+    none = np.zeros(0, dtype=np.int64)
+    return _solver(no_stages, (none, none), s, order=none, jacobian=np.zeros((0, 0)))
+
+
+def _solver(function, kinds, s, held=None, *, order, **given):
+    """Return a `StageSolver` with what is given, and no room for anything else.
+
+    `kinds` holds `Form.kinds` and `Form.second`, (d,) each.
+    """
+    numbers, second_of = kinds
+    n = int(numbers.max(initial=-1)) + 1
+    second = np.zeros(n, dtype=np.int64)
+    second[numbers] = second_of
+    complex_room = [np.zeros(size, complex) for size in (s, (s, s), (s, s))]
+    defaults = {"lower": 0, "upper": 0, "lapack": 0, "lapack_solve": 0, "python": 0, "hold": 0}
+    none: dict[str, Any] = {
+        "factors": np.empty((0, 0, 0), complex),
+        "dense": np.empty((0, 0, 0)),
+        "joint": np.empty((0, 0)),
+    }
+    shifts, back, forth = complex_room
+    stages = Stages(
+        order=order.astype(np.int64),
+        kinds=numbers,
+        second=second,
+        pencil=np.zeros((n, 3, s, s)),
+        shifts=shifts,
+        back=back,
+        forth=forth,
+        control=np.zeros(N_CONTROL),
+        **(defaults | none | given),
+    )
+    return StageSolver(as_value(function, STAGES_SIG), stages, held)

@@ -1,0 +1,235 @@
+"""How functions are compiled.
+
+`inner` is for functions called from compiled code alone, `compiled` for any other, `entry` for the
+loops that Python calls, `as_value` for a compiled function that is handed to an entry as a
+first-class value. Entries are compiled at first use for one fixed list of argument types and then
+locked, so they are compiled once per machine, whatever functions they are given.
+"""
+
+import gc
+import signal
+import threading
+from typing import Any
+
+from numba import config, njit, types
+
+from . import numba_internals as internals
+from .cache import CodeCache
+
+F8 = types.float64
+I8 = types.int64
+VEC = types.Array(F8, 1, "C")
+MAT = types.Array(F8, 2, "C")
+CUBE = types.Array(F8, 3, "C")
+CUBES = types.Array(F8, 4, "C")
+IVEC = types.Array(I8, 1, "C")
+
+# t, y, dy, params: fills dy (d,)
+RHS_SIG = types.void(F8, VEC, VEC, VEC)
+# t, y, jacobian, params: fills jacobian (d, d)
+JAC_SIG = types.void(F8, VEC, MAT, VEC)
+
+
+# Objects that are made between two collections of garbage while functions are compiled, and how
+# often older ones are looked at: the compiler makes millions, and 7 % of its time went there.
+_RARELY = 20_000, 20, 50
+
+
+class _Compiling:
+    """Entered around every compilation: one at a time, and not broken off in the middle.
+
+    numba's compiler is not safe to enter from two threads, and an exception raised anywhere in it
+    leaves functions half made, which no later call gets over. Ctrl-C is noted instead and heeded
+    between two functions, or at the end.
+    """
+
+    def __init__(self):
+        self._lock, self._depth, self._asked, self._previous = threading.RLock(), 0, False, None
+        self._collected = gc.get_threshold()
+
+    def __enter__(self):
+        self._lock.acquire()
+        self._depth += 1
+        if self._depth == 1:
+            self._collected = gc.get_threshold()
+            if self._collected[0]:  # 0 stands for never
+                gc.set_threshold(*map(max, self._collected, _RARELY))
+        if self._depth == 1 and threading.current_thread() is threading.main_thread():
+            self._previous = signal.getsignal(signal.SIGINT)
+            if callable(self._previous):
+                signal.signal(signal.SIGINT, self._ask)
+        elif self._asked:
+            self.__exit__()
+            raise KeyboardInterrupt
+
+    def __exit__(self, *exception):
+        self._depth -= 1
+        asked = False
+        if self._depth == 0:
+            gc.set_threshold(*self._collected)
+        if self._depth == 0 and callable(self._previous):
+            signal.signal(signal.SIGINT, self._previous)
+            asked, self._asked, self._previous = self._asked, False, None
+        self._lock.release()
+        if asked and not (exception and exception[0]):
+            signal.raise_signal(signal.SIGINT)
+
+    def _ask(self, number, frame):
+        self._asked = True
+
+
+compiling = _Compiling()
+
+
+def compiled(fun, fused=False, told=None, **options):
+    """Compile `fun` on first call: cached on disk, without the GIL, with IEEE division.
+
+    With `fused` a product may be added without being rounded first; nothing is reordered, unless
+    `fused` names more of LLVM's liberties. `told` is that of `CodeCache`.
+    """
+    loose = {"contract"} if fused is True else fused
+    dispatcher = njit(nogil=True, error_model="numpy", fastmath=loose, **options)(fun)
+    if config.DISABLE_JIT:
+        return dispatcher
+    options = internals.stated_options(internals.options_of(dispatcher))
+    internals.keep(dispatcher, CodeCache(fun, options, told))
+    return _guarded(dispatcher, internals.set_environments)
+
+
+def _guarded(dispatcher, finish=None):
+    """Let `dispatcher` compile inside `compiling`, and then do what is left for the result."""
+    compile_alone = dispatcher.compile
+
+    def compile_guarded(sig):
+        with compiling:
+            found = compile_alone(sig)
+            if finish:
+                finish(dispatcher.overloads[tuple(sig)])
+            return found
+
+    dispatcher.compile = compile_guarded
+    return dispatcher
+
+
+def inner(fun):
+    """Compile `fun` for compiled callers alone, without the wrappers that others would need.
+
+    They are a seventh of the time of all compilation. Called from Python its source is run. Numba
+    counts no references to arrays in it, which its callers keep alive; it makes none, and returns
+    none.
+    """
+    return _linked(fun, False, _nrt=False)
+
+
+def embedded(fun):
+    """As `inner`, within the code of its only caller: to hand many arrays on takes 0.3 us."""
+    return _linked(fun, False, _nrt=False, forceinline=True)
+
+
+def allocating(fun):
+    """As `inner`, for a function that makes arrays, returns some, or is handed some back."""
+    return _linked(fun, False, _nrt=True)
+
+
+def reordered(fun):
+    """As `allocating`, with sums in whatever order takes least time."""
+    return _linked(fun, {"contract", "reassoc"}, _nrt=True)
+
+
+def _linked(fun, loose, **how):
+    """Compile `fun` into its callers' machine code; nothing is kept on disk."""
+    check = None if how["_nrt"] else _refuse_arrays
+    how = internals.linking(**how)
+    return _for_callers(njit(nogil=True, error_model="numpy", fastmath=loose, **how)(fun), check)
+
+
+def _refuse_arrays(result):
+    """Refuse a function that counts no references and returns an array, which callers release."""
+    returned: list[Any] = [result.signature.return_type]
+    for kind in returned:  # which grows
+        if isinstance(kind, types.BaseTuple):
+            returned.extend(kind)  # type: ignore[arg-type]
+        if isinstance(kind, types.Array):
+            raise TypeError(f"{result.fndesc.qualname} returns an array; make it `allocating`")
+
+
+def _for_callers(dispatcher, check=None):
+    """Let Python run the source of a function that is compiled for compiled callers alone."""
+    if config.DISABLE_JIT:
+        return dispatcher
+    if internals.LINKED:
+        dispatcher.__class__ = internals.Inner
+    return _guarded(dispatcher, check)
+
+
+def inlined(fun):
+    """Compile `fun` into its callers.
+
+    For a few lines in a step loop that touch many arrays, which it takes 45 ns a call to hand on.
+    Called from Python its source is run.
+    """
+    return _for_callers(njit(inline="always")(fun))
+
+
+def derived(fun, counted=True):
+    """Compile a function that is made of a user's functions, for this process alone.
+
+    One that is not `counted` makes no arrays and is handed none back.
+    """
+    how = {} if counted else internals.uncounted()
+    return njit(error_model="numpy", nogil=True, **how)(fun)
+
+
+def as_value(fun, signature):
+    """Compile a function of the package, for its only signature, to be passed as a value."""
+    if config.DISABLE_JIT or isinstance(fun, internals.Value):
+        return fun
+    with compiling:
+        if signature.args not in fun.overloads:
+            fun.compile(signature.args)
+        internals.become_value(fun, signature)
+    return fun
+
+
+def loop_value(loop, signature):
+    """Return an `entry` as a value that another one may be handed."""
+    if config.DISABLE_JIT:
+        return loop
+    loop.compiled()
+    return as_value(loop.dispatcher, signature)
+
+
+class entry:
+    """Decorator of a top-level loop: compiled for `argtypes` at the first call, then locked.
+
+    `told` names one whose compilation takes seconds. A loop that is not `counted` makes no arrays;
+    numba counts no references to those that it is handed, which takes a fifth of its steps.
+    """
+
+    def __init__(self, *argtypes, fused=False, told=None, counted=True):
+        self.argtypes, self.fused, self.told = argtypes, fused, told
+        self.counted = counted
+
+    def __call__(self, fun):
+        if config.DISABLE_JIT:
+            return fun
+        # called from Python alone: another wrapper would take a tenth of the compilation
+        how = internals.without("cfunc") if internals.VALUES else {}
+        how |= {} if self.counted else internals.uncounted()
+        dispatcher = compiled(fun, self.fused, self.told, **how)
+
+        def ready():
+            if not dispatcher.overloads:
+                with compiling:
+                    if not dispatcher.overloads:
+                        dispatcher.compile(self.argtypes)
+                        dispatcher.disable_compile()
+
+        def call(*args):
+            ready()
+            return dispatcher(*args)
+
+        call.__doc__ = fun.__doc__
+        call.__name__ = fun.__name__
+        call.dispatcher, call.compiled = dispatcher, ready
+        return call

@@ -1,0 +1,376 @@
+"""The equation: a sum of memory terms equals a right-hand side."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import fields
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..compiled.callbacks import PythonRaised, original
+from ..functions.assemble import functions_of
+from ..functions.build import present_values
+from ..functions.differences import check_jacobian
+from ..functions.reads import digest, digest_of_compiled
+from ..functions.trial import Start
+from ..support.checks import complaint, count, real, real_array
+from .chain import chained
+from .formula import formula
+from .frame import Frame
+from .initial_values import finite, initial_values, of_shorthand, rows_of
+from .operators import Summand
+from .orders import merged_orders
+from .sides import (
+    as_terms,
+    check_initial_terms,
+    enlarged,
+    factors_of,
+    left_side,
+    per_component,
+    read_terms,
+)
+from .structure import assembled, copied, stated
+from .system import System, changed, displaced, later, leading_orders
+
+
+class Equation(System):
+    """An initial value problem ``sum_j c_j (memory operator)_j y = rhs(t, y)`` from t_start on.
+
+    Everything is checked here: the right-hand side is called twice at the start and compiled, so
+    that a mistake is reported before any run.
+
+    Parameters
+    ----------
+    terms : Caputo, Memory, Term, a sum or a sequence of them
+        Operators with their coefficients, ``[Caputo(1.8), 0.25 * Caputo(0.8)]`` or ``Caputo(1.8) +
+        0.25 * Caputo(0.8)``. Orders and coefficients are one for all components or of shape (d,); a
+        coefficient of shape (d, d) has a row for each equation and a column for each component. A
+        sequence is a sum: two components of orders 0.9 and 0.8 are ``Caputo([0.9, 0.8])``.
+    rhs : callable, or None beside `linear`
+        ``rhs(t, y)`` or ``rhs(t, y, params)`` returning shape (d,) (or a number when d = 1), or in
+        place ``rhs(t, y, dy, params)``; told apart by the number of arguments. t is a float, y has
+        shape (d,). It is compiled with numba, its helpers too, and again when a run begins after a
+        global or a closed-over value that it reads has changed. What numba cannot compile (methods,
+        callable objects, SciPy's functions, try) is called in Python, with a
+        `PythonFunctionWarning`: 3 us more a call, and its exceptions pass through. It must not
+        write into y or params, and give equal values for equal t and y; an index out of bounds ends
+        the run.
+    y0 : array_like, shape (m, d)
+        Initial values y(0), y'(0), ..., with m = ceil(highest order). Shorthands: shape (m,) when
+        d = 1, shape (d,) when m = 1, a number when both are 1. A component whose own highest order
+        needs no y'(0) takes 0 there. Complex numbers state a complex equation: `rhs` is given and
+        returns complex numbers (and `jac` is left out), and so are the results.
+    params : float or sequence of float, optional
+        Handed to `rhs` and `jac` as an array of shape (p,).
+    jac : callable, optional
+        The Jacobian d rhs / d y, ``jac(t, y)`` or ``jac(t, y, params)`` returning shape (d, d), or
+        in place ``jac(t, y, jacobian, params)``; compared with differences near y(0). Differences
+        otherwise.
+    memory : Caputo, Memory, Term, a sum or a sequence of them, optional
+        Terms that `rhs` reads instead of the left side, such as friction that depends on the state.
+        Their values, shape (k, d), are its third argument: ``rhs(t, y, memory)``, ``rhs(t, y,
+        memory, params)`` or in place ``rhs(t, y, memory, dy, params)``, and likewise that of `jac`.
+        Orders must stay below the highest one of their component.
+    jac_memory : callable, optional
+        The derivatives of `rhs` by ``memory.ravel()``, shape (d, k d), with the arguments of `jac`;
+        where memory is read both are given or none.
+    t_start : float, optional
+        Time at which y0 is given and memory begins; 0 by default [time].
+    linear : array_like or SciPy sparse matrix, shape (d, d), optional
+        Constant matrix A: the right side is ``A y + rhs(t, y)``, or A y alone where `rhs` is None.
+    bandwidth : (int, int), optional
+        Numbers of diagonals of d rhs / d y below and above the main one. Then `jac` fills, or
+        returns, shape (lower + upper + 1, d) as `scipy.linalg.solve_banded` has it,
+        ``ab[upper + i - j, j] = d rhs[i] / d y[j]``.
+    jac_sparsity : array_like or SciPy sparse matrix, shape (d, d), optional
+        Entries of d rhs / d y that may differ from 0. Then `jac` fills, or returns, their values in
+        the order of the pattern's data, or returns SciPy's matrices. With either of these a system
+        of 10^5 components takes no dense matrix: differences are taken by groups of columns, bands
+        are factorised by LAPACK and other patterns by SuperLU. Entries that are missed near y0 are
+        refused.
+    d : int, optional
+        Number of components in a row of y0, which may then have more rows than the orders need; the
+        others are left out. So an order may cross 1 in a sweep or a fit.
+
+    Attributes
+    ----------
+    d : int
+        Number of real components; a complex one counts as two.
+    m : int
+        Number of initial conditions of the system that is solved: ceil(highest order) up to order
+        2, and 1 above, where the derivatives are components behind y.
+    orders, coefficients : ndarray, shape (n_terms, d)
+        Order and coefficient for each component of each Caputo term of constant order; coefficients
+        of shape (n_terms, d, d) where one is a matrix.
+    y0 : ndarray, shape (m, d)
+        Real and imaginary parts side by side where they are complex.
+    params : ndarray, shape (p,)
+    terms, rhs, jac, memory, jac_memory, linear, bandwidth, jac_sparsity
+        As given. No attribute and no array can be changed: `replace` makes another equation.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Each message names the argument, what was required and what arrived.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import hereditary as hd
+    >>> eq = hd.Equation([hd.Caputo(1.5), 0.5 * hd.Caputo(0.5)], lambda t, x: -x, y0=[1.0, 0.0])
+    >>> eq.d, eq.m
+    (1, 2)
+
+    Diffusion on 1,000 points of a line, D^0.7 u = u_xx:
+
+    >>> import scipy.sparse
+    >>> parts = [np.ones(999), -2 * np.ones(1000), np.ones(999)]
+    >>> laplacian = 1001**2 * scipy.sparse.diags_array(parts, offsets=[-1, 0, 1])
+    >>> u0 = np.sin(np.pi * np.arange(1, 1001) / 1001)
+    >>> eq = hd.Equation(hd.Caputo(0.7), None, u0, linear=laplacian)
+    >>> sol = hd.solve(eq, 1.0, 1000, scheme=hd.BDF(2))
+    >>> sol.stats["n_factorised"]
+    1
+
+    Van der Pol's friction acts on a derivative of order 0.8:
+
+    >>> def rhs(t, x, memory):
+    ...     return (1 - x[0] ** 2) * memory[0, 0] - x[0]
+    >>> eq = hd.Equation(hd.Caputo(1.8), rhs, [0.5, 0.0], memory=hd.Caputo(0.8))
+    >>> sol = hd.solve(eq, 20.0, 4000, scheme=hd.BDF(2))
+    """
+
+    def __init__(
+        self,
+        terms: Summand | Iterable[Summand],
+        rhs: Callable | None,
+        y0: ArrayLike,
+        params: ArrayLike = (),
+        jac: Callable | None = None,
+        *,
+        memory: Summand | Iterable[Summand] = (),
+        jac_memory: Callable | None = None,
+        t_start: float = 0.0,
+        d: int | None = None,
+        linear: Any = None,
+        bandwidth: tuple[int, int] | None = None,
+        jac_sparsity: Any = None,
+    ) -> None:
+        self.terms, self.memory = as_terms(terms), read_terms(memory)
+        self.rhs, self.jac, self.jac_memory = rhs, jac, jac_memory
+        self.linear, self.jac_sparsity = copied(linear), copied(jac_sparsity)
+        self.bandwidth = bandwidth
+        values = finite(y0)
+        highest = max(t.operator.derivative for t in self.terms)
+        if highest == 0:
+            required = "hold a derivative"
+            remedy = "an equation in y and its past alone is none of these"
+            raise ValueError(complaint("terms", required, repr(self.terms[0]), remedy))
+        if d is None:
+            initial = self._given_y0 = initial_values(values, highest)
+        else:
+            self._given_y0 = rows_of(values, highest, count("d", d))
+            initial = self._given_y0[:highest].copy()
+        self._given_d = d
+        d, paired = initial.shape[1], initial.dtype.kind == "c"
+        self.t_start = real("t_start", t_start)
+        factors = factors_of(self.terms, d, paired)
+        constant = [t.operator.constant for t in self.terms]
+        own = [t.operator._order for t in self.terms if t.operator.constant]
+        orders = merged_orders(per_component("order", own, d, paired))
+        orders.flags.writeable = False
+        self.orders, self.coefficients = orders, factors[constant]
+        self.coefficients.flags.writeable = False
+        nothing = np.zeros((len(self.memory), d), initial.dtype)
+        start = Start(initial[0], nothing, _numbers(params), self.t_start)
+        given = {"bandwidth": bandwidth, "jac_sparsity": jac_sparsity, "linear": linear}
+        rearranged = initial.shape[0] > 2 or factors.ndim > 2 or paired or bool(self.memory)
+        said = stated(d, rhs, jac, rearranged, **given)
+        hint = partial(of_shorthand, values, initial, bool(self.memory))
+        entries = said.values_of(jac, start)
+        functions = functions_of(rhs, entries, jac_memory, start, hint, said.shape)
+        self._callbacks, self._constants = functions.callbacks, said.constants()
+        known = {"matrix": said.linear, "linear_alone": rhs is None}
+        params, rhs, jac, structure = assembled(said, functions, d)
+        if self.t_start != 0:
+            params, rhs, jac = later(self.t_start, params, rhs, jac)
+        if jac is not None or structure is not None:
+            check_jacobian(rhs, jac, start.components(), params, structure)
+        self._frozen = self._present_values()
+        left = left_side(self.terms, factors, orders, self.t_start)
+        known |= {"n_params": start.params.size, "structure": structure}
+        known["rhs_digest"] = self._digest_of_rhs()
+        found = self._system(left, initial.view(float), (params, rhs, jac), paired, known)
+        super().__init__(**{field.name: getattr(found, field.name) for field in fields(System)})
+
+    def _system(self, left, initial, functions, paired, known):
+        """Return the system of these terms: without matrices, without orders above 2."""
+        if self._given_d is not None:
+            needed = leading_orders(left, initial.shape[1]) > np.arange(len(initial))[:, None]
+            initial = np.where(needed, initial, 0.0)
+        initial.flags.writeable = False
+        _check_leading(left, initial)
+        if len(initial) > 2 or left[0].coefficients.ndim > 1:
+            if self.memory:
+                required = "be left out beside orders above 2 and coefficients that are matrices"
+                remedy = "write the equation as a system of y and its derivatives"
+                raise ValueError(complaint("memory", required, "some", remedy))
+            known["terms_digest"] = digest([(operator.order, c) for operator, c in left])
+            system, beside, speeds = chained(left, initial, *functions)
+            known["frame"] = Frame(self.t_start, paired, tuple(speeds.tolist()))
+            if beside:
+                known["larger"] = changed(beside, rhs_digest=known["rhs_digest"])
+            return changed(system, **known)
+        known["frame"] = Frame(self.t_start, paired)
+        system = System(left, initial, *functions, **known)
+        if not self.memory:
+            return system
+        # the functions of `enlarged` read memory too
+        nothing = {"compiled_rhs": None, "compiled_jac": None}
+        return changed(system, **nothing, larger=enlarged(system, self.memory))
+
+    def __repr__(self):
+        return f"Equation({' + '.join(map(repr, self.terms))} = rhs, d={self.d})"
+
+    def _repr_html_(self):
+        return formula(self)
+
+    def __setattr__(self, name, value):
+        if "left" in self.__dict__:  # the system is complete
+            remedy = f"eq.replace({name}=...)" if name in _GIVEN else "eq.replace(...)"
+            raise AttributeError(
+                f"{name} of an Equation cannot be changed; make another equation with {remedy}"
+            )
+        object.__setattr__(self, name, value)
+
+    def __reduce__(self):
+        return _made, (self._arguments(),)
+
+    def replace(self, **changes) -> Equation:
+        """Return an equation like this one with some of its arguments changed.
+
+        Parameters
+        ----------
+        **changes
+            Any argument of `Equation`.
+            An rhs that stays is not compiled again. A given jac belongs to its rhs: with another
+            rhs give another jac, or None for differences.
+
+        Examples
+        --------
+        >>> import hereditary as hd
+        >>> eq = hd.Equation(hd.Caputo(0.5), lambda t, y, p: -p[0] * y, 1.0, params=[1.0])
+        >>> eq.replace(params=[2.0]).params
+        array([2.])
+        """
+        unknown = changes.keys() - set(_GIVEN)
+        if unknown:
+            required = f"be among {', '.join(_GIVEN)}"
+            raise TypeError(complaint("changes", required, ", ".join(sorted(unknown))))
+        if changes.keys() == {"params"}:
+            found = self._with_params(_numbers(changes["params"]))
+            if found is not None:
+                return found
+        for name in ("jac", "jac_memory"):
+            if "rhs" in changes and getattr(self, name) is not None and "jac" not in changes:
+                remedy = "or jac=None for differences"
+                raise ValueError(complaint(name, "come with another rhs", "none", remedy))
+        if "jac" in changes:  # which are given together
+            changes = {"jac_memory": None} | changes
+        return Equation(**(self._arguments() | changes))
+
+    def _with_params(self, params):
+        """Return the equation with other parameters, all else shared; None where that will not do.
+
+        Functions were checked when they were compiled: here the right-hand side is called once.
+        """
+        alone = self.larger is None and self.structure is None and not self._callbacks
+        if not alone or params.size != self.n_params or self._present_values() != self._frozen:
+            return None
+        system = displaced(self, self.y0, params)
+        try:
+            out = system.force(0.0, self.y0[0])
+        except Exception:  # the whole way says what is wrong
+            return None
+        if not np.isfinite(out).all():
+            return None
+        found = object.__new__(Equation)
+        vars(found).update(vars(system))
+        return found
+
+    def _arguments(self):
+        """Return the arguments that make this equation."""
+        own = {"y0": self._given_y0, "d": self._given_d}
+        return {name: getattr(self, name) for name in _GIVEN} | own
+
+    def jacobian(self, t, y):
+        """Return d rhs / d y at time t, shape (d, d): the given one, or differences.
+
+        Of real components y (d,), as `d` counts them; SciPy's CSR array where entries are stated.
+        `linear` is part of it.
+        """
+        try:
+            return self.derivative(t - self.t_start, y)
+        except PythonRaised as error:
+            raise original(error) from None
+
+    def current(self) -> Equation:
+        """Return this equation with the globals and closed-over values its functions now read.
+
+        Itself where none has changed since it was made.
+        """
+        return self if self._present_values() == self._frozen else self.replace()
+
+    def _digest_of_rhs(self):
+        """Return the digest of the right-hand side, a known one where its values say all."""
+        if self._callbacks or self._constants or self.rhs is None:
+            return digest(self.rhs, *self._constants)
+        return digest_of_compiled(self._frozen[0], self.rhs)
+
+    def _present_values(self):
+        functions = self.rhs, self.jac, self.jac_memory
+        if self._callbacks:  # whose objects may hold anything
+            return digest(*functions)
+        return tuple(present_values(fun) for fun in functions)
+
+
+def _made(arguments):
+    """Return the equation of these arguments, for unpickling."""
+    return Equation(**arguments)
+
+
+_GIVEN = (
+    "terms", "rhs", "y0", "params", "jac", "memory", "jac_memory", "t_start", "d", "linear",
+    "bandwidth", "jac_sparsity",
+)  # fmt: skip
+
+
+def _numbers(params):
+    """The parameters as a flat array; a number is one of them."""
+    remedy = "pass a flat sequence of floats"
+    values = real_array("params", params, remedy=remedy)
+    if values.ndim > 1:
+        required = "be a number or a flat sequence of floats"
+        raise ValueError(complaint("params", required, f"shape {values.shape}"))
+    return values.reshape(-1)
+
+
+def _check_leading(left, y0):
+    """Refuse components without a term, and initial values that an order does not take."""
+    d = y0.shape[1]
+    highest = leading_orders([term for term in left if not term.operator.from_zero], d)
+    for j in np.flatnonzero(highest == 0):
+        required = "leave every component at least one nonzero term other than RiemannLiouville"
+        raise ValueError(complaint("terms", required, f"none for component {j}"))
+    check_initial_terms(left, highest)
+    for k in range(1, len(y0)):
+        for j in np.flatnonzero((highest <= k) & (y0[k] != 0)):
+            got = f"y0[{k}][{j}] = {y0[k, j]}"
+            primes = "'" * k
+            required = (
+                f"hold no y{primes}(0) for component {j}, whose highest order is {highest[j]}"
+            )
+            raise ValueError(complaint("y0", required, got, "set it to 0"))

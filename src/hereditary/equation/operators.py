@@ -1,0 +1,374 @@
+"""Memory kernels and memory operators, and the terms they make.
+
+A memory operator sends y to ``int_0^t K(t-s) y^(m)(s) ds``. Caputo's derivative of order alpha is
+the one with m = ceil(alpha) and ``K(t) = t**(m-1-alpha) / Gamma(m-alpha)``; for integer alpha it
+is the classical derivative and has no memory.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.special import gamma
+
+from ..kernels.exponential_sum import SumKernel, fit_interval, fit_power
+from ..kernels.memory_kernel import ExponentialSum, MemoryKernel, ScaledKernel
+from ..support.checks import complaint, instance, real_array, shown, within
+from .orders import HIGHEST, ROUNDING, derivative_order, rounded_order
+from .terms import ConstantOrder, KernelOperator, VaryingOrder
+
+
+@dataclass(frozen=True)
+class PowerLaw(MemoryKernel):
+    """The memory kernel ``K(t) = t**-exponent``.
+
+    Parameters
+    ----------
+    exponent : float
+        0 < exponent <= 2 [-]. Caputo's derivative of order alpha in (0, 1) has exponent alpha,
+        of order beta in (1, 2) exponent beta - 1.
+
+    Examples
+    --------
+    >>> import hereditary as hd
+    >>> float(hd.PowerLaw(0.5)(4.0))
+    0.5
+    """
+
+    exponent: float
+
+    def __post_init__(self):
+        remedy = "K(t) is t**-exponent; Caputo(beta) with 1 < beta < 2 has beta - 1"
+        within("exponent", self.exponent, 5e-324, 2.0, "(0, 2]", remedy)
+
+    def __call__(self, t: ArrayLike) -> np.ndarray:
+        """Kernel values, the shape of `t`."""
+        return np.asarray(t, dtype=float) ** -self.exponent
+
+    @property
+    def singular_exponent(self) -> float:
+        """The exponent itself."""
+        return float(self.exponent)
+
+    def integral(self, t: ArrayLike) -> np.ndarray:
+        """``int_0^t K`` = t**(1 - exponent) / (1 - exponent), for exponents below 1."""
+        a = float(self.exponent)
+        if a >= 1:
+            raise ValueError(complaint("exponent", "be below 1 for a finite integral from 0", a))
+        return np.asarray(t, dtype=float) ** (1 - a) / (1 - a)
+
+    def laplace(self, s: ArrayLike) -> np.ndarray:
+        """``Gamma(1 - exponent) s**(exponent - 1)``, for exponents below 1."""
+        a = float(self.exponent)
+        return gamma(1 - a) * np.asarray(s) ** (a - 1)
+
+    def fit(self, t_min: float, t_max: float, tol: float) -> ExponentialSum:
+        """The kernel as a sum of exponentials; see `fit_exponentials`."""
+        return fit_power(float(self.exponent), *fit_interval(t_min, t_max, tol))
+
+
+class Summand:
+    """A part of an equation's left-hand side: it can be scaled, and added to others."""
+
+    # without this NumPy would take `array * Caputo(...)` apart, entry by entry
+    __array_ufunc__ = None
+
+    def _terms(self) -> tuple[Term, ...]:
+        raise NotImplementedError
+
+    def __mul__(self, factor: ArrayLike):
+        return _summed([term.times(factor) for term in self._terms()])
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, divisor: ArrayLike):
+        values = real_array("divisor", divisor, "be a real number or have shape (d,)")
+        if np.any(values == 0):
+            raise ValueError(complaint("divisor", "be other than 0", shown(values)))
+        return self * (1 / values)
+
+    def __neg__(self):
+        return self * -1.0
+
+    def __pos__(self):
+        return self
+
+    def __add__(self, other):
+        if not isinstance(other, Summand):
+            return NotImplemented
+        return Terms([*self._terms(), *other._terms()])
+
+    def __radd__(self, other):
+        # sum([...]) begins with 0
+        return Terms(self._terms()) if isinstance(other, int) and other == 0 else NotImplemented
+
+    def __sub__(self, other):
+        return self + -other if isinstance(other, Summand) else NotImplemented
+
+
+class Terms(Summand):
+    """Several terms, made by adding operators: ``Caputo(1.8) + 0.25 * Caputo(0.8)``."""
+
+    def __init__(self, terms: Iterable[Term]) -> None:
+        self.terms = tuple(terms)
+
+    def _terms(self):
+        return self.terms
+
+    def __iter__(self):
+        return iter(self.terms)
+
+    def __len__(self):
+        return len(self.terms)
+
+    def __repr__(self):
+        return " + ".join(map(repr, self.terms))
+
+
+def _summed(terms):
+    return terms[0] if len(terms) == 1 else Terms(terms)
+
+
+class Caputo(Summand):
+    """Caputo's derivative, ``D^alpha y = 1/Gamma(m-alpha) int_0^t (t-s)**(m-1-alpha) y^(m)(s) ds``.
+
+    Multiply it by a coefficient to make a term of an equation: ``0.25 * Caputo(0.8)``.
+
+    Parameters
+    ----------
+    order : float, array_like of shape (d,), or callable
+        Order alpha above 0 [-], one for all components or one for each (an incommensurate system);
+        m = ceil(alpha). An equation with orders above 2, of constant orders all, is solved as a
+        system of y and its derivatives. Integers give the classical derivative exactly. A function
+        ``alpha(t)`` of the time gives an order that varies: all its values in (0, 1], or all in
+        (1, 2].
+
+    Notes
+    -----
+    An order that varies is taken at the present time, for all of the past: ``D^alpha(t) y(t) =
+    1/Gamma(m-alpha(t)) int_0^t (t-s)**(m-1-alpha(t)) y^(m)(s) ds`` with one m for the whole run,
+    1 or 2. (Other definitions in use, with alpha(s) or alpha(t-s) inside the integral, are other
+    operators.) `ExplicitCaputo`, `L1` and `Collocation` take such terms, beside any they take
+    without. The function is called from Python, with an array of times where it bears that; write
+    it with NumPy.
+
+    Limits, for whoever continues a model through an integer: as alpha -> 2 from below the operator
+    tends to y''; as alpha -> 1 from above to y' - y'(0), from below to y'; as alpha -> 0 to
+    y - y(0). A family of equations that crosses alpha = 1 is discontinuous there unless y'(0) = 0.
+
+    Examples
+    --------
+    >>> import hereditary as hd
+    >>> 0.25 * hd.Caputo(0.8)
+    0.25 * Caputo(0.8)
+    >>> import numpy as np
+    >>> terms = [hd.Caputo(lambda t: 1.5 + 0.3 * np.cos(t)), 0.2 * hd.Caputo(0.5)]
+    >>> sol = hd.solve(hd.Equation(terms, lambda t, x: -x, y0=[1.0, 0.0]), 10.0, n_steps=1000)
+    >>> sol.success
+    True
+    """
+
+    def __init__(self, order: ArrayLike | Callable) -> None:
+        self.varying = VaryingOrder.begun(order) if callable(order) else None
+        if self.varying is not None:
+            return
+        orders = real_array("order", order, "be above 0", "give a number or one per component")
+        orders = rounded_order(orders)
+        if orders.ndim > 1 or orders.size == 0:
+            raise ValueError(
+                complaint("order", "be a number or have shape (d,)", f"shape {orders.shape}")
+            )
+        if np.any(orders <= 0) or np.any(orders > HIGHEST):
+            required = f"lie in (0, {HIGHEST}]"
+            raise ValueError(complaint("order", required, orders.tolist()))
+        orders.flags.writeable = False
+        self._order = orders
+
+    @property
+    def order(self) -> float | np.ndarray | Callable:
+        """The order: a float, an array of shape (d,), or a function of the time."""
+        if self.varying is not None:
+            return self.varying.function
+        return self._order if self._order.ndim else float(self._order)
+
+    @property
+    def derivative(self) -> int:
+        """m, the highest derivative inside: ceil(order) of the highest order."""
+        if self.varying is not None:
+            return self.varying.derivative
+        return max(map(derivative_order, self._order.flat))
+
+    @property
+    def constant(self) -> bool:
+        """Whether the order does not vary."""
+        return self.varying is None
+
+    def parts(self, orders):
+        """Operators of a `System`, each with whether a component has it.
+
+        `orders` (d,) are the constant orders as the equation rounds them.
+        """
+        if self.varying is not None:
+            return [(self.varying, True)]
+        return [(ConstantOrder(a), orders == a) for a in dict.fromkeys(orders.tolist())]
+
+    def __repr__(self):
+        return f"Caputo({self.varying.name if self.varying else self._order.tolist()})"
+
+    def _terms(self):
+        return (Term(self, 1.0),)
+
+
+class RiemannLiouville(Caputo):
+    """Riemann and Liouville's derivative of order below 1, ``d/dt J**(1-gamma) y``.
+
+    It is ``Caputo(gamma) y + y(0) t**-gamma / Gamma(1-gamma)``: y counts as 0 before the start.
+    Multiply it by a coefficient to make a term of an equation, beside a Caputo term of higher
+    order, whose initial values are y(0) and y'(0).
+
+    Parameters
+    ----------
+    order : float, array_like of shape (d,), or callable
+        gamma in (0, 1) [-], below the highest order of its component, and more than 1 below where
+        that exceeds 1: else y'(0) would be infinite. A function ``gamma(t)`` of the time gives an
+        order that varies.
+
+    Notes
+    -----
+    What y(0) adds is infinite at 0 and never sampled there: `Collocation` integrates it exactly,
+    and on given steps its first samples are corrected such that their sums are its integral. So
+    `ExplicitCaputo`, `GrunwaldLetnikov` and `L1` have the orders that they have for solutions like
+    t**alpha, and ``BDF(p)`` has order p for f linear in y, otherwise min(p, 1 + 2 (alpha - gamma)),
+    alpha being the highest order. `L2` and `L12` have order 1 - gamma, and the full order on a
+    mesh ``graded(n, order / (1 - gamma))``; `L2Sigma` stays below order 1 on uniform steps
+    (convergence/riemann_liouville.py).
+
+    Examples
+    --------
+    >>> import hereditary as hd
+    >>> terms = hd.Caputo(2) + 0.5 * hd.RiemannLiouville(0.5)
+    >>> sol = hd.solve(hd.Equation(terms, lambda t, x: -x, y0=[1.0, 0.0]), 10.0, rtol=1e-8)
+    >>> sol.success
+    True
+    """
+
+    def __init__(self, order: ArrayLike | Callable) -> None:
+        super().__init__(order)
+        required = "lie in (0, 1) with RiemannLiouville"
+        if self.varying is not None:
+            if self.varying.derivative > 1:
+                raise ValueError(complaint("order", required, f"above 1 in {self.varying.name}"))
+            self.varying = replace(self.varying, from_zero=True)
+        elif np.any(self._order >= 1):
+            raise ValueError(complaint("order", required, self._order.tolist()))
+
+    def parts(self, orders):
+        """Operators of a `System`; see `Caputo.parts`."""
+        return [
+            (part if part.varies else replace(part, from_zero=True), held)
+            for part, held in super().parts(orders)
+        ]
+
+    def __repr__(self):
+        return f"RiemannLiouville({self.varying.name if self.varying else self._order.tolist()})"
+
+
+class Memory(Summand):
+    """The memory operator ``int_0^t K(t-s) y^(m)(s) ds`` with any decaying kernel K.
+
+    Multiply it by a coefficient to make a term of an equation: ``0.5 * Memory(kernel, 1)``.
+
+    Parameters
+    ----------
+    kernel : MemoryKernel or ExponentialSum
+        `PowerLaw`, `TemperedPowerLaw`, `Prony`, `MittagLeffler`, `StretchedExponential`,
+        `DistributedOrder`, or `Kernel` for any other; integrable at 0. A sum from
+        `fit_exponentials` is taken as it is, in runs up to its t_max; it has nothing of a
+        singularity before its t_min.
+    derivative : int
+        m: 0, 1 or 2.
+
+    Notes
+    -----
+    With ``PowerLaw(a)``, 0 < a < 1, this is ``Gamma(1-a) Caputo(m - 1 + a)``, and taken for that;
+    so ``Memory(PowerLaw(beta - 1) / Gamma(2 - beta), 2)`` is ``Caputo(beta)``, 1 < beta < 2.
+
+    Examples
+    --------
+    >>> import hereditary as hd
+    >>> 0.5 * hd.Memory(hd.Prony([1.0, 10.0], [0.3, 0.7]), 1)
+    0.5 * Memory(Prony(rates=(1.0, 10.0), weights=(0.3, 0.7)), 1)
+    """
+
+    def __init__(self, kernel: MemoryKernel | ExponentialSum, derivative: int) -> None:
+        remedy = "e.g. hereditary.PowerLaw(0.8)"
+        kernel = SumKernel(kernel) if isinstance(kernel, ExponentialSum) else kernel
+        self.kernel = instance("kernel", kernel, MemoryKernel, remedy)
+        if kernel.singular_exponent >= 1:
+            required, got = "be integrable at 0", f"{kernel!r}"
+            remedy = "take an exponent below 1, with one derivative more"
+            raise ValueError(complaint("kernel", required, got, remedy))
+        if isinstance(derivative, bool) or derivative not in (0, 1, 2):
+            raise ValueError(complaint("derivative", "be 0, 1 or 2", derivative))
+        self.derivative = int(derivative)
+
+    constant = False
+
+    def parts(self, orders):
+        """Operator of a `System`, which every component has; `orders` has no part in it."""
+        return [(KernelOperator(self.kernel, self.derivative), True)]
+
+    def __repr__(self):
+        return f"Memory({self.kernel!r}, {self.derivative})"
+
+    def _terms(self):
+        return (Term(self, 1.0),)
+
+
+class Term(Summand):
+    """A coefficient times a memory operator; made by multiplication, ``0.25 * Caputo(0.8)``."""
+
+    def __init__(self, operator: Caputo | Memory, coefficient: ArrayLike) -> None:
+        required = "be a real number or have shape (d,) or (d, d)"
+        remedy = "it cannot vary; let the right-hand side read the term: Equation(..., memory=)"
+        factor = real_array("coefficient", coefficient, required, remedy)
+        square = factor.ndim < 2 or factor.shape == factor.shape[:1] * 2
+        if not square or factor.size == 0:
+            raise ValueError(complaint("coefficient", required, f"shape {factor.shape}"))
+        factor.flags.writeable = False
+        self.operator = operator
+        self.coefficient = factor
+
+    def _terms(self):
+        return (self,)
+
+    def times(self, factor: ArrayLike) -> Term:
+        """This term with its coefficient multiplied; from the left, where it is a matrix."""
+        checked, own = Term(self.operator, factor).coefficient, self.coefficient
+        if checked.ndim == 2 and own.ndim:
+            return Term(self.operator, checked @ (own if own.ndim == 2 else np.diag(own)))
+        if checked.ndim == 1 and own.ndim == 2:
+            return Term(self.operator, checked[:, None] * own)
+        return Term(self.operator, checked * own)
+
+    def plain(self) -> Term:
+        """Return the term with its kernel's factor in the coefficient, a power law as Caputo's."""
+        operator, coefficient = self.operator, self.coefficient
+        if not isinstance(operator, Memory):
+            return self
+        kernel, m = operator.kernel, operator.derivative
+        if isinstance(kernel, ScaledKernel):
+            coefficient, kernel = kernel.factor * coefficient, kernel.kernel
+        if isinstance(kernel, PowerLaw) and m:
+            a = float(kernel.exponent)
+            if m == 2 and a <= ROUNDING:  # order 1 would be y', not y' - y'(0)
+                required = f"exceed {ROUNDING} for derivative 2"
+                raise ValueError(complaint("exponent", required, a, "take derivative 1 less y'(0)"))
+            return Term(Caputo(m - 1 + a), gamma(1 - a) * coefficient)
+        return Term(Memory(kernel, m), coefficient)
+
+    def __repr__(self):
+        return f"{self.coefficient.tolist()} * {self.operator!r}"

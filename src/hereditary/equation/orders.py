@@ -1,0 +1,53 @@
+"""Orders of derivatives near integers and near each other."""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..support.checks import complaint, real_array
+
+# Orders this close to an integer, or to each other, are it: they come from sums and quotients.
+ROUNDING = 1e-14
+# Highest order of an equation.
+HIGHEST = 20
+
+
+def rounded_order(orders: ArrayLike) -> np.ndarray:
+    """Orders with those within rounding of an integer set to it."""
+    orders = np.asarray(orders, dtype=float)
+    nearest = np.round(orders)
+    return np.where((np.abs(orders - nearest) <= ROUNDING) & (nearest > 0), nearest, orders)
+
+
+def orders_up_to_2(orders: ArrayLike) -> np.ndarray:
+    """Return orders in (0, 2] as rounded; refuse any other."""
+    found = rounded_order(real_array("order", orders, "lie in (0, 2]", "give numbers"))
+    if found.ndim > 1 or found.size == 0:
+        raise ValueError(complaint("order", "be numbers in a row", f"shape {found.shape}"))
+    if np.any(found <= 0) or np.any(found > 2):
+        raise ValueError(complaint("order", "lie in (0, 2]", found.tolist()))
+    return found
+
+
+def merged_orders(orders: np.ndarray) -> np.ndarray:
+    """Orders of one equation with those within rounding of a smaller one set to it."""
+    values = np.array(sorted(set(orders.ravel().tolist())))
+    apart = np.append(True, values[1:] - values[:-1] > ROUNDING)
+    if apart.all():
+        return orders.copy()
+    first = values[apart][np.cumsum(apart) - 1]
+    return first[np.searchsorted(values, orders)]
+
+
+@lru_cache(maxsize=1024)
+def derivative_order(alpha: float) -> int:
+    """m = ceil(alpha), the derivative inside Caputo's operator."""
+    return math.ceil(rounded_order(alpha))
+
+
+class OrderFailed(ValueError):
+    """An order that varies left its range, or its function raised."""

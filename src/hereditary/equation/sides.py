@@ -1,0 +1,156 @@
+"""From the terms that a user writes to those of a system: left side, and memory that f reads."""
+
+import numbers
+from typing import Any
+
+import numpy as np
+
+from ..support.checks import complaint
+from .operators import Summand
+from .orders import merged_orders
+from .system import System
+from .terms import SystemTerm
+
+
+def as_terms(terms, name="terms"):
+    """List the terms of an argument, in any of the forms that `Equation` takes."""
+    items: Any = [terms] if isinstance(terms, (Summand, numbers.Real)) else terms
+    required = "be Caputo or Memory operators with coefficients"
+    example = "write [Caputo(1.8), 0.25 * Caputo(0.8)]"
+    if callable(items) and name == "terms":
+        example = "they come first: Equation(terms, rhs, y0)"
+    try:
+        items = list(items)
+    except TypeError as error:
+        raise TypeError(complaint(name, required, repr(terms), example)) from error
+    for item in items:
+        if not isinstance(item, Summand):
+            if isinstance(item, numbers.Real):
+                example = f"write Caputo({item}) for a derivative of that order"
+            raise TypeError(complaint(name, required, repr(item), example))
+    if not items:
+        raise ValueError(complaint(name, "hold at least one term", "none", example))
+    return tuple(term.plain() for item in items for term in item._terms())
+
+
+def left_side(terms, factors, orders, origin):
+    """List the system's own operators with their coefficients; one for each constant order.
+
+    Times of the system count from `origin`.
+    """
+    left, rows = [], iter(orders)
+    for term, c in zip(terms, factors, strict=True):
+        row = next(rows) if term.operator.constant else None
+        for operator, held in term.operator.parts(row):
+            left.append(SystemTerm(operator.later(origin), np.where(held, c, 0.0)))
+    return left
+
+
+def factors_of(terms, d, paired):
+    """Stack the terms' coefficients, (n_terms, d), or (n_terms, d, d) where one is a matrix."""
+    found = [t.coefficient for t in terms]
+    if all(factor.ndim < 2 for factor in found):
+        return per_component("coefficient", found, d, paired)
+    stacked = []
+    for factor in found:
+        if factor.ndim < 2:
+            factor = np.diag(per_component("coefficient", [factor], d)[0])
+        elif factor.shape != (d, d):
+            required = f"be one number, or have shape ({d},) or ({d}, {d})"
+            raise ValueError(complaint("coefficient", required, f"shape {factor.shape}"))
+        stacked.append(np.kron(factor, np.eye(2)) if paired else factor)
+    matrices = np.array(stacked)
+    matrices.flags.writeable = False
+    return matrices
+
+
+def check_initial_terms(left, leading):
+    """Refuse Riemann-Liouville terms whose order is too close to `leading`, those of Caputo's (d,).
+
+    y' would be infinite at 0 where its initial value is given.
+    """
+    for operator, coefficients in left:
+        if not operator.from_zero:
+            continue
+        gamma = operator.order if operator.constant else float(operator.sampled(np.zeros(1))[0][0])
+        for c in np.flatnonzero(coefficients.reshape(-1, leading.size).any(axis=0)):
+            highest = leading[c] - (leading[c] > 1)
+            if gamma >= highest:
+                required = f"be below {highest:g} for RiemannLiouville in component {c}"
+                if leading[c] > 1:
+                    required += f", 1 below its highest order {leading[c]:g}"
+                raise ValueError(complaint("order", required, gamma, "or take Caputo"))
+
+
+def per_component(name, arrays, d, paired=False):
+    """Stack one row a term, each broadcast to d components; to two each where they are paired."""
+    for array in arrays:
+        if array.ndim and array.size != d:
+            required = f"be one number or one for each of the {d} components"
+            raise ValueError(complaint(name, required, f"shape {array.shape}"))
+    stacked = np.empty((len(arrays), d))
+    for row, array in zip(stacked, arrays, strict=True):
+        row[:] = array
+    stacked = np.repeat(stacked, 2, axis=1) if paired else stacked
+    stacked.flags.writeable = False
+    return stacked
+
+
+def read_terms(memory):
+    """List the terms that a right-hand side reads."""
+    if isinstance(memory, (list, tuple)) and not memory:
+        return ()
+    terms = as_terms(memory, "memory")
+    for term in terms:
+        if term.operator.derivative > 2:
+            raise ValueError(complaint("memory", "have orders up to 2", f"{term}"))
+        if any(operator.from_zero for operator, _ in term.operator.parts(np.full(1, 0.5))):
+            remedy = "write Caputo's, and what y(0) adds in rhs"
+            raise ValueError(complaint("memory", "hold Caputo or Memory terms", f"{term}", remedy))
+    return terms
+
+
+def enlarged(equation, memory):
+    """Return the system of an equation whose right-hand side reads memory: (1 + k) d components.
+
+    Behind the d components stand those of each term of `memory`, whose `left` they are. Schemes
+    weigh them as they would weigh such a term in an equation of its own; marches give them the
+    increments of their sources.
+    """
+    d, k, origin, paired = equation.d, len(memory), equation.frame.start, equation.frame.paired
+    own_d = d // 2 if paired else d
+    factors = factors_of(memory, own_d, paired)
+    if factors.ndim > 2:
+        required = "have coefficients of shape (d,)"
+        raise ValueError(complaint("memory", required, "a matrix", "multiply in rhs"))
+    own = [t.operator._order for t in memory if t.operator.constant]
+    mine = [op.order for op, _ in equation.left if op.constant]
+    orders = per_component("order", own, own_d, paired)
+    # orders that differ from those of the left side by rounding are the same
+    orders = merged_orders(np.vstack([np.tile(mine, (d, 1)).T.reshape(-1, d), orders]))[len(mine) :]
+    left = [SystemTerm(op, np.concatenate([c, np.zeros(k * d)])) for op, c in equation.left]
+    rows, highest = iter(orders), equation.highest_orders()
+    for number, (term, c) in enumerate(zip(memory, factors, strict=True), 1):
+        if np.any(c == 0):
+            raise ValueError(complaint("memory", "have coefficients other than 0", repr(term)))
+        for operator, held in left_side([term], [c], rows, origin):
+            coefficients = np.zeros((1 + k, d))
+            coefficients[number] = held
+            left.append(SystemTerm(operator, coefficients.ravel()))
+            _check_below(operator, float(highest[held != 0].min()))
+    y0, sources = np.tile(equation.y0, (1, 1 + k)), np.tile(np.arange(d), 1 + k)
+    how = equation.compiled_params, equation.compiled_rhs, equation.compiled_jac, sources
+    return System(left, y0, *how, rhs_digest=equation.rhs_digest)
+
+
+def _check_below(operator, lowest):
+    """Refuse memory of an order that is not below `lowest`, the highest of its components."""
+    order = operator.order
+    if operator.varies:  # known at the start; it is the user's to keep it below
+        order = float(operator.sampled(np.zeros(1))[0][0])
+    elif operator.kernel is not None:  # bounded kernels give one derivative less
+        order += operator.kernel.singular_exponent - 1
+    if order >= lowest:
+        required = f"have orders below the highest of their component, {lowest:g}"
+        remedy = "solve the equation for its highest derivative"
+        raise ValueError(complaint("memory", required, f"{order:g}", remedy))

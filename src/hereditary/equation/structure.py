@@ -1,0 +1,332 @@
+"""Which entries of a Jacobian may differ from 0: bands and patterns of large systems."""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..compiled.jacobian import COLUMNS, CONSTANTS, GROUPS, N_ENTRY_ROWS, ROWS
+from ..compiled.newton import KEPT_FROM
+from ..functions.structured import (
+    behind_params,
+    dense_of,
+    dense_with_linear,
+    entries_of,
+    with_linear,
+)
+from ..functions.trial import arity_of
+from ..support.checks import complaint, count, refuse_masked
+
+# Diagonals up to which a pattern is taken for a band, its components put in another order: SuperLU
+# takes less time beyond.
+_WIDEST = 64
+# Components up to which a system is dense whatever is stated: nothing is gained below.
+FEW = KEPT_FROM
+
+
+class Band(NamedTuple):
+    """Diagonals below and above the main one, and the place of each component, (n,)."""
+
+    lower: int
+    upper: int
+    order: np.ndarray
+
+
+class Structure:
+    """Entries of a square Jacobian of n components, and the constant ones among their summands.
+
+    Parameters
+    ----------
+    n : int
+    rows, columns : ndarray of int64, shape (k,)
+        Places of the entries, each once, the diagonal among them.
+    constants : ndarray, shape (k,), optional
+        Summands known beforehand, which given Jacobians leave out; 0 by default.
+    places : ndarray of int64, shape (k,), optional
+        Where a given Jacobian holds each value; -1 for none. None for differences.
+    """
+
+    def __init__(self, n, rows, columns, constants=None, places=None):
+        self.n, self.rows, self.columns = n, rows, columns
+        self.constants = np.zeros(rows.size) if constants is None else constants
+        self.places = places
+
+    @classmethod
+    def of(cls, n, rows, columns, places=None, linear=None):
+        """Return the structure of these entries, of the diagonal and of a SciPy matrix `linear`."""
+        found = [(rows, columns), (np.arange(n), np.arange(n))]
+        if linear is not None:
+            linear = linear.tocoo()
+            found.append((linear.row.astype(np.int64), linear.col.astype(np.int64)))
+        keys = np.concatenate([row * n + column for row, column in found])
+        unique, numbers = np.unique(keys, return_inverse=True)
+        constants = np.zeros(unique.size)
+        if linear is not None:
+            np.add.at(constants, numbers[rows.size + n :], linear.data)
+        known = None
+        if places is not None:
+            known = np.full(unique.size, -1)
+            known[numbers[: rows.size]] = places
+        return cls(n, unique // n, unique % n, constants, known)
+
+    @cached_property
+    def entries(self):
+        """Return the entries as compiled code takes them, (5, k) (compiled/jacobian.py)."""
+        found = np.zeros((N_ENTRY_ROWS, self.rows.size))
+        groups = self._groups[self.columns] if self.places is None else self.places
+        order = np.argsort(groups, kind="stable") if self.places is None else slice(None)
+        for row, values in (
+            (ROWS, self.rows), (COLUMNS, self.columns), (GROUPS, groups),
+            (CONSTANTS, self.constants),
+        ):  # fmt: skip
+            found[row] = values[order]
+        return found
+
+    def matrix(self, values):
+        """Return the matrix whose entries, in the order of `entries`, have these values."""
+        rows, columns = self.entries[[ROWS, COLUMNS]].astype(np.int64)
+        return _sparse().csr_array((values, (rows, columns)), shape=(self.n, self.n))
+
+    @cached_property
+    def _groups(self):
+        """Number of the group of each column; columns of one group share no row."""
+        pattern = self.matrix_of_ones
+        neighbours = (pattern.T @ pattern).tocsr()
+        groups = np.full(self.n, -1)
+        for j in range(self.n):
+            beside = neighbours.indices[neighbours.indptr[j] : neighbours.indptr[j + 1]]
+            taken = set(groups[beside].tolist())
+            groups[j] = next(g for g in range(len(taken) + 1) if g not in taken)
+        return groups
+
+    @property
+    def matrix_of_ones(self):
+        """The pattern as a matrix."""
+        ones = np.ones(self.rows.size)
+        return _sparse().csr_array((ones, (self.rows, self.columns)), shape=(self.n, self.n))
+
+    @cached_property
+    def band(self):
+        """The band that holds all entries, components put in another order; None for wide ones."""
+        for order in (np.arange(self.n), self._narrow_order()):
+            offsets = order[self.rows] - order[self.columns]
+            lower, upper = int(offsets.max(initial=0)), int(-offsets.min(initial=0))
+            if lower + upper <= _WIDEST:
+                return Band(lower, upper, order)
+        return None
+
+    def _narrow_order(self):
+        """Return the place of each component in the order of Cuthill and McKee, reversed."""
+        graphs = importlib.import_module("scipy.sparse.csgraph")
+        pattern = self.matrix_of_ones
+        order = np.empty(self.n, dtype=np.int64)
+        found = graphs.reverse_cuthill_mckee((pattern + pattern.T).tocsr(), True)
+        order[found] = np.arange(self.n)
+        return order
+
+    def by_blocks(self, s):
+        """Return the structure in which each entry is a full block (s, s), entry after entry."""
+        own = np.arange(s)
+        rows, columns = self.entries[[ROWS, COLUMNS]].astype(np.int64)
+        rows = (rows[:, None, None] * s + own[:, None] + 0 * own).ravel()
+        columns = (columns[:, None, None] * s + 0 * own[:, None] + own).ravel()
+        return Structure(self.n * s, rows, columns, places=np.full(rows.size, -1))
+
+    def with_velocities(self):
+        """Return the structure of pairs (x, w) whose first half is w and whose second half f(x)."""
+        n, own = self.n, np.arange(self.n)
+        rows = np.concatenate([own, n + self.rows])
+        return Structure.of(2 * n, rows, np.concatenate([n + own, self.columns]))
+
+
+class Stated(NamedTuple):
+    """Statements of an equation about its Jacobian.
+
+    rows and columns (k,) of the entries of that of rhs, or None where any may differ from 0; shape,
+    that of the array a given Jacobian fills, and places (k,) of the entries there; linear, SciPy's
+    CSR array of the constant matrix, or None.
+    """
+
+    rows: np.ndarray | None
+    columns: np.ndarray | None
+    shape: tuple
+    places: np.ndarray | None
+    linear: Any
+
+    def values_of(self, jac, start):
+        """Return a Jacobian that returns its values, from one that may return SciPy's matrices."""
+        if jac is None or len(self.shape) > 1:
+            return jac
+        arity = arity_of("jac", "data", jac, start)
+        try:
+            found = jac(start.t, start.y.copy(), start.params.copy()) if arity == 3 else None
+            found = jac(start.t, start.y.copy()) if arity == 2 else found
+        except Exception:  # told where all functions are tried
+            return jac
+        return OnPattern(jac, self.rows, self.columns) if hasattr(found, "tocsr") else jac
+
+    def constants(self):
+        """Return the arrays that a state of a run depends on."""
+        linear = self.linear
+        return () if linear is None else (linear.data, linear.indices, linear.indptr)
+
+    def structure(self, d, given):
+        """Return the `Structure` of linear and rhs together, or None for a dense Jacobian.
+
+        `given` tells whether Jacobians come from a function.
+        """
+        if self.rows is None or d <= FEW:
+            return None
+        places = self.places if given else None
+        return Structure.of(d, self.rows, self.columns, places, self.linear)
+
+
+class OnPattern:
+    """A Jacobian that returns the values of a pattern's entries, of one that returns matrices."""
+
+    def __init__(self, jac, rows, columns):
+        self._jac, self._rows, self._columns = jac, rows, columns
+        self.__signature__ = inspect.signature(jac)
+        self.__name__ = getattr(jac, "__name__", repr(jac))
+
+    def __call__(self, *arguments):
+        matrix = self._jac(*arguments).tocsr()
+        values = np.asarray(matrix[self._rows, self._columns]).ravel()
+        if np.abs(matrix).sum() > np.abs(values).sum() * (1 + 1e-12):
+            required = "return matrices without entries outside jac_sparsity"
+            raise ValueError(complaint("jac", required, "some"))
+        return values
+
+
+def copied(given):
+    """Return a copy of an array or matrix; anything else as it is."""
+    return given.copy() if hasattr(given, "copy") else given
+
+
+def assembled(said, functions, d):
+    """Return params, rhs, jac and structure of a system, from `Stated` and the user's functions."""
+    params, rhs, jac = functions.params, functions.rhs, functions.jac
+    linear, alone = said.linear is not None, functions.rhs is None
+    if linear:
+        params, rhs = behind_params(params, said.linear), with_linear(rhs)
+    structure = said.structure(d, alone or jac is not None)
+    if structure is not None:
+        if alone or jac is not None:
+            jac = entries_of(jac, said.shape, linear)
+    elif alone or jac is not None:
+        if said.rows is not None and jac is not None:  # of few components
+            table = Structure.of(d, said.rows, said.columns, said.places, None).entries
+            jac = dense_of(entries_of(jac, said.shape, False), table)
+        jac = dense_with_linear(jac) if linear else jac
+    return params, rhs, jac, structure
+
+
+def constant_part(matrix):
+    """Return the Jacobian of ``matrix @ y`` as a function, and its `Structure` or None.
+
+    Without a structure it is dense, and reads the matrix behind the parameters.
+    """
+    d = matrix.shape[0]
+    if d <= FEW or 2 * matrix.nnz >= d * d:
+        return dense_with_linear(None), None
+    nothing = np.zeros(0, dtype=np.int64)
+    return entries_of(None, (0,), True), Structure.of(d, nothing, nothing, nothing, matrix)
+
+
+def stated(d, rhs, jac, rearranged, bandwidth=None, jac_sparsity=None, linear=None):
+    """Check what an equation of d components states of its Jacobian, and return it as `Stated`.
+
+    `rearranged` tells that the system which is solved has other components.
+    """
+    given = {"bandwidth": bandwidth, "jac_sparsity": jac_sparsity, "linear": linear}
+    named = [name for name, part in given.items() if part is not None]
+    if named and rearranged:
+        required = "be left out beside memory, complex y, orders above 2 and matrices"
+        raise ValueError(complaint(named[0], required, "it", "write a system of real y"))
+    alone = rhs is None
+    if alone and (linear is None or jac is not None):
+        remedy = "rhs=None stands for linear @ y alone"
+        raise TypeError(complaint("rhs", "be a function", "None", remedy))
+    if bandwidth is not None and jac_sparsity is not None:
+        remedy = "either says which entries may differ from 0"
+        raise ValueError(complaint("jac_sparsity", "come without bandwidth", "both", remedy))
+    matrix = None if linear is None else _linear(linear, d)
+    rows = columns = places = None
+    shape: tuple[int, ...] = (d, d)
+    if alone:
+        rows = columns = places = np.zeros(0, dtype=np.int64)
+        if isinstance(linear, np.ndarray):
+            rows = columns = places = None
+    elif bandwidth is not None:
+        lower, upper = _widths(bandwidth, d)
+        shape = (lower + upper + 1, d)
+        diagonals, columns = (part.ravel() for part in np.indices(shape))
+        rows = diagonals + columns - upper
+        inside = (rows >= 0) & (rows < d)
+        places = np.flatnonzero(inside)
+        rows, columns = rows[inside], columns[inside]
+    elif jac_sparsity is not None:
+        rows, columns = _pattern(jac_sparsity, d)
+        places, shape = np.arange(rows.size), (rows.size,)
+    return Stated(rows, columns, shape, places, matrix)
+
+
+def _widths(bandwidth, d):
+    """Return the numbers of diagonals below and above the main one."""
+    try:
+        lower, upper = bandwidth
+    except (TypeError, ValueError) as error:
+        required = "be (lower, upper), the diagonals below and above the main one"
+        raise TypeError(complaint("bandwidth", required, repr(bandwidth))) from error
+    widths = [count("bandwidth", width, "pass (lower, upper)", least=0) for width in (lower, upper)]
+    return [min(width, d - 1) for width in widths]
+
+
+def _pattern(pattern, d):
+    """Return rows and columns of a pattern's entries, in the order of its data."""
+    required = f"be a pattern of shape ({d}, {d}), SciPy's sparse or an array"
+    if not hasattr(pattern, "tocsr"):
+        pattern = _as_matrix("jac_sparsity", pattern, required)
+    if pattern.shape != (d, d):
+        raise ValueError(complaint("jac_sparsity", required, f"shape {pattern.shape}"))
+    found = (pattern if pattern.format in ("coo", "csc") else pattern.tocsr()).tocoo()
+    rows, columns = found.row.astype(np.int64), found.col.astype(np.int64)
+    if np.unique(rows * d + columns).size < rows.size:
+        required = "hold each entry once"
+        raise ValueError(complaint("jac_sparsity", required, "some twice", "call sum_duplicates()"))
+    return rows, columns
+
+
+def _linear(linear, d):
+    """Return the constant matrix as SciPy's CSR array."""
+    required = f"be a matrix of shape ({d}, {d}), an array or SciPy's sparse one"
+    if not hasattr(linear, "tocsr"):
+        linear = _as_matrix("linear", linear, required)
+    if linear.shape != (d, d):
+        raise ValueError(complaint("linear", required, f"shape {linear.shape}"))
+    if linear.dtype.kind not in "biuf" or not np.all(np.isfinite(linear.data)):
+        raise ValueError(complaint("linear", "hold finite real numbers", "others"))
+    matrix = _sparse().csr_array(linear.tocsr(), dtype=float, copy=True)
+    matrix.sum_duplicates()
+    return matrix
+
+
+def _as_matrix(name, given, required):
+    """Return an array as a sparse matrix."""
+    refuse_masked(name, given, required)
+    try:
+        values = np.asarray(given)
+    except ValueError:  # rows of unequal length
+        values = np.asarray(None)
+    if values.ndim != 2 or values.dtype.kind not in "biuf":
+        raise ValueError(complaint(name, required, f"shape {values.shape} of {values.dtype}"))
+    return _sparse().csr_array(values)
+
+
+def _sparse() -> Any:
+    """Import SciPy's sparse matrices, which takes long."""
+    return importlib.import_module("scipy.sparse")

@@ -1,0 +1,425 @@
+"""Equations as schemes and marches see them, and systems derived from one."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, fields
+from functools import cached_property, lru_cache, partial
+from typing import Any
+
+import numpy as np
+
+from ..compiled.jacobian import VALUES, jacobian_at, no_jacobian
+from ..compiled.jit import JAC_SIG, as_value, derived
+from ..functions.differences import units_of
+from ..support.checks import complaint
+from .frame import Frame
+from .structure import Structure, constant_part
+from .terms import ConstantOrder, SystemTerm
+
+_OWN = Frame()
+# What a system works out from its initial values and parameters.
+_OF_VALUES = "units", "at_start"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class System:
+    """A sum of memory terms for each component, equal to a right-hand side.
+
+    `hereditary.Equation` is one, with everything checked; `changed` makes others.
+
+    Attributes
+    ----------
+    left : tuple of SystemTerm
+        Operators of the left side with their coefficients.
+    y0 : ndarray, shape (m, d)
+        y(0), and y'(0) where m = 2.
+    compiled_params : ndarray
+        Parameters of the right-hand side, and behind them numbers that only compiled code reads.
+    compiled_rhs : callable or None
+        Right-hand side; None where it reads memory, which only `enlarged` has.
+    compiled_jac : callable, optional
+        Its Jacobian; None for differences.
+    sources : ndarray of int64, shape (d,), optional
+        Component whose memory each component is; itself for a component with an equation.
+    structure : Structure, optional
+        Entries of the Jacobian that may differ from 0, which are then all that it sets.
+    larger : System, optional
+        The same equation with the memory that its right-hand side reads behind its components.
+    n_params : int, optional
+        Number of parameters of the user.
+    frame : Frame
+        How users see times and components.
+    rhs_digest, terms_digest : str
+        Digests, equal in other processes, of the user's right-hand side and of terms that `left`
+        does not show.
+    matrix : scipy.sparse.csr_array, optional
+        Constant matrix that is part of the right-hand side.
+    linear_alone : bool
+        Whether it is all of the right-hand side.
+    """
+
+    left: Iterable[SystemTerm]  # a tuple, once made
+    y0: np.ndarray
+    compiled_params: np.ndarray
+    compiled_rhs: Any = None
+    compiled_jac: Any = None
+    sources: Any = None
+    structure: Structure | None = None
+    larger: "System | None" = None
+    n_params: Any = None
+    frame: Frame = _OWN
+    rhs_digest: str = ""
+    terms_digest: str = ""
+    matrix: Any = None
+    linear_alone: bool = False
+
+    def __post_init__(self):
+        set_once = partial(object.__setattr__, self)
+        set_once("left", tuple(self.left))
+        if self.sources is None:
+            set_once("sources", np.arange(self.d))
+        if self.n_params is None:
+            set_once("n_params", self.compiled_params.size)
+
+    @property
+    def m(self) -> int:
+        """Number of initial values of a component."""
+        return self.y0.shape[0]
+
+    @property
+    def d(self) -> int:
+        """Number of components."""
+        return self.y0.shape[1]
+
+    @property
+    def has_jac(self) -> bool:
+        """Whether the Jacobian is given; otherwise it comes from differences."""
+        return self.compiled_jac is not None
+
+    @property
+    def compiled(self):
+        """Right-hand side, Jacobian, whether that is given, and parameters for compiled code."""
+        jac = self.compiled_jac if self.has_jac else as_value(no_jacobian, JAC_SIG)
+        return self.compiled_rhs, jac, int(self.has_jac), self.compiled_params
+
+    @property
+    def params(self) -> np.ndarray:
+        """Parameters of the right-hand side, shape (p,), not to be written to.
+
+        Marches take `compiled_params`: compiled code knows no read-only arrays.
+        """
+        locked = self.compiled_params[: self.n_params]
+        locked.flags.writeable = False
+        return locked
+
+    def force(self, t, y):
+        """Return the right-hand side at time t, counted from the start, and y (d,)."""
+        out = np.empty(self.d)
+        self.compiled_rhs(float(t), np.array(y, dtype=float), out, self.compiled_params)
+        return out
+
+    def beside(self, t, sign):
+        """Return a time after (sign 1) or before (-1) t, by some units of rounding.
+
+        Functions tell it from t, also where they round the time of a jump otherwise.
+        """
+        start = self.frame.start
+        apart = 8 * np.spacing(max(abs(t), abs(start), abs(start + t)))
+        return t + sign * apart
+
+    @property
+    def enlarged(self) -> "System":
+        """The system that marches take: memory that the right-hand side reads stands behind y."""
+        return self.larger or self
+
+    @property
+    def plain(self) -> bool:
+        """Whether the components that are marched are those of y: real, of orders up to 2.
+
+        So there is no memory that the right-hand side reads, and no coefficient is a matrix.
+        """
+        return self.enlarged is self and not (self.frame.paired or self.frame.speeds)
+
+    @cached_property
+    def read(self) -> np.ndarray:
+        """Whether each component is memory that the right-hand side reads, shape (d,)."""
+        return self.sources != np.arange(self.d)
+
+    @cached_property
+    def above(self) -> np.ndarray:
+        """Whether each component, or what it is the memory of, has an order above 1, (d,)."""
+        return self.highest_orders()[self.sources] > 1
+
+    @cached_property
+    def at_start(self) -> np.ndarray:
+        """Components at time 0, shape (d,): y(0), and memory, which is 0 but for that of y'."""
+        first = self.y0[-1] if self.m == 2 else np.zeros(self.d)
+        return np.where(self.read, self.coefficient(1.0) * first, self.y0[0])
+
+    def highest_orders(self) -> np.ndarray:
+        """Highest order with a nonzero coefficient of each component, shape (d,).
+
+        Terms with general kernels, or with orders that vary, count as the derivative inside them.
+        """
+        return self._highest_orders
+
+    @cached_property
+    def _highest_orders(self):
+        highest = leading_orders(self.left, self.d)
+        highest.flags.writeable = False
+        return highest
+
+    def coefficient(self, alpha) -> np.ndarray:
+        """Coefficient of Caputo's derivative of constant order `alpha`, shape (d,).
+
+        `alpha` is a number, or one for each component.
+        """
+        total = np.zeros(self.d)
+        for operator, coefficients in self.left:
+            if operator.constant:
+                total += np.where(operator.order == np.asarray(alpha), coefficients, 0.0)
+        return total
+
+    @property
+    def constant(self) -> bool:
+        """Whether all operators are Caputo's derivatives of constant order."""
+        return all(operator.constant for operator, _ in self.left)
+
+    @property
+    def varies(self) -> bool:
+        """Whether an order varies."""
+        return any(operator.varies for operator, _ in self.left)
+
+    def jacobian_inside(self, t, y):
+        """d rhs / d y at (t, y), shape (d, d): the given one, or differences.
+
+        Times count from the start, and complex components are two.
+        Of an equation whose right-hand side reads memory ask that of `enlarged`, by y and memory.
+        """
+        found = self.derivative(t, y)
+        return found if self.structure is None else found.toarray()
+
+    def derivative(self, t, y, units=None):
+        """Return d rhs / d y, as an array or, where its entries are known, SciPy's CSR array."""
+        if self.enlarged is not self:
+            required = "read no memory where its Jacobian by y alone is asked for"
+            raise ValueError(complaint("rhs", required, "memory", "ask equation.enlarged"))
+        structure, d = self.structure, self.d
+        out = np.empty((d, d)) if structure is None else structure.entries.copy()
+        y = np.array(y, dtype=float)
+        rhs, jac, has_jac, params = self.compiled
+        units = self.steps if units is None else units
+        jacobian_at(rhs, jac, has_jac, float(t), y, params, units, out)
+        return out if structure is None else structure.matrix(out[VALUES])
+
+    @cached_property
+    def units(self) -> np.ndarray:
+        """Units of the components, (d,), for differences where y is small; 0 if there are none."""
+        if self.has_jac or self.larger is not None:
+            return np.ones(self.d)
+        return units_of(self.compiled_rhs, self.compiled_params, self.at_start)
+
+    @property
+    def steps(self):
+        """Units of the components, 1 where there are none."""
+        return np.where(self.units > 0, self.units, 1.0)
+
+    def dense(self) -> "System":
+        """Return the system without known entries, its Jacobians by differences where it has some.
+
+        For those who take dense Jacobians alone.
+        """
+        if self.structure is None:
+            return self
+        return changed(self, compiled_jac=None, structure=None, matrix=None, linear_alone=False)
+
+    def motion(self, t, y, ydot):
+        """Estimate y' at time t from y and ydot, both (d,), NaN where ydot is no unknown.
+
+        There it is the right-hand side over the leading coefficient, as without lower terms.
+        """
+        force = self.force(self.beside(t, 1), y)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            slope = force / self.coefficient(self.highest_orders())
+        return np.where(self.highest_orders() > 1, ydot, slope)
+
+    def linearly_implicit(self) -> "System":
+        """Return the system whose Jacobian is the constant matrix of its right-hand side alone."""
+        jac, structure = constant_part(self.matrix)
+        if structure is None and self.frame.start != 0:
+            jac = _shifted(jac)
+        return changed(self, compiled_jac=jac, structure=structure, linear_alone=False)
+
+
+def changed(system, **changes) -> System:
+    """Return a system like this one with some of its fields changed."""
+    own = {field.name: getattr(system, field.name) for field in fields(System)}
+    return System(**own | changes)
+
+
+def refuse_late(system, t_end):
+    """Refuse a run beyond the times at which an operator is known."""
+    last = min(operator.t_last for operator, _ in system.left)
+    if t_end > last * (1 + 1e-12):
+        required = f"stay within t = {last:g}, up to which a kernel is known"
+        remedy = "end the run there, or give a kernel that reaches farther"
+        raise ValueError(complaint("t_end", required, f"{t_end:g}", remedy))
+
+
+def leading_orders(left, d):
+    """Highest order of each of d components in any equation; 0 where there is none.
+
+    Coefficients are of shape (d,) or (d, d), a row for each equation.
+    """
+    highest = np.zeros(d)
+    for operator, coefficients in left:
+        held = np.any(coefficients.reshape(-1, d) != 0, axis=0)
+        highest = np.maximum(highest, np.where(held, operator.order, 0.0))
+    return highest
+
+
+def variational(system, directions):
+    """The system with its linearisation along k directions behind it, d (1 + k) components.
+
+    Parameters
+    ----------
+    system : System
+    directions : ndarray, shape (m, d, k)
+        Derivatives of y(0), y'(0) along each direction.
+
+    Returns
+    -------
+    System
+        For plans of schemes, which call its right-hand side from Python; a march takes the one of
+        `system`. Since schemes treat all components alike, a scheme applied to it gives the exact
+        derivative of the scheme applied to `system`.
+    """
+    d, k = system.d, directions.shape[2]
+    y0 = np.hstack([system.y0, *np.moveaxis(directions, 2, 0)])
+
+    def rhs(t, y, dy, params):
+        system.compiled_rhs(t, np.ascontiguousarray(y[:d]), dy[:d], params)
+        dy[d:] = (system.derivative(t, y[:d]) @ y[d:].reshape(k, d).T).T.ravel()
+
+    return _repeated(system, 1 + k, y0, rhs)
+
+
+def side_by_side(systems):
+    """Return systems with the same left side, one behind the other, as one; for plans alone."""
+    d = systems[0].d
+
+    def rhs(t, y, dy, _):
+        for m, system in enumerate(systems):
+            own = slice(m * d, (m + 1) * d)
+            dy[own] = system.force(t, y[own])
+
+    return _repeated(systems[0], len(systems), np.hstack([s.y0 for s in systems]), rhs)
+
+
+def _repeated(system, times, y0, rhs):
+    """Return a system whose components have the terms of those of `system`, again and again."""
+    left = [SystemTerm(operator, np.tile(c, times)) for operator, c in system.left]
+    sources = (system.sources + system.d * np.arange(times)[:, None]).ravel()
+    return System(left, y0, system.compiled_params, rhs, sources=sources)
+
+
+def shifted(system, origin, y0):
+    """Begin a system anew at time `origin`, which becomes its time 0, from `y0` (m, d)."""
+    if system.larger:
+        inner = system.larger
+        larger = shifted(inner, origin, y0[:, inner.sources])
+        terms = zip(system.left, larger.left, strict=False)  # those of memory stand last
+        left = [SystemTerm(operator, c) for (_, c), (operator, _) in terms]
+        return changed(system, left=left, y0=y0, larger=larger, frame=Frame())
+    params, rhs, jac = later(
+        origin, system.compiled_params, system.compiled_rhs, system.compiled_jac
+    )
+    left = [SystemTerm(operator.later(origin), c) for operator, c in system.left]
+    new = {"compiled_params": params, "compiled_rhs": rhs, "compiled_jac": jac}
+    return changed(system, left=left, y0=y0, n_params=None, frame=Frame(), **new)
+
+
+def displaced(system, y0, params=()):
+    """Return the system with other initial values (m, d) and first parameters, all else shared."""
+    inner, found = system.larger, object.__new__(System)
+    values = np.append(params, system.compiled_params[len(params) :])
+    larger = inner and displaced(inner, y0[:, inner.sources], params)
+    vars(found).update(vars(system), y0=y0, compiled_params=values, larger=larger)
+    for name in _OF_VALUES:
+        vars(found).pop(name, None)
+    return found
+
+
+def later(origin, params, rhs, jac):
+    """Return params, rhs, and jac or None of a system whose time 0 is `origin`."""
+    return np.append(params, float(origin)), _shifted(rhs), jac and _shifted(jac)
+
+
+@lru_cache(maxsize=64)
+def _shifted(fun):
+    """A right-hand side or Jacobian that reads the origin of time behind its parameters."""
+
+    def later(t, y, out, params):
+        own = params.shape[0] - 1
+        fun(t + params[own], y, out, params[:own])
+
+    return derived(later)
+
+
+def first_order(system):
+    """A system of integer orders as one of first order: the velocities become components.
+
+    They stand behind the d components, in their order, one for each component of order 2.
+    """
+    system = system.dense()
+    second = system.highest_orders() > 1
+    slopes, leading = system.coefficient(1.0), system.coefficient(2.0)
+    friction, only = slopes * second, slopes * ~second
+    coefficients = np.concatenate([np.where(second, 1.0, only), leading[second]])
+    y0 = np.concatenate([system.y0[0], system.y0[-1][second]])
+    params = np.concatenate([system.compiled_params, second, friction, [system.d]])
+    jac = system.compiled_jac and _with_velocities_jacobian(system.compiled_jac)
+    rhs = _with_velocities(system.compiled_rhs)
+    left = (SystemTerm(ConstantOrder(1.0), coefficients),)
+    return System(left, y0[None], params, rhs, jac, rhs_digest=system.rhs_digest)
+
+
+@lru_cache(maxsize=64)
+def _with_velocities(rhs):
+    """The right-hand side of the first-order system; params end in masks and frictions (d,), d."""
+
+    def enlarged(t, y, dy, params):
+        d = int(params[-1])
+        own = params.shape[0] - 2 * d - 1
+        rhs(t, y[:d], dy[:d], params[:own])
+        k = d
+        for j in range(d):
+            if params[own + j] == 1.0:
+                force = dy[j]
+                dy[j] = y[k]
+                dy[k] = force - params[own + d + j] * y[k]
+                k += 1
+
+    return derived(enlarged)
+
+
+@lru_cache(maxsize=64)
+def _with_velocities_jacobian(jac):
+    """Return the Jacobian of `_with_velocities`."""
+
+    def enlarged(t, y, out, params):
+        d = int(params[-1])
+        own = params.shape[0] - 2 * d - 1
+        block = np.empty((d, d))
+        jac(t, y[:d], block, params[:own])
+        out[:] = 0.0
+        k = d
+        for j in range(d):
+            row = j
+            if params[own + j] == 1.0:
+                out[j, k] = 1.0
+                out[k, k] = -params[own + d + j]
+                row = k
+                k += 1
+            out[row, :d] = block[j]
+
+    return derived(enlarged)

@@ -1,0 +1,301 @@
+"""Memory operators as schemes and histories ask them: one list of them makes an equation.
+
+Each sends y to ``int_0^t K(t-s) y^(m)(s) ds``, with Caputo's kernel of a constant order, with that
+of an order that varies, or with a general kernel.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+from scipy.special import rgamma
+
+from ..kernels.memory_kernel import MemoryKernel
+from ..kernels.step_kernel import Integrated, PowerSteps, StepKernel
+from ..support.checks import complaint, real
+from .orders import derivative_order, rounded_order
+
+# Values of s at which s K^(s) is the same where a kernel has a constant part, and how nearly.
+_SLOW, _SLOWER, _CONSTANT = 1e-200 + 0j, 1e-250 + 0j, 0.99
+
+
+class SystemTerm(NamedTuple):
+    """Operator and its coefficients for each component, (d,); 0 where a component lacks it."""
+
+    operator: Operator
+    coefficients: np.ndarray
+
+
+@dataclass(frozen=True)
+class ConstantOrder:
+    """Caputo's derivative of a constant order.
+
+    Attributes
+    ----------
+    order : float
+        alpha in (0, 2].
+    from_zero : bool
+        Whether it is Riemann and Liouville's, which takes y as 0 before the start.
+    """
+
+    order: float
+    from_zero: bool = False
+    kernel: ClassVar[MemoryKernel | None] = None
+    constant: ClassVar[bool] = True
+    varies: ClassVar[bool] = False
+    t_last: ClassVar[float] = math.inf
+
+    def __str__(self):
+        return f"{'RiemannLiouville' if self.from_zero else 'Caputo'}({self.order:g})"
+
+    @property
+    def derivative(self) -> int:
+        """m = ceil(alpha)."""
+        return derivative_order(self.order)
+
+    @property
+    def power(self) -> float:
+        """p = m - alpha."""
+        return self.derivative - self.order
+
+    @property
+    def classical(self) -> bool:
+        """Whether it is y' or y'', without memory."""
+        return self.order in (1.0, 2.0)
+
+    def later(self, origin: float) -> ConstantOrder:
+        """Return the operator itself: it knows no time."""
+        return self
+
+    def symbol(self, s: np.ndarray) -> np.ndarray:
+        """``s**alpha``, by which it multiplies ``exp(s t)`` from time minus infinity on."""
+        return s**self.order
+
+    def factor(self, h: float) -> float:
+        """Factor on increments, or their differences: ``h**-alpha / Gamma(p + 1)``."""
+        return float(h**-self.order * rgamma(self.power + 1))
+
+    def in_steps(self, h: float) -> PowerSteps:
+        """Kernel ``p t**(p-1)`` in units of the step."""
+        return PowerSteps(self.power)
+
+    def powers(self, times: np.ndarray) -> tuple[np.ndarray, str]:
+        """p at all times, and no trouble; see `VaryingOrder.powers`."""
+        return np.full(times.size, self.power), ""
+
+    def described(self, times: np.ndarray) -> object:
+        """Order alpha."""
+        return ("Riemann-Liouville", self.order) if self.from_zero else self.order
+
+
+@dataclass(frozen=True)
+class KernelOperator:
+    """Operator ``int_0^t K(t-s) y^(m)(s) ds`` with a general kernel.
+
+    Attributes
+    ----------
+    kernel : MemoryKernel
+    derivative : int
+        m: 0, 1 or 2.
+    """
+
+    kernel: MemoryKernel
+    derivative: int
+    constant: ClassVar[bool] = False
+    varies: ClassVar[bool] = False
+    classical: ClassVar[bool] = False
+    from_zero: ClassVar[bool] = False
+
+    def __str__(self):
+        return f"a Memory with {self.kernel!r}"
+
+    @property
+    def order(self) -> float:
+        """m."""
+        return float(self.derivative)
+
+    @property
+    def t_last(self) -> float:
+        """Time up to which the kernel is known [time]."""
+        return self.kernel.t_last
+
+    def later(self, origin: float) -> KernelOperator:
+        """Return the operator itself: it knows no time."""
+        return self
+
+    def symbol(self, s: np.ndarray) -> np.ndarray:
+        """``s**m`` times the kernel's Laplace transform, by which it multiplies ``exp(s t)``."""
+        mean = _mean_symbol(self.kernel, self.derivative)
+        with np.errstate(all="ignore"):  # at 0 a transform may be infinite
+            return np.where(s == 0, mean, s**self.derivative * self.kernel.laplace(s))
+
+    def factor(self, h: float) -> float:
+        """Factor on increments, 1, or on their differences, 1/h."""
+        return 1 / h if self.derivative == 2 else 1.0
+
+    def in_steps(self, h: float) -> StepKernel:
+        """Kernel K(h t), or its integral where the operator acts on y itself."""
+        return StepKernel(self.kernel if self.derivative else Integrated(self.kernel), h)
+
+    def described(self, times: np.ndarray) -> object:
+        """Kernel by its parameters, or by some values, and m."""
+        if " at 0x" not in repr(self.kernel):  # a function's or object's address does not last
+            return repr(self.kernel), self.derivative
+        times = times[times > 0]
+        values = self.kernel(times) if times.size else np.zeros(0)
+        shown = ", ".join(f"{value:.9g}" for value in values)
+        return f"{type(self.kernel).__name__}, {shown}", self.derivative
+
+
+@lru_cache(maxsize=64)
+def _mean_symbol(kernel, m):
+    """Return what a kernel on y^(m) multiplies a mean by; refuse one that never forgets the start.
+
+    A kernel has a constant part where s K^(s) stays the same as s tends to 0.
+    """
+    with np.errstate(all="ignore"):
+        mean = 0.0 if m else complex(kernel.laplace(0j))
+        late, later = (abs(s * kernel.laplace(s)) for s in (_SLOW, _SLOWER))
+    known = m > 0 or math.isinf(kernel.t_last)
+    if not known or not np.isfinite(mean) or later > _CONSTANT * late:
+        required = "fade" if m else "be integrable over all times"
+        remedy = "periodic solutions of the past would not be forgotten"
+        raise ValueError(complaint("kernel", required, repr(kernel), remedy))
+    return mean
+
+
+@dataclass(frozen=True)
+class VaryingOrder:
+    """An order that is a function of the time, and the Caputo operator with it.
+
+    Attributes
+    ----------
+    function : callable
+        ``function(t)``, the order at time t.
+    derivative : int
+        m, 1 or 2: orders lie in (m - 1, m].
+    origin : float
+        The time that is called 0 [time].
+    from_zero : bool
+        Whether it is Riemann and Liouville's, which takes y as 0 before the start.
+    """
+
+    function: Callable
+    derivative: int
+    origin: float = 0.0
+    from_zero: bool = False
+
+    @classmethod
+    def begun(cls, function: Callable) -> VaryingOrder:
+        """The operator of a user's function, whose value at 0 tells m."""
+        required = "be a function order(t) with values in (0, 1], or in (1, 2]"
+        try:
+            start = function(0.0)
+        except Exception as error:
+            got = f"{type(error).__name__} at t = 0: {error}"
+            raise ValueError(complaint("order", required, got)) from error
+        value = float(rounded_order(real("order", np.asarray(start)[()], required)))
+        if not 0 < value <= 2:
+            raise ValueError(complaint("order", required, f"{value} at t = 0"))
+        return cls(function, derivative_order(value))
+
+    @property
+    def name(self) -> str:
+        """Name of the function."""
+        return getattr(self.function, "__name__", type(self.function).__name__)
+
+    kernel: ClassVar[MemoryKernel | None] = None
+    constant: ClassVar[bool] = False
+    varies: ClassVar[bool] = True
+    classical: ClassVar[bool] = False
+    t_last: ClassVar[float] = math.inf
+
+    def __str__(self):
+        return f"{'RiemannLiouville' if self.from_zero else 'Caputo'}({self.name})"
+
+    @property
+    def order(self) -> float:
+        """m: the least upper bound of the orders that it may take."""
+        return float(self.derivative)
+
+    def later(self, origin: float) -> VaryingOrder:
+        """Return the order with time counted from `origin`, in the user's time."""
+        return replace(self, origin=origin)
+
+    def powers(self, times: np.ndarray) -> tuple[np.ndarray, str]:
+        """p = m - alpha at increasing times (n,), up to the first bad one.
+
+        Returns
+        -------
+        powers : ndarray, shape (k,)
+            k = n where all is well.
+        trouble : str
+            A sentence about the first bad order; empty where all is well.
+        """
+        values, trouble = self.sampled(times)
+        return self.derivative - values, trouble
+
+    def described(self, times: np.ndarray) -> object:
+        """Orders at some times: a function has no name that lasts."""
+        values = self.sampled(times)[0].tolist()
+        return ("Riemann-Liouville", values) if self.from_zero else values
+
+    def sampled(self, times: np.ndarray) -> tuple[np.ndarray, str]:
+        """Orders at increasing times (n,), up to the first bad one, and what is wrong with that.
+
+        Returns
+        -------
+        values : ndarray, shape (k,)
+            All inside the range; k = n where all is well.
+        trouble : str
+            A sentence; empty where all is well.
+        """
+        times = times + self.origin
+        values = self._at_once(times)
+        reason = ""
+        if values is None:
+            values, reason = self._one_by_one(times)
+        values = rounded_order(values)
+        low, high = self.derivative - 1, self.derivative
+        if not reason and values.size and values.min() > low and values.max() <= high:
+            return values, ""
+        good = (values > low) & (values <= high)
+        k = values.size if good.all() else int(np.argmin(good))
+        if k < values.size:
+            reason = f"{values[k]}"
+        if not reason:
+            return values, ""
+        required = f"stay in ({low}, {high}], where it is at the start"
+        return values[:k], complaint("order", required, f"{reason} at t = {times[k]:.6g}")
+
+    def _at_once(self, times):
+        """Call the function once for all times; None where it does not take arrays of them."""
+        try:
+            # a function may write into what it is given
+            values = np.broadcast_to(np.asarray(self.function(times.copy())), times.shape)
+            if values.dtype.kind not in "iuf":
+                return None
+            some = sorted({0, times.size // 2, times.size - 1})
+            alone = np.array([float(self.function(float(times[i]))) for i in some])
+        except Exception:  # whatever it is: one by one will tell
+            return None
+        close = np.abs(values[some] - alone) <= 1e-12 * np.abs(alone)
+        return np.asarray(values, dtype=float) if close.all() else None
+
+    def _one_by_one(self, times):
+        """Return values up to the first call that fails, and how that failed."""
+        values = np.empty(times.size)
+        for i, t in enumerate(times.tolist()):
+            try:
+                values[i] = float(self.function(t))
+            except Exception as error:
+                return values[:i], f"{type(error).__name__}: {error}"
+        return values, ""
+
+
+Operator = ConstantOrder | KernelOperator | VaryingOrder

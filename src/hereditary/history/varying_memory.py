@@ -1,0 +1,185 @@
+"""The past of equations whose orders vary: stored pieces, or modes for every order.
+
+The weights of the past are other ones at each step, but the modes need not be: on a grid of rates
+``exp(h j)`` every kernel ``t**-a`` has the amplitudes ``h/Gamma(a) exp(a h j)``. The infinitely
+many rates too slow to be told apart, which a bank for one order replaces by nodes of its own, are
+replaced by three nodes that all orders share, at 0 and two others, with weights that keep the first
+three moments: those are geometric sums as well.
+"""
+
+import math
+from functools import lru_cache
+
+import numpy as np
+from scipy.special import gammainccinv, gammaln, rgamma
+
+from ..compiled.convolution import exchange_nothing
+from ..compiled.order_weights import fill_starts
+from ..compiled.varying_sums import LANES, STARTS, exchange_varying_direct
+from ..kernels.exponential_sum import trapezoid_step
+from ..kernels.special import mean_exponential
+from ..schemes.varying_plan import LEAST
+from ..support.checks import complaint
+from .history import Memory
+
+# Modes are summed so many at a time.
+_PAD = 4 * LANES
+# Shares of the tolerance: fast end, slow end; the trapezoid rule has the rest.
+_FAST, _SLOW = 0.05, 0.05
+# Nodes of the slow end in units of its fastest rate, those of Chebyshev and Radau: with three of
+# them all weights are positive, with more they are not for every order.
+SLOW_NODES = 3
+_NODES = (1 - np.cos(2 * np.pi * np.arange(SLOW_NODES) / (2 * SLOW_NODES - 1))) / 2
+
+
+class VaryingMemory(Memory):
+    """Common part of both memories: the tables of the schedule.
+
+    Parameters
+    ----------
+    exchange : compiled function
+    own : list of ndarray
+        Tables behind those of the schedule.
+    arrays : tuple of three ndarrays
+    schedule : Schedule
+    """
+
+    def __init__(self, exchange, own, arrays, schedule):
+        empty = np.zeros((schedule.rows.lead.shape[0], 0))
+        common = (
+            schedule.numbers,
+            schedule.rows.lead,
+            schedule.amplitudes,
+            schedule.powers,
+            schedule.derivatives,
+        )
+        super().__init__(exchange, (*common, *own), arrays, empty, empty)
+        self._schedule = schedule
+
+
+class VaryingPieces(VaryingMemory):
+    """All pieces ever absorbed."""
+
+    def __init__(self, schedule, n_columns):
+        arrays = (np.zeros((n_columns, 0)),) * 3
+        super().__init__(exchange_varying_direct, [], arrays, schedule)
+        self._n_known = 0
+
+    def prepare(self, n_end):
+        """Make room for a march up to step `n_end`."""
+        pieces, *others = self.arrays
+        if pieces.shape[1] < n_end + 1:
+            more = max(n_end + 1, 2 * pieces.shape[1]) - pieces.shape[1]
+            self.arrays = (np.pad(pieces, ((0, 0), (0, more))), *others)
+        n = max(n_end + 1, pieces.shape[1])
+        if self._n_known >= n:
+            return
+        self._n_known = n
+        # beginning at k = 1, the first that is asked for being 2
+        k = np.maximum(np.arange(n), 1.0)
+        begun = np.maximum(k - 1 + self._schedule.theta, 0.5)
+        logs = [np.log(k), np.log1p(1 / k), np.log(begun), np.log1p(1 / begun)]
+        *common, _, _, unused = self.tables
+        self.tables = (*common, np.array(logs), np.zeros((1, n)), unused)
+
+
+class VaryingModes(VaryingMemory):
+    """Modes for all orders."""
+
+    inlined = True
+
+    def __init__(self, schedule, n_columns, covered, tol):
+        rates, h, x = bank_of_all_orders(covered, tol)
+        self._covered, self._tol = covered, tol
+        n_grid = rates.size - SLOW_NODES
+        n_powers = _PAD * math.ceil(rates.size / _PAD)
+        # shares of a mode in the weight of u_(n-2), as in schemes/weights.py
+        mean = h * mean_exponential(rates)
+        shares = np.array(
+            [
+                mean * np.exp(-rates * (1 + schedule.theta)),
+                mean * np.exp(-rates) * np.expm1(-rates),
+            ]
+        )
+        self.n_modes = rates.size
+        table = np.zeros((3, n_powers))
+        table[0, : rates.size] = np.exp(-rates)
+        table[1:, :n_grid] = shares[:, :n_grid]
+        self._grid = h, x, shares[:, n_grid:, None] * _from_moments(), n_powers // LANES
+        self._starts = np.zeros((schedule.derivatives.size * STARTS, schedule.numbers.size))
+        size = np.zeros((2, 2 + n_powers // LANES))
+        size[0, :2] = n_powers, n_grid
+        own = [table, self._starts, size]
+        arrays = tuple(np.zeros((n_columns, k)) for k in (0, n_powers, 0))
+        super().__init__(exchange_nothing, own, arrays, schedule)
+
+    def prepare(self, n_end):
+        """Refuse steps that the exponential sums do not reach."""
+        if n_end > self._covered:
+            remedy = "begin the run with SumOfExponentials(horizon=), the time it is to reach"
+            required = f"stay within the {self._covered} steps its history covers"
+            raise ValueError(complaint("resume", required, f"a run to step {n_end}", remedy))
+
+    def follow(self, size):
+        """Where each term's amplitudes begin on the grid, their ratio, and the slow end's weights.
+
+        A kernel ``t**-a`` has the amplitudes ``exp(a h j)`` on the grid; the slow end holds all
+        those before it, whose moments are ``exp(a x) / (1 - exp(-(a + k) h))``.
+        """
+        h, x, from_moments, length = self._grid
+        schedule = self._schedule
+        decays = np.exp(-h * np.arange(1.0, SLOW_NODES))
+        for index, m in enumerate(schedule.derivatives.ravel().astype(int)):
+            if m == 0:
+                continue
+            own = self._starts[STARTS * index :][:STARTS, :size]
+            exponent = np.subtract(1, schedule.powers[index, :size], out=own[5])
+            np.maximum(exponent, LEAST, out=exponent)
+            for k, factor in enumerate((x, h, h * length)):
+                np.multiply(exponent, factor, out=own[k])
+                np.exp(own[k], out=own[k])
+            np.multiply(exponent, -h, out=own[3])
+            np.expm1(own[3], out=own[3])  # exp(-a h) - 1, to all its digits
+            fill_starts(own, schedule.kernels[index, :size], from_moments[m - 1], decays)
+
+
+@lru_cache(maxsize=16)
+def bank_of_all_orders(ratio, tol):
+    """Rates with which ``t**-a`` is a sum of exponentials on [1, ratio] for every a in (0, 1].
+
+    Returns
+    -------
+    rates : ndarray, shape (M,)
+        Those of the grid, ascending, and then of the slow end.
+    h, x : float
+        Distance of the grid's logarithms, and the one before its first.
+    """
+    a = np.append(1e-9, np.linspace(0.01, 1.0, 100))
+    h = min(trapezoid_step(value, tol / 1.01) for value in (1e-3, 0.5, 1.0))
+    fast = max(1.0, float(gammainccinv(1.0, _FAST * tol)))
+    # what three nodes leave of exp(-t s), s up to kappa / t, times the mass there
+    u = np.linspace(0.0, 1.0, 513)
+    left = np.abs(np.prod(u[:, None] - _NODES, axis=1)).max() / math.factorial(SLOW_NODES)
+    mass = np.log(h) - gammaln(a) - np.log(-np.expm1(-a * h))
+    log_kappa = ((math.log(_SLOW * tol / left) - mass) / (a + SLOW_NODES)).min()
+    j_slow = math.floor((log_kappa - math.log(ratio)) / h)
+    grid = h * np.arange(j_slow + 1, math.ceil(math.log(fast) / h) + 1)
+    rates = np.concatenate([np.exp(grid), _NODES * math.exp(h * j_slow)])
+    rates.flags.writeable = False
+    return rates, h, h * j_slow
+
+
+def weights_of_orders(a, ratio, tol):
+    """Weights of these rates for kernels ``t**-a``, a (k,) in (0, 1], shape (M, k)."""
+    rates, h, x = bank_of_all_orders(ratio, tol)
+    a = np.maximum(a, LEAST)
+    k = np.arange(SLOW_NODES)[:, None]
+    moments = np.exp(a * x) / -np.expm1(-(a + k) * h)
+    grid = np.exp(a * (x + h * np.arange(1, rates.size - SLOW_NODES + 1)[:, None]))
+    return h * rgamma(a) * np.concatenate([grid, _from_moments() @ moments])
+
+
+@lru_cache(maxsize=1)
+def _from_moments():
+    """Matrix that gives the nodes' weights from the moments of what they stand for."""
+    return np.linalg.inv(np.vander(_NODES, increasing=True).T)

@@ -1,0 +1,380 @@
+"""Sums of exponentials for kernels known by their values.
+
+Non-negative least squares on a grid of rates that is even in the logarithm. Where the error is too
+large, the grid is refined: first evenly, then next to the rates in use. Signed kernels have plain
+least squares on such a grid, and kernels with a spectral density its trapezoid rule where the
+interval is very wide.
+All sums are constructed on [1, R] and scaled.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+
+from ..support.checks import complaint
+from .density import density_rule
+from .exponential_sum import RATIO_MAX, trapezoid_step
+from .kernel_tools import log_fastest
+from .memory_kernel import ExponentialSum
+
+# Check points in an oscillation of a power law's error curve, and every which of them is fitted.
+_POINTS_PER_OSCILLATION, _FITTED = 48, 8
+# Errors of positive sums count relative to the kernel, and at least to this fraction of its mean
+# from 0 to t: a convolution sees the mean.
+_OF_MEAN = 1e-3
+# Where t K(t) of a signed kernel has faded to this fraction of its maximum, errors count relative
+# to this fraction.
+_FADED = 1e-16
+# Most that the ends of a fit by values may differ by.
+RATIO_OF_VALUES = 1e30
+# Over more than this a kernel's spectral density gives its sum: least squares would take seconds.
+_WIDE = 1e15
+# Slowest rate of grids above 0, times t_max.
+_SLOWEST = 0.02
+# Spacings of the grid, relative to that of a trapezoid rule of this tolerance: a finer one follows
+# where the error is below so many tolerances.
+_SPACINGS, _NEAR = (0.92, 0.75, 0.6), 300.0
+# Rates are added where the misfit's gradient is above this fraction of its maximum; all of them are
+# where the maximum is rounding. Of 800 fits of random kernels (convergence/random_kernels.py) the
+# most rounds were 15.
+_OF_GRADIENT, _ROUNDING, _ROUNDS = 0.01, 1e-14, 20
+# Rounds that end the search where the error has not halved.
+_STALL = 8
+# Pairs of rates that are merged at once: one, and one more for so many rates.
+_AT_ONCE = 32
+# Most iterations of one solution, in columns (30 were needed), and most work of all solutions, in
+# rows times columns squared: it takes a second.
+_ITERATIONS, _WORK = 60, 4e8
+# Rows for each column from which on a table's solution is that of fewer rows.
+_TALL = 20
+# A run's kernel may rise or be negative by this fraction of its size: by rounding.
+_SLACK = 1e-6
+# A run's kernel is checked from this fraction of its end on, whatever its steps, and refused where
+# a fit for the first tolerance errs by more than the second: exp(-t**2) gives 0.8.
+_CHECKED, _ROUGH, _HOPELESS = 1e-8, 1e-3, 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """A kernel at increasing times from 1 on, and the size that its errors are relative to."""
+
+    t: np.ndarray
+    values: np.ndarray
+    size: np.ndarray
+
+    def columns(self, rates):
+        """Return exponentials of these rates relative to the size, shape (n, len(rates))."""
+        return np.exp(-np.multiply.outer(self.t, rates)) / self.size[:, None]
+
+    def error(self, rates, weights):
+        """Return the relative error of a sum, shape (n,)."""
+        return self.columns(rates) @ weights - self.values / self.size
+
+    def every(self, n):
+        """Return every n-th sample and the last."""
+        kept = np.unique(np.append(np.arange(0, self.t.size, n), self.t.size - 1))
+        return Samples(self.t[kept], self.values[kept], self.size[kept])
+
+
+def _size_by_mean(t, values, before):
+    """Return ``|K|``, at least a fraction of its mean from 0 to t; `before` is that to t = 1."""
+    size = np.abs(values)
+    pieces = 0.5 * (size[1:] + size[:-1]) * np.diff(t)
+    mean = (abs(before) + np.append(0.0, np.cumsum(pieces))) / t
+    return np.maximum(np.maximum(size, _OF_MEAN * mean), 1e-300)
+
+
+def _size_from_then_on(t, values):
+    """Return the largest ``|K|`` from each time on, at least a faded kernel's t K(t) by t."""
+    size = np.abs(values)
+    largest_later = np.maximum.accumulate(size[::-1])[::-1]
+    return np.maximum(largest_later, _FADED * (t * size).max() / t)
+
+
+def sampled(kernel, t_min, t_max, tol, ratio_max=RATIO_OF_VALUES, signed=False):
+    """Return the kernel on its check points, in units of t_min."""
+    ratio = t_max / t_min
+    if ratio > ratio_max:
+        raise ValueError(complaint("t_max", f"be at most {ratio_max:g} times t_min", t_max))
+    n = math.ceil(_POINTS_PER_OSCILLATION * math.log(ratio) / trapezoid_step(0.5, tol))
+    t = np.exp(np.linspace(0.0, math.log(ratio), max(400, n) // 2 * 2 + 1))
+    t[-1] = ratio
+    values = kernel(np.minimum(t * t_min, t_max))
+    if signed:
+        return Samples(t, values, _size_from_then_on(t, values))
+    return Samples(t, values, _size_by_mean(t, values, float(kernel.integral(t_min)) / t_min))
+
+
+def largest(error):
+    """Return the largest size of errors."""
+    return float(np.abs(error).max())
+
+
+def fit_positive(kernel, t_min, t_max, tol, density=None, remedy=""):
+    """Fit a completely monotone kernel by a sum with positive weights; refuse a larger error.
+
+    Parameters
+    ----------
+    kernel : MemoryKernel
+    t_min, t_max, tol : float
+        See `hereditary.fit_exponentials`.
+    density : Density, optional
+        Spectral density of the kernel.
+    remedy : str
+        What to do about a larger error.
+
+    Returns
+    -------
+    ExponentialSum
+    """
+    if density is None:
+        refuse_if_rising(kernel, t_min, t_max)
+    return _within(_positive(kernel, t_min, t_max, tol, density), tol, remedy)
+
+
+def closest_positive(kernel, t_min, t_max, tol, fading=False):
+    """Fit a completely monotone kernel for a run to t_max as closely as positive weights can.
+
+    Whether the kernel is accepted does not depend on t_min. A kernel that is `fading` is fitted
+    without rate 0.
+    """
+    start = _CHECKED * t_max
+    refuse_if_rising(kernel, start, t_max)
+    error = _positive(kernel, start, t_max, _ROUGH).max_error
+    if error > _HOPELESS:
+        raise ValueError(_not_monotone(f"one from which positive sums differ by {error:.1e}"))
+    return _positive(kernel, t_min, t_max, tol, None, fading)
+
+
+def _within(fit, tol, remedy):
+    """Refuse a fit that is not as close as it should be."""
+    if fit.max_error > tol:
+        required = f"be at least {1.1 * fit.max_error:.1e} for this kernel"
+        raise ValueError(complaint("tol", required, tol, remedy))
+    return fit
+
+
+@lru_cache(maxsize=64)
+def _positive(kernel, t_min, t_max, tol, density=None, fading=False):
+    """Return the closest positive sum of the tries, or the first within the tolerance."""
+    wide = density is not None and t_max / t_min > _WIDE
+    samples = sampled(kernel, t_min, t_max, tol, RATIO_MAX if wide else RATIO_OF_VALUES)
+    best, closest = math.inf, (np.zeros(0), np.zeros(0))
+    for rates, weights in _tries(samples, tol, wide, density, fading):
+        error = largest(samples.error(rates, weights))
+        if error < best:
+            best, closest = error, (rates, weights)
+        if best <= tol:
+            break
+    return summed(*closest, t_min, t_max, best)
+
+
+def _tries(samples, tol, wide, density, fading):
+    """Yield rates and weights by least squares, then by ever finer rules for the density."""
+    if not wide:
+        yield positive_sum(samples, tol, _FITTED, fading=fading)
+    if density is not None:
+        for finer in (1.0, 0.85, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2):
+            step = finer * trapezoid_step(0.5, tol)
+            yield density_rule(density, samples.t[-1], step, tol)
+
+
+@lru_cache(maxsize=64)
+def refuse_if_rising(kernel, t_min, t_max):
+    """Refuse a kernel that is negative or grows: neither is completely monotone."""
+    samples = sampled(kernel, t_min, t_max, _SLACK)
+    values, slack = samples.values, _SLACK * samples.size
+    rising = np.flatnonzero(np.diff(values) > slack[1:])
+    negative = np.flatnonzero(values < -slack)
+    for where, what in ((negative, "negative"), (rising, "rising")):
+        if where.size:
+            at = f"t = {samples.t[where[0]] * t_min:g}"
+            raise ValueError(_not_monotone(f"{what} at {at}"))
+
+
+def _not_monotone(got):
+    """Return the refusal of a kernel that no positive sum of decaying exponentials can follow."""
+    required = "be completely monotone (a sum of decaying exponentials with positive weights)"
+    return complaint("kernel", required, got, "pass signed=True to allow weights of both signs")
+
+
+def positive_sum(samples, tol, every=1, norm=largest, fading=False):
+    """Fit samples by positive weights; return rates and weights of the closest sum.
+
+    Parameters
+    ----------
+    samples : Samples
+        Errors are checked at all of them.
+    tol : float
+        Norm of relative errors that ends the search.
+    every : int
+        Fit every so many-th sample.
+    norm : callable
+        Norm of relative errors, shape (n,).
+    fading : bool
+        Leave rate 0 out.
+
+    Returns
+    -------
+    tuple of ndarray
+    """
+    fitted, step = samples.every(every), trapezoid_step(0.5, tol)
+    spacings = list(_SPACINGS)
+    candidates = rate_grid(samples.t[-1], spacings.pop(0) * step, tol, fading)
+    closest, bests, work = (np.zeros(0), np.zeros(0)), [math.inf], 0.0
+    share = _OF_GRADIENT
+    for _ in range(_ROUNDS):
+        rates, weights = _least_squares(fitted, candidates)
+        used = weights > 0
+        error = norm(samples.error(rates[used], weights[used]))
+        if error < bests[-1]:
+            closest = rates[used], weights[used]
+        bests.append(min(error, bests[-1]))
+        if bests[-1] <= tol:
+            return _merged(samples, fitted, tol, norm, _WORK - work, *closest)
+        stalls = len(bests) > _STALL and bests[-1] > 0.5 * bests[-1 - _STALL]
+        work += fitted.t.size * rates.size**2
+        share = 0.1 * share if bests[-1] > 0.5 * bests[-2] else _OF_GRADIENT
+        new = _refinement(fitted, rates, weights, share)
+        if stalls or work > _WORK or new.size == 0:
+            break
+        if spacings and error < _NEAR * tol:
+            candidates = rate_grid(samples.t[-1], spacings.pop(0) * step, tol, fading)
+        else:
+            candidates, spacings = np.union1d(rates, new), []
+    return closest
+
+
+def _least_squares(samples, rates):
+    """Return the rates whose columns are not 0, and their non-negative weights (0: no solution)."""
+    from scipy.optimize import nnls
+
+    rates, table, scale = _unit_columns(samples, rates)
+    target = samples.values / samples.size
+    if len(table) > _TALL * rates.size:  # the same problem with fewer rows
+        q, table = np.linalg.qr(table)
+        target = q.T @ target
+    try:
+        x = nnls(table, target, maxiter=_ITERATIONS * rates.size)[0]
+    except RuntimeError:  # the iterations are used up
+        x = np.zeros(rates.size)
+    return rates, x / scale
+
+
+def rate_grid(ratio, step, tol, fading=False):
+    """Return rate 0, then rates even in the logarithm from the slowest to the fastest of use."""
+    first, last = math.floor(math.log(_SLOWEST / ratio) / step), math.ceil(log_fastest(tol) / step)
+    grid = np.exp(step * np.arange(first, last + 1))
+    return grid if fading else np.append(0.0, grid)
+
+
+def _unit_columns(samples, rates):
+    """Return the rates whose columns are not 0, columns of largest value 1, and their sizes."""
+    table = samples.columns(rates)
+    scale = table.max(axis=0)
+    kept = scale > 1e-250
+    return rates[kept], table[:, kept] / scale[kept], scale[kept]
+
+
+def _refinement(samples, rates, weights, share):
+    """Return rates next to those in use, (n,), whose gradients are this share of the steepest.
+
+    The middles between rates in use and their neighbours resolve a continuous spectrum. A lone rate
+    is the mean of the two rates that surround it, up to the square of their distance.
+    """
+    used = weights > 0
+    near = (used[1:] | used[:-1]) & (rates[:-1] > 0)
+    middles = np.sqrt(rates[:-1] * rates[1:])[near]
+    r, w = rates[used], weights[used]
+    means = (w[:-1] * r[:-1] + w[1:] * r[1:]) / (w[:-1] + w[1:])
+    new, table, _ = _unit_columns(samples, np.setdiff1d(np.append(middles, means), rates))
+    gradient = -samples.error(rates, weights) @ (table / np.linalg.norm(table, axis=0))
+    steepest = gradient.max(initial=0.0)
+    return new[gradient > share * steepest] if steepest > _ROUNDING else new
+
+
+def _merged(samples, fitted, tol, norm, work, rates, weights):
+    """Return fewer rates: the closest pairs become their means while the error stays within tol.
+
+    At most so much `work` is done.
+    """
+    while rates.size > 1 and work > 0:
+        gaps = np.diff(np.log(np.maximum(rates, 1e-300)))
+        around = np.concatenate([[np.inf], gaps, [np.inf]])
+        closer = np.flatnonzero((gaps < around[:-2]) & (gaps <= around[2:]))
+        pairs = closer[np.argsort(gaps[closer])[: 1 + rates.size // _AT_ONCE]]
+        group = np.arange(rates.size) - np.searchsorted(np.sort(pairs), np.arange(rates.size))
+        masses = np.bincount(group, weights)
+        means = np.bincount(group, weights * rates) / masses
+        fewer, masses = _least_squares(fitted, means)
+        used = masses > 0
+        if norm(samples.error(fewer[used], masses[used])) > tol:
+            break
+        work -= fitted.t.size * rates.size**2
+        rates, weights = fewer[used], masses[used]
+    return rates, weights
+
+
+def summed(rates, weights, t_min, t_max, error):
+    """Return the sum in the units of the kernel, its rates in order."""
+    order = np.argsort(rates, kind="stable")
+    rates, weights = rates[order] / t_min, weights[order]
+    rates.flags.writeable = weights.flags.writeable = False
+    return ExponentialSum(rates, weights, t_min, t_max, error)
+
+
+def fit_table(times, values, t_min, t_max, tol):
+    """Fit measured values; refuse where the root mean square misfit is above the tolerance."""
+    fit = closest_table(times, values, t_min, t_max, tol, _root_mean_square)
+    rms = _root_mean_square(fit(times) / values - 1)
+    if rms > tol * (1 + 1e-9):
+        remedy = "allow for the noise; only completely monotone data can be fitted closely"
+        required = f"be at least {1.01 * rms:.2g}, the rms misfit of the best positive sum"
+        raise ValueError(complaint("tol", required, tol, remedy))
+    return fit
+
+
+def _root_mean_square(error):
+    return math.sqrt(np.mean(error**2))
+
+
+def closest_table(times, values, t_min, t_max, tol, norm=largest, fading=False):
+    """Fit measured values by positive weights, until a norm of errors is within the tolerance."""
+    samples = Samples(times / times[0], values, values)
+    rates, weights = positive_sum(samples, tol, norm=norm, fading=fading)
+    error = largest(samples.error(rates, weights))
+    return replace(summed(rates, weights, times[0], t_max, error), t_min=t_min)
+
+
+def fit_signed(kernel, t_min, t_max, tol):
+    """Fit a kernel with weights of both signs; refuse a larger error."""
+    remedy = "decaying exponentials without oscillation come no closer to it"
+    return _within(closest_signed(kernel, t_min, t_max, tol), tol, remedy)
+
+
+@lru_cache(maxsize=64)
+def closest_signed(kernel, t_min, t_max, tol, fading=False):
+    """Fit a kernel with weights of both signs, by least squares, as closely as can be.
+
+    Errors are relative to the largest ``|K|`` from each time on.
+    """
+    samples = sampled(kernel, t_min, t_max, tol, signed=True)
+    fitted, step = samples.every(2), trapezoid_step(0.5, tol)
+    index = np.arange(fitted.t.size)
+    near_end = np.minimum(index, index[::-1]) * (2 / _POINTS_PER_OSCILLATION)
+    emphasis = 1 + 3 * np.exp(-2 * near_end)
+    best, closest = math.inf, (np.zeros(0), np.zeros(0))
+    for finer in (1.0, 0.8, 0.6, 0.45):
+        grid = rate_grid(samples.t[-1], finer * step, tol, fading)
+        rates, table, scale = _unit_columns(fitted, grid)
+        target = emphasis * fitted.values / fitted.size
+        for cut in (1e-8, 1e-10, 1e-12, 1e-14):
+            weights = np.linalg.lstsq(emphasis[:, None] * table, target, rcond=cut)[0] / scale
+            error = largest(samples.error(rates, weights))
+            if error < best:
+                best, closest = error, (rates, weights)
+            if best <= tol:
+                return summed(*closest, t_min, t_max, best)
+    return summed(*closest, t_min, t_max, best)

@@ -1,0 +1,327 @@
+"""Memory kernels from a function or from a table of values."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..support.checks import complaint, real, real_array
+from .exponential_sum import fit_interval
+from .kernel_fits import (
+    closest_positive,
+    closest_signed,
+    closest_table,
+    fit_positive,
+    fit_signed,
+    fit_table,
+)
+from .memory_kernel import ExponentialSum, MemoryKernel
+from .special import gauss_unit
+
+# The behaviour at 0 is read at the smallest of these times at which the function has a value.
+_LADDER = 10.0 ** np.arange(-290.0, 1.0, 10.0)
+_TINY = 1e-300
+# Times an e-fold before the first of a table, at which a run's fit follows its power law.
+_PER_E_FOLD = 24
+_NODES, _WEIGHTS = gauss_unit(20)
+
+
+class Kernel(MemoryKernel):
+    """A memory kernel from a function K(t).
+
+    Parameters
+    ----------
+    function : callable
+        K at times t > 0 of shape (n,), or at one time; smooth there.
+    singular_exponent : float, optional
+        The a of ``K ~ t**-a`` near 0, 0 <= a < 1 [-]; read off the function where not given.
+    signed : bool
+        Whether K may grow or change its sign: its fit then has weights of both signs, and errors
+        count relative to the largest ``|K|`` from each time on.
+
+    Notes
+    -----
+    Unless `signed`, K must be completely monotone: positive, decreasing, convex and so on. Kernels
+    that rise or are negative are refused; what else is not completely monotone shows in the error
+    of its fit. A run refuses a kernel by its values from 1e-8 of the run's end on, whatever the
+    steps. Give the exponent where rounding spoils the function at small times.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hereditary.memory_kernels import Kernel
+    >>> kernel = Kernel(lambda t: 1 / np.sqrt(t * (1 + t)))
+    >>> kernel.singular_exponent
+    0.5
+    >>> kernel.fit(1e-3, 1e3, 1e-6).max_error < 1e-6
+    True
+    """
+
+    def __init__(
+        self,
+        function: Callable[..., ArrayLike],
+        singular_exponent: float | None = None,
+        signed: bool = False,
+    ) -> None:
+        if not callable(function):
+            remedy = "use Kernel.from_table(t, K) for data"
+            raise TypeError(complaint("function", "be callable", repr(function), remedy))
+        if not isinstance(signed, (bool, np.bool_)):
+            raise TypeError(complaint("signed", "be True or False", repr(signed)))
+        self._function, self._signed = function, bool(signed)
+        if singular_exponent is None:
+            self._exponent = self._slope_at_zero()
+        else:
+            self._exponent = real("singular_exponent", singular_exponent)
+        if not 0 <= self._exponent < 1:
+            required = "be integrable at 0 (K ~ t**-a with 0 <= a < 1)"
+            raise ValueError(complaint("function", required, f"a = {self._exponent:.4g}"))
+
+    @staticmethod
+    def from_table(t: ArrayLike, values: ArrayLike) -> TabulatedKernel:
+        """The kernel of measured values; see `TabulatedKernel`."""
+        return TabulatedKernel(t, values)
+
+    @property
+    def singular_exponent(self) -> float:
+        """As given, or as read off the function."""
+        return self._exponent
+
+    @property
+    def by_values(self) -> bool:
+        """True: a function is."""
+        return True
+
+    def __call__(self, t: ArrayLike) -> np.ndarray:
+        """Kernel values, the shape of `t`."""
+        t = np.asarray(t, dtype=float)
+        values = self._at(t.ravel())
+        bad = np.flatnonzero(~np.isfinite(values) & (t.ravel() > 0))
+        if bad.size:
+            got = f"{values[bad[0]]} at t = {t.ravel()[bad[0]]:g}"
+            raise ValueError(complaint("function", "give finite values at t > 0", got))
+        return values.reshape(t.shape)
+
+    def _at(self, t):
+        """The function at times of shape (n,), one by one where it takes one only."""
+        try:
+            values = np.asarray(self._function(t))
+        except Exception:  # whatever it is: one by one will tell
+            values = np.empty(0)
+        if values.shape != t.shape:
+            values = np.array([self._alone(float(time)) for time in t])
+        if values.dtype.kind not in "iuf" or values.shape != t.shape:
+            got = f"dtype {values.dtype}, shape {values.shape}"
+            raise TypeError(complaint("function", "give one real number for each time", got))
+        return values.astype(float)
+
+    def _alone(self, t):
+        """The function at one time."""
+        try:
+            return self._function(t)
+        except Exception as error:
+            got = f"{type(error).__name__} at t = {t:g}: {error}"
+            raise ValueError(
+                complaint("function", "give a kernel's value at t > 0", got)
+            ) from error
+
+    def _slope_at_zero(self):
+        """a of K ~ t**-a from values at the smallest times; nearly 0 counts as 0."""
+        with np.errstate(all="ignore"):
+            pairs = np.abs(self._at(np.concatenate([_LADDER, 2 * _LADDER]))).reshape(2, -1)
+        usable = np.flatnonzero(np.all(np.isfinite(pairs) & (pairs > 0), axis=0))
+        if usable.size == 0:
+            raise ValueError(complaint("function", "give finite values at t > 0", "none near 0"))
+        first, second = pairs[:, usable[0]]
+        a = math.log2(first / second)
+        rounded = round(a, 6)
+        a = rounded if abs(a - rounded) < 1e-8 else a
+        return 0.0 if a < 0.01 else a  # a logarithm has slopes like 1/log(t)
+
+    def integral(self, t: ArrayLike) -> np.ndarray:
+        """``int_0^t K``, by Gauss rules on octaves down to where K is ``c t**-a``.
+
+        Full precision where K is smooth over each octave.
+        """
+        t = np.asarray(t, dtype=float)
+        values = np.zeros(t.size)
+        ends, index = np.unique(t.ravel(), return_inverse=True)
+        total, before = 0.0, 0.0
+        sums = np.zeros(ends.size)
+        for i, end in enumerate(ends):
+            if end > 0:
+                total += self._between(before, end)
+                before, sums[i] = end, total
+        values = sums[index]
+        return values.reshape(t.shape)
+
+    def _between(self, start, end):
+        """``int_start^end K``, start = 0 included."""
+        a, tail = self._exponent, 0.0
+        if start == 0:
+            start = max(min(_TINY, end), end * 2.0 ** (-56 / (1 - a)))
+            tail = start * float(self._at(np.array([max(start, _TINY)]))[0]) / (1 - a)
+            if start < _TINY:
+                tail *= (_TINY / start) ** a
+        n = math.ceil(math.log2(end / start))
+        if n == 0:
+            return tail
+        edges = start * (end / start) ** (np.arange(n + 1) / n)
+        sizes = np.diff(edges)[:, None]
+        nodes = (edges[:-1, None] + sizes * _NODES).ravel()
+        return tail + float((sizes * _WEIGHTS).ravel() @ self(nodes))
+
+    def fit(self, t_min: float, t_max: float, tol: float) -> ExponentialSum:
+        """By its values; see `fit_exponentials`."""
+        t_min, t_max, tol = fit_interval(t_min, t_max, tol)
+        if self._signed:
+            return fit_signed(self, t_min, t_max, tol)
+        remedy = "signed=True allows weights of both signs"
+        return fit_positive(self, t_min, t_max, tol, remedy=remedy)
+
+    def closest_fit(
+        self, t_min: float, t_max: float, tol: float, fading: bool = False
+    ) -> ExponentialSum:
+        """As `fit`, or what comes closest."""
+        t_min, t_max, tol = fit_interval(t_min, t_max, tol)
+        closest = closest_signed if self._signed else closest_positive
+        return closest(self, t_min, t_max, tol, fading)
+
+
+class TabulatedKernel(MemoryKernel):
+    """A memory kernel from measured values, noisy ones too.
+
+    Parameters
+    ----------
+    t : array_like, shape (n,)
+        Increasing times, t > 0, n >= 4 [time].
+    values : array_like, shape (n,)
+        K there, positive [unit of the kernel].
+
+    Notes
+    -----
+    Values between the data follow a power law from point to point, before the first one the power
+    law of the first e-fold of time. The fit goes through the noise instead: positive weights allow
+    no wiggles. Its `tol` is the noise level, the largest root mean square of the relative misfit at
+    the data; `max_error` is the misfit at the worst of them.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hereditary.memory_kernels import Kernel
+    >>> t = np.geomspace(1e-2, 1e2, 60)
+    >>> noise = 0.01 * np.sin(37.0 * np.arange(60.0))
+    >>> fit = Kernel.from_table(t, np.exp(-t**0.5) * (1 + noise)).fit(1e-2, 1e2, 0.01)
+    >>> bool(abs(fit(1.0) * np.e - 1) < 0.01), bool((fit.weights > 0).all())
+    (True, True)
+    """
+
+    def __init__(self, t: ArrayLike, values: ArrayLike) -> None:
+        times, kernel = real_array("t", t), real_array("values", values)
+        if times.ndim != 1 or times.shape != kernel.shape or times.size < 4:
+            got = f"shapes {times.shape} and {kernel.shape}"
+            raise ValueError(complaint("t", "have shape (n,) as values, n >= 4", got))
+        if times[0] <= 0 or np.any(np.diff(times) <= 0):
+            required = "be positive and increase"
+            raise ValueError(complaint("t", required, times.tolist()[:6], "sort the table by t"))
+        if np.any(kernel <= 0):
+            i = int(np.argmax(kernel <= 0))
+            got = f"{kernel[i]:g} at t = {times[i]:g}"
+            remedy = "end the table where noise takes over"
+            raise ValueError(complaint("values", "be positive", got, remedy))
+        self._t, self._values = times, kernel
+        self._log_t, self._log_values = np.log(times), np.log(kernel)
+        early = max(2, int(np.count_nonzero(times <= math.e * times[0])))
+        slope = np.polyfit(self._log_t[:early], self._log_values[:early], 1)[0]
+        if slope <= -1:
+            required = "be integrable at 0 (K ~ t**-a with a < 1)"
+            raise ValueError(complaint("values", required, f"a = {-slope:.4g}"))
+        self._exponent = -slope if slope < -0.05 else 0.0
+
+    @property
+    def singular_exponent(self) -> float:
+        """The power at the first data; below 0.05 counts as 0."""
+        return float(self._exponent)
+
+    @property
+    def t_last(self) -> float:
+        """The last time of the table."""
+        return float(self._t[-1])
+
+    @property
+    def by_values(self) -> bool:
+        """True: a table is."""
+        return True
+
+    @property
+    def measured(self) -> bool:
+        """True: runs warn of the misfit at the data, and succeed."""
+        return True
+
+    def __call__(self, t: ArrayLike) -> np.ndarray:
+        """Kernel values, the shape of `t`; up to the last time of the table."""
+        t = np.asarray(t, dtype=float)
+        self._refuse_late(t)
+        early = np.minimum(t, self._t[0]) / self._t[0]
+        power = early**-self._exponent
+        return power * np.exp(np.interp(np.log(np.maximum(t, self._t[0])), *self._logs()))
+
+    def integral(self, t: ArrayLike) -> np.ndarray:
+        """``int_0^t K`` of these power laws, exactly."""
+        t = np.asarray(t, dtype=float)
+        self._refuse_late(t)
+        start, p = self._t[0], 1 - self._exponent
+        early = self._values[0] * np.minimum(t, start) * (np.minimum(t, start) / start) ** (p - 1)
+        pieces = _power_piece(self._t[:-1], self._t[1:], self._values[:-1], self._values[1:])
+        i = np.clip(np.searchsorted(self._t, t, side="right") - 1, 0, self._t.size - 2)
+        late = np.maximum(t, start)
+        last = _power_piece(self._t[i], late, self._values[i], self(late))
+        return early / p + np.concatenate([[0.0], np.cumsum(pieces)])[i] + last
+
+    def fit(self, t_min: float, t_max: float, tol: float) -> ExponentialSum:
+        """The smooth kernel behind the data; `tol` bounds the rms of relative misfits."""
+        t_min, t_max, tol = fit_interval(t_min, t_max, tol)
+        first, last = self._t[0], self._t[-1]
+        if t_min < first * (1 - 1e-12) or t_max > last * (1 + 1e-12):
+            required = f"lie within the table, [{first:g}, {last:g}]"
+            raise ValueError(complaint("t_min and t_max", required, f"{t_min:g} and {t_max:g}"))
+        inside = (self._t >= t_min * (1 - 1e-12)) & (self._t <= t_max * (1 + 1e-12))
+        if np.count_nonzero(inside) < 4:
+            got = f"{np.count_nonzero(inside)} between {t_min:g} and {t_max:g}"
+            raise ValueError(complaint("the table", "have at least 4 times", got))
+        return fit_table(self._t[inside], self._values[inside], t_min, t_max, tol)
+
+    def closest_fit(
+        self, t_min: float, t_max: float, tol: float, fading: bool = False
+    ) -> ExponentialSum:
+        """To all data from about `t_min` on, and before them to the power law there.
+
+        Here `tol` bounds the largest relative misfit; what comes closest is returned in any case.
+        """
+        t_min, t_max, tol = fit_interval(t_min, t_max, tol)
+        # at the data alone, for between them nobody knows
+        begun = max(0, min(int(np.searchsorted(self._t, t_min)) - 1, self._t.size - 4))
+        times = self._t[begun:]
+        if t_min < times[0]:
+            n_early = math.ceil(_PER_E_FOLD * math.log(times[0] / t_min))
+            times = np.append(np.geomspace(t_min, times[0], n_early + 2)[:-1], times)
+        return closest_table(times, self(times), t_min, t_max, tol, fading=fading)
+
+    def _logs(self):
+        return self._log_t, self._log_values
+
+    def _refuse_late(self, t):
+        if np.any(t > self._t[-1] * (1 + 1e-12)):
+            required = f"not exceed the table's last time, {self._t[-1]:g}"
+            raise ValueError(complaint("t", required, f"{np.max(t):g}"))
+
+
+def _power_piece(t0, t1, k0, k1):
+    """``int K`` over [t0, t1] of the power law through (t0, k0) and (t1, k1)."""
+    x = np.log(t1 / t0)
+    growth = x + np.log(k1 / k0)  # of t K
+    safe = np.where(np.abs(growth) < 1e-300, 1.0, growth)
+    return t0 * k0 * x * np.where(np.abs(growth) < 1e-300, 1.0, np.expm1(safe) / safe)

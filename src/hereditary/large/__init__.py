@@ -1,0 +1,1 @@
+"""Large systems: linearly implicit schemes, and memory terms for other codes."""

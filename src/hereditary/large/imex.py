@@ -1,0 +1,106 @@
+"""Implicit-explicit steps of the implicit schemes."""
+
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+
+from ..compiled.watch import SLOWEST
+from ..equation.system import System
+from ..schemes.bdf import BDF
+from ..schemes.l1 import L1
+from ..schemes.scheme import Plan, Scheme
+from ..support.checks import complaint
+
+
+@dataclass(frozen=True)
+class IMEX(Scheme):
+    """Take the constant matrix `linear` of an equation implicitly, its `rhs` explicitly.
+
+    Of ``terms = A y + f(t, y)`` a step of `scheme` is solved with ``f_n + theta (f_n - f_(n-1))``
+    in place of f(t_n + theta h, y), or with f_n alone after breaks: one call of f, one solution
+    with factors that all steps of one length share, no Newton iteration, and no derivative of f. On
+    meshes the difference is scaled by the ratio of the lengths. For stiff A beside a mild or
+    expensive f, such as diffusion and reaction.
+
+    Parameters
+    ----------
+    scheme : L1 or BDF
+        `L1`, ``BDF(1)`` or ``BDF(2)``.
+
+    Error
+    -----
+    For f(t, y(t)) smooth in t the order of `scheme`. Where y starts like t**alpha, so does f, and
+    extrapolating it leaves O(h**(1 + alpha)): `L1` and ``BDF(1)`` keep order 1, ``BDF(2)`` has
+    min(2, 1 + alpha) (convergence/imex.py).
+
+    Stability
+    ---------
+    No limit by A; f limits the step about as it limits an explicit one. A run whose
+    increments zigzag, or grow while they turn within a few steps, says so in its status.
+
+    Source
+    ------
+    [CaoZengZhangKarniadakis2016], second-order extrapolation.
+
+    Examples
+    --------
+    >>> import hereditary as hd
+    >>> eq = hd.Equation(hd.Caputo(0.5), lambda t, y: -(y**3), [1.0], linear=[[-100.0]])
+    >>> sol = hd.solve(eq, 1.0, 1000, scheme=hd.IMEX(hd.BDF(2)))
+    >>> sol.stats["n_rhs"], sol.stats["n_factorised"]
+    (1000, 1)
+    """
+
+    scheme: L1 | BDF
+    solve: ClassVar[str] = "imex"
+    takes_memory: ClassVar[bool] = False
+    takes_tangents: ClassVar[bool] = False
+    takes_switches: ClassVar[bool] = False
+
+    def __post_init__(self):
+        inner = self.scheme
+        if not isinstance(inner, (L1, BDF)) or inner.order(0.5) > 2:
+            required = "be hereditary.L1(), BDF(1) or BDF(2)"
+            raise ValueError(complaint("scheme", required, repr(inner)))
+        for name in ("takes_kernels", "takes_meshes", "meshes_up_to"):
+            object.__setattr__(self, name, getattr(inner, name))
+
+    @property
+    def orders(self) -> tuple[float, float]:
+        """Orders of the equations that `scheme` solves."""
+        return self.scheme.orders
+
+    def check_terms(self, equation: System) -> None:
+        """Refuse what `scheme` does not take, and equations without `linear`."""
+        super().check_terms(equation)
+        if equation.matrix is None:
+            remedy = "Equation(terms, rhs, y0, linear=A), or take the scheme by itself"
+            raise ValueError(complaint("linear", "be given with IMEX", "None", remedy))
+
+    def order(self, alpha: float, smoothness: str = "smooth") -> float:
+        """Proven order of convergence at a fixed time; see Error.
+
+        Parameters
+        ----------
+        alpha : float
+            Highest order of the equation [-].
+        smoothness : {"smooth", "singular"}
+            Whether the solution is smooth at 0 or behaves like t**alpha there.
+        """
+        order = self.scheme.order(alpha, smoothness)
+        return order if smoothness == "smooth" else min(order, 1 + alpha)
+
+    def reduction(self, equation: System) -> System | None:
+        """Return the equation with its constant matrix alone for the Jacobian."""
+        return equation.linearly_implicit()
+
+    def plan(self, equation: System, h: float) -> Plan:
+        """Tables and convolution for `equation` with step h."""
+        return replace(self.scheme.plan(equation, h), slowest=SLOWEST)
+
+    def mesh_plan(self, equation: System, times: np.ndarray) -> Plan:
+        """Plan on a mesh of any steps."""
+        if not self.takes_meshes:
+            return super().mesh_plan(equation, times)
+        return self.scheme.mesh_plan(equation, times)

@@ -1,0 +1,329 @@
+"""Dynamic regimes of a load that is pulled over a chain of wells.
+
+What is counted are barriers passed and stretches at rest; order and disorder are told apart by
+whether the times spent in the wells repeat themselves, and by the late slope of the exponent.
+"""
+
+from __future__ import annotations
+
+import enum
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import ndtr
+
+from ..analysis.sections import check_unbroken, values_at
+from ..analysis.spectrum import LyapunovResult
+from ..solver.solution import Solution, Status
+from ..support.checks import complaint, instance, positive, real
+
+# A load rests while it moves less than this share of the way that it is pulled in a quarter of the
+# wells' period. Small shares ask for a firm stop; a load in a soft well creeps at up to 1/2.
+_SLOWNESS = (0.25, 0.5, 0.75)
+# Resting for less than this share of the time, e.g. at the start alone, is no sticking.
+_REST = 0.05
+# The orbit repeats itself when the times spent in the wells do, within these shares of the longest
+# (root mean square).
+_TOLERANCES = (0.025, 0.05, 0.1)
+# Shares of the run, its end, that votes are taken from.
+_WINDOWS = (1.0, 0.75, 0.5)
+# Long times in a well, above half of the longest, that must be seen to judge repetition at all.
+_STAYS = 4
+# Looks at the orbit in one period of the wells, and bounds on their number in a run.
+_LOOKS, _FEWEST, _MOST = 64, 512, 65_536
+# Ends of a run about which nothing is said: all but those asked for, and those at the end.
+_CUT_SHORT = frozenset(Status) - {
+    Status.COMPLETED,
+    Status.STEP_TOO_LARGE,
+    Status.KERNEL_INACCURATE,
+    Status.ZIGZAG,
+    Status.INTERRUPTED,
+    Status.EVENT,
+}
+# Most that a slope of an exponent may say: its normal law is not known to hold further out.
+_SUREST = 0.99
+
+
+class Regime(enum.StrEnum):
+    """How a pulled load moves; equal to the string it is shown as."""
+
+    PERIODIC = "stick-slip, periodic"
+    IRREGULAR = "stick-slip, irregular"
+    SLIDING = "sliding"
+    STUCK = "stuck"
+    UNDETERMINED = "undetermined"
+
+
+@dataclass(frozen=True)
+class RegimeVerdict:
+    """A regime, how sure it is, and what it rests on.
+
+    Attributes
+    ----------
+    regime : Regime
+    certainty : float
+        In [0, 1]: share of the votes that agree on stuck, sliding or stick-slip; for stick-slip
+        times the probability of being periodic (irregular), `irregular` or one minus it.
+    agreement : float
+        That share: votes differ in the part of the run (all, the last three quarters, the last
+        half), in what counts as rest (an advance of less than 1/4, 1/2, 3/4 of the pull), and in
+        the run (the orbit itself, and its check).
+    irregular : float
+        Probability that the stick-slip is irregular, NaN for other regimes. The orbit's votes on
+        repetition, counted with half a vote added on either side, and the exponent's chance of
+        being positive, by the normal law of its late slope and standard error, are taken as
+        independent witnesses: their odds are multiplied. The exponent counts as far as stays
+        enough to judge repetition were seen; without one the orbit stands alone.
+    recurrence : float
+        How far the times that the load spends in the wells are from repeating themselves, in the
+        last half of the run: root mean square difference, as a share of the longest; NaN where
+        too few were seen.
+    cycle : int
+        Wells after which they do; 0 where they differ by more than 0.05.
+    n_wells : int
+        Barriers passed in the run, each counted once.
+    n_stays : int
+        Wells in which the load rested.
+    longest_stay : float
+        Longest rest in one of them [time].
+    """
+
+    regime: Regime
+    certainty: float
+    agreement: float
+    irregular: float
+    recurrence: float
+    cycle: int
+    n_wells: int
+    n_stays: int
+    longest_stay: float
+
+
+def classify(
+    solution: Solution,
+    exponent: LyapunovResult | None = None,
+    *,
+    period: float,
+    spacing: float = 2 * math.pi,
+    transient: float = 0.0,
+    check: Solution | None = None,
+) -> RegimeVerdict:
+    """The dynamic regime of a load pulled over a chain of wells.
+
+    - *Stuck*: no barrier is passed in this run. A run shorter than the wells' period cannot tell.
+    - *Sliding*: barriers are passed without rest.
+    - *Stick-slip*: barriers are passed and the load rests in between. *Periodic* when the times
+      between first passages of the barriers repeat themselves, *irregular* otherwise.
+
+    The load rests while it moves by less than half of the way that it is pulled in a quarter of the
+    wells' period; that and the other thresholds are varied, and `certainty` says how many of the
+    variations agree.
+
+    Parameters
+    ----------
+    solution : Solution
+        Its first component is the load's place; rows must resolve the slips.
+    exponent : LyapunovResult, optional
+        Of the same equation, over the same time. Its second run, if any, counts as well.
+    period : float
+        Time in which the pull passes one well, ``2 pi omega**2 / b`` for the stick-slip oscillator;
+        infinite for a load that is not pulled [time].
+    spacing : float, optional
+        Distance of the barriers, which lie at its multiples.
+    transient : float, optional
+        What happens before is left out [time].
+    check : Solution, optional
+        The same run with half the step, or a sharper tolerance: its votes count like the first's,
+        so that a verdict that depends on the step loses its certainty.
+
+    Returns
+    -------
+    RegimeVerdict
+
+    Error
+    -----
+    A verdict is about this run: what is stuck may slip later, irregular slips may become periodic.
+    Where the load rests for most of the run, few stays are seen and neither repetition nor a late
+    slope says much: certainties near 1/2. A run that failed on its way is undetermined.
+
+    Examples
+    --------
+    >>> import math
+    >>> import hereditary as hd
+    >>> from hereditary.analysis.regimes import classify
+    >>> eq = hd.scenes.stick_slip(adhesion=10.0)
+    >>> sol = hd.solve(eq, 400.0, 40_000, save_every=10)
+    >>> found = classify(sol, hd.lyapunov(eq, 400.0, 40_000), period=2 * math.pi)
+    >>> str(found.regime), found.cycle, found.certainty > 0.9
+    ('stick-slip, periodic', 2, True)
+    """
+    instance("solution", solution, Solution, "hereditary.solve(...)")
+    if exponent is not None:
+        instance("exponent", exponent, LyapunovResult, "hereditary.lyapunov(...)")
+    spacing = positive("spacing", spacing)
+    if period != math.inf:
+        period = positive("period", period)
+    begin = real("transient", transient)
+    if begin >= solution.t[-1]:
+        required = f"lie before the end of the run, {solution.t[-1]:g}"
+        raise ValueError(complaint("transient", required, begin))
+    runs = [solution]
+    if check is not None:
+        runs.append(instance("check", check, Solution, "a run with half the step"))
+    for run in runs:
+        check_unbroken(run)
+    if any(run.status in _CUT_SHORT or not np.isfinite(run.y[:, 0]).all() for run in runs):
+        nothing = {"irregular": math.nan, "recurrence": math.nan, "longest_stay": 0.0}
+        return RegimeVerdict(
+            Regime.UNDETERMINED, 0.0, 0.0, cycle=0, n_wells=0, n_stays=0, **nothing
+        )
+    orbits = [_Orbit(run, period, spacing, begin) for run in runs]
+    votes = [kind for orbit in orbits for window in _WINDOWS for kind in orbit.kinds(window)]
+    kinds = [Regime.STUCK, Regime.SLIDING, Regime.PERIODIC]
+    shares = [votes.count(kind) / len(votes) for kind in kinds]
+    best = int(np.argmax(shares))
+    regime, certainty, irregular = kinds[best], shares[best], math.nan
+    if shares[best] == 0:
+        regime = Regime.UNDETERMINED
+    elif regime is Regime.PERIODIC:
+        against, known = _share_irregular(orbits)
+        # late slopes of few stays are those of the well that the load rests in
+        growth = 0.5 + known * (_chance_of_growth(exponent) - 0.5)
+        irregular = _odds(against, growth)
+        regime = Regime.IRREGULAR if irregular > 0.5 else Regime.PERIODIC
+        certainty *= max(irregular, 1 - irregular)
+    stays = orbits[0].stays()
+    cycle, distance = orbits[0].recurrence(_WINDOWS[-1])
+    return RegimeVerdict(
+        regime=regime,
+        certainty=float(certainty),
+        agreement=float(shares[best]),
+        irregular=irregular,
+        recurrence=distance,
+        cycle=cycle if distance < _TOLERANCES[1] else 0,
+        n_wells=orbits[0].n_wells,
+        n_stays=len(stays),
+        longest_stay=max((b - a for a, b in stays), default=0.0),
+    )
+
+
+class _Orbit:
+    """Places of the load at equal distances in time, and what can be counted on them."""
+
+    def __init__(self, solution, period, spacing, begin):
+        self._period, self._pulled = period, math.isfinite(period)
+        n = int(np.clip(_LOOKS * (solution.t[-1] - begin) / period, _FEWEST, _MOST))
+        self._t = np.linspace(begin, solution.t[-1], n + 1)
+        x = values_at(solution, self._t)[:, 0]
+        self._well = np.floor(x / spacing)
+        # looks in a quarter period, the way made in it, and the way of the pull
+        step = self._t[1] - self._t[0]
+        self._quarter = int(np.clip(period / 4 / step, 1, n).round())
+        self._advance = np.abs(x[self._quarter :] - x[: -self._quarter])
+        self._pull = spacing / period * self._quarter * step
+        self._passages = _passages(self._t, x * np.sign(x[-1] - x[0]), spacing)
+        self.n_wells = self._passages.size
+
+    def _from(self, window):
+        """First look in the last share `window` of the run."""
+        return round((1 - window) * (self._t.size - 1))
+
+    def _slow(self, slowness):
+        """Whether a rest of a quarter period begins, for each look."""
+        slow = self._advance < slowness * self._pull
+        return np.append(slow, np.zeros(self._quarter, dtype=bool))
+
+    def _resting(self, slowness):
+        """Whether the load is at rest, for each look."""
+        begun = np.cumsum(self._slow(slowness))
+        return begun > np.concatenate([np.zeros(self._quarter), begun[: -self._quarter]])
+
+    def kinds(self, window):
+        """STUCK, SLIDING or PERIODIC (any stick-slip) for each slowness; None where unknown."""
+        first = self._from(window)
+        if not np.any(np.diff(self._well[first:])):
+            known = not self._pulled or self._t[-1] - self._t[first] >= self._period
+            return [Regime.STUCK if known else None] * len(_SLOWNESS)
+        shares = [np.mean(self._resting(slowness)[first:]) for slowness in _SLOWNESS]
+        return [Regime.PERIODIC if share > _REST else Regime.SLIDING for share in shares]
+
+    def stays(self):
+        """Starts and ends of the stretches at rest, one for each well."""
+        slow = np.concatenate([[0], self._slow(_SLOWNESS[1]).astype(int), [0]])
+        edges = np.flatnonzero(np.diff(slow))
+        # a rest may begin or end on the way from one well to the next, its middle is in one
+        half = self._quarter // 2
+        stays: list[list[int]] = []
+        for start, stop in zip(edges[::2], edges[1::2] - 1 + self._quarter, strict=True):
+            # swings in the well interrupt a stay without ending it
+            if stays and self._well[stays[-1][1] - half] == self._well[start + half]:
+                stays[-1][1] = stop
+            else:
+                stays.append([start, stop])
+        return [(float(self._t[a]), float(self._t[b])) for a, b in stays]
+
+    def recurrence(self, window):
+        """Wells after which the times spent in them are closest to themselves, and how close.
+
+        Every cycle, and four of the longer times, must be seen; 0 and NaN where they are not.
+        """
+        begin = self._t[self._from(window)]
+        passages = self._passages[self._passages >= begin]
+        times = np.diff(passages)
+        # the stays that the window cuts off were longer still
+        cut = np.diff(np.concatenate([[begin], passages, [self._t[-1]]])).max()
+        if np.sum(times > cut / 2) < _STAYS:
+            return 0, math.nan
+        shifts = np.arange(1, times.size // 2 + 1)
+        errors = np.array([np.sqrt(np.mean((times[k:] - times[:-k]) ** 2)) for k in shifts])
+        distances = errors / times.max()
+        # the shortest cycle that is about as good as the best
+        best = int(np.argmax(distances <= max(2 * distances.min(), _TOLERANCES[0])))
+        return int(shifts[best]), float(distances[best])
+
+
+def _passages(t, x, spacing):
+    """Times at which a load moving upwards first passes each barrier, ascending."""
+    furthest = np.maximum.accumulate(x)
+    barriers = spacing * np.arange(
+        math.floor(furthest[0] / spacing) + 1, math.floor(furthest[-1] / spacing) + 1
+    )
+    after = np.searchsorted(furthest, barriers)
+    share = (barriers - furthest[after - 1]) / (furthest[after] - furthest[after - 1])
+    return t[after - 1] + share * (t[after] - t[after - 1])
+
+
+def _share_irregular(orbits):
+    """Share of the votes against repetition, and of those that could be given at all.
+
+    Half a vote is added on either side.
+    """
+    votes: list[bool | None] = []
+    for orbit in orbits:
+        for window in _WINDOWS[1:]:
+            _, distance = orbit.recurrence(window)
+            unknown = math.isnan(distance)
+            votes += [None if unknown else distance < tolerance for tolerance in _TOLERANCES]
+    against = sum(0.5 if vote is None else float(not vote) for vote in votes)
+    known = sum(vote is not None for vote in votes) / len(votes)
+    return (against + 0.5) / (len(votes) + 1), known
+
+
+def _chance_of_growth(exponent):
+    """Probability that the late slope is positive; 1/2 where nothing is known."""
+    if exponent is None:
+        return 0.5
+    runs = [exponent] if exponent.check is None else [exponent, exponent.check]
+    chances = []
+    for run in runs:
+        slope, error = run.slope[0], run.slope_stderr[0]
+        known = np.isfinite(slope) and np.isfinite(error) and error > 0
+        chances.append(float(ndtr(slope / error)) if known else 0.5)
+    return float(np.clip(np.mean(chances), 1 - _SUREST, _SUREST))
+
+
+def _odds(one, other):
+    """Probability from two independent witnesses: their odds multiplied."""
+    both, neither = one * other, (1 - one) * (1 - other)
+    return both / (both + neither)

@@ -1,0 +1,1 @@
+"""Checks and messages of arguments, warnings, HTML, and what the machine has."""
