@@ -42,7 +42,7 @@ numpydoc_show_class_members = False
 # -n: names in single backquotes that autolink finds, but that have no page
 nitpick_ignore_regex = [
     ("py:obj", r"scipy\..*"),
-    ("py:obj", r"hereditary\.memory_kernels"),
+    ("py:obj", r"hereditary\.kernels"),
     ("py:obj", r"corrections|equation|linear|orders|params|tol|trace"),
 ]
 

@@ -13,9 +13,6 @@ import matplotlib.pyplot as plt
 
 import hereditary
 
-# Small rooms, whose names begin with an underscore, are drawn as one below these rooms.
-_SMALL = {"compiled": "basics", "structure": "users' functions"}
-
 
 def make(docs):
     """Write all made pages below ``docs/made``; a page that is the same is left alone.
@@ -91,13 +88,6 @@ def floors(project):
     return {room: height for height, layer in layers for room in layer.split(" | ")}
 
 
-def box_of(module, level):
-    """Return the box that a module is drawn in: its room, small rooms of some floors as one."""
-    room = module[0]
-    boxes = (box for top, box in _SMALL.items() if level[room] < level[top])
-    return next(boxes, room) if room.startswith("_") else room
-
-
 def imports_of(source, level):
     """Return for each box the lower boxes that it imports, and the floor of each."""
     found, floor = {}, {}
@@ -105,7 +95,7 @@ def imports_of(source, level):
         module = (*path.relative_to(source).parts[:-1], path.stem)
         if module[0] in ("__init__", "__main__"):
             continue
-        own = box_of(module, level)
+        own = module[0]
         found.setdefault(own, set())
         floor[own] = max(floor.get(own, 0), level[module[0]])
         for node in ast.walk(ast.parse(path.read_text())):
@@ -114,7 +104,7 @@ def imports_of(source, level):
             above = list(module[: len(module) - node.level])
             names = above + (node.module.split(".") if node.module else [])
             targets = [names] if node.module else [[*names, alias.name] for alias in node.names]
-            found[own] |= {box_of(target, level) for target in targets} - {own}
+            found[own] |= {target[0] for target in targets} - {own}
     used = sorted(set(floor.values()))
     found = {box: {o for o in others if floor[o] < floor[box]} for box, others in found.items()}
     return found, {box: used.index(height) for box, height in floor.items()}

@@ -64,7 +64,7 @@ def package(tmp_path):
 
 
 TINY = """
-from ._jit import F8, entry, inlined, compiled
+from .compiled.jit import F8, entry, inlined, compiled
 from .limit import LIMIT
 
 @compiled
@@ -126,7 +126,7 @@ def test_code_that_is_compiled_after_an_edit_is_not_stored_as_that_of_the_edit(p
 
 
 LINKED = """
-from ._jit import F8, entry, inner, reordered
+from .compiled.jit import F8, entry, inner, reordered
 
 @inner
 def halved(x):

@@ -14,9 +14,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import hereditary as hd
-from hereditary.schemes.derivative_form import derivative_plan
-from hereditary.schemes.scheme import Scheme, check_smoothness
-from hereditary.schemes.weights import weighed
+from hereditary.schemes import Scheme, check_smoothness, derivative_plan, weighed
 
 # %%
 # Lines on each step, and the equation at t_n + theta h: L1 is theta = 1.

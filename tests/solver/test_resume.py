@@ -142,7 +142,7 @@ def test_a_state_of_another_version_is_refused(steps, scheme, monkeypatch):
 
 def test_kernels_that_are_functions_are_known_by_their_values():
     def damped(rate):
-        kernel = hd.memory_kernels.Kernel(lambda t: np.exp(-rate * t))
+        kernel = hd.Kernel(lambda t: np.exp(-rate * t))
         terms = [hd.Caputo(1.0), 0.5 * hd.Memory(kernel, 1)]
         return hd.Equation(terms, lambda t, y: -y, 1.0)
 

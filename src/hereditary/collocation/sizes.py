@@ -77,6 +77,12 @@ def floors_of(system, many, t_end):
         found = _shared(jacobian, np.maximum(by_themselves, found))
     else:
         found = _balanced(forces, 0.5 * t_end, y0, gains, found, peaks, by_themselves)
+    # what nothing drives counts from where it would drive others as much as all else does
+    sizes = np.maximum(np.abs(y0), found)
+    felt = abs(jacobian).T @ np.divide(gains, sizes, out=np.zeros(y0.size), where=sizes > 0)
+    found = np.where(
+        (sizes == 0) & (felt > 0) & (felt < np.inf), 1 / np.maximum(felt, 1e-300), found
+    )
     return np.where((np.abs(y0) >= NEAR * found) & (found > 0), -1.0, found), forces.calls
 
 

@@ -14,7 +14,7 @@ from .numba_internals import STORED, Entries
 def _digest_of_sources():
     """Return a digest of all source files of the package."""
     found = hashlib.sha256()
-    for folder, folders, names in os.walk(Path(__file__).parent):
+    for folder, folders, names in os.walk(Path(__file__).parent.parent):
         folders.sort()
         for name in sorted(name for name in names if name.endswith(".py")):
             found.update(Path(folder, name).read_bytes())

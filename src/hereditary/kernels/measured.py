@@ -52,7 +52,7 @@ class Kernel(MemoryKernel):
     Examples
     --------
     >>> import numpy as np
-    >>> from hereditary.memory_kernels import Kernel
+    >>> from hereditary import Kernel
     >>> kernel = Kernel(lambda t: 1 / np.sqrt(t * (1 + t)))
     >>> kernel.singular_exponent
     0.5
@@ -211,7 +211,7 @@ class TabulatedKernel(MemoryKernel):
     Examples
     --------
     >>> import numpy as np
-    >>> from hereditary.memory_kernels import Kernel
+    >>> from hereditary import Kernel
     >>> t = np.geomspace(1e-2, 1e2, 60)
     >>> noise = 0.01 * np.sin(37.0 * np.arange(60.0))
     >>> fit = Kernel.from_table(t, np.exp(-t**0.5) * (1 + noise)).fit(1e-2, 1e2, 0.01)

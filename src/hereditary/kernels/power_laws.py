@@ -43,7 +43,7 @@ class TemperedPowerLaw(MemoryKernel):
 
     Examples
     --------
-    >>> from hereditary.memory_kernels import TemperedPowerLaw
+    >>> from hereditary import TemperedPowerLaw
     >>> round(float(TemperedPowerLaw(0.5, 1.0)(4.0)), 6)
     0.009158
     """
@@ -98,7 +98,7 @@ class DistributedOrder(MemoryKernel):
 
     Examples
     --------
-    >>> from hereditary.memory_kernels import DistributedOrder
+    >>> from hereditary import DistributedOrder
     >>> round(float(DistributedOrder([0.0, 0.5], [1.0, 1.0])(4.0)), 6)
     1.282095
     """

@@ -30,7 +30,7 @@ class Prony(MemoryKernel):
 
     Examples
     --------
-    >>> from hereditary.memory_kernels import Prony
+    >>> from hereditary import Prony
     >>> round(float(Prony([0.0, 2.0], [1.0, 3.0])(0.5)), 6)
     2.103638
     """
@@ -85,7 +85,7 @@ class StretchedExponential(MemoryKernel):
 
     Examples
     --------
-    >>> from hereditary.memory_kernels import StretchedExponential
+    >>> from hereditary import StretchedExponential
     >>> round(float(StretchedExponential(0.5, 1.0)(4.0)), 6)
     0.135335
     """
@@ -166,7 +166,7 @@ class MittagLeffler(MemoryKernel):
 
     Examples
     --------
-    >>> from hereditary.memory_kernels import MittagLeffler
+    >>> from hereditary import MittagLeffler
     >>> round(float(MittagLeffler(0.5, 1.0)(1.0)), 6)
     0.427584
     """

@@ -151,7 +151,7 @@ def classify(
     --------
     >>> import math
     >>> import hereditary as hd
-    >>> from hereditary.analysis.regimes import classify
+    >>> from hereditary import classify
     >>> eq = hd.scenes.stick_slip(adhesion=10.0)
     >>> sol = hd.solve(eq, 400.0, 40_000, save_every=10)
     >>> found = classify(sol, hd.lyapunov(eq, 400.0, 40_000), period=2 * math.pi)

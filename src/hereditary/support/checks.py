@@ -113,7 +113,8 @@ def _call_named(name, kind):
     classes = [kind]
     for one in classes:
         classes += one.__subclasses__()
-    known = {c.__name__.lower(): c for c in classes if c.__module__.startswith(f"{__package__}.")}
+    package = __name__.split(".")[0] + "."
+    known = {c.__name__.lower(): c for c in classes if c.__module__.startswith(package)}
     near = difflib.get_close_matches(name.lower(), known, n=1, cutoff=_NEAR)
     if not near:
         return ""
