@@ -7,21 +7,21 @@ import inspect
 import sys
 import warnings
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import matplotlib
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.backend_bases import FigureCanvasBase
 
+import hereditary as hd
+
 from . import plots
-from .compile_ahead import compile_ahead
-from .equation.equation import Equation
-from .history.exponentials import SumOfExponentials
 from .paper.command import main as paper
 from .scenes import stick_slip, sticking_intervals
-from .solver.solution import Solution, SolveWarning
-from .solver.solve import solve
+from .solver.progress import ProgressBar
 from .support.checks import complaint
 
 # scene parameter -> what it is
@@ -35,6 +35,8 @@ _PARAMETERS = {
     "x0": "initial position",
     "v0": "initial velocity",
 }
+# Components, more than those of which a step is one dense system (structure.FEW).
+_MANY = 12
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -47,17 +49,17 @@ def main(argv: Sequence[str] | None = None) -> int:
     if argv and argv[0] == "paper":
         return paper(argv[1:])
     if argv == ["compile"]:
-        return compile_ahead()
+        return _compile_all()
     arguments = _parser().parse_args(argv)
     parameters = {name: getattr(arguments, name) for name in _PARAMETERS}
     try:
         _check_out(arguments.out)
         equation = stick_slip(**parameters)
-        solution = solve(
+        solution = hd.solve(
             equation,
             arguments.t_end,
             arguments.n_steps,
-            history=SumOfExponentials(arguments.tol),
+            history=hd.SumOfExponentials(arguments.tol),
             progress=True,
         )
     except (TypeError, ValueError) as error:
@@ -68,6 +70,52 @@ def main(argv: Sequence[str] | None = None) -> int:
     _draw(solution, arguments.out)
     print(f"figure          {arguments.out}")
     return 0 if solution.success else 1
+
+
+def _compile_all() -> int:
+    """Compile the loops that take seconds into the cache on disk; return the exit status.
+
+    SuperLU's solvers, direct sums on meshes and of orders that vary, memory terms that others step
+    and the divergence of orbits are not run: a second each at most.
+    """
+    runs, bar = _runs(), ProgressBar(True)
+    for number, run in enumerate(runs):
+        found = run()
+        if not np.all(found.success):
+            print(f"hereditary: {found}", file=sys.stderr)
+            return 1
+        bar.update((number + 1) / len(runs))
+    bar.close()
+    print(f"compiled: {len(runs)} runs are ready")
+    return 0
+
+
+def _runs():
+    """List short runs that enter all compiled loops."""
+
+    def equation(order, y0=1.0, **given):
+        return hd.Equation(hd.Caputo(order), lambda t, y: -y, y0, **given)
+
+    one, varying = equation(0.5), equation(lambda t: 0.5 + 0.0 * t)
+    wave, orders = np.ones(_MANY), np.linspace(0.5, 0.9, _MANY)
+    dense, band = equation(0.5, wave), equation(0.5, wave, bandwidth=(0, 0))
+    mixed = equation(orders, wave), equation(orders, wave, bandwidth=(0, 0))
+    linear = equation(0.5, wave, linear=-np.eye(_MANY))
+    steps, explicit, implicit = {"n_steps": 40}, hd.ExplicitCaputo(), hd.L1()
+    runs: list[tuple[hd.Equation, dict[str, Any]]] = [
+        *((one, steps | {"scheme": scheme}) for scheme in (explicit, implicit, hd.Adams())),
+        *((one, steps | {"history": history}) for history in (hd.Direct(), hd.FFT())),
+        (one, {"mesh": hd.graded(40, 2.0), "scheme": implicit}),
+        *((varying, steps | {"scheme": scheme}) for scheme in (explicit, implicit)),
+        *((eq, steps | {"scheme": hd.BDF(2)}) for eq in (dense, band)),
+        (linear, steps | {"scheme": hd.IMEX(hd.BDF(2))}),
+        *((eq, {"rtol": 1e-4}) for eq in (one, dense, band, *mixed)),
+    ]
+    return [
+        *(partial(hd.solve, equation, 1.0, **how) for equation, how in runs),
+        partial(hd.ensemble, one, 1.0, 40, y0=[1.0, 2.0]),
+        partial(hd.lyapunov, one, 1.0, 40),
+    ]
 
 
 def _parser():
@@ -89,14 +137,16 @@ def _parser():
     return parser
 
 
-def _halving_difference(equation: Equation, solution: Solution, arguments) -> str:
+def _halving_difference(equation: hd.Equation, solution: hd.Solution, arguments) -> str:
     """Differences to a run with half the steps: for a first-order scheme, an error estimate."""
     half = arguments.n_steps // 2
     if arguments.n_steps % 2 or half == 0 or not solution.success:
         return "none (it needs an even number of steps and a completed run)"
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", SolveWarning)
-        coarse = solve(equation, arguments.t_end, half, history=SumOfExponentials(arguments.tol))
+        warnings.simplefilter("ignore", hd.SolveWarning)
+        coarse = hd.solve(
+            equation, arguments.t_end, half, history=hd.SumOfExponentials(arguments.tol)
+        )
     if not coarse.success:
         return f"none (with half the steps: {coarse.status.sentence})"
     difference = np.abs(solution.y[::2] - coarse.y)
@@ -113,7 +163,7 @@ def _check_out(path: str) -> None:
         raise ValueError(complaint("--out", f"end in one of {', '.join(known)}", path))
 
 
-def _report(solution: Solution, parameters, estimate: str) -> None:
+def _report(solution: hd.Solution, parameters, estimate: str) -> None:
     stats = solution.stats
     print("parameters      " + ", ".join(f"{k} {v:g}" for k, v in parameters.items()))
     print(f"result          {solution.message}")
@@ -125,7 +175,7 @@ def _report(solution: Solution, parameters, estimate: str) -> None:
     print(f"sticking        {stays or 'none'}")
 
 
-def _draw(solution: Solution, path: str) -> None:
+def _draw(solution: hd.Solution, path: str) -> None:
     """Oscillogram and velocity above each other, the phase portrait beside them."""
     figure = plt.figure(figsize=(10, 5), layout="constrained")
     grid = figure.add_gridspec(2, 2)
