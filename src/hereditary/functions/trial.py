@@ -65,23 +65,22 @@ def arity_of(name, out, fun, start):
 
 def try_out(name, out, fun, arity, start, shape, hint):
     """Call `fun` twice in Python at the start, check its values and return them and their form."""
-    filled, form = _values(name, out, fun, arity, start, shape, hint, np.nan)
-    if np.all(np.isfinite(filled)):
-        again, _ = _values(name, out, fun, arity, start, shape, hint, np.nan)
-        if not close(again, filled):
-            required = "give equal values for equal t, y"
-            got = f"{shown(filled)} and then {shown(again)}"
-            remedy = f"take no random numbers and keep no state, {defined(fun)}"
-            raise ValueError(complaint(name, required, got, remedy))
-        return filled, form
-    if arity == 4:
-        again, _ = _values(name, out, fun, arity, start, shape, hint, 0.5)
-        unset = np.isnan(filled) & (again == 0.5)
-        if unset.any():
-            got = f"entries {np.argwhere(unset).tolist()} left unset"
-            raise ValueError(complaint(name, f"set every entry of {out}", got, defined(fun)))
-    remedy = f"check y0 = {shown(start.y)} and params = {shown(start.params)}, {defined(fun)}"
-    raise ValueError(complaint(name, f"be finite at t = {start.t:g}", shown(filled), remedy))
+    # other values at first in place show entries that are not set
+    (values, form), (again, _) = (
+        _values(name, out, fun, arity, start, shape, hint, unset) for unset in (np.nan, 0.5)
+    )
+    unset = np.isnan(values) & (again == 0.5)
+    if arity == 4 and unset.any():
+        got = f"entries {np.argwhere(unset).tolist()} left unset"
+        raise ValueError(complaint(name, f"set every entry of {out}", got, defined(fun)))
+    if not np.all(np.isfinite(values)):
+        remedy = f"check y0 = {shown(start.y)} and params = {shown(start.params)}, {defined(fun)}"
+        raise ValueError(complaint(name, f"be finite at t = {start.t:g}", shown(values), remedy))
+    if not close(again, values):
+        got = f"{shown(values)} and then {shown(again)}"
+        remedy = f"take no random numbers and keep no state, {defined(fun)}"
+        raise ValueError(complaint(name, "give equal values for equal t, y", got, remedy))
+    return values, form
 
 
 def close(values, expected):
@@ -91,10 +90,9 @@ def close(values, expected):
     return np.allclose(values, expected, rtol=1e-8, atol=1e-12 * np.abs(expected).max(initial=0.0))
 
 
-def _values(name, out, fun, arity, start, shape, hint, fill):
+def _values(name, out, fun, arity, start, shape, hint, unset):
     """Call `fun` at the start; return its values as an array of `shape`, and their form."""
-    # marks entries that an in-place function leaves unset
-    filled = np.full(shape, fill, start.y.dtype)
+    filled = np.full(shape, unset, start.y.dtype)
     y, memory, p = (part.copy() for part in start[:3])
     first = (start.t, y, memory) if len(memory) else (start.t, y)
     arguments = {2: first, 3: (*first, p), 4: (*first, filled, p)}
