@@ -83,16 +83,16 @@ def _deviation(rhs, jac, structure, y, params, units, directions, lengths):
         Steps of differences are proportional to the product of both.
     """
     entries = np.empty((y.size, y.size)) if structure is None else structure.entries.copy()
-    values = np.empty((2, 2, len(directions), y.size))
+    values, shifts = np.empty((2, 2, *directions.shape)), lengths[:, None] * directions
     try:
         if jac is None:
             jacobian_at(rhs, as_value(no_jacobian, JAC_SIG), 0, 0.0, y, params, units, entries)
         else:
-            jac(0.0, y.copy(), entries, params.copy())
-        for step, pair in zip(_STEPS, values, strict=True):
-            for sign, rows in zip((1.0, -1.0), pair, strict=True):
-                for row, direction, length in zip(rows, directions, lengths, strict=True):
-                    rhs(0.0, y + sign * step * length * direction, row, params.copy())
+            jac(0.0, y.copy(), entries, params)
+        for step, (above, below) in zip(_STEPS, values, strict=True):
+            for up, down, shift in zip(above, below, step * shifts, strict=True):
+                rhs(0.0, y + shift, up, params)
+                rhs(0.0, y - shift, down, params)
     except Exception:  # y lies outside of the domain of the functions
         return None
     given, sizes = entries, np.abs(entries)
