@@ -166,6 +166,21 @@ def test_equal_closures_are_compiled_once():
     assert equation(closure(table)).compiled_rhs is equation(closure(table.copy())).compiled_rhs
 
 
+@pytest.mark.parametrize("size", [2, 200_000])
+def test_a_changed_array_changes_no_other_equation(size):
+    """numba copies no array that is large or not contiguous: compiled code reads it in place."""
+    first, second = (np.ones((size, 2))[:, 0] for _ in range(2))
+    eq, other = equation(closure_of_first(first)), equation(closure_of_first(second))
+    expected = run(other).y
+    first[0] = 3.0
+    np.testing.assert_array_equal(run(other).y, expected)
+    assert run(eq).y[-1, 0] < 0.7 * expected[-1, 0]
+
+
+def closure_of_first(table):
+    return lambda t, y: -table[0] * y
+
+
 def test_many_versions_of_one_function_are_told(monkeypatch):
     monkeypatch.setattr("hereditary.functions.build._VERSIONS_MAX", 3)
 
