@@ -55,18 +55,15 @@ def functions_of(rhs, jac, jac_memory, start, hint, shape=None):
         beside = function_of("jac_memory", "jacobian", jac_memory, start, (d, k * d), JAC_SIG)
         second.append(beside)
     n = start.components().size
-    callbacks = [
-        _callback("rhs", first, start, (n,)),
-        _callback("jac", second, start, (n, n) if k else shape),
-    ]
-    addresses = [held.address if held else 0.0 for held in callbacks]
+    kinds = ("rhs", first, RHS_SIG, (n,)), ("jac", second, JAC_SIG, (n, n) if k else shape)
+    callbacks = [_callback(name, parts, start, size) for name, parts, _, size in kinds]
     called = any(callbacks)
-    params = np.append(start.params, addresses) if called else start.params
-    kinds = zip((first, second), (RHS_SIG, JAC_SIG), callbacks, strict=True)
+    addresses = [held.address if held else 0.0 for held in callbacks if called]
     made_rhs, made_jac = (
         in_python(signature) if callback else _as_one(parts, signature, k, called)
-        for parts, signature, callback in kinds
+        for (_, parts, signature, _), callback in zip(kinds, callbacks, strict=True)
     )
+    params = np.append(start.params, addresses)
     return Functions(made_rhs, made_jac, params, tuple(held for held in callbacks if held))
 
 

@@ -23,7 +23,7 @@ from ..support.warning import warn
 from .messages import compile_reason, defined, writing_complaint
 from .python_calls import warn_of_python
 from .reads import code_names, fresh, frozen_values, uncompiled
-from .trial import arity_of, close, try_out
+from .trial import arity_of, close, numbers_of, try_out
 
 _READ_ONLY = types.Array(F8, 1, "C", readonly=True)
 # Through these numba returns y as a writable array.
@@ -290,10 +290,7 @@ def _in_python(name, fun, arity, start, shape):
                 for place, value in enumerate(values):  # an array is made in twice the time
                     out[place] = value
                 return
-            given, values = values, np.asarray(values)
-            if values.dtype.kind not in ("biufc" if start.paired else "biuf"):
-                required = "return numbers" if start.paired else "return real numbers"
-                raise TypeError(complaint(name, required, repr(given), defined(fun)))
+            values = numbers_of(name, fun, values, shape, start)
         if values.shape != shape:
             if values.size != 1 or out.size != 1:
                 raise ValueError(_RESHAPED)

@@ -123,19 +123,29 @@ def _values(name, out, fun, arity, start, shape, hint, unset):
             remedy = f"leave {out} out of the arguments to return values, {defined(fun)}{hinted()}"
             raise TypeError(complaint(name, f"fill {out} and return None", repr(result), remedy))
         return filled, "in place"
-    remedy = f"return numpy.array([...]) of shape {shape}, {defined(fun)}"
-    try:
-        values = np.asarray(result)
-    except ValueError:  # rows of unequal length
-        values = np.asarray(None)
-    if values.dtype.kind not in ("biufc" if start.paired else "biuf"):
-        required = "return numbers" if start.paired else "return real numbers"
-        if values.dtype.kind == "c":
-            remedy = "give y0 complex numbers for a complex solution"
-        raise TypeError(complaint(name, required, repr(result), remedy))
+    values = numbers_of(name, fun, result, shape, start)
     if values.shape != shape and not (values.ndim == 0 and np.prod(shape) == 1):
         size = f"shape {shape}" + (" or a number" if np.prod(shape) == 1 else "")
-        got = f"shape {values.shape}"
-        raise ValueError(complaint(name, f"return {size}", got, remedy + hinted()))
+        got, remedy = f"shape {values.shape}", _remedy(fun, shape) + hinted()
+        raise ValueError(complaint(name, f"return {size}", got, remedy))
     form = "array" if values.ndim else "number"
     return values.astype(start.y.dtype).reshape(shape), form
+
+
+def numbers_of(name, fun, returned, shape, start):
+    """Return what a function returned as an array; refuse anything but numbers."""
+    try:
+        values = np.asarray(returned)
+    except ValueError:  # rows of unequal length
+        values = np.asarray(None)
+    if values.dtype.kind in ("biufc" if start.paired else "biuf"):
+        return values
+    required = "return numbers" if start.paired else "return real numbers"
+    complex_remedy = "give y0 complex numbers for a complex solution"
+    remedy = complex_remedy if values.dtype.kind == "c" else _remedy(fun, shape)
+    raise TypeError(complaint(name, required, repr(returned), remedy))
+
+
+def _remedy(fun, shape):
+    """Say what a function should return."""
+    return f"return numpy.array([...]) of shape {shape}, {defined(fun)}"
