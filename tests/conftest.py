@@ -34,4 +34,4 @@ def _untold():
     """Let every test see the warnings that are given once."""
     from hereditary.functions import python_calls
 
-    python_calls._told.clear()
+    python_calls._warned.clear()

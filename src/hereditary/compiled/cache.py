@@ -76,12 +76,12 @@ class CodeCache:
 
     @property
     def cache_path(self):
-        """Folder of the cache, or None."""
+        """Return the folder of the cache, or None."""
         return getattr(self._entries, "cache_path", None)
 
     @cached_property
     def _entries(self):
-        """The entries on disk, or None."""
+        """Open the entries on disk; None if there is no place for them."""
         try:
             return Entries(self._fun, self._options, _STAMP) if self._stored else None
         except (RuntimeError, OSError, AttributeError) as error:

@@ -1,4 +1,4 @@
-"""C functions that compiled code calls, to enter Python."""
+"""C functions by which compiled code enters Python, and exceptions that pass through it."""
 
 import ctypes
 import threading
@@ -23,7 +23,7 @@ class PythonRaised(Exception):
 
 
 def keep_raised(error):
-    """Keep an exception for the compiled code that is told of it."""
+    """Remember an exception for the `PythonRaised` that compiled code raises."""
     _raised.error = error
 
 
@@ -34,7 +34,7 @@ def original(error):
 
 
 def pass_on(error, result):
-    """Raise what a function called in Python raised; `result` is that of the run until then."""
+    """Raise the exception of a function called in Python, with the `result` of the run so far."""
     cause: Any = error.__cause__ if isinstance(error, PythonRaised) else None
     if cause is not None:
         with suppress(Exception):  # of exceptions that take no attributes

@@ -1,4 +1,4 @@
-"""How functions are compiled.
+"""Compile functions of the package.
 
 `inner` is for functions called from compiled code alone, `compiled` for any other, `entry` for the
 loops that Python calls, `as_value` for a compiled function that is handed to an entry as a
@@ -36,7 +36,7 @@ _RARELY = 20_000, 20, 50
 
 
 class _Compiling:
-    """Entered around every compilation: one at a time, and not broken off in the middle.
+    """Context of every compilation: one at a time, and never interrupted in the middle.
 
     numba's compiler is not safe to enter from two threads, and an exception raised anywhere in it
     leaves functions half made, which no later call gets over. Ctrl-C is noted instead and heeded
@@ -97,7 +97,7 @@ def compiled(fun, fused=False, told=None, **options):
 
 
 def _guarded(dispatcher, finish=None):
-    """Let `dispatcher` compile inside `compiling`, and then do what is left for the result."""
+    """Let `dispatcher` compile inside `compiling`, and then call `finish` with the result."""
     compile_alone = dispatcher.compile
 
     def compile_guarded(sig):
@@ -192,7 +192,7 @@ def as_value(fun, signature):
 
 
 def loop_value(loop, signature):
-    """Return an `entry` as a value that another one may be handed."""
+    """Return an `entry` as a value that another entry takes as an argument."""
     if config.DISABLE_JIT:
         return loop
     loop.compiled()

@@ -1,4 +1,4 @@
-"""Users' functions as marches take them: right-hand side, Jacobian and what reads memory as one.
+"""Assemble the functions of an equation into a right-hand side and a Jacobian of all components.
 
 A right-hand side may be written ``f(t, y)``, ``f(t, y, params)`` (both return the values) or in
 place ``f(t, y, dy, params)``; a Jacobian likewise. One that reads memory takes it behind y. In each
@@ -21,10 +21,10 @@ from .trial import Start
 
 
 class Functions(NamedTuple):
-    """Functions as marches take them, and what they need.
+    """Compiled functions of a system, and their parameters.
 
-    rhs, and jac or None; params (p,), with addresses behind them where a function is called in
-    Python; callbacks that stand at these addresses, to be kept as long as the functions are used.
+    `jac` may be None. If a function is called in Python, `params` (p,) end with the addresses of
+    `callbacks`, which must live as long as the functions are used.
     """
 
     rhs: Any
@@ -68,7 +68,7 @@ def functions_of(rhs, jac, jac_memory, start, hint, shape=None):
 
 
 def switch_of(switch, y, t):
-    """Check ``switch(t, y)``, a function with one value, and return it compiled."""
+    """Check and compile ``switch(t, y)``, a function with one value."""
     start = Start(y, np.zeros((0, y.size), y.dtype), np.zeros(0), t)
     required = "be functions switch(t, y) of real components that numba compiles"
     if not callable(switch) or start.paired:
@@ -119,7 +119,7 @@ def _callback(name, parts, start, shape):
 
 @lru_cache(maxsize=256)
 def _padded(rhs, k):
-    """Return a right-hand side of d values as one of d + k d, those of memory 0."""
+    """Return a right-hand side of d + k d components from one of d: those of memory are 0."""
 
     def all_components(t, z, out, params):
         d = z.shape[0] // (1 + k)
@@ -132,7 +132,7 @@ def _padded(rhs, k):
 
 @lru_cache(maxsize=256)
 def _joined(jac, beside, k):
-    """Return the Jacobian of `_padded` from those by y, (d, d), and by memory, (d, k d)."""
+    """Join the Jacobians by y, (d, d), and by memory, (d, k d), into that of `_padded`."""
 
     def all_components(t, z, out, params):
         n = z.shape[0]

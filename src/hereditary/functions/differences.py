@@ -1,4 +1,4 @@
-"""A given Jacobian against differences of its right-hand side."""
+"""Check a given Jacobian against differences of the right-hand side; units of components."""
 
 from contextlib import suppress
 

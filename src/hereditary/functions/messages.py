@@ -1,4 +1,4 @@
-"""Complaints about a user's function, in one sentence with its line."""
+"""Messages about a user's function: one sentence, with the line of the code."""
 
 import linecache
 import re
@@ -15,7 +15,7 @@ def code_of(fun):
 
 
 def defined(fun):
-    """Where a function begins, in a clause."""
+    """Return a clause that names the first line of a function."""
     code = code_of(fun)
     if code is None:
         return f"in {fun!r}"
@@ -23,7 +23,7 @@ def defined(fun):
 
 
 def line_of(error, fun):
-    """Where in the user's function an exception came from."""
+    """Return a clause that names the line of `fun` at which an exception was raised; or ""."""
     code = code_of(fun)
     path = code.co_filename if code else ""
     lines = [f for f in traceback.extract_tb(error.__traceback__) if f.filename == path]
@@ -31,7 +31,7 @@ def line_of(error, fun):
 
 
 def compile_reason(fun, error):
-    """Why numba cannot compile a function, by its report: the line, its reason, and the remedy."""
+    """Return the reason why numba cannot compile a function: line, cause and remedy."""
     return (
         f"for numba cannot compile it {_place(fun, str(error))} ({_reason(str(error))}): use "
         "arithmetic, math and NumPy functions on floats and arrays, and pass constants through "
@@ -40,7 +40,7 @@ def compile_reason(fun, error):
 
 
 def writing_complaint(name, fun, error):
-    """One sentence on a function that compiles only where y and params may be written to."""
+    """Return the message about a function that compiles only if it may change y and params."""
     return complaint(
         name,
         "leave y and params as they are",
@@ -50,21 +50,21 @@ def writing_complaint(name, fun, error):
 
 
 def _place(fun, text):
-    """The line of a function's file that numba's report names, or where the function begins."""
+    """Return a clause that names the line in numba's report, or the first line of the function."""
     path = fun.__code__.co_filename
     file, whole = re.escape(Path(path).name), re.escape(path)
-    told = re.search(rf'File "[^"]*{file}", line (\d+)|{whole} \((\d+)\)', text)
-    if not told:
+    found = re.search(rf'File "[^"]*{file}", line (\d+)|{whole} \((\d+)\)', text)
+    if not found:
         return defined(fun)
-    number = int(told[1] or told[2])
+    number = int(found[1] or found[2])
     return f'at line {number} of {path}: "{linecache.getline(path, number).strip()}"'
 
 
 def _reason(text):
-    """The sentence in numba's report that says most.
+    """Return the most useful sentence of numba's report.
 
-    Where it tried several implementations of a call, that is why it took none of them, and stands
-    deepest; otherwise its first.
+    If numba tried several implementations of a call, the last error explains why none fits.
+    Otherwise the first line is the most useful one.
     """
     lines = [line.strip() for line in text.splitlines() if line.strip()]
     lines = [line for line in lines if not line.startswith("Failed in nopython")]

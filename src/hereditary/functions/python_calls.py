@@ -1,4 +1,4 @@
-"""Functions that numba cannot compile: compiled code calls them in Python.
+"""Call functions that numba cannot compile from compiled code.
 
 A march hands its functions t, all components and an array for the values. In place of a function
 that must run in Python it gets a compiled one that is the same for all of them, and the address of
@@ -25,7 +25,7 @@ N_ADDRESSES = 2
 _VIEWS = 256
 # Seconds for which a function is timed, that a call adds to it, and of a compiled explicit step.
 _TIMED, _ADDED, _COMPILED_STEP = 1e-3, 3e-6, 2e-7
-_told: weakref.WeakSet = weakref.WeakSet()
+_warned: weakref.WeakSet = weakref.WeakSet()
 
 
 class PythonFunctionWarning(UserWarning):
@@ -80,7 +80,7 @@ class Callback:
 
 
 def _view(known, address, kind, shape):
-    """Return an array of the numbers at an address, and keep it by that."""
+    """Return a view of the numbers at an address, and remember it in `known`."""
     if len(known) >= _VIEWS:
         known.clear()
     return known.setdefault(address, np.frombuffer(kind.from_address(address)).reshape(shape))
@@ -88,7 +88,7 @@ def _view(known, address, kind, shape):
 
 @compiled
 def _rhs_in_python(t, y, dy, params):
-    """Right-hand side that calls the C function whose address stands last but one in params."""
+    """Call the right-hand side at the address that is last but one in params."""
     address = int(params[params.shape[0] - 2])
     if call_at(address, t, y.ctypes.data, dy.ctypes.data) != 0:  # type: ignore[call-arg]
         raise PythonRaised
@@ -96,7 +96,7 @@ def _rhs_in_python(t, y, dy, params):
 
 @compiled
 def _jac_in_python(t, y, jacobian, params):
-    """Jacobian that calls the C function whose address stands last in params."""
+    """Call the Jacobian at the address that is last in params."""
     address = int(params[params.shape[0] - 1])
     if call_at(address, t, y.ctypes.data, jacobian.ctypes.data) != 0:  # type: ignore[call-arg]
         raise PythonRaised
@@ -110,7 +110,7 @@ def in_python(signature):
 
 @lru_cache(maxsize=256)
 def before_addresses(fun, signature):
-    """Return a compiled function that is not to see addresses behind its parameters."""
+    """Return a compiled function that hides the addresses behind the parameters from `fun`."""
 
     def seen(t, y, out, params):
         fun(t, y, out, params[: params.shape[0] - N_ADDRESSES])
@@ -119,11 +119,11 @@ def before_addresses(fun, signature):
 
 
 def warn_of_python(name, fun, reason, call):
-    """Warn, once for each function, that it is called in Python, and by how much that is slower."""
+    """Warn once for each function that it is called in Python, and how much slower that is."""
     known = code_of(fun) or type(fun)
-    if known in _told:
+    if known in _warned:
         return
-    _told.add(known)
+    _warned.add(known)
     spent: list[float] = []
     began = time.perf_counter()
     while not spent or (len(spent) < 20 and time.perf_counter() - began < _TIMED):
