@@ -162,3 +162,16 @@ def test_fits_find_the_same_rate(power):
         t, scale * hd.exact.relaxation(0.8, 0.7)(t), {"rate": 1.0},
     )  # fmt: skip
     assert result.parameters["rate"] == pytest.approx(0.7, rel=1e-6)
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e-30])
+@pytest.mark.parametrize("rtol", [1e-3, 1e-6, 1e-9])
+def test_a_component_that_stays_at_0_takes_no_steps_of_its_own(rtol, unit):
+    """It is felt by a stiff one, whose elimination leaves it rounding."""
+    matrix = np.array([[-1.0, 0.0], [49.5 / unit, -100.0]])
+    eq = hd.Equation(hd.Caputo(0.25), lambda t, y: matrix @ y + np.array([0.0, 1.0]), [0.0, 0.0])
+    alone = hd.Equation(hd.Caputo(0.25), lambda t, y: 1.0 - 100.0 * y, 0.0)
+    sol, other = (hd.solve(one, 1.0, rtol=rtol) for one in (eq, alone))
+    assert sol.success
+    assert abs(sol.y[-1, 1] - other.y[-1, 0]) < rtol * other.y[-1, 0]
+    assert sol.stats["n_steps"] < 2 * other.stats["n_steps"]

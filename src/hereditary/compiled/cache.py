@@ -48,7 +48,7 @@ class CodeCache:
 
     def __init__(self, fun, options, told=None):
         self._fun, self._options, self._told = fun, options, told
-        name, package = f"{fun.__module__}.{fun.__qualname__}", f"{__package__}."
+        name, package = f"{fun.__module__}.{fun.__qualname__}", __name__.split(".")[0] + "."
         self._stored = STORED and name.startswith(package) and name not in _NAMES
         _NAMES.add(name)
 
