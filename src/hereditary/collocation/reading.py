@@ -17,10 +17,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..support.checks import complaint
+from ..affine import affine
 from ..equation.frame import Frame
-from ..equation.rearranged import Tables, rearranged
-from ..equation.system import System
-from ..equation.terms import ConstantOrder, SystemTerm
 from ..solver.dense import Piece
 from ..support.checks import complaint
 
@@ -145,24 +144,32 @@ def reduced(equation):
             layout.add(0.0, order, float(speeds[j]) if slow else -1.0 - j)
         return places[j, gamma]
 
-    # value k of z is factor times component place, terms are c times component place of the left
-    slots, lower = [], []
+    # what f reads, and the lower terms of each F_j
+    read: list[tuple] = [(j, j, 1.0) for j in range(d)]
+    lower: list[list[tuple]] = [[] for _ in range(d)]
     for operator, coefficients in memory.left:
         for c in np.flatnonzero(coefficients).tolist():
             j = int(memory.sources[c])
             if c != j:
-                slots.append((float(c), coefficients[c], float(place(j, operator.order))))
+                read.append((c, place(j, operator.order), coefficients[c]))
             elif operator.order < leading[j]:
-                lower.append((float(j), coefficients[c], float(place(j, operator.order))))
-    tables = Tables(slots, lower, layout.origins, equation.coefficient(leading), memory.d)
+                lower[j].append((place(j, operator.order), coefficients[c]))
+    lead, own, forces = equation.coefficient(leading), [], []
+    for i, origin in enumerate(layout.origins):
+        j = int(-1 - origin)
+        if origin < 0:
+            forces.append((i, j, 1.0 / lead[j]))
+            own += [(i, k, -c / lead[j]) for k, c in lower[j]]
+        else:
+            own.append((i, int(origin), 1.0))
     left = [
         SystemTerm(ConstantOrder(order), np.where(np.array(layout.orders) == order, 1.0, 0.0))
         for order in dict.fromkeys(layout.orders)
     ]
     how = memory.compiled_params, memory.compiled_rhs, memory.compiled_jac
     known = {"rhs_digest": equation.rhs_digest, "frame": Frame(equation.frame.start)}
-    system = System(left, np.array([layout.y0]), *rearranged(tables, *how), **known)
-    return system, speeds
+    found = affine(how, memory.d, own, forces, read)
+    return System(left, np.array([layout.y0]), *found, **known), speeds
 
 
 class _Layout(NamedTuple):

@@ -18,8 +18,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ..support.checks import complaint, shown
+from .affine import affine
 from .orders import merged_orders
-from .rearranged import Tables, mixed, rearranged
 from .system import System, leading_orders
 from .terms import ConstantOrder, SystemTerm
 
@@ -69,10 +69,17 @@ class Chain:
         """Return initial values of the system, (size,), from those of the equation, (m, d)."""
         return np.array([y0[k, j] for j, k in self._places])
 
-    def origins(self):
-        """Return what the right-hand side of each component is; see `Tables`."""
-        last = self.lengths - 1
-        return [float(self.at(j, k + 1) if k < last[j] else -1 - j) for j, k in self._places]
+    def last(self, j):
+        """Return the number of the component that is the highest derivative of y_j."""
+        return self.at(j, int(self.lengths[j]) - 1)
+
+    def links(self):
+        """List (component, its derivative, 1) where that is a component."""
+        return [
+            (place, self.at(j, k + 1), 1.0)
+            for (j, k), place in self._places.items()
+            if k < self.lengths[j] - 1
+        ]
 
     def sorted(self, entries):
         """Sort the terms: on the left side, known components, and memory that is read.
@@ -81,8 +88,8 @@ class Chain:
         -------
         own : list of (float, int, float)
             Order, component and coefficient.
-        lower : list of (float, float, float)
-            Equation, coefficient and component; see `Tables`.
+        lower : list of (int, int, float)
+            Component whose equation has another one on its left side, that one, and -coefficient.
         read : list of (float, int, float, int)
             Order, component, coefficient and equation.
         """
@@ -93,11 +100,10 @@ class Chain:
             if row == column and k == last:
                 own.append((order - k, self.at(column, k), c))
             elif order == k + 1 and k < last:
-                lower.append((float(row), c, float(self.at(column, k + 1))))
+                lower.append((self.last(row), self.at(column, k + 1), -c))
             else:
                 read.append((order - k, self.at(column, k), c, row))
-        last = self.lengths - 1
-        own += [(1.0, place, 1.0) for (j, k), place in self._places.items() if k < last[j]]
+        own += [(1.0, place, 1.0) for place, _, _ in self.links()]
         return own, lower, read
 
 
@@ -175,15 +181,17 @@ def chained(left, y0, params, rhs, jac):
     memory: dict[tuple[float, int], int] = {}
     for order, source, c, j in read:
         place = memory.setdefault((order, source), chain.size + len(memory))
-        lower.append((float(j), c, float(place)))
+        lower.append((chain.last(j), place, -c))
+    before = [(j, j, 1.0) for j in range(d)]
     if inverse is not None:
-        params, rhs, jac = mixed(inverse, params, rhs, jac)
-    tables = Tables([], lower, chain.origins(), np.ones(d), d)
-    params, rhs, jac = rearranged(tables, params, rhs, jac)
+        before = [(i, j, float(inverse[i, j])) for i, j in np.argwhere(inverse).tolist()]
+    before = [(chain.last(i), j, c) for i, j, c in before]
+    size = chain.size + len(memory)
+    params, rhs, jac = affine((params, rhs, jac), d, [*chain.links(), *lower], before)
     start = chain.values(y0)[None] if above else y0
     speeds = chain.speeds() if above else np.zeros(0, dtype=np.int64)
     found = [*own, *((order, place, 1.0) for (order, _), place in memory.items())]
-    wide = _left(found, chain.size + len(memory))
+    wide = _left(found, size)
     if not memory:
         return Chained(System(wide, start, params, rhs, jac), None, speeds)
     sources = np.append(np.arange(chain.size), [source for _, source in memory]).astype(np.int64)
