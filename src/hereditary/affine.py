@@ -1,7 +1,9 @@
 """Right-hand sides ``B x + A f(t, S x)`` that are made of a right-hand side f.
 
 Their Jacobians are ``B + A J S``. Behind the parameters of f stand the entries of S, B and A as
-triples (row, column, value), then the number of values of f, and where each matrix begins.
+triples (row, column, value), then the number of values of f, and where each matrix begins. Where f
+reads the first components and its values are those of the last ones, there are no entries of S and
+A, and f sets its values in place.
 """
 
 from functools import lru_cache
@@ -15,35 +17,47 @@ from .compiled.jit import JAC_SIG, RHS_SIG, as_value, compiled, derived, inner
 _SIZES = 4
 
 
-def affine(functions, n_f, b, a=(), s=()) -> tuple[np.ndarray, Any, Any]:
+def affine(functions, n, n_f, b, a=None, s=None) -> tuple[np.ndarray, Any, Any]:
     """Return params, right-hand side, and Jacobian or None, of ``B x + A f(t, S x)``.
 
     Parameters
     ----------
     functions : (ndarray, callable, callable or None)
         Those of f.
-    n_f : int
-        Number of values that f reads, and returns.
+    n, n_f : int
+        Number of components x, and of values that f reads, and returns.
     b, a, s : array_like, shape (k, 3)
-        Row, column and value of entries, which add up where one place has several. Without any of
-        `s`, f reads the first components; without any of `a`, its values belong to the last ones.
+        Row, column and value of entries, which add up where one place has several. By default f
+        reads the first components, and its values are those of the last ones.
     """
     params, rhs, jac = functions
-    parts = [params, *(np.ravel(part) for part in (s, b, a))]
+    own, ones = np.arange(n_f), np.ones(n_f)
+    first, last = np.c_[own, own, ones], np.c_[n - n_f + own, own, ones]
+    s, a = first if s is None else s, last if a is None else a
+    in_place = np.array_equal(s, first) and np.array_equal(a, last)
+    parts = [params, *map(np.ravel, ((), b, ()) if in_place else (s, b, a))]
     begins = np.cumsum([part.size for part in parts])[:3]
-    return np.concatenate([*parts, [n_f], begins]), _side(rhs), jac and _slopes(jac)
+    values = np.concatenate([*parts, [n_f], begins])
+    return values, _side(rhs, in_place), jac and _slopes(jac)
 
 
 @lru_cache(maxsize=64)
-def _side(rhs):
+def _side(rhs, in_place):
     """Return ``B x + A f(t, S x)``."""
 
-    def side(t, x, out, params):
-        z, force, own = _arguments(x, out, params)
-        rhs(t, z, force, own)
+    def last(t, x, out, params):
+        n_f = int(params[-4])
+        force = out[out.shape[0] - n_f :]
+        rhs(t, x[:n_f], force, params[: int(params[-3])])
         _combine(x, force, out, params)
 
-    return as_value(derived(side), RHS_SIG)
+    def anywhere(t, x, out, params):
+        z = _arguments(x, params)
+        force = np.empty(z.shape[0])
+        rhs(t, z, force, params[: int(params[-3])])
+        _combine(x, force, out, params)
+
+    return as_value(derived(last, False) if in_place else derived(anywhere), RHS_SIG)
 
 
 @lru_cache(maxsize=64)
@@ -51,9 +65,9 @@ def _slopes(jac):
     """Return ``B + A J S``."""
 
     def slopes(t, x, out, params):
-        z, _, own = _arguments(x, x, params)
-        block = _square(z)
-        jac(t, z, block, own)
+        z = _arguments(x, params)
+        block = np.empty((z.shape[0], z.shape[0]))
+        jac(t, z, block, params[: int(params[-3])])
         _combine_slopes(block, out, params)
 
     return as_value(derived(slopes), JAC_SIG)
@@ -63,22 +77,14 @@ def _slopes(jac):
 
 
 @compiled
-def _arguments(x, out, params):
-    """Return S x, where f sets its values, and its parameters."""
-    n_f, s, b, a = int(params[-4]), int(params[-3]), int(params[-2]), int(params[-1])
-    z, force = x[:n_f], out[out.shape[0] - n_f :]
-    if s < b:
-        z = np.zeros(n_f)
-        _add_product(params, s, b, x, z)
-    if a < params.shape[0] - _SIZES:
-        force = np.empty(n_f)
-    return z, force, params[:s]
-
-
-@compiled
-def _square(z):
-    """Return room for the Jacobian of f."""
-    return np.empty((z.shape[0], z.shape[0]))
+def _arguments(x, params):
+    """Return S x."""
+    n_f, s, b = int(params[-4]), int(params[-3]), int(params[-2])
+    if s == b:
+        return x[:n_f]
+    z = np.zeros(n_f)
+    _add_product(params, s, b, x, z)
+    return z
 
 
 @compiled
@@ -94,17 +100,19 @@ def _combine(x, force, out, params):
 @compiled
 def _combine_slopes(block, out, params):
     """Set out = B + A J S."""
-    n, s, b, a = out.shape[0], int(params[-3]), int(params[-2]), int(params[-1])
+    s, b, a = int(params[-3]), int(params[-2]), int(params[-1])
+    n, n_f = out.shape[0], block.shape[0]
     for i in range(n):
         for j in range(n):
-            out[i, j] = 0.0
+            in_place = s == b and i >= n - n_f and j < n_f
+            out[i, j] = block[i - n + n_f, j] if in_place else 0.0
     for p in range(b, a, 3):
         out[int(params[p]), int(params[p + 1])] += params[p + 2]
     for p in range(a, params.shape[0] - _SIZES, 3):
-        _add_row(params, s, b, params[p + 2], block[int(params[p + 1])], out[int(params[p])])
-    last = block.shape[0] if a == params.shape[0] - _SIZES else 0
-    for k in range(last):
-        _add_row(params, s, b, 1.0, block[k], out[n - last + k])
+        i, k = int(params[p]), int(params[p + 1])
+        for q in range(s, b, 3):
+            change = params[p + 2] * block[k, int(params[q])] * params[q + 2]
+            out[i, int(params[q + 1])] += change
 
 
 @inner
@@ -112,12 +120,3 @@ def _add_product(params, begin, end, x, out):
     """Add the product with x of the matrix whose triples stand there in params."""
     for p in range(begin, end, 3):
         out[int(params[p])] += params[p + 2] * x[int(params[p + 1])]
-
-
-@inner
-def _add_row(params, s, b, factor, slopes, out):
-    """Add a multiple of a row of J S, of which J has these slopes."""
-    for j in range(slopes.shape[0] if s == b else 0):
-        out[j] += factor * slopes[j]
-    for p in range(s, b, 3):
-        out[int(params[p + 1])] += factor * slopes[int(params[p])] * params[p + 2]

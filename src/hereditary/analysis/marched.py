@@ -11,6 +11,7 @@ from ..schemes.bdf import BDF
 from ..schemes.explicit import ExplicitCaputo
 from ..schemes.l1 import L1
 from ..schemes.scheme import Scheme, distinct_components
+from ..equation.system import System
 
 # A scheme is of first order where it is of no more than this next to alpha = 1.
 _NEAR_1, _FIRST_ORDER = 0.95, 1.25
@@ -27,7 +28,7 @@ def marched(equation: System, scheme: Scheme, mode: str) -> System:
     whole = scheme.whole or mode == "restart"
     if whole or equation.m == 1 or memory(equation) != "none":
         return equation
-    return first_order(equation) if equation.enlarged is equation else reduced(equation)[0]
+    return reduced(equation.dense())[0]
 
 
 def memory(equation: System) -> str:

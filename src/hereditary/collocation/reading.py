@@ -154,21 +154,22 @@ def reduced(equation):
                 read.append((c, place(j, operator.order), coefficients[c]))
             elif operator.order < leading[j]:
                 lower[j].append((place(j, operator.order), coefficients[c]))
-    lead, own, forces = equation.coefficient(leading), [], []
+    n, lead, own, forces = len(layout.y0), np.ones(len(layout.y0)), [], []
     for i, origin in enumerate(layout.origins):
         j = int(-1 - origin)
         if origin < 0:
-            forces.append((i, j, 1.0 / lead[j]))
-            own += [(i, k, -c / lead[j]) for k, c in lower[j]]
+            lead[i] = equation.coefficient(leading)[j]
+            forces.append((i, j, 1.0))
+            own += [(i, k, -c) for k, c in lower[j]]
         else:
             own.append((i, int(origin), 1.0))
     left = [
-        SystemTerm(ConstantOrder(order), np.where(np.array(layout.orders) == order, 1.0, 0.0))
+        SystemTerm(ConstantOrder(order), np.where(np.array(layout.orders) == order, lead, 0.0))
         for order in dict.fromkeys(layout.orders)
     ]
     how = memory.compiled_params, memory.compiled_rhs, memory.compiled_jac
     known = {"rhs_digest": equation.rhs_digest, "frame": Frame(equation.frame.start)}
-    found = affine(how, memory.d, own, forces, read)
+    found = affine(how, n, memory.d, own, forces, read)
     return System(left, np.array([layout.y0]), *found, **known), speeds
 
 

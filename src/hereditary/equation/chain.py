@@ -187,7 +187,7 @@ def chained(left, y0, params, rhs, jac):
         before = [(i, j, float(inverse[i, j])) for i, j in np.argwhere(inverse).tolist()]
     before = [(chain.last(i), j, c) for i, j, c in before]
     size = chain.size + len(memory)
-    params, rhs, jac = affine((params, rhs, jac), d, [*chain.links(), *lower], before)
+    params, rhs, jac = affine((params, rhs, jac), size, d, [*chain.links(), *lower], before)
     start = chain.values(y0)[None] if above else y0
     speeds = chain.speeds() if above else np.zeros(0, dtype=np.int64)
     found = [*own, *((order, place, 1.0) for (order, _), place in memory.items())]

@@ -13,7 +13,7 @@ from ..functions.differences import units_of
 from ..support.checks import complaint
 from .frame import Frame
 from .structure import Structure, constant_part
-from .terms import ConstantOrder, SystemTerm
+from .terms import SystemTerm
 
 _OWN = Frame()
 # What a system works out from its initial values and parameters.
@@ -363,63 +363,3 @@ def _shifted(fun):
         fun(t + params[own], y, out, params[:own])
 
     return derived(later)
-
-
-def first_order(system):
-    """A system of integer orders as one of first order: the velocities become components.
-
-    They stand behind the d components, in their order, one for each component of order 2.
-    """
-    system = system.dense()
-    second = system.highest_orders() > 1
-    slopes, leading = system.coefficient(1.0), system.coefficient(2.0)
-    friction, only = slopes * second, slopes * ~second
-    coefficients = np.concatenate([np.where(second, 1.0, only), leading[second]])
-    y0 = np.concatenate([system.y0[0], system.y0[-1][second]])
-    params = np.concatenate([system.compiled_params, second, friction, [system.d]])
-    jac = system.compiled_jac and _with_velocities_jacobian(system.compiled_jac)
-    rhs = _with_velocities(system.compiled_rhs)
-    left = (SystemTerm(ConstantOrder(1.0), coefficients),)
-    return System(left, y0[None], params, rhs, jac, rhs_digest=system.rhs_digest)
-
-
-@lru_cache(maxsize=64)
-def _with_velocities(rhs):
-    """The right-hand side of the first-order system; params end in masks and frictions (d,), d."""
-
-    def enlarged(t, y, dy, params):
-        d = int(params[-1])
-        own = params.shape[0] - 2 * d - 1
-        rhs(t, y[:d], dy[:d], params[:own])
-        k = d
-        for j in range(d):
-            if params[own + j] == 1.0:
-                force = dy[j]
-                dy[j] = y[k]
-                dy[k] = force - params[own + d + j] * y[k]
-                k += 1
-
-    return derived(enlarged)
-
-
-@lru_cache(maxsize=64)
-def _with_velocities_jacobian(jac):
-    """Return the Jacobian of `_with_velocities`."""
-
-    def enlarged(t, y, out, params):
-        d = int(params[-1])
-        own = params.shape[0] - 2 * d - 1
-        block = np.empty((d, d))
-        jac(t, y[:d], block, params[:own])
-        out[:] = 0.0
-        k = d
-        for j in range(d):
-            row = j
-            if params[own + j] == 1.0:
-                out[j, k] = 1.0
-                out[k, k] = -params[own + d + j]
-                row = k
-                k += 1
-            out[row, :d] = block[j]
-
-    return derived(enlarged)

@@ -20,6 +20,6 @@ def reduce_order(system: System, coefficient: float, beta: float) -> System:
     structure = system.structure and system.structure.with_velocities()
     jac = system.compiled_jac if structure is None else None
     halves = np.c_[np.arange(d), np.arange(d, 2 * d), np.full(d, 1 / coefficient)]
-    how = affine((system.compiled_params, system.compiled_rhs, jac), d, halves)
+    how = affine((system.compiled_params, system.compiled_rhs, jac), 2 * d, d, halves)
     left = (SystemTerm(ConstantOrder(beta / 2), np.ones(2 * d)),)
     return System(left, y0, *how, structure=structure)
