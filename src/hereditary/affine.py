@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from .compiled.jit import JAC_SIG, RHS_SIG, as_value, compiled, derived, inner
+from .compiled.jit import JAC_SIG, RHS_SIG, as_value, compiled, derived, inlined, inner
 
 # Numbers behind the triples.
 _SIZES = 4
@@ -38,7 +38,13 @@ def affine(functions, n, n_f, b, a=None, s=None) -> tuple[np.ndarray, Any, Any]:
     parts = [params, *map(np.ravel, ((), b, ()) if in_place else (s, b, a))]
     begins = np.cumsum([part.size for part in parts])[:3]
     values = np.concatenate([*parts, [n_f], begins])
-    return values, _side(rhs, in_place), jac and _slopes(jac)
+    return values, _side(rhs, in_place), jac and slopes(jac)
+
+
+@inlined
+def own_size(params):
+    """Number of parameters of f."""
+    return int(params[-3])
 
 
 @lru_cache(maxsize=64)
@@ -48,29 +54,29 @@ def _side(rhs, in_place):
     def last(t, x, out, params):
         n_f = int(params[-4])
         force = out[out.shape[0] - n_f :]
-        rhs(t, x[:n_f], force, params[: int(params[-3])])
+        rhs(t, x[:n_f], force, params[: own_size(params)])
         _combine(x, force, out, params)
 
     def anywhere(t, x, out, params):
         z = _arguments(x, params)
         force = np.empty(z.shape[0])
-        rhs(t, z, force, params[: int(params[-3])])
+        rhs(t, z, force, params[: own_size(params)])
         _combine(x, force, out, params)
 
     return as_value(derived(last, False) if in_place else derived(anywhere), RHS_SIG)
 
 
 @lru_cache(maxsize=64)
-def _slopes(jac):
-    """Return ``B + A J S``."""
+def slopes(jac):
+    """Return ``B + A J S``, where the parameters are those of `affine`."""
 
-    def slopes(t, x, out, params):
+    def all_slopes(t, x, out, params):
         z = _arguments(x, params)
         block = np.empty((z.shape[0], z.shape[0]))
-        jac(t, z, block, params[: int(params[-3])])
+        jac(t, z, block, params[: own_size(params)])
         _combine_slopes(block, out, params)
 
-    return as_value(derived(slopes), JAC_SIG)
+    return as_value(derived(all_slopes), JAC_SIG)
 
 
 # What follows is the same for every f, and kept on disk.
@@ -118,5 +124,10 @@ def _combine_slopes(block, out, params):
 @inner
 def _add_product(params, begin, end, x, out):
     """Add the product with x of the matrix whose triples stand there in params."""
-    for p in range(begin, end, 3):
-        out[int(params[p])] += params[p + 2] * x[int(params[p + 1])]
+    p = begin
+    while p < end:
+        row, total = params[p], 0.0
+        while p < end and params[p] == row:
+            total += params[p + 2] * x[int(params[p + 1])]
+            p += 3
+        out[int(row)] += total

@@ -9,17 +9,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..compiled.jacobian import COLUMNS, CONSTANTS, GROUPS, N_ENTRY_ROWS, ROWS
-from ..compiled.newton import KEPT_FROM
-from ..functions.structured import (
-    behind_params,
-    dense_of,
-    dense_with_linear,
-    entries_of,
-    with_linear,
-)
-from ..functions.trial import arity_of
 from ..support.checks import complaint, count, refuse_masked
+from ..functions.structured import dense_of, entries_of, no_slopes, no_values
+from ..functions.trial import arity_of
+from .affine import affine, slopes
+from .compiled.jacobian import COLUMNS, CONSTANTS, GROUPS, N_ENTRY_ROWS, ROWS
+from .compiled.newton import KEPT_FROM
 
 # Diagonals up to which a pattern is taken for a band, its components put in another order: SuperLU
 # takes less time beyond.
@@ -210,18 +205,20 @@ def copied(given):
 def assembled(said, functions, d):
     """Return params, rhs, jac and structure of a system, from `Stated` and the user's functions."""
     params, rhs, jac = functions.params, functions.rhs, functions.jac
-    linear, alone = said.linear is not None, functions.rhs is None
-    if linear:
-        params, rhs = behind_params(params, said.linear), with_linear(rhs)
-    structure = said.structure(d, alone or jac is not None)
-    if structure is not None:
-        if alone or jac is not None:
-            jac = entries_of(jac, said.shape, linear)
-    elif alone or jac is not None:
-        if said.rows is not None and jac is not None:  # of few components
-            table = Structure.of(d, said.rows, said.columns, said.places, None).entries
-            jac = dense_of(entries_of(jac, said.shape, False), table)
-        jac = dense_with_linear(jac) if linear else jac
+    linear, given = said.linear, functions.rhs is None or jac is not None
+    structure = said.structure(d, given)
+    if given and structure is not None:
+        jac = entries_of(jac, said.shape, linear is not None)
+    elif given and said.rows is not None and jac is not None:  # of few components
+        table = Structure.of(d, said.rows, said.columns, said.places, None).entries
+        jac = dense_of(entries_of(jac, said.shape, False), table)
+    if linear is None:
+        return params, rhs, jac, structure
+    rows = np.repeat(np.arange(d), np.diff(linear.indptr))
+    entries = np.c_[rows, linear.indices, linear.data]
+    params, rhs, _ = affine((params, rhs or no_values(), None), d, d, entries)
+    if given and structure is None:
+        jac = slopes(jac or no_slopes())
     return params, rhs, jac, structure
 
 
@@ -232,7 +229,7 @@ def constant_part(matrix):
     """
     d = matrix.shape[0]
     if d <= FEW or 2 * matrix.nnz >= d * d:
-        return dense_with_linear(None), None
+        return slopes(no_slopes()), None
     nothing = np.zeros(0, dtype=np.int64)
     return entries_of(None, (0,), True), Structure.of(d, nothing, nothing, nothing, matrix)
 

@@ -1,81 +1,23 @@
-"""Functions of large systems: constant matrices beside a right-hand side, entries of Jacobians.
+"""Functions of large systems: those that are 0, and entries of Jacobians.
 
-A constant matrix stands behind the parameters in SciPy's CSR form: its values, their columns, where
-each row begins, and the numbers of values and rows. A sparse Jacobian is filled as
-compiled/jacobian.py has it.
+A sparse Jacobian is filled as compiled/jacobian.py has it.
 """
 
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 
-from ..compiled.jacobian import COLUMNS, CONSTANTS, GROUPS, ROWS, VALUES
-from ..compiled.jit import JAC_SIG, RHS_SIG, as_value, compiled, derived, inlined
-
-
-def behind_params(params, linear):
-    """Return the parameters with a constant matrix, SciPy's CSR array, behind them."""
-    sizes = np.array([linear.nnz, linear.shape[0]])
-    return np.concatenate([params, linear.data, linear.indices, linear.indptr, sizes], dtype=float)
-
-
-@inlined
-def own_size(params):
-    """Number of parameters in front of a constant matrix."""
-    return params.shape[0] - 2 * int(params[-2]) - int(params[-1]) - 3
-
-
-@lru_cache(maxsize=64)
-def with_linear(rhs):
-    """Return a right-hand side, or for None that of nothing, plus a constant matrix times y."""
-    without: Any = rhs is None
-    rhs = rhs or as_value(_nothing, RHS_SIG)
-
-    def total(t, y, dy, params):
-        own, k, n = own_size(params), int(params[-2]), int(params[-1])
-        if without:
-            for i in range(n):
-                dy[i] = 0.0
-        else:
-            rhs(t, y, dy, params[:own])
-        columns, starts = own + k, own + 2 * k
-        for i in range(n):
-            summed = 0.0
-            for p in range(int(params[starts + i]), int(params[starts + i + 1])):
-                summed += params[own + p] * y[int(params[columns + p])]
-            dy[i] += summed
-
-    return as_value(derived(total), RHS_SIG)
-
-
-@lru_cache(maxsize=64)
-def dense_with_linear(jac):
-    """Return a dense Jacobian, or for None that of nothing, plus a constant matrix."""
-    without: Any = jac is None
-    jac = jac or as_value(_nothing_twice, JAC_SIG)
-
-    def total(t, y, out, params):
-        own, k, n = own_size(params), int(params[-2]), int(params[-1])
-        if without:
-            for i in range(n):
-                for j in range(n):
-                    out[i, j] = 0.0
-        else:
-            jac(t, y, out, params[:own])
-        columns, starts = own + k, own + 2 * k
-        for i in range(n):
-            for p in range(int(params[starts + i]), int(params[starts + i + 1])):
-                out[i, int(params[columns + p])] += params[own + p]
-
-    return as_value(derived(total), JAC_SIG)
+from ..compiled.jit import JAC_SIG, RHS_SIG, as_value, compiled, derived
+from ..equation.affine import own_size
+from .compiled.copying import clear_matrix
+from .compiled.jacobian import COLUMNS, CONSTANTS, GROUPS, ROWS, VALUES
 
 
 @lru_cache(maxsize=64)
 def entries_of(jac, shape, linear):
     """Return a Jacobian that sets the values of entries, from one that fills an array of `shape`.
 
-    For None it is constant. `linear` tells whether a constant matrix stands behind the parameters.
+    For None it is constant. `linear` tells whether the parameters are those of `affine`.
     """
     if jac is None:
         return as_value(_constants, JAC_SIG)
@@ -133,10 +75,23 @@ def _constants(t, y, out, params):
 
 
 @compiled
-def _nothing(t, y, dy, params):
-    """Stands in for a right-hand side where there is none."""
+def _no_values(t, y, out, params):
+    """Right-hand side 0."""
+    for i in range(out.shape[0]):
+        out[i] = 0.0
 
 
 @compiled
-def _nothing_twice(t, y, out, params):
-    """Stands in for a Jacobian where there is none."""
+def _no_slopes(t, y, out, params):
+    """Jacobian 0."""
+    clear_matrix(out)
+
+
+def no_values():
+    """Return the right-hand side 0."""
+    return as_value(_no_values, RHS_SIG)
+
+
+def no_slopes():
+    """Return the Jacobian 0."""
+    return as_value(_no_slopes, JAC_SIG)
