@@ -1,9 +1,10 @@
 """Right-hand sides ``B x + A f(t, S x)`` that are made of a right-hand side f.
 
-Their Jacobians are ``B + A J S``. Behind the parameters of f stand the entries of S, B and A as
-triples (row, column, value), then the number of values of f, and where each matrix begins. Where f
-reads the first components and its values are those of the last ones, there are no entries of S and
-A, and f sets its values in place.
+Their Jacobians are ``B + A J S``. Behind the parameters of f stand S, B and A, then the number of
+values of f, and where each matrix begins. A matrix is where each of its rows begins and the last
+one ends, counted from there, and then column and value of each entry, row by row. Where f reads the
+first components and its values are those of the last ones, there are no S and A, and f sets its
+values in place.
 """
 
 from functools import lru_cache
@@ -13,7 +14,7 @@ import numpy as np
 
 from .compiled.jit import JAC_SIG, RHS_SIG, as_value, compiled, derived, inlined, inner
 
-# Numbers behind the triples.
+# Numbers behind the matrices.
 _SIZES = 4
 
 
@@ -35,10 +36,20 @@ def affine(functions, n, n_f, b, a=None, s=None) -> tuple[np.ndarray, Any, Any]:
     first, last = np.c_[own, own, ones], np.c_[n - n_f + own, own, ones]
     s, a = first if s is None else s, last if a is None else a
     in_place = np.array_equal(s, first) and np.array_equal(a, last)
-    parts = [params, *map(np.ravel, ((), b, ()) if in_place else (s, b, a))]
+    parts = [params, _by_rows(s, n_f), _by_rows(b, n), _by_rows(a, n)]
+    if in_place:
+        parts[1] = parts[3] = np.zeros(0)
     begins = np.cumsum([part.size for part in parts])[:3]
     values = np.concatenate([*parts, [n_f], begins])
     return values, _side(rhs, in_place), jac and slopes(jac)
+
+
+def _by_rows(triples, n):
+    """Return the matrix of n rows with these entries as compiled code takes it."""
+    triples = np.reshape(triples, (-1, 3))
+    triples = triples[np.argsort(triples[:, 0], kind="stable")]
+    begins = n + 1 + 2 * np.searchsorted(triples[:, 0], np.arange(n + 1))
+    return np.concatenate([begins, triples[:, 1:].ravel()])
 
 
 @inlined
@@ -89,45 +100,48 @@ def _arguments(x, params):
     if s == b:
         return x[:n_f]
     z = np.zeros(n_f)
-    _add_product(params, s, b, x, z)
+    _add_product(params[s:], x, z)
     return z
 
 
 @compiled
 def _combine(x, force, out, params):
     """Set out = B x + A f."""
-    b, a, end = int(params[-2]), int(params[-1]), params.shape[0] - _SIZES
-    for i in range(out.shape[0] if a < end else out.shape[0] - force.shape[0]):
+    b, a = int(params[-2]), int(params[-1])
+    in_place = a == params.shape[0] - _SIZES
+    for i in range(out.shape[0] - force.shape[0] if in_place else out.shape[0]):
         out[i] = 0.0
-    _add_product(params, b, a, x, out)
-    _add_product(params, a, end, force, out)
+    _add_product(params[b:], x, out)
+    if not in_place:
+        _add_product(params[a:], force, out)
 
 
 @compiled
 def _combine_slopes(block, out, params):
     """Set out = B + A J S."""
-    s, b, a = int(params[-3]), int(params[-2]), int(params[-1])
     n, n_f = out.shape[0], block.shape[0]
+    s, b, a = int(params[-3]), int(params[-2]), int(params[-1])
+    in_place, read, own, before = s == b, params[s:], params[b:], params[a:]
     for i in range(n):
         for j in range(n):
-            in_place = s == b and i >= n - n_f and j < n_f
-            out[i, j] = block[i - n + n_f, j] if in_place else 0.0
-    for p in range(b, a, 3):
-        out[int(params[p]), int(params[p + 1])] += params[p + 2]
-    for p in range(a, params.shape[0] - _SIZES, 3):
-        i, k = int(params[p]), int(params[p + 1])
-        for q in range(s, b, 3):
-            change = params[p + 2] * block[k, int(params[q])] * params[q + 2]
-            out[i, int(params[q + 1])] += change
+            copied = in_place and i >= n - n_f and j < n_f
+            out[i, j] = block[i - n + n_f, j] if copied else 0.0
+        for p in range(int(own[i]), int(own[i + 1]), 2):
+            out[i, int(own[p])] += own[p + 1]
+        if in_place:
+            continue
+        for p in range(int(before[i]), int(before[i + 1]), 2):
+            for k in range(n_f):
+                change = before[p + 1] * block[int(before[p]), k]
+                for q in range(int(read[k]), int(read[k + 1]), 2):
+                    out[i, int(read[q])] += change * read[q + 1]
 
 
 @inner
-def _add_product(params, begin, end, x, out):
-    """Add the product with x of the matrix whose triples stand there in params."""
-    p = begin
-    while p < end:
-        row, total = params[p], 0.0
-        while p < end and params[p] == row:
-            total += params[p + 2] * x[int(params[p + 1])]
-            p += 3
-        out[int(row)] += total
+def _add_product(matrix, x, out):
+    """Add the product of a matrix with x."""
+    for i in range(out.shape[0]):
+        total = 0.0
+        for p in range(int(matrix[i]), int(matrix[i + 1]), 2):
+            total += matrix[p + 1] * x[int(matrix[p])]
+        out[i] += total
