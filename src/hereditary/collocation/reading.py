@@ -122,16 +122,15 @@ def reduced(equation):
         required = "be Caputo operators of constant order with Collocation, where memory is read"
         raise ValueError(complaint("terms", required, "another", "take ExplicitCaputo or L1"))
     d, leading = equation.d, equation.highest_orders()
-    layout = _Layout(list(equation.y0[0]), list(leading), [])
+    second = np.flatnonzero(leading > 1)
     speeds = np.zeros(d, dtype=np.int64)
-    places: dict[tuple[int, float], int] = {}
-    for j in np.flatnonzero(leading > 1).tolist():
-        speeds[j] = len(layout.y0)
-        layout.orders[j] = 1.0
-        layout.add(equation.y0[1, j], leading[j] - 1, -1.0 - j)
+    speeds[second] = d + np.arange(second.size)
     # each component's right-hand side: F_j, as -1 - j, or another component
-    origins = [float(speeds[j]) if leading[j] > 1 else -1.0 - j for j in range(d)]
-    layout.origins[:0] = origins
+    origins = np.where(leading > 1, speeds, -1 - np.arange(d)).tolist()
+    layout = _Layout(list(equation.y0[0]), np.minimum(leading, 1.0).tolist(), origins)
+    places: dict[tuple[int, float], int] = {}
+    for j in second.tolist():
+        layout.add(equation.y0[1, j], leading[j] - 1, -1 - j)
 
     def place(j, gamma):
         """Component that is D^gamma y_j."""
@@ -141,7 +140,7 @@ def reduced(equation):
             places[j, gamma] = len(layout.y0)
             slow = leading[j] > 1 and gamma < 1
             order = 1 - gamma if slow else leading[j] - gamma
-            layout.add(0.0, order, float(speeds[j]) if slow else -1.0 - j)
+            layout.add(0.0, order, int(speeds[j]) if slow else -1 - j)
         return places[j, gamma]
 
     # what f reads, and the lower terms of each F_j
@@ -156,13 +155,13 @@ def reduced(equation):
                 lower[j].append((place(j, operator.order), coefficients[c]))
     n, lead, own, forces = len(layout.y0), np.ones(len(layout.y0)), [], []
     for i, origin in enumerate(layout.origins):
-        j = int(-1 - origin)
         if origin < 0:
+            j = -1 - origin
             lead[i] = equation.coefficient(leading)[j]
             forces.append((i, j, 1.0))
             own += [(i, k, -c) for k, c in lower[j]]
         else:
-            own.append((i, int(origin), 1.0))
+            own.append((i, origin, 1.0))
     left = [
         SystemTerm(ConstantOrder(order), np.where(np.array(layout.orders) == order, lead, 0.0))
         for order in dict.fromkeys(layout.orders)
