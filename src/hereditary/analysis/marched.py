@@ -5,13 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from ..collocation.reading import reduced
-from ..equation.system import System, first_order
+from ..equation.system import System
 from ..schemes.adams import Adams
 from ..schemes.bdf import BDF
 from ..schemes.explicit import ExplicitCaputo
 from ..schemes.l1 import L1
 from ..schemes.scheme import Scheme, distinct_components
-from ..equation.system import System
 
 # A scheme is of first order where it is of no more than this next to alpha = 1.
 _NEAR_1, _FIRST_ORDER = 0.95, 1.25

@@ -17,9 +17,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..support.checks import complaint
-from ..affine import affine
+from ..equation.affine import affine
 from ..equation.frame import Frame
+from ..equation.system import System
+from ..equation.terms import ConstantOrder, SystemTerm
 from ..solver.dense import Piece
 from ..support.checks import complaint
 

@@ -9,12 +9,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..support.checks import complaint, count, refuse_masked
-from ..functions.structured import dense_of, entries_of, no_slopes, no_values
+from ..compiled.jacobian import COLUMNS, CONSTANTS, GROUPS, N_ENTRY_ROWS, ROWS
+from ..compiled.newton import KEPT_FROM
 from ..functions.trial import arity_of
+from ..support.checks import complaint, count, refuse_masked
 from .affine import affine, slopes
-from .compiled.jacobian import COLUMNS, CONSTANTS, GROUPS, N_ENTRY_ROWS, ROWS
-from .compiled.newton import KEPT_FROM
+from .structured import dense_of, entries_of, no_slopes, no_values
 
 # Diagonals up to which a pattern is taken for a band, its components put in another order: SuperLU
 # takes less time beyond.

@@ -16,7 +16,6 @@ from ..compiled.jit import JAC_SIG, RHS_SIG, as_value, derived
 from ..support.checks import complaint
 from .build import function_of, locked
 from .python_calls import Callback, PythonFunctionWarning, before_addresses, in_python
-from .structured import as_row
 from .trial import Start
 
 
@@ -96,7 +95,7 @@ def _jacobian(jac, start, shape):
     with warnings.catch_warnings():  # large systems keep their Jacobians for many steps
         warnings.simplefilter("ignore", PythonFunctionWarning)
         made = function_of("jac", "data", jac, start, shape, RHS_SIG)
-    return made._replace(compiled=made.compiled and as_row(made.compiled))
+    return made._replace(compiled=made.compiled and _as_row(made.compiled))
 
 
 def _callback(name, parts, start, shape):
@@ -148,3 +147,13 @@ def _joined(jac, beside, k):
                     out[i, j] = by_y[i, j] if j < d else by_memory[i, j - d]
 
     return derived(all_components)
+
+
+@lru_cache(maxsize=64)
+def _as_row(values):
+    """Return a function that fills the row of an array (1, k), from one that fills (k,)."""
+
+    def row(t, y, out, params):
+        values(t, y, out[0], params)
+
+    return as_value(derived(row), JAC_SIG)

@@ -8,7 +8,7 @@ Source: [LyuVong2022].
 
 import numpy as np
 
-from ..affine import affine
+from ..equation.affine import affine
 from ..equation.system import System
 from ..equation.terms import ConstantOrder, SystemTerm
 

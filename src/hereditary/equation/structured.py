@@ -7,10 +7,10 @@ from functools import lru_cache
 
 import numpy as np
 
+from ..compiled.copying import clear_matrix
+from ..compiled.jacobian import COLUMNS, CONSTANTS, GROUPS, ROWS, VALUES
 from ..compiled.jit import JAC_SIG, RHS_SIG, as_value, compiled, derived
-from ..equation.affine import own_size
-from .compiled.copying import clear_matrix
-from .compiled.jacobian import COLUMNS, CONSTANTS, GROUPS, ROWS, VALUES
+from .affine import own_size
 
 
 @lru_cache(maxsize=64)
@@ -33,16 +33,6 @@ def entries_of(jac, shape, linear):
             out[VALUES, k] = out[CONSTANTS, k] + (values[place] if place >= 0 else 0.0)
 
     return as_value(derived(entries), JAC_SIG)
-
-
-@lru_cache(maxsize=64)
-def as_row(values):
-    """Return a function that fills the row of an array (1, k), from one that fills (k,)."""
-
-    def row(t, y, out, params):
-        values(t, y, out[0], params)
-
-    return as_value(derived(row), JAC_SIG)
 
 
 def dense_of(jac, table):

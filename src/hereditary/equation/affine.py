@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from .compiled.jit import JAC_SIG, RHS_SIG, as_value, compiled, derived, inlined, inner
+from ..compiled.jit import JAC_SIG, RHS_SIG, as_value, compiled, derived, inlined, inner
 
 # Numbers behind the matrices.
 _SIZES = 4
