@@ -79,7 +79,7 @@ def floors_of(system, many, t_end):
         found = _balanced(forces, 0.5 * t_end, y0, gains, found, peaks, by_themselves)
     # what nothing drives counts from where it would drive others as much as all else does
     sizes = np.maximum(np.abs(y0), found)
-    felt = abs(jacobian).T @ np.divide(gains, sizes, out=np.zeros(y0.size), where=sizes > 0)
+    felt = abs(jacobian).T @ np.divide(gains, sizes, out=np.zeros(y0.size), where=sizes > 1e-200)
     found = np.where(
         (sizes == 0) & (felt > 0) & (felt < np.inf), 1 / np.maximum(felt, 1e-300), found
     )
