@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..compiled.jit import compiled
 from ..compiled.term import close_piece, open_lag
 from ..equation.operators import Caputo, Memory, Term
 from ..equation.sides import left_side
@@ -286,8 +287,10 @@ def _alone(operator):
     return System(left, y0, np.zeros(0), _one)
 
 
+@compiled
 def _one(t, y, dy, params):
-    dy[...] = 1.0
+    for i in range(dy.shape[0]):
+        dy[i] = 1.0
 
 
 def _plan(scheme, system, h):
