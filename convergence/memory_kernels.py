@@ -12,7 +12,7 @@ import numpy as np
 from _study import Claim, curves, study
 
 import hereditary as hd
-from hereditary.kernels import (
+from hereditary import (
     DistributedOrder,
     Kernel,
     MittagLeffler,
