@@ -260,13 +260,13 @@ class HybridEvents(Events):
     any = True
 
     def __init__(self, functions, acting, n_events, stepper, signs, known):
-        self._acting, self.n_events, self._start = acting, n_events, stepper.t
+        self._acting, self._start = acting, stepper.t
         self._known, self._origin = known, stepper.equation.frame.start
         self._stands_at, self.stated, self.stuck = stepper.stands_at, math.inf, None
         self._at_once = 1.0 if stepper.looks == 1 else _RETURN
         self.fired: dict[int, float] = {}
         self._last: dict[int, float] = {}
-        super().__init__(functions, stepper, signs)
+        super().__init__(functions, stepper, signs, n_events)
 
     def go_on(self, before, stepper):
         """Go on from where a march stands, whose components, (d,), were `before` until then."""

@@ -1,4 +1,4 @@
-"""How growth is measured over a stepper: by tangents, pairs of orbits, or restarts."""
+"""Estimators of growth over a stepper: tangents, pairs of orbits, restarts."""
 
 import numpy as np
 
@@ -48,7 +48,7 @@ class Tangents:
 
     @property
     def position(self):
-        """How far the orbit is, in steps or in time."""
+        """Position of the orbit, in steps or in time."""
         return self.stepper.position
 
     @property

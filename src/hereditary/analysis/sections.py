@@ -46,7 +46,7 @@ class Section:
         return np.mod(self.y, positive("spacing", spacing))
 
     def lag(self, speed: float) -> np.ndarray:
-        """How far the solution is ahead of ``speed * t``, shape (n, d)."""
+        """Return ``y - speed * t``, the distance ahead of an even motion, shape (n, d)."""
         return self.y - real("speed", speed) * self.t[:, None]
 
 

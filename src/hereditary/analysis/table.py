@@ -197,7 +197,7 @@ class Columns:
 
     @property
     def n_left(self):
-        """How many points are missing."""
+        """Number of points that are missing."""
         return sum(status is NOT_COMPUTED for status in self._status)
 
     def add(self, index, status, values):

@@ -183,13 +183,13 @@ class AdaptiveStepper(CollocationMarch, Stepper):
     def expect_moves(self, of_y):
         """Make few steps at once, for f, and y if `of_y`, is going to jump; refuse if it cannot."""
         self._rows = _FEW_ROWS
-        kinds = "a change of y" if of_y else "a switch"
+        kinds, moving = "a change of y" if of_y else "a switch", "events, changes and switches"
         if self._form.implicit.any():
             required = "change or switch nothing where a component's highest order varies or is a "
-            raise ValueError(complaint("events", required + "kernel's", kinds))
+            raise ValueError(complaint(moving, required + "kernel's", kinds))
         if of_y and any(operator.from_zero for operator, _ in self.equation.left):
             required = "change no y beside RiemannLiouville, which takes jumps for derivatives"
-            raise ValueError(complaint("events", required, kinds))
+            raise ValueError(complaint(moving, required, kinds))
 
     def moved(self, y):
         """Let y jump to these values, (d,), here; the jump does not enter the memory."""

@@ -113,7 +113,7 @@ class Pace:
 
 
 class Ending(NamedTuple):
-    """How a run that cannot go on ends, and a clause for its message; no status where it can."""
+    """Status of a run that cannot go on, and a clause for its message; None for one that can."""
 
     status: Status | None = None
     detail: str = ""

@@ -61,7 +61,7 @@ class PowerPiece(Piece):
         return np.where(second, speeds, np.where(steep, np.copysign(np.inf, slopes), slopes))
 
     def at_ends(self, ends, chosen, second, slopes=True):
-        """As `evaluate_both`, at the end of the step, if it is chosen."""
+        """Return y and y' at the end of the step, if it is chosen."""
         _, p, y = self.values[..., -1]
         position, steep = self.at_start + self.length * self.means[:, -1], np.nan
         if slopes and not np.all(second):
@@ -142,7 +142,7 @@ class PolynomialPieces(Piece):
         return self.at_starts[i, 0] + h * np.einsum("kdj,kj->kd", self.rows[i], weights)
 
     def at_ends(self, ends, chosen, second, slopes=True):
-        """As `evaluate_both`, at the chosen ones of the steps' ends."""
+        """Return y and y' at the chosen ones of the steps' ends."""
         rows, h = self.rows[chosen], self.lengths[chosen, None]
         p, s = rows[:, :, -1], self.rows.shape[2]
         of_start, of_rows, integral = _end_weights(s)

@@ -80,9 +80,8 @@ def floors_of(system, many, t_end):
     # what nothing drives counts from where it would drive others as much as all else does
     sizes = np.maximum(np.abs(y0), found)
     felt = abs(jacobian).T @ np.divide(gains, sizes, out=np.zeros(y0.size), where=sizes > 1e-200)
-    found = np.where(
-        (sizes == 0) & (felt > 0) & (felt < np.inf), 1 / np.maximum(felt, 1e-300), found
-    )
+    alone = (sizes == 0) & (felt > 0) & (felt < np.inf)
+    found = np.where(alone, 1 / np.maximum(felt, 1e-300), found)
     return np.where((np.abs(y0) >= NEAR * found) & (found > 0), -1.0, found), forces.calls
 
 
@@ -133,13 +132,8 @@ class _Forces:
         points = np.array(np.broadcast_to(points, (len(times), self._system.d)), order="C")
         out, self.calls = np.full(points.shape, np.nan), self.calls + len(times)
         with suppress(Exception):
-            _forces_at(
-                self._system.compiled_rhs,
-                self._system.compiled_params,
-                np.array(times),
-                points,
-                out,
-            )
+            rhs, *_, params = self._system.compiled
+            _forces_at(rhs, params, np.array(times), points, out)
         return out
 
 

@@ -173,13 +173,13 @@ def forget(array, d):
 
 @entry(MAT, MAT)
 def measure(columns, inverse):
-    """As `triangle`, called from Python."""
+    """Call `triangle` from Python."""
     return triangle(columns, inverse)
 
 
 @entry(STATE, MEMORY, I8, I8, MAT)
 def transform_march(state, memory, d, lasting, matrix):
-    """As `transform`, for a march that stands still."""
+    """Call `transform` between two entries into the march."""
     transform(state, memory, d, lasting, matrix)
 
 

@@ -145,10 +145,10 @@ def _plan(equation, h, corrections):
 def _region(equation, lead, corrections):
     """Return the limits of -d f / d y; None if every step is stable.
 
-    Sweeps contract only if ``lead K < 1``, which is the limit of stability for an odd number of
-    sweeps and orders up to 1, and above it in all other cases. Without sweeps the alternating mode
-    leaves the unit circle above order 1 only, at ``lead K = 1 / (4 |eta(-1-beta)|)``, eta being
-    Dirichlet's.
+    Sweeps contract only if ``lead K < 1``. This is the limit of stability for an odd number of
+    sweeps and orders up to 1; otherwise steps are unstable from a smaller K on. Without sweeps the
+    alternating mode leaves the unit circle above order 1 only, at ``lead K = 1 /
+    (4 |eta(-1-beta)|)``, eta being Dirichlet's.
     """
     orders = equation.highest_orders()[equation.sources]
     if corrections:

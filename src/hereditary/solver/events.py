@@ -27,6 +27,8 @@ class Events:
         Where the run begins.
     signs : dict
         Signs that `signs` gave at the end of the run that this one goes on from.
+    n_events : int, optional
+        Number of the first functions whose zeros a solution has; all by default.
 
     Attributes
     ----------
@@ -38,15 +40,13 @@ class Events:
         Whether a terminal event ends the run there.
     interrupted : bool
         Whether the march is to go on from there with another y or right-hand side.
-    n_events : int
-        Number of the first functions, whose zeros are told.
     """
 
     over = interrupted = False
 
-    def __init__(self, functions, stepper, signs):
+    def __init__(self, functions, stepper, signs, n_events=None):
         self._functions, self._looks = list(functions), stepper.looks
-        self.n_events = getattr(self, "n_events", len(self._functions))
+        self.n_events = len(self._functions) if n_events is None else n_events
         self._limits = [_limit(function) for function in self._functions]
         self.times: list[list[float]] = [[] for _ in self._functions]
         self.values: list[list[np.ndarray]] = [[] for _ in self._functions]

@@ -367,7 +367,7 @@ class FixedStepper(Stepper):
         terms = [operator for operator, _ in self.equation.enlarged.left]
         if of_y and any(op.derivative == 0 or op.from_zero for op in terms):
             required = "change no y that a kernel or RiemannLiouville acts on, on given steps"
-            raise ValueError(complaint("events", required, "a change"))
+            raise ValueError(complaint("events and changes", required, "a change"))
 
     def moved(self, y):
         """Let y jump to these values, (d,), here; the jump does not enter the memory."""

@@ -55,7 +55,7 @@ class Status(enum.StrEnum):
     KERNEL_FAILED = "kernel_failed", "a memory kernel raised an exception"
     EVENT_FAILED = (
         "event_failed",
-        "an event function raised an exception, wrote into y or returned no number",
+        "an event function or a change raised an exception, wrote into y or returned a wrong value",
     )
 
 
