@@ -57,7 +57,7 @@ def test_an_event_that_fails_ends_the_run_with_what_was_made():
             raise ValueError("no")
         return 1.0
 
-    with pytest.warns(hd.SolveWarning, match="event function raised"):
+    with pytest.warns(hd.SolveWarning, match="an event function or a change raised"):
         sol = hd.solve(hd.scenes.relaxation(), 2.0, 200, events=fails)
     assert sol.status == "event_failed"
     assert 0.9 < sol.t[-1] <= 1.0 + 1e-12
