@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import gamma as gamma_function
 
-from .equation.initial_values import initial_values
 from .equation.orders import derivative_order, orders_up_to_2
+from .equation.statement import initial_values
 from .support.checks import complaint, real, real_array, within
 
 try:

@@ -12,25 +12,27 @@ from numpy.typing import ArrayLike
 
 from ..compiled.callbacks import PythonRaised, original
 from ..functions.assemble import functions_of
-from ..functions.build import present_values
+from ..functions.build import Start, present_values
 from ..functions.differences import check_jacobian
 from ..functions.reads import digest, digest_of_compiled
-from ..functions.trial import Start
 from ..support.checks import complaint, count, real, real_array
 from .chain import chained
 from .formula import formula
 from .frame import Frame
-from .initial_values import finite, initial_values, of_shorthand, rows_of
 from .operators import Summand
 from .orders import merged_orders
-from .sides import (
+from .statement import (
     as_terms,
     check_initial_terms,
     enlarged,
     factors_of,
+    finite,
+    initial_values,
     left_side,
+    of_shorthand,
     per_component,
     read_terms,
+    rows_of,
 )
 from .structure import assembled, copied, stated
 from .system import System, changed, displaced, later, leading_orders

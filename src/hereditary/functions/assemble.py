@@ -14,9 +14,8 @@ import numpy as np
 
 from ..compiled.jit import JAC_SIG, RHS_SIG, as_value, derived
 from ..support.checks import complaint
-from .build import function_of, locked
+from .build import Start, function_of, locked
 from .python_calls import Callback, PythonFunctionWarning, before_addresses, in_python
-from .trial import Start
 
 
 class Functions(NamedTuple):

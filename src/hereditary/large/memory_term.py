@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from ..compiled.jit import compiled
 from ..compiled.term import close_piece, open_lag
 from ..equation.operators import Caputo, Memory, Term
-from ..equation.sides import left_side
+from ..equation.statement import left_side
 from ..equation.system import System, refuse_late
 from ..history.exponentials import SumOfExponentials
 from ..history.history import History
