@@ -23,6 +23,7 @@ from .functions.python_calls import PythonFunctionWarning
 from .history.direct import Direct
 from .history.exponentials import SumOfExponentials
 from .history.fft import FFT
+from .ivp import solve_ivp
 from .kernels.exponential_sum import fit_exponentials
 from .kernels.measured import Kernel, TabulatedKernel
 from .kernels.memory_kernel import ExponentialSum, KernelWarning, MemoryKernel
@@ -110,6 +111,7 @@ __all__ = [
     "scenes",
     "sensitivities",
     "solve",
+    "solve_ivp",
     "stroboscopic",
     "sweep",
     "zero_one_test",

@@ -1,0 +1,170 @@
+"""`scipy.integrate.solve_ivp` with memory: the same call, with orders beside it."""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .collocation.method import Collocation
+from .equation.equation import Equation
+from .equation.operators import Caputo
+from .solver.solve import solve
+from .solver.status import Status
+from .support.checks import complaint, real_array, shown
+
+# SciPy's names of methods, which all mean adaptive collocation here.
+_METHODS = "RK45", "RK23", "DOP853", "Radau", "BDF", "LSODA", "Collocation"
+_UNKNOWN = {
+    "vectorized": "leave it out: fun is compiled and called at one point at a time",
+    "first_step": "leave it out: the first step is chosen by the tolerance",
+    "min_step": "leave it out: a run that needs shorter steps ends and says so",
+    "jac_sparsity": "hereditary.Equation(..., jac_sparsity=) takes it",
+    "lband": "hereditary.Equation(..., bandwidth=) takes it",
+    "uband": "hereditary.Equation(..., bandwidth=) takes it",
+}
+
+
+def solve_ivp(
+    fun: Callable,
+    t_span: Sequence[float],
+    y0: ArrayLike,
+    method: str = "Collocation",
+    t_eval: ArrayLike | None = None,
+    dense_output: bool = False,
+    events: Callable | Sequence[Callable] | None = None,
+    args: tuple | None = None,
+    *,
+    order: ArrayLike = 1.0,
+    rtol: float = 1e-3,
+    atol: float = 1e-6,
+    max_step: float = np.inf,
+    jac: Callable | None = None,
+    **options: Any,
+) -> Any:
+    r"""Solve ``D^order y = fun(t, y)`` by the call and with the result of SciPy's `solve_ivp`.
+
+    A script that solves ordinary differential equations with SciPy changes one line: the
+    import. `order` then replaces y' by Caputo's derivative. `solve` has more: kernels, several
+    terms, given steps, resumed runs.
+
+    Parameters
+    ----------
+    fun : callable
+        ``fun(t, y, *args)`` returning shape (n,); compiled with numba if that is possible.
+    t_span : (float, float)
+        Start and end; the end lies after the start [time].
+    y0 : array_like, shape (n,), or (2, n) with an order above 1
+        y, and y' in the second row, at the start.
+    method : str, optional
+        Any name that SciPy takes; all mean `Collocation`, which suits stiff equations too.
+    t_eval : array_like, shape (k,), optional
+        Times of the result; by default those of the steps.
+    dense_output : bool, optional
+        Whether the result has `sol`.
+    events : callable or list of callable, optional
+        ``event(t, y, *args)`` with SciPy's attributes `terminal` and `direction`. A zero at the
+        very start is no event.
+    args : tuple, optional
+        Further arguments of `fun`, `jac` and events. They are constants of the compiled function:
+        for many values make one `Equation` with `params`.
+    order : float or array_like of shape (n,), optional
+        Order of Caputo's derivative, in (0, 2], one for all or one for each component [-].
+    rtol, atol : float, optional
+        Errors of y stay about ``atol + rtol * |y|``; rtol is at least 1e-12.
+    max_step : float, optional
+        Longest step [time].
+    jac : callable, optional
+        ``jac(t, y, *args)`` returning d fun / d y, shape (n, n).
+
+    Returns
+    -------
+    OptimizeResult
+        t (k,), y (n, k), sol (None, or a function of times that returns shape (n,) or (n, k)),
+        t_events and y_events (None, or a list with an array for each event), nfev, status (0: end
+        reached, 1: terminal event, -1: failed), message, success.
+
+    Raises
+    ------
+    TypeError, ValueError
+        An argument is not as required; nothing has been run.
+
+    Error
+    -----
+    Within the tolerance for right-hand sides that are smooth in t and y, also where the solution
+    starts like t**order (see `Collocation`).
+
+    Examples
+    --------
+    >>> import hereditary as hd
+    >>> def spring(t, y, friction):
+    ...     return [y[1], -friction * y[1] - y[0]]
+    >>> classical = hd.solve_ivp(spring, (0, 10), [1.0, 0.0], args=(0.1,), rtol=1e-8)
+    >>> hereditary = hd.solve_ivp(spring, (0, 10), [1.0, 0.0], args=(0.1,), rtol=1e-8, order=0.9)
+    >>> [round(float(sol.y[0, -1]), 4) for sol in (classical, hereditary)]
+    [-0.5292, -0.1111]
+    """
+    for name, value in options.items():
+        remedy = _UNKNOWN.get(name, "see help(hereditary.solve_ivp)")
+        raise TypeError(complaint(name, "be left out of solve_ivp", repr(value), remedy))
+    if method not in _METHODS:
+        raise ValueError(complaint("method", f"be one of {', '.join(_METHODS)}", repr(method)))
+    span = real_array("t_span", t_span, "be (start, end)")
+    if span.shape != (2,) or not span[0] < span[1]:
+        required = "be (start, end) with the start before the end"
+        remedy = "an equation with memory has no solution before its start"
+        raise ValueError(complaint("t_span", required, shown(span), remedy))
+    more = () if args is None else tuple(args)
+    listed = () if events is None else events if isinstance(events, (list, tuple)) else (events,)
+    start, end = span.tolist()
+    equation = Equation(
+        Caputo(order), _with(fun, more), y0, jac=jac and _with(jac, more), t_start=start
+    )
+    found = solve(
+        equation,
+        end,
+        rtol=rtol,
+        atol=atol,
+        scheme=Collocation(),
+        t_eval=None if dense_output else t_eval,
+        max_step=None if np.isinf(max_step) else max_step,
+        events=[_with(event, more) for event in listed],
+    )
+    if t_eval is None or not dense_output:
+        times, values = found.t, found.y
+    else:
+        times = real_array("t_eval", t_eval)
+        times = times[times <= found.t[-1]]
+        values = found(times)
+    return _result(found, times, values, dense_output, bool(listed))
+
+
+def _with(fun, more):
+    """Return a function of t and y that hands `more` arguments on, with the attributes of `fun`."""
+    if not more:
+        return fun
+
+    def of_t_and_y(t, y):
+        return fun(t, y, *more)
+
+    of_t_and_y.__name__ = getattr(fun, "__name__", repr(fun))
+    vars(of_t_and_y).update(getattr(fun, "__dict__", {}))
+    return of_t_and_y
+
+
+def _result(found, times, values, dense_output, has_events):
+    """Return a `Solution`, with rows at these times, as SciPy's `solve_ivp` returns one."""
+    from scipy.optimize import OptimizeResult  # takes long to import
+
+    status = {Status.COMPLETED: 0, Status.EVENT: 1}.get(found.status, -1)
+    return OptimizeResult(
+        t=times,
+        y=values.T,
+        sol=(lambda t: found(t).T) if dense_output else None,
+        t_events=found.t_events if has_events else None,
+        y_events=found.y_events if has_events else None,
+        nfev=found.stats["n_rhs"],
+        status=status,
+        message=found.message,
+        success=status >= 0,
+    )
