@@ -28,6 +28,7 @@ from pathlib import Path
 import numpy as np
 from _published_rules import product_integration
 from _study import Claim, curves, study
+from restarting import restarted
 from scipy.optimize import fsolve
 
 import hereditary as hd
@@ -119,12 +120,14 @@ def equation_of(name, alpha, given):
 
 
 @cache
-def exponents(equation, t_end, h, k, scheme, **settings):
-    """`lyapunov` of a run that succeeds."""
+def exponents(equation, t_end, h, k, scheme, mode, **settings):
+    """`lyapunov` of a run that succeeds, or `restarted`."""
     if "directions" in settings:
         settings["directions"] = np.eye(equation.d)
-    n = round(t_end / h)
-    result = hd.lyapunov(equation, t_end, n, k, scheme=scheme, verify=False, **settings)
+    how = equation, t_end, round(t_end / h), k
+    if mode == "restart":
+        return restarted(*how, scheme, **settings)
+    result = hd.lyapunov(*how, mode, scheme, verify=False, **settings)
     if not result.success:
         raise RuntimeError(f"{equation}: {result.message}")
     return result

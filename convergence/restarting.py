@@ -12,6 +12,8 @@ equilibrium.
   mu.
 """
 
+from typing import Any, NamedTuple
+
 import matplotlib.pyplot as plt
 import numpy as np
 from _study import Study, check
@@ -19,6 +21,10 @@ from pymittagleffler import mittag_leffler
 from scipy.special import gamma
 
 import hereditary as hd
+from hereditary.analysis.growth import assess
+from hereditary.equation.system import displaced
+from hereditary.schemes.steps import UniformSteps
+from hereditary.solver.fixed_stepper import FixedStepper
 
 ALPHA, INTERVALS = 0.99, (0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
 STEP, T_END, TRANSIENT = 0.005, 100.0, 20.0
@@ -43,12 +49,62 @@ def at_equilibrium(alpha, interval):
     return np.log(np.abs(growth)).sum() / interval
 
 
+class Restarted(NamedTuple):
+    """Exponents of a run whose memory is cut off at every renormalisation.
+
+    They are not exponents of the equation. Fields are those of `hd.LyapunovResult`.
+    """
+
+    exponents: np.ndarray
+    times: np.ndarray
+    trace: np.ndarray
+    slope: np.ndarray
+    slope_stderr: np.ndarray
+    verdict: str
+    y: np.ndarray
+    settings: dict[str, Any]
+    mode: str = "restart"
+
+
+def restarted(
+    equation, t_end, n_steps, k, scheme, history=None, renorm=None, transient=0.0, window=0.5,
+    directions=None,
+):  # fmt: skip
+    """Compute exponents of orders up to 1, f without t, by an equation begun anew every `renorm`.
+
+    This is the published algorithm: the last values become initial ones, and no memory goes along.
+    """
+    h, d = t_end / n_steps, equation.d
+    steps = UniformSteps(h)
+    if directions is None:
+        directions = np.random.default_rng(0).normal(size=(d, d))[:, :k]
+    phi, y, logs, n = np.linalg.qr(directions)[0], equation.y0[0], [], 0
+    ends = [*range(round(renorm / h), n_steps, round(renorm / h)), n_steps]
+    for end in ends:
+        run = displaced(equation, y[None]), scheme, history or hd.SumOfExponentials(), steps
+        stepper = FixedStepper(*run, end - n, phi)
+        while stepper.n < end - n and stepper.trouble is None:
+            stepper.advance(end - n, keep=False)
+        if stepper.trouble:
+            raise RuntimeError(f"{equation}: {stepper.trouble}")
+        phi, r = np.linalg.qr(stepper.tangent)
+        logs.append(np.log(np.abs(np.diag(r))))
+        y, n = stepper.y, end
+    times, growth = h * np.array(ends), np.cumsum(logs, axis=0)
+    later = times > transient + h / 2
+    growth = growth[later] - (growth[~later][-1] if transient else 0.0)
+    times = times[later]
+    trace = growth / (times - transient)[:, None]
+    late = assess(times, growth, window, 20, "none")
+    settings = {"h": h, "renorm": renorm}
+    errors = late.slope, late.slope_stderr, str(late.verdicts[0])
+    return Restarted(trace[-1], times, trace, *errors, y, settings)
+
+
 def run(mode, interval, h, t_end, alpha=ALPHA, k=3, transient=0.0):
-    equation = hd.scenes.lorenz(alpha=alpha)
-    n = round(t_end / h)
-    return hd.lyapunov(
-        equation, t_end, n, k, mode, hd.Adams(), renorm=interval, transient=transient, verify=False
-    )
+    how = hd.scenes.lorenz(alpha=alpha), t_end, round(t_end / h), k
+    more = {"scheme": hd.Adams(), "renorm": interval, "transient": transient}
+    return restarted(*how, **more) if mode == "restart" else hd.lyapunov(*how, **more, verify=False)
 
 
 def row(case, result, t, exponents, alpha=ALPHA, law=""):

@@ -50,14 +50,6 @@ class Divergence:
         changing = total + 0.5 * (self._first - newest) if n else 0.0
         return self._h * (changing + n * self._constant)
 
-    def state(self):
-        """Return the sum so far."""
-        return self._total, self._newest, self._marked
-
-    def restore(self, state):
-        """Take over where `state` was taken."""
-        self._total, self._newest, self._marked = state
-
     def _sum_at(self, t, rows):
         equation = self._equation
         rows = np.ascontiguousarray(rows)

@@ -1,11 +1,10 @@
-"""Estimators of growth over a stepper: tangents, pairs of orbits, restarts."""
+"""Estimators of growth over a stepper: tangents and pairs of orbits."""
 
 import numpy as np
 
 from ..compiled.growing_march import due, measure, note
 from ..equation.system import displaced
 from ..solver.status import Status
-from ..support.checks import complaint
 
 
 class Tangents:
@@ -107,15 +106,6 @@ class Tangents:
         """Replace what is made orthonormal by combinations, memory included."""
         self.stepper.transform_tangent(matrix)
 
-    def state(self):
-        """States of all steppers."""
-        return tuple(stepper.state() for stepper in self.steppers)
-
-    def restore(self, state):
-        """Take over where `state` was taken."""
-        for stepper, part in zip(self.steppers, state, strict=True):
-            stepper.restore(part)
-
 
 class StepTangents(Tangents):
     """Tangents on given steps, made orthonormal in compiled code by a `GrowingStepper`."""
@@ -180,59 +170,6 @@ class Pairs(Tangents):
             drawn = np.tensordot(matrix.T, np.array(others) - base, axes=1)
             for array, difference in zip(others, drawn, strict=True):
                 array[...] = base + difference
-
-
-class Restarted(StepTangents):
-    """Tangents whose memory, and that of the orbit, is cut off at every renormalisation.
-
-    A published algorithm, for comparison with published numbers: not exponents of the equation.
-    """
-
-    def __init__(self, open_stepper, equation, directions):
-        super().__init__(open_stepper, equation, directions)
-        self._n_before = 0
-        self.stepper.room = 1
-
-    def follow(self, pace, last, unit):
-        """Make tangents orthonormal when `pace` says, in a run to step `last`."""
-        self._pace, self._last = pace, last
-        # steps of the stepper count from the last start
-        own = pace.copy()
-        own["last"], own["transient"] = 0, max(0, pace["transient"] - self._n_before)
-        self.stepper.follow(own, last - self._n_before)
-
-    @property
-    def position(self):
-        """Steps made, those before the restarts included."""
-        return self._n_before + self.stepper.n
-
-    def advance(self, stop, keep):
-        """March some way towards `stop`, counted from the first start."""
-        piece = super().advance(stop - self._n_before, keep)
-        steps, logs = super().grown()
-        for n, grown in zip(steps + self._n_before, logs, strict=True):
-            note(self._pace, n, grown)
-            self._steps.append(n)
-            self._logs.append(grown)
-            self._n_before = n
-            self.stepper.restart()
-            self.follow(self._pace, self._last, 1)
-        return piece
-
-    def grown(self):
-        """Return steps (n,) and logarithms of the growth up to them (n, k), since the last call."""
-        return Tangents.grown(self)
-
-    def prepare(self, n_end):
-        """Nothing: the memory never holds more than one interval."""
-
-    def state(self):
-        """None: where the memory is cut off there is nothing to resume."""
-
-    def restore(self, state):
-        """Refuse."""
-        required = 'be left out with mode="restart"'
-        raise ValueError(complaint("resume", required, type(state).__name__))
 
 
 def _values(stepper):

@@ -10,13 +10,17 @@ from ..equation.equation import Equation
 from ..history.history import History
 from ..schemes.scheme import Scheme
 from ..solver.solution import Status
-from ..support.checks import complaint, instance
+from ..support.checks import complaint, instance, refusing
 from .growth import Verdict
 from .marched import checking_scheme, usual_scheme
 from .one_run import Request, march, result_of
-from .spectrum import LyapunovResult, LyapunovState
+from .spectrum import LyapunovResult
+
+# What to write instead of keywords of former versions.
+_INSTEAD = {"resume": "make one run to the last time: `trace` has the rates of every earlier one"}
 
 
+@refusing(_INSTEAD)
 def lyapunov(
     equation: Equation,
     t_end: float,
@@ -37,7 +41,6 @@ def lyapunov(
     atol: float | None = None,
     verify: bool | None = None,
     progress: bool = False,
-    resume: LyapunovState | None = None,
 ) -> LyapunovResult:
     """The k largest finite-time Lyapunov exponents of an equation with memory.
 
@@ -52,17 +55,15 @@ def lyapunov(
     t_end : float
         End of the run, above 0 [time].
     n_steps : int
-        Number of steps; not needed when resuming. With `Collocation`, which chooses its own steps,
-        the number of times at which tangents may be made orthonormal, 65536 by default.
+        Number of steps. With `Collocation`, which chooses its own steps, the number of times at
+        which tangents may be made orthonormal, 65536 by default.
     k : int
         How many exponents, 1 <= k <= number of initial data (d, and one more for each component of
         order above 1).
-    mode : {"tangent", "pair", "restart"}
+    mode : {"tangent", "pair"}
         "pair" takes orbits side by side whose whole histories are drawn back together, for
         right-hand sides without a derivative; where they jump, with a `separation` of 1e-3 to
-        1e-2, so that orbits meet the jump in different steps. "restart" cuts the memory of orbit
-        and tangents off at every renormalisation; it is for comparison with published tables alone
-        and does not give exponents of this equation.
+        1e-2, so that orbits meet the jump in different steps.
     scheme : Scheme, optional
         By default one of second order wherever one covers the equation: `Adams` for one term a
         component with orders from 1/2 to 1 and for classical equations, `BDF(2)` for other Caputo
@@ -71,7 +72,7 @@ def lyapunov(
         As for `solve`.
     renorm : float, optional
         Interval between two renormalisations [time], rounded to whole steps; by default it follows
-        the growth. Needed for "restart", whose numbers depend on it.
+        the growth.
     transient : float, optional
         Growth before this time is not counted [time].
     directions : array_like, shape (n_data, k), optional
@@ -93,8 +94,8 @@ def lyapunov(
         often is the same at twice the step, are compared with the default one, or the explicit one
         with `L1` and the other way round. True: at half the step (a tenth of the tolerance) and
         with the same scheme. False: no second run.
-    progress, resume : optional
-        As for `solve`; `resume` takes ``LyapunovResult.state``.
+    progress : optional
+        As for `solve`.
 
     Returns
     -------
@@ -130,10 +131,10 @@ def lyapunov(
     ).current()
     if verify not in (None, False, True):
         raise TypeError(complaint("verify", "be True, False or None", repr(verify)))
-    scheme = usual_scheme(equation, mode) if scheme is None else scheme
+    scheme = usual_scheme(equation) if scheme is None else scheme
     request = Request(
         equation, t_end, n_steps, k, mode, scheme, history, renorm, transient, directions,
-        seed, window, n_blocks, separation, rtol, atol, progress, resume,
+        seed, window, n_blocks, separation, rtol, atol, progress,
     )  # fmt: skip
     result = result_of(request, march(request))
     if result.status not in _REACHED_END or verify is False:
@@ -170,23 +171,15 @@ def _another(request, result, finer):
         changed = {"rtol": factor * found["rtol"], "atol": atol}
     else:
         n, h = (2 * n, found["h"] / 2) if finer else (n // 2, 2 * found["h"])
-        other = scheme if finer else checking_scheme(scheme, request.equation, request.mode)
+        other = scheme if finer else checking_scheme(scheme, request.equation)
         how = "half the step" if finer else "twice the step"
         how += "" if other == scheme else f" and {other!r}"
         changed, t_end = {"scheme": other}, n * h
-    earlier = None if request.resume is None else request.resume.check
-    if earlier is None or earlier.how != how or earlier.n >= n:
-        earlier = None
-    changed |= {"n_steps": n if earlier is None else None, "resume": earlier}
-    return replace(request, t_end=t_end, loud=False, **changed), how
+    return replace(request, t_end=t_end, n_steps=n, loud=False, **changed), how
 
 
 def _compared(result, check, how):
     """The result with its check; verdicts that differ are undetermined."""
-    state = result.state
-    if state is not None:
-        state = replace(state, check=replace(check.state, how=how))
-        result = replace(result, state=state)
     if check.status not in _REACHED_END:
         return _undetermined(result, check, f"with {how} it ended otherwise: {check.message}")
     pairs = list(zip(result.verdicts, check.verdicts, strict=True))

@@ -18,14 +18,13 @@ _NEAR_1, _FIRST_ORDER = 0.95, 1.25
 _ADAMS_LOWEST, _ADAMS_HIGHEST = 0.5, 1.0
 
 
-def marched(equation: System, scheme: Scheme, mode: str) -> System:
+def marched(equation: System, scheme: Scheme) -> System:
     """The system to march: classical ones of second order as first-order ones.
 
     Increments kept apart from t x'(0), as most schemes keep them above order 1, lose a tangent that
     has decayed to their rounding. With memory none decays so far.
     """
-    whole = scheme.whole or mode == "restart"
-    if whole or equation.m == 1 or memory(equation) != "none":
+    if scheme.whole or equation.m == 1 or memory(equation) != "none":
         return equation
     return reduced(equation.dense())[0]
 
@@ -44,12 +43,12 @@ def n_data(equation: System) -> int:
     return equation.d + int(np.sum(equation.highest_orders() > 1))
 
 
-def usual_scheme(equation: System, mode: str) -> Scheme:
+def usual_scheme(equation: System) -> Scheme:
     """The scheme of a run that names none: of second order wherever one covers the equation."""
-    return _second_order(equation, mode) or ExplicitCaputo()
+    return _second_order(equation) or ExplicitCaputo()
 
 
-def checking_scheme(scheme: Scheme, equation: System, mode: str) -> Scheme:
+def checking_scheme(scheme: Scheme, equation: System) -> Scheme:
     """The scheme whose run, at another step, a verdict is compared with.
 
     Twice the step often repeats the verdict of a first-order scheme where that is wrong, so that
@@ -59,16 +58,16 @@ def checking_scheme(scheme: Scheme, equation: System, mode: str) -> Scheme:
     if scheme.adaptive or scheme.order(_NEAR_1) > _FIRST_ORDER:
         return scheme
     opposite = L1() if scheme.solve == "explicit" else ExplicitCaputo()
-    return _second_order(equation, mode) or opposite
+    return _second_order(equation) or opposite
 
 
-def _second_order(equation, mode):
+def _second_order(equation):
     """`Adams` where it is of second order, else `BDF(2)`; None where there are other kernels."""
     if not equation.enlarged.constant:
         return None
     if equation.enlarged is not equation:
         return BDF(2)
-    distinct, _ = distinct_components(marched(equation, Adams(), mode))
+    distinct, _ = distinct_components(marched(equation, Adams()))
     orders = [operator.order for key in distinct for _, operator in key]
     single = len(orders) == len(distinct)
     covered = min(orders) >= _ADAMS_LOWEST and max(orders) <= _ADAMS_HIGHEST

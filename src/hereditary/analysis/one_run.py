@@ -9,7 +9,6 @@ from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.special import rgamma
 
 from ..collocation.adaptive_stepper import AdaptiveStepper
 from ..compiled.callbacks import pass_on
@@ -27,19 +26,18 @@ from ..solver.solution import Status
 from ..support.checks import complaint, count, instance, positive, real_array, shown, within
 from ..support.warning import warn
 from .divergence import Divergence
-from .estimators import Pairs, Restarted, StepTangents, Tangents
+from .estimators import Pairs, StepTangents, Tangents
 from .growth import Verdict, assess, kaplan_yorke
 from .marched import marched, memory, n_data
-from .spectrum import LyapunovResult, LyapunovState, Record
+from .spectrum import LyapunovResult, Record
 
-_MODES = ("tangent", "pair", "restart")
+_MODES = ("tangent", "pair")
 # Tangents further apart than exp(this) leave the smaller one fewer than six digits.
 _WIDE = 22.0
 # More blocks than a window holds records are equal parts of them.
 _MOST_BLOCKS = 10_000
 # Times of an adaptive run at which it may be renormalised, and steps of it: no limit, in practice.
 _MARKS, _ANY = 1 << 16, 10**9
-_RESUMED = ("mode", "k", "renorm", "transient", "seed", "separation")
 
 
 @dataclass(frozen=True)
@@ -63,7 +61,6 @@ class Request:
     rtol: float | None
     atol: float | None
     progress: bool
-    resume: LyapunovState | None
     loud: bool = True
 
 
@@ -92,31 +89,25 @@ def march(request: Request) -> Run:
     if not scheme.adaptive:
         history = SumOfExponentials() if history is None else history
         instance("history", history, History, "hereditary.SumOfExponentials()")
-    resume = request.resume
-    if resume is not None:
-        instance("resume", resume, LyapunovState, "the .state of an earlier LyapunovResult")
     within("window", request.window, 1e-6, 1.0, "(0, 1]")
     if count("n_blocks", request.n_blocks) > _MOST_BLOCKS:
         raise ValueError(complaint("n_blocks", f"be at most {_MOST_BLOCKS}", request.n_blocks))
     tols = _tolerances(scheme, request.mode, request.rtol, request.atol)
-    adaptive_marks = tols and request.n_steps is None and resume is None
-    n_steps = _MARKS if adaptive_marks else request.n_steps
-    h, n_total, prepared = uniform_steps(equation, t_end, n_steps, resume)
+    n_steps = _MARKS if tols and request.n_steps is None else request.n_steps
+    h, n_total, _ = uniform_steps(equation, t_end, n_steps, None)
     settings = _settings(request, h, n_total)
-    system = marched(equation, scheme, request.mode)
+    system = marched(equation, scheme)
     start = _directions(request.directions, settings["seed"], settings["k"], n_data(equation))
-    how = {"scheme": scheme, "history": history, "n_steps": prepared}
+    how = {"scheme": scheme, "history": history, "n_steps": n_total}
     kind = FixedStepper if request.mode == "pair" else GrowingStepper
     open_stepper: Callable = partial(kind, steps=UniformSteps(h), **how)
     if tols:
-        prepared = max(prepared, n_total)
         how = {"scheme": scheme, "rtol": tols[0], "atol": tols[1], "max_steps": _ANY}
-        how |= {"t_end": h * prepared, "modes_tol": modes_tolerance(history)}
+        how |= {"t_end": t_end, "modes_tol": modes_tolerance(history)}
         open_stepper = partial(AdaptiveStepper, **how)
     estimator = _estimator(settings, scheme, open_stepper, system, start)
-    record, divergence = _begin(estimator, settings, h, n_total, system, resume)
+    record, divergence = _begin(settings, h, n_total, system)
     status, detail = _run(estimator, record, divergence, n_total, request.progress)
-    settings |= {"memory_steps": prepared}
     settings |= {"scheme": scheme, "history": history, "t_end": t_end, "window": request.window}
     settings |= {"rtol": tols[0], "atol": tols[1]} if tols else {}
     seconds = time.perf_counter() - began
@@ -128,16 +119,14 @@ def _settings(request, h, n_total):
     mode, k, renorm, seed = request.mode, request.k, request.renorm, request.seed
     if mode not in _MODES:
         required = f"be one of {', '.join(map(repr, _MODES))}"
-        raise ValueError(complaint("mode", required, repr(mode)))
+        remedy = "convergence/restarting.py cuts the memory" if mode == "restart" else ""
+        raise ValueError(complaint("mode", required, repr(mode), remedy))
     most = n_data(request.equation)
     if count("k", k) > most:
         required = f"be at most the number of initial data, {most}"
         raise ValueError(complaint("k", required, k))
     if renorm is not None:
         renorm = h * max(1, steps_in("renorm", positive("renorm", renorm), h))
-    elif mode == "restart":
-        remedy = "the numbers depend on it"
-        raise TypeError(complaint("renorm", 'be given with mode="restart"', "none", remedy))
     transient = within("transient", request.transient, 0.0, h * (n_total - 1), "[0, t_end)")
     if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
         raise TypeError(complaint("seed", "be a whole number of at least 0", repr(seed)))
@@ -197,35 +186,18 @@ def _tolerances(scheme, mode, rtol, atol):
 def _estimator(settings, scheme, open_stepper, system, start):
     if settings["mode"] == "pair":
         return Pairs(open_stepper, system, start, settings["separation"])
-    if settings["mode"] == "restart":
-        return Restarted(open_stepper, system, start)
     kind = Tangents if scheme.adaptive else StepTangents
     return kind(open_stepper, system, start)
 
 
-def _begin(estimator, settings, h, n_total, equation, resume):
-    """Record and divergence, anew or as the state left them."""
+def _begin(settings, h, n_total, equation):
+    """Return an empty record, and the divergence of a classical flow or None."""
     k = settings["k"]
     plain = memory(equation) == "none" and equation.enlarged is equation
     whole = settings["mode"] == "tangent" and plain and k == n_data(equation)
     divergence = Divergence(equation, h) if whole else None
-    if resume is None:
-        interval = None if settings["renorm"] is None else round(settings["renorm"] / h)
-        n_transient = round(settings["transient"] / h)
-        return Record(h, interval, n_total, n_transient, k), divergence
-    if resume.steppers[0].adaptive != estimator.stepper.adaptive:
-        required = "come from a run with the same kind of scheme"
-        remedy = "given steps and Collocation do not go on from each other"
-        raise ValueError(complaint("resume", required, type(resume.steppers[0]).__name__, remedy))
-    for name, value in resume.settings.items():
-        if settings[name] != value:
-            required = f"come from a run with the same {name}, here {settings[name]}"
-            remedy = "start anew, or change it back"
-            raise ValueError(complaint("resume", required, value, remedy))
-    estimator.restore(resume.steppers)
-    if divergence is not None:
-        divergence.restore(resume.divergence)
-    return resume.record.copy(), divergence
+    interval = None if settings["renorm"] is None else round(settings["renorm"] / h)
+    return Record(h, interval, n_total, round(settings["transient"] / h), k), divergence
 
 
 def _run(estimator, record, divergence, n_total, progress):
@@ -277,10 +249,8 @@ def _marks(t, h):
 def result_of(request: Request, run: Run) -> LyapunovResult:
     """Put together the result of a run; warn of too large a step where the run may warn."""
     estimator, record, divergence, status, detail, settings, seconds = run
-    equation, mode = estimator.stepper.equation, settings["mode"]
-    prepared = settings.pop("memory_steps")
     times, sums, trace = record.times, record.log_growth, record.trace
-    kind = "none" if mode == "restart" else memory(equation)
+    kind = memory(estimator.stepper.equation)
     growth = assess(times, sums, settings["window"], request.n_blocks, kind)
     verdicts = growth.verdicts
     if status is Status.BLOWN_UP:
@@ -291,13 +261,6 @@ def result_of(request: Request, run: Run) -> LyapunovResult:
         integral = divergence.integral(record.n_last)
         defect = float(np.sum(record.total) - integral) / (record.n_last * settings["h"])
         dimension = kaplan_yorke(exponents)
-    resumable = {name: settings[name] for name in _RESUMED}
-    n = _marks(estimator.stepper.t, record.h)
-    state = None
-    if mode != "restart":
-        left = divergence.state() if divergence else ()
-        parts = estimator.state(), record.copy(), left
-        state = LyapunovState(estimator.stepper.t, n, record.h, resumable, prepared, *parts)
     message = status.sentence + (f": {detail}" if detail else "")
     if request.loud:
         message = told(estimator.stepper, status, detail) + _lost_digits(record)
@@ -313,19 +276,17 @@ def result_of(request: Request, run: Run) -> LyapunovResult:
         verdicts=verdicts,
         sum_rule_defect=defect,
         kaplan_yorke=dimension,
-        restart_factor=_restart_factor(equation, settings) if mode == "restart" else None,
-        mode=mode,
+        mode=settings["mode"],
         status=status,
         message=message,
         y=request.equation.frame.values(estimator.stepper.y[: request.equation.d]),
         settings=settings,
         stats={
-            "n_steps": n,
+            "n_steps": _marks(estimator.stepper.t, record.h),
             "n_rhs": estimator.n_rhs,
             "n_modes": estimator.stepper.n_modes,
             "run_seconds": seconds,
         },
-        state=state,
     )
     for stepper in estimator.steppers:
         pass_on(stepper.error, result)
@@ -342,8 +303,3 @@ def _lost_digits(record):
     )
     warn(clause[2:], RuntimeWarning)
     return clause
-
-
-def _restart_factor(equation, settings):
-    alpha = equation.highest_orders()
-    return settings["renorm"] ** (alpha - 1) * rgamma(1 + alpha)

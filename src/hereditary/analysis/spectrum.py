@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -83,45 +82,6 @@ class Record:
         """Mean rates since the transient, shape (n, k)."""
         return self.log_growth / (self.times - self.h * self._n_transient)[:, None]
 
-    def copy(self):
-        """An independent record."""
-        twin = copy.copy(self)
-        twin.steps, twin.sums = list(self.steps), list(self.sums)
-        twin.pace = self.pace.copy()
-        return twin
-
-
-@dataclass(frozen=True, eq=False)
-class LyapunovState:
-    """Everything a Lyapunov run needs to go on; it pickles.
-
-    Attributes
-    ----------
-    t : float
-        Time reached.
-    n : int
-        Steps made, or times passed at which an adaptive run may be renormalised.
-    h : float
-        Their distance [time].
-    settings : dict
-        What the run was asked for; a resumed run keeps to it.
-    check : LyapunovState or None
-        That of the second run, which goes on as well.
-    how : str
-        Of a second run: how it differs from the first.
-    """
-
-    t: float
-    n: int
-    h: float
-    settings: dict[str, Any]
-    memory_steps: int = field(repr=False)
-    steppers: tuple = field(repr=False)
-    record: Record = field(repr=False)
-    divergence: tuple = field(repr=False)
-    check: LyapunovState | None = field(default=None, repr=False)
-    how: str = field(default="", repr=False)
-
 
 @dataclass(frozen=True, eq=False)
 class LyapunovResult:
@@ -153,9 +113,6 @@ class LyapunovResult:
         k the number of initial data, in mode "tangent".
     kaplan_yorke : float or None
         Kaplan-Yorke dimension, under the same conditions [-].
-    restart_factor : ndarray, shape (d,), or None
-        In mode "restart": what short intervals multiply the exponents of the memoryless equation
-        by, ``renorm**(alpha-1) / Gamma(1+alpha)``, for each component [-].
     mode : str
     status : Status
         How the run ended; ``success`` says whether it is COMPLETED.
@@ -166,8 +123,6 @@ class LyapunovResult:
         What the exponents depend on: scheme, history, h, t_end, renorm, transient, seed, ...
     stats : dict
         n_steps, n_rhs, n_modes, run_seconds.
-    state : LyapunovState or None
-        For ``lyapunov(eq, t_later, resume=result.state)``; None in mode "restart".
     verified : bool or None
         Whether the verdicts stood in a second run, with twice or half the step (`verify`); those
         that did not are "undetermined", and `message` says why. None without a second run.
@@ -186,14 +141,12 @@ class LyapunovResult:
     verdicts: tuple[Verdict, ...]
     sum_rule_defect: float | None
     kaplan_yorke: float | None
-    restart_factor: np.ndarray | None
     mode: str
     status: Status
     message: str
     y: np.ndarray
     settings: dict[str, Any] = field(repr=False)
     stats: dict[str, Any] = field(repr=False)
-    state: LyapunovState | None = field(repr=False)
     verified: bool | None = None
     check: LyapunovResult | None = field(default=None, repr=False)
 
@@ -207,8 +160,7 @@ class LyapunovResult:
         numbers = zip(*(column.tolist() for column in columns), strict=True)
         rows = [[*row, verdict] for row, verdict in zip(numbers, self.verdicts, strict=True)]
         head = ["exponent", "late slope", "its error", "algebraic slope", "verdict"]
-        restarted = "Memory restarted: not exponents of this equation. " * (self.mode == "restart")
-        return rows_of(head, rows) + paragraph(f"{restarted}{self.mode}: {self.message}")
+        return rows_of(head, rows) + paragraph(f"{self.mode}: {self.message}")
 
     def __repr__(self):
         rates = ", ".join(
@@ -217,7 +169,4 @@ class LyapunovResult:
                 self.exponents, self.slope, self.slope_stderr, self.verdicts, strict=True
             )
         )
-        warned = ""
-        if self.mode == "restart":
-            warned = "; memory restarted: not exponents of this equation"
-        return f"LyapunovResult({rates}; mode {self.mode!r}, {self.message}{warned})"
+        return f"LyapunovResult({rates}; mode {self.mode!r}, {self.message})"

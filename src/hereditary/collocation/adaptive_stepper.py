@@ -203,5 +203,5 @@ class AdaptiveStepper(CollocationMarch, Stepper):
 
     def _identity(self, t):
         """Describe the traits that a run to time t shares with one that resumes it."""
-        n_tangents, how = len(self._orbit.x) - 1, {"number of nodes": self._s}
-        return identity(self.equation, t, n_tangents, **how, tolerances=self._tolerances)
+        how = {"number of nodes": self._s, "tolerances": self._tolerances}
+        return identity(self.equation, t, **how)

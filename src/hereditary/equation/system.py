@@ -322,22 +322,6 @@ def _repeated(system, times, y0, rhs):
     return System(left, y0, system.compiled_params, rhs, sources=sources)
 
 
-def shifted(system, origin, y0):
-    """Begin a system anew at time `origin`, which becomes its time 0, from `y0` (m, d)."""
-    if system.larger:
-        inner = system.larger
-        larger = shifted(inner, origin, y0[:, inner.sources])
-        terms = zip(system.left, larger.left, strict=False)  # those of memory stand last
-        left = [SystemTerm(operator, c) for (_, c), (operator, _) in terms]
-        return changed(system, left=left, y0=y0, larger=larger, frame=Frame())
-    params, rhs, jac = later(
-        origin, system.compiled_params, system.compiled_rhs, system.compiled_jac
-    )
-    left = [SystemTerm(operator.later(origin), c) for operator, c in system.left]
-    new = {"compiled_params": params, "compiled_rhs": rhs, "compiled_jac": jac}
-    return changed(system, left=left, y0=y0, n_params=None, frame=Frame(), **new)
-
-
 def displaced(system, y0, params=()):
     """Return the system with other initial values (m, d) and first parameters, all else shared."""
     inner, found = system.larger, object.__new__(System)

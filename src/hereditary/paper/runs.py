@@ -12,7 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from ..analysis.growth import assess
 from ..analysis.lyapunov import lyapunov
+from ..analysis.marched import memory
 from ..analysis.sections import stroboscopic, values_at
 from ..collocation.method import Collocation
 from ..scenes import PRINTED_WELL, stick_slip, sticking_intervals
@@ -28,6 +30,10 @@ WELL = 2 * math.pi
 # unit vectors. At T = 100 another one changes some of the signs. Figures show runs at several steps
 # and horizons beside each other, in the place of a second run behind each.
 ALONE: dict[str, Any] = {"directions": [[1.0], [0.0]], "verify": False}
+# Most steps between two renormalisations of a run whose horizons are read from its record.
+_INTERVAL = 200
+# Late part of a record, and blocks of it, as `lyapunov` has them.
+_WINDOW, _BLOCKS = 0.5, 20
 
 
 def wells_period(spring_speed=1.0, omega=1.0, **others):
@@ -45,15 +51,21 @@ def exponent(*, t_end, n_steps=None, rtol=None, **parameters):
 
 def exponents(*, horizons, h, **parameters):
     """The leading exponent at several ascending horizons of one run."""
-    found, state = [], None
-    for t_end in horizons:
-        steps = round(t_end / h)
-        equation, scheme = stick_slip(**parameters), ExplicitCaputo()
-        run = lyapunov(equation, t_end, steps, scheme=scheme, resume=state, **ALONE)
-        found.append(_growth(run))
-        state = run.state
-    numbers = {key: [one[key] for one in found] for key in found[0] if key != "status"}
-    return numbers | {"status": found[-1]["status"]}
+    steps = [round(t_end / h) for t_end in horizons]
+    how = {"renorm": h * math.gcd(*steps, _INTERVAL), "scheme": ExplicitCaputo(), **ALONE}
+    equation = stick_slip(**parameters)
+    run = lyapunov(equation, horizons[-1], steps[-1], **how)
+    found: dict[str, Any] = {"exponent": [], "slope": [], "slope_stderr": [], "verdict": []}
+    for n in steps:
+        reached = run.times <= h * (n + 0.5)
+        record = run.times[reached], run.log_growth[reached]
+        late = assess(*record, _WINDOW, _BLOCKS, memory(equation))
+        rates = run.trace[reached, 0]
+        found["exponent"].append(float(rates[-1]) if rates.size else math.nan)
+        found["slope"].append(float(late.slope[0]))
+        found["slope_stderr"].append(float(late.slope_stderr[0]))
+        found["verdict"].append(str(late.verdicts[0]))
+    return found | {"status": run.status}
 
 
 def _growth(run):

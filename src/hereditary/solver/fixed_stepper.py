@@ -10,7 +10,7 @@ from ..compiled.growing_march import transform_march
 from ..compiled.march import MARCHES
 from ..compiled.signatures import FACTORISE, March, Output
 from ..compiled.structures import plain
-from ..equation.system import displaced, refuse_late, shifted, side_by_side, variational
+from ..equation.system import displaced, refuse_late, side_by_side, variational
 from ..kernels.memory_kernel import misfit_on_given_steps
 from ..schemes.riemann_liouville import with_initial_values
 from ..support.checks import complaint
@@ -56,7 +56,7 @@ class FixedStepper(Stepper):
         scheme.check_terms(equation)
         refuse_late(equation, steps.time(n_steps))
         self.equation, self.scheme, self.history = equation, scheme, history
-        self.steps, self._given, self._origin = steps, equation, 0.0
+        self.steps = steps
         self._span = steps.covered(n_steps, getattr(history, "horizon", None) or 0.0)
         self._with_speed = np.flatnonzero(equation.highest_orders() > 1)
         directions = np.zeros((self.n_data, 0)) if directions is None else directions
@@ -163,7 +163,7 @@ class FixedStepper(Stepper):
     @property
     def t(self):
         """Time reached."""
-        return self._origin + self.steps.time(self.n)
+        return self.steps.time(self.n)
 
     @property
     def y(self):
@@ -210,25 +210,6 @@ class FixedStepper(Stepper):
     def parts(self):
         """Every array of the march and its memory that is linear in the solution; not copies."""
         return [*arrays.linear_parts(self._march), *self.memory.arrays]
-
-    def restart(self):
-        """Forget the past: the present values, also of the tangents, become initial ones at step 0.
-
-        This is another problem than the one begun, whose memory reaches back to time 0.
-        """
-        initial = np.zeros_like(self.equation.y0)
-        initial[0] = self.y
-        initial[1:, self._with_speed] = self.ydot[self._with_speed]
-        tangent, calls, watch = self.tangent, self.n_rhs, self._watch
-        self._origin = self.t
-        self.equation = shifted(self._given, self._origin, initial)
-        plan = self._plan(tangent)
-        if self._block == 1:  # whose sums are those of later times
-            self.memory = self._open(plan)
-        self.memory.clear()
-        self._begin(plan)
-        self._march.counts["rhs"] = calls
-        self._watch.largest, self._watch.step = watch.largest, watch.step
 
     def _slopes(self):
         """First derivative of all columns."""
@@ -440,4 +421,4 @@ class FixedStepper(Stepper):
     def _identity(self, t):
         """Describe what a run to time t must share with one that resumes it."""
         how = {"scheme": described(self.scheme), "history": described(self.history)}
-        return identity(self.equation, t, self.n_tangents, **how)
+        return identity(self.equation, t, **how)

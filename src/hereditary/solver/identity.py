@@ -14,21 +14,19 @@ _CHANGEABLE = ("params", "right-hand side")
 _SHOWN = 120
 
 
-def identity(equation, t, n_tangents, **how):
+def identity(equation, t, **how):
     """Describe what a run to time t must share with one that resumes it, by name.
 
     Parameters
     ----------
     equation : System
     t : float
-    n_tangents : int
     **how
         Scheme, tolerances and the like, in things that can be compared.
     """
     return {
         **how,
         **described_terms(equation, t),
-        "tangents": n_tangents,
         "y0": equation.y0.tolist(),
         "t_start": equation.frame.start,
         "params": equation.params.tolist(),

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial, wraps
-from typing import ParamSpec
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,6 +24,7 @@ from ..support.checks import (
     positive,
     real,
     real_array,
+    refusing,
     shown,
     whole,
 )
@@ -37,7 +37,6 @@ from .state import AdaptiveState, State, check_sound
 from .stepping import Asked, open_run
 from .stops import checked_breaks
 
-_P = ParamSpec("_P")
 # Largest save_every: a whole number that arrays hold.
 _MOST_STEPS = 2**53
 # What to write instead of keywords of other solvers.
@@ -54,21 +53,7 @@ _INSTEAD = {
 }
 
 
-def _refusing(solver: Callable[_P, Solution]) -> Callable[_P, Solution]:
-    """Return a solver that says what to write instead of keywords of other solvers."""
-
-    @wraps(solver)
-    def refusing(*args: _P.args, **keywords: _P.kwargs) -> Solution:
-        for name in keywords.keys() & _INSTEAD:
-            raise TypeError(
-                complaint(name, "be left out of solve", repr(keywords[name]), _INSTEAD[name])
-            )
-        return solver(*args, **keywords)
-
-    return refusing
-
-
-@_refusing
+@refusing(_INSTEAD)
 def solve(
     equation: Equation,
     t_end: float,

@@ -9,8 +9,14 @@ import inspect
 import math
 import numbers
 import reprlib
+from collections.abc import Callable
+from functools import wraps
+from typing import ParamSpec, TypeVar
 
 import numpy as np
+
+_P = ParamSpec("_P")
+_R = TypeVar("_R")
 
 # Least likeness of a string to the name that it stands for: "explicit" has 0.73 to ExplicitCaputo,
 # and SciPy's "Radau" has 0.6 to Adams. At 1 only names written in full are recognised.
@@ -20,6 +26,22 @@ _NEAR = 0.65
 def complaint(argument, required, got, remedy=""):
     """The one sentence that every refused argument gets."""
     return f"{argument} must {required}, got {got}" + (f"; {remedy}" if remedy else "")
+
+
+def refusing(instead: dict[str, str]) -> Callable[[Callable[_P, _R]], Callable[_P, _R]]:
+    """Return a decorator that refuses keywords by name and says what to write `instead`."""
+
+    def decorator(function: Callable[_P, _R]) -> Callable[_P, _R]:
+        @wraps(function)
+        def checked(*args: _P.args, **keywords: _P.kwargs) -> _R:
+            for name in keywords.keys() & instead:
+                required = f"be left out of {function.__name__}"
+                raise TypeError(complaint(name, required, repr(keywords[name]), instead[name]))
+            return function(*args, **keywords)
+
+        return checked
+
+    return decorator
 
 
 def shown(array):
