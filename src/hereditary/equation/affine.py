@@ -1,7 +1,7 @@
-"""Right-hand sides ``B x + A f(t, S x)`` that are made of a right-hand side f.
+"""Right-hand sides ``B x + A f(t + t_0, S x)`` that are made of a right-hand side f.
 
-Their Jacobians are ``B + A J S``. Behind the parameters of f stand S, B and A, then the number of
-values of f, and where each matrix begins. A matrix is where each of its rows begins and the last
+Their Jacobians are ``B + A J S``. Behind the parameters of f stand S, B and A, then t_0, the number
+of values of f, and where each matrix begins. A matrix is where each of its rows begins and the last
 one ends, counted from there, and then column and value of each entry, row by row. Where f reads the
 first components and its values are those of the last ones, there are no S and A, and f sets its
 values in place.
@@ -15,11 +15,11 @@ import numpy as np
 from ..compiled.jit import JAC_SIG, RHS_SIG, as_value, compiled, derived, inlined, inner
 
 # Numbers behind the matrices.
-_SIZES = 4
+_SIZES = 5
 
 
-def affine(functions, n, n_f, b, a=None, s=None) -> tuple[np.ndarray, Any, Any]:
-    """Return params, right-hand side, and Jacobian or None, of ``B x + A f(t, S x)``.
+def affine(functions, n, n_f, b=(), a=None, s=None, t_0=0.0) -> tuple[np.ndarray, Any, Any]:
+    """Return params, right-hand side, and Jacobian or None, of ``B x + A f(t + t_0, S x)``.
 
     Parameters
     ----------
@@ -27,9 +27,10 @@ def affine(functions, n, n_f, b, a=None, s=None) -> tuple[np.ndarray, Any, Any]:
         Those of f.
     n, n_f : int
         Number of components x, and of values that f reads, and returns.
-    b, a, s : array_like, shape (k, 3)
+    b, a, s : array_like, shape (k, 3), optional
         Row, column and value of entries, which add up where one place has several. By default f
         reads the first components, and its values are those of the last ones.
+    t_0 : float, optional
     """
     params, rhs, jac = functions
     own, ones = np.arange(n_f), np.ones(n_f)
@@ -40,7 +41,7 @@ def affine(functions, n, n_f, b, a=None, s=None) -> tuple[np.ndarray, Any, Any]:
     if in_place:
         parts[1] = parts[3] = np.zeros(0)
     begins = np.cumsum([part.size for part in parts])[:3]
-    values = np.concatenate([*parts, [n_f], begins])
+    values = np.concatenate([*parts, [t_0, n_f], begins])
     return values, _side(rhs, in_place), jac and slopes(jac)
 
 
@@ -58,20 +59,26 @@ def own_size(params):
     return int(params[-3])
 
 
+@inlined
+def later(t, params):
+    """Time at which f is taken."""
+    return t + params[-5]
+
+
 @lru_cache(maxsize=64)
 def _side(rhs, in_place):
-    """Return ``B x + A f(t, S x)``."""
+    """Return ``B x + A f(t + t_0, S x)``."""
 
     def last(t, x, out, params):
         n_f = int(params[-4])
         force = out[out.shape[0] - n_f :]
-        rhs(t, x[:n_f], force, params[: own_size(params)])
+        rhs(later(t, params), x[:n_f], force, params[: own_size(params)])
         _combine(x, force, out, params)
 
     def anywhere(t, x, out, params):
         z = _arguments(x, params)
         force = np.empty(z.shape[0])
-        rhs(t, z, force, params[: own_size(params)])
+        rhs(later(t, params), z, force, params[: own_size(params)])
         _combine(x, force, out, params)
 
     return as_value(derived(last, False) if in_place else derived(anywhere), RHS_SIG)
@@ -84,7 +91,7 @@ def slopes(jac):
     def all_slopes(t, x, out, params):
         z = _arguments(x, params)
         block = np.empty((z.shape[0], z.shape[0]))
-        jac(t, z, block, params[: own_size(params)])
+        jac(later(t, params), z, block, params[: own_size(params)])
         _combine_slopes(block, out, params)
 
     return as_value(derived(all_slopes), JAC_SIG)

@@ -35,7 +35,7 @@ from .statement import (
     rows_of,
 )
 from .structure import assembled, copied, stated
-from .system import System, changed, displaced, later, leading_orders
+from .system import System, changed, displaced, leading_orders
 
 
 class Equation(System):
@@ -196,9 +196,9 @@ class Equation(System):
         functions = functions_of(rhs, entries, jac_memory, start, hint, said.shape)
         self._callbacks, self._constants = functions.callbacks, said.constants()
         known = {"matrix": said.linear, "linear_alone": rhs is None}
-        params, rhs, jac, structure = assembled(said, functions, d)
-        if self.t_start != 0:
-            params, rhs, jac = later(self.t_start, params, rhs, jac)
+        params, rhs, jac, structure = assembled(
+            said, functions, start.components().size, self.t_start
+        )
         if jac is not None or structure is not None:
             check_jacobian(rhs, jac, start.components(), params, structure)
         self._frozen = self._present_values()

@@ -1,6 +1,7 @@
 """From the terms and initial values that a user states to those of a system."""
 
 import numbers
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -42,7 +43,8 @@ def left_side(terms, factors, orders, origin):
     for term, c in zip(terms, factors, strict=True):
         row = next(rows) if term.operator.constant else None
         for operator, held in term.operator.parts(row):
-            left.append(SystemTerm(operator.later(origin), np.where(held, c, 0.0)))
+            operator = replace(operator, origin=origin) if operator.varies else operator
+            left.append(SystemTerm(operator, np.where(held, c, 0.0)))
     return left
 
 

@@ -15,7 +15,7 @@ from ..compiled.jit import JAC_SIG, RHS_SIG, as_value, compiled, derived
 from ..compiled.newton import KEPT_FROM
 from ..functions.build import arity_of
 from ..support.checks import complaint, count, refuse_masked
-from .affine import affine, own_size, slopes
+from .affine import affine, later, own_size, slopes
 
 # Diagonals up to which a pattern is taken for a band, its components put in another order: SuperLU
 # takes less time beyond.
@@ -203,21 +203,26 @@ def copied(given):
     return given.copy() if hasattr(given, "copy") else given
 
 
-def assembled(said, functions, d):
-    """Return params, rhs, jac and structure of a system, from `Stated` and the user's functions."""
+def assembled(said, functions, d, t_start):
+    """Return params, rhs, jac and structure of a system, from `Stated` and the user's functions.
+
+    Its time 0 is `t_start`.
+    """
     params, rhs, jac = functions.params, functions.rhs, functions.jac
     linear, given = said.linear, functions.rhs is None or jac is not None
     structure = said.structure(d, given)
     if given and structure is not None:
-        jac = entries_of(jac, said.shape, linear is not None)
+        jac = entries_of(jac, said.shape, linear is not None or t_start != 0)
     elif given and said.rows is not None and jac is not None:  # of few components
         table = Structure.of(d, said.rows, said.columns, said.places, None).entries
         jac = dense_of(entries_of(jac, said.shape, False), table)
-    if linear is None:
+    if linear is None and t_start == 0:
         return params, rhs, jac, structure
-    rows = np.repeat(np.arange(d), np.diff(linear.indptr))
-    entries = np.c_[rows, linear.indices, linear.data]
-    params, rhs, _ = affine((params, rhs or no_values(), None), d, d, entries)
+    entries: Any = ()
+    if linear is not None:
+        rows = np.repeat(np.arange(d), np.diff(linear.indptr))
+        entries = np.c_[rows, linear.indices, linear.data]
+    params, rhs, _ = affine((params, rhs or no_values(), None), d, d, entries, t_0=t_start)
     if given and structure is None:
         jac = slopes(jac or no_slopes())
     return params, rhs, jac, structure
@@ -341,9 +346,11 @@ def entries_of(jac, shape, linear):
     shape = shape if len(shape) > 1 else (1, *shape)
 
     def entries(t, y, out, params):
-        own = own_size(params) if linear else params.shape[0]
         filled = np.zeros(shape)
-        jac(t, y, filled, params[:own])
+        if linear:
+            jac(later(t, params), y, filled, params[: own_size(params)])
+        else:
+            jac(t, y, filled, params)
         values = filled.reshape(filled.size)
         for k in range(out.shape[1]):
             place = int(out[GROUPS, k])

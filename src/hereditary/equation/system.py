@@ -2,13 +2,13 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
-from functools import cached_property, lru_cache, partial
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
 
 from ..compiled.jacobian import VALUES, jacobian_at, no_jacobian
-from ..compiled.jit import JAC_SIG, as_value, derived
+from ..compiled.jit import JAC_SIG, as_value
 from ..functions.differences import units_of
 from ..support.checks import complaint
 from .frame import Frame
@@ -245,8 +245,6 @@ class System:
     def linearly_implicit(self) -> "System":
         """Return the system whose Jacobian is the constant matrix of its right-hand side alone."""
         jac, structure = constant_part(self.matrix)
-        if structure is None and self.frame.start != 0:
-            jac = _shifted(jac)
         return changed(self, compiled_jac=jac, structure=structure, linear_alone=False)
 
 
@@ -331,19 +329,3 @@ def displaced(system, y0, params=()):
     for name in _OF_VALUES:
         vars(found).pop(name, None)
     return found
-
-
-def later(origin, params, rhs, jac):
-    """Return params, rhs, and jac or None of a system whose time 0 is `origin`."""
-    return np.append(params, float(origin)), _shifted(rhs), jac and _shifted(jac)
-
-
-@lru_cache(maxsize=64)
-def _shifted(fun):
-    """A right-hand side or Jacobian that reads the origin of time behind its parameters."""
-
-    def later(t, y, out, params):
-        own = params.shape[0] - 1
-        fun(t + params[own], y, out, params[:own])
-
-    return derived(later)

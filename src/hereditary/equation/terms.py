@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import ClassVar, NamedTuple
 
@@ -68,10 +68,6 @@ class ConstantOrder:
         """Whether it is y' or y'', without memory."""
         return self.order in (1.0, 2.0)
 
-    def later(self, origin: float) -> ConstantOrder:
-        """Return the operator itself: it knows no time."""
-        return self
-
     def symbol(self, s: np.ndarray) -> np.ndarray:
         """``s**alpha``, by which it multiplies ``exp(s t)`` from time minus infinity on."""
         return s**self.order
@@ -123,10 +119,6 @@ class KernelOperator:
     def t_last(self) -> float:
         """Time up to which the kernel is known [time]."""
         return self.kernel.t_last
-
-    def later(self, origin: float) -> KernelOperator:
-        """Return the operator itself: it knows no time."""
-        return self
 
     def symbol(self, s: np.ndarray) -> np.ndarray:
         """``s**m`` times the kernel's Laplace transform, by which it multiplies ``exp(s t)``."""
@@ -222,10 +214,6 @@ class VaryingOrder:
     def order(self) -> float:
         """m: the least upper bound of the orders that it may take."""
         return float(self.derivative)
-
-    def later(self, origin: float) -> VaryingOrder:
-        """Return the order with time counted from `origin`, in the user's time."""
-        return replace(self, origin=origin)
 
     def powers(self, times: np.ndarray) -> tuple[np.ndarray, str]:
         """p = m - alpha at increasing times (n,), up to the first bad one.
