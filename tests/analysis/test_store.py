@@ -1,5 +1,6 @@
 """Stores of sweeps: killed at any byte they go on, and nothing that is stored is done again."""
 
+import contextlib
 import math
 import os
 import signal
@@ -38,6 +39,13 @@ def unbroken(tmp_path_factory):
     return found
 
 
+def torn(content):
+    """Expect a warning where the last line of a store is torn."""
+    if content == content[: content.rfind(b"\n") + 1]:
+        return contextlib.nullcontext()
+    return pytest.warns(UserWarning, match="the last line of .* is torn and dropped")
+
+
 @pytest.mark.parametrize("function", [march, odd])
 @given(data=st.data())
 @settings(max_examples=20)
@@ -48,7 +56,8 @@ def test_a_store_cut_anywhere_is_completed(function, unbroken, tmp_path_factory,
     path = tmp_path_factory.mktemp("cut") / "points"
     path.write_bytes(kept)
     calls = []
-    assert same(hd.sweep(counted(function, calls), GRID, store=path), table)
+    with torn(kept):
+        assert same(hd.sweep(counted(function, calls), GRID, store=path), table)
     assert len(set(calls)) == len(calls) == table.status.size - n_stored
     assert path.read_bytes().startswith(kept[: kept.rfind(b"\n") + 1])
     assert sorted(path.read_bytes().splitlines()) == sorted(content.splitlines())
@@ -113,7 +122,8 @@ def test_a_stopped_sweep_goes_on(code, number, printed, tmp_path):
     n_points = LONG_GRID["b"].size * LONG_GRID["c"].size
     assert 11 <= n_stored < n_points
     calls = []
-    table = hd.sweep(counted(march, calls), LONG_GRID, store=store)
+    with torn(content):
+        table = hd.sweep(counted(march, calls), LONG_GRID, store=store)
     assert len(set(calls)) == len(calls) == n_points - n_stored
     assert store.read_bytes().startswith(content[: content.rfind(b"\n") + 1])
     assert table.success.all()
@@ -142,19 +152,21 @@ def test_every_bit_comes_back(tmp_path_factory, points):
 
 
 @pytest.mark.parametrize(
-    ("axes", "match"),
+    "axes",
     [
-        ({"b": AXES["a"], "how": AXES["how"]}, "with axes b, how, got .* with axes a, how; name"),
-        ({"how": AXES["how"], "a": AXES["a"]}, "with axes how, a, got .* with axes a, how"),
-        ({"a": AXES["a"][:2], "how": AXES["how"]}, r"a = 0.1 .. 0.25 \(2\), got .* 2.0 \(3\)"),
-        ({"a": AXES["a"], "how": np.array(["x"])}, r"how = 'x' \(1\), got .* 'x' .. 'é' \(2\)"),
+        {"b": AXES["a"], "how": AXES["how"]},
+        {"how": AXES["how"], "a": AXES["a"]},
+        {"a": AXES["a"][:2], "how": AXES["how"]},
+        {"a": AXES["a"], "how": np.array(["x"])},
     ],
 )
-def test_another_grid_is_refused(tmp_path, axes, match):
+def test_another_grid_is_refused(tmp_path, axes):
     path = tmp_path / "points"
     hd.sweep(lambda a, how: a, AXES, store=path)
     content = path.read_bytes()
-    with pytest.raises(ValueError, match="store must be of the .*" + match):
+    with pytest.raises(
+        ValueError, match=r"store must hold points of the same grid.*; name another"
+    ):
         hd.sweep(lambda **point: 1.0, axes, store=path)
     assert path.read_bytes() == content
 
@@ -165,19 +177,14 @@ def test_another_grid_is_refused(tmp_path, axes, match):
         b"x,y\n1,2\n",
         b"no line",
         b'{"axes":{}}\n',
-        b"[1]\n",
         b"\xff\n",
-        b"[" * 100_000 + b"\n",
-        b'{"file":"points of a hereditary sweep","axes":[1]}\n',
-        b'{"file":"points of a hereditary sweep","axes":{"a":[]}}\n',
-        b'{"file":"points of a hereditary sweep","axes":{"a":3}}\n',
     ],
     ids=lambda content: repr(content[-30:]),
 )
 def test_other_files_are_left_alone(tmp_path, content):
     path = tmp_path / "data.csv"
     path.write_bytes(content)
-    with pytest.raises(ValueError, match="store must be a new file or one that an earlier sweep"):
+    with pytest.raises(ValueError, match="store must hold points of the same grid"):
         hd.sweep(lambda a: a, {"a": [1.0]}, store=path)
     assert path.read_bytes() == content
 
@@ -207,29 +214,6 @@ def test_a_spoilt_line_is_told(tmp_path, line):
         file.write(line)
     with pytest.raises(ValueError, match=r"store must hold a point a line, got .* in line 4 of"):
         hd.sweep(lambda a: a, {"a": [1.0, 2.0]}, store=path)
-
-
-HOLDER = """
-import fcntl, sys
-file = open(sys.argv[1], "ab")
-fcntl.lockf(file, fcntl.LOCK_EX)
-print("held", flush=True)
-sys.stdin.read()
-"""
-
-
-def test_a_store_is_used_by_one_process_at_a_time(tmp_path):
-    pytest.importorskip("fcntl")
-    path = tmp_path / "points"
-    holder = subprocess.Popen(
-        [sys.executable, "-c", HOLDER, str(path)], stdin=subprocess.PIPE, stdout=subprocess.PIPE
-    )
-    with holder:
-        holder.stdout.readline()
-        with pytest.raises(ValueError, match="store must be used by one sweep at a time"):
-            hd.sweep(lambda a: a, {"a": [1.0]}, store=path)
-        holder.communicate()
-    assert hd.sweep(lambda a: a, {"a": [1.0]}, store=path).success.all()
 
 
 def test_a_store_needs_its_folder(tmp_path):

@@ -186,7 +186,7 @@ def test_a_point_that_returns_something_else_has_failed(returned, match):
 
 
 def test_arrays_of_different_lengths(tmp_path):
-    """As maxima are: rows are filled up to the longest one, in a store and a file too."""
+    """As maxima are: rows are filled up to the longest one, in a store too."""
     returned = [[1.0, 2.0], [], [3.0], 4.0, [[5.0]], ["a"]]
 
     def point(k):
@@ -203,9 +203,6 @@ def test_arrays_of_different_lengths(tmp_path):
     assert table["words"].shape == (6, 5)
     assert table["words"][2].tolist() == ["long", "long", "", "", ""]
     assert np.array_equal(with_store[1]["tops"], table["tops"], equal_nan=True)
-    table.save(tmp_path / "table.npz")
-    again = hd.Table.load(tmp_path / "table.npz")
-    assert np.array_equal(again["tops"], table["tops"], equal_nan=True)
 
 
 def test_pairs_of_which_there_are_none(tmp_path):

@@ -1,43 +1,12 @@
-"""Tables: labels, files, and other packages' tables."""
+"""Tables: labels, and other packages' tables."""
 
 import importlib
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from hypothesis.extra import numpy as hnp
-from sweep_points import GRID, odd, same
+from sweep_points import GRID, odd
 
 import hereditary as hd
-
-NAMES = st.text(st.characters(exclude_categories=["Cs", "Cc"]), min_size=1, max_size=4)
-
-
-@st.composite
-def tables(draw):
-    axes = {}
-    for name in draw(st.lists(NAMES, min_size=1, max_size=3, unique=True)):
-        values = st.lists(st.floats(-9, 9) | st.integers(0, 9), min_size=1, max_size=3, unique=True)
-        axes[name] = np.array(draw(values))
-    shape = tuple(axis.size for axis in axes.values())
-    own = st.sampled_from([(), (2,), (1, 2)])
-    values = {
-        name: draw(hnp.arrays(kind, shape + draw(own)))
-        for name, kind in draw(
-            st.dictionaries(NAMES, st.sampled_from([float, "U3"]), max_size=3)
-        ).items()
-    }
-    return hd.Table(axes, values, draw(hnp.arrays("U9", shape)))
-
-
-@given(tables())
-def test_files_hold_every_bit(tmp_path_factory, table):
-    path = tmp_path_factory.mktemp("table") / "name.without.suffix"
-    table.save(path)
-    assert path.exists()
-    assert same(hd.Table.load(path), table)
-    assert same(hd.Table.load(str(path)), table)
 
 
 @pytest.fixture(scope="module")
@@ -57,28 +26,6 @@ def test_labels(table):
         KeyError, match="name must be one of 'extremes', 'place', got 'b'; axes are"
     ):
         table["b"]
-
-
-@pytest.mark.parametrize("write", [lambda p: np.savez(p, x=1), lambda p: np.save(p, np.eye(2))])
-def test_other_files_are_refused(tmp_path, write):
-    with open(tmp_path / "other", "wb") as file:
-        write(file)
-    with pytest.raises(ValueError, match=r"path must be a whole file that Table\.save wrote"):
-        hd.Table.load(tmp_path / "other")
-
-
-def test_a_file_cut_or_changed_is_told(table, tmp_path):
-    path = tmp_path / "cut"
-    table.save(path)
-    content = path.read_bytes()
-    for n in (0, 10, len(content) // 2, len(content) - 1):
-        path.write_bytes(content[:n])
-        with pytest.raises(ValueError, match="path must be a whole file"):
-            hd.Table.load(path)
-    with open(path, "wb") as file:
-        np.savez(file, status=table.status, **{"axis:b": GRID["b"]})
-    with pytest.raises(ValueError, match="path must be a whole file"):
-        hd.Table.load(path)
 
 
 def test_pandas(table):

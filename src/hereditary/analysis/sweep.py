@@ -1,4 +1,8 @@
-"""Sweeps over grids of parameters: on all cores, in any order, resumed after a kill."""
+"""Sweeps over grids of parameters: on all cores, in any order, resumed after a kill.
+
+A store is a file of lines of JSON: the grid, then one finished point a line, ``[index, status,
+values]``. Python writes floats so that they are read back exactly.
+"""
 
 from __future__ import annotations
 
@@ -6,9 +10,11 @@ import contextlib
 import enum
 import inspect
 import itertools
+import json
 import os
 import queue
 import signal
+import sys
 import threading
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor, ThreadPoolExecutor
@@ -22,13 +28,13 @@ from ..solver.first_order import no_estimates
 from ..solver.progress import Interruption, ProgressBar
 from ..support.checks import complaint, instance, refuse_masked, shown
 from ..support.machine import cores
-from .store import Store
-from .table import COMPLETED, STATUS_LENGTH, Columns, Table
+from ..support.warning import warn
+from .table import COMPLETED, STATUS_LENGTH, Table, table_of
 
 # Points that an executor holds at a time: enough for its workers, few enough for any grid.
 _IN_FLIGHT = 1024
-# Seconds between two looks at Ctrl-C.
-_LOOK = 0.1
+# Seconds between two checks for Ctrl-C.
+_CHECK = 0.1
 
 
 def sweep(
@@ -58,7 +64,7 @@ def sweep(
     store : path-like, optional
         File that every finished point is written to as soon as it is known. A sweep that finds its
         file goes on from there: no point in it is computed again. A file of another grid is
-        refused; that the function is the same is not checked.
+        refused; that the function is the same is not checked. One sweep at a time may use a file.
     progress : bool, optional
         Show a bar with the time left, on a terminal.
     carry : bool, optional
@@ -72,6 +78,11 @@ def sweep(
     Table
         Also after Ctrl-C, when points under way have ended: the others have the status "not
         computed". A second Ctrl-C raises at once.
+
+    Warns
+    -----
+    UserWarning
+        The last line of the store is torn, as a kill leaves it: its point is computed again.
 
     Notes
     -----
@@ -115,33 +126,21 @@ def sweep(
     if executor is not None:
         example = "concurrent.futures.ProcessPoolExecutor() or a Dask client.get_executor()"
         instance("executor", executor, Executor, example)
-    columns = Columns(axes)
-    with contextlib.nullcontext() if store is None else Store(store, axes) as kept:
-        if kept is not None:
-            kept.restore(columns.add)
-
-        def keep(index, status, values):
-            """Keep a point; return whether it is new."""
-            if index in columns:  # of a row that was kept in part
-                return False
-            if kept is not None:
-                kept.add(index, status, values)
-            columns.add(index, status, values)
-            return True
-
-        pool = ThreadPoolExecutor(cores()) if executor is None else executor
-        try:
-            rows = _rows(axes, len(list(axes.values())[-1]) if carry else 1)
-            left = (row for row in rows if any(i not in columns for i in row))
-            _run(partial(computed, function, carry), left, columns.n_left, pool, keep, progress)
-        finally:
-            if executor is None:
-                pool.shutdown(wait=False, cancel_futures=True)
-    return columns.table()
+    points: list = [None] * int(np.prod([axis.size for axis in axes.values()]))
+    pool = ThreadPoolExecutor(cores()) if executor is None else executor
+    try:
+        with contextlib.nullcontext() if store is None else _opened(store, axes, points) as file:
+            size = len(list(axes.values())[-1]) if carry else 1
+            rows = (row for row in _rows(axes, size) if any(points[i] is None for i in row))
+            _run(partial(computed, function, carry), rows, pool, points, file, progress)
+    finally:
+        if executor is None:
+            pool.shutdown(wait=False, cancel_futures=True)
+    return table_of(axes, points)
 
 
 def _axes(grid):
-    """The grid, checked, as one array for each axis."""
+    """Return the grid, checked, as one array for each axis."""
     if not isinstance(grid, Mapping) or not grid:
         required = "be a mapping of axis names to values"
         raise TypeError(complaint("grid", required, repr(grid), 'pass e.g. {"b": [1.0, 2.0]}'))
@@ -149,36 +148,33 @@ def _axes(grid):
 
 
 def _axis(name, values):
+    argument, got = f"grid[{name!r}]", repr(values)[:STATUS_LENGTH]
     if not isinstance(name, str) or name in ("", "status"):
         required = "be named by strings other than '' and 'status'"
         raise ValueError(complaint("axes of grid", required, repr(name)))
-    argument = f"grid[{name!r}]"
     refuse_masked(argument, values, "hold numbers or strings alone")
     try:
         array = np.asarray(values)
     except ValueError:  # rows of unequal length
-        array = np.asarray(None)
+        array = np.empty(0)
     if array.ndim != 1 or array.size == 0:
-        required = "be a flat sequence of at least one value"
-        raise ValueError(complaint(argument, required, repr(values)[:STATUS_LENGTH]))
-    kind = array.dtype.kind
+        raise ValueError(complaint(argument, "be a flat sequence of at least one value", got))
+    numbers = array.dtype.kind in "biuf"
     # numpy turns numbers beside strings into strings
-    if kind not in "biufU" or (kind == "U" and not all(isinstance(v, str) for v in values)):
-        required = "hold numbers or strings alone"
-        raise TypeError(complaint(argument, required, repr(values)[:STATUS_LENGTH]))
-    array = array.astype(float) if kind == "f" else array
-    if kind == "f" and not np.all(np.isfinite(array)):
+    if not numbers and not all(isinstance(value, str) for value in values):
+        raise TypeError(complaint(argument, "hold numbers or strings alone", got))
+    if numbers and not np.isfinite(array).all():
         raise ValueError(complaint(argument, "hold finite numbers", shown(array)))
     if np.unique(array).size < array.size:
         raise ValueError(complaint(argument, "hold distinct values", shown(array)))
-    return array
+    return array.astype(float) if array.dtype.kind == "f" else array
 
 
 def _check_arguments(function, axes, carry):
     """Refuse axes that every call would stumble over."""
     try:
         signature = inspect.signature(function)
-    except (TypeError, ValueError):  # some built-in functions tell nothing
+    except (TypeError, ValueError):  # some built-in functions have none
         return
     try:
         signature.bind(**axes, **({"state": None} if carry else {}))
@@ -196,66 +192,89 @@ def _rows(axes, size):
         yield row
 
 
-def _run(compute, left, n_left, executor, keep, progress):
+def _run(compute, rows, executor, points, file, progress):
     """Hand out rows of points, a bounded number at a time, and keep what comes back."""
     finished: queue.SimpleQueue = queue.SimpleQueue()
     running: dict[Any, dict] = {}
-    bar, n_done, stopped = ProgressBar(progress), 0, False
+    bar, n_left, n_done = ProgressBar(progress), points.count(None), 0
     try:
         with Interruption() as interruption:
-            following = next(left, None)
-            while running or following is not None:
-                handed_out = False
-                if following is not None and len(running) < _IN_FLIGHT:
-                    handed_out = True
-                    future = executor.submit(compute, list(following.values()), os.getpid())
-                    running[future] = following
+            while True:
+                if interruption.asked:
+                    rows = iter(())
+                    for future in running:
+                        future.cancel()
+                for row in itertools.islice(rows, _IN_FLIGHT - len(running)):
+                    future = executor.submit(compute, list(row.values()), os.getpid())
+                    running[future] = row
                     future.add_done_callback(finished.put)
-                    following = next(left, None)
-                future = _taken(finished, 0.0 if handed_out else _LOOK)
-                if future is not None:
-                    n_done += _kept(future, running.pop(future), keep, interruption.asked)
+                if not running:
+                    break
+                with contextlib.suppress(queue.Empty):
+                    future = finished.get(timeout=_CHECK)
+                    results = _results(future, interruption.asked)
+                    for index, point in zip(running.pop(future), results, strict=False):
+                        if points[index] is None:  # a store may hold a part of the row
+                            points[index], n_done = point, n_done + 1
+                            if file is not None:
+                                file.write(_line([index, *point]))
+                                file.flush()
                     bar.update(n_done / n_left)
-                if interruption.asked and not stopped:
-                    following, stopped = None, True
-                    _withdraw(running)
             interruption.heeded = n_done < n_left
     finally:
-        _withdraw(running)
+        for future in running:
+            future.cancel()
         bar.close()
 
 
-def _taken(finished, seconds):
-    """The next finished point, None if there is none for so long."""
-    try:
-        return finished.get(timeout=seconds) if seconds else finished.get_nowait()
-    except queue.Empty:
-        return None
+def _results(future, asked_to_stop):
+    """Return the points of a future, none of one that was taken back."""
+    error = None if future.cancelled() else future.exception()
+    if future.cancelled() or (error and asked_to_stop):  # Ctrl-C reaches worker processes too
+        return []
+    if error:
+        got = f"{type(error).__name__}: {error}"
+        remedy = "for other processes define function at the top of a module; "
+        remedy += "points in the store are kept"
+        required = "carry every point to its end"
+        raise RuntimeError(complaint("executor", required, got, remedy)) from error
+    return future.result()
 
 
-def _kept(future, row, keep, asked_to_stop):
-    """Keep what a finished future holds; return the number of new points in it."""
-    if future.cancelled():
-        return 0
-    error = future.exception()
-    if error is None:
-        results = zip(row, future.result(), strict=True)
-        return sum([keep(index, *found) for index, found in results])
-    if asked_to_stop:  # Ctrl-C reaches worker processes too
-        return 0
-    remedy = (
-        "for other processes define function at the top of a module; points in the store are kept"
-    )
-    got = f"{type(error).__name__}: {error}"
-    raise RuntimeError(
-        complaint("executor", "carry every point to its end", got, remedy)
-    ) from error
+def _opened(path, axes, points):
+    """Read the points of a store; return the file, to which others are appended."""
+    if not isinstance(path, str | os.PathLike):
+        raise TypeError(complaint("store", "be the path of a file", repr(path)))
+    header = _line({"axes": {name: axis.tolist() for name, axis in axes.items()}})
+    with open(path, "a+b") as file:
+        file.seek(0)
+        for number, line in enumerate(file):
+            if not line.endswith(b"\n") and (number or header.startswith(line)):
+                warn(f"the last line of {str(path)!r} is torn and dropped", UserWarning)
+                file.truncate(file.tell() - len(line))
+            elif number:
+                index, point = _read(line, len(points), f"line {number + 1} of {str(path)!r}")
+                points[index] = point
+            elif line != header:
+                required, remedy = "hold points of the same grid", "name another file"
+                raise ValueError(complaint("store", required, repr(str(path)), remedy))
+        if file.seek(0, os.SEEK_END) == 0:
+            file.write(header)
+    return open(path, "ab")
 
 
-def _withdraw(running):
-    """Take back points that are not under way yet."""
-    for future in list(running):
-        future.cancel()
+def _line(content):
+    return json.dumps(content, separators=(",", ":")).encode() + b"\n"
+
+
+def _read(line, n, where):
+    """Return index, and status and values, of a point of a store."""
+    with contextlib.suppress(TypeError, ValueError, RecursionError):
+        index, status, values = json.loads(line)
+        if type(index) is int and 0 <= index < n and isinstance(status, str):
+            return index, _plain(values | {"status": status}, ())
+    got = f"{line[:40]!r} in {where}"
+    raise ValueError(complaint("store", "hold a point a line", got, "delete that line"))
 
 
 def computed(function, carry, points, home):
@@ -275,41 +294,36 @@ def computed(function, carry, points, home):
     list of (str, dict)
         Statuses; floats, strings and nested lists of them, as a store gives them back.
     """
-    deaf = contextlib.nullcontext() if os.getpid() == home else _deaf_to_ctrl_c()
-    with deaf, no_estimates():
+    with _deaf_to_ctrl_c(home), no_estimates():
         found, state = [], None
         for point in points:
             try:
-                if carry:
-                    returned, state = _with_state(function(state=state, **point))
-                else:
-                    returned = function(**point)
-                found.append(_plain(returned, point))
+                values = function(**point, **({"state": state} if carry else {}))
+                values = dict(values) if isinstance(values, Mapping) else {"value": values}
+                if carry and "state" not in values:
+                    required = 'return a mapping with "state", for the next point, with carry=True'
+                    raise ValueError(complaint("function", required, f"only {', '.join(values)}"))
+                state = values.pop("state") if carry else None
+                found.append(_plain(values, point))
             except Exception as error:
                 found.append((_one_line(f"{type(error).__name__}: {error}"), {}))
         return found
 
 
-def _with_state(returned):
-    """Split what a function returned into values and the state for the next point."""
-    if not isinstance(returned, Mapping) or "state" not in returned:
-        required = 'return a mapping with "state", for the next point, with carry=True'
-        raise ValueError(complaint("function", required, repr(returned)[:STATUS_LENGTH]))
-    values = dict(returned)
-    return values, values.pop("state")
-
-
 @contextlib.contextmanager
-def _deaf_to_ctrl_c():
-    """Ctrl-C reaches every process, but a run that it cut short here would pass for a whole one."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+def _deaf_to_ctrl_c(home):
+    """Ignore Ctrl-C, which reaches every process, in all but `home`.
+
+    A run that it cut short there would pass for a whole one.
+    """
+    main = threading.current_thread() is threading.main_thread()
+    deaf = main and os.getpid() != home
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN) if deaf else None
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, signal.SIG_DFL if before is None else before)
+        if deaf:
+            signal.signal(signal.SIGINT, before or signal.SIG_DFL)
 
 
 def _one_line(text):
@@ -317,10 +331,9 @@ def _one_line(text):
     return text if len(text) <= STATUS_LENGTH else text[: STATUS_LENGTH - 3] + "..."
 
 
-def _plain(returned, point):
-    """Status and values of what the function returned."""
-    values = dict(returned) if isinstance(returned, Mapping) else {"value": returned}
-    status = _one_line(str(values.pop("status", COMPLETED)))
+def _plain(values, point):
+    """Return the status of a point, and its values as floats, strings and lists of either."""
+    status = sys.intern(_one_line(str(values.pop("status", COMPLETED))))
     for name, value in values.items():
         if not isinstance(name, str) or name in point:
             required = "name its values by strings other than the names of the axes"

@@ -1,9 +1,8 @@
-"""Labelled results of a sweep, and how they are gathered from points in any order."""
+"""Labelled results of a sweep."""
 
 from __future__ import annotations
 
 import itertools
-import os
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,10 +15,9 @@ from ..support.optional import optional
 COMPLETED, NOT_COMPUTED = "completed", "not computed"
 # A status is one line of at most so many characters: arrays of strings are as wide as the widest.
 STATUS_LENGTH = 200
-_AXIS, _VALUE, _STATUS = "axis:", "value:", "status"
+_STATUS = "status"
 # Rows that a notebook shows.
 _SHOWN = 10
-_SAVED = "be a whole file that Table.save wrote"
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,47 +71,6 @@ class Table:
         required = f"be one of {', '.join(map(repr, self.names)) or 'none: no point gave a value'}"
         raise KeyError(complaint("name", required, repr(name), "axes are in table.axes"))
 
-    def save(self, path: str | os.PathLike) -> None:
-        """Write the table to a compressed .npz file, named exactly `path`.
-
-        Parameters
-        ----------
-        path : path-like
-        """
-        arrays = {_AXIS + name: axis for name, axis in self.axes.items()}
-        arrays |= {_VALUE + name: value for name, value in self.values.items()}
-        with open(path, "wb") as file:
-            np.savez_compressed(file, allow_pickle=False, **{_STATUS: self.status}, **arrays)
-
-    @classmethod
-    def load(cls, path: str | os.PathLike) -> Table:
-        """Read a table that `save` wrote.
-
-        Parameters
-        ----------
-        path : path-like
-
-        Returns
-        -------
-        Table
-        """
-        try:
-            with open(path, "rb") as file, np.load(file, allow_pickle=False) as loaded:
-                arrays = {name: loaded[name] for name in loaded.files}
-        except (FileNotFoundError, IsADirectoryError, PermissionError):
-            raise
-        except Exception as error:  # what a damaged or foreign file raises depends on its bytes
-            raise ValueError(complaint("path", _SAVED, repr(path))) from error
-        axes, values = (
-            {name[len(kind) :]: arrays[name] for name in arrays if name.startswith(kind)}
-            for kind in (_AXIS, _VALUE)
-        )
-        shape = tuple(axis.size for axis in axes.values())
-        status = arrays.get(_STATUS, np.empty(0))
-        if status.shape != shape or any(v.shape[: len(shape)] != shape for v in values.values()):
-            raise ValueError(complaint("path", _SAVED, repr(path)))
-        return cls(axes, values, status)
-
     def to_pandas(self) -> Any:
         """The table as a pandas DataFrame: a row a point, a column a number.
 
@@ -132,11 +89,8 @@ class Table:
                 label = f"{name}[{', '.join(map(str, place))}]" if place else name
                 columns[label] = entries[:, k]
         columns[_STATUS] = self.status.ravel()
-        if len(self.axes) == 1:
-            ((name, axis),) = self.axes.items()
-            rows = pandas.Index(axis, name=name)
-        else:
-            rows = pandas.MultiIndex.from_product(self.axes.values(), names=self.axes)
+        rows = pandas.MultiIndex.from_product(self.axes.values(), names=self.axes)
+        rows = rows.get_level_values(0) if rows.nlevels == 1 else rows
         return pandas.DataFrame(columns, index=rows)
 
     def to_xarray(self) -> Any:
@@ -171,73 +125,44 @@ class Table:
         return f"Table({', '.join(self.names)} over {axes}; {done} of {self.status.size} completed)"
 
 
-def _but_length(kind, shape):
-    """Return kind, number of dimensions and all but the first length of an array."""
-    return kind, len(shape), shape[1:]
+def table_of(axes, points):
+    """Return the table of points in the grid's order: status and values, or None where missing.
 
-
-class Columns:
-    """Takes in points in any order and makes the table, which does not depend on that order.
-
-    Parameters
-    ----------
-    axes : dict of str to ndarray
+    Values are numbers, strings or nested lists of either, by name. Points whose values do not fit
+    the first one of the grid have failed.
     """
+    status = [NOT_COMPUTED if point is None else point[0] for point in points]
+    values: dict[str, np.ndarray] = {}
+    shape = tuple(axis.size for axis in axes.values())
+    for name in dict.fromkeys(name for point in points if point for name in point[1]):
+        rows = {k: np.asarray(p[1][name]) for k, p in enumerate(points) if p and name in p[1]}
+        column = _column(name, rows, status)
+        values[name] = column.reshape(shape + column.shape[1:])
+    return Table(axes, values, np.array(status).reshape(shape))
 
-    def __init__(self, axes):
-        self._axes = axes
-        self._shape = tuple(axis.size for axis in axes.values())
-        self._status = [NOT_COMPUTED] * int(np.prod(self._shape))
-        # name -> kind and shape -> indices and rows: points may disagree until all are known
-        self._found: dict[str, dict[tuple, tuple[list, list]]] = {}
-        self._first: dict[str, tuple[int, int]] = {}
 
-    def __contains__(self, index):
-        return self._status[index] is not NOT_COMPUTED
+def _column(name, rows, status):
+    """Return the arrays of one name, by point, as one; lengths may differ.
 
-    @property
-    def n_left(self):
-        """Number of points that are missing."""
-        return sum(status is NOT_COMPUTED for status in self._status)
+    Those that do not fit the first one are left out, and said to have failed in `status`. An empty
+    array fits all others.
+    """
+    whole = {k: row for k, row in rows.items() if row.shape != (0,)} or rows
+    form = _form(next(iter(whole.values())))
+    fitting = [k for k, row in whole.items() if _form(row) == form]
+    longest = max(rows[k].shape for k in fitting)
+    kind = max((rows[k].dtype for k in fitting), key=lambda dtype: dtype.itemsize)
+    column = np.full((len(status), *longest), "" if form[0] == "text" else np.nan, dtype=kind)
+    for k in fitting:
+        column[(k, slice(len(rows[k]))) if longest else k] = rows[k]
+    for k, row in rows.items():
+        if _form(row) != form and not (row.shape == (0,) and longest) and status[k] == COMPLETED:
+            required = f"be {form[0]} of shape {longest}, but for its length, as at the first point"
+            got = f"{_form(row)[0]} of shape {row.shape}"
+            status[k] = f"ValueError: {complaint(name, required, got)}"[:STATUS_LENGTH]
+    return column
 
-    def add(self, index, status, values):
-        """Take in a point: its status, and numbers, strings or nested lists of them by name."""
-        self._status[index] = COMPLETED if status == COMPLETED else str(status)
-        for place, (name, value) in enumerate(values.items()):
-            row = np.asarray(value) if isinstance(value, list) else value
-            kind = ("text" if np.asarray(row).dtype.kind == "U" else "numbers", np.shape(row))
-            indices, rows = self._found.setdefault(name, {}).setdefault(kind, ([], []))
-            indices.append(index)
-            rows.append(row)
-            self._first[name] = min(self._first.get(name, (index, place)), (index, place))
 
-    def table(self):
-        """All points as a table; those that do not fit the first one of the grid have failed."""
-        values = {
-            name: self._column(name)
-            for name in sorted(self._found, key=lambda name: self._first[name])
-        }
-        return Table(self._axes, values, np.array(self._status).reshape(self._shape))
-
-    def _column(self, name):
-        forms = self._found[name]
-        # arrays may be of different lengths: the longest one decides; an empty one is of any kind
-        empty = {form for form in forms if form[1] == (0,)}
-        told = forms.keys() - empty or empty
-        kind, shape = min(told, key=lambda form: min(forms[form][0]))
-        alike = {form for form in told if _but_length(*form) == _but_length(kind, shape)}
-        shape = max(own for _, own in alike)
-        column = np.full((len(self._status), *shape), "" if kind == "text" else np.nan)
-        for _, own in alike:
-            indices, rows = forms[kind, own]
-            filled = np.array(rows)
-            column = column.astype(np.promote_types(column.dtype, filled.dtype))
-            column[(indices, slice(own[0])) if own else indices] = filled
-        for form in forms.keys() - alike - (empty if shape else set()):
-            required = f"be {kind} of shape {shape}, but for its length, as at the first point"
-            got = f"{form[0]} of shape {form[1]}"
-            for index in forms[form][0]:
-                if self._status[index] is COMPLETED:
-                    trouble = f"ValueError: {complaint(name, required, got)}"
-                    self._status[index] = trouble[:STATUS_LENGTH]
-        return column.reshape(self._shape + shape)
+def _form(row):
+    """Return what rows of one column have in common: their type, and all but their length."""
+    return "text" if row.dtype.kind == "U" else "numbers", row.ndim, row.shape[1:]

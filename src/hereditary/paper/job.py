@@ -50,8 +50,9 @@ class Job:
         return sweep(partial(function, **settings), grid, executor=self.executor)
 
     def save_table(self, name: str, table: Table) -> None:
-        """Write NAME.npz, a table."""
-        table.save(self.folder / f"{name}.npz")
+        """Write NAME.npz: axes and values of a table by their names, and "status"."""
+        arrays = {**table.axes, **table.values, "status": table.status}
+        np.savez_compressed(self.folder / f"{name}.npz", allow_pickle=False, **arrays)
 
     def save_figure(self, name: str, figure: Figure) -> None:
         """Write NAME.png and NAME.pdf."""
