@@ -3,7 +3,6 @@
 import matplotlib
 import numpy as np
 import pytest
-from scipy.optimize import least_squares
 
 import hereditary as hd
 from hereditary import exact
@@ -228,21 +227,3 @@ def test_what_is_observed_at_the_times_of_the_data_alone_is_drawn_there(observe)
     t, model = hd.plots.fit(found).lines[1].get_data()
     assert np.array_equal(t, T)
     np.testing.assert_allclose(model, data, rtol=0, atol=1e-6)
-
-
-def test_the_optimum_is_that_of_new_derivatives_at_every_point():
-    """To a thousandth of the standard errors, in fewer runs."""
-    data, runs = measured(noise=0.02, seed=3), []
-    found = hd.fit(relaxation, T, data, GUESS, bounds=BOUNDS)
-
-    def residuals(p):
-        runs.append(p)
-        return hd.solve(relaxation(*p), 5.0, rtol=1e-8, atol=1e-10, t_eval=T).y[:, 0] - data
-
-    start = np.array(list(GUESS.values()))
-    bounds = [0.1, -np.inf], [1.0, np.inf]
-    plain = least_squares(residuals, start, bounds=bounds, x_scale=start, diff_step=1e-4)
-    errors = np.array(list(found.standard_errors.values()))
-    off = np.abs(np.array(list(found.parameters.values())) - plain.x) / errors
-    assert off.max() < 1e-3
-    assert found.n_runs < len(runs)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
@@ -13,19 +12,33 @@ from numpy.typing import ArrayLike
 from ..equation.equation import Equation
 from ..solver.solution import Solution
 from ..solver.solve import solve
-from ..support.checks import complaint, real_array, shown
+from ..support.checks import complaint, component_numbers, real_array, shown
 from ..support.warning import warn
-from .series import Series, series_of
 
 # Relative change of parameters in differences: runs to a tolerance of 1e-8 leave 1e-4 in them.
 _CHANGE = 1e-4
 # Ratio of singular values below which data do not tell a combination of parameters, and share of a
 # parameter in such a combination from which it has no error.
 _UNTOLD, _SHARE = 1e-4, 0.01
+# A residual that is no number counts as ten of the largest one, or of so many of the largest value.
+_FAR = 1e2
+# A curve of the model has at least so many points: about the pixels of a figure's width.
+_FINE = 1000
 
 
 class IdentifiabilityWarning(UserWarning):
     """Data do not tell all parameters: some combination of them leaves residuals as they are."""
+
+
+class Series(NamedTuple):
+    """Data at increasing times, and their standard deviations.
+
+    t (n,), data (n, k), NaN where a value is missing or masked, and sigma (n, k) or None.
+    """
+
+    t: np.ndarray
+    data: np.ndarray
+    sigma: np.ndarray | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,9 +107,9 @@ def fit(
 ) -> FitResult:
     """Fit the parameters of an equation with memory to data, by least squares.
 
-    `scipy.optimize.least_squares` minimises the residuals' squares over sigma; derivatives are
-    differences over relative changes of 1e-4, and serve until parameters move by half of that. Any
-    number may be a parameter: orders, rates, initial values, coefficients of an order that varies.
+    `scipy.optimize.least_squares` minimises the squares of the residuals over sigma. It takes
+    derivatives by differences over relative changes of 1e-4. Any number may be a parameter: orders,
+    rates, initial values, coefficients of an order that varies.
 
     Parameters
     ----------
@@ -148,7 +161,7 @@ def fit(
 
     Cost
     ----
-    m + 1 runs an iteration, some eight iterations: 0.1 to 0.2 s for four parameters and 60 data.
+    m + 1 runs an iteration, about eight iterations: 0.1 to 0.3 s for four parameters and 60 data.
 
     Examples
     --------
@@ -164,57 +177,60 @@ def fit(
     >>> {name: round(value, 5) for name, value in found.parameters.items()}
     {'alpha': 0.7, 'rate': 1.5}
     """
-    names, start = _start(p0)
-    low, high = _bounds(bounds, names, start)
-    series = series_of(t, data, sigma)
-    if loss != "linear" and series[0].sigma is None:
+    from scipy.optimize import least_squares
+
+    names = list(p0) if isinstance(p0, Mapping) else [f"p{k}" for k in range(np.size(p0))]
+    start = real_array("p0", list(p0.values()) if isinstance(p0, Mapping) else p0)
+    if start.ndim != 1 or start.size == 0:
+        required = "be a mapping of names to numbers, or a flat sequence of numbers"
+        raise ValueError(complaint("p0", required, repr(p0)))
+    low, high = _bounds({} if bounds is None else bounds, names, start)
+    series = _series(t, data, sigma)
+    estimated = series[0].sigma is None
+    if loss != "linear" and estimated:
         remedy = "it tells outliers from data"
         raise ValueError(complaint("sigma", f"be given with loss={loss!r}", "none", remedy))
-    if sum(one.size for one in series) < start.size:
+    size = sum(int(np.isfinite(one.data).sum()) for one in series)
+    if size < start.size:
         required = f"hold at least {start.size} values, one for each parameter"
-        raise ValueError(complaint("data", required, sum(one.size for one in series)))
+        raise ValueError(complaint("data", required, size))
     runs = _Runs(model, names, isinstance(p0, Mapping), series, observe, how)
-    scale = np.where(start != 0, np.abs(start), 1.0)
-    differences = _Differences(runs.residuals, scale, low, high)
-    least_squares = importlib.import_module("scipy.optimize").least_squares  # whose import is long
-    limits = {"bounds": (low, high), "x_scale": scale, "loss": loss}
-    found = least_squares(differences.value, start, differences.jacobian, **limits)
-    best = runs.at(found.x)
-    at_bound = found.active_mask != 0
-    scale = np.maximum(np.abs(found.x), scale)
-    estimated = series[0].sigma is None
-    covariance, singular = _covariance(found, scale, at_bound, estimated, names)
-    completed = all(sol.success for sol in best)
+    # differences are relative to a parameter's size: one that begins at 0 is taken as 1 plus it
+    shift = np.where(start == 0, 1.0, 0.0)
+    scale = np.abs(start) + shift
+    found = least_squares(
+        lambda shifted: runs.residuals(shifted - shift),
+        start + shift,
+        bounds=(low + shift, high + shift),
+        x_scale=scale,
+        diff_step=_CHANGE,
+        loss=loss,
+    )
+    best, at_bound = found.x - shift, found.active_mask != 0
+    solutions = runs.solutions(best, [one.t for one in series])
+    completed = all(sol.success for sol in solutions)
+    covariance, singular = _covariance(
+        found, np.maximum(np.abs(best), scale), at_bound, estimated, names
+    )
     errors = np.sqrt(np.diag(covariance)) if completed else np.full(start.size, np.nan)
     with np.errstate(invalid="ignore", divide="ignore"):
         correlation = covariance / np.outer(errors, errors)
-    message = found.message
-    if at_bound.any():
-        held = ", ".join(name for name, held in zip(names, at_bound, strict=True) if held)
-        message += f" At a bound: {held}."
+    held = ", ".join(np.array(names)[at_bound])
     return FitResult(
-        parameters=dict(zip(names, found.x.tolist(), strict=True)),
+        parameters=dict(zip(names, best.tolist(), strict=True)),
         standard_errors=dict(zip(names, errors.tolist(), strict=True)),
         covariance=covariance,
         correlation=correlation,
-        residuals=[one.lacking(sol, observe) for sol, one in zip(best, series, strict=True)],
+        residuals=runs.lacking(solutions),
         cost=float(found.cost) * runs.unit**2,
         singular_values=singular,
-        solutions=best,
+        solutions=solutions,
         success=bool(found.success) and completed,
-        message=message,
+        message=found.message + (f" At a bound: {held}." if held else ""),
         n_runs=runs.count,
         series=series,
-        curves=runs.curves(found.x, best),
+        curves=runs.curves(best, solutions),
     )
-
-
-class _Best(NamedTuple):
-    """Parameters p (m,) with the least squares of residuals so far, and their solutions."""
-
-    squares: float
-    p: np.ndarray | None
-    solutions: list
 
 
 class _Runs:
@@ -227,27 +243,23 @@ class _Runs:
         what the optimiser stops at is absolute.
     count : int
         Sets of runs so far.
-    best : _Best
-        Of these the one with the least squares.
     """
 
     def __init__(self, model, names, named, series, observe, how):
         self._model, self._names, self._named = model, names, named
         self._series, self._observe, self.count = series, observe, 0
-        self.best = _Best(np.inf, None, [])
-        largest = max(one.largest for one in series)
-        self.unit = (largest or 1.0) if series[0].sigma is None else 1.0
+        largest = [float(np.nanmax(np.abs(one.data))) for one in series]
+        self._far = [_FAR * (size or 1.0) for size in largest]
+        self.unit = (max(largest) or 1.0) if series[0].sigma is None else 1.0
         if "t_eval" in how:
             raise TypeError(complaint("t_eval", "be left out, for t says it", "some"))
-        if not {"n_steps", "mesh", "rtol"} & how.keys():
-            how = {"rtol": 1e-8} | how
-        self._how = {"estimate": False} | how
+        default = {} if {"n_steps", "mesh", "rtol"} & how.keys() else {"rtol": 1e-8}
+        self._how = {"estimate": False} | default | how
 
-    def solutions(self, p, series):
-        """Return solutions with these parameters, one for each series."""
+    def solutions(self, p, times):
+        """Return solutions with these parameters at the times (n,) of each series."""
         self.count += 1
-        values = p.tolist()
-        named = dict(zip(self._names, values, strict=True))
+        named = dict(zip(self._names, p.tolist(), strict=True))
         try:
             made = self._model(**named) if self._named else self._model(p.copy())
         except ValueError as error:
@@ -256,88 +268,84 @@ class _Runs:
             at = ", ".join(f"{name} = {value:.6g}" for name, value in named.items())
             remedy = "keep parameters in range by bounds={name: (lowest, highest)}"
             raise ValueError(f"{error}, from model at {at}; {remedy}") from error
-        pairs = zip(_equations(made, len(series)), series, strict=True)
-        return [_solved(*pair, self._how) for pair in pairs]
+        equations = list(made) if isinstance(made, (list, tuple)) else [made]
+        if len(equations) != len(times) or not all(isinstance(e, Equation) for e in equations):
+            required = f"return an Equation, or a list with one for each of {len(times)} series"
+            raise TypeError(complaint("model", required, repr(made)))
+        for equation, t in zip(equations, times, strict=True):
+            if t[-1] <= equation.t_start or t[0] < equation.t_start:
+                required = f"begin at t_start = {equation.t_start:g} or later"
+                raise ValueError(complaint("t", required, shown(t)))
+        pairs = zip(equations, times, strict=True)
+        return [solve(equation, float(t[-1]), t_eval=t, **self._how) for equation, t in pairs]
+
+    def lacking(self, solutions):
+        """Return model minus data (n, k): NaN where data are missing, inf where runs ended."""
+        found = []
+        for one, sol in zip(self._series, solutions, strict=True):
+            seen = self._seen(sol.y, one.data.shape[1])
+            found.append(np.full(one.data.shape, np.inf))
+            found[-1][: len(seen)] = seen - one.data[: len(seen)]
+            found[-1][np.isnan(one.data)] = np.nan
+        return found
 
     def residuals(self, p):
-        """Return all residuals over their deviations, (n,); large ones where runs ended early."""
-        solutions = self.solutions(p, self._series)
-        pairs = zip(solutions, self._series, strict=True)
-        found = [one.weighed(one.lacking(sol, self._observe)) for sol, one in pairs]
-        residuals = np.concatenate(found) / self.unit
-        squares = float(residuals @ residuals)
-        if squares < self.best.squares:
-            self.best = _Best(squares, p.copy(), solutions)
-        return residuals
+        """Return all residuals over their deviations, (n,).
 
-    def at(self, p):
-        """Return solutions with these parameters, those of the best set where it is theirs."""
-        same = self.best.p is not None and np.array_equal(self.best.p, p)
-        return self.best.solutions if same else self.solutions(p, self._series)
+        Rows behind the end of a run count as far from the data, so that others are preferred.
+        """
+        found = self.lacking(self.solutions(p, [one.t for one in self._series]))
+        for k, (one, far) in enumerate(zip(self._series, self._far, strict=True)):
+            known = np.isfinite(found[k])
+            far = 10 * max(far, np.abs(found[k][known]).max(initial=0.0))
+            weighed = np.where(known, found[k], far) / (1.0 if one.sigma is None else one.sigma)
+            found[k] = weighed[np.isfinite(one.data)]
+        return np.concatenate(found) / self.unit
 
-    def curves(self, p, best):
-        """Return times and values of the model for each series."""
-        fine = self.solutions(p, [one._replace(t=one.finer_times()) for one in self._series])
-        runs = zip(self._series, best, fine, strict=True)
-        return [one.curve(*pair, self._observe) for one, *pair in runs]
+    def curves(self, p, solutions):
+        """Return times (m,) and values (m, k) of the model for each series, also between the data.
 
+        At the times of the data alone where `observe` needs these.
+        """
+        sizes = [one.t.size for one in self._series]
+        places = [np.linspace(0, n - 1, (n - 1) * (_FINE // n + 2) + 1) for n in sizes]
+        times = [
+            np.interp(x, np.arange(n), one.t)
+            for x, n, one in zip(places, sizes, self._series, strict=True)
+        ]
+        found = []
+        for one, sol, fine in zip(self._series, solutions, self.solutions(p, times), strict=True):
+            k, unit = one.data.shape[1], np.nanmax(np.abs(one.data))
+            curve = sol.t, self._seen(sol.y, k)
+            try:
+                often = self._seen(fine.y, k)
+                same = np.allclose(
+                    often[np.isin(fine.t, sol.t)], curve[1], rtol=0, atol=1e-6 * unit
+                )
+            except ValueError:  # of shapes
+                same = False
+            found.append((fine.t, often) if same else curve)
+        return found
 
-class _Differences:
-    """Derivatives of residuals by differences, which serve the points close by too.
-
-    A point is close where every parameter has moved by less than half of the change that the
-    differences are over: what these leave out is more than the derivatives change by.
-
-    Parameters
-    ----------
-    residuals : callable
-        Of parameters (m,).
-    scale, low, high : ndarray, shape (m,)
-        Sizes of parameters that are 0, and lowest and highest values.
-    """
-
-    def __init__(self, residuals, scale, low, high):
-        self._residuals, self._scale, self._low, self._high = residuals, scale, low, high
-        self._at, self._found = np.full(scale.size, np.nan), np.zeros((0, scale.size))
-        self._last = self._at, np.zeros(0)
-
-    def value(self, p):
-        """Return the residuals, kept for the derivatives that are asked for next."""
-        self._last = p.copy(), self._residuals(p)
-        return self._last[1]
-
-    def jacobian(self, p):
-        """Return the derivatives of the residuals, (n, m)."""
-        changes = _CHANGE * np.where(p != 0, p, self._scale)
-        if np.all(np.abs(p - self._at) <= 0.5 * np.abs(changes)):
-            return self._found
-        at, value = self._last
-        value = value if np.array_equal(at, p) else self._residuals(p)
-        columns = []
-        for k, change in enumerate(changes):
-            moved, sides = p.copy(), np.array([p[k] + change, p[k] - change])
-            sides = np.clip(sides, self._low[k], self._high[k])
-            moved[k] = sides[np.argmax(np.abs(sides - p[k]))]
-            columns.append((self._residuals(moved) - value) / (moved[k] - p[k]))
-        self._at, self._found = p.copy(), np.array(columns).T
-        return self._found
-
-
-def _start(p0):
-    """Return names and first values of the parameters."""
-    required = "be a mapping of names to numbers, or a flat sequence of numbers"
-    values = list(p0.values()) if isinstance(p0, Mapping) else p0
-    start = real_array("p0", values, required)
-    if start.ndim != 1 or start.size == 0:
-        raise ValueError(complaint("p0", required, f"shape {start.shape}"))
-    names = list(p0) if isinstance(p0, Mapping) else [f"p{k}" for k in range(start.size)]
-    return names, start
+    def _seen(self, y, k):
+        """Return what is observed of rows (m, d), (m, k)."""
+        if callable(self._observe):
+            seen = np.asarray(self._observe(y))
+        elif self._observe is None:
+            seen = y[:, :k]
+        else:
+            seen = y[:, component_numbers(self._observe, y.shape[1], "observe")]
+        if seen.shape[:1] != (len(y),) or seen.size != len(y) * k or seen.dtype.kind not in "iuf":
+            shape = f"({len(y)}{f', {k}' if k > 1 else ','})"
+            got = f"shape {seen.shape} of {seen.dtype} from y of shape {y.shape}"
+            required = f"give real values of shape {shape}, as data has"
+            raise ValueError(complaint("observe", required, got))
+        return seen.reshape(len(y), k)
 
 
 def _bounds(bounds, names, start):
     """Return lowest and highest values of all parameters."""
     low, high = np.full(start.size, -np.inf), np.full(start.size, np.inf)
-    bounds = {} if bounds is None else bounds
     if not isinstance(bounds, Mapping):
         required = "be a mapping of names to (lowest, highest)"
         raise TypeError(complaint("bounds", required, repr(bounds)))
@@ -351,25 +359,6 @@ def _bounds(bounds, names, start):
             raise ValueError(complaint(f"bounds[{name!r}]", required, shown(pair)))
         low[k], high[k] = limits
     return low, high
-
-
-def _equations(made, n):
-    """Return equations as a list, one for each series."""
-    several = isinstance(made, (list, tuple))
-    equations = list(made) if several else [made]
-    if len(equations) != n or not all(isinstance(one, Equation) for one in equations):
-        required = f"return an Equation, or a list with one for each of {n} series"
-        raise TypeError(complaint("model", required, repr(made)))
-    return equations
-
-
-def _solved(equation, one, how):
-    """Solve the equation of a series up to its last time."""
-    t_end = float(one.t[-1])
-    if t_end <= equation.t_start or one.t[0] < equation.t_start:
-        required = f"begin at t_start = {equation.t_start:g} or later"
-        raise ValueError(complaint("t", required, shown(one.t)))
-    return solve(equation, t_end, t_eval=one.t, **how)
 
 
 def _covariance(found, scale, at_bound, estimated, names):
@@ -400,3 +389,45 @@ def _covariance(found, scale, at_bound, estimated, names):
     covariance = np.full((scale.size, scale.size), np.nan)
     covariance[np.ix_(free, free)] = spread
     return covariance, singular
+
+
+def _series(t, data, sigma):
+    """Return series of data, checked; t and data are arrays, or lists of one for each series."""
+    if not (isinstance(t, (list, tuple)) and len(t) > 0 and np.ndim(t[0]) > 0):
+        return [_one("", t, data, sigma)]
+    n, sigmas = len(t), sigma if isinstance(sigma, (list, tuple)) else [sigma] * len(t)
+    for name, values in (("data", data), ("sigma", sigmas)):
+        if not isinstance(values, (list, tuple)) or len(values) != n:
+            required = f"be a list of {n} series, as t is"
+            raise ValueError(complaint(name, required, type(values).__name__))
+    if len({one is None for one in sigmas}) > 1:
+        raise ValueError(complaint("sigma", "be given for all series or for none", "some"))
+    return [_one(f"[{k}]", *part) for k, part in enumerate(zip(t, data, sigmas, strict=True))]
+
+
+def _one(place, t, data, sigma):
+    """Return one series; `place` is its number in a list."""
+    t = real_array(f"t{place}", t)
+    if t.ndim != 1 or t.size == 0 or np.any(np.diff(t) <= 0):
+        raise ValueError(complaint(f"t{place}", "be increasing times (n,)", shown(t)))
+    if np.iscomplexobj(np.asarray(data)):
+        remedy = "give real and imaginary part as two values, and observe them"
+        raise TypeError(complaint(f"data{place}", "be real", "complex numbers", remedy))
+    values: np.ndarray = np.ma.array(data, dtype=float, copy=True).filled(np.nan)
+    if values.ndim not in (1, 2) or len(values) != t.size:
+        required = f"have shape ({t.size},) or ({t.size}, k), NaN for missing values"
+        raise ValueError(complaint(f"data{place}", required, f"shape {values.shape}"))
+    if np.any(np.isinf(values)) or not np.any(np.isfinite(values)):
+        raise ValueError(complaint(f"data{place}", "be finite, or NaN", shown(values)))
+    values = values.reshape(t.size, -1)
+    if sigma is None:
+        return Series(t, values, None)
+    spread = real_array(f"sigma{place}", sigma)
+    spread = spread[:, None] if spread.shape == t.shape else spread
+    if np.any(spread <= 0):
+        raise ValueError(complaint(f"sigma{place}", "be above 0", shown(spread)))
+    try:
+        return Series(t, values, np.broadcast_to(spread, values.shape))
+    except ValueError as error:
+        required = "be one number, or have the shape of data"
+        raise ValueError(complaint(f"sigma{place}", required, f"shape {spread.shape}")) from error
