@@ -84,7 +84,7 @@ class CollocationMarch:
         if not has_stages(form):
             system = self._system = system.dense()
         self._stages = stage_solver(system.structure, form, s)
-        self._rule = rule_of(s, tuple(form.orders.tolist()), system.linear_alone)
+        self._rule = rule_of(s, tuple(form.orders.tolist()))
         # such equations have no power basis and begin with ordinary steps, the first one tiny
         self._graded = bool(form.implicit.any() or form.varying)
         self._orders = OrderTables(form.varying, s)

@@ -54,7 +54,7 @@ class AdaptiveStepper(CollocationMarch, Stepper):
         self.second = view.second
         refuse_late(equation, t_end)
         self._t_end, self._breaks = t_end, np.zeros(0)
-        steps = scheme.horizon or 0.0, scheme.nodes_for(rtol), (rtol, atol), modes_tol
+        steps = scheme.horizon or 0.0, int(scheme.nodes), (rtol, atol), modes_tol
         pace = Pace(max_step, max_steps)
         super().__init__(view.system, t_end, *steps, view.directions(directions), pace)
 

@@ -28,7 +28,7 @@ class Collocation(Scheme):
     Parameters
     ----------
     nodes : int, optional
-        s, 2 to 12; by default 4 for tolerances down to 1e-5, 6 down to 1e-8 and 8 below.
+        s, 2 to 12.
     horizon : float, optional
         Time up to which a run may be resumed, where that exceeds ten times its first length.
 
@@ -58,7 +58,7 @@ class Collocation(Scheme):
     0.4275835762
     """
 
-    nodes: int | None = None
+    nodes: int = 8
     horizon: float | None = None
     adaptive: ClassVar[bool] = True
     whole: ClassVar[bool] = True
@@ -66,16 +66,10 @@ class Collocation(Scheme):
     takes_varying: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
-        if self.nodes is not None and not 2 <= count("nodes", self.nodes) <= 12:
+        if not 2 <= count("nodes", self.nodes) <= 12:
             raise ValueError(complaint("nodes", "lie in 2..12", self.nodes))
         if self.horizon is not None:
             positive("horizon", self.horizon)
-
-    def nodes_for(self, rtol: float) -> int:
-        """Return the number of nodes for a relative tolerance."""
-        if self.nodes is not None:
-            return int(self.nodes)
-        return 4 if rtol > 3e-6 else 6 if rtol > 3e-9 else 8
 
     def order(self, alpha: float, smoothness: str = "smooth") -> float:
         """Return the order of convergence: the number of nodes + the order of integration.
@@ -90,8 +84,6 @@ class Collocation(Scheme):
         """
         alpha = within("alpha", alpha, 5e-324, 2.0, "(0, 2]")
         check_smoothness(smoothness)
-        if self.nodes is None:
-            raise ValueError(complaint("nodes", "be given for an order", None, "e.g. 6"))
         return self.nodes + (alpha if alpha <= 1 else alpha - 1)
 
     def plan(self, equation: System, h: float) -> Plan:

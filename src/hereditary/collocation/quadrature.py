@@ -73,15 +73,11 @@ def _tabulated(s):
 
 
 @lru_cache(maxsize=256)
-def rule_of(s, orders, linear=False):
-    """Return the `Rule` of s nodes with the integrals of these orders, the last of which is 1.
-
-    A linear f equals its polynomial off the nodes, so it is looked at at the start alone.
-    """
+def rule_of(s, orders):
+    """Return the `Rule` of s nodes with the integrals of these orders, the last of which is 1."""
     singular = integrals_of_rows(s, np.repeat(np.array(orders)[:, None], s, axis=1))
     matrices = radau_nodes(s), singular, to_legendre(s), _slopes(s)
-    checked = (part[:1] if linear else part for part in check_points(s))
-    return Rule(*(np.array(part) for part in (*matrices, *checked)))
+    return Rule(*(np.array(part) for part in (*matrices, *check_points(s))))
 
 
 @lru_cache(maxsize=16)
@@ -133,15 +129,16 @@ def check_points(s):
 
     Returns
     -------
-    points : ndarray, shape (m,)
-        The start, and the midpoints between start and nodes.
-    integrals : ndarray, shape (m, s)
+    points : ndarray, shape (2,)
+        The start, and the middle between the last but two nodes and the last but one.
+    integrals : ndarray, shape (2, s)
         From values at the nodes to the integral of their polynomial from the start.
-    values_there : ndarray, shape (m, s)
+    values_there : ndarray, shape (2, s)
         From values at the nodes to values of their polynomial.
     """
     ends = np.concatenate([[0.0], radau_nodes(s)])
-    points = np.concatenate([[0.0], (ends[1:] + ends[:-1]) / 2])
+    # of all middles between nodes this one sees most often that a solution slides along a jump
+    points = np.array([0.0, ends[s - 2 : s].mean()])
     values_there = leg.legvander(2 * points - 1, s - 1) @ to_legendre(s)
     found = points, polynomial_integrals(s, 1.0, points), values_there
     return tuple(_frozen(np.ascontiguousarray(array)) for array in found)

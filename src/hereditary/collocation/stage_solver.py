@@ -48,7 +48,8 @@ def stage_solver(structure, form, s):
     d, kinds = form.second.size, (form.kinds, form.second)
     if structure is None:
         places = _lapack("dgehrd", "dorghr")
-        how = {"lapack": places[0], "lapack_solve": places[1], "hold": _HOLD}
+        hold = 0 if form.varying else _HOLD  # varying orders have new factors at each step
+        how = {"lapack": places[0], "lapack_solve": places[1], "hold": hold}
         room = {"factors": np.empty((s, 1, d), complex), "dense": np.empty((2 + 2 * s, d, d))}
         order, jacobian = np.arange(d), np.zeros((d, d))
         return _solver(dense_stages, kinds, s, order=order, jacobian=jacobian, **room, **how)

@@ -33,8 +33,6 @@ REACHED, FULL, TOO_CLOSE, TOO_ROUGH, NOT_SOLVED, ORDERS_NEEDED, JUMPING, CRAWLIN
 # Largest and smallest factor between steps, and the error that a step aims at, in step lengths and
 # tolerances.
 _GROW, _SHRINK, _SAFETY = 3.0, 0.2, 0.8
-# Below this fraction of the tolerance an error says nothing of how long the next step may be.
-_DORMANT = 1e-3
 # A floor counts until the size of y exceeds this fraction of it (collocation/sizes.py): errors made
 # until then are within the tolerance ever after.
 NEAR = 0.01
@@ -84,7 +82,9 @@ def marching(name, solve, solve_for_tangents, factors, read, told):
                 rhs, jac, has_jac, params, t, h, slot, equations, rule, tables, varying, orbit,
                 state, limits, newton, base, operators, values,
             )  # fmt: skip
-            longest = floor_to_grid(limits.longest_idle if ratio < _DORMANT else limits.longest)
+            # an error that would allow more than the largest factor says nothing of longer steps
+            idle = ratio < (_SAFETY / _GROW) ** (s + lowest)
+            longest = floor_to_grid(limits.longest_idle if idle else limits.longest)
             planned = next_length(h, control.next, ratio, was_refused, s + lowest)
             planned = worth_new_factors(h, planned, ratio, stages)
             control.next = min(planned, longest)
