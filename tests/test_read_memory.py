@@ -158,7 +158,7 @@ def order_of(equation, scheme, counts):
         (hd.ExplicitCaputo(), 0.9, 0.4, 1.0, 3e-5),
         (hd.GrunwaldLetnikov(), 0.9, 0.4, 1.0, 3e-5),
         (hd.L1(), 0.9, 0.4, 1.0, 2e-5),
-        (hd.L2(), 0.9, 0.4, 1.0, 1e-6),
+        (hd.L2(), 0.9, 0.4, 1.0, 2e-6),
         (hd.L12(), 0.9, 0.4, 1.0, 2e-6),
         (hd.BDF(2), 0.9, 0.4, 2.0, 1e-9),
         (hd.BDF(3), 0.9, 0.4, 2.4, 1e-11),

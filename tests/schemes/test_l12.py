@@ -42,16 +42,17 @@ def square(t, y, p):
 
 
 @pytest.mark.parametrize("alpha", [0.1, 0.3, 0.5, 0.8, 0.95, 1.0])
-def test_the_line_of_the_first_step_costs_no_order_at_a_fixed_time(alpha):
+@pytest.mark.parametrize("scheme", [SCHEME, hd.L2()], ids=repr)
+def test_the_line_of_the_first_step_costs_no_order_at_a_fixed_time(scheme, alpha):
     """y = t**2 with y''(0) = 2: order 2 over all times, 3 - alpha at the end."""
     equation = hd.Equation(hd.Caputo(alpha), square, 0.0, (alpha, 2 / gamma(3 - alpha)))
     found = []
     for n in (400, 800, 1600):
-        sol = hd.solve(equation, 1.0, n, scheme=SCHEME, history=hd.Direct())
+        sol = hd.solve(equation, 1.0, n, scheme=scheme, history=hd.Direct())
         off = np.abs(sol.y[:, 0] - sol.t**2)
         found.append((off[-1], off.max()))
     orders = np.log2(np.array(found[:-1]) / found[1:])
-    assert orders[:, 0] == pytest.approx(SCHEME.order(alpha), abs=0.05)
+    assert orders[:, 0] == pytest.approx(scheme.order(alpha), abs=0.05)
     assert orders[:, 1] == pytest.approx(2.0, abs=0.05)
 
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 import hereditary as hd
 
 RATES = np.array([1.0, 3.0])
-SCHEMES = [hd.BDF(1), hd.BDF(2), hd.L1(), hd.L12(), hd.L2Sigma()]
+SCHEMES = [hd.BDF(1), hd.BDF(2), hd.L1(), hd.L12(), hd.L2(), hd.L2Sigma()]
 HISTORIES = [hd.Direct(), hd.FFT(), hd.SumOfExponentials()]
 
 

@@ -111,6 +111,22 @@ def test_kept_jacobians_do_not_change_what_steps_solve(period):
     assert sol.stats["n_rhs"] <= 14 * n  # as many as Newton takes from anew
 
 
+IMPLICIT = [hd.L1(), hd.L12(), hd.L2(), hd.L2Sigma(), hd.BDF(2), hd.BDF(3), hd.ProductTrapezoid()]
+
+
+@pytest.mark.parametrize("scheme", IMPLICIT, ids=repr)
+def test_a_first_step_that_has_no_solution_is_told(scheme):
+    """D^0.55 y = 30 y**2 - y in steps of 0.1; so are members of an ensemble."""
+    equation = hd.Equation(hd.Caputo(0.55), lambda t, y, p: p[0] * y**2 - y, 1.0, [30.0])
+    with pytest.warns(hd.SolveWarning, match="Newton"):
+        sol = hd.solve(equation, 3.0, 30, scheme=scheme)
+    assert sol.status is hd.Status.NOT_SOLVED
+    assert (sol.t.tolist(), sol.y.tolist()) == ([0.0], [[1.0]])
+    with pytest.warns(hd.SolveWarning, match="1 of 2 members"):
+        members = hd.ensemble(equation, 3.0, 30, params=[[30.0], [0.5]], scheme=scheme)
+    assert list(members.status) == [hd.Status.NOT_SOLVED, hd.Status.COMPLETED]
+
+
 @pytest.mark.parametrize("scheme", [hd.L1(), hd.L2Sigma(), hd.ProductTrapezoid()], ids=repr)
 def test_newton_that_does_not_converge_is_told(scheme):
     """y' = y**2 jumps past its pole: no solution of the step's equation is left."""

@@ -153,9 +153,7 @@ def transform(state, memory, d, lasting, matrix):
         forget(state.starts, d)
         if lasting == 0:
             forget(state.corrections, d)
-            forget(state.first.reshape(-1, 1), d)
-    for vector in (state.x, state.increment, state.change, state.shift, state.first, state.force,
-                   state.lacks):  # fmt: skip
+    for vector in (state.x, state.increment, state.change, state.shift, state.force, state.lacks):
         combine(vector.reshape(-1, 1), d, matrix)
     for array in (state.lag, state.pieces, state.drift, state.corrections, state.starts):
         combine(array, d, matrix)

@@ -86,7 +86,7 @@ def marching(name, way, read=open_block):
         leads, nears, scales, drifts = rows.lead, rows.near, rows.scale, rows.drift
         n_solved, n_orbit, start_weights = table.n_solved, table.n_orbit, table.start_weights
         amplitudes, corrections, sources = state.drift, state.corrections, table.sources
-        starts, first, start, integral = state.starts, state.first, memory[1], table.integral
+        starts, start, integral = state.starts, memory[1], table.integral
         room, work, monitor, given = output.room, state.newton, state.monitor, table.given
         known, shift, scale, lead = room[KNOWN], room[SHIFT], room[SCALE], room[LEAD]
         near, w, f, n_starts = room[NEAR], room[W], room[F], max(1, starts.shape[1])
@@ -127,8 +127,6 @@ def marching(name, way, read=open_block):
                     counts.rhs += jacobian(rhs, jac, has_jac, t, orbit, params, units, j_f)
                     push_tangents(n_orbit, j_f, x, f)
                 change(n, p, given, lead, known, shift, f, u, pieces, w, d)
-            elif newton and n == 0 and given[0] == 1:
-                put(first, w)
             elif newton:
                 guess(p, integral, ratio[i], lead, known, force, pieces, w)
                 if not solve_step(rhs, jac, has_jac, params, t, n_solved, sources, room, looked,

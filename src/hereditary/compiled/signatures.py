@@ -130,11 +130,11 @@ class March(NamedTuple):
     with memory that an explicit step reads among them, the newest increment and its change (W,);
     lag (W, B) of the block under way and pieces (W, B + 1); monitor, records (d,); shift (W,),
     x'(0) times the unit of lengths, which the pieces leave out; drift (W, r), amplitudes of known
-    terms, or x(0) where rows have factors for it; first (W,), the first increment where it is
-    given; corrections (W, k) of the right-hand side in the first steps; starts (W, V), start
-    values; force and lacks (W,), the newest right-hand side, and lead times what the last sweep
-    lacked of it; newton (2, ., .), a Jacobian and room for Newton's matrix, or that whose factors
-    are kept, for many components (compiled/newton.py), or (3, ., .) with room for that of tangents.
+    terms, or x(0) where rows have factors for it; corrections (W, k) of the right-hand side in the
+    first steps; starts (W, V), start values; force and lacks (W,), the newest right-hand side, and
+    lead times what the last sweep lacked of it; newton (2, ., .), a Jacobian and room for Newton's
+    matrix, or that whose factors are kept, for many components (compiled/newton.py), or (3, ., .)
+    with room for that of tangents.
     """
 
     counts: np.record
@@ -146,7 +146,6 @@ class March(NamedTuple):
     monitor: np.ndarray
     shift: np.ndarray
     drift: np.ndarray
-    first: np.ndarray
     corrections: np.ndarray
     starts: np.ndarray
     force: np.ndarray
@@ -179,7 +178,7 @@ STEP_TABLE = types.NamedTuple(
 STEP_ROWS = types.NamedTuple((I8, I8, VEC, VEC, VEC, VEC, VEC, MAT, MAT, MAT, MAT), StepRows)
 _MONITORS = types.Array(from_dtype(MONITOR), 1, "C")
 STATE = types.NamedTuple(
-    (_COUNTS, VEC, VEC, VEC, MAT, MAT, _MONITORS, VEC, MAT, VEC, MAT, MAT, VEC, VEC, CUBE), March
+    (_COUNTS, VEC, VEC, VEC, MAT, MAT, _MONITORS, VEC, MAT, MAT, MAT, VEC, VEC, CUBE), March
 )
 OUTPUT = types.NamedTuple((MAT, MAT, CUBE, MAT, I8, I8), Output)
 MARCH = (

@@ -11,7 +11,6 @@ def derivative_plan(
     theta,
     weighed,
     start_rule=None,
-    first=None,
     first_modal=2,
     corrections=None,
     more_starts=(),
@@ -31,8 +30,6 @@ def derivative_plan(
         ``weighed(c, operator)``: factor, `WeightRule` and its p of c times an operator.
     start_rule : WeightRule, optional
         What the weights of the first increment lack, with the same p.
-    first : ndarray, shape (d,), optional
-        The first increment, where the scheme finds it in another way.
     first_modal : int, optional
         First k from which the weights are sums of exponentials.
     corrections : ndarray, shape (k, d), optional
@@ -87,8 +84,6 @@ def derivative_plan(
         initial=equation.at_start,
         increments=increments,
         shift=shift,
-        given=None if first is None else np.ones(equation.d, dtype=np.int64),
-        first=first,
         # the first start value is the first increment
         starts=np.array([0 * shift, *(value for _, value in more_starts)]),
         powers=powers,

@@ -77,8 +77,8 @@ class MeshSums:
         return history.open_mesh(self, n_columns, span)
 
 
-def mesh_plan(scheme, equation, times, theta, parabolas, first=None):
-    """Plan of a scheme on a mesh of any steps; `first` (d,) is the first increment, where given."""
+def mesh_plan(scheme, equation, times, theta, parabolas):
+    """Plan of a scheme on a mesh of any steps."""
     name, up_to = type(scheme).__name__, scheme.meshes_up_to
     if not equation.constant:
         required = f"be Caputo operators of constant order for {name} on a mesh"
@@ -97,8 +97,6 @@ def mesh_plan(scheme, equation, times, theta, parabolas, first=None):
         initial=equation.at_start,
         increments=shift * (times[1] - times[0]),
         shift=shift,
-        given=None if first is None else np.ones(equation.d, dtype=np.int64),
-        first=first,
         powers=powers,
         drift=amplitudes,
     )

@@ -162,11 +162,9 @@ class Plan:
     integral : bool
         Whether the pieces are values of the right-hand side instead of increments.
     given : ndarray of int64, shape (d,), or None
-        Whether the first increment is given.
+        Whether `increments` are those of the first step, which an explicit scheme is given.
     powers, drift : ndarray, shape (r, d)
         Known terms ``drift t**power`` on the left side.
-    first : ndarray, shape (d,)
-        The first increment, where it is given to a march that solves its steps.
     corrections : ndarray, shape (k, d)
         Corrections of the right-hand side in the first k steps.
     starts : ndarray, shape (V, d)
@@ -190,7 +188,6 @@ class Plan:
     given: np.ndarray | None = None
     powers: np.ndarray | None = None
     drift: np.ndarray | None = None
-    first: np.ndarray | None = None
     corrections: np.ndarray | None = None
     starts: np.ndarray | None = None
     lasting: bool = False
@@ -294,8 +291,8 @@ class Scheme(ABC):
         Whether terms may have kernels other than Caputo's, orders that vary, and be read by f.
     takes_meshes, takes_tangents : bool
         Whether steps may differ in length, up to order `meshes_up_to`, and tangents go along.
-    takes_switches, solves_first_steps : bool
-        Whether f may jump at switches, and whether plans solve for the first increments.
+    takes_switches : bool
+        Whether f may jump at switches.
     """
 
     solve: ClassVar[str]
@@ -310,7 +307,6 @@ class Scheme(ABC):
     takes_memory: ClassVar[bool] = True
     takes_tangents: ClassVar[bool] = True
     takes_switches: ClassVar[bool] = True
-    solves_first_steps: ClassVar[bool] = False
     takes_meshes: ClassVar[bool] = False
     meshes_up_to: ClassVar[float] = 1.0
 

@@ -124,7 +124,7 @@ class FixedStepper(Stepper):
 
         `params` (E, p) and y0 (E, m, d). None where members must be planned one by one.
         """
-        if self.scheme.solves_first_steps or self._block == 1:
+        if self._block == 1:
             return None
         members = [displaced(self.equation, *member) for member in zip(y0, params, strict=True)]
         return self._planned(side_by_side([self._inside(member) for member in members]))

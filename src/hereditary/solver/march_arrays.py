@@ -48,7 +48,6 @@ def initial_march(plan, d, n_block, newton, columns=slice(None)):
         monitor=np.zeros(d, MONITOR).view(np.recarray),
         shift=plan.shift[columns].copy(),
         drift=_by_columns(plan.drift, none, columns),
-        first=np.zeros(width) if plan.first is None else plan.first[columns].copy(),
         corrections=_by_columns(plan.corrections, none, columns),
         starts=_by_columns(plan.starts, none, columns),
         force=np.zeros(width),
