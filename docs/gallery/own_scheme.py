@@ -14,7 +14,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import hereditary as hd
-from hereditary.schemes import Scheme, check_smoothness, derivative_plan, weighed
+from hereditary.schemes import Scheme, check_smoothness, uniform_plan, weighed
 
 # %%
 # Lines on each step, and the equation at t_n + theta h: L1 is theta = 1.
@@ -36,7 +36,7 @@ class Lines(Scheme):
     def plan(self, equation, h):
         """Tables and convolution for an equation with step h."""
         terms = partial(weighed, h=h, theta=self.theta)
-        return derivative_plan(equation, h, self.theta, terms)
+        return uniform_plan(equation, h, self.theta, terms)
 
 
 # %%

@@ -2,8 +2,8 @@
 
 from ..equation.system import System
 from ..support.checks import within
-from .derivative_form import derivative_plan
 from .scheme import Plan, Scheme, check_smoothness
+from .uniform_plan import uniform_plan
 from .weights import weighed
 
 __all__ = [
@@ -11,7 +11,7 @@ __all__ = [
     "Scheme",
     "System",
     "check_smoothness",
-    "derivative_plan",
+    "uniform_plan",
     "weighed",
     "within",
 ]

@@ -7,8 +7,8 @@ step, the increments of x weigh the values of f by ``h**alpha / Gamma(alpha+2) /
 (n-alpha) (n+1)**alpha``.
 """
 
-from dataclasses import dataclass
-from functools import lru_cache
+from dataclasses import dataclass, replace
+from functools import lru_cache, partial
 from typing import ClassVar
 
 import numpy as np
@@ -18,18 +18,14 @@ from ..compiled.watch import QUICK
 from ..equation.system import System
 from ..kernels.special import first_moment_exponential, gauss_unit, mean_exponential
 from ..support.checks import count, within
-from .derivative_form import drift_of_speed
 from .scheme import (
-    Convolution,
     Plan,
     Scheme,
     WeightRule,
     check_smoothness,
-    distinct_columns,
-    uniform_rows,
 )
 from .stability import StabilityRegion
-from .weights import weighed
+from .uniform_plan import uniform_plan
 
 
 def hat_weights(alpha, n):
@@ -102,44 +98,16 @@ FIRST_VALUE = WeightRule(start_weights, _exponent, _modal_start)
 
 
 def _plan(equation, h, corrections):
-    """Plan in integral form; on the left side f has negative weights."""
-    distinct, groups = distinct_columns(equation)
-    lead, near = [], []
-    lists: list[tuple] = []
-    start_lists: list[tuple] = []
-    for ((c, operator),), read in distinct:
-        alpha = operator.order
-        if read:  # weights of increments
-            factor, rule, p = weighed(c, operator, h)
-            first, second = factor * rule.exact(p, 2)
-            lead.append(1 / first)
-            near.append(second / first)
-            lists.append(((factor / first, rule, p),))
-            start_lists.append(())
-            continue
-        factor = h**alpha * rgamma(alpha + 2) / c
-        lead.append(factor)
-        near.append(-factor * hat_weights(alpha, 2)[1])
-        lists.append(((-factor, HATS, alpha),))
-        start_lists.append(((-factor, FIRST_VALUE, alpha),))
-    shift = h * equation.y0[1] if equation.m == 2 else np.zeros(equation.d)
-    lead_of = np.array(lead)[groups]
-    amplitudes, powers = drift_of_speed(equation)
-    amplitudes[:, ~equation.read] = 0.0
-    return Plan(
-        past=Convolution(tuple(lists), tuple(start_lists), first_modal=3),
-        rows=uniform_rows(h, 1.0, lead, near),
-        groups=groups,
-        initial=equation.at_start,
-        increments=shift,
-        shift=shift,
-        sweeps=corrections,
-        integral=True,
-        powers=powers,
-        drift=amplitudes,
-        region=_region(equation, lead_of, corrections),
-        slowest=QUICK,
-    )
+    """Make the plan in integral form."""
+    weighed, start = (partial(_weighed, h=h, rule=rule) for rule in (HATS, FIRST_VALUE))
+    how = {"integral": True, "first_modal": 3, "sweeps": corrections, "slowest": QUICK}
+    plan = uniform_plan(equation, h, 1.0, weighed, starts=[(start, 0.0)], **how)
+    return replace(plan, region=_region(equation, plan.rows.lead[plan.groups, 0], corrections))
+
+
+def _weighed(c, operator, h, rule):
+    """Weights of values of f, which have the negative sign on the left side."""
+    return -(h**operator.order) * rgamma(operator.order + 2) / c, rule, operator.order
 
 
 def _region(equation, lead, corrections):

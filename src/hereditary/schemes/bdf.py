@@ -15,8 +15,8 @@ from scipy.special import factorial, rgamma
 from ..compiled.power_series import series_of_power
 from ..equation.system import System
 from ..support.checks import complaint, count, within
-from .derivative_form import derivative_plan
 from .scheme import Plan, Scheme, WeightRule, check_smoothness
+from .uniform_plan import uniform_plan
 
 # From this k on the weights are sums of exponentials to 1e-11: the parasitic roots of delta have
 # died out like 0, 1/3, 0.43, 0.56, 0.71, 0.86 to the power k.
@@ -96,26 +96,32 @@ class BDF(Scheme):
     def plan(self, equation: System, h: float) -> Plan:
         """Tables and convolution for `equation` with step h."""
         p = self.formula
-        return derivative_plan(
+        corrections, drift = _start_corrections(equation, h, p), _formed_drift(equation, h, p)
+        if drift is not None:
+            begun, *drift = drift
+            begun[: p - 1] -= corrections
+            corrections = -begun
+        return uniform_plan(
             equation,
             h,
             1.0,
-            partial(_weighed, p, h),
+            partial(weighed_by_power, h=h, rule=quadrature_weights(p)),
             first_modal=_FIRST_MODAL[p - 1],
-            corrections=_start_corrections(equation, h, p),
-            more_drift=_formed_drift(equation, h, p),
+            corrections=corrections,
+            drift=drift,
+            lasting=drift is not None,  # with a drift of its own the first steps are many
         )
 
 
-def _weighed(p, h, c, operator):
+def weighed_by_power(c, operator, h, rule):
     """Factor, rule and order of c times an operator."""
-    return c * h**-operator.order, quadrature_weights(p), operator.order
+    return c * h**-operator.order, rule, operator.order
 
 
 @lru_cache(maxsize=8)
 def quadrature_weights(p):
     """Rule of the coefficients of ``delta(z)**alpha / (1 - z)``."""
-    return WeightRule(partial(_exact, p), _exponent, partial(_modal, p))
+    return WeightRule(partial(_exact, p), exponent, partial(_modal, p))
 
 
 def _exact(p, alpha, n):
@@ -133,7 +139,7 @@ def _shifted_power_sum(p):
     return total.coef
 
 
-def _exponent(alpha):
+def exponent(alpha):
     """Kernel ``t**-alpha``; integer orders have no memory beyond 2 p steps."""
     return None if alpha in (1.0, 2.0) else alpha
 

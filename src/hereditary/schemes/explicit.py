@@ -7,6 +7,7 @@ and ``A = coefficient h**-alpha / Gamma(p + 1)``; the right-hand side is taken a
 """
 
 from dataclasses import dataclass
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
@@ -15,17 +16,15 @@ from ..compiled.watch import SLOWEST
 from ..equation.system import System
 from ..support.checks import complaint, within
 from .scheme import (
-    Convolution,
     Plan,
     Scheme,
-    check_lead,
     check_smoothness,
     distinct_components,
-    uniform_rows,
 )
 from .stability import largest_step, polylogarithm, stability_region
+from .uniform_plan import uniform_plan
 from .varying_plan import varying_plan
-from .weights import FIRST_DIFFERENCES, value_weights, weighed
+from .weights import FIRST_DIFFERENCES, by_rule, value_weights, weighed
 
 
 @dataclass(frozen=True)
@@ -133,42 +132,32 @@ class ExplicitCaputo(Scheme):
         if equation.varies:
             return varying_plan(equation, h, 1.0, explicit=True)
         second = equation.highest_orders() > 1
-        distinct, groups = distinct_components(equation)
-        lead = np.empty(len(distinct))
-        near = np.empty(len(distinct))
-        lists, start_lists, value_lists = [], [], []
-        for i, key in enumerate(distinct):
-            terms = [weighed(c, operator, h) for c, operator in key]
-            total = sum(f * rule.exact(kernel, 1)[0] for f, rule, kernel in terms)
-            check_lead(total, h)
-            terms = [(f / total, rule, kernel) for f, rule, kernel in terms]
-            lead[i] = 1 / total
-            # solved for y_n - y_(n-1): W_0 + W_1
-            near[i] = sum(f * rule.exact(kernel, 2).sum() for f, rule, kernel in terms)
-            lists.append(tuple(terms))
-            start_lists.append(tuple((-f, FIRST_DIFFERENCES, kernel) for f, _, kernel in terms))
-            value_lists.append(value_weights(key, total, h, 0.0, 0))
-        increments = h * equation.y0[1] if equation.m == 2 else np.zeros(equation.d)
-        start = np.where(second, increments, 0.0)
-        region = _region(equation, h, distinct, self._limits(equation, h))
-        # y(0), which no increment tells of, where a term remembers y itself
-        values = (tuple(value_lists),) if any(value_lists) else ()
-        starts = [start, equation.y0[0]] if values else [start]
-        return Plan(
-            past=Convolution(tuple(lists), tuple(start_lists), more_starts=values),
-            rows=uniform_rows(h, 0.0, lead, near),
-            groups=groups,
-            initial=equation.at_start,
-            increments=increments,
-            shift=np.zeros(equation.d),
+        speed = h * equation.y0[1] if equation.m == 2 else 0.0
+        starts = [(partial(_start_weights, h=h), np.where(second, speed, 0.0))]
+        if any(op.kernel is not None and op.derivative == 0 for op, _ in equation.left):
+            # y(0), which no increment contains, for terms that remember y itself
+            values = partial(value_weights, h=h, theta=0.0, derivative=0)
+            starts.append((values, equation.y0[0]))
+        return uniform_plan(
+            equation,
+            h,
+            0.0,
+            partial(weighed, h=h),
+            starts=starts,
+            whole=True,
             given=second.astype(np.int64),
-            starts=np.array(starts),
-            region=region,
+            region=_region(equation, h, self._limits(equation, h)),
             slowest=SLOWEST,
         )
 
 
-def _region(equation, h, distinct, limits):
+def _start_weights(c, operator, h):
+    return by_rule(-c, operator, h, FIRST_DIFFERENCES)
+
+
+def _region(equation, h, limits):
+    distinct, _ = distinct_components(equation)
+
     def curve(zeta):  # sum_k b_k zeta**-k = (zeta - 1) Li_(-p)(1 / zeta)
         total = 0.0
         for c, operator in distinct[0]:

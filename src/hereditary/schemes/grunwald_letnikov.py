@@ -6,6 +6,7 @@ order 1 t x'(0) is taken away as well, which the sums S of the W weigh: ``h**-al
 """
 
 from dataclasses import dataclass
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
@@ -15,18 +16,16 @@ from ..compiled.watch import SLOWEST
 from ..equation.system import System
 from ..kernels.special import mean_exponential
 from ..support.checks import within
-from .bdf import quadrature_weights
+from .bdf import exponent, quadrature_weights, weighed_by_power
 from .scheme import (
-    Convolution,
     Plan,
     Scheme,
     WeightRule,
-    check_lead,
     check_smoothness,
     distinct_components,
-    uniform_rows,
 )
 from .stability import largest_step, stability_region
+from .uniform_plan import uniform_plan
 
 
 @dataclass(frozen=True)
@@ -119,39 +118,20 @@ class GrunwaldLetnikov(Scheme):
 
     def plan(self, equation: System, h: float) -> Plan:
         """Tables and convolution for `equation` with step h."""
-        distinct, groups = distinct_components(equation)
-        lead, near = np.empty((2, len(distinct)))
-        lists, start_lists = [], []
-        for i, key in enumerate(distinct):
-            weighed = [(c * h**-operator.order, operator.order) for c, operator in key]
-            total = sum(factor for factor, _ in weighed)
-            check_lead(total, h)
-            terms = [(factor / total, alpha) for factor, alpha in weighed]
-            lead[i] = 1 / total
-            near[i] = 1 + sum(f * (1 - alpha) for f, alpha in terms)
-            lists.append(tuple((f, POWER_SERIES, alpha) for f, alpha in terms))
-            start_lists.append(tuple((f, SPEED, alpha) for f, alpha in terms))
-        speeds = equation.y0[1] if equation.m == 2 else np.zeros(equation.d)
-        start = np.where(equation.highest_orders() > 1, h * speeds, 0.0)
-        # the second start value of a march is there from the first step on
-        none, above = ((),) * len(distinct), equation.m == 2
-        more = (tuple(start_lists),) if above else ()
-        return Plan(
-            past=Convolution(tuple(lists), none, more_starts=more),
-            rows=uniform_rows(h, 0.0, lead, near),
-            groups=groups,
-            initial=equation.at_start,
-            increments=h * speeds,
-            shift=np.zeros(equation.d),
-            starts=np.array([0 * start, start] if above else [start]),
-            region=_region(h, distinct, self._limits(equation, h)),
+        starts: list = [(None, 0.0)]
+        if equation.m == 2:  # the second start value of a march is there from the first step on
+            start = np.where(equation.highest_orders() > 1, h * equation.y0[1], 0.0)
+            starts.append((partial(weighed_by_power, h=h, rule=SPEED), start))
+        return uniform_plan(
+            equation,
+            h,
+            0.0,
+            partial(weighed_by_power, h=h, rule=POWER_SERIES),
+            starts=starts,
+            whole=True,
+            region=_region(equation, h, self._limits(equation, h)),
             slowest=SLOWEST,
         )
-
-
-def _exponent(alpha):
-    """Kernel ``t**-alpha``; none at the integers."""
-    return None if alpha in (1.0, 2.0) else alpha
 
 
 def _modal(alpha, rates, weights, k):
@@ -171,7 +151,7 @@ def _speed(alpha, n):
 
 
 def _speed_exponent(alpha):
-    return _exponent(alpha - 1) if alpha > 1 else None
+    return exponent(alpha - 1) if alpha > 1 else None
 
 
 def _modal_speed(alpha, rates, weights, k):
@@ -180,11 +160,13 @@ def _modal_speed(alpha, rates, weights, k):
 
 _SERIES = quadrature_weights(1)
 # The weights W_k of increments, and those of h x'(0).
-POWER_SERIES = WeightRule(_SERIES.exact, _exponent, _modal)
+POWER_SERIES = WeightRule(_SERIES.exact, exponent, _modal)
 SPEED = WeightRule(_speed, _speed_exponent, _modal_speed)
 
 
-def _region(h, distinct, limits):
+def _region(equation, h, limits):
+    distinct, _ = distinct_components(equation)
+
     def curve(zeta):
         terms = distinct[0]
         return zeta * sum(c * ((1 - 1 / zeta) / h) ** operator.order for c, operator in terms)

@@ -8,11 +8,11 @@ import numpy as np
 
 from ..equation.system import System
 from ..support.checks import within
-from .derivative_form import derivative_plan
 from .mesh_plan import mesh_plan
 from .scheme import Plan, Scheme, check_smoothness
+from .uniform_plan import uniform_plan
 from .varying_plan import varying_plan
-from .weights import FIRST_DIFFERENCES, value_weights, weighed
+from .weights import FIRST_DIFFERENCES, by_rule, value_weights, weighed
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ class L1(Scheme):
         # where a kernel acts on y, that of y'(0) t grows with t, which no decaying modes follow:
         # there the increments keep h y'(0), and the velocities' differences begin at it
         whole = equation.m == 2 and _remembers(equation, 0)
-        starts = []
+        starts: list = [(None, 0.0)]
         for derivative in (0, 1):
             # increments tell nothing of y(0), and without h y'(0) nothing of y'(0) t
             lacking = derivative == 0 or (equation.m == 2 and not whole)
@@ -92,9 +92,8 @@ class L1(Scheme):
                 starts.append((weights, equation.y0[derivative]))
         if whole:
             starts.append((partial(_speed_weights, h=h), h * equation.y0[1]))
-        return derivative_plan(
-            equation, h, theta, partial(weighed, h=h, theta=theta), more_starts=starts, whole=whole
-        )
+        terms = partial(weighed, h=h, theta=theta)
+        return uniform_plan(equation, h, theta, terms, starts=starts, whole=whole)
 
     def mesh_plan(self, equation: System, times: np.ndarray) -> Plan:
         """Plan on a mesh of any steps; above order 1 velocities are lines between their middles."""
@@ -102,10 +101,9 @@ class L1(Scheme):
         return mesh_plan(self, equation, times, theta, 0)
 
 
-def _speed_weights(key, total, h):
-    """Weights of h y'(0), where velocities' differences begin at it; for `derivative_plan`."""
-    second = [weighed(c, operator, h) for c, operator in key if operator.derivative == 2]
-    return tuple((-factor / total, FIRST_DIFFERENCES, kernel) for factor, _, kernel in second)
+def _speed_weights(c, operator, h):
+    """Weights of h y'(0), where velocities' differences begin at it."""
+    return by_rule(-c, operator, h, FIRST_DIFFERENCES) if operator.derivative == 2 else None
 
 
 def _remembers(equation, derivative):

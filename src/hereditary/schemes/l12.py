@@ -8,9 +8,9 @@ import numpy as np
 
 from ..equation.system import System
 from ..support.checks import within
-from .derivative_form import derivative_plan
 from .scheme import Plan, Scheme, WeightRule, check_smoothness
-from .weights import FIRST_DIFFERENCES, parabola_start
+from .uniform_plan import uniform_plan
+from .weights import FIRST_DIFFERENCES, by_rule, parabola_start
 
 
 @dataclass(frozen=True)
@@ -67,12 +67,10 @@ class L12(Scheme):
 
     def plan(self, equation: System, h: float) -> Plan:
         """Tables and convolution for `equation` with step h."""
-        return derivative_plan(equation, h, 1.0, partial(_weighed, h), BACKWARD_START)
-
-
-def _weighed(h, c, operator):
-    """Factor, rule and kernel of c times an operator."""
-    return c * operator.factor(h), BACKWARD_PARABOLAS, operator.in_steps(h)
+        weighed, start = (
+            partial(by_rule, h=h, rule=r) for r in (BACKWARD_PARABOLAS, BACKWARD_START)
+        )
+        return uniform_plan(equation, h, 1.0, weighed, starts=[(start, 0.0)])
 
 
 # -m_(k+1) with m_k = int K(t) (k + 1/2 - t) dt over [k, k+1]

@@ -1,17 +1,15 @@
 """The L2 scheme: piecewise quadratic solutions."""
 
 from dataclasses import dataclass
-from functools import partial
 from typing import ClassVar
 
 import numpy as np
 
 from ..equation.system import System
 from ..support.checks import within
-from .derivative_form import derivative_plan
 from .mesh_plan import mesh_plan
 from .scheme import Plan, Scheme, check_smoothness
-from .weights import parabola_start, weighed_parabolas
+from .uniform_plan import parabola_plan
 
 
 @dataclass(frozen=True)
@@ -69,8 +67,7 @@ class L2(Scheme):
 
     def plan(self, equation: System, h: float) -> Plan:
         """Tables and convolution for `equation` with step h."""
-        weighed = partial(weighed_parabolas, h=h, theta=1.0, closing=True)
-        return derivative_plan(equation, h, 1.0, weighed, parabola_start(1.0))
+        return parabola_plan(equation, h, 1.0, closing=True)
 
     def mesh_plan(self, equation: System, times: np.ndarray) -> Plan:
         """Plan on a mesh of any steps, for orders in (0, 1]."""

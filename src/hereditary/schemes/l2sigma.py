@@ -1,7 +1,6 @@
 """Alikhanov's L2-1sigma scheme."""
 
 from dataclasses import dataclass
-from functools import partial
 from typing import ClassVar
 
 import numpy as np
@@ -9,7 +8,6 @@ from scipy.special import rgamma
 
 from ..equation.system import System
 from ..support.checks import complaint, within
-from .derivative_form import derivative_plan
 from .mesh_plan import mesh_plan
 from .reduction import reduce_order
 from .scheme import (
@@ -18,7 +16,7 @@ from .scheme import (
     check_smoothness,
     distinct_components,
 )
-from .weights import parabola_start, weighed_parabolas
+from .uniform_plan import parabola_plan
 
 
 @dataclass(frozen=True)
@@ -90,9 +88,7 @@ class L2Sigma(Scheme):
 
     def plan(self, equation: System, h: float) -> Plan:
         """Tables and convolution for `equation` with step h."""
-        sigma = _sigma(_terms(equation), h)
-        weighed = partial(weighed_parabolas, h=h, theta=sigma)
-        return derivative_plan(equation, h, sigma, weighed, parabola_start(sigma))
+        return parabola_plan(equation, h, _sigma(_terms(equation), h))
 
     def mesh_plan(self, equation: System, times: np.ndarray) -> Plan:
         """Plan on a mesh of any steps, for orders in (0, 1]."""

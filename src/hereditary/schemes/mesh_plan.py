@@ -8,8 +8,8 @@ from ..compiled.mesh_sums import fill_mesh
 from ..compiled.signatures import StepRows
 from ..kernels.special import gauss_unit
 from ..support.checks import complaint
-from .derivative_form import drift_of_speed
 from .scheme import Plan, distinct_components
+from .uniform_plan import drift_of_speed
 
 
 class MeshSums:

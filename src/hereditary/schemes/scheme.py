@@ -46,8 +46,8 @@ class Convolution:
     """Sum that a history makes on a uniform mesh: ``lag_n = sum_k W_k u_(n-k)``, k >= 2.
 
     The weights are sums ``W_k = sum_j factor_j rule_j(p_j)_k``, one such list of (factor, rule, p)
-    for each group of columns; a second list of the same kind weighs the start value of a column
-    (its weights are as sums of exponentials from k = 2 on).
+    for each group of columns. Further lists weigh the start values of a column, all groups' lists
+    of one value after those of another (these weights are sums of exponentials from k = 2 on).
 
     Attributes
     ----------
@@ -55,14 +55,11 @@ class Convolution:
     start_groups : tuple of tuple of (float, WeightRule, float)
     first_modal : int
         First k from which the weights are sums of exponentials, at least 2.
-    more_starts : tuple of such tuples
-        As `start_groups`, for each further start value of the columns.
     """
 
     groups: tuple
     start_groups: tuple
     first_modal: int = 2
-    more_starts: tuple = ()
 
     def prepare(self, n_end: int) -> None:
         """Nothing is left to prepare: all steps have the same row but the first."""
@@ -82,11 +79,7 @@ class Convolution:
     @property
     def n_starts(self):
         """Start values of each column."""
-        return 1 + len(self.more_starts)
-
-    @property
-    def _all_starts(self):
-        return sum(self.more_starts, self.start_groups)
+        return len(self.start_groups) // len(self.groups)
 
     def exponents(self):
         """Exponents of power-law kernels that occur."""
@@ -98,22 +91,19 @@ class Convolution:
 
     def _keys(self):
         """List the results of `WeightRule.exponent`, each once, in order."""
-        found = [rule.exponent(p) for lists in self._lists for _, rule, p in lists]
+        lists = self.groups + self.start_groups
+        found = [rule.exponent(p) for terms in lists for _, rule, p in terms]
         return [key for key in dict.fromkeys(found) if key is not None]
 
     def has_memory(self):
         """Whether there are weights beyond k = 1 at all."""
         return bool(self._keys()) or self.first_modal > 3
 
-    @property
-    def _lists(self):
-        return self.groups + self._all_starts
-
     def exact(self, n):
         """Weights (C, n) and start weights (V C, n) of every group for k < n."""
         return tuple(
             np.array([_total((f * rule.exact(p, n) for f, rule, p in terms), n) for terms in lists])
-            for lists in (self.groups, self._all_starts)
+            for lists in (self.groups, self.start_groups)
         )
 
     def modal(self, bank, k, k_start):
@@ -133,7 +123,7 @@ class Convolution:
 
         return tuple(
             np.array([share(terms, at) for terms in lists])
-            for lists, at in ((self.groups, k), (self._all_starts, k_start))
+            for lists, at in ((self.groups, k), (self.start_groups, k_start))
         )
 
 
@@ -195,42 +185,6 @@ class Plan:
     slowest: float = 0.0
 
 
-def uniform_rows(h, theta, lead, near, scale=None):
-    """Rows of uniform steps, which differ in the first alone.
-
-    Parameters
-    ----------
-    h : float
-        Step [time].
-    theta : float
-        Where in a step the equation holds.
-    lead, near : ndarray, shape (C,)
-    scale : ndarray, shape (C,), optional
-        Factor of the increment in the first step, by default 1.
-    """
-
-    def twice(values):
-        return np.ascontiguousarray(np.repeat(np.asarray(values, dtype=float)[:, None], 2, axis=1))
-
-    scales = np.ones((len(lead), 2))
-    if scale is not None:
-        scales[:, 0] = scale
-    none = np.zeros((len(lead), 0))
-    return StepRows(
-        first=0,
-        last=1,
-        times=np.zeros(0),
-        theta=np.full(2, float(theta)),
-        unit=np.full(2, h),
-        length=np.ones(2),
-        ratio=np.ones(2),
-        lead=twice(lead),
-        near=twice(near),
-        scale=scales,
-        drift=none,
-    )
-
-
 def distinct_components(equation):
     """The different (coefficient, operator) lists of an equation's components, and their indices.
 
@@ -258,14 +212,6 @@ def distinct_columns(system):
     keys = [(distinct[a], bool(read)) for a, read in zip(groups, system.read, strict=True)]
     found = list(dict.fromkeys(keys))
     return found, np.array([found.index(key) for key in keys], dtype=np.int64)
-
-
-def check_lead(total, h):
-    """Refuse a leading weight that cannot be divided by."""
-    if total == 0 or not np.isfinite(total):
-        required = "give a finite, nonzero leading weight"
-        got = f"{total} at h = {h}"
-        raise ValueError(complaint("terms", required, got, "take another step"))
 
 
 def check_smoothness(smoothness):

@@ -68,17 +68,20 @@ def weighed(c, operator, h, theta=1.0):
 
     It is ``factor sum_k rule(kernel)_k u_(n-k)`` for increments u.
     """
-    rule = SECOND_DIFFERENCES if operator.derivative == 2 else shifted_differences(theta)
+    second = operator.derivative == 2
+    return by_rule(c, operator, h, SECOND_DIFFERENCES if second else shifted_differences(theta))
+
+
+def by_rule(c, operator, h, rule):
+    """Factor, rule and kernel of ``c`` times an operator, with any rule."""
     return c * operator.factor(h), rule, operator.in_steps(h)
 
 
-def value_weights(key, total, h, theta, derivative):
-    """Weights ``c / total int_0^t K`` of a start value, for general kernels of one derivative."""
-    return tuple(
-        (c / total, kernel_values(theta), StepKernel(Integrated(operator.kernel), h))
-        for c, operator in key
-        if operator.kernel is not None and operator.derivative == derivative
-    )
+def value_weights(c, operator, h, theta, derivative):
+    """Weights ``c int_0^t K`` of a start value, for a general kernel on this derivative of y."""
+    if operator.kernel is None or operator.derivative != derivative:
+        return None
+    return c, kernel_values(theta), StepKernel(Integrated(operator.kernel), h)
 
 
 @lru_cache(maxsize=8)
@@ -91,11 +94,6 @@ def parabola_weights(theta, closing):
     before, which adds m_0 over [0, 1] to W_0 and takes it from W_1.
     """
     return WeightRule(partial(_parabola, theta, closing), _KEY, partial(_modal_parabola, theta))
-
-
-def weighed_parabolas(c, operator, h, theta, closing=False):
-    """Return `weighed` with the rule of parabolas, for first derivatives."""
-    return c * operator.factor(h), parabola_weights(theta, closing), operator.in_steps(h)
 
 
 @lru_cache(maxsize=8)
