@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..collocation.adaptive_stepper import AdaptiveStepper
-from ..compiled.jit import JAC_SIG, RHS_SIG, as_value, derived
+from ..compiled.jit import RHS_SIG, as_value, derived
 from ..equation.equation import Equation
 from ..equation.system import System
 from ..equation.terms import ConstantOrder, SystemTerm
@@ -28,8 +28,6 @@ from ..support.checks import complaint, instance
 from ..support.warning import silence
 
 _KINDS = ("params", "y0", "orders")
-# Relative change of parameters in differences.
-_STEP = 6e-6
 # Changes of orders in differences, by given steps and by a tolerance, and what that is at most.
 _BY_STEPS, _BY_TOLERANCE, _TIGHT = 1e-5, 1e-4, 1e-11
 
@@ -117,10 +115,9 @@ def sensitivities(
     -----
     On given steps derivatives by params and y0 are those of the discrete solution to 1e-9, and
     converge with the order of the scheme; with `Collocation` they are within rtol of their largest
-    size so far, or 1e-9. Derivatives of the right-hand side by a parameter are differences over
-    6e-6 of it, of 1 where it is 0; those by y too where no jac is given, over 6e-6 of 1 or of a
-    larger y. Derivatives by orders are exact to 1e-7 of the solution, and NaN where one of their
-    runs ends early.
+    size so far, or 1e-9. Derivatives of the right-hand side by parameters and y are differences, as
+    of an equation without `jac`. Derivatives by orders are exact to 1e-7 of the solution, and NaN
+    where one of their runs ends early.
 
     Cost
     ----
@@ -138,13 +135,22 @@ def sensitivities(
         "equation", equation, Equation, "hereditary.Equation(terms, rhs, y0)"
     ).current()
     kinds = _kinds(wrt, equation)
-    _check(equation, kinds)
     start = equation.frame.start
     t_last = run_end("t_end", t_end, start)
     scheme = chosen_scheme(scheme, rtol, n_steps, None, None)
     times = evaluation_times(t_eval, start, t_last)
+    times = np.array([start, t_last]) if times is None else times
     how = {"scheme": scheme, "history": history, "rtol": rtol, "atol": atol, "n_steps": n_steps}
-    stepper, stops, times = _opened(equation, kinds, t_last, times, how)
+    size = equation.params.size if "params" in kinds else 0
+    if not scheme.adaptive and (scheme.solve == "imex" or (size and not scheme.components_differ)):
+        required = "take components of their own orders, which parameters become, and no linear="
+        raise ValueError(complaint("scheme", required, repr(scheme), "use BDF(2) or Collocation"))
+    system, units = _with_parameters(equation.dense(), size)
+    d, n_data = system.d, system.d + int(np.sum(system.highest_orders() > 1))
+    columns = [*range(equation.d, d)]
+    columns += [*range(equation.d), *range(d, n_data)] if "y0" in kinds else []
+    directions = np.eye(n_data)[:, columns]
+    stepper, stops = _opened(system, directions, t_last - start, times - start, **how)
     rows, tangents = [], []
     for stop in stops:
         while stepper.position < stop and not stepper.trouble:
@@ -158,7 +164,7 @@ def sensitivities(
     y = np.array(rows).reshape(-1, equation.d)
     every = np.array(tangents).reshape(len(y), equation.d, -1)
     size = equation.params.size if "params" in kinds else 0
-    every[..., :size] /= _units(equation.params)[:size]
+    every[..., :size] /= units
     by_orders = _by_orders(equation, t_last, times[: len(y)], how) if "orders" in kinds else None
     return Sensitivities(
         t=times[: len(y)],
@@ -171,89 +177,67 @@ def sensitivities(
     )
 
 
-def _units(params):
-    """Return the units in which parameters are components, (p,)."""
-    return np.where(params != 0, np.abs(params), 1.0)
-
-
 def _kinds(wrt, equation):
-    """Return what derivatives are asked for."""
+    """Return what derivatives are asked for; refuse equations that have none."""
     if wrt is None:
-        return ("params", "y0") if equation.params.size else ("y0",)
+        wrt = ("params", "y0") if equation.params.size else ("y0",)
     kinds = (wrt,) if isinstance(wrt, str) else tuple(wrt)
     if not kinds or any(kind not in _KINDS for kind in kinds):
         raise ValueError(complaint("wrt", f"hold some of {', '.join(_KINDS)}", repr(wrt)))
-    return kinds
-
-
-def _check(equation, kinds):
-    """Refuse equations whose parameters cannot be components, and those without any."""
     if not equation.plain or equation._callbacks:
         required = "be real and compiled, of orders up to 2, without memory= and matrices"
         raise ValueError(complaint("equation", required, repr(equation), "or take differences"))
     if "params" in kinds and equation.params.size == 0:
-        raise ValueError(
-            complaint("wrt", "leave out params, which the equation has none of", kinds)
-        )
+        required = "leave out params, which the equation has none of"
+        raise ValueError(complaint("wrt", required, kinds))
     if "orders" in kinds and not equation.constant:
         required = "leave out orders where they vary, or kernels are general"
         raise ValueError(complaint("wrt", required, kinds))
+    return kinds
 
 
-def _opened(equation, kinds, t_last, times, how):
-    """Return a stepper with tangents, the positions to stop at, and their times."""
-    start, scheme, history = equation.frame.start, how["scheme"], how["history"]
-    size = equation.params.size if "params" in kinds else 0
-    plain = scheme.adaptive or scheme.solve != "imex"
-    if not plain or (size and not scheme.components_differ):
-        required = "take components of their own orders, which parameters become, and no linear="
-        raise ValueError(complaint("scheme", required, repr(scheme), "use BDF(2) or Collocation"))
-    system = equation.dense()
-    if size:
-        system = _with_parameters(system, size)
-    d, n_data = system.d, system.d + int(np.sum(system.highest_orders() > 1))
-    columns = [*range(equation.d, d)]
-    columns += [*range(equation.d), *range(d, n_data)] if "y0" in kinds else []
-    directions = np.eye(n_data)[:, columns]
+def _opened(system, directions, t_end, times, *, scheme, history, rtol, atol, n_steps):
+    """Return a stepper with tangents, and its positions at these times from the start."""
     if scheme.adaptive:
-        if how["n_steps"] is not None:
+        if n_steps is not None:
             required = "be left out with Collocation, which chooses its steps"
-            raise ValueError(complaint("n_steps", required, how["n_steps"]))
-        check_end(t_last - start, system)
-        tols = tolerances(how["rtol"], how["atol"])
+            raise ValueError(complaint("n_steps", required, n_steps))
+        check_end(t_end, system)
         more = {"modes_tol": modes_tolerance(history), "directions": directions}
-        stepper = AdaptiveStepper(system, scheme, t_last - start, *tols, **more)
-        times = np.array([start, t_last]) if times is None else times
-        return stepper, times - start, times
-    for name in ("rtol", "atol"):
-        if how[name] is not None:
-            raise ValueError(complaint(name, "come with Collocation here", how[name]))
+        return AdaptiveStepper(system, scheme, t_end, *tolerances(rtol, atol), **more), times
+    for name, value in (("rtol", rtol), ("atol", atol)):
+        if value is not None:
+            raise ValueError(complaint(name, "come with Collocation here", value))
     history = SumOfExponentials() if history is None else history
     instance("history", history, History, "hereditary.SumOfExponentials()")
-    h, n_steps, _ = uniform_steps(system, t_last - start, how["n_steps"], None)
+    h, n_steps, _ = uniform_steps(system, t_end, n_steps, None)
     march = FixedStepper(system, scheme, history, UniformSteps(h), n_steps, directions)
     march.prepare(n_steps)
-    ends = np.array([start, t_last]) if times is None else times
-    return march, kept_steps(ends, h, start).tolist(), ends
+    start = system.frame.start
+    return march, kept_steps(times + start, h, start).tolist()
 
 
 def _with_parameters(system, size):
-    """Return the system whose first parameters are components behind its own, of order 1."""
-    d, none = system.d, np.zeros(size)
-    left = [SystemTerm(op, np.concatenate([c, none])) for op, c in system.left]
+    """Return the system whose first parameters are components behind its own, of order 1.
+
+    And their units: such a component is as large as the largest one of y(0).
+    """
+    if size == 0:
+        return system, np.ones(0)
+    d, p = system.d, system.params
+    units = np.where(p != 0, np.abs(p), 1.0) / (np.abs(system.y0[0]).max() or 1.0)
+    left = [SystemTerm(op, np.append(c, np.zeros(size))) for op, c in system.left]
     left.append(SystemTerm(ConstantOrder(1.0), np.repeat([0.0, 1.0], [d, size])))
     y0 = np.hstack([system.y0, np.zeros((system.m, size))])
-    units = _units(system.params)
-    y0[0, d:] = system.params / units
+    y0[0, d:] = p / units
     params = np.concatenate([system.compiled_params, units, [float(size)]])
     rhs = as_value(_reading(system.compiled_rhs), RHS_SIG)
-    jac = system.compiled_jac and as_value(_reading_jacobian(rhs, system.compiled_jac), JAC_SIG)
-    return System(left, y0, params, rhs, jac)
+    return System(left, y0, params, rhs, frame=system.frame), units
 
 
 @lru_cache(maxsize=64)
 def _reading(rhs):
-    """A right-hand side that finds its first parameters among the components.
+    """Return a right-hand side that finds its first parameters among the components.
 
     Their units, and their number, stand behind its own ones.
     """
@@ -266,34 +250,6 @@ def _reading(rhs):
             own[k] = y[d + k] * params[n + k]
             dy[d + k] = 0.0
         rhs(t, y[:d], dy[:d], own)
-
-    return derived(reading)
-
-
-@lru_cache(maxsize=64)
-def _reading_jacobian(rhs, jac):
-    """The Jacobian of `_reading`: a given one by y, differences by parameters."""
-
-    def reading(t, y, out, params):
-        size = int(params[-1])
-        d, n = y.shape[0] - size, params.shape[0] - size - 1
-        own, block = params[:n].copy(), np.empty((d, d))
-        up, down, z = np.empty(d + size), np.empty(d + size), y.copy()
-        for k in range(size):
-            own[k] = y[d + k] * params[n + k]
-        jac(t, y[:d], block, own)
-        out[:] = 0.0
-        for i in range(d):
-            for j in range(d):
-                out[i, j] = block[i, j]
-        for j in range(d, d + size):
-            z[j] = y[j] + _STEP
-            rhs(t, z, up, params)
-            z[j] = y[j] - _STEP
-            rhs(t, z, down, params)
-            z[j] = y[j]
-            for i in range(d):
-                out[i, j] = (up[i] - down[i]) / (2 * _STEP)
 
     return derived(reading)
 
@@ -320,14 +276,12 @@ def _by_orders(equation, t_last, times, how):
     found = []
     for k, term in enumerate(equation.terms):
         order = np.atleast_1d(term.operator.order)
-        sides = [np.all(np.ceil(order + by) == np.ceil(order)) for by in (-2 * change, 2 * change)]
-        if all(sides):
-            found.append((run(k, change) - run(k, -change)) / (2 * change))
-            continue
-        if not any(sides):
+        sides = [s for s in (1, -1) if np.all(np.ceil(order + 2 * s * change) == np.ceil(order))]
+        if not sides:
             required = "lie on one side of 1 and of 2, by 2e-4"
             raise ValueError(complaint("orders of a term", required, order.tolist()))
-        side = change if sides[1] else -change  # of second order too
-        parts = [run(k, by * side) for by in (0, 1, 2)]
-        found.append((4 * parts[1] - 3 * parts[0] - parts[2]) / (2 * side))
+        side = sides[0]  # one side is of second order too
+        weights = {0: -1.5 * side, side: 2.0 * side, 2 * side: -0.5 * side}
+        weights = {1: 0.5, -1: -0.5} if len(sides) == 2 else weights
+        found.append(sum(w * run(k, by * change) for by, w in weights.items()) / change)
     return np.moveaxis(np.array(found), 0, 2)
