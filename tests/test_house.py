@@ -9,7 +9,7 @@ SOURCE = Path(__file__).parent.parent / "src" / "hereditary"
 # The march on given steps, whose parts would take longer to be called than to be run.
 LONGEST = {"march": 90}
 # Imported inside functions, since it takes long and few runs need it.
-DEFERRED = {"scipy.optimize", "hybrid"}
+DEFERRED = {"scipy.interpolate", "scipy.optimize", "hybrid"}
 FILES = sorted(SOURCE.rglob("*.py"))
 
 

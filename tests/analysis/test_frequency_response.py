@@ -194,6 +194,23 @@ def test_a_response_that_is_not_found_is_told():
     assert np.isnan(found.quality())
 
 
+def test_a_curve_that_turns_back_keeps_its_responses():
+    """Of the means 10 x**2 - x + p = 0, which meet at p = 0.025."""
+
+    def two_means(t, x, p):
+        return 1e-6 * np.cos(p[0] * t) + p[1] - x + 10.0 * x**2
+
+    equation = hd.Equation(hd.Caputo(1.0), two_means, 0.0, params=[1.0, 0.0])
+    found = hd.frequency_response(equation, [0.0, 0.01, 0.02, 0.03], along=1, harmonics=1)
+    assert not found.complete
+    assert "the curve turns back beyond the first value" in found.message
+    assert found.values.tolist() == [0.0, 0.01, 0.02, 0.02, 0.01, 0.0]
+    assert found.branch.tolist() == [0, 0, 0, 1, 1, 1]
+    assert found.turning == pytest.approx([0.025], abs=1e-6)
+    root = np.sqrt(1 - 40 * found.values) * (1 - 2 * found.branch)
+    assert found.coefficients[:, 0, 0].real == pytest.approx((1 - root) / 20, abs=1e-9)
+
+
 KERNELS = [
     hd.TemperedPowerLaw(0.4, 0.7),
     2.0 * hd.Prony([0.3, 5.0], [0.4, 0.6]),

@@ -84,21 +84,17 @@ class FrequencyResponse:
         From the frequencies asked for; NaN where fewer than eight of them lie above that height, or
         the curve does not fall so far on both sides, or does not follow the frequency.
         """
-        a = self.amplitude[:, component]
-        if not np.array_equal(self.values, self.omega):
+        a, (centre, height) = self.amplitude[:, component], self.peak(component)
+        below, level = np.flatnonzero(a < height / np.sqrt(2)), height / np.sqrt(2)
+        top = int(np.argmax(a)) if a.size else 0
+        left, right = below[below < top][-1:], below[below > top][:1]
+        by_frequency = np.array_equal(self.values, self.omega)
+        if a.size - below.size < _LEAST_ABOVE or not (by_frequency and left.size and right.size):
             return float("nan")
-        centre, height = self.peak(component)
-        level, ends = height / np.sqrt(2), []
-        if np.sum(a > level) < _LEAST_ABOVE:
-            return float("nan")
-        top = int(np.argmax(a))
-        for side in (np.arange(top, -1, -1), np.arange(top, a.size)):
-            below = np.flatnonzero(a[side] < level)
-            if below.size == 0:
-                return float("nan")
-            i, j = side[below[0]], side[below[0] - 1]
-            share = (level - a[i]) / (a[j] - a[i])
-            ends.append(self.omega[i] + share * (self.omega[j] - self.omega[i]))
+        ends = [
+            np.interp(level, a[pair], self.omega[pair])
+            for pair in (np.append(left, left + 1), np.append(right, right - 1))
+        ]
         return float(centre / abs(ends[1] - ends[0]))
 
 
@@ -190,14 +186,13 @@ def frequency_response(
         )
     curve = Curve(balance, wanted, followed == frequency)
     trouble = curve.follow()
-    points = curve.found
-    x = np.array([point.x for point in points]).reshape(-1, balance.size)
-    values = np.array([point.value for point in points])
+    places = np.array([place for place, _ in curve.found]).reshape(-1, balance.size + 1)
+    values = places[:, -1]
     return FrequencyResponse(
         omega=balance.omegas(values),
         values=values,
-        coefficients=balance.coefficients(x),
-        branch=np.array([point.branch for point in points], dtype=np.int64),
+        coefficients=balance.coefficients(places[:, :-1]),
+        branch=np.array([branch for _, branch in curve.found], dtype=np.int64),
         turning=np.array(curve.turning),
         peaks=curve.peaks,
         complete=not trouble,

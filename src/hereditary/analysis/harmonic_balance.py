@@ -113,16 +113,6 @@ class Balance:
         harmonic = parts[..., 1::2] - 1j * parts[..., 2::2]
         return np.concatenate([parts[..., :1].astype(complex), harmonic], axis=2)
 
-    def amplitudes(self, x):
-        """Return the amplitudes of the first harmonic (n, d) of unknowns (n, size)."""
-        parts = x.reshape(-1, self.d, 2 * self._h + 1)
-        return np.hypot(parts[..., 1], parts[..., 2]) * self._units[: self.d]
-
-    def rises(self, x, direction):
-        """Return what has the sign of the amplitudes' derivatives (d,) at x along a direction."""
-        parts, onwards = (v.reshape(self.d, 2 * self._h + 1)[:, 1:3] for v in (x, direction))
-        return (parts * onwards).sum(axis=1)
-
     def _operators(self, omega):
         """Return the matrices of the left sides, memory's behind, (n, 2 H + 1, 2 H + 1)."""
         s = 1j * omega * np.arange(self._h + 1)
