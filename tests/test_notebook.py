@@ -74,7 +74,7 @@ def test_names_that_say_nothing_are_left_out():
     assert Balance(equation._repr_html_()).text.startswith("Dalpha(t) y = f(t, y)")
     fitted = hd.fit_exponentials(hd.PowerLaw(0.5), 1e-3, 1e3, 1e-6)
     equation = hd.Equation(hd.Caputo(1) + hd.Memory(fitted, 1), spring, 1.0)
-    assert "SumKernel y" in Balance(equation._repr_html_()).text
+    assert "ExponentialSum y" in Balance(equation._repr_html_()).text
     equation = hd.Equation(hd.Caputo(1), lambda t, y: 1j * y, 1.0 + 0j)
     assert "one component, complex" in Balance(equation._repr_html_()).text
 

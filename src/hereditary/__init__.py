@@ -18,7 +18,7 @@ from .analysis.zero_one import ZeroOneResult, zero_one_test
 from .collocation.method import Collocation
 from .ensemble import Ensemble, ensemble
 from .equation.equation import Equation
-from .equation.operators import Caputo, Memory, PowerLaw, RiemannLiouville
+from .equation.operators import Caputo, Memory, RiemannLiouville
 from .functions.python_calls import PythonFunctionWarning
 from .history.direct import Direct
 from .history.exponentials import SumOfExponentials
@@ -26,9 +26,20 @@ from .history.fft import FFT
 from .ivp import solve_ivp
 from .kernels.exponential_sum import fit_exponentials
 from .kernels.measured import Kernel, TabulatedKernel
-from .kernels.memory_kernel import ExponentialSum, KernelWarning, MemoryKernel
-from .kernels.power_laws import DistributedOrder, TemperedPowerLaw
-from .kernels.relaxation import MittagLeffler, Prony, StretchedExponential
+from .kernels.memory_kernel import (
+    ExponentialSum,
+    KernelWarning,
+    MemoryKernel,
+    Prony,
+    fit_exponentials,
+)
+from .kernels.named_kernels import (
+    DistributedOrder,
+    MittagLeffler,
+    PowerLaw,
+    StretchedExponential,
+    TemperedPowerLaw,
+)
 from .large.imex import IMEX
 from .large.memory_term import MemoryTerm, memory_term
 from .schemes.adams import Adams, ProductTrapezoid

@@ -21,12 +21,12 @@ from ..kernels.memory_kernel import NO_ERRORS, KernelErrors
 from ..kernels.special import mean_exponential
 from ..support.checks import complaint
 
-# General kernels are fitted down to this fraction of the closest distance, and are a point mass
-# below, whose error is of second order in that distance. Bounded kernels are fitted only from where
-# they change, and kernels known by their values (second number) as the tolerance requires.
-_BELOW, _BELOW_OF_VALUES = 1e-9, 0.1
-# Kernels known by their values are fitted from this many times closer on; modes that have decayed
-# at the first distance become part of the point mass, for a fit hardly determines their weights.
+# General kernels are fitted down to a fraction of the closest distance, and are a point mass below,
+# whose error is of second order in that distance: 0.1 for a tolerance of 1, at least 1e-9. Bounded
+# kernels are fitted only from where they change.
+_BELOW, _LEAST_BELOW = 0.1, 1e-9
+# Kernels are fitted from this many times closer on; modes that have decayed at the first distance
+# become part of the point mass, because a fit hardly determines their weights.
 _DECAYED = 35.0
 # Power laws with exponents below this are nearly constant and fitted to a tolerance of their
 # variation: an oscillation that hardly decays accumulates their errors. Least tolerance.
@@ -146,9 +146,7 @@ NO_KERNELS = KernelBasis(np.zeros(0), np.zeros((0, 0)), np.zeros(0))
 
 def _first_distance(kernel, closest, tol):
     """Return the distance from which a kernel is fitted by exponentials."""
-    below = _BELOW
-    if kernel.by_values:
-        below = max(below, _BELOW_OF_VALUES * tol ** (1 / (2 - kernel.singular_exponent)))
+    below = max(_LEAST_BELOW, _BELOW * tol ** (1 / (2 - kernel.singular_exponent)))
     return max(below * closest, 1e-300, _constant_until(kernel, closest, tol))
 
 
@@ -156,7 +154,7 @@ def _constant_until(kernel, closest, tol):
     """Return the distance up to which a bounded kernel equals K(0) within `tol`; else 0."""
     if kernel.singular_exponent > 0:
         return 0.0
-    t = np.geomspace(1e-20 * closest if kernel.by_values else 1e-300, closest, 1000)
+    t = np.geomspace(max(1e-20 * closest, 1e-300), closest, 1000)
     values = kernel(t)
     changed = np.abs(values - values[0]) > tol * np.abs(values[0])
     return t[np.argmax(changed) - 1] if changed[1:].any() else closest
@@ -164,21 +162,14 @@ def _constant_until(kernel, closest, tol):
 
 @lru_cache(maxsize=64)
 def _fit(kernel, t_min, t_max, tol):
-    """Fit a kernel to `tol`, or to the smallest tolerance above it that can be reached."""
-    if kernel.by_values:
-        if t_max * _DECAYED > RATIO_OF_VALUES * t_min:
-            required = "let steps begin within 30 decades of t_end for a kernel known by its values"
-            remedy = "take a larger rtol, L1, or a kernel in closed form"
-            raise ValueError(complaint("rtol", required, f"a first distance {t_min:.1e}", remedy))
-        fit = kernel.closest_fit(t_min / _DECAYED, t_max, max(1e-13, tol))
-        lasting = fit.rates * t_min <= _DECAYED
-        return replace(fit, rates=fit.rates[lasting], weights=fit.weights[lasting], t_min=t_min)
-    for loosened in (1.0, 10.0, 100.0):
-        try:
-            return kernel.fit(t_min, t_max, max(1e-13, loosened * tol))
-        except ValueError:
-            continue
-    return kernel.fit(t_min, t_max, 1e3 * tol)
+    """Fit a kernel to `tol`, or as closely as can be."""
+    if t_max * _DECAYED > RATIO_OF_VALUES * t_min:
+        required = "let steps begin within 60 decades of t_end for a kernel other than Caputo's"
+        remedy = "take a larger rtol, or L1"
+        raise ValueError(complaint("rtol", required, f"a first distance {t_min:.1e}", remedy))
+    fit = kernel.closest_fit(t_min / _DECAYED, t_max, max(1e-13, tol))
+    lasting = fit.rates * t_min <= _DECAYED
+    return replace(fit, rates=fit.rates[lasting], weights=fit.weights[lasting], t_min=t_min)
 
 
 def _effective_tol(exponents, tol):

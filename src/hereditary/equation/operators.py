@@ -8,66 +8,17 @@ is the classical derivative and has no memory.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import gamma
 
-from ..kernels.exponential_sum import SumKernel, fit_interval, fit_power
-from ..kernels.memory_kernel import ExponentialSum, MemoryKernel, ScaledKernel
-from ..support.checks import complaint, instance, real_array, shown, within
+from ..kernels.memory_kernel import MemoryKernel, ScaledKernel
+from ..kernels.named_kernels import PowerLaw
+from ..support.checks import complaint, instance, real_array, shown
 from .orders import HIGHEST, ROUNDING, derivative_order, rounded_order
 from .terms import ConstantOrder, KernelOperator, VaryingOrder
-
-
-@dataclass(frozen=True)
-class PowerLaw(MemoryKernel):
-    """The memory kernel ``K(t) = t**-exponent``.
-
-    Parameters
-    ----------
-    exponent : float
-        0 < exponent <= 2 [-]. Caputo's derivative of order alpha in (0, 1) has exponent alpha,
-        of order beta in (1, 2) exponent beta - 1.
-
-    Examples
-    --------
-    >>> import hereditary as hd
-    >>> float(hd.PowerLaw(0.5)(4.0))
-    0.5
-    """
-
-    exponent: float
-
-    def __post_init__(self):
-        remedy = "K(t) is t**-exponent; Caputo(beta) with 1 < beta < 2 has beta - 1"
-        within("exponent", self.exponent, 5e-324, 2.0, "(0, 2]", remedy)
-
-    def __call__(self, t: ArrayLike) -> np.ndarray:
-        """Kernel values, the shape of `t`."""
-        return np.asarray(t, dtype=float) ** -self.exponent
-
-    @property
-    def singular_exponent(self) -> float:
-        """The exponent itself."""
-        return float(self.exponent)
-
-    def integral(self, t: ArrayLike) -> np.ndarray:
-        """``int_0^t K`` = t**(1 - exponent) / (1 - exponent), for exponents below 1."""
-        a = float(self.exponent)
-        if a >= 1:
-            raise ValueError(complaint("exponent", "be below 1 for a finite integral from 0", a))
-        return np.asarray(t, dtype=float) ** (1 - a) / (1 - a)
-
-    def laplace(self, s: ArrayLike) -> np.ndarray:
-        """``Gamma(1 - exponent) s**(exponent - 1)``, for exponents below 1."""
-        a = float(self.exponent)
-        return gamma(1 - a) * np.asarray(s) ** (a - 1)
-
-    def fit(self, t_min: float, t_max: float, tol: float) -> ExponentialSum:
-        """The kernel as a sum of exponentials; see `fit_exponentials`."""
-        return fit_power(float(self.exponent), *fit_interval(t_min, t_max, tol))
 
 
 class Summand:
@@ -283,7 +234,7 @@ class Memory(Summand):
 
     Parameters
     ----------
-    kernel : MemoryKernel or ExponentialSum
+    kernel : MemoryKernel
         `PowerLaw`, `TemperedPowerLaw`, `Prony`, `MittagLeffler`, `StretchedExponential`,
         `DistributedOrder`, or `Kernel` for any other; integrable at 0. A sum from
         `fit_exponentials` is taken as it is, in runs up to its t_max; it has nothing of a
@@ -303,9 +254,8 @@ class Memory(Summand):
     0.5 * Memory(Prony(rates=(1.0, 10.0), weights=(0.3, 0.7)), 1)
     """
 
-    def __init__(self, kernel: MemoryKernel | ExponentialSum, derivative: int) -> None:
+    def __init__(self, kernel: MemoryKernel, derivative: int) -> None:
         remedy = "e.g. hereditary.PowerLaw(0.8)"
-        kernel = SumKernel(kernel) if isinstance(kernel, ExponentialSum) else kernel
         self.kernel = instance("kernel", kernel, MemoryKernel, remedy)
         if kernel.singular_exponent >= 1:
             required, got = "be integrable at 0", f"{kernel!r}"

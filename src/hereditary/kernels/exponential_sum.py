@@ -1,4 +1,4 @@
-"""Memory kernels as sums of exponentials, in closed form for power laws.
+"""Power laws as sums of exponentials, in closed form.
 
 ``t**-a = 1/Gamma(a) int exp(-t e**x + a x) dx`` over the real line. The trapezoid rule of step h
 turns the integral into exponentials with rates e**(j h); its error is known exactly, so h follows
@@ -7,18 +7,14 @@ many slow ones are replaced by their own Gauss rule. Sums are constructed on [1,
 """
 
 import math
-from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from numpy.typing import ArrayLike
 from scipy.special import gammaincc, gammainccinv, gammaln, loggamma
 
-from ..support.checks import complaint, instance, positive, within
-from .memory_kernel import ExponentialSum, MemoryKernel
-from .special import mean_exponential
+from ..support.checks import complaint, positive, within
 
 # Fractions of the tolerance for trapezoid rule, fast end and slow end, which add up to one.
 _TRAPEZOID, _FAST, _SLOW = 0.90, 0.05, 0.05
@@ -39,99 +35,6 @@ _ROUNDING = 1.2e-14, 3e-16
 RATIO_MAX = 1e100
 
 
-def fit_exponentials(
-    kernel: MemoryKernel, t_min: float, t_max: float, tol: float
-) -> ExponentialSum:
-    """Fit a memory kernel by a sum of exponentials with positive weights.
-
-    Parameters
-    ----------
-    kernel : MemoryKernel
-        A power law, ``hereditary.PowerLaw(exponent)``, or any other memory kernel; pass your own
-        function as ``Kernel(function)``.
-    t_min, t_max : float
-        Interval of the fit, 0 < t_min < t_max [time].
-    tol : float
-        Largest relative error allowed on [t_min, t_max], 1e-13 <= tol <= 0.1 [-].
-
-    Returns
-    -------
-    ExponentialSum
-        Its ``max_error`` is at most `tol`, or larger at the data of a table (see Error).
-
-    Error
-    -----
-    Relative error at most `tol` on [t_min, t_max], checked at 24 or more points per oscillation of
-    the error curve and at most 1.05 times `max_error` between them. Where the kernel is below a
-    thousandth of its mean from 0 to t, which is what a convolution sees, the error is relative to
-    that bound; power laws, tempered ones too, are accurate relative to K everywhere. For a table
-    the error is the misfit at the data, whose root mean square is at most `tol`. For a signed
-    kernel it is relative to the largest ``|K|`` from each time on. Beyond t_max the sum decays too
-    fast and must not be used. Below 1e-13 the rounding of the sum itself is no longer negligible.
-
-    Cost
-    ----
-    A power law takes a millisecond, a kernel fitted by its values some 10 milliseconds, and two
-    seconds at the most (200 random kernels: convergence/random_kernels.py). A repeated call is
-    served from a cache. The number of modes grows like ``log(t_max / t_min) * log(1 / tol) /
-    pi**2``; that of a power law exceeds the least possible number by 2 to 12.
-
-    Source
-    ------
-    Trapezoid rule and its error: [McLean2018], section 2; Gauss rule of the slow tail: the same
-    idea as the Prony reduction there, by the recurrence of its orthogonal polynomials
-    [KoekoekLeskySwarttouw2010], section 14.12. See docs/theory.md.
-
-    Examples
-    --------
-    >>> import hereditary as hd
-    >>> fit = hd.fit_exponentials(hd.PowerLaw(0.5), 1e-3, 1e3, 1e-10)
-    >>> bool(abs(fit(4.0) - 0.5) < 0.5e-10), fit.n_modes < 50
-    (True, True)
-    """
-    instance("kernel", kernel, MemoryKernel, "hereditary.PowerLaw(exponent)")
-    return kernel.fit(t_min, t_max, tol)
-
-
-@dataclass(frozen=True)
-class SumKernel(MemoryKernel):
-    """Memory kernel that is itself a fitted sum of exponentials, up to the end of the fit.
-
-    Attributes
-    ----------
-    sum : ExponentialSum
-    """
-
-    sum: ExponentialSum
-
-    @property
-    def singular_exponent(self) -> float:
-        """0: the sum is finite at 0."""
-        return 0.0
-
-    @property
-    def t_last(self) -> float:
-        """End of the fit."""
-        return float(self.sum.t_max)
-
-    def __call__(self, t: ArrayLike) -> np.ndarray:
-        """Return values of the sum, in the shape of `t`."""
-        return self.sum(t)
-
-    def integral(self, t: ArrayLike) -> np.ndarray:
-        """Return ``int_0^t`` of the sum, in closed form."""
-        t = np.asarray(t, dtype=float)
-        return t * (mean_exponential(np.multiply.outer(t, self.sum.rates)) @ self.sum.weights)
-
-    def laplace(self, s: ArrayLike) -> np.ndarray:
-        """Return the Laplace transform of the sum."""
-        return (1 / np.add.outer(np.asarray(s), self.sum.rates)) @ self.sum.weights
-
-    def fit(self, t_min: float, t_max: float, tol: float) -> ExponentialSum:
-        """Return the sum itself, as an exact fit on this interval."""
-        return replace(self.sum, t_min=t_min, t_max=t_max, max_error=0.0)
-
-
 def fit_interval(t_min, t_max, tol):
     """Return the arguments of a fit as floats, checked."""
     t_min = positive("t_min", t_min)
@@ -141,15 +44,6 @@ def fit_interval(t_min, t_max, tol):
         required = f"lie between t_min = {t_min} and {RATIO_MAX:g} times that"
         raise ValueError(complaint("t_max", required, t_max))
     return t_min, t_max, tol
-
-
-def fit_power(a, t_min, t_max, tol):
-    """Fit ``t**-a`` on an interval checked by `fit_interval`."""
-    if abs(a * math.log(t_min)) > 690:
-        raise ValueError(complaint("t_min", "leave the kernel a finite value there", t_min))
-    fit = fit_unit((a,), t_max / t_min, tol)
-    weights = fit.weights[0] * t_min**-a
-    return ExponentialSum(fit.rates / t_min, weights, t_min, t_max, fit.error)
 
 
 def tolerance(argument, value):

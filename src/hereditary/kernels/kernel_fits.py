@@ -2,22 +2,17 @@
 
 Non-negative least squares on a grid of rates that is even in the logarithm. Where the error is too
 large, the grid is refined: first evenly, then next to the rates in use. Signed kernels have plain
-least squares on such a grid, and kernels with a spectral density its trapezoid rule where the
-interval is very wide.
-All sums are constructed on [1, R] and scaled.
+least squares on such a grid. All sums are constructed on [1, R] and scaled.
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 
 from ..support.checks import complaint
-from .density import density_rule
-from .exponential_sum import RATIO_MAX, trapezoid_step
-from .kernel_tools import log_fastest
-from .memory_kernel import ExponentialSum
+from .exponential_sum import trapezoid_step
 
 # Check points in an oscillation of a power law's error curve, and every which of them is fitted.
 _POINTS_PER_OSCILLATION, _FITTED = 48, 8
@@ -27,10 +22,8 @@ _OF_MEAN = 1e-3
 # Where t K(t) of a signed kernel has faded to this fraction of its maximum, errors count relative
 # to this fraction.
 _FADED = 1e-16
-# Most that the ends of a fit by values may differ by.
-RATIO_OF_VALUES = 1e30
-# Over more than this a kernel's spectral density gives its sum: least squares would take seconds.
-_WIDE = 1e15
+# Most that the ends of a fit by values may differ by: least squares take two seconds there.
+RATIO_OF_VALUES = 1e60
 # Slowest rate of grids above 0, times t_max.
 _SLOWEST = 0.02
 # Spacings of the grid, relative to that of a trapezoid rule of this tolerance: a finer one follows
@@ -93,11 +86,11 @@ def _size_from_then_on(t, values):
     return np.maximum(largest_later, _FADED * (t * size).max() / t)
 
 
-def sampled(kernel, t_min, t_max, tol, ratio_max=RATIO_OF_VALUES, signed=False):
+def _sampled(kernel, t_min, t_max, tol, signed=False):
     """Return the kernel on its check points, in units of t_min."""
     ratio = t_max / t_min
-    if ratio > ratio_max:
-        raise ValueError(complaint("t_max", f"be at most {ratio_max:g} times t_min", t_max))
+    if ratio > RATIO_OF_VALUES:
+        raise ValueError(complaint("t_max", f"be at most {RATIO_OF_VALUES:g} times t_min", t_max))
     n = math.ceil(_POINTS_PER_OSCILLATION * math.log(ratio) / trapezoid_step(0.5, tol))
     t = np.exp(np.linspace(0.0, math.log(ratio), max(400, n) // 2 * 2 + 1))
     t[-1] = ratio
@@ -107,84 +100,40 @@ def sampled(kernel, t_min, t_max, tol, ratio_max=RATIO_OF_VALUES, signed=False):
     return Samples(t, values, _size_by_mean(t, values, float(kernel.integral(t_min)) / t_min))
 
 
-def largest(error):
+def _largest(error):
     """Return the largest size of errors."""
     return float(np.abs(error).max())
 
 
-def fit_positive(kernel, t_min, t_max, tol, density=None, remedy=""):
-    """Fit a completely monotone kernel by a sum with positive weights; refuse a larger error.
+@lru_cache(maxsize=64)
+def closest_positive(kernel, t_min, t_max, tol, fading=False):
+    """Fit a completely monotone kernel as closely as positive weights can.
 
-    Parameters
-    ----------
-    kernel : MemoryKernel
-    t_min, t_max, tol : float
-        See `hereditary.fit_exponentials`.
-    density : Density, optional
-        Spectral density of the kernel.
-    remedy : str
-        What to do about a larger error.
+    Whether a function is accepted does not depend on t_min. A kernel that is `fading` is fitted
+    without rate 0.
 
     Returns
     -------
-    ExponentialSum
+    rates, weights : ndarray, shape (n_modes,)
+    t_min, t_max, error : float
     """
-    if density is None:
-        refuse_if_rising(kernel, t_min, t_max)
-    return _within(_positive(kernel, t_min, t_max, tol, density), tol, remedy)
+    if kernel.by_values:
+        _refuse_if_rising(kernel, _CHECKED * t_max, t_max)
+        error = _positive(kernel, _CHECKED * t_max, t_max, _ROUGH)[-1]
+        if error > _HOPELESS:
+            raise ValueError(_not_monotone(f"one from which positive sums differ by {error:.1e}"))
+    return _positive(kernel, t_min, t_max, tol, fading)
 
 
-def closest_positive(kernel, t_min, t_max, tol, fading=False):
-    """Fit a completely monotone kernel for a run to t_max as closely as positive weights can.
-
-    Whether the kernel is accepted does not depend on t_min. A kernel that is `fading` is fitted
-    without rate 0.
-    """
-    start = _CHECKED * t_max
-    refuse_if_rising(kernel, start, t_max)
-    error = _positive(kernel, start, t_max, _ROUGH).max_error
-    if error > _HOPELESS:
-        raise ValueError(_not_monotone(f"one from which positive sums differ by {error:.1e}"))
-    return _positive(kernel, t_min, t_max, tol, None, fading)
+def _positive(kernel, t_min, t_max, tol, fading=False):
+    samples = _sampled(kernel, t_min, t_max, tol)
+    rates, weights = _positive_sum(samples, tol, _FITTED, fading=fading)
+    return _scaled(rates, weights, t_min, t_max, _largest(samples.error(rates, weights)))
 
 
-def _within(fit, tol, remedy):
-    """Refuse a fit that is not as close as it should be."""
-    if fit.max_error > tol:
-        required = f"be at least {1.1 * fit.max_error:.1e} for this kernel"
-        raise ValueError(complaint("tol", required, tol, remedy))
-    return fit
-
-
-@lru_cache(maxsize=64)
-def _positive(kernel, t_min, t_max, tol, density=None, fading=False):
-    """Return the closest positive sum of the tries, or the first within the tolerance."""
-    wide = density is not None and t_max / t_min > _WIDE
-    samples = sampled(kernel, t_min, t_max, tol, RATIO_MAX if wide else RATIO_OF_VALUES)
-    best, closest = math.inf, (np.zeros(0), np.zeros(0))
-    for rates, weights in _tries(samples, tol, wide, density, fading):
-        error = largest(samples.error(rates, weights))
-        if error < best:
-            best, closest = error, (rates, weights)
-        if best <= tol:
-            break
-    return summed(*closest, t_min, t_max, best)
-
-
-def _tries(samples, tol, wide, density, fading):
-    """Yield rates and weights by least squares, then by ever finer rules for the density."""
-    if not wide:
-        yield positive_sum(samples, tol, _FITTED, fading=fading)
-    if density is not None:
-        for finer in (1.0, 0.85, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2):
-            step = finer * trapezoid_step(0.5, tol)
-            yield density_rule(density, samples.t[-1], step, tol)
-
-
-@lru_cache(maxsize=64)
-def refuse_if_rising(kernel, t_min, t_max):
+def _refuse_if_rising(kernel, t_min, t_max):
     """Refuse a kernel that is negative or grows: neither is completely monotone."""
-    samples = sampled(kernel, t_min, t_max, _SLACK)
+    samples = _sampled(kernel, t_min, t_max, _SLACK)
     values, slack = samples.values, _SLACK * samples.size
     rising = np.flatnonzero(np.diff(values) > slack[1:])
     negative = np.flatnonzero(values < -slack)
@@ -200,7 +149,7 @@ def _not_monotone(got):
     return complaint("kernel", required, got, "pass signed=True to allow weights of both signs")
 
 
-def positive_sum(samples, tol, every=1, norm=largest, fading=False):
+def _positive_sum(samples, tol, every=1, norm=_largest, fading=False):
     """Fit samples by positive weights; return rates and weights of the closest sum.
 
     Parameters
@@ -222,7 +171,7 @@ def positive_sum(samples, tol, every=1, norm=largest, fading=False):
     """
     fitted, step = samples.every(every), trapezoid_step(0.5, tol)
     spacings = list(_SPACINGS)
-    candidates = rate_grid(samples.t[-1], spacings.pop(0) * step, tol, fading)
+    candidates = _rate_grid(samples.t[-1], spacings.pop(0) * step, tol, fading)
     closest, bests, work = (np.zeros(0), np.zeros(0)), [math.inf], 0.0
     share = _OF_GRADIENT
     for _ in range(_ROUNDS):
@@ -241,7 +190,7 @@ def positive_sum(samples, tol, every=1, norm=largest, fading=False):
         if stalls or work > _WORK or new.size == 0:
             break
         if spacings and error < _NEAR * tol:
-            candidates = rate_grid(samples.t[-1], spacings.pop(0) * step, tol, fading)
+            candidates = _rate_grid(samples.t[-1], spacings.pop(0) * step, tol, fading)
         else:
             candidates, spacings = np.union1d(rates, new), []
     return closest
@@ -263,9 +212,15 @@ def _least_squares(samples, rates):
     return rates, x / scale
 
 
-def rate_grid(ratio, step, tol, fading=False):
-    """Return rate 0, then rates even in the logarithm from the slowest to the fastest of use."""
-    first, last = math.floor(math.log(_SLOWEST / ratio) / step), math.ceil(log_fastest(tol) / step)
+def _rate_grid(ratio, step, tol, fading=False):
+    """Return rate 0, then rates even in the logarithm from the slowest to the fastest of use.
+
+    The fastest decays to exp(-3) tol at t = 1.
+    """
+    first, last = (
+        math.floor(math.log(_SLOWEST / ratio) / step),
+        math.ceil(math.log(3.0 - math.log(tol)) / step),
+    )
     grid = np.exp(step * np.arange(first, last + 1))
     return grid if fading else np.append(0.0, grid)
 
@@ -317,41 +272,28 @@ def _merged(samples, fitted, tol, norm, work, rates, weights):
     return rates, weights
 
 
-def summed(rates, weights, t_min, t_max, error):
+def _scaled(rates, weights, t_min, t_max, error):
     """Return the sum in the units of the kernel, its rates in order."""
     order = np.argsort(rates, kind="stable")
     rates, weights = rates[order] / t_min, weights[order]
     rates.flags.writeable = weights.flags.writeable = False
-    return ExponentialSum(rates, weights, t_min, t_max, error)
+    return rates, weights, t_min, t_max, error
 
 
-def fit_table(times, values, t_min, t_max, tol):
-    """Fit measured values; refuse where the root mean square misfit is above the tolerance."""
-    fit = closest_table(times, values, t_min, t_max, tol, _root_mean_square)
-    rms = _root_mean_square(fit(times) / values - 1)
-    if rms > tol * (1 + 1e-9):
-        remedy = "allow for the noise; only completely monotone data can be fitted closely"
-        required = f"be at least {1.01 * rms:.2g}, the rms misfit of the best positive sum"
-        raise ValueError(complaint("tol", required, tol, remedy))
-    return fit
+def closest_table(times, values, t_max, tol, by_rms, fading=False):
+    """Fit measured values by positive weights until the rms, or else the largest, error is `tol`.
 
-
-def _root_mean_square(error):
-    return math.sqrt(np.mean(error**2))
-
-
-def closest_table(times, values, t_min, t_max, tol, norm=largest, fading=False):
-    """Fit measured values by positive weights, until a norm of errors is within the tolerance."""
+    Returns what `closest_positive` does.
+    """
     samples = Samples(times / times[0], values, values)
-    rates, weights = positive_sum(samples, tol, norm=norm, fading=fading)
-    error = largest(samples.error(rates, weights))
-    return replace(summed(rates, weights, times[0], t_max, error), t_min=t_min)
+    norm = root_mean_square if by_rms else _largest
+    rates, weights = _positive_sum(samples, tol, norm=norm, fading=fading)
+    return _scaled(rates, weights, times[0], t_max, _largest(samples.error(rates, weights)))
 
 
-def fit_signed(kernel, t_min, t_max, tol):
-    """Fit a kernel with weights of both signs; refuse a larger error."""
-    remedy = "decaying exponentials without oscillation come no closer to it"
-    return _within(closest_signed(kernel, t_min, t_max, tol), tol, remedy)
+def root_mean_square(error):
+    """Return the root of the mean square."""
+    return math.sqrt(np.mean(error**2))
 
 
 @lru_cache(maxsize=64)
@@ -360,21 +302,21 @@ def closest_signed(kernel, t_min, t_max, tol, fading=False):
 
     Errors are relative to the largest ``|K|`` from each time on.
     """
-    samples = sampled(kernel, t_min, t_max, tol, signed=True)
+    samples = _sampled(kernel, t_min, t_max, tol, signed=True)
     fitted, step = samples.every(2), trapezoid_step(0.5, tol)
     index = np.arange(fitted.t.size)
     near_end = np.minimum(index, index[::-1]) * (2 / _POINTS_PER_OSCILLATION)
     emphasis = 1 + 3 * np.exp(-2 * near_end)
     best, closest = math.inf, (np.zeros(0), np.zeros(0))
     for finer in (1.0, 0.8, 0.6, 0.45):
-        grid = rate_grid(samples.t[-1], finer * step, tol, fading)
+        grid = _rate_grid(samples.t[-1], finer * step, tol, fading)
         rates, table, scale = _unit_columns(fitted, grid)
         target = emphasis * fitted.values / fitted.size
         for cut in (1e-8, 1e-10, 1e-12, 1e-14):
             weights = np.linalg.lstsq(emphasis[:, None] * table, target, rcond=cut)[0] / scale
-            error = largest(samples.error(rates, weights))
+            error = _largest(samples.error(rates, weights))
             if error < best:
                 best, closest = error, (rates, weights)
             if best <= tol:
-                return summed(*closest, t_min, t_max, best)
-    return summed(*closest, t_min, t_max, best)
+                return _scaled(*closest, t_min, t_max, best)
+    return _scaled(*closest, t_min, t_max, best)

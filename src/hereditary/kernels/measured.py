@@ -4,20 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..support.checks import complaint, real, real_array
 from .exponential_sum import fit_interval
-from .kernel_fits import (
-    closest_positive,
-    closest_signed,
-    closest_table,
-    fit_positive,
-    fit_signed,
-    fit_table,
-)
+from .kernel_fits import closest_signed, closest_table, root_mean_square
 from .memory_kernel import ExponentialSum, MemoryKernel
 from .special import gauss_unit
 
@@ -72,6 +66,7 @@ class Kernel(MemoryKernel):
         if not isinstance(signed, (bool, np.bool_)):
             raise TypeError(complaint("signed", "be True or False", repr(signed)))
         self._function, self._signed = function, bool(signed)
+        self._knots = np.zeros(0)
         if singular_exponent is None:
             self._exponent = self._slope_at_zero()
         else:
@@ -142,56 +137,35 @@ class Kernel(MemoryKernel):
         return 0.0 if a < 0.01 else a  # a logarithm has slopes like 1/log(t)
 
     def integral(self, t: ArrayLike) -> np.ndarray:
-        """``int_0^t K``, by Gauss rules on octaves down to where K is ``c t**-a``.
+        """``int_0^t K``, by Gauss rules on panels down to where K is ``c t**-a``.
 
-        Full precision where K is smooth over each octave.
+        Full precision where K is smooth from each time to four times that.
         """
         t = np.asarray(t, dtype=float)
-        values = np.zeros(t.size)
-        ends, index = np.unique(t.ravel(), return_inverse=True)
-        total, before = 0.0, 0.0
-        sums = np.zeros(ends.size)
-        for i, end in enumerate(ends):
-            if end > 0:
-                total += self._between(before, end)
-                before, sums[i] = end, total
-        values = sums[index]
-        return values.reshape(t.shape)
-
-    def _between(self, start, end):
-        """``int_start^end K``, start = 0 included."""
-        a, tail = self._exponent, 0.0
-        if start == 0:
-            start = max(min(_TINY, end), end * 2.0 ** (-56 / (1 - a)))
-            tail = start * float(self._at(np.array([max(start, _TINY)]))[0]) / (1 - a)
-            if start < _TINY:
-                tail *= (_TINY / start) ** a
-        n = math.ceil(math.log2(end / start))
-        if n == 0:
-            return tail
-        edges = start * (end / start) ** (np.arange(n + 1) / n)
+        ends, p = np.unique(t[t > 0]), 1 - self.singular_exponent
+        if ends.size == 0:
+            return np.zeros(t.shape)
+        low = max(ends[0] * 2.0 ** (-56 / p), min(_TINY, ends[0]))
+        n = math.ceil(math.log(ends[-1] / low) / math.log(4.0)) + 1
+        edges = np.unique(np.concatenate([np.geomspace(low, ends[-1], n)[:-1], ends, self._knots]))
+        edges = edges[edges <= ends[-1]]
         sizes = np.diff(edges)[:, None]
-        nodes = (edges[:-1, None] + sizes * _NODES).ravel()
-        return tail + float((sizes * _WEIGHTS).ravel() @ self(nodes))
-
-    def fit(self, t_min: float, t_max: float, tol: float) -> ExponentialSum:
-        """By its values; see `fit_exponentials`."""
-        t_min, t_max, tol = fit_interval(t_min, t_max, tol)
-        if self._signed:
-            return fit_signed(self, t_min, t_max, tol)
-        remedy = "signed=True allows weights of both signs"
-        return fit_positive(self, t_min, t_max, tol, remedy=remedy)
+        pieces = (sizes * _WEIGHTS * self(edges[:-1, None] + sizes * _NODES)).sum(axis=1)
+        first = edges[0] * float(self(edges[0])) / p
+        sums = np.cumsum(np.append(first, pieces))
+        return np.where(t > 0, sums[np.searchsorted(edges, t)], 0.0)
 
     def closest_fit(
         self, t_min: float, t_max: float, tol: float, fading: bool = False
     ) -> ExponentialSum:
         """As `fit`, or what comes closest."""
+        if not self._signed:
+            return super().closest_fit(t_min, t_max, tol, fading)
         t_min, t_max, tol = fit_interval(t_min, t_max, tol)
-        closest = closest_signed if self._signed else closest_positive
-        return closest(self, t_min, t_max, tol, fading)
+        return ExponentialSum(*closest_signed(self, t_min, t_max, tol, fading))
 
 
-class TabulatedKernel(MemoryKernel):
+class TabulatedKernel(Kernel):
     """A memory kernel from measured values, noisy ones too.
 
     Parameters
@@ -232,29 +206,19 @@ class TabulatedKernel(MemoryKernel):
             got = f"{kernel[i]:g} at t = {times[i]:g}"
             remedy = "end the table where noise takes over"
             raise ValueError(complaint("values", "be positive", got, remedy))
-        self._t, self._values = times, kernel
-        self._log_t, self._log_values = np.log(times), np.log(kernel)
+        self._t = self._knots = times
+        self._values, logs = kernel, (np.log(times), np.log(kernel))
         early = max(2, int(np.count_nonzero(times <= math.e * times[0])))
-        slope = np.polyfit(self._log_t[:early], self._log_values[:early], 1)[0]
+        slope = np.polyfit(logs[0][:early], logs[1][:early], 1)[0]
         if slope <= -1:
             required = "be integrable at 0 (K ~ t**-a with a < 1)"
             raise ValueError(complaint("values", required, f"a = {-slope:.4g}"))
-        self._exponent = -slope if slope < -0.05 else 0.0
-
-    @property
-    def singular_exponent(self) -> float:
-        """The power at the first data; below 0.05 counts as 0."""
-        return float(self._exponent)
+        self._exponent, self._logs = -slope if slope < -0.05 else 0.0, logs
 
     @property
     def t_last(self) -> float:
         """The last time of the table."""
         return float(self._t[-1])
-
-    @property
-    def by_values(self) -> bool:
-        """True: a table is."""
-        return True
 
     @property
     def measured(self) -> bool:
@@ -267,19 +231,7 @@ class TabulatedKernel(MemoryKernel):
         self._refuse_late(t)
         early = np.minimum(t, self._t[0]) / self._t[0]
         power = early**-self._exponent
-        return power * np.exp(np.interp(np.log(np.maximum(t, self._t[0])), *self._logs()))
-
-    def integral(self, t: ArrayLike) -> np.ndarray:
-        """``int_0^t K`` of these power laws, exactly."""
-        t = np.asarray(t, dtype=float)
-        self._refuse_late(t)
-        start, p = self._t[0], 1 - self._exponent
-        early = self._values[0] * np.minimum(t, start) * (np.minimum(t, start) / start) ** (p - 1)
-        pieces = _power_piece(self._t[:-1], self._t[1:], self._values[:-1], self._values[1:])
-        i = np.clip(np.searchsorted(self._t, t, side="right") - 1, 0, self._t.size - 2)
-        late = np.maximum(t, start)
-        last = _power_piece(self._t[i], late, self._values[i], self(late))
-        return early / p + np.concatenate([[0.0], np.cumsum(pieces)])[i] + last
+        return power * np.exp(np.interp(np.log(np.maximum(t, self._t[0])), *self._logs))
 
     def fit(self, t_min: float, t_max: float, tol: float) -> ExponentialSum:
         """The smooth kernel behind the data; `tol` bounds the rms of relative misfits."""
@@ -292,7 +244,16 @@ class TabulatedKernel(MemoryKernel):
         if np.count_nonzero(inside) < 4:
             got = f"{np.count_nonzero(inside)} between {t_min:g} and {t_max:g}"
             raise ValueError(complaint("the table", "have at least 4 times", got))
-        return fit_table(self._t[inside], self._values[inside], t_min, t_max, tol)
+        times, values = self._t[inside], self._values[inside]
+        found = replace(
+            ExponentialSum(*closest_table(times, values, t_max, tol, True)), t_min=t_min
+        )
+        rms = root_mean_square(found(times) / values - 1)
+        if rms > tol * (1 + 1e-9):
+            remedy = "allow for the noise; only completely monotone data can be fitted closely"
+            required = f"be at least {1.01 * rms:.2g}, the rms misfit of the best positive sum"
+            raise ValueError(complaint("tol", required, tol, remedy))
+        return replace(found, t_min=t_min)
 
     def closest_fit(
         self, t_min: float, t_max: float, tol: float, fading: bool = False
@@ -308,20 +269,10 @@ class TabulatedKernel(MemoryKernel):
         if t_min < times[0]:
             n_early = math.ceil(_PER_E_FOLD * math.log(times[0] / t_min))
             times = np.append(np.geomspace(t_min, times[0], n_early + 2)[:-1], times)
-        return closest_table(times, self(times), t_min, t_max, tol, fading=fading)
-
-    def _logs(self):
-        return self._log_t, self._log_values
+        found = ExponentialSum(*closest_table(times, self(times), t_max, tol, False, fading))
+        return replace(found, t_min=t_min)
 
     def _refuse_late(self, t):
         if np.any(t > self._t[-1] * (1 + 1e-12)):
             required = f"not exceed the table's last time, {self._t[-1]:g}"
             raise ValueError(complaint("t", required, f"{np.max(t):g}"))
-
-
-def _power_piece(t0, t1, k0, k1):
-    """``int K`` over [t0, t1] of the power law through (t0, k0) and (t1, k1)."""
-    x = np.log(t1 / t0)
-    growth = x + np.log(k1 / k0)  # of t K
-    safe = np.where(np.abs(growth) < 1e-300, 1.0, growth)
-    return t0 * k0 * x * np.where(np.abs(growth) < 1e-300, 1.0, np.expm1(safe) / safe)

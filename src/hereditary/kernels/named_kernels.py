@@ -1,0 +1,374 @@
+"""Kernels in closed form: power laws, tempered and mixed ones, and relaxation."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.special import gamma, gammainc, rgamma
+
+from ..support.checks import complaint, count, positive, real, within
+from .exponential_sum import fit_interval, fit_unit
+from .memory_kernel import ExponentialSum, MemoryKernel, all_positive, matching
+from .special import first_moment_exponential, gauss_unit, mean_exponential
+
+# Largest exponent below 1.
+_BELOW_ONE = math.nextafter(1.0, 0.0)
+# exp(-700) is still a normal number: beyond, kernels and their sums are 0.
+_GONE = 700.0
+
+
+@dataclass(frozen=True)
+class PowerLaw(MemoryKernel):
+    """The memory kernel ``K(t) = t**-exponent``.
+
+    Parameters
+    ----------
+    exponent : float
+        0 < exponent <= 2 [-]. Caputo's derivative of order alpha in (0, 1) has exponent alpha,
+        of order beta in (1, 2) exponent beta - 1.
+
+    Examples
+    --------
+    >>> import hereditary as hd
+    >>> float(hd.PowerLaw(0.5)(4.0))
+    0.5
+    """
+
+    exponent: float
+
+    def __post_init__(self):
+        remedy = "K(t) is t**-exponent; Caputo(beta) with 1 < beta < 2 has beta - 1"
+        within("exponent", self.exponent, 5e-324, 2.0, "(0, 2]", remedy)
+
+    def __call__(self, t: ArrayLike) -> np.ndarray:
+        """Kernel values, the shape of `t`."""
+        return np.asarray(t, dtype=float) ** -self.exponent
+
+    @property
+    def singular_exponent(self) -> float:
+        """The exponent itself."""
+        return float(self.exponent)
+
+    def integral(self, t: ArrayLike) -> np.ndarray:
+        """``int_0^t K`` = t**(1 - exponent) / (1 - exponent), for exponents below 1."""
+        a = float(self.exponent)
+        if a >= 1:
+            raise ValueError(complaint("exponent", "be below 1 for a finite integral from 0", a))
+        return np.asarray(t, dtype=float) ** (1 - a) / (1 - a)
+
+    def laplace(self, s: ArrayLike) -> np.ndarray:
+        """``Gamma(1 - exponent) s**(exponent - 1)``, for exponents below 1."""
+        a = float(self.exponent)
+        return gamma(1 - a) * np.asarray(s) ** (a - 1)
+
+    def closest_fit(
+        self, t_min: float, t_max: float, tol: float, fading: bool = False
+    ) -> ExponentialSum:
+        """Return its sum of exponentials in closed form, as close as `tol` requires."""
+        t_min, t_max, tol = fit_interval(t_min, t_max, tol)
+        a = float(self.exponent)
+        if abs(a * math.log(t_min)) > 690:
+            raise ValueError(complaint("t_min", "leave the kernel a finite value there", t_min))
+        rates, weights, error, _ = fit_unit((a,), t_max / t_min, tol)
+        return ExponentialSum(rates / t_min, weights[0] * t_min**-a, t_min, t_max, error)
+
+
+@dataclass(frozen=True)
+class TemperedPowerLaw(MemoryKernel):
+    """The memory kernel ``K(t) = t**-exponent exp(-rate t)``.
+
+    Parameters
+    ----------
+    exponent : float
+        0 < exponent < 1 [-].
+    rate : float
+        rate >= 0 [1/time]; 0 gives the power law.
+
+    Examples
+    --------
+    >>> from hereditary import TemperedPowerLaw
+    >>> round(float(TemperedPowerLaw(0.5, 1.0)(4.0)), 6)
+    0.009158
+    """
+
+    exponent: float
+    rate: float
+
+    def __post_init__(self):
+        within("exponent", self.exponent, math.ulp(0.0), _BELOW_ONE, "(0, 1)")
+        if real("rate", self.rate, "be a finite number of at least 0") < 0:
+            raise ValueError(complaint("rate", "be a finite number of at least 0", self.rate))
+
+    @property
+    def singular_exponent(self) -> float:
+        """The exponent of the power law."""
+        return float(self.exponent)
+
+    def __call__(self, t: ArrayLike) -> np.ndarray:
+        """Kernel values, the shape of `t`."""
+        t = np.asarray(t, dtype=float)
+        return t**-self.exponent * np.exp(-self.rate * t)
+
+    def integral(self, t: ArrayLike) -> np.ndarray:
+        """``int_0^t K``, an incomplete gamma function."""
+        t = np.asarray(t, dtype=float)
+        p = 1 - self.exponent
+        return t**p / p * mean_of_decay(p, self.rate * t)
+
+    def laplace(self, s: ArrayLike) -> np.ndarray:
+        """``Gamma(1 - exponent) (s + rate)**(exponent - 1)``."""
+        p = 1 - self.exponent
+        return math.gamma(p) * (np.asarray(s) + self.rate) ** -p
+
+    def closest_fit(
+        self, t_min: float, t_max: float, tol: float, fading: bool = False
+    ) -> ExponentialSum:
+        """Return the power law's sum with all rates faster by `rate`."""
+        t_min, t_max, tol = fit_interval(t_min, t_max, tol)
+        if self.rate * t_min > _GONE:
+            raise ValueError(complaint("t_min", "come before the kernel is 0 in rounding", t_min))
+        end = min(t_max, max(_GONE / self.rate, 2 * t_min)) if self.rate else t_max
+        power = PowerLaw(self.exponent).closest_fit(t_min, end, tol)
+        return ExponentialSum(power.rates + self.rate, power.weights, t_min, t_max, power.max_error)
+
+
+@dataclass(frozen=True, init=False)
+class DistributedOrder(MemoryKernel):
+    """A mixture of Caputo kernels, ``K(t) = sum_k weights[k] t**-orders[k] / Gamma(1-orders[k])``.
+
+    Parameters
+    ----------
+    orders : array_like, shape (n,)
+        0 <= order < 1 [-]; order 0 adds a constant.
+    weights : array_like, shape (n,)
+        Positive.
+
+    Examples
+    --------
+    >>> from hereditary import DistributedOrder
+    >>> round(float(DistributedOrder([0.0, 0.5], [1.0, 1.0])(4.0)), 6)
+    1.282095
+    """
+
+    orders: tuple[float, ...]
+    weights: tuple[float, ...]
+    _factors: np.ndarray = field(repr=False, compare=False)
+
+    def __init__(self, orders: ArrayLike, weights: ArrayLike) -> None:
+        order, weight = matching("orders", orders, "weights", weights)
+        if np.any(order < 0) or np.any(order >= 1):
+            raise ValueError(complaint("orders", "lie in [0, 1)", order.tolist()))
+        all_positive("weights", weight)
+        object.__setattr__(self, "orders", tuple(order.tolist()))
+        object.__setattr__(self, "weights", tuple(weight.tolist()))
+        object.__setattr__(self, "_factors", weight * rgamma(1 - order))
+
+    @classmethod
+    def from_density(
+        cls, density: Callable[[float], float], low: float = 0.0, high: float = 1.0, n: int = 32
+    ) -> DistributedOrder:
+        """``int_low^high density(a) t**-a / Gamma(1-a) da`` by the Gauss rule of `n` points.
+
+        Parameters
+        ----------
+        density : callable
+            Positive and smooth on (low, high).
+        low, high : float
+            0 <= low < high <= 1 [-].
+        n : int
+            Points; 32 reach rounding over a hundred decades of t for smooth densities.
+        """
+        low = within("low", low, 0.0, _BELOW_ONE, "[0, 1)")
+        high = within("high", high, math.nextafter(low, 1.0), 1.0, f"({low}, 1]")
+        nodes, weights = gauss_unit(count("n", n))
+        orders = low + (high - low) * nodes
+        values = [real("density(order)", density(float(a))) for a in orders]
+        return cls(orders, (high - low) * weights * np.array(values))
+
+    @property
+    def singular_exponent(self) -> float:
+        """The largest order."""
+        return max(self.orders)
+
+    def __call__(self, t: ArrayLike) -> np.ndarray:
+        """Kernel values, the shape of `t`."""
+        t = np.asarray(t, dtype=float)
+        return np.power.outer(t, -np.array(self.orders)) @ self._factors
+
+    def integral(self, t: ArrayLike) -> np.ndarray:
+        """``int_0^t K``, in closed form."""
+        t, order = np.asarray(t, dtype=float), np.array(self.orders)
+        return np.power.outer(t, 1 - order) @ (self._factors / (1 - order))
+
+    def laplace(self, s: ArrayLike) -> np.ndarray:
+        """``sum_k weights[k] s**(orders[k] - 1)``."""
+        return np.power.outer(np.asarray(s), np.array(self.orders) - 1) @ np.array(self.weights)
+
+
+@dataclass(frozen=True)
+class StretchedExponential(MemoryKernel):
+    """Kohlrausch's relaxation, ``K(t) = exp(-(rate t)**exponent)``.
+
+    Parameters
+    ----------
+    exponent : float
+        0.01 <= exponent <= 1 [-]; 1 is the plain exponential.
+    rate : float
+        rate > 0 [1/time].
+
+    Examples
+    --------
+    >>> from hereditary import StretchedExponential
+    >>> round(float(StretchedExponential(0.5, 1.0)(4.0)), 6)
+    0.135335
+    """
+
+    exponent: float
+    rate: float
+
+    def __post_init__(self):
+        within("exponent", self.exponent, 0.01, 1.0, "[0.01, 1]")
+        positive("rate", self.rate)
+
+    @property
+    def singular_exponent(self) -> float:
+        """0: the kernel is 1 at 0."""
+        return 0.0
+
+    @property
+    def generators(self) -> tuple[float, ...]:
+        """The exponent: the kernel is a series in its multiples."""
+        return (float(self.exponent),)
+
+    def __call__(self, t: ArrayLike) -> np.ndarray:
+        """Kernel values, the shape of `t`."""
+        return np.exp(-((self.rate * np.asarray(t, dtype=float)) ** self.exponent))
+
+    def integral(self, t: ArrayLike) -> np.ndarray:
+        """``int_0^t K``, an incomplete gamma function."""
+        t = np.asarray(t, dtype=float)
+        return t * mean_of_decay(1 / self.exponent, (self.rate * t) ** self.exponent)
+
+
+@dataclass(frozen=True)
+class MittagLeffler(MemoryKernel):
+    """Cole and Cole's relaxation, ``K(t) = E_order(-(rate t)**order)``.
+
+    The relaxation modulus of the fractional Maxwell element: exp(-rate t) for order 1, a stretched
+    exponential at short times and the power law ``(rate t)**-order / Gamma(1 - order)`` at long.
+
+    Parameters
+    ----------
+    order : float
+        0.01 <= order <= 1 [-].
+    rate : float
+        rate > 0 [1/time].
+
+    Examples
+    --------
+    >>> from hereditary import MittagLeffler
+    >>> round(float(MittagLeffler(0.5, 1.0)(1.0)), 6)
+    0.427584
+    """
+
+    order: float
+    rate: float
+
+    def __post_init__(self):
+        within("order", self.order, 0.01, 1.0, "[0.01, 1]")
+        positive("rate", self.rate)
+
+    @property
+    def singular_exponent(self) -> float:
+        """0: the kernel is 1 at 0."""
+        return 0.0
+
+    @property
+    def generators(self) -> tuple[float, ...]:
+        """The order: the kernel is a series in its multiples."""
+        return (float(self.order),)
+
+    def __call__(self, t: ArrayLike) -> np.ndarray:
+        """Kernel values, the shape of `t`; ``int t exp(-t s) F(s) ds`` with F of `_below`."""
+        x = self.rate * np.asarray(t, dtype=float)
+        if self.order == 1:
+            return np.exp(-x)
+        return self._over_decades(x, lambda y: y * np.exp(-np.minimum(y, _GONE)), 4.0)
+
+    def integral(self, t: ArrayLike) -> np.ndarray:
+        """``int_0^t K``, to full precision by the same quadrature."""
+        t = np.asarray(t, dtype=float)
+        x = self.rate * t
+        if self.order == 1:
+            return t * mean_exponential(x)
+
+        def weight(y):
+            return np.where(y < 1e3, y * first_moment_exponential(np.minimum(y, 1e3)), 1 / y)
+
+        return t * self._over_decades(x, weight, 40 / (1 - self.order))
+
+    def laplace(self, s: ArrayLike) -> np.ndarray:
+        """``s**(order - 1) / (s**order + rate**order)``."""
+        s = np.asarray(s)
+        return 1 / (s + self.rate**self.order * s ** (1 - self.order))
+
+    def _below(self, v):
+        """F, the share of the spectrum below the log rate v (in units of `rate`)."""
+        theta, u = math.pi * self.order, np.maximum(self.order * v, -_GONE)
+        gap = math.sin(math.pi / 2 * (1 - self.order))  # cos(theta) = 2 gap**2 - 1
+        return np.arctan2(math.sin(math.pi * (1 - self.order)), np.expm1(-u) + 2 * gap**2) / theta
+
+    def _over_decades(self, x, weight, far):
+        """``int weight(y) F(log(y / x)) dlog y`` for log y in [-40, far], x in any shape.
+
+        Gauss panels, short beside the spectrum's peak; for large y the weight is 1/y and F is 1.
+        """
+        flat = x.ravel()
+        values = np.ones(flat.size)  # both kernels' mean is 1 at x = 0
+        log_x = np.log(np.maximum(flat, 1e-320))
+        decade = np.floor(log_x / 2.3)
+        for d in np.unique(decade[flat > 0]):
+            mine = np.flatnonzero((decade == d) & (flat > 0))
+            low, high = -42.4 - 2.3 * d, far - 2.3 * d
+            high = min(high, max(40.0 - 2.3 * d, 40 / self.order)) if far > 4.0 else high
+            v, share = self._panels(low, high)
+            share = share * self._below(v)
+            for block in np.array_split(mine, 1 + mine.size * v.size // 2_000_000):
+                y = np.exp(np.add.outer(log_x[block], v))
+                values[block] = weight(y) @ share
+                if far > 4.0:
+                    values[block] += np.exp(-high - log_x[block])
+        return values.reshape(x.shape)
+
+    def _panels(self, low, high):
+        """Gauss nodes and weights on [low, high], panels at most 1 long and graded towards 0."""
+        length, ends = min(1.0, 0.5 * math.pi * (1 - self.order) / self.order), [0.0]
+        while ends[-1] < max(high, -low):
+            ends.append(ends[-1] + length)
+            length = min(1.0, 1.5 * length)
+        both = np.concatenate([-np.array(ends[:0:-1]), ends])
+        edges = np.concatenate([[low], both[(both > low) & (both < high)], [high]])
+        nodes, weights = gauss_unit(16)
+        sizes = np.diff(edges)[:, None]
+        return (edges[:-1, None] + sizes * nodes).ravel(), (sizes * weights).ravel()
+
+
+def mean_of_decay(p, x):
+    """``p int_0^1 u**(p-1) exp(-x u) du``, from 1 at x = 0, without loss anywhere.
+
+    For x < p + 1 the series ``exp(-x) sum_k x**k / ((p+1)...(p+k))``, all of one sign.
+    """
+    x = np.asarray(x, dtype=float)
+    small = x < p + 1
+    near, far = np.where(small, x, 0.0), np.where(small, 1.0, x)
+    term, total, k = np.ones_like(near), np.ones_like(near), 0
+    while np.any(term > 1e-17 * total):
+        k += 1
+        term = term * near / (p + k)
+        total = total + term
+    closed = gamma(p + 1) * far**-p * gammainc(p, far) if not np.all(small) else total
+    return np.where(small, np.exp(-near) * total, closed)
