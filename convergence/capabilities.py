@@ -1,7 +1,7 @@
-"""Tables of what schemes and histories take, from their own fields, in overview.md and choosing.md.
+"""Tables of what schemes and histories take, from their own fields, in choosing.md.
 
 Nothing is measured here: tests/test_capabilities.py makes a run for every cell. A full run writes
-the tables between the marks of both pages, a quick one compares them.
+the tables between the marks of the page, a quick one compares them.
 """
 
 import re
@@ -91,11 +91,11 @@ def _history_rows():
         yield f"`{type(history).__name__}()`", history_cells(history)
 
 
-def _table(head, rows, columns, empty=""):
+def _table(head, rows, columns):
     """Markdown table of rows of (name, cells)."""
     lines = [f"| {' | '.join([head, *columns])} |", "|---" * (1 + len(columns)) + "|"]
     lines += [
-        f"| {' | '.join([name, *(cells.get(key, empty) for key in columns)])} |"
+        f"| {' | '.join([name, *(cells[key] for key in columns)])} |"
         for name, cells in rows
     ]
     return "\n".join(lines) + "\n"
@@ -103,11 +103,9 @@ def _table(head, rows, columns, empty=""):
 
 def tables():
     """The text between the marks of each page."""
-    every = list(scheme_cells(hd.L1()))
-    one = _table("scheme or history", [*_scheme_rows(), *_history_rows()], every, "any")
-    two = _table("scheme", _scheme_rows(), every)
-    two += "\n" + _table("history", _history_rows(), list(history_cells(hd.FFT())))
-    return {ROOT / "docs" / "overview.md": one, ROOT / "docs" / "choosing.md": two}
+    table = _table("scheme", _scheme_rows(), list(scheme_cells(hd.L1())))
+    table += "\n" + _table("history", _history_rows(), list(history_cells(hd.FFT())))
+    return {ROOT / "docs" / "choosing.md": table}
 
 
 def page(path, table):

@@ -284,6 +284,11 @@ PAGES += [
     f"docs/{name}.md"
     for name in (
         "start",
+        "equations",
+        "functions",
+        "resuming",
+        "choosing",
+        "faq",
         "step",
         "collocation",
         "kernels",
@@ -303,12 +308,19 @@ PAGES += [
 
 
 @pytest.mark.parametrize("page", PAGES)
-def test_examples_in_pages(page, tmp_path, monkeypatch):
+def test_examples_in_pages(page, tmp_path, monkeypatch, capsys):
+    """They run, and print what the page shows."""
     monkeypatch.chdir(tmp_path)  # some write files
     text = (ROOT / page).read_text()
-    blocks = [block.split("```")[0] for block in text.split("```python\n")[1:]]
+    blocks, shown = (
+        [block.split("```")[0] for block in text.split(f"```{kind}\n")[1:]]
+        for kind in ("python", "text")
+    )
     assert blocks
     exec("\n".join(blocks), {})
+    printed = capsys.readouterr().out
+    for output in shown:
+        assert output in printed
 
 
 def test_exact_is_there_without_an_import_of_its_own(tmp_path):

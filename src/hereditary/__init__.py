@@ -24,7 +24,6 @@ from .history.direct import Direct
 from .history.exponentials import SumOfExponentials
 from .history.fft import FFT
 from .ivp import solve_ivp
-from .kernels.exponential_sum import fit_exponentials
 from .kernels.measured import Kernel, TabulatedKernel
 from .kernels.memory_kernel import (
     ExponentialSum,
