@@ -323,6 +323,12 @@ def test_examples_in_pages(page, tmp_path, monkeypatch, capsys):
         assert output in printed
 
 
+def test_every_status_has_a_remedy():
+    page = (ROOT / "docs" / "troubleshooting.md").read_text()
+    for status in hereditary.Status:
+        assert f"| `{status}` | {status.sentence} | " in page
+
+
 def test_exact_is_there_without_an_import_of_its_own(tmp_path):
     seen = "import sys, hereditary as hd; print('pymittagleffler' in sys.modules, end=' ')\n"
     assert python(seen + "print(hd.exact.relaxation()(0.0)[0])", tmp_path) == "False 1.0"
