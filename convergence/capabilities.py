@@ -94,10 +94,7 @@ def _history_rows():
 def _table(head, rows, columns):
     """Markdown table of rows of (name, cells)."""
     lines = [f"| {' | '.join([head, *columns])} |", "|---" * (1 + len(columns)) + "|"]
-    lines += [
-        f"| {' | '.join([name, *(cells[key] for key in columns)])} |"
-        for name, cells in rows
-    ]
+    lines += [f"| {' | '.join([name, *(cells[key] for key in columns)])} |" for name, cells in rows]
     return "\n".join(lines) + "\n"
 
 

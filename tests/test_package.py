@@ -289,6 +289,7 @@ PAGES += [
         "resuming",
         "choosing",
         "faq",
+        "lyapunov",
         "step",
         "collocation",
         "kernels",
