@@ -7,6 +7,7 @@ import pkgutil
 import shutil
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -338,10 +339,12 @@ def test_exact_is_there_without_an_import_of_its_own(tmp_path):
     assert python(missing + told, tmp_path).endswith("pip install hereditary[exact]")
 
 
-def test_the_version_is_the_same_everywhere():
+def test_version_and_address_are_the_same_everywhere():
     citation = (ROOT / "CITATION.cff").read_text()
     assert f"\nversion: {hereditary.__version__}\n" in citation
-    assert f'version = "{hereditary.__version__}"' in (ROOT / "pyproject.toml").read_text()
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    assert project["version"] == hereditary.__version__
+    assert f"\nrepository-code: {project['urls']['Source']}\n" in citation
     changelog = (ROOT / "CHANGELOG.md").read_text()
     assert f"version, {hereditary.__version__}." in changelog or (
         f"## [{hereditary.__version__}]" in changelog

@@ -130,6 +130,7 @@ def _parser():
     for name, text in _PARAMETERS.items():
         flag = "--" + name.replace("_", "-")
         parser.add_argument(flag, type=float, default=defaults[name].default, help=text)
+    parser.add_argument("--version", action="version", version=f"hereditary {hd.__version__}")
     parser.add_argument("--t-end", type=float, default=100.0, help="end of the run")
     parser.add_argument("--n-steps", type=int, default=200_000, help="number of steps")
     parser.add_argument("--tol", type=float, default=1e-10, help="tolerance of the memory kernels")
