@@ -27,7 +27,13 @@ extensions = [
     "sphinx_gallery.gen_gallery",
 ]
 templates_path = ["_templates"]
-exclude_patterns = ["_templates", "gallery/**", "joss/**", "made/gallery/**/*.ipynb", "made/gallery/**/*.py"]
+exclude_patterns = [
+    "_templates",
+    "gallery/**",
+    "joss/**",
+    "made/gallery/**/*.ipynb",
+    "made/gallery/**/*.py",
+]
 suppress_warnings = ["config.cache"]  # the gallery's settings hold functions
 
 myst_enable_extensions = ["dollarmath"]
