@@ -462,7 +462,7 @@ FITS = [
           BAD, "wrt must hold some of params, y0, orders"),
     *((partial(differ, **{"n_steps": 10, "rtol": None} | given), BAD, words) for given, words in [
         ({"t_eval": [0.33]}, "t_eval must be times of steps"),
-        ({"rtol": 1e-3, "scheme": hd.BDF(2)}, "rtol must come with Collocation"),
+        ({"rtol": 1e-3, "scheme": hd.BDF(2)}, "rtol must be left out or come with scheme"),
         ({"scheme": hd.Collocation()}, "n_steps must be left out"),
         ({"scheme": hd.L2Sigma()}, "scheme must take components of their own"),
         ({"t_end": 1e-320}, "another unit of time"),

@@ -14,17 +14,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .equation.equation import Equation
-from .history.exponentials import SumOfExponentials
 from .history.history import History
 from .schemes.scheme import Scheme
-from .solver.opening import open_on_steps, uniform_steps
+from .schemes.steps import kept_steps
+from .solver.opening import how_to_step, open_stepper
 from .solver.output import room_for
 from .solver.progress import Interruption, ProgressBar
 from .solver.run import Drive, reached_end, told
 from .solver.solution import SolveWarning, StabilityWarning
 from .solver.solve import chosen_scheme, evaluation_times, run_end, solve
 from .solver.status import Status
-from .solver.stops import kept_steps
 from .support.checks import complaint, count, instance, real_array, refuse_masked, shown, whole
 from .support.machine import cores
 from .support.warning import silence, warn
@@ -167,14 +166,14 @@ def ensemble(
     threads = threads if threads is None else count("threads", threads)
     began = time.perf_counter()
     how = {"scheme": scheme, "history": history, "rtol": rtol, "atol": atol, "n_steps": n_steps}
-    kept = None
+    kept = steps = None
     if rtol is None and not scheme.adaptive:
         if atol is not None:
             raise ValueError(complaint("atol", "come with rtol", atol))
-        h, n_steps, _ = uniform_steps(equation, t_last - start, n_steps, None)
-        kept = _kept(n_steps, save_every, times, h, start)
-        times = start + h * kept
-        times[-1] = t_last if kept[-1] == n_steps else times[-1]
+        steps = how_to_step(equation, scheme, t_last - start, n_steps=n_steps)
+        kept = _kept(steps, save_every, times, start)
+        times = start + steps.h * kept
+        times[-1] = t_last if kept[-1] == steps.n else times[-1]
         if history is not None:
             instance("history", history, History, "hereditary.SumOfExponentials()")
     elif save_every > 1:
@@ -182,19 +181,19 @@ def ensemble(
         raise ValueError(complaint("save_every", required, save_every, "give t_eval"))
     elif times is None:
         times = np.array([start, t_last])
-    run = _Run(members, times, t_last, kept, how)
+    run = _Run(members, times, t_last, kept, steps, how)
     run.march(1 if equation._callbacks else threads, progress)
     return run.close(time.perf_counter() - began)
 
 
-def _kept(n_steps, save_every, times, h, start):
+def _kept(steps, save_every, times, start):
     """Return the numbers of the steps whose rows are kept, the start being 0."""
     if times is None:
-        return np.append(np.arange(0, n_steps, min(save_every, n_steps)), n_steps)
+        return np.append(np.arange(0, steps.n, min(save_every, steps.n)), steps.n)
     if save_every > 1:
         required = "be left out where t_eval says which rows to keep"
         raise ValueError(complaint("save_every", required, save_every))
-    return kept_steps(times, h, start)
+    return kept_steps(times, steps.h, start)
 
 
 class _Members:
@@ -282,13 +281,13 @@ def _inside(equation, values):
 class _Run:
     """Members under way: rows of those that are done, and how each ended.
 
-    `kept` (n,) are the numbers of the steps whose rows are kept, None where steps are chosen on the
-    way.
+    `kept` (n,) are the numbers of those of the `UniformSteps` whose rows are kept; both are None
+    where steps are chosen on the way.
     """
 
-    def __init__(self, members, times, t_end, kept, how):
+    def __init__(self, members, times, t_end, kept, steps, how):
         self._members, self._times, self._t_end = members, times, t_end
-        self._kept, self._how = kept, how
+        self._kept, self._steps, self._how = kept, steps, how
         size, frame = members.size, members.base.frame
         width = frame.values(members.base.y0[0]).size
         numbers = width * (2 if frame.paired else 1)
@@ -331,13 +330,12 @@ class _Run:
 
     def _worker(self):
         """Return a function that takes members that are left, `most` or all of them."""
-        base, n_steps = self._members.base, self._how["n_steps"]
-        one = self._solve
+        base, one = self._members.base, self._solve
         # functions that are called in Python hold the parameters of their equation
         if self._kept is not None and not base._callbacks:
-            history = self._how["history"] or SumOfExponentials()
-            run = base, self._how["scheme"], history, self._t_end - base.frame.start
-            stepper, end = open_on_steps(*run, n_steps, None, None, False)
+            history, t_end = self._how["history"], self._t_end - base.frame.start
+            run = base, self._how["scheme"], history, self._steps, t_end
+            stepper, end = open_stepper(*run)
             if self._plan is None:
                 with suppress(Exception):  # of a right-hand side, for some member
                     of = self._members.params, self._members.inside

@@ -108,11 +108,11 @@ class Tangents:
 
 
 class StepTangents(Tangents):
-    """Tangents on given steps, made orthonormal in compiled code by a `GrowingStepper`."""
+    """Tangents on given steps, made orthonormal in compiled code."""
 
     def follow(self, pace, last, unit):
         """Make tangents orthonormal when `pace` says, in a run to step `last`."""
-        self.stepper.follow(pace, last)
+        self.stepper.renormalise(pace, last)
 
     def advance(self, stop, keep):
         """March some way towards `stop`; return the dense output of the orbit where it is kept."""

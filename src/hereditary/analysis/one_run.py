@@ -3,27 +3,22 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..collocation.adaptive_stepper import AdaptiveStepper
+from ..collocation.adaptive_stepper import Tolerance
 from ..compiled.callbacks import pass_on
 from ..equation.equation import Equation
-from ..history.exponentials import SumOfExponentials
 from ..history.history import History
 from ..schemes.scheme import Scheme
-from ..schemes.steps import UniformSteps
-from ..solver.fixed_stepper import FixedStepper
-from ..solver.growing import GrowingStepper
-from ..solver.opening import modes_tolerance, steps_in, tolerances, uniform_steps
+from ..schemes.steps import UniformSteps, steps_in
+from ..solver.opening import how_to_step, open_stepper
 from ..solver.progress import Interruption, ProgressBar
 from ..solver.run import Drive, reached_end, told
 from ..solver.solution import Status
-from ..support.checks import complaint, count, instance, positive, real_array, shown, within
+from ..support.checks import complaint, count, instance, positive, real_array, shown, whole, within
 from ..support.warning import warn
 from .divergence import Divergence
 from .estimators import Pairs, StepTangents, Tangents
@@ -86,30 +81,30 @@ def march(request: Request) -> Run:
         raise ValueError(complaint("t_start", required, equation.frame.start, remedy))
     scheme, history = request.scheme, request.history
     instance("scheme", scheme, Scheme, "hereditary.ExplicitCaputo()")
-    if not scheme.adaptive:
-        history = SumOfExponentials() if history is None else history
+    if history is not None:
         instance("history", history, History, "hereditary.SumOfExponentials()")
     within("window", request.window, 1e-6, 1.0, "(0, 1]")
     if count("n_blocks", request.n_blocks) > _MOST_BLOCKS:
         raise ValueError(complaint("n_blocks", f"be at most {_MOST_BLOCKS}", request.n_blocks))
-    tols = _tolerances(scheme, request.mode, request.rtol, request.atol)
-    n_steps = _MARKS if tols and request.n_steps is None else request.n_steps
-    h, n_total, _ = uniform_steps(equation, t_end, n_steps, None)
-    settings = _settings(request, h, n_total)
     system = marched(equation, scheme)
+    how, marks = _how_to_step(request, system, t_end)
+    settings = _settings(request, marks.h, marks.n)
     start = _directions(request.directions, settings["seed"], settings["k"], n_data(equation))
-    how = {"scheme": scheme, "history": history, "n_steps": n_total}
-    kind = FixedStepper if request.mode == "pair" else GrowingStepper
-    open_stepper: Callable = partial(kind, steps=UniformSteps(h), **how)
-    if tols:
-        how = {"scheme": scheme, "rtol": tols[0], "atol": tols[1], "max_steps": _ANY}
-        how |= {"t_end": t_end, "modes_tol": modes_tolerance(history)}
-        open_stepper = partial(AdaptiveStepper, **how)
-    estimator = _estimator(settings, scheme, open_stepper, system, start)
-    record, divergence = _begin(settings, h, n_total, system)
-    status, detail = _run(estimator, record, divergence, n_total, request.progress)
-    settings |= {"scheme": scheme, "history": history, "t_end": t_end, "window": request.window}
-    settings |= {"rtol": tols[0], "atol": tols[1]} if tols else {}
+
+    def opened(system, directions=None):
+        run = system, scheme, history, how, t_end
+        return open_stepper(*run, directions=directions)[0]
+
+    estimator = _estimator(settings, how, opened, system, start)
+    record, divergence = _begin(settings, marks, system)
+    status, detail = _run(estimator, record, divergence, marks.n, request.progress)
+    settings |= {
+        "scheme": scheme,
+        "history": getattr(estimator.stepper, "history", history),
+        "t_end": t_end,
+        "window": request.window,
+    }
+    settings |= {"rtol": how.rtol, "atol": how.atol} if isinstance(how, Tolerance) else {}
     seconds = time.perf_counter() - began
     return Run(estimator, record, divergence, status, detail, settings, seconds)
 
@@ -168,31 +163,32 @@ def _directions(given, seed, k, rows):
     return q * np.sign(np.diag(r))
 
 
-def _tolerances(scheme, mode, rtol, atol):
-    """Tolerances of an adaptive run, None for given steps."""
-    if scheme.adaptive:
-        if mode != "tangent":
-            required = 'be "tangent" with Collocation'
-            remedy = "take a scheme of given steps, e.g. Adams() or BDF(2)"
-            raise ValueError(complaint("mode", required, repr(mode), remedy))
-        return tolerances(rtol, atol)
-    for name, value in (("rtol", rtol), ("atol", atol)):
-        if value is not None:
-            required = "be left out or come with scheme=Collocation()"
-            raise ValueError(complaint(name, required, value))
-    return None
+def _how_to_step(request, system, t_end):
+    """Return how the run steps, and the `UniformSteps` at which tangents may be measured."""
+    mode, n_steps, tolerated = request.mode, request.n_steps, {"rtol": request.rtol}
+    tolerated["atol"] = request.atol
+    if not request.scheme.adaptive:
+        steps = how_to_step(system, request.scheme, t_end, n_steps=n_steps, **tolerated)
+        return steps, steps
+    if mode != "tangent":
+        required = 'be "tangent" with Collocation'
+        remedy = "take a scheme of given steps, e.g. Adams() or BDF(2)"
+        raise ValueError(complaint("mode", required, repr(mode), remedy))
+    tolerated |= {"history": request.history, "max_steps": _ANY}
+    n = _MARKS if n_steps is None else count("n_steps", whole(n_steps))
+    return how_to_step(system, request.scheme, t_end, **tolerated), UniformSteps(t_end / n, n)
 
 
-def _estimator(settings, scheme, open_stepper, system, start):
+def _estimator(settings, how, opened, system, start):
     if settings["mode"] == "pair":
-        return Pairs(open_stepper, system, start, settings["separation"])
-    kind = Tangents if scheme.adaptive else StepTangents
-    return kind(open_stepper, system, start)
+        return Pairs(opened, system, start, settings["separation"])
+    kind = Tangents if isinstance(how, Tolerance) else StepTangents
+    return kind(opened, system, start)
 
 
-def _begin(settings, h, n_total, equation):
+def _begin(settings, marks, equation):
     """Return an empty record, and the divergence of a classical flow or None."""
-    k = settings["k"]
+    k, h, n_total = settings["k"], marks.h, marks.n
     plain = memory(equation) == "none" and equation.enlarged is equation
     whole = settings["mode"] == "tangent" and plain and k == n_data(equation)
     divergence = Divergence(equation, h) if whole else None

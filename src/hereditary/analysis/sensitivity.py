@@ -9,21 +9,18 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..collocation.adaptive_stepper import AdaptiveStepper
+from ..collocation.adaptive_stepper import Tolerance
 from ..compiled.jit import RHS_SIG, as_value, derived
 from ..equation.equation import Equation
 from ..equation.system import System
 from ..equation.terms import ConstantOrder, SystemTerm
-from ..history.exponentials import SumOfExponentials
 from ..history.history import History
 from ..schemes.scheme import Scheme
-from ..schemes.steps import UniformSteps
-from ..solver.fixed_stepper import FixedStepper
-from ..solver.opening import check_end, modes_tolerance, tolerances, uniform_steps
+from ..schemes.steps import kept_steps
+from ..solver.opening import how_to_step, open_stepper
 from ..solver.run import reached_end, told
 from ..solver.solve import chosen_scheme, evaluation_times, run_end, solve
 from ..solver.status import Status
-from ..solver.stops import kept_steps
 from ..support.checks import complaint, instance
 from ..support.warning import silence
 
@@ -196,25 +193,16 @@ def _kinds(wrt, equation):
     return kinds
 
 
-def _opened(system, directions, t_end, times, *, scheme, history, rtol, atol, n_steps):
+def _opened(system, directions, t_end, times, *, scheme, history, **given):
     """Return a stepper with tangents, and its positions at these times from the start."""
-    if scheme.adaptive:
-        if n_steps is not None:
-            required = "be left out with Collocation, which chooses its steps"
-            raise ValueError(complaint("n_steps", required, n_steps))
-        check_end(t_end, system)
-        more = {"modes_tol": modes_tolerance(history), "directions": directions}
-        return AdaptiveStepper(system, scheme, t_end, *tolerances(rtol, atol), **more), times
-    for name, value in (("rtol", rtol), ("atol", atol)):
-        if value is not None:
-            raise ValueError(complaint(name, "come with Collocation here", value))
-    history = SumOfExponentials() if history is None else history
-    instance("history", history, History, "hereditary.SumOfExponentials()")
-    h, n_steps, _ = uniform_steps(system, t_end, n_steps, None)
-    march = FixedStepper(system, scheme, history, UniformSteps(h), n_steps, directions)
-    march.prepare(n_steps)
+    if history is not None:
+        instance("history", history, History, "hereditary.SumOfExponentials()")
+    stepping = how_to_step(system, scheme, t_end, history=history, **given)
+    stepper, _ = open_stepper(system, scheme, history, stepping, t_end, directions=directions)
+    if isinstance(stepping, Tolerance):
+        return stepper, times
     start = system.frame.start
-    return march, kept_steps(times + start, h, start).tolist()
+    return stepper, kept_steps(times + start, stepping.h, start).tolist()
 
 
 def _with_parameters(system, size):

@@ -1,16 +1,17 @@
 """Adaptive stepper: the march of an equation by collocation, as a run drives it."""
 
 import copy
+from typing import NamedTuple
 
 import numpy as np
 
 from ..compiled.structures import plain
 from ..equation.system import refuse_late
+from ..schemes.steps import breaks_ahead
 from ..solver.identity import check_identity, identity
 from ..solver.state import AdaptiveState, check_reach, check_sound, complete, frozen
 from ..solver.status import Status, failed
 from ..solver.stepper import Stepper
-from ..solver.stops import breaks_ahead
 from ..support.checks import complaint
 from .adaptive_march import OF_SIZE, STEP_FRACTION, CollocationMarch
 from .pace import MAX_STEPS, Pace
@@ -19,6 +20,21 @@ from .reading import Plain, Reading
 # Steps of one call of the compiled march where an event may cut it short; points of each step,
 # besides its end, that events look at.
 _FEW_ROWS, _LOOKS = 8, 8
+
+
+class Tolerance(NamedTuple):
+    """How a run chooses its steps.
+
+    Tolerances rtol, and atol or None for errors relative to the largest size of each component so
+    far; modes, the relative error of modes, or None for what the tolerances require; longest, the
+    longest step [time] or None; most, the largest number of steps.
+    """
+
+    rtol: float
+    atol: float | None = None
+    modes: float | None = None
+    longest: float | None = None
+    most: int = MAX_STEPS
 
 
 class AdaptiveStepper(CollocationMarch, Stepper):
@@ -30,32 +46,24 @@ class AdaptiveStepper(CollocationMarch, Stepper):
     scheme : Collocation
     t_end : float
         End of the run; the modes hold up to ten times as far, or to the scheme's horizon.
-    rtol : float
-    atol : float or None
-        None for errors relative to the largest size of each component so far.
-    modes_tol : float, optional
-        Relative error of the modes, where it is to be smaller than the tolerance requires.
+    tolerance : Tolerance
     directions : ndarray, shape (n_data, k), optional
         Directions of initial data, one tangent for each, whose errors count for the steps as well.
-    max_step, max_steps : float and int, optional
-        Longest step [time], and largest number of steps of this run.
     """
 
     adaptive, looks, h = True, _LOOKS, 0.0
     zigzag, growth, largest_ratio = None, None, 0.0
 
-    def __init__(
-        self, equation, scheme, t_end, rtol, atol, modes_tol=None, directions=None, max_step=None,
-        max_steps=MAX_STEPS,
-    ):  # fmt: skip
+    def __init__(self, equation, scheme, t_end, tolerance, directions=None):
         scheme.check_terms(equation)
         self.equation, self._scheme = equation, scheme
         self._view = view = Plain(equation) if equation.enlarged is equation else Reading(equation)
         self.second = view.second
         refuse_late(equation, t_end)
         self._t_end, self._breaks = t_end, np.zeros(0)
+        rtol, atol, modes_tol, *limits = tolerance
         steps = scheme.horizon or 0.0, int(scheme.nodes), (rtol, atol), modes_tol
-        pace = Pace(max_step, max_steps)
+        pace = Pace(*limits)
         super().__init__(view.system, t_end, *steps, view.directions(directions), pace)
 
     @property

@@ -7,8 +7,8 @@ import numpy as np
 
 from ..functions.reads import digest
 from ..kernels.special import bracketed_root
+from ..schemes.steps import together
 from ..support.checks import complaint, real, shown
-from .stops import together
 
 # A value that has a sign, and no size.
 TINY = 5e-324

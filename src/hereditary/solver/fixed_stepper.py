@@ -2,17 +2,20 @@
 
 import copy
 import time
+from functools import partial
 
 import numpy as np
 
 from ..compiled.block import BLOWN_UP, NOT_SOLVED, RUNNING
-from ..compiled.growing_march import transform_march
+from ..compiled.growing_march import LOST, Growth, grow, transform_march
+from ..compiled.jit import loop_value
 from ..compiled.march import MARCHES
-from ..compiled.signatures import FACTORISE, March, Output
+from ..compiled.signatures import FACTORISE, MARCH_SIG, March, Output
 from ..compiled.structures import plain
 from ..equation.system import displaced, refuse_late, side_by_side, variational
 from ..kernels.memory_kernel import misfit_on_given_steps
 from ..schemes.riemann_liouville import with_initial_values
+from ..schemes.steps import before_break, break_steps, rows_beside
 from ..support.checks import complaint
 from . import march_arrays as arrays
 from .first_steps import starting_steps
@@ -23,12 +26,13 @@ from .state import State, check_sound, complete, frozen
 from .status import Status, failed
 from .step_pieces import StepPieces
 from .stepper import Stepper
-from .stops import before_break, break_steps, rows_beside
 from .stretch import Stretch
 
 # Steps in a block. Measured with 56 modes: 74, 75 and 85 ns a step at 16, 32 and 64, where the
 # in-block sums take over; below 16 the calls of the history do.
 BLOCK = 32
+# Renormalisations of tangents in one entry into compiled code.
+_RENORMALISATIONS = 1024
 
 
 class FixedStepper(Stepper):
@@ -206,6 +210,32 @@ class FixedStepper(Stepper):
         matrix = np.ascontiguousarray(matrix, dtype=float)
         how = self._system.d, int(self._lasting), matrix
         transform_march(self._march, self.memory.arrays, *how)
+
+    def renormalise(self, pace, last):
+        """Make tangents orthonormal when `pace` says, in compiled code and up to step `last`."""
+        self._growth = Growth(
+            above=self._with_speed.astype(np.int64),
+            d=self.equation.d,
+            h=self.h,
+            lasting=int(self._lasting),
+            last=last,
+            steps=np.zeros(_RENORMALISATIONS, dtype=np.int64),
+            logs=np.zeros((_RENORMALISATIONS, self.n_tangents)),
+            made=np.zeros(1, dtype=np.int64),
+        )
+        march = loop_value(self._loop, MARCH_SIG)
+        self._loop = partial(_renormalising, march, pace, self._growth)
+
+    def grown(self):
+        """Return steps (k,) and logarithms of the growth (k, n_tangents) since the last call."""
+        made = self._growth.made[0]
+        self._growth.made[0] = 0
+        return self._growth.steps[:made].copy(), self._growth.logs[:made].copy()
+
+    @property
+    def lost(self):
+        """Whether tangents overflowed or vanished."""
+        return self._status == LOST
 
     def parts(self):
         """Every array of the march and its memory that is linear in the solution; not copies."""
@@ -422,3 +452,8 @@ class FixedStepper(Stepper):
         """Describe what a run to time t must share with one that resumes it."""
         how = {"scheme": described(self.scheme), "history": described(self.history)}
         return identity(self.equation, t, **how)
+
+
+def _renormalising(march, pace, growth, *arguments):
+    """Enter the loop of renormalisations as the march itself is entered."""
+    return grow(march, *arguments, pace, growth)

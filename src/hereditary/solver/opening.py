@@ -1,17 +1,15 @@
-"""Steppers of a run, anew or from a state, with all that is asked of their steps checked."""
+"""How a run steps: one value made of what a user asks for, and the stepper that it opens."""
 
 import math
 
 import numpy as np
 
-from ..collocation.adaptive_stepper import AdaptiveStepper
+from ..collocation.adaptive_stepper import MAX_STEPS, AdaptiveStepper, Tolerance
 from ..history.exponentials import SumOfExponentials
-from ..schemes.steps import UniformSteps, mesh_steps
+from ..schemes.steps import COUNTED, UniformSteps, mesh_steps, steps_in
 from ..support.checks import complaint, count, positive, shown, whole, within
 from .fixed_stepper import FixedStepper
 
-# Steps of a run, and floats, are whole numbers up to here.
-_COUNTED = 2**53
 # Logarithms of the powers of the step that schemes may have to divide by.
 _LEAST, _MOST = -290.0, 290.0
 # Below this the rounding of double precision, not the scheme, decides.
@@ -20,52 +18,102 @@ TOLERANCE_FLOOR = 1e-12
 _FARTHEST = 1e300
 
 
-def open_on_steps(equation, scheme, history, t_end, n_steps, mesh, resume, allow_change):
-    """Stepper with uniform steps or along a mesh, and its last step number."""
-    asked = t_end, n_steps, resume, allow_change
-    if mesh is None:
-        stepper, n_total = _on_uniform_steps(equation, scheme, history, *asked)
-    else:
-        stepper, n_total = _on_mesh(equation, scheme, history, mesh, *asked)
-    try:
-        stepper.prepare(n_total)
-    except (MemoryError, OverflowError) as error:
-        required = f"hold {n_total} steps in memory"
-        remedy = "SumOfExponentials() takes no more for more steps"
-        raise ValueError(complaint("history", required, repr(history), remedy)) from error
-    return stepper, n_total
-
-
-def open_adaptively(
-    equation, scheme, history, t_end, rtol, atol, max_step, max_steps, resume, allow_change
+def how_to_step(
+    equation, scheme, t_end, state=None, *, history=None, n_steps=None, mesh=False, **tolerated
 ):
-    """Stepper that chooses its steps by the tolerance, and the time of its end."""
-    check_end(t_end, equation)
-    modes_tol = modes_tolerance(history)
-    if resume is not None:
-        rtol = resume.rtol if rtol is None else rtol
-        atol = resume.atol if atol is None else atol
-        modes_tol = resume.modes_tol if history is None else modes_tol
-    rtol, atol = tolerances(rtol, atol)
-    how = {"modes_tol": modes_tol, "max_step": max_step, "max_steps": max_steps}
-    stepper = AdaptiveStepper(equation, scheme, t_end, rtol, atol, **how)
-    if resume is None:
-        return stepper, t_end
-    if stepper.modes_tol != resume.modes_tol:
-        required = f"be left out or ask for modes as the state has them, to {resume.modes_tol:g}"
-        raise ValueError(complaint("history", required, f"to {stepper.modes_tol:g}"))
-    return resumed(stepper, resume, allow_change), t_end
+    """Return how a run steps: `UniformSteps`, `MeshSteps` or a `Tolerance`; refuse all else.
+
+    Parameters
+    ----------
+    equation : System
+    scheme : Scheme
+    t_end : float
+        End of the run, counted from its start.
+    state : State or AdaptiveState, optional
+        Of the run that goes on: its steps are kept, or its tolerances where none are given.
+    history, n_steps : optional
+        As of `solve`.
+    mesh : optional
+        As of `solve`; False where the user could not give one.
+    **tolerated
+        rtol, atol, max_step and max_steps as of `solve`.
+    """
+    most = tolerated.get("max_steps")
+    most = MAX_STEPS if most is None else count("max_steps", most)
+    if scheme.adaptive:
+        _refuse("with Collocation, which chooses its steps", n_steps=n_steps, mesh=mesh or None)
+        longest = tolerated.get("max_step")
+        longest = None if longest is None else positive("max_step", longest)
+        _check_end(t_end, equation)
+        rtol, atol, modes = tolerated.get("rtol"), tolerated.get("atol"), _modes_tolerance(history)
+        if state is not None:
+            rtol = state.rtol if rtol is None else rtol
+            atol = state.atol if atol is None else atol
+            modes = state.modes_tol if modes is None else modes
+        rtol, atol = _checked(rtol, atol)
+        return Tolerance(rtol, atol, modes, longest, most)
+    remedy = "or give mesh=graded(n, exponent)" if scheme.takes_meshes and mesh is not False else ""
+    _refuse("or come with scheme=Collocation()", remedy, **tolerated)
+    if mesh is None or mesh is False:
+        return _uniform_steps(equation, t_end, n_steps, state)
+    if n_steps is not None:
+        required = "be left out where a mesh is given"
+        raise ValueError(complaint("n_steps", required, type(n_steps).__name__))
+    if state is not None and state.h > 0:
+        required = "be left out where a run of uniform steps goes on"
+        raise ValueError(complaint("mesh", required, type(mesh).__name__))
+    return mesh_steps(mesh, t_end, state and state.steps, equation.frame.start)
 
 
-def check_end(t_end, equation):
+def open_stepper(
+    equation, scheme, history, how, t_end, state=None, allow_change=False, directions=None
+):
+    """Return a stepper at the start of a run, or where its state was taken, and its last position.
+
+    `how` is what `how_to_step` returns, `t_end` counts from the start, and `directions` are those
+    of tangents.
+    """
+    stepper: AdaptiveStepper | FixedStepper
+    if isinstance(how, Tolerance):
+        stepper, stop = AdaptiveStepper(equation, scheme, t_end, how, directions), t_end
+        if state is not None and stepper.modes_tol != state.modes_tol:
+            required = f"be left out or ask for modes as the state has them, to {state.modes_tol:g}"
+            raise ValueError(complaint("history", required, f"to {stepper.modes_tol:g}"))
+    else:
+        stop, history = how.n, history or getattr(state, "history", None) or SumOfExponentials()
+        covered = state.memory_steps if state is not None and state.h > 0 else stop
+        stepper = FixedStepper(equation, scheme, history, how, covered, directions)
+    if state is not None:
+        stepper.restore(state, allow_change)
+        if not np.all(np.isfinite(stepper.y)):
+            required = "hold a finite solution"
+            raise ValueError(complaint("resume", required, f"y = {shown(stepper.y)}"))
+    if isinstance(stepper, FixedStepper):
+        try:
+            stepper.prepare(stop)
+        except (MemoryError, OverflowError) as error:
+            required = f"hold {stop} steps in memory"
+            remedy = "SumOfExponentials() takes no more for more steps"
+            raise ValueError(complaint("history", required, repr(history), remedy)) from error
+    return stepper, stop
+
+
+def _refuse(reason, remedy="", **given):
+    """Refuse arguments that are given."""
+    for name, value in given.items():
+        if value is not None:
+            raise ValueError(complaint(name, f"be left out {reason}", shown(value), remedy))
+
+
+def _check_end(t_end, equation):
     """Refuse ends of a run whose powers are no numbers of double precision."""
     farthest = _FARTHEST ** (1 / max(1.0, float(equation.highest_orders().max())))
     interval = f"[{1 / _FARTHEST:g}, {farthest:g}]"
     within("t_end", t_end, 1 / _FARTHEST, farthest, interval, "take another unit of time")
 
 
-def tolerances(rtol, atol):
-    """Return the relative and the absolute tolerance, checked; None for errors by sizes of y."""
+def _checked(rtol, atol):
+    """Return the tolerances, checked; None for errors by sizes of y."""
     interval = f"[{TOLERANCE_FLOOR:g}, 0.1]"
     remedy = "write a number such as rtol=1e-6; below 1e-12 rounding decides"
     rtol = 1e-6 if rtol is None else rtol
@@ -73,7 +121,7 @@ def tolerances(rtol, atol):
     return rtol, None if atol is None else positive("atol", atol)
 
 
-def modes_tolerance(history):
+def _modes_tolerance(history):
     """Tolerance of the modes that a history asks for, None where it asks for none."""
     if not isinstance(history, SumOfExponentials | None):
         required = "be left out with Collocation, or be SumOfExponentials(tol)"
@@ -81,63 +129,21 @@ def modes_tolerance(history):
     return None if history is None else history.tol
 
 
-def _on_mesh(equation, scheme, history, mesh, t_end, n_steps, resume, allow_change):
-    """Stepper along a mesh, anew or resumed, and its last step number."""
-    if n_steps is not None:
-        required = "be left out where a mesh is given"
-        raise ValueError(complaint("n_steps", required, type(n_steps).__name__))
-    begun = None
-    if resume is not None:
-        if resume.h > 0:
-            required = "be left out where a run of uniform steps goes on"
-            raise ValueError(complaint("mesh", required, type(mesh).__name__))
-        begun = resume.steps
-    steps = mesh_steps(mesh, t_end, begun, equation.frame.start)
-    n_total = steps.mesh.size - 1
-    stepper = FixedStepper(equation, scheme, history, steps, n_total)
-    return resumed(stepper, resume, allow_change), n_total
-
-
-def _on_uniform_steps(equation, scheme, history, t_end, n_steps, resume, allow_change):
-    """Stepper with uniform steps, anew or resumed, and its last step number."""
-    h, n_total, prepared = uniform_steps(equation, t_end, n_steps, resume)
-    stepper = FixedStepper(equation, scheme, history, UniformSteps(h), prepared)
-    return resumed(stepper, resume, allow_change), n_total
-
-
-def steps_in(name, length, h):
-    """Return the number of steps h next to a length."""
-    if not length / h <= _COUNTED:
-        required = f"be at most {_COUNTED:.0e} steps h = {h:g}"
-        raise ValueError(complaint(name, required, f"{length:g}"))
-    return round(length / h)
-
-
-def resumed(stepper, state, allow_change):
-    """Return the stepper where a state was taken, or as it is without one."""
-    if state is not None:
-        stepper.restore(state, allow_change)
-        if not np.all(np.isfinite(stepper.y)):
-            required = "hold a finite solution"
-            raise ValueError(complaint("resume", required, f"y = {shown(stepper.y)}"))
-    return stepper
-
-
-def uniform_steps(equation, t_end, n_steps, state):
-    """Return step, last step number and the number of steps that the history is opened for."""
+def _uniform_steps(equation, t_end, n_steps, state):
+    """Return uniform steps to t_end: as many as are asked for, or more of those of a state."""
     origin = equation.frame.start
     if state is None:
         if n_steps is None:
             raise TypeError(complaint("n_steps", "be given", "none", "e.g. n_steps=10_000"))
         n_steps = count("n_steps", whole(n_steps))
-        if n_steps > _COUNTED:
-            required = f"be at most {_COUNTED:.0e}, as far as times of steps are told apart"
+        if n_steps > COUNTED:
+            required = f"be at most {COUNTED:.0e}, as far as times of steps are told apart"
             raise ValueError(complaint("n_steps", required, f"{n_steps:.3g}"))
         h, order = t_end / n_steps, float(equation.highest_orders().max())
         if h == 0 or not _LEAST < order * math.log10(h) < _MOST:
             required = f"leave steps h whose power h**{order:g} is a number of double precision"
             raise ValueError(complaint("t_end", required, f"h = {h}", "take another unit of time"))
-        return h, n_steps, n_steps
+        return UniformSteps(h, n_steps)
     if state.h == 0:
         required = "be given where a run on a mesh goes on"
         raise TypeError(complaint("mesh", required, "none", "times from the state's time on"))
@@ -152,4 +158,4 @@ def uniform_steps(equation, t_end, n_steps, state):
     if n_steps is not None and count("n_steps", whole(n_steps)) not in (n_total, n_total - state.n):
         required = f"be {n_total - state.n} (from the state) or {n_total} (from 0), its step kept"
         raise ValueError(complaint("n_steps", required, n_steps, "or leave n_steps out"))
-    return state.h, n_total, state.memory_steps
+    return UniformSteps(state.h, n_total)

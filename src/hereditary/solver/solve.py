@@ -15,7 +15,7 @@ from ..history.history import History
 from ..schemes.explicit import ExplicitCaputo
 from ..schemes.grunwald_letnikov import GrunwaldLetnikov
 from ..schemes.scheme import Scheme
-from ..schemes.steps import Graded
+from ..schemes.steps import COUNTED, Graded, checked_breaks
 from ..support.checks import (
     complaint,
     component_numbers,
@@ -30,15 +30,12 @@ from ..support.checks import (
 )
 from .events import Events
 from .first_order import note_error
+from .opening import how_to_step, open_stepper
 from .output import Output
 from .run import Drive, run
 from .solution import Solution
 from .state import AdaptiveState, State, check_sound
-from .stepping import Asked, open_run
-from .stops import checked_breaks
 
-# Largest save_every: a whole number that arrays hold.
-_MOST_STEPS = 2**53
 # What to write instead of keywords of other solvers.
 _INSTEAD = {
     "t0": "Equation(..., t_start=t0) sets the start",
@@ -214,7 +211,7 @@ def solve(
     scheme = chosen_scheme(scheme, rtol, n_steps, mesh, resume)
     if history is not None:
         instance("history", history, History, "hereditary.SumOfExponentials()")
-    save_every = min(count("save_every", whole(save_every)), _MOST_STEPS)
+    save_every = min(count("save_every", whole(save_every)), COUNTED)
     if save_every > 1 and t_eval is not None:
         required = "be left out where t_eval says which rows to keep"
         raise ValueError(complaint("save_every", required, save_every))
@@ -240,8 +237,12 @@ def solve(
 
         hybrid = Hybrid(equation, scheme, functions, jumping, changes or {})
         system = hybrid.system
-    asked = n_steps, rtol, atol, mesh, max_step, max_steps, breaks, resume, allow_change
-    stepper, stop = open_run(system, scheme, history, t_end, Asked(*asked))
+    how = how_to_step(
+        system, scheme, t_end, resume, history=history, n_steps=n_steps, mesh=mesh,
+        rtol=rtol, atol=atol, max_step=max_step, max_steps=max_steps,
+    )  # fmt: skip
+    stepper, stop = open_stepper(system, scheme, history, how, t_end, resume, allow_change)
+    stepper.set_breaks(breaks, t_end)
     signs = {} if resume is None else resume.event_signs
     if hybrid:
         found = hybrid.open(stepper, t_end, breaks, signs)
