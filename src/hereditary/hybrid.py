@@ -52,8 +52,6 @@ _HIDDEN, _MISPLACED = 1e-13, 1e-2
 _AHEAD = 1e-8
 # Steps for which an event that has turned back may go on: schemes remember a corner.
 _CORNER = 4
-# Relative rounding of y on given steps.
-_ROUNDED = 1e-13
 
 
 class Hybrid:
@@ -490,7 +488,7 @@ class Way:
 def uncertainty(value, stepper):
     """Return how far errors of y leave the value of an event open where a march stands."""
     t, y = stepper.t, stepper.y
-    allowed = stepper.uncertainty if stepper.adaptive else _ROUNDED * np.abs(y)
+    allowed = stepper.uncertainty
     signs = np.ones(y.size), (-1.0) ** np.arange(y.size)
     try:
         with np.errstate(all="ignore"):

@@ -9,7 +9,7 @@ from ..compiled.structures import plain
 from ..equation.system import refuse_late
 from ..schemes.steps import breaks_ahead
 from ..solver.identity import check_identity, identity
-from ..solver.state import AdaptiveState, check_reach, check_sound, complete, frozen
+from ..solver.state import AdaptiveState, check_reach, check_sound, complete
 from ..solver.status import Status, failed
 from ..solver.stepper import Stepper
 from ..support.checks import complaint
@@ -52,7 +52,6 @@ class AdaptiveStepper(CollocationMarch, Stepper):
     """
 
     adaptive, looks, h = True, _LOOKS, 0.0
-    zigzag, growth, largest_ratio = None, None, 0.0
 
     def __init__(self, equation, scheme, t_end, tolerance, directions=None):
         scheme.check_terms(equation)
@@ -146,17 +145,18 @@ class AdaptiveStepper(CollocationMarch, Stepper):
     def state(self):
         """Return an `AdaptiveState` from which a later run continues."""
         rtol, atol = self._tolerances
+        march, orbit, at_singular_start = self.checkpoint()
         state = AdaptiveState(
             t=self.t,
-            y=frozen(self.y),
+            y=self.y,
             scheme=self._scheme,
             rtol=rtol,
             atol=atol,
             modes_tol=self.modes_tol,
             identity=self._identity(self.t),
-            march=tuple(frozen(plain(part)) for part in self._state),
-            orbit=copy.deepcopy(self._orbit),
-            at_singular_start=self._at_singular_start,
+            march=march,
+            orbit=orbit,
+            at_singular_start=at_singular_start,
         )
         return complete(state)
 
@@ -171,7 +171,7 @@ class AdaptiveStepper(CollocationMarch, Stepper):
         self._limit_steps(self._t_end)
 
     def checkpoint(self):
-        """Return all that `go_back` needs to come back here."""
+        """Return copies of all that the march consists of, for `go_back` and `state`."""
         kept = tuple(plain(part).copy() for part in self._state)
         return kept, copy.deepcopy(self._orbit), self._at_singular_start
 

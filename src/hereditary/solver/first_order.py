@@ -8,6 +8,7 @@ from ..schemes.steps import UniformSteps
 from ..support.warning import ThreadSwitch, silence, warn
 from .fixed_stepper import FixedStepper
 from .solution import SolveWarning
+from .status import Status
 
 # Steps of the run for one of each companion; fewest steps of a run that is estimated.
 _RATIOS, _FEWEST = (10, 20), 400
@@ -72,8 +73,9 @@ def estimated_error(stepper, n_steps):
             difference = np.maximum(difference, apart.max(axis=0, initial=0.0))
             size = np.maximum(size, np.abs(rows).max(axis=0))
             begun = end
-        unstable = max(fine.largest_ratio, coarse.largest_ratio) > _STABLE
-        if unstable or coarse.zigzag is not None:
+        ratios = [stepper.stats()["stiffness_ratio"] for stepper in (fine, coarse)]
+        unstable = coarse.instability and coarse.instability[0] is Status.ZIGZAG
+        if unstable or np.nanmax([0.0, *ratios]) > _STABLE:
             return None
     size = np.where(size > 0, size, np.inf)
     if not np.all(difference <= _CHAOS * size):

@@ -1,6 +1,5 @@
 """The stepper of given steps: one march, advanced a stretch at a time."""
 
-import copy
 import time
 from functools import partial
 
@@ -10,7 +9,7 @@ from ..compiled.block import BLOWN_UP, NOT_SOLVED, RUNNING
 from ..compiled.growing_march import LOST, Growth, grow, transform_march
 from ..compiled.jit import loop_value
 from ..compiled.march import MARCHES
-from ..compiled.signatures import FACTORISE, MARCH_SIG, March, Output
+from ..compiled.signatures import FACTORISE, MARCH_SIG, Output
 from ..compiled.structures import plain
 from ..equation.system import displaced, refuse_late, side_by_side, variational
 from ..kernels.memory_kernel import misfit_on_given_steps
@@ -20,9 +19,9 @@ from ..support.checks import complaint
 from . import march_arrays as arrays
 from .first_steps import starting_steps
 from .identity import check_identity, described, identity
-from .jacobian_watch import JacobianWatch
+from .jacobian_watch import JacobianWatch, instability_of
 from .linear_solvers import newton_of
-from .state import State, check_sound, complete, frozen
+from .state import State, check_sound, complete
 from .status import Status, failed
 from .step_pieces import StepPieces
 from .stepper import Stepper
@@ -31,6 +30,8 @@ from .stretch import Stretch
 # Steps in a block. Measured with 56 modes: 74, 75 and 85 ns a step at 16, 32 and 64, where the
 # in-block sums take over; below 16 the calls of the history do.
 BLOCK = 32
+# Relative rounding of y.
+_ROUNDED = 1e-13
 # Renormalisations of tangents in one entry into compiled code.
 _RENORMALISATIONS = 1024
 
@@ -60,7 +61,7 @@ class FixedStepper(Stepper):
         scheme.check_terms(equation)
         refuse_late(equation, steps.time(n_steps))
         self.equation, self.scheme, self.history = equation, scheme, history
-        self.steps = steps
+        self.steps, self.h = steps, steps.h
         self._span = steps.covered(n_steps, getattr(history, "horizon", None) or 0.0)
         self._with_speed = np.flatnonzero(equation.highest_orders() > 1)
         directions = np.zeros((self.n_data, 0)) if directions is None else directions
@@ -68,7 +69,7 @@ class FixedStepper(Stepper):
         plan = self._plan(directions)
         self._block = 1 if plan.rows.last > 1 or plan.rows.times.size else block
         self.memory = self._open(plan)
-        self.misfit = misfit_on_given_steps(self.memory.kernel_errors, history)
+        self._misfit = misfit_on_given_steps(self.memory.kernel_errors, history)
         self._begin(plan)
         self._status, self._stretch, self._moved = RUNNING, Stretch(), False
         self.error = None
@@ -151,11 +152,6 @@ class FixedStepper(Stepper):
         self._stand_at_start(plan, columns)
         self._watch.largest = 0.0
         self._status, self.error = RUNNING, None
-
-    @property
-    def h(self):
-        """Step of uniform ones; 0 on a mesh."""
-        return self.steps.h
 
     @property
     def n(self):
@@ -256,16 +252,20 @@ class FixedStepper(Stepper):
         return int(self._march.counts["rhs"])
 
     @property
-    def zigzag(self):
-        """Step at which a sustained step-to-step zigzag was seen, or None."""
-        n = int(self._march.counts["zigzag"])
-        return None if n < 0 else n
+    def misfit(self):
+        """By how much kernels miss the tolerance; empty where they keep it."""
+        return self._misfit
 
     @property
-    def growth(self):
-        """Step at which turns of a few steps each were seen to have grown, or None."""
-        n = int(self._march.counts["growth"])
-        return None if n < 0 else n
+    def instability(self):
+        """Status and clause of steps beyond their stability limit, else None."""
+        seen = (int(self._march.counts[name]) for name in ("zigzag", "growth"))
+        return instability_of(self.equation, self.scheme, self.h, self._watch, *seen)
+
+    @property
+    def uncertainty(self):
+        """Rounding errors of y, (d,)."""
+        return _ROUNDED * np.abs(self.y)
 
     @property
     def trouble(self):
@@ -344,14 +344,20 @@ class FixedStepper(Stepper):
             self._watch.note(jacobians, self.n)
 
     def checkpoint(self):
-        """Return all that `go_back` needs to come back to this step."""
-        march = March._make(part.copy() for part in self._march)
-        return march, self.memory.state(), copy.copy(self._watch)
+        """Return copies of all that the march consists of, for `go_back` and `state`."""
+        march = tuple(plain(part).copy() for part in self._march)
+        return march, self.memory.state(), (self._watch.largest, self._watch.step)
+
+    def _take(self, march, memory, watched):
+        """Take over what `checkpoint` returned."""
+        march = arrays.restored_march(march)
+        self._march = march._replace(newton=self._newton.taken_over(march))
+        self.memory.restore(memory)
+        self._watch.largest, self._watch.step = watched
 
     def go_back(self, checkpoint, t):
         """Come back to where `checkpoint` was taken, and march to the first step not before t."""
-        self._march, memory, self._watch = checkpoint
-        self.memory.restore(memory)
+        self._take(*checkpoint)
         self.error, self._status = None, RUNNING
         self._refactorise()
         stop = self.steps.first_from(t)
@@ -403,50 +409,38 @@ class FixedStepper(Stepper):
             "n_factorised": int(self._march.counts["factorised"]),
             "n_modes": self.n_modes,
             "history_bytes": self.memory.nbytes,
-            "stiffness_ratio": self.largest_ratio if self._watch.watches else np.nan,
+            "stiffness_ratio": self._watch.largest if self._watch.watches else np.nan,
             "kernel_error": self.memory.kernel_errors.reported,
         }
 
-    @property
-    def largest_ratio(self):
-        """Largest ratio of an eigenvalue of the Jacobian to its limit so far."""
-        return self._watch.largest
-
-    @property
-    def largest_ratio_step(self):
-        """Step near which the Jacobian was largest in comparison with its limit."""
-        return self._watch.step
-
     def state(self):
         """A `State` from which a later run goes on bit for bit."""
+        march, memory, watched = self.checkpoint()
         state = State(
             t=self.t,
             n=self.n,
             steps=self.steps.until(self.n),
-            y=frozen(self.y),
+            y=self.y,
             scheme=self.scheme,
             history=self.history,
             identity=self._identity(self.t),
             block=self._block,
-            march=tuple(frozen(plain(part)) for part in self._march),
-            memory=tuple(map(frozen, self.memory.arrays)),
+            march=march,
+            memory=memory,
             memory_steps=self._span,
-            largest_ratio=self.largest_ratio,
-            largest_ratio_step=self.largest_ratio_step,
+            watched=watched,
         )
         return complete(state)
 
     def restore(self, state, allow_change=False):
         """Take over where `state` was taken, of another right-hand side where that is allowed."""
         check_sound(state)
-        march = arrays.restored_march(state.march)
-        self._march = march._replace(newton=self._newton.taken_over(march))
-        if check_identity(state.identity, self._identity(state.t), allow_change):
-            march.counts["factored"] = 0
+        changed = check_identity(state.identity, self._identity(state.t), allow_change)
+        self._take(state.march, state.memory, state.watched)
+        if changed:
+            self._march.counts["factored"] = 0
             self._forget_explicit()
         self._refactorise()
-        self.memory.restore(state.memory)
-        self._watch.largest, self._watch.step = state.largest_ratio, state.largest_ratio_step
 
     def _identity(self, t):
         """Describe what a run to time t must share with one that resumes it."""

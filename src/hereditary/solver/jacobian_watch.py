@@ -1,11 +1,17 @@
-"""Watch of the stability of explicit steps by Jacobians along the orbit."""
+"""Watch of the stability of steps, by Jacobians along the orbit."""
 
 import numpy as np
 
 from ..compiled.jacobian import VALUES
+from ..equation.structure import FEW
+from ..schemes.stability import longest_step
+from .status import Status
 
 # Components beyond which dense Jacobians would take longer than the march, and more memory.
 _MOST = 2000
+# Fraction of the longest stable step that is named, so that two digits of it are below the limit,
+# and shortest one that is, as a fraction of the step.
+_BELOW, _LEAST = 0.9, 1e-6
 
 
 class JacobianWatch:
@@ -70,3 +76,39 @@ class JacobianWatch:
     def _last(self, n):
         """Return the number of the last regular step before n, and 1."""
         return (n - 1) // self.every + 1
+
+
+def instability_of(equation, scheme, h, watch, zigzag, growth):
+    """Return the status of unstable steps h and a clause on what to take instead; None if stable.
+
+    `zigzag` and `growth` are the steps at which a step-to-step zigzag had lasted, and at which
+    turns of a few steps each had grown, or below 0.
+    """
+    found, start = [], equation.frame.start
+    if zigzag >= 0:
+        found.append(f"a step-to-step zigzag had lasted at t = {start + zigzag * h:g}")
+    if growth >= 0:
+        at = f"by t = {start + growth * h:g}"
+        found.append(f"increments that turn within a few steps had grown {at}")
+    if watch.largest > 1:
+        at = f"near t = {start + watch.step * h:g}"
+        found.append(f"d rhs/d y reached {watch.largest:.4g} times its limit {at}")
+    if not found:
+        return None
+    clause = " and ".join(found) + f" at h = {h:g}; take {_remedy(equation, scheme, h, watch)}"
+    return (Status.ZIGZAG if zigzag >= 0 else Status.STEP_TOO_LARGE), clause
+
+
+def _remedy(equation, scheme, h, watch):
+    """Return what to take instead of steps beyond their limit."""
+    smaller = "smaller steps"
+    if scheme.solve == "newton":
+        return smaller
+    if watch.largest > 1:
+        step = longest_step(scheme, equation, h, watch.largest)
+        # others come from orbits that blow up, or would take days
+        smaller += f", h = {_BELOW * step:.2g} would do" if step > _LEAST * h else ""
+    implicit = "BDF(2)" if equation.enlarged.constant else "L1()"
+    if equation.d > FEW and equation.structure is None:
+        implicit += f", with linear= or bandwidth= for {equation.d} components"
+    return f"{smaller}, or Collocation() with rtol=1e-6, or {implicit}"

@@ -7,16 +7,12 @@ import numpy as np
 
 from ..compiled.callbacks import PythonRaised, pass_on
 from ..equation.structure import FEW
-from ..schemes.stability import longest_step
 from .progress import Interruption, ProgressBar
 from .solution import Solution, warn_of
 from .status import Status
 
 # Bytes of a history that a solution may hold on to besides its state.
 _LITTLE = 100_000
-# Fraction of the longest stable step that is named, so that two digits of it are below the limit,
-# and shortest one that is, as a fraction of the step.
-_BELOW, _LEAST = 0.9, 1e-6
 
 
 class Drive:
@@ -115,10 +111,8 @@ def run(stepper, stop, t_end, output, progress, began, march=Drive.to):
 
 def reached_end(stepper):
     """Status of a run that reached its end."""
-    if stepper.zigzag is not None:
-        return Status.ZIGZAG
-    if stepper.largest_ratio > 1 or stepper.growth is not None:
-        return Status.STEP_TOO_LARGE
+    if stepper.instability:
+        return stepper.instability[0]
     return Status.KERNEL_INACCURATE if stepper.misfit else Status.COMPLETED
 
 
@@ -135,42 +129,9 @@ def told(stepper, status, detail):
     if status is not Status.COMPLETED:
         t = stepper.t + stepper.equation.frame.start
         message += f" (t = {t:g}{'' if stepper.adaptive else f' of step {stepper.n}'})"
-    trouble = _stability(stepper)
-    if trouble:
-        message += f"; {trouble}"
+    unstable = stepper.instability
+    if unstable:
+        message += f"; {unstable[1]}"
     if not isinstance(stepper.error, PythonRaised):
-        warn_of(status, message, unstable=bool(trouble))
+        warn_of(status, message, unstable=bool(unstable))
     return message
-
-
-def _stability(stepper):
-    """Name what is wrong with the step, in a clause; empty when nothing is."""
-    found, start = [], stepper.equation.frame.start
-    if stepper.zigzag is not None:
-        seen = start + stepper.zigzag * stepper.h
-        found.append(f"a step-to-step zigzag had lasted at t = {seen:g}")
-    if stepper.growth is not None:
-        at = f"by t = {start + stepper.growth * stepper.h:g}"
-        found.append(f"increments that turn within a few steps had grown {at}")
-    if stepper.largest_ratio > 1:
-        at = f"near t = {start + stepper.largest_ratio_step * stepper.h:g}"
-        found.append(f"d rhs/d y reached {stepper.largest_ratio:.4g} times its limit {at}")
-    if not found:
-        return ""
-    return " and ".join(found) + f" at h = {stepper.h:g}; take {_remedy(stepper)}"
-
-
-def _remedy(stepper):
-    """Return what to take instead of steps beyond their limit."""
-    equation, scheme, ratio = stepper.equation, stepper.scheme, stepper.largest_ratio
-    smaller = "smaller steps"
-    if scheme.solve == "newton":
-        return smaller
-    if ratio > 1:
-        step = longest_step(scheme, equation, stepper.h, ratio)
-        # others come from orbits that blow up, or would take days
-        smaller += f", h = {_BELOW * step:.2g} would do" if step > _LEAST * stepper.h else ""
-    implicit = "BDF(2)" if equation.enlarged.constant else "L1()"
-    if equation.d > FEW and equation.structure is None:
-        implicit += f", with linear= or bandwidth= for {equation.d} components"
-    return f"{smaller}, or Collocation() with rtol=1e-6, or {implicit}"

@@ -51,8 +51,7 @@ class State:
     march: tuple = field(repr=False)
     memory: tuple = field(repr=False)
     memory_steps: int | Span = field(repr=False)
-    largest_ratio: float = field(repr=False)
-    largest_ratio_step: int = field(repr=False)
+    watched: tuple[float, int] = field(repr=False)
     event_signs: dict[str, float] = field(default_factory=dict, repr=False)
     version: str = field(default="", repr=False)
     layout: list = field(default_factory=list, repr=False)
@@ -103,7 +102,9 @@ class AdaptiveState:
 
 
 def complete(state):
-    """Return the state with the library's version and the layout of its arrays."""
+    """Return the state, whose arrays cannot be changed, with the library's version and layout."""
+    for array in (state.y, *state.march, *getattr(state, "memory", ())):
+        array.flags.writeable = False
     return replace(state, version=_version(), layout=_layout(state))
 
 
@@ -137,10 +138,3 @@ def _layout(state):
 @cache
 def _version():
     return importlib.metadata.version("hereditary")
-
-
-def frozen(array):
-    """A copy that cannot be changed."""
-    copy = array.copy()
-    copy.flags.writeable = False
-    return copy

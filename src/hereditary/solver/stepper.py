@@ -13,28 +13,40 @@ from .status import Status
 class Stepper(ABC):
     """A march of one equation that moves on when it is asked to.
 
-    Runs, ensembles, hybrid runs, exponents and sensitivities stand on this class. A stepper
+    Runs, ensembles, hybrid runs, exponents and sensitivities use steppers by this contract alone.
+    There are two: `FixedStepper` and `AdaptiveStepper`. A stepper
 
     1. begins with the initial values at time 0, which is the equation's `t_start`;
     2. moves on in `advance`, towards a position and never beyond it, by as many steps as take a
        moment, and returns the solution on the way;
-    3. has `t`, `y` and `position`, the number of steps made or the time;
+    3. has `t`, `y`, `ydot` and `position`, the number of steps made or the time;
     4. keeps an exception of the right-hand side in `error`, after the steps before it, and says in
-       `trouble` why it cannot go on.
+       `trouble` why it cannot go on;
+    5. says in `instability` and `misfit` what is wrong with a march that does go on, and counts in
+       `stats`;
+    6. returns in `checkpoint` copies of all that its march consists of; `go_back` comes back to
+       them, and `state` and `restore` carry them to another run;
+    7. stops at, or steps beside, the jumps of the right-hand side that `set_breaks` names.
 
-    With tangents it has `tangent` and `transform_tangent`. All other methods are optional: they are
-    refused unless a subclass has them.
+    With tangents it has `tangent` and `transform_tangent`. A stepper whose y or parameters may jump
+    has `moved`, `set_parameter`, `expect_moves` and `uncertainty`, one of many members has `reset`.
+    These are optional: they are refused unless a subclass has them.
 
     Attributes
     ----------
-    adaptive : bool
-        Whether positions are times instead of numbers of steps.
+    equation : System
     looks : int
         Points of each step at which events are evaluated, besides its end.
+    h : float
+        Step of uniform ones, else 0 [time].
+    adaptive : bool
+        Whether positions are times instead of numbers of steps.
     error : Exception or None
+    n_rhs : int
+        Calls of the right-hand side.
     """
 
-    adaptive, looks = False, 1
+    adaptive, looks, h = False, 1, 0.0
     error: Exception | None = None
 
     @property
@@ -49,6 +61,11 @@ class Stepper(ABC):
 
     @property
     @abstractmethod
+    def ydot(self) -> np.ndarray:
+        """First derivative at `t`, NaN where there is none, shape (d,)."""
+
+    @property
+    @abstractmethod
     def position(self) -> float:
         """Number of steps made, or the time."""
 
@@ -57,9 +74,51 @@ class Stepper(ABC):
         """Move on towards position `stop`; return the solution on the way if it is to be kept."""
 
     @property
+    @abstractmethod
     def trouble(self) -> tuple[Status, str] | None:
         """Status and detail of a march that cannot go on, else None."""
+
+    @property
+    def instability(self) -> tuple[Status, str] | None:
+        """Status and clause of a march beyond its stability limit, else None."""
         return None
+
+    @property
+    @abstractmethod
+    def misfit(self) -> str:
+        """By how much kernels miss their tolerance, in words; empty where they keep it."""
+
+    @abstractmethod
+    def stats(self) -> dict:
+        """Return counts and errors for the solution's stats."""
+
+    @abstractmethod
+    def set_breaks(self, times: np.ndarray, t_end: float) -> None:
+        """Let steps see jumps at these times, (k,), from their own side, in a run to t_end."""
+
+    @abstractmethod
+    def position_at(self, t: float) -> float:
+        """Return the position of a march that stops at time t."""
+
+    @abstractmethod
+    def stands_at(self, t: float) -> float:
+        """Return the time at which a march that stops at time t stands."""
+
+    @abstractmethod
+    def checkpoint(self) -> tuple:
+        """Return copies of all that the march consists of, for `go_back` and `state`."""
+
+    @abstractmethod
+    def go_back(self, checkpoint: tuple, t: float) -> None:
+        """Come back to where `checkpoint` was taken, and march to `stands_at(t)`."""
+
+    @abstractmethod
+    def state(self):
+        """Return a state from which another run goes on."""
+
+    @abstractmethod
+    def restore(self, state, allow_change: bool = False) -> None:
+        """Go on from `state`; `allow_change` admits another right-hand side or parameters."""
 
     @property
     def tangent(self) -> np.ndarray:
@@ -70,17 +129,26 @@ class Stepper(ABC):
         """Replace the tangents and all of their history by ``tangent @ matrix``, matrix (k, k)."""
         raise self._lacks("has no tangents")
 
+    @property
+    def uncertainty(self) -> np.ndarray:
+        """Errors of y, (d,), that hide on which side of a zero it is."""
+        raise self._lacks("takes no jump of y")
+
+    def expect_moves(self, of_y: bool) -> None:
+        """Make few steps at once, for f, and y if `of_y`, is going to jump; refuse if it cannot."""
+        raise self._lacks("takes no jump of y")
+
     def moved(self, y: np.ndarray) -> None:
         """Let y jump to these values, (d,), at the present time; no memory sees the jump."""
+        raise self._lacks("takes no jump of y")
+
+    def set_parameter(self, number: int, value: float) -> None:
+        """Set a parameter of the right-hand side, which jumps."""
         raise self._lacks("takes no jump of y")
 
     def reset(self, params: np.ndarray, y0: np.ndarray) -> None:
         """Begin anew with other parameters (p,) and initial values (m, d)."""
         raise self._lacks("does not begin anew")
-
-    def state(self):
-        """Return a state from which another run goes on."""
-        raise self._lacks("gives no state")
 
     def _lacks(self, what):
         return NotImplementedError(f"{type(self).__name__} {what}")
