@@ -8,8 +8,14 @@ import numpy as np
 from ..compiled.structures import plain
 from ..equation.system import refuse_late
 from ..schemes.steps import breaks_ahead
-from ..solver.identity import check_identity, identity
-from ..solver.state import AdaptiveState, check_reach, check_sound, complete
+from ..solver.state import (
+    AdaptiveState,
+    check_identity,
+    check_reach,
+    check_sound,
+    complete,
+    identity,
+)
 from ..solver.status import Status, failed
 from ..solver.stepper import Stepper
 from ..support.checks import complaint

@@ -19,7 +19,7 @@ from ..kernels.memory_kernel import MemoryKernel, warn_of_fit
 from ..schemes.scheme import Plan, Scheme
 from ..schemes.steps import UniformSteps
 from ..solver.fixed_stepper import BLOCK
-from ..solver.identity import described, described_terms
+from ..solver.state import described, described_terms
 from ..support.checks import complaint, count, instance, positive, real, real_array
 
 # First steps that may be corrected: the first one, by the term's own value at 0.

@@ -1,6 +1,16 @@
-"""Dense output: the solution of a run at any time, from its pieces."""
+"""Dense output: the solution of a run at any time, from its pieces.
+
+Between given steps pieces are parabolas. In the first two steps of a run, where solutions start
+like a power of t, a component is ``x(0) + t x'(0) + a t**alpha`` with alpha its highest order and a
+from the equation at 0, and powers more that go through the values of the scheme: with
+r = min(1, 2 alpha) below order 1 and 2 from there on, t**r in the first step, t**r and t**(r+1) in
+the second.
+"""
+
+from functools import cached_property
 
 import numpy as np
+from scipy.special import rgamma
 
 from ..equation.frame import Frame
 from ..support.checks import complaint, real_array, shown
@@ -11,6 +21,8 @@ _CHORD, _MOST = 5e-4, 100_000
 # Long steps are halved so many times before chords are compared with the curve: an oscillation over
 # a step has chords whose middles lie on it.
 _HALVINGS = 3
+# The slope at 0 is taken here, and called infinite beyond this size.
+_NEXT_TO_0, _STEEP = 1e-200, 1e12
 
 
 class Piece:
@@ -102,6 +114,139 @@ def last_start(starts, t):
     last = starts.searchsorted(t, side="right") - 1
     first = starts.searchsorted(t, side="left")
     return np.where(first <= last, first, last)
+
+
+class StepPieces(Piece):
+    """Consecutive steps, each a parabola through its ends with the slope at its end.
+
+    Parameters
+    ----------
+    times : ndarray, shape (k+1,)
+        Ends of the steps, the start in front [time].
+    rows, slopes : ndarray, shape (k+1, d)
+        Solution and first derivative there.
+    starting : FirstSteps, optional
+        The solution inside the first two steps of a run, where it is known there.
+    n : int
+        Number of the step that the start is.
+    """
+
+    def __init__(self, times, rows, slopes, starting: "FirstSteps | None" = None, n=0):
+        self.times, self.rows, self.slopes = times, rows, slopes
+        self.starting, self._n = starting, n
+        if starting is not None:
+            for number in range(max(1, n), min(3, n + times.size)):
+                if times[number - n] >= starting.ends[number - 1]:  # no event before it
+                    starting.end(number, rows[number - n])
+
+    def edges(self):
+        """Return the start of each step."""
+        return self.times[:-1]
+
+    def at_ends(self, ends, chosen, second, slopes=True):
+        """Return y and y' at the chosen ones of the steps' ends, (k, d) each."""
+        return self.rows[1:][chosen], self.slopes[1:][chosen]
+
+    def evaluate(self, t, second, derivative):
+        """Return y or y' at times t inside the steps, shape (k, d)."""
+        last = self.times.size - 1
+        i = np.clip(np.searchsorted(self.times, t), 1, last)
+        # where a change of y gives a time two rows, the second one counts
+        i = np.where((self.times[np.minimum(i + 1, last)] == t) & (i + 2 <= last), i + 2, i)
+        h = (self.times[i] - self.times[i - 1])[:, None]
+        back = (t - self.times[i])[:, None] / h
+        with np.errstate(over="ignore", invalid="ignore"):  # the last step may overflow
+            increment = self.rows[i] - self.rows[i - 1]
+            change = 2.0 * (h * self.slopes[i] - increment)
+            if derivative:
+                found = (increment + (0.5 + back) * change) / h
+            else:
+                found = self.rows[i] + back * (increment + 0.5 * (1.0 + back) * change)
+        if self.starting is not None:
+            for number in (1, 2):
+                inside = (i + self._n == number) & (t < self.times[i])
+                if inside.any():
+                    found[inside] = _near_start(self.starting, number, t[inside], derivative)
+        return found
+
+
+def _near_start(starting, n, t, derivative):
+    """y or y' inside step n, 1 or 2; powers below 1 are infinitely steep at 0."""
+    y, slope = starting.inside(n, np.maximum(t, _NEXT_TO_0))
+    steep = (t[:, None] == 0.0) & (np.abs(slope) > _STEEP)
+    return np.where(steep, np.copysign(np.inf, slope), slope) if derivative else y
+
+
+def starting_steps(stepper):
+    """`FirstSteps` of a stepper that made one step at most; else None, or without these powers."""
+    system = stepper.equation.enlarged
+    # Riemann-Liouville terms begin with lower ones, which the values of the first steps miss
+    if stepper.n > 1 or not system.constant or any(op.from_zero for op, _ in system.left):
+        return None
+    return FirstSteps(stepper.equation, stepper.steps.times(np.array([1.0, 2.0])))
+
+
+class FirstSteps:
+    """Rows inside the first two steps of a march that begins at 0.
+
+    Parameters
+    ----------
+    equation : System
+        With constant orders alone.
+    ends : array_like, shape (2,)
+        Times at which the two steps end.
+    """
+
+    def __init__(self, equation, ends):
+        self._equation = equation
+        self.ends, self._values = np.asarray(ends, dtype=float), np.zeros((2, equation.d))
+
+    @cached_property
+    def _powers(self):
+        """Highest order, its factor, and r for each component, (d,); asked for by few runs."""
+        alpha = self._equation.highest_orders()
+        more = np.where(alpha >= 1, 2.0, np.minimum(1.0, 2 * alpha))
+        return alpha, _leading(self._equation, alpha), more
+
+    def end(self, n, y):
+        """Note that step n, 1 or 2, ends at y."""
+        self._values[n - 1] = y
+
+    def inside(self, n, times):
+        """Solution and slope at times inside step n, shapes (k, d)."""
+        t, ends = times[:, None], self.ends[:n, None]
+        unit = ends[-1]
+        missed = (self._values[:n] - self._known(ends)[0]).T  # (d, n)
+        _, _, more = self._powers
+        powers = more[:, None] + np.arange(n)  # (d, n)
+        matrix = (ends.T / unit)[..., None] ** powers[:, None]  # (d, n, n)
+        factors = np.linalg.solve(matrix, missed[..., None])[..., 0]
+        y, slope = self._known(t)
+        for k in range(n):
+            y = y + factors[:, k] * (t / unit) ** powers[:, k]
+            slope = slope + factors[:, k] * powers[:, k] / unit * (t / unit) ** (powers[:, k] - 1)
+        return y, slope
+
+    def _known(self, t):
+        """x(0) + t x'(0) + a t**alpha, and its slope."""
+        y0, (alpha, lead, _) = self._equation.y0, self._powers
+        speed = y0[1] if y0.shape[0] == 2 else 0.0
+        y = y0[0] + t * speed + lead * t**alpha
+        return y, speed + lead * alpha * t ** (alpha - 1)
+
+
+def _leading(equation, alpha):
+    """The a above, 0 where the right-hand side has no value at 0."""
+    f = np.full(equation.d, np.nan)
+    try:
+        system = equation.enlarged
+        f[:] = system.force(0.0, system.at_start)[: equation.d]
+    except Exception:  # the march meets it again, or never looks there
+        f[:] = np.nan
+    if equation.m == 2:
+        f -= np.where(alpha > 1, equation.coefficient(1.0), 0.0) * equation.y0[1]
+    lead = f * rgamma(1 + alpha) / equation.coefficient(alpha)
+    return np.where(np.isfinite(lead), lead, 0.0)
 
 
 def curve(solution, components, derivatives=(0,)):

@@ -17,15 +17,12 @@ from ..schemes.riemann_liouville import with_initial_values
 from ..schemes.steps import before_break, break_steps, rows_beside
 from ..support.checks import complaint
 from . import march_arrays as arrays
-from .first_steps import starting_steps
-from .identity import check_identity, described, identity
+from .dense import StepPieces, starting_steps
 from .jacobian_watch import JacobianWatch, instability_of
 from .linear_solvers import newton_of
-from .state import State, check_sound, complete
+from .state import State, check_identity, check_sound, complete, described, identity
 from .status import Status, failed
-from .step_pieces import StepPieces
 from .stepper import Stepper
-from .stretch import Stretch
 
 # Steps in a block. Measured with 56 modes: 74, 75 and 85 ns a step at 16, 32 and 64, where the
 # in-block sums take over; below 16 the calls of the history do.
@@ -34,6 +31,12 @@ BLOCK = 32
 _ROUNDED = 1e-13
 # Renormalisations of tangents in one entry into compiled code.
 _RENORMALISATIONS = 1024
+# Steps made at once, between two looks at Ctrl-C and the progress bar: as many as take this long,
+# but no more than whose rows stay in a near cache, that is so many numbers. Entering the compiled
+# march costs 0.04 ms.
+_SECONDS, _NUMBERS, _LEAST = 0.1, 1 << 15, 32
+# Steps made at once where an event may cut them short.
+_SHORT = 256
 
 
 class FixedStepper(Stepper):
@@ -451,3 +454,30 @@ class FixedStepper(Stepper):
 def _renormalising(march, pace, growth, *arguments):
     """Enter the loop of renormalisations as the march itself is entered."""
     return grow(march, *arguments, pace, growth)
+
+
+class Stretch:
+    """Steps to make at once, by the time that those before took."""
+
+    def __init__(self):
+        self._seconds, self.most = 0.0, _NUMBERS
+
+    def steps(self, system):
+        """Return the number of steps for a system; at first by the time of one call of f."""
+        if self._seconds == 0.0:
+            began = time.perf_counter()
+            try:
+                system.force(0.0, system.at_start)
+            except Exception:  # the march meets it again, at its own time
+                return 1
+            self.note(time.perf_counter() - began, 1)
+        most = min(max(_NUMBERS // system.d, _LEAST), self.most)
+        return int(min(max(_SECONDS / self._seconds, 1), most))
+
+    def keep_short(self):
+        """Make few steps at once."""
+        self.most = _SHORT
+
+    def note(self, seconds, made):
+        """Note the time that some steps took."""
+        self._seconds = max(seconds, 1e-9) / max(made, 1)

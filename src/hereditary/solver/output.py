@@ -4,9 +4,7 @@ import numpy as np
 
 from ..support.checks import complaint
 from ..support.machine import memory
-from .dense import Dense, Piece
-from .first_steps import FirstSteps
-from .step_pieces import StepPieces
+from .dense import Dense, FirstSteps, Piece, StepPieces
 
 # Rows that there is room for at first where steps are chosen on the way.
 _SOME = 512

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from typing import Any
 
@@ -13,8 +14,8 @@ from numpy.typing import ArrayLike
 
 from ..support.checks import complaint, shown
 from ..support.html import paragraph, rows_of, small_figure
+from ..support.optional import optional
 from ..support.warning import warn
-from . import exports
 from .dense import Dense, curve
 from .state import AdaptiveState, State
 from .status import Status
@@ -28,6 +29,9 @@ class StabilityWarning(SolveWarning):
     """The step is beyond the scheme's stability limit, or the solution zigzags."""
 
 
+_SAVED = "be a solution that Solution.save wrote"
+# Fields that are kept as arrays, and as text.
+_ARRAYS, _TEXT = ("t", "y", "ydot"), ("status", "message", "stats")
 # Endings that were asked for.
 _QUIET = (Status.COMPLETED, Status.EVENT, Status.INTERRUPTED)
 
@@ -162,7 +166,15 @@ class Solution:
         pandas.DataFrame
             Indexed by t, with columns "y[0]", "y[1]", ... and, where there is one, "ydot[0]", ...
         """
-        return exports.as_frame(self)
+        pandas = optional("pandas", "to_pandas")
+        values = {"y": self.y, "ydot": self.ydot}
+        columns = {
+            f"{name}[{c}]": rows[:, c]
+            for name, rows in values.items()
+            if rows is not None
+            for c in range(rows.shape[1])
+        }
+        return pandas.DataFrame(columns, index=pandas.Index(self.t, name="t"))
 
     def to_xarray(self) -> Any:
         """The rows as an xarray Dataset.
@@ -173,7 +185,14 @@ class Solution:
             Variables y and, where there is one, ydot over "t" and "component"; status, message and
             single numbers of the stats are attributes.
         """
-        return exports.as_dataset(self)
+        xarray = optional("xarray", "to_xarray")
+        values = {"y": self.y, "ydot": self.ydot}
+        dims = ["t", "component"]
+        variables = {name: (dims, rows) for name, rows in values.items() if rows is not None}
+        stats = {k: v for k, v in self.stats.items() if np.isscalar(v)}
+        attributes = {"status": str(self.status), "message": self.message} | stats
+        coordinates = {"t": self.t, "component": np.arange(self.y.shape[1])}
+        return xarray.Dataset(variables, coords=coordinates, attrs=attributes)
 
     def save(self, path: str | os.PathLike) -> None:
         """Write rows, events, status and stats to a compressed .npz file, named exactly `path`.
@@ -184,7 +203,15 @@ class Solution:
         ----------
         path : path-like
         """
-        exports.save(self, path)
+        arrays = {name: getattr(self, name) for name in _ARRAYS}
+        arrays = {name: array for name, array in arrays.items() if array is not None}
+        for k, (times, rows) in enumerate(zip(self.t_events, self.y_events, strict=True)):
+            arrays |= {f"t_events_{k}": times, f"y_events_{k}": rows}
+        kept: dict[str, Any] = {"status": str(self.status), "message": self.message}
+        kept["stats"] = {name: _plain(value) for name, value in self.stats.items()}
+        arrays["text"] = np.array(json.dumps(kept))
+        with open(path, "wb") as file:
+            np.savez_compressed(file, **arrays)
 
     @classmethod
     def load(cls, path: str | os.PathLike) -> Solution:
@@ -209,9 +236,32 @@ class Solution:
         >>> bool((hd.Solution.load(path).y == sol.y).all())
         True
         """
-        return exports.load(cls, path)
+        try:
+            with open(path, "rb") as file, np.load(file, allow_pickle=False) as loaded:
+                arrays = {name: loaded[name] for name in loaded.files}
+            kept = json.loads(str(arrays.pop("text")))
+            n_events = sum(name.startswith("t_events_") for name in arrays)
+            events = {
+                name: [arrays.pop(f"{name}_{k}") for k in range(n_events)]
+                for name in ("t_events", "y_events")
+            }
+            statuses = {str(status): status for status in Status}
+            known = {"status": statuses[kept["status"]], "message": kept["message"]}
+            known |= {"stats": kept["stats"], "left": None, "ydot": None}
+            if not {"t", "y"} <= arrays.keys() <= {field.name for field in fields(cls)}:
+                raise KeyError("t, y")
+            return cls(**(known | arrays | events))
+        except (FileNotFoundError, IsADirectoryError, PermissionError):
+            raise
+        except Exception as error:  # what a damaged or foreign file raises depends on its bytes
+            raise ValueError(complaint("path", _SAVED, repr(path))) from error
 
     def __repr__(self):
         rows = f"{self.t.size} rows of {self.y.shape[1]} components"
         times = f", t = {self.t[0]:g} .. {self.t[-1]:g}" if self.t.size else ""
         return f"Solution({self.message}; {rows}{times})"
+
+
+def _plain(value):
+    """Return a number of NumPy as one of Python."""
+    return value.item() if isinstance(value, np.generic) else value
