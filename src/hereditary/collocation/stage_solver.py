@@ -8,11 +8,11 @@ from numba.extending import get_cython_function_address
 
 from ..compiled.jit import as_value
 from ..compiled.joint_stages import joint_banded, joint_dense, joint_sparse
-from ..compiled.newton import KEPT_FROM
 from ..compiled.numba_internals import LAPACK
 from ..compiled.stages import banded_stages, dense_stages, no_stages, sparse_stages
 from ..compiled.structures import N_CONTROL, STAGES_SIG, Stages
 from ..compiled.superlu import SparseFactors
+from ..equation.structure import FEW
 
 # Steps of one length with a dense Jacobian before a longer one is worth new factors.
 _HOLD = 1
@@ -36,7 +36,7 @@ def has_stages(form):
 
     That asks for many components: of few, factors take no longer than solutions.
     """
-    return form.second.size > KEPT_FROM
+    return form.second.size > FEW
 
 
 def stage_solver(structure, form, s):
@@ -70,7 +70,7 @@ def _joint_solver(structure, form, s):
     n, order = d * s, np.arange(d * s)
     if structure is None:
         how = {"order": order, "jacobian": np.zeros((d, d)), "hold": _HOLD}
-        room = {"joint": np.empty((n, n)), "dense": np.empty((1, n + 1, n))}
+        room = {"joint": np.empty((n, n)), "dense": np.empty((1, n + 2, n))}
         return _solver(joint_dense, kinds, s, **how, **room)
     joint, band = structure.by_blocks(s), structure.band
     how = {"jacobian": structure.entries.copy(), "joint": joint.entries.copy()}

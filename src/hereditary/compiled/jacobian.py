@@ -103,6 +103,37 @@ def multiply(j_f, x, out):
             out[int(j_f[ROWS, k])] += j_f[VALUES, k] * x[int(j_f[COLUMNS, k])]
 
 
+@inner
+def magnitudes(j_f, x, out):
+    """Set out = |J| |x|, of a dense Jacobian or a sparse one."""
+    n = x.shape[0]
+    for i in range(n):
+        out[i] = 0.0
+        for k in range(0 if is_sparse(j_f, n) else n):
+            out[i] += abs(j_f[i, k] * x[k])
+    for k in range(j_f.shape[1] if is_sparse(j_f, n) else 0):
+        out[int(j_f[ROWS, k])] += abs(j_f[VALUES, k] * x[int(j_f[COLUMNS, k])])
+
+
+@inner
+def newton_matrix(j_f, n, d, sources, gain, scale, lead, out):
+    """Set the derivative of ``scale w - lead f(t, base + gain w)`` by w, of J as dense or sparse.
+
+    Components beyond d have no equation: their w is left as it is.
+    """
+    if is_sparse(j_f, n):
+        for k in range(j_f.shape[1]):
+            i, j = int(j_f[ROWS, k]), int(j_f[COLUMNS, k])
+            out[VALUES, k] = (scale[i] if i == j else 0.0) - gain[j] * lead[i] * j_f[VALUES, k]
+        return
+    for i in range(n):
+        for k in range(n):
+            out[i, k] = 0.0
+        for k in range(n if i < d else 0):
+            out[i, sources[k]] -= gain[k] * lead[i] * j_f[i, k]
+        out[i, i] += scale[i] if i < d else 1.0
+
+
 @compiled
 def no_jacobian(t, y, out, params):
     """Stands in for a Jacobian where none is given."""

@@ -44,7 +44,7 @@ def set_joint(stage):
 def linear_solver(stage):
     """Room of a real linear solver for all unknowns."""
     return LinearSolver(
-        stage.dense, stage.order, stage.lower, stage.upper, stage.lapack, stage.python, 0
+        stage.dense, stage.order, stage.lower, stage.upper, stage.lapack, stage.python, 0, 0
     )
 
 

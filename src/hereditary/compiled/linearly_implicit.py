@@ -1,8 +1,7 @@
 """Implicit-explicit steps: a constant matrix implicitly, the rest of the right-hand side not."""
 
-from .jacobian import multiply
+from .jacobian import multiply, newton_matrix
 from .jit import inner
-from .newton import newton_matrix_of_many
 from .signatures import FACTORISE, SUBSTITUTE
 from .step import BASE, GAIN, KNOWN, LEAD, MOVED, POINT, SCALE, F, W
 
@@ -25,13 +24,13 @@ def solve_linearly(
     # room (N_ROOM, d): rows of a step; work (2, ., .): A, and the matrix whose factors are kept
     n, moved, f, point = x.shape[0], room[MOVED], room[F], room[POINT]
     known, scale, lead, base, gain = room[KNOWN], room[SCALE], room[LEAD], room[BASE], room[GAIN]
-    if counts.factored == 0 or differs(i, rows):
+    if counts.kept == 0 or differs(i, rows):
         jac(t, x, work[0], params)
-        newton_matrix_of_many(work[0], n, n, sources, gain, scale, lead, work[1])
-        counts.factored, counts.factorised = 0, counts.factorised + 1
+        newton_matrix(work[0], n, n, sources, gain, scale, lead, work[1])
+        counts.kept, counts.factorised = 0, counts.factorised + 1
         if solver(FACTORISE, 0, work[1], moved, linear) != 0:
             return False
-        counts.factored = 1
+        counts.kept = 1
     rhs(t - (rows.theta[i] - _ASIDE) * rows.unit[i], x, f, params)
     counts.rhs += 1
     multiply(work[0], x, moved)

@@ -28,12 +28,13 @@ FACTORISE, SUBSTITUTE = 0, 1
 
 
 class LinearSolver(NamedTuple):
-    """Room and tables of a linear solver for n components; n = 0 for few, which need none.
+    """Room and tables of a linear solver for n components; n = 0 for none.
 
     factors (m, ., .), for Newton's matrix and, m = 2, for that of the tangents; order (n,), the
     place of each component; lower and upper, diagonals of a band; addresses of LAPACK's function
     that factorises bands, and of one that enters Python; exact, 1 where the right-hand side is
-    linear and all steps have one matrix, so that one iteration solves a step.
+    linear and all steps have one matrix, so that one iteration solves a step; few, 1 where Newton's
+    method eliminates by itself in every iteration, and the solver is that of the tangents alone.
     """
 
     factors: np.ndarray
@@ -43,16 +44,17 @@ class LinearSolver(NamedTuple):
     lapack: int
     python: int
     exact: int
+    few: int
 
 
 # Counts of a march: steps made, the step at which a zigzag had lasted (-1: none),
 # the one whose block is open, calls of the right-hand side, the step at which turns had grown
-# (-1); whether factors of Newton's matrix are in force, or of
-# few components its Jacobian (2: and solve a linear step at once; below 0: steps that take one of
-# their own), and how many were computed.
+# (-1); of Newton's method whether the Jacobian of an earlier step and its factors are kept, whether
+# these solve a linear step at once, steps that still take a Jacobian of their own, and how many
+# matrices were factorised.
 COUNTS = np.dtype(
     [(name, "i8") for name in ("step", "zigzag", "opened", "rhs", "growth")]
-    + [("factored", "i8"), ("factorised", "i8")],
+    + [(name, "i8") for name in ("kept", "at_once", "renewed", "factorised")],
     align=True,
 )
 # Watches of each component (compiled/watch.py): length of the alternation under way, the
@@ -168,7 +170,7 @@ class Output(NamedTuple):
 
 
 _COUNTS = from_dtype(COUNTS)
-LINEAR = types.NamedTuple((CUBE, IVEC, I8, I8, I8, I8, I8), LinearSolver)
+LINEAR = types.NamedTuple((CUBE, IVEC, I8, I8, I8, I8, I8, I8), LinearSolver)
 # task, number, matrix, vector that the solution replaces; 0 where it is done
 SOLVER_SIG = I8(I8, I8, MAT, VEC, LINEAR)
 SOLVER = types.FunctionType(SOLVER_SIG)

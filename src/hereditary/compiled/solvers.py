@@ -42,7 +42,7 @@ def no_solver(task, number, matrix, x, linear):
 @compiled
 def dense_solver(task, number, matrix, x, linear):
     """Factorise a dense matrix, or solve for x with its factors; 0 where it is done."""
-    # factors (m, n + 1, n), whose last row is the order of the rows
+    # factors (m, n + 2, n), whose last rows are the order of the rows and room for x
     n = x.shape[0]
     factors, order = linear.factors[number, :n], linear.factors[number, n]
     if task == FACTORISE:
@@ -50,10 +50,10 @@ def dense_solver(task, number, matrix, x, linear):
             for k in range(n):
                 factors[i, k] = matrix[i, k]
         return 0 if factorise(factors, order) else 1
-    solution = np.empty(n)
-    substitute(factors, order, x, solution)
+    right = linear.factors[number, n + 1]
     for i in range(n):
-        x[i] = solution[i]
+        right[i] = x[i]
+    substitute(factors, order, right, x)
     return 0
 
 

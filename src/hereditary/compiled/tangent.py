@@ -5,7 +5,7 @@ other. All linear parts of a step treat them alike; what remains is the right-ha
 tangent is the Jacobian at the orbit times its value, here and in newton.py.
 """
 
-from .jacobian import is_sparse, jacobian, multiply
+from .jacobian import jacobian, multiply
 from .jit import inner
 
 
@@ -14,14 +14,7 @@ def push_tangents(d, j_f, x, f):
     """Set the right-hand sides of the tangents: the Jacobian times each of them."""
     # x, f (W,), of d components of the orbit and then those of tangents
     for first in range(d, x.shape[0], d):
-        if is_sparse(j_f, d):
-            multiply(j_f, x[first : first + d], f[first : first + d])
-            continue
-        for i in range(d):
-            total = 0.0
-            for k in range(d):
-                total += j_f[i, k] * x[first + k]
-            f[first + i] = total
+        multiply(j_f, x[first : first + d], f[first : first + d])
 
 
 @inner

@@ -12,7 +12,6 @@ import numpy as np
 from ..compiled.copying import clear_matrix
 from ..compiled.jacobian import COLUMNS, CONSTANTS, GROUPS, N_ENTRY_ROWS, ROWS, VALUES
 from ..compiled.jit import JAC_SIG, RHS_SIG, as_value, compiled, derived
-from ..compiled.newton import KEPT_FROM
 from ..functions.build import arity_of
 from ..support.checks import complaint, count, refuse_masked
 from .affine import affine, later, own_size, slopes
@@ -21,7 +20,7 @@ from .affine import affine, later, own_size, slopes
 # takes less time beyond.
 _WIDEST = 64
 # Components up to which a system is dense whatever is stated: nothing is gained below.
-FEW = KEPT_FROM
+FEW = 9
 
 
 class Band(NamedTuple):

@@ -369,7 +369,7 @@ class FixedStepper(Stepper):
 
     def _refactorise(self):
         """Factorise the matrix whose factors are in force, after the march went elsewhere."""
-        if self._march.counts["factored"]:
+        if self._march.counts["kept"]:
             solver, tables = self._newton.solver, self._newton.tables
             solver(FACTORISE, 0, self._march.newton[1], np.empty(tables.order.size), tables)
 
@@ -441,7 +441,7 @@ class FixedStepper(Stepper):
         changed = check_identity(state.identity, self._identity(state.t), allow_change)
         self._take(state.march, state.memory, state.watched)
         if changed:
-            self._march.counts["factored"] = 0
+            self._march.counts["kept"] = 0
             self._forget_explicit()
         self._refactorise()
 
