@@ -45,7 +45,7 @@ import hereditary as hd
 from hereditary.compiled import march, modes, convolution
 hd.solve(hd.scenes.stick_slip(), 1.0, 100)
 hd.solve(hd.Equation(hd.Caputo(0.5), lambda t, y: -y, 1.0), 1.0, 100)
-entry = march.MARCHES["explicit", False].dispatcher
+entry = march.MARCHES["explicit"].dispatcher
 print(len(entry.overloads), sum(entry.stats.cache_hits.values()),
       sum(modes.exchange_modes.stats.cache_hits.values()))
 """

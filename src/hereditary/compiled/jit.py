@@ -121,9 +121,9 @@ def inner(fun):
     return _linked(fun, False, _nrt=False)
 
 
-def embedded(fun):
+def embedded(fun, fused=False):
     """As `inner`, within the code of its only caller: to hand many arrays on takes 0.3 us."""
-    return _linked(fun, False, _nrt=False, forceinline=True)
+    return _linked(fun, {"contract"} if fused else False, _nrt=False, forceinline=True)
 
 
 def allocating(fun):

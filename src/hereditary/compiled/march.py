@@ -70,11 +70,8 @@ _WAYS = {
 }  # fmt: skip
 
 
-def marching(name, way, read=open_block):
-    """Compile the march for one way of solving a step: "explicit", "newton", "imex" or "sweeps".
-
-    `read` opens a block; modes of orders that vary have a reader of their own, for speed.
-    """
+def marching(name, way):
+    """Compile the march for one way of solving a step: "explicit", "newton", "imex" or "sweeps"."""
     explicit, newton, imex = (way == name for name in ("explicit", "newton", "imex"))
 
     def march(rhs, jac, has_jac, params, exchange, tables, memory, solver, linear, table, rows,
@@ -94,13 +91,17 @@ def marching(name, way, read=open_block):
         units = room[UNITS]
         orbit, f_orbit, looked, row = x[:n_orbit], f[:n_orbit], point[:n_orbit], -1
         first_sample = (output.begun + every - 1) // every if every > 0 else 0
+        by_orders = tables[6].shape[0] > 1  # a call for each step would take 45 ns
         rows_out, slopes, begun, j_f = output.rows, output.slopes, output.begun, work[-1]
         while counts.step < end:
             n = counts.step
             p, i = n % lag.shape[1], min(n - rows.first, rows.last)
             t = (n + theta[i]) * h if h > 0.0 else rows.times[i] + theta[i] * unit[i]
             if p == 0 and counts.opened != n:  # the right-hand side may have raised since
-                read(lag, pieces, n, groups, weights, exchange, tables, memory)
+                if by_orders:
+                    read_varying(lag, pieces, n, groups, tables, memory)
+                else:
+                    open_block(lag, pieces, n, groups, weights, exchange, tables, memory)
                 if n == 0 and integral == 0:  # the first start value waits for the step; p = 0
                     begin_others(starts, known, p, n_starts, groups, start_weights, lag, start)
                 elif n == 0 and not explicit:
@@ -166,16 +167,13 @@ def marching(name, way, read=open_block):
 
     march.__name__ = march.__qualname__ = name
     march.__doc__ = "March to step `end`; return how it ended (compiled/block.py)."
-    kind = "varying orders" if read is read_varying else "constant orders"
-    told = f"the march of {_WAYS[way]} schemes with {kind}"
-    return entry(*MARCH, fused=read is read_varying, told=told, counted=False)(march)
+    told = f"the march of {_WAYS[way]} schemes"
+    return entry(*MARCH, told=told, counted=False)(march)
 
 
 MARCHES = {
-    ("explicit", False): marching("march_explicit", "explicit"),
-    ("newton", False): marching("march_newton", "newton"),
-    ("sweeps", False): marching("march_sweeps", "sweeps"),
-    ("imex", False): marching("march_imex", "imex"),
-    ("explicit", True): marching("march_varying_explicit", "explicit", read_varying),
-    ("newton", True): marching("march_varying_newton", "newton", read_varying),
+    "explicit": marching("march_explicit", "explicit"),
+    "newton": marching("march_newton", "newton"),
+    "sweeps": marching("march_sweeps", "sweeps"),
+    "imex": marching("march_imex", "imex"),
 }

@@ -12,8 +12,9 @@ term (C, T), 0 where a group has fewer terms.
 """
 
 import math
+from functools import partial
 
-from .jit import compiled, inlined, inner
+from .jit import compiled, embedded, inner
 
 # rows of a term in the weights of its modes
 STARTS = 6
@@ -70,19 +71,8 @@ def weighed(weights, stored, n, differences):
     return total + lost
 
 
-@inlined
-def read_varying(lag, pieces, n, groups, weights, exchange, tables, memory):
-    """Take u_(n-2) into the modes and set the lag to what they give."""
-    numbers, _, _, _, derivatives, table, starts, size = tables
-    _, modes, _ = memory
-    i = n - int(numbers[0, 0])
-    read_modes(lag, pieces, i, groups, derivatives, table, starts, size, modes)
-    for c in range(lag.shape[0]):
-        pieces[c, 0] = pieces[c, 1]
-
-
-@inlined
-def read_modes(lag, pieces, i, groups, derivatives, table, starts, size, modes):
+@partial(embedded, fused=True)
+def read_varying(lag, pieces, n, groups, tables, memory):
     """Take u_(n-2) into the modes and set the lag to what they give.
 
     On the grid of rates exp(h j) a kernel's amplitudes are a geometric sequence whatever its order,
@@ -90,12 +80,15 @@ def read_modes(lag, pieces, i, groups, derivatives, table, starts, size, modes):
     side by side, then on every fourth of what is left. No product waits long for another, and no
     weight is written down.
     """
-    # pieces (W, 2); derivatives (C, T); i: column of the tables
+    # pieces (W, 2); derivatives (C, T)
     # table (3, M): decay q, what a rate's amplitude is multiplied by for terms with y' and with y''
     # starts (6 C T, n): for each term the first amplitude, the ratio, its power M / 4, and the
     #   weights of the slow end
     # size (2, > M / 4): number of modes, a multiple of 16, and where the slow end stands behind the
     #   grid; room
+    numbers, _, _, _, derivatives, table, starts, size = tables
+    _, modes, _ = memory
+    i = n - int(numbers[0, 0])
     n_powers, behind = int(size[0, 0]), int(size[0, 1])
     lanes, quarter = size[1], n_powers // LANES
     n_terms = derivatives.shape[1] if n_powers > 0 else 0
@@ -124,4 +117,4 @@ def read_modes(lag, pieces, i, groups, derivatives, table, starts, size, modes):
                 for k in range(3):
                     total += starts[term + 3 + k, i] * modes[c, behind + k]
             term += STARTS
-        lag[c, 0] = total
+        lag[c, 0], pieces[c, 0] = total, pieces[c, 1]

@@ -48,8 +48,6 @@ class Memory(ABC):
     """
 
     n_modes: int = 0
-    # whether the march reads it by a part of its own instead of `exchange`, for speed
-    inlined: bool = False
     # largest relative errors of the sums that stand for kernels other than power laws
     kernel_errors: KernelErrors = NO_ERRORS
 

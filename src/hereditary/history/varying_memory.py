@@ -84,9 +84,7 @@ class VaryingPieces(VaryingMemory):
 
 
 class VaryingModes(VaryingMemory):
-    """Modes for all orders."""
-
-    inlined = True
+    """Modes for all orders, which the march reads by itself."""
 
     def __init__(self, schedule, n_columns, covered, tol):
         rates, h, x = bank_of_all_orders(covered, tol)

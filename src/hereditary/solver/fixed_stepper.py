@@ -109,7 +109,7 @@ class FixedStepper(Stepper):
 
     def _begin(self, plan):
         """Arrays of a march that stands at step 0."""
-        self._loop = MARCHES[self.scheme.solve, self.memory.inlined]
+        self._loop = MARCHES[self.scheme.solve]
         d = self._system.d
         self._past, self._rows, self._lasting = plan.past, plan.rows, plan.lasting
         self._watch = JacobianWatch(plan.region, self._system, self._block)
