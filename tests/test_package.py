@@ -228,7 +228,7 @@ print(len(told), *map(int, (found.LINKED, found.VALUES, found.STORED, found.LAPA
         ("del codegen.CPUCodeLibrary._finalize_dynamic_globals", "1 0 1 1 1"),
         ("dispatcher.Dispatcher.get_compile_result = lambda self, other: 1", "1 1 0 1 1"),
         ("del caching.Cache._index_key", "1 1 1 0 1"),
-        ("del numba._helperlib.c_helpers['xxgetrf']", "1 1 1 1 0"),
+        ("del numba._helperlib.c_helpers['ez_rgeev']", "1 1 1 1 0"),
         ("import os; os.environ['HEREDITARY_PLAIN_NUMBA'] = '1'", "1 0 0 0 0"),
     ],
 )

@@ -4,10 +4,11 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba.extending import get_cython_function_address
 
+from ..compiled.callbacks import lapack_address
 from ..compiled.jit import as_value
 from ..compiled.joint_stages import joint_banded, joint_dense, joint_sparse
+from ..compiled.linalg import address_of_factors
 from ..compiled.numba_internals import LAPACK
 from ..compiled.stages import banded_stages, dense_stages, no_stages, sparse_stages
 from ..compiled.structures import N_CONTROL, STAGES_SIG, Stages
@@ -47,9 +48,9 @@ def stage_solver(structure, form, s):
         return _joint_solver(structure, form, s)
     d, kinds = form.second.size, (form.kinds, form.second)
     if structure is None:
-        places = _lapack("dgehrd", "dorghr")
-        hold = 0 if form.varying else _HOLD  # varying orders have new factors at each step
-        how = {"lapack": places[0], "lapack_solve": places[1], "hold": hold}
+        how = {"lapack": lapack_address("dgehrd"), "lapack_solve": lapack_address("dorghr")}
+        # varying orders have new factors at each step
+        how["hold"] = 0 if form.varying else _HOLD
         room = {"factors": np.empty((s, 1, d), complex), "dense": np.empty((2 + 2 * s, d, d))}
         order, jacobian = np.arange(d), np.zeros((d, d))
         return _solver(dense_stages, kinds, s, order=order, jacobian=jacobian, **room, **how)
@@ -59,7 +60,7 @@ def stage_solver(structure, form, s):
         how = {"order": np.arange(d), "jacobian": jacobian, "python": held.address}
         return _solver(sparse_stages, kinds, s, held, **how)
     factors = np.empty((s, d, 2 * band.lower + band.upper + 2), complex)
-    how = {"order": band.order, "jacobian": jacobian, "lapack": _lapack("zgbtrf")[0]}
+    how = {"order": band.order, "jacobian": jacobian, "lapack": lapack_address("zgbtrf")}
     widths = {"lower": band.lower, "upper": band.upper}
     return _solver(banded_stages, kinds, s, factors=factors, **how, **widths)
 
@@ -70,6 +71,7 @@ def _joint_solver(structure, form, s):
     n, order = d * s, np.arange(d * s)
     if structure is None:
         how = {"order": order, "jacobian": np.zeros((d, d)), "hold": _HOLD}
+        how |= {"lapack": address_of_factors(n)}
         room = {"joint": np.empty((n, n)), "dense": np.empty((1, n + 2, n))}
         return _solver(joint_dense, kinds, s, **how, **room)
     joint, band = structure.by_blocks(s), structure.band
@@ -80,13 +82,8 @@ def _joint_solver(structure, form, s):
     lower, upper = ((width + 1) * s - 1 for width in (band.lower, band.upper))
     dense = np.empty((1, n, 2 * lower + upper + 2))
     order = (band.order[:, None] * s + np.arange(s)).ravel()
-    how |= {"lower": lower, "upper": upper, "lapack": _lapack("dgbtrf")[0]}
+    how |= {"lower": lower, "upper": upper, "lapack": lapack_address("dgbtrf")}
     return _solver(joint_banded, kinds, s, order=order, dense=dense, **how)
-
-
-def _lapack(*names):
-    """Return the addresses of functions of LAPACK."""
-    return [get_cython_function_address("scipy.linalg.cython_lapack", name) for name in names]
 
 
 @lru_cache(maxsize=16)

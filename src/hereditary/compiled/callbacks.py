@@ -1,4 +1,4 @@
-"""C functions by which compiled code enters Python, and exceptions that pass through it."""
+"""Functions at addresses: C functions that enter Python, with their exceptions, and LAPACK's."""
 
 import ctypes
 import threading
@@ -6,9 +6,10 @@ from contextlib import suppress
 from typing import Any
 
 from llvmlite import ir
-from numba import types
-from numba.extending import intrinsic
+from numba import config, types
+from numba.extending import get_cython_function_address, intrinsic
 
+_WORD = ir.IntType(64)
 C_FUNCTION = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_double, ctypes.c_ssize_t, ctypes.c_ssize_t)
 _raised = threading.local()
 
@@ -49,9 +50,29 @@ def call_at(typing_context, address, t, components, values):
 
     def codegen(context, builder, signature, arguments):
         place, *others = arguments
-        word = ir.IntType(64)
-        kind = ir.FunctionType(ir.IntType(32), [ir.DoubleType(), word, word])
+        kind = ir.FunctionType(ir.IntType(32), [ir.DoubleType(), _WORD, _WORD])
         result = builder.call(builder.inttoptr(place, kind.as_pointer()), others)
-        return builder.sext(result, word)
+        return builder.sext(result, _WORD)
 
     return types.int64(types.int64, types.float64, types.uintp, types.uintp), codegen
+
+
+@intrinsic
+def call_lapack(typing_context, address, arguments):
+    """Call a function of LAPACK, which returns nothing, with the addresses of its arguments."""
+    count = len(arguments)
+
+    def codegen(context, builder, signature, values):
+        places = [builder.extract_value(values[1], k) for k in range(count)]
+        kind = ir.FunctionType(ir.VoidType(), [_WORD] * count)
+        builder.call(builder.inttoptr(values[0], kind.as_pointer()), places)
+        return context.get_dummy_value()
+
+    return types.void(types.int64, types.UniTuple(types.uintp, count)), codegen
+
+
+def lapack_address(name):
+    """Return the address of a function of LAPACK; 0 where Python runs the source of functions."""
+    if config.DISABLE_JIT:
+        return 0
+    return get_cython_function_address("scipy.linalg.cython_lapack", name)

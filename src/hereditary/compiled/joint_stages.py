@@ -8,8 +8,9 @@ system of size d s is solved as it is: s times the diagonals of a banded J, s**2
 
 from .jacobian import COLUMNS, ROWS, VALUES, is_sparse
 from .jit import allocating, compiled, inner
+from .linalg import dense_solver
 from .signatures import FACTORISE, LinearSolver
-from .solvers import banded_solver, dense_solver, sparse_solver
+from .sparse_solvers import banded_solver, sparse_solver
 from .structures import REST
 
 

@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from .jit import allocating, inner, reordered
-from .numba_internals import GETRF, LAPACK
+from .callbacks import call_lapack, lapack_address
+from .jit import allocating, compiled, inner, reordered
+from .signatures import FACTORISE
 
 # Size from which sums in any order take less time than plain loops; and columns that are eliminated
 # at once, for which `subtract_rows` is written.
@@ -13,7 +14,6 @@ _LARGE, _PANEL = 40, 4
 _LAPACK = 400
 # Multiplications of a product of matrices up to which BLAS uses no threads.
 _ALONE = 2e5
-_DOUBLE = np.uint8(ord("d"))
 
 
 @inner
@@ -55,8 +55,6 @@ def factorise(a, order):
     """
     # a (n, n), order (n,)
     n = a.shape[0]
-    if LAPACK and n >= _LAPACK:
-        return factorise_large(a, order)
     for i in range(n):
         order[i] = i
     for first in range(0, n, _PANEL):
@@ -109,22 +107,29 @@ def subtract_rows(a, first, last):
 
 
 @allocating
-def factorise_large(a, order):
-    """As `factorise`, by LAPACK."""
+def factorise_large(a, order, lapack):
+    """As `factorise`, by the function of LAPACK at an address."""
     n = a.shape[0]
-    swaps = np.empty(n, dtype=np.int32)
+    # n, what LAPACK returns, pivots: one array, which is alive until LAPACK returns
+    numbers = np.empty(2 + n, dtype=np.int32)
+    numbers[0], at = n, numbers.ctypes.data
     transpose(a)  # LAPACK's matrices have their columns in a row
-    failed = GETRF(_DOUBLE, n, n, a.ctypes, n, swaps.ctypes)
+    call_lapack(lapack, (at, at, a.ctypes.data, at, at + 8, at + 4))  # type: ignore[call-arg]
     transpose(a)
     for i in range(n):
         order[i] = i
     for i in range(n):
-        k = swaps[i] - 1
+        k = numbers[2 + i] - 1
         order[i], order[k] = order[k], order[i]
     for i in range(n):
         if not 0.0 < abs(a[i, i]) < np.inf:
             return False
-    return failed == 0
+    return numbers[1] == 0
+
+
+def address_of_factors(n):
+    """Return the address for `factorise_large`; 0 for sizes that take less time without LAPACK."""
+    return lapack_address("dgetrf") if n >= _LAPACK else 0
 
 
 @inner
@@ -199,3 +204,29 @@ def substitute(factors, order, b, x):
         for k in range(i + 1, n):
             total -= factors[i, k] * x[k]
         x[i] = total / factors[i, i]
+
+
+@compiled
+def no_solver(task, number, matrix, x, linear):
+    """Stands in for a solver where none is called."""
+    return 1
+
+
+@compiled
+def dense_solver(task, number, matrix, x, linear):
+    """Factorise a dense matrix, or solve for x with its factors; 0 where it is done."""
+    # factors (m, n + 2, n), whose last rows are the order of the rows and room for x
+    n = x.shape[0]
+    factors, order = linear.factors[number, :n], linear.factors[number, n]
+    if task == FACTORISE:
+        for i in range(n):
+            for k in range(n):
+                factors[i, k] = matrix[i, k]
+        if linear.lapack != 0:
+            return 0 if factorise_large(factors, order, linear.lapack) else 1
+        return 0 if factorise(factors, order) else 1
+    right = linear.factors[number, n + 1]
+    for i in range(n):
+        right[i] = x[i]
+    substitute(factors, order, right, x)
+    return 0

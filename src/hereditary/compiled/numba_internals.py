@@ -35,14 +35,9 @@ _Compiler: Any = _private("core.compiler", "Compiler")
 _Library: Any = _private("core.codegen", "JITCodeLibrary")
 _FunctionCache: Any = _private("core.caching", "FunctionCache")
 
-# numba's own entries to SciPy's LAPACK. Factors: kind, m, n, a, lda, ipiv. Eigenvectors: kind,
-# whether left and right ones are wanted, n, a, lda, both parts of the values, left and right
-# vectors with the lengths of their columns.
+# numba's own entry to SciPy's LAPACK for eigenvectors: kind, whether left and right ones are
+# wanted, n, a, lda, both parts of the values, left and right vectors with the lengths of columns.
 _CHAR, _WORD, _PLACE = types.char, types.intp, types.CPointer(types.float64)
-GETRF: Any = types.ExternalFunction(
-    "numba_xxgetrf",
-    types.intc(_CHAR, _WORD, _WORD, _PLACE, _WORD, types.CPointer(types.int32)),
-)
 GEEV: Any = types.ExternalFunction(
     "numba_ez_rgeev",
     types.intc(
@@ -190,7 +185,7 @@ def _stores():
 
 
 def _calls_lapack():
-    return {"xxgetrf", "ez_rgeev"} <= set(_private("_helperlib", "c_helpers"))
+    return "ez_rgeev" in set(_private("_helperlib", "c_helpers"))
 
 
 def _passes(probe):

@@ -32,19 +32,19 @@ class LinearSolver(NamedTuple):
 
     factors (m, ., .), for Newton's matrix and, m = 2, for that of the tangents; order (n,), the
     place of each component; lower and upper, diagonals of a band; addresses of LAPACK's function
-    that factorises bands, and of one that enters Python; exact, 1 where the right-hand side is
+    that factorises, and of one that enters Python; exact, 1 where the right-hand side is
     linear and all steps have one matrix, so that one iteration solves a step; few, 1 where Newton's
     method eliminates by itself in every iteration, and the solver is that of the tangents alone.
     """
 
     factors: np.ndarray
     order: np.ndarray
-    lower: int
-    upper: int
-    lapack: int
-    python: int
-    exact: int
-    few: int
+    lower: int = 0
+    upper: int = 0
+    lapack: int = 0
+    python: int = 0
+    exact: int = 0
+    few: int = 0
 
 
 # Counts of a march: steps made, the step at which a zigzag had lasted (-1: none),

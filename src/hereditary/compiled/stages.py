@@ -9,13 +9,13 @@ rounding errors leave with the next iteration. Source: [HairerWanner1996], secti
 
 import numpy as np
 
-from .callbacks import PythonRaised, call_at
+from .callbacks import PythonRaised, call_at, call_lapack
 from .jacobian import COLUMNS, ROWS, VALUES
 from .jit import allocating, compiled, inner, reordered
 from .linalg import product, solve_in_place, transposed_product
 from .numba_internals import GEEV
 from .signatures import FACTORISE
-from .solvers import call_lapack, substitute_band
+from .sparse_solvers import substitute_band
 from .structures import REDUCED, REST, SYSTEMS
 
 _DOUBLE, _WITHOUT, _WITH = (np.uint8(ord(letter)) for letter in "dNV")

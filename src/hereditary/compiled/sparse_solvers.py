@@ -1,60 +1,17 @@
-"""Linear solvers of Newton's matrix for many components: dense, banded, and sparse in Python.
+"""Linear solvers of Newton's matrix for sparse Jacobians: banded, and any other in Python.
 
-Each is one function value that a march is handed, so that none is compiled for runs without it. A
-matrix is dense, or sparse as in jacobian.py. Bands go to LAPACK, other sparse matrices to SciPy's
-SuperLU behind a C function that enters Python.
+A matrix is sparse as in jacobian.py. Bands go to LAPACK, other sparse matrices to SciPy's SuperLU
+behind a C function that enters Python.
 """
 
 import numpy as np
-from llvmlite import ir
-from numba import types
-from numba.extending import intrinsic
 
-from .callbacks import PythonRaised, call_at
+from .callbacks import PythonRaised, call_at, call_lapack
 from .jacobian import COLUMNS, ROWS, VALUES
 from .jit import allocating, compiled, inner
-from .linalg import factorise, substitute
 from .signatures import FACTORISE
 
-_WORD, _N_NUMBERS = ir.IntType(64), 5
-
-
-@intrinsic
-def call_lapack(typing_context, address, arguments):
-    """Call a function of LAPACK, which returns nothing, with the addresses of its arguments."""
-    count = len(arguments)
-
-    def codegen(context, builder, signature, values):
-        places = [builder.extract_value(values[1], k) for k in range(count)]
-        kind = ir.FunctionType(ir.VoidType(), [_WORD] * count)
-        builder.call(builder.inttoptr(values[0], kind.as_pointer()), places)
-        return context.get_dummy_value()
-
-    return types.void(types.int64, types.UniTuple(types.uintp, count)), codegen
-
-
-@compiled
-def no_solver(task, number, matrix, x, linear):
-    """Stands in for a solver where none is called."""
-    return 1
-
-
-@compiled
-def dense_solver(task, number, matrix, x, linear):
-    """Factorise a dense matrix, or solve for x with its factors; 0 where it is done."""
-    # factors (m, n + 2, n), whose last rows are the order of the rows and room for x
-    n = x.shape[0]
-    factors, order = linear.factors[number, :n], linear.factors[number, n]
-    if task == FACTORISE:
-        for i in range(n):
-            for k in range(n):
-                factors[i, k] = matrix[i, k]
-        return 0 if factorise(factors, order) else 1
-    right = linear.factors[number, n + 1]
-    for i in range(n):
-        right[i] = x[i]
-    substitute(factors, order, right, x)
-    return 0
+_N_NUMBERS = 5
 
 
 @compiled
