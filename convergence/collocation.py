@@ -34,7 +34,7 @@ from work_precision import cases, sum_of_powers
 import hereditary as hd
 from hereditary import exact
 from hereditary.collocation.equations import integral_form
-from hereditary.collocation.power_basis import LEFT_OUT, graded_rule
+from hereditary.collocation.first_rule import LEFT_OUT, functions, graded_rule
 from hereditary.collocation.quadrature import radau_integrals, radau_nodes, to_legendre
 
 SCHEME = hd.Collocation()
@@ -146,8 +146,12 @@ def exact_memory(equation, t_end, nodes=NODES):
     second = form.second == 1
     past = Past(form, np.where(second, equation.y0[-1], equation.y0[0]))
     first = run.dense._pieces[0]
-    values, t = first.values, [first.length * first.basis.nodes]
-    past.add(0.0, first.length, lambda u: first.values @ first.basis.at(u).T, values[:, :, -1])
+    t = [first.length * np.exp(first.variable.logs(radau_nodes(first.variable.n)))]
+    y = run(t[0]).T
+    f = np.array([equation.force(*pair) for pair in zip(t[0], y.T, strict=True)]).T
+    begun = values = np.array([f, first.row, y])
+    of_nodes = partial(functions, first.variable)
+    past.add(0.0, first.length, lambda u: begun @ of_nodes(np.log(u)).T, values[:, :, -1])
     found, edges = (
         [values],
         np.append(np.concatenate([p.edges() for p in run.dense._pieces]), t_end),

@@ -8,7 +8,6 @@ from ..compiled.adaptive import (
     CRAWLING,
     FULL,
     MARCHES,
-    NEAR,
     ORDERS_NEEDED,
     REACHED,
     TOO_CLOSE,
@@ -16,18 +15,26 @@ from ..compiled.adaptive import (
 )
 from ..compiled.error_estimate import LEAST
 from ..compiled.mode_tables import floor_to_grid
-from ..compiled.rows import POSITION, PRIMARY
-from ..compiled.structures import ExponentialBasis, Steps, initial_state, restored_state
+from ..compiled.structures import (
+    ExponentialBasis,
+    OrbitArrays,
+    Steps,
+    StepTables,
+    empty_steps,
+    initial_state,
+    restored_state,
+)
 from ..kernels.memory_kernel import warn_of_fit
 from .equations import integral_form
+from .first_rule import convolutions, first_rule
 from .jumps import jump
 from .kept_tables import kept_tables
 from .orbit import OrbitAndTangents, initial_values
 from .order_tables import OrderTables
 from .pace import TOO_STEEP, UNSOLVED, Ending, Pace, ending
-from .pieces import PolynomialPieces, PowerPiece
-from .quadrature import rule_of, shortened_legendre
-from .singular_start import SingularStart
+from .pieces import FirstPiece, PolynomialPieces
+from .quadrature import radau_nodes, rule_of, shortened_legendre
+from .singular_start import trials
 from .sizes import begins_at_rest, floors_of
 from .stage_solver import has_stages, stage_solver
 
@@ -36,8 +43,9 @@ from .stage_solver import has_stages, stage_solver
 STEP_FRACTION, _MODES_FRACTION = 0.1, 0.01
 # Fraction of rtol that counts relative to the size of a component, where no atol is given.
 OF_SIZE = 0.01
-# Least relative tolerance of a singular start: rounding allows no less.
-_ROUNDING = 5e-13
+# Powers of the variable above which times change next to the end of a step alone, so that its error
+# is estimated too small: share of the tolerance that is left there, and the least rtol.
+_RESOLVED, _UNRESOLVED, _ROUNDING = 100.0, 5e-3, 5e-14
 # Modes are fitted, and refined each time, for steps this many times shorter than the present one.
 _REFINE_BY = 32.0
 # Ratio of the time up to which a run may be resumed to its length; largest ratio of distances.
@@ -85,8 +93,7 @@ class CollocationMarch:
             system = self._system = system.dense()
         self._stages = stage_solver(system.structure, form, s)
         self._rule = rule_of(s, tuple(form.orders.tolist()))
-        # such equations have no power basis and begin with ordinary steps, the first one tiny
-        self._graded = bool(form.implicit.any() or form.varying)
+        self._graded = form.begins_graded
         self._orders = OrderTables(form.varying, s)
         self._transforms = shortened_legendre(s)
         self._orbit = OrbitAndTangents(
@@ -142,16 +149,15 @@ class CollocationMarch:
             if self.ending.status is not None:
                 return None
         d, s, counts = self._system.d, self._s, self._state.counts
-        shapes = (n_rows,), (n_rows,), (n_rows, d, s), (n_rows, 2, d), (n_rows,)
-        steps = Steps(*(np.empty(shape) for shape in shapes))
+        steps = empty_steps(n_rows, d, s)
         n, status, before, origin = 0, TOO_CLOSE, (self.t, counts.copy()), self._control["origin"]
-        limits = self.pace.limits(self._system, origin, t_stop, self._allowed)
+        limits = self._limits(t_stop)
         while (status == TOO_CLOSE and n == 0) or status == ORDERS_NEEDED:
             first = self.n_steps
             try:
                 if status == ORDERS_NEEDED:
                     self._orders.fill(self._orbit, origin, limits)
-                _, status = self._march(Steps(*(array[n:] for array in steps)), limits)
+                status = self._march_on(Steps(*(array[n:] for array in steps)), limits)
             except Exception as error:
                 # the steps before the failure are accepted
                 self.error, status = error, REACHED
@@ -202,20 +208,29 @@ class CollocationMarch:
         """Return the distance down to which modes must hold for steps of length h and shorter."""
         return self._rule.nodes[0] * h / _REFINE_BY
 
-    def _march(self, steps, limits):
-        """March to a stop in compiled code, filling `steps`; return rows filled and status."""
-        equation, orbit = self._system, self._orbit
+    def _limits(self, t_stop):
+        """Return the `Limits` of a march to a stop."""
+        return self.pace.limits(self._system, self._control["origin"], t_stop, self._allowed)
+
+    def _march_on(self, steps, limits):
+        """March by ordinary steps; return the status."""
+        orbit = self._orbit
         basis = ExponentialBasis(orbit.rates, orbit.weights, orbit.masses, self._transforms)
-        march = MARCHES[self._stages.many]
         taken = _, tables = kept_tables.take(basis, self._s, len(self._form.varying))
+        how = self._stages, self._rule, basis, tables, orbit.march_arrays()
         try:
-            return march(
-                *equation.compiled, self._stages.solver, self._stages.stages,
-                orbit.equations(self._units), self._rule, basis, tables,
-                self._orders.compiled(orbit.of_varying), orbit.march_arrays(),
-                self._state, steps, limits)  # fmt: skip
+            return self._march(steps, limits, *how)
         finally:
             kept_tables.give_back(taken)
+
+    def _march(self, steps, limits, stages, rule, basis, tables, arrays):
+        """March to a stop in compiled code, filling `steps`; return the status."""
+        orbit = self._orbit
+        _, status = MARCHES[stages.many](
+            *self._system.compiled, stages.solver, stages.stages, orbit.equations(self._units),
+            rule, basis, tables, self._orders.compiled(orbit.of_varying), arrays, self._state,
+            steps, limits)  # fmt: skip
+        return status
 
     def _go_on_from(self, kept, orbit):
         """Take over the state and the orbit of a march."""
@@ -234,40 +249,73 @@ class CollocationMarch:
 
     def _singular_step(self, t_stop):
         """Make the step of a singular start; return its dense output, or None and set `ending`."""
-        orbit, t = self._orbit, self.t
-        tolerances = max(self._allowed[0], _ROUNDING), *self._allowed[1:]
-        problem = self._form, orbit, t, t_stop, self._farthest / _LARGEST_RATIO
+        orbit, form, t, left = self._orbit, self._form, self.t, t_stop - self.t
         sizes = np.maximum(self._state.sizes, self._state.floors)
         units = np.maximum(self._units, sizes if self._allowed[2] > 0 else 0.0)
         units = np.where(units > LEAST, units, 1.0)
-        how = tolerances, self._state, self.pace.longest[0], self._t_end, units
-        start = SingularStart(self._system, *problem, *how)
-        found = start.step()
-        self._state.counts["refused"] += start.n_refused
-        if found is None:
-            self.ending = TOO_STEEP if start.solved else UNSOLVED
-            return None
-        h, basis, values = found
-        at_start = orbit.x[0].copy()
-        self._finish_singular_start(t, h, basis, values, t_stop)
-        return PowerPiece(t, h, basis, values[0], start.means(basis, values[0]), at_start)
+        how = t, left, self.pace.longest[0], self._state.counts, units
+        least, self.ending = self._farthest / _LARGEST_RATIO, TOO_STEEP
+        self._set_origin(t)
+        for h, variable in trials(self._system, form, orbit, *how):
+            if not (t + h > t and h > least):
+                return None
+            # no tiny remainder is left before the stop
+            h = min(h, 0.5 * left) if h < left else h
+            steps, values = self._try_step(h, variable, t_stop)
+            if values is not None:
+                self.ending, self._largest_error = (
+                    Ending(),
+                    max(self._largest_error, steps.errors[0]),
+                )
+                self._finish_singular_start(h, variable, values, t_stop)
+                return FirstPiece(variable, t, h, steps.p[0], *steps.at_starts[0])
+            # Newton's method asks for a quarter
+            self.ending = UNSOLVED if self._control["next"] == 0.25 * h else TOO_STEEP
 
-    def _finish_singular_start(self, t, h, basis, values, t_stop):
+    def _try_step(self, h, variable, t_stop):
+        """Try a step of length h in a variable; return its row, and f, p and y at its nodes.
+
+        The compiled march tries it, with the history at the nodes in place of modes.
+        """
+        orbit, form, n = self._orbit, self._form, variable.n
+        rule = first_rule(variable, tuple(form.orders.tolist()))
+        logs = variable.logs(radau_nodes(n))
+        history = orbit.history(np.log(h) + logs)
+        n_kernels, d = len(form.kernels), self._system.d
+        local = np.array([convolutions(variable, kernel, h) for kernel in form.kernels])
+        tables = StepTables(
+            np.array([h]), np.eye(n)[None], np.zeros((1, n)), np.zeros((1, n, n)),
+            local.reshape(1, n_kernels, n, n),
+        )  # fmt: skip
+        basis = ExponentialBasis(
+            np.ones(n), np.zeros((form.orders.size + n_kernels, n)), np.zeros(n_kernels),
+            np.zeros((n, n, n)),
+        )  # fmt: skip
+        values = np.zeros((orbit.x.shape[0], 3, d, n))
+        arrays = OrbitArrays(orbit.initial, orbit.x, orbit.p, history, 0.0 * history, values)
+        self._begin_steps(h, h)
+        steps = empty_steps(1, d, n)
+        solver = stage_solver(self._system.structure, form, n)
+        how = solver, rule, basis, tables, arrays
+        limits = self._limits(t_stop)
+        if variable.q > _RESOLVED:
+            share = max(_UNRESOLVED, _ROUNDING / limits.rtol)
+            tolerances = limits.rtol, limits.atol, limits.by_size
+            rtol, atol, by_size = (min(share, 1.0) * tolerance for tolerance in tolerances)
+            limits = limits._replace(rtol=rtol, atol=atol, by_size=by_size)
+        status = self._march(steps, limits, *how)
+        return steps, values if status in (FULL, REACHED) else None
+
+    def _finish_singular_start(self, h, variable, values, t_stop):
         """Move to the end of the step of a singular start and begin ordinary steps."""
-        orbit, closest, largest = self._orbit, self._closest(h), self._state.largest
+        orbit, closest, t = self._orbit, self._closest(h), self.t
         if self.n_modes == 0:
             orbit.open_modes(closest, self._farthest, self._known, self.modes_tol)
         elif closest < orbit.closest:
-            self._refine_modes(closest)
-        orbit.finish_singular_start(basis, h, values)
-        speeds = np.maximum(largest, np.abs(values[0, PRIMARY]).max(axis=1))
-        largest[:] = np.where(self._form.second == 1, speeds, 0.0)
-        sizes, floors = self._state.sizes, self._state.floors
-        sizes[:] = np.maximum(sizes, np.abs(values[0, POSITION]).max(axis=1))
-        floors[(sizes > 0) & (sizes >= NEAR * floors)] = -1.0
-        self._begin_steps(h)
-        self._set_origin(*((t_stop,) if h == t_stop - t else (t, h)))
-        self._state.counts["accepted"] += 1
+            orbit.refine(closest)
+        orbit.finish_singular_start(variable, h, values)
+        self._begin_steps(h, self._shortest)
+        self._set_origin(*((t_stop,) if t == t_stop else (self._control["origin"], h)))
         self._at_singular_start = False
 
     def _begin_graded(self, t_stop):
@@ -284,19 +332,24 @@ class CollocationMarch:
         settled = jump(self._system, self._form, self._orbit, self.t, self._state.counts)
         self.ending = Ending() if settled else UNSOLVED
         self._state.largest[:] = np.where(self._form.second == 1, self._state.largest, 0.0)
-        self._begin_steps(floor_to_grid(h))
+        self._begin_steps(floor_to_grid(h), self._shortest)
         self._at_singular_start = False
 
-    def _begin_steps(self, h):
-        """Begin ordinary steps, the first of length h."""
+    def _begin_steps(self, h, shortest):
+        """Begin steps, the first of length h; shorter ones than `shortest` need other modes."""
         control = self._control
         control["next"], control["last"], control["refused"] = h, 0.0, 0.0
-        control["closest"] = self._orbit.closest
+        control["shortest"] = shortest
+
+    @property
+    def _shortest(self):
+        """Length of the shortest step for which the modes hold."""
+        return self._orbit.closest / self._rule.nodes[0]
 
     def _prefit_kernels(self, t_end):
         """Fit kernels known by their values, for steps as short as are to be expected."""
         closest = _CLOSE * t_end
-        if self._graded and not self._form.varying:
+        if self._form.implicit.any() and not self._form.varying:
             first = self._form.graded_first_step(0.0, t_end, sum(self._allowed[1:]))
             closest = self._closest(first)
         errors = self._orbit.prefit_kernels(closest, self._farthest, self._known, self.modes_tol)
@@ -305,7 +358,7 @@ class CollocationMarch:
     def _refine_modes(self, closest):
         """Refine the modes to hold at the distance `closest`."""
         self._orbit.refine(closest)
-        self._control["closest"] = self._orbit.closest
+        self._control["shortest"] = self._shortest
 
 
 def allowed_errors(rtol, atol):

@@ -143,7 +143,6 @@ class AdaptiveStepper(CollocationMarch, Stepper):
             "n_rhs": self.n_rhs,
             "n_modes": self.n_modes,
             "history_bytes": self._orbit.modes.nbytes,
-            # a singular start may err by its fraction of the tolerance
             "kernel_error": self._orbit.kernels.errors.reported,
             "error_estimate": max(self._largest_error, STEP_FRACTION) * self._tolerances[0],
         }

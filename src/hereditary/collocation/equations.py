@@ -124,6 +124,11 @@ class Form:
             return np.zeros(0, dtype=np.int64)
         return np.unique(self.terms["integrand"][self.terms["index"] >= first])
 
+    @property
+    def begins_graded(self) -> bool:
+        """Whether a run begins with tiny ordinary steps, for no variable resolves its start."""
+        return bool(self.implicit.any() or self.varying)
+
     def start_exponent(self, t: float = 0.0) -> float:
         """Smallest exponent of the time since t with which p changes after a start at t."""
         d, found = self.second.size, []

@@ -18,8 +18,8 @@ class Collocation(Scheme):
     in different components, classical terms among them. On every step the right-hand side and,
     where lower terms need it, the unknown are polynomials through their values at s nodes. Their
     fractional integrals over the step are exact, and the history is a sum of exponential modes,
-    advanced by exact moments. After t = 0, and after a jump, the first step uses sums of the
-    powers of t that the solution consists of, instead of polynomials.
+    advanced by exact moments. After t = 0, and after a jump, polynomials in a power of t
+    take the place of polynomials in t on the first step.
 
     Where terms with general kernels or varying orders contain a component's highest derivative, a
     step solves the equation itself. There, and where any order varies, a run begins with tiny
@@ -80,7 +80,7 @@ class Collocation(Scheme):
             Highest order of the equation, 0 < alpha <= 2 [-].
         smoothness : {"smooth", "singular"}
             Smooth solution at 0, or one that behaves as t**alpha there; both have the same order,
-            since the first step consists of such powers.
+            since the first step resolves such powers.
         """
         alpha = within("alpha", alpha, 5e-324, 2.0, "(0, 2]")
         check_smoothness(smoothness)

@@ -8,14 +8,12 @@ modes hold.
 from __future__ import annotations
 
 import math
-from functools import lru_cache
 
 import numpy as np
-from numpy.polynomial.legendre import legvander
 from scipy.special import rgamma
 
 from ..compiled.linalg import product
-from ..compiled.rows import ITSELF, POSITION, PRIMARY, SLOPE
+from ..compiled.rows import ITSELF, SLOPE
 from ..compiled.structures import Equations, OrbitArrays
 from ..kernels.memory_kernel import NO_ERRORS
 from .exponential_basis import (
@@ -26,8 +24,7 @@ from .exponential_basis import (
     power_law_basis,
     varying_basis,
 )
-from .power_basis import LEFT_OUT, graded_rule
-from .quadrature import to_legendre
+from .first_rule import LEFT_OUT, Variable, at_rule, graded_rule
 
 
 class OrbitAndTangents:
@@ -79,7 +76,7 @@ class OrbitAndTangents:
         self.power_laws = PowerLawBasis((), np.inf, 0.0, 0.0, np.zeros(0), np.zeros((0, 0)), 1.0)
         self.kernels = NO_KERNELS
         self.varying = VaryingBasis(np.inf, 0.0, 0.0, np.zeros(0))
-        self._last_length, self._singular, self._prefitted = 0.0, None, None
+        self.last_length, self._singular, self._prefitted = 0.0, None, None
         self._join()
 
     def _of_terms(self, constants):
@@ -143,7 +140,7 @@ class OrbitAndTangents:
 
     def record_step(self, length):
         """Record that the last step was an ordinary one of this length."""
-        self._last_length, self._singular, self._last_offsets = length, None, self.offsets
+        self.last_length, self._singular, self._last_offsets = length, None, self.offsets
 
     def prefit_kernels(self, closest, farthest, t_end, tol):
         """Fit kernels known by their values before the run begins; return the largest errors."""
@@ -180,11 +177,10 @@ class OrbitAndTangents:
             row = (2 + unweighted.index(q)) * d + c
             self.modes[:, row, modes] += np.multiply.outer(self.x[:, c], self.of_varying[modes])
 
-    def finish_singular_start(self, basis, length, values):
-        """Move to the end of a singular start; values (1 + k, 3, d, n) of f, p and y."""
-        self._last_length, self._singular = length, (basis, values)
+    def finish_singular_start(self, variable, length, values):
+        """Move the modes to the end of a singular start; values (1 + k, 3, d, n) of f, p and y."""
+        self.last_length, self._singular = length, (variable, values)
         self._last_offsets = self.offsets
-        self.x[:], self.p[:] = values[:, POSITION, :, -1], values[:, PRIMARY, :, -1]
         if np.any(self.power_laws.rates[:1] == 0.0):  # as in compiled/adaptive.py
             d = self.x.shape[1]
             self.initial += self.modes[:, :d, 0]
@@ -228,31 +224,27 @@ class OrbitAndTangents:
             for old in (self.modes, self.before)
         )
         added = np.r_[n:n_new, end + n_new - n : self.rates.size]
-        if self._last_length == 0.0:  # nothing is past but the start
+        if self.last_length == 0.0:  # nothing is past but the start
             self._take_start(added)
             self.before = self.modes.copy()
         else:
             self.modes[..., added] = self._advanced(np.zeros_like(self.modes))[..., added]
 
     def history(self, log_distances):
-        """Return p(0) plus the history of every row at n later times, (1 + k, R, n).
+        """Return the history of every row at n later times, (1 + k, R, n), without p(0).
 
         The times are given by the logarithms of their distances, which may be below any float.
         """
-        n_columns, d = self.x.shape
         distances = np.exp(log_distances)
-        base = np.zeros((n_columns, self._form.n_rows, distances.size))
-        base[:, :d] += self.initial[..., None]
-        if self._last_length == 0.0:
+        base = np.zeros((len(self.x), self._form.n_rows, distances.size))
+        if self.last_length == 0.0:
             return base
         n = self.power_laws.rates.size
         base += self.modes[..., n:] @ np.exp(-np.multiply.outer(self.kernels.rates, distances))
         # the last step by quadrature, for it is closer than the modes hold; all before it by modes
-        base += self.before[..., :n] @ _damping(
-            self.power_laws.rates, self._last_length + distances
-        )
+        base += self.before[..., :n] @ _damping(self.power_laws.rates, self.last_length + distances)
         _, v, weights = graded_rule()
-        log_u, integrands = log_distances - np.log(self._last_length), self._integrands()
+        log_u, integrands = log_distances - np.log(self.last_length), self._integrands()
         u = np.exp(log_u)
         for row, (c, q, k, coefficient) in enumerate(self._form.listed):
             if k >= self._form.orders.size:
@@ -262,7 +254,7 @@ class OrbitAndTangents:
             part = (integrands[:, q, c] - offset) @ kernel.T
             end = self._ends(q)[:, c, None] - offset
             part += end * ((LEFT_OUT + u) ** a - np.exp(a * log_u)) / a
-            base[:, c] += coefficient * self._last_length**a * rgamma(a) * part
+            base[:, c] += coefficient * self.last_length**a * rgamma(a) * part
         return base
 
     def _ends(self, q):
@@ -281,16 +273,16 @@ class OrbitAndTangents:
         And the functions of the nodes at points of the graded rule, (n, s).
         """
         if self._singular is not None:
-            basis, values = self._singular
-            return values, basis.at_rule
-        return self.last, at_rule(self.last.shape[-1])
+            variable, values = self._singular
+            return values, at_rule(variable)
+        return self.last, at_rule(Variable(n=self.last.shape[-1]))
 
     def _advanced(self, modes):
         """Return modes given before the last step, advanced to its end."""
-        rates, d = self.rates * self._last_length, self.x.shape[1]
+        rates, d = self.rates * self.last_length, self.x.shape[1]
         values, functions = self._nodal()
         _, v, rule = graded_rule()
-        damped, weights = _damping(rates, v), self._last_length * rule
+        damped, weights = _damping(rates, v), self.last_length * rule
         integrals, of_one = _integrals(values, functions, weights, damped), damped @ weights
         advanced = modes * np.exp(-rates)
         for b, q in enumerate(self._form.unweighted):
@@ -330,12 +322,6 @@ def _damping(rates, times):
     np.minimum(ages, 700.0, out=ages)  # results that underflow take ten times as long
     np.negative(ages, out=ages)
     return np.exp(ages, out=ages)
-
-
-@lru_cache(maxsize=16)
-def at_rule(s):
-    """Return the polynomials of the s nodes at points of the graded rule, (k, s)."""
-    return legvander(2 * graded_rule()[0] - 1, s - 1) @ to_legendre(s)
 
 
 def _round_to_decades(closest, farthest):

@@ -22,9 +22,10 @@ _STRETCHES, _STILL, _REFUSED, _MOST_STEPS = 4, 1e-2, 0.125, 1e7
 # A run that ends blows up if the solution, larger than before, grew by more than this fraction over
 # the last step and the next step was not refused below _WALL times its length.
 _GROWING, _WALL = 1e-3, 1e-8
-# Distances ahead at which f is evaluated, in lengths of the last step; it jumps where it changes by
-# more than a fraction of its size on the way, for steps are as short as they can be.
-_DISTANCES_AHEAD, _JUMP = (0.0, 1.0, 10.0, 100.0, 1000.0), 0.1
+# Distances ahead at which f is evaluated, in lengths of the last step, where y goes on or turns
+# back; f jumps where it changes by more than a fraction of its size on the way, for steps are as
+# short as they can be.
+_DISTANCES_AHEAD, _JUMP = (0.0, 1.0, 10.0, 100.0, 1000.0, -1.0, -10.0, -100.0, -1000.0), 0.1
 _NOT_FINITE = "the right-hand side is not finite just ahead"
 _JUMPS = (
     "the right-hand side jumps, or stops being finite, wherever the solution goes on (it may slide "
@@ -150,5 +151,5 @@ def _forces_ahead(equation, t, h, y):
 
     It is evaluated at points extrapolated linearly from the first and the last node.
     """
-    ahead = [(t + a * h, y[:, -1] + a * (y[:, -1] - y[:, 0])) for a in _DISTANCES_AHEAD]
+    ahead = [(t + abs(a) * h, y[:, -1] + a * (y[:, -1] - y[:, 0])) for a in _DISTANCES_AHEAD]
     return np.array([equation.force(*point) for point in ahead])

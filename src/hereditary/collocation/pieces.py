@@ -7,35 +7,35 @@ import numpy as np
 from numpy.polynomial.legendre import legder, legint
 
 from ..solver.dense import Piece, last_start
-from .power_basis import PowerBasis
+from .first_rule import Variable, means_at_nodes
 from .quadrature import legendre_values, through_start, to_legendre
 
-# Distance at which the slope at 0 is evaluated, and size beyond which it is infinite.
-_NEXT_TO_0, _STEEP = 1e-200, 1e12
+# Least time at which slopes are evaluated.
+_NEXT_TO_0 = 1e-200
+# Times between which a slope that grows by more than this factor towards 0 is infinite there.
+_TOWARDS_0, _GROWS = (1e-8, 1e-4), 1.2
 
 
 @dataclass(frozen=True, eq=False)
-class PowerPiece(Piece):
-    """Dense output on the step of a singular start, in a power basis.
+class FirstPiece(Piece):
+    """Dense output on the step of a singular start.
 
     Attributes
     ----------
+    variable : Variable
     start, length : float
-    basis : PowerBasis
-    values : ndarray, shape (3, d, n)
-        f, p and y at the nodes.
-    means : ndarray, shape (d, n)
-        Means of p from the start to the nodes.
-    at_start : ndarray, shape (d,)
-        y at the start.
+    row : ndarray, shape (d, n)
+        p at the nodes.
+    y, p : ndarray, shape (d,)
+        Values at the start.
     """
 
+    variable: Variable
     start: float
     length: float
-    basis: PowerBasis
-    values: np.ndarray
-    means: np.ndarray
-    at_start: np.ndarray
+    row: np.ndarray
+    y: np.ndarray
+    p: np.ndarray
 
     def edges(self):
         """Return the start of the step, (1,)."""
@@ -43,31 +43,36 @@ class PowerPiece(Piece):
 
     def evaluate(self, t, second, derivative):
         """Return y, or y' for ``derivative=1``, at times t inside the step, (k, d)."""
-        u = np.clip((t - self.start) / self.length, 0.0, 1.0)
-        _, p, y = self.values
+        t = np.minimum(np.maximum((t - self.start) / self.length, 0.0), 1.0)
+        with np.errstate(divide="ignore"):
+            values = legendre_values(self._x(np.log(t)), self.variable.n).T
         if not derivative:
-            # y is the integral of p where p is y', also near the start, where y' may jump
-            position = (
-                self.at_start + self.length * u[:, None] * self.basis.interpolate(self.means, u).T
-            )
-            return np.where(second, position, self.basis.interpolate(y, u).T)
-        speeds = self.basis.interpolate(p, u).T
-        if second.all():
-            return speeds
-        # powers below 1 with a nonzero coefficient are infinitely steep at 0
-        with np.errstate(over="ignore"):  # slopes may overflow
-            slopes = self.basis.slopes(np.maximum(u, _NEXT_TO_0)) @ p.T / self.length
-        steep = (u[:, None] == 0.0) & (np.abs(slopes) > _STEEP)
-        return np.where(second, speeds, np.where(steep, np.copysign(np.inf, slopes), slopes))
+            p = self.p + self._change(self.row, values)
+            if not second.any():
+                return p
+            # y is the integral of p, t times its mean
+            means = self.p + self._change(self.row @ means_at_nodes(self.variable).T, values)
+            return np.where(second, self.y + self.length * t[:, None] * means, p)
+        slopes = self._slopes(np.maximum(t, _NEXT_TO_0))
+        if (t == 0.0).any():
+            before, after = self._slopes(np.array(_TOWARDS_0))
+            steep = np.abs(before) > _GROWS * np.abs(after) + np.abs(self.row).max() / self.length
+            slopes[t == 0.0] = np.where(steep, np.copysign(np.inf, before), before)
+        return np.where(second, self.p + self._change(self.row, values), slopes)
 
-    def at_ends(self, ends, chosen, second, slopes=True):
-        """Return y and y' at the end of the step, if it is chosen."""
-        _, p, y = self.values[..., -1]
-        position, steep = self.at_start + self.length * self.means[:, -1], np.nan
-        if slopes and not np.all(second):
-            steep = self.values[1] @ self.basis.slopes_at_end / self.length
-        found = np.where(second, position, y), np.where(second, p, steep)
-        return tuple(row[None][chosen] for row in found)
+    def _x(self, logs):
+        """Return 2 u - 1 at log(t)."""
+        return 2 * np.minimum(self.variable.at(logs), 1.0) - 1
+
+    def _change(self, row, polynomials):
+        """Return sums of polynomials (k, n + 1) of a row (d, n) less p at the start, (k, d)."""
+        return (polynomials @ through_start(self.variable.n))[:, 1:] @ (row - self.p[:, None]).T
+
+    def _slopes(self, t):
+        """Return the slopes of p at times t above 0, in lengths of the step, (k, d)."""
+        n = self.variable.n
+        values = legendre_values(self._x(np.log(t)), n - 1).T @ _derivatives(n)
+        return self._change(self.row, values) * self.variable.slopes(t)[:, None] / self.length
 
 
 @dataclass(frozen=True, eq=False)

@@ -123,6 +123,13 @@ def through_start(s):
     return _frozen(np.linalg.inv(leg.legvander(2 * points - 1, s)))
 
 
+def check_points_of(s):
+    """Return the points of a step that are looked at besides its nodes, (2,)."""
+    ends = np.concatenate([[0.0], radau_nodes(s)])
+    # of all middles between nodes this one sees most often that a solution slides along a jump
+    return np.array([0.0, ends[s - 2 : s].mean()])
+
+
 @lru_cache(maxsize=16)
 def check_points(s):
     """Return points off the nodes, and the integrals and values of the node polynomials there.
@@ -136,9 +143,7 @@ def check_points(s):
     values_there : ndarray, shape (2, s)
         From values at the nodes to values of their polynomial.
     """
-    ends = np.concatenate([[0.0], radau_nodes(s)])
-    # of all middles between nodes this one sees most often that a solution slides along a jump
-    points = np.array([0.0, ends[s - 2 : s].mean()])
+    points = check_points_of(s)
     values_there = leg.legvander(2 * points - 1, s - 1) @ to_legendre(s)
     found = points, polynomial_integrals(s, 1.0, points), values_there
     return tuple(_frozen(np.ascontiguousarray(array)) for array in found)

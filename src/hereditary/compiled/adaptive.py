@@ -67,7 +67,7 @@ def marching(name, solve, solve_for_tangents, factors, read, told):
             t, left, h = next_step(control, end)
             if not t + 0.01 * h > t:
                 return row, TOO_ROUGH
-            if nodes[0] * h < control.closest:
+            if h < control.shortest:
                 return row, TOO_CLOSE
             if not orders_tabulated(t, h, varying):
                 return row, ORDERS_NEEDED

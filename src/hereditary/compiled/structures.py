@@ -17,9 +17,9 @@ from .jit import CUBE, CUBES, F8, I8, IVEC, MAT, VEC
 TERM = np.dtype(
     [("row", "i8"), ("integrand", "i8"), ("index", "i8"), ("coefficient", "f8")], align=True
 )
-# Step control: present time since the origin, lengths of the next and of the last step, closest
-# distance at which the modes hold, 1 if the last trial was refused, and the origin [time].
-_TIMES = "time", "next", "last", "closest", "refused", "origin"
+# Step control: present time since the origin, lengths of the next and of the last step, that of the
+# shortest step for which the modes hold, 1 if the last trial was refused, and the origin [time].
+_TIMES = "time", "next", "last", "shortest", "refused", "origin"
 CONTROL = np.dtype([(name, "f8") for name in _TIMES], align=True)
 # Calls of the right-hand side, and steps accepted, refused, and refused by the defect of f alone.
 COUNTS = np.dtype(
@@ -171,6 +171,12 @@ class Steps(NamedTuple):
     p: np.ndarray
     at_starts: np.ndarray
     errors: np.ndarray
+
+
+def empty_steps(n, d, s):
+    """Return room for n steps of d components with s nodes."""
+    shapes = (n,), (n,), (n, d, s), (n, 2, d), (n,)
+    return Steps(*(np.empty(shape) for shape in shapes))
 
 
 class Limits(NamedTuple):
