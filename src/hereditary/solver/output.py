@@ -1,5 +1,7 @@
 """Rows, dense output and events that a run keeps."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from ..support.checks import complaint
@@ -12,6 +14,18 @@ _SOME = 512
 _SLACK = 8 * np.finfo(float).eps
 
 
+class Kept(NamedTuple):
+    """What a run keeps.
+
+    Every so many-th step, or instead rows at the user's times (k,), or None; and the components
+    (k,) whose rows are kept, without dense output, None for all.
+    """
+
+    every: int
+    times: np.ndarray | None = None
+    components: np.ndarray | None = None
+
+
 class Output:
     """Rows, dense output and events of a run, taken piece by piece.
 
@@ -20,13 +34,8 @@ class Output:
     stepper : FixedStepper or AdaptiveStepper
     stop : int or float
         Position at which the run is to end.
-    save_every : int
-        Every so many-th step is kept.
-    times : ndarray, shape (k,), or None
-        Times of the rows to keep instead, the user's.
+    kept : Kept
     events : Events
-    components : ndarray of int64, shape (k,), or None
-        Components whose rows are kept, without dense output; all by default.
 
     Attributes
     ----------
@@ -36,8 +45,9 @@ class Output:
         Whether an event has ended it there.
     """
 
-    def __init__(self, stepper, stop, save_every, times, events, components=None):
-        self._stepper, self._stop, self._every = stepper, stop, save_every
+    def __init__(self, stepper, stop, kept, events):
+        self._stepper, self._stop = stepper, stop
+        self._every, times, components = kept
         self._components = components
         width = stepper.y.size if components is None else components.size
         self._frame, self._asked, self.events = stepper.equation.frame, times, events

@@ -31,7 +31,7 @@ from ..support.checks import (
 from .events import Events
 from .first_order import note_error
 from .opening import how_to_step, open_stepper
-from .output import Output
+from .output import Kept, Output
 from .run import Drive, run
 from .solution import Solution
 from .state import AdaptiveState, State, check_sound
@@ -206,26 +206,11 @@ def solve(
     start = equation.frame.start
     t_last = run_end("t_end", t_end, start)
     t_end = t_last - start
-    if isinstance(resume, (State, AdaptiveState)):
-        check_sound(resume)
     scheme = chosen_scheme(scheme, rtol, n_steps, mesh, resume)
     if history is not None:
         instance("history", history, History, "hereditary.SumOfExponentials()")
-    save_every = min(count("save_every", whole(save_every)), COUNTED)
-    if save_every > 1 and t_eval is not None:
-        required = "be left out where t_eval says which rows to keep"
-        raise ValueError(complaint("save_every", required, save_every))
-    if resume is not None:
-        kind = AdaptiveState if scheme.adaptive else State
-        instance("resume", resume, kind, "the .state of an earlier Solution of the same kind")
-        if t_end <= resume.t:
-            required = f"exceed the state's time {start + resume.t}"
-            raise ValueError(complaint("t_end", required, t_last))
-    elif allow_change:
-        remedy = "it allows another right-hand side than the state's"
-        raise ValueError(complaint("allow_change", "come with resume", allow_change, remedy))
-    times = evaluation_times(t_eval, start if resume is None else start + resume.t, t_last)
-    kept = None if components is None else _components(components, equation)
+    begin = _begin(resume, scheme, allow_change, start, t_last)
+    kept = _kept(equation, save_every, evaluation_times(t_eval, begin, t_last), components)
     breaks = checked_breaks(() if breaks is None else breaks, start)
     if start != 0 and not isinstance(mesh, Graded | None):
         mesh = real_array("mesh", mesh) - start
@@ -248,7 +233,7 @@ def solve(
         found = hybrid.open(stepper, t_end, breaks, signs)
     else:
         found = Events(map(equation.frame.event, functions), stepper, signs)
-    output = Output(stepper, stop, save_every, times, found, kept)
+    output = Output(stepper, stop, kept, found)
     march = partial(hybrid.march, output) if hybrid else Drive.to
     solution = run(stepper, stop, t_last, output, progress, began, march)
     first_order = isinstance(scheme, (ExplicitCaputo, GrunwaldLetnikov)) and mesh is None
@@ -257,12 +242,33 @@ def solve(
     return solution
 
 
-def _components(components, equation):
-    """Return numbers of components, or say why they are none."""
-    if equation.frame.paired or equation.frame.speeds:
-        required = "be left out for complex y and orders above 2"
-        raise ValueError(complaint("components", required, shown(components)))
-    return component_numbers(components, equation.d)
+def _begin(resume, scheme, allow_change, start, t_end):
+    """Return the user's time at which a run to t_end begins: `start`, or that of a sound state."""
+    if resume is None:
+        if allow_change:
+            remedy = "it allows another right-hand side than the state's"
+            raise ValueError(complaint("allow_change", "come with resume", allow_change, remedy))
+        return start
+    kind = AdaptiveState if scheme.adaptive else State
+    instance("resume", resume, kind, "the .state of an earlier Solution of the same kind")
+    check_sound(resume)
+    if t_end - start <= resume.t:
+        raise ValueError(complaint("t_end", f"exceed the state's time {start + resume.t}", t_end))
+    return start + resume.t
+
+
+def _kept(equation, save_every, times, components):
+    """Return what a run keeps, checked: `times` of rows, or every so many-th step."""
+    save_every = min(count("save_every", whole(save_every)), COUNTED)
+    if save_every > 1 and times is not None:
+        required = "be left out where t_eval says which rows to keep"
+        raise ValueError(complaint("save_every", required, save_every))
+    if components is not None:
+        if equation.frame.paired or equation.frame.speeds:
+            required = "be left out for complex y and orders above 2"
+            raise ValueError(complaint("components", required, shown(components)))
+        components = component_numbers(components, equation.d)
+    return Kept(save_every, times, components)
 
 
 def _listed(functions):
