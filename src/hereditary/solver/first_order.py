@@ -74,8 +74,7 @@ def estimated_error(stepper, n_steps):
             size = np.maximum(size, np.abs(rows).max(axis=0))
             begun = end
         ratios = [stepper.stats()["stiffness_ratio"] for stepper in (fine, coarse)]
-        unstable = coarse.instability and coarse.instability[0] is Status.ZIGZAG
-        if unstable or np.nanmax([0.0, *ratios]) > _STABLE:
+        if coarse.instability is Status.ZIGZAG or np.nanmax([0.0, *ratios]) > _STABLE:
             return None
     size = np.where(size > 0, size, np.inf)
     if not np.all(difference <= _CHAOS * size):

@@ -18,7 +18,7 @@ from ..schemes.steps import before_break, break_steps, rows_beside
 from ..support.checks import complaint
 from . import march_arrays as arrays
 from .dense import StepPieces, starting_steps
-from .jacobian_watch import JacobianWatch, instability_of
+from .jacobian_watch import JacobianWatch, remedy_of
 from .linear_solvers import newton_of
 from .state import State, check_identity, complete, described, identity
 from .status import Status, failed
@@ -261,9 +261,16 @@ class FixedStepper(Stepper):
 
     @property
     def instability(self):
-        """Status and clause of steps beyond their stability limit, else None."""
+        """Status of steps beyond their stability limit, else None."""
+        if self._march.counts["zigzag"] >= 0:
+            return Status.ZIGZAG
+        unstable = self._watch.largest > 1 or self._march.counts["growth"] >= 0
+        return Status.STEP_TOO_LARGE if unstable else None
+
+    def remedy(self):
+        """Return a clause: what shows the instability, and what to take instead."""
         seen = (int(self._march.counts[name]) for name in ("zigzag", "growth"))
-        return instability_of(self.equation, self.scheme, self.h, self._watch, *seen)
+        return remedy_of(self.equation, self.scheme, self.h, self._watch, *seen)
 
     @property
     def uncertainty(self):

@@ -5,7 +5,6 @@ import numpy as np
 from ..compiled.jacobian import VALUES
 from ..equation.structure import FEW
 from ..schemes.stability import longest_step
-from .status import Status
 
 # Components beyond which dense Jacobians would take longer than the march, and more memory.
 _MOST = 2000
@@ -78,8 +77,8 @@ class JacobianWatch:
         return (n - 1) // self.every + 1
 
 
-def instability_of(equation, scheme, h, watch, zigzag, growth):
-    """Return the status of unstable steps h and a clause on what to take instead; None if stable.
+def remedy_of(equation, scheme, h, watch, zigzag, growth):
+    """Return a clause: what shows that steps h are unstable, and what to take instead.
 
     `zigzag` and `growth` are the steps at which a step-to-step zigzag had lasted, and at which
     turns of a few steps each had grown, or below 0.
@@ -93,17 +92,10 @@ def instability_of(equation, scheme, h, watch, zigzag, growth):
     if watch.largest > 1:
         at = f"near t = {start + watch.step * h:g}"
         found.append(f"d rhs/d y reached {watch.largest:.4g} times its limit {at}")
-    if not found:
-        return None
-    clause = " and ".join(found) + f" at h = {h:g}; take {_remedy(equation, scheme, h, watch)}"
-    return (Status.ZIGZAG if zigzag >= 0 else Status.STEP_TOO_LARGE), clause
-
-
-def _remedy(equation, scheme, h, watch):
-    """Return what to take instead of steps beyond their limit."""
+    seen = " and ".join(found) + f" at h = {h:g}; take "
     smaller = "smaller steps"
     if scheme.solve == "newton":
-        return smaller
+        return seen + smaller
     if watch.largest > 1:
         step = longest_step(scheme, equation, h, watch.largest)
         # others come from orbits that blow up, or would take days
@@ -111,4 +103,4 @@ def _remedy(equation, scheme, h, watch):
     implicit = "BDF(2)" if equation.enlarged.constant else "L1()"
     if equation.d > FEW and equation.structure is None:
         implicit += f", with linear= or bandwidth= for {equation.d} components"
-    return f"{smaller}, or Collocation() with rtol=1e-6, or {implicit}"
+    return seen + f"{smaller}, or Collocation() with rtol=1e-6, or {implicit}"

@@ -111,9 +111,8 @@ def run(stepper, stop, t_end, output, progress, began, march=Drive.to):
 
 def reached_end(stepper):
     """Status of a run that reached its end."""
-    if stepper.instability:
-        return stepper.instability[0]
-    return Status.KERNEL_INACCURATE if stepper.misfit else Status.COMPLETED
+    inaccurate = Status.KERNEL_INACCURATE if stepper.misfit else None
+    return stepper.instability or inaccurate or Status.COMPLETED
 
 
 def told(stepper, status, detail):
@@ -129,9 +128,9 @@ def told(stepper, status, detail):
     if status is not Status.COMPLETED:
         t = stepper.t + stepper.equation.frame.start
         message += f" (t = {t:g}{'' if stepper.adaptive else f' of step {stepper.n}'})"
-    unstable = stepper.instability
+    unstable = stepper.instability is not None
     if unstable:
-        message += f"; {unstable[1]}"
+        message += f"; {stepper.remedy()}"
     if not isinstance(stepper.error, PythonRaised):
-        warn_of(status, message, unstable=bool(unstable))
+        warn_of(status, message, unstable=unstable)
     return message

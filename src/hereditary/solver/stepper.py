@@ -79,9 +79,13 @@ class Stepper(ABC):
         """Status and detail of a march that cannot go on, else None."""
 
     @property
-    def instability(self) -> tuple[Status, str] | None:
-        """Status and clause of a march beyond its stability limit, else None."""
+    def instability(self) -> Status | None:
+        """Status of a march beyond its stability limit, else None; `remedy` says more."""
         return None
+
+    def remedy(self) -> str:
+        """Return a clause: what shows the instability, and what to take instead."""
+        raise self._lacks("has no stability limit")
 
     @property
     @abstractmethod
