@@ -78,6 +78,7 @@ sphinx_gallery_conf = {
     "write_computation_times": False,
     "within_subsection_order": "FileNameSortKey",
     "image_scrapers": ("matplotlib",),
+    "reset_modules": ("matplotlib", "made_pages.styled"),
 }
 warnings.filterwarnings("ignore", message="FigureCanvasAgg is non-interactive")
 

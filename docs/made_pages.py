@@ -14,6 +14,11 @@ import matplotlib.pyplot as plt
 import hereditary
 
 
+def styled(gallery_conf, name):
+    """Give figures of the gallery the style of the package."""
+    plt.style.use(hereditary.plots.STYLE)
+
+
 def make(docs):
     """Write all made pages below ``docs/made``; a page that is the same is left alone.
 

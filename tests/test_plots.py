@@ -93,6 +93,19 @@ def test_given_axes_are_used(oscillation):
     assert hd.plots.phase_portrait(oscillation, ax=ax) is ax
 
 
+def test_own_axes_have_the_style_of_the_package_and_given_ones_their_own(oscillation, relaxation):
+    own, given = hd.plots.oscillogram(relaxation), plt.subplots()[1]
+    assert own.figure.get_facecolor()[3] == own.get_facecolor()[3] == 0
+    assert own.lines[0].get_linewidth() == 1.4
+    grey = to_rgb(own.xaxis.label.get_color())
+    assert grey == to_rgb(own.get_legend().get_texts()[0].get_color())
+    luminance = ((grey[0] + 0.055) / 1.055) ** 2.4
+    assert min(1.05 / (luminance + 0.05), (luminance + 0.05) / 0.05) > 4.5  # on white, on black
+    hd.plots.oscillogram(relaxation, given)
+    assert given.lines[0].get_linewidth() == plt.rcParams["lines.linewidth"] == 1.5
+    assert given.get_legend().get_texts()[0].get_color() == "black"
+
+
 def test_components_get_a_legend(relaxation):
     ax = hd.plots.oscillogram(relaxation)
     assert [text.get_text() for text in ax.get_legend().get_texts()] == [

@@ -32,6 +32,7 @@ for alpha in (1.0, 0.8):
     print(f"alpha = {alpha}: intervals", np.round(intervals[alpha], 3))
     hd.plots.oscillogram(sol, ax, lw=1.5, label=rf"$\alpha$ = {alpha}")
 ax.set(ylabel="$v$", title="")
+ax.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
 plt.show()
 
 # %%

@@ -12,7 +12,9 @@ from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 import matplotlib
+import matplotlib.style
 
+from ..plots import STYLE
 from ..support.checks import complaint
 from . import figures, maps
 from .job import Job
@@ -57,7 +59,7 @@ def main(argv: Sequence[str]) -> int:
     matplotlib.use("Agg")
     # short runs gain from processes; a handful of points does not pay for starting them
     pool = contextlib.nullcontext() if arguments.quick else ProcessPoolExecutor(os.cpu_count())
-    with pool as executor:
+    with matplotlib.style.context(STYLE), pool as executor:
         job = Job(folder, arguments.quick, executor)
         for name in names:
             began = time.perf_counter()

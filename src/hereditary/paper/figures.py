@@ -90,7 +90,7 @@ def figure_8(job: Job) -> list[str]:
             )
         coarse_name = f"T = {horizons[0]:g}, N = {coarse_steps:,}"
         plots.lyapunov_spectrum(coarse, ax=above, name=coarse_name)
-        above.lines[-1].set(ls="", marker="x", color="0.25")
+        above.lines[-1].set(ls="", marker="x", color="0.5")
         apart = np.abs(coarse["exponent"] - table["fine_exponent"][:, 0])
         lines.append(f"over {name}: 8,000 steps differ by {np.nanmax(apart):.4f} at most")
         verdicts, counts = np.unique(table["fine_verdict"][:, -1], return_counts=True)

@@ -1,14 +1,17 @@
 """Figures; with the command line, the only modules that import matplotlib.
 
-Every function draws into given axes or makes its own, and returns the axes.
+Every function draws into given axes or makes its own, and returns the axes. Its own have the
+style of the package, ``matplotlib.style.use(hereditary.plots.STYLE)``.
 """
 
+from ._axes import STYLE
 from .fits import fit
 from .responses import amplitude_and_phase, frequency_response
 from .solutions import oscillogram, phase_portrait, velocity
 from .tables import bifurcation, lyapunov_spectrum, regime_map
 
 __all__ = [
+    "STYLE",
     "amplitude_and_phase",
     "bifurcation",
     "fit",

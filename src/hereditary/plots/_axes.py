@@ -1,4 +1,6 @@
-"""Axes, their labels, and the components that are drawn."""
+"""Axes, their style and labels, and the components that are drawn."""
+
+from contextlib import contextmanager
 
 import matplotlib.pyplot as plt
 from matplotlib.cbook import normalize_kwargs
@@ -6,6 +8,8 @@ from matplotlib.lines import Line2D
 
 from ..support.checks import component_numbers
 
+# What `matplotlib.style.use` takes: hereditary.mplstyle in this folder.
+STYLE = "hereditary.plots.hereditary"
 # Names of the scenes' parameters in figures; scaled quantities have no unit.
 LABELS = {
     "alpha": r"order $\alpha$ [-]",
@@ -28,9 +32,14 @@ LABELS = {
 }
 
 
-def made(ax):
-    """Given axes, or new ones."""
-    return plt.subplots(layout="constrained")[1] if ax is None else ax
+@contextmanager
+def made(ax, rows=1):
+    """Yield the given axes as they are, or new ones with the style of the package."""
+    if ax is not None:
+        yield ax
+        return
+    with plt.style.context(STYLE):
+        yield plt.subplots(rows, sharex=True, layout="constrained")[1]
 
 
 def label(name):

@@ -38,21 +38,26 @@ def fit(
     -------
     matplotlib Axes
     """
-    ax = made(ax)
-    several = len(result.series) > 1
-    for k, (one, (t, model)) in enumerate(zip(result.series, result.curves, strict=True)):
-        for c in chosen(components, one.data.shape[1]):
-            names = [f"series {k}"] * several + [f"value {c}"] * (one.data.shape[1] > 1)
-            spread = None if one.sigma is None else one.sigma[:, c]
-            (points, *_) = ax.errorbar(
-                one.t, one.data[:, c], spread, fmt=".", alpha=0.7, label=", ".join(names) or "data"
-            )
-            ax.plot(t, model[:, c], **style({"ls": "-", "color": points.get_color()}, line))
-    told = ", ".join(
-        f"{name} {value:.4g}({result.standard_errors[name]:.1g})"
-        for name, value in result.parameters.items()
-    )
-    ax.set(xlabel="$t$", ylabel="data and model", title=told)
-    ax.title.set_fontsize(9)
-    ax.legend(fontsize=8)
+    with made(ax) as ax:
+        several = len(result.series) > 1
+        for k, (one, (t, model)) in enumerate(zip(result.series, result.curves, strict=True)):
+            for c in chosen(components, one.data.shape[1]):
+                names = [f"series {k}"] * several + [f"value {c}"] * (one.data.shape[1] > 1)
+                spread = None if one.sigma is None else one.sigma[:, c]
+                (points, *_) = ax.errorbar(
+                    one.t,
+                    one.data[:, c],
+                    spread,
+                    fmt=".",
+                    alpha=0.7,
+                    label=", ".join(names) or "data",
+                )
+                ax.plot(t, model[:, c], **style({"ls": "-", "color": points.get_color()}, line))
+        told = ", ".join(
+            f"{name} {value:.4g}({result.standard_errors[name]:.1g})"
+            for name, value in result.parameters.items()
+        )
+        ax.set(xlabel="$t$", ylabel="data and model")
+        ax.set_title(told, fontsize="small")
+        ax.legend()
     return ax

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-import matplotlib.pyplot as plt
 import numpy as np
 
 from ._axes import chosen, made, style
@@ -41,27 +40,27 @@ def frequency_response(
     -------
     matplotlib Axes
     """
-    ax = made(ax)
-    drawn = response.phase if phase else response.amplitude
-    which = chosen(components, drawn.shape[1])
-    told = [str(line.pop("label"))] if "label" in line else []
-    for k, c in enumerate(which):
-        own = style({"marker": ".", "ms": 3, "color": f"C{k}"}, line)
-        own["label"] = ", ".join(told + [f"component {c}"] * (len(which) > 1)) or None
-        for number in np.unique(response.branch):
-            here = response.branch == number
-            dashed = {"ls": "--" if number % 2 else "-"}
-            ax.plot(response.values[here], drawn[here, c], **style(dashed, own))
-            own.pop("label", None)  # once for all branches
-    if told or len(which) > 1:
-        ax.legend()
-    for value in response.turning:
-        ax.axvline(value, color="0.7", lw=0.8)
-    by_frequency = np.array_equal(response.values, response.omega)
-    ax.set(
-        xlabel=r"$\omega$" if by_frequency else "parameter",
-        ylabel="phase" if phase else "amplitude",
-    )
+    with made(ax) as ax:
+        drawn = response.phase if phase else response.amplitude
+        which = chosen(components, drawn.shape[1])
+        told = [str(line.pop("label"))] if "label" in line else []
+        for k, c in enumerate(which):
+            own = style({"marker": ".", "ms": 3, "color": f"C{k}"}, line)
+            own["label"] = ", ".join(told + [f"component {c}"] * (len(which) > 1)) or None
+            for number in np.unique(response.branch):
+                here = response.branch == number
+                dashed = {"ls": "--" if number % 2 else "-"}
+                ax.plot(response.values[here], drawn[here, c], **style(dashed, own))
+                own.pop("label", None)  # once for all branches
+        if told or len(which) > 1:
+            ax.legend()
+        for value in response.turning:
+            ax.axvline(value, color="0.5", lw=0.8)
+        by_frequency = np.array_equal(response.values, response.omega)
+        ax.set(
+            xlabel=r"$\omega$" if by_frequency else "parameter",
+            ylabel="phase" if phase else "amplitude",
+        )
     return ax
 
 
@@ -87,10 +86,8 @@ def amplitude_and_phase(
     -------
     pair of matplotlib Axes
     """
-    if axes is None:
-        axes = plt.subplots(2, sharex=True, layout="constrained")[1]
-    upper, lower = axes
-    frequency_response(response, upper, components=components, **line)
-    frequency_response(response, lower, components=components, phase=True, **line)
-    upper.set_xlabel("")
+    with made(axes, 2) as (upper, lower):
+        frequency_response(response, upper, components=components, **line)
+        frequency_response(response, lower, components=components, phase=True, **line)
+        upper.set_xlabel("")
     return upper, lower

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..solver.dense import curve
 from ..support.checks import complaint
-from ._axes import chosen, made, style
+from ._axes import chosen, made
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -41,11 +41,7 @@ def oscillogram(
     -------
     matplotlib Axes
     """
-    ax = made(ax)
-    _lines(ax, solution, 0, components, line)
-    ax.set(xlabel="$t$", ylabel="$x$", title="Oscillogram")
-    ax.margins(x=0)
-    return ax
+    return _against_time(solution, ax, 0, components, line)
 
 
 def velocity(
@@ -60,11 +56,7 @@ def velocity(
     Parameters and return value as for `oscillogram`.
     """
     _check_derivative(solution)
-    ax = made(ax)
-    _lines(ax, solution, 1, components, line)
-    ax.set(xlabel="$t$", ylabel=r"$\dot x$", title="Velocity")
-    ax.margins(x=0)
-    return ax
+    return _against_time(solution, ax, 1, components, line)
 
 
 def phase_portrait(
@@ -92,7 +84,7 @@ def phase_portrait(
     -------
     matplotlib Axes
     """
-    ax, d = made(ax), solution.y.shape[1]
+    d = solution.y.shape[1]
     pair = solution.ydot is None and d > 1
     which = chosen(components, d) if components is not None or not pair else [0, 1]
     if pair and len(which) != 2:
@@ -105,22 +97,29 @@ def phase_portrait(
         labels = "$x$", r"$\dot x$"
     _, columns = curve(solution, which, (0,) if pair else (0, 1))
     half = columns.shape[1] // 2
-    for x, y in zip(columns.T[:half], columns.T[half:], strict=True):
-        (drawn,) = ax.plot(x, y, **style({"lw": 0.8}, line))
-        ax.plot(x[0], y[0], "o", ms=4, color=drawn.get_color())
-    ax.set(xlabel=labels[0], ylabel=labels[1], title="Phase portrait")
-    if "label" in line:
-        ax.legend()
+    with made(ax) as ax:
+        for x, y in zip(columns.T[:half], columns.T[half:], strict=True):
+            (drawn,) = ax.plot(x, y, **line)
+            ax.plot(x[0], y[0], "o", ms=4, color=drawn.get_color())
+        ax.set(xlabel=labels[0], ylabel=labels[1], title="Phase portrait")
+        if "label" in line:
+            ax.legend()
     return ax
 
 
-def _lines(ax, solution, derivative, components, line):
+def _against_time(solution, ax, derivative, components, line):
+    """Draw components, or their first derivatives, against time; return the axes."""
     which = chosen(components, solution.y.shape[1])
-    lines = ax.plot(*curve(solution, which, (derivative,)), **style({"lw": 0.8}, line))
-    if "label" in line:
-        ax.legend()
-    elif len(which) > 1:
-        ax.legend(lines, [f"component {j}" for j in which])
+    with made(ax) as ax:
+        lines = ax.plot(*curve(solution, which, (derivative,)), **line)
+        if "label" in line:
+            ax.legend()
+        elif len(which) > 1:
+            ax.legend(lines, [f"component {j}" for j in which])
+        ylabel, title = (r"$\dot x$", "Velocity") if derivative else ("$x$", "Oscillogram")
+        ax.set(xlabel="$t$", ylabel=ylabel, title=title)
+        ax.margins(x=0)
+    return ax
 
 
 def _check_derivative(solution):

@@ -30,8 +30,6 @@ COLOURS = {
     "stuck": _DARK,
     "undetermined": _PALE,
 }
-# Series of a spectrum, in their order.
-_SERIES = (_BLUE, _VERMILLION, _GREEN, "#CC79A7", "#56B4E9", _DARK)
 # The palest shade of a regime: even a verdict without certainty shows its hue.
 _PALEST = 0.12
 # More points than these are drawn as an image.
@@ -69,25 +67,22 @@ def lyapunov_spectrum(
     matplotlib Axes
     """
     axis, x = _only_axis(table)
-    ax = made(ax)
-    y = np.asarray(table[value], dtype=float).reshape(x.size, -1)
-    bars = None if error is None else np.asarray(table[error], dtype=float).reshape(y.shape)
-    if not any(line.get_gid() == "zero" for line in ax.lines):
-        ax.axhline(0, color=_DARK, lw=0.8, zorder=1, gid="zero")
-    for k in range(y.shape[1]):
-        told = name if y.shape[1] == 1 or name is None else f"{name}, {k + 1}"
-        drawn = sum(line.get_gid() == "series" for line in ax.lines)
-        colour = _SERIES[drawn % len(_SERIES)]
-        # a line breaks where a value is missing
-        own = {"marker": ".", "color": colour, "lw": 0.9, "ms": 4, "label": told}
-        (drawn_line,) = ax.plot(x, y[:, k], gid="series", **style(own, line))
-        if bars is not None:
-            shade = drawn_line.get_color()
-            ax.errorbar(x, y[:, k], bars[:, k], fmt="none", color=shade, lw=0.7)
-    _cross_out(ax, x[~table.success])
-    ax.set(xlabel=label(axis), ylabel=r"exponent $\Lambda$ [1/time]")
-    if name is not None:
-        ax.legend(fontsize="small")
+    with made(ax) as ax:
+        y = np.asarray(table[value], dtype=float).reshape(x.size, -1)
+        bars = None if error is None else np.asarray(table[error], dtype=float).reshape(y.shape)
+        if not any(line.get_gid() == "zero" for line in ax.lines):
+            ax.axhline(0, color="0.5", lw=0.8, zorder=1, gid="zero")
+        for k in range(y.shape[1]):
+            told = name if y.shape[1] == 1 or name is None else f"{name}, {k + 1}"
+            # a line breaks where a value is missing
+            own = {"marker": ".", "ms": 4, "label": told}
+            (drawn_line,) = ax.plot(x, y[:, k], **style(own, line))
+            if bars is not None:
+                ax.errorbar(x, y[:, k], bars[:, k], fmt="none", color=drawn_line.get_color())
+        _cross_out(ax, x[~table.success])
+        ax.set(xlabel=label(axis), ylabel=r"exponent $\Lambda$ [1/time]")
+        if name is not None:
+            ax.legend()
     return ax
 
 
@@ -120,17 +115,17 @@ def bifurcation(
     matplotlib Axes
     """
     axis, x = _only_axis(table)
-    ax = made(ax)
-    y = np.asarray(table[value], dtype=float).reshape(x.size, -1)
-    places, samples = np.repeat(x, y.shape[1]), y.ravel()
-    shown = np.isfinite(samples) & np.repeat(table.success, y.shape[1])
-    many = int(shown.sum()) > _MANY
-    own = {"ls": "", "marker": "o", "color": _BLUE, "ms": 1.2 if many else 2, "mew": 0}
-    own["rasterized"] = many
-    ax.plot(places[shown], samples[shown], **style(own, points))
-    _cross_out(ax, x[~table.success])
-    ax.set(xlabel=label(axis), ylabel=value if ylabel is None else ylabel)
-    ax.margins(x=0.01)
+    with made(ax) as ax:
+        y = np.asarray(table[value], dtype=float).reshape(x.size, -1)
+        places, samples = np.repeat(x, y.shape[1]), y.ravel()
+        shown = np.isfinite(samples) & np.repeat(table.success, y.shape[1])
+        many = int(shown.sum()) > _MANY
+        own = {"ls": "", "marker": "o", "color": _BLUE, "ms": 1.2 if many else 2, "mew": 0}
+        own["rasterized"] = many
+        ax.plot(places[shown], samples[shown], **style(own, points))
+        _cross_out(ax, x[~table.success])
+        ax.set(xlabel=label(axis), ylabel=value if ylabel is None else ylabel)
+        ax.margins(x=0.01)
     return ax
 
 
@@ -165,26 +160,28 @@ def regime_map(
         required = "have two axes"
         raise ValueError(complaint("table", required, ", ".join(table.axes), "fix the others"))
     (up, y), (right, x) = table.axes.items()
-    ax = made(ax)
-    verdicts = table[regime]
-    sure = np.ones(verdicts.shape) if certainty is None else np.nan_to_num(table[certainty])
-    shade = (_PALEST + (1 - _PALEST) * np.clip(sure, 0.0, 1.0))[..., None]
-    colours = np.ones((*verdicts.shape, 3))
-    for kind, colour in COLOURS.items():
-        colours[verdicts == kind] = to_rgb(colour)
-    ax.pcolormesh(_edges(x), _edges(y), 1 - shade * (1 - colours), **({"rasterized": True} | mesh))
-    failed = ~table.success
-    if failed.any():
-        rows, columns = np.nonzero(failed)
-        ax.plot(x[columns], y[rows], "x", color=_DARK, ms=3, mew=0.6, rasterized=True)
-    found = [kind for kind in COLOURS if np.any(verdicts == kind)]
-    handles = [Patch(color=COLOURS[kind], label=str(kind)) for kind in found]
-    ax.legend(handles=handles, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3,
-              frameon=False, fontsize="small")  # fmt: skip
-    if certainty is not None:
-        greys = LinearSegmentedColormap.from_list("certainty", [str(1 - _PALEST), "0"])
-        plt.colorbar(ScalarMappable(cmap=greys), ax=ax, label="certainty [-]", aspect=30, pad=0.02)
-    ax.set(xlabel=label(right), ylabel=label(up))
+    with made(ax) as ax:
+        verdicts = table[regime]
+        sure = np.ones(verdicts.shape) if certainty is None else np.nan_to_num(table[certainty])
+        shade = (_PALEST + (1 - _PALEST) * np.clip(sure, 0.0, 1.0))[..., None]
+        colours = np.ones((*verdicts.shape, 3))
+        for kind, colour in COLOURS.items():
+            colours[verdicts == kind] = to_rgb(colour)
+        mesh = {"rasterized": True} | mesh
+        ax.pcolormesh(_edges(x), _edges(y), 1 - shade * (1 - colours), **mesh)
+        failed = ~table.success
+        if failed.any():
+            rows, columns = np.nonzero(failed)
+            ax.plot(x[columns], y[rows], "x", color=_DARK, ms=3, mew=0.6, rasterized=True)
+        found = [kind for kind in COLOURS if np.any(verdicts == kind)]
+        handles = [Patch(color=COLOURS[kind], label=str(kind)) for kind in found]
+        ax.legend(handles=handles, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3,
+                  frameon=False)  # fmt: skip
+        if certainty is not None:
+            greys = LinearSegmentedColormap.from_list("certainty", [str(1 - _PALEST), "0"])
+            shades = ScalarMappable(cmap=greys)
+            plt.colorbar(shades, ax=ax, label="certainty [-]", aspect=30, pad=0.02)
+        ax.set(xlabel=label(right), ylabel=label(up))
     return ax
 
 
