@@ -5,9 +5,14 @@ style of the package, ``matplotlib.style.use(hereditary.plots.STYLE)``.
 """
 
 from ._axes import STYLE
-from .fits import fit
-from .responses import amplitude_and_phase, frequency_response
-from .solutions import oscillogram, phase_portrait, velocity
+from .lines import (
+    amplitude_and_phase,
+    fit,
+    frequency_response,
+    oscillogram,
+    phase_portrait,
+    velocity,
+)
 from .tables import bifurcation, lyapunov_spectrum, regime_map
 
 __all__ = [

@@ -42,11 +42,6 @@ def made(ax, rows=1):
         yield plt.subplots(rows, sharex=True, layout="constrained")[1]
 
 
-def label(name):
-    """How an axis of that name is labelled."""
-    return LABELS.get(name, name)
-
-
 def chosen(components, d):
     """Return the components that are asked for, all of d by default, as a list."""
     if components is None:

@@ -15,7 +15,7 @@ from matplotlib.colors import LinearSegmentedColormap, to_rgb
 from matplotlib.patches import Patch
 
 from ..support.checks import complaint
-from ._axes import label, made, style
+from ._axes import LABELS, made, style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -80,7 +80,7 @@ def lyapunov_spectrum(
             if bars is not None:
                 ax.errorbar(x, y[:, k], bars[:, k], fmt="none", color=drawn_line.get_color())
         _cross_out(ax, x[~table.success])
-        ax.set(xlabel=label(axis), ylabel=r"exponent $\Lambda$ [1/time]")
+        ax.set(xlabel=LABELS.get(axis, axis), ylabel=r"exponent $\Lambda$ [1/time]")
         if name is not None:
             ax.legend()
     return ax
@@ -120,11 +120,10 @@ def bifurcation(
         places, samples = np.repeat(x, y.shape[1]), y.ravel()
         shown = np.isfinite(samples) & np.repeat(table.success, y.shape[1])
         many = int(shown.sum()) > _MANY
-        own = {"ls": "", "marker": "o", "color": _BLUE, "ms": 1.2 if many else 2, "mew": 0}
-        own["rasterized"] = many
+        own = {"ls": "", "marker": "o", "ms": 1.2 if many else 2, "mew": 0, "rasterized": many}
         ax.plot(places[shown], samples[shown], **style(own, points))
         _cross_out(ax, x[~table.success])
-        ax.set(xlabel=label(axis), ylabel=value if ylabel is None else ylabel)
+        ax.set(xlabel=LABELS.get(axis, axis), ylabel=value if ylabel is None else ylabel)
         ax.margins(x=0.01)
     return ax
 
@@ -173,15 +172,15 @@ def regime_map(
         if failed.any():
             rows, columns = np.nonzero(failed)
             ax.plot(x[columns], y[rows], "x", color=_DARK, ms=3, mew=0.6, rasterized=True)
-        found = [kind for kind in COLOURS if np.any(verdicts == kind)]
-        handles = [Patch(color=COLOURS[kind], label=str(kind)) for kind in found]
+        found = [item for item in COLOURS.items() if np.any(verdicts == item[0])]
+        handles = [Patch(color=colour, label=kind) for kind, colour in found]
         ax.legend(handles=handles, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3,
                   frameon=False)  # fmt: skip
         if certainty is not None:
             greys = LinearSegmentedColormap.from_list("certainty", [str(1 - _PALEST), "0"])
             shades = ScalarMappable(cmap=greys)
             plt.colorbar(shades, ax=ax, label="certainty [-]", aspect=30, pad=0.02)
-        ax.set(xlabel=label(right), ylabel=label(up))
+        ax.set(xlabel=LABELS.get(right, right), ylabel=LABELS.get(up, up))
     return ax
 
 

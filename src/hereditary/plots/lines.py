@@ -1,0 +1,260 @@
+"""Figures of a solution, of a fit and of a frequency response.
+
+Lines follow the dense output of a run that chose its steps, and join the rows of other runs.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..solver.dense import curve
+from ..support.checks import complaint
+from ._axes import chosen, made, style
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from numpy.typing import ArrayLike
+
+    from ..analysis.fitting import FitResult
+    from ..analysis.frequency_response import FrequencyResponse
+    from ..solver.solution import Solution
+
+
+def oscillogram(
+    solution: Solution,
+    ax: Axes | None = None,
+    *,
+    components: ArrayLike | None = None,
+    **line: Any,
+) -> Axes:
+    """The solution against time, one line for each component.
+
+    Parameters
+    ----------
+    solution : Solution
+    ax : matplotlib Axes, optional
+        Where to draw; new axes by default.
+    components : int or array_like of int, optional
+        Which columns of ``solution.y``; all by default.
+    **line
+        Keywords of ``Axes.plot``, e.g. `label`, `color`, `lw`.
+
+    Returns
+    -------
+    matplotlib Axes
+    """
+    return _against_time(solution, ax, 0, components, line)
+
+
+def velocity(
+    solution: Solution,
+    ax: Axes | None = None,
+    *,
+    components: ArrayLike | None = None,
+    **line: Any,
+) -> Axes:
+    """The first derivative against time; the equation's highest order must exceed 1.
+
+    Parameters and return value as for `oscillogram`.
+    """
+    _check_derivative(solution)
+    return _against_time(solution, ax, 1, components, line)
+
+
+def phase_portrait(
+    solution: Solution,
+    ax: Axes | None = None,
+    *,
+    components: ArrayLike | None = None,
+    **line: Any,
+) -> Axes:
+    """The orbit in its phase plane: x' against x, or one component against another.
+
+    Parameters
+    ----------
+    solution : Solution
+        Of an equation with highest order above 1, or with two components at least.
+    ax : matplotlib Axes, optional
+        Where to draw; new axes by default.
+    components : int or array_like of int, optional
+        Components whose x' is drawn against x, all by default; for orders up to 1 the two that are
+        drawn against each other, the first two by default.
+    **line
+        Keywords of ``Axes.plot``.
+
+    Returns
+    -------
+    matplotlib Axes
+    """
+    d = solution.y.shape[1]
+    pair = solution.ydot is None and d > 1
+    which = chosen(components, d) if components is not None or not pair else [0, 1]
+    if pair and len(which) != 2:
+        required = "name two components, one against the other, for orders up to 1"
+        raise ValueError(complaint("components", required, repr(components)))
+    if pair:
+        labels = f"$y_{{{which[0] + 1}}}$", f"$y_{{{which[1] + 1}}}$"
+    else:
+        _check_derivative(solution)
+        labels = "$x$", r"$\dot x$"
+    _, columns = curve(solution, which, (0,) if pair else (0, 1))
+    half = columns.shape[1] // 2
+    with made(ax) as ax:
+        for x, y in zip(columns.T[:half], columns.T[half:], strict=True):
+            (drawn,) = ax.plot(x, y, **line)
+            ax.plot(x[0], y[0], "o", ms=4, color=drawn.get_color())
+        ax.set(xlabel=labels[0], ylabel=labels[1], title="Phase portrait")
+        if "label" in line:
+            ax.legend()
+    return ax
+
+
+def fit(
+    result: FitResult,
+    ax: Axes | None = None,
+    *,
+    components: ArrayLike | None = None,
+    **line: Any,
+) -> Axes:
+    """Draw data as points and the fitted model as lines, also between the data.
+
+    Bars show the standard deviations of the data where they are given.
+
+    Parameters
+    ----------
+    result : FitResult
+    ax : matplotlib Axes, optional
+        Where to draw; new axes by default.
+    components : int or array_like of int, optional
+        Which columns of the data; all by default.
+    **line
+        Keywords of ``Axes.plot`` for the model.
+
+    Returns
+    -------
+    matplotlib Axes
+    """
+    with made(ax) as ax:
+        several = len(result.series) > 1
+        for k, (one, (t, model)) in enumerate(zip(result.series, result.curves, strict=True)):
+            for c in chosen(components, one.data.shape[1]):
+                names = [f"series {k}"] * several + [f"value {c}"] * (one.data.shape[1] > 1)
+                spread = None if one.sigma is None else one.sigma[:, c]
+                (points, *_) = ax.errorbar(
+                    one.t,
+                    one.data[:, c],
+                    spread,
+                    fmt=".",
+                    alpha=0.7,
+                    label=", ".join(names) or "data",
+                )
+                ax.plot(t, model[:, c], **style({"ls": "-", "color": points.get_color()}, line))
+        told = ", ".join(
+            f"{name} {value:.4g}({result.standard_errors[name]:.1g})"
+            for name, value in result.parameters.items()
+        )
+        ax.set(xlabel="$t$", ylabel="data and model")
+        ax.set_title(told, fontsize="small")
+        ax.legend()
+    return ax
+
+
+def frequency_response(
+    response: FrequencyResponse,
+    ax: Axes | None = None,
+    *,
+    components: ArrayLike = 0,
+    phase: bool = False,
+    **line: Any,
+) -> Axes:
+    """Amplitude, or phase, of the first harmonic along the curve, one line for each branch.
+
+    Parameters
+    ----------
+    response : FrequencyResponse
+    ax : matplotlib Axes, optional
+        Where to draw; new axes by default.
+    components : int or array_like of int, optional
+    phase : bool, optional
+        The phase instead of the amplitude [radians].
+    **line
+        Keywords of ``Axes.plot``; `label` stands for the whole curve.
+
+    Returns
+    -------
+    matplotlib Axes
+    """
+    with made(ax) as ax:
+        drawn = response.phase if phase else response.amplitude
+        which = chosen(components, drawn.shape[1])
+        told = [str(line.pop("label"))] if "label" in line else []
+        for k, c in enumerate(which):
+            own = style({"marker": ".", "ms": 3, "color": f"C{k}"}, line)
+            own["label"] = ", ".join(told + [f"component {c}"] * (len(which) > 1)) or None
+            for number in np.unique(response.branch):
+                here = response.branch == number
+                dashed = {"ls": "--" if number % 2 else "-"}
+                ax.plot(response.values[here], drawn[here, c], **style(dashed, own))
+                own.pop("label", None)  # once for all branches
+        if told or len(which) > 1:
+            ax.legend()
+        for value in response.turning:
+            ax.axvline(value, color="0.5", lw=0.8)
+        by_frequency = np.array_equal(response.values, response.omega)
+        ax.set(
+            xlabel=r"$\omega$" if by_frequency else "parameter",
+            ylabel="phase" if phase else "amplitude",
+        )
+    return ax
+
+
+def amplitude_and_phase(
+    response: FrequencyResponse,
+    axes: tuple[Axes, Axes] | None = None,
+    *,
+    components: ArrayLike = 0,
+    **line: Any,
+) -> tuple[Axes, Axes]:
+    """Amplitude above phase of the first harmonic, with all branches.
+
+    Parameters
+    ----------
+    response : FrequencyResponse
+    axes : pair of matplotlib Axes, optional
+        Where to draw; a new figure by default.
+    components : int or array_like of int, optional
+    **line
+        Keywords of ``Axes.plot``.
+
+    Returns
+    -------
+    pair of matplotlib Axes
+    """
+    with made(axes, 2) as (upper, lower):
+        frequency_response(response, upper, components=components, **line)
+        frequency_response(response, lower, components=components, phase=True, **line)
+        upper.set_xlabel("")
+    return upper, lower
+
+
+def _against_time(solution, ax, derivative, components, line):
+    """Draw components, or their first derivatives, against time; return the axes."""
+    which = chosen(components, solution.y.shape[1])
+    with made(ax) as ax:
+        lines = ax.plot(*curve(solution, which, (derivative,)), **line)
+        if "label" in line:
+            ax.legend()
+        elif len(which) > 1:
+            ax.legend(lines, [f"component {j}" for j in which])
+        ylabel, title = (r"$\dot x$", "Velocity") if derivative else ("$x$", "Oscillogram")
+        ax.set(xlabel="$t$", ylabel=ylabel, title=title)
+        ax.margins(x=0)
+    return ax
+
+
+def _check_derivative(solution):
+    if solution.ydot is None:
+        required = "hold a first derivative (highest order above 1)"
+        raise ValueError(complaint("solution", required, "ydot = None", "plot the oscillogram"))
