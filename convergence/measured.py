@@ -10,11 +10,11 @@ from pathlib import Path
 from _study import CLAIMS, RESULTS, read
 
 PAGE = Path(__file__).parent.parent / "docs" / "measured.md"
-HEAD = """# Measured
+HEAD = """# Measured claims
 
 Every figure of accuracy and speed is measured by a [study](made/studies/index.md), and each study
-fails if a figure is beyond its limit. The limits leave room for other machines and days. A figure
-without a limit is reported only. If several cases share a claim, the figure next to the limit is
+fails if a figure exceeds its limit. The limits allow for other machines and days. A figure
+without a limit is only reported. If several cases share a claim, the figure next to the limit is
 shown; without a limit, the range. P1 to P6 are the problems of
 [work_precision](made/studies/work_precision.md).
 

@@ -51,8 +51,8 @@ def measure(quick):
 
 def page():
     """docs/orders.md: the last observed order of every case beside the proven one."""
-    lines = ["# Orders", "", "Written by `convergence/orders.py` from `results/orders.csv`:"]
-    lines += ["last pairwise order, the proven one in brackets, and the error there.", ""]
+    lines = ["# Orders of convergence", "", "Written by `convergence/orders.py` from `results/orders.csv`:"]
+    lines += ["the last observed order, in brackets the proven order, and the error.", ""]
     lines += ["| scheme | alpha | smooth | error | singular | error |", "|---|---|---|---|---|---|"]
     rows = Study(__file__, __doc__).read()
     for smooth, singular in zip(rows[::2], rows[1::2], strict=True):
