@@ -51,8 +51,9 @@ def measure(quick):
 
 def page():
     """docs/orders.md: the last observed order of every case beside the proven one."""
-    lines = ["# Orders of convergence", "", "Written by `convergence/orders.py` from `results/orders.csv`:"]
-    lines += ["the last observed order, in brackets the proven order, and the error.", ""]
+    lines = ["# Orders of convergence", "", "Written by `convergence/orders.py` from"]
+    lines += ["`results/orders.csv`: the last observed order, in brackets the proven one,"]
+    lines += ["and the error.", ""]
     lines += ["| scheme | alpha | smooth | error | singular | error |", "|---|---|---|---|---|---|"]
     rows = Study(__file__, __doc__).read()
     for smooth, singular in zip(rows[::2], rows[1::2], strict=True):
