@@ -1,7 +1,7 @@
 """Open every page of the built site in headless Chromium, and search it.
 
 ``python docs/check_in_browser.py SITE [SCREENSHOTS]`` ends with 1 where a page logs an error, asks
-another host, lacks an image or a formula, or where the search does not find `Collocation`. It
+another host, lacks an image or a formula, or where the search does not find the right page first. It
 speaks to Chromium (Debian's package ``chromium``) in its own protocol.
 """
 
@@ -30,6 +30,16 @@ BROKEN = "[...document.images].filter(i => !i.complete || !i.naturalWidth).map(i
 TYPESET = "window.MathJax?.startup?.promise?.then(() => true) ?? true"
 HITS = "[...document.querySelectorAll('#search-results li > a')]"
 SEARCHED = "document.querySelector('#search-results .search-summary')?.innerText.includes('found')"
+
+
+# What is searched for, and the page that is to be the first hit.
+SOUGHT = {
+    "Collocation": "collocation",
+    "NaN": "troubleshooting",
+    "install": "index",
+    "slow": "troubleshooting",
+    "stiff": "stability",
+}
 
 
 class Quiet(http.server.SimpleHTTPRequestHandler):
@@ -163,16 +173,17 @@ def main(site, screenshots=None):
             if screenshots:
                 pathlib.Path(screenshots).mkdir(parents=True, exist_ok=True)
                 browser.screenshot(pathlib.Path(screenshots, page.replace("/", "_") + ".png"))
-        browser.open(f"{root}/search.html?q=Collocation", f"{HITS}.length && {SEARCHED}")
-        hits = browser.value(f"{HITS}.map(link => link.innerText)")
-        if not any("Collocation" in hit for hit in hits) or browser.complaints():
-            bad += 1
-            print(f"search: {hits} {browser.complaints()}")
+        for word, page in SOUGHT.items():
+            browser.open(f"{root}/search.html?q={word}", f"{HITS}.length && {SEARCHED}")
+            hits = browser.value(f"{HITS}.map(link => link.href)")
+            if f"/{page}.html" not in hits[0] or browser.complaints():
+                bad += 1
+                print(f"search for {word}: {hits[:5]} {browser.complaints()}")
         if screenshots:
             browser.screenshot(pathlib.Path(screenshots, "search.png"))
     finally:
         browser.close()
-    print(f"{len(pages)} pages, {formulas} formulas, {len(hits)} hits of the search, {bad} bad")
+    print(f"{len(pages)} pages, {formulas} formulas, {len(SOUGHT)} searches, {bad} bad")
     return bad
 
 

@@ -25,7 +25,7 @@ STYLE = {
     "axes.labelcolor": GREY,
     "axes.spines.right": False,
     "axes.spines.top": False,
-    "font.size": 11,
+    "font.size": 13,
     "lines.linewidth": 1.8,
     "savefig.transparent": True,
     "svg.hashsalt": "front",
@@ -50,8 +50,8 @@ def draw_memory(ax):
         terms = hd.Caputo(orders[0]) + 0.25 * hd.Caputo(orders[1])
         eq = hd.Equation(terms, lambda t, x: np.sin(t) - x, y0=[0.2, 0.3])
         ax.plot(times, hd.solve(eq, 50.0, rtol=1e-8)(times)[:, 0], color=color, label=label)
-    ax.set(xlabel="t", ylabel="x(t)", ylim=(-4.5, 6.5))
-    ax.legend(frameon=False, loc="upper left")
+    ax.set(xlabel="t", ylabel="x(t)", ylim=(-4.5, 7))
+    ax.legend(frameon=False, loc="upper left", fontsize=11)
 
 
 def draw_errors(ax):
@@ -62,7 +62,7 @@ def draw_errors(ax):
         points = [(float(row["ms"]), float(row["error"])) for row in rows if row["code"] == code]
         ax.loglog(*zip(*points, strict=True), color=color, marker=marker, label=label)
     ax.set(xlabel="time of a call [ms]", ylabel="error at t = 100")
-    ax.legend(frameon=False)
+    ax.legend(frameon=False, loc="lower right", fontsize=11)
 
 
 def draw_start(left, right):
@@ -76,11 +76,11 @@ def draw_start(left, right):
 def main():
     """Write the figures."""
     with plt.rc_context(STYLE):
-        figure, (left, right) = plt.subplots(1, 2, figsize=(10, 3.6), layout="constrained")
+        figure, (left, right) = plt.subplots(1, 2, figsize=(10, 4), layout="constrained")
         draw_memory(left)
         draw_errors(right)
         figure.savefig(DOCS / "figures" / "front.svg", metadata={"Date": None})
-        figure, axes = plt.subplots(1, 2, figsize=(10, 3.2), layout="constrained")
+        figure, axes = plt.subplots(1, 2, figsize=(10, 3.6), layout="constrained")
         draw_start(*axes)
         figure.savefig(DOCS / "figures" / "start.svg", metadata={"Date": None})
 
