@@ -1,7 +1,7 @@
 """Open every page of the built site in headless Chromium, and search it.
 
-``python docs/check_in_browser.py SITE [SCREENSHOTS]`` ends with 1 where a page logs an error, asks
-another host, lacks an image or a formula, or where the search does not find the right page first. It
+``python docs/check_in_browser.py SITE [SCREENSHOTS]`` ends with 1 if a page logs an error, asks
+another host, lacks an image or a formula, or if the search does not find the right page first. It
 speaks to Chromium (Debian's package ``chromium``) in its own protocol.
 """
 
@@ -34,7 +34,6 @@ SEARCHED = "document.querySelector('#search-results .search-summary')?.innerText
 
 # What is searched for, and the page that is to be the first hit.
 SOUGHT = {
-    "Collocation": "collocation",
     "NaN": "troubleshooting",
     "install": "index",
     "slow": "troubleshooting",
