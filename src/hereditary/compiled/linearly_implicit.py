@@ -1,9 +1,10 @@
 """Implicit-explicit steps: a constant matrix implicitly, the rest of the right-hand side not."""
 
-from .jacobian import multiply, newton_matrix
+from .jacobian import multiply
 from .jit import inner
-from .signatures import FACTORISE, SUBSTITUTE
-from .step import BASE, GAIN, KNOWN, LEAD, MOVED, POINT, SCALE, F, W
+from .newton import set_factors
+from .signatures import SUBSTITUTE
+from .step import BASE, KNOWN, LEAD, MOVED, POINT, F, W
 
 # Share of a step after its begin at which the explicit part is taken: beyond rounding of times, so
 # that a jump at a break is behind it.
@@ -23,14 +24,12 @@ def solve_linearly(
     """
     # room (N_ROOM, d): rows of a step; work (2, ., .): A, and the matrix whose factors are kept
     n, moved, f, point = x.shape[0], room[MOVED], room[F], room[POINT]
-    known, scale, lead, base, gain = room[KNOWN], room[SCALE], room[LEAD], room[BASE], room[GAIN]
+    known, lead, base = room[KNOWN], room[LEAD], room[BASE]
     if counts.kept == 0 or differs(i, rows):
         jac(t, x, work[0], params)
-        newton_matrix(work[0], n, n, sources, gain, scale, lead, work[1])
-        counts.kept, counts.factorised = 0, counts.factorised + 1
-        if solver(FACTORISE, 0, work[1], moved, linear) != 0:
+        counts.kept = int(set_factors(0, n, n, sources, room, work, counts, solver, linear))
+        if counts.kept == 0:
             return False
-        counts.kept = 1
     rhs(t - (rows.theta[i] - _ASIDE) * rows.unit[i], x, f, params)
     counts.rhs += 1
     multiply(work[0], x, moved)

@@ -52,11 +52,8 @@ def solve_step(
         look(base, gain, sources, w, point)
         if counts.kept == 0:
             counts.rhs += jacobian(rhs, jac, has_jac, t, point, params, room[UNITS], work[0])
-            if not few:
-                newton_matrix(work[0], n, d, sources, gain, scale, lead, work[1])
-                if solver(FACTORISE, 0, work[1], change, linear) != 0:
-                    return False
-                counts.factorised += 1
+            if not few and not set_factors(0, n, d, sources, room, work, counts, solver, linear):
+                return False
             counts.kept, counts.at_once, fresh, previous = 1, 0, True, np.inf
         rhs(t, point, f, params)
         counts.rhs += 1
@@ -115,6 +112,15 @@ def solve_step(
     return False
 
 
+@inner
+def set_factors(number, n, d, sources, room, work, counts, solver, linear):
+    """Factorise Newton's matrix of this number by the Jacobian in work[0]; False if singular."""
+    matrix = work[1 + number]
+    newton_matrix(work[0], n, d, sources, room[GAIN], room[SCALE], room[LEAD], matrix)
+    counts.factorised += 1
+    return solver(FACTORISE, number, matrix, room[MOVED][:n], linear) == 0
+
+
 @allocating
 def within_rounding(j_f, d, lead, f, known, scale, w, point, residual):
     """Return whether the residuals of the d components are rounding errors of their summands."""
@@ -136,18 +142,16 @@ def solve_tangents(
     J is the Jacobian where the orbit's own w, which is given, solves the step. Return False if the
     equations are singular; count the calls of `rhs`.
     """
-    j_f, matrix, n = work[0], work[2], point.shape[0]
-    base, gain, w, change = room[BASE], room[GAIN], room[W], room[MOVED][:n]
-    look(base, gain, sources, w, point)
-    counts.rhs += jacobian(rhs, jac, has_jac, t, point, params, room[UNITS], j_f)
-    newton_matrix(j_f, n, d, sources, gain, room[SCALE], room[LEAD], matrix)
-    if solver(FACTORISE, 1, matrix, change, linear) != 0:
+    n, base, w, change = point.shape[0], room[BASE], room[W], room[MOVED][: point.shape[0]]
+    look(base, room[GAIN], sources, w, point)
+    counts.rhs += jacobian(rhs, jac, has_jac, t, point, params, room[UNITS], work[0])
+    if not set_factors(1, n, d, sources, room, work, counts, solver, linear):
         return False
     for first in range(n, base.shape[0], n):
-        multiply(j_f, base[first : first + n], change)
+        multiply(work[0], base[first : first + n], change)
         for i in range(n):
-            change[i] = room[LEAD][i] * change[i] - room[KNOWN][first + i] if i < d else 0.0
-        solver(SUBSTITUTE, 1, matrix, change, linear)
+            change[i] = room[LEAD, i] * change[i] - room[KNOWN, first + i] if i < d else 0.0
+        solver(SUBSTITUTE, 1, work[2], change, linear)
         for i in range(d):
             w[first + i] = change[i]
     return True
