@@ -1,6 +1,6 @@
 """Room for the stages of collocation steps of many components."""
 
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -9,7 +9,6 @@ from ..compiled.callbacks import lapack_address
 from ..compiled.jit import as_value
 from ..compiled.joint_stages import joint_banded, joint_dense, joint_sparse
 from ..compiled.linalg import address_of_factors
-from ..compiled.numba_internals import LAPACK
 from ..compiled.stages import banded_stages, dense_stages, no_stages, sparse_stages
 from ..compiled.structures import N_CONTROL, STAGES_SIG, Stages
 from ..compiled.superlu import SparseFactors
@@ -44,25 +43,27 @@ def stage_solver(structure, form, s):
     """Return the `StageSolver` of steps with s nodes; for few components it does nothing."""
     if not has_stages(form):
         return _no_solver(s)
-    if form.kinds.any() or not LAPACK:  # which finds eigenvectors
+    eigenvectors = 0 if form.kinds.any() else lapack_address("dgeev")
+    if eigenvectors == 0:
         return _joint_solver(structure, form, s)
     d, kinds = form.second.size, (form.kinds, form.second)
+    solver = partial(_solver, lapack_values=eigenvectors)
     if structure is None:
         how = {"lapack": lapack_address("dgehrd"), "lapack_solve": lapack_address("dorghr")}
         # varying orders have new factors at each step
         how["hold"] = 0 if form.varying else _HOLD
         room = {"factors": np.empty((s, 1, d), complex), "dense": np.empty((2 + 2 * s, d, d))}
         order, jacobian = np.arange(d), np.zeros((d, d))
-        return _solver(dense_stages, kinds, s, order=order, jacobian=jacobian, **room, **how)
+        return solver(dense_stages, kinds, s, order=order, jacobian=jacobian, **room, **how)
     jacobian, band = structure.entries.copy(), structure.band
     if band is None:
         held = SparseFactors(structure, complex)
         how = {"order": np.arange(d), "jacobian": jacobian, "python": held.address}
-        return _solver(sparse_stages, kinds, s, held, **how)
+        return solver(sparse_stages, kinds, s, held, **how)
     factors = np.empty((s, d, 2 * band.lower + band.upper + 2), complex)
     how = {"order": band.order, "jacobian": jacobian, "lapack": lapack_address("zgbtrf")}
     widths = {"lower": band.lower, "upper": band.upper}
-    return _solver(banded_stages, kinds, s, factors=factors, **how, **widths)
+    return solver(banded_stages, kinds, s, factors=factors, **how, **widths)
 
 
 def _joint_solver(structure, form, s):
@@ -103,7 +104,7 @@ def _solver(function, kinds, s, held=None, *, order, **given):
     second = np.zeros(n, dtype=np.int64)
     second[numbers] = second_of
     complex_room = [np.zeros(size, complex) for size in (s, (s, s), (s, s))]
-    defaults = {"lower": 0, "upper": 0, "lapack": 0, "lapack_solve": 0, "python": 0, "hold": 0}
+    numbers_of = "lower", "upper", "lapack", "lapack_solve", "lapack_values", "python", "hold"
     none: dict[str, Any] = {
         "factors": np.empty((0, 0, 0), complex),
         "dense": np.empty((0, 0, 0)),
@@ -119,6 +120,6 @@ def _solver(function, kinds, s, held=None, *, order, **given):
         back=back,
         forth=forth,
         control=np.zeros(N_CONTROL),
-        **(defaults | none | given),
+        **(dict.fromkeys(numbers_of, 0) | none | given),
     )
     return StageSolver(as_value(function, STAGES_SIG), stages, held)

@@ -35,16 +35,6 @@ _Compiler: Any = _private("core.compiler", "Compiler")
 _Library: Any = _private("core.codegen", "JITCodeLibrary")
 _FunctionCache: Any = _private("core.caching", "FunctionCache")
 
-# numba's own entry to SciPy's LAPACK for eigenvectors: kind, whether left and right ones are
-# wanted, n, a, lda, both parts of the values, left and right vectors with the lengths of columns.
-_CHAR, _WORD, _PLACE = types.char, types.intp, types.CPointer(types.float64)
-GEEV: Any = types.ExternalFunction(
-    "numba_ez_rgeev",
-    types.intc(
-        _CHAR, _CHAR, _CHAR, _WORD, _PLACE, _WORD, _PLACE, _PLACE, _PLACE, _WORD, _PLACE, _WORD
-    ),
-)
-
 
 class Inner(_Dispatcher):
     """A compiled function for compiled callers: Python runs its source."""
@@ -184,10 +174,6 @@ def _stores():
     return kept and _takes(_FunctionCache, "_index_key sig codegen", *calls)
 
 
-def _calls_lapack():
-    return "ez_rgeev" in set(_private("_helperlib", "c_helpers"))
-
-
 def _passes(probe):
     """Return whether a probe passes; numba may have become anything."""
     try:
@@ -196,10 +182,10 @@ def _passes(probe):
         return False
 
 
-_FOUND = [*map(_passes, (_links, _hands_on, _stores, _calls_lapack))]
-LINKED, VALUES, STORED, LAPACK = _FOUND
+_FOUND = [*map(_passes, (_links, _hands_on, _stores))]
+LINKED, VALUES, STORED = _FOUND
 if not (config.DISABLE_JIT or all(_FOUND)):
-    _NAMES = "linked functions", "function values", "code on disk", "LAPACK"
+    _NAMES = "linked functions", "function values", "code on disk"
     _missing = ", ".join(name for name, found in zip(_NAMES, _FOUND, strict=True) if not found)
     warn(
         f"hereditary uses plain numba {numba.__version__} in place of private parts that are "

@@ -13,12 +13,12 @@ from .callbacks import PythonRaised, call_at, call_lapack
 from .jacobian import COLUMNS, ROWS, VALUES
 from .jit import allocating, compiled, inner, reordered
 from .linalg import product, solve_in_place, transposed_product
-from .numba_internals import GEEV
 from .signatures import FACTORISE
 from .sparse_solvers import substitute_band
 from .structures import REDUCED, REST, SYSTEMS
 
-_DOUBLE, _WITHOUT, _WITH = (np.uint8(ord(letter)) for letter in "dNV")
+# LAPACK's letters: left eigenvectors are not wanted, right ones are.
+_WITHOUT, _WITH = ord("N"), ord("V")
 
 
 @allocating
@@ -35,7 +35,7 @@ def transform(stage):
         inverse[:, j] = column
     product = inverse @ gain
     values, imaginary, vectors = np.empty(s), np.empty(s), np.empty((s, s))
-    if not eigenvectors(product, values, imaginary, vectors):
+    if not eigenvectors(stage.lapack_values, product, values, imaginary, vectors):
         return False
     # a pair of vectors v +- i w is held as v and w, so that this inverse is real as well
     back, kept = np.linalg.inv(vectors).T.copy() @ inverse, 0
@@ -55,7 +55,7 @@ def transform(stage):
 
 
 @allocating
-def eigenvectors(matrix, values, imaginary, vectors):
+def eigenvectors(lapack, matrix, values, imaginary, vectors):
     """Set both parts of the eigenvalues, (s,), and the eigenvectors by LAPACK; False if it fails.
 
     Vectors are rows, (s, s): the real part of a pair and then its imaginary part, of the eigenvalue
@@ -65,12 +65,20 @@ def eigenvectors(matrix, values, imaginary, vectors):
     for value in matrix.ravel():
         if not abs(value) < np.inf:
             return False
-    turned, none = matrix.T.copy(), np.empty(1)  # LAPACK's matrices have their columns in a row
-    failed = GEEV(
-        _DOUBLE, _WITHOUT, _WITH, s, turned.ctypes, s, values.ctypes, imaginary.ctypes, none.ctypes,
-        1, vectors.ctypes, s,
+    # the columns of a square, and room; sizes, what LAPACK returns, and two letters: both arrays
+    # are alive until LAPACK returns
+    room, numbers = np.empty((s + 8, s)), np.empty(5, dtype=np.int32)
+    for i in range(s):
+        for k in range(s):
+            room[k, i] = matrix[i, k]
+    numbers[0], numbers[1], numbers[2], numbers[3], numbers[4] = s, 8 * s, 0, _WITHOUT, _WITH
+    at, turned, work = numbers.ctypes.data, room.ctypes.data, room[s:].ctypes.data
+    call_lapack(  # type: ignore[call-arg]
+        lapack,
+        (at + 12, at + 16, at, turned, at, values.ctypes.data, imaginary.ctypes.data, work, at,
+         vectors.ctypes.data, at, work, at + 4, at + 8),
     )  # fmt: skip
-    return failed == 0
+    return numbers[2] == 0 and room[0, 0] == room[0, 0]
 
 
 @reordered

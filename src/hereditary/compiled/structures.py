@@ -224,7 +224,7 @@ class Stages(NamedTuple):
     terms differ: order (d s,) of all unknowns, dense (1, ., .) the factors, joint the matrix, (d s,
     d s) or its entries. order is (0,) for few components.
 
-    lower and upper, diagonals of a band; addresses of two functions of LAPACK, and of one that
+    lower and upper, diagonals of a band; addresses of three functions of LAPACK, and of one that
     enters Python; hold, steps of one length before a longer one is worth new factors; kinds (d,) of
     the components and second (n,), 1 for kinds whose primary unknown is y'; pencil (n, 3, s, s) of
     `set_pencil`; jacobian (d, d) or the entries of a sparse one; control (6,).
@@ -236,6 +236,7 @@ class Stages(NamedTuple):
     upper: int
     lapack: int
     lapack_solve: int
+    lapack_values: int
     python: int
     hold: int
     kinds: np.ndarray
@@ -316,8 +317,8 @@ _C16 = types.complex128
 _COMPLEX, _COMPLEX_ROW = types.Array(_C16, 2, "C"), types.Array(_C16, 1, "C")
 STAGES = types.NamedTuple(
     (
-        types.Array(_C16, 3, "C"), IVEC, I8, I8, I8, I8, I8, I8, IVEC, IVEC, CUBES, _COMPLEX_ROW,
-        _COMPLEX, _COMPLEX, MAT, CUBE, MAT, VEC,
+        types.Array(_C16, 3, "C"), IVEC, I8, I8, I8, I8, I8, I8, I8, IVEC, IVEC, CUBES,
+        _COMPLEX_ROW, _COMPLEX, _COMPLEX, MAT, CUBE, MAT, VEC,
     ),
     Stages,
 )  # fmt: skip
