@@ -6,17 +6,16 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from hereditary.compiled.mesh_sums import moments
 from hereditary.kernels.special import (
     alternating_power_sum,
     alternating_sum,
     bracketed_root,
-    gauss_unit,
     hurwitz_zeta,
     mean_exponential,
     power_differences,
     power_second_differences,
 )
+from hereditary.schemes.mesh_plan import moments
 
 POWERS = [1e-6, 0.05, 0.2, 0.5, 0.8, 0.999]
 
@@ -114,12 +113,11 @@ def test_alternating_sums_of_exponentials(rate, other):
 
 @pytest.mark.parametrize("p", [0.02, 0.3, 0.7, 0.98])
 def test_moments_of_steps_of_a_mesh(p):
-    rule = gauss_unit(16)
     for low, width in ((0.0, 1.0), (1e-9, 1.0), (0.1, 1.0), (0.5, 1.0), (1.0, 1.0), (1.0, 1e-12)):
         with mpmath.workdps(60):
             a, b, q = mpmath.mpf(low), mpmath.mpf(low) + mpmath.mpf(width), mpmath.mpf(p)
             m_0 = b**q - a**q
             m_1 = (a + b) / 2 * m_0 - q / (q + 1) * (b ** (q + 1) - a ** (q + 1))
-        found = moments(low, width, p, *rule)
+        found = moments(low, width, p)
         assert found[0] == pytest.approx(float(m_0), rel=1e-14)
         assert found[1] == pytest.approx(float(m_1), rel=1e-13)

@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 from strategies import orders, sequences
 
 import hereditary as hd
-from hereditary.compiled.convolution import exchange_direct
+from hereditary.compiled.past import exchange_direct
+from hereditary.compiled.signatures import Tables, held
 from hereditary.kernels.step_kernel import PowerSteps
 from hereditary.schemes.scheme import Convolution
 from hereditary.schemes.steps import UniformSteps
@@ -32,7 +33,7 @@ def open_memory(history, weights, start, n=N):
     memory = history.open(weights, len(start), N_BLOCK, n)
     memory.prepare(n)
     if memory.nbytes:
-        memory.arrays[1][:] = np.reshape(start, (-1, 1))
+        memory.arrays.starts[:] = np.reshape(start, (-1, 1))
     return memory
 
 
@@ -168,10 +169,9 @@ def test_a_horizon_is_kept_and_its_end_is_told():
 def test_direct_sums_lose_nothing_as_they_grow():
     """Equal terms: plain summation would be off by a few 1e-12 of the sum."""
     n = 1 << 17
-    unused = np.zeros((1, 0))
-    memory = (np.full((1, n + 2), 0.1), np.zeros((1, 1)), unused)
-    tables = (np.full((1, n + 3), 0.1), np.zeros((1, n + 3)), *(unused,) * 6)
-    memory[0][0, 0] = 0.0
+    memory = held(1, pieces=n + 2, starts=1)
+    memory.pieces[0, 1:] = 0.1
+    tables = Tables(weights=np.full((1, n + 3), 0.1), start_weights=np.zeros((1, n + 3)))
     lag = np.zeros((1, 1))
     exchange_direct(lag, np.full((1, 2), 0.1), n, np.array([0]), tables, memory)
     assert lag[0, 0] == pytest.approx((n - 1) * 0.1 * 0.1, rel=2e-16, abs=0)

@@ -35,6 +35,7 @@ from .jacobian import jacobian
 from .jit import entry
 from .linearly_implicit import solve_linearly
 from .newton import guess, solve_step
+from .past import read_varying
 from .signatures import MARCH
 from .step import (
     BASE,
@@ -61,7 +62,6 @@ from .step import (
 )
 from .sweeps import correct, predict, settle
 from .tangent import evaluate, push_tangents
-from .varying_sums import read_varying
 from .watch import watch_turn
 
 _WAYS = {
@@ -83,7 +83,7 @@ def marching(name, way):
         leads, nears, scales, drifts = rows.lead, rows.near, rows.scale, rows.drift
         n_solved, n_orbit, start_weights = table.n_solved, table.n_orbit, table.start_weights
         amplitudes, corrections, sources = state.drift, state.corrections, table.sources
-        starts, start, integral = state.starts, memory[1], table.integral
+        starts, start, integral = state.starts, memory.starts, table.integral
         room, work, monitor, given = output.room, state.newton, state.monitor, table.given
         known, shift, scale, lead = room[KNOWN], room[SHIFT], room[SCALE], room[LEAD]
         near, w, f, n_starts = room[NEAR], room[W], room[F], max(1, starts.shape[1])
@@ -91,7 +91,7 @@ def marching(name, way):
         units = room[UNITS]
         orbit, f_orbit, looked, row = x[:n_orbit], f[:n_orbit], point[:n_orbit], -1
         first_sample = (output.begun + every - 1) // every if every > 0 else 0
-        by_orders = tables[6].shape[0] > 1  # a call for each step would take 45 ns
+        by_orders = tables.amplitudes.shape[0] > 1  # a call for each step would take 45 ns
         rows_out, slopes, begun, j_f = output.rows, output.slopes, output.begun, work[-1]
         while counts.step < end:
             n = counts.step

@@ -11,7 +11,7 @@ import numpy as np
 
 from .copying import clear, clear_matrix, put
 from .jit import allocating, compiled, inner
-from .modes import add_rows
+from .past import add_rows
 from .rows import first_of_kind, number_of
 from .structures import StepTables
 

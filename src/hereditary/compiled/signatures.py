@@ -16,8 +16,59 @@ from .jit import CUBE, F8, I8, IVEC, JAC_SIG, MAT, RHS_SIG, VEC
 RHS = types.FunctionType(RHS_SIG)
 JAC = types.FunctionType(JAC_SIG)
 
-TABLES = types.UniTuple(MAT, 8)
-MEMORY = types.UniTuple(MAT, 3)
+_EMPTY = np.zeros((1, 0))
+
+
+class Tables(NamedTuple):
+    """Tables of a memory; a history sets those that it reads (compiled/past.py).
+
+    The first of the steps that have rows of their own, and the number of rows of each group; the
+    length of a stretch, or of a grid of rates; weights of pieces or modes, and of start values;
+    what modes keep of themselves and take of a piece; powers of what they keep; corrections of the
+    first weights; of orders that vary, the derivatives in the terms, amplitudes, and room.
+    """
+
+    first: int = 0
+    rows: int = 1
+    length: int = 0
+    weights: np.ndarray = _EMPTY
+    start_weights: np.ndarray = _EMPTY
+    keep: np.ndarray = _EMPTY
+    take: np.ndarray = _EMPTY
+    ahead: np.ndarray = _EMPTY
+    corrections: np.ndarray = _EMPTY
+    derivatives: np.ndarray = _EMPTY
+    amplitudes: np.ndarray = _EMPTY
+    room: np.ndarray = _EMPTY
+
+
+class Held(NamedTuple):
+    """What a memory holds for each of W columns, all linear in the solution.
+
+    pieces (W, .); modes (W, .); starts (W, .), the start values or their modes, which the march
+    sets; pending (W, .), sums for steps to come.
+    """
+
+    pieces: np.ndarray
+    modes: np.ndarray
+    starts: np.ndarray
+    pending: np.ndarray
+
+
+def held(n_columns, pieces=0, modes=0, starts=0, pending=0):
+    """Return a `Held` of zeros with so many numbers for each column."""
+    return Held(*(np.zeros((n_columns, size)) for size in (pieces, modes, starts, pending)))
+
+
+def numba_type(cls):
+    """Return numba's type of a NamedTuple class, from its annotations."""
+    kinds = [{int: I8, float: F8}.get(kind, MAT) for kind in cls.__annotations__.values()]
+    if len(set(kinds)) == 1:
+        return types.NamedUniTuple(kinds[0], len(kinds), cls)
+    return types.NamedTuple(tuple(kinds), cls)
+
+
+TABLES, MEMORY = numba_type(Tables), numba_type(Held)
 # lag (W, B), pieces (W, B + 1), first step of the block, group of each column (W,), tables, memory:
 # takes all pieces but the last into memory (none at step 0), adds to lag
 EXCHANGE_SIG = types.void(MAT, MAT, I8, IVEC, TABLES, MEMORY)

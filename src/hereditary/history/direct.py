@@ -5,15 +5,13 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..compiled.convolution import exchange_direct
-from ..compiled.mesh_sums import exchange_mesh_direct
-from ..schemes.mesh_plan import MeshSums
+from ..compiled.past import exchange_direct
+from ..compiled.signatures import Tables, held
 from ..schemes.scheme import Convolution
-from ..schemes.steps import Span
-from ..schemes.varying_plan import Schedule
-from .history import History, Memory, NoMemory
-from .mesh_memory import MeshMemory
-from .varying_memory import VaryingPieces
+from .history import History, Memory
+
+# Weights of steps that have rows of their own are worked out so many numbers at a time.
+_NUMBERS = 2**16
 
 
 @dataclass(frozen=True)
@@ -41,43 +39,46 @@ class Direct(History):
     takes_varying: ClassVar[bool] = True
     takes_meshes: ClassVar[bool] = True
 
-    def open(self, convolution: Convolution, n_columns: int, n_block: int, n_steps: int) -> Memory:
-        """A fresh memory; see `History.open`."""
-        if not convolution.has_memory():
-            return NoMemory(n_columns, *convolution.exact(n_block + 2))
-        return _Pieces(convolution, n_columns, n_block)
-
-    def open_varying(self, schedule: Schedule, n_columns: int, n_steps: int) -> Memory:
-        """A fresh memory where orders vary; see `History.open_varying`."""
-        return VaryingPieces(schedule, n_columns)
-
-    def open_mesh(self, sums: MeshSums, n_columns: int, span: Span) -> Memory:
-        """A fresh memory on a mesh of any steps; see `History.open_mesh`."""
-        n = sums.theta.size
-        kinds = sums.factors, sums.powers, sums.derivatives
-        arrays = tuple(np.zeros((n_columns, k)) for k in (n, 0, n))
-        return MeshMemory(exchange_mesh_direct, sums, kinds, arrays)
+    def memory(self, past, n_columns, n_block, span) -> Memory:
+        """Make the memory of a past; see `History.memory`."""
+        own = _Pieces if isinstance(past, Convolution) else _PiecesByRows
+        return own(past, n_columns, n_block)
 
 
 class _Pieces(Memory):
     """All pieces ever absorbed, in arrays that grow by doubling."""
 
-    def __init__(self, convolution, n_columns, n_block):
-        self._convolution = convolution
-        self._n_block = n_block
-        arrays = tuple(np.zeros((n_columns, k)) for k in (0, convolution.n_starts, 0))
-        none = np.zeros((1, 0))
-        super().__init__(exchange_direct, (none, none), arrays, *convolution.exact(n_block + 2))
+    def __init__(self, past, n_columns, n_block):
+        self._past, self._n_block = past, n_block
+        arrays = held(n_columns, starts=getattr(past, "n_starts", 0))
+        super().__init__(exchange_direct, Tables(), arrays, *past.exact(n_block + 2))
 
     def prepare(self, n_end):
         """Grow the arrays and tables to hold steps up to `n_end`."""
-        pieces, *others = self.arrays
-        n_tables = n_end + self._n_block + 1
+        pieces = self.arrays.pieces
         if pieces.shape[1] < n_end + 1:
-            capacity = max(n_end + 1, 2 * pieces.shape[1])
-            grown = np.zeros((pieces.shape[0], capacity))
-            grown[:, : pieces.shape[1]] = pieces
-            self.arrays = (grown, *others)
-            n_tables = capacity + self._n_block + 1
-        if self.tables[0].shape[1] < n_tables:
-            self.tables = (*self._convolution.exact(n_tables), *self.tables[2:])
+            more = max(n_end + 1, 2 * pieces.shape[1]) - pieces.shape[1]
+            self.arrays = self.arrays._replace(pieces=np.pad(pieces, ((0, 0), (0, more))))
+        self._tabulate(max(n_end + 1, self.arrays.pieces.shape[1]) + self._n_block)
+
+    def _tabulate(self, n):
+        if self.tables.weights.shape[1] < n:
+            weights, start_weights = self._past.exact(n)
+            self.tables = Tables(weights=weights, start_weights=start_weights)
+
+
+class _PiecesByRows(_Pieces):
+    """Pieces that each step weighs anew."""
+
+    def _tabulate(self, n):
+        """Leave it to `reach`."""
+
+    def reach(self, n, pieces, groups):
+        """Work out the weights of steps from n on."""
+        first, end = self.tables.first, self.tables.first + self.tables.rows
+        if not (first <= n < end and self.tables.weights.size):
+            end = min(n + max(1, _NUMBERS // (n + 1)), self._past.reach(n)[0])
+            weights = self._past.direct(n, end, end + 2)
+            weights = np.ascontiguousarray(weights.reshape(-1, end + 2))
+            self.tables = Tables(first=n, rows=end - n, weights=weights)
+        return end

@@ -11,23 +11,23 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from ..compiled.mesh_sums import exchange_mesh_modes
-from ..compiled.modes import exchange_modes
+from ..compiled.past import exchange_modes, exchange_rows
+from ..compiled.signatures import Tables, held
 from ..kernels.exponential_sum import fit_unit, tolerance
 from ..kernels.memory_kernel import KernelErrors
 from ..schemes.mesh_plan import MeshSums
-from ..schemes.scheme import Convolution
 from ..schemes.steps import Span
 from ..schemes.varying_plan import Schedule
 from ..support.checks import complaint, positive
-from .history import History, Memory, NoMemory
-from .mesh_memory import MeshMemory
+from .history import History, Memory
 from .varying_memory import VaryingModes
 
 # Steps that every bank covers. A run may be resumed up to here whatever length it first had, and
 # all shorter runs share one bank; longer ones take ten times as many, and so on. Against a bank
 # for just 1e4 steps this costs a third of the modes at a tolerance of 1e-10.
 _STEPS_COVERED = 2 * 10**7
+# Steps of a mesh whose rows are worked out at once.
+_ROWS = 256
 # Modes are handled four at a time and padded to a multiple of eight, a SIMD register's width.
 _PAD = 8
 
@@ -81,25 +81,22 @@ class SumOfExponentials(History):
         if self.horizon is not None:
             positive("horizon", self.horizon)
 
-    def open(self, convolution: Convolution, n_columns: int, n_block: int, n_steps: int) -> Memory:
-        """A fresh memory; see `History.open`."""
-        if not convolution.has_memory():
-            return NoMemory(n_columns, *convolution.exact(n_block + 2))
+    def memory(self, past, n_columns, n_block, span) -> Memory:
+        """Make the memory of a past; see `History.memory`."""
+        if isinstance(past, MeshSums):
+            return _MeshModes(past, n_columns, self._span(past, span), float(self.tol))
+        if isinstance(past, Schedule):
+            covered = self._covered(span + 1, (), span)
+            return VaryingModes(past, n_columns, covered, float(self.tol))
         # one block more than asked for: a lag is filled for whole blocks
-        kernels = convolution.kernels()
-        covered = self._covered(n_steps + n_block, kernels, n_steps)
+        kernels = past.kernels()
+        covered = self._covered(span + n_block, kernels, span)
         # kernels of the user's may change between runs, powers do not
         tabulate = _tabulated if kernels else _kept
-        tables, blocks, pad, errors = tabulate(convolution, float(covered), self.tol, n_block)
-        n = tables[0].shape[1]
-        sizes = (n, convolution.n_starts * n, convolution.first_modal - 2)
-        arrays = tuple(np.zeros((n_columns, k)) for k in sizes)
+        tables, blocks, pad, errors = tabulate(past, float(covered), self.tol, n_block)
+        n = tables.weights.shape[1]
+        arrays = held(n_columns, past.first_modal - 2, n, past.n_starts * n)
         return _Modes(tables, arrays, blocks, n - pad, covered, errors)
-
-    def open_varying(self, schedule: Schedule, n_columns: int, n_steps: int) -> Memory:
-        """A fresh memory where orders vary; see `History.open_varying`."""
-        covered = self._covered(n_steps + 1, (), n_steps)
-        return VaryingModes(schedule, n_columns, covered, float(self.tol))
 
     def _covered(self, enough, kernels, n_steps):
         """Steps that a bank covers; the run's alone where functions or tables must be fitted."""
@@ -111,25 +108,17 @@ class SumOfExponentials(History):
             covered *= 10
         return covered
 
-    def open_mesh(self, sums: MeshSums, n_columns: int, span: Span) -> Memory:
-        """A fresh memory on a mesh of any steps; see `History.open_mesh`."""
+    def _span(self, past, span):
+        """Distances at which modes must hold on a mesh."""
         # a mesh of one step may go on, with steps that are no shorter
-        shortest = span.shortest if np.isfinite(span.shortest) else sums.rows.unit[0]
-        farthest, found = max(span.farthest, self.horizon or 0.0), []
-        # velocities of order above 1 are seen from the middle of a step on
-        for m, nearest in ((1, shortest), (2, 0.5 * shortest)):
-            found.append(_mesh_modes(sums, m, nearest, farthest, float(self.tol)))
-        rates, derivatives, *weights = np.hstack(found)
-        kinds = rates.reshape(1, -1), np.array(weights), derivatives.reshape(1, -1)
-        arrays = tuple(np.zeros((n_columns, k)) for k in (rates.size, 0, 0))
-        covers = Span(shortest, farthest) if rates.size else None
-        return MeshMemory(exchange_mesh_modes, sums, kinds, arrays, rates.size, covers)
+        shortest = span.shortest if np.isfinite(span.shortest) else past.rows.unit[0]
+        return Span(shortest, max(span.farthest, self.horizon or 0.0))
 
 
 class _Tabulated(NamedTuple):
     """Tables of `exchange_modes`, block weights, modes of the padding, and the kernels' errors."""
 
-    tables: tuple
+    tables: Tables
     blocks: tuple
     pad: int
     errors: KernelErrors
@@ -150,7 +139,7 @@ def _tabulated(convolution, covered, tol, n_block):
     n_short = min(first, n_block + 2)
     block_weights[:, :n_short] += corrections[:, :n_short]
     block_start_weights[:, 2:n_block] = (start_shares @ ahead)[:, 2:]
-    tables = (shares, start_shares, ahead, back, corrections)
+    tables = Tables(0, 1, 0, shares, start_shares, back, ahead=ahead, corrections=corrections)
     return _Tabulated(tables, (block_weights, block_start_weights), pad, errors)
 
 
@@ -158,23 +147,63 @@ _kept = lru_cache(maxsize=64)(_tabulated)
 
 
 def _mesh_modes(sums, m, nearest, farthest, tol):
-    """Modes of the terms with derivative m on a mesh, shape (2 + C, M).
-
-    Rates, m, and the weights of each group.
-    """
+    """Rates (M,) of the modes of terms with derivative m, and their weights for each group."""
     used = (sums.factors != 0) & (sums.powers > 0) & (sums.derivatives == m)
     exponents = tuple(sorted({1 - p for p in sums.powers[used]}))
     if not exponents:
-        return np.zeros((2 + sums.factors.shape[0], 0))
+        return np.zeros(0), np.zeros((len(used), 0))
     fit = fit_unit(exponents, max(2.0, farthest / nearest), tol)
-    rows = np.zeros((2 + sums.factors.shape[0], fit.rates.size))
-    rows[0], rows[1] = fit.rates / nearest, m
+    weights = np.zeros((len(used), fit.rates.size))
     for i, j in zip(*np.nonzero(used), strict=True):
         a = 1 - sums.powers[i, j]
         # p t**(p-1) in units of the nearest distance
         own = (1 - a) * fit.weights[exponents.index(a)] * nearest**-a
-        rows[2 + i] += sums.factors[i, j] * own
-    return rows
+        weights[i] += sums.factors[i, j] * own
+    return fit.rates / nearest, weights
+
+
+class _MeshModes(Memory):
+    """Modes on a mesh of any steps."""
+
+    def __init__(self, sums, n_columns, covers, tol):
+        self._sums, self._covers = sums, covers
+        # velocities of order above 1 are seen from the middle of a step on
+        nearest = (1, covers.shortest), (2, 0.5 * covers.shortest)
+        found = [(m, *_mesh_modes(sums, m, least, covers.farthest, tol)) for m, least in nearest]
+        self._modes = [(m, rates, weights) for m, rates, weights in found if rates.size]
+        self.n_modes = sum(rates.size for _, rates, _ in self._modes)
+        arrays = held(n_columns, modes=self.n_modes)
+        super().__init__(exchange_rows, Tables(rows=0), arrays, *sums.exact(0))
+
+    def reach(self, n, pieces, groups):
+        """Work out what modes keep and take, and how they are weighed, in steps from n on."""
+        first, end = self.tables.first, self.tables.first + self.tables.rows
+        if not first <= n < end:
+            first = n // _ROWS * _ROWS
+            end = min(first + _ROWS, self._sums.reach(n)[0])
+            parts = []
+            for m, rates, weights in self._modes:
+                keep, take, seen = self._sums.decays(rates, m, first, end)
+                parts.append((keep, take, weights[:, None] * seen))
+            keep, take, read = (np.concatenate(part, axis=-1) for part in zip(*parts, strict=True))
+            read *= self._sums.rows.lead[:, first:end, None]
+            read = np.ascontiguousarray(read.reshape(-1, self.n_modes))
+            self.tables = Tables(first, end - first, weights=read, keep=keep, take=take)
+        return end
+
+    def prepare(self, n_end):
+        """Refuse steps that the modes do not reach."""
+        times = self._sums.times
+        shortest = float(np.diff(times[:n_end]).min(initial=np.inf))
+        if shortest < self._covers.shortest * (1 - 1e-9):
+            required = (
+                f"have no steps below {self._covers.shortest:g}, the shortest of the run begun"
+            )
+            raise ValueError(complaint("mesh", required, f"one of {shortest:g}"))
+        if times[n_end] > self._covers.farthest:
+            required = f"stay within t = {self._covers.farthest:g}, as far as its history reaches"
+            remedy = "begin the run with SumOfExponentials(horizon=), the time it is to reach"
+            raise ValueError(complaint("resume", required, f"{times[n_end]:g}", remedy))
 
 
 class _Modes(Memory):

@@ -12,9 +12,9 @@ from typing import ClassVar
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 
-from ..compiled.convolution import exchange_pending
-from ..schemes.scheme import Convolution
-from .history import History, Memory, NoMemory
+from ..compiled.past import exchange_pending
+from ..compiled.signatures import Tables, held
+from .history import History, Memory
 
 # Blocks in the shortest stretch: below, direct sums are faster than entering Python again.
 _BLOCKS = 32
@@ -46,11 +46,9 @@ class FFT(History):
 
     takes_kernels: ClassVar[bool] = True
 
-    def open(self, convolution: Convolution, n_columns: int, n_block: int, n_steps: int) -> Memory:
-        """A fresh memory; see `History.open`."""
-        if not convolution.has_memory():
-            return NoMemory(n_columns, *convolution.exact(n_block + 2))
-        return _Pending(convolution, n_columns, n_block)
+    def memory(self, past, n_columns, n_block, span) -> Memory:
+        """Make the memory of a past; see `History.memory`."""
+        return _Pending(past, n_columns, n_block)
 
 
 class _Pending(Memory):
@@ -60,44 +58,44 @@ class _Pending(Memory):
         self._convolution = convolution
         self._n_block = n_block
         self._stretch = _BLOCKS * n_block
-        arrays = tuple(np.zeros((n_columns, k)) for k in (0, convolution.n_starts, 0))
-        none = np.zeros((1, 0))
-        tables = none, none, np.full((1, 1), float(self._stretch))
+        tables, arrays = Tables(length=self._stretch), held(n_columns, starts=convolution.n_starts)
         super().__init__(exchange_pending, tables, arrays, *convolution.exact(n_block + 2))
 
     def prepare(self, n_end):
         """Grow arrays and tables to hold steps up to `n_end`."""
         capacity = n_end + self._n_block
-        self.arrays = tuple(
-            np.pad(array, ((0, 0), (0, max(0, capacity - array.shape[1])))) if grows else array
-            for array, grows in zip(self.arrays, (True, False, True), strict=True)
-        )
+        grown = [_grown(getattr(self.arrays, name), capacity) for name in ("pieces", "pending")]
+        self.arrays = self.arrays._replace(pieces=grown[0], pending=grown[1])
         # the largest square that ends before step n_end asks for weights of twice its length
         blocks = (n_end - 1) // self._stretch
         square = self._stretch << (blocks.bit_length() - 1) if blocks else 0
-        n_tables = max(capacity + self._n_block, 2 * square) + 1
-        if self.tables[0].shape[1] < n_tables:
-            self.tables = (*self._convolution.exact(n_tables), *self.tables[2:])
+        self._tabulate(max(capacity + self._n_block, 2 * square) + 1)
 
-    def reach(self, n):
-        """The end of the stretch that step n lies in."""
+    def _tabulate(self, n):
+        if self.tables.weights.shape[1] < n:
+            weights, start_weights = self._convolution.exact(n)
+            self.tables = self.tables._replace(weights=weights, start_weights=start_weights)
+
+    def reach(self, n, pieces, groups):
+        """Let the pieces of a finished square act on the steps to come; return a stretch's end."""
+        if n > 0 and n % self._stretch == 0:
+            self._act(n, pieces, groups)
         return (n // self._stretch + 1) * self._stretch
 
-    def refresh(self, n, pieces, groups):
-        """Let the pieces of a finished square act on the steps to come."""
-        stored, _, pending = self.arrays
-        if n == 0 or n % self._stretch:
-            return
+    def _act(self, n, pieces, groups):
         j = n // self._stretch
         length = self._stretch * (j & -j)
+        stored, pending = self.arrays.pieces, _grown(self.arrays.pending, n + length)
+        self.arrays = self.arrays._replace(pending=pending)
         stored[:, n - self._n_block : n] = pieces[:, : self._n_block]
-        if pending.shape[1] < n + length:
-            pending = np.pad(pending, ((0, 0), (0, n + length - pending.shape[1])))
-            self.arrays = (stored, self.arrays[1], pending)
-        if self.tables[0].shape[1] < 2 * length + 1:
-            self.tables = (*self._convolution.exact(2 * length + 1), *self.tables[2:])
+        self._tabulate(2 * length + 1)
         # stored[s] is u_(s-1): it acts on step n' with the weight of k = n' - s + 1
         size = next_fast_len(2 * length, real=True)
-        kernel = rfft(self.tables[0][:, 1 : 2 * length + 1], size, axis=1)
+        kernel = rfft(self.tables.weights[:, 1 : 2 * length + 1], size, axis=1)
         product = rfft(stored[:, n - length : n], size, axis=1) * kernel[groups]
         pending[:, n : n + length] += irfft(product, size, axis=1)[:, length : 2 * length]
+
+
+def _grown(array, n):
+    """Return an array of at least n columns, the new ones 0."""
+    return np.pad(array, ((0, 0), (0, max(0, n - array.shape[1]))))

@@ -1,4 +1,4 @@
-"""The past of equations whose orders vary: stored pieces, or modes for every order.
+"""Modes for every order, for equations whose orders vary.
 
 The weights of the past are other ones at each step, but the modes need not be: on a grid of rates
 ``exp(h j)`` every kernel ``t**-a`` has the amplitudes ``h/Gamma(a) exp(a h j)``. The infinitely
@@ -13,9 +13,9 @@ from functools import lru_cache
 import numpy as np
 from scipy.special import gammainccinv, gammaln, rgamma
 
-from ..compiled.convolution import exchange_nothing
 from ..compiled.order_weights import fill_starts
-from ..compiled.varying_sums import LANES, STARTS, exchange_varying_direct
+from ..compiled.past import LANES, STARTS, exchange_nothing
+from ..compiled.signatures import Tables, held
 from ..kernels.exponential_sum import trapezoid_step
 from ..kernels.special import mean_exponential
 from ..schemes.varying_plan import LEAST
@@ -32,58 +32,7 @@ SLOW_NODES = 3
 _NODES = (1 - np.cos(2 * np.pi * np.arange(SLOW_NODES) / (2 * SLOW_NODES - 1))) / 2
 
 
-class VaryingMemory(Memory):
-    """Common part of both memories: the tables of the schedule.
-
-    Parameters
-    ----------
-    exchange : compiled function
-    own : list of ndarray
-        Tables behind those of the schedule.
-    arrays : tuple of three ndarrays
-    schedule : Schedule
-    """
-
-    def __init__(self, exchange, own, arrays, schedule):
-        empty = np.zeros((schedule.rows.lead.shape[0], 0))
-        common = (
-            schedule.numbers,
-            schedule.rows.lead,
-            schedule.amplitudes,
-            schedule.powers,
-            schedule.derivatives,
-        )
-        super().__init__(exchange, (*common, *own), arrays, empty, empty)
-        self._schedule = schedule
-
-
-class VaryingPieces(VaryingMemory):
-    """All pieces ever absorbed."""
-
-    def __init__(self, schedule, n_columns):
-        arrays = (np.zeros((n_columns, 0)),) * 3
-        super().__init__(exchange_varying_direct, [], arrays, schedule)
-        self._n_known = 0
-
-    def prepare(self, n_end):
-        """Make room for a march up to step `n_end`."""
-        pieces, *others = self.arrays
-        if pieces.shape[1] < n_end + 1:
-            more = max(n_end + 1, 2 * pieces.shape[1]) - pieces.shape[1]
-            self.arrays = (np.pad(pieces, ((0, 0), (0, more))), *others)
-        n = max(n_end + 1, pieces.shape[1])
-        if self._n_known >= n:
-            return
-        self._n_known = n
-        # beginning at k = 1, the first that is asked for being 2
-        k = np.maximum(np.arange(n), 1.0)
-        begun = np.maximum(k - 1 + self._schedule.theta, 0.5)
-        logs = [np.log(k), np.log1p(1 / k), np.log(begun), np.log1p(1 / begun)]
-        *common, _, _, unused = self.tables
-        self.tables = (*common, np.array(logs), np.zeros((1, n)), unused)
-
-
-class VaryingModes(VaryingMemory):
+class VaryingModes(Memory):
     """Modes for all orders, which the march reads by itself."""
 
     def __init__(self, schedule, n_columns, covered, tol):
@@ -104,12 +53,16 @@ class VaryingModes(VaryingMemory):
         table[0, : rates.size] = np.exp(-rates)
         table[1:, :n_grid] = shares[:, :n_grid]
         self._grid = h, x, shares[:, n_grid:, None] * _from_moments(), n_powers // LANES
-        self._starts = np.zeros((schedule.derivatives.size * STARTS, schedule.numbers.size))
-        size = np.zeros((2, 2 + n_powers // LANES))
-        size[0, :2] = n_powers, n_grid
-        own = [table, self._starts, size]
-        arrays = tuple(np.zeros((n_columns, k)) for k in (0, n_powers, 0))
-        super().__init__(exchange_nothing, own, arrays, schedule)
+        self._schedule, self._rows = schedule, None
+        tables = Tables(
+            length=n_grid,
+            keep=table,
+            derivatives=schedule.derivatives,
+            amplitudes=np.zeros((schedule.derivatives.size * STARTS, schedule.powers.shape[1])),
+            room=np.zeros((1, n_powers // LANES)),
+        )
+        arrays = held(n_columns, modes=n_powers)
+        super().__init__(exchange_nothing, tables, arrays, *schedule.exact(0))
 
     def prepare(self, n_end):
         """Refuse steps that the exponential sums do not reach."""
@@ -118,8 +71,16 @@ class VaryingModes(VaryingMemory):
             required = f"stay within the {self._covered} steps its history covers"
             raise ValueError(complaint("resume", required, f"a run to step {n_end}", remedy))
 
-    def follow(self, size):
-        """Where each term's amplitudes begin on the grid, their ratio, and the slow end's weights.
+    def reach(self, n, pieces, groups):
+        """Work out the amplitudes of steps whose rows are new."""
+        if self._rows is not self._schedule.rows:
+            self._rows = self._schedule.rows
+            self.tables = self.tables._replace(first=self._rows.first)
+            self._fill(self._schedule.size)
+        return super().reach(n, pieces, groups)
+
+    def _fill(self, size):
+        """Set each term's first amplitude on the grid, their ratio, and the slow end's weights.
 
         A kernel ``t**-a`` has the amplitudes ``exp(a h j)`` on the grid; the slow end holds all
         those before it, whose moments are ``exp(a x) / (1 - exp(-(a + k) h))``.
@@ -130,7 +91,7 @@ class VaryingModes(VaryingMemory):
         for index, m in enumerate(schedule.derivatives.ravel().astype(int)):
             if m == 0:
                 continue
-            own = self._starts[STARTS * index :][:STARTS, :size]
+            own = self.tables.amplitudes[STARTS * index :][:STARTS, :size]
             exponent = np.subtract(1, schedule.powers[index, :size], out=own[5])
             np.maximum(exponent, LEAST, out=exponent)
             for k, factor in enumerate((x, h, h * length)):

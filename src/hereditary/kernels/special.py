@@ -25,10 +25,10 @@ def power_differences(p, n):
     ndarray, shape (n,)
         Positive and decreasing for 0 < p < 1; relative error a few units of rounding for every k.
     """
-    b = np.ones(n)
+    b = np.ones((*np.shape(p)[:-1], n))
     if n > 1:
         k = np.arange(1.0, n)
-        b[1:] = k**p * np.expm1(p * np.log1p(1 / k))
+        b[..., 1:] = k**p * np.expm1(p * np.log1p(1 / k))
     return b
 
 
@@ -65,26 +65,26 @@ def power_second_differences(p, n):
 
     Parameters
     ----------
-    p : float
-        Exponent, 0 <= p < 1 [-].
+    p : float or ndarray, shape (k, 1)
+        Exponents, 0 <= p < 1 [-].
     n : int
         Number of differences, n >= 1.
 
     Returns
     -------
-    ndarray, shape (n,)
+    ndarray, shape (n,) or (k, n)
         1, then negative and increasing to 0; relative error below 1e-14 for every k.
     """
-    c = np.ones(n)
+    c = np.ones((*np.shape(p)[:-1], n))
     few = min(n, 17)
-    c[1:few] = np.diff(power_differences(p, few))
+    c[..., 1:few] = np.diff(power_differences(p, few))
     if n > 17:
         k = np.arange(17.0, n)
         u = k**-2
-        series = np.zeros_like(k)
+        series = 0.0 * k
         for m in range(8, 0, -1):
             series = (series + binom(p, 2 * m)) * u
-        c[17:] = 2 * k**p * series
+        c[..., 17:] = 2 * k**p * series
     return c
 
 

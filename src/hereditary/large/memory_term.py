@@ -114,7 +114,7 @@ class MemoryTerm:
         """Let the memory add everything older than the block that begins here to its lag."""
         n, memory = self.n, self._memory
         memory.prepare(min(n + BLOCK, self._how["steps"]))
-        memory.refresh(n, self._pieces, self._groups)
+        memory.reach(n, self._pieces, self._groups)
         arrays = memory.exchange, memory.tables, memory.arrays
         open_lag(self._lag, self._pieces, n, self._groups, memory.block_weights, *arrays)
 
@@ -133,7 +133,7 @@ class MemoryTerm:
         close_piece(p, self._memory.block_weights[0], piece, self._lag, self._pieces)
         weights = self._memory.block_start_weights
         if self.n == 0 and weights.shape[1] > 0:  # the first increment weighs as a start value
-            self._memory.arrays[1][...] = piece[:, None]
+            self._memory.arrays.starts[...] = piece[:, None]
             self._lag[:, 1:] += np.outer(piece, weights[0, 1:BLOCK])
         self.n, self._u, self._known = self.n + 1, new, None
 
@@ -263,7 +263,7 @@ def memory_term(
     plan = _plan(scheme, system, h)
     most = 1 if n_steps is None else count("n_steps", n_steps)
     covered = UniformSteps(h).covered(most, getattr(history, "horizon", None) or 0.0)
-    memory = plan.past.open(history, start.size, BLOCK, covered)
+    memory = history.open(plan.past, start.size, BLOCK, covered)
     warn_of_fit(max(memory.kernel_errors), getattr(history, "tol", 0.0))
     last = most if by_values else math.inf
     how = {"scheme": described(scheme), "history": described(history), "steps": last}

@@ -1,15 +1,53 @@
-"""Plans on meshes of any steps, for orders in (0, 1]."""
+"""Plans on meshes of any steps.
+
+A piece of the solution on [t_j, t_(j+1)] has the slope ``mean + lean (s - middle)``. Seen from t it
+contributes ``mean m_0 + lean m_1`` with the moments of the kernel ``p T**(p-1)``, T = t - s:
+``m_0 = int p T**(p-1) dT`` and ``m_1 = int p T**(p-1) (middle - T) dT``. Above order 1 the velocity
+is a line between the middles of two steps, and its slope takes the place of the mean.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
-from ..compiled.mesh_sums import fill_mesh
 from ..compiled.signatures import StepRows
-from ..kernels.special import gauss_unit
+from ..kernels.special import first_moment_exponential, gauss_unit, mean_exponential
 from ..support.checks import complaint
 from .scheme import Plan, distinct_components
 from .uniform_plan import drift_of_speed
+
+# Steps so many times longer or shorter than the one before have a corner between them, or begin at
+# a singular point: lines, for a parabola would lean on the other.
+_STEEPEST = 30.0
+
+
+def moments(low, width, p, bent=True):
+    """Return m_0, and m_1 if `bent`, else 0, over distances [low, low + width].
+
+    The width is an argument because far from a tiny step both ends have the same distance.
+    """
+    high, nearest = low + width, low == 0.0
+    if p == 0.0:  # a point mass at distance 0
+        return np.where(nearest, 1.0, 0.0), np.where(nearest, 0.5 * width, 0.0)
+    beyond = np.where(nearest, 1.0, low)
+    m_0 = np.where(nearest, high**p, beyond**p * np.expm1(p * np.log1p(width / beyond)))
+    if not bent:
+        return m_0, 0.0
+    middle, m_1 = low + 0.5 * width, 0.0
+    for node, weight in zip(*gauss_unit(16), strict=True):
+        # less its value in the middle, whose moment is 0: what is left cancels nowhere
+        bend = np.expm1((p - 1.0) * np.log1p((node - 0.5) * width / middle))
+        m_1 = m_1 + weight * (0.5 - node) * bend
+    m_1 = p * width * width * middle ** (p - 1.0) * m_1
+    # wide: the closed form does not cancel
+    closed = middle * m_0 - p / (p + 1.0) * (high ** (p + 1.0) - low ** (p + 1.0))
+    return m_0, np.where(width > 2.0 * low, closed, m_1)
+
+
+def parabolas_fit(steps):
+    """Return whether the steps k and k + 1 are alike enough for a parabola, (n - 1,)."""
+    ratio = steps[1:] / steps[:-1]
+    return (ratio <= _STEEPEST) & (_STEEPEST * ratio >= 1.0)
 
 
 class MeshSums:
@@ -42,39 +80,118 @@ class MeshSums:
             for j, (c, operator) in enumerate(key):
                 self.factors[i, j], self.powers[i, j] = c * operator.factor(1.0), operator.power
                 self.derivatives[i, j] = operator.derivative
-        steps, self.parabolas = np.diff(times), parabolas
-        self.times, self.rule = times, np.array(gauss_unit(16))
-        self.theta = np.broadcast_to(theta, steps.size) * 1.0
-        lead, near = np.zeros((2, len(distinct), steps.size))
-        terms = self.factors, self.powers, self.derivatives
-        fill_mesh(times, self.theta, parabolas, *terms, self.rule, lead, near)
-        none = np.zeros((len(distinct), 0))
+        steps, self._parabolas = np.diff(times), parabolas
+        self.times, self._steps = times, steps
+        self._theta = np.broadcast_to(theta, steps.size) * 1.0
+        self._seen = times[:-1] + self._theta * steps
+        # slope of the lean of each step over the difference of its mean and the next one's
+        fit = parabolas_fit(steps) & (parabolas > 0)
+        self._slopes = np.append(np.where(fit, 2.0 / (steps[1:] + steps[:-1]), 0.0), 0.0)
+        # middles from that of a step before the first, as long as that, on, and between them
+        self._middles = np.append(times[0] - 0.5 * steps[0], times[:-1] + 0.5 * steps)
+        self._between = 0.5 * (steps + np.append(steps[0], steps[:-1]))
+        now, near = np.moveaxis(self.weights(0, steps.size, 2), 2, 0)
         ratio = np.ones(steps.size)
         ratio[1:] = steps[1:] / steps[:-1]
         self.rows = StepRows(
             first=0,
             last=steps.size - 1,
             times=times[:-1].copy(),
-            theta=self.theta,
+            theta=self._theta,
             unit=steps,
             length=steps,
             ratio=ratio,
-            lead=lead,
-            near=near,
-            scale=np.ones_like(lead),
-            drift=none,
+            lead=1.0 / now,
+            near=near / now,
+            scale=np.ones_like(now),
+            drift=np.zeros((len(distinct), 0)),
         )
+
+    def weights(self, first, last, k_end):
+        """Weights of u_(n-k) in the derivative at steps n from `first` to `last`, k < k_end.
+
+        Shape (C, last - first, k_end); not divided by the leading weight.
+        """
+        n = np.arange(first, last)[:, None]
+        j = n - np.arange(k_end + 1)
+        there, j = j >= 0, np.maximum(j, 0)
+        steps, bent = self._steps[j], self._parabolas > 0
+        far = np.where(there, self._seen[n] - self.times[j + 1], 1.0)
+        far[:, 0], width = 0.0, steps.copy()
+        width[:, 0] *= self._theta[first:last]
+        behind = np.where(there, self._seen[n] - self._middles[j + 1], 1.0)
+        behind[:, 0], between = 0.0, self._between[j]
+        found, of_terms = np.zeros((len(self.factors), last - first, k_end)), {}
+        for (a, i), factor in np.ndenumerate(self.factors):
+            p, m = key = self.powers[a, i], self.derivatives[a, i]
+            if factor == 0.0:
+                continue
+            if key not in of_terms and m == 2:
+                own = there * moments(behind, between, p, False)[0] / between
+                own[:, 1:] -= own[:, :-1].copy()
+                of_terms[key] = (own / steps)[:, :-1]
+            elif key not in of_terms:
+                own, lean = (there * part for part in moments(far, width, p, bent))
+                lean[:, 1] += (self._parabolas == 2) * lean[:, 0]
+                lean[:, 1:] *= self._slopes[j[:, 1:]] * there[:, 1:]
+                own[:, 1:] -= lean[:, 1:]
+                of_terms[key] = (own[:, :-1] + lean[:, 1:]) / steps[:, :-1]
+            found[a] += factor * of_terms[key]
+        return found
+
+    def direct(self, first, last, k_end):
+        """As `weights`, over the leading weight."""
+        return self.weights(first, last, k_end) * self.rows.lead[:, first:last, None]
+
+    def decays(self, rates, m, first, last):
+        """How modes of terms with derivative m change at steps n from `first` to `last`.
+
+        Returns
+        -------
+        keep, take, seen : ndarray, shape (last - first, M)
+            Factors of a mode, of u_(n-2) that it takes, and of the mode in the sum at step n.
+        """
+        n = np.arange(first, last)[:, None]
+        j, newest = np.maximum(n - 2, 0), np.maximum(n - 1, 0)
+        if m == 2:
+            z, later = (rates * self._between[k] for k in (j, newest))
+            average, end = mean_exponential(z), self._middles[newest + 1]
+            take = average * np.expm1(-later) + (average - mean_exponential(later))
+            keep = np.exp(-later)
+        else:
+            before, end = np.maximum(j - 1, 0), self.times[newest]
+            z = rates * self._steps[j]
+            keep, take = np.exp(-z), self._steps[j] * mean_exponential(z)
+            if self._parabolas:
+                take -= self._slopes[j] * self._lean(rates, j)
+                take += (j > 0) * self._slopes[before] * self._lean(rates, before) * keep
+        return keep, take / self._steps[j], np.exp(-rates * (self._seen[n] - end))
+
+    def _lean(self, rates, j):
+        z = rates * self._steps[j]
+        return self._steps[j] ** 2 * (0.5 * mean_exponential(z) - first_moment_exponential(z))
+
+    def has_memory(self) -> bool:
+        """Whether there are weights beyond k = 1 at all."""
+        return bool(np.any(self.powers > 0))
+
+    def exact(self, n):
+        """No weights inside a block, which is of one step."""
+        return (np.zeros((len(self.factors), 0)),) * 2
 
     def prepare(self, n_end: int) -> None:
         """Nothing is left to prepare."""
 
-    def reach(self, n: int) -> tuple[int, int]:
+    def reach(self, n: int):
         """All steps are worked out; see `Schedule.reach`."""
-        return self.times.size - 1, 0
+        return self._steps.size, None
 
-    def open(self, history, n_columns, n_block, span):
-        """Open a fresh memory of a history for these sums; see `Past.open`."""
-        return history.open_mesh(self, n_columns, span)
+    def check(self, history):
+        """Refuse a history that takes uniform steps only."""
+        if not history.takes_meshes:
+            required = f"be left out with {type(history).__name__}, which takes uniform steps"
+            got = f"{self._steps.size} steps"
+            raise ValueError(complaint("mesh", required, got, "or use SumOfExponentials or Direct"))
 
 
 def mesh_plan(scheme, equation, times, theta, parabolas):

@@ -64,17 +64,16 @@ class Convolution:
     def prepare(self, n_end: int) -> None:
         """Nothing is left to prepare: all steps have the same row but the first."""
 
-    def reach(self, n: int) -> tuple[int, int]:
-        """Every step is worked out; see `Past.reach`."""
-        return n + 2**62, 0
+    def reach(self, n: int):
+        """Every step is worked out; see `Schedule.reach`."""
+        return n + 2**62, None
 
-    def open(self, history, n_columns: int, n_block: int, span: int):
-        """Open a fresh memory of a history for these sums; see `Past.open`."""
+    def check(self, history):
+        """Refuse a history that does not take the kernels."""
         if self.kernels() and not history.takes_kernels:
             required = "be another where terms have kernels other than Caputo's"
             remedy = "use SumOfExponentials, FFT or Direct"
             raise ValueError(complaint("history", required, repr(history), remedy))
-        return history.open(self, n_columns, n_block, span)
 
     @property
     def n_starts(self):

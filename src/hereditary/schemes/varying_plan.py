@@ -13,6 +13,7 @@ from ..compiled.signatures import StepRows
 from ..compiled.watch import SLOWEST
 from ..equation.orders import OrderFailed
 from ..equation.system import System
+from ..kernels.special import power_second_differences
 from ..support.checks import complaint
 from .riemann_liouville import first_samples
 from .scheme import Plan, distinct_columns
@@ -51,8 +52,8 @@ class Schedule:
     theta : float
     rows : StepRows
         Of the stretch worked out last.
-    numbers : ndarray, shape (1, n)
-        Number of each step of that stretch.
+    size : int
+        Number of rows worked out.
     amplitudes, powers, kernels : ndarray, shape (C T, n)
         ``coefficient h**-alpha / Gamma(p + 1)`` over the leading weight, p, and the former times
         ``sin(pi p) / pi``-like shares of the kernel as an integral over its rates.
@@ -88,7 +89,7 @@ class Schedule:
             scale=scale,
             drift=self._drift.reshape(-1, _STRETCH),
         )
-        self.numbers, self._room = np.zeros((1, _STRETCH)), np.zeros((4, _STRETCH))
+        self.size, self._room = 0, np.zeros((4, _STRETCH))
         shape = (3, self.derivatives.size, _STRETCH)
         self.amplitudes, self.powers, self.kernels = np.zeros(shape)
         self._n_end, self._known, self._trouble = 0, (0, 0, 0), ""
@@ -106,33 +107,58 @@ class Schedule:
             raise OrderFailed(trouble)
         self._n_end = n_end
 
-    def reach(self, n: int) -> tuple[int, int]:
+    def reach(self, n: int):
         """Fill the rows of the stretch of steps that holds step n, unless they are in place.
 
         Returns
         -------
         end : int
             First step after the filled ones.
-        size : int
-            Number of steps filled by this call; 0 where they were in place.
+        rows : StepRows
+            Another tuple than before where this call filled them.
         """
         first, last, n_end = self._known
-        size = 0
         # beyond the run's end, as it was then, orders were not asked for
         if not first <= n < min(last, n_end):
             first = n // _STRETCH * _STRETCH
             # whole groups, so that a longer run works these steps out in the same way
-            size = min(_STRETCH, math.ceil((self._n_end - first) / _GROUP) * _GROUP)
-            last = first + self._fill(first, size)
+            self.size = min(_STRETCH, math.ceil((self._n_end - first) / _GROUP) * _GROUP)
+            last = first + self._fill(first, self.size)
             self._known = (first, last, self._n_end)
             self.rows = self.rows._replace(first=first)
         if n >= last:
             raise OrderFailed(self._trouble)
-        return min(last, self._known[2]), size
+        return min(last, self._known[2]), self.rows
 
-    def open(self, history, n_columns, n_block, span):
-        """Open a fresh memory of a history for these sums; see `Past.open`."""
-        return history.open_varying(self, n_columns, span)
+    def direct(self, first, last, k_end):
+        """Weights of u_(n-k), 2 <= k < k_end, at steps n of the stretch; as `MeshSums.direct`."""
+        rows = slice(first - self.rows.first, last - self.rows.first)
+        n_groups, n_terms = self.derivatives.shape
+        found, k = np.zeros((n_groups, last - first, k_end)), np.arange(2.0, k_end)
+        for index, m in enumerate(self.derivatives.ravel()):
+            p, share = (table[index, rows, None] for table in (self.powers, self.amplitudes))
+            at = k - 1 + self.theta
+            if m == 2:
+                weights = power_second_differences(p, k_end)[:, 2:]
+            else:
+                weights = at**p * np.expm1(p * np.log1p(1 / at))
+            if m > 0:
+                found[index // n_terms, :, 2:] += share * weights
+        return found
+
+    def has_memory(self) -> bool:
+        """Whether there are weights beyond k = 1: orders that vary have some."""
+        return True
+
+    def exact(self, n):
+        """No weights inside a block, which is of one step."""
+        return (np.zeros((len(self.derivatives), 0)),) * 2
+
+    def check(self, history):
+        """Refuse a history that takes constant orders only."""
+        if not history.takes_varying:
+            required = "be Direct or SumOfExponentials where orders vary"
+            raise ValueError(complaint("history", required, repr(history)))
 
     def _sampled(self, steps):
         """p = m - alpha of each order at `steps`, how many are good, and what then goes wrong."""
@@ -150,7 +176,6 @@ class Schedule:
         Steps beyond the run's end are given the orders of the last step before it.
         """
         n = np.arange(first, first + size)
-        self.numbers[0, :size] = n
         with np.errstate(all="ignore"):  # a weight that is none ends the run below
             steps = np.minimum(n, self._n_end - 1)
             powers, n_good, self._trouble = self._sampled(steps)

@@ -105,7 +105,7 @@ class FixedStepper(Stepper):
 
     def _open(self, plan):
         """A fresh memory."""
-        return plan.past.open(self.history, plan.groups.size, self._block, self._span)
+        return self.history.open(plan.past, plan.groups.size, self._block, self._span)
 
     def _begin(self, plan):
         """Arrays of a march that stands at step 0."""
@@ -325,13 +325,10 @@ class FixedStepper(Stepper):
         self.prepare(n_end)
         begun = self.n
         while self.n < n_end:
-            known, size = self._past.reach(self.n)
-            if size:
-                self._rows = self._past.rows
-                self.memory.follow(size)
-            stop = min(n_end, known, self.memory.reach(self.n))
-            stop = before_break(self._breaks, self.n, stop)
-            self.memory.refresh(self.n, self._march.pieces, self._table.groups)
+            known, others = self._past.reach(self.n)
+            self._rows = others or self._rows
+            reached = self.memory.reach(self.n, self._march.pieces, self._table.groups)
+            stop = before_break(self._breaks, self.n, min(n_end, known, reached))
             part = slice(self.n - begun, stop - begun)
             self._status = self._enter(stop, rows[part], slopes[part])
             if self._status != RUNNING:

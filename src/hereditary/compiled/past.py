@@ -1,0 +1,225 @@
+"""The past, summed: modes, direct sums, and modes for orders that vary.
+
+On uniform steps a history works in blocks, and all steps have one row of weights. On meshes and
+where orders vary blocks are of one step, and tables hold rows of their own for `rows` steps from
+number `first` on.
+"""
+
+from functools import partial
+
+import numpy as np
+
+from .jit import allocating, compiled, embedded, inner
+
+# rows of a term in the amplitudes of its modes
+STARTS = 6
+# modes of power laws are summed in so many parts side by side
+LANES = 4
+
+
+@compiled
+def exchange_nothing(lag, pieces, n, groups, tables, memory):
+    """The history of an equation whose terms are all classical."""
+
+
+@compiled
+def exchange_modes(lag, pieces, n, groups, tables, memory):
+    """Take the finished block's pieces in and add the lag of all of them to the next block.
+
+    A mode of rate s holds ``Z = sum_k q**(k_newest - k) u_k`` with q = exp(-s h); the memory of a
+    block's worth of steps ahead is one product of mode amplitudes with a table of powers of q.
+    Where a scheme's first weights are no sum of exponentials, a window of the newest pieces adds
+    what lacks.
+    """
+    # lag (W, B), pieces (W, B + 1); memory: modes (W, M), of each start value (W, V M), and the
+    #   newest pieces (W, L)
+    # tables: weights (C, M), start_weights (V C, M), ahead (M, B), keep (B + 1, M) with last row
+    #   q**B, corrections (C, L + 2) of the weights k = 2 .. L + 1
+    weights, start_weights, ahead, back = (
+        tables.weights, tables.start_weights, tables.ahead, tables.keep,
+    )  # fmt: skip
+    modes, start, window, corrections = (
+        memory.modes, memory.starts, memory.pieces, tables.corrections,
+    )  # fmt: skip
+    n_block, n_modes, n_groups = lag.shape[1], modes.shape[1], weights.shape[0]
+    amplitudes, n_starts = np.empty(n_modes), start_weights.shape[0] // n_groups
+    if not np.any(start_weights):
+        n_starts = 0
+    for c in range(lag.shape[0]):
+        w = weights[groups[c]]
+        if n > 0:
+            for i in range(n_modes):
+                modes[c, i] *= back[n_block, i]
+            add_rows(modes[c], pieces[c, :n_block], back[:n_block])
+        for i in range(n_modes):
+            amplitudes[i] = w[i] * modes[c, i]
+        for v in range(n_starts):
+            s = start_weights[v * n_groups + groups[c]]
+            mine = start[c, v * n_modes : (v + 1) * n_modes]
+            for i in range(n_modes):
+                if n > 0:
+                    mine[i] *= back[n_block, i]
+                amplitudes[i] += s[i] * mine[i]
+        add_rows(lag[c], amplitudes, ahead)
+        if window.shape[1] > 0:
+            slide(window[c], pieces[c, :n_block])
+            correct(lag[c], window[c], corrections[groups[c]])
+
+
+@compiled
+def exchange_rows(lag, pieces, n, groups, tables, memory):
+    """Take u_(n-2) into the modes, and add to the lag what they give at step n."""
+    # lag (W, 1), pieces (W, 2); tables: keep, take (R, M), weights (C R, M); memory: modes (W, M)
+    if n < 2:
+        return
+    i, modes = n - tables.first, memory.modes
+    keep, take = tables.keep[i], tables.take[i]
+    for c in range(lag.shape[0]):
+        weights, total = tables.weights[groups[c] * tables.rows + i], 0.0
+        for m in range(modes.shape[1]):
+            modes[c, m] = keep[m] * modes[c, m] + take[m] * pieces[c, 0]
+            total += weights[m] * modes[c, m]
+        lag[c, 0] += total
+
+
+@inner
+def add_rows(out, factors, rows):
+    """out += factors @ rows, four rows at a time.
+
+    The inner loop runs along `out`, so it is vectorised without reordering any sum.
+    """
+    # out (n,), factors (m,), rows (m, n)
+    fours = factors.shape[0] // 4 * 4
+    for k in range(0, fours, 4):
+        f0, f1, f2, f3 = factors[k], factors[k + 1], factors[k + 2], factors[k + 3]
+        r0, r1, r2, r3 = rows[k], rows[k + 1], rows[k + 2], rows[k + 3]
+        for j in range(out.shape[0]):
+            out[j] += (f0 * r0[j] + f1 * r1[j]) + (f2 * r2[j] + f3 * r3[j])
+    for k in range(fours, factors.shape[0]):
+        for j in range(out.shape[0]):
+            out[j] += factors[k] * rows[k, j]
+
+
+@inner
+def slide(window, pieces):
+    """Move the newest pieces into the window's end."""
+    length, more = window.shape[0], pieces.shape[0]
+    for k in range(length - more):
+        window[k] = window[k + more]
+    for k in range(max(0, length - more), length):
+        window[k] = pieces[k - length + more]
+
+
+@inner
+def correct(lag, window, corrections):
+    """Add what the weights of the window's pieces differ by from their exponential sums."""
+    # window[L - 1] is u_(n-2): k = 2 for the first step of the block
+    length = window.shape[0]
+    for k in range(length):
+        age = length + 1 - k
+        for i in range(min(lag.shape[0], length + 2 - age)):
+            lag[i] += corrections[age + i] * window[k]
+
+
+@compiled
+def exchange_direct(lag, pieces, n, groups, tables, memory):
+    """Store the finished block's pieces, and add ``sum_m W_(n+i-m) u_m`` to the next block."""
+    add_direct(lag, pieces, n, 0, groups, tables, memory)
+
+
+@compiled
+def exchange_pending(lag, pieces, n, groups, tables, memory):
+    """Sum directly over the present stretch alone, and add the rest from `pending`."""
+    # memory: pieces, start values, pending (W, capacity)
+    pending = memory.pending
+    add_direct(lag, pieces, n, n // tables.length * tables.length, groups, tables, memory)
+    for c in range(lag.shape[0]):
+        for i in range(lag.shape[1]):
+            lag[c, i] += pending[c, n + i]
+
+
+@allocating
+def add_direct(lag, pieces, n, first, groups, tables, memory):
+    """Store the finished block's pieces, and sum those stored from index `first` on.
+
+    The sums are compensated by Knuth's two-sum: being the reference, they must not lose digits as
+    they grow longer, nor where a term exceeds the sum so far (Kahan's rule would), as increments
+    of an oscillation do. All of it runs along the block, so the loop is still vectorised.
+    """
+    # lag (W, B), pieces (W, B + 1); tables: weights (C R, > n + B), start weights (V C, > n + B)
+    # memory: pieces (W, capacity) with u_m at m + 1, start values (W, V)
+    weights, start_weights, stored, start = (
+        tables.weights, tables.start_weights, memory.pieces, memory.starts,
+    )  # fmt: skip
+    n_block, row = lag.shape[1], min(n - tables.first, tables.rows - 1)
+    n_groups = weights.shape[0] // tables.rows
+    lost = np.empty(n_block)
+    for c in range(lag.shape[0]):
+        w, u, out = weights[groups[c] * tables.rows + row], stored[c], lag[c]
+        if n > 0:
+            for k in range(n_block):  # u_(n-1) stays outside: its nearest weight is the scheme's
+                u[n - n_block + k] = pieces[c, k]
+        lost[:] = 0.0
+        for m in range(first, n):
+            piece = u[m]
+            ahead = w[n - m + 1 : n - m + 1 + n_block]
+            for i in range(n_block):
+                term = ahead[i] * piece
+                total = out[i] + term
+                part = total - out[i]
+                lost[i] += (out[i] - (total - part)) + (term - part)
+                out[i] = total
+        for i in range(n_block):
+            out[i] += lost[i]
+        for v in range(start.shape[1]):
+            if start[c, v] != 0.0:
+                s = start_weights[v * n_groups + groups[c]]
+                for i in range(n_block):
+                    out[i] += s[n + i] * start[c, v]
+
+
+@partial(embedded, fused=True)
+def read_varying(lag, pieces, n, groups, tables, memory):
+    """Take u_(n-2) into the modes and set the lag to what they give.
+
+    On the grid of rates exp(h j) a kernel's amplitudes are a geometric sequence whatever its order,
+    so their sum is a polynomial in its ratio: Horner's rule, first on the quarters of the modes,
+    side by side, then on every fourth of what is left. No product waits long for another, and no
+    weight is written down.
+    """
+    # pieces (W, 2); memory: modes (W, M); tables: derivatives (C, T)
+    # keep (3, M): decay q, what a rate's amplitude is multiplied by for terms with y' and with y''
+    # amplitudes (6 C T, n): for each term the first amplitude, the ratio, its power M / 4, and the
+    #   weights of the slow end, whose modes begin at `length`, behind the grid; room (1, M / 4)
+    derivatives, table, starts, modes = (
+        tables.derivatives, tables.keep, tables.amplitudes, memory.modes,
+    )  # fmt: skip
+    i, n_powers, behind = n - tables.first, modes.shape[1], tables.length
+    lanes, quarter = tables.room[0], n_powers // LANES
+    n_terms = derivatives.shape[1] if n_powers > 0 else 0
+    for c in range(lag.shape[0]):
+        piece, total = pieces[c, 0], 0.0
+        for m in range(n_powers):
+            modes[c, m] = table[0, m] * modes[c, m] + piece
+        term = STARTS * n_terms * groups[c]
+        for j in range(n_terms):
+            kind = int(derivatives[groups[c], j])
+            if kind > 0:
+                ratio, long = starts[term + 1, i], starts[term + 2, i]
+                for m in range(quarter):
+                    upper = table[kind, 3 * quarter + m] * modes[c, 3 * quarter + m] * long
+                    upper += table[kind, 2 * quarter + m] * modes[c, 2 * quarter + m]
+                    lower = table[kind, quarter + m] * modes[c, quarter + m]
+                    lower += upper * long
+                    lanes[m] = table[kind, m] * modes[c, m] + lower * long
+                square = ratio * ratio
+                fourth, held = square * square, 0.0
+                for m in range(quarter - LANES, -1, -LANES):
+                    pair = lanes[m] + ratio * lanes[m + 1]
+                    pair += square * (lanes[m + 2] + ratio * lanes[m + 3])
+                    held = held * fourth + pair
+                total += starts[term, i] * held
+                for k in range(3):
+                    total += starts[term + 3 + k, i] * modes[c, behind + k]
+            term += STARTS
+        lag[c, 0], pieces[c, 0] = total, pieces[c, 1]
