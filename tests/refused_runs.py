@@ -169,8 +169,9 @@ STEPS_GIVEN = [
 STEPS_THAT_ADAPT = [
     (lambda: adapt(n_steps=100, scheme=hd.Collocation()),
      ValueError, "n_steps must be left out with Collocation.*, got 100"),
-    (lambda: adapt(mesh=hd.graded(10, 2.0), scheme=hd.Collocation()),
-     ValueError, "mesh must be left out with Collocation.*, got"),
+    *each(lambda mesh: adapt(mesh=mesh, scheme=hd.Collocation()),
+          [hd.graded(10, 2.0), np.linspace(0.0, 1.0, 5)],
+          ValueError, "mesh must be left out with Collocation.*, got"),
     (lambda: adapt(history=hd.Direct()),
      ValueError, r"history must be left out .*, got Direct\(\)"),
     (lambda: adapt(history=hd.FFT()), ValueError, "history must be left out .*, got FFT"),

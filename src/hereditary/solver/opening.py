@@ -38,20 +38,11 @@ def how_to_step(
     **tolerated
         rtol, atol, max_step and max_steps as of `solve`.
     """
-    most = tolerated.get("max_steps")
-    most = MAX_STEPS if most is None else count("max_steps", most)
     if scheme.adaptive:
-        _refuse("with Collocation, which chooses its steps", n_steps=n_steps, mesh=mesh or None)
-        longest = tolerated.get("max_step")
-        longest = None if longest is None else positive("max_step", longest)
+        given = {"n_steps": n_steps, "mesh": None if mesh is False else mesh}
+        _refuse("with Collocation, which chooses its steps", **given)
         _check_end(t_end, equation)
-        rtol, atol, modes = tolerated.get("rtol"), tolerated.get("atol"), _modes_tolerance(history)
-        if state is not None:
-            rtol = state.rtol if rtol is None else rtol
-            atol = state.atol if atol is None else atol
-            modes = state.modes_tol if modes is None else modes
-        rtol, atol = _checked(rtol, atol)
-        return Tolerance(rtol, atol, modes, longest, most)
+        return _tolerance(state, history, **tolerated)
     remedy = "or give mesh=graded(n, exponent)" if scheme.takes_meshes and mesh is not False else ""
     _refuse("or come with scheme=Collocation()", remedy, **tolerated)
     if mesh is None or mesh is False:
@@ -112,21 +103,26 @@ def _check_end(t_end, equation):
     within("t_end", t_end, 1 / _FARTHEST, farthest, interval, "take another unit of time")
 
 
-def _checked(rtol, atol):
-    """Return the tolerances, checked; None for errors by sizes of y."""
-    interval = f"[{TOLERANCE_FLOOR:g}, 0.1]"
-    remedy = "write a number such as rtol=1e-6; below 1e-12 rounding decides"
-    rtol = 1e-6 if rtol is None else rtol
-    rtol = within("rtol", rtol, TOLERANCE_FLOOR, 0.1, interval, remedy)
-    return rtol, None if atol is None else positive("atol", atol)
-
-
-def _modes_tolerance(history):
-    """Tolerance of the modes that a history asks for, None where it asks for none."""
+def _tolerance(state, history, rtol=None, atol=None, max_step=None, max_steps=None):
+    """Return the `Tolerance`; what is not given is that of a state, or a default."""
     if not isinstance(history, SumOfExponentials | None):
         required = "be left out with Collocation, or be SumOfExponentials(tol)"
         raise ValueError(complaint("history", required, repr(history)))
-    return None if history is None else history.tol
+    modes = None if history is None else history.tol
+    if state is not None:
+        rtol = state.rtol if rtol is None else rtol
+        atol = state.atol if atol is None else atol
+        modes = state.modes_tol if modes is None else modes
+    interval = f"[{TOLERANCE_FLOOR:g}, 0.1]"
+    remedy = "write a number such as rtol=1e-6; below 1e-12 rounding decides"
+    rtol = 1e-6 if rtol is None else rtol
+    return Tolerance(
+        within("rtol", rtol, TOLERANCE_FLOOR, 0.1, interval, remedy),
+        None if atol is None else positive("atol", atol),
+        modes,
+        None if max_step is None else positive("max_step", max_step),
+        MAX_STEPS if max_steps is None else count("max_steps", max_steps),
+    )
 
 
 def _uniform_steps(equation, t_end, n_steps, state):
