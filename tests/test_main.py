@@ -2,6 +2,7 @@
 
 import pytest
 
+import hereditary
 from hereditary.__main__ import main
 
 
@@ -15,6 +16,12 @@ def test_main_job(tmp_path, capsys):
     assert "sticking        0.00 .. 45." in printed
     assert "error estimate" in printed
     assert out.stat().st_size > 10_000
+
+
+def test_version(capsys):
+    with pytest.raises(SystemExit, match="0"):
+        main(["--version"])
+    assert capsys.readouterr().out == f"hereditary {hereditary.__version__}\n"
 
 
 def test_everything_is_compiled_ahead(capsys):
