@@ -61,10 +61,10 @@ def reference():
 
 def studies(folder, scripts):
     """Return the pages of studies by their paths: claim, figure, and files."""
-    pages, names = {}, []
+    pages, titles = {}, {}
     for script in sorted(scripts.glob("[!_]*.py")):
-        names.append(script.stem)
         title, _, rest = ast.get_docstring(ast.parse(script.read_text())).partition("\n")
+        titles[script.stem] = title
         page = f"# {script.stem}\n\n{title}\n{rest}\n\n"
         results = scripts / "results"
         figures = sorted(
@@ -77,12 +77,12 @@ def studies(folder, scripts):
             files.append(f"[{script.stem}.csv](../../../convergence/results/{script.stem}.csv)")
         page += f"Files: {', '.join(files)}. Run it with `python convergence/{script.name}`; "
         pages[folder / f"{script.stem}.md"] = page + "`--quick` is a smoke test at small sizes.\n"
-    index = (
-        "# Studies\n\nWhat the pages say about accuracy and speed is measured by these scripts. "
-    )
-    index += "A script fails where the claim in its head does not hold. Timings are of the machine "
-    index += "and day that stand in the head of each CSV.\n\n```{toctree}\n:maxdepth: 1\n\n"
-    pages[folder / "index.md"] = index + "\n".join(names) + "\n```\n"
+    index = "# Studies\n\nThese scripts measure what the pages say about accuracy and speed. "
+    index += "A script fails if its claim does not hold. Each CSV names the machine and the day of "
+    index += "its timings.\n\n"
+    index += "".join(f"- [{name}]({name}.md): {title}\n" for name, title in titles.items())
+    index += "\n```{toctree}\n:hidden:\n\n" + "\n".join(titles) + "\n```\n"
+    pages[folder / "index.md"] = index
     return pages
 
 
