@@ -138,6 +138,14 @@ def exchange_pending(lag, pieces, n, groups, tables, memory):
             lag[c, i] += pending[c, n + i]
 
 
+@inner
+def two_sum(total, lost, term):
+    """Return total + term, and what rounding has lost so far (Knuth)."""
+    new = total + term
+    part = new - total
+    return new, lost + ((total - (new - part)) + (term - part))
+
+
 @allocating
 def add_direct(lag, pieces, n, first, groups, tables, memory):
     """Store the finished block's pieces, and sum those stored from index `first` on.
@@ -160,15 +168,15 @@ def add_direct(lag, pieces, n, first, groups, tables, memory):
             for k in range(n_block):  # u_(n-1) stays outside: its nearest weight is the scheme's
                 u[n - n_block + k] = pieces[c, k]
         lost[:] = 0.0
-        for m in range(first, n):
+        total, rest = 0.0, 0.0
+        for m in range(first, n if n_block == 1 else first):  # all in registers
+            total, rest = two_sum(total, rest, w[n - m + 1] * u[m])
+        out[0] += total + rest
+        for m in range(first, n if n_block > 1 else first):
             piece = u[m]
             ahead = w[n - m + 1 : n - m + 1 + n_block]
             for i in range(n_block):
-                term = ahead[i] * piece
-                total = out[i] + term
-                part = total - out[i]
-                lost[i] += (out[i] - (total - part)) + (term - part)
-                out[i] = total
+                out[i], lost[i] = two_sum(out[i], lost[i], ahead[i] * piece)
         for i in range(n_block):
             out[i] += lost[i]
         for v in range(start.shape[1]):

@@ -10,8 +10,9 @@ from ..compiled.signatures import Tables, held
 from ..schemes.scheme import Convolution
 from .history import History, Memory
 
-# Weights of steps that have rows of their own are worked out so many numbers at a time.
-_NUMBERS = 2**16
+# Weights of steps that have rows of their own are worked out for at most so many steps, and about
+# so many numbers, at a time.
+_ROWS, _NUMBERS = 64, 2**15
 
 
 @dataclass(frozen=True)
@@ -77,7 +78,8 @@ class _PiecesByRows(_Pieces):
         """Work out the weights of steps from n on."""
         first, end = self.tables.first, self.tables.first + self.tables.rows
         if not (first <= n < end and self.tables.weights.size):
-            end = min(n + max(1, _NUMBERS // (n + 1)), self._past.reach(n)[0])
+            size = min(_ROWS, max(1, _NUMBERS // (n + 1)))
+            end = min(n + size, self._past.reach(n)[0])
             weights = self._past.direct(n, end, end + 2)
             weights = np.ascontiguousarray(weights.reshape(-1, end + 2))
             self.tables = Tables(first=n, rows=end - n, weights=weights)

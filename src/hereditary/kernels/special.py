@@ -61,7 +61,8 @@ def power_second_differences(p, n):
     """Return 1 and then ``b_k - b_(k-1)`` for k = 1..n-1, with b_k of `power_differences`.
 
     The difference of three powers loses all digits near k = 1e8; beyond k = 16 this function uses
-    ``k**p * 2 * sum_m binom(p, 2m) k**-2m`` instead, whose eight terms reach 17**-16 = 2e-20.
+    ``k**p * 2 * sum_m binom(p, 2m) k**-2m`` instead, whose eight terms reach 17**-16 = 2e-20, as
+    four do beyond k = 128.
 
     Parameters
     ----------
@@ -78,13 +79,13 @@ def power_second_differences(p, n):
     c = np.ones((*np.shape(p)[:-1], n))
     few = min(n, 17)
     c[..., 1:few] = np.diff(power_differences(p, few))
-    if n > 17:
-        k = np.arange(17.0, n)
-        u = k**-2
-        series = 0.0 * k
-        for m in range(8, 0, -1):
-            series = (series + binom(p, 2 * m)) * u
-        c[..., 17:] = 2 * k**p * series
+    for terms, first, end in ((8, 17, min(n, 128)), (4, 128, n)):
+        k = np.arange(float(first), max(first, end))
+        u, series = k**-2, np.zeros_like(c[..., first:end])
+        for m in range(terms, 0, -1):
+            series += binom(p, 2 * m)
+            series *= u
+        c[..., first:end] = 2 * k**p * series
     return c
 
 

@@ -141,9 +141,11 @@ class Schedule:
             if m == 2:
                 weights = power_second_differences(p, k_end)[:, 2:]
             else:
-                weights = at**p * np.expm1(p * np.log1p(1 / at))
+                weights = np.expm1(p * np.log1p(1 / at))
+                weights *= np.exp(p * np.log(at))
             if m > 0:
-                found[index // n_terms, :, 2:] += share * weights
+                weights *= share
+                found[index // n_terms, :, 2:] += weights
         return found
 
     def has_memory(self) -> bool:
