@@ -43,9 +43,10 @@ from .stage_solver import has_stages, stage_solver
 STEP_FRACTION, _MODES_FRACTION = 0.1, 0.01
 # Fraction of rtol that counts relative to the size of a component, where no atol is given.
 OF_SIZE = 0.01
-# Powers of the variable above which times change next to the end of a step alone, so that its error
-# is estimated too small: share of the tolerance that is left there, and the least rtol.
-_RESOLVED, _UNRESOLVED, _ROUNDING = 100.0, 5e-3, 5e-14
+# Power q of the variable from which on errors are estimated too small, for u**q changes next to the
+# end alone: the first step keeps to this over q of its tolerance, to the second at least, and to no
+# less than this rtol, for rounding (orders 1 + 1e-9 to 1.003, y' at rtol 1e-4 to 1e-10).
+_RESOLVED, _UNRESOLVED, _ROUNDING = 10.0, 5e-3, 5e-14
 # Modes are fitted, and refined each time, for steps this many times shorter than the present one.
 _REFINE_BY = 32.0
 # Ratio of the time up to which a run may be resumed to its length; largest ratio of distances.
@@ -253,24 +254,22 @@ class CollocationMarch:
         sizes = np.maximum(self._state.sizes, self._state.floors)
         units = np.maximum(self._units, sizes if self._allowed[2] > 0 else 0.0)
         units = np.where(units > LEAST, units, 1.0)
-        how = t, left, self.pace.longest[0], self._state.counts, units
-        least, self.ending = self._farthest / _LARGEST_RATIO, TOO_STEEP
+        limits = self.pace.longest[0], self._farthest / _LARGEST_RATIO
+        how = t, left, *limits, self._state.counts, units
+        self.ending = TOO_STEEP
         self._set_origin(t)
         for h, variable in trials(self._system, form, orbit, *how):
-            if not (t + h > t and h > least):
-                return None
             # no tiny remainder is left before the stop
             h = min(h, 0.5 * left) if h < left else h
             steps, values = self._try_step(h, variable, t_stop)
             if values is not None:
-                self.ending, self._largest_error = (
-                    Ending(),
-                    max(self._largest_error, steps.errors[0]),
-                )
+                self._largest_error = max(self._largest_error, float(steps.errors[0]))
+                self.ending = Ending()
                 self._finish_singular_start(h, variable, values, t_stop)
                 return FirstPiece(variable, t, h, steps.p[0], *steps.at_starts[0])
             # Newton's method asks for a quarter
             self.ending = UNSOLVED if self._control["next"] == 0.25 * h else TOO_STEEP
+        return None
 
     def _try_step(self, h, variable, t_stop):
         """Try a step of length h in a variable; return its row, and f, p and y at its nodes.
@@ -298,11 +297,9 @@ class CollocationMarch:
         solver = stage_solver(self._system.structure, form, n)
         how = solver, rule, basis, tables, arrays
         limits = self._limits(t_stop)
-        if variable.q > _RESOLVED:
-            share = max(_UNRESOLVED, _ROUNDING / limits.rtol)
-            tolerances = limits.rtol, limits.atol, limits.by_size
-            rtol, atol, by_size = (min(share, 1.0) * tolerance for tolerance in tolerances)
-            limits = limits._replace(rtol=rtol, atol=atol, by_size=by_size)
+        share = min(1.0, max(_RESOLVED / variable.q, _UNRESOLVED, _ROUNDING / limits.rtol))
+        tolerances = share * np.array([limits.rtol, limits.atol, limits.by_size])
+        limits = limits._replace(rtol=tolerances[0], atol=tolerances[1], by_size=tolerances[2])
         status = self._march(steps, limits, *how)
         return steps, values if status in (FULL, REACHED) else None
 

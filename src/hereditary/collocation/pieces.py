@@ -7,7 +7,7 @@ import numpy as np
 from numpy.polynomial.legendre import legder, legint
 
 from ..solver.dense import Piece, last_start
-from .first_rule import Variable, means_at_nodes
+from .first_rule import Variable, functions, means_at_nodes
 from .quadrature import legendre_values, through_start, to_legendre
 
 # Least time at which slopes are evaluated.
@@ -47,26 +47,37 @@ class FirstPiece(Piece):
         with np.errstate(divide="ignore"):
             values = legendre_values(self._x(np.log(t)), self.variable.n).T
         if not derivative:
-            p = self.p + self._change(self.row, values)
+            p = self._begun(self.row) + self._change(self.row, values)
+            p[t == 0.0] = self.p
             if not second.any():
                 return p
             # y is the integral of p, t times its mean
-            means = self.p + self._change(self.row @ means_at_nodes(self.variable).T, values)
+            row = self.row @ means_at_nodes(self.variable).T
+            means = self._begun(row) + self._change(row, values)
             return np.where(second, self.y + self.length * t[:, None] * means, p)
         slopes = self._slopes(np.maximum(t, _NEXT_TO_0))
         if (t == 0.0).any():
             before, after = self._slopes(np.array(_TOWARDS_0))
             steep = np.abs(before) > _GROWS * np.abs(after) + np.abs(self.row).max() / self.length
             slopes[t == 0.0] = np.where(steep, np.copysign(np.inf, before), before)
-        return np.where(second, self.p + self._change(self.row, values), slopes)
+        speeds = self._begun(self.row) + self._change(self.row, values)
+        speeds[t == 0.0] = self.p
+        return np.where(second, speeds, slopes)
+
+    def _begun(self, row):
+        """Return where a row (d, n) begins: at p, or next to it where p has moved at once, (d,)."""
+        limit = row @ functions(self.variable, np.full(1, -np.inf))[0]
+        moved = np.abs(limit - self.p) > 0.5 * np.abs(row - self.p[:, None]).max(axis=1)
+        return np.where(moved, limit, self.p)
 
     def _x(self, logs):
         """Return 2 u - 1 at log(t)."""
         return 2 * np.minimum(self.variable.at(logs), 1.0) - 1
 
     def _change(self, row, polynomials):
-        """Return sums of polynomials (k, n + 1) of a row (d, n) less p at the start, (k, d)."""
-        return (polynomials @ through_start(self.variable.n))[:, 1:] @ (row - self.p[:, None]).T
+        """Return sums of polynomials (k, n + 1) of a row (d, n) less its start, (k, d)."""
+        weights = (polynomials @ through_start(self.variable.n))[:, 1:]
+        return weights @ (row - self._begun(row)[:, None]).T
 
     def _slopes(self, t):
         """Return the slopes of p at times t above 0, in lengths of the step, (k, d)."""

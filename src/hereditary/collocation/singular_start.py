@@ -14,13 +14,15 @@ _SHORTER = 0.25
 # A generator below this is tiny: no step is so short that its power is small. Long steps in a
 # variable that is bent for its rate are tried first, so many of them.
 _TINY, _BENT_TRIALS = 0.12, 12
+# Exponent below which a power hardly changes from 1e-300 on.
+_VANISHING = 1e-3
 # Longest step in lengths of the one before: a singularity as close has to be resolved.
 _OF_LAST = 100.0
 # Size that counts of a component at rest among many, as fraction of the largest.
 _OF_LARGEST = 0.01
 
 
-def trials(system, form, orbit, t, left, longest, counts, units):
+def trials(system, form, orbit, t, left, longest, least, counts, units):
     """Yield the lengths to be tried for a step from t on, and the variable of each.
 
     Parameters
@@ -28,8 +30,8 @@ def trials(system, form, orbit, t, left, longest, counts, units):
     system : System
     form : Form
     orbit : OrbitAndTangents
-    t, left, longest : float
-        Start, time to the next stop, and longest step.
+    t, left, longest, least : float
+        Start, time to the next stop, longest step, and length that steps have to exceed.
     counts : record of `COUNTS`
     units : ndarray, shape (d,)
         Units of the components.
@@ -46,10 +48,15 @@ def trials(system, form, orbit, t, left, longest, counts, units):
             yield h, Variable.of(form.generators, 2.0 ** round(math.log2(c)))
     rate, order = _rate(system, form, orbit, jacobian, just_after), _order(form)
     # over it the solution changes by about half of itself
-    h = most if rate * most**order < 0.5 else (0.5 / rate) ** (1 / order)
-    while True:
-        yield h, Variable.of(form.generators)
-        h *= _SHORTER
+    first = most if rate * most**order < 0.5 else (0.5 / rate) ** (1 / order)
+    # a power of a next to vanishing exponent is nearly constant beside others
+    others = tuple(g for g in form.generators if g >= _VANISHING)
+    kinds = {form.generators, others if others[0] < 1.0 else form.generators}
+    for generators in sorted(kinds):
+        h = first
+        while t + h > t and h > least:
+            yield h, Variable.of(generators)
+            h *= _SHORTER
 
 
 def _decay_rates(jacobian):
