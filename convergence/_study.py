@@ -20,7 +20,7 @@ sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))  # the named pro
 import matplotlib.pyplot as plt
 
 import hereditary as hd
-from hereditary.analysis.order import observed_order
+from hereditary.analysis.convergence import observed_order
 
 RESULTS = Path(__file__).parent / "results"
 CLAIMS = "claims.csv"
@@ -247,14 +247,14 @@ def in_turns(calls, times, clock=time.perf_counter):
 def last_order(scheme, alpha, kind, counts, errors, floor):
     """Return a row: the last pairwise order of errors above `floor`, beside the proven one."""
     kept = np.array(errors) > floor
-    table = observed_order(np.array(counts)[kept], np.array(errors)[kept])
+    counts, errors = np.array(counts)[kept], np.array(errors)[kept]
     return {
         "scheme": repr(scheme),
         "alpha": alpha,
         "solution": kind,
-        "n_steps": int(table.n_steps[-1]),
-        "error": f"{table.errors[-1]:.2e}",
-        "order": f"{table.pairwise[-1]:.3f}",
+        "n_steps": int(counts[-1]),
+        "error": f"{errors[-1]:.2e}",
+        "order": f"{observed_order(counts, errors)[0][-1]:.3f}",
         "proven": f"{scheme.order(alpha, kind):.2f}",
     }
 

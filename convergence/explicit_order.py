@@ -11,7 +11,7 @@ from _study import Claim, orders, study
 from problems import PROBLEMS
 
 import hereditary as hd
-from hereditary.analysis.order import observed_order
+from hereditary.analysis.convergence import observed_order
 
 
 def errors(problem, counts):
@@ -24,8 +24,9 @@ def measure(quick):
     counts = [100 * 2**k for k in range(5 if quick else 12)]
     rows = []
     for problem in PROBLEMS:
-        table = observed_order(counts, errors(problem, counts))
-        for n, error, order in zip(counts, table.errors, [np.nan, *table.pairwise], strict=True):
+        found = errors(problem, counts)
+        orders = [np.nan, *observed_order(counts, found)[0]]
+        for n, error, order in zip(counts, found, orders, strict=True):
             rows.append(
                 {
                     "problem": problem.name,

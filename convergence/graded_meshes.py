@@ -11,7 +11,7 @@ from _study import Claim, chosen, orders, study
 from problems import errors_on_mesh, singular_problem
 
 import hereditary as hd
-from hereditary.analysis.order import observed_order
+from hereditary.analysis.convergence import observed_order
 
 ALPHAS = (0.3, 0.5, 0.8)
 SCHEMES = (hd.L1(), hd.L2(), hd.L2Sigma())
@@ -28,7 +28,7 @@ def measure(quick):
             for kind, exponent, proven in (("uniform", 1.0, alpha), ("graded", full / alpha, full)):
                 meshes = [hd.graded(n, exponent) for n in counts]
                 found = [errors_on_mesh(problem, scheme, history, mesh) for mesh in meshes]
-                orders = [np.nan, *observed_order(counts, found).pairwise]
+                orders = [np.nan, *observed_order(counts, found)[0]]
                 for n, error, order in zip(counts, found, orders, strict=True):
                     rows.append(
                         {

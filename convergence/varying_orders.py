@@ -23,7 +23,7 @@ import numpy as np
 from _study import Claim, chosen, curves, in_turns, side_by_side, study
 
 import hereditary as hd
-from hereditary.analysis.order import observed_order
+from hereditary.analysis.convergence import observed_order
 from hereditary.history.varying_memory import bank_of_all_orders, weights_of_orders
 
 SCHEMES = {"explicit": hd.ExplicitCaputo(), "L1": hd.L1()}
@@ -73,7 +73,7 @@ def measure_orders(quick):
             for n in counts:
                 sol = hd.solve(equation, 2.5, n, scheme=scheme, history=hd.SumOfExponentials(1e-13))
                 errors.append(float(np.abs(sol.y[:, 0] - 1 - speed * sol.t - sol.t**3).max()))
-            orders = [np.nan, *observed_order(counts, errors).pairwise]
+            orders = [np.nan, *observed_order(counts, errors)[0]]
             rows += [
                 row("error", f"{label}, {name}", n, error, f"{order:.3f}")
                 for n, error, order in zip(counts, errors, orders, strict=True)

@@ -29,7 +29,7 @@ from problems import column, half_order_oscillator, half_order_relaxation
 from scipy.special import gamma
 
 import hereditary as hd
-from hereditary.analysis.order import observed_order
+from hereditary.analysis.convergence import observed_order
 
 HISTORY = hd.SumOfExponentials(1e-12)
 COLLOCATION = hd.Collocation()
@@ -215,7 +215,7 @@ def oscillator(rows):
         mine = chosen(rows, problem="P3, t = 20", scheme=repr(scheme))
         found = {row["n_steps"]: row["error"] for row in mine}
         n = [k for k in (1000, 10**4, 10**5) if k in found]
-        for order in observed_order(n, [found[k] for k in n]).pairwise:
+        for order in observed_order(n, [found[k] for k in n])[0]:
             off = abs(order - scheme.order(1.5))
             yield Claim("P3 at t = 20: orders off the proven ones", off, 0.15, where=repr(scheme))
     if 10**6 in found:

@@ -13,8 +13,7 @@ from ..equation.equation import Equation
 from ..history.history import History
 from ..schemes.scheme import Scheme
 from ..solver.solve import solve
-from ..support.checks import complaint, count, instance, shown, whole
-from .order import observed_order
+from ..support.checks import complaint, count, instance, real_array, shown, whole
 
 _HEADS = "N", "h", "error", "order"
 
@@ -131,7 +130,10 @@ def convergence_table(
     | 2000 | 0.0025 | 2.067e-02 | 0.95 |
     """
     instance("equation", equation, Equation, "hereditary.Equation(terms, rhs, y0)")
-    numbers = _numbers(n_steps)
+    numbers = [count("n_steps", whole(n)) for n in np.atleast_1d(np.asarray(n_steps)).tolist()]
+    if len(numbers) < 2 or any(b <= a for a, b in pairwise(numbers)):
+        required = "be two or more increasing numbers"
+        raise ValueError(complaint("n_steps", required, numbers))
 
     def run(n):
         found = solve(equation, t_end, n, scheme=scheme, history=history, estimate=False)
@@ -143,34 +145,32 @@ def convergence_table(
     for n in numbers:
         found = run(n)
         t, y = (found.t[-1:], found.y[-1:]) if at_end else (found.t, found.y)
-        truth = run(2 * n).y[::2][-len(y) :] if exact is None else _values(exact, t, y.shape)
+        truth = run(2 * n).y[::2][-len(y) :] if exact is None else np.asarray(exact(t))
+        if truth.shape != y.shape:
+            required = f"return shape (n, {y.shape[1]}) for times (n,)"
+            got = f"shape {truth.shape} for n = {len(y)}"
+            raise ValueError(complaint("exact", required, got))
         errors.append(float(np.abs(y - truth).max()))
     if not min(errors) > 0:
         required = "leave errors above 0"
         raise ValueError(complaint("n_steps", required, shown(errors), "take fewer steps"))
-    table = observed_order(numbers, errors)
+    orders, slope = observed_order(numbers, errors)
     by = "errors against the exact solution"
     if exact is None:
         by = "errors by Runge's rule"
-        if table.slope > 0:
-            errors = np.array(errors) / (1 - 2.0**-table.slope)
+        errors = [error / (1 - 2.0**-slope) for error in errors] if slope > 0 else errors
     h = (t_end - equation.t_start) / np.array(numbers)
-    return ConvergenceTable(np.array(numbers), h, np.array(errors), table.pairwise, table.slope, by)
+    return ConvergenceTable(np.array(numbers), h, np.array(errors), orders, slope, by)
 
 
-def _numbers(n_steps):
-    """Return numbers of steps, or say why they are none."""
-    numbers = [count("n_steps", whole(n)) for n in np.atleast_1d(np.asarray(n_steps)).tolist()]
-    if len(numbers) < 2 or any(b <= a for a, b in pairwise(numbers)):
-        required = "be two or more increasing numbers"
-        raise ValueError(complaint("n_steps", required, numbers))
-    return numbers
+def observed_order(n_steps: ArrayLike, errors: ArrayLike) -> tuple[np.ndarray, float]:
+    """Return orders between neighbours, (k - 1,), and their least-squares order over all of them.
 
-
-def _values(exact, t, shape):
-    """Return the exact solution at times t."""
-    values = np.asarray(exact(t))
-    if values.shape != shape:
-        required = f"return shape (n, {shape[1]}) for times (n,)"
-        raise ValueError(complaint("exact", required, f"shape {values.shape} for n = {shape[0]}"))
-    return values
+    Examples
+    --------
+    >>> from hereditary.analysis.convergence import observed_order
+    >>> round(observed_order([100, 200, 400], [4e-2, 2e-2, 1e-2])[1], 12)
+    1.0
+    """
+    n, e = np.log(real_array("n_steps", n_steps)), np.log(real_array("errors", errors))
+    return -np.diff(e) / np.diff(n), -float(np.polyfit(n, e, 1)[0])

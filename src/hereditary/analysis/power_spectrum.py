@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -88,14 +87,11 @@ def power_spectrum(
     ([2.0, 5.0], [1.0, 0.1])
     """
     values, h = _sampled(series, step, component, transient)
-    n = values.size
-    signal = importlib.import_module("scipy.signal")  # whose import takes long
-    window = signal.get_window("hann", n)
-    seen = np.fft.rfft((values - values.mean()) * window)
-    omega = 2 * np.pi * np.fft.rfftfreq(n, h)
-    density = 2 * h * np.abs(seen) ** 2 / np.sum(window**2)
-    amplitudes = 2 * np.abs(seen) / np.sum(window)
-    peaks = _peaks(signal, omega, amplitudes, count("n_peaks", n_peaks))
+    from scipy.signal import periodogram
+
+    frequencies, density = periodogram(values, 1 / h, window="hann")
+    omega, amplitudes = 2 * np.pi * frequencies, np.sqrt(3 * density * frequencies[1])
+    peaks = _peaks(omega, amplitudes, count("n_peaks", n_peaks))
     return PowerSpectrum(omega, density, peaks, 2 * float(omega[1]))
 
 
@@ -135,13 +131,15 @@ def _long(values):
     return values
 
 
-def _peaks(signal, omega, amplitudes, most):
+def _peaks(omega, amplitudes, most):
     """Return the highest peaks as records of omega and amplitude.
 
     A line between two bins has heights there whose ratio tells where, exactly so for Hann's window.
     """
+    from scipy.signal import find_peaks
+
     logs = np.log(np.maximum(amplitudes, 1e-300))
-    tops, _ = signal.find_peaks(logs, prominence=np.log(_PROMINENT))
+    tops, _ = find_peaks(logs, prominence=np.log(_PROMINENT))
     tops = tops[amplitudes[tops] > _LEAST * amplitudes.max()]
     tops = tops[np.argsort(-amplitudes[tops])][:most]
     before, here, after = (amplitudes[tops + k] for k in (-1, 0, 1))

@@ -1,7 +1,7 @@
 """Sections of an orbit: samples once a period, and local maxima.
 
-Both read the dense output of collocation, and parabolas through the rows of given steps, and give
-arrays of a fixed size when asked to, filled up with NaN, so that a sweep can stack them.
+Both read the dense output of collocation, and a cubic spline through the rows of given steps. They
+give arrays of a fixed size when asked to, filled up with NaN, so that a sweep can stack them.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from ..support.checks import complaint, count, instance, positive, real, real_ar
 
 # Points of each step at which a dense output is looked at for maxima.
 _LOOKS = 8
-# Refinements of a maximum on a dense output, each over this share of the last distance: a parabola
-# over a distance d misses the place by d**2, so that three leave rounding.
-_REFINEMENTS, _CLOSER = 3, 1 / 16
+# Refinements of a maximum, each over this share of the last distance: a parabola over a distance d
+# misses the place by d**2, so that four leave rounding.
+_REFINEMENTS, _CLOSER = 4, 1 / 16
 # Samples that fit into memory.
 _MOST_SAMPLES = 10_000_000
 
@@ -72,7 +72,7 @@ def stroboscopic(
 
     Error
     -----
-    Between rows, a parabola's: the third power of their distance. None with a dense output.
+    Between rows, a cubic spline's: the fourth power of their distance. None with a dense output.
 
     Examples
     --------
@@ -145,37 +145,38 @@ def extrema(solution, component, derivative, transient, signs=(1.0, -1.0)):
     if not _is_index(component, solution.y.shape[1]):
         required = f"be one of 0 .. {solution.y.shape[1] - 1}"
         raise ValueError(complaint("component", required, repr(component)))
-    j = int(component)
-    times, values = _samples(solution, j, derivative)
-    inside = times >= _begin(solution, transient)
-    times, values = times[inside], values[inside]
-    top = tops(values, signs)
-    t, best = _vertices(
-        *(times[top + k] for k in (-1, 0, 1)), *(values[top + k] for k in (-1, 0, 1))
-    )
-    if solution.coarse and t.size:
-        t, best = _refined(solution, j, derivative, t, times[top + 1] - times[top - 1])
-    return t, best
+    begin = _begin(solution, transient)
+    value, t = _function(solution, derivative), solution.t
+    if solution.coarse:
+        looks = np.arange((t.size - 1) * _LOOKS + 1) / _LOOKS
+        t = np.interp(looks, np.arange(t.size), t)
+    t = t[t >= begin]
+    top = tops(value(t)[:, component], signs) if t.size else np.zeros(0, dtype=int)
+    distance = (t[top + 1] - t[top - 1]) / 2
+    t = t[top]
+    for _ in range(_REFINEMENTS):
+        t = np.clip(t, solution.t[0] + distance, solution.t[-1] - distance)
+        before, here, after = (value(t + k * distance)[:, component] for k in (-1, 0, 1))
+        bend = before - 2 * here + after
+        shift = np.divide(before - after, 2 * bend, out=np.zeros(t.size), where=bend != 0)
+        t, distance = t + np.clip(shift, -1, 1) * distance, distance * _CLOSER
+    return t, value(t)[:, component]
 
 
 def tops(values, signs=(1.0, -1.0)):
     """Return the indices of local maxima, sign 1, and minima, -1, of a series (n,).
 
-    Of a plateau the first, where the series falls on both sides of it.
+    Of a plateau the middle one, where the series falls on both sides of it.
     """
-    first = np.flatnonzero(np.append(True, values[1:] != values[:-1]))
-    found = [
-        first[1:-1][(level[1:-1] > level[:-2]) & (level[1:-1] > level[2:])]
-        for level in (sign * values[first] for sign in signs)
-    ]
-    return np.sort(np.concatenate(found))
+    from scipy.signal import find_peaks
+
+    return np.sort(np.concatenate([find_peaks(sign * values)[0] for sign in signs]))
 
 
 def values_at(solution: Solution, times: ArrayLike, derivative: int = 0) -> np.ndarray:
     """The solution, or its first derivative, at times within the run, shape (k, d).
 
-    From the dense output of `Collocation`, otherwise by parabolas through the three rows nearest to
-    each time.
+    From the dense output of `Collocation`, otherwise by a cubic spline through the rows.
     """
     at = real_array("times", times)
     ends = solution.t[0], solution.t[-1]
@@ -183,62 +184,24 @@ def values_at(solution: Solution, times: ArrayLike, derivative: int = 0) -> np.n
     if at.ndim != 1 or np.any(at < ends[0] - slack) or np.any(at > ends[1] + slack):
         required = f"be a sequence of times in [{ends[0]:g}, {ends[1]:g}]"
         raise ValueError(complaint("times", required, shown(at)))
-    at = np.clip(at, *ends)
-    if solution.coarse:
-        return solution(at, derivative) if at.size else np.empty((0, solution.y.shape[1]))
-    t, rows = solution.t, _rows(solution, derivative)
-    if t.size < 3:
-        return np.array([np.interp(at, t, row) for row in rows.T]).T
-    # the middle one of three rows
-    i = np.clip(np.searchsorted((t[:-1] + t[1:]) / 2, at), 1, t.size - 2)
-    a, b, c = t[i - 1], t[i], t[i + 1]
-    slope = (rows[i] - rows[i - 1]) / (b - a)[:, None]
-    bend = ((rows[i + 1] - rows[i]) / (c - b)[:, None] - slope) / (c - a)[:, None]
-    # through the two rows a and b, then the bend that meets c
-    return rows[i - 1] + (at - a)[:, None] * (slope + (at - b)[:, None] * bend)
+    return _function(solution, derivative)(np.clip(at, *ends))
 
 
-def _rows(solution, derivative):
-    """y, or y' where the rows hold it."""
+def _function(solution, derivative):
+    """Return y, or y' where the rows hold it, as a function of times (k,), of shape (k, d)."""
     if not _is_index(derivative, 2):
         raise ValueError(complaint("derivative", "be 0 or 1", repr(derivative)))
-    if not derivative:
-        return solution.y
-    if solution.ydot is None:
+    if solution.coarse:
+        return lambda t: solution(t, derivative)
+    rows = solution.ydot if derivative else solution.y
+    if rows is None:
         required = "hold a first derivative (highest order above 1) or a dense output"
         raise ValueError(complaint("solution", required, "ydot = None", "use Collocation"))
-    return solution.ydot
+    from scipy.interpolate import CubicSpline
 
-
-def _samples(solution, j, derivative):
-    """Times and values among which maxima are looked for."""
-    if not solution.coarse:
-        return solution.t, _rows(solution, derivative)[:, j]
-    share = np.arange(_LOOKS) / _LOOKS
-    t = solution.t
-    times = np.append((t[:-1, None] + np.diff(t)[:, None] * share).ravel(), t[-1])
-    return times, solution(times, derivative)[:, j]
-
-
-def _vertices(a, b, c, at_a, at_b, at_c):
-    """Place and height of the vertex of each parabola through three points with b in the middle."""
-    left, right = (at_b - at_a) / (b - a), (at_c - at_b) / (c - b)
-    bend = (right - left) / (c - a)
-    # slope 0 of the parabola; three equal values have their middle
-    flat = bend == 0
-    place = np.where(flat, b, (a + b) / 2 - left / (2 * np.where(flat, -1.0, bend)))
-    return place, at_a + (place - a) * (left + (place - b) * bend)
-
-
-def _refined(solution, j, derivative, t, distance):
-    """Maxima on a dense output, from parabolas through ever closer points."""
-    for _ in range(_REFINEMENTS):
-        distance = distance * _CLOSER
-        middle = np.clip(t, solution.t[0] + distance, solution.t[-1] - distance)
-        points = [middle - distance, middle, middle + distance]
-        t, _ = _vertices(*points, *(solution(point, derivative)[:, j] for point in points))
-        t = np.clip(t, points[0], points[2])
-    return t, solution(t, derivative)[:, j]
+    known = np.isfinite(rows).all(axis=0)
+    spline = CubicSpline(solution.t, np.where(known, rows, 0.0))
+    return lambda t: np.where(known, spline(t), np.nan)
 
 
 def _begin(solution, transient):

@@ -18,7 +18,7 @@ _FEWEST, _SHARE, _RANGE = 200, 0.1, (np.pi / 5, 4 * np.pi / 5)
 # of a series by less than this share of the largest.
 _SAME, _ROUNDING = 1e-3, 1e-10
 # Signs of the extrema that are tested: maxima alone, or minima as well.
-_SIGNS = {"maxima": (1.0,), "extrema": (1.0, -1.0)}
+_SIGNS = {"maxima": (1.0,), "extrema": (1.0, -1.0), "values": ()}
 # K above this is chaos, and below one minus it none.
 _SURE = 0.8
 
@@ -122,21 +122,19 @@ def _tested(series, component, transient, take):
     """Return the values that are tested, and the range below which they are all the same."""
     of_solution = isinstance(series, Solution)
     take = ("maxima" if of_solution else "values") if take is None else take
-    kinds = [*_SIGNS, *["values"] * (not of_solution)]
-    if take not in kinds:
-        required = "be " + " or ".join(f'"{kind}"' for kind in kinds)
+    if take not in _SIGNS or (of_solution and take == "values"):
+        required = "be " + " or ".join(
+            f'"{kind}"' for kind in list(_SIGNS)[: 2 if of_solution else 3]
+        )
         raise ValueError(complaint("take", required, repr(take)))
     if of_solution:
         _, values = extrema(series, component, 0, transient, _SIGNS[take])
         late = series.t >= (series.t[0] if transient is None else transient)
-        width = float(np.ptp(series.y[late, component])) if late.any() else 0.0
-    else:
-        values = real_array("series", series)
-        if take == "values" or values.ndim != 1:
-            return values, _ROUNDING * float(np.abs(values).max(initial=0.0))
-        width = float(np.ptp(values)) if values.size else 0.0
-        values = values[tops(values, _SIGNS[take])]
-    return values, _SAME * width
+        return values, _SAME * np.ptp(series.y[late, component]) if late.any() else 0.0
+    values = real_array("series", series)
+    if take == "values" or values.ndim != 1:
+        return values, _ROUNDING * np.abs(values).max(initial=0.0)
+    return values[tops(values, _SIGNS[take])], _SAME * np.ptp(values) if values.size else 0.0
 
 
 def _rate(values, c):
