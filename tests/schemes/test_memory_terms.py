@@ -8,6 +8,8 @@ from scipy.special import gamma
 import hereditary as hd
 
 PRONY = hd.Prony((1.0, 10.0), (0.3, 0.7))
+# two pairs and a rate, with weights of all signs
+PAIRS = hd.Prony([1 + 2j, 1 - 2j, 0.3 + 5j, 0.3 - 5j, 2.0], [0.1 - 0.2j, 0.1 + 0.2j, 0.1, 0.1, 0.4])
 HISTORIES = [hd.SumOfExponentials(), hd.Direct(), hd.FFT()]
 
 
@@ -43,9 +45,9 @@ def with_modes(terms, depth, rhs, y0, kernel=PRONY):
             slope[row] = (top if m == depth else x[m]) - rates * modes[row]
         return np.concatenate([x[1:], [top], slope.ravel()])
 
-    start = np.concatenate([y0, np.zeros(len(remembered) * rates.size)])
+    start = np.concatenate([y0, np.zeros(len(remembered) * rates.size, dtype=rates.dtype)])
     run = solve_ivp(slopes, (0, 10), start, method="DOP853", rtol=1e-12, atol=1e-13)
-    return run.y[0, -1]
+    return run.y[0, -1].real
 
 
 # what terms, initial values and right-hand side are
@@ -66,9 +68,9 @@ def made(name, kernel=PRONY):
     return hd.Equation(operators, rhs, y0)
 
 
-def exactly(name):
+def exactly(name, kernel=PRONY):
     terms, y0, rhs = CASES[name]
-    return with_modes(terms, len(y0), rhs, y0)
+    return with_modes(terms, len(y0), rhs, y0, kernel)
 
 
 @pytest.mark.parametrize("history", HISTORIES, ids=str)
@@ -124,11 +126,12 @@ def test_l1_keeps_its_order_where_y_is_remembered(name):
     assert abs(np.log2(errors[0] / errors[1]) - 1.5) < 0.1
 
 
+@pytest.mark.parametrize("kernel", [PRONY, PAIRS], ids=["real", "pairs"])
 @pytest.mark.parametrize("name", CASES)
-def test_collocation_solves_the_same_system(name):
-    exact = exactly(name)
+def test_collocation_solves_the_same_system(name, kernel):
+    exact = exactly(name, kernel)
     for rtol in (1e-6, 1e-10):
-        sol = hd.solve(made(name), 10.0, rtol=rtol, scheme=hd.Collocation())
+        sol = hd.solve(made(name, kernel), 10.0, rtol=rtol, scheme=hd.Collocation())
         assert abs(sol.y[-1, 0] - exact) < rtol
 
 
@@ -160,3 +163,61 @@ def test_the_step_limit_is_sharp():
     assert np.abs(below.y[-100:]).max() < 2
     with pytest.warns(hd.StabilityWarning):
         hd.solve(equation, 1.01 * limit * 4000, 4000)
+
+
+def swinging(t):
+    return np.exp(-0.1 * t) * np.cos(3 * t)
+
+
+OSCILLATING = {
+    "pair": hd.Prony([0.1 + 3j, 0.1 - 3j], [0.5, 0.5]),
+    "function": hd.Kernel(swinging, signed=True),
+}
+# y(50) of y' + int K y = 0, y(0) = 1, in 30 digits by the system of y and two modes
+SWUNG = 0.5467356060190188
+
+
+def swung(kernel, **way):
+    eq = hd.Equation(hd.Caputo(1) + hd.Memory(kernel, 0), lambda t, y: 0 * y, 1.0)
+    return hd.solve(eq, 50.0, **way)
+
+
+@pytest.mark.parametrize("rtol", [1e-4, 1e-6, 1e-10])
+@pytest.mark.parametrize("name", OSCILLATING)
+def test_kernels_that_oscillate_keep_the_tolerance(name, rtol):
+    sol = swung(OSCILLATING[name], rtol=rtol)
+    assert sol.success
+    assert abs(sol.y[-1, 0] - SWUNG) < rtol
+
+
+@pytest.mark.parametrize("history", [hd.Direct(), hd.FFT()], ids=str)
+@pytest.mark.parametrize("name", OSCILLATING)
+def test_kernels_that_oscillate_on_given_steps(name, history):
+    way = {"scheme": hd.L1(), "history": history}
+    errors = [
+        abs(swung(OSCILLATING[name], n_steps=n, **way).y[-1, 0] - SWUNG) for n in (8000, 16_000)
+    ]
+    assert errors[0] < 1e-4
+    assert abs(np.log2(errors[0] / errors[1]) - 1) < 0.15  # the order of L1 at integers
+    with pytest.raises(ValueError, match=r"history must be FFT\(\) or Direct\(\) .* Collocation"):
+        swung(OSCILLATING[name], n_steps=100)
+
+
+@pytest.mark.parametrize("name", OSCILLATING)
+def test_kernels_that_oscillate_turn_tangents_and_states_with_them(name):
+    """The equation is linear: its tangent is y itself. A run to half the time goes on."""
+    eq = hd.Equation(hd.Caputo(1) + hd.Memory(OSCILLATING[name], 0), lambda t, y: 0 * y, 1.0)
+    grown = hd.lyapunov(eq, 50.0, rtol=1e-8, scheme=hd.Collocation(), verify=False).exponents[0]
+    assert abs(50 * grown - np.log(SWUNG)) < 1e-6
+    way = {"rtol": 1e-8, "scheme": hd.Collocation(horizon=50.0)}
+    half = hd.solve(eq, 25.0, **way)
+    assert abs(hd.solve(eq, 50.0, resume=half.state, **way).y[-1, 0] - SWUNG) < 1e-8
+
+
+def test_states_beside_a_power_law_turn_with_it():
+    eq = hd.Equation(hd.Caputo(0.7) + hd.Memory(OSCILLATING["pair"], 0), lambda t, y: -(y**3), 1.0)
+    sol = hd.solve(eq, 20.0, rtol=1e-9)
+    coarse = [
+        hd.solve(eq, 20.0, n, scheme=hd.L1(), history=hd.FFT()).y[-1, 0] for n in (2000, 4000)
+    ]
+    assert abs(2 * coarse[1] - coarse[0] - sol.y[-1, 0]) < 1e-5

@@ -216,7 +216,8 @@ class CollocationMarch:
     def _march_on(self, steps, limits):
         """March by ordinary steps; return the status."""
         orbit = self._orbit
-        basis = ExponentialBasis(orbit.rates, orbit.weights, orbit.masses, self._transforms)
+        rates = orbit.rates.astype(complex)
+        basis = ExponentialBasis(rates, orbit.gains, orbit.weights, orbit.masses, self._transforms)
         taken = _, tables = kept_tables.take(basis, self._s, len(self._form.varying))
         how = self._stages, self._rule, basis, tables, orbit.march_arrays()
         try:

@@ -18,7 +18,6 @@ from ..history.varying_memory import SLOW_NODES, bank_of_all_orders, weights_of_
 from ..kernels.exponential_sum import fit_unit, grid_spacing
 from ..kernels.kernel_fits import RATIO_OF_VALUES
 from ..kernels.memory_kernel import NO_ERRORS, KernelErrors
-from ..kernels.special import mean_exponential
 from ..support.checks import complaint
 
 # General kernels are fitted down to a fraction of the closest distance, and are a point mass below,
@@ -101,8 +100,11 @@ class KernelBasis:
 
     Attributes
     ----------
-    rates : ndarray, shape (M,)
+    rates, gains : ndarray, shape (M,)
+        Complex rates in conjugate pairs, and factors of the modes in the history
+        (compiled/mode_tables.py).
     weights : ndarray, shape (n, M)
+        1 for complex rates, whose gains are the weights.
     masses : ndarray, shape (n,)
         Integral of each kernel over smaller distances, less that of the sum; a point mass at 0.
     farthest : float
@@ -112,6 +114,7 @@ class KernelBasis:
     """
 
     rates: np.ndarray
+    gains: np.ndarray
     weights: np.ndarray
     masses: np.ndarray
     farthest: float = math.inf
@@ -131,17 +134,20 @@ def kernel_basis(kernels, closest, farthest, t_end, tol):
         _fit(kernel, nearest, end, tol)
         for kernel, nearest, end in zip(kernels, starts, ends, strict=True)
     ]
-    rates = np.concatenate([np.zeros(0), *(fit.rates for fit in fits)])
+    rates, gains = (np.concatenate([getattr(fit, name) for fit in fits]) for name in _PARTS)
+    turns = np.sign(rates.imag)
+    gains = np.where(turns == 0, 1.0, 2 * turns * gains)
     weights, masses, offset = np.zeros((len(fits), rates.size)), np.zeros(len(fits)), 0
     for k, (kernel, fit, nearest) in enumerate(zip(kernels, fits, starts, strict=True)):
-        weights[k, offset : offset + fit.rates.size] = fit.weights
+        own = slice(offset, offset + fit.rates.size)
+        weights[k, own] = np.where(turns[own] == 0, fit.weights.real, 1.0)
         offset += fit.rates.size
-        held = fit.weights @ (nearest * mean_exponential(fit.rates * nearest))
-        masses[k] = float(kernel.integral(nearest)) - held
-    return KernelBasis(rates, weights, masses, min(ends), KernelErrors.of(kernels, fits))
+        masses[k] = float(kernel.integral(nearest) - fit.integral(nearest))
+    return KernelBasis(rates, gains, weights, masses, min(ends), KernelErrors.of(kernels, fits))
 
 
-NO_KERNELS = KernelBasis(np.zeros(0), np.zeros((0, 0)), np.zeros(0))
+_PARTS = "rates", "weights"
+NO_KERNELS = KernelBasis(np.zeros(0), np.zeros(0), np.zeros((0, 0)), np.zeros(0))
 
 
 def _first_distance(kernel, closest, tol):
@@ -168,7 +174,7 @@ def _fit(kernel, t_min, t_max, tol):
         remedy = "take a larger rtol, or L1"
         raise ValueError(complaint("rtol", required, f"a first distance {t_min:.1e}", remedy))
     fit = kernel.closest_fit(t_min / _DECAYED, t_max, max(1e-13, tol))
-    lasting = fit.rates * t_min <= _DECAYED
+    lasting = fit.rates.real * t_min <= _DECAYED
     return replace(fit, rates=fit.rates[lasting], weights=fit.weights[lasting], t_min=t_min)
 
 

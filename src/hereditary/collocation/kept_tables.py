@@ -23,7 +23,7 @@ class KeptTables:
         """Return a table for these modes on s nodes, and what it is to be given back with."""
         n_kernels = basis.masses.size - n_varying
         of_kernels = basis.weights[basis.weights.shape[0] - basis.masses.size :][:n_kernels]
-        parts = basis.rates, of_kernels, basis.masses[:n_kernels]
+        parts = basis.rates, basis.gains, of_kernels, basis.masses[:n_kernels]
         key = s, n_varying, *(part.tobytes() for part in parts)
         with self._lock:
             for place in reversed(range(len(self._kept))):

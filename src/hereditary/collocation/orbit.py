@@ -54,8 +54,9 @@ class OrbitAndTangents:
     power_laws : PowerLawBasis
     kernels : KernelBasis
     varying : VaryingBasis
-    rates, of_varying : ndarray, shape (M,)
-        Rates of all modes; 1 for the modes of varying orders, 0 for others.
+    rates, gains, of_varying : ndarray, shape (M,)
+        Rates of all modes; their factors in the history; 1 for the modes of varying orders, 0 for
+        others.
     weights, masses : ndarray, shape (n_a + n_k, M) and (n_k,)
         Weights of the modes for each fractional integral and general kernel, and point masses of
         the kernels; varying orders, counted in n_k here, have zeros.
@@ -96,7 +97,7 @@ class OrbitAndTangents:
 
     def __getstate__(self):
         """Return the attributes without the form, whose functions may not pickle."""
-        left_out = ("rates", "weights", "masses", "of_varying", "_form")
+        left_out = ("rates", "gains", "weights", "masses", "of_varying", "_form")
         return {name: value for name, value in vars(self).items() if name not in left_out}
 
     def adopt(self, form):
@@ -110,6 +111,8 @@ class OrbitAndTangents:
         self.rates = np.concatenate([basis.rates for basis in bases])
         (n_a, m), (n_k, more) = self.power_laws.weights.shape, self.kernels.weights.shape
         n_varying = len(self._form.varying)
+        self.gains = np.ones(self.rates.size, dtype=complex)
+        self.gains[m : m + more] = self.kernels.gains
         self.weights = np.zeros((n_a + n_k + n_varying, self.rates.size))
         self.weights[:n_a, :m] = self.power_laws.weights
         self.weights[n_a : n_a + n_k, m : m + more] = self.kernels.weights
@@ -206,7 +209,8 @@ class OrbitAndTangents:
         d = x.shape[1]
         for c, q, k, coefficient in self._form.listed:
             if q == SLOPE and k != ITSELF:
-                self.modes[:, c] += coefficient * self.weights[k] * (p - self.p)[:, c % d, None]
+                entering = self.weights[k] * (self.rates.imag >= 0)
+                self.modes[:, c] += coefficient * entering * (p - self.p)[:, c % d, None]
         self.p, self.x = p, x
 
     def refine(self, closest):
@@ -240,7 +244,7 @@ class OrbitAndTangents:
         if self.last_length == 0.0:
             return base
         n = self.power_laws.rates.size
-        base += self.modes[..., n:] @ np.exp(-np.multiply.outer(self.kernels.rates, distances))
+        base += self.modes[..., n:] @ _damping(self.kernels.rates, distances, self.kernels.gains)
         # the last step by quadrature, for it is closer than the modes hold; all before it by modes
         base += self.before[..., :n] @ _damping(self.power_laws.rates, self.last_length + distances)
         _, v, weights = graded_rule()
@@ -284,7 +288,7 @@ class OrbitAndTangents:
         _, v, rule = graded_rule()
         damped, weights = _damping(rates, v), self.last_length * rule
         integrals, of_one = _integrals(values, functions, weights, damped), damped @ weights
-        advanced = modes * np.exp(-rates)
+        advanced = _turned(modes, rates)
         for b, q in enumerate(self._form.unweighted):
             advanced[:, (2 + b) * d : (3 + b) * d] += self.of_varying * integrals[:, q]
         for q, k, coefficient, rows, numbers in self._form.groups:
@@ -316,12 +320,29 @@ def _integrals(values, functions, weights, damped):
     return found.reshape(*values.shape[:-1], -1)
 
 
-def _damping(rates, times):
-    """Return ``exp(-rate * time)``, (n_rates, n_times); below 1e-304 it is as small as that."""
-    ages = np.multiply.outer(rates, times)
+def _damping(rates, times, gains=None):
+    """Return ``exp(-rate * time)``, (n_rates, n_times); below 1e-304 it is as small as that.
+
+    Of complex rates, times their gains, it is the part that counts for the mode.
+    """
+    ages = np.multiply.outer(rates.real, times)
     np.minimum(ages, 700.0, out=ages)  # results that underflow take ten times as long
     np.negative(ages, out=ages)
-    return np.exp(ages, out=ages)
+    damped = np.exp(ages, out=ages)
+    if np.isrealobj(rates):
+        return damped
+    turned = np.exp(-1j * np.multiply.outer(rates.imag, times))
+    turned *= damped if gains is None else damped * gains[:, None]
+    return np.where(rates.imag[:, None] < 0, turned.imag, turned.real)
+
+
+def _turned(modes, rates):
+    """Return the modes after a step, ``exp(-rate)`` times them; pairs with complex rates turn."""
+    ends, first = np.exp(-rates), np.flatnonzero(rates.imag > 0)
+    advanced = modes * ends.real
+    advanced[..., first] += ends.imag[first] * modes[..., first + 1]
+    advanced[..., first + 1] -= ends.imag[first] * modes[..., first]
+    return advanced
 
 
 def _round_to_decades(closest, farthest):

@@ -3,6 +3,9 @@
 The modes are read at the nodes of a step and advanced to its end by factors that depend on its
 length alone. Lengths lie on a grid (`floor_to_grid`), so few of them occur in a run, and the
 factors of each are stored in a slot of a table.
+
+A conjugate pair of rates has two real modes: the real part of the complex mode of the rate with a
+positive imaginary part, and the imaginary part of the other's, which decay and turn together.
 """
 
 import math
@@ -22,11 +25,14 @@ _PER_OCTAVE, _DIGITS = 8, 2.0**12
 SLOTS = 64
 # Arguments of exp(-z) from which it is taken for 0.
 _UNDERFLOW = 700.0
+# Arguments below which Bessel functions are 1 - x, x / 3 and 0 in rounding, and where their
+# recurrence begins, which reaches 1e-8 from there on.
+_SMALL, _SEED = 1e-8, 1e-200 + 0j
 
 
 def empty_tables(n_modes, s, n_kernels):
     """Allocate tables that hold the factors of no length yet."""
-    slots = (SLOTS, n_modes, s), (SLOTS, n_modes), (SLOTS, s, n_modes), (SLOTS, n_kernels, s, s)
+    slots = (SLOTS, n_modes, s), (SLOTS, 2, n_modes), (SLOTS, s, n_modes), (SLOTS, n_kernels, s, s)
     return StepTables(np.zeros(SLOTS), *(np.empty(shape) for shape in slots))
 
 
@@ -50,18 +56,19 @@ def find_slot(h, nodes, basis, tables):
 @allocating
 def fill_slot(h, nodes, basis, tables, slot):
     """Compute the factors of a step of length h."""
-    rates, weights, masses = basis.rates, basis.weights, basis.masses
+    rates, gains, weights, masses = basis.rates, basis.gains, basis.weights, basis.masses
     tables.lengths[slot], moments = 0.0, np.empty(nodes.shape[0])
     for m in range(rates.shape[0]):
         for i in range(nodes.shape[0]):
-            tables.to_nodes[slot, m, i] = decay(rates[m] * (h * nodes[i]))
-        tables.to_end[slot, m] = decay(rates[m] * h)
-        exponential_legendre(rates[m] * h, nodes.shape[0], moments)
+            tables.to_nodes[slot, m, i] = history_of_mode(rates[m], gains[m], h * nodes[i])
+        end = turning_decay(rates[m] * h)
+        tables.to_end[slot, 0, m], tables.to_end[slot, 1, m] = end.real, end.imag
+        set_moments(rates[m], h, moments)
         put(moments, tables.moments[slot, :, m])
     for k in range(masses.shape[0]):
         kernel_weights = weights[weights.shape[0] - masses.shape[0] + k]
         matrix = tables.local[slot, k]
-        set_kernel_matrix(h, nodes, rates, kernel_weights, masses[k], basis.transforms, matrix)
+        set_kernel_matrix(h, nodes, basis, kernel_weights, masses[k], matrix)
     tables.lengths[slot] = h
 
 
@@ -71,24 +78,58 @@ def decay(z):
     return math.exp(-z) if z < _UNDERFLOW else 0.0
 
 
+@inner
+def turning_decay(z):
+    """Return exp(-z) for complex z."""
+    return decay(z.real) * complex(math.cos(z.imag), -math.sin(z.imag))
+
+
+@inner
+def real_part(value, rate):
+    """Return the part of a complex value that counts for the real mode of this rate."""
+    return value.imag if rate.imag < 0.0 else value.real
+
+
+@inner
+def history_of_mode(rate, gain, t):
+    """Return the factor by which a mode enters the history at a time t later."""
+    if rate.imag == 0.0:
+        return decay(rate.real * t)
+    return real_part(gain * turning_decay(rate * t), rate)
+
+
 @allocating
-def set_kernel_matrix(h, nodes, rates, weights, mass, transforms, out):
+def set_moments(rate, h, out):
+    """Set out[k] to what a mode absorbs of the Legendre polynomial of degree k on a step."""
+    if rate.imag == 0.0:
+        exponential_legendre(rate.real * h, out.shape[0], out)
+    else:
+        moments = np.empty(out.shape[0], dtype=np.complex128)
+        turning_legendre(rate * h, out.shape[0], moments)
+        for k in range(out.shape[0]):
+            out[k] = real_part(moments[k], rate)
+
+
+@allocating
+def set_kernel_matrix(h, nodes, basis, weights, mass, out):
     """Set out[i, j], the weight of the value at node j in the convolution at node i, over one step.
 
     The kernel is a sum of exponentials of these rates and weights, and a point mass at distance 0.
     """
-    s = nodes.shape[0]
+    s, rates, transforms = nodes.shape[0], basis.rates, basis.transforms
     moments = np.empty(s)
     clear_matrix(out)
-    for i in range(s):
-        for m in range(rates.shape[0]):
-            if weights[m] == 0.0:
-                continue
-            exponential_legendre(rates[m] * h * nodes[i], s, moments)
+    for m in range(rates.shape[0]):
+        if weights[m] == 0.0:
+            continue
+        factor = weights[m] * history_of_mode(rates[m], basis.gains[m], 0.0)
+        for i in range(s):
+            set_moments(rates[m], h * nodes[i], moments)
             for k in range(s):
-                weight = weights[m] * h * nodes[i] * moments[k]
+                weight = factor * h * nodes[i] * moments[k]
                 for j in range(s):
                     out[i, j] += weight * transforms[i, k, j]
+    for i in range(s):
         out[i, i] += mass
 
 
@@ -124,18 +165,39 @@ def read_varying(modes, to_nodes, equations, varying, out):
 
 
 @inner
+def decay_modes(modes, to_end):
+    """Let modes (M,) decay over a step; pairs with complex rates also turn."""
+    turning = False
+    for m in range(modes.shape[0]):
+        turning |= to_end[1, m] != 0.0
+    if not turning:
+        for m in range(modes.shape[0]):
+            modes[m] *= to_end[0, m]
+        return
+    m = 0
+    while m < modes.shape[0]:
+        real, imag = to_end[0, m], to_end[1, m]
+        own = modes[m]
+        modes[m] *= real
+        if imag != 0.0:
+            m += 1
+            modes[m - 1] += imag * modes[m]
+            modes[m] = real * modes[m] - imag * own
+        m += 1
+
+
+@inner
 def advance_modes(h, to_end, moments, weights, column, kinds, legendre, values, modes):
     """Advance the modes over the step: decay, and absorb the integrands' polynomials on it.
 
     Row c absorbs integrands of component c modulo d; `column` is that of the orbit or a tangent.
     """
-    # to_end (M,), moments (s, M), kinds (d,), legendre (s, s), values (n_q, d, s), modes (R, M)
-    d, s, n_modes = values.shape[1], values.shape[2], to_end.shape[0]
+    # to_end (2, M), moments (s, M), kinds (d,), legendre (s, s), values (n_q, d, s), modes (R, M)
+    d, s, n_modes = values.shape[1], values.shape[2], to_end.shape[1]
     part, coefficients, n_kinds = weights.part, weights.coefficients, number_of(kinds)
     for c in range(modes.shape[0]):
         own, kind = modes[c], c // d * n_kinds + kinds[c % d]
-        for m in range(n_modes):
-            own[m] *= to_end[m]
+        decay_modes(own, to_end)
         for m in range(n_modes if weights.offsets.shape[1] > 0 else 0):
             own[m] += h * weights.offsets[column, c, m] * moments[0, m]
         for q in range(values.shape[0]):
@@ -212,3 +274,33 @@ def exponential_legendre(z, n, out):
             out[k] = ratio
     for k in range(1, n):
         out[k] *= out[k - 1]
+
+
+@inner
+def turning_legendre(z, n, out):
+    """Set out[k] as `exponential_legendre` for complex z, n > 1.
+
+    By upward recurrence, or by downward recurrence and ``sum_k (2 k + 1) out[k] = 1``, the series
+    for u = 1.
+    """
+    x = 0.5 * z
+    if abs(x) > 2.0 * n:
+        end = turning_decay(z)
+        out[0] = (1.0 - end) / z
+        out[1] = (0.5 * (1.0 + end) - out[0]) / x
+        for k in range(1, n - 1):
+            out[k + 1] = out[k - 1] - (2 * k + 1) / x * out[k]
+        return
+    out[:] = 0.0
+    if abs(x) < _SMALL:
+        out[0], out[1] = 1.0 - x, x / 3.0
+        return
+    above, value, total = 0j, _SEED, 0j
+    for k in range(20 + int(2.5 * abs(x)), 0, -1):
+        total += (2 * k + 1) * value
+        if k < n:
+            out[k] = value
+        above, value = value, above + (2 * k + 1) / x * value
+    out[0] = value
+    for k in range(n):
+        out[k] /= total + value

@@ -75,11 +75,13 @@ class Rule(NamedTuple):
 class ExponentialBasis(NamedTuple):
     """Rates of all modes, and the kernels as weighted sums of them.
 
-    rates (M,); weights (n_a + n_k, M); masses (n_k,), point masses of the kernels at distance 0;
+    rates (M,), complex ones in conjugate pairs; gains (M,), factors of the modes in the history;
+    weights (n_a + n_k, M); masses (n_k,), point masses of the kernels at distance 0;
     transforms (s, s, s), from values at the nodes to Legendre coefficients on [0, node i].
     """
 
     rates: np.ndarray
+    gains: np.ndarray
     weights: np.ndarray
     masses: np.ndarray
     transforms: np.ndarray
@@ -88,9 +90,9 @@ class ExponentialBasis(NamedTuple):
 class StepTables(NamedTuple):
     """Factors of the modes for K step lengths, computed once for each length.
 
-    lengths (K,); to_nodes (K, M, s) and to_end (K, M), decay from the start to the nodes and to the
-    end; moments (K, s, M) of the Legendre polynomials; local (K, n_k, s, s), convolutions with the
-    general kernels and varying orders over the step itself.
+    lengths (K,); to_nodes (K, M, s), decay from the start to the nodes; to_end (K, 2, M), real and
+    imaginary part of the decay to the end; moments (K, s, M) of the Legendre polynomials; local (K,
+    n_k, s, s), convolutions with the general kernels and varying orders over the step itself.
     """
 
     lengths: np.ndarray
@@ -330,8 +332,8 @@ CONTRACTION_RECORD, TABULATED_RECORD = from_dtype(CONTRACTION), from_dtype(TABUL
 TERMS = types.Array(from_dtype(TERM), 1, "C")
 EQUATIONS = types.NamedTuple((TERMS, VEC, IVEC, MAT, IVEC, IVEC, IVEC, VEC), Equations)
 RULE = types.NamedTuple((VEC, CUBE, MAT, MAT, VEC, MAT, MAT), Rule)
-BASIS = types.NamedTuple((VEC, MAT, VEC, CUBE), ExponentialBasis)
-TABLES = types.NamedTuple((VEC, CUBE, MAT, CUBE, CUBES), StepTables)
+BASIS = types.NamedTuple((_COMPLEX_ROW, _COMPLEX_ROW, MAT, VEC, CUBE), ExponentialBasis)
+TABLES = types.NamedTuple((VEC, CUBE, CUBE, CUBE, CUBES), StepTables)
 VARYING = types.NamedTuple((TABULATED_RECORD, CUBE, CUBE, VEC), VaryingOrders)
 ORBIT = types.NamedTuple((MAT, MAT, MAT, CUBE, CUBE, CUBES), OrbitArrays)
 STATE = types.NamedTuple(

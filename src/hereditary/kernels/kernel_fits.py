@@ -2,7 +2,8 @@
 
 Non-negative least squares on a grid of rates that is even in the logarithm. Where the error is too
 large, the grid is refined: first evenly, then next to the rates in use. Signed kernels have plain
-least squares on such a grid. All sums are constructed on [1, R] and scaled.
+least squares on the rates of a matrix pencil, complex ones too, or on these and such a grid. All
+sums are constructed on [1, R] and scaled.
 """
 
 import math
@@ -10,6 +11,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from ..support.checks import complaint
 from .exponential_sum import trapezoid_step
@@ -24,6 +26,8 @@ _OF_MEAN = 1e-3
 _FADED = 1e-16
 # Most that the ends of a fit by values may differ by: least squares take two seconds there.
 RATIO_OF_VALUES = 1e60
+# Singular values that signed fits leave out, relative to the largest, and samples of a pencil.
+_CUTS, _EVEN = (1e-8, 1e-10, 1e-12, 1e-14), 800
 # Slowest rate of grids above 0, times t_max.
 _SLOWEST = 0.02
 # Spacings of the grid, relative to that of a trapezoid rule of this tolerance: a finer one follows
@@ -63,7 +67,7 @@ class Samples:
 
     def error(self, rates, weights):
         """Return the relative error of a sum, shape (n,)."""
-        return self.columns(rates) @ weights - self.values / self.size
+        return (self.columns(rates) @ weights).real - self.values / self.size
 
     def every(self, n):
         """Return every n-th sample and the last."""
@@ -272,10 +276,17 @@ def _merged(samples, fitted, tol, norm, work, rates, weights):
     return rates, weights
 
 
+def in_pairs(rates):
+    """Return the indices of rates in order, and of pairs next to each other."""
+    return np.lexsort((-rates.imag, np.abs(rates.imag), rates.real))
+
+
 def _scaled(rates, weights, t_min, t_max, error):
     """Return the sum in the units of the kernel, its rates in order."""
-    order = np.argsort(rates, kind="stable")
+    order = in_pairs(rates)
     rates, weights = rates[order] / t_min, weights[order]
+    if not rates.imag.any():
+        rates, weights = rates.real.copy(), weights.real.copy()
     rates.flags.writeable = weights.flags.writeable = False
     return rates, weights, t_min, t_max, error
 
@@ -300,23 +311,57 @@ def root_mean_square(error):
 def closest_signed(kernel, t_min, t_max, tol, fading=False):
     """Fit a kernel with weights of both signs, by least squares, as closely as can be.
 
-    Errors are relative to the largest ``|K|`` from each time on.
+    Errors are relative to the largest ``|K|`` from each time on. Returns what `closest_positive`
+    does.
     """
     samples = _sampled(kernel, t_min, t_max, tol, signed=True)
-    fitted, step = samples.every(2), trapezoid_step(0.5, tol)
-    index = np.arange(fitted.t.size)
-    near_end = np.minimum(index, index[::-1]) * (2 / _POINTS_PER_OSCILLATION)
-    emphasis = 1 + 3 * np.exp(-2 * near_end)
     best, closest = math.inf, (np.zeros(0), np.zeros(0))
-    for finer in (1.0, 0.8, 0.6, 0.45):
-        grid = _rate_grid(samples.t[-1], finer * step, tol, fading)
-        rates, table, scale = _unit_columns(fitted, grid)
-        target = emphasis * fitted.values / fitted.size
-        for cut in (1e-8, 1e-10, 1e-12, 1e-14):
-            weights = np.linalg.lstsq(emphasis[:, None] * table, target, rcond=cut)[0] / scale
+    for rates in _rates_of_signed(kernel, samples.t[-1], t_min, tol, fading):
+        for weights in _signed_weights(samples, rates):
             error = _largest(samples.error(rates, weights))
             if error < best:
                 best, closest = error, (rates, weights)
             if best <= tol:
                 return _scaled(*closest, t_min, t_max, best)
     return _scaled(*closest, t_min, t_max, best)
+
+
+def _rates_of_signed(kernel, ratio, t_min, tol, fading):
+    """Yield sets of rates: real ones of pencils and grids, then complex ones, and both.
+
+    The pencil is that of the Hankel matrix of even samples without its last and without its first
+    column, reduced to singular values above a cut [HuaSarkar1990].
+    """
+    times, h = np.linspace(1.0, ratio, _EVEN, retstep=True)
+    _, sizes, rows = np.linalg.svd(sliding_window_view(kernel(times * t_min), _EVEN // 2))
+    found = []
+    for cut in _CUTS:
+        kept = rows[: np.count_nonzero(sizes > cut * sizes[0])].T
+        poles = np.linalg.eigvals(np.linalg.lstsq(kept[:-1], kept[1:], rcond=None)[0])
+        rates = -np.log(poles[poles != 0].astype(complex)) / h
+        rates = np.maximum(rates.real, 0.0) + 1j * rates.imag
+        pairs = rates[(rates.imag > 0) & (rates.imag < 0.99 * math.pi / h)]
+        found.append(np.concatenate([rates[rates.imag == 0], pairs, pairs.conj()]))
+    grids = [_rate_grid(ratio, step * trapezoid_step(0.5, tol), tol, fading) for step in (1.0, 0.6)]
+    yield from (rates for rates in found if not rates.imag.any())
+    yield from grids
+    yield from found
+    yield from (np.append(grid, found[-2]) for grid in grids)
+
+
+def _signed_weights(samples, rates):
+    """Yield weights (n,) of least squares, conjugate for pairs, by ever more singular values."""
+    first, last = rates.imag > 0, rates.imag >= 0
+    table = np.hstack([samples.columns(rates[last]).real, samples.columns(rates[first]).imag])
+    scale = np.abs(table).max(axis=0)
+    scale[scale < 1e-250] = np.inf
+    left, sizes, right = np.linalg.svd(table / scale, full_matrices=False)
+    shares = left.T @ (samples.values / samples.size)
+    for cut in _CUTS:
+        kept = sizes > cut * sizes[0]
+        x = (shares[kept] / sizes[kept]) @ right[kept] / scale
+        n, weights = np.count_nonzero(last), np.zeros(rates.size, dtype=complex)
+        weights[last] = x[:n]
+        weights[first] = 0.5 * (weights[first] - 1j * x[n:])
+        weights[rates.imag < 0] = weights[first].conj()
+        yield weights

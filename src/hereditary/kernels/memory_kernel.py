@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from ..support.checks import complaint, instance, real, real_array
 from ..support.warning import warn
 from .exponential_sum import fit_interval
-from .kernel_fits import closest_positive
+from .kernel_fits import closest_positive, in_pairs
 from .special import mean_exponential
 
 # Between the check points of a fit its error is no larger than at them times this.
@@ -162,10 +162,10 @@ class ScaledKernel(MemoryKernel):
 
 
 class _Exponentials(MemoryKernel):
-    """A kernel that is a sum of exponentials, of `rates` and `weights`."""
+    """A kernel that is a sum of exponentials, of `rates` and `weights`; complex ones in pairs."""
 
-    rates: np.ndarray | tuple[float, ...]
-    weights: np.ndarray | tuple[float, ...]
+    rates: np.ndarray | tuple[complex, ...]
+    weights: np.ndarray | tuple[complex, ...]
 
     @property
     def singular_exponent(self) -> float:
@@ -175,12 +175,13 @@ class _Exponentials(MemoryKernel):
     def __call__(self, t: ArrayLike) -> np.ndarray:
         """Return values of the sum, in the shape of `t`."""
         t = np.asarray(t, dtype=float)
-        return np.exp(-np.multiply.outer(t, self.rates)) @ np.asarray(self.weights)
+        return (np.exp(-np.multiply.outer(t, self.rates)) @ np.asarray(self.weights)).real
 
     def integral(self, t: ArrayLike) -> np.ndarray:
         """Return ``int_0^t`` of the sum, in closed form."""
         t = np.asarray(t, dtype=float)
-        return t * (mean_exponential(np.multiply.outer(t, self.rates)) @ np.asarray(self.weights))
+        means = mean_exponential(np.multiply.outer(t, self.rates))
+        return t * (means @ np.asarray(self.weights)).real
 
     def laplace(self, s: ArrayLike) -> np.ndarray:
         """Return ``sum_i weights[i] / (s + rates[i])``."""
@@ -201,7 +202,7 @@ class ExponentialSum(_Exponentials):
     Attributes
     ----------
     rates : ndarray, shape (n_modes,)
-        Non-negative and increasing [1/time].
+        Non-negative and increasing; of signed kernels complex in conjugate pairs [1/time].
     weights : ndarray, shape (n_modes,)
         Positive, but for signed kernels [unit of the kernel].
     t_min, t_max : float
@@ -234,9 +235,9 @@ class Prony(_Exponentials):
     Parameters
     ----------
     rates : array_like, shape (n,)
-        Not negative [1/time].
+        Not negative; or complex, in conjugate pairs, with real parts of at least 0 [1/time].
     weights : array_like, shape (n,)
-        Positive [unit of the kernel].
+        Positive; beside complex rates of any sign, and conjugate for pairs [unit of the kernel].
 
     Examples
     --------
@@ -245,17 +246,29 @@ class Prony(_Exponentials):
     2.103638
     """
 
-    rates: tuple[float, ...]
-    weights: tuple[float, ...]
+    rates: tuple[complex, ...]
+    weights: tuple[complex, ...]
 
     def __init__(self, rates: ArrayLike, weights: ArrayLike) -> None:
-        rate, weight = matching("rates", rates, "weights", weights)
-        if np.any(rate < 0):
+        rate, weight = matching("rates", np.real(rates), "weights", np.real(weights))
+        if np.iscomplexobj(rates) or np.iscomplexobj(weights):
+            turns, phases = matching("rates", np.imag(rates), "weights", np.imag(weights))
+            rate, weight = rate + 1j * turns, weight + 1j * phases
+        if np.any(rate.real < 0):
             raise ValueError(complaint("rates", "not be negative", rate.tolist()))
-        all_positive("weights", weight)
         own, index = np.unique(rate, return_inverse=True)
+        masses = np.zeros(own.size, dtype=weight.dtype)
+        np.add.at(masses, index, weight)
+        order = in_pairs(own)
+        own, masses = own[order], masses[order]
+        if not own.imag.any():
+            all_positive("weights", masses)
+        with_both = own[in_pairs(own.conj())], masses[in_pairs(own.conj())]
+        if not np.allclose(with_both, (own.conj(), masses.conj()), rtol=1e-12, atol=0):
+            required, remedy = "be complex in conjugate pairs", "the kernel is real"
+            raise ValueError(complaint("rates and weights", required, own.tolist(), remedy))
         object.__setattr__(self, "rates", tuple(own.tolist()))
-        object.__setattr__(self, "weights", tuple(np.bincount(index, weight).tolist()))
+        object.__setattr__(self, "weights", tuple(masses.tolist()))
 
 
 def fit_exponentials(

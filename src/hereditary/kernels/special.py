@@ -111,8 +111,8 @@ def alternating_sum(terms):
 
 
 def mean_exponential(z):
-    """Return ``(1 - exp(-z)) / z``, the mean of exp(-z u) over 0 <= u <= 1, for z >= 0."""
-    z = np.asarray(z, dtype=float)
+    """Return ``(1 - exp(-z)) / z``, the mean of exp(-z u) over 0 <= u <= 1."""
+    z = np.asarray(z)
     safe = np.where(z == 0, 1.0, z)
     return np.where(z == 0, 1.0, -np.expm1(-safe) / safe)
 

@@ -196,4 +196,7 @@ def _exponentials(kernel, n_steps, tol):
     end = min(kernel.h * max(n_steps, 2), kernel.kernel.t_last)
     start = min(kernel.h, end / 2)  # runs of one step read nothing of it
     fit = kernel.kernel.closest_fit(start, end, tol)
+    if np.iscomplexobj(fit.rates):
+        required = "be FFT() or Direct() for a kernel that oscillates"
+        raise ValueError(complaint("history", required, "modes", "or use Collocation"))
     return replace(fit, rates=fit.rates * kernel.h)
