@@ -284,11 +284,12 @@ class CollocationMarch:
         n_kernels, d = len(form.kernels), self._system.d
         local = np.array([convolutions(variable, kernel, h) for kernel in form.kernels])
         tables = StepTables(
-            np.array([h]), np.eye(n)[None], np.zeros((1, n)), np.zeros((1, n, n)),
+            np.array([h]), np.eye(n)[None], np.zeros((1, 2, n)), np.zeros((1, n, n)),
             local.reshape(1, n_kernels, n, n),
         )  # fmt: skip
+        ones = np.ones(n, dtype=complex)
         basis = ExponentialBasis(
-            np.ones(n), np.zeros((form.orders.size + n_kernels, n)), np.zeros(n_kernels),
+            ones, ones, np.zeros((form.orders.size + n_kernels, n)), np.zeros(n_kernels),
             np.zeros((n, n, n)),
         )  # fmt: skip
         values = np.zeros((orbit.x.shape[0], 3, d, n))

@@ -89,8 +89,8 @@ def first_rule(variable, orders):
     seen = np.exp(logs_of_looks)[:, None] * means(variable, (1.0,), logs_of_looks)[0]
     unused = np.zeros((variable.n, variable.n))
     parts = np.exp(logs), integrals, to_legendre(variable.n), unused, np.exp(logs_of_looks), seen
-    parts = *parts, functions(variable, logs_of_looks)
-    return Rule(*(np.array(part, order="C") for part in parts))
+    looked = functions(variable, logs_of_looks)
+    return Rule(*(np.array(part, order="C") for part in (*parts, looked)))
 
 
 def means(variable, orders, logs):

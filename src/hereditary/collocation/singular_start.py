@@ -41,8 +41,8 @@ def trials(system, form, orbit, t, left, longest, least, counts, units):
     jacobian = system.derivative(just_after, orbit.x[0], units)
     smallest = form.generators[0]
     most = min(left / 16, longest, _OF_LAST * (orbit.last_length or np.inf))
-    rates = _decay_rates(jacobian) if smallest < _TINY else ()
-    for h in most * _SHORTER ** np.arange(_BENT_TRIALS if len(rates) else 0):
+    rates = _decay_rates(jacobian) if smallest < _TINY else np.zeros(0)
+    for h in most * _SHORTER ** np.arange(_BENT_TRIALS if rates.size else 0):
         c = math.sqrt(rates[0] * rates[-1]) * h**smallest
         if c >= 0.5:
             yield h, Variable.of(form.generators, 2.0 ** round(math.log2(c)))
@@ -62,7 +62,7 @@ def trials(system, form, orbit, t, left, longest, least, counts, units):
 def _decay_rates(jacobian):
     """Return the |eigenvalues| of a Jacobian that are at least 1, ascending."""
     if not np.isfinite(abs(jacobian).sum()):
-        return ()
+        return np.zeros(0)
     rates = np.abs(eigenvalues(jacobian))
     return np.sort(rates[(rates >= 1) & (rates < np.inf)])
 
