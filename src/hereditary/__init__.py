@@ -7,11 +7,11 @@ from . import scenes
 from .analysis.convergence import ConvergenceTable, convergence_table
 from .analysis.fitting import FitResult, IdentifiabilityWarning, fit
 from .analysis.frequency_response import FrequencyResponse, frequency_response
+from .analysis.growth import LyapunovResult
 from .analysis.lyapunov import lyapunov
 from .analysis.power_spectrum import PowerSpectrum, power_spectrum
 from .analysis.sections import Section, maxima, stroboscopic
 from .analysis.sensitivity import Sensitivities, sensitivities
-from .analysis.spectrum import LyapunovResult
 from .analysis.sweep import sweep
 from .analysis.table import Table
 from .analysis.zero_one import ZeroOneResult, zero_one_test

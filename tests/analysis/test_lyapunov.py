@@ -8,6 +8,9 @@ from problems import observed_order
 from pymittagleffler import mittag_leffler
 
 import hereditary as hd
+from hereditary.analysis.lyapunov import benettin
+from hereditary.schemes.steps import UniformSteps
+from hereditary.solver.opening import open_stepper
 
 DIRECT = hd.Direct()
 HISTORIES = [DIRECT, hd.FFT(), hd.SumOfExponentials()]
@@ -50,6 +53,57 @@ def test_exponents_do_not_depend_on_the_interval(scheme, scene, history):
         for renorm in (0.05, 0.5, 5.0, None)
     ]
     assert np.ptp(found, axis=0).max() < 1e-9
+
+
+class Euler:
+    """Euler steps of x'' + 2.5 x' + x = 0, or by another matrix, up to the one that fails."""
+
+    def __init__(self, last=np.inf, step=((1.0, 0.01), (-0.01, 0.975))):
+        self.last, self.step = last, np.array(step)
+        self.position, self.y, self.tangent = 0, np.array([1.0, 0.0]), np.eye(2)
+
+    @property
+    def t(self):
+        return 0.01 * self.position
+
+    @property
+    def trouble(self):
+        return ("failed", "as asked") if self.position >= self.last else None
+
+    def advance(self, stop, keep=True):
+        self.y, self.tangent = self.step @ self.y, self.step @ self.tangent
+        self.position += 1
+
+    def transform_tangent(self, matrix):
+        self.tangent = self.tangent @ matrix
+
+
+def test_the_loop_takes_a_stepper_of_the_user():
+    """Eigenvalues -1/2 and -2, whose Euler steps multiply by 0.995 and 0.98."""
+    grown = {}
+    assert benettin(Euler(), range(50, 4001, 50), grown.__setitem__) is None
+    assert list(grown) == list(range(50, 4001, 50))
+    assert grown[4000] == pytest.approx(50 * np.log([0.995, 0.98]), rel=1e-9)
+    grown.clear()
+    assert benettin(Euler(120), range(50, 4001, 50), grown.__setitem__) == ("failed", "as asked")
+    assert list(grown) == [50, 100]
+    for lost in (np.zeros((2, 2)), np.full((2, 2), np.nan)):
+        ended = benettin(Euler(step=lost), [50], grown.__setitem__)
+        assert ended[0] is hd.Status.BLOWN_UP
+
+
+@pytest.mark.parametrize(
+    ("scheme", "scene"), CASES, ids=lambda v: repr(v) if v in FIRST_ORDER else ""
+)
+def test_the_compiled_loop_is_the_loop_that_is_read(scheme, scene):
+    equation, history, h = scene(), hd.SumOfExponentials(), 0.01
+    directions = np.eye(equation.y0.size)[:, :2]
+    result = alone(equation, 20.0, 2000, 2, scheme=scheme, directions=directions, transient=0.5)
+    how = scheme, history, UniformSteps(h, 2000), 20.0
+    stepper, _ = open_stepper(equation, *how, directions=directions)
+    stops, logs = np.rint(np.append(0.5, result.times) / h).astype(int), []
+    assert benettin(stepper, stops, lambda _, log: logs.append(log)) is None
+    assert np.abs(np.cumsum(logs[1:], axis=0) - result.log_growth).max() < 1e-9
 
 
 def linear(alpha, rate):

@@ -1,11 +1,15 @@
-"""Growth and decay of tangents: slopes, their errors, verdicts."""
+"""Results of Lyapunov runs: growth and decay of tangents, slopes, their errors, verdicts."""
 
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
+
+from ..solver.status import Status
+from ..support.html import paragraph, rows_of
 
 # A slope counts as different from zero beyond this many standard errors.
 _ERRORS = 3.0
@@ -117,3 +121,92 @@ def kaplan_yorke(exponents):
         return 0.0
     j = int(np.flatnonzero(sums >= 0)[-1]) + 1
     return float(j) if j == ordered.size else j + sums[j - 1] / -ordered[j]
+
+
+@dataclass(frozen=True, eq=False)
+class LyapunovResult:
+    """Finite-time Lyapunov exponents and what the record of the growth says of them.
+
+    All rates are natural logarithms by time [1/time]. For equations with memory they are facts
+    about this horizon: only growth that lasts has a rate of its own (docs/lyapunov.md).
+
+    Attributes
+    ----------
+    exponents : ndarray, shape (k,)
+        Mean rates from the transient to the end, the last row of `trace`.
+    times : ndarray, shape (n,)
+        When the tangents were made orthonormal [time].
+    trace : ndarray, shape (n, k)
+        Mean rates up to each of these times.
+    log_growth : ndarray, shape (n, k)
+        Logarithms of the growth since the transient [-].
+    slope, slope_stderr : ndarray, shape (k,)
+        Mean rate over the late window and its standard error from blocks.
+    algebraic_slope : ndarray, shape (k,)
+        -d log(growth) / d log(t) over the late window: near the lowest fractional order where a
+        decay has reached its algebraic tail [-].
+    verdict : Verdict
+        On the leading exponent.
+    verdicts : tuple of Verdict, length k
+    sum_rule_defect : float or None
+        Sum of all exponents less the mean divergence along the orbit; for classical equations with
+        k the number of initial data, in mode "tangent".
+    kaplan_yorke : float or None
+        Kaplan-Yorke dimension, under the same conditions [-].
+    mode : str
+    status : Status
+        How the run ended; ``success`` says whether it is COMPLETED.
+    message : str
+    y : ndarray, shape (d,)
+        The orbit at the end.
+    settings : dict
+        What the exponents depend on: scheme, history, h, t_end, renorm, transient, seed, ...
+    stats : dict
+        n_steps, n_rhs, n_modes, run_seconds.
+    verified : bool or None
+        Whether the verdicts stood in a second run, with twice or half the step (`verify`); those
+        that did not are "undetermined", and `message` says why. None without a second run.
+    check : LyapunovResult or None
+        The second run.
+    """
+
+    exponents: np.ndarray
+    times: np.ndarray
+    trace: np.ndarray = field(repr=False)
+    log_growth: np.ndarray = field(repr=False)
+    slope: np.ndarray
+    slope_stderr: np.ndarray
+    algebraic_slope: np.ndarray
+    verdict: Verdict
+    verdicts: tuple[Verdict, ...]
+    sum_rule_defect: float | None
+    kaplan_yorke: float | None
+    mode: str
+    status: Status
+    message: str
+    y: np.ndarray
+    settings: dict[str, Any] = field(repr=False)
+    stats: dict[str, Any] = field(repr=False)
+    verified: bool | None = None
+    check: LyapunovResult | None = field(default=None, repr=False)
+
+    @property
+    def success(self) -> bool:
+        """Whether the run reached the end inside the scheme's stability limit."""
+        return self.status is Status.COMPLETED
+
+    def _repr_html_(self):
+        columns = self.exponents, self.slope, self.slope_stderr, self.algebraic_slope
+        numbers = zip(*(column.tolist() for column in columns), strict=True)
+        rows = [[*row, verdict] for row, verdict in zip(numbers, self.verdicts, strict=True)]
+        head = ["exponent", "late slope", "its error", "algebraic slope", "verdict"]
+        return rows_of(head, rows) + paragraph(f"{self.mode}: {self.message}")
+
+    def __repr__(self):
+        rates = ", ".join(
+            f"{rate:.5g} (late {slope:.3g} +- {error:.1g}, {verdict})"
+            for rate, slope, error, verdict in zip(
+                self.exponents, self.slope, self.slope_stderr, self.verdicts, strict=True
+            )
+        )
+        return f"LyapunovResult({rates}; mode {self.mode!r}, {self.message})"

@@ -2,22 +2,184 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
+from functools import partial
 
+import numpy as np
 from numpy.typing import ArrayLike
 
+from ..collocation.adaptive_stepper import Tolerance
+from ..collocation.reading import reduced
+from ..compiled.callbacks import pass_on
+from ..compiled.growing_march import PACE, due, note
+from ..compiled.jacobian import jacobian
+from ..compiled.jit import F8, I8, MAT, VEC, entry
+from ..compiled.signatures import JAC, RHS
+from ..compiled.structures import record
 from ..equation.equation import Equation
+from ..equation.system import System, displaced
 from ..history.history import History
-from ..schemes.scheme import Scheme
-from ..solver.solution import Status
-from ..support.checks import complaint, instance, refusing
-from .growth import Verdict
-from .marched import checking_scheme, usual_scheme
-from .one_run import Request, march, result_of
-from .spectrum import LyapunovResult
+from ..schemes.adams import Adams
+from ..schemes.bdf import BDF
+from ..schemes.explicit import ExplicitCaputo
+from ..schemes.l1 import L1
+from ..schemes.scheme import Scheme, distinct_components
+from ..schemes.steps import UniformSteps, steps_in
+from ..solver.dense import StepPieces
+from ..solver.fixed_stepper import FixedStepper
+from ..solver.opening import how_to_step, open_stepper
+from ..solver.progress import Interruption, ProgressBar
+from ..solver.run import Drive, reached_end, told
+from ..solver.status import Status
+from ..support.checks import (
+    complaint,
+    count,
+    instance,
+    positive,
+    real_array,
+    refusing,
+    shown,
+    whole,
+    within,
+)  # fmt: skip
+from ..support.warning import warn
+from .growth import LyapunovResult, Verdict, assess, kaplan_yorke
 
 # What to write instead of keywords of former versions.
 _INSTEAD = {"resume": "make one run to the last time: `trace` has the rates of every earlier one"}
+_MODES = ("tangent", "pair")
+# More blocks than a window holds records are equal parts of them.
+_MOST_BLOCKS = 10_000
+# Marks of an adaptive run, at which it may be renormalised, and its steps: no limit, in practice.
+_MARKS, _ANY = 1 << 16, 10**9
+# Records of a run whose intervals follow the growth, and the first such interval [steps]: more
+# records cost time, and the late window holds half of them.
+_RECORDS, _FIRST = 128, 32
+# Tangents further apart than exp(this) leave the smaller one fewer than six digits.
+_WIDE = 22.0
+_LOST = "tangents overflowed or vanished, or orbits fell together; shorten renorm"
+_REACHED_END = (
+    Status.COMPLETED,
+    Status.STEP_TOO_LARGE,
+    Status.KERNEL_INACCURATE,
+    Status.ZIGZAG,
+)
+# Largest tolerance of `Collocation` that leaves room for one ten times as large.
+_LOOSEST = 0.01
+# A scheme is of first order where it is of no more than this next to alpha = 1.
+_NEAR_1, _FIRST_ORDER = 0.95, 1.25
+# Orders for which `Adams` is of second order and its stability limit is watched.
+_ADAMS_LOWEST, _ADAMS_HIGHEST = 0.5, 1.0
+
+
+def benettin(stepper, stops, note, to=None):
+    """March a stepper, make its tangents orthonormal at `stops`, and note how much they grew.
+
+    Parameters
+    ----------
+    stepper : Stepper or any object
+        Has `position`, `trouble`, ``advance(stop)``, `tangent` (n, k) and
+        ``transform_tangent(matrix)``, which replaces the tangents, with all memory, by their
+        combinations (`solver/stepper.py`).
+    stops : iterable
+        Ascending positions.
+    note : callable
+        ``note(stop, logs)`` is given the logarithms of the growth (k,) since the stop before.
+    to : callable, optional
+        ``to(stop)`` marches to a stop; returns None there, else status and detail.
+
+    Returns
+    -------
+    None, or the status and detail of a march that ended before the last stop.
+    """
+    for stop in stops:
+        ended = to(stop) if to else _march(stepper, stop)
+        if ended:
+            return ended
+        r = np.linalg.qr(stepper.tangent, mode="r")
+        r *= np.sign(np.diag(r))[:, None]
+        if not (np.all(np.isfinite(r)) and np.diag(r).min() > 0):
+            return Status.BLOWN_UP, _LOST
+        stepper.transform_tangent(np.linalg.inv(r))
+        note(stop, np.log(np.diag(r)))
+    return None
+
+
+def _march(stepper, stop):
+    """March to a position; return None there, else what the trouble is."""
+    while stepper.position < stop:
+        if stepper.trouble:
+            return stepper.trouble
+        stepper.advance(stop)
+    return None
+
+
+class Pairs:
+    """Orbits side by side as one stepper, whose tangent is their distance from the first one.
+
+    So no derivative is needed. A change of the tangent draws the whole histories of the others
+    back; of the right-hand side's values only the differences are rescaled. All else is that of
+    the first orbit.
+
+    Parameters
+    ----------
+    opened : callable
+        ``opened(system)`` returns a stepper.
+    system : System
+    directions : ndarray, shape (n_data, k)
+    separation : float
+        Distance that the orbits are drawn back to: the unit of the tangent.
+    """
+
+    def __init__(self, opened, system, directions, separation):
+        self._separation, self._speeds = separation, system.highest_orders() > 1
+        starts = []
+        for direction in separation * directions.T:
+            starts.append(system.y0.copy())
+            starts[-1][0] += direction[: system.d]
+            starts[-1][1:, self._speeds] += direction[system.d :]
+        self._orbit = opened(system)
+        self._others = [opened(displaced(system, y0)) for y0 in starts]
+        self._all = [self._orbit, *self._others]
+
+    def __getattr__(self, name):
+        return getattr(self._orbit, name)
+
+    @property
+    def n_rhs(self):
+        """Calls of the right-hand side."""
+        return sum(stepper.n_rhs for stepper in self._all)
+
+    @property
+    def error(self):
+        """The first exception of the right-hand side, or None."""
+        return next((stepper.error for stepper in self._all if stepper.error), None)
+
+    @property
+    def trouble(self):
+        """Status and detail of the first march that cannot go on, else None."""
+        return next((stepper.trouble for stepper in self._all if stepper.trouble), None)
+
+    def advance(self, stop, keep=True):
+        """March some way towards `stop`; return the solution of the first orbit if it is kept."""
+        piece = self._orbit.advance(stop, keep)
+        for other in self._others:
+            _march(other, self._orbit.position)
+        return piece
+
+    @property
+    def tangent(self):
+        """Distances of the other orbits, and of their y' for orders above 1, (n_data, k)."""
+        first, *others = (np.append(each.y, each.ydot[self._speeds]) for each in self._all)
+        return (np.array(others) - first).T / self._separation
+
+    def transform_tangent(self, matrix):
+        """Replace the distances, with all memory, by ``tangent @ matrix``."""
+        for first, *others in zip(*(stepper.parts() for stepper in self._all), strict=True):
+            drawn = np.tensordot(matrix.T, np.array(others) - first, axes=1)
+            for array, difference in zip(others, drawn, strict=True):
+                array[...] = first + difference
 
 
 @refusing(_INSTEAD)
@@ -132,50 +294,41 @@ def lyapunov(
     if verify not in (None, False, True):
         raise TypeError(complaint("verify", "be True, False or None", repr(verify)))
     scheme = usual_scheme(equation) if scheme is None else scheme
-    request = Request(
-        equation, t_end, n_steps, k, mode, scheme, history, renorm, transient, directions,
-        seed, window, n_blocks, separation, rtol, atol, progress,
+    run = partial(
+        _run, equation, k=k, mode=mode, history=history, renorm=renorm, transient=transient,
+        directions=directions, seed=seed, window=window, n_blocks=n_blocks, separation=separation,
+        progress=progress,
     )  # fmt: skip
-    result = result_of(request, march(request))
+    result = run(t_end, n_steps, scheme, rtol, atol)
     if result.status not in _REACHED_END or verify is False:
         return result
     if verify is None and set(result.verdicts) == {Verdict.UNDETERMINED}:
         return result
-    other, how = _another(request, result, bool(verify))
+    other, how = _another(equation, scheme, result, bool(verify))
     try:
-        check = result_of(other, march(other))
+        check = run(*other, loud=False)
     except ValueError as error:  # a step that its scheme does not take
         return _undetermined(result, None, f"with {how} there is no run to compare with: {error}")
     return _compared(result, check, how)
 
 
-_REACHED_END = (
-    Status.COMPLETED,
-    Status.STEP_TOO_LARGE,
-    Status.KERNEL_INACCURATE,
-    Status.ZIGZAG,
-)
-# Largest tolerance of `Collocation` that leaves room for one ten times as large.
-_LOOSEST = 0.01
+def _another(equation, scheme, result, finer):
+    """Return t_end, steps, scheme and tolerances of the run that verdicts are compared with.
 
-
-def _another(request, result, finer):
-    """The run that a verdict is compared with, and how it differs."""
-    scheme, found = request.scheme, result.settings
-    n, t_end = result.stats["n_steps"], found["t_end"]
+    And how it differs.
+    """
+    n, found = result.stats["n_steps"], result.settings
     if scheme.adaptive:
         finer = finer or found["rtol"] > _LOOSEST
         factor = 0.1 if finer else 10.0
-        how = "a tenth of the tolerance" if finer else "ten times the tolerance"
         atol = None if found["atol"] is None else factor * found["atol"]
-        changed = {"rtol": factor * found["rtol"], "atol": atol}
-    else:
-        n, h = (2 * n, found["h"] / 2) if finer else (n // 2, 2 * found["h"])
-        other = scheme if finer else checking_scheme(scheme, request.equation)
-        how = "half the step" if finer else "twice the step"
-        how += "" if other == scheme else f" and {other!r}"
-        changed, t_end = {"scheme": other}, n * h
-    return replace(request, t_end=t_end, n_steps=n, loud=False, **changed), how
+        how = "a tenth of the tolerance" if finer else "ten times the tolerance"
+        return (found["t_end"], n, scheme, factor * found["rtol"], atol), how
+    n, h = (2 * n, found["h"] / 2) if finer else (n // 2, 2 * found["h"])
+    other = scheme if finer else checking_scheme(scheme, equation)
+    how = "half the step" if finer else "twice the step"
+    how += "" if other == scheme else f" and {other!r}"
+    return (n * h, n, other, None, None), how
 
 
 def _compared(result, check, how):
@@ -199,3 +352,332 @@ def _undetermined(result, check, reason, verdicts=None):
     message = f"{result.message}; {reason}"
     changed = {"verdicts": verdicts, "verdict": verdicts[0], "message": message}
     return replace(result, verified=False, check=check, **changed)
+
+
+def _run(
+    equation, t_end, n_steps, scheme, rtol, atol, *, k, mode, history, renorm, transient,
+    directions, seed, window, n_blocks, separation, progress, loud=True,
+):  # fmt: skip
+    """Return the result of one run, whose arguments are those of `lyapunov`; warn if it is loud."""
+    began = time.perf_counter()
+    t_end = positive("t_end", t_end)
+    if equation.frame.start != 0:
+        required = "be 0 for exponents"
+        remedy = "shift the time in rhs"
+        raise ValueError(complaint("t_start", required, equation.frame.start, remedy))
+    instance("scheme", scheme, Scheme, "hereditary.ExplicitCaputo()")
+    if history is not None:
+        instance("history", history, History, "hereditary.SumOfExponentials()")
+    within("window", window, 1e-6, 1.0, "(0, 1]")
+    if count("n_blocks", n_blocks) > _MOST_BLOCKS:
+        raise ValueError(complaint("n_blocks", f"be at most {_MOST_BLOCKS}", n_blocks))
+    system = marched(equation, scheme)
+    how, marks = _how_to_step(
+        system, scheme, t_end, n_steps, mode, rtol=rtol, atol=atol, history=history
+    )
+    h, most = marks.h, n_data(equation)
+    if mode not in _MODES:
+        required = f"be one of {', '.join(map(repr, _MODES))}"
+        remedy = "convergence/restarting.py cuts the memory" if mode == "restart" else ""
+        raise ValueError(complaint("mode", required, repr(mode), remedy))
+    if count("k", k) > most:
+        required = f"be at most the number of initial data, {most}"
+        raise ValueError(complaint("k", required, k))
+    interval = None if renorm is None else max(1, steps_in("renorm", positive("renorm", renorm), h))
+    transient = round(within("transient", transient, 0.0, h * (marks.n - 1), "[0, t_end)") / h)
+    if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
+        raise TypeError(complaint("seed", "be a whole number of at least 0", repr(seed)))
+    separation = _separation(separation, equation)
+    directions = _directions(directions, seed, k, most)
+
+    def opened(system, directions=None):
+        return open_stepper(system, scheme, history, how, t_end, directions=directions)[0]
+
+    if mode == "pair":
+        stepper = Pairs(opened, system, directions, separation)
+    else:
+        stepper = opened(system, directions)
+    plain = memory(system) == "none" and equation.enlarged is equation
+    flow = Divergence(system, h) if mode == "tangent" and plain and k == most else None
+    pace = record(
+        PACE,
+        interval=interval or min(_FIRST, max(1, marks.n // _RECORDS)),
+        longest=max(1, marks.n // _RECORDS),
+        automatic=interval is None,
+        transient=transient,
+        end=marks.n,
+    )
+    ended, grown = _grow(stepper, pace, h, flow, progress)
+    status, detail = ended or (reached_end(stepper), "")
+    steps, totals = grown[:, 0], np.cumsum(grown[:, 1:], axis=0)
+    late = steps > transient
+    sums = totals[late] - (totals[~late][-1] if transient and not late.all() else 0.0)
+    times = h * steps[late]
+    trace = sums / (times - h * transient)[:, None]
+    growth = assess(times, sums, window, n_blocks, memory(system))
+    verdicts = growth.verdicts
+    if status is Status.BLOWN_UP:
+        verdicts = (Verdict.DIVERGED,) * k
+    exponents = trace[-1] if times.size else np.full(k, np.nan)
+    defect = dimension = None
+    if flow is not None and times.size:
+        defect = float(np.sum(totals[-1]) - flow.up_to(int(steps[-1]))) / (steps[-1] * h)
+        dimension = kaplan_yorke(exponents)
+    message = status.sentence + (f": {detail}" if detail else "")
+    if loud:
+        message = told(stepper, status, detail) + _lost_digits(grown[:, 1:])
+    settings = {
+        "mode": mode,
+        "k": int(k),
+        "h": h,
+        "renorm": interval and h * interval,
+        "transient": h * transient,
+        "seed": int(seed),
+        "separation": separation,
+        "scheme": scheme,
+        "history": getattr(stepper, "history", history),
+        "t_end": t_end,
+        "window": window,
+    }
+    settings |= {"rtol": how.rtol, "atol": how.atol} if isinstance(how, Tolerance) else {}
+    result = LyapunovResult(
+        exponents=exponents,
+        times=times,
+        trace=trace,
+        log_growth=sums,
+        slope=growth.slope,
+        slope_stderr=growth.slope_stderr,
+        algebraic_slope=growth.algebraic_slope,
+        verdict=verdicts[0],
+        verdicts=verdicts,
+        sum_rule_defect=defect,
+        kaplan_yorke=dimension,
+        mode=mode,
+        status=status,
+        message=message,
+        y=equation.frame.values(stepper.y[: equation.d]),
+        settings=settings,
+        stats={
+            "n_steps": _marks(stepper.t, h),
+            "n_rhs": stepper.n_rhs,
+            "n_modes": stepper.n_modes,
+            "run_seconds": time.perf_counter() - began,
+        },
+    )
+    pass_on(stepper.error, result)
+    return result
+
+
+def _grow(stepper, pace, h, flow, progress):
+    """March to the end, or as far as it goes, and make tangents orthonormal on the way.
+
+    Returns status and detail of a march that ended early, else None; and for each renormalisation
+    its mark and the logarithms of the growth since the one before, (n, 1 + k).
+    """
+    given, unit = isinstance(stepper, FixedStepper), stepper.position_at(h)
+    grown = [np.empty((0, 1 + stepper.tangent.shape[1]))]
+
+    def advance(stop):
+        piece = stepper.advance(stop, flow is not None)
+        if given:
+            grown.append(stepper.grown())
+        if flow is not None and piece is not None:
+            flow.add(piece, _marks(stepper.t, h), int(pace["last"]))
+        return (Status.BLOWN_UP, _LOST) if given and stepper.lost else None
+
+    def stops():
+        while pace["last"] < pace["end"]:
+            yield int(due(pace)) * unit
+
+    def noted(_, logs):
+        n = int(due(pace))
+        note(pace, n, logs)
+        grown.append(np.array([[n, *logs]]))
+
+    bar = ProgressBar(progress)
+    try:
+        with Interruption() as interruption:
+            end = int(pace["end"]) * unit
+            drive = Drive(stepper, end, advance, interruption, bar)
+            if given:  # the same loop in compiled code
+                stepper.renormalise(pace)
+                ended = drive.to(end)
+            else:
+                ended = benettin(stepper, stops(), noted, drive.to)
+    finally:
+        bar.close()
+    return ended, np.vstack(grown)
+
+
+def _lost_digits(logs):
+    """Return a clause if tangents drew so far apart that R holds few digits, else nothing."""
+    widest = np.ptp(logs, axis=1).max(initial=0.0)
+    if widest < _WIDE:
+        return ""
+    clause = (
+        f"; between two renormalisations tangents drew apart by exp({widest:.0f}), which "
+        "rounding hides: take a shorter renorm"
+    )
+    warn(clause[2:], RuntimeWarning)
+    return clause
+
+
+def _marks(t, h):
+    """Return the number of whole steps h up to time t."""
+    return int(t / h * (1 + 1e-12))
+
+
+class Divergence:
+    """Integral of the divergence of the first-order system behind an equation of integer orders.
+
+    A component ``c_1 x' = f`` adds ``d f_j / d x_j / c_1``, one of ``c_2 x'' + c_1 x' = f`` adds
+    ``-c_1 / c_2``, for f knows no velocities.
+
+    Parameters
+    ----------
+    system : System
+    h : float
+        Distance of marks [time].
+    """
+
+    def __init__(self, system, h):
+        self._system, self._h, second = system.dense(), h, system.highest_orders() > 1
+        first, leading = system.coefficient(1.0), system.coefficient(2.0)
+        self._shares = np.where(second, 0.0, 1 / np.where(second, 1.0, first))
+        self._constant = -float(np.sum(first[second] / leading[second]))
+        self._integral, self._last = 0.0, 0
+        self._ahead = self._traces(0, system.y0[:1].copy())
+
+    def add(self, piece, n, n_last):
+        """Take in the orbit up to mark n; growth is known up to mark n_last."""
+        begun = self._last + self._ahead.size
+        if begun > n:
+            return
+        if isinstance(piece, StepPieces):
+            rows = piece.rows[1:]
+        else:
+            rows = piece.evaluate(self._h * np.arange(begun, n + 1), np.zeros(1, dtype=bool), 0)
+        self._ahead = np.append(self._ahead, self._traces(begun, rows))
+        self.up_to(n_last)
+
+    def up_to(self, n_last):
+        """Return the integral from 0 to a mark by the trapezoidal rule, and forget what it took."""
+        known = n_last - self._last
+        self._integral += self._h * float(np.trapezoid(self._ahead[: known + 1]))
+        self._ahead, self._last = self._ahead[known:], n_last
+        return self._integral
+
+    def _traces(self, n, rows):
+        """Return the divergence at rows (k, d) of the orbit, the first one at mark n."""
+        found, system = np.full(len(rows), self._constant), self._system
+        rows = np.ascontiguousarray(rows)
+        how = n * self._h, self._h, rows, self._shares, system.steps
+        _add_traces(*system.compiled, *how, np.empty((system.d, system.d)), found)
+        return found
+
+
+@entry(RHS, JAC, I8, VEC, F8, F8, MAT, VEC, VEC, MAT, VEC)
+def _add_traces(rhs, jac, has_jac, params, t, h, rows, shares, units, j_f, found):
+    """Add ``sum_j shares_j d f_j / d x_j`` of rows (k, d), the first one at time t, to found."""
+    for k in range(rows.shape[0]):
+        jacobian(rhs, jac, has_jac, t + k * h, rows[k], params, units, j_f)
+        for j in range(rows.shape[1]):
+            found[k] += shares[j] * j_f[j, j]
+
+
+def _how_to_step(system, scheme, t_end, n_steps, mode, **tolerated):
+    """Return how the run steps, and the `UniformSteps` at which tangents may be measured."""
+    history = tolerated.pop("history")
+    if not scheme.adaptive:
+        steps = how_to_step(system, scheme, t_end, n_steps=n_steps, **tolerated)
+        return steps, steps
+    if mode != "tangent":
+        required = 'be "tangent" with Collocation'
+        remedy = "take a scheme of given steps, e.g. Adams() or BDF(2)"
+        raise ValueError(complaint("mode", required, repr(mode), remedy))
+    n = _MARKS if n_steps is None else count("n_steps", whole(n_steps))
+    how = how_to_step(system, scheme, t_end, history=history, max_steps=_ANY, **tolerated)
+    return how, UniformSteps(t_end / n, n)
+
+
+def _separation(value, equation):
+    """A distance at which orbits can still be neighbours."""
+    largest = max(1.0, float(np.abs(equation.y0[0]).max()))
+    remedy = "1e-7 is for smooth right-hand sides, 1e-3 to 1e-2 for those that jump"
+    required = f"be at most {largest:g}, that orbits be neighbours"
+    if positive("separation", value) > largest:
+        raise ValueError(complaint("separation", required, value, remedy))
+    return float(value)
+
+
+def _directions(given, seed, k, rows):
+    """Orthonormal initial directions, shape (rows, k)."""
+    if given is None:
+        given = np.random.default_rng(seed).normal(size=(rows, rows))[:, :k]
+    else:
+        given = real_array("directions", given)
+        if given.shape != (rows, k):
+            required = f"have shape ({rows}, {k}): one column for each exponent"
+            raise ValueError(complaint("directions", required, f"shape {given.shape}"))
+        given = given / (np.abs(given).max() or 1.0)  # squares of any numbers stay finite
+    q, r = np.linalg.qr(given)
+    if not np.abs(np.diag(r)).min() > 1e-12 * np.abs(r).max():  # zeros are refused as well
+        required = "be linearly independent columns"
+        raise ValueError(complaint("directions", required, shown(given)))
+    return q * np.sign(np.diag(r))
+
+
+def marched(equation: System, scheme: Scheme) -> System:
+    """The system to march: classical ones of second order as first-order ones.
+
+    Increments kept apart from t x'(0), as most schemes keep them above order 1, lose a tangent that
+    has decayed to their rounding. With memory none decays so far.
+    """
+    if scheme.whole or equation.m == 1 or memory(equation) != "none":
+        return equation
+    return reduced(equation.dense())[0]
+
+
+def memory(equation: System) -> str:
+    """Whether "all", "none" or "some" components have a term of fractional order."""
+    found = np.zeros(equation.d, dtype=bool)
+    system = equation.enlarged
+    for operator, coefficients in system.left:
+        found[system.sources[(coefficients != 0) & (not operator.classical)]] = True
+    return "all" if found.all() else "some" if found.any() else "none"
+
+
+def n_data(equation: System) -> int:
+    """Number of initial data: d, and one more for each component of order above 1."""
+    return equation.d + int(np.sum(equation.highest_orders() > 1))
+
+
+def usual_scheme(equation: System) -> Scheme:
+    """The scheme of a run that names none: of second order wherever one covers the equation."""
+    return _second_order(equation) or ExplicitCaputo()
+
+
+def checking_scheme(scheme: Scheme, equation: System) -> Scheme:
+    """The scheme whose run, at another step, a verdict is compared with.
+
+    Twice the step often repeats the verdict of a first-order scheme where that is wrong, so that
+    one is compared with the usual scheme; where none is of second order, with the other one of
+    first order: what the explicit one adds to a rate the implicit one takes away.
+    """
+    if scheme.adaptive or scheme.order(_NEAR_1) > _FIRST_ORDER:
+        return scheme
+    opposite = L1() if scheme.solve == "explicit" else ExplicitCaputo()
+    return _second_order(equation) or opposite
+
+
+def _second_order(equation):
+    """`Adams` where it is of second order, else `BDF(2)`; None where there are other kernels."""
+    if not equation.enlarged.constant:
+        return None
+    if equation.enlarged is not equation:
+        return BDF(2)
+    distinct, _ = distinct_components(marched(equation, Adams()))
+    orders = [operator.order for key in distinct for _, operator in key]
+    single = len(orders) == len(distinct)
+    covered = min(orders) >= _ADAMS_LOWEST and max(orders) <= _ADAMS_HIGHEST
+    return Adams() if single and covered else BDF(2)

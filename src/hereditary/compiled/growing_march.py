@@ -1,57 +1,36 @@
-"""Growth of tangents: a march that makes them orthonormal now and then, memory and all.
+"""Growth of tangents: Benettin's loop (analysis/lyapunov.py) around a march on given steps.
 
-Tangents stand behind the d columns of the orbit, d columns each. All that is linear in them is
-multiplied by the inverse of R in ``Phi = Q R``, Phi being their values, and their slopes where an
-initial derivative belongs to the data.
+The d columns of the orbit come first, then d columns of each tangent. Phi are the values of the
+tangents, and their slopes for components whose initial derivative belongs to the data. The loop
+computes ``Phi = Q R`` now and then, and multiplies all that is linear in the tangents by the
+inverse of R.
 """
 
-from typing import NamedTuple
-
 import numpy as np
-from numba import from_dtype, types
+from numba import from_dtype
 
 from .block import RUNNING
-from .jit import F8, I8, IVEC, MAT, allocating, entry, inner
+from .jit import I8, IVEC, MAT, allocating, entry, inner
 from .signatures import MARCH, MARCH_VALUE, MEMORY, STATE
 
-# Ends of a march besides those of compiled/block.py: tangents overflowed or vanished, and there is
-# no room for another renormalisation.
-LOST, FULL = 3, 4
+# The end of a march, besides those of compiled/block.py, whose tangents overflowed or vanished.
+LOST = 3
 # Steps after which a march reads no data but the lasting ones.
 _FIRST_STEPS = 8
 # Growth, or spread, of tangents over one interval that is wanted where it follows the growth: R
 # loses about as many of sixteen digits as there are in exp(spread).
 LOW, HIGH = 3.0, 8.0
-# Intervals between renormalisations [steps]: the present and the longest one; the end of the
-# transient, the last renormalisation, and whether intervals follow the growth.
-PACE = np.dtype([(n, "i8") for n in ("interval", "longest", "transient", "last", "automatic")])
-
-
-class Growth(NamedTuple):
-    """How tangents are measured, and room for what is found.
-
-    above (n,), components whose slopes belong to the data; d, components that do; h, the step; 1
-    where the march reads data of the first steps later on; the last step of the run; steps (K,) and
-    logs (K, k) of renormalisations, made (1,) of them.
-    """
-
-    above: np.ndarray
-    d: int
-    h: float
-    lasting: int
-    last: int
-    steps: np.ndarray
-    logs: np.ndarray
-    made: np.ndarray
-
-
-GROWTH = types.NamedTuple((IVEC, I8, F8, I8, I8, IVEC, MAT, IVEC), Growth)
+# When tangents are made orthonormal [steps]: the present interval, the longest one, whether
+# intervals follow the growth; the ends of the transient and of the run, the last time; how many
+# times in one entry, and whether the march reads data of the first steps later on.
+_NUMBERS = "interval", "longest", "automatic", "transient", "end", "last", "made", "lasting"
+PACE = np.dtype([(name, "i8") for name in _NUMBERS])
 
 
 @inner
-def due(pace, last):
-    """Return the step of the next renormalisation of a run that ends at step `last`."""
-    stop = min(pace["last"] + pace["interval"], last)
+def due(pace):
+    """Return the step of the next renormalisation."""
+    stop = min(pace["last"] + pace["interval"], pace["end"])
     return pace["transient"] if pace["last"] < pace["transient"] < stop else stop
 
 
@@ -59,67 +38,67 @@ def due(pace, last):
 def note(pace, n, logs):
     """Note the growth (k,) up to step n, and suit the interval to it."""
     pace["last"] = n
-    size = np.max(np.abs(logs))
-    spread = max(size, np.max(logs) - np.min(logs))
-    if pace["automatic"] == 0:
-        return
-    if spread > HIGH:
+    spread = max(0.0, np.max(logs)) - min(0.0, np.min(logs))
+    if spread > HIGH and pace["automatic"]:
         # and no longer ever after: spikes of contraction are rare, but come again
         pace["interval"] = max(1, int(pace["interval"] * HIGH / spread))
         pace["longest"] = pace["interval"]
-    elif spread < LOW:
+    elif spread < LOW and pace["automatic"]:
         pace["interval"] = min(2 * pace["interval"], pace["longest"])
 
 
-@allocating
+@inner
 def triangle(columns, inverse):
     """Set the inverse (k, k) of R in ``columns = Q R``, its diagonal above 0; columns become Q.
 
     Returns whether there is one: columns (n, k) are finite and independent.
     """
     n, k = columns.shape
-    r = np.zeros((k, k))
     for j in range(k):
-        for i in range(j):
-            for c in range(n):
-                r[i, j] += columns[c, i] * columns[c, j]
-            for c in range(n):
-                columns[c, j] -= r[i, j] * columns[c, i]
         largest, total = 0.0, 0.0
         for c in range(n):
-            largest = max(largest, abs(columns[c, j]))
             if not abs(columns[c, j]) < np.inf:
                 return False
+            largest = max(largest, abs(columns[c, j]))
         if largest == 0.0:
             return False
         for c in range(n):
-            total += (columns[c, j] / largest) ** 2
-        r[j, j] = largest * np.sqrt(total)
+            columns[c, j] /= largest
+        # row m of the inverse of R in column j: -(inverse of R) r_j, as columns are made orthogonal
+        for m in range(k):
+            inverse[m, j] = 0.0
+        for i in range(j):
+            r = 0.0
+            for c in range(n):
+                r += columns[c, i] * columns[c, j]
+            for c in range(n):
+                columns[c, j] -= r * columns[c, i]
+            for m in range(i + 1):
+                inverse[m, j] -= r * inverse[m, i]
         for c in range(n):
-            columns[c, j] = columns[c, j] / largest / np.sqrt(total)
-    for j in range(k):
-        for i in range(k):
-            inverse[i, j] = 0.0
-        inverse[j, j] = 1.0 / r[j, j]
-        for i in range(j - 1, -1, -1):
-            total = 0.0
-            for m in range(i + 1, j + 1):
-                total += r[i, m] * inverse[m, j]
-            inverse[i, j] = -total / r[i, i]
+            total += columns[c, j] ** 2
+        if total == 0.0:
+            return False
+        size = np.sqrt(total)
+        inverse[j, j] = 1.0 / largest
+        for c in range(n):
+            columns[c, j] /= size
+        for m in range(j + 1):
+            inverse[m, j] /= size
     return True
 
 
 @inner
-def set_tangents(growth, state, d, columns):
-    """Set Phi (n_data, k): values, and slopes where they belong to the data."""
-    x, u, change, above = state.x, state.increment, state.change, growth.above
+def read_tangents(state, table, above, columns):
+    """Set Phi (n_data, k): values, and slopes of the components `above`."""
+    d = columns.shape[0] - above.shape[0]
     for j in range(columns.shape[1]):
-        first = (1 + j) * d
-        for c in range(growth.d):
-            columns[c, j] = x[first + c]
+        first = (1 + j) * table.n_orbit
+        for c in range(d):
+            columns[c, j] = state.x[first + c]
         for i in range(above.shape[0]):
             c = first + above[i]
-            columns[growth.d + i, j] = (u[c] + 0.5 * change[c]) / growth.h
+            columns[d + i, j] = (state.increment[c] + 0.5 * state.change[c]) / table.h
 
 
 @allocating
@@ -169,12 +148,6 @@ def forget(array, d):
             array[c, i] = 0.0
 
 
-@entry(MAT, MAT)
-def measure(columns, inverse):
-    """Call `triangle` from Python."""
-    return triangle(columns, inverse)
-
-
 @entry(STATE, MEMORY, I8, I8, MAT)
 def transform_march(state, memory, d, lasting, matrix):
     """Call `transform` between two entries into the march."""
@@ -182,37 +155,39 @@ def transform_march(state, memory, d, lasting, matrix):
 
 
 @entry(
-    MARCH_VALUE, *MARCH, from_dtype(PACE), GROWTH,
+    MARCH_VALUE, *MARCH, from_dtype(PACE), IVEC, MAT, MAT,
     told="the growth of tangents",
 )  # fmt: skip
 def grow(
     march, rhs, jac, has_jac, params, exchange, tables, memory, solver, linear, table, rows, state,
-    output, end, pace, growth,
+    output, end, pace, above, columns, grown,
 ):  # fmt: skip
-    """March to step `end`, renormalising on the way; return how the march ended."""
-    d, counts = table.n_orbit, state.counts
-    k = growth.logs.shape[1]
-    columns = np.empty((growth.d + growth.above.shape[0], k))
+    """March to step `end`, renormalising on the way; return how the march ended.
+
+    Phi (n_data, k) goes into `columns`; the step and the k logarithms of each renormalisation go
+    into a row of `grown`.
+    """
+    k = columns.shape[1]
     inverse = np.empty((k, k))
-    while counts.step < end:
-        stop = due(pace, growth.last)
+    pace["made"] = 0
+    while state.counts.step < end:
+        stop = due(pace)
         status = march(
             rhs, jac, has_jac, params, exchange, tables, memory, solver, linear, table, rows,
             state, output, min(stop, end),
         )  # fmt: skip
         if status != RUNNING:
             return status
-        if counts.step < stop:
+        if state.counts.step < stop:
             return RUNNING
-        set_tangents(growth, state, d, columns)
+        read_tangents(state, table, above, columns)
         if not triangle(columns, inverse):
             return LOST
-        transform(state, memory, d, growth.lasting, inverse)
-        made = growth.made[0]
+        transform(state, memory, table.n_orbit, pace["lasting"], inverse)
+        row = grown[pace["made"]]
+        row[0] = stop
         for j in range(k):
-            growth.logs[made, j] = -np.log(inverse[j, j])
-        growth.steps[made], growth.made[0] = counts.step, made + 1
-        note(pace, counts.step, growth.logs[made])
-        if made + 1 == growth.steps.shape[0]:
-            return FULL
+            row[1 + j] = -np.log(inverse[j, j])
+        note(pace, stop, row[1:])
+        pace["made"] += 1
     return RUNNING

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtr
 
+from ..analysis.growth import LyapunovResult
 from ..analysis.sections import check_unbroken, values_at
-from ..analysis.spectrum import LyapunovResult
 from ..solver.solution import Solution, Status
 from ..support.checks import complaint, instance, positive, real
 

@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 
 from ..compiled.block import BLOWN_UP, NOT_SOLVED, RUNNING
-from ..compiled.growing_march import LOST, Growth, grow, transform_march
+from ..compiled.growing_march import LOST, grow, transform_march
 from ..compiled.jit import loop_value
 from ..compiled.march import MARCHES
 from ..compiled.signatures import FACTORISE, MARCH_SIG, Output
@@ -29,8 +29,6 @@ from .stepper import Stepper
 BLOCK = 32
 # Relative rounding of y.
 _ROUNDED = 1e-13
-# Renormalisations of tangents in one entry into compiled code.
-_RENORMALISATIONS = 1024
 # Steps made at once, between two looks at Ctrl-C and the progress bar: as many as take this long,
 # but no more than whose rows stay in a near cache, that is so many numbers. Entering the compiled
 # march costs 0.04 ms.
@@ -210,26 +208,19 @@ class FixedStepper(Stepper):
         how = self._system.d, int(self._lasting), matrix
         transform_march(self._march, self.memory.arrays, *how)
 
-    def renormalise(self, pace, last):
-        """Make tangents orthonormal when `pace` says, in compiled code and up to step `last`."""
-        self._growth = Growth(
-            above=self._with_speed.astype(np.int64),
-            d=self.equation.d,
-            h=self.h,
-            lasting=int(self._lasting),
-            last=last,
-            steps=np.zeros(_RENORMALISATIONS, dtype=np.int64),
-            logs=np.zeros((_RENORMALISATIONS, self.n_tangents)),
-            made=np.zeros(1, dtype=np.int64),
-        )
+    def renormalise(self, pace):
+        """Let compiled code make tangents orthonormal from now on, when `pace` says."""
+        pace["lasting"] = self._lasting
+        self._grown: list[np.ndarray] = []
+        above, room = self._with_speed.astype(np.int64), np.empty((self.n_data, self.n_tangents))
         march = loop_value(self._loop, MARCH_SIG)
-        self._loop = partial(_renormalising, march, pace, self._growth)
+        self._loop = partial(_renormalising, march, pace, above, room, self._grown)
 
     def grown(self):
-        """Return steps (k,) and logarithms of the growth (k, n_tangents) since the last call."""
-        made = self._growth.made[0]
-        self._growth.made[0] = 0
-        return self._growth.steps[:made].copy(), self._growth.logs[:made].copy()
+        """Return steps, and logarithms of the growth up to them, since the last call, (n, 1+k)."""
+        grown = np.vstack([np.empty((0, 1 + self.n_tangents)), *self._grown])
+        self._grown.clear()
+        return grown
 
     @property
     def lost(self):
@@ -454,9 +445,14 @@ class FixedStepper(Stepper):
         return identity(self.equation, t, **how)
 
 
-def _renormalising(march, pace, growth, *arguments):
-    """Enter the loop of renormalisations as the march itself is entered."""
-    return grow(march, *arguments, pace, growth)
+def _renormalising(march, pace, above, room, grown, *arguments):
+    """Enter the loop of renormalisations as the march itself is entered; add to `grown`."""
+    *_, output, end = arguments
+    rows = np.empty((end - output.begun, 1 + room.shape[1]))
+    try:
+        return grow(march, *arguments, pace, above, room, rows)
+    finally:
+        grown.append(rows[: pace["made"]])
 
 
 class Stretch:
