@@ -9,8 +9,9 @@ locked, so they are compiled once per machine, whatever functions they are given
 import gc
 import signal
 import threading
-from typing import Any
+from typing import Annotated, Any, TypeAlias, get_type_hints
 
+import numpy as np
 from numba import config, njit, types
 
 from . import numba_internals as internals
@@ -23,6 +24,27 @@ MAT = types.Array(F8, 2, "C")
 CUBE = types.Array(F8, 3, "C")
 CUBES = types.Array(F8, 4, "C")
 IVEC = types.Array(I8, 1, "C")
+_C16 = types.complex128
+# Annotations of the fields of compiled NamedTuples, each with its compiled type.
+Vector: TypeAlias = Annotated[np.ndarray, VEC]
+Matrix: TypeAlias = Annotated[np.ndarray, MAT]
+Cube: TypeAlias = Annotated[np.ndarray, CUBE]
+Cubes: TypeAlias = Annotated[np.ndarray, CUBES]
+Integers: TypeAlias = Annotated[np.ndarray, IVEC]
+ComplexVector: TypeAlias = Annotated[np.ndarray, types.Array(_C16, 1, "C")]
+ComplexMatrix: TypeAlias = Annotated[np.ndarray, types.Array(_C16, 2, "C")]
+ComplexCube: TypeAlias = Annotated[np.ndarray, types.Array(_C16, 3, "C")]
+
+
+def compiled_type(cls):
+    """Return the compiled type of a NamedTuple class, from the annotations of its fields."""
+    numbers = {int: I8, float: F8}
+    hints = get_type_hints(cls, include_extras=True).values()
+    kinds = [numbers.get(hint) or hint.__metadata__[0] for hint in hints]
+    if len(set(kinds)) == 1:
+        return types.NamedUniTuple(kinds[0], len(kinds), cls)
+    return types.NamedTuple(kinds, cls)
+
 
 # t, y, dy, params: fills dy (d,)
 RHS_SIG = types.void(F8, VEC, VEC, VEC)

@@ -6,12 +6,12 @@ offers one such function, with its own tables and memory behind it as 2-D arrays
 histories are compiled once each and pair freely.
 """
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple, TypeAlias
 
 import numpy as np
 from numba import from_dtype, types
 
-from .jit import CUBE, F8, I8, IVEC, JAC_SIG, MAT, RHS_SIG, VEC
+from .jit import I8, IVEC, JAC_SIG, MAT, RHS_SIG, VEC, Cube, Integers, Matrix, Vector, compiled_type
 
 RHS = types.FunctionType(RHS_SIG)
 JAC = types.FunctionType(JAC_SIG)
@@ -31,15 +31,15 @@ class Tables(NamedTuple):
     first: int = 0
     rows: int = 1
     length: int = 0
-    weights: np.ndarray = _EMPTY
-    start_weights: np.ndarray = _EMPTY
-    keep: np.ndarray = _EMPTY
-    take: np.ndarray = _EMPTY
-    ahead: np.ndarray = _EMPTY
-    corrections: np.ndarray = _EMPTY
-    derivatives: np.ndarray = _EMPTY
-    amplitudes: np.ndarray = _EMPTY
-    room: np.ndarray = _EMPTY
+    weights: Matrix = _EMPTY
+    start_weights: Matrix = _EMPTY
+    keep: Matrix = _EMPTY
+    take: Matrix = _EMPTY
+    ahead: Matrix = _EMPTY
+    corrections: Matrix = _EMPTY
+    derivatives: Matrix = _EMPTY
+    amplitudes: Matrix = _EMPTY
+    room: Matrix = _EMPTY
 
 
 class Held(NamedTuple):
@@ -49,10 +49,10 @@ class Held(NamedTuple):
     sets; pending (W, .), sums for steps to come.
     """
 
-    pieces: np.ndarray
-    modes: np.ndarray
-    starts: np.ndarray
-    pending: np.ndarray
+    pieces: Matrix
+    modes: Matrix
+    starts: Matrix
+    pending: Matrix
 
 
 def held(n_columns, pieces=0, modes=0, starts=0, pending=0):
@@ -60,15 +60,7 @@ def held(n_columns, pieces=0, modes=0, starts=0, pending=0):
     return Held(*(np.zeros((n_columns, size)) for size in (pieces, modes, starts, pending)))
 
 
-def numba_type(cls):
-    """Return numba's type of a NamedTuple class, from its annotations."""
-    kinds = [{int: I8, float: F8}.get(kind, MAT) for kind in cls.__annotations__.values()]
-    if len(set(kinds)) == 1:
-        return types.NamedUniTuple(kinds[0], len(kinds), cls)
-    return types.NamedTuple(tuple(kinds), cls)
-
-
-TABLES, MEMORY = numba_type(Tables), numba_type(Held)
+TABLES, MEMORY = compiled_type(Tables), compiled_type(Held)
 # lag (W, B), pieces (W, B + 1), first step of the block, group of each column (W,), tables, memory:
 # takes all pieces but the last into memory (none at step 0), adds to lag
 EXCHANGE_SIG = types.void(MAT, MAT, I8, IVEC, TABLES, MEMORY)
@@ -88,8 +80,8 @@ class LinearSolver(NamedTuple):
     method eliminates by itself in every iteration, and the solver is that of the tangents alone.
     """
 
-    factors: np.ndarray
-    order: np.ndarray
+    factors: Cube
+    order: Integers
     lower: int = 0
     upper: int = 0
     lapack: int = 0
@@ -118,6 +110,8 @@ _WATCHED = (
     "turning", "turning_before",
 )  # fmt: skip
 MONITOR = np.dtype([(name, "f8") for name in _WATCHED], align=True)
+Counts: TypeAlias = Annotated[np.record, from_dtype(COUNTS)]
+Monitors: TypeAlias = Annotated[np.ndarray, types.Array(from_dtype(MONITOR), 1, "C")]
 
 
 class StepTable(NamedTuple):
@@ -138,12 +132,12 @@ class StepTable(NamedTuple):
     n_orbit: int
     n_solved: int
     every: int
-    groups: np.ndarray
-    sources: np.ndarray
-    given: np.ndarray
-    weights: np.ndarray
-    start_weights: np.ndarray
-    powers: np.ndarray
+    groups: Integers
+    sources: Integers
+    given: Integers
+    weights: Matrix
+    start_weights: Matrix
+    powers: Matrix
 
 
 class StepRows(NamedTuple):
@@ -159,15 +153,15 @@ class StepRows(NamedTuple):
 
     first: int
     last: int
-    times: np.ndarray
-    theta: np.ndarray
-    unit: np.ndarray
-    length: np.ndarray
-    ratio: np.ndarray
-    lead: np.ndarray
-    near: np.ndarray
-    scale: np.ndarray
-    drift: np.ndarray
+    times: Vector
+    theta: Vector
+    unit: Vector
+    length: Vector
+    ratio: Vector
+    lead: Matrix
+    near: Matrix
+    scale: Matrix
+    drift: Matrix
 
     @property
     def alike(self) -> bool:
@@ -190,20 +184,20 @@ class March(NamedTuple):
     with room for that of tangents.
     """
 
-    counts: np.record
-    x: np.ndarray
-    increment: np.ndarray
-    change: np.ndarray
-    lag: np.ndarray
-    pieces: np.ndarray
-    monitor: np.ndarray
-    shift: np.ndarray
-    drift: np.ndarray
-    corrections: np.ndarray
-    starts: np.ndarray
-    force: np.ndarray
-    lacks: np.ndarray
-    newton: np.ndarray
+    counts: Counts
+    x: Vector
+    increment: Vector
+    change: Vector
+    lag: Matrix
+    pieces: Matrix
+    monitor: Monitors
+    shift: Vector
+    drift: Matrix
+    corrections: Matrix
+    starts: Matrix
+    force: Vector
+    lacks: Vector
+    newton: Cube
 
 
 class Output(NamedTuple):
@@ -212,28 +206,22 @@ class Output(NamedTuple):
     And for Jacobians (n, d, d) of these steps; room (N_ROOM, W) for one step (compiled/step.py).
     """
 
-    rows: np.ndarray
-    slopes: np.ndarray
-    jacobians: np.ndarray
-    room: np.ndarray
+    rows: Matrix
+    slopes: Matrix
+    jacobians: Cube
+    room: Matrix
     begun: int
     end: int
 
 
-_COUNTS = from_dtype(COUNTS)
-LINEAR = types.NamedTuple((CUBE, IVEC, I8, I8, I8, I8, I8, I8), LinearSolver)
+LINEAR = compiled_type(LinearSolver)
 # task, number, matrix, vector that the solution replaces; 0 where it is done
 SOLVER_SIG = I8(I8, I8, MAT, VEC, LINEAR)
 SOLVER = types.FunctionType(SOLVER_SIG)
-STEP_TABLE = types.NamedTuple(
-    (F8, F8, I8, I8, I8, I8, I8, IVEC, IVEC, IVEC, MAT, MAT, MAT), StepTable
-)
-STEP_ROWS = types.NamedTuple((I8, I8, VEC, VEC, VEC, VEC, VEC, MAT, MAT, MAT, MAT), StepRows)
-_MONITORS = types.Array(from_dtype(MONITOR), 1, "C")
-STATE = types.NamedTuple(
-    (_COUNTS, VEC, VEC, VEC, MAT, MAT, _MONITORS, VEC, MAT, MAT, MAT, VEC, VEC, CUBE), March
-)
-OUTPUT = types.NamedTuple((MAT, MAT, CUBE, MAT, I8, I8), Output)
+STEP_TABLE = compiled_type(StepTable)
+STEP_ROWS = compiled_type(StepRows)
+STATE = compiled_type(March)
+OUTPUT = compiled_type(Output)
 MARCH = (
     RHS, JAC, I8, VEC, EXCHANGE, TABLES, MEMORY, SOLVER, LINEAR, STEP_TABLE, STEP_ROWS, STATE,
     OUTPUT, I8,

@@ -6,12 +6,24 @@ integrands (3, or 4 with p'), k tangents. An axis of length 1 + k holds the orbi
 tangents (docs/notation.md).
 """
 
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numba import config, from_dtype, types
 
-from .jit import CUBE, CUBES, F8, I8, IVEC, MAT, VEC
+from .jit import (
+    I8,
+    MAT,
+    ComplexCube,
+    ComplexMatrix,
+    ComplexVector,
+    Cube,
+    Cubes,
+    Integers,
+    Matrix,
+    Vector,
+    compiled_type,
+)
 
 # Convolution term: its row, integrand, index of the order or kernel, and coefficient.
 TERM = np.dtype(
@@ -31,6 +43,11 @@ CONTRACTION = np.dtype([("rate", "f8"), ("change", "f8"), ("length", "f8")], ali
 TABULATED = np.dtype(
     [("start", "f8"), ("length", "f8"), ("next_start", "f8"), ("next_length", "f8")], align=True
 )
+Control: TypeAlias = Annotated[np.void, from_dtype(CONTROL)]
+Counts: TypeAlias = Annotated[np.void, from_dtype(COUNTS)]
+Contraction: TypeAlias = Annotated[np.void, from_dtype(CONTRACTION)]
+Tabulated: TypeAlias = Annotated[np.void, from_dtype(TABULATED)]
+Records: TypeAlias = Annotated[np.ndarray, types.Array(from_dtype(TERM), 1, "C")]
 
 
 class Equations(NamedTuple):
@@ -44,14 +61,14 @@ class Equations(NamedTuple):
     differences of f.
     """
 
-    terms: np.ndarray
-    orders: np.ndarray
-    second: np.ndarray
-    offsets: np.ndarray
-    implicit: np.ndarray
-    unweighted: np.ndarray
-    kinds: np.ndarray
-    units: np.ndarray
+    terms: Records
+    orders: Vector
+    second: Integers
+    offsets: Matrix
+    implicit: Integers
+    unweighted: Integers
+    kinds: Integers
+    units: Vector
 
 
 class Rule(NamedTuple):
@@ -63,13 +80,13 @@ class Rule(NamedTuple):
     polynomial there.
     """
 
-    nodes: np.ndarray
-    integrals: np.ndarray
-    legendre: np.ndarray
-    inverse: np.ndarray
-    check_points: np.ndarray
-    check_integrals: np.ndarray
-    check_values: np.ndarray
+    nodes: Vector
+    integrals: Cube
+    legendre: Matrix
+    inverse: Matrix
+    check_points: Vector
+    check_integrals: Matrix
+    check_values: Matrix
 
 
 class ExponentialBasis(NamedTuple):
@@ -80,11 +97,11 @@ class ExponentialBasis(NamedTuple):
     transforms (s, s, s), from values at the nodes to Legendre coefficients on [0, node i].
     """
 
-    rates: np.ndarray
-    gains: np.ndarray
-    weights: np.ndarray
-    masses: np.ndarray
-    transforms: np.ndarray
+    rates: ComplexVector
+    gains: ComplexVector
+    weights: Matrix
+    masses: Vector
+    transforms: Cube
 
 
 class StepTables(NamedTuple):
@@ -95,11 +112,11 @@ class StepTables(NamedTuple):
     n_k, s, s), convolutions with the general kernels and varying orders over the step itself.
     """
 
-    lengths: np.ndarray
-    to_nodes: np.ndarray
-    to_end: np.ndarray
-    moments: np.ndarray
-    local: np.ndarray
+    lengths: Vector
+    to_nodes: Cube
+    to_end: Cube
+    moments: Cube
+    local: Cubes
 
 
 class ModeWeights(NamedTuple):
@@ -124,10 +141,10 @@ class VaryingOrders(NamedTuple):
     weights (n_v, M, s) of the modes at the nodes; of_varying (M,), 1 for the modes of such orders.
     """
 
-    tabulated: np.void
-    integrals: np.ndarray
-    weights: np.ndarray
-    of_varying: np.ndarray
+    tabulated: Tabulated
+    integrals: Cube
+    weights: Cube
+    of_varying: Vector
 
 
 class OrbitArrays(NamedTuple):
@@ -138,12 +155,12 @@ class OrbitArrays(NamedTuple):
     step.
     """
 
-    initial: np.ndarray
-    x: np.ndarray
-    p: np.ndarray
-    modes: np.ndarray
-    before: np.ndarray
-    last: np.ndarray
+    initial: Matrix
+    x: Matrix
+    p: Matrix
+    modes: Cube
+    before: Cube
+    last: Cubes
 
 
 class MarchState(NamedTuple):
@@ -153,12 +170,12 @@ class MarchState(NamedTuple):
     counts in its place while it is far less, and -1 ever after (collocation/sizes.py).
     """
 
-    control: np.void
-    counts: np.void
-    contraction: np.void
-    largest: np.ndarray
-    sizes: np.ndarray
-    floors: np.ndarray
+    control: Control
+    counts: Counts
+    contraction: Contraction
+    largest: Vector
+    sizes: Vector
+    floors: Vector
 
 
 class Steps(NamedTuple):
@@ -168,11 +185,11 @@ class Steps(NamedTuple):
     starts; errors (n,), each divided by its tolerance.
     """
 
-    starts: np.ndarray
-    lengths: np.ndarray
-    p: np.ndarray
-    at_starts: np.ndarray
-    errors: np.ndarray
+    starts: Vector
+    lengths: Vector
+    p: Cube
+    at_starts: Cube
+    errors: Vector
 
 
 def empty_steps(n, d, s):
@@ -232,8 +249,8 @@ class Stages(NamedTuple):
     `set_pencil`; jacobian (d, d) or the entries of a sparse one; control (6,).
     """
 
-    factors: np.ndarray
-    order: np.ndarray
+    factors: ComplexCube
+    order: Integers
     lower: int
     upper: int
     lapack: int
@@ -241,16 +258,16 @@ class Stages(NamedTuple):
     lapack_values: int
     python: int
     hold: int
-    kinds: np.ndarray
-    second: np.ndarray
-    pencil: np.ndarray
-    shifts: np.ndarray
-    back: np.ndarray
-    forth: np.ndarray
-    jacobian: np.ndarray
-    dense: np.ndarray
-    joint: np.ndarray
-    control: np.ndarray
+    kinds: Integers
+    second: Integers
+    pencil: Cubes
+    shifts: ComplexVector
+    back: ComplexMatrix
+    forth: ComplexMatrix
+    jacobian: Matrix
+    dense: Cube
+    joint: Matrix
+    control: Vector
 
 
 class StepRoom(NamedTuple):
@@ -315,32 +332,19 @@ LENGTH, KEPT, SYSTEMS, HELD, REDUCED, N_CONTROL = range(6)
 # Matrices of the pencil of a kind: G of components whose unknowns are values of y, G of those
 # whose unknowns are y', and M.
 OF_VALUES, OF_SPEEDS, REST = range(3)
-_C16 = types.complex128
-_COMPLEX, _COMPLEX_ROW = types.Array(_C16, 2, "C"), types.Array(_C16, 1, "C")
-STAGES = types.NamedTuple(
-    (
-        types.Array(_C16, 3, "C"), IVEC, I8, I8, I8, I8, I8, I8, I8, IVEC, IVEC, CUBES,
-        _COMPLEX_ROW, _COMPLEX, _COMPLEX, MAT, CUBE, MAT, VEC,
-    ),
-    Stages,
-)  # fmt: skip
+STAGES = compiled_type(Stages)
 # task, nodal values (d, s), which the solution replaces; 0 where it is done
 STAGES_SIG = I8(I8, MAT, STAGES)
 STAGE_SOLVER = types.FunctionType(STAGES_SIG)
-CONTROL_RECORD, COUNTS_RECORD = from_dtype(CONTROL), from_dtype(COUNTS)
-CONTRACTION_RECORD, TABULATED_RECORD = from_dtype(CONTRACTION), from_dtype(TABULATED)
-TERMS = types.Array(from_dtype(TERM), 1, "C")
-EQUATIONS = types.NamedTuple((TERMS, VEC, IVEC, MAT, IVEC, IVEC, IVEC, VEC), Equations)
-RULE = types.NamedTuple((VEC, CUBE, MAT, MAT, VEC, MAT, MAT), Rule)
-BASIS = types.NamedTuple((_COMPLEX_ROW, _COMPLEX_ROW, MAT, VEC, CUBE), ExponentialBasis)
-TABLES = types.NamedTuple((VEC, CUBE, CUBE, CUBE, CUBES), StepTables)
-VARYING = types.NamedTuple((TABULATED_RECORD, CUBE, CUBE, VEC), VaryingOrders)
-ORBIT = types.NamedTuple((MAT, MAT, MAT, CUBE, CUBE, CUBES), OrbitArrays)
-STATE = types.NamedTuple(
-    (CONTROL_RECORD, COUNTS_RECORD, CONTRACTION_RECORD, VEC, VEC, VEC), MarchState
-)
-STEPS = types.NamedTuple((VEC, VEC, CUBE, CUBE, VEC), Steps)
-LIMITS = types.NamedUniTuple(F8, 9, Limits)
+EQUATIONS = compiled_type(Equations)
+RULE = compiled_type(Rule)
+BASIS = compiled_type(ExponentialBasis)
+TABLES = compiled_type(StepTables)
+VARYING = compiled_type(VaryingOrders)
+ORBIT = compiled_type(OrbitArrays)
+STATE = compiled_type(MarchState)
+STEPS = compiled_type(Steps)
+LIMITS = compiled_type(Limits)
 
 
 def record(dtype, values=None, **fields):
