@@ -42,12 +42,12 @@ def python(code, cache, path=SOURCE.parent):
 
 SOLVE = """
 import hereditary as hd
-from hereditary.compiled import march, modes, convolution
+from hereditary.compiled import march, past
 hd.solve(hd.scenes.stick_slip(), 1.0, 100)
 hd.solve(hd.Equation(hd.Caputo(0.5), lambda t, y: -y, 1.0), 1.0, 100)
 entry = march.MARCHES["explicit"].dispatcher
 print(len(entry.overloads), sum(entry.stats.cache_hits.values()),
-      sum(modes.exchange_modes.stats.cache_hits.values()))
+      sum(past.exchange_modes.stats.cache_hits.values()))
 """
 
 

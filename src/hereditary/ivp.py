@@ -1,5 +1,7 @@
 """`scipy.integrate.solve_ivp` with memory: the same call, with orders beside it."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 from typing import Any
 

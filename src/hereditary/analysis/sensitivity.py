@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..collocation.adaptive_stepper import Tolerance
+from ..compiled.error_estimate import LEAST
 from ..compiled.jit import RHS_SIG, as_value, derived
 from ..equation.equation import Equation
 from ..equation.system import System
@@ -213,7 +214,8 @@ def _with_parameters(system, size):
     if size == 0:
         return system, np.ones(0)
     d, p = system.d, system.params
-    units = np.where(p != 0, np.abs(p), 1.0) / (np.abs(system.y0[0]).max() or 1.0)
+    largest = np.abs(system.y0[0]).max()
+    units = np.where(p != 0, np.abs(p), 1.0) / (largest if largest > LEAST else 1.0)
     left = [SystemTerm(op, np.append(c, np.zeros(size))) for op, c in system.left]
     left.append(SystemTerm(ConstantOrder(1.0), np.repeat([0.0, 1.0], [d, size])))
     y0 = np.hstack([system.y0, np.zeros((system.m, size))])

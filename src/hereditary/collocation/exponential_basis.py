@@ -169,11 +169,15 @@ def _constant_until(kernel, closest, tol):
 @lru_cache(maxsize=64)
 def _fit(kernel, t_min, t_max, tol):
     """Fit a kernel to `tol`, or as closely as can be."""
-    if t_max * _DECAYED > RATIO_OF_VALUES * t_min:
-        required = "let steps begin within 60 decades of t_end for a kernel other than Caputo's"
+    try:
+        fit = kernel.closest_fit(t_min / _DECAYED, t_max, max(1e-13, tol))
+    except ValueError as error:
+        if t_max * _DECAYED <= RATIO_OF_VALUES * t_min:
+            raise
+        required = "let steps begin within 60 decades of t_end for a kernel without a closed sum"
         remedy = "take a larger rtol, or L1"
-        raise ValueError(complaint("rtol", required, f"a first distance {t_min:.1e}", remedy))
-    fit = kernel.closest_fit(t_min / _DECAYED, t_max, max(1e-13, tol))
+        got = f"a first distance {t_min:.1e}"
+        raise ValueError(complaint("rtol", required, got, remedy)) from error
     lasting = fit.rates.real * t_min <= _DECAYED
     return replace(fit, rates=fit.rates[lasting], weights=fit.weights[lasting], t_min=t_min)
 

@@ -91,6 +91,8 @@ class MemoryKernel(ABC):
         Where it is `fading`, a kernel known by its values is fitted without rate 0.
         """
         t_min, t_max, tol = fit_interval(t_min, t_max, tol)
+        # of named kernels none lasts
+        fading = fading or not self.by_values
         return ExponentialSum(*closest_positive(self, t_min, t_max, tol, fading))
 
     def __mul__(self, factor: float) -> ScaledKernel:

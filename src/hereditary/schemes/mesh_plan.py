@@ -48,7 +48,7 @@ def moments(low, width, p, bent=True):
 
 def _tilt(z, average, decay):
     """Return ``int_0^1 (1/2 - v) exp(-z v) dv``, from the mean of the exponential and its end."""
-    square, series = z * z, np.zeros_like(z)
+    square, series = np.minimum(z, 0.5) ** 2, np.zeros_like(z)
     for k in range(5, -1, -1):  # leaves 1e-17 below z = 0.5
         series *= square
         series += 1 / (factorial(2 * k + 1) * (2 * k + 3) * 4 ** (k + 1))
