@@ -99,7 +99,11 @@ def means(variable, orders, logs):
     a = np.array(orders)[:, None]
     # the width that the rule leaves out contributes a power of itself
     weights = rgamma(a) * np.hstack([rule * v ** (a - 1), LEFT_OUT**a / a])
-    within = np.add.outer(logs, np.append(np.log(points), 0.0))
+    points = np.append(np.log(points), 0.0)
+    if variable.c == 0.0:  # u is a product, so that the nodes are a rule for all times
+        weights = weights @ functions(variable, points)
+        points = variable.logs(radau_nodes(variable.n))
+    within = np.add.outer(logs, points)
     return (_legendre(variable, within) @ weights.T).T @ to_legendre(variable.n)
 
 

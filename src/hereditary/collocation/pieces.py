@@ -7,7 +7,7 @@ import numpy as np
 from numpy.polynomial.legendre import legder, legint
 
 from ..solver.dense import Piece, last_start
-from .first_rule import Variable, functions, means_at_nodes
+from .first_rule import Variable, means_at_nodes
 from .quadrature import legendre_values, through_start, to_legendre
 
 # Least time at which slopes are evaluated.
@@ -66,9 +66,21 @@ class FirstPiece(Piece):
 
     def _begun(self, row):
         """Return where a row (d, n) begins: at p, or next to it where p has moved at once, (d,)."""
-        limit = row @ functions(self.variable, np.full(1, -np.inf))[0]
+        limit = row @ _at_start(self.variable.n)
         moved = np.abs(limit - self.p) > 0.5 * np.abs(row - self.p[:, None]).max(axis=1)
         return np.where(moved, limit, self.p)
+
+    def at_ends(self, ends, chosen, second, slopes=True):
+        """Return y and y' at the end of the step, if it is chosen."""
+        p, n = self.row[:, -1], self.variable.n
+        y, steep = p, np.full(p.size, np.nan)
+        if np.any(second):
+            mean = self.row @ means_at_nodes(self.variable)[-1]
+            y = np.where(second, self.y + self.length * mean, p)
+        if slopes and not np.all(second):
+            weights = _end_weights(n)[1] * (self.variable.slopes(np.ones(1)) / self.length)
+            steep = (self.row - self._begun(self.row)[:, None]) @ weights
+        return y[None][chosen], np.where(second, p, steep)[None][chosen]
 
     def _x(self, logs):
         """Return 2 u - 1 at log(t)."""
@@ -175,6 +187,12 @@ def _legendre(x, s):
     for i in range(2, s + 1):
         values.append((values[-1] * x * (2 * i - 1) - values[-2] * (i - 1)) / i)
     return np.array([values[: s + 1]])
+
+
+@lru_cache(maxsize=16)
+def _at_start(n):
+    """Return the polynomials of n nodes at the start, (n,)."""
+    return (-1.0) ** np.arange(n) @ to_legendre(n)
 
 
 @lru_cache(maxsize=16)
