@@ -135,13 +135,7 @@ class Curve:
         """Find turning points, peaks and the values asked for; return which one was missed."""
         spline = self._spline(places)
         turns = _crossings(lambda s: spline(s, 1)[..., -1], spline.x)
-        tops = [self._near(spline, s) for s in turns]
-        self.turning = [float(place[-1]) for place in tops]
-        behind = np.searchsorted(spline.x, turns)
-        # the spline passes through the turning points too
-        places = np.insert(places, behind, tops, axis=0) if tops else places
-        spline = self._spline(places)
-        turns = spline.x[behind + np.arange(len(tops))]
+        self.turning = spline(turns)[:, -1].tolist()
         m, trouble = self._balance.size // self._balance.d, ""
         for c in range(self._balance.d):
             first = slice(c * m + 1, c * m + 3)  # of its harmonics
@@ -150,8 +144,8 @@ class Curve:
                 return np.sum(spline(s)[..., first] * spline(s, 1)[..., first], axis=-1)
 
             for s in _crossings(rise, spline.x, falling=True):
-                place = self._near(spline, s)
-                if self._wanted.min() <= place[-1] <= self._wanted.max():
+                place, _ = self._solved(spline(s), spline(s, 1), _TRIES)
+                if place is not None and self._wanted.min() <= place[-1] <= self._wanted.max():
                     omega = float(self._balance.omegas(place[-1:])[0])
                     height = abs(self._balance.coefficients(place[:-1])[0, c, 1])
                     self.peaks.append(Peak(c, omega, float(height), float(place[-1])))
@@ -177,11 +171,6 @@ class Curve:
         units[-1] = self._range
         steps = np.linalg.norm(np.diff(places, axis=0) / units, axis=1)
         return CubicSpline(np.append(0.0, np.cumsum(steps)), places)
-
-    def _near(self, spline, s):
-        """Return the place on the curve next to the spline's."""
-        place, _ = self._solved(spline(s), spline(s, 1), _TRIES)
-        return spline(s) if place is None else place
 
 
 def _crossings(function, lengths, falling=False):
