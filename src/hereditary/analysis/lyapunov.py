@@ -9,7 +9,6 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..collocation.adaptive_stepper import Tolerance
 from ..collocation.reading import reduced
 from ..compiled.callbacks import pass_on
 from ..compiled.growing_march import PACE, due, note
@@ -25,7 +24,7 @@ from ..schemes.bdf import BDF
 from ..schemes.explicit import ExplicitCaputo
 from ..schemes.l1 import L1
 from ..schemes.scheme import Scheme, distinct_components
-from ..schemes.steps import UniformSteps, steps_in
+from ..schemes.steps import steps_in
 from ..solver.dense import StepPieces
 from ..solver.fixed_stepper import FixedStepper
 from ..solver.opening import how_to_step, open_stepper
@@ -58,13 +57,12 @@ _MARKS, _ANY = 1 << 16, 10**9
 _RECORDS, _FIRST = 128, 32
 # Tangents further apart than exp(this) leave the smaller one fewer than six digits.
 _WIDE = 22.0
-_LOST = "tangents overflowed or vanished, or orbits fell together; shorten renorm"
-_REACHED_END = (
-    Status.COMPLETED,
-    Status.STEP_TOO_LARGE,
-    Status.KERNEL_INACCURATE,
-    Status.ZIGZAG,
+_LOST = (
+    "tangents overflowed or vanished, or orbits fell together; shorten renorm, "
+    "or in mode 'pair' take a larger separation"
 )
+# Status of runs that reached their end.
+_AT_END = Status.COMPLETED, Status.STEP_TOO_LARGE, Status.KERNEL_INACCURATE, Status.ZIGZAG
 # Largest tolerance of `Collocation` that leaves room for one ten times as large.
 _LOOSEST = 0.01
 # A scheme is of first order where it is of no more than this next to alpha = 1.
@@ -300,7 +298,7 @@ def lyapunov(
         progress=progress,
     )  # fmt: skip
     result = run(t_end, n_steps, scheme, rtol, atol)
-    if result.status not in _REACHED_END or verify is False:
+    if result.status not in _AT_END or verify is False:
         return result
     if verify is None and set(result.verdicts) == {Verdict.UNDETERMINED}:
         return result
@@ -333,7 +331,7 @@ def _another(equation, scheme, result, finer):
 
 def _compared(result, check, how):
     """The result with its check; verdicts that differ are undetermined."""
-    if check.status not in _REACHED_END:
+    if check.status not in _AT_END:
         return _undetermined(result, check, f"with {how} it ended otherwise: {check.message}")
     pairs = list(zip(result.verdicts, check.verdicts, strict=True))
     verdicts = tuple(one if one == other else Verdict.UNDETERMINED for one, other in pairs)
@@ -371,20 +369,22 @@ def _run(
     within("window", window, 1e-6, 1.0, "(0, 1]")
     if count("n_blocks", n_blocks) > _MOST_BLOCKS:
         raise ValueError(complaint("n_blocks", f"be at most {_MOST_BLOCKS}", n_blocks))
-    system = marched(equation, scheme)
-    how, marks = _how_to_step(
-        system, scheme, t_end, n_steps, mode, rtol=rtol, atol=atol, history=history
-    )
-    h, most = marks.h, n_data(equation)
+    if scheme.adaptive and mode != "tangent":
+        remedy = "take a scheme of given steps, e.g. Adams() or BDF(2)"
+        raise ValueError(complaint("mode", 'be "tangent" with Collocation', repr(mode), remedy))
+    system, most = marched(equation, scheme), n_data(equation)
+    given = {"max_steps": _ANY} if scheme.adaptive else {"n_steps": n_steps}
+    how = how_to_step(system, scheme, t_end, history=history, rtol=rtol, atol=atol, **given)
+    n = _MARKS if scheme.adaptive and n_steps is None else count("n_steps", whole(n_steps))
+    h = t_end / n
     if mode not in _MODES:
         required = f"be one of {', '.join(map(repr, _MODES))}"
         remedy = "convergence/restarting.py cuts the memory" if mode == "restart" else ""
         raise ValueError(complaint("mode", required, repr(mode), remedy))
     if count("k", k) > most:
-        required = f"be at most the number of initial data, {most}"
-        raise ValueError(complaint("k", required, k))
+        raise ValueError(complaint("k", f"be at most the number of initial data, {most}", k))
     interval = None if renorm is None else max(1, steps_in("renorm", positive("renorm", renorm), h))
-    transient = round(within("transient", transient, 0.0, h * (marks.n - 1), "[0, t_end)") / h)
+    transient = round(within("transient", transient, 0.0, h * (n - 1), "[0, t_end)") / h)
     if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
         raise TypeError(complaint("seed", "be a whole number of at least 0", repr(seed)))
     separation = _separation(separation, equation)
@@ -399,60 +399,53 @@ def _run(
         stepper = opened(system, directions)
     plain = memory(system) == "none" and equation.enlarged is equation
     flow = Divergence(system, h) if mode == "tangent" and plain and k == most else None
-    pace = record(
-        PACE,
-        interval=interval or min(_FIRST, max(1, marks.n // _RECORDS)),
-        longest=max(1, marks.n // _RECORDS),
-        automatic=interval is None,
-        transient=transient,
-        end=marks.n,
-    )
+    longest, automatic = max(1, n // _RECORDS), interval is None
+    first = min(_FIRST, longest) if automatic else interval
+    when = {"interval": first, "longest": longest, "automatic": automatic}
+    pace = record(PACE, transient=transient, end=n, **when)
     ended, grown = _grow(stepper, pace, h, flow, progress)
+    settings = {
+        "mode": mode, "k": int(k), "h": h, "renorm": None if automatic else h * interval,
+        "transient": h * transient, "seed": int(seed), "separation": separation, "scheme": scheme,
+        "history": getattr(stepper, "history", history), "t_end": t_end, "window": window,
+    }  # fmt: skip
+    settings |= {"rtol": how.rtol, "atol": how.atol} if scheme.adaptive else {}
+    seconds = time.perf_counter() - began
+    found = _found(stepper, equation, flow, ended, grown, settings, n_blocks, loud, seconds)
+    pass_on(stepper.error, found)
+    return found
+
+
+def _found(stepper, equation, flow, ended, grown, settings, n_blocks, loud, seconds):
+    """Return the result of a run that has ended, from its renormalisations (n, 1 + k)."""
     status, detail = ended or (reached_end(stepper), "")
-    steps, totals = grown[:, 0], np.cumsum(grown[:, 1:], axis=0)
-    late = steps > transient
-    sums = totals[late] - (totals[~late][-1] if transient and not late.all() else 0.0)
-    times = h * steps[late]
-    trace = sums / (times - h * transient)[:, None]
-    growth = assess(times, sums, window, n_blocks, memory(system))
-    verdicts = growth.verdicts
+    h, transient = settings["h"], settings["transient"]
+    times, totals = h * grown[:, 0], np.cumsum(grown[:, 1:], axis=0)
+    n_early = np.count_nonzero(grown[:, 0] <= round(transient / h))
+    sums = totals[n_early:] - (totals[n_early - 1] if n_early else 0.0)
+    late = times[n_early:]
+    trace = sums / (late - transient)[:, None]
+    growth = assess(late, sums, settings["window"], n_blocks, memory(stepper.equation))
     if status is Status.BLOWN_UP:
-        verdicts = (Verdict.DIVERGED,) * k
-    exponents = trace[-1] if times.size else np.full(k, np.nan)
+        growth = replace(growth, verdicts=(Verdict.DIVERGED,) * settings["k"])
+    exponents = trace[-1] if late.size else np.full(settings["k"], np.nan)
     defect = dimension = None
-    if flow is not None and times.size:
-        defect = float(np.sum(totals[-1]) - flow.up_to(int(steps[-1]))) / (steps[-1] * h)
-        dimension = kaplan_yorke(exponents)
+    if flow is not None and late.size:
+        integral = flow.up_to(int(grown[-1, 0]))
+        defect, dimension = float(totals[-1].sum() - integral) / times[-1], kaplan_yorke(exponents)
     message = status.sentence + (f": {detail}" if detail else "")
     if loud:
         message = told(stepper, status, detail) + _lost_digits(grown[:, 1:])
-    settings = {
-        "mode": mode,
-        "k": int(k),
-        "h": h,
-        "renorm": interval and h * interval,
-        "transient": h * transient,
-        "seed": int(seed),
-        "separation": separation,
-        "scheme": scheme,
-        "history": getattr(stepper, "history", history),
-        "t_end": t_end,
-        "window": window,
-    }
-    settings |= {"rtol": how.rtol, "atol": how.atol} if isinstance(how, Tolerance) else {}
-    result = LyapunovResult(
+    return LyapunovResult(
         exponents=exponents,
-        times=times,
+        times=late,
         trace=trace,
         log_growth=sums,
-        slope=growth.slope,
-        slope_stderr=growth.slope_stderr,
-        algebraic_slope=growth.algebraic_slope,
-        verdict=verdicts[0],
-        verdicts=verdicts,
+        **vars(growth),
+        verdict=growth.verdicts[0],
         sum_rule_defect=defect,
         kaplan_yorke=dimension,
-        mode=mode,
+        mode=settings["mode"],
         status=status,
         message=message,
         y=equation.frame.values(stepper.y[: equation.d]),
@@ -461,11 +454,9 @@ def _run(
             "n_steps": _marks(stepper.t, h),
             "n_rhs": stepper.n_rhs,
             "n_modes": stepper.n_modes,
-            "run_seconds": time.perf_counter() - began,
+            "run_seconds": seconds,
         },
     )
-    pass_on(stepper.error, result)
-    return result
 
 
 def _grow(stepper, pace, h, flow, progress):
@@ -583,21 +574,6 @@ def _add_traces(rhs, jac, has_jac, params, t, h, rows, shares, units, j_f, found
         jacobian(rhs, jac, has_jac, t + k * h, rows[k], params, units, j_f)
         for j in range(rows.shape[1]):
             found[k] += shares[j] * j_f[j, j]
-
-
-def _how_to_step(system, scheme, t_end, n_steps, mode, **tolerated):
-    """Return how the run steps, and the `UniformSteps` at which tangents may be measured."""
-    history = tolerated.pop("history")
-    if not scheme.adaptive:
-        steps = how_to_step(system, scheme, t_end, n_steps=n_steps, **tolerated)
-        return steps, steps
-    if mode != "tangent":
-        required = 'be "tangent" with Collocation'
-        remedy = "take a scheme of given steps, e.g. Adams() or BDF(2)"
-        raise ValueError(complaint("mode", required, repr(mode), remedy))
-    n = _MARKS if n_steps is None else count("n_steps", whole(n_steps))
-    how = how_to_step(system, scheme, t_end, history=history, max_steps=_ANY, **tolerated)
-    return how, UniformSteps(t_end / n, n)
 
 
 def _separation(value, equation):
