@@ -291,7 +291,8 @@ def lyapunov(
     ).current()
     if verify not in (None, False, True):
         raise TypeError(complaint("verify", "be True, False or None", repr(verify)))
-    scheme = usual_scheme(equation) if scheme is None else scheme
+    if scheme is None:
+        scheme = _second_order(equation) or ExplicitCaputo()
     run = partial(
         _run, equation, k=k, mode=mode, history=history, renorm=renorm, transient=transient,
         directions=directions, seed=seed, window=window, n_blocks=n_blocks, separation=separation,
@@ -304,10 +305,10 @@ def lyapunov(
         return result
     other, how = _another(equation, scheme, result, bool(verify))
     try:
-        check = run(*other, loud=False)
+        check, reason = run(*other, loud=False), ""
     except ValueError as error:  # a step that its scheme does not take
-        return _undetermined(result, None, f"with {how} there is no run to compare with: {error}")
-    return _compared(result, check, how)
+        check, reason = None, f"there is no run to compare with: {error}"
+    return _compared(result, check, how, reason)
 
 
 def _another(equation, scheme, result, finer):
@@ -323,31 +324,26 @@ def _another(equation, scheme, result, finer):
         how = "a tenth of the tolerance" if finer else "ten times the tolerance"
         return (found["t_end"], n, scheme, factor * found["rtol"], atol), how
     n, h = (2 * n, found["h"] / 2) if finer else (n // 2, 2 * found["h"])
-    other = scheme if finer else checking_scheme(scheme, equation)
+    other = scheme if finer else _checking_scheme(scheme, equation)
     how = "half the step" if finer else "twice the step"
     how += "" if other == scheme else f" and {other!r}"
     return (n * h, n, other, None, None), how
 
 
-def _compared(result, check, how):
-    """The result with its check; verdicts that differ are undetermined."""
-    if check.status not in _AT_END:
-        return _undetermined(result, check, f"with {how} it ended otherwise: {check.message}")
-    pairs = list(zip(result.verdicts, check.verdicts, strict=True))
-    verdicts = tuple(one if one == other else Verdict.UNDETERMINED for one, other in pairs)
-    if verdicts == result.verdicts:
-        return replace(result, verified=True, check=check)
-    number = next(i for i, (one, _) in enumerate(pairs) if one != verdicts[i])
-    one, other = map(str, pairs[number])
-    reason = f"with {how} verdict {number + 1} is {other!r} instead of {one!r}: take smaller steps"
-    return _undetermined(result, check, reason, verdicts)
-
-
-def _undetermined(result, check, reason, verdicts=None):
-    """The result with verdicts that are not told, and why."""
-    if verdicts is None:
-        verdicts = (Verdict.UNDETERMINED,) * len(result.verdicts)
-    message = f"{result.message}; {reason}"
+def _compared(result, check, how, reason):
+    """Return the result with its check, or `reason` why there is none; verdicts may fall."""
+    verdicts = (Verdict.UNDETERMINED,) * len(result.verdicts)
+    if check and check.status not in _AT_END:
+        reason = f"it ended otherwise: {check.message}"
+    elif check:
+        pairs = list(zip(result.verdicts, check.verdicts, strict=True))
+        verdicts = tuple(one if one == other else Verdict.UNDETERMINED for one, other in pairs)
+        if verdicts == result.verdicts:
+            return replace(result, verified=True, check=check)
+        number = next(i for i, (one, _) in enumerate(pairs) if one != verdicts[i])
+        one, other = map(str, pairs[number])
+        reason = f"verdict {number + 1} is {other!r} instead of {one!r}: take smaller steps"
+    message = f"{result.message}; with {how} {reason}"
     changed = {"verdicts": verdicts, "verdict": verdicts[0], "message": message}
     return replace(result, verified=False, check=check, **changed)
 
@@ -628,12 +624,7 @@ def n_data(equation: System) -> int:
     return equation.d + int(np.sum(equation.highest_orders() > 1))
 
 
-def usual_scheme(equation: System) -> Scheme:
-    """The scheme of a run that names none: of second order wherever one covers the equation."""
-    return _second_order(equation) or ExplicitCaputo()
-
-
-def checking_scheme(scheme: Scheme, equation: System) -> Scheme:
+def _checking_scheme(scheme: Scheme, equation: System) -> Scheme:
     """The scheme whose run, at another step, a verdict is compared with.
 
     Twice the step often repeats the verdict of a first-order scheme where that is wrong, so that
