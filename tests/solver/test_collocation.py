@@ -157,3 +157,13 @@ def test_runs_do_not_depend_on_runs_before_or_beside_them(order, t_end):
     assert np.array_equal(rows(), fresh)
     with ThreadPoolExecutor(4) as pool:
         assert all(np.array_equal(found, fresh) for found in pool.map(lambda _: rows(), range(8)))
+
+
+def test_a_term_in_two_parts_is_the_term():
+    """Equal operators with equal coefficients share all but their numbers."""
+
+    def solved(*terms):
+        return hd.solve(hd.Equation([*terms, hd.Caputo(1.0)], lambda t, y: -y, 1.0), 5.0, rtol=1e-9)
+
+    half, times = hd.Caputo(0.5), np.linspace(0.0, 5.0, 41)
+    assert np.abs(solved(half, half)(times) - solved(2 * half)(times)).max() < 1e-8

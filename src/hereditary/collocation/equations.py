@@ -12,6 +12,7 @@ right-hand side. Where they contain the highest derivative, p is found from the 
 right-hand side and terms, and p' is among the integrands.
 """
 
+from collections import Counter
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import NamedTuple
@@ -83,11 +84,17 @@ class Form:
 
     @cached_property
     def groups(self) -> list["Group"]:
-        """The convolution terms, with all that differ by their rows alone in one group."""
+        """The convolution terms, with all that differ by their rows alone in one group.
+
+        No row is twice in a group.
+        """
         found: dict[tuple, list] = {}
-        for number, (row, *kind) in enumerate(self.listed):
-            found.setdefault(tuple(kind), []).append((row, number))
-        return [Group(*kind, *np.array(places).T) for kind, places in found.items()]
+        repeats: Counter = Counter()
+        for number, term in enumerate(self.listed):
+            row, *kind = term
+            found.setdefault((*kind, repeats[term]), []).append((row, number))
+            repeats[term] += 1
+        return [Group(*kind, *np.array(places).T) for (*kind, _), places in found.items()]
 
     @cached_property
     def n_rows(self) -> int:
