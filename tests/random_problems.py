@@ -57,9 +57,8 @@ def relaxing(uniform):
 def tiny(uniform):
     """One term of an order below 0.1, most of whose course may be over at 1e-300."""
     order, rate = 10 ** uniform(-6.0, -1.0), 10 ** uniform(-2.0, 6.0)
-    # below, some end at t = 0: order 1e-3 and rate 1e6 because rounding hides the tolerance,
-    # order 0.01 and rate 3000 because the basis of the first step resolves 1.2e-11
-    return relaxation(order, rate, 1e-10)
+    # order 1e-3 and rate 1e6 end at t = 0 with 1e-11, as rounding hides the tolerance
+    return relaxation(order, rate, max(1e-12, 1e-16 * rate))
 
 
 def swinging(uniform):
