@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..analysis.growth import assess
-from ..analysis.lyapunov import lyapunov
-from ..analysis.marched import memory
+from ..analysis.lyapunov import lyapunov, memory
 from ..analysis.sections import stroboscopic, values_at
 from ..collocation.method import Collocation
 from ..scenes import PRINTED_WELL, stick_slip, sticking_intervals
