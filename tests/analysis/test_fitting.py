@@ -84,6 +84,9 @@ def test_missing_values_are_left_out():
     masked = np.ma.array(np.where(here, data, 1e3), mask=~here)
     assert hd.fit(relaxation, T, masked, GUESS, bounds=BOUNDS).parameters == found.parameters
     assert found.parameters == pytest.approx(less.parameters, abs=1e-6)
+    weighed = hd.fit(relaxation, T, gaps, GUESS, bounds=BOUNDS, sigma=0.1 * gaps)
+    alone = hd.fit(relaxation, T[here], data[here], GUESS, bounds=BOUNDS, sigma=0.1 * data[here])
+    assert weighed.standard_errors == pytest.approx(alone.standard_errors, rel=1e-3)
     assert np.array_equal(np.isnan(found.residuals[0][:, 0]), ~here)
 
 
@@ -165,7 +168,9 @@ def test_the_unit_of_the_data_does_not_matter(scale):
         return relaxation(alpha, rate).replace(y0=y0)
 
     guess = GUESS | {"y0": 0.8 * scale}
-    found = hd.fit(model, T, scale * measured(), guess, bounds=BOUNDS)
+    bounds = BOUNDS | {"y0": (0.1 * scale, 10 * scale)}
+    found = hd.fit(model, T, scale * measured(), guess, bounds=bounds)
+    assert "bound" not in found.message
     assert found.parameters["alpha"] == pytest.approx(0.7, abs=1e-6)
     assert found.parameters["y0"] == pytest.approx(scale, rel=1e-6)
 

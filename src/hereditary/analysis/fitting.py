@@ -127,8 +127,8 @@ def fit(
     bounds : mapping of str to (float, float), optional
         Lowest and highest values of some of the parameters.
     sigma : float, array_like or list of such, optional
-        Standard deviations of the data, one for all or of their shape. By default all are equal,
-        and estimated from the residuals.
+        Standard deviations of the data, one for all or of their shape, NaN if data are missing
+        there. By default all are equal, and estimated from the residuals.
     observe : callable or sequence of int, optional
         ``observe(y)`` of rows (n, d) returns what is measured, (n,) or (n, k); or the components
         that are. By default the first k of them.
@@ -195,23 +195,26 @@ def fit(
         required = f"hold at least {start.size} values, one for each parameter"
         raise ValueError(complaint("data", required, size))
     runs = _Runs(model, names, isinstance(p0, Mapping), series, observe, how)
-    # differences are relative to a parameter's size: one that begins at 0 is taken as 1 plus it
+    # SciPy sees sizes of 1: differences are relative, tolerances at bounds are absolute
     shift = np.where(start == 0, 1.0, 0.0)
     scale = np.abs(start) + shift
+
+    def unscaled(x):
+        return np.clip(scale * x - shift, low, high)
+
     found = least_squares(
-        lambda shifted: runs.residuals(shifted - shift),
-        start + shift,
-        bounds=(low + shift, high + shift),
-        x_scale=scale,
+        lambda x: runs.residuals(unscaled(x)),
+        (start + shift) / scale,
+        bounds=((low + shift) / scale, (high + shift) / scale),
         diff_step=_CHANGE,
         loss=loss,
     )
-    best, at_bound = found.x - shift, found.active_mask != 0
+    best, at_bound = unscaled(found.x), found.active_mask != 0
     solutions = runs.solutions(best, [one.t for one in series])
     completed = all(sol.success for sol in solutions)
-    covariance, singular = _covariance(
-        found, np.maximum(np.abs(best), scale), at_bound, estimated, names
-    )
+    sizes = np.maximum(np.abs(best) / scale, 1.0)
+    covariance, singular = _covariance(found, sizes, at_bound, estimated, names)
+    covariance *= np.outer(scale, scale)
     errors = np.sqrt(np.diag(covariance)) if completed else np.full(start.size, np.nan)
     with np.errstate(invalid="ignore", divide="ignore"):
         correlation = covariance / np.outer(errors, errors)
@@ -419,6 +422,8 @@ def _one(place, t, data, sigma):
         raise ValueError(complaint(f"data{place}", required, f"shape {values.shape}"))
     if np.any(np.isinf(values)) or not np.any(np.isfinite(values)):
         raise ValueError(complaint(f"data{place}", "be finite, or NaN", shown(values)))
+    if np.shape(sigma) == values.shape:
+        sigma = np.where(np.isnan(values), 1.0, np.ma.filled(sigma, 1.0))
     values = values.reshape(t.size, -1)
     if sigma is None:
         return Series(t, values, None)

@@ -143,7 +143,8 @@ class Solution:
         """
         if self.dense is None:
             required = "be answered by rows: this run kept no dense output"
-            remedy = "leave out t_eval, save_every and components, or pass t_eval"
+            remedy = "leave out t_eval, save_every and components, or pass t_eval; a file of "
+            remedy += "Solution.save has rows only: pickle the solution to call it later"
             raise ValueError(complaint("t", required, shown(t), remedy))
         if derivative not in (0, 1):
             raise ValueError(complaint("derivative", "be 0 or 1", derivative))
