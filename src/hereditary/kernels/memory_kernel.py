@@ -23,6 +23,9 @@ _MISSED = 1.05
 _ON_GIVEN_STEPS = 1e-6
 _ADVICE = "allow for that, or use Direct or FFT, which take kernels as they are"
 
+# Slowest rate of fits of named kernels, times t_max: nothing else is left of rounding.
+_BEYOND = 1e-14
+
 
 class KernelWarning(UserWarning):
     """The sum of exponentials that stands for a kernel is less close than its tolerance."""
@@ -91,9 +94,10 @@ class MemoryKernel(ABC):
         Where it is `fading`, a kernel known by its values is fitted without rate 0.
         """
         t_min, t_max, tol = fit_interval(t_min, t_max, tol)
-        # of named kernels none lasts
-        fading = fading or not self.by_values
-        return ExponentialSum(*closest_positive(self, t_min, t_max, tol, fading))
+        rates, *found = closest_positive(self, t_min, t_max, tol, fading)
+        if not self.by_values:  # no named kernel lasts, so a rate of 0 is one beyond the fit
+            rates = np.maximum(rates, _BEYOND / t_max)
+        return ExponentialSum(rates, *found)
 
     def __mul__(self, factor: float) -> ScaledKernel:
         return _scaled(_not_zero("factor", factor), self)
