@@ -148,7 +148,12 @@ def test_figure():
     assert [line.get_linestyle() for line in ax.lines[:3]] == ["-", "--", "-"]
     upper, lower = hd.plots.amplitude_and_phase(found)
     assert (upper.get_ylabel(), lower.get_ylabel()) == ("amplitude", "phase")
-    assert np.array_equal(lower.lines[1].get_ydata(), found.phase[found.branch == 1, 0])
+    first, second = (line.get_xydata() for line in lower.lines[:2])
+    assert np.array_equal(first[-1], second[0])  # drawn through the fold
+    assert max(first[:, 0].max(), second[:, 0].max()) == pytest.approx(found.turning[0], abs=2e-3)
+    drawn = np.column_stack([found.values, found.phase[:, 0]])[found.branch == 1]
+    distances = np.linalg.norm(drawn[:, None] - second, axis=2)
+    assert np.max(np.min(distances, axis=1)) < 1e-12
 
 
 def integrated(t, v, p):

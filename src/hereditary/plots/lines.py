@@ -21,6 +21,9 @@ if TYPE_CHECKING:
     from ..analysis.frequency_response import FrequencyResponse
     from ..solver.solution import Solution
 
+# Points of a drawn response curve between two of its values.
+_FINE = 20
+
 
 def oscillogram(
     solution: Solution,
@@ -187,16 +190,18 @@ def frequency_response(
     matplotlib Axes
     """
     with made(ax) as ax:
-        drawn = response.phase if phase else response.amplitude
-        which = chosen(components, drawn.shape[1])
+        which = chosen(components, response.coefficients.shape[1])
         told = [str(line.pop("label"))] if "label" in line else []
         for k, c in enumerate(which):
-            own = style({"marker": ".", "ms": 3, "color": f"C{k}"}, line)
+            own = style({"color": f"C{k}"}, line)
             own["label"] = ", ".join(told + [f"component {c}"] * (len(which) > 1)) or None
-            for number in np.unique(response.branch):
-                here = response.branch == number
+            values, harmonic, branch = _joined(response, c)
+            drawn = np.angle(harmonic) if phase else np.abs(harmonic)
+            for number in np.unique(branch):
+                here = branch == number
+                here[:-1] |= here[1:]  # joined to the branch before
                 dashed = {"ls": "--" if number % 2 else "-"}
-                ax.plot(response.values[here], drawn[here, c], **style(dashed, own))
+                ax.plot(values[here], drawn[here], **style(dashed, own))
                 own.pop("label", None)  # once for all branches
         if told or len(which) > 1:
             ax.legend()
@@ -208,6 +213,26 @@ def frequency_response(
             ylabel="phase" if phase else "amplitude",
         )
     return ax
+
+
+def _joined(response, component):
+    """Return values, first harmonics and branches of a curve, also between the values asked for.
+
+    By a cubic spline over the length of the curve, which passes through its turning points.
+    """
+    values, harmonic = response.values, response.coefficients[:, component, 1]
+    from scipy.interpolate import CubicSpline
+
+    places = np.column_stack([values, harmonic.real, harmonic.imag])
+    if len(values) < 2:
+        return values, harmonic, response.branch
+    sizes = np.ptp(places, axis=0)
+    steps = np.linalg.norm(np.diff(places / np.where(sizes > 0, sizes, 1.0), axis=0), axis=1)
+    s = np.append(0.0, np.cumsum(steps))
+    n = np.arange(len(s))
+    fine = np.interp(np.linspace(0, n[-1], _FINE * n[-1] + 1), n, s)
+    values, real, imag = CubicSpline(s, places)(fine).T
+    return values, real + 1j * imag, np.rint(np.interp(fine, s, response.branch))
 
 
 def amplitude_and_phase(
