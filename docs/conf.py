@@ -5,6 +5,7 @@ import importlib.metadata
 import importlib.util
 import pathlib
 import shutil
+import subprocess
 import sys
 import warnings
 
@@ -62,6 +63,7 @@ mathjax3_config = {
 html_theme = "furo"
 html_title = f"hereditary {release}"
 html_static_path = ["_static"]
+html_css_files = ["gallery.css"]
 html_favicon = "_static/favicon.svg"
 html_show_sourcelink = False
 html_copy_source = False
@@ -73,10 +75,11 @@ sphinx_gallery_conf = {
     "filename_pattern": r"/[a-z_]+\.py$",
     "abort_on_example_error": True,
     "remove_config_comments": True,
+    "capture_repr": (),
     "show_memory": False,
     "show_signature": False,
     "write_computation_times": False,
-    "within_subsection_order": "FileNameSortKey",
+    "within_subsection_order": "made_pages.by_interest",
     "image_scrapers": ("matplotlib",),
     "reset_modules": ("matplotlib", "made_pages.styled"),
 }
@@ -114,7 +117,8 @@ def _skip(app, what, name, obj, skip, options):
 
 
 def setup(app):
-    """Make the pages that are not written by hand, before any is read."""
+    """Make the pages that are not written by hand, before any is read, and compile for these."""
+    subprocess.run([sys.executable, "-m", "hereditary", "compile"], check=True)
     made_pages.make(pathlib.Path(__file__).parent)
     app.connect("autodoc-skip-member", _skip)
     app.connect("build-finished", _copy_mathjax)

@@ -13,6 +13,33 @@ import matplotlib.pyplot as plt
 
 import hereditary
 
+# Scripts of the gallery, the most interesting first; others follow.
+GALLERY = (
+    "block_on_its_spring",
+    "stick_slip",
+    "viscoelastic_beam",
+    "subdiffusion",
+    "epidemic",
+    "resonance",
+    "lorenz_with_memory",
+    "neuron",
+    "bifurcation_diagram",
+    "map_of_regimes",
+    "models_of_the_field",
+    "control_loop",
+    "chain_of_blocks",
+    "measured_kernel",
+    "order_that_varies",
+    "volterra",
+    "own_scheme",
+)
+
+
+def by_interest(name):
+    """Return the place of a script in the gallery, by its file name."""
+    stem = pathlib.Path(name).stem
+    return GALLERY.index(stem) if stem in GALLERY else len(GALLERY)
+
 
 def styled(gallery_conf, name):
     """Give figures of the gallery the style of the package."""
