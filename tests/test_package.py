@@ -294,6 +294,7 @@ PAGES += [
         "collocation",
         "kernels",
         "memory_terms",
+        "derivatives",
         "events",
         "sweeps",
         "fitting",

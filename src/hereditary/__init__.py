@@ -16,6 +16,7 @@ from .analysis.sweep import sweep
 from .analysis.table import Table
 from .analysis.zero_one import ZeroOneResult, zero_one_test
 from .collocation.method import Collocation
+from .derivative import derivative
 from .ensemble import Ensemble, ensemble
 from .equation.equation import Equation
 from .equation.operators import Caputo, Memory, RiemannLiouville
@@ -107,6 +108,7 @@ __all__ = [
     "ZeroOneResult",
     "classify",
     "convergence_table",
+    "derivative",
     "ensemble",
     "exact",
     "fit",

@@ -5,6 +5,7 @@ numbers ``b_k(p) = (k+1)**p - k**p``, 0 <= p < 1, their differences and their al
 """
 
 from functools import lru_cache
+from itertools import pairwise
 
 import numpy as np
 from scipy.special import bernoulli, binom, factorial, zeta
@@ -136,6 +137,22 @@ def gauss_unit(n):
     """Return nodes and weights of the n-point Gauss-Legendre rule on [0, 1]."""
     nodes, weights = np.polynomial.legendre.leggauss(n)
     return (nodes + 1) / 2, weights / 2
+
+
+@lru_cache(maxsize=8)
+def graded_unit(n):
+    """Return nodes and weights on [0, 1]: Gauss rules on 51 panels that halve towards 0.
+
+    The widest panel has n nodes, each next one half as many, and at least 16.
+    """
+    ends = np.append(0.0, 0.5 ** np.arange(50, -1, -1))
+    panels = [
+        (low + (high - low) * u, (high - low) * weights)
+        for k, (low, high) in enumerate(pairwise(ends))
+        for u, weights in [gauss_unit(max(16, n >> (50 - k)))]
+    ]
+    nodes, weights = (np.concatenate(part) for part in zip(*panels, strict=True))
+    return nodes, weights
 
 
 # Relative width to which a zero is found.

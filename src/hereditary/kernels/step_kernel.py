@@ -13,6 +13,7 @@ from .special import (
     alternating_power_sum,
     alternating_sum,
     gauss_unit,
+    graded_unit,
     power_second_differences,
 )
 
@@ -108,8 +109,8 @@ class Integrated:
 
     def integral(self, t):
         """``int_0^t``; by a rule that is graded towards 0, where the kernel is a power of t."""
-        u, weights = _graded()
-        return t * (self.kernel.integral(t * u) @ weights)
+        u, weights = graded_unit(16)
+        return t * (self.kernel.integral(np.multiply.outer(t, u)) @ weights)
 
     def closest_fit(self, t_min, t_max, tol):
         """Fit an exponential sum, a constant among it: the kernel's, integrated from t_min."""
@@ -122,15 +123,6 @@ class Integrated:
         constant = float(self.kernel.integral(t_min)) + shares @ np.exp(-fit.rates * t_min)
         rates, weights = np.append(0.0, fit.rates), np.append(constant, -shares)
         return ExponentialSum(rates, weights, t_min, t_max, fit.max_error)
-
-
-@lru_cache(maxsize=1)
-def _graded():
-    """Nodes and weights on [0, 1]: Gauss's on panels that halve towards 0."""
-    u, weights = gauss_unit(16)
-    ends = np.append(0.0, 0.5 ** np.arange(50, -1, -1))
-    widths = np.diff(ends)[:, None]
-    return (ends[:-1, None] + widths * u).ravel(), (widths * weights).ravel()
 
 
 @dataclass(frozen=True)
