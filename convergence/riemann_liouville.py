@@ -28,7 +28,7 @@ SCHEMES = [
     hd.L2(),
     hd.L12(),
 ]
-T_END = 3.0
+T_END = 2.5
 
 
 def linear(t, x):
