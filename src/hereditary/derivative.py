@@ -81,7 +81,7 @@ def derivative(
     Data, orders up to 1, steps h: ``O(h**(2 - alpha))`` with `L1` and ``O(h**(3 - alpha))`` with
     `L12` and `L2` for smooth y; O(h) at a fixed time for y like t**alpha on even times.
     ``Memory(kernel, m)``, m = 0 or 1: ``O(h**(2-a))`` for kernels like t**-a near 0. Above order 1
-    the operator, one order lower, acts on second-order differences of y (`numpy.gradient`): alpha
+    the operator, one order lower, acts on second-order differences of y (``numpy.gradient``): alpha
     in (1, 2) has ``O(h**(3 - alpha))`` with any scheme.
 
     *Noise*: independent errors of size sigma in y leave errors of size ``c sigma h**-alpha``, c
