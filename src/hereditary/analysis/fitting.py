@@ -422,8 +422,8 @@ def _one(place, t, data, sigma):
         raise ValueError(complaint(f"data{place}", required, f"shape {values.shape}"))
     if np.any(np.isinf(values)) or not np.any(np.isfinite(values)):
         raise ValueError(complaint(f"data{place}", "be finite, or NaN", shown(values)))
-    if np.shape(sigma) == values.shape:
-        sigma = np.where(np.isnan(values), 1.0, np.ma.filled(sigma, 1.0))
+    if np.shape(sigma) == values.shape and not np.ma.is_masked(sigma):
+        sigma = np.where(np.isnan(values), 1.0, sigma)
     values = values.reshape(t.size, -1)
     if sigma is None:
         return Series(t, values, None)
