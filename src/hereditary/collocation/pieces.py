@@ -95,7 +95,8 @@ class FirstPiece(Piece):
         """Return the slopes of p at times t above 0, in lengths of the step, (k, d)."""
         n = self.variable.n
         values = legendre_values(self._x(np.log(t)), n - 1).T @ _derivatives(n)
-        return self._change(self.row, values) * self.variable.slopes(t)[:, None] / self.length
+        with np.errstate(over="ignore"):  # slopes next to a singular start may be infinite
+            return self._change(self.row, values) * self.variable.slopes(t)[:, None] / self.length
 
 
 @dataclass(frozen=True, eq=False)
