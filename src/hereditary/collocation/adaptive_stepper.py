@@ -28,7 +28,7 @@ _FEW_ROWS, _LOOKS = 8, 8
 
 
 class Tolerance(NamedTuple):
-    """How a run chooses its steps.
+    """Tolerances by which a run chooses its steps.
 
     Tolerances rtol, and atol or None for errors relative to the largest size of each component so
     far; modes, the relative error of modes, or None for what the tolerances require; longest, the

@@ -38,7 +38,7 @@ def solve_many(
     rhs, jac, has_jac, params, times, h, base, x_start, second, operators, kinds, integral, goal,
     values, counts, contraction, newton,
 ):  # fmt: skip
-    """As `solve_stages`, by systems of the size of the equation.
+    """Solve the equations of a step by systems of the size of the equation.
 
     The Jacobian is kept over steps while the method converges fast, and factors as long as the
     step's length stays.
@@ -92,7 +92,7 @@ def solve_many(
 
 @inner
 def read_many(modes, to_nodes, out):
-    """As `read_modes`, by a matrix product."""
+    """Read the modes by a matrix product."""
     if modes.shape[0] == out.shape[0]:
         product(modes, to_nodes, out)
     else:

@@ -43,7 +43,7 @@ class Tables(NamedTuple):
 
 
 class Held(NamedTuple):
-    """What a memory holds for each of W columns, all linear in the solution.
+    """Contents of a memory for each of W columns, all linear in the solution.
 
     pieces (W, .); modes (W, .); starts (W, .), the start values or their modes, which the march
     sets; pending (W, .), sums for steps to come.

@@ -30,8 +30,8 @@ class StabilityWarning(SolveWarning):
 
 
 _SAVED = "be a solution that Solution.save wrote"
-# Fields that are kept as arrays, and as text.
-_ARRAYS, _TEXT = ("t", "y", "ydot"), ("status", "message", "stats")
+# Fields that are kept as arrays.
+_ARRAYS = "t", "y", "ydot"
 # Endings that were asked for.
 _QUIET = (Status.COMPLETED, Status.EVENT, Status.INTERRUPTED)
 
