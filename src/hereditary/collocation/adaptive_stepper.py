@@ -1,12 +1,40 @@
-"""Adaptive stepper: the march of an equation by collocation, as a run drives it."""
+"""Adaptive stepper: the march of an equation by collocation, and the limits of its steps."""
+
+from __future__ import annotations
 
 import copy
+import threading
 from typing import NamedTuple
 
 import numpy as np
 
-from ..compiled.structures import plain
+from ..compiled.adaptive import (
+    CRAWLING,
+    FULL,
+    JUMPING,
+    MARCHES,
+    NOT_SOLVED,
+    ORDERS_NEEDED,
+    REACHED,
+    TOO_CLOSE,
+    TOO_ROUGH,
+)
+from ..compiled.error_estimate import LEAST
+from ..compiled.mode_tables import empty_tables, floor_to_grid
+from ..compiled.rows import POSITION, PRIMARY
+from ..compiled.structures import (
+    ExponentialBasis,
+    Limits,
+    OrbitArrays,
+    Steps,
+    StepTables,
+    empty_steps,
+    initial_state,
+    plain,
+    restored_state,
+)
 from ..equation.system import refuse_late
+from ..kernels.memory_kernel import warn_of_fit
 from ..schemes.steps import breaks_ahead
 from ..solver.state import (
     AdaptiveState,
@@ -18,9 +46,528 @@ from ..solver.state import (
 from ..solver.status import Status, failed
 from ..solver.stepper import Stepper
 from ..support.checks import complaint
-from .adaptive_march import OF_SIZE, STEP_FRACTION, CollocationMarch
-from .pace import MAX_STEPS, Pace
+from .equations import integral_form
+from .first_rule import convolutions, first_rule
+from .jumps import jump
+from .orbit import OrbitAndTangents, initial_values
+from .order_tables import OrderTables
+from .pieces import FirstPiece, PolynomialPieces
+from .quadrature import radau_nodes, rule_of, shortened_legendre
 from .reading import Plain, Reading
+from .singular_start import trials
+from .sizes import begins_at_rest, floors_of
+from .stage_solver import has_stages, stage_solver
+
+# Largest number of steps of a run by default.
+MAX_STEPS = 1_000_000
+# Longest step where the solution is at rest, as fraction of the run; a longer one could miss a
+# force that sets in later.
+_DORMANT = 1 / 32
+# A run stalls if in so many consecutive stretches of 200 steps or more the solution changes by less
+# than the fraction _STILL, the last stretch covers no more than twice the time of the first, and
+# more steps would be needed than _MOST_STEPS, or than are left if more than the fraction _REFUSED
+# of steps is refused.
+_STRETCHES, _STILL, _REFUSED, _MOST_STEPS = 4, 1e-2, 0.125, 1e7
+# A run that ends blows up if the solution, larger than before, grew by more than this fraction over
+# the last step and the next step was not refused below _WALL times its length.
+_GROWING, _WALL = 1e-3, 1e-8
+# Distances ahead at which f is evaluated, in lengths of the last step, where y goes on or turns
+# back; f jumps where it changes by more than a fraction of its size on the way, for steps are as
+# short as they can be.
+_DISTANCES_AHEAD, _JUMP = (0.0, 1.0, 10.0, 100.0, 1000.0, -1.0, -10.0, -100.0, -1000.0), 0.1
+_NOT_FINITE = "the right-hand side is not finite just ahead"
+_JUMPS = (
+    "the right-hand side jumps, or stops being finite, wherever the solution goes on (it may slide "
+    "or chatter there); name known times in breaks, functions that change their sign in switches"
+)
+_CRAWLS = (
+    "steps stay short wherever the solution goes on: it may slide or chatter where the right-hand "
+    "side jumps, or rounding hides what the tolerance asks for"
+)
+_ROUNDS = (
+    "rounding hides what the tolerance asks for, or the solution is too steep; loosen rtol, and if "
+    "the right-hand side jumps here name the time in breaks, or the function in switches"
+)
+
+
+class Pace:
+    """Step limits of one run, and detection of a run that stalls.
+
+    Parameters
+    ----------
+    max_step : float or None
+        Longest step [time].
+    max_steps : int
+        Largest number of steps.
+
+    Attributes
+    ----------
+    longest : ndarray, shape (2,)
+        The longest step, and the longest where the solution is at rest.
+    last_step : int
+        Number of the last step allowed, counted from t = 0.
+    """
+
+    def __init__(self, max_step, max_steps):
+        self._max_step, self._max_steps = max_step or np.inf, max_steps
+        self.longest, self.last_step = np.zeros(2), 0
+        self._slow: list[float] = []
+        self._t_end = np.inf
+
+    def begin(self, t, t_end, n_steps):
+        """Set the limits of a run from t to t_end that begins after `n_steps` steps."""
+        longest, self._t_end = min(self._max_step, t_end - t), t_end
+        self.longest = np.array([longest, min(longest, _DORMANT * (t_end - t))])
+        self.last_step = n_steps + self._max_steps
+
+    def limits(self, system, origin, t_stop, tolerances):
+        """Return the `Limits` of a march from `origin` to `t_stop`."""
+        times = t_stop, system.beside(origin, 1), system.beside(t_stop, -1)
+        return Limits._make([*times, *self.longest.tolist(), *tolerances, self._t_end])
+
+    def used_up(self, n_steps):
+        """Return whether all allowed steps are made."""
+        return n_steps >= self.last_step
+
+    def is_stalled(self, since, earlier, t, counts, t_stop, at_starts, sizes):
+        """Return whether steps stay short where the solution stands still, at jumps or by rounding.
+
+        Parameters
+        ----------
+        since, t : float
+            Times at which the last stretch of steps began and ended.
+        earlier, counts : np.void
+            Counts there.
+        t_stop : float
+        at_starts : ndarray, shape (n, 2, d)
+            y and p at the starts of the steps of the stretch.
+        sizes : ndarray, shape (2, d)
+            Largest |y| and |p| before.
+        """
+        accepted, refused = (
+            counts["accepted"] - earlier["accepted"],
+            counts["refused"] - earlier["refused"],
+        )
+        if accepted < 200:
+            return False
+        advance, left, n_steps = t - since, t_stop - t, int(counts["accepted"])
+        largest = np.abs(at_starts).max(axis=0)
+        still = np.ptp(at_starts, axis=0) <= _STILL * (
+            _STILL * np.maximum(sizes, largest) + largest
+        )
+        allowed = min(self.last_step - n_steps, _MOST_STEPS)
+        needed = left * accepted / advance
+        slow = needed > (allowed if refused > _REFUSED * accepted else _MOST_STEPS)
+        self._slow = [*self._slow, advance][-_STRETCHES:] if slow and still.all() else []
+        return len(self._slow) == _STRETCHES and self._slow[-1] <= 2 * self._slow[0]
+
+
+class Ending(NamedTuple):
+    """Status of a run that cannot go on, and a clause for its message; None for one that can."""
+
+    status: Status | None = None
+    detail: str = ""
+
+
+BLOWN_UP, UNSOLVED = Ending(Status.BLOWN_UP), Ending(Status.NOT_SOLVED)
+TOO_STEEP = Ending(Status.STEP_TOO_SMALL, _ROUNDS)
+
+
+def ending(status, equation, t, h, refused, last, peak):
+    """Return the `Ending` behind the status code of a march that stopped at time t.
+
+    `last` (3 or 4, d, s) holds f, p and y at the nodes of the last step, of length h; the next step
+    was refused down to the length `refused`. `peak` (2, d) holds the largest |p| and |y| before.
+    """
+    if status == CRAWLING:
+        return Ending(Status.STEP_TOO_SMALL, _CRAWLS)
+    before, now = (np.abs(last[PRIMARY : POSITION + 1, :, i]) for i in (0, -1))
+    largest = np.maximum((1 + _GROWING) * before, peak)
+    growing = np.any(now.max(axis=1) > largest.max(axis=1)) and refused > _WALL * h
+    if status != JUMPING and growing:
+        return BLOWN_UP
+    forces = _forces_ahead(equation, t, h, last[POSITION])
+    if not np.all(np.isfinite(forces)):
+        return Ending(Status.STEP_TOO_SMALL, _NOT_FINITE)
+    jumps = np.abs(forces - forces[0]).max() > _JUMP * np.abs(forces).max()
+    if status == NOT_SOLVED and not jumps:
+        return UNSOLVED
+    return Ending(Status.STEP_TOO_SMALL, _JUMPS) if status in (JUMPING, NOT_SOLVED) else TOO_STEEP
+
+
+def _forces_ahead(equation, t, h, y):
+    """Return f where the last step, y (d, s) of length h, points to, shape (n, d).
+
+    It is evaluated at points extrapolated linearly from the first and the last node.
+    """
+    ahead = [(t + abs(a) * h, y[:, -1] + a * (y[:, -1] - y[:, 0])) for a in _DISTANCES_AHEAD]
+    return np.array([equation.force(*point) for point in ahead])
+
+
+# Tables that are kept; each holds up to 64 lengths of steps, some hundred kB.
+_MOST = 8
+
+
+class KeptTables:
+    """Tables that no march works with at present.
+
+    A march takes one and gives it back, so that no two write to it at once. Factors depend on the
+    length of a step, the nodes, and the rates and kernels alone: results do not depend on which
+    lengths a table holds already.
+    """
+
+    def __init__(self):
+        self._kept, self._lock = [], threading.Lock()
+
+    def take(self, basis, s, n_varying):
+        """Return a table for these modes on s nodes, and what it is to be given back with."""
+        n_kernels = basis.masses.size - n_varying
+        of_kernels = basis.weights[basis.weights.shape[0] - basis.masses.size :][:n_kernels]
+        parts = basis.rates, basis.gains, of_kernels, basis.masses[:n_kernels]
+        key = s, n_varying, *(part.tobytes() for part in parts)
+        with self._lock:
+            for place in reversed(range(len(self._kept))):
+                if self._kept[place][0] == key:
+                    return self._kept.pop(place)
+        return key, empty_tables(basis.rates.size, s, basis.masses.size)
+
+    def give_back(self, taken):
+        """Keep what `take` returned for a later march."""
+        with self._lock:
+            self._kept.append(taken)
+            del self._kept[:-_MOST]
+
+
+kept_tables = KeptTables()
+
+
+# Fraction of the tolerance that one step may err by, and fraction of that for the modes: errors add
+# up along periodic and chaotic orbits (convergence/collocation.py).
+STEP_FRACTION, _MODES_FRACTION = 0.1, 0.01
+# Fraction of rtol that counts relative to the size of a component, where no atol is given.
+OF_SIZE = 0.01
+# Power q of the variable from which on errors are estimated too small, for u**q changes next to the
+# end alone: the first step keeps to this over q of its tolerance, to the second at least, and to no
+# less than this rtol, for rounding (orders 1 + 1e-9 to 1.003, y' at rtol 1e-4 to 1e-10).
+_RESOLVED, _UNRESOLVED, _ROUNDING = 10.0, 5e-3, 5e-14
+# Modes are fitted, and refined each time, for steps this many times shorter than the present one.
+_REFINE_BY = 32.0
+# Ratio of the time up to which a run may be resumed to its length; largest ratio of distances.
+_REACH, _LARGEST_RATIO = 10.0, 1e305
+# Steps of one call of the compiled march.
+_ROWS = 256
+# Closest distance expected, as fraction of the run, for fits before the run begins.
+_CLOSE = 1e-6
+
+
+class CollocationMarch:
+    """Orbit and tangents of a system, and the steps that move them on.
+
+    Parameters
+    ----------
+    system : System
+    t_end : float
+        End of the run.
+    horizon : float
+        Time that the modes hold for at least; they hold up to ten times the run.
+    n_nodes : int
+    tolerances : (float, float)
+        rtol and atol; with None for atol errors are relative to the sizes of components.
+    modes_tol : float, optional
+        Relative error of the modes, where it is to be smaller than the tolerance requires.
+    directions : ndarray, shape (n_data, k), optional
+        Directions of initial data of the system, one tangent for each.
+    pace : Pace
+    """
+
+    def __init__(
+        self, system, t_end, horizon, n_nodes, tolerances, modes_tol, directions, pace: Pace
+    ):
+        self._system, self._tolerances = system, tolerances
+        rtol, atol = tolerances
+        self._t_end, self._allowed = t_end, allowed_errors(rtol, atol)
+        default_tol = max(1e-14, min(1e-3, _MODES_FRACTION * self._allowed[0]))
+        # larger errors of the modes would look like a rough solution, and no step would suffice
+        self.modes_tol = default_tol if modes_tol is None else min(default_tol, modes_tol)
+        self._known = known = max(t_end, horizon)
+        self._farthest = max(min(_REACH * t_end, 1e307), known)
+        s = self._s = n_nodes
+        self._form = form = integral_form(system)
+        if not has_stages(form):
+            system = self._system = system.dense()
+        self._stages = stage_solver(system.structure, form, s)
+        self._rule = rule_of(s, tuple(form.orders.tolist()))
+        self._graded = form.begins_graded
+        self._orders = OrderTables(form.varying, s)
+        self._transforms = shortened_legendre(s)
+        self._orbit = OrbitAndTangents(
+            form, initial_values(system, form.second == 1, directions), s
+        )
+        self._units = system.units if atol is None else np.ones(system.d)
+        self._state = initial_state(t_end, *np.abs([self._orbit.p[0], self._orbit.x[0]]))
+        self._at_singular_start, self._largest_error = True, 0.0
+        self._peak = np.zeros((2, system.d))  # of p and y at the starts of steps
+        self.ending = Ending()
+        self.error: Exception | None = None
+        self.pace, self._rows = pace, _ROWS
+        self._limit_steps(t_end)
+        self._prefit_kernels(t_end)
+
+    def _limit_steps(self, t_end):
+        """Set the longest steps and the last step of a run from here to t_end."""
+        self.pace.begin(self.t, t_end, self.n_steps)
+        self._control["next"] = min(self._control["next"], floor_to_grid(self.pace.longest[0]))
+
+    @property
+    def t(self):
+        """Time reached."""
+        return float(self._control["origin"] + self._control["time"])
+
+    position = t  # how far the march is
+
+    @property
+    def n_steps(self):
+        """Number of accepted steps."""
+        return int(self._state.counts["accepted"])
+
+    @property
+    def n_rhs(self):
+        """Number of calls of the right-hand side."""
+        return int(self._state.counts["rhs"])
+
+    @property
+    def n_modes(self):
+        """Number of exponentials whose sums carry the past of each component."""
+        return self._orbit.rates.size
+
+    def _steps(self, t_stop):
+        """March towards `t_stop` by as many steps as one call makes; return their dense output."""
+        n_rows = min(self._rows, self.pace.last_step - self.n_steps)
+        if n_rows == 0:
+            return None
+        if self._at_singular_start:
+            self._set_floors()
+            if not self._graded:
+                return self._singular_step(t_stop)
+            self._begin_graded(t_stop)
+            if self.ending.status is not None:
+                return None
+        d, s, counts = self._system.d, self._s, self._state.counts
+        steps = empty_steps(n_rows, d, s)
+        n, status, before, origin = 0, TOO_CLOSE, (self.t, counts.copy()), self._control["origin"]
+        limits = self._limits(t_stop)
+        while (status == TOO_CLOSE and n == 0) or status == ORDERS_NEEDED:
+            first = self.n_steps
+            try:
+                if status == ORDERS_NEEDED:
+                    self._orders.fill(self._orbit, origin, limits)
+                status = self._march_on(Steps(*(array[n:] for array in steps)), limits)
+            except Exception as error:
+                # the steps before the failure are accepted
+                self.error, status = error, REACHED
+            if self.n_steps > first:
+                self._orbit.record_step(float(self._control["last"]))
+            n += self.n_steps - first
+            if status == TOO_CLOSE:
+                # the march returned before this step
+                closest = self._closest(min(self._control["next"], t_stop - self.t))
+                if closest < self._farthest / _LARGEST_RATIO:
+                    status = TOO_ROUGH
+                else:
+                    self._refine_modes(closest)
+        if status == REACHED and self.error is None:
+            self._set_origin(t_stop)
+        stretch = *before, self.t, counts, t_stop, steps.at_starts[:n], self._sizes()
+        if status in (FULL, TOO_CLOSE) and self.pace.is_stalled(*stretch):
+            status = CRAWLING
+        at_starts = np.abs(steps.at_starts[:n]).max(axis=0, initial=0.0)  # y, then p
+        self._peak = np.maximum(self._peak, at_starts[::-1])
+        if status not in (REACHED, FULL, TOO_CLOSE):
+            lengths, last = (self._control["last"], self._control["next"]), self._orbit.last[0]
+            self.ending = ending(status, self._system, self.t, *lengths, last, self._peak)
+        if n == 0:
+            return None
+        *piece, errors = (array[:n] for array in steps)
+        self._largest_error = max(self._largest_error, float(errors.max()))
+        return PolynomialPieces(*piece)
+
+    def _sizes(self):
+        """Return the sizes of y, and of p where it is y, to which the tolerance refers, (2, d)."""
+        rtol, atol, by_size = self._allowed
+        sizes = np.maximum(self._state.sizes, self._state.floors)
+        sizes = sizes if by_size > 0 else np.full(sizes.size, atol / (OF_SIZE * rtol))
+        return np.array([sizes, np.where(self._form.second == 1, 0.0, sizes)])
+
+    def _set_origin(self, t, since=0.0):
+        """Measure time from t, since rounding would hide steps next to a singular start."""
+        self._control["time"], self._control["origin"] = since, t
+        self._orders.clear()
+
+    @property
+    def _control(self):
+        """Step control of the march, a record."""
+        return self._state.control
+
+    def _closest(self, h):
+        """Return the distance down to which modes must hold for steps of length h and shorter."""
+        return self._rule.nodes[0] * h / _REFINE_BY
+
+    def _limits(self, t_stop):
+        """Return the `Limits` of a march to a stop."""
+        return self.pace.limits(self._system, self._control["origin"], t_stop, self._allowed)
+
+    def _march_on(self, steps, limits):
+        """March by ordinary steps; return the status."""
+        orbit = self._orbit
+        rates = orbit.rates.astype(complex)
+        basis = ExponentialBasis(rates, orbit.gains, orbit.weights, orbit.masses, self._transforms)
+        taken = _, tables = kept_tables.take(basis, self._s, len(self._form.varying))
+        how = self._stages, self._rule, basis, tables, orbit.march_arrays()
+        try:
+            return self._march(steps, limits, *how)
+        finally:
+            kept_tables.give_back(taken)
+
+    def _march(self, steps, limits, stages, rule, basis, tables, arrays):
+        """March to a stop in compiled code, filling `steps`; return the status."""
+        orbit = self._orbit
+        _, status = MARCHES[stages.many](
+            *self._system.compiled, stages.solver, stages.stages, orbit.equations(self._units),
+            rule, basis, tables, self._orders.compiled(orbit.of_varying), arrays, self._state,
+            steps, limits)  # fmt: skip
+        return status
+
+    def _go_on_from(self, kept, orbit):
+        """Take over the state and the orbit of a march."""
+        self._state, self._orbit = restored_state(kept), orbit
+        self._orbit.adopt(self._form)
+        self._orders.clear()
+        self.ending, self.error = Ending(), None
+
+    def _set_floors(self):
+        """Set the floors of components that begin at rest, where errors are relative to sizes."""
+        x = self._orbit.x[0]
+        if self.t == 0.0 and self._allowed[2] > 0.0 and begins_at_rest(x):
+            how = self._stages.many, self._t_end
+            self._state.floors[:], calls = floors_of(self._system, *how)
+            self._state.counts["rhs"] += calls
+
+    def _singular_step(self, t_stop):
+        """Make the step of a singular start; return its dense output, or None and set `ending`."""
+        orbit, form, t, left = self._orbit, self._form, self.t, t_stop - self.t
+        sizes = np.maximum(self._state.sizes, self._state.floors)
+        units = np.maximum(self._units, sizes if self._allowed[2] > 0 else 0.0)
+        units = np.where(units > LEAST, units, 1.0)
+        limits = self.pace.longest[0], self._farthest / _LARGEST_RATIO
+        how = t, left, *limits, self._state.counts, units
+        self.ending = TOO_STEEP
+        self._set_origin(t)
+        for h, variable in trials(self._system, form, orbit, *how):
+            # no tiny remainder is left before the stop
+            h = min(h, 0.5 * left) if h < left else h
+            steps, values = self._try_step(h, variable, t_stop)
+            if values is not None:
+                self._largest_error = max(self._largest_error, float(steps.errors[0]))
+                self.ending = Ending()
+                self._finish_singular_start(h, variable, values, t_stop)
+                return FirstPiece(variable, t, h, steps.p[0], *steps.at_starts[0])
+            # Newton's method asks for a quarter
+            self.ending = UNSOLVED if self._control["next"] == 0.25 * h else TOO_STEEP
+        return None
+
+    def _try_step(self, h, variable, t_stop):
+        """Try a step of length h in a variable; return its row, and f, p and y at its nodes.
+
+        The compiled march tries it, with the history at the nodes in place of modes.
+        """
+        orbit, form, n = self._orbit, self._form, variable.n
+        rule = first_rule(variable, tuple(form.orders.tolist()))
+        logs = variable.logs(radau_nodes(n))
+        history = orbit.history(np.log(h) + logs)
+        n_kernels, d = len(form.kernels), self._system.d
+        local = np.array([convolutions(variable, kernel, h) for kernel in form.kernels])
+        tables = StepTables(
+            np.array([h]), np.eye(n)[None], np.zeros((1, 2, n)), np.zeros((1, n, n)),
+            local.reshape(1, n_kernels, n, n),
+        )  # fmt: skip
+        ones = np.ones(n, dtype=complex)
+        basis = ExponentialBasis(
+            ones, ones, np.zeros((form.orders.size + n_kernels, n)), np.zeros(n_kernels),
+            np.zeros((n, n, n)),
+        )  # fmt: skip
+        values = np.zeros((orbit.x.shape[0], 3, d, n))
+        arrays = OrbitArrays(orbit.initial, orbit.x, orbit.p, history, 0.0 * history, values)
+        self._begin_steps(h, h)
+        steps = empty_steps(1, d, n)
+        solver = stage_solver(self._system.structure, form, n)
+        how = solver, rule, basis, tables, arrays
+        limits = self._limits(t_stop)
+        share = min(1.0, max(_RESOLVED / variable.q, _UNRESOLVED, _ROUNDING / limits.rtol))
+        tolerances = share * np.array([limits.rtol, limits.atol, limits.by_size])
+        limits = limits._replace(rtol=tolerances[0], atol=tolerances[1], by_size=tolerances[2])
+        status = self._march(steps, limits, *how)
+        return steps, values if status in (FULL, REACHED) else None
+
+    def _finish_singular_start(self, h, variable, values, t_stop):
+        """Move to the end of the step of a singular start and begin ordinary steps."""
+        orbit, closest, t = self._orbit, self._closest(h), self.t
+        if self.n_modes == 0:
+            orbit.open_modes(closest, self._farthest, self._known, self.modes_tol)
+        elif closest < orbit.closest:
+            orbit.refine(closest)
+        orbit.finish_singular_start(variable, h, values)
+        self._begin_steps(h, self._shortest)
+        self._set_origin(*((t_stop,) if t == t_stop else (self._control["origin"], h)))
+        self._at_singular_start = False
+
+    def _begin_graded(self, t_stop):
+        """Begin with ordinary steps, the first so short that the solution hardly changes."""
+        self._set_origin(self.t)
+        least = 1e5 * self._farthest / _LARGEST_RATIO
+        h = self._form.graded_first_step(self.t, t_stop - self.t, sum(self._allowed[1:]), least)
+        closest = self._closest(h)
+        if self.n_modes == 0:
+            self._orbit.open_modes(closest, self._farthest, self._known, self.modes_tol)
+        if closest < self._orbit.closest:
+            self._refine_modes(closest)
+        # the right-hand side may jump here
+        settled = jump(self._system, self._form, self._orbit, self.t, self._state.counts)
+        self.ending = Ending() if settled else UNSOLVED
+        self._state.largest[:] = np.where(self._form.second == 1, self._state.largest, 0.0)
+        self._begin_steps(floor_to_grid(h), self._shortest)
+        self._at_singular_start = False
+
+    def _begin_steps(self, h, shortest):
+        """Begin steps, the first of length h; shorter ones than `shortest` need other modes."""
+        control = self._control
+        control["next"], control["last"], control["refused"] = h, 0.0, 0.0
+        control["shortest"] = shortest
+
+    @property
+    def _shortest(self):
+        """Length of the shortest step for which the modes hold."""
+        return self._orbit.closest / self._rule.nodes[0]
+
+    def _prefit_kernels(self, t_end):
+        """Fit kernels known by their values, for steps as short as are to be expected."""
+        closest = _CLOSE * t_end
+        if self._form.implicit.any() and not self._form.varying:
+            first = self._form.graded_first_step(0.0, t_end, sum(self._allowed[1:]))
+            closest = self._closest(first)
+        errors = self._orbit.prefit_kernels(closest, self._farthest, self._known, self.modes_tol)
+        warn_of_fit(errors.measured, self._tolerances[0])
+
+    def _refine_modes(self, closest):
+        """Refine the modes to hold at the distance `closest`."""
+        self._orbit.refine(closest)
+        self._control["shortest"] = self._shortest
+
+
+def allowed_errors(rtol, atol):
+    """Return the errors a step may make: relative to y, absolute, relative to sizes."""
+    by_size, atol = (OF_SIZE * rtol, 0.0) if atol is None else (0.0, atol)
+    return STEP_FRACTION * rtol, STEP_FRACTION * atol, STEP_FRACTION * by_size
+
 
 # Steps of one call of the compiled march where an event may cut it short; points of each step,
 # besides its end, that events look at.

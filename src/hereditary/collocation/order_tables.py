@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..compiled.attempt import set_times
+from ..compiled.adaptive import set_times
 from ..compiled.structures import TABULATED, VaryingOrders, record
 from ..equation.orders import OrderFailed
 from .quadrature import integrals_of_rows, radau_nodes

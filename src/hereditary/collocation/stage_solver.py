@@ -7,11 +7,18 @@ import numpy as np
 
 from ..compiled.callbacks import lapack_address
 from ..compiled.jit import as_value
-from ..compiled.joint_stages import joint_banded, joint_dense, joint_sparse
 from ..compiled.linalg import address_of_factors
-from ..compiled.stages import banded_stages, dense_stages, no_stages, sparse_stages
+from ..compiled.sparse_solvers import SparseFactors
+from ..compiled.stages import (
+    banded_stages,
+    dense_stages,
+    joint_banded,
+    joint_dense,
+    joint_sparse,
+    no_stages,
+    sparse_stages,
+)
 from ..compiled.structures import N_CONTROL, STAGES_SIG, Stages
-from ..compiled.superlu import SparseFactors
 from ..equation.structure import FEW
 
 # Steps of one length with a dense Jacobian before a longer one is worth new factors.

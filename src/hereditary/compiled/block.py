@@ -1,7 +1,8 @@
 """Parts of the march: open a block, add known terms, start the memory, write rows."""
 
 from .jacobian import jacobian
-from .jit import inlined, inner
+from .jit import I8, IVEC, MAT, VEC, entry, inlined, inner
+from .signatures import EXCHANGE, MEMORY, TABLES
 from .step import UNITS
 
 # Ratio of neighbouring steps from which no parabola tells the slope.
@@ -71,3 +72,18 @@ def bounded(x):
         if not abs(x[c]) < 1e300:
             return False
     return True
+
+
+@entry(MAT, MAT, I8, IVEC, MAT, EXCHANGE, TABLES, MEMORY)
+def open_lag(lag, pieces, n, groups, weights, exchange, tables, memory):
+    """Set the lag (W, B) of the block from step n on, and move the newest piece to its front."""
+    open_block(lag, pieces, n, groups, weights, exchange, tables, memory)
+
+
+@entry(I8, VEC, VEC, MAT, MAT)
+def close_piece(p, weights, piece, lag, pieces):
+    """Keep the piece (W,) of step p in its block, and spread it over the steps ahead."""
+    for c in range(piece.shape[0]):
+        pieces[c, p + 1] = piece[c]
+        for k in range(2, lag.shape[1] - p):
+            lag[c, p + k] += weights[k] * piece[c]

@@ -10,10 +10,9 @@ history before the step is a sum of exponential modes, advanced by exact moments
 import numpy as np
 from numba.extending import overload
 
-from .copying import clear_matrix, put_matrix
 from .jacobian import jacobian
 from .jit import allocating, inlined, inner
-from .linalg import factorise, substitute
+from .linalg import clear_matrix, factorise, put_matrix, substitute
 from .rows import FORCE, POSITION, PRIMARY
 from .signatures import SUBSTITUTE
 from .structures import Factors, StageFactors, StepRoom

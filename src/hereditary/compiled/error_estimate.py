@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from .collocation import forces, residuals, solve_newton
-from .copying import clear
+from .collocation import forces, nodal_slopes, residuals, solve_newton
 from .jit import allocating, inner
-from .rows import FORCE, POSITION, PRIMARY
+from .linalg import clear
+from .rows import FORCE, POSITION, PRIMARY, SLOPE, subtract_from_forces
 
 # Relative tolerance of tangents is at least this: those that have decayed consist of rounding
 # errors, which grow when tangents are normalised.
@@ -286,3 +286,45 @@ def error_ratio(h, end, errors, values, second, largest, p0, limits, room):
         if not errors[c] < np.inf:
             return np.inf
     return worst
+
+
+@inner
+def orbit_error(
+    rhs, params, h, base, equations, rule, operators, local, values, orbit, state, newton, limits
+):
+    """Estimate the error of a solved step, and subtract terms from f.
+
+    Returns the ratio of error to tolerance, and whether the defect of f between the nodes alone
+    makes it too large.
+    """
+    second, largest, start = equations.second, state.largest, orbit.initial[0]
+    room, kinds, matrices = newton.room, equations.kinds, operators.matrices
+    errors, x_start = room.errors, orbit.x[0]
+    measure_force_defect(rhs, params, h, rule, x_start, start, second, values[0], limits, room)
+    state.counts.rhs += room.check_times.shape[0]
+    if defect_matters(operators.sums, kinds, newton):
+        state.counts.rhs += room.times.shape[0]
+        if not equations_hold(rhs, params, base[0], operators, kinds, values[0], newton):
+            return np.inf, True
+    subtract_from_forces(kinds, matrices, base, values[:1])
+    if values.shape[1] > SLOPE:
+        nodal_slopes(h, rule.inverse, orbit.p[0], values[0, PRIMARY], values[0, SLOPE])
+    estimate_error(h, equations, rule.legendre, local, matrices, values[0], start, newton, errors)
+    end = state.control.origin + state.control.time + h
+    ratio_at_nodes = error_ratio(h, end, errors, values[0], second, largest, start, limits, room)
+    add_force_defect(operators.sums, kinds, newton, errors)
+    ratio = error_ratio(h, end, errors, values[0], second, largest, start, limits, room)
+    return ratio, ratio_at_nodes <= 1.0 and not ratio <= 1.0
+
+
+@inner
+def tangents_error(h, base, equations, rule, matrices, local, values, orbit, newton, limits):
+    """Return the largest ratio of error to tolerance of solved tangents; subtract terms from f."""
+    legendre, p = rule.legendre, orbit.p
+    subtract_from_forces(equations.kinds, matrices, base[1:], values[1:])
+    if values.shape[1] > SLOPE:
+        for column in range(1, p.shape[0]):
+            nodal_slopes(h, rule.inverse, p[column], values[column, PRIMARY], values[column, SLOPE])
+    return tangent_error_ratio(
+        h, equations, legendre, local, matrices, values, orbit.initial, newton, limits.rtol
+    )

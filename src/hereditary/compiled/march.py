@@ -30,11 +30,10 @@ from .block import (
     open_block,
     write_row,
 )
-from .copying import put
-from .jacobian import jacobian
+from .jacobian import evaluate, jacobian, push_tangents
 from .jit import entry
-from .linearly_implicit import solve_linearly
-from .newton import guess, solve_step
+from .linalg import put
+from .newton import guess, solve_linearly, solve_step
 from .past import read_varying
 from .signatures import MARCH
 from .step import (
@@ -54,14 +53,15 @@ from .step import (
     add_powers,
     change,
     close,
+    correct,
     first_value,
     know,
     look,
+    predict,
     see,
+    settle,
     take_row,
 )
-from .sweeps import correct, predict, settle
-from .tangent import evaluate, push_tangents
 from .watch import watch_turn
 
 _WAYS = {

@@ -12,8 +12,8 @@ import math
 
 import numpy as np
 
-from .copying import clear, clear_matrix, put
 from .jit import allocating, compiled, inner
+from .linalg import clear, clear_matrix, put
 from .past import add_rows
 from .rows import first_of_kind, number_of
 from .structures import StepTables

@@ -1,4 +1,7 @@
-"""Newton's method for one implicit step, with the linear solver that a march is handed."""
+"""Solution of one implicit step, with the linear solver that a march is handed.
+
+By Newton's method, or at once where only a constant matrix is taken implicitly.
+"""
 
 import numpy as np
 
@@ -6,7 +9,7 @@ from .jacobian import jacobian, magnitudes, multiply, newton_matrix
 from .jit import allocating, inlined, inner
 from .linalg import solve_in_place
 from .signatures import FACTORISE, SUBSTITUTE
-from .step import BASE, FIRST, GAIN, KNOWN, LEAD, MOVED, SCALE, SHIFT, UNITS, W, look
+from .step import BASE, FIRST, GAIN, KNOWN, LEAD, MOVED, POINT, SCALE, SHIFT, UNITS, F, W, look
 
 # Iterations before a step is given up.
 _MOST = 38
@@ -162,3 +165,56 @@ def guess(p, integral, ratio, lead, known, force, pieces, w):
     """Set w to a first guess: with f as it was, or the increment before."""
     for c in range(w.shape[0]):
         w[c] = lead[c] * force[c] - known[c] if integral == 1 else ratio * pieces[c, p]
+
+
+# Share of a step after its begin at which the explicit part is taken: beyond rounding of times, so
+# that a jump at a break is behind it.
+_ASIDE = 1e-9
+
+
+@inner
+def solve_linearly(
+    rhs, jac, params, t, i, rows, x, sources, force, room, work, counts, solver, linear
+):
+    """Solve ``scale w + known = lead (A (base + gain w) + g)`` for w.
+
+    ``g = f + theta ratio (f - f_before)`` extrapolates f = rhs - A y from t_n and the step before
+    to t, with theta and the lengths' ratio of row i; A is the Jacobian, which is constant. `force`
+    (d,) is f of the step before, NaN where that is another function. Returns False where the
+    matrix is singular.
+    """
+    # room (N_ROOM, d): rows of a step; work (2, ., .): A, and the matrix whose factors are kept
+    n, moved, f, point = x.shape[0], room[MOVED], room[F], room[POINT]
+    known, lead, base = room[KNOWN], room[LEAD], room[BASE]
+    if counts.kept == 0 or differs(i, rows):
+        jac(t, x, work[0], params)
+        counts.kept = int(set_factors(0, n, n, sources, room, work, counts, solver, linear))
+        if counts.kept == 0:
+            return False
+    rhs(t - (rows.theta[i] - _ASIDE) * rows.unit[i], x, f, params)
+    counts.rhs += 1
+    multiply(work[0], x, moved)
+    ahead = rows.theta[i] * rows.ratio[i] if counts.step > 0 and force[0] == force[0] else 0.0
+    for c in range(n):
+        point[c] = base[c] - x[c]
+        moved[c] = f[c] - moved[c]
+        f[c] += ahead * (moved[c] - force[c]) if ahead > 0.0 else 0.0
+        force[c] = moved[c]
+    multiply(work[0], point, moved)
+    for c in range(n):
+        moved[c] = lead[c] * (f[c] + moved[c]) - known[c]
+    solver(SUBSTITUTE, 0, work[1], moved, linear)
+    for c in range(n):
+        room[W, c] = moved[c]
+    return True
+
+
+@inner
+def differs(i, rows):
+    """Whether row i has other coefficients than the row before."""
+    if i == 0 or rows.theta[i] != rows.theta[i - 1]:
+        return True
+    for a in range(rows.lead.shape[0]):
+        if rows.lead[a, i] != rows.lead[a, i - 1] or rows.scale[a, i] != rows.scale[a, i - 1]:
+            return True
+    return False

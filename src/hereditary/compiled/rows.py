@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from .copying import clear_matrix
 from .jit import allocating, inner
+from .linalg import clear_matrix
 from .structures import Operators
 
 # Integrands: f, p, y and, where needed, p'.

@@ -235,7 +235,7 @@ class Operators(NamedTuple):
 
 
 class Stages(NamedTuple):
-    """Linear systems of a step of many components (compiled/stages.py, compiled/joint_stages.py).
+    """Linear systems of a step of many components (compiled/stages.py).
 
     For components that share their terms: factors (K, ., .) of up to K = s systems of size d; order
     (d,), the place of each component; dense (2 + 2 K, d, d), a dense Jacobian reduced and its

@@ -9,9 +9,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..compiled.copying import clear_matrix
 from ..compiled.jacobian import COLUMNS, CONSTANTS, GROUPS, N_ENTRY_ROWS, ROWS, VALUES
 from ..compiled.jit import JAC_SIG, RHS_SIG, as_value, compiled, derived
+from ..compiled.linalg import clear_matrix
 from ..functions.build import arity_of
 from ..support.checks import complaint, count, refuse_masked
 from .affine import affine, later, own_size, slopes

@@ -6,8 +6,7 @@ from ..compiled.callbacks import lapack_address
 from ..compiled.jit import as_value
 from ..compiled.linalg import no_solver
 from ..compiled.signatures import SOLVER_SIG, LinearSolver
-from ..compiled.sparse_solvers import banded_solver, sparse_solver
-from ..compiled.superlu import SparseFactors
+from ..compiled.sparse_solvers import SparseFactors, banded_solver, sparse_solver
 from ..solver.linear_solvers import Newton
 
 

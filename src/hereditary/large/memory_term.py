@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..compiled.block import close_piece, open_lag
 from ..compiled.jit import compiled
-from ..compiled.term import close_piece, open_lag
 from ..equation.operators import Caputo, Memory, Term
 from ..equation.statement import left_side
 from ..equation.system import System, refuse_late

@@ -391,7 +391,7 @@ class FixedStepper(Stepper):
         arrays.renew_force(self._system, self.t, self._table, self._march)
 
     def _forget_explicit(self):
-        """Let the next step not extrapolate f, which jumps here (compiled/linearly_implicit.py)."""
+        """Let the next step not extrapolate f, which jumps here (compiled/newton.py)."""
         if self.scheme.solve == "imex":
             self._march.force[:] = np.nan
 
