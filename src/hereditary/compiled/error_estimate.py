@@ -25,6 +25,9 @@ _CHECK_BEYOND, _UNSOLVED = 100.0, 10.0
 # Number of tolerances by which the polynomial may miss the start; stiff systems miss it by
 # rounding.
 _MISSED = 10.0
+# Tolerances of y at the start of a step that its error may be: y may grow by decades in a first step, and
+# early times have their own tolerance (orders 0.0158 and 1 - 1e-8 err there by 1.8 tolerances without).
+_AT_START, _ROUNDING_OF_STEP = 5.0, 1e-13
 # Fraction of the tolerance of y by size that an error of y' may move y over the run.
 OF_SPEED = 4.0
 # Least tolerance: smaller numbers lose their digits.
@@ -264,7 +267,7 @@ def allowed_error(value, size, is_speed, end, limits):
 
 
 @inner
-def error_ratio(h, end, errors, values, second, largest, p0, limits, room):
+def error_ratio(h, end, errors, values, second, state, p0, limits, room):
     """Return the largest ratio of an error to its tolerance, over y and, where it is unknown, y'.
 
     p is the difference of p(0) and terms of its size, so it is known to the rounding of p(0) alone,
@@ -277,10 +280,14 @@ def error_ratio(h, end, errors, values, second, largest, p0, limits, room):
             size_p = max(size_p, abs(values[PRIMARY, c, i]))
             size_x = max(size_x, abs(values[POSITION, c, i]))
         if second[c] == 1:
-            size_p = max(size_p, largest[c])
+            size_p = max(size_p, state.largest[c])
             allowed = max(allowed_error(size_x, size, 0, end, limits), LEAST)
             worst = max(worst, h * errors[c] / allowed)
         allowed = allowed_error(size_p, size, second[c], end, limits)
+        before = max(state.sizes[c], state.floors[c])
+        if second[c] == 0 and before > LEAST:
+            at_start = _AT_START * allowed_error(before, before, 0, end, limits)
+            allowed = min(allowed, max(at_start, _ROUNDING_OF_STEP * size_p))
         allowed = max(allowed, _ROUNDING * abs(p0[c]), room.goal[c], LEAST)
         worst = max(worst, errors[c] / allowed)
         if not errors[c] < np.inf:
@@ -297,7 +304,7 @@ def orbit_error(
     Returns the ratio of error to tolerance, and whether the defect of f between the nodes alone
     makes it too large.
     """
-    second, largest, start = equations.second, state.largest, orbit.initial[0]
+    second, start = equations.second, orbit.initial[0]
     room, kinds, matrices = newton.room, equations.kinds, operators.matrices
     errors, x_start = room.errors, orbit.x[0]
     measure_force_defect(rhs, params, h, rule, x_start, start, second, values[0], limits, room)
@@ -311,9 +318,9 @@ def orbit_error(
         nodal_slopes(h, rule.inverse, orbit.p[0], values[0, PRIMARY], values[0, SLOPE])
     estimate_error(h, equations, rule.legendre, local, matrices, values[0], start, newton, errors)
     end = state.control.origin + state.control.time + h
-    ratio_at_nodes = error_ratio(h, end, errors, values[0], second, largest, start, limits, room)
+    ratio_at_nodes = error_ratio(h, end, errors, values[0], second, state, start, limits, room)
     add_force_defect(operators.sums, kinds, newton, errors)
-    ratio = error_ratio(h, end, errors, values[0], second, largest, start, limits, room)
+    ratio = error_ratio(h, end, errors, values[0], second, state, start, limits, room)
     return ratio, ratio_at_nodes <= 1.0 and not ratio <= 1.0
 
 
