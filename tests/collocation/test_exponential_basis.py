@@ -6,7 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.special import rgamma
 
-from hereditary.collocation.exponential_basis import power_law_basis, varying_basis
+from hereditary.collocation.exponential_basis import power_law_basis
+from hereditary.collocation.varying import varying_basis
 
 ORDERS = st.lists(st.floats(0.001, 1.0), min_size=1, max_size=3, unique=True).map(sorted)
 EXPONENTS = st.floats(-13, -3)

@@ -50,13 +50,13 @@ from .equations import integral_form
 from .first_rule import convolutions, first_rule
 from .jumps import jump
 from .orbit import OrbitAndTangents, initial_values
-from .order_tables import OrderTables
 from .pieces import FirstPiece, PolynomialPieces
 from .quadrature import radau_nodes, rule_of, shortened_legendre
 from .reading import Plain, Reading
 from .singular_start import trials
 from .sizes import begins_at_rest, floors_of
 from .stage_solver import has_stages, stage_solver
+from .varying import OrderTables
 
 # Largest number of steps of a run by default.
 MAX_STEPS = 1_000_000
@@ -260,56 +260,77 @@ _ROWS = 256
 _CLOSE = 1e-6
 
 
-class CollocationMarch:
-    """Orbit and tangents of a system, and the steps that move them on.
+# Steps of one call of the compiled march where an event may cut it short; points of each step,
+# besides its end, that events look at.
+_FEW_ROWS, _LOOKS = 8, 8
+
+
+def allowed_errors(rtol, atol):
+    """Return the errors a step may make: relative to y, absolute, relative to sizes."""
+    by_size, atol = (OF_SIZE * rtol, 0.0) if atol is None else (0.0, atol)
+    return STEP_FRACTION * rtol, STEP_FRACTION * atol, STEP_FRACTION * by_size
+
+
+class Tolerance(NamedTuple):
+    """Tolerances by which a run chooses its steps.
+
+    Tolerances rtol, and atol or None for errors relative to the largest size of each component so
+    far; modes, the relative error of modes, or None for what the tolerances require; longest, the
+    longest step [time] or None; most, the largest number of steps.
+    """
+
+    rtol: float
+    atol: float | None = None
+    modes: float | None = None
+    longest: float | None = None
+    most: int = MAX_STEPS
+
+
+class AdaptiveStepper(Stepper):
+    """March of one equation by collocation, with steps chosen by the tolerance.
 
     Parameters
     ----------
-    system : System
+    equation : System
+    scheme : Collocation
     t_end : float
-        End of the run.
-    horizon : float
-        Time that the modes hold for at least; they hold up to ten times the run.
-    n_nodes : int
-    tolerances : (float, float)
-        rtol and atol; with None for atol errors are relative to the sizes of components.
-    modes_tol : float, optional
-        Relative error of the modes, where it is to be smaller than the tolerance requires.
+        End of the run; the modes hold up to ten times as far, or to the scheme's horizon.
+    tolerance : Tolerance
     directions : ndarray, shape (n_data, k), optional
-        Directions of initial data of the system, one tangent for each.
-    pace : Pace
+        Directions of initial data, one tangent for each, whose errors count for the steps as well.
     """
 
-    def __init__(
-        self, system, t_end, horizon, n_nodes, tolerances, modes_tol, directions, pace: Pace
-    ):
-        self._system, self._tolerances = system, tolerances
-        rtol, atol = tolerances
+    adaptive, looks, h = True, _LOOKS, 0.0
+
+    def __init__(self, equation, scheme, t_end, tolerance, directions=None):
+        scheme.check_terms(equation)
+        self.equation, self._scheme, self._breaks = equation, scheme, np.zeros(0)
+        self._view = view = Plain(equation) if equation.enlarged is equation else Reading(equation)
+        self.second, system = view.second, view.system
+        refuse_late(equation, t_end)
+        rtol, atol, modes_tol, *limits = tolerance
+        self._tolerances, self.pace, self._rows = (rtol, atol), Pace(*limits), _ROWS
         self._t_end, self._allowed = t_end, allowed_errors(rtol, atol)
         default_tol = max(1e-14, min(1e-3, _MODES_FRACTION * self._allowed[0]))
         # larger errors of the modes would look like a rough solution, and no step would suffice
         self.modes_tol = default_tol if modes_tol is None else min(default_tol, modes_tol)
-        self._known = known = max(t_end, horizon)
+        self._known = known = max(t_end, scheme.horizon or 0.0)
         self._farthest = max(min(_REACH * t_end, 1e307), known)
-        s = self._s = n_nodes
+        s = self._s = int(scheme.nodes)
         self._form = form = integral_form(system)
-        if not has_stages(form):
-            system = self._system = system.dense()
+        self._system = system = system if has_stages(form) else system.dense()
         self._stages = stage_solver(system.structure, form, s)
         self._rule = rule_of(s, tuple(form.orders.tolist()))
         self._graded = form.begins_graded
         self._orders = OrderTables(form.varying, s)
         self._transforms = shortened_legendre(s)
-        self._orbit = OrbitAndTangents(
-            form, initial_values(system, form.second == 1, directions), s
-        )
+        y0 = initial_values(system, form.second == 1, view.directions(directions))
+        self._orbit = OrbitAndTangents(form, y0, s)
         self._units = system.units if atol is None else np.ones(system.d)
         self._state = initial_state(t_end, *np.abs([self._orbit.p[0], self._orbit.x[0]]))
         self._at_singular_start, self._largest_error = True, 0.0
         self._peak = np.zeros((2, system.d))  # of p and y at the starts of steps
         self.ending = Ending()
-        self.error: Exception | None = None
-        self.pace, self._rows = pace, _ROWS
         self._limit_steps(t_end)
         self._prefit_kernels(t_end)
 
@@ -561,61 +582,6 @@ class CollocationMarch:
         """Refine the modes to hold at the distance `closest`."""
         self._orbit.refine(closest)
         self._control["shortest"] = self._shortest
-
-
-def allowed_errors(rtol, atol):
-    """Return the errors a step may make: relative to y, absolute, relative to sizes."""
-    by_size, atol = (OF_SIZE * rtol, 0.0) if atol is None else (0.0, atol)
-    return STEP_FRACTION * rtol, STEP_FRACTION * atol, STEP_FRACTION * by_size
-
-
-# Steps of one call of the compiled march where an event may cut it short; points of each step,
-# besides its end, that events look at.
-_FEW_ROWS, _LOOKS = 8, 8
-
-
-class Tolerance(NamedTuple):
-    """Tolerances by which a run chooses its steps.
-
-    Tolerances rtol, and atol or None for errors relative to the largest size of each component so
-    far; modes, the relative error of modes, or None for what the tolerances require; longest, the
-    longest step [time] or None; most, the largest number of steps.
-    """
-
-    rtol: float
-    atol: float | None = None
-    modes: float | None = None
-    longest: float | None = None
-    most: int = MAX_STEPS
-
-
-class AdaptiveStepper(CollocationMarch, Stepper):
-    """March of one equation by collocation, with steps chosen by the tolerance.
-
-    Parameters
-    ----------
-    equation : System
-    scheme : Collocation
-    t_end : float
-        End of the run; the modes hold up to ten times as far, or to the scheme's horizon.
-    tolerance : Tolerance
-    directions : ndarray, shape (n_data, k), optional
-        Directions of initial data, one tangent for each, whose errors count for the steps as well.
-    """
-
-    adaptive, looks, h = True, _LOOKS, 0.0
-
-    def __init__(self, equation, scheme, t_end, tolerance, directions=None):
-        scheme.check_terms(equation)
-        self.equation, self._scheme = equation, scheme
-        self._view = view = Plain(equation) if equation.enlarged is equation else Reading(equation)
-        self.second = view.second
-        refuse_late(equation, t_end)
-        self._t_end, self._breaks = t_end, np.zeros(0)
-        rtol, atol, modes_tol, *limits = tolerance
-        steps = scheme.horizon or 0.0, int(scheme.nodes), (rtol, atol), modes_tol
-        pace = Pace(*limits)
-        super().__init__(view.system, t_end, *steps, view.directions(directions), pace)
 
     @property
     def y(self):

@@ -14,7 +14,6 @@ from functools import lru_cache
 import numpy as np
 from scipy.special import rgamma
 
-from ..history.varying_memory import SLOW_NODES, bank_of_all_orders, weights_of_orders
 from ..kernels.exponential_sum import fit_unit, grid_spacing
 from ..kernels.kernel_fits import RATIO_OF_VALUES
 from ..kernels.memory_kernel import NO_ERRORS, KernelErrors
@@ -33,45 +32,61 @@ _VARYING, _LEAST_TOL = 0.05, 1e-17
 
 
 @dataclass(frozen=True, eq=False)
-class PowerLawBasis:
+class GridBasis:
+    """Rates on a grid that is even in log(rate), for kernels between two distances.
+
+    Attributes
+    ----------
+    closest, farthest : float
+        Distances between which the sums hold [time].
+    tol : float
+        Relative error of the sums [-].
+    rates : ndarray, shape (M,)
+        Ascending [1/time], but for a few that do not belong to the grid and come first.
+    spacing : float
+        Distance of the grid in log(rate), infinite where all kernels are constant.
+    """
+
+    closest: float
+    farthest: float
+    tol: float
+    rates: np.ndarray
+    spacing: float
+
+    def refine(self, closest: float):
+        """Return a basis that holds down to `closest`; its first rates are those of this one."""
+        if np.isfinite(self.spacing):
+            n_added = math.ceil(math.log(self.closest / closest) / self.spacing)
+            closest = self.closest / math.exp(self.spacing * n_added)
+        basis, n = self._down_to(closest), self.rates.size
+        if basis.rates.size < n or not np.allclose(basis.rates[:n], self.rates, rtol=1e-6, atol=0):
+            raise ArithmeticError(f"no basis from {closest} on extends that from {self.closest}")
+        return basis
+
+    def _down_to(self, closest):
+        """Return a basis with the same spacing that holds down to `closest`."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True, eq=False)
+class PowerLawBasis(GridBasis):
     """Exponential sums of several power laws over one set of rates.
 
     Attributes
     ----------
     orders : tuple of float
         Order of integration a of each kernel.
-    closest, farthest : float
-        Distances between which the sums hold [time].
-    tol : float
-        Relative error of the sums [-].
-    rates : ndarray, shape (M,)
-        Ascending [1/time].
     weights : ndarray, shape (len(orders), M)
     fraction : float
         Fraction of the tolerance that sets the spacing of the rates.
     """
 
     orders: tuple[float, ...]
-    closest: float
-    farthest: float
-    tol: float
-    rates: np.ndarray
     weights: np.ndarray
     fraction: float
 
-    def refine(self, closest: float) -> PowerLawBasis:
-        """Return a basis that holds down to `closest`; its first rates are those of this one."""
-        exponents = _exponents(self.orders)
-        spacing = grid_spacing(exponents, _effective_tol(exponents, self.tol), self.fraction)
-        if not np.isfinite(spacing):  # constant kernels alone
-            return power_law_basis(self.orders, closest, self.farthest, self.tol)
-        factor = math.exp(spacing * math.ceil(math.log(self.closest / closest) / spacing))
-        closest = self.closest / factor
-        basis = power_law_basis(self.orders, closest, self.farthest, self.tol, self.fraction)
-        n = self.rates.size
-        if basis.rates.size < n or not np.allclose(basis.rates[:n], self.rates, rtol=1e-6, atol=0):
-            raise ArithmeticError(f"no basis from {closest} on extends that from {self.closest}")
-        return basis
+    def _down_to(self, closest):
+        return power_law_basis(self.orders, closest, self.farthest, self.tol, self.fraction)
 
 
 def power_law_basis(orders, closest, farthest, tol, fraction=None):
@@ -80,18 +95,23 @@ def power_law_basis(orders, closest, farthest, tol, fraction=None):
     `fraction` is the fraction of the tolerance that sets the spacing of the rates, found if not
     given.
     """
-    exponents = _exponents(orders)
-    fit = fit_unit(exponents, farthest / closest, _effective_tol(exponents, tol), fraction)
+    exponents = tuple(1 - a for a in orders)  # of the kernels t**(a-1)
+    fit_tol = _effective_tol(exponents, tol)
+    fit = fit_unit(exponents, farthest / closest, fit_tol, fraction)
     a = np.array(orders)[:, None]
     return PowerLawBasis(
-        tuple(orders),
         closest,
         farthest,
         tol,
         np.ascontiguousarray(fit.rates / closest),
+        grid_spacing(exponents, fit_tol, fit.fraction),
+        tuple(orders),
         np.ascontiguousarray(fit.weights * closest ** (a - 1) * rgamma(a)),
         fit.fraction,
     )
+
+
+NO_POWER_LAWS = PowerLawBasis(math.inf, 0.0, 0.0, np.zeros(0), math.inf, (), np.zeros((0, 0)), 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,56 +206,3 @@ def _effective_tol(exponents, tol):
     """Return the tolerance of a fit of the kernels t**-e; smaller for tiny exponents e."""
     least = min((a for a in exponents if a > 0), default=1.0)
     return tol * min(1.0, max(least / _VARYING, _LEAST_TOL / tol))
-
-
-def _exponents(orders):
-    """Return the exponents 1 - a of the kernels t**(a-1)."""
-    return tuple(1 - a for a in orders)
-
-
-@dataclass(frozen=True, eq=False)
-class VaryingBasis:
-    """Rates for power laws of every order a in [0, 1] between two distances.
-
-    Attributes
-    ----------
-    closest, farthest : float
-        Distances between which the sums hold [time].
-    tol : float
-        Relative error of the sums [-].
-    rates : ndarray, shape (M,)
-        The few slowest ones first, then ascending [1/time].
-    """
-
-    closest: float
-    farthest: float
-    tol: float
-    rates: np.ndarray
-
-    def weights(self, orders: np.ndarray) -> np.ndarray:
-        """Return the weights for the kernels of orders a, (k,); shape (M, k)."""
-        ratio = self.farthest / self.closest
-        found = _slow_first(weights_of_orders(1 - orders, ratio, self.tol))
-        return found * self.closest ** (orders - 1) * rgamma(orders)
-
-    def refine(self, closest: float) -> VaryingBasis:
-        """Return a basis that holds down to `closest`; its first rates are those of this one."""
-        _, h, _ = bank_of_all_orders(self.farthest / self.closest, self.tol)
-        factor = math.exp(h * math.ceil(math.log(self.closest / closest) / h))
-        basis = varying_basis(self.closest / factor, self.farthest, self.tol)
-        n = self.rates.size
-        if basis.rates.size < n or not np.allclose(basis.rates[:n], self.rates, rtol=1e-6, atol=0):
-            raise ArithmeticError(f"no basis from {closest} on extends that from {self.closest}")
-        return basis
-
-
-def varying_basis(closest: float, farthest: float, tol: float) -> VaryingBasis:
-    """Return the rates for power laws of every order between two distances."""
-    rates, _, _ = bank_of_all_orders(farthest / closest, tol)
-    return VaryingBasis(closest, farthest, tol, _slow_first(rates) / closest)
-
-
-def _slow_first(rows):
-    # rates of the grid last: a refinement adds to them
-    """Move the slowest rates, a fixed number, from the end to the front."""
-    return np.concatenate([rows[-SLOW_NODES:], rows[:-SLOW_NODES]])

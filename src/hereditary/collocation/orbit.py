@@ -18,13 +18,12 @@ from ..compiled.structures import Equations, OrbitArrays
 from ..kernels.memory_kernel import NO_ERRORS
 from .exponential_basis import (
     NO_KERNELS,
-    PowerLawBasis,
-    VaryingBasis,
+    NO_POWER_LAWS,
     kernel_basis,
     power_law_basis,
-    varying_basis,
 )
 from .first_rule import LEFT_OUT, Variable, at_rule, graded_rule
+from .varying import NOTHING_VARIES, varying_basis
 
 
 class OrbitAndTangents:
@@ -74,9 +73,9 @@ class OrbitAndTangents:
         self._n_rows = form.n_rows + d * form.unweighted.size
         self.modes = self.before = np.zeros((n_columns, self._n_rows, 0))
         self.last = np.zeros((n_columns, form.n_integrands, d, n_nodes))
-        self.power_laws = PowerLawBasis((), np.inf, 0.0, 0.0, np.zeros(0), np.zeros((0, 0)), 1.0)
+        self.power_laws = NO_POWER_LAWS
         self.kernels = NO_KERNELS
-        self.varying = VaryingBasis(np.inf, 0.0, 0.0, np.zeros(0))
+        self.varying = NOTHING_VARIES
         self.last_length, self._singular, self._prefitted = 0.0, None, None
         self._join()
 
@@ -93,7 +92,7 @@ class OrbitAndTangents:
     @property
     def closest(self):
         """Smallest distance at which all modes hold."""
-        return max(self.power_laws.closest, self.varying.closest if self._form.varying else 0.0)
+        return max(self.power_laws.closest, self.varying.closest)
 
     def __getstate__(self):
         """Return the attributes without the form, whose functions may not pickle."""

@@ -1,11 +1,51 @@
-"""Tables of varying orders for one step: integrals and mode weights at its nodes."""
+"""Orders that vary: their modes, and the tables of one step.
+
+Their weights depend on the order at the time to which a step integrates, so their modes are stored
+without weights, and a step reads them by tables that are filled before it.
+"""
 
 import numpy as np
+from scipy.special import rgamma
 
 from ..compiled.adaptive import set_times
 from ..compiled.structures import TABULATED, VaryingOrders, record
 from ..equation.orders import OrderFailed
+from ..history.varying_memory import SLOW_NODES, bank_of_all_orders, weights_of_orders
+from .exponential_basis import GridBasis
 from .quadrature import integrals_of_rows, radau_nodes
+
+
+class VaryingBasis(GridBasis):
+    """Rates for power laws of every order a in [0, 1] between two distances.
+
+    The few slowest ones come first.
+    """
+
+    def weights(self, orders: np.ndarray) -> np.ndarray:
+        """Return the weights for the kernels of orders a, (k,); shape (M, k)."""
+        ratio = self.farthest / self.closest
+        found = _slow_first(weights_of_orders(1 - orders, ratio, self.tol))
+        return found * self.closest ** (orders - 1) * rgamma(orders)
+
+    def _down_to(self, closest):
+        return varying_basis(closest, self.farthest, self.tol)
+
+
+NOTHING_VARIES = VaryingBasis(0.0, np.inf, 0.0, np.zeros(0), np.inf)
+
+
+def varying_basis(closest: float, farthest: float, tol: float) -> VaryingBasis:
+    """Return the rates for power laws of every order between two distances."""
+    rates, spacing, _ = bank_of_all_orders(farthest / closest, tol)
+    return VaryingBasis(closest, farthest, tol, _slow_first(rates) / closest, spacing)
+
+
+def _slow_first(rows):
+    """Move the slowest rates, a fixed number, from the end to the front.
+
+    The rates of the grid are last, because a refinement adds to them.
+    """
+    return np.concatenate([rows[-SLOW_NODES:], rows[:-SLOW_NODES]])
 
 
 class OrderTables:
