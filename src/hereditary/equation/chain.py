@@ -4,10 +4,10 @@
 component: with A made of its columns of the C_l, ``D^alpha y + sum_l A^-1 C_l D^(gamma_l) y = A^-1
 f``. Terms of other components than the equation's own are memory that the right-hand side reads.
 
-With a leading order alpha in (n - 1, n], n > 2, ``y_k' = y_(k+1)`` for k < n - 1, and an equation
-of order alpha - n + 1 stands for the last, y_(n-1). A term of order gamma is y_k for gamma = k, and
-else the derivative of order gamma - k of y_k, k < gamma: one of the last is on its left side, and
-others are memory that the right-hand side reads.
+Let the leading order alpha be in (n - 1, n] with n > 2. Then ``y_k' = y_(k+1)`` for k < n - 1, and
+the last component y_(n-1) has an equation of order alpha - n + 1. A term of order gamma is y_k if
+gamma = k. Otherwise it is the derivative of order gamma - k of y_k, k < gamma. Derivatives of the
+last component are on the left side; other ones are memory that the right-hand side reads.
 """
 
 from __future__ import annotations

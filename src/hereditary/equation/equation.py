@@ -53,7 +53,7 @@ class Equation(System):
         sequence is a sum: two components of orders 0.9 and 0.8 are ``Caputo([0.9, 0.8])``.
     rhs : callable, or None beside `linear`
         ``rhs(t, y)`` or ``rhs(t, y, params)`` returning shape (d,) (or a number when d = 1), or in
-        place ``rhs(t, y, dy, params)``; told apart by the number of arguments. t is a float, y has
+        place ``rhs(t, y, dy, params)``. The number of arguments decides. t is a float, y has
         shape (d,). It is compiled with numba, its helpers too, and again when a run begins after a
         global or a closed-over value that it reads has changed. What numba cannot compile (methods,
         callable objects, SciPy's functions, try) is called in Python, with a

@@ -106,9 +106,9 @@ class Caputo(Summand):
     without. The function is called from Python, with an array of times where it bears that; write
     it with NumPy.
 
-    Limits, for whoever continues a model through an integer: as alpha -> 2 from below the operator
-    tends to y''; as alpha -> 1 from above to y' - y'(0), from below to y'; as alpha -> 0 to
-    y - y(0). A family of equations that crosses alpha = 1 is discontinuous there unless y'(0) = 0.
+    Limits at integers: as alpha -> 2 from below the operator tends to y''. As alpha -> 1 it tends
+    to y' - y'(0) from above and to y' from below. As alpha -> 0 it tends to y - y(0). A family of
+    equations that crosses alpha = 1 is discontinuous there unless y'(0) = 0.
 
     Examples
     --------
@@ -189,12 +189,12 @@ class RiemannLiouville(Caputo):
 
     Notes
     -----
-    What y(0) adds is infinite at 0 and never sampled there: `Collocation` integrates it exactly,
-    and on given steps its first samples are corrected such that their sums are its integral. So
-    `ExplicitCaputo`, `GrunwaldLetnikov` and `L1` have the orders that they have for solutions like
-    t**alpha, and ``BDF(p)`` has order p for f linear in y, otherwise min(p, 1 + 2 (alpha - gamma)),
-    alpha being the highest order. `L2` and `L12` have order 1 - gamma, and the full order on a
-    mesh ``graded(n, order / (1 - gamma))``; `L2Sigma` stays below order 1 on uniform steps
+    The contribution of y(0) is infinite at t = 0 and never sampled there. `Collocation` integrates
+    it exactly. With fixed steps its first samples are corrected so that their sum is its integral.
+    `ExplicitCaputo`, `GrunwaldLetnikov` and `L1` have the same orders as for solutions like
+    t**alpha. ``BDF(p)`` has order p for f linear in y, otherwise min(p, 1 + 2 (alpha - gamma)),
+    with the highest order alpha. `L2` and `L12` have order 1 - gamma, and the full order on a
+    mesh ``graded(n, order / (1 - gamma))``. `L2Sigma` stays below order 1 on uniform steps
     (convergence/riemann_liouville.py).
 
     Examples

@@ -141,9 +141,9 @@ class Structure:
 class Stated(NamedTuple):
     """Statements of an equation about its Jacobian.
 
-    rows and columns (k,) of the entries of that of rhs, or None where any may differ from 0; shape,
-    that of the array a given Jacobian fills, and places (k,) of the entries there; linear, SciPy's
-    CSR array of the constant matrix, or None.
+    `rows` and `columns` (k,) are those of the entries of d rhs / d y, None if any may differ from
+    0. `shape` is the shape of the array that `jac` fills, and `places` (k,) of the entries in it.
+    `linear` is the constant matrix as SciPy's CSR array, or None.
     """
 
     rows: np.ndarray | None

@@ -1,9 +1,9 @@
 """FFT history: direct sums rearranged, exact to rounding, O(N log(N)**2).
 
-The sum over the past is cut into squares: after j stretches of R steps, with 2**m the largest power
-of two that divides j, the newest R 2**m pieces act on the coming R 2**m steps by one FFT product.
-Every pair of a piece and a later step falls into exactly one square, or into the triangle of its
-own stretch, which is summed directly.
+The sum over the past is cut into squares. After j batches of R steps, let 2**m be the largest power
+of two that divides j. The newest R 2**m pieces then act on the next R 2**m steps by one FFT
+product. Every pair of a piece and a later step is in exactly one square, or in the triangle of its
+own batch, which is summed directly.
 """
 
 from dataclasses import dataclass
@@ -30,9 +30,8 @@ class FFT(History):
 
     Cost
     ----
-    O(N log(N)**2) for N steps, and 16 N bytes for each component. Faster than `Direct` from some
-    5,000 steps on (convergence/histories.py); where a tolerance will do, `SumOfExponentials` is
-    faster still.
+    O(N log(N)**2) for N steps, and 16 N bytes for each component. Faster than `Direct` from about
+    2,000 steps on. `SumOfExponentials` is faster still, to a tolerance (convergence/histories.py).
 
     Examples
     --------
@@ -52,7 +51,7 @@ class FFT(History):
 
 
 class _Pending(Memory):
-    """All pieces, and what those of finished stretches add to steps to come."""
+    """All pieces, and the sums that pieces of finished batches add to later steps."""
 
     def __init__(self, convolution, n_columns, n_block):
         self._convolution = convolution
@@ -77,7 +76,7 @@ class _Pending(Memory):
             self.tables = self.tables._replace(weights=weights, start_weights=start_weights)
 
     def reach(self, n, pieces, groups):
-        """Let the pieces of a finished square act on the steps to come; return a stretch's end."""
+        """Add the pieces of a finished square to later steps; return the end of the next batch."""
         if n > 0 and n % self._stretch == 0:
             self._act(n, pieces, groups)
         return (n // self._stretch + 1) * self._stretch

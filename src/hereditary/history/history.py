@@ -1,11 +1,11 @@
 """The history contract.
 
-A `History` is a description; `open` turns it into a `Memory` that holds the past of one run. The
-past is a sequence of pieces u_m, one for each of W columns, and the memory adds ``sum_m W_m u_m``
-over everything older than a block to that block's lag, on uniform steps with weights W_(n-m), else
-with weights of their own for each step, in blocks of one step. It does so through a
-compiled function and plain arrays, which the march uses by itself; between blocks Python may copy,
-store, restore or linearly combine what is held. Everything is linear in the pieces.
+A `History` is a description; `open` turns it into a `Memory` that stores the past of one run. The
+past is a sequence of pieces u_m, one for each of W columns. The memory adds ``sum_m W_m u_m`` over
+all pieces older than a block to the lag of that block. On uniform steps the weights are W_(n-m). On
+other steps each step has weights of its own, in blocks of one step. The march uses a compiled
+function and plain arrays for this. Between blocks Python may copy, store, restore or linearly
+combine the arrays. All of them are linear in the pieces.
 """
 
 from __future__ import annotations

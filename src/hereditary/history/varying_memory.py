@@ -1,10 +1,9 @@
 """Modes for every order, for equations whose orders vary.
 
-The weights of the past are other ones at each step, but the modes need not be: on a grid of rates
-``exp(h j)`` every kernel ``t**-a`` has the amplitudes ``h/Gamma(a) exp(a h j)``. The infinitely
-many rates too slow to be told apart, which a bank for one order replaces by nodes of its own, are
-replaced by three nodes that all orders share, at 0 and two others, with weights that keep the first
-three moments: those are geometric sums as well.
+The weights of the past differ at each step, but the modes need not: on a grid of rates ``exp(h j)``
+every kernel ``t**-a`` has the amplitudes ``h/Gamma(a) exp(a h j)``. Infinitely many rates are too
+slow to be distinguished. Three nodes that all orders share, at 0 and two others, replace these
+rates. Their weights preserve the first three moments, which are geometric sums as well.
 """
 
 import math

@@ -116,8 +116,7 @@ class MemoryKernel(ABC):
 class ScaledKernel(MemoryKernel):
     """A memory kernel times a number; made by ``2 * kernel`` or ``kernel / 3``.
 
-    Terms take the number into their coefficient, so that kernels are told apart by their shape
-    alone.
+    Terms multiply their coefficient by the number, so that only the shape distinguishes kernels.
 
     Attributes
     ----------
@@ -309,10 +308,10 @@ def fit_exponentials(
 
     Cost
     ----
-    A power law takes a millisecond, a kernel fitted by its values some 10 milliseconds, and two
-    seconds at the most (200 random kernels: convergence/random_kernels.py). A repeated call is
-    served from a cache. The number of modes grows like ``log(t_max / t_min) * log(1 / tol) /
-    pi**2``; that of a power law exceeds the least possible number by 2 to 12.
+    A power law takes a millisecond. A kernel fitted by its values takes about 10 milliseconds, at
+    most two seconds (200 random kernels: convergence/random_kernels.py). A repeated call is served
+    from a cache. The number of modes grows like ``log(t_max / t_min) * log(1 / tol) / pi**2``. A
+    power law has 2 to 12 modes more than the least possible number.
 
     Source
     ------

@@ -46,7 +46,7 @@ def hurwitz_zeta(s, q):
     Returns
     -------
     float
-        By Euler and Maclaurin's formula from 12 summands on; relative error some 1e-13.
+        By the Euler-Maclaurin formula after 12 summands; relative error about 1e-13.
     """
     n = 12
     end, total = n + q, np.sum((np.arange(n) + q) ** -s)

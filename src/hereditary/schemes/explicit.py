@@ -1,9 +1,10 @@
 """The explicit non-local scheme for Caputo terms, the default.
 
-On a uniform mesh, with increments ``y_n = x_(n+1) - x_n`` and second differences
-``d_n = y_n - y_(n-1)``, a term of order alpha in (0, 1] is ``A sum_k b_k y_(n-k)`` and one of order
-alpha in (1, 2] is ``A sum_k b_k d_(n-k)``, with ``b_k = (k+1)**p - k**p``, p = ceil(alpha) - alpha
-and ``A = coefficient h**-alpha / Gamma(p + 1)``; the right-hand side is taken at t_n.
+The mesh is uniform, with increments ``y_n = x_(n+1) - x_n`` and second differences
+``d_n = y_n - y_(n-1)``. A term of order alpha in (0, 1] is ``A sum_k b_k y_(n-k)``, and a term of
+order alpha in (1, 2] is ``A sum_k b_k d_(n-k)``. Here ``b_k = (k+1)**p - k**p``,
+p = ceil(alpha) - alpha and ``A = coefficient h**-alpha / Gamma(p + 1)``. The right-hand side is
+evaluated at t_n.
 """
 
 from dataclasses import dataclass

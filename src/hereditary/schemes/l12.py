@@ -19,7 +19,7 @@ class L12(Scheme):
 
     On the first step the solution is a line, on every later one the parabola through its ends and
     the value before; the equation holds at t_n. `L2` takes the parabola through the value after. At
-    alpha = 1 this is the second backward difference formula, begun with one step of Euler's
+    alpha = 1 this is the second backward difference formula, started by one step of Euler's
     backward method. Implicit: Newton's method with the equation's Jacobian or differences. Any
     number of terms and components.
 

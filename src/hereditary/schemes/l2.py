@@ -18,18 +18,17 @@ class L2(Scheme):
 
     On every step but the last the solution is the parabola through its ends and the next value, on
     the last one that through its ends and the value before; the equation holds at t_n. The first
-    step is solved with a line. At alpha = 1 this is the second backward difference formula, begun
-    with one step of Euler's backward method. Implicit: Newton's method with the equation's Jacobian
+    step is solved with a line. At alpha = 1 this is the second backward difference formula, started
+    by one step of Euler's backward method. Implicit: Newton's method with the equation's Jacobian
     or differences. Any number of terms and components.
 
     Error
     -----
-    O(h**(3-alpha)) at a fixed time for smooth solutions, where the line of the first step leaves
-    O(h**2) next to 0 unless x''(0) = 0; O(h) at a fixed time for solutions like t**alpha on uniform
-    steps, O(n**-min(r alpha, 3-alpha)) at all times on the mesh ``graded(n, r)``; a step
-    more than thirty times as long as the one before it gets a line instead of a parabola, which
-    would amplify what lies before
-    (convergence/orders.py, convergence/graded_meshes.py).
+    O(h**(3-alpha)) at a fixed time for smooth solutions. Next to 0 the line of the first step has
+    an error of O(h**2), unless x''(0) = 0. O(h) at a fixed time for solutions like t**alpha on
+    uniform steps; O(n**-min(r alpha, 3-alpha)) at all times on the mesh ``graded(n, r)``. A step
+    more than thirty times as long as the one before gets a line, because a parabola would amplify
+    earlier errors (convergence/orders.py, convergence/graded_meshes.py).
 
     Stability
     ---------

@@ -24,9 +24,10 @@ class L2Sigma(Scheme):
     """Alikhanov's second-order scheme, for orders in (0, 2].
 
     The equation holds at t_n + sigma h with x = x_n + sigma (x_(n+1) - x_n). On every earlier step
-    the solution is the parabola through its ends and the next value, on the last one a line; with
-    sigma = 1 - alpha/2 for one term, and for several the root of ``sum_j c_j h**(2-alpha_j) /
-    Gamma(3-alpha_j) sigma**(1-alpha_j) (sigma - 1 + alpha_j/2)``, the line's error cancels. At
+    the solution is the parabola through its ends and the next value, on the last one a line. The
+    error of the line cancels if sigma = 1 - alpha/2 for one term. For several terms sigma is the
+    root of ``sum_j c_j h**(2-alpha_j) / Gamma(3-alpha_j) sigma**(1-alpha_j)
+    (sigma - 1 + alpha_j/2)``. At
     alpha = 1 it is the implicit midpoint rule. Any number of components, all with the same terms.
     One term of order beta in (1, 2] is reduced to two equations of order beta/2
     (schemes/reduction.py), which are solved together.

@@ -1,8 +1,8 @@
 """Initial values in Riemann-Liouville terms: ``y(0) t**-gamma / Gamma(1-gamma)`` on given steps.
 
-It is infinite at 0 and never sampled there. Samples at the times of steps alone would leave errors
-of order 1 - gamma; the first ones are corrected such that their sums tend to the integrals of
-``t**-gamma``, ``t**(1-gamma)``, ... as fast as the scheme converges (Euler and Maclaurin).
+This term is infinite at 0 and never sampled there. Samples at the times of the steps would have
+errors of order 1 - gamma. The first samples are corrected, so that their sums tend to the integrals
+of ``t**-gamma``, ``t**(1-gamma)``, ... as fast as the scheme converges (Euler-Maclaurin formula).
 """
 
 from dataclasses import replace

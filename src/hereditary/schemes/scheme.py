@@ -203,9 +203,9 @@ def distinct_components(equation):
 
 
 def distinct_columns(system):
-    """As `distinct_components`, told apart as well by whether a component is memory that f reads.
+    """Group columns by their terms and by whether they are memory that f reads.
 
-    The first of the results lists terms and this truth value.
+    As `distinct_components`; the first of the results lists terms and this truth value.
     """
     distinct, groups = distinct_components(system)
     keys = [(distinct[a], bool(read)) for a, read in zip(groups, system.read, strict=True)]

@@ -72,7 +72,7 @@ class Span(NamedTuple):
 def mesh_steps(
     mesh: Graded | ArrayLike, t_end: float, begun: MeshSteps | None = None, origin: float = 0.0
 ) -> MeshSteps:
-    """Steps of a mesh on [0, t_end], checked; those of a run begun stand before them.
+    """Return the checked steps of a mesh on [0, t_end], after the steps of the run so far.
 
     Messages name times from `origin` on.
     """

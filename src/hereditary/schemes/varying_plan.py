@@ -1,4 +1,4 @@
-"""Orders that vary: the weights of each step, worked out a stretch of steps at a time.
+"""Orders that vary: the weights of each step, computed for a batch of steps at a time.
 
 A scheme sees the operators at t_n + offset h, with the orders there.
 """
@@ -51,9 +51,9 @@ class Schedule:
         m of each term of each group; 0 for none.
     theta : float
     rows : StepRows
-        Of the stretch worked out last.
+        Of the newest batch of steps.
     size : int
-        Number of rows worked out.
+        Number of rows of a batch.
     amplitudes, powers, kernels : ndarray, shape (C T, n)
         ``coefficient h**-alpha / Gamma(p + 1)`` over the leading weight, p, and the former times
         ``sin(pi p) / pi``-like shares of the kernel as an integral over its rates.
@@ -108,7 +108,7 @@ class Schedule:
         self._n_end = n_end
 
     def reach(self, n: int):
-        """Fill the rows of the stretch of steps that holds step n, unless they are in place.
+        """Fill the rows of the batch of steps that contains step n, unless they are in place.
 
         Returns
         -------
@@ -131,7 +131,7 @@ class Schedule:
         return min(last, self._known[2]), self.rows
 
     def direct(self, first, last, k_end):
-        """Weights of u_(n-k), 2 <= k < k_end, at steps n of the stretch; as `MeshSums.direct`."""
+        """Weights of u_(n-k), 2 <= k < k_end, at steps n of the batch; as `MeshSums.direct`."""
         rows = slice(first - self.rows.first, last - self.rows.first)
         n_groups, n_terms = self.derivatives.shape
         found, k = np.zeros((n_groups, last - first, k_end)), np.arange(2.0, k_end)

@@ -70,7 +70,7 @@ def positive(argument, value, remedy=""):
 
 
 def within(argument, value, low, high, interval, remedy=""):
-    """Return `value` as a float with low <= value <= high; `interval` is how the range is told."""
+    """Return `value` as a float with low <= value <= high; messages name the range `interval`."""
     required = f"lie in {interval}"
     number = real(argument, value, required, remedy)
     if not low <= number <= high:
