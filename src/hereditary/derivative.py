@@ -89,8 +89,8 @@ def derivative(
     shorter. No scheme smooths data: smooth them before.
 
     Functions: 1e-11 of the largest value if y is a smooth function of t or, up to
-    order 1, of t and t**alpha. y is interpolated by Chebyshev polynomials, of degree 512 at most;
-    a function that they do not resolve is refused. Above order 1 rounding grows to 1e-10 of it.
+    order 1, of t and t**alpha. Chebyshev polynomials of degree 512 at most interpolate y. A
+    function that they do not resolve is refused. Above order 1 rounding grows to 1e-10 of it.
 
     Cost
     ----

@@ -1,13 +1,13 @@
 """Hybrid runs: y changes at events or at stated times, and the right-hand side jumps at switches.
 
-A run is marched from one interruption to the next. Where several fall on one time they act once and
-in this order: switches change their side, then y changes as stated for that time, then by events in
-the order in which these are given, and a terminal event ends the run.
+A run is marched from one interruption to the next. If several occur at one time, each acts once.
+First switches change their side. Then y changes as stated for that time, then by events in the
+order in which these are given. A terminal event ends the run.
 
-Right-hand sides that jump are taken from one side until the run has located the change of sign.
-Beyond the switch, where trial points of a step may lie, they are continued by their values at the
-nearest point that is still on that side: steps see no jump, and their polynomials cross the switch
-where the solution does.
+Right-hand sides that jump are evaluated on one side until the run has located the change of sign.
+Trial points of a step may be beyond the switch. There the right-hand side has the value of the
+nearest point that is still on its side. Steps therefore meet no jump, and their polynomials cross
+the switch where the solution does.
 """
 
 import math
@@ -336,7 +336,7 @@ class HybridEvents(Events):
         return end
 
     def _looked_at(self, times, edges):
-        """Return the times of a stretch between `edges` at which functions are evaluated."""
+        """Return the times of an interval with `edges` at which functions are evaluated."""
         self._returns: list[tuple[float, int, float]] = []
         if edges[0] == self._start and self._last and self._looks > 1:
             # just after a change two zeros may follow each other in any time

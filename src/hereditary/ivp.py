@@ -82,9 +82,10 @@ def solve_ivp(
     Returns
     -------
     OptimizeResult
-        t (k,), y (n, k), sol (None, or a function of times that returns shape (n,) or (n, k)),
-        t_events and y_events (None, or a list with an array for each event), nfev, status (0: end
-        reached, 1: terminal event, -1: failed), message, success.
+        Its fields are those of SciPy's function: t (k,), y (n, k), nfev, message and success. `sol`
+        is None, or a function of times that returns shape (n,) or (n, k). `t_events` and
+        `y_events` are None, or lists with an array for each event. `status` is 0 if the end was
+        reached, 1 after a terminal event, and -1 if the run failed.
 
     Raises
     ------

@@ -112,8 +112,8 @@ def frequency_response(
     of order alpha multiplies the k-th harmonic by ``(i k omega)**alpha``, and a memory kernel with
     m derivatives by ``(i k omega)**m`` times its Laplace transform. Coefficients of the harmonics
     are found by Newton's method, with the right-hand side evaluated over a period, and the curve of
-    solutions is followed by its length, around turning points as well. Frequencies within some 1e-6
-    of the range of a turning point may be passed over.
+    solutions is followed by its length, around turning points as well. Frequencies closer to a
+    turning point than about 1e-6 of the range may be passed over.
 
     Parameters
     ----------
@@ -143,9 +143,9 @@ def frequency_response(
 
     Notes
     -----
-    From a finite time on no equation with memory has an exact periodic solution: the response of a
-    march tends to the one here like a power of t. Stability is not told, beyond turning points:
-    where the curve turns back, a pair of responses meets, of which one is unstable.
+    An equation whose memory starts at a finite time has no exact periodic solution: the response of
+    a run in time tends to the periodic one like a power of t. Stability is not computed. At a
+    turning point of the curve two responses meet, and one of them is unstable.
 
     Error
     -----

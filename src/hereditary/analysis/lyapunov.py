@@ -225,9 +225,10 @@ def lyapunov(
         right-hand sides without a derivative; where they jump, with a `separation` of 1e-3 to
         1e-2, so that orbits meet the jump in different steps.
     scheme : Scheme, optional
-        By default one of second order wherever one covers the equation: `Adams` for one term a
-        component with orders from 1/2 to 1 and for classical equations, `BDF(2)` for other Caputo
-        terms; `ExplicitCaputo`, of first order, for other kernels and for orders that vary.
+        By default a scheme of second order if one covers the equation. This is `Adams` for
+        classical equations, and for one term in each component with orders from 1/2 to 1. It is
+        `BDF(2)` for other Caputo terms. For other kernels and for orders that vary the default is
+        `ExplicitCaputo`, of first order.
     history : History, optional
         As for `solve`.
     renorm : float, optional
@@ -265,15 +266,15 @@ def lyapunov(
 
     Error
     -----
-    That of the scheme: the tangents are the exact derivative of its steps, so the exponents
-    converge with its order. A first-order explicit scheme adds about h omega**2 / 2 to the rate of
-    an oscillation and an implicit one takes as much away, enough to make or hide chaos.
+    Exponents converge with the order of the scheme, because tangents are the exact derivative of
+    its steps. A first-order explicit scheme adds about h omega**2 / 2 to the rate of an
+    oscillation, and an implicit one subtracts as much. This can create or hide chaos.
 
     Cost
     ----
-    For k tangents one Jacobian a step and k more columns of memory, and 1 to 5 us a
-    renormalisation; half as much again for the second run, and more than twice as much with
-    `ExplicitCaputo`, which takes half the step there (convergence/lyapunov_cost.py).
+    For k tangents, a Jacobian in each step and k more columns of memory, and 1 to 5 us for a
+    renormalisation. The second run costs half as much again; more than twice as much with
+    `ExplicitCaputo`, whose second run has half the step (convergence/lyapunov_cost.py).
 
     Source
     ------
@@ -625,11 +626,11 @@ def n_data(equation: System) -> int:
 
 
 def _checking_scheme(scheme: Scheme, equation: System) -> Scheme:
-    """The scheme whose run, at another step, a verdict is compared with.
+    """Return the scheme of the second run, with which a verdict is compared.
 
-    Twice the step often repeats the verdict of a first-order scheme where that is wrong, so that
-    one is compared with the usual scheme; where none is of second order, with the other one of
-    first order: what the explicit one adds to a rate the implicit one takes away.
+    A first-order scheme with twice the step often repeats a wrong verdict. It is therefore compared
+    with the default scheme of second order. If none covers the equation, it is compared with the
+    other scheme of first order: the explicit one adds to a rate what the implicit one subtracts.
     """
     if scheme.adaptive or scheme.order(_NEAR_1) > _FIRST_ORDER:
         return scheme

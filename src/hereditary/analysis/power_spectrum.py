@@ -71,11 +71,11 @@ def power_spectrum(
 
     Error
     -----
-    Frequencies and amplitudes of lines further apart than the resolution, 4 pi over the time, are
-    found from two neighbours, as a line by itself has them through Hann's window, which leaves
-    1e-3 of it three resolutions away and 1e-5 ten. With memory the approach to a motion that
-    settles like t**-a stands at low frequencies: leave out a transient, and do not take what is
-    left there for chaos.
+    The resolution is 4 pi over the time. For lines further apart than this, two neighbouring values
+    give frequency and amplitude, by the shape of a single line through Hann's window. The window
+    leaves 1e-3 of a line at a distance of three resolutions and 1e-5 at ten. With memory, the
+    approach to a motion that settles like t**-a appears at low frequencies. Leave out a transient,
+    and do not take what remains there for chaos.
 
     Examples
     --------

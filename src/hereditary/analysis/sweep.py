@@ -68,10 +68,11 @@ def sweep(
     progress : bool, optional
         Show a bar with the time left, on a terminal.
     carry : bool, optional
-        Go along the last axis in its order, each point from where the one before ended: the
-        function is called as ``function(state=..., **point)`` and returns a mapping with its
-        "state" for the next point, None at the first point of each row. Rows are computed side by
-        side, and a row that a store holds in part is computed again from its first point on.
+        Go along the last axis in its order, and start each point from the state of the point
+        before. The function is called as ``function(state=..., **point)``, with state None at the
+        first point of each row. It returns a mapping with its "state" for the next point. Rows are
+        computed in parallel. A row that a store contains only in part is computed again from its
+        first point.
 
     Returns
     -------
@@ -90,9 +91,9 @@ def sweep(
     in the store too; delete the store, or its lines, to try again. The table does not depend on the
     executor, on the number of threads, or on the order in which points end.
 
-    Threads share one interpreter: a point gains by them what it spends in marches. Where Python
-    itself takes most of the time (many short runs, `lyapunov` below some 100,000 steps) take
-    processes, for which the function must be defined at the top of a module (docs/sweeps.md).
+    Threads share one interpreter, so they speed up only the compiled part of each point. Use
+    processes if Python takes most of the time, as in many short runs or in `lyapunov` below about
+    100,000 steps. The function must then be defined at the top of a module (docs/sweeps.md).
 
     Examples
     --------

@@ -84,9 +84,9 @@ def zero_one_test(
 
     Notes
     -----
-    The test looks at a stretch of the orbit. With memory an orbit may be on its way for long, t**-a
-    towards where it settles, and K then says what that stretch looks like: take a late one. It
-    cannot tell chaos from noise (docs/chaos.md sets it beside exponents).
+    K describes the part of the orbit that you give. With memory an orbit may approach its limit
+    slowly, like t**-a, so give a late part. The test cannot distinguish chaos from noise;
+    docs/chaos.md compares it with exponents.
 
     Source
     ------

@@ -17,11 +17,11 @@ from ..support.checks import complaint
 class IMEX(Scheme):
     """Take the constant matrix `linear` of an equation implicitly, its `rhs` explicitly.
 
-    Of ``terms = A y + f(t, y)`` a step of `scheme` is solved with ``f_n + theta (f_n - f_(n-1))``
-    in place of f(t_n + theta h, y), or with f_n alone after breaks: one call of f, one solution
-    with factors that all steps of one length share, no Newton iteration, and no derivative of f. On
-    meshes the difference is scaled by the ratio of the lengths. For stiff A beside a mild or
-    expensive f, such as diffusion and reaction.
+    The equation is ``terms = A y + f(t, y)``, with a stiff matrix A and a mild or expensive f, such
+    as diffusion and reaction. A step of `scheme` uses ``f_n + theta (f_n - f_(n-1))`` instead of
+    f(t_n + theta h, y), and f_n after breaks. On meshes the difference is scaled by the ratio of
+    the step sizes. A step therefore calls f once, and solves one linear system. All steps of one
+    length share its factors. Neither Newton's method nor derivatives of f are needed.
 
     Parameters
     ----------
@@ -30,14 +30,14 @@ class IMEX(Scheme):
 
     Error
     -----
-    For f(t, y(t)) smooth in t the order of `scheme`. Where y starts like t**alpha, so does f, and
-    extrapolating it leaves O(h**(1 + alpha)): `L1` and ``BDF(1)`` keep order 1, ``BDF(2)`` has
-    min(2, 1 + alpha) (convergence/imex.py).
+    If f(t, y(t)) is smooth in t, the order is that of `scheme`. If y starts like t**alpha, so does
+    f, and its extrapolation has an error of O(h**(1 + alpha)). `L1` and ``BDF(1)`` then keep
+    order 1, and ``BDF(2)`` has min(2, 1 + alpha) (convergence/imex.py).
 
     Stability
     ---------
-    No limit by A; f limits the step about as it limits an explicit one. A run whose
-    increments zigzag, or grow while they turn within a few steps, says so in its status.
+    A does not limit the step. f limits it about as in an explicit scheme. If increments zigzag, or
+    grow while they turn within a few steps, the status of the run is `zigzag`.
 
     Source
     ------

@@ -231,8 +231,8 @@ def memory_term(
 
     Notes
     -----
-    Order and regularity are the scheme's. A step takes some 20 us and 80 ns a value; with the
-    default history a value takes 1.4 kB of memory, whatever the number of steps.
+    Order and regularity are those of the scheme. A step takes about 20 us, and 80 ns for each
+    value. With the default history a value takes 1.4 kB of storage for any number of steps.
 
     Examples
     --------

@@ -1,7 +1,7 @@
 """Dynamic regimes of a load that is pulled over a chain of wells.
 
-What is counted are barriers passed and stretches at rest; order and disorder are told apart by
-whether the times spent in the wells repeat themselves, and by the late slope of the exponent.
+Barriers passed and intervals at rest are counted. Whether the times spent in the wells repeat
+themselves, and the late slope of the exponent, distinguish order from disorder.
 """
 
 from __future__ import annotations
@@ -66,15 +66,15 @@ class RegimeVerdict:
         In [0, 1]: share of the votes that agree on stuck, sliding or stick-slip; for stick-slip
         times the probability of being periodic (irregular), `irregular` or one minus it.
     agreement : float
-        That share: votes differ in the part of the run (all, the last three quarters, the last
-        half), in what counts as rest (an advance of less than 1/4, 1/2, 3/4 of the pull), and in
-        the run (the orbit itself, and its check).
+        The share of the votes that agree. Each vote uses one part of the run (all, the last three
+        quarters, the last half), one definition of rest (an advance of less than 1/4, 1/2, 3/4 of
+        the pull), and one run (the orbit or its check).
     irregular : float
-        Probability that the stick-slip is irregular, NaN for other regimes. The orbit's votes on
-        repetition, counted with half a vote added on either side, and the exponent's chance of
-        being positive, by the normal law of its late slope and standard error, are taken as
-        independent witnesses: their odds are multiplied. The exponent counts as far as stays
-        enough to judge repetition were seen; without one the orbit stands alone.
+        Probability that the stick-slip is irregular, NaN for other regimes. One estimate is from
+        the votes on repetition, with half a vote added on either side. The other is the probability
+        of a positive exponent, by the normal law of its late slope and standard error. The two
+        count as independent, so their odds are multiplied. The fewer stays were seen to judge
+        repetition, the less the exponent counts. Without an exponent only the votes count.
     recurrence : float
         How far the times that the load spends in the wells are from repeating themselves, in the
         last half of the run: root mean square difference, as a share of the longest; NaN where
@@ -249,7 +249,7 @@ class _Orbit:
         return [Regime.PERIODIC if share > _REST else Regime.SLIDING for share in shares]
 
     def stays(self):
-        """Starts and ends of the stretches at rest, one for each well."""
+        """Return starts and ends of the intervals at rest, one for each well."""
         slow = np.concatenate([[0], self._slow(_SLOWNESS[1]).astype(int), [0]])
         edges = np.flatnonzero(np.diff(slow))
         # a rest may begin or end on the way from one well to the next, its middle is in one

@@ -1,7 +1,7 @@
 """Figures of a sweep's table: spectra, bifurcation diagrams, regime maps.
 
-Colours are those of Okabe and Ito, told apart by colour-blind readers too. Where a figure consists
-of many points these are drawn as an image inside vector files.
+The colours of Okabe and Ito differ for colour-blind readers too. If a figure consists of many
+points, vector files contain these as an image.
 """
 
 from __future__ import annotations

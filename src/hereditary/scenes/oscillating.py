@@ -260,7 +260,7 @@ def selkov(
     The only equilibrium is (b, b / (a + b**2)). Of constant orders alpha for both components it is
     unstable where ``alpha > 2/pi arctan(sqrt(4 D - T**2) / T)``, with trace T and determinant D of
     the Jacobian, for the default parameters above 0.905423. With one constant order the time scale
-    stretches time alone, by ``time_scale**((1 - alpha) / alpha)``.
+    only multiplies time, by ``time_scale**((1 - alpha) / alpha)``.
 
     Source
     ------

@@ -1,10 +1,10 @@
 """Dense output: the solution of a run at any time, from its pieces.
 
-Between given steps pieces are parabolas. In the first two steps of a run, where solutions start
-like a power of t, a component is ``x(0) + t x'(0) + a t**alpha`` with alpha its highest order and a
-from the equation at 0, and powers more that go through the values of the scheme: with
-r = min(1, 2 alpha) below order 1 and 2 from there on, t**r in the first step, t**r and t**(r+1) in
-the second.
+Between given steps pieces are parabolas. In the first two steps of a run solutions start like a
+power of t. There a component is ``x(0) + t x'(0) + a t**alpha`` with its highest order alpha and a
+from the equation at 0, plus powers that interpolate the values of the scheme. These are t**r in the
+first step, and t**r and t**(r+1) in the second, with r = min(1, 2 alpha) below order 1 and r = 2
+from order 1 on.
 """
 
 from functools import cached_property

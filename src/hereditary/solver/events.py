@@ -92,7 +92,7 @@ class Events:
         return None if end == math.inf else float(end)
 
     def _looked_at(self, times, edges):
-        """Return the times of a stretch between `edges` at which functions are evaluated."""
+        """Return the times of an interval with `edges` at which functions are evaluated."""
         return times
 
     def _zeros_of(self, number, times, values, at, edges):

@@ -1,4 +1,4 @@
-"""The stepper of given steps: one march, advanced a stretch at a time."""
+"""The stepper of given steps: one march, advanced by a batch of steps at a time."""
 
 import time
 from functools import partial

@@ -29,11 +29,11 @@ class JacobianWatch:
     every : int
         Steps between two Jacobians; 0 for none.
     largest : float
-        Largest ratio of an eigenvalue to its limit so far, as one Jacobian after the other told.
+        Largest ratio of an eigenvalue to its limit, of all Jacobians so far.
     step : int
         Step near which it was found.
     watches : bool
-        Whether anything can be told: False for very many components whose entries are not known.
+        False for very many components whose entries are not known: no ratio is computed.
     """
 
     def __init__(self, region, system, block):

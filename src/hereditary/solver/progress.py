@@ -61,7 +61,7 @@ def _clock(seconds):
 
 
 class Interruption:
-    """Turns the first Ctrl-C into a flag, so that a run ends between two stretches.
+    """Turn the first Ctrl-C into a flag, so that a run ends between two batches of steps.
 
     A second Ctrl-C raises as usual, and so does one that came too late to stop anything (`heeded`
     stays False). Outside the main thread, where no signal arrives, it does nothing.

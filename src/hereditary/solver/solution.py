@@ -61,23 +61,26 @@ class Solution:
     message : str
         The same in a sentence, with the numbers of this run.
     stats : dict
-        n_steps and n_rhs (counted from t = 0), n_factorised, the number of Newton matrices that
-        implicit steps eliminated, n_modes, history_bytes, setup_seconds, run_seconds,
-        kernel_error, the largest relative error of sums that stand for general kernels.
-        With uniform steps of `ExplicitCaputo` and `GrunwaldLetnikov` error_estimate: the largest
-        error beyond the first 40 steps, relative to the size of each component, from two runs with
-        a tenth and a twentieth of the steps. It is usually within a factor of 3. Errors of the
-        first steps can be 100 times as large with orders below 1/2. None with fewer than 400 steps,
-        if one of these runs comes near its stability limit, and if they are far apart, as chaotic
-        ones are.
-        With `Collocation` n_rejected, the steps made again shorter, and error_estimate: rtol times
-        the largest error of a step over its share of the tolerance, a tenth of it, and rtol / 10 at
-        the least, which the first step may err by. Otherwise
-        stiffness_ratio: the largest ratio of an eigenvalue of d rhs / d y to its step limit
-        seen along the orbit, sampled every 32 steps (more rarely in systems); the scheme is
-        unstable above 1. Orders that vary have none, and of components with different terms only
-        real eigenvalues count. Of more than 32
-        components norms tell first, and their bound stands here where it is below 1.
+        Counts and measurements of the run:
+
+        - n_steps and n_rhs: steps and evaluations of the right-hand side, from t = 0 on.
+        - n_factorised: Newton matrices that implicit steps factorised.
+        - n_modes, history_bytes: number of modes, storage of the history.
+        - setup_seconds, run_seconds: time before the first step, and of the steps.
+        - kernel_error: the largest relative error of sums of exponentials for general kernels.
+        - n_rejected: with `Collocation`, the steps that were repeated with a shorter length.
+        - error_estimate: with `Collocation`, ten times the largest estimated error of a step,
+          relative to the size of y, and at least rtol / 10. With uniform steps of
+          `ExplicitCaputo` and `GrunwaldLetnikov`, the largest error beyond the first 40 steps,
+          relative to the size of each component, from two runs with a tenth and a twentieth of the
+          steps. This one is usually right within a factor of 3; errors of the first steps can be
+          100 times as large with orders below 1/2. It is None with fewer than 400 steps, if one of
+          the two runs comes near its stability limit, or if the two differ much, as chaotic ones.
+        - stiffness_ratio: with given steps, the largest ratio of an eigenvalue of d rhs / d y to
+          its step limit along the orbit, every 32 steps (more rarely in systems). The scheme is
+          unstable above 1. Orders that vary have no ratio. If components have different terms, only
+          real eigenvalues count. Above 32 components a bound by norms replaces the ratio if it is
+          below 1.
     left : State or callable
         What `state` is, or returns it.
     dense : Dense or None
