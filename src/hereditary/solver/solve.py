@@ -76,85 +76,83 @@ def solve(
     params: ArrayLike | None = None,
     estimate: bool = True,
 ) -> Solution:
-    r"""Solve an equation with memory up to t_end: adaptively, with uniform steps, or along a mesh.
+    r"""Solve an equation with memory from its start to t_end.
 
-    ``hd.solve(equation, t_end)`` keeps errors within rtol = 1e-6 by `Collocation`; with `n_steps`
-    the paper's explicit scheme, of first order, takes that many steps.
+    There are three ways to choose the steps:
+
+    - ``rtol``: `Collocation` chooses them, so that errors stay below a tolerance. The default, with
+      rtol = 1e-6. Start with it.
+    - ``n_steps``: that many equal steps of `scheme`. The default scheme is the explicit one of the
+      paper, of first order.
+    - ``mesh``: the given steps, with a scheme that takes meshes.
 
     Parameters
     ----------
     equation : Equation
-        What is solved.
+        The equation to solve.
     t_end : float
         End of the run, above the equation's t_start (the state's time when resuming) [time].
     n_steps : int
-        Number of steps, h = (t_end - t_start) / n_steps. When resuming, the state's step is kept:
-        leave it out, or give a number that agrees, counted either from 0 or from the state.
+        Number of steps, h = (t_end - t_start) / n_steps. A resumed run keeps the state's step:
+        leave n_steps out, or give a number that agrees, counted either from 0 or from the state.
     rtol, atol : float, optional
-        Tolerances of `Collocation`, which chooses its own steps: errors of a component stay about
-        ``rtol * (|y| + 0.01 * size)``, size being the largest \|y| of that component so far. So
-        the units of components do not matter. A component that begins at 0 has a size from what
-        the right-hand side makes of it over the run (docs/collocation_method.md). With `atol`
-        errors stay about ``atol + rtol * |y|`` instead. Errors of y', where the order exceeds 1,
-        move y by as much over the run. rtol is 1e-6 by default and at least 1e-12; when resuming,
-        both are the state's.
+        Tolerances of `Collocation`. Errors of a component stay below about
+        ``rtol * (|y| + 0.01 * size)``, with the largest \|y| of that component so far as its size.
+        So the units of components do not matter. With `atol`, errors stay below about
+        ``atol + rtol * |y|``. rtol is 1e-6 by default and at least 1e-12. A resumed run keeps the
+        state's tolerances. See the notes for components that start at 0, and for y'.
     mesh : Graded or array_like, shape (n+1,), optional
-        Instead of n_steps: ``graded(n, exponent)`` or times that increase from t_start to t_end.
-        For L2 with orders up to 1, L1 and L2Sigma with any, with Direct or SumOfExponentials. When
-        resuming such a run, times from the state's on, or ``graded`` over what is left.
+        ``graded(n, exponent)``, or times that increase from t_start to t_end. `L1` and `L2Sigma`
+        take meshes with any order, `L2` with orders up to 1; histories are `Direct` and
+        `SumOfExponentials`. A resumed run takes times from the state's on, or ``graded`` over the
+        rest.
     scheme : Scheme, optional
-        Default ``Collocation()``, or ``ExplicitCaputo()`` with `n_steps` or `mesh`; the state's
-        when resuming without `rtol`.
+        Default ``Collocation()``, or ``ExplicitCaputo()`` with `n_steps` or `mesh`. A run resumed
+        without `rtol` keeps the state's.
     history : History, optional
-        Default ``SumOfExponentials(tol=1e-10)``, the state's when resuming.
+        Default ``SumOfExponentials(tol=1e-10)``; a resumed run keeps the state's.
     save_every : int, optional
-        Keep every so many-th step, besides the first and the last row.
+        Keep the first row, the last one, and every `save_every`-th one.
     t_eval : array_like, shape (k,), optional
-        Keep the solution at these increasing times instead, from the dense output. Given steps are
-        joined by parabolas, to O(h**3) where the solution is smooth. In the first two steps of
-        equations with constant orders powers of t take their place, t**alpha for each component's
-        highest order among them: a row errs about as much as the nearest steps.
+        Keep the solution at these increasing times instead, from the dense output.
     components : array_like of int, shape (k,), optional
-        Keep rows of these components of y alone, in this order and without dense output; events
-        and the state have all of them.
+        Keep only these components of y, in this order and without dense output. Events and the
+        state have all of them.
     max_step : float, optional
-        Longest step of `Collocation` [time]. A force that comes on for a time shorter than a step
-        may lie between all points that the step looks at; half of its length is a safe choice.
+        Longest step of `Collocation` [time]. It may miss a force that acts for a shorter time than
+        a step. Half of that time is a safe choice.
     max_steps : int, optional
-        Most steps of this call of `Collocation`, one million by default; a run that needs more ends
-        with the status MAX_STEPS and can be resumed.
+        Most steps of this call of `Collocation`, by default one million. A run that needs more ends
+        with the status `max_steps` and can be resumed.
     breaks : array_like, shape (k,), optional
-        Times at which the right-hand side jumps: each step sees the jump from its own side. With
-        `rtol` the steps begin anew there; otherwise they must be times of steps, and on uniform
-        steps every scheme is of first order from there on, for its memory keeps the corner.
+        Times at which the right-hand side jumps. `Collocation` restarts its steps there. Given
+        steps must include these times. On uniform steps every scheme is of first order after a
+        break, because the corner remains in the memory.
     events : callable or sequence of callable, optional
-        ``event(t, y)``, whose zeros are located to rounding on the dense output; with the
-        attributes `terminal` (a number n: the run ends at the n-th zero) and `direction` as in
-        SciPy's solve_ivp. Truth values count as 1 and -1. Nine points of each step of `Collocation`
-        are looked at, and the ends of given steps: two zeros between neighbours pass unseen, unless
-        steps are shorter, and so does a zero next to where the function is NaN. A zero at the very
-        start is not reported. Given steps go on, when resumed, from the first one that is not
-        before the event. The attribute ``change``, a function ``change(t, y)``, returns a new y,
-        whose jump does not enter the memory; rows hold y before and after (docs/events.md).
+        Functions ``event(t, y)`` whose zeros are located to rounding on the dense output; truth
+        values count as 1 and -1. Attributes of the function, as in SciPy's solve_ivp: `direction`,
+        and `terminal`, a number n if the run ends at the n-th zero. The attribute ``change`` is a
+        function ``change(t, y)`` that returns a new y. Its jump does not enter the memory, and rows
+        contain y before and after (docs/events.md).
     switches : callable or sequence of callable, optional
-        ``switch(t, y)``, functions at whose changes of sign the right-hand side jumps, compiled as
-        it is. They are located as events are, and the steps begin anew there, each seeing one side
-        alone. Where both sides push the solution back the run ends as SLIDING.
+        Functions ``switch(t, y)`` at whose changes of sign the right-hand side jumps. They are
+        compiled and located as events are. Steps restart there, and each evaluates one side only.
+        If both sides push the solution back, the run ends with the status `sliding`.
     changes : mapping of float to callable, optional
-        ``{time: change}`` with functions ``change(t, y)`` that return a new y, such as doses; as
-        `change` of an event, at stated times above t_start. Those up to the state's time are over
-        when resuming, those beyond t_end are left out.
+        ``{time: change}`` with functions ``change(t, y)`` that return a new y, such as doses, at
+        times above t_start. A resumed run ignores times up to the state's. Times beyond t_end are
+        ignored.
     progress : bool, optional
         Show a progress bar with the time left, on a terminal only.
     resume : State, optional
-        ``Solution.state`` of an earlier run of the same equation; rows then begin at its time. With
-        uniform steps the result equals that of an unbroken run bit for bit, with `Collocation`
+        ``Solution.state`` of an earlier run of the same equation. Rows then begin at its time. With
+        uniform steps the result equals that of an unbroken run bit for bit; with `Collocation`
         within its tolerance.
     allow_change : bool, optional
-        Go on with another right-hand side or other `params` than the state's, all of the memory
-        kept: a force or a parameter is switched at the state's time.
+        With `resume`: allow another right-hand side or other `params` than the state's. The whole
+        memory is kept.
     params : float or sequence of float, optional
-        With `resume`: go on with these parameters instead of the equation's.
+        With `resume`: continue with these parameters instead of the equation's.
     estimate : bool, optional
         Estimate the error of a run with uniform steps of `ExplicitCaputo` or `GrunwaldLetnikov`,
         ``stats["error_estimate"]``, at 15 % more time.
@@ -162,8 +160,15 @@ def solve(
     Returns
     -------
     Solution
-        Also when the run blows up, is interrupted by Ctrl-C, or the right-hand side raises: its
-        status says so and it holds everything computed until then.
+        It has the rows computed so far, also if the run fails or Ctrl-C interrupts it:
+
+        - ``sol.t``, shape (n,), and ``sol.y``, shape (n, d): times, and a row of y for each.
+        - ``sol.ydot``, shape (n, d): y', if the highest order exceeds 1; otherwise None.
+        - ``sol(t)``, shape (d,) or (k, d): y at any time or times; ``sol(t, 1)``: y'.
+        - ``sol.success``, ``sol.status``, ``sol.message``: how the run ended; see `Status`.
+        - ``sol.t_events``, ``sol.y_events``: times (k,) and rows (k, d) of each event function.
+        - ``sol.stats``: a dict with counts, times and the error estimate.
+        - ``sol.state``: what ``resume=`` takes.
 
     Raises
     ------
@@ -175,25 +180,55 @@ def solve(
     Warns
     -----
     SolveWarning
-        The run ended early, other than by a terminal event or Ctrl-C; or the error of a
-        first-order run is estimated above 5 % of the solution's size.
+        The run ended early, but not by a terminal event or Ctrl-C. Or the estimated error of a
+        first-order run is above 5 % of the solution's size.
     StabilityWarning
-        One of these: the step exceeded the scheme's stability limit along the orbit, or the
-        solution zigzags.
+        The step exceeded the scheme's stability limit along the orbit, or the solution zigzags.
+
+    Notes
+    -----
+    Tolerance: a component that starts at 0 has a size that the solver computes from the right-hand
+    side over the run (docs/collocation_method.md). If an order exceeds 1, an error of y' is allowed
+    that changes y by as much over the run.
+
+    Rows at `t_eval`: given steps are joined by parabolas, to O(h**3) for smooth solutions. The
+    first two steps of equations with constant orders use powers of t instead, among them t**alpha
+    with each component's highest order. The error of a row is about that of the nearest steps.
+
+    Events: `Collocation` evaluates them at nine points of each step, and given steps at their ends.
+    Two zeros between neighbouring points are not found, nor is a zero next to a NaN. A zero at the
+    very start is not reported. A resumed run with given steps starts at the first step that is not
+    before the event.
 
     Cost
     ----
-    One right-hand side a step and the history's share: with the default history constant memory
-    and about 20 ns a step and component besides `rhs` (convergence/memory_is_nearly_free.py). With
-    `Collocation` some 10 to 50 microseconds a step, of which there are far fewer
+    Given steps: one evaluation of the right-hand side in each, and with the default history about
+    20 ns more for each component, in constant storage (convergence/memory_is_nearly_free.py).
+    `Collocation`: about 10 to 50 microseconds a step, but far fewer steps
     (convergence/collocation.py).
 
     Examples
     --------
+    A tolerance; the solution at the end and at any time:
+
     >>> import hereditary as hd
-    >>> sol = hd.solve(hd.scenes.stick_slip(), t_end=100.0, n_steps=20_000)
-    >>> sol.success, sol.y.shape
-    (True, (20001, 1))
+    >>> terms = hd.Caputo(1.8) + 0.25 * hd.Caputo(0.8)
+    >>> eq = hd.Equation(terms, lambda t, x: -x, y0=[1.0, 0.0])
+    >>> sol = hd.solve(eq, 20.0, rtol=1e-8)
+    >>> sol.success, sol.y[-1].round(6), sol([5.0, 10.0, 15.0]).shape
+    (True, array([0.005973]), (3, 1))
+
+    Fixed steps, here of a scheme of second order:
+
+    >>> steps = hd.solve(eq, 20.0, n_steps=20_000, scheme=hd.BDF(2))
+    >>> steps.t.shape, bool(abs(steps.y[-1] - sol.y[-1]).max() < 1e-7)
+    ((20001,), True)
+
+    An event; the times at which x crosses 0:
+
+    >>> sol = hd.solve(eq, 10.0, rtol=1e-8, events=lambda t, x: x[0])
+    >>> sol.t_events[0].round(4)
+    array([1.7438, 4.9368, 8.2598])
     """
     equation = instance(
         "equation", equation, Equation, "hereditary.Equation(terms, rhs, y0)"
