@@ -4,6 +4,7 @@ import enum
 import importlib.metadata
 import importlib.util
 import pathlib
+import re
 import shutil
 import subprocess
 import sys
@@ -11,6 +12,8 @@ import warnings
 
 from numpydoc.docscrape import NumpyDocString
 from numpydoc.docscrape_sphinx import SphinxDocString
+
+from hereditary import Status
 
 sys.path.insert(0, str(pathlib.Path(__file__).parent))
 import made_pages
@@ -37,7 +40,7 @@ exclude_patterns = [
 ]
 suppress_warnings = ["config.cache"]  # the gallery's settings hold functions
 
-myst_enable_extensions = ["dollarmath"]
+myst_enable_extensions = ["dollarmath", "attrs_inline"]
 myst_heading_anchors = 4
 
 autodoc_member_order = "bysource"
@@ -109,11 +112,37 @@ def _copy_mathjax(app, failure):
         shutil.copy(source / "tex-chtml.js", target)
 
 
+# What steppers ask of schemes, histories and equations, and no user: docs/extending.md has it.
+_INNER = {"plan", "mesh_plan", "memory", "coarse", "current", "parts", "constant"}
+
+
 def _skip(app, what, name, obj, skip, options):
-    """Show members of enumerations, which lack docstrings; hide the idle ones of named tuples."""
+    """Show members of enumerations, which lack docstrings; hide inner members and idle ones."""
     if isinstance(obj, enum.Enum):
         return False
-    return True if (getattr(obj, "__doc__", "") or "").startswith("Alias for field") else None
+    idle = (getattr(obj, "__doc__", "") or "").startswith("Alias for field")
+    return True if idle or name in _INNER else None
+
+
+_KEY = r"(?<![\[\w])\[([A-Z]\w+\d{4}|ParovikStickSlip)\](?![(_:\]])"
+
+
+def _link_keys(app, page, source):
+    """Link citation keys of pages to their entries in the list of literature."""
+    if page == "literature":
+        source[0] = re.sub(r"\*\*\[(\w+)\]\*\*", r"[**\[\1\]**]{#\1}", source[0])
+    elif str(app.env.doc2path(page)).endswith(".md"):
+        source[0] = re.sub(_KEY, r"[\[\1\]](#\1)", source[0])
+
+
+def _link(app, what, name, obj, options, lines):
+    """Link citation keys, pages and studies in docstrings; give a status its sentence."""
+    if isinstance(obj, Status):
+        lines[:] = [f"{obj.sentence[0].upper()}{obj.sentence[1:]}."]
+    text = re.sub(_KEY, r":ref:`[\1] <\1>`", "\n".join(lines))
+    text = re.sub(r"\bdocs/(\w+)\.md", r":doc:`/\1`", text)
+    text = re.sub(r"\bconvergence/(\w+)\.py", r":doc:`\g<0> </made/studies/\1>`", text)
+    lines[:] = text.split("\n")
 
 
 def setup(app):
@@ -121,4 +150,6 @@ def setup(app):
     subprocess.run([sys.executable, "-m", "hereditary", "compile"], check=True)
     made_pages.make(pathlib.Path(__file__).parent)
     app.connect("autodoc-skip-member", _skip)
+    app.connect("autodoc-process-docstring", _link, priority=900)
+    app.connect("source-read", _link_keys)
     app.connect("build-finished", _copy_mathjax)

@@ -1,7 +1,6 @@
 """Pages of the site that are made: the reference, the studies, the picture of the imports."""
 
 import ast
-import inspect
 import pathlib
 import tomllib
 
@@ -33,6 +32,28 @@ GALLERY = (
     "volterra",
     "own_scheme",
 )
+
+
+# Public names by task, as the reference lists them; names that are not here follow.
+TASKS = {
+    "State an equation": "Equation Caputo RiemannLiouville Memory",
+    "Solve it": "solve Solution Status solve_ivp derivative exact",
+    "Schemes": "Collocation ExplicitCaputo BDF L1 L2 L12 L2Sigma Adams ProductTrapezoid"
+    " GrunwaldLetnikov IMEX graded Graded",
+    "Histories": "SumOfExponentials FFT Direct",
+    "Memory kernels": "PowerLaw TemperedPowerLaw MittagLeffler StretchedExponential"
+    " DistributedOrder Prony Kernel TabulatedKernel MemoryKernel fit_exponentials ExponentialSum",
+    "Memory of large systems": "memory_term MemoryTerm",
+    "Many runs": "ensemble Ensemble sweep Table",
+    "Fit data": "fit FitResult sensitivities Sensitivities",
+    "Frequencies": "frequency_response FrequencyResponse power_spectrum PowerSpectrum",
+    "Chaos": "lyapunov LyapunovResult zero_one_test ZeroOneResult maxima stroboscopic Section"
+    " classify Regime RegimeVerdict",
+    "Errors of a scheme": "convergence_table ConvergenceTable",
+    "Models and figures": "scenes plots",
+    "Warnings": "SolveWarning StabilityWarning PythonFunctionWarning KernelWarning"
+    " IdentifiabilityWarning",
+}
 
 
 def by_interest(name):
@@ -68,18 +89,13 @@ def make(docs):
 
 def reference():
     """Return the page that lists every public name."""
-    kinds = {"Functions": [], "Classes": [], "Warnings": [], "Modules": []}
-    for name in sorted(hereditary.__all__, key=str.lower):
-        thing = getattr(hereditary, name)
-        if inspect.ismodule(thing):
-            kinds["Modules"].append(name)
-        elif inspect.isclass(thing):
-            warns = issubclass(thing, Warning)
-            kinds["Warnings" if warns else "Classes"].append(name)
-        else:
-            kinds["Functions"].append(name)
-    page = "# Reference\n\nEvery public name, from `import hereditary as hd`.\n"
-    for title, names in kinds.items():
+    groups = {title: names.split() for title, names in TASKS.items()}
+    left = set(hereditary.__all__).difference(*groups.values())
+    if left:
+        groups["More"] = sorted(left)
+    page = "# Reference\n\nEvery public name by task, from `import hereditary as hd`. "
+    page += "Begin with {py:obj}`hereditary.Equation` and {py:obj}`hereditary.solve`.\n"
+    for title, names in groups.items():
         page += f"\n## {title}\n\n```{{eval-rst}}\n.. currentmodule:: hereditary\n\n"
         page += ".. autosummary::\n   :toctree: api\n\n"
         page += "".join(f"   {name}\n" for name in names) + "```\n"

@@ -294,6 +294,7 @@ PAGES += [
         "collocation",
         "kernels",
         "memory_terms",
+        "varying_orders",
         "derivatives",
         "events",
         "sweeps",
