@@ -212,7 +212,7 @@ def begun(rng, truth, t_end, times):
 
 
 def broken(rng):
-    """Jumps at times that are told, some next to each other or to the ends."""
+    """Make jumps at times in `breaks`, a few of them next to each other or to the ends."""
     drawn = [one_order, one_order, several_terms, system][rng.integers(4)](rng)
     if drawn is None:
         return None
@@ -229,7 +229,7 @@ def broken(rng):
 
 
 def jumping(rng):
-    """A jump that is not told and stays."""
+    """Make a jump that stays and is not in `breaks`."""
     drawn = [one_order, one_order, several_terms, system][rng.integers(4)](rng)
     if drawn is None:
         return None
@@ -242,7 +242,7 @@ def jumping(rng):
 
 
 def window(rng):
-    """A force that comes and goes and is not told, as no adaptive solver need see."""
+    """Make a force that acts for a time and is not in `breaks`; a solver may miss it."""
     drawn = one_order(rng)
     if drawn is None:
         return None

@@ -32,9 +32,9 @@ def piecewise_linear(t, y, dy, p):
 class Problem:
     """A problem, what solves it, and how it is to be run.
 
-    `truth` holds the pieces that a relay switches through; `relay` is (size, level) of the jump in
-    y[0]; `settles` the time from which y[0] stays on the level, where it does;
-    `perturbed` solutions from what is rtol larger and smaller, where a relay switches.
+    `truth` has the pieces between which a relay switches. `relay` is (size, level) of the jump in
+    y[0], and `settles` the time after which y[0] stays on the level. `perturbed` are solutions from
+    values that are rtol larger and smaller, if a relay switches.
     """
 
     kind: str

@@ -5,10 +5,10 @@ and one column a component. With ``M(s) = sum_k diag(c_k s**a_k) - A`` the trans
 
     Y(s) = M(s)^-1 (sum_k c_k (s**(a_k - 1) y(0) + [a_k > 1] s**(a_k - 2) y'(0)) + F(s)).
 
-It is summed along a hyperbola that tightens with t, its poles split off, in extended precision
-where the machine has one: errors then are near 1e-18 of the solution, and no limit is set to stiff
-rates, tiny orders, multiple poles or times. A second way, mpmath's own inversion in as many digits
-as it takes, knows nothing of poles; `second_opinion` asks it.
+Y is summed along a hyperbola that tightens with t, after its poles are split off, in extended
+precision if the machine has one. Errors are then near 1e-18 of the solution, also for stiff rates,
+tiny orders, multiple poles and all times. `second_opinion` uses mpmath's own inversion in as many
+digits as needed, which does not use the poles.
 """
 
 from collections.abc import Sequence

@@ -1,19 +1,20 @@
 """No success beyond its tolerance, and no end without a true reason: a campaign of random problems.
 
-Orders from 0.01 to 2, a third of them within 1e-2 to 1e-12 of an integer, rates and ends from 1e-8
-to 1e8; one order, several terms, systems, Jordan blocks, other orders in each component; forces,
-jumps told by `breaks` and not, windows of forcing, jumps in y that are passed or hold the solution;
-and schemes of given steps, for what they say of themselves. Exact solutions come from Laplace
-transforms inverted in extended precision (_laplace_truth.py), and at the worst time of every run
-that is found wrong, and at that of each tenth other, from mpmath.
+Orders are from 0.01 to 2, a third of them within 1e-2 to 1e-12 of an integer. Rates and ends are
+from 1e-8 to 1e8. Equations have one order, several terms, or other orders in each component, also
+with Jordan blocks. There are forces, jumps with and without `breaks`, windows of forcing, and jumps
+in y that the solution passes or on which it stays. Schemes of given steps are tested for the truth
+of their statuses. Exact solutions come from Laplace transforms inverted in extended precision
+(_laplace_truth.py). mpmath repeats them at the worst time of every run that is found wrong, and of
+each tenth other.
 
 Errors of y and y' are taken at t = 0, from 1e-12 of the first step on, at nodes, between them and
-around corners, over rtol times the largest size so far of the component
-(_campaign_verdicts.py), for systems and relays times what perturbed initial values and forces grow
-by. Each problem has one of these verdicts:
+around corners. They are relative to rtol times the largest size so far of the component
+(_campaign_verdicts.py). For systems and relays this tolerance is multiplied by the growth of
+perturbed initial values and forces. Each problem has one of these verdicts:
 
-* ok; wrong success, of y; wrong slope, of y' alone; not seen: a window nobody told of;
-* true status: the run ended early and says why; false status: what it says is not so;
+* ok; wrong success, of y; wrong slope, of y' alone; not seen: a window without `breaks`;
+* true status: the run ended early and gives the reason; false status: the reason is wrong;
 * refused in a sentence; crash; no end within `limit` seconds of processor time; truth unsure.
 
 Problem k of a seed is always the same one. Results go to a file line by line; a run that was

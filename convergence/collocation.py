@@ -4,12 +4,12 @@ P1 to P6 are the problems of work_precision.py. Milliseconds are those of the fa
 warm `hd.solve` calls. Errors are the largest of y, and of y' above order 1, at times in all steps.
 The truth of P3 to P6 is collocation with 12 nodes whose past is integrated exactly instead of
 carried by modes; closed forms and published digits agree with it. The tolerance of a component is
-1.01 rtol times the largest size it has had, and of y' rtol times its own and 0.04 / T times that of
-y; of a component that begins at 0 the hundredth is of its size over the run.
+1.01 rtol times its largest size so far. For a component that starts at 0 the hundredth refers to
+its size over the run. The tolerance of y' is rtol times its own size plus 0.04 / T times that of y.
 
 * P1 and P2 to 1e-12 within 10 ms each, P3 to 1e-11 within 20 ms, x(100) of P4 to 1e-10 within
-  100 ms, P5 to 1e-6 at all times and to 1e-9 on t <= 40 within 200 ms, the published digits of P6;
-  P1 to T = 1e4 at 1e-10 with fewer than 1,800 right-hand sides, nine a step of them off the nodes.
+  100 ms. P5 to 1e-6 at all times and to 1e-9 on t <= 40 within 200 ms, the published digits of P6.
+* P1 to T = 1e4 at 1e-10 with fewer than 1,800 right-hand sides, nine a step of them off the nodes.
 * Over P1 to P6 and 60 random linear problems (tests/random_problems.py: orders 1e-6 to 1.98, rates
   to 1e6), rtol from 1e-4 to 1e-11, the error is at most one tolerance in every run, also after 160
   periods of an oscillation.
@@ -330,7 +330,7 @@ def ring(t, y, dy, p):
 
 
 def measure_others(quick):
-    """A jump with its time told and not, small orders, and the cost of components."""
+    """Measure a jump with and without `breaks`, small orders, and the cost of components."""
     rows, t = [], np.unique(np.concatenate([times(3.0), 3 + times(2.0)]))
     later = np.where(t > 3, 1 - erfcx(np.sqrt(np.maximum(t - 3, 0))), 0.0)
     truth = Truth(t, half_order_relaxation(t) + later[:, None])

@@ -1,9 +1,9 @@
 """Fits to data: true parameters lie where the standard errors say, and a fit takes moments.
 
-Three models are fitted to 60 values with normal noise of known seeds, 200 times each: a relaxation
-(order and rate), an oscillator (two orders, friction, stiffness) and a gas that accumulates in a
-chamber with memory, ``D^alpha(t) A = S - lambda A``, whose order is a line in time (both its ends,
-S and lambda); its measurements are of a tenth per cent. Claims:
+Three models are fitted to 60 values with normal noise of known seeds, 200 times each. The first is
+a relaxation (order and rate), the second an oscillator (two orders, friction, stiffness). The third
+is a gas that accumulates in a chamber with memory, ``D^alpha(t) A = S - lambda A``. Its order is a
+line in time (both its ends, S and lambda), and its noise is a tenth per cent. Claims:
 
 * all fits succeed, and true values lie within two standard errors in 95 +- 3 per cent of all cases;
 * the oscillator's four parameters take at most 15 sets of runs for each of them.

@@ -6,7 +6,7 @@ delay, are outside the library. Every comparison says what it allows:
 * 1 to 13, classical flows: three standard errors of both values, the reference's taken as large as
   ours, and half its last digit. The sum of all exponents is the mean divergence within 1e-3.
 * 17 to 22 and 24, linear equations with memory: Mittag-Leffler functions and real roots, for every
-  scheme that takes them, to twice the error that the runs with N/2 and N steps tell; the error
+  scheme that takes them. The error is at most twice the estimate from runs with N/2 and N steps. It
   falls with the scheme's order less 0.15.
 * 23 and 25, an equilibrium of the Lorenz system: Re mu**(1/alpha) to 0.5 %, the critical order
   where it changes sign to 1e-5. The explicit scheme adds h omega**2 / 2 within 15 %.

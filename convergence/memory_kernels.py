@@ -1,9 +1,9 @@
 """Every memory kernel becomes a sum of positive exponentials, down to 1e-10 over six decades.
 
-Tempered, Mittag-Leffler, stretched and distributed-order kernels, and two given as functions, on
-[1e-4, 1e2] in units of their own time: the largest error on 20,001 log-spaced points relative to
-the kernel, at least to a thousandth of its mean from 0 to t, the modes beside those of the power
-law ``t**-0.5``, and the set-up time.
+Kernels are tempered, Mittag-Leffler, stretched and distributed-order ones, and two given as
+functions, on [1e-4, 1e2] in units of their own time. Errors are the largest on 20,001 log-spaced
+points, relative to the kernel or at least to a thousandth of its mean from 0 to t. The number of
+modes is compared with that of the power law ``t**-0.5``, and the set-up time is measured.
 """
 
 import time

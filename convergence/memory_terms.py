@@ -1,9 +1,10 @@
 """Orders of convergence where the right-hand side reads memory: a forced van der Pol-Airy equation.
 
-Friction ``(x**2 - 1) D^gamma x`` that the right-hand side reads goes on like ``t**(alpha - gamma)``
-at 0. With alpha the highest order BDF(p) keeps min(p, 1 + 2 alpha - gamma), Adams min(2 - gamma, 1
-+ alpha), for gamma above 1 the first order, GrunwaldLetnikov min(1, 2 - gamma), L1 its order, and
-L2 and the explicit scheme the first order. Against Collocation at rtol = 1e-12.
+The right-hand side reads the friction ``(x**2 - 1) D^gamma x``, which starts like
+``t**(alpha - gamma)`` with the highest order alpha. BDF(p) has min(p, 1 + 2 alpha - gamma). Adams
+has min(2 - gamma, 1 + alpha), and the first order for gamma above 1. GrunwaldLetnikov has
+min(1, 2 - gamma). L1 keeps its order, and L2 and the explicit scheme have the first order. Errors
+are against Collocation at rtol = 1e-12.
 """
 
 from functools import partial

@@ -70,9 +70,9 @@ def restarted(
     equation, t_end, n_steps, k, scheme, history=None, renorm=None, transient=0.0, window=0.5,
     directions=None,
 ):  # fmt: skip
-    """Compute exponents of orders up to 1, f without t, by an equation begun anew every `renorm`.
+    """Compute exponents of orders up to 1, f without t, by restarting the equation every `renorm`.
 
-    This is the published algorithm: the last values become initial ones, and no memory goes along.
+    This is the published algorithm: the last values become initial ones, and the memory is lost.
     """
     h, d = t_end / n_steps, equation.d
     steps = UniformSteps(h)

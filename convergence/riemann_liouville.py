@@ -1,9 +1,9 @@
 """Orders of convergence with Riemann-Liouville terms, whose initial value is infinite at 0.
 
 ``D^alpha x + 0.7 D^gamma x = f`` with a linear and a nonlinear f. Explicit schemes and L1 keep
-their orders for solutions like t**alpha; BDF(p) keeps p for linear f and min(p, 1 + 2 (alpha -
-gamma)) for others; L2 and L12 have order 1 - gamma, and L2 has 3 - alpha on meshes ``graded(n, (3 -
-alpha) / (1 - gamma))``. Against Collocation at rtol = 1e-12.
+their orders for solutions like t**alpha. BDF(p) keeps p for linear f, and has
+min(p, 1 + 2 (alpha - gamma)) for others. L2 and L12 have order 1 - gamma. L2 has 3 - alpha on
+meshes ``graded(n, (3 - alpha) / (1 - gamma))``. Errors are against Collocation at rtol = 1e-12.
 """
 
 from functools import partial

@@ -1,11 +1,10 @@
 """A fresh process is ready in well under a second once the machine has compiled the library.
 
-With a warm cache, and bytecode kept as that of installed packages is: `import hereditary` takes
-less than 0.3 s beyond the import of numba, NumPy and SciPy, the first `solve` less than 1 s more,
-and another right-hand side costs its own compilation alone (a second user function is solved
-without compiling any loop of the library again). From an empty cache the first explicit run is
-ready within 15 s, the first implicit one within 25 and the first collocation within 60 on any
-machine that this was tried on.
+The cache is warm, and bytecode is stored as for installed packages. `import hereditary` takes less
+than 0.3 s more than the import of numba, NumPy and SciPy, and the first `solve` less than 1 s more.
+Another right-hand side costs only its own compilation: no loop of the library is compiled again.
+From an empty cache the first explicit run ends within 15 s, the first implicit one within 25 s and
+the first collocation within 60 s, on all machines where this was tried.
 """
 
 import os

@@ -1,10 +1,10 @@
 """A sweep costs nearly nothing beside its points, and uses both of two cores.
 
 Points of about 5 ms (the stick-slip oscillator, T 100, 60,000 steps) in a sweep on one thread take
-at most 1.05 times what a plain loop over the same points takes, with a store too. Two worker
-processes gain on points of all kinds at least 0.85 times what they gain on plain Python that
-shares nothing, which is what two cores of the machine give; two threads at least 0.7 times as much
-on points that are mostly marched, exponents among them.
+at most 1.05 times as long as a plain loop over the same points, with a store too. The gain of two
+worker processes on plain Python without shared data is the gain of two cores. For points of all
+kinds two processes gain at least 0.85 times as much. Two threads gain at least 0.7 times as much if
+a point is mostly compiled time stepping, as for exponents.
 
 Times are the best of many repeats, taken in turns; worker processes were started before. Where the
 machine has no second core to give, gains are not judged.

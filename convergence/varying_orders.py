@@ -9,9 +9,8 @@ alpha(t) = 0.5 + 0.3 sin t and beta(t) = 1.5 + 0.3 cos t, alone and together. Cl
 * one set of rates keeps the relative error of ``t**-a`` below the tolerance on 20,001 points for
   all 200 exponents tried in (0, 1], with positive weights;
 * at N = 20,000 and a tolerance of 1e-10 modes deviate from direct sums by less than 1e-9;
-* at N = 200,000 the stick-slip load with varying beta and gamma takes at most 4 times the time of
-  that with constant ones, and so do an equation with one term and one with two terms whose
-  right-hand side costs next to nothing;
+* at N = 200,000 the stick-slip load with varying beta and gamma takes at most 4 times as long as
+  with constant ones; so do equations with one and two terms and a very cheap right-hand side;
 * exponents of Lyapunov by tangents and by pairs of orbits agree to 1e-5.
 """
 

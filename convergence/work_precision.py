@@ -4,8 +4,8 @@ Seconds are those of a whole warm `hd.solve` call, the fastest of several, with
 SumOfExponentials(1e-12) for given steps. Collocation chooses its own by rtol from 1e-3 to 1e-12.
 
 * From 1e-8 down others take at least 1.5 times as long as Collocation on P1 to P5; on P6 BDF(4) is
-  level with it as far as it gets, about 1e-9. Above some 1e-4 other schemes are faster: a call of
-  Collocation takes 6 ms at least. On every problem it gets ten times further than any other.
+  as fast down to its smallest error, about 1e-9. Above about 1e-4 other schemes are faster: a call
+  of Collocation takes at least 6 ms. On every problem its smallest error is a tenth of any other.
 * P1, D^0.5 y = -y: L2 and L2Sigma on graded meshes reach 1e-8 with N = 10,000.
 * P3, D^1.5 x + 0.5 D^0.5 x + x = 0: only the schemes for several terms and orders above 1 cover it.
   At t = 20 ExplicitCaputo and L1 fall at their orders 1 and 1.5 in every decade from N = 1,000 to
