@@ -2,8 +2,8 @@
 
 alpha(t) = 0.5 + 0.3 sin t and beta(t) = 1.5 + 0.3 cos t, alone and together. Claims:
 
-* with solutions 1 + v t + t**3 to t = 2.5 the largest error falls with order 1 for the explicit
-  scheme, and for L1 with 2 - alpha or 3 - beta, 1.2 at the largest order on the way, within 0.1;
+* solutions are 1 + v t + t**3 to t = 2.5. The largest error falls with order 1 for the explicit
+  scheme. For L1 it falls with 2 - alpha or 3 - beta, at least 1.2 on the way, within 0.1;
 * collocation keeps it within the tolerance, rtol (0.01 + size), from 1e-4 to 1e-11, in at most 150
   steps; with a solution that is not smooth at 0 it is faster than both for errors below 1e-5;
 * one set of rates keeps the relative error of ``t**-a`` below the tolerance on 20,001 points for

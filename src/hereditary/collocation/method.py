@@ -14,28 +14,28 @@ from ..support.checks import complaint, count, positive, within
 class Collocation(Scheme):
     """Spectral collocation at Radau points with steps chosen by the tolerance.
 
-    It solves every `Equation`: any number of terms and components, orders in (0, 2], different ones
-    in different components, classical terms among them. On every step the right-hand side and,
-    where lower terms need it, the unknown are polynomials through their values at s nodes. Their
-    fractional integrals over the step are exact, and the history is a sum of exponential modes,
-    advanced by exact moments. After t = 0, and after a jump, polynomials in a power of t
-    take the place of polynomials in t on the first step.
+    It solves every `Equation`: any number of terms and components, with orders in (0, 2] that may
+    differ between components, and classical terms. On every step the right-hand side is a
+    polynomial through its values at s nodes; if lower terms need it, the unknown is one too. Their
+    fractional integrals over the step are exact. The history is a sum of exponential modes,
+    advanced by exact moments. On the first step after t = 0 and after a jump, the polynomials are
+    in a power of t.
 
-    Where terms with general kernels or varying orders contain a component's highest derivative, a
-    step solves the equation itself. There, and where any order varies, a run begins with tiny
-    ordinary steps, at 0 and at jumps; orders must exceed the integer below by at least 0.05.
+    If terms with general kernels or varying orders contain a component's highest derivative, a step
+    solves the equation itself. There, and if any order varies, a run starts with very short
+    ordinary steps, at 0 and at jumps. Such orders must exceed the integer below by at least 0.05.
 
     Parameters
     ----------
     nodes : int, optional
-        s, 2 to 12.
+        Number s of nodes in a step, 2 to 12.
     horizon : float, optional
-        Time up to which a run may be resumed, where that exceeds ten times its first length.
+        Time up to which a run may be resumed, if that exceeds ten times its first length [time].
 
     Error
     -----
-    Kept within `rtol` and `atol` of `solve` (convergence/collocation.py); O(h**(s + a)) for smooth
-    solutions, a the smaller of 1 and the order of integration.
+    Within `rtol` and `atol` of `solve` (convergence/collocation.py). O(h**(s + a)) for smooth
+    solutions, with a the smaller of 1 and the order of integration.
 
     Stability
     ---------
@@ -43,12 +43,12 @@ class Collocation(Scheme):
 
     Cost
     ----
-    s right-hand sides for each Newton sweep, one to three a step, and (modes) x s multiplications;
-    where orders vary, 0.2 ms of Python a step besides.
+    One to three Newton iterations in a step, each with s evaluations of the right-hand side, and
+    (modes) x s multiplications. If orders vary, a step also takes 0.2 ms of Python.
 
     Source
     ------
-    Collocation with graded meshes [Brunner2004]; this combination docs/collocation_method.md.
+    Collocation with graded meshes: [Brunner2004]. This method: docs/collocation_method.md.
 
     Examples
     --------

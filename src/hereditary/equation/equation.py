@@ -41,8 +41,8 @@ from .system import System, changed, displaced, leading_orders
 class Equation(System):
     """An initial value problem ``sum_j c_j (memory operator)_j y = rhs(t, y)`` from t_start on.
 
-    Everything is checked here: the right-hand side is called twice at the start and compiled, so
-    that a mistake is reported before any run.
+    An equation is checked when it is made: the right-hand side is compiled and called twice, so
+    that an error is reported before any run.
 
     Parameters
     ----------
@@ -54,48 +54,47 @@ class Equation(System):
     rhs : callable, or None beside `linear`
         ``rhs(t, y)`` or ``rhs(t, y, params)`` returning shape (d,) (or a number when d = 1), or in
         place ``rhs(t, y, dy, params)``. The number of arguments decides. t is a float, y has
-        shape (d,). It is compiled with numba, its helpers too, and again when a run begins after a
-        global or a closed-over value that it reads has changed. What numba cannot compile (methods,
-        callable objects, SciPy's functions, try) is called in Python, with a
-        `PythonFunctionWarning`: 3 us more a call, and its exceptions pass through. It must not
-        write into y or params, and give equal values for equal t and y; an index out of bounds ends
-        the run.
+        shape (d,). numba compiles it with its helpers, and again before a run if a global or a
+        closed-over value has changed. A function that numba cannot compile (methods, callable
+        objects, SciPy's functions, try) is called in Python, with a `PythonFunctionWarning` and 3
+        us more a call. It must return equal values for equal t and y, and not write into y or
+        params. An exception or an index out of bounds ends the run.
     y0 : array_like, shape (m, d)
-        Initial values y(0), y'(0), ..., with m = ceil(highest order). Shorthands: shape (m,) when
-        d = 1, shape (d,) when m = 1, a number when both are 1. A component whose own highest order
-        needs no y'(0) takes 0 there. Complex numbers state a complex equation: `rhs` is given and
-        returns complex numbers (and `jac` is left out), and so are the results.
+        Initial values y(0), y'(0), ..., with m = ceil(highest order). Shorthands: shape (m,) if
+        d = 1, shape (d,) if m = 1, a number if both are 1. A component of order at most 1 has 0 in
+        the row of y'(0). Complex numbers state a complex equation: then `rhs` gets and returns
+        complex numbers, results are complex, and there is no `jac`.
     params : float or sequence of float, optional
-        Handed to `rhs` and `jac` as an array of shape (p,).
+        Argument of `rhs` and `jac`, as an array of shape (p,).
     jac : callable, optional
         The Jacobian d rhs / d y, ``jac(t, y)`` or ``jac(t, y, params)`` returning shape (d, d), or
-        in place ``jac(t, y, jacobian, params)``; compared with differences near y(0). Differences
-        otherwise.
+        in place ``jac(t, y, jacobian, params)``. It is compared with differences near y(0). Without
+        it differences are used.
     memory : Caputo, Memory, Term, a sum or a sequence of them, optional
-        Terms that `rhs` reads instead of the left side, such as friction that depends on the state.
-        Their values, shape (k, d), are its third argument: ``rhs(t, y, memory)``, ``rhs(t, y,
-        memory, params)`` or in place ``rhs(t, y, memory, dy, params)``, and likewise that of `jac`.
-        Orders must stay below the highest one of their component.
+        Terms that `rhs` reads, such as friction that depends on the state; they are not on the left
+        side. Their values, shape (k, d), are the third argument: ``rhs(t, y, memory)``,
+        ``rhs(t, y, memory, params)`` or in place ``rhs(t, y, memory, dy, params)``. `jac` has the
+        same third argument. Orders must be below the highest order of their component.
     jac_memory : callable, optional
-        The derivatives of `rhs` by ``memory.ravel()``, shape (d, k d), with the arguments of `jac`;
-        where memory is read both are given or none.
+        The derivatives of `rhs` by ``memory.ravel()``, shape (d, k d), with the arguments of `jac`.
+        If `rhs` reads memory, give both or none.
     t_start : float, optional
-        Time at which y0 is given and memory begins; 0 by default [time].
+        Time at which y0 is given and the memory starts; 0 by default [time].
     linear : array_like or SciPy sparse matrix, shape (d, d), optional
-        Constant matrix A: the right side is ``A y + rhs(t, y)``, or A y alone where `rhs` is None.
+        Constant matrix A: the right side is ``A y + rhs(t, y)``, or A y if `rhs` is None.
     bandwidth : (int, int), optional
         Numbers of diagonals of d rhs / d y below and above the main one. Then `jac` fills, or
         returns, shape (lower + upper + 1, d) as `scipy.linalg.solve_banded` has it,
         ``ab[upper + i - j, j] = d rhs[i] / d y[j]``.
     jac_sparsity : array_like or SciPy sparse matrix, shape (d, d), optional
         Entries of d rhs / d y that may differ from 0. Then `jac` fills, or returns, their values in
-        the order of the pattern's data, or returns SciPy's matrices. With either of these a system
-        of 10^5 components takes no dense matrix: differences are taken by groups of columns, bands
-        are factorised by LAPACK and other patterns by SuperLU. Entries that are missed near y0 are
-        refused.
+        the order of the pattern's data, or returns SciPy's matrices. With `bandwidth` or
+        `jac_sparsity` a system of 10^5 components needs no dense matrix. Differences then use
+        groups of columns; LAPACK factorises bands, and SuperLU other patterns. A pattern that lacks
+        entries near y0 is refused.
     d : int, optional
-        Number of components in a row of y0, which may then have more rows than the orders need; the
-        others are left out. So an order may cross 1 in a sweep or a fit.
+        Number of components in a row of y0. Then y0 may have more rows than the orders need, and
+        the rest is ignored. So an order may cross 1 in a sweep or a fit.
 
     Attributes
     ----------
@@ -103,15 +102,15 @@ class Equation(System):
         Number of real components; a complex one counts as two.
     m : int
         Number of initial conditions of the system that is solved: ceil(highest order) up to order
-        2, and 1 above, where the derivatives are components behind y.
+        2. Above order 2 it is 1, and the derivatives are further components after y.
     orders, coefficients : ndarray, shape (n_terms, d)
-        Order and coefficient for each component of each Caputo term of constant order; coefficients
-        of shape (n_terms, d, d) where one is a matrix.
+        Order and coefficient of each Caputo term of constant order, for each component. If one
+        coefficient is a matrix, coefficients have the shape (n_terms, d, d).
     y0 : ndarray, shape (m, d)
-        Real and imaginary parts side by side where they are complex.
+        Complex values as real and imaginary parts, next to each other.
     params : ndarray, shape (p,)
     terms, rhs, jac, memory, jac_memory, linear, bandwidth, jac_sparsity
-        As given. No attribute and no array can be changed: `replace` makes another equation.
+        The arguments. No attribute and no array can be changed: `replace` makes another equation.
 
     Raises
     ------
@@ -258,8 +257,8 @@ class Equation(System):
         ----------
         **changes
             Any argument of `Equation`.
-            An rhs that stays is not compiled again. A given jac belongs to its rhs: with another
-            rhs give another jac, or None for differences.
+            The same rhs is not compiled again. A jac belongs to its rhs: with another rhs give
+            another jac, or None for differences.
 
         Examples
         --------
@@ -322,7 +321,7 @@ class Equation(System):
     def current(self) -> Equation:
         """Return this equation with the globals and closed-over values its functions now read.
 
-        Itself where none has changed since it was made.
+        If no value has changed since it was made, this is the equation itself.
         """
         return self if self._present_values() == self._frozen else self.replace()
 

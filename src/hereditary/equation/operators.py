@@ -92,19 +92,19 @@ class Caputo(Summand):
     ----------
     order : float, array_like of shape (d,), or callable
         Order alpha above 0 [-], one for all components or one for each (an incommensurate system);
-        m = ceil(alpha). An equation with orders above 2, of constant orders all, is solved as a
-        system of y and its derivatives. Integers give the classical derivative exactly. A function
-        ``alpha(t)`` of the time gives an order that varies: all its values in (0, 1], or all in
-        (1, 2].
+        m = ceil(alpha). Integers give the classical derivative exactly. A function ``alpha(t)`` of
+        time is an order that varies: all its values are in (0, 1], or all in (1, 2]. An equation
+        with orders above 2 is solved as a system of y and its derivatives, and all its orders must
+        be constant.
 
     Notes
     -----
-    An order that varies is taken at the present time, for all of the past: ``D^alpha(t) y(t) =
+    The order at the present time applies to the whole past: ``D^alpha(t) y(t) =
     1/Gamma(m-alpha(t)) int_0^t (t-s)**(m-1-alpha(t)) y^(m)(s) ds`` with one m for the whole run,
-    1 or 2. (Other definitions in use, with alpha(s) or alpha(t-s) inside the integral, are other
-    operators.) `ExplicitCaputo`, `L1` and `Collocation` take such terms, beside any they take
-    without. The function is called from Python, with an array of times where it bears that; write
-    it with NumPy.
+    1 or 2. Definitions with alpha(s) or alpha(t-s) inside the integral are other operators.
+    `ExplicitCaputo`, `L1` and `Collocation` accept such terms, together with all other terms that
+    they accept. The function is called in Python, if possible with an array of times; write it
+    with NumPy.
 
     Limits at integers: as alpha -> 2 from below the operator tends to y''. As alpha -> 1 it tends
     to y' - y'(0) from above and to y' from below. As alpha -> 0 it tends to y - y(0). A family of
@@ -158,7 +158,7 @@ class Caputo(Summand):
         return self.varying is None
 
     def parts(self, orders):
-        """Operators of a `System`, each with whether a component has it.
+        """Return operators of a `System`, and for each which components have it.
 
         `orders` (d,) are the constant orders as the equation rounds them.
         """
@@ -177,15 +177,15 @@ class RiemannLiouville(Caputo):
     """Riemann and Liouville's derivative of order below 1, ``d/dt J**(1-gamma) y``.
 
     It is ``Caputo(gamma) y + y(0) t**-gamma / Gamma(1-gamma)``: y counts as 0 before the start.
-    Multiply it by a coefficient to make a term of an equation, beside a Caputo term of higher
-    order, whose initial values are y(0) and y'(0).
+    Multiply it by a coefficient to make a term of an equation. The equation needs a Caputo term of
+    higher order, whose initial values are y(0) and y'(0).
 
     Parameters
     ----------
     order : float, array_like of shape (d,), or callable
-        gamma in (0, 1) [-], below the highest order of its component, and more than 1 below where
-        that exceeds 1: else y'(0) would be infinite. A function ``gamma(t)`` of the time gives an
-        order that varies.
+        gamma in (0, 1) [-], below the highest order of its component. If that order exceeds 1,
+        gamma must be below it by more than 1, because y'(0) would be infinite otherwise. A function
+        ``gamma(t)`` of time is an order that varies.
 
     Notes
     -----
@@ -217,7 +217,7 @@ class RiemannLiouville(Caputo):
             raise ValueError(complaint("order", required, self._order.tolist()))
 
     def parts(self, orders):
-        """Operators of a `System`; see `Caputo.parts`."""
+        """Return operators of a `System`; see `Caputo.parts`."""
         return [
             (part if part.varies else replace(part, from_zero=True), held)
             for part, held in super().parts(orders)
@@ -237,15 +237,15 @@ class Memory(Summand):
     kernel : MemoryKernel
         `PowerLaw`, `TemperedPowerLaw`, `Prony`, `MittagLeffler`, `StretchedExponential`,
         `DistributedOrder`, or `Kernel` for any other; integrable at 0. A sum from
-        `fit_exponentials` is taken as it is, in runs up to its t_max; it has nothing of a
-        singularity before its t_min.
+        `fit_exponentials` is used unchanged, in runs up to its t_max. Before its t_min it has no
+        singularity.
     derivative : int
         m: 0, 1 or 2.
 
     Notes
     -----
-    With ``PowerLaw(a)``, 0 < a < 1, this is ``Gamma(1-a) Caputo(m - 1 + a)``, and taken for that;
-    so ``Memory(PowerLaw(beta - 1) / Gamma(2 - beta), 2)`` is ``Caputo(beta)``, 1 < beta < 2.
+    With ``PowerLaw(a)``, 0 < a < 1, this is ``Gamma(1-a) Caputo(m - 1 + a)`` and is solved as
+    such. So ``Memory(PowerLaw(beta - 1) / Gamma(2 - beta), 2)`` is ``Caputo(beta)``, 1 < beta < 2.
 
     Examples
     --------
@@ -268,7 +268,7 @@ class Memory(Summand):
     constant = False
 
     def parts(self, orders):
-        """Operator of a `System`, which every component has; `orders` has no part in it."""
+        """Return the operator of a `System`, which every component has; `orders` is ignored."""
         return [(KernelOperator(self.kernel, self.derivative), True)]
 
     def __repr__(self):

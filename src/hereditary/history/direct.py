@@ -21,12 +21,12 @@ class Direct(History):
 
     Error
     -----
-    Rounding alone.
+    Only rounding.
 
     Cost
     ----
-    n multiplications at step n, N**2 / 2 in all, and 8 N bytes for each component. Where orders
-    vary, every weight is new at every step, which takes some twenty times as long.
+    n multiplications at step n, N**2 / 2 in all, and 8 N bytes for each component. If orders vary,
+    every weight is new in every step, which takes about twenty times as long.
 
     Examples
     --------

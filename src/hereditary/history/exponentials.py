@@ -34,32 +34,31 @@ _PAD = 8
 
 @dataclass(frozen=True)
 class SumOfExponentials(History):
-    """The past carried by decaying modes that all memory terms share; the default.
+    """The past as decaying modes that all memory terms share; the default.
 
     Parameters
     ----------
     tol : float
         Relative error of the memory kernels, 1e-13 <= tol <= 0.1 [-].
     horizon : float, optional
-        Time that a run is going to be resumed to, where that is beyond twenty million steps, on a
-        mesh beyond ten times its length, or beyond the first run where a kernel is known by its
-        values. The default covers 2 * 10**7 steps, or the whole run if longer, ten times a mesh;
-        kernels of a function or a table the run alone [time].
+        Time up to which the run may be resumed [time]. The default covers 2 * 10**7 steps, or the
+        whole run if it has more, and ten times the length of a mesh. Kernels given as a function or
+        a table cover only the first run by default.
 
     Error
     -----
-    Each kernel is reproduced to `tol` relative at every distance from one step to the horizon; all
-    weights are positive, so a decaying memory stays one for any `tol`
-    (convergence/memory_is_nearly_free.py). A function or a table that no sum follows so closely is
-    followed as closely as can be: a `KernelWarning` says so before the run, and
-    ``stats["kernel_error"]`` how closely. A run with a function that is followed less closely than
-    to `tol` and to 1e-6 ends as KERNEL_INACCURATE.
+    The relative error of each kernel is at most `tol` at all time lags from one step to the
+    horizon. All weights are positive, so a decaying memory decays for any `tol`
+    (convergence/memory_is_nearly_free.py). If no sum reaches `tol` for a function or a table, the
+    closest one is used. Then a `KernelWarning` appears before the run, and
+    ``stats["kernel_error"]`` is its error. For a function with an error above both `tol` and 1e-6
+    the run ends with the status `kernel_inaccurate`.
 
     Cost
     ----
-    Two multiplications a mode and step. The number of modes grows like log(N) log(1/tol): 56 at
-    1e-10 for up to 2 * 10**7 steps, 8 bytes each for a component. Where orders vary 76 modes hold
-    the past for every order, and are weighed anew at each step.
+    Two multiplications for each mode in a step. The number of modes grows like log(N) log(1/tol):
+    56 at 1e-10 for up to 2 * 10**7 steps, with 8 bytes each for a component. If orders vary, there
+    are 76 modes for all orders, with new weights in each step.
 
     Examples
     --------

@@ -136,27 +136,28 @@ def _region(equation, lead, corrections):
 class Adams(Scheme):
     """Fractional Adams predictor-corrector (PECE), orders in (0, 2], one term a component.
 
-    f is a line on each step; on the newest one it is first taken as constant, then corrected with
-    its new value as often as `corrections` says. Explicit. Components may have different orders.
+    f is a line on each step. On the newest step f is first constant; then it is corrected with its
+    new value, `corrections` times. Explicit. Components may have different orders.
 
     Parameters
     ----------
     corrections : int
-        Corrector sweeps m >= 1; m + 1 right-hand sides a step.
+        Number m >= 1 of corrections; a step takes m + 1 evaluations of the right-hand side.
 
     Error
     -----
-    O(h**min(2, 1 + (m + 1) alpha)) at a fixed time where f along the solution is smooth: the
-    prediction is off by h**(1+alpha), and each sweep gains h**alpha. O(h**min(2, 1 + alpha)) for
-    solutions like t**alpha (convergence/orders.py).
+    O(h**min(2, 1 + (m + 1) alpha)) at a fixed time if f along the solution is smooth: the error of
+    the prediction is O(h**(1+alpha)), and each correction gains h**alpha. O(h**min(2, 1 + alpha))
+    for solutions like t**alpha (convergence/orders.py).
 
     Stability
     ---------
-    Conditional: for ``D^alpha y = -K y`` with one sweep K h**alpha must stay below Gamma(alpha +
-    2), 1.02 to 2, for orders up to 1 and below about 1.5 to 2.5 above; at order 2 it grows slowly
-    at any step (docs/stability.md). Beyond, the solution grows, or with a force that saturates
-    stays bounded and wrong. `solve` watches whether the sweeps contract along the orbit, K h**alpha
-    < Gamma(alpha + 2), and whether increments grow while they turn within a few steps.
+    Conditional. For ``D^alpha y = -K y`` with one correction K h**alpha must be below Gamma(alpha +
+    2), 1.02 to 2, for orders up to 1. Above order 1 the limit is about 1.5 to 2.5, and at order 2
+    the solution grows slowly with any step (docs/stability.md). Beyond the limit the solution grows
+    or, with a force that saturates, stays bounded and wrong. `solve` checks along the orbit whether
+    corrections contract, K h**alpha < Gamma(alpha + 2), and whether increments grow while they turn
+    within a few steps.
 
     Source
     ------
@@ -199,21 +200,21 @@ class Adams(Scheme):
 
 @dataclass(frozen=True)
 class ProductTrapezoid(Scheme):
-    """The product trapezoidal rule, the implicit sibling of `Adams`.
+    """The product trapezoidal rule, the implicit form of `Adams`.
 
-    f is a line on each step and the new value is found by Newton's method. Orders in (0, 2], one
-    term a component, which may have different orders.
+    f is a line on each step, and Newton's method finds the new value. Orders are in (0, 2], with
+    one term in each component. Components may have different orders.
 
     Error
     -----
-    O(h**2) at a fixed time where f along the solution is smooth; O(h**min(2, 1 + alpha)) for
-    solutions like t**alpha (convergence/orders.py).
+    O(h**2) at a fixed time if f along the solution is smooth; O(h**min(2, 1 + alpha)) for solutions
+    like t**alpha (convergence/orders.py).
 
     Stability
     ---------
-    No step limit for orders up to 1. Above, ``D^beta y = -K y`` needs K h**beta below
-    ``Gamma(beta + 2) / (4 |eta(-1-beta)|)``, 50 at 1.05, 9.3 at 1.6, 12 at 2 (docs/stability.md);
-    `solve` watches it along the orbit.
+    No step limit for orders up to 1. Above order 1, for ``D^beta y = -K y``, K h**beta must be
+    below ``Gamma(beta + 2) / (4 |eta(-1-beta)|)``: 50 at 1.05, 9.3 at 1.6, 12 at 2
+    (docs/stability.md). `solve` checks this limit along the orbit.
 
     Source
     ------

@@ -41,9 +41,9 @@ class BDF(Scheme):
 
     Error
     -----
-    O(h**p) at a fixed time where f(t, x(0) + t x'(0)) is smooth and f linear in x, also for
-    solutions like t**alpha and with lower terms whatever x'(0) is. Less where they are not: a part
-    t**mu of f leaves O(h**(1+mu)), with mu = 2 alpha for nonlinear f (convergence/orders.py).
+    O(h**p) at a fixed time if f(t, x(0) + t x'(0)) is smooth and f linear in x, also for solutions
+    like t**alpha, with lower terms, and for any x'(0). Otherwise less: a part t**mu of f has an
+    error of O(h**(1+mu)), with mu = 2 alpha for nonlinear f (convergence/orders.py).
 
     Stability
     ---------

@@ -37,24 +37,24 @@ class ExplicitCaputo(Scheme):
     x_(n-k)) = f(t_n, x_n)``, ``x_1 = x_0 + h x'(0)``, with ``A = h**-beta / Gamma(3 - beta)``,
     ``B = lambda h**-gamma / Gamma(2 - gamma)``, ``a_k = (k+1)**(2-beta) - k**(2-beta)`` and
     ``b_k = (k+1)**(1-gamma) - k**(1-gamma)``, solved for x_(n+1). Any number of terms with orders
-    in (0, 2] and any number of components; equations of order up to 1 use the same sums from
-    ``x_1 - x_0`` on. At beta = 2, gamma = 1 it is the classical difference scheme. Where orders
-    vary, all of a step's weights are those of the orders at t_n.
+    in (0, 2] and any number of components. Equations of order up to 1 use the same sums from
+    ``x_1 - x_0`` on. At beta = 2, gamma = 1 it is the classical difference scheme. If orders vary,
+    the orders at t_n give all weights of a step.
 
     Error
     -----
-    O(h) at a fixed t > 0 for f smooth in its arguments; terms in h**(3-beta) and h**(2-gamma)
-    accompany it (convergence/explicit_order.py; varying orders: convergence/varying_orders.py).
+    O(h) at a fixed t > 0 for f smooth in its arguments, plus terms in h**(3-beta) and h**(2-gamma)
+    (convergence/explicit_order.py; varying orders: convergence/varying_orders.py).
 
     Stability
     ---------
-    Conditional, and sharply so: `step_limit`. Beyond the limit an orbit need not overflow; it
-    zigzags from step to step and stays bounded and wrong. `solve` checks the limit against the
-    Jacobian along the orbit and watches every step for the zigzag and for growth.
+    Conditional, with the sharp limit `step_limit`. Beyond the limit an orbit need not overflow: it
+    can zigzag from step to step, bounded and wrong. `solve` compares the limit with the Jacobian
+    along the orbit, and checks every step for a zigzag and for growth.
 
     Cost
     ----
-    One right-hand side a step and the history's share.
+    A step takes one evaluation of the right-hand side, and the time of the history.
 
     Source
     ------

@@ -32,26 +32,26 @@ from .uniform_plan import uniform_plan
 class GrunwaldLetnikov(Scheme):
     """The explicit Grünwald-Letnikov scheme, for orders in (0, 2].
 
-    The power series of ``((1-z)/h)**alpha`` stands for the derivative, applied to x - x(0), above
-    order 1 to x - x(0) - t x'(0), and the right-hand side is taken at t_n: ``h**-alpha
+    The power series of ``((1-z)/h)**alpha`` replaces the derivative. It acts on x - x(0), and above
+    order 1 on x - x(0) - t x'(0). The right-hand side is evaluated at t_n: ``h**-alpha
     sum_(k=0)^(n+1) g_k (x_(n+1-k) - x(0) - (n+1-k) h x'(0)) = f(t_n, x_n)`` with ``g_k = (-1)**k
-    binom(alpha, k)``, solved for x_(n+1). With the right-hand side at t_(n+1) it is `BDF(1)`, its
-    implicit sibling, which takes the derivatives of t x'(0) in lower terms exactly besides. At
-    order 1 it is Euler's method, at order 2 the classical difference scheme with ``x_1 = x(0) + h
-    x'(0) + h**2 f(0, x(0))``. Any number of terms and components.
+    binom(alpha, k)``, solved for x_(n+1). The implicit form, with the right-hand side at t_(n+1),
+    is ``BDF(1)``; it also has the exact derivatives of t x'(0) in lower terms. At order 1 the
+    scheme is Euler's method. At order 2 it is the classical difference scheme with
+    ``x_1 = x(0) + h x'(0) + h**2 f(0, x(0))``. Any number of terms and components.
 
     Error
     -----
-    O(h) at a fixed t > 0, for smooth solutions and for those like t**alpha; O(h**2) for one term of
-    order 2 where x''(0) = 0 (convergence/orders.py, tests/schemes/test_grunwald_letnikov.py).
+    O(h) at a fixed t > 0, for smooth solutions and for solutions like t**alpha. O(h**2) for one
+    term of order 2 if x''(0) = 0 (convergence/orders.py, tests/schemes/test_grunwald_letnikov.py).
 
     Stability
     ---------
-    Conditional, and sharply so: `step_limit`. A run is watched as with `ExplicitCaputo`.
+    Conditional, with the sharp limit `step_limit`. `solve` checks it as for `ExplicitCaputo`.
 
     Cost
     ----
-    One right-hand side a step and the history's share.
+    A step takes one evaluation of the right-hand side, and the time of the history.
 
     Source
     ------

@@ -17,25 +17,26 @@ from .weights import FIRST_DIFFERENCES, by_rule, value_weights, weighed
 
 @dataclass(frozen=True)
 class L1(Scheme):
-    """The L1 scheme; for orders above 1 in its half-step form.
+    """The L1 scheme, in its half-step form for orders above 1.
 
     Orders in (0, 1]: the solution is a line on each step, ``D^alpha x(t_n) = h**-alpha /
     Gamma(2 - alpha) sum_k b_k (x_(n-k) - x_(n-k-1))`` with ``b_k = (k+1)**(1-alpha) -
-    k**(1-alpha)``, and the equation holds at t_n. If any order lies in (1, 2] the velocities
+    k**(1-alpha)``, and the equation holds at t_n. If any order is in (1, 2], the velocities
     ``v_(k+1/2) = (x_(k+1) - x_k) / h`` are lines instead, ``D^beta x(t_(n+1/2)) = h**(1-beta) /
     Gamma(3 - beta) (v_(n+1/2) - sum_(k=1)^n (a_(k-1) - a_k) v_(n+1/2-k) - a_n x'(0))`` with ``a_k =
-    (k+1)**(2-beta) - k**(2-beta)``, lower orders are seen at t_n + h/2 as well, and the equation
+    (k+1)**(2-beta) - k**(2-beta)``. Lower orders are also evaluated at t_n + h/2, and the equation
     holds there with ``x = (x_n + x_(n+1)) / 2``. Implicit: Newton's method with the equation's
-    Jacobian or differences. Any number of terms and components. Where orders vary, all of a step's
-    weights are those of the orders at the time at which its equation holds.
+    Jacobian or differences. Any number of terms and components. If orders vary, the orders at the
+    time of the equation give all weights of a step.
 
     Error
     -----
-    O(h**(2-alpha)) for smooth solutions; O(h) at a fixed time for solutions like t**alpha on
-    uniform steps, O(n**-min(r alpha, 2-alpha)) at all times on the mesh ``graded(n, r)``.
-    O(h**(3-beta)) for orders above 1, O(n**-(3-beta)) at all times on ``graded(n, 3)``
-    (convergence/orders.py, convergence/graded_meshes.py, tests/schemes/test_schemes.py). Where
-    orders vary, their largest value counts (convergence/varying_orders.py).
+    Orders up to 1: O(h**(2-alpha)) for smooth solutions. For solutions like t**alpha, O(h) at a
+    fixed time on uniform steps, and O(n**-min(r alpha, 2-alpha)) at all times on the mesh
+    ``graded(n, r)``. Orders above 1: O(h**(3-beta)), and O(n**-(3-beta)) at all times on
+    ``graded(n, 3)`` (convergence/orders.py, convergence/graded_meshes.py,
+    tests/schemes/test_schemes.py). If orders vary, their largest value counts
+    (convergence/varying_orders.py).
 
     Stability
     ---------

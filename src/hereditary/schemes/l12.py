@@ -17,23 +17,23 @@ from .weights import FIRST_DIFFERENCES, by_rule, parabola_start
 class L12(Scheme):
     """The L1-2 scheme of order 3 - alpha, for orders in (0, 1].
 
-    On the first step the solution is a line, on every later one the parabola through its ends and
-    the value before; the equation holds at t_n. `L2` takes the parabola through the value after. At
+    On the first step the solution is a line. On every later step it is the parabola through the
+    ends of the step and the value before; `L2` uses the value after. The equation holds at t_n. At
     alpha = 1 this is the second backward difference formula, started by one step of Euler's
     backward method. Implicit: Newton's method with the equation's Jacobian or differences. Any
     number of terms and components.
 
     Error
     -----
-    O(h**(3-alpha)) at a fixed time for smooth solutions, where the line of the first step leaves
-    O(h**2) next to 0 unless x''(0) = 0; O(h) at a fixed time for solutions like t**alpha,
+    O(h**(3-alpha)) at a fixed time for smooth solutions. Next to 0 the line of the first step has
+    an error of O(h**2), unless x''(0) = 0. O(h) at a fixed time for solutions like t**alpha,
     alpha < 1 (convergence/orders.py).
 
     Stability
     ---------
     No step limit was found for orders from 0.1 to 1: ``D^alpha y = -K y`` and undamped rotations
-    are bounded by their start for K h**alpha up to 1e6. On the unit circle the formula's symbol
-    keeps to arguments below ``alpha pi / 2`` + 0.6 degrees.
+    do not exceed their start for K h**alpha up to 1e6. On the unit circle the argument of the
+    formula's symbol is below ``alpha pi / 2`` + 0.6 degrees.
 
     Source
     ------

@@ -16,9 +16,9 @@ from .uniform_plan import parabola_plan
 class L2(Scheme):
     """The L2 scheme of order 3 - alpha, for orders in (0, 1].
 
-    On every step but the last the solution is the parabola through its ends and the next value, on
-    the last one that through its ends and the value before; the equation holds at t_n. The first
-    step is solved with a line. At alpha = 1 this is the second backward difference formula, started
+    On every step but the last the solution is the parabola through the ends of the step and the
+    next value. On the last step it is the parabola through its ends and the value before. The
+    equation holds at t_n. The first step is solved with a line. At alpha = 1 this is the second backward difference formula, started
     by one step of Euler's backward method. Implicit: Newton's method with the equation's Jacobian
     or differences. Any number of terms and components.
 

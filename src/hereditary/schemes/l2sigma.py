@@ -27,16 +27,16 @@ class L2Sigma(Scheme):
     the solution is the parabola through its ends and the next value, on the last one a line. The
     error of the line cancels if sigma = 1 - alpha/2 for one term. For several terms sigma is the
     root of ``sum_j c_j h**(2-alpha_j) / Gamma(3-alpha_j) sigma**(1-alpha_j)
-    (sigma - 1 + alpha_j/2)``. At
-    alpha = 1 it is the implicit midpoint rule. Any number of components, all with the same terms.
-    One term of order beta in (1, 2] is reduced to two equations of order beta/2
+    (sigma - 1 + alpha_j/2)``. At alpha = 1 the scheme is the implicit midpoint rule. Any number of
+    components, all with the same terms. One term of order beta in (1, 2] becomes two equations of
+    order beta/2
     (schemes/reduction.py), which are solved together.
 
     Error
     -----
-    O(h**2) for smooth solutions; O(h) at a fixed time for solutions like t**alpha on uniform
-    steps, O(n**-min(r alpha, 2)) at all times on the mesh ``graded(n, r)``, with beta/2 for alpha
-    above 1 (convergence/orders.py, convergence/graded_meshes.py).
+    O(h**2) for smooth solutions. O(h) at a fixed time for solutions like t**alpha on uniform steps;
+    O(n**-min(r alpha, 2)) at all times on the mesh ``graded(n, r)``. Above order 1 alpha is beta/2
+    here (convergence/orders.py, convergence/graded_meshes.py).
 
     Stability
     ---------

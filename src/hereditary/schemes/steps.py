@@ -14,7 +14,7 @@ from ..support.checks import complaint, count, positive, real_array, shown
 
 @dataclass(frozen=True)
 class Graded:
-    """Mesh ``t_k = t_end (k / n)**exponent``, k = 0..n, made by `graded`."""
+    """A mesh ``t_k = t_end (k / n)**exponent``, k = 0..n, made by `graded`."""
 
     n: int
     exponent: float
@@ -27,7 +27,7 @@ class Graded:
 def graded(n: int, exponent: float) -> Graded:
     """Define a mesh refined towards t = 0, ``t_k = t_end (k / n)**exponent``.
 
-    For solutions that start like t**alpha, the exponent p / alpha restores a scheme's full order p.
+    If a solution starts like t**alpha, a scheme has its full order p with the exponent p / alpha.
 
     Parameters
     ----------

@@ -44,22 +44,22 @@ def warn_of(status, message, unstable=False):
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """A numerical solution, and how it came about.
+    """A numerical solution: its rows, how the run ended, and what is needed to resume it.
 
     Attributes
     ----------
     t : ndarray, shape (n+1,)
         Times of the rows [time], twice where an event changed y: before and after.
     y : ndarray, shape (n+1, d)
-        Solution, time first; of the components asked for.
+        Solution, a row for each time; only the requested components.
     ydot : ndarray, shape (n+1, d), or None
-        First derivative when the highest order exceeds 1; NaN at t = 0 for components that have
-        no initial derivative.
+        First derivative, if the highest order exceeds 1; NaN at t = 0 for components without an
+        initial derivative.
     status : Status
-        How the run ended, ``"completed"`` or another; a solution is true, ``if sol:``, where
-        ``sol.success`` is.
+        How the run ended, such as ``"completed"``. A solution is true, as in ``if sol:``, if
+        ``sol.success`` is true.
     message : str
-        The same in a sentence, with the numbers of this run.
+        The sentence of the status, with the numbers of this run.
     stats : dict
         Counts and measurements of the run:
 
@@ -82,9 +82,9 @@ class Solution:
           real eigenvalues count. Above 32 components a bound by norms replaces the ratio if it is
           below 1.
     left : State or callable
-        What `state` is, or returns it.
+        The value of `state`, or a function that returns it.
     dense : Dense or None
-        Dense output that ``sol(t)`` reads; of a run that kept every step.
+        Dense output for ``sol(t)``; None if the run did not keep every step.
     t_events, y_events : list of ndarray
         Times (k,) and solutions (k, d) of each event function's zeros.
     """
@@ -102,10 +102,10 @@ class Solution:
 
     @cached_property
     def state(self) -> State | AdaptiveState | None:
-        """Everything needed to go on, ``solve(eq, t_later, resume=sol.state)``.
+        """Everything needed to resume the run, ``solve(eq, t_later, resume=sol.state)``.
 
-        A few kilobytes with `SumOfExponentials`, the whole past with `Direct`; an implicit scheme
-        adds 32 d**2 bytes for ten components and more, d.
+        A few kilobytes with `SumOfExponentials`, the whole past with `Direct`. From ten components
+        on an implicit scheme adds 32 d**2 bytes.
         """
         return self.left() if callable(self.left) else self.left
 
@@ -114,26 +114,26 @@ class Solution:
 
     @property
     def success(self) -> bool:
-        """Whether the run ended as asked for, with stable steps and accurate kernels."""
+        """Whether the run reached its end or a terminal event, with stable steps."""
         return self.status in (Status.COMPLETED, Status.EVENT)
 
     @property
     def coarse(self) -> bool:
-        """Whether the dense output shows more than the rows, whose steps are long."""
+        """Whether steps are so long that figures need the dense output."""
         return self.dense is not None and not self.dense.resolved
 
     def __bool__(self) -> bool:
         return self.success
 
     def __call__(self, t: ArrayLike, derivative: int = 0) -> np.ndarray:
-        """The solution at any time of the run, with the accuracy of its steps.
+        """Return the solution at any time of the run, with the accuracy of its steps.
 
         Parameters
         ----------
         t : float or array_like, shape (k,)
             Times between the first and the last row.
         derivative : {0, 1}, optional
-            1 for the first derivative; infinite at 0 where the solution starts like t**alpha.
+            1 for the first derivative, which is infinite at 0 if the solution starts like t**alpha.
 
         Returns
         -------
@@ -142,7 +142,7 @@ class Solution:
         Raises
         ------
         ValueError
-            A time outside the run, or a run that kept rows alone.
+            A time is outside the run, or the run kept only rows.
         """
         if self.dense is None:
             required = "be answered by rows: this run kept no dense output"
@@ -163,12 +163,12 @@ class Solution:
         return small_figure(t, np.hstack(parts)) + about + told
 
     def to_pandas(self) -> Any:
-        """The rows as a pandas DataFrame.
+        """Return the rows as a pandas DataFrame.
 
         Returns
         -------
         pandas.DataFrame
-            Indexed by t, with columns "y[0]", "y[1]", ... and, where there is one, "ydot[0]", ...
+            Indexed by t, with columns "y[0]", "y[1]", ... and, if there is y', "ydot[0]", ...
         """
         pandas = optional("pandas", "to_pandas")
         values = {"y": self.y, "ydot": self.ydot}
@@ -181,12 +181,12 @@ class Solution:
         return pandas.DataFrame(columns, index=pandas.Index(self.t, name="t"))
 
     def to_xarray(self) -> Any:
-        """The rows as an xarray Dataset.
+        """Return the rows as an xarray Dataset.
 
         Returns
         -------
         xarray.Dataset
-            Variables y and, where there is one, ydot over "t" and "component"; status, message and
+            Variables y and, if there is y', ydot over "t" and "component". Status, message and
             single numbers of the stats are attributes.
         """
         xarray = optional("xarray", "to_xarray")
@@ -201,7 +201,7 @@ class Solution:
     def save(self, path: str | os.PathLike) -> None:
         """Write rows, events, status and stats to a compressed .npz file, named exactly `path`.
 
-        State and dense output are not in it: pickle the solution to go on from it.
+        The file has no state and no dense output: pickle the solution to resume it later.
 
         Parameters
         ----------

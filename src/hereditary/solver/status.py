@@ -11,6 +11,8 @@ from ..kernels.memory_kernel import MemoryKernel
 class Status(enum.StrEnum):
     """How a run ended: a string, ``sol.status == "blown_up"``.
 
+    docs/troubleshooting.md has a remedy for each.
+
     Attributes
     ----------
     sentence : str
@@ -20,7 +22,7 @@ class Status(enum.StrEnum):
     sentence: str
 
     def __new__(cls, value, sentence):
-        """A member with its sentence."""
+        """Make a member with its sentence."""
         member = str.__new__(cls, value)
         member._value_, member.sentence = value, sentence
         return member
@@ -60,7 +62,7 @@ class Status(enum.StrEnum):
 
 
 def failed(error):
-    """Status and detail of a run that an exception ended, by the function that raised it."""
+    """Return status and detail of a run that an exception ended, by the function that raised it."""
     error = original(error)
     if isinstance(error, OrderFailed):
         return Status.ORDER_FAILED, str(error)
