@@ -44,13 +44,14 @@ class Ensemble:
     t : ndarray, shape (n,)
         Times of the rows [time].
     y : ndarray, shape (E, n, d)
-        Solutions, a member for each entry of the first axis; NaN from where a run ended early.
+        Solutions, a member for each entry of the first axis; NaN after the end of a run that ended
+        early.
     ydot : ndarray, shape (E, n, d), or None
-        First derivatives when the highest order exceeds 1.
+        First derivatives, if the highest order exceeds 1.
     status : ndarray of str, shape (E,)
-        How each run ended, as `Solution.status` has it.
+        How each run ended, as in `Solution.status`.
     messages : dict
-        Sentences of those members, by their numbers, that did not complete.
+        By member number, the message of each member that did not complete.
     stats : dict
         n_steps and n_rhs, (E,) each, and seconds in all.
     """
@@ -93,11 +94,10 @@ def ensemble(
 ) -> Ensemble:
     """Solve one equation for many parameters or initial values, on all cores.
 
-    Every member gets the solution that `solve` gives it, at times of uniform steps to the last bit
-    (with BDF(3) to BDF(6) to rounding).
-    With these all weights, modes and stability limits are worked out once, and each thread marches
-    one member after the other. For equations that differ otherwise, in their orders above all, take
-    `sweep`.
+    Every member has the solution of `solve`. With uniform steps it is equal to the last bit, with
+    BDF(3) to BDF(6) to rounding. Uniform steps need weights, modes and stability limits only once,
+    and each thread solves one member after the other. Use `sweep` for equations that differ in
+    anything else, such as their orders.
 
     Parameters
     ----------
@@ -107,16 +107,16 @@ def ensemble(
     n_steps : int, optional
         Number of steps; or `rtol`.
     params : array_like, shape (E, p), optional
-        Parameters of each member; shape (E,) where the equation has one.
+        Parameters of each member; shape (E,) if the equation has one.
     y0 : array_like, shape (E, ...), optional
-        Initial values of each member, each row as `Equation` takes it.
+        Initial values of each member, each row as for `Equation`.
     rtol, atol, scheme, history
         As in `solve`.
     save_every : int, optional
-        Keep every so many-th step, besides the first and the last row.
+        Keep the first row, the last one, and every `save_every`-th one.
     t_eval : array_like, shape (n,), optional
-        Keep these times instead. With n_steps they must be times of steps. With rtol, whose steps
-        differ from member to member, the start and the end are kept where none are given.
+        Keep these times instead. With n_steps they must be times of steps. With rtol the steps
+        differ between members, and the default is the start and the end.
     threads : int, optional
         By default as many as there are cores; one if members take less than 0.4 ms each, or if a
         function is called in Python.
@@ -126,8 +126,8 @@ def ensemble(
     Returns
     -------
     Ensemble
-        Also when runs end early: each member has its status. After Ctrl-C those under way and those
-        that are left have the status "interrupted".
+        Each member has its status, also if its run ends early. After Ctrl-C all unfinished members
+        have the status "interrupted".
 
     Raises
     ------
@@ -141,9 +141,9 @@ def ensemble(
 
     Cost
     ----
-    With uniform steps that of the steps, 0.1 to 0.5 microseconds each for one component, and 0.1 to
-    0.2 milliseconds for a member, of which threads share little (convergence/ensembles.py). With
-    rtol, and where a function is called in Python, that of `solve` for each member.
+    Uniform steps take 0.1 to 0.5 microseconds each for one component, and a member 0.1 to 0.2
+    milliseconds more, which threads hardly reduce (convergence/ensembles.py). With rtol, and if a
+    function is called in Python, each member costs as much as `solve`.
 
     Examples
     --------

@@ -50,10 +50,10 @@ def sweep(
     Parameters
     ----------
     function : callable
-        Called as ``function(**point)`` with one value for each axis. Returns a number, a string, an
-        array of them, or a mapping of names to such; a bare value is named "value". Arrays may have
-        a different length at each point: NaN fill them up to the longest. Under the name
-        "status" a mapping may say how the point ended, e.g. ``solution.status``.
+        Called as ``function(**point)`` with one value for each axis. It returns a number, a string,
+        an array of these, or a mapping of names to these; a bare value is named "value". Arrays may
+        have a different length at each point: NaN fills the shorter ones. The entry "status" of a
+        mapping is the status of the point, e.g. ``solution.status``.
     grid : mapping of str to sequence, shape (n,)
         The values of each axis, finite and distinct numbers or strings; the points are all
         combinations.
@@ -62,9 +62,9 @@ def sweep(
         ``client.get_executor()`` or an ``mpi4py.futures.MPIPoolExecutor()``; it is not shut down.
         By default threads on all cores.
     store : path-like, optional
-        File that every finished point is written to as soon as it is known. A sweep that finds its
-        file goes on from there: no point in it is computed again. A file of another grid is
-        refused; that the function is the same is not checked. One sweep at a time may use a file.
+        File to which every finished point is written at once. If the file exists, the sweep
+        computes only the points that are missing. A file of another grid is refused. The function
+        is not checked. Only one sweep at a time may use a file.
     progress : bool, optional
         Show a bar with the time left, on a terminal.
     carry : bool, optional
@@ -77,19 +77,19 @@ def sweep(
     Returns
     -------
     Table
-        Also after Ctrl-C, when points under way have ended: the others have the status "not
+        After Ctrl-C the sweep waits for the running points, and the others have the status "not
         computed". A second Ctrl-C raises at once.
 
     Warns
     -----
     UserWarning
-        The last line of the store is torn, as a kill leaves it: its point is computed again.
+        The last line of the store is incomplete, as after a kill: its point is computed again.
 
     Notes
     -----
-    A point at which the function raises keeps the exception as its status and NaN as its values,
-    in the store too; delete the store, or its lines, to try again. The table does not depend on the
-    executor, on the number of threads, or on the order in which points end.
+    If the function raises, the point has the exception as its status and NaN as its values, also in
+    the store. To try again, delete the store or the lines of such points. The table does not depend
+    on the executor, on the number of threads, or on the order in which points end.
 
     Threads share one interpreter, so they speed up only the compiled part of each point. Use
     processes if Python takes most of the time, as in many short runs or in `lyapunov` below about
@@ -105,7 +105,7 @@ def sweep(
     >>> table["x"].round(2).tolist()
     [4.19, 4.74]
 
-    Each force goes on from where the one before left y:
+    Each force starts from the last state of the force before:
 
     >>> eq = hd.Equation(hd.Caputo(0.8), lambda t, y, p: p[0] - y, 0.0, params=[1.0])
     >>> def onwards(force, state):

@@ -29,12 +29,11 @@ class Table:
     axes : dict of str to ndarray, shape (n,)
         The values of each axis, in the order of the array axes.
     values : dict of str to ndarray, shape table.shape + (...)
-        What the function returned, under its names: float64, or strings. NaN, or an empty string,
-        where a point gave none or one that does not fit, and behind arrays shorter than the longest
-        one.
+        The results by their names: float64, or strings. NaN, or an empty string, if a point has no
+        result or one that does not fit, and after the end of arrays shorter than the longest one.
     status : ndarray of str, shape table.shape
-        "completed", what the function returned as its status, "not computed", or the exception that
-        it raised, as one line of at most 200 characters.
+        "completed", the status that the function returned, "not computed", or the exception that it
+        raised, as one line of at most 200 characters.
 
     Examples
     --------

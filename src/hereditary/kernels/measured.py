@@ -31,17 +31,17 @@ class Kernel(MemoryKernel):
     function : callable
         K at times t > 0 of shape (n,), or at one time; smooth there.
     singular_exponent : float, optional
-        The a of ``K ~ t**-a`` near 0, 0 <= a < 1 [-]; read off the function where not given.
+        The a of ``K ~ t**-a`` near 0, 0 <= a < 1 [-]; by default found from the function.
     signed : bool
-        Whether K may grow or change its sign: its fit then has weights of both signs, and errors
-        count relative to the largest ``|K|`` from each time on.
+        Whether K may grow or change its sign. Its fit then has weights of both signs, and errors
+        are relative to the largest ``|K|`` from each time on.
 
     Notes
     -----
     Unless `signed`, K must be completely monotone: positive, decreasing, convex and so on. Kernels
-    that rise or are negative are refused; what else is not completely monotone shows in the error
-    of its fit. A run refuses a kernel by its values from 1e-8 of the run's end on, whatever the
-    steps. Give the exponent where rounding spoils the function at small times.
+    that rise or are negative are refused. Other deviations appear in the error of the fit. A run
+    judges a kernel by its values from 1e-8 of the run's end on, for any steps. Give the exponent if
+    rounding spoils the function at small times.
 
     Examples
     --------
@@ -166,7 +166,7 @@ class Kernel(MemoryKernel):
 
 
 class TabulatedKernel(Kernel):
-    """A memory kernel from measured values, noisy ones too.
+    """A memory kernel from measured values, with or without noise.
 
     Parameters
     ----------
@@ -177,10 +177,10 @@ class TabulatedKernel(Kernel):
 
     Notes
     -----
-    Values between the data follow a power law from point to point, before the first one the power
-    law of the first e-fold of time. The fit goes through the noise instead: positive weights allow
-    no wiggles. Its `tol` is the noise level, the largest root mean square of the relative misfit at
-    the data; `max_error` is the misfit at the worst of them.
+    Values between the data follow a power law from point to point. Before the first point they
+    follow the power law of the first e-fold of time. The fit is smooth, because its weights are
+    positive. Its `tol` is the noise level, the largest root mean square of the relative misfit at
+    the data; `max_error` is the largest misfit.
 
     Examples
     --------

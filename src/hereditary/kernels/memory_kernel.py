@@ -211,7 +211,7 @@ class ExponentialSum(_Exponentials):
     weights : ndarray, shape (n_modes,)
         Positive, but for signed kernels [unit of the kernel].
     t_min, t_max : float
-        Where the fit holds [time].
+        Interval of the fit [time].
     max_error : float
         Largest relative error found on the fit's own check points [-].
     """
@@ -242,7 +242,8 @@ class Prony(_Exponentials):
     rates : array_like, shape (n,)
         Not negative; or complex, in conjugate pairs, with real parts of at least 0 [1/time].
     weights : array_like, shape (n,)
-        Positive; beside complex rates of any sign, and conjugate for pairs [unit of the kernel].
+        Positive for real rates. With complex rates of any sign, and conjugate for pairs [unit of
+        the kernel].
 
     Examples
     --------
@@ -298,13 +299,13 @@ def fit_exponentials(
 
     Error
     -----
-    Relative error at most `tol` on [t_min, t_max], checked at 24 or more points per oscillation of
-    the error curve and at most 1.05 times `max_error` between them. Where the kernel is below a
-    thousandth of its mean from 0 to t, which is what a convolution sees, the error is relative to
-    that bound; power laws, tempered ones too, are accurate relative to K everywhere. For a table
-    the error is the misfit at the data, whose root mean square is at most `tol`. For a signed
-    kernel it is relative to the largest ``|K|`` from each time on. Beyond t_max the sum decays too
-    fast and must not be used. Below 1e-13 the rounding of the sum itself is no longer negligible.
+    The relative error is at most `tol` on [t_min, t_max]. It is checked at 24 or more points per
+    oscillation of the error curve; between these it is at most 1.05 times `max_error`. Power laws,
+    tempered or not, have this error relative to K everywhere. For other kernels below a thousandth
+    of their mean from 0 to t, the error is relative to that bound, because a convolution does not
+    resolve less. For a table the error is the misfit at the data, whose root mean square is at most
+    `tol`. For a signed kernel it is relative to the largest ``|K|`` from each time on. Beyond t_max
+    the sum decays too fast: do not use it there. Below 1e-13 the rounding of the sum counts.
 
     Cost
     ----
@@ -315,8 +316,8 @@ def fit_exponentials(
 
     Source
     ------
-    Trapezoid rule and its error: [McLean2018], section 2; Gauss rule of the slow tail: the same
-    idea as the Prony reduction there, by the recurrence of its orthogonal polynomials
+    Trapezoid rule and its error: [McLean2018], section 2. The Gauss rule of the slow tail uses the
+    idea of the Prony reduction there, and the recurrence of its orthogonal polynomials in
     [KoekoekLeskySwarttouw2010], section 14.12. See docs/theory.md.
 
     Examples

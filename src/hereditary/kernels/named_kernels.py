@@ -256,10 +256,11 @@ class StretchedExponential(MemoryKernel):
 
 @dataclass(frozen=True)
 class MittagLeffler(MemoryKernel):
-    """Cole and Cole's relaxation, ``K(t) = E_order(-(rate t)**order)``.
+    """The Cole-Cole relaxation, ``K(t) = E_order(-(rate t)**order)``.
 
-    The relaxation modulus of the fractional Maxwell element: exp(-rate t) for order 1, a stretched
-    exponential at short times and the power law ``(rate t)**-order / Gamma(1 - order)`` at long.
+    It is the relaxation modulus of the fractional Maxwell element. For order 1 it is exp(-rate t).
+    Otherwise it is like a stretched exponential at short times, and like the power law
+    ``(rate t)**-order / Gamma(1 - order)`` at long times.
 
     Parameters
     ----------

@@ -46,15 +46,15 @@ class MemoryTermState(NamedTuple):
 class MemoryTerm:
     """A memory term of an array u, one step after the other; made by `memory_term`.
 
-    Its value at the time t_n + theta h of the step from t_n to t_n + h is
-    ``weight * u_new + lag``, u_new being the unknown at the end of the step.
+    In the step from t_n to t_n + h its value at t_n + theta h is ``weight * u_new + lag``, with the
+    unknown u_new at the end of the step.
 
     Attributes
     ----------
     n : int
         Steps absorbed.
     theta : float
-        Where in a step the value holds: 1 at its end, 1/2 for `L1` above order 1,
+        Fraction of the step at which the value is taken: 1, its end; 1/2 for `L1` above order 1;
         1 - alpha/2 for `L2Sigma` [-].
     """
 
@@ -186,10 +186,11 @@ def memory_term(
     history: History | None = None,
     n_steps: int | None = None,
 ) -> MemoryTerm:
-    """Make a memory term ``D^alpha u`` or ``int_0^t K(t-s) u'(s) ds`` that another program steps.
+    """Make a memory term ``D^alpha u`` or ``int_0^t K(t-s) u'(s) ds`` for another program's steps.
 
-    For finite elements, finite volumes and other solvers that own their equation: each step they
-    solve ``weight * u_new + lag = ...`` for the unknown of any shape, and hand it back::
+    It is for finite elements, finite volumes and other programs that solve their own equation. In
+    each step they solve ``weight * u_new + lag = ...`` for the unknown, of any shape, and return
+    it::
 
         term = hd.memory_term(0.7, h, hd.BDF(2), u0, term0=rhs(0, u0))
         for n in range(n_steps):
@@ -215,14 +216,14 @@ def memory_term(
     history : History, optional
         `SumOfExponentials` by default.
     n_steps : int, optional
-        Steps of the run; left out, runs of any length are covered. Kernels known by their values
-        need it, and make no more.
+        Steps of the run; without it any number of steps is possible. Kernels given by their values
+        need it, and allow no more steps.
 
     Returns
     -------
     MemoryTerm
         With ``weight`` (a number), ``lag`` (an array like u), ``absorb(u)``, ``state()`` and
-        ``restore(state)``. The value holds at t_n + ``theta`` h.
+        ``restore(state)``. The equation of the step is at t_n + ``theta`` h.
 
     Raises
     ------

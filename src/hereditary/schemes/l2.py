@@ -18,9 +18,9 @@ class L2(Scheme):
 
     On every step but the last the solution is the parabola through the ends of the step and the
     next value. On the last step it is the parabola through its ends and the value before. The
-    equation holds at t_n. The first step is solved with a line. At alpha = 1 this is the second backward difference formula, started
-    by one step of Euler's backward method. Implicit: Newton's method with the equation's Jacobian
-    or differences. Any number of terms and components.
+    equation holds at t_n. The first step is solved with a line. At alpha = 1 this is the second
+    backward difference formula, started by one step of Euler's backward method. Implicit: Newton's
+    method with the equation's Jacobian or differences. Any number of terms and components.
 
     Error
     -----
