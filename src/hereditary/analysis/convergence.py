@@ -20,7 +20,7 @@ _HEADS = "N", "h", "error", "order"
 
 @dataclass(frozen=True, eq=False)
 class ConvergenceTable:
-    """Errors of a scheme on one equation, with the orders that they show.
+    """Errors of a scheme on one equation, with observed orders.
 
     Attributes
     ----------
@@ -78,7 +78,7 @@ def convergence_table(
     exact: Callable | None = None,
     at_end: bool = False,
 ) -> ConvergenceTable:
-    """Errors of a scheme at several numbers of steps, and its observed order.
+    """Measure errors of a scheme at several numbers of steps, and its observed order.
 
     Parameters
     ----------
@@ -90,10 +90,9 @@ def convergence_table(
     scheme, history : optional
         As in `solve`.
     exact : callable, optional
-        ``exact(t)``: the solution at times (n,), shape (n, d), as those of `hereditary.exact`. By
-        default errors are found by Runge's rule: each run is compared with one of twice as many
-        steps, and the difference divided by ``1 - 2**-p``, p being the order that the differences
-        show.
+        ``exact(t)``: the solution at times (n,), shape (n, d), as in `hereditary.exact`. By default
+        errors are found by Runge's rule. Each run is compared with one of twice as many steps, and
+        the difference is divided by ``1 - 2**-p``, with the order p that the differences show.
     at_end : bool, optional
         Errors at t_end instead of the largest ones at the times of all steps.
 
@@ -108,11 +107,10 @@ def convergence_table(
 
     Error
     -----
-    At the end Runge's rule is exact to leading order where the error has one power of the step;
-    far from that, with orders between neighbours that still move, it is a guess. The largest error
-    at all times of a solution that starts like t**alpha is that of the first step, which the rule
-    overstates by up to 2.5 times: orders stay right. Where the rounding of double
-    precision is reached orders mean nothing.
+    At the end Runge's rule is exact to leading order if the error is one power of the step. If the
+    orders of neighbours still change, it is a guess. If a solution starts like t**alpha, the
+    largest error at all times is that of the first step. The rule overstates it by up to 2.5 times,
+    but orders are right. At the level of rounding orders mean nothing.
 
     Cost
     ----

@@ -27,7 +27,7 @@ _FINE = 1000
 
 
 class IdentifiabilityWarning(UserWarning):
-    """Data do not tell all parameters: some combination of them leaves residuals as they are."""
+    """Data do not determine all parameters: a combination of them does not change the residuals."""
 
 
 class Series(NamedTuple):
@@ -48,17 +48,17 @@ class FitResult:
     Attributes
     ----------
     parameters, standard_errors : dict
-        By name, m of them; errors by the linear theory of least squares, NaN at a bound and where
-        data do not tell the parameter.
+        By name, m of them. Errors are by the linear theory of least squares; NaN at a bound, and if
+        the data do not determine the parameter.
     covariance, correlation : ndarray, shape (m, m)
-        In the order of `parameters`; NaN where an error is.
+        In the order of `parameters`; NaN if the standard error is NaN.
     residuals : list of ndarray, shape (n, k)
         Model minus data of each series, in units of the data; NaN where data are missing.
     cost : float
         Half the sum of squares of residuals over sigma.
     singular_values : ndarray
         Of the derivatives of residuals by parameters that are at no bound, columns of length 1: 0
-        for a combination that data do not tell.
+        for a combination that the data do not determine.
     solutions : list of Solution
         Of each series, with the best parameters.
     success : bool
@@ -114,24 +114,24 @@ def fit(
     Parameters
     ----------
     model : callable
-        ``model(**parameters)``, or ``model(p)`` where p0 has no names, returns an `Equation`, or a
-        list with one for each series. What changes belongs into the equation's `params`, orders and
-        y0: a right-hand side that closes over a parameter is compiled anew for each value. Where an
-        order may cross 1, state y0 with ``d=``.
+        ``model(**parameters)``, or ``model(p)`` if p0 has no names, returns an `Equation`, or a
+        list with one for each series. Put what changes into the equation's `params`, orders and y0:
+        a right-hand side that closes over a parameter is compiled again for each value. If an order
+        may cross 1, state y0 with ``d=``.
     t : array_like, shape (n,), or list of such
         Increasing times of the data [time]; a list of several series.
     data : array_like, shape (n,) or (n, k), or list of such
         NaN, or a masked entry, for a missing value.
     p0 : mapping of str to float, or sequence of float
-        First guess; names are "p0", "p1", ... where a sequence is given.
+        First guess; the names of a sequence are "p0", "p1", ...
     bounds : mapping of str to (float, float), optional
         Lowest and highest values of some of the parameters.
     sigma : float, array_like or list of such, optional
         Standard deviations of the data, one for all or of their shape, NaN if data are missing
         there. By default all are equal, and estimated from the residuals.
     observe : callable or sequence of int, optional
-        ``observe(y)`` of rows (n, d) returns what is measured, (n,) or (n, k); or the components
-        that are. By default the first k of them.
+        ``observe(y)`` of rows (n, d) returns the measured values, (n,) or (n, k); or the numbers of
+        the measured components. By default the first k components.
     loss : str, optional
         As in `scipy.optimize.least_squares`: "soft_l1" or "huber" for outliers, beyond one sigma.
     **how
@@ -149,15 +149,15 @@ def fit(
     Warns
     -----
     IdentifiabilityWarning
-        Data do not tell a parameter, or some combination of them: what they change is below 1e-4 of
-        what others do, which is what differences leave of nothing.
+        The data do not determine a parameter, or a combination of parameters: its effect is below
+        1e-4 of the effect of others, which is the error of the differences.
 
     Error
     -----
     Standard errors are those of a model that is linear near its best parameters, with independent
-    normal errors of the data (convergence/fits.py: true values lie within two of them in 95 per
-    cent of seeded trials). A minimum may be a local one: try other first guesses. These also say
-    how large parameters are: 0 is taken for a size of 1, but 1e-12 for what it is.
+    normal errors of the data. True values are within two of them in 94 per cent of seeded trials
+    (convergence/fits.py). A minimum may be a local one: try other first guesses. A first guess is
+    also the size of its parameter; for a guess of 0 the size is 1.
 
     Cost
     ----

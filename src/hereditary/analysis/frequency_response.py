@@ -20,7 +20,7 @@ _LEAST_ABOVE, _LOOKS = 8, 16
 
 @dataclass(frozen=True, eq=False)
 class FrequencyResponse:
-    """Steady responses along a curve of frequencies, or of another parameter.
+    """Periodic responses along a curve of frequencies, or of another parameter.
 
     Attributes
     ----------
@@ -32,11 +32,11 @@ class FrequencyResponse:
     coefficients : ndarray of complex, shape (n, d, H + 1)
         ``y_c(t) = Re sum_k coefficients[c, k] exp(i k omega t)``.
     branch : ndarray of int, shape (n,)
-        Turning points passed before: the odd ones are what a slow sweep jumps over.
+        Number of turning points before; a slow sweep jumps over the odd branches.
     turning : ndarray, shape (m,)
         Values of that parameter at the turning points.
     peaks : list of Peak
-        Where amplitudes are largest along the curve, between the values asked for as well.
+        Largest amplitudes along the curve, also between the given values.
     complete : bool
         Whether the curve was followed to the last value.
     message : str
@@ -70,8 +70,8 @@ class FrequencyResponse:
     def peak(self, component: int = 0) -> tuple[float, float]:
         """Return frequency and amplitude of the highest response of a component.
 
-        The highest of `peaks`, or of the responses at the values asked for, at an end of the curve;
-        NaN where there is none. Peaks of curves for several forces make up the backbone.
+        It is the highest of `peaks` and of the responses at the given values; NaN if it is at an
+        end of the curve. The peaks for several forces are the backbone curve.
         """
         found = [(p.amplitude, p.omega) for p in self.peaks if p.component == component]
         found += zip(self.amplitude[:, component].tolist(), self.omega.tolist(), strict=True)
@@ -81,8 +81,8 @@ class FrequencyResponse:
     def quality(self, component: int = 0) -> float:
         """Return the quality factor: peak frequency over the width at 1 / sqrt(2) of the peak.
 
-        From the frequencies asked for; NaN where fewer than eight of them lie above that height, or
-        the curve does not fall so far on both sides, or does not follow the frequency.
+        It uses the given frequencies. It is NaN if fewer than eight of them are above that height,
+        if the curve does not fall so far on both sides, or if it does not follow the frequency.
         """
         a, (centre, height) = self.amplitude[:, component], self.peak(component)
         below, level = np.flatnonzero(a < height / np.sqrt(2)), height / np.sqrt(2)
@@ -106,40 +106,40 @@ def frequency_response(
     along: int | None = None,
     harmonics: int = 7,
 ) -> FrequencyResponse:
-    """Steady response of an equation with memory to a periodic force, against its frequency.
+    """Compute the periodic response of an equation with memory to a force of each frequency.
 
-    The equation is taken from time minus infinity on, where it has periodic solutions: an operator
-    of order alpha multiplies the k-th harmonic by ``(i k omega)**alpha``, and a memory kernel with
-    m derivatives by ``(i k omega)**m`` times its Laplace transform. Coefficients of the harmonics
-    are found by Newton's method, with the right-hand side evaluated over a period, and the curve of
-    solutions is followed by its length, around turning points as well. Frequencies closer to a
+    The memory starts at minus infinity, so that periodic solutions exist. An operator of order
+    alpha multiplies the k-th harmonic by ``(i k omega)**alpha``. A memory kernel with m derivatives
+    multiplies it by ``(i k omega)**m`` times its Laplace transform. Newton's method finds the
+    coefficients of the harmonics, with the right-hand side evaluated over a period. The curve of
+    solutions is followed by its arclength, also around turning points. Frequencies closer to a
     turning point than about 1e-6 of the range may be passed over.
 
     Parameters
     ----------
     equation : Equation
-        Of constant orders, and kernels whose Laplace transform is known, whose right-hand side has
-        period 2 pi / omega in t, omega being one of its parameters. It may read memory.
+        With constant orders, and kernels whose Laplace transform is known. Its right-hand side has
+        the period 2 pi / omega in t, and omega is one of its parameters. It may read memory.
     omegas : array_like, shape (n,)
-        Angular frequencies, all increasing or all decreasing, above 0; responses are found at each,
-        beginning with the first [1/time]. With `along`, values of that parameter.
+        Angular frequencies above 0, all increasing or all decreasing [1/time]. Responses are found
+        at each, starting with the first. With `along`, values of that parameter.
     frequency : int, optional
         Number of the parameter that is omega.
     along : int, optional
-        Number of another parameter, which the curve follows at the equation's own frequency: the
-        force, say.
+        Number of another parameter, such as the force. The curve then follows this parameter, at
+        the frequency of the equation.
     harmonics : int, optional
         Highest harmonic H.
 
     Returns
     -------
     FrequencyResponse
-        Also where the curve could not be followed to its end.
+        Its `complete` is false if the curve could not be followed to its end.
 
     Warns
     -----
     UserWarning
-        A mean of y is free: neither terms nor right-hand side depend on it, and 0 is taken.
+        Neither terms nor right-hand side depend on a mean of y, which is set to 0.
 
     Notes
     -----
@@ -149,16 +149,16 @@ def frequency_response(
 
     Error
     -----
-    A fitted sum stands for its kernel up to its t_max, beyond all periods asked for: take it far
-    longer, and close, for its error is the response's. Harmonics beyond H are left out, and the
-    right-hand side is sampled 8 H times a period, 129 at least: errors fall with H as the harmonics
-    of response and force do. Linear equations are solved to rounding where the force has no
-    harmonics beyond; a pulse or a jump has, and needs a larger H. Turning points are found to about
-    1e-6 of the range.
+    Harmonics above H are omitted, and the right-hand side is sampled 8 H times a period, at least
+    129 times. Errors decrease with H as the harmonics of response and force do. Linear equations
+    are solved to rounding if the force has no harmonics above H; a pulse or a jump needs a larger
+    H. Turning points have errors of about 1e-6 of the range. The error of a fitted sum of
+    exponentials is also an error of the response: fit it closely, to a t_max far above the longest
+    period.
 
     Cost
     ----
-    Some ten systems of d (2 H + 1) unknowns for each frequency: 2 to 3 ms for one component.
+    About ten systems of d (2 H + 1) unknowns for each frequency: 2 to 3 ms for one component.
 
     Examples
     --------

@@ -125,10 +125,10 @@ def kaplan_yorke(exponents):
 
 @dataclass(frozen=True, eq=False)
 class LyapunovResult:
-    """Finite-time Lyapunov exponents and what the record of the growth says of them.
+    """Finite-time Lyapunov exponents, their record over time, and a verdict.
 
-    All rates are natural logarithms by time [1/time]. For equations with memory they are facts
-    about this horizon: only growth that lasts has a rate of its own (docs/lyapunov.md).
+    All rates are natural logarithms by time [1/time]. With memory they depend on the time of the
+    run: only growth that lasts has a rate of its own (docs/lyapunov.md).
 
     Attributes
     ----------
@@ -143,8 +143,8 @@ class LyapunovResult:
     slope, slope_stderr : ndarray, shape (k,)
         Mean rate over the late window and its standard error from blocks.
     algebraic_slope : ndarray, shape (k,)
-        -d log(growth) / d log(t) over the late window: near the lowest fractional order where a
-        decay has reached its algebraic tail [-].
+        -d log(growth) / d log(t) over the late window; near the lowest fractional order once a
+        decay is algebraic [-].
     verdict : Verdict
         On the leading exponent.
     verdicts : tuple of Verdict, length k
@@ -164,8 +164,8 @@ class LyapunovResult:
     stats : dict
         n_steps, n_rhs, n_modes, run_seconds.
     verified : bool or None
-        Whether the verdicts stood in a second run, with twice or half the step (`verify`); those
-        that did not are "undetermined", and `message` says why. None without a second run.
+        Whether a second run, with twice or half the step, has the same verdicts (`verify`). The
+        others are "undetermined", and `message` gives the reason. None without a second run.
     check : LyapunovResult or None
         The second run.
     """

@@ -202,12 +202,12 @@ def lyapunov(
     verify: bool | None = None,
     progress: bool = False,
 ) -> LyapunovResult:
-    """The k largest finite-time Lyapunov exponents of an equation with memory.
+    """Compute the k largest finite-time Lyapunov exponents of an equation with memory.
 
-    Tangents Phi(t), the derivatives of the solution with respect to its initial data, are carried
-    alongside the orbit; now and then ``Phi = Q R`` and everything that is linear in them, the whole
-    memory included, is multiplied by the inverse of R. The sums of ``log R_ii`` are then those of
-    Phi(t) itself, whatever the interval.
+    Tangents Phi(t), the derivatives of the solution by its initial data, are solved with the orbit.
+    At intervals ``Phi = Q R``, and everything that is linear in the tangents is multiplied by the
+    inverse of R, also the whole memory. The sums of ``log R_ii`` then equal those of Phi(t) itself,
+    for any interval.
 
     Parameters
     ----------
@@ -218,11 +218,11 @@ def lyapunov(
         Number of steps. With `Collocation`, which chooses its own steps, the number of times at
         which tangents may be made orthonormal, 65536 by default.
     k : int
-        How many exponents, 1 <= k <= number of initial data (d, and one more for each component of
+        Number of exponents, 1 <= k <= number of initial data (d, and one more for each component of
         order above 1).
     mode : {"tangent", "pair"}
-        "pair" takes orbits side by side whose whole histories are drawn back together, for
-        right-hand sides without a derivative; where they jump, with a `separation` of 1e-3 to
+        "pair" solves neighbouring orbits, and rescales their whole histories at intervals. It is
+        for right-hand sides without a derivative. If these jump, use a `separation` of 1e-3 to
         1e-2, so that orbits meet the jump in different steps.
     scheme : Scheme, optional
         By default a scheme of second order if one covers the equation. This is `Adams` for

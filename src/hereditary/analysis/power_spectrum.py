@@ -27,7 +27,7 @@ class PowerSpectrum:
         Angular frequencies [1/time].
     power : ndarray, shape (n,)
         Power spectral density, in units of the series squared times time; its integral over
-        omega / (2 pi) is about the variance where the series is long.
+        omega / (2 pi) is about the variance if the series is long.
     peaks : ndarray, shape (k,)
         Records with fields omega and amplitude, the highest peak first: a line ``a cos(omega t)``
         has amplitude a.
@@ -49,19 +49,19 @@ def power_spectrum(
     transient: float | None = None,
     n_peaks: int = 10,
 ) -> PowerSpectrum:
-    """The power spectrum of a component, through Hann's window.
+    """Compute the power spectrum of a component, through Hann's window.
 
     Parameters
     ----------
     series : Solution or array_like, shape (n,)
-        A solution with dense output or rows at equal times, which resolve the motion, or values at
-        equal distances.
+        A solution with dense output, or with rows at equal times that resolve the motion; or values
+        at equal distances.
     step : float, optional
-        Distance of the values, where a series is given [time].
+        Distance of the values of a series [time].
     component : int, optional
-        Of a solution.
+        Component of a solution.
     transient : float, optional
-        What comes before this time is left out, of a series counted from its first value [time].
+        Time of the first value that is used; for a series from its first value on [time].
     n_peaks : int, optional
         Most peaks in the table.
 

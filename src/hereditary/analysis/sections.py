@@ -25,7 +25,7 @@ _MOST_SAMPLES = 10_000_000
 
 @dataclass(frozen=True, eq=False)
 class Section:
-    """An orbit looked at at some times; NaN where a section of fixed size has no more of them.
+    """An orbit at selected times; NaN after the last one in a section of fixed size.
 
     Attributes
     ----------
@@ -64,7 +64,7 @@ def stroboscopic(
     transient : float, optional
         No samples before this time, by default the start [time].
     count : int, optional
-        The last so many samples; where there are fewer, NaN follow them.
+        Return only the last `count` samples; NaN follows if there are fewer.
 
     Returns
     -------
@@ -72,7 +72,8 @@ def stroboscopic(
 
     Error
     -----
-    Between rows, a cubic spline's: the fourth power of their distance. None with a dense output.
+    Between rows that of a cubic spline, the fourth power of their distance. None with a dense
+    output.
 
     Examples
     --------
@@ -118,7 +119,7 @@ def maxima(
     transient : float, optional
         No maxima before this time, by default the start [time].
     count : int, optional
-        The last so many maxima; where there are fewer, NaN follow them.
+        Return only the last `count` maxima; NaN follows if there are fewer.
 
     Returns
     -------

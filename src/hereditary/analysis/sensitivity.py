@@ -42,7 +42,7 @@ class Sensitivities:
     by_params : ndarray, shape (n, d, p), or None
         Derivatives by the parameters.
     by_y0 : ndarray, shape (n, d, n_data), or None
-        By y(0) of each component, and then by y'(0) of each one of order above 1.
+        By y(0) of each component, and then by y'(0) of each component of order above 1.
     by_orders : ndarray, shape (n, d, n_terms), or None
         By the orders of the terms, in their order.
     status : Status
@@ -78,10 +78,10 @@ def sensitivities(
 ) -> Sensitivities:
     """Solve an equation with the derivatives of its solution by parameters, y0 and orders.
 
-    Parameters become components that stay as they are, ``q' = 0`` with q(0) = 1 in units of each
-    parameter, and tangents along q(0) and y(0) are marched with the orbit: derivatives of the
-    discrete solution itself. Derivatives by orders are central differences of further runs,
-    one-sided next to the integers that an order cannot cross.
+    Parameters become constant components, ``q' = 0`` with q(0) = 1 in units of each parameter.
+    Tangents along q(0) and y(0) are solved with the orbit: they are the derivatives of the discrete
+    solution. Derivatives by orders are central differences of further runs, and one-sided next to
+    an integer, which an order cannot cross.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ def sensitivities(
     n_steps : int, optional
         Number of steps; or `rtol`.
     wrt : str or sequence of str, optional
-        "params", "y0" and "orders", or some of them; by default y0, and params where there are any.
+        "params", "y0", "orders", or several of them; by default y0, and params if there are any.
     t_eval : array_like, shape (n,), optional
         Times of the rows, by default the start and the end. With n_steps times of steps; with rtol
         steps end at each of them.
@@ -102,7 +102,7 @@ def sensitivities(
     Returns
     -------
     Sensitivities
-        With the rows until its end also where the run ends early.
+        If the run ends early, it has the rows until then.
 
     Raises
     ------
@@ -111,11 +111,11 @@ def sensitivities(
 
     Error
     -----
-    On given steps derivatives by params and y0 are those of the discrete solution to 1e-9, and
-    converge with the order of the scheme; with `Collocation` they are within rtol of their largest
-    size so far, or 1e-9. Derivatives of the right-hand side by parameters and y are differences, as
-    of an equation without `jac`. Derivatives by orders are exact to 1e-7 of the solution, and NaN
-    where one of their runs ends early.
+    With given steps, derivatives by params and y0 are those of the discrete solution to 1e-9, and
+    converge with the order of the scheme. With `Collocation` their error is below rtol times their
+    largest size so far, or 1e-9. Derivatives of the right-hand side by parameters and y are
+    differences, as without `jac`. Derivatives by orders have errors of 1e-7 of the solution; they
+    are NaN if one of their runs ends early.
 
     Cost
     ----

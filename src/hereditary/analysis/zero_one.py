@@ -56,17 +56,18 @@ def zero_one_test(
     n_c: int = 100,
     seed: int = 0,
 ) -> ZeroOneResult:
-    """The 0-1 test for chaos: do translations driven by a series diffuse?
+    """Test a series for chaos by the 0-1 test: do translations driven by it diffuse?
 
-    For a series x_j and frequencies c the sums ``p_n = sum_(j<=n) x_j cos(j c)``, ``q_n`` likewise
-    with sines, wander like Brownian motion where the series is chaotic, and stay bounded where it
-    is regular. K_c is the correlation of their mean square displacement, less its oscillating part
-    ``mean(x)**2 (1 - cos n c) / (1 - cos c)``, with n; K is the median over c.
+    For a series x_j and frequencies c let ``p_n = sum_(j<=n) x_j cos(j c)``, and q_n the same sum
+    with sines. They move like Brownian motion if the series is chaotic, and stay bounded if it is
+    regular. The mean square displacement less its oscillating part
+    ``mean(x)**2 (1 - cos n c) / (1 - cos c)`` has the correlation K_c with n. K is the median over
+    c.
 
     Parameters
     ----------
     series : Solution or array_like, shape (n,)
-        200 values at least are needed; some thousand tell.
+        At least 200 values; a verdict usually needs a few thousand.
     component, transient : optional
         Of a solution: as in `maxima`.
     take : {"values", "maxima", "extrema"}, optional

@@ -29,7 +29,7 @@ _warned: weakref.WeakSet = weakref.WeakSet()
 
 
 class PythonFunctionWarning(UserWarning):
-    """A function that numba cannot compile makes runs slow, for it is called in Python."""
+    """A function that numba cannot compile is called in Python, which makes runs slow."""
 
 
 class Callback:

@@ -28,7 +28,7 @@ _BEYOND = 1e-14
 
 
 class KernelWarning(UserWarning):
-    """The sum of exponentials that stands for a kernel is less close than its tolerance."""
+    """The sum of exponentials for a kernel has an error above its tolerance."""
 
 
 class MemoryKernel(ABC):

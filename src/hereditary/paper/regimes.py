@@ -57,14 +57,14 @@ class Regime(enum.StrEnum):
 
 @dataclass(frozen=True)
 class RegimeVerdict:
-    """A regime, how sure it is, and what it rests on.
+    """A regime, its certainty, and the evidence.
 
     Attributes
     ----------
     regime : Regime
     certainty : float
-        In [0, 1]: share of the votes that agree on stuck, sliding or stick-slip; for stick-slip
-        times the probability of being periodic (irregular), `irregular` or one minus it.
+        In [0, 1]: the share of the votes that agree on stuck, sliding or stick-slip. For stick-slip
+        this is multiplied by the probability of being periodic or irregular.
     agreement : float
         The share of the votes that agree. Each vote uses one part of the run (all, the last three
         quarters, the last half), one definition of rest (an advance of less than 1/4, 1/2, 3/4 of
@@ -76,11 +76,10 @@ class RegimeVerdict:
         count as independent, so their odds are multiplied. The fewer stays were seen to judge
         repetition, the less the exponent counts. Without an exponent only the votes count.
     recurrence : float
-        How far the times that the load spends in the wells are from repeating themselves, in the
-        last half of the run: root mean square difference, as a share of the longest; NaN where
-        too few were seen.
+        How far the times in the wells are from repeating themselves, in the last half of the run:
+        root mean square difference over the longest time; NaN if there are too few.
     cycle : int
-        Wells after which they do; 0 where they differ by more than 0.05.
+        Number of wells after which the times repeat; 0 if they differ by more than 0.05.
     n_wells : int
         Barriers passed in the run, each counted once.
     n_stays : int
@@ -109,16 +108,17 @@ def classify(
     transient: float = 0.0,
     check: Solution | None = None,
 ) -> RegimeVerdict:
-    """The dynamic regime of a load pulled over a chain of wells.
+    """Classify the dynamic regime of a load pulled over a chain of wells.
 
-    - *Stuck*: no barrier is passed in this run. A run shorter than the wells' period cannot tell.
+    - *Stuck*: no barrier is passed in this run. A run shorter than the wells' period cannot show
+      this.
     - *Sliding*: barriers are passed without rest.
     - *Stick-slip*: barriers are passed and the load rests in between. *Periodic* when the times
       between first passages of the barriers repeat themselves, *irregular* otherwise.
 
     The load rests while it moves by less than half of the way that it is pulled in a quarter of the
-    wells' period; that and the other thresholds are varied, and `certainty` says how many of the
-    variations agree.
+    wells' period. This threshold and the others are varied, and `certainty` is the share of the
+    variations that agree.
 
     Parameters
     ----------
@@ -134,8 +134,8 @@ def classify(
     transient : float, optional
         What happens before is left out [time].
     check : Solution, optional
-        The same run with half the step, or a sharper tolerance: its votes count like the first's,
-        so that a verdict that depends on the step loses its certainty.
+        The same run with half the step, or a smaller tolerance. Its votes count like those of the
+        first run, so a verdict that depends on the step has less certainty.
 
     Returns
     -------
@@ -143,9 +143,9 @@ def classify(
 
     Error
     -----
-    A verdict is about this run: what is stuck may slip later, irregular slips may become periodic.
-    Where the load rests for most of the run, few stays are seen and neither repetition nor a late
-    slope says much: certainties near 1/2. A run that failed on its way is undetermined.
+    A verdict is about this run: a stuck load may slip later, irregular slips may become periodic.
+    If the load rests for most of the run, there are few stays to judge repetition or a late slope,
+    and the certainty is near 1/2. A run that failed is undetermined.
 
     Examples
     --------

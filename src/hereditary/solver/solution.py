@@ -22,7 +22,7 @@ from .status import Status
 
 
 class SolveWarning(UserWarning):
-    """A run ended early, unstable or with an inaccurate kernel: its message says how."""
+    """A run ended early, or was unstable, or its kernel is inaccurate: see its message."""
 
 
 class StabilityWarning(SolveWarning):
