@@ -61,7 +61,7 @@ def own_size(params):
 
 @inlined
 def later(t, params):
-    """Time at which f is taken."""
+    """Return the time at which f is taken."""
     return t + params[-5]
 
 

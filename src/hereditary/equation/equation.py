@@ -350,7 +350,7 @@ _GIVEN = (
 
 
 def _numbers(params):
-    """The parameters as a flat array; a number is one of them."""
+    """Return the parameters as a flat array; a number becomes one parameter."""
     remedy = "pass a flat sequence of floats"
     values = real_array("params", params, remedy=remedy)
     if values.ndim > 1:

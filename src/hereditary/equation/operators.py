@@ -296,7 +296,7 @@ class Term(Summand):
         return (self,)
 
     def times(self, factor: ArrayLike) -> Term:
-        """This term with its coefficient multiplied; from the left, where it is a matrix."""
+        """Return this term with a multiplied coefficient; a matrix multiplies from the left."""
         checked, own = Term(self.operator, factor).coefficient, self.coefficient
         if checked.ndim == 2 and own.ndim:
             return Term(self.operator, checked @ (own if own.ndim == 2 else np.diag(own)))

@@ -17,7 +17,7 @@ HIGHEST = 20
 
 
 def rounded_order(orders: ArrayLike) -> np.ndarray:
-    """Orders with those within rounding of an integer set to it."""
+    """Return orders with those within rounding of an integer set to it."""
     orders = np.asarray(orders, dtype=float)
     nearest = np.round(orders)
     return np.where((np.abs(orders - nearest) <= ROUNDING) & (nearest > 0), nearest, orders)
@@ -34,7 +34,7 @@ def orders_up_to_2(orders: ArrayLike) -> np.ndarray:
 
 
 def merged_orders(orders: np.ndarray) -> np.ndarray:
-    """Orders of one equation with those within rounding of a smaller one set to it."""
+    """Return orders of one equation with those within rounding of a smaller one set to it."""
     values = np.array(sorted(set(orders.ravel().tolist())))
     apart = np.append(True, values[1:] - values[:-1] > ROUNDING)
     if apart.all():
@@ -45,7 +45,7 @@ def merged_orders(orders: np.ndarray) -> np.ndarray:
 
 @lru_cache(maxsize=1024)
 def derivative_order(alpha: float) -> int:
-    """m = ceil(alpha), the derivative inside Caputo's operator."""
+    """Return m = ceil(alpha), the derivative inside Caputo's operator."""
     return math.ceil(rounded_order(alpha))
 
 

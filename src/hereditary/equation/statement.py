@@ -181,7 +181,7 @@ def finite(y0):
 
 
 def initial_values(values, m):
-    """The (m, d) array behind any of the shorthands."""
+    """Return the (m, d) array for any of the shorthands."""
     given = values.shape
     if values.ndim == 0:
         values = values.reshape(1, 1)
@@ -204,7 +204,7 @@ def initial_values(values, m):
 
 
 def rows_of(values, m, d):
-    """The (k, d) array of initial values of d components, k >= m."""
+    """Return the (k, d) array of initial values of d components, k >= m."""
     rows = values.reshape(-1, d) if values.ndim < 2 and values.size % d == 0 else values
     if rows.ndim != 2 or rows.shape[1] != d or len(rows) < m:
         required = f"hold at least {m} rows of {d}, where d = {d} is stated"

@@ -382,21 +382,21 @@ def _dense_of(jac, content, shape):
 
 @compiled
 def _constants(t, y, out, params):
-    """Jacobian of constant entries alone."""
+    """Set the Jacobian to its constant entries."""
     for k in range(out.shape[1]):
         out[VALUES, k] = out[CONSTANTS, k]
 
 
 @compiled
 def _no_values(t, y, out, params):
-    """Right-hand side 0."""
+    """Set the right-hand side to 0."""
     for i in range(out.shape[0]):
         out[i] = 0.0
 
 
 @compiled
 def _no_slopes(t, y, out, params):
-    """Jacobian 0."""
+    """Set the Jacobian to 0."""
     clear_matrix(out)
 
 

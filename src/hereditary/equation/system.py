@@ -156,7 +156,7 @@ class System:
         return np.where(self.read, self.coefficient(1.0) * first, self.y0[0])
 
     def highest_orders(self) -> np.ndarray:
-        """Highest order with a nonzero coefficient of each component, shape (d,).
+        """Return the highest order with a nonzero coefficient of each component, shape (d,).
 
         Terms with general kernels, or with orders that vary, count as the derivative inside them.
         """
@@ -169,7 +169,7 @@ class System:
         return highest
 
     def coefficient(self, alpha) -> np.ndarray:
-        """Coefficient of Caputo's derivative of constant order `alpha`, shape (d,).
+        """Return the coefficient of Caputo's derivative of constant order `alpha`, shape (d,).
 
         `alpha` is a number, or one for each component.
         """
@@ -190,7 +190,7 @@ class System:
         return any(operator.varies for operator, _ in self.left)
 
     def jacobian_inside(self, t, y):
-        """d rhs / d y at (t, y), shape (d, d): the given one, or differences.
+        """Return d rhs / d y at (t, y), shape (d, d): the given one, or differences.
 
         Times count from the start, and complex components are two.
         Of an equation whose right-hand side reads memory ask that of `enlarged`, by y and memory.
@@ -264,7 +264,7 @@ def refuse_late(system, t_end):
 
 
 def leading_orders(left, d):
-    """Highest order of each of d components in any equation; 0 where there is none.
+    """Return the highest order of each of d components in any equation; 0 if it has none.
 
     Coefficients are of shape (d,) or (d, d), a row for each equation.
     """
@@ -276,7 +276,7 @@ def leading_orders(left, d):
 
 
 def variational(system, directions):
-    """The system with its linearisation along k directions behind it, d (1 + k) components.
+    """Return the system and its linearisation along k directions, d (1 + k) components.
 
     Parameters
     ----------

@@ -69,19 +69,19 @@ class ConstantOrder:
         return self.order in (1.0, 2.0)
 
     def symbol(self, s: np.ndarray) -> np.ndarray:
-        """``s**alpha``, by which it multiplies ``exp(s t)`` from time minus infinity on."""
+        """Return ``s**alpha``, its factor on ``exp(s t)`` from time minus infinity on."""
         return s**self.order
 
     def factor(self, h: float) -> float:
-        """Factor on increments, or their differences: ``h**-alpha / Gamma(p + 1)``."""
+        """Return the factor on increments, or their differences: ``h**-alpha / Gamma(p + 1)``."""
         return float(h**-self.order * rgamma(self.power + 1))
 
     def in_steps(self, h: float) -> PowerSteps:
-        """Kernel ``p t**(p-1)`` in units of the step."""
+        """Return the kernel ``p t**(p-1)`` in units of the step."""
         return PowerSteps(self.power)
 
     def powers(self, times: np.ndarray) -> tuple[np.ndarray, str]:
-        """p at all times, and no trouble; see `VaryingOrder.powers`."""
+        """Return p at all times, and no fault; see `VaryingOrder.powers`."""
         return np.full(times.size, self.power), ""
 
     def described(self, times: np.ndarray) -> object:
@@ -121,21 +121,21 @@ class KernelOperator:
         return self.kernel.t_last
 
     def symbol(self, s: np.ndarray) -> np.ndarray:
-        """``s**m`` times the kernel's Laplace transform, by which it multiplies ``exp(s t)``."""
+        """Return ``s**m`` times the kernel's Laplace transform, its factor on ``exp(s t)``."""
         mean = _mean_symbol(self.kernel, self.derivative)
         with np.errstate(all="ignore"):  # at 0 a transform may be infinite
             return np.where(s == 0, mean, s**self.derivative * self.kernel.laplace(s))
 
     def factor(self, h: float) -> float:
-        """Factor on increments, 1, or on their differences, 1/h."""
+        """Return the factor on increments, 1, or on their differences, 1/h."""
         return 1 / h if self.derivative == 2 else 1.0
 
     def in_steps(self, h: float) -> StepKernel:
-        """Kernel K(h t), or its integral where the operator acts on y itself."""
+        """Return the kernel K(h t), or its integral if the operator acts on y itself."""
         return StepKernel(self.kernel if self.derivative else Integrated(self.kernel), h)
 
     def described(self, times: np.ndarray) -> object:
-        """Kernel by its parameters, or by some values, and m."""
+        """Return a description: the kernel's parameters or several values, and m."""
         if " at 0x" not in repr(self.kernel):  # a function's or object's address does not last
             return repr(self.kernel), self.derivative
         times = times[times > 0]
@@ -184,7 +184,7 @@ class VaryingOrder:
 
     @classmethod
     def begun(cls, function: Callable) -> VaryingOrder:
-        """The operator of a user's function, whose value at 0 tells m."""
+        """Return the operator of a user's function, with m from its value at 0."""
         required = "be a function order(t) with values in (0, 1], or in (1, 2]"
         try:
             start = function(0.0)
@@ -216,7 +216,7 @@ class VaryingOrder:
         return float(self.derivative)
 
     def powers(self, times: np.ndarray) -> tuple[np.ndarray, str]:
-        """p = m - alpha at increasing times (n,), up to the first bad one.
+        """Return p = m - alpha at increasing times (n,), up to the first bad one.
 
         Returns
         -------
@@ -229,12 +229,12 @@ class VaryingOrder:
         return self.derivative - values, trouble
 
     def described(self, times: np.ndarray) -> object:
-        """Orders at some times: a function has no name that lasts."""
+        """Return a description: orders at several times, because functions have no lasting name."""
         values = self.sampled(times)[0].tolist()
         return ("Riemann-Liouville", values) if self.from_zero else values
 
     def sampled(self, times: np.ndarray) -> tuple[np.ndarray, str]:
-        """Orders at increasing times (n,), up to the first bad one, and what is wrong with that.
+        """Return orders at increasing times (n,) up to the first bad one, and its fault.
 
         Returns
         -------
