@@ -77,7 +77,7 @@ class Kernel(MemoryKernel):
 
     @staticmethod
     def from_table(t: ArrayLike, values: ArrayLike) -> TabulatedKernel:
-        """The kernel of measured values; see `TabulatedKernel`."""
+        """Return the kernel of measured values; see `TabulatedKernel`."""
         return TabulatedKernel(t, values)
 
     @property
@@ -91,7 +91,7 @@ class Kernel(MemoryKernel):
         return True
 
     def __call__(self, t: ArrayLike) -> np.ndarray:
-        """Kernel values, the shape of `t`."""
+        """Return the kernel values, the shape of `t`."""
         t = np.asarray(t, dtype=float)
         values = self._at(t.ravel())
         bad = np.flatnonzero(~np.isfinite(values) & (t.ravel() > 0))
@@ -101,7 +101,7 @@ class Kernel(MemoryKernel):
         return values.reshape(t.shape)
 
     def _at(self, t):
-        """The function at times of shape (n,), one by one where it takes one only."""
+        """Return the function at times (n,), one by one if it accepts only one."""
         try:
             values = np.asarray(self._function(t))
         except Exception:  # whatever it is: one by one will tell
@@ -114,7 +114,7 @@ class Kernel(MemoryKernel):
         return values.astype(float)
 
     def _alone(self, t):
-        """The function at one time."""
+        """Return the function at one time."""
         try:
             return self._function(t)
         except Exception as error:
@@ -124,7 +124,7 @@ class Kernel(MemoryKernel):
             ) from error
 
     def _slope_at_zero(self):
-        """a of K ~ t**-a from values at the smallest times; nearly 0 counts as 0."""
+        """Return a of K ~ t**-a from values at the smallest times; nearly 0 counts as 0."""
         with np.errstate(all="ignore"):
             pairs = np.abs(self._at(np.concatenate([_LADDER, 2 * _LADDER]))).reshape(2, -1)
         usable = np.flatnonzero(np.all(np.isfinite(pairs) & (pairs > 0), axis=0))
@@ -137,7 +137,7 @@ class Kernel(MemoryKernel):
         return 0.0 if a < 0.01 else a  # a logarithm has slopes like 1/log(t)
 
     def integral(self, t: ArrayLike) -> np.ndarray:
-        """``int_0^t K``, by Gauss rules on panels down to where K is ``c t**-a``.
+        """Return ``int_0^t K``, by Gauss rules on panels down to where K is ``c t**-a``.
 
         Full precision where K is smooth from each time to four times that.
         """
@@ -158,7 +158,7 @@ class Kernel(MemoryKernel):
     def closest_fit(
         self, t_min: float, t_max: float, tol: float, fading: bool = False
     ) -> ExponentialSum:
-        """As `fit`, or what comes closest."""
+        """Fit as `fit` does, or as closely as possible."""
         if not self._signed:
             return super().closest_fit(t_min, t_max, tol, fading)
         t_min, t_max, tol = fit_interval(t_min, t_max, tol)
@@ -226,7 +226,7 @@ class TabulatedKernel(Kernel):
         return True
 
     def __call__(self, t: ArrayLike) -> np.ndarray:
-        """Kernel values, the shape of `t`; up to the last time of the table."""
+        """Return the kernel values, the shape of `t`; up to the last time of the table."""
         t = np.asarray(t, dtype=float)
         self._refuse_late(t)
         early = np.minimum(t, self._t[0]) / self._t[0]
@@ -234,7 +234,7 @@ class TabulatedKernel(Kernel):
         return power * np.exp(np.interp(np.log(np.maximum(t, self._t[0])), *self._logs))
 
     def fit(self, t_min: float, t_max: float, tol: float) -> ExponentialSum:
-        """The smooth kernel behind the data; `tol` bounds the rms of relative misfits."""
+        """Fit a smooth kernel to the data; `tol` bounds the rms of relative misfits."""
         t_min, t_max, tol = fit_interval(t_min, t_max, tol)
         first, last = self._t[0], self._t[-1]
         if t_min < first * (1 - 1e-12) or t_max > last * (1 + 1e-12):
@@ -258,7 +258,7 @@ class TabulatedKernel(Kernel):
     def closest_fit(
         self, t_min: float, t_max: float, tol: float, fading: bool = False
     ) -> ExponentialSum:
-        """To all data from about `t_min` on, and before them to the power law there.
+        """Fit all data from about `t_min` on, and before them the power law there.
 
         Here `tol` bounds the largest relative misfit; what comes closest is returned in any case.
         """

@@ -67,19 +67,19 @@ class MemoryKernel(ABC):
 
     @abstractmethod
     def __call__(self, t: ArrayLike) -> np.ndarray:
-        """Kernel values at times t > 0, the shape of `t`."""
+        """Return kernel values at times t > 0, the shape of `t`."""
 
     @abstractmethod
     def integral(self, t: ArrayLike) -> np.ndarray:
-        """``int_0^t K(s) ds`` at times t >= 0, the shape of `t`."""
+        """Return ``int_0^t K(s) ds`` at times t >= 0, the shape of `t`."""
 
     def laplace(self, s: ArrayLike) -> np.ndarray:
-        """``int_0^inf K(t) exp(-s t) dt`` at complex s, Re s >= 0, the shape of `s`."""
+        """Return ``int_0^inf K(t) exp(-s t) dt`` at complex s, Re s >= 0, the shape of `s`."""
         required, remedy = "have a Laplace transform in closed form", "take its fit_exponentials"
         raise ValueError(complaint("kernel", required, repr(self), remedy))
 
     def fit(self, t_min: float, t_max: float, tol: float) -> ExponentialSum:
-        """The kernel as a sum of exponentials on [t_min, t_max]; see `fit_exponentials`."""
+        """Return the kernel as a sum of exponentials on [t_min, t_max]; see `fit_exponentials`."""
         found = self.closest_fit(t_min, t_max, tol)
         if found.max_error > tol:
             required = f"be at least {1.1 * found.max_error:.1e} for this kernel"
@@ -89,7 +89,7 @@ class MemoryKernel(ABC):
     def closest_fit(
         self, t_min: float, t_max: float, tol: float, fading: bool = False
     ) -> ExponentialSum:
-        """As `fit`, or what comes closest where `tol` cannot be met: `max_error` tells.
+        """Fit as `fit` does, or as closely as possible, with a larger `max_error`.
 
         Where it is `fading`, a kernel known by its values is fitted without rate 0.
         """
@@ -142,26 +142,26 @@ class ScaledKernel(MemoryKernel):
     measured = property(attrgetter("kernel.measured"))
 
     def __call__(self, t: ArrayLike) -> np.ndarray:
-        """Kernel values, the shape of `t`."""
+        """Return the kernel values, the shape of `t`."""
         return self.factor * self.kernel(t)
 
     def integral(self, t: ArrayLike) -> np.ndarray:
-        """``int_0^t`` of it."""
+        """Return ``int_0^t`` of the kernel."""
         return self.factor * self.kernel.integral(t)
 
     def laplace(self, s: ArrayLike) -> np.ndarray:
-        """Laplace transform of it."""
+        """Return the Laplace transform of the kernel."""
         return self.factor * self.kernel.laplace(s)
 
     def fit(self, t_min: float, t_max: float, tol: float) -> ExponentialSum:
-        """The kernel's sum with all weights times the factor."""
+        """Return the kernel's sum with all weights times the factor."""
         fit = self.kernel.fit(t_min, t_max, tol)
         return replace(fit, weights=self.factor * fit.weights)
 
     def closest_fit(
         self, t_min: float, t_max: float, tol: float, fading: bool = False
     ) -> ExponentialSum:
-        """The kernel's closest sum with all weights times the factor."""
+        """Return the kernel's closest sum with all weights times the factor."""
         fit = self.kernel.closest_fit(t_min, t_max, tol, fading)
         return replace(fit, weights=self.factor * fit.weights)
 
@@ -384,7 +384,7 @@ def warn_of_fit(error, tol):
 
 
 def _scaled(factor, kernel):
-    """``factor * kernel`` with one factor in all."""
+    """Return ``factor * kernel`` with one factor in all."""
     if isinstance(kernel, ScaledKernel):
         factor, kernel = factor * kernel.factor, kernel.kernel
     return ScaledKernel(factor, kernel)
@@ -400,7 +400,7 @@ def _not_zero(argument, value):
 
 
 def matching(name, first, other, second):
-    """Two arrays of one length, at least 1."""
+    """Return two arrays of one length, at least 1."""
     a, b = np.atleast_1d(real_array(name, first)), np.atleast_1d(real_array(other, second))
     if a.ndim != 1 or a.shape != b.shape or a.size == 0:
         required = f"have shape (n,) as {other}, n >= 1"

@@ -45,7 +45,7 @@ class PowerLaw(MemoryKernel):
         within("exponent", self.exponent, 5e-324, 2.0, "(0, 2]", remedy)
 
     def __call__(self, t: ArrayLike) -> np.ndarray:
-        """Kernel values, the shape of `t`."""
+        """Return the kernel values, the shape of `t`."""
         return np.asarray(t, dtype=float) ** -self.exponent
 
     @property
@@ -54,14 +54,14 @@ class PowerLaw(MemoryKernel):
         return float(self.exponent)
 
     def integral(self, t: ArrayLike) -> np.ndarray:
-        """``int_0^t K`` = t**(1 - exponent) / (1 - exponent), for exponents below 1."""
+        """Return ``int_0^t K`` = t**(1 - exponent) / (1 - exponent), for exponents below 1."""
         a = float(self.exponent)
         if a >= 1:
             raise ValueError(complaint("exponent", "be below 1 for a finite integral from 0", a))
         return np.asarray(t, dtype=float) ** (1 - a) / (1 - a)
 
     def laplace(self, s: ArrayLike) -> np.ndarray:
-        """``Gamma(1 - exponent) s**(exponent - 1)``, for exponents below 1."""
+        """Return ``Gamma(1 - exponent) s**(exponent - 1)``, for exponents below 1."""
         a = float(self.exponent)
         return gamma(1 - a) * np.asarray(s) ** (a - 1)
 
@@ -109,18 +109,18 @@ class TemperedPowerLaw(MemoryKernel):
         return float(self.exponent)
 
     def __call__(self, t: ArrayLike) -> np.ndarray:
-        """Kernel values, the shape of `t`."""
+        """Return the kernel values, the shape of `t`."""
         t = np.asarray(t, dtype=float)
         return t**-self.exponent * np.exp(-self.rate * t)
 
     def integral(self, t: ArrayLike) -> np.ndarray:
-        """``int_0^t K``, an incomplete gamma function."""
+        """Return ``int_0^t K``, an incomplete gamma function."""
         t = np.asarray(t, dtype=float)
         p = 1 - self.exponent
         return t**p / p * mean_of_decay(p, self.rate * t)
 
     def laplace(self, s: ArrayLike) -> np.ndarray:
-        """``Gamma(1 - exponent) (s + rate)**(exponent - 1)``."""
+        """Return ``Gamma(1 - exponent) (s + rate)**(exponent - 1)``."""
         p = 1 - self.exponent
         return math.gamma(p) * (np.asarray(s) + self.rate) ** -p
 
@@ -171,7 +171,7 @@ class DistributedOrder(MemoryKernel):
     def from_density(
         cls, density: Callable[[float], float], low: float = 0.0, high: float = 1.0, n: int = 32
     ) -> DistributedOrder:
-        """``int_low^high density(a) t**-a / Gamma(1-a) da`` by the Gauss rule of `n` points.
+        """Return ``int_low^high density(a) t**-a / Gamma(1-a) da`` by the Gauss rule of `n` points.
 
         Parameters
         ----------
@@ -195,17 +195,17 @@ class DistributedOrder(MemoryKernel):
         return max(self.orders)
 
     def __call__(self, t: ArrayLike) -> np.ndarray:
-        """Kernel values, the shape of `t`."""
+        """Return the kernel values, the shape of `t`."""
         t = np.asarray(t, dtype=float)
         return np.power.outer(t, -np.array(self.orders)) @ self._factors
 
     def integral(self, t: ArrayLike) -> np.ndarray:
-        """``int_0^t K``, in closed form."""
+        """Return ``int_0^t K``, in closed form."""
         t, order = np.asarray(t, dtype=float), np.array(self.orders)
         return np.power.outer(t, 1 - order) @ (self._factors / (1 - order))
 
     def laplace(self, s: ArrayLike) -> np.ndarray:
-        """``sum_k weights[k] s**(orders[k] - 1)``."""
+        """Return ``sum_k weights[k] s**(orders[k] - 1)``."""
         return np.power.outer(np.asarray(s), np.array(self.orders) - 1) @ np.array(self.weights)
 
 
@@ -245,11 +245,11 @@ class StretchedExponential(MemoryKernel):
         return (float(self.exponent),)
 
     def __call__(self, t: ArrayLike) -> np.ndarray:
-        """Kernel values, the shape of `t`."""
+        """Return the kernel values, the shape of `t`."""
         return np.exp(-((self.rate * np.asarray(t, dtype=float)) ** self.exponent))
 
     def integral(self, t: ArrayLike) -> np.ndarray:
-        """``int_0^t K``, an incomplete gamma function."""
+        """Return ``int_0^t K``, an incomplete gamma function."""
         t = np.asarray(t, dtype=float)
         return t * mean_of_decay(1 / self.exponent, (self.rate * t) ** self.exponent)
 
@@ -294,14 +294,14 @@ class MittagLeffler(MemoryKernel):
         return (float(self.order),)
 
     def __call__(self, t: ArrayLike) -> np.ndarray:
-        """Kernel values, the shape of `t`; ``int t exp(-t s) F(s) ds`` with F of `_below`."""
+        """Return kernel values ``int t exp(-t s) F(s) ds``, F of `_below`, the shape of `t`."""
         x = self.rate * np.asarray(t, dtype=float)
         if self.order == 1:
             return np.exp(-x)
         return self._over_decades(x, lambda y: y * np.exp(-np.minimum(y, _GONE)), 4.0)
 
     def integral(self, t: ArrayLike) -> np.ndarray:
-        """``int_0^t K``, to full precision by the same quadrature."""
+        """Return ``int_0^t K``, to full precision by the same quadrature."""
         t = np.asarray(t, dtype=float)
         x = self.rate * t
         if self.order == 1:
@@ -313,18 +313,18 @@ class MittagLeffler(MemoryKernel):
         return t * self._over_decades(x, weight, 40 / (1 - self.order))
 
     def laplace(self, s: ArrayLike) -> np.ndarray:
-        """``s**(order - 1) / (s**order + rate**order)``."""
+        """Return ``s**(order - 1) / (s**order + rate**order)``."""
         s = np.asarray(s)
         return 1 / (s + self.rate**self.order * s ** (1 - self.order))
 
     def _below(self, v):
-        """F, the share of the spectrum below the log rate v (in units of `rate`)."""
+        """Return F, the share of the spectrum below the log rate v (in units of `rate`)."""
         theta, u = math.pi * self.order, np.maximum(self.order * v, -_GONE)
         gap = math.sin(math.pi / 2 * (1 - self.order))  # cos(theta) = 2 gap**2 - 1
         return np.arctan2(math.sin(math.pi * (1 - self.order)), np.expm1(-u) + 2 * gap**2) / theta
 
     def _over_decades(self, x, weight, far):
-        """``int weight(y) F(log(y / x)) dlog y`` for log y in [-40, far], x in any shape.
+        """Return ``int weight(y) F(log(y / x)) dlog y`` for log y in [-40, far], x in any shape.
 
         Gauss panels, short beside the spectrum's peak; for large y the weight is 1/y and F is 1.
         """
@@ -346,7 +346,7 @@ class MittagLeffler(MemoryKernel):
         return values.reshape(x.shape)
 
     def _panels(self, low, high):
-        """Gauss nodes and weights on [low, high], panels at most 1 long and graded towards 0."""
+        """Return Gauss nodes and weights on [low, high], in panels graded towards 0."""
         length, ends = min(1.0, 0.5 * math.pi * (1 - self.order) / self.order), [0.0]
         while ends[-1] < max(high, -low):
             ends.append(ends[-1] + length)
@@ -359,7 +359,7 @@ class MittagLeffler(MemoryKernel):
 
 
 def mean_of_decay(p, x):
-    """``p int_0^1 u**(p-1) exp(-x u) du``, from 1 at x = 0, without loss anywhere.
+    """Return ``p int_0^1 u**(p-1) exp(-x u) du``, from 1 at x = 0, without loss anywhere.
 
     For x < p + 1 the series ``exp(-x) sum_k x**k / ((p+1)...(p+k))``, all of one sign.
     """

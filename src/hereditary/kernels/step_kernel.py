@@ -43,11 +43,11 @@ class PowerSteps:
         return self.p
 
     def differences(self, n: int) -> np.ndarray:
-        """b_0, and then ``b_k - b_(k-1)`` for k < n."""
+        """Return b_0, and then ``b_k - b_(k-1)`` for k < n."""
         return power_second_differences(self.p, n)
 
     def seen(self, theta: float, n: int) -> np.ndarray:
-        """Integrals over [k-1+theta, k+theta] for k < n; over [0, theta] for k = 0."""
+        """Return integrals over [k-1+theta, k+theta] for k < n; over [0, theta] for k = 0."""
         weights = np.full(n, theta**self.p)
         if n > 1:
             k = np.arange(n - 1) + theta
@@ -55,7 +55,7 @@ class PowerSteps:
         return weights
 
     def moments(self, theta: float, n: int) -> np.ndarray:
-        """Integrals of ``(middle - t)`` times it over [k-1+theta, k+theta] for k < n; 0 for k = 0.
+        """Return integrals of ``(middle - t) K`` over [k-1+theta, k+theta] for k < n; 0 for k = 0.
 
         By Gauss's rule: the closed form cancels for large k. The singularity lies at least 0.5
         before the interval, where sixteen points leave an error of 3.7**-32.
@@ -69,11 +69,11 @@ class PowerSteps:
         return moments
 
     def last_moment(self) -> float:
-        """Integral of ``(1/2 - t)`` times it over [0, 1]."""
+        """Return the integral of ``(1/2 - t) K`` over [0, 1]."""
         return (1 - self.p) / (2 * (1 + self.p))
 
     def alternating(self) -> float:
-        """``sum_k (-1)**k b_k``."""
+        """Return ``sum_k (-1)**k b_k``."""
         return float(alternating_power_sum(self.p))
 
 
@@ -108,7 +108,7 @@ class Integrated:
         return self.kernel.integral(t)
 
     def integral(self, t):
-        """``int_0^t``; by a rule that is graded towards 0, where the kernel is a power of t."""
+        """Return ``int_0^t K``, by a rule that is graded towards 0."""
         u, weights = graded_unit(16)
         return t * (self.kernel.integral(np.multiply.outer(t, u)) @ weights)
 
@@ -147,19 +147,19 @@ class StepKernel:
         return self
 
     def at(self, t: np.ndarray) -> np.ndarray:
-        """K(h t); beyond where it is known, which no step of a run reads, as it was there."""
+        """Return K(h t), and beyond the last known time the value there."""
         return self.kernel(np.minimum(self.h * t, self.kernel.t_last))
 
     def shares(self, n: int) -> np.ndarray:
-        """Integrals b_k over [k, k+1] for k < n."""
+        """Return integrals b_k over [k, k+1] for k < n."""
         return self.seen(1.0, n)
 
     def differences(self, n: int) -> np.ndarray:
-        """b_0, and then ``b_k - b_(k-1)`` for k < n."""
+        """Return b_0, and then ``b_k - b_(k-1)`` for k < n."""
         return np.diff(self.shares(n), prepend=0.0)
 
     def seen(self, theta: float, n: int) -> np.ndarray:
-        """Integrals over [k-1+theta, k+theta] for k < n; over [0, theta] for k = 0.
+        """Return integrals over [k-1+theta, k+theta] for k < n; over [0, theta] for k = 0.
 
         By Gauss's rule: from k = 2 on the kernel's singularity lies at least one interval away,
         where sixteen points leave an error of 5.8**-32.
@@ -174,7 +174,7 @@ class StepKernel:
         return weights
 
     def alternating(self) -> float:
-        """``sum_k (-1)**k b_k``."""
+        """Return ``sum_k (-1)**k b_k``."""
         shares = self.shares(_ALTERNATING)
         return float(shares[0] * alternating_sum(shares / shares[0]))
 
