@@ -98,7 +98,7 @@ class SumOfExponentials(History):
         return _Modes(tables, arrays, blocks, n - pad, covered, errors)
 
     def _covered(self, enough, kernels, n_steps):
-        """Steps that a bank covers; the run's alone where functions or tables must be fitted."""
+        """Return how many steps a bank covers: only the run's for fitted kernels."""
         asked = max(n_steps, 1)
         if any(kernel.kernel.by_values for kernel in kernels):
             return asked
@@ -108,7 +108,7 @@ class SumOfExponentials(History):
         return covered
 
     def _span(self, past, span):
-        """Distances at which modes must hold on a mesh."""
+        """Return the shortest and longest time lag of modes on a mesh."""
         # a mesh of one step may go on, with steps that are no shorter
         shortest = span.shortest if np.isfinite(span.shortest) else past.rows.unit[0]
         return Span(shortest, max(span.farthest, self.horizon or 0.0))
@@ -146,7 +146,7 @@ _kept = lru_cache(maxsize=64)(_tabulated)
 
 
 def _mesh_modes(sums, m, nearest, farthest, tol):
-    """Rates (M,) of the modes of terms with derivative m, and their weights for each group."""
+    """Return rates (M,) of the modes of terms with derivative m, and weights by group."""
     used = (sums.factors != 0) & (sums.powers > 0) & (sums.derivatives == m)
     exponents = tuple(sorted({1 - p for p in sums.powers[used]}))
     if not exponents:
@@ -222,10 +222,10 @@ class _Modes(Memory):
 
 
 def _bank(convolution, covered, tol):
-    """Rates of all modes, their weights for each kernel, how many are there for the padding, and
-    the largest errors of the other kernels.
+    """Return rates of all modes, their weights for each kernel, and two results more.
 
-    Power laws share their rates; every other kernel brings its own.
+    These are the number of modes used for the padding, and the largest errors of the other kernels.
+    Power laws share their rates; every other kernel has its own.
     """
     exponents, kernels = convolution.exponents(), convolution.kernels()
     fits = [fit_unit(exponents, covered, tol)[:2]]
@@ -244,7 +244,7 @@ def _bank(convolution, covered, tol):
 
 
 def _powers(rates, n_block):
-    """Powers of q: ahead[i, j] = q_i**j, and back[k, i] = q_i**(B-1-k) with q_i**B as last row."""
+    """Return ahead[i, j] = q_i**j, and back[k, i] = q_i**(B-1-k) with q_i**B as last row."""
     steps = np.arange(n_block + 1)
     powers = np.exp(-np.multiply.outer(rates, steps))
     powers[powers < 1e-290] = 0.0  # products with subnormal numbers take a hundred times as long

@@ -79,7 +79,7 @@ class Memory(ABC):
             array[...] = 0.0
 
     def state(self) -> tuple[np.ndarray, ...]:
-        """The contents as a tuple of independent arrays."""
+        """Return the contents as a tuple of independent arrays."""
         return tuple(array.copy() for array in self.arrays)
 
     def restore(self, state) -> None:
@@ -95,7 +95,7 @@ class NoMemory(Memory):
         super().__init__(*none, block_weights, block_start_weights)
 
     def prepare(self, n_end: int) -> None:
-        """Any length will do."""
+        """Do nothing: all lengths are covered."""
 
 
 class History(ABC):

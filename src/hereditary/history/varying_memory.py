@@ -103,7 +103,7 @@ class VaryingModes(Memory):
 
 @lru_cache(maxsize=16)
 def bank_of_all_orders(ratio, tol):
-    """Rates with which ``t**-a`` is a sum of exponentials on [1, ratio] for every a in (0, 1].
+    """Return rates of sums for ``t**-a`` on [1, ratio], the same for every a in (0, 1].
 
     Returns
     -------
@@ -128,7 +128,7 @@ def bank_of_all_orders(ratio, tol):
 
 
 def weights_of_orders(a, ratio, tol):
-    """Weights of these rates for kernels ``t**-a``, a (k,) in (0, 1], shape (M, k)."""
+    """Return weights of these rates for kernels ``t**-a``, a (k,) in (0, 1], shape (M, k)."""
     rates, h, x = bank_of_all_orders(ratio, tol)
     a = np.maximum(a, LEAST)
     k = np.arange(SLOW_NODES)[:, None]
@@ -139,5 +139,5 @@ def weights_of_orders(a, ratio, tol):
 
 @lru_cache(maxsize=1)
 def _from_moments():
-    """Matrix that gives the nodes' weights from the moments of what they stand for."""
+    """Return the matrix that maps moments to weights of the nodes."""
     return np.linalg.inv(np.vander(_NODES, increasing=True).T)
