@@ -29,7 +29,7 @@ from .uniform_plan import uniform_plan
 
 
 def hat_weights(alpha, n):
-    """W_0 .. W_(n-1), differences of moments of t**(alpha-1), without cancellation."""
+    """Return W_0 .. W_(n-1), differences of moments of t**(alpha-1), without cancellation."""
     weights = np.ones(n)
     g = [1.0, 2 ** (alpha + 1) - 2, 3 ** (alpha + 1) - 2 * 2 ** (alpha + 1) + 1]
     weights[1:3] = np.diff(g)[: n - 1]
@@ -40,7 +40,7 @@ def hat_weights(alpha, n):
 
 
 def start_weights(alpha, n):
-    """A_k - A_(k-1) for k = 0 .. n-1, with A_(-1) = 0."""
+    """Return A_k - A_(k-1) for k = 0 .. n-1, with A_(-1) = 0."""
     weights = np.full(n, alpha)
     if n > 1:
         weights[1] = 1 - (1 - alpha) * 2**alpha - alpha
@@ -51,7 +51,7 @@ def start_weights(alpha, n):
 
 @lru_cache(maxsize=4)
 def _power_steps(alpha, n):
-    """Integrals over [k, k+1], k = 2 .. n-1, of differences of powers, (2, n - 2).
+    """Return integrals over [k, k+1], k = 2 .. n-1, of differences of powers, (2, n - 2).
 
     The integrand ``alpha (alpha+1) (t**(alpha-1) - (t-1)**(alpha-1))`` is multiplied by t - k and
     by k + 1 - t. Its singularity lies k - 1 steps before the interval: 16 points leave 5.8**-32
@@ -69,7 +69,7 @@ def _power_steps(alpha, n):
 
 
 def _exponent(alpha):
-    """Kernel ``t**(alpha-1)`` below 1, its derivative's ``t**(alpha-2)`` above; none at 1."""
+    """Return the exponent of ``t**(alpha-1)`` below 1, of ``t**(alpha-2)`` above; None at 1."""
     if alpha == 1:
         return None
     return 1 - alpha if alpha < 1 else 2 - alpha
@@ -106,7 +106,7 @@ def _plan(equation, h, corrections):
 
 
 def _weighed(c, operator, h, rule):
-    """Weights of values of f, which have the negative sign on the left side."""
+    """Return weights of values of f, which have the negative sign on the left side."""
     return -(h**operator.order) * rgamma(operator.order + 2) / c, rule, operator.order
 
 
@@ -179,7 +179,7 @@ class Adams(Scheme):
         count("corrections", self.corrections)
 
     def order(self, alpha: float, smoothness: str = "smooth") -> float:
-        """Proven order of convergence at a fixed time, on uniform steps.
+        """Return the proven order of convergence at a fixed time, on uniform steps.
 
         Parameters
         ----------
@@ -194,7 +194,7 @@ class Adams(Scheme):
         return min(2.0, 1 + gains * alpha)
 
     def plan(self, equation: System, h: float) -> Plan:
-        """Tables and convolution for `equation` with step h."""
+        """Make tables and convolution for `equation` with step h."""
         return _plan(equation, h, self.corrections)
 
 
@@ -233,11 +233,11 @@ class ProductTrapezoid(Scheme):
     several_terms: ClassVar[bool] = False
 
     def order(self, alpha: float, smoothness: str = "smooth") -> float:
-        """Proven order of convergence at a fixed time, on uniform steps; see `Adams.order`."""
+        """Return the proven order of convergence at a fixed time; see `Adams.order`."""
         alpha = within("alpha", alpha, 5e-324, 2.0, "(0, 2]")
         check_smoothness(smoothness)
         return 2.0 if smoothness == "smooth" else min(2.0, 1 + alpha)
 
     def plan(self, equation: System, h: float) -> Plan:
-        """Tables and convolution for `equation` with step h."""
+        """Make tables and convolution for `equation` with step h."""
         return _plan(equation, h, 0)

@@ -80,7 +80,7 @@ class BDF(Scheme):
         return 0.0, _LARGEST_ORDER[self.formula - 1]
 
     def order(self, alpha: float, smoothness: str = "smooth") -> float:
-        """Proven order of convergence at a fixed time, for linear equations: p.
+        """Return the proven order of convergence at a fixed time, for linear equations: p.
 
         Parameters
         ----------
@@ -94,7 +94,7 @@ class BDF(Scheme):
         return float(self.formula)
 
     def plan(self, equation: System, h: float) -> Plan:
-        """Tables and convolution for `equation` with step h."""
+        """Make tables and convolution for `equation` with step h."""
         p = self.formula
         corrections, drift = _start_corrections(equation, h, p), _formed_drift(equation, h, p)
         if drift is not None:
@@ -114,25 +114,25 @@ class BDF(Scheme):
 
 
 def weighed_by_power(c, operator, h, rule):
-    """Factor, rule and order of c times an operator."""
+    """Return the factor, rule and order of c times an operator."""
     return c * h**-operator.order, rule, operator.order
 
 
 @lru_cache(maxsize=8)
 def quadrature_weights(p):
-    """Rule of the coefficients of ``delta(z)**alpha / (1 - z)``."""
+    """Return the rule of the coefficients of ``delta(z)**alpha / (1 - z)``."""
     return WeightRule(partial(_exact, p), exponent, partial(_modal, p))
 
 
 def _exact(p, alpha, n):
-    """By the power recurrence of ``(1-z)**(alpha-1) * (sum_(k=1)^p (1-z)**(k-1) / k)**alpha``."""
+    """Return coefficients of ``(1-z)**(alpha-1) (sum_(k=1)^p (1-z)**(k-1) / k)**alpha``."""
     factor = _shifted_power_sum(p)
     return series_of_power(factor, float(alpha), n)
 
 
 @lru_cache(maxsize=8)
 def _shifted_power_sum(p):
-    """Coefficients in z of ``sum_(k=1)^p (1-z)**(k-1) / k``."""
+    """Return coefficients in z of ``sum_(k=1)^p (1-z)**(k-1) / k``."""
     total = np.polynomial.Polynomial([0.0])
     for k in range(1, p + 1):
         total = total + np.polynomial.Polynomial([1.0, -1.0]) ** (k - 1) / k
@@ -140,12 +140,12 @@ def _shifted_power_sum(p):
 
 
 def exponent(alpha):
-    """Kernel ``t**-alpha``; integer orders have no memory beyond 2 p steps."""
+    """Return the kernel ``t**-alpha``; integer orders have no memory beyond 2 p steps."""
     return None if alpha in (1.0, 2.0) else alpha
 
 
 def _modal(p, alpha, rates, weights, k):
-    """Shares of W_k, the integral of its generating function along its cut.
+    """Return shares of W_k, the integral of its generating function along its cut.
 
     ``W_k = sin(pi alpha)/pi int exp(-k s) |delta(e**s)|**alpha / (e**s - 1) ds`` over the rates
     below the first zero of delta(e**s), and no faster than what is left of them at `_FIRST_MODAL`:
@@ -168,7 +168,7 @@ _N_EARLY, _N_LATE = 256, 3
 
 
 def _formed_drift(equation, h, p):
-    """Error of the formula for t y'(0) in the terms of order below 1.
+    """Return the error of the formula for t y'(0) in the terms of order below 1.
 
     These go with ``t**(1-gamma)``, of which the sums for the rest would leave order 2 - gamma. The
     first values (k, d), and the amplitudes and powers of what is left later (r, d); None without
@@ -195,7 +195,7 @@ def _formed_drift(equation, h, p):
 
 @lru_cache(maxsize=64)
 def drift_defect(p, gamma):
-    """Derivative of order gamma that the formula gives t, less the exact one, steps of length 1.
+    """Return the formula's derivative of t of order gamma less the exact one, steps of 1.
 
     The start-corrected samples of t, ``n + b_n`` with the b of `start_coefficients`, have the
     generating function ``delta**-2`` up to ``(1-z)**p``. So the formula gives ``q_n = sum_k W_k (1
@@ -232,12 +232,12 @@ def drift_defect(p, gamma):
 
 
 def _product(a, b):
-    """Of two power series."""
+    """Return the product of two power series."""
     return np.convolve(a, b)[: a.size]
 
 
 def _power(a, k):
-    """A whole power of a power series."""
+    """Return a whole power of a power series."""
     total = np.eye(a.size)[0]
     for _ in range(k):
         total = _product(total, a)
@@ -245,7 +245,7 @@ def _power(a, k):
 
 
 def _real_power(a, exponent):
-    """Any power of a power series with a_0 = 1."""
+    """Return any power of a power series with a_0 = 1."""
     power = np.eye(a.size)[0]
     for n in range(1, a.size):
         k = np.arange(1, n + 1)
@@ -254,7 +254,7 @@ def _real_power(a, exponent):
 
 
 def _start_corrections(equation, h, p):
-    """Corrections of the right-hand side in the first p - 1 steps, shape (p-1, d).
+    """Return corrections of the right-hand side in the first p - 1 steps, shape (p-1, d).
 
     ``a_n phi(0) + sum_(l=1)^(p-2) b_(l,n) h**l phi^(l)(0)`` with phi(t) = f(t, x(0) + t x'(0)) less
     the derivatives of order 1 of t x'(0), its own derivatives by differences over the first p
@@ -279,7 +279,7 @@ def _start_corrections(equation, h, p):
 
 @lru_cache(maxsize=32)
 def start_coefficients(p, order):
-    """b_(l,n), n = 1 .. p-1, for l = order (a_n for l = 0).
+    """Return b_(l,n), n = 1 .. p-1, for l = order (a_n for l = 0).
 
     They make ``delta(z)**(l+1) (sum_n n**l z**n / l! + sum_n b_n z**n) = 1 + O((1-z)**p)``: then
     the formula integrates t**l / l! with its full order. In x = 1 - z both sides are polynomials.

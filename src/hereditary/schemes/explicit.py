@@ -75,7 +75,7 @@ class ExplicitCaputo(Scheme):
     takes_varying: ClassVar[bool] = True
 
     def order(self, alpha: float, smoothness: str = "smooth") -> float:
-        """Proven order of convergence at a fixed time: 1 for every alpha in (0, 2].
+        """Return the proven order of convergence at a fixed time: 1 for alpha in (0, 2].
 
         Parameters
         ----------
@@ -89,7 +89,7 @@ class ExplicitCaputo(Scheme):
         return 1.0
 
     def step_limit(self, equation: System, stiffness: float) -> float:
-        """Largest stable step for a constant ``-d rhs / d y = stiffness``.
+        """Return the largest stable step for a constant ``-d rhs / d y = stiffness``.
 
         Parameters
         ----------
@@ -129,7 +129,7 @@ class ExplicitCaputo(Scheme):
         return limits[groups]
 
     def plan(self, equation: System, h: float) -> Plan:
-        """Tables and convolution for `equation` with step h."""
+        """Make tables and convolution for `equation` with step h."""
         if equation.varies:
             return varying_plan(equation, h, 1.0, explicit=True)
         second = equation.highest_orders() > 1

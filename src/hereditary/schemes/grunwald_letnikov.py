@@ -84,7 +84,7 @@ class GrunwaldLetnikov(Scheme):
         return 1.0
 
     def step_limit(self, equation: System, stiffness: float) -> float:
-        """Largest stable step for a constant ``-d rhs / d y = stiffness``.
+        """Return the largest stable step for a constant ``-d rhs / d y = stiffness``.
 
         Parameters
         ----------
@@ -117,7 +117,7 @@ class GrunwaldLetnikov(Scheme):
         return np.array(limits)[groups]
 
     def plan(self, equation: System, h: float) -> Plan:
-        """Tables and convolution for `equation` with step h."""
+        """Make tables and convolution for `equation` with step h."""
         starts: list = [(None, 0.0)]
         if equation.m == 2:  # the second start value of a march is there from the first step on
             start = np.where(equation.highest_orders() > 1, h * equation.y0[1], 0.0)
@@ -135,13 +135,13 @@ class GrunwaldLetnikov(Scheme):
 
 
 def _modal(alpha, rates, weights, k):
-    """Shares of ``W_k = sin(pi alpha)/pi int exp(-k s) (exp(s) - 1)**(alpha-1) ds``."""
+    """Return shares of ``W_k = sin(pi alpha)/pi int exp(-k s) (exp(s) - 1)**(alpha-1) ds``."""
     shares = weights * rgamma(1 - alpha) * mean_exponential(rates) ** (alpha - 1)
     return shares * np.exp(-rates * (k + 1 - alpha))
 
 
 def _speed(alpha, n):
-    """Weights of h x'(0): -S_k above order 1, and W_0 more for k = 0.
+    """Return weights of h x'(0): -S_k above order 1, and W_0 more for k = 0.
 
     The march takes h x'(0) for the increment before its first step, which it solves for a change.
     """

@@ -61,7 +61,7 @@ class L1(Scheme):
     takes_meshes: ClassVar[bool] = True
 
     def order(self, alpha: float, smoothness: str = "smooth") -> float:
-        """Proven order of convergence at a fixed time, on uniform steps.
+        """Return the proven order of convergence at a fixed time, on uniform steps.
 
         Parameters
         ----------
@@ -77,7 +77,7 @@ class L1(Scheme):
         return 2 - alpha if smoothness == "smooth" else 1.0
 
     def plan(self, equation: System, h: float) -> Plan:
-        """Tables and convolution for `equation` with step h."""
+        """Make tables and convolution for `equation` with step h."""
         theta = 0.5 if equation.highest_orders().max() > 1 else 1.0
         if equation.varies:
             return varying_plan(equation, h, theta, explicit=False)
@@ -97,18 +97,18 @@ class L1(Scheme):
         return uniform_plan(equation, h, theta, terms, starts=starts, whole=whole)
 
     def mesh_plan(self, equation: System, times: np.ndarray) -> Plan:
-        """Plan on a mesh of any steps; above order 1 velocities are lines between their middles."""
+        """Make the plan on a mesh; above order 1 velocities are lines between middles of steps."""
         theta = 0.5 if equation.highest_orders().max() > 1 else 1.0
         return mesh_plan(self, equation, times, theta, 0)
 
 
 def _speed_weights(c, operator, h):
-    """Weights of h y'(0), where velocities' differences begin at it."""
+    """Return weights of h y'(0), the start of the differences of velocities."""
     return by_rule(-c, operator, h, FIRST_DIFFERENCES) if operator.derivative == 2 else None
 
 
 def _remembers(equation, derivative):
-    """Whether the kernel of a general term acts on this derivative of y."""
+    """Return whether the kernel of a general term acts on this derivative of y."""
     return any(
         operator.kernel is not None and operator.derivative == derivative and np.any(c)
         for operator, c in equation.left

@@ -66,7 +66,7 @@ class L12(Scheme):
         return 3 - alpha if smoothness == "smooth" or alpha == 1 else 1.0
 
     def plan(self, equation: System, h: float) -> Plan:
-        """Tables and convolution for `equation` with step h."""
+        """Make tables and convolution for `equation` with step h."""
         weighed, start = (
             partial(by_rule, h=h, rule=r) for r in (BACKWARD_PARABOLAS, BACKWARD_START)
         )

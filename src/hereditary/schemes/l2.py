@@ -51,7 +51,7 @@ class L2(Scheme):
     takes_meshes: ClassVar[bool] = True
 
     def order(self, alpha: float, smoothness: str = "smooth") -> float:
-        """Proven order of convergence at a fixed time, on uniform steps.
+        """Return the proven order of convergence at a fixed time, on uniform steps.
 
         Parameters
         ----------
@@ -65,9 +65,9 @@ class L2(Scheme):
         return 3 - alpha if smoothness == "smooth" else 1.0
 
     def plan(self, equation: System, h: float) -> Plan:
-        """Tables and convolution for `equation` with step h."""
+        """Make tables and convolution for `equation` with step h."""
         return parabola_plan(equation, h, 1.0, closing=True)
 
     def mesh_plan(self, equation: System, times: np.ndarray) -> Plan:
-        """Plan on a mesh of any steps, for orders in (0, 1]."""
+        """Make the plan on a mesh of any steps, for orders in (0, 1]."""
         return mesh_plan(self, equation, times, 1.0, 2)

@@ -62,7 +62,7 @@ class L2Sigma(Scheme):
     meshes_up_to: ClassVar[float] = 2.0
 
     def order(self, alpha: float, smoothness: str = "smooth") -> float:
-        """Proven order of convergence at a fixed time, on uniform steps.
+        """Return the proven order of convergence at a fixed time, on uniform steps.
 
         Parameters
         ----------
@@ -76,7 +76,7 @@ class L2Sigma(Scheme):
         return 2.0 if smoothness == "smooth" else 1.0
 
     def reduction(self, equation: System) -> System | None:
-        """Two equations of half the order, where the order lies in (1, 2]."""
+        """Return two equations of half the order if the order is in (1, 2]."""
         if equation.highest_orders().max() <= 1:
             return None
         distinct, _ = distinct_components(equation)
@@ -88,18 +88,18 @@ class L2Sigma(Scheme):
         return reduce_order(equation, c, operator.order)
 
     def plan(self, equation: System, h: float) -> Plan:
-        """Tables and convolution for `equation` with step h."""
+        """Make tables and convolution for `equation` with step h."""
         return parabola_plan(equation, h, _sigma(_terms(equation), h))
 
     def mesh_plan(self, equation: System, times: np.ndarray) -> Plan:
-        """Plan on a mesh of any steps, for orders in (0, 1]."""
+        """Make the plan on a mesh of any steps, for orders in (0, 1]."""
         terms = _terms(equation)
         sigma = np.array([_sigma(terms, step) for step in np.diff(times)])
         return mesh_plan(self, equation, times, sigma, 1)
 
 
 def _terms(equation):
-    """Coefficients and orders of the terms that all components share."""
+    """Return coefficients and orders of the terms that all components share."""
     distinct, _ = distinct_components(equation)
     if len(distinct) > 1:
         required = "be the same for all components with L2Sigma, whose sigma depends on them"
@@ -109,7 +109,7 @@ def _terms(equation):
 
 
 def _sigma(terms, h):
-    """The root of the function above, between the sigmas of its terms, by bisection."""
+    """Return the root sigma of the function above by bisection."""
     if len(terms) == 1:
         return 1 - terms[0][1] / 2
     c, alpha = np.array(terms).T

@@ -120,7 +120,7 @@ class MeshSums:
         )
 
     def weights(self, first, last, k_end):
-        """Weights of u_(n-k) in the derivative at steps n from `first` to `last`, k < k_end.
+        """Return weights of u_(n-k) in the derivative at steps n from `first` to `last`, k < k_end.
 
         Shape (C, last - first, k_end); not divided by the leading weight.
         """
@@ -152,11 +152,11 @@ class MeshSums:
         return found
 
     def direct(self, first, last, k_end):
-        """As `weights`, over the leading weight."""
+        """Return `weights` over the leading weight."""
         return self.weights(first, last, k_end) * self.rows.lead[:, first:last, None]
 
     def decays(self, rates, m, first, last):
-        """How modes of terms with derivative m change at steps n from `first` to `last`.
+        """Return the changes of modes of terms with derivative m, steps `first` to `last`.
 
         Returns
         -------
@@ -184,18 +184,18 @@ class MeshSums:
         return keep, take / self._steps[j], np.exp(-rates * (self._seen[n] - end))
 
     def has_memory(self) -> bool:
-        """Whether there are weights beyond k = 1 at all."""
+        """Return whether there are weights beyond k = 1 at all."""
         return bool(np.any(self.powers > 0))
 
     def exact(self, n):
-        """No weights inside a block, which is of one step."""
+        """Return no weights: a block has one step."""
         return (np.zeros((len(self.factors), 0)),) * 2
 
     def prepare(self, n_end: int) -> None:
-        """Nothing is left to prepare."""
+        """Do nothing: nothing is left to prepare."""
 
     def reach(self, n: int):
-        """All steps are worked out; see `Schedule.reach`."""
+        """Return all steps, which are computed; see `Schedule.reach`."""
         return self._steps.size, None
 
     def check(self, history):
@@ -207,7 +207,7 @@ class MeshSums:
 
 
 def mesh_plan(scheme, equation, times, theta, parabolas):
-    """Plan of a scheme on a mesh of any steps."""
+    """Return the plan of a scheme on a mesh of any steps."""
     name, up_to = type(scheme).__name__, scheme.meshes_up_to
     if not equation.constant:
         required = f"be Caputo operators of constant order for {name} on a mesh"

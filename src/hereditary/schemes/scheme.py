@@ -62,10 +62,10 @@ class Convolution:
     first_modal: int = 2
 
     def prepare(self, n_end: int) -> None:
-        """Nothing is left to prepare: all steps have the same row but the first."""
+        """Do nothing: all steps but the first have the same row."""
 
     def reach(self, n: int):
-        """Every step is worked out; see `Schedule.reach`."""
+        """Return all steps, which are computed; see `Schedule.reach`."""
         return n + 2**62, None
 
     def check(self, history):
@@ -81,11 +81,11 @@ class Convolution:
         return len(self.start_groups) // len(self.groups)
 
     def exponents(self):
-        """Exponents of power-law kernels that occur."""
+        """Return exponents of power-law kernels that occur."""
         return tuple(sorted(key for key in self._keys() if isinstance(key, float)))
 
     def kernels(self):
-        """Other kernels that occur, as `StepKernel` each."""
+        """Return other kernels that occur, as `StepKernel` each."""
         return tuple(key for key in self._keys() if not isinstance(key, float))
 
     def _keys(self):
@@ -95,18 +95,18 @@ class Convolution:
         return [key for key in dict.fromkeys(found) if key is not None]
 
     def has_memory(self):
-        """Whether there are weights beyond k = 1 at all."""
+        """Return whether there are weights beyond k = 1 at all."""
         return bool(self._keys()) or self.first_modal > 3
 
     def exact(self, n):
-        """Weights (C, n) and start weights (V C, n) of every group for k < n."""
+        """Return weights (C, n) and start weights (V C, n) of every group for k < n."""
         return tuple(
             np.array([_total((f * rule.exact(p, n) for f, rule, p in terms), n) for terms in lists])
             for lists in (self.groups, self.start_groups)
         )
 
     def modal(self, bank, k, k_start):
-        """Mode shares of W_k, shape (C, M), and of the start weights at k_start, (V C, M).
+        """Return mode shares of W_k, shape (C, M), and of the start weights at k_start, (V C, M).
 
         `bank` maps a kernel's exponent, or its `StepKernel`, to (rates, weights) of its
         exponential sum.
@@ -185,7 +185,7 @@ class Plan:
 
 
 def distinct_components(equation):
-    """The different (coefficient, operator) lists of an equation's components, and their indices.
+    """Return the different (coefficient, operator) lists of components, and their indices.
 
     Terms with a zero coefficient are left out.
     """
@@ -287,18 +287,18 @@ class Scheme(ABC):
 
     @abstractmethod
     def order(self, alpha: float, smoothness: str = "smooth") -> float:
-        """Proven order of convergence at a fixed time."""
+        """Return the proven order of convergence at a fixed time."""
 
     @abstractmethod
     def plan(self, equation: System, h: float) -> Plan:
-        """The `Plan` for `equation` with step h."""
+        """Make the `Plan` for `equation` with step h."""
 
     def reduction(self, equation: System) -> System | None:
-        """Another system to march instead, whose first d components are y; None for none."""
+        """Return a system to march instead, whose first d components are y, or None."""
         return None
 
     def mesh_plan(self, equation: System, times: np.ndarray) -> Plan:
-        """The `Plan` for `equation` on a mesh of any steps."""
+        """Make the `Plan` for `equation` on a mesh of any steps."""
         if self.takes_meshes:
             raise NotImplementedError(f"{type(self).__name__}.mesh_plan")
         required = f"be left out with {type(self).__name__}, which takes uniform steps"

@@ -50,7 +50,7 @@ class StabilityRegion:
     sources: np.ndarray | None = None
 
     def orbit(self, d, sources):
-        """The region of the first d components; `sources` as in `System`."""
+        """Return the region of the first d components; `sources` as in `System`."""
         gains = self.limits if self.gains is None else self.gains
         return replace(self, limits=self.limits[:d], gains=gains[:d], sources=sources)
 
@@ -60,7 +60,9 @@ class StabilityRegion:
         return (self.limits.size + 1) // 2
 
     def ratios(self, jacobians):
-        """Largest ratio of an eigenvalue to its limit, for each Jacobian; unstable above 1.
+        """Return the largest ratio of an eigenvalue to its limit, for each Jacobian.
+
+        A run is unstable above 1.
 
         Parameters
         ----------
@@ -88,7 +90,7 @@ class StabilityRegion:
         return self._ratios_of(np.linalg.eigvals(scaled))
 
     def _ratios_where_largest(self, bounds, worst):
-        """Ratios of Jacobians of many components: bounds where these are below 1.
+        """Return ratios of Jacobians of many components: bounds if these are below 1.
 
         Where the largest bound is above 1, the eigenvalues of its Jacobian, `worst`, decide.
         """
@@ -113,7 +115,7 @@ class StabilityRegion:
 
 
 def bounds_of(jacobians, limits):
-    """Bounds of the ratios of many components, by norms of Jacobians over their limits (d,).
+    """Return bounds of the ratios of many components, by norms of Jacobians over their limits (d,).
 
     Returns
     -------
@@ -137,7 +139,7 @@ def bounds_of(jacobians, limits):
 
 
 def eigenvalues(matrix):
-    """Eigenvalues of a matrix; of very many rows those of largest modulus, if ARPACK finds them."""
+    """Return eigenvalues of a matrix; of a very large one those of largest modulus."""
     if matrix.shape[0] <= _VERY_MANY:
         return np.linalg.eigvals(matrix if isinstance(matrix, np.ndarray) else matrix.toarray())
     arpack = importlib.import_module("scipy.sparse.linalg")  # whose import takes long
@@ -154,7 +156,7 @@ def eigenvalues(matrix):
 
 
 def folded(jacobians, gains, sources):
-    """Jacobians (k, d, d) of the components with an equation: memory that f reads becomes theirs.
+    """Return Jacobians (k, d, d) of the components with an equation, memory included.
 
     `gains` (d,) or (k, d) are its values where its source is 1.
     """
@@ -168,7 +170,7 @@ def folded(jacobians, gains, sources):
 
 
 def largest_step(limits, stiffness):
-    """Largest step h whose smallest limit, ``limits(h)`` (d,), falling in h, is the stiffness."""
+    """Return the step h at which the smallest of ``limits(h)`` (d,) is the stiffness."""
     low, high = -700.0, 700.0  # log h
     for _ in range(200):
         middle = (low + high) / 2
@@ -190,7 +192,7 @@ def longest_step(scheme, equation, h, ratio):
 
 
 def stability_region(limits, orders, curve):
-    """Region of an explicit scheme whose weights are the same in every step.
+    """Return the region of an explicit scheme with the same weights in every step.
 
     Parameters
     ----------
@@ -214,7 +216,7 @@ def stability_region(limits, orders, curve):
 
 
 def polylogarithm(p, z):
-    """``Li_(-p)(z)`` by its expansion in log z, which converges for |log z| < 2 pi."""
+    """Return ``Li_(-p)(z)`` by its expansion in log z, which converges for |log z| < 2 pi."""
     m = np.log(z)
     k = np.arange(60)
     coefficients = zeta(-p - k) / factorial(k)

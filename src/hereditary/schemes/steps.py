@@ -114,7 +114,7 @@ class UniformSteps:
         return max(int(n_steps), math.ceil(horizon / self.h * (1 - 1e-12)))
 
     def time(self, n: int) -> float:
-        """Time of step n."""
+        """Return the time of step n."""
         return n * self.h
 
     def until(self, n: int) -> UniformSteps:
@@ -122,15 +122,15 @@ class UniformSteps:
         return UniformSteps(self.h, n)
 
     def unit(self, n: int) -> float:
-        """Length of the step that ends at step n."""
+        """Return the length of the step that ends at step n."""
         return self.h
 
     def times(self, positions: np.ndarray) -> np.ndarray:
-        """Times of positions counted in steps."""
+        """Return times of positions in units of steps."""
         return positions * self.h
 
     def positions(self, times: np.ndarray) -> np.ndarray:
-        """Positions of times, counted in steps; times of the steps give whole numbers."""
+        """Return positions of times in units of steps, whole numbers at steps."""
         positions = times / self.h
         mesh = np.rint(positions)
         near = np.abs(positions - mesh) <= 8 * np.finfo(float).eps * mesh
@@ -141,7 +141,7 @@ class UniformSteps:
         return int(np.ceil(self.positions(np.array([t]))[0]))
 
     def plan(self, scheme, system):
-        """Plan of a scheme for a system on these steps."""
+        """Return the plan of a scheme for a system on these steps."""
         return scheme.plan(system, self.h)
 
 
@@ -171,7 +171,7 @@ class MeshSteps:
         return self.span
 
     def time(self, n: int) -> float:
-        """Time of step n."""
+        """Return the time of step n."""
         return float(self.mesh[n])
 
     def until(self, n: int) -> MeshSteps:
@@ -179,16 +179,16 @@ class MeshSteps:
         return replace(self, mesh=self.mesh[: n + 1].copy())
 
     def unit(self, n: int) -> float:
-        """Length of the step that ends at step n; of the first one for n = 0."""
+        """Return the length of the step that ends at step n; of the first one for n = 0."""
         n = max(n, 1)
         return float(self.mesh[n] - self.mesh[n - 1])
 
     def times(self, positions: np.ndarray) -> np.ndarray:
-        """Times of positions counted in steps."""
+        """Return times of positions in units of steps."""
         return np.interp(positions, np.arange(self.mesh.size), self.mesh)
 
     def positions(self, times: np.ndarray) -> np.ndarray:
-        """Positions of times, counted in steps."""
+        """Return positions of times in units of steps."""
         return np.interp(times, self.mesh, np.arange(self.mesh.size))
 
     def first_from(self, t: float) -> int:
@@ -196,7 +196,7 @@ class MeshSteps:
         return int(np.searchsorted(self.mesh, t))
 
     def plan(self, scheme, system):
-        """Plan of a scheme for a system on this mesh."""
+        """Return the plan of a scheme for a system on this mesh."""
         return scheme.mesh_plan(system, self.mesh)
 
 
@@ -209,7 +209,7 @@ def steps_in(name, length, h):
 
 
 def checked_breaks(breaks, start):
-    """Increasing times above `start` that lie apart, shape (k,), counted from there."""
+    """Return increasing, distinct times above `start`, shape (k,), counted from there."""
     given = real_array("breaks", breaks)
     if given.size == 0:
         return given.ravel()
@@ -229,14 +229,14 @@ def together(times, t, origin=0.0):
 
 
 def breaks_ahead(times, start, t_end, origin):
-    """Whether there is a break at `start`, and those between `start` and t_end."""
+    """Return whether there is a break at `start`, and those between `start` and t_end."""
     at_once, at_end = together(times, start, origin), together(times, t_end, origin)
     ahead = (times > start) & (times < t_end) & ~at_once & ~at_end
     return bool(np.any(at_once)) and start > 0, times[ahead]
 
 
 def break_steps(times, start, t_end, steps, origin):
-    """Numbers of the steps that end at breaks from `start` on, a frozenset.
+    """Return numbers of the steps that end at breaks from `start` on, a frozenset.
 
     Messages name times from `origin` on.
     """

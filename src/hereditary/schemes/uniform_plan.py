@@ -122,7 +122,7 @@ def parabola_plan(system, h, theta, closing=False, **more):
 
 
 def drift_of_speed(equation, whole=False):
-    """Derivatives of t x'(0), which the increments leave out: amplitudes and powers, (r, d) each.
+    """Return derivatives of t x'(0), which increments omit: amplitudes, powers, (r, d) each.
 
     None where they keep it, nor for components of order up to 1: only the halves of a reduced order
     have an x'(0) there, and their terms act on x - t x'(0) alone.

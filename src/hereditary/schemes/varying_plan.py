@@ -131,7 +131,7 @@ class Schedule:
         return min(last, self._known[2]), self.rows
 
     def direct(self, first, last, k_end):
-        """Weights of u_(n-k), 2 <= k < k_end, at steps n of the batch; as `MeshSums.direct`."""
+        """Return weights of u_(n-k), 2 <= k < k_end, at steps n of the batch."""
         rows = slice(first - self.rows.first, last - self.rows.first)
         n_groups, n_terms = self.derivatives.shape
         found, k = np.zeros((n_groups, last - first, k_end)), np.arange(2.0, k_end)
@@ -149,11 +149,11 @@ class Schedule:
         return found
 
     def has_memory(self) -> bool:
-        """Whether there are weights beyond k = 1: orders that vary have some."""
+        """Return True: orders that vary have weights beyond k = 1."""
         return True
 
     def exact(self, n):
-        """No weights inside a block, which is of one step."""
+        """Return no weights: a block has one step."""
         return (np.zeros((len(self.derivatives), 0)),) * 2
 
     def check(self, history):
@@ -163,7 +163,7 @@ class Schedule:
             raise ValueError(complaint("history", required, repr(history)))
 
     def _sampled(self, steps):
-        """p = m - alpha of each order at `steps`, how many are good, and what then goes wrong."""
+        """Return p = m - alpha of each order at `steps`, the number of good ones, and a fault."""
         times = (steps + self._offset) * self._h
         found, n_good, trouble = {}, steps.size, ""
         for operator in dict.fromkeys(operator for terms in self._terms for _, operator in terms):
@@ -245,7 +245,7 @@ class Schedule:
 
 
 def _power(base, p, out):
-    """base**p for all p; 1 where the base is."""
+    """Return base**p for all p; 1 if the base is 1."""
     if base == 1.0:
         out[:] = 1.0
         return
@@ -254,7 +254,7 @@ def _power(base, p, out):
 
 
 def varying_plan(system, h, theta, explicit):
-    """Plan of a scheme on an equation with orders that vary."""
+    """Return the plan of a scheme on an equation with orders that vary."""
     if any(operator.kernel is not None for operator, _ in system.left):
         required = "be Caputo operators on given steps where an order varies"
         raise ValueError(complaint("terms", required, "one with a kernel", "use Collocation"))

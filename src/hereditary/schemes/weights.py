@@ -16,12 +16,12 @@ _KEY = attrgetter("key")
 
 
 def _modal(kernel, rates, weights, k):
-    """Shares of b_k."""
+    """Return shares of b_k."""
     return kernel.amplitude * weights * mean_exponential(rates) * np.exp(-rates * k)
 
 
 def _modal_differences(kernel, rates, weights, k):
-    """Shares of ``b_k - b_(k-1)``."""
+    """Return shares of ``b_k - b_(k-1)``."""
     return _modal(kernel, rates, weights, k - 1) * np.expm1(-rates)
 
 
@@ -31,7 +31,7 @@ SECOND_DIFFERENCES = WeightRule(lambda kernel, n: kernel.differences(n), _KEY, _
 
 @lru_cache(maxsize=8)
 def shifted_differences(theta):
-    """Rule of the integrals over [k-1+theta, k+theta]: slopes seen at t_n + theta h.
+    """Return the rule of integrals over [k-1+theta, k+theta], for slopes at t_n + theta h.
 
     For theta = 1 these are the b_k above.
     """
@@ -51,7 +51,7 @@ FIRST_DIFFERENCES = shifted_differences(1.0)
 
 @lru_cache(maxsize=8)
 def kernel_values(theta):
-    """Rule of the kernel's values at t_n + theta h themselves."""
+    """Return the rule of the kernel's values at t_n + theta h."""
     return WeightRule(partial(_values, theta), _KEY, partial(_modal_values, theta))
 
 
@@ -64,7 +64,7 @@ def _modal_values(theta, kernel, rates, weights, k):
 
 
 def weighed(c, operator, h, theta=1.0):
-    """Factor, rule and kernel of ``c`` times an operator seen at t_n + theta h.
+    """Return factor, rule and kernel of ``c`` times an operator at t_n + theta h.
 
     It is ``factor sum_k rule(kernel)_k u_(n-k)`` for increments u.
     """
@@ -73,12 +73,12 @@ def weighed(c, operator, h, theta=1.0):
 
 
 def by_rule(c, operator, h, rule):
-    """Factor, rule and kernel of ``c`` times an operator, with any rule."""
+    """Return the factor, rule and kernel of ``c`` times an operator, with any rule."""
     return c * operator.factor(h), rule, operator.in_steps(h)
 
 
 def value_weights(c, operator, h, theta, derivative):
-    """Weights ``c int_0^t K`` of a start value, for a general kernel on this derivative of y."""
+    """Return weights ``c int_0^t K`` of a start value, for a kernel on this derivative."""
     if operator.kernel is None or operator.derivative != derivative:
         return None
     return c, kernel_values(theta), StepKernel(Integrated(operator.kernel), h)
@@ -86,7 +86,7 @@ def value_weights(c, operator, h, theta, derivative):
 
 @lru_cache(maxsize=8)
 def parabola_weights(theta, closing):
-    """Rule for parabolas whose slopes are seen at t_n + theta h.
+    """Return the rule for parabolas with slopes at t_n + theta h.
 
     ``W_k = a_k + m_(k+1) - m_k`` with a_k of `shifted_differences` and the moments
     ``m_k = int K(t) (middle - t) dt`` over [k-1+theta, k+theta]: the parabola on an interval leans
@@ -98,7 +98,7 @@ def parabola_weights(theta, closing):
 
 @lru_cache(maxsize=8)
 def parabola_start(theta):
-    """Rule ``-m_(k+1)`` for the first increment, which no interval before leans on."""
+    """Return the rule ``-m_(k+1)`` of the first increment, which has no interval before."""
     return WeightRule(
         lambda kernel, n: -kernel.moments(theta, n + 1)[1:],
         _KEY,
