@@ -45,7 +45,7 @@ class Piece:
         return y, self.evaluate(t, second, 1) if slopes else np.full_like(y, np.nan)
 
     def at_ends(self, ends, chosen, second, slopes=True):
-        """As `evaluate_both`, at the chosen ones of the steps' ends."""
+        """Evaluate as `evaluate_both` at the chosen ends of steps."""
         return self.evaluate_both(ends[chosen], second, slopes)
 
 
@@ -74,7 +74,7 @@ class Dense:
         self._starts.append(start)
 
     def __call__(self, t, derivative, end):
-        """y, or y' for ``derivative=1``, at times t up to `end`; shape (d,) or (k, d)."""
+        """Return y, or y' for ``derivative=1``, at times t up to `end`; shape (d,) or (k, d)."""
         times = np.atleast_1d(real_array("t", t))
         if times.ndim > 1:
             required, remedy = "be a number or of shape (k,)", "pass t.ravel()"
@@ -107,7 +107,7 @@ class Dense:
 
 
 def last_start(starts, t):
-    """The last that starts by each time, or the first of several that start at that very time.
+    """Return the last that starts by each time, or the first of several that start then.
 
     Steps next to a singular start may be too short for its time to change.
     """
@@ -171,14 +171,14 @@ class StepPieces(Piece):
 
 
 def _near_start(starting, n, t, derivative):
-    """y or y' inside step n, 1 or 2; powers below 1 are infinitely steep at 0."""
+    """Return y or y' inside step n, 1 or 2; powers below 1 are infinitely steep at 0."""
     y, slope = starting.inside(n, np.maximum(t, _NEXT_TO_0))
     steep = (t[:, None] == 0.0) & (np.abs(slope) > _STEEP)
     return np.where(steep, np.copysign(np.inf, slope), slope) if derivative else y
 
 
 def starting_steps(stepper):
-    """`FirstSteps` of a stepper that made one step at most; else None, or without these powers."""
+    """Return `FirstSteps` of a stepper that made at most one step; otherwise None."""
     system = stepper.equation.enlarged
     # Riemann-Liouville terms begin with lower ones, which the values of the first steps miss
     if stepper.n > 1 or not system.constant or any(op.from_zero for op, _ in system.left):
@@ -213,7 +213,7 @@ class FirstSteps:
         self._values[n - 1] = y
 
     def inside(self, n, times):
-        """Solution and slope at times inside step n, shapes (k, d)."""
+        """Return the solution and slope at times inside step n, shapes (k, d)."""
         t, ends = times[:, None], self.ends[:n, None]
         unit = ends[-1]
         missed = (self._values[:n] - self._known(ends)[0]).T  # (d, n)
@@ -228,7 +228,7 @@ class FirstSteps:
         return y, slope
 
     def _known(self, t):
-        """x(0) + t x'(0) + a t**alpha, and its slope."""
+        """Return x(0) + t x'(0) + a t**alpha, and its slope."""
         y0, (alpha, lead, _) = self._equation.y0, self._powers
         speed = y0[1] if y0.shape[0] == 2 else 0.0
         y = y0[0] + t * speed + lead * t**alpha
@@ -236,7 +236,7 @@ class FirstSteps:
 
 
 def _leading(equation, alpha):
-    """The a above, 0 where the right-hand side has no value at 0."""
+    """Return the a above, or 0 if the right-hand side has no value at 0."""
     f = np.full(equation.d, np.nan)
     try:
         system = equation.enlarged

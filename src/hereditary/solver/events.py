@@ -134,7 +134,7 @@ class Events:
                 self._after[number] = sign
 
     def signs(self):
-        """Signs of the functions where the run ended, just after any zero there, by their digests.
+        """Return signs of the functions at the end of the run, after any zero there, by digest.
 
         A run that goes on from there then neither finds such a zero again nor misses another.
         """
@@ -142,7 +142,7 @@ class Events:
         return {digest(function): sign for function, sign in pairs if sign in (-1.0, 1.0)}
 
     def _seen(self, function, times, rows):
-        """Values at some times, NaN from the first one on where the function fails."""
+        """Return values at several times, NaN from the first failure on."""
         values = np.full(len(times), math.nan)
         try:
             for i, (t, y) in enumerate(zip(times, rows, strict=True)):
@@ -157,7 +157,7 @@ class Events:
             self._failed_at, self.failure = error.t, str(error)
 
     def _zeros(self, function, times, values, at):
-        """Zeros in ascending order, each with the sign after it.
+        """Return zeros in ascending order, each with the sign after it.
 
         One at the first time belongs to what was before. Where a value is NaN nothing is known.
         """
@@ -222,7 +222,7 @@ def _name(function):
 
 
 def _first_value(function, t, y):
-    """The function at the start, checked."""
+    """Return the function at the start, checked."""
     required = "be functions event(t, y)"
     if not callable(function):
         raise TypeError(complaint("events", required, repr(function)))
@@ -244,7 +244,7 @@ def _first_value(function, t, y):
 
 
 def _limit(function):
-    """How many zeros end the run."""
+    """Return the number of zeros that end the run."""
     terminal = getattr(function, "terminal", False)
     if terminal is None or isinstance(terminal, (bool, np.bool_)):
         return 1.0 if terminal else math.inf

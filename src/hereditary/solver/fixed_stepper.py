@@ -77,7 +77,7 @@ class FixedStepper(Stepper):
         self._breaks: frozenset[int] = frozenset()
 
     def _plan(self, directions):
-        """The scheme's plan for orbit and tangents."""
+        """Return the scheme's plan for orbit and tangents."""
         equation = self.equation
         system = self._system = self._inside(equation)
         self._sources = system.sources
@@ -102,11 +102,11 @@ class FixedStepper(Stepper):
         return with_initial_values(self.steps.plan(self.scheme, system), system, order)
 
     def _open(self, plan):
-        """A fresh memory."""
+        """Return a fresh memory."""
         return self.history.open(plan.past, plan.groups.size, self._block, self._span)
 
     def _begin(self, plan):
-        """Arrays of a march that stands at step 0."""
+        """Make the arrays of a march at step 0."""
         self._loop = MARCHES[self.scheme.solve]
         d = self._system.d
         self._past, self._rows, self._lasting = plan.past, plan.rows, plan.lasting
@@ -228,11 +228,11 @@ class FixedStepper(Stepper):
         return self._status == LOST
 
     def parts(self):
-        """Every array of the march and its memory that is linear in the solution; not copies."""
+        """Return every array of march and memory that is linear in the solution; no copies."""
         return [*arrays.linear_parts(self._march), *self.memory.arrays]
 
     def _slopes(self):
-        """First derivative of all columns."""
+        """Return the first derivative of all columns."""
         return (self._march.increment + 0.5 * self._march.change) / self.steps.unit(self.n)
 
     @property
@@ -400,7 +400,7 @@ class FixedStepper(Stepper):
         self._system.compiled_params[number] = value
 
     def stats(self):
-        """Counts and errors for the solution's stats."""
+        """Return counts and errors for the solution's stats."""
         return {
             "n_steps": self.n,
             "n_rhs": self.n_rhs,
@@ -412,7 +412,7 @@ class FixedStepper(Stepper):
         }
 
     def state(self):
-        """A `State` from which a later run goes on bit for bit."""
+        """Return a `State` from which a later run continues bit for bit."""
         march, memory, watched = self.checkpoint()
         state = State(
             t=self.t,

@@ -8,7 +8,7 @@ from ..compiled.structures import record
 
 
 def step_table(plan, memory, system, sources, every, h):
-    """Coefficients that all steps share; `sources` (W,) are those of `system` and of its tangents.
+    """Make the coefficients of all steps; `sources` (W,) are of `system` and its tangents.
 
     A Jacobian is kept every so many steps; h is 0 on a mesh.
     """

@@ -71,7 +71,7 @@ class Output:
             self._wanted = self._wanted[1:]
 
     def _most_rows(self):
-        """Rows to make room for."""
+        """Return the number of rows to allocate."""
         if self._asked is not None:
             return self._wanted.size
         if self._stepper.adaptive:
@@ -126,7 +126,7 @@ class Output:
         self._add(np.array([t]), y[None], self._stepper.ydot[None])
 
     def _chosen(self, edges):
-        """Which steps between these edges are kept: a slice, or an array of truth values."""
+        """Return the kept steps between these edges, as a slice or an array of truth values."""
         first = self._n + 1
         self._n += int(np.sum(edges[1:] <= self.end))
         if not (self._stepper.adaptive or self.ended):
@@ -185,7 +185,7 @@ class Output:
 
 
 def room_for(size, d, every):
-    """Arrays (size,), (size, d) and (size, d) for rows, or a refusal where they do not fit."""
+    """Allocate arrays (size,), (size, d) and (size, d) for rows, or refuse them."""
     n_bytes = 8.0 * size * (1 + 2 * d)
     try:
         if n_bytes > memory():

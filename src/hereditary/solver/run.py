@@ -110,13 +110,13 @@ def run(stepper, stop, t_end, output, progress, began, march=Drive.to):
 
 
 def reached_end(stepper):
-    """Status of a run that reached its end."""
+    """Return the status of a run that reached its end."""
     inaccurate = Status.KERNEL_INACCURATE if stepper.misfit else None
     return stepper.instability or inaccurate or Status.COMPLETED
 
 
 def told(stepper, status, detail):
-    """The status in a sentence with the run's numbers; warns of an ending not asked for.
+    """Return the status in a sentence with the run's numbers; warn of an early ending.
 
     An exception of a function called in Python is passed on instead.
     """

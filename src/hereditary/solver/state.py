@@ -169,7 +169,7 @@ def identity(equation, t, **how):
 
 
 def described_terms(equation, t):
-    """Orders, kernels and coefficients of an equation's terms, in things that can be compared.
+    """Return orders, kernels and coefficients of terms in a form that can be compared.
 
     Functions are known by some of their values up to time t.
     """
@@ -201,7 +201,7 @@ def _short(value):
 
 
 def described(description):
-    """A frozen dataclass by name and values, whatever number types these have.
+    """Return a description of a frozen dataclass: its name and its values.
 
     Schemes may be values, too.
     """
