@@ -70,8 +70,8 @@ class FrequencyResponse:
     def peak(self, component: int = 0) -> tuple[float, float]:
         """Return frequency and amplitude of the highest response of a component.
 
-        It is the highest of `peaks` and of the responses at the given values; NaN if it is at an
-        end of the curve. The peaks for several forces are the backbone curve.
+        It is the highest of `peaks` and of the responses at the given values; NaN if there are
+        none. The peaks for several forces are the backbone curve.
         """
         found = [(p.amplitude, p.omega) for p in self.peaks if p.component == component]
         found += zip(self.amplitude[:, component].tolist(), self.omega.tolist(), strict=True)

@@ -39,7 +39,7 @@ class Growth:
 
 
 def assess(times, log_growth, window, n_blocks, memory):
-    """Slopes and verdicts over the last share `window` of the record.
+    """Return slopes and verdicts over the last share `window` of the record.
 
     Parameters
     ----------
@@ -89,14 +89,14 @@ def _block_slope(edges, values):
 
 
 def _power(times, values):
-    """Least-squares slopes of `values` (n, k) against the logarithm of time."""
+    """Return least-squares slopes of `values` (n, k) against the logarithm of time."""
     x = np.log(times)
     x = x - x.mean()
     return x @ (values - values.mean(axis=0)) / (x @ x)
 
 
 def _verdict(slope, stderr, power, memory):
-    """Verdict on one logarithm whose slope in t and in log t are given."""
+    """Return the verdict on a logarithm with given slopes in t and in log t."""
     if not (np.isfinite(slope) and np.isfinite(stderr)):
         return Verdict.UNDETERMINED
     if slope > _ERRORS * stderr:
@@ -114,7 +114,7 @@ _DECAY = {
 
 
 def kaplan_yorke(exponents):
-    """Dimension j + (sum of the j largest) / |the next|, j the last with a sum above 0."""
+    """Return j + (sum of the j largest) / |the next|, with the last j whose sum is positive."""
     ordered = np.sort(exponents)[::-1]
     sums = np.cumsum(ordered)
     if ordered[0] < 0:

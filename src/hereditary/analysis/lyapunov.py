@@ -574,7 +574,7 @@ def _add_traces(rhs, jac, has_jac, params, t, h, rows, shares, units, j_f, found
 
 
 def _separation(value, equation):
-    """A distance at which orbits can still be neighbours."""
+    """Return a distance at which orbits can still be neighbours."""
     largest = max(1.0, float(np.abs(equation.y0[0]).max()))
     remedy = "1e-7 is for smooth right-hand sides, 1e-3 to 1e-2 for those that jump"
     required = f"be at most {largest:g}, that orbits be neighbours"
@@ -584,7 +584,7 @@ def _separation(value, equation):
 
 
 def _directions(given, seed, k, rows):
-    """Orthonormal initial directions, shape (rows, k)."""
+    """Return orthonormal initial directions, shape (rows, k)."""
     if given is None:
         given = np.random.default_rng(seed).normal(size=(rows, rows))[:, :k]
     else:
@@ -601,7 +601,7 @@ def _directions(given, seed, k, rows):
 
 
 def marched(equation: System, scheme: Scheme) -> System:
-    """The system to march: classical ones of second order as first-order ones.
+    """Return the system to march; a classical one of second order becomes first-order.
 
     Increments kept apart from t x'(0), as most schemes keep them above order 1, lose a tangent that
     has decayed to their rounding. With memory none decays so far.
@@ -612,7 +612,7 @@ def marched(equation: System, scheme: Scheme) -> System:
 
 
 def memory(equation: System) -> str:
-    """Whether "all", "none" or "some" components have a term of fractional order."""
+    """Return whether "all", "none" or "some" components have a term of fractional order."""
     found = np.zeros(equation.d, dtype=bool)
     system = equation.enlarged
     for operator, coefficients in system.left:
@@ -639,7 +639,7 @@ def _checking_scheme(scheme: Scheme, equation: System) -> Scheme:
 
 
 def _second_order(equation):
-    """`Adams` where it is of second order, else `BDF(2)`; None where there are other kernels."""
+    """Return `Adams` if its order is 2, otherwise `BDF(2)`; None for other kernels."""
     if not equation.enlarged.constant:
         return None
     if equation.enlarged is not equation:

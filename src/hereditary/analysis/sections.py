@@ -42,7 +42,7 @@ class Section:
     ydot: np.ndarray | None
 
     def within(self, spacing: float) -> np.ndarray:
-        """The solution reduced to one cell [0, spacing) of a chain of equal ones, shape (n, d)."""
+        """Return the solution modulo `spacing`, the length of a cell of a chain, shape (n, d)."""
         return np.mod(self.y, positive("spacing", spacing))
 
     def lag(self, speed: float) -> np.ndarray:
@@ -53,7 +53,7 @@ class Section:
 def stroboscopic(
     solution: Solution, period: float, transient: float | None = None, count: int | None = None
 ) -> Section:
-    """The orbit at whole multiples of a period.
+    """Sample the orbit at whole multiples of a period.
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ def maxima(
     transient: float | None = None,
     count: int | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Local maxima of one component, or of its first derivative.
+    """Find local maxima of one component, or of its first derivative.
 
     Parameters
     ----------
@@ -175,7 +175,7 @@ def tops(values, signs=(1.0, -1.0)):
 
 
 def values_at(solution: Solution, times: ArrayLike, derivative: int = 0) -> np.ndarray:
-    """The solution, or its first derivative, at times within the run, shape (k, d).
+    """Return the solution, or its first derivative, at times within the run, shape (k, d).
 
     From the dense output of `Collocation`, otherwise by a cubic spline through the rows.
     """
@@ -234,7 +234,7 @@ def _size(wanted, found):
 
 
 def _filled(values, size):
-    """`values` with rows of NaN behind them, up to `size` rows."""
+    """Return `values` followed by rows of NaN, `size` rows in all."""
     out = np.full((size, *values.shape[1:]), np.nan)
     out[: values.shape[0]] = values
     return out

@@ -186,7 +186,7 @@ def _check_arguments(function, axes, carry):
 
 
 def _rows(axes, size):
-    """Points of the grid by their numbers, `size` of them at a time, the last axis fastest."""
+    """Yield points of the grid by their numbers, `size` at a time, the last axis fastest."""
     found = itertools.product(*(axis.tolist() for axis in axes.values()))
     points = enumerate(dict(zip(axes, values, strict=True)) for values in found)
     while row := dict(itertools.islice(points, size)):
@@ -279,7 +279,7 @@ def _read(line, n, where):
 
 
 def computed(function, carry, points, home):
-    """Status and plain values of each of some points: what an executor runs, in any process.
+    """Return status and plain values of several points; an executor runs it in any process.
 
     Parameters
     ----------

@@ -71,7 +71,7 @@ class Table:
         raise KeyError(complaint("name", required, repr(name), "axes are in table.axes"))
 
     def to_pandas(self) -> Any:
-        """The table as a pandas DataFrame: a row a point, a column a number.
+        """Return the table as a pandas DataFrame: a row for each point, a column for each number.
 
         Returns
         -------
@@ -93,7 +93,7 @@ class Table:
         return pandas.DataFrame(columns, index=rows)
 
     def to_xarray(self) -> Any:
-        """The table as an xarray Dataset.
+        """Return the table as an xarray Dataset.
 
         Returns
         -------
