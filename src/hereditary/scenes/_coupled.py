@@ -8,7 +8,7 @@ from ..support.checks import complaint, real_array
 
 
 def coupled(d, alpha, rhs, y0, params, jac):
-    """``D^alpha y = rhs`` with d components, alpha one number or one for each of them."""
+    """Make ``D^alpha y = rhs`` with d components and one alpha or one for each of them."""
     orders = real_array("alpha", alpha)
     if orders.shape not in ((), (d,)):
         required = f"be one number or one for each of the {d} components"

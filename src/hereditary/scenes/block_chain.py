@@ -26,7 +26,7 @@ _SPREAD, _GOLDEN = 0.4, 0.6180339887498949
 
 @compiled
 def _forces(t, y, dy, params):
-    """Springs, pull and wells."""
+    """Set the forces of springs, pull and wells."""
     # params: omega**2, spring_speed, coupling, adhesion of each block, a_1, a_2, ...
     d = y.shape[0]
     for i in range(d):
@@ -41,7 +41,7 @@ def _forces(t, y, dy, params):
 
 @compiled
 def _forces_jacobian(t, y, ab, params):
-    """Three diagonals, as `scipy.linalg.solve_banded` has them; one for a single block."""
+    """Set three diagonals, as in `scipy.linalg.solve_banded`; one for a single block."""
     d, upper = y.shape[0], ab.shape[0] // 2
     for i in range(d):
         slope = params[3 + i] * slope_of_wells(y[i], params, 3 + d)
@@ -65,7 +65,7 @@ def stick_slip_chain(
     v0: ArrayLike = 0.0,
     well: ArrayLike | None = None,
 ) -> Equation:
-    """Blocks of the stick-slip scene on one line, with springs between neighbours.
+    """Make blocks of the stick-slip scene on one line, with springs between neighbours.
 
     ``D^beta x_i + friction D^gamma x_i + omega**2 x_i = spring_speed t + adhesion sum_n a_n
     sin(n x_i) + coupling (x_(i-1) - 2 x_i + x_(i+1))``, the ends being free: the model of Burridge
@@ -142,7 +142,7 @@ class Slips(NamedTuple):
 
 
 def slips(solution: Solution, speed: float = 2.0) -> Slips:
-    """Slips of a chain of blocks: moves of neighbours that are one in space and time.
+    """Return slips of a chain of blocks: moves connected in space and time.
 
     A block moves between two rows where its mean speed exceeds `speed`; moves of neighbours, or of
     one block in successive rows, belong to one slip.

@@ -34,7 +34,7 @@ def lorenz(
     b: float = 8 / 3,
     y0: ArrayLike = (0.1, 0.1, 0.1),
 ) -> Equation:
-    """The Lorenz system, a convection roll reduced to three modes.
+    """Make the Lorenz system, a convection roll reduced to three modes.
 
     ``D^alpha x = sigma (y - x)``, ``D^alpha y = x (rho - z) - y``, ``D^alpha z = x y - b z``.
 
@@ -99,7 +99,7 @@ def rossler(
     c: float = 5.7,
     y0: ArrayLike = (1.0, 1.0, 0.0),
 ) -> Equation:
-    """The Rössler system, a spiral that folds back onto itself through one product.
+    """Make the Rössler system, a spiral that folds onto itself by one product.
 
     ``D^alpha x = -y - z``, ``D^alpha y = x + a y``, ``D^alpha z = b + z (x - c)``.
 
@@ -169,7 +169,7 @@ def rabinovich_fabrikant(
     b: float = 0.98,
     y0: ArrayLike = (0.1, 0.1, 0.1),
 ) -> Equation:
-    """The Rabinovich-Fabrikant system, self-modulated waves in a dissipative medium.
+    """Make the Rabinovich-Fabrikant system, self-modulated waves in a dissipative medium.
 
     ``D^alpha x = y (z - 1 + x**2) + a x``, ``D^alpha y = x (3 z + 1 - x**2) + a y``,
     ``D^alpha z = -2 z (b + x y)``.

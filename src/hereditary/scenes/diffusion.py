@@ -23,7 +23,7 @@ def subdiffusion(
     source: Callable | None = None,
     params: ArrayLike = (),
 ) -> Equation:
-    """Time-fractional diffusion by the method of lines, ``D^alpha u = K Laplace u + source``.
+    """Make a diffusion equation by the method of lines, ``D^alpha u = K Laplace u + source``.
 
     On the line [0, 1] or the square [0, 1]**2 with u = 0 on the boundary: subdiffusion for alpha
     below 1, the heat equation at 1, the diffusion-wave equation up to 2. The Laplacian is the

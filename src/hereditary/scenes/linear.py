@@ -8,7 +8,7 @@ from ..support.checks import real, within
 
 @compiled
 def _proportional(t, y, dy, params):
-    """dy = params[0] y"""
+    """Set dy to params[0] y."""
     for j in range(y.shape[0]):
         dy[j] = params[0] * y[j]
 
@@ -21,7 +21,9 @@ def _proportional_jacobian(t, y, jacobian, params):
 
 
 def relaxation(alpha: float = 0.5, rate: float = 1.0, y0: float = 1.0) -> Equation:
-    """Fractional relaxation, ``D^alpha y = -rate y``; solution ``y0 E_alpha(-rate t**alpha)``.
+    """Make the fractional relaxation ``D^alpha y = -rate y``.
+
+    Its solution is ``y0 E_alpha(-rate t**alpha)``.
 
     Parameters
     ----------
@@ -53,7 +55,7 @@ def relaxation(alpha: float = 0.5, rate: float = 1.0, y0: float = 1.0) -> Equati
 
 
 def oscillator_terms(beta, gamma, friction, kind=Caputo):
-    """Inertia and friction, ``D^beta + friction D^gamma``, with orders in their ranges.
+    """Return inertia and friction, ``D^beta + friction D^gamma``, with checked orders.
 
     An order may be a function of the time; its value at 0 tells which range it must keep to.
     """
@@ -71,7 +73,7 @@ def oscillator(
     x0: float = 1.0,
     v0: float = 0.0,
 ) -> Equation:
-    """Fractional oscillator, ``D^beta x + friction D^gamma x + omega**2 x = 0``.
+    """Make the fractional oscillator ``D^beta x + friction D^gamma x + omega**2 x = 0``.
 
     Parameters
     ----------

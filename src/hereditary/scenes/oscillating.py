@@ -42,7 +42,7 @@ def duffing(
     v0: float = 0.0,
     riemann_liouville: bool = False,
 ) -> Equation:
-    """The Duffing oscillator with memory; Ueda's chaotic one by default.
+    """Make the Duffing oscillator with memory; by default the chaotic one of Ueda.
 
     ``D^beta x + friction D^gamma x + stiffness x + cubic x**3 = force cos(frequency t)``.
 
@@ -118,7 +118,7 @@ def van_der_pol(
     frequency: float = 1.0,
     y0: ArrayLike = (2.0, 0.0),
 ) -> Equation:
-    """The van der Pol oscillator, self-excited and stiff for large mu, free or driven.
+    """Make the van der Pol oscillator, self-excited and stiff for large mu, free or driven.
 
     ``D^alpha x = v``, ``D^alpha v = mu (1 - x**2) v - x + force cos(frequency t)``.
 
@@ -175,7 +175,7 @@ def brusselator(
     b: float = 3.0,
     y0: ArrayLike = (1.2, 2.8),
 ) -> Equation:
-    """The Brusselator, two reactants of which one makes more of itself.
+    """Make the Brusselator, two reactants of which one is autocatalytic.
 
     ``D^alpha x = a - (b + 1) x + x**2 y``, ``D^alpha y = b x - x**2 y``.
 
@@ -234,7 +234,7 @@ def selkov(
     time_scale: float = 1.0,
     y0: ArrayLike = (0.5, 0.7),
 ) -> Equation:
-    """Selkov's self-oscillating reaction, with a time scale and orders that may vary.
+    """Make Selkov's self-oscillating reaction, with a time scale; orders may vary.
 
     ``time_scale**(alpha_1 - 1) D^alpha_1 x = a y + x**2 y - x`` and
     ``time_scale**(alpha_2 - 1) D^alpha_2 y = b - a y - x**2 y``.

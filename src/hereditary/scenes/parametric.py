@@ -29,7 +29,7 @@ def mathieu(
     x0: float = 1.0,
     v0: float = 0.0,
 ) -> Equation:
-    """Mathieu's oscillator with memory: a spring whose stiffness oscillates.
+    """Make Mathieu's oscillator with memory: a spring whose stiffness oscillates.
 
     ``D^beta x + friction D^gamma x + (stiffness + depth cos(frequency t)) x = 0``.
 

@@ -33,7 +33,7 @@ def riccati(
     quadratic: complex = -1.0,
     y0: complex = 0.0,
 ) -> Equation:
-    """The fractional Riccati equation, ``D^alpha y = constant + linear y + quadratic y**2``.
+    """Make the fractional Riccati equation, ``D^alpha y = constant + linear y + quadratic y**2``.
 
     Growth with saturation, and with complex coefficients the characteristic function of a rough
     Heston model of volatility.

@@ -33,7 +33,7 @@ def _excited_memory_jacobian(t, y, memory, jacobian, params):
 
 
 def _oscillator(beta, gamma, params, x0, v0):
-    """``D^beta x`` and memory ``D^gamma x``, with the parameters of `_excited`."""
+    """Return ``D^beta x`` and memory ``D^gamma x``, with the parameters of `_excited`."""
     inertia, friction = oscillator_terms(beta, gamma, 1.0)
     return Equation(
         inertia,
@@ -57,7 +57,7 @@ def van_der_pol_duffing(
     x0: float = 0.1,
     v0: float = 0.0,
 ) -> Equation:
-    """The van der Pol-Duffing oscillator: friction with memory feeds it below ``|x| = 1``.
+    """Make the van der Pol-Duffing oscillator: its friction has memory.
 
     ``D^beta x + friction (x**2 - 1) D^gamma x + stiffness x + cubic x**3 = force cos(frequency
     t)``.
@@ -111,7 +111,7 @@ def van_der_pol_airy(
     x0: float = 0.1,
     v0: float = 0.0,
 ) -> Equation:
-    """The van der Pol-Airy oscillator: a spring that grows stiffer, friction with memory.
+    """Make the van der Pol-Airy oscillator: a spring that stiffens, friction with memory.
 
     ``D^beta x + friction (x**2 - 1) D^gamma x + stiffness t x = 0``.
 
@@ -166,7 +166,7 @@ def fitzhugh_nagumo(
     x0: float = 0.1,
     v0: float = 0.0,
 ) -> Equation:
-    """FitzHugh and Nagumo's nerve model as one oscillator, with memory.
+    """Make the FitzHugh-Nagumo nerve model as one oscillator, with memory.
 
     ``D^beta x + c (x**2 - 1 + b/c**2) D^gamma x + (b/3) x**3 + (1 - b) x = a + b stimulus``: for
     beta = 2 and gamma = 1 the system ``x' = c (y + x - x**3/3 + stimulus)``, ``y' = -(x - a + b y)

@@ -49,7 +49,7 @@ def slope_of_wells(x, params, first):
 
 @compiled
 def _force(t, y, dy, params):
-    """Spring, pull and wells."""
+    """Return the force of spring, pull and wells."""
     # params: omega**2, spring_speed, adhesion, a_1, a_2, ...
     b = over_sine(y[0], params, 3)
     dy[0] = params[1] * t + params[2] * b * math.sin(y[0]) - params[0] * y[0]
@@ -57,7 +57,7 @@ def _force(t, y, dy, params):
 
 @compiled
 def _force_jacobian(t, y, jacobian, params):
-    """-omega**2 + adhesion sum_n n a_n cos(n x)."""
+    """Return -omega**2 + adhesion sum_n n a_n cos(n x)."""
     jacobian[0, 0] = params[2] * slope_of_wells(y[0], params, 3) - params[0]
 
 
@@ -75,7 +75,7 @@ def stick_slip(
     inertia: MemoryKernel | None = None,
     resistance: MemoryKernel | None = None,
 ) -> Equation:
-    """The stick-slip oscillator with memory; classical at beta = 2, gamma = 1.
+    """Make the stick-slip oscillator with memory; classical at beta = 2, gamma = 1.
 
     ``D^beta x + friction D^gamma x + omega**2 x = spring_speed t + adhesion sum_n a_n sin(n x)``
     in scaled units: x in widths of a well, all quantities [-]. With kernels K1 and K2 the first two
@@ -154,7 +154,7 @@ def checked_well(well):
 
 
 def well_coefficients(n: int) -> np.ndarray:
-    """Fourier coefficients a_k = 2 k int_0^1 cos(pi k y) / cosh(pi y)**2 dy, k = 1..n.
+    """Return the coefficients a_k = 2 k int_0^1 cos(pi k y) / cosh(pi y)**2 dy, k = 1..n.
 
     Parameters
     ----------
@@ -187,7 +187,7 @@ def well_coefficients(n: int) -> np.ndarray:
 def sticking_intervals(
     solution: Solution, shortest: float = _SHORTEST_STAY
 ) -> list[tuple[float, float]]:
-    """Stays between two crossings of the barriers at the multiples of 2 pi.
+    """Return the stays between two crossings of the barriers at multiples of 2 pi.
 
     Parameters
     ----------
@@ -223,7 +223,7 @@ def sticking_intervals(
 
 
 def _sampled(solution):
-    """Times, positions, and a function that locates a level behind a sample."""
+    """Return times, positions, and a function that locates a level after a sample."""
     t, x = solution.t, solution.y[:, 0]
     if not solution.coarse:
 
