@@ -32,7 +32,7 @@ def oscillogram(
     components: ArrayLike | None = None,
     **line: Any,
 ) -> Axes:
-    """The solution against time, one line for each component.
+    """Draw the solution against time, one line for each component.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ def velocity(
     components: ArrayLike | None = None,
     **line: Any,
 ) -> Axes:
-    """The first derivative against time; the equation's highest order must exceed 1.
+    """Draw the first derivative against time; the equation's highest order must exceed 1.
 
     Parameters and return value as for `oscillogram`.
     """
@@ -73,7 +73,7 @@ def phase_portrait(
     components: ArrayLike | None = None,
     **line: Any,
 ) -> Axes:
-    """The orbit in its phase plane: x' against x, or one component against another.
+    """Draw the orbit in its phase plane: x' against x, or one component against another.
 
     Parameters
     ----------
@@ -172,7 +172,7 @@ def frequency_response(
     phase: bool = False,
     **line: Any,
 ) -> Axes:
-    """Amplitude, or phase, of the first harmonic along the curve, one line for each branch.
+    """Draw amplitude, or phase, of the first harmonic along the curve, one line for each branch.
 
     Parameters
     ----------
@@ -242,7 +242,7 @@ def amplitude_and_phase(
     components: ArrayLike = 0,
     **line: Any,
 ) -> tuple[Axes, Axes]:
-    """Amplitude above phase of the first harmonic, with all branches.
+    """Draw amplitude above phase of the first harmonic, with all branches.
 
     Parameters
     ----------

@@ -45,7 +45,7 @@ def lyapunov_spectrum(
     name: str | None = None,
     **line: Any,
 ) -> Axes:
-    """An exponent over one parameter, with the line that separates growth from decay.
+    """Draw an exponent over one parameter, and the line between growth and decay.
 
     Parameters
     ----------
@@ -94,7 +94,7 @@ def bifurcation(
     ylabel: str | None = None,
     **points: Any,
 ) -> Axes:
-    """Bifurcation diagram: samples of the orbit over one parameter.
+    """Draw bifurcation diagram: samples of the orbit over one parameter.
 
     Parameters
     ----------
@@ -193,14 +193,14 @@ def _only_axis(table):
 
 
 def _cross_out(ax, x):
-    """Crosses at the lower edge for points that failed."""
+    """Draw crosses at the lower edge for points that failed."""
     if x.size:
         ax.plot(x, np.full(x.size, 0.02), "x", color=_VERMILLION, ms=4, clip_on=False,
                 transform=ax.get_xaxis_transform())  # fmt: skip
 
 
 def _edges(centres):
-    """Edges of cells around ascending centres."""
+    """Return the edges of cells around ascending centres."""
     if centres.size == 1:
         return centres[0] + np.array([-0.5, 0.5])
     middle = (centres[1:] + centres[:-1]) / 2
