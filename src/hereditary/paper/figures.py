@@ -26,43 +26,43 @@ HORIZONS = (100.0, 200.0, 400.0, 1600.0)
 
 
 def figure_1(job: Job) -> list[str]:
-    """Exponents over the spring speed b."""
+    """Draw exponents over the spring speed b."""
     return _spectra(job, "figure_1", {"spring_speed": SPEEDS}, {"c = 50": {}})
 
 
 def figure_3(job: Job) -> list[str]:
-    """Exponents over the adhesion c."""
+    """Draw exponents over the adhesion c."""
     return _spectra(job, "figure_3", {"adhesion": ADHESIONS}, {"b = 1": {}})
 
 
 def figure_6(job: Job) -> list[str]:
-    """Exponents over the friction lambda; the source's signs are those of b = 2.5."""
+    """Draw exponents over the friction lambda; signs of the source are for b = 2.5."""
     speeds = {"b = 1": {}, "b = 2.5": {"spring_speed": 2.5}}
     return _spectra(job, "figure_6", {"friction": FRICTIONS}, speeds)
 
 
 def figure_2(job: Job) -> list[str]:
-    """Orbits at the spring speeds that the source names: 1, 2.5, and 0.25 for its slip of pen."""
+    """Draw orbits at the spring speeds of the source: 1, 2.5, and 0.25 (misprinted there)."""
     return _orbits(job, "figure_2", "spring_speed", "b", (0.25, 1.0, 2.5))
 
 
 def figure_4(job: Job) -> list[str]:
-    """Orbits at adhesions 10 and 7."""
+    """Draw orbits at adhesions 10 and 7."""
     return _orbits(job, "figure_4", "adhesion", "c", (10.0, 7.0))
 
 
 def figure_5(job: Job) -> list[str]:
-    """Orbits at adhesions 50 and 70: the time in the first well."""
+    """Draw orbits at adhesions 50 and 70: the time in the first well."""
     return _orbits(job, "figure_5", "adhesion", "c", (50.0, 70.0))
 
 
 def figure_7(job: Job) -> list[str]:
-    """Orbits at frictions 0.1 and 0.5."""
+    """Draw orbits at frictions 0.1 and 0.5."""
     return _orbits(job, "figure_7", "friction", r"\lambda", (0.1, 0.5))
 
 
 def figure_8(job: Job) -> list[str]:
-    """Exponents over the orders, at the source's 8,000 steps, at 200,000, and further on."""
+    """Draw exponents over the orders, at the source's 8,000 steps, at 200,000, and further on."""
     panels = {
         "beta": (INERTIA_ORDERS, {"gamma": 0.8}, r"$\gamma = 0.8$"),
         "gamma": (FRICTION_ORDERS, {"beta": 1.1}, r"$\beta = 1.1$"),
@@ -108,18 +108,18 @@ def figure_8(job: Job) -> list[str]:
 
 
 def _pair(table, value):
-    """The only axis of a table, and one of its values."""
+    """Return the only axis of a table, and one of its values."""
     (x,) = table.axes.values()
     return x, table[value]
 
 
 def _column(table, value, k):
-    """The k-th entry of an array value, as "exponent"."""
+    """Return the k-th entry of an array value, as "exponent"."""
     return Table(table.axes, {"exponent": table[value][:, k]}, table.status)
 
 
 def _spectra(job, name, grid, panels):
-    """Spectra over one parameter: above at T = 100, below late slopes of long runs."""
+    """Draw spectra over one parameter: at T = 100 above, late slopes of long runs below."""
     grid = {axis: job.few(values) for axis, values in grid.items()}
     t_end, long = job.size(T_END, 10.0), job.size(LONG, 20.0)
     runs = {
@@ -156,7 +156,7 @@ def _spectra(job, name, grid, panels):
 
 
 def _told(table, parts, title):
-    """Signs of the exponents in each of the runs, and where growth is sure."""
+    """Return signs of the exponents in each of the runs, and where growth is certain."""
     told = [
         f"{title}, {part}: {signs(zip(*_pair(table, f'{part}_exponent'), strict=True))}"
         for part in parts
@@ -167,7 +167,7 @@ def _told(table, parts, title):
 
 
 def _orbits(job, name, parameter, symbol, values, **fixed):
-    """Oscillogram, velocity and phase portrait for some values of one parameter, one a column."""
+    """Draw oscillogram, velocity and phase portrait, a column for each value of a parameter."""
     times = np.linspace(0.0, T_END, job.size(STEPS, 5000) + 1)
     found, stays, coarse = [], [], []
     for value in values:
@@ -208,7 +208,7 @@ def _orbits(job, name, parameter, symbol, values, **fixed):
 
 
 def _one_orbit(axes, times, rows, coarse, title):
-    """One column of a figure of orbits: collocation, and the source's step behind it."""
+    """Draw a column of a figure of orbits: collocation, and the source's step behind it."""
     place, speed = rows
     for ax, values, behind in zip(axes[:2], rows, coarse[:2], strict=True):
         ax.plot(times, behind, lw=0.7, color="#D55E00", label=r"$\tau = 0.005$")

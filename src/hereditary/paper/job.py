@@ -36,17 +36,17 @@ class Job:
     executor: Executor | None = None
 
     def few(self, values: np.ndarray, n: int = 3) -> np.ndarray:
-        """The values of an axis, in a quick run `n` of them from end to end."""
+        """Return the values of an axis, in a quick run `n` of them from end to end."""
         if not self.quick or len(values) <= n:
             return values
         return np.asarray(values)[np.linspace(0, len(values) - 1, n).round().astype(int)]
 
     def size(self, full, quick):
-        """A number that a quick run takes smaller."""
+        """Return a number, smaller in a quick run."""
         return quick if self.quick else full
 
     def sweep(self, function: Callable, grid: Mapping[str, Any], **settings) -> Table:
-        """The function with these settings over a grid."""
+        """Return the function with these settings over a grid."""
         return sweep(partial(function, **settings), grid, executor=self.executor)
 
     def save_table(self, name: str, table: Table) -> None:
@@ -62,7 +62,7 @@ class Job:
 
 
 def merged(tables: Mapping[str, Table]) -> Table:
-    """Tables over the same axes as one, values named "part_value"; any failure is the point's."""
+    """Return tables over the same axes as one table, with values named "part_value"."""
     first = next(iter(tables.values()))
     values = {f"{part}_{k}": v for part, table in tables.items() for k, v in table.values.items()}
     status = first.status.astype("U200")

@@ -23,19 +23,19 @@ _MEMORY = r"$\beta = 1.8$, $\gamma = 0.8$"
 
 
 def bifurcation_b(job: Job) -> list[str]:
-    """Samples over the spring speed, classical and with memory."""
+    """Draw samples over the spring speed, classical and with memory."""
     panels = {"classical, $c = 50$": CLASSICAL, f"{_MEMORY}, $c = 50$": {}}
     return _diagram(job, "bifurcation_b", "spring_speed", np.linspace(0.5, 3.0, 201), panels)
 
 
 def bifurcation_c(job: Job) -> list[str]:
-    """Samples over the adhesion, classical and with memory."""
+    """Draw samples over the adhesion, classical and with memory."""
     panels = {"classical, $b = 1$": CLASSICAL, f"{_MEMORY}, $b = 1$": {}}
     return _diagram(job, "bifurcation_c", "adhesion", np.linspace(1.0, 50.0, 197), panels)
 
 
 def bifurcation_lambda(job: Job) -> list[str]:
-    """Samples over the friction, classical and with memory."""
+    """Draw samples over the friction, classical and with memory."""
     fast = {"spring_speed": 2.5}
     panels = {
         "classical, $b = 2.5$, $c = 50$": CLASSICAL | fast,
@@ -45,7 +45,7 @@ def bifurcation_lambda(job: Job) -> list[str]:
 
 
 def bifurcation_beta(job: Job) -> list[str]:
-    """Samples over the order of inertia: the source's orbit, and one that is irregular at 2."""
+    """Draw samples over the order of inertia: the source's orbit and an irregular one."""
     panels = {
         r"$\gamma = 0.8$, $c = 50$": {},
         r"$\gamma = 1$, $c = 7$": {"gamma": 1.0, "adhesion": 7.0},
@@ -56,7 +56,7 @@ def bifurcation_beta(job: Job) -> list[str]:
 
 
 def bifurcation_gamma(job: Job) -> list[str]:
-    """Samples over the order of friction: the source's orbit, and one that is irregular at 1."""
+    """Draw samples over the order of friction: the source's orbit and an irregular one."""
     panels = {
         r"$\beta = 1.8$, $c = 50$": {},
         r"$\beta = 2$, $c = 7$": {"beta": 2.0, "adhesion": 7.0},
@@ -67,13 +67,13 @@ def bifurcation_gamma(job: Job) -> list[str]:
 
 
 def regimes_b_c(job: Job) -> list[str]:
-    """Regimes over spring speed and adhesion, classical."""
+    """Draw regimes over spring speed and adhesion, classical."""
     grid = {"adhesion": np.linspace(0.5, 50.0, 100), "spring_speed": np.linspace(0.03, 3.0, 100)}
     return _map(job, "regimes_b_c", grid, {r"classical, $\lambda = 0.25$": CLASSICAL})
 
 
 def regimes_lambda_c(job: Job) -> list[str]:
-    """Regimes over friction and adhesion, classical, at two spring speeds."""
+    """Draw regimes over friction and adhesion, classical, at two spring speeds."""
     grid = {"adhesion": np.linspace(0.5, 50.0, 60), "friction": np.linspace(0.0, 1.0, 60)}
     panels = {
         "classical, $b = 1$": CLASSICAL,
@@ -83,14 +83,14 @@ def regimes_lambda_c(job: Job) -> list[str]:
 
 
 def regimes_beta_gamma(job: Job) -> list[str]:
-    """Regimes over both orders, for the source's adhesion and for one irregular at (2, 1)."""
+    """Draw regimes over both orders, for the source's adhesion and an irregular one."""
     grid = {"gamma": np.linspace(0.05, 1.0, 60), "beta": np.linspace(1.05, 2.0, 60)}
     panels = {"$b = 1$, $c = 50$": {}, "$b = 1$, $c = 7$": {"adhesion": 7.0}}
     return _map(job, "regimes_beta_gamma", grid, panels)
 
 
 def _diagram(job, name, axis, values, panels, n_steps=None):
-    """Places in the well once a period, one panel above the other."""
+    """Draw places in the well once a period, one panel above the other."""
     grid = {axis: job.few(values, 4)}
     t_end, count = job.size(T_DIAGRAM, 60.0), job.size(N_SAMPLES, 20)
     how = {"t_end": t_end, "count": count, "n_steps": n_steps and job.size(n_steps, 6000)}
@@ -112,7 +112,7 @@ def _diagram(job, name, axis, values, panels, n_steps=None):
 
 
 def _map(job, name, grid, panels):
-    """Regimes over two parameters, one panel beside the other."""
+    """Draw regimes over two parameters, in panels next to each other."""
     grid = {axis: job.few(values) for axis, values in grid.items()}
     t_end, n_steps = job.size(T_MAP, 40.0), job.size(STEPS_MAP, 4000)
     figure, axes = plt.subplots(

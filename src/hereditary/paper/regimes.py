@@ -226,21 +226,21 @@ class _Orbit:
         self.n_wells = self._passages.size
 
     def _from(self, window):
-        """First look in the last share `window` of the run."""
+        """Return the first look in the last share `window` of the run."""
         return round((1 - window) * (self._t.size - 1))
 
     def _slow(self, slowness):
-        """Whether a rest of a quarter period begins, for each look."""
+        """Return whether a rest of a quarter period begins, for each look."""
         slow = self._advance < slowness * self._pull
         return np.append(slow, np.zeros(self._quarter, dtype=bool))
 
     def _resting(self, slowness):
-        """Whether the load is at rest, for each look."""
+        """Return whether the load is at rest, for each look."""
         begun = np.cumsum(self._slow(slowness))
         return begun > np.concatenate([np.zeros(self._quarter), begun[: -self._quarter]])
 
     def kinds(self, window):
-        """STUCK, SLIDING or PERIODIC (any stick-slip) for each slowness; None where unknown."""
+        """Return STUCK, SLIDING, PERIODIC (any stick-slip) or None for each slowness."""
         first = self._from(window)
         if not np.any(np.diff(self._well[first:])):
             known = not self._pulled or self._t[-1] - self._t[first] >= self._period
@@ -264,7 +264,7 @@ class _Orbit:
         return [(float(self._t[a]), float(self._t[b])) for a, b in stays]
 
     def recurrence(self, window):
-        """Wells after which the times spent in them are closest to themselves, and how close.
+        """Return the number of wells after which times in wells repeat best, and how well.
 
         Every cycle, and four of the longer times, must be seen; 0 and NaN where they are not.
         """
@@ -284,7 +284,7 @@ class _Orbit:
 
 
 def _passages(t, x, spacing):
-    """Times at which a load moving upwards first passes each barrier, ascending."""
+    """Return times at which a load moving upwards first passes each barrier, ascending."""
     furthest = np.maximum.accumulate(x)
     barriers = spacing * np.arange(
         math.floor(furthest[0] / spacing) + 1, math.floor(furthest[-1] / spacing) + 1
@@ -311,7 +311,7 @@ def _share_irregular(orbits):
 
 
 def _chance_of_growth(exponent):
-    """Probability that the late slope is positive; 1/2 where nothing is known."""
+    """Return the probability that the late slope is positive; 1/2 if it is unknown."""
     if exponent is None:
         return 0.5
     runs = [exponent] if exponent.check is None else [exponent, exponent.check]
@@ -324,6 +324,6 @@ def _chance_of_growth(exponent):
 
 
 def _odds(one, other):
-    """Probability from two independent witnesses: their odds multiplied."""
+    """Return the probability from two independent estimates: their odds multiplied."""
     both, neither = one * other, (1 - one) * (1 - other)
     return both / (both + neither)

@@ -36,12 +36,12 @@ _WINDOW, _BLOCKS = 0.5, 20
 
 
 def wells_period(spring_speed=1.0, omega=1.0, **others):
-    """Time in which the pull passes one well, for these parameters of the scene [time]."""
+    """Return the time in which the pull passes one well, for parameters of the scene [time]."""
     return WELL * omega**2 / spring_speed
 
 
 def exponent(*, t_end, n_steps=None, rtol=None, **parameters):
-    """Leading exponent over [0, t_end], with steps of the source's scheme or by collocation."""
+    """Return the leading exponent over [0, t_end], by the source's scheme or collocation."""
     how: dict[str, Any] = {"rtol": rtol, "scheme": Collocation()}
     if rtol is None:
         how = {"n_steps": n_steps, "scheme": ExplicitCaputo()}
@@ -49,7 +49,7 @@ def exponent(*, t_end, n_steps=None, rtol=None, **parameters):
 
 
 def exponents(*, horizons, h, **parameters):
-    """The leading exponent at several ascending horizons of one run."""
+    """Return the leading exponent at several ascending horizons of one run."""
     steps = [round(t_end / h) for t_end in horizons]
     how = {"renorm": h * math.gcd(*steps, _INTERVAL), "scheme": ExplicitCaputo(), **ALONE}
     equation = stick_slip(**parameters)
@@ -89,7 +89,7 @@ def orbit(*, times, n_steps=None, rtol=1e-10, **parameters):
 
 
 def section(*, t_end, count, n_steps=None, **parameters):
-    """The last samples once a period of the wells: place in the well, and velocity.
+    """Return the last samples once a period of the wells: place in the well, and velocity.
 
     By collocation, or with given steps of a scheme of second order.
     """
@@ -105,7 +105,7 @@ def section(*, t_end, count, n_steps=None, **parameters):
 
 
 def regime(*, t_end, n_steps, **parameters):
-    """Regime of an orbit, checked by one with twice the step.
+    """Return the regime of an orbit, checked by one with twice the step.
 
     A scheme of second order: at these steps the source's own turns some of the verdicts.
     """
@@ -133,7 +133,7 @@ def regime(*, t_end, n_steps, **parameters):
 
 
 def _solvable(n_steps, t_end, beta=1.8, adhesion=50.0, **others):
-    """As many steps, doubled until also twice the step has one solution beside a barrier.
+    """Return n_steps, doubled until twice the step also has one solution at a barrier.
 
     An implicit step has several where the force rises faster than the scheme's own weight,
     ``(3 / 2 / h)**beta``; orders of inertia near 1 need short ones.
@@ -145,7 +145,7 @@ def _solvable(n_steps, t_end, beta=1.8, adhesion=50.0, **others):
 
 
 def signs(values):
-    """Where numbers change their sign, in words: "+ up to 3, - up to 7, + up to 9"."""
+    """Return changes of sign in words: "+ up to 3, - up to 7, + up to 9"."""
     runs: list[list] = []
     for x, value in values:
         sign = "+" if value > 0 else "-" if value < 0 else "0" if value == 0 else "?"
