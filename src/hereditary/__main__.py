@@ -139,7 +139,7 @@ def _parser():
 
 
 def _halving_difference(equation: hd.Equation, solution: hd.Solution, arguments) -> str:
-    """Differences to a run with half the steps: for a first-order scheme, an error estimate."""
+    """Return differences to a run with half the steps: an error estimate at first order."""
     half = arguments.n_steps // 2
     if arguments.n_steps % 2 or half == 0 or not solution.success:
         return "none (it needs an even number of steps and a completed run)"
@@ -177,7 +177,7 @@ def _report(solution: hd.Solution, parameters, estimate: str) -> None:
 
 
 def _draw(solution: hd.Solution, path: str) -> None:
-    """Oscillogram and velocity above each other, the phase portrait beside them."""
+    """Draw oscillogram and velocity in one column, and the phase portrait next to them."""
     figure = plt.figure(figsize=(10, 5), layout="constrained")
     grid = figure.add_gridspec(2, 2)
     above = plots.oscillogram(solution, figure.add_subplot(grid[0, 0]))

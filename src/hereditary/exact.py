@@ -42,7 +42,7 @@ _NEAR, _MAX_CONDITION = 1e-3, 1e8
 
 
 def relaxation(alpha: float = 0.5, rate: float = 1.0, y0: ArrayLike = 1.0) -> Solution:
-    """Fractional relaxation, ``D^alpha y = -rate y``.
+    """Make the solution of the fractional relaxation ``D^alpha y = -rate y``.
 
     ``y(t) = y(0) E_alpha(-rate t**alpha) + y'(0) t E_(alpha,2)(-rate t**alpha)``, the second term
     for alpha > 1 only.
@@ -79,7 +79,7 @@ def oscillator(
     x0: float = 1.0,
     v0: float = 0.0,
 ) -> Solution:
-    """Fractional oscillator, ``D^beta x + friction D^gamma x + omega**2 x = 0``.
+    """Make the solution of the oscillator ``D^beta x + friction D^gamma x + omega**2 x = 0``.
 
     Parameters
     ----------
@@ -112,7 +112,7 @@ def several_terms(
     rate: float = 0.0,
     forcing: Iterable[tuple[float, float]] = (),
 ) -> Solution:
-    """Several terms, ``sum_j c_j D^(alpha_j) y + rate y = sum_i a_i t**p_i``.
+    """Make the solution of ``sum_j c_j D^(alpha_j) y + rate y = sum_i a_i t**p_i``.
 
     Parameters
     ----------
@@ -155,7 +155,7 @@ def several_terms(
 
 
 def system(alpha: float, matrix: ArrayLike, y0: ArrayLike, forcing: ArrayLike = 0.0) -> Solution:
-    """Linear system of one order, ``D^alpha y = matrix y + forcing``.
+    """Make the solution of the linear system ``D^alpha y = matrix y + forcing``.
 
     ``y(t) = E_alpha(A) y(0) + t E_(alpha,2)(A) y'(0) + t**alpha E_(alpha,alpha+1)(A) forcing``
     with ``A = t**alpha matrix``, by diagonalisation.
@@ -214,7 +214,7 @@ def system(alpha: float, matrix: ArrayLike, y0: ArrayLike, forcing: ArrayLike = 
 
 
 def _mittag_leffler(z, a, b):
-    """E_(a,b)(z), elementary for integer a, where pymittagleffler cancels or divides by zero."""
+    """Return E_(a,b)(z), by elementary functions for integer a."""
     if a == 1:
         return np.exp(z) if b == 1 else np.where(z == 0, 1, np.expm1(z) / np.where(z == 0, 1, z))
     if a == 2:
@@ -229,7 +229,7 @@ def _initial(y0, order):
 
 
 def _merged(orders, coefficients):
-    """Distinct orders, increasing, and their coefficients, none of them 0."""
+    """Return distinct orders, increasing, and their coefficients, none of them 0."""
     a = np.atleast_1d(orders_up_to_2(orders))
     c = np.atleast_1d(real_array("coefficients", coefficients))
     if c.shape != a.shape:
@@ -244,7 +244,7 @@ def _merged(orders, coefficients):
 
 
 def _forces(forcing, highest):
-    """Powers and amplitudes, none of them 0."""
+    """Return powers and amplitudes, none of them 0."""
     required = "be pairs (amplitude, power), with power above -1 and above minus the highest order"
     pairs = real_array("forcing", [*forcing] or np.zeros((0, 2)), required)
     if pairs.shape[1:] != (2,) or np.any(pairs[:, 1] <= -min(1.0, highest)):
@@ -254,7 +254,7 @@ def _forces(forcing, highest):
 
 
 def _callable(at, start):
-    """A solution for any t >= 0 from one for t > 0."""
+    """Return a solution for all t >= 0 from one for t > 0."""
 
     def solution(t: ArrayLike) -> np.ndarray:
         required = "be finite numbers of at least 0, one or of shape (n,)"
@@ -277,27 +277,27 @@ class _Exponentials:
     coefficients: np.ndarray
 
     def log_terms(self, x):
-        """Logarithm of each term's size, shape (..., n_terms)."""
+        """Return the logarithm of each term's size, shape (..., n_terms)."""
         return np.log(np.abs(self.coefficients)) + np.multiply.outer(x, self.exponents)
 
     def log_size(self, x):
-        """Logarithm of the largest term."""
+        """Return the logarithm of the largest term."""
         return self.log_terms(x).max(axis=-1, initial=-np.inf)
 
     def at(self, u, log_scale, derivative=0):
-        """The sum or its derivative at points u, shape (n,)."""
+        """Return the sum or its derivative at points u, shape (n,)."""
         phase = 1j * np.multiply.outer(u.imag, self.exponents)
         terms = np.exp(self.log_terms(u.real) - log_scale[:, None] + phase)
         return terms @ (np.sign(self.coefficients) * self.exponents**derivative)
 
     def along(self, x, v, log_scale):
-        """The sum at all x[i] + v[k], real x and complex v: a product of two small tables."""
+        """Return the sum at all x[i] + v[k], real x and complex v."""
         table = np.exp(np.multiply.outer(self.exponents, v))
         return (np.exp(self.log_terms(x) - log_scale[:, None]) * np.sign(self.coefficients)) @ table
 
 
 def _halves(a, c, m):
-    """``P = sum c_j s**(a_j - m)`` over a_j > m, and what it equals wherever F is 0."""
+    """Return ``P = sum c_j s**(a_j - m)`` over a_j > m, and its value at zeros of F."""
     high = a > m
     return _Exponentials(a[high] - m, c[high]), _Exponentials(a[~high] - m, -c[~high])
 
@@ -318,7 +318,7 @@ class _Transform:
         self.poles, self.residues = np.exp(u), residues @ rows
 
     def __call__(self, t):
-        """The solution at times t > 0 of shape (n,), shape (n, d)."""
+        """Return the solution at times t > 0 of shape (n,), shape (n, d)."""
         value = np.empty((t.size, self.rows.shape[1]))
         block = max(1, 4000 // (1 + self.poles.size))  # a million complex numbers at a time
         for start in range(0, t.size, block):
@@ -333,7 +333,7 @@ class _Transform:
         return value
 
     def invert(self, t, z, scale):
-        """Integral of ``exp(s t) (Y - poles split off)`` and the poles' share, shape (n, d)."""
+        """Return the integral of ``exp(s t) Y``, poles by their residues, shape (n, d)."""
         x, v = math.log(scale) - np.log(t), np.log(_ZETA)
         log_scale = self.below.log_size(x)
         shape = np.exp(scale * _ZETA) * _WEIGHTS
@@ -349,7 +349,7 @@ class _Transform:
 
 
 def _zeros(f):
-    """All zeros of F with abs(Im u) < _TOP; the argument principle certifies their number."""
+    """Return all zeros of F with abs(Im u) < _TOP, as many as the argument principle counts."""
     if f.exponents.size == 1:
         return np.zeros(0, dtype=complex)
     size, a, room = np.log(np.abs(f.coefficients)), f.exponents, math.log(2 * f.exponents.size)
@@ -375,7 +375,7 @@ def _zeros(f):
 
 
 def _turns(f, start, end):
-    """Turns of F around 0 from start to end; intervals are halved until each turns little."""
+    """Return the turns of F around 0 from start to end, by small intervals."""
     z = np.linspace(start, end, 400)
     for _ in range(40):
         value = f.at(z, f.log_size(z.real))
@@ -388,7 +388,7 @@ def _turns(f, start, end):
 
 
 def _newton(f, u):
-    """Where Newton's iteration arrives from all the starts, and the conjugates."""
+    """Return the limits of Newton's iteration from all the starts, and the conjugates."""
     for _ in range(80):
         scale = f.log_size(u.real)
         step = f.at(u, scale) / (f.at(u, scale, derivative=1) + 1e-200)

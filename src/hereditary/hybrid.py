@@ -550,7 +550,7 @@ def one_sided(equation, functions, scheme):
 
 @lru_cache(maxsize=64)
 def _one_sided(fun, switch):
-    """A right-hand side or Jacobian, continued from the side whose sign stands in params.
+    """Return a right-hand side or Jacobian, continued from the side whose sign is in params.
 
     Behind the parameters of `fun` stand that sign, the user's time at the start, and how many
     components `switch` reads.

@@ -79,7 +79,7 @@ class IMEX(Scheme):
             raise ValueError(complaint("linear", "be given with IMEX", "None", remedy))
 
     def order(self, alpha: float, smoothness: str = "smooth") -> float:
-        """Proven order of convergence at a fixed time; see Error.
+        """Return the proven order of convergence at a fixed time; see Error.
 
         Parameters
         ----------
@@ -96,11 +96,11 @@ class IMEX(Scheme):
         return equation.linearly_implicit()
 
     def plan(self, equation: System, h: float) -> Plan:
-        """Tables and convolution for `equation` with step h."""
+        """Make tables and convolution for `equation` with step h."""
         return replace(self.scheme.plan(equation, h), slowest=SLOWEST)
 
     def mesh_plan(self, equation: System, times: np.ndarray) -> Plan:
-        """Plan on a mesh of any steps."""
+        """Make the plan on a mesh of any steps."""
         if not self.takes_meshes:
             return super().mesh_plan(equation, times)
         return self.scheme.mesh_plan(equation, times)

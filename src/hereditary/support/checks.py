@@ -24,7 +24,7 @@ _NEAR = 0.65
 
 
 def complaint(argument, required, got, remedy=""):
-    """The one sentence that every refused argument gets."""
+    """Return the sentence of the error for a refused argument."""
     return f"{argument} must {required}, got {got}" + (f"; {remedy}" if remedy else "")
 
 
@@ -45,7 +45,7 @@ def refusing(instead: dict[str, str]) -> Callable[[Callable[_P, _R]], Callable[_
 
 
 def shown(array):
-    """An array in few words, for a message."""
+    """Return an array in few words, for a message."""
     return np.array2string(np.asarray(array), separator=", ", threshold=8, edgeitems=3)
 
 
@@ -89,7 +89,7 @@ def count(argument, value, remedy="pass a whole number of at least 1", least=1):
 
 
 def whole(value):
-    """A float without a fraction, ``1e3``, as the int it stands for; anything else as it is."""
+    """Return a float without a fraction, ``1e3``, as an int; anything else unchanged."""
     is_float = isinstance(value, (float, np.floating))
     return int(value) if is_float and float(value).is_integer() else value
 
