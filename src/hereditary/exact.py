@@ -132,9 +132,9 @@ def several_terms(
     Error
     -----
     Below 1e-12 of the solution's scale for powers up to 4, mostly 1e-14 (tests/test_exact.py). A
-    pole s of Y off the negative axis adds eps ``abs(s) t``, two of them at a relative distance z
-    add eps / z**2; nearer ones than 1e-3 are refused. Out of range: inf or nan. Cost: 20 ms to
-    find the poles, then 20 microseconds a time.
+    pole s of Y off the negative axis adds eps ``abs(s) t``. Two poles at a relative distance z add
+    eps / z**2; distances below 1e-3 are refused. Out of range: inf or nan. Cost: 20 ms to find the
+    poles, then 20 microseconds for each time.
 
     Examples
     --------

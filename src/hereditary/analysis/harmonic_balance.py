@@ -20,7 +20,7 @@ _FREE = 1e-7
 def _over_a_period(rhs, jac, has_jac, params, omega, y, units, f, j_f):
     """Set f (N, d) at equal times of a period and y (N, d), and its Jacobian, flat (N, d d).
 
-    No Jacobian where `j_f` has no rows.
+    If `j_f` has no rows, no Jacobian is set.
     """
     n, d = y.shape
     out = np.empty((d, d))

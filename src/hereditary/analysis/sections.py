@@ -32,9 +32,9 @@ class Section:
     t : ndarray, shape (n,)
         Times [time].
     y : ndarray, shape (n, d)
-        The solution then.
+        Solution at these times.
     ydot : ndarray, shape (n, d), or None
-        Its first derivative, where the highest order exceeds 1.
+        Its first derivative, if the highest order exceeds 1.
     """
 
     t: np.ndarray

@@ -24,7 +24,7 @@ def rounded_order(orders: ArrayLike) -> np.ndarray:
 
 
 def orders_up_to_2(orders: ArrayLike) -> np.ndarray:
-    """Return orders in (0, 2] as rounded; refuse any other."""
+    """Return rounded orders in (0, 2]; refuse others."""
     found = rounded_order(real_array("order", orders, "lie in (0, 2]", "give numbers"))
     if found.ndim > 1 or found.size == 0:
         raise ValueError(complaint("order", "be numbers in a row", f"shape {found.shape}"))

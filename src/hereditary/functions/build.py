@@ -329,7 +329,7 @@ class Start(NamedTuple):
 
     @property
     def paired(self):
-        """Whether components are complex, two real ones of a system each."""
+        """Whether components are complex: each is two real components of a system."""
         return self.y.dtype.kind == "c"
 
     def components(self):

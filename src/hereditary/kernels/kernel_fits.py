@@ -329,8 +329,8 @@ def closest_signed(kernel, t_min, t_max, tol, fading=False):
 def _rates_of_signed(kernel, ratio, t_min, tol, fading):
     """Yield sets of rates: real ones of pencils and grids, then complex ones, and both.
 
-    The pencil is that of the Hankel matrix of even samples without its last and without its first
-    column, reduced to singular values above a cut [HuaSarkar1990].
+    The pencil has two matrices: the Hankel matrix of even samples without its last column, and
+    without its first. Both are reduced to singular values above a cut [HuaSarkar1990].
     """
     times, h = np.linspace(1.0, ratio, _EVEN, retstep=True)
     _, sizes, rows = np.linalg.svd(sliding_window_view(kernel(times * t_min), _EVEN // 2))

@@ -163,8 +163,7 @@ def bracketed_root(function, low, high):
     """Find a zero of a continuous function between points of different sign, to rounding.
 
     The method is Anderson's and Bjorck's variant of false position, with a bisection whenever three
-    steps have not halved the bracket. (Importing scipy.optimize for its own would take half a
-    second.)
+    steps have not halved the bracket. The import of scipy.optimize would take half a second.
     """
     f_low, f_high = function(low), function(high)
     if f_low == 0.0:

@@ -95,12 +95,12 @@ class Integrated:
 
     @property
     def by_values(self):
-        """As for the kernel."""
+        """Whether only the kernel's values are known."""
         return self.kernel.by_values
 
     @property
     def measured(self):
-        """As for the kernel."""
+        """Whether the kernel's values are measured."""
         return self.kernel.measured
 
     def __call__(self, t):

@@ -11,7 +11,7 @@ from ..solver.linear_solvers import Newton
 
 
 def newton_of_structure(structure, slots, implicit, exact):
-    """Return `Newton` for Jacobians of a structure, with factors of so many matrices."""
+    """Return `Newton` for Jacobians of a structure, with factors of `slots` matrices."""
     band, held, solver = structure.band, None, no_solver
     room = np.tile(structure.entries, (1 + slots if implicit else 1, 1, 1))
     tables = LinearSolver(np.zeros((0, 0, 0)), np.arange(0), exact=exact)

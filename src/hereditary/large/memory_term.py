@@ -72,7 +72,7 @@ class MemoryTerm:
 
     @property
     def t(self) -> float:
-        """Time t_n reached."""
+        """Time t_n at the end of the newest step."""
         return self.n * self._h
 
     @property

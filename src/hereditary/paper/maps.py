@@ -1,6 +1,6 @@
 """Beyond the source: bifurcation diagrams and maps of dynamic regimes.
 
-The source names both as what is to be done next; it shows neither.
+The source announces both as future work.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Computations at one point of a figure.
 
-Functions at the top of a module, which processes can call. `parameters` are those of the
-stick-slip scene, whose defaults are the source's: b 1, c 50, lambda 0.25, omega 1, x(0) 0.2,
-x'(0) 0.3; its classical examples are `CLASSICAL`.
+The functions are at the top of a module, so that processes can import them. `parameters` are those
+of the stick-slip scene, with the defaults of the source: b 1, c 50, lambda 0.25, omega 1, x(0) 0.2,
+x'(0) 0.3. The classical examples of the source are `CLASSICAL`.
 """
 
 from __future__ import annotations

@@ -45,9 +45,9 @@ class WeightRule:
 class Convolution:
     """Sum that a history makes on a uniform mesh: ``lag_n = sum_k W_k u_(n-k)``, k >= 2.
 
-    The weights are sums ``W_k = sum_j factor_j rule_j(p_j)_k``, one such list of (factor, rule, p)
-    for each group of columns. Further lists weigh the start values of a column, all groups' lists
-    of one value after those of another (these weights are sums of exponentials from k = 2 on).
+    The weights are sums ``W_k = sum_j factor_j rule_j(p_j)_k``, with a list of (factor, rule, p)
+    for each group of columns. Start values have lists of their own: the lists of all groups for the
+    first value, then those for the next. Their weights are sums of exponentials from k = 2 on.
 
     Attributes
     ----------
@@ -85,7 +85,7 @@ class Convolution:
         return tuple(sorted(key for key in self._keys() if isinstance(key, float)))
 
     def kernels(self):
-        """Return other kernels that occur, as `StepKernel` each."""
+        """Return the other kernels, each as a `StepKernel`."""
         return tuple(key for key in self._keys() if not isinstance(key, float))
 
     def _keys(self):

@@ -182,7 +182,7 @@ def largest_step(limits, stiffness):
 
 
 def longest_step(scheme, equation, h, ratio):
-    """Return the step whose limits are `ratio` times those at step h; 0 where it is not known."""
+    """Return the step whose limits are `ratio` times those at step h; 0 if it is unknown."""
     if equation.varies or equation.enlarged is not equation:
         return 0.0
     if not hasattr(scheme, "step_limit"):  # one term a component

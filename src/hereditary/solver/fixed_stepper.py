@@ -369,7 +369,7 @@ class FixedStepper(Stepper):
             solver(FACTORISE, 0, self._march.newton[1], np.empty(tables.order.size), tables)
 
     def position_at(self, t):
-        """Return the number of the step at which a march that stops at time t stands."""
+        """Return the number of the step at which a march to time t ends."""
         return self.steps.first_from(t)
 
     def stands_at(self, t):
@@ -391,7 +391,7 @@ class FixedStepper(Stepper):
         arrays.renew_force(self._system, self.t, self._table, self._march)
 
     def _forget_explicit(self):
-        """Let the next step not extrapolate f, which jumps here (compiled/newton.py)."""
+        """Keep the next step from extrapolating f, which jumps (compiled/newton.py)."""
         if self.scheme.solve == "imex":
             self._march.force[:] = np.nan
 

@@ -62,7 +62,7 @@ class JacobianWatch:
         self._look(self._region, jacobians[:made], self._first + np.arange(made))
 
     def _look(self, region, jacobians, places):
-        """Look at Jacobians taken at these multiples of `every`."""
+        """Check Jacobians at these multiples of `every`."""
         if len(jacobians) == 0:
             return
         steps = places * self.every

@@ -16,7 +16,7 @@ _LITTLE = 100_000
 
 
 class Drive:
-    """Takes a march to given positions, and says how it ended where it does not get there.
+    """Advance a march to given positions, and report how it ended if it stops earlier.
 
     Parameters
     ----------
@@ -25,8 +25,8 @@ class Drive:
     end : int or float
         Position at which the whole run ends.
     advance : callable
-        ``advance(stop)`` marches some way towards `stop`; returns how the run ends there, as
-        status and detail, or None.
+        ``advance(stop)`` marches a part of the way to `stop`. It returns None, or how the run ends
+        there, as status and detail.
     interruption : Interruption
     bar : ProgressBar
     """

@@ -135,7 +135,7 @@ class Stepper(ABC):
 
     @property
     def uncertainty(self) -> np.ndarray:
-        """Errors of y, (d,), that hide on which side of a zero it is."""
+        """Errors of y, (d,); closer to a zero than this, the side of y is unknown."""
         raise self._lacks("takes no jump of y")
 
     def expect_moves(self, of_y: bool) -> None:
