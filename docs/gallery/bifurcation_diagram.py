@@ -2,9 +2,9 @@
 A bifurcation diagram
 =====================
 
-The last maxima of a driven Duffing oscillator with memory against the force: periods double, chaos
-follows, and a window of period 3 interrupts it. A sweep calls one function at every value, on all
-cores; lists of maxima may have different lengths.
+The figure shows the last maxima of a driven Duffing oscillator with memory against the force.
+Periods double, chaos follows, and a window of period 3 interrupts it. A sweep calls one function at
+every value, on all cores. Lists of maxima may have different lengths.
 """
 
 import matplotlib.pyplot as plt
@@ -44,9 +44,9 @@ assert counts[:4] == [1, 2, 4, 3]
 assert counts[4] > 10
 
 # %%
-# With memory a motion approaches its cycle like a power of t, not exponentially: points that seem
-# to scatter around a branch may still be on their way. Compare a later transient before calling
-# them chaos.
+# With memory a motion approaches its cycle like a power of t, not exponentially. Points that seem
+# to scatter around a branch may still move towards it. Compare with a later transient before you
+# call them chaos.
 
 spread = np.ptp(table["x"][0][np.isfinite(table["x"][0])])
 print(f"spread of maxima at the smallest force: {spread:.1e}")

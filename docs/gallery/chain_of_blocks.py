@@ -2,8 +2,8 @@
 A chain of stick-slip blocks
 ============================
 
-Fifty blocks coupled by springs, each over wells of a strength of its own, pulled at one speed: a
-model of a fault. Many slips are small; the largest runs through the chain.
+Fifty blocks are coupled by springs and pulled at one speed. The wells of each block have a different
+strength. This is a model of a fault. Many slips are small; the largest runs through the chain.
 """
 
 import matplotlib.pyplot as plt

@@ -12,8 +12,9 @@ import numpy as np
 import hereditary as hd
 
 # %%
-# Three components: the plant; the integral of order 0.6 of the error; the reference, here a ramp
-# up to t = 2. The slope of the reference is known, so its derivative of order 0.4 is memory too.
+# There are three components: the plant, the integral of order 0.6 of the error, and the reference,
+# here a ramp up to t = 2. The slope of the reference is known, so its derivative of order 0.4 is
+# memory too.
 
 
 def loop(t, y, memory, p):
@@ -45,8 +46,8 @@ ax.set(ylabel="plant", title="")
 plt.show()
 
 # %%
-# Without an integral an error of 1/3 stays. With it the error goes on falling, and the derivative
-# makes it smaller while the reference moves.
+# Without an integral an error of 1/3 remains. With it the error continues to fall, and the derivative
+# makes the error smaller while the reference moves.
 
 p, pi, pid = errors
 assert abs(p[2] - 1 / 3) < 0.01

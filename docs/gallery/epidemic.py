@@ -2,8 +2,8 @@
 An epidemic, fitted to data
 ===========================
 
-A susceptible-infected-recovered model in which recovery and infection have memory: one order alpha
-for all components. Order, infection rate and recovery rate are found from noisy counts, with their
+In this susceptible-infected-recovered model recovery and infection have memory: one order alpha for
+all components. The fit finds order, infection rate and recovery rate from noisy counts, with their
 standard errors.
 """
 
@@ -24,7 +24,7 @@ def model(alpha, infection, recovery):
 
 
 # %%
-# Synthetic data stand for a real series here: the infected, observed every second day.
+# The data here are synthetic: the number of infected, observed every second day.
 
 days = np.arange(2.0, 82.0, 2.0)
 true = {"alpha": 0.9, "infection": 0.5, "recovery": 0.15}
@@ -45,8 +45,8 @@ ax.set(xlabel="day", ylabel="share infected")
 plt.show()
 
 # %%
-# Order and rates are correlated, as neighbouring memory terms are: the data tell their combination
-# better than each.
+# Order and rates are correlated, as neighbouring memory terms are. The data determine their
+# combination better than each of them.
 
 print(np.round(found.correlation, 2))
 assert np.abs(found.correlation).min() > 0.5

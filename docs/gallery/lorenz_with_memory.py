@@ -2,9 +2,8 @@
 Lorenz with memory, and why restarted memory lies
 =================================================
 
-A published algorithm for exponents calls the solver afresh at each renormalisation, so that the
-memory begins anew. For the Lorenz system of order 0.99 that finds chaos where the equation comes
-to rest.
+A published algorithm for exponents restarts the solver at each renormalisation, so that the memory
+is lost. For the Lorenz system of order 0.99 it finds chaos, although the solution comes to rest.
 """
 
 from pathlib import Path
@@ -33,10 +32,10 @@ assert np.all(largest[1:] < 0.6 * largest[:-1])
 assert largest[-1] < 0.02
 
 # %%
-# With the memory kept the largest exponent is at first the rate at which these swings decay. Later
-# a power of t remains of them, and the exponent tends to 0 from below. With the memory restarted
-# every 0.02 it is the exponent of a chaotic attractor, which this equation does not have. These
-# rows are those of the study ``convergence/restarting.py``.
+# With the full memory the largest exponent is at first the rate at which these swings decay. Later
+# they decay like a power of t, and the exponent tends to 0 from below. If the memory is restarted
+# every 0.02, the result is the exponent of a chaotic attractor, which this equation does not have.
+# The values are those of the study ``convergence/restarting.py``.
 
 kept = hd.lyapunov(equation, 400.0, 80_000, transient=20.0)
 results = Path("../../convergence/results/restarting.csv")  # from docs/gallery in a clone

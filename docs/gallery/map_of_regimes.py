@@ -2,8 +2,8 @@
 A map of regimes
 ================
 
-How a stick-slip oscillator with memory moves, against the speed of the pull and the strength of
-the wells.
+The map shows how a stick-slip oscillator with memory moves, for each speed of the pull and strength
+of the wells.
 """
 
 import math
@@ -29,9 +29,9 @@ hd.plots.regime_map(table, ax=ax)
 plt.show()
 
 # %%
-# The paler a cell, the less certain its verdict: thresholds are varied, and the certainty says how
-# many of the variations agree. ``store="map"`` would keep every finished point in a file, so that
-# a long sweep can go on after it was stopped.
+# A pale cell has an uncertain verdict: thresholds are varied, and the certainty is the share of the
+# variations that agree. ``store="map"`` would keep every finished point in a file, so that a long
+# sweep can continue after it was stopped.
 
 assert table.success.all()
 regimes, counts = np.unique(table["regime"], return_counts=True)

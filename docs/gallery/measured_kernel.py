@@ -2,8 +2,8 @@
 A memory kernel from measured data
 ==================================
 
-Relaxation data of a polymer, a table of times and values, become a memory kernel: a sum of
-exponentials with positive weights, as close as the data are.
+Relaxation data of a polymer, a table of times and values, become a memory kernel. It is a sum of
+exponentials with positive weights, as accurate as the data.
 """
 
 import matplotlib.pyplot as plt
@@ -22,7 +22,7 @@ assert fit.max_error < 0.05
 assert np.abs(fit(t) / law(t) - 1).max() < 0.03
 
 # %%
-# An oscillator whose friction remembers by that kernel, beside one with the kernel behind the
+# The friction of one oscillator has this kernel, the friction of the other the kernel that made the
 # data.
 
 

@@ -2,9 +2,9 @@
 A nerve that memory makes bistable
 ==================================
 
-FitzHugh and Nagumo's nerve as one oscillator whose friction has memory and depends on the state.
-Below an order of inertia of 1.818 its rest is stable. At 1.75 a start far from rest fires on all
-the same, at 1.6 none does, and at 1.9 all do.
+The FitzHugh-Nagumo nerve is one oscillator whose friction has memory and depends on the state. If
+the order of inertia is below 1.818, its rest is stable. At 1.75 the nerve still fires if it starts
+far from rest. At 1.6 it never fires, and at 1.9 it fires from every start.
 """
 
 import matplotlib.pyplot as plt

@@ -2,8 +2,8 @@
 A neuron with memory that fires
 ===============================
 
-A leaky integrate-and-fire neuron, ``D^alpha v = I - v``, begins again at 0 where v reaches 1. The
-reset is a jump of the state: it does not enter the memory of the derivative.
+A leaky integrate-and-fire neuron, ``D^alpha v = I - v``, is reset to 0 when v reaches 1. The reset
+is a jump of the state: it does not enter the memory of the derivative.
 """
 
 import matplotlib.pyplot as plt
@@ -36,8 +36,8 @@ ax.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
 plt.show()
 
 # %%
-# Without memory all intervals are log 3. With it they grow: every spike leaves a jump of y behind
-# which the derivative remembers the whole way up.
+# Without memory all intervals are log 3. With memory they grow, because the derivative remembers
+# every earlier rise, but not the resets.
 
 assert np.allclose(intervals[1.0], np.log(3), rtol=0, atol=1e-7)
 assert np.all(np.diff(intervals[0.8]) > 0.1)

@@ -2,8 +2,8 @@
 Relaxation with an order that varies
 ====================================
 
-``D^alpha(t) y = -y`` with an order that falls with time: a body whose memory grows longer as it
-ages. The order at the present time holds for all of the past.
+In ``D^alpha(t) y = -y`` the order falls with time: the memory of the body grows longer as it ages.
+The order at the present time applies to the whole past.
 """
 
 import matplotlib.pyplot as plt
@@ -36,7 +36,7 @@ assert np.all(np.abs(changing / early - 1)[times < 0.2] < 0.01)
 assert np.all(np.abs(changing / late - 1)[times > 15.0] < 0.02)
 
 # %%
-# How good are given steps? Errors of L1 against the run with a tolerance.
+# How accurate are given steps? The errors of L1 are against the run with a tolerance.
 
 equation = hd.Equation(hd.Caputo(ageing), decay, 1.0)
 exact = hd.solve(equation, 20.0, rtol=1e-9).y[-1, 0]

@@ -2,8 +2,8 @@
 Convergence of your own scheme
 ==============================
 
-A scheme is one small class. It gets every history, events, resuming, tangents and the tables of
-convergence for nothing.
+A scheme is one small class. Histories, events, resuming, tangents and tables of convergence then
+work without further code.
 """
 
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ import hereditary as hd
 from hereditary.schemes import Scheme, check_smoothness, uniform_plan, weighed
 
 # %%
-# Lines on each step, and the equation at t_n + theta h: L1 is theta = 1.
+# The solution is a line on each step, and the equation holds at t_n + theta h. L1 is theta = 1.
 
 
 @dataclass(frozen=True)
@@ -40,8 +40,8 @@ class Lines(Scheme):
 
 
 # %%
-# Its order, on ``D^0.6 y = -y``, whose exact solution is a Mittag-Leffler function. The solution
-# starts like t^0.6, so the order at the end is 1 for both, and the constant tells them apart.
+# The test is ``D^0.6 y = -y``, whose exact solution is a Mittag-Leffler function. It starts like
+# t^0.6, so the order at the end is 1 for both schemes, and only the constant differs.
 
 equation = hd.scenes.relaxation(0.6)
 exact = hd.exact.relaxation(0.6)
@@ -62,8 +62,8 @@ assert np.allclose([own, l1, bdf], [1.0, 1.0, 2.0], rtol=0, atol=0.05)
 assert 0.45 < error / error_of_l1 < 0.55
 
 # %%
-# The table that papers print, of the largest error at all times: the steps next to the singular
-# start decide it.
+# Papers print the table of the largest error at all times. The steps next to the singular start
+# determine this error.
 
 table = hd.convergence_table(equation, 2.0, [100, 200, 400], scheme=Lines(), exact=exact)
 print(table.to_markdown())

@@ -2,8 +2,8 @@
 Resonance of a Duffing oscillator
 =================================
 
-The steady response to a periodic force, followed through its turning points by harmonic balance,
-and the backbone.
+Harmonic balance follows the periodic response to a force through its turning points. The peaks for
+several forces are the backbone curve.
 """
 
 import matplotlib.pyplot as plt
@@ -37,7 +37,8 @@ print(f"amplitude of the run {found:.5f}, of the balance {balanced:.5f}")
 assert abs(found / balanced - 1) < 0.002
 
 # %%
-# The peaks of curves for ever larger forces make up the backbone: the spring hardens.
+# The peaks for larger and larger forces are the backbone curve. It bends to the right, because the
+# spring hardens.
 
 omegas = np.linspace(0.6, 2.2, 161)
 fig, ax = plt.subplots(figsize=(7, 4), layout="constrained")

@@ -2,9 +2,9 @@
 Stick-slip with memory, and its exponents
 =========================================
 
-A load that is pulled over a chain of wells by a spring sticks in a well, slips over the next
-barriers, and sticks again. Inertia and friction have memory: ``D^1.8 x + 0.25 D^0.8 x + x = t + 50
-sum_n a_n sin(n x)``.
+A spring pulls a load over a chain of wells. The load sticks in a well, slips over the next barriers,
+and sticks again. Inertia and friction have memory: ``D^1.8 x + 0.25 D^0.8 x + x = t + 50 sum_n a_n
+sin(n x)``.
 """
 
 import matplotlib.pyplot as plt
@@ -25,8 +25,9 @@ assert second[0] - first[1] < 5  # the time of the slip
 assert min(first[1] - first[0], second[1] - second[0]) > 40
 
 # %%
-# Is it chaotic? The largest Lyapunov exponent, with all of the memory kept, is negative here, and
-# falls like 1 / T: a number that says how long the run was, not a rate. The verdict says so.
+# Is it chaotic? The largest Lyapunov exponent, with the full memory, is negative here and
+# proportional to 1 / T. So it measures the length of the run and is not a rate. The verdict says
+# this.
 
 exponents = hd.lyapunov(equation, 400.0, n_steps=64_000)
 print(exponents.exponents, exponents.verdict)

@@ -2,8 +2,8 @@
 Subdiffusion on a square
 ========================
 
-``D^alpha u = Laplace u`` on the unit square with u = 0 on its boundary: 2,500 components by the
-method of lines, the matrix factorised once.
+The equation is ``D^alpha u = Laplace u`` on the unit square with u = 0 on its boundary. The method of
+lines has 2,500 components, and the matrix is factorised once.
 """
 
 import matplotlib.pyplot as plt
@@ -32,8 +32,8 @@ for row, alpha in zip(axes, (0.5, 1.0), strict=True):
 plt.show()
 
 # %%
-# With memory the spot spreads at once and then hardly at all: its height keeps a cusp, and decays
-# like t^-1/2 or nearly so. The lowest mode has a closed form, which the run meets.
+# With memory the spot spreads at once and then very slowly. It keeps a cusp, and its height decays
+# nearly like t^-1/2. The lowest mode has a closed form, with which the run agrees.
 
 first, early, late = 1, 5, 20  # t = 0.001, 0.005, 0.02
 assert areas[0.5][first] > 2 * areas[1.0][first]  # of the part above half of the height

@@ -2,7 +2,8 @@
 Viscoelastic bodies: Bagley-Torvik's plate and Zener's solid
 ============================================================
 
-A plate in a Newtonian fluid, ``A x'' + B D^1.5 x + C x = f``, and a solid whose stress has memory.
+The first body is a plate in a Newtonian fluid, ``A x'' + B D^1.5 x + C x = f``. The second is a solid
+whose stress has memory.
 """
 
 import matplotlib.pyplot as plt
@@ -26,9 +27,8 @@ hd.plots.oscillogram(motion, ax)
 ax.set(title="Bagley-Torvik, pushed for one time unit")
 
 # %%
-# Zener's solid ``sigma + tau**a D^a sigma = E eps + (E + E_1) tau**a D^a eps`` under a strain that
-# is held after a ramp: stress and strain are two components, of which the rate of the second is
-# known.
+# Zener's solid is ``sigma + tau**a D^a sigma = E eps + (E + E_1) tau**a D^a eps``. The strain is a
+# ramp and then constant. Stress and strain are two components, and the rate of the strain is known.
 
 A, TAU, E, E_1 = 0.6, 1.0, 1.0, 4.0
 
@@ -49,8 +49,8 @@ ax.set(title="Zener's solid, strain ramped and held", ylabel="stress")
 plt.show()
 
 # %%
-# The stress relaxes to ``E eps`` like a power of t: long after the ramp a good part of its excess
-# is still there.
+# The stress relaxes to ``E eps`` like a power of t: long after the ramp a large part of the excess
+# remains.
 
 excess = held(np.array([0.5, 10.0, 20.0]))[:, 0] - E * 0.5
 print(f"at the end {excess[2] / excess[0]:.3f} of the excess after the ramp remain")

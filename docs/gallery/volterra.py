@@ -2,7 +2,7 @@
 A Volterra equation, and a past before the start
 ================================================
 
-Two equations that are not of the library's form, written in it.
+Two equations do not have the form of the library. This page rewrites them.
 """
 
 import matplotlib.pyplot as plt
@@ -13,8 +13,8 @@ from scipy.special import gamma
 import hereditary as hd
 
 # %%
-# **A Volterra equation of the second kind**, ``y(t) + int_0^t K(t - s) y(s) ds = cos t``. With z' =
-# y, z(0) = 0, the integral is a memory term of z.
+# **A Volterra equation of the second kind** is ``y(t) + int_0^t K(t - s) y(s) ds = cos t``. With
+# z' = y and z(0) = 0, the integral is a memory term of z.
 
 kernel = hd.TemperedPowerLaw(0.5, 1.0)
 
@@ -29,8 +29,8 @@ t = 10.0 * np.linspace(0.0, 1.0, 1001) ** 3  # y falls like sqrt(t) at first
 y = z(t, 1)[:, 0]
 
 # %%
-# **A given past**, y = 1 + t from t = -1 to 0, adds a known force to ``D^0.6 y = -y``: what the
-# derivative that begins at -1 has gathered before 0.
+# **A given past**, y = 1 + t from t = -1 to 0, adds a known force to ``D^0.6 y = -y``. The force is
+# the part of the derivative from -1 on that comes from times before 0.
 
 ALPHA = 0.6
 FACTOR = 1 / gamma(2 - ALPHA)
@@ -60,8 +60,7 @@ right.set(ylabel="$y$", title="a past before the start")
 plt.show()
 
 # %%
-# Both solve their equations: the integral of the first, and the derivative of the second from -1
-# on, by quadrature.
+# Quadrature confirms that both solve their equations.
 
 
 def remembered(s):
