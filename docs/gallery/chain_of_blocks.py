@@ -2,7 +2,7 @@
 A chain of stick-slip blocks
 ============================
 
-Fifty blocks are coupled by springs and pulled at one speed. The wells of each block have a different
+Springs couple fifty blocks, which are pulled at one speed. The wells of each block have a different
 strength. This is a model of a fault. Many slips are small; the largest runs through the chain.
 """
 

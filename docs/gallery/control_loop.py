@@ -46,7 +46,7 @@ ax.set(ylabel="plant", title="")
 plt.show()
 
 # %%
-# Without an integral an error of 1/3 remains. With it the error continues to fall, and the derivative
+# Without an integral an error of 1/3 remains. With it the error continues to fall. The derivative
 # makes the error smaller while the reference moves.
 
 p, pi, pid = errors

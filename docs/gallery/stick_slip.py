@@ -2,9 +2,9 @@
 Stick-slip with memory, and its exponents
 =========================================
 
-A spring pulls a load over a chain of wells. The load sticks in a well, slips over the next barriers,
-and sticks again. Inertia and friction have memory: ``D^1.8 x + 0.25 D^0.8 x + x = t + 50 sum_n a_n
-sin(n x)``.
+A spring pulls a load over a chain of wells. The load sticks in a well, slips over the next
+barriers, and sticks again. Inertia and friction have memory: ``D^1.8 x + 0.25 D^0.8 x + x = t + 50
+sum_n a_n sin(n x)``.
 """
 
 import matplotlib.pyplot as plt

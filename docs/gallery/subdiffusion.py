@@ -2,8 +2,8 @@
 Subdiffusion on a square
 ========================
 
-The equation is ``D^alpha u = Laplace u`` on the unit square with u = 0 on its boundary. The method of
-lines has 2,500 components, and the matrix is factorised once.
+The equation is ``D^alpha u = Laplace u`` on the unit square, with u = 0 on the boundary. The method
+of lines has 2,500 components, and the matrix is factorised once.
 """
 
 import matplotlib.pyplot as plt

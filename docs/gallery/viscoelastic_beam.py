@@ -2,8 +2,8 @@
 Viscoelastic bodies: Bagley-Torvik's plate and Zener's solid
 ============================================================
 
-The first body is a plate in a Newtonian fluid, ``A x'' + B D^1.5 x + C x = f``. The second is a solid
-whose stress has memory.
+The first body is a plate in a Newtonian fluid, ``A x'' + B D^1.5 x + C x = f``. The second is a
+solid whose stress has memory.
 """
 
 import matplotlib.pyplot as plt
