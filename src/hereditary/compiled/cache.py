@@ -43,7 +43,7 @@ class CodeCache:
     options : str
         Everything else its machine code depends on.
     told : str, optional
-        Name under which a compilation that takes seconds is told of on standard error.
+        Name of a compilation that takes seconds, for the message on standard error.
     """
 
     def __init__(self, fun, options, told=None):

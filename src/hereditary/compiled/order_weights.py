@@ -1,4 +1,4 @@
-"""Weights of operators whose orders vary, a stretch of steps at a time."""
+"""Weights of operators whose orders vary, for a batch of steps at a time."""
 
 import numpy as np
 from numpy.polynomial import Chebyshev, Polynomial

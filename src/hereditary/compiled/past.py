@@ -129,7 +129,7 @@ def exchange_direct(lag, pieces, n, groups, tables, memory):
 
 @compiled
 def exchange_pending(lag, pieces, n, groups, tables, memory):
-    """Sum directly over the present stretch alone, and add the rest from `pending`."""
+    """Sum directly over the present batch only, and add the rest from `pending`."""
     # memory: pieces, start values, pending (W, capacity)
     pending = memory.pending
     add_direct(lag, pieces, n, n // tables.length * tables.length, groups, tables, memory)
@@ -190,10 +190,10 @@ def add_direct(lag, pieces, n, first, groups, tables, memory):
 def read_varying(lag, pieces, n, groups, tables, memory):
     """Take u_(n-2) into the modes and set the lag to what they give.
 
-    On the grid of rates exp(h j) a kernel's amplitudes are a geometric sequence whatever its order,
-    so their sum is a polynomial in its ratio: Horner's rule, first on the quarters of the modes,
-    side by side, then on every fourth of what is left. No product waits long for another, and no
-    weight is written down.
+    On the grid of rates exp(h j) a kernel's amplitudes are a geometric sequence for any order, so
+    their sum is a polynomial in its ratio. Horner's rule is applied to the four quarters of the
+    modes in parallel, then to every fourth of the rest. So no product waits long for another, and
+    no weight is stored.
     """
     # pieces (W, 2); memory: modes (W, M); tables: derivatives (C, T)
     # keep (3, M): decay q, what a rate's amplitude is multiplied by for terms with y' and with y''

@@ -22,10 +22,12 @@ _EMPTY = np.zeros((1, 0))
 class Tables(NamedTuple):
     """Tables of a memory; a history sets those that it reads (compiled/past.py).
 
-    The first of the steps that have rows of their own, and the number of rows of each group; the
-    length of a stretch, or of a grid of rates; weights of pieces or modes, and of start values;
-    what modes keep of themselves and take of a piece; powers of what they keep; corrections of the
-    first weights; of orders that vary, the derivatives in the terms, amplitudes, and room.
+    - first: the first of the steps that have rows of their own; rows: rows of each group.
+    - length: of a batch of steps, or of a grid of rates.
+    - weights, start_weights: of pieces or modes, and of start values.
+    - keep, take: factors of modes in a step, and of the piece that they absorb.
+    - ahead: powers of `keep`; corrections: of the first weights.
+    - derivatives, amplitudes, room: for orders that vary.
     """
 
     first: int = 0
@@ -45,8 +47,9 @@ class Tables(NamedTuple):
 class Held(NamedTuple):
     """Contents of a memory for each of W columns, all linear in the solution.
 
-    pieces (W, .); modes (W, .); starts (W, .), the start values or their modes, which the march
-    sets; pending (W, .), sums for steps to come.
+    - pieces, modes (W, .).
+    - starts (W, .): start values or their modes, which the march sets.
+    - pending (W, .): sums for later steps.
     """
 
     pieces: Matrix
@@ -56,7 +59,7 @@ class Held(NamedTuple):
 
 
 def held(n_columns, pieces=0, modes=0, starts=0, pending=0):
-    """Return a `Held` of zeros with so many numbers for each column."""
+    """Return a `Held` of zeros with these numbers of entries for each column."""
     return Held(*(np.zeros((n_columns, size)) for size in (pieces, modes, starts, pending)))
 
 
@@ -73,11 +76,12 @@ FACTORISE, SUBSTITUTE = 0, 1
 class LinearSolver(NamedTuple):
     """Room and tables of a linear solver for n components; n = 0 for none.
 
-    factors (m, ., .), for Newton's matrix and, m = 2, for that of the tangents; order (n,), the
-    place of each component; lower and upper, diagonals of a band; addresses of LAPACK's function
-    that factorises, and of one that enters Python; exact, 1 where the right-hand side is
-    linear and all steps have one matrix, so that one iteration solves a step; few, 1 where Newton's
-    method eliminates by itself in every iteration, and the solver is that of the tangents alone.
+    - factors (m, ., .): of Newton's matrix and, if m = 2, of the matrix of the tangents.
+    - order (n,): the place of each component; lower, upper: diagonals of a band.
+    - lapack, python: addresses of LAPACK's factorisation and of a function that enters Python.
+    - exact: 1 if the right-hand side is linear and all steps have one matrix, so that one iteration
+      solves a step.
+    - few: 1 if Newton's method eliminates by itself, and the solver is only for the tangents.
     """
 
     factors: Cube
@@ -101,10 +105,10 @@ COUNTS = np.dtype(
     align=True,
 )
 # Watches of each component (compiled/watch.py): length of the alternation under way, the
-# largest increment of its present stretch and of the one before; step of the last turn, where
+# largest increment of its present batch and of the one before; step of the last turn, where
 # increments change sign, the change there and the growth of these changes; smallest and largest
-# increment of the present short stretch; turns in quick succession (-1: they may last), the largest
-# change in their present stretch and in the one before.
+# increment of the present short batch; turns in quick succession (-1: they may last), the largest
+# change in their present batch and in the one before.
 _WATCHED = (
     "alternating", "largest", "before", "turned", "change", "growth", "least", "most", "turns",
     "turning", "turning_before",
@@ -117,12 +121,16 @@ Monitors: TypeAlias = Annotated[np.ndarray, types.Array(from_dtype(MONITOR), 1, 
 class StepTable(NamedTuple):
     """Coefficients that all steps of a run share, for W columns in C groups and blocks of B steps.
 
-    h, the step, 0 on a mesh; slowest, steps between turns up to which these are watched (0: none);
-    sweeps of a corrector; integral, whether pieces are values of f instead of increments; n_orbit
-    components, the first columns, of which n_solved have an equation: the others are memory that f
-    reads; every so many steps a Jacobian is kept (0: none). groups, sources, the column whose
-    increments each takes, and given, whether the first one is given, (W,); weights and
-    start_weights (C, B + 2) and (V C, B + 2) inside a block; powers (r, W) of the known terms.
+    - h: the step, 0 on a mesh; sweeps: corrections of a predictor.
+    - slowest: the most steps between two turns that are watched (0: none).
+    - integral: whether pieces are values of f instead of increments.
+    - n_orbit: components of the orbit, which are the first columns. The first n_solved of them have
+      an equation; the others are memory that f reads.
+    - every: steps between two Jacobians that are kept (0: none).
+    - groups (W,); sources (W,): the column whose increments each column uses.
+    - given (W,): whether the first increment is given.
+    - weights (C, B + 2), start_weights (V C, B + 2): inside a block.
+    - powers (r, W): of the known terms.
     """
 
     h: float
@@ -143,12 +151,14 @@ class StepTable(NamedTuple):
 class StepRows(NamedTuple):
     """Coefficients of single steps: those of step n are row ``min(n - first, last)``.
 
-    Uniform steps share their last row; on meshes and where orders vary every step has its own.
-    times (R,) at which steps begin, empty on uniform steps; theta (R,), where in a step the
-    equation holds; unit (R,), lengths [time], and length (R,), these in units of those that shift
-    is given in; ratio (R,) of a length to the one before. lead, near and scale (C, R), factors of
-    f, of the newest piece and of the increment; drift (C, R), factor of shift, or (C, 0); where
-    terms take x(0), (2 C, R), its factors behind those.
+    Uniform steps share their last row. On meshes, and if orders vary, every step has its own.
+
+    - times (R,): start times of the steps; empty on uniform steps.
+    - theta (R,): the fraction of a step at which the equation holds.
+    - unit (R,): step sizes [time]; length (R,): step sizes in the unit of shift.
+    - ratio (R,): a step size over the one before.
+    - lead, near, scale (C, R): factors of f, of the newest piece and of the increment.
+    - drift: factors of shift, (C, R) or (C, 0). If terms use x(0), its factors follow, (2 C, R).
     """
 
     first: int
@@ -173,15 +183,18 @@ class StepRows(NamedTuple):
 class March(NamedTuple):
     """State of a march; all but counts, monitor and newton is linear in the solution.
 
-    The W columns are the components of the orbit, then those of one tangent after the other. x,
-    with memory that an explicit step reads among them, the newest increment and its change (W,);
-    lag (W, B) of the block under way and pieces (W, B + 1); monitor, records (d,); shift (W,),
-    x'(0) times the unit of lengths, which the pieces leave out; drift (W, r), amplitudes of known
-    terms, or x(0) where rows have factors for it; corrections (W, k) of the right-hand side in the
-    first steps; starts (W, V), start values; force and lacks (W,), the newest right-hand side, and
-    lead times what the last sweep lacked of it; newton (2, ., .), a Jacobian and room for Newton's
-    matrix, or that whose factors are kept, for many components (compiled/newton.py), or (3, ., .)
-    with room for that of tangents.
+    The W columns are the components of the orbit, then those of each tangent.
+
+    - x, increment, change (W,): the solution, with memory that an explicit step reads; the newest
+      increment; its change.
+    - lag (W, B), pieces (W, B + 1): of the open block.
+    - monitor (d,): records.
+    - shift (W,): x'(0) times the unit of lengths, which pieces do not include.
+    - drift (W, r): amplitudes of known terms, or x(0) if rows have factors for it.
+    - corrections (W, k): of the right-hand side in the first steps; starts (W, V): start values.
+    - force (W,): the newest right-hand side; lacks (W,): lead times its change in the last sweep.
+    - newton (2, ., .): a Jacobian and room for Newton's matrix, or the matrix whose factors are
+      kept, for many components (compiled/newton.py). (3, ., .) with room for the tangents' matrix.
     """
 
     counts: Counts
@@ -203,7 +216,8 @@ class March(NamedTuple):
 class Output(NamedTuple):
     """Room for a row of each step from `begun` to `end`, or none: y and its slopes (k, d).
 
-    And for Jacobians (n, d, d) of these steps; room (N_ROOM, W) for one step (compiled/step.py).
+    It also has room for Jacobians (n, d, d) of these steps, and for one step, (N_ROOM, W)
+    (compiled/step.py).
     """
 
     rows: Matrix

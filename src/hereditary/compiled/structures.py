@@ -1,8 +1,8 @@
 """Named groups of arrays that compiled collocation works on, and their compiled types.
 
 Letters of shapes: d components, R rows of integral equations, s nodes of a step, M modes, n_a
-fractional integrals, n_k general kernels followed by varying orders, n_v varying orders alone, n_q
-integrands (3, or 4 with p'), k tangents. An axis of length 1 + k holds the orbit and then its
+fractional integrals, n_v varying orders, n_k general kernels and then varying orders, n_q
+integrands (3, or 4 with p'), k tangents. An axis of length 1 + k has the orbit and then its
 tangents (docs/notation.md).
 """
 
@@ -53,12 +53,13 @@ Records: TypeAlias = Annotated[np.ndarray, types.Array(from_dtype(TERM), 1, "C")
 class Equations(NamedTuple):
     """Integral equations of all components (collocation/equations.py).
 
-    terms (n,) of `TERM`; orders (n_a,) of the fractional integrals; second (d,), 1 where the
-    primary unknown is y'; offsets (1 + k, n), constants subtracted from the integrands; implicit
-    (d,), 1 where p is found from the balance of right-hand side and terms; unweighted, the
-    integrands of terms with varying orders, whose modes are stored without weights; kinds (d,), the
-    number of each component's kind, all of one kind having the same terms; units (d,), for
-    differences of f.
+    - terms (n,): of `TERM`; orders (n_a,): of the fractional integrals.
+    - second (d,): 1 if the primary unknown is y'.
+    - offsets (1 + k, n): constants subtracted from the integrands.
+    - implicit (d,): 1 if p follows from the balance of right-hand side and terms.
+    - unweighted: integrands of terms with varying orders, whose modes are stored without weights.
+    - kinds (d,): number of each component's kind; components of one kind have the same terms.
+    - units (d,): for differences of f.
     """
 
     terms: Records
@@ -74,10 +75,10 @@ class Equations(NamedTuple):
 class Rule(NamedTuple):
     """Quadrature of one step: nodes, and matrices that act on values at the nodes.
 
-    nodes (s,); integrals (n_a, s, s), the fractional integrals at the nodes; legendre (s, s),
-    Legendre coefficients; inverse (s, s) of the integrals of order 1; check_points (m,) off the
-    nodes; check_integrals and check_values (m, s), integral from the start and value of the
-    polynomial there.
+    - nodes (s,); integrals (n_a, s, s): the fractional integrals at the nodes.
+    - legendre (s, s): Legendre coefficients; inverse (s, s): of the integrals of order 1.
+    - check_points (m,): between the nodes. check_integrals, check_values (m, s): integral from the
+      start and value of the polynomial there.
     """
 
     nodes: Vector
@@ -92,9 +93,9 @@ class Rule(NamedTuple):
 class ExponentialBasis(NamedTuple):
     """Rates of all modes, and the kernels as weighted sums of them.
 
-    rates (M,), complex ones in conjugate pairs; gains (M,), factors of the modes in the history;
-    weights (n_a + n_k, M); masses (n_k,), point masses of the kernels at distance 0;
-    transforms (s, s, s), from values at the nodes to Legendre coefficients on [0, node i].
+    - rates (M,): complex ones in conjugate pairs; gains (M,): factors of the modes in the history.
+    - weights (n_a + n_k, M); masses (n_k,): point masses of the kernels at time lag 0.
+    - transforms (s, s, s): from values at the nodes to Legendre coefficients on [0, node i].
     """
 
     rates: ComplexVector
@@ -107,9 +108,10 @@ class ExponentialBasis(NamedTuple):
 class StepTables(NamedTuple):
     """Factors of the modes for K step lengths, computed once for each length.
 
-    lengths (K,); to_nodes (K, M, s), decay from the start to the nodes; to_end (K, 2, M), real and
-    imaginary part of the decay to the end; moments (K, s, M) of the Legendre polynomials; local (K,
-    n_k, s, s), convolutions with the general kernels and varying orders over the step itself.
+    - lengths (K,); to_nodes (K, M, s): decay from the start to the nodes.
+    - to_end (K, 2, M): real and imaginary part of the decay to the end.
+    - moments (K, s, M): of the Legendre polynomials.
+    - local (K, n_k, s, s): convolutions with general kernels and varying orders over the step.
     """
 
     lengths: Vector
@@ -122,9 +124,10 @@ class StepTables(NamedTuple):
 class ModeWeights(NamedTuple):
     """Weights with which the modes absorb what a step adds to them (compiled/mode_tables.py).
 
-    integrands (K, n_q, M), for the rows of each kind of components; used (K, n_q), 1 where one of
-    them is not 0; offsets (1 + k, R, M), or (1 + k, 0, M) where all offsets are 0; part (M,) and
-    coefficients (s,) are room.
+    - integrands (K, n_q, M): for the rows of each kind of components.
+    - used (K, n_q): 1 if one of them is not 0.
+    - offsets (1 + k, R, M): or (1 + k, 0, M) if all offsets are 0.
+    - part (M,), coefficients (s,): room.
     """
 
     integrands: np.ndarray
@@ -137,8 +140,9 @@ class ModeWeights(NamedTuple):
 class VaryingOrders(NamedTuple):
     """Tables of the varying orders for one step.
 
-    tabulated: a record `TABULATED`, the step that the tables hold for; integrals (n_v, s, s);
-    weights (n_v, M, s) of the modes at the nodes; of_varying (M,), 1 for the modes of such orders.
+    - tabulated: a record `TABULATED`, the step of the tables.
+    - integrals (n_v, s, s); weights (n_v, M, s): of the modes at the nodes.
+    - of_varying (M,): 1 for the modes of such orders.
     """
 
     tabulated: Tabulated
@@ -150,9 +154,10 @@ class VaryingOrders(NamedTuple):
 class OrbitArrays(NamedTuple):
     """The orbit and its tangents: present values, initial values and history.
 
-    initial, x, p (1 + k, d); modes, and before, those at the start of the last step, (1 + k, R, M);
-    last (1 + k, n_q, d, s), the integrands f, p, y and, where needed, p' at the nodes of the last
-    step.
+    - initial, x, p (1 + k, d).
+    - modes (1 + k, R, M); before: the modes at the start of the last step.
+    - last (1 + k, n_q, d, s): the integrands f, p, y and, if needed, p' at the nodes of the last
+      step.
     """
 
     initial: Matrix
@@ -166,8 +171,9 @@ class OrbitArrays(NamedTuple):
 class MarchState(NamedTuple):
     """Step control, counts and contraction of Newton's method.
 
-    largest (d,), the largest |y'| so far; sizes (d,), the largest |y| so far; floors (d,), what
-    counts in its place while it is far less, and -1 ever after (collocation/sizes.py).
+    - largest (d,): the largest |y'| so far; sizes (d,): the largest |y| so far.
+    - floors (d,): sizes that are used while sizes are far smaller, and -1 afterwards
+      (collocation/sizes.py).
     """
 
     control: Control
@@ -181,8 +187,9 @@ class MarchState(NamedTuple):
 class Steps(NamedTuple):
     """Accepted steps as dense output needs them.
 
-    starts and lengths (n,); p at the nodes (n, d, s); at_starts (n, 2, d), y and then p at the
-    starts; errors (n,), each divided by its tolerance.
+    - starts, lengths (n,); p (n, d, s): at the nodes.
+    - at_starts (n, 2, d): y and then p at the starts.
+    - errors (n,): each divided by its tolerance.
     """
 
     starts: Vector
@@ -199,9 +206,9 @@ def empty_steps(n, d, s):
 
 
 class Limits(NamedTuple):
-    """Time to stop at, longest step, longest step where the solution is at rest, and tolerances.
+    """Time to stop at, longest step, longest step while the solution is at rest, and tolerances.
 
-    earliest and latest, between which f may be called; t_end, the length of the run. The tolerance
+    f may be called between `earliest` and `latest`. `t_end` is the length of the run. The tolerance
     of y is atol + rtol |y| + by_size times the size of the component.
     """
 
@@ -219,11 +226,11 @@ class Limits(NamedTuple):
 class Operators(NamedTuple):
     """Matrices from nodal values to the rows of the equations at the nodes of one step.
 
-    matrices (K, 3, s, s), one for each of f, p and y, for the rows of each kind of components and
-    then for those that are subtracted from their right-hand sides; start_weights (K, s) of p at the
-    start; constant (1 + k, R, s), contributions of the offsets. What follows from the matrices:
-    their transposes, columns (K, 3, s, s); 1 where p and y do not enter, alone (K,); the integrals
-    of f = 1, sums (K, s).
+    - matrices (K, 3, s, s): one for each of f, p and y. First for the rows of each kind of
+      components, then for the rows subtracted from their right-hand sides.
+    - start_weights (K, s): of p at the start; constant (1 + k, R, s): parts of the offsets.
+    - columns (K, 3, s, s): the transposed matrices.
+    - alone (K,): 1 if p and y do not enter; sums (K, s): the integrals of f = 1.
     """
 
     matrices: np.ndarray
@@ -237,16 +244,25 @@ class Operators(NamedTuple):
 class Stages(NamedTuple):
     """Linear systems of a step of many components (compiled/stages.py).
 
-    For components that share their terms: factors (K, ., .) of up to K = s systems of size d; order
-    (d,), the place of each component; dense (2 + 2 K, d, d), a dense Jacobian reduced and its
-    factors; shifts (K,), and the transforms back (K, s) and forth (s, K) of nodal values. Where
-    terms differ: order (d s,) of all unknowns, dense (1, ., .) the factors, joint the matrix, (d s,
-    d s) or its entries. order is (0,) for few components.
+    If components share their terms:
 
-    lower and upper, diagonals of a band; addresses of three functions of LAPACK, and of one that
-    enters Python; hold, steps of one length before a longer one is worth new factors; kinds (d,) of
-    the components and second (n,), 1 for kinds whose primary unknown is y'; pencil (n, 3, s, s) of
-    `set_pencil`; jacobian (d, d) or the entries of a sparse one; control (6,).
+    - factors (K, ., .): of up to K = s systems of size d; order (d,): place of each component.
+    - dense (2 + 2 K, d, d): a reduced dense Jacobian and its factors.
+    - shifts (K,); back (K, s) and forth (s, K): transforms of nodal values.
+
+    If terms differ:
+
+    - order (d s,): place of each unknown, or (0,) for few components.
+    - dense (1, ., .): the factors; joint (d s, d s): the matrix, or its entries.
+
+    In both cases:
+
+    - lower, upper: diagonals of a band.
+    - lapack, lapack_solve, lapack_values, python: addresses of functions.
+    - hold: steps of one length before new factors for a longer one pay.
+    - kinds (d,): of the components; second (n,): 1 for kinds whose primary unknown is y'.
+    - pencil (n, 3, s, s): of `set_pencil`; jacobian (d, d): or the entries of a sparse one.
+    - control (6,).
     """
 
     factors: ComplexCube
@@ -273,11 +289,13 @@ class Stages(NamedTuple):
 class StepRoom(NamedTuple):
     """Room for one step of d components with s nodes; nothing in it is kept for the next.
 
-    times (s,) and check_times (m,), of the nodes and of m points between; residual and change of
-    the equations, (d s,); y before a change, (d, s); the weights of an extrapolation, (s, s); one
-    point and f there, (d,); Newton's goal, the errors and the defect of f, (d,); the sizes of y to
-    which its errors are relative, (d,), the units of components, for differences
-    of f, and the scales of Newton's matrix, (d,).
+    - times (s,), check_times (m,): of the nodes and of m points between them.
+    - residual, change (d s,): of the equations; before (d, s): y before a change.
+    - reached (s, s): the weights of an extrapolation.
+    - point, force (d,): a point and f there.
+    - goal, errors, defect (d,): Newton's accuracy, the errors and the defect of f.
+    - sizes (d,): of y, to which its errors are relative; units (d,): for differences of f.
+    - scales (d,): of Newton's matrix.
     """
 
     times: np.ndarray
@@ -299,10 +317,10 @@ class StepRoom(NamedTuple):
 class Factors(NamedTuple):
     """Factorised Newton matrix (d s, d s), its row order (d s,), and the scales |J| |y| of f, (d,).
 
-    Summands of f are as large as its scale, so its rounding error is that of the scale. Where y is
-    found as a difference from y(0), whose sizes `starts` (d,) holds with 0 elsewhere, its own
-    rounding error adds that of the scale |J| |y(0)|, `start_scales`. The Jacobians (s, d, d) are
-    those at the nodes; `room` is that of the step.
+    Summands of f are as large as its scale, so the rounding error of f is that of the scale. If y
+    is found as a difference from y(0), its rounding error adds that of the scale |J| |y(0)|,
+    `start_scales`. `starts` (d,) has the sizes of y(0) for such components, otherwise 0. The
+    Jacobians (s, d, d) are those at the nodes; `room` is that of the step.
     """
 
     matrix: np.ndarray
@@ -315,7 +333,7 @@ class Factors(NamedTuple):
 
 
 class StageFactors(NamedTuple):
-    """As `Factors`, of many components: the solver of the stages, its own room, and the step's."""
+    """`Factors` of many components: the solver of the stages, its room, and the step's room."""
 
     solver: Any
     stages: Stages

@@ -6,11 +6,11 @@ between turns: most orbits seldom turn.
 
 from .jit import inner
 
-# Steps of unbroken alternation after which the amplitude is compared with that of the stretch
+# Steps of unbroken alternation after which the amplitude is compared with that of the batch
 # before. A resolved oscillation never alternates twice in a row; at 0.99 of the step limit the
 # undamped classical oscillator alternates for 16 steps, and every damped one shrinks.
 ZIGZAG_WINDOW = 64
-# An alternation that shrinks by less than this over a stretch is sustained; one below FLOOR
+# An alternation that shrinks by less than this over a batch is sustained; one below FLOOR
 # times the size of the solution is rounding, and so are increments that are hardly floats.
 ZIGZAG_KEPT, ZIGZAG_FLOOR, TINY = 0.98, 1e-9, 1e-300
 # An alternation as large as the solution needs fewer steps to spoil it: where its increments are
