@@ -9,7 +9,7 @@ SOURCE = Path(__file__).parent.parent / "src" / "hereditary"
 # The march on given steps, whose parts would take longer to be called than to be run.
 LONGEST = {"march": 90}
 # Imported inside functions, since it takes long and few runs need it, or is a leaf on that room.
-DEFERRED = {"scipy.interpolate", "scipy.optimize", "scipy.signal", "hybrid", "large.linear_solvers"}
+DEFERRED = {"scipy.interpolate", "scipy.optimize", "scipy.signal", "hybrid", "large.structure"}
 FILES = sorted(SOURCE.rglob("*.py"))
 
 

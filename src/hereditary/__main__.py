@@ -35,7 +35,7 @@ _PARAMETERS = {
     "x0": "initial position",
     "v0": "initial velocity",
 }
-# Components, more than those of which a step is one dense system (structure.FEW).
+# Components, more than those of which a step is one dense system (system.FEW).
 _MANY = 12
 
 

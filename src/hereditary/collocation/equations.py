@@ -28,8 +28,7 @@ from ..compiled.rows import (
 )
 from ..compiled.structures import TERM, records
 from ..equation.orders import OrderFailed
-from ..equation.structure import FEW
-from ..equation.system import System
+from ..equation.system import FEW, System
 from ..equation.terms import Operator, SystemTerm
 from ..support.checks import complaint
 

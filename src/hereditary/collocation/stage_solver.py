@@ -19,7 +19,7 @@ from ..compiled.stages import (
     sparse_stages,
 )
 from ..compiled.structures import N_CONTROL, STAGES_SIG, Stages
-from ..equation.structure import FEW
+from ..equation.system import FEW
 
 # Steps of one length with a dense Jacobian before a longer one is worth new factors.
 _HOLD = 1

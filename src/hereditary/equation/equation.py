@@ -16,6 +16,7 @@ from ..functions.build import Start, present_values
 from ..functions.differences import check_jacobian
 from ..functions.reads import digest, digest_of_compiled
 from ..support.checks import complaint, count, real, real_array
+from .affine import affine
 from .chain import chained
 from .formula import formula
 from .frame import Frame
@@ -34,7 +35,6 @@ from .statement import (
     read_terms,
     rows_of,
 )
-from .structure import assembled, copied, stated
 from .system import System, changed, displaced, leading_orders
 
 
@@ -162,8 +162,7 @@ class Equation(System):
     ) -> None:
         self.terms, self.memory = as_terms(terms), read_terms(memory)
         self.rhs, self.jac, self.jac_memory = rhs, jac, jac_memory
-        self.linear, self.jac_sparsity = copied(linear), copied(jac_sparsity)
-        self.bandwidth = bandwidth
+        self.linear, self.jac_sparsity, self.bandwidth = linear, jac_sparsity, bandwidth
         values = finite(y0)
         highest = max(t.operator.derivative for t in self.terms)
         if highest == 0:
@@ -187,17 +186,25 @@ class Equation(System):
         self.coefficients.flags.writeable = False
         nothing = np.zeros((len(self.memory), d), initial.dtype)
         start = Start(initial[0], nothing, _numbers(params), self.t_start)
-        given = {"bandwidth": bandwidth, "jac_sparsity": jac_sparsity, "linear": linear}
-        rearranged = initial.shape[0] > 2 or factors.ndim > 2 or paired or bool(self.memory)
-        said = stated(d, rhs, jac, rearranged, **given)
+        said, entries = None, jac
+        if rhs is None or any(part is not None for part in (linear, bandwidth, jac_sparsity)):
+            from ..large.structure import copied, stated  # a leaf that stands on this room
+
+            self.linear, self.jac_sparsity = copied(linear), copied(jac_sparsity)
+            rearranged = len(initial) > 2 or factors.ndim > 2 or paired or bool(self.memory)
+            said = stated(d, rhs, jac, rearranged, bandwidth, jac_sparsity, linear)
+            entries = said.values_of(jac, start)
         hint = partial(of_shorthand, values, initial, bool(self.memory))
-        entries = said.values_of(jac, start)
-        functions = functions_of(rhs, entries, jac_memory, start, hint, said.shape)
-        self._callbacks, self._constants = functions.callbacks, said.constants()
-        known = {"matrix": said.linear, "linear_alone": rhs is None}
-        params, rhs, jac, structure = assembled(
-            said, functions, start.components().size, self.t_start
-        )
+        functions = functions_of(rhs, entries, jac_memory, start, hint, said and said.shape)
+        self._callbacks, self._constants = functions.callbacks, said.constants() if said else ()
+        known = {"matrix": said and said.linear, "linear_alone": rhs is None}
+        made, structure = (functions.params, functions.rhs, functions.jac), None
+        n = start.components().size
+        if said is not None:
+            made, structure = said.assembled(made, n, self.t_start)
+        elif self.t_start != 0:
+            made = affine(made, n, n, t_0=self.t_start)
+        params, rhs, jac = made
         if jac is not None or structure is not None:
             check_jacobian(rhs, jac, start.components(), params, structure)
         self._frozen = self._present_values()

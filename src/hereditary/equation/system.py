@@ -12,9 +12,10 @@ from ..compiled.jit import JAC_SIG, as_value
 from ..functions.differences import units_of
 from ..support.checks import complaint
 from .frame import Frame
-from .structure import Structure, constant_part
 from .terms import SystemTerm
 
+# Components up to which a system is dense whatever is stated: nothing is gained below.
+FEW = 9
 _OWN = Frame()
 # What a system works out from its initial values and parameters.
 _OF_VALUES = "units", "at_start"
@@ -40,7 +41,7 @@ class System:
         Its Jacobian; None for differences.
     sources : ndarray of int64, shape (d,), optional
         Component whose memory each component is; itself for a component with an equation.
-    structure : Structure, optional
+    structure : large.structure.Structure, optional
         Entries of the Jacobian that may differ from 0, which are then all that it sets.
     larger : System, optional
         The same equation with the memory that its right-hand side reads behind its components.
@@ -63,7 +64,7 @@ class System:
     compiled_rhs: Any = None
     compiled_jac: Any = None
     sources: Any = None
-    structure: Structure | None = None
+    structure: Any = None
     larger: "System | None" = None
     n_params: Any = None
     frame: Frame = _OWN
@@ -241,11 +242,6 @@ class System:
         with np.errstate(divide="ignore", invalid="ignore"):
             slope = force / self.coefficient(self.highest_orders())
         return np.where(self.highest_orders() > 1, ydot, slope)
-
-    def linearly_implicit(self) -> "System":
-        """Return the system whose Jacobian is the constant matrix of its right-hand side alone."""
-        jac, structure = constant_part(self.matrix)
-        return changed(self, compiled_jac=jac, structure=structure, linear_alone=False)
 
 
 def changed(system, **changes) -> System:

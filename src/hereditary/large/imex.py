@@ -6,11 +6,13 @@ from typing import ClassVar
 import numpy as np
 
 from ..compiled.watch import SLOWEST
-from ..equation.system import System
+from ..equation.affine import slopes
+from ..equation.system import FEW, System, changed
 from ..schemes.bdf import BDF
 from ..schemes.l1 import L1
 from ..schemes.scheme import Plan, Scheme
 from ..support.checks import complaint
+from .structure import Structure, entries_of, no_slopes
 
 
 @dataclass(frozen=True)
@@ -93,7 +95,12 @@ class IMEX(Scheme):
 
     def reduction(self, equation: System) -> System | None:
         """Return the equation with its constant matrix alone for the Jacobian."""
-        return equation.linearly_implicit()
+        matrix, (jac, structure) = equation.matrix, (slopes(no_slopes()), None)
+        if equation.d > FEW and 2 * matrix.nnz < equation.d**2:
+            none = np.zeros(0, dtype=np.int64)
+            jac = entries_of(None, (0,), True)
+            structure = Structure.of(equation.d, none, none, none, matrix)
+        return changed(equation, compiled_jac=jac, structure=structure, linear_alone=False)
 
     def plan(self, equation: System, h: float) -> Plan:
         """Make tables and convolution for `equation` with step h."""

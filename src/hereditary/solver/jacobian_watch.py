@@ -3,7 +3,7 @@
 import numpy as np
 
 from ..compiled.jacobian import VALUES
-from ..equation.structure import FEW
+from ..equation.system import FEW
 from ..schemes.stability import longest_step
 
 # Components beyond which dense Jacobians would take longer than the march, and more memory.

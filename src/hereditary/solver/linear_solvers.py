@@ -8,7 +8,7 @@ from ..compiled.jacobian import COLUMNS, ROWS, VALUES
 from ..compiled.jit import as_value
 from ..compiled.linalg import address_of_factors, dense_solver, no_solver
 from ..compiled.signatures import SOLVER_SIG, LinearSolver
-from ..equation.structure import FEW
+from ..equation.system import FEW
 
 
 class Newton(NamedTuple):
@@ -48,9 +48,7 @@ def newton_of(structure, d, tangents, solve, exact):
     implicit = solve in ("newton", "imex")
     slots = 1 + int(tangents)
     if structure is not None:
-        from ..large.linear_solvers import newton_of_structure  # a leaf that stands on this room
-
-        return newton_of_structure(structure, slots, implicit, int(exact))
+        return structure.newton(tangents, implicit, exact)
     few = d <= FEW and solve == "newton"
     n = d if implicit and (tangents or not few) else 0
     size = d if implicit or tangents else 0

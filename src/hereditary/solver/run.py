@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..compiled.callbacks import PythonRaised, pass_on
-from ..equation.structure import FEW
+from ..equation.system import FEW
 from .progress import Interruption, ProgressBar
 from .solution import Solution, warn_of
 from .status import Status

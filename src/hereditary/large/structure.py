@@ -12,15 +12,15 @@ import numpy as np
 from ..compiled.jacobian import COLUMNS, CONSTANTS, GROUPS, N_ENTRY_ROWS, ROWS, VALUES
 from ..compiled.jit import JAC_SIG, RHS_SIG, as_value, compiled, derived
 from ..compiled.linalg import clear_matrix
+from ..equation.affine import affine, later, own_size, slopes
+from ..equation.system import FEW
 from ..functions.build import arity_of
 from ..support.checks import complaint, count, refuse_masked
-from .affine import affine, later, own_size, slopes
+from .linear_solvers import newton_of_structure
 
 # Diagonals up to which a pattern is taken for a band, its components put in another order: SuperLU
 # takes less time beyond.
 _WIDEST = 64
-# Components up to which a system is dense whatever is stated: nothing is gained below.
-FEW = 9
 
 
 class Band(NamedTuple):
@@ -131,6 +131,10 @@ class Structure:
         columns = (columns[:, None, None] * s + 0 * own[:, None] + own).ravel()
         return Structure(self.n * s, rows, columns, places=np.full(rows.size, -1))
 
+    def newton(self, tangents, implicit, exact):
+        """Return `Newton` for these entries; see `solver.linear_solvers.newton_of`."""
+        return newton_of_structure(self, 1 + int(tangents), implicit, int(exact))
+
     def with_velocities(self):
         """Return the structure of pairs (x, w) whose first half is w and whose second half f(x)."""
         n, own = self.n, np.arange(self.n)
@@ -169,15 +173,32 @@ class Stated(NamedTuple):
         linear = self.linear
         return () if linear is None else (linear.data, linear.indices, linear.indptr)
 
-    def structure(self, d, given):
-        """Return the `Structure` of linear and rhs together, or None for a dense Jacobian.
+    def assembled(self, functions, d, t_start):
+        """Return params, rhs and jac of a system, and its structure, from the user's functions.
 
-        `given` tells whether Jacobians come from a function.
+        `functions` are params, rhs and jac. The system's time 0 is `t_start`.
         """
-        if self.rows is None or d <= FEW:
-            return None
-        places = self.places if given else None
-        return Structure.of(d, self.rows, self.columns, places, self.linear)
+        params, rhs, jac = functions
+        linear, given = self.linear, rhs is None or jac is not None
+        structure = None
+        if self.rows is not None and d > FEW:
+            places = self.places if given else None
+            structure = Structure.of(d, self.rows, self.columns, places, linear)
+        if given and structure is not None:
+            jac = entries_of(jac, self.shape, linear is not None or t_start != 0)
+        elif given and self.rows is not None and jac is not None:  # of few components
+            table = Structure.of(d, self.rows, self.columns, self.places, None).entries
+            jac = dense_of(entries_of(jac, self.shape, False), table)
+        if linear is None and t_start == 0:
+            return (params, rhs, jac), structure
+        entries: Any = ()
+        if linear is not None:
+            rows = np.repeat(np.arange(d), np.diff(linear.indptr))
+            entries = np.c_[rows, linear.indices, linear.data]
+        params, rhs, _ = affine((params, rhs or no_values(), None), d, d, entries, t_0=t_start)
+        if given and structure is None:
+            jac = slopes(jac or no_slopes())
+        return (params, rhs, jac), structure
 
 
 class OnPattern:
@@ -200,43 +221,6 @@ class OnPattern:
 def copied(given):
     """Return a copy of an array or matrix; anything else as it is."""
     return given.copy() if hasattr(given, "copy") else given
-
-
-def assembled(said, functions, d, t_start):
-    """Return params, rhs, jac and structure of a system, from `Stated` and the user's functions.
-
-    Its time 0 is `t_start`.
-    """
-    params, rhs, jac = functions.params, functions.rhs, functions.jac
-    linear, given = said.linear, functions.rhs is None or jac is not None
-    structure = said.structure(d, given)
-    if given and structure is not None:
-        jac = entries_of(jac, said.shape, linear is not None or t_start != 0)
-    elif given and said.rows is not None and jac is not None:  # of few components
-        table = Structure.of(d, said.rows, said.columns, said.places, None).entries
-        jac = dense_of(entries_of(jac, said.shape, False), table)
-    if linear is None and t_start == 0:
-        return params, rhs, jac, structure
-    entries: Any = ()
-    if linear is not None:
-        rows = np.repeat(np.arange(d), np.diff(linear.indptr))
-        entries = np.c_[rows, linear.indices, linear.data]
-    params, rhs, _ = affine((params, rhs or no_values(), None), d, d, entries, t_0=t_start)
-    if given and structure is None:
-        jac = slopes(jac or no_slopes())
-    return params, rhs, jac, structure
-
-
-def constant_part(matrix):
-    """Return the Jacobian of ``matrix @ y`` as a function, and its `Structure` or None.
-
-    Without a structure it is dense, and reads the matrix behind the parameters.
-    """
-    d = matrix.shape[0]
-    if d <= FEW or 2 * matrix.nnz >= d * d:
-        return slopes(no_slopes()), None
-    nothing = np.zeros(0, dtype=np.int64)
-    return entries_of(None, (0,), True), Structure.of(d, nothing, nothing, nothing, matrix)
 
 
 def stated(d, rhs, jac, rearranged, bandwidth=None, jac_sparsity=None, linear=None):
