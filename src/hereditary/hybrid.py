@@ -261,7 +261,7 @@ class HybridEvents(Events):
         self._acting, self._start = acting, stepper.t
         self._known, self._origin = known, stepper.equation.frame.start
         self._stands_at, self.stated, self.stuck = stepper.stands_at, math.inf, None
-        self._at_once = 1.0 if stepper.looks == 1 else _RETURN
+        self._at_once = 1.0 if stepper.resolved else _RETURN
         self.fired: dict[int, float] = {}
         self._last: dict[int, float] = {}
         super().__init__(functions, stepper, signs, n_events)
@@ -283,7 +283,7 @@ class HybridEvents(Events):
 
         Events without changes, too, may have found the zero at which another one acted.
         """
-        acted, by_steps = number in self.fired, self._looks == 1
+        acted, by_steps = number in self.fired, self._resolved
         sign = self.fired[number] if acted else self._after[number]
         if not sign or (by_steps and not acted):
             return None
@@ -311,7 +311,7 @@ class HybridEvents(Events):
             elif number >= self.n_events and value == 0 and not sign:
                 self._open.add(number)
                 signs[number] = 1.0
-            elif value == 0 and not sign and self._looks == 1 and number in self._last:
+            elif value == 0 and not sign and self._resolved and number in self._last:
                 signs[number] = -self._last[number]  # a change took it back; steps show no more
         super()._begin(t, values, signs)
         self.sides = self._after[self.n_events :]
@@ -321,7 +321,7 @@ class HybridEvents(Events):
 
         Errors may put the start on the other side of their zero.
         """
-        for number in range(self.n_events, len(self._functions) if self._looks > 1 else 0):
+        for number in range(self.n_events, len(self._functions) if not self._resolved else 0):
             value, y = partial(value_of, self._functions[number]), stepper.y
             side = self.sides[number - self.n_events]
             if number in self._last and sign_ahead(value, side, y, stepper, False) == side:
@@ -338,7 +338,7 @@ class HybridEvents(Events):
     def _looked_at(self, times, edges):
         """Return the times of an interval with `edges` at which functions are evaluated."""
         self._returns: list[tuple[float, int, float]] = []
-        if edges[0] == self._start and self._last and self._looks > 1:
+        if edges[0] == self._start and self._last and not self._resolved:
             # just after a change two zeros may follow each other in any time
             times = np.union1d(times, edges[0] + (edges[1] - edges[0]) * _NEXT)
             near = (times > edges[0]) & (times < edges[0] * (1 + _ROUNDED_TIME))
@@ -348,7 +348,7 @@ class HybridEvents(Events):
     def _zeros_of(self, number, times, values, at, edges):
         """Yield the zeros of a function up to the first one at which it acts."""
         way, returned = self._ways.get(number), None
-        if way and self._looks > 1 and edges[0] == self._start and way.settle(values):
+        if way and not self._resolved and edges[0] == self._start and way.settle(values):
             returned = self._start
         elif way and way.returning:
             away = way.follow(values)
@@ -366,7 +366,7 @@ class HybridEvents(Events):
                 self._returns.append((self._start, number, sign))
                 return
             if self._is_start(t) or (number in self._open and t <= self._soon(edges)):
-                if number in self._last and (self._looks > 1 or sign != self._last[number]):
+                if number in self._last and (not self._resolved or sign != self._last[number]):
                     continue  # where a run goes on from its own event
                 # given steps that end beyond the zero again change there
                 t = float(edges[1]) if number in self._last else self._start
@@ -393,7 +393,7 @@ class HybridEvents(Events):
         """Return whether a zero at t is that from which the run has just gone on."""
         if number >= self.n_events:
             return number in self._last and t <= self._soon(edges)
-        return self._looks > 1 and self._last.get(number) == sign and self._is_start(t)
+        return not self._resolved and self._last.get(number) == sign and self._is_start(t)
 
     def _end(self, end, found, edges):
         """Return where the march ends: by a terminal event, or by a function that acts."""

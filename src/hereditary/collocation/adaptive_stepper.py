@@ -300,7 +300,7 @@ class AdaptiveStepper(Stepper):
         Directions of initial data, one tangent for each, whose errors count for the steps as well.
     """
 
-    adaptive, looks, h = True, _LOOKS, 0.0
+    looks, h = _LOOKS, 0.0
 
     def __init__(self, equation, scheme, t_end, tolerance, directions=None):
         scheme.check_terms(equation)

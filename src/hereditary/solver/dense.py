@@ -7,6 +7,8 @@ first step, and t**r and t**(r+1) in the second, with r = min(1, 2 alpha) below 
 from order 1 on.
 """
 
+from __future__ import annotations
+
 from functools import cached_property
 
 import numpy as np
@@ -27,6 +29,8 @@ _NEXT_TO_0, _STEEP = 1e-200, 1e12
 
 class Piece:
     """Dense output on one step, or on several consecutive ones."""
+
+    starting: FirstSteps | None = None
 
     def edges(self):
         """Return the start of each step."""
@@ -131,7 +135,7 @@ class StepPieces(Piece):
         Number of the step that the start is.
     """
 
-    def __init__(self, times, rows, slopes, starting: "FirstSteps | None" = None, n=0):
+    def __init__(self, times, rows, slopes, starting: FirstSteps | None = None, n=0):
         self.times, self.rows, self.slopes = times, rows, slopes
         self.starting, self._n = starting, n
         if starting is not None:

@@ -46,38 +46,31 @@ class Output:
     """
 
     def __init__(self, stepper, stop, kept, events):
-        self._stepper, self._stop = stepper, stop
-        self._every, times, components = kept
-        self._components = components
-        width = stepper.y.size if components is None else components.size
+        self._stepper, self._stop, self._resolved = stepper, stop, stepper.resolved
+        self._every, times, self._components = kept
         self._frame, self._asked, self.events = stepper.equation.frame, times, events
         self._wanted = np.empty(0) if times is None else times - self._frame.start
         # steps chosen on the way are counted from where the run begins
-        self._n = 0 if stepper.adaptive else stepper.n
-        self._first = self._n
+        self._n = self._first = stepper.position if self._resolved else 0
         self._starting: FirstSteps | None = None
         self._second = stepper.equation.highest_orders() > 1
         # slopes of given steps are those of their dense output
-        self._sloped = not stepper.adaptive or stepper.equation.m == 2 or self._frame.speeds
+        self._sloped = self._resolved or stepper.equation.m == 2 or self._frame.speeds
         self.end, self.ended = stepper.t, False
-        self._dense = Dense(self._second, not stepper.adaptive, self._frame)
+        self._dense = Dense(self._second, self._resolved, self._frame)
         self._newest: Piece | None = None
-        self._rows = room_for(self._most_rows(), width, times is None)
+        y, ydot, n, every = stepper.y, stepper.ydot, self._first, self._every
+        most = _SOME if times is None else self._wanted.size
+        if times is None and self._resolved:
+            most = stop // every - n // every + (stop % every > 0) + 2
+        width = y.size if self._components is None else self._components.size
+        self._rows = room_for(most, width, times is None)
         self._size = 0
         if times is None:
-            self._add(np.array([stepper.t]), stepper.y[None], stepper.ydot[None])
+            self._add(np.array([stepper.t]), y[None], ydot[None])
         elif self._wanted[0] <= stepper.t:
-            self._add(self._wanted[:1], stepper.y[None], stepper.ydot[None])
+            self._add(self._wanted[:1], y[None], ydot[None])
             self._wanted = self._wanted[1:]
-
-    def _most_rows(self):
-        """Return the number of rows to allocate."""
-        if self._asked is not None:
-            return self._wanted.size
-        if self._stepper.adaptive:
-            return _SOME
-        n, every = self._stop, self._every
-        return n // every - self._n // every + (n % every > 0) + 2
 
     def _add(self, t, y, ydot):
         """Append rows (k,), (k, d), (k, d)."""
@@ -100,12 +93,11 @@ class Output:
             end = self.events.look(edges, lambda t: piece.evaluate(t, self._second, 0))
         self.end, self.ended = edges[-1] if end is None else end, end is not None
         self._newest = piece
-        if not self._stepper.adaptive:
-            self._starting = piece.starting or self._starting
+        self._starting = piece.starting or self._starting
         if self._asked is not None:
             self._take_wanted(piece)
             return
-        if self._stepper.adaptive and self._components is None:
+        if not self._resolved and self._components is None:
             self._dense.add(piece, start)
         chosen = self._chosen(edges)
         self._add(edges[1:][chosen], *piece.at_ends(edges[1:], chosen, self._second, self._sloped))
@@ -129,7 +121,7 @@ class Output:
         """Return the kept steps between these edges, as a slice or an array of truth values."""
         first = self._n + 1
         self._n += int(np.sum(edges[1:] <= self.end))
-        if not (self._stepper.adaptive or self.ended):
+        if self._resolved and not self.ended:
             return slice(-first % self._every, None, self._every)
         # steps next to a singular start may be too short for its time to change
         chosen = (edges[1:] <= self.end) & (np.diff(edges) > 0)
@@ -161,15 +153,13 @@ class Output:
             self._add_last()
         t, y, ydot = (part[: self._size] for part in self._rows)
         at_end = stepper.position == self._stop and not self.ended
-        if not stepper.adaptive and at_end:
+        if at_end:
             t[-1] = t_end - start  # n h may miss it by rounding
-        dense = None
-        whole = self._components is None
-        if whole and stepper.adaptive:
-            dense = self._dense
-        elif whole and self._every == 1 and t.size > 1:
-            dense = self._dense
-            dense.add(StepPieces(t, y, ydot, self._starting, self._first), t[0])
+        dense = self._dense if self._components is None else None
+        if dense and self._resolved:
+            dense = dense if self._every == 1 and t.size > 1 else None
+            if dense:
+                dense.add(StepPieces(t, y, ydot, self._starting, self._first), t[0])
         if start != 0:
             t = t + start
             t[-1] = t_end if at_end else t[-1]
@@ -178,7 +168,7 @@ class Output:
     def _add_last(self):
         """Add the row where the run ended."""
         last, piece = np.array([self.end]), self._newest
-        if piece is not None and (self.ended or self._stepper.adaptive):
+        if piece is not None and (self.ended or not self._resolved):
             self._add(last, *piece.evaluate_both(last, self._second, self._sloped))
         else:
             self._add(last, self._stepper.y[None], self._stepper.ydot[None])

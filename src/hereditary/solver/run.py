@@ -127,7 +127,7 @@ def told(stepper, status, detail):
         message += f"; {inaccurate.sentence}: {stepper.misfit}"
     if status is not Status.COMPLETED:
         t = stepper.t + stepper.equation.frame.start
-        message += f" (t = {t:g}{'' if stepper.adaptive else f' of step {stepper.n}'})"
+        message += f" (t = {t:g} after {stepper.stats()['n_steps']} steps)"
     unstable = stepper.instability is not None
     if unstable:
         message += f"; {stepper.remedy()}"

@@ -36,18 +36,25 @@ class Stepper(ABC):
     ----------
     equation : System
     looks : int
-        Points of each step at which events are evaluated, besides its end.
+        Points of each step at which events are evaluated, besides its end: its start, and where
+        steps are long points between.
     h : float
         Step of uniform ones, else 0 [time].
-    adaptive : bool
-        Whether positions are times instead of numbers of steps.
     error : Exception or None
     n_rhs : int
         Calls of the right-hand side.
     """
 
-    adaptive, looks, h = False, 1, 0.0
+    looks, h = 1, 0.0
     error: Exception | None = None
+
+    @property
+    def resolved(self) -> bool:
+        """Whether steps are so short that their ends show whatever happens, as given ones are.
+
+        Positions are then numbers of steps, and rows at all ends are the dense output.
+        """
+        return self.looks == 1
 
     @property
     @abstractmethod
