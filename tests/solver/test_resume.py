@@ -88,7 +88,7 @@ def test_states_cannot_be_changed(steps, scheme):
 
 def arrays_of(state):
     """Names of the parts of a state that hold arrays, and a way to put others there."""
-    if isinstance(state, states.State):
+    if isinstance(state, states.GivenState):
         for name in ("march", "memory"):
             for i, array in enumerate(getattr(state, name)):
                 if array.size:

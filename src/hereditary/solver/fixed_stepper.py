@@ -20,7 +20,7 @@ from . import march_arrays as arrays
 from .dense import StepPieces, starting_steps
 from .jacobian_watch import JacobianWatch, remedy_of
 from .linear_solvers import newton_of
-from .state import State, check_identity, complete, described, identity
+from .state import GivenState, check_identity, complete, described, identity
 from .status import Status, failed
 from .stepper import Stepper
 
@@ -65,32 +65,23 @@ class FixedStepper(Stepper):
         self.steps, self.h = steps, steps.h
         self._span = steps.covered(n_steps, getattr(history, "horizon", None) or 0.0)
         self._with_speed = np.flatnonzero(equation.highest_orders() > 1)
+        system = self._system = self._inside(equation)
         directions = np.zeros((self.n_data, 0)) if directions is None else directions
         self.n_tangents = directions.shape[1]
-        plan = self._plan(directions)
+        if self.n_tangents:
+            if not scheme.takes_tangents:
+                raise ValueError(complaint("scheme", "give tangents and exponents", f"{scheme!r}"))
+            rows = np.zeros((system.m, system.d, self.n_tangents))
+            rows[0, : equation.d] = directions[: equation.d]
+            rows[1:, self._with_speed] = directions[equation.d :]
+            system = variational(system, rows[:, system.sources])
+        self._sources, plan = system.sources, self._planned(system)
         self._block = 1 if plan.rows.last > 1 or plan.rows.times.size else block
-        self.memory = self._open(plan)
-        self._misfit = misfit_on_given_steps(self.memory.kernel_errors, history)
         self._begin(plan)
+        self._misfit = misfit_on_given_steps(self.memory.kernel_errors, history)
         self._status, self._stretch, self._moved = RUNNING, Stretch(), False
         self.error = None
         self._breaks: frozenset[int] = frozenset()
-
-    def _plan(self, directions):
-        """Return the scheme's plan for orbit and tangents."""
-        equation = self.equation
-        system = self._system = self._inside(equation)
-        self._sources = system.sources
-        if self.n_tangents == 0:
-            return self._planned(system)
-        if not self.scheme.takes_tangents:
-            raise ValueError(complaint("scheme", "give tangents and exponents", f"{self.scheme!r}"))
-        rows = np.zeros((system.m, system.d, self.n_tangents))
-        rows[0, : equation.d] = directions[: equation.d]
-        rows[1:, self._with_speed] = directions[equation.d :]
-        beside = variational(system, rows[:, system.sources])
-        self._sources = beside.sources
-        return self._planned(beside)
 
     def _inside(self, equation):
         """Return the system that is marched in place of an equation."""
@@ -101,12 +92,9 @@ class FixedStepper(Stepper):
         order = self.scheme.order(float(self.equation.highest_orders().max()))
         return with_initial_values(self.steps.plan(self.scheme, system), system, order)
 
-    def _open(self, plan):
-        """Return a fresh memory."""
-        return self.history.open(plan.past, plan.groups.size, self._block, self._span)
-
     def _begin(self, plan):
-        """Make the arrays of a march at step 0."""
+        """Open a memory for a plan, and arrays of a march that stands at step 0."""
+        self.memory = self.history.open(plan.past, plan.groups.size, self._block, self._span)
         self._loop = MARCHES[self.scheme.solve]
         d = self._system.d
         self._past, self._rows, self._lasting = plan.past, plan.rows, plan.lasting
@@ -148,7 +136,6 @@ class FixedStepper(Stepper):
         else:
             columns = slice(number * self._system.d, (number + 1) * self._system.d)
         if self._block == 1:  # whose sums may be worked out on the way
-            self.memory = self._open(plan)
             self._begin(plan)
         self._stand_at_start(plan, columns)
         self._watch.largest = 0.0
@@ -412,9 +399,9 @@ class FixedStepper(Stepper):
         }
 
     def state(self):
-        """Return a `State` from which a later run continues bit for bit."""
+        """A `GivenState` from which a later run goes on bit for bit."""
         march, memory, watched = self.checkpoint()
-        state = State(
+        state = GivenState(
             t=self.t,
             n=self.n,
             steps=self.steps.until(self.n),

@@ -48,32 +48,27 @@ class JacobianWatch:
         """Return room for the Jacobians of the steps from n to before n_end."""
         if self._region is None:
             return np.zeros((0, 0, 0))
-        self._first = (n - 1) // self.every + 1
-        count = self._last(n_end) - self._first
+        self._first = self._before(n)
+        count = self._before(n_end) - self._first
         if self._structure is None:
             return np.zeros((count, *self._shape))
         return np.tile(self._structure.entries, (count, 1, 1))
 
     def note(self, jacobians, n):
         """Take in what the march up to step n left in the room."""
-        if self._region is None:
+        made = self._before(n) - self._first if self._region else 0
+        if self._region is None or made == 0:
             return
-        made = self._last(n) - self._first
-        self._look(self._region, jacobians[:made], self._first + np.arange(made))
-
-    def _look(self, region, jacobians, places):
-        """Check Jacobians at these multiples of `every`."""
-        if len(jacobians) == 0:
-            return
-        steps = places * self.every
+        jacobians = jacobians[:made]
         if self._structure is not None:
             jacobians = [self._structure.matrix(entries[VALUES]) for entries in jacobians]
-        ratios = region.ratios(jacobians)
+        ratios = self._region.ratios(jacobians)
         if ratios.max(initial=0.0) > self.largest:
-            self.largest, self.step = float(ratios.max()), int(steps[np.argmax(ratios)])
+            self.largest = float(ratios.max())
+            self.step = int((self._first + np.argmax(ratios)) * self.every)
 
-    def _last(self, n):
-        """Return the number of the last regular step before n, and 1."""
+    def _before(self, n):
+        """Return the number of Jacobians of steps before n."""
         return (n - 1) // self.every + 1
 
 

@@ -29,7 +29,7 @@ def how_to_step(
     scheme : Scheme
     t_end : float
         End of the run, counted from its start.
-    state : State or AdaptiveState, optional
+    state : State, optional
         Of the run that goes on: its steps are kept, or its tolerances where none are given.
     history, n_steps : optional
         As of `solve`.

@@ -17,7 +17,7 @@ from ..support.html import paragraph, rows_of, small_figure
 from ..support.optional import optional
 from ..support.warning import warn
 from .dense import Dense, curve
-from .state import AdaptiveState, State
+from .state import State
 from .status import Status
 
 
@@ -95,14 +95,14 @@ class Solution:
     status: Status
     message: str
     stats: dict[str, Any] = field(repr=False)
-    left: State | AdaptiveState | Callable | None = field(repr=False)
+    left: State | Callable | None = field(repr=False)
     dense: Dense | None = field(default=None, repr=False)
     t_events: list[np.ndarray] = field(default_factory=list, repr=False)
     y_events: list[np.ndarray] = field(default_factory=list, repr=False)
 
     @cached_property
-    def state(self) -> State | AdaptiveState | None:
-        """Everything needed to resume the run, ``solve(eq, t_later, resume=sol.state)``.
+    def state(self) -> State | None:
+        """Everything needed to go on, ``solve(eq, t_later, resume=sol.state)``.
 
         A few kilobytes with `SumOfExponentials`, the whole past with `Direct`. From ten components
         on an implicit scheme adds 32 d**2 bytes.

@@ -34,7 +34,7 @@ from .opening import how_to_step, open_stepper
 from .output import Kept, Output
 from .run import Drive, run
 from .solution import Solution
-from .state import AdaptiveState, State, check_sound
+from .state import AdaptiveState, GivenState, State, check_sound
 
 # What to write instead of keywords of other solvers.
 _INSTEAD = {
@@ -71,7 +71,7 @@ def solve(
     switches: Callable | Sequence[Callable] = (),
     changes: Mapping[float, Callable] | None = None,
     progress: bool = False,
-    resume: State | AdaptiveState | None = None,
+    resume: State | None = None,
     allow_change: bool = False,
     params: ArrayLike | None = None,
     estimate: bool = True,
@@ -284,7 +284,7 @@ def _begin(resume, scheme, allow_change, start, t_end):
             remedy = "it allows another right-hand side than the state's"
             raise ValueError(complaint("allow_change", "come with resume", allow_change, remedy))
         return start
-    kind = AdaptiveState if scheme.adaptive else State
+    kind = AdaptiveState if scheme.adaptive else GivenState
     instance("resume", resume, kind, "the .state of an earlier Solution of the same kind")
     check_sound(resume)
     if t_end - start <= resume.t:
@@ -326,7 +326,7 @@ def chosen_scheme(scheme, rtol, n_steps, mesh, resume):
     """Return the scheme given, or the state's, or the default of the other arguments."""
     if scheme is not None:
         return instance("scheme", scheme, Scheme, "hereditary.ExplicitCaputo()")
-    if isinstance(resume, AdaptiveState) or (isinstance(resume, State) and rtol is None):
+    if isinstance(resume, AdaptiveState) or (isinstance(resume, GivenState) and rtol is None):
         return resume.scheme
     by_steps = n_steps is not None or mesh is not None or resume is not None
     return ExplicitCaputo() if rtol is None and by_steps else Collocation()

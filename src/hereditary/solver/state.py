@@ -3,7 +3,7 @@
 import importlib.metadata
 from dataclasses import dataclass, field, is_dataclass, replace
 from functools import cache
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -20,7 +20,7 @@ _CHANGEABLE = ("params", "right-hand side")
 _SHOWN = 120
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class State:
     """Everything a run needs to go on, in arrays that cannot be changed; it pickles.
 
@@ -28,40 +28,51 @@ class State:
     ----------
     t : float
         Time reached.
-    n : int
-        Steps made.
-    steps : UniformSteps or MeshSteps
-        Steps made, and of uniform ones all others.
     y : ndarray, shape (d,)
         Solution at `t`.
-    scheme, history : Scheme, History
+    scheme : Scheme
         How the run was made, and how it goes on.
     identity : dict
-        Terms, right-hand side and more, by name; checked on resuming, as the next two are.
+        Terms, right-hand side and more, by name; checked on resuming, as `version` and `layout`.
+    march : tuple
     event_signs : dict
-        Sign of each event function just after its last zero, by its digest.
+        Sign of each event function just after `t`, by its digest.
     version : str
         Version of the library.
     layout : list
         Shapes and types of the arrays.
     """
 
-    adaptive: ClassVar[bool] = False
     t: float
-    n: int
-    steps: UniformSteps | MeshSteps
     y: np.ndarray
     scheme: Scheme
-    history: History
     identity: dict[str, Any] = field(repr=False)
-    block: int = field(repr=False)
     march: tuple = field(repr=False)
-    memory: tuple = field(repr=False)
-    memory_steps: int | Span = field(repr=False)
-    watched: tuple[float, int] = field(repr=False)
     event_signs: dict[str, float] = field(default_factory=dict, repr=False)
     version: str = field(default="", repr=False)
     layout: list = field(default_factory=list, repr=False)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class GivenState(State):
+    """State of a run on given steps.
+
+    Attributes
+    ----------
+    n : int
+        Steps made.
+    steps : UniformSteps or MeshSteps
+        Steps made, and of uniform ones all others.
+    history : History
+    """
+
+    n: int
+    steps: UniformSteps | MeshSteps
+    history: History
+    block: int = field(repr=False)
+    memory: tuple = field(repr=False)
+    memory_steps: int | Span = field(repr=False)
+    watched: tuple[float, int] = field(repr=False)
 
     @property
     def h(self) -> float:
@@ -69,43 +80,15 @@ class State:
         return self.steps.h
 
 
-@dataclass(frozen=True, eq=False)
-class AdaptiveState:
-    """Everything an adaptive run needs to go on; it pickles.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class AdaptiveState(State):
+    """State of a run whose steps are chosen by tolerances: rtol, atol, and that of the modes."""
 
-    Attributes
-    ----------
-    t : float
-        Time reached.
-    y : ndarray, shape (d,)
-        Solution at `t`.
-    scheme : Collocation
-    rtol, atol, modes_tol : float
-        How the run was made, and how it goes on.
-    event_signs : dict
-        Sign of each event function just after `t`, by its digest.
-    identity : dict
-        Terms, right-hand side and more, by name; checked on resuming, as the next two are.
-    version : str
-        Version of the library.
-    layout : list
-        Shapes and types of the arrays.
-    """
-
-    adaptive: ClassVar[bool] = True
-    t: float
-    y: np.ndarray
-    scheme: Scheme
     rtol: float
     atol: float | None
     modes_tol: float = field(repr=False)
-    identity: dict[str, Any] = field(repr=False)
-    march: tuple = field(repr=False)
     orbit: Any = field(repr=False)
     at_singular_start: bool = field(repr=False)
-    event_signs: dict[str, float] = field(default_factory=dict, repr=False)
-    version: str = field(default="", repr=False)
-    layout: list = field(default_factory=list, repr=False)
 
 
 def complete(state):
@@ -137,7 +120,7 @@ def check_reach(state, t_end):
 
 def _layout(state):
     """Return the shape and the type of each array that compiled code is going to read."""
-    parts = state.memory if isinstance(state, State) else vars(state.orbit).values()
+    parts = state.memory if isinstance(state, GivenState) else vars(state.orbit).values()
     arrays = state.y, *state.march, *(part for part in parts if isinstance(part, np.ndarray))
     return [(array.shape, array.dtype.str) for array in arrays]
 
