@@ -303,7 +303,7 @@ RESUMED = [
         ({"atol": 1e-3}, ValueError, "same tolerances"),
         ({"scheme": hd.Collocation(nodes=5)}, ValueError, "same number of nodes"),
         ({"t_end": 1.0}, ValueError, "t_end must exceed the state's time 1"),
-        ({"scheme": hd.BDF(2), "rtol": None, "n_steps": 10}, TypeError, "resume must be a GivenState"),
+        ({"scheme": hd.BDF(2), "rtol": None, "n_steps": 10}, TypeError, "must be a GivenState"),
     ]),
     (lambda: adapt_again(equation=hd.scenes.relaxation(0.6)), ValueError, "same orders"),
     (lambda: adapt_again(equation=equation(2 * C(0.5))), ValueError, "same coeff"),

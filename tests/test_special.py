@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from hereditary.kernels.special import (
     alternating_power_sum,
     alternating_sum,
-    bracketed_root,
     hurwitz_zeta,
     mean_exponential,
     power_differences,
@@ -62,31 +61,6 @@ def test_mean_exponential():
     with mpmath.workdps(40):
         expected = [1.0] + [float(-mpmath.expm1(-mpmath.mpf(v)) / mpmath.mpf(v)) for v in z[1:]]
     np.testing.assert_allclose(mean_exponential(z), expected, rtol=4e-16)
-
-
-@pytest.mark.parametrize(
-    ("function", "low", "high", "root"),
-    [
-        (lambda x: x - 1.0 / 3.0, 0.0, 1.0, 1.0 / 3.0),
-        (lambda x: np.cos(x) - x, 0.0, 1.0, 0.7390851332151607),
-        (lambda x: x**9, -1.0, 3.0, 0.0),  # flat: false position alone would creep
-        (lambda x: np.expm1(50.0 * (x - 0.9)), 0.0, 1.0, 0.9),
-        (lambda x: np.sign(x - 0.3), 0.0, 1.0, 0.3),  # a jump
-        (lambda x: x, 0.0, 1.0, 0.0),
-        (lambda x: x - 1.0, 0.0, 1.0, 1.0),
-        (lambda x: 2.0 - x, 5.0, 1.0, 2.0),  # falling, given the other way round
-    ],
-)
-def test_bracketed_root(function, low, high, root):
-    calls = []
-
-    def counted(x):
-        calls.append(x)
-        return function(x)
-
-    found = bracketed_root(counted, low, high)
-    assert found == pytest.approx(root, abs=1e-15)
-    assert len(calls) < 250
 
 
 @given(st.floats(-3.0, 0.95), st.floats(0.05, 2.0))

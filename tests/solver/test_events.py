@@ -10,6 +10,7 @@ from problems import half_order_relaxation
 from scipy.optimize import brentq
 
 import hereditary as hd
+from hereditary.solver.events import bracketed_root
 
 SWING = hd.scenes.oscillator(beta=2.0, gamma=1.0, friction=0.0)  # x = cos t
 PRECISE = {"rtol": 1e-12}
@@ -348,3 +349,28 @@ def test_signs_in_a_state_are_those_of_the_run():
     first = hd.solve(eq, 1.0, rtol=1e-8, events=below)
     below.level = 0.45
     assert hd.solve(eq, 3.0, resume=first.state, events=below).t_events[0].size == 0
+
+
+@pytest.mark.parametrize(
+    ("function", "low", "high", "root"),
+    [
+        (lambda x: x - 1.0 / 3.0, 0.0, 1.0, 1.0 / 3.0),
+        (lambda x: np.cos(x) - x, 0.0, 1.0, 0.7390851332151607),
+        (lambda x: x**9, -1.0, 3.0, 0.0),  # flat: false position alone would creep
+        (lambda x: np.expm1(50.0 * (x - 0.9)), 0.0, 1.0, 0.9),
+        (lambda x: np.sign(x - 0.3), 0.0, 1.0, 0.3),  # a jump
+        (lambda x: x, 0.0, 1.0, 0.0),
+        (lambda x: x - 1.0, 0.0, 1.0, 1.0),
+        (lambda x: 2.0 - x, 5.0, 1.0, 2.0),  # falling, given the other way round
+    ],
+)
+def test_bracketed_root(function, low, high, root):
+    calls = []
+
+    def counted(x):
+        calls.append(x)
+        return function(x)
+
+    found = bracketed_root(counted, low, high)
+    assert found == pytest.approx(root, abs=1e-15)
+    assert len(calls) < 250

@@ -39,30 +39,29 @@ def functions_of(rhs, jac, jac_memory, start, hint, shape=None):
     by default.
     """
     k, d = start.memory.shape
-    shape = (d, d) if shape is None else shape
+    shape, n = shape or (d, d), start.components().size
     if start.paired and jac is not None:
         required = "be left out where y is complex, for differences"
         raise ValueError(complaint("jac", required, repr(jac)))
-    first = [] if rhs is None else [function_of("rhs", "dy", rhs, start, (d,), RHS_SIG, hint)]
+    forces = [] if rhs is None else [function_of("rhs", "dy", rhs, start, (d,), RHS_SIG, hint)]
     if (jac is None) != (jac_memory is None) and (k or jac is None):
         given, lacking = ("jac", "jac_memory") if jac_memory is None else ("jac_memory", "jac")
         required = f"come with {lacking}" if k else "be left out where no memory is read"
         raise ValueError(complaint(given, required, "it alone", "leave out both for differences"))
-    second = [] if jac is None else [_jacobian(jac, start, shape)]
+    slopes = [] if jac is None else [_jacobian(jac, start, shape)]
     if jac is not None and k:
         beside = function_of("jac_memory", "jacobian", jac_memory, start, (d, k * d), JAC_SIG)
-        second.append(beside)
-    n = start.components().size
-    kinds = ("rhs", first, RHS_SIG, (n,)), ("jac", second, JAC_SIG, (n, n) if k else shape)
-    callbacks = [_callback(name, parts, start, size) for name, parts, _, size in kinds]
-    called = any(callbacks)
-    addresses = [held.address if held else 0.0 for held in callbacks if called]
-    made_rhs, made_jac = (
-        in_python(signature) if callback else _as_one(parts, signature, k, called)
-        for (_, parts, signature, _), callback in zip(kinds, callbacks, strict=True)
+        slopes.append(beside)
+    first = _callback("rhs", forces, start, (n,))
+    second = _callback("jac", slopes, start, (n, n) if k else shape)
+    held = tuple(filter(None, (first, second)))
+    addresses = [first.address if first else 0.0, second.address if second else 0.0]
+    return Functions(
+        in_python(RHS_SIG) if first else _as_one(forces, RHS_SIG, k, held),
+        in_python(JAC_SIG) if second else _as_one(slopes, JAC_SIG, k, held),
+        np.append(start.params, addresses if held else []),
+        held,
     )
-    params = np.append(start.params, addresses)
-    return Functions(made_rhs, made_jac, params, tuple(held for held in callbacks if held))
 
 
 def switch_of(switch, y, t):
@@ -78,12 +77,12 @@ def switch_of(switch, y, t):
 
 def _as_one(parts, signature, k, called):
     """Return the compiled functions of a system's right-hand side or Jacobian as one, or None."""
-    found = [part.compiled for part in parts]
-    if not found:
+    if not parts:
         return None
-    one = found[0]
+    one = parts[0].compiled
     if k:
-        one = as_value(_padded(one, k) if signature is RHS_SIG else _joined(*found, k), signature)
+        one = _padded(one, k) if signature is RHS_SIG else _joined(one, parts[1].compiled, k)
+        one = as_value(one, signature)
     return before_addresses(one, signature) if called else one
 
 

@@ -182,7 +182,7 @@ def _build(name, fun, key, arity, form, start, shape):
         returned = jitted.nopython_signatures[0].return_type
         simple = isinstance(returned, (types.NoneType, types.Number, types.Boolean))
         copied = bool(_PAST_READ_ONLY & code_names(key[0]))
-        adapter = _adapter(_split(jitted, arity, k), arity, form, len(shape))
+        adapter = _adapter(_split(jitted, k), arity, form, len(shape))
         adapter = derived(adapter, counted=not simple)
         adapter = derived(_of_copies(adapter)) if copied else adapter
         return as_value(derived(_of_parts(adapter)) if start.paired else adapter, key[2]), ""
@@ -201,24 +201,16 @@ def _compiles(jitted, arrays):
     return True
 
 
-def _split(fun, arity, k):
+def _split(fun, k):
     """Return a compiled function of y and memory as one of all components; itself for k = 0."""
     if k == 0:
         return fun
 
-    def of_values(t, z):
+    def of_all(t, z, *others):
         d = z.shape[0] // (1 + k)
-        return fun(t, z[:d], z[d:].reshape(k, d))
+        return fun(t, z[:d], z[d:].reshape(k, d), *others)
 
-    def with_params(t, z, params):
-        d = z.shape[0] // (1 + k)
-        return fun(t, z[:d], z[d:].reshape(k, d), params)
-
-    def in_place(t, z, out, params):
-        d = z.shape[0] // (1 + k)
-        fun(t, z[:d], z[d:].reshape(k, d), out, params)
-
-    return derived({2: of_values, 3: with_params, 4: in_place}[arity])
+    return derived(of_all)
 
 
 def _of_copies(fun):
@@ -336,16 +328,10 @@ class Start(NamedTuple):
         """Return y and memory as the real components of one system."""
         return np.concatenate([self.y, self.memory.ravel()]).view(float)
 
-    def named(self):
-        """Name the arguments in front of params."""
-        return "t, y, memory" if len(self.memory) else "t, y"
-
     def shapes(self, name, out):
         """Name the ways in which a function may be written."""
-        first = self.named()
-        return (
-            f"{name}({first}), {name}({first}, params) or, in place, {name}({first}, {out}, params)"
-        )
+        first = f"{name}(t, y" + ", memory" * (len(self.memory) > 0)
+        return f"{first}), {first}, params) or, in place, {first}, {out}, params)"
 
 
 def arity_of(name, out, fun, start):

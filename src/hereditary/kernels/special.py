@@ -153,37 +153,3 @@ def graded_unit(n):
     ]
     nodes, weights = (np.concatenate(part) for part in zip(*panels, strict=True))
     return nodes, weights
-
-
-# Relative width to which a zero is found.
-_LEAST_BRACKET = 2.0**-60
-
-
-def bracketed_root(function, low, high):
-    """Find a zero of a continuous function between points of different sign, to rounding.
-
-    The method is Anderson's and Bjorck's variant of false position, with a bisection whenever three
-    steps have not halved the bracket. The import of scipy.optimize would take half a second.
-    """
-    f_low, f_high = function(low), function(high)
-    if f_low == 0.0:
-        return low
-    width, slow = abs(high - low), 0
-    least = _LEAST_BRACKET * max(abs(low), abs(high))  # around 0, where all numbers are apart
-    while f_high != 0.0:
-        middle = low + 0.5 * (high - low)
-        if middle in (low, high) or abs(high - low) <= least:
-            break
-        x = high - f_high * (high - low) / (f_high - f_low)
-        if slow == 3 or not min(low, high) < x < max(low, high):
-            x, slow = middle, 0
-        f = function(x)
-        if (f > 0.0) != (f_high > 0.0) or f == 0.0:  # products of tiny values are 0
-            low, f_low = high, f_high
-        else:
-            shrink = 1.0 - f / f_high
-            f_low *= shrink if shrink > 0.0 else 0.5
-        high, f_high = x, f
-        halved = abs(high - low) <= 0.5 * width
-        width, slow = (abs(high - low), 0) if halved else (width, slow + 1)
-    return high

@@ -14,7 +14,7 @@ from ..compiled.jit import compiled, inlined
 from ..equation.equation import Equation
 from ..equation.operators import Memory, Term
 from ..kernels.memory_kernel import MemoryKernel
-from ..kernels.special import bracketed_root
+from ..solver.events import bracketed_root
 from ..solver.solution import Solution
 from ..support.checks import complaint, count, positive, real, real_array
 from .linear import oscillator_terms
