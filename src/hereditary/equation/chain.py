@@ -36,77 +36,6 @@ class Entry(NamedTuple):
     coefficient: float
 
 
-class Chain:
-    """Components of the system: y, and derivatives behind it.
-
-    Parameters
-    ----------
-    lengths : ndarray of int64, shape (d,)
-        Components for each of y, itself and its derivatives.
-
-    Attributes
-    ----------
-    size : int
-    """
-
-    def __init__(self, lengths):
-        self.lengths = lengths
-        self._places: dict[tuple[int, int], int] = {}
-        for k in range(self.lengths.max()):
-            for j in np.flatnonzero(self.lengths > k).tolist():
-                self._places[j, k] = len(self._places)
-        self.size = len(self._places)
-
-    def at(self, j, k):
-        """Return the number of the component that is the k-th derivative of y_j."""
-        return self._places[j, k]
-
-    def speeds(self):
-        """Return the numbers of the first derivatives, (d,); -1 where there is none."""
-        return np.array([self._places.get((j, 1), -1) for j in range(self.lengths.size)])
-
-    def values(self, y0):
-        """Return initial values of the system, (size,), from those of the equation, (m, d)."""
-        return np.array([y0[k, j] for j, k in self._places])
-
-    def last(self, j):
-        """Return the number of the component that is the highest derivative of y_j."""
-        return self.at(j, int(self.lengths[j]) - 1)
-
-    def links(self):
-        """List (component, its derivative, 1) where that is a component."""
-        return [
-            (place, self.at(j, k + 1), 1.0)
-            for (j, k), place in self._places.items()
-            if k < self.lengths[j] - 1
-        ]
-
-    def sorted(self, entries):
-        """Sort the terms: on the left side, known components, and memory that is read.
-
-        Returns
-        -------
-        own : list of (float, int, float)
-            Order, component and coefficient.
-        lower : list of (int, int, float)
-            Component whose equation has another one on its left side, that one, and -coefficient.
-        read : list of (float, int, float, int)
-            Order, component, coefficient and equation.
-        """
-        own, lower, read = [], [], []
-        for order, row, column, c in entries:
-            last = self.lengths[column] - 1
-            k = min(math.ceil(order) - 1, int(last))
-            if row == column and k == last:
-                own.append((order - k, self.at(column, k), c))
-            elif order == k + 1 and k < last:
-                lower.append((self.last(row), self.at(column, k + 1), -c))
-            else:
-                read.append((order - k, self.at(column, k), c, row))
-        own += [(1.0, place, 1.0) for place, _, _ in self.links()]
-        return own, lower, read
-
-
 def _summed(left):
     """Add up the terms of equal order."""
     sums: dict[float, SystemTerm] = {}
@@ -175,33 +104,44 @@ def chained(left, y0, params, rhs, jac):
     """
     d, above = y0.shape[1], len(y0) > 2
     entries, inverse = _solved(left, d)
-    lengths = np.ceil(leading_orders(left, d)).astype(int) if above else np.ones(d, dtype=int)
-    chain = Chain(lengths)
-    own, lower, read = chain.sorted(entries)
-    memory: dict[tuple[float, int], int] = {}
-    for order, source, c, j in read:
-        place = memory.setdefault((order, source), chain.size + len(memory))
-        lower.append((chain.last(j), place, -c))
-    before = [(j, j, 1.0) for j in range(d)]
+    lengths = np.ceil(leading_orders(left, d)).astype(int).tolist() if above else [1] * d
+    # y, and derivatives behind it: the k-th one of y_j, and the component of the highest one
+    pairs = [(j, k) for k in range(max(lengths)) for j in range(d) if k < lengths[j]]
+    places = {pair: place for place, pair in enumerate(pairs)}
+    last = [places[j, length - 1] for j, length in enumerate(lengths)]
+    links = [(places[j, k - 1], places[j, k], 1.0) for j, k in pairs if k > 0]
+    own: list[tuple[float, int, float]] = []
+    lower, memory = list(links), dict[tuple[float, int], int]()
+    for order, row, column, c in entries:
+        k = min(math.ceil(order), lengths[column]) - 1
+        if row == column and places[column, k] == last[column]:
+            own.append((order - k, last[column], c))
+            continue
+        place = places.get((column, k + 1)) if order == k + 1 else None
+        if place is None:
+            key = order - k, places[column, k]
+            place = memory.setdefault(key, len(places) + len(memory))
+        lower.append((last[row], place, -c))
+    own += [(1.0, place, 1.0) for place, _, _ in links]
+    before = [(last[j], j, 1.0) for j in range(d)]
     if inverse is not None:
-        before = [(i, j, float(inverse[i, j])) for i, j in np.argwhere(inverse).tolist()]
-    before = [(chain.last(i), j, c) for i, j, c in before]
-    size = chain.size + len(memory)
-    params, rhs, jac = affine((params, rhs, jac), size, d, [*chain.links(), *lower], before)
-    start = chain.values(y0)[None] if above else y0
-    speeds = chain.speeds() if above else np.zeros(0, dtype=np.int64)
+        before = [(last[i], j, float(inverse[i, j])) for i, j in np.argwhere(inverse).tolist()]
+    size = len(places) + len(memory)
+    params, rhs, jac = affine((params, rhs, jac), size, d, lower, before)
+    start = np.array([[y0[k, j] for j, k in pairs]]) if above else y0
+    speeds = np.array([places.get((j, 1), -1) for j in range(d)] if above else [], dtype=np.int64)
     found = [*own, *((order, place, 1.0) for (order, _), place in memory.items())]
-    wide = _left(found, size)
+    wide = left_of(found, size)
     if not memory:
         return Chained(System(wide, start, params, rhs, jac), None, speeds)
-    sources = np.append(np.arange(chain.size), [source for _, source in memory]).astype(np.int64)
+    sources = np.append(np.arange(len(pairs)), [s for _, s in memory]).astype(np.int64)
     enlarged = System(wide, start[:, sources], params, rhs, jac, sources)
-    narrow = [SystemTerm(operator, c[: chain.size]) for operator, c in wide]
+    narrow = [SystemTerm(operator, c[: len(pairs)]) for operator, c in wide]
     own_terms = [term for term in narrow if np.any(term.coefficients)]
     return Chained(System(own_terms, start, params), enlarged, speeds)
 
 
-def _left(found, width):
+def left_of(found, width):
     """List the terms of a system from orders, components and coefficients."""
     sums: dict[float, np.ndarray] = {}
     orders = merged_orders(np.array([order for order, _, _ in found]))
