@@ -13,14 +13,13 @@ as well, so that F is ``(f - sum_l c_l m_l) / c``.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
 from ..equation.affine import affine
+from ..equation.chain import left_of
 from ..equation.frame import Frame
 from ..equation.system import System
-from ..equation.terms import ConstantOrder, SystemTerm
 from ..solver.dense import Piece
 from ..support.checks import complaint
 
@@ -123,25 +122,23 @@ def reduced(equation):
         required = "be Caputo operators of constant order with Collocation, where memory is read"
         raise ValueError(complaint("terms", required, "another", "take ExplicitCaputo or L1"))
     d, leading = equation.d, equation.highest_orders()
-    second = np.flatnonzero(leading > 1)
+    second = np.flatnonzero(leading > 1).tolist()
     speeds = np.zeros(d, dtype=np.int64)
-    speeds[second] = d + np.arange(second.size)
-    # each component's right-hand side: F_j, as -1 - j, or another component
+    speeds[second] = d + np.arange(len(second))
+    # of each component the initial value, the order, and what its derivative is: F_j, as -1 - j, or
+    # another component
     origins = np.where(leading > 1, speeds, -1 - np.arange(d)).tolist()
-    layout = _Layout(list(equation.y0[0]), np.minimum(leading, 1.0).tolist(), origins)
-    places: dict[tuple[int, float], int] = {}
-    for j in second.tolist():
-        layout.add(equation.y0[1, j], leading[j] - 1, -1 - j)
+    made = list(zip(equation.y0[0], np.minimum(leading, 1.0).tolist(), origins, strict=True))
+    made += [(equation.y0[1, j], leading[j] - 1, -1 - j) for j in second]
+    places = {(j, 1.0): int(speeds[j]) for j in second}
 
     def place(j, gamma):
         """Component that is D^gamma y_j."""
-        if gamma == 1.0 and leading[j] > 1:
-            return int(speeds[j])
         if (j, gamma) not in places:
-            places[j, gamma] = len(layout.y0)
+            places[j, gamma] = len(made)
             slow = leading[j] > 1 and gamma < 1
             order = 1 - gamma if slow else leading[j] - gamma
-            layout.add(0.0, order, int(speeds[j]) if slow else -1 - j)
+            made.append((0.0, order, int(speeds[j]) if slow else -1 - j))
         return places[j, gamma]
 
     # what f reads, and the lower terms of each F_j
@@ -154,8 +151,8 @@ def reduced(equation):
                 read.append((c, place(j, operator.order), coefficients[c]))
             elif operator.order < leading[j]:
                 lower[j].append((place(j, operator.order), coefficients[c]))
-    n, lead, own, forces = len(layout.y0), np.ones(len(layout.y0)), [], []
-    for i, origin in enumerate(layout.origins):
+    n, lead, own, forces = len(made), np.ones(len(made)), [], []
+    for i, (_, _, origin) in enumerate(made):
         if origin < 0:
             j = -1 - origin
             lead[i] = equation.coefficient(leading)[j]
@@ -163,25 +160,8 @@ def reduced(equation):
             own += [(i, k, -c) for k, c in lower[j]]
         else:
             own.append((i, origin, 1.0))
-    left = [
-        SystemTerm(ConstantOrder(order), np.where(np.array(layout.orders) == order, lead, 0.0))
-        for order in dict.fromkeys(layout.orders)
-    ]
+    left = left_of([(order, i, lead[i]) for i, (_, order, _) in enumerate(made)], n)
     how = memory.compiled_params, memory.compiled_rhs, memory.compiled_jac
     known = {"rhs_digest": equation.rhs_digest, "frame": Frame(equation.frame.start)}
     found = affine(how, n, memory.d, own, forces, read)
-    return System(left, np.array([layout.y0]), *found, **known), speeds
-
-
-class _Layout(NamedTuple):
-    """Components of the reduced system: initial values, orders, and what each derivative is."""
-
-    y0: list
-    orders: list
-    origins: list
-
-    def add(self, value, order, origin):
-        """Add a component."""
-        self.y0.append(value)
-        self.orders.append(order)
-        self.origins.append(origin)
+    return System(left, np.array([[value for value, _, _ in made]]), *found, **known), speeds
