@@ -40,21 +40,16 @@ class Stepper(ABC):
         steps are long points between.
     h : float
         Step of uniform ones, else 0 [time].
+    resolved : bool
+        Whether steps are so short that their ends show whatever happens, as given ones are:
+        positions are then numbers of steps, and rows at all ends make the dense output.
     error : Exception or None
     n_rhs : int
         Calls of the right-hand side.
     """
 
-    looks, h = 1, 0.0
+    looks, h, resolved = 1, 0.0, True
     error: Exception | None = None
-
-    @property
-    def resolved(self) -> bool:
-        """Whether steps are so short that their ends show whatever happens, as given ones are.
-
-        Positions are then numbers of steps, and rows at all ends are the dense output.
-        """
-        return self.looks == 1
 
     @property
     @abstractmethod
