@@ -9,14 +9,22 @@ from ..compiled.block import BLOWN_UP, NOT_SOLVED, RUNNING
 from ..compiled.growing_march import LOST, grow, transform_march
 from ..compiled.jit import loop_value
 from ..compiled.march import MARCHES
-from ..compiled.signatures import FACTORISE, MARCH_SIG, Output
-from ..compiled.structures import plain
+from ..compiled.signatures import (
+    COUNTS,
+    FACTORISE,
+    MARCH_SIG,
+    MONITOR,
+    March,
+    Output,
+    StepTable,
+)
+from ..compiled.step import N_ROOM, UNITS
+from ..compiled.structures import plain, record
 from ..equation.system import displaced, refuse_late, side_by_side, variational
 from ..kernels.memory_kernel import misfit_on_given_steps
 from ..schemes.riemann_liouville import with_initial_values
 from ..schemes.steps import before_break, break_steps, rows_beside
 from ..support.checks import complaint
-from . import march_arrays as arrays
 from .dense import StepPieces, starting_steps
 from .jacobian_watch import JacobianWatch, remedy_of
 from .linear_solvers import newton_of
@@ -95,23 +103,56 @@ class FixedStepper(Stepper):
     def _begin(self, plan):
         """Open a memory for a plan, and arrays of a march that stands at step 0."""
         self.memory = self.history.open(plan.past, plan.groups.size, self._block, self._span)
-        self._loop = MARCHES[self.scheme.solve]
-        d = self._system.d
+        self._loop, system = MARCHES[self.scheme.solve], self._system
         self._past, self._rows, self._lasting = plan.past, plan.rows, plan.lasting
-        self._watch = JacobianWatch(plan.region, self._system, self._block)
-        how = self._sources, self._watch.every, self.h
-        self._table = arrays.step_table(plan, self.memory, self._system, *how)
-        structure, exact = self._system.structure, self._system.linear_alone and plan.rows.alike
-        self._newton = newton_of(structure, d, self.n_tangents > 0, self.scheme.solve, exact)
+        self._watch, width = JacobianWatch(plan.region, system, self._block), plan.groups.size
+        self._table = StepTable(
+            h=self.h,
+            slowest=plan.slowest,
+            sweeps=plan.sweeps,
+            integral=int(plan.integral),
+            n_orbit=system.d,
+            n_solved=int(np.sum(~system.read)),
+            every=self._watch.every,
+            groups=plan.groups,
+            sources=self._sources,
+            given=np.zeros(width, dtype=np.int64) if plan.given is None else plan.given,
+            weights=self.memory.block_weights,
+            start_weights=self.memory.block_start_weights,
+            powers=np.zeros((0, width)) if plan.powers is None else plan.powers,
+        )
+        how = self.n_tangents > 0, self.scheme.solve, system.linear_alone and plan.rows.alike
+        self._newton = newton_of(system.structure, system.d, *how)
         self._stand_at_start(plan)
 
     def _stand_at_start(self, plan, columns=slice(None)):
         """Stand at step 0, where nothing is remembered; by these columns of a plan."""
-        d, orders = self._system.d, self.equation.highest_orders()
+        orders, x = self.equation.highest_orders(), plan.initial[columns].copy()
+        width, none = x.size, np.zeros((0, plan.initial.size))
+        drift, corrections, starts = (
+            np.array((none if rows is None else rows)[:, columns].T, order="C")
+            for rows in (plan.drift, plan.corrections, plan.starts)
+        )
         self.memory.clear()
-        self._march = arrays.initial_march(plan, d, self._block, self._newton.room, columns)
-        self._room = arrays.room_of_step(self._march, self._system.steps)
+        self._march = March(
+            counts=record(COUNTS, zigzag=-1, opened=-1, growth=-1),
+            x=x,
+            increment=plan.increments[columns].copy(),
+            change=np.zeros(width),
+            lag=np.zeros((width, self._block)),
+            pieces=np.zeros((width, self._block + 1)),
+            monitor=np.zeros(self._system.d, MONITOR).view(np.recarray),
+            shift=plan.shift[columns].copy(),
+            drift=drift,
+            corrections=corrections,
+            starts=starts,
+            force=np.zeros(width),
+            lacks=np.zeros(width),
+            newton=self._newton.room,
+        )
         self._march.monitor["turns"][: orders.size] = np.where(orders == 2, -1.0, 0.0)
+        self._room = np.empty((N_ROOM, width))
+        self._room[UNITS, : self._system.d] = self._system.steps
 
     def plan_of_members(self, params, y0):
         """Return the scheme's plan of members side by side, for `reset`.
@@ -215,8 +256,10 @@ class FixedStepper(Stepper):
         return self._status == LOST
 
     def parts(self):
-        """Return every array of march and memory that is linear in the solution; no copies."""
-        return [*arrays.linear_parts(self._march), *self.memory.arrays]
+        """Every array of the march and its memory that is linear in the solution; not copies."""
+        march = self._march
+        others = {id(part) for part in (march.counts, march.monitor, march.newton)}
+        return [*(part for part in march if id(part) not in others), *self.memory.arrays]
 
     def _slopes(self):
         """Return the first derivative of all columns."""
@@ -335,8 +378,11 @@ class FixedStepper(Stepper):
 
     def _take(self, march, memory, watched):
         """Take over what `checkpoint` returned."""
-        march = arrays.restored_march(march)
-        self._march = march._replace(newton=self._newton.taken_over(march))
+        counts, *parts = march
+        march = March(record(COUNTS, tuple(counts[0])), *(part.copy() for part in parts))
+        monitor = np.array([tuple(row) for row in march.monitor], MONITOR).view(np.recarray)
+        newton = self._newton.taken_over(march)
+        self._march = march._replace(newton=newton, monitor=monitor)
         self.memory.restore(memory)
         self._watch.largest, self._watch.step = watched
 
@@ -375,7 +421,30 @@ class FixedStepper(Stepper):
         """Let y jump to these values, (d,), here; the jump does not enter the memory."""
         self._march.x[: self.equation.d], self._moved = y, True
         self._forget_explicit()
-        arrays.renew_force(self._system, self.t, self._table, self._march)
+        self._renew_force()
+
+    def _renew_force(self):
+        """Let the newest piece be f behind a jump of y, where pieces are values of f.
+
+        Of components of order 1 alone, whose last step keeps what it made of the old one. Where f
+        raises the march meets it again, and keeps what was computed.
+        """
+        table, march, system = self._table, self._march, self._system
+        n, newest = table.n_orbit, self.n - 1
+        if table.integral == 0 or newest < 0:
+            return
+        march.counts["rhs"] += 1
+        try:
+            force = system.force(self.t, march.x[:n])
+        except Exception:
+            return
+        own = table.sources[:n] == np.arange(n)  # memory that f reads has increments for pieces
+        p, first_order = newest % march.lag.shape[1], own & (system.highest_orders()[:n] == 1)
+        jump = np.where(first_order, force - march.pieces[:n, p + 1], 0.0)
+        march.pieces[:n, p + 1] += jump
+        march.force[:n] = np.where(first_order, force, march.force[:n])
+        ahead = march.lag[:n, p + 2 :]
+        ahead += table.weights[table.groups[:n], 2 : 2 + ahead.shape[1]] * jump[:, None]
 
     def _forget_explicit(self):
         """Keep the next step from extrapolating f, which jumps (compiled/newton.py)."""
