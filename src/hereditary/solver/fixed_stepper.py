@@ -402,15 +402,15 @@ class FixedStepper(Stepper):
             solver(FACTORISE, 0, self._march.newton[1], np.empty(tables.order.size), tables)
 
     def position_at(self, t):
-        """Return the number of the step at which a march to time t ends."""
+        """Return the number of the first step not before t."""
         return self.steps.first_from(t)
 
     def stands_at(self, t):
-        """Return the time at which a march that stops at time t stands."""
+        """Return the time of the first step not before t."""
         return self.steps.time(self.steps.first_from(t))
 
     def expect_moves(self, of_y):
-        """Make few steps at once, for f, and y if `of_y`, is going to jump; refuse if it cannot."""
+        """Prepare for jumps of f, and of y if `of_y`: make few steps at once, or refuse."""
         self._stretch.keep_short()
         terms = [operator for operator, _ in self.equation.enlarged.left]
         if of_y and any(op.derivative == 0 or op.from_zero for op in terms):

@@ -13,8 +13,9 @@ from .status import Status
 class Stepper(ABC):
     """A march of one equation that moves on when it is asked to.
 
-    Runs, ensembles, hybrid runs, exponents and sensitivities use steppers by this contract alone.
-    There are two: `FixedStepper` and `AdaptiveStepper`. A stepper
+    Runs, ensembles, hybrid runs, exponents and sensitivities use steppers by this contract. There
+    are two: `FixedStepper` and `AdaptiveStepper`. What `FixedStepper` has besides makes exponents
+    and ensembles faster, without other results. A stepper
 
     1. begins with the initial values at time 0, which is the equation's `t_start`;
     2. moves on in `advance`, towards a position and never beyond it, by as many steps as take a
@@ -108,7 +109,7 @@ class Stepper(ABC):
 
     @abstractmethod
     def stands_at(self, t: float) -> float:
-        """Return the time at which a march that stops at time t stands."""
+        """Return the time of `position_at(t)`: t, or that of the first step not before t."""
 
     @abstractmethod
     def checkpoint(self) -> tuple:
@@ -141,7 +142,7 @@ class Stepper(ABC):
         raise self._lacks("takes no jump of y")
 
     def expect_moves(self, of_y: bool) -> None:
-        """Make few steps at once, for f, and y if `of_y`, is going to jump; refuse if it cannot."""
+        """Prepare for jumps of f, and of y if `of_y`: make few steps at once, or refuse."""
         raise self._lacks("takes no jump of y")
 
     def moved(self, y: np.ndarray) -> None:
