@@ -154,159 +154,6 @@ class FixedStepper(Stepper):
         self._room = np.empty((N_ROOM, width))
         self._room[UNITS, : self._system.d] = self._system.steps
 
-    def plan_of_members(self, params, y0):
-        """Return the scheme's plan of members side by side, for `reset`.
-
-        `params` (E, p) and y0 (E, m, d). None where members must be planned one by one.
-        """
-        if self._block == 1:
-            return None
-        members = [displaced(self.equation, *member) for member in zip(y0, params, strict=True)]
-        return self._planned(side_by_side([self._inside(member) for member in members]))
-
-    def reset(self, params, y0, plan=None, number=0):
-        """Stand at step 0, with other parameters (p,) and initial values (m, d); no tangents.
-
-        `plan`, where it is given, is that of members, and this is the one of that number.
-        """
-        self.equation = displaced(self.equation, y0, params)
-        self._system = self._inside(self.equation)
-        columns = slice(None)
-        if plan is None:
-            plan = self._planned(self._system)
-        else:
-            columns = slice(number * self._system.d, (number + 1) * self._system.d)
-        if self._block == 1:  # whose sums may be worked out on the way
-            self._begin(plan)
-        self._stand_at_start(plan, columns)
-        self._watch.largest = 0.0
-        self._status, self.error = RUNNING, None
-
-    @property
-    def n(self):
-        """Steps made."""
-        return int(self._march.counts["step"])  # an attribute takes ten times as long
-
-    position = n  # how far the march is
-
-    @property
-    def t(self):
-        """Time reached."""
-        return self.steps.time(self.n)
-
-    @property
-    def y(self):
-        """Solution at `t`, shape (d,); a copy."""
-        return self._march.x[: self.equation.d].copy()
-
-    @property
-    def ydot(self):
-        """First derivative at `t`, from the newest two increments, shape (d,)."""
-        slope = self._slopes()[: self.equation.d]
-        # before the first step only components with an initial derivative have one
-        known = self.n > 0 or (self.equation.m == 1 and not self.equation.frame.speeds)
-        return slope if known else np.where(self.equation.highest_orders() > 1, slope, np.nan)
-
-    @property
-    def n_data(self):
-        """Number of initial data: d, and one more for each component of order above 1."""
-        return self.equation.d + self._with_speed.size
-
-    @property
-    def tangent(self):
-        """Derivatives of y, and of ydot where the order is above 1, shape (n_data, k); a copy."""
-        d = self._system.d
-        values, slopes = (
-            columns[d:].reshape(self.n_tangents, d).T for columns in (self._march.x, self._slopes())
-        )
-        return np.vstack([values[: self.equation.d], slopes[self._with_speed]])
-
-    def transform_tangent(self, matrix):
-        """Replace the tangents by linear combinations, ``tangent <- tangent @ matrix``.
-
-        Everything that is linear in them goes along: initial values, increments, the block under
-        way, and all of the memory. So the combinations are what a march from the combined initial
-        directions would have given.
-
-        Parameters
-        ----------
-        matrix : ndarray, shape (k, k)
-        """
-        matrix = np.ascontiguousarray(matrix, dtype=float)
-        how = self._system.d, int(self._lasting), matrix
-        transform_march(self._march, self.memory.arrays, *how)
-
-    def renormalise(self, pace):
-        """Let compiled code make tangents orthonormal from now on, when `pace` says."""
-        pace["lasting"] = self._lasting
-        self._grown: list[np.ndarray] = []
-        above, room = self._with_speed.astype(np.int64), np.empty((self.n_data, self.n_tangents))
-        march = loop_value(self._loop, MARCH_SIG)
-        self._loop = partial(_renormalising, march, pace, above, room, self._grown)
-
-    def grown(self):
-        """Return steps, and logarithms of the growth up to them, since the last call, (n, 1+k)."""
-        grown = np.vstack([np.empty((0, 1 + self.n_tangents)), *self._grown])
-        self._grown.clear()
-        return grown
-
-    @property
-    def lost(self):
-        """Whether tangents overflowed or vanished."""
-        return self._status == LOST
-
-    def parts(self):
-        """Every array of the march and its memory that is linear in the solution; not copies."""
-        march = self._march
-        others = {id(part) for part in (march.counts, march.monitor, march.newton)}
-        return [*(part for part in march if id(part) not in others), *self.memory.arrays]
-
-    def _slopes(self):
-        """Return the first derivative of all columns."""
-        return (self._march.increment + 0.5 * self._march.change) / self.steps.unit(self.n)
-
-    @property
-    def n_modes(self):
-        """Modes held for each component."""
-        return self.memory.n_modes
-
-    @property
-    def n_rhs(self):
-        """Calls of the right-hand side."""
-        return int(self._march.counts["rhs"])
-
-    @property
-    def misfit(self):
-        """By how much kernels miss the tolerance; empty where they keep it."""
-        return self._misfit
-
-    @property
-    def instability(self):
-        """Status of steps beyond their stability limit, else None."""
-        if self._march.counts["zigzag"] >= 0:
-            return Status.ZIGZAG
-        unstable = self._watch.largest > 1 or self._march.counts["growth"] >= 0
-        return Status.STEP_TOO_LARGE if unstable else None
-
-    def remedy(self):
-        """Return a clause: what shows the instability, and what to take instead."""
-        seen = (int(self._march.counts[name]) for name in ("zigzag", "growth"))
-        return remedy_of(self.equation, self.scheme, self.h, self._watch, *seen)
-
-    @property
-    def uncertainty(self):
-        """Rounding errors of y, (d,)."""
-        return _ROUNDED * np.abs(self.y)
-
-    @property
-    def trouble(self):
-        """Status and detail where the march cannot go on, else None."""
-        if self.error is not None:
-            return failed(self.error)
-        statuses = {BLOWN_UP: Status.BLOWN_UP, NOT_SOLVED: Status.NOT_SOLVED}
-        detail = "the matrix of a step is singular" if self.scheme.solve == "imex" else ""
-        return (statuses[self._status], detail) if self._status in statuses else None
-
     def set_breaks(self, times, t_end):
         """Let the steps beside these times see jumps from their own side."""
         self._breaks = break_steps(times, self.t, t_end, self.steps, self.equation.frame.start)
@@ -371,6 +218,84 @@ class FixedStepper(Stepper):
         finally:
             self._watch.note(jacobians, self.n)
 
+    @property
+    def n(self):
+        """Steps made."""
+        return int(self._march.counts["step"])  # an attribute takes ten times as long
+
+    position = n  # how far the march is
+
+    @property
+    def t(self):
+        """Time reached."""
+        return self.steps.time(self.n)
+
+    @property
+    def y(self):
+        """Solution at `t`, shape (d,); a copy."""
+        return self._march.x[: self.equation.d].copy()
+
+    @property
+    def ydot(self):
+        """First derivative at `t`, from the newest two increments, shape (d,)."""
+        slope = self._slopes()[: self.equation.d]
+        # before the first step only components with an initial derivative have one
+        known = self.n > 0 or (self.equation.m == 1 and not self.equation.frame.speeds)
+        return slope if known else np.where(self.equation.highest_orders() > 1, slope, np.nan)
+
+    def _slopes(self):
+        """First derivative of all columns."""
+        return (self._march.increment + 0.5 * self._march.change) / self.steps.unit(self.n)
+
+    @property
+    def n_rhs(self):
+        """Calls of the right-hand side."""
+        return int(self._march.counts["rhs"])
+
+    @property
+    def n_modes(self):
+        """Modes held for each component."""
+        return self.memory.n_modes
+
+    @property
+    def trouble(self):
+        """Status and detail where the march cannot go on, else None."""
+        if self.error is not None:
+            return failed(self.error)
+        statuses = {BLOWN_UP: Status.BLOWN_UP, NOT_SOLVED: Status.NOT_SOLVED}
+        detail = "the matrix of a step is singular" if self.scheme.solve == "imex" else ""
+        return (statuses[self._status], detail) if self._status in statuses else None
+
+    @property
+    def instability(self):
+        """Status of steps beyond their stability limit, else None."""
+        if self._march.counts["zigzag"] >= 0:
+            return Status.ZIGZAG
+        unstable = self._watch.largest > 1 or self._march.counts["growth"] >= 0
+        return Status.STEP_TOO_LARGE if unstable else None
+
+    def remedy(self):
+        """Return a clause: what shows the instability, and what to take instead."""
+        seen = (int(self._march.counts[name]) for name in ("zigzag", "growth"))
+        return remedy_of(self.equation, self.scheme, self.h, self._watch, *seen)
+
+    @property
+    def misfit(self):
+        """By how much kernels miss the tolerance; empty where they keep it."""
+        return self._misfit
+
+    def stats(self):
+        """Counts and errors for the solution's stats."""
+        return {
+            "n_steps": self.n,
+            "n_rhs": self.n_rhs,
+            "n_factorised": int(self._march.counts["factorised"]),
+            "n_modes": self.n_modes,
+            "history_bytes": self.memory.nbytes,
+            "stiffness_ratio": self._watch.largest if self._watch.watches else np.nan,
+            "kernel_error": self.memory.kernel_errors.reported,
+        }
+
     def checkpoint(self):
         """Return copies of all that the march consists of, for `go_back` and `state`."""
         march = tuple(plain(part).copy() for part in self._march)
@@ -408,6 +333,98 @@ class FixedStepper(Stepper):
     def stands_at(self, t):
         """Return the time of the first step not before t."""
         return self.steps.time(self.steps.first_from(t))
+
+    def state(self):
+        """A `GivenState` from which a later run goes on bit for bit."""
+        march, memory, watched = self.checkpoint()
+        state = GivenState(
+            t=self.t,
+            n=self.n,
+            steps=self.steps.until(self.n),
+            y=self.y,
+            scheme=self.scheme,
+            history=self.history,
+            identity=self._identity(self.t),
+            block=self._block,
+            march=march,
+            memory=memory,
+            memory_steps=self._span,
+            watched=watched,
+        )
+        return complete(state)
+
+    def restore(self, state, allow_change=False):
+        """Take over where `state` was taken, of another right-hand side where that is allowed."""
+        changed = check_identity(state.identity, self._identity(state.t), allow_change)
+        self._take(state.march, state.memory, state.watched)
+        if changed:
+            self._march.counts["kept"] = 0
+            self._forget_explicit()
+        self._refactorise()
+
+    def _identity(self, t):
+        """Describe what a run to time t must share with one that resumes it."""
+        how = {"scheme": described(self.scheme), "history": described(self.history)}
+        return identity(self.equation, t, **how)
+
+    @property
+    def n_data(self):
+        """Number of initial data: d, and one more for each component of order above 1."""
+        return self.equation.d + self._with_speed.size
+
+    @property
+    def tangent(self):
+        """Derivatives of y, and of ydot where the order is above 1, shape (n_data, k); a copy."""
+        d = self._system.d
+        values, slopes = (
+            columns[d:].reshape(self.n_tangents, d).T for columns in (self._march.x, self._slopes())
+        )
+        return np.vstack([values[: self.equation.d], slopes[self._with_speed]])
+
+    def transform_tangent(self, matrix):
+        """Replace the tangents by linear combinations, ``tangent <- tangent @ matrix``.
+
+        Everything that is linear in them goes along: initial values, increments, the block under
+        way, and all of the memory. So the combinations are what a march from the combined initial
+        directions would have given.
+
+        Parameters
+        ----------
+        matrix : ndarray, shape (k, k)
+        """
+        matrix = np.ascontiguousarray(matrix, dtype=float)
+        how = self._system.d, int(self._lasting), matrix
+        transform_march(self._march, self.memory.arrays, *how)
+
+    def renormalise(self, pace):
+        """Let compiled code make tangents orthonormal from now on, when `pace` says."""
+        pace["lasting"] = self._lasting
+        self._grown: list[np.ndarray] = []
+        above, room = self._with_speed.astype(np.int64), np.empty((self.n_data, self.n_tangents))
+        march = loop_value(self._loop, MARCH_SIG)
+        self._loop = partial(_renormalising, march, pace, above, room, self._grown)
+
+    def grown(self):
+        """Return steps, and logarithms of the growth up to them, since the last call, (n, 1+k)."""
+        grown = np.vstack([np.empty((0, 1 + self.n_tangents)), *self._grown])
+        self._grown.clear()
+        return grown
+
+    @property
+    def lost(self):
+        """Whether tangents overflowed or vanished."""
+        return self._status == LOST
+
+    def parts(self):
+        """Every array of the march and its memory that is linear in the solution; not copies."""
+        march = self._march
+        others = {id(part) for part in (march.counts, march.monitor, march.newton)}
+        return [*(part for part in march if id(part) not in others), *self.memory.arrays]
+
+    @property
+    def uncertainty(self):
+        """Rounding errors of y, (d,)."""
+        return _ROUNDED * np.abs(self.y)
 
     def expect_moves(self, of_y):
         """Prepare for jumps of f, and of y if `of_y`: make few steps at once, or refuse."""
@@ -455,50 +472,33 @@ class FixedStepper(Stepper):
         """Set a parameter of the right-hand side, which jumps."""
         self._system.compiled_params[number] = value
 
-    def stats(self):
-        """Return counts and errors for the solution's stats."""
-        return {
-            "n_steps": self.n,
-            "n_rhs": self.n_rhs,
-            "n_factorised": int(self._march.counts["factorised"]),
-            "n_modes": self.n_modes,
-            "history_bytes": self.memory.nbytes,
-            "stiffness_ratio": self._watch.largest if self._watch.watches else np.nan,
-            "kernel_error": self.memory.kernel_errors.reported,
-        }
+    def plan_of_members(self, params, y0):
+        """Return the scheme's plan of members side by side, for `reset`.
 
-    def state(self):
-        """A `GivenState` from which a later run goes on bit for bit."""
-        march, memory, watched = self.checkpoint()
-        state = GivenState(
-            t=self.t,
-            n=self.n,
-            steps=self.steps.until(self.n),
-            y=self.y,
-            scheme=self.scheme,
-            history=self.history,
-            identity=self._identity(self.t),
-            block=self._block,
-            march=march,
-            memory=memory,
-            memory_steps=self._span,
-            watched=watched,
-        )
-        return complete(state)
+        `params` (E, p) and y0 (E, m, d). None where members must be planned one by one.
+        """
+        if self._block == 1:
+            return None
+        members = [displaced(self.equation, *member) for member in zip(y0, params, strict=True)]
+        return self._planned(side_by_side([self._inside(member) for member in members]))
 
-    def restore(self, state, allow_change=False):
-        """Take over where `state` was taken, of another right-hand side where that is allowed."""
-        changed = check_identity(state.identity, self._identity(state.t), allow_change)
-        self._take(state.march, state.memory, state.watched)
-        if changed:
-            self._march.counts["kept"] = 0
-            self._forget_explicit()
-        self._refactorise()
+    def reset(self, params, y0, plan=None, number=0):
+        """Stand at step 0, with other parameters (p,) and initial values (m, d); no tangents.
 
-    def _identity(self, t):
-        """Describe what a run to time t must share with one that resumes it."""
-        how = {"scheme": described(self.scheme), "history": described(self.history)}
-        return identity(self.equation, t, **how)
+        `plan`, where it is given, is that of members, and this is the one of that number.
+        """
+        self.equation = displaced(self.equation, y0, params)
+        self._system = self._inside(self.equation)
+        columns = slice(None)
+        if plan is None:
+            plan = self._planned(self._system)
+        else:
+            columns = slice(number * self._system.d, (number + 1) * self._system.d)
+        if self._block == 1:  # whose sums may be worked out on the way
+            self._begin(plan)
+        self._stand_at_start(plan, columns)
+        self._watch.largest = 0.0
+        self._status, self.error = RUNNING, None
 
 
 def _renormalising(march, pace, above, room, grown, *arguments):
