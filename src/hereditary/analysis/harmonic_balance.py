@@ -46,7 +46,7 @@ class Balance:
 
     def __init__(self, equation, frequency, along, harmonics):
         self._system = equation.enlarged.dense()
-        self._units = self._system.steps
+        self._units = self._system.positive_units
         self._frequency, self._along = frequency, along
         self._params, self._h, self.d = equation.compiled_params.copy(), harmonics, equation.d
         self.size, self._n = self.d * (2 * harmonics + 1), max(_SAMPLES * harmonics + 1, _FEWEST)

@@ -559,7 +559,7 @@ class Divergence:
         """Return the divergence at rows (k, d) of the orbit, the first one at mark n."""
         found, system = np.full(len(rows), self._constant), self._system
         rows = np.ascontiguousarray(rows)
-        how = n * self._h, self._h, rows, self._shares, system.steps
+        how = n * self._h, self._h, rows, self._shares, system.positive_units
         _add_traces(*system.compiled, *how, np.empty((system.d, system.d)), found)
         return found
 

@@ -208,7 +208,7 @@ class System:
         out = np.empty((d, d)) if structure is None else structure.entries.copy()
         y = np.array(y, dtype=float)
         rhs, jac, has_jac, params = self.compiled
-        units = self.steps if units is None else units
+        units = self.positive_units if units is None else units
         jacobian_at(rhs, jac, has_jac, float(t), y, params, units, out)
         return out if structure is None else structure.matrix(out[VALUES])
 
@@ -220,7 +220,7 @@ class System:
         return units_of(self.compiled_rhs, self.compiled_params, self.at_start)
 
     @property
-    def steps(self):
+    def positive_units(self):
         """Units of the components, 1 where there are none."""
         return np.where(self.units > 0, self.units, 1.0)
 

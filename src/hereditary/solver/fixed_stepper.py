@@ -152,7 +152,7 @@ class FixedStepper(Stepper):
         )
         self._march.monitor["turns"][: orders.size] = np.where(orders == 2, -1.0, 0.0)
         self._room = np.empty((N_ROOM, width))
-        self._room[UNITS, : self._system.d] = self._system.steps
+        self._room[UNITS, : self._system.d] = self._system.positive_units
 
     def set_breaks(self, times, t_end):
         """Let the steps beside these times see jumps from their own side."""
