@@ -38,8 +38,8 @@ BLOCK = 32
 # Relative rounding of y.
 _ROUNDED = 1e-13
 # Steps made at once, between two looks at Ctrl-C and the progress bar: as many as take this long,
-# but no more than whose rows stay in a near cache, that is so many numbers. Entering the compiled
-# march costs 0.04 ms.
+# but no more than whose rows stay in a near cache, that is so many numbers, and at least so many.
+# Entering the compiled march costs 0.04 ms.
 _SECONDS, _NUMBERS, _LEAST = 0.1, 1 << 15, 32
 # Steps made at once where an event may cut them short.
 _SHORT = 256
@@ -87,7 +87,8 @@ class FixedStepper(Stepper):
         self._block = 1 if plan.rows.last > 1 or plan.rows.times.size else block
         self._begin(plan)
         self._misfit = misfit_on_given_steps(self.memory.kernel_errors, history)
-        self._status, self._stretch, self._moved = RUNNING, Stretch(), False
+        self._status, self._moved = RUNNING, False
+        self._seconds, self._most = 0.0, _NUMBERS  # that a step takes; steps at once at the most
         self.error = None
         self._breaks: frozenset[int] = frozenset()
 
@@ -171,7 +172,7 @@ class FixedStepper(Stepper):
         right-hand side is kept in `error`; the steps before it are made.
         """
         n, d = self.n, self.equation.d
-        n_more = min(stop - n, self._stretch.steps(self._system))
+        n_more = min(stop - n, self._steps_at_once())
         began = time.perf_counter()
         rows, slopes = np.empty((2, n_more + 1 if keep else 0, d))
         if keep:
@@ -182,11 +183,24 @@ class FixedStepper(Stepper):
         except Exception as error:
             self.error = error
         made = self.n - n
-        self._stretch.note(time.perf_counter() - began, made)
+        self._seconds = max(time.perf_counter() - began, 1e-9) / max(made, 1)
         if not keep or made == 0:
             return None
         times = self.steps.times(np.arange(n, n + made + 1.0))
         return StepPieces(times, rows[: made + 1], slopes[: made + 1], starting, n)
+
+    def _steps_at_once(self):
+        """Return a number of steps, by the time of those before, or at first of one call of f."""
+        system = self._system
+        if self._seconds == 0.0:
+            began = time.perf_counter()
+            try:
+                system.force(0.0, system.at_start)
+            except Exception:  # the march meets it again, at its own time
+                return 1
+            self._seconds = max(time.perf_counter() - began, 1e-9)
+        most = min(max(_NUMBERS // system.d, _LEAST), self._most)
+        return int(min(max(_SECONDS / self._seconds, 1), most))
 
     def _march_to(self, n_end, rows, slopes):
         """March to step `n_end` and write rows (k, d) of the steps, or none for k = 0."""
@@ -428,7 +442,7 @@ class FixedStepper(Stepper):
 
     def expect_moves(self, of_y):
         """Prepare for jumps of f, and of y if `of_y`: make few steps at once, or refuse."""
-        self._stretch.keep_short()
+        self._most = _SHORT
         terms = [operator for operator, _ in self.equation.enlarged.left]
         if of_y and any(op.derivative == 0 or op.from_zero for op in terms):
             required = "change no y that a kernel or RiemannLiouville acts on, on given steps"
@@ -509,30 +523,3 @@ def _renormalising(march, pace, above, room, grown, *arguments):
         return grow(march, *arguments, pace, above, room, rows)
     finally:
         grown.append(rows[: pace["made"]])
-
-
-class Stretch:
-    """Steps to make at once, by the time that those before took."""
-
-    def __init__(self):
-        self._seconds, self.most = 0.0, _NUMBERS
-
-    def steps(self, system):
-        """Return the number of steps for a system; at first by the time of one call of f."""
-        if self._seconds == 0.0:
-            began = time.perf_counter()
-            try:
-                system.force(0.0, system.at_start)
-            except Exception:  # the march meets it again, at its own time
-                return 1
-            self.note(time.perf_counter() - began, 1)
-        most = min(max(_NUMBERS // system.d, _LEAST), self.most)
-        return int(min(max(_SECONDS / self._seconds, 1), most))
-
-    def keep_short(self):
-        """Make few steps at once."""
-        self.most = _SHORT
-
-    def note(self, seconds, made):
-        """Note the time that some steps took."""
-        self._seconds = max(seconds, 1e-9) / max(made, 1)
