@@ -188,14 +188,15 @@ class Stated(NamedTuple):
             jac = entries_of(jac, self.shape, linear is not None or t_start != 0)
         elif given and self.rows is not None and jac is not None:  # of few components
             table = Structure.of(d, self.rows, self.columns, self.places, None).entries
-            jac = dense_of(entries_of(jac, self.shape, False), table)
+            jac = dense_of(entries_of(jac, self.shape, False), table.tobytes(), table.shape)
         if linear is None and t_start == 0:
             return (params, rhs, jac), structure
         entries: Any = ()
         if linear is not None:
             rows = np.repeat(np.arange(d), np.diff(linear.indptr))
             entries = np.c_[rows, linear.indices, linear.data]
-        params, rhs, _ = affine((params, rhs or no_values(), None), d, d, entries, t_0=t_start)
+        rhs = rhs or as_value(_no_values, RHS_SIG)
+        params, rhs, _ = affine((params, rhs, None), d, d, entries, t_0=t_start)
         if given and structure is None:
             jac = slopes(jac or no_slopes())
         return (params, rhs, jac), structure
@@ -342,14 +343,12 @@ def entries_of(jac, shape, linear):
     return as_value(derived(entries), JAC_SIG)
 
 
-def dense_of(jac, table):
-    """Return a dense Jacobian from one that sets the values of entries, whose `table` is (5, k)."""
-    return _dense_of(jac, table.tobytes(), table.shape)
-
-
 @lru_cache(maxsize=64)
-def _dense_of(jac, content, shape):
-    """Return `dense_of`, compiled once for tables of this content."""
+def dense_of(jac, content, shape):
+    """Return a dense Jacobian from one that sets the values of entries.
+
+    Bytes and shape (5, k) are those of their table: it is compiled once for each content.
+    """
     table = np.frombuffer(content).reshape(shape).copy()
 
     def dense(t, y, out, params):
@@ -382,11 +381,6 @@ def _no_values(t, y, out, params):
 def _no_slopes(t, y, out, params):
     """Set the Jacobian to 0."""
     clear_matrix(out)
-
-
-def no_values():
-    """Return the right-hand side 0."""
-    return as_value(_no_values, RHS_SIG)
 
 
 def no_slopes():
