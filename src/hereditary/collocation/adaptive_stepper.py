@@ -21,7 +21,7 @@ from ..compiled.adaptive import (
 )
 from ..compiled.error_estimate import LEAST
 from ..compiled.mode_tables import empty_tables, floor_to_grid
-from ..compiled.rows import POSITION, PRIMARY
+from ..compiled.rows import FORCE, POSITION, PRIMARY
 from ..compiled.structures import (
     ExponentialBasis,
     Limits,
@@ -34,6 +34,7 @@ from ..compiled.structures import (
     restored_state,
 )
 from ..equation.system import refuse_late
+from ..functions.differences import wrong_jacobian
 from ..kernels.memory_kernel import warn_of_fit
 from ..schemes.steps import breaks_ahead
 from ..solver.state import (
@@ -63,6 +64,8 @@ MAX_STEPS = 1_000_000
 # Longest step where the solution is at rest, as fraction of the run; a longer one could miss a
 # force that sets in later.
 _DORMANT = 1 / 32
+# Longest first step at rest, as fraction of that: the nodes of first steps are further apart.
+_FIRST_AT_REST = 1 / 16
 # A run stalls if in so many consecutive stretches of 200 steps or more the solution changes by less
 # than the fraction _STILL, the last stretch covers no more than twice the time of the first, and
 # more steps would be needed than _MOST_STEPS, or than are left if more than the fraction _REFUSED
@@ -241,9 +244,13 @@ class KeptTables:
 kept_tables = KeptTables()
 
 
-# Fraction of the tolerance that one step may err by, and fraction of that for the modes: errors add
-# up along periodic and chaotic orbits (convergence/collocation.py).
-STEP_FRACTION, _MODES_FRACTION = 0.1, 0.01
+# Fraction of the tolerance that one step may err by, and fraction of that for the modes. Errors of
+# modes add up along undamped orbits: with 1e-2 in place of 1e-4 D^0.5 y = 10 (y1 - y2, y1 + y2)
+# errs by 23 tolerances after 3,180 periods, and P1 to P6 take the same time.
+STEP_FRACTION, _MODES_FRACTION = 0.1, 1e-4
+# What errors add up to if nothing damps them (convergence/undamped.py): the error of the modes
+# times this for each size of y by which y moves, and rounding for each step.
+_OF_MODES, _OF_ROUNDING = 5.0, 1e-15
 # Fraction of rtol that counts relative to the size of a component, where no atol is given.
 OF_SIZE = 0.01
 # Power q of the variable from which on errors are estimated too small, for u**q changes next to the
@@ -330,6 +337,7 @@ class AdaptiveStepper(Stepper):
         self._state = initial_state(t_end, *np.abs([self._orbit.p[0], self._orbit.x[0]]))
         self._at_singular_start, self._largest_error = True, 0.0
         self._peak = np.zeros((2, system.d))  # of p and y at the starts of steps
+        self._moved = np.zeros(system.d)  # sum of |changes of y|
         self.ending = Ending()
         self._limit_steps(t_end)
         self._prefit_kernels(t_end)
@@ -403,6 +411,7 @@ class AdaptiveStepper(Stepper):
             status = CRAWLING
         at_starts = np.abs(steps.at_starts[:n]).max(axis=0, initial=0.0)  # y, then p
         self._peak = np.maximum(self._peak, at_starts[::-1])
+        self._moved += np.abs(np.diff(steps.at_starts[:n, 0], axis=0)).sum(axis=0)
         if status not in (REACHED, FULL, TOO_CLOSE):
             lengths, last = (self._control["last"], self._control["next"]), self._orbit.last[0]
             self.ending = ending(status, self._system, self.t, *lengths, last, self._peak)
@@ -481,12 +490,14 @@ class AdaptiveStepper(Stepper):
         units = np.where(units > LEAST, units, 1.0)
         limits = self.pace.longest[0], self._farthest / _LARGEST_RATIO
         how = t, left, *limits, self._state.counts, units
-        self.ending = TOO_STEEP
+        self.ending, at_rest = TOO_STEEP, _FIRST_AT_REST * self.pace.longest[1]
         self._set_origin(t)
         for h, variable in trials(self._system, form, orbit, *how):
             # no tiny remainder is left before the stop
             h = min(h, 0.5 * left) if h < left else h
             steps, values = self._try_step(h, variable, t_stop)
+            if values is not None and h > at_rest and not values[0, FORCE].any():
+                continue
             if values is not None:
                 self._largest_error = max(self._largest_error, float(steps.errors[0]))
                 self.ending = Ending()
@@ -686,11 +697,14 @@ class AdaptiveStepper(CollocationMarch, Stepper):
         """Status and detail where the march cannot go on, else None."""
         if self.error is not None:
             return failed(self.error)
-        if self.ending.status is not None:
-            return self.ending
-        if self.pace.used_up(self.n_steps) and self.t < self._t_end:
-            return Status.MAX_STEPS, f"{self.n_steps} in all"
-        return None
+        ended = self.ending if self.ending.status is not None else None
+        if ended is None and self.pace.used_up(self.n_steps) and self.t < self._t_end:
+            ended = Ending(Status.MAX_STEPS, f"{self.n_steps} in all")
+        if ended is None or ended.status is Status.BLOWN_UP or not self._system.has_jac:
+            return ended
+        rhs, jac, _, params = self._system.compiled
+        at = self._orbit.x[0], params, self._system.structure, self.t
+        return ended._replace(detail=wrong_jacobian(rhs, jac, *at) or ended.detail)
 
     @property
     def misfit(self):
@@ -711,8 +725,15 @@ class AdaptiveStepper(CollocationMarch, Stepper):
             "n_modes": self.n_modes,
             "history_bytes": self._orbit.modes.nbytes,
             "kernel_error": self._orbit.kernels.errors.reported,
-            "error_estimate": max(self._largest_error, STEP_FRACTION) * self._tolerances[0],
+            "error_estimate": self._error_estimate(),
         }
+
+    def _error_estimate(self):
+        """Return the largest error of a step plus what adds up where nothing damps errors."""
+        of_steps = max(self._largest_error, STEP_FRACTION) * self._tolerances[0]
+        moved = np.max(self._moved / np.maximum(self._state.sizes, LEAST))
+        of_modes = _OF_MODES * self._orbit.power_laws.error * moved
+        return float(of_steps + of_modes + _OF_ROUNDING * self.n_steps)
 
     def state(self):
         """Return an `AdaptiveState` from which a later run continues."""

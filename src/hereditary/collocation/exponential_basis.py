@@ -29,6 +29,8 @@ _DECAYED = 35.0
 # Power laws with exponents below this are nearly constant and fitted to a tolerance of their
 # variation: an oscillation that hardly decays accumulates their errors. Least tolerance.
 _VARYING, _LEAST_TOL = 0.05, 1e-17
+# Relative error of sums that rounding leaves.
+_ROUNDING = 2e-14
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,8 +87,25 @@ class PowerLawBasis(GridBasis):
     weights: np.ndarray
     fraction: float
 
-    def _down_to(self, closest):
-        return power_law_basis(self.orders, closest, self.farthest, self.tol, self.fraction)
+    @property
+    def error(self) -> float:
+        """Largest relative error of the sums; 0 for constant kernels alone."""
+        exponents = _exponents(self.orders)
+        return max(_effective_tol(exponents, self.tol), _ROUNDING) if any(exponents) else 0.0
+
+    def refine(self, closest: float) -> PowerLawBasis:
+        """Return a basis that holds down to `closest`; its first rates are those of this one."""
+        exponents = _exponents(self.orders)
+        spacing = grid_spacing(exponents, _effective_tol(exponents, self.tol), self.fraction)
+        if not np.isfinite(spacing):  # constant kernels alone
+            return power_law_basis(self.orders, closest, self.farthest, self.tol)
+        factor = math.exp(spacing * math.ceil(math.log(self.closest / closest) / spacing))
+        closest = self.closest / factor
+        basis = power_law_basis(self.orders, closest, self.farthest, self.tol, self.fraction)
+        n = self.rates.size
+        if basis.rates.size < n or not np.allclose(basis.rates[:n], self.rates, rtol=1e-6, atol=0):
+            raise ArithmeticError(f"no basis from {closest} on extends that from {self.closest}")
+        return basis
 
 
 def power_law_basis(orders, closest, farthest, tol, fraction=None):

@@ -25,8 +25,9 @@ _CHECK_BEYOND, _UNSOLVED = 100.0, 10.0
 # Number of tolerances by which the polynomial may miss the start; stiff systems miss it by
 # rounding.
 _MISSED = 10.0
-# Tolerances of y at the start of a step that its error may be: y may grow by decades in a first step, and
-# early times have their own tolerance (orders 0.0158 and 1 - 1e-8 err there by 1.8 tolerances without).
+# Step tolerances of y at the start of a step that its error may be, for y may grow by decades in a
+# first step (orders 0.0158 and 1 - 1e-8 err by 1.8 tolerances at early times without). Fraction of
+# the largest y of a step that rounding hides.
 _AT_START, _ROUNDING_OF_STEP = 5.0, 1e-13
 # Fraction of the tolerance of y by size that an error of y' may move y over the run.
 OF_SPEED = 4.0

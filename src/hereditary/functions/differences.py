@@ -25,7 +25,13 @@ _FIRST_STEP, _APART, _MOST_TRIALS, _CLEAR = 1e-3, 1024.0, 12, 1e-5
 
 
 def check_jacobian(rhs, jac, y0, params, structure=None):
-    """Refuse a Jacobian that is not the derivative of the right-hand side near y0, at t = 0.
+    """Refuse a Jacobian that is not the derivative of the right-hand side near y0, at t = 0."""
+    if found := wrong_jacobian(rhs, jac, y0, params, structure):
+        raise ValueError(found)
+
+
+def wrong_jacobian(rhs, jac, y0, params, structure=None, t=0.0):
+    """Return a complaint of a Jacobian that is not the derivative of `rhs` near y0; else "".
 
     Its products with directions are compared with differences of `rhs` along them. Directions are
     the axes for a dense Jacobian, and a random one where entries have a `structure`; without `jac`
@@ -40,6 +46,8 @@ def check_jacobian(rhs, jac, y0, params, structure=None):
         Compiled, filling their third argument.
     y0, params : ndarray, shape (d,) and (p,)
     structure : Structure, optional
+    t : float
+        Time since the start.
     """
     random = np.random.default_rng(0)
     units = units_of(rhs, params, y0)
@@ -54,27 +62,28 @@ def check_jacobian(rhs, jac, y0, params, structure=None):
             signs = random.choice([-1.0, 1.0], y0.size)
             directions = (signs * random.uniform(0.5, 1.0, y0.size) * scale)[None]
             lengths = np.ones(1)
-        trial = _deviation(rhs, jac, structure, y, params, units, directions, lengths)
+        trial = _deviation(rhs, jac, structure, t, y, params, units, directions, lengths)
         if trial is not None:
             found.append(trial)
     counts = sum(wrong.astype(int) for wrong, _, _ in found) if found else np.zeros((1, 1))
     if counts.max() < 2:
-        return
+        return ""
+    where = "near y0 at the start" if t == 0 else "where the run ends"
     i, j = np.unravel_index(np.argmax(counts), counts.shape)
     if structure is None:
         given, expected = next((g[i, j], e[i, j]) for wrong, g, e in found if wrong[i, j])
-        got = f"{given:.6g} in row {i}, column {j}, near y0 at the start"
+        got = f"{given:.6g} in row {i}, column {j}, {where}"
         required = f"hold d rhs[i] / d y[j] = {expected:.6g}"
         remedy = "check signs and whether it is transposed, or leave jac out for differences"
     else:
-        got = f"others in row {i}, near y0 at the start"
+        got = f"others in row {i}, {where}"
         required = "hold every entry of d rhs / d y that differs from 0"
         remedy = "differences along a random direction tell so"
     name = "jac_sparsity or bandwidth" if jac is None else "jac"
-    raise ValueError(complaint(name, required, got, remedy))
+    return complaint(name, required, got, remedy)
 
 
-def _deviation(rhs, jac, structure, y, params, units, directions, lengths):
+def _deviation(rhs, jac, structure, t, y, params, units, directions, lengths):
     """Return which products are wrong, the given ones and differences, (d, n); None for unknown.
 
     Parameters
@@ -86,13 +95,13 @@ def _deviation(rhs, jac, structure, y, params, units, directions, lengths):
     values, shifts = np.empty((2, 2, *directions.shape)), lengths[:, None] * directions
     try:
         if jac is None:
-            jacobian_at(rhs, as_value(no_jacobian, JAC_SIG), 0, 0.0, y, params, units, entries)
+            jacobian_at(rhs, as_value(no_jacobian, JAC_SIG), 0, t, y, params, units, entries)
         else:
-            jac(0.0, y.copy(), entries, params)
+            jac(t, y.copy(), entries, params)
         for step, (above, below) in zip(_STEPS, values, strict=True):
             for up, down, shift in zip(above, below, step * shifts, strict=True):
-                rhs(0.0, y + shift, up, params)
-                rhs(0.0, y - shift, down, params)
+                rhs(t, y + shift, up, params)
+                rhs(t, y - shift, down, params)
     except Exception:  # y lies outside of the domain of the functions
         return None
     given, sizes = entries, np.abs(entries)
