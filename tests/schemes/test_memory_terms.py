@@ -190,7 +190,7 @@ def test_kernels_that_oscillate_keep_the_tolerance(name, rtol):
     assert abs(sol.y[-1, 0] - SWUNG) < rtol
 
 
-@pytest.mark.parametrize("history", [hd.Direct(), hd.FFT()], ids=str)
+@pytest.mark.parametrize("history", [hd.Direct(), hd.FFT(), hd.SumOfExponentials()], ids=str)
 @pytest.mark.parametrize("name", OSCILLATING)
 def test_kernels_that_oscillate_on_given_steps(name, history):
     way = {"scheme": hd.L1(), "history": history}
@@ -199,8 +199,34 @@ def test_kernels_that_oscillate_on_given_steps(name, history):
     ]
     assert errors[0] < 1e-4
     assert abs(np.log2(errors[0] / errors[1]) - 1) < 0.15  # the order of L1 at integers
-    with pytest.raises(ValueError, match=r"history must be FFT\(\) or Direct\(\) .* Collocation"):
-        swung(OSCILLATING[name], n_steps=100)
+
+
+TURNING = {
+    "explicit": (hd.Caputo(1.7) + hd.Memory(OSCILLATING["pair"], 1), hd.ExplicitCaputo()),
+    "implicit": (hd.Caputo(0.6) + hd.Memory(OSCILLATING["function"], 1), hd.L1()),
+    "of y": (hd.Caputo(2) + hd.Memory(OSCILLATING["pair"], 0), hd.ExplicitCaputo()),
+    "two kernels": (hd.Memory(OSCILLATING["pair"], 0) + hd.Memory(PRONY, 1), hd.L1()),
+}
+
+
+@pytest.mark.parametrize("name", TURNING)
+def test_modes_that_turn_sum_what_direct_sums_do(name):
+    terms, scheme = TURNING[name]
+    y0 = [1.0, 0.5] if scheme == hd.ExplicitCaputo() else 1.0
+    eq = hd.Equation(terms, lambda t, y: np.sin(t) - y**3, y0)
+    modes = {"scheme": scheme, "history": hd.SumOfExponentials(tol=1e-12, horizon=30.0)}
+    direct = hd.solve(eq, 30.0, 3000, scheme=scheme, history=hd.Direct())
+    found = hd.solve(eq, 30.0, 3000, **modes)
+    np.testing.assert_allclose(found.y, direct.y, rtol=0, atol=1e-11)
+    half = hd.solve(eq, 15.0, 1500, **modes)
+    np.testing.assert_array_equal(hd.solve(eq, 30.0, resume=half.state).y[-1], found.y[-1])
+
+
+def test_modes_that_turn_take_tangents_with_them():
+    eq = hd.Equation(hd.Caputo(1) + hd.Memory(OSCILLATING["pair"], 0), lambda t, y: 0 * y, 1.0)
+    way = {"scheme": hd.L1(), "verify": False}
+    grown = hd.lyapunov(eq, 50.0, 1000, **way).exponents[0]
+    assert abs(np.exp(50 * grown) - hd.solve(eq, 50.0, 1000, scheme=hd.L1()).y[-1, 0]) < 1e-10
 
 
 @pytest.mark.parametrize("name", OSCILLATING)

@@ -28,13 +28,15 @@ def exchange_modes(lag, pieces, n, groups, tables, memory):
 
     A mode of rate s holds ``Z = sum_k q**(k_newest - k) u_k`` with q = exp(-s h); the memory of a
     block's worth of steps ahead is one product of mode amplitudes with a table of powers of q.
+    Complex rates come in conjugate pairs: the real part and the imaginary part of Z are two modes.
     Where a scheme's first weights are no sum of exponentials, a window of the newest pieces adds
     what lacks.
     """
     # lag (W, B), pieces (W, B + 1); memory: modes (W, M), of each start value (W, V M), and the
     #   newest pieces (W, L)
     # tables: weights (C, M), start_weights (V C, M), ahead (M, B), keep (B + 1, M) with last row
-    #   q**B, corrections (C, L + 2) of the weights k = 2 .. L + 1
+    #   q**B, corrections (C, L + 2) of the weights k = 2 .. L + 1; behind the first `length` modes
+    #   the columns of all tables, and rows of ahead, are real parts, then imaginary parts
     weights, start_weights, ahead, back = (
         tables.weights, tables.start_weights, tables.ahead, tables.keep,
     )  # fmt: skip
@@ -42,24 +44,22 @@ def exchange_modes(lag, pieces, n, groups, tables, memory):
         memory.modes, memory.starts, memory.pieces, tables.corrections,
     )  # fmt: skip
     n_block, n_modes, n_groups = lag.shape[1], modes.shape[1], weights.shape[0]
-    amplitudes, n_starts = np.empty(n_modes), start_weights.shape[0] // n_groups
+    amplitudes, product = np.empty(n_modes), np.empty(n_modes)
+    n_starts, n_real = start_weights.shape[0] // n_groups, tables.length
     if not np.any(start_weights):
         n_starts = 0
     for c in range(lag.shape[0]):
-        w = weights[groups[c]]
         if n > 0:
-            for i in range(n_modes):
-                modes[c, i] *= back[n_block, i]
+            multiply(modes[c], back[n_block], n_real, modes[c])
             add_rows(modes[c], pieces[c, :n_block], back[:n_block])
-        for i in range(n_modes):
-            amplitudes[i] = w[i] * modes[c, i]
+        multiply(modes[c], weights[groups[c]], n_real, amplitudes)
         for v in range(n_starts):
-            s = start_weights[v * n_groups + groups[c]]
             mine = start[c, v * n_modes : (v + 1) * n_modes]
+            if n > 0:
+                multiply(mine, back[n_block], n_real, mine)
+            multiply(mine, start_weights[v * n_groups + groups[c]], n_real, product)
             for i in range(n_modes):
-                if n > 0:
-                    mine[i] *= back[n_block, i]
-                amplitudes[i] += s[i] * mine[i]
+                amplitudes[i] += product[i]
         add_rows(lag[c], amplitudes, ahead)
         if window.shape[1] > 0:
             slide(window[c], pieces[c, :n_block])
@@ -80,6 +80,18 @@ def exchange_rows(lag, pieces, n, groups, tables, memory):
             modes[c, m] = keep[m] * modes[c, m] + take[m] * pieces[c, 0]
             total += weights[m] * modes[c, m]
         lag[c, 0] += total
+
+
+@inner
+def multiply(modes, factors, n_real, out):
+    """Set out to modes times factors, real numbers and then the parts of complex ones."""
+    # all (M,)
+    for i in range(n_real):
+        out[i] = factors[i] * modes[i]
+    half = (modes.shape[0] - n_real) // 2
+    for i in range(n_real, n_real + half):
+        a, b, x, y = factors[i], factors[i + half], modes[i], modes[i + half]
+        out[i], out[i + half] = a * x - b * y, a * y + b * x
 
 
 @inner

@@ -22,12 +22,11 @@ _EMPTY = np.zeros((1, 0))
 class Tables(NamedTuple):
     """Tables of a memory; a history sets those that it reads (compiled/past.py).
 
-    - first: the first of the steps that have rows of their own; rows: rows of each group.
-    - length: of a batch of steps, or of a grid of rates.
-    - weights, start_weights: of pieces or modes, and of start values.
-    - keep, take: factors of modes in a step, and of the piece that they absorb.
-    - ahead: powers of `keep`; corrections: of the first weights.
-    - derivatives, amplitudes, room: for orders that vary.
+    The first of the steps that have rows of their own, and the number of rows of each group; the
+    length of a stretch, or of a grid of rates, or the number of real rates; weights of pieces or
+    modes, and of start values; what modes keep of themselves and take of a piece; powers of what
+    they keep; corrections of the first weights; of orders that vary, the derivatives in the terms,
+    amplitudes, and room.
     """
 
     first: int = 0

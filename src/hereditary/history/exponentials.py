@@ -47,12 +47,12 @@ class SumOfExponentials(History):
 
     Error
     -----
-    The relative error of each kernel is at most `tol` at all time lags from one step to the
-    horizon. All weights are positive, so a decaying memory decays for any `tol`
-    (convergence/memory_is_nearly_free.py). If no sum reaches `tol` for a function or a table, the
-    closest one is used. Then a `KernelWarning` appears before the run, and
-    ``stats["kernel_error"]`` is its error. For a function with an error above both `tol` and 1e-6
-    the run ends with the status `kernel_inaccurate`.
+    Each kernel is reproduced to `tol` relative at every distance from one step to the horizon; all
+    weights but those of signed kernels are positive, so a decaying memory stays one for any `tol`
+    (convergence/memory_is_nearly_free.py). A function or a table that no sum follows so closely is
+    followed as closely as can be: a `KernelWarning` says so before the run, and
+    ``stats["kernel_error"]`` how closely. A run with a function that is followed less closely than
+    to `tol` and to 1e-6 ends as KERNEL_INACCURATE.
 
     Cost
     ----
@@ -127,18 +127,27 @@ def _tabulated(convolution, covered, tol, n_block):
     """Work out the tables of a convolution over so many steps, for blocks of `n_block` steps."""
     rates, bank, pad, errors = _bank(convolution, covered, float(tol))
     shares, start_shares = convolution.modal(bank, 2, 0)
-    ahead, back = _powers(rates, n_block)
+    ahead = _powers(rates, n_block)
     block_weights, block_start_weights = convolution.exact(n_block + 2)
     first = convolution.first_modal
     corrections = np.zeros((shares.shape[0], first))
-    corrections[:, 2:] = (
-        convolution.exact(first)[0][:, 2:] - shares @ _powers(rates, first)[0][:, : first - 2]
-    )
-    block_weights[:, 2:] = shares @ ahead
+    corrections[:, 2:] = convolution.exact(first)[0][:, 2:]
+    corrections[:, 2:] -= (shares @ _powers(rates, first)[:, : first - 2]).real
+    block_weights[:, 2:] = (shares @ ahead[:, :-1]).real
     n_short = min(first, n_block + 2)
     block_weights[:, :n_short] += corrections[:, :n_short]
-    block_start_weights[:, 2:n_block] = (start_shares @ ahead)[:, 2:]
-    tables = Tables(0, 1, 0, shares, start_shares, back, ahead=ahead, corrections=corrections)
+    block_start_weights[:, 2:n_block] = (start_shares @ ahead[:, :-1]).real[:, 2:]
+    # the march sets all modes of a start value to it, also the imaginary parts
+    start_shares = start_shares / np.where(rates.imag != 0, 1 + 1j, 1)
+    back = np.vstack([ahead[:, :-1].T[::-1], ahead[:, -1]])
+    n_real = rates.size - np.count_nonzero(rates.imag)
+    weights, start_weights, keep, ahead = (
+        np.ascontiguousarray(np.hstack([table.real, table.imag[:, n_real:]]))
+        for table in (shares, start_shares, back, ahead[:, :-1].T.conj())
+    )
+    modal = {"weights": weights, "start_weights": start_weights, "keep": keep}
+    ahead = np.ascontiguousarray(ahead.T)
+    tables = Tables(length=n_real, ahead=ahead, corrections=corrections, **modal)
     return _Tabulated(tables, (block_weights, block_start_weights), pad, errors)
 
 
@@ -230,24 +239,29 @@ def _bank(convolution, covered, tol):
     exponents, kernels = convolution.exponents(), convolution.kernels()
     fits = [fit_unit(exponents, covered, tol)[:2]]
     sums = [kernel.exponentials(covered, tol) for kernel in kernels]
-    fits += [(found.rates, found.weights[None]) for found in sums]
-    n_rates = sum(rates.size for rates, _ in fits)
-    pad = -n_rates % _PAD
+    fits += [_one_of_each_pair(found.rates, found.weights[None]) for found in sums]
+    pad = -sum(rates.size + np.count_nonzero(rates.imag) for rates, _ in fits) % _PAD
     rates = np.concatenate([*(rates for rates, _ in fits), np.zeros(pad)])
+    order = np.argsort(rates.imag != 0, kind="stable")
     bank, offset = {}, 0
     for keys, (own, weights) in zip((exponents, *((k,) for k in kernels)), fits, strict=True):
         for key, row in zip(keys, weights, strict=True):
-            bank[key] = (rates, np.zeros(rates.size))
-            bank[key][1][offset : offset + own.size] = row
+            every = np.zeros(rates.size, dtype=rates.dtype)
+            every[offset : offset + own.size] = row
+            bank[key] = rates[order], every[order]
         offset += own.size
-    return rates, bank, pad, KernelErrors.of([own.kernel for own in kernels], sums)
+    return rates[order], bank, pad, KernelErrors.of([own.kernel for own in kernels], sums)
 
 
-def _powers(rates, n_block):
-    """Return ahead[i, j] = q_i**j, and back[k, i] = q_i**(B-1-k) with q_i**B as last row."""
-    steps = np.arange(n_block + 1)
-    powers = np.exp(-np.multiply.outer(rates, steps))
-    powers[powers < 1e-290] = 0.0  # products with subnormal numbers take a hundred times as long
-    ahead = np.ascontiguousarray(powers[:, :n_block])
-    back = np.vstack([powers[:, :n_block].T[::-1], powers[:, n_block]])
-    return ahead, np.ascontiguousarray(back)
+def _one_of_each_pair(rates, weights):
+    """Return real rates and one of each conjugate pair, which weighs twice in real parts."""
+    kept = rates.imag >= 0
+    return rates[kept], (weights * np.where(rates.imag > 0, 2, 1))[:, kept]
+
+
+def _powers(rates, n):
+    """Return powers q**0 .. q**n of ``q = exp(-rates)``, shape (M, n + 1)."""
+    powers = np.exp(-np.multiply.outer(rates, np.arange(n + 1)))
+    # products with subnormal numbers take a hundred times as long
+    powers[np.abs(powers) < 1e-290] = 0.0
+    return powers

@@ -115,12 +115,13 @@ class Integrated:
     def closest_fit(self, t_min, t_max, tol):
         """Fit an exponential sum, a constant among it: the kernel's, integrated from t_min."""
         fit = self.kernel.closest_fit(t_min, t_max, tol, fading=True)
-        if np.any(fit.rates <= 0):
+        if np.any(fit.rates == 0):
             required = "decay where y itself is remembered (derivative 0)"
             remedy = "make the integral of y a component"
             raise ValueError(complaint("kernel", required, f"{self.kernel!r}", remedy))
         shares = fit.weights / fit.rates
-        constant = float(self.kernel.integral(t_min)) + shares @ np.exp(-fit.rates * t_min)
+        constant = float(self.kernel.integral(t_min))
+        constant += (shares @ np.exp(-fit.rates * t_min)).real
         rates, weights = np.append(0.0, fit.rates), np.append(constant, -shares)
         return ExponentialSum(rates, weights, t_min, t_max, fit.max_error)
 
@@ -188,7 +189,4 @@ def _exponentials(kernel, n_steps, tol):
     end = min(kernel.h * max(n_steps, 2), kernel.kernel.t_last)
     start = min(kernel.h, end / 2)  # runs of one step read nothing of it
     fit = kernel.kernel.closest_fit(start, end, tol)
-    if np.iscomplexobj(fit.rates):
-        required = "be FFT() or Direct() for a kernel that oscillates"
-        raise ValueError(complaint("history", required, "modes", "or use Collocation"))
     return replace(fit, rates=fit.rates * kernel.h)
