@@ -54,6 +54,8 @@ class Kernel(MemoryKernel):
     True
     """
 
+    by_values = True
+
     def __init__(
         self,
         function: Callable[..., ArrayLike],
@@ -84,11 +86,6 @@ class Kernel(MemoryKernel):
     def singular_exponent(self) -> float:
         """As given, or as read off the function."""
         return self._exponent
-
-    @property
-    def by_values(self) -> bool:
-        """True: a function is."""
-        return True
 
     def __call__(self, t: ArrayLike) -> np.ndarray:
         """Return the kernel values, the shape of `t`."""
@@ -193,6 +190,8 @@ class TabulatedKernel(Kernel):
     (True, True)
     """
 
+    measured = True
+
     def __init__(self, t: ArrayLike, values: ArrayLike) -> None:
         times, kernel = real_array("t", t), real_array("values", values)
         if times.ndim != 1 or times.shape != kernel.shape or times.size < 4:
@@ -219,11 +218,6 @@ class TabulatedKernel(Kernel):
     def t_last(self) -> float:
         """The last time of the table."""
         return float(self._t[-1])
-
-    @property
-    def measured(self) -> bool:
-        """True: runs warn of the misfit at the data, and succeed."""
-        return True
 
     def __call__(self, t: ArrayLike) -> np.ndarray:
         """Return the kernel values, the shape of `t`; up to the last time of the table."""

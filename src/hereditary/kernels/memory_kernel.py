@@ -171,11 +171,7 @@ class _Exponentials(MemoryKernel):
 
     rates: np.ndarray | tuple[complex, ...]
     weights: np.ndarray | tuple[complex, ...]
-
-    @property
-    def singular_exponent(self) -> float:
-        """0: the sum is finite at 0."""
-        return 0.0
+    singular_exponent = 0.0
 
     def __call__(self, t: ArrayLike) -> np.ndarray:
         """Return values of the sum, in the shape of `t`."""

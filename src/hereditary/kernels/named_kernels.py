@@ -229,15 +229,11 @@ class StretchedExponential(MemoryKernel):
 
     exponent: float
     rate: float
+    singular_exponent = 0.0
 
     def __post_init__(self):
         within("exponent", self.exponent, 0.01, 1.0, "[0.01, 1]")
         positive("rate", self.rate)
-
-    @property
-    def singular_exponent(self) -> float:
-        """0: the kernel is 1 at 0."""
-        return 0.0
 
     @property
     def generators(self) -> tuple[float, ...]:
@@ -278,15 +274,11 @@ class MittagLeffler(MemoryKernel):
 
     order: float
     rate: float
+    singular_exponent = 0.0
 
     def __post_init__(self):
         within("order", self.order, 0.01, 1.0, "[0.01, 1]")
         positive("rate", self.rate)
-
-    @property
-    def singular_exponent(self) -> float:
-        """0: the kernel is 1 at 0."""
-        return 0.0
 
     @property
     def generators(self) -> tuple[float, ...]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from operator import attrgetter
 
 import numpy as np
 
@@ -88,20 +89,9 @@ class Integrated:
 
     kernel: MemoryKernel
 
-    @property
-    def t_last(self):
-        """As for the kernel."""
-        return self.kernel.t_last
-
-    @property
-    def by_values(self):
-        """Whether only the kernel's values are known."""
-        return self.kernel.by_values
-
-    @property
-    def measured(self):
-        """Whether the kernel's values are measured."""
-        return self.kernel.measured
+    t_last = property(attrgetter("kernel.t_last"))
+    by_values = property(attrgetter("kernel.by_values"))
+    measured = property(attrgetter("kernel.measured"))
 
     def __call__(self, t):
         """Return values of the kernel."""
