@@ -147,7 +147,7 @@ def test_classical_oscillator(friction):
 @pytest.mark.parametrize("scale", exact._SCALES)
 def test_a_node_may_lie_on_a_pole(scale):
     """Then another scale is taken."""
-    nodes = exact._ZETA[exact._ZETA.real < -0.01][:20]
+    nodes = exact.ZETA[exact.ZETA.real < -0.01][:20]
     for node in nodes:
         pole, t = node / abs(node), scale * abs(node)
         x = exact.oscillator(2.0, 1.0, -2 * pole.real, 1.0, 0.0, 1.0)(t)[0]

@@ -25,6 +25,7 @@ from .history.direct import Direct
 from .history.exponentials import SumOfExponentials
 from .history.fft import FFT
 from .ivp import solve_ivp
+from .kernels.laplace import kernel_from_laplace
 from .kernels.measured import Kernel, TabulatedKernel
 from .kernels.memory_kernel import (
     ExponentialSum,
@@ -115,6 +116,7 @@ __all__ = [
     "fit_exponentials",
     "frequency_response",
     "graded",
+    "kernel_from_laplace",
     "lyapunov",
     "maxima",
     "memory_term",

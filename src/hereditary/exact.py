@@ -20,6 +20,7 @@ from scipy.special import gamma as gamma_function
 
 from .equation.orders import derivative_order, orders_up_to_2
 from .equation.statement import initial_values
+from .kernels.laplace import WEIGHTS, ZETA
 from .support.checks import complaint, real, real_array, within
 
 try:
@@ -29,12 +30,8 @@ except ImportError as error:
 
 Solution = Callable[[ArrayLike], np.ndarray]
 
-# The hyperbola zeta = 1 + sin(i theta - 0.8), s = scale zeta / t, nodes theta = (k + 1/2) step. Its
-# three errors (towards the cut, to the right, truncation) are below 1e-15 for every scale, rounding
-# grows by exp(scale (1 - sin 0.8)) <= 33. Each time takes the scale whose nodes avoid the poles.
-_STEP, _NODES, _SCALES = 0.055, 54, (6.0, 7.2, 8.6, 10.3, 12.4)
-_THETA = 1j * (np.arange(_NODES) + 0.5) * _STEP - 0.8
-_ZETA, _WEIGHTS = 1 + np.sin(_THETA), _STEP / np.pi * np.cos(_THETA)
+# Scales of the hyperbola: each time takes the one whose nodes avoid the poles.
+_SCALES = (6.0, 7.2, 8.6, 10.3, 12.4)
 # Poles of larger argument, and those below this times scale / t, stay left of the hyperbola.
 _TOP, _TINY = math.pi - 0.03, 0.1
 # Poles closer than this in log s are refused: their residues lose eps / distance**2.
@@ -325,7 +322,7 @@ class _Transform:
             z = np.multiply.outer(t[start : start + block], self.poles)
             # distances of nodes to the poles split off, relative to these
             far = [np.where(np.abs(z) > _TINY * s, z, 1e6)[..., None] for s in _SCALES]
-            gaps = [np.abs(_ZETA * s / p - 1) for s, p in zip(_SCALES, far, strict=True)]
+            gaps = [np.abs(ZETA * s / p - 1) for s, p in zip(_SCALES, far, strict=True)]
             best = np.argmax([g.min(axis=(1, 2), initial=1.0) for g in gaps], axis=0)
             for k in np.unique(best):
                 i = np.flatnonzero(best == k)
@@ -333,14 +330,14 @@ class _Transform:
         return value
 
     def invert(self, t, z, scale):
-        """Return the integral of ``exp(s t) Y``, poles by their residues, shape (n, d)."""
-        x, v = math.log(scale) - np.log(t), np.log(_ZETA)
+        """Integral of ``exp(s t) (Y - poles split off)`` and the poles' share, shape (n, d)."""
+        x, v = math.log(scale) - np.log(t), np.log(ZETA)
         log_scale = self.below.log_size(x)
-        shape = np.exp(scale * _ZETA) * _WEIGHTS
-        ratio = shape / _ZETA / self.below.along(x, v, log_scale)
+        shape = np.exp(scale * ZETA) * WEIGHTS
+        ratio = shape / ZETA / self.below.along(x, v, log_scale)
         sums = [(p.along(x, v, log_scale) * ratio).sum(axis=1) for p in self.above]
         split = np.abs(z) > _TINY * scale
-        cauchy = np.where(split, (1 / (_ZETA - z[..., None] / scale)) @ shape, 0)
+        cauchy = np.where(split, (1 / (ZETA - z[..., None] / scale)) @ shape, 0)
         smooth = (np.stack(sums, axis=1) @ self.rows - cauchy @ self.residues).real
         with np.errstate(over="ignore", invalid="ignore"):
             grown = np.where(split, np.exp(z.real), 0)[..., None] * np.abs(self.residues)

@@ -343,7 +343,7 @@ def _rates_of_signed(kernel, ratio, t_min, tol, fading):
         pairs = rates[(rates.imag > 0) & (rates.imag < 0.99 * math.pi / h)]
         found.append(np.concatenate([rates[rates.imag == 0], pairs, pairs.conj()]))
     grids = [_rate_grid(ratio, step * trapezoid_step(0.5, tol), tol, fading) for step in (1.0, 0.6)]
-    yield from (rates for rates in found if not rates.imag.any())
+    yield from (rates for rates in found if rates.size and not rates.imag.any())
     yield from grids
     yield from found
     yield from (np.append(grid, found[-2]) for grid in grids)
