@@ -140,22 +140,26 @@ def inner(fun):
     counts no references to arrays in it, which its callers keep alive; it makes none, and returns
     none.
     """
-    return _linked(fun, False, _nrt=False)
+    return _linked(fun, False, _nrt=False, forceinline=False)
 
 
 def embedded(fun, fused=False):
-    """Compile into the code of the only caller: to hand many arrays on takes 0.3 us."""
+    """Compile into the code of the only caller: to hand many arrays on takes 0.3 us.
+
+    numba hands this option on to all that the function calls, unless they have their own: the code
+    of collocation's step then takes twice as long to compile.
+    """
     return _linked(fun, {"contract"} if fused else False, _nrt=False, forceinline=True)
 
 
 def allocating(fun):
     """As `inner`, for a function that makes arrays, returns some, or is handed some back."""
-    return _linked(fun, False, _nrt=True)
+    return _linked(fun, False, _nrt=True, forceinline=False)
 
 
 def reordered(fun):
     """As `allocating`, with sums in whatever order takes least time."""
-    return _linked(fun, {"contract", "reassoc"}, _nrt=True)
+    return _linked(fun, {"contract", "reassoc"}, _nrt=True, forceinline=False)
 
 
 def _linked(fun, loose, **how):
