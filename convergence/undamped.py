@@ -8,10 +8,6 @@ eigenvalues turned away from the edge with a constant force and with one that os
 """
 
 import numpy as np
-from _study import Claim, chosen, curves, study
-
-import hereditary as hd
-from hereditary import exact
 
 TURNED = 0.15  # by which the eigenvalues of damped partners are turned, in radians
 TIMES = 400  # at the end of the run, at which errors are taken
@@ -47,7 +43,11 @@ def drawn(number):
     }[kind]
     omega, rtol = 10 ** rng.uniform(-1, 2), 10 ** rng.uniform(-9, -3.5)
     periods = 10 ** rng.uniform(1.3, 3.3)
-    skew, pairs, gamma = 2 ** rng.uniform(-1.5, 1.5), 1 + int(rng.random() < 0.2), rng.uniform(0.2, 0.8)
+    skew, pairs, gamma = (
+        2 ** rng.uniform(-1.5, 1.5),
+        1 + int(rng.random() < 0.2),
+        rng.uniform(0.2, 0.8),
+    )
     if number == 0:  # D^0.5 y = 10 (y1 - y2, y1 + y2)
         alpha, omega, rtol, periods, skew, pairs = 0.5, 200.0, 1e-6, 3183.0, 1.0, 1
     return kind, alpha, gamma, omega, rtol, 2 * np.pi / omega * periods, skew, pairs, periods

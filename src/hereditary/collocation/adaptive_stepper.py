@@ -307,7 +307,7 @@ class AdaptiveStepper(Stepper):
         Directions of initial data, one tangent for each, whose errors count for the steps as well.
     """
 
-    looks, h = _LOOKS, 0.0
+    looks, h, resolved = _LOOKS, 0.0, False
 
     def __init__(self, equation, scheme, t_end, tolerance, directions=None):
         scheme.check_terms(equation)
@@ -593,61 +593,6 @@ class AdaptiveStepper(Stepper):
         """Refine the modes to hold at the distance `closest`."""
         self._orbit.refine(closest)
         self._control["shortest"] = self._shortest
-
-
-def allowed_errors(rtol, atol):
-    """Return the errors a step may make: relative to y, absolute, relative to sizes."""
-    by_size, atol = (OF_SIZE * rtol, 0.0) if atol is None else (0.0, atol)
-    return STEP_FRACTION * rtol, STEP_FRACTION * atol, STEP_FRACTION * by_size
-
-
-# Steps of one call of the compiled march where an event may cut it short; points of each step,
-# besides its end, that events look at.
-_FEW_ROWS, _LOOKS = 8, 8
-
-
-class Tolerance(NamedTuple):
-    """Tolerances by which a run chooses its steps.
-
-    Tolerances rtol, and atol or None for errors relative to the largest size of each component so
-    far; modes, the relative error of modes, or None for what the tolerances require; longest, the
-    longest step [time] or None; most, the largest number of steps.
-    """
-
-    rtol: float
-    atol: float | None = None
-    modes: float | None = None
-    longest: float | None = None
-    most: int = MAX_STEPS
-
-
-class AdaptiveStepper(CollocationMarch, Stepper):
-    """March of one equation by collocation, with steps chosen by the tolerance.
-
-    Parameters
-    ----------
-    equation : System
-    scheme : Collocation
-    t_end : float
-        End of the run; the modes hold up to ten times as far, or to the scheme's horizon.
-    tolerance : Tolerance
-    directions : ndarray, shape (n_data, k), optional
-        Directions of initial data, one tangent for each, whose errors count for the steps as well.
-    """
-
-    looks, h, resolved = _LOOKS, 0.0, False
-
-    def __init__(self, equation, scheme, t_end, tolerance, directions=None):
-        scheme.check_terms(equation)
-        self.equation, self._scheme = equation, scheme
-        self._view = view = Plain(equation) if equation.enlarged is equation else Reading(equation)
-        self.second = view.second
-        refuse_late(equation, t_end)
-        self._t_end, self._breaks = t_end, np.zeros(0)
-        rtol, atol, modes_tol, *limits = tolerance
-        steps = scheme.horizon or 0.0, int(scheme.nodes), (rtol, atol), modes_tol
-        pace = Pace(*limits)
-        super().__init__(view.system, t_end, *steps, view.directions(directions), pace)
 
     @property
     def y(self):

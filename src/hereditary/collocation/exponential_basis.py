@@ -89,23 +89,12 @@ class PowerLawBasis(GridBasis):
 
     @property
     def error(self) -> float:
-        """Largest relative error of the sums; 0 for constant kernels alone."""
-        exponents = _exponents(self.orders)
+        """Largest relative error of the sums; 0 for constant kernels only."""
+        exponents = tuple(1 - a for a in self.orders)  # of the kernels t**(a-1)
         return max(_effective_tol(exponents, self.tol), _ROUNDING) if any(exponents) else 0.0
 
-    def refine(self, closest: float) -> PowerLawBasis:
-        """Return a basis that holds down to `closest`; its first rates are those of this one."""
-        exponents = _exponents(self.orders)
-        spacing = grid_spacing(exponents, _effective_tol(exponents, self.tol), self.fraction)
-        if not np.isfinite(spacing):  # constant kernels alone
-            return power_law_basis(self.orders, closest, self.farthest, self.tol)
-        factor = math.exp(spacing * math.ceil(math.log(self.closest / closest) / spacing))
-        closest = self.closest / factor
-        basis = power_law_basis(self.orders, closest, self.farthest, self.tol, self.fraction)
-        n = self.rates.size
-        if basis.rates.size < n or not np.allclose(basis.rates[:n], self.rates, rtol=1e-6, atol=0):
-            raise ArithmeticError(f"no basis from {closest} on extends that from {self.closest}")
-        return basis
+    def _down_to(self, closest):
+        return power_law_basis(self.orders, closest, self.farthest, self.tol, self.fraction)
 
 
 def power_law_basis(orders, closest, farthest, tol, fraction=None):
