@@ -8,7 +8,8 @@ import pytest
 
 ROOT = Path(__file__).parent.parent
 PAGES = [*ROOT.glob("*.md"), *ROOT.glob("docs/*.md"), *ROOT.glob("docs/joss/*.md")]
-CODE = [path for room in ("src", "docs", "convergence") for path in ROOT.glob(f"{room}/**/*.py")]
+ROOMS = "src", "docs/gallery", "convergence"
+CODE = [path for room in ROOMS for path in ROOT.glob(f"{room}/**/*.py")]
 TERMS = re.compile(r"\b(told|begun|stretch(es)?|paces?)\b|\bsome \d", re.IGNORECASE)
 # In this order: code, output and displayed math, directives, tables, headings, types, spans, links.
 NO_PROSE = (

@@ -138,12 +138,12 @@ class Pace:
         Parameters
         ----------
         since, t : float
-            Times at which the last stretch of steps began and ended.
+            Times of the start and the end of the last batch of steps.
         earlier, counts : np.void
             Counts there.
         t_stop : float
         at_starts : ndarray, shape (n, 2, d)
-            y and p at the starts of the steps of the stretch.
+            y and p at the starts of the steps of the batch.
         sizes : ndarray, shape (2, d)
             Largest |y| and |p| before.
         """
@@ -281,9 +281,9 @@ def allowed_errors(rtol, atol):
 class Tolerance(NamedTuple):
     """Tolerances by which a run chooses its steps.
 
-    Tolerances rtol, and atol or None for errors relative to the largest size of each component so
-    far; modes, the relative error of modes, or None for what the tolerances require; longest, the
-    longest step [time] or None; most, the largest number of steps.
+    - rtol; atol: None for errors relative to the largest size of each component so far.
+    - modes: the relative error of modes; None for the error that the tolerances require.
+    - longest: the longest step [time] or None; most: the largest number of steps.
     """
 
     rtol: float

@@ -1,11 +1,11 @@
 """Fractional differential equations as systems of weakly singular integral equations.
 
-With p = y for components of order up to 1 and p = y' above, every component satisfies ``p = p(0) +
-sum_k c_k J**a_k (q_k - o_k)``, 0 < a_k <= 1, where the integrand q is the right-hand side f, p or
-y, and o is a constant. The highest term ``b D**alpha`` gives c = 1/b and a = alpha - m + 1 with
-q = f. A lower term ``b_j D**alpha_j`` gives c = -b_j/b and ``J**(alpha - alpha_j)`` of p, minus
-p(0) where it has as many derivatives, or ``J**(alpha - alpha_j - 1)`` of y - y(0) where the order
-of integration would exceed 1.
+Let p = y for components of order up to 1, and p = y' above. Every component satisfies
+``p = p(0) + sum_k c_k J**a_k (q_k - o_k)``, 0 < a_k <= 1. The integrand q is the right-hand side
+f, p or y, and o is a constant. The highest term ``b D**alpha`` gives c = 1/b and
+a = alpha - m + 1 with q = f. A lower term ``b_j D**alpha_j`` gives c = -b_j/b and
+``J**(alpha - alpha_j)`` of p, minus p(0) if it has as many derivatives. If that order would exceed
+1, it is ``J**(alpha - alpha_j - 1)`` of y - y(0).
 
 Terms with general kernels or varying orders have no such integrals and are subtracted from the
 right-hand side. Where they contain the highest derivative, p is found from the balance of
@@ -136,7 +136,7 @@ class Form:
         return bool(self.implicit.any() or self.varying)
 
     def start_exponent(self, t: float = 0.0) -> float:
-        """Smallest exponent of the time since t with which p changes after a start at t."""
+        """Return the smallest exponent of the time since t in p after a start at t."""
         d, found = self.second.size, []
         for c in range(d):
             integrand = SLOPE if self.implicit[c] else FORCE
@@ -149,7 +149,7 @@ class Form:
         return min(1.0, *found)
 
     def graded_first_step(self, t: float, left: float, atol: float, least: float = 0.0) -> float:
-        """Length of a first ordinary step from t over which a singular p hardly changes."""
+        """Return the length of a first step from t over which a singular p hardly changes."""
         return max(least, left * min(1e-2, atol ** (1 / self.start_exponent(t))))
 
     def _start_power(self, k, integrand, t):

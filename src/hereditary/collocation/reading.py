@@ -133,7 +133,9 @@ def reduced(equation):
     places = {(j, 1.0): int(speeds[j]) for j in second}
 
     def place(j, gamma):
-        """Component that is D^gamma y_j."""
+        """Return the component that is D^gamma y_j."""
+        if gamma == 1.0 and leading[j] > 1:
+            return int(speeds[j])
         if (j, gamma) not in places:
             places[j, gamma] = len(made)
             slow = leading[j] > 1 and gamma < 1

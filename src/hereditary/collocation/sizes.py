@@ -7,10 +7,9 @@ makes of the component over the run,
 
     gain * |f|,   1 / gain = sum of a_k / T**alpha_k + max over e != c of sqrt(|J_ce J_ec|),
 
-with the integrals of f(t, y(0)) over t in place of f, so that fast forces count for little, but no
-more than the size at which f changes by as much; and then with f at y(0) plus the floors found so
-far. All this changes with the units of a component as
-y does.
+where integrals of f(t, y(0)) over t replace f, so that fast forces count for little. The size is at
+most the one at which f changes by as much. Then the same is done with f at y(0) plus the sizes
+found so far. All these sizes have the units of y.
 """
 
 import importlib

@@ -39,7 +39,7 @@ class StageSolver(NamedTuple):
 
 
 def has_stages(form):
-    """Whether steps of these equations keep the factors of one Jacobian for all stages.
+    """Return whether steps of these equations keep the factors of one Jacobian for all stages.
 
     That asks for many components: of few, factors take no longer than solutions.
     """

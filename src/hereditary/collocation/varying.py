@@ -79,7 +79,7 @@ class OrderTables:
         self.tabulated["start"] = self.tabulated["length"] = np.nan
 
     def compiled(self, of_varying):
-        """Return the tables for compiled code, with modes told by `of_varying` (M,)."""
+        """Return the tables for compiled code, whose modes are marked by `of_varying` (M,)."""
         if self.weights.shape[1] != of_varying.size:
             self.clear()
             self.weights = np.zeros((len(self.weights), of_varying.size, self._nodes.size))

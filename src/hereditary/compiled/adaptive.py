@@ -56,8 +56,8 @@ def attempting(solve, solve_for_tangents, read):
         """Solve a step from t of length h for f, p and y at the nodes, `values` (1 + k, n_q, d, s).
 
         Returns the ratio of its error to the tolerance, whether the equations were solved, and
-        whether the defect of f alone makes the error too large. base (1 + k, R, s) is room for what
-        is known of the rows; slot is the place of tables for h.
+        whether only the defect of f makes the error too large. `base` (1 + k, R, s) is room for the
+        known part of the rows; `slot` is the place of tables for h.
         """
         nodes, kinds, local = rule.nodes, equations.kinds, tables.local[slot]
         control, counts, origin = state.control, state.counts, state.control.origin
@@ -232,7 +232,7 @@ def marching(name, solve, solve_for_tangents, factors, read, told):
         rhs, jac, has_jac, params, equations, rule, basis, tables, varying, orbit, state, steps,
         limits, stages, newton, weights, base, operators, values,
     ):  # fmt: skip
-        """March; what the caller allocates for it stands behind `limits`."""
+        """March; the caller allocates the arguments after `limits`."""
         nodes, legendre, kinds = rule.nodes, rule.legendre, equations.kinds
         control, counts = state.control, state.counts
         s, n_columns = nodes.shape[0], orbit.x.shape[0]

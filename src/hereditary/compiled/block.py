@@ -67,7 +67,7 @@ def write_row(k, rows, slopes, x, u, d, h, ratio):
 
 @inlined
 def bounded(x):
-    """Whether all of x is finite and far from overflow."""
+    """Return whether all of x is finite and far from overflow."""
     for c in range(x.shape[0]):  # noqa: SIM110 (numba takes no generator here)
         if not abs(x[c]) < 1e300:
             return False

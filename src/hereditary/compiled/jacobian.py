@@ -20,13 +20,13 @@ VALUES, ROWS, COLUMNS, GROUPS, CONSTANTS, N_ENTRY_ROWS = range(6)
 
 @inlined
 def is_sparse(j_f, n):
-    """Whether a Jacobian of n components is given by its entries."""
+    """Return whether a Jacobian of n components is given by its entries."""
     return j_f.shape[0] != n
 
 
 @allocating
 def jacobian(rhs, jac, has_jac, t, y, params, units, out):
-    """out[i, j] = d rhs_i / d y_j at (t, y); by central differences where `has_jac` is 0.
+    """Set out[i, j] = d rhs_i / d y_j at (t, y), by differences if `has_jac` is 0.
 
     Returns the number of calls of `rhs`.
     """
@@ -136,7 +136,7 @@ def newton_matrix(j_f, n, d, sources, gain, scale, lead, out):
 
 @compiled
 def no_jacobian(t, y, out, params):
-    """Stands in for a Jacobian where none is given."""
+    """Do nothing, in place of a Jacobian."""
 
 
 @entry(RHS, JAC, I8, F8, VEC, VEC, VEC, MAT)
@@ -155,7 +155,7 @@ def push_tangents(d, j_f, x, f):
 
 @inner
 def evaluate(rhs, jac, has_jac, params, t, d, x, units, j_f, f, counts):
-    """Right-hand sides of orbit and tangents; calls of `rhs` are counted."""
+    """Evaluate right-hand sides of orbit and tangents, and count calls of `rhs`."""
     # x, f (W,), d components of the orbit; j_f takes the Jacobian where there are tangents
     orbit = x[:d]
     rhs(t, orbit, f[:d], params)

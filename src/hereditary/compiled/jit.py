@@ -153,13 +153,13 @@ def embedded(fun, fused=False):
 
 
 def allocating(fun):
-    """As `inner`, for a function that makes arrays, returns some, or is handed some back."""
-    return _linked(fun, False, _nrt=True, forceinline=False)
+    """Compile like `inner` a function that makes, returns or gets back arrays."""
+    return _linked(fun, False, _nrt=True)
 
 
 def reordered(fun):
-    """As `allocating`, with sums in whatever order takes least time."""
-    return _linked(fun, {"contract", "reassoc"}, _nrt=True, forceinline=False)
+    """Compile like `allocating`, with sums in the fastest order."""
+    return _linked(fun, {"contract", "reassoc"}, _nrt=True)
 
 
 def _linked(fun, loose, **how):

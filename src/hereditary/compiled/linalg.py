@@ -89,7 +89,7 @@ def solve_in_place(a, b):
 
 @inner
 def factorise(a, order):
-    """LU factors of a with partial pivoting, in its place; rows as they went to `order`.
+    """Factorise a in place, LU with partial pivoting; `order` gets the order of rows.
 
     Returns False where a pivot vanishes or is not finite.
     """
@@ -148,7 +148,7 @@ def subtract_rows(a, first, last):
 
 @allocating
 def factorise_large(a, order, lapack):
-    """As `factorise`, by the function of LAPACK at an address."""
+    """Factorise like `factorise`, by the function of LAPACK at an address."""
     n = a.shape[0]
     # n, what LAPACK returns, pivots: one array, which is alive until LAPACK returns
     numbers = np.empty(2 + n, dtype=np.int32)
@@ -248,7 +248,7 @@ def substitute(factors, order, b, x):
 
 @compiled
 def no_solver(task, number, matrix, x, linear):
-    """Stands in for a solver where none is called."""
+    """Do nothing, in place of a solver."""
     return 1
 
 

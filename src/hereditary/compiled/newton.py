@@ -211,7 +211,7 @@ def solve_linearly(
 
 @inner
 def differs(i, rows):
-    """Whether row i has other coefficients than the row before."""
+    """Return whether row i has other coefficients than the row before."""
     if i == 0 or rows.theta[i] != rows.theta[i - 1]:
         return True
     for a in range(rows.lead.shape[0]):

@@ -11,13 +11,13 @@ _DEGREE = 18
 
 
 def _sine(p):
-    """sin(pi p) / (pi p (1 - p)), even about 1/2."""
+    """Return sin(pi p) / (pi p (1 - p)), even about 1/2."""
     least = np.minimum(p, 1 - p)
     return np.sinc(least) / (1 - least)
 
 
 def _polynomial(function):
-    """Coefficients in 2 p - 1 of a function of p in [0, 1], ascending."""
+    """Return coefficients in 2 p - 1 of a function of p in [0, 1], ascending."""
     fit = Chebyshev.interpolate(function, _DEGREE, (0, 1))
     return Chebyshev(fit.coef).convert(kind=Polynomial).coef
 

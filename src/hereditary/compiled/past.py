@@ -19,7 +19,7 @@ LANES = 4
 
 @compiled
 def exchange_nothing(lag, pieces, n, groups, tables, memory):
-    """The history of an equation whose terms are all classical."""
+    """Do nothing: the history of an equation with classical terms only."""
 
 
 @compiled
@@ -96,7 +96,7 @@ def multiply(modes, factors, n_real, out):
 
 @inner
 def add_rows(out, factors, rows):
-    """out += factors @ rows, four rows at a time.
+    """Add factors @ rows to out, four rows at a time.
 
     The inner loop runs along `out`, so it is vectorised without reordering any sum.
     """

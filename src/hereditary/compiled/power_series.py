@@ -7,7 +7,7 @@ from .jit import compiled
 
 @compiled
 def series_of_power(factor, alpha, n):
-    """Coefficients of ``(1-z)**(alpha-1) * F(z)**alpha``, F with the coefficients `factor`.
+    """Return coefficients of ``(1-z)**(alpha-1) * F(z)**alpha``, F with the coefficients `factor`.
 
     The product G obeys ``(1-z) F G' = ((1-alpha) F + alpha (1-z) F') G``; comparing coefficients
     gives each of them from those before, a few operations each and without cancellation.

@@ -130,7 +130,7 @@ def add_solution(k, solution, stage, out):
 
 @compiled
 def no_stages(task, values, stage):
-    """Stands in for a solver where steps are solved as one system."""
+    """Do nothing, in place of a solver: steps are solved as one system."""
     return 1
 
 
@@ -361,7 +361,7 @@ def set_joint(stage):
 
 @allocating
 def linear_solver(stage):
-    """Room of a real linear solver for all unknowns."""
+    """Allocate a real linear solver for all unknowns."""
     return LinearSolver(
         stage.dense, stage.order, stage.lower, stage.upper, stage.lapack, stage.python, 0, 0
     )
@@ -527,7 +527,7 @@ def solve_many_tangents(
     rhs, jac, has_jac, params, times, h, base, x_start, second, operators, kinds, integral, values,
     counts, newton,
 ):  # fmt: skip
-    """As `solve_tangents`, by the orbit's systems, until the Jacobians of all stages hold."""
+    """Solve the tangents by the orbit's systems, to the Jacobians of all stages."""
     d, s = second.shape[0], base.shape[2]
     residual, change = np.empty(d * s), np.empty(d * s)
     shape = newton.stages.jacobian.shape
