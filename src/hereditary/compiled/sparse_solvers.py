@@ -65,8 +65,8 @@ def factorise_band(matrix, place, lower, upper, lapack, factors):
         factors[j, lower + upper + i - j] += matrix[VALUES, k]
         if not abs(matrix[VALUES, k]) < np.inf:
             wrong = 1
-    # n, diagonals, length of a column, what is told in return; then the pivots: one array, which
-    # is alive until LAPACK returns
+    # n, diagonals, length of a column, LAPACK's status; then the pivots: one array, which is alive
+    # until LAPACK returns
     numbers = np.empty(_N_NUMBERS + n, dtype=np.int32)
     numbers[0], numbers[1], numbers[2], numbers[3] = n, lower, upper, width + 1
     numbers[4], pivots, at = wrong, numbers[_N_NUMBERS:], numbers.ctypes.data

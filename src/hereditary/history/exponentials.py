@@ -210,11 +210,11 @@ class _MeshModes(Memory):
         shortest = float(np.diff(times[:n_end]).min(initial=np.inf))
         if shortest < self._covers.shortest * (1 - 1e-9):
             required = (
-                f"have no steps below {self._covers.shortest:g}, the shortest of the run begun"
+                f"have no steps below {self._covers.shortest:g}, the shortest of the first run"
             )
             raise ValueError(complaint("mesh", required, f"one of {shortest:g}"))
         if times[n_end] > self._covers.farthest:
-            required = f"stay within t = {self._covers.farthest:g}, as far as its history reaches"
+            required = f"stay within t = {self._covers.farthest:g}, the end of its history"
             remedy = "begin the run with SumOfExponentials(horizon=), the time it is to reach"
             raise ValueError(complaint("resume", required, f"{times[n_end]:g}", remedy))
 

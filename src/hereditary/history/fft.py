@@ -16,7 +16,7 @@ from ..compiled.past import exchange_pending
 from ..compiled.signatures import Tables, held
 from .history import History, Memory
 
-# Blocks in the shortest stretch: below, direct sums are faster than entering Python again.
+# Blocks in the shortest batch: below, direct sums are faster than entering Python again.
 _BLOCKS = 32
 
 

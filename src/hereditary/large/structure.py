@@ -164,7 +164,7 @@ class Stated(NamedTuple):
         try:
             found = jac(start.t, start.y.copy(), start.params.copy()) if arity == 3 else None
             found = jac(start.t, start.y.copy()) if arity == 2 else found
-        except Exception:  # told where all functions are tried
+        except Exception:  # reported when all functions are tried
             return jac
         return OnPattern(jac, self.rows, self.columns) if hasattr(found, "tocsr") else jac
 

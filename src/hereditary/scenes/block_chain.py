@@ -20,7 +20,7 @@ from ..support.checks import complaint, count, positive, real, real_array
 from .linear import oscillator_terms
 from .stick_slip import checked_well, over_sine, slope_of_wells
 
-# Initial places by default lie in this stretch, shifted from block to block by the golden ratio.
+# Initial places by default are in this interval, shifted from block to block by the golden ratio.
 _SPREAD, _GOLDEN = 0.4, 0.6180339887498949
 
 

@@ -133,7 +133,7 @@ def _uniform_steps(equation, t_end, n_steps, state):
             raise TypeError(complaint("n_steps", "be given", "none", "e.g. n_steps=10_000"))
         n_steps = count("n_steps", whole(n_steps))
         if n_steps > COUNTED:
-            required = f"be at most {COUNTED:.0e}, as far as times of steps are told apart"
+            required = f"be at most {COUNTED:.0e}, so that times of steps differ"
             raise ValueError(complaint("n_steps", required, f"{n_steps:.3g}"))
         h, order = t_end / n_steps, float(equation.highest_orders().max())
         if h == 0 or not _LEAST < order * math.log10(h) < _MOST:
