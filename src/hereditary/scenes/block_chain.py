@@ -68,8 +68,9 @@ def stick_slip_chain(
     """Make blocks of the stick-slip scene on one line, with springs between neighbours.
 
     ``D^beta x_i + friction D^gamma x_i + omega**2 x_i = spring_speed t + adhesion sum_n a_n
-    sin(n x_i) + coupling (x_(i-1) - 2 x_i + x_(i+1))``, the ends being free: the model of Burridge
-    and Knopoff with memory in inertia and friction, in the scaled units of `stick_slip` [-].
+    sin(n x_i) + coupling (x_(i-1) - 2 x_i + x_(i+1))`` with free ends. This is the model of
+    Burridge and Knopoff with memory in inertia and friction, in the scaled units of `stick_slip`
+    [-].
 
     Parameters
     ----------
@@ -82,8 +83,8 @@ def stick_slip_chain(
     coupling : float
         Stiffness of the springs between neighbours.
     x0, v0 : array_like, number or shape (blocks,), optional
-        Initial places and velocities. By default places lie irregularly in [0, 0.4), shifted from
-        each block to the next by the golden ratio, for equal blocks move as one.
+        Initial places and velocities. By default places are irregular in [0, 0.4), shifted from
+        each block to the next by the golden ratio, because equal blocks move as one.
 
     Returns
     -------
@@ -144,8 +145,8 @@ class Slips(NamedTuple):
 def slips(solution: Solution, speed: float = 2.0) -> Slips:
     """Return slips of a chain of blocks: moves connected in space and time.
 
-    A block moves between two rows where its mean speed exceeds `speed`; moves of neighbours, or of
-    one block in successive rows, belong to one slip.
+    A block moves between two rows if its mean speed exceeds `speed`. Moves of neighbours, or of one
+    block in successive rows, belong to one slip.
 
     Parameters
     ----------

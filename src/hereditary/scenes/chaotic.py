@@ -45,7 +45,7 @@ def lorenz(
     sigma : float
         Prandtl number.
     rho : float
-        Rayleigh number, 1 where convection sets in.
+        Rayleigh number; convection starts at 1.
     b : float
         Shape of the roll.
     y0 : array_like, shape (3,)
@@ -57,9 +57,9 @@ def lorenz(
 
     Notes
     -----
-    The divergence is -sigma - 1 - b everywhere. For rho > 1 the equilibria besides the origin are
-    ``x = y = +-sqrt(b (rho - 1))``, ``z = rho - 1``; with the default parameters and one order
-    for all components they are unstable for alpha > 0.994 alone, stable below.
+    The divergence is -sigma - 1 - b everywhere. For rho > 1 there are two equilibria apart from the
+    origin, ``x = y = +-sqrt(b (rho - 1))``, ``z = rho - 1``. With the default parameters and one
+    order for all components they are unstable for alpha > 0.994 and stable below.
 
     Source
     ------

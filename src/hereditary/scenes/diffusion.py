@@ -25,10 +25,10 @@ def subdiffusion(
 ) -> Equation:
     """Make a diffusion equation by the method of lines, ``D^alpha u = K Laplace u + source``.
 
-    On the line [0, 1] or the square [0, 1]**2 with u = 0 on the boundary: subdiffusion for alpha
-    below 1, the heat equation at 1, the diffusion-wave equation up to 2. The Laplacian is the
-    second difference on `points` inner points a direction, of second order in their distance
-    ``1 / (points + 1)``, and is handed over as the sparse `linear` of the equation.
+    The domain is the line [0, 1] or the square [0, 1]**2, with u = 0 on the boundary. The equation
+    is subdiffusion for alpha below 1, the heat equation at 1, and the diffusion-wave equation up
+    to 2. The Laplacian is the second difference on `points` inner points in each direction, of
+    second order in their distance ``1 / (points + 1)``. It is the sparse `linear` of the equation.
 
     Parameters
     ----------
@@ -41,13 +41,13 @@ def subdiffusion(
     diffusivity : float
         K [length**2 / time**alpha].
     u0, v0 : array_like, shape (n,) or (n, n), optional
-        u, and for alpha above 1 its rate, at t = 0; the lowest mode ``sin(pi x)``, or ``sin(pi x)
-        sin(pi y)``, and 0 by default.
+        u and, for alpha above 1, its rate at t = 0. By default u0 is the lowest mode,
+        ``sin(pi x)`` or ``sin(pi x) sin(pi y)``, and v0 is 0.
     source : callable, optional
-        As `rhs` of `Equation`: ``source(t, u)``, of shape (d,). A reaction that couples no points
-        is stated by ``.replace(bandwidth=(0, 0))``.
+        As `rhs` of `Equation`: ``source(t, u)``, of shape (d,). If it couples no points, state this
+        by ``.replace(bandwidth=(0, 0))``.
     params : float or sequence of float, optional
-        Of the source.
+        Parameters of the source.
 
     Returns
     -------

@@ -57,7 +57,7 @@ def relaxation(alpha: float = 0.5, rate: float = 1.0, y0: float = 1.0) -> Equati
 def oscillator_terms(beta, gamma, friction, kind=Caputo):
     """Return inertia and friction, ``D^beta + friction D^gamma``, with checked orders.
 
-    An order may be a function of the time; its value at 0 tells which range it must keep to.
+    An order may be a function of time; its value at 0 determines its range.
     """
     at_start = [order(0.0) if callable(order) else order for order in (beta, gamma)]
     within("beta", at_start[0], 1 + 1e-15, 2.0, "(1, 2]", "order 1 and below takes no x'(0)")

@@ -59,8 +59,8 @@ def duffing(
     x0, v0 : float
         x(0) and x'(0).
     riemann_liouville : bool
-        Whether the friction is Riemann and Liouville's derivative instead of Caputo's, gamma below
-        beta - 1.
+        Whether the friction is the Riemann-Liouville derivative instead of Caputo's; gamma must be
+        below beta - 1.
 
     Returns
     -------
@@ -194,7 +194,7 @@ def brusselator(
 
     Notes
     -----
-    The only equilibrium is (a, b/a), for one order alpha and a > 0 unstable where
+    The only equilibrium is (a, b/a). For one order alpha and a > 0 it is unstable if
     ``b > 1 + a**2 + 2 a cos(pi alpha / 2)``.
 
     Source
@@ -247,7 +247,7 @@ def selkov(
     a, b : float
         Rates of the reaction.
     time_scale : float
-        Characteristic time: how long the memory's time is, above 0 [time].
+        Characteristic time of the memory, above 0 [time].
     y0 : array_like, shape (2,)
         x(0) and y(0).
 
@@ -257,10 +257,10 @@ def selkov(
 
     Notes
     -----
-    The only equilibrium is (b, b / (a + b**2)). Of constant orders alpha for both components it is
-    unstable where ``alpha > 2/pi arctan(sqrt(4 D - T**2) / T)``, with trace T and determinant D of
-    the Jacobian, for the default parameters above 0.905423. With one constant order the time scale
-    only multiplies time, by ``time_scale**((1 - alpha) / alpha)``.
+    The only equilibrium is (b, b / (a + b**2)). If both components have the constant order alpha,
+    it is unstable if ``alpha > 2/pi arctan(sqrt(4 D - T**2) / T)``, with trace T and determinant D
+    of the Jacobian; for the default parameters above 0.905423. Then the time scale only multiplies
+    time, by ``time_scale**((1 - alpha) / alpha)``.
 
     Source
     ------

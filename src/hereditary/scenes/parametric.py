@@ -50,10 +50,10 @@ def mathieu(
 
     Notes
     -----
-    Oscillations grow at half the frequency (1, beta = 2) about where ``|stiffness - 1/4 + friction
-    cos(pi gamma / 2) / 2**gamma|`` is below ``sqrt(depth**2 - (friction 2**(1 - gamma) sin(pi gamma
-    / 2))**2) / 2``, to first order in friction and depth: by the default parameters between 0.0481
-    and 0.3290 (0.0586 and 0.3414 to first order).
+    For frequency 1 and beta = 2, oscillations of half the frequency grow where ``|stiffness - 1/4 +
+    friction cos(pi gamma / 2) / 2**gamma|`` is below ``sqrt(depth**2 - (friction 2**(1 - gamma)
+    sin(pi gamma / 2))**2) / 2``, to first order in friction and depth. With the default parameters
+    they grow for a stiffness between 0.0481 and 0.3290; to first order, 0.0586 and 0.3414.
 
     Source
     ------

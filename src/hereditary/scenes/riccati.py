@@ -35,8 +35,8 @@ def riccati(
 ) -> Equation:
     """Make the fractional Riccati equation, ``D^alpha y = constant + linear y + quadratic y**2``.
 
-    Growth with saturation, and with complex coefficients the characteristic function of a rough
-    Heston model of volatility.
+    It describes growth with saturation. With complex coefficients it gives the characteristic
+    function of a rough Heston model of volatility.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ def riccati(
     Returns
     -------
     Equation
-        Complex where a coefficient or y0 is.
+        Complex if a coefficient or y0 is complex.
 
     Notes
     -----

@@ -192,10 +192,10 @@ def fitzhugh_nagumo(
     Notes
     -----
     Without memory the nerve fires at stimuli from -1.403522 to -0.346478, between its two Hopf
-    bifurcations at ``x**2 = 1 - b/c**2``. With gamma = 1 and the default stimulus its rest, x =
-    0.906567, is stable below beta = 1.818246, where ``s**beta + p s + q``, p and q being friction
-    and stiffness there, has zeros on the imaginary axis. Firing goes on beside it down to about
-    beta = 1.7.
+    bifurcations at ``x**2 = 1 - b/c**2``. With gamma = 1 and the default stimulus its rest is
+    x = 0.906567. It is stable below beta = 1.818246, where ``s**beta + p s + q``, with the friction
+    p and the stiffness q at rest, has zeros on the imaginary axis. Down to about beta = 1.7 the
+    nerve can also fire.
 
     Source
     ------

@@ -100,7 +100,7 @@ def stick_slip(
         Fourier coefficients a_1, a_2, ... of the force; the seven printed ones by default,
         ``well_coefficients(n)`` computes them from the well's shape.
     inertia, resistance : MemoryKernel, optional
-        K1 and K2, instead of the power laws that beta and gamma stand for.
+        K1 and K2, instead of the power laws of beta and gamma.
 
     Returns
     -------
@@ -108,8 +108,8 @@ def stick_slip(
 
     Notes
     -----
-    The force has the sign of eq. (2) and (3) of the source, with which its figures were computed;
-    minus the gradient of its eq. (1) would have the opposite sign. With this sign the load sits in
+    The force has the sign of eqs. (2) and (3) of the source, with which its figures were computed.
+    Minus the gradient of its eq. (1) has the opposite sign. With the sign used here, the load is in
     wide wells between narrow barriers at the multiples of 2 pi.
 
     Source
@@ -159,7 +159,7 @@ def well_coefficients(n: int) -> np.ndarray:
     Parameters
     ----------
     n : int
-        How many; the source prints seven of them to three decimals.
+        Number of coefficients; the source prints seven of them to three decimals.
 
     Returns
     -------
@@ -194,13 +194,13 @@ def sticking_intervals(
     solution : Solution
         Of a stick-slip scene; its rows must resolve the slips.
     shortest : float, optional
-        Shorter stays are slips, not sticking, and left out [time].
+        Shorter stays are slips and are omitted [time].
 
     Returns
     -------
     list of (float, float)
-        Start and end of each stay; the last one ends where the solution does. Crossings are located
-        to rounding on a dense output, by linear interpolation between rows otherwise.
+        Start and end of each stay; the last one ends with the solution. Crossings are located to
+        rounding on a dense output, otherwise by linear interpolation between rows.
 
     Examples
     --------
