@@ -1,4 +1,4 @@
-"""No success beyond its tolerance, and no end without a true reason: a campaign of random problems.
+"""No success is beyond its tolerance, and no run ends early without a true reason: random problems.
 
 Orders are from 0.01 to 2, a third of them within 1e-2 to 1e-12 of an integer. Rates and ends are
 from 1e-8 to 1e8. Equations have one order, several terms, or other orders in each component, also

@@ -1,4 +1,4 @@
-"""Tables of what schemes and histories take, from their own fields, in choosing.md.
+"""Tables of what schemes and histories accept, from their class attributes, in choosing.md.
 
 Nothing is measured here: tests/test_capabilities.py makes a run for every cell. A full run writes
 the tables between the marks of the page, a quick one compares them.

@@ -1,4 +1,4 @@
-"""Exponents, the 0-1 test and power spectra beside each other, on orbits whose nature is known.
+"""Exponents, the 0-1 test and power spectra, compared on orbits whose nature is known.
 
 * The 0-1 test tells chaos and cycles of the logistic map, and of orbits with memory and without;
   no verdict of `lyapunov` contradicts it.

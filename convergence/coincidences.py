@@ -1,4 +1,4 @@
-"""Jumps, changes, events and ends that fall on one time act once, and runs are exact.
+"""Jumps, changes, events and ends at one time act once, and runs are exact.
 
 Random relaxations ``D^alpha y = u(t) - k y`` whose u jumps between 1 and -1. Within two units of
 rounding of a jump there are one or several of these: a break, a zero of a switch, a change at a

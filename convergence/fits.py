@@ -1,4 +1,4 @@
-"""Fits to data: true parameters lie where the standard errors say, and a fit takes moments.
+"""Fits to data: standard errors are right in seeded trials, and a fit takes 0.1 s.
 
 Three models are fitted to 60 values with normal noise of known seeds, 200 times each. The first is
 a relaxation (order and rate), the second an oscillator (two orders, friction, stiffness). The third

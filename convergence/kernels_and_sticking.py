@@ -1,4 +1,4 @@
-"""How the shape of friction's memory changes the stick-slip of the classical oscillator.
+"""How the shape of the memory of friction changes the stick-slip of the classical oscillator.
 
 ``x'' + 0.25 int_0^t K(t-s) x'(s) ds + x = t + 50 sum_n a_n sin(n x)``, with kernels of total weight
 1, so that all of them are classical friction where the motion is slow: an exponential, and a power

@@ -1,4 +1,4 @@
-"""Large systems beside what one would do otherwise, and beside the machine's limits.
+"""Large systems, compared with other ways to solve them and with the limits of the machine.
 
 * Order 1: a Brusselator of 40 components to t = 10, against SciPy's Radau and LSODA: `Collocation`
   is as accurate in less time than Radau.

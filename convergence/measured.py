@@ -1,4 +1,4 @@
-"""The page docs/measured.md: every claim of every study, as results/claims.csv has it.
+"""The page docs/measured.md: every claim of every study, from results/claims.csv.
 
 Nothing is measured here. A full run writes the page, a quick one compares it.
 """

@@ -1,4 +1,4 @@
-"""Models of the field beside references from outside: thresholds, exact solutions, periods.
+"""Models of the literature, compared with thresholds, exact solutions and periods from elsewhere.
 
 For each model one number is measured on orbits that `Collocation` solves, and set beside one that
 does without this library: zeros of a characteristic function, a Hill determinant, a power series, a

@@ -1,4 +1,4 @@
-"""Every scheme shows its proven order, on smooth solutions and on those like t**alpha at 0.
+"""Every scheme shows its proven order, for smooth solutions and for solutions like t**alpha.
 
 Uniform steps. Smooth: D^alpha y + y with y = 1 + t**3, largest error over all times, so that a
 start of lower order cannot hide. Singular: relaxation and oscillation, error at a fixed time. The

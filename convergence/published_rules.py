@@ -1,4 +1,4 @@
-"""Published rules beside this library's schemes: what equals what, and by how much others differ.
+"""Published rules, compared with the schemes here: which are equal, and how others differ.
 
 The rules of `fde12`, `flmm2`, the `fde_pi` and the `mt_fde_pi` codes in plain NumPy, with Newton's
 method to rounding, beside the schemes with past sums term by term. Claims of docs/coming_from.md:

@@ -1,4 +1,4 @@
-"""Random kernels given by their values: each is fitted to its tolerance, or refused truly.
+"""Random kernels given by their values: each is fitted to its tolerance, or refused rightly.
 
 Two hundred completely monotone kernels are drawn: sums of one to three products of one or two
 factors t^-a, exp(-r t), E_a(-(r t)^a) and exp(-(r t)^b), with T/h from 10 to 1e8. A fifth of them

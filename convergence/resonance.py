@@ -1,4 +1,4 @@
-"""Resonance curves by harmonic balance, against marches that have settled.
+"""Resonance curves by harmonic balance, compared with settled runs in time.
 
 A hardening Duffing oscillator with memory (orders 1.98 and 0.9), whose curve bends over, and a
 forced van der Pol oscillator (orders 1.9 and 0.9) inside its band of synchronisation. At 20 points

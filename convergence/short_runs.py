@@ -1,4 +1,4 @@
-"""Short runs: what set-up, a new order, terms and dense output cost beside the steps themselves.
+"""Short runs: the cost of set-up, a new order, terms and dense output, compared with the steps.
 
 Relaxation y(0) = 1, D^alpha y = -y, and the stick-slip oscillator, warm, best of several. Claims:
 

@@ -1,4 +1,4 @@
-"""A sweep costs nearly nothing beside its points, and uses both of two cores.
+"""A sweep costs almost no time in addition to its points, and uses both of two cores.
 
 Points of about 5 ms (the stick-slip oscillator, T 100, 60,000 steps) in a sweep on one thread take
 at most 1.05 times as long as a plain loop over the same points, with a store too. The gain of two

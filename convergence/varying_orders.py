@@ -1,4 +1,4 @@
-"""Orders that vary: the orders of constant ones, by modes at a few times their cost.
+"""Orders that vary: the orders of convergence are kept, at a few times the cost.
 
 alpha(t) = 0.5 + 0.3 sin t and beta(t) = 1.5 + 0.3 cos t, alone and together. Claims:
 

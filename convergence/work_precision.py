@@ -1,4 +1,4 @@
-"""Error against time: six problems, every scheme that covers them, chosen steps and given ones.
+"""Error against time: six problems, every scheme that covers them, chosen and given steps.
 
 Seconds are those of a whole warm `hd.solve` call, the fastest of several, with
 SumOfExponentials(1e-12) for given steps. Collocation chooses its own by rtol from 1e-3 to 1e-12.
