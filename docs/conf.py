@@ -119,7 +119,7 @@ _INNER = {"plan", "mesh_plan", "memory", "coarse", "current", "parts", "constant
 def _skip(app, what, name, obj, skip, options):
     """Show members of enumerations, which lack docstrings; hide inner members and idle ones."""
     if isinstance(obj, enum.Enum):
-        return False
+        return isinstance(obj, Status)
     idle = (getattr(obj, "__doc__", "") or "").startswith("Alias for field")
     return True if idle or name in _INNER else None
 
@@ -136,9 +136,9 @@ def _link_keys(app, page, source):
 
 
 def _link(app, what, name, obj, options, lines):
-    """Link citation keys, pages and studies in docstrings; give a status its sentence."""
-    if isinstance(obj, Status):
-        lines[:] = [f"{obj.sentence[0].upper()}{obj.sentence[1:]}."]
+    """Link citation keys, pages and studies in docstrings; list statuses with their sentences."""
+    if obj is Status:
+        lines += ["", *(f"- ``{each}``: {each.sentence}" for each in Status), ""]
     text = re.sub(_KEY, r":ref:`[\1] <\1>`", "\n".join(lines))
     text = re.sub(r"\bdocs/(\w+)\.md", r":doc:`/\1`", text)
     text = re.sub(r"\bconvergence/(\w+)\.py", r":doc:`\g<0> </made/studies/\1>`", text)

@@ -84,7 +84,11 @@ def _summed(terms):
 
 
 class Caputo(Summand):
-    """Caputo's derivative, ``D^alpha y = 1/Gamma(m-alpha) int_0^t (t-s)**(m-1-alpha) y^(m)(s) ds``.
+    r"""Caputo's derivative of y, a memory operator with a power-law kernel.
+
+    .. math::
+
+        D^\alpha y(t) = \frac{1}{\Gamma(m-\alpha)} \int_0^t (t-s)^{m-1-\alpha}\, y^{(m)}(s)\, ds
 
     Multiply it by a coefficient to make a term of an equation: ``0.25 * Caputo(0.8)``.
 
@@ -99,9 +103,9 @@ class Caputo(Summand):
 
     Notes
     -----
-    The order at the present time applies to the whole past: ``D^alpha(t) y(t) =
-    1/Gamma(m-alpha(t)) int_0^t (t-s)**(m-1-alpha(t)) y^(m)(s) ds`` with one m for the whole run,
-    1 or 2. Definitions with alpha(s) or alpha(t-s) inside the integral are other operators.
+    If the order varies, the order at the present time applies to the whole past: alpha is alpha(t)
+    everywhere in the definition. m is 1 or 2 for the whole run. Definitions with alpha(s) or
+    alpha(t-s) inside the integral are other operators.
     `ExplicitCaputo`, `L1` and `Collocation` accept such terms, together with all other terms that
     they accept. The function is called in Python, if possible with an array of times; write it
     with NumPy.

@@ -30,16 +30,21 @@ from .weights import FIRST_DIFFERENCES, by_rule, value_weights, weighed
 
 @dataclass(frozen=True)
 class ExplicitCaputo(Scheme):
-    """The explicit non-local finite-difference scheme for Caputo terms; the default.
+    r"""The explicit non-local finite-difference scheme for Caputo terms; the default.
 
-    For ``D^beta x + lambda D^gamma x = f(t, x)``, 1 < beta <= 2, 0 < gamma <= 1, with step h:
-    ``A sum_(k=0)^(n-1) a_k (x_(n-k+1) - 2 x_(n-k) + x_(n-k-1)) + B sum_(k=0)^(n-1) b_k (x_(n-k+1) -
-    x_(n-k)) = f(t_n, x_n)``, ``x_1 = x_0 + h x'(0)``, with ``A = h**-beta / Gamma(3 - beta)``,
-    ``B = lambda h**-gamma / Gamma(2 - gamma)``, ``a_k = (k+1)**(2-beta) - k**(2-beta)`` and
-    ``b_k = (k+1)**(1-gamma) - k**(1-gamma)``, solved for x_(n+1). Any number of terms with orders
-    in (0, 2] and any number of components. Equations of order up to 1 use the same sums from
-    ``x_1 - x_0`` on. At beta = 2, gamma = 1 it is the classical difference scheme. If orders vary,
-    the orders at t_n give all weights of a step.
+    For ``D^beta x + lambda D^gamma x = f(t, x)``, 1 < beta <= 2, 0 < gamma <= 1, with step h, this
+    equation is solved for x_(n+1):
+
+    .. math::
+
+        \sum_{k=0}^{n-1} \left[ A a_k (x_{n-k+1} - 2 x_{n-k} + x_{n-k-1})
+        + B b_k (x_{n-k+1} - x_{n-k}) \right] = f(t_n, x_n)
+
+    Here ``A = h**-beta / Gamma(3 - beta)``, ``a_k = (k+1)**(2-beta) - k**(2-beta)``,
+    ``B = lambda h**-gamma / Gamma(2 - gamma)``, ``b_k = (k+1)**(1-gamma) - k**(1-gamma)`` and
+    ``x_1 = x_0 + h x'(0)``. Any number of terms with orders in (0, 2] and any number of components.
+    Equations of order up to 1 use the same sums from ``x_1 - x_0`` on. At beta = 2, gamma = 1 it is
+    the classical difference scheme. If orders vary, the orders at t_n give all weights of a step.
 
     Error
     -----

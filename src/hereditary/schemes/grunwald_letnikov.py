@@ -30,15 +30,20 @@ from .uniform_plan import uniform_plan
 
 @dataclass(frozen=True)
 class GrunwaldLetnikov(Scheme):
-    """The explicit Grünwald-Letnikov scheme, for orders in (0, 2].
+    r"""The explicit Grünwald-Letnikov scheme, for orders in (0, 2].
 
     The power series of ``((1-z)/h)**alpha`` replaces the derivative. It acts on x - x(0), and above
-    order 1 on x - x(0) - t x'(0). The right-hand side is evaluated at t_n: ``h**-alpha
-    sum_(k=0)^(n+1) g_k (x_(n+1-k) - x(0) - (n+1-k) h x'(0)) = f(t_n, x_n)`` with ``g_k = (-1)**k
-    binom(alpha, k)``, solved for x_(n+1). The implicit form, with the right-hand side at t_(n+1),
-    is ``BDF(1)``; it also has the exact derivatives of t x'(0) in lower terms. At order 1 the
-    scheme is Euler's method. At order 2 it is the classical difference scheme with
-    ``x_1 = x(0) + h x'(0) + h**2 f(0, x(0))``. Any number of terms and components.
+    order 1 on x - x(0) - t x'(0). This equation is solved for x_(n+1):
+
+    .. math::
+
+        h^{-\alpha} \sum_{k=0}^{n+1} (-1)^k \binom{\alpha}{k}
+        \left( x_{n+1-k} - x(0) - (n+1-k) h x'(0) \right) = f(t_n, x_n)
+
+    The implicit form, with the right-hand side at t_(n+1), is ``BDF(1)``; it also has the exact
+    derivatives of t x'(0) in lower terms. At order 1 the scheme is Euler's method. At order 2 it is
+    the classical difference scheme with ``x_1 = x(0) + h x'(0) + h**2 f(0, x(0))``. Any number of
+    terms and components.
 
     Error
     -----

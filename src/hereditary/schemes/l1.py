@@ -17,17 +17,28 @@ from .weights import FIRST_DIFFERENCES, by_rule, value_weights, weighed
 
 @dataclass(frozen=True)
 class L1(Scheme):
-    """The L1 scheme, in its half-step form for orders above 1.
+    r"""The L1 scheme, in its half-step form for orders above 1.
 
-    Orders in (0, 1]: the solution is a line on each step, ``D^alpha x(t_n) = h**-alpha /
-    Gamma(2 - alpha) sum_k b_k (x_(n-k) - x_(n-k-1))`` with ``b_k = (k+1)**(1-alpha) -
-    k**(1-alpha)``, and the equation holds at t_n. If any order is in (1, 2], the velocities
-    ``v_(k+1/2) = (x_(k+1) - x_k) / h`` are lines instead, ``D^beta x(t_(n+1/2)) = h**(1-beta) /
-    Gamma(3 - beta) (v_(n+1/2) - sum_(k=1)^n (a_(k-1) - a_k) v_(n+1/2-k) - a_n x'(0))`` with ``a_k =
-    (k+1)**(2-beta) - k**(2-beta)``. Lower orders are also evaluated at t_n + h/2, and the equation
-    holds there with ``x = (x_n + x_(n+1)) / 2``. Implicit: Newton's method with the equation's
-    Jacobian or differences. Any number of terms and components. If orders vary, the orders at the
-    time of the equation give all weights of a step.
+    Orders in (0, 1]: the solution is a line on each step, and the equation holds at t_n, with
+    ``b_k = (k+1)**(1-alpha) - k**(1-alpha)`` in
+
+    .. math::
+
+        D^\alpha x(t_n) = \frac{h^{-\alpha}}{\Gamma(2 - \alpha)}
+        \sum_{k=0}^{n-1} b_k (x_{n-k} - x_{n-k-1})
+
+    If any order is in (1, 2], the velocities ``v_(k+1/2) = (x_(k+1) - x_k) / h`` are lines instead,
+    with ``a_k = (k+1)**(2-beta) - k**(2-beta)`` in
+
+    .. math::
+
+        D^\beta x(t_{n+1/2}) = \frac{h^{1-\beta}}{\Gamma(3 - \beta)} \left( v_{n+1/2}
+        - \sum_{k=1}^n (a_{k-1} - a_k) v_{n+1/2-k} - a_n x'(0) \right)
+
+    Lower orders are also evaluated at t_n + h/2, and the equation holds there with
+    ``x = (x_n + x_(n+1)) / 2``. Implicit: Newton's method with the equation's Jacobian or
+    differences. Any number of terms and components. If orders vary, the orders at the time of the
+    equation give all weights of a step.
 
     Error
     -----
