@@ -1,10 +1,11 @@
 """Exact solutions of linear Caputo problems, which need the extra ``exact``.
 
 Each function returns a callable ``solution(t)``, with t >= 0 a number or of shape (n,) and a value
-of shape (d,) or (n, d). One order, alone or as a diagonalised system, is a Mittag-Leffler
-function, which pymittagleffler evaluates. Several terms have the Laplace transform
-``Y(s) = P(log s) / (s F(log s))`` with sums of exponentials F and P, as s**alpha = exp(alpha u),
-u = log s; it is inverted along a hyperbola, its poles split off. Source: [Diethelm2010].
+of shape (d,) or (n, d). Equations of one order and diagonalised systems have Mittag-Leffler
+functions as solutions, which pymittagleffler evaluates. Several terms have the Laplace transform
+``Y(s) = P(log s) / (s F(log s))``. F and P are sums of exponentials, because s**alpha =
+exp(alpha u) with u = log s. The transform is inverted along a hyperbola, after its poles are split
+off. Source: [Diethelm2010].
 """
 
 from __future__ import annotations

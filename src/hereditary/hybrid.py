@@ -55,21 +55,21 @@ _CORNER = 4
 
 
 class Hybrid:
-    """The interruptions of a run, and what they do.
+    """The interruptions of a run, and their effects.
 
     Parameters
     ----------
     equation : System
     scheme : Scheme
     events, switches : tuple of callable
-        The user's; a ``change(t, y)`` is an attribute of some events.
+        The user's functions; an event may have an attribute ``change(t, y)``.
     changes : Mapping of float and callable
         Changes of y at stated times, the user's.
 
     Attributes
     ----------
     system : System
-        Whose right-hand side is taken from one side of each switch.
+        Its right-hand side is evaluated on one side of each switch.
     """
 
     def __init__(self, equation, scheme, events, switches, changes):
@@ -87,7 +87,7 @@ class Hybrid:
             self.system, self._signs = one_sided(equation, switches, scheme)
 
     def open(self, stepper, t_end, breaks, signs):
-        """Return the `Events` of a run to t_end, for which a stepper stands at its start.
+        """Return the `Events` of a run to t_end, whose stepper is at its start.
 
         breaks (k,) are times at which the right-hand side jumps; `signs` are those of a state.
         """
@@ -115,7 +115,7 @@ class Hybrid:
     def march(self, output, drive, stop):
         """March to position `stop`, from one interruption to the next.
 
-        Returns status and detail where the run ends before, else None.
+        Returns status and detail if the run ends before, otherwise None.
         """
         stepper, events = self._stepper, self._events
         while True:
@@ -134,9 +134,9 @@ class Hybrid:
                 return None
 
     def _act(self, output):
-        """Do what is due where the march stands, in the order of the module's description.
+        """Do what is due at the present time, in the order of the module's description.
 
-        Returns status and detail where the run ends by that, else None.
+        Returns status and detail if this ends the run, otherwise None.
         """
         stepper, events, t = self._stepper, self._events, self._stepper.t
         fired, stuck, before = events.fired, events.stuck, stepper.y
@@ -164,7 +164,7 @@ class Hybrid:
         return (Status.EVENT_FAILED, events.failure) if events.failure else None
 
     def _take_sides(self):
-        """Let the right-hand side be taken from the present side of each switch."""
+        """Let the right-hand side be evaluated on the present side of each switch."""
         for number, side in zip(self._signs, self._events.sides, strict=True):
             self._stepper.set_parameter(number, side)
 
@@ -188,7 +188,7 @@ class Hybrid:
         return last <= _AT_ONCE * size or max(last, before) <= close
 
     def _change(self, change):
-        """Set the y that ``change(t, y)`` returns; return status and detail where it fails."""
+        """Set the y that ``change(t, y)`` returns; return status and detail if it fails."""
         stepper = self._stepper
         frame, inside = stepper.equation.frame, stepper.y
         y = frame.values(inside)
@@ -223,18 +223,18 @@ def _stated(changes, start):
 
 
 def nearest(t, times, origin):
-    """Return that one of some times, (k,), which is one with t, or t itself."""
+    """Return the one of the times (k,) that counts as equal to t, or t itself."""
     same = times[together(times, t, origin)]
     return float(same[0]) if same.size else t
 
 
 class HybridEvents(Events):
-    """Zeros along a run that goes on behind some of them.
+    """Zeros along a run that continues after several of them.
 
     Parameters
     ----------
     functions : sequence of callable
-        Events, and behind them switches.
+        Events, and then switches.
     acting : sequence of bool
         Which of them interrupt the march.
     n_events : int
@@ -246,13 +246,13 @@ class HybridEvents(Events):
     Attributes
     ----------
     fired : dict of int and float
-        Functions that act where the march was ended by `look`, with the signs behind their zeros.
+        Functions that act where `look` ended the march, with the signs after their zeros.
     sides : list of float
-        Sign of each switch from which the march goes on.
+        Sign of each switch with which the march continues.
     stuck : int or None
-        The one of them whose zero was followed by the next one at once.
+        The switch whose zero was followed by another one at once.
     stated : float
-        Time at which the march is interrupted anyway.
+        Next stated time, at which the march is interrupted in any case.
     """
 
     any = True
@@ -267,7 +267,7 @@ class HybridEvents(Events):
         super().__init__(functions, stepper, signs, n_events)
 
     def go_on(self, before, stepper):
-        """Go on from where a march stands, whose components, (d,), were `before` until then."""
+        """Continue from the present time, before which the components (d,) were `before`."""
         t, y = stepper.t, stepper.y
         values, known, ways = [], [], {}
         for number, function in enumerate(self._functions):
@@ -281,7 +281,7 @@ class HybridEvents(Events):
     def _way(self, number, then, now, before, stepper):
         """Return the `Way` of an event that was `then` before a change; None if off its zero.
 
-        Events without changes, too, may have found the zero at which another one acted.
+        Events without changes may also have found the zero at which another event acted.
         """
         acted, by_steps = number in self.fired, self._resolved
         sign = self.fired[number] if acted else self._after[number]
@@ -317,9 +317,9 @@ class HybridEvents(Events):
         self.sides = self._after[self.n_events :]
 
     def leave_switches(self, stepper):
-        """Let switches count as on the side that the march goes on from, if f leads away there.
+        """Let switches count as on the side of the march, if f leads away from their zeros.
 
-        Errors may put the start on the other side of their zero.
+        Errors may put the start on the other side of a zero.
         """
         for number in range(self.n_events, len(self._functions) if not self._resolved else 0):
             value, y = partial(value_of, self._functions[number]), stepper.y
@@ -329,7 +329,7 @@ class HybridEvents(Events):
                 self._ways[number] = Way(side, side, 0.0, error, False)
 
     def look(self, edges, at):
-        """Search between `edges` as `Events` do; end also where a function acts."""
+        """Search between `edges` as `Events` do; also end where a function acts."""
         end = super().look(edges, at)
         reached = edges[-1] if end is None else end
         self.interrupted = bool(self.fired) or bool(together(reached, self.stated))
@@ -390,7 +390,7 @@ class HybridEvents(Events):
         return max(rounded, self._start + self._at_once * (edges[1] - edges[0]))
 
     def _comes_back(self, number, t, sign, edges):
-        """Return whether a zero at t is that from which the run has just gone on."""
+        """Return whether the run has just continued from this zero at t."""
         if number >= self.n_events:
             return number in self._last and t <= self._soon(edges)
         return not self._resolved and self._last.get(number) == sign and self._is_start(t)
@@ -423,31 +423,31 @@ class HybridEvents(Events):
                 self._after[number] = -self.sides[number - self.n_events]
 
     def take_back(self, number):
-        """Let a run that goes on find the last zero of a function again."""
+        """Let the run find the last zero of a function again when it continues."""
         self._after[number] = -self.fired[number]
 
 
 class Way:
-    """Way on from an event that has just changed y and is still at its zero: through, or back.
+    """The direction of an event that has just changed y and is still at its zero: through, or back.
 
-    A bounce turns back; a counter, or a force that is switched, lets the solution pass. Next to the
-    zero errors and rounding hide which it is, so slopes decide.
+    A bounce turns back. A counter, or a force that is switched, lets the solution pass. Next to the
+    zero errors and rounding hide the direction, so slopes decide.
 
     Parameters
     ----------
     before : float
-        Sign that the event had behind its zero.
+        Sign of the event after its zero, before the change.
     sign : float
-        Sign that it goes on with, 0 where that is not known.
+        Sign with which it continues; 0 if unknown.
     value, error : float
-        Its value where the change was made, and how much of that may be an error.
+        Its value at the change, and the error of this value.
     by_steps : bool
-        Whether steps are given, and the change is made at one of them, behind the zero.
+        Whether steps are given, so that the change is at one of them, after the zero.
 
     Attributes
     ----------
     returning : bool
-        Whether the event has turned back, but has not come to its zero again.
+        Whether the event has turned back but has not reached its zero again.
     """
 
     def __init__(self, before, sign, value, error, by_steps):
@@ -458,7 +458,7 @@ class Way:
     def settle(self, values):
         """Set the first of the values over the next step, which errors hide.
 
-        Returns whether they hide all of the way back from a turn, such as that of a short bounce.
+        Returns whether errors hide the whole way back from a turn, as in a short bounce.
         """
         scale = np.nanmax(np.abs(values))
         error = min(2 * self._error, _MISPLACED * scale) if self.sign else 0.0
@@ -470,9 +470,9 @@ class Way:
         return self.sign == -self.before == -np.sign(values[clear])
 
     def follow(self, values):
-        """Let values of an event that is returning count as returned, until they are.
+        """Let values of an event that is returning count as returned until it has returned.
 
-        Returns the number of the value at which it goes away again instead, or None.
+        Returns the number of the value at which it turns away again, or None.
         """
         for i, value in enumerate(values[1:].tolist(), 1):
             self._steps = self._steps + 1 if abs(value) > self._far else 0
@@ -486,7 +486,7 @@ class Way:
 
 
 def uncertainty(value, stepper):
-    """Return how far errors of y leave the value of an event open where a march stands."""
+    """Return the error of an event's value at the present time, by errors of y."""
     t, y = stepper.t, stepper.y
     allowed = stepper.uncertainty
     signs = np.ones(y.size), (-1.0) ** np.arange(y.size)
@@ -500,11 +500,11 @@ def uncertainty(value, stepper):
 
 
 def sign_ahead(value, sign, before, stepper, crossed):
-    """Return the sign to which an event goes behind a change of y; 0 where it is not known.
+    """Return the sign of an event after a change of y; 0 if it is unknown.
 
-    It is that of its slope along the motion there. What comes to rest has turned back. `value(t,
-    y)` is that of the event, which had this sign in front of the change, where y was `before`,
-    (d,); `crossed` tells that it had come through its zero.
+    It is the sign of its slope along the motion there. A motion that comes to rest has turned back.
+    ``value(t, y)`` is the event. Before the change, y was `before` (d,). `crossed` is true if the
+    event had passed through its zero.
     """
     t, equation, slopes = stepper.t, stepper.equation, []
     if equation.enlarged is not equation:
@@ -523,9 +523,9 @@ def sign_ahead(value, sign, before, stepper, crossed):
 
 
 def one_sided(equation, functions, scheme):
-    """Return the system whose right-hand side is taken from one side of each switch.
+    """Return the system whose right-hand side is evaluated on one side of each switch.
 
-    And the number of the parameter that is the sign of each.
+    The second result is the number of the parameter with the sign of each switch.
     """
     if not scheme.takes_switches:
         required = f"be left out with {type(scheme).__name__}"
@@ -552,8 +552,8 @@ def one_sided(equation, functions, scheme):
 def _one_sided(fun, switch):
     """Return a right-hand side or Jacobian, continued from the side whose sign is in params.
 
-    Behind the parameters of `fun` stand that sign, the user's time at the start, and how many
-    components `switch` reads.
+    After the parameters of `fun` there are this sign, the user's time at the start, and the number
+    of components that `switch` reads.
     """
 
     def one_sided(t, y, out, params):

@@ -1,4 +1,4 @@
-"""`scipy.integrate.solve_ivp` with memory: the same call, with orders beside it."""
+"""`scipy.integrate.solve_ivp` with memory: the same call, with orders as well."""
 
 from __future__ import annotations
 
@@ -143,7 +143,7 @@ def solve_ivp(
 
 
 def _with(fun, more):
-    """Return a function of t and y that hands `more` arguments on, with the attributes of `fun`."""
+    """Return a function of t and y that adds `more` arguments, with the attributes of `fun`."""
     if not more:
         return fun
 

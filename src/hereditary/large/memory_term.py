@@ -27,10 +27,11 @@ _CORRECTED = 1
 
 
 class MemoryTermState(NamedTuple):
-    """Everything a `MemoryTerm` needs to go on.
+    """Everything that a resumed `MemoryTerm` needs.
 
-    made, its arguments; steps made; step whose block is open; u (W,); h v0 and term0 (2, W); lag
-    and newest pieces of the block, and the memory of older ones.
+    It has the arguments of the term, the number of steps, the step whose block is open, u (W,), and
+    h v0 and term0 (2, W). It also has lag and newest pieces of the block, and the memory of older
+    ones.
     """
 
     made: dict
@@ -111,7 +112,7 @@ class MemoryTerm:
         return known
 
     def _open(self):
-        """Let the memory add everything older than the block that begins here to its lag."""
+        """Let the memory add everything older than the block that starts here to its lag."""
         n, memory = self.n, self._memory
         memory.prepare(min(n + BLOCK, self._how["steps"]))
         memory.reach(n, self._pieces, self._groups)
@@ -138,7 +139,7 @@ class MemoryTerm:
         self.n, self._u, self._known = self.n + 1, new, None
 
     def state(self) -> MemoryTermState:
-        """Return all that `restore` needs to go on from here, bit for bit.
+        """Return what `restore` needs to continue from here, bit for bit.
 
         Returns
         -------
@@ -151,12 +152,12 @@ class MemoryTerm:
         return MemoryTermState(*done, self._u.copy(), start, *block, self._memory.state())
 
     def _made(self, n):
-        """Describe what terms must share with one whose state at step n they take over."""
+        """Describe what a term must share with the term of a restored state at step n."""
         terms = described_terms(self._system, n * self._h)
         return {**self._how, **terms, "shape": self._shape, "h": self._h}
 
     def restore(self, state: MemoryTermState) -> None:
-        """Go on from where `state` was taken, of a term made with the same arguments.
+        """Continue from a `state` of a term made with the same arguments.
 
         Parameters
         ----------
