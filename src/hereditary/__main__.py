@@ -42,8 +42,8 @@ _MANY = 12
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the scene with the parameters on the command line; return the exit status.
 
-    With "paper" as the first word, compute the source's figures instead; with "compile" make all
-    machine code that first runs would wait for.
+    With "paper" as the first word, compute the figures of the source. With "compile", make all
+    machine code for which first runs would wait.
     """
     argv = sys.argv[1:] if argv is None else argv
     if argv and argv[0] == "paper":
@@ -75,8 +75,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _compile_all() -> int:
     """Compile the loops that take seconds into the cache on disk; return the exit status.
 
-    SuperLU's solvers, direct sums on meshes and of orders that vary, memory terms that others step
-    and the divergence of orbits are not run: a second each at most.
+    These are not run, and take at most a second each: SuperLU's solvers, direct sums on meshes and
+    of orders that vary, memory terms of other programs, and the divergence of orbits.
     """
     runs, bar = _runs(), ProgressBar(True)
     for number, run in enumerate(runs):

@@ -43,12 +43,12 @@ def made(ax, rows=1):
 
 
 def chosen(components, d):
-    """Return the components that are asked for, all of d by default, as a list."""
+    """Return the requested components as a list; all of d by default."""
     if components is None:
         return list(range(d))
     return component_numbers(components, d).tolist()
 
 
 def style(own, line):
-    """Return keywords of a line with the user's before our own, whatever they are called."""
+    """Return keywords of a line; the user's replace ours, also under their short names."""
     return normalize_kwargs(own, Line2D) | normalize_kwargs(line, Line2D)

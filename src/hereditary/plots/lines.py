@@ -78,12 +78,12 @@ def phase_portrait(
     Parameters
     ----------
     solution : Solution
-        Of an equation with highest order above 1, or with two components at least.
+        Of an equation with a highest order above 1, or with at least two components.
     ax : matplotlib Axes, optional
         Where to draw; new axes by default.
     components : int or array_like of int, optional
-        Components whose x' is drawn against x, all by default; for orders up to 1 the two that are
-        drawn against each other, the first two by default.
+        Components whose x' is drawn against x; all by default. For orders up to 1, the two that are
+        drawn against each other; by default the first two.
     **line
         Keywords of ``Axes.plot``.
 
@@ -123,7 +123,7 @@ def fit(
 ) -> Axes:
     """Draw data as points and the fitted model as lines, also between the data.
 
-    Bars show the standard deviations of the data where they are given.
+    Bars show the standard deviations of the data, if they are given.
 
     Parameters
     ----------
@@ -183,7 +183,7 @@ def frequency_response(
     phase : bool, optional
         The phase instead of the amplitude [radians].
     **line
-        Keywords of ``Axes.plot``; `label` stands for the whole curve.
+        Keywords of ``Axes.plot``; `label` is for the whole curve.
 
     Returns
     -------
@@ -216,9 +216,9 @@ def frequency_response(
 
 
 def _joined(response, component):
-    """Return values, first harmonics and branches of a curve, also between the values asked for.
+    """Return values, first harmonics and branches of a curve, also between the given values.
 
-    By a cubic spline over the length of the curve, which passes through its turning points.
+    They are from a cubic spline over the length of the curve, through its turning points.
     """
     values, harmonic = response.values, response.coefficients[:, component, 1]
     from scipy.interpolate import CubicSpline

@@ -56,9 +56,9 @@ def lyapunov_spectrum(
     error : str, optional
         Its standard errors, drawn as bars.
     ax : matplotlib Axes, optional
-        Where to draw, e.g. beside another spectrum; new axes by default.
+        Where to draw, e.g. next to another spectrum; new axes by default.
     name : str, optional
-        What the legend calls it; no legend without one.
+        Its name in the legend; no legend without one.
     **line
         Keywords of ``Axes.plot``.
 
@@ -94,13 +94,13 @@ def bifurcation(
     ylabel: str | None = None,
     **points: Any,
 ) -> Axes:
-    """Draw bifurcation diagram: samples of the orbit over one parameter.
+    """Draw a bifurcation diagram: samples of the orbit over one parameter.
 
     Parameters
     ----------
     table : Table
-        Over one axis; for each point an array of samples, filled up with NaN where there are fewer.
-        Samples of points whose status is not "completed" are not drawn, a cross marks the point.
+        Over one axis; for each point an array of samples, followed by NaN if there are fewer. If
+        the status of a point is not "completed", a cross replaces its samples.
     value : str, optional
         Which of its values.
     ax : matplotlib Axes, optional
@@ -135,7 +135,7 @@ def regime_map(
     ax: Axes | None = None,
     **mesh: Any,
 ) -> Axes:
-    """Map of dynamic regimes over two parameters; the paler a cell, the less certain.
+    """Draw a map of dynamic regimes over two parameters; pale cells are uncertain.
 
     Parameters
     ----------

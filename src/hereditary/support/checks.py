@@ -1,7 +1,7 @@
 """Argument checks in one wording.
 
-Every message says which argument, what was required, what arrived and, where it helps, what to
-do: "n_steps must be a positive integer, got 2.5; pass int(n_steps)".
+Every message names the argument, what was required, what arrived and, if it helps, what to do:
+"n_steps must be a positive integer, got 2.5; pass int(n_steps)".
 """
 
 import difflib
@@ -50,7 +50,7 @@ def shown(array):
 
 
 def real(argument, value, required="be a finite real number", remedy=""):
-    """Return `value` as a finite float, or say why it is none."""
+    """Return `value` as a finite float, or refuse it."""
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, (numbers.Real, np.ndarray)):
         raise TypeError(complaint(argument, required, repr(value), remedy))
     if isinstance(value, np.ndarray) and (value.ndim or value.dtype.kind not in "iuf"):
@@ -79,7 +79,7 @@ def within(argument, value, low, high, interval, remedy=""):
 
 
 def count(argument, value, remedy="pass a whole number of at least 1", least=1):
-    """Return `value` as an int of at least 1, or 0 where that is the least."""
+    """Return `value` as an int of at least `least`, 1 or 0."""
     required = "be a positive integer" if least else "be an integer of at least 0"
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, numbers.Integral):
         raise TypeError(complaint(argument, required, repr(value), remedy))

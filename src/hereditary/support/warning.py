@@ -29,12 +29,12 @@ _silent = ThreadSwitch()
 
 
 def silence():
-    """Let no warning of the package out of this thread, within a ``with`` statement."""
+    """Suppress warnings of the package in this thread, within a ``with`` statement."""
     return _silent.set()
 
 
 def warn(message, kind):
-    """Warn at the line that called into the package, however deep inside it this is."""
+    """Warn at the line of the user's code that called the package."""
     if _silent.value:
         return
     level, frame = 1, sys._getframe()
