@@ -156,7 +156,7 @@ class Pairs:
 
     @property
     def trouble(self):
-        """Status and detail of the first march that cannot go on, else None."""
+        """Status and detail of the first march that cannot continue, otherwise None."""
         return next((stepper.trouble for stepper in self._all if stepper.trouble), None)
 
     def advance(self, stop, keep=True):
@@ -457,7 +457,7 @@ def _found(stepper, equation, flow, ended, grown, settings, n_blocks, loud, seco
 
 
 def _grow(stepper, pace, h, flow, progress):
-    """March to the end, or as far as it goes, and make tangents orthonormal on the way.
+    """March to the end, or until the run stops, and make tangents orthonormal on the way.
 
     Returns status and detail of a march that ended early, else None; and for each renormalisation
     its mark and the logarithms of the growth since the one before, (n, 1 + k).
@@ -498,7 +498,7 @@ def _grow(stepper, pace, h, flow, progress):
 
 
 def _lost_digits(logs):
-    """Return a clause if tangents drew so far apart that R holds few digits, else nothing."""
+    """Return a clause if tangents differ so much in size that R has few digits, or no text."""
     widest = np.ptp(logs, axis=1).max(initial=0.0)
     if widest < _WIDE:
         return ""

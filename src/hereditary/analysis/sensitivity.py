@@ -229,7 +229,7 @@ def _with_parameters(system, size):
 def _reading(rhs):
     """Return a right-hand side that finds its first parameters among the components.
 
-    Their units, and their number, stand behind its own ones.
+    Their units, and their number, follow its own parameters.
     """
 
     def reading(t, y, dy, params):

@@ -285,7 +285,7 @@ def computed(function, carry, points, home):
     ----------
     function : callable
     carry : bool
-        Whether each point goes on from the state that the one before returned.
+        Whether each point starts from the state that the point before returned.
     points : list of dict
     home : int
         Process of the sweep.

@@ -69,7 +69,7 @@ class _Pieces(Memory):
 
 
 class _PiecesByRows(_Pieces):
-    """Pieces that each step weighs anew."""
+    """Pieces that each step weighs again."""
 
     def _tabulate(self, n):
         """Leave it to `reach`."""

@@ -143,7 +143,7 @@ def trapezoid_step(a, tol):
 
 
 def grid_spacing(exponents, tol, fraction):
-    """Return the spacing of log(rate) in `fit_unit`; inf for constant kernels alone."""
+    """Return the spacing of log(rate) in `fit_unit`; inf if all kernels are constant."""
     others = [a for a in exponents if a > 0]
     return min((trapezoid_step(a, fraction * tol / _CERTIFICATE) for a in others), default=math.inf)
 

@@ -163,7 +163,7 @@ def _positive_sum(samples, tol, every=1, norm=_largest, fading=False):
     tol : float
         Norm of relative errors that ends the search.
     every : int
-        Fit every so many-th sample.
+        Fit every n-th sample.
     norm : callable
         Norm of relative errors, shape (n,).
     fading : bool

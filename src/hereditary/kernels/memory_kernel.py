@@ -57,12 +57,12 @@ class MemoryKernel(ABC):
 
     @property
     def by_values(self) -> bool:
-        """Whether its values are all there is: then runs fit it over their own range alone."""
+        """Whether only its values are known: then each run fits it over its own range."""
         return False
 
     @property
     def measured(self) -> bool:
-        """Whether its values are measured: their noise alone may keep sums from coming closer."""
+        """Whether its values are measured: their noise may prevent a closer fit."""
         return False
 
     @abstractmethod
@@ -328,7 +328,7 @@ def fit_exponentials(
 
 
 class KernelErrors(NamedTuple):
-    """Largest errors of the sums that stand for general kernels.
+    """Largest errors of the sums that replace general kernels.
 
     Attributes
     ----------

@@ -318,7 +318,7 @@ class MittagLeffler(MemoryKernel):
     def _over_decades(self, x, weight, far):
         """Return ``int weight(y) F(log(y / x)) dlog y`` for log y in [-40, far], x in any shape.
 
-        Gauss panels, short beside the spectrum's peak; for large y the weight is 1/y and F is 1.
+        Gauss panels are short near the spectrum's peak. For large y the weight is 1/y and F is 1.
         """
         flat = x.ravel()
         values = np.ones(flat.size)  # both kernels' mean is 1 at x = 0

@@ -35,7 +35,7 @@ class PowerSteps:
 
     @property
     def key(self) -> float | None:
-        """Exponent of the power law whose exponential sum stands for it; None without memory."""
+        """Exponent of the power law whose exponential sum replaces it; None without memory."""
         return 1 - self.p if self.p > 0 else None
 
     @property

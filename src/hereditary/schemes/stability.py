@@ -24,7 +24,7 @@ _RESTARTS = 300
 
 @dataclass(frozen=True, eq=False)
 class StabilityRegion:
-    """The part of the complex plane that eigenvalues of the Jacobian must keep to.
+    """The part of the complex plane in which eigenvalues of the Jacobian must be.
 
     Attributes
     ----------

@@ -254,7 +254,7 @@ def break_steps(times, start, t_end, steps, origin):
 
 
 def before_break(breaks, n, stop):
-    """Step up to which a march goes from step n at once: each step beside a break goes alone."""
+    """Return the step to which a march goes at once from step n; steps at breaks are single."""
     if not breaks:
         return stop
     if breaks & {n, n + 1}:

@@ -46,7 +46,7 @@ def uniform_plan(
     first_modal : int
         First k from which the weights are sums of exponentials.
     drift : tuple of two ndarrays (r, d), optional
-        Amplitudes and powers of known terms, beside the derivatives of t x'(0).
+        Amplitudes and powers of known terms, in addition to the derivatives of t x'(0).
     **more
         Other fields of the `Plan`.
 
