@@ -48,7 +48,7 @@ class Collocation(Scheme):
 
     Source
     ------
-    Collocation with graded meshes: [Brunner2004]. This method: docs/collocation_method.md.
+    Collocation with graded meshes [Brunner2004]; this combination docs/theory.md.
 
     Examples
     --------

@@ -96,11 +96,13 @@ def solve(
         Number of steps, h = (t_end - t_start) / n_steps. A resumed run keeps the state's step:
         leave n_steps out, or give a number that agrees, counted either from 0 or from the state.
     rtol, atol : float, optional
-        Tolerances of `Collocation`. Errors of a component stay below about
-        ``rtol * (|y| + 0.01 * size)``, with the largest \|y| of that component so far as its size.
-        So the units of components do not matter. With `atol`, errors stay below about
-        ``atol + rtol * |y|``. rtol is 1e-6 by default and at least 1e-12. A resumed run keeps the
-        state's tolerances. See the notes for components that start at 0, and for y'.
+        Tolerances of `Collocation`, which chooses its own steps: errors of a component stay about
+        ``rtol * (|y| + 0.01 * size)``, size being the largest \|y| of that component so far. So
+        the units of components do not matter. A component that begins at 0 has a size from what
+        the right-hand side makes of it over the run (docs/theory.md). With `atol`
+        errors stay about ``atol + rtol * |y|`` instead. Errors of y', where the order exceeds 1,
+        move y by as much over the run. rtol is 1e-6 by default and at least 1e-12; when resuming,
+        both are the state's.
     mesh : Graded or array_like, shape (n+1,), optional
         ``graded(n, exponent)``, or times that increase from t_start to t_end. `L1` and `L2Sigma`
         take meshes with any order, `L2` with orders up to 1; histories are `Direct` and
