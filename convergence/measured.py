@@ -26,7 +26,7 @@ SECTIONS = {
     " varying_orders stability published_rules models",
     "Steps chosen by a tolerance": "collocation coincidences work_precision peers campaign",
     "Memory and kernels": "memory_is_nearly_free histories exponential_sum_modes memory_kernels"
-    " random_kernels laplace_kernels kernels_and_sticking",
+    " random_kernels kernels_and_sticking",
     "Large systems, ensembles and sweeps": "large_systems large_compared stick_slip_chain ensembles"
     " sweeps paper_spectra",
     "Exponents, resonance and fits": "lyapunov_rows lyapunov_cost chaos_tests resonance fits",
