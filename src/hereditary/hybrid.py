@@ -379,7 +379,7 @@ class HybridEvents(Events):
                 return
 
     def _is_start(self, t):
-        """Return whether a zero at t is one at the start."""
+        """Return whether a zero at t is the one at the start."""
         return t <= self._start or bool(together(t, self._start, self._origin))
 
     def _soon(self, edges):

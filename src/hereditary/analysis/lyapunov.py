@@ -105,7 +105,7 @@ def benettin(stepper, stops, note, to=None):
 
 
 def _march(stepper, stop):
-    """March to a position; return None there, else what the trouble is."""
+    """March to a position; return None, or the trouble that stopped it before."""
     while stepper.position < stop:
         if stepper.trouble:
             return stepper.trouble

@@ -60,9 +60,9 @@ _RARELY = 20_000, 20, 50
 class _Compiling:
     """Context of every compilation: one at a time, and never interrupted in the middle.
 
-    numba's compiler is not safe to enter from two threads, and an exception raised anywhere in it
-    leaves functions half made, which no later call gets over. Ctrl-C is noted instead and heeded
-    between two functions, or at the end.
+    numba's compiler must not be entered from two threads. An exception inside it leaves incomplete
+    functions, and every later call fails. Therefore Ctrl-C is noted, and raised between two
+    functions or at the end.
     """
 
     def __init__(self):

@@ -1,8 +1,8 @@
 """The past, summed: modes, direct sums, and modes for orders that vary.
 
-On uniform steps a history works in blocks, and all steps have one row of weights. On meshes and
-where orders vary blocks are of one step, and tables hold rows of their own for `rows` steps from
-number `first` on.
+On uniform steps a history works in blocks, and all steps have one row of weights. On meshes, and if
+orders vary, a block is one step, and tables have a row for each of `rows` steps from number
+`first` on.
 """
 
 from functools import partial

@@ -8,7 +8,7 @@ from .jit import inlined, inner
 
 @inlined
 def predict(lead, known, force, lacks, w):
-    """Predict w with the last f, and add what the last sweep lacked of lead times f."""
+    """Predict w with the last f, and add the change of lead times f in the last sweep."""
     for c in range(w.shape[0]):
         known[c] -= lacks[c]
         w[c] = lead[c] * force[c] - known[c]

@@ -323,7 +323,8 @@ def _sparse() -> Any:
 def entries_of(jac, shape, linear):
     """Return a Jacobian that sets the values of entries, from one that fills an array of `shape`.
 
-    For None it is constant. `linear` tells whether the parameters are those of `affine`.
+    Without a function the Jacobian is constant. `linear` is whether the parameters are those of
+    `affine`.
     """
     if jac is None:
         return as_value(_constants, JAC_SIG)

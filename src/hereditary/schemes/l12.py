@@ -1,4 +1,4 @@
-"""The L1-2 scheme: parabolas that lean backward."""
+"""The L1-2 scheme: each parabola also uses the interval before."""
 
 from dataclasses import dataclass
 from functools import partial

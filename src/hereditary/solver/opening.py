@@ -97,7 +97,7 @@ def _refuse(reason, remedy="", **given):
 
 
 def _check_end(t_end, equation):
-    """Refuse ends of a run whose powers are no numbers of double precision."""
+    """Refuse an end of a run if its powers exceed the range of double precision."""
     farthest = _FARTHEST ** (1 / max(1.0, float(equation.highest_orders().max())))
     interval = f"[{1 / _FARTHEST:g}, {farthest:g}]"
     within("t_end", t_end, 1 / _FARTHEST, farthest, interval, "take another unit of time")

@@ -15,10 +15,10 @@ _SLACK = 8 * np.finfo(float).eps
 
 
 class Kept(NamedTuple):
-    """What a run keeps.
+    """The rows that a run keeps.
 
-    Every so many-th step, or instead rows at the user's times (k,), or None; and the components
-    (k,) whose rows are kept, without dense output, None for all.
+    These are every n-th step, or rows at the user's times (k,). `components` (k,) are those that
+    are kept, without dense output; None for all.
     """
 
     every: int
