@@ -6,6 +6,8 @@ spring; springs between neighbours couple them,
 + coupling (x_(i-1) - 2 x_i + x_(i+1))``.
 """
 
+from __future__ import annotations
+
 import importlib
 import math
 from typing import Any, NamedTuple

@@ -4,6 +4,8 @@
 as its authors wrote it. All quantities are scaled [-].
 """
 
+from __future__ import annotations
+
 from numpy.typing import ArrayLike
 
 from ..compiled.jit import compiled

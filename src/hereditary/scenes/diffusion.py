@@ -1,5 +1,7 @@
 """Diffusion with memory on a line or a square."""
 
+from __future__ import annotations
+
 import importlib
 from collections.abc import Callable
 from typing import Any

@@ -4,6 +4,8 @@ A driven cubic spring, a self-excited circuit and two oscillating reactions. All
 scaled [-].
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable
 

@@ -4,6 +4,8 @@ A load on a spring that is pulled at a constant speed over a chain of potential 
 ``D^beta x + friction D^gamma x + omega**2 x = spring_speed t + adhesion sum_n a_n sin(n x)``.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable
 
