@@ -205,8 +205,6 @@ def frequency_response(
                 own.pop("label", None)  # once for all branches
         if told or len(which) > 1:
             ax.legend()
-        for value in response.turning:
-            ax.axvline(value, color="0.5", lw=0.8)
         by_frequency = np.array_equal(response.values, response.omega)
         ax.set(
             xlabel=r"$\omega$" if by_frequency else "parameter",
