@@ -5,6 +5,7 @@ import math
 import mpmath
 import numpy as np
 import pytest
+import scipy.integrate
 import scipy.special
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -211,13 +212,30 @@ def test_random_separate_rates_are_fitted_by_few(data):
     assert check(Kernel(Prony(rates, weights)), 1e-4, 1e2, 1e-10).n_modes <= 2 * rates.size + 1
 
 
-def test_signed_kernels():
-    kernel = Kernel(lambda t: np.exp(-t) - 0.9 * np.exp(-3 * t), signed=True)
-    fit = hd.fit_exponentials(kernel, 1e-3, 10.0, 1e-7)
-    assert fit.weights.min() < 0
-    t = np.geomspace(1e-3, 10.0, 2001)
-    largest = np.maximum.accumulate(kernel(t)[::-1])[::-1]
-    assert (np.abs(fit(t) - kernel(t)) / largest).max() <= 1.02e-7
+SIGNED = {
+    "difference": (lambda t: np.exp(-t) - 0.9 * np.exp(-3 * t), 2),
+    "rising at first": (lambda t: t * np.exp(-t), 3),
+    "one oscillation": (lambda t: np.exp(-0.1 * t) * np.cos(3 * t), 2),
+    "a fast one": (lambda t: np.exp(-t) * np.cos(200 * t), 2),
+    "an undamped one": (lambda t: np.cos(2 * t), 2),
+    "two": (lambda t: np.exp(-t / 9) * np.cos(3 * t) + np.exp(-t / 2) * np.sin(7 * t) / 2, 4),
+    "Bessel's": (lambda t: scipy.special.j0(t), 20),
+    "Gaussian": (lambda t: np.exp(-(t**2)), 15),
+    "Gaussian, oscillating": (lambda t: np.exp(-(t**2) / 8) * np.cos(3 * t), 24),
+    "singular": (lambda t: t**-0.5 * np.exp(-t / 5) * np.cos(2 * t), 110),
+}
+
+
+@pytest.mark.parametrize("name", SIGNED)
+def test_signed_kernels(name):
+    function, most = SIGNED[name]
+    fit = hd.fit_exponentials(Kernel(function, signed=True), 1e-3, 50.0, 1e-7)
+    assert fit.n_modes <= most
+    assert np.all(fit.rates.real >= 0)
+    t = np.geomspace(1e-3, 50.0, 20_001)
+    largest = np.maximum.accumulate(np.abs(function(t))[::-1])[::-1]
+    mean = (t[0] + scipy.integrate.cumulative_trapezoid(largest, t, initial=0)) / t
+    assert (np.abs(fit(t) - function(t)) / np.maximum(largest, 1e-3 * mean)).max() <= 1.05e-7
 
 
 def test_noise_is_smoothed():

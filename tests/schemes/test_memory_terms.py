@@ -1,5 +1,7 @@
 """Memory terms with kernels other than Caputo's: the same numbers by other means."""
 
+import itertools
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -238,6 +240,21 @@ def test_kernels_that_oscillate_turn_tangents_and_states_with_them(name):
     way = {"rtol": 1e-8, "scheme": hd.Collocation(horizon=50.0)}
     half = hd.solve(eq, 25.0, **way)
     assert abs(hd.solve(eq, 50.0, resume=half.state, **way).y[-1, 0] - SWUNG) < 1e-8
+
+
+@pytest.mark.parametrize("rtol", [1e-5, 1e-8])
+def test_a_gaussian_is_a_memory_too(rtol):
+    """Of y itself, where no exponential decays so fast; errors of L1 are of order 1 here."""
+    kernel = hd.Kernel(lambda t: np.exp(-(t**2) / 8) * np.cos(3 * t), signed=True)
+    eq = hd.Equation(hd.Caputo(1) + hd.Memory(kernel, 0), lambda t, y: -y, 1.0)
+    sol = hd.solve(eq, 20.0, rtol=rtol)
+    assert sol.success
+    coarse = [
+        hd.solve(eq, 20.0, n, scheme=hd.L1(), history=hd.FFT()).y[-1, 0]
+        for n in (4000, 8000, 16_000)
+    ]
+    by_two = [2 * fine - rough for rough, fine in itertools.pairwise(coarse)]
+    assert abs((4 * by_two[1] - by_two[0]) / 3 - sol.y[-1, 0]) < max(0.1 * rtol, 1e-9)
 
 
 def test_states_beside_a_power_law_turn_with_it():

@@ -18,16 +18,14 @@ from .exponential_sum import trapezoid_step
 
 # Check points in an oscillation of a power law's error curve, and every which of them is fitted.
 _POINTS_PER_OSCILLATION, _FITTED = 48, 8
-# Errors of positive sums count relative to the kernel, and at least to this fraction of its mean
-# from 0 to t: a convolution sees the mean.
+# Errors count relative to the kernel's size, and at least to this fraction of the mean of that from
+# 0 to t: a convolution sees the mean.
 _OF_MEAN = 1e-3
-# Where t K(t) of a signed kernel has faded to this fraction of its maximum, errors count relative
-# to this fraction.
-_FADED = 1e-16
 # Most that the ends of a fit by values may differ by: least squares take two seconds there.
 RATIO_OF_VALUES = 1e60
-# Singular values that signed fits leave out, relative to the largest, and samples of a pencil.
-_CUTS, _EVEN = (1e-8, 1e-10, 1e-12, 1e-14), 800
+# Singular values that signed fits leave out, relative to the largest; samples of a pencil, and the
+# part of the time that the second one takes: exp(-t) cos(200 t) to t = 50 has too few in the first.
+_CUTS, _EVEN, _SHORTER = (1e-8, 1e-10, 1e-12, 1e-14), 800, 16
 # Slowest rate of grids above 0, times t_max.
 _SLOWEST = 0.02
 # Spacings of the grid, relative to that of a trapezoid rule of this tolerance: a finer one follows
@@ -75,19 +73,11 @@ class Samples:
         return Samples(self.t[kept], self.values[kept], self.size[kept])
 
 
-def _size_by_mean(t, values, before):
-    """Return ``|K|``, at least a fraction of its mean from 0 to t; `before` is that to t = 1."""
-    size = np.abs(values)
+def _with_mean(t, size, before):
+    """Return a size at times t, at least a fraction of its mean from 0 to t; `before` is to 1."""
     pieces = 0.5 * (size[1:] + size[:-1]) * np.diff(t)
     mean = (abs(before) + np.append(0.0, np.cumsum(pieces))) / t
     return np.maximum(np.maximum(size, _OF_MEAN * mean), 1e-300)
-
-
-def _size_from_then_on(t, values):
-    """Return the largest ``|K|`` from each time on, at least a faded kernel's t K(t) by t."""
-    size = np.abs(values)
-    largest_later = np.maximum.accumulate(size[::-1])[::-1]
-    return np.maximum(largest_later, _FADED * (t * size).max() / t)
 
 
 def _sampled(kernel, t_min, t_max, tol, signed=False):
@@ -99,9 +89,10 @@ def _sampled(kernel, t_min, t_max, tol, signed=False):
     t = np.exp(np.linspace(0.0, math.log(ratio), max(400, n) // 2 * 2 + 1))
     t[-1] = ratio
     values = kernel(np.minimum(t * t_min, t_max))
-    if signed:
-        return Samples(t, values, _size_from_then_on(t, values))
-    return Samples(t, values, _size_by_mean(t, values, float(kernel.integral(t_min)) / t_min))
+    size = np.abs(values)
+    if signed:  # the largest from each time on
+        size = np.maximum.accumulate(size[::-1])[::-1]
+    return Samples(t, values, _with_mean(t, size, float(kernel.integral(t_min)) / t_min))
 
 
 def _largest(error):
@@ -311,8 +302,8 @@ def root_mean_square(error):
 def closest_signed(kernel, t_min, t_max, tol, fading=False):
     """Fit a kernel with weights of both signs, by least squares, as closely as can be.
 
-    Errors are relative to the largest ``|K|`` from each time on. Returns what `closest_positive`
-    does.
+    Errors are relative to the largest ``|K|`` from each time on, and at least to a thousandth of
+    the mean of that. Returns what `closest_positive` does.
     """
     samples = _sampled(kernel, t_min, t_max, tol, signed=True)
     best, closest = math.inf, (np.zeros(0), np.zeros(0))
@@ -329,24 +320,26 @@ def closest_signed(kernel, t_min, t_max, tol, fading=False):
 def _rates_of_signed(kernel, ratio, t_min, tol, fading):
     """Yield sets of rates: real ones of pencils and grids, then complex ones, and both.
 
-    The pencil has two matrices: the Hankel matrix of even samples without its last column, and
-    without its first. Both are reduced to singular values above a cut [HuaSarkar1990].
+    The pencil is that of the Hankel matrix of even samples without its last and without its first
+    column, reduced to singular values above a cut [HuaSarkar1990]. Samples of a part of the time
+    resolve fast oscillations.
     """
-    times, h = np.linspace(1.0, ratio, _EVEN, retstep=True)
-    _, sizes, rows = np.linalg.svd(sliding_window_view(kernel(times * t_min), _EVEN // 2))
     found = []
-    for cut in _CUTS:
-        kept = rows[: np.count_nonzero(sizes > cut * sizes[0])].T
-        poles = np.linalg.eigvals(np.linalg.lstsq(kept[:-1], kept[1:], rcond=None)[0])
-        rates = -np.log(poles[poles != 0].astype(complex)) / h
-        rates = np.maximum(rates.real, 0.0) + 1j * rates.imag
-        pairs = rates[(rates.imag > 0) & (rates.imag < 0.99 * math.pi / h)]
-        found.append(np.concatenate([rates[rates.imag == 0], pairs, pairs.conj()]))
+    for end in (ratio, 1.0 + (ratio - 1.0) / _SHORTER):
+        times, h = np.linspace(1.0, end, _EVEN, retstep=True)
+        _, sizes, rows = np.linalg.svd(sliding_window_view(kernel(times * t_min), _EVEN // 2))
+        for cut in _CUTS:
+            kept = rows[: np.count_nonzero(sizes > cut * sizes[0])].T
+            poles = np.linalg.eigvals(np.linalg.lstsq(kept[:-1], kept[1:], rcond=None)[0])
+            rates = -np.log(poles[poles != 0].astype(complex)) / h
+            rates = np.maximum(rates.real, 0.0) + 1j * rates.imag
+            pairs = rates[(rates.imag > 0) & (rates.imag < 0.99 * math.pi / h)]
+            found.append(np.concatenate([rates[rates.imag == 0], pairs, pairs.conj()]))
     grids = [_rate_grid(ratio, step * trapezoid_step(0.5, tol), tol, fading) for step in (1.0, 0.6)]
     yield from (rates for rates in found if rates.size and not rates.imag.any())
     yield from grids
     yield from found
-    yield from (np.append(grid, found[-2]) for grid in grids)
+    yield from (np.append(grid, rates) for rates in (found[2], found[-2]) for grid in grids)
 
 
 def _signed_weights(samples, rates):

@@ -295,13 +295,14 @@ def fit_exponentials(
 
     Error
     -----
-    The relative error is at most `tol` on [t_min, t_max]. It is checked at 24 or more points per
-    oscillation of the error curve; between these it is at most 1.05 times `max_error`. Power laws,
-    tempered or not, have this error relative to K everywhere. For other kernels below a thousandth
-    of their mean from 0 to t, the error is relative to that bound, because a convolution does not
-    resolve less. For a table the error is the misfit at the data, whose root mean square is at most
-    `tol`. For a signed kernel it is relative to the largest ``|K|`` from each time on. Beyond t_max
-    the sum decays too fast: do not use it there. Below 1e-13 the rounding of the sum counts.
+    Relative error at most `tol` on [t_min, t_max], checked at 24 or more points per oscillation of
+    the error curve and at most 1.05 times `max_error` between them. Where the kernel is below a
+    thousandth of its mean from 0 to t, which is what a convolution sees, the error is relative to
+    that bound; power laws, tempered ones too, are accurate relative to K everywhere. For a table
+    the error is the misfit at the data, whose root mean square is at most `tol`. For a signed
+    kernel the largest ``|K|`` from each time on counts instead of K. Beyond t_max the sum decays
+    too fast and must not be used. Below 1e-13 the rounding of the sum itself is no longer
+    negligible.
 
     Cost
     ----
