@@ -335,10 +335,13 @@ def _rates_of_signed(kernel, ratio, t_min, tol, fading):
             rates = np.maximum(rates.real, 0.0) + 1j * rates.imag
             pairs = rates[(rates.imag > 0) & (rates.imag < 0.99 * math.pi / h)]
             found.append(np.concatenate([rates[rates.imag == 0], pairs, pairs.conj()]))
-    grids = [_rate_grid(ratio, step * trapezoid_step(0.5, tol), tol, fading) for step in (1.0, 0.6)]
-    yield from (rates for rates in found if rates.size and not rates.imag.any())
-    yield from grids
+    grids = [
+        _rate_grid(ratio, step * trapezoid_step(0.5, tol), tol, fading) for step in (1.0, 0.6, 0.4)
+    ]
+    yield from (rates for rates in found if not rates.imag.any())
+    yield from grids[:2]
     yield from found
+    yield grids[2]
     yield from (np.append(grid, rates) for rates in (found[2], found[-2]) for grid in grids)
 
 
