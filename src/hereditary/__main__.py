@@ -177,14 +177,14 @@ def _report(solution: hd.Solution, parameters, estimate: str) -> None:
 
 
 def _draw(solution: hd.Solution, path: str) -> None:
-    """Draw oscillogram and velocity in one column, and the phase portrait next to them."""
-    figure = plt.figure(figsize=(10, 5), layout="constrained")
-    grid = figure.add_gridspec(2, 2)
-    above = plots.oscillogram(solution, figure.add_subplot(grid[0, 0]))
-    plots.velocity(solution, figure.add_subplot(grid[1, 0], sharex=above))
-    plots.phase_portrait(solution, figure.add_subplot(grid[:, 1]))
-    figure.savefig(path, dpi=150)
-    plt.close(figure)
+    """Oscillogram and velocity above each other, the phase portrait beside them."""
+    with plt.style.context(plots.STYLE):
+        figure, axes = plt.subplot_mosaic("xo;vo", figsize=(10, 5), layout="constrained")
+        plots.oscillogram(solution, axes["x"])
+        plots.velocity(solution, axes["v"])
+        plots.phase_portrait(solution, axes["o"])
+        figure.savefig(path, dpi=150)
+        plt.close(figure)
 
 
 if __name__ == "__main__":
