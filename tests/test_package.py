@@ -296,6 +296,7 @@ PAGES += [
         "memory_terms",
         "varying_orders",
         "derivatives",
+        "viscoelastic",
         "events",
         "sweeps",
         "fitting",

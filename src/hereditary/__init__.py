@@ -3,7 +3,7 @@
 import importlib
 import importlib.metadata
 
-from . import scenes
+from . import scenes, viscoelastic
 from .analysis.convergence import ConvergenceTable, convergence_table
 from .analysis.fitting import FitResult, IdentifiabilityWarning, fit
 from .analysis.frequency_response import FrequencyResponse, frequency_response
@@ -128,6 +128,7 @@ __all__ = [
     "solve_ivp",
     "stroboscopic",
     "sweep",
+    "viscoelastic",
     "zero_one_test",
 ]
 

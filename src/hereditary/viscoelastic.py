@@ -1,0 +1,346 @@
+"""Viscoelastic models of springs, dashpots and spring-pots, in series and in parallel.
+
+A model has a stiffness Q(s): with Laplace transforms, stress = Q(s) strain for a body at rest
+before t = 0. Parallel models add Q, models in series add 1/Q. What a model does follows from
+``Q(s)/s = viscosity + g(s)`` and ``1/Q(s) = compliance + c(s)``, where g and c vanish at infinity:
+g is the transform of the relaxation modulus, c that of the rate of creep.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .equation.equation import Equation
+from .equation.operators import Caputo, Memory, Terms
+from .kernels.laplace import inverted, kernel_from_laplace
+from .support.checks import complaint, instance, positive, real_array, shown, within
+
+
+class Model:
+    """A viscoelastic model; see `SpringPot`, `series` and `parallel`."""
+
+    def _split(self, s):
+        """Return (viscosity, g) and (compliance, c) at complex s."""
+        raise NotImplementedError
+
+    def stiffness(self, s: ArrayLike) -> np.ndarray:
+        """Return Q(s) at complex s off the negative real axis [stress]."""
+        (viscosity, g), _ = self._split(np.asarray(s, dtype=complex))
+        return s * (viscosity + g)
+
+    def moduli(self, omega: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+        """Return the storage and the loss modulus, real and imaginary part of ``Q(i omega)``.
+
+        Parameters
+        ----------
+        omega : array_like
+            Angular frequencies above 0 [1/time].
+
+        Returns
+        -------
+        tuple of ndarray
+            G' and G'' [stress].
+        """
+        modulus = self.stiffness(1j * _positive_array("omega", omega))
+        return modulus.real, modulus.imag
+
+    def relaxation(self, t: ArrayLike) -> np.ndarray:
+        """Return the relaxation modulus G(t): the stress after a step of the strain by 1.
+
+        At times t > 0 [time], with errors of 1e-14 of its mean from 0 to t. A viscosity adds an
+        impulse at t = 0.
+        """
+        return inverted(lambda s: self._split(s)[0][1], _positive_array("t", t))
+
+    def creep(self, t: ArrayLike) -> np.ndarray:
+        """Return the creep compliance J(t): the strain after a step of the stress by 1.
+
+        At times t > 0 [time], with relative errors of 1e-14.
+        """
+        _, (compliance, _) = self._split(np.ones(1, dtype=complex))
+        return compliance + inverted(lambda s: self._split(s)[1][1] / s, _positive_array("t", t))
+
+    @cached_property
+    def operator(self) -> Terms:
+        """Operator that makes stress of strain, for equations: ``stress = operator strain``.
+
+        The strain is 0 before t = 0. An oscillator on this body has the terms ``mass * Caputo(2) +
+        model.operator``.
+        """
+        return self._terms(0)
+
+    @cached_property
+    def rate_operator(self) -> Terms:
+        """Operator that makes the rate of the strain of the stress."""
+        return self._terms(1)
+
+    def _terms(self, half):
+        """Return ``limit D + Memory(kernel, 1)`` of g or c."""
+        limit, rest = self._split(np.ones(1, dtype=complex))[half]
+        terms = [limit * Caputo(1)] if limit else []
+        if np.any(rest):
+            kernel = kernel_from_laplace(lambda s: self._split(s)[half][1])
+            terms.append(Memory(kernel, 1))
+        return Terms([one for term in terms for one in term._terms()])
+
+    def strain_equation(self, stress: Callable, params: ArrayLike = ()) -> Equation:
+        """Make the equation of the strain under a given stress.
+
+        Parameters
+        ----------
+        stress : callable
+            ``stress(t, strain)`` or ``stress(t, strain, params)``, as right-hand sides are; it may
+            begin with a step at t = 0.
+        params : array_like, optional
+            Parameters of `stress`.
+
+        Returns
+        -------
+        Equation
+            Of one component, the strain, 0 before t = 0. Solve it with ``rtol=``, and with
+            ``breaks=`` at later steps.
+        """
+        return Equation(self.operator, stress, 0.0, params)
+
+    def stress_equation(self, strain_rate: Callable, params: ArrayLike = ()) -> Equation:
+        """Make the equation of the stress under a given rate of the strain.
+
+        Parameters
+        ----------
+        strain_rate : callable
+            ``strain_rate(t, stress)`` or ``strain_rate(t, stress, params)`` [1/time]. A step of
+            the strain at t = 0 adds ``step * relaxation(t)`` to the solution.
+        params : array_like, optional
+            Parameters of `strain_rate`.
+
+        Returns
+        -------
+        Equation
+            Of one component, the stress, 0 before t = 0.
+        """
+        return Equation(self.rate_operator, strain_rate, 0.0, params)
+
+
+@dataclass(frozen=True)
+class SpringPot(Model):
+    """Scott Blair's element: ``stress = modulus * D**order strain``.
+
+    Parameters
+    ----------
+    modulus : float
+        Above 0 [stress time**order].
+    order : float
+        0 (a spring) to 1 (a dashpot) [-].
+
+    Examples
+    --------
+    >>> from hereditary.viscoelastic import SpringPot
+    >>> storage, loss = SpringPot(2.0, 0.5).moduli(1.0)
+    >>> round(float(storage), 6), round(float(loss), 6)
+    (1.414214, 1.414214)
+    """
+
+    modulus: float
+    order: float
+
+    def __post_init__(self):
+        positive("modulus", self.modulus)
+        within("order", self.order, 0.0, 1.0, "[0, 1]")
+
+    def _split(self, s):
+        one, nothing = float(self.modulus), np.zeros_like(s)
+        if self.order == 0:
+            return (0.0, one / s), (1 / one, nothing)
+        if self.order == 1:
+            return (one, nothing), (0.0, 1 / (one * s))
+        return (0.0, one * s ** (self.order - 1)), (0.0, s**-self.order / one)
+
+
+@dataclass(frozen=True)
+class Combined(Model):
+    """Models in series or in parallel; made by `series` and `parallel`.
+
+    Attributes
+    ----------
+    arrangement : str
+        "series" or "parallel".
+    parts : tuple of Model
+    """
+
+    arrangement: str
+    parts: tuple[Model, ...]
+
+    def __post_init__(self):
+        for part in self.parts:
+            instance("parts", part, Model, "hereditary.viscoelastic.SpringPot(modulus, order)")
+        if not self.parts:
+            raise ValueError(complaint("parts", "hold at least one model", "none"))
+
+    def _split(self, s):
+        # with A = Q/s and B = 1/Q, or the other way round in series: A B = 1/s, and parts add A
+        halves = list(zip(*(part._split(s) for part in self.parts), strict=True))
+        added, others = halves if self.arrangement == "parallel" else halves[::-1]
+        limit, rest = sum(one for one, _ in added), sum(one for _, one in added)
+        other, small = 0.0, 1 / (s * (limit + rest))
+        if all(one for one, _ in others):
+            # B - B(infinity) without cancellation
+            other = 1 / sum(1 / one for one, _ in others)
+            small = other * small * sum(one / (top * (top + one)) for top, one in others)
+        pair = (limit, rest), (other, small)
+        return pair if self.arrangement == "parallel" else pair[::-1]
+
+
+def spring(modulus: float) -> SpringPot:
+    """Make a spring, ``stress = modulus * strain``."""
+    return SpringPot(modulus, 0.0)
+
+
+def dashpot(viscosity: float) -> SpringPot:
+    """Make a dashpot, ``stress = viscosity * strain'``."""
+    return SpringPot(viscosity, 1.0)
+
+
+def parallel(*parts: Model) -> Model:
+    """Combine models that have the same strain."""
+    return Combined("parallel", parts)
+
+
+def series(*parts: Model) -> Model:
+    """Combine models that have the same stress."""
+    return Combined("series", parts)
+
+
+def maxwell(first: Model, second: Model) -> Model:
+    """Make Maxwell's model, two elements in series."""
+    return series(first, second)
+
+
+def kelvin_voigt(first: Model, second: Model) -> Model:
+    """Make Kelvin and Voigt's model, two elements in parallel."""
+    return parallel(first, second)
+
+
+def zener(alone: Model, first: Model, second: Model) -> Model:
+    """Make Zener's model: one element parallel to two in series.
+
+    Examples
+    --------
+    A fractional solid, whose modulus goes from 5 to 1 like ``1 + 4 E_0.6(-t**0.6)``:
+
+    >>> from hereditary.viscoelastic import SpringPot, spring, zener
+    >>> solid = zener(spring(1.0), spring(4.0), SpringPot(4.0, 0.6))
+    >>> solid.relaxation([1e-12, 1.0, 1e12]).round(6).tolist()
+    [5.0, 2.653309, 1.0]
+    """
+    return parallel(alone, series(first, second))
+
+
+def poynting_thomson(alone: Model, first: Model, second: Model) -> Model:
+    """Make Poynting and Thomson's model: one element in series with two in parallel."""
+    return series(alone, parallel(first, second))
+
+
+def burgers(first: Model, second: Model, third: Model, fourth: Model) -> Model:
+    """Make Burgers' model: Maxwell's in series with Kelvin and Voigt's of the last two."""
+    return series(first, second, parallel(third, fourth))
+
+
+@dataclass(frozen=True, eq=False)
+class ModuliFit:
+    """Parameters of a model that fit storage and loss moduli best.
+
+    Attributes
+    ----------
+    parameters, standard_errors : dict
+        By name; errors by the linear theory of least squares, NaN at a bound.
+    model : Model
+        With these parameters.
+    residuals : ndarray, shape (2, n)
+        ``log(model / data)`` of G' and of G''.
+    success : bool
+    message : str
+    """
+
+    parameters: dict[str, float]
+    standard_errors: dict[str, float]
+    model: Model
+    residuals: np.ndarray = field(repr=False)
+    success: bool
+    message: str
+
+
+def fit_moduli(
+    model: Callable[..., Model],
+    omega: ArrayLike,
+    storage: ArrayLike,
+    loss: ArrayLike,
+    p0: Mapping[str, float],
+    *,
+    bounds: Mapping[str, tuple[float, float]] | None = None,
+) -> ModuliFit:
+    """Fit a model to storage and loss moduli by least squares of their logarithms.
+
+    Creep and relaxation are fitted by `hereditary.fit` with the equations of a model.
+
+    Parameters
+    ----------
+    model : callable
+        ``model(**parameters)`` returns a model.
+    omega, storage, loss : array_like, shape (n,)
+        Angular frequencies [1/time], and G' and G'' there [stress], above 0.
+    p0 : mapping of str to float
+        First guess, above 0.
+    bounds : mapping of str to (float, float), optional
+        Lowest and highest values of some parameters, by default 0 and infinity. An order has at
+        most (0, 1).
+
+    Returns
+    -------
+    ModuliFit
+    """
+    from scipy.optimize import least_squares
+
+    frequencies = _positive_array("omega", omega)
+    data = np.array([_positive_array("storage", storage), _positive_array("loss", loss)])
+    if data.shape != (2, frequencies.size):
+        got = f"{data.shape[1:]} beside {frequencies.size} frequencies"
+        raise ValueError(complaint("storage and loss", "have shape (n,) as omega", got))
+    names, start = list(p0), _positive_array("p0", list(p0.values()))
+    if set(bounds or ()) - set(names):
+        raise ValueError(complaint("bounds", f"be of {', '.join(names)}", repr(bounds)))
+    limits = np.array([(bounds or {}).get(name, (0.0, np.inf)) for name in names]).T
+
+    def made(p):
+        return model(**dict(zip(names, p.tolist(), strict=True)))
+
+    found = least_squares(
+        lambda p: np.log(np.array(made(p).moduli(frequencies)) / data).ravel(),
+        start,
+        bounds=tuple(limits),
+        x_scale=start,
+    )
+    free = found.active_mask == 0
+    errors, left = np.full(start.size, np.nan), max(1, 2 * frequencies.size - start.size)
+    inverse = np.linalg.pinv(found.jac[:, free].T @ found.jac[:, free])
+    errors[free] = np.sqrt(np.diag(inverse) * 2 * found.cost / left)
+    return ModuliFit(
+        parameters=dict(zip(names, found.x.tolist(), strict=True)),
+        standard_errors=dict(zip(names, errors.tolist(), strict=True)),
+        model=made(found.x),
+        residuals=found.fun.reshape(2, -1),
+        success=bool(found.success),
+        message=found.message,
+    )
+
+
+def _positive_array(name, values):
+    """Return values as an array of numbers above 0."""
+    array = real_array(name, values)
+    if np.any(array <= 0):
+        raise ValueError(complaint(name, "be above 0", shown(array)))
+    return array

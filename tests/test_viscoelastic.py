@@ -1,0 +1,262 @@
+"""Viscoelastic models: closed forms, thermodynamic limits, responses, fits, refusals."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pymittagleffler import mittag_leffler
+from scipy.special import gamma
+
+import hereditary as hd
+from hereditary import viscoelastic as ve
+from hereditary.viscoelastic import SpringPot, dashpot, spring
+
+T = np.geomspace(1e-6, 1e6, 25)
+
+
+def decaying(order, time, t):
+    """E_order(-(t/time)**order)."""
+    return mittag_leffler(-((t / time) ** order), order, 1.0).real
+
+
+CREEP = {
+    "spring-pot": (SpringPot(2.0, 0.3), lambda t: t**0.3 / 2 / gamma(1.3)),
+    "Maxwell": (
+        ve.maxwell(SpringPot(2.0, 0.8), SpringPot(3.0, 0.3)),
+        lambda t: t**0.8 / 2 / gamma(1.8) + t**0.3 / 3 / gamma(1.3),
+    ),
+    "Kelvin-Voigt": (
+        ve.kelvin_voigt(spring(2.0), SpringPot(6.0, 0.4)),
+        lambda t: (1 - decaying(0.4, 3**2.5, t)) / 2,
+    ),
+    "Poynting-Thomson": (
+        ve.poynting_thomson(spring(4.0), spring(2.0), SpringPot(2.0, 0.7)),
+        lambda t: 0.25 + (1 - decaying(0.7, 1.0, t)) / 2,
+    ),
+    "Burgers": (
+        ve.burgers(spring(4.0), dashpot(5.0), spring(2.0), SpringPot(2.0, 0.7)),
+        lambda t: 0.25 + t / 5 + (1 - decaying(0.7, 1.0, t)) / 2,
+    ),
+}
+RELAXATION = {
+    "spring-pot": (SpringPot(2.0, 0.3), lambda t: 2 * t**-0.3 / gamma(0.7)),
+    "Maxwell": (
+        ve.maxwell(SpringPot(2.0, 0.8), SpringPot(3.0, 0.3)),
+        lambda t: 3 * t**-0.3 * mittag_leffler(-1.5 * t**0.5, 0.5, 0.7).real,
+    ),
+    "Kelvin-Voigt": (
+        ve.kelvin_voigt(spring(2.0), SpringPot(6.0, 0.4)),
+        lambda t: 2 + 6 * t**-0.4 / gamma(0.6),
+    ),
+    "Zener": (
+        ve.zener(spring(1.0), spring(4.0), SpringPot(4.0, 0.6)),
+        lambda t: 1 + 4 * decaying(0.6, 1.0, t),
+    ),
+    "Jeffreys": (
+        ve.parallel(dashpot(0.5), ve.maxwell(spring(4.0), SpringPot(4.0, 0.6))),
+        lambda t: 4 * decaying(0.6, 1.0, t),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", CREEP)
+def test_creep(name):
+    model, known = CREEP[name]
+    assert np.abs(model.creep(T) / known(T) - 1).max() < 2e-10  # what 1 - E loses at 1e-6
+    assert np.abs(model.creep(T) / known(T) - 1)[12:].max() < 1e-12
+
+
+@pytest.mark.parametrize("name", RELAXATION)
+def test_relaxation(name):
+    model, known = RELAXATION[name]
+    assert np.abs(model.relaxation(T) / known(T) - 1).max() < 1e-12
+
+
+def test_moduli():
+    storage, loss = ve.maxwell(spring(3.0), dashpot(6.0)).moduli(0.7)
+    assert storage == pytest.approx(3 * 1.4**2 / (1 + 1.4**2), rel=1e-14)
+    assert loss == pytest.approx(3 * 1.4 / (1 + 1.4**2), rel=1e-14)
+
+
+ELEMENTS = st.builds(
+    SpringPot,
+    st.floats(-2.0, 2.0).map(lambda x: 10**x),
+    st.one_of(st.sampled_from([0.0, 1.0]), st.floats(0.1, 0.9)),
+)
+MODELS = st.recursive(
+    ELEMENTS,
+    lambda parts: st.builds(
+        lambda join, some: join(*some),
+        st.sampled_from([ve.series, ve.parallel]),
+        st.lists(parts, min_size=2, max_size=3),
+    ),
+    max_leaves=6,
+)
+
+
+@settings(deadline=None, max_examples=60)
+@given(MODELS)
+def test_thermodynamic_limits(model):
+    """Moduli are not negative, G falls, J rises, and G J stays between the classical bounds."""
+    t = np.geomspace(1e-8, 1e8, 60)
+    storage, loss = model.moduli(1 / t)
+    size = np.abs(storage + 1j * loss)
+    assert np.all(storage >= -1e-13 * size)
+    assert np.all(loss >= -1e-13 * size)
+    (viscosity, _), (compliance, _) = model._split(np.ones(1, dtype=complex))
+    relaxation, creep = model.relaxation(t), model.creep(t)
+    mean = np.abs(model.stiffness(1 / t))  # of G from 0 to t, up to a factor of 3
+    assert np.all(relaxation >= -1e-12 * mean)
+    assert np.all(np.diff(relaxation) <= 1e-12 * mean[:-1])
+    assert np.all(np.diff(creep) >= -1e-12 * creep[1:])
+    assert np.all(relaxation * creep <= 1 + 1e-12)
+    assert viscosity == 0 or compliance == 0
+    if compliance:
+        early = model.relaxation(1e-290)
+        assert early == pytest.approx(1 / compliance, rel=1e-10)
+
+
+def test_limits_of_a_solid():
+    solid = ve.zener(spring(1.0), spring(4.0), SpringPot(4.0, 0.6))
+    assert solid.relaxation(1e-30) == pytest.approx(5.0, rel=1e-12)
+    assert solid.relaxation(1e30) == pytest.approx(1.0, rel=1e-12)
+    assert solid.creep(1e-30) == pytest.approx(0.2, rel=1e-12)
+    assert solid.creep(1e30) == pytest.approx(1.0, rel=1e-12)
+
+
+def unit(t, y):
+    return 1.0
+
+
+def waves(t, y):
+    return 0.5 * np.cos(2 * t)
+
+
+def early(t, y):
+    return 1.0 if t < 0.7 else 0.0
+
+
+RESPONSES = {
+    **{name: model for name, (model, _) in (CREEP | RELAXATION).items()},
+    "classical Kelvin-Voigt": ve.kelvin_voigt(spring(2.0), dashpot(3.0)),
+    "classical Maxwell": ve.maxwell(spring(2.0), dashpot(3.0)),
+    "spring": spring(2.0),
+    "dashpot": dashpot(2.0),
+}
+
+
+@pytest.mark.parametrize("name", RESPONSES)
+def test_strain_after_a_step_of_the_stress(name):
+    model = RESPONSES[name]
+    found = hd.solve(model.strain_equation(unit), 3.0, rtol=1e-7)
+    assert found.success
+    t = np.array([0.01, 0.5, 3.0])
+    assert np.abs(found(t)[:, 0] / model.creep(t) - 1).max() < 1e-7
+
+
+@pytest.mark.parametrize("name", RESPONSES)
+def test_stress_of_a_large_oscillation(name):
+    model = RESPONSES[name]
+    found = hd.solve(model.stress_equation(waves), 9.0, rtol=1e-7)
+    assert found.success
+    t = np.array([1.0, 5.0, 9.0])
+    known = hd.derivative(t, lambda s: 0.25 * np.sin(2 * s), model.operator)
+    assert np.abs(found(t)[:, 0] - known).max() < 1e-7 * np.abs(known).max()
+
+
+def test_oscillations_become_what_the_moduli_say():
+    model = ve.zener(spring(1.0), spring(4.0), SpringPot(4.0, 0.9))
+    found = hd.solve(model.stress_equation(waves), 60.0, rtol=1e-6)
+    storage, loss = model.moduli(2.0)
+    t = np.linspace(50.0, 60.0, 30)
+    steady = 0.25 * (storage * np.sin(2 * t) + loss * np.cos(2 * t))
+    assert np.abs(found(t)[:, 0] - steady).max() < 5e-3
+
+
+def test_ramps_and_later_steps_superpose():
+    model = ve.zener(spring(1.0), spring(4.0), SpringPot(4.0, 0.6))
+    held = hd.solve(model.stress_equation(early), 4.0, rtol=1e-8, breaks=[0.7])
+    kernel = hd.kernel_from_laplace(lambda s: model.stiffness(s) / s)
+    known = kernel.integral(4.0) - kernel.integral(3.3)
+    assert held.y[-1, 0] == pytest.approx(known, rel=1e-8)
+    freed = hd.solve(model.strain_equation(early), 4.0, rtol=1e-8, breaks=[0.7])
+    assert freed.y[-1, 0] == pytest.approx(model.creep(4.0) - model.creep(3.3), rel=1e-7)
+
+
+def test_a_mass_on_a_model_swings():
+    model = ve.kelvin_voigt(spring(3.0), SpringPot(0.5, 0.6))
+    terms = 2.0 * hd.Caputo(2) + model.operator
+    found = hd.solve(hd.Equation(terms, lambda t, x: 0.0 * x, [0.0, 1.0]), 8.0, rtol=1e-8)
+    known = hd.exact.several_terms([2.0, 0.6], [2.0, 0.5], [0.0, 1.0], rate=3.0)(8.0)
+    assert found.y[-1, 0] == pytest.approx(known[0], abs=1e-7)
+
+
+# Frequencies, storage and loss moduli, and the fit to them, as RHEOS.jl publishes them.
+DATA = np.array(
+    [
+        (0.091160329, 0.828556819, 0.149921737),
+        (0.304963687, 0.862943457, 0.142491695),
+        (0.77022935, 0.898757203, 0.151197212),
+        (4.24686265, 0.974905392, 0.182173688),
+        (9.175279817, 1.036221356, 0.210393172),
+        (29.44212077, 1.124016346, 0.313294598),
+        (103.7540299, 1.244293227, 0.552659563),
+        (309.5187241, 1.494145654, 1.070122282),
+        (1003.289067, 3.170324762, 1.871798151),
+    ]
+).T
+PUBLISHED = {"c_a": 0.009444444, "a": 0.76694686, "c_b": 0.91477855, "b": 0.09972298}
+
+
+def two_spring_pots(c_a, a, c_b, b):
+    return ve.kelvin_voigt(SpringPot(c_a, a), SpringPot(c_b, b))
+
+
+def cost(model):
+    return np.sum(np.log(np.array(model.moduli(DATA[0])) / DATA[1:]) ** 2)
+
+
+def test_fit_of_moduli():
+    guess = {"c_a": 0.1, "a": 0.5, "c_b": 1.0, "b": 0.2}
+    orders = {"a": (0, 1), "b": (0, 1)}
+    found = ve.fit_moduli(two_spring_pots, *DATA, guess, bounds=orders)
+    assert found.success
+    assert found.residuals.shape == (2, 9)
+    for name, value in PUBLISHED.items():
+        assert abs(found.parameters[name] - value) < 0.1 * found.standard_errors[name]
+    assert np.sum(found.residuals**2) <= cost(two_spring_pots(**PUBLISHED))
+    exact = two_spring_pots(**PUBLISHED).moduli(DATA[0])
+    found = ve.fit_moduli(two_spring_pots, DATA[0], *exact, guess, bounds=orders)
+    assert found.parameters == pytest.approx(PUBLISHED, rel=1e-6)
+
+
+def load(t, strain, p):
+    return p[0]
+
+
+def test_fit_of_creep():
+    def body(modulus, order):
+        return ve.kelvin_voigt(spring(2.0), SpringPot(modulus, order)).strain_equation(load, [3.0])
+
+    t = np.linspace(0.2, 6.0, 8)
+    data = 3 * ve.kelvin_voigt(spring(2.0), SpringPot(6.0, 0.4)).creep(t)
+    guess = {"modulus": 4.0, "order": 0.6}
+    found = hd.fit(body, t, data, guess, bounds={"order": (0.1, 1.0)}, rtol=1e-5)
+    assert found.parameters == pytest.approx({"modulus": 6.0, "order": 0.4}, rel=1e-4)
+
+
+def test_refusals():
+    with pytest.raises(ValueError, match=r"order must lie in \[0, 1\]"):
+        SpringPot(1.0, 1.5)
+    with pytest.raises(ValueError, match="modulus must be a finite number above 0"):
+        spring(0.0)
+    with pytest.raises(TypeError, match="parts must be a Model"):
+        ve.series(spring(1.0), 2.0)
+    with pytest.raises(ValueError, match="parts must hold at least one model"):
+        ve.parallel()
+    with pytest.raises(ValueError, match="t must be above 0"):
+        spring(1.0).relaxation([0.0, 1.0])
+    with pytest.raises(ValueError, match="storage and loss must have shape"):
+        ve.fit_moduli(two_spring_pots, [1.0, 2.0], [1.0], [1.0], PUBLISHED)
+    with pytest.raises(ValueError, match="bounds must be of c_a"):
+        ve.fit_moduli(two_spring_pots, *DATA, PUBLISHED, bounds={"alpha": (0, 1)})
