@@ -19,6 +19,9 @@ ZETA, WEIGHTS = 1 + np.sin(_THETA), _STEP / np.pi * np.cos(_THETA)
 # Scale of the values, scale of their check, and the largest difference of both over the mean of the
 # kernel: analytic transforms leave 1e-13, and one with a pole between the hyperbolas about 1.
 _SCALE, _OTHER, _DIFFERENCE = 6.0, 8.6, 1e-9
+# Values of a call that are compared, at the most: to compare all doubles its time. A pole off the
+# axis shows at times over a factor of 1.4, the ratio of the scales.
+_CHECKED = 400
 # Times that are inverted at once: complex numbers for all nodes take 17 MB.
 _AT_ONCE = 20_000
 
@@ -51,14 +54,15 @@ class LaplaceKernel(Kernel):
     """A memory kernel that is known by its Laplace transform; see `kernel_from_laplace`."""
 
     def _at(self, t):
-        """Return values at times of shape (n,), compared with a second inversion."""
-        values = inverted(self.laplace, t)
-        size = np.abs(values) + np.abs(self.laplace(1 / t + 0j)) / t
-        difference = np.abs(inverted(self.laplace, t, _OTHER) - values) / size
+        """Return values at times of shape (n,), some of them compared with a second inversion."""
+        values, some = inverted(self.laplace, t), slice(None, None, 1 + t.size // _CHECKED)
+        times, seen = t[some], values[some]
+        size = np.abs(seen) + np.abs(self.laplace(1 / times + 0j)) / times
+        difference = np.abs(inverted(self.laplace, times, _OTHER) - seen) / size
         worst = int(np.argmax(np.nan_to_num(difference)))
         if difference[worst] > _DIFFERENCE:
             required = "be analytic off the negative real axis"
-            got = f"inversions that differ by {difference[worst]:.1e} at t = {t[worst]:g}"
+            got = f"inversions that differ by {difference[worst]:.1e} at t = {times[worst]:g}"
             remedy = "a pole elsewhere is a pair of rates of hereditary.Prony"
             raise ValueError(complaint("transform", required, got, remedy))
         return values
@@ -110,7 +114,7 @@ def kernel_from_laplace(
 
     Cost
     ----
-    108 values of F for each value of K: 20 microseconds.
+    54 values of F for each value of K: about 7 microseconds with one power in F.
 
     Source
     ------
