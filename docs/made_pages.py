@@ -17,6 +17,7 @@ GALLERY = (
     "block_on_its_spring",
     "stick_slip",
     "viscoelastic_beam",
+    "viscoelastic_models",
     "subdiffusion",
     "epidemic",
     "resonance",
