@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,6 +27,10 @@ class Model:
     def _split(self, s):
         """Return (viscosity, g) and (compliance, c) at complex s."""
         raise NotImplementedError
+
+    def _rest(self, half, s):
+        """Return g or c at complex s."""
+        return self._split(s)[half][1]
 
     def stiffness(self, s: ArrayLike) -> np.ndarray:
         """Return Q(s) at complex s off the negative real axis [stress]."""
@@ -55,7 +59,7 @@ class Model:
         At times t > 0 [time], with errors of 1e-14 of its mean from 0 to t. A viscosity adds an
         impulse at t = 0.
         """
-        return inverted(lambda s: self._split(s)[0][1], _positive_array("t", t))
+        return inverted(partial(self._rest, 0), _positive_array("t", t))
 
     def creep(self, t: ArrayLike) -> np.ndarray:
         """Return the creep compliance J(t): the strain after a step of the stress by 1.
@@ -63,7 +67,7 @@ class Model:
         At times t > 0 [time], with relative errors of 1e-14.
         """
         _, (compliance, _) = self._split(np.ones(1, dtype=complex))
-        return compliance + inverted(lambda s: self._split(s)[1][1] / s, _positive_array("t", t))
+        return compliance + inverted(lambda s: self._rest(1, s) / s, _positive_array("t", t))
 
     @cached_property
     def operator(self) -> Terms:
@@ -84,8 +88,7 @@ class Model:
         limit, rest = self._split(np.ones(1, dtype=complex))[half]
         terms = [limit * Caputo(1)] if limit else []
         if np.any(rest):
-            kernel = kernel_from_laplace(lambda s: self._split(s)[half][1])
-            terms.append(Memory(kernel, 1))
+            terms.append(Memory(kernel_from_laplace(partial(self._rest, half)), 1))
         return Terms([one for term in terms for one in term._terms()])
 
     def strain_equation(self, stress: Callable, params: ArrayLike = ()) -> Equation:
