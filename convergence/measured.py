@@ -24,7 +24,8 @@ writes this page from `convergence/results/claims.csv`.
 SECTIONS = {
     "Accuracy and orders": "orders explicit_order graded_meshes imex riemann_liouville memory_terms"
     " varying_orders stability published_rules models",
-    "Steps chosen by a tolerance": "collocation coincidences work_precision peers campaign",
+    "Steps chosen by a tolerance": "collocation undamped coincidences work_precision peers"
+    " campaign",
     "Memory and kernels": "memory_is_nearly_free histories exponential_sum_modes memory_kernels"
     " random_kernels kernels_and_sticking",
     "Large systems, ensembles and sweeps": "large_systems large_compared stick_slip_chain ensembles"

@@ -100,3 +100,29 @@ def test_corners_jumps_and_edges_of_the_domain_refuse_nothing():
         return out
 
     assert hd.Equation(hd.Caputo(0.5), rough, [0.0, 0.0, 0.0, 0.0], jac=its_jac).has_jac
+
+
+def coupled(t, y, p):
+    return np.array([-p[0] * y[0] + 0.5 * p[0] * y[1], 0.5 * p[0] * y[0] - p[0] * y[1] + np.cos(t)])
+
+
+def wrong_later(t, y, p):
+    matrix = p[0] * np.array([[-1.0, 0.5], [0.5, -1.0]])
+    return matrix if t <= 1e-3 else p[1] * matrix
+
+
+@pytest.mark.parametrize(("alpha", "factor", "max_steps"), [(0.5, 0.0, 3000), (0.9, 0.5, 500)])
+def test_one_that_is_wrong_away_from_the_start_is_the_reason_of_the_end(alpha, factor, max_steps):
+    args = hd.Caputo(alpha), coupled, [1.0, 0.5], [1e4, factor], wrong_later
+    with pytest.warns(hd.SolveWarning, match="jac must hold"):
+        sol = hd.solve(hd.Equation(*args), 3.0, rtol=1e-6, max_steps=max_steps)
+    assert sol.status in (hd.Status.STEP_TOO_SMALL, hd.Status.MAX_STEPS)
+    assert "where the run ends" in sol.message
+
+
+def test_a_right_one_is_no_reason():
+    args = hd.Caputo(0.9), coupled, [1.0, 0.5], [1e4, 1.0], wrong_later
+    with pytest.warns(hd.SolveWarning):
+        sol = hd.solve(hd.Equation(*args), 3.0, rtol=1e-6, max_steps=20)
+    assert sol.status is hd.Status.MAX_STEPS
+    assert "jac" not in sol.message

@@ -3,6 +3,7 @@
 The scale of a tolerance is rtol times the size of y, see random_problems.deviation.
 """
 
+import math
 from itertools import pairwise
 
 import numpy as np
@@ -113,6 +114,11 @@ def reaction(t, y, dy, p):
     dy[1] = 3.0 * y[0] - y[0] ** 2 * y[1]
 
 
+def rotating(t, y, dy, p):
+    dy[0] = p[0] * y[0] + p[1] * y[1]
+    dy[1] = p[2] * y[0] + p[3] * y[1]
+
+
 # P4 to P6: equation, end, published values there and half a unit of their last digit.
 PUBLISHED = {
     "brusselator": (lambda: hd.scenes.brusselator(0.8), 100.0, [1.23585168586364], 1e-11),
@@ -145,3 +151,23 @@ def test_coarse_tolerances_give_sane_answers(name, rtol):
     assert sol.success
     assert np.all(np.isfinite(sol.y))
     assert abs(sol.y[-1, 0] - values[0]) <= 10 * rtol * abs(values[0])
+
+
+@pytest.mark.parametrize("alpha", [0.5, 0.95, 1.0, 1.9])
+@pytest.mark.parametrize(("rtol", "periods"), [(1e-5, 500), (1e-11, 100)])
+def test_the_estimate_grows_with_errors_that_nothing_damps(alpha, rtol, periods):
+    """Of modes, within the tolerance at loose ones; of rounding at tight ones."""
+    angle, start = alpha * np.pi / 2, [[1.0, 0.0], [0.0, 0.0]][: math.ceil(alpha)]
+    a, b = np.cos(angle), np.sin(angle)
+    matrix = np.array([[a, -b], [b, a]])
+    sol = hd.solve(
+        hd.Equation(hd.Caputo(alpha), rotating, start, matrix.ravel()),
+        2 * np.pi * periods,
+        rtol=rtol,
+    )
+    truth = exact.system(alpha, matrix, start)
+    off = np.abs(sol.y[-100:] - truth(sol.t[-100:])).max() / np.abs(sol.y).max()
+    assert off <= 2 * sol.stats["error_estimate"]
+    assert sol.stats["error_estimate"] <= 10 * rtol
+    if rtol == 1e-5:
+        assert off <= rtol

@@ -165,3 +165,19 @@ def test_a_break_with_an_order_next_to_an_integer(alpha):
 
     sol = hd.solve(hd.Equation(hd.Caputo(alpha), pushed, y0), 1.0, rtol=1e-8, breaks=[0.5])
     assert error(sol, solution, 1e-8) <= 1
+
+
+def pulse(t, y, p):
+    return (1.0 if p[0] <= t < p[0] + 1 / 150 else 0.0) - y
+
+
+@pytest.mark.filterwarnings("ignore::hereditary.SolveWarning")
+@pytest.mark.parametrize("rtol", [1e-2, 1e-5, 1e-8])
+@pytest.mark.parametrize("alpha", [0.1, 0.8, 1.5])
+def test_a_force_after_rest_is_seen_if_it_lasts_for_a_150th_of_the_run(alpha, rtol):
+    for begin in np.linspace(1e-4, 0.2, 14):
+        equation = hd.Equation(
+            hd.Caputo(alpha), pulse, [0.0, 0.0][: int(alpha) + 1], params=[begin]
+        )
+        sol = hd.solve(equation, 1.0, rtol=rtol, max_steps=60)
+        assert not sol.success or sol.y.any(), begin

@@ -411,7 +411,8 @@ class AdaptiveStepper(Stepper):
             status = CRAWLING
         at_starts = np.abs(steps.at_starts[:n]).max(axis=0, initial=0.0)  # y, then p
         self._peak = np.maximum(self._peak, at_starts[::-1])
-        self._moved += np.abs(np.diff(steps.at_starts[:n, 0], axis=0)).sum(axis=0)
+        if self.n_steps > _ROWS:  # little adds up over fewer
+            self._moved += np.abs(np.diff(steps.at_starts[:n, 0], axis=0)).sum(axis=0)
         if status not in (REACHED, FULL, TOO_CLOSE):
             lengths, last = (self._control["last"], self._control["next"]), self._orbit.last[0]
             self.ending = ending(status, self._system, self.t, *lengths, last, self._peak)
@@ -676,6 +677,8 @@ class AdaptiveStepper(Stepper):
     def _error_estimate(self):
         """Return the largest error of a step plus what adds up where nothing damps errors."""
         of_steps = max(self._largest_error, STEP_FRACTION) * self._tolerances[0]
+        if self.n_steps <= _ROWS:
+            return of_steps
         moved = np.max(self._moved / np.maximum(self._state.sizes, LEAST))
         of_modes = _OF_MODES * self._orbit.power_laws.error * moved
         return float(of_steps + of_modes + _OF_ROUNDING * self.n_steps)

@@ -70,7 +70,8 @@ class Solution:
         - kernel_error: the largest relative error of sums of exponentials for general kernels.
         - n_rejected: with `Collocation`, the steps that were repeated with a shorter length.
         - error_estimate: with `Collocation`, ten times the largest estimated error of a step,
-          relative to the size of y, and at least rtol / 10. With uniform steps of
+          relative to the size of y, and at least rtol / 10. It also has what errors of the modes
+          and rounding add up to if nothing damps them. With uniform steps of
           `ExplicitCaputo` and `GrunwaldLetnikov`, the largest error beyond the first 40 steps,
           relative to the size of each component, from two runs with a tenth and a twentieth of the
           steps. This one is usually right within a factor of 3; errors of the first steps can be
