@@ -23,7 +23,7 @@ from _study import Claim, chosen, curves, in_turns, side_by_side, study
 
 import hereditary as hd
 from hereditary.analysis.convergence import observed_order
-from hereditary.history.varying_memory import bank_of_all_orders, weights_of_orders
+from hereditary.kernels.exponential_sum import bank_of_all_orders, weights_of_orders
 
 SCHEMES = {"explicit": hd.ExplicitCaputo(), "L1": hd.L1()}
 

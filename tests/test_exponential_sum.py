@@ -8,8 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import hereditary as hd
-from hereditary.history.varying_memory import bank_of_all_orders, weights_of_orders
-from hereditary.kernels.exponential_sum import fit_unit, trapezoid_step
+from hereditary.kernels.exponential_sum import (
+    bank_of_all_orders,
+    fit_unit,
+    trapezoid_step,
+    weights_of_orders,
+)
 
 EXPONENTS = [1e-6, 1e-3, 0.1, 0.5, 0.9, 1.0, 1.5, 1.99]
 RATIOS = [1e1, 1e3, 2e5, 1e7, 1e12]

@@ -14,7 +14,7 @@ from hereditary.kernels.special import (
     power_differences,
     power_second_differences,
 )
-from hereditary.schemes.mesh_plan import moments
+from hereditary.schemes.row_plan import moments
 
 POWERS = [1e-6, 0.05, 0.2, 0.5, 0.8, 0.999]
 

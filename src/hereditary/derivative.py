@@ -225,9 +225,10 @@ class _Data(_Known):
     def _by_blocks(self, system, _, u):
         """Sum on any times, with Caputo's kernel."""
         past, n = self._scheme.mesh_plan(system, self.times).past, len(u)
-        found, size = np.empty_like(u), max(1, _BLOCK // n)
-        for first in range(0, n, size):
-            last = min(first + size, n)
+        found, size, last = np.empty_like(u), max(1, _BLOCK // n), 0
+        past.prepare(n)
+        while last < n:
+            first, last = last, min(last + size, past.reach(last)[0])
             earlier = np.maximum(np.arange(first, last)[:, None] - np.arange(last), 0)
             weights = past.weights(first, last, last)[0]
             found[first:last] = np.einsum("ik,ikc->ic", weights, u[earlier])

@@ -10,7 +10,7 @@ from scipy.special import rgamma
 from ..compiled.adaptive import set_times
 from ..compiled.structures import TABULATED, VaryingOrders, record
 from ..equation.orders import OrderFailed
-from ..history.varying_memory import SLOW_NODES, bank_of_all_orders, weights_of_orders
+from ..kernels.exponential_sum import SLOW_NODES, bank_of_all_orders, weights_of_orders
 from .exponential_basis import GridBasis
 from .quadrature import integrals_of_rows, radau_nodes
 

@@ -34,7 +34,7 @@ from .jacobian import evaluate, jacobian, push_tangents
 from .jit import entry
 from .linalg import put
 from .newton import guess, solve_linearly, solve_step
-from .past import read_varying
+from .past import read_rows
 from .signatures import MARCH
 from .step import (
     BASE,
@@ -91,15 +91,15 @@ def marching(name, way):
         units = room[UNITS]
         orbit, f_orbit, looked, row = x[:n_orbit], f[:n_orbit], point[:n_orbit], -1
         first_sample = (output.begun + every - 1) // every if every > 0 else 0
-        by_orders = tables.amplitudes.shape[0] > 1  # a call for each step would take 45 ns
+        by_rows = tables.room.shape[1] > 0  # a call for each step would take 45 ns
         rows_out, slopes, begun, j_f = output.rows, output.slopes, output.begun, work[-1]
         while counts.step < end:
             n = counts.step
             p, i = n % lag.shape[1], min(n - rows.first, rows.last)
             t = (n + theta[i]) * h if h > 0.0 else rows.times[i] + theta[i] * unit[i]
             if p == 0 and counts.opened != n:  # the right-hand side may have raised since
-                if by_orders:
-                    read_varying(lag, pieces, n, groups, tables, memory)
+                if by_rows:
+                    read_rows(lag, pieces, n, groups, tables, memory)
                 else:
                     open_block(lag, pieces, n, groups, weights, exchange, tables, memory)
                 if n == 0 and integral == 0:  # the first start value waits for the step; p = 0

@@ -1,4 +1,4 @@
-"""The past, summed: modes, direct sums, and modes for orders that vary.
+"""The past, summed by modes or directly.
 
 On uniform steps a history works in blocks, and all steps have one row of weights. On meshes, and if
 orders vary, a block is one step, and tables have a row for each of `rows` steps from number
@@ -198,40 +198,71 @@ def add_direct(lag, pieces, n, first, groups, tables, memory):
                     out[i] += s[n + i] * start[c, v]
 
 
+@compiled
+def set_amplitudes(scale, from_moments, decays, own):
+    """Set the amplitudes with which a sum of exponentials stands for ``t**-a`` at each of n steps.
+
+    The rates are ``exp(x + h j)``, j = 1, 2, .., whose amplitudes grow by exp(a h) from one to the
+    next; the first of them is set. All slower rates, j <= 0, are replaced by three rates with the
+    same moments k = 0, 1, 2 of their amplitudes, ``before / (1 - exp(-(a + k) h))`` with `before`
+    the one at j = 0; the amplitudes of these three are set.
+
+    Parameters
+    ----------
+    scale : ndarray, shape (n,)
+        Factor of the amplitudes.
+    from_moments : ndarray, shape (3, 3)
+        Amplitudes of the three rates for a unit of each moment.
+    decays : ndarray, shape (2,)
+        exp(-k h) for k = 1, 2.
+    own : ndarray, shape (6, n)
+        Given exp(a x), exp(a h), anything and exp(-a h) - 1 in rows 0 to 3; set to the first
+        amplitude in row 0 and to those of the three rates in rows 3 to 5.
+    """
+    for i in range(scale.shape[0]):
+        before, fall = own[0, i] * scale[i], own[3, i]
+        m0 = -before / fall
+        m1, m2 = before / (1 - (1 + fall) * decays[0]), before / (1 - (1 + fall) * decays[1])
+        for k in range(3):
+            at = from_moments[k]
+            own[3 + k, i] = at[0] * m0 + at[1] * m1 + at[2] * m2
+        own[0, i] = before * own[1, i]
+
+
 @partial(embedded, fused=True)
-def read_varying(lag, pieces, n, groups, tables, memory):
-    """Take u_(n-2) into the modes and set the lag to what they give.
+def read_rows(lag, pieces, n, groups, tables, memory):
+    """Take u_(n-2) into the modes, and set the lag to what they give at step n.
 
     On the grid of rates exp(h j) a kernel's amplitudes are a geometric sequence for any order, so
     their sum is a polynomial in its ratio. Horner's rule is applied to the four quarters of the
     modes in parallel, then to every fourth of the rest. So no product waits long for another, and
     no weight is stored.
     """
-    # pieces (W, 2); memory: modes (W, M); tables: derivatives (C, T)
-    # keep (3, M): decay q, what a rate's amplitude is multiplied by for terms with y' and with y''
-    # amplitudes (6 C T, n): for each term the first amplitude, the ratio, its power M / 4, and the
-    #   weights of the slow end, whose modes begin at `length`, behind the grid; room (1, M / 4)
-    derivatives, table, starts, modes = (
-        tables.derivatives, tables.keep, tables.amplitudes, memory.modes,
-    )  # fmt: skip
-    i, n_powers, behind = n - tables.first, modes.shape[1], tables.length
-    lanes, quarter = tables.room[0], n_powers // LANES
-    n_terms = derivatives.shape[1] if n_powers > 0 else 0
+    # pieces (W, 2); memory: modes (W, M), or (W, 2 M) where those of terms with y'' are `length`
+    #   behind the others; tables: derivatives (C, T); keep, take (R or 1, .), seen (2 R or 2, M),
+    #   for terms with y' and with y''; amplitudes (6 C T, R), for each term the first one, the
+    #   ratio, its power G / 4, and those of the slow rates behind the grid; room (1, G / 4)
+    keep, take, seen, modes = tables.keep, tables.take, tables.weights, memory.modes
+    derivatives, starts, lanes = tables.derivatives, tables.amplitudes, tables.room[0]
+    i, n_rows, n_terms = n - tables.first, keep.shape[0], derivatives.shape[1]
+    j, quarter = min(i, n_rows - 1), lanes.shape[0]
     for c in range(lag.shape[0]):
-        piece, total = pieces[c, 0], 0.0
-        for m in range(n_powers):
-            modes[c, m] = table[0, m] * modes[c, m] + piece
-        term = STARTS * n_terms * groups[c]
-        for j in range(n_terms):
-            kind = int(derivatives[groups[c], j])
+        piece, total, all_modes, keep_i, take_i = pieces[c, 0], 0.0, modes[c], keep[j], take[j]
+        for m in range(all_modes.shape[0]):
+            all_modes[m] = keep_i[m] * all_modes[m] + take_i[m] * piece
+        for k in range(n_terms):
+            kind, term = int(derivatives[groups[c], k]), STARTS * (n_terms * groups[c] + k)
             if kind > 0:
+                factors, own = (
+                    seen[(kind - 1) * n_rows + j],
+                    all_modes[(kind - 1) * tables.length :],
+                )
                 ratio, long = starts[term + 1, i], starts[term + 2, i]
                 for m in range(quarter):
-                    upper = table[kind, 3 * quarter + m] * modes[c, 3 * quarter + m] * long
-                    upper += table[kind, 2 * quarter + m] * modes[c, 2 * quarter + m]
-                    lower = table[kind, quarter + m] * modes[c, quarter + m]
-                    lower += upper * long
-                    lanes[m] = table[kind, m] * modes[c, m] + lower * long
+                    upper = factors[3 * quarter + m] * own[3 * quarter + m] * long
+                    upper += factors[2 * quarter + m] * own[2 * quarter + m]
+                    lower = factors[quarter + m] * own[quarter + m] + upper * long
+                    lanes[m] = factors[m] * own[m] + lower * long
                 square = ratio * ratio
                 fourth, held = square * square, 0.0
                 for m in range(quarter - LANES, -1, -LANES):
@@ -239,7 +270,7 @@ def read_varying(lag, pieces, n, groups, tables, memory):
                     pair += square * (lanes[m + 2] + ratio * lanes[m + 3])
                     held = held * fourth + pair
                 total += starts[term, i] * held
-                for k in range(3):
-                    total += starts[term + 3 + k, i] * modes[c, behind + k]
-            term += STARTS
+                for m in range(3):
+                    at = LANES * quarter + m
+                    total += starts[term + 3 + m, i] * factors[at] * own[at]
         lag[c, 0], pieces[c, 0] = total, pieces[c, 1]

@@ -23,10 +23,10 @@ class Tables(NamedTuple):
     """Tables of a memory; a history sets those that it reads (compiled/past.py).
 
     The first of the steps that have rows of their own, and the number of rows of each group; the
-    length of a stretch, or of a grid of rates, or the number of real rates; weights of pieces or
-    modes, and of start values; what modes keep of themselves and take of a piece; powers of what
-    they keep; corrections of the first weights; of orders that vary, the derivatives in the terms,
-    amplitudes, and room.
+    length of a stretch, or of the modes of one kind, or the number of real rates; weights of pieces
+    or modes, and of start values; what modes keep of themselves and take of a piece; powers of what
+    they keep; corrections of the first weights; of steps with rows of their own, the derivatives in
+    the terms, amplitudes of modes, and room.
     """
 
     first: int = 0
@@ -173,10 +173,15 @@ class StepRows(NamedTuple):
     drift: Matrix
 
     @property
+    def shared(self) -> bool:
+        """Whether all steps but the first have one row."""
+        return self.last == 1
+
+    @property
     def alike(self) -> bool:
         """Whether all steps are solved with the same matrix."""
         each = (self.theta[None], self.lead, self.scale)
-        return all(np.all(part == part[:, :1]) for part in each) and self.last <= 1
+        return self.shared and all(np.all(part == part[:, :1]) for part in each)
 
 
 class March(NamedTuple):

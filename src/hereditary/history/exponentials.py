@@ -5,22 +5,36 @@ rates s_i, ``W_k = sum_i V_i q_i**(k-2)`` with q_i = exp(-s_i h). The modes ``Z_
 q_i**(n-2-m) u_m`` then hold all there is to know about the past.
 """
 
+import math
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from ..compiled.past import exchange_modes, exchange_rows
+from ..compiled.past import (
+    LANES,
+    STARTS,
+    exchange_modes,
+    exchange_nothing,
+    exchange_rows,
+    set_amplitudes,
+)
+from ..compiled.power_series import inverse_gamma
 from ..compiled.signatures import Tables, held
-from ..kernels.exponential_sum import fit_unit, tolerance
+from ..kernels.exponential_sum import (
+    LEAST,
+    SLOW_NODES,
+    bank_of_all_orders,
+    fit_unit,
+    tolerance,
+    weights_of_moments,
+)
 from ..kernels.memory_kernel import KernelErrors
-from ..schemes.mesh_plan import MeshSums
+from ..schemes.row_plan import STRETCH, RowSums
 from ..schemes.steps import Span
-from ..schemes.varying_plan import Schedule
 from ..support.checks import complaint, positive
 from .history import History, Memory
-from .varying_memory import VaryingModes
 
 # Steps that every bank covers. A run may be resumed up to here whatever length it first had, and
 # all shorter runs share one bank; longer ones take ten times as many, and so on. Against a bank
@@ -28,8 +42,11 @@ from .varying_memory import VaryingModes
 _STEPS_COVERED = 2 * 10**7
 # Steps of a mesh whose rows are worked out at once.
 _ROWS = 256
-# Modes are handled four at a time and padded to a multiple of eight, a SIMD register's width.
+# Modes are handled four at a time and padded to a multiple of eight, a SIMD register's width, or of
+# sixteen where steps weigh them anew.
 _PAD = 8
+_FOURS = 4 * LANES
+_REMEDY = "begin the run with SumOfExponentials(horizon=), the time it is to reach"
 
 
 @dataclass(frozen=True)
@@ -82,11 +99,11 @@ class SumOfExponentials(History):
 
     def memory(self, past, n_columns, n_block, span) -> Memory:
         """Make the memory of a past; see `History.memory`."""
-        if isinstance(past, MeshSums):
-            return _MeshModes(past, n_columns, self._span(past, span), float(self.tol))
-        if isinstance(past, Schedule):
-            covered = self._covered(span + 1, (), span)
-            return VaryingModes(past, n_columns, covered, float(self.tol))
+        if isinstance(past, RowSums):
+            mesh = past.steps.mesh
+            covered = self._covered(span + 1, (), span) if mesh is None else self._span(mesh, span)
+            own = _ModesOfAllOrders if past.varies else _FittedModes
+            return own(past, n_columns, covered, float(self.tol))
         # one block more than asked for: a lag is filled for whole blocks
         kernels = past.kernels()
         covered = self._covered(span + n_block, kernels, span)
@@ -107,10 +124,10 @@ class SumOfExponentials(History):
             covered *= 10
         return covered
 
-    def _span(self, past, span):
+    def _span(self, mesh, span):
         """Return the shortest and longest time lag of modes on a mesh."""
         # a mesh of one step may go on, with steps that are no shorter
-        shortest = span.shortest if np.isfinite(span.shortest) else past.rows.unit[0]
+        shortest = span.shortest if np.isfinite(span.shortest) else mesh[1]
         return Span(shortest, max(span.farthest, self.horizon or 0.0))
 
 
@@ -159,64 +176,130 @@ def _tabulated(convolution, covered, tol, n_block):
 _kept = lru_cache(maxsize=64)(_tabulated)
 
 
-def _mesh_modes(sums, m, nearest, farthest, tol):
-    """Return rates (M,) of the modes of terms with derivative m, and weights by group."""
-    used = (sums.factors != 0) & (sums.powers > 0) & (sums.derivatives == m)
-    exponents = tuple(sorted({1 - p for p in sums.powers[used]}))
-    if not exponents:
-        return np.zeros(0), np.zeros((len(used), 0))
-    fit = fit_unit(exponents, max(2.0, farthest / nearest), tol)
-    weights = np.zeros((len(used), fit.rates.size))
-    for i, j in zip(*np.nonzero(used), strict=True):
-        a = 1 - sums.powers[i, j]
-        # p t**(p-1) in units of the nearest distance
-        own = (1 - a) * fit.weights[exponents.index(a)] * nearest**-a
-        weights[i] += sums.factors[i, j] * own
-    return fit.rates / nearest, weights
+class _RowModes(Memory):
+    """Modes that each step changes and weighs anew; subclasses say with which rates and weights."""
 
+    _exchange: ClassVar[Any]
+    _rows: Any
 
-class _MeshModes(Memory):
-    """Modes on a mesh of any steps."""
+    def _bank(self):
+        """Return rates in units of 1 / `_nearest`, and the number of modes."""
+        raise NotImplementedError
 
-    def __init__(self, sums, n_columns, covers, tol):
-        self._sums, self._covers = sums, covers
+    def _weighed(self, seen, here):
+        """Return fields of tables that weigh modes in the rows `here`; `seen` is of the past."""
+        raise NotImplementedError
+
+    def __init__(self, past, n_columns, covered, tol):
+        self._past, self._covered, self._tol, self._rows = past, covered, tol, None
+        # 0 for terms without memory
+        derivatives = np.zeros((len(past.terms), max(map(len, past.terms))))
+        for row, terms in zip(derivatives, past.terms, strict=True):
+            row[: len(terms)] = [0 if op.classical else op.derivative for _, op in terms]
+        self._kinds, mesh = np.unique(derivatives[derivatives > 0]).astype(int), past.steps.mesh
         # velocities of order above 1 are seen from the middle of a step on
-        nearest = (1, covers.shortest), (2, 0.5 * covers.shortest)
-        found = [(m, *_mesh_modes(sums, m, least, covers.farthest, tol)) for m, least in nearest]
-        self._modes = [(m, rates, weights) for m, rates, weights in found if rates.size]
-        self.n_modes = sum(rates.size for _, rates, _ in self._modes)
-        arrays = held(n_columns, modes=self.n_modes)
-        super().__init__(exchange_rows, Tables(rows=0), arrays, *sums.exact(0))
+        self._nearest = past.steps.h if mesh is None else covered.shortest / self._kinds[-1]
+        self._ratio = covered if mesh is None else max(2.0, covered.farthest / self._nearest)
+        n_sets = 1 if mesh is None else self._kinds.size
+        rates, n_modes = self._bank()
+        self._rates, self.n_modes = rates / self._nearest, n_sets * n_modes
+        tables = Tables(
+            first=-1,
+            rows=STRETCH if mesh is None else _ROWS,
+            length=rates.size if n_sets == 2 else 0,
+            derivatives=derivatives,
+        )
+        arrays = held(n_columns, modes=n_sets * rates.size)
+        super().__init__(self._exchange, tables, arrays, *past.exact(0))
 
     def reach(self, n, pieces, groups):
         """Work out what modes keep and take, and how they are weighed, in steps from n on."""
-        first, end = self.tables.first, self.tables.first + self.tables.rows
-        if not first <= n < end:
-            first = n // _ROWS * _ROWS
-            end = min(first + _ROWS, self._sums.reach(n)[0])
-            parts = []
-            for m, rates, weights in self._modes:
-                keep, take, seen = self._sums.decays(rates, m, first, end)
-                parts.append((keep, take, weights[:, None] * seen))
-            keep, take, read = (np.concatenate(part, axis=-1) for part in zip(*parts, strict=True))
-            read *= self._sums.rows.lead[:, first:end, None]
-            read = np.ascontiguousarray(read.reshape(-1, self.n_modes))
-            self.tables = Tables(first, end - first, weights=read, keep=keep, take=take)
-        return end
+        end, rows = self._past.reach(n)
+        first = n // self.tables.rows * self.tables.rows
+        last = min(first + self.tables.rows, rows.first + rows.theta.size)
+        if rows is not self._rows or first != self.tables.first:
+            self._rows = rows
+            keep, take, seen = self._past.decays(self._rates, self._kinds, first, last)
+            tables = self._weighed(seen, slice(first - rows.first, last - rows.first))
+            self.tables = self.tables._replace(first=first, keep=keep, take=take, **tables)
+        return min(end, last)
 
     def prepare(self, n_end):
         """Refuse steps that the modes do not reach."""
-        times = self._sums.times
+        times, covered = self._past.steps.mesh, self._covered
+        if times is None:
+            return _refuse_beyond(covered, n_end)
         shortest = float(np.diff(times[:n_end]).min(initial=np.inf))
-        if shortest < self._covers.shortest * (1 - 1e-9):
-            required = (
-                f"have no steps below {self._covers.shortest:g}, the shortest of the first run"
-            )
+        if shortest < covered.shortest * (1 - 1e-9):
+            required = f"have no steps below {covered.shortest:g}, the shortest of the first run"
             raise ValueError(complaint("mesh", required, f"one of {shortest:g}"))
-        if times[n_end] > self._covers.farthest:
-            required = f"stay within t = {self._covers.farthest:g}, the end of its history"
-            remedy = "begin the run with SumOfExponentials(horizon=), the time it is to reach"
-            raise ValueError(complaint("resume", required, f"{times[n_end]:g}", remedy))
+        if times[n_end] > covered.farthest:
+            required = f"stay within t = {covered.farthest:g}, the end of its history"
+            raise ValueError(complaint("resume", required, f"{times[n_end]:g}", _REMEDY))
+
+
+class _FittedModes(_RowModes):
+    """Modes of constant orders."""
+
+    _exchange = staticmethod(exchange_rows)
+
+    def _bank(self):
+        operators = [op for terms in self._past.terms for _, op in terms if not op.classical]
+        powers = sorted({operator.power for operator in operators}, reverse=True)
+        fit = fit_unit(tuple(1 - p for p in powers), self._ratio, self._tol)
+        self._fitted = dict(zip(powers, fit.weights, strict=True))
+        return fit.rates, fit.rates.size
+
+    def _weighed(self, seen, here):
+        size, n_modes = self._rates.size, self.arrays.modes.shape[1]
+        found = np.zeros((len(self._past.terms), self.tables.rows, n_modes))
+        for own, terms in zip(found, self._past.terms, strict=True):
+            for c, operator in terms:
+                if not operator.classical:
+                    p, kind = operator.power, operator.derivative - 1
+                    # c p t**(p-1) / Gamma(p + 1) in units of the nearest distance
+                    scale = c * p * operator.factor(1.0) * self._nearest ** (p - 1)
+                    columns = slice(kind * self.tables.length, kind * self.tables.length + size)
+                    own[: seen.shape[1], columns] += scale * self._fitted[p] * seen[kind]
+        found[:, : seen.shape[1]] *= self._rows.lead[:, here, None]
+        return {"weights": found.reshape(-1, n_modes)}
+
+
+class _ModesOfAllOrders(_RowModes):
+    """Modes for every order, which the march reads by itself (`read_rows`)."""
+
+    _exchange = staticmethod(exchange_nothing)
+
+    def _bank(self):
+        rates, self._h, x = bank_of_all_orders(self._ratio, self._tol)
+        # more of the grid, as many as are summed at a time
+        n_grid = _FOURS * math.ceil((rates.size - SLOW_NODES) / _FOURS)
+        # exponents times these: amplitudes before the grid, from one rate to the next, and a fourth
+        self._logs = x - math.log(self._nearest), self._h, self._h * n_grid / LANES
+        self._room = np.zeros((1, n_grid // LANES))
+        self._decays = np.exp(-self._h * np.arange(1.0, SLOW_NODES))
+        grid = np.exp(x + self._h * np.arange(1, n_grid + 1))
+        return np.maximum(np.append(grid, rates[-SLOW_NODES:]), LEAST), rates.size
+
+    def _weighed(self, seen, here):
+        """Set amplitudes of ``c p t**(p-1) / Gamma(p + 1)`` in units of the nearest distance."""
+        shape = *self.tables.derivatives.shape, STARTS, self.tables.rows
+        if not self.tables.amplitudes.size:
+            self.tables = self.tables._replace(
+                amplitudes=np.zeros((math.prod(shape[:3]), shape[3]))
+            )
+        found = self.tables.amplitudes.reshape(shape)[..., : here.stop - here.start]
+        for a, number in np.argwhere(self.tables.derivatives):
+            own, (c, operator) = found[a, number], self._past.terms[a][number]
+            p, factor = (part[here] for part in self._past.powers[operator])
+            exponent = np.maximum(1 - p, LEAST)
+            for row, log in zip(own, self._logs, strict=False):
+                np.exp(np.multiply(exponent, log, out=row), out=row)
+            np.expm1(np.multiply(exponent, -self._h, out=own[3]), out=own[3])
+            scale = (c * self._h) * self._rows.lead[a, here] * factor * p
+            scale *= exponent * inverse_gamma(exponent)
+            set_amplitudes(scale, weights_of_moments(), self._decays, own)
+        return {"weights": seen.reshape(-1, seen.shape[2]), "room": self._room}
 
 
 class _Modes(Memory):
@@ -229,10 +312,13 @@ class _Modes(Memory):
 
     def prepare(self, n_end):
         """Refuse steps that the exponential sum does not reach."""
-        if n_end > self._covered:
-            remedy = "begin the run with SumOfExponentials(horizon=), the time it is to reach"
-            required = f"stay within the {self._covered} steps its history covers"
-            raise ValueError(complaint("resume", required, f"a run to step {n_end}", remedy))
+        _refuse_beyond(self._covered, n_end)
+
+
+def _refuse_beyond(covered, n_end):
+    if n_end > covered:
+        required = f"stay within the {covered} steps its history covers"
+        raise ValueError(complaint("resume", required, f"a run to step {n_end}", _REMEDY))
 
 
 def _bank(convolution, covered, tol):

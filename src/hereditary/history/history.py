@@ -19,12 +19,11 @@ from ..compiled.jit import as_value
 from ..compiled.past import exchange_nothing
 from ..compiled.signatures import EXCHANGE_SIG, Held, Tables, held
 from ..kernels.memory_kernel import NO_ERRORS, KernelErrors
-from ..schemes.mesh_plan import MeshSums
+from ..schemes.row_plan import RowSums
 from ..schemes.scheme import Convolution
 from ..schemes.steps import Span
-from ..schemes.varying_plan import Schedule
 
-Past = Convolution | MeshSums | Schedule
+Past = Convolution | RowSums
 
 
 class Memory(ABC):
@@ -120,7 +119,7 @@ class History(ABC):
 
         Parameters
         ----------
-        past : Convolution, MeshSums or Schedule
+        past : Convolution or RowSums
             The sums to make.
         n_columns : int
             Number of columns W.

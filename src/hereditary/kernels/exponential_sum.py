@@ -4,6 +4,10 @@
 turns the integral into exponentials with rates e**(j h); its error is known exactly, so h follows
 from the tolerance. Negligible fast rates are dropped by a closed-form bound, and the infinitely
 many slow ones are replaced by their own Gauss rule. Sums are constructed on [1, R] and scaled.
+
+The rates of the grid do for every order, with weights ``h / Gamma(a) exp(a h j)``. For orders that
+vary the slow ones are replaced by three nodes that all orders share, at 0 and two others, with
+weights that keep the first three moments.
 """
 
 import math
@@ -12,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from scipy.special import gammaincc, gammainccinv, gammaln, loggamma
+from scipy.special import gammaincc, gammainccinv, gammaln, loggamma, rgamma
 
 from ..support.checks import complaint, positive, within
 
@@ -33,6 +37,12 @@ _FRACTIONS = 1.0, 0.9, 0.7, 0.5
 # Least error that can be required: a constant plus a multiple of log(R), the rounding of powers.
 _ROUNDING = 1.2e-14, 3e-16
 RATIO_MAX = 1e100
+# Nodes of the slow end that all orders share, in units of its fastest rate, those of Chebyshev and
+# Radau: with three of them all weights are positive, with more they are not for every order.
+SLOW_NODES = 3
+_NODES = (1 - np.cos(2 * np.pi * np.arange(SLOW_NODES) / (2 * SLOW_NODES - 1))) / 2
+# Exponents that rounding takes for 0 count as this: then too their share stays what it is.
+LEAST = 1e-290
 
 
 def fit_interval(t_min, t_max, tol):
@@ -261,3 +271,45 @@ def _trim(exponents, ratio, goal, found):
             break
         excess, error, n = trial, trial_error, n - 1
     return *found.kept(n), error
+
+
+@lru_cache(maxsize=16)
+def bank_of_all_orders(ratio, tol):
+    """Rates with which ``t**-a`` is a sum of exponentials on [1, ratio] for every a in (0, 1].
+
+    Returns
+    -------
+    rates : ndarray, shape (M,)
+        Those of the grid, ascending, and then of the slow end.
+    h, x : float
+        Distance of the grid's logarithms, and the one before its first.
+    """
+    a = np.append(1e-9, np.linspace(0.01, 1.0, 100))
+    h = min(trapezoid_step(value, tol / 1.01) for value in (1e-3, 0.5, 1.0))
+    fast = max(1.0, float(gammainccinv(1.0, _FAST * tol)))
+    # what three nodes leave of exp(-t s), s up to kappa / t, times the mass there
+    u = np.linspace(0.0, 1.0, 513)
+    left = np.abs(np.prod(u[:, None] - _NODES, axis=1)).max() / math.factorial(SLOW_NODES)
+    mass = np.log(h) - gammaln(a) - np.log(-np.expm1(-a * h))
+    log_kappa = ((math.log(_SLOW * tol / left) - mass) / (a + SLOW_NODES)).min()
+    j_slow = math.floor((log_kappa - math.log(ratio)) / h)
+    grid = h * np.arange(j_slow + 1, math.ceil(math.log(fast) / h) + 1)
+    rates = np.concatenate([np.exp(grid), _NODES * math.exp(h * j_slow)])
+    rates.flags.writeable = False
+    return rates, h, h * j_slow
+
+
+def weights_of_orders(a, ratio, tol):
+    """Weights of these rates for kernels ``t**-a``, a (k,) in (0, 1], shape (M, k)."""
+    rates, h, x = bank_of_all_orders(ratio, tol)
+    a = np.maximum(a, LEAST)
+    k = np.arange(SLOW_NODES)[:, None]
+    moments = np.exp(a * x) / -np.expm1(-(a + k) * h)
+    grid = np.exp(a * (x + h * np.arange(1, rates.size - SLOW_NODES + 1)[:, None]))
+    return h * rgamma(a) * np.concatenate([grid, weights_of_moments() @ moments])
+
+
+@lru_cache(maxsize=1)
+def weights_of_moments():
+    """Matrix that gives the nodes' weights from the moments of what they stand for."""
+    return np.linalg.inv(np.vander(_NODES, increasing=True).T)

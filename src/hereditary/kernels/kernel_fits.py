@@ -338,10 +338,10 @@ def _rates_of_signed(kernel, ratio, t_min, tol, fading):
     grids = [
         _rate_grid(ratio, step * trapezoid_step(0.5, tol), tol, fading) for step in (1.0, 0.6, 0.4)
     ]
-    poles = [rates for rates in found if rates.size]  # pencils of steep kernels may have none
-    yield from (rates for rates in poles if not rates.imag.any())
+    some = [rates for rates in found if rates.size]  # pencils of steep kernels may have none
+    yield from (rates for rates in some if not rates.imag.any())
     yield from grids[:2]
-    yield from poles
+    yield from some
     yield grids[2]
     yield from (np.append(grid, rates) for rates in (found[2], found[-2]) for grid in grids)
 

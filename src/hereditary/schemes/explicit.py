@@ -16,6 +16,7 @@ import numpy as np
 from ..compiled.watch import SLOWEST
 from ..equation.system import System
 from ..support.checks import complaint, within
+from .row_plan import varying_plan
 from .scheme import (
     Plan,
     Scheme,
@@ -24,7 +25,6 @@ from .scheme import (
 )
 from .stability import largest_step, polylogarithm, stability_region
 from .uniform_plan import uniform_plan
-from .varying_plan import varying_plan
 from .weights import FIRST_DIFFERENCES, by_rule, value_weights, weighed
 
 

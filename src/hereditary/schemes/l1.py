@@ -8,10 +8,9 @@ import numpy as np
 
 from ..equation.system import System
 from ..support.checks import within
-from .mesh_plan import mesh_plan
+from .row_plan import mesh_plan, varying_plan
 from .scheme import Plan, Scheme, check_smoothness
 from .uniform_plan import uniform_plan
-from .varying_plan import varying_plan
 from .weights import FIRST_DIFFERENCES, by_rule, value_weights, weighed
 
 

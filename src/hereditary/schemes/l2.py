@@ -7,7 +7,7 @@ import numpy as np
 
 from ..equation.system import System
 from ..support.checks import within
-from .mesh_plan import mesh_plan
+from .row_plan import mesh_plan
 from .scheme import Plan, Scheme, check_smoothness
 from .uniform_plan import parabola_plan
 

@@ -8,8 +8,8 @@ from scipy.special import rgamma
 
 from ..equation.system import System
 from ..support.checks import complaint, within
-from .mesh_plan import mesh_plan
 from .reduction import reduce_order
+from .row_plan import mesh_plan
 from .scheme import (
     Plan,
     Scheme,

@@ -18,11 +18,11 @@ from ..kernels.special import hurwitz_zeta
 def with_initial_values(plan, system, order):
     """Return the plan of a scheme of this order with the initial values of such terms."""
     terms = [(op, c) for op, c in system.left if op.from_zero and op.constant]
-    if not terms or system.varies:
+    if not (terms and plan.rows.shared):  # rows of their own hold them
         return plan
     rows, d = plan.rows, system.d
-    theta = float(rows.theta[0 if rows.times.size else -1])
-    n_first = 1 if theta == 0 or rows.times.size else ceil(order)
+    theta = float(rows.theta[-1])
+    n_first = 1 if theta == 0 else ceil(order)
     # a first step that is given cannot be corrected
     first = np.zeros(d, dtype=int) if plan.given is None else plan.given
     corrections = np.zeros((n_first + 1, d))
@@ -33,8 +33,6 @@ def with_initial_values(plan, system, order):
         powers.append(np.where(c != 0, -gamma, 0.0))
         sizes = amplitudes[-1] * rows.unit[0] ** -gamma
         samples = first_samples(gamma, theta, n_first)
-        if rows.times.size:  # on a mesh the first step alone is made right
-            samples = np.array([1 / (1 - gamma) - theta**-gamma])
         for k, weight in enumerate(samples):
             corrections[k + first, np.arange(d)] -= weight * sizes
     known = np.zeros((0, d)) if plan.corrections is None else plan.corrections

@@ -65,7 +65,7 @@ class Convolution:
         """Do nothing: all steps but the first have the same row."""
 
     def reach(self, n: int):
-        """Return all steps, which are computed; see `Schedule.reach`."""
+        """Return all steps, which are computed; see `RowSums.reach`."""
         return n + 2**62, None
 
     def check(self, history):
@@ -136,7 +136,7 @@ class Plan:
 
     Attributes
     ----------
-    past : Convolution, Schedule or MeshSums
+    past : Convolution or RowSums
         Sums that the history makes; `open` gives its memory for them.
     rows : StepRows
         Coefficients of the steps; for blocks of one step where each has its own.

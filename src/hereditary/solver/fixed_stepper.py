@@ -84,7 +84,7 @@ class FixedStepper(Stepper):
             rows[1:, self._with_speed] = directions[equation.d :]
             system = variational(system, rows[:, system.sources])
         self._sources, plan = system.sources, self._planned(system)
-        self._block = 1 if plan.rows.last > 1 or plan.rows.times.size else block
+        self._block = block if plan.rows.shared else 1
         self._begin(plan)
         self._misfit = misfit_on_given_steps(self.memory.kernel_errors, history)
         self._status, self._moved = RUNNING, False
