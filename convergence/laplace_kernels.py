@@ -1,9 +1,9 @@
 """Kernels by their Laplace transforms reach the tolerance of a run, down to 1e-10.
 
-D y = -y to t = 1 with the transform of Caputo's derivative, of Cole and Cole's and of Havriliak and
-Negami's relaxation, and of Scarpi's derivative of variable order: the relative error of y(1), the
-rates of the kernel's sum and the error of that sum, and the time of a run that fits the kernel
-anew. The exact values invert the transform of y in 40 digits.
+D y = -y is solved to t = 1 with four transforms: of Caputo's derivative, of Cole and Cole's and of
+Havriliak and Negami's relaxation, and of Scarpi's derivative of variable order. The rows have the
+relative error of y(1), the number of rates and the error of the kernel's sum, and the time of a run
+that fits the kernel anew. The exact values invert the transform of y in 40 digits.
 """
 
 import mpmath

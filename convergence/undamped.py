@@ -1,9 +1,10 @@
 """`stats["error_estimate"]` of `Collocation` on long runs without damping grows as the error does.
 
 Nothing damps errors of undamped oscillations: they add up in proportion to time. Forty random
-problems over 20 to 5,000 periods: ``D^alpha y = J y`` with eigenvalues on the edge of stability,
-abs(arg) = alpha pi / 2, of orders from 0.3 on, next to 1, 1 and above; ``x'' = -omega**2 x``; and
-two terms of which the lower one drives what the higher one damps. The first is ``D^0.5 y =
+problems over 20 to 5,000 periods are of three kinds. ``D^alpha y = J y`` has eigenvalues on the
+edge of stability, abs(arg) = alpha pi / 2, and orders from 0.3 on, next to 1, 1 and above. The
+second is ``x'' = -omega**2 x``. Of two terms the lower one drives what the higher one damps. The
+first problem is ``D^0.5 y =
 10 (y1 - y2, y1 + y2)``. Damped partners, where errors do not add up, show what the estimate then
 overstates: eigenvalues turned away from the edge, alone and with a force that oscillates.
 

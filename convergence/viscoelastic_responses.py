@@ -1,7 +1,8 @@
 """Responses of viscoelastic models stay within the tolerance of a run.
 
-The strain under a stress that begins with a step, and the stress of an oscillation of the strain,
-at t = 3: the relative error, the steps, and the time of a run that makes the kernel and fits it.
+The problems are the strain under a stress that starts with a step, and the stress under an
+oscillating strain, at t = 3. The rows have the relative error, the number of steps, and the time of
+a run that makes the kernel and fits it.
 The creep compliance and the operator on the function of time are exact to 1e-11.
 """
 

@@ -22,11 +22,13 @@ _EMPTY = np.zeros((1, 0))
 class Tables(NamedTuple):
     """Tables of a memory; a history sets those that it reads (compiled/past.py).
 
-    The first of the steps that have rows of their own, and the number of rows of each group; the
-    length of a stretch, or of the modes of one kind, or the number of real rates; weights of pieces
-    or modes, and of start values; what modes keep of themselves and take of a piece; powers of what
-    they keep; corrections of the first weights; of steps with rows of their own, the derivatives in
-    the terms, amplitudes of modes, and room.
+    - first, rows: the first step with its own rows, and the number of rows of each group.
+    - length: the number of pieces, of modes of one kind, or of real rates.
+    - weights, start_weights: weights of pieces or modes, and of start values.
+    - keep, take, ahead: factors of a mode and of a new piece in a step; powers of `keep`.
+    - corrections: corrections of the first weights.
+    - derivatives, amplitudes, room: of steps with their own rows, the derivatives in the terms,
+      amplitudes of modes, and working storage.
     """
 
     first: int = 0

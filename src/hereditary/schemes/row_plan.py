@@ -29,8 +29,8 @@ from .scheme import Plan, distinct_columns
 _STEEPEST = 30.0
 # Steps at which orders are looked at before a run.
 _LOOKED_AT = 1001
-# Steps whose coefficients are worked out at once; a multiple begins each stretch, so that a run
-# that is resumed works them out in the same arrays.
+# Steps whose coefficients are computed together. Each batch starts at a multiple of this number, so
+# that a resumed run computes them in the same arrays.
 STRETCH = 16384
 # Steps that are worked out together at the end of a run, more than NumPy treats at once.
 _GROUP = 64
@@ -218,7 +218,7 @@ class RowSums:
     powers : dict
         p = m - alpha of each operator, and 1 / Gamma(p + 1), at the steps of `rows`, (R,).
     rows : StepRows
-        Of the stretch worked out last.
+        Rows of the steps computed last.
     """
 
     def __init__(self, system, steps, parabolas=0, explicit=False):
@@ -247,7 +247,7 @@ class RowSums:
             self._n_end = n_end
 
     def reach(self, n: int):
-        """Fill the rows of the stretch of steps that holds step n, unless they are in place.
+        """Compute the rows of the batch of steps with step n, if they are not there.
 
         Returns
         -------
