@@ -523,7 +523,7 @@ TABLES = [
     *each(lambda b: swept(b=b), ["one", [[1.0]], [[1.0], [1.0, 2.0]]], ValueError, FLAT),
     (lambda: swept(b=[1.0, math.nan]), ValueError, r"grid\['b'\] must hold finite numbers"),
     (lambda: swept(b=[1.0, 2.0, 1.0]), ValueError, r"grid\['b'\] must hold distinct values"),
-    (lambda: swept(b=[1.0, "x"]), TypeError, r"grid\['b'\] must hold numbers or strings alone"),
+    (lambda: swept(b=[1.0, "x"]), TypeError, r"grid\['b'\] must have only numbers or strings"),
     *each(lambda b: swept(b=b), [[1j], [None]],
           TypeError, r"grid\['b'\] must hold numbers or strings"),
     (lambda: hd.sweep(product, {"a": [1.0], "b": [1.0], "status": [1.0]}),

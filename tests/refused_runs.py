@@ -155,7 +155,7 @@ STEPS_GIVEN = [
      ValueError, "mesh must be times that increase from 0"),
     *each(lambda mesh: on_mesh(mesh=mesh), [[0.1, 1.0], [0.0, 0.9], [0.0], [0.0, np.nan, 1.0]],
           ValueError, "mesh must"),
-    (lambda: on_mesh(n_steps=10), ValueError, "n_steps must be left out where a mesh is given"),
+    (lambda: on_mesh(n_steps=10), ValueError, "n_steps must be left out if a mesh is given"),
     *((lambda scheme=scheme: on_mesh(scheme=scheme),
        ValueError, f"mesh must be left out with {type(scheme).__name__}")
       for scheme in (hd.ExplicitCaputo(), hd.GrunwaldLetnikov(), hd.L12(), hd.Adams())),
@@ -333,7 +333,7 @@ RESUMED = [
                      scheme=hd.L1()), ValueError, "same scheme"),
     # meshes
     (lambda: again(resume=mesh_state()),
-     TypeError, "mesh must be given where a run on a mesh goes on"),
+     TypeError, "mesh must be given if a run on a mesh is resumed"),
     (lambda: again(mesh=1 + hd.graded(20, 4.0).times(1.0), resume=mesh_state()),
      ValueError, "mesh must have no steps below 0.0025, the shortest"),
     (lambda: again(t_end=20.0, mesh=[1.0, 20.0], resume=mesh_state()),
@@ -341,7 +341,7 @@ RESUMED = [
     (lambda: again(mesh=[0.0, 2.0], resume=mesh_state()),
      ValueError, "mesh must be times that increase from 1 "),
     (lambda: again(mesh=[1.0, 2.0], resume=run(scheme=hd.L1()).state),
-     ValueError, "mesh must be left out where a run of uniform steps"),
+     ValueError, "mesh must be left out if a run of uniform steps"),
 ]  # fmt: skip
 
 

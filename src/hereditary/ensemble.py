@@ -191,7 +191,7 @@ def _kept(steps, save_every, times, start):
     if times is None:
         return np.append(np.arange(0, steps.n, min(save_every, steps.n)), steps.n)
     if save_every > 1:
-        required = "be left out where t_eval says which rows to keep"
+        required = "be left out if t_eval names the rows to keep"
         raise ValueError(complaint("save_every", required, save_every))
     return kept_steps(times, steps.h, start)
 
@@ -418,7 +418,7 @@ class _Run:
             unstable = any(end in _UNSTABLE for end in unasked)
             warn(
                 f"{len(unasked)} of {len(ends)} members did not complete: {found}; "
-                "the result's status and messages say which and why",
+                "status and messages of the result give the reasons",
                 StabilityWarning if unstable else SolveWarning,
             )
         base = self._members.base

@@ -20,7 +20,7 @@ _METHODS = "RK45", "RK23", "DOP853", "Radau", "BDF", "LSODA", "Collocation"
 _UNKNOWN = {
     "vectorized": "leave it out: fun is compiled and called at one point at a time",
     "first_step": "leave it out: the first step is chosen by the tolerance",
-    "min_step": "leave it out: a run that needs shorter steps ends and says so",
+    "min_step": "leave it out: a run that needs shorter steps ends with a message",
     "jac_sparsity": "hereditary.Equation(..., jac_sparsity=) takes it",
     "lband": "hereditary.Equation(..., bandwidth=) takes it",
     "uband": "hereditary.Equation(..., bandwidth=) takes it",

@@ -189,7 +189,7 @@ def _kinds(wrt, equation):
         required = "leave out params, which the equation has none of"
         raise ValueError(complaint("wrt", required, kinds))
     if "orders" in kinds and not equation.constant:
-        required = "leave out orders where they vary, or kernels are general"
+        required = "leave out orders if they vary or if kernels are general"
         raise ValueError(complaint("wrt", required, kinds))
     return kinds
 

@@ -153,7 +153,7 @@ def _axis(name, values):
     if not isinstance(name, str) or name in ("", "status"):
         required = "be named by strings other than '' and 'status'"
         raise ValueError(complaint("axes of grid", required, repr(name)))
-    refuse_masked(argument, values, "hold numbers or strings alone")
+    refuse_masked(argument, values, "have only numbers or strings")
     try:
         array = np.asarray(values)
     except ValueError:  # rows of unequal length
@@ -163,7 +163,7 @@ def _axis(name, values):
     numbers = array.dtype.kind in "biuf"
     # numpy turns numbers beside strings into strings
     if not numbers and not all(isinstance(value, str) for value in values):
-        raise TypeError(complaint(argument, "hold numbers or strings alone", got))
+        raise TypeError(complaint(argument, "have only numbers or strings", got))
     if numbers and not np.isfinite(array).all():
         raise ValueError(complaint(argument, "hold finite numbers", shown(array)))
     if np.unique(array).size < array.size:

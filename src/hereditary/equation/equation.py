@@ -223,7 +223,7 @@ class Equation(System):
         _check_leading(left, initial)
         if len(initial) > 2 or left[0].coefficients.ndim > 1:
             if self.memory:
-                required = "be left out beside orders above 2 and coefficients that are matrices"
+                required = "be left out with orders above 2 and with matrices as coefficients"
                 remedy = "write the equation as a system of y and its derivatives"
                 raise ValueError(complaint("memory", required, "some", remedy))
             known["terms_digest"] = digest([(operator.order, c) for operator, c in left])

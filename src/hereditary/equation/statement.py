@@ -196,7 +196,7 @@ def initial_values(values, m):
     if m == 2 and values.size == 1:
         remedy = f"an order above 1 needs y'(0) too, e.g. [{values[0, 0]}, 0.0]"
     elif m == 1 and len(given) == 2 and given[1] == 1:
-        remedy = "orders up to 1 need y(0) alone, its components in a row"
+        remedy = "orders up to 1 need only y(0), its components in a row"
     elif m == 2 and values.ndim == 2 and values.shape[1] == 1:
         remedy = f"for {values.size} components give two rows, [[y(0), ...], [y'(0), ...]]"
     got = f"shape {given}" if given else shown(values[0, 0])

@@ -41,12 +41,12 @@ def functions_of(rhs, jac, jac_memory, start, hint, shape=None):
     k, d = start.memory.shape
     shape, n = shape or (d, d), start.components().size
     if start.paired and jac is not None:
-        required = "be left out where y is complex, for differences"
+        required = "be left out for complex y, so that differences are used"
         raise ValueError(complaint("jac", required, repr(jac)))
     forces = [] if rhs is None else [function_of("rhs", "dy", rhs, start, (d,), RHS_SIG, hint)]
     if (jac is None) != (jac_memory is None) and (k or jac is None):
         given, lacking = ("jac", "jac_memory") if jac_memory is None else ("jac_memory", "jac")
-        required = f"come with {lacking}" if k else "be left out where no memory is read"
+        required = f"come with {lacking}" if k else "be left out if no memory is read"
         raise ValueError(complaint(given, required, "it alone", "leave out both for differences"))
     slopes = [] if jac is None else [_jacobian(jac, start, shape)]
     if jac is not None and k:

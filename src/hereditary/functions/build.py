@@ -83,7 +83,7 @@ def function_of(name, out, fun, start, shape, signature, hint=str, required=""):
     arity = arity_of(name, out, plain, start)
     values, form = try_out(name, out, plain, arity, start, shape, hint)
     fill = _in_python(name, plain, arity, start, shape)
-    found, reason = None, "for numba compiles functions written with def or lambda alone"
+    found, reason = None, "because numba compiles only functions written with def or lambda"
     if key:
         found, reason, *_ = _version(name, fun, key, arity, form, start, shape)
         reason = reason or _difference(found, values, start)
@@ -123,7 +123,7 @@ def _difference(compiled, expected, start):
         return ""
     return (
         f"for compiled it gives {shown(found)} instead of {shown(expected)} at t = {start.t:g}"
-        ": write 1.0 for 1 where whole numbers are divided, raised or grow large"
+        ": write 1.0 for 1 if whole numbers are divided, raised or grow large"
     )
 
 

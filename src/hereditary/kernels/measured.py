@@ -203,7 +203,7 @@ class TabulatedKernel(Kernel):
         if np.any(kernel <= 0):
             i = int(np.argmax(kernel <= 0))
             got = f"{kernel[i]:g} at t = {times[i]:g}"
-            remedy = "end the table where noise takes over"
+            remedy = "end the table before noise dominates"
             raise ValueError(complaint("values", "be positive", got, remedy))
         self._t = self._knots = times
         self._values, logs = kernel, (np.log(times), np.log(kernel))

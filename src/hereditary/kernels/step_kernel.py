@@ -106,7 +106,7 @@ class Integrated:
         """Fit an exponential sum, a constant among it: the kernel's, integrated from t_min."""
         fit = self.kernel.closest_fit(t_min, t_max, tol, fading=True)
         if np.any(fit.rates == 0):
-            required = "decay where y itself is remembered (derivative 0)"
+            required = "decay if it acts on y itself (derivative 0)"
             remedy = "make the integral of y a component"
             raise ValueError(complaint("kernel", required, f"{self.kernel!r}", remedy))
         shares = fit.weights / fit.rates

@@ -232,14 +232,14 @@ def stated(d, rhs, jac, rearranged, bandwidth=None, jac_sparsity=None, linear=No
     given = {"bandwidth": bandwidth, "jac_sparsity": jac_sparsity, "linear": linear}
     named = [name for name, part in given.items() if part is not None]
     if named and rearranged:
-        required = "be left out beside memory, complex y, orders above 2 and matrices"
+        required = "be left out with memory, complex y, orders above 2 and matrices"
         raise ValueError(complaint(named[0], required, "it", "write a system of real y"))
     alone = rhs is None
     if alone and (linear is None or jac is not None):
-        remedy = "rhs=None stands for linear @ y alone"
+        remedy = "rhs=None means linear @ y"
         raise TypeError(complaint("rhs", "be a function", "None", remedy))
     if bandwidth is not None and jac_sparsity is not None:
-        remedy = "either says which entries may differ from 0"
+        remedy = "each of them states which entries may differ from 0"
         raise ValueError(complaint("jac_sparsity", "come without bandwidth", "both", remedy))
     matrix = None if linear is None else _linear(linear, d)
     rows = columns = places = None

@@ -400,7 +400,7 @@ class RowSums:
     def check(self, history):
         """Refuse a history that does not take what the steps are."""
         if self.varies and not history.takes_varying:
-            required = "be Direct or SumOfExponentials where orders vary"
+            required = "be Direct or SumOfExponentials if orders vary"
             raise ValueError(complaint("history", required, repr(history)))
         if self.steps.mesh is not None and not history.takes_meshes:
             required = f"be left out with {type(history).__name__}, which takes uniform steps"
@@ -427,7 +427,7 @@ def mesh_plan(scheme, system, times, theta, parabolas):
 def _plan(system, sums, first, **more):
     """Plan with these sums and the length of the first step."""
     if any(operator.kernel is not None for operator, _ in system.left):
-        required = "be Caputo operators on a mesh, and on given steps where an order varies"
+        required = "be Caputo operators on a mesh, and on given steps if an order varies"
         raise ValueError(complaint("terms", required, "one with a kernel", "use Collocation"))
     speed = system.y0[1] if system.m == 2 else np.zeros(system.d)
     return Plan(

@@ -71,7 +71,7 @@ class Convolution:
     def check(self, history):
         """Refuse a history that does not take the kernels."""
         if self.kernels() and not history.takes_kernels:
-            required = "be another where terms have kernels other than Caputo's"
+            required = "be another one if terms have kernels other than Caputo's"
             remedy = "use SumOfExponentials, FFT or Direct"
             raise ValueError(complaint("history", required, repr(history), remedy))
 

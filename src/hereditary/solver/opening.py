@@ -48,10 +48,10 @@ def how_to_step(
     if mesh is None or mesh is False:
         return _uniform_steps(equation, t_end, n_steps, state)
     if n_steps is not None:
-        required = "be left out where a mesh is given"
+        required = "be left out if a mesh is given"
         raise ValueError(complaint("n_steps", required, type(n_steps).__name__))
     if state is not None and state.h > 0:
-        required = "be left out where a run of uniform steps goes on"
+        required = "be left out if a run of uniform steps is resumed"
         raise ValueError(complaint("mesh", required, type(mesh).__name__))
     return mesh_steps(mesh, t_end, state and state.steps, equation.frame.start)
 
@@ -141,7 +141,7 @@ def _uniform_steps(equation, t_end, n_steps, state):
             raise ValueError(complaint("t_end", required, f"h = {h}", "take another unit of time"))
         return UniformSteps(h, n_steps)
     if state.h == 0:
-        required = "be given where a run on a mesh goes on"
+        required = "be given if a run on a mesh is resumed"
         raise TypeError(complaint("mesh", required, "none", "times from the state's time on"))
     n_total = steps_in("t_end", t_end, state.h)
     if n_total <= state.n:

@@ -298,7 +298,7 @@ def _kept(equation, save_every, times, components):
     """Return what a run keeps, checked: `times` of rows, or every so many-th step."""
     save_every = min(count("save_every", whole(save_every)), COUNTED)
     if save_every > 1 and times is not None:
-        required = "be left out where t_eval says which rows to keep"
+        required = "be left out if t_eval names the rows to keep"
         raise ValueError(complaint("save_every", required, save_every))
     if components is not None:
         if equation.frame.paired or equation.frame.speeds:

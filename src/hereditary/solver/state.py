@@ -113,7 +113,7 @@ def check_reach(state, t_end):
     """Refuse a run beyond what the modes of an `AdaptiveState` hold."""
     reached = state.orbit.farthest
     if reached and t_end > reached:
-        required = f"stay within t = {reached}, as far as its history reaches"
+        required = f"stay within t = {reached}, the end of its history"
         remedy = f"begin the run with Collocation(horizon={t_end})"
         raise ValueError(complaint("resume", required, f"a run to {t_end}", remedy))
 
@@ -170,9 +170,9 @@ def check_identity(theirs, mine, allow_change):
     for name in changed:
         if allow_change and name in _CHANGEABLE:
             continue
-        remedy = "start anew, or change it back"
+        remedy = "start again, or change it back"
         if name in _CHANGEABLE:
-            remedy += "; solve(..., allow_change=True) goes on with another, the memory kept"
+            remedy += "; solve(..., allow_change=True) accepts another and keeps the memory"
         required = f"come from a run with the same {name}, here {_short(mine[name])}"
         raise ValueError(complaint("resume", required, _short(theirs[name]), remedy))
     return bool(changed)

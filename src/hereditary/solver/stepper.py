@@ -155,7 +155,7 @@ class Stepper(ABC):
 
     def reset(self, params: np.ndarray, y0: np.ndarray) -> None:
         """Begin anew with other parameters (p,) and initial values (m, d)."""
-        raise self._lacks("does not begin anew")
+        raise self._lacks("cannot be started again")
 
     def _lacks(self, what):
         return NotImplementedError(f"{type(self).__name__} {what}")
