@@ -162,14 +162,8 @@ def _tabulated(convolution, covered, tol, n_block):
         np.ascontiguousarray(np.hstack([table.real, table.imag[:, n_real:]]))
         for table in (shares, start_shares, back, ahead[:, :-1].T.conj())
     )
-    tables = Tables(
-        length=n_real,
-        weights=weights,
-        start_weights=start_weights,
-        keep=keep,
-        ahead=np.ascontiguousarray(ahead.T),
-        corrections=corrections,
-    )
+    tables = Tables(0, 1, n_real, weights, start_weights, keep)
+    tables = tables._replace(ahead=np.ascontiguousarray(ahead.T), corrections=corrections)
     return _Tabulated(tables, (block_weights, block_start_weights), pad, errors)
 
 

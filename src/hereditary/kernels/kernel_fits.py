@@ -123,7 +123,8 @@ def closest_positive(kernel, t_min, t_max, tol, fading=False):
 def _positive(kernel, t_min, t_max, tol, fading=False):
     samples = _sampled(kernel, t_min, t_max, tol)
     rates, weights = _positive_sum(samples, tol, _FITTED, fading=fading)
-    return _scaled(rates, weights, t_min, t_max, _largest(samples.error(rates, weights)))
+    error = _largest(samples.error(rates, weights))
+    return *_scaled(rates, weights, t_min), t_min, t_max, error
 
 
 def _refuse_if_rising(kernel, t_min, t_max):
@@ -272,17 +273,17 @@ def in_pairs(rates):
     return np.lexsort((-rates.imag, np.abs(rates.imag), rates.real))
 
 
-def _scaled(rates, weights, t_min, t_max, error):
-    """Return the sum in the units of the kernel, its rates in order."""
+def _scaled(rates, weights, unit):
+    """Return the rates, in order and in units of the kernel, and weights."""
     order = in_pairs(rates)
-    rates, weights = rates[order] / t_min, weights[order]
+    rates, weights = rates[order] / unit, weights[order]
     if not rates.imag.any():
         rates, weights = rates.real.copy(), weights.real.copy()
     rates.flags.writeable = weights.flags.writeable = False
-    return rates, weights, t_min, t_max, error
+    return rates, weights
 
 
-def closest_table(times, values, t_max, tol, by_rms, fading=False):
+def closest_table(times, values, t_min, t_max, tol, by_rms, fading=False):
     """Fit measured values by positive weights until the rms, or else the largest, error is `tol`.
 
     Returns what `closest_positive` does.
@@ -290,7 +291,8 @@ def closest_table(times, values, t_max, tol, by_rms, fading=False):
     samples = Samples(times / times[0], values, values)
     norm = root_mean_square if by_rms else _largest
     rates, weights = _positive_sum(samples, tol, norm=norm, fading=fading)
-    return _scaled(rates, weights, times[0], t_max, _largest(samples.error(rates, weights)))
+    error = _largest(samples.error(rates, weights))
+    return *_scaled(rates, weights, times[0]), t_min, t_max, error
 
 
 def root_mean_square(error):
@@ -307,14 +309,14 @@ def closest_signed(kernel, t_min, t_max, tol, fading=False):
     """
     samples = _sampled(kernel, t_min, t_max, tol, signed=True)
     best, closest = math.inf, (np.zeros(0), np.zeros(0))
-    for rates in _rates_of_signed(kernel, samples.t[-1], t_min, tol, fading):
-        for weights in _signed_weights(samples, rates):
-            error = _largest(samples.error(rates, weights))
-            if error < best:
-                best, closest = error, (rates, weights)
-            if best <= tol:
-                return _scaled(*closest, t_min, t_max, best)
-    return _scaled(*closest, t_min, t_max, best)
+    every = _rates_of_signed(kernel, samples.t[-1], t_min, tol, fading)
+    for rates, weights in ((r, w) for r in every for w in _signed_weights(samples, r)):
+        error = _largest(samples.error(rates, weights))
+        if error < best:
+            best, closest = error, (rates, weights)
+        if best <= tol:
+            break
+    return *_scaled(*closest, t_min), t_min, t_max, best
 
 
 def _rates_of_signed(kernel, ratio, t_min, tol, fading):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -239,15 +238,13 @@ class TabulatedKernel(Kernel):
             got = f"{np.count_nonzero(inside)} between {t_min:g} and {t_max:g}"
             raise ValueError(complaint("the table", "have at least 4 times", got))
         times, values = self._t[inside], self._values[inside]
-        found = replace(
-            ExponentialSum(*closest_table(times, values, t_max, tol, True)), t_min=t_min
-        )
+        found = ExponentialSum(*closest_table(times, values, t_min, t_max, tol, True))
         rms = root_mean_square(found(times) / values - 1)
         if rms > tol * (1 + 1e-9):
             remedy = "allow for the noise; only completely monotone data can be fitted closely"
             required = f"be at least {1.01 * rms:.2g}, the rms misfit of the best positive sum"
             raise ValueError(complaint("tol", required, tol, remedy))
-        return replace(found, t_min=t_min)
+        return found
 
     def closest_fit(
         self, t_min: float, t_max: float, tol: float, fading: bool = False
@@ -263,8 +260,7 @@ class TabulatedKernel(Kernel):
         if t_min < times[0]:
             n_early = math.ceil(_PER_E_FOLD * math.log(times[0] / t_min))
             times = np.append(np.geomspace(t_min, times[0], n_early + 2)[:-1], times)
-        found = ExponentialSum(*closest_table(times, self(times), t_max, tol, False, fading))
-        return replace(found, t_min=t_min)
+        return ExponentialSum(*closest_table(times, self(times), t_min, t_max, tol, False, fading))
 
     def _refuse_late(self, t):
         if np.any(t > self._t[-1] * (1 + 1e-12)):
