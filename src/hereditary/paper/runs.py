@@ -83,7 +83,7 @@ def orbit(*, times, n_steps=None, rtol=1e-10, **parameters):
     By collocation, or with `n_steps` of the source's scheme.
     """
     how = {"rtol": rtol} if n_steps is None else {"n_steps": n_steps, "scheme": ExplicitCaputo()}
-    solution = solve(stick_slip(**parameters), float(times[-1]), **how)
+    solution = solve(stick_slip(**parameters), float(times[-1]), **how, estimate=False)
     places, speeds = (values_at(solution, times, derivative)[:, 0] for derivative in (0, 1))
     return places, speeds, sticking_intervals(solution)
 
