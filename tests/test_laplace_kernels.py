@@ -74,6 +74,19 @@ def test_relaxation_with_an_order_that_varies_by_scarpi(rtol):
     assert found.y[-1, 0] == pytest.approx(0.4261864876354208, rel=rtol)
 
 
+def test_long_after_the_change_of_order():
+    """There complex rates are needed: real ones leave 8e-7 of the kernel."""
+    kernel = hd.kernel_from_laplace(scarpi, signed=True)
+    equation = hd.Equation(hd.Memory(kernel, 1), lambda t, y: -y, 1.0)
+    found = hd.solve(equation, 100.0, rtol=1e-7)
+    with mpmath.workdps(30):
+        known = mpmath.invertlaplace(
+            lambda s: scarpi(s) / (s * scarpi(s) + 1), 100, method="talbot", degree=60
+        )
+    assert found.success
+    assert found.y[-1, 0] == pytest.approx(float(known), rel=1e-7)
+
+
 def test_one_order_is_caputos_derivative():
     kernel = hd.kernel_from_laplace(lambda s: s**-0.3)
     runs = [

@@ -324,7 +324,8 @@ def _rates_of_signed(kernel, ratio, t_min, tol, fading):
 
     The pencil is that of the Hankel matrix of even samples without its last and without its first
     column, reduced to singular values above a cut [HuaSarkar1990]. Samples of a part of the time
-    resolve fast oscillations.
+    resolve fast oscillations. The last sets have grids turned by 45 degrees, for kernels whose
+    transforms have an essential singularity on the negative axis.
     """
     found = []
     for end in (ratio, 1.0 + (ratio - 1.0) / _SHORTER):
@@ -346,6 +347,9 @@ def _rates_of_signed(kernel, ratio, t_min, tol, fading):
     yield from some
     yield grids[2]
     yield from (np.append(grid, rates) for rates in (found[2], found[-2]) for grid in grids)
+    for every in (2, 1):
+        turned = grids[1][grids[1] > 0][::every] * np.exp(0.25j * math.pi)
+        yield np.concatenate([grids[1], turned, turned.conj()])
 
 
 def _signed_weights(samples, rates):
