@@ -161,7 +161,8 @@ class SpringPot(Model):
             return (0.0, one / s), (1 / one, nothing)
         if self.order == 1:
             return (one, nothing), (0.0, 1 / (one * s))
-        return (0.0, one * s ** (self.order - 1)), (0.0, s**-self.order / one)
+        stiffness = one * s**self.order
+        return (0.0, stiffness / s), (0.0, 1 / stiffness)
 
 
 @dataclass(frozen=True)
