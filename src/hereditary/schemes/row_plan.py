@@ -41,10 +41,13 @@ def moments(low, width, p, bent=True):
 
     The width is an argument because far from a tiny step both ends have the same distance.
     """
+    low = np.atleast_1d(low)
     high, nearest = low + width, low == 0.0
     beyond = np.where(nearest, 1.0, low)
-    m_0 = np.exp(p * np.log(np.where(nearest, high, beyond)))
-    m_0 *= np.where(nearest, 1.0, np.expm1(p * np.log1p(width / beyond)))
+    m_0, growth = p * np.log(np.where(nearest, high, beyond)), p * np.log1p(width / beyond)
+    # in place: fresh arrays of this size are handed back to the system each time
+    np.copyto(np.expm1(growth, out=growth), 1.0, where=nearest)
+    np.multiply(np.exp(m_0, out=m_0), growth, out=m_0)
     if not bent:
         return m_0, 0.0
     middle, m_1 = low + 0.5 * width, 0.0
@@ -350,12 +353,6 @@ class RowSums:
         lead = self.rows.lead[:, first - self.rows.first : last - self.rows.first]
         return self.weights(first, last, k_end) * lead[..., None]
 
-    def powers_at(self, operator, first, last):
-        """p of an operator at steps from `first` to `last`, (last - first,)."""
-        if not self.varies:
-            return np.full(last - first, self.powers[operator])
-        return self.powers[operator][first - self.rows.first : last - self.rows.first]
-
     def _weights(self, n, k_end, at, order="C"):
         """As `weights`, at steps n, whose orders begin at row `at`, from arrays of this order."""
         bent = self._parabolas > 0
@@ -378,7 +375,8 @@ class RowSums:
                 lean[:, 1:] *= slopes[:, 1:] * there[:, 1:]
                 own[:, 1:] -= lean[:, 1:]
                 own[:, :-1] += lean[:, 1:]
-            of_terms[operator] = factor * own[:, :k_end]
+            own *= factor
+            of_terms[operator] = own[:, :k_end]
         for a, terms in enumerate(self.terms):
             for c, operator in terms:
                 found[a] += c * of_terms[operator]
