@@ -525,7 +525,7 @@ TABLES = [
     (lambda: swept(b=[1.0, 2.0, 1.0]), ValueError, r"grid\['b'\] must hold distinct values"),
     (lambda: swept(b=[1.0, "x"]), TypeError, r"grid\['b'\] must have only numbers or strings"),
     *each(lambda b: swept(b=b), [[1j], [None]],
-          TypeError, r"grid\['b'\] must hold numbers or strings"),
+          TypeError, r"grid\['b'\] must have only numbers or strings"),
     (lambda: hd.sweep(product, {"a": [1.0], "b": [1.0], "status": [1.0]}),
      ValueError, "axes of grid must be named .* got 'status'"),
     (lambda: hd.sweep(product, {"a": [1.0], "b": [1.0], 1: [1.0]}),
