@@ -101,6 +101,8 @@ def test_refusals():
         hd.kernel_from_laplace(3.0)
     with pytest.raises(ValueError, match="integrable at 0"):
         hd.kernel_from_laplace(lambda s: s**0.2)
+    with pytest.raises(TypeError, match="give one number for each s"):
+        hd.kernel_from_laplace(lambda s: 3.0)
     swinging = hd.kernel_from_laplace(lambda s: 1 / (s**2 + 0.2 * s + 1), signed=True)
     with pytest.raises(ValueError, match="analytic off the negative real axis"):
         swinging(np.geomspace(1e-3, 1e3, 100))

@@ -260,3 +260,7 @@ def test_refusals():
         ve.fit_moduli(two_spring_pots, [1.0, 2.0], [1.0], [1.0], PUBLISHED)
     with pytest.raises(ValueError, match="bounds must be of c_a"):
         ve.fit_moduli(two_spring_pots, *DATA, PUBLISHED, bounds={"alpha": (0, 1)})
+    with pytest.raises(ValueError, match="p0 must lie within the bounds"):
+        ve.fit_moduli(two_spring_pots, *DATA, PUBLISHED, bounds={"a": (0.9, 1.0)})
+    with pytest.raises(TypeError, match="what model returns must be a Model"):
+        ve.fit_moduli(lambda a: a, *DATA, {"a": 1.0})

@@ -319,8 +319,12 @@ def fit_moduli(
         raise ValueError(complaint("bounds", f"be of {', '.join(names)}", repr(bounds)))
     limits = np.array([(bounds or {}).get(name, (0.0, np.inf)) for name in names]).T
 
+    if np.any(start < limits[0]) or np.any(start > limits[1]):
+        raise ValueError(complaint("p0", "lie within the bounds", repr(dict(p0))))
+
     def made(p):
-        return model(**dict(zip(names, p.tolist(), strict=True)))
+        found = model(**dict(zip(names, p.tolist(), strict=True)))
+        return instance("what model returns", found, Model, "a function that returns a Model")
 
     found = least_squares(
         lambda p: np.log(np.array(made(p).moduli(frequencies)) / data).ravel(),

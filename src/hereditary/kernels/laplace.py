@@ -75,7 +75,13 @@ class LaplaceKernel(Kernel):
 
     def laplace(self, s: ArrayLike) -> np.ndarray:
         """Return the transform as it was given."""
-        return np.asarray(self._function(np.asarray(s)))
+        s = np.asarray(s)
+        values = np.asarray(self._function(s))
+        if values.shape != s.shape or values.dtype.kind not in "iufc":
+            required = "give one number for each s of an array"
+            got = f"dtype {values.dtype}, shape {values.shape} for {s.shape}"
+            raise TypeError(complaint("transform", required, got, "write it with NumPy"))
+        return values
 
 
 def kernel_from_laplace(
