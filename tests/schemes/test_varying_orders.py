@@ -133,6 +133,21 @@ def test_orders(scheme, name):
     assert errors[-1] < 4 / 3 * bounds[0 if explicit else 1]
 
 
+@pytest.mark.parametrize("history", HISTORIES, ids=str)
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_orders_on_meshes(history, name):
+    """On graded(n, 1.5), whose longest steps are 1.5 times those of as many uniform ones."""
+    speed, terms, force, y0, bounds = PROBLEMS[name]
+    equation, steps, errors = hd.Equation(terms, force, y0), [200, 400, 800], []
+    for n in steps:
+        how = {"mesh": hd.graded(n, 1.5), "scheme": hd.L1(), "history": history}
+        sol = hd.solve(equation, 2.5, **how)
+        errors.append(np.abs(sol.y[:, 0] - (1 + speed * sol.t + sol.t**3)).max())
+    highest = 1.8 if equation.m == 2 else 0.8
+    assert observed_order(steps, errors) == pytest.approx(hd.L1().order(highest), abs=0.1), errors
+    assert errors[-1] < 4 * bounds[1]
+
+
 def test_memory_does_not_grow():
     runs = [hd.solve(both(), 10.0, n, save_every=n) for n in (1000, 30_000)]
     assert runs[0].stats["history_bytes"] == runs[1].stats["history_bytes"]

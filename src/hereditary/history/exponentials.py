@@ -290,8 +290,9 @@ class _ModesOfAllOrders(_RowModes):
             for row, log in zip(own, self._logs, strict=False):
                 np.exp(np.multiply(exponent, log, out=row), out=row)
             np.expm1(np.multiply(exponent, -self._h, out=own[3]), out=own[3])
-            scale = (c * self._h) * self._rows.lead[a, here] * factor * p
-            scale *= exponent * inverse_gamma(exponent)
+            scale = inverse_gamma(exponent)
+            for part in (exponent, p, factor, self._rows.lead[a, here], c * self._h):
+                scale *= part
             set_amplitudes(scale, weights_of_moments(), self._decays, own)
         return {"weights": seen.reshape(-1, seen.shape[2]), "room": self._room}
 
