@@ -6,9 +6,11 @@ q_i**(n-2-m) u_m`` then hold all there is to know about the past.
 """
 
 import math
+from abc import abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -173,19 +175,18 @@ _kept = lru_cache(maxsize=64)(_tabulated)
 class _RowModes(Memory):
     """Modes that each step changes and weighs anew; subclasses say with which rates and weights."""
 
-    _exchange: ClassVar[Any]
-    _rows: Any
+    _exchange: ClassVar[Callable]
 
-    def _bank(self):
-        """Return rates in units of 1 / `_nearest`, and the number of modes."""
-        raise NotImplementedError
+    @abstractmethod
+    def _bank(self) -> tuple[np.ndarray, int]:
+        """Return rates in units of the nearest distance, and how many are counted as modes."""
 
-    def _weighed(self, seen, here):
-        """Return fields of tables that weigh modes in the rows `here`; `seen` is of the past."""
-        raise NotImplementedError
+    @abstractmethod
+    def _weighed(self, seen: np.ndarray, here: slice) -> dict:
+        """Return the tables that weigh modes in rows `here` of the past, as factors read them."""
 
     def __init__(self, past, n_columns, covered, tol):
-        self._past, self._covered, self._tol, self._rows = past, covered, tol, None
+        self._past, self._covered, self._tol, self._rows = past, covered, tol, past.rows
         # 0 for terms without memory
         derivatives = np.zeros((len(past.terms), max(map(len, past.terms))))
         for row, terms in zip(derivatives, past.terms, strict=True):
