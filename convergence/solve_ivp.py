@@ -2,8 +2,9 @@
 
 The problems are Lotka and Volterra's equations and a stiff van der Pol oscillator at order 1, and
 relaxation of order 0.7. The rows have the largest error of y at the end over the size of y, the
-evaluations, and the time of a warm call. SciPy's LSODA and Radau have the same tolerances. SciPy calls the
-function in Python, `hd.solve_ivp` compiles it. References are Radau at 1e-12 and Mittag-Leffler functions.
+evaluations, and the time of a warm call. SciPy's LSODA and Radau have the same tolerances. SciPy
+calls the function in Python, `hd.solve_ivp` compiles it. References are Radau at 1e-12 and
+Mittag-Leffler functions.
 """
 
 from functools import partial
