@@ -323,7 +323,7 @@ class RowSums:
             above = any(operator.derivative == 2 for _, operator in terms)
             for c, operator in terms:
                 p, factor = self.powers[operator]
-                if operator.derivative == 1 and above:  # the derivative of t x'(0)
+                if operator.derivative == 1 and self._above:  # the derivative of t x'(0)
                     times = self.steps.times(n + self._late[a])
                     found[0, a] += c * factor * times**p
                 if operator.from_zero:
