@@ -159,7 +159,7 @@ def _tabulated(convolution, covered, tol, n_block):
     # the march sets all modes of a start value to it, also the imaginary parts
     start_shares = start_shares / np.where(rates.imag != 0, 1 + 1j, 1)
     back = np.vstack([ahead[:, :-1].T[::-1], ahead[:, -1]])
-    n_real = rates.size - np.count_nonzero(rates.imag)
+    n_real = rates.size - int(np.count_nonzero(rates.imag))
     weights, start_weights, keep, ahead = (
         np.ascontiguousarray(np.hstack([table.real, table.imag[:, n_real:]]))
         for table in (shares, start_shares, back, ahead[:, :-1].T.conj())
@@ -327,7 +327,7 @@ def _bank(convolution, covered, tol):
     fits = [fit_unit(exponents, covered, tol)[:2]]
     sums = [kernel.exponentials(covered, tol) for kernel in kernels]
     fits += [_one_of_each_pair(found.rates, found.weights[None]) for found in sums]
-    pad = -sum(rates.size + np.count_nonzero(rates.imag) for rates, _ in fits) % _PAD
+    pad = -sum(rates.size + int(np.count_nonzero(rates.imag)) for rates, _ in fits) % _PAD
     rates = np.concatenate([*(rates for rates, _ in fits), np.zeros(pad)])
     order = np.argsort(rates.imag != 0, kind="stable")
     bank, offset = {}, 0
