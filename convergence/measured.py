@@ -23,11 +23,11 @@ writes this page from `convergence/results/claims.csv`.
 """
 SECTIONS = {
     "Accuracy and orders": "orders explicit_order graded_meshes imex riemann_liouville memory_terms"
-    " varying_orders stability published_rules models",
+    " varying_orders stability published_rules models derivatives",
     "Steps chosen by a tolerance": "collocation undamped coincidences work_precision peers"
-    " campaign",
+    " campaign solve_ivp",
     "Memory and kernels": "memory_is_nearly_free histories exponential_sum_modes memory_kernels"
-    " random_kernels kernels_and_sticking",
+    " random_kernels kernels_and_sticking viscoelastic_responses",
     "Large systems, ensembles and sweeps": "large_systems large_compared stick_slip_chain ensembles"
     " sweeps paper_spectra",
     "Exponents, resonance and fits": "lyapunov_rows lyapunov_cost chaos_tests resonance fits",
