@@ -13,12 +13,10 @@ from scipy.special import erfcx, gamma, rgamma
 
 from hereditary.collocation.first_rule import (
     LEFT_OUT,
-    LOGARITHM,
     Variable,
     first_rule,
     functions,
     graded_rule,
-    means,
     means_at_nodes,
 )
 from hereditary.collocation.quadrature import check_points_of, radau_nodes
@@ -162,15 +160,3 @@ def test_a_stiff_relaxation_of_a_tiny_order_is_a_bent_function():
         off.append(np.abs(found - solution(np.exp(logs))[:, 0]).max())
     assert off[0] < 1e-9
     assert off[1] > 1e-3
-
-
-@pytest.mark.parametrize("e", [0.0, 1e-8, 1e-5, 1e-3])
-def test_powers_next_to_constant_are_smooth_in_log_t(e):
-    logs, powers = node_logs(LOGARITHM), np.exp(e * node_logs(LOGARITHM))
-    seen = LOGS[LOGS + LOGARITHM.span > 0]
-    np.testing.assert_allclose(functions(LOGARITHM, seen) @ powers, np.exp(e * seen), rtol=1e-12)
-    for a in (1e-8, 1e-3, 0.5, 1.0):
-        found = means(LOGARITHM, (a,), logs)[0] @ powers
-        expected = gamma(e + 1) * rgamma(e + a + 1) * powers
-        # the first two nodes are next to the time before which u is 0
-        np.testing.assert_allclose(found[2:], expected[2:], rtol=1e-11)

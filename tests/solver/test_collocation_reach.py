@@ -248,24 +248,3 @@ def test_tiny_orders_beside_orders_just_above_1():
     t = sol.t[1] * np.geomspace(1e-14, 1.0, 40)
     right = 1.0 - rate * resting * t**order / gamma(1 + order)
     assert np.abs(sol(t)[:, 0] - right).max() < 1e-8
-
-
-@pytest.mark.parametrize(
-    ("high", "low", "friction", "rtol"),
-    [
-        (1.000119, 0.9999996, 2.7, 5.8e-6),
-        (1.0000000472, 0.999999, 0.27, 5.9e-6),
-        (1.0000117, 0.997, 6.2, 2e-8),
-        (1.0000000114, 0.99918, 7.4, 2.2e-7),
-        (1.002, 1.00106, 4.8, 8e-9),
-    ],
-)
-@pytest.mark.parametrize("speed", [0.5, 0.0])
-def test_two_terms_next_to_order_1_start(high, low, friction, rtol, speed):
-    terms = hd.Caputo(high) + friction * hd.Caputo(low)
-    sol = hd.solve(proportional(terms, 0.5, [1.0, speed]), 10.0, rtol=rtol)
-    assert sol.success
-    assert sol.t.size < 600
-    truth = exact.several_terms([high, low], [1.0, friction], [1.0, speed], rate=0.5)
-    t = np.geomspace(1e-12, 10.0, 200)
-    assert np.abs(sol(t) - truth(t)).max() <= 0.1 * rtol

@@ -7,8 +7,6 @@ With the time since then over the step's length equal to
 functions of t are polynomials in u: the step is an ordinary one, on Radau points of u. All powers
 of t that occur are integer powers of u, or so high that u is as good. A stiff solution of tiny
 order g changes where c t**g is about 1, nearly as 1 / (1 + c t**g), which is linear in v.
-Powers of t with exponents next to 0 are smooth functions of log(t): there u = 1 + log(t) / L from
-t = exp(-L) on, and a power of t itself is nothing in a step that is short.
 """
 
 from functools import lru_cache
@@ -28,23 +26,17 @@ LEFT_OUT = 0.25**26 / 2
 _HIGH, _APART = 5.3, 1e-9
 # Nodes of the step, and with c above 0, where solutions of several rates share one c.
 _NODES, _NODES_IF_BENT = 24, 48
-# L of the logarithmic variable: what happens before exp(-L) times any step is never seen.
-_LOGARITHMIC = 600.0
 # Least distance at which kernels are evaluated.
 _NEXT_TO_0 = 1e-300
 
 
 class Variable(NamedTuple):
-    """The variable u of a step: its powers q and m, the rate c, and the number of nodes.
-
-    With `span` L above 0 it is 1 + log(t) / L, and 0 before.
-    """
+    """The variable u of a step: its powers q and m, the rate c, and the number of nodes."""
 
     q: float = 1.0
     m: float = 1.0
     c: float = 0.0
     n: int = _NODES
-    span: float = 0.0
 
     @classmethod
     def of(cls, generators, c=0.0):
@@ -55,15 +47,11 @@ class Variable(NamedTuple):
 
     def logs(self, u):
         """Return log(t) at u."""
-        if self.span:
-            return self.span * (u - 1)
         with np.errstate(divide="ignore"):
             return self.q * np.log(u) - self.q / self.m * np.log1p(self.c * (1 - u**self.m))
 
     def at(self, logs):
         """Return u at these log(t)."""
-        if self.span:
-            return np.maximum(1 + logs / self.span, 0.0)
         return np.exp(logs / self.q) / self._bend(logs) ** (1 / self.m)
 
     def _bend(self, logs):
@@ -72,13 +60,8 @@ class Variable(NamedTuple):
 
     def slopes(self, t):
         """Return du/dt at t above 0."""
-        if self.span:
-            return 1 / (self.span * t)
         logs = np.log(t)
         return self.at(logs) / (self.q * t * (1 + self.c) * self._bend(logs))
-
-
-LOGARITHM = Variable(span=_LOGARITHMIC)
 
 
 def _is_smooth(exponent):
@@ -117,7 +100,7 @@ def means(variable, orders, logs):
     # the width that the rule leaves out contributes a power of itself
     weights = rgamma(a) * np.hstack([rule * v ** (a - 1), LEFT_OUT**a / a])
     points = np.append(np.log(points), 0.0)
-    if variable.c == 0.0 and not variable.span:  # u is a product: one rule for all times
+    if variable.c == 0.0:  # u is a product, so that the nodes are a rule for all times
         weights = weights @ functions(variable, points)
         points = variable.logs(radau_nodes(variable.n))
     within = np.add.outer(logs, points)

@@ -67,8 +67,6 @@ class FirstPiece(Piece):
     def _begun(self, row):
         """Return where a row (d, n) begins: at p, or next to it where p has moved at once, (d,)."""
         limit = row @ _at_start(self.variable.n)
-        if self.variable.span:
-            return limit
         moved = np.abs(limit - self.p) > 0.5 * np.abs(row - self.p[:, None]).max(axis=1)
         return np.where(moved, limit, self.p)
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..compiled.rows import FORCE
 from ..schemes.stability import eigenvalues
-from .first_rule import LOGARITHM, Variable
+from .first_rule import Variable
 from .stage_solver import has_stages
 
 # Factor of the length after a refused step.
@@ -14,9 +14,8 @@ _SHORTER = 0.25
 # A generator below this is tiny: no step is so short that its power is small. Long steps in a
 # variable that is bent for its rate are tried first, so many of them.
 _TINY, _BENT_TRIALS = 0.12, 12
-# Exponent below which a power hardly changes from 1e-300 on, and the shortest trial with such a
-# power, in lengths of the first one: a shorter step changes it no more.
-_VANISHING, _SHORTEST = 1e-3, 1e-24
+# Exponent below which a power hardly changes from 1e-300 on.
+_VANISHING = 1e-3
 # Longest step in lengths of the one before: a singularity as close has to be resolved.
 _OF_LAST = 100.0
 # Size that counts of a component at rest among many, as fraction of the largest.
@@ -53,13 +52,10 @@ def trials(system, form, orbit, t, left, longest, least, counts, units):
     # a power of a next to vanishing exponent is nearly constant beside others
     others = tuple(g for g in form.generators if g >= _VANISHING)
     kinds = {form.generators, others if others[0] < 1.0 else form.generators}
-    variables = [Variable.of(generators) for generators in sorted(kinds)]
-    if smallest < _VANISHING:
-        variables.append(LOGARITHM)
-    for variable in variables:
-        vanishing, h = variable.m < _VANISHING * variable.q, first
-        while t + h > t and h > max(least, _SHORTEST * first if vanishing else 0.0):
-            yield h, variable
+    for generators in sorted(kinds):
+        h = first
+        while t + h > t and h > least:
+            yield h, Variable.of(generators)
             h *= _SHORTER
 
 
