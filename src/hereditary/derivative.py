@@ -134,7 +134,7 @@ def derivative(
 
 
 class _Known:
-    """What is known of y: times (n,) since the start, and values at them, (n, d), and y(0) (d,)."""
+    """Known values of y: times (n,) since the start, values at them, (n, d), and y(0) (d,)."""
 
     times: np.ndarray
     y0: np.ndarray

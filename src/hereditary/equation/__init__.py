@@ -1,1 +1,1 @@
-"""What is solved: terms, equations, and the systems that marches take."""
+"""Terms, equations, and the systems that marches take."""

@@ -8,7 +8,7 @@ import numpy as np
 
 
 class Frame(NamedTuple):
-    """How times and components inside a run are those of the user.
+    """Map between times and components inside a run and those of the user.
 
     Inside, a run begins at time 0 and all components are real: a complex one is two, its real and
     imaginary part side by side. Of an order above 2 the derivatives are components too, behind y.

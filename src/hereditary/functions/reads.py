@@ -1,4 +1,4 @@
-"""What functions read, hashes of it, and copies of functions with the present values.
+"""Collect what functions read, hash it, and copy functions with the present values.
 
 numba compiles the globals and closed-over values of a function as constants, and those of the
 helpers that it calls. Compiled functions are therefore equal only if their code and all of these

@@ -98,7 +98,7 @@ class NoMemory(Memory):
 
 
 class History(ABC):
-    """How the past is summed; subclasses are final frozen dataclasses, one file each.
+    """A way to sum the past; subclasses are final frozen dataclasses, one file each.
 
     Attributes
     ----------

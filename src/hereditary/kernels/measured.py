@@ -83,7 +83,7 @@ class Kernel(MemoryKernel):
 
     @property
     def singular_exponent(self) -> float:
-        """As given, or as read off the function."""
+        """Exponent a of ``K ~ t**-a`` near 0 [-]: the given one, or one from values near 0."""
         return self._exponent
 
     def __call__(self, t: ArrayLike) -> np.ndarray:

@@ -46,7 +46,7 @@ _SUREST = 0.99
 
 
 class Regime(enum.StrEnum):
-    """How a pulled load moves; equal to the string it is shown as."""
+    """Motion of a pulled load; equal to its string."""
 
     PERIODIC = "stick-slip, periodic"
     IRREGULAR = "stick-slip, irregular"

@@ -83,27 +83,27 @@ class _Uniform:
         self.h, self._theta, self._offset = h, theta, offset
 
     def rows(self, n):
-        """Coefficients of steps n, (R,), that no term changes."""
+        """Return coefficients of steps n, (R,), that no term changes."""
         ones = np.ones(n.size)
         unit, theta = self.h * ones, self._offset * ones
         return {"times": np.zeros(0), "theta": theta, "unit": unit, "length": unit, "ratio": ones}
 
     def times(self, n):
-        """Times at which the right-hand sides of steps n are taken."""
+        """Return times at which the right-hand sides of steps n are taken."""
         return (n + self._offset) * self.h
 
     def first_sample(self, gamma):
-        """What the first sample of ``t**-gamma`` lacks of its integral."""
+        """Return the integral of ``t**-gamma`` over the first step less its sample there."""
         return self.h**-gamma * first_samples(gamma, self._offset, 1)[0]
 
     def intervals(self, n, size, order):
-        """See `_Mesh.intervals`."""
+        """Return the places of increments; see `_Mesh.intervals`."""
         k, h = np.arange(float(size))[None], self.h
         far, width = np.maximum(k - 1 + self._theta, 0.0), np.where(k == 0, self._theta, 1.0)
         return np.ones((1, size)), h * far, h * width, h * k, h, h, 0.0
 
     def decays(self, rates, kinds, n):
-        """See `_Mesh.decays`; all steps share one row, and all terms have the same modes."""
+        """Return factors as `_Mesh.decays`: steps share one row, terms have the same modes."""
         z = rates * self.h
         mean, keep = mean_exponential(z), np.exp(-z)
         seen = mean * np.exp(-z * (1 + self._theta)), mean * keep * np.expm1(-z) / self.h
@@ -128,21 +128,21 @@ class _Mesh:
         self._between = 0.5 * (steps + np.append(steps[0], steps[:-1]))
 
     def rows(self, n):
-        """Coefficients of steps n, (R,), that no term changes."""
+        """Return coefficients of steps n, (R,), that no term changes."""
         times, theta, unit = self.mesh[n], self._theta[n], self._steps[n]
         ratio = self._ratios[n]
         return {"times": times, "theta": theta, "unit": unit, "length": unit, "ratio": ratio}
 
     def times(self, n):
-        """Times at which the right-hand sides of steps n are taken."""
+        """Return times at which the right-hand sides of steps n are taken."""
         return self._seen[n]
 
     def first_sample(self, gamma):
-        """What the first sample of ``t**-gamma`` lacks of its mean over the step."""
+        """Return the mean of ``t**-gamma`` over the first step less its sample there."""
         return self._steps[0] ** -gamma * (1 / (1 - gamma) - self._theta[0] ** -gamma)
 
     def intervals(self, n, size, order):
-        """Places of u_(n-k), k < size, as seen from steps n, in arrays (R, size) of this order.
+        """Return places of u_(n-k), k < size, seen from steps n, in arrays (R, size) of this order.
 
         Returns
         -------
@@ -162,7 +162,7 @@ class _Mesh:
         return there, far, width, behind, self._between[j], steps, self._slopes[j]
 
     def decays(self, rates, kinds, n):
-        """How modes of terms with y' and with y'', as `kinds` has them, change at steps n.
+        """Return factors of modes at steps n, for terms with y' and y'' as `kinds` has them.
 
         Returns
         -------
@@ -302,7 +302,7 @@ class RowSums:
         return bad
 
     def _rows(self, n, now, near):
-        """Coefficients of steps n, from the weights of the newest two increments, (C, R)."""
+        """Return coefficients of steps n, from the weights of the newest two increments, (C, R)."""
         lead = 1 / now
         return StepRows(
             first=0,
@@ -315,7 +315,7 @@ class RowSums:
         )
 
     def _drift(self, n, lead):
-        """Factors of x'(0), which increments leave out, and of x(0) in Riemann-Liouville terms."""
+        """Return factors of x'(0), not in increments, and of x(0) in Riemann-Liouville terms."""
         if not (self._above or self.from_zero):
             return np.zeros((len(lead), 0))
         found = np.zeros((1 + self.from_zero, *lead.shape))
@@ -342,19 +342,19 @@ class RowSums:
         return values * rgamma(1 - gamma)
 
     def weights(self, first, last, k_end):
-        """Weights of u_(n-k), k < k_end, in the derivative at steps n from `first` to `last`.
+        """Return weights of u_(n-k), k < k_end, in the derivative at steps from `first` to `last`.
 
         Shape (C, last - first, k_end); not divided by the leading weight.
         """
         return self._weights(np.arange(first, last), k_end, first - self.rows.first)
 
     def direct(self, first, last, k_end):
-        """As `weights`, over the leading weight."""
+        """Return `weights` over the leading weight."""
         lead = self.rows.lead[:, first - self.rows.first : last - self.rows.first]
         return self.weights(first, last, k_end) * lead[..., None]
 
     def _weights(self, n, k_end, at, order="C"):
-        """As `weights`, at steps n, whose orders begin at row `at`, from arrays of this order."""
+        """Return `weights` at steps n with orders from row `at` on, from arrays of this order."""
         bent = self._parabolas > 0
         shape = n.size, k_end + bent
         there, far, width, behind, between, steps, slopes = self.steps.intervals(n, shape[1], order)
@@ -384,15 +384,15 @@ class RowSums:
         return found
 
     def decays(self, rates, kinds, first, last):
-        """How modes change at steps from `first` to `last`: see `_Mesh.decays`."""
+        """Return factors of modes at steps from `first` to `last`: see `_Mesh.decays`."""
         return self.steps.decays(rates, kinds, np.minimum(np.arange(first, last), self._n_end - 1))
 
     def has_memory(self) -> bool:
-        """Whether there are weights beyond k = 1 at all."""
+        """Return whether there are weights beyond k = 1 at all."""
         return not all(operator.classical for operator in self._operators)
 
     def exact(self, n):
-        """No weights inside a block, which is of one step."""
+        """Return no weights inside a block, which is of one step."""
         return (np.zeros((len(self.terms), 0)),) * 2
 
     def check(self, history):
@@ -407,14 +407,14 @@ class RowSums:
 
 
 def varying_plan(system, h, theta, explicit):
-    """Plan of a scheme on uniform steps, for an equation with orders that vary."""
+    """Make the plan of a scheme on uniform steps, for an equation with orders that vary."""
     sums = RowSums(system, _Uniform(h, theta, 0.0 if explicit else theta), explicit=explicit)
     given = (system.highest_orders() > 1).astype(np.int64) if explicit else None
     return _plan(system, sums, h, given=given, slowest=SLOWEST if explicit else 0.0)
 
 
 def mesh_plan(scheme, system, times, theta, parabolas):
-    """Plan of a scheme on a mesh of any steps."""
+    """Make the plan of a scheme on a mesh of any steps."""
     highest, up_to = float(system.highest_orders().max()), scheme.meshes_up_to
     if highest > up_to:
         required = f"lie in (0, {up_to:g}] for {type(scheme).__name__} on a mesh"
@@ -423,7 +423,7 @@ def mesh_plan(scheme, system, times, theta, parabolas):
 
 
 def _plan(system, sums, first, **more):
-    """Plan with these sums and the length of the first step."""
+    """Make a plan with these sums and the length of the first step."""
     if any(operator.kernel is not None for operator, _ in system.left):
         required = "be Caputo operators on a mesh, and on given steps if an order varies"
         raise ValueError(complaint("terms", required, "one with a kernel", "use Collocation"))

@@ -221,7 +221,7 @@ def check_smoothness(smoothness):
 
 
 class Scheme(ABC):
-    """How one step is taken; subclasses are final frozen dataclasses, one file each.
+    """A way to take one step; subclasses are final frozen dataclasses, one file each.
 
     A subclass declares how a step is solved (`solve`, a key of `MARCHES` in compiled/march.py),
     what it takes, its proven order and its plan. convergence/capabilities.py tables what it takes.

@@ -1,4 +1,4 @@
-"""How a run steps: one value made of what a user asks for, and the stepper that it opens."""
+"""Make one value of the arguments that say how to step, and open the stepper."""
 
 import math
 

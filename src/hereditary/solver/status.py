@@ -1,4 +1,4 @@
-"""How runs end."""
+"""Statuses of runs."""
 
 import enum
 import traceback
@@ -9,7 +9,7 @@ from ..kernels.memory_kernel import MemoryKernel
 
 
 class Status(enum.StrEnum):
-    """How a run ended: a string, ``sol.status == "blown_up"``.
+    """End of a run: a string, ``sol.status == "blown_up"``.
 
     docs/troubleshooting.md has a remedy for each.
 
