@@ -229,7 +229,7 @@ class RowSums:
         self.terms, read = zip(*distinct, strict=True)
         self.steps, self._parabolas, self._explicit = steps, parabolas, explicit
         # an explicit step leaves memory that f reads for the next one, where t x'(0) is a step on
-        self._late = np.array(read) * explicit
+        self._read, self._late = read, np.array(read) * explicit
         self._operators = list(dict.fromkeys(op for terms in self.terms for _, op in terms))
         self.from_zero = any(operator.from_zero for operator in self._operators)
         self.varies, self._above = system.varies, system.m == 2
@@ -323,7 +323,8 @@ class RowSums:
             above = any(operator.derivative == 2 for _, operator in terms)
             for c, operator in terms:
                 p, factor = self.powers[operator]
-                if operator.derivative == 1 and self._above:  # the derivative of t x'(0)
+                # the derivative of t x'(0), which halves of a reduced order leave out
+                if operator.derivative == 1 and (above or self._read[a]):
                     times = self.steps.times(n + self._late[a])
                     found[0, a] += c * factor * times**p
                 if operator.from_zero:
