@@ -175,3 +175,15 @@ def test_a_component_that_stays_at_0_takes_no_steps_of_its_own(rtol, unit):
     assert sol.success
     assert abs(sol.y[-1, 1] - other.y[-1, 0]) < rtol * other.y[-1, 0]
     assert sol.stats["n_steps"] < 2 * other.stats["n_steps"]
+
+
+@pytest.mark.parametrize("force", [1e-36, 1e-12, 1e-6])
+def test_a_force_next_to_0_leaves_sizes_and_steps_as_without(force):
+    """f of another component hides by rounding how a step of a force's own size moves it."""
+
+    def spiral(t, y, p):
+        return np.array([1 - y[0] - 93 * y[1], p[0] + 106 * y[0] - 71 * y[1]])
+
+    equation = hd.Equation(hd.Caputo(0.5), spiral, [0.0, 0.0], params=[0.0])
+    still, pushed = (hd.solve(equation.replace(params=[p]), 1.0, rtol=1e-9) for p in (0.0, force))
+    assert pushed.stats["n_steps"] == still.stats["n_steps"]

@@ -156,12 +156,13 @@ def _visible_step(rhs, params, y0, c):
                 return found
             step, shrunk = step / _APART, True
             continue
-        seen = (change == 0) | (np.abs(change) >= _CLEAR * np.abs(force))
+        clear = np.abs(change) >= _CLEAR * np.abs(force)
+        seen = clear | (change == 0)
         if seen[c] if change[c] else seen.all():
             found = found or step
-            if shrunk or change[c] or not np.any((change == 0) & (force != 0)):
-                return step if change.any() else size
-        step *= _APART  # f may hide the change by its rounding
+            if shrunk or clear.all():
+                return step if change.any() and linear.all() else found
+        step *= _APART  # f, of this component or of another, may hide the change by its rounding
     return found
 
 
