@@ -1,5 +1,7 @@
 """Dense output: the solution of an adaptive run at any time, and its derivative."""
 
+import math
+
 import numpy as np
 import pytest
 from problems import half_order_oscillator, half_order_relaxation, monomial
@@ -135,9 +137,19 @@ def test_the_start_of_a_solution_of_three_generators(v0):
     assert np.abs(sol(t) - solution(t)).max() <= 5e-11
 
 
-def test_the_slope_at_the_start_is_infinite_where_powers_below_1_are():
-    sol = hd.solve(hd.scenes.relaxation(0.5), 2.0, rtol=1e-8)
+@pytest.mark.parametrize("order", [0.02, 0.1, 0.3, 0.5, 0.8, 0.9, 0.95, 0.97])
+def test_the_slope_at_the_start_is_infinite_where_powers_below_1_are(order):
+    sol = hd.solve(hd.scenes.relaxation(order), 2.0, rtol=1e-8)
     assert sol(0.0, 1)[0] == -np.inf
+
+    def line(t, y, p):
+        return t ** (1 - order) / p[0] + 1 + t - y
+
+    equation = hd.Equation(hd.Caputo(order), line, 1.0, params=[math.gamma(2 - order)])
+    assert hd.solve(equation, 2.0, rtol=1e-8)(0.0, 1)[0] == pytest.approx(1, abs=0.02)
+
+
+def test_the_slope_at_the_start_of_a_smooth_solution():
     smooth = hd.solve(hd.scenes.relaxation(1.0), 2.0, rtol=1e-8)
     assert smooth(0.0, 1)[0] == pytest.approx(-1, rel=1e-7)
 

@@ -12,8 +12,9 @@ from .quadrature import legendre_values, through_start, to_legendre
 
 # Least time at which slopes are evaluated.
 _NEXT_TO_0 = 1e-200
-# Times between which a slope that grows by more than this factor towards 0 is infinite there.
-_TOWARDS_0, _GROWS = (1e-8, 1e-4), 1.2
+# Times from which slopes are extrapolated to 0; one that grows by more than this factor between
+# them is infinite there, beyond the fraction of the values over the step that rounding makes of it.
+_TOWARDS_0, _GROWS, _ROUNDED = (1e-4, 1e-2), 1.02, 1e-10
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,9 +58,11 @@ class FirstPiece(Piece):
             return np.where(second, self.y + self.length * t[:, None] * means, p)
         slopes = self._slopes(np.maximum(t, _NEXT_TO_0))
         if (t == 0.0).any():
-            before, after = self._slopes(np.array(_TOWARDS_0))
-            steep = np.abs(before) > _GROWS * np.abs(after) + np.abs(self.row).max() / self.length
-            slopes[t == 0.0] = np.where(steep, np.copysign(np.inf, before), before)
+            (near, far), (before, after) = _TOWARDS_0, self._slopes(np.array(_TOWARDS_0))
+            line = before - near / (far - near) * (after - before)
+            rounded = _ROUNDED * np.abs(self.row).max(axis=1) / self.length
+            steep = np.abs(before) > _GROWS * np.abs(after) + rounded
+            slopes[t == 0.0] = np.where(steep, np.copysign(np.inf, before), line)
         speeds = self._begun(self.row) + self._change(self.row, values)
         speeds[t == 0.0] = self.p
         return np.where(second, speeds, slopes)
