@@ -199,8 +199,11 @@ def _run(compute, rows, executor, points, file, progress):
     running: dict[Any, dict] = {}
     bar, n_left, n_done = ProgressBar(progress), points.count(None), 0
     try:
-        with Interruption() as interruption:
+        # raised where a lock of the executor is taken, an exception would leave it locked
+        with Interruption(counted=sys.maxsize) as interruption:
             while True:
+                if interruption.asked > 1:
+                    raise KeyboardInterrupt
                 if interruption.asked:
                     rows = iter(())
                     for future in running:

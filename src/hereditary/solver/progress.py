@@ -61,14 +61,15 @@ def _clock(seconds):
 
 
 class Interruption:
-    """Turn the first Ctrl-C into a flag, so that a run ends between two batches of steps.
+    """Count Ctrl-C, so that a run ends between two batches of steps.
 
-    A second Ctrl-C raises as usual, and so does one that came too late to stop anything (`heeded`
-    stays False). Outside the main thread, where no signal arrives, it does nothing.
+    The second Ctrl-C raises as usual, or the one after `counted` ones, and so does one that came
+    too late to stop anything (`heeded` stays False). Outside the main thread, where no signal
+    arrives, it does nothing.
     """
 
-    def __init__(self):
-        self.asked = self.heeded = False
+    def __init__(self, counted=1):
+        self.asked, self.heeded, self._counted = 0, False, counted
         self._previous = None
 
     def __enter__(self):
@@ -87,6 +88,6 @@ class Interruption:
                 signal.raise_signal(signal.SIGINT)
 
     def _ask(self, number, frame):
-        if self.asked:
+        self.asked += 1
+        if self.asked > self._counted:
             raise KeyboardInterrupt
-        self.asked = True
