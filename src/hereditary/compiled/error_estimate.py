@@ -1,5 +1,7 @@
 """Error estimates of a collocation step, and their ratio to the tolerance."""
 
+import math
+
 import numpy as np
 
 from .collocation import forces, nodal_slopes, residuals, solve_newton
@@ -213,18 +215,30 @@ def add_force_defect(sums, kinds, newton, errors):
 
 @inner
 def legendre_tail(legendre, values, rounding):
-    """Return the last Legendre coefficient and its ratio to the one before, 0 to 1.
+    """Return the last Legendre coefficient and the decay from one to the next, 0 to 1.
 
-    Where both are within `rounding`, the rounding error of the values, the ratio is unknown and
-    taken for small: equal ones would have steps refused that no shorter one betters.
+    One coefficient may be small by chance, and the last one is by collocation: the decay is that of
+    the larger ones of two pairs, and the last coefficient at least what follows the one before.
+    If it is within `rounding`, the rounding error of the values, the decay is unknown and taken for
+    small: with equal coefficients steps are refused that no shorter one betters.
     """
     # values (s,)
     s = values.shape[0]
-    last, before = 0.0, 0.0
-    for j in range(s):
-        last += legendre[s - 1, j] * values[j]
-        before += legendre[s - 2, j] * values[j]
-    decay = min(1.0, abs(last / before)) if before != 0.0 else 1.0
+    last, before, earlier, decay = 0.0, 0.0, 0.0, 1.0
+    for k in range(max(0, s - 4), s):
+        total = 0.0
+        for j in range(s):
+            total += legendre[k, j] * values[j]
+        if k < s - 2:
+            earlier = max(earlier, abs(total))
+        else:
+            before, last = last, total
+    if s > 3 and earlier > 0.0:
+        decay = min(1.0, math.sqrt(max(abs(last), abs(before)) / earlier))
+    elif s <= 3 and before != 0.0:
+        decay = min(1.0, abs(last / before))
+    if abs(last) < decay * abs(before):
+        last = decay * before
     hidden = abs(last) <= rounding * decay
     return last, (min(decay, _HIDDEN) if hidden else decay)
 
