@@ -151,13 +151,10 @@ class Kernel(MemoryKernel):
         sums = np.cumsum(np.append(first, pieces))
         return np.where(t > 0, sums[np.searchsorted(edges, t)], 0.0)
 
-    def closest_fit(
-        self, t_min: float, t_max: float, tol: float, fading: bool = False
-    ) -> ExponentialSum:
-        """Fit as `fit` does, or as closely as possible."""
+    def _closest(self, t_min, t_max, tol, fading):
+        """Fit with weights of both signs if the kernel is signed."""
         if not self._signed:
-            return super().closest_fit(t_min, t_max, tol, fading)
-        t_min, t_max, tol = fit_interval(t_min, t_max, tol)
+            return super()._closest(t_min, t_max, tol, fading)
         return ExponentialSum(*closest_signed(self, t_min, t_max, tol, fading))
 
 
@@ -246,14 +243,11 @@ class TabulatedKernel(Kernel):
             raise ValueError(complaint("tol", required, tol, remedy))
         return found
 
-    def closest_fit(
-        self, t_min: float, t_max: float, tol: float, fading: bool = False
-    ) -> ExponentialSum:
+    def _closest(self, t_min, t_max, tol, fading):
         """Fit all data from about `t_min` on, and before them the power law there.
 
         Here `tol` bounds the largest relative misfit; what comes closest is returned in any case.
         """
-        t_min, t_max, tol = fit_interval(t_min, t_max, tol)
         # at the data alone, for between them nobody knows
         begun = max(0, min(int(np.searchsorted(self._t, t_min)) - 1, self._t.size - 4))
         times = self._t[begun:]

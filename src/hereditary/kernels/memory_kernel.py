@@ -94,6 +94,10 @@ class MemoryKernel(ABC):
         Where it is `fading`, a kernel known by its values is fitted without rate 0.
         """
         t_min, t_max, tol = fit_interval(t_min, t_max, tol)
+        return self._closest(t_min, t_max, tol, fading)
+
+    def _closest(self, t_min, t_max, tol, fading):
+        """Return the sum of `closest_fit`, whose arguments are checked."""
         rates, *found = closest_positive(self, t_min, t_max, tol, fading)
         if not self.by_values:  # no named kernel lasts, so a rate of 0 is one beyond the fit
             rates = np.maximum(rates, _BEYOND / t_max)
@@ -158,11 +162,9 @@ class ScaledKernel(MemoryKernel):
         fit = self.kernel.fit(t_min, t_max, tol)
         return replace(fit, weights=self.factor * fit.weights)
 
-    def closest_fit(
-        self, t_min: float, t_max: float, tol: float, fading: bool = False
-    ) -> ExponentialSum:
+    def _closest(self, t_min, t_max, tol, fading):
         """Return the kernel's closest sum with all weights times the factor."""
-        fit = self.kernel.closest_fit(t_min, t_max, tol, fading)
+        fit = self.kernel._closest(t_min, t_max, tol, fading)
         return replace(fit, weights=self.factor * fit.weights)
 
 
@@ -188,11 +190,8 @@ class _Exponentials(MemoryKernel):
         """Return ``sum_i weights[i] / (s + rates[i])``."""
         return (1 / np.add.outer(np.asarray(s), self.rates)) @ np.asarray(self.weights)
 
-    def closest_fit(
-        self, t_min: float, t_max: float, tol: float, fading: bool = False
-    ) -> ExponentialSum:
+    def _closest(self, t_min, t_max, tol, fading):
         """Return the sum itself, exact at any tolerance."""
-        t_min, t_max, tol = fit_interval(t_min, t_max, tol)
         return ExponentialSum(np.array(self.rates), np.array(self.weights), t_min, t_max, 0.0)
 
 

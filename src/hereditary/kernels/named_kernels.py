@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from scipy.special import expit, gamma, gammainc, rgamma
 
 from ..support.checks import complaint, count, positive, real, within
-from .exponential_sum import fit_interval, fit_unit
+from .exponential_sum import fit_unit
 from .memory_kernel import ExponentialSum, MemoryKernel, all_positive, matching
 from .special import first_moment_exponential, gauss_unit, mean_exponential
 
@@ -68,11 +68,8 @@ class PowerLaw(MemoryKernel):
         a = float(self.exponent)
         return gamma(1 - a) * np.asarray(s) ** (a - 1)
 
-    def closest_fit(
-        self, t_min: float, t_max: float, tol: float, fading: bool = False
-    ) -> ExponentialSum:
+    def _closest(self, t_min, t_max, tol, fading):
         """Return its sum of exponentials in closed form, as close as `tol` requires."""
-        t_min, t_max, tol = fit_interval(t_min, t_max, tol)
         a = float(self.exponent)
         if abs(a * math.log(t_min)) > 690:
             raise ValueError(complaint("t_min", "leave the kernel a finite value there", t_min))
@@ -127,15 +124,12 @@ class TemperedPowerLaw(MemoryKernel):
         p = 1 - self.exponent
         return math.gamma(p) * (np.asarray(s) + self.rate) ** -p
 
-    def closest_fit(
-        self, t_min: float, t_max: float, tol: float, fading: bool = False
-    ) -> ExponentialSum:
+    def _closest(self, t_min, t_max, tol, fading):
         """Return the power law's sum with all rates faster by `rate`."""
-        t_min, t_max, tol = fit_interval(t_min, t_max, tol)
         if self.rate * t_min > _GONE:
             raise ValueError(complaint("t_min", "come before the kernel is 0 in rounding", t_min))
         end = min(t_max, max(_GONE / self.rate, 2 * t_min)) if self.rate else t_max
-        power = PowerLaw(self.exponent).closest_fit(t_min, end, tol)
+        power = PowerLaw(self.exponent)._closest(t_min, end, tol, fading)
         return ExponentialSum(power.rates + self.rate, power.weights, t_min, t_max, power.max_error)
 
 
