@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -308,26 +309,17 @@ class _Runs:
     def curves(self, p, solutions):
         """Return times (m,) and values (m, k) of the model for each series, also between the data.
 
-        At the times of the data alone where `observe` needs these.
+        At the times of the data alone if `observe` needs these, as differences of rows do.
         """
-        sizes = [one.t.size for one in self._series]
-        places = [np.linspace(0, n - 1, (n - 1) * (_FINE // n + 2) + 1) for n in sizes]
-        times = [
-            np.interp(x, np.arange(n), one.t)
-            for x, n, one in zip(places, sizes, self._series, strict=True)
-        ]
-        found = []
+        found, times = [], [_between(one.t) for one in self._series]
         for one, sol, fine in zip(self._series, solutions, self.solutions(p, times), strict=True):
-            k, unit = one.data.shape[1], np.nanmax(np.abs(one.data))
-            curve = sol.t, self._seen(sol.y, k)
-            try:
+            k, slack = one.data.shape[1], 1e-6 * np.nanmax(np.abs(one.data))
+            found.append((sol.t, self._seen(sol.y, k)))
+            with suppress(ValueError):  # of shapes
                 often = self._seen(fine.y, k)
-                same = np.allclose(
-                    often[np.isin(fine.t, sol.t)], curve[1], rtol=0, atol=1e-6 * unit
-                )
-            except ValueError:  # of shapes
-                same = False
-            found.append((fine.t, often) if same else curve)
+                again = often[np.isin(fine.t, sol.t)]
+                if np.allclose(again, found[-1][1], rtol=0, atol=slack):
+                    found[-1] = fine.t, often
         return found
 
     def _seen(self, y, k):
@@ -344,6 +336,11 @@ class _Runs:
             required = f"give real values of shape {shape}, as data has"
             raise ValueError(complaint("observe", required, got))
         return seen.reshape(len(y), k)
+
+
+def _between(t):
+    """Return the times of data and many between them, evenly from each to the next."""
+    return np.union1d(t, np.interp(np.linspace(0, t.size - 1, _FINE), np.arange(t.size), t))
 
 
 def _bounds(bounds, names, start):

@@ -66,9 +66,8 @@ def assess(times, log_growth, window, n_blocks, memory):
     start = times[-1] - window * (times[-1] - times[0])
     inside = times >= start
     edges = np.linspace(max(start, times[0]), times[-1], n_blocks + 1)
-    slope, stderr = np.empty(k), np.empty(k)
-    for i in range(k):
-        slope[i], stderr[i] = _block_slope(edges, np.interp(edges, times, log_growth[:, i]))
+    at_edges = [np.interp(edges, times, column) for column in log_growth.T]
+    slope, stderr = np.transpose([_block_slope(edges, values) for values in at_edges])
     algebraic = -_power(times[inside], log_growth[inside])
     verdicts = tuple(_verdict(*row, memory) for row in zip(slope, stderr, -algebraic, strict=True))
     return Growth(slope, stderr, algebraic, verdicts)
@@ -102,15 +101,11 @@ def _verdict(slope, stderr, power, memory):
     if slope > _ERRORS * stderr:
         return Verdict.EXPONENTIAL_GROWTH if power > _POWER else Verdict.UNDETERMINED
     if slope < -_ERRORS * stderr:
-        return _DECAY[memory] if memory != "some" or power > -_POWER else Verdict.UNDETERMINED
+        if memory == "none":
+            return Verdict.EXPONENTIAL_DECAY
+        algebraic = memory == "all" or power > -_POWER
+        return Verdict.ALGEBRAIC_DECAY if algebraic else Verdict.UNDETERMINED
     return Verdict.NEUTRAL if abs(power) < _POWER else Verdict.UNDETERMINED
-
-
-_DECAY = {
-    "all": Verdict.ALGEBRAIC_DECAY,
-    "some": Verdict.ALGEBRAIC_DECAY,
-    "none": Verdict.EXPONENTIAL_DECAY,
-}
 
 
 def kaplan_yorke(exponents):

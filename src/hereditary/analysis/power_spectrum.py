@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from ..solver.solution import Solution
 from ..support.checks import complaint, count, positive, real, real_array
-from .sections import check_unbroken, values_at
+from .sections import check_component, check_unbroken, values_at
 
 # Most samples of a solution, and fewest values.
 _MOST, _FEWEST = 2**18, 16
@@ -108,9 +108,7 @@ def _sampled(series, step, component, transient):
         first = max(0, int(np.ceil((transient or 0.0) / h - 1e-9)))
         return _long(values[first:]), h
     check_unbroken(series)
-    if not 0 <= component < series.y.shape[1]:
-        required = f"be one of 0 .. {series.y.shape[1] - 1}"
-        raise ValueError(complaint("component", required, component))
+    check_component(component, series)
     begin = series.t[0] if transient is None else max(transient, series.t[0])
     inside = series.t >= begin
     _long(series.t[inside])

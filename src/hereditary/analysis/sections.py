@@ -95,7 +95,7 @@ def stroboscopic(
     first, last = int(np.ceil(ends[0] - slack)), int(np.floor(ends[1] + slack))
     times = np.clip(period * np.arange(first, last + 1), solution.t[0], solution.t[-1])
     size = _size(count, times.size)
-    times = times[max(0, times.size - size) :]
+    times = times[-size:]
     speeds = None if solution.ydot is None else _filled(values_at(solution, times, 1), size)
     return Section(_filled(times, size), _filled(values_at(solution, times), size), speeds)
 
@@ -136,16 +136,13 @@ def maxima(
     """
     t, best = extrema(solution, component, derivative, transient, (1.0,))
     size = _size(count, t.size)
-    kept = slice(max(0, t.size - size), None)
-    return _filled(t[kept], size), _filled(best[kept], size)
+    return _filled(t[-size:], size), _filled(best[-size:], size)
 
 
 def extrema(solution, component, derivative, transient, signs=(1.0, -1.0)):
     """Return times and values (n,) of local maxima, sign 1, and minima, -1, of a component."""
     instance("solution", solution, Solution, "hereditary.solve(...)")
-    if not _is_index(component, solution.y.shape[1]):
-        required = f"be one of 0 .. {solution.y.shape[1] - 1}"
-        raise ValueError(complaint("component", required, repr(component)))
+    check_component(component, solution)
     begin = _begin(solution, transient)
     value, t = _function(solution, derivative), solution.t
     if solution.coarse:
@@ -220,6 +217,13 @@ def check_unbroken(solution):
     if where.size:
         required, got = "hold no changes by events", f"one at t = {solution.t[where[0]]:g}"
         raise ValueError(complaint("solution", required, got, "take the parts between them"))
+
+
+def check_component(component, solution):
+    """Refuse anything but the number of a component."""
+    if not _is_index(component, solution.y.shape[1]):
+        required = f"be one of 0 .. {solution.y.shape[1] - 1}"
+        raise ValueError(complaint("component", required, repr(component)))
 
 
 def _is_index(value, n):

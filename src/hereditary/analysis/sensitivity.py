@@ -161,7 +161,6 @@ def sensitivities(
     message = told(stepper, status, detail)
     y = np.array(rows).reshape(-1, equation.d)
     every = np.array(tangents).reshape(len(y), equation.d, -1)
-    size = equation.params.size if "params" in kinds else 0
     every[..., :size] /= units
     by_orders = _by_orders(equation, t_last, times[: len(y)], how) if "orders" in kinds else None
     return Sensitivities(
