@@ -42,8 +42,6 @@ _AT_ONCE = 32
 # Most iterations of one solution, in columns (30 were needed), and most work of all solutions, in
 # rows times columns squared: it takes a second.
 _ITERATIONS, _WORK = 60, 4e8
-# Rows for each column from which on a table's solution is that of fewer rows.
-_TALL = 20
 # A run's kernel may rise or be negative by this fraction of its size: by rounding.
 _SLACK = 1e-6
 # A run's kernel is checked from this fraction of its end on, whatever its steps, and refused where
@@ -197,12 +195,8 @@ def _least_squares(samples, rates):
     from scipy.optimize import nnls
 
     rates, table, scale = _unit_columns(samples, rates)
-    target = samples.values / samples.size
-    if len(table) > _TALL * rates.size:  # the same problem with fewer rows
-        q, table = np.linalg.qr(table)
-        target = q.T @ target
     try:
-        x = nnls(table, target, maxiter=_ITERATIONS * rates.size)[0]
+        x = nnls(table, samples.values / samples.size, maxiter=_ITERATIONS * rates.size)[0]
     except RuntimeError:  # the iterations are used up
         x = np.zeros(rates.size)
     return rates, x / scale

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from contextlib import suppress
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -98,10 +99,9 @@ class Kernel(MemoryKernel):
 
     def _at(self, t):
         """Return the function at times (n,), one by one if it accepts only one."""
-        try:
+        values = np.empty(0)
+        with suppress(Exception):  # whatever it is: one by one will tell
             values = np.asarray(self._function(t))
-        except Exception:  # whatever it is: one by one will tell
-            values = np.empty(0)
         if values.shape != t.shape:
             values = np.array([self._alone(float(time)) for time in t])
         if values.dtype.kind not in "iuf" or values.shape != t.shape:
