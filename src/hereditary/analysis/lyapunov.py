@@ -42,7 +42,7 @@ from ..support.checks import (
     whole,
     within,
 )  # fmt: skip
-from ..support.warning import warn
+from ..support.warning import silence, warn
 from .growth import LyapunovResult, Verdict, assess, kaplan_yorke
 
 # What to write instead of keywords of former versions.
@@ -306,7 +306,8 @@ def lyapunov(
         return result
     other, how = _another(equation, scheme, result, bool(verify))
     try:
-        check, reason = run(*other, loud=False), ""
+        with silence():
+            check, reason = run(*other), ""
     except ValueError as error:  # a step that its scheme does not take
         check, reason = None, f"there is no run to compare with: {error}"
     return _compared(result, check, how, reason)
@@ -351,9 +352,9 @@ def _compared(result, check, how, reason):
 
 def _run(
     equation, t_end, n_steps, scheme, rtol, atol, *, k, mode, history, renorm, transient,
-    directions, seed, window, n_blocks, separation, progress, loud=True,
+    directions, seed, window, n_blocks, separation, progress,
 ):  # fmt: skip
-    """Return the result of one run, whose arguments are those of `lyapunov`; warn if it is loud."""
+    """Return the result of one run, whose arguments are those of `lyapunov`."""
     began = time.perf_counter()
     t_end = positive("t_end", t_end)
     if equation.frame.start != 0:
@@ -396,24 +397,23 @@ def _run(
         stepper = opened(system, directions)
     plain = memory(system) == "none" and equation.enlarged is equation
     flow = Divergence(system, h) if mode == "tangent" and plain and k == most else None
-    longest, automatic = max(1, n // _RECORDS), interval is None
-    first = min(_FIRST, longest) if automatic else interval
-    when = {"interval": first, "longest": longest, "automatic": automatic}
-    pace = record(PACE, transient=transient, end=n, **when)
+    pace = record(PACE, transient=transient, end=n, longest=max(1, n // _RECORDS))
+    pace["automatic"] = interval is None
+    pace["interval"] = interval or min(_FIRST, pace["longest"])
     ended, grown = _grow(stepper, pace, h, flow, progress)
     settings = {
-        "mode": mode, "k": int(k), "h": h, "renorm": None if automatic else h * interval,
+        "mode": mode, "k": int(k), "h": h, "renorm": interval and h * interval,
         "transient": h * transient, "seed": int(seed), "separation": separation, "scheme": scheme,
         "history": getattr(stepper, "history", history), "t_end": t_end, "window": window,
     }  # fmt: skip
     settings |= {"rtol": how.rtol, "atol": how.atol} if scheme.adaptive else {}
     seconds = time.perf_counter() - began
-    found = _found(stepper, equation, flow, ended, grown, settings, n_blocks, loud, seconds)
+    found = _found(stepper, equation, flow, ended, grown, settings, n_blocks, seconds)
     pass_on(stepper.error, found)
     return found
 
 
-def _found(stepper, equation, flow, ended, grown, settings, n_blocks, loud, seconds):
+def _found(stepper, equation, flow, ended, grown, settings, n_blocks, seconds):
     """Return the result of a run that has ended, from its renormalisations (n, 1 + k)."""
     status, detail = ended or (reached_end(stepper), "")
     h, transient = settings["h"], settings["transient"]
@@ -430,9 +430,6 @@ def _found(stepper, equation, flow, ended, grown, settings, n_blocks, loud, seco
     if flow is not None and late.size:
         integral = flow.up_to(int(grown[-1, 0]))
         defect, dimension = float(totals[-1].sum() - integral) / times[-1], kaplan_yorke(exponents)
-    message = status.sentence + (f": {detail}" if detail else "")
-    if loud:
-        message = told(stepper, status, detail) + _lost_digits(grown[:, 1:])
     return LyapunovResult(
         exponents=exponents,
         times=late,
@@ -444,7 +441,7 @@ def _found(stepper, equation, flow, ended, grown, settings, n_blocks, loud, seco
         kaplan_yorke=dimension,
         mode=settings["mode"],
         status=status,
-        message=message,
+        message=told(stepper, status, detail) + _lost_digits(grown[:, 1:]),
         y=equation.frame.values(stepper.y[: equation.d]),
         settings=settings,
         stats={
@@ -632,7 +629,7 @@ def _checking_scheme(scheme: Scheme, equation: System) -> Scheme:
     with the default scheme of second order. If none covers the equation, it is compared with the
     other scheme of first order: the explicit one adds to a rate what the implicit one subtracts.
     """
-    if scheme.adaptive or scheme.order(_NEAR_1) > _FIRST_ORDER:
+    if scheme.order(_NEAR_1) > _FIRST_ORDER:
         return scheme
     opposite = L1() if scheme.solve == "explicit" else ExplicitCaputo()
     return _second_order(equation) or opposite
