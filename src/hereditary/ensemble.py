@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .equation.equation import Equation
+from .equation.equation import Equation, current_equation
 from .history.history import History
 from .schemes.scheme import Scheme
 from .schemes.steps import kept_steps
@@ -24,7 +24,7 @@ from .solver.run import Drive, reached_end, told
 from .solver.solution import SolveWarning, StabilityWarning
 from .solver.solve import chosen_scheme, evaluation_times, run_end, solve
 from .solver.status import Status
-from .support.checks import complaint, count, instance, real_array, refuse_masked, shown, whole
+from .support.checks import complaint, count, real_array, refuse_masked, shown, whole
 from .support.machine import cores
 from .support.warning import silence, warn
 
@@ -154,9 +154,7 @@ def ensemble(
     >>> found.y.shape, bool(found.success.all())
     ((100, 201, 1), True)
     """
-    equation = instance(
-        "equation", equation, Equation, "hereditary.Equation(terms, rhs, y0)"
-    ).current()
+    equation = current_equation(equation)
     members = _Members(equation, params, y0)
     start = equation.frame.start
     t_last = run_end("t_end", t_end, start)
@@ -170,12 +168,10 @@ def ensemble(
     if rtol is None and not scheme.adaptive:
         if atol is not None:
             raise ValueError(complaint("atol", "come with rtol", atol))
-        steps = how_to_step(equation, scheme, t_last - start, n_steps=n_steps)
+        steps = how_to_step(equation, scheme, t_last - start, history=history, n_steps=n_steps)
         kept = _kept(steps, save_every, times, start)
         times = start + steps.h * kept
         times[-1] = t_last if kept[-1] == steps.n else times[-1]
-        if history is not None:
-            instance("history", history, History, "hereditary.SumOfExponentials()")
     elif save_every > 1:
         required = "be left out with rtol, whose steps differ from member to member"
         raise ValueError(complaint("save_every", required, save_every, "give t_eval"))

@@ -13,7 +13,7 @@ from ..equation.equation import Equation
 from ..history.history import History
 from ..schemes.scheme import Scheme
 from ..solver.solve import solve
-from ..support.checks import complaint, count, instance, real_array, shown, whole
+from ..support.checks import complaint, count, real_array, shown, whole
 
 _HEADS = "N", "h", "error", "order"
 
@@ -127,7 +127,6 @@ def convergence_table(
     | 1000 | 0.005 | 3.989e-02 | 0.95 |
     | 2000 | 0.0025 | 2.067e-02 | 0.95 |
     """
-    instance("equation", equation, Equation, "hereditary.Equation(terms, rhs, y0)")
     numbers = [count("n_steps", whole(n)) for n in np.atleast_1d(np.asarray(n_steps)).tolist()]
     if len(numbers) < 2 or any(b <= a for a, b in pairwise(numbers)):
         required = "be two or more increasing numbers"

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..equation.equation import Equation
-from ..support.checks import complaint, count, instance, real_array, shown
+from ..equation.equation import Equation, current_equation
+from ..support.checks import complaint, count, real_array, shown
 from ..support.warning import warn
 from .harmonic_balance import Balance
 from .response_curve import Curve, Peak
@@ -173,7 +173,7 @@ def frequency_response(
     >>> np.allclose(found.coefficients[:, 0, 1], 1 / (s**1.8 + 0.2 * s**0.8 + 1), atol=1e-13)
     True
     """
-    instance("equation", equation, Equation, "hereditary.Equation(terms, rhs, y0)")
+    equation = current_equation(equation)
     _check(equation, frequency, along)
     followed = frequency if along is None else int(along)
     wanted = _followed(omegas, followed == frequency)

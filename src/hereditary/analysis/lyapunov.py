@@ -16,7 +16,7 @@ from ..compiled.jacobian import jacobian
 from ..compiled.jit import F8, I8, MAT, VEC, entry
 from ..compiled.signatures import JAC, RHS
 from ..compiled.structures import record
-from ..equation.equation import Equation
+from ..equation.equation import Equation, current_equation
 from ..equation.system import System, displaced
 from ..history.history import History
 from ..schemes.adams import Adams
@@ -287,9 +287,7 @@ def lyapunov(
     >>> res.exponents.round(3).tolist()
     [-0.078]
     """
-    equation = instance(
-        "equation", equation, Equation, "hereditary.Equation(terms, rhs, y0)"
-    ).current()
+    equation = current_equation(equation)
     if verify not in (None, False, True):
         raise TypeError(complaint("verify", "be True, False or None", repr(verify)))
     if scheme is None:
@@ -362,8 +360,6 @@ def _run(
         remedy = "shift the time in rhs"
         raise ValueError(complaint("t_start", required, equation.frame.start, remedy))
     instance("scheme", scheme, Scheme, "hereditary.ExplicitCaputo()")
-    if history is not None:
-        instance("history", history, History, "hereditary.SumOfExponentials()")
     within("window", window, 1e-6, 1.0, "(0, 1]")
     if count("n_blocks", n_blocks) > _MOST_BLOCKS:
         raise ValueError(complaint("n_blocks", f"be at most {_MOST_BLOCKS}", n_blocks))

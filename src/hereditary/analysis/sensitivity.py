@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from ..collocation.adaptive_stepper import Tolerance
 from ..compiled.error_estimate import LEAST
 from ..compiled.jit import RHS_SIG, as_value, derived
-from ..equation.equation import Equation
+from ..equation.equation import Equation, current_equation
 from ..equation.system import System
 from ..equation.terms import ConstantOrder, SystemTerm
 from ..history.history import History
@@ -22,7 +22,7 @@ from ..solver.opening import how_to_step, open_stepper
 from ..solver.run import reached_end, told
 from ..solver.solve import chosen_scheme, evaluation_times, run_end, solve
 from ..solver.status import Status
-from ..support.checks import complaint, instance
+from ..support.checks import complaint
 from ..support.warning import silence
 
 _KINDS = ("params", "y0", "orders")
@@ -129,9 +129,7 @@ def sensitivities(
     >>> found.by_params[-1, 0].round(6).tolist(), found.by_y0[-1, 0].round(6).tolist()
     ([-1.213061], [0.606531])
     """
-    equation = instance(
-        "equation", equation, Equation, "hereditary.Equation(terms, rhs, y0)"
-    ).current()
+    equation = current_equation(equation)
     kinds = _kinds(wrt, equation)
     start = equation.frame.start
     t_last = run_end("t_end", t_end, start)
@@ -195,8 +193,6 @@ def _kinds(wrt, equation):
 
 def _opened(system, directions, t_end, times, *, scheme, history, **given):
     """Return a stepper with tangents, and its positions at these times from the start."""
-    if history is not None:
-        instance("history", history, History, "hereditary.SumOfExponentials()")
     stepping = how_to_step(system, scheme, t_end, history=history, **given)
     stepper, _ = open_stepper(system, scheme, history, stepping, t_end, directions=directions)
     if isinstance(stepping, Tolerance):

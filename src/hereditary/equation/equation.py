@@ -15,7 +15,7 @@ from ..functions.assemble import functions_of
 from ..functions.build import Start, present_values
 from ..functions.differences import check_jacobian
 from ..functions.reads import digest, digest_of_compiled
-from ..support.checks import complaint, count, real, real_array
+from ..support.checks import complaint, count, instance, real, real_array
 from .affine import affine
 from .chain import chained
 from .formula import formula
@@ -382,3 +382,8 @@ def _check_leading(left, y0):
                 f"hold no y{primes}(0) for component {j}, whose highest order is {highest[j]}"
             )
             raise ValueError(complaint("y0", required, got, "set it to 0"))
+
+
+def current_equation(equation):
+    """Return an equation with the values that its functions now read; refuse anything else."""
+    return instance("equation", equation, Equation, "hereditary.Equation(terms, rhs, y0)").current()

@@ -6,8 +6,9 @@ import numpy as np
 
 from ..collocation.adaptive_stepper import MAX_STEPS, AdaptiveStepper, Tolerance
 from ..history.exponentials import SumOfExponentials
+from ..history.history import History
 from ..schemes.steps import COUNTED, UniformSteps, mesh_steps, steps_in
-from ..support.checks import complaint, count, positive, shown, whole, within
+from ..support.checks import complaint, count, instance, positive, shown, whole, within
 from .fixed_stepper import FixedStepper
 
 # Logarithms of the powers of the step that schemes may have to divide by.
@@ -38,6 +39,8 @@ def how_to_step(
     **tolerated
         rtol, atol, max_step and max_steps as of `solve`.
     """
+    if history is not None:
+        instance("history", history, History, "hereditary.SumOfExponentials()")
     if scheme.adaptive:
         given = {"n_steps": n_steps, "mesh": None if mesh is False else mesh}
         _refuse("with Collocation, which chooses its steps", **given)

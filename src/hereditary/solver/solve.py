@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..collocation.method import Collocation
-from ..equation.equation import Equation
+from ..equation.equation import Equation, current_equation
 from ..history.history import History
 from ..schemes.explicit import ExplicitCaputo
 from ..schemes.grunwald_letnikov import GrunwaldLetnikov
@@ -232,9 +232,7 @@ def solve(
     >>> sol.t_events[0].round(4)
     array([1.7438, 4.9368, 8.2598])
     """
-    equation = instance(
-        "equation", equation, Equation, "hereditary.Equation(terms, rhs, y0)"
-    ).current()
+    equation = current_equation(equation)
     if params is not None:
         if resume is None:
             remedy = "equation.replace(params=...) makes an equation with others"
@@ -244,8 +242,6 @@ def solve(
     t_last = run_end("t_end", t_end, start)
     t_end = t_last - start
     scheme = chosen_scheme(scheme, rtol, n_steps, mesh, resume)
-    if history is not None:
-        instance("history", history, History, "hereditary.SumOfExponentials()")
     begin = _begin(resume, scheme, allow_change, start, t_last)
     kept = _kept(equation, save_every, evaluation_times(t_eval, begin, t_last), components)
     breaks = checked_breaks(() if breaks is None else breaks, start)
