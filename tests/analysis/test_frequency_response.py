@@ -46,6 +46,18 @@ def test_linear_responses_are_transfer_functions(beta, gamma, friction):
     assert np.allclose(found.phase[:, 0], np.angle(expected), atol=1e-9)
 
 
+def test_values_that_the_force_reads_are_those_of_now():
+    stiffness = 1.0
+
+    def force(t, x, p):
+        return np.cos(p[0] * t) - stiffness * x
+
+    equation = hd.Equation(hd.Caputo(1.8), force, [0.0, 0.0], params=[1.0])
+    for stiffness in (1.0, 3.0):
+        found = hd.frequency_response(equation, [1.0], harmonics=1)
+        assert found.coefficients[0, 0, 1] == pytest.approx(1 / (1j**1.8 + stiffness), rel=1e-12)
+
+
 def test_coupled_components_of_different_orders():
     equation = hd.Equation(hd.Caputo([1.7, 0.8]), coupled, [[0.0, 0.0], [0.0, 0.0]], params=[1.0])
     omegas = np.array([2.5, 1.2, 0.4])
