@@ -326,7 +326,8 @@ class MittagLeffler(MemoryKernel):
         # sin(pi z) = sin(pi (1 - z)) without the loss of digits next to z = 1
         below = np.sin(np.pi * np.minimum(a * f, 1 - a + a * rest))
         above = np.sin(np.pi * np.minimum(a * rest, 1 - a + a * f))
-        v, shares = np.log(below / above) / a, step * math.pi * sine * f**2 * rest / (below * above)
+        v = np.log(below / above) / a
+        shares = step * math.pi * sine * (f / below) * (f * rest / above)
         parts = [
             weight(np.exp(np.minimum(np.add.outer(part, v), _GONE))) @ shares
             for part in np.array_split(logs, 1 + logs.size * w.size // 2_000_000)
