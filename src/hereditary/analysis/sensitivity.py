@@ -143,10 +143,14 @@ def sensitivities(
         raise ValueError(complaint("scheme", required, repr(scheme), "use BDF(2) or Collocation"))
     system, units = _with_parameters(equation.dense(), size)
     d, n_data = system.d, system.d + int(np.sum(system.highest_orders() > 1))
-    columns = [*range(equation.d, d)]
-    columns += [*range(equation.d), *range(d, n_data)] if "y0" in kinds else []
-    directions = np.eye(n_data)[:, columns]
-    stepper, stops = _opened(system, directions, t_last - start, times - start, **how)
+    by_y0 = [*range(equation.d), *range(d, n_data)] if "y0" in kinds else []
+    directions = np.eye(n_data)[:, [*range(equation.d, d), *by_y0]]
+    span = t_last - start
+    stepping = how_to_step(system, t_end=span, **how)
+    stepper, _ = open_stepper(system, scheme, history, stepping, span, directions=directions)
+    # times of steps may be given up to rounding
+    adaptive = isinstance(stepping, Tolerance)
+    stops = times - start if adaptive else kept_steps(times, stepping.h, start)
     rows, tangents = [], []
     for stop in stops:
         while stepper.position < stop and not stepper.trouble:
@@ -189,16 +193,6 @@ def _kinds(wrt, equation):
         required = "leave out orders if they vary or if kernels are general"
         raise ValueError(complaint("wrt", required, kinds))
     return kinds
-
-
-def _opened(system, directions, t_end, times, *, scheme, history, **given):
-    """Return a stepper with tangents, and its positions at these times from the start."""
-    stepping = how_to_step(system, scheme, t_end, history=history, **given)
-    stepper, _ = open_stepper(system, scheme, history, stepping, t_end, directions=directions)
-    if isinstance(stepping, Tolerance):
-        return stepper, times
-    start = system.frame.start
-    return stepper, kept_steps(times + start, stepping.h, start).tolist()
 
 
 def _with_parameters(system, size):
