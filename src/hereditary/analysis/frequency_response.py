@@ -223,10 +223,9 @@ def _check(equation, frequency, along):
         required = "be real and compiled, of constant orders up to 2"
         raise ValueError(complaint("equation", required, repr(equation)))
     p = equation.params.size
-    for name, number in (("frequency", frequency), ("along", along)):
+    numbers = {"frequency": frequency} | ({} if along is None else {"along": along})
+    for name, number in numbers.items():
         whole = isinstance(number, (int, np.integer)) and not isinstance(number, bool)
-        if name == "along" and number is None:
-            continue
         if not whole or not 0 <= number < p:
             required = f"be the number of a parameter, 0 .. {p - 1}" if p else "name a parameter"
             raise ValueError(complaint(name, required, repr(number)))

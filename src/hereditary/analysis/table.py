@@ -146,16 +146,16 @@ def _column(name, rows, status):
     Those that do not fit the first one are left out, and said to have failed in `status`. An empty
     array fits all others.
     """
-    whole = {k: row for k, row in rows.items() if row.shape != (0,)} or rows
-    form = _form(next(iter(whole.values())))
-    fitting = [k for k, row in whole.items() if _form(row) == form]
-    longest = max(rows[k].shape for k in fitting)
-    kind = max((rows[k].dtype for k in fitting), key=lambda dtype: dtype.itemsize)
+    filled = [row for row in rows.values() if row.shape != (0,)] or list(rows.values())
+    form = _form(filled[0])
+    fitting = [row for row in filled if _form(row) == form]
+    longest = max(row.shape for row in fitting)
+    kind = max((row.dtype for row in fitting), key=lambda dtype: dtype.itemsize)
     column = np.full((len(status), *longest), "" if form[0] == "text" else np.nan, dtype=kind)
-    for k in fitting:
-        column[(k, slice(len(rows[k]))) if longest else k] = rows[k]
     for k, row in rows.items():
-        if _form(row) != form and not (row.shape == (0,) and longest) and status[k] == COMPLETED:
+        if _form(row) == form:
+            column[(k, slice(len(row))) if longest else k] = row
+        elif status[k] == COMPLETED and not (row.shape == (0,) and longest):
             required = f"be {form[0]} of shape {longest}, but for its length, as at the first point"
             got = f"{_form(row)[0]} of shape {row.shape}"
             status[k] = f"ValueError: {complaint(name, required, got)}"[:STATUS_LENGTH]

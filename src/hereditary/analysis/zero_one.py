@@ -123,11 +123,9 @@ def _tested(series, component, transient, take):
     """Return the values that are tested, and the range below which they are all the same."""
     of_solution = isinstance(series, Solution)
     take = ("maxima" if of_solution else "values") if take is None else take
-    if take not in _SIGNS or (of_solution and take == "values"):
-        required = "be " + " or ".join(
-            f'"{kind}"' for kind in list(_SIGNS)[: 2 if of_solution else 3]
-        )
-        raise ValueError(complaint("take", required, repr(take)))
+    kinds = [*_SIGNS][: 2 if of_solution else 3]
+    if take not in kinds:
+        raise ValueError(complaint("take", f"be {' or '.join(map(repr, kinds))}", repr(take)))
     if of_solution:
         _, values = extrema(series, component, 0, transient, _SIGNS[take])
         late = series.t >= (series.t[0] if transient is None else transient)

@@ -218,7 +218,9 @@ class TabulatedKernel(Kernel):
     def __call__(self, t: ArrayLike) -> np.ndarray:
         """Return the kernel values, the shape of `t`; up to the last time of the table."""
         t = np.asarray(t, dtype=float)
-        self._refuse_late(t)
+        if np.any(t > self._t[-1] * (1 + 1e-12)):
+            required = f"not exceed the table's last time, {self._t[-1]:g}"
+            raise ValueError(complaint("t", required, f"{np.max(t):g}"))
         early = np.minimum(t, self._t[0]) / self._t[0]
         power = early**-self._exponent
         return power * np.exp(np.interp(np.log(np.maximum(t, self._t[0])), *self._logs))
@@ -255,8 +257,3 @@ class TabulatedKernel(Kernel):
             n_early = math.ceil(_PER_E_FOLD * math.log(times[0] / t_min))
             times = np.append(np.geomspace(t_min, times[0], n_early + 2)[:-1], times)
         return ExponentialSum(*closest_table(times, self(times), t_min, t_max, tol, False, fading))
-
-    def _refuse_late(self, t):
-        if np.any(t > self._t[-1] * (1 + 1e-12)):
-            required = f"not exceed the table's last time, {self._t[-1]:g}"
-            raise ValueError(complaint("t", required, f"{np.max(t):g}"))
