@@ -12,12 +12,12 @@ from ..compiled.adaptive import (
     CRAWLING,
     FULL,
     JUMPING,
-    MARCHES,
     NOT_SOLVED,
     ORDERS_NEEDED,
     REACHED,
     TOO_CLOSE,
     TOO_ROUGH,
+    march_adaptive,
 )
 from ..compiled.error_estimate import LEAST
 from ..compiled.mode_tables import empty_tables, floor_to_grid
@@ -462,7 +462,7 @@ class AdaptiveStepper(Stepper):
     def _march(self, steps, limits, stages, rule, basis, tables, arrays):
         """March to a stop in compiled code, filling `steps`; return the status."""
         orbit = self._orbit
-        _, status = MARCHES[stages.many](
+        _, status = march_adaptive(
             *self._system.compiled, stages.solver, stages.stages, orbit.equations(self._units),
             rule, basis, tables, self._orders.compiled(orbit.of_varying), arrays, self._state,
             steps, limits)  # fmt: skip
@@ -479,7 +479,7 @@ class AdaptiveStepper(Stepper):
         """Set the floors of components that begin at rest, where errors are relative to sizes."""
         x = self._orbit.x[0]
         if self.t == 0.0 and self._allowed[2] > 0.0 and begins_at_rest(x):
-            how = self._stages.many, self._t_end
+            how = has_stages(self._form), self._t_end
             self._state.floors[:], calls = floors_of(self._system, *how)
             self._state.counts["rhs"] += calls
 

@@ -1,6 +1,6 @@
-"""Room for the stages of collocation steps of many components."""
+"""Room for the linear systems of collocation steps."""
 
-from functools import lru_cache, partial
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,8 +14,8 @@ from ..compiled.stages import (
     dense_stages,
     joint_banded,
     joint_dense,
+    joint_large,
     joint_sparse,
-    no_stages,
     sparse_stages,
 )
 from ..compiled.structures import N_CONTROL, STAGES_SIG, Stages
@@ -32,11 +32,6 @@ class StageSolver(NamedTuple):
     stages: Stages
     held: Any = None
 
-    @property
-    def many(self):
-        """Whether steps are solved stage by stage, and not as one system."""
-        return self.stages.order.size > 0
-
 
 def has_stages(form):
     """Return whether steps of these equations keep the factors of one Jacobian for all stages.
@@ -47,10 +42,9 @@ def has_stages(form):
 
 
 def stage_solver(structure, form, s):
-    """Return the `StageSolver` of steps with s nodes; for few components it does nothing."""
-    if not has_stages(form):
-        return _no_solver(s)
-    eigenvectors = 0 if form.kinds.any() else lapack_address("dgeev")
+    """Return the `StageSolver` of steps with s nodes."""
+    few = not has_stages(form)
+    eigenvectors = 0 if few or form.kinds.any() else lapack_address("dgeev")
     if eigenvectors == 0:
         return _joint_solver(structure, form, s)
     d, kinds = form.second.size, (form.kinds, form.second)
@@ -60,30 +54,31 @@ def stage_solver(structure, form, s):
         # varying orders have new factors at each step
         how["hold"] = 0 if form.varying else _HOLD
         room = {"factors": np.empty((s, 1, d), complex), "dense": np.empty((2 + 2 * s, d, d))}
-        order, jacobian = np.arange(d), np.zeros((d, d))
-        return solver(dense_stages, kinds, s, order=order, jacobian=jacobian, **room, **how)
-    jacobian, band = structure.entries.copy(), structure.band
+        order, jacobians = np.arange(d), np.zeros((1, d, d))
+        return solver(dense_stages, kinds, s, order=order, jacobians=jacobians, **room, **how)
+    jacobians, band = structure.entries[None].copy(), structure.band
     if band is None:
         held = SparseFactors(structure, complex)
-        how = {"order": np.arange(d), "jacobian": jacobian, "python": held.address}
+        how = {"order": np.arange(d), "jacobians": jacobians, "python": held.address}
         return solver(sparse_stages, kinds, s, held, **how)
     factors = np.empty((s, d, 2 * band.lower + band.upper + 2), complex)
-    how = {"order": band.order, "jacobian": jacobian, "lapack": lapack_address("zgbtrf")}
+    how = {"order": band.order, "jacobians": jacobians, "lapack": lapack_address("zgbtrf")}
     widths = {"lower": band.lower, "upper": band.upper}
     return solver(banded_stages, kinds, s, factors=factors, **how, **widths)
 
 
 def _joint_solver(structure, form, s):
-    """Return the `StageSolver` of components whose terms differ."""
+    """Return the `StageSolver` of components that are few, or whose terms differ."""
     d, kinds = form.second.size, (form.kinds, form.second)
     n, order = d * s, np.arange(d * s)
     if structure is None:
-        how = {"order": order, "jacobian": np.zeros((d, d)), "hold": _HOLD}
+        n_jacobians, hold = (1, _HOLD) if has_stages(form) else (s, 0)
+        how = {"order": order, "jacobians": np.zeros((n_jacobians, d, d)), "hold": hold}
         how |= {"lapack": address_of_factors(n)}
-        room = {"joint": np.empty((n, n)), "dense": np.empty((1, n + 2, n))}
-        return _solver(joint_dense, kinds, s, **how, **room)
+        room = {"joint": np.empty((n, n)), "dense": np.empty((1, 3, n))}
+        return _solver(joint_large if how["lapack"] else joint_dense, kinds, s, **how, **room)
     joint, band = structure.by_blocks(s), structure.band
-    how = {"jacobian": structure.entries.copy(), "joint": joint.entries.copy()}
+    how = {"jacobians": structure.entries[None].copy(), "joint": joint.entries.copy()}
     if band is None:
         held = SparseFactors(joint, float)
         return _solver(joint_sparse, kinds, s, held, order=order, python=held.address, **how)
@@ -94,20 +89,13 @@ def _joint_solver(structure, form, s):
     return _solver(joint_banded, kinds, s, order=order, dense=dense, **how)
 
 
-@lru_cache(maxsize=16)
-def _no_solver(s):
-    """Return a `StageSolver` that does nothing, and that all may share."""
-    none = np.zeros(0, dtype=np.int64)
-    return _solver(no_stages, (none, none), s, order=none, jacobian=np.zeros((0, 0)))
-
-
 def _solver(function, kinds, s, held=None, *, order, **given):
     """Return a `StageSolver` with what is given, and no room for anything else.
 
     `kinds` holds `Form.kinds` and `Form.second`, (d,) each.
     """
     numbers, second_of = kinds
-    n = int(numbers.max(initial=-1)) + 1
+    n = int(numbers.max()) + 1
     second = np.zeros(n, dtype=np.int64)
     second[numbers] = second_of
     complex_room = [np.zeros(size, complex) for size in (s, (s, s), (s, s))]
@@ -122,7 +110,9 @@ def _solver(function, kinds, s, held=None, *, order, **given):
         order=order.astype(np.int64),
         kinds=numbers,
         second=second,
-        pencil=np.zeros((n, 3, s, s)),
+        pencil=np.zeros((n, 4, s, s)),
+        scales=np.ones(numbers.size),
+        room=np.zeros(max(numbers.size, s)),
         shifts=shifts,
         back=back,
         forth=forth,

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from .collocation import empty_factors, solve_stages, solve_tangents
+from .collocation import open_newton, set_pencil, solve_stages, solve_tangents
 from .error_estimate import LEAST, ROUNDING_OF_SUMS, allowed_error, orbit_error, tangents_error
 from .jit import I8, VEC, allocating, compiled, embedded, entry, inlined, inner
 from .linalg import clear_matrix, put, put_cube, put_matrix
@@ -24,11 +24,11 @@ from .rows import (
     number_of,
 )
 from .signatures import JAC, RHS
-from .stages import read_many, solve_many, solve_many_tangents, stage_factors
 from .structures import (
     BASIS,
     EQUATIONS,
     HELD,
+    LENGTH,
     LIMITS,
     ORBIT,
     RULE,
@@ -45,67 +45,78 @@ from .structures import (
 _NEWTON = 0.01
 
 
-def attempting(solve, solve_for_tangents, read):
-    """Return an attempt for one way of solving the equations of a step and reading the modes."""
+@embedded
+def attempt(
+    rhs, jac, has_jac, params, t, h, slot, equations, rule, tables, varying, orbit, state,
+    limits, newton, base, operators, values,
+):  # fmt: skip
+    """Solve a step from t of length h for f, p and y at the nodes, `values` (1 + k, n_q, d, s).
 
-    @embedded
-    def attempt(
-        rhs, jac, has_jac, params, t, h, slot, equations, rule, tables, varying, orbit, state,
-        limits, newton, base, operators, values,
-    ):  # fmt: skip
-        """Solve a step from t of length h for f, p and y at the nodes, `values` (1 + k, n_q, d, s).
-
-        Returns the ratio of its error to the tolerance, whether the equations were solved, and
-        whether only the defect of f makes the error too large. `base` (1 + k, R, s) is room for the
-        known part of the rows; `slot` is the place of tables for h.
-        """
-        nodes, kinds, local = rule.nodes, equations.kinds, tables.local[slot]
-        control, counts, origin = state.control, state.counts, state.control.origin
-        n_columns, last = orbit.x.shape[0], orbit.last[0, PRIMARY]
-        integral = rule.integrals[equations.orders.shape[0] - 1]  # of order 1
-        for column in range(n_columns):
-            read(orbit.modes[column], tables.to_nodes[slot], base[column])
-        set_known_part(orbit, tables.to_nodes[slot], equations, varying, operators, base)
-        room = newton.room
-        set_times(origin, t, h, nodes, limits, room.times)
-        set_times(origin, t, h, rule.check_points, limits, room.check_times)
-        extrapolate(
-            nodes, rule.legendre, last, h, control.last, orbit.p[0], room.reached,
-            values[0, PRIMARY],
+    Returns the ratio of its error to the tolerance, whether the equations were solved, and whether
+    only the defect of f makes the error too large. `base` (1 + k, R, s) is room for the known part
+    of the rows; `slot` is the place of tables for h.
+    """
+    nodes, kinds, local = rule.nodes, equations.kinds, tables.local[slot]
+    control, counts, origin = state.control, state.counts, state.control.origin
+    n_columns, last = orbit.x.shape[0], orbit.last[0, PRIMARY]
+    integral = rule.integrals[equations.orders.shape[0] - 1]  # of order 1
+    for column in range(n_columns):
+        read_modes(orbit.modes[column], tables.to_nodes[slot], base[column])
+    set_known_part(orbit, tables.to_nodes[slot], equations, varying, operators, base)
+    room = newton.room
+    set_times(origin, t, h, nodes, limits, room.times)
+    set_times(origin, t, h, rule.check_points, limits, room.check_times)
+    extrapolate(
+        nodes, rule.legendre, last, h, control.last, orbit.p[0], room.reached,
+        values[0, PRIMARY],
+    )  # fmt: skip
+    for c in range(room.sizes.shape[0]):
+        room.sizes[c] = max(state.sizes[c], state.floors[c])
+        if limits.by_size > 0.0:
+            room.units[c] = unit_of(equations.units[c], room.sizes[c])
+    set_newton_goal(h, equations, orbit, state, limits, room)
+    set_starts(orbit, equations.second, newton.starts)
+    solved = solve_stages(
+        rhs, jac, has_jac, params, room.times, h, base[0], orbit.x[0], equations.second,
+        operators, kinds, integral, room.goal, values[0], counts, state.contraction,
+        newton,
+    )  # fmt: skip
+    ratio, by_defect = np.inf, False
+    if solved:
+        raise_sizes(values[0], room.sizes)
+        ratio, by_defect = orbit_error(
+            rhs, params, h, base, equations, rule, operators, local, values, orbit, state,
+            newton, limits,
         )  # fmt: skip
-        for c in range(room.sizes.shape[0]):
-            room.sizes[c] = max(state.sizes[c], state.floors[c])
-            if limits.by_size > 0.0:
-                room.units[c] = unit_of(equations.units[c], room.sizes[c])
-        set_newton_goal(h, equations, orbit, state, limits, room)
-        set_starts(orbit, equations.second, newton.starts)
-        solved = solve(
-            rhs, jac, has_jac, params, room.times, h, base[0], orbit.x[0], equations.second,
-            operators, kinds, integral, room.goal, values[0], counts, state.contraction,
-            newton,
+    if ratio <= 1.0 and n_columns > 1:
+        more = attempt_tangents(
+            rhs, jac, has_jac, params, h, base, equations, rule, operators, local, values, orbit,
+            counts, newton, limits,
         )  # fmt: skip
-        ratio, by_defect = np.inf, False
-        if solved:
-            raise_sizes(values[0], room.sizes)
-            ratio, by_defect = orbit_error(
-                rhs, params, h, base, equations, rule, operators, local, values, orbit, state,
-                newton, limits,
-            )  # fmt: skip
-        if ratio <= 1.0 and n_columns > 1:
-            solved = solve_for_tangents(
-                rhs, jac, has_jac, params, room.times, h, base, orbit.x, equations.second,
-                operators, kinds, integral, values, counts, newton,
-            )  # fmt: skip
-            more = np.inf
-            if solved:
-                more = tangents_error(
-                    h, base, equations, rule, operators.matrices, local, values, orbit, newton,
-                    limits,
-                )  # fmt: skip
-            ratio, solved = max(ratio, more), more < np.inf
-        return ratio, solved, by_defect
+        ratio, solved = max(ratio, more), more < np.inf
+    return ratio, solved, by_defect
 
-    return attempt
+
+@allocating
+def attempt_tangents(
+    rhs, jac, has_jac, params, h, base, equations, rule, operators, local, values, orbit, counts,
+    newton, limits,
+):  # fmt: skip
+    """Solve a step for the tangents; return the ratio of their error to the tolerance.
+
+    It is infinite if they are not solved. Few runs have tangents, so this is apart from the code of
+    a step, which LLVM optimises as one function.
+    """
+    integral = rule.integrals[equations.orders.shape[0] - 1]  # of order 1
+    solved = solve_tangents(
+        rhs, jac, has_jac, params, newton.room.times, h, base, orbit.x, equations.second,
+        operators, equations.kinds, integral, values, counts, newton,
+    )  # fmt: skip
+    if not solved:
+        return np.inf
+    return tangents_error(
+        h, base, equations, rule, operators.matrices, local, values, orbit, newton, limits
+    )
 
 
 @compiled
@@ -222,91 +233,89 @@ _MARCH = (
 )  # fmt: skip
 
 
-def marching(name, solve, solve_for_tangents, factors, read, told):
-    """Compile the march for one way of solving the equations of a step and reading the modes."""
-
-    attempt = attempting(solve, solve_for_tangents, read)
-
-    @inner
-    def take_steps(
-        rhs, jac, has_jac, params, equations, rule, basis, tables, varying, orbit, state, steps,
-        limits, stages, newton, weights, base, operators, values,
-    ):  # fmt: skip
-        """March; the caller allocates the arguments after `limits`."""
-        nodes, legendre, kinds = rule.nodes, rule.legendre, equations.kinds
-        control, counts = state.control, state.counts
-        s, n_columns = nodes.shape[0], orbit.x.shape[0]
-        lowest, row, assembled_for = lowest_order(equations), 0, -1.0
-        was_refused, end = control.refused == 1.0, limits.stop - control.origin
-        while control.time < end:
-            if row == steps.starts.shape[0]:
-                return row, FULL
-            t, left, h = next_step(control, end)
-            if not t + 0.01 * h > t:
-                return row, TOO_ROUGH
-            if h < control.shortest:
-                return row, TOO_CLOSE
-            if not orders_tabulated(t, h, varying):
-                return row, ORDERS_NEEDED
-            slot = find_slot(h, nodes, basis, tables)
-            local = tables.local[slot]
-            if h != assembled_for or equations.unweighted.shape[0] > 0:
-                first = local.shape[0] - varying.integrals.shape[0]
-                put_cube(varying.integrals, local[first:])
-                assemble_operators(h, equations, rule.integrals, rule.inverse, local, operators)
-            assembled_for = h
-            ratio, solved, by_defect = attempt(
-                rhs, jac, has_jac, params, t, h, slot, equations, rule, tables, varying, orbit,
-                state, limits, newton, base, operators, values,
-            )  # fmt: skip
-            # an error that would allow more than the largest factor says nothing of longer steps
-            idle = ratio < (_SAFETY / _GROW) ** (s + lowest)
-            longest = floor_to_grid(limits.longest_idle if idle else limits.longest)
-            planned = next_length(h, control.next, ratio, was_refused, s + lowest)
-            planned = worth_new_factors(h, planned, ratio, stages)
-            control.next = min(planned, longest)
-            was_refused = not ratio <= 1.0
-            control.refused = 1.0 if was_refused else 0.0
-            if was_refused:
-                counts.refused += 1
-                counts.by_defect += int(by_defect)
-                if not t + 0.01 * control.next > t:
-                    return row, reason_of_refusal(by_defect, solved)
-                continue
-            counts.accepted += 1
-            record_sizes(values[0], state)
-            record_step(state, t, h, ratio, values[0], equations.second, orbit, steps, row)
-            absorb_constant_mode(basis.rates, orbit)
-            put_cube(orbit.modes, orbit.before)
-            for column in range(n_columns):
-                put_cube(values[column], orbit.last[column])
-            to_end, moments = tables.to_end[slot], tables.moments[slot]
-            advance_orbit(h, to_end, moments, weights, kinds, legendre, orbit)
-            row += 1
-            control.time, control.last = (end if h == left else t + h), h
-        return row, REACHED
-
-    def march(
-        rhs, jac, has_jac, params, solver, stages, equations, rule, basis, tables, varying, orbit,
-        state, steps, limits,
-    ):  # fmt: skip
-        s, n_columns, kinds = rule.nodes.shape[0], orbit.x.shape[0], equations.kinds
-        n_rows = orbit.modes.shape[1] - equations.unweighted.shape[0] * orbit.x.shape[1]
-        base, values = np.empty((n_columns, n_rows, s)), np.empty(orbit.last.shape)
-        operators = empty_operators(n_columns, n_rows, kinds, s)
-        newton = factors(orbit.x.shape[1], s, rule.check_points.shape[0], solver, stages)
-        for c in range(equations.units.shape[0]):
-            newton.room.units[c] = unit_of(equations.units[c], 0.0)
-        put(newton.room.units, newton.room.scales)
-        weights = mode_weights(equations, basis, varying, orbit)
-        return take_steps(
-            rhs, jac, has_jac, params, equations, rule, basis, tables, varying, orbit, state,
-            steps, limits, stages, newton, weights, base, operators, values,
+@inner
+def take_steps(
+    rhs, jac, has_jac, params, equations, rule, basis, tables, varying, orbit, state, steps,
+    limits, stages, newton, weights, base, operators, values,
+):  # fmt: skip
+    """March; the caller allocates the arguments after `limits`."""
+    nodes, legendre, kinds = rule.nodes, rule.legendre, equations.kinds
+    control, counts = state.control, state.counts
+    s, n_columns = nodes.shape[0], orbit.x.shape[0]
+    lowest, row, assembled_for = lowest_order(equations), 0, -1.0
+    was_refused, end = control.refused == 1.0, limits.stop - control.origin
+    while control.time < end:
+        if row == steps.starts.shape[0]:
+            return row, FULL
+        t, left, h = next_step(control, end)
+        if not t + 0.01 * h > t:
+            return row, TOO_ROUGH
+        if h < control.shortest:
+            return row, TOO_CLOSE
+        if not orders_tabulated(t, h, varying):
+            return row, ORDERS_NEEDED
+        slot = find_slot(h, nodes, basis, tables)
+        local = tables.local[slot]
+        if h != assembled_for or equations.unweighted.shape[0] > 0:
+            first = local.shape[0] - varying.integrals.shape[0]
+            put_cube(varying.integrals, local[first:])
+            assemble_operators(h, equations, rule.integrals, rule.inverse, local, operators)
+            integral = rule.integrals[equations.orders.shape[0] - 1]  # of order 1
+            set_pencil(h, operators, integral, stages)
+        if equations.unweighted.shape[0] > 0:  # orders that vary change matrices at any length
+            stages.control[LENGTH] = 0.0
+        assembled_for = h
+        ratio, solved, by_defect = attempt(
+            rhs, jac, has_jac, params, t, h, slot, equations, rule, tables, varying, orbit,
+            state, limits, newton, base, operators, values,
         )  # fmt: skip
+        # an error that would allow more than the largest factor says nothing of longer steps
+        idle = ratio < (_SAFETY / _GROW) ** (s + lowest)
+        longest = floor_to_grid(limits.longest_idle if idle else limits.longest)
+        planned = next_length(h, control.next, ratio, was_refused, s + lowest)
+        planned = worth_new_factors(h, planned, ratio, stages)
+        control.next = min(planned, longest)
+        was_refused = not ratio <= 1.0
+        control.refused = 1.0 if was_refused else 0.0
+        if was_refused:
+            counts.refused += 1
+            counts.by_defect += int(by_defect)
+            if not t + 0.01 * control.next > t:
+                return row, reason_of_refusal(by_defect, solved)
+            continue
+        counts.accepted += 1
+        record_sizes(values[0], state)
+        record_step(state, t, h, ratio, values[0], equations.second, orbit, steps, row)
+        absorb_constant_mode(basis.rates, orbit)
+        put_cube(orbit.modes, orbit.before)
+        for column in range(n_columns):
+            put_cube(values[column], orbit.last[column])
+        to_end, moments = tables.to_end[slot], tables.moments[slot]
+        advance_orbit(h, to_end, moments, weights, kinds, legendre, orbit)
+        row += 1
+        control.time, control.last = (end if h == left else t + h), h
+    return row, REACHED
 
-    march.__name__ = march.__qualname__ = name
-    march.__doc__ = "March until `limits.stop`; return the accepted steps and a status code."
-    return entry(*_MARCH, told=told)(march)
+
+@entry(*_MARCH, told="the march of collocation")
+def march_adaptive(
+    rhs, jac, has_jac, params, solver, stages, equations, rule, basis, tables, varying, orbit,
+    state, steps, limits,
+):  # fmt: skip
+    """March until `limits.stop`; return the accepted steps and a status code."""
+    s, n_columns, kinds = rule.nodes.shape[0], orbit.x.shape[0], equations.kinds
+    n_rows = orbit.modes.shape[1] - equations.unweighted.shape[0] * orbit.x.shape[1]
+    base, values = np.empty((n_columns, n_rows, s)), np.empty(orbit.last.shape)
+    operators = empty_operators(n_columns, n_rows, kinds, s)
+    newton = open_newton(orbit.x.shape[1], s, rule.check_points.shape[0], solver, stages)
+    for c in range(equations.units.shape[0]):
+        newton.room.units[c] = unit_of(equations.units[c], 0.0)
+    put(newton.room.units, stages.scales)
+    weights = mode_weights(equations, basis, varying, orbit)
+    return take_steps(
+        rhs, jac, has_jac, params, equations, rule, basis, tables, varying, orbit, state,
+        steps, limits, stages, newton, weights, base, operators, values,
+    )  # fmt: skip
 
 
 @inner
@@ -437,11 +446,3 @@ def record_step(state, t, h, ratio, values, second, orbit, steps, row):
         for i in range(s):
             if second[c] == 1:
                 largest[c] = max(largest[c], abs(nodal[c, i]))
-
-
-_FEW = solve_stages, solve_tangents, empty_factors, read_modes, "the march of collocation"
-_MANY = solve_many, solve_many_tangents, stage_factors, read_many, f"{_FEW[-1]} of many components"
-MARCHES = {
-    False: marching("march_adaptive", *_FEW),
-    True: marching("march_many_adaptive", *_MANY),
-}

@@ -8,17 +8,31 @@ history before the step is a sum of exponential modes, advanced by exact moments
 """
 
 import numpy as np
-from numba.extending import overload
 
-from .jacobian import jacobian
+from .jacobian import jacobian, multiply
 from .jit import allocating, inlined, inner
-from .linalg import clear_matrix, factorise, put_matrix, substitute
+from .linalg import clear_matrix, put_matrix
 from .rows import FORCE, POSITION, PRIMARY
-from .signatures import SUBSTITUTE
-from .structures import Factors, StageFactors, StepRoom
+from .signatures import FACTORISE, SUBSTITUTE
+from .structures import (
+    INTEGRAL,
+    KEPT,
+    LENGTH,
+    MAGNIFY,
+    MULTIPLY,
+    OF_SPEEDS,
+    OF_VALUES,
+    REDUCED,
+    REST,
+    Newton,
+    StepRoom,
+)
 
-# Newton iterations before a step is refused.
-_SWEEPS = 12
+# Newton iterations before a step is refused, contraction from which a Jacobian of an earlier step
+# is not kept, and the iteration at which each node of few components has its own.
+_SWEEPS, _SLOW, _EACH = 12, 0.05, 3
+# Iterations for a tangent of many components, and the relative change that ends them.
+_TANGENT_SWEEPS, _TANGENT_GOAL = 30, 1e-11
 # Relative and absolute change of p that rounding leaves.
 _ROUNDING, _LEAST = 1e-14, 1e-202
 
@@ -66,94 +80,31 @@ def forces(rhs, params, times, x, f, room):
             f[c, i] = force[c]
 
 
-@inner
-def newton_matrix(h, matrices, kinds, integral, second, jacobians, scales, out):
-    """Set the derivative of the residuals with respect to p at the nodes, in the order (c, i).
-
-    Residuals and p are in units of the scales of their components.
-    """
-    # matrices (K, 3, s, s), integral (s, s), jacobians (s, d, d), scales (d,), out (d s, d s)
-    d, s = second.shape[0], integral.shape[0]
-    for c in range(d):
-        own = matrices[kinds[c]]
-        force, primary, place = own[FORCE], own[PRIMARY], own[POSITION]
-        for e in range(d):
-            ratio = scales[e] / scales[c]
-            for i in range(s):
-                for j in range(s):
-                    total = 0.0
-                    if second[e] == 0:
-                        total = force[i, j] * (jacobians[j, c, e] * ratio)
-                        if c == e:
-                            total += place[i, j]
-                    else:
-                        for k in range(s):
-                            weight = force[i, k] * (jacobians[k, c, e] * ratio)
-                            if c == e:
-                                weight += place[i, k]
-                            total += weight * integral[k, j]
-                        total *= h
-                    if c == e:
-                        total += primary[i, j]
-                        if i == j:
-                            total -= 1.0
-                    out[c * s + i, e * s + j] = -total
-
-
 @allocating
 def empty_room(d, s, n_checks):
     """Allocate the room of a step."""
+    change = np.empty(d * s)
     return StepRoom(
-        np.empty(s), np.empty(n_checks), np.empty(d * s), np.empty(d * s), np.empty((d, s)),
-        np.empty((s, s)), np.empty(d), np.empty(d), np.empty(d), np.empty(d), np.empty(d),
-        np.empty(d), np.ones(d), np.ones(d),
+        np.empty(s), np.empty(n_checks), np.empty(d * s), change, change.reshape((d, s)),
+        np.empty((d, s)), np.empty((s, s)), np.empty(d), np.empty(d), np.empty(d), np.empty(d),
+        np.empty(d), np.empty(d), np.ones(d),
     )  # fmt: skip
 
 
 @allocating
-def empty_factors(d, s, n_checks, solver, stages):
-    """Allocate the factors of Newton's matrix, and the room of a step."""
-    return Factors(
-        np.empty((d * s, d * s)), np.empty(d * s), np.zeros(d), np.zeros(d), np.zeros(d),
-        np.empty((s, d, d)), empty_room(d, s, n_checks),
-    )  # fmt: skip
-
-
-def solve_newton(newton, b, x):
-    """Solve for x, (d s,), with the factors of Newton's matrix, of either kind."""
-    (_solve_stages if isinstance(newton, StageFactors) else _solve_as_one)(newton, b, x)
-
-
-@overload(solve_newton, jit_options={"nogil": True, "error_model": "numpy"})
-def _of_either_kind(newton, b, x):
-    """Choose by the type: a branch in compiled code would hand arrays of both kinds on."""
-    return _solve_stages if newton.instance_class is StageFactors else _solve_as_one
-
-
-def _solve_as_one(newton, b, x):
-    substitute_scaled(newton.matrix, newton.order, newton.room.scales, b, x)
-
-
-def _solve_stages(newton, b, x):
-    for i in range(b.shape[0]):
-        x[i] = b[i]
-    d = newton.force_scales.shape[0]
-    newton.solver(SUBSTITUTE, x.reshape((d, b.shape[0] // d)), newton.stages)
+def open_newton(d, s, n_checks, solver, stages):
+    """Join the solver of the stages, the scales of f and the room of a step."""
+    room = empty_room(d, s, n_checks)
+    return Newton(solver, stages, np.zeros(d), np.zeros(d), np.zeros(d), room)
 
 
 @inner
-def substitute_scaled(matrix, order, scales, b, x):
-    """Solve for x by the factors of a scaled matrix; scales (d,) are powers of two."""
-    s = b.shape[0] // scales.shape[0]
-    for c in range(scales.shape[0]):
-        inverse = 1.0 / scales[c]
-        for i in range(c * s, c * s + s):
-            b[i] *= inverse
-    substitute(matrix, order, b, x)
-    for c in range(scales.shape[0]):
-        for i in range(c * s, c * s + s):
-            b[i] *= scales[c]
-            x[i] *= scales[c]
+def solve_newton(newton):
+    """Solve for the change of p that the residual of the room asks for."""
+    residual, change = newton.room.residual, newton.room.change
+    for i in range(residual.shape[0]):
+        change[i] = residual[i]
+    newton.solver(SUBSTITUTE, newton.room.nodal_change, newton.stages)
 
 
 @inner
@@ -164,45 +115,118 @@ def solve_stages(
     """Solve for p at the nodes by Newton's method, starting from the given values.
 
     Returns whether p is accurate to `goal` (d,). Sets y, and f corrected to first order for the
-    last change of p; `contraction` records how fast the method converged.
+    last change of p; `contraction` records how fast the method converged. Of many components the
+    Jacobian is kept over steps while the method converges fast, and factors as long as the step's
+    length stays.
     """
-    # base (>= d, s), values (n_q, d, s): f, p and y; newton: factorised here
+    # base (>= d, s), values (n_q, d, s): f, p and y
     f, p, x = values[FORCE], values[PRIMARY], values[POSITION]
-    room, jacobians = newton.room, newton.jacobians
+    stages, control = newton.stages, newton.stages.control
+    room, s, few = newton.room, p.shape[1], stages.jacobians.shape[0] > 1
     residual, change, before = room.residual, room.change, room.before
-    previous, rate = np.inf, 1.0
+    previous, fresh = np.inf, False
     positions(h, p, x_start, second, integral, x)
     for sweep in range(_SWEEPS):
-        if sweep == 0 or sweep == 3:
-            # one Jacobian for all nodes first: it suffices where little changes over the step
+        if few and (sweep == 0 or sweep == _EACH):
+            control[KEPT] = 0.0
+        if control[KEPT] == 0.0:
             counts.rhs += stage_jacobians(
-                rhs, jac, has_jac, params, times, x, sweep > 0, jacobians, room
+                rhs, jac, has_jac, params, times, x, sweep > 0, stages.jacobians, room
             )
-            newton_matrix(
-                h, operators.matrices, kinds, integral, second, jacobians, room.scales,
-                newton.matrix,
-            )  # fmt: skip
-            if not factorise(newton.matrix, newton.order):
+            control[KEPT], control[LENGTH], control[REDUCED], fresh = 1.0, 0.0, 0.0, True
+        if control[LENGTH] != h:
+            control[LENGTH] = 0.0
+            if newton.solver(FACTORISE, p, stages) != 0:
+                control[KEPT] = 0.0  # it may hold what is no number
                 return False
-            set_force_scales(jacobians[0], x, newton)
-            previous = np.inf
+            control[LENGTH], previous = h, np.inf
+        if previous == np.inf:  # of y as it is guessed: a stiff solution falls far below its start
+            set_scales(before, x, newton)
         forces(rhs, params, times, x, f, room)
-        counts.rhs += times.shape[0]
+        counts.rhs += s
         residuals(base, operators, kinds, p, x, f, residual)
-        substitute_scaled(newton.matrix, newton.order, room.scales, residual, change)
+        solve_newton(newton)
         size = take_change(change, goal, p)
         if not size < np.inf:
+            control[KEPT] = 0.0
             return False
         put_matrix(x, before)
         positions(h, p, x_start, second, integral, x)
         rate = contraction_rate(size, previous, h, contraction)
         if size * min(1.0, 4.0 * rate) < 1.0:
-            correct_forces(jacobians, before, x, f)
+            correct_forces(before, x, f, newton)
             return True
-        if rate > 0.9 and sweep > 5:
-            return False
+        if previous < np.inf and rate > _SLOW:
+            if rate > 0.9 and sweep > 5:
+                control[KEPT] = 0.0
+                return False
+            if not fresh:  # one of an earlier step
+                control[KEPT] = 0.0
         previous = size
+    control[KEPT] = 0.0
     return False
+
+
+@inner
+def stage_jacobians(rhs, jac, has_jac, params, times, x, every, out, room):
+    """Set the Jacobians at all nodes, or the middle one's for all; return the calls of `rhs`."""
+    # x (d, s), out (s, d, d), or (1, ., .) for all nodes
+    s, calls, point = times.shape[0], 0, room.point
+    for i in range(out.shape[0]):
+        if i > 0 and not every:
+            put_matrix(out[0], out[i])
+            continue
+        k = i if every and out.shape[0] > 1 else s // 2
+        for c in range(point.shape[0]):
+            point[c] = x[c, k]
+        calls += jacobian(rhs, jac, has_jac, times[k], point, params, room.units, out[i])
+    return calls
+
+
+@inner
+def set_pencil(h, operators, integral, stages):
+    """Set matrices with which the residuals of component c change by ``M x_c - sum_e J_ce G x_e``.
+
+    M and both G are those of the kind of c, G for x_e that are values of y and for those of y'.
+    """
+    # integral (s, s) of order 1
+    s, second, speeds = integral.shape[0], stages.second, False
+    for kind in range(second.shape[0]):
+        speeds = speeds or second[kind] == 1
+    for kind in range(second.shape[0]):
+        own, out = operators.matrices[kind], stages.pencil[kind]
+        for i in range(s):
+            for j in range(s):
+                gain, rest = 0.0, 0.0
+                for k in range(s if speeds else 0):
+                    gain += h * own[FORCE, i, k] * integral[k, j]
+                    rest += h * own[POSITION, i, k] * integral[k, j]
+                rest = rest if second[kind] == 1 else own[POSITION, i, j]
+                out[REST, i, j] = (1.0 if i == j else 0.0) - own[PRIMARY, i, j] - rest
+                out[OF_VALUES, i, j], out[OF_SPEEDS, i, j] = own[FORCE, i, j], gain
+                out[INTEGRAL, i, j] = h * integral[i, j]
+
+
+@inner
+def correct_forces(before, x, f, newton):
+    """Correct f (d, s) to first order from y = `before` to y = x; `before` is used up."""
+    for c in range(x.shape[0]):
+        for i in range(x.shape[1]):
+            before[c, i] = x[c, i] - before[c, i]
+    newton.solver(MULTIPLY, before, newton.stages)
+    for c in range(x.shape[0]):
+        for i in range(x.shape[1]):
+            f[c, i] += before[c, i]
+
+
+@inner
+def set_scales(room, x, newton):
+    """Set |J| |y|, with y at the last node, the size of the summands of f, and |J| |y(0)|."""
+    for c in range(x.shape[0]):
+        room[c, 0], room[c, 1] = abs(x[c, -1]), newton.starts[c]
+    newton.solver(MAGNIFY, room, newton.stages)
+    for c in range(x.shape[0]):
+        newton.force_scales[c], newton.start_scales[c] = room[c, 0], room[c, 1]
 
 
 @inlined
@@ -234,42 +258,6 @@ def contraction_rate(size, previous, h, contraction):
 
 
 @inner
-def stage_jacobians(rhs, jac, has_jac, params, times, x, every, out, room):
-    """Set the Jacobians at all nodes, or the middle one's for all; return the calls of `rhs`."""
-    # x (d, s), out (s, d, d)
-    s, calls, point = times.shape[0], 0, room.point
-    for i in range(s):
-        if i > 0 and not every:
-            put_matrix(out[0], out[i])
-            continue
-        k = i if every else s // 2
-        for c in range(point.shape[0]):
-            point[c] = x[c, k]
-        calls += jacobian(rhs, jac, has_jac, times[k], point, params, room.units, out[i])
-    return calls
-
-
-@inner
-def set_force_scales(jacobian_inside, x, newton):
-    """Set |J| |y|, with y at the last node, the size of the summands of f, and |J| |y(0)|."""
-    for c in range(x.shape[0]):
-        newton.force_scales[c], newton.start_scales[c] = 0.0, 0.0
-        for e in range(x.shape[0]):
-            size = abs(jacobian_inside[c, e])
-            newton.force_scales[c] += size * abs(x[e, -1])
-            newton.start_scales[c] += size * newton.starts[e]
-
-
-@inner
-def correct_forces(jacobians, before, x, f):
-    """Correct f (d, s) to first order from y = `before` to y = x, by the Jacobians (s, d, d)."""
-    for i in range(x.shape[1]):
-        for c in range(x.shape[0]):
-            for e in range(x.shape[0]):
-                f[c, i] += jacobians[i, c, e] * (x[e, i] - before[e, i])
-
-
-@inner
 def residuals(base, operators, kinds, p, x, f, out):
     """Set the residuals p - base - integrals at all nodes, in the order (c, i)."""
     d, s = p.shape
@@ -297,36 +285,47 @@ def solve_tangents(
     """Solve the step, linearised along the orbit, for the tangents' `values` at the nodes.
 
     These are the right-hand side f, the primary unknown p (y' where `second` is 1, else y) and y,
-    columns 1 to k; column 0, the orbit, must solve the step already. Returns False where Newton's
-    matrix is singular.
+    columns 1 to k; column 0, the orbit, must solve the step already. Of few components the factors
+    are renewed with the Jacobian of each node; of many those of the orbit are used until the
+    equations hold. Returns whether they do.
     """
     # base (1 + k, R, s), x_start (1 + k, d), values (1 + k, 3, d, s)
     d, s = second.shape[0], base.shape[2]
-    matrix, order = np.empty(newton.matrix.shape), np.empty(d * s)
-    known, found = np.empty(d * s), np.empty(d * s)
-    jacobians, start = np.empty((s, d, d)), np.empty((d, s))
-    orbit = values[0, POSITION]
-    counts.rhs += stage_jacobians(
-        rhs, jac, has_jac, params, times, orbit, True, jacobians, newton.room
-    )
-    scales = newton.room.scales
-    newton_matrix(h, operators.matrices, kinds, integral, second, jacobians, scales, matrix)
-    if not factorise(matrix, order):
-        return False
+    residual, change = newton.room.residual, newton.room.change
+    shape, few = newton.stages.jacobians.shape, newton.stages.jacobians.shape[0] > 1
+    jacobians, more, units = np.empty((s, shape[1], shape[2])), np.empty(d), newton.room.units
+    for i in range(s):
+        put_matrix(newton.stages.jacobians[0], jacobians[i])
+        point = values[0, POSITION, :, i].copy()
+        counts.rhs += jacobian(rhs, jac, has_jac, times[i], point, params, units, jacobians[i])
+    if few:
+        for i in range(s):
+            put_matrix(jacobians[i], newton.stages.jacobians[i])
+        if newton.solver(FACTORISE, values[0, PRIMARY], newton.stages) != 0:
+            return False
     for column in range(1, base.shape[0]):
         f, p, x = values[column, FORCE], values[column, PRIMARY], values[column, POSITION]
-        # one Newton step from p = 0 is exact, for the system is linear
         clear_matrix(p)
-        positions(h, p, x_start[column], second, integral, x)
-        clear_matrix(f)
-        clear_matrix(start)
-        correct_forces(jacobians, start, x, f)
-        residuals(base[column], operators, kinds, p, x, f, known)
-        substitute_scaled(matrix, order, scales, known, found)
-        for c in range(d):
+        done = False
+        for _ in range(_TANGENT_SWEEPS):
+            positions(h, p, x_start[column], second, integral, x)
             for i in range(s):
-                p[c, i] = -found[c * s + i]
-        positions(h, p, x_start[column], second, integral, x)
-        clear_matrix(f)
-        correct_forces(jacobians, start, x, f)
+                multiply(jacobians[i], x[:, i].copy(), more)
+                for c in range(d):
+                    f[c, i] = more[c]
+            if done:
+                break
+            residuals(base[column], operators, kinds, p, x, f, residual)
+            solve_newton(newton)
+            moved, size = 0.0, 0.0
+            for c in range(d):
+                for i in range(s):
+                    p[c, i] -= change[c * s + i]
+                    moved = max(moved, abs(change[c * s + i]))
+                    size = max(size, abs(p[c, i]))
+            done = few or moved <= _TANGENT_GOAL * size
+            if not moved < np.inf:
+                return False
+        if not done:
+            return False
     return True

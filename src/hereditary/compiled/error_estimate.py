@@ -79,19 +79,20 @@ def estimate_error(h, equations, legendre, local, matrices, values, p0, newton, 
                 defect[(c % d) * s + i] += terms[n].coefficient * size * last * decay
         if largest_of(defect, 0, d * s) == 0.0:
             continue
-        solve_for_error(defect, newton, nodal_errors)
+        solve_for_error(newton)
         for c in range(d):
             errors[c] += largest_of(nodal_errors, c * s, s)
 
 
 @inner
-def solve_for_error(defect, newton, nodal_errors):
-    """Solve for the error that a defect at all nodes, (d s,), causes.
+def solve_for_error(newton):
+    """Solve for the error that a defect at all nodes, (d s,), causes; both are in the room.
 
     In units of Newton's goal, the largest error is at most the largest defect: a nearly singular
     matrix would amplify rounding errors.
     """
-    solve_newton(newton, defect, nodal_errors)
+    solve_newton(newton)
+    defect, nodal_errors = newton.room.residual, newton.room.change
     goal, of_defect, of_error = newton.room.goal, 0.0, 0.0
     s = defect.shape[0] // goal.shape[0]
     for c in range(goal.shape[0]):
@@ -181,7 +182,7 @@ def equations_hold(rhs, params, base, operators, kinds, values, newton):
     f, residual, change = room.before, room.residual, room.change
     forces(rhs, params, room.times, x, f, room)
     residuals(base, operators, kinds, p, x, f, residual)
-    solve_newton(newton, residual, change)
+    solve_newton(newton)
     s = p.shape[1]
     for c in range(p.shape[0]):
         for i in range(s):
@@ -206,7 +207,7 @@ def add_force_defect(sums, kinds, newton, errors):
             defect[c * s + i] = excess * sums[kinds[c], i]
     if largest_of(defect, 0, d * s) == 0.0:
         return
-    solve_for_error(defect, newton, nodal_errors)
+    solve_for_error(newton)
     for c in range(d):
         error = _DEFECT_WEIGHT * largest_of(nodal_errors, c * s, s)
         if not error <= errors[c]:

@@ -1,4 +1,4 @@
-"""Newton's method for a collocation step of many components, one Jacobian for all its stages.
+"""Linear systems of the stages of a collocation step, by one Jacobian for all of them.
 
 Where components share their terms, the derivative of the residuals of nodal values x (d, s) is ``x
 M^T - J x G^T`` with matrices M and G (s, s) of all components and one Jacobian J for all nodes.
@@ -10,37 +10,25 @@ section IV.8, for M = 1.
 For components whose terms differ the derivative is ``M_c x_c - sum_e J_ce G_ce x_e`` with matrices
 of the kinds of components. Those of one kind would be diagonal in a common basis, those of several
 have none, so the system of size d s is solved as it is: s times the diagonals of a banded J, s**2
-times its entries.
+times its entries. So it is for few components, with a Jacobian for each node if it has to be.
 """
 
 import numpy as np
 
 from .callbacks import PythonRaised, call_at, call_lapack
-from .collocation import (
-    contraction_rate,
-    empty_room,
-    forces,
-    positions,
-    residuals,
-    solve_newton,
-    take_change,
-)
-from .jacobian import COLUMNS, ROWS, VALUES, is_sparse, jacobian, multiply
+from .jacobian import COLUMNS, ROWS, VALUES
 from .jit import allocating, compiled, inner, reordered
 from .linalg import (
-    dense_solver,
+    factorise,
+    factorise_large,
     product,
-    put,
-    put_matrix,
     solve_in_place,
-    sums_of_sizes,
+    substitute,
     transposed_product,
 )
-from .mode_tables import read_modes
-from .rows import FORCE, POSITION, PRIMARY
 from .signatures import FACTORISE, LinearSolver
 from .sparse_solvers import banded_solver, sparse_solver, substitute_band
-from .structures import KEPT, LENGTH, OF_SPEEDS, OF_VALUES, REDUCED, REST, SYSTEMS, StageFactors
+from .structures import INTEGRAL, MAGNIFY, MULTIPLY, OF_VALUES, REDUCED, REST, SYSTEMS
 
 # LAPACK's letters: left eigenvectors are not wanted, right ones are.
 _WITHOUT, _WITH = ord("N"), ord("V")
@@ -128,10 +116,36 @@ def add_solution(k, solution, stage, out):
             out[c, i] += real[i] * a - imaginary[i] * b
 
 
-@compiled
-def no_stages(task, values, stage):
-    """Do nothing, in place of a solver: steps are solved as one system."""
-    return 1
+@inner
+def apply_dense(task, values, stage):
+    """Replace nodal values by J times them, or two columns of them by |J| times these."""
+    jacobians, by_nodes, room = stage.jacobians, stage.jacobians.shape[0] > 1, stage.room
+    (d, s), sizes = values.shape, task == MAGNIFY
+    for i in range(2 if sizes else s):
+        own = jacobians[i if by_nodes and not sizes else 0]
+        for c in range(d):
+            room[c] = 0.0
+            for e in range(d):
+                room[c] += (abs(own[c, e]) if sizes else own[c, e]) * values[e, i]
+        for c in range(d):
+            values[c, i] = room[c]
+    return 0
+
+
+@allocating
+def apply_sparse(task, values, stage):
+    """Do as `apply_dense`, with the entries of a sparse Jacobian."""
+    entries, sizes, (d, s) = stage.jacobians[0], task == MAGNIFY, values.shape
+    found, s = np.zeros((d, s)), 2 if sizes else s
+    for k in range(entries.shape[1]):
+        c, e, value = int(entries[ROWS, k]), int(entries[COLUMNS, k]), entries[VALUES, k]
+        value = abs(value) if sizes else value
+        for i in range(s):
+            found[c, i] += value * values[e, i]
+    for c in range(d):
+        for i in range(s):
+            values[c, i] = found[c, i]
+    return 0
 
 
 @compiled
@@ -142,6 +156,8 @@ def dense_stages(task, values, stage):
     """
     # dense (2 + 2 K, n, n): H, Q, and real and imaginary part of each system's factors, whose
     # subdiagonal holds the multipliers; factors (K, 1, n): 1 where rows were exchanged
+    if task >= MULTIPLY:
+        return apply_dense(task, values, stage)
     n = stage.order.shape[0]
     if task == FACTORISE:
         if not transform(stage) or (stage.control[REDUCED] == 0.0 and not reduce(stage)):
@@ -171,7 +187,7 @@ def reduce(stage):
     h, q = stage.dense[0], stage.dense[1]
     for i in range(n):
         for j in range(n):
-            q[j, i] = stage.jacobian[i, j]  # LAPACK's matrices have their columns in a row
+            q[j, i] = stage.jacobians[0, i, j]  # LAPACK's matrices have their columns in a row
             if not abs(q[j, i]) < np.inf:
                 return False
     numbers, room = np.empty(4, dtype=np.int32), np.empty(65 * n)
@@ -266,8 +282,10 @@ def complex_dot(real, imaginary, x_real, x_imaginary, first, end):
 def banded_stages(task, values, stage):
     """Factorise all systems of a banded Jacobian, or solve them for nodal values; 0 if done."""
     # factors (K, n, 2 lower + upper + 2), see `substitute_band`
+    if task >= MULTIPLY:
+        return apply_sparse(task, values, stage)
     n, place, lower, upper = stage.order.shape[0], stage.order, stage.lower, stage.upper
-    width, entries = stage.factors.shape[2] - 1, stage.jacobian
+    width, entries = stage.factors.shape[2] - 1, stage.jacobians[0]
     if task == FACTORISE:
         pivots, numbers = np.empty(n, dtype=np.int32), np.empty(5, dtype=np.int32)
         numbers[0], numbers[1], numbers[2], numbers[3] = n, lower, upper, width + 1
@@ -310,12 +328,14 @@ def banded_stages(task, values, stage):
 @compiled
 def sparse_stages(task, values, stage):
     """Factorise all systems of a sparse Jacobian in Python, or solve them; 0 if done."""
+    if task >= MULTIPLY:
+        return apply_sparse(task, values, stage)
     n, found = stage.order.shape[0], np.zeros(values.shape)
     if task == FACTORISE and not transform(stage):
         return 1
     right = np.empty(n, dtype=np.complex128)
     for k in range(int(stage.control[SYSTEMS])):
-        given, wanted = stage.jacobian.ctypes.data, right.ctypes.data
+        given, wanted = stage.jacobians.ctypes.data, right.ctypes.data
         if task == FACTORISE:
             right[0] = stage.shifts[k]
         else:
@@ -332,33 +352,6 @@ def sparse_stages(task, values, stage):
     return 0
 
 
-@inner
-def set_joint(stage):
-    """Set the matrix of all stages, unknowns in the order (c, i)."""
-    jacobian, kinds, pencil, out = stage.jacobian, stage.kinds, stage.pencil, stage.joint
-    d, s = kinds.shape[0], pencil.shape[2]
-    if not is_sparse(jacobian, d):
-        for c in range(d):
-            for e in range(d):
-                block = out[c * s : (c + 1) * s, e * s : (e + 1) * s]
-                gain = pencil[kinds[c], stage.second[kinds[e]]]
-                for i in range(s):
-                    for j in range(s):
-                        block[i, j] = -jacobian[c, e] * gain[i, j]
-                        if c == e:
-                            block[i, j] += pencil[kinds[c], REST, i, j]
-        return
-    number = 0
-    for entry in range(jacobian.shape[1]):
-        c, e = int(jacobian[ROWS, entry]), int(jacobian[COLUMNS, entry])
-        gain, rest = pencil[kinds[c], stage.second[kinds[e]]], pencil[kinds[c], REST]
-        for i in range(s):
-            for j in range(s):
-                own = rest[i, j] if c == e else 0.0
-                out[VALUES, number] = own - jacobian[VALUES, entry] * gain[i, j]
-                number += 1
-
-
 @allocating
 def linear_solver(stage):
     """Allocate a real linear solver for all unknowns."""
@@ -367,196 +360,113 @@ def linear_solver(stage):
     )
 
 
-def joint_stages(name, solver):
-    """Compile the solution of the system by one of the real linear solvers."""
+@inner
+def set_dense(stage):
+    """Set the matrix of all stages, unknowns in the order (c, i), in units of the scales.
+
+    The Jacobian is one for all nodes, or there is one for each.
+    """
+    jacobians, kinds, scales, at_nodes = stage.jacobians, stage.kinds, stage.scales, stage.room
+    d, s, m = kinds.shape[0], stage.pencil.shape[2], jacobians.shape[0]
+    for c in range(d):
+        own = stage.pencil[kinds[c]]
+        rest, weights, integral = own[REST], own[OF_VALUES], own[INTEGRAL]
+        for e in range(d):
+            gain, ratio = own[stage.second[kinds[e]]], scales[e] / scales[c]
+            by_nodes = m > 1 and stage.second[kinds[e]] == 1
+            for k in range(s):
+                at_nodes[k] = jacobians[k if m > 1 else 0, c, e] * ratio
+            for i in range(s):
+                row = stage.joint[c * s + i, e * s : (e + 1) * s]
+                for j in range(s):
+                    row[j] = rest[i, j] if c == e else 0.0
+                for k in range(s if by_nodes else 0):
+                    weight = weights[i, k] * at_nodes[k]
+                    for j in range(s):
+                        row[j] -= weight * integral[k, j]
+                for j in range(0 if by_nodes else s):
+                    row[j] -= at_nodes[j] * gain[i, j]
+
+
+@inner
+def set_entries(stage):
+    """Set the entries of the matrix of all stages, as `set_dense`, of a sparse Jacobian."""
+    entries, kinds, pencil, out = stage.jacobians[0], stage.kinds, stage.pencil, stage.joint
+    s, scales, number = pencil.shape[2], stage.scales, 0
+    for k in range(entries.shape[1]):
+        c, e = int(entries[ROWS, k]), int(entries[COLUMNS, k])
+        gain, rest = pencil[kinds[c], stage.second[kinds[e]]], pencil[kinds[c], REST]
+        value = entries[VALUES, k] * (scales[e] / scales[c])
+        for i in range(s):
+            for j in range(s):
+                own = rest[i, j] if c == e else 0.0
+                out[VALUES, number] = own - value * gain[i, j]
+                number += 1
+
+
+@inner
+def scale(stage, values, inverse):
+    """Multiply nodal values by the scales of their components, or divide them."""
+    for c in range(values.shape[0]):
+        factor = 1.0 / stage.scales[c] if inverse else stage.scales[c]
+        for i in range(values.shape[1]):
+            values[c, i] *= factor
+
+
+@inner
+def factorise_small(a, order, lapack):
+    """Do as `factorise_large`, without LAPACK."""
+    return factorise(a, order)
+
+
+def dense_joint(name, factors):
+    """Compile the solution of the system of a dense Jacobian, factorised by a function."""
 
     def solve(task, values, stage):
+        # joint (n, n): the matrix, and then its factors; dense (1, 3, n): order of the rows, room
+        if task >= MULTIPLY:
+            return apply_dense(task, values, stage)
+        order, right, found = stage.dense[0, 0], stage.dense[0, 1], stage.dense[0, 2]
         if task == FACTORISE:
-            set_joint(stage)
-        return solver(task, 0, stage.joint, values.reshape(values.size), linear_solver(stage))
+            set_dense(stage)
+            return 0 if factors(stage.joint, order, stage.lapack) else 1
+        (d, s), scales = values.shape, stage.scales
+        for c in range(d):
+            inverse = 1.0 / scales[c]
+            for i in range(s):
+                right[c * s + i] = values[c, i] * inverse
+        substitute(stage.joint, order, right, found)
+        for c in range(d):
+            for i in range(s):
+                values[c, i] = found[c * s + i] * scales[c]
+        return 0
 
     solve.__name__ = solve.__qualname__ = name
     solve.__doc__ = "Factorise the system of all stages, or solve it for nodal values; 0 if done."
     return compiled(solve)
 
 
-joint_dense = joint_stages("joint_dense", dense_solver)
+def joint_stages(name, solver):
+    """Compile the solution of the system by one of the solvers of sparse matrices."""
+
+    def solve(task, values, stage):
+        if task >= MULTIPLY:
+            return apply_sparse(task, values, stage)
+        if task == FACTORISE:
+            set_entries(stage)
+        else:
+            scale(stage, values, True)
+        found = solver(task, 0, stage.joint, values.reshape(values.size), linear_solver(stage))
+        if task != FACTORISE:
+            scale(stage, values, False)
+        return found
+
+    solve.__name__ = solve.__qualname__ = name
+    solve.__doc__ = "Factorise the system of all stages, or solve it for nodal values; 0 if done."
+    return compiled(solve)
+
+
+joint_dense = dense_joint("joint_dense", factorise_small)
+joint_large = dense_joint("joint_large", factorise_large)
 joint_banded = joint_stages("joint_banded", banded_solver)
 joint_sparse = joint_stages("joint_sparse", sparse_solver)
-
-
-# Newton iterations before a step is refused, and contraction from which a Jacobian is not kept.
-_SWEEPS, _SLOW = 12, 0.05
-# Iterations for a tangent, and the relative change that ends them.
-_TANGENT_SWEEPS, _TANGENT_GOAL = 30, 1e-11
-
-
-@allocating
-def stage_factors(d, s, n_checks, solver, stages):
-    """Join the solver of the stages, the scales of f and the room of a step."""
-    room = empty_room(d, s, n_checks)
-    return StageFactors(solver, stages, np.zeros(d), np.zeros(d), np.zeros(d), room)
-
-
-@inner
-def solve_many(
-    rhs, jac, has_jac, params, times, h, base, x_start, second, operators, kinds, integral, goal,
-    values, counts, contraction, newton,
-):  # fmt: skip
-    """Solve the equations of a step by systems of the size of the equation.
-
-    The Jacobian is kept over steps while the method converges fast, and factors as long as the
-    step's length stays.
-    """
-    f, p, x = values[FORCE], values[PRIMARY], values[POSITION]
-    stages, control = newton.stages, newton.stages.control
-    room, s = newton.room, p.shape[1]
-    residual, change, before = room.residual, room.change, room.before
-    previous, fresh = np.inf, False
-    positions(h, p, x_start, second, integral, x)
-    if set_pencil(h, operators.matrices, integral, stages.second, stages.pencil):
-        control[LENGTH] = 0.0
-    for sweep in range(_SWEEPS):
-        if control[KEPT] == 0.0:
-            put(x[:, s // 2], room.point)
-            counts.rhs += jacobian(
-                rhs, jac, has_jac, times[s // 2], room.point, params, room.units, stages.jacobian
-            )
-            control[KEPT], control[LENGTH], control[REDUCED], fresh = 1.0, 0.0, 0.0, True
-        if control[LENGTH] != h:
-            control[LENGTH] = 0.0
-            if newton.solver(FACTORISE, p, stages) != 0:
-                control[KEPT] = 0.0  # it may hold what is no number
-                return False
-            control[LENGTH], previous = h, np.inf
-        forces(rhs, params, times, x, f, room)
-        counts.rhs += s
-        residuals(base, operators, kinds, p, x, f, residual)
-        solve_newton(newton, residual, change)
-        size = take_change(change, goal, p)
-        if not size < np.inf:
-            control[KEPT] = 0.0
-            return False
-        put_matrix(x, before)
-        positions(h, p, x_start, second, integral, x)
-        rate = contraction_rate(size, previous, h, contraction)
-        if size * min(1.0, 4.0 * rate) < 1.0:
-            set_scales(stages.jacobian, x, newton)
-            correct_forces(stages.jacobian, before, x, f)
-            return True
-        if previous < np.inf and rate > _SLOW:
-            if rate > 0.9 and sweep > 5:
-                control[KEPT] = 0.0
-                return False
-            if not fresh:  # one of an earlier step
-                control[KEPT] = 0.0
-        previous = size
-    control[KEPT] = 0.0
-    return False
-
-
-@inner
-def read_many(modes, to_nodes, out):
-    """Read the modes by a matrix product."""
-    if modes.shape[0] == out.shape[0]:
-        product(modes, to_nodes, out)
-    else:
-        read_modes(modes, to_nodes, out)
-
-
-@inner
-def set_pencil(h, matrices, integral, second, pencil):
-    """Set matrices with which the residuals of component c change by ``M x_c - sum_e J_ce G x_e``.
-
-    M and both G are those of the kind of c, G for x_e that are values of y and for those of y'.
-    Returns whether they were others: orders that vary change them at any length.
-    """
-    # matrices (., 3, s, s), second (n,), pencil (n, 3, s, s)
-    s, changed, speeds = integral.shape[0], False, False
-    for kind in range(second.shape[0]):
-        speeds = speeds or second[kind] == 1
-    for kind in range(second.shape[0]):
-        own, out = matrices[kind], pencil[kind]
-        for i in range(s):
-            for j in range(s):
-                gain, rest = 0.0, 0.0
-                for k in range(s if speeds else 0):
-                    gain += h * own[FORCE, i, k] * integral[k, j]
-                    rest += h * own[POSITION, i, k] * integral[k, j]
-                rest = rest if second[kind] == 1 else own[POSITION, i, j]
-                rest = (1.0 if i == j else 0.0) - own[PRIMARY, i, j] - rest
-                changed = changed or out[OF_VALUES, i, j] != own[FORCE, i, j]
-                changed = changed or out[OF_SPEEDS, i, j] != gain or out[REST, i, j] != rest
-                out[OF_VALUES, i, j], out[OF_SPEEDS, i, j] = own[FORCE, i, j], gain
-                out[REST, i, j] = rest
-    return changed
-
-
-@allocating
-def set_scales(j_f, x, newton):
-    """Set |J| |y|, with y at the last node, the size of the summands of f, and |J| |y(0)|."""
-    d, starts = newton.starts.shape[0], newton.starts
-    newton.force_scales[:], newton.start_scales[:] = 0.0, 0.0
-    ends = np.abs(x[:, -1])
-    for c in range(0 if is_sparse(j_f, d) else d):
-        newton.force_scales[c], newton.start_scales[c] = sums_of_sizes(j_f[c], ends, starts)
-    for k in range(j_f.shape[1] if is_sparse(j_f, d) else 0):
-        c, e, size = int(j_f[ROWS, k]), int(j_f[COLUMNS, k]), abs(j_f[VALUES, k])
-        newton.force_scales[c] += size * ends[e]
-        newton.start_scales[c] += size * starts[e]
-
-
-@allocating
-def correct_forces(j_f, before, x, f):
-    """Correct f (d, s) to first order from y = `before` to y = x."""
-    d = x.shape[0]
-    moved = x - before
-    if not is_sparse(j_f, d):
-        more = np.empty(x.shape)
-        product(j_f, moved, more)
-        f += more
-        return
-    for k in range(j_f.shape[1]):
-        c, e, value = int(j_f[ROWS, k]), int(j_f[COLUMNS, k]), j_f[VALUES, k]
-        for i in range(x.shape[1]):
-            f[c, i] += value * moved[e, i]
-
-
-@allocating
-def solve_many_tangents(
-    rhs, jac, has_jac, params, times, h, base, x_start, second, operators, kinds, integral, values,
-    counts, newton,
-):  # fmt: skip
-    """Solve the tangents by the orbit's systems, to the Jacobians of all stages."""
-    d, s = second.shape[0], base.shape[2]
-    residual, change = np.empty(d * s), np.empty(d * s)
-    shape = newton.stages.jacobian.shape
-    jacobians, more, units = np.empty((s, shape[0], shape[1])), np.empty(d), newton.room.units
-    for i in range(s):
-        jacobians[i] = newton.stages.jacobian
-        point = values[0, POSITION, :, i].copy()
-        counts.rhs += jacobian(rhs, jac, has_jac, times[i], point, params, units, jacobians[i])
-    for column in range(1, base.shape[0]):
-        f, p, x = values[column, FORCE], values[column, PRIMARY], values[column, POSITION]
-        p[:], done = 0.0, False
-        for _ in range(_TANGENT_SWEEPS):
-            positions(h, p, x_start[column], second, integral, x)
-            for i in range(s):
-                multiply(jacobians[i], x[:, i].copy(), more)
-                put(more, f[:, i])
-            if done:
-                break
-            residuals(base[column], operators, kinds, p, x, f, residual)
-            solve_newton(newton, residual, change)
-            moved, size = 0.0, 0.0
-            for c in range(d):
-                for i in range(s):
-                    p[c, i] -= change[c * s + i]
-                    moved = max(moved, abs(change[c * s + i]))
-                    size = max(size, abs(p[c, i]))
-            done = moved <= _TANGENT_GOAL * size
-            if not moved < np.inf:
-                return False
-        if not done:
-            return False
-    return True

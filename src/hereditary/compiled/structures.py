@@ -242,18 +242,18 @@ class Operators(NamedTuple):
 
 
 class Stages(NamedTuple):
-    """Linear systems of a step of many components (compiled/stages.py).
+    """Linear systems of a step (compiled/stages.py).
 
-    If components share their terms:
+    If many components share their terms:
 
     - factors (K, ., .): of up to K = s systems of size d; order (d,): place of each component.
     - dense (2 + 2 K, d, d): a reduced dense Jacobian and its factors.
     - shifts (K,); back (K, s) and forth (s, K): transforms of nodal values.
 
-    If terms differ:
+    If terms differ, or components are few:
 
-    - order (d s,): place of each unknown, or (0,) for few components.
-    - dense (1, ., .): the factors; joint (d s, d s): the matrix, or its entries.
+    - order (d s,): place of each unknown; joint (d s, d s): the matrix, or its entries.
+    - dense (1, ., .): the factors, or room for them; scales (d,): units of y, powers of 2.
 
     In both cases:
 
@@ -261,8 +261,10 @@ class Stages(NamedTuple):
     - lapack, lapack_solve, lapack_values, python: addresses of functions.
     - hold: steps of one length before new factors for a longer one pay.
     - kinds (d,): of the components; second (n,): 1 for kinds whose primary unknown is y'.
-    - pencil (n, 3, s, s): of `set_pencil`; jacobian (d, d): or the entries of a sparse one.
-    - control (6,).
+    - pencil (n, 4, s, s): of `set_pencil`.
+    - jacobians (m, d, d): of few components one for each of m = s nodes, otherwise one for all
+      nodes, or the entries of a sparse one.
+    - room (max(d, s),); control (6,).
     """
 
     factors: ComplexCube
@@ -280,7 +282,9 @@ class Stages(NamedTuple):
     shifts: ComplexVector
     back: ComplexMatrix
     forth: ComplexMatrix
-    jacobian: Matrix
+    jacobians: Cube
+    scales: Vector
+    room: Vector
     dense: Cube
     joint: Matrix
     control: Vector
@@ -290,18 +294,18 @@ class StepRoom(NamedTuple):
     """Room for one step of d components with s nodes; nothing in it is kept for the next.
 
     - times (s,), check_times (m,): of the nodes and of m points between them.
-    - residual, change (d s,): of the equations; before (d, s): y before a change.
-    - reached (s, s): the weights of an extrapolation.
+    - residual, change (d s,): of the equations; nodal_change (d, s): the same change by nodes.
+    - before (d, s): y before a change; reached (s, s): the weights of an extrapolation.
     - point, force (d,): a point and f there.
     - goal, errors, defect (d,): Newton's accuracy, the errors and the defect of f.
     - sizes (d,): of y, to which its errors are relative; units (d,): for differences of f.
-    - scales (d,): of Newton's matrix.
     """
 
     times: np.ndarray
     check_times: np.ndarray
     residual: np.ndarray
     change: np.ndarray
+    nodal_change: np.ndarray
     before: np.ndarray
     reached: np.ndarray
     point: np.ndarray
@@ -311,29 +315,16 @@ class StepRoom(NamedTuple):
     defect: np.ndarray
     sizes: np.ndarray
     units: np.ndarray
-    scales: np.ndarray
 
 
-class Factors(NamedTuple):
-    """Factorised Newton matrix (d s, d s), its row order (d s,), and the scales |J| |y| of f, (d,).
+class Newton(NamedTuple):
+    """Newton's method for a step: the solver of its linear systems, and room.
 
-    Summands of f are as large as its scale, so the rounding error of f is that of the scale. If y
-    is found as a difference from y(0), its rounding error adds that of the scale |J| |y(0)|,
-    `start_scales`. `starts` (d,) has the sizes of y(0) for such components, otherwise 0. The
-    Jacobians (s, d, d) are those at the nodes; `room` is that of the step.
+    Summands of f are as large as the scales |J| |y|, `force_scales` (d,), so the rounding error of f
+    is that of the scale. If y is found as a difference from y(0), its rounding error adds that of
+    the scale |J| |y(0)|, `start_scales`. `starts` (d,) has the sizes of y(0) for such components,
+    otherwise 0. `room` is that of the step.
     """
-
-    matrix: np.ndarray
-    order: np.ndarray
-    force_scales: np.ndarray
-    starts: np.ndarray
-    start_scales: np.ndarray
-    jacobians: np.ndarray
-    room: StepRoom
-
-
-class StageFactors(NamedTuple):
-    """`Factors` of many components: the solver of the stages, its room, and the step's room."""
 
     solver: Any
     stages: Stages
@@ -347,11 +338,14 @@ class StageFactors(NamedTuple):
 # kept, the number of systems, the steps for which a longer one was put off, and 1 where a dense
 # Jacobian is reduced. A record would not pass through a function value.
 LENGTH, KEPT, SYSTEMS, HELD, REDUCED, N_CONTROL = range(6)
+# Tasks of a solver beyond those of `signatures`: replace nodal values by J times them; and the
+# first two columns of them by |J| times these.
+MULTIPLY, MAGNIFY = 2, 3
 # Matrices of the pencil of a kind: G of components whose unknowns are values of y, G of those
-# whose unknowns are y', and M.
-OF_VALUES, OF_SPEEDS, REST = range(3)
+# whose unknowns are y', M, and the integral over the step.
+OF_VALUES, OF_SPEEDS, REST, INTEGRAL = range(4)
 STAGES = compiled_type(Stages)
-# task, nodal values (d, s), which the solution replaces; 0 where it is done
+# task, nodal values (d, s), which the result replaces; 0 where it is done
 STAGES_SIG = I8(I8, MAT, STAGES)
 STAGE_SOLVER = types.FunctionType(STAGES_SIG)
 EQUATIONS = compiled_type(Equations)
