@@ -320,8 +320,8 @@ class StepRoom(NamedTuple):
 class Newton(NamedTuple):
     """Newton's method for a step: the solver of its linear systems, and room.
 
-    Summands of f are as large as the scales |J| |y|, `force_scales` (d,), so the rounding error of f
-    is that of the scale. If y is found as a difference from y(0), its rounding error adds that of
+    Summands of f are as large as the scales |J| |y|, `force_scales` (d,), so the rounding error of
+    f is that of the scale. If y is found as a difference from y(0), its rounding error adds that of
     the scale |J| |y(0)|, `start_scales`. `starts` (d,) has the sizes of y(0) for such components,
     otherwise 0. `room` is that of the step.
     """
