@@ -14,8 +14,8 @@ from ..compiled.stages import (
     dense_stages,
     joint_banded,
     joint_dense,
-    joint_large,
     joint_sparse,
+    no_stages,
     sparse_stages,
 )
 from ..compiled.structures import N_CONTROL, STAGES_SIG, Stages
@@ -75,8 +75,8 @@ def _joint_solver(structure, form, s):
         n_jacobians, hold = (1, _HOLD) if has_stages(form) else (s, 0)
         how = {"order": order, "jacobians": np.zeros((n_jacobians, d, d)), "hold": hold}
         how |= {"lapack": address_of_factors(n)}
-        room = {"joint": np.empty((n, n)), "dense": np.empty((1, 3, n))}
-        return _solver(joint_large if how["lapack"] else joint_dense, kinds, s, **how, **room)
+        room = {"joint": np.empty((n, n)), "dense": np.empty((1, 2, n))}
+        return _solver(joint_dense if has_stages(form) else no_stages, kinds, s, **how, **room)
     joint, band = structure.by_blocks(s), structure.band
     how = {"jacobians": structure.entries[None].copy(), "joint": joint.entries.copy()}
     if band is None:
@@ -112,7 +112,6 @@ def _solver(function, kinds, s, held=None, *, order, **given):
         second=second,
         pencil=np.zeros((n, 4, s, s)),
         scales=np.ones(numbers.size),
-        room=np.zeros(max(numbers.size, s)),
         shifts=shifts,
         back=back,
         forth=forth,

@@ -89,34 +89,16 @@ def attempt(
             newton, limits,
         )  # fmt: skip
     if ratio <= 1.0 and n_columns > 1:
-        more = attempt_tangents(
-            rhs, jac, has_jac, params, h, base, equations, rule, operators, local, values, orbit,
-            counts, newton, limits,
-        )  # fmt: skip
+        more = np.inf
+        if solve_tangents(
+            rhs, jac, has_jac, params, room.times, h, base, orbit.x, equations.second, operators,
+            kinds, integral, values, counts, newton,
+        ):  # fmt: skip
+            more = tangents_error(
+                h, base, equations, rule, operators.matrices, local, values, orbit, newton, limits
+            )
         ratio, solved = max(ratio, more), more < np.inf
     return ratio, solved, by_defect
-
-
-@allocating
-def attempt_tangents(
-    rhs, jac, has_jac, params, h, base, equations, rule, operators, local, values, orbit, counts,
-    newton, limits,
-):  # fmt: skip
-    """Solve a step for the tangents; return the ratio of their error to the tolerance.
-
-    It is infinite if they are not solved. Few runs have tangents, so this is apart from the code of
-    a step, which LLVM optimises as one function.
-    """
-    integral = rule.integrals[equations.orders.shape[0] - 1]  # of order 1
-    solved = solve_tangents(
-        rhs, jac, has_jac, params, newton.room.times, h, base, orbit.x, equations.second,
-        operators, equations.kinds, integral, values, counts, newton,
-    )  # fmt: skip
-    if not solved:
-        return np.inf
-    return tangents_error(
-        h, base, equations, rule, operators.matrices, local, values, orbit, newton, limits
-    )
 
 
 @compiled
@@ -236,11 +218,11 @@ _MARCH = (
 @inner
 def take_steps(
     rhs, jac, has_jac, params, equations, rule, basis, tables, varying, orbit, state, steps,
-    limits, stages, newton, weights, base, operators, values,
+    limits, newton, weights, base, operators, values,
 ):  # fmt: skip
     """March; the caller allocates the arguments after `limits`."""
     nodes, legendre, kinds = rule.nodes, rule.legendre, equations.kinds
-    control, counts = state.control, state.counts
+    control, counts, stages = state.control, state.counts, newton.stages
     s, n_columns = nodes.shape[0], orbit.x.shape[0]
     lowest, row, assembled_for = lowest_order(equations), 0, -1.0
     was_refused, end = control.refused == 1.0, limits.stop - control.origin
@@ -314,7 +296,7 @@ def march_adaptive(
     weights = mode_weights(equations, basis, varying, orbit)
     return take_steps(
         rhs, jac, has_jac, params, equations, rule, basis, tables, varying, orbit, state,
-        steps, limits, stages, newton, weights, base, operators, values,
+        steps, limits, newton, weights, base, operators, values,
     )  # fmt: skip
 
 

@@ -9,17 +9,17 @@ history before the step is a sum of exponential modes, advanced by exact moments
 
 import numpy as np
 
-from .jacobian import jacobian, multiply
+from .jacobian import COLUMNS, ROWS, VALUES, is_sparse, jacobian, magnitudes
 from .jit import allocating, inlined, inner
-from .linalg import clear_matrix, put_matrix
+from .linalg import clear_matrix, dot, factorise, put, put_matrix
+from .past import add_rows
 from .rows import FORCE, POSITION, PRIMARY
 from .signatures import FACTORISE, SUBSTITUTE
+from .stages import set_joint, substitute_scaled
 from .structures import (
     INTEGRAL,
     KEPT,
     LENGTH,
-    MAGNIFY,
-    MULTIPLY,
     OF_SPEEDS,
     OF_VALUES,
     REDUCED,
@@ -81,30 +81,38 @@ def forces(rhs, params, times, x, f, room):
 
 
 @allocating
-def empty_room(d, s, n_checks):
-    """Allocate the room of a step."""
-    change = np.empty(d * s)
-    return StepRoom(
-        np.empty(s), np.empty(n_checks), np.empty(d * s), change, change.reshape((d, s)),
-        np.empty((d, s)), np.empty((s, s)), np.empty(d), np.empty(d), np.empty(d), np.empty(d),
-        np.empty(d), np.empty(d), np.ones(d),
-    )  # fmt: skip
-
-
-@allocating
 def open_newton(d, s, n_checks, solver, stages):
     """Join the solver of the stages, the scales of f and the room of a step."""
-    room = empty_room(d, s, n_checks)
-    return Newton(solver, stages, np.zeros(d), np.zeros(d), np.zeros(d), room)
+    change = np.empty(d * s)
+    room = StepRoom(
+        np.empty(s), np.empty(n_checks), np.empty(d * s), change, change.reshape((d, s)),
+        np.empty((d, s)), np.empty((s, d)), np.empty((s, s)), np.empty(d), np.empty(d), np.empty(d),
+        np.empty(d), np.empty(d), np.empty(d), np.empty(d),
+    )  # fmt: skip
+    return Newton(solver, stages, np.empty(d), np.empty(d), np.empty(d), room)
+
+
+@inner
+def factorise_newton(p, jacobians, newton):
+    """Factorise Newton's matrix with the Jacobians of the stages; return whether it is regular."""
+    stages = newton.stages
+    if stages.jacobians.shape[0] == 1:
+        return newton.solver(FACTORISE, p, stages) == 0
+    # few components are solved here: handing a function value all these arrays takes 0.1 us
+    order, row, matrix = stages.dense[0, 0], stages.dense[0, 1], stages.joint
+    set_joint(jacobians, stages.pencil, stages.kinds, stages.second, stages.scales, row, matrix)
+    return factorise(matrix, order)
 
 
 @inner
 def solve_newton(newton):
     """Solve for the change of p that the residual of the room asks for."""
-    residual, change = newton.room.residual, newton.room.change
-    for i in range(residual.shape[0]):
-        change[i] = residual[i]
-    newton.solver(SUBSTITUTE, newton.room.nodal_change, newton.stages)
+    residual, change, stages = newton.room.residual, newton.room.change, newton.stages
+    if stages.jacobians.shape[0] == 1:
+        put(residual, change)
+        newton.solver(SUBSTITUTE, newton.room.nodal_change, stages)
+    else:
+        substitute_scaled(stages.joint, stages.dense[0, 0], stages.scales, residual, change)
 
 
 @inner
@@ -125,23 +133,26 @@ def solve_stages(
     room, s, few = newton.room, p.shape[1], stages.jacobians.shape[0] > 1
     residual, change, before = room.residual, room.change, room.before
     previous, fresh = np.inf, False
+    jacobians = stages.jacobians[:1]
     positions(h, p, x_start, second, integral, x)
     for sweep in range(_SWEEPS):
         if few and (sweep == 0 or sweep == _EACH):
             control[KEPT] = 0.0
+            jacobians = stages.jacobians[: 1 if sweep == 0 else s]
         if control[KEPT] == 0.0:
-            counts.rhs += stage_jacobians(
-                rhs, jac, has_jac, params, times, x, sweep > 0, stages.jacobians, room
-            )
+            counts.rhs += stage_jacobians(rhs, jac, has_jac, params, times, x, jacobians, room)
             control[KEPT], control[LENGTH], control[REDUCED], fresh = 1.0, 0.0, 0.0, True
         if control[LENGTH] != h:
             control[LENGTH] = 0.0
-            if newton.solver(FACTORISE, p, stages) != 0:
+            if not factorise_newton(p, jacobians, newton):
                 control[KEPT] = 0.0  # it may hold what is no number
                 return False
             control[LENGTH], previous = h, np.inf
         if previous == np.inf:  # of y as it is guessed: a stiff solution falls far below its start
-            set_scales(before, x, newton)
+            for c in range(newton.starts.shape[0]):
+                room.point[c] = x[c, s - 1]
+            magnitudes(jacobians[0], room.point, newton.force_scales)
+            magnitudes(jacobians[0], newton.starts, newton.start_scales)
         forces(rhs, params, times, x, f, room)
         counts.rhs += s
         residuals(base, operators, kinds, p, x, f, residual)
@@ -154,7 +165,7 @@ def solve_stages(
         positions(h, p, x_start, second, integral, x)
         rate = contraction_rate(size, previous, h, contraction)
         if size * min(1.0, 4.0 * rate) < 1.0:
-            correct_forces(before, x, f, newton)
+            correct_forces(jacobians, before, x, f, room.moved)
             return True
         if previous < np.inf and rate > _SLOW:
             if rate > 0.9 and sweep > 5:
@@ -168,15 +179,12 @@ def solve_stages(
 
 
 @inner
-def stage_jacobians(rhs, jac, has_jac, params, times, x, every, out, room):
-    """Set the Jacobians at all nodes, or the middle one's for all; return the calls of `rhs`."""
+def stage_jacobians(rhs, jac, has_jac, params, times, x, out, room):
+    """Set the Jacobian of each node, or only that of the middle one; return the calls of `rhs`."""
     # x (d, s), out (s, d, d), or (1, ., .) for all nodes
     s, calls, point = times.shape[0], 0, room.point
     for i in range(out.shape[0]):
-        if i > 0 and not every:
-            put_matrix(out[0], out[i])
-            continue
-        k = i if every and out.shape[0] > 1 else s // 2
+        k = i if out.shape[0] > 1 else s // 2
         for c in range(point.shape[0]):
             point[c] = x[c, k]
         calls += jacobian(rhs, jac, has_jac, times[k], point, params, room.units, out[i])
@@ -195,38 +203,40 @@ def set_pencil(h, operators, integral, stages):
         speeds = speeds or second[kind] == 1
     for kind in range(second.shape[0]):
         own, out = operators.matrices[kind], stages.pencil[kind]
+        gain, rest, whole = out[OF_SPEEDS], out[REST], out[INTEGRAL]
+        put_matrix(own[FORCE], out[OF_VALUES])
+        put_matrix(own[POSITION], rest)
+        if speeds:
+            clear_matrix(gain)
+            for i in range(s):
+                for j in range(s):
+                    whole[i, j] = h * integral[i, j]
+        if second[kind] == 1:
+            clear_matrix(rest)
+        for i in range(s if speeds else 0):
+            add_rows(gain[i], own[FORCE, i], whole)
+            if second[kind] == 1 and operators.alone[kind] == 0:
+                add_rows(rest[i], own[POSITION, i], whole)
         for i in range(s):
             for j in range(s):
-                gain, rest = 0.0, 0.0
-                for k in range(s if speeds else 0):
-                    gain += h * own[FORCE, i, k] * integral[k, j]
-                    rest += h * own[POSITION, i, k] * integral[k, j]
-                rest = rest if second[kind] == 1 else own[POSITION, i, j]
-                out[REST, i, j] = (1.0 if i == j else 0.0) - own[PRIMARY, i, j] - rest
-                out[OF_VALUES, i, j], out[OF_SPEEDS, i, j] = own[FORCE, i, j], gain
-                out[INTEGRAL, i, j] = h * integral[i, j]
+                rest[i, j] = -own[PRIMARY, i, j] - rest[i, j]
+            rest[i, i] += 1.0
 
 
 @inner
-def correct_forces(before, x, f, newton):
-    """Correct f (d, s) to first order from y = `before` to y = x; `before` is used up."""
-    for c in range(x.shape[0]):
-        for i in range(x.shape[1]):
-            before[c, i] = x[c, i] - before[c, i]
-    newton.solver(MULTIPLY, before, newton.stages)
-    for c in range(x.shape[0]):
-        for i in range(x.shape[1]):
-            f[c, i] += before[c, i]
-
-
-@inner
-def set_scales(room, x, newton):
-    """Set |J| |y|, with y at the last node, the size of the summands of f, and |J| |y(0)|."""
-    for c in range(x.shape[0]):
-        room[c, 0], room[c, 1] = abs(x[c, -1]), newton.starts[c]
-    newton.solver(MAGNIFY, room, newton.stages)
-    for c in range(x.shape[0]):
-        newton.force_scales[c], newton.start_scales[c] = room[c, 0], room[c, 1]
+def correct_forces(jacobians, before, x, f, moved):
+    """Correct f (d, s) to first order from y = `before` to y = x; moved (s, d) is room."""
+    d, s = x.shape
+    for c in range(d):
+        for i in range(s):
+            moved[i, c] = x[c, i] - before[c, i]
+    sparse, by_nodes = is_sparse(jacobians[0], d), jacobians.shape[0] > 1
+    for i in range(s):
+        own = jacobians[i if by_nodes else 0]
+        for k in range(own.shape[1] if sparse else 0):
+            f[int(own[ROWS, k]), i] += own[VALUES, k] * moved[i, int(own[COLUMNS, k])]
+        for c in range(0 if sparse else d):
+            f[c, i] += dot(own[c], moved[i], 0, d)
 
 
 @inlined
@@ -290,35 +300,36 @@ def solve_tangents(
     equations hold. Returns whether they do.
     """
     # base (1 + k, R, s), x_start (1 + k, d), values (1 + k, 3, d, s)
-    d, s = second.shape[0], base.shape[2]
-    residual, change = newton.room.residual, newton.room.change
-    shape, few = newton.stages.jacobians.shape, newton.stages.jacobians.shape[0] > 1
-    jacobians, more, units = np.empty((s, shape[1], shape[2])), np.empty(d), newton.room.units
-    for i in range(s):
-        put_matrix(newton.stages.jacobians[0], jacobians[i])
-        point = values[0, POSITION, :, i].copy()
-        counts.rhs += jacobian(rhs, jac, has_jac, times[i], point, params, units, jacobians[i])
-    if few:
-        for i in range(s):
-            put_matrix(jacobians[i], newton.stages.jacobians[i])
-        if newton.solver(FACTORISE, values[0, PRIMARY], newton.stages) != 0:
-            return False
+    s, few, room = base.shape[2], newton.stages.jacobians.shape[0] > 1, newton.room
+    of_orbit, residual, change, none = (
+        newton.stages.jacobians,
+        room.residual,
+        room.change,
+        room.before,
+    )
+    jacobians = of_orbit if few else np.empty((s, of_orbit.shape[1], of_orbit.shape[2]))
+    for i in range(0 if few else s):
+        put_matrix(of_orbit[0], jacobians[i])
+    counts.rhs += stage_jacobians(
+        rhs, jac, has_jac, params, times, values[0, POSITION], jacobians, room
+    )
+    if few and not factorise_newton(values[0, PRIMARY], jacobians, newton):
+        return False
+    clear_matrix(none)
     for column in range(1, base.shape[0]):
         f, p, x = values[column, FORCE], values[column, PRIMARY], values[column, POSITION]
         clear_matrix(p)
         done = False
         for _ in range(_TANGENT_SWEEPS):
             positions(h, p, x_start[column], second, integral, x)
-            for i in range(s):
-                multiply(jacobians[i], x[:, i].copy(), more)
-                for c in range(d):
-                    f[c, i] = more[c]
+            clear_matrix(f)
+            correct_forces(jacobians, none, x, f, room.moved)
             if done:
                 break
             residuals(base[column], operators, kinds, p, x, f, residual)
             solve_newton(newton)
             moved, size = 0.0, 0.0
-            for c in range(d):
+            for c in range(p.shape[0]):
                 for i in range(s):
                     p[c, i] -= change[c * s + i]
                     moved = max(moved, abs(change[c * s + i]))

@@ -7,7 +7,7 @@ order of their groups. Systems of few components are always dense, so these shap
 
 import numpy as np
 
-from .jit import F8, I8, MAT, VEC, allocating, compiled, entry, inlined, inner
+from .jit import F8, I8, MAT, VEC, allocating, compiled, entry, inlined, inner, reordered
 from .linalg import dot
 from .signatures import JAC, RHS
 
@@ -103,14 +103,15 @@ def multiply(j_f, x, out):
             out[int(j_f[ROWS, k])] += j_f[VALUES, k] * x[int(j_f[COLUMNS, k])]
 
 
-@inner
+@reordered
 def magnitudes(j_f, x, out):
     """Set out = |J| |x|, of a dense Jacobian or a sparse one."""
     n = x.shape[0]
     for i in range(n):
-        out[i] = 0.0
+        total, row = 0.0, j_f[i if n == j_f.shape[0] else 0]
         for k in range(0 if is_sparse(j_f, n) else n):
-            out[i] += abs(j_f[i, k] * x[k])
+            total += abs(row[k] * x[k])
+        out[i] = total
     for k in range(j_f.shape[1] if is_sparse(j_f, n) else 0):
         out[int(j_f[ROWS, k])] += abs(j_f[VALUES, k] * x[int(j_f[COLUMNS, k])])
 

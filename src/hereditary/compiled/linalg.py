@@ -212,17 +212,6 @@ def dot(row, x, first, end):
     return total
 
 
-@reordered
-def sums_of_sizes(row, x, y):
-    """Return the sums of |row| times two vectors."""
-    by_x, by_y = 0.0, 0.0
-    for k in range(row.shape[0]):
-        size = abs(row[k])
-        by_x += size * x[k]
-        by_y += size * y[k]
-    return by_x, by_y
-
-
 @inner
 def substitute(factors, order, b, x):
     """Solve a x = b with the factors of `factorise`."""

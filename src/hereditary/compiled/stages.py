@@ -22,13 +22,14 @@ from .linalg import (
     factorise,
     factorise_large,
     product,
+    put,
     solve_in_place,
     substitute,
     transposed_product,
 )
 from .signatures import FACTORISE, LinearSolver
 from .sparse_solvers import banded_solver, sparse_solver, substitute_band
-from .structures import INTEGRAL, MAGNIFY, MULTIPLY, OF_VALUES, REDUCED, REST, SYSTEMS
+from .structures import INTEGRAL, OF_VALUES, REDUCED, REST, SYSTEMS
 
 # LAPACK's letters: left eigenvectors are not wanted, right ones are.
 _WITHOUT, _WITH = ord("N"), ord("V")
@@ -116,36 +117,10 @@ def add_solution(k, solution, stage, out):
             out[c, i] += real[i] * a - imaginary[i] * b
 
 
-@inner
-def apply_dense(task, values, stage):
-    """Replace nodal values by J times them, or two columns of them by |J| times these."""
-    jacobians, by_nodes, room = stage.jacobians, stage.jacobians.shape[0] > 1, stage.room
-    (d, s), sizes = values.shape, task == MAGNIFY
-    for i in range(2 if sizes else s):
-        own = jacobians[i if by_nodes and not sizes else 0]
-        for c in range(d):
-            room[c] = 0.0
-            for e in range(d):
-                room[c] += (abs(own[c, e]) if sizes else own[c, e]) * values[e, i]
-        for c in range(d):
-            values[c, i] = room[c]
-    return 0
-
-
-@allocating
-def apply_sparse(task, values, stage):
-    """Do as `apply_dense`, with the entries of a sparse Jacobian."""
-    entries, sizes, (d, s) = stage.jacobians[0], task == MAGNIFY, values.shape
-    found, s = np.zeros((d, s)), 2 if sizes else s
-    for k in range(entries.shape[1]):
-        c, e, value = int(entries[ROWS, k]), int(entries[COLUMNS, k]), entries[VALUES, k]
-        value = abs(value) if sizes else value
-        for i in range(s):
-            found[c, i] += value * values[e, i]
-    for c in range(d):
-        for i in range(s):
-            values[c, i] = found[c, i]
-    return 0
+@compiled
+def no_stages(task, values, stage):
+    """Do nothing, in place of a solver: few components need none."""
+    return 1
 
 
 @compiled
@@ -156,8 +131,6 @@ def dense_stages(task, values, stage):
     """
     # dense (2 + 2 K, n, n): H, Q, and real and imaginary part of each system's factors, whose
     # subdiagonal holds the multipliers; factors (K, 1, n): 1 where rows were exchanged
-    if task >= MULTIPLY:
-        return apply_dense(task, values, stage)
     n = stage.order.shape[0]
     if task == FACTORISE:
         if not transform(stage) or (stage.control[REDUCED] == 0.0 and not reduce(stage)):
@@ -282,8 +255,6 @@ def complex_dot(real, imaginary, x_real, x_imaginary, first, end):
 def banded_stages(task, values, stage):
     """Factorise all systems of a banded Jacobian, or solve them for nodal values; 0 if done."""
     # factors (K, n, 2 lower + upper + 2), see `substitute_band`
-    if task >= MULTIPLY:
-        return apply_sparse(task, values, stage)
     n, place, lower, upper = stage.order.shape[0], stage.order, stage.lower, stage.upper
     width, entries = stage.factors.shape[2] - 1, stage.jacobians[0]
     if task == FACTORISE:
@@ -328,8 +299,6 @@ def banded_stages(task, values, stage):
 @compiled
 def sparse_stages(task, values, stage):
     """Factorise all systems of a sparse Jacobian in Python, or solve them; 0 if done."""
-    if task >= MULTIPLY:
-        return apply_sparse(task, values, stage)
     n, found = stage.order.shape[0], np.zeros(values.shape)
     if task == FACTORISE and not transform(stage):
         return 1
@@ -361,36 +330,36 @@ def linear_solver(stage):
 
 
 @inner
-def set_dense(stage):
+def set_joint(jacobians, pencil, kinds, second, scales, row, out):
     """Set the matrix of all stages, unknowns in the order (c, i), in units of the scales.
 
     The Jacobian is one for all nodes, or there is one for each.
     """
-    jacobians, kinds, scales, at_nodes = stage.jacobians, stage.kinds, stage.scales, stage.room
-    d, s, m = kinds.shape[0], stage.pencil.shape[2], jacobians.shape[0]
+    # jacobians (m, d, d), pencil (n, 4, s, s), kinds (d,), second (n,), scales (d,), row (>= s,)
+    d, s, m = kinds.shape[0], pencil.shape[2], jacobians.shape[0]
     for c in range(d):
-        own = stage.pencil[kinds[c]]
+        own = pencil[kinds[c]]
         rest, weights, integral = own[REST], own[OF_VALUES], own[INTEGRAL]
         for e in range(d):
-            gain, ratio = own[stage.second[kinds[e]]], scales[e] / scales[c]
-            by_nodes = m > 1 and stage.second[kinds[e]] == 1
+            gain, ratio = own[second[kinds[e]]], scales[e] / scales[c]
+            by_nodes = m > 1 and second[kinds[e]] == 1
             for k in range(s):
-                at_nodes[k] = jacobians[k if m > 1 else 0, c, e] * ratio
+                row[k] = jacobians[k if m > 1 else 0, c, e] * ratio
             for i in range(s):
-                row = stage.joint[c * s + i, e * s : (e + 1) * s]
+                block = out[c * s + i, e * s : (e + 1) * s]
                 for j in range(s):
-                    row[j] = rest[i, j] if c == e else 0.0
+                    block[j] = rest[i, j] if c == e else 0.0
                 for k in range(s if by_nodes else 0):
-                    weight = weights[i, k] * at_nodes[k]
+                    weight = weights[i, k] * row[k]
                     for j in range(s):
-                        row[j] -= weight * integral[k, j]
+                        block[j] -= weight * integral[k, j]
                 for j in range(0 if by_nodes else s):
-                    row[j] -= at_nodes[j] * gain[i, j]
+                    block[j] -= row[j] * gain[i, j]
 
 
 @inner
 def set_entries(stage):
-    """Set the entries of the matrix of all stages, as `set_dense`, of a sparse Jacobian."""
+    """Set the entries of the matrix of all stages, as `set_joint`, of a sparse Jacobian."""
     entries, kinds, pencil, out = stage.jacobians[0], stage.kinds, stage.pencil, stage.joint
     s, scales, number = pencil.shape[2], stage.scales, 0
     for k in range(entries.shape[1]):
@@ -414,44 +383,42 @@ def scale(stage, values, inverse):
 
 
 @inner
-def factorise_small(a, order, lapack):
-    """Do as `factorise_large`, without LAPACK."""
-    return factorise(a, order)
+def substitute_scaled(matrix, order, scales, b, x):
+    """Solve for x by the factors of a scaled matrix; scales (d,) are powers of two."""
+    s = b.shape[0] // scales.shape[0]
+    for c in range(scales.shape[0]):
+        inverse = 1.0 / scales[c]
+        for i in range(c * s, c * s + s):
+            b[i] *= inverse
+    substitute(matrix, order, b, x)
+    for c in range(scales.shape[0]):
+        for i in range(c * s, c * s + s):
+            b[i] *= scales[c]
+            x[i] *= scales[c]
 
 
-def dense_joint(name, factors):
-    """Compile the solution of the system of a dense Jacobian, factorised by a function."""
-
-    def solve(task, values, stage):
-        # joint (n, n): the matrix, and then its factors; dense (1, 3, n): order of the rows, room
-        if task >= MULTIPLY:
-            return apply_dense(task, values, stage)
-        order, right, found = stage.dense[0, 0], stage.dense[0, 1], stage.dense[0, 2]
-        if task == FACTORISE:
-            set_dense(stage)
-            return 0 if factors(stage.joint, order, stage.lapack) else 1
-        (d, s), scales = values.shape, stage.scales
-        for c in range(d):
-            inverse = 1.0 / scales[c]
-            for i in range(s):
-                right[c * s + i] = values[c, i] * inverse
-        substitute(stage.joint, order, right, found)
-        for c in range(d):
-            for i in range(s):
-                values[c, i] = found[c * s + i] * scales[c]
-        return 0
-
-    solve.__name__ = solve.__qualname__ = name
-    solve.__doc__ = "Factorise the system of all stages, or solve it for nodal values; 0 if done."
-    return compiled(solve)
+@compiled
+def joint_dense(task, values, stage):
+    """Factorise the dense system of all stages, or solve it for nodal values; 0 if done."""
+    # joint (n, n): the matrix, and then its factors; dense (1, 2, n): order of the rows, room
+    order, room, matrix = stage.dense[0, 0], stage.dense[0, 1], stage.joint
+    if task == FACTORISE:
+        set_joint(
+            stage.jacobians, stage.pencil, stage.kinds, stage.second, stage.scales, room, matrix
+        )
+        if stage.lapack != 0:
+            return 0 if factorise_large(matrix, order, stage.lapack) else 1
+        return 0 if factorise(matrix, order) else 1
+    x = values.reshape(values.size)
+    put(x, room)
+    substitute_scaled(matrix, order, stage.scales, room, x)
+    return 0
 
 
 def joint_stages(name, solver):
     """Compile the solution of the system by one of the solvers of sparse matrices."""
 
     def solve(task, values, stage):
-        if task >= MULTIPLY:
-            return apply_sparse(task, values, stage)
         if task == FACTORISE:
             set_entries(stage)
         else:
@@ -466,7 +433,5 @@ def joint_stages(name, solver):
     return compiled(solve)
 
 
-joint_dense = dense_joint("joint_dense", factorise_small)
-joint_large = dense_joint("joint_large", factorise_large)
 joint_banded = joint_stages("joint_banded", banded_solver)
 joint_sparse = joint_stages("joint_sparse", sparse_solver)

@@ -264,7 +264,7 @@ class Stages(NamedTuple):
     - pencil (n, 4, s, s): of `set_pencil`.
     - jacobians (m, d, d): of few components one for each of m = s nodes, otherwise one for all
       nodes, or the entries of a sparse one.
-    - room (max(d, s),); control (6,).
+    - control (6,).
     """
 
     factors: ComplexCube
@@ -284,7 +284,6 @@ class Stages(NamedTuple):
     forth: ComplexMatrix
     jacobians: Cube
     scales: Vector
-    room: Vector
     dense: Cube
     joint: Matrix
     control: Vector
@@ -295,7 +294,8 @@ class StepRoom(NamedTuple):
 
     - times (s,), check_times (m,): of the nodes and of m points between them.
     - residual, change (d s,): of the equations; nodal_change (d, s): the same change by nodes.
-    - before (d, s): y before a change; reached (s, s): the weights of an extrapolation.
+    - before (d, s), moved (s, d): y before a change, and its change; reached (s, s): the weights of
+      an extrapolation.
     - point, force (d,): a point and f there.
     - goal, errors, defect (d,): Newton's accuracy, the errors and the defect of f.
     - sizes (d,): of y, to which its errors are relative; units (d,): for differences of f.
@@ -307,6 +307,7 @@ class StepRoom(NamedTuple):
     change: np.ndarray
     nodal_change: np.ndarray
     before: np.ndarray
+    moved: np.ndarray
     reached: np.ndarray
     point: np.ndarray
     force: np.ndarray
@@ -338,9 +339,6 @@ class Newton(NamedTuple):
 # kept, the number of systems, the steps for which a longer one was put off, and 1 where a dense
 # Jacobian is reduced. A record would not pass through a function value.
 LENGTH, KEPT, SYSTEMS, HELD, REDUCED, N_CONTROL = range(6)
-# Tasks of a solver beyond those of `signatures`: replace nodal values by J times them; and the
-# first two columns of them by |J| times these.
-MULTIPLY, MAGNIFY = 2, 3
 # Matrices of the pencil of a kind: G of components whose unknowns are values of y, G of those
 # whose unknowns are y', M, and the integral over the step.
 OF_VALUES, OF_SPEEDS, REST, INTEGRAL = range(4)
