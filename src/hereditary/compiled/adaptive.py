@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from .collocation import open_newton, set_pencil, solve_stages, solve_tangents
+from .collocation import open_newton, solve_stages, solve_tangents
 from .error_estimate import LEAST, ROUNDING_OF_SUMS, allowed_error, orbit_error, tangents_error
 from .jit import I8, VEC, allocating, compiled, embedded, entry, inlined, inner
 from .linalg import clear_matrix, put, put_cube, put_matrix
@@ -242,8 +242,6 @@ def take_steps(
             first = local.shape[0] - varying.integrals.shape[0]
             put_cube(varying.integrals, local[first:])
             assemble_operators(h, equations, rule.integrals, rule.inverse, local, operators)
-            integral = rule.integrals[equations.orders.shape[0] - 1]  # of order 1
-            set_pencil(h, operators, integral, stages)
         if equations.unweighted.shape[0] > 0:  # orders that vary change matrices at any length
             stages.control[LENGTH] = 0.0
         assembled_for = h

@@ -11,22 +11,11 @@ import numpy as np
 
 from .jacobian import COLUMNS, ROWS, VALUES, is_sparse, jacobian, magnitudes
 from .jit import allocating, inlined, inner
-from .linalg import clear_matrix, dot, factorise, put, put_matrix
-from .past import add_rows
+from .linalg import clear_matrix, dot, factorise, put, put_cube, put_matrix
 from .rows import FORCE, POSITION, PRIMARY
 from .signatures import FACTORISE, SUBSTITUTE
-from .stages import set_joint, substitute_scaled
-from .structures import (
-    INTEGRAL,
-    KEPT,
-    LENGTH,
-    OF_SPEEDS,
-    OF_VALUES,
-    REDUCED,
-    REST,
-    Newton,
-    StepRoom,
-)
+from .stages import newton_matrix, substitute_scaled
+from .structures import KEPT, LENGTH, REDUCED, Newton, StepRoom
 
 # Newton iterations before a step is refused, contraction from which a Jacobian of an earlier step
 # is not kept, and the iteration at which each node of few components has its own.
@@ -93,15 +82,23 @@ def open_newton(d, s, n_checks, solver, stages):
 
 
 @inner
-def factorise_newton(p, jacobians, newton):
+def factorise_newton(h, p, matrices, integral, jacobians, newton):
     """Factorise Newton's matrix with the Jacobians of the stages; return whether it is regular."""
+    # matrices (>= n, 3, s, s), integral (s, s) of order 1
     stages = newton.stages
-    if stages.jacobians.shape[0] == 1:
-        return newton.solver(FACTORISE, p, stages) == 0
-    # few components are solved here: handing a function value all these arrays takes 0.1 us
-    order, row, matrix = stages.dense[0, 0], stages.dense[0, 1], stages.joint
-    set_joint(jacobians, stages.pencil, stages.kinds, stages.second, stages.scales, row, matrix)
-    return factorise(matrix, order)
+    if stages.jacobians.shape[0] > 1:
+        # few components are solved here: handing a function value all these arrays takes 0.1 us
+        newton_matrix(
+            h, matrices, stages.kinds, integral, stages.second, jacobians, stages.scales,
+            stages.dense[0, 1], stages.joint,
+        )  # fmt: skip
+        return factorise(stages.joint, stages.dense[0, 0])
+    for kind in range(stages.second.shape[0]):
+        put_cube(matrices[kind], stages.matrices[kind])
+    for i in range(integral.shape[0]):
+        for j in range(integral.shape[0]):
+            stages.integral[i, j] = h * integral[i, j]
+    return newton.solver(FACTORISE, p, stages) == 0
 
 
 @inner
@@ -144,7 +141,7 @@ def solve_stages(
             control[KEPT], control[LENGTH], control[REDUCED], fresh = 1.0, 0.0, 0.0, True
         if control[LENGTH] != h:
             control[LENGTH] = 0.0
-            if not factorise_newton(p, jacobians, newton):
+            if not factorise_newton(h, p, operators.matrices, integral, jacobians, newton):
                 control[KEPT] = 0.0  # it may hold what is no number
                 return False
             control[LENGTH], previous = h, np.inf
@@ -189,38 +186,6 @@ def stage_jacobians(rhs, jac, has_jac, params, times, x, out, room):
             point[c] = x[c, k]
         calls += jacobian(rhs, jac, has_jac, times[k], point, params, room.units, out[i])
     return calls
-
-
-@inner
-def set_pencil(h, operators, integral, stages):
-    """Set matrices with which the residuals of component c change by ``M x_c - sum_e J_ce G x_e``.
-
-    M and both G are those of the kind of c, G for x_e that are values of y and for those of y'.
-    """
-    # integral (s, s) of order 1
-    s, second, speeds = integral.shape[0], stages.second, False
-    for kind in range(second.shape[0]):
-        speeds = speeds or second[kind] == 1
-    for kind in range(second.shape[0]):
-        own, out = operators.matrices[kind], stages.pencil[kind]
-        gain, rest, whole = out[OF_SPEEDS], out[REST], out[INTEGRAL]
-        put_matrix(own[FORCE], out[OF_VALUES])
-        put_matrix(own[POSITION], rest)
-        if speeds:
-            clear_matrix(gain)
-            for i in range(s):
-                for j in range(s):
-                    whole[i, j] = h * integral[i, j]
-        if second[kind] == 1:
-            clear_matrix(rest)
-        for i in range(s if speeds else 0):
-            add_rows(gain[i], own[FORCE, i], whole)
-            if second[kind] == 1 and operators.alone[kind] == 0:
-                add_rows(rest[i], own[POSITION, i], whole)
-        for i in range(s):
-            for j in range(s):
-                rest[i, j] = -own[PRIMARY, i, j] - rest[i, j]
-            rest[i, i] += 1.0
 
 
 @inner
@@ -301,19 +266,17 @@ def solve_tangents(
     """
     # base (1 + k, R, s), x_start (1 + k, d), values (1 + k, 3, d, s)
     s, few, room = base.shape[2], newton.stages.jacobians.shape[0] > 1, newton.room
-    of_orbit, residual, change, none = (
-        newton.stages.jacobians,
-        room.residual,
-        room.change,
-        room.before,
-    )
+    of_orbit, none = newton.stages.jacobians, room.before
+    residual, change = room.residual, room.change
     jacobians = of_orbit if few else np.empty((s, of_orbit.shape[1], of_orbit.shape[2]))
     for i in range(0 if few else s):
         put_matrix(of_orbit[0], jacobians[i])
     counts.rhs += stage_jacobians(
         rhs, jac, has_jac, params, times, values[0, POSITION], jacobians, room
     )
-    if few and not factorise_newton(values[0, PRIMARY], jacobians, newton):
+    if few and not factorise_newton(
+        h, values[0, PRIMARY], operators.matrices, integral, jacobians, newton
+    ):
         return False
     clear_matrix(none)
     for column in range(1, base.shape[0]):

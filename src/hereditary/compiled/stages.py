@@ -27,9 +27,10 @@ from .linalg import (
     substitute,
     transposed_product,
 )
+from .rows import FORCE, POSITION, PRIMARY
 from .signatures import FACTORISE, LinearSolver
 from .sparse_solvers import banded_solver, sparse_solver, substitute_band
-from .structures import INTEGRAL, OF_VALUES, REDUCED, REST, SYSTEMS
+from .structures import OF_SPEEDS, OF_VALUES, REDUCED, REST, SYSTEMS
 
 # LAPACK's letters: left eigenvectors are not wanted, right ones are.
 _WITHOUT, _WITH = ord("N"), ord("V")
@@ -38,8 +39,10 @@ _WITHOUT, _WITH = ord("N"), ord("V")
 @allocating
 def transform(stage):
     """Set the eigenvalues that are needed, and both transforms; False where there are none."""
-    gain, rest = stage.pencil[0, stage.second[0]], stage.pencil[0, REST]
-    s = gain.shape[0]
+    s = stage.integral.shape[0]
+    pencil = np.empty((3, s, s))
+    set_pencil(stage.matrices[0], stage.integral, stage.second[0], pencil)
+    gain, rest = pencil[stage.second[0]], pencil[REST]
     inverse = np.empty((s, s))
     for j in range(s):
         column = np.zeros(s)
@@ -330,41 +333,64 @@ def linear_solver(stage):
 
 
 @inner
-def set_joint(jacobians, pencil, kinds, second, scales, row, out):
-    """Set the matrix of all stages, unknowns in the order (c, i), in units of the scales.
+def newton_matrix(h, matrices, kinds, integral, second, jacobians, scales, at_nodes, out):
+    """Set the derivative of the residuals with respect to p at the nodes, in the order (c, i).
 
-    The Jacobian is one for all nodes, or there is one for each.
+    Residuals and p are in units of the scales of their components. The Jacobian is one for all
+    nodes, or there is one for each.
     """
-    # jacobians (m, d, d), pencil (n, 4, s, s), kinds (d,), second (n,), scales (d,), row (>= s,)
-    d, s, m = kinds.shape[0], pencil.shape[2], jacobians.shape[0]
+    # matrices (>= n, 3, s, s), kinds (d,), integral (s, s), second (n,), jacobians (m, d, d),
+    # scales (d,), at_nodes (>= s,) is room, out (d s, d s)
+    d, s, each = kinds.shape[0], integral.shape[0], jacobians.shape[0] > 1
     for c in range(d):
-        own = pencil[kinds[c]]
-        rest, weights, integral = own[REST], own[OF_VALUES], own[INTEGRAL]
+        kind = matrices[kinds[c]]
         for e in range(d):
-            gain, ratio = own[second[kinds[e]]], scales[e] / scales[c]
-            by_nodes = m > 1 and second[kinds[e]] == 1
+            ratio, own = scales[e] / scales[c], 1.0 if c == e else 0.0
             for k in range(s):
-                row[k] = jacobians[k if m > 1 else 0, c, e] * ratio
+                at_nodes[k] = jacobians[k if each else 0, c, e] * ratio
             for i in range(s):
-                block = out[c * s + i, e * s : (e + 1) * s]
-                for j in range(s):
-                    block[j] = rest[i, j] if c == e else 0.0
-                for k in range(s if by_nodes else 0):
-                    weight = weights[i, k] * row[k]
-                    for j in range(s):
-                        block[j] -= weight * integral[k, j]
-                for j in range(0 if by_nodes else s):
-                    block[j] -= row[j] * gain[i, j]
+                row = out[c * s + i, e * s : (e + 1) * s]
+                force, primary, place = kind[FORCE, i], kind[PRIMARY, i], kind[POSITION, i]
+                for j in range(s if second[kinds[e]] == 0 else 0):
+                    row[j] = -force[j] * at_nodes[j] - own * (place[j] + primary[j])
+                for j in range(s if second[kinds[e]] == 1 else 0):
+                    total = 0.0
+                    for k in range(s):
+                        total += (force[k] * at_nodes[k] + own * place[k]) * integral[k, j]
+                    row[j] = -h * total - own * primary[j]
+                row[i] += own
 
 
 @inner
+def set_pencil(own, integral, is_speed, out):
+    """Set matrices with which the residuals of component c change by ``M x_c - sum_e J_ce G x_e``.
+
+    M and both G are those of the kind of c, G for x_e that are values of y and for those of y'.
+    """
+    # own (3, s, s), integral (s, s) over the step, out (3, s, s)
+    force, place, s = own[FORCE], own[POSITION], integral.shape[0]
+    for i in range(s):
+        for j in range(s):
+            gain, rest = 0.0, 0.0
+            for k in range(s):
+                gain += force[i, k] * integral[k, j]
+                rest += place[i, k] * integral[k, j]
+            rest = rest if is_speed == 1 else place[i, j]
+            out[OF_VALUES, i, j], out[OF_SPEEDS, i, j] = force[i, j], gain
+            out[REST, i, j] = (1.0 if i == j else 0.0) - own[PRIMARY, i, j] - rest
+
+
+@allocating
 def set_entries(stage):
-    """Set the entries of the matrix of all stages, as `set_joint`, of a sparse Jacobian."""
-    entries, kinds, pencil, out = stage.jacobians[0], stage.kinds, stage.pencil, stage.joint
-    s, scales, number = pencil.shape[2], stage.scales, 0
+    """Set the entries of the matrix of all stages, as `newton_matrix`, of a sparse Jacobian."""
+    entries, kinds, second, out = stage.jacobians[0], stage.kinds, stage.second, stage.joint
+    s, scales, number = stage.integral.shape[0], stage.scales, 0
+    pencil = np.empty((second.shape[0], 3, s, s))
+    for kind in range(second.shape[0]):
+        set_pencil(stage.matrices[kind], stage.integral, second[kind], pencil[kind])
     for k in range(entries.shape[1]):
         c, e = int(entries[ROWS, k]), int(entries[COLUMNS, k])
-        gain, rest = pencil[kinds[c], stage.second[kinds[e]]], pencil[kinds[c], REST]
+        gain, rest = pencil[kinds[c], second[kinds[e]]], pencil[kinds[c], REST]
         value = entries[VALUES, k] * (scales[e] / scales[c])
         for i in range(s):
             for j in range(s):
@@ -403,9 +429,10 @@ def joint_dense(task, values, stage):
     # joint (n, n): the matrix, and then its factors; dense (1, 2, n): order of the rows, room
     order, room, matrix = stage.dense[0, 0], stage.dense[0, 1], stage.joint
     if task == FACTORISE:
-        set_joint(
-            stage.jacobians, stage.pencil, stage.kinds, stage.second, stage.scales, room, matrix
-        )
+        newton_matrix(
+            1.0, stage.matrices, stage.kinds, stage.integral, stage.second, stage.jacobians,
+            stage.scales, room, matrix,
+        )  # fmt: skip
         if stage.lapack != 0:
             return 0 if factorise_large(matrix, order, stage.lapack) else 1
         return 0 if factorise(matrix, order) else 1

@@ -261,7 +261,7 @@ class Stages(NamedTuple):
     - lapack, lapack_solve, lapack_values, python: addresses of functions.
     - hold: steps of one length before new factors for a longer one pay.
     - kinds (d,): of the components; second (n,): 1 for kinds whose primary unknown is y'.
-    - pencil (n, 4, s, s): of `set_pencil`.
+    - matrices (n, 3, s, s): of f, p and y for each kind; integral (s, s): over the step.
     - jacobians (m, d, d): of few components one for each of m = s nodes, otherwise one for all
       nodes, or the entries of a sparse one.
     - control (6,).
@@ -278,7 +278,8 @@ class Stages(NamedTuple):
     hold: int
     kinds: Integers
     second: Integers
-    pencil: Cubes
+    matrices: Cubes
+    integral: Matrix
     shifts: ComplexVector
     back: ComplexMatrix
     forth: ComplexMatrix
@@ -340,8 +341,8 @@ class Newton(NamedTuple):
 # Jacobian is reduced. A record would not pass through a function value.
 LENGTH, KEPT, SYSTEMS, HELD, REDUCED, N_CONTROL = range(6)
 # Matrices of the pencil of a kind: G of components whose unknowns are values of y, G of those
-# whose unknowns are y', M, and the integral over the step.
-OF_VALUES, OF_SPEEDS, REST, INTEGRAL = range(4)
+# whose unknowns are y', and M.
+OF_VALUES, OF_SPEEDS, REST = range(3)
 STAGES = compiled_type(Stages)
 # task, nodal values (d, s), which the result replaces; 0 where it is done
 STAGES_SIG = I8(I8, MAT, STAGES)
