@@ -15,7 +15,20 @@ from .linalg import clear_matrix, dot, factorise, put, put_cube, put_matrix
 from .rows import FORCE, POSITION, PRIMARY
 from .signatures import FACTORISE, SUBSTITUTE
 from .stages import newton_matrix, substitute_scaled
-from .structures import KEPT, LENGTH, REDUCED, Newton, StepRoom
+from .structures import (
+    FORCE_HERE,
+    FORCE_SCALES,
+    KEPT,
+    LENGTH,
+    N_VECTORS,
+    POINT,
+    REDUCED,
+    START_SCALES,
+    STARTS,
+    UNITS,
+    Newton,
+    StepRoom,
+)
 
 # Newton iterations before a step is refused, contraction from which a Jacobian of an earlier step
 # is not kept, and the iteration at which each node of few components has its own.
@@ -60,7 +73,7 @@ def positions(h, p, x_start, second, integral, x):
 def forces(rhs, params, times, x, f, room):
     """Set f to the right-hand side at all nodes of a step, where y is x."""
     # times (s,), x and f (d, s)
-    point, force = room.point, room.force
+    point, force = room.vectors[POINT], room.vectors[FORCE_HERE]
     for i in range(times.shape[0]):
         for c in range(point.shape[0]):
             point[c] = x[c, i]
@@ -75,10 +88,9 @@ def open_newton(d, s, n_checks, solver, stages):
     change = np.empty(d * s)
     room = StepRoom(
         np.empty(s), np.empty(n_checks), np.empty(d * s), change, change.reshape((d, s)),
-        np.empty((d, s)), np.empty((s, d)), np.empty((s, s)), np.empty(d), np.empty(d), np.empty(d),
-        np.empty(d), np.empty(d), np.empty(d), np.empty(d),
+        np.empty((d, s)), np.empty((s, d)), np.empty((s, s)), np.empty((N_VECTORS, d)),
     )  # fmt: skip
-    return Newton(solver, stages, np.empty(d), np.empty(d), np.empty(d), room)
+    return Newton(solver, stages, room)
 
 
 @inner
@@ -101,7 +113,7 @@ def factorise_newton(h, p, matrices, integral, jacobians, newton):
     return newton.solver(FACTORISE, p, stages) == 0
 
 
-@inner
+@inlined
 def solve_newton(newton):
     """Solve for the change of p that the residual of the room asks for."""
     residual, change, stages = newton.room.residual, newton.room.change, newton.stages
@@ -146,10 +158,10 @@ def solve_stages(
                 return False
             control[LENGTH], previous = h, np.inf
         if previous == np.inf:  # of y as it is guessed: a stiff solution falls far below its start
-            for c in range(newton.starts.shape[0]):
-                room.point[c] = x[c, s - 1]
-            magnitudes(jacobians[0], room.point, newton.force_scales)
-            magnitudes(jacobians[0], newton.starts, newton.start_scales)
+            for c in range(newton.room.vectors[STARTS].shape[0]):
+                room.vectors[POINT, c] = x[c, s - 1]
+            magnitudes(jacobians[0], room.vectors[POINT], newton.room.vectors[FORCE_SCALES])
+            magnitudes(jacobians[0], newton.room.vectors[STARTS], newton.room.vectors[START_SCALES])
         forces(rhs, params, times, x, f, room)
         counts.rhs += s
         residuals(base, operators, kinds, p, x, f, residual)
@@ -179,12 +191,12 @@ def solve_stages(
 def stage_jacobians(rhs, jac, has_jac, params, times, x, out, room):
     """Set the Jacobian of each node, or only that of the middle one; return the calls of `rhs`."""
     # x (d, s), out (s, d, d), or (1, ., .) for all nodes
-    s, calls, point = times.shape[0], 0, room.point
+    s, calls, point = times.shape[0], 0, room.vectors[POINT]
     for i in range(out.shape[0]):
         k = i if out.shape[0] > 1 else s // 2
         for c in range(point.shape[0]):
             point[c] = x[c, k]
-        calls += jacobian(rhs, jac, has_jac, times[k], point, params, room.units, out[i])
+        calls += jacobian(rhs, jac, has_jac, times[k], point, params, room.vectors[UNITS], out[i])
     return calls
 
 
