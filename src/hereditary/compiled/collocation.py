@@ -204,16 +204,18 @@ def stage_jacobians(rhs, jac, has_jac, params, times, x, out, room):
 def correct_forces(jacobians, before, x, f, moved):
     """Correct f (d, s) to first order from y = `before` to y = x; moved (s, d) is room."""
     d, s = x.shape
-    for c in range(d):
+    sparse, by_nodes, entries = is_sparse(jacobians[0], d), jacobians.shape[0] > 1, jacobians[0]
+    for k in range(entries.shape[1] if sparse else 0):
+        c, e = int(entries[ROWS, k]), int(entries[COLUMNS, k])
+        for i in range(s):
+            value = jacobians[i if by_nodes else 0, VALUES, k]
+            f[c, i] += value * (x[e, i] - before[e, i])
+    for c in range(0 if sparse else d):
         for i in range(s):
             moved[i, c] = x[c, i] - before[c, i]
-    sparse, by_nodes = is_sparse(jacobians[0], d), jacobians.shape[0] > 1
-    for i in range(s):
-        own = jacobians[i if by_nodes else 0]
-        for k in range(own.shape[1] if sparse else 0):
-            f[int(own[ROWS, k]), i] += own[VALUES, k] * moved[i, int(own[COLUMNS, k])]
-        for c in range(0 if sparse else d):
-            f[c, i] += dot(own[c], moved[i], 0, d)
+    for c in range(0 if sparse else d):
+        for i in range(s):
+            f[c, i] += dot(jacobians[i if by_nodes else 0, c], moved[i], 0, d)
 
 
 @inlined
