@@ -326,10 +326,8 @@ class Newton(NamedTuple):
 
 
 # Vectors of the room of a step: as one array they take less time to hand on.
-POINT, FORCE_HERE, GOAL, ERRORS, DEFECT, SIZES, UNITS, FORCE_SCALES, STARTS, START_SCALES = range(
-    10
-)
-N_VECTORS = 10
+POINT, FORCE_HERE, GOAL, ERRORS, DEFECT, SIZES = range(6)
+UNITS, FORCE_SCALES, STARTS, START_SCALES, N_VECTORS = range(6, 11)
 # Control of stages: step length that the factors hold for (0: none), 1 where the Jacobian is to be
 # kept, the number of systems, the steps for which a longer one was put off, and 1 where a dense
 # Jacobian is reduced. A record would not pass through a function value.
