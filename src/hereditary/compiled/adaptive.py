@@ -27,20 +27,16 @@ from .signatures import JAC, RHS
 from .structures import (
     BASIS,
     EQUATIONS,
-    GOAL,
     HELD,
     LENGTH,
     LIMITS,
     ORBIT,
     RULE,
-    SIZES,
     STAGE_SOLVER,
     STAGES,
-    STARTS,
     STATE,
     STEPS,
     TABLES,
-    UNITS,
     VARYING,
     ModeWeights,
 )  # fmt: skip
@@ -74,20 +70,20 @@ def attempt(
         nodes, rule.legendre, last, h, control.last, orbit.p[0], room.reached,
         values[0, PRIMARY],
     )  # fmt: skip
-    for c in range(room.vectors[SIZES].shape[0]):
-        room.vectors[SIZES, c] = max(state.sizes[c], state.floors[c])
+    for c in range(room.sizes.shape[0]):
+        room.sizes[c] = max(state.sizes[c], state.floors[c])
         if limits.by_size > 0.0:
-            room.vectors[UNITS, c] = unit_of(equations.units[c], room.vectors[SIZES, c])
+            room.units[c] = unit_of(equations.units[c], room.sizes[c])
     set_newton_goal(h, equations, orbit, state, limits, room)
-    set_starts(orbit, equations.second, newton.room.vectors[STARTS])
+    set_starts(orbit, equations.second, newton.room.starts)
     solved = solve_stages(
         rhs, jac, has_jac, params, room.times, h, base[0], orbit.x[0], equations.second,
-        operators, kinds, integral, room.vectors[GOAL], values[0], counts, state.contraction,
+        operators, kinds, integral, room.goal, values[0], counts, state.contraction,
         newton,
     )  # fmt: skip
     ratio, by_defect = np.inf, False
     if solved:
-        raise_sizes(values[0], room.vectors[SIZES])
+        raise_sizes(values[0], room.sizes)
         ratio, by_defect = orbit_error(
             rhs, params, h, base, equations, rule, operators, local, values, orbit, state,
             newton, limits,
@@ -164,11 +160,11 @@ def set_newton_goal(h, equations, orbit, state, limits, room):
     It is at least what the rounding of y leaves in p = y' through terms of y itself, and that at
     most what changes y by as much over the step.
     """
-    terms, orders, goal = equations.terms, equations.orders, room.vectors[GOAL]
+    terms, orders, goal = equations.terms, equations.orders, room.goal
     second, d = equations.second, goal.shape[0]
     for c in range(d):
         size = max(state.largest[c], abs(orbit.p[0, c]))
-        goal[c] = _NEWTON * allowed_error(size, room.vectors[SIZES, c], second[c], 1.0, limits)
+        goal[c] = _NEWTON * allowed_error(size, room.sizes[c], second[c], 1.0, limits)
     for n in range(terms.shape[0]):
         c, k = terms[n].row, terms[n].index
         if terms[n].integrand == POSITION and 0 <= k < orders.shape[0] and c < d:
@@ -293,8 +289,8 @@ def march_adaptive(
     operators = empty_operators(n_columns, n_rows, kinds, s)
     newton = open_newton(orbit.x.shape[1], s, rule.check_points.shape[0], solver, stages)
     for c in range(equations.units.shape[0]):
-        newton.room.vectors[UNITS, c] = unit_of(equations.units[c], 0.0)
-    put(newton.room.vectors[UNITS], stages.scales)
+        newton.room.units[c] = unit_of(equations.units[c], 0.0)
+    put(newton.room.units, stages.scales)
     weights = mode_weights(equations, basis, varying, orbit)
     return take_steps(
         rhs, jac, has_jac, params, equations, rule, basis, tables, varying, orbit, state,

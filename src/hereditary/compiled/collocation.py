@@ -16,16 +16,9 @@ from .rows import FORCE, POSITION, PRIMARY
 from .signatures import FACTORISE, SUBSTITUTE
 from .stages import newton_matrix, substitute_scaled
 from .structures import (
-    FORCE_HERE,
-    FORCE_SCALES,
     KEPT,
     LENGTH,
-    N_VECTORS,
-    POINT,
     REDUCED,
-    START_SCALES,
-    STARTS,
-    UNITS,
     Newton,
     StepRoom,
 )
@@ -73,7 +66,7 @@ def positions(h, p, x_start, second, integral, x):
 def forces(rhs, params, times, x, f, room):
     """Set f to the right-hand side at all nodes of a step, where y is x."""
     # times (s,), x and f (d, s)
-    point, force = room.vectors[POINT], room.vectors[FORCE_HERE]
+    point, force = room.point, room.force
     for i in range(times.shape[0]):
         for c in range(point.shape[0]):
             point[c] = x[c, i]
@@ -88,7 +81,8 @@ def open_newton(d, s, n_checks, solver, stages):
     change = np.empty(d * s)
     room = StepRoom(
         np.empty(s), np.empty(n_checks), np.empty(d * s), change, change.reshape((d, s)),
-        np.empty((d, s)), np.empty((s, d)), np.empty((s, s)), np.empty((N_VECTORS, d)),
+        np.empty((d, s)), np.empty((s, d)), np.empty((s, s)), np.empty(d), np.empty(d), np.empty(d),
+        np.empty(d), np.empty(d), np.empty(d), np.empty(d), np.zeros(d), np.zeros(d), np.zeros(d),
     )  # fmt: skip
     return Newton(solver, stages, room)
 
@@ -158,10 +152,10 @@ def solve_stages(
                 return False
             control[LENGTH], previous = h, np.inf
         if previous == np.inf:  # of y as it is guessed: a stiff solution falls far below its start
-            for c in range(newton.room.vectors[STARTS].shape[0]):
-                room.vectors[POINT, c] = x[c, s - 1]
-            magnitudes(jacobians[0], room.vectors[POINT], newton.room.vectors[FORCE_SCALES])
-            magnitudes(jacobians[0], newton.room.vectors[STARTS], newton.room.vectors[START_SCALES])
+            for c in range(newton.room.starts.shape[0]):
+                room.point[c] = x[c, s - 1]
+            magnitudes(jacobians[0], room.point, newton.room.force_scales)
+            magnitudes(jacobians[0], newton.room.starts, newton.room.start_scales)
         forces(rhs, params, times, x, f, room)
         counts.rhs += s
         residuals(base, operators, kinds, p, x, f, residual)
@@ -191,12 +185,12 @@ def solve_stages(
 def stage_jacobians(rhs, jac, has_jac, params, times, x, out, room):
     """Set the Jacobian of each node, or only that of the middle one; return the calls of `rhs`."""
     # x (d, s), out (s, d, d), or (1, ., .) for all nodes
-    s, calls, point = times.shape[0], 0, room.vectors[POINT]
+    s, calls, point = times.shape[0], 0, room.point
     for i in range(out.shape[0]):
         k = i if out.shape[0] > 1 else s // 2
         for c in range(point.shape[0]):
             point[c] = x[c, k]
-        calls += jacobian(rhs, jac, has_jac, times[k], point, params, room.vectors[UNITS], out[i])
+        calls += jacobian(rhs, jac, has_jac, times[k], point, params, room.units, out[i])
     return calls
 
 

@@ -8,17 +8,6 @@ from .collocation import forces, nodal_slopes, residuals, solve_newton
 from .jit import allocating, inner
 from .linalg import clear
 from .rows import FORCE, POSITION, PRIMARY, SLOPE, subtract_from_forces
-from .structures import (
-    DEFECT,
-    ERRORS,
-    FORCE_HERE,
-    FORCE_SCALES,
-    GOAL,
-    POINT,
-    SIZES,
-    START_SCALES,
-    UNITS,
-)
 
 # Relative tolerance of tangents is at least this: those that have decayed consist of rounding
 # errors, which grow when tangents are normalised.
@@ -73,11 +62,11 @@ def estimate_error(h, equations, legendre, local, matrices, values, p0, newton, 
             if q == PRIMARY:
                 rounding = _ROUNDING * abs(p0[c % d])
             elif q == FORCE:
-                rounding = _ROUNDING * newton.room.vectors[START_SCALES, c % d]
+                rounding = _ROUNDING * newton.room.start_scales[c % d]
             elif q == POSITION:
                 rounding = ROUNDING_OF_SUMS * abs(values[q, c % d, -1])
             last, decay = legendre_tail(legendre, values[q, c % d], rounding)
-            if q == FORCE and abs(last) <= _NOISE * newton.room.vectors[FORCE_SCALES, c % d]:
+            if q == FORCE and abs(last) <= _NOISE * newton.room.force_scales[c % d]:
                 continue
             size = 1.0
             if k >= n_a:
@@ -104,7 +93,7 @@ def solve_for_error(newton):
     """
     solve_newton(newton)
     defect, nodal_errors = newton.room.residual, newton.room.change
-    goal, of_defect, of_error = newton.room.vectors[GOAL], 0.0, 0.0
+    goal, of_defect, of_error = newton.room.goal, 0.0, 0.0
     s = defect.shape[0] // goal.shape[0]
     for c in range(goal.shape[0]):
         unit = max(goal[c], LEAST)
@@ -125,8 +114,8 @@ def measure_force_defect(rhs, params, h, rule, x_start, p0, second, values, limi
     """
     # x_start, p0 (d,), values (n_q, d, s)
     d, s = second.shape[0], rule.check_values.shape[1]
-    times, point, misses_start = room.check_times, room.vectors[POINT], False
-    clear(room.vectors[DEFECT])
+    times, point, misses_start = room.check_times, room.point, False
+    clear(room.defect)
     for i in range(times.shape[0]):
         for c in range(d):
             total = 0.0
@@ -139,7 +128,7 @@ def measure_force_defect(rhs, params, h, rule, x_start, p0, second, values, limi
                 total = x_start[c] + h * total
             point[c] = total
             size = max(abs(x_start[c]), abs(p0[c]))  # a singular start may err by this much
-            allowed = _MISSED * allowed_error(size, room.vectors[SIZES, c], 0, 1.0, limits)
+            allowed = _MISSED * allowed_error(size, room.sizes[c], 0, 1.0, limits)
             misses_start = misses_start or (i == 0 and abs(total - x_start[c]) > allowed)
         update_force_defect(rhs, params, times[i], point, rule.check_values[i], values, room)
     if misses_start:
@@ -149,7 +138,7 @@ def measure_force_defect(rhs, params, h, rule, x_start, p0, second, values, limi
 @inner
 def update_force_defect(rhs, params, t, point, check_values, values, room):
     """Raise the defect, (d,), to the difference of f and its polynomial at one point."""
-    force, force_defect = room.vectors[FORCE_HERE], room.vectors[DEFECT]
+    force, force_defect = room.force, room.defect
     rhs(t, point, force, params)
     for c in range(point.shape[0]):
         total = force[c]
@@ -172,11 +161,11 @@ def largest_of(values, first, many):
 @inner
 def defect_matters(sums, kinds, newton):
     """Return whether the defect of f, undamped, would move p beyond Newton's goal."""
-    force_defect, goal = newton.room.vectors[DEFECT], newton.room.vectors[GOAL]
+    force_defect, goal = newton.room.defect, newton.room.goal
     for c in range(force_defect.shape[0]):
         size = largest_of(sums[kinds[c]], 0, sums.shape[1])
         if (
-            abs(force_defect[c]) > _NOISE * newton.room.vectors[FORCE_SCALES, c]
+            abs(force_defect[c]) > _NOISE * newton.room.force_scales[c]
             and abs(force_defect[c]) * size > _CHECK_BEYOND * goal[c]
         ):
             return True
@@ -197,7 +186,7 @@ def equations_hold(rhs, params, base, operators, kinds, values, newton):
     s = p.shape[1]
     for c in range(p.shape[0]):
         for i in range(s):
-            if not abs(change[c * s + i]) <= _UNSOLVED * room.vectors[GOAL, c]:
+            if not abs(change[c * s + i]) <= _UNSOLVED * room.goal[c]:
                 return False
     return True
 
@@ -208,11 +197,11 @@ def add_force_defect(sums, kinds, newton, errors):
 
     A defect within the rounding error of f is ignored.
     """
-    d, s, force_defect = errors.shape[0], sums.shape[1], newton.room.vectors[DEFECT]
+    d, s, force_defect = errors.shape[0], sums.shape[1], newton.room.defect
     defect, nodal_errors = newton.room.residual, newton.room.change
     for c in range(d):
         excess = force_defect[c]
-        if abs(excess) <= _NOISE * newton.room.vectors[FORCE_SCALES, c]:
+        if abs(excess) <= _NOISE * newton.room.force_scales[c]:
             excess = 0.0
         for i in range(s):
             defect[c * s + i] = excess * sums[kinds[c], i]
@@ -261,7 +250,7 @@ def tangent_error_ratio(h, equations, legendre, local, matrices, values, p0, new
 
     Sizes and errors are the largest among components, in the unit of each.
     """
-    worst, errors, units = 0.0, np.empty(values.shape[2]), newton.room.vectors[UNITS]
+    worst, errors, units = 0.0, np.empty(values.shape[2]), newton.room.units
     for column in range(1, values.shape[0]):
         estimate_error(
             h, equations, legendre, local, matrices, values[column], p0[column], newton, errors
@@ -302,7 +291,7 @@ def error_ratio(h, end, errors, values, second, state, p0, limits, room):
     """
     worst = 0.0
     for c in range(errors.shape[0]):
-        size_p, size_x, size = 0.0, 0.0, room.vectors[SIZES, c]
+        size_p, size_x, size = 0.0, 0.0, room.sizes[c]
         for i in range(values.shape[2]):
             size_p = max(size_p, abs(values[PRIMARY, c, i]))
             size_x = max(size_x, abs(values[POSITION, c, i]))
@@ -315,7 +304,7 @@ def error_ratio(h, end, errors, values, second, state, p0, limits, room):
         if second[c] == 0 and before > LEAST:
             at_start = _AT_START * allowed_error(before, before, 0, end, limits)
             allowed = min(allowed, max(at_start, _ROUNDING_OF_STEP * size_p))
-        allowed = max(allowed, _ROUNDING * abs(p0[c]), room.vectors[GOAL, c], LEAST)
+        allowed = max(allowed, _ROUNDING * abs(p0[c]), room.goal[c], LEAST)
         worst = max(worst, errors[c] / allowed)
         if not errors[c] < np.inf:
             return np.inf
@@ -333,7 +322,7 @@ def orbit_error(
     """
     second, start = equations.second, orbit.initial[0]
     room, kinds, matrices = newton.room, equations.kinds, operators.matrices
-    errors, x_start = room.vectors[ERRORS], orbit.x[0]
+    errors, x_start = room.errors, orbit.x[0]
     measure_force_defect(rhs, params, h, rule, x_start, start, second, values[0], limits, room)
     state.counts.rhs += room.check_times.shape[0]
     if defect_matters(operators.sums, kinds, newton):

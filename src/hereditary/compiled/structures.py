@@ -297,13 +297,14 @@ class StepRoom(NamedTuple):
     - residual, change (d s,): of the equations; nodal_change (d, s): the same change by nodes.
     - before (d, s), moved (s, d): y before a change, and its change; reached (s, s): the weights of
       an extrapolation.
-    - vectors (N_VECTORS, d): a point and f there; Newton's accuracy, the errors and the defect of
-      f; the sizes of y, to which its errors are relative; the units of y for differences of f; and
-      the scales of rounding.
+    - point, force (d,): a point and f there.
+    - goal, errors, defect (d,): Newton's accuracy, the errors and the defect of f.
+    - sizes (d,): of y, to which its errors are relative; units (d,): for differences of f.
+    - force_scales, starts, start_scales (d,): of rounding.
 
-    Summands of f are as large as the scales |J| |y|, so the rounding error of f is that of the
+    Summands of f are as large as its scale |J| |y|, so the rounding error of f is that of the
     scale. If y is found as a difference from y(0), its rounding error adds that of the scale |J|
-    |y(0)|. The starts have the sizes of y(0) for such components, otherwise 0.
+    |y(0)|. `starts` has the sizes of y(0) for such components, otherwise 0.
     """
 
     times: np.ndarray
@@ -314,7 +315,16 @@ class StepRoom(NamedTuple):
     before: np.ndarray
     moved: np.ndarray
     reached: np.ndarray
-    vectors: np.ndarray
+    point: np.ndarray
+    force: np.ndarray
+    goal: np.ndarray
+    errors: np.ndarray
+    defect: np.ndarray
+    sizes: np.ndarray
+    units: np.ndarray
+    force_scales: np.ndarray
+    starts: np.ndarray
+    start_scales: np.ndarray
 
 
 class Newton(NamedTuple):
@@ -325,9 +335,6 @@ class Newton(NamedTuple):
     room: StepRoom
 
 
-# Vectors of the room of a step: as one array they take less time to hand on.
-POINT, FORCE_HERE, GOAL, ERRORS, DEFECT, SIZES = range(6)
-UNITS, FORCE_SCALES, STARTS, START_SCALES, N_VECTORS = range(6, 11)
 # Control of stages: step length that the factors hold for (0: none), 1 where the Jacobian is to be
 # kept, the number of systems, the steps for which a longer one was put off, and 1 where a dense
 # Jacobian is reduced. A record would not pass through a function value.
