@@ -274,7 +274,7 @@ def test_an_event_that_writes_into_y_ends_the_run_and_changes_nothing(how):
     with pytest.warns(hd.SolveWarning, match=r"writing wrote into y, .*`change`.* at t = 3"):
         sol = hd.solve(SWING, 10.0, events=writing, **how)
     assert sol.status is hd.Status.EVENT_FAILED
-    assert sol.t.size > 5
+    assert sol.t.size >= 5
     assert np.array_equal(sol.y, plain.y[: sol.t.size])
 
 
