@@ -1,6 +1,7 @@
 """The house: files and functions stay small, no import is hidden."""
 
 import ast
+import re
 from pathlib import Path
 
 import pytest
@@ -37,3 +38,13 @@ def nested(node):
 def test_only_plots_and_the_command_line_import_matplotlib():
     users = {path.relative_to(SOURCE) for path in FILES if "import matplotlib" in path.read_text()}
     assert {user.with_suffix("").parts[0] for user in users} == {"plots", "paper", "__main__"}
+
+
+def test_the_way_of_a_call_names_functions_that_are_there():
+    page = (SOURCE.parents[1] / "docs" / "architecture.md").read_text()
+    ways = re.findall(r"^\| \d+ \| `([\w/]+\.py)` \| ([^|]+) \|", page, re.M)
+    assert len(ways) > 20
+    for file, names in ways:
+        tree = ast.parse((SOURCE / file).read_text())
+        there = {node.name for node in ast.walk(tree) if hasattr(node, "name")}
+        assert set(re.findall(r"`(\w+)`", names)) <= there, file
