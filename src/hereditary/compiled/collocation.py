@@ -24,7 +24,7 @@ from .structures import (
 )
 
 # Newton iterations before a step is refused, contraction from which a Jacobian of an earlier step
-# is not kept, and the iteration at which each node of few components has its own.
+# is not kept, and the iteration, from 0 on, at which each node of few components has its own.
 _SWEEPS, _SLOW, _EACH = 12, 0.05, 5
 # Iterations for a tangent of many components, and the relative change that ends them.
 _TANGENT_SWEEPS, _TANGENT_GOAL = 30, 1e-11
