@@ -27,7 +27,7 @@ SECTIONS = {
     "Steps chosen by a tolerance": "collocation undamped coincidences work_precision peers"
     " campaign solve_ivp",
     "Memory and kernels": "memory_is_nearly_free histories exponential_sum_modes memory_kernels"
-    " random_kernels kernels_and_sticking viscoelastic_responses",
+    " random_kernels kernels_and_sticking viscoelastic_responses laplace_kernels",
     "Large systems, ensembles and sweeps": "large_systems large_compared stick_slip_chain ensembles"
     " sweeps paper_spectra",
     "Exponents, resonance and fits": "lyapunov_rows lyapunov_cost chaos_tests resonance fits",
