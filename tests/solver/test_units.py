@@ -187,3 +187,8 @@ def test_a_force_next_to_0_leaves_sizes_and_steps_as_without(force):
     equation = hd.Equation(hd.Caputo(0.5), spiral, [0.0, 0.0], params=[0.0])
     still, pushed = (hd.solve(equation.replace(params=[p]), 1.0, rtol=1e-9) for p in (0.0, force))
     assert pushed.stats["n_steps"] == still.stats["n_steps"]
+
+
+def test_a_step_that_no_other_component_feels_may_grow_beyond_all_numbers():
+    scale = 10.0 ** np.array([99, 100, -100, 99])
+    assert np.all(scaled(PROBLEMS["cascade from rest"], scale).units < np.inf)

@@ -131,8 +131,9 @@ def units_of(rhs, params, y0):
     if y0.size > _FEW:
         units[:] = units.max() or np.abs(_moved(rhs, params, y0)).max()
         small = small[:0]
-    for c in small:
-        units[c] = _visible_step(rhs, params, y0, c)
+    with np.errstate(all="ignore"):  # steps may grow beyond all numbers
+        for c in small:
+            units[c] = _visible_step(rhs, params, y0, c)
     # powers of two, with which scaling is exact
     known = (units > LEAST) & (units < np.inf)
     return np.ldexp(known.astype(float), np.frexp(np.where(known, units, 1.0))[1] - 1)
