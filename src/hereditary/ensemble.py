@@ -84,7 +84,7 @@ def ensemble(
     params: ArrayLike | None = None,
     y0: ArrayLike | None = None,
     rtol: float | None = None,
-    atol: float | None = None,
+    atol: float | ArrayLike | None = None,
     scheme: Scheme | None = None,
     history: History | None = None,
     save_every: int = 1,

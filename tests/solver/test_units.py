@@ -1,4 +1,9 @@
-"""Units of y do not matter: by default tolerances are relative to the size of each component."""
+"""Sizes of components, to which a tolerance is relative without `atol=`.
+
+The size of a component is its largest |y| so far, at least a millionth of the largest size of all.
+So components that stay at 0 change nothing, the unit of y changes nothing, and components that are
+smaller than others keep the tolerance over eight decades.
+"""
 
 from typing import NamedTuple
 
@@ -6,6 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from random_problems import linear
 
 import hereditary as hd
 
@@ -56,6 +62,7 @@ PROBLEMS = {
     "epidemic": Problem(hd.Caputo(0.9), epidemic, [0.99, 0.01, 0.0], 40.0),
     "cascade from rest": Problem(hd.Caputo(0.8), cascade, [0.0, 0.0, 0.0, 0.0], 10.0),
 }
+TOLERANCES = [1e-4, 1e-6, 1e-8]
 
 
 def scaled(problem, scale):
@@ -75,27 +82,143 @@ def plain():
     return {
         (name, rtol): hd.solve(scaled(p, np.ones(size_of(p))), p.t_end, rtol=rtol)
         for name, p in PROBLEMS.items()
-        for rtol in (1e-4, 1e-6, 1e-8)
+        for rtol in TOLERANCES
     }
+
+
+def compared(problem, one, scale, rtol, **how):
+    """Solve the problem in other units; return the run and its distance in tolerances."""
+    sol = hd.solve(scaled(problem, scale), problem.t_end, rtol=rtol, **how)
+    assert sol.success
+    t = np.linspace(0, problem.t_end, 101)
+    apart = np.abs(sol(t) / scale - one(t)).max(axis=0)
+    return sol, (apart / (rtol * np.abs(one(t)).max(axis=0))).max()
+
+
+@pytest.mark.parametrize("name", PROBLEMS)
+@given(power=st.integers(-100, 100), rtol=st.sampled_from(TOLERANCES))
+def test_the_unit_of_y_changes_nothing(plain, name, power, rtol):
+    problem, one = PROBLEMS[name], plain[name, rtol]
+    sol, apart = compared(problem, one, np.full(size_of(problem), 10.0**power), rtol)
+    assert apart < 1
+    assert abs(sol.stats["n_steps"] - one.stats["n_steps"]) <= 0.2 * one.stats["n_steps"]
 
 
 @pytest.mark.parametrize("name", PROBLEMS)
 @given(
-    powers=st.lists(st.integers(-100, 100), min_size=4, max_size=4),
-    alike=st.booleans(),
-    rtol=st.sampled_from([1e-4, 1e-6, 1e-8]),
+    decades=st.lists(st.floats(0, 8), min_size=4, max_size=4),
+    power=st.integers(-50, 50),
+    rtol=st.sampled_from(TOLERANCES),
 )
-def test_the_relative_result_changes_by_less_than_twice_the_tolerance(
-    plain, name, powers, alike, rtol
-):
+def test_components_apart_by_eight_decades_keep_the_tolerance(plain, name, decades, power, rtol):
+    """As long as rounding of the largest, 1e-14 of it, is below the tolerance of the smallest."""
     problem, one = PROBLEMS[name], plain[name, rtol]
-    d = size_of(problem)
-    scale = 10.0 ** np.array([powers[0]] * d if alike else powers[:d])
-    sol = hd.solve(scaled(problem, scale), problem.t_end, rtol=rtol)
+    decades = np.minimum(decades[: size_of(problem)], 14 + np.log10(rtol))
+    sizes = np.abs(one.y).max(axis=0)
+    _, apart = compared(problem, one, 10.0 ** (decades + power) / sizes, rtol)
+    assert apart < 2
+
+
+@given(decades=st.lists(st.floats(-30, 30), min_size=3, max_size=3))
+def test_beyond_eight_decades_atol_keeps_it(plain, decades):
+    problem, one, rtol = PROBLEMS["epidemic"], plain["epidemic", 1e-6], 1e-6
+    scale = 10.0 ** np.array(decades)
+    _, apart = compared(problem, one, scale, rtol, atol=0.01 * rtol * scale)
+    assert apart < 2
+
+
+class Core(NamedTuple):
+    """A stable linear system ``D^order y = A y + b`` and its idle companions, in any order.
+
+    `matrix`, `force` and `y0` are those of all components, `place` (k,) says where the core is.
+    """
+
+    order: float
+    matrix: np.ndarray
+    force: np.ndarray
+    y0: np.ndarray
+    place: np.ndarray
+
+    def solved(self, kind, rtol):
+        """Solve it to t = 3, its Jacobian stated as the kind says."""
+        known, (rows, columns) = {}, np.nonzero(self.matrix)
+        if kind == "banded":
+            known = {"bandwidth": (int((rows - columns).max()), int((columns - rows).max()))}
+        elif kind == "sparse":
+            known = {"jac_sparsity": self.matrix != 0}
+        y0 = self.y0 if self.order <= 1 else [self.y0, 0 * self.y0]
+        params = [*self.matrix.ravel(), *self.force]
+        equation = hd.Equation(hd.Caputo(self.order), linear, y0, params=params, **known)
+        return hd.solve(equation, 3.0, rtol=rtol)
+
+    def alone(self, many):
+        """Return the core as many times as there are components for the solver of many."""
+        k = self.place.size
+        times = 1 + 9 // k if many else 1
+        own = self.matrix[np.ix_(self.place, self.place)]
+        matrix = np.kron(np.eye(times), own)
+        force, y0 = (np.tile(values[self.place], times) for values in (self.force, self.y0))
+        return Core(self.order, matrix, force, y0, np.arange(k))
+
+
+def with_idle(rng, k, order):
+    """Draw a core of k components, and join what it does not move.
+
+    These are a copy, the difference of both, what that drives, a sum that is conserved, and two
+    components at 0, of which one reads the difference alone.
+    """
+    basis = rng.normal(size=(k, k))
+    own = -(basis @ basis.T) / k * 10 ** rng.uniform(0, 1) - 0.1 * np.eye(k)
+    n = 2 * k + 5
+    matrix, force, y0 = np.zeros((n, n)), np.zeros(n), np.zeros(n)
+    for first in (0, k):
+        matrix[first : first + k, first : first + k] = own
+    force[: 2 * k], y0[: 2 * k] = np.tile(rng.normal(size=(2, k)), 2)
+    difference, driven, total, at_rest, reading = range(2 * k, n)
+    matrix[difference, [0, k, difference]] = 1.0, -1.0, -1.0
+    matrix[driven, [difference, driven]] = 1.0, -3.0
+    matrix[total, [1, k + 1]], y0[total] = (1.0, -1.0), 1.0
+    matrix[at_rest, at_rest] = -2.0
+    matrix[reading, difference] = 1.0
+    return Core(order, matrix, force, y0, np.arange(k))
+
+
+def in_other_order(core, order):
+    """Return the system with its components in another order."""
+    place = np.argsort(order)[core.place]
+    inside = core.matrix[np.ix_(order, order)]
+    return Core(core.order, inside, core.force[order], core.y0[order], place)
+
+
+KINDS = ["few", "many", "banded", "sparse"]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    order=st.sampled_from([0.3, 0.5, 0.9, 1.0, 1.5]),
+    rtol=st.sampled_from([1e-3, *TOLERANCES]),
+)
+def test_idle_components_change_nothing(kind, seed, order, rtol):
+    rng = np.random.default_rng(seed)
+    k = 2 if kind == "few" else int(rng.integers(3, 7))
+    core = with_idle(rng, k, order)
+    n, pairs = core.y0.size, np.arange(2 * k).reshape(2, k).T.ravel()
+    core = in_other_order(
+        core, [*range(2 * k, n), *pairs] if kind == "banded" else rng.permutation(n)
+    )
+    alone, sol = core.alone(kind != "few").solved(kind, rtol), core.solved(kind, rtol)
+    assert alone.success
     assert sol.success
-    t = np.linspace(0, problem.t_end, 101)
-    size = np.abs(one(t)).max(axis=0)
-    assert np.all(np.abs(sol(t) / scale - one(t)) < 2 * rtol * size)
+    t, largest = np.linspace(0, 3, 31), np.abs(sol.y).max()
+    expected = alone(t)[:, :k]
+    apart = np.abs(sol(t)[:, core.place] - expected)
+    assert np.all(apart <= 2 * rtol * np.abs(expected).max(axis=0))
+    idle = core.force == 0
+    moved = np.abs(sol.y[:, idle] - core.y0[idle]).max()
+    assert moved <= (1e-7 * rtol + 1e-13) * largest
+    # 34 steps, a 32nd of the run each, are made where nothing seems to move
+    assert sol.stats["n_steps"] <= max(1.4 * alone.stats["n_steps"], 36)
 
 
 POWERS = [-100, -12, 60]
@@ -164,7 +287,7 @@ def test_fits_find_the_same_rate(power):
     assert result.parameters["rate"] == pytest.approx(0.7, rel=1e-6)
 
 
-@pytest.mark.parametrize("unit", [1.0, 1e-30])
+@pytest.mark.parametrize("unit", [1.0, 1e-8])
 @pytest.mark.parametrize("rtol", [1e-3, 1e-6, 1e-9])
 def test_a_component_that_stays_at_0_takes_no_steps_of_its_own(rtol, unit):
     """It is felt by a stiff one, whose elimination leaves it rounding."""
@@ -192,3 +315,44 @@ def test_a_force_next_to_0_leaves_sizes_and_steps_as_without(force):
 def test_a_step_that_no_other_component_feels_may_grow_beyond_all_numbers():
     scale = 10.0 ** np.array([99, 100, -100, 99])
     assert np.all(scaled(PROBLEMS["cascade from rest"], scale).units < np.inf)
+
+
+def test_a_run_that_rounding_ends_names_the_component_and_atol():
+    """Rounding of y0 - y1 is multiplied by 1e8 on its way to y3."""
+
+    def differences(t, y):
+        force = np.sin(3 * t)
+        return np.array(
+            [
+                force - y[0],
+                force - y[1] + 1e-16 * y[0],
+                1e4 * (y[0] - y[1]) - y[2],
+                1e4 * y[2] - y[3],
+            ]
+        )
+
+    equation = hd.Equation(hd.Caputo(0.5), differences, [0.3, 0.3, 0.0, 0.0])
+    with pytest.warns(hd.SolveWarning, match=r"component 3 .* give atol="):
+        ended = hd.solve(equation, 5.0)
+    assert not ended.success
+    assert hd.solve(equation, 5.0, atol=1e-6).stats["n_steps"] < 50
+
+
+@pytest.mark.parametrize(
+    ("terms", "rows"), [(hd.Caputo(0.9), 1), (hd.Caputo(2.5) + hd.Caputo(0.5), 3)]
+)
+def test_one_tolerance_for_each_component(terms, rows):
+    """atol of a fast and small component keeps its error; that of the other alone does not."""
+
+    def fast(t, y):
+        return np.array([np.sin(t) - y[0], 1e-9 * np.sin(30 * t) - y[1]])
+
+    equation = hd.Equation(terms, fast, np.zeros((rows, 2)))
+    exact = hd.solve(equation, 10.0, rtol=1e-11, atol=1e-22)
+    t = np.linspace(0, 10, 101)
+    apart = {
+        atol: np.abs(hd.solve(equation, 10.0, rtol=1e-6, atol=list(atol))(t) - exact(t)).max(axis=0)
+        for atol in ((1e-6, 1e-15), (1e-6, 1e-6))
+    }
+    assert np.all(apart[1e-6, 1e-15] < [2e-6, 2e-15])
+    assert apart[1e-6, 1e-6][1] > 1e-12

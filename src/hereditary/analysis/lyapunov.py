@@ -198,7 +198,7 @@ def lyapunov(
     n_blocks: int = 20,
     separation: float = 1e-7,
     rtol: float | None = None,
-    atol: float | None = None,
+    atol: float | ArrayLike | None = None,
     verify: bool | None = None,
     progress: bool = False,
 ) -> LyapunovResult:
@@ -320,7 +320,7 @@ def _another(equation, scheme, result, finer):
     if scheme.adaptive:
         finer = finer or found["rtol"] > _LOOSEST
         factor = 0.1 if finer else 10.0
-        atol = None if found["atol"] is None else factor * found["atol"]
+        atol = None if found["atol"] is None else factor * np.asarray(found["atol"])
         how = "a tenth of the tolerance" if finer else "ten times the tolerance"
         return (found["t_end"], n, scheme, factor * found["rtol"], atol), how
     n, h = (2 * n, found["h"] / 2) if finer else (n // 2, 2 * found["h"])

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..collocation.adaptive_stepper import Tolerance
-from ..compiled.error_estimate import LEAST
 from ..compiled.jit import RHS_SIG, as_value, derived
 from ..equation.equation import Equation, current_equation
 from ..equation.system import System
@@ -72,7 +71,7 @@ def sensitivities(
     wrt: str | Sequence[str] | None = None,
     t_eval: ArrayLike | None = None,
     rtol: float | None = None,
-    atol: float | None = None,
+    atol: float | ArrayLike | None = None,
     scheme: Scheme | None = None,
     history: History | None = None,
 ) -> Sensitivities:
@@ -198,20 +197,22 @@ def _kinds(wrt, equation):
 def _with_parameters(system, size):
     """Return the system whose first parameters are components behind its own, of order 1.
 
-    And their units: such a component is as large as the largest one of y(0).
+    And their units: such a component is 1, -1 or 0, and its size does not count for that of y.
     """
     if size == 0:
         return system, np.ones(0)
     d, p = system.d, system.params
-    largest = np.abs(system.y0[0]).max()
-    units = np.where(p != 0, np.abs(p), 1.0) / (largest if largest > LEAST else 1.0)
+    units = np.where(p != 0, np.abs(p), 1.0)
     left = [SystemTerm(op, np.append(c, np.zeros(size))) for op, c in system.left]
     left.append(SystemTerm(ConstantOrder(1.0), np.repeat([0.0, 1.0], [d, size])))
     y0 = np.hstack([system.y0, np.zeros((system.m, size))])
     y0[0, d:] = p / units
     params = np.concatenate([system.compiled_params, units, [float(size)]])
     rhs = as_value(_reading(system.compiled_rhs), RHS_SIG)
-    return System(left, y0, params, rhs, frame=system.frame), units
+    quantities, of_y = np.repeat([0, 1], [d, size]), np.append(system.of_y, [0] * size)
+    return System(
+        left, y0, params, rhs, quantities=quantities, of_y=of_y, frame=system.frame
+    ), units
 
 
 @lru_cache(maxsize=64)

@@ -18,8 +18,9 @@ from ..compiled.adaptive import (
     TOO_CLOSE,
     TOO_ROUGH,
     march_adaptive,
+    set_units,
 )
-from ..compiled.error_estimate import LEAST
+from ..compiled.error_estimate import LEAST, SMALL, raise_small
 from ..compiled.mode_tables import empty_tables, floor_to_grid
 from ..compiled.rows import FORCE, POSITION, PRIMARY
 from ..compiled.structures import (
@@ -55,7 +56,6 @@ from .pieces import FirstPiece, PolynomialPieces
 from .quadrature import radau_nodes, rule_of, shortened_legendre
 from .reading import Plain, Reading
 from .singular_start import trials
-from .sizes import begins_at_rest, floors_of
 from .stage_solver import has_stages, stage_solver
 from .varying import OrderTables
 
@@ -272,22 +272,33 @@ _CLOSE = 1e-6
 _FEW_ROWS, _LOOKS = 8, 8
 
 
-def allowed_errors(rtol, atol):
-    """Return the errors a step may make: relative to y, absolute, relative to sizes."""
-    by_size, atol = (OF_SIZE * rtol, 0.0) if atol is None else (0.0, atol)
-    return STEP_FRACTION * rtol, STEP_FRACTION * atol, STEP_FRACTION * by_size
+class Allowed(NamedTuple):
+    """Errors of y: relative to |y|, absolute (d,), and relative to the sizes of components."""
+
+    rtol: float
+    atol: np.ndarray
+    by_size: float
+
+    def times(self, factor):
+        """Return these errors times a factor."""
+        return Allowed(*(factor * error for error in self))
+
+    @property
+    def least(self):
+        """The error of y = 0, of the component that may err least."""
+        return float(self.atol.min()) + self.by_size
 
 
 class Tolerance(NamedTuple):
     """Tolerances by which a run chooses its steps.
 
-    - rtol; atol: None for errors relative to the largest size of each component so far.
+    - rtol; atol: a number or one for each component of y, None for errors relative to sizes.
     - modes: the relative error of modes; None for the error that the tolerances require.
     - longest: the longest step [time] or None; most: the largest number of steps.
     """
 
     rtol: float
-    atol: float | None = None
+    atol: float | tuple[float, ...] | None = None
     modes: float | None = None
     longest: float | None = None
     most: int = MAX_STEPS
@@ -317,8 +328,11 @@ class AdaptiveStepper(Stepper):
         refuse_late(equation, t_end)
         rtol, atol, modes_tol, *limits = tolerance
         self._tolerances, self.pace, self._rows = (rtol, atol), Pace(*limits), _ROWS
-        self._t_end, self._allowed = t_end, allowed_errors(rtol, atol)
-        default_tol = max(1e-14, min(1e-3, _MODES_FRACTION * self._allowed[0]))
+        by_component = system.spread(0.0 if atol is None else equation.frame.doubled(atol))
+        by_size = OF_SIZE * rtol if atol is None else 0.0
+        self._t_end, self._errors = t_end, Allowed(rtol, by_component, by_size)
+        self._allowed = self._errors.times(STEP_FRACTION)
+        default_tol = max(1e-14, min(1e-3, _MODES_FRACTION * self._allowed.rtol))
         # larger errors of the modes would look like a rough solution, and no step would suffice
         self.modes_tol = default_tol if modes_tol is None else min(default_tol, modes_tol)
         self._known = known = max(t_end, scheme.horizon or 0.0)
@@ -333,7 +347,6 @@ class AdaptiveStepper(Stepper):
         self._transforms = shortened_legendre(s)
         y0 = initial_values(system, form.second == 1, view.directions(directions))
         self._orbit = OrbitAndTangents(form, y0, s)
-        self._units = system.units if atol is None else np.ones(system.d)
         self._state = initial_state(t_end, *np.abs([self._orbit.p[0], self._orbit.x[0]]))
         self._at_singular_start, self._largest_error = True, 0.0
         self._peak = np.zeros((2, system.d))  # of p and y at the starts of steps
@@ -375,7 +388,6 @@ class AdaptiveStepper(Stepper):
         if n_rows == 0:
             return None
         if self._at_singular_start:
-            self._set_floors()
             if not self._graded:
                 return self._singular_step(t_stop)
             self._begin_graded(t_stop)
@@ -406,7 +418,7 @@ class AdaptiveStepper(Stepper):
                     self._refine_modes(closest)
         if status == REACHED and self.error is None:
             self._set_origin(t_stop)
-        stretch = *before, self.t, counts, t_stop, steps.at_starts[:n], self._sizes()
+        stretch = *before, self.t, counts, t_stop, steps.at_starts[:n], self._still_sizes()
         if status in (FULL, TOO_CLOSE) and self.pace.is_stalled(*stretch):
             status = CRAWLING
         at_starts = np.abs(steps.at_starts[:n]).max(axis=0, initial=0.0)  # y, then p
@@ -422,11 +434,17 @@ class AdaptiveStepper(Stepper):
         self._largest_error = max(self._largest_error, float(errors.max()))
         return PolynomialPieces(*piece)
 
+    @property
     def _sizes(self):
+        """Sizes of the components, (d,): the largest |y| so far, or a fraction of the others'."""
+        sizes = self._state.sizes.copy()
+        raise_small(self._system.quantities, SMALL, sizes)
+        return sizes
+
+    def _still_sizes(self):
         """Return the sizes of y, and of p where it is y, to which the tolerance refers, (2, d)."""
         rtol, atol, by_size = self._allowed
-        sizes = np.maximum(self._state.sizes, self._state.floors)
-        sizes = sizes if by_size > 0 else np.full(sizes.size, atol / (OF_SIZE * rtol))
+        sizes = self._sizes if by_size > 0 else atol / (OF_SIZE * rtol)
         return np.array([sizes, np.where(self._form.second == 1, 0.0, sizes)])
 
     def _set_origin(self, t, since=0.0):
@@ -463,7 +481,7 @@ class AdaptiveStepper(Stepper):
         """March to a stop in compiled code, filling `steps`; return the status."""
         orbit = self._orbit
         _, status = march_adaptive(
-            *self._system.compiled, stages.solver, stages.stages, orbit.equations(self._units),
+            *self._system.compiled, stages.solver, stages.stages, orbit.equations(self._system),
             rule, basis, tables, self._orders.compiled(orbit.of_varying), arrays, self._state,
             steps, limits)  # fmt: skip
         return status
@@ -475,20 +493,12 @@ class AdaptiveStepper(Stepper):
         self._orders.clear()
         self.ending, self.error = Ending(), None
 
-    def _set_floors(self):
-        """Set the floors of components that begin at rest, where errors are relative to sizes."""
-        x = self._orbit.x[0]
-        if self.t == 0.0 and self._allowed[2] > 0.0 and begins_at_rest(x):
-            how = has_stages(self._form), self._t_end
-            self._state.floors[:], calls = floors_of(self._system, *how)
-            self._state.counts["rhs"] += calls
-
     def _singular_step(self, t_stop):
         """Make the step of a singular start; return its dense output, or None and set `ending`."""
         orbit, form, t, left = self._orbit, self._form, self.t, t_stop - self.t
-        sizes = np.maximum(self._state.sizes, self._state.floors)
-        units = np.maximum(self._units, sizes if self._allowed[2] > 0 else 0.0)
-        units = np.where(units > LEAST, units, 1.0)
+        units, system = np.empty(self._system.d), self._system
+        of_run = self._limits(t_stop)
+        set_units(system.units, system.quantities, self._sizes, orbit.x[0], of_run, units)
         limits = self.pace.longest[0], self._farthest / _LARGEST_RATIO
         how = t, left, *limits, self._state.counts, units
         self.ending, at_rest = TOO_STEEP, _FIRST_AT_REST * self.pace.longest[1]
@@ -536,8 +546,7 @@ class AdaptiveStepper(Stepper):
         how = solver, rule, basis, tables, arrays
         limits = self._limits(t_stop)
         share = min(1.0, max(_RESOLVED / variable.q, _UNRESOLVED, _ROUNDING / limits.rtol))
-        tolerances = share * np.array([limits.rtol, limits.atol, limits.by_size])
-        limits = limits._replace(rtol=tolerances[0], atol=tolerances[1], by_size=tolerances[2])
+        limits = limits._replace(**self._allowed.times(share)._asdict())
         status = self._march(steps, limits, *how)
         return steps, values if status in (FULL, REACHED) else None
 
@@ -557,7 +566,7 @@ class AdaptiveStepper(Stepper):
         """Begin with ordinary steps, the first so short that the solution hardly changes."""
         self._set_origin(self.t)
         least = 1e5 * self._farthest / _LARGEST_RATIO
-        h = self._form.graded_first_step(self.t, t_stop - self.t, sum(self._allowed[1:]), least)
+        h = self._form.graded_first_step(self.t, t_stop - self.t, self._allowed.least, least)
         closest = self._closest(h)
         if self.n_modes == 0:
             self._orbit.open_modes(closest, self._farthest, self._known, self.modes_tol)
@@ -585,7 +594,7 @@ class AdaptiveStepper(Stepper):
         """Fit kernels known by their values, for steps as short as are to be expected."""
         closest = _CLOSE * t_end
         if self._form.implicit.any() and not self._form.varying:
-            first = self._form.graded_first_step(0.0, t_end, sum(self._allowed[1:]))
+            first = self._form.graded_first_step(0.0, t_end, self._allowed.least)
             closest = self._closest(first)
         errors = self._orbit.prefit_kernels(closest, self._farthest, self._known, self.modes_tol)
         warn_of_fit(errors.measured, self._tolerances[0])
@@ -603,9 +612,9 @@ class AdaptiveStepper(Stepper):
     @property
     def uncertainty(self):
         """Errors of y, (d,), that the tolerance allows here."""
-        rtol, atol = self._tolerances
-        sizes = self._view.values(self._state.sizes, self._state.sizes)[0]
-        return rtol * np.abs(self.y) + (OF_SIZE * rtol * sizes if atol is None else atol)
+        rtol, atol, by_size = self._errors
+        errors = rtol * np.abs(self._orbit.x[0]) + atol + by_size * self._sizes
+        return self._view.values(errors, errors)[0]
 
     @property
     def ydot(self):
@@ -646,11 +655,23 @@ class AdaptiveStepper(Stepper):
         ended = self.ending if self.ending.status is not None else None
         if ended is None and self.pace.used_up(self.n_steps) and self.t < self._t_end:
             ended = Ending(Status.MAX_STEPS, f"{self.n_steps} in all")
-        if ended is None or ended.status is Status.BLOWN_UP or not self._system.has_jac:
+        if ended is None or ended.status is Status.BLOWN_UP:
+            return ended
+        found = [part for part in (ended.detail, self._small_component()) if part]
+        ended = ended._replace(detail="; ".join(found))
+        if not self._system.has_jac:
             return ended
         rhs, jac, _, params = self._system.compiled
         at = self._orbit.x[0], params, self._system.structure, self.t
         return ended._replace(detail=wrong_jacobian(rhs, jac, *at) or ended.detail)
+
+    def _small_component(self):
+        """Return a clause on the component whose error is the largest, if rounding may be that."""
+        c = int(self._control["worst"])
+        if self._allowed.by_size == 0 or self._state.sizes[c] >= self._sizes[c]:
+            return ""
+        name = self._system.of_y[c] // (2 if self.equation.frame.paired else 1)
+        return f"component {name} is below a millionth of the largest, may be rounding: give atol="
 
     @property
     def misfit(self):
@@ -679,7 +700,7 @@ class AdaptiveStepper(Stepper):
         of_steps = max(self._largest_error, STEP_FRACTION) * self._tolerances[0]
         if self.n_steps <= _ROWS:
             return of_steps
-        moved = np.max(self._moved / np.maximum(self._state.sizes, LEAST))
+        moved = np.max(self._moved / np.maximum(self._sizes, LEAST))
         of_modes = _OF_MODES * self._orbit.power_laws.error * moved
         return float(of_steps + of_modes + _OF_ROUNDING * self.n_steps)
 

@@ -118,11 +118,11 @@ class OrbitAndTangents:
         self.masses = np.append(self.kernels.masses, np.zeros(n_varying))
         self.of_varying = np.repeat([0.0, 1.0], [m + more, self.varying.rates.size])
 
-    def equations(self, units):
-        """Return the integral equations in the form of compiled code; units (d,) of components."""
+    def equations(self, system):
+        """Return the integral equations of the system in the form of compiled code."""
         form = self._form
         parts = form.terms, form.orders, form.second, self.offsets, form.implicit, form.unweighted
-        return Equations(*parts, form.kinds, units)
+        return Equations(*parts, form.kinds, system.units, system.quantities)
 
     def march_arrays(self):
         """Return the arrays in the form of compiled code, which changes them in place."""

@@ -130,6 +130,7 @@ def reduced(equation):
     origins = np.where(leading > 1, speeds, -1 - np.arange(d)).tolist()
     made = list(zip(equation.y0[0], np.minimum(leading, 1.0).tolist(), origins, strict=True))
     made += [(equation.y0[1, j], leading[j] - 1, -1 - j) for j in second]
+    roles = [(j, 0.0) for j in range(d)] + [(j, 1.0) for j in second]
     places = {(j, 1.0): int(speeds[j]) for j in second}
 
     def place(j, gamma):
@@ -141,6 +142,7 @@ def reduced(equation):
             slow = leading[j] > 1 and gamma < 1
             order = 1 - gamma if slow else leading[j] - gamma
             made.append((0.0, order, int(speeds[j]) if slow else -1 - j))
+            roles.append((j, gamma))
         return places[j, gamma]
 
     # what f reads, and the lower terms of each F_j
@@ -164,6 +166,18 @@ def reduced(equation):
             own.append((i, origin, 1.0))
     left = left_of([(order, i, lead[i]) for i, (_, order, _) in enumerate(made)], n)
     how = memory.compiled_params, memory.compiled_rhs, memory.compiled_jac
-    known = {"rhs_digest": equation.rhs_digest, "frame": Frame(equation.frame.start)}
-    found = affine(how, n, memory.d, own, forces, read)
-    return System(left, np.array([[value for value, _, _ in made]]), *found, **known), speeds
+    quantities = [(equation.quantities[j], gamma) for j, gamma in roles]
+    numbers = {quantity: number for number, quantity in enumerate(sorted(set(quantities)))}
+    params, rhs, jac = affine(how, n, memory.d, own, forces, read)
+    system = System(
+        left,
+        np.array([[value for value, _, _ in made]]),
+        params,
+        rhs,
+        jac,
+        quantities=np.array([numbers[quantity] for quantity in quantities]),
+        of_y=equation.of_y[[j for j, _ in roles]],
+        frame=Frame(equation.frame.start),
+        rhs_digest=equation.rhs_digest,
+    )
+    return system, speeds

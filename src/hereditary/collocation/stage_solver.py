@@ -51,6 +51,7 @@ def stage_solver(structure, form, s):
     solver = partial(_solver, lapack_values=eigenvectors)
     if structure is None:
         how = {"lapack": lapack_address("dgehrd"), "lapack_solve": lapack_address("dorghr")}
+        how["lapack_balance"] = lapack_address("dgebal")
         # varying orders have new factors at each step
         how["hold"] = 0 if form.varying else _HOLD
         room = {"factors": np.empty((s, 1, d), complex), "dense": np.empty((2 + 2 * s, d, d))}
@@ -99,7 +100,10 @@ def _solver(function, kinds, s, held=None, *, order, **given):
     second = np.zeros(n, dtype=np.int64)
     second[numbers] = second_of
     complex_room = [np.zeros(size, complex) for size in (s, (s, s), (s, s))]
-    numbers_of = "lower", "upper", "lapack", "lapack_solve", "lapack_values", "python", "hold"
+    numbers_of = (
+        "lower", "upper", "lapack", "lapack_solve", "lapack_values", "lapack_balance", "python",
+        "hold",
+    )  # fmt: skip
     none: dict[str, Any] = {
         "factors": np.empty((0, 0, 0), complex),
         "dense": np.empty((0, 0, 0)),

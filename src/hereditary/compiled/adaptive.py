@@ -3,8 +3,16 @@
 import numpy as np
 
 from .collocation import open_newton, solve_stages, solve_tangents
-from .error_estimate import LEAST, ROUNDING_OF_SUMS, allowed_error, orbit_error, tangents_error
-from .jit import I8, VEC, allocating, compiled, embedded, entry, inlined, inner
+from .error_estimate import (
+    LEAST,
+    ROUNDING_OF_SUMS,
+    SMALL,
+    allowed_error,
+    orbit_error,
+    raise_small,
+    tangents_error,
+)
+from .jit import I8, VEC, allocating, compiled, embedded, entry, inner
 from .linalg import clear_matrix, put, put_cube, put_matrix
 from .mode_tables import (
     advance_modes,
@@ -24,6 +32,7 @@ from .rows import (
     number_of,
 )
 from .signatures import JAC, RHS
+from .stages import set_scales
 from .structures import (
     BASIS,
     EQUATIONS,
@@ -43,6 +52,10 @@ from .structures import (
 
 # Goal of Newton's method, in tolerances.
 _NEWTON = 0.01
+# Error of a small component, as fraction of the largest of its quantity: differences of equal
+# components are rounding of that size. With a tenth of it, runs at rtol 1e-8 take up to three
+# times the steps where such a difference drives others.
+_OF_OTHERS = 3e-15
 
 
 @embedded
@@ -70,20 +83,27 @@ def attempt(
         nodes, rule.legendre, last, h, control.last, orbit.p[0], room.reached,
         values[0, PRIMARY],
     )  # fmt: skip
-    for c in range(room.sizes.shape[0]):
-        room.sizes[c] = max(state.sizes[c], state.floors[c])
-        if limits.by_size > 0.0:
-            room.units[c] = unit_of(equations.units[c], room.sizes[c])
-    set_newton_goal(h, equations, orbit, state, limits, room)
+    put(state.sizes, room.sizes)
+    begins = raise_small(equations.quantities, SMALL, room.sizes)
+    put(room.sizes, room.sizes_before)
+    set_units(equations.units, equations.quantities, room.sizes, orbit.x[0], limits, room.units)
     set_starts(orbit, equations.second, newton.room.starts)
-    solved = solve_stages(
-        rhs, jac, has_jac, params, room.times, h, base[0], orbit.x[0], equations.second,
-        operators, kinds, integral, room.goal, values[0], counts, state.contraction,
-        newton,
-    )  # fmt: skip
+    solved = False
+    for _ in range(2 if begins else 1):  # the first solution has the sizes of what begins at 0
+        set_newton_goal(h, equations, orbit, state, limits, room)
+        solved = solve_stages(
+            rhs, jac, has_jac, params, room.times, h, base[0], orbit.x[0], equations.second,
+            operators, kinds, integral, room.goal, values[0], counts, state.contraction,
+            newton,
+        )  # fmt: skip
+        if not solved:
+            break
+        raise_sizes(values[0], room.sizes)
+        if begins:  # kept, also if the step is refused
+            raise_sizes(values[0], state.sizes)
+        raise_small(equations.quantities, SMALL, room.sizes)
     ratio, by_defect = np.inf, False
     if solved:
-        raise_sizes(values[0], room.sizes)
         ratio, by_defect = orbit_error(
             rhs, params, h, base, equations, rule, operators, local, values, orbit, state,
             newton, limits,
@@ -137,11 +157,21 @@ def set_starts(orbit, second, starts):
         starts[c] = abs(orbit.initial[0, c]) if second[c] == 0 else 0.0
 
 
-@inlined
-def unit_of(unit, size):
-    """Return the unit of a component of this size: the larger one, or 1 if both are next to 0."""
-    largest = max(unit, size)
-    return largest if largest > LEAST else 1.0
+@inner
+def set_units(units, quantities, sizes, x, limits, out):
+    """Set the units of differences, (d,): sizes, or without them what `atol` makes one.
+
+    Units of the start do not count beyond the present y. 1 stands for units next to 0.
+    """
+    by_size = limits.by_size > 0.0
+    for c in range(out.shape[0]):
+        out[c] = abs(x[c])
+    raise_small(quantities, 1.0, out)
+    for c in range(out.shape[0]):
+        least = sizes[c] if by_size else limits.atol[c] / limits.rtol
+        unit = units[c] if by_size or out[c] == 0.0 else min(units[c], out[c])
+        unit = max(unit, least)
+        out[c] = unit if unit > LEAST else 1.0
 
 
 @inner
@@ -158,13 +188,19 @@ def set_newton_goal(h, equations, orbit, state, limits, room):
     """Set the error of p that Newton's method may leave, (d,).
 
     It is at least what the rounding of y leaves in p = y' through terms of y itself, and that at
-    most what changes y by as much over the step.
+    most what changes y by as much over the step. For a small component it is at least what the
+    rounding of the largest one leaves in it.
     """
     terms, orders, goal = equations.terms, equations.orders, room.goal
     second, d = equations.second, goal.shape[0]
     for c in range(d):
         size = max(state.largest[c], abs(orbit.p[0, c]))
-        goal[c] = _NEWTON * allowed_error(size, room.sizes[c], second[c], 1.0, limits)
+        goal[c] = _NEWTON * allowed_error(c, size, room.sizes[c], second[c], 1.0, limits)
+        room.hidden[c] = size if second[c] == 1 else room.sizes[c]
+    raise_small(equations.quantities, 1.0, room.hidden)
+    for c in range(d if limits.by_size > 0.0 else 0):
+        if state.sizes[c] < room.sizes[c]:
+            goal[c] = max(goal[c], _OF_OTHERS * room.hidden[c])
     for n in range(terms.shape[0]):
         c, k = terms[n].row, terms[n].index
         if terms[n].integrand == POSITION and 0 <= k < orders.shape[0] and c < d:
@@ -203,9 +239,6 @@ REACHED, FULL, TOO_CLOSE, TOO_ROUGH, NOT_SOLVED, ORDERS_NEEDED, JUMPING, CRAWLIN
 # Largest and smallest factor between steps, and the error that a step aims at, in step lengths and
 # tolerances.
 _GROW, _SHRINK, _SAFETY = 3.0, 0.2, 0.8
-# A floor counts until the size of y exceeds this fraction of it (collocation/sizes.py): errors made
-# until then are within the tolerance ever after.
-NEAR = 0.01
 # Growth that is always worth new factors of many components.
 _WORTH = 2.0
 
@@ -264,7 +297,7 @@ def take_steps(
                 return row, reason_of_refusal(by_defect, solved)
             continue
         counts.accepted += 1
-        record_sizes(values[0], state)
+        raise_sizes(values[0], state.sizes)
         record_step(state, t, h, ratio, values[0], equations.second, orbit, steps, row)
         absorb_constant_mode(basis.rates, orbit)
         put_cube(orbit.modes, orbit.before)
@@ -288,9 +321,11 @@ def march_adaptive(
     base, values = np.empty((n_columns, n_rows, s)), np.empty(orbit.last.shape)
     operators = empty_operators(n_columns, n_rows, kinds, s)
     newton = open_newton(orbit.x.shape[1], s, rule.check_points.shape[0], solver, stages)
-    for c in range(equations.units.shape[0]):
-        newton.room.units[c] = unit_of(equations.units[c], 0.0)
-    put(newton.room.units, stages.scales)
+    put(state.sizes, newton.room.sizes)
+    raise_small(equations.quantities, SMALL, newton.room.sizes)
+    room = newton.room
+    set_units(equations.units, equations.quantities, room.sizes, orbit.x[0], limits, room.units)
+    set_scales(room.units, stages)
     weights = mode_weights(equations, basis, varying, orbit)
     return take_steps(
         rhs, jac, has_jac, params, equations, rule, basis, tables, varying, orbit, state,
@@ -402,15 +437,6 @@ def advance_orbit(h, to_end, moments, weights, kinds, legendre, orbit):
         advance_modes(h, to_end, moments, weights, column, kinds, legendre, own, modes)
         put(own[POSITION, :, -1], orbit.x[column])
         put(own[PRIMARY, :, -1], orbit.p[column])
-
-
-@inner
-def record_sizes(values, state):
-    """Record the sizes of y up to the end of a step, and which have come near their floors."""
-    raise_sizes(values, state.sizes)
-    for c in range(state.sizes.shape[0]):
-        if state.sizes[c] > 0.0 and NEAR * state.floors[c] <= state.sizes[c]:
-            state.floors[c] = -1.0
 
 
 @inner

@@ -30,6 +30,8 @@ _SWEEPS, _SLOW, _EACH = 12, 0.05, 5
 _TANGENT_SWEEPS, _TANGENT_GOAL = 30, 1e-11
 # Relative and absolute change of p that rounding leaves.
 _ROUNDING, _LEAST = 1e-14, 1e-202
+# Change of p, as fraction of the largest one, that is left where sizes are not known yet.
+_OF_LARGEST = 1e-10
 
 
 @inner
@@ -82,7 +84,8 @@ def open_newton(d, s, n_checks, solver, stages):
     room = StepRoom(
         np.empty(s), np.empty(n_checks), np.empty(d * s), change, change.reshape((d, s)),
         np.empty((d, s)), np.empty((s, d)), np.empty((s, s)), np.empty(d), np.empty(d), np.empty(d),
-        np.empty(d), np.empty(d), np.empty(d), np.empty(d), np.zeros(d), np.zeros(d), np.zeros(d),
+        np.empty(d), np.empty(d), np.empty(d), np.empty(d), np.empty(d), np.empty(d), np.zeros(d),
+        np.zeros(d), np.zeros(d),
     )  # fmt: skip
     return Newton(solver, stages, room)
 
@@ -215,13 +218,16 @@ def correct_forces(jacobians, before, x, f, moved):
 @inlined
 def take_change(change, goal, p):
     """Subtract a change, (d s,), from p; return the largest in units of the goal."""
-    size = 0.0
+    size, largest = 0.0, 0.0
+    for c in range(p.shape[0]):
+        for i in range(p.shape[1]):
+            p[c, i] -= change[c * p.shape[1] + i]
+            largest = max(largest, abs(p[c, i]))
     for c in range(p.shape[0]):
         allowed = goal[c]
         for i in range(p.shape[1]):
-            p[c, i] -= change[c * p.shape[1] + i]
-            if goal[c] <= _LEAST:  # a component at rest has no goal but its rounding
-                allowed = max(_ROUNDING * abs(p[c, i]), _LEAST)
+            if goal[c] <= _LEAST:  # what begins at 0 has no size yet
+                allowed = max(_ROUNDING * abs(p[c, i]), _OF_LARGEST * largest, _LEAST)
             size = max(size, abs(change[c * p.shape[1] + i]) / allowed)
     return size
 

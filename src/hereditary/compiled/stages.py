@@ -13,6 +13,8 @@ have none, so the system of size d s is solved as it is: s times the diagonals o
 times its entries. So it is for few components, with a Jacobian for each node if it has to be.
 """
 
+import math
+
 import numpy as np
 
 from .callbacks import PythonRaised, call_at, call_lapack
@@ -30,10 +32,10 @@ from .linalg import (
 from .rows import FORCE, POSITION, PRIMARY
 from .signatures import FACTORISE, LinearSolver
 from .sparse_solvers import banded_solver, sparse_solver, substitute_band
-from .structures import OF_SPEEDS, OF_VALUES, REDUCED, REST, SYSTEMS
+from .structures import LENGTH, OF_SPEEDS, OF_VALUES, REDUCED, REST, SYSTEMS
 
-# LAPACK's letters: left eigenvectors are not wanted, right ones are.
-_WITHOUT, _WITH = ord("N"), ord("V")
+# LAPACK's letters: left eigenvectors are not wanted, right ones are; matrices are scaled alone.
+_WITHOUT, _WITH, _SCALING = ord("N"), ord("V"), ord("S")
 
 
 @allocating
@@ -130,7 +132,8 @@ def no_stages(task, values, stage):
 def dense_stages(task, values, stage):
     """Factorise all systems of a dense Jacobian, or solve them for nodal values; 0 if done.
 
-    With ``J = Q H Q^T``, H being zero below its first subdiagonal, every system costs d**2.
+    With ``D^-1 J D = Q H Q^T``, D being diagonal and H zero below its first subdiagonal, every
+    system costs d**2.
     """
     # dense (2 + 2 K, n, n): H, Q, and real and imaginary part of each system's factors, whose
     # subdiagonal holds the multipliers; factors (K, 1, n): 1 where rows were exchanged
@@ -145,6 +148,7 @@ def dense_stages(task, values, stage):
                 return 1
         return 0
     turned, found = np.empty(values.shape), np.zeros(values.shape)
+    scale(stage, values, True)
     transposed_product(stage.dense[1], values, turned)
     right = np.empty(n, dtype=np.complex128)
     for k in range(int(stage.control[SYSTEMS])):
@@ -153,12 +157,16 @@ def dense_stages(task, values, stage):
         substitute_hessenberg(real, imaginary, stage.factors[k, 0], right)
         add_solution(k, right, stage, found)
     product(stage.dense[1], found, values)
+    scale(stage, values, False)
     return 0
 
 
 @allocating
 def reduce(stage):
-    """Set H and Q of ``J = Q H Q^T`` by LAPACK; False where J is not finite."""
+    """Set D, H and Q of ``D^-1 J D = Q H Q^T`` by LAPACK; False where J is not finite.
+
+    D are powers of 2 that balance rows and columns of J: units of components do not matter.
+    """
     n = stage.order.shape[0]
     h, q = stage.dense[0], stage.dense[1]
     for i in range(n):
@@ -166,14 +174,18 @@ def reduce(stage):
             q[j, i] = stage.jacobians[0, i, j]  # LAPACK's matrices have their columns in a row
             if not abs(q[j, i]) < np.inf:
                 return False
-    numbers, room = np.empty(4, dtype=np.int32), np.empty(65 * n)
-    numbers[0], numbers[1], numbers[2], numbers[3] = n, 1, 64 * n, 0
+    numbers, room = np.empty(6, dtype=np.int32), np.empty(65 * n)
+    numbers[0], numbers[1], numbers[2], numbers[3], numbers[4] = n, 1, 64 * n, 0, _SCALING
     at, tau = numbers.ctypes.data, room.ctypes.data
-    work = tau + 8 * n
+    work, columns = tau + 8 * n, q.ctypes.data
+    call_lapack(  # type: ignore[call-arg]
+        stage.lapack_balance,
+        (at + 16, at, columns, at, at + 4, at + 20, stage.scales.ctypes.data, at + 12),
+    )  # fmt: skip
     for step in range(2):
         address = stage.lapack if step == 0 else stage.lapack_solve
         call_lapack(  # type: ignore[call-arg]
-            address, (at, at + 4, at, q.ctypes.data, at, tau, work, at + 8, at + 12)
+            address, (at, at + 4, at, columns, at, tau, work, at + 8, at + 12)
         )
         for i in range(n if step == 0 else 0):
             for j in range(n):
@@ -397,6 +409,19 @@ def set_entries(stage):
                 own = rest[i, j] if c == e else 0.0
                 out[VALUES, number] = own - value * gain[i, j]
                 number += 1
+
+
+@inner
+def set_scales(units, stage):
+    """Set the scales of systems of all stages to the powers of 2 below these units, (d,).
+
+    Other scales void the factors.
+    """
+    for c in range(units.shape[0] if stage.joint.shape[0] > 0 else 0):
+        scale = math.ldexp(1.0, math.frexp(units[c])[1] - 1)
+        if scale != stage.scales[c]:
+            stage.scales[c] = scale
+            stage.control[LENGTH] = stage.control[REDUCED] = 0.0
 
 
 @inner

@@ -30,8 +30,9 @@ TERM = np.dtype(
     [("row", "i8"), ("integrand", "i8"), ("index", "i8"), ("coefficient", "f8")], align=True
 )
 # Step control: present time since the origin, lengths of the next and of the last step, that of the
-# shortest step for which the modes hold, 1 if the last trial was refused, and the origin [time].
-_TIMES = "time", "next", "last", "shortest", "refused", "origin"
+# shortest step for which the modes hold, 1 if the last trial was refused, the origin [time], and
+# the component with the largest error of the last trial.
+_TIMES = "time", "next", "last", "shortest", "refused", "origin", "worst"
 CONTROL = np.dtype([(name, "f8") for name in _TIMES], align=True)
 # Calls of the right-hand side, and steps accepted, refused, and refused by the defect of f alone.
 COUNTS = np.dtype(
@@ -60,6 +61,7 @@ class Equations(NamedTuple):
     - unweighted: integrands of terms with varying orders, whose modes are stored without weights.
     - kinds (d,): number of each component's kind; components of one kind have the same terms.
     - units (d,): for differences of f.
+    - quantities (d,): components with one number are sizes of one quantity.
     """
 
     terms: Records
@@ -70,6 +72,7 @@ class Equations(NamedTuple):
     unweighted: Integers
     kinds: Integers
     units: Vector
+    quantities: Integers
 
 
 class Rule(NamedTuple):
@@ -172,8 +175,6 @@ class MarchState(NamedTuple):
     """Step control, counts and contraction of Newton's method.
 
     - largest (d,): the largest |y'| so far; sizes (d,): the largest |y| so far.
-    - floors (d,): sizes that are used while sizes are far smaller, and -1 afterwards
-      (collocation/sizes.py).
     """
 
     control: Control
@@ -181,7 +182,6 @@ class MarchState(NamedTuple):
     contraction: Contraction
     largest: Vector
     sizes: Vector
-    floors: Vector
 
 
 class Steps(NamedTuple):
@@ -209,7 +209,7 @@ class Limits(NamedTuple):
     """Time to stop at, longest step, longest step while the solution is at rest, and tolerances.
 
     f may be called between `earliest` and `latest`. `t_end` is the length of the run. The tolerance
-    of y is atol + rtol |y| + by_size times the size of the component.
+    of y is atol, (d,), + rtol |y| + by_size times the size of the component.
     """
 
     stop: float
@@ -218,7 +218,7 @@ class Limits(NamedTuple):
     longest: float
     longest_idle: float
     rtol: float
-    atol: float
+    atol: Vector
     by_size: float
     t_end: float
 
@@ -253,12 +253,13 @@ class Stages(NamedTuple):
     If terms differ, or components are few:
 
     - order (d s,): place of each unknown; joint (d s, d s): the matrix, or its entries.
-    - dense (1, ., .): the factors, or room for them; scales (d,): units of y, powers of 2.
+    - dense (1, ., .): the factors, or room for them.
 
     In both cases:
 
-    - lower, upper: diagonals of a band.
-    - lapack, lapack_solve, lapack_values, python: addresses of functions.
+    - scales (d,): powers of 2, of y or to balance a dense Jacobian; lower, upper: diagonals of a
+      band.
+    - lapack, lapack_solve, lapack_values, lapack_balance, python: addresses of functions.
     - hold: steps of one length before new factors for a longer one pay.
     - kinds (d,): of the components; second (n,): 1 for kinds whose primary unknown is y'.
     - matrices (n, 3, s, s): of f, p and y for each kind; integral (s, s): over the step.
@@ -274,6 +275,7 @@ class Stages(NamedTuple):
     lapack: int
     lapack_solve: int
     lapack_values: int
+    lapack_balance: int
     python: int
     hold: int
     kinds: Integers
@@ -299,7 +301,9 @@ class StepRoom(NamedTuple):
       an extrapolation.
     - point, force (d,): a point and f there.
     - goal, errors, defect (d,): Newton's accuracy, the errors and the defect of f.
-    - sizes (d,): of y, to which its errors are relative; units (d,): for differences of f.
+    - hidden (d,): the largest p of the same quantity, whose rounding a small component may be.
+    - sizes, sizes_before (d,): of y, to which its errors are relative, and those before the step.
+    - units (d,): for differences of f.
     - force_scales, starts, start_scales (d,): of rounding.
 
     Summands of f are as large as its scale |J| |y|, so the rounding error of f is that of the
@@ -320,7 +324,9 @@ class StepRoom(NamedTuple):
     goal: np.ndarray
     errors: np.ndarray
     defect: np.ndarray
+    hidden: np.ndarray
     sizes: np.ndarray
+    sizes_before: np.ndarray
     units: np.ndarray
     force_scales: np.ndarray
     starts: np.ndarray
@@ -386,9 +392,7 @@ def plain(part):
 def initial_state(h, largest, sizes):
     """Return the state of a march that begins with a step of length h."""
     contraction = record(CONTRACTION, rate=1.0, change=1.0, length=1.0)
-    return MarchState(
-        record(CONTROL, next=h), record(COUNTS), contraction, largest, sizes, 0.0 * sizes
-    )
+    return MarchState(record(CONTROL, next=h), record(COUNTS), contraction, largest, sizes)
 
 
 def restored_state(kept):

@@ -13,6 +13,7 @@ last component are on the left side; other ones are memory that the right-hand s
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -130,15 +131,17 @@ def chained(left, y0, params, rhs, jac):
     params, rhs, jac = affine((params, rhs, jac), size, d, lower, before)
     start = np.array([[y0[k, j] for j, k in pairs]]) if above else y0
     speeds = np.array([places.get((j, 1), -1) for j in range(d)] if above else [], dtype=np.int64)
+    of_y, quantities = np.array(pairs, dtype=np.int64).T.copy()
+    known = partial(System, of_y=of_y, quantities=quantities)
     found = [*own, *((order, place, 1.0) for (order, _), place in memory.items())]
     wide = left_of(found, size)
     if not memory:
-        return Chained(System(wide, start, params, rhs, jac), None, speeds)
+        return Chained(known(wide, start, params, rhs, jac), None, speeds)
     sources = np.append(np.arange(len(pairs)), [s for _, s in memory]).astype(np.int64)
     enlarged = System(wide, start[:, sources], params, rhs, jac, sources)
     narrow = [SystemTerm(operator, c[: len(pairs)]) for operator, c in wide]
     own_terms = [term for term in narrow if np.any(term.coefficients)]
-    return Chained(System(own_terms, start, params), enlarged, speeds)
+    return Chained(known(own_terms, start, params), enlarged, speeds)
 
 
 def left_of(found, width):

@@ -34,6 +34,10 @@ class Frame(NamedTuple):
             inside = inside[..., : len(self.speeds)]
         return np.ascontiguousarray(inside).view(complex) if self.paired else inside
 
+    def doubled(self, values):
+        """Return a number, or one for each component of y, for the real components that y has."""
+        return np.repeat(values, 2) if self.paired and np.ndim(values) else values
+
     def moved(self, inside, values):
         """Return components (n,) where y, as the user sees it, has other values."""
         found = inside.copy()

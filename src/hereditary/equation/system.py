@@ -47,6 +47,9 @@ class System:
         The same equation with the memory that its right-hand side reads behind its components.
     n_params : int, optional
         Number of parameters of the user.
+    quantities, of_y : ndarray of int64, shape (d,), optional
+        Number of the quantity that each component is, 0 for y: derivatives and parameters are
+        others. Component of y that it belongs to; by default its own memory's.
     frame : Frame
         How users see times and components.
     rhs_digest, terms_digest : str
@@ -67,6 +70,8 @@ class System:
     structure: Any = None
     larger: "System | None" = None
     n_params: Any = None
+    quantities: Any = None
+    of_y: Any = None
     frame: Frame = _OWN
     rhs_digest: str = ""
     terms_digest: str = ""
@@ -80,6 +85,21 @@ class System:
             set_once("sources", np.arange(self.d))
         if self.n_params is None:
             set_once("n_params", self.compiled_params.size)
+        if self.quantities is None:
+            set_once("quantities", np.zeros(self.d, dtype=np.int64))
+        if self.of_y is None:
+            set_once("of_y", self.sources)
+
+    def spread(self, values):
+        """Return a number, or one for each component of y, as one for each component, (d,)."""
+        values = np.asarray(values)
+        return np.full(self.d, values) if values.ndim == 0 else values[self.of_y]
+
+    @property
+    def n_y(self) -> int:
+        """Number of components of y as the user sees it."""
+        n = int(self.of_y.max()) + 1
+        return n // 2 if self.frame.paired else n
 
     @property
     def m(self) -> int:

@@ -8,7 +8,16 @@ from ..collocation.adaptive_stepper import MAX_STEPS, AdaptiveStepper, Tolerance
 from ..history.exponentials import SumOfExponentials
 from ..history.history import History
 from ..schemes.steps import COUNTED, UniformSteps, mesh_steps, steps_in
-from ..support.checks import complaint, count, instance, positive, shown, whole, within
+from ..support.checks import (
+    complaint,
+    count,
+    instance,
+    positive,
+    real_array,
+    shown,
+    whole,
+    within,
+)
 from .fixed_stepper import FixedStepper
 
 # Logarithms of the powers of the step that schemes may have to divide by.
@@ -45,7 +54,7 @@ def how_to_step(
         given = {"n_steps": n_steps, "mesh": None if mesh is False else mesh}
         _refuse("with Collocation, which chooses its steps", **given)
         _check_end(t_end, equation)
-        return _tolerance(state, history, **tolerated)
+        return _tolerance(equation, state, history, **tolerated)
     remedy = "or give mesh=graded(n, exponent)" if scheme.takes_meshes and mesh is not False else ""
     _refuse("or come with scheme=Collocation()", remedy, **tolerated)
     if mesh is None or mesh is False:
@@ -106,7 +115,7 @@ def _check_end(t_end, equation):
     within("t_end", t_end, 1 / _FARTHEST, farthest, interval, "take another unit of time")
 
 
-def _tolerance(state, history, rtol=None, atol=None, max_step=None, max_steps=None):
+def _tolerance(equation, state, history, rtol=None, atol=None, max_step=None, max_steps=None):
     """Return the `Tolerance`; what is not given is that of a state, or a default."""
     if not isinstance(history, SumOfExponentials | None):
         required = "be left out with Collocation, or be SumOfExponentials(tol)"
@@ -121,11 +130,22 @@ def _tolerance(state, history, rtol=None, atol=None, max_step=None, max_steps=No
     rtol = 1e-6 if rtol is None else rtol
     return Tolerance(
         within("rtol", rtol, TOLERANCE_FLOOR, 0.1, interval, remedy),
-        None if atol is None else positive("atol", atol),
+        None if atol is None else _absolute(atol, equation.n_y),
         modes,
         None if max_step is None else positive("max_step", max_step),
         MAX_STEPS if max_steps is None else count("max_steps", max_steps),
     )
+
+
+def _absolute(atol, n):
+    """Return an absolute tolerance: a number, or a tuple of one for each of n components of y."""
+    if not isinstance(atol, list | tuple) and np.ndim(atol) == 0:
+        return positive("atol", atol)
+    values = real_array("atol", atol)
+    if values.shape != (n,) or not np.all(values > 0):
+        required = f"be a positive number, or one for each of the {n} components of y"
+        raise ValueError(complaint("atol", required, shown(values)))
+    return tuple(values.tolist())
 
 
 def _uniform_steps(equation, t_end, n_steps, state):

@@ -57,7 +57,7 @@ def solve(
     n_steps: int | None = None,
     *,
     rtol: float | None = None,
-    atol: float | None = None,
+    atol: float | ArrayLike | None = None,
     mesh: Graded | ArrayLike | None = None,
     scheme: Scheme | None = None,
     history: History | None = None,
@@ -95,14 +95,15 @@ def solve(
     n_steps : int
         Number of steps, h = (t_end - t_start) / n_steps. A resumed run keeps the state's step:
         leave n_steps out, or give a number that agrees, counted either from 0 or from the state.
-    rtol, atol : float, optional
-        Tolerances of `Collocation`, which chooses its own steps: errors of a component stay about
-        ``rtol * (|y| + 0.01 * size)``, size being the largest \|y| of that component so far. So
-        the units of components do not matter. A component that begins at 0 has a size from what
-        the right-hand side makes of it over the run (docs/theory.md). With `atol`
-        errors stay about ``atol + rtol * |y|`` instead. Errors of y', where the order exceeds 1,
-        move y by as much over the run. rtol is 1e-6 by default and at least 1e-12; when resuming,
-        both are the state's.
+    rtol : float, optional
+        Tolerance of `Collocation`, which chooses its own steps: errors of a component stay about
+        ``rtol * (|y| + 0.01 * size)``. Its size is its largest \|y| so far, at least a millionth
+        of the largest size of all components. It is 1e-6 by default and at least 1e-12; when
+        resuming, it is the state's. Errors of y', where the order exceeds 1, move y by as much
+        over the run.
+    atol : float or array_like, shape (d,), optional
+        Errors stay about ``atol + rtol * |y|`` instead; one number or one for each component. It
+        is needed for components below 1e-8 of the largest one; when resuming, it is the state's.
     mesh : Graded or array_like, shape (n+1,), optional
         ``graded(n, exponent)``, or times that increase from t_start to t_end. `L1` and `L2Sigma`
         take meshes with any order, `L2` with orders up to 1; histories are `Direct` and
@@ -189,9 +190,8 @@ def solve(
 
     Notes
     -----
-    Tolerance: a component that starts at 0 has a size that the solver computes from the right-hand
-    side over the run (docs/collocation_method.md). If an order exceeds 1, an error of y' is allowed
-    that changes y by as much over the run.
+    Tolerance: the unit of y does not matter. A component keeps the tolerance while it is larger
+    than 1e-8 of the largest one, and rtol times that ratio above 1e-14 (docs/theory.md).
 
     Rows at `t_eval`: given steps are joined by parabolas, to O(h**3) for smooth solutions. The
     first two steps of equations with constant orders use powers of t instead, among them t**alpha

@@ -85,7 +85,7 @@ class AdaptiveState(State):
     """State of a run whose steps are chosen by tolerances: rtol, atol, and that of the modes."""
 
     rtol: float
-    atol: float | None
+    atol: float | tuple[float, ...] | None
     modes_tol: float = field(repr=False)
     orbit: Any = field(repr=False)
     at_singular_start: bool = field(repr=False)
