@@ -1,7 +1,10 @@
 """`hd.solve_ivp` is SciPy's at order 1, and has memory at others."""
 
+import pickle
+
 import numpy as np
 import pytest
+import scipy.sparse
 from scipy.integrate import solve_ivp
 
 import hereditary as hd
@@ -78,9 +81,80 @@ def test_a_run_that_ends_early_fails_as_scipys():
     assert found.t[-1] == pytest.approx(1.0, abs=1e-6)
 
 
+MATRIX = np.array([[-1.0, 0.5], [0.2, -0.7]])
+
+
+def linear(t, y):
+    return MATRIX @ y
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"jac": MATRIX},
+        {"jac": MATRIX.tolist()},
+        {"jac": scipy.sparse.csc_matrix(MATRIX)},
+        {"jac": scipy.sparse.coo_array(MATRIX)},
+        {"max_step": None},
+        {"args": ()},
+        {"args": []},
+        {"vectorized": False, "first_step": None, "min_step": 0.0, "jac_sparsity": None},
+        {"lband": None, "uband": None},
+    ],
+)
+def test_other_ways_to_say_the_same_change_nothing(change):
+    how = {"fun": linear, "t_span": (0.0, 3.0), "y0": [1.0, 2.0], "rtol": 1e-8}
+    expected = hd.solve_ivp(**how)
+    assert hd.solve_ivp(**how | change).y == pytest.approx(expected.y, abs=1e-7)
+
+
+def test_a_constant_jacobian_that_is_wrong_is_noticed():
+    with pytest.raises(ValueError, match="jac"):
+        hd.solve_ivp(linear, (0.0, 3.0), [1.0, 2.0], jac=MATRIX.T)
+
+
+def test_a_result_with_dense_output_is_pickled():
+    found = hd.solve_ivp(linear, (0.0, 3.0), [1.0, 2.0], dense_output=True)
+    kept = pickle.loads(pickle.dumps(found))
+    assert np.array_equal(kept.sol(TIMES[:2]), found.sol(TIMES[:2]))
+    assert kept.njev is kept.nlu is None
+
+
+def never(t, y):
+    return y[0] + 100.0
+
+
+def test_events_that_never_come_have_the_shapes_of_scipys():
+    how = {"t_span": (0.0, 3.0), "y0": [1.0, 2.0], "events": [never, lambda t, y: y[0] - 1.1]}
+    found, expected = (solver(linear, **how) for solver in (hd.solve_ivp, solve_ivp))
+    assert [rows.shape for rows in found.y_events] == [rows.shape for rows in expected.y_events]
+
+
+@pytest.mark.parametrize("dense_output", [False, True])
+def test_a_run_without_a_step_has_its_start_alone(dense_output):
+    def nowhere(t, y):
+        return np.where(t > 0, np.nan, -y)
+
+    how = {"t_eval": [0.0, 1.0], "dense_output": dense_output}
+    with pytest.warns(hd.SolveWarning):
+        found = hd.solve_ivp(nowhere, (0.0, 3.0), [1.0, 2.0], **how)
+    assert (found.status, found.t.tolist(), found.y.tolist()) == (-1, [0.0], [[1.0], [2.0]])
+
+
 @pytest.mark.parametrize(
     ("change", "kind", "words"),
     [
+        ({"jac": np.eye(3)[:2]}, ValueError, r"jac must .*matrix .*got shape \(2, 3\)"),
+        ({"jac": "2-point"}, TypeError, "jac must be a function .*got '2-point'"),
+        ({"args": 0.5}, TypeError, r"args must be a sequence .*args=\(value,\)"),
+        ({"args": np.ma.array([1.0, 2.0], mask=[0, 1])}, ValueError, "args must .*masked"),
+        ({"args": (np.ma.array([1.0], mask=[1]),)}, ValueError, "args must .*masked"),
+        ({"max_step": -np.inf}, ValueError, "max_step must be a finite number above 0"),
+        ({"max_step": "1"}, TypeError, "max_step must be a finite number above 0"),
+        ({"first_step": 0.1}, TypeError, "first_step must .*tolerance"),
+        ({"t_eval": [0.0, 0.9, 0.5], "dense_output": True}, ValueError, "t_eval must .*increas"),
+        ({"t_eval": [0.0, 0.5, 0.5], "dense_output": True}, ValueError, "t_eval must .*increas"),
+        ({"t_eval": [0.0, 1.5], "dense_output": True}, ValueError, "t_eval must .*increas"),
         ({"t_span": (1.0, 0.0)}, ValueError, "t_span must be .* start before the end"),
         ({"method": "Euler"}, ValueError, "method must be one of RK45"),
         ({"vectorized": True}, TypeError, "vectorized must be left out"),

@@ -11,19 +11,21 @@ from numpy.typing import ArrayLike
 from .collocation.method import Collocation
 from .equation.equation import Equation
 from .equation.operators import Caputo
-from .solver.solve import solve
+from .solver.solution import Solution
+from .solver.solve import evaluation_times, solve
 from .solver.status import Status
-from .support.checks import complaint, real_array, shown
+from .support.checks import complaint, real_array, refuse_masked, shown
 
 # SciPy's names of methods, which all mean adaptive collocation here.
 _METHODS = "RK45", "RK23", "DOP853", "Radau", "BDF", "LSODA", "Collocation"
+# SciPy's further options: their defaults, which are accepted, and what to do about other values.
 _UNKNOWN = {
-    "vectorized": "leave it out: fun is compiled and called at one point at a time",
-    "first_step": "leave it out: the first step is chosen by the tolerance",
-    "min_step": "leave it out: a run that needs shorter steps ends with a message",
-    "jac_sparsity": "hereditary.Equation(..., jac_sparsity=) takes it",
-    "lband": "hereditary.Equation(..., bandwidth=) takes it",
-    "uband": "hereditary.Equation(..., bandwidth=) takes it",
+    "vectorized": (False, "fun is compiled and called at one point at a time"),
+    "first_step": (None, "the first step is chosen by the tolerance"),
+    "min_step": (0, "a run that needs shorter steps ends with a message"),
+    "jac_sparsity": (None, "hereditary.Equation(..., jac_sparsity=) takes it"),
+    "lband": (None, "hereditary.Equation(..., bandwidth=) takes it"),
+    "uband": (None, "hereditary.Equation(..., bandwidth=) takes it"),
 }
 
 
@@ -35,13 +37,13 @@ def solve_ivp(
     t_eval: ArrayLike | None = None,
     dense_output: bool = False,
     events: Callable | Sequence[Callable] | None = None,
-    args: tuple | None = None,
+    args: Sequence | None = None,
     *,
     order: ArrayLike = 1.0,
     rtol: float = 1e-3,
-    atol: float = 1e-6,
-    max_step: float = np.inf,
-    jac: Callable | None = None,
+    atol: Any = 1e-6,
+    max_step: float | None = np.inf,
+    jac: Any = None,
     **options: Any,
 ) -> Any:
     r"""Solve ``D^order y = fun(t, y)`` by the call and with the result of SciPy's `solve_ivp`.
@@ -72,12 +74,17 @@ def solve_ivp(
         for many values make one `Equation` with `params`.
     order : float or array_like of shape (n,), optional
         Order of Caputo's derivative, in (0, 2], one for all or one for each component [-].
-    rtol, atol : float, optional
+    rtol : float, optional
         Errors of y stay about ``atol + rtol * |y|``; rtol is at least 1e-12.
+    atol : float or array_like of shape (n,), optional
+        See rtol; one number for all components, or one for each.
     max_step : float, optional
-        Longest step [time].
-    jac : callable, optional
-        ``jac(t, y, *args)`` returning d fun / d y, shape (n, n).
+        Longest step [time]; None for no limit, as infinity.
+    jac : callable or matrix of shape (n, n), optional
+        ``jac(t, y, *args)`` returning d fun / d y, shape (n, n); or the matrix itself if it is
+        constant, an array or SciPy's sparse matrix.
+    **options
+        SciPy's further options at their defaults: ``vectorized=False``, ``first_step=None``.
 
     Returns
     -------
@@ -85,7 +92,8 @@ def solve_ivp(
         Its fields are those of SciPy's function: t (k,), y (n, k), nfev, message and success. `sol`
         is None, or a function of times that returns shape (n,) or (n, k). `t_events` and
         `y_events` are None, or lists with an array for each event. `status` is 0 if the end was
-        reached, 1 after a terminal event, and -1 if the run failed.
+        reached, 1 after a terminal event, and -1 if the run failed. `njev` and `nlu` are None,
+        because `Collocation` does not count Jacobians and factorisations.
 
     Raises
     ------
@@ -108,38 +116,62 @@ def solve_ivp(
     [-0.5292, -0.1111]
     """
     for name, value in options.items():
-        remedy = _UNKNOWN.get(name, "see help(hereditary.solve_ivp)")
-        raise TypeError(complaint(name, "be left out of solve_ivp", repr(value), remedy))
-    if method not in _METHODS:
+        default, remedy = _UNKNOWN.get(name, (..., "see help(hereditary.solve_ivp)"))
+        if not (value is default or (np.isscalar(value) and value == default)):
+            raise TypeError(complaint(name, "be left out of solve_ivp", repr(value), remedy))
+    if not isinstance(method, str) or method not in _METHODS:
         raise ValueError(complaint("method", f"be one of {', '.join(_METHODS)}", repr(method)))
     span = real_array("t_span", t_span, "be (start, end)")
     if span.shape != (2,) or not span[0] < span[1]:
         required = "be (start, end) with the start before the end"
         remedy = "an equation with memory has no solution before its start"
         raise ValueError(complaint("t_span", required, shown(span), remedy))
-    more = () if args is None else tuple(args)
+    more = _further(args)
     listed = () if events is None else events if isinstance(events, (list, tuple)) else (events,)
     start, end = span.tolist()
-    equation = Equation(
-        Caputo(order), _with(fun, more), y0, jac=jac and _with(jac, more), t_start=start
-    )
+    slopes = jac if jac is None else _with(jac, more) if callable(jac) else _constant(jac)
+    equation = Equation(Caputo(order), _with(fun, more), y0, jac=slopes, t_start=start)
+    times = evaluation_times(t_eval, start, end)
     found = solve(
         equation,
         end,
         rtol=rtol,
         atol=atol,
         scheme=Collocation(),
-        t_eval=None if dense_output else t_eval,
-        max_step=None if np.isinf(max_step) else max_step,
+        t_eval=None if dense_output else times,
+        max_step=None if np.isscalar(max_step) and max_step == np.inf else max_step,
         events=[_with(event, more) for event in listed],
     )
-    if t_eval is None or not dense_output:
-        times, values = found.t, found.y
-    else:
-        times = real_array("t_eval", t_eval)
+    rows = found.t, found.y
+    if dense_output and times is not None:
         times = times[times <= found.t[-1]]
-        values = found(times)
-    return _result(found, times, values, dense_output, bool(listed))
+        stepped = found.stats["n_steps"] > 0  # otherwise only the start is known
+        rows = times, found(times) if stepped else found.y[: times.size]
+    return _result(found, *rows, dense_output, bool(listed))
+
+
+def _further(args):
+    """Return further arguments as a tuple; refuse what is no sequence, as SciPy does."""
+    if args is None:
+        return ()
+    refuse_masked("args", args, "hold no masked entries")
+    if not isinstance(args, (list, tuple)) and np.ndim(args) == 0:
+        required, remedy = "be a sequence of further arguments", "write args=(value,) for one"
+        raise TypeError(complaint("args", required, repr(args), remedy))
+    return tuple(args)
+
+
+def _constant(jac):
+    """Return a function of t and y whose value is this matrix, an array or a sparse one."""
+    required = "be a function jac(t, y, *args), or a matrix of shape (n, n)"
+    matrix = real_array("jac", jac.toarray() if hasattr(jac, "toarray") else jac, required)
+    if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1]:
+        raise ValueError(complaint("jac", required, f"shape {matrix.shape}"))
+
+    def constant(t, y):
+        return matrix
+
+    return constant
 
 
 def _with(fun, more):
@@ -155,6 +187,17 @@ def _with(fun, more):
     return of_t_and_y
 
 
+class _Interpolant:
+    """The dense output of a solution, with a column for each time."""
+
+    def __init__(self, solution: Solution) -> None:
+        self._solution = solution
+
+    def __call__(self, t: ArrayLike) -> np.ndarray:
+        """Return y at a time (n,), or at times (n, k)."""
+        return self._solution(t).T
+
+
 def _result(found, times, values, dense_output, has_events):
     """Return a `Solution`, with rows at these times, as SciPy's `solve_ivp` returns one."""
     from scipy.optimize import OptimizeResult  # takes long to import
@@ -163,10 +206,14 @@ def _result(found, times, values, dense_output, has_events):
     return OptimizeResult(
         t=times,
         y=values.T,
-        sol=(lambda t: found(t).T) if dense_output else None,
+        sol=_Interpolant(found) if dense_output else None,
         t_events=found.t_events if has_events else None,
-        y_events=found.y_events if has_events else None,
+        y_events=[rows if rows.size else np.empty(0) for rows in found.y_events]
+        if has_events
+        else None,
         nfev=found.stats["n_rhs"],
+        njev=None,
+        nlu=None,
         status=status,
         message=found.message,
         success=status >= 0,
