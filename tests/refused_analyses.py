@@ -16,6 +16,7 @@ from hereditary import (
     TemperedPowerLaw,
     classify,
     exact,
+    viscoelastic,
 )
 
 PowerLaw = hd.PowerLaw
@@ -395,6 +396,9 @@ EXPONENTS = [
     (lambda: slid(separation=0.0), ValueError, "separation must be a finite number above 0"),
     (lambda: slid(separation=1e3),
      ValueError, "separation must be at most 1, that orbits be neighb"),
+    *each(viscoelastic.spring(1.0).stiffness, [math.nan, [1j, complex(0, math.inf)], MASKED],
+          ValueError, "s must be finite complex numbers"),
+    *each(viscoelastic.spring(1.0).stiffness, ["abc", None, {}], TypeError, "s must be finite"),
     (lambda: slid(verify="twice"), TypeError, "verify must be True, False or None, got 'twice'"),
     (lambda: slid(n_blocks=10**9), ValueError, "n_blocks must be at most"),
     (lambda: slid(scheme="L1"), TypeError, "scheme must be a Scheme"),

@@ -1,15 +1,121 @@
 """Bad input: refused before any run, in one wording."""
 
 import math
+from functools import partial
 
 import numpy as np
 import pytest
-from refusals import decay, run
+from refusals import BAD, MASKED, PRONY, decay, linear, run
 from refused_analyses import ROWS as ANALYSES
 from refused_equations import ROWS as EQUATIONS
 from refused_runs import ROWS as RUNS
 
 import hereditary as hd
+from hereditary import viscoelastic
+
+T = np.linspace(1.0, 2.0, 9)
+
+
+def fading(rate):
+    return linear().replace(params=[rate])
+
+
+CALLS = {
+    "solve": run,
+    "resume": lambda **change: run(
+        **{"n_steps": None, "t_end": 2.0, "resume": run().state} | change
+    ),
+    "tolerance": lambda **change: hd.solve(linear(), 1.0, **change),
+    "dense output": lambda **change: run()(0.5, **change),
+    "lyapunov": lambda **change: hd.lyapunov(linear(), **{"t_end": 1.0, "n_steps": 40} | change),
+    "sensitivities": lambda **change: hd.sensitivities(linear(), 1.0, **{"rtol": 1e-4} | change),
+    "ensemble": lambda **change: hd.ensemble(
+        linear(), **{"t_end": 1.0, "n_steps": 9, "params": [1.0, 2.0]} | change
+    ),
+    "fit": lambda **change: hd.fit(
+        **{"model": fading, "t": T, "data": np.exp(-T), "p0": {"rate": 1.0}} | change
+    ),
+    "moduli": lambda **change: viscoelastic.fit_moduli(
+        **{"model": viscoelastic.spring, "omega": T, "storage": T, "loss": T} | change
+    ),
+    "stiffness": viscoelastic.spring(1.0).stiffness,
+    "data": partial(hd.derivative, T, T**2, hd.Caputo(0.5)),
+    "function": partial(hd.derivative, T, np.square, hd.Caputo(0.5)),
+    "memory": partial(hd.Memory, PRONY),
+    "exponent": lambda **change: hd.PowerLaw(**change),
+    "modes": hd.SumOfExponentials,
+    "solve_ivp": lambda **change: hd.solve_ivp(decay, (0.0, 1.0), [1.0], **change),
+    "convergence": lambda **change: hd.convergence_table(linear(), 1.0, [4, 8], **change),
+    "sweep": lambda **change: hd.sweep(math.exp, {"x": [1.0]}, **{"progress": False} | change),
+    "duffing": hd.scenes.duffing,
+    "diffusion": partial(hd.scenes.subdiffusion, 0.5, 3),
+}
+NUMBERS = {
+    "solve": ("t_end", "n_steps", "save_every"),
+    "resume": ("t_end",),
+    "tolerance": ("rtol", "atol", "max_step", "max_steps"),
+    "dense output": ("derivative",),
+    "lyapunov": ("t_end", "n_steps", "k", "renorm", "transient", "window", "separation"),
+    "ensemble": ("t_end", "n_steps", "threads"),
+    "stiffness": ("s",),
+    "data": ("t_start",),
+    "function": ("t_start",),
+    "memory": ("derivative",),
+    "exponent": ("exponent",),
+    "modes": ("tol", "horizon"),
+    "solve_ivp": ("rtol", "atol", "max_step"),
+    "diffusion": ("dimensions",),
+}
+WORDS = {
+    "solve": ("allow_change", "estimate", "progress", "changes"),
+    "resume": ("allow_change",),
+    "dense output": ("derivative",),
+    "lyapunov": ("mode", "verify", "progress"),
+    "sensitivities": ("wrt",),
+    "ensemble": ("progress",),
+    "fit": ("loss", "model", "bounds"),
+    "moduli": ("p0", "bounds", "model"),
+    "data": ("t_start",),
+    "memory": ("derivative",),
+    "solve_ivp": ("dense_output", "method"),
+    "convergence": ("at_end",),
+    "sweep": ("carry", "progress"),
+    "duffing": ("riemann_liouville",),
+    "diffusion": ("dimensions",),
+}
+
+
+def pairs(table):
+    return [(call, name) for call, names in table.items() for name in names]
+
+
+@pytest.mark.parametrize(("call", "name"), pairs(NUMBERS))
+def test_integers_beyond_double_precision_are_refused(call, name):
+    with pytest.raises(BAD, match=f"{name} must") as caught:
+        CALLS[call](**{name: 10**400})
+    assert len(str(caught.value)) < 300
+
+
+@pytest.mark.parametrize(("call", "name"), pairs(WORDS))
+@pytest.mark.parametrize(
+    "value", [np.array(["a", "b"]), MASKED, 3.5, "abc", object()], ids=lambda v: type(v).__name__
+)
+def test_what_is_neither_of_the_choices_is_refused(call, name, value):
+    more = {"p0": {"modulus": 1.0}} if call == "moduli" else {}
+    with pytest.raises(BAD, match=f"{name} must"):
+        CALLS[call](**more | {name: value})
+
+
+@pytest.mark.parametrize("value", [1, 0, True, False, np.True_])
+def test_truth_may_be_a_number(value):
+    assert np.array_equal(run(estimate=value).y, run().y)
+
+
+def test_memory_of_data_begins_with_them():
+    found = hd.derivative(T, T**2, hd.Caputo(0.5))
+    assert np.array_equal(hd.derivative(T, T**2, hd.Caputo(0.5), t_start=T[0]), found)
+    with pytest.raises(ValueError, match=r"t_start must be left out for data"):
+        hd.derivative(T, T**2, hd.Caputo(0.5), t_start=0.5)
 
 
 @pytest.mark.parametrize(("call", "error", "words"), [*EQUATIONS, *RUNS, *ANALYSES])

@@ -121,14 +121,18 @@ def derivative(
         raise ValueError(complaint("t", "have shape (n,)", f"shape {times.shape}"))
     if any(getattr(term.operator, "varying", None) for term in terms):
         raise ValueError(complaint("operator", "have constant orders", repr(operator)))
+    start = real("t_start", t_start)
     if callable(y):
         if scheme is not None:
             raise TypeError(complaint("scheme", "be left out for a function", repr(scheme)))
-        times = times - real("t_start", t_start)
+        times = times - start
         if times.min() < 0:
             raise ValueError(complaint("t", "not lie before t_start", shown(times)))
-        known: Any = _Function(y, times, t_start)
+        known: Any = _Function(y, times, start)
     else:
+        if start not in (0.0, times[0]):
+            required = f"be left out for data, whose memory begins at t[0] = {times[0]:g}"
+            raise ValueError(complaint("t_start", required, start))
         known = _Data(times, real_array("y", y), L1() if scheme is None else scheme)
     return known.applied(terms)
 

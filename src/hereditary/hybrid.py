@@ -11,7 +11,6 @@ the switch where the solution does.
 """
 
 import math
-from collections.abc import Mapping
 from functools import lru_cache, partial
 
 import numpy as np
@@ -208,8 +207,6 @@ class Hybrid:
 def _stated(changes, start):
     """Return the times of stated changes, counted from `start`, and their functions, in order."""
     required = "map times to functions change(t, y)"
-    if not isinstance(changes, Mapping):
-        raise TypeError(complaint("changes", required, repr(changes), "e.g. {12.0: dose}"))
     found = []
     for time, change in changes.items():
         t = real("times of changes", time) - start

@@ -14,7 +14,7 @@ from .equation.operators import Caputo
 from .solver.solution import Solution
 from .solver.solve import evaluation_times, solve
 from .solver.status import Status
-from .support.checks import complaint, real_array, refuse_masked, shown
+from .support.checks import complaint, one_of, real_array, refuse_masked, shown, truth
 
 # SciPy's names of methods, which all mean adaptive collocation here.
 _METHODS = "RK45", "RK23", "DOP853", "Radau", "BDF", "LSODA", "Collocation"
@@ -119,14 +119,13 @@ def solve_ivp(
         default, remedy = _UNKNOWN.get(name, (..., "see help(hereditary.solve_ivp)"))
         if not (value is default or (np.isscalar(value) and value == default)):
             raise TypeError(complaint(name, "be left out of solve_ivp", repr(value), remedy))
-    if not isinstance(method, str) or method not in _METHODS:
-        raise ValueError(complaint("method", f"be one of {', '.join(_METHODS)}", repr(method)))
+    one_of("method", method, _METHODS, f"be one of {', '.join(_METHODS)}")
     span = real_array("t_span", t_span, "be (start, end)")
     if span.shape != (2,) or not span[0] < span[1]:
         required = "be (start, end) with the start before the end"
         remedy = "an equation with memory has no solution before its start"
         raise ValueError(complaint("t_span", required, shown(span), remedy))
-    more = _further(args)
+    more, dense_output = _further(args), truth("dense_output", dense_output)
     listed = () if events is None else events if isinstance(events, (list, tuple)) else (events,)
     start, end = span.tolist()
     slopes = jac if jac is None else _with(jac, more) if callable(jac) else _constant(jac)

@@ -8,6 +8,7 @@ g is the transform of the relaxation modulus, c that of the rate of creep.
 
 from __future__ import annotations
 
+import reprlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, partial
@@ -18,7 +19,17 @@ from numpy.typing import ArrayLike
 from .equation.equation import Equation
 from .equation.operators import Caputo, Memory, Terms
 from .kernels.laplace import inverted, kernel_from_laplace
-from .support.checks import complaint, instance, positive, real_array, shown, within
+from .support.checks import (
+    complaint,
+    function,
+    instance,
+    mapping,
+    positive,
+    real_array,
+    refuse_masked,
+    shown,
+    within,
+)
 
 
 class Model:
@@ -34,7 +45,8 @@ class Model:
 
     def stiffness(self, s: ArrayLike) -> np.ndarray:
         """Return Q(s) at complex s off the negative real axis [stress]."""
-        (viscosity, g), _ = self._split(np.asarray(s, dtype=complex))
+        s = _complex_array("s", s)
+        (viscosity, g), _ = self._split(s)
         return s * (viscosity + g)
 
     def moduli(self, omega: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
@@ -310,17 +322,18 @@ def fit_moduli(
     from scipy.optimize import least_squares
 
     frequencies = _positive_array("omega", omega)
-    data = np.array([_positive_array("storage", storage), _positive_array("loss", loss)])
-    if data.shape != (2, frequencies.size):
-        got = f"{data.shape[1:]} beside {frequencies.size} frequencies"
-        raise ValueError(complaint("storage and loss", "have shape (n,) as omega", got))
-    names, start = list(p0), _positive_array("p0", list(p0.values()))
-    if set(bounds or ()) - set(names):
-        raise ValueError(complaint("bounds", f"be of {', '.join(names)}", repr(bounds)))
-    limits = np.array([(bounds or {}).get(name, (0.0, np.inf)) for name in names]).T
-
-    if np.any(start < limits[0]) or np.any(start > limits[1]):
-        raise ValueError(complaint("p0", "lie within the bounds", repr(dict(p0))))
+    measured = _positive_array("storage", storage), _positive_array("loss", loss)
+    for each in measured:
+        if frequencies.ndim != 1 or each.shape != frequencies.shape:
+            got = f"{each.shape} beside {frequencies.shape} of omega"
+            raise ValueError(complaint("storage and loss", "have shape (n,) as omega", got))
+    data = np.array(measured)
+    function("model", model, "model(**parameters)")
+    names = list(mapping("p0", p0, "be a mapping of names to numbers"))
+    start = _positive_array("p0", list(p0.values()))
+    if not names:
+        raise ValueError(complaint("p0", "hold a parameter at least", repr(p0)))
+    limits = _limits({} if bounds is None else bounds, names, start)
 
     def made(p):
         found = model(**dict(zip(names, p.tolist(), strict=True)))
@@ -344,6 +357,32 @@ def fit_moduli(
         success=bool(found.success),
         message=found.message,
     )
+
+
+def _limits(bounds, names, start):
+    """Return lowest and highest values of all parameters, (2, n), with `start` between them."""
+    required = "be a mapping of names to (lowest, highest)"
+    if set(mapping("bounds", bounds, required)) - set(names):
+        raise ValueError(complaint("bounds", f"be of {', '.join(names)}", repr(bounds)))
+    found = np.tile([[0.0], [np.inf]], len(names))
+    for name, pair in bounds.items():
+        limits = np.asarray(pair)
+        if limits.shape != (2,) or limits.dtype.kind not in "iuf" or not limits[0] < limits[1]:
+            raise ValueError(complaint(f"bounds[{name!r}]", "be (lowest, highest)", repr(pair)))
+        found[:, names.index(name)] = limits
+    if np.any(start < found[0]) or np.any(start > found[1]):
+        raise ValueError(complaint("p0", "lie within the bounds", shown(start)))
+    return found
+
+
+def _complex_array(name, values):
+    """Return values as an array of finite complex numbers."""
+    refuse_masked(name, values, "be finite complex numbers")
+    array = np.asarray(values)
+    if array.dtype.kind not in "iufc" or not np.all(np.isfinite(array)):
+        kind = ValueError if array.dtype.kind in "iufc" else TypeError
+        raise kind(complaint(name, "be finite complex numbers", reprlib.repr(values)))
+    return array.astype(complex)
 
 
 def _positive_array(name, values):

@@ -13,7 +13,7 @@ from ..equation.equation import Equation
 from ..history.history import History
 from ..schemes.scheme import Scheme
 from ..solver.solve import solve
-from ..support.checks import complaint, count, real_array, shown, whole
+from ..support.checks import complaint, count, real_array, shown, truth, whole
 
 _HEADS = "N", "h", "error", "order"
 
@@ -139,15 +139,16 @@ def convergence_table(
         return found
 
     errors = []
+    at_end = truth("at_end", at_end)
     for n in numbers:
         found = run(n)
         t, y = (found.t[-1:], found.y[-1:]) if at_end else (found.t, found.y)
-        truth = run(2 * n).y[::2][-len(y) :] if exact is None else np.asarray(exact(t))
-        if truth.shape != y.shape:
+        known = run(2 * n).y[::2][-len(y) :] if exact is None else np.asarray(exact(t))
+        if known.shape != y.shape:
             required = f"return shape (n, {y.shape[1]}) for times (n,)"
-            got = f"shape {truth.shape} for n = {len(y)}"
+            got = f"shape {known.shape} for n = {len(y)}"
             raise ValueError(complaint("exact", required, got))
-        errors.append(float(np.abs(y - truth).max()))
+        errors.append(float(np.abs(y - known).max()))
     if not min(errors) > 0:
         required = "leave errors above 0"
         raise ValueError(complaint("n_steps", required, shown(errors), "take fewer steps"))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import reprlib
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -13,7 +14,15 @@ from numpy.typing import ArrayLike
 from ..equation.equation import Equation
 from ..solver.solution import Solution
 from ..solver.solve import solve
-from ..support.checks import complaint, component_numbers, real_array, shown
+from ..support.checks import (
+    complaint,
+    component_numbers,
+    function,
+    mapping,
+    one_of,
+    real_array,
+    shown,
+)  # fmt: skip
 from ..support.warning import warn
 
 # Relative change of parameters in differences: runs to a tolerance of 1e-8 leave 1e-4 in them.
@@ -23,6 +32,8 @@ _CHANGE = 1e-4
 _UNTOLD, _SHARE = 1e-4, 0.01
 # A residual that is no number counts as ten of the largest one, or of so many of the largest value.
 _FAR = 1e2
+# The losses of SciPy's least_squares.
+_LOSSES = "linear", "soft_l1", "huber", "cauchy", "arctan"
 # A curve of the model has at least so many points: about the pixels of a figure's width.
 _FINE = 1000
 
@@ -180,6 +191,9 @@ def fit(
     """
     from scipy.optimize import least_squares
 
+    function("model", model, "model(**parameters)")
+    if not callable(loss):
+        one_of("loss", loss, _LOSSES, f"be one of {', '.join(_LOSSES)}")
     names = list(p0) if isinstance(p0, Mapping) else [f"p{k}" for k in range(np.size(p0))]
     start = real_array("p0", list(p0.values()) if isinstance(p0, Mapping) else p0)
     if start.ndim != 1 or start.size == 0:
@@ -346,9 +360,7 @@ def _between(t):
 def _bounds(bounds, names, start):
     """Return lowest and highest values of all parameters."""
     low, high = np.full(start.size, -np.inf), np.full(start.size, np.inf)
-    if not isinstance(bounds, Mapping):
-        required = "be a mapping of names to (lowest, highest)"
-        raise TypeError(complaint("bounds", required, repr(bounds)))
+    mapping("bounds", bounds, "be a mapping of names to (lowest, highest)")
     for name, pair in bounds.items():
         if name not in names:
             required = f"name parameters, {', '.join(names)}"
@@ -413,7 +425,11 @@ def _one(place, t, data, sigma):
     if np.iscomplexobj(np.asarray(data)):
         remedy = "give real and imaginary part as two values, and observe them"
         raise TypeError(complaint(f"data{place}", "be real", "complex numbers", remedy))
-    values: np.ndarray = np.ma.array(data, dtype=float, copy=True).filled(np.nan)
+    try:
+        values: np.ndarray = np.ma.array(data, dtype=float, copy=True).filled(np.nan)
+    except (TypeError, ValueError, OverflowError) as error:
+        required = "be real numbers, NaN for missing ones"
+        raise TypeError(complaint(f"data{place}", required, reprlib.repr(data))) from error
     if values.ndim not in (1, 2) or len(values) != t.size:
         required = f"have shape ({t.size},) or ({t.size}, k), NaN for missing values"
         raise ValueError(complaint(f"data{place}", required, f"shape {values.shape}"))

@@ -35,6 +35,7 @@ from ..support.checks import (
     complaint,
     count,
     instance,
+    one_of,
     positive,
     real_array,
     refusing,
@@ -288,8 +289,8 @@ def lyapunov(
     [-0.078]
     """
     equation = current_equation(equation)
-    if verify not in (None, False, True):
-        raise TypeError(complaint("verify", "be True, False or None", repr(verify)))
+    choices = None, False, True
+    verify = one_of("verify", verify, choices, "be True, False or None", kind=TypeError)
     if scheme is None:
         scheme = _second_order(equation) or ExplicitCaputo()
     run = partial(
@@ -363,6 +364,9 @@ def _run(
     within("window", window, 1e-6, 1.0, "(0, 1]")
     if count("n_blocks", n_blocks) > _MOST_BLOCKS:
         raise ValueError(complaint("n_blocks", f"be at most {_MOST_BLOCKS}", n_blocks))
+    restarts = isinstance(mode, str) and mode == "restart"
+    remedy = "convergence/restarting.py cuts the memory" if restarts else ""
+    mode = one_of("mode", mode, _MODES, f"be one of {', '.join(map(repr, _MODES))}", remedy)
     if scheme.adaptive and mode != "tangent":
         remedy = "take a scheme of given steps, e.g. Adams() or BDF(2)"
         raise ValueError(complaint("mode", 'be "tangent" with Collocation', repr(mode), remedy))
@@ -371,10 +375,6 @@ def _run(
     how = how_to_step(system, scheme, t_end, history=history, rtol=rtol, atol=atol, **given)
     n = _MARKS if scheme.adaptive and n_steps is None else count("n_steps", whole(n_steps))
     h = t_end / n
-    if mode not in _MODES:
-        required = f"be one of {', '.join(map(repr, _MODES))}"
-        remedy = "convergence/restarting.py cuts the memory" if mode == "restart" else ""
-        raise ValueError(complaint("mode", required, repr(mode), remedy))
     if count("k", k) > most:
         raise ValueError(complaint("k", f"be at most the number of initial data, {most}", k))
     interval = None if renorm is None else max(1, steps_in("renorm", positive("renorm", renorm), h))

@@ -179,8 +179,8 @@ def _kinds(wrt, equation):
     """Return what derivatives are asked for; refuse equations that have none."""
     if wrt is None:
         wrt = ("params", "y0") if equation.params.size else ("y0",)
-    kinds = (wrt,) if isinstance(wrt, str) else tuple(wrt)
-    if not kinds or any(kind not in _KINDS for kind in kinds):
+    kinds = tuple(wrt) if np.iterable(wrt) and not isinstance(wrt, str) else (wrt,)
+    if not kinds or not all(isinstance(kind, str) and kind in _KINDS for kind in kinds):
         raise ValueError(complaint("wrt", f"hold some of {', '.join(_KINDS)}", repr(wrt)))
     if not equation.plain or equation._callbacks:
         required = "be real and compiled, of orders up to 2, without memory= and matrices"

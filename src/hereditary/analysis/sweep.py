@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike
 
 from ..solver.first_order import no_estimates
 from ..solver.progress import Interruption, ProgressBar
-from ..support.checks import complaint, instance, refuse_masked, shown
+from ..support.checks import complaint, instance, refuse_masked, shown, truth
 from ..support.machine import cores
 from ..support.warning import warn
 from .table import COMPLETED, STATUS_LENGTH, Table, table_of
@@ -120,7 +120,7 @@ def sweep(
     if not callable(function):
         raise TypeError(complaint("function", "be callable", repr(function)))
     axes = _axes(grid)
-    if carry and "state" in axes:
+    if truth("carry", carry) and "state" in axes:
         required = 'name no axis "state" with carry=True'
         raise ValueError(complaint("grid", required, ", ".join(axes)))
     _check_arguments(function, axes, carry)

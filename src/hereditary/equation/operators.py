@@ -16,7 +16,7 @@ from scipy.special import gamma
 
 from ..kernels.memory_kernel import MemoryKernel, ScaledKernel
 from ..kernels.named_kernels import PowerLaw
-from ..support.checks import complaint, instance, real_array, shown
+from ..support.checks import complaint, instance, one_of, real_array, shown
 from .orders import HIGHEST, ROUNDING, derivative_order, rounded_order
 from .terms import ConstantOrder, KernelOperator, VaryingOrder
 
@@ -265,9 +265,9 @@ class Memory(Summand):
             required, got = "be integrable at 0", f"{kernel!r}"
             remedy = "take an exponent below 1, with one derivative more"
             raise ValueError(complaint("kernel", required, got, remedy))
-        if isinstance(derivative, bool) or derivative not in (0, 1, 2):
+        if isinstance(derivative, bool):
             raise ValueError(complaint("derivative", "be 0, 1 or 2", derivative))
-        self.derivative = int(derivative)
+        self.derivative = one_of("derivative", derivative, (0, 1, 2), "be 0, 1 or 2")
 
     constant = False
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..solver.dense import curve
-from ..support.checks import complaint
+from ..support.checks import complaint, truth
 from ._axes import chosen, made, style
 
 if TYPE_CHECKING:
@@ -196,7 +196,7 @@ def frequency_response(
             own = style({"color": f"C{k}"}, line)
             own["label"] = ", ".join(told + [f"component {c}"] * (len(which) > 1)) or None
             values, harmonic, branch = _joined(response, c)
-            drawn = np.angle(harmonic) if phase else np.abs(harmonic)
+            drawn = np.angle(harmonic) if truth("phase", phase) else np.abs(harmonic)
             for number in np.unique(branch):
                 here = branch == number
                 here[:-1] |= here[1:]  # joined to the branch before

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from ..equation.equation import Equation
 from ..equation.operators import Caputo
-from ..support.checks import complaint, count, positive, real_array, within
+from ..support.checks import complaint, count, one_of, positive, real_array, within
 
 
 def subdiffusion(
@@ -74,8 +74,7 @@ def subdiffusion(
     """
     alpha = within("alpha", alpha, 5e-324, 2.0, "(0, 2]")
     points = count("points", points)
-    if dimensions not in (1, 2):
-        raise ValueError(complaint("dimensions", "be 1 or 2", dimensions))
+    dimensions = one_of("dimensions", dimensions, (1, 2), "be 1 or 2")
     shape, places = (points,) * dimensions, np.arange(1, points + 1) / (points + 1)
     wave = np.sin(np.pi * places)
     start = _field("u0", u0, shape, wave if dimensions == 1 else np.outer(wave, wave))

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from ..compiled.jit import compiled
 from ..equation.equation import Equation
 from ..equation.operators import Caputo, RiemannLiouville
-from ..support.checks import complaint, positive, real
+from ..support.checks import complaint, positive, real, truth
 from ._coupled import coupled
 from .linear import oscillator_terms
 
@@ -88,7 +88,7 @@ def duffing(
         real("force", force),
         real("frequency", frequency),
     )
-    kind = RiemannLiouville if riemann_liouville else Caputo
+    kind = RiemannLiouville if truth("riemann_liouville", riemann_liouville) else Caputo
     return Equation(
         oscillator_terms(beta, gamma, friction, kind),
         _cubic_spring,

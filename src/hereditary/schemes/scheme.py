@@ -15,7 +15,7 @@ import numpy as np
 
 from ..compiled.signatures import StepRows
 from ..equation.system import System
-from ..support.checks import complaint
+from ..support.checks import complaint, one_of
 from .stability import StabilityRegion
 
 
@@ -215,9 +215,7 @@ def distinct_columns(system):
 
 def check_smoothness(smoothness):
     """Refuse anything but the two kinds of solutions that proven orders tell apart."""
-    if smoothness not in ("smooth", "singular"):
-        required = 'be "smooth" or "singular"'
-        raise ValueError(complaint("smoothness", required, repr(smoothness)))
+    one_of("smoothness", smoothness, ("smooth", "singular"), 'be "smooth" or "singular"')
 
 
 class Scheme(ABC):

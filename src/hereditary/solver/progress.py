@@ -5,6 +5,8 @@ import sys
 import threading
 import time
 
+from ..support.checks import truth
+
 
 class ProgressBar:
     """One line on a terminal or in a notebook: share done, time left; silent elsewhere.
@@ -22,7 +24,9 @@ class ProgressBar:
 
     def __init__(self, shown, stream=None):
         self._stream = sys.stderr if stream is None else stream
-        self._live = bool(shown) and (self._stream.isatty() or _in_notebook(self._stream))
+        self._live = truth("progress", shown) and (
+            self._stream.isatty() or _in_notebook(self._stream)
+        )
         self._began = time.perf_counter()
         self._drawn = -1.0
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..support.checks import complaint, shown
+from ..support.checks import complaint, one_of, shown
 from ..support.html import paragraph, rows_of, small_figure
 from ..support.optional import optional
 from ..support.warning import warn
@@ -150,8 +150,7 @@ class Solution:
             remedy = "leave out t_eval, save_every and components, or pass t_eval; a file of "
             remedy += "Solution.save has rows only: pickle the solution to call it later"
             raise ValueError(complaint("t", required, shown(t), remedy))
-        if derivative not in (0, 1):
-            raise ValueError(complaint("derivative", "be 0 or 1", derivative))
+        derivative = one_of("derivative", derivative, (0, 1), "be 0 or 1")
         return self.dense(t, derivative, self.t[-1])
 
     def _repr_html_(self):

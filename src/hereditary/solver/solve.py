@@ -21,11 +21,13 @@ from ..support.checks import (
     component_numbers,
     count,
     instance,
+    mapping,
     positive,
     real,
     real_array,
     refusing,
     shown,
+    truth,
     whole,
 )
 from .events import Events
@@ -36,6 +38,7 @@ from .run import Drive, run
 from .solution import Solution
 from .state import AdaptiveState, GivenState, State, check_sound
 
+_CHANGES = "map times to functions change(t, y), e.g. {12.0: dose}"
 # What to write instead of keywords of other solvers.
 _INSTEAD = {
     "t0": "Equation(..., t_start=t0) sets the start",
@@ -241,6 +244,7 @@ def solve(
     start = equation.frame.start
     t_last = run_end("t_end", t_end, start)
     t_end = t_last - start
+    allow_change, estimate = truth("allow_change", allow_change), truth("estimate", estimate)
     scheme = chosen_scheme(scheme, rtol, n_steps, mesh, resume)
     begin = _begin(resume, scheme, allow_change, start, t_last)
     kept = _kept(equation, save_every, evaluation_times(t_eval, begin, t_last), components)
@@ -250,10 +254,11 @@ def solve(
     functions, jumping = _listed(events), _listed(switches)
     began = time.perf_counter()
     system, hybrid = equation, None
+    changes = {} if changes is None else mapping("changes", changes, _CHANGES)
     if jumping or changes or any(getattr(f, "change", None) is not None for f in functions):
         from ..hybrid import Hybrid  # a leaf that stands on this room
 
-        hybrid = Hybrid(equation, scheme, functions, jumping, changes or {})
+        hybrid = Hybrid(equation, scheme, functions, jumping, changes)
         system = hybrid.system
     how = how_to_step(
         system, scheme, t_end, resume, history=history, n_steps=n_steps, mesh=mesh,

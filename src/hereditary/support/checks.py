@@ -9,7 +9,8 @@ import inspect
 import math
 import numbers
 import reprlib
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Mapping
 from functools import wraps
 from typing import ParamSpec, TypeVar
 
@@ -21,6 +22,8 @@ _R = TypeVar("_R")
 # Least likeness of a string to the name that it stands for: "explicit" has 0.73 to ExplicitCaputo,
 # and SciPy's "Radau" has 0.6 to Adams. At 1 only names written in full are recognised.
 _NEAR = 0.65
+# How a message shows an integer that no float holds, which may have thousands of digits.
+_BEYOND = "a number beyond 1e308"
 
 
 def complaint(argument, required, got, remedy=""):
@@ -55,7 +58,10 @@ def real(argument, value, required="be a finite real number", remedy=""):
         raise TypeError(complaint(argument, required, repr(value), remedy))
     if isinstance(value, np.ndarray) and (value.ndim or value.dtype.kind not in "iuf"):
         raise TypeError(complaint(argument, required, f"an array {value!r}", remedy))
-    number = float(value)
+    try:
+        number = float(value)
+    except OverflowError as error:
+        raise ValueError(complaint(argument, required, _BEYOND, remedy)) from error
     if not math.isfinite(number):
         raise ValueError(complaint(argument, required, number, remedy))
     return number
@@ -83,9 +89,38 @@ def count(argument, value, remedy="pass a whole number of at least 1", least=1):
     required = "be a positive integer" if least else "be an integer of at least 0"
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, numbers.Integral):
         raise TypeError(complaint(argument, required, repr(value), remedy))
+    if abs(int(value)) > sys.float_info.max:
+        raise ValueError(complaint(argument, required, _BEYOND, remedy))
     if value < least:
         raise ValueError(complaint(argument, required, int(value), remedy))
     return int(value)
+
+
+def one_of(argument, value, options, required, remedy="", kind: type[Exception] = ValueError):
+    """Return the one of the options that `value` is or equals; arrays equal none."""
+    for option in options:
+        if value is option or (np.isscalar(value) and value == option):
+            return option
+    raise kind(complaint(argument, required, reprlib.repr(value), remedy))
+
+
+def truth(argument, value):
+    """Return `value` as a bool, or refuse what is neither True nor False, 1 or 0."""
+    return one_of(argument, value, (True, False), "be True or False", kind=TypeError)
+
+
+def function(argument, value, call):
+    """Return `value` if it can be called; `call` is how it is called, in a message."""
+    if not callable(value):
+        raise TypeError(complaint(argument, f"be a function {call}", reprlib.repr(value)))
+    return value
+
+
+def mapping(argument, value, required):
+    """Return `value` if it is a mapping."""
+    if not isinstance(value, Mapping):
+        raise TypeError(complaint(argument, required, reprlib.repr(value)))
+    return value
 
 
 def whole(value):
