@@ -43,6 +43,18 @@ def test_orders_for_smooth_data(scheme, alpha, stretched):
     assert error(640) < 0.06 * 320 ** (1 - order)
 
 
+@pytest.mark.parametrize("a", [0.2, 0.5, 0.9])
+@pytest.mark.parametrize("k", [0, 1, 2, 3])
+def test_a_negative_order_names_the_integral_of_powers(a, k):
+    with pytest.raises(ValueError, match=r"order must lie in .*Memory\(PowerLaw\(1 - a\) / scipy"):
+        hd.Caputo(-a)
+    integral, t = hd.Memory(hd.PowerLaw(1 - a) / gamma(a), 0), np.linspace(0.0, 2.0, 401)
+    known = power(t, k, -a)
+    assert np.abs(hd.derivative(t, lambda s: s**k, integral) - known).max() < 1e-11 * known.max()
+    errors = np.abs(hd.derivative(t, t**k, integral) - known)
+    assert errors.max() < (1e-12 if k < 2 else 2e-5) * known.max()
+
+
 @pytest.mark.parametrize("m", [0, 1, 2])
 @pytest.mark.parametrize("stretched", [1.0, 1.3])
 def test_kernels_act_on_data_and_functions(m, stretched):

@@ -58,7 +58,9 @@ def derivative(
     y : array_like, shape (n,) or (n, d), or callable
         Values at `t`; or ``y(times)`` of an array (k,), which returns shape (k,) or (k, d).
     operator : Caputo, RiemannLiouville, Memory, Term, a sum or a sequence of them
-        Constant orders alone; coefficients and orders are numbers or one for each component.
+        Constant orders alone; coefficients and orders are numbers or one for each component. The
+        fractional integral of order a < 1 is
+        ``Memory(PowerLaw(1 - a) / scipy.special.gamma(a), 0)``.
     scheme : Scheme, optional
         For data: `L1` (default), `L12` or `L2`. `L12` and `L2` need Caputo kernels, and `L12` even
         times.

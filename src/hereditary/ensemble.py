@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from .equation.equation import Equation, current_equation
 from .history.history import History
 from .schemes.scheme import Scheme
-from .schemes.steps import kept_steps
+from .schemes.steps import checked_breaks, kept_steps
 from .solver.opening import how_to_step, open_stepper
 from .solver.output import room_for
 from .solver.progress import Interruption, ProgressBar
@@ -87,6 +87,7 @@ def ensemble(
     atol: float | ArrayLike | None = None,
     scheme: Scheme | None = None,
     history: History | None = None,
+    breaks: ArrayLike = (),
     save_every: int = 1,
     t_eval: ArrayLike | None = None,
     threads: int | None = None,
@@ -110,7 +111,7 @@ def ensemble(
         Parameters of each member; shape (E,) if the equation has one.
     y0 : array_like, shape (E, ...), optional
         Initial values of each member, each row as for `Equation`.
-    rtol, atol, scheme, history
+    rtol, atol, scheme, history, breaks
         As in `solve`.
     save_every : int, optional
         Keep the first row, the last one, and every `save_every`-th one.
@@ -164,6 +165,7 @@ def ensemble(
     threads = threads if threads is None else count("threads", threads)
     began = time.perf_counter()
     how = {"scheme": scheme, "history": history, "rtol": rtol, "atol": atol, "n_steps": n_steps}
+    how |= {"breaks": breaks}
     kept = steps = None
     if rtol is None and not scheme.adaptive:
         if atol is not None:
@@ -332,6 +334,7 @@ class _Run:
             history, t_end = self._how["history"], self._t_end - base.frame.start
             run = base, self._how["scheme"], history, self._steps, t_end
             stepper, end = open_stepper(*run)
+            stepper.set_breaks(checked_breaks(self._how["breaks"], base.frame.start), t_end)
             if self._plan is None:
                 with suppress(Exception):  # of a right-hand side, for some member
                     of = self._members.params, self._members.inside

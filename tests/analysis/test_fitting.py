@@ -1,5 +1,7 @@
 """Fits: true parameters are found, and known as well as their standard errors say."""
 
+import warnings
+
 import matplotlib
 import numpy as np
 import pytest
@@ -210,6 +212,22 @@ def test_runs_that_end_early_are_left_behind(sigma):
         found = hd.fit(model, t, data, {"gain": 2.5}, sigma=sigma)
     assert found.success
     assert found.parameters["gain"] == pytest.approx(0.5, abs=1e-6)
+
+
+def test_a_fit_whose_runs_all_fail_says_why():
+    def beyond(t, y, p):
+        return p[0] + y**2
+
+    def model(rate):
+        return hd.Equation(hd.Caputo(0.9), beyond, 1.0, params=[rate])
+
+    with warnings.catch_warnings(record=True) as given:
+        warnings.simplefilter("always")
+        found = hd.fit(model, [5.0, 6.0, 7.0], [1.0, 2.0, 3.0], {"rate": 3.0})
+    assert not found.success
+    assert found.message == f"the run with these parameters failed: {found.solutions[0].message}"
+    assert np.isnan([found.standard_errors["rate"], found.covariance[0, 0]]).all()
+    assert not [one for one in given if one.category is hd.IdentifiabilityWarning]
 
 
 def test_figure_shows_the_model_between_the_data_too():

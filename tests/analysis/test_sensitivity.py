@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import hereditary as hd
+from hereditary import exact
 
 ALL = ("params", "y0", "orders")
 
@@ -75,6 +76,29 @@ def test_several_terms_of_order_above_1(how, start):
         assert found.by_params[-1, 0, k] == pytest.approx(by_params, abs=2e-6)
         by_y0 = (end(y0=y0 + e) - end(y0=y0 - e)) / (2 * change)
         assert found.by_y0[-1, 0, k] == pytest.approx(by_y0, abs=2e-6)
+
+
+@pytest.mark.parametrize("how", [{"rtol": 1e-10}, {"n_steps": 4000, "scheme": hd.BDF(2)}], ids=str)
+@pytest.mark.parametrize("start", [0.0, 3.0])
+def test_a_force_that_begins_at_a_break(how, start):
+    """Its derivative is a Mittag-Leffler function of the time since then."""
+    alpha, rate = 0.7, 1.5
+
+    def pushed(t, y, p):
+        return -p[0] * y + (p[1] if t >= start + 1 else 0.0)
+
+    eq = hd.Equation(hd.Caputo(alpha), pushed, 2.0, params=[rate, 0.4], t_start=start)
+    times = [start + 1.0, start + 2.0]
+    found = hd.sensitivities(
+        eq, start + 2.0, t_eval=times, breaks=times[:1], wrt=("params", "orders"), **how
+    )
+    assert found.by_params[0, 0, 1] == 0.0
+    known = exact.mittag_leffler(-rate, alpha, 1 + alpha).real
+    error = 1e-8 if "rtol" in how else 1e-3
+    assert found.by_params[1, 0, 1] == pytest.approx(known, abs=error)
+    by_order = relaxation(alpha).replace(params=[rate])
+    free = hd.sensitivities(by_order, 1.0, wrt="orders", **how).by_orders[-1, 0, 0]
+    assert found.by_orders[0, 0, 0] == pytest.approx(free, abs=1e-5)
 
 
 def test_components_whose_orders_differ():

@@ -60,6 +60,22 @@ def test_any_members_are_the_runs_by_themselves(rates, n_steps, save_every, sche
             assert_equal(found, m, sol)
 
 
+@pytest.mark.parametrize(
+    "how", [{"n_steps": 40, "scheme": hd.L1()}, {"rtol": 1e-6, "t_eval": [2.0, 3.5, 5.0]}], ids=str
+)
+def test_members_see_a_jump_from_its_own_side(how):
+    def pushed(t, y, p):
+        return -p[0] * y + (1.0 if t >= 3.5 else 0.0)
+
+    equation = hd.Equation(hd.Caputo(0.6), pushed, 1.0, [1.0], t_start=1.0)
+    tables = {"params": [0.5, 1.0, 2.0]}
+    found = hd.ensemble(equation, 5.0, breaks=[3.5], **tables, **how)
+    without = hd.ensemble(equation, 5.0, **tables, **how)
+    for m in range(3):
+        assert_equal(found, m, alone(equation, tables, m, 5.0, breaks=[3.5], **how))
+        assert not np.array_equal(found.y[m], without.y[m])
+
+
 def test_each_member_has_its_own_ending():
     """Members that blow up, are unstable or raise leave the others alone, and keep their rows."""
 

@@ -74,7 +74,9 @@ class FitResult:
     solutions : list of Solution
         Of each series, with the best parameters.
     success : bool
+        Whether the optimiser converged to parameters with which all runs complete.
     message : str
+        The optimiser's reason to stop; or why a run with these parameters failed.
     n_runs : int
         Sets of runs, one run for each series.
     series : list of Series
@@ -228,12 +230,14 @@ def fit(
     solutions = runs.solutions(best, [one.t for one in series])
     completed = all(sol.success for sol in solutions)
     sizes = np.maximum(np.abs(best) / scale, 1.0)
-    covariance, singular = _covariance(found, sizes, at_bound, estimated, names)
-    covariance *= np.outer(scale, scale)
-    errors = np.sqrt(np.diag(covariance)) if completed else np.full(start.size, np.nan)
+    covariance, singular = _covariance(found, sizes, at_bound, estimated, completed and names)
+    covariance *= np.outer(scale, scale) if completed else np.nan
+    errors = np.sqrt(np.diag(covariance))
     with np.errstate(invalid="ignore", divide="ignore"):
         correlation = covariance / np.outer(errors, errors)
     held = ", ".join(np.array(names)[at_bound])
+    ends = (f"the run with these parameters failed: {sol.message}" for sol in solutions)
+    failed = next((end for end, sol in zip(ends, solutions, strict=True) if not sol.success), "")
     return FitResult(
         parameters=dict(zip(names, best.tolist(), strict=True)),
         standard_errors=dict(zip(names, errors.tolist(), strict=True)),
@@ -244,7 +248,7 @@ def fit(
         singular_values=singular,
         solutions=solutions,
         success=bool(found.success) and completed,
-        message=found.message + (f" At a bound: {held}." if held else ""),
+        message=failed or found.message + (f" At a bound: {held}." if held else ""),
         n_runs=runs.count,
         series=series,
         curves=runs.curves(best, solutions),
@@ -377,7 +381,7 @@ def _covariance(found, scale, at_bound, estimated, names):
     """Return the covariance of parameters, and singular values for changes by their scale.
 
     NaN where a parameter is at a bound, or part of a combination that leaves residuals as they are;
-    warns of these.
+    warns of these if `names` are given.
     """
     free = np.flatnonzero(~at_bound)
     jacobian = found.jac[:, free] * scale[free]
@@ -388,7 +392,7 @@ def _covariance(found, scale, at_bound, estimated, names):
     told = singular > _UNTOLD * singular.max(initial=0.0)
     shares = np.linalg.norm(rows[~told], axis=0)
     untold = shares > _SHARE
-    if untold.any():
+    if names and untold.any():
         parts = " and ".join(names[k] for k in free[untold])
         warn(f"data do not tell {parts}: fix one of them, or measure more", IdentifiabilityWarning)
     inverse = np.where(told, 1 / np.where(told, singular, 1.0), 0.0)

@@ -9,6 +9,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..collocation.method import Collocation
 from ..collocation.reading import reduced
 from ..compiled.callbacks import pass_on
 from ..compiled.growing_march import PACE, due, note
@@ -215,9 +216,9 @@ def lyapunov(
     equation : Equation
     t_end : float
         End of the run, above 0 [time].
-    n_steps : int
-        Number of steps. With `Collocation`, which chooses its own steps, the number of times at
-        which tangents may be made orthonormal, 65536 by default.
+    n_steps : int, optional
+        Number of steps; or `rtol`. With `Collocation`, which chooses its own steps, the number of
+        times at which tangents may be made orthonormal, 65536 by default.
     k : int
         Number of exponents, 1 <= k <= number of initial data (d, and one more for each component of
         order above 1).
@@ -226,7 +227,8 @@ def lyapunov(
         for right-hand sides without a derivative. If these jump, use a `separation` of 1e-3 to
         1e-2, so that orbits meet the jump in different steps.
     scheme : Scheme, optional
-        By default a scheme of second order if one covers the equation. This is `Adams` for
+        `Collocation` by default if `rtol` is given or `n_steps` is not. With `n_steps` alone the
+        default is a scheme of second order if one covers the equation. This is `Adams` for
         classical equations, and for one term in each component with orders from 1/2 to 1. It is
         `BDF(2)` for other Caputo terms. For other kernels and for orders that vary the default is
         `ExplicitCaputo`, of first order.
@@ -292,7 +294,8 @@ def lyapunov(
     choices = None, False, True
     verify = one_of("verify", verify, choices, "be True, False or None", kind=TypeError)
     if scheme is None:
-        scheme = _second_order(equation) or ExplicitCaputo()
+        adaptive = rtol is not None or n_steps is None  # as `solve` chooses
+        scheme = Collocation() if adaptive else _second_order(equation) or ExplicitCaputo()
     run = partial(
         _run, equation, k=k, mode=mode, history=history, renorm=renorm, transient=transient,
         directions=directions, seed=seed, window=window, n_blocks=n_blocks, separation=separation,

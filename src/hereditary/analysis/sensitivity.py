@@ -16,7 +16,7 @@ from ..equation.system import System
 from ..equation.terms import ConstantOrder, SystemTerm
 from ..history.history import History
 from ..schemes.scheme import Scheme
-from ..schemes.steps import kept_steps
+from ..schemes.steps import checked_breaks, kept_steps
 from ..solver.opening import how_to_step, open_stepper
 from ..solver.run import reached_end, told
 from ..solver.solve import chosen_scheme, evaluation_times, run_end, solve
@@ -74,6 +74,7 @@ def sensitivities(
     atol: float | ArrayLike | None = None,
     scheme: Scheme | None = None,
     history: History | None = None,
+    breaks: ArrayLike = (),
 ) -> Sensitivities:
     """Solve an equation with the derivatives of its solution by parameters, y0 and orders.
 
@@ -95,7 +96,7 @@ def sensitivities(
     t_eval : array_like, shape (n,), optional
         Times of the rows, by default the start and the end. With n_steps times of steps; with rtol
         steps end at each of them.
-    rtol, atol, scheme, history
+    rtol, atol, scheme, history, breaks
         As in `solve`.
 
     Returns
@@ -147,6 +148,8 @@ def sensitivities(
     span = t_last - start
     stepping = how_to_step(system, t_end=span, **how)
     stepper, _ = open_stepper(system, scheme, history, stepping, span, directions=directions)
+    stepper.set_breaks(checked_breaks(breaks, start), span)
+    how["breaks"] = breaks
     # times of steps may be given up to rounding
     adaptive = isinstance(stepping, Tolerance)
     stops = times - start if adaptive else kept_steps(times, stepping.h, start)

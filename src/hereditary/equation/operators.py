@@ -20,6 +20,12 @@ from ..support.checks import complaint, instance, one_of, real_array, shown
 from .orders import HIGHEST, ROUNDING, derivative_order, rounded_order
 from .terms import ConstantOrder, KernelOperator, VaryingOrder
 
+# What a negative order asks for.
+_INTEGRAL = (
+    "the fractional integral of order a, 0 < a < 1, is "
+    "Memory(PowerLaw(1 - a) / scipy.special.gamma(a), 0), also in hereditary.derivative"
+)
+
 
 class Summand:
     """A part of an equation's left-hand side: it can be scaled, and added to others."""
@@ -137,8 +143,8 @@ class Caputo(Summand):
                 complaint("order", "be a number or have shape (d,)", f"shape {orders.shape}")
             )
         if np.any(orders <= 0) or np.any(orders > HIGHEST):
-            required = f"lie in (0, {HIGHEST}]"
-            raise ValueError(complaint("order", required, orders.tolist()))
+            required, remedy = f"lie in (0, {HIGHEST}]", _INTEGRAL if np.all(orders < 0) else ""
+            raise ValueError(complaint("order", required, orders.tolist(), remedy))
         orders.flags.writeable = False
         self._order = orders
 
