@@ -235,6 +235,56 @@ USUAL = {
 }
 
 
+def oscillating(of_x, of_t=lambda t: 0.0):
+    def rhs(t, x):
+        return np.array([x[1], -x[0] - 0.1 * x[1] - of_x(x[0]) + of_t(t)])
+
+    return hd.Equation(hd.Caputo(0.98), rhs, [1.0, 0.0])
+
+
+@pytest.mark.parametrize(
+    "how", [{"n_steps": 4000}, {"rtol": 1e-4}, {"n_steps": 4000, "mode": "pair"}]
+)
+def test_a_jump_along_the_orbit_leaves_no_verdict(how):
+    equation = oscillating(lambda x: 0.5 * np.sign(x))
+    for verify in (None, True, False):
+        with pytest.warns(RuntimeWarning, match="jumps between states"):
+            found = hd.lyapunov(equation, 20.0, **how, verify=verify)
+        assert set(map(str, found.verdicts)) == {"undetermined"}
+        assert found.verified is False
+        assert "tanh(x / eps)" in found.message
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(
+    ("of_x", "of_t", "how"),
+    [
+        (np.abs, np.sin, {}),
+        (lambda x: np.tanh(x / 0.01), np.sin, {}),
+        (lambda x: x**3, lambda t: np.sign(np.sin(t)), {}),
+        (np.sign, np.sin, {"mode": "pair", "separation": 1e-2}),
+    ],
+    ids=["kink", "steep", "in time", "wide pair"],
+)
+def test_what_is_no_jump_for_tangents_warns_of_none(of_x, of_t, how):
+    found = hd.lyapunov(oscillating(of_x, of_t), 20.0, 4000, verify=False, **how)
+    assert "jumps" not in found.message
+
+
+@pytest.mark.parametrize(
+    ("how", "scheme"),
+    [
+        ({"rtol": 1e-6}, hd.Collocation()),
+        ({}, hd.Collocation()),
+        ({"rtol": 1e-6, "n_steps": 50}, hd.Collocation()),
+        ({"n_steps": 50}, hd.Adams()),
+    ],
+)
+def test_steps_are_chosen_as_by_solve(how, scheme):
+    found = hd.lyapunov(hd.Equation(hd.Caputo(0.9), spring, 1.0), 1.0, verify=False, **how)
+    assert found.settings["scheme"] == scheme
+
+
 @pytest.mark.parametrize("name", USUAL)
 def test_the_default_converges_with_second_order(name):
     """Whatever the terms; L1 and the explicit scheme stand at 1.5 at most."""

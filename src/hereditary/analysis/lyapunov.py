@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import time
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 
@@ -63,6 +65,17 @@ _LOST = (
     "tangents overflowed or vanished, or orbits fell together; shorten renorm, "
     "or in mode 'pair' take a larger separation"
 )
+# Least separation of orbits that meet a jump in different steps.
+_APART = 1e-3
+# States of the orbit between which jumps of the right-hand side are sought: ten times as many find
+# more of what the orbit crosses rarely, and cost 30 ms.
+_STATES = 33
+# Jumps below this share of the largest |f| are not sought: a tenth of it takes a third more time.
+_SMALLEST = 1e-3
+# Halvings of a line between two states, after which a continuous f has no change left. With a tenth
+# of them steep functions count as jumps; ten times as many change nothing.
+_HALVINGS = 50
+_JUMPS = "the right-hand side jumps between states of the orbit, and tangents do not see jumps"
 # Status of runs that reached their end.
 _AT_END = Status.COMPLETED, Status.STEP_TOO_LARGE, Status.KERNEL_INACCURATE, Status.ZIGZAG
 # Largest tolerance of `Collocation` that leaves room for one ten times as large.
@@ -267,6 +280,12 @@ def lyapunov(
         Also when the run blows up, is interrupted, or the right-hand side raises, with the record
         so far.
 
+    Warns
+    -----
+    RuntimeWarning
+        The right-hand side jumps between states of the orbit: all verdicts are "undetermined". Or
+        tangents lost digits between two renormalisations.
+
     Error
     -----
     Exponents converge with the order of the scheme, because tangents are the exact derivative of
@@ -304,7 +323,8 @@ def lyapunov(
     result = run(t_end, n_steps, scheme, rtol, atol)
     if result.status not in _AT_END or verify is False:
         return result
-    if verify is None and set(result.verdicts) == {Verdict.UNDETERMINED}:
+    unknown = set(result.verdicts) == {Verdict.UNDETERMINED}
+    if unknown and (verify is None or _JUMPS in result.message):
         return result
     other, how = _another(equation, scheme, result, bool(verify))
     try:
@@ -399,7 +419,8 @@ def _run(
     pace = record(PACE, transient=transient, end=n, longest=max(1, n // _RECORDS))
     pace["automatic"] = interval is None
     pace["interval"] = interval or min(_FIRST, pace["longest"])
-    ended, grown = _grow(stepper, pace, h, flow, progress)
+    states: list = []
+    ended, grown = _grow(stepper, pace, h, flow, states, progress)
     settings = {
         "mode": mode, "k": int(k), "h": h, "renorm": interval and h * interval,
         "transient": h * transient, "seed": int(seed), "separation": separation, "scheme": scheme,
@@ -408,6 +429,8 @@ def _run(
     settings |= {"rtol": how.rtol, "atol": how.atol} if scheme.adaptive else {}
     seconds = time.perf_counter() - began
     found = _found(stepper, equation, flow, ended, grown, settings, n_blocks, seconds)
+    if found.status in _AT_END and (mode == "tangent" or separation < _APART):
+        found = _without_jumps(found, stepper.equation, states)
     pass_on(stepper.error, found)
     return found
 
@@ -452,8 +475,51 @@ def _found(stepper, equation, flow, ended, grown, settings, n_blocks, seconds):
     )
 
 
-def _grow(stepper, pace, h, flow, progress):
+def _without_jumps(result, system, states):
+    """Return the result; without verdicts, and with a warning, if f jumps along the orbit."""
+    if system.enlarged is not system or not _jumps(system, states):
+        return result
+    clause = f"{_JUMPS}: smooth it, for example sign(x) as tanh(x / eps), and let eps decrease, "
+    clause += "or take mode='pair' with a separation of 1e-3 to 1e-2"
+    warn(clause, RuntimeWarning)
+    unknown = (Verdict.UNDETERMINED,) * len(result.verdicts)
+    changed = {"verdicts": unknown, "verdict": unknown[0], "verified": False}
+    return replace(result, message=f"{result.message}; {clause}", **changed)
+
+
+def _jumps(system, states):
+    """Return whether f jumps on a line between two consecutive ones of some states (t, y).
+
+    The half on which f changes more is halved again. The change of a continuous f then vanishes.
+    """
+    chosen = np.unique(np.linspace(0, len(states) - 1, _STATES).astype(int))
+    with suppress(Exception), np.errstate(all="ignore"):  # f may have no value between states
+        found = [states[i] for i in chosen]
+        least = _SMALLEST * max(np.abs(system.force(t, y)).max() for t, y in found)
+        return any(_keeps(system, *pair, least) for pair in itertools.pairwise(found))
+    return False
+
+
+def _keeps(system, first, last, least):
+    """Return whether f changes by more than `least` on ever shorter parts between two states."""
+    (t, a), (_, b) = first, last
+    f_a, f_b = system.force(t, a), system.force(t, b)
+    for _ in range(_HALVINGS):
+        middle = (a + b) / 2
+        if not np.abs(f_b - f_a).max() > least:
+            return False
+        f = system.force(t, middle)
+        if np.abs(f - f_a).max() > np.abs(f_b - f).max():
+            b, f_b = middle, f
+        else:
+            a, f_a = middle, f
+    return True
+
+
+def _grow(stepper, pace, h, flow, states, progress):
     """March to the end, or until the run stops, and make tangents orthonormal on the way.
+
+    Adds some states (t, y) of the orbit to `states`.
 
     Returns status and detail of a march that ended early, else None; and for each renormalisation
     its mark and the logarithms of the growth since the one before, (n, 1 + k).
@@ -462,7 +528,11 @@ def _grow(stepper, pace, h, flow, progress):
     grown = [np.empty((0, 1 + stepper.tangent.shape[1]))]
 
     def advance(stop):
-        piece = stepper.advance(stop, flow is not None)
+        piece = stepper.advance(stop, flow is not None or given)
+        if isinstance(piece, StepPieces):
+            every = 1 + len(piece.times) // _STATES
+            states.extend(zip(piece.times[::every], piece.rows[::every], strict=True))
+        states.append((stepper.t, stepper.y))
         if given:
             grown.append(stepper.grown())
         if flow is not None and piece is not None:
