@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from ..schemes.steps import UniformSteps
@@ -10,16 +12,33 @@ from .fixed_stepper import FixedStepper
 from .solution import SolveWarning
 from .status import Status
 
-# Steps of the run for one of each companion; fewest steps of a run that is estimated.
-_RATIOS, _FEWEST = (10, 20), 400
+
+class _Companions(NamedTuple):
+    """So many steps of the run for so many of the finer companion and of the coarser one."""
+
+    run: int
+    fine: int
+    coarse: int
+
+
+# Companions with a tenth and a twentieth of the steps, and fewest steps of their run.
+_CHEAP, _FEWEST = _Companions(20, 2, 1), 400
+# Companions with a half and a third of the steps, and fewest steps of their run.
+_CLOSE, _LEAST = _Companions(6, 3, 2), 60
+# Steps of the run whose errors do not count: relaxations of order below 1 err by h**alpha instead
+# of h in the first ones. With 20 in place of 40 the estimate is up to 150 times the error.
+_SETTLED = 40
 # Numbers of the coarser companion between comparisons: fewer take longer, more take room.
 _NUMBERS = 65_536
-# Largest difference of companions that is no sign of chaos, and largest error without a warning,
-# as fractions of the solution's size.
-_CHAOS, _LARGE = 1.0, 0.05
-# Largest fraction of the stability limit in a companion: relaxations next to the limit alternate.
-# Their differences are 180 times the error of the run at 0.92 of it, 40 times at 0.65 (order 1/2).
+# Largest difference of companions from which an error follows, as fraction of the solution's size.
+_ALIKE = 1.0
+# Largest error without a warning, as fraction of the solution's size.
+_LARGE = 0.05
+# Largest fraction of the stability limit in companions whose difference gives the error, for
+# relaxations next to the limit alternate: their differences are 180 times the error of the run at
+# 0.92 of it, 40 times at 0.65 (order 1/2).
 _STABLE = 0.75
+_LEFT_OUT = "estimate=False leaves this estimate out"
 
 _off = ThreadSwitch()
 
@@ -32,54 +51,79 @@ def no_estimates():
 def note_error(solution, stepper, n_steps):
     """Estimate the error of a first-order run in its stats, and warn of a large one.
 
-    ``stats["error_estimate"]`` is None where there is no estimate.
+    ``stats["error_estimate"]`` is None where there is no estimate: the run has too few steps, its
+    companions are unstable, or they differ by the size of the solution. The last is a warning.
     """
     off = _off.value or not solution.success
     found = None if off else estimated_error(stepper, n_steps)
-    solution.stats["error_estimate"] = found
     if found is not None and found > _LARGE:
         warn(
             f"errors are about {100 * found:.0f} % of the solution's size with {n_steps} steps of "
             f"the first-order scheme {stepper.scheme!r}: take rtol=1e-6, scheme=BDF(2) or more "
-            "steps; estimate=False leaves this estimate out",
+            f"steps; {_LEFT_OUT}",
             SolveWarning,
         )
+    solution.stats["error_estimate"] = found
 
 
 def estimated_error(stepper, n_steps):
-    """Return the largest error beyond 40 steps relative to the size of each component, or None.
+    """Return the largest error from 40 steps on relative to the size of each component, or None.
 
-    Companions with a tenth and a twentieth of the steps differ by about ten times the error of the
-    run. Their first common step is left out: next to the start, relaxations of order below 1 err by
-    h**alpha instead of h.
+    Companions with a half and a third of the steps are run where cheaper ones with a tenth and a
+    twentieth are unstable or differ by the size of the solution. If those differ as much, this is a
+    warning.
     """
-    n = n_steps // _RATIOS[1]
-    if n_steps < _FEWEST:
-        return None
-    equation, t_end = stepper.equation, stepper.t
-    difference = np.zeros(equation.d)
+    unlike = ""
+    for pair, fewest in ((_CHEAP, _FEWEST), (_CLOSE, _LEAST)):
+        apart = _difference(stepper, pair, n_steps) if n_steps >= fewest else None
+        if apart is None:
+            continue
+        k = n_steps // pair.run
+        if apart <= _ALIKE:
+            return apart * k / n_steps / (1 / pair.coarse - 1 / pair.fine)
+        unlike = (
+            f"runs of {pair.fine * k} and {pair.coarse * k} steps differ by {100 * apart:.0f} %"
+        )
+    if unlike:
+        warn(
+            f"{unlike} of the solution's size, so this run of {n_steps} steps is not resolved or "
+            f"the solution is chaotic: rtol= shows which; {_LEFT_OUT}",
+            SolveWarning,
+        )
+    return None
+
+
+def _difference(stepper, pair, n_steps):
+    """Return the largest difference of companions relative to sizes; None if one is unstable."""
+    equation, n, done = stepper.equation, n_steps // pair.run, 0
+    difference, first = np.zeros(equation.d), -(-_SETTLED // pair.run)
     with silence():
-        how = equation, stepper.scheme, stepper.history
-        fine, coarse = (FixedStepper(*how, UniformSteps(t_end / k), k) for k in (2 * n, n))
+        fine, coarse = (_companion(stepper, many * n) for many in (pair.fine, pair.coarse))
         size = np.abs(fine.y)
-        begun = 0
-        while begun < n:
-            end = min(begun + max(1, _NUMBERS // equation.d), n)
-            rows, others = _rows(fine, 2 * end), _rows(coarse, end)
-            if len(rows) != 2 * len(others) or len(others) != end - begun:
+        while done < n:
+            end = min(done + max(1, _NUMBERS // equation.d), n)
+            rows, others = _rows(fine, pair.fine * end), _rows(coarse, pair.coarse * end)
+            missed = len(rows) < pair.fine * (end - done)
+            if missed or len(others) < pair.coarse * (end - done):
                 return None
-            settled = 1 if begun == 0 else 0
-            apart = np.abs(rows[1::2] - others)[settled:]
+            apart = np.abs(
+                rows[pair.fine - 1 :: pair.fine] - others[pair.coarse - 1 :: pair.coarse]
+            )
+            apart = apart[max(0, first - 1 - done) :]
             difference = np.maximum(difference, apart.max(axis=0, initial=0.0))
             size = np.maximum(size, np.abs(rows).max(axis=0))
-            begun = end
-        ratios = [stepper.stats()["stiffness_ratio"] for stepper in (fine, coarse)]
-        if coarse.instability is Status.ZIGZAG or np.nanmax([0.0, *ratios]) > _STABLE:
-            return None
-    size = np.where(size > 0, size, np.inf)
-    if not np.all(difference <= _CHAOS * size):
-        return None
-    return float(np.max(difference * (2 * n / n_steps) / size))
+            done = end
+        ratios = [companion.stats()["stiffness_ratio"] for companion in (fine, coarse)]
+    apart = float(np.max(difference / np.where(size > 0, size, np.inf)))
+    limit = _STABLE if apart <= _ALIKE else 1.0
+    unstable = coarse.instability is Status.ZIGZAG or np.nanmax([0.0, *ratios]) > limit
+    return None if unstable else apart
+
+
+def _companion(stepper, n_steps):
+    """Return a stepper of the same run with so many steps."""
+    steps = UniformSteps(stepper.t / n_steps)
+    return FixedStepper(stepper.equation, stepper.scheme, stepper.history, steps, n_steps)
 
 
 def _rows(stepper, end):

@@ -161,7 +161,9 @@ def solve(
         With `resume`: continue with these parameters instead of the equation's.
     estimate : bool, optional
         Estimate the error of a run with uniform steps of `ExplicitCaputo` or `GrunwaldLetnikov`,
-        ``stats["error_estimate"]``, at 15 % more time.
+        ``stats["error_estimate"]``, by runs with a tenth and a twentieth of the steps. Where these
+        are unstable or differ by the size of the solution, runs with a half and a third double the
+        time. Runs with `breaks`, `changes` or switches have no estimate.
 
     Returns
     -------
@@ -187,7 +189,8 @@ def solve(
     -----
     SolveWarning
         The run ended early, but not by a terminal event or Ctrl-C. Or the estimated error of a
-        first-order run is above 5 % of the solution's size.
+        first-order run is above 5 % of the solution's size, or cannot be found because runs with
+        fewer steps differ by that size.
     StabilityWarning
         The step exceeded the scheme's stability limit along the orbit, or the solution zigzags.
 
