@@ -678,6 +678,11 @@ class AdaptiveStepper(Stepper):
         """By how much kernels miss the tolerance; empty where they keep it."""
         return self._orbit.kernels.errors.misfit(self._tolerances[0])
 
+    @property
+    def missed(self):
+        """A time at which f is not what the steps made of it, or 0."""
+        return float(self._control["missed"])
+
     def set_breaks(self, times, t_end):
         """Begin the steps anew at these times."""
         at_once, self._breaks = breaks_ahead(times, self.t, t_end, self.equation.frame.start)
@@ -729,6 +734,7 @@ class AdaptiveStepper(Stepper):
         check_reach(state, self._t_end)
         self._at_singular_start = state.at_singular_start or changed
         self._go_on_from(state.march, copy.deepcopy(state.orbit))
+        self._control["missed"] = 0.0
         self._limit_steps(self._t_end)
 
     def checkpoint(self):

@@ -10,6 +10,8 @@ from ..compiled.structures import Rule
 
 # Number of orders between which integrals, entire functions of the order, are interpolated.
 _N_ORDERS = 24
+# Place of looks in equal parts of a step: irrational, so that they coincide with no period.
+_LOOK = (5**0.5 - 1) / 2
 
 
 @lru_cache(maxsize=16)
@@ -124,10 +126,13 @@ def through_start(s):
 
 
 def check_points_of(s):
-    """Return the points of a step that are looked at besides its nodes, (2,)."""
+    """Return the points of a step that are looked at besides its nodes, (2 + s,).
+
+    The first two count for the error of every step, the others for that of none.
+    """
     ends = np.concatenate([[0.0], radau_nodes(s)])
     # of all middles between nodes this one sees most often that a solution slides along a jump
-    return np.array([0.0, ends[s - 2 : s].mean()])
+    return np.concatenate([[0.0, ends[s - 2 : s].mean()], (np.arange(s) + _LOOK) / s])
 
 
 @lru_cache(maxsize=16)
@@ -136,11 +141,11 @@ def check_points(s):
 
     Returns
     -------
-    points : ndarray, shape (2,)
-        The start, and the middle between the last but two nodes and the last but one.
-    integrals : ndarray, shape (2, s)
+    points : ndarray, shape (2 + s,)
+        The start, the middle between the last but two nodes and the last but one, and s more.
+    integrals : ndarray, shape (2 + s, s)
         From values at the nodes to the integral of their polynomial from the start.
-    values_there : ndarray, shape (2, s)
+    values_there : ndarray, shape (2 + s, s)
         From values at the nodes to values of their polynomial.
     """
     points = check_points_of(s)

@@ -24,6 +24,11 @@ _NOISE = 2e-14
 # In units of Newton's goal: a larger defect of f has the equations checked again, and a larger
 # residual then refuses the step.
 _CHECK_BEYOND, _UNSOLVED = 100.0, 10.0
+# First of a step's check points that do not enter its error, and most of them in a run.
+FIRST_LOOK, _LOOKS = 2, 256
+# Defect of f at a look that is a miss, in defects at the check points, and what it would move p by
+# over the whole step, in units of Newton's goal: one tolerance is 1,000 of these.
+_UNLIKE, _MOVED = 30.0, 1000.0
 # Number of tolerances by which the polynomial may miss the start; stiff systems miss it by
 # rounding.
 _MISSED = 10.0
@@ -116,26 +121,60 @@ def measure_force_defect(rhs, params, h, rule, x_start, p0, second, values, limi
     start counts too.
     """
     # x_start, p0 (d,), values (n_q, d, s)
-    d, s = second.shape[0], rule.check_values.shape[1]
     times, point, misses_start = room.check_times, room.point, False
     clear(room.defect)
-    for i in range(times.shape[0]):
-        for c in range(d):
-            total = 0.0
-            if second[c] == 0:
-                for j in range(s):
-                    total += rule.check_values[i, j] * values[PRIMARY, c, j]
-            else:
-                for j in range(s):
-                    total += rule.check_integrals[i, j] * values[PRIMARY, c, j]
-                total = x_start[c] + h * total
-            point[c] = total
+    for i in range(FIRST_LOOK):
+        set_point(h, rule, i, x_start, second, values[PRIMARY], point)
+        for c in range(second.shape[0] if i == 0 else 0):
             size = max(abs(x_start[c]), abs(p0[c]))  # a singular start may err by this much
             allowed = _MISSED * allowed_error(c, size, room.sizes[c], 0, 1.0, limits)
-            misses_start = misses_start or (i == 0 and abs(total - x_start[c]) > allowed)
+            misses_start = misses_start or abs(point[c] - x_start[c]) > allowed
         update_force_defect(rhs, params, times[i], point, rule.check_values[i], values, room)
     if misses_start:
         update_force_defect(rhs, params, times[0], x_start, rule.check_values[0], values, room)
+
+
+@inner
+def set_point(h, rule, i, x_start, second, primary, point):
+    """Set y at check point i by the polynomials of the step, (d,); primary (d, s)."""
+    for c in range(second.shape[0]):
+        total = 0.0
+        if second[c] == 0:
+            for j in range(primary.shape[1]):
+                total += rule.check_values[i, j] * primary[c, j]
+        else:
+            for j in range(primary.shape[1]):
+                total += rule.check_integrals[i, j] * primary[c, j]
+            total = x_start[c] + h * total
+        point[c] = total
+
+
+@inner
+def look_once_more(rhs, params, h, equations, rule, sums, x_start, values, state, limits, room):
+    """Return a time of the step at which f is unlike its polynomial through the nodes, or 0.
+
+    Forces that act for a short time may be between the nodes of long steps. The looks are spread
+    over the run: one in each of so many equal intervals, and at most as many as a step has nodes.
+    """
+    kinds, spacing, point, force = equations.kinds, limits.t_end / _LOOKS, room.point, room.force
+    before = state.control.origin + state.control.time
+    for i in range(FIRST_LOOK, room.check_times.shape[0]):
+        t = room.check_times[i]
+        if math.floor(t / spacing) == math.floor(before / spacing):
+            continue
+        before = t
+        state.counts.rhs += 1
+        set_point(h, rule, i, x_start, equations.second, values[PRIMARY], point)
+        rhs(t, point, force, params)
+        for c in range(force.shape[0]):
+            defect = force[c]
+            for j in range(values.shape[2]):
+                defect -= rule.check_values[i, j] * values[FORCE, c, j]
+            alike = max(abs(room.defect[c]), _NOISE * room.force_scales[c])
+            moved = abs(defect) * largest_of(sums[kinds[c]], 0, sums.shape[1])
+            if not (abs(defect) <= _UNLIKE * alike or moved <= _MOVED * room.goal[c]):
+                return t
+    return 0.0
 
 
 @inner
@@ -348,7 +387,10 @@ def orbit_error(
     room, kinds, matrices = newton.room, equations.kinds, operators.matrices
     errors, x_start = room.errors, orbit.x[0]
     measure_force_defect(rhs, params, h, rule, x_start, start, second, values[0], limits, room)
-    state.counts.rhs += room.check_times.shape[0]
+    state.counts.rhs += FIRST_LOOK
+    missed = look_once_more(
+        rhs, params, h, equations, rule, operators.sums, x_start, values[0], state, limits, room
+    )
     if defect_matters(operators.sums, kinds, newton):
         state.counts.rhs += room.times.shape[0]
         if not equations_hold(rhs, params, base[0], operators, kinds, values[0], newton):
@@ -361,6 +403,8 @@ def orbit_error(
     ratio_at_nodes = error_ratio(h, end, errors, values[0], second, state, start, limits, room)
     add_force_defect(operators.sums, kinds, newton, errors)
     ratio = error_ratio(h, end, errors, values[0], second, state, start, limits, room)
+    if ratio <= 1.0 and missed > 0.0:
+        state.control.missed = missed
     return ratio, ratio_at_nodes <= 1.0 and not ratio <= 1.0
 
 

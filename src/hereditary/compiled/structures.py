@@ -30,9 +30,10 @@ TERM = np.dtype(
     [("row", "i8"), ("integrand", "i8"), ("index", "i8"), ("coefficient", "f8")], align=True
 )
 # Step control: present time since the origin, lengths of the next and of the last step, that of the
-# shortest step for which the modes hold, 1 if the last trial was refused, the origin [time], and
-# the component with the largest error of the last trial.
-_TIMES = "time", "next", "last", "shortest", "refused", "origin", "worst"
+# shortest step for which the modes hold, 1 if the last trial was refused, the origin [time], the
+# component with the largest error of the last trial, and the last time at which a look found f
+# unlike its polynomial, or 0.
+_TIMES = "time", "next", "last", "shortest", "refused", "origin", "worst", "missed"
 CONTROL = np.dtype([(name, "f8") for name in _TIMES], align=True)
 # Calls of the right-hand side, and steps accepted, refused, and refused by the defect of f alone.
 COUNTS = np.dtype(
@@ -80,8 +81,8 @@ class Rule(NamedTuple):
 
     - nodes (s,); integrals (n_a, s, s): the fractional integrals at the nodes.
     - legendre (s, s): Legendre coefficients; inverse (s, s): of the integrals of order 1.
-    - check_points (m,): between the nodes. check_integrals, check_values (m, s): integral from the
-      start and value of the polynomial there.
+    - check_points (m,): off the nodes, m = 2 + s; two of them count for the error of a step.
+    - check_integrals, check_values (m, s): integral from the start and value of the polynomial.
     """
 
     nodes: Vector

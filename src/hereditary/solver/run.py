@@ -7,8 +7,9 @@ import numpy as np
 
 from ..compiled.callbacks import PythonRaised, pass_on
 from ..equation.system import FEW
+from ..support.warning import warn
 from .progress import Interruption, ProgressBar
-from .solution import Solution, warn_of
+from .solution import Solution, SolveWarning, warn_of
 from .status import Status
 
 # Bytes of a history that a solution may hold on to besides its state.
@@ -107,6 +108,18 @@ def run(stepper, stop, t_end, output, progress, began, march=Drive.to):
     )
     pass_on(stepper.error, solution)
     return solution
+
+
+def note_missed(solution, stepper):
+    """Warn if f is not what the steps of a successful run made of it where the run looked again."""
+    if solution.success and stepper.missed:
+        t = stepper.missed + stepper.equation.frame.start
+        warn(
+            f"the steps miss a force that acts for a short time: at t = {t:g} the right-hand side "
+            "is not what it is around; name the times at which it jumps in breaks, or give "
+            "max_step, half the time for which it acts",
+            SolveWarning,
+        )
 
 
 def reached_end(stepper):

@@ -34,7 +34,7 @@ from .events import Events
 from .first_order import note_error
 from .opening import how_to_step, open_stepper
 from .output import Kept, Output
-from .run import Drive, run
+from .run import Drive, note_missed, run
 from .solution import Solution
 from .state import AdaptiveState, GivenState, State, check_sound
 
@@ -126,7 +126,7 @@ def solve(
         state have all of them.
     max_step : float, optional
         Longest step of `Collocation` [time]. It may miss a force that acts for a shorter time than
-        a step. Half of that time is a safe choice.
+        a step, and warns if it finds one. Half of that time is a safe choice.
     max_steps : int, optional
         Most steps of this call of `Collocation`, by default one million. A run that needs more ends
         with the status `max_steps` and can be resumed.
@@ -163,7 +163,8 @@ def solve(
         Estimate the error of a run with uniform steps of `ExplicitCaputo` or `GrunwaldLetnikov`,
         ``stats["error_estimate"]``, by runs with a tenth and a twentieth of the steps. Where these
         are unstable or differ by the size of the solution, runs with a half and a third double the
-        time. Runs with `breaks`, `changes` or switches have no estimate.
+        time. Runs with `breaks`, `changes` or switches have no estimate. With `rtol`, False leaves
+        out the warning of a missed force.
 
     Returns
     -------
@@ -190,7 +191,8 @@ def solve(
     SolveWarning
         The run ended early, but not by a terminal event or Ctrl-C. Or the estimated error of a
         first-order run is above 5 % of the solution's size, or cannot be found because runs with
-        fewer steps differ by that size.
+        fewer steps differ by that size. Or steps of `Collocation` miss a force that acts for a
+        short time.
     StabilityWarning
         The step exceeded the scheme's stability limit along the orbit, or the solution zigzags.
 
@@ -277,6 +279,8 @@ def solve(
     output = Output(stepper, stop, kept, found)
     march = partial(hybrid.march, output) if hybrid else Drive.to
     solution = run(stepper, stop, t_last, output, progress, began, march)
+    if scheme.adaptive and estimate:
+        note_missed(solution, stepper)
     first_order = isinstance(scheme, (ExplicitCaputo, GrunwaldLetnikov)) and mesh is None
     if first_order and estimate and resume is None and not (hybrid or np.size(breaks)):
         note_error(solution, stepper, stop)
