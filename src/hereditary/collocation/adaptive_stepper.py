@@ -45,7 +45,7 @@ from ..solver.state import (
     complete,
     identity,
 )
-from ..solver.status import Status, failed
+from ..solver.status import NOT_FINITE, Status, failed
 from ..solver.stepper import Stepper
 from ..support.checks import complaint
 from .equations import integral_form
@@ -78,7 +78,8 @@ _GROWING, _WALL = 1e-3, 1e-8
 # back; f jumps where it changes by more than a fraction of its size on the way, for steps are as
 # short as they can be.
 _DISTANCES_AHEAD, _JUMP = (0.0, 1.0, 10.0, 100.0, 1000.0, -1.0, -10.0, -100.0, -1000.0), 0.1
-_NOT_FINITE = "the right-hand side is not finite just ahead"
+# Shares of the way ahead at which f is evaluated where no first step succeeds.
+_SHARES = 10.0 ** np.arange(-1, -16, -2)
 _JUMPS = (
     "the right-hand side jumps, or stops being finite, wherever the solution goes on (it may slide "
     "or chatter there); name known times in breaks, functions that change their sign in switches"
@@ -174,6 +175,7 @@ class Ending(NamedTuple):
 
 BLOWN_UP, UNSOLVED = Ending(Status.BLOWN_UP), Ending(Status.NOT_SOLVED)
 TOO_STEEP = Ending(Status.STEP_TOO_SMALL, _ROUNDS)
+OUTSIDE = Ending(Status.STEP_TOO_SMALL, NOT_FINITE)
 
 
 def ending(status, equation, t, h, refused, last, peak):
@@ -191,7 +193,7 @@ def ending(status, equation, t, h, refused, last, peak):
         return BLOWN_UP
     forces = _forces_ahead(equation, t, h, last[POSITION])
     if not np.all(np.isfinite(forces)):
-        return Ending(Status.STEP_TOO_SMALL, _NOT_FINITE)
+        return OUTSIDE
     jumps = np.abs(forces - forces[0]).max() > _JUMP * np.abs(forces).max()
     if status == NOT_SOLVED and not jumps:
         return UNSOLVED
@@ -205,6 +207,13 @@ def _forces_ahead(equation, t, h, y):
     """
     ahead = [(t + abs(a) * h, y[:, -1] + a * (y[:, -1] - y[:, 0])) for a in _DISTANCES_AHEAD]
     return np.array([equation.force(*point) for point in ahead])
+
+
+def leaves_domain(equation, t, y, move):
+    """Return whether f is finite nowhere on the way from y to y + move, both (d,)."""
+    points = [y + share * move for share in _SHARES]
+    ahead = [equation.force(t, point) for point in points if np.any(point != y)]
+    return bool(ahead) and not np.isfinite(ahead).all(axis=1).any()
 
 
 # Tables that are kept; each holds up to 64 lengths of steps, some hundred kB.
@@ -516,6 +525,9 @@ class AdaptiveStepper(Stepper):
                 return FirstPiece(variable, t, h, steps.p[0], *steps.at_starts[0])
             # Newton's method asks for a quarter
             self.ending = UNSOLVED if self._control["next"] == 0.25 * h else TOO_STEEP
+        speed = np.where(form.second == 1, orbit.p[0], self._system.force(t, orbit.x[0]))
+        if leaves_domain(self._system, t, orbit.x[0], left * speed):
+            self.ending = OUTSIDE
         return None
 
     def _try_step(self, h, variable, t_stop):

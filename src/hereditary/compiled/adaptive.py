@@ -81,7 +81,7 @@ def attempt(
     set_times(origin, t, h, rule.check_points, limits, room.check_times)
     extrapolate(
         nodes, rule.legendre, last, h, control.last, orbit.p[0], room.reached,
-        values[0, PRIMARY],
+        values[0, PRIMARY], room.change,
     )  # fmt: skip
     put(state.sizes, room.sizes)
     begins = raise_small(equations.quantities, SMALL, room.sizes)
@@ -209,10 +209,11 @@ def set_newton_goal(h, equations, orbit, state, limits, room):
 
 
 @inner
-def extrapolate(nodes, legendre, last, h, h_last, p, reached, out):
+def extrapolate(nodes, legendre, last, h, h_last, p, reached, out, change):
     """Extrapolate the polynomial p of the last step to the nodes of the next.
 
     Differences from p at the end of the last step are extrapolated, so that a constant is exact.
+    Sets `change`, (d s,), to p minus the result.
     """
     # last, out (d, s), p (d,); reached (s, s), from the last values to the nodes ahead, is room
     d, s = out.shape
@@ -229,7 +230,7 @@ def extrapolate(nodes, legendre, last, h, h_last, p, reached, out):
             total = p[c]
             for j in range(s):
                 total += reached[i, j] * (last[c, j] - p[c])
-            out[c, i] = total
+            out[c, i], change[c * s + i] = total, p[c] - total
 
 
 # Status codes of a march: stop reached, rows full, modes not close enough, no step small enough for

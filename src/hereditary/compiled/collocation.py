@@ -26,6 +26,9 @@ from .structures import (
 # Newton iterations before a step is refused, contraction from which a Jacobian of an earlier step
 # is not kept, and the iteration, from 0 on, at which each node of few components has its own.
 _SWEEPS, _SLOW, _EACH = 12, 0.05, 5
+# Times that a change, or the change from p at the start to the first guess, is halved at nodes
+# where it leads out of the domain of f, before these nodes go back to where they were.
+_HALVED = 4
 # Iterations for a tangent of many components, and the relative change that ends them.
 _TANGENT_SWEEPS, _TANGENT_GOAL = 30, 1e-11
 # Relative and absolute change of p that rounding leaves.
@@ -66,15 +69,17 @@ def positions(h, p, x_start, second, integral, x):
 
 @inner
 def forces(rhs, params, times, x, f, room):
-    """Set f to the right-hand side at all nodes of a step, where y is x."""
+    """Set f to the right-hand side at all nodes of a step, where y is x; return if it is finite."""
     # times (s,), x and f (d, s)
-    point, force = room.point, room.force
+    point, force, finite = room.point, room.force, True
     for i in range(times.shape[0]):
         for c in range(point.shape[0]):
             point[c] = x[c, i]
         rhs(times[i], point, force, params)
         for c in range(point.shape[0]):
             f[c, i] = force[c]
+            finite = finite and abs(force[c]) < np.inf
+    return finite
 
 
 @allocating
@@ -128,10 +133,10 @@ def solve_stages(
 ):  # fmt: skip
     """Solve for p at the nodes by Newton's method, starting from the given values.
 
-    Returns whether p is accurate to `goal` (d,). Sets y, and f corrected to first order for the
-    last change of p; `contraction` records how fast the method converged. Of many components the
-    Jacobian is kept over steps while the method converges fast, and factors as long as the step's
-    length stays.
+    The room has their change from p at the start, negated. Returns whether p is accurate to
+    `goal` (d,). Sets y, and f corrected to first order for the last change of p; `contraction`
+    records how fast the method converged. Of many components the Jacobian is kept over steps while
+    the method converges fast, and factors as long as the step's length stays.
     """
     # base (>= d, s), values (n_q, d, s): f, p and y
     f, p, x = values[FORCE], values[PRIMARY], values[POSITION]
@@ -142,6 +147,16 @@ def solve_stages(
     jacobians = stages.jacobians[:1]
     positions(h, p, x_start, second, integral, x)
     for sweep in range(_SWEEPS):
+        counts.rhs += s
+        halved = 0
+        while not forces(rhs, params, times, x, f, room):
+            if halved > _HALVED:
+                control[KEPT] = 0.0
+                return False
+            step_back(f, 0.5 if halved < _HALVED else 1.0, change, p)
+            positions(h, p, x_start, second, integral, x)
+            counts.rhs += s
+            halved += 1
         if few and (sweep == 0 or sweep == _EACH):
             control[KEPT] = 0.0
             jacobians = stages.jacobians[: 1 if sweep == 0 else s]
@@ -159,8 +174,6 @@ def solve_stages(
                 room.point[c] = x[c, s - 1]
             magnitudes(jacobians[0], room.point, newton.room.force_scales)
             magnitudes(jacobians[0], newton.room.starts, newton.room.start_scales)
-        forces(rhs, params, times, x, f, room)
-        counts.rhs += s
         residuals(base, operators, kinds, p, x, f, residual)
         solve_newton(newton)
         size = take_change(change, goal, p)
@@ -213,6 +226,19 @@ def correct_forces(jacobians, before, x, f, moved):
     for c in range(0 if sparse else d):
         for i in range(s):
             f[c, i] += dot(jacobians[i if by_nodes else 0, c], moved[i], 0, d)
+
+
+@inner
+def step_back(f, share, change, p):
+    """Take back a share of the last change, (d s,), of p at nodes where f is not finite."""
+    d, s = p.shape
+    for i in range(s):
+        finite = True
+        for c in range(d):
+            finite = finite and abs(f[c, i]) < np.inf
+        for c in range(0 if finite else d):
+            p[c, i] += share * change[c * s + i]
+            change[c * s + i] *= 1.0 - share
 
 
 @inlined

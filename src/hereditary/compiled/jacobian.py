@@ -41,14 +41,16 @@ def jacobian(rhs, jac, has_jac, t, y, params, units, out):
     up, down, shifted = np.empty(d), np.empty(d), np.empty(d)
     for j in range(d):  # y.copy() takes longer to compile
         shifted[j] = y[j]
-    differences(rhs, t, shifted, params, units, out, up, down)
-    return 2 * d
+    return differences(rhs, t, shifted, params, units, out, up, down)
 
 
 @inner
 def differences(rhs, t, y, params, units, out, up, down):
-    """Set the Jacobian by central differences, moving y; up and down (>= d,) are room."""
-    d = y.shape[0]
+    """Set the Jacobian by central differences, moving y; up and down (>= d,) are room.
+
+    They are one-sided where f is finite on one side alone. Returns the number of calls of `rhs`.
+    """
+    d, calls = y.shape[0], 2 * y.shape[0]
     for j in range(d):
         here = y[j]
         step = _STEP * max(units[j], abs(here))
@@ -59,8 +61,36 @@ def differences(rhs, t, y, params, units, out, up, down):
         rhs(t, y, down[:d], params)
         width -= y[j]
         y[j] = here
+        if not finite_between(d, up, down):
+            extend(rhs, t, y, params, up, down)
+            calls += 1
         for i in range(d):
             out[i, j] = (up[i] - down[i]) / width
+    return calls
+
+
+@inlined
+def finite_between(d, up, down):
+    """Return whether the differences of d values are finite."""
+    finite = True
+    for i in range(d):
+        finite = finite and abs(up[i] - down[i]) < np.inf
+    return finite
+
+
+@allocating
+def extend(rhs, t, y, params, up, down):
+    """Continue f by a straight line to the side of y where it is not finite.
+
+    up, down (>= d,) are its values at equal distances from y (d,).
+    """
+    middle = np.empty(y.shape[0])
+    rhs(t, y, middle, params)
+    for i in range(y.shape[0]):
+        if not abs(down[i]) < np.inf:
+            down[i] = 2.0 * middle[i] - up[i]
+        elif not abs(up[i]) < np.inf:
+            up[i] = 2.0 * middle[i] - down[i]
 
 
 @allocating
@@ -81,6 +111,10 @@ def grouped_differences(rhs, t, y, params, units, out):
             j = int(out[COLUMNS, k])
             shifted[j] = y[j] - _STEP * max(units[j], abs(y[j]))
         rhs(t, shifted, down, params)
+        calls += 2
+        if not finite_between(y.shape[0], up, down):
+            extend(rhs, t, y, params, up, down)
+            calls += 1
         for k in range(first, end):
             i, j = int(out[ROWS, k]), int(out[COLUMNS, k])
             step = _STEP * max(units[j], abs(y[j]))
@@ -88,7 +122,7 @@ def grouped_differences(rhs, t, y, params, units, out):
         for k in range(first, end):
             j = int(out[COLUMNS, k])
             shifted[j] = y[j]
-        first, calls = end, calls + 2
+        first = end
     return calls
 
 

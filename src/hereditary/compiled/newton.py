@@ -13,6 +13,8 @@ from .step import BASE, FIRST, GAIN, KNOWN, LEAD, MOVED, POINT, SCALE, SHIFT, UN
 
 # Iterations before a step is given up.
 _MOST = 38
+# Times that a change, or the first guess of w, is halved where it leads out of the domain of f.
+_HALVED = 8
 # Contraction from which a Jacobian is renewed; one of an earlier step, where renewing is cheap.
 _SLOW, _SLOW_OF_EARLIER = 0.1, 1e-3
 # Where renewing is cheap: steps that take their own Jacobian after one of an earlier step was slow,
@@ -48,18 +50,22 @@ def solve_step(
     few, previous, residual, grown = linear.few == 1, np.inf, 0.0, 0.0
     fresh, stalled, done = False, False, False
     for c in range(d):
-        first[c] = w[c]
+        first[c] = change[c] = w[c]
     if counts.renewed > 0:
         counts.renewed, counts.kept = counts.renewed - 1, 0
     for iteration in range(_MOST):
         look(base, gain, sources, w, point)
+        rhs(t, point, f, params)
+        counts.rhs += 1
+        if not is_finite(f, d) and not step_back(
+            rhs, params, t, d, sources, room, change, point, f, counts
+        ):
+            break
         if counts.kept == 0:
             counts.rhs += jacobian(rhs, jac, has_jac, t, point, params, room[UNITS], work[0])
             if not few and not set_factors(0, n, d, sources, room, work, counts, solver, linear):
                 return False
             counts.kept, counts.at_once, fresh, previous = 1, 0, True, np.inf
-        rhs(t, point, f, params)
-        counts.rhs += 1
         for c in range(n):
             change[c] = lead[c] * f[c] - known[c] - scale[c] * w[c] if c < d else 0.0
         if stalled and grown < _MOST_GROWN:
@@ -104,7 +110,7 @@ def solve_step(
         if wrong and fresh and not size < np.inf:
             break
         for c in range(d if wrong and not fresh else 0):
-            w[c] = first[c]
+            w[c] = change[c] = first[c]
         slow = _SLOW_OF_EARLIER if few and not fresh else _SLOW
         if wrong or slow < rate < 1.0:
             counts.kept = 0
@@ -112,6 +118,38 @@ def solve_step(
                 counts.renewed = _RENEWED
         previous = size
     counts.kept = 0
+    return False
+
+
+@inlined
+def is_finite(f, d):
+    """Return whether the first d values are finite."""
+    finite = True
+    for c in range(d):
+        finite = finite and abs(f[c]) < np.inf
+    return finite
+
+
+@inner
+def step_back(rhs, params, t, d, sources, room, change, point, f, counts):
+    """Take back half of the last change of w until f is finite; return whether it is.
+
+    If it never is, the change is replaced by that of functional iteration: next to an edge where
+    the slope of f is infinite Newton's method may point out of the domain.
+    """
+    w = room[W]
+    for trial in range(2 * _HALVED + 1):
+        for c in range(d):
+            change[c] *= 0.5 if trial != _HALVED else 1.0
+            w[c] -= change[c]
+        look(room[BASE], room[GAIN], sources, w, point)
+        rhs(t, point, f, params)
+        counts.rhs += 1
+        if is_finite(f, d) == (trial != _HALVED):
+            return trial != _HALVED
+        for c in range(d if trial == _HALVED else 0):
+            change[c] = 2.0 * ((room[LEAD, c] * f[c] - room[KNOWN, c]) / room[SCALE, c] - w[c])
+            w[c] += change[c]
     return False
 
 

@@ -5,7 +5,7 @@ from contextlib import suppress
 import numpy as np
 
 from ..compiled.error_estimate import LEAST
-from ..compiled.jacobian import VALUES, jacobian_at, no_jacobian
+from ..compiled.jacobian import VALUES, extend, jacobian_at, no_jacobian
 from ..compiled.jit import JAC_SIG, as_value
 from ..support.checks import complaint
 
@@ -102,6 +102,8 @@ def _deviation(rhs, jac, structure, t, y, params, units, directions, lengths):
             for up, down, shift in zip(above, below, step * shifts, strict=True):
                 rhs(t, y + shift, up, params)
                 rhs(t, y - shift, down, params)
+                if not np.isfinite(up - down).all():
+                    extend(rhs, t, y, params, up, down)
     except Exception:  # y lies outside of the domain of the functions
         return None
     given, sizes = entries, np.abs(entries)
@@ -168,9 +170,13 @@ def _visible_step(rhs, params, y0, c):
 
 
 def _moved(rhs, params, y0, c=0, step=0.0, t=0.0):
-    """Return f with a component moved, (d,); NaN outside of the domain of f."""
-    y, found = y0.copy(), np.full(y0.size, np.nan)
-    y[c] += step
-    with suppress(Exception):
-        rhs(t, y, found, params)
+    """Return f with a component moved up, or down; NaN if both are outside of its domain, (d,)."""
+    found = np.full(y0.size, np.nan)
+    for by in (step, -step):
+        y = y0.copy()
+        y[c] += by
+        with suppress(Exception):
+            rhs(t, y, found, params)
+        if np.isfinite(found).all():
+            break
     return found

@@ -25,6 +25,9 @@ N_ADDRESSES = 2
 _VIEWS = 256
 # Seconds for which a function is timed, that a call adds to it, and of a compiled explicit step.
 _TIMED, _ADDED, _COMPILED_STEP = 1e-3, 3e-6, 2e-7
+# What `math` raises outside of a function's domain, where compiled code gives NaN; the second one
+# from Python 3.14 on.
+_OUTSIDE = "math domain error", "expected a"
 _warned: weakref.WeakSet = weakref.WeakSet()
 
 
@@ -70,6 +73,10 @@ class Callback:
                 fill(t, z, out)
                 return 0
             except BaseException as error:
+                outside = type(error) is ValueError and str(error).startswith(_OUTSIDE)
+                if outside and out is not None:
+                    out[...] = np.nan
+                    return 0
                 keep_raised(error)
                 with suppress(Exception):  # of exceptions that take no attributes
                     error.add_note(f"raised by {name} at t = {t:.10g}")

@@ -18,7 +18,7 @@ from ..compiled.signatures import (
     Output,
     StepTable,
 )
-from ..compiled.step import N_ROOM, UNITS
+from ..compiled.step import N_ROOM, POINT, UNITS, F
 from ..compiled.structures import plain, record
 from ..equation.system import displaced, refuse_late, side_by_side, variational
 from ..kernels.memory_kernel import misfit_on_given_steps
@@ -29,7 +29,7 @@ from .dense import StepPieces, starting_steps
 from .jacobian_watch import JacobianWatch, remedy_of
 from .linear_solvers import newton_of
 from .state import GivenState, check_identity, complete, described, identity
-from .status import Status, failed
+from .status import NOT_FINITE, Status, failed
 from .stepper import Stepper
 
 # Steps in a block. Measured with 56 modes: 74, 75 and 85 ns a step at 16, 32 and 64, where the
@@ -278,6 +278,13 @@ class FixedStepper(Stepper):
             return failed(self.error)
         statuses = {BLOWN_UP: Status.BLOWN_UP, NOT_SOLVED: Status.NOT_SOLVED}
         detail = "the matrix of a step is singular" if self.scheme.solve == "imex" else ""
+        tried, force = self._room[[POINT, F], : self._system.d]
+        if (
+            self.scheme.solve == "newton"
+            and np.isfinite(tried).all()
+            and not np.isfinite(force).all()
+        ):
+            detail = NOT_FINITE
         return (statuses[self._status], detail) if self._status in statuses else None
 
     @property

@@ -7,6 +7,9 @@ from ..compiled.callbacks import original
 from ..equation.orders import OrderFailed
 from ..kernels.memory_kernel import MemoryKernel
 
+# Detail of a run that ends because no way ahead stays in the domain of the right-hand side.
+NOT_FINITE = "the right-hand side is not finite just ahead"
+
 
 class Status(enum.StrEnum):
     """End of a run: a string, ``sol.status == "blown_up"``.
