@@ -1,0 +1,257 @@
+"""Right-hand sides that are finite on one side of an edge alone: runs complete from it.
+
+Each run is held to the same run of f that is continued by a constant beyond the edge.
+"""
+
+import math
+import warnings
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+
+import hereditary as hd
+
+
+class Domain(NamedTuple):
+    """f(t, y, p), where it is finite, and y(0) at the edge, which it leaves at once."""
+
+    rhs: object
+    low: float
+    high: float
+    edge: list
+
+
+def between(rhs):
+    """Return f with its constant values beyond the last two parameters, the edges."""
+    return lambda t, y, p: rhs(t, np.minimum(np.maximum(y, p[2]), p[3]), p)
+
+
+def tank(t, y, p):
+    return p[0] - 0.4 * y ** p[1]
+
+
+def hill(t, y, p):
+    z = y ** (1 + 2 * p[1])
+    return np.array([p[0] - y[0], 5.0 * z[0] / (0.2 + z[0]) - y[1] ** (0.7 + p[1])])
+
+
+def cascade(t, y, p):
+    z = y ** p[1]
+    return np.array([p[0] - 0.4 * z[0], 0.4 * z[0] - 0.3 * z[1], 0.3 * z[1] - 0.3 * z[2]])
+
+
+def growing(t, y, p):
+    return p[0] + np.sqrt(y) - y
+
+
+def draining(t, y, p):
+    return -p[0] * (1.0 - (-y) ** p[1])
+
+
+def logistic(t, y, p):
+    return 0.2 + 0.3 * (y * (1.0 - y)) ** p[1] - 0.8 * y
+
+
+def from_the_top(t, y, p):
+    return 0.2 * (1.0 - y * y) ** p[1] - y
+
+
+def angle(t, y, p):
+    return np.arccos(y) - 1.8
+
+
+def entropy(t, y, p):
+    return -p[0] * np.log(y)
+
+
+INFINITY = 1e300
+DOMAINS = {
+    "tank": Domain(tank, 0.0, INFINITY, [0.0]),
+    "Hill functions": Domain(hill, 0.0, INFINITY, [0.0, 0.0]),
+    "cascade": Domain(cascade, 0.0, INFINITY, [0.0, 0.0, 0.0]),
+    "growing": Domain(growing, 0.0, INFINITY, [0.0]),
+    "draining": Domain(draining, -INFINITY, 0.0, [0.0]),
+    "0 to 1": Domain(logistic, 0.0, 1.0, [0.0]),
+    "1 to 0": Domain(logistic, 0.0, 1.0, [1.0]),
+    "-1 to 1": Domain(from_the_top, -1.0, 1.0, [1.0]),
+    "angle": Domain(angle, -1.0, 1.0, [1.0]),
+    "logarithm": Domain(entropy, 1e-3, INFINITY, [1e-3]),
+}
+WAYS = [
+    {"rtol": 1e-4},
+    {"rtol": 1e-8},
+    {"n_steps": 200, "scheme": hd.BDF(2)},
+    {"n_steps": 200, "scheme": hd.L1()},
+]
+
+
+def both(domain, order, how, amount, power, inside):
+    """Return the run, and that of the f that goes on beyond the edges; `inside` moves y(0)."""
+    rhs, low, high, edge = domain
+    middle = min(max(low, -1.0), 0.0) + min(max(high, 0.0), 1.0)
+    y0 = np.array(edge) + inside * (0.5 * middle - np.array(edge))
+    start = y0 if order <= 1 else [y0, 0.0 * y0]
+    nowhere = [amount, power, -INFINITY, INFINITY]
+    equation = hd.Equation(hd.Caputo(order), between(rhs), start, params=nowhere)
+    beyond = equation.replace(params=[amount, power, low, high])
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", hd.SolveWarning)
+        return [hd.solve(e, 5.0, **how) for e in (equation, beyond)]
+
+
+@given(
+    name=st.sampled_from(sorted(DOMAINS)),
+    order=st.sampled_from([0.5, 0.9, 1.0, 1.5]),
+    how=st.sampled_from(WAYS),
+    amount=st.floats(0.3, 2.0),
+    power=st.floats(0.4, 1.9),
+    inside=st.sampled_from([0.0, 1e-9, 0.3]),
+)
+def test_a_run_at_the_edge_is_the_one_whose_f_goes_on_beyond_it(
+    name, order, how, amount, power, inside
+):
+    found, beyond = both(DOMAINS[name], order, how, amount, power, inside)
+    assume(beyond.success)
+    _, low, high, _ = DOMAINS[name]
+    assume(np.all((beyond.y >= low - 1e-12) & (beyond.y <= high + 1e-12)))
+    assert found.success, found.message
+    size = np.abs(beyond.y).max()
+    assert np.abs(found.y[-1] - beyond.y[-1]).max() <= how.get("rtol", 1e-8) * size
+
+
+@pytest.mark.parametrize("how", WAYS, ids=repr)
+@pytest.mark.parametrize("order", [0.5, 0.9, 1.0, 1.5])
+@pytest.mark.parametrize("name", sorted(DOMAINS))
+def test_a_run_from_the_edge_completes(name, order, how):
+    found, beyond = both(DOMAINS[name], order, how, 1.0, 0.5, 0.0)
+    assert found.success, found.message
+    size = np.abs(beyond.y).max()
+    assert np.abs(found.y[-1] - beyond.y[-1]).max() <= how.get("rtol", 1e-8) * size
+
+
+@pytest.mark.parametrize("name", ["Hill functions", "cascade", "tank", "1 to 0"])
+def test_order_1_from_the_edge_is_scipys(name):
+    rhs, low, high, edge = DOMAINS[name]
+    f, how = between(rhs), {"t_eval": np.linspace(0.0, 5.0, 11)}
+    nowhere, kept = np.array([1.0, 1.2, -INFINITY, INFINITY]), np.array([1.0, 1.2, low, high])
+    found = hd.solve_ivp(f, (0, 5), edge, args=(nowhere,), rtol=1e-8, **how)
+    expected = solve_ivp(f, (0, 5), edge, args=(kept,), rtol=1e-10, atol=1e-12, **how)
+    assert found.success, found.message
+    np.testing.assert_allclose(found.y, expected.y, rtol=1e-7, atol=1e-7)
+
+
+@pytest.mark.parametrize("alpha", [0.1, 0.5, 1.25, 1.5])
+def test_a_benchmark_with_a_power_of_y_that_begins_at_0(alpha):
+    """By Diethelm, Ford and Freed (2004): y = t^8 - 3 t^(4 + a/2) + 9/4 t^a."""
+
+    def rhs(t, y, p):
+        forced = p[1] * t ** (8 - p[0]) - p[2] * t ** (4 - p[0] / 2) + p[3]
+        return forced + (1.5 * t ** (p[0] / 2) - t**4) ** 3 - y**1.5
+
+    above = 3 * math.gamma(5 + alpha / 2) / math.gamma(5 - alpha / 2)
+    params = [alpha, 40320 / math.gamma(9 - alpha), above, 2.25 * math.gamma(1 + alpha)]
+    start = [0.0] if alpha < 1 else [[0.0], [0.0]]
+    sol = hd.solve(hd.Equation(hd.Caputo(alpha), rhs, start, params=params), 1.0, rtol=1e-7)
+    assert sol.success, sol.message
+    exact = sol.t**8 - 3 * sol.t ** (4 + alpha / 2) + 2.25 * sol.t**alpha
+    assert np.abs(sol.y[:, 0] - exact).max() <= 1e-7
+
+
+def sixth_root(t, y):
+    root = ((y[1] - 0.5) * (y[2] - 0.3)) ** (1 / 6)
+    slopes = math.gamma(2.2) * (y[0] - 1), math.gamma(2.8) / math.gamma(2.2) * (y[1] - 0.5)
+    return np.array([(root + np.sqrt(t)) / np.sqrt(np.pi), *slopes])
+
+
+@pytest.mark.parametrize("rtol", [1e-3, 1e-6, 1e-8])
+def test_a_root_whose_argument_is_rounding_at_first(rtol):
+    """By Garrappa (2018): y = t + 1, t^1.2 + 0.5, t^1.8 + 0.3."""
+    equation = hd.Equation(hd.Caputo([0.5, 0.2, 0.6]), sixth_root, [1.0, 0.5, 0.3])
+    sol = hd.solve(equation, 5.0, rtol=rtol)
+    assert sol.success, sol.message
+    exact = np.transpose([sol.t + 1, sol.t**1.2 + 0.5, sol.t**1.8 + 0.3])
+    assert np.abs(sol.y / exact - 1).max() <= rtol
+
+
+@pytest.mark.parametrize("how", [{"rtol": 1e-6}, {"n_steps": 200, "scheme": hd.BDF(2)}], ids=repr)
+def test_many_components_from_the_edge(how):
+    """Of a Jacobian by groups of columns too; all components are equal to the one of a tank."""
+
+    def tanks(t, y):
+        total = 0.5 - 0.4 * np.sqrt(y)
+        total[1:] += 0.1 * (y[:-1] - y[1:])
+        total[:-1] += 0.1 * (y[1:] - y[:-1])
+        return total
+
+    one = hd.solve(
+        hd.Equation(hd.Caputo(0.8), lambda t, y: 0.5 - 0.4 * np.sqrt(y), 0.0), 5.0, **how
+    )
+    for stated in ({}, {"bandwidth": (1, 1)}):
+        equation = hd.Equation(hd.Caputo(0.8), tanks, np.zeros(14), **stated)
+        sol = hd.solve(equation, 5.0, **how)
+        assert sol.success, sol.message
+        np.testing.assert_allclose(sol.y[-1], one.y[-1, 0], rtol=1e-6)
+
+
+@pytest.mark.parametrize(("y0", "expected"), [([0.0, 1.0], 1.5e-8), ([0.25, -1.0], 0.75)])
+def test_differences_are_one_sided_at_an_edge(y0, expected):
+    """In one column alone, with the components of the others as exact as ever."""
+    edge = hd.Equation(
+        hd.Caputo(0.5),
+        lambda t, y: np.array([y[0] ** 1.5 - y[1] ** 3, np.sqrt(1 - y[1] ** 2) * y[0] + y[1]]),
+        y0,
+    )
+    found = edge.jacobian(0.0, y0)
+    assert found[0, 0] == pytest.approx(expected, rel=1e-5, abs=3e-3)
+    np.testing.assert_allclose(found[1, 0], np.sqrt(1 - y0[1] ** 2), atol=1e-9)
+    np.testing.assert_allclose(found[0, 1], -3.0, rtol=1e-4)
+    assert np.isfinite(found).all()
+
+
+def test_a_wrong_jacobian_is_refused_at_the_edge_and_a_right_one_is_not():
+    def rhs(t, y):
+        return 1.0 - y**1.5
+
+    hd.Equation(hd.Caputo(0.5), rhs, 0.0, jac=lambda t, y: np.array([[-1.5 * y[0] ** 0.5]]))
+    with pytest.raises(ValueError, match="jac must hold"):
+        hd.Equation(
+            hd.Caputo(0.5), rhs, 0.0, jac=lambda t, y: np.array([[1.0 - 1.5 * y[0] ** 0.5]])
+        )
+
+
+LEAVING = {
+    "at once": (lambda t, y: np.sqrt(y) - 1.0, 0.0),
+    "later": (lambda t, y: 0.1 * np.sqrt(y) - 2.0, 1.0),
+    "upwards": (lambda t, y: 1.0 + 0.0 * np.arccos(y), 0.5),
+}
+
+
+@pytest.mark.parametrize("how", [{"rtol": 1e-6}, {"n_steps": 200, "scheme": hd.BDF(2)}], ids=repr)
+@pytest.mark.parametrize("name", LEAVING)
+def test_a_solution_that_leaves_the_domain_says_so(name, how):
+    rhs, y0 = LEAVING[name]
+    with pytest.warns(hd.SolveWarning, match="right-hand side is not finite just ahead"):
+        sol = hd.solve(hd.Equation(hd.Caputo(0.9), rhs, y0), 5.0, **how)
+    assert sol.status in ("step_too_small", "not_solved")
+    assert np.isfinite(sol.y).all()
+    assert (sol.t[-1] == 0.0) == (name == "at once")
+
+
+@pytest.mark.parametrize("how", [{"rtol": 1e-6}, {"n_steps": 200, "scheme": hd.BDF(2)}], ids=repr)
+def test_python_and_compiled_code_meet_an_edge_alike(how):
+    """`math` raises an exception there, and compiled code gives NaN."""
+
+    class Tank:
+        def __call__(self, t, y):
+            return [0.5 - 0.4 * math.sqrt(y[0])]
+
+    compiled = hd.Equation(hd.Caputo(0.7), lambda t, y: 0.5 - 0.4 * np.sqrt(y), 0.0)
+    with pytest.warns(UserWarning, match="called in Python"):
+        in_python = hd.Equation(hd.Caputo(0.7), Tank(), 0.0)
+    expected, found = (hd.solve(equation, 5.0, **how) for equation in (compiled, in_python))
+    assert found.success, found.message
+    np.testing.assert_array_equal(found.y, expected.y)
