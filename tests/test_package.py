@@ -327,6 +327,14 @@ def test_examples_in_pages(page, tmp_path, monkeypatch, capsys):
         assert output in printed
 
 
+def test_the_readme_installs_and_tests_by_one_line_each_as_ci_does():
+    page = (ROOT / "README.md").read_text()
+    tested = 'python -m pip install ".[test]" && python -m pytest'
+    for line in "python -m pip install . && python -m hereditary", tested:
+        assert f"\n```\n{line}\n```\n" in page
+    assert f"\n{tested} || exit 1\n" in (ROOT / ".ci" / "run").read_text()
+
+
 def test_every_status_has_a_remedy():
     page = (ROOT / "docs" / "troubleshooting.md").read_text()
     for status in hereditary.Status:
