@@ -11,6 +11,7 @@ SOURCE = Path(__file__).parent.parent / "src" / "hereditary"
 LONGEST = {"march": 90}
 # Imported inside functions, since it takes long and few runs need it, or is a leaf on that room.
 DEFERRED = {"scipy.interpolate", "scipy.optimize", "scipy.signal", "hybrid", "large.structure"}
+GALLERY = SOURCE.parents[1] / "docs" / "gallery"
 FILES = sorted(SOURCE.rglob("*.py"))
 
 
@@ -38,6 +39,31 @@ def nested(node):
 def test_only_plots_and_the_command_line_import_matplotlib():
     users = {path.relative_to(SOURCE) for path in FILES if "import matplotlib" in path.read_text()}
     assert {user.with_suffix("").parts[0] for user in users} == {"plots", "paper", "__main__"}
+
+
+@pytest.mark.parametrize("path", sorted(GALLERY.glob("*.py")), ids=lambda p: p.stem)
+def test_scripts_of_the_gallery_open_no_file_and_so_run_from_any_folder(path):
+    """The site runs them from their own folder, where __file__ is not defined."""
+    names = {
+        getattr(node, "id", getattr(node, "attr", ""))
+        for node in ast.walk(ast.parse(path.read_text()))
+    }
+    assert not names & {"Path", "open", "load", "loadtxt", "genfromtxt", "imread", "__file__"}
+
+
+def test_numbers_of_the_gallery_are_those_of_the_study():
+    tree = ast.parse((GALLERY / "lorenz_with_memory.py").read_text())
+    shown = next(
+        ast.literal_eval(n) for n in ast.walk(tree) if isinstance(n, ast.List) and len(n.elts) > 9
+    )
+    results = SOURCE.parents[1] / "convergence" / "results" / "restarting.csv"
+    lines = [line.split(",") for line in results.read_text().splitlines()]
+    study = {
+        float(line[5]): float(line[6])
+        for line in lines
+        if line[:3] == ["trace", "0.99", "restart"] and line[4] == "0.02"
+    }
+    assert all(abs(study[t] - value) < 6e-4 for t, value in shown)
 
 
 def test_the_way_of_a_call_names_functions_that_are_there():

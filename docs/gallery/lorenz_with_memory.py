@@ -6,8 +6,6 @@ A published algorithm for exponents restarts the solver at each renormalisation,
 is lost. For the Lorenz system of order 0.99 it finds chaos, although the solution comes to rest.
 """
 
-from pathlib import Path
-
 import matplotlib.pyplot as plt
 import numpy as np
 
@@ -38,18 +36,35 @@ assert largest[-1] < 0.02
 # The values are those of the study ``convergence/restarting.py``.
 
 kept = hd.lyapunov(equation, 400.0, 80_000, transient=20.0)
-results = Path("../../convergence/results/restarting.csv")  # from docs/gallery in a clone
-rows = np.genfromtxt(results, None, delimiter=",", skip_header=1, names=True, encoding="utf-8")
-chosen = (rows["case"] == "trace") & (rows["mode"] == "restart") & (rows["interval"] == "0.02")
-restarted = rows[chosen & (rows["t"] <= 400.0)]
-print("kept:", kept.exponents[0], " restarted:", restarted["lambda_1"][-1])
+times, restarted = np.array(
+    [
+        (2.76, 0.205),
+        (3.78, 0.087),
+        (5.18, 0.141),
+        (7.08, 0.089),
+        (9.72, 0.047),
+        (13.32, 0.105),
+        (18.28, 0.259),
+        (25.06, 0.494),
+        (34.38, 0.603),
+        (47.14, 0.713),
+        (64.66, 0.790),
+        (88.7, 0.822),
+        (121.66, 0.865),
+        (166.86, 0.889),
+        (228.86, 0.907),
+        (313.92, 0.917),
+        (387.52, 0.911),
+    ]
+).T
+print("kept:", kept.exponents[0], " restarted:", restarted[-1])
 early = np.interp(100.0, kept.times, kept.trace[:, 0])
 assert early < -0.06 < kept.exponents[0] < -0.02
-assert restarted["lambda_1"][-1] > 0.8
+assert restarted[-1] > 0.8
 
 fig, ax = plt.subplots(figsize=(7, 4), layout="constrained")
 ax.plot(kept.times, kept.trace[:, 0], label="memory kept")
-ax.plot(restarted["t"], restarted["lambda_1"], label="memory restarted")
+ax.plot(times, restarted, "o-", ms=4, label="memory restarted")
 ax.axhline(0, color="0.6", lw=0.8)
 ax.set(xlabel="T", ylabel="largest exponent up to T", ylim=(-0.5, 1.2))
 ax.legend()
