@@ -120,6 +120,21 @@ def test_exponents_are_a_table():
 
 def test_completion_shows_public_names_alone():
     assert set(dir(hd)) == {*hd.__all__, "__doc__", "__version__"}
+    modules = [each for name in hd.__all__ if inspect.ismodule(each := getattr(hd, name))]
+    assert len(modules) == 4
+    for module in modules:
+        assert dir(module) == sorted(module.__all__)
+        own = [getattr(getattr(module, name), "__module__", "") for name in module.__all__]
+        assert not [name for name in own if name.startswith(("numpy", "typing", "collections"))]
+        # whatever else the module itself defines has a name that begins with _
+        defined = {name for name, each in vars(module).items() if is_own(each, module.__name__)}
+        assert defined <= set(module.__all__)
+
+
+def is_own(each, module):
+    """Whether a function or a class without an underscore is defined in a module."""
+    name = getattr(each, "__name__", "_")
+    return getattr(each, "__module__", "") == module and not name.startswith("_")
 
 
 @pytest.mark.parametrize("name", [*hd.__all__])

@@ -29,6 +29,14 @@ try:
 except ImportError as error:
     raise ImportError("no pymittagleffler found: pip install hereditary[exact]") from error
 
+__all__ = [
+    "mittag_leffler",
+    "oscillator",
+    "relaxation",
+    "several_terms",
+    "system",
+]
+
 Solution = Callable[[ArrayLike], np.ndarray]
 
 # Scales of the hyperbola: each time takes the one whose nodes avoid the poles.
@@ -37,6 +45,10 @@ _SCALES = (6.0, 7.2, 8.6, 10.3, 12.4)
 _TOP, _TINY = math.pi - 0.03, 0.1
 # Poles closer than this in log s are refused: their residues lose eps / distance**2.
 _NEAR, _MAX_CONDITION = 1e-3, 1e8
+
+
+def __dir__():
+    return __all__
 
 
 def relaxation(alpha: float = 0.5, rate: float = 1.0, y0: ArrayLike = 1.0) -> Solution:

@@ -31,6 +31,27 @@ from .support.checks import (
     within,
 )
 
+__all__ = [
+    "Combined",
+    "Model",
+    "ModuliFit",
+    "SpringPot",
+    "burgers",
+    "dashpot",
+    "fit_moduli",
+    "kelvin_voigt",
+    "maxwell",
+    "parallel",
+    "poynting_thomson",
+    "series",
+    "spring",
+    "zener",
+]
+
+
+def __dir__():
+    return __all__
+
 
 class Model:
     """A viscoelastic model; see `SpringPot`, `series` and `parallel`."""
@@ -195,7 +216,7 @@ class Combined(Model):
         for part in self.parts:
             instance("parts", part, Model, "hereditary.viscoelastic.SpringPot(modulus, order)")
         if not self.parts:
-            raise ValueError(complaint("parts", "hold at least one model", "none"))
+            raise ValueError(complaint("parts", "hold at least one model", repr(self.parts)))
 
     def _split(self, s):
         # with A = Q/s and B = 1/Q, or the other way round in series: A B = 1/s, and parts add A

@@ -27,3 +27,7 @@ __all__ = [
     "regime_map",
     "velocity",
 ]
+
+
+def __dir__():
+    return __all__

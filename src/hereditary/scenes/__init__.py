@@ -34,3 +34,7 @@ __all__ = [
     "van_der_pol_duffing",
     "well_coefficients",
 ]
+
+
+def __dir__():
+    return __all__
