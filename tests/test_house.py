@@ -12,6 +12,8 @@ LONGEST = {"march": 90}
 # Imported inside functions, since it takes long and few runs need it, or is a leaf on that room.
 DEFERRED = {"scipy.interpolate", "scipy.optimize", "scipy.signal", "hybrid", "large.structure"}
 GALLERY = SOURCE.parents[1] / "docs" / "gallery"
+# What a message must not say in place of the value that arrived.
+VAGUE = {"another", "both", "int", "it", "neither", "none", "one", "others", "some"}
 FILES = sorted(SOURCE.rglob("*.py"))
 
 
@@ -74,3 +76,11 @@ def test_the_way_of_a_call_names_functions_that_are_there():
         tree = ast.parse((SOURCE / file).read_text())
         there = {node.name for node in ast.walk(tree) if hasattr(node, "name")}
         assert set(re.findall(r"`(\w+)`", names)) <= there, file
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(SOURCE)))
+def test_messages_say_the_value_that_arrived(path):
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "complaint":
+            got = getattr(node.args[2], "value", None) if len(node.args) > 2 else None
+            assert got not in VAGUE, f"line {node.lineno}"

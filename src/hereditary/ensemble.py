@@ -209,7 +209,7 @@ class _Members:
     def __init__(self, equation, params, y0):
         if params is None and y0 is None:
             required = "be given, params or y0 or both"
-            raise TypeError(complaint("params", required, "neither", "a row for each member"))
+            raise TypeError(complaint("params", required, "None for both", "a row for each member"))
         self._given: dict[str, np.ndarray] = {}
         if params is not None:
             self._given["params"] = _params(params, equation.params.size)

@@ -206,7 +206,7 @@ def fit(
     estimated = series[0].sigma is None
     if loss != "linear" and estimated:
         remedy = "it tells outliers from data"
-        raise ValueError(complaint("sigma", f"be given with loss={loss!r}", "none", remedy))
+        raise ValueError(complaint("sigma", f"be given with loss={loss!r}", repr(sigma), remedy))
     size = sum(int(np.isfinite(one.data).sum()) for one in series)
     if size < start.size:
         required = f"hold at least {start.size} values, one for each parameter"
@@ -274,7 +274,7 @@ class _Runs:
         self._far = [_FAR * (size or 1.0) for size in largest]
         self.unit = (max(largest) or 1.0) if series[0].sigma is None else 1.0
         if "t_eval" in how:
-            raise TypeError(complaint("t_eval", "be left out, for t says it", "some"))
+            raise TypeError(complaint("t_eval", "be left out, for t says it", shown(how["t_eval"])))
         default = {} if {"n_steps", "mesh", "rtol"} & how.keys() else {"rtol": 1e-8}
         self._how = {"estimate": False} | default | how
 
@@ -415,9 +415,11 @@ def _series(t, data, sigma):
     for name, values in (("data", data), ("sigma", sigmas)):
         if not isinstance(values, (list, tuple)) or len(values) != n:
             required = f"be a list of {n} series, as t is"
-            raise ValueError(complaint(name, required, type(values).__name__))
-    if len({one is None for one in sigmas}) > 1:
-        raise ValueError(complaint("sigma", "be given for all series or for none", "some"))
+            raise ValueError(complaint(name, required, shown(values)))
+    missing = [k for k in range(n) if sigmas[k] is None]
+    if 0 < len(missing) < n:
+        got = f"None for the series {shown(missing)}"
+        raise ValueError(complaint("sigma", "be given for all series or for none", got))
     return [_one(f"[{k}]", *part) for k, part in enumerate(zip(t, data, sigmas, strict=True))]
 
 
@@ -428,7 +430,7 @@ def _one(place, t, data, sigma):
         raise ValueError(complaint(f"t{place}", "be increasing times (n,)", shown(t)))
     if np.iscomplexobj(np.asarray(data)):
         remedy = "give real and imaginary part as two values, and observe them"
-        raise TypeError(complaint(f"data{place}", "be real", "complex numbers", remedy))
+        raise TypeError(complaint(f"data{place}", "be real", shown(data), remedy))
     try:
         values: np.ndarray = np.ma.array(data, dtype=float, copy=True).filled(np.nan)
     except (TypeError, ValueError, OverflowError) as error:

@@ -223,7 +223,8 @@ def _form_of(system):
             if any(op.from_zero and own[c] != 0 for op, own in system.left):
                 required = "have a constant order in front of RiemannLiouville, with Collocation"
                 required += ", and one of 1 or more where that of RiemannLiouville varies"
-                raise ValueError(complaint("terms", required, "another", "take L1"))
+                present = " and ".join(f"{op}" for op, own in system.left if own[c] != 0)
+                raise ValueError(complaint("terms", required, present, "take L1"))
             rows += _derivative_rows(system, c, second[c])
         elif leading[c] == 0:
             required = "leave a nonzero coefficient before the highest order"
@@ -262,15 +263,17 @@ def _form_of(system):
 
 def _from_zero(rows, d):
     """List integrand and component of the Riemann-Liouville terms with varying orders."""
-    found: dict[tuple[int, int], list[bool]] = {}
+    found: dict[tuple[int, int], list] = {}
     for row in rows:
         if row.operator is not None and row.operator.varies:
             kinds = found.setdefault((row.integrand, row.row % d), [])
-            kinds.append(row.operator.from_zero)
-    if any(any(kinds) and not all(kinds) for kinds in found.values()):
-        required = "not mix Caputo's and RiemannLiouville orders that vary, with Collocation"
-        raise ValueError(complaint("terms", required, "both", "take L1 or ExplicitCaputo"))
-    return tuple(place for place, kinds in found.items() if any(kinds))
+            kinds.append(row.operator)
+    for kinds in found.values():
+        if len({operator.from_zero for operator in kinds}) > 1:
+            required = "not mix Caputo's and RiemannLiouville orders that vary, with Collocation"
+            got = " and ".join(map(str, kinds))
+            raise ValueError(complaint("terms", required, got, "take L1 or ExplicitCaputo"))
+    return tuple(place for place, kinds in found.items() if kinds[0].from_zero)
 
 
 def _is_implicit(system, c, highest):

@@ -115,12 +115,17 @@ class ReadingPiece(Piece):
 def reduced(equation):
     """Return the system without memory, and the component that is y' of each, (d,)."""
     memory = equation.enlarged
-    if any(operator.from_zero for operator, _ in memory.left):
-        required = "hold no RiemannLiouville with Collocation, where memory is read"
-        raise ValueError(complaint("terms", required, "one", "take BDF or L1"))
-    if not memory.constant:
-        required = "be Caputo operators of constant order with Collocation, where memory is read"
-        raise ValueError(complaint("terms", required, "another", "take ExplicitCaputo or L1"))
+    for operator, _ in memory.left:
+        if operator.from_zero:
+            required = "hold no RiemannLiouville with Collocation, where memory is read"
+            raise ValueError(complaint("terms", required, f"{operator}", "take BDF or L1"))
+    for operator, _ in memory.left:
+        if not operator.constant:
+            required = (
+                "be Caputo operators of constant order with Collocation, where memory is read"
+            )
+            remedy = "take ExplicitCaputo or L1"
+            raise ValueError(complaint("terms", required, f"{operator}", remedy))
     d, leading = equation.d, equation.highest_orders()
     second = np.flatnonzero(leading > 1).tolist()
     speeds = np.zeros(d, dtype=np.int64)

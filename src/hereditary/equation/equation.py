@@ -225,7 +225,7 @@ class Equation(System):
             if self.memory:
                 required = "be left out with orders above 2 and with matrices as coefficients"
                 remedy = "write the equation as a system of y and its derivatives"
-                raise ValueError(complaint("memory", required, "some", remedy))
+                raise ValueError(complaint("memory", required, repr(self.memory), remedy))
             known["terms_digest"] = digest([(operator.order, c) for operator, c in left])
             system, beside, speeds = chained(left, initial, *functions)
             known["frame"] = Frame(self.t_start, paired, tuple(speeds.tolist()))
@@ -285,7 +285,7 @@ class Equation(System):
         for name in ("jac", "jac_memory"):
             if "rhs" in changes and getattr(self, name) is not None and "jac" not in changes:
                 remedy = "or jac=None for differences"
-                raise ValueError(complaint(name, "come with another rhs", "none", remedy))
+                raise ValueError(complaint(name, "come with another rhs", "rhs alone", remedy))
         if "jac" in changes:  # which are given together
             changes = {"jac_memory": None} | changes
         return Equation(**(self._arguments() | changes))

@@ -30,7 +30,7 @@ def as_terms(terms, name="terms"):
                 example = f"write Caputo({item}) for a derivative of that order"
             raise TypeError(complaint(name, required, repr(item), example))
     if not items:
-        raise ValueError(complaint(name, "hold at least one term", "none", example))
+        raise ValueError(complaint(name, "hold at least one term", repr(terms), example))
     return tuple(term.plain() for item in items for term in item._terms())
 
 
@@ -124,7 +124,9 @@ def enlarged(equation, memory):
     factors = factors_of(memory, own_d, paired)
     if factors.ndim > 2:
         required = "have coefficients of shape (d,)"
-        raise ValueError(complaint("memory", required, "a matrix", "multiply in rhs"))
+        raise ValueError(
+            complaint("memory", required, f"shape {factors.shape[1:]}", "multiply in rhs")
+        )
     own = [t.operator._order for t in memory if t.operator.constant]
     mine = [op.order for op, _ in equation.left if op.constant]
     orders = per_component("order", own, own_d, paired)

@@ -20,7 +20,7 @@ from ..schemes.scheme import Plan, Scheme
 from ..schemes.steps import UniformSteps
 from ..solver.fixed_stepper import BLOCK
 from ..solver.state import described, described_terms
-from ..support.checks import complaint, count, instance, positive, real, real_array
+from ..support.checks import complaint, count, instance, positive, real, real_array, shown
 
 # First steps that may be corrected: the first one, by the term's own value at 0.
 _CORRECTED = 1
@@ -261,7 +261,7 @@ def memory_term(
         raise TypeError(complaint("n_steps", required, "None"))
     system = _alone(operator)
     if system.m == 1 and np.any(speed):
-        raise ValueError(complaint("v0", "be left out for orders up to 1", "others than 0"))
+        raise ValueError(complaint("v0", "be left out for orders up to 1", shown(speed)))
     plan = _plan(scheme, system, h)
     most = 1 if n_steps is None else count("n_steps", n_steps)
     covered = UniformSteps(h).covered(most, getattr(history, "horizon", None) or 0.0)

@@ -15,7 +15,7 @@ from ..compiled.linalg import clear_matrix
 from ..equation.affine import affine, later, own_size, slopes
 from ..equation.system import FEW
 from ..functions.build import arity_of
-from ..support.checks import complaint, count, refuse_masked
+from ..support.checks import complaint, count, refuse_masked, shown
 from .linear_solvers import newton_of_structure
 
 # Diagonals up to which a pattern is taken for a band, its components put in another order: SuperLU
@@ -214,8 +214,10 @@ class OnPattern:
         matrix = self._jac(*arguments).tocsr()
         values = np.asarray(matrix[self._rows, self._columns]).ravel()
         if np.abs(matrix).sum() > np.abs(values).sum() * (1 + 1e-12):
+            matrix[self._rows, self._columns] = 0.0
+            row, column = (int(places[0]) for places in matrix.nonzero())
             required = "return matrices without entries outside jac_sparsity"
-            raise ValueError(complaint("jac", required, "some"))
+            raise ValueError(complaint("jac", required, f"one at [{row}, {column}]"))
         return values
 
 
@@ -233,14 +235,17 @@ def stated(d, rhs, jac, rearranged, bandwidth=None, jac_sparsity=None, linear=No
     named = [name for name, part in given.items() if part is not None]
     if named and rearranged:
         required = "be left out with memory, complex y, orders above 2 and matrices"
-        raise ValueError(complaint(named[0], required, "it", "write a system of real y"))
+        got = shown(given[named[0]])
+        raise ValueError(complaint(named[0], required, got, "write a system of real y"))
     alone = rhs is None
     if alone and (linear is None or jac is not None):
         remedy = "rhs=None means linear @ y"
         raise TypeError(complaint("rhs", "be a function", "None", remedy))
     if bandwidth is not None and jac_sparsity is not None:
         remedy = "each of them states which entries may differ from 0"
-        raise ValueError(complaint("jac_sparsity", "come without bandwidth", "both", remedy))
+        raise ValueError(
+            complaint("jac_sparsity", "come without bandwidth", f"bandwidth={bandwidth}", remedy)
+        )
     matrix = None if linear is None else _linear(linear, d)
     rows = columns = places = None
     shape: tuple[int, ...] = (d, d)
@@ -282,9 +287,11 @@ def _pattern(pattern, d):
         raise ValueError(complaint("jac_sparsity", required, f"shape {pattern.shape}"))
     found = (pattern if pattern.format in ("coo", "csc") else pattern.tocsr()).tocoo()
     rows, columns = found.row.astype(np.int64), found.col.astype(np.int64)
-    if np.unique(rows * d + columns).size < rows.size:
-        required = "hold each entry once"
-        raise ValueError(complaint("jac_sparsity", required, "some twice", "call sum_duplicates()"))
+    entries, times = np.unique(rows * d + columns, return_counts=True)
+    if entries.size < rows.size:
+        row, column = divmod(int(entries[times > 1][0]), d)
+        required, got = "hold each entry once", f"[{row}, {column}] more than once"
+        raise ValueError(complaint("jac_sparsity", required, got, "call sum_duplicates()"))
     return rows, columns
 
 
@@ -296,7 +303,8 @@ def _linear(linear, d):
     if linear.shape != (d, d):
         raise ValueError(complaint("linear", required, f"shape {linear.shape}"))
     if linear.dtype.kind not in "biuf" or not np.all(np.isfinite(linear.data)):
-        raise ValueError(complaint("linear", "hold finite real numbers", "others"))
+        got = f"{shown(linear.data)} of dtype {linear.dtype}"
+        raise ValueError(complaint("linear", "hold finite real numbers", got))
     matrix = _sparse().csr_array(linear.tocsr(), dtype=float, copy=True)
     matrix.sum_duplicates()
     return matrix

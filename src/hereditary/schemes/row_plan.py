@@ -425,9 +425,10 @@ def mesh_plan(scheme, system, times, theta, parabolas):
 
 def _plan(system, sums, first, **more):
     """Make a plan with these sums and the length of the first step."""
-    if any(operator.kernel is not None for operator, _ in system.left):
-        required = "be Caputo operators on a mesh, and on given steps if an order varies"
-        raise ValueError(complaint("terms", required, "one with a kernel", "use Collocation"))
+    for operator, _ in system.left:
+        if operator.kernel is not None:
+            required = "be Caputo operators on a mesh, and on given steps if an order varies"
+            raise ValueError(complaint("terms", required, f"{operator}", "use Collocation"))
     speed = system.y0[1] if system.m == 2 else np.zeros(system.d)
     return Plan(
         past=sums,

@@ -265,7 +265,9 @@ class Scheme(ABC):
         if equation.enlarged is not equation:
             if not self.takes_memory:
                 required = f"need no memory that the right-hand side reads with {name}"
-                raise ValueError(complaint("terms", required, "some", remedy))
+                d, left = equation.d, equation.enlarged.left
+                got = " and ".join(f"{operator}" for operator, own in left if np.any(own[d:]))
+                raise ValueError(complaint("terms", required, got, remedy))
             remedy = "use ExplicitCaputo or L1"
         for operator, _ in equation.enlarged.left:
             if operator.kernel is not None and not self.takes_kernels:

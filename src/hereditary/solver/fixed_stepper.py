@@ -451,9 +451,12 @@ class FixedStepper(Stepper):
         """Prepare for jumps of f, and of y if `of_y`: make few steps at once, or refuse."""
         self._most = _SHORT
         terms = [operator for operator, _ in self.equation.enlarged.left]
-        if of_y and any(op.derivative == 0 or op.from_zero for op in terms):
+        acting = [op for op in terms if op.derivative == 0 or op.from_zero]
+        if of_y and acting:
             required = "change no y that a kernel or RiemannLiouville acts on, on given steps"
-            raise ValueError(complaint("events and changes", required, "a change"))
+            raise ValueError(
+                complaint("events and changes", required, f"a change with {acting[0]}")
+            )
 
     def moved(self, y):
         """Let y jump to these values, (d,), here; the jump does not enter the memory."""

@@ -61,10 +61,10 @@ def how_to_step(
         return _uniform_steps(equation, t_end, n_steps, state)
     if n_steps is not None:
         required = "be left out if a mesh is given"
-        raise ValueError(complaint("n_steps", required, type(n_steps).__name__))
+        raise ValueError(complaint("n_steps", required, repr(n_steps)))
     if state is not None and state.h > 0:
         required = "be left out if a run of uniform steps is resumed"
-        raise ValueError(complaint("mesh", required, type(mesh).__name__))
+        raise ValueError(complaint("mesh", required, shown(mesh)))
     return mesh_steps(mesh, t_end, state and state.steps, equation.frame.start)
 
 
@@ -153,7 +153,7 @@ def _uniform_steps(equation, t_end, n_steps, state):
     origin = equation.frame.start
     if state is None:
         if n_steps is None:
-            raise TypeError(complaint("n_steps", "be given", "none", "e.g. n_steps=10_000"))
+            raise TypeError(complaint("n_steps", "be given", "None", "e.g. n_steps=10_000"))
         n_steps = count("n_steps", whole(n_steps))
         if n_steps > COUNTED:
             required = f"be at most {COUNTED:.0e}, so that times of steps differ"
@@ -165,7 +165,7 @@ def _uniform_steps(equation, t_end, n_steps, state):
         return UniformSteps(h, n_steps)
     if state.h == 0:
         required = "be given if a run on a mesh is resumed"
-        raise TypeError(complaint("mesh", required, "none", "times from the state's time on"))
+        raise TypeError(complaint("mesh", required, "None", "times from the state's time on"))
     n_total = steps_in("t_end", t_end, state.h)
     if n_total <= state.n:
         required = f"exceed the state's time {origin + state.t}"
