@@ -98,3 +98,34 @@ def test_curve_of_the_region_is_growth_by_a_tenth(angle):
     assert growth[1] == pytest.approx(1.1, abs=1e-3)
     assert growth[0] < 1.095
     assert growth[2] > 1.105
+
+
+def logistic(n, u, p):
+    return p[0] * u * (1 - u)
+
+
+def logistic_map(order, factor, n_steps):
+    """Sums of Wu and Baleanu from 0.3 on, weights by their recurrence."""
+    u = np.full(n_steps + 1, 0.3)
+    weights = np.cumprod([1.0, *(1 + (order - 1) / np.arange(1, n_steps))])
+    for n in range(1, n_steps + 1):
+        u[n] += weights[:n] @ (factor * u[:n] * (1 - u[:n]))[::-1]
+    return u
+
+
+@pytest.mark.parametrize(("order", "factor"), [(0.8, 1.5), (0.8, 2.2), (0.5, 2.0), (1.0, 2.2)])
+@pytest.mark.parametrize("history", [hd.Direct(), hd.FFT(), hd.SumOfExponentials()], ids=repr)
+def test_a_map_with_memory_may_alternate_and_is_exact(order, factor, history):
+    """At 2.0 and 2.2 values alternate for good; 500 steps, of which a scheme's are estimated."""
+    eq = hd.Equation(hd.Caputo(order), logistic, 0.3, params=[factor])
+    sol = hd.solve(eq, 500, 500, scheme=hd.GrunwaldLetnikov(map=True), history=history)
+    exact = logistic_map(order, factor, 500)
+    assert sol.success
+    assert "error_estimate" not in sol.stats
+    assert abs(sol.y[:, 0] - exact).max() < 1e-8
+    alternates = np.ptp(exact[-20:]) > 0.1
+    assert alternates == (factor > 1.5)
+    if alternates:
+        with pytest.warns(hd.StabilityWarning, match="zigzag"):
+            scheme = hd.solve(eq, 500, 500, scheme=SCHEME, history=history)
+        assert np.array_equal(scheme.y, sol.y)

@@ -15,7 +15,7 @@ from scipy.special import rgamma
 from ..compiled.watch import SLOWEST
 from ..equation.system import System
 from ..kernels.special import mean_exponential
-from ..support.checks import within
+from ..support.checks import complaint, within
 from .bdf import exponent, quadrature_weights, weighed_by_power
 from .scheme import (
     Plan,
@@ -45,6 +45,13 @@ class GrunwaldLetnikov(Scheme):
     the classical difference scheme with ``x_1 = x(0) + h x'(0) + h**2 f(0, x(0))``. Any number of
     terms and components.
 
+    Parameters
+    ----------
+    map : bool, optional
+        True for a map with memory, whose steps are the equation and not an approximation of it.
+        Then no error is estimated, and steps may alternate. With ``n_steps=t_end`` and one term
+        it is the map of Wu and Baleanu of order alpha <= 1.
+
     Error
     -----
     O(h) at a fixed t > 0, for smooth solutions and for solutions like t**alpha. O(h**2) for one
@@ -60,7 +67,7 @@ class GrunwaldLetnikov(Scheme):
 
     Source
     ------
-    [SchererEtAl2011]; the power series: [Lubich1986].
+    [SchererEtAl2011]; the power series: [Lubich1986]; maps: [WuBaleanu2014].
 
     Examples
     --------
@@ -71,8 +78,22 @@ class GrunwaldLetnikov(Scheme):
     0.428
     """
 
+    map: bool = False
+
     solve: ClassVar[str] = "explicit"
     whole: ClassVar[bool] = True
+
+    def __post_init__(self):
+        if not isinstance(self.map, bool):
+            raise TypeError(complaint("map", "be True or False", repr(self.map)))
+
+    def __repr__(self) -> str:
+        return f"GrunwaldLetnikov({'map=True' if self.map else ''})"
+
+    @property
+    def is_map(self) -> bool:
+        """Whether its steps are the equation itself."""
+        return self.map
 
     def order(self, alpha: float, smoothness: str = "smooth") -> float:
         """Order of convergence at a fixed time: 1 for every alpha in (0, 2].

@@ -258,6 +258,11 @@ class Scheme(ABC):
         """Highest orders (low, high] of the equations that it solves."""
         return 0.0, 2.0
 
+    @property
+    def is_map(self) -> bool:
+        """Whether its steps are the equation itself: they have no error and no stability limit."""
+        return False
+
     def check_terms(self, equation: System) -> None:
         """Refuse orders and terms that the scheme does not take."""
         remedy = "use ExplicitCaputo, L1 or Collocation"

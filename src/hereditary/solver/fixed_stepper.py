@@ -290,6 +290,8 @@ class FixedStepper(Stepper):
     @property
     def instability(self):
         """Status of steps beyond their stability limit, else None."""
+        if self.scheme.is_map:
+            return None
         if self._march.counts["zigzag"] >= 0:
             return Status.ZIGZAG
         unstable = self._watch.largest > 1 or self._march.counts["growth"] >= 0

@@ -282,6 +282,7 @@ def solve(
     if scheme.adaptive and estimate:
         note_missed(solution, stepper)
     first_order = isinstance(scheme, (ExplicitCaputo, GrunwaldLetnikov)) and mesh is None
+    first_order = first_order and not scheme.is_map
     if first_order and estimate and resume is None and not (hybrid or np.size(breaks)):
         note_error(solution, stepper, stop)
     return solution
