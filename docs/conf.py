@@ -78,6 +78,7 @@ sphinx_gallery_conf = {
     "filename_pattern": r"/[a-z_]+\.py$",
     "abort_on_example_error": True,
     "remove_config_comments": True,
+    "thumbnail_size": (600, 420),  # in pixels, twice as wide as they are shown
     "capture_repr": (),
     "show_memory": False,
     "show_signature": False,

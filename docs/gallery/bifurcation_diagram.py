@@ -28,7 +28,7 @@ table = hd.sweep(maxima, {"force": np.linspace(0.2, 0.5, 151)}, progress=False)
 assert table.success.all()
 
 fig, ax = plt.subplots(figsize=(8, 5), layout="constrained")
-hd.plots.bifurcation(table, "x", ax, ylabel="maxima of x after 80 periods")
+hd.plots.bifurcation(table, "x", ax, ms=2, ylabel="maxima of x after 80 periods")
 plt.show()
 
 

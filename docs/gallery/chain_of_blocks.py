@@ -17,7 +17,7 @@ sol = hd.solve(chain, 100.0, rtol=1e-6, t_eval=np.linspace(0.0, 100.0, 1001))
 assert sol.success
 
 slips = hd.scenes.slips(sol)
-fig, (left, right) = plt.subplots(1, 2, figsize=(10, 4), layout="constrained")
+fig, (left, right) = plt.subplots(1, 2, figsize=(8, 4.4), layout="constrained")
 image = left.pcolormesh(sol.t, np.arange(50), (sol.y - sol.t[:, None]).T, rasterized=True)
 left.set(xlabel="$t$", ylabel="block", title="place less the mean pull")
 fig.colorbar(image, ax=left)

@@ -6,6 +6,7 @@ A published algorithm for exponents restarts the solver at each renormalisation,
 is lost. For the Lorenz system of order 0.99 it finds chaos, although the solution comes to rest.
 """
 
+# sphinx_gallery_thumbnail_number = 2
 import matplotlib.pyplot as plt
 import numpy as np
 
@@ -18,7 +19,7 @@ orbit = hd.solve(equation, 100.0, rtol=1e-8)
 t = np.linspace(0.0, 100.0, 10_000, endpoint=False)
 distance = np.linalg.norm(orbit(t) - [-np.sqrt(72), -np.sqrt(72), 27], axis=1)
 
-fig, (left, right) = plt.subplots(1, 2, figsize=(10, 4), layout="constrained")
+fig, (left, right) = plt.subplots(1, 2, figsize=(8, 4.4), layout="constrained")
 hd.plots.phase_portrait(orbit, left, components=[0, 2], lw=0.4)
 left.set(xlabel="x", ylabel="z", title="the orbit spirals into an equilibrium")
 right.semilogy(t, distance, lw=0.6)

@@ -36,7 +36,7 @@ def oscillator(kernel):
 
 
 by_data, by_law = (hd.solve(oscillator(kernel), 10.0, rtol=1e-6) for kernel in (fit, law))
-fig, (left, right) = plt.subplots(1, 2, figsize=(10, 4), layout="constrained")
+fig, (left, right) = plt.subplots(1, 2, figsize=(8, 4.4), layout="constrained")
 left.loglog(t, measured, ".", label="data")
 left.loglog(t, fit(t), label=f"{fit.n_modes} exponentials")
 left.set(xlabel="$t$", ylabel="$K$")

@@ -12,7 +12,7 @@ import numpy as np
 
 import hereditary as hd
 
-fig, axes = plt.subplots(1, 3, figsize=(11, 3.5), sharey=True, layout="constrained")
+fig, axes = plt.subplots(3, 1, figsize=(7, 5), sharex=True, layout="constrained")
 fires = {}
 for ax, beta in zip(axes, (1.6, 1.75, 1.9), strict=True):
     for x0 in (0.1, 0.9):
@@ -21,8 +21,9 @@ for ax, beta in zip(axes, (1.6, 1.75, 1.9), strict=True):
         swing = np.ptp(sol.y[sol.t > 120])
         assert not 0.1 < swing < 2  # at rest, or firing
         fires[beta, x0] = bool(swing > 2)
-    ax.set(title=f"order of inertia {beta}", ylabel="")
-axes[0].set_ylabel("$x$")
+    ax.set(title=f"order of inertia {beta}", ylim=(-2.5, 2.5))
+for ax in axes[:-1]:
+    ax.set_xlabel("")
 for ax in axes[1:]:
     ax.get_legend().remove()
 plt.show()

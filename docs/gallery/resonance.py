@@ -6,6 +6,7 @@ Harmonic balance follows the periodic response to a force through its turning po
 several forces are the backbone curve.
 """
 
+# sphinx_gallery_thumbnail_number = 2
 import matplotlib.pyplot as plt
 import numpy as np
 

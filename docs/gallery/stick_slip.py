@@ -15,7 +15,7 @@ import hereditary as hd
 equation = hd.scenes.stick_slip()  # beta 1.8, gamma 0.8, speed 1, adhesion 50
 orbit = hd.solve(equation, 100.0, rtol=1e-8)
 
-fig, (left, right) = plt.subplots(1, 2, figsize=(10, 4), layout="constrained")
+fig, (left, right) = plt.subplots(1, 2, figsize=(8, 4.4), layout="constrained")
 hd.plots.oscillogram(orbit, left)
 hd.plots.phase_portrait(orbit, right)
 

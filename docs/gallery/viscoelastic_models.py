@@ -48,15 +48,15 @@ for name, value in found.parameters.items():
 # Below 10 radians a time unit the body is almost elastic, with an order of 0.1. Above, the other
 # spring-pot of order 0.77 adds friction.
 
-fig, (left, right) = plt.subplots(1, 2, figsize=(10, 4), layout="constrained")
+fig, ax = plt.subplots(figsize=(7, 4.4), layout="constrained")
 fine = np.geomspace(0.05, 2e3, 200)
 for label, data, curve in zip(
     ("G'", "G''"), (storage, loss), found.model.moduli(fine), strict=True
 ):
-    (line,) = left.loglog(fine, curve, label=label)
-    left.loglog(omega, data, "o", color=line.get_color())
-left.set(xlabel="frequency", ylabel="modulus", title="measured moduli and the fit")
-left.legend()
+    (line,) = ax.loglog(fine, curve, label=label)
+    ax.loglog(omega, data, "o", color=line.get_color())
+ax.set(xlabel="frequency", ylabel="modulus", title="measured moduli and the fit")
+ax.legend()
 
 # %%
 # A stress of 1 from t = 0 to 10: the strain creeps to 1.45 and recovers slowly. Ten times the time
@@ -72,6 +72,7 @@ known = found.model.creep(110.0) - found.model.creep(100.0)
 print(f"strain at the end {run.y[-1, 0]:.5f}, by superposed steps {known:.5f}")
 assert abs(run.y[-1, 0] / known - 1) < 1e-6
 assert 0.011 < known / found.model.creep(10.0) < 0.013
-right.plot(run.t, run.y[:, 0])
-right.set(xlabel="t", ylabel="strain", title="creep and recovery")
+fig, ax = plt.subplots(figsize=(7, 4.4), layout="constrained")
+hd.plots.oscillogram(run, ax)
+ax.set(xlabel="t", ylabel="strain", title="creep and recovery")
 plt.show()

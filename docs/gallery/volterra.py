@@ -49,7 +49,7 @@ given, none = (
     hd.solve(hd.Equation(hd.Caputo(ALPHA), rhs, 1.0), 5.0, rtol=1e-9)
     for rhs in (remembers, forgets)
 )
-fig, (left, right) = plt.subplots(1, 2, figsize=(10, 4), layout="constrained")
+fig, (left, right) = plt.subplots(1, 2, figsize=(8, 4.4), layout="constrained")
 left.plot(t, y)
 left.set(xlabel="$t$", ylabel="$y$", title="Volterra")
 past = np.linspace(-1, 0, 50)
