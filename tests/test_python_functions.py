@@ -527,3 +527,28 @@ def test_the_jacobian_of_a_function_in_python_raises_what_it_raises():
 
     with pytest.raises(Late, match="only there"):
         in_python(Only()).jacobian(0.0, [2.0, 0.0])
+
+
+def test_lists_in_a_table_leak_no_warning_of_numba():
+    """In Python where they are global, compiled where they are written in the function."""
+    t, values = [0.0, 1.0, 2.0], [0.0, 3.0, 1.0]
+
+    def of_lists(time, y):
+        return np.interp(time, t, values) - y
+
+    def of_own_lists(time, y):
+        return np.interp(time, [0.0, 1.0, 2.0], [0.0, 3.0, 1.0]) - y
+
+    places, heights = np.array(t), np.array(values)
+
+    def of_arrays(time, y):
+        return np.interp(time, places, heights) - y
+
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        found = [
+            hd.solve(hd.Equation(hd.Caputo(0.8), rhs, 0.0), 2.0, 50, scheme=hd.L1()).y
+            for rhs in (of_lists, of_own_lists, of_arrays)
+        ]
+    assert [warning.category for warning in caught] == [hd.PythonFunctionWarning]
+    assert abs(np.diff(found, axis=0)).max() < 1e-12

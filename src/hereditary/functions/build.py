@@ -8,12 +8,14 @@ is called in Python from a compiled one (python_calls.py).
 """
 
 import inspect
+import warnings
 from collections import OrderedDict
 from contextlib import suppress
 from typing import Any, NamedTuple
 
 import numpy as np
 from numba import config, types
+from numba.core.errors import NumbaPendingDeprecationWarning
 from numba.extending import is_jitted
 
 from ..compiled.jit import F8, as_value, compiling, derived
@@ -132,7 +134,9 @@ def _version(name, fun, key, arity, form, start, shape):
     with compiling:
         known = _versions.pop(key, None)
         if known is None or known[2:] != (arity, form):
-            found, reason = _build(name, fun, key, arity, form, start, shape)
+            with warnings.catch_warnings():  # about lists; a reason not to compile is in `reason`
+                warnings.simplefilter("ignore", NumbaPendingDeprecationWarning)
+                found, reason = _build(name, fun, key, arity, form, start, shape)
             known = _Version(found, reason, arity, form)
             if known.compiled:
                 _warn_of_versions(name, _plain(fun))
