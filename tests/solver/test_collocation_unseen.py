@@ -190,6 +190,7 @@ def test_a_run_stops_at_its_last_step_and_goes_on():
     with pytest.warns(hd.SolveWarning, match="max_steps"):
         part = hd.solve(equation, 5.0, rtol=1e-8, max_steps=7)
     assert part.status is hd.Status.MAX_STEPS
+    assert "7 in all; name times of jumps and corners" in part.message
     assert part.stats["n_steps"] == 7
     np.testing.assert_array_equal(part.t, whole.t[:8])
     rest = hd.solve(equation, 5.0, resume=part.state, max_steps=100)

@@ -88,6 +88,7 @@ _CRAWLS = (
     "steps stay short wherever the solution goes on: it may slide or chatter where the right-hand "
     "side jumps, or rounding hides what the tolerance asks for"
 )
+_CORNERS = "name times of jumps and corners of the right-hand side, as a table has, in breaks"
 _ROUNDS = (
     "rounding hides what the tolerance asks for, or the solution is too steep; loosen rtol, and if "
     "the right-hand side jumps here name the time in breaks, or the function in switches"
@@ -666,7 +667,7 @@ class AdaptiveStepper(Stepper):
             return failed(self.error)
         ended = self.ending if self.ending.status is not None else None
         if ended is None and self.pace.used_up(self.n_steps) and self.t < self._t_end:
-            ended = Ending(Status.MAX_STEPS, f"{self.n_steps} in all")
+            ended = Ending(Status.MAX_STEPS, f"{self.n_steps} in all; {_CORNERS}")
         if ended is None or ended.status is Status.BLOWN_UP:
             return ended
         found = [part for part in (ended.detail, self._small_component()) if part]
