@@ -169,7 +169,10 @@ TERMS = [
     (lambda: hd.Equation(decay, A, 1.0), TypeError, "they come first"),
     (lambda: equation([np.array([1.0, 0.0]) * C(0.5)], [1.0, 2.0]),
      ValueError, "none for component 1"),
-    (lambda: equation(hd.Memory(PRONY, 0)), ValueError, "terms must hold a derivative"),
+    (lambda: equation(hd.Memory(PRONY, 0)), ValueError,
+     "terms must hold a derivative.*hereditary.derivative"),
+    (lambda: hd.Caputo(-0.5), ValueError, "order must .* got -0.5; .*hereditary.derivative"),
+    (lambda: hd.Caputo(30), ValueError, r"order must .* got 30.0$"),
     (lambda: equation(hd.Memory(hd.PowerLaw(1e-16), 2), [1.0, 1.0]),
      ValueError, "exponent must exceed 1e-14 for derivative 2"),
     # matrices

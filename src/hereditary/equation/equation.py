@@ -167,7 +167,7 @@ class Equation(System):
         highest = max(t.operator.derivative for t in self.terms)
         if highest == 0:
             required = "hold a derivative"
-            remedy = "an equation in y and its past alone is none of these"
+            remedy = "hereditary.derivative(t, g, ...) solves equations of the first kind for y"
             raise ValueError(complaint("terms", required, repr(self.terms[0]), remedy))
         if d is None:
             initial = self._given_y0 = initial_values(values, highest)
