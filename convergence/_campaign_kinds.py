@@ -1,7 +1,7 @@
 """Random problems at the ends of what an equation can hold.
 
 Problem k of seed s is a function of (s, k) alone. Orders go from 0.01 to 2, a third of them within
-1e-2 to 1e-12 of an integer; rates and ends of runs from 1e-8 to 1e8. Left out: oscillations that
+1e-2 to 1e-12 of an integer. Rates and ends of runs go from 1e-8 to 1e8. Left out: oscillations that
 last more than some hundred periods, growth by more than exp(30).
 """
 

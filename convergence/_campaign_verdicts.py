@@ -2,9 +2,9 @@
 
 The tolerance of a component at a time is 1.01 rtol times its largest size so far. If it begins at
 0, the hundredth is of its largest size over the run. For y' the tolerance is rtol times its largest
-size, up to the end of a step out of 0 or out of a break, and 0.04 rtol / T times the size of y. For
-systems and relays it is multiplied by what perturbed initial values and forces amplify. What
-rounding of the matrix, of forces and times moves y by is added.
+size, and 0.04 rtol / T times the size of y. The largest size is up to the end of a step out of 0 or
+out of a break. For systems and relays the tolerance is multiplied by what perturbed initial values
+and forces amplify. What rounding of the matrix, of forces and times moves y by is added.
 """
 
 import contextlib
@@ -128,8 +128,8 @@ def points(problem, sol):
 def measured(problem, sol, confirm, left=None):
     """Largest errors over tolerance of y and of y', where, and whether the truth is doubtful.
 
-    Of the times that are `left`: those are passed over at which the run agrees with a second way to
-    the exact solution and the first does not.
+    Some of the times that are `left` are passed over. There the run agrees with a second way to the
+    exact solution and the first does not.
     """
     t = left = points(problem, sol) if left is None else left
     ratio = over_tolerance(problem, sol, t, 0)

@@ -254,7 +254,7 @@ def _roots(a, c, rate):
 def _solved(matrix, right):
     """Solutions of many small systems, by elimination with pivots, in any precision.
 
-    Columns are scaled by what the diagonal alone would make of the unknowns, and then rows: with
+    Columns are scaled by what the diagonal alone would make of the unknowns, and then rows. With
     other orders in each component they differ by tens of orders.
     """
     d = matrix.shape[-1]

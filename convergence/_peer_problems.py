@@ -161,7 +161,7 @@ def three_orders():
 
 
 def third_order():
-    """D^3 x + D^2.5 x + x'' + 4 x' + D^0.5 x + 4 x = 6 cos t, x = sqrt(2) sin(t + pi / 4)."""
+    """``D^3 x + D^2.5 x + x'' + 4 x' + D^0.5 x + 4 x = 6 cos t``, x = sqrt(2) sin(t + pi / 4)."""
     operator = hd.Caputo(3) + hd.Caputo(2.5) + hd.Caputo(2) + 4 * hd.Caputo(1) + hd.Caputo(0.5)
 
     @njit

@@ -69,7 +69,7 @@ def study(measure, claims=None, figure=None, **options):
         row holds.
     claims, figure : callable, optional
         Of the rows as they were written: the claims, and the figure.
-    options
+    options : Any
         Options of the command line by name, with their default; `measure` is given them.
     """
     script = measure.__globals__
@@ -299,8 +299,8 @@ def order_claims(rows, labels, least=1e-11):
 def curves(x, y, lines=(), panels=(), log="xy", slopes=(), line="-", of=None, **settings):
     """Return what draws rows: a panel for each value of some columns, a line for each of others.
 
-    A second column of `y` is drawn dotted; `slopes` are orders drawn beside, `settings` those of
-    each panel; `of` are the values that some columns of the rows must have.
+    A second column of `y` is drawn dotted. `slopes` are orders drawn beside, `settings` those of
+    each panel. `of` has the values that some columns of the rows must have.
     """
     y, *beside = (y,) if isinstance(y, str) else y
 

@@ -5,8 +5,8 @@ from 1e-8 to 1e8. Equations have one order, several terms, or other orders in ea
 with Jordan blocks. There are forces, jumps with and without `breaks`, windows of forcing, and jumps
 in y that the solution passes or on which it stays. Schemes of given steps are tested for the truth
 of their statuses. Exact solutions come from Laplace transforms inverted in extended precision
-(_laplace_truth.py). mpmath repeats them at the worst time of every run that is found wrong, and of
-each tenth other.
+(_laplace_truth.py). They are repeated by mpmath at the worst time of every run that is found wrong,
+and of each tenth other.
 
 Errors of y and y' are taken at t = 0, from 1e-12 of the first step on, at nodes, between them and
 around corners. They are relative to rtol times the largest size so far of the component

@@ -1,8 +1,8 @@
 """Jumps, changes, events and ends at one time act once, and runs are exact.
 
 Random relaxations ``D^alpha y = u(t) - k y`` whose u jumps between 1 and -1. Within two units of
-rounding of a jump there are one or several of these: a break, a zero of a switch, a change at a
-stated time, a change by an event, an event, the end of the run. Solutions are sums of
+rounding of a jump there are one or several others. They are a break, a zero of a switch, a change,
+an event, the end of the run. Changes are at a stated time or by an event. Solutions are sums of
 Mittag-Leffler functions: each jump of u and each change of y adds one.
 """
 

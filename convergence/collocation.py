@@ -3,17 +3,17 @@
 P1 to P6 are the problems of work_precision.py. Milliseconds are those of the fastest of several
 warm `hd.solve` calls. Errors are the largest of y, and of y' above order 1, at times in all steps.
 The truth of P3 to P6 is collocation with 12 nodes whose past is integrated exactly instead of
-carried by modes; closed forms and published digits agree with it. The tolerance of a component is
+carried by modes. Closed forms and published digits agree with it. The tolerance of a component is
 1.01 rtol times its largest size so far. For a component that starts at 0 the hundredth refers to
 its size over the run. The tolerance of y' is rtol times its own size plus 0.04 / T times that of y.
 
 * P1 and P2 to 1e-12 within 10 ms each, P3 to 1e-11 within 20 ms, x(100) of P4 to 1e-10 within
   100 ms. P5 to 1e-6 at all times and to 1e-9 on t <= 40 within 200 ms, the published digits of P6.
 * P1 to T = 1e4 at 1e-10 with fewer than 1,800 right-hand sides, nine a step of them off the nodes.
-* Over P1 to P6 and 60 random linear problems (tests/random_problems.py: orders 1e-6 to 1.98, rates
-  to 1e6), rtol from 1e-4 to 1e-11, the error is at most one tolerance in every run, also after 160
+* P1 to P6 and 60 random linear problems (tests/random_problems.py: orders 1e-6 to 1.98, rates to
+  1e6) have rtol from 1e-4 to 1e-11. The error is at most one tolerance in every run, also after 160
   periods of an oscillation.
-* Orders within 1e-6 of 0, 1 and 2 are solved as accurately as others; tiny ones in few steps at
+* Orders within 1e-6 of 0, 1 and 2 are solved as accurately as others. Tiny ones take few steps at
   rates of 1, 20 and 1,000.
 * Doubling T adds a constant number of steps where the solution relaxes; the time of a step does not
   grow with T.
@@ -98,8 +98,8 @@ def times(t_end):
 class Past:
     """Past steps with their drivers, integrated without modes.
 
-    Steps further off than their length are integrated by Gauss's rule, nearer ones and the first,
-    which is made of powers, by a rule that is graded towards both ends.
+    Steps further off than their length are integrated by Gauss's rule. Nearer ones and the first,
+    which is made of powers, are integrated by a rule that is graded towards both ends.
     """
 
     def __init__(self, form, initial):

@@ -1,8 +1,8 @@
 """Derivatives of data have the orders of their schemes, in O(n log n); those of functions 1e-11.
 
-D^a of t^4 + t^2 on [0, 1], with even times and all that `hd.derivative` takes: the largest error
-from t = 1/4 on, its order beside 2 - a, or 3 - a, and the time of a call. Functions are smooth ones
-or smooth in t^a, and steps are the values that they are asked for.
+D^a of t^4 + t^2 on [0, 1], with even times and all that `hd.derivative` takes. Rows have the
+largest error from t = 1/4 on, and its order beside 2 - a, or 3 - a. They have the time of a call.
+Functions are smooth ones or smooth in t^a, and steps are the values that they are asked for.
 """
 
 import numpy as np

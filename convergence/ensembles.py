@@ -1,9 +1,9 @@
 """Ensembles: one equation for many parameters, by one stepper on each core.
 
-Duffing's oscillator of orders 1.9 and 0.7, 1,000 steps for each member, and the 512 complex
-fractional Riccati equations of a rough-volatility model, whose errors are those of all members at
-t = 1. Beside it: a loop of `solve`, and the predictor-corrector scheme that one would write in
-NumPy for all Riccati equations at once, with its weights computed beforehand. Claims:
+One equation is Duffing's oscillator of orders 1.9 and 0.7, 1,000 steps for each member. Others are
+the 512 complex fractional Riccati equations of a rough-volatility model, whose errors are those of
+all members at t = 1. Beside it is a loop of `solve`, and the predictor-corrector scheme that one
+would write in NumPy for all Riccati equations at once. Its weights are computed beforehand. Claims:
 
 * members take less than a fifth of the time of a loop of `solve`;
 * 5,000 members of the oscillator take less than a second, on two cores;

@@ -1,9 +1,9 @@
 """On a mesh graded by order / alpha, singular solutions keep each scheme's full order at all times.
 
-Relaxation D^alpha y = -y, whose solution starts like 1 - c t**alpha: the largest error over all
+Relaxation D^alpha y = -y, whose solution starts like 1 - c t**alpha. The largest error over all
 times against the number of steps, uniform and graded by ``t_k = (k / n)**(order / alpha)``. Without
 grading the order is alpha. With it the full order holds to n = 4,000 even at alpha = 0.3, where the
-smallest step is 1e-32: moments of the kernel are computed without cancellation.
+smallest step is 1e-32. Moments of the kernel are computed without cancellation.
 """
 
 import numpy as np

@@ -3,7 +3,7 @@
 * FFT overtakes direct sums at some thousand steps, modes overtake both, and their storage does not
   grow.
 * With modes, time a step at N = 1e5 is at most 2 times that of the same march without memory for
-  explicit schemes and at most 1.5 times for implicit ones.
+  explicit schemes. It is at most 1.5 times for implicit ones.
 """
 
 import statistics

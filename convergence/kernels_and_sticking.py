@@ -1,8 +1,9 @@
 """How the shape of the memory of friction changes the stick-slip of the classical oscillator.
 
-``x'' + 0.25 int_0^t K(t-s) x'(s) ds + x = t + 50 sum_n a_n sin(n x)``, with kernels of total weight
-1, so that all of them are classical friction where the motion is slow: an exponential, and a power
-law t**-0.8 that is tempered, both of relaxation time tau. By collocation, rtol = 1e-9.
+``x'' + 0.25 int_0^t K(t-s) x'(s) ds + x = t + 50 sum_n a_n sin(n x)``, is solved for two kernels.
+Their total weight is one, so both are classical friction where the motion is slow. They are an
+exponential, and a power law t**-0.8 that is tempered, both of relaxation time tau. By collocation,
+rtol = 1e-9.
 
 * As tau tends to 0 the first slip is the classical one, at 45.2716.
 * The same orbit comes from the exponential's own ordinary system, to 1e-7 while it sticks.

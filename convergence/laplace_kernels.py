@@ -1,10 +1,10 @@
 """Kernels by their Laplace transforms reach the tolerance of a run, down to 1e-10.
 
-D y = -y is solved with four transforms: of Caputo's derivative, of Cole and Cole's and of Havriliak
-and Negami's relaxation, and of Scarpi's derivative of variable order. All runs end at t = 1; runs
-with Scarpi's derivative also go to t = 100. The rows have the relative error of y at the end, the
-number of rates and the error of the kernel's sum, and the time of a run that fits the kernel anew.
-The exact values invert the transform of y in 40 digits.
+D y = -y is solved with four transforms. They are of Caputo's derivative, of Cole and Cole's and of
+Havriliak and Negami's relaxation, and of Scarpi's derivative of variable order. All runs end at t =
+1; runs with Scarpi's derivative also go to t = 100. The rows have the relative error of y at the
+end, the number of rates and the error of the kernel's sum. They also have the time of a run that
+fits the kernel anew. The exact values invert the transform of y in 40 digits.
 """
 
 from functools import partial

@@ -2,8 +2,8 @@
 
 * Order 1: a Brusselator of 40 components to t = 10, against SciPy's Radau and LSODA: `Collocation`
   is as accurate in less time than Radau.
-* Memory as further states: D^0.7 u = u_xx on 40 points, the modes of a sum of exponentials given
-  to SciPy's BDF as components, against ``BDF(2)``.
+* Memory as further states: D^0.7 u = u_xx on 40 points against ``BDF(2)``. The modes of a sum of
+  exponentials are given to SciPy's BDF as components.
 * Reaction and diffusion, D^0.7 u = u_xx + 5 (u - u**3) on 1,000 points: implicit-explicit steps,
   which need no derivative, against Newton's method.
 * Modes of 10^5 components are read and advanced in 3 to 4 times the time that their bytes take to

@@ -1,7 +1,7 @@
 """Time and memory of large systems grow with the entries of their Jacobian.
 
 ``D^0.7 u = u_xx`` by the method of lines on d inner points of [0, 1], u(0) = sin(pi x) + sin(3 pi
-x), to T = 1, against the exact solution of the discrete system:
+x). To T = 1, against the exact solution of the discrete system:
 
 * `Collocation` at rtol 1e-10, dense and banded, keeps its tolerance;
 * `BDF(2)` with 1,000 steps, dense and banded, is as accurate as one equation is;

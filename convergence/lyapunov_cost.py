@@ -1,6 +1,6 @@
 """A tangent costs little more than the orbit: one at most 4, two at most 6 times a plain run.
 
-The hereditary stick-slip oscillator (beta 1.8, gamma 0.8, b 1, c 20, T 100) with modes; the claim
+The hereditary stick-slip oscillator (beta 1.8, gamma 0.8, b 1, c 20, T 100) with modes. The claim
 is about the explicit scheme at N = 200,000, where one run of `lyapunov` is compared to `solve`
 keeping every 1000th row. The second run, which verdicts are compared with by default, costs at most
 0.6 of the first one with the default scheme, BDF(2). Shorter runs and other schemes are measured

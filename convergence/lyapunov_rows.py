@@ -10,11 +10,11 @@ delay, are outside the library. Every comparison says what it allows:
   falls with the scheme's order less 0.15.
 * 23 and 25, an equilibrium of the Lorenz system: Re mu**(1/alpha) to 0.5 %, the critical order
   where it changes sign to 1e-5. The explicit scheme adds h omega**2 / 2 within 15 %.
-* 26 to 33, memory cut off at every interval as published: exact values where the orbit rests, three
+* 26 to 33, memory cut off at every interval as published. Exact values where the orbit rests, three
   times the scatter over schemes and steps where it does not. The published predictor-corrector
-  gives the published digits: for 27 at its own step alone, where the restarted map falls into a
-  periodic window that no other step or scheme has. References that are not claimed are published
-  ones that no converged run supports.
+  gives the published digits. For 27 it does so at its own step alone. There the restarted map falls
+  into a periodic window that no other step or scheme has. References that are not claimed are
+  published ones that no converged run supports.
 * 34 to 40, long runs with memory kept: three standard errors; exponents that decay do so like
   t**-alpha, the power within 0.1. Row 40 has no rate at all, T times its exponents holds to 0.2.
 """

@@ -1,10 +1,10 @@
 """Models of the literature, compared with thresholds, exact solutions and periods from elsewhere.
 
 For each model one number is measured on orbits that `Collocation` solves, and set beside one that
-does without this library: zeros of a characteristic function, a Hill determinant, a power series, a
-published value. A threshold is measured by the growth rate of small oscillations at orders, or a
-stiffness, to both sides of it, where a straight line through them is 0. Claims: thresholds agree to
-1e-3, values to 1e-8, rough Heston's to 1e-2 with a published Padé approximant,
+does without this library. These are zeros of a characteristic function, a Hill determinant, a power
+series, a published value. A threshold is measured by the growth rate of small oscillations at
+orders, or a stiffness, to both sides of it. It is where a straight line through them is 0. Claims:
+thresholds agree to 1e-3, values to 1e-8, rough Heston's to 1e-2 with a published Padé approximant,
 [GatheralRadoicic2023].
 """
 

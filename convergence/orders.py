@@ -2,7 +2,7 @@
 
 Uniform steps. Smooth: D^alpha y + y with y = 1 + t**3, largest error over all times, so that a
 start of lower order cannot hide. Singular: relaxation and oscillation, error at a fixed time. The
-last pairwise order lies within 0.15 of the proven one; where a second term of nearly the same order
+last pairwise order lies within 0.15 of the proven one. Where a second term of nearly the same order
 goes along (order 1.2), that takes more steps.
 """
 

@@ -1,9 +1,9 @@
 """The source's spectra take seconds: 122 classical points within 5 s, ten times the steps 30 s.
 
-The 122 exponents of Figs 1, 3 and 6 (T = 100, k = 1) at N = 20,000, the source's tau = 0.005,
-and at N = 200,000. The 29 points of Fig. 8 (T = 100) at N = 200,000 within 15 s. A map of regimes
-of 100 x 100 cells over spring speed and adhesion: T = 400 and N = 20,000 a cell, an orbit, a second
-one with twice the step, and an exponent. Processes on all cores, compiled before.
+The 122 exponents of Figs 1, 3 and 6 (T = 100, k = 1). N is 20,000, the source's tau = 0.005, and
+200,000. The 29 points of Fig. 8 (T = 100) at N = 200,000 within 15 s. A map of regimes of 100 x 100
+cells over spring speed and adhesion, T = 400 and N = 20,000. A cell is an orbit, a second one with
+twice the step, and an exponent. Processes on all cores, compiled before.
 """
 
 import os

@@ -3,12 +3,12 @@
 * `Collocation` gets below 1e-9 on each. For errors from 1e-5 down pycaputo takes at least ten times
   as long, as far as it gets.
 * At order 1 SciPy's DOP853 takes at least 1.2 times as long for errors from 1e-7 down (van der Pol,
-  mu = 1), LSODA 0.7 times; with mu = 100 Radau takes 4 times, LSODA 1.2 times from 1e-5 down.
+  mu = 1). LSODA takes 0.7 times. With mu = 100 Radau takes 4 times, LSODA 1.2 times from 1e-5 down.
 * Methods of the published figures repeat the published errors, so that only their times are
   another machine's.
 
-Milliseconds are those of a whole call, the fastest of several after one that warms up (runs of half
-a second and more are made once): compiling is not counted. Rows of "fresh process" count it, of
+Milliseconds are those of a whole call, the fastest of several after one that warms up. Runs of half
+a second and more are made once. Compiling is not counted. Rows of "fresh process" count it, of
 whole processes with an empty cache and with a full one. Errors of P4 to P6 and van der Pol are
 those at the end, all others the largest over the mesh.
 

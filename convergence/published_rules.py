@@ -1,10 +1,11 @@
 """Published rules, compared with the schemes here: which are equal, and how others differ.
 
 The rules of `fde12`, `flmm2`, the `fde_pi` and the `mt_fde_pi` codes in plain NumPy, with Newton's
-method to rounding, beside the schemes with past sums term by term. Claims of docs/coming_from.md:
+method to rounding. Beside them are the schemes with past sums term by term. Claims of
+docs/coming_from.md:
 
 * `ProductTrapezoid` is fde_pi2_im to 1e-12, and 30 corrections of the textbook's PECE are it too;
-* `Adams` is 1.9 to 45 times as accurate as that PECE with one correction, on a smooth solution; on
+* `Adams` is 1.9 to 45 times as accurate as that PECE with one correction, on a smooth solution. On
   one like t**alpha the ratio of errors at the end lies between 0.8 and 3.6;
 * at order 1 fde_pi1_ex is `ExplicitCaputo` and `GrunwaldLetnikov`, fde_pi1_im is `BDF(1)`;
 * flmm2's starting weights make its largest error smaller than that of `BDF(2)`, up to order 0.8;

@@ -5,7 +5,7 @@ each kind and by collocation. A call takes the seconds of the run, less those of
 over `n_rhs`:
 
 * on given steps at most 5 us more than the function itself takes in a loop;
-* in collocation at most 10 us more: about a hundred calls are between long periods of other work,
+* in collocation at most 10 us more. About a hundred calls are between long periods of other work,
   after which the function itself is also slower than in a loop;
 * numbers of both are equal to 1e-12.
 """

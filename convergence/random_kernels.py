@@ -1,10 +1,10 @@
 """Random kernels given by their values: each is fitted to its tolerance, or refused rightly.
 
-Two hundred completely monotone kernels are drawn: sums of one to three products of one or two
-factors t^-a, exp(-r t), E_a(-(r t)^a) and exp(-(r t)^b), with T/h from 10 to 1e8. A fifth of them
-are tables of three digits. The seed follows from the commit before this script. Errors are measured
-against the closed form on 20,001 log-spaced times, relative to max(K, 1e-3 of the mean of K from 0
-to t); those of a table at its data. Claims:
+Two hundred completely monotone kernels are drawn, with T/h from 10 to 1e8. They are sums of one to
+three products of one or two factors t^-a, exp(-r t), E_a(-(r t)^a) and exp(-(r t)^b). A fifth of
+them are tables of three digits. The seed follows from the commit before this script. Errors are
+measured against the closed form on 20,001 log-spaced times, relative to max(K, 1e-3 of the mean of
+K from 0 to t). Those of a table are measured at its data. Claims:
 
 * each fit ends within two seconds, with positive weights;
 * a fit's error is within its tolerance, and at most 1.05 times the error that it reports;

@@ -1,9 +1,9 @@
 """Resonance curves by harmonic balance, compared with settled runs in time.
 
-A hardening Duffing oscillator with memory (orders 1.98 and 0.9), whose curve bends over, and a
-forced van der Pol oscillator (orders 1.9 and 0.9) inside its band of synchronisation. At 20 points
-of each, the unstable branch left out, the equation is marched by `Collocation` from the response's
-own values for 400 periods, and the first harmonic of the last four is compared. Claims:
+One is a hardening Duffing oscillator with memory (orders 1.98 and 0.9), whose curve bends over. The
+other is a forced van der Pol oscillator (orders 1.9 and 0.9) inside its band of synchronisation. At
+20 points of each, the unstable branch left out, the equation is marched by `Collocation` from the
+response's own values for 400 periods. The first harmonic of the last four is compared. Claims:
 
 * amplitudes agree to 1e-5 of the largest (Duffing) and to 1e-4 (van der Pol);
 * the linear transfer function is met to 1e-12;

@@ -4,10 +4,10 @@ The Lorenz system of order 0.99 (sigma 10, rho 28, b 8/3) from (0.1, 0.1, 0.1) c
 equilibrium.
 
 * Memory kept: the exponents are the same to 1e-9 for intervals from 0.02 to 5 and the automatic
-  one, the verdict is a decay, and the leading one tends to 0 from below.
-* Memory restarted: the leading exponent exceeds 0.8 at interval 0.02, where it is the classical one
-  times the factor renorm**(alpha-1) / Gamma(1+alpha), and is negative from interval 0.5 on.
-* Restarted, the sum at short intervals is this factor times the divergence, which has no limit; at
+  one. The verdict is a decay, and the leading one tends to 0 from below.
+* Memory restarted: the leading exponent exceeds 0.8 at interval 0.02. There it is the classical one
+  times the factor renorm**(alpha-1) / Gamma(1+alpha). It is negative from interval 0.5 on.
+* Restarted, the sum at short intervals is this factor times the divergence, which has no limit. At
   long ones it is that of ln |E_alpha(mu renorm**alpha)| / renorm over the equilibrium's eigenvalues
   mu.
 """

@@ -6,8 +6,8 @@
   Gamma(beta+2) / (4 abs(eta(-1-beta))), Adams up to order 1 at Gamma(alpha+2).
 * Without damping, 10^4 periods keep the amplitude, but for L1, which is of first order there.
 * Errors are continuous at orders 1 and 2, and rounding stays invisible at N = 1e7.
-* At orders 0.02 and 0.05 the solution at t = 1 is right to 1e-6, on uniform steps, and on graded
-  ones for L1 and L2Sigma. L2 on steep meshes is wrong without a sign of it.
+* At orders 0.02 and 0.05 the solution at t = 1 is right to 1e-6. Steps are uniform, and for L1 and
+  L2Sigma also graded. L2 on steep meshes is wrong without a sign of it.
 """
 
 import warnings

@@ -3,8 +3,8 @@
 The cache is warm, and bytecode is stored as for installed packages. `import hereditary` takes less
 than 0.3 s more than the import of numba, NumPy and SciPy, and the first `solve` less than 1 s more.
 Another right-hand side costs only its own compilation: no loop of the library is compiled again.
-From an empty cache the first explicit run ends within 15 s, the first implicit one within 25 s and
-the first collocation within 60 s, on all machines where this was tried.
+From an empty cache the first explicit run ends within 15 s, and the first implicit one within 25 s.
+The first collocation ends within 60 s. This holds on all machines where it was tried.
 """
 
 import os

@@ -1,12 +1,12 @@
 """A chain of hereditary stick-slip blocks: slips, their sizes, and memory that does not grow.
 
 Blocks of the stick-slip scene on wells of unequal depth (20 to 100), with springs between
-neighbours, ``hd.scenes.stick_slip_chain``, by the explicit scheme with h = 0.005:
+neighbours, ``hd.scenes.stick_slip_chain``. By the explicit scheme with h = 0.005:
 
 * without coupling each block is the scene of one block, to rounding;
 * the second half of a run takes no more memory than the first;
-* sizes of slips, sums of the displacements, are distributed over four decades, without memory
-  (beta = 2, gamma = 1) and with it (beta = 1.8, gamma = 0.8), where there are fewer, larger ones;
+* sizes of slips, sums of the displacements, are distributed over four decades, without memory (beta
+  = 2, gamma = 1) and with it. With it (beta = 1.8, gamma = 0.8) there are fewer, larger ones;
 * half the step changes the number of slips and their total by less than a tenth.
 """
 

@@ -1,7 +1,7 @@
 """A sweep costs almost no time in addition to its points, and uses both of two cores.
 
-Points of about 5 ms (the stick-slip oscillator, T 100, 60,000 steps) in a sweep on one thread take
-at most 1.05 times as long as a plain loop over the same points, with a store too. The gain of two
+Points of about 5 ms are the stick-slip oscillator, T 100, 60,000 steps. A sweep of them on one
+thread takes at most 1.05 times as long as a plain loop over them, with a store too. The gain of two
 worker processes on plain Python without shared data is the gain of two cores. For points of all
 kinds two processes gain at least 0.85 times as much. Two threads gain at least 0.7 times as much if
 a point is mostly compiled time stepping, as for exponents.

@@ -6,9 +6,9 @@ edge of stability, abs(arg) = alpha pi / 2, and orders from 0.3 on, next to 1, 1
 second is ``x'' = -omega**2 x``. Of two terms the lower one drives what the higher one damps. The
 first problem is ``D^0.5 y =
 10 (y1 - y2, y1 + y2)``. Damped partners, where errors do not add up, show what the estimate then
-overstates: eigenvalues turned away from the edge, alone and with a force that oscillates.
+overstates. Their eigenvalues are turned away from the edge, alone and with a force that oscillates.
 
-Errors are those at the last times, over the largest size of each component; exact solutions are
+Errors are those at the last times, over the largest size of each component. Exact solutions are
 those of `hereditary.exact`, and of forced partners runs with a hundredth of the tolerance.
 """
 

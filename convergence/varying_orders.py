@@ -5,12 +5,12 @@ alpha(t) = 0.5 + 0.3 sin t and beta(t) = 1.5 + 0.3 cos t, alone and together. Cl
 * solutions are 1 + v t + t**3 to t = 2.5. The largest error falls with order 1 for the explicit
   scheme. For L1 it falls with 2 - alpha or 3 - beta, at least 1.2 on the way, within 0.1;
 * collocation keeps it within the tolerance, rtol (0.01 + size), from 1e-4 to 1e-11, in at most 150
-  steps; with a solution that is not smooth at 0 it is faster than both for errors below 1e-5;
-* one set of rates keeps the relative error of ``t**-a`` below the tolerance on 20,001 points for
-  all 200 exponents tried in (0, 1], with positive weights;
+  steps. With a solution that is not smooth at 0 it is faster than both for errors below 1e-5;
+* one set of rates with positive weights keeps the relative error of ``t**-a`` below the tolerance
+  on 20,001 points. This holds for all 200 exponents tried in (0, 1];
 * at N = 20,000 and a tolerance of 1e-10 modes deviate from direct sums by less than 1e-9;
 * at N = 200,000 the stick-slip load with varying beta and gamma takes at most 4 times as long as
-  with constant ones; so do equations with one and two terms and a very cheap right-hand side;
+  with constant ones. So do equations with one and two terms and a very cheap right-hand side;
 * exponents of Lyapunov by tangents and by pairs of orbits agree to 1e-5.
 """
 

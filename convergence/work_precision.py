@@ -3,18 +3,18 @@
 Seconds are those of a whole warm `hd.solve` call, the fastest of several, with
 SumOfExponentials(1e-12) for given steps. Collocation chooses its own by rtol from 1e-3 to 1e-12.
 
-* From 1e-8 down others take at least 1.5 times as long as Collocation on P1 to P5; on P6 BDF(4) is
+* From 1e-8 down others take at least 1.5 times as long as Collocation on P1 to P5. On P6 BDF(4) is
   as fast down to its smallest error, about 1e-9. Above about 1e-4 other schemes are faster: a call
   of Collocation takes at least 6 ms. On every problem its smallest error is a tenth of any other.
 * P1, D^0.5 y = -y: L2 and L2Sigma on graded meshes reach 1e-8 with N = 10,000.
 * P3, D^1.5 x + 0.5 D^0.5 x + x = 0: only the schemes for several terms and orders above 1 cover it.
   At t = 20 ExplicitCaputo and L1 fall at their orders 1 and 1.5 in every decade from N = 1,000 to
-  1e5. L1 is then at 3e-11, which says nothing of a floor at 1e-12; at N = 1e6 its error is still
+  1e5. L1 is then at 3e-11, which says nothing of a floor at 1e-12. At N = 1e6 its error is still
   within 1e-12 of what order 1.5 predicts. (BDF(2) falls as h**2 to N = 1e5: tests/test_exact_laws.)
 
-Errors of P1 to P3 are maxima over the mesh, of P4 to P6 at the end, against values computed with
-all of the past (convergence/collocation.py), with which published digits agree. P6 is the
-Brusselator of orders 1.3 and 0.8 [GuglielmiHairer2025]. A run that ends early has error nan.
+Errors of P1 to P3 are maxima over the mesh, of P4 to P6 at the end. They are taken against values
+computed with all of the past (convergence/collocation.py), with which published digits agree. P6 is
+the Brusselator of orders 1.3 and 0.8 [GuglielmiHairer2025]. A run that ends early has error nan.
 Meshes are graded(n, order / alpha).
 """
 
