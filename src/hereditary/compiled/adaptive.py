@@ -65,9 +65,9 @@ def attempt(
 ):  # fmt: skip
     """Solve a step from t of length h for f, p and y at the nodes, `values` (1 + k, n_q, d, s).
 
-    Returns the ratio of its error to the tolerance, whether the equations were solved, and whether
-    only the defect of f makes the error too large. `base` (1 + k, R, s) is room for the known part
-    of the rows; `slot` is the place of tables for h.
+    Returns the ratio of its error to the tolerance, and whether the equations were solved. The
+    third value is whether only the defect of f makes the error too large. `base` (1 + k, R, s) is
+    room for the known part of the rows; `slot` is the place of tables for h.
     """
     nodes, kinds, local = rule.nodes, equations.kinds, tables.local[slot]
     control, counts, origin = state.control, state.counts, state.control.origin
@@ -187,7 +187,7 @@ def raise_sizes(values, sizes):
 def set_newton_goal(h, equations, orbit, state, limits, room):
     """Set the error of p that Newton's method may leave, (d,).
 
-    It is at least what the rounding of y leaves in p = y' through terms of y itself, and that at
+    It is at least what the rounding of y leaves in p = y' through terms of y itself. That is at
     most what changes y by as much over the step. For a small component it is at least what the
     rounding of the largest one leaves in it.
     """

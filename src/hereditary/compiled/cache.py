@@ -29,12 +29,12 @@ _NAMES: set[str] = set()
 class CodeCache:
     """On-disk cache of one function of the package.
 
-    numba notices a change in the file that defines a cached function, but not in the helpers it
-    calls, nor a switch of bounds checking or of fused arithmetic, and would return outdated machine
-    code. An entry here is valid for one digest of all sources and one set of options. Functions of
-    other packages, and those of one name after the first, are not stored. Where the cache has no
-    place, the function is compiled anew, with a single warning; where an entry cannot be read,
-    without one.
+    A change in the file that defines a cached function is noticed by numba. It notices no change in
+    the helpers, nor a switch of bounds checking or of fused arithmetic, and would return outdated
+    machine code. An entry here is valid for one digest of all sources and one set of options.
+    Functions of other packages, and those of one name after the first, are not stored. Where the
+    cache has no place, the function is compiled anew, with a single warning; where an entry cannot
+    be read, without one.
 
     Parameters
     ----------

@@ -3,7 +3,7 @@
 Every component has a primary unknown p: y itself or, for orders above 1, its first derivative. It
 satisfies ``p(t) = p(0) + sum_k c_k J**a_k (q_k - o_k)`` with orders of integration 0 < a <= 1,
 coefficients c, integrands q among f, p and y, and constants o. On a step the integrands are
-polynomials through their values at s nodes, whose fractional integrals over the step are exact; the
+polynomials through their values at s nodes, whose fractional integrals over the step are exact. The
 history before the step is a sum of exponential modes, advanced by exact moments.
 """
 
@@ -41,8 +41,8 @@ _OF_LARGEST = 1e-10
 def nodal_slopes(h, inverse, start, p, out):
     """Set `out` (d, s) to p' at the nodes, of the polynomial with these values of p.
 
-    p (d, s) are its values at the nodes, `start` (d,) that at the step's start; `inverse` (s, s) is
-    that of the matrix of integrals of order 1.
+    p (d, s) are its values at the nodes, `start` (d,) that at the step's start. The argument
+    `inverse` (s, s) is the inverse of the matrix of integrals of order 1.
     """
     for c in range(p.shape[0]):
         for i in range(p.shape[1]):
@@ -300,7 +300,7 @@ def solve_tangents(
     """Solve the step, linearised along the orbit, for the tangents' `values` at the nodes.
 
     These are the right-hand side f, the primary unknown p (y' where `second` is 1, else y) and y,
-    columns 1 to k; column 0, the orbit, must solve the step already. Of few components the factors
+    columns 1 to k. Column 0, the orbit, must solve the step already. Of few components the factors
     are renewed with the Jacobian of each node; of many those of the orbit are used until the
     equations hold. Returns whether they do.
     """

@@ -260,10 +260,10 @@ def add_force_defect(sums, kinds, newton, errors):
 def legendre_tail(legendre, values, rounding):
     """Return the last Legendre coefficient and the decay from one to the next, 0 to 1.
 
-    One coefficient may be small by chance, and the last one is by collocation: the decay is that of
-    the larger ones of two pairs, and the last coefficient at least what follows the one before.
+    One coefficient may be small by chance, and the last one is by collocation. So the decay is that
+    of the larger ones of two pairs, and the last coefficient at least what follows the one before.
     If it is within `rounding`, the rounding error of the values, the decay is unknown and taken for
-    small: with equal coefficients steps are refused that no shorter one betters.
+    small. With equal coefficients steps are refused that no shorter one betters.
     """
     # values (s,)
     s = values.shape[0]
@@ -335,7 +335,7 @@ def raise_small(quantities, fraction, sizes):
 def allowed_error(c, value, size, is_speed, end, limits):
     """Return the tolerance of y_c of this absolute value and size, or of a y_c' of this value.
 
-    The tolerance of y' beyond the relative one is that of y divided by a time: the error of y'
+    The tolerance of y' beyond the relative one is that of y divided by a time. The error of y'
     moves y over all that time. The time is the length of the run, or `end` [time] for an absolute
     tolerance.
     """
@@ -349,7 +349,7 @@ def allowed_error(c, value, size, is_speed, end, limits):
 def error_ratio(h, end, errors, values, second, state, p0, limits, room):
     """Return the largest ratio of an error to its tolerance, over y and, where it is unknown, y'.
 
-    p is the difference of p(0) and terms of its size, so it is known to the rounding of p(0) alone,
+    p is the difference of p(0) and terms of its size. So it is known to the rounding of p(0) alone,
     and to no less than Newton's goal.
     """
     worst, before = 0.0, room.sizes_before

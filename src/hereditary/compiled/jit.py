@@ -1,9 +1,9 @@
 """Compile functions of the package.
 
-`inner` is for functions called from compiled code alone, `compiled` for any other, `entry` for the
-loops that Python calls, `as_value` for a compiled function that is handed to an entry as a
+`inner` is for functions called from compiled code alone, `compiled` for any other. `entry` is for
+the loops that Python calls, `as_value` for a compiled function that is handed to an entry as a
 first-class value. Entries are compiled at first use for one fixed list of argument types and then
-locked, so they are compiled once per machine, whatever functions they are given.
+locked. So they are compiled once per machine, whatever functions they are given.
 """
 
 import gc
@@ -146,8 +146,8 @@ def inner(fun):
 def embedded(fun, fused=False):
     """Compile into the code of the only caller: to hand many arrays on takes 0.3 us.
 
-    numba hands this option on to all that the function calls, unless they have their own: the code
-    of collocation's step then takes twice as long to compile.
+    All that the function calls get this option from numba, unless they have their own. The code of
+    collocation's step then takes twice as long to compile.
     """
     return _linked(fun, {"contract"} if fused else False, _nrt=False, forceinline=True)
 
@@ -228,8 +228,8 @@ def loop_value(loop, signature):
 class entry:
     """Decorator of a top-level loop: compiled for `argtypes` at the first call, then locked.
 
-    `told` names one whose compilation takes seconds. A loop that is not `counted` makes no arrays;
-    numba counts no references to those that it is handed, which takes a fifth of its steps.
+    `told` names one whose compilation takes seconds. A loop that is not `counted` makes no arrays.
+    Then numba counts no references to those that it is handed, which takes a fifth of its steps.
     """
 
     def __init__(self, *argtypes, fused=False, told=None, counted=True):

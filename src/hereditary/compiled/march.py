@@ -1,18 +1,18 @@
 """The march on given steps: one source, compiled apart for each way of solving a step.
 
-With ``x_(n+1) = x_n + shift + w_n``, shift = x'(0) times the step's length where the pieces leave
-it out, every step is opened, which gives what is known of it, solved for w_n,
+Here ``x_(n+1) = x_n + shift + w_n``, with shift = x'(0) times the step's length where the pieces
+leave it out. Every step is opened, which gives what is known of it, solved for w_n,
 
     scale w_n + near p_(n-1) + lag_n + lead forcing = lead f(t, x_n + theta (shift + w_n)),
 
 and closed: the piece p_n, which is w_n or the value of f, is spread over the steps ahead in its
 block. The history adds what is older than a block. The explicit step, theta = 0 and scale = 1, is
-solved for ``w_n - w_(n-1)``: so rounding stays at 1e-13 where x_(n+1) - 2 x_n + x_(n-1) would lose
+solved for ``w_n - w_(n-1)``. So rounding stays at 1e-13 where x_(n+1) - 2 x_n + x_(n-1) would lose
 it.
 
 Memory that f reads stands in columns behind those with an equation. They take the increments of
 their sources, so what these columns know of a step is the derivative: ``scale w_n + ... = lead
-D^gamma x``, read at the step's own time, or, in an explicit step, left for the next one. All
+D^gamma x``. It is read at the step's own time, or, in an explicit step, left for the next one. All
 arithmetic hangs on absolute step numbers, so a march does not depend on where it was interrupted.
 
 Arrays of every step are named here one by one: to hand groups of them to functions takes longer

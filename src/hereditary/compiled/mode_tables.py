@@ -1,11 +1,12 @@
 """Exponential modes of a collocation step: reading, advancing, and tables of their factors.
 
 The modes are read at the nodes of a step and advanced to its end by factors that depend on its
-length alone. Lengths lie on a grid (`floor_to_grid`), so few of them occur in a run, and the
-factors of each are stored in a slot of a table.
+length alone. Lengths lie on a grid (`floor_to_grid`), so few of them occur in a run. The factors of
+each are stored in a slot of a table.
 
-A conjugate pair of rates has two real modes: the real part of the complex mode of the rate with a
-positive imaginary part, and the imaginary part of the other's, which decay and turn together.
+A conjugate pair of rates has two real modes, which decay and turn together. They are the real part
+of the complex mode of the rate with a positive imaginary part, and the imaginary part of the
+other's.
 """
 
 import math
@@ -254,9 +255,9 @@ def set_mode_weights(equations, weights, of_varying, found):
 def exponential_legendre(z, n, out):
     """Set out[k] = ``int_0^1 exp(-z (1 - u)) P_k(2 u - 1) du``, k < n, for z >= 0.
 
-    These are scaled modified spherical Bessel functions of z / 2: by upward recurrence from the
-    first two where n is small against z / 2, else by their continued fraction, whose terms are
-    positive.
+    These are scaled modified spherical Bessel functions of z / 2. They come by upward recurrence
+    from the first two where n is small against z / 2. Else they come by their continued fraction,
+    whose terms are positive.
     """
     x = 0.5 * z
     out[0] = 1.0 if z == 0.0 else -math.expm1(-z) / z

@@ -217,9 +217,9 @@ def solve_linearly(
     """Solve ``scale w + known = lead (A (base + gain w) + g)`` for w.
 
     ``g = f + theta ratio (f - f_before)`` extrapolates f = rhs - A y from t_n and the step before
-    to t, with theta and the lengths' ratio of row i; A is the Jacobian, which is constant. `force`
-    (d,) is f of the step before, NaN where that is another function. Returns False where the
-    matrix is singular.
+    to t, with theta and the lengths' ratio of row i. A is the Jacobian, which is constant. `force`
+    (d,) is f of the step before, NaN where that is another function. Returns False where the matrix
+    is singular.
     """
     # room (N_ROOM, d): rows of a step; work (2, ., .): A, and the matrix whose factors are kept
     n, moved, f, point = x.shape[0], room[MOVED], room[F], room[POINT]

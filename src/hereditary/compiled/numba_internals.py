@@ -46,9 +46,9 @@ class Inner(_Dispatcher):
 class _LinkedCompiler(_Compiler):
     """Compiler of a function whose code is kept to be linked into its callers.
 
-    numba optimises every function together with all that it calls, and makes machine code of the
-    result, before it links the function into its callers, where both happen again. A function that
-    only compiled code calls needs neither: a loop and its helpers are optimised once, as a whole.
+    Before numba links a function into its callers, it optimises it together with all that it calls,
+    and makes machine code of the result. In the callers both happen again. A function that only
+    compiled code calls needs neither: a loop and its helpers are optimised once, as a whole.
     """
 
     def compile_extra(self, func):
@@ -79,8 +79,8 @@ class _LinkedLibrary(_Library):
 class Value(_Dispatcher):
     """A compiled function of one signature that is handed to loops.
 
-    At every entry numba would make its type anew, and look up the function by its signature and its
-    two addresses by their names, which takes 25 us.
+    At every entry numba would make its type anew. It would look up the function by its signature
+    and its two addresses by their names, which takes 25 us.
     """
 
     _numba_type_ = property(lambda self: self._own_type)

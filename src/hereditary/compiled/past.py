@@ -26,7 +26,7 @@ def exchange_nothing(lag, pieces, n, groups, tables, memory):
 def exchange_modes(lag, pieces, n, groups, tables, memory):
     """Take the finished block's pieces in and add the lag of all of them to the next block.
 
-    A mode of rate s holds ``Z = sum_k q**(k_newest - k) u_k`` with q = exp(-s h); the memory of a
+    A mode of rate s holds ``Z = sum_k q**(k_newest - k) u_k`` with q = exp(-s h). The memory of a
     block's worth of steps ahead is one product of mode amplitudes with a table of powers of q.
     Complex rates come in conjugate pairs: the real part and the imaginary part of Z are two modes.
     Where a scheme's first weights are no sum of exponentials, a window of the newest pieces adds
@@ -162,9 +162,10 @@ def two_sum(total, lost, term):
 def add_direct(lag, pieces, n, first, groups, tables, memory):
     """Store the finished block's pieces, and sum those stored from index `first` on.
 
-    The sums are compensated by Knuth's two-sum: being the reference, they must not lose digits as
-    they grow longer, nor where a term exceeds the sum so far (Kahan's rule would), as increments
-    of an oscillation do. All of it runs along the block, so the loop is still vectorised.
+    The sums are compensated by Knuth's two-sum. Being the reference, they must not lose digits as
+    they grow longer. Nor must they where a term exceeds the sum so far, as increments of an
+    oscillation do (Kahan's rule would). All of it runs along the block, so the loop is still
+    vectorised.
     """
     # lag (W, B), pieces (W, B + 1); tables: weights (C R, > n + B), start weights (V C, > n + B)
     # memory: pieces (W, capacity) with u_m at m + 1, start values (W, V)
@@ -203,9 +204,9 @@ def set_amplitudes(scale, from_moments, decays, own):
     """Set the amplitudes with which a sum of exponentials stands for ``t**-a`` at each of n steps.
 
     The rates are ``exp(x + h j)``, j = 1, 2, .., whose amplitudes grow by exp(a h) from one to the
-    next; the first of them is set. All slower rates, j <= 0, are replaced by three rates with the
-    same moments k = 0, 1, 2 of their amplitudes, ``before / (1 - exp(-(a + k) h))`` with `before`
-    the one at j = 0; the amplitudes of these three are set.
+    next. The first of them is set. All slower rates, j <= 0, are replaced by three rates with the
+    same moments k = 0, 1, 2 of their amplitudes. These are ``before / (1 - exp(-(a + k) h))`` with
+    `before` the one at j = 0. The amplitudes of these three are set.
 
     Parameters
     ----------
@@ -216,7 +217,7 @@ def set_amplitudes(scale, from_moments, decays, own):
     decays : ndarray, shape (2,)
         exp(-k h) for k = 1, 2.
     own : ndarray, shape (6, n)
-        Given exp(a x), exp(a h), anything and exp(-a h) - 1 in rows 0 to 3; set to the first
+        Given exp(a x), exp(a h), anything and exp(-a h) - 1 in rows 0 to 3. Set to the first
         amplitude in row 0 and to those of the three rates in rows 3 to 5.
     """
     for i in range(scale.shape[0]):
@@ -233,7 +234,7 @@ def set_amplitudes(scale, from_moments, decays, own):
 def read_rows(lag, pieces, n, groups, tables, memory):
     """Take u_(n-2) into the modes, and set the lag to what they give at step n.
 
-    On the grid of rates exp(h j) a kernel's amplitudes are a geometric sequence for any order, so
+    On the grid of rates exp(h j) a kernel's amplitudes are a geometric sequence for any order. So
     their sum is a polynomial in its ratio. Horner's rule is applied to the four quarters of the
     modes in parallel, then to every fourth of the rest. So no product waits long for another, and
     no weight is stored.

@@ -2,7 +2,7 @@
 
 A march advances in blocks of B steps over W columns. Between two blocks it hands the finished
 block's pieces to the history and gets the lag of everything older than the next one. Every history
-offers one such function, with its own tables and memory behind it as 2-D arrays: marches and
+offers one such function, with its own tables and memory behind it as 2-D arrays. So marches and
 histories are compiled once each and pair freely.
 """
 

@@ -109,9 +109,9 @@ class SparseFactors:
     Attributes
     ----------
     address : int
-        Of a C function of twice the number of a matrix plus a task, of the entries of the matrix,
-        or of J, and of a vector, which the solution replaces. To factorise a complex matrix, the
-        vector begins with lambda.
+        Of a C function of twice the number of a matrix plus a task, and of the entries of the
+        matrix, or of J. It is of a vector too, which the solution replaces. To factorise a complex
+        matrix, the vector begins with lambda.
     """
 
     def __init__(self, structure, kind):

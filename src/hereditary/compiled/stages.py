@@ -1,15 +1,15 @@
 """Linear systems of the stages of a collocation step, by one Jacobian for all of them.
 
 Where components share their terms, the derivative of the residuals of nodal values x (d, s) is ``x
-M^T - J x G^T`` with matrices M and G (s, s) of all components and one Jacobian J for all nodes.
-With ``M^-1 G = V Lambda V^-1`` that is solved by systems ``(1 - lambda_k J) z = r`` of size d, one
-for each pair of complex eigenvalues. V may be ill-conditioned: residuals are those of the equations
-themselves, so that its rounding errors leave with the next iteration. Source: [HairerWanner1996],
-section IV.8, for M = 1.
+M^T - J x G^T``. The matrices M and G (s, s) are those of all components, and J is one Jacobian for
+all nodes. With ``M^-1 G = V Lambda V^-1`` that is solved by systems ``(1 - lambda_k J) z = r`` of
+size d, one for each pair of complex eigenvalues. V may be ill-conditioned: residuals are those of
+the equations themselves, so that its rounding errors leave with the next iteration. Source:
+[HairerWanner1996], section IV.8, for M = 1.
 
 For components whose terms differ the derivative is ``M_c x_c - sum_e J_ce G_ce x_e`` with matrices
 of the kinds of components. Those of one kind would be diagonal in a common basis, those of several
-have none, so the system of size d s is solved as it is: s times the diagonals of a banded J, s**2
+have none. So the system of size d s is solved as it is: s times the diagonals of a banded J, s**2
 times its entries. So it is for few components, with a Jacobian for each node if it has to be.
 """
 
@@ -77,8 +77,8 @@ def transform(stage):
 def eigenvectors(lapack, matrix, values, imaginary, vectors):
     """Set both parts of the eigenvalues, (s,), and the eigenvectors by LAPACK; False if it fails.
 
-    Vectors are rows, (s, s): the real part of a pair and then its imaginary part, of the eigenvalue
-    above the real axis, which comes first.
+    Vectors are rows, (s, s). Of a pair these are the real part and then the imaginary part, of the
+    eigenvalue above the real axis, which comes first.
     """
     s = values.shape[0]
     for value in matrix.ravel():

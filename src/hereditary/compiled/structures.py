@@ -1,7 +1,7 @@
 """Named groups of arrays that compiled collocation works on, and their compiled types.
 
 Letters of shapes: d components, R rows of integral equations, s nodes of a step, M modes, n_a
-fractional integrals, n_v varying orders, n_k general kernels and then varying orders, n_q
+fractional integrals, n_v varying orders. Then n_k general kernels and then varying orders, n_q
 integrands (3, or 4 with p'), k tangents. An axis of length 1 + k has the orbit and then its
 tangents (docs/notation.md).
 """
@@ -264,7 +264,7 @@ class Stages(NamedTuple):
     - hold: steps of one length before new factors for a longer one pay.
     - kinds (d,): of the components; second (n,): 1 for kinds whose primary unknown is y'.
     - matrices (n, 3, s, s): of f, p and y for each kind; integral (s, s): over the step.
-    - jacobians (m, d, d): of few components one for each of m = s nodes, otherwise one for all
+    - jacobians (m, d, d): of few components one for each of m = s nodes. Otherwise one for all
       nodes, or the entries of a sparse one.
     - control (6,).
     """
