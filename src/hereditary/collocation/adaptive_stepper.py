@@ -182,7 +182,7 @@ OUTSIDE = Ending(Status.STEP_TOO_SMALL, NOT_FINITE)
 def ending(status, equation, t, h, refused, last, peak):
     """Return the `Ending` behind the status code of a march that stopped at time t.
 
-    `last` (3 or 4, d, s) holds f, p and y at the nodes of the last step, of length h; the next step
+    `last` (3 or 4, d, s) holds f, p and y at the nodes of the last step, of length h. The next step
     was refused down to the length `refused`. `peak` (2, d) holds the largest |p| and |y| before.
     """
     if status == CRAWLING:
@@ -225,7 +225,7 @@ class KeptTables:
     """Tables that no march works with at present.
 
     A march takes one and gives it back, so that no two write to it at once. Factors depend on the
-    length of a step, the nodes, and the rates and kernels alone: results do not depend on which
+    length of a step, the nodes, and the rates and kernels alone. Results do not depend on which
     lengths a table holds already.
     """
 

@@ -185,7 +185,7 @@ class _Row(NamedTuple):
     """One convolution term of a row of equations.
 
     It is the integral J**a of `order` a, or the convolution of `operator`, which has a general
-    kernel or a varying order, or, with neither, the integrand itself. `offset` is as in
+    kernel or a varying order. With neither it is the integrand itself. `offset` is as in
     `Form.offset_of`.
     """
 

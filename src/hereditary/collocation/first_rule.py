@@ -6,7 +6,7 @@ With the time since then over the step's length equal to
 
 functions of t are polynomials in u: the step is an ordinary one, on Radau points of u. All powers
 of t that occur are integer powers of u, or so high that u is as good. A stiff solution of tiny
-order g changes where c t**g is about 1, nearly as 1 / (1 + c t**g), which is linear in v.
+order g changes where c t**g is about 1. It is nearly 1 / (1 + c t**g), which is linear in v.
 """
 
 from functools import lru_cache

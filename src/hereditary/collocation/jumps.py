@@ -1,7 +1,7 @@
 """Jumps of a solution whose highest derivative is convolved with bounded kernels alone.
 
 Where p is found from ``sum_k c_k int K_k p' ds + ... = f`` and every K_k(0) is finite, nothing
-keeps p continuous: at t = 0, and wherever f jumps, p jumps until the equation holds again.
+keeps p continuous. At t = 0, and wherever f jumps, p jumps until the equation holds again.
 """
 
 import numpy as np

@@ -42,8 +42,8 @@ class OrbitAndTangents:
     x, p : ndarray, shape (1 + k, d)
         Present values of y and of the primary unknown.
     initial, offsets : ndarray, shape (1 + k, d) and (1 + k, n)
-        p(0) plus the content of modes of rate 0, or 0 where p is implicit; constants subtracted
-        from the integrand of each convolution term, in the steps to come.
+        The first is p(0) plus the content of modes of rate 0, or 0 where p is implicit. The second
+        are constants subtracted from the integrand of each convolution term, in the steps to come.
     modes, before : ndarray, shape (1 + k, R, M)
         Modes of each row now and at the start of the last step. Rows of unweighted modes, d for
         each integrand of varying orders, follow the others. Along the last axis the modes of power
@@ -352,8 +352,9 @@ def _round_to_decades(closest, farthest):
 def initial_values(equation, second, directions):
     """Return y(0), and y'(0) where m = 2, of the orbit and of k tangents, shape (1 + k, m, d).
 
-    A tangent begins at one of the directions, (n_data, k), in which initial values change: those of
-    y(0), then those of y'(0) for each component that `second` (d,) marks as one of order above 1.
+    A tangent begins at one of the directions, (n_data, k), in which initial values change. First
+    are those of y(0), then those of y'(0) for each component of order above 1, which `second` (d,)
+    marks.
     """
     if directions is None:
         return equation.y0[None]

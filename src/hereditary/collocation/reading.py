@@ -3,8 +3,8 @@
 With leading order alpha, ``c D^alpha y + sum_l c_l D^(gamma_l) y = f(t, y, m)`` and F = D^alpha y:
 
 - up to order 1, m = D^gamma y solves ``D^(alpha-gamma) m = F``;
-- above, with v = y', ``D^(alpha-1) v = F``; m = D^gamma y solves ``D^(1-gamma) m = v`` for gamma
-  below 1, is v for gamma = 1, and solves ``D^(alpha-gamma) m = F`` beyond.
+- above, with v = y', ``D^(alpha-1) v = F``. The memory m = D^gamma y solves ``D^(1-gamma) m = v``
+  for gamma below 1. It is v for gamma = 1, and solves ``D^(alpha-gamma) m = F`` beyond.
 
 Here m(0) = 0, since y solves the equation. The lower terms of the left side become such components
 as well, so that F is ``(f - sum_l c_l m_l) / c``.

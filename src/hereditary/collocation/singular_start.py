@@ -76,8 +76,8 @@ def _order(form):
 def _rate(system, form, orbit, jacobian, just_after):
     """Return how fast the solution may change at first: the largest sum of sqrt(J_ij J_ji).
 
-    For many components |J v| / |v| for v = f and v = y' tells more: of a partial differential
-    equation with smooth initial data it does not grow as the mesh becomes finer.
+    For many components |J v| / |v| for v = f and v = y' is the better measure. Of a partial
+    differential equation with smooth initial data it does not grow as the mesh becomes finer.
     """
     if not has_stages(form):  # units of components do not enter
         return float(np.sqrt(np.abs(jacobian * jacobian.T)).sum(axis=1).max())

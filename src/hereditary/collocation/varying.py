@@ -1,7 +1,7 @@
 """Orders that vary: their modes, and the tables of one step.
 
 Their weights depend on the order at the time to which a step integrates, so their modes are stored
-without weights, and a step reads them by tables that are filled before it.
+without weights. A step reads them by tables that are filled before it.
 """
 
 import numpy as np
