@@ -91,8 +91,8 @@ def convergence_table(
         As in `solve`.
     exact : callable, optional
         ``exact(t)``: the solution at times (n,), shape (n, d), as in `hereditary.exact`. By default
-        errors are found by Runge's rule. Each run is compared with one of twice as many steps, and
-        the difference is divided by ``1 - 2**-p``, with the order p that the differences show.
+        errors are found by Runge's rule. Each run is compared with one of twice as many steps. The
+        difference is divided by ``1 - 2**-p``, with the order p that the differences show.
     at_end : bool, optional
         Errors at t_end instead of the largest ones at the times of all steps.
 

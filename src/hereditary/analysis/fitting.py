@@ -69,8 +69,8 @@ class FitResult:
     cost : float
         Half the sum of squares of residuals over sigma.
     singular_values : ndarray
-        Of the derivatives of residuals by parameters that are at no bound, columns of length 1: 0
-        for a combination that the data do not determine.
+        Of the derivatives of residuals by parameters that are at no bound, columns of length 1. It
+        is 0 for a combination that the data do not determine.
     solutions : list of Solution
         Of each series, with the best parameters.
     success : bool
@@ -163,7 +163,7 @@ def fit(
     Warns
     -----
     IdentifiabilityWarning
-        The data do not determine a parameter, or a combination of parameters: its effect is below
+        The data do not determine a parameter, or a combination of parameters. Its effect is below
         1e-4 of the effect of others, which is the error of the differences.
 
     Error

@@ -82,7 +82,8 @@ class FrequencyResponse:
         """Return the quality factor: peak frequency over the width at 1 / sqrt(2) of the peak.
 
         It uses the given frequencies. It is NaN if fewer than eight of them are above that height,
-        if the curve does not fall so far on both sides, or if it does not follow the frequency.
+        or if the curve does not fall so far on both sides. It is also NaN if the curve does not
+        follow the frequency.
         """
         a, (centre, height) = self.amplitude[:, component], self.peak(component)
         below, level = np.flatnonzero(a < height / np.sqrt(2)), height / np.sqrt(2)
@@ -143,7 +144,7 @@ def frequency_response(
 
     Notes
     -----
-    An equation whose memory starts at a finite time has no exact periodic solution: the response of
+    An equation whose memory starts at a finite time has no exact periodic solution. The response of
     a run in time tends to the periodic one like a power of t. Stability is not computed. At a
     turning point of the curve two responses meet, and one of them is unstable.
 
@@ -153,7 +154,7 @@ def frequency_response(
     129 times. Errors decrease with H as the harmonics of response and force do. Linear equations
     are solved to rounding if the force has no harmonics above H; a pulse or a jump needs a larger
     H. Turning points have errors of about 1e-6 of the range. The error of a fitted sum of
-    exponentials is also an error of the response: fit it closely, to a t_max far above the longest
+    exponentials is also an error of the response. Fit it closely, to a t_max far above the longest
     period.
 
     Cost

@@ -52,7 +52,7 @@ def assess(times, log_growth, window, n_blocks, memory):
         Blocks that the standard error is taken from.
     memory : {"all", "none", "some"}
         Whether all, no or some components have a term of fractional order. Where all have one no
-        solution decays exponentially for ever, so a decay seen in the window is an algebraic one
+        solution decays exponentially for ever. So a decay seen in the window is an algebraic one
         whose tail is reached or still to come.
 
     Returns

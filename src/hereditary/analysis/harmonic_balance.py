@@ -38,9 +38,9 @@ def _over_a_period(rhs, jac, has_jac, params, omega, y, units, f, j_f):
 class Balance:
     """Equations of the harmonics: their residual, and its derivative.
 
-    Unknowns x (d, 2 H + 1), flat, are the mean and then cosine and sine of each harmonic, in units
-    of the components; so are residuals. Memory that the right-hand side reads stands behind y
-    there, and is linear in it. `along` is the parameter whose values the curve follows:
+    Unknowns x (d, 2 H + 1), flat, are the mean and then cosine and sine of each harmonic. They are
+    in units of the components, as residuals are. Memory that the right-hand side reads stands
+    behind y there, and is linear in it. `along` is the parameter whose values the curve follows:
     `frequency`, or another one.
     """
 
@@ -77,7 +77,7 @@ class Balance:
     def hold_means(self, value):
         """Hold the means of y that no equation depends on; return whether there are any.
 
-        Each adds its product with a left null vector to the derivatives of the means' equations:
+        Each adds its product with a left null vector to the derivatives of the means' equations.
         Newton's matrix is regular then, and these means stay 0.
         """
         m, places = 2 * self._h + 1, np.outer([0.0, 1.0], np.ones(self.size))

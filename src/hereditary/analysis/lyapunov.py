@@ -262,14 +262,14 @@ def lyapunov(
         Blocks behind the standard error.
     separation : float, optional
         Distance of the orbits in mode "pair", in units of y, at most 1 or the largest initial
-        value: rounding grows like its inverse, what is not linear like itself.
+        value. Rounding grows like its inverse, what is not linear like itself.
     rtol, atol : float, optional
         Tolerances of the orbit with `Collocation`, as for `solve`; mode "tangent" alone.
     verify : bool, optional
         By default the run is repeated at twice the step, with `Collocation` at ten times the
-        tolerance, and verdicts that change are "undetermined". Schemes of first order, whose error
-        often is the same at twice the step, are compared with the default one, or the explicit one
-        with `L1` and the other way round. True: at half the step (a tenth of the tolerance) and
+        tolerance, and verdicts that change are "undetermined". Schemes of first order often have
+        the same error at twice the step. They are compared with the default one, or the explicit
+        one with `L1` and the other way round. True: at half the step (a tenth of the tolerance) and
         with the same scheme. False: no second run.
     progress : optional
         As for `solve`.
@@ -521,8 +521,8 @@ def _grow(stepper, pace, h, flow, states, progress):
 
     Adds some states (t, y) of the orbit to `states`.
 
-    Returns status and detail of a march that ended early, else None; and for each renormalisation
-    its mark and the logarithms of the growth since the one before, (n, 1 + k).
+    Returns status and detail of a march that ended early, else None. For each renormalisation it
+    also returns its mark and the logarithms of the growth since the one before, (n, 1 + k).
     """
     given, unit = isinstance(stepper, FixedStepper), stepper.position_at(h)
     grown = [np.empty((0, 1 + stepper.tangent.shape[1]))]
@@ -696,7 +696,7 @@ def _checking_scheme(scheme: Scheme, equation: System) -> Scheme:
 
     A first-order scheme with twice the step often repeats a wrong verdict. It is therefore compared
     with the default scheme of second order. If none covers the equation, it is compared with the
-    other scheme of first order: the explicit one adds to a rate what the implicit one subtracts.
+    other scheme of first order. The explicit one adds to a rate what the implicit one subtracts.
     """
     if scheme.order(_NEAR_1) > _FIRST_ORDER:
         return scheme

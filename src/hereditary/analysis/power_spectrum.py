@@ -26,8 +26,8 @@ class PowerSpectrum:
     omega : ndarray, shape (n,)
         Angular frequencies [1/time].
     power : ndarray, shape (n,)
-        Power spectral density, in units of the series squared times time; its integral over
-        omega / (2 pi) is about the variance if the series is long.
+        Power spectral density, in units of the series squared times time. Its integral over omega /
+        (2 pi) is about the variance if the series is long.
     peaks : ndarray, shape (k,)
         Records with fields omega and amplitude, the highest peak first: a line ``a cos(omega t)``
         has amplitude a.

@@ -30,7 +30,8 @@ class Table:
         The values of each axis, in the order of the array axes.
     values : dict of str to ndarray, shape table.shape + (...)
         The results by their names: float64, or strings. NaN, or an empty string, if a point has no
-        result or one that does not fit, and after the end of arrays shorter than the longest one.
+        result or one that does not fit. The same comes after the end of arrays shorter than the
+        longest one.
     status : ndarray of str, shape table.shape
         "completed", the status that the function returned, "not computed", or the exception that it
         raised, as one line of at most 200 characters.
