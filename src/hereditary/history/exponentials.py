@@ -1,7 +1,7 @@
 """Sum of exponentials: the past as some fifty decaying modes, O(1) a step.
 
 On a uniform mesh the weights W_k, k >= 2, of all terms of an equation are sums over one bank of
-rates s_i, ``W_k = sum_i V_i q_i**(k-2)`` with q_i = exp(-s_i h). The modes ``Z_i = sum_m
+rates s_i. They are ``W_k = sum_i V_i q_i**(k-2)`` with q_i = exp(-s_i h). The modes ``Z_i = sum_m
 q_i**(n-2-m) u_m`` then hold all there is to know about the past.
 """
 
@@ -66,10 +66,10 @@ class SumOfExponentials(History):
 
     Error
     -----
-    Each kernel is reproduced to `tol` relative at every distance from one step to the horizon; all
+    Each kernel is reproduced to `tol` relative at every distance from one step to the horizon. All
     weights but those of signed kernels are positive, so a decaying memory stays one for any `tol`
     (convergence/memory_is_nearly_free.py). A function or a table that no sum follows so closely is
-    followed as closely as can be: a `KernelWarning` says so before the run, and
+    followed as closely as can be. A `KernelWarning` says so before the run, and
     ``stats["kernel_error"]`` how closely. A run with a function that is followed less closely than
     to `tol` and to 1e-6 ends as KERNEL_INACCURATE.
 

@@ -3,7 +3,7 @@
 The sum over the past is cut into squares. After j batches of R steps, let 2**m be the largest power
 of two that divides j. The newest R 2**m pieces then act on the next R 2**m steps by one FFT
 product. Every pair of a piece and a later step is in exactly one square, or in the triangle of its
-own batch, which is summed directly.
+own batch. The triangle is summed directly.
 """
 
 from dataclasses import dataclass

@@ -1,9 +1,9 @@
 """Adams-type schemes in integral form: predictor-corrector and product trapezoid.
 
-With ``c D^alpha x = f`` written as ``x = x(0) + t x'(0) + J^alpha f / c`` and f a line on each
-step, the increments of x weigh the values of f by ``h**alpha / Gamma(alpha+2) / c`` times
-``W_0 = 1``, ``W_k = G_k - G_(k-1)``, ``G_k = (k+1)**(alpha+1) - 2 k**(alpha+1) +
-(k-1)**(alpha+1)``, and f_0 in the step to t_(n+1) by ``A_n - A_(n-1)``, ``A_n = n**(alpha+1) -
+The equation ``c D^alpha x = f`` is written as ``x = x(0) + t x'(0) + J^alpha f / c``, with f a line
+on each step. Then the increments of x weigh the values of f by ``h**alpha / Gamma(alpha+2) / c``
+times W. Here ``W_0 = 1``, ``W_k = G_k - G_(k-1)``, ``G_k = (k+1)**(alpha+1) - 2 k**(alpha+1) +
+(k-1)**(alpha+1)``. In the step to t_(n+1) f_0 has ``A_n - A_(n-1)``, ``A_n = n**(alpha+1) -
 (n-alpha) (n+1)**alpha``.
 """
 
@@ -54,7 +54,7 @@ def _power_steps(alpha, n):
     """Return integrals over [k, k+1], k = 2 .. n-1, of differences of powers, (2, n - 2).
 
     The integrand ``alpha (alpha+1) (t**(alpha-1) - (t-1)**(alpha-1))`` is multiplied by t - k and
-    by k + 1 - t. Its singularity lies k - 1 steps before the interval: 16 points leave 5.8**-32
+    by k + 1 - t. Its singularity lies k - 1 steps before the interval. So 16 points leave 5.8**-32
     at k = 2, six 60**-12 from k = 16 on, and three 1000**-6 from k = 256 on.
     """
     found, first = [], 2
@@ -114,9 +114,9 @@ def _region(equation, lead, corrections):
     """Return the limits of -d f / d y; None if every step is stable.
 
     Sweeps contract only if ``lead K < 1``. This is the limit of stability for an odd number of
-    sweeps and orders up to 1; otherwise steps are unstable from a smaller K on. Without sweeps the
-    alternating mode leaves the unit circle above order 1 only, at ``lead K = 1 /
-    (4 |eta(-1-beta)|)``, eta being Dirichlet's.
+    sweeps and orders up to 1. Otherwise steps are unstable from a smaller K on. Without sweeps the
+    alternating mode leaves the unit circle above order 1 only, at ``lead K = 1 / (4
+    |eta(-1-beta)|)``, eta being Dirichlet's.
     """
     orders = equation.highest_orders()[equation.sources]
     if corrections:
@@ -146,7 +146,7 @@ class Adams(Scheme):
 
     Error
     -----
-    O(h**min(2, 1 + (m + 1) alpha)) at a fixed time if f along the solution is smooth: the error of
+    O(h**min(2, 1 + (m + 1) alpha)) at a fixed time if f along the solution is smooth. The error of
     the prediction is O(h**(1+alpha)), and each correction gains h**alpha. O(h**min(2, 1 + alpha))
     for solutions like t**alpha (convergence/orders.py).
 

@@ -1,7 +1,7 @@
 """Convolution quadrature by backward difference formulas.
 
 With ``delta(z) = sum_(k=1)^p (1-z)**k / k`` the derivative of order alpha of x - x(0) - t x'(0) is
-the power series of ``(delta(z) / h)**alpha`` applied to its samples; applied to their increments it
+the power series of ``(delta(z) / h)**alpha`` applied to its samples. Applied to their increments it
 is ``h**-alpha sum_k W_k w_(n-k)`` with the coefficients W of ``delta(z)**alpha / (1 - z)``.
 """
 
@@ -31,7 +31,7 @@ class BDF(Scheme):
     """Convolution quadrature by the backward difference formula of order 1 to 6.
 
     Implicit; any number of terms and components, orders in (0, 2]. The first order - 1 steps are
-    corrected with the right-hand side and its time derivatives at 0, which restores the full order
+    corrected with the right-hand side and its time derivatives at 0. This restores the full order
     for solutions that start like t**alpha without badly conditioned starting weights.
 
     Parameters
@@ -41,14 +41,14 @@ class BDF(Scheme):
 
     Error
     -----
-    O(h**p) at a fixed time if f(t, x(0) + t x'(0)) is smooth and f linear in x, also for solutions
-    like t**alpha, with lower terms, and for any x'(0). Otherwise less: a part t**mu of f has an
-    error of O(h**(1+mu)), with mu = 2 alpha for nonlinear f (convergence/orders.py).
+    O(h**p) at a fixed time if f(t, x(0) + t x'(0)) is smooth and f linear in x. This holds also for
+    solutions like t**alpha, with lower terms, and for any x'(0). Otherwise less: a part t**mu of f
+    has an error of O(h**(1+mu)), with mu = 2 alpha for nonlinear f (convergence/orders.py).
 
     Stability
     ---------
     No step limit for ``D^alpha y = -K y``, K > 0, and alpha up to 2, 2, 1.9156, 1.6878, 1.4045,
-    1.1100 for p = 1 to 6; higher orders are refused.
+    1.1100 for p = 1 to 6. Higher orders are refused.
 
     Source
     ------
@@ -257,7 +257,7 @@ def _start_corrections(equation, h, p):
     """Return corrections of the right-hand side in the first p - 1 steps, shape (p-1, d).
 
     ``a_n phi(0) + sum_(l=1)^(p-2) b_(l,n) h**l phi^(l)(0)`` with phi(t) = f(t, x(0) + t x'(0)) less
-    the derivatives of order 1 of t x'(0), its own derivatives by differences over the first p
+    the derivatives of order 1 of t x'(0). Its own derivatives are by differences over the first p
     values. Memory that f reads stays as it is at 0 there.
     """
     if p == 1:

@@ -106,9 +106,9 @@ class ExplicitCaputo(Scheme):
         Returns
         -------
         float
-            The h at which ``sum_j c_j h**-alpha_j s_j = stiffness`` with s_j = 8 eta(beta-2) /
-            Gamma(3-beta) for beta in (1, 2] and 4 eta(gamma-1) / Gamma(2-gamma) for gamma in
-            (0, 1], eta being Dirichlet's; sharp: bounded below, zigzag above.
+            The h at which ``sum_j c_j h**-alpha_j s_j = stiffness``; sharp: bounded below, zigzag
+            above. Here s_j = 8 eta(beta-2) / Gamma(3-beta) for beta in (1, 2], and 4 eta(gamma-1) /
+            Gamma(2-gamma) for gamma in (0, 1], eta being Dirichlet's.
 
         Examples
         --------

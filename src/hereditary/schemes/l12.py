@@ -31,9 +31,9 @@ class L12(Scheme):
 
     Stability
     ---------
-    No step limit was found for orders from 0.1 to 1: ``D^alpha y = -K y`` and undamped rotations
-    do not exceed their start for K h**alpha up to 1e6. On the unit circle the argument of the
-    formula's symbol is below ``alpha pi / 2`` + 0.6 degrees.
+    No step limit was found for orders from 0.1 to 1. Solutions of ``D^alpha y = -K y`` and undamped
+    rotations do not exceed their start for K h**alpha up to 1e6. On the unit circle the argument of
+    the formula's symbol is below ``alpha pi / 2`` + 0.6 degrees.
 
     Source
     ------

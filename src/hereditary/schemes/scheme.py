@@ -1,7 +1,7 @@
 """The scheme contract.
 
-A scheme turns an equation and a step into a `Plan`: the tables its compiled march works on, and
-the `Convolution` that a history must sum for it. Nothing here knows how the past is summed.
+A scheme turns an equation and a step into a `Plan`. This has the tables its compiled march works
+on, and the `Convolution` that a history must sum for it. Nothing here knows how the past is summed.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class WeightRule:
         that is a general one, or None where there is no memory.
     modal : callable
         ``modal(p, rates, weights, k)``: the shares of w_k of each mode when the kernel is the sum
-        of ``weights * exp(-rates t)`` on [1, ...) in units of the step; a share decays by
+        of ``weights * exp(-rates t)`` on [1, ...) in units of the step. A share decays by
         ``exp(-rates)`` from one k to the next.
     """
 
@@ -222,7 +222,8 @@ class Scheme(ABC):
     """A way to take one step; subclasses are final frozen dataclasses, one file each.
 
     A subclass declares how a step is solved (`solve`, a key of `MARCHES` in compiled/march.py),
-    what it takes, its proven order and its plan. convergence/capabilities.py tables what it takes.
+    what it takes, its proven order and its plan. The study convergence/capabilities.py tables what
+    it takes.
 
     Attributes
     ----------

@@ -1,6 +1,6 @@
 """Where an explicit scheme is stable.
 
-Inserting x_n = zeta**n and f = mu x into a convolution scheme gives the curve mu(zeta); a mode that
+Inserting x_n = zeta**n and f = mu x into a convolution scheme gives the curve mu(zeta). A mode that
 decays in the equation grows in the scheme when mu lies beyond the curve of |zeta| = 1.
 """
 
@@ -31,13 +31,14 @@ class StabilityRegion:
     limits : ndarray, shape (d,)
         Largest stable value of -d f / d y of each component by itself; sharp.
     angles, radii : ndarray, shape (k,)
-        For systems whose components all have the same terms: modulus at which an eigenvalue of
-        that argument in (0, pi) grows by a tenth a step. Empty where components differ.
+        For systems whose components all have the same terms. It is the modulus at which an
+        eigenvalue of that argument in (0, pi) grows by a tenth a step. Empty where components
+        differ.
     first_angle : float
         Eigenvalues of a smaller argument grow in the equation itself.
     gains : ndarray, shape (d,), optional
         Value that memory read by the right-hand side has for the mode at the limit of its source's
-        size; by default `limits`, as an explicit scheme reads it.
+        size. By default it is `limits`, as an explicit scheme reads it.
     sources : ndarray of int64, shape (d,), optional
         As in `System`.
     """

@@ -124,8 +124,8 @@ def parabola_plan(system, h, theta, closing=False, **more):
 def drift_of_speed(equation, whole=False):
     """Return derivatives of t x'(0), which increments omit: amplitudes, powers, (r, d) each.
 
-    None where they keep it, nor for components of order up to 1: only the halves of a reduced order
-    have an x'(0) there, and their terms act on x - t x'(0) alone.
+    None where they keep it, nor for components of order up to 1. There only the halves of a reduced
+    order have an x'(0), and their terms act on x - t x'(0) alone.
     """
     if equation.m == 1 or whole:
         return np.zeros((2, 0, equation.d))

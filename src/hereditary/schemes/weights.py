@@ -91,7 +91,7 @@ def parabola_weights(theta, closing):
     ``W_k = a_k + m_(k+1) - m_k`` with a_k of `shifted_differences` and the moments
     ``m_k = int K(t) (middle - t) dt`` over [k-1+theta, k+theta]: the parabola on an interval leans
     on the one after it. With `closing` (theta = 1) the last interval takes the parabola of the one
-    before, which adds m_0 over [0, 1] to W_0 and takes it from W_1.
+    before. This adds m_0 over [0, 1] to W_0 and takes it from W_1.
     """
     return WeightRule(partial(_parabola, theta, closing), _KEY, partial(_modal_parabola, theta))
 

@@ -2,9 +2,9 @@
 
 Between given steps pieces are parabolas. In the first two steps of a run solutions start like a
 power of t. There a component is ``x(0) + t x'(0) + a t**alpha`` with its highest order alpha and a
-from the equation at 0, plus powers that interpolate the values of the scheme. These are t**r in the
-first step, and t**r and t**(r+1) in the second, with r = min(1, 2 alpha) below order 1 and r = 2
-from order 1 on.
+from the equation at 0. Powers that interpolate the values of the scheme are added. These are t**r
+in the first step, and t**r and t**(r+1) in the second. Here r = min(1, 2 alpha) below order 1 and r
+= 2 from order 1 on.
 """
 
 from __future__ import annotations

@@ -21,9 +21,10 @@ class Events:
     Parameters
     ----------
     functions : sequence of callable
-        ``event(t, y)``, with the attributes `terminal` (default False: that many zeros end the
-        run, True for one) and `direction` (default 0: both; 1 upwards only, -1 downwards only) as
-        in SciPy. A number, or a truth value whose changes are sought; NaN where there is none.
+        ``event(t, y)``, with the attributes `terminal` and `direction` as in SciPy. So many zeros
+        as `terminal` end the run, True for one (default False). Both directions count by default,
+        0; 1 upwards only, -1 downwards only. A number, or a truth value whose changes are sought;
+        NaN where there is none.
     stepper : FixedStepper or AdaptiveStepper
         Where the run begins.
     signs : dict

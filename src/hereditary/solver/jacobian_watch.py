@@ -75,8 +75,8 @@ class JacobianWatch:
 def remedy_of(equation, scheme, h, watch, zigzag, growth):
     """Return a clause: what shows that steps h are unstable, and what to take instead.
 
-    `zigzag` and `growth` are the steps at which a step-to-step zigzag had lasted, and at which
-    turns of a few steps each had grown, or below 0.
+    `zigzag` is the step at which a step-to-step zigzag had lasted. `growth` is that at which turns
+    of a few steps each had grown. Both may be below 0, for none.
     """
     found, start = [], equation.frame.start
     if zigzag >= 0:

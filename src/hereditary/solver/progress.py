@@ -67,9 +67,9 @@ def _clock(seconds):
 class Interruption:
     """Count Ctrl-C, so that a run ends between two batches of steps.
 
-    The second Ctrl-C raises as usual, or the one after `counted` ones, and so does one that came
-    too late to stop anything (`heeded` stays False). Outside the main thread, where no signal
-    arrives, it does nothing.
+    The second Ctrl-C raises as usual, or the one after `counted` ones. So does one that came too
+    late to stop anything (`heeded` stays False). Outside the main thread, where no signal arrives,
+    it does nothing.
     """
 
     def __init__(self, counted=1):

@@ -73,15 +73,16 @@ class Solution:
           relative to the size of y, and at least rtol / 10. It also has what errors of the modes
           and rounding add up to if nothing damps them. With uniform steps of
           `ExplicitCaputo` and `GrunwaldLetnikov`, the largest error beyond the first 40 steps,
-          relative to the size of each component, from two runs with a tenth and a twentieth of the
-          steps. This one is usually right within a factor of 3; errors of the first steps can be
-          100 times as large with orders below 1/2. It is None with fewer than 400 steps, if one of
-          the two runs comes near its stability limit, or if the two differ much, as chaotic ones.
+          relative to the size of each component. It comes from two runs with a tenth and a
+          twentieth of the steps. This one is usually right within a factor of 3; errors of the
+          first steps can be 100 times as large with orders below 1/2. It is None with fewer than
+          400 steps, or if one of the two runs comes near its stability limit. It is also None if
+          the two differ much, as chaotic ones.
         - stiffness_ratio: with given steps, the largest ratio of an eigenvalue of d rhs / d y to
-          its step limit along the orbit, every 32 steps (more rarely in systems). The scheme is
-          unstable above 1. Orders that vary have no ratio. If components have different terms, only
-          real eigenvalues count. Above 32 components a bound by norms replaces the ratio if it is
-          below 1.
+          its step limit along the orbit. It is found every 32 steps (more rarely in systems). The
+          scheme is unstable above 1. Orders that vary have no ratio. If components have different
+          terms, only real eigenvalues count. Above 32 components a bound by norms replaces the
+          ratio if it is below 1.
     left : State or callable
         The value of `state`, or a function that returns it.
     dense : Dense or None

@@ -100,10 +100,10 @@ def solve(
         leave n_steps out, or give a number that agrees, counted either from 0 or from the state.
     rtol : float, optional
         Tolerance of `Collocation`, which chooses its own steps: errors of a component stay about
-        ``rtol * (|y| + 0.01 * size)``. Its size is its largest \|y| so far, at least a millionth
-        of the largest size of all components. It is 1e-6 by default and at least 1e-12; when
-        resuming, it is the state's. Errors of y', where the order exceeds 1, move y by as much
-        over the run.
+        ``rtol * (|y| + 0.01 * size)``. The size is the largest \|y| so far of that component, at
+        least a millionth of the largest size of all. Errors of y', where the order exceeds 1,
+        move y by as much over the run. rtol is 1e-6 by default, and at least 1e-12. When resuming,
+        it is the state's.
     atol : float or array_like, shape (d,), optional
         Errors stay about ``atol + rtol * |y|`` instead; one number or one for each component. It
         is needed for components below 1e-8 of the largest one; when resuming, it is the state's.
@@ -212,8 +212,8 @@ def solve(
 
     Cost
     ----
-    Given steps: one evaluation of the right-hand side in each, and with the default history about
-    20 ns more for each component, in constant storage (convergence/memory_is_nearly_free.py).
+    Given steps: one evaluation of the right-hand side in each. With the default history about 20 ns
+    more for each component, in constant storage (convergence/memory_is_nearly_free.py).
     `Collocation`: about 10 to 50 microseconds a step, but far fewer steps
     (convergence/collocation.py).
 

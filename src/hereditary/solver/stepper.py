@@ -18,8 +18,8 @@ class Stepper(ABC):
     and ensembles faster, without other results. A stepper
 
     1. begins with the initial values at time 0, which is the equation's `t_start`;
-    2. moves on in `advance`, towards a position and never beyond it, by as many steps as take a
-       moment, and returns the solution on the way;
+    2. moves on in `advance` by as many steps as take a moment, towards a position and never beyond
+       it. It returns the solution on the way;
     3. has `t`, `y`, `ydot` and `position`, the number of steps made or the time;
     4. keeps an exception of the right-hand side in `error`, after the steps before it, and says in
        `trouble` why it cannot go on;
@@ -42,8 +42,8 @@ class Stepper(ABC):
     h : float
         Step of uniform ones, else 0 [time].
     resolved : bool
-        Whether steps are so short that their ends show whatever happens, as given ones are:
-        positions are then numbers of steps, and rows at all ends make the dense output.
+        Whether steps are so short that their ends show whatever happens, as given ones are.
+        Positions are then numbers of steps, and rows at all ends make the dense output.
     error : Exception or None
     n_rhs : int
         Calls of the right-hand side.
