@@ -75,8 +75,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _compile_all() -> int:
     """Compile the loops that take seconds into the cache on disk; return the exit status.
 
-    These are not run, and take at most a second each: SuperLU's solvers, direct sums on meshes and
-    of orders that vary, memory terms of other programs, and the divergence of orbits.
+    These are not run, and take at most a second each: SuperLU's solvers, and direct sums on meshes
+    and of orders that vary. Others are memory terms of other programs, and the divergence of
+    orbits.
     """
     runs, bar = _runs(), ProgressBar(True)
     for number, run in enumerate(runs):

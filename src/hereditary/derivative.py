@@ -81,14 +81,14 @@ def derivative(
     Error
     -----
     Data, orders up to 1, steps h: ``O(h**(2 - alpha))`` with `L1` and ``O(h**(3 - alpha))`` with
-    `L12` and `L2` for smooth y; O(h) at a fixed time for y like t**alpha on even times.
+    `L12` and `L2` for smooth y. It is O(h) at a fixed time for y like t**alpha on even times.
     ``Memory(kernel, m)``, m = 0 or 1: ``O(h**(2-a))`` for kernels like t**-a near 0. Above order 1
     the operator, one order lower, acts on second-order differences of y (``numpy.gradient``): alpha
     in (1, 2) has ``O(h**(3 - alpha))`` with any scheme.
 
-    *Noise*: independent errors of size sigma in y leave errors of size ``c sigma h**-alpha``, c
-    from 1 to 1.5 with `L1` and up to 2.4 with others, at orders up to 1: it grows as steps get
-    shorter. No scheme smooths data: smooth them before.
+    *Noise*: independent errors of size sigma in y leave errors of size ``c sigma h**-alpha``. At
+    orders up to 1 c is from 1 to 1.5 with `L1` and up to 2.4 with others. The size grows as steps
+    get shorter. No scheme smooths data: smooth them before.
 
     Functions: 1e-11 of the largest value if y is a smooth function of t or, up to
     order 1, of t and t**alpha. Chebyshev polynomials of degree 512 at most interpolate y. A

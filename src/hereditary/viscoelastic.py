@@ -2,8 +2,8 @@
 
 A model has a stiffness Q(s): with Laplace transforms, stress = Q(s) strain for a body at rest
 before t = 0. Parallel models add Q, models in series add 1/Q. What a model does follows from
-``Q(s)/s = viscosity + g(s)`` and ``1/Q(s) = compliance + c(s)``, where g and c vanish at infinity:
-g is the transform of the relaxation modulus, c that of the rate of creep.
+``Q(s)/s = viscosity + g(s)`` and ``1/Q(s) = compliance + c(s)``, where g and c vanish at infinity.
+The transform of the relaxation modulus is g, that of the rate of creep is c.
 """
 
 from __future__ import annotations

@@ -2,9 +2,9 @@
 
 Their Jacobians are ``B + A J S``. Behind the parameters of f stand S, B and A, then t_0, the number
 of values of f, and where each matrix begins. A matrix is where each of its rows begins and the last
-one ends, counted from there, and then column and value of each entry, row by row. Where f reads the
-first components and its values are those of the last ones, there are no S and A, and f sets its
-values in place.
+one ends, counted from there. Then come column and value of each entry, row by row. Where f reads
+the first components and its values are those of the last ones, there are no S and A. Then f sets
+its values in place.
 """
 
 from functools import lru_cache

@@ -82,9 +82,9 @@ def _solved(left, d):
 class Chained(NamedTuple):
     """System of an equation with orders above 2 or matrices.
 
-    system, which lacks right-hand side and Jacobian where some memory is read, and then enlarged,
-    the same with that memory, or None; speeds (d,), component that is y', -1 for none; (0,) where
-    derivatives are no components.
+    First is system, which lacks right-hand side and Jacobian where some memory is read. Then comes
+    enlarged, the same with that memory, or None. The third is speeds (d,), component that is y', -1
+    for none; (0,) where derivatives are no components.
     """
 
     system: System

@@ -48,17 +48,17 @@ class Equation(System):
     ----------
     terms : Caputo, Memory, Term, a sum or a sequence of them
         Operators with their coefficients, ``[Caputo(1.8), 0.25 * Caputo(0.8)]`` or ``Caputo(1.8) +
-        0.25 * Caputo(0.8)``. Orders and coefficients are one for all components or of shape (d,); a
+        0.25 * Caputo(0.8)``. Orders and coefficients are one for all components or of shape (d,). A
         coefficient of shape (d, d) has a row for each equation and a column for each component. A
         sequence is a sum: two components of orders 0.9 and 0.8 are ``Caputo([0.9, 0.8])``.
     rhs : callable, or None beside `linear`
         ``rhs(t, y)`` or ``rhs(t, y, params)`` returning shape (d,) (or a number when d = 1), or in
-        place ``rhs(t, y, dy, params)``. The number of arguments decides. t is a float, y has
-        shape (d,). numba compiles it with its helpers, and again before a run if a global or a
-        closed-over value has changed. A function that numba cannot compile (methods, callable
-        objects, SciPy's functions, try) is called in Python, with a `PythonFunctionWarning` and 3
-        us more a call. It must return equal values for equal t and y, and not write into y or
-        params. An exception or an index out of bounds ends the run.
+        place ``rhs(t, y, dy, params)``. The number of arguments decides. t is a float, y has shape
+        (d,). It is compiled with its helpers, and again before a run if a global or a closed-over
+        value has changed. A function that numba cannot compile (methods, callable objects, SciPy's
+        functions, try) is called in Python, with a `PythonFunctionWarning` and 3 us more a call. It
+        must return equal values for equal t and y, and not write into y or params. An exception or
+        an index out of bounds ends the run.
     y0 : array_like, shape (m, d)
         Initial values y(0), y'(0), ..., with m = ceil(highest order). Shorthands: shape (m,) if
         d = 1, shape (d,) if m = 1, a number if both are 1. A component of order at most 1 has 0 in

@@ -1,8 +1,8 @@
 """Memory kernels and memory operators, and the terms they make.
 
 A memory operator sends y to ``int_0^t K(t-s) y^(m)(s) ds``. Caputo's derivative of order alpha is
-the one with m = ceil(alpha) and ``K(t) = t**(m-1-alpha) / Gamma(m-alpha)``; for integer alpha it
-is the classical derivative and has no memory.
+the one with m = ceil(alpha) and ``K(t) = t**(m-1-alpha) / Gamma(m-alpha)``. For integer alpha it is
+the classical derivative and has no memory.
 """
 
 from __future__ import annotations
@@ -110,11 +110,10 @@ class Caputo(Summand):
     Notes
     -----
     If the order varies, the order at the present time applies to the whole past: alpha is alpha(t)
-    everywhere in the definition. m is 1 or 2 for the whole run. Definitions with alpha(s) or
-    alpha(t-s) inside the integral are other operators.
-    `ExplicitCaputo`, `L1` and `Collocation` accept such terms, together with all other terms that
-    they accept. The function is called in Python, if possible with an array of times; write it
-    with NumPy.
+    everywhere in the definition. For the whole run m is 1 or 2. Definitions with alpha(s) or
+    alpha(t-s) inside the integral are other operators. `ExplicitCaputo`, `L1` and `Collocation`
+    accept such terms, together with all other terms that they accept. The function is called in
+    Python, if possible with an array of times; write it with NumPy.
 
     Limits at integers: as alpha -> 2 from below the operator tends to y''. As alpha -> 1 it tends
     to y' - y'(0) from above and to y' from below. As alpha -> 0 it tends to y - y(0). A family of

@@ -34,11 +34,11 @@ def wrong_jacobian(rhs, jac, y0, params, structure=None, t=0.0):
     """Return a complaint of a Jacobian that is not the derivative of `rhs` near y0; else "".
 
     Its products with directions are compared with differences of `rhs` along them. Directions are
-    the axes for a dense Jacobian, and a random one where entries have a `structure`; without `jac`
+    the axes for a dense Jacobian, and a random one where entries have a `structure`. Without `jac`
     these entries are differences, of which some may be missed. A product is refused where two
-    points of three find it wrong beyond doubt: it misses two differences, of longer and of shorter
-    steps, by more than ten times what these are apart. So corners, jumps and points outside the
-    domain of `rhs` refuse nothing.
+    points of three find it wrong beyond doubt. Then it misses two differences, of longer and of
+    shorter steps, by more than ten times what these are apart. So corners, jumps and points outside
+    the domain of `rhs` refuse nothing.
 
     Parameters
     ----------
@@ -125,8 +125,8 @@ def _deviation(rhs, jac, structure, t, y, params, units, directions, lengths):
 def units_of(rhs, params, y0):
     """Return units of components, (d,), for the steps of differences where y is small.
 
-    Sizes of y0; of a component that begins at 0, or next to it, a step that moves f clearly and in
-    proportion, or 0 where none is found. Many components share the largest size, or that of f.
+    Sizes of y0. A component that begins at 0, or next to it, has a step that moves f clearly and in
+    proportion. It is 0 where none is found. Many components share the largest size, or that of f.
     """
     units = np.abs(y0)
     small = np.flatnonzero(units <= _SMALL * units.max())

@@ -1,9 +1,10 @@
 """Call functions that numba cannot compile from compiled code.
 
 A march hands its functions t, all components and an array for the values. In place of a function
-that must run in Python it gets a compiled one that is the same for all of them, and the address of
-a C function, made by ctypes, that enters Python. Addresses stand behind the parameters, first that
-of the right-hand side and then that of the Jacobian, so nothing is compiled for a single function.
+that must run in Python it gets a compiled one that is the same for all of them. It also gets the
+address of a C function, made by ctypes, that enters Python. Addresses stand behind the parameters,
+first that of the right-hand side and then that of the Jacobian, so nothing is compiled for a single
+function.
 """
 
 import ctypes

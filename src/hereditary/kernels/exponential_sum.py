@@ -1,13 +1,13 @@
 """Power laws as sums of exponentials, in closed form.
 
 ``t**-a = 1/Gamma(a) int exp(-t e**x + a x) dx`` over the real line. The trapezoid rule of step h
-turns the integral into exponentials with rates e**(j h); its error is known exactly, so h follows
+turns the integral into exponentials with rates e**(j h). Its error is known exactly, so h follows
 from the tolerance. Negligible fast rates are dropped by a closed-form bound, and the infinitely
 many slow ones are replaced by their own Gauss rule. Sums are constructed on [1, R] and scaled.
 
 The rates of the grid do for every order, with weights ``h / Gamma(a) exp(a h j)``. For orders that
-vary the slow ones are replaced by three nodes that all orders share, at 0 and two others, with
-weights that keep the first three moments.
+vary the slow ones are replaced by three nodes that all orders share, at 0 and two others. Their
+weights keep the first three moments.
 """
 
 import math
@@ -211,8 +211,8 @@ def _slow_cut(a, h, tol):
     """Choose the size m of the slow Gauss rule and its cut kappa; it replaces rates up to kappa/R.
 
     The relative error of the m-point rule for t <= R is at most
-    ``a h/(1-exp(-a h)) kappa**a/Gamma(a+1) 4 (kappa/4)**(2m)/(2m)!``; each kappa saves
-    log(kappa)/h grid rates at the cost of m nodes.
+    ``a h/(1-exp(-a h)) kappa**a/Gamma(a+1) 4 (kappa/4)**(2m)/(2m)!``. Each kappa saves log(kappa)/h
+    grid rates at the cost of m nodes.
     """
     of_mass = math.log(_SLOW * tol / 4) + math.log(-math.expm1(-a * h) / (a * h))
     of_mass += math.lgamma(a + 1)
@@ -225,7 +225,7 @@ def _slow_tail(a, h, j_slow, m):
     """Return the m-point Gauss rule for the measure of all grid rates exp(j h), j <= j_slow.
 
     Relative to the fastest one these are q**i, i = 0, 1, ..., with masses p**i, where q = exp(-h)
-    and p = exp(-a h): little q-Jacobi polynomials, whose recurrence is known.
+    and p = exp(-a h). Their polynomials are the little q-Jacobi ones, whose recurrence is known.
     """
     n = np.arange(m)
 

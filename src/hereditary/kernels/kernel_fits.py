@@ -317,8 +317,8 @@ def _rates_of_signed(kernel, ratio, t_min, tol, fading):
     """Yield sets of rates: real ones of pencils and grids, then complex ones, and both.
 
     The pencil is that of the Hankel matrix of even samples without its last and without its first
-    column, reduced to singular values above a cut [HuaSarkar1990]. Samples of a part of the time
-    resolve fast oscillations. The last sets have grids turned by 45 degrees, for kernels whose
+    column. It is reduced to singular values above a cut [HuaSarkar1990]. Samples of a part of the
+    time resolve fast oscillations. The last sets have grids turned by 45 degrees, for kernels whose
     transforms have an essential singularity on the negative axis.
     """
     found = []

@@ -109,7 +109,7 @@ def kernel_from_laplace(
     Raises
     ------
     TypeError, ValueError
-        `transform` is no function, its kernel is not integrable at 0, or F has a singularity off
+        `transform` is no function, or its kernel is not integrable at 0. Or F has a singularity off
         the negative axis that two inversions show.
 
     Error

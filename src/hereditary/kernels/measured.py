@@ -33,8 +33,8 @@ class Kernel(MemoryKernel):
     singular_exponent : float, optional
         The a of ``K ~ t**-a`` near 0, 0 <= a < 1 [-]; by default found from the function.
     signed : bool
-        Whether K may grow or change its sign: its fit then has weights of both signs, and errors
-        count relative to the largest ``|K|`` from each time on, or a thousandth of the mean of it.
+        Whether K may grow or change its sign. Its fit then has weights of both signs. Errors count
+        relative to the largest ``|K|`` from each time on, or a thousandth of the mean of it.
 
     Notes
     -----

@@ -295,10 +295,10 @@ def fit_exponentials(
     Error
     -----
     Relative error at most `tol` on [t_min, t_max], checked at 24 or more points per oscillation of
-    the error curve and at most 1.05 times `max_error` between them. Where the kernel is below a
-    thousandth of its mean from 0 to t, which is what a convolution sees, the error is relative to
-    that bound; power laws, tempered ones too, are accurate relative to K everywhere. For a table
-    the error is the misfit at the data, whose root mean square is at most `tol`. For a signed
+    the error curve. Between them it is at most 1.05 times `max_error`. Where the kernel is below a
+    thousandth of its mean from 0 to t, the error is relative to that bound. The mean is what a
+    convolution sees. Power laws, tempered ones too, are accurate relative to K everywhere. For a
+    table the error is the misfit at the data, whose root mean square is at most `tol`. For a signed
     kernel the largest ``|K|`` from each time on counts instead of K. Beyond t_max the sum decays
     too fast and must not be used. Below 1e-13 the rounding of the sum itself is no longer
     negligible.
@@ -313,7 +313,7 @@ def fit_exponentials(
     Source
     ------
     Trapezoid rule and its error: [McLean2018], section 2. The Gauss rule of the slow tail uses the
-    idea of the Prony reduction there, and the recurrence of its orthogonal polynomials in
+    idea of the Prony reduction there. The recurrence of its orthogonal polynomials is in
     [KoekoekLeskySwarttouw2010], section 14.12. See docs/theory.md.
 
     Examples

@@ -61,9 +61,9 @@ def hurwitz_zeta(s, q):
 def power_second_differences(p, n):
     """Return 1 and then ``b_k - b_(k-1)`` for k = 1..n-1, with b_k of `power_differences`.
 
-    The difference of three powers loses all digits near k = 1e8; beyond k = 16 this function uses
-    ``k**p * 2 * sum_m binom(p, 2m) k**-2m`` instead, whose eight terms reach 17**-16 = 2e-20, as
-    four do beyond k = 128.
+    The difference of three powers loses all digits near k = 1e8. Beyond k = 16 this function uses
+    ``k**p * 2 * sum_m binom(p, 2m) k**-2m`` instead. Its eight terms reach 17**-16 = 2e-20, as four
+    do beyond k = 128.
 
     Parameters
     ----------

@@ -29,9 +29,9 @@ _CORRECTED = 1
 class MemoryTermState(NamedTuple):
     """Everything that a resumed `MemoryTerm` needs.
 
-    It has the arguments of the term, the number of steps, the step whose block is open, u (W,), and
-    h v0 and term0 (2, W). It also has lag and newest pieces of the block, and the memory of older
-    ones.
+    It has the arguments of the term, the number of steps and the step whose block is open. It has u
+    (W,), and h v0 and term0 (2, W). It also has lag and newest pieces of the block, and the memory
+    of older ones.
     """
 
     made: dict
@@ -47,8 +47,8 @@ class MemoryTermState(NamedTuple):
 class MemoryTerm:
     """A memory term of an array u, one step after the other; made by `memory_term`.
 
-    In the step from t_n to t_n + h its value at t_n + theta h is ``weight * u_new + lag``, with the
-    unknown u_new at the end of the step.
+    In the step from t_n to t_n + h its value at t_n + theta h is ``weight * u_new + lag``. The
+    unknown u_new is that at the end of the step.
 
     Attributes
     ----------

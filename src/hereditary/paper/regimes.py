@@ -67,8 +67,8 @@ class RegimeVerdict:
         this is multiplied by the probability of being periodic or irregular.
     agreement : float
         The share of the votes that agree. Each vote uses one part of the run (all, the last three
-        quarters, the last half), one definition of rest (an advance of less than 1/4, 1/2, 3/4 of
-        the pull), and one run (the orbit or its check).
+        quarters, the last half) and one run (the orbit or its check). It uses one definition of
+        rest (an advance of less than 1/4, 1/2, 3/4 of the pull).
     irregular : float
         Probability that the stick-slip is irregular, NaN for other regimes. One estimate is from
         the votes on repetition, with half a vote added on either side. The other is the probability
@@ -76,8 +76,8 @@ class RegimeVerdict:
         count as independent, so their odds are multiplied. The fewer stays were seen to judge
         repetition, the less the exponent counts. Without an exponent only the votes count.
     recurrence : float
-        How far the times in the wells are from repeating themselves, in the last half of the run:
-        root mean square difference over the longest time; NaN if there are too few.
+        How far the times in the wells are from repeating themselves, in the last half of the run.
+        It is the root mean square difference over the longest time; NaN if there are too few.
     cycle : int
         Number of wells after which the times repeat; 0 if they differ by more than 0.05.
     n_wells : int
@@ -144,8 +144,8 @@ def classify(
     Error
     -----
     A verdict is about this run: a stuck load may slip later, irregular slips may become periodic.
-    If the load rests for most of the run, there are few stays to judge repetition or a late slope,
-    and the certainty is near 1/2. A run that failed is undetermined.
+    If the load rests for most of the run, there are few stays to judge repetition or a late slope.
+    Then the certainty is near 1/2. A run that failed is undetermined.
 
     Examples
     --------

@@ -261,8 +261,8 @@ def selkov(
     -----
     The only equilibrium is (b, b / (a + b**2)). If both components have the constant order alpha,
     it is unstable if ``alpha > 2/pi arctan(sqrt(4 D - T**2) / T)``, with trace T and determinant D
-    of the Jacobian; for the default parameters above 0.905423. Then the time scale only multiplies
-    time, by ``time_scale**((1 - alpha) / alpha)``.
+    of the Jacobian. For the default parameters it is unstable above 0.905423. Then the time scale
+    only multiplies time, by ``time_scale**((1 - alpha) / alpha)``.
 
     Source
     ------

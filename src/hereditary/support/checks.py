@@ -1,7 +1,7 @@
 """Argument checks in one wording.
 
-Every message names the argument, what was required, what arrived and, if it helps, what to do:
-"n_steps must be a positive integer, got 2.5; pass int(n_steps)".
+Every message names the argument, what was required, what arrived and, if it helps, what to do. An
+example is "n_steps must be a positive integer, got 2.5; pass int(n_steps)".
 """
 
 import difflib
