@@ -114,7 +114,7 @@ def check_reach(state, t_end):
     reached = state.orbit.farthest
     if reached and t_end > reached:
         required = f"stay within t = {reached}, the end of its history"
-        remedy = f"begin the run with Collocation(horizon={t_end})"
+        remedy = f"begin the run with Collocation(horizon={t_end}), or with the end of later runs"
         raise ValueError(complaint("resume", required, f"a run to {t_end}", remedy))
 
 
