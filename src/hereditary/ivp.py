@@ -41,7 +41,7 @@ def solve_ivp(
     *,
     order: ArrayLike = 1.0,
     rtol: float = 1e-3,
-    atol: Any = 1e-6,
+    atol: ArrayLike = 1e-6,
     max_step: float | None = np.inf,
     jac: Any = None,
     **options: Any,

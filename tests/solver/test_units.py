@@ -356,3 +356,31 @@ def test_one_tolerance_for_each_component(terms, rows):
     }
     assert np.all(apart[1e-6, 1e-15] < [2e-6, 2e-15])
     assert apart[1e-6, 1e-6][1] > 1e-12
+
+
+def test_all_that_take_a_tolerance_take_one_for_each_component():
+    """One for each, all alike, gives what the number gives."""
+
+    def moving(t, y, p):
+        return np.array([p[0] * y[1], -y[0]])
+
+    equation = hd.Equation(hd.Caputo(0.9), moving, [1.0, 0.0], params=[1.0])
+    calls = {
+        "lyapunov": lambda atol: hd.lyapunov(equation, 5.0, rtol=1e-6, atol=atol).exponents,
+        "sensitivities": lambda atol: hd.sensitivities(equation, 5.0, atol=atol).by_params,
+        "ensemble": lambda atol: hd.ensemble(equation, 5.0, params=[[1], [2]], atol=atol).y,
+        "solve_ivp": lambda atol: hd.solve_ivp(
+            lambda t, y: np.array([y[1], -y[0]]), (0, 5), [1.0, 0.0], atol=atol
+        ).y,
+        "complex": lambda atol: hd.solve(
+            hd.Equation(hd.Caputo(0.9), lambda t, y: 1j * y, [1.0 + 0j, 2.0]), 5.0, atol=atol
+        ).y,
+        "memory": lambda atol: hd.solve(
+            hd.Equation(
+                hd.Caputo(0.9), lambda t, y, z: -y - z[0], [1.0, 2.0], memory=hd.Caputo(0.4)
+            ),
+            5.0, atol=atol,
+        ).y,
+    }  # fmt: skip
+    for name, call in calls.items():
+        assert np.array_equal(call(1e-7), call([1e-7, 1e-7])), name
