@@ -26,9 +26,14 @@ N_ADDRESSES = 2
 _VIEWS = 256
 # Seconds for which a function is timed, that a call adds to it, and of a compiled explicit step.
 _TIMED, _ADDED, _COMPILED_STEP = 1e-3, 3e-6, 2e-7
-# What `math` raises outside of a function's domain, where compiled code gives NaN; the second one
+# What `math` raises outside of a function's domain, where compiled code gives NaN; the last three
 # from Python 3.14 on.
-_OUTSIDE = "math domain error", "expected a"
+_OUTSIDE = (
+    "math domain error",
+    "expected a nonnegative input",
+    "expected a positive input",
+    "expected a number between -1 and 1",
+)
 _warned: weakref.WeakSet = weakref.WeakSet()
 
 
