@@ -164,6 +164,43 @@ def test_stress_of_a_large_oscillation(name):
     assert np.abs(found(t)[:, 0] - known).max() < 1e-7 * np.abs(known).max()
 
 
+@pytest.mark.parametrize("rtol", [1e-3, 1e-8])
+@pytest.mark.parametrize("order", [0.05, 0.87, 0.95, 0.99])
+def test_spring_pots_of_any_order_have_both_equations(order, rtol):
+    model = SpringPot(0.9, order)
+    stress = hd.solve(model.stress_equation(unit), 3.0, rtol=rtol)
+    known = 0.9 * 3.0 ** (1 - order) / gamma(2 - order)
+    assert stress.success
+    assert stress.y[-1, 0] == pytest.approx(known, rel=rtol)
+    strain = hd.solve(model.strain_equation(unit), 3.0, rtol=rtol)
+    assert strain.y[-1, 0] == pytest.approx(model.creep(3.0), rel=rtol)
+
+
+def symbol(term, s):
+    """Factor of a term on exp(s t)."""
+    operator = term.operator
+    if isinstance(operator, hd.Caputo):
+        return term.coefficient * s**operator.order
+    return term.coefficient * s * operator.kernel.laplace(s)
+
+
+@pytest.mark.parametrize("join", [ve.parallel, ve.series])
+def test_elements_keep_closed_forms(join):
+    """Only what has none is a kernel by its transform, and that is one kernel."""
+    other = ve.series if join is ve.parallel else ve.parallel
+    elements = join(join(spring(2.0), SpringPot(3.0, 0.4)), dashpot(5.0))
+    mixed = join(
+        elements, other(spring(1.0), SpringPot(1.0, 0.5)), other(spring(2.0), dashpot(1.0))
+    )
+    s = np.array([0.3, 2.0 + 1.0j])
+    for model, n_transforms in ((elements, 0), (mixed, 1)):
+        found = model.operator if join is ve.parallel else model.rate_operator
+        kernels = [t.operator.kernel for t in found if isinstance(t.operator, hd.Memory)]
+        assert len(kernels) - sum(isinstance(k, hd.Prony) for k in kernels) == n_transforms
+        wanted = model.stiffness(s) if join is ve.parallel else s / model.stiffness(s)
+        assert sum(symbol(term, s) for term in found) == pytest.approx(wanted, rel=1e-13)
+
+
 def test_oscillations_become_what_the_moduli_say():
     model = ve.zener(spring(1.0), spring(4.0), SpringPot(4.0, 0.9))
     found = hd.solve(model.stress_equation(waves), 60.0, rtol=1e-6)

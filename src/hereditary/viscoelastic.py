@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike
 from .equation.equation import Equation
 from .equation.operators import Caputo, Memory, Terms
 from .kernels.laplace import inverted, kernel_from_laplace
+from .kernels.memory_kernel import Prony
 from .support.checks import (
     complaint,
     function,
@@ -51,6 +52,9 @@ __all__ = [
 
 def __dir__():
     return __all__
+
+# Arrangement whose parts add g, and the one whose parts add c.
+_ADDED = "parallel", "series"
 
 
 class Model:
@@ -116,12 +120,22 @@ class Model:
         """Operator that makes the rate of the strain of the stress."""
         return self._terms(1)
 
+    def _summands(self, half):
+        """Return models whose g or c add up to that of this one."""
+        return (self,)
+
     def _terms(self, half):
-        """Return ``limit D + Memory(kernel, 1)`` of g or c."""
-        limit, rest = self._split(np.ones(1, dtype=complex))[half]
-        terms = [limit * Caputo(1)] if limit else []
-        if np.any(rest):
-            terms.append(Memory(kernel_from_laplace(partial(self._rest, half)), 1))
+        """Return the operator of g or c: those of spring-pots, and one kernel for the others."""
+        summands = self._summands(half)
+        terms = [one._operator(half) for one in summands if isinstance(one, SpringPot)]
+        others = tuple(one for one in summands if not isinstance(one, SpringPot))
+        if others:
+            both = Combined(_ADDED[half], others)
+            limit, rest = both._split(np.ones(1, dtype=complex))[half]
+            if limit:
+                terms.append(limit * Caputo(1))
+            if np.any(rest):
+                terms.append(Memory(kernel_from_laplace(partial(both._rest, half)), 1))
         return Terms([one for term in terms for one in term._terms()])
 
     def strain_equation(self, stress: Callable, params: ArrayLike = ()) -> Equation:
@@ -197,6 +211,12 @@ class SpringPot(Model):
         stiffness = one * s**self.order
         return (0.0, stiffness / s), (0.0, 1 / stiffness)
 
+    def _operator(self, half):
+        """Return the operator that makes stress of strain, or the rate of strain of stress."""
+        order = 1 - self.order if half else self.order
+        operator = Caputo(order) if order else Memory(Prony([0.0], [1.0]), 1)
+        return operator / self.modulus if half else self.modulus * operator
+
 
 @dataclass(frozen=True)
 class Combined(Model):
@@ -230,6 +250,11 @@ class Combined(Model):
             small = other * small * sum(one / (top * (top + one)) for top, one in others)
         pair = (limit, rest), (other, small)
         return pair if self.arrangement == "parallel" else pair[::-1]
+
+    def _summands(self, half):
+        if self.arrangement != _ADDED[half]:
+            return (self,)
+        return tuple(one for part in self.parts for one in part._summands(half))
 
 
 def spring(modulus: float) -> SpringPot:

@@ -203,7 +203,7 @@ def _fit(kernel, t_min, t_max, tol):
         if t_max * _DECAYED <= RATIO_OF_VALUES * t_min:
             raise
         required = "let steps begin within 60 decades of t_end for a kernel without a closed sum"
-        remedy = "take a larger rtol, or L1"
+        remedy = "take a larger rtol, or L1() with n_steps"
         got = f"a first distance {t_min:.1e}"
         raise ValueError(complaint("rtol", required, got, remedy)) from error
     lasting = fit.rates.real * t_min <= _DECAYED
