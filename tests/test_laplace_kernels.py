@@ -108,3 +108,41 @@ def test_refusals():
         swinging(np.geomspace(1e-3, 1e3, 100))
     with pytest.raises(ValueError, match="signed=True"):
         hd.kernel_from_laplace(scarpi).fit(1e-3, 10.0, 1e-6)
+
+
+CANCELLING = {
+    "logarithm": (
+        lambda s: np.log((s + 10) / (s + 0.5)) / np.log(20),
+        lambda t: np.exp(-10 * t) * np.expm1(9.5 * t) / (t * np.log(20)),
+        0.0,
+    ),
+    "roots": (
+        lambda s: np.sqrt(s + 1) - np.sqrt(s),
+        lambda t: -np.expm1(-t) / (2 * np.sqrt(np.pi) * t**1.5),
+        0.5,
+    ),
+    "signed": (
+        lambda s: 1 / (s + 1) - 1 / (s + 2),
+        lambda t: -np.exp(-t) * np.expm1(-t),
+        0.0,
+    ),
+}
+
+
+@pytest.mark.parametrize("scale", [1e-12, 1.0, 1e9])
+@pytest.mark.parametrize("name", CANCELLING)
+def test_transforms_that_cancel_at_infinity(name, scale):
+    """Rounding of F decides at tiny times; values are right where a run needs them."""
+    transform, known, exponent = CANCELLING[name]
+    signed = name == "signed"
+    kernel = hd.kernel_from_laplace(lambda s: transform(s / scale) / scale, signed=signed)
+    assert kernel.singular_exponent == exponent
+    t = np.geomspace(1e-3, 20.0, 40)
+    error = np.abs(kernel(t / scale) - known(t))
+    assert np.all(error < 1e-11 * np.maximum(known(t), 1e-3 * known(t).max()))
+    early = np.geomspace(1e-30, 1e-7, 20)
+    assert np.all(np.isfinite(kernel(early / scale)))
+    if not signed:
+        assert np.abs(kernel(1e-7 / scale) / known(1e-7) - 1) < 1e-5
+        ratio = kernel.integral(1e-12 / scale) / kernel.integral(1e-14 / scale)
+        assert ratio == pytest.approx(100 ** (1 - exponent), rel=1e-6)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from numpy.polynomial import chebyshev
 from numpy.typing import ArrayLike
 
 from ..support.checks import complaint
@@ -22,6 +23,19 @@ _SCALE, _OTHER, _DIFFERENCE = 6.0, 8.6, 1e-9
 # Values of a call that are compared, at the most: to compare all doubles its time. A pole off the
 # axis shows at times over a factor of 1.4, the ratio of the scales.
 _CHECKED = 400
+# Changes of s by rounding, and how far it may move exact values, relative to their size. Kernels
+# whose transforms cancel at infinity are continued by a power from a time before which they move
+# more: ln((s + 10)/(s + 1/2)) has 1e-7 at t = 1e-8, sums of powers have 1e-14 at all times.
+_MOVED, _ROUNDED = (1e-15, 4e-15), 1e-7
+# Two inversions may differ by so many times that.
+_OF_ROUNDING = 1e3
+# Times where rounding is looked for, and digits of an exponent that is read off there.
+_LADDER, _DIGITS = 10.0 ** np.arange(-290, 291), 4
+# Values of completely monotone kernels between a power of two and the next one are a polynomial: it
+# converges like 5.8**-n, for K is analytic and bounded to the right of each positive time.
+_DEGREE = 20
+_POINTS = np.cos(np.pi * (np.arange(_DEGREE) + 0.5) / _DEGREE)
+_OF_VALUES = np.linalg.inv(chebyshev.chebvander(_POINTS, _DEGREE - 1)).T
 # Times that are inverted at once: complex numbers for all nodes take 17 MB.
 _AT_ONCE = 20_000
 
@@ -50,17 +64,82 @@ def inverted(transform: Callable, t: ArrayLike, scale: float = _SCALE) -> np.nda
     return np.concatenate(values).real.reshape(t.shape)
 
 
+def _rung(t):
+    """Return the places of the last times of the ladder before t."""
+    return np.maximum(np.searchsorted(_LADDER, t, "right") - 1, 0)
+
+
 class LaplaceKernel(Kernel):
     """A memory kernel that is known by its Laplace transform; see `kernel_from_laplace`."""
 
+    def __init__(self, transform, singular_exponent=None, signed=False):
+        self._function, self._signed = transform, signed
+        self._polynomials: dict[int, np.ndarray] = {}
+        self._first, self._largest, self._rounded = 0.0, *np.zeros((2, _LADDER.size))
+        if callable(transform):
+            self._leave_out_rounding()
+        super().__init__(transform, singular_exponent, signed)
+
+    def _leave_out_rounding(self):
+        """Find the time below which rounding of F decides, where K is continued by its power."""
+        with np.errstate(all="ignore"):
+            if self._rounding(_LADDER[:1])[0] < _ROUNDED:
+                return  # then it is at later times too
+            sizes = np.nan_to_num(self._sizes(_LADDER, inverted(self.laplace, _LADDER)))
+            if self._signed:  # errors count relative to the largest |K| from each time on
+                self._largest = np.maximum.accumulate(np.append(sizes[1:], 0.0)[::-1])[::-1]
+            moved = self._rounding(_LADDER)
+        exact, self._rounded = moved < _ROUNDED, np.maximum.accumulate(moved[::-1])[::-1]
+        self._first = float(_LADDER[np.argmax(exact)]) if exact.any() else 0.0
+
+    def _sizes(self, t, values):
+        """Return what errors at times t are relative to."""
+        sizes = np.abs(values) + np.abs(self.laplace(1 / t + 0j)) / t
+        return np.maximum(sizes, self._largest[_rung(t)])
+
+    def _rounding(self, t):
+        """Return how much values at times t, relative to their size, change by rounding of s."""
+        values = inverted(self.laplace, t)
+        moved = [inverted(lambda s, by=by: self.laplace(s * (1 + by)), t) for by in _MOVED]
+        difference = np.abs(np.array(moved) - values).max(axis=0)
+        return np.nan_to_num(difference / self._sizes(t, values), nan=np.inf)
+
+    def _slope_at_zero(self):
+        """Return a of K ~ t**-a at the smallest times, or where rounding leaves values."""
+        if self._first == 0.0:
+            return super()._slope_at_zero()
+        with np.errstate(all="ignore"):  # of kernels that are refused for their exponent
+            early = np.abs(self._inverted(self._first * np.array([1.0, 2.0])))
+            # a signed kernel may be rounding there beside its later values
+            early = np.maximum(early, _ROUNDED * self._largest[_rung(self._first)])
+            return max(0.0, round(float(np.nan_to_num(np.log2(early[0] / early[1]))), _DIGITS))
+
     def _at(self, t):
+        """Return values at times of shape (n,): those of polynomials unless K is signed."""
+        later = np.maximum(t, self._first)
+        values = self._inverted(later) if self._signed else self._interpolated(later)
+        return values if self._first == 0.0 else values * (later / t) ** self._exponent
+
+    def _interpolated(self, t):
+        """Return values at times of shape (n,) by polynomials between powers of two."""
+        fractions, exponents = np.frexp(t)  # in [1/2, 1)
+        used, places = np.unique(exponents, return_inverse=True)
+        new = [e for e in used.tolist() if e not in self._polynomials]
+        if new:
+            times = np.ldexp((_POINTS + 3) / 4, np.reshape(new, (-1, 1)))
+            values = self._inverted(times.ravel()).reshape(times.shape)
+            self._polynomials |= dict(zip(new, values @ _OF_VALUES, strict=True))
+        series = np.reshape([self._polynomials[e] for e in used.tolist()], (-1, _DEGREE))
+        return chebyshev.chebval(4 * fractions - 3, series[places].T, tensor=False)
+
+    def _inverted(self, t):
         """Return values at times of shape (n,), some of them compared with a second inversion."""
         values, some = inverted(self.laplace, t), slice(None, None, 1 + t.size // _CHECKED)
         times, seen = t[some], values[some]
-        size = np.abs(seen) + np.abs(self.laplace(1 / times + 0j)) / times
-        difference = np.abs(inverted(self.laplace, times, _OTHER) - seen) / size
-        worst = int(np.argmax(np.nan_to_num(difference)))
-        if difference[worst] > _DIFFERENCE:
+        difference = np.abs(inverted(self.laplace, times, _OTHER) - seen)
+        difference = np.nan_to_num(difference / self._sizes(times, seen))
+        worst = int(np.argmax(difference)) if times.size else 0
+        if np.any(difference > _DIFFERENCE + _OF_ROUNDING * self._rounded[_rung(times)]):
             required = "be analytic off the negative real axis"
             got = f"inversions that differ by {difference[worst]:.1e} at t = {times[worst]:g}"
             remedy = "a pole elsewhere is a pair of rates of hereditary.Prony"
@@ -70,8 +149,9 @@ class LaplaceKernel(Kernel):
     def integral(self, t: ArrayLike) -> np.ndarray:
         """Return ``int_0^t K``, the inverse of ``F(s) / s``."""
         t = np.asarray(t, dtype=float)
-        found = inverted(lambda s: self.laplace(s) / s, np.where(t > 0, t, 1.0))
-        return np.where(t > 0, found, 0.0)
+        later = np.maximum(np.where(t > 0, t, 1.0), self._first)
+        found = inverted(lambda s: self.laplace(s) / s, later)
+        return np.where(t > 0, found * (np.minimum(t, later) / later) ** (1 - self._exponent), 0.0)
 
     def laplace(self, s: ArrayLike) -> np.ndarray:
         """Return the transform as it was given."""
@@ -116,11 +196,13 @@ def kernel_from_laplace(
     -----
     Values and integrals have errors of about 1e-14 of the mean from 0 to t. Fits are checked
     against them, as those of `Kernel`. Write F without cancellation:
-    ``-np.expm1(-c * np.log1p(x))`` for ``1 - (1 + x)**-c``.
+    ``-np.expm1(-c * np.log1p(x))`` for ``1 - (1 + x)**-c``. Where F cancels at large s, rounding
+    grows towards t = 0. Below the time at which it is 1e-7 of K, a power law replaces K.
 
     Cost
     ----
-    54 values of F for each value of K: about 7 microseconds with one power in F.
+    Signed: 54 values of F for each value of K, about 7 microseconds with one power in F. Others:
+    54 values of F for each of 20 times between two powers of two, where K is a polynomial.
 
     Source
     ------
