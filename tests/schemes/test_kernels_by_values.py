@@ -148,6 +148,17 @@ def test_noise_is_told_before_the_run():
     assert abs(sol.y[-1, 0] - solved(CLOSED, n_steps=1000).y[-1, 0]) < 0.01
 
 
+@pytest.mark.parametrize("way", ["default", "rtol"])
+def test_a_table_that_rises_first_is_no_success(way):
+    """No positive sum rises; noise of a table stays below a tenth."""
+    t = np.geomspace(1e-3, T, 200)
+    eq = with_kernel(hd.Kernel.from_table(t, t * np.exp(-t)))
+    with pytest.warns(hd.SolveWarning, match="a memory kernel is less accurate"):
+        sol = hd.solve(eq, T, **WAYS[way])
+    assert sol.status == "kernel_inaccurate"
+    assert sol.stats["kernel_error"] > 0.1
+
+
 def wavy(t):
     """A kernel from which decaying exponentials differ by 1e-3 at the least."""
     return np.exp(-np.sqrt(t)) * (1 + 1e-3 * np.sin(20 * np.sqrt(t)))

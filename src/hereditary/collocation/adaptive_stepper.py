@@ -610,7 +610,7 @@ class AdaptiveStepper(Stepper):
             first = self._form.graded_first_step(0.0, t_end, self._allowed.least)
             closest = self._closest(first)
         errors = self._orbit.prefit_kernels(closest, self._farthest, self._known, self.modes_tol)
-        warn_of_fit(errors.measured, self._tolerances[0])
+        warn_of_fit(errors.noise, self._tolerances[0])
 
     def _refine_modes(self, closest):
         """Refine the modes to hold at the distance `closest`."""

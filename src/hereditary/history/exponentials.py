@@ -71,7 +71,7 @@ class SumOfExponentials(History):
     (convergence/memory_is_nearly_free.py). A function or a table that no sum follows so closely is
     followed as closely as can be. A `KernelWarning` says so before the run, and
     ``stats["kernel_error"]`` how closely. A run with a function that is followed less closely than
-    to `tol` and to 1e-6 ends as KERNEL_INACCURATE.
+    to `tol` and to 1e-6, or with a table less closely than to 0.1, ends as KERNEL_INACCURATE.
 
     Cost
     ----

@@ -21,6 +21,8 @@ from .special import mean_exponential
 _MISSED = 1.05
 # Least tolerance of kernels in runs on given steps, whose schemes err by more.
 _ON_GIVEN_STEPS = 1e-6
+# Largest misfit of a table that counts as noise: 3 % of noise leave it at a thousand data.
+_NOISE = 0.1
 _ADVICE = "allow for that, or use Direct or FFT, which take kernels as they are"
 
 # Slowest rate of fits of named kernels, times t_max: nothing else is left of rounding.
@@ -352,11 +354,20 @@ class KernelErrors(NamedTuple):
         """The largest error, with what check points may have missed."""
         return _MISSED * max(self)
 
+    @property
+    def noise(self):
+        """The largest error of measured kernels, or 0 where it is more than noise."""
+        return self.measured if self.measured <= _NOISE else 0.0
+
     def misfit(self, tol):
-        """Say by how much exact kernels miss the tolerance of a run; empty where they keep it."""
-        if self.exact <= tol:
+        """Say by how much kernels miss the tolerance of a run; empty where they keep it.
+
+        Of measured ones only what is more than noise counts.
+        """
+        error = self.exact if self.noise else max(self)
+        if error <= tol:
             return ""
-        clause = f"its sum of exponentials differs by up to {self.exact:.1e}"
+        clause = f"its sum of exponentials differs by up to {error:.1e}"
         return f"{clause}, more than the {tol:.0e} asked for; {_ADVICE}"
 
 
@@ -367,7 +378,7 @@ def misfit_on_given_steps(errors, history):
     """Return the misfit of a run on given steps; warn of other errors beyond the history's."""
     tol = getattr(history, "tol", 0.0)
     misfit = errors.misfit(max(tol, _ON_GIVEN_STEPS))
-    warn_of_fit(errors.measured if misfit else max(errors), tol)
+    warn_of_fit(errors.noise if misfit else max(errors), tol)
     return misfit
 
 
