@@ -12,7 +12,9 @@ import pytest
 from numba import njit
 from numba import types as numba_types
 
+import hereditary as hd
 from hereditary.compiled.jit import F8, I8, as_value, compiled, entry, inner
+from hereditary.functions import reads
 from hereditary.functions.reads import digest
 
 SOURCE = """
@@ -152,3 +154,36 @@ def test_a_function_is_handed_on_for_its_signature_alone():
         as_value(rounded, F8(F8))
     with pytest.raises(TypeError):
         _twice(3.0, as_value(rounded, I8(F8)))
+
+
+class Read:
+    """An object that counts how often its contents are read."""
+
+    def __init__(self, value):
+        self.value, self.n_reads = value, 0
+
+    def __reduce_ex__(self, _):
+        self.n_reads += 1
+        return Read, (self.value,)
+
+
+class Fixed(Read):
+    fixed_contents = True
+
+
+def test_contents_that_never_change_are_read_once():
+    fixed, same, other, changing = Fixed(1.0), Fixed(1.0), Fixed(2.0), Read(1.0)
+    for _ in range(3):
+        assert digest(fixed) == digest(same) != digest(other)
+        first = digest([changing, fixed])
+        changing.value += 1.0
+        assert digest([changing, fixed]) != first
+    assert (fixed.n_reads, changing.n_reads) == (1, 6)
+
+
+def test_solutions_are_read_once():
+    """Runs whose right-hand side reads many solutions do not walk through them again."""
+    solved = hd.solve(hd.Equation(hd.Caputo(0.8), lambda t, y: -y, 1.0), 1.0, rtol=1e-4)
+    again = pickle.loads(pickle.dumps(solved))
+    assert digest(solved) == digest(again)
+    assert solved in reads._FIXED

@@ -15,6 +15,7 @@ from contextlib import suppress
 from functools import lru_cache
 from types import CellType, CodeType, FunctionType, ModuleType
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numba import jit
@@ -29,6 +30,8 @@ _FOREIGN = frozenset({"numpy", "scipy", "numba", *sys.stdlib_module_names})
 _PLAIN = bool | int | float | complex | str | bytes | np.generic | None | type(...)
 # Bytes of a contiguous array up to which numba copies it into compiled code.
 _COPIED_MAX = 1_000_000
+# Digests of objects whose class says by `fixed_contents` that they never change.
+_FIXED: WeakKeyDictionary[Any, str] = WeakKeyDictionary()
 
 
 def _installed(path):
@@ -170,8 +173,14 @@ class _Digests:
         if id(value) in above:  # which may hold themselves
             return "itself"
         if id(value) not in self._known:
-            found = hashlib.sha256(self._text(value, (*above, id(value))).encode())
-            self._known[id(value)] = found.hexdigest(), value  # alive, so that ids stay theirs
+            lasting = getattr(type(value), "fixed_contents", False)
+            found = _FIXED.get(value) if lasting else None
+            if found is None:
+                text = self._text(value, (*above, id(value)))
+                found = hashlib.sha256(text.encode()).hexdigest()
+            if lasting:
+                _FIXED[value] = found
+            self._known[id(value)] = found, value  # alive, so that ids stay theirs
         return self._known[id(value)][0]
 
     def _text(self, value, above):

@@ -7,7 +7,7 @@ import os
 from collections.abc import Callable
 from dataclasses import dataclass, field, fields
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -101,6 +101,8 @@ class Solution:
     dense: Dense | None = field(default=None, repr=False)
     t_events: list[np.ndarray] = field(default_factory=list, repr=False)
     y_events: list[np.ndarray] = field(default_factory=list, repr=False)
+    # right-hand sides that read a solution need not compare it again before each run
+    fixed_contents: ClassVar[bool] = True
 
     @cached_property
     def state(self) -> State | None:
