@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from scipy.integrate import quad
-from scipy.special import gamma
+from scipy.special import gamma, rgamma
 
 import hereditary as hd
 from hereditary import exact
@@ -78,6 +78,19 @@ def test_smooth_functions_to_rounding(alpha):
     assert np.abs(hd.derivative(t, smooth, hd.Caputo(alpha)) - known).max() < tolerance
     late = hd.derivative(t + 3.0, lambda s: smooth(s - 3.0), hd.Caputo(alpha), t_start=3.0)
     assert np.abs(late - known).max() < tolerance
+
+
+@pytest.mark.parametrize("rate", [2.0, -3.0])
+@pytest.mark.parametrize("alpha", [1.5, 2.3, 2.98, 3.0, 3.5, 3.9])
+def test_high_orders_of_functions(alpha, rate):
+    """By the power series of the exponential; and a square has none above order 2."""
+    t, k = np.linspace(0.1, 1.0, 10), np.arange(np.ceil(alpha), 60)
+    known = (rate**k * np.power.outer(t, k - alpha) * rgamma(k + 1 - alpha)).sum(axis=1)
+    size = max(np.abs(known).max(), np.exp(rate))
+    found = hd.derivative(t, lambda s: np.exp(rate * s), hd.Caputo(alpha))
+    assert np.abs(found - known).max() < (1e-10 if alpha <= 3 else 1e-9) * size
+    if alpha > 2:
+        assert np.abs(hd.derivative(t, lambda s: s**2, hd.Caputo(alpha))).max() < 1e-10
 
 
 @pytest.mark.parametrize("alpha", [0.1, 0.5, 0.9])
