@@ -53,6 +53,7 @@ __all__ = [
 def __dir__():
     return __all__
 
+
 # Arrangement whose parts add g, and the one whose parts add c.
 _ADDED = "parallel", "series"
 
