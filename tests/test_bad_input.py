@@ -46,7 +46,7 @@ CALLS = {
     "modes": hd.SumOfExponentials,
     "solve_ivp": lambda **change: hd.solve_ivp(decay, (0.0, 1.0), [1.0], **change),
     "convergence": lambda **change: hd.convergence_table(linear(), 1.0, [4, 8], **change),
-    "sweep": lambda **change: hd.sweep(math.exp, {"x": [1.0]}, **{"progress": False} | change),
+    "sweep": lambda **change: hd.sweep(lambda x: x, {"x": [1.0]}, **{"progress": False} | change),
     "duffing": hd.scenes.duffing,
     "diffusion": partial(hd.scenes.subdiffusion, 0.5, 3),
 }

@@ -380,8 +380,8 @@ def _bounds(bounds, names, start):
 def _covariance(found, scale, at_bound, estimated, names):
     """Return the covariance of parameters, and singular values for changes by their scale.
 
-    NaN where a parameter is at a bound, or part of a combination that leaves residuals as they are;
-    warns of these if `names` are given.
+    NaN where a parameter is at a bound, or part of a combination that leaves residuals as they are.
+    Warns of these if `names` are given.
     """
     free = np.flatnonzero(~at_bound)
     jacobian = found.jac[:, free] * scale[free]

@@ -134,7 +134,7 @@ def is_finite(f, d):
 def step_back(rhs, params, t, d, sources, room, change, point, f, counts):
     """Take back half of the last change of w until f is finite; return whether it is.
 
-    If it never is, the change is replaced by that of functional iteration: next to an edge where
+    If it never is, the change is replaced by that of functional iteration. Next to an edge where
     the slope of f is infinite Newton's method may point out of the domain.
     """
     w = room[W]

@@ -70,8 +70,8 @@ class SumOfExponentials(History):
     weights but those of signed kernels are positive, so a decaying memory stays one for any `tol`
     (convergence/memory_is_nearly_free.py). A function or a table that no sum follows so closely is
     followed as closely as can be. A `KernelWarning` says so before the run, and
-    ``stats["kernel_error"]`` how closely. A run with a function that is followed less closely than
-    to `tol` and to 1e-6, or with a table less closely than to 0.1, ends as KERNEL_INACCURATE.
+    ``stats["kernel_error"]`` how closely. A run ends as KERNEL_INACCURATE if a function is
+    followed less closely than to `tol` and to 1e-6, or a table less closely than to 0.1.
 
     Cost
     ----

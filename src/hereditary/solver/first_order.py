@@ -51,8 +51,8 @@ def no_estimates():
 def note_error(solution, stepper, n_steps):
     """Estimate the error of a first-order run in its stats, and warn of a large one.
 
-    ``stats["error_estimate"]`` is None where there is no estimate: the run has too few steps, its
-    companions are unstable, or they differ by the size of the solution. The last is a warning.
+    ``stats["error_estimate"]`` is None if the run has too few steps, if its companions are
+    unstable, or if they differ by the size of the solution. The last is a warning.
     """
     off = _off.value or not solution.success
     found = None if off else estimated_error(stepper, n_steps)
@@ -69,9 +69,9 @@ def note_error(solution, stepper, n_steps):
 def estimated_error(stepper, n_steps):
     """Return the largest error from 40 steps on relative to the size of each component, or None.
 
-    Companions with a half and a third of the steps are run where cheaper ones with a tenth and a
-    twentieth are unstable or differ by the size of the solution. If those differ as much, this is a
-    warning.
+    Cheap companions have a tenth and a twentieth of the steps. If they are unstable or differ by
+    the size of the solution, others with a half and a third are run. If those differ as much, this
+    is a warning.
     """
     unlike = ""
     for pair, fewest in ((_CHEAP, _FEWEST), (_CLOSE, _LEAST)):

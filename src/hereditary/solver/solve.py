@@ -190,9 +190,8 @@ def solve(
     -----
     SolveWarning
         The run ended early, but not by a terminal event or Ctrl-C. Or the estimated error of a
-        first-order run is above 5 % of the solution's size, or cannot be found because runs with
-        fewer steps differ by that size. Or steps of `Collocation` miss a force that acts for a
-        short time.
+        first-order run is above 5 % of the solution's size. Or runs with fewer steps differ by that
+        size. Or steps of `Collocation` miss a force that acts for a short time.
     StabilityWarning
         The step exceeded the scheme's stability limit along the orbit, or the solution zigzags.
 
