@@ -16,7 +16,8 @@ FILES = [
     *(f"compiled/{name}" for name in [*COMPILED, "structures"]),
 ]
 # Numbers that name a case, a place or a letter of LAPACK.
-CODES = {"FORCE", "PRIMARY", "POSITION", "SLOPE", "ITSELF", "_WITHOUT", "_WITH", "_SCALING"}
+CODES = {"FORCE", "PRIMARY", "POSITION", "SLOPE", "ITSELF", "FIRST_LOOK"}
+CODES |= {"_WITHOUT", "_WITH", "_SCALING"}
 
 
 def rows_of(page, heading):

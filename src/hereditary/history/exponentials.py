@@ -71,7 +71,8 @@ class SumOfExponentials(History):
     (convergence/memory_is_nearly_free.py). A function or a table that no sum follows so closely is
     followed as closely as can be. A `KernelWarning` says so before the run, and
     ``stats["kernel_error"]`` how closely. A run ends as KERNEL_INACCURATE if a function is
-    followed less closely than to `tol` and to 1e-6, or a table less closely than to 0.1.
+    followed less closely than to `tol` and to 1e-6. So it does if a table is followed less closely
+    than to 0.1.
 
     Cost
     ----
