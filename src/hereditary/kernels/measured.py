@@ -172,8 +172,8 @@ class TabulatedKernel(Kernel):
     -----
     Values between the data follow a power law from point to point. Before the first point they
     follow the power law of the first e-fold of time, or are constant if that rises. The fit is
-    smooth, because its weights are positive. `max_error` is its largest relative misfit at the
-    data, and `tol` the largest root mean square of them, the noise level.
+    smooth, because its weights are positive. Its `tol` is the noise level, the largest root mean
+    square of the relative misfit at the data; `max_error` is the largest misfit.
 
     Examples
     --------
