@@ -310,8 +310,9 @@ def fit_exponentials(
     A power law takes a millisecond. A kernel fitted by its values takes about 10 milliseconds, at
     most two seconds (200 random kernels: convergence/random_kernels.py). A signed one takes 0.1 to
     0.4 seconds with one thread of BLAS, and up to 20 if its threads compete for busy cores. A
-    repeated call is served from a cache. The number of modes grows like ``log(t_max / t_min) * log(1 / tol) / pi**2``. A
-    power law has 2 to 12 modes more than the least possible number.
+    repeated call is served from a cache. The number of modes grows like
+    ``log(t_max / t_min) * log(1 / tol) / pi**2``. A power law has 2 to 12 modes more than the
+    least possible number.
 
     Source
     ------
