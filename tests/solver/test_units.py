@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from random_problems import linear
 
@@ -384,3 +384,28 @@ def test_all_that_take_a_tolerance_take_one_for_each_component():
     }  # fmt: skip
     for name, call in calls.items():
         assert np.array_equal(call(1e-7), call([1e-7, 1e-7])), name
+
+
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    d=st.sampled_from([3, 8, 12]),
+    order=st.sampled_from([0.5, 0.9, 1.0, 1.5]),
+    rtol=st.sampled_from([1e-3, *TOLERANCES]),
+)
+def test_a_mode_that_is_not_excited_leaves_the_tolerance(seed, d, order, rtol):
+    """``A = V diag(rates) V^-1``, and y(0) is a sum of all columns of V but one."""
+    rng = np.random.default_rng(seed)
+    basis, rates = rng.normal(size=(d, d)) + 2 * np.eye(d), -(10 ** rng.uniform(-1, 1, d))
+    assume(np.linalg.cond(basis) < 1e4)
+    amounts = rng.normal(size=d)
+    amounts[-1] = 0.0
+    y0, matrix = basis @ amounts, basis @ np.diag(rates) @ np.linalg.inv(basis)
+    params = [*matrix.ravel(), *np.zeros(d)]
+    equation = hd.Equation(
+        hd.Caputo(order), linear, y0 if order <= 1 else [y0, 0 * y0], params=params
+    )
+    sol, t = hd.solve(equation, 3.0, rtol=rtol), np.linspace(0.1, 3, 7)
+    assert sol.success
+    modes = [hd.exact.mittag_leffler(rate * t**order, order, 1.0).real for rate in rates]
+    off = np.abs(sol(t) - (np.array(modes).T * amounts) @ basis.T).max()
+    assert off <= 2 * rtol * np.abs(y0).max()
