@@ -7,9 +7,7 @@ import inspect
 import sys
 import warnings
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
-from typing import Any
 
 import matplotlib
 import matplotlib.pyplot as plt
@@ -20,8 +18,8 @@ import hereditary as hd
 
 from . import plots
 from .paper.command import main as paper
+from .precompile import precompile
 from .scenes import stick_slip, sticking_intervals
-from .solver.progress import ProgressBar
 from .support.checks import complaint
 
 # scene parameter -> what it is
@@ -35,8 +33,6 @@ _PARAMETERS = {
     "x0": "initial position",
     "v0": "initial velocity",
 }
-# Components, more than those of which a step is one dense system (system.FEW).
-_MANY = 12
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -49,7 +45,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     if argv and argv[0] == "paper":
         return paper(argv[1:])
     if argv == ["compile"]:
-        return _compile_all()
+        print(f"compiled: {precompile()} runs are ready")
+        return 0
     arguments = _parser().parse_args(argv)
     parameters = {name: getattr(arguments, name) for name in _PARAMETERS}
     try:
@@ -70,53 +67,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     _draw(solution, arguments.out)
     print(f"figure          {arguments.out}")
     return 0 if solution.success else 1
-
-
-def _compile_all() -> int:
-    """Compile the loops that take seconds into the cache on disk; return the exit status.
-
-    These are not run, and take at most a second each: SuperLU's solvers, and direct sums on meshes
-    and of orders that vary. Others are memory terms of other programs, and the divergence of
-    orbits.
-    """
-    runs, bar = _runs(), ProgressBar(True)
-    for number, run in enumerate(runs):
-        found = run()
-        if not np.all(found.success):
-            print(f"hereditary: {found}", file=sys.stderr)
-            return 1
-        bar.update((number + 1) / len(runs))
-    bar.close()
-    print(f"compiled: {len(runs)} runs are ready")
-    return 0
-
-
-def _runs():
-    """List short runs that enter all compiled loops."""
-
-    def equation(order, y0=1.0, **given):
-        return hd.Equation(hd.Caputo(order), lambda t, y: -y, y0, **given)
-
-    one, varying = equation(0.5), equation(lambda t: 0.5 + 0.0 * t)
-    wave, orders = np.ones(_MANY), np.linspace(0.5, 0.9, _MANY)
-    dense, band = equation(0.5, wave), equation(0.5, wave, bandwidth=(0, 0))
-    mixed = equation(orders, wave), equation(orders, wave, bandwidth=(0, 0))
-    linear = equation(0.5, wave, linear=-np.eye(_MANY))
-    steps, explicit, implicit = {"n_steps": 40}, hd.ExplicitCaputo(), hd.L1()
-    runs: list[tuple[hd.Equation, dict[str, Any]]] = [
-        *((one, steps | {"scheme": scheme}) for scheme in (explicit, implicit, hd.Adams())),
-        *((one, steps | {"history": history}) for history in (hd.Direct(), hd.FFT())),
-        (one, {"mesh": hd.graded(40, 2.0), "scheme": implicit}),
-        *((varying, steps | {"scheme": scheme}) for scheme in (explicit, implicit)),
-        *((eq, steps | {"scheme": hd.BDF(2)}) for eq in (dense, band)),
-        (linear, steps | {"scheme": hd.IMEX(hd.BDF(2))}),
-        *((eq, {"rtol": 1e-4}) for eq in (one, dense, band, *mixed)),
-    ]
-    return [
-        *(partial(hd.solve, equation, 1.0, **how) for equation, how in runs),
-        partial(hd.ensemble, one, 1.0, 40, y0=[1.0, 2.0]),
-        partial(hd.lyapunov, one, 1.0, 40),
-    ]
 
 
 def _parser():

@@ -1,40 +1,92 @@
-"""On-disk cache of machine code, valid for one version of the package's sources."""
+"""Machine code on disk: with the package, or in the user's cache."""
 
 import hashlib
-import os
+import json
 import sys
 import warnings
 from contextlib import suppress
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
+from typing import NamedTuple
 
-from .numba_internals import STORED, Entries
+import numba
+
+from .numba_internals import CHOSEN_PROCESSOR, STORED, Entries, Shipped, processor
+
+# Machine code that came with the package, and in this file of its folder what it is made for.
+SHIPPED = Path(__file__).parent.parent / "machine_code"
+_MADE_FOR = "made_for.json"
 
 
-def _digest_of_sources():
-    """Return a digest of all source files of the package."""
+class Target(NamedTuple):
+    """What machine code is made for: numba's version, and system, processor and features for LLVM.
+
+    `features` are such as "+avx2,-avx512f".
+    """
+
+    numba: str
+    system: str
+    processor: str
+    features: str
+
+    def fits(self, host):
+        """Return whether code that is made for this target runs on a host, which is a target too.
+
+        Versions of numba that differ in the last number alone run each other's code. A processor
+        that the user chose must be that of the code.
+        """
+        needed = {name for name in self.features.split(",") if name.startswith("+")}
+        return (
+            self.numba.split(".")[:2] == host.numba.split(".")[:2]
+            and self.system == host.system
+            and CHOSEN_PROCESSOR in (None, self.processor)
+            and needed <= {*host.features.split(",")}
+        )
+
+
+def _target_here():
+    """Return the target of numba's compilation in this process."""
+    return Target(numba.__version__, *processor())
+
+
+def note_target(folder):
+    """Note in a folder of machine code, which this process has made, what it is made for."""
+    Path(folder, _MADE_FOR).write_text(json.dumps(_target_here()._asdict(), indent=1))
+
+
+@cache
+def _shipped_for():
+    """Return the target of the code that came with the package; None without code that fits."""
+    try:
+        target = Target(**json.loads((SHIPPED / _MADE_FOR).read_text()))
+        return target if target.fits(_target_here()) else None
+    except Exception:  # of a file that is damaged, or of another version
+        return None
+
+
+@cache
+def _digest(folder):
+    """Return a digest of the source files of a folder as they are at the first call."""
     found = hashlib.sha256()
-    for folder, folders, names in os.walk(Path(__file__).parent.parent):
-        folders.sort()
-        for name in sorted(name for name in names if name.endswith(".py")):
-            found.update(Path(folder, name).read_bytes())
+    for path in sorted(folder.glob("*.py")):
+        found.update(path.read_bytes())
     return found.hexdigest()
 
 
-# Read at import: code loaded before an edit is not stored as that of the edit.
-_STAMP = _digest_of_sources()
+_FLOOR = Path(__file__).parent
 _NAMES: set[str] = set()
 
 
 class CodeCache:
-    """On-disk cache of one function of the package.
+    """Machine code of one function of the package on disk.
 
-    A change in the file that defines a cached function is noticed by numba. It notices no change in
-    the helpers, nor a switch of bounds checking or of fused arithmetic, and would return outdated
-    machine code. An entry here is valid for one digest of all sources and one set of options.
-    Functions of other packages, and those of one name after the first, are not stored. Where the
-    cache has no place, the function is compiled anew, with a single warning; where an entry cannot
-    be read, without one.
+    Code is looked for beside the package first, then in the user's cache, where compiled code is
+    stored. It is valid for one set of options and one digest of sources. These are the sources of
+    `compiled` and of the function's own folder, since nothing else enters it. Numba itself notices neither a
+    change in helpers, nor a switch of bounds checking or of fused arithmetic. Functions of other
+    packages, and those of one name after the first, are not stored. Where the cache has no place,
+    the function is compiled anew, with a single warning. Code that cannot be read, or is made for
+    another processor, numba or Python, is ignored without one.
 
     Parameters
     ----------
@@ -51,20 +103,37 @@ class CodeCache:
         name, package = f"{fun.__module__}.{fun.__qualname__}", __name__.split(".")[0] + "."
         self._stored = STORED and name.startswith(package) and name not in _NAMES
         _NAMES.add(name)
+        if self._stored:  # at import: code loaded before an edit is not stored as that of the edit
+            own = Path(fun.__code__.co_filename).parent
+            self._stamp = _digest(_FLOOR) + _digest(own)
 
     def load_overload(self, sig, target_context):
         """Return the stored compile result for a signature, or None."""
-        found, entries = None, self._entries
-        try:
-            found = entries and entries.load_overload(sig, target_context)
-        except Exception:  # a damaged entry may raise anything
-            with suppress(OSError):
-                entries.flush()
+        found = self._load_shipped(sig, target_context) or self._load_own(sig, target_context)
         if found is None and self._told and sys.stderr is not None:
-            once = ", once on this machine" if entries is not None else ""
+            once = ", once on this machine" if self._entries is not None else ""
             with suppress(OSError, ValueError):  # of a stream that is closed
                 sys.stderr.write(f"hereditary: compiling {self._told}{once} ...\n")
         return found
+
+    def _load_shipped(self, sig, context):
+        """Return the compile result that came with the package, or None."""
+        target = _shipped_for() if self._stored else None
+        if target is not None:
+            with suppress(Exception):  # a damaged entry may raise anything
+                how = self._options, self._stamp, target.numba, tuple(target[1:])
+                return Shipped(SHIPPED, self._fun, *how).load_overload(sig, context)
+        return None
+
+    def _load_own(self, sig, context):
+        """Return the compile result from the user's cache, or None."""
+        entries = self._entries
+        try:
+            return entries and entries.load_overload(sig, context)
+        except Exception:  # a damaged entry may raise anything
+            with suppress(OSError):
+                entries.flush()
+        return None
 
     def save_overload(self, sig, data):
         """Store a compile result."""
@@ -76,14 +145,14 @@ class CodeCache:
 
     @property
     def cache_path(self):
-        """Return the folder of the cache, or None."""
-        return getattr(self._entries, "cache_path", None)
+        """Return the folder of the cache, or None if it was not needed."""
+        return getattr(vars(self).get("_entries"), "cache_path", None)
 
     @cached_property
     def _entries(self):
         """Open the entries on disk; None if there is no place for them."""
         try:
-            return Entries(self._fun, self._options, _STAMP) if self._stored else None
+            return Entries(self._fun, self._options, self._stamp) if self._stored else None
         except (RuntimeError, OSError, AttributeError) as error:
             _warn_once(str(error))
 

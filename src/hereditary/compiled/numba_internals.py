@@ -9,6 +9,7 @@ environment makes all probes fail, for tests.
 import inspect
 import os
 import re
+import sys
 from functools import lru_cache
 from importlib import import_module
 from types import SimpleNamespace
@@ -34,6 +35,9 @@ _Dispatcher: Any = _private("core.registry", "CPUDispatcher")
 _Compiler: Any = _private("core.compiler", "Compiler")
 _Library: Any = _private("core.codegen", "JITCodeLibrary")
 _FunctionCache: Any = _private("core.caching", "FunctionCache")
+_IndexFile: Any = _private("core.caching", "IndexDataCacheFile")
+_Result: Any = _private("core.compiler", "CompileResult")
+_cpu_target: Any = _private("core.registry", "cpu_target")
 
 
 class Inner(_Dispatcher):
@@ -109,20 +113,56 @@ class _Loaded:
 
 
 class Entries(_FunctionCache):
-    """Machine code of one function on disk, valid for one stamp and one set of options."""
+    """Machine code of one function in the user's cache, of one stamp and one set of options."""
 
     def __init__(self, fun, options, stamp):
         super().__init__(fun)
         self._options = options
-        name = re.sub(
-            r"-\d+\.py", ".py", self._impl.filename_base
-        )  # without the number of its line
-        self._cache_file: Any = type(self._cache_file)(self._cache_path, name, stamp)
+        self._cache_file: Any = _IndexFile(self._cache_path, _name_of(fun), stamp)
 
     def _index_key(self, sig, codegen):
-        # numba's own key would hold what the function closes over, which is pickled anew in every
-        # process; the stamp stands for all that
-        return sig, codegen.magic_tuple(), self._options, bool(config.BOUNDSCHECK)
+        return _key(sig, codegen.magic_tuple(), self._options)
+
+
+class Shipped:
+    """Machine code of one function in a folder that is only read, made by `version` of numba.
+
+    `made_for` is what `processor` returned there.
+    """
+
+    def __init__(self, folder, fun, options, stamp, version, made_for):
+        self._fun, self._options, self._made_for = fun, options, made_for
+        self._file: Any = _IndexFile(str(folder), _name_of(fun), stamp)
+        self._file._version = version
+
+    def load_overload(self, sig, context):
+        """Return the stored compile result for a signature, or None."""
+        context.refresh()
+        found = self._file.load(_key(sig, self._made_for, self._options))
+        result = found and _Result._rebuild(context, *found)
+        named = result and (result.fndesc.modname, result.fndesc.qualname)
+        return result if named == (self._fun.__module__, self._fun.__qualname__) else None
+
+
+# Name of the processor that the user chose for numba, or None.
+CHOSEN_PROCESSOR = config.CPU_NAME
+
+
+def processor():
+    """Return LLVM's names of the system, the processor and its features; numba compiles for them."""
+    return _cpu_target.target_context.codegen().magic_tuple()
+
+
+def _name_of(fun):
+    """Return the name of a function's files, which no other function of the package has."""
+    python = f"py{sys.version_info[0]}{sys.version_info[1]}{getattr(sys, 'abiflags', '')}"
+    return re.sub("[<>]", "", f"{fun.__module__}.{fun.__qualname__}.{python}")
+
+
+def _key(sig, processor, options):
+    # numba's own key would hold what the function closes over, which is pickled anew in every
+    # process; the stamp stands for all that
+    return sig, processor, options, bool(config.BOUNDSCHECK)
 
 
 def _takes(owner, *calls):
@@ -171,7 +211,13 @@ def _hands_on():
 def _stores():
     calls = "load_overload sig target_context", "save_overload sig data", "flush"
     kept = hasattr(numba.njit(_stores), "_cache")
-    return kept and _takes(_FunctionCache, "_index_key sig codegen", *calls)
+    return (
+        kept
+        and _takes(_FunctionCache, "_index_key sig codegen", *calls)
+        and _takes(_IndexFile, "load key", "__init__ cache_path filename_base source_stamp")
+        and hasattr(_Result, "_rebuild")
+        and len(processor()) == 3
+    )
 
 
 def _passes(probe):

@@ -1,0 +1,88 @@
+"""Machine code for which first runs would wait, made ahead of them."""
+
+import multiprocessing
+import os
+import shutil
+import tempfile
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import hereditary as hd
+
+from .compiled.cache import note_target
+
+# Components, more than those of which a step is one dense system (system.FEW).
+_MANY = 12
+
+
+def precompile() -> int:
+    """Compile the loops that take seconds into the cache on disk; return the number of runs.
+
+    These are not run, and take at most a second each: SuperLU's solvers, and direct sums on meshes
+    and of orders that vary. Others are memory terms of other programs, and the divergence of
+    orbits. Two processes share the runs.
+    """
+    spawn = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(2, mp_context=spawn) as processes:
+        return sum(processes.map(_run_all, (_by_tolerance, _on_given_steps)))
+
+
+def precompile_into(folder: str) -> None:
+    """Compile into a folder that becomes part of the package."""
+    with tempfile.TemporaryDirectory() as cache:
+        os.environ["NUMBA_CACHE_DIR"] = cache  # of the two processes
+        precompile()
+        for path in Path(cache).rglob("*.nb[ci]"):
+            shutil.move(path, folder)
+    note_target(folder)
+
+
+def _run_all(listed):
+    """Run what a function lists; return how many runs there are."""
+    runs = listed()
+    for run in runs:
+        found = run()
+        if not np.all(found.success):
+            raise RuntimeError(f"{run} has failed: {found}")
+    return len(runs)
+
+
+def _equation(order, y0=1.0, **given):
+    return hd.Equation(hd.Caputo(order), lambda t, y: -y, y0, **given)
+
+
+def _few_and_many():
+    """Return equations of one component, of many, and of many with a banded Jacobian."""
+    wave = np.ones(_MANY)
+    return _equation(0.5), _equation(0.5, wave), _equation(0.5, wave, bandwidth=(0, 0))
+
+
+def _by_tolerance():
+    """List short runs that enter all compiled loops of `rtol=`."""
+    wave, orders = np.ones(_MANY), np.linspace(0.5, 0.9, _MANY)
+    mixed = _equation(orders, wave), _equation(orders, wave, bandwidth=(0, 0))
+    return [partial(hd.solve, eq, 1.0, rtol=1e-4) for eq in (*_few_and_many(), *mixed)]
+
+
+def _on_given_steps():
+    """List short runs that enter all other compiled loops."""
+    (one, dense, band), varying = _few_and_many(), _equation(lambda t: 0.5 + 0.0 * t)
+    linear = _equation(0.5, np.ones(_MANY), linear=-np.eye(_MANY))
+    steps, explicit, implicit = {"n_steps": 40}, hd.ExplicitCaputo(), hd.L1()
+    runs: list[tuple[hd.Equation, dict[str, Any]]] = [
+        *((one, steps | {"scheme": scheme}) for scheme in (explicit, implicit, hd.Adams())),
+        *((one, steps | {"history": history}) for history in (hd.Direct(), hd.FFT())),
+        (one, {"mesh": hd.graded(40, 2.0), "scheme": implicit}),
+        *((varying, steps | {"scheme": scheme}) for scheme in (explicit, implicit)),
+        *((eq, steps | {"scheme": hd.BDF(2)}) for eq in (dense, band)),
+        (linear, steps | {"scheme": hd.IMEX(hd.BDF(2))}),
+    ]
+    return [
+        *(partial(hd.solve, equation, 1.0, **how) for equation, how in runs),
+        partial(hd.ensemble, one, 1.0, 40, y0=[1.0, 2.0]),
+        partial(hd.lyapunov, one, 1.0, 40),
+    ]

@@ -1,0 +1,405 @@
+"""Machine code on disk: across processes and edits, with the package, damaged or not for us."""
+
+import ast
+import json
+import os
+import pickle
+import shutil
+import subprocess
+import sys
+from io import BytesIO
+from pathlib import Path
+
+import pytest
+from fresh_process import SOURCE, python
+
+from hereditary.compiled.cache import SHIPPED, Target
+
+compiled = pytest.mark.skipif(
+    os.environ.get("NUMBA_DISABLE_JIT") == "1", reason="nothing is compiled"
+)
+
+
+SOLVE = """
+import hereditary as hd
+from hereditary.compiled import march, past
+hd.solve(hd.scenes.stick_slip(), 1.0, 100)
+hd.solve(hd.Equation(hd.Caputo(0.5), lambda t, y: -y, 1.0), 1.0, 100)
+entry = march.MARCHES["explicit"].dispatcher
+print(len(entry.overloads), sum(entry.stats.cache_hits.values()),
+      sum(past.exchange_modes.stats.cache_hits.values()))
+"""
+
+
+@compiled
+def test_solver_loops_compile_once_per_machine_whatever_the_function(package, tmp_path):
+    assert python(SOLVE, tmp_path, package.parent) == "1 0 0"
+    assert python(SOLVE, tmp_path, package.parent) == "1 1 1"
+
+
+@pytest.fixture
+def package(tmp_path):
+    """A copy of the package that may be edited, in a folder of its own, without machine code."""
+    ignored = shutil.ignore_patterns("__pycache__", SHIPPED.name)
+    return Path(shutil.copytree(SOURCE, tmp_path / "copied" / "hereditary", ignore=ignored))
+
+
+TINY = """
+from .compiled.jit import F8, entry, inlined, compiled
+from .limit import LIMIT
+
+@compiled
+def doubled(x):
+    \"\"\"Double.\"\"\"
+    return 2.0 * x
+
+@inlined
+def raised(x):
+    return x + LIMIT
+
+@entry(F8)
+def more(x):
+    return doubled(x) + 1.0
+
+@entry(F8)
+def higher(x):
+    return raised(x)
+"""
+# Results of both, and how often an entry of each was found and missed; {} comes before the calls.
+CALL = """
+from hereditary import tiny
+{}
+for f in tiny.more, tiny.higher:
+    stats = f.dispatcher.stats
+    print(f(3.0), sum(stats.cache_hits.values()), sum(stats.cache_misses.values()), end=" ")
+"""
+EDITED = """
+from pathlib import Path
+file = Path(tiny.__file__)
+file.write_text(file.read_text().replace("2.0 * x", "5.0 * x"))
+"""
+
+
+def append(path):
+    """Add a comment to a file."""
+    path.write_text(path.read_text() + "# edited")
+
+
+@compiled
+def test_an_edit_of_what_is_compiled_compiles_anew(package, tmp_path):
+    """numba itself looks only at the file that defines the cached function."""
+    (package / "tiny.py").write_text(TINY)
+    (package / "limit.py").write_text("LIMIT = 1.0")
+
+    def run(before=""):
+        return python(CALL.format(before), tmp_path / "cache", package.parent)
+
+    assert run() == "7.0 0 1 4.0 0 1"
+    assert run(EDITED) == "7.0 1 0 4.0 1 0"  # of the code that this process loaded
+    assert run() == "16.0 0 1 4.0 0 1"
+    (package / "limit.py").write_text("LIMIT = 2.0")  # what an inlined helper reads
+    assert run() == "16.0 0 1 5.0 0 1"
+    append(package / "compiled" / "watch.py")
+    assert run() == "16.0 0 1 5.0 0 1"
+    for elsewhere in ("plots/lines.py", "solver/status.py", "analysis/table.py"):
+        append(package / elsewhere)
+    assert run() == "16.0 1 0 5.0 1 0"
+    assert len(list((tmp_path / "cache").rglob("*tiny.*"))) == 6  # of an edit none is left over
+
+
+def test_compiled_functions_use_nothing_but_their_own_room_and_compiled():
+    """So one digest of both tells of every change."""
+    decorators = "entry", "compiled", "inner", "embedded", "allocating", "reordered", "inlined"
+    seen = 0
+    for path in sorted(SOURCE.rglob("*.py")):
+        tree = ast.parse(path.read_text())
+        nodes = [node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
+        outside = {
+            alias.asname or alias.name
+            for node in nodes
+            for alias in node.names
+            if node.level > 1 and not (node.module or "").startswith("compiled.")
+        }
+        for node in ast.walk(tree):
+            found = getattr(node, "decorator_list", ())
+            if {getattr(getattr(each, "func", each), "id", "") for each in found} & {*decorators}:
+                seen += 1
+                used = {each.id for each in ast.walk(node) if isinstance(each, ast.Name)}
+                assert not used & outside, f"{path}, {node.name}"
+    assert seen > 150
+
+
+@compiled
+def test_code_that_is_compiled_after_an_edit_is_not_stored_as_that_of_the_edit(package, tmp_path):
+    (package / "tiny.py").write_text(TINY)
+    (package / "limit.py").write_text("LIMIT = 1.0")
+    for before, expected in (EDITED, "7.0 0 1 4.0 0 1"), ("", "16.0 0 1 4.0 0 1"):
+        assert python(CALL.format(before), tmp_path / "cache", package.parent) == expected
+
+
+LINKED = """
+from .compiled.jit import F8, entry, inner, reordered
+
+@inner
+def halved(x):
+    if x < 0.0:
+        raise ValueError("below 0")
+    return 0.5 * x
+
+@reordered
+def added(x):
+    return halved(x) + halved(x)
+
+@entry(F8, told="the sum")
+def summed(x):
+    return added(x)
+
+@entry(F8)
+def half(x):
+    return halved(x)
+
+def print_all():
+    print(summed(3.0), half(3.0), end=" ")
+    try:
+        summed(-1.0)
+    except ValueError as error:
+        print(error)
+"""
+
+
+@compiled
+def test_linked_helpers_belong_to_each_loop_and_raise_there(package, tmp_path):
+    """Also where the loop comes from the disk, when standard error has nothing to tell."""
+    (package / "linked.py").write_text(LINKED)
+    call = [sys.executable, "-c", "from hereditary import linked; linked.print_all()"]
+    environment = {"NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": str(package.parent)}
+    told = "hereditary: compiling the sum, once on this machine ...\n"
+    for message in (told, ""):
+        done = subprocess.run(
+            call,
+            env=os.environ | environment,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.stdout == "3.0 1.5 below 0\n"
+        assert done.stderr == message
+    assert not list((tmp_path / "cache").rglob("*halved*"))
+
+
+@compiled
+def test_damaged_entries_and_a_missing_folder_cost_no_more_than_time(package, tmp_path):
+    (package / "tiny.py").write_text(TINY)
+    (package / "limit.py").write_text("LIMIT = 1.0")
+    cache, code = tmp_path / "cache", CALL.format("")
+    assert python(code, cache, package.parent) == "7.0 0 1 4.0 0 1"
+    for ending in ("nbc", "nbi"):
+        for path in cache.rglob(f"*.{ending}"):
+            path.write_bytes(path.read_bytes()[:-20])
+        assert python(code, cache, package.parent) == "7.0 0 1 4.0 0 1"
+    assert python(code, cache, package.parent) == "7.0 1 0 4.0 1 0"
+    nowhere = tmp_path / "file" / "cache"  # no folder can be made there, nor beside the file
+    nowhere.parent.write_text("")
+    shutil.rmtree(package / "__pycache__", ignore_errors=True)
+    (package / "__pycache__").write_text("")
+    environment = {
+        "NUMBA_CACHE_DIR": str(nowhere), "HOME": str(nowhere), "PYTHONPATH": str(package.parent)
+    }  # fmt: skip
+    done = subprocess.run(
+        [sys.executable, "-W", "always", "-c", code],
+        env=os.environ | environment,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout.split()[0] == "7.0"
+    assert done.stderr.count("compiled code cannot be kept on disk") == 1
+
+
+MOVED = """
+import os
+from pathlib import Path
+from hereditary.compiled import cache
+cache.SHIPPED.mkdir()
+for path in Path(os.environ["NUMBA_CACHE_DIR"]).rglob("*tiny*.nb[ci]"):
+    path.rename(cache.SHIPPED / path.name)
+cache.note_target(cache.SHIPPED)
+"""
+
+
+@pytest.fixture
+def carried(package, tmp_path):
+    """A copy of the package that carries the machine code of `tiny`."""
+    (package / "tiny.py").write_text(TINY.replace("@entry(F8)", "@entry(F8, told='it')"))
+    (package / "limit.py").write_text("LIMIT = 1.0")
+    assert python(CALL.format(""), tmp_path / "made", package.parent) == "7.0 0 1 4.0 0 1"
+    python(MOVED, tmp_path / "made", package.parent)
+    return package
+
+
+def run_tiny(package, cache, **more):
+    """Return what a fresh process prints that calls the functions of `tiny`."""
+    places = {"NUMBA_CACHE_DIR": str(cache), "PYTHONPATH": str(package.parent)}
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", CALL.format("")],
+        env=os.environ | places | more,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return done.stdout.strip(), done.stderr
+
+
+def targets(package):
+    """Return the file of the target, and what it says."""
+    file = package / SHIPPED.name / "made_for.json"
+    return file, json.loads(file.read_text())
+
+
+CARRIED = "7.0 1 0 4.0 1 0", ""
+TOLD = "hereditary: compiling it, once on this machine ...\n"
+COMPILED = "7.0 0 1 4.0 0 1", TOLD * 2
+
+
+@compiled
+def test_code_comes_with_the_package_which_is_only_read(carried, tmp_path):
+    """Also where no cache can be made, and from a numba that differs in the last number."""
+    files = {path: path.read_bytes() for path in (carried / SHIPPED.name).iterdir()}
+    for path in carried.rglob("*"):
+        path.chmod(0o555 if path.is_dir() else 0o444)
+    nowhere = tmp_path / "file"
+    nowhere.write_text("")
+    assert run_tiny(carried, nowhere / "cache", HOME=str(nowhere)) == CARRIED
+    assert {path: path.read_bytes() for path in (carried / SHIPPED.name).iterdir()} == files
+    for path in carried.rglob("*"):
+        path.chmod(0o755)
+    file, target = targets(carried)
+    other = target["numba"].rsplit(".", 1)[0] + ".77"
+    for path in file.parent.glob("*.nbi"):
+        content = BytesIO(path.read_bytes())
+        assert pickle.load(content) == target["numba"]
+        path.write_bytes(pickle.dumps(other) + content.read())
+    file.write_text(json.dumps(target | {"numba": other}))
+    assert run_tiny(carried, tmp_path / "cache") == CARRIED
+    assert not list((tmp_path / "cache").rglob("*.nb?"))
+
+
+@compiled
+@pytest.mark.parametrize(
+    "other",
+    [
+        {"numba": "0.1.0"},
+        {"system": "riscv64-unknown-linux-gnu"},
+        {"features": "+avx2,+a-feature-of-no-processor"},
+        {"processor": 1, "number": 2},
+    ],
+    ids=str,
+)
+def test_code_for_another_target_is_left_alone(other, carried, tmp_path):
+    file, target = targets(carried)
+    file.write_text(json.dumps(target | other))
+    cache = tmp_path / "cache"
+    assert run_tiny(carried, cache) == COMPILED
+    assert run_tiny(carried, cache) == CARRIED  # now from the user's cache
+    assert len(list(cache.rglob("*tiny.*.nbc"))) == 3
+
+
+@compiled
+def test_a_processor_that_the_user_chose_is_not_ignored(carried, tmp_path):
+    how = {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""}
+    assert run_tiny(carried, tmp_path / "cache", **how) == COMPILED
+    assert run_tiny(carried, tmp_path / "cache", NUMBA_BOUNDSCHECK="1") == COMPILED
+
+
+@compiled
+@pytest.mark.parametrize(
+    "damage", [lambda kept: kept[:-20], lambda kept: b""], ids=["torn", "empty"]
+)
+@pytest.mark.parametrize("ending", ["nbc", "nbi", "json"])
+def test_damaged_files_beside_the_package_cost_a_compilation(damage, ending, carried, tmp_path):
+    for path in (carried / SHIPPED.name).glob(f"*.{ending}"):
+        path.write_bytes(damage(path.read_bytes()))
+    assert run_tiny(carried, tmp_path / "cache") == COMPILED
+
+
+@compiled
+@pytest.mark.parametrize("ending", ["1.nbc", "nbi"])
+def test_files_of_other_functions_cost_a_compilation(ending, carried, tmp_path):
+    """All have the same signature."""
+    files = sorted((carried / SHIPPED.name).glob(f"*tiny.*{ending}"))
+    kept = [path.read_bytes() for path in files]
+    assert len(files) == 3
+    for path, other in zip(files, kept[1:] + kept[:1], strict=True):
+        path.write_bytes(other)
+    assert run_tiny(carried, tmp_path / "cache") == COMPILED
+
+
+@compiled
+def test_code_of_other_sources_is_left_alone(carried, tmp_path):
+    append(carried / "tiny.py")
+    assert run_tiny(carried, tmp_path / "cache") == COMPILED
+
+
+def test_what_code_needs_of_a_processor():
+    host = Target("0.68.1", "x86_64-linux", "znver5", "+avx,+avx2,-avx512f,+fma")
+    baseline = host._replace(processor="x86-64-v3", features="+avx,+avx2")
+    assert host.fits(host)
+    assert baseline.fits(host)
+    assert not host.fits(baseline)
+    for other in ({"numba": "0.67.1"}, {"system": "x86_64-windows"}, {"features": "+avx512f"}):
+        assert not baseline._replace(**other).fits(host)
+    assert baseline._replace(numba="0.68.0", features="").fits(host)
+
+
+MISSING = """
+import warnings
+import numba
+from numba.core import caching, codegen, dispatcher
+{}
+with warnings.catch_warnings(record=True) as told:
+    warnings.simplefilter("always")
+    import hereditary
+    from hereditary.compiled import numba_internals as found
+told = [str(each.message) for each in told if each.category is RuntimeWarning]
+assert all(f"plain numba {{numba.__version__}}" in message for message in told)
+print(len(told), *map(int, (found.LINKED, found.VALUES, found.STORED)))
+"""
+
+
+@compiled
+@pytest.mark.parametrize(
+    ("missing", "expected"),
+    [
+        ("", "0 1 1 1"),
+        ("del codegen.CPUCodeLibrary._finalize_dynamic_globals", "1 0 1 1"),
+        ("dispatcher.Dispatcher.get_compile_result = lambda self, other: 1", "1 1 0 1"),
+        ("del caching.Cache._index_key", "1 1 1 0"),
+        ("import os; os.environ['HEREDITARY_PLAIN_NUMBA'] = '1'", "1 0 0 0"),
+    ],
+)
+def test_plain_numba_stands_in_for_what_it_lacks_and_that_is_told_once(missing, expected, tmp_path):
+    code = "import os; os.environ.pop('HEREDITARY_PLAIN_NUMBA', None)\n" + MISSING.format(missing)
+    assert python(code, tmp_path) == expected
+
+
+INTERRUPTED = """
+import signal
+import hereditary as hd
+equation, interrupted = hd.Equation(hd.Caputo(0.5), lambda t, y: -y, 1.0), 0
+signal.signal(signal.SIGALRM, lambda *_: signal.raise_signal(signal.SIGINT))
+while interrupted < 3:
+    try:
+        signal.setitimer(signal.ITIMER_REAL, 0.3, 0.3)
+        if hd.solve(equation, 10.0, 100).success:
+            break
+    except KeyboardInterrupt:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        interrupted += 1
+signal.setitimer(signal.ITIMER_REAL, 0)
+print(interrupted, hd.solve(equation, 10.0, 100).success)
+"""
+
+
+@compiled
+def test_interrupting_a_compilation_leaves_the_process_whole(package, tmp_path):
+    assert python(INTERRUPTED, tmp_path, package.parent) == "3 True"
