@@ -82,11 +82,11 @@ class CodeCache:
 
     Code is looked for beside the package first, then in the user's cache, where compiled code is
     stored. It is valid for one set of options and one digest of sources. These are the sources of
-    `compiled` and of the function's own folder, since nothing else enters it. Numba itself notices neither a
-    change in helpers, nor a switch of bounds checking or of fused arithmetic. Functions of other
-    packages, and those of one name after the first, are not stored. Where the cache has no place,
-    the function is compiled anew, with a single warning. Code that cannot be read, or is made for
-    another processor, numba or Python, is ignored without one.
+    `compiled` and of the function's own folder, since nothing else enters it. Numba itself notices
+    neither a change in helpers, nor a switch of bounds checking or of fused arithmetic. Functions
+    of other packages, and those of one name after the first, are not stored. Where the cache has no
+    place, the function is compiled anew, with a single warning. Code that cannot be read, or is
+    made for another processor, numba or Python, is ignored without one.
 
     Parameters
     ----------

@@ -149,7 +149,7 @@ CHOSEN_PROCESSOR = config.CPU_NAME
 
 
 def processor():
-    """Return LLVM's names of the system, the processor and its features; numba compiles for them."""
+    """Return LLVM's names of the system, the processor and its features that code is made for."""
     return _cpu_target.target_context.codegen().magic_tuple()
 
 
