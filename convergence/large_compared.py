@@ -20,9 +20,9 @@ from scipy.special import gamma
 
 import hereditary as hd
 from hereditary.exact import mittag_leffler
-from hereditary.schemes.steps import UniformSteps
-from hereditary.solver.fixed_stepper import FixedStepper
-from hereditary.solver.jacobian_watch import JacobianWatch
+from hereditary.given.fixed_stepper import FixedStepper
+from hereditary.given.jacobian_watch import JacobianWatch
+from hereditary.given.steps import UniformSteps
 
 ALPHA, POINTS = 0.7, 20
 

@@ -23,8 +23,8 @@ from scipy.special import gamma
 import hereditary as hd
 from hereditary.analysis.growth import assess
 from hereditary.equation.system import displaced
-from hereditary.schemes.steps import UniformSteps
-from hereditary.solver.fixed_stepper import FixedStepper
+from hereditary.given.fixed_stepper import FixedStepper
+from hereditary.given.steps import UniformSteps
 
 ALPHA, INTERVALS = 0.99, (0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
 STEP, T_END, TRANSIENT = 0.005, 100.0, 20.0

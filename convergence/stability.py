@@ -18,7 +18,7 @@ from scipy.special import gamma, zeta
 
 import hereditary as hd
 from hereditary import exact
-from hereditary.schemes import bdf
+from hereditary.given.schemes import bdf
 
 EXPLICIT, TRAPEZOID = hd.ExplicitCaputo(), hd.ProductTrapezoid()
 ADAMS = [hd.Adams(), hd.Adams(corrections=3)]

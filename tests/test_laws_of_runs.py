@@ -21,8 +21,8 @@ from cases import (
 )
 
 import hereditary as hd
-from hereditary.schemes.steps import UniformSteps, mesh_steps
-from hereditary.solver.fixed_stepper import FixedStepper
+from hereditary.given.fixed_stepper import FixedStepper
+from hereditary.given.steps import UniformSteps, mesh_steps
 
 # What rounding, and Newton's method, leave of laws that are exact otherwise, relative to |y|.
 ROUNDING = 3e-11

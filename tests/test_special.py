@@ -6,6 +6,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from hereditary.given.row_plan import moments
 from hereditary.kernels.special import (
     alternating_power_sum,
     alternating_sum,
@@ -14,7 +15,6 @@ from hereditary.kernels.special import (
     power_differences,
     power_second_differences,
 )
-from hereditary.schemes.row_plan import moments
 
 POWERS = [1e-6, 0.05, 0.2, 0.5, 0.8, 0.999]
 

@@ -21,9 +21,18 @@ from .ensemble import Ensemble, ensemble
 from .equation.equation import Equation
 from .equation.operators import Caputo, Memory, RiemannLiouville
 from .functions.python_calls import PythonFunctionWarning
-from .history.direct import Direct
-from .history.exponentials import SumOfExponentials
-from .history.fft import FFT
+from .given.history.direct import Direct
+from .given.history.exponentials import SumOfExponentials
+from .given.history.fft import FFT
+from .given.schemes.adams import Adams, ProductTrapezoid
+from .given.schemes.bdf import BDF
+from .given.schemes.explicit import ExplicitCaputo
+from .given.schemes.grunwald_letnikov import GrunwaldLetnikov
+from .given.schemes.l1 import L1
+from .given.schemes.l2 import L2
+from .given.schemes.l2sigma import L2Sigma
+from .given.schemes.l12 import L12
+from .given.steps import Graded, graded
 from .ivp import solve_ivp
 from .kernels.laplace import kernel_from_laplace
 from .kernels.measured import Kernel, TabulatedKernel
@@ -43,15 +52,6 @@ from .kernels.named_kernels import (
 )
 from .large.imex import IMEX
 from .large.memory_term import MemoryTerm, memory_term
-from .schemes.adams import Adams, ProductTrapezoid
-from .schemes.bdf import BDF
-from .schemes.explicit import ExplicitCaputo
-from .schemes.grunwald_letnikov import GrunwaldLetnikov
-from .schemes.l1 import L1
-from .schemes.l2 import L2
-from .schemes.l2sigma import L2Sigma
-from .schemes.l12 import L12
-from .schemes.steps import Graded, graded
 from .solver.solution import Solution, SolveWarning, StabilityWarning, Status
 from .solver.solve import solve
 

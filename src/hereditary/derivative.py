@@ -17,13 +17,13 @@ from .equation.operators import Summand
 from .equation.statement import as_terms, factors_of
 from .equation.system import System
 from .equation.terms import ConstantOrder, SystemTerm
+from .given.schemes.l1 import L1
+from .given.schemes.l2 import L2
+from .given.schemes.l12 import L12
 from .kernels.named_kernels import PowerLaw
 from .kernels.special import graded_unit
 from .kernels.step_kernel import Integrated
-from .schemes.l1 import L1
-from .schemes.l2 import L2
-from .schemes.l12 import L12
-from .schemes.scheme import Scheme
+from .stepping.scheme import Scheme
 from .support.checks import complaint, instance, real, real_array, shown
 
 # Times whose distance from even ones is below this share of the step are even.

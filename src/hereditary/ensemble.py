@@ -14,16 +14,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .equation.equation import Equation, current_equation
-from .history.history import History
-from .schemes.scheme import Scheme
-from .schemes.steps import checked_breaks, kept_steps
+from .given.history.history import History
+from .given.steps import kept_steps
 from .solver.opening import how_to_step, open_stepper
 from .solver.output import room_for
 from .solver.progress import Interruption, ProgressBar
 from .solver.run import Drive, reached_end, told
 from .solver.solution import SolveWarning, StabilityWarning
 from .solver.solve import chosen_scheme, evaluation_times, run_end, solve
-from .solver.status import Status
+from .stepping.scheme import Scheme
+from .stepping.status import Status
+from .stepping.times import checked_breaks
 from .support.checks import complaint, count, real_array, refuse_masked, shown, whole
 from .support.machine import cores
 from .support.warning import silence, warn

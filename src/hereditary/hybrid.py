@@ -18,9 +18,9 @@ import numpy as np
 from .compiled.jit import derived
 from .equation.system import changed
 from .functions.assemble import switch_of
-from .schemes.steps import together
 from .solver.events import TINY, Events, value_of
-from .solver.status import Status
+from .stepping.status import Status
+from .stepping.times import together
 from .support.checks import complaint, real, shown
 
 # Numbers that each switch adds to the parameters.

@@ -13,7 +13,7 @@ from .equation.equation import Equation
 from .equation.operators import Caputo
 from .solver.solution import Solution
 from .solver.solve import evaluation_times, solve
-from .solver.status import Status
+from .stepping.status import Status
 from .support.checks import complaint, one_of, real_array, refuse_masked, shown, truth
 
 # SciPy's names of methods, which all mean adaptive collocation here.

@@ -9,7 +9,7 @@ from pymittagleffler import mittag_leffler
 
 import hereditary as hd
 from hereditary.analysis.lyapunov import benettin
-from hereditary.schemes.steps import UniformSteps
+from hereditary.given.steps import UniformSteps
 from hereditary.solver.opening import open_stepper
 
 DIRECT = hd.Direct()

@@ -10,11 +10,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 SOURCE = ROOT / "src" / "hereditary"
-COMPILED = ["adaptive", "collocation", "error_estimate", "mode_tables", "rows", "stages"]
-FILES = [
-    *(f"collocation/{path.stem}" for path in sorted((SOURCE / "collocation").glob("*.py"))),
-    *(f"compiled/{name}" for name in [*COMPILED, "structures"]),
-]
+FILES = [f"collocation/{path.stem}" for path in sorted((SOURCE / "collocation").glob("*.py"))]
 # Numbers that name a case, a place or a letter of LAPACK.
 CODES = {"FORCE", "PRIMARY", "POSITION", "SLOPE", "ITSELF", "FIRST_LOOK"}
 CODES |= {"_WITHOUT", "_WITH", "_SCALING"}

@@ -12,13 +12,13 @@ from hypothesis.extra import numpy as hnp
 from numpy.polynomial import legendre as leg
 from scipy.special import rgamma
 
+from hereditary.collocation.mode_tables import exponential_legendre, floor_to_grid
 from hereditary.collocation.quadrature import (
     polynomial_integrals,
     radau_integrals,
     radau_nodes,
     to_legendre,
 )
-from hereditary.compiled.mode_tables import exponential_legendre, floor_to_grid
 
 NUMBERS = (2, 3, 4, 6, 8, 12)
 ORDERS = (1e-6, 0.02, 0.5, 0.999999, 1.0)

@@ -7,13 +7,13 @@ from hypothesis import strategies as st
 from strategies import orders, sequences
 
 import hereditary as hd
-from hereditary.compiled.past import exchange_direct
-from hereditary.compiled.signatures import Tables, held
+from hereditary.given.fixed_stepper import FixedStepper
+from hereditary.given.past import exchange_direct
+from hereditary.given.plan import Convolution
+from hereditary.given.signatures import Tables, held
+from hereditary.given.steps import UniformSteps
+from hereditary.given.weights import FIRST_DIFFERENCES, SECOND_DIFFERENCES
 from hereditary.kernels.step_kernel import PowerSteps
-from hereditary.schemes.scheme import Convolution
-from hereditary.schemes.steps import UniformSteps
-from hereditary.schemes.weights import FIRST_DIFFERENCES, SECOND_DIFFERENCES
-from hereditary.solver.fixed_stepper import FixedStepper
 
 N_BLOCK, N_BLOCKS = 8, 6
 N = N_BLOCK * N_BLOCKS

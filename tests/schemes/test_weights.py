@@ -5,13 +5,13 @@ import numpy as np
 import pytest
 from scipy.special import binom
 
+from hereditary.given import weights as rules
+from hereditary.given.schemes.adams import FIRST_VALUE, HATS
+from hereditary.given.schemes.bdf import _FIRST_MODAL, quadrature_weights, start_coefficients
+from hereditary.given.schemes.grunwald_letnikov import POWER_SERIES, SPEED
+from hereditary.given.schemes.l12 import BACKWARD_PARABOLAS, BACKWARD_START
 from hereditary.kernels.exponential_sum import fit_unit
 from hereditary.kernels.step_kernel import PowerSteps
-from hereditary.schemes import weights as rules
-from hereditary.schemes.adams import FIRST_VALUE, HATS
-from hereditary.schemes.bdf import _FIRST_MODAL, quadrature_weights, start_coefficients
-from hereditary.schemes.grunwald_letnikov import POWER_SERIES, SPEED
-from hereditary.schemes.l12 import BACKWARD_PARABOLAS, BACKWARD_START
 
 POWERS = tuple(PowerSteps(p) for p in (0.05, 0.5, 0.95))
 FAR = [1, 2, 3, 4, 17, 300, 99_999]

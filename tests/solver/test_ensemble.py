@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import hereditary as hd
-from hereditary.solver.status import Status
+from hereditary.stepping.status import Status
 
 
 def decay(t, y, p):

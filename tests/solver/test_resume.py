@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import hereditary as hd
-from hereditary.solver import state as states
+from hereditary.stepping import state as states
 
 WAYS = [({"n_steps": 100}, hd.L1()), ({"rtol": 1e-8}, hd.Collocation())]
 

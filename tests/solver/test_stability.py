@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import hereditary as hd
-from hereditary.schemes import stability
+from hereditary.given import stability
 
 SCHEME, POWER_SERIES = hd.ExplicitCaputo(), hd.GrunwaldLetnikov()
 EXPLICIT = [SCHEME, POWER_SERIES]

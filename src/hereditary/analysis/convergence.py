@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..equation.equation import Equation
-from ..history.history import History
-from ..schemes.scheme import Scheme
+from ..given.history.history import History
 from ..solver.solve import solve
+from ..stepping.scheme import Scheme
 from ..support.checks import complaint, count, real_array, shown, truth, whole
 
 _HEADS = "N", "h", "error", "order"

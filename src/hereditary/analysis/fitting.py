@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from ..equation.equation import Equation
 from ..solver.solution import Solution
 from ..solver.solve import solve
-from ..support.checks import (
+from ..support.checks import (  # fmt: skip
     complaint,
     component_numbers,
     function,
@@ -22,7 +22,7 @@ from ..support.checks import (
     one_of,
     real_array,
     shown,
-)  # fmt: skip
+)
 from ..support.warning import warn
 
 # Relative change of parameters in differences: runs to a tolerance of 1e-8 leave 1e-4 in them.

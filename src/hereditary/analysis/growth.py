@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..solver.status import Status
+from ..stepping.status import Status
 from ..support.html import paragraph, rows_of
 
 # A slope counts as different from zero beyond this many standard errors.

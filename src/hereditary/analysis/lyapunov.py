@@ -14,27 +14,28 @@ from numpy.typing import ArrayLike
 from ..collocation.method import Collocation
 from ..collocation.reading import reduced
 from ..compiled.callbacks import pass_on
-from ..compiled.growing_march import PACE, due, note
 from ..compiled.jacobian import jacobian
 from ..compiled.jit import F8, I8, MAT, VEC, entry
+from ..compiled.records import record
 from ..compiled.signatures import JAC, RHS
-from ..compiled.structures import record
 from ..equation.equation import Equation, current_equation
 from ..equation.system import System, displaced
-from ..history.history import History
-from ..schemes.adams import Adams
-from ..schemes.bdf import BDF
-from ..schemes.explicit import ExplicitCaputo
-from ..schemes.l1 import L1
-from ..schemes.scheme import Scheme, distinct_components
-from ..schemes.steps import steps_in
-from ..solver.dense import StepPieces
-from ..solver.fixed_stepper import FixedStepper
+from ..equation.terms import distinct_components
+from ..given.fixed_stepper import FixedStepper
+from ..given.growing_march import PACE, due, note
+from ..given.history.history import History
+from ..given.schemes.adams import Adams
+from ..given.schemes.bdf import BDF
+from ..given.schemes.explicit import ExplicitCaputo
+from ..given.schemes.l1 import L1
+from ..given.steps import steps_in
 from ..solver.opening import how_to_step, open_stepper
 from ..solver.progress import Interruption, ProgressBar
 from ..solver.run import Drive, reached_end, told
-from ..solver.status import Status
-from ..support.checks import (
+from ..stepping.dense import StepPieces
+from ..stepping.scheme import Scheme
+from ..stepping.status import Status
+from ..support.checks import (  # fmt: skip
     complaint,
     count,
     instance,
@@ -45,7 +46,7 @@ from ..support.checks import (
     shown,
     whole,
     within,
-)  # fmt: skip
+)
 from ..support.warning import silence, warn
 from .growth import LyapunovResult, Verdict, assess, kaplan_yorke
 
@@ -94,7 +95,7 @@ def benettin(stepper, stops, note, to=None):
     stepper : Stepper or any object
         Has `position`, `trouble`, ``advance(stop)``, `tangent` (n, k) and
         ``transform_tangent(matrix)``, which replaces the tangents, with all memory, by their
-        combinations (`solver/stepper.py`).
+        combinations (`stepping/stepper.py`).
     stops : iterable
         Ascending positions.
     note : callable

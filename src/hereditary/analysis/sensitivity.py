@@ -14,13 +14,14 @@ from ..compiled.jit import RHS_SIG, as_value, derived
 from ..equation.equation import Equation, current_equation
 from ..equation.system import System
 from ..equation.terms import ConstantOrder, SystemTerm
-from ..history.history import History
-from ..schemes.scheme import Scheme
-from ..schemes.steps import checked_breaks, kept_steps
+from ..given.history.history import History
+from ..given.steps import kept_steps
 from ..solver.opening import how_to_step, open_stepper
 from ..solver.run import reached_end, told
 from ..solver.solve import chosen_scheme, evaluation_times, run_end, solve
-from ..solver.status import Status
+from ..stepping.scheme import Scheme
+from ..stepping.status import Status
+from ..stepping.times import checked_breaks
 from ..support.checks import complaint
 from ..support.warning import silence
 

@@ -8,7 +8,21 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiled.adaptive import (
+from ..compiled.jacobian import LEAST
+from ..compiled.records import plain
+from ..equation.system import refuse_late
+from ..functions.differences import wrong_jacobian
+from ..kernels.memory_kernel import warn_of_fit
+from ..stepping.state import AdaptiveState, check_identity, check_reach, complete, identity
+from ..stepping.status import NOT_FINITE, Status, failed
+from ..stepping.stepper import Stepper
+from ..stepping.times import breaks_ahead
+from ..support.checks import complaint
+from .equations import integral_form
+from .error_estimate import SMALL, raise_small
+from .first_rule import convolutions, first_rule
+from .jumps import jump
+from .march import (
     CRAWLING,
     FULL,
     JUMPING,
@@ -20,10 +34,15 @@ from ..compiled.adaptive import (
     march_adaptive,
     set_units,
 )
-from ..compiled.error_estimate import LEAST, SMALL, raise_small
-from ..compiled.mode_tables import empty_tables, floor_to_grid
-from ..compiled.rows import FORCE, POSITION, PRIMARY
-from ..compiled.structures import (
+from .mode_tables import empty_tables, floor_to_grid
+from .operators import FORCE, POSITION, PRIMARY
+from .orbit import OrbitAndTangents, initial_values
+from .pieces import FirstPiece, PolynomialPieces
+from .quadrature import radau_nodes, rule_of, shortened_legendre
+from .reading import Plain, Reading
+from .singular_start import trials
+from .stage_solver import has_stages, stage_solver
+from .structures import (
     ExponentialBasis,
     Limits,
     OrbitArrays,
@@ -31,32 +50,8 @@ from ..compiled.structures import (
     StepTables,
     empty_steps,
     initial_state,
-    plain,
     restored_state,
 )
-from ..equation.system import refuse_late
-from ..functions.differences import wrong_jacobian
-from ..kernels.memory_kernel import warn_of_fit
-from ..schemes.steps import breaks_ahead
-from ..solver.state import (
-    AdaptiveState,
-    check_identity,
-    check_reach,
-    complete,
-    identity,
-)
-from ..solver.status import NOT_FINITE, Status, failed
-from ..solver.stepper import Stepper
-from ..support.checks import complaint
-from .equations import integral_form
-from .first_rule import convolutions, first_rule
-from .jumps import jump
-from .orbit import OrbitAndTangents, initial_values
-from .pieces import FirstPiece, PolynomialPieces
-from .quadrature import radau_nodes, rule_of, shortened_legendre
-from .reading import Plain, Reading
-from .singular_start import trials
-from .stage_solver import has_stages, stage_solver
 from .varying import OrderTables
 
 # Largest number of steps of a run by default.

@@ -19,18 +19,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiled.rows import (
-    FORCE,
-    ITSELF,
-    POSITION,
-    PRIMARY,
-    SLOPE,
-)
-from ..compiled.structures import TERM, records
+from ..compiled.records import records
 from ..equation.orders import OrderFailed
 from ..equation.system import FEW, System
 from ..equation.terms import Operator, SystemTerm
 from ..support.checks import complaint
+from .operators import FORCE, ITSELF, POSITION, PRIMARY, SLOPE
+from .structures import TERM
 
 # Smallest order of integration: lesser powers of two step lengths are equal in double precision.
 _LEAST = 5e-10
@@ -45,7 +40,7 @@ class Form:
     Attributes
     ----------
     terms : ndarray of `TERM`, shape (n,)
-        Convolution terms: row, integrand (compiled/collocation.py), index of the order or kernel,
+        Convolution terms: row, integrand (collocation/newton.py), index of the order or kernel,
         and coefficient. Row c < d is p of component c, row d + c the terms subtracted from its
         right-hand side. The index is -1 where the integrand itself enters.
     offset_of : ndarray of int64, shape (n,)

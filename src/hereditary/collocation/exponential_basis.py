@@ -130,7 +130,7 @@ class KernelBasis:
     ----------
     rates, gains : ndarray, shape (M,)
         Complex rates in conjugate pairs, and factors of the modes in the history
-        (compiled/mode_tables.py).
+        (collocation/mode_tables.py).
     weights : ndarray, shape (n, M)
         1 for complex rates, whose gains are the weights.
     masses : ndarray, shape (n,)

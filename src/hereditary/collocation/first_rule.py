@@ -16,8 +16,8 @@ import numpy as np
 from numpy.polynomial.legendre import leggauss
 from scipy.special import rgamma
 
-from ..compiled.structures import Rule
 from .quadrature import check_points_of, legendre_values, radau_nodes, to_legendre
+from .structures import Rule
 
 # Width next to 1 that the graded rule leaves out; kernels are integrated there in closed form.
 LEFT_OUT = 0.25**26 / 2

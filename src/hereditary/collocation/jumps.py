@@ -6,7 +6,7 @@ keeps p continuous. At t = 0, and wherever f jumps, p jumps until the equation h
 
 import numpy as np
 
-from ..compiled.rows import ITSELF, PRIMARY, SLOPE
+from .operators import ITSELF, PRIMARY, SLOPE
 
 # Distance at which kernels are evaluated for their value at 0.
 _NEXT_TO_0 = 1e-300

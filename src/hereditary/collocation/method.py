@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from ..equation.system import System
-from ..schemes.scheme import Plan, Scheme, check_smoothness
+from ..stepping.scheme import Scheme, check_smoothness
 from ..support.checks import complaint, count, positive, within
 
 
@@ -86,7 +86,7 @@ class Collocation(Scheme):
         check_smoothness(smoothness)
         return self.nodes + (alpha if alpha <= 1 else alpha - 1)
 
-    def plan(self, equation: System, h: float) -> Plan:
+    def plan(self, equation: System, h: float) -> Any:
         """Refuse: this scheme has no plan for uniform steps."""
         required = "be left out with Collocation, which chooses its steps"
         raise ValueError(complaint("n_steps", required, f"h = {h}", "pass rtol instead"))

@@ -13,16 +13,11 @@ import numpy as np
 from scipy.special import rgamma
 
 from ..compiled.linalg import product
-from ..compiled.rows import ITSELF, SLOPE
-from ..compiled.structures import Equations, OrbitArrays
 from ..kernels.memory_kernel import NO_ERRORS
-from .exponential_basis import (
-    NO_KERNELS,
-    NO_POWER_LAWS,
-    kernel_basis,
-    power_law_basis,
-)
+from .exponential_basis import NO_KERNELS, NO_POWER_LAWS, kernel_basis, power_law_basis
 from .first_rule import LEFT_OUT, Variable, at_rule, graded_rule
+from .operators import ITSELF, SLOPE
+from .structures import Equations, OrbitArrays
 from .varying import NOTHING_VARIES, varying_basis
 
 
@@ -183,7 +178,7 @@ class OrbitAndTangents:
         """Move the modes to the end of a singular start; values (1 + k, 3, d, n) of f, p and y."""
         self.last_length, self._singular = length, (variable, values)
         self._last_offsets = self.offsets
-        if np.any(self.power_laws.rates[:1] == 0.0):  # as in compiled/adaptive.py
+        if np.any(self.power_laws.rates[:1] == 0.0):  # as in collocation/march.py
             d = self.x.shape[1]
             self.initial += self.modes[:, :d, 0]
             self.modes[:, :d, 0] = 0.0

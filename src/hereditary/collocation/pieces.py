@@ -6,7 +6,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.polynomial.legendre import legder, legint
 
-from ..solver.dense import Piece, last_start
+from ..stepping.dense import Piece, last_start
 from .first_rule import Variable, means_at_nodes
 from .quadrature import legendre_values, through_start, to_legendre
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.polynomial import legendre as leg
 from scipy.special import rgamma, roots_jacobi
 
-from ..compiled.structures import Rule
+from .structures import Rule
 
 # Number of orders between which integrals, entire functions of the order, are interpolated.
 _N_ORDERS = 24

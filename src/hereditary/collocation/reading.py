@@ -20,7 +20,7 @@ from ..equation.affine import affine
 from ..equation.chain import left_of
 from ..equation.frame import Frame
 from ..equation.system import System
-from ..solver.dense import Piece
+from ..stepping.dense import Piece
 from ..support.checks import complaint
 
 

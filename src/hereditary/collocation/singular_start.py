@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 
-from ..compiled.rows import FORCE
-from ..schemes.stability import eigenvalues
+from ..compiled.linalg import eigenvalues
 from .first_rule import Variable
+from .operators import FORCE
 from .stage_solver import has_stages
 
 # Factor of the length after a refused step.

@@ -9,7 +9,8 @@ from ..compiled.callbacks import lapack_address
 from ..compiled.jit import as_value
 from ..compiled.linalg import address_of_factors
 from ..compiled.sparse_solvers import SparseFactors
-from ..compiled.stages import (
+from ..equation.system import FEW
+from .stages import (
     banded_stages,
     dense_stages,
     joint_banded,
@@ -18,8 +19,7 @@ from ..compiled.stages import (
     no_stages,
     sparse_stages,
 )
-from ..compiled.structures import N_CONTROL, STAGES_SIG, Stages
-from ..equation.system import FEW
+from .structures import N_CONTROL, STAGES_SIG, Stages
 
 # Steps of one length with a dense Jacobian before a longer one is worth new factors.
 _HOLD = 1

@@ -7,12 +7,13 @@ without weights. A step reads them by tables that are filled before it.
 import numpy as np
 from scipy.special import rgamma
 
-from ..compiled.adaptive import set_times
-from ..compiled.structures import TABULATED, VaryingOrders, record
+from ..compiled.records import record
 from ..equation.orders import OrderFailed
 from ..kernels.exponential_sum import SLOW_NODES, bank_of_all_orders, weights_of_orders
 from .exponential_basis import GridBasis
+from .march import set_times
 from .quadrature import integrals_of_rows, radau_nodes
+from .structures import TABULATED, VaryingOrders
 
 
 class VaryingBasis(GridBasis):

@@ -65,15 +65,19 @@ def _shipped_for():
 
 
 @cache
-def _digest(folder):
-    """Return a digest of the source files of a folder as they are at the first call."""
-    found = hashlib.sha256()
-    for path in sorted(folder.glob("*.py")):
-        found.update(path.read_bytes())
+def _digest(room):
+    """Return a digest of the files of a room that compile, as they are at the first call.
+
+    All files of `compiled` count as such.
+    """
+    found, package = hashlib.sha256(), Path(__file__).parents[1]
+    for path in sorted([*package.glob(f"{room}.py"), *package.glob(f"{room}/**/*.py")]):
+        source = path.read_bytes()
+        if room == "compiled" or b"jit import" in source:
+            found.update(source)
     return found.hexdigest()
 
 
-_FLOOR = Path(__file__).parent
 _NAMES: set[str] = set()
 
 
@@ -81,12 +85,12 @@ class CodeCache:
     """Machine code of one function of the package on disk.
 
     Code is looked for beside the package first, then in the user's cache, where compiled code is
-    stored. It is valid for one set of options and one digest of sources. These are the sources of
-    `compiled` and of the function's own folder, since nothing else enters it. Numba itself notices
-    neither a change in helpers, nor a switch of bounds checking or of fused arithmetic. Functions
-    of other packages, and those of one name after the first, are not stored. Where the cache has no
-    place, the function is compiled anew, with a single warning. Code that cannot be read, or is
-    made for another processor, numba or Python, is ignored without one.
+    stored. It is valid for one set of options and one digest of sources. These are the files that
+    compile in `compiled` and in the function's own room, since no others enter it. Numba itself
+    notices neither a change in helpers, nor a switch of bounds checking or of fused arithmetic.
+    Functions of other packages, and those of one name after the first, are not stored. Where the
+    cache has no place, the function is compiled anew, with a single warning. Code that cannot be
+    read, or is made for another processor, numba or Python, is ignored without one.
 
     Parameters
     ----------
@@ -104,8 +108,7 @@ class CodeCache:
         self._stored = STORED and name.startswith(package) and name not in _NAMES
         _NAMES.add(name)
         if self._stored:  # at import: code loaded before an edit is not stored as that of the edit
-            own = Path(fun.__code__.co_filename).parent
-            self._stamp = _digest(_FLOOR) + _digest(own)
+            self._stamp = _digest("compiled") + _digest(fun.__module__.split(".")[1])
 
     def load_overload(self, sig, target_context):
         """Return the stored compile result for a signature, or None."""

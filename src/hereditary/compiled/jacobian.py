@@ -13,6 +13,9 @@ from .signatures import JAC, RHS
 
 # Central differences lose least at the cube root of the rounding unit, 6e-6: error 4e-11 relative.
 _STEP = 6.055454452393343e-06
+# Least unit and least tolerance: smaller numbers lose their digits. No run changes with ten times
+# this, not even from y(0) = 1e-190.
+LEAST = 1e-200
 # Rows of the entries of a sparse Jacobian. Where it is given, the place of each value in the array
 # that the user's function fills (-1: none) stands for its group; constants are added to these.
 VALUES, ROWS, COLUMNS, GROUPS, CONSTANTS, N_ENTRY_ROWS = range(6)

@@ -1,5 +1,7 @@
 """Dense linear algebra for compiled code: elimination by loops, from some size on by LAPACK."""
 
+import importlib
+
 import numpy as np
 
 from .callbacks import call_lapack, lapack_address
@@ -259,3 +261,46 @@ def dense_solver(task, number, matrix, x, linear):
         right[i] = x[i]
     substitute(factors, order, right, x)
     return 0
+
+
+@inner
+def add_rows(out, factors, rows):
+    """Add factors @ rows to out, four rows at a time.
+
+    The inner loop runs along `out`, so it is vectorised without reordering any sum.
+    """
+    # out (n,), factors (m,), rows (m, n)
+    fours = factors.shape[0] // 4 * 4
+    for k in range(0, fours, 4):
+        f0, f1, f2, f3 = factors[k], factors[k + 1], factors[k + 2], factors[k + 3]
+        r0, r1, r2, r3 = rows[k], rows[k + 1], rows[k + 2], rows[k + 3]
+        for j in range(out.shape[0]):
+            out[j] += (f0 * r0[j] + f1 * r1[j]) + (f2 * r2[j] + f3 * r3[j])
+    for k in range(fours, factors.shape[0]):
+        for j in range(out.shape[0]):
+            out[j] += factors[k] * rows[k, j]
+
+
+# Components beyond which only the eigenvalues of largest modulus are computed.
+_VERY_MANY = 200
+# Their number.
+_LARGEST = 6
+# Restarts of ARPACK before a bound by norms is taken instead.
+_RESTARTS = 300
+
+
+def eigenvalues(matrix):
+    """Return eigenvalues of a matrix; of a very large one those of largest modulus."""
+    if matrix.shape[0] <= _VERY_MANY:
+        return np.linalg.eigvals(matrix if isinstance(matrix, np.ndarray) else matrix.toarray())
+    arpack = importlib.import_module("scipy.sparse.linalg")  # whose import takes long
+    start = np.random.default_rng(0).normal(size=matrix.shape[0])
+    try:
+        how = {"return_eigenvectors": False, "tol": 1e-5, "maxiter": _RESTARTS}
+        return arpack.eigs(matrix, _LARGEST, v0=start, **how)
+    except arpack.ArpackNoConvergence as error:
+        # the largest converge first; of a power iteration's estimate the norm is a bound
+        if error.eigenvalues.size:
+            return error.eigenvalues
+        sizes = abs(matrix)
+        return np.sqrt([sizes.sum(axis=0).max() * sizes.sum(axis=1).max()])

@@ -287,3 +287,21 @@ class VaryingOrder:
 
 
 Operator = ConstantOrder | KernelOperator | VaryingOrder
+
+
+def distinct_components(equation):
+    """Return the different (coefficient, operator) lists of components, and their indices.
+
+    Terms with a zero coefficient are left out.
+    """
+    columns = np.array([c for _, c in equation.left])
+    if np.all(columns == columns[:, :1]):
+        columns = columns[:, :1]
+    rows = map(tuple, columns.T.tolist())
+    kinds: dict[tuple, int] = {}
+    numbers = [kinds.setdefault(row, len(kinds)) for row in rows]
+    held = [zip(row, equation.left, strict=True) for row in kinds]
+    keys = [tuple((c, operator) for c, (operator, _) in terms if c != 0) for terms in held]
+    distinct = list(dict.fromkeys(keys))
+    found = np.array([distinct.index(key) for key in keys], dtype=np.int64)[numbers]
+    return distinct, np.broadcast_to(found, equation.d).copy()

@@ -4,8 +4,7 @@ from contextlib import suppress
 
 import numpy as np
 
-from ..compiled.error_estimate import LEAST
-from ..compiled.jacobian import VALUES, extend, jacobian_at, no_jacobian
+from ..compiled.jacobian import LEAST, VALUES, extend, jacobian_at, no_jacobian
 from ..compiled.jit import JAC_SIG, as_value
 from ..support.checks import complaint
 

@@ -5,12 +5,13 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..compiled.watch import SLOWEST
 from ..equation.affine import slopes
 from ..equation.system import FEW, System, changed
-from ..schemes.bdf import BDF
-from ..schemes.l1 import L1
-from ..schemes.scheme import Plan, Scheme
+from ..given.plan import Plan
+from ..given.schemes.bdf import BDF
+from ..given.schemes.l1 import L1
+from ..given.watch import SLOWEST
+from ..stepping.scheme import Scheme
 from ..support.checks import complaint
 from .structure import Structure, entries_of, no_slopes
 

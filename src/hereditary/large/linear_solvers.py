@@ -7,7 +7,7 @@ from ..compiled.jit import as_value
 from ..compiled.linalg import no_solver
 from ..compiled.signatures import SOLVER_SIG, LinearSolver
 from ..compiled.sparse_solvers import SparseFactors, banded_solver, sparse_solver
-from ..solver.linear_solvers import Newton
+from ..given.linear_solvers import Newton
 
 
 def newton_of_structure(structure, slots, implicit, exact):

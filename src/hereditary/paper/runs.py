@@ -16,9 +16,9 @@ from ..analysis.growth import assess
 from ..analysis.lyapunov import lyapunov, memory
 from ..analysis.sections import stroboscopic, values_at
 from ..collocation.method import Collocation
+from ..given.schemes.bdf import BDF
+from ..given.schemes.explicit import ExplicitCaputo
 from ..scenes import PRINTED_WELL, stick_slip, sticking_intervals
-from ..schemes.bdf import BDF
-from ..schemes.explicit import ExplicitCaputo
 from ..solver.solve import solve
 from .regimes import classify
 

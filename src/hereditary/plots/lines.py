@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..solver.dense import curve
+from ..stepping.dense import curve
 from ..support.checks import complaint, truth
 from ._axes import chosen, made, style
 

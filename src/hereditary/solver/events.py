@@ -6,7 +6,7 @@ import numbers
 import numpy as np
 
 from ..functions.reads import digest
-from ..schemes.steps import together
+from ..stepping.times import together
 from ..support.checks import complaint, real, shown
 
 # A value that has a sign, and no size.

@@ -6,11 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..schemes.steps import UniformSteps
+from ..given.fixed_stepper import FixedStepper
+from ..given.steps import UniformSteps
+from ..stepping.status import Status
 from ..support.warning import ThreadSwitch, silence, warn
-from .fixed_stepper import FixedStepper
 from .solution import SolveWarning
-from .status import Status
 
 
 class _Companions(NamedTuple):

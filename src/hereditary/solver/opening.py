@@ -5,20 +5,11 @@ import math
 import numpy as np
 
 from ..collocation.adaptive_stepper import MAX_STEPS, AdaptiveStepper, Tolerance
-from ..history.exponentials import SumOfExponentials
-from ..history.history import History
-from ..schemes.steps import COUNTED, UniformSteps, mesh_steps, steps_in
-from ..support.checks import (
-    complaint,
-    count,
-    instance,
-    positive,
-    real_array,
-    shown,
-    whole,
-    within,
-)
-from .fixed_stepper import FixedStepper
+from ..given.fixed_stepper import FixedStepper
+from ..given.history.exponentials import SumOfExponentials
+from ..given.history.history import History
+from ..given.steps import COUNTED, UniformSteps, mesh_steps, steps_in
+from ..support.checks import complaint, count, instance, positive, real_array, shown, whole, within
 
 # Logarithms of the powers of the step that schemes may have to divide by.
 _LEAST, _MOST = -290.0, 290.0

@@ -4,9 +4,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..given.first_steps import FirstSteps
+from ..stepping.dense import Dense, Piece, StepPieces
 from ..support.checks import complaint
 from ..support.machine import memory
-from .dense import Dense, FirstSteps, Piece, StepPieces
 
 # Rows that there is room for at first where steps are chosen on the way.
 _SOME = 512

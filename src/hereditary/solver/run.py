@@ -7,10 +7,10 @@ import numpy as np
 
 from ..compiled.callbacks import PythonRaised, pass_on
 from ..equation.system import FEW
+from ..stepping.status import Status
 from ..support.warning import warn
 from .progress import Interruption, ProgressBar
 from .solution import Solution, SolveWarning, warn_of
-from .status import Status
 
 # Bytes of a history that a solution may hold on to besides its state.
 _LITTLE = 100_000

@@ -12,13 +12,13 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..stepping.dense import Dense, curve
+from ..stepping.state import State
+from ..stepping.status import Status
 from ..support.checks import complaint, one_of, shown
 from ..support.html import paragraph, rows_of, small_figure
 from ..support.optional import optional
 from ..support.warning import warn
-from .dense import Dense, curve
-from .state import State
-from .status import Status
 
 
 class SolveWarning(UserWarning):

@@ -11,11 +11,13 @@ from numpy.typing import ArrayLike
 
 from ..collocation.method import Collocation
 from ..equation.equation import Equation, current_equation
-from ..history.history import History
-from ..schemes.explicit import ExplicitCaputo
-from ..schemes.grunwald_letnikov import GrunwaldLetnikov
-from ..schemes.scheme import Scheme
-from ..schemes.steps import COUNTED, Graded, checked_breaks
+from ..given.history.history import History
+from ..given.schemes.explicit import ExplicitCaputo
+from ..given.schemes.grunwald_letnikov import GrunwaldLetnikov
+from ..given.steps import COUNTED, Graded
+from ..stepping.scheme import Scheme
+from ..stepping.state import AdaptiveState, GivenState, State, check_sound
+from ..stepping.times import checked_breaks
 from ..support.checks import (
     complaint,
     component_numbers,
@@ -36,7 +38,6 @@ from .opening import how_to_step, open_stepper
 from .output import Kept, Output
 from .run import Drive, note_missed, run
 from .solution import Solution
-from .state import AdaptiveState, GivenState, State, check_sound
 
 _CHANGES = "map times to functions change(t, y), e.g. {12.0: dose}"
 # What to write instead of keywords of other solvers.

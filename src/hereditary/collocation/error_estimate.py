@@ -1,0 +1,420 @@
+"""Error estimates of a collocation step, and their ratio to the tolerance."""
+
+import math
+
+import numpy as np
+
+from ..compiled.jacobian import LEAST
+from ..compiled.jit import allocating, inner
+from ..compiled.linalg import clear
+from .newton import forces, nodal_slopes, residuals, solve_newton
+from .operators import FORCE, POSITION, PRIMARY, SLOPE, subtract_from_forces
+
+# Relative tolerance of tangents is at least this: those that have decayed consist of rounding
+# errors, which grow when tangents are normalised.
+_TANGENT = 1e-9
+# Fraction of p(0) that rounding hides in p, and of y where p is y', which sums over a step make.
+_ROUNDING, ROUNDING_OF_SUMS = 1e-14, 1e-15
+# Largest ratio of coefficients that counts where rounding hides both.
+_HIDDEN = 0.03
+# Fraction of the defect of f between the nodes that enters the error, as it does where f jumps. For
+# a smooth f the integrals are more accurate, and the tail of its polynomial estimates the error.
+_DEFECT_WEIGHT = 0.3
+# Rounding error of f as fraction of |J| |y|, including its growth by the polynomial.
+_NOISE = 2e-14
+# In units of Newton's goal: a larger defect of f has the equations checked again, and a larger
+# residual then refuses the step.
+_CHECK_BEYOND, _UNSOLVED = 100.0, 10.0
+# First of a step's check points that do not enter its error, and most of them in a run.
+FIRST_LOOK, _LOOKS = 2, 256
+# Defect of f at a look that is a miss, in defects at the check points, and what it would move p by
+# over the whole step, in units of Newton's goal: one tolerance is 1,000 of these.
+_UNLIKE, _MOVED = 30.0, 1000.0
+# Number of tolerances by which the polynomial may miss the start; stiff systems miss it by
+# rounding.
+_MISSED = 10.0
+# Step tolerances of y at the start of a step that its error may be, for y may grow by decades in a
+# first step (orders 0.0158 and 1 - 1e-8 err by 1.8 tolerances at early times without). Fraction of
+# the largest y of a step that rounding hides.
+_AT_START, _ROUNDING_OF_STEP = 5.0, 1e-13
+# Fraction of the tolerance of y by size that an error of y' may move y over the run.
+OF_SPEED = 4.0
+# Least size of a component, as fraction of the largest of its quantity. With 1e-5 a component of
+# 1e-8 of the largest errs by 1.1 tolerances instead of 0.02 (six problems in random units).
+SMALL = 1e-6
+
+
+@inner
+def estimate_error(h, equations, legendre, local, matrices, values, p0, newton, errors):
+    """Estimate the error of p by the next Legendre coefficient of each integrand, integrated.
+
+    The resulting defect is damped by the equations where these are stiff, and never amplified.
+    Coefficients of f within its rounding error are ignored, for no step makes them smaller. The
+    error is at least that of p as the dense output interpolates it.
+    """
+    # local (n_k, s, s), matrices (K, 3, s, s), values (n_q, d, s), p0, errors (d,)
+    terms, orders = equations.terms, equations.orders
+    d, s, n_a = errors.shape[0], values.shape[2], orders.shape[0]
+    defect, nodal_errors = newton.room.residual, newton.room.change
+    for c in range(d):
+        last, decay = legendre_tail(legendre, values[PRIMARY, c], _ROUNDING * abs(p0[c]))
+        errors[c] = abs(last) * decay * decay
+    for integrand in range(values.shape[0]):
+        clear(defect)
+        for n in range(terms.shape[0]):
+            c, q, k = terms[n].row, terms[n].integrand, terms[n].index
+            if q != integrand:
+                continue
+            rounding = 0.0
+            if q == PRIMARY:
+                rounding = _ROUNDING * abs(p0[c % d])
+            elif q == FORCE:
+                rounding = _ROUNDING * newton.room.start_scales[c % d]
+            elif q == POSITION:
+                rounding = ROUNDING_OF_SUMS * abs(values[q, c % d, -1])
+            last, decay = legendre_tail(legendre, values[q, c % d], rounding)
+            if q == FORCE and abs(last) <= _NOISE * newton.room.force_scales[c % d]:
+                continue
+            size = 1.0
+            if k >= n_a:
+                size = largest_of(local[k - n_a, -1], 0, s)
+            elif k >= 0:
+                size = h ** orders[k]
+            if c >= d:
+                size *= largest_of(matrices[equations.kinds[c - d], FORCE, -1], 0, s)
+            for i in range(s):
+                defect[(c % d) * s + i] += terms[n].coefficient * size * last * decay
+        if largest_of(defect, 0, d * s) == 0.0:
+            continue
+        solve_for_error(newton)
+        for c in range(d):
+            errors[c] += largest_of(nodal_errors, c * s, s)
+
+
+@inner
+def solve_for_error(newton):
+    """Solve for the error that a defect at all nodes, (d s,), causes; both are in the room.
+
+    In units of Newton's goal, the largest error is at most the largest defect: a nearly singular
+    matrix would amplify rounding errors.
+    """
+    solve_newton(newton)
+    defect, nodal_errors = newton.room.residual, newton.room.change
+    goal, of_defect, of_error = newton.room.goal, 0.0, 0.0
+    s = defect.shape[0] // goal.shape[0]
+    for c in range(goal.shape[0]):
+        unit = max(goal[c], LEAST)
+        of_defect = max(of_defect, largest_of(defect, c * s, s) / unit)
+        of_error = max(of_error, largest_of(nodal_errors, c * s, s) / unit)
+    for i in range(defect.shape[0] if of_defect < of_error else 0):
+        nodal_errors[i] *= of_defect / of_error
+
+
+@inner
+def measure_force_defect(rhs, params, h, rule, x_start, p0, second, values, limits, room):
+    """Set the defect in `room`: the largest difference of f and its polynomial between the nodes.
+
+    Only there does a right-hand side show that jumps, or that acts between the nodes. Both
+    polynomials are those through the nodes, so a linear f has no defect. Where the solution's
+    polynomial misses the start, the first of the times, by far more than the tolerance, f at the
+    start counts too.
+    """
+    # x_start, p0 (d,), values (n_q, d, s)
+    times, point, misses_start = room.check_times, room.point, False
+    clear(room.defect)
+    for i in range(FIRST_LOOK):
+        set_point(h, rule, i, x_start, second, values[PRIMARY], point)
+        for c in range(second.shape[0] if i == 0 else 0):
+            size = max(abs(x_start[c]), abs(p0[c]))  # a singular start may err by this much
+            allowed = _MISSED * allowed_error(c, size, room.sizes[c], 0, 1.0, limits)
+            misses_start = misses_start or abs(point[c] - x_start[c]) > allowed
+        update_force_defect(rhs, params, times[i], point, rule.check_values[i], values, room)
+    if misses_start:
+        update_force_defect(rhs, params, times[0], x_start, rule.check_values[0], values, room)
+
+
+@inner
+def set_point(h, rule, i, x_start, second, primary, point):
+    """Set y at check point i by the polynomials of the step, (d,); primary (d, s)."""
+    for c in range(second.shape[0]):
+        total = 0.0
+        if second[c] == 0:
+            for j in range(primary.shape[1]):
+                total += rule.check_values[i, j] * primary[c, j]
+        else:
+            for j in range(primary.shape[1]):
+                total += rule.check_integrals[i, j] * primary[c, j]
+            total = x_start[c] + h * total
+        point[c] = total
+
+
+@inner
+def look_once_more(rhs, params, h, equations, rule, sums, x_start, values, state, limits, room):
+    """Return a time of the step at which f is unlike its polynomial through the nodes, or 0.
+
+    Forces that act for a short time may be between the nodes of long steps. The looks are spread
+    over the run: one in each of so many equal intervals, and at most as many as a step has nodes.
+    """
+    kinds, spacing, point, force = equations.kinds, limits.t_end / _LOOKS, room.point, room.force
+    before = state.control.origin + state.control.time
+    for i in range(FIRST_LOOK, room.check_times.shape[0]):
+        t = room.check_times[i]
+        if math.floor(t / spacing) == math.floor(before / spacing):
+            continue
+        before = t
+        state.counts.rhs += 1
+        set_point(h, rule, i, x_start, equations.second, values[PRIMARY], point)
+        rhs(t, point, force, params)
+        for c in range(force.shape[0]):
+            defect = force[c]
+            for j in range(values.shape[2]):
+                defect -= rule.check_values[i, j] * values[FORCE, c, j]
+            alike = max(abs(room.defect[c]), _NOISE * room.force_scales[c])
+            moved = abs(defect) * largest_of(sums[kinds[c]], 0, sums.shape[1])
+            if not (abs(defect) <= _UNLIKE * alike or moved <= _MOVED * room.goal[c]):
+                return t
+    return 0.0
+
+
+@inner
+def update_force_defect(rhs, params, t, point, check_values, values, room):
+    """Raise the defect, (d,), to the difference of f and its polynomial at one point."""
+    force, force_defect = room.force, room.defect
+    rhs(t, point, force, params)
+    for c in range(point.shape[0]):
+        total = force[c]
+        for j in range(check_values.shape[0]):
+            total -= check_values[j] * values[FORCE, c, j]
+        if not abs(total) <= abs(force_defect[c]):  # NaN counts as the largest
+            force_defect[c] = total
+
+
+@inner
+def largest_of(values, first, many):
+    """Return the largest absolute value of so many, NaN where one is NaN."""
+    largest = 0.0
+    for i in range(first, first + many):
+        if not abs(values[i]) <= largest:
+            largest = abs(values[i])
+    return largest
+
+
+@inner
+def defect_matters(sums, kinds, newton):
+    """Return whether the defect of f, undamped, would move p beyond Newton's goal."""
+    force_defect, goal = newton.room.defect, newton.room.goal
+    for c in range(force_defect.shape[0]):
+        size = largest_of(sums[kinds[c]], 0, sums.shape[1])
+        if (
+            abs(force_defect[c]) > _NOISE * newton.room.force_scales[c]
+            and abs(force_defect[c]) * size > _CHECK_BEYOND * goal[c]
+        ):
+            return True
+    return False
+
+
+@inner
+def equations_hold(rhs, params, base, operators, kinds, values, newton):
+    """Evaluate f anew and return whether p at the nodes still satisfies the equations.
+
+    A Jacobian from differences across a jump makes any equation look stiff, and solved.
+    """
+    room, p, x = newton.room, values[PRIMARY], values[POSITION]
+    f, residual, change = room.before, room.residual, room.change
+    forces(rhs, params, room.times, x, f, room)
+    residuals(base, operators, kinds, p, x, f, residual)
+    solve_newton(newton)
+    s = p.shape[1]
+    for c in range(p.shape[0]):
+        for i in range(s):
+            if not abs(change[c * s + i]) <= _UNSOLVED * room.goal[c]:
+                return False
+    return True
+
+
+@inner
+def add_force_defect(sums, kinds, newton, errors):
+    """Raise the errors (d,) to the error of p that the defect of f causes.
+
+    A defect within the rounding error of f is ignored.
+    """
+    d, s, force_defect = errors.shape[0], sums.shape[1], newton.room.defect
+    defect, nodal_errors = newton.room.residual, newton.room.change
+    for c in range(d):
+        excess = force_defect[c]
+        if abs(excess) <= _NOISE * newton.room.force_scales[c]:
+            excess = 0.0
+        for i in range(s):
+            defect[c * s + i] = excess * sums[kinds[c], i]
+    if largest_of(defect, 0, d * s) == 0.0:
+        return
+    solve_for_error(newton)
+    for c in range(d):
+        error = _DEFECT_WEIGHT * largest_of(nodal_errors, c * s, s)
+        if not error <= errors[c]:
+            errors[c] = error
+
+
+@inner
+def legendre_tail(legendre, values, rounding):
+    """Return the last Legendre coefficient and the decay from one to the next, 0 to 1.
+
+    One coefficient may be small by chance, and the last one is by collocation. So the decay is that
+    of the larger ones of two pairs, and the last coefficient at least what follows the one before.
+    If it is within `rounding`, the rounding error of the values, the decay is unknown and taken for
+    small. With equal coefficients steps are refused that no shorter one betters.
+    """
+    # values (s,)
+    s = values.shape[0]
+    last, before, earlier, decay = 0.0, 0.0, 0.0, 1.0
+    for k in range(max(0, s - 4), s):
+        total = 0.0
+        for j in range(s):
+            total += legendre[k, j] * values[j]
+        if k < s - 2:
+            earlier = max(earlier, abs(total))
+        else:
+            before, last = last, total
+    if s > 3 and earlier > 0.0:
+        decay = min(1.0, math.sqrt(max(abs(last), abs(before)) / earlier))
+    elif s <= 3 and before != 0.0:
+        decay = min(1.0, abs(last / before))
+    if abs(last) < decay * abs(before):
+        last = decay * before
+    hidden = abs(last) <= rounding * decay
+    return last, (min(decay, _HIDDEN) if hidden else decay)
+
+
+@allocating
+def tangent_error_ratio(h, equations, legendre, local, matrices, values, p0, newton, rtol):
+    """Return the largest ratio of a tangent's error to its tolerance, relative to its size.
+
+    Sizes and errors are the largest among components, in the unit of each.
+    """
+    worst, errors, units = 0.0, np.empty(values.shape[2]), newton.room.units
+    for column in range(1, values.shape[0]):
+        estimate_error(
+            h, equations, legendre, local, matrices, values[column], p0[column], newton, errors
+        )
+        size = 0.0
+        for q in range(PRIMARY, values.shape[1]):
+            for c in range(errors.shape[0]):
+                own = largest_of(values[column, q, c], 0, values.shape[3])
+                if not own < np.inf:
+                    return np.inf
+                size = max(size, own / units[c])
+        if size > 0.0:
+            for c in range(errors.shape[0]):
+                worst = max(worst, errors[c] / units[c] / (max(rtol, _TANGENT) * size))
+    return worst
+
+
+@inner
+def raise_small(quantities, fraction, sizes):
+    """Raise sizes, (d,), to a fraction of the largest of their quantity.
+
+    Returns whether all sizes of a quantity are 0.
+    """
+    number, begins, more = 0, False, True
+    while more:
+        largest, more = 0.0, False
+        for c in range(sizes.shape[0]):
+            more = more or quantities[c] > number
+            if quantities[c] == number:
+                largest = max(largest, sizes[c])
+        for c in range(sizes.shape[0]):
+            if quantities[c] == number:
+                sizes[c] = max(sizes[c], fraction * largest)
+        begins = begins or largest == 0.0
+        number += 1
+    return begins
+
+
+@inner
+def allowed_error(c, value, size, is_speed, end, limits):
+    """Return the tolerance of y_c of this absolute value and size, or of a y_c' of this value.
+
+    The tolerance of y' beyond the relative one is that of y divided by a time. The error of y'
+    moves y over all that time. The time is the length of the run, or `end` [time] for an absolute
+    tolerance.
+    """
+    if is_speed == 1:
+        least = limits.atol[c] / max(1.0, end) + OF_SPEED * limits.by_size * size / limits.t_end
+        return least + limits.rtol * value
+    return limits.atol[c] + limits.by_size * size + limits.rtol * value
+
+
+@inner
+def error_ratio(h, end, errors, values, second, state, p0, limits, room):
+    """Return the largest ratio of an error to its tolerance, over y and, where it is unknown, y'.
+
+    p is the difference of p(0) and terms of its size. So it is known to the rounding of p(0) alone,
+    and to no less than Newton's goal.
+    """
+    worst, before = 0.0, room.sizes_before
+    for c in range(errors.shape[0]):
+        size_p, size_x, size = 0.0, 0.0, room.sizes[c]
+        for i in range(values.shape[2]):
+            size_p = max(size_p, abs(values[PRIMARY, c, i]))
+            size_x = max(size_x, abs(values[POSITION, c, i]))
+        if second[c] == 1:
+            size_p = max(size_p, state.largest[c])
+            allowed = max(allowed_error(c, size_x, size, 0, end, limits), LEAST)
+            worst = max(worst, h * errors[c] / allowed)
+        allowed = allowed_error(c, size_p, size, second[c], end, limits)
+        if second[c] == 0 and before[c] > LEAST:
+            at_start = _AT_START * allowed_error(c, before[c], before[c], 0, end, limits)
+            allowed = min(allowed, max(at_start, _ROUNDING_OF_STEP * size_p))
+        allowed = max(allowed, _ROUNDING * abs(p0[c]), room.goal[c], LEAST)
+        if errors[c] / allowed > worst:
+            worst, state.control.worst = errors[c] / allowed, c
+        if not errors[c] < np.inf:
+            return np.inf
+    return worst
+
+
+@inner
+def orbit_error(
+    rhs, params, h, base, equations, rule, operators, local, values, orbit, state, newton, limits
+):
+    """Estimate the error of a solved step, and subtract terms from f.
+
+    Returns the ratio of error to tolerance, and whether the defect of f between the nodes alone
+    makes it too large.
+    """
+    second, start = equations.second, orbit.initial[0]
+    room, kinds, matrices = newton.room, equations.kinds, operators.matrices
+    errors, x_start = room.errors, orbit.x[0]
+    measure_force_defect(rhs, params, h, rule, x_start, start, second, values[0], limits, room)
+    state.counts.rhs += FIRST_LOOK
+    missed = look_once_more(
+        rhs, params, h, equations, rule, operators.sums, x_start, values[0], state, limits, room
+    )
+    if defect_matters(operators.sums, kinds, newton):
+        state.counts.rhs += room.times.shape[0]
+        if not equations_hold(rhs, params, base[0], operators, kinds, values[0], newton):
+            return np.inf, True
+    subtract_from_forces(kinds, matrices, base, values[:1])
+    if values.shape[1] > SLOPE:
+        nodal_slopes(h, rule.inverse, orbit.p[0], values[0, PRIMARY], values[0, SLOPE])
+    estimate_error(h, equations, rule.legendre, local, matrices, values[0], start, newton, errors)
+    end = state.control.origin + state.control.time + h
+    ratio_at_nodes = error_ratio(h, end, errors, values[0], second, state, start, limits, room)
+    add_force_defect(operators.sums, kinds, newton, errors)
+    ratio = error_ratio(h, end, errors, values[0], second, state, start, limits, room)
+    if ratio <= 1.0 and missed > 0.0:
+        state.control.missed = missed
+    return ratio, ratio_at_nodes <= 1.0 and not ratio <= 1.0
+
+
+@inner
+def tangents_error(h, base, equations, rule, matrices, local, values, orbit, newton, limits):
+    """Return the largest ratio of error to tolerance of solved tangents; subtract terms from f."""
+    legendre, p = rule.legendre, orbit.p
+    subtract_from_forces(equations.kinds, matrices, base[1:], values[1:])
+    if values.shape[1] > SLOPE:
+        for column in range(1, p.shape[0]):
+            nodal_slopes(h, rule.inverse, p[column], values[column, PRIMARY], values[column, SLOPE])
+    return tangent_error_ratio(
+        h, equations, legendre, local, matrices, values, orbit.initial, newton, limits.rtol
+    )

@@ -1,0 +1,455 @@
+"""March of collocation steps whose lengths the tolerance chooses."""
+
+import numpy as np
+
+from ..compiled.jacobian import LEAST
+from ..compiled.jit import I8, VEC, allocating, compiled, embedded, entry, inner
+from ..compiled.linalg import clear_matrix, put, put_cube, put_matrix
+from ..compiled.signatures import JAC, RHS
+from .error_estimate import (
+    ROUNDING_OF_SUMS,
+    SMALL,
+    allowed_error,
+    orbit_error,
+    raise_small,
+    tangents_error,
+)
+from .mode_tables import (
+    advance_modes,
+    find_slot,
+    floor_to_grid,
+    read_modes,
+    read_varying,
+    set_mode_weights,
+)
+from .newton import open_newton, solve_stages, solve_tangents
+from .operators import (
+    POSITION,
+    PRIMARY,
+    any_offset,
+    assemble_operators,
+    eliminate_known,
+    empty_operators,
+    number_of,
+)
+from .stages import set_scales
+from .structures import (  # fmt: skip
+    BASIS,
+    EQUATIONS,
+    HELD,
+    LENGTH,
+    LIMITS,
+    ORBIT,
+    RULE,
+    STAGE_SOLVER,
+    STAGES,
+    STATE,
+    STEPS,
+    TABLES,
+    VARYING,
+    ModeWeights,
+)
+
+# Goal of Newton's method, in tolerances.
+_NEWTON = 0.01
+# Error of a small component, as fraction of the largest of its quantity: differences of equal
+# components are rounding of that size. With a tenth of it, runs at rtol 1e-8 take up to three
+# times the steps where such a difference drives others.
+_OF_OTHERS = 3e-15
+
+
+@embedded
+def attempt(
+    rhs, jac, has_jac, params, t, h, slot, equations, rule, tables, varying, orbit, state,
+    limits, newton, base, operators, values,
+):  # fmt: skip
+    """Solve a step from t of length h for f, p and y at the nodes, `values` (1 + k, n_q, d, s).
+
+    Returns the ratio of its error to the tolerance, and whether the equations were solved. The
+    third value is whether only the defect of f makes the error too large. `base` (1 + k, R, s) is
+    room for the known part of the rows; `slot` is the place of tables for h.
+    """
+    nodes, kinds, local = rule.nodes, equations.kinds, tables.local[slot]
+    control, counts, origin = state.control, state.counts, state.control.origin
+    n_columns, last = orbit.x.shape[0], orbit.last[0, PRIMARY]
+    integral = rule.integrals[equations.orders.shape[0] - 1]  # of order 1
+    for column in range(n_columns):
+        read_modes(orbit.modes[column], tables.to_nodes[slot], base[column])
+    set_known_part(orbit, tables.to_nodes[slot], equations, varying, operators, base)
+    room = newton.room
+    set_times(origin, t, h, nodes, limits, room.times)
+    set_times(origin, t, h, rule.check_points, limits, room.check_times)
+    extrapolate(
+        nodes, rule.legendre, last, h, control.last, orbit.p[0], room.reached,
+        values[0, PRIMARY], room.change,
+    )  # fmt: skip
+    put(state.sizes, room.sizes)
+    begins = raise_small(equations.quantities, SMALL, room.sizes)
+    put(room.sizes, room.sizes_before)
+    set_units(equations.units, equations.quantities, room.sizes, orbit.x[0], limits, room.units)
+    set_starts(orbit, equations.second, newton.room.starts)
+    solved = False
+    for _ in range(2 if begins else 1):  # the first solution has the sizes of what begins at 0
+        set_newton_goal(h, equations, orbit, state, limits, room)
+        solved = solve_stages(
+            rhs, jac, has_jac, params, room.times, h, base[0], orbit.x[0], equations.second,
+            operators, kinds, integral, room.goal, values[0], counts, state.contraction,
+            newton,
+        )  # fmt: skip
+        if not solved:
+            break
+        raise_sizes(values[0], room.sizes)
+        if begins:  # kept, also if the step is refused
+            raise_sizes(values[0], state.sizes)
+        raise_small(equations.quantities, SMALL, room.sizes)
+    ratio, by_defect = np.inf, False
+    if solved:
+        ratio, by_defect = orbit_error(
+            rhs, params, h, base, equations, rule, operators, local, values, orbit, state,
+            newton, limits,
+        )  # fmt: skip
+    if ratio <= 1.0 and n_columns > 1:
+        more = np.inf
+        if solve_tangents(
+            rhs, jac, has_jac, params, room.times, h, base, orbit.x, equations.second, operators,
+            kinds, integral, values, counts, newton,
+        ):  # fmt: skip
+            more = tangents_error(
+                h, base, equations, rule, operators.matrices, local, values, orbit, newton, limits
+            )
+        ratio, solved = max(ratio, more), more < np.inf
+    return ratio, solved, by_defect
+
+
+@compiled
+def set_times(origin, t, h, nodes, limits, times):
+    """Set the times of the nodes, kept strictly between origin and stop, where f may jump."""
+    for i in range(nodes.shape[0]):
+        time = min(origin + (t + h * nodes[i]), limits.latest)
+        times[i] = max(time, limits.earliest)
+
+
+@inner
+def set_known_part(orbit, to_nodes, equations, varying, operators, base):
+    """Complete what every row is known to be before the step is solved, (1 + k, R, s).
+
+    Initial values, offsets, and history of orders that vary are added to the other history.
+    """
+    initial, p, modes, kinds = orbit.initial, orbit.p, orbit.modes, equations.kinds
+    d, n_kinds = p.shape[1], number_of(kinds)
+    for column in range(base.shape[0]):
+        if varying.integrals.shape[0] > 0:
+            read_varying(modes[column], to_nodes, equations, varying, base[column])
+        for c in range(base.shape[1]):
+            row = c // d * n_kinds + kinds[c % d]
+            for i in range(base.shape[2]):
+                base[column, c, i] += operators.constant[column, c, i]
+                base[column, c, i] += operators.start_weights[row, i] * p[column, c % d]
+                if c < d:
+                    base[column, c, i] += initial[column, c]
+    eliminate_known(kinds, operators.matrices, base)
+
+
+@inner
+def set_starts(orbit, second, starts):
+    """Set |p(0)|, (d,), where p is y."""
+    for c in range(starts.shape[0]):
+        starts[c] = abs(orbit.initial[0, c]) if second[c] == 0 else 0.0
+
+
+@inner
+def set_units(units, quantities, sizes, x, limits, out):
+    """Set the units of differences, (d,): sizes, or without them what `atol` makes one.
+
+    Units of the start do not count beyond the present y. 1 stands for units next to 0.
+    """
+    by_size = limits.by_size > 0.0
+    for c in range(out.shape[0]):
+        out[c] = abs(x[c])
+    raise_small(quantities, 1.0, out)
+    for c in range(out.shape[0]):
+        least = sizes[c] if by_size else limits.atol[c] / limits.rtol
+        unit = units[c] if by_size or out[c] == 0.0 else min(units[c], out[c])
+        unit = max(unit, least)
+        out[c] = unit if unit > LEAST else 1.0
+
+
+@inner
+def raise_sizes(values, sizes):
+    """Raise the sizes of y, (d,), to those at the nodes; values (n_q, d, s)."""
+    for c in range(sizes.shape[0]):
+        for i in range(values.shape[2]):
+            size = abs(values[POSITION, c, i])
+            sizes[c] = size if sizes[c] < size < np.inf else sizes[c]
+
+
+@inner
+def set_newton_goal(h, equations, orbit, state, limits, room):
+    """Set the error of p that Newton's method may leave, (d,).
+
+    It is at least what the rounding of y leaves in p = y' through terms of y itself. That is at
+    most what changes y by as much over the step. For a small component it is at least what the
+    rounding of the largest one leaves in it.
+    """
+    terms, orders, goal = equations.terms, equations.orders, room.goal
+    second, d = equations.second, goal.shape[0]
+    for c in range(d):
+        size = max(state.largest[c], abs(orbit.p[0, c]))
+        goal[c] = _NEWTON * allowed_error(c, size, room.sizes[c], second[c], 1.0, limits)
+        room.hidden[c] = size if second[c] == 1 else room.sizes[c]
+    raise_small(equations.quantities, 1.0, room.hidden)
+    for c in range(d if limits.by_size > 0.0 else 0):
+        if state.sizes[c] < room.sizes[c]:
+            goal[c] = max(goal[c], _OF_OTHERS * room.hidden[c])
+    for n in range(terms.shape[0]):
+        c, k = terms[n].row, terms[n].index
+        if terms[n].integrand == POSITION and 0 <= k < orders.shape[0] and c < d:
+            gain = min(abs(terms[n].coefficient) * h ** orders[k], 1 / h)
+            goal[c] = max(goal[c], ROUNDING_OF_SUMS * abs(orbit.x[0, c]) * gain)
+
+
+@inner
+def extrapolate(nodes, legendre, last, h, h_last, p, reached, out, change):
+    """Extrapolate the polynomial p of the last step to the nodes of the next.
+
+    Differences from p at the end of the last step are extrapolated, so that a constant is exact.
+    Sets `change`, (d s,), to p minus the result.
+    """
+    # last, out (d, s), p (d,); reached (s, s), from the last values to the nodes ahead, is room
+    d, s = out.shape
+    clear_matrix(reached)
+    for i in range(s if h_last > 0.0 else 0):
+        u = 1.0 + 2.0 * h / h_last * nodes[i]
+        before, now = 1.0, u
+        for k in range(s):
+            for j in range(s):
+                reached[i, j] += before * legendre[k, j]
+            before, now = now, ((2 * k + 3) * u * now - (k + 1) * before) / (k + 2)
+    for c in range(d):
+        for i in range(s):
+            total = p[c]
+            for j in range(s):
+                total += reached[i, j] * (last[c, j] - p[c])
+            out[c, i], change[c * s + i] = total, p[c] - total
+
+
+# Status codes of a march: stop reached, rows full, modes not close enough, no step small enough for
+# the error or for Newton's method, tables of varying orders needed for the next step, right-hand
+# side jumps, no progress.
+REACHED, FULL, TOO_CLOSE, TOO_ROUGH, NOT_SOLVED, ORDERS_NEEDED, JUMPING, CRAWLING = range(8)
+# Largest and smallest factor between steps, and the error that a step aims at, in step lengths and
+# tolerances.
+_GROW, _SHRINK, _SAFETY = 3.0, 0.2, 0.8
+# Growth that is always worth new factors of many components.
+_WORTH = 2.0
+
+_MARCH = (
+    RHS, JAC, I8, VEC, STAGE_SOLVER, STAGES, EQUATIONS, RULE, BASIS, TABLES, VARYING, ORBIT, STATE,
+    STEPS, LIMITS,
+)  # fmt: skip
+
+
+@inner
+def take_steps(
+    rhs, jac, has_jac, params, equations, rule, basis, tables, varying, orbit, state, steps,
+    limits, newton, weights, base, operators, values,
+):  # fmt: skip
+    """March; the caller allocates the arguments after `limits`."""
+    nodes, legendre, kinds = rule.nodes, rule.legendre, equations.kinds
+    control, counts, stages = state.control, state.counts, newton.stages
+    s, n_columns = nodes.shape[0], orbit.x.shape[0]
+    lowest, row, assembled_for = lowest_order(equations), 0, -1.0
+    was_refused, end = control.refused == 1.0, limits.stop - control.origin
+    while control.time < end:
+        if row == steps.starts.shape[0]:
+            return row, FULL
+        t, left, h = next_step(control, end)
+        if not t + 0.01 * h > t:
+            return row, TOO_ROUGH
+        if h < control.shortest:
+            return row, TOO_CLOSE
+        if not orders_tabulated(t, h, varying):
+            return row, ORDERS_NEEDED
+        slot = find_slot(h, nodes, basis, tables)
+        local = tables.local[slot]
+        if h != assembled_for or equations.unweighted.shape[0] > 0:
+            first = local.shape[0] - varying.integrals.shape[0]
+            put_cube(varying.integrals, local[first:])
+            assemble_operators(h, equations, rule.integrals, rule.inverse, local, operators)
+        if equations.unweighted.shape[0] > 0:  # orders that vary change matrices at any length
+            stages.control[LENGTH] = 0.0
+        assembled_for = h
+        ratio, solved, by_defect = attempt(
+            rhs, jac, has_jac, params, t, h, slot, equations, rule, tables, varying, orbit,
+            state, limits, newton, base, operators, values,
+        )  # fmt: skip
+        # an error that would allow more than the largest factor says nothing of longer steps
+        idle = ratio < (_SAFETY / _GROW) ** (s + lowest)
+        longest = floor_to_grid(limits.longest_idle if idle else limits.longest)
+        planned = next_length(h, control.next, ratio, was_refused, s + lowest)
+        planned = worth_new_factors(h, planned, ratio, stages)
+        control.next = min(planned, longest)
+        was_refused = not ratio <= 1.0
+        control.refused = 1.0 if was_refused else 0.0
+        if was_refused:
+            counts.refused += 1
+            counts.by_defect += int(by_defect)
+            if not t + 0.01 * control.next > t:
+                return row, reason_of_refusal(by_defect, solved)
+            continue
+        counts.accepted += 1
+        raise_sizes(values[0], state.sizes)
+        record_step(state, t, h, ratio, values[0], equations.second, orbit, steps, row)
+        absorb_constant_mode(basis.rates, orbit)
+        put_cube(orbit.modes, orbit.before)
+        for column in range(n_columns):
+            put_cube(values[column], orbit.last[column])
+        to_end, moments = tables.to_end[slot], tables.moments[slot]
+        advance_orbit(h, to_end, moments, weights, kinds, legendre, orbit)
+        row += 1
+        control.time, control.last = (end if h == left else t + h), h
+    return row, REACHED
+
+
+@entry(*_MARCH, told="the march of collocation")
+def march_adaptive(
+    rhs, jac, has_jac, params, solver, stages, equations, rule, basis, tables, varying, orbit,
+    state, steps, limits,
+):  # fmt: skip
+    """March until `limits.stop`; return the accepted steps and a status code."""
+    s, n_columns, kinds = rule.nodes.shape[0], orbit.x.shape[0], equations.kinds
+    n_rows = orbit.modes.shape[1] - equations.unweighted.shape[0] * orbit.x.shape[1]
+    base, values = np.empty((n_columns, n_rows, s)), np.empty(orbit.last.shape)
+    operators = empty_operators(n_columns, n_rows, kinds, s)
+    newton = open_newton(orbit.x.shape[1], s, rule.check_points.shape[0], solver, stages)
+    put(state.sizes, newton.room.sizes)
+    raise_small(equations.quantities, SMALL, newton.room.sizes)
+    room = newton.room
+    set_units(equations.units, equations.quantities, room.sizes, orbit.x[0], limits, room.units)
+    set_scales(room.units, stages)
+    weights = mode_weights(equations, basis, varying, orbit)
+    return take_steps(
+        rhs, jac, has_jac, params, equations, rule, basis, tables, varying, orbit, state,
+        steps, limits, newton, weights, base, operators, values,
+    )  # fmt: skip
+
+
+@inner
+def worth_new_factors(h, planned, ratio, stages):
+    """Return the planned length, or h again for some steps where it is hardly longer."""
+    held = stages.control[HELD]
+    if stages.hold > held and ratio <= 1.0 and h < planned < _WORTH * h:
+        stages.control[HELD] = held + 1.0
+        return h
+    stages.control[HELD] = 0.0
+    return planned
+
+
+@inner
+def reason_of_refusal(by_defect, solved):
+    """Return the status code for a refused step that cannot be made smaller."""
+    if by_defect:
+        return JUMPING
+    return TOO_ROUGH if solved else NOT_SOLVED
+
+
+@allocating
+def mode_weights(equations, basis, varying, orbit):
+    """Return the `ModeWeights` of a march; those of offsets have no rows where all are 0."""
+    modes, last, n_kinds = orbit.modes, orbit.last, number_of(equations.kinds)
+    n_columns, n_rows, n_modes = modes.shape
+    n_kept, n_integrands = n_rows // equations.kinds.shape[0] * n_kinds, last.shape[1]
+    n_offsets = 0
+    for n in range(equations.offsets.shape[1]):
+        n_offsets = n_rows if any_offset(equations.offsets, n) else n_offsets
+    found = ModeWeights(
+        np.empty((n_kept, n_integrands, n_modes)), np.empty((n_kept, n_integrands), np.int64),
+        np.empty((n_columns, n_offsets, n_modes)), np.empty(n_modes), np.empty(last.shape[3]),
+    )  # fmt: skip
+    set_mode_weights(equations, basis.weights, varying.of_varying, found)
+    return found
+
+
+@inner
+def next_step(control, end):
+    """Return start, time left and length of the next step, such that no tiny remainder is left."""
+    left = end - control.time
+    h = left if control.next >= left else min(control.next, 0.5 * left)
+    return control.time, left, h
+
+
+@inner
+def orders_tabulated(t, h, varying):
+    """Return whether the tables of varying orders hold for this step; if not, request them."""
+    tabulated = varying.tabulated
+    if varying.integrals.shape[0] == 0 or (tabulated.start == t and tabulated.length == h):
+        return True
+    tabulated.next_start, tabulated.next_length = t, h
+    return False
+
+
+@inner
+def next_length(h, planned, ratio, was_refused, order):
+    """Return the length of the next step after one with this ratio of error to tolerance.
+
+    It is h times a power of the ratio, limited, on the grid of lengths; a quarter of h where the
+    step was not solved. A step shortened to end at a stop leaves the planned length as it was.
+    """
+    if ratio <= 1.0 and h < planned:
+        return planned
+    if not ratio < np.inf:
+        return 0.25 * h
+    factor = _SAFETY * max(ratio, 1e-12) ** (-1.0 / order)
+    return floor_to_grid(h * max(_SHRINK, min(1.0 if was_refused else _GROW, factor)))
+
+
+@inner
+def lowest_order(equations):
+    """Return the smallest order of integration that occurs."""
+    terms, lowest = equations.terms, 1.0
+    for n in range(terms.shape[0]):
+        if 0 <= terms[n].index < equations.orders.shape[0]:
+            lowest = min(lowest, equations.orders[terms[n].index])
+    return lowest
+
+
+@inner
+def absorb_constant_mode(rates, orbit):
+    """Move the content of a mode of rate 0 into p(0).
+
+    In a classical equation both would grow without bound and cancel, and a decaying tangent would
+    be lost in their rounding errors.
+    """
+    if rates.shape[0] > 0 and rates[0] == 0.0:
+        initial, modes = orbit.initial, orbit.modes
+        d = initial.shape[1]
+        for column in range(modes.shape[0]):
+            for c in range(d):
+                initial[column, c] += modes[column, c, 0]
+                modes[column, c, 0] = 0.0
+
+
+@inner
+def advance_orbit(h, to_end, moments, weights, kinds, legendre, orbit):
+    """Advance the orbit and its tangents to the end of the step solved last."""
+    values = orbit.last
+    for column in range(values.shape[0]):
+        own, modes = values[column], orbit.modes[column]
+        advance_modes(h, to_end, moments, weights, column, kinds, legendre, own, modes)
+        put(own[POSITION, :, -1], orbit.x[column])
+        put(own[PRIMARY, :, -1], orbit.p[column])
+
+
+@inner
+def record_step(state, t, h, ratio, values, second, orbit, steps, row):
+    """Record an accepted step in a row of `steps`, and the largest p so far where p is y'."""
+    # values (n_q, d, s)
+    x, p, nodal, at_start = orbit.x[0], orbit.p[0], steps.p[row], steps.at_starts[row]
+    (d, s), largest = nodal.shape, state.largest
+    steps.starts[row], steps.lengths[row], steps.errors[row] = state.control.origin + t, h, ratio
+    put_matrix(values[PRIMARY], nodal)
+    for c in range(d):
+        at_start[0, c], at_start[1, c] = x[c], p[c]
+        for i in range(s):
+            if second[c] == 1:
+                largest[c] = max(largest[c], abs(nodal[c, i]))

@@ -1,0 +1,306 @@
+"""Exponential modes of a collocation step: reading, advancing, and tables of their factors.
+
+The modes are read at the nodes of a step and advanced to its end by factors that depend on its
+length alone. Lengths lie on a grid (`floor_to_grid`), so few of them occur in a run. The factors of
+each are stored in a slot of a table.
+
+A conjugate pair of rates has two real modes, which decay and turn together. They are the real part
+of the complex mode of the rate with a positive imaginary part, and the imaginary part of the
+other's.
+"""
+
+import math
+
+import numpy as np
+
+from ..compiled.jit import allocating, compiled, inner
+from ..compiled.linalg import add_rows, clear, clear_matrix, put
+from .operators import first_of_kind, number_of
+from .structures import StepTables
+
+# Step lengths are 2**(n / _PER_OCTAVE), rounded up to so few digits that sums of them are exact:
+# rounding errors of equal steps would accumulate to a drift of time.
+_PER_OCTAVE, _DIGITS = 8, 2.0**12
+# Slots of the tables; lengths whose ratio is a power of 2**(SLOTS / _PER_OCTAVE) share one.
+SLOTS = 64
+# Arguments of exp(-z) from which it is taken for 0.
+_UNDERFLOW = 700.0
+# Arguments below which Bessel functions are 1 - x, x / 3 and 0 in rounding, and where their
+# recurrence begins, which reaches 1e-8 from there on.
+_SMALL, _SEED = 1e-8, 1e-200 + 0j
+
+
+def empty_tables(n_modes, s, n_kernels):
+    """Allocate tables that hold the factors of no length yet."""
+    slots = (SLOTS, n_modes, s), (SLOTS, 2, n_modes), (SLOTS, s, n_modes), (SLOTS, n_kernels, s, s)
+    return StepTables(np.zeros(SLOTS), *(np.empty(shape) for shape in slots))
+
+
+@compiled
+def floor_to_grid(h):
+    """Return the largest length of the grid that does not exceed h, up to rounding."""
+    power = math.floor(_PER_OCTAVE * math.log2(h)) / _PER_OCTAVE
+    octave = math.floor(power)
+    return math.ceil(2.0 ** (power - octave) * _DIGITS) / _DIGITS * 2.0**octave
+
+
+@inner
+def find_slot(h, nodes, basis, tables):
+    """Return the slot with the factors of a step of length h, computed if they are missing."""
+    slot = math.floor(_PER_OCTAVE * math.log2(h) + 0.5) % tables.lengths.shape[0]
+    if tables.lengths[slot] != h:
+        fill_slot(h, nodes, basis, tables, slot)
+    return slot
+
+
+@allocating
+def fill_slot(h, nodes, basis, tables, slot):
+    """Compute the factors of a step of length h."""
+    rates, gains, weights, masses = basis.rates, basis.gains, basis.weights, basis.masses
+    tables.lengths[slot], moments = 0.0, np.empty(nodes.shape[0])
+    for m in range(rates.shape[0]):
+        for i in range(nodes.shape[0]):
+            tables.to_nodes[slot, m, i] = history_of_mode(rates[m], gains[m], h * nodes[i])
+        end = turning_decay(rates[m] * h)
+        tables.to_end[slot, 0, m], tables.to_end[slot, 1, m] = end.real, end.imag
+        set_moments(rates[m], h, moments)
+        put(moments, tables.moments[slot, :, m])
+    for k in range(masses.shape[0]):
+        kernel_weights = weights[weights.shape[0] - masses.shape[0] + k]
+        matrix = tables.local[slot, k]
+        set_kernel_matrix(h, nodes, basis, kernel_weights, masses[k], matrix)
+    tables.lengths[slot] = h
+
+
+@inner
+def decay(z):
+    """Return exp(-z), and 0 for what underflows, which takes ten times as long."""
+    return math.exp(-z) if z < _UNDERFLOW else 0.0
+
+
+@inner
+def turning_decay(z):
+    """Return exp(-z) for complex z."""
+    return decay(z.real) * complex(math.cos(z.imag), -math.sin(z.imag))
+
+
+@inner
+def real_part(value, rate):
+    """Return the part of a complex value that counts for the real mode of this rate."""
+    return value.imag if rate.imag < 0.0 else value.real
+
+
+@inner
+def history_of_mode(rate, gain, t):
+    """Return the factor by which a mode enters the history at a time t later."""
+    if rate.imag == 0.0:
+        return decay(rate.real * t)
+    return real_part(gain * turning_decay(rate * t), rate)
+
+
+@allocating
+def set_moments(rate, h, out):
+    """Set out[k] to what a mode absorbs of the Legendre polynomial of degree k on a step."""
+    if rate.imag == 0.0:
+        exponential_legendre(rate.real * h, out.shape[0], out)
+    else:
+        moments = np.empty(out.shape[0], dtype=np.complex128)
+        turning_legendre(rate * h, out.shape[0], moments)
+        for k in range(out.shape[0]):
+            out[k] = real_part(moments[k], rate)
+
+
+@allocating
+def set_kernel_matrix(h, nodes, basis, weights, mass, out):
+    """Set out[i, j], the weight of the value at node j in the convolution at node i, over one step.
+
+    The kernel is a sum of exponentials of these rates and weights, and a point mass at distance 0.
+    """
+    s, rates, transforms = nodes.shape[0], basis.rates, basis.transforms
+    moments = np.empty(s)
+    clear_matrix(out)
+    for m in range(rates.shape[0]):
+        if weights[m] == 0.0:
+            continue
+        factor = weights[m] * history_of_mode(rates[m], basis.gains[m], 0.0)
+        for i in range(s):
+            set_moments(rates[m], h * nodes[i], moments)
+            for k in range(s):
+                weight = factor * h * nodes[i] * moments[k]
+                for j in range(s):
+                    out[i, j] += weight * transforms[i, k, j]
+    for i in range(s):
+        out[i, i] += mass
+
+
+@inner
+def read_modes(modes, to_nodes, out):
+    """Set out[c, i] = ``sum_m modes[c, m] to_nodes[m, i]``, the history at the nodes."""
+    # modes (R, M), to_nodes (M, s), out (R, s)
+    clear_matrix(out)
+    for c in range(out.shape[0]):
+        add_rows(out[c], modes[c], to_nodes)
+
+
+@inner
+def read_varying(modes, to_nodes, equations, varying, out):
+    """Add the history of terms with varying orders: unweighted modes times weights at the nodes."""
+    # modes (R, M), to_nodes (M, s), out (R, s)
+    terms, weights, unweighted = equations.terms, varying.weights, equations.unweighted
+    d, first = equations.second.shape[0], 1 - weights.shape[0]
+    for n in range(terms.shape[0]):  # varying orders have the last indices
+        first = max(first, terms[n].index + 1 - weights.shape[0])
+    for n in range(terms.shape[0]):
+        k = terms[n].index - first
+        if k < 0:
+            continue
+        c, q = terms[n].row, terms[n].integrand
+        for b in range(unweighted.shape[0]):
+            if unweighted[b] != q:
+                continue
+            for m in range(to_nodes.shape[0]):
+                held = terms[n].coefficient * modes[(2 + b) * d + c % d, m]
+                for i in range(to_nodes.shape[1]):
+                    out[c, i] += held * weights[k, m, i] * to_nodes[m, i]
+
+
+@inner
+def decay_modes(modes, to_end):
+    """Let modes (M,) decay over a step; pairs with complex rates also turn."""
+    turning = False
+    for m in range(modes.shape[0]):
+        turning |= to_end[1, m] != 0.0
+    if not turning:
+        for m in range(modes.shape[0]):
+            modes[m] *= to_end[0, m]
+        return
+    m = 0
+    while m < modes.shape[0]:
+        real, imag = to_end[0, m], to_end[1, m]
+        own = modes[m]
+        modes[m] *= real
+        if imag != 0.0:
+            m += 1
+            modes[m - 1] += imag * modes[m]
+            modes[m] = real * modes[m] - imag * own
+        m += 1
+
+
+@inner
+def advance_modes(h, to_end, moments, weights, column, kinds, legendre, values, modes):
+    """Advance the modes over the step: decay, and absorb the integrands' polynomials on it.
+
+    Row c absorbs integrands of component c modulo d; `column` is that of the orbit or a tangent.
+    """
+    # to_end (2, M), moments (s, M), kinds (d,), legendre (s, s), values (n_q, d, s), modes (R, M)
+    d, s, n_modes = values.shape[1], values.shape[2], to_end.shape[1]
+    part, coefficients, n_kinds = weights.part, weights.coefficients, number_of(kinds)
+    for c in range(modes.shape[0]):
+        own, kind = modes[c], c // d * n_kinds + kinds[c % d]
+        decay_modes(own, to_end)
+        for m in range(n_modes if weights.offsets.shape[1] > 0 else 0):
+            own[m] += h * weights.offsets[column, c, m] * moments[0, m]
+        for q in range(values.shape[0]):
+            if weights.used[kind, q] == 0:
+                continue
+            nodal, of_integrand = values[q, c % d], weights.integrands[kind, q]
+            for k in range(s):
+                total = 0.0
+                for j in range(s):
+                    total += legendre[k, j] * nodal[j]
+                coefficients[k] = h * total
+            clear(part)
+            add_rows(part, coefficients, moments)
+            for m in range(n_modes):
+                own[m] += of_integrand[m] * part[m]
+
+
+@inner
+def set_mode_weights(equations, weights, of_varying, found):
+    """Set the `ModeWeights` with which the modes absorb integrands and the constant 1 of offsets.
+
+    Modes of varying orders have weight 1: they fill rows behind the others, a row of each component
+    for each integrand.
+    """
+    # weights (n_a + n_k, M), of_varying (M,)
+    input_weights, offset_weights = found.integrands, found.offsets
+    terms, offsets, unweighted = equations.terms, equations.offsets, equations.unweighted
+    for row in range(input_weights.shape[0]):
+        clear_matrix(input_weights[row])
+    for column in range(offset_weights.shape[0]):
+        clear_matrix(offset_weights[column])
+    d, n_kinds = equations.kinds.shape[0], number_of(equations.kinds)
+    for b in range(unweighted.shape[0]):
+        for row in range((2 + b) * n_kinds, (3 + b) * n_kinds):
+            put(of_varying, input_weights[row, unweighted[b]])
+    for n in range(terms.shape[0]):
+        c, q, k = terms[n].row, terms[n].integrand, terms[n].index
+        kind = equations.kinds[c % d]
+        for m in range(weights.shape[1] if k >= 0 else 0):
+            weight = terms[n].coefficient * weights[k, m]
+            if first_of_kind(equations.kinds, kind) == c % d:
+                input_weights[c // d * n_kinds + kind, q, m] += weight
+            for column in range(offsets.shape[0] if offset_weights.shape[1] > 0 else 0):
+                offset_weights[column, c, m] -= weight * offsets[column, n]
+    for kind in range(found.used.shape[0]):
+        for q in range(found.used.shape[1]):
+            found.used[kind, q] = 0
+            for m in range(weights.shape[1]):
+                if input_weights[kind, q, m] != 0.0:
+                    found.used[kind, q] = 1
+
+
+@inner
+def exponential_legendre(z, n, out):
+    """Set out[k] = ``int_0^1 exp(-z (1 - u)) P_k(2 u - 1) du``, k < n, for z >= 0.
+
+    These are scaled modified spherical Bessel functions of z / 2. They come by upward recurrence
+    from the first two where n is small against z / 2. Else they come by their continued fraction,
+    whose terms are positive.
+    """
+    x = 0.5 * z
+    out[0] = 1.0 if z == 0.0 else -math.expm1(-z) / z
+    if n == 1:
+        return
+    if x > 2.0 * n:
+        out[1] = (0.5 * (1.0 + decay(z)) - out[0]) / x
+        for k in range(1, n - 1):
+            out[k + 1] = out[k - 1] - (2 * k + 1) / x * out[k]
+        return
+    ratio = 0.0
+    for k in range(n + 7 + int(2.5 * x), 0, -1):
+        ratio = x / (2 * k + 1 + x * ratio)
+        if k < n:
+            out[k] = ratio
+    for k in range(1, n):
+        out[k] *= out[k - 1]
+
+
+@inner
+def turning_legendre(z, n, out):
+    """Set out[k] as `exponential_legendre` for complex z, n > 1.
+
+    By upward recurrence, or by downward recurrence and ``sum_k (2 k + 1) out[k] = 1``, the series
+    for u = 1.
+    """
+    x = 0.5 * z
+    if abs(x) > 2.0 * n:
+        end = turning_decay(z)
+        out[0] = (1.0 - end) / z
+        out[1] = (0.5 * (1.0 + end) - out[0]) / x
+        for k in range(1, n - 1):
+            out[k + 1] = out[k - 1] - (2 * k + 1) / x * out[k]
+        return
+    out[:] = 0.0
+    if abs(x) < _SMALL:
+        out[0], out[1] = 1.0 - x, x / 3.0
+        return
+    above, value, total = 0j, _SEED, 0j
+    for k in range(20 + int(2.5 * abs(x)), 0, -1):
+        total += (2 * k + 1) * value
+        if k < n:
+            out[k] = value
+        above, value = value, above + (2 * k + 1) / x * value
+    out[0] = value
+    for k in range(n):
+        out[k] /= total + value

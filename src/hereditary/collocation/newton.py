@@ -1,0 +1,339 @@
+"""Equations of one collocation step and their solution by Newton's method.
+
+Every component has a primary unknown p: y itself or, for orders above 1, its first derivative. It
+satisfies ``p(t) = p(0) + sum_k c_k J**a_k (q_k - o_k)`` with orders of integration 0 < a <= 1,
+coefficients c, integrands q among f, p and y, and constants o. On a step the integrands are
+polynomials through their values at s nodes, whose fractional integrals over the step are exact. The
+history before the step is a sum of exponential modes, advanced by exact moments.
+"""
+
+import numpy as np
+
+from ..compiled.jacobian import COLUMNS, ROWS, VALUES, is_sparse, jacobian, magnitudes
+from ..compiled.jit import allocating, inlined, inner
+from ..compiled.linalg import clear_matrix, dot, factorise, put, put_cube, put_matrix
+from ..compiled.signatures import FACTORISE, SUBSTITUTE
+from .operators import FORCE, POSITION, PRIMARY
+from .stages import newton_matrix, substitute_scaled
+from .structures import KEPT, LENGTH, REDUCED, Newton, StepRoom
+
+# Newton iterations before a step is refused, contraction from which a Jacobian of an earlier step
+# is not kept, and the iteration, from 0 on, at which each node of few components has its own.
+_SWEEPS, _SLOW, _EACH = 12, 0.05, 5
+# Times that a change, or the change from p at the start to the first guess, is halved at nodes
+# where it leads out of the domain of f, before these nodes go back to where they were.
+_HALVED = 4
+# Iterations for a tangent of many components, and the relative change that ends them.
+_TANGENT_SWEEPS, _TANGENT_GOAL = 30, 1e-11
+# Relative and absolute change of p that rounding leaves.
+_ROUNDING, _LEAST = 1e-14, 1e-202
+# Change of p, as fraction of the largest one, that is left where sizes are not known yet.
+_OF_LARGEST = 1e-10
+
+
+@inner
+def nodal_slopes(h, inverse, start, p, out):
+    """Set `out` (d, s) to p' at the nodes, of the polynomial with these values of p.
+
+    p (d, s) are its values at the nodes, `start` (d,) that at the step's start. The argument
+    `inverse` (s, s) is the inverse of the matrix of integrals of order 1.
+    """
+    for c in range(p.shape[0]):
+        for i in range(p.shape[1]):
+            total = 0.0
+            for j in range(p.shape[1]):
+                total += inverse[i, j] * (p[c, j] - start[c])
+            out[c, i] = total / h
+
+
+@inner
+def positions(h, p, x_start, second, integral, x):
+    """Set y at the nodes: p itself, or the integral of p from `x_start` where p is y'."""
+    # p, x (d, s), x_start (d,), second (d,), integral (s, s) of order 1
+    for c in range(p.shape[0]):
+        for i in range(p.shape[1]):
+            if second[c] == 0:
+                x[c, i] = p[c, i]
+                continue
+            total = 0.0
+            for j in range(p.shape[1]):
+                total += integral[i, j] * p[c, j]
+            x[c, i] = x_start[c] + h * total
+
+
+@inner
+def forces(rhs, params, times, x, f, room):
+    """Set f to the right-hand side at all nodes of a step, where y is x; return if it is finite."""
+    # times (s,), x and f (d, s)
+    point, force, finite = room.point, room.force, True
+    for i in range(times.shape[0]):
+        for c in range(point.shape[0]):
+            point[c] = x[c, i]
+        rhs(times[i], point, force, params)
+        for c in range(point.shape[0]):
+            f[c, i] = force[c]
+            finite = finite and abs(force[c]) < np.inf
+    return finite
+
+
+@allocating
+def open_newton(d, s, n_checks, solver, stages):
+    """Join the solver of the stages, the scales of f and the room of a step."""
+    change = np.empty(d * s)
+    room = StepRoom(
+        np.empty(s), np.empty(n_checks), np.empty(d * s), change, change.reshape((d, s)),
+        np.empty((d, s)), np.empty((s, d)), np.empty((s, s)), np.empty(d), np.empty(d), np.empty(d),
+        np.empty(d), np.empty(d), np.empty(d), np.empty(d), np.empty(d), np.empty(d), np.zeros(d),
+        np.zeros(d), np.zeros(d),
+    )  # fmt: skip
+    return Newton(solver, stages, room)
+
+
+@inner
+def factorise_newton(h, p, matrices, integral, jacobians, newton):
+    """Factorise Newton's matrix with the Jacobians of the stages; return whether it is regular."""
+    # matrices (>= n, 3, s, s), integral (s, s) of order 1
+    stages = newton.stages
+    if stages.jacobians.shape[0] > 1:
+        # few components are solved here: handing a function value all these arrays takes 0.1 us
+        newton_matrix(
+            h, matrices, stages.kinds, integral, stages.second, jacobians, stages.scales,
+            stages.dense[0, 1], stages.joint,
+        )  # fmt: skip
+        return factorise(stages.joint, stages.dense[0, 0])
+    for kind in range(stages.second.shape[0]):
+        put_cube(matrices[kind], stages.matrices[kind])
+    for i in range(integral.shape[0]):
+        for j in range(integral.shape[0]):
+            stages.integral[i, j] = h * integral[i, j]
+    return newton.solver(FACTORISE, p, stages) == 0
+
+
+@inlined
+def solve_newton(newton):
+    """Solve for the change of p that the residual of the room asks for."""
+    residual, change, stages = newton.room.residual, newton.room.change, newton.stages
+    if stages.jacobians.shape[0] == 1:
+        put(residual, change)
+        newton.solver(SUBSTITUTE, newton.room.nodal_change, stages)
+    else:
+        substitute_scaled(stages.joint, stages.dense[0, 0], stages.scales, residual, change)
+
+
+@inner
+def solve_stages(
+    rhs, jac, has_jac, params, times, h, base, x_start, second, operators, kinds, integral, goal,
+    values, counts, contraction, newton,
+):  # fmt: skip
+    """Solve for p at the nodes by Newton's method, starting from the given values.
+
+    The room has their change from p at the start, negated. Returns whether p is accurate to
+    `goal` (d,). Sets y, and f corrected to first order for the last change of p; `contraction`
+    records how fast the method converged. Of many components the Jacobian is kept over steps while
+    the method converges fast, and factors as long as the step's length stays.
+    """
+    # base (>= d, s), values (n_q, d, s): f, p and y
+    f, p, x = values[FORCE], values[PRIMARY], values[POSITION]
+    stages, control = newton.stages, newton.stages.control
+    room, s, few = newton.room, p.shape[1], stages.jacobians.shape[0] > 1
+    residual, change, before = room.residual, room.change, room.before
+    previous, fresh = np.inf, False
+    jacobians = stages.jacobians[:1]
+    positions(h, p, x_start, second, integral, x)
+    for sweep in range(_SWEEPS):
+        counts.rhs += s
+        halved = 0
+        while not forces(rhs, params, times, x, f, room):
+            if halved > _HALVED:
+                control[KEPT] = 0.0
+                return False
+            step_back(f, 0.5 if halved < _HALVED else 1.0, change, p)
+            positions(h, p, x_start, second, integral, x)
+            counts.rhs += s
+            halved += 1
+        if few and (sweep == 0 or sweep == _EACH):
+            control[KEPT] = 0.0
+            jacobians = stages.jacobians[: 1 if sweep == 0 else s]
+        if control[KEPT] == 0.0:
+            counts.rhs += stage_jacobians(rhs, jac, has_jac, params, times, x, jacobians, room)
+            control[KEPT], control[LENGTH], control[REDUCED], fresh = 1.0, 0.0, 0.0, True
+        if control[LENGTH] != h:
+            control[LENGTH] = 0.0
+            if not factorise_newton(h, p, operators.matrices, integral, jacobians, newton):
+                control[KEPT] = 0.0  # it may hold what is no number
+                return False
+            control[LENGTH], previous = h, np.inf
+        if previous == np.inf:  # of y as it is guessed: a stiff solution falls far below its start
+            for c in range(newton.room.starts.shape[0]):
+                room.point[c] = x[c, s - 1]
+            magnitudes(jacobians[0], room.point, newton.room.force_scales)
+            magnitudes(jacobians[0], newton.room.starts, newton.room.start_scales)
+        residuals(base, operators, kinds, p, x, f, residual)
+        solve_newton(newton)
+        size = take_change(change, goal, p)
+        if not size < np.inf:
+            control[KEPT] = 0.0
+            return False
+        put_matrix(x, before)
+        positions(h, p, x_start, second, integral, x)
+        rate = contraction_rate(size, previous, h, contraction)
+        if size * min(1.0, 4.0 * rate) < 1.0:
+            correct_forces(jacobians, before, x, f, room.moved)
+            return True
+        if previous < np.inf and rate > _SLOW:
+            if rate > 0.9 and sweep > 5:
+                control[KEPT] = 0.0
+                return False
+            if not fresh:  # one of an earlier step
+                control[KEPT] = 0.0
+        previous = size
+    control[KEPT] = 0.0
+    return False
+
+
+@inner
+def stage_jacobians(rhs, jac, has_jac, params, times, x, out, room):
+    """Set the Jacobian of each node, or only that of the middle one; return the calls of `rhs`."""
+    # x (d, s), out (s, d, d), or (1, ., .) for all nodes
+    s, calls, point = times.shape[0], 0, room.point
+    for i in range(out.shape[0]):
+        k = i if out.shape[0] > 1 else s // 2
+        for c in range(point.shape[0]):
+            point[c] = x[c, k]
+        calls += jacobian(rhs, jac, has_jac, times[k], point, params, room.units, out[i])
+    return calls
+
+
+@inner
+def correct_forces(jacobians, before, x, f, moved):
+    """Correct f (d, s) to first order from y = `before` to y = x; moved (s, d) is room."""
+    d, s = x.shape
+    sparse, by_nodes, entries = is_sparse(jacobians[0], d), jacobians.shape[0] > 1, jacobians[0]
+    for k in range(entries.shape[1] if sparse else 0):
+        c, e = int(entries[ROWS, k]), int(entries[COLUMNS, k])
+        for i in range(s):
+            value = jacobians[i if by_nodes else 0, VALUES, k]
+            f[c, i] += value * (x[e, i] - before[e, i])
+    for c in range(0 if sparse else d):
+        for i in range(s):
+            moved[i, c] = x[c, i] - before[c, i]
+    for c in range(0 if sparse else d):
+        for i in range(s):
+            f[c, i] += dot(jacobians[i if by_nodes else 0, c], moved[i], 0, d)
+
+
+@inner
+def step_back(f, share, change, p):
+    """Take back a share of the last change, (d s,), of p at nodes where f is not finite."""
+    d, s = p.shape
+    for i in range(s):
+        finite = True
+        for c in range(d):
+            finite = finite and abs(f[c, i]) < np.inf
+        for c in range(0 if finite else d):
+            p[c, i] += share * change[c * s + i]
+            change[c * s + i] *= 1.0 - share
+
+
+@inlined
+def take_change(change, goal, p):
+    """Subtract a change, (d s,), from p; return the largest in units of the goal."""
+    size, largest = 0.0, 0.0
+    for c in range(p.shape[0]):
+        for i in range(p.shape[1]):
+            p[c, i] -= change[c * p.shape[1] + i]
+            largest = max(largest, abs(p[c, i]))
+    for c in range(p.shape[0]):
+        allowed = goal[c]
+        for i in range(p.shape[1]):
+            if goal[c] <= _LEAST:  # what begins at 0 has no size yet
+                allowed = max(_ROUNDING * abs(p[c, i]), _OF_LARGEST * largest, _LEAST)
+            size = max(size, abs(change[c * p.shape[1] + i]) / allowed)
+    return size
+
+
+@inner
+def contraction_rate(size, previous, h, contraction):
+    """Return how fast Newton's method converges, and record it where two changes tell."""
+    if previous < np.inf:
+        rate = size / previous
+        contraction.rate = max(rate, 0.1 * contraction.rate)
+        contraction.change = max(previous, 0.1 * contraction.change)
+        contraction.length = h
+        return rate
+    # from earlier steps: slower for a worse guess and for a longer step
+    rate = contraction.rate * max(1.0, size / contraction.change)
+    return rate * max(1.0, h / contraction.length) ** 2
+
+
+@inner
+def residuals(base, operators, kinds, p, x, f, out):
+    """Set the residuals p - base - integrals at all nodes, in the order (c, i)."""
+    d, s = p.shape
+    for c in range(d):
+        kind, first = kinds[c], c * s
+        own, alone = operators.columns[kind], operators.alone[kind] == 1
+        for i in range(s):
+            out[first + i] = p[c, i] - base[c, i]
+        for j in range(s if alone else 0):
+            by_f, a = own[FORCE, j], f[c, j]
+            for i in range(s):
+                out[first + i] -= by_f[i] * a
+        for j in range(0 if alone else s):  # f and terms may cancel: added first
+            by_f, by_p, by_x = own[FORCE, j], own[PRIMARY, j], own[POSITION, j]
+            a, b, e = f[c, j], p[c, j], x[c, j]
+            for i in range(s):
+                out[first + i] -= by_f[i] * a + by_p[i] * b + by_x[i] * e
+
+
+@allocating
+def solve_tangents(
+    rhs, jac, has_jac, params, times, h, base, x_start, second, operators, kinds, integral, values,
+    counts, newton,
+):  # fmt: skip
+    """Solve the step, linearised along the orbit, for the tangents' `values` at the nodes.
+
+    These are the right-hand side f, the primary unknown p (y' where `second` is 1, else y) and y,
+    columns 1 to k. Column 0, the orbit, must solve the step already. Of few components the factors
+    are renewed with the Jacobian of each node; of many those of the orbit are used until the
+    equations hold. Returns whether they do.
+    """
+    # base (1 + k, R, s), x_start (1 + k, d), values (1 + k, 3, d, s)
+    s, few, room = base.shape[2], newton.stages.jacobians.shape[0] > 1, newton.room
+    of_orbit, none = newton.stages.jacobians, room.before
+    residual, change = room.residual, room.change
+    jacobians = of_orbit if few else np.empty((s, of_orbit.shape[1], of_orbit.shape[2]))
+    for i in range(0 if few else s):
+        put_matrix(of_orbit[0], jacobians[i])
+    counts.rhs += stage_jacobians(
+        rhs, jac, has_jac, params, times, values[0, POSITION], jacobians, room
+    )
+    if few and not factorise_newton(
+        h, values[0, PRIMARY], operators.matrices, integral, jacobians, newton
+    ):
+        return False
+    clear_matrix(none)
+    for column in range(1, base.shape[0]):
+        f, p, x = values[column, FORCE], values[column, PRIMARY], values[column, POSITION]
+        clear_matrix(p)
+        done = False
+        for _ in range(_TANGENT_SWEEPS):
+            positions(h, p, x_start[column], second, integral, x)
+            clear_matrix(f)
+            correct_forces(jacobians, none, x, f, room.moved)
+            if done:
+                break
+            residuals(base[column], operators, kinds, p, x, f, residual)
+            solve_newton(newton)
+            moved, size = 0.0, 0.0
+            for c in range(p.shape[0]):
+                for i in range(s):
+                    p[c, i] -= change[c * s + i]
+                    moved = max(moved, abs(change[c * s + i]))
+                    size = max(size, abs(p[c, i]))
+            done = few or moved <= _TANGENT_GOAL * size
+            if not moved < np.inf:
+                return False
+        if not done:
+            return False
+    return True

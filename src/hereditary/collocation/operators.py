@@ -1,0 +1,178 @@
+"""Matrices of a collocation step, from nodal values to the rows of its equations."""
+
+import numpy as np
+
+from ..compiled.jit import allocating, inner
+from ..compiled.linalg import clear_matrix
+from .structures import Operators
+
+# Integrands: f, p, y and, where needed, p'.
+FORCE, PRIMARY, POSITION, SLOPE = 0, 1, 2, 3
+# Index of a term that is no convolution: the integrand itself.
+ITSELF = -1
+
+
+@inner
+def assemble_operators(h, equations, integrals, inverse, local, operators):
+    """Assemble the matrices from nodal values to all rows for a step of length h.
+
+    Row c < d gives p of component c; row d + c holds the terms subtracted from its right-hand side.
+    Components of one kind share their matrices. The integrand p' is the derivative of the
+    polynomial through p at the start and at the nodes.
+    """
+    # integrals (n_a, s, s), inverse (s, s) of the last of these, local (n_k, s, s)
+    terms, orders, offsets = equations.terms, equations.orders, equations.offsets
+    for kind in range(operators.matrices.shape[0]):
+        for q in range(operators.matrices.shape[1]):
+            clear_matrix(operators.matrices[kind, q])
+    clear_matrix(operators.start_weights)
+    for column in range(operators.constant.shape[0]):
+        clear_matrix(operators.constant[column])
+    s, d, kinds = operators.constant.shape[2], equations.second.shape[0], equations.kinds
+    n_kinds = number_of(kinds)
+    for n in range(terms.shape[0]):
+        c, q, k = terms[n].row, terms[n].integrand, terms[n].index
+        kind = kinds[c % d]
+        fresh, row = first_of_kind(kinds, kind) == c % d, c // d * n_kinds + kind
+        if not fresh and not any_offset(offsets, n):
+            continue
+        factor = terms[n].coefficient
+        convolution = integrals[0]
+        if k >= orders.shape[0]:
+            convolution = local[k - orders.shape[0]]
+        elif k >= 0:
+            convolution = integrals[k]
+            factor *= h ** orders[k]
+        for i in range(s):
+            for j in range(s):
+                weight = factor * convolution[i, j]
+                if k == ITSELF:
+                    weight = factor if i == j else 0.0
+                if q == SLOPE:
+                    for e in range(s if fresh else 0):
+                        operators.matrices[row, PRIMARY, i, e] += weight * inverse[j, e] / h
+                        operators.start_weights[row, i] -= weight * inverse[j, e] / h
+                    continue
+                if fresh:
+                    operators.matrices[row, q, i, j] += weight
+                for column in range(offsets.shape[0]):
+                    operators.constant[column, c, i] -= weight * offsets[column, n]
+    for kind in range(n_kinds):
+        if equations.implicit[first_of_kind(kinds, kind)] == 1:
+            set_implicit_row(n_kinds, kind, operators.matrices)
+    eliminate_operators(n_kinds, operators.matrices)
+    set_columns(operators)
+
+
+@inner
+def set_columns(operators):
+    """Set what follows from the matrices: by columns, sums are vectorised."""
+    matrices, columns, alone, sums = (
+        operators.matrices, operators.columns, operators.alone, operators.sums
+    )  # fmt: skip
+    alone[:], sums[:], s = 1, 0.0, matrices.shape[2]
+    for k in range(matrices.shape[0]):
+        for q in range(3):
+            for i in range(s):
+                for j in range(s):
+                    value = matrices[k, q, i, j]
+                    columns[k, q, j, i] = value
+                    if q == FORCE:
+                        sums[k, i] += value
+                    elif value != 0.0:
+                        alone[k] = 0
+
+
+@inner
+def first_of_kind(kinds, kind):
+    """Return the first component of a kind."""
+    c = 0
+    while kinds[c] != kind:
+        c += 1
+    return c
+
+
+@inner
+def any_offset(offsets, n):
+    """Return whether a constant, (1 + k, n), is subtracted from the integrand of term n."""
+    found = False
+    for column in range(offsets.shape[0]):
+        found = found or offsets[column, n] != 0.0
+    return found
+
+
+@inner
+def number_of(kinds):
+    """Return the number of kinds of components."""
+    most = 0
+    for c in range(kinds.shape[0]):
+        most = max(most, kinds[c])
+    return most + 1
+
+
+@inner
+def set_implicit_row(n_kinds, c, matrices):
+    """Set row c to p plus the balance of right-hand side and terms, scaled to the units of p."""
+    s = matrices.shape[2]
+    size = abs(matrices[n_kinds + c, PRIMARY, s - 1, s - 1])
+    for i in range(s):
+        matrices[c, PRIMARY, i, i] = 1.0
+        matrices[c, FORCE, i, i] = 1.0 / size if size > 0.0 else 1.0
+
+
+@inner
+def subtract_matvec(matrix, vector, out):
+    """Compute out -= matrix @ vector."""
+    for i in range(matrix.shape[0]):
+        for j in range(matrix.shape[1]):
+            out[i] -= matrix[i, j] * vector[j]
+
+
+@inner
+def subtract_matmul(left, right, out):
+    """Compute out -= left @ right."""
+    for i in range(left.shape[0]):
+        for k in range(left.shape[1]):
+            for j in range(right.shape[1]):
+                out[i, j] -= left[i, k] * right[k, j]
+
+
+@inner
+def eliminate_operators(n_kinds, matrices):
+    """Substitute the terms subtracted from the right-hand sides into the rows of p."""
+    for c in range(matrices.shape[0] - n_kinds):
+        for q in (PRIMARY, POSITION):
+            subtract_matmul(matrices[c, FORCE], matrices[n_kinds + c, q], matrices[c, q])
+
+
+@inner
+def eliminate_known(kinds, matrices, known):
+    """Substitute the known parts of rows d + c into those of the rows of p; known (1 + k, R, s)."""
+    d = kinds.shape[0]
+    for column in range(known.shape[0]):
+        for c in range(known.shape[1] - d):
+            subtract_matvec(matrices[kinds[c], FORCE], known[column, d + c], known[column, c])
+
+
+@inner
+def subtract_from_forces(kinds, matrices, known, values):
+    """Subtract the terms of rows d + c from f, given p and y at the nodes; values (k, 3, d, s)."""
+    d, n_kinds = kinds.shape[0], number_of(kinds)
+    for column in range(values.shape[0]):
+        for c in range(known.shape[1] - d):
+            force = values[column, FORCE, c]
+            for i in range(force.shape[0]):
+                force[i] -= known[column, d + c, i]
+            for q in (PRIMARY, POSITION):
+                subtract_matvec(matrices[n_kinds + kinds[c], q], values[column, q, c], force)
+
+
+@allocating
+def empty_operators(n_columns, n_rows, kinds, s):
+    """Allocate the operators of a step."""
+    n_kinds = n_rows // kinds.shape[0] * number_of(kinds)
+    matrices, start_weights = np.empty((n_kinds, 3, s, s)), np.empty((n_kinds, s))
+    return Operators(
+        matrices, start_weights, np.empty((n_columns, n_rows, s)), np.empty(matrices.shape),
+        np.empty(n_kinds, dtype=np.int64), np.empty((n_kinds, s)),
+    )  # fmt: skip

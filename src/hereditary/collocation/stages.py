@@ -1,0 +1,489 @@
+"""Linear systems of the stages of a collocation step, by one Jacobian for all of them.
+
+Where components share their terms, the derivative of the residuals of nodal values x (d, s) is ``x
+M^T - J x G^T``. The matrices M and G (s, s) are those of all components, and J is one Jacobian for
+all nodes. With ``M^-1 G = V Lambda V^-1`` that is solved by systems ``(1 - lambda_k J) z = r`` of
+size d, one for each pair of complex eigenvalues. V may be ill-conditioned: residuals are those of
+the equations themselves, so that its rounding errors leave with the next iteration. Source:
+[HairerWanner1996], section IV.8, for M = 1.
+
+For components whose terms differ the derivative is ``M_c x_c - sum_e J_ce G_ce x_e`` with matrices
+of the kinds of components. Those of one kind would be diagonal in a common basis, those of several
+have none. So the system of size d s is solved as it is: s times the diagonals of a banded J, s**2
+times its entries. So it is for few components, with a Jacobian for each node if it has to be.
+"""
+
+import math
+
+import numpy as np
+
+from ..compiled.callbacks import PythonRaised, call_at, call_lapack
+from ..compiled.jacobian import COLUMNS, ROWS, VALUES
+from ..compiled.jit import allocating, compiled, inner, reordered
+from ..compiled.linalg import (
+    factorise,
+    factorise_large,
+    product,
+    put,
+    solve_in_place,
+    substitute,
+    transposed_product,
+)
+from ..compiled.signatures import FACTORISE, LinearSolver
+from ..compiled.sparse_solvers import banded_solver, sparse_solver, substitute_band
+from .operators import FORCE, POSITION, PRIMARY
+from .structures import LENGTH, OF_SPEEDS, OF_VALUES, REDUCED, REST, SYSTEMS
+
+# LAPACK's letters: left eigenvectors are not wanted, right ones are; matrices are scaled alone.
+_WITHOUT, _WITH, _SCALING = ord("N"), ord("V"), ord("S")
+
+
+@allocating
+def transform(stage):
+    """Set the eigenvalues that are needed, and both transforms; False where there are none."""
+    s = stage.integral.shape[0]
+    pencil = np.empty((3, s, s))
+    set_pencil(stage.matrices[0], stage.integral, stage.second[0], pencil)
+    gain, rest = pencil[stage.second[0]], pencil[REST]
+    inverse = np.empty((s, s))
+    for j in range(s):
+        column = np.zeros(s)
+        column[j] = 1.0
+        if not solve_in_place(rest.copy(), column):
+            return False
+        inverse[:, j] = column
+    product = inverse @ gain
+    values, imaginary, vectors = np.empty(s), np.empty(s), np.empty((s, s))
+    if not eigenvectors(stage.lapack_values, product, values, imaginary, vectors):
+        return False
+    # a pair of vectors v +- i w is held as v and w, so that this inverse is real as well
+    back, kept = np.linalg.inv(vectors).T.copy() @ inverse, 0
+    for k in range(s):
+        if imaginary[k] < 0.0:  # the conjugate of the one before
+            continue
+        stage.shifts[kept] = complex(values[k], imaginary[k])
+        for i in range(s):
+            if imaginary[k] > 0.0:
+                stage.forth[i, kept] = complex(vectors[k, i], vectors[k + 1, i])
+                stage.back[kept, i] = complex(back[k, i], -back[k + 1, i])
+            else:
+                stage.forth[i, kept], stage.back[kept, i] = vectors[k, i], back[k, i]
+        kept += 1
+    stage.control[SYSTEMS] = kept
+    return True
+
+
+@allocating
+def eigenvectors(lapack, matrix, values, imaginary, vectors):
+    """Set both parts of the eigenvalues, (s,), and the eigenvectors by LAPACK; False if it fails.
+
+    Vectors are rows, (s, s). Of a pair these are the real part and then the imaginary part, of the
+    eigenvalue above the real axis, which comes first.
+    """
+    s = values.shape[0]
+    for value in matrix.ravel():
+        if not abs(value) < np.inf:
+            return False
+    # the columns of a square, and room; sizes, what LAPACK returns, and two letters: both arrays
+    # are alive until LAPACK returns
+    room, numbers = np.empty((s + 8, s)), np.empty(5, dtype=np.int32)
+    for i in range(s):
+        for k in range(s):
+            room[k, i] = matrix[i, k]
+    numbers[0], numbers[1], numbers[2], numbers[3], numbers[4] = s, 8 * s, 0, _WITHOUT, _WITH
+    at, turned, work = numbers.ctypes.data, room.ctypes.data, room[s:].ctypes.data
+    call_lapack(  # type: ignore[call-arg]
+        lapack,
+        (at + 12, at + 16, at, turned, at, values.ctypes.data, imaginary.ctypes.data, work, at,
+         vectors.ctypes.data, at, work, at + 4, at + 8),
+    )  # fmt: skip
+    return numbers[2] == 0 and room[0, 0] == room[0, 0]
+
+
+@reordered
+def project(k, values, stage, out):
+    """Set the right-hand side of system k, (d,), from nodal values (d, s)."""
+    real, imaginary = stage.back[k].real.copy(), stage.back[k].imag.copy()
+    for c in range(out.shape[0]):
+        a, b = 0.0, 0.0
+        for i in range(real.shape[0]):
+            a += real[i] * values[c, i]
+            b += imaginary[i] * values[c, i]
+        out[c] = complex(a, b)
+
+
+@allocating
+def add_solution(k, solution, stage, out):
+    """Add the solution of system k, (d,), to nodal values (d, s)."""
+    real, imaginary = stage.forth[:, k].real.copy(), stage.forth[:, k].imag.copy()
+    for c in range(solution.shape[0]):
+        a, b = solution[c].real, solution[c].imag
+        for i in range(real.shape[0]):
+            out[c, i] += real[i] * a - imaginary[i] * b
+
+
+@compiled
+def no_stages(task, values, stage):
+    """Do nothing, in place of a solver: few components need none."""
+    return 1
+
+
+@compiled
+def dense_stages(task, values, stage):
+    """Factorise all systems of a dense Jacobian, or solve them for nodal values; 0 if done.
+
+    With ``D^-1 J D = Q H Q^T``, D being diagonal and H zero below its first subdiagonal, every
+    system costs d**2.
+    """
+    # dense (2 + 2 K, n, n): H, Q, and real and imaginary part of each system's factors, whose
+    # subdiagonal holds the multipliers; factors (K, 1, n): 1 where rows were exchanged
+    n = stage.order.shape[0]
+    if task == FACTORISE:
+        if not transform(stage) or (stage.control[REDUCED] == 0.0 and not reduce(stage)):
+            return 1
+        stage.control[REDUCED] = 1.0
+        for k in range(int(stage.control[SYSTEMS])):
+            real, imaginary = stage.dense[2 + 2 * k], stage.dense[3 + 2 * k]
+            if not eliminate(stage.shifts[k], stage.dense[0], real, imaginary, stage.factors[k, 0]):
+                return 1
+        return 0
+    turned, found = np.empty(values.shape), np.zeros(values.shape)
+    scale(stage, values, True)
+    transposed_product(stage.dense[1], values, turned)
+    right = np.empty(n, dtype=np.complex128)
+    for k in range(int(stage.control[SYSTEMS])):
+        project(k, turned, stage, right)
+        real, imaginary = stage.dense[2 + 2 * k], stage.dense[3 + 2 * k]
+        substitute_hessenberg(real, imaginary, stage.factors[k, 0], right)
+        add_solution(k, right, stage, found)
+    product(stage.dense[1], found, values)
+    scale(stage, values, False)
+    return 0
+
+
+@allocating
+def reduce(stage):
+    """Set D, H and Q of ``D^-1 J D = Q H Q^T`` by LAPACK; False where J is not finite.
+
+    D are powers of 2 that balance rows and columns of J: units of components do not matter.
+    """
+    n = stage.order.shape[0]
+    h, q = stage.dense[0], stage.dense[1]
+    for i in range(n):
+        for j in range(n):
+            q[j, i] = stage.jacobians[0, i, j]  # LAPACK's matrices have their columns in a row
+            if not abs(q[j, i]) < np.inf:
+                return False
+    numbers, room = np.empty(6, dtype=np.int32), np.empty(65 * n)
+    numbers[0], numbers[1], numbers[2], numbers[3], numbers[4] = n, 1, 64 * n, 0, _SCALING
+    at, tau = numbers.ctypes.data, room.ctypes.data
+    work, columns = tau + 8 * n, q.ctypes.data
+    call_lapack(  # type: ignore[call-arg]
+        stage.lapack_balance,
+        (at + 16, at, columns, at, at + 4, at + 20, stage.scales.ctypes.data, at + 12),
+    )  # fmt: skip
+    for step in range(2):
+        address = stage.lapack if step == 0 else stage.lapack_solve
+        call_lapack(  # type: ignore[call-arg]
+            address, (at, at + 4, at, columns, at, tau, work, at + 8, at + 12)
+        )
+        for i in range(n if step == 0 else 0):
+            for j in range(n):
+                h[i, j] = q[j, i] if i <= j + 1 else 0.0
+    for i in range(n):
+        for j in range(i):
+            q[i, j], q[j, i] = q[j, i], q[i, j]
+    return numbers[3] == 0 and room[0] == room[0]
+
+
+@inner
+def eliminate(shift, h, real, imaginary, exchanged):
+    """Set the factors of ``1 - shift H``, pivots inverted, rows exchanged where that is needed."""
+    n = h.shape[0]
+    set_shifted_row(0, shift, h, real, imaginary)
+    for j in range(n):
+        below = 0.0
+        if j < n - 1:  # each row just before it is needed: it stays in the near cache
+            set_shifted_row(j + 1, shift, h, real, imaginary)
+            below = abs(real[j + 1, j]) + abs(imaginary[j + 1, j])
+        exchanged[j] = 0.0
+        if below > abs(real[j, j]) + abs(imaginary[j, j]):
+            exchanged[j] = 1.0
+            for k in range(j, n):
+                real[j, k], real[j + 1, k] = real[j + 1, k], real[j, k]
+                imaginary[j, k], imaginary[j + 1, k] = imaginary[j + 1, k], imaginary[j, k]
+        pivot = complex(real[j, j], imaginary[j, j])
+        if not 0.0 < abs(pivot) < np.inf:
+            return False
+        inverse = 1.0 / pivot
+        real[j, j], imaginary[j, j] = inverse.real, inverse.imag
+        if j == n - 1:
+            break
+        factor = complex(real[j + 1, j], imaginary[j + 1, j]) * inverse
+        a, b = factor.real, factor.imag
+        real[j + 1, j], imaginary[j + 1, j] = a, b
+        upper, upper_i, lower, lower_i = real[j], imaginary[j], real[j + 1], imaginary[j + 1]
+        for k in range(j + 1, n):
+            lower[k] -= a * upper[k] - b * upper_i[k]
+            lower_i[k] -= a * upper_i[k] + b * upper[k]
+    return True
+
+
+@inner
+def set_shifted_row(i, shift, h, real, imaginary):
+    """Set a row of ``1 - shift H``."""
+    a, b = shift.real, shift.imag
+    own, row, row_i = h[i], real[i], imaginary[i]
+    for j in range(max(0, i - 1), h.shape[0]):
+        row[j], row_i[j] = -a * own[j], -b * own[j]
+    row[i] += 1.0
+
+
+@allocating
+def substitute_hessenberg(real, imaginary, exchanged, x):
+    """Solve for x (n,) with the factors of `eliminate`."""
+    n = x.shape[0]
+    x_real, x_imaginary = np.empty(n), np.empty(n)
+    for j in range(n - 1):
+        if exchanged[j].real == 1.0:
+            x[j], x[j + 1] = x[j + 1], x[j]
+        x[j + 1] -= complex(real[j + 1, j], imaginary[j + 1, j]) * x[j]
+    for j in range(n - 1, -1, -1):
+        a, b = complex_dot(real[j], imaginary[j], x_real, x_imaginary, j + 1, n)
+        x[j] = (x[j] - complex(a, b)) * complex(real[j, j], imaginary[j, j])
+        x_real[j], x_imaginary[j] = x[j].real, x[j].imag
+
+
+@reordered
+def complex_dot(real, imaginary, x_real, x_imaginary, first, end):
+    """Return both parts of the sum of products of two complex vectors."""
+    a, b = 0.0, 0.0
+    c, d = real[first:end], imaginary[first:end]
+    x, y = x_real[first:end], x_imaginary[first:end]
+    for k in range(c.shape[0]):  # from 0 on: vectorised
+        a += c[k] * x[k] - d[k] * y[k]
+        b += c[k] * y[k] + d[k] * x[k]
+    return a, b
+
+
+@compiled
+def banded_stages(task, values, stage):
+    """Factorise all systems of a banded Jacobian, or solve them for nodal values; 0 if done."""
+    # factors (K, n, 2 lower + upper + 2), see `substitute_band`
+    n, place, lower, upper = stage.order.shape[0], stage.order, stage.lower, stage.upper
+    width, entries = stage.factors.shape[2] - 1, stage.jacobians[0]
+    if task == FACTORISE:
+        pivots, numbers = np.empty(n, dtype=np.int32), np.empty(5, dtype=np.int32)
+        numbers[0], numbers[1], numbers[2], numbers[3] = n, lower, upper, width + 1
+        numbers[4], at = 0, numbers.ctypes.data
+        if not transform(stage):
+            return 1
+        for k in range(int(stage.control[SYSTEMS])):
+            factors = stage.factors[k]
+            factors[:] = 0.0
+            for e in range(entries.shape[1]):
+                i, j = place[int(entries[ROWS, e])], place[int(entries[COLUMNS, e])]
+                factors[j, lower + upper + i - j] -= stage.shifts[k] * entries[VALUES, e]
+            for j in range(n):
+                factors[j, lower + upper] += 1.0
+            call_lapack(  # type: ignore[call-arg]
+                stage.lapack,
+                (at, at, at + 4, at + 8, factors.ctypes.data, at + 12, pivots.ctypes.data,
+                 at + 16),
+            )  # fmt: skip
+            if numbers[4] != 0:
+                return 1
+            for j in range(n):
+                factors[j, width] = pivots[j] - 1
+                factors[j, lower + upper] = 1.0 / factors[j, lower + upper]
+        return 0
+    right, ordered = np.empty((2, n), dtype=np.complex128)
+    found = np.zeros(values.shape)
+    for k in range(int(stage.control[SYSTEMS])):
+        project(k, values, stage, right)
+        for i in range(n):
+            ordered[place[i]] = right[i]
+        substitute_band(stage.factors[k], lower, upper, ordered)
+        for i in range(n):
+            right[i] = ordered[place[i]]
+        add_solution(k, right, stage, found)
+    values[:] = found
+    return 0
+
+
+@compiled
+def sparse_stages(task, values, stage):
+    """Factorise all systems of a sparse Jacobian in Python, or solve them; 0 if done."""
+    n, found = stage.order.shape[0], np.zeros(values.shape)
+    if task == FACTORISE and not transform(stage):
+        return 1
+    right = np.empty(n, dtype=np.complex128)
+    for k in range(int(stage.control[SYSTEMS])):
+        given, wanted = stage.jacobians.ctypes.data, right.ctypes.data
+        if task == FACTORISE:
+            right[0] = stage.shifts[k]
+        else:
+            project(k, values, stage, right)
+        status: int = call_at(stage.python, 2.0 * k + task, given, wanted)  # type: ignore[call-arg]
+        if status < 0:
+            raise PythonRaised
+        if status > 0:
+            return status
+        if task != FACTORISE:
+            add_solution(k, right, stage, found)
+    if task != FACTORISE:
+        values[:] = found
+    return 0
+
+
+@allocating
+def linear_solver(stage):
+    """Allocate a real linear solver for all unknowns."""
+    return LinearSolver(
+        stage.dense, stage.order, stage.lower, stage.upper, stage.lapack, stage.python, 0, 0
+    )
+
+
+@inner
+def newton_matrix(h, matrices, kinds, integral, second, jacobians, scales, at_nodes, out):
+    """Set the derivative of the residuals with respect to p at the nodes, in the order (c, i).
+
+    Residuals and p are in units of the scales of their components. The Jacobian is one for all
+    nodes, or there is one for each.
+    """
+    # matrices (>= n, 3, s, s), kinds (d,), integral (s, s), second (n,), jacobians (m, d, d),
+    # scales (d,), at_nodes (>= s,) is room, out (d s, d s)
+    d, s, each = kinds.shape[0], integral.shape[0], jacobians.shape[0] > 1
+    for c in range(d):
+        kind = matrices[kinds[c]]
+        for e in range(d):
+            ratio, own = scales[e] / scales[c], 1.0 if c == e else 0.0
+            for k in range(s):
+                at_nodes[k] = jacobians[k if each else 0, c, e] * ratio
+            for i in range(s):
+                row = out[c * s + i, e * s : (e + 1) * s]
+                force, primary, place = kind[FORCE, i], kind[PRIMARY, i], kind[POSITION, i]
+                for j in range(s if second[kinds[e]] == 0 else 0):
+                    row[j] = -force[j] * at_nodes[j] - own * (place[j] + primary[j])
+                for j in range(s if second[kinds[e]] == 1 else 0):
+                    total = 0.0
+                    for k in range(s):
+                        total += (force[k] * at_nodes[k] + own * place[k]) * integral[k, j]
+                    row[j] = -h * total - own * primary[j]
+                row[i] += own
+
+
+@inner
+def set_pencil(own, integral, is_speed, out):
+    """Set matrices with which the residuals of component c change by ``M x_c - sum_e J_ce G x_e``.
+
+    M and both G are those of the kind of c, G for x_e that are values of y and for those of y'.
+    """
+    # own (3, s, s), integral (s, s) over the step, out (3, s, s)
+    force, place, s = own[FORCE], own[POSITION], integral.shape[0]
+    for i in range(s):
+        for j in range(s):
+            gain, rest = 0.0, 0.0
+            for k in range(s):
+                gain += force[i, k] * integral[k, j]
+                rest += place[i, k] * integral[k, j]
+            rest = rest if is_speed == 1 else place[i, j]
+            out[OF_VALUES, i, j], out[OF_SPEEDS, i, j] = force[i, j], gain
+            out[REST, i, j] = (1.0 if i == j else 0.0) - own[PRIMARY, i, j] - rest
+
+
+@allocating
+def set_entries(stage):
+    """Set the entries of the matrix of all stages, as `newton_matrix`, of a sparse Jacobian."""
+    entries, kinds, second, out = stage.jacobians[0], stage.kinds, stage.second, stage.joint
+    s, scales, number = stage.integral.shape[0], stage.scales, 0
+    pencil = np.empty((second.shape[0], 3, s, s))
+    for kind in range(second.shape[0]):
+        set_pencil(stage.matrices[kind], stage.integral, second[kind], pencil[kind])
+    for k in range(entries.shape[1]):
+        c, e = int(entries[ROWS, k]), int(entries[COLUMNS, k])
+        gain, rest = pencil[kinds[c], second[kinds[e]]], pencil[kinds[c], REST]
+        value = entries[VALUES, k] * (scales[e] / scales[c])
+        for i in range(s):
+            for j in range(s):
+                own = rest[i, j] if c == e else 0.0
+                out[VALUES, number] = own - value * gain[i, j]
+                number += 1
+
+
+@inner
+def set_scales(units, stage):
+    """Set the scales of systems of all stages to the powers of 2 below these units, (d,).
+
+    Other scales void the factors.
+    """
+    for c in range(units.shape[0] if stage.joint.shape[0] > 0 else 0):
+        scale = math.ldexp(1.0, math.frexp(units[c])[1] - 1)
+        if scale != stage.scales[c]:
+            stage.scales[c] = scale
+            stage.control[LENGTH] = stage.control[REDUCED] = 0.0
+
+
+@inner
+def scale(stage, values, inverse):
+    """Multiply nodal values by the scales of their components, or divide them."""
+    for c in range(values.shape[0]):
+        factor = 1.0 / stage.scales[c] if inverse else stage.scales[c]
+        for i in range(values.shape[1]):
+            values[c, i] *= factor
+
+
+@inner
+def substitute_scaled(matrix, order, scales, b, x):
+    """Solve for x by the factors of a scaled matrix; scales (d,) are powers of two."""
+    s = b.shape[0] // scales.shape[0]
+    for c in range(scales.shape[0]):
+        inverse = 1.0 / scales[c]
+        for i in range(c * s, c * s + s):
+            b[i] *= inverse
+    substitute(matrix, order, b, x)
+    for c in range(scales.shape[0]):
+        for i in range(c * s, c * s + s):
+            b[i] *= scales[c]
+            x[i] *= scales[c]
+
+
+@compiled
+def joint_dense(task, values, stage):
+    """Factorise the dense system of all stages, or solve it for nodal values; 0 if done."""
+    # joint (n, n): the matrix, and then its factors; dense (1, 2, n): order of the rows, room
+    order, room, matrix = stage.dense[0, 0], stage.dense[0, 1], stage.joint
+    if task == FACTORISE:
+        newton_matrix(
+            1.0, stage.matrices, stage.kinds, stage.integral, stage.second, stage.jacobians,
+            stage.scales, room, matrix,
+        )  # fmt: skip
+        if stage.lapack != 0:
+            return 0 if factorise_large(matrix, order, stage.lapack) else 1
+        return 0 if factorise(matrix, order) else 1
+    x = values.reshape(values.size)
+    put(x, room)
+    substitute_scaled(matrix, order, stage.scales, room, x)
+    return 0
+
+
+def joint_stages(name, solver):
+    """Compile the solution of the system by one of the solvers of sparse matrices."""
+
+    def solve(task, values, stage):
+        if task == FACTORISE:
+            set_entries(stage)
+        else:
+            scale(stage, values, True)
+        found = solver(task, 0, stage.joint, values.reshape(values.size), linear_solver(stage))
+        if task != FACTORISE:
+            scale(stage, values, False)
+        return found
+
+    solve.__name__ = solve.__qualname__ = name
+    solve.__doc__ = "Factorise the system of all stages, or solve it for nodal values; 0 if done."
+    return compiled(solve)
+
+
+joint_banded = joint_stages("joint_banded", banded_solver)
+joint_sparse = joint_stages("joint_sparse", sparse_solver)

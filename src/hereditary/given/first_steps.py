@@ -1,0 +1,93 @@
+"""The solution inside the first two given steps of a run.
+
+There a component is ``x(0) + t x'(0) + a t**alpha`` with its highest order alpha and a from the
+equation at 0. Powers that interpolate the values of the scheme are added. These are t**r in the
+first step, and t**r and t**(r+1) in the second. Here r = min(1, 2 alpha) below order 1 and r = 2
+from order 1 on.
+"""
+
+from functools import cached_property
+
+import numpy as np
+from scipy.special import rgamma
+
+# The slope at 0 is taken here, and called infinite beyond this size.
+_NEXT_TO_0, _STEEP = 1e-200, 1e12
+
+
+def starting_steps(stepper):
+    """Return `FirstSteps` of a stepper that made at most one step; otherwise None."""
+    system = stepper.equation.enlarged
+    # Riemann-Liouville terms begin with lower ones, which the values of the first steps miss
+    if stepper.n > 1 or not system.constant or any(op.from_zero for op, _ in system.left):
+        return None
+    return FirstSteps(stepper.equation, stepper.steps.times(np.array([1.0, 2.0])))
+
+
+class FirstSteps:
+    """Rows inside the first two steps of a march that begins at 0.
+
+    Parameters
+    ----------
+    equation : System
+        With constant orders alone.
+    ends : array_like, shape (2,)
+        Times at which the two steps end.
+    """
+
+    def __init__(self, equation, ends):
+        self._equation = equation
+        self.ends, self._values = np.asarray(ends, dtype=float), np.zeros((2, equation.d))
+
+    @cached_property
+    def _powers(self):
+        """Highest order, its factor, and r for each component, (d,); asked for by few runs."""
+        alpha = self._equation.highest_orders()
+        more = np.where(alpha >= 1, 2.0, np.minimum(1.0, 2 * alpha))
+        return alpha, _leading(self._equation, alpha), more
+
+    def end(self, n, y):
+        """Note that step n, 1 or 2, ends at y."""
+        self._values[n - 1] = y
+
+    def inside(self, n, times):
+        """Return the solution and slope at times inside step n, shapes (k, d)."""
+        t, ends = times[:, None], self.ends[:n, None]
+        unit = ends[-1]
+        missed = (self._values[:n] - self._known(ends)[0]).T  # (d, n)
+        _, _, more = self._powers
+        powers = more[:, None] + np.arange(n)  # (d, n)
+        matrix = (ends.T / unit)[..., None] ** powers[:, None]  # (d, n, n)
+        factors = np.linalg.solve(matrix, missed[..., None])[..., 0]
+        y, slope = self._known(t)
+        for k in range(n):
+            y = y + factors[:, k] * (t / unit) ** powers[:, k]
+            slope = slope + factors[:, k] * powers[:, k] / unit * (t / unit) ** (powers[:, k] - 1)
+        return y, slope
+
+    def near(self, n, t, derivative):
+        """Return y or y' inside step n, 1 or 2; powers below 1 are infinitely steep at 0."""
+        y, slope = self.inside(n, np.maximum(t, _NEXT_TO_0))
+        steep = (t[:, None] == 0.0) & (np.abs(slope) > _STEEP)
+        return np.where(steep, np.copysign(np.inf, slope), slope) if derivative else y
+
+    def _known(self, t):
+        """Return x(0) + t x'(0) + a t**alpha, and its slope."""
+        y0, (alpha, lead, _) = self._equation.y0, self._powers
+        speed = y0[1] if y0.shape[0] == 2 else 0.0
+        y = y0[0] + t * speed + lead * t**alpha
+        return y, speed + lead * alpha * t ** (alpha - 1)
+
+
+def _leading(equation, alpha):
+    """Return the a above, or 0 if the right-hand side has no value at 0."""
+    f = np.full(equation.d, np.nan)
+    try:
+        system = equation.enlarged
+        f[:] = system.force(0.0, system.at_start)[: equation.d]
+    except Exception:  # the march meets it again, or never looks there
+        f[:] = np.nan
+    if equation.m == 2:
+        f -= np.where(alpha > 1, equation.coefficient(1.0), 0.0) * equation.y0[1]
+    lead = f * rgamma(1 + alpha) / equation.coefficient(alpha)
+    return np.where(np.isfinite(lead), lead, 0.0)

@@ -1,0 +1,531 @@
+"""The stepper of given steps: one march, advanced by a batch of steps at a time."""
+
+import time
+from functools import partial
+
+import numpy as np
+
+from ..compiled.jit import loop_value
+from ..compiled.records import plain, record
+from ..compiled.signatures import FACTORISE
+from ..equation.system import displaced, refuse_late, side_by_side, variational
+from ..kernels.memory_kernel import misfit_on_given_steps
+from ..stepping.dense import StepPieces
+from ..stepping.state import GivenState, check_identity, complete, described, identity
+from ..stepping.status import NOT_FINITE, Status, failed
+from ..stepping.stepper import Stepper
+from ..support.checks import complaint
+from .block import BLOWN_UP, NOT_SOLVED, RUNNING
+from .first_steps import starting_steps
+from .growing_march import LOST, grow, transform_march
+from .jacobian_watch import JacobianWatch, remedy_of
+from .linear_solvers import newton_of
+from .march import MARCHES
+from .riemann_liouville import with_initial_values
+from .signatures import COUNTS, MARCH_SIG, MONITOR, March, Output, StepTable
+from .step import N_ROOM, POINT, UNITS, F
+from .steps import before_break, break_steps, rows_beside
+
+# Steps in a block. Measured with 56 modes: 74, 75 and 85 ns a step at 16, 32 and 64, where the
+# in-block sums take over; below 16 the calls of the history do.
+BLOCK = 32
+# Relative rounding of y.
+_ROUNDED = 1e-13
+# Steps made at once, between two looks at Ctrl-C and the progress bar: as many as take this long,
+# but no more than whose rows stay in a near cache, that is so many numbers, and at least so many.
+# Entering the compiled march costs 0.04 ms.
+_SECONDS, _NUMBERS, _LEAST = 0.1, 1 << 15, 32
+# Steps made at once where an event may cut them short.
+_SHORT = 256
+
+
+class FixedStepper(Stepper):
+    """A march of one equation with one scheme and one history on given steps.
+
+    Tangents may go alongside: the derivative of every step along given directions. All that is
+    linear in them can be replaced by linear combinations at any step.
+
+    Parameters
+    ----------
+    equation : System
+    scheme : Scheme
+    history : History
+    steps : UniformSteps or MeshSteps
+    n_steps : int
+        Steps the whole run is going to take; histories prepare for that many.
+    directions : ndarray, shape (n_data, k), optional
+        Derivatives of the initial data along k directions: those of y(0), and behind them those of
+        y'(0) for each component of order above 1.
+    block : int
+        Steps in a block; results depend on it by rounding alone.
+    """
+
+    def __init__(self, equation, scheme, history, steps, n_steps, directions=None, block=BLOCK):
+        scheme.check_terms(equation)
+        refuse_late(equation, steps.time(n_steps))
+        self.equation, self.scheme, self.history = equation, scheme, history
+        self.steps, self.h = steps, steps.h
+        self._span = steps.covered(n_steps, getattr(history, "horizon", None) or 0.0)
+        self._with_speed = np.flatnonzero(equation.highest_orders() > 1)
+        system = self._system = self._inside(equation)
+        directions = np.zeros((self.n_data, 0)) if directions is None else directions
+        self.n_tangents = directions.shape[1]
+        if self.n_tangents:
+            if not scheme.takes_tangents:
+                raise ValueError(complaint("scheme", "give tangents and exponents", f"{scheme!r}"))
+            rows = np.zeros((system.m, system.d, self.n_tangents))
+            rows[0, : equation.d] = directions[: equation.d]
+            rows[1:, self._with_speed] = directions[equation.d :]
+            system = variational(system, rows[:, system.sources])
+        self._sources, plan = system.sources, self._planned(system)
+        self._block = block if plan.rows.shared else 1
+        self._begin(plan)
+        self._misfit = misfit_on_given_steps(self.memory.kernel_errors, history)
+        self._status, self._moved = RUNNING, False
+        self._seconds, self._most = 0.0, _NUMBERS  # that a step takes; steps at once at the most
+        self.error = None
+        self._breaks: frozenset[int] = frozenset()
+
+    def _inside(self, equation):
+        """Return the system that is marched in place of an equation."""
+        return self.scheme.reduction(equation) or equation.enlarged
+
+    def _planned(self, system):
+        """Return the scheme's plan for a system, with initial values of Riemann-Liouville terms."""
+        order = self.scheme.order(float(self.equation.highest_orders().max()))
+        return with_initial_values(self.steps.plan(self.scheme, system), system, order)
+
+    def _begin(self, plan):
+        """Open a memory for a plan, and arrays of a march that stands at step 0."""
+        self.memory = self.history.open(plan.past, plan.groups.size, self._block, self._span)
+        self._loop, system = MARCHES[self.scheme.solve], self._system
+        self._past, self._rows, self._lasting = plan.past, plan.rows, plan.lasting
+        self._watch, width = JacobianWatch(plan.region, system, self._block), plan.groups.size
+        self._table = StepTable(
+            h=self.h,
+            slowest=plan.slowest,
+            sweeps=plan.sweeps,
+            integral=int(plan.integral),
+            n_orbit=system.d,
+            n_solved=int(np.sum(~system.read)),
+            every=self._watch.every,
+            groups=plan.groups,
+            sources=self._sources,
+            given=np.zeros(width, dtype=np.int64) if plan.given is None else plan.given,
+            weights=self.memory.block_weights,
+            start_weights=self.memory.block_start_weights,
+            powers=np.zeros((0, width)) if plan.powers is None else plan.powers,
+        )
+        how = self.n_tangents > 0, self.scheme.solve, system.linear_alone and plan.rows.alike
+        self._newton = newton_of(system.structure, system.d, *how)
+        self._stand_at_start(plan)
+
+    def _stand_at_start(self, plan, columns=slice(None)):
+        """Stand at step 0, where nothing is remembered; by these columns of a plan."""
+        orders, x = self.equation.highest_orders(), plan.initial[columns].copy()
+        width, none = x.size, np.zeros((0, plan.initial.size))
+        drift, corrections, starts = (
+            np.array((none if rows is None else rows)[:, columns].T, order="C")
+            for rows in (plan.drift, plan.corrections, plan.starts)
+        )
+        self.memory.clear()
+        self._march = March(
+            counts=record(COUNTS, zigzag=-1, opened=-1, growth=-1),
+            x=x,
+            increment=plan.increments[columns].copy(),
+            change=np.zeros(width),
+            lag=np.zeros((width, self._block)),
+            pieces=np.zeros((width, self._block + 1)),
+            monitor=np.zeros(self._system.d, MONITOR).view(np.recarray),
+            shift=plan.shift[columns].copy(),
+            drift=drift,
+            corrections=corrections,
+            starts=starts,
+            force=np.zeros(width),
+            lacks=np.zeros(width),
+            newton=self._newton.room,
+        )
+        self._march.monitor["turns"][: orders.size] = np.where(orders == 2, -1.0, 0.0)
+        self._room = np.empty((N_ROOM, width))
+        self._room[UNITS, : self._system.d] = self._system.positive_units
+
+    def set_breaks(self, times, t_end):
+        """Let the steps beside these times see jumps from their own side."""
+        self._breaks = break_steps(times, self.t, t_end, self.steps, self.equation.frame.start)
+
+    def prepare(self, n_end):
+        """Make room for a march up to step `n_end`."""
+        refuse_late(self.equation, self.steps.time(n_end))
+        self._past.prepare(n_end)
+        self.memory.prepare(n_end)
+
+    def advance(self, stop, keep=True):
+        """Make steps towards step `stop`, as many as take a moment.
+
+        Returns them as `StepPieces`, or None where none is made or kept. An exception of the
+        right-hand side is kept in `error`; the steps before it are made.
+        """
+        n, d = self.n, self.equation.d
+        n_more = min(stop - n, self._steps_at_once())
+        began = time.perf_counter()
+        rows, slopes = np.empty((2, n_more + 1 if keep else 0, d))
+        if keep:
+            rows[0], slopes[0] = self.y, self.ydot
+        starting = starting_steps(self) if keep and not self._moved else None
+        try:
+            self._march_to(n + n_more, rows[1:], slopes[1:])
+        except Exception as error:
+            self.error = error
+        made = self.n - n
+        self._seconds = max(time.perf_counter() - began, 1e-9) / max(made, 1)
+        if not keep or made == 0:
+            return None
+        times = self.steps.times(np.arange(n, n + made + 1.0))
+        return StepPieces(times, rows[: made + 1], slopes[: made + 1], starting, n)
+
+    def _steps_at_once(self):
+        """Return a number of steps, by the time of those before, or at first of one call of f."""
+        system = self._system
+        if self._seconds == 0.0:
+            began = time.perf_counter()
+            try:
+                system.force(0.0, system.at_start)
+            except Exception:  # the march meets it again, at its own time
+                return 1
+            self._seconds = max(time.perf_counter() - began, 1e-9)
+        most = min(max(_NUMBERS // system.d, _LEAST), self._most)
+        return int(min(max(_SECONDS / self._seconds, 1), most))
+
+    def _march_to(self, n_end, rows, slopes):
+        """March to step `n_end` and write rows (k, d) of the steps, or none for k = 0."""
+        self.prepare(n_end)
+        begun = self.n
+        while self.n < n_end:
+            known, others = self._past.reach(self.n)
+            self._rows = others or self._rows
+            reached = self.memory.reach(self.n, self._march.pieces, self._table.groups)
+            stop = before_break(self._breaks, self.n, min(n_end, known, reached))
+            part = slice(self.n - begun, stop - begun)
+            self._status = self._enter(stop, rows[part], slopes[part])
+            if self._status != RUNNING:
+                return
+
+    def _enter(self, n_end, rows, slopes):
+        """Enter the compiled march once; watch the stability along the orbit."""
+        system, start = self._system, self.equation.frame.start
+        if self.n in self._breaks:
+            self._forget_explicit()
+        jacobians = self._watch.room(self.n, n_end)
+        try:
+            return self._loop(
+                *system.compiled, self.memory.exchange, self.memory.tables, self.memory.arrays,
+                self._newton.solver, self._newton.tables, self._table,
+                rows_beside(self._breaks, self.n, self._rows, self.steps, start), self._march,
+                Output(rows, slopes, jacobians, self._room, self.n, n_end), n_end,
+            )  # fmt: skip
+        finally:
+            self._watch.note(jacobians, self.n)
+
+    @property
+    def n(self):
+        """Steps made."""
+        return int(self._march.counts["step"])  # an attribute takes ten times as long
+
+    position = n  # how far the march is
+
+    @property
+    def t(self):
+        """Time reached."""
+        return self.steps.time(self.n)
+
+    @property
+    def y(self):
+        """Solution at `t`, shape (d,); a copy."""
+        return self._march.x[: self.equation.d].copy()
+
+    @property
+    def ydot(self):
+        """First derivative at `t`, from the newest two increments, shape (d,)."""
+        slope = self._slopes()[: self.equation.d]
+        # before the first step only components with an initial derivative have one
+        known = self.n > 0 or (self.equation.m == 1 and not self.equation.frame.speeds)
+        return slope if known else np.where(self.equation.highest_orders() > 1, slope, np.nan)
+
+    def _slopes(self):
+        """First derivative of all columns."""
+        return (self._march.increment + 0.5 * self._march.change) / self.steps.unit(self.n)
+
+    @property
+    def n_rhs(self):
+        """Calls of the right-hand side."""
+        return int(self._march.counts["rhs"])
+
+    @property
+    def n_modes(self):
+        """Modes held for each component."""
+        return self.memory.n_modes
+
+    @property
+    def trouble(self):
+        """Status and detail where the march cannot go on, else None."""
+        if self.error is not None:
+            return failed(self.error)
+        statuses = {BLOWN_UP: Status.BLOWN_UP, NOT_SOLVED: Status.NOT_SOLVED}
+        detail = "the matrix of a step is singular" if self.scheme.solve == "imex" else ""
+        tried, force = self._room[[POINT, F], : self._system.d]
+        if (
+            self.scheme.solve == "newton"
+            and np.isfinite(tried).all()
+            and not np.isfinite(force).all()
+        ):
+            detail = NOT_FINITE
+        return (statuses[self._status], detail) if self._status in statuses else None
+
+    @property
+    def instability(self):
+        """Status of steps beyond their stability limit, else None."""
+        if self.scheme.is_map:
+            return None
+        if self._march.counts["zigzag"] >= 0:
+            return Status.ZIGZAG
+        unstable = self._watch.largest > 1 or self._march.counts["growth"] >= 0
+        return Status.STEP_TOO_LARGE if unstable else None
+
+    def remedy(self):
+        """Return a clause: what shows the instability, and what to take instead."""
+        seen = (int(self._march.counts[name]) for name in ("zigzag", "growth"))
+        return remedy_of(self.equation, self.scheme, self.h, self._watch, *seen)
+
+    @property
+    def misfit(self):
+        """By how much kernels miss the tolerance; empty where they keep it."""
+        return self._misfit
+
+    def stats(self):
+        """Counts and errors for the solution's stats."""
+        return {
+            "n_steps": self.n,
+            "n_rhs": self.n_rhs,
+            "n_factorised": int(self._march.counts["factorised"]),
+            "n_modes": self.n_modes,
+            "history_bytes": self.memory.nbytes,
+            "stiffness_ratio": self._watch.largest if self._watch.watches else np.nan,
+            "kernel_error": self.memory.kernel_errors.reported,
+        }
+
+    def checkpoint(self):
+        """Return copies of all that the march consists of, for `go_back` and `state`."""
+        march = tuple(plain(part).copy() for part in self._march)
+        return march, self.memory.state(), (self._watch.largest, self._watch.step)
+
+    def _take(self, march, memory, watched):
+        """Take over what `checkpoint` returned."""
+        counts, *parts = march
+        march = March(record(COUNTS, tuple(counts[0])), *(part.copy() for part in parts))
+        monitor = np.array([tuple(row) for row in march.monitor], MONITOR).view(np.recarray)
+        newton = self._newton.taken_over(march)
+        self._march = march._replace(newton=newton, monitor=monitor)
+        self.memory.restore(memory)
+        self._watch.largest, self._watch.step = watched
+
+    def go_back(self, checkpoint, t):
+        """Come back to where `checkpoint` was taken, and march to the first step not before t."""
+        self._take(*checkpoint)
+        self.error, self._status = None, RUNNING
+        self._refactorise()
+        stop = self.steps.first_from(t)
+        while self.n < stop and self.trouble is None:
+            self.advance(stop, keep=False)
+
+    def _refactorise(self):
+        """Factorise the matrix whose factors are in force, after the march went elsewhere."""
+        if self._march.counts["kept"]:
+            solver, tables = self._newton.solver, self._newton.tables
+            solver(FACTORISE, 0, self._march.newton[1], np.empty(tables.order.size), tables)
+
+    def position_at(self, t):
+        """Return the number of the first step not before t."""
+        return self.steps.first_from(t)
+
+    def stands_at(self, t):
+        """Return the time of the first step not before t."""
+        return self.steps.time(self.steps.first_from(t))
+
+    def state(self):
+        """A `GivenState` from which a later run goes on bit for bit."""
+        march, memory, watched = self.checkpoint()
+        state = GivenState(
+            t=self.t,
+            n=self.n,
+            steps=self.steps.until(self.n),
+            y=self.y,
+            scheme=self.scheme,
+            history=self.history,
+            identity=self._identity(self.t),
+            block=self._block,
+            march=march,
+            memory=memory,
+            memory_steps=self._span,
+            watched=watched,
+        )
+        return complete(state)
+
+    def restore(self, state, allow_change=False):
+        """Take over where `state` was taken, of another right-hand side where that is allowed."""
+        changed = check_identity(state.identity, self._identity(state.t), allow_change)
+        self._take(state.march, state.memory, state.watched)
+        if changed:
+            self._march.counts["kept"] = 0
+            self._forget_explicit()
+        self._refactorise()
+
+    def _identity(self, t):
+        """Describe what a run to time t must share with one that resumes it."""
+        how = {"scheme": described(self.scheme), "history": described(self.history)}
+        return identity(self.equation, t, **how)
+
+    @property
+    def n_data(self):
+        """Number of initial data: d, and one more for each component of order above 1."""
+        return self.equation.d + self._with_speed.size
+
+    @property
+    def tangent(self):
+        """Derivatives of y, and of ydot where the order is above 1, shape (n_data, k); a copy."""
+        d = self._system.d
+        values, slopes = (
+            columns[d:].reshape(self.n_tangents, d).T for columns in (self._march.x, self._slopes())
+        )
+        return np.vstack([values[: self.equation.d], slopes[self._with_speed]])
+
+    def transform_tangent(self, matrix):
+        """Replace the tangents by linear combinations, ``tangent <- tangent @ matrix``.
+
+        Everything that is linear in them goes along: initial values, increments, the block under
+        way, and all of the memory. So the combinations are what a march from the combined initial
+        directions would have given.
+
+        Parameters
+        ----------
+        matrix : ndarray, shape (k, k)
+        """
+        matrix = np.ascontiguousarray(matrix, dtype=float)
+        how = self._system.d, int(self._lasting), matrix
+        transform_march(self._march, self.memory.arrays, *how)
+
+    def renormalise(self, pace):
+        """Let compiled code make tangents orthonormal from now on, when `pace` says."""
+        pace["lasting"] = self._lasting
+        self._grown: list[np.ndarray] = []
+        above, room = self._with_speed.astype(np.int64), np.empty((self.n_data, self.n_tangents))
+        march = loop_value(self._loop, MARCH_SIG)
+        self._loop = partial(_renormalising, march, pace, above, room, self._grown)
+
+    def grown(self):
+        """Return steps, and logarithms of the growth up to them, since the last call, (n, 1+k)."""
+        grown = np.vstack([np.empty((0, 1 + self.n_tangents)), *self._grown])
+        self._grown.clear()
+        return grown
+
+    @property
+    def lost(self):
+        """Whether tangents overflowed or vanished."""
+        return self._status == LOST
+
+    def parts(self):
+        """Every array of the march and its memory that is linear in the solution; not copies."""
+        march = self._march
+        others = {id(part) for part in (march.counts, march.monitor, march.newton)}
+        return [*(part for part in march if id(part) not in others), *self.memory.arrays]
+
+    @property
+    def uncertainty(self):
+        """Rounding errors of y, (d,)."""
+        return _ROUNDED * np.abs(self.y)
+
+    def expect_moves(self, of_y):
+        """Prepare for jumps of f, and of y if `of_y`: make few steps at once, or refuse."""
+        self._most = _SHORT
+        terms = [operator for operator, _ in self.equation.enlarged.left]
+        acting = [op for op in terms if op.derivative == 0 or op.from_zero]
+        if of_y and acting:
+            required = "change no y that a kernel or RiemannLiouville acts on, on given steps"
+            raise ValueError(
+                complaint("events and changes", required, f"a change with {acting[0]}")
+            )
+
+    def moved(self, y):
+        """Let y jump to these values, (d,), here; the jump does not enter the memory."""
+        self._march.x[: self.equation.d], self._moved = y, True
+        self._forget_explicit()
+        self._renew_force()
+
+    def _renew_force(self):
+        """Let the newest piece be f behind a jump of y, where pieces are values of f.
+
+        Of components of order 1 alone, whose last step keeps what it made of the old one. Where f
+        raises the march meets it again, and keeps what was computed.
+        """
+        table, march, system = self._table, self._march, self._system
+        n, newest = table.n_orbit, self.n - 1
+        if table.integral == 0 or newest < 0:
+            return
+        march.counts["rhs"] += 1
+        try:
+            force = system.force(self.t, march.x[:n])
+        except Exception:
+            return
+        own = table.sources[:n] == np.arange(n)  # memory that f reads has increments for pieces
+        p, first_order = newest % march.lag.shape[1], own & (system.highest_orders()[:n] == 1)
+        jump = np.where(first_order, force - march.pieces[:n, p + 1], 0.0)
+        march.pieces[:n, p + 1] += jump
+        march.force[:n] = np.where(first_order, force, march.force[:n])
+        ahead = march.lag[:n, p + 2 :]
+        ahead += table.weights[table.groups[:n], 2 : 2 + ahead.shape[1]] * jump[:, None]
+
+    def _forget_explicit(self):
+        """Keep the next step from extrapolating f, which jumps (given/newton.py)."""
+        if self.scheme.solve == "imex":
+            self._march.force[:] = np.nan
+
+    def set_parameter(self, number, value):
+        """Set a parameter of the right-hand side, which jumps."""
+        self._system.compiled_params[number] = value
+
+    def plan_of_members(self, params, y0):
+        """Return the scheme's plan of members side by side, for `reset`.
+
+        `params` (E, p) and y0 (E, m, d). None where members must be planned one by one.
+        """
+        if self._block == 1:
+            return None
+        members = [displaced(self.equation, *member) for member in zip(y0, params, strict=True)]
+        return self._planned(side_by_side([self._inside(member) for member in members]))
+
+    def reset(self, params, y0, plan=None, number=0):
+        """Stand at step 0, with other parameters (p,) and initial values (m, d); no tangents.
+
+        `plan`, where it is given, is that of members, and this is the one of that number.
+        """
+        self.equation = displaced(self.equation, y0, params)
+        self._system = self._inside(self.equation)
+        columns = slice(None)
+        if plan is None:
+            plan = self._planned(self._system)
+        else:
+            columns = slice(number * self._system.d, (number + 1) * self._system.d)
+        if self._block == 1:  # whose sums may be worked out on the way
+            self._begin(plan)
+        self._stand_at_start(plan, columns)
+        self._watch.largest = 0.0
+        self._status, self.error = RUNNING, None
+
+
+def _renormalising(march, pace, above, room, grown, *arguments):
+    """Enter the loop of renormalisations as the march itself is entered; add to `grown`."""
+    *_, output, end = arguments
+    rows = np.empty((end - output.begun, 1 + room.shape[1]))
+    try:
+        return grow(march, *arguments, pace, above, room, rows)
+    finally:
+        grown.append(rows[: pace["made"]])

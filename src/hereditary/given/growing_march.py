@@ -1,0 +1,193 @@
+"""Growth of tangents: Benettin's loop (analysis/lyapunov.py) around a march on given steps.
+
+The d columns of the orbit come first, then d columns of each tangent. Phi are the values of the
+tangents, and their slopes for components whose initial derivative belongs to the data. The loop
+computes ``Phi = Q R`` now and then, and multiplies all that is linear in the tangents by the
+inverse of R.
+"""
+
+import numpy as np
+from numba import from_dtype
+
+from ..compiled.jit import I8, IVEC, MAT, allocating, entry, inner
+from .block import RUNNING
+from .signatures import MARCH, MARCH_VALUE, MEMORY, STATE
+
+# The end of a march, besides those of given/block.py, whose tangents overflowed or vanished.
+LOST = 3
+# Steps after which a march reads no data but the lasting ones.
+_FIRST_STEPS = 8
+# Growth, or spread, of tangents over one interval that is wanted where it follows the growth: R
+# loses about as many of sixteen digits as there are in exp(spread).
+LOW, HIGH = 3.0, 8.0
+# When tangents are made orthonormal [steps]: the present interval, the longest one, whether
+# intervals follow the growth; the ends of the transient and of the run, the last time; how many
+# times in one entry, and whether the march reads data of the first steps later on.
+_NUMBERS = "interval", "longest", "automatic", "transient", "end", "last", "made", "lasting"
+PACE = np.dtype([(name, "i8") for name in _NUMBERS])
+
+
+@inner
+def due(pace):
+    """Return the step of the next renormalisation."""
+    stop = min(pace["last"] + pace["interval"], pace["end"])
+    return pace["transient"] if pace["last"] < pace["transient"] < stop else stop
+
+
+@allocating
+def note(pace, n, logs):
+    """Note the growth (k,) up to step n, and suit the interval to it."""
+    pace["last"] = n
+    spread = max(0.0, np.max(logs)) - min(0.0, np.min(logs))
+    if spread > HIGH and pace["automatic"]:
+        # and no longer ever after: spikes of contraction are rare, but come again
+        pace["interval"] = max(1, int(pace["interval"] * HIGH / spread))
+        pace["longest"] = pace["interval"]
+    elif spread < LOW and pace["automatic"]:
+        pace["interval"] = min(2 * pace["interval"], pace["longest"])
+
+
+@inner
+def triangle(columns, inverse):
+    """Set the inverse (k, k) of R in ``columns = Q R``, its diagonal above 0; columns become Q.
+
+    Returns whether there is one: columns (n, k) are finite and independent.
+    """
+    n, k = columns.shape
+    for j in range(k):
+        largest, total = 0.0, 0.0
+        for c in range(n):
+            if not abs(columns[c, j]) < np.inf:
+                return False
+            largest = max(largest, abs(columns[c, j]))
+        if largest == 0.0:
+            return False
+        for c in range(n):
+            columns[c, j] /= largest
+        # row m of the inverse of R in column j: -(inverse of R) r_j, as columns are made orthogonal
+        for m in range(k):
+            inverse[m, j] = 0.0
+        for i in range(j):
+            r = 0.0
+            for c in range(n):
+                r += columns[c, i] * columns[c, j]
+            for c in range(n):
+                columns[c, j] -= r * columns[c, i]
+            for m in range(i + 1):
+                inverse[m, j] -= r * inverse[m, i]
+        for c in range(n):
+            total += columns[c, j] ** 2
+        if total == 0.0:
+            return False
+        size = np.sqrt(total)
+        inverse[j, j] = 1.0 / largest
+        for c in range(n):
+            columns[c, j] /= size
+        for m in range(j + 1):
+            inverse[m, j] /= size
+    return True
+
+
+@inner
+def read_tangents(state, table, above, columns):
+    """Set Phi (n_data, k): values, and slopes of the components `above`."""
+    d = columns.shape[0] - above.shape[0]
+    for j in range(columns.shape[1]):
+        first = (1 + j) * table.n_orbit
+        for c in range(d):
+            columns[c, j] = state.x[first + c]
+        for i in range(above.shape[0]):
+            c = first + above[i]
+            columns[d + i, j] = (state.increment[c] + 0.5 * state.change[c]) / table.h
+
+
+@allocating
+def combine(array, d, matrix):
+    """Replace the columns of tangents by their combinations, rows of `array` (W, n)."""
+    k, n = matrix.shape[0], array.shape[1]
+    if k == 1:
+        for c in range(d, 2 * d):
+            for i in range(n):
+                array[c, i] *= matrix[0, 0]
+        return
+    old = np.empty((k, n))
+    for c in range(d if n > 0 else 0):
+        for j in range(k):
+            for i in range(n):
+                old[j, i] = array[(1 + j) * d + c, i]
+                array[(1 + j) * d + c, i] = 0.0
+        for j in range(k):
+            row = array[(1 + j) * d + c]
+            for m in range(k):
+                if matrix[m, j] != 0.0:
+                    for i in range(n):
+                        row[i] += old[m, i] * matrix[m, j]
+
+
+@inner
+def transform(state, memory, d, lasting, matrix):
+    """Replace all that is linear in the tangents by combinations of them, matrix (k, k)."""
+    if state.counts.step > _FIRST_STEPS:
+        # what is used in the first steps alone would grow without end as tangents decay
+        forget(state.starts, d)
+        if lasting == 0:
+            forget(state.corrections, d)
+    for vector in (state.x, state.increment, state.change, state.shift, state.force, state.lacks):
+        combine(vector.reshape(-1, 1), d, matrix)
+    for array in (state.lag, state.pieces, state.drift, state.corrections, state.starts):
+        combine(array, d, matrix)
+    for array in memory:
+        combine(array, d, matrix)
+
+
+@inner
+def forget(array, d):
+    """Clear what the columns behind the first d hold."""
+    for c in range(d, array.shape[0]):
+        for i in range(array.shape[1]):
+            array[c, i] = 0.0
+
+
+@entry(STATE, MEMORY, I8, I8, MAT)
+def transform_march(state, memory, d, lasting, matrix):
+    """Call `transform` between two entries into the march."""
+    transform(state, memory, d, lasting, matrix)
+
+
+@entry(
+    MARCH_VALUE, *MARCH, from_dtype(PACE), IVEC, MAT, MAT,
+    told="the growth of tangents",
+)  # fmt: skip
+def grow(
+    march, rhs, jac, has_jac, params, exchange, tables, memory, solver, linear, table, rows, state,
+    output, end, pace, above, columns, grown,
+):  # fmt: skip
+    """March to step `end`, renormalising on the way; return how the march ended.
+
+    Phi (n_data, k) goes into `columns`; the step and the k logarithms of each renormalisation go
+    into a row of `grown`.
+    """
+    k = columns.shape[1]
+    inverse = np.empty((k, k))
+    pace["made"] = 0
+    while state.counts.step < end:
+        stop = due(pace)
+        status = march(
+            rhs, jac, has_jac, params, exchange, tables, memory, solver, linear, table, rows,
+            state, output, min(stop, end),
+        )  # fmt: skip
+        if status != RUNNING:
+            return status
+        if state.counts.step < stop:
+            return RUNNING
+        read_tangents(state, table, above, columns)
+        if not triangle(columns, inverse):
+            return LOST
+        transform(state, memory, table.n_orbit, pace["lasting"], inverse)
+        row = grown[pace["made"]]
+        row[0] = stop
+        for j in range(k):
+            row[1 + j] = -np.log(inverse[j, j])
+        note(pace, stop, row[1:])
+        pace["made"] += 1
+    return RUNNING

@@ -1,0 +1,1 @@
+"""Histories, one file each."""

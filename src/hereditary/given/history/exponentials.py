@@ -1,0 +1,348 @@
+"""Sum of exponentials: the past as some fifty decaying modes, O(1) a step.
+
+On a uniform mesh the weights W_k, k >= 2, of all terms of an equation are sums over one bank of
+rates s_i. They are ``W_k = sum_i V_i q_i**(k-2)`` with q_i = exp(-s_i h). The modes ``Z_i = sum_m
+q_i**(n-2-m) u_m`` then hold all there is to know about the past.
+"""
+
+import math
+from abc import abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+
+from ...kernels.exponential_sum import (
+    LEAST,
+    SLOW_NODES,
+    bank_of_all_orders,
+    fit_unit,
+    tolerance,
+    weights_of_moments,
+)
+from ...kernels.memory_kernel import KernelErrors
+from ...support.checks import complaint, positive
+from ..past import LANES, STARTS, exchange_modes, exchange_nothing, exchange_rows, set_amplitudes
+from ..power_series import inverse_gamma
+from ..row_plan import STRETCH, RowSums
+from ..signatures import Tables, held
+from ..steps import Span
+from .history import History, Memory
+
+# Steps that every bank covers. A run may be resumed up to here whatever length it first had, and
+# all shorter runs share one bank; longer ones take ten times as many, and so on. Against a bank
+# for just 1e4 steps this costs a third of the modes at a tolerance of 1e-10.
+_STEPS_COVERED = 2 * 10**7
+# Steps of a mesh whose rows are worked out at once.
+_ROWS = 256
+# Modes are handled four at a time and padded to a multiple of eight, a SIMD register's width, or of
+# sixteen where steps weigh them anew.
+_PAD = 8
+_FOURS = 4 * LANES
+_REMEDY = "begin the run with SumOfExponentials(horizon=), the time it is to reach"
+
+
+@dataclass(frozen=True)
+class SumOfExponentials(History):
+    """The past as decaying modes that all memory terms share; the default.
+
+    Parameters
+    ----------
+    tol : float
+        Relative error of the memory kernels, 1e-13 <= tol <= 0.1 [-].
+    horizon : float, optional
+        Time up to which the run may be resumed [time]. The default covers 2 * 10**7 steps, or the
+        whole run if it has more, and ten times the length of a mesh. Kernels given as a function or
+        a table cover only the first run by default.
+
+    Error
+    -----
+    Each kernel is reproduced to `tol` relative at every distance from one step to the horizon. All
+    weights but those of signed kernels are positive, so a decaying memory stays one for any `tol`
+    (convergence/memory_is_nearly_free.py). A function or a table that no sum follows so closely is
+    followed as closely as can be. A `KernelWarning` says so before the run, and
+    ``stats["kernel_error"]`` how closely. A run ends as KERNEL_INACCURATE if a function is
+    followed less closely than to `tol` and to 1e-6. So it does if a table is followed less closely
+    than to 0.1.
+
+    Cost
+    ----
+    Two multiplications for each mode in a step. The number of modes grows like log(N) log(1/tol):
+    56 at 1e-10 for up to 2 * 10**7 steps, with 8 bytes each for a component. If orders vary, there
+    are 76 modes for all orders, with new weights in each step.
+
+    Examples
+    --------
+    >>> import hereditary as hd
+    >>> eq = hd.scenes.relaxation(alpha=0.5, rate=1.0, y0=1.0)
+    >>> sol = hd.solve(eq, 1.0, n_steps=1000, history=hd.SumOfExponentials(tol=1e-8))
+    >>> sol.stats["n_modes"] < 56
+    True
+    """
+
+    tol: float = 1e-10
+    horizon: float | None = None
+    takes_kernels: ClassVar[bool] = True
+    takes_varying: ClassVar[bool] = True
+    takes_meshes: ClassVar[bool] = True
+
+    def __post_init__(self):
+        tolerance("tol", self.tol)
+        if self.horizon is not None:
+            positive("horizon", self.horizon)
+
+    def memory(self, past, n_columns, n_block, span) -> Memory:
+        """Make the memory of a past; see `History.memory`."""
+        if isinstance(past, RowSums):
+            mesh = past.steps.mesh
+            covered = self._covered(span + 1, (), span) if mesh is None else self._span(mesh, span)
+            own = _ModesOfAllOrders if past.varies else _FittedModes
+            return own(past, n_columns, covered, float(self.tol))
+        # one block more than asked for: a lag is filled for whole blocks
+        kernels = past.kernels()
+        covered = self._covered(span + n_block, kernels, span)
+        # kernels of the user's may change between runs, powers do not
+        tabulate = _tabulated if kernels else _kept
+        tables, blocks, pad, errors = tabulate(past, float(covered), self.tol, n_block)
+        n = tables.weights.shape[1]
+        arrays = held(n_columns, past.first_modal - 2, n, past.n_starts * n)
+        return _Modes(tables, arrays, blocks, n - pad, covered, errors)
+
+    def _covered(self, enough, kernels, n_steps):
+        """Return how many steps a bank covers: only the run's for fitted kernels."""
+        asked = max(n_steps, 1)
+        if any(kernel.kernel.by_values for kernel in kernels):
+            return asked
+        covered = _STEPS_COVERED
+        while covered < max(enough, asked):
+            covered *= 10
+        return covered
+
+    def _span(self, mesh, span):
+        """Return the shortest and longest time lag of modes on a mesh."""
+        # a mesh of one step may go on, with steps that are no shorter
+        shortest = span.shortest if np.isfinite(span.shortest) else mesh[1]
+        return Span(shortest, max(span.farthest, self.horizon or 0.0))
+
+
+class _Tabulated(NamedTuple):
+    """Tables of `exchange_modes`, block weights, modes of the padding, and the kernels' errors."""
+
+    tables: Tables
+    blocks: tuple
+    pad: int
+    errors: KernelErrors
+
+
+def _tabulated(convolution, covered, tol, n_block):
+    """Work out the tables of a convolution over so many steps, for blocks of `n_block` steps."""
+    rates, bank, pad, errors = _bank(convolution, covered, float(tol))
+    shares, start_shares = convolution.modal(bank, 2, 0)
+    ahead = _powers(rates, n_block)
+    block_weights, block_start_weights = convolution.exact(n_block + 2)
+    first = convolution.first_modal
+    corrections = np.zeros((shares.shape[0], first))
+    corrections[:, 2:] = convolution.exact(first)[0][:, 2:]
+    corrections[:, 2:] -= (shares @ _powers(rates, first)[:, : first - 2]).real
+    block_weights[:, 2:] = (shares @ ahead[:, :-1]).real
+    n_short = min(first, n_block + 2)
+    block_weights[:, :n_short] += corrections[:, :n_short]
+    block_start_weights[:, 2:n_block] = (start_shares @ ahead[:, :-1]).real[:, 2:]
+    # the march sets all modes of a start value to it, also the imaginary parts
+    start_shares = start_shares / np.where(rates.imag != 0, 1 + 1j, 1)
+    back = np.vstack([ahead[:, :-1].T[::-1], ahead[:, -1]])
+    n_real = rates.size - int(np.count_nonzero(rates.imag))
+    weights, start_weights, keep, ahead = (
+        np.ascontiguousarray(np.hstack([table.real, table.imag[:, n_real:]]))
+        for table in (shares, start_shares, back, ahead[:, :-1].T.conj())
+    )
+    tables = Tables(0, 1, n_real, weights, start_weights, keep)
+    tables = tables._replace(ahead=np.ascontiguousarray(ahead.T), corrections=corrections)
+    return _Tabulated(tables, (block_weights, block_start_weights), pad, errors)
+
+
+_kept = lru_cache(maxsize=64)(_tabulated)
+
+
+class _RowModes(Memory):
+    """Modes that each step changes and weighs anew; subclasses say with which rates and weights."""
+
+    _exchange: ClassVar[Callable]
+
+    @abstractmethod
+    def _bank(self) -> tuple[np.ndarray, int]:
+        """Return rates in units of the nearest distance, and how many are counted as modes."""
+
+    @abstractmethod
+    def _weighed(self, seen: np.ndarray, here: slice) -> dict:
+        """Return the tables that weigh modes in rows `here` of the past, as factors read them."""
+
+    def __init__(self, past, n_columns, covered, tol):
+        self._past, self._covered, self._tol, self._rows = past, covered, tol, past.rows
+        # 0 for terms without memory
+        derivatives = np.zeros((len(past.terms), max(map(len, past.terms))))
+        for row, terms in zip(derivatives, past.terms, strict=True):
+            row[: len(terms)] = [0 if op.classical else op.derivative for _, op in terms]
+        self._kinds, mesh = np.unique(derivatives[derivatives > 0]).astype(int), past.steps.mesh
+        # velocities of order above 1 are seen from the middle of a step on
+        self._nearest = past.steps.h if mesh is None else covered.shortest / self._kinds[-1]
+        self._ratio = covered if mesh is None else max(2.0, covered.farthest / self._nearest)
+        n_sets = 1 if mesh is None else self._kinds.size
+        rates, n_modes = self._bank()
+        self._rates, self.n_modes = rates / self._nearest, n_sets * n_modes
+        tables = Tables(
+            first=-1,
+            rows=STRETCH if mesh is None else _ROWS,
+            length=rates.size if n_sets == 2 else 0,
+            derivatives=derivatives,
+        )
+        arrays = held(n_columns, modes=n_sets * rates.size)
+        super().__init__(self._exchange, tables, arrays, *past.exact(0))
+
+    def reach(self, n, pieces, groups):
+        """Work out what modes keep and take, and how they are weighed, in steps from n on."""
+        end, rows = self._past.reach(n)
+        first = n // self.tables.rows * self.tables.rows
+        last = min(first + self.tables.rows, rows.first + rows.theta.size)
+        if rows is not self._rows or first != self.tables.first:
+            self._rows = rows
+            keep, take, seen = self._past.decays(self._rates, self._kinds, first, last)
+            tables = self._weighed(seen, slice(first - rows.first, last - rows.first))
+            self.tables = self.tables._replace(first=first, keep=keep, take=take, **tables)
+        return min(end, last)
+
+    def prepare(self, n_end):
+        """Refuse steps that the modes do not reach."""
+        times, covered = self._past.steps.mesh, self._covered
+        if times is None:
+            return _refuse_beyond(covered, n_end)
+        shortest = float(np.diff(times[:n_end]).min(initial=np.inf))
+        if shortest < covered.shortest * (1 - 1e-9):
+            required = f"have no steps below {covered.shortest:g}, the shortest of the first run"
+            raise ValueError(complaint("mesh", required, f"one of {shortest:g}"))
+        if times[n_end] > covered.farthest:
+            required = f"stay within t = {covered.farthest:g}, the end of its history"
+            raise ValueError(complaint("resume", required, f"{times[n_end]:g}", _REMEDY))
+
+
+class _FittedModes(_RowModes):
+    """Modes of constant orders."""
+
+    _exchange = staticmethod(exchange_rows)
+
+    def _bank(self):
+        operators = [op for terms in self._past.terms for _, op in terms if not op.classical]
+        powers = sorted({operator.power for operator in operators}, reverse=True)
+        fit = fit_unit(tuple(1 - p for p in powers), self._ratio, self._tol)
+        self._fitted = dict(zip(powers, fit.weights, strict=True))
+        return fit.rates, fit.rates.size
+
+    def _weighed(self, seen, here):
+        size, n_modes = self._rates.size, self.arrays.modes.shape[1]
+        found = np.zeros((len(self._past.terms), self.tables.rows, n_modes))
+        for own, terms in zip(found, self._past.terms, strict=True):
+            for c, operator in terms:
+                if not operator.classical:
+                    p, kind = operator.power, operator.derivative - 1
+                    # c p t**(p-1) / Gamma(p + 1) in units of the nearest distance
+                    scale = c * p * operator.factor(1.0) * self._nearest ** (p - 1)
+                    columns = slice(kind * self.tables.length, kind * self.tables.length + size)
+                    own[: seen.shape[1], columns] += scale * self._fitted[p] * seen[kind]
+        found[:, : seen.shape[1]] *= self._rows.lead[:, here, None]
+        return {"weights": found.reshape(-1, n_modes)}
+
+
+class _ModesOfAllOrders(_RowModes):
+    """Modes for every order, which the march reads by itself (`read_rows`)."""
+
+    _exchange = staticmethod(exchange_nothing)
+
+    def _bank(self):
+        rates, self._h, x = bank_of_all_orders(self._ratio, self._tol)
+        # more of the grid, as many as are summed at a time
+        n_grid = _FOURS * math.ceil((rates.size - SLOW_NODES) / _FOURS)
+        # exponents times these: amplitudes before the grid, from one rate to the next, and a fourth
+        self._logs = x - math.log(self._nearest), self._h, self._h * n_grid / LANES
+        self._room = np.zeros((1, n_grid // LANES))
+        self._decays = np.exp(-self._h * np.arange(1.0, SLOW_NODES))
+        grid = np.exp(x + self._h * np.arange(1, n_grid + 1))
+        return np.maximum(np.append(grid, rates[-SLOW_NODES:]), LEAST), rates.size
+
+    def _weighed(self, seen, here):
+        """Set amplitudes of ``c p t**(p-1) / Gamma(p + 1)`` in units of the nearest distance."""
+        shape = *self.tables.derivatives.shape, STARTS, self.tables.rows
+        if not self.tables.amplitudes.size:
+            self.tables = self.tables._replace(
+                amplitudes=np.zeros((math.prod(shape[:3]), shape[3]))
+            )
+        found = self.tables.amplitudes.reshape(shape)[..., : here.stop - here.start]
+        for a, number in np.argwhere(self.tables.derivatives):
+            own, (c, operator) = found[a, number], self._past.terms[a][number]
+            p, factor = (part[here] for part in self._past.powers[operator])
+            exponent = np.maximum(1 - p, LEAST)
+            for row, log in zip(own, self._logs, strict=False):
+                np.exp(np.multiply(exponent, log, out=row), out=row)
+            np.expm1(np.multiply(exponent, -self._h, out=own[3]), out=own[3])
+            scale = inverse_gamma(exponent)
+            for part in (exponent, p, factor, self._rows.lead[a, here], c * self._h):
+                scale *= part
+            set_amplitudes(scale, weights_of_moments(), self._decays, own)
+        return {"weights": seen.reshape(-1, seen.shape[2]), "room": self._room}
+
+
+class _Modes(Memory):
+    """Modes driven by the pieces, undriven ones for the start values, and a window."""
+
+    def __init__(self, tables, arrays, blocks, n_modes, covered, kernel_errors):
+        super().__init__(exchange_modes, tables, arrays, *blocks)
+        self.n_modes, self.kernel_errors = n_modes, kernel_errors
+        self._covered = covered
+
+    def prepare(self, n_end):
+        """Refuse steps that the exponential sum does not reach."""
+        _refuse_beyond(self._covered, n_end)
+
+
+def _refuse_beyond(covered, n_end):
+    if n_end > covered:
+        required = f"stay within the {covered} steps its history covers"
+        raise ValueError(complaint("resume", required, f"a run to step {n_end}", _REMEDY))
+
+
+def _bank(convolution, covered, tol):
+    """Return rates of all modes, their weights for each kernel, and two results more.
+
+    These are the number of modes used for the padding, and the largest errors of the other kernels.
+    Power laws share their rates; every other kernel has its own.
+    """
+    exponents, kernels = convolution.exponents(), convolution.kernels()
+    fits = [fit_unit(exponents, covered, tol)[:2]]
+    sums = [kernel.exponentials(covered, tol) for kernel in kernels]
+    fits += [_one_of_each_pair(found.rates, found.weights[None]) for found in sums]
+    pad = -sum(rates.size + int(np.count_nonzero(rates.imag)) for rates, _ in fits) % _PAD
+    rates = np.concatenate([*(rates for rates, _ in fits), np.zeros(pad)])
+    order = np.argsort(rates.imag != 0, kind="stable")
+    bank, offset = {}, 0
+    for keys, (own, weights) in zip((exponents, *((k,) for k in kernels)), fits, strict=True):
+        for key, row in zip(keys, weights, strict=True):
+            every = np.zeros(rates.size, dtype=rates.dtype)
+            every[offset : offset + own.size] = row
+            bank[key] = rates[order], every[order]
+        offset += own.size
+    return rates[order], bank, pad, KernelErrors.of([own.kernel for own in kernels], sums)
+
+
+def _one_of_each_pair(rates, weights):
+    """Return real rates and one of each conjugate pair, which weighs twice in real parts."""
+    kept = rates.imag >= 0
+    return rates[kept], (weights * np.where(rates.imag > 0, 2, 1))[:, kept]
+
+
+def _powers(rates, n):
+    """Return powers q**0 .. q**n of ``q = exp(-rates)``, shape (M, n + 1)."""
+    powers = np.exp(-np.multiply.outer(rates, np.arange(n + 1)))
+    # products with subnormal numbers take a hundred times as long
+    powers[np.abs(powers) < 1e-290] = 0.0
+    return powers

@@ -1,0 +1,100 @@
+"""FFT history: direct sums rearranged, exact to rounding, O(N log(N)**2).
+
+The sum over the past is cut into squares. After j batches of R steps, let 2**m be the largest power
+of two that divides j. The newest R 2**m pieces then act on the next R 2**m steps by one FFT
+product. Every pair of a piece and a later step is in exactly one square, or in the triangle of its
+own batch. The triangle is summed directly.
+"""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from scipy.fft import irfft, next_fast_len, rfft
+
+from ..past import exchange_pending
+from ..signatures import Tables, held
+from .history import History, Memory
+
+# Blocks in the shortest batch: below, direct sums are faster than entering Python again.
+_BLOCKS = 32
+
+
+@dataclass(frozen=True)
+class FFT(History):
+    """The past summed with exact weights by fast Fourier transforms.
+
+    Error
+    -----
+    Rounding: about 1e-16 of the largest weight times the largest increment.
+
+    Cost
+    ----
+    O(N log(N)**2) for N steps, and 16 N bytes for each component. Faster than `Direct` from about
+    2,000 steps on. `SumOfExponentials` is faster still, to a tolerance (convergence/histories.py).
+
+    Examples
+    --------
+    >>> import hereditary as hd
+    >>> eq = hd.scenes.relaxation(alpha=0.5, rate=1.0, y0=1.0)
+    >>> fast = hd.solve(eq, 1.0, n_steps=3000, history=hd.FFT()).y
+    >>> direct = hd.solve(eq, 1.0, n_steps=3000, history=hd.Direct()).y
+    >>> bool(abs(fast - direct).max() < 1e-14)
+    True
+    """
+
+    takes_kernels: ClassVar[bool] = True
+
+    def memory(self, past, n_columns, n_block, span) -> Memory:
+        """Make the memory of a past; see `History.memory`."""
+        return _Pending(past, n_columns, n_block)
+
+
+class _Pending(Memory):
+    """All pieces, and the sums that pieces of finished batches add to later steps."""
+
+    def __init__(self, convolution, n_columns, n_block):
+        self._convolution = convolution
+        self._n_block = n_block
+        self._stretch = _BLOCKS * n_block
+        tables, arrays = Tables(length=self._stretch), held(n_columns, starts=convolution.n_starts)
+        super().__init__(exchange_pending, tables, arrays, *convolution.exact(n_block + 2))
+
+    def prepare(self, n_end):
+        """Grow arrays and tables to hold steps up to `n_end`."""
+        capacity = n_end + self._n_block
+        grown = [_grown(getattr(self.arrays, name), capacity) for name in ("pieces", "pending")]
+        self.arrays = self.arrays._replace(pieces=grown[0], pending=grown[1])
+        # the largest square that ends before step n_end asks for weights of twice its length
+        blocks = (n_end - 1) // self._stretch
+        square = self._stretch << (blocks.bit_length() - 1) if blocks else 0
+        self._tabulate(max(capacity + self._n_block, 2 * square) + 1)
+
+    def _tabulate(self, n):
+        if self.tables.weights.shape[1] < n:
+            weights, start_weights = self._convolution.exact(n)
+            self.tables = self.tables._replace(weights=weights, start_weights=start_weights)
+
+    def reach(self, n, pieces, groups):
+        """Add the pieces of a finished square to later steps; return the end of the next batch."""
+        if n > 0 and n % self._stretch == 0:
+            self._act(n, pieces, groups)
+        return (n // self._stretch + 1) * self._stretch
+
+    def _act(self, n, pieces, groups):
+        j = n // self._stretch
+        length = self._stretch * (j & -j)
+        stored, pending = self.arrays.pieces, _grown(self.arrays.pending, n + length)
+        self.arrays = self.arrays._replace(pending=pending)
+        stored[:, n - self._n_block : n] = pieces[:, : self._n_block]
+        self._tabulate(2 * length + 1)
+        # stored[s] is u_(s-1): it acts on step n' with the weight of k = n' - s + 1
+        size = next_fast_len(2 * length, real=True)
+        kernel = rfft(self.tables.weights[:, 1 : 2 * length + 1], size, axis=1)
+        product = rfft(stored[:, n - length : n], size, axis=1) * kernel[groups]
+        pending[:, n : n + length] += irfft(product, size, axis=1)[:, length : 2 * length]
+
+
+def _grown(array, n):
+    """Return an array of at least n columns, the new ones 0."""
+    return np.pad(array, ((0, 0), (0, max(0, n - array.shape[1]))))

@@ -1,0 +1,101 @@
+"""Watch of the stability of steps, by Jacobians along the orbit."""
+
+import numpy as np
+
+from ..compiled.jacobian import VALUES
+from ..equation.system import FEW
+from .stability import longest_step
+
+# Components beyond which dense Jacobians would take longer than the march, and more memory.
+_MOST = 2000
+# Fraction of the longest stable step that is named, so that two digits of it are below the limit,
+# and shortest one that is, as a fraction of the step.
+_BELOW, _LEAST = 0.9, 1e-6
+
+
+class JacobianWatch:
+    """Jacobians at regular steps of a march.
+
+    Parameters
+    ----------
+    region : StabilityRegion or None
+        Of the scheme's stability; None where every step is stable.
+    system : System
+    block : int
+        Steps in a block of the march.
+
+    Attributes
+    ----------
+    every : int
+        Steps between two Jacobians; 0 for none.
+    largest : float
+        Largest ratio of an eigenvalue to its limit, of all Jacobians so far.
+    step : int
+        Step near which it was found.
+    watches : bool
+        False for very many components whose entries are not known: no ratio is computed.
+    """
+
+    def __init__(self, region, system, block):
+        known, d = system.structure, system.d
+        self.watches = region is None or known is not None or d <= _MOST
+        self._region = region.orbit(d, system.sources) if region and self.watches else None
+        self._structure, self._shape = known, (d, d)
+        self.every = block * self._region.every if self._region else 0
+        self.largest, self.step = 0.0, 0
+
+    def room(self, n, n_end):
+        """Return room for the Jacobians of the steps from n to before n_end."""
+        if self._region is None:
+            return np.zeros((0, 0, 0))
+        self._first = self._before(n)
+        count = self._before(n_end) - self._first
+        if self._structure is None:
+            return np.zeros((count, *self._shape))
+        return np.tile(self._structure.entries, (count, 1, 1))
+
+    def note(self, jacobians, n):
+        """Take in what the march up to step n left in the room."""
+        made = self._before(n) - self._first if self._region else 0
+        if self._region is None or made == 0:
+            return
+        jacobians = jacobians[:made]
+        if self._structure is not None:
+            jacobians = [self._structure.matrix(entries[VALUES]) for entries in jacobians]
+        ratios = self._region.ratios(jacobians)
+        if ratios.max(initial=0.0) > self.largest:
+            self.largest = float(ratios.max())
+            self.step = int((self._first + np.argmax(ratios)) * self.every)
+
+    def _before(self, n):
+        """Return the number of Jacobians of steps before n."""
+        return (n - 1) // self.every + 1
+
+
+def remedy_of(equation, scheme, h, watch, zigzag, growth):
+    """Return a clause: what shows that steps h are unstable, and what to take instead.
+
+    `zigzag` is the step at which a step-to-step zigzag had lasted. `growth` is that at which turns
+    of a few steps each had grown. Both may be below 0, for none.
+    """
+    found, start = [], equation.frame.start
+    if zigzag >= 0:
+        found.append(f"a step-to-step zigzag had lasted at t = {start + zigzag * h:g}")
+    if growth >= 0:
+        at = f"by t = {start + growth * h:g}"
+        found.append(f"increments that turn within a few steps had grown {at}")
+    if watch.largest > 1:
+        at = f"near t = {start + watch.step * h:g}"
+        found.append(f"d rhs/d y reached {watch.largest:.4g} times its limit {at}")
+    seen = " and ".join(found) + f" at h = {h:g}; take "
+    smaller = "smaller steps"
+    if scheme.solve == "newton":
+        return seen + smaller
+    if watch.largest > 1:
+        step = longest_step(scheme, equation, h, watch.largest)
+        # others come from orbits that blow up, or would take days
+        smaller += f", h = {_BELOW * step:.2g} would do" if step > _LEAST * h else ""
+    implicit = "BDF(2)" if equation.enlarged.constant else "L1()"
+    if equation.d > FEW and equation.structure is None:
+        implicit += f", with linear= or bandwidth= for {equation.d} components"
+    return seen + f"{smaller}, or Collocation() with rtol=1e-6, or {implicit}"

@@ -1,0 +1,260 @@
+"""The past, summed by modes or directly.
+
+On uniform steps a history works in blocks, and all steps have one row of weights. On meshes, and if
+orders vary, a block is one step, and tables have a row for each of `rows` steps from number
+`first` on.
+"""
+
+from functools import partial
+
+import numpy as np
+
+from ..compiled.jit import allocating, compiled, embedded, inner
+from ..compiled.linalg import add_rows
+
+# rows of a term in the amplitudes of its modes
+STARTS = 6
+# modes of power laws are summed in so many parts side by side
+LANES = 4
+
+
+@compiled
+def exchange_nothing(lag, pieces, n, groups, tables, memory):
+    """Do nothing: the history of an equation with classical terms only."""
+
+
+@compiled
+def exchange_modes(lag, pieces, n, groups, tables, memory):
+    """Take the finished block's pieces in and add the lag of all of them to the next block.
+
+    A mode of rate s holds ``Z = sum_k q**(k_newest - k) u_k`` with q = exp(-s h). The memory of a
+    block's worth of steps ahead is one product of mode amplitudes with a table of powers of q.
+    Complex rates come in conjugate pairs: the real part and the imaginary part of Z are two modes.
+    Where a scheme's first weights are no sum of exponentials, a window of the newest pieces adds
+    what lacks.
+    """
+    # lag (W, B), pieces (W, B + 1); memory: modes (W, M), of each start value (W, V M), and the
+    #   newest pieces (W, L)
+    # tables: weights (C, M), start_weights (V C, M), ahead (M, B), keep (B + 1, M) with last row
+    #   q**B, corrections (C, L + 2) of the weights k = 2 .. L + 1; behind the first `length` modes
+    #   the columns of all tables, and rows of ahead, are real parts, then imaginary parts
+    weights, start_weights, ahead, back = (
+        tables.weights, tables.start_weights, tables.ahead, tables.keep,
+    )  # fmt: skip
+    modes, start, window, corrections = (
+        memory.modes, memory.starts, memory.pieces, tables.corrections,
+    )  # fmt: skip
+    n_block, n_modes, n_groups = lag.shape[1], modes.shape[1], weights.shape[0]
+    amplitudes, product = np.empty(n_modes), np.empty(n_modes)
+    n_starts, n_real = start_weights.shape[0] // n_groups, tables.length
+    if not np.any(start_weights):
+        n_starts = 0
+    for c in range(lag.shape[0]):
+        if n > 0:
+            multiply(modes[c], back[n_block], n_real, modes[c])
+            add_rows(modes[c], pieces[c, :n_block], back[:n_block])
+        multiply(modes[c], weights[groups[c]], n_real, amplitudes)
+        for v in range(n_starts):
+            mine = start[c, v * n_modes : (v + 1) * n_modes]
+            if n > 0:
+                multiply(mine, back[n_block], n_real, mine)
+            multiply(mine, start_weights[v * n_groups + groups[c]], n_real, product)
+            for i in range(n_modes):
+                amplitudes[i] += product[i]
+        add_rows(lag[c], amplitudes, ahead)
+        if window.shape[1] > 0:
+            slide(window[c], pieces[c, :n_block])
+            correct(lag[c], window[c], corrections[groups[c]])
+
+
+@compiled
+def exchange_rows(lag, pieces, n, groups, tables, memory):
+    """Take u_(n-2) into the modes, and add to the lag what they give at step n."""
+    # lag (W, 1), pieces (W, 2); tables: keep, take (R, M), weights (C R, M); memory: modes (W, M)
+    if n < 2:
+        return
+    i, modes = n - tables.first, memory.modes
+    keep, take = tables.keep[i], tables.take[i]
+    for c in range(lag.shape[0]):
+        weights, total = tables.weights[groups[c] * tables.rows + i], 0.0
+        for m in range(modes.shape[1]):
+            modes[c, m] = keep[m] * modes[c, m] + take[m] * pieces[c, 0]
+            total += weights[m] * modes[c, m]
+        lag[c, 0] += total
+
+
+@inner
+def multiply(modes, factors, n_real, out):
+    """Set out to modes times factors, real numbers and then the parts of complex ones."""
+    # all (M,)
+    for i in range(n_real):
+        out[i] = factors[i] * modes[i]
+    half = (modes.shape[0] - n_real) // 2
+    for i in range(n_real, n_real + half):
+        a, b, x, y = factors[i], factors[i + half], modes[i], modes[i + half]
+        out[i], out[i + half] = a * x - b * y, a * y + b * x
+
+
+@inner
+def slide(window, pieces):
+    """Move the newest pieces into the window's end."""
+    length, more = window.shape[0], pieces.shape[0]
+    for k in range(length - more):
+        window[k] = window[k + more]
+    for k in range(max(0, length - more), length):
+        window[k] = pieces[k - length + more]
+
+
+@inner
+def correct(lag, window, corrections):
+    """Add what the weights of the window's pieces differ by from their exponential sums."""
+    # window[L - 1] is u_(n-2): k = 2 for the first step of the block
+    length = window.shape[0]
+    for k in range(length):
+        age = length + 1 - k
+        for i in range(min(lag.shape[0], length + 2 - age)):
+            lag[i] += corrections[age + i] * window[k]
+
+
+@compiled
+def exchange_direct(lag, pieces, n, groups, tables, memory):
+    """Store the finished block's pieces, and add ``sum_m W_(n+i-m) u_m`` to the next block."""
+    add_direct(lag, pieces, n, 0, groups, tables, memory)
+
+
+@compiled
+def exchange_pending(lag, pieces, n, groups, tables, memory):
+    """Sum directly over the present batch only, and add the rest from `pending`."""
+    # memory: pieces, start values, pending (W, capacity)
+    pending = memory.pending
+    add_direct(lag, pieces, n, n // tables.length * tables.length, groups, tables, memory)
+    for c in range(lag.shape[0]):
+        for i in range(lag.shape[1]):
+            lag[c, i] += pending[c, n + i]
+
+
+@inner
+def two_sum(total, lost, term):
+    """Return total + term, and what rounding has lost so far (Knuth)."""
+    new = total + term
+    part = new - total
+    return new, lost + ((total - (new - part)) + (term - part))
+
+
+@allocating
+def add_direct(lag, pieces, n, first, groups, tables, memory):
+    """Store the finished block's pieces, and sum those stored from index `first` on.
+
+    The sums are compensated by Knuth's two-sum. Being the reference, they must not lose digits as
+    they grow longer. Nor must they where a term exceeds the sum so far, as increments of an
+    oscillation do (Kahan's rule would). All of it runs along the block, so the loop is still
+    vectorised.
+    """
+    # lag (W, B), pieces (W, B + 1); tables: weights (C R, > n + B), start weights (V C, > n + B)
+    # memory: pieces (W, capacity) with u_m at m + 1, start values (W, V)
+    weights, start_weights, stored, start = (
+        tables.weights, tables.start_weights, memory.pieces, memory.starts,
+    )  # fmt: skip
+    n_block, row = lag.shape[1], min(n - tables.first, tables.rows - 1)
+    n_groups = weights.shape[0] // tables.rows
+    lost = np.empty(n_block)
+    for c in range(lag.shape[0]):
+        w, u, out = weights[groups[c] * tables.rows + row], stored[c], lag[c]
+        if n > 0:
+            for k in range(n_block):  # u_(n-1) stays outside: its nearest weight is the scheme's
+                u[n - n_block + k] = pieces[c, k]
+        lost[:] = 0.0
+        total, rest = 0.0, 0.0
+        for m in range(first, n if n_block == 1 else first):  # all in registers
+            total, rest = two_sum(total, rest, w[n - m + 1] * u[m])
+        out[0] += total + rest
+        for m in range(first, n if n_block > 1 else first):
+            piece = u[m]
+            ahead = w[n - m + 1 : n - m + 1 + n_block]
+            for i in range(n_block):
+                out[i], lost[i] = two_sum(out[i], lost[i], ahead[i] * piece)
+        for i in range(n_block):
+            out[i] += lost[i]
+        for v in range(start.shape[1]):
+            if start[c, v] != 0.0:
+                s = start_weights[v * n_groups + groups[c]]
+                for i in range(n_block):
+                    out[i] += s[n + i] * start[c, v]
+
+
+@compiled
+def set_amplitudes(scale, from_moments, decays, own):
+    """Set the amplitudes with which a sum of exponentials stands for ``t**-a`` at each of n steps.
+
+    The rates are ``exp(x + h j)``, j = 1, 2, .., whose amplitudes grow by exp(a h) from one to the
+    next. The first of them is set. All slower rates, j <= 0, are replaced by three rates with the
+    same moments k = 0, 1, 2 of their amplitudes. These are ``before / (1 - exp(-(a + k) h))`` with
+    `before` the one at j = 0. The amplitudes of these three are set.
+
+    Parameters
+    ----------
+    scale : ndarray, shape (n,)
+        Factor of the amplitudes.
+    from_moments : ndarray, shape (3, 3)
+        Amplitudes of the three rates for a unit of each moment.
+    decays : ndarray, shape (2,)
+        exp(-k h) for k = 1, 2.
+    own : ndarray, shape (6, n)
+        Given exp(a x), exp(a h), anything and exp(-a h) - 1 in rows 0 to 3. Set to the first
+        amplitude in row 0 and to those of the three rates in rows 3 to 5.
+    """
+    for i in range(scale.shape[0]):
+        before, fall = own[0, i] * scale[i], own[3, i]
+        m0 = -before / fall
+        m1, m2 = before / (1 - (1 + fall) * decays[0]), before / (1 - (1 + fall) * decays[1])
+        for k in range(3):
+            at = from_moments[k]
+            own[3 + k, i] = at[0] * m0 + at[1] * m1 + at[2] * m2
+        own[0, i] = before * own[1, i]
+
+
+@partial(embedded, fused=True)
+def read_rows(lag, pieces, n, groups, tables, memory):
+    """Take u_(n-2) into the modes, and set the lag to what they give at step n.
+
+    On the grid of rates exp(h j) a kernel's amplitudes are a geometric sequence for any order. So
+    their sum is a polynomial in its ratio. Horner's rule is applied to the four quarters of the
+    modes in parallel, then to every fourth of the rest. So no product waits long for another, and
+    no weight is stored.
+    """
+    # pieces (W, 2); memory: modes (W, M), or (W, 2 M) where those of terms with y'' are `length`
+    #   behind the others; tables: derivatives (C, T); keep, take (R or 1, .), seen (2 R or 2, M),
+    #   for terms with y' and with y''; amplitudes (6 C T, R), for each term the first one, the
+    #   ratio, its power G / 4, and those of the slow rates behind the grid; room (1, G / 4)
+    keep, take, seen, modes = tables.keep, tables.take, tables.weights, memory.modes
+    derivatives, starts, lanes = tables.derivatives, tables.amplitudes, tables.room[0]
+    i, n_rows, n_terms = n - tables.first, keep.shape[0], derivatives.shape[1]
+    j, quarter = min(i, n_rows - 1), lanes.shape[0]
+    for c in range(lag.shape[0]):
+        piece, total, all_modes, keep_i, take_i = pieces[c, 0], 0.0, modes[c], keep[j], take[j]
+        for m in range(all_modes.shape[0]):
+            all_modes[m] = keep_i[m] * all_modes[m] + take_i[m] * piece
+        for k in range(n_terms):
+            kind, term = int(derivatives[groups[c], k]), STARTS * (n_terms * groups[c] + k)
+            if kind > 0:
+                factors, own = (
+                    seen[(kind - 1) * n_rows + j],
+                    all_modes[(kind - 1) * tables.length :],
+                )
+                ratio, long = starts[term + 1, i], starts[term + 2, i]
+                for m in range(quarter):
+                    upper = factors[3 * quarter + m] * own[3 * quarter + m] * long
+                    upper += factors[2 * quarter + m] * own[2 * quarter + m]
+                    lower = factors[quarter + m] * own[quarter + m] + upper * long
+                    lanes[m] = factors[m] * own[m] + lower * long
+                square = ratio * ratio
+                fourth, held = square * square, 0.0
+                for m in range(quarter - LANES, -1, -LANES):
+                    pair = lanes[m] + ratio * lanes[m + 1]
+                    pair += square * (lanes[m + 2] + ratio * lanes[m + 3])
+                    held = held * fourth + pair
+                total += starts[term, i] * held
+                for m in range(3):
+                    at = LANES * quarter + m
+                    total += starts[term + 3 + m, i] * factors[at] * own[at]
+        lag[c, 0], pieces[c, 0] = total, pieces[c, 1]

@@ -1,0 +1,194 @@
+"""The scheme contract.
+
+A scheme turns an equation and a step into a `Plan`. This has the tables its compiled march works
+on, and the `Convolution` that a history must sum for it. Nothing here knows how the past is summed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..equation.terms import distinct_components
+from ..support.checks import complaint
+from .signatures import StepRows
+from .stability import StabilityRegion
+
+
+@dataclass(frozen=True)
+class WeightRule:
+    """A family of weights w_k that depends on p, a number or a kernel, exact and as exponentials.
+
+    Attributes
+    ----------
+    exact : callable
+        ``exact(p, n)``: the weights w_0 .. w_(n-1), shape (n,).
+    exponent : callable
+        ``exponent(p)``: exponent a of the kernel ``t**-a`` behind the weights, a `StepKernel` where
+        that is a general one, or None where there is no memory.
+    modal : callable
+        ``modal(p, rates, weights, k)``: the shares of w_k of each mode when the kernel is the sum
+        of ``weights * exp(-rates t)`` on [1, ...) in units of the step. A share decays by
+        ``exp(-rates)`` from one k to the next.
+    """
+
+    exact: Callable[[Any, int], np.ndarray]
+    exponent: Callable[[Any], Any]
+    modal: Callable[[Any, np.ndarray, np.ndarray, int], np.ndarray]
+
+
+@dataclass(frozen=True)
+class Convolution:
+    """Sum that a history makes on a uniform mesh: ``lag_n = sum_k W_k u_(n-k)``, k >= 2.
+
+    The weights are sums ``W_k = sum_j factor_j rule_j(p_j)_k``, with a list of (factor, rule, p)
+    for each group of columns. Start values have lists of their own: the lists of all groups for the
+    first value, then those for the next. Their weights are sums of exponentials from k = 2 on.
+
+    Attributes
+    ----------
+    groups : tuple of tuple of (float, WeightRule, float)
+    start_groups : tuple of tuple of (float, WeightRule, float)
+    first_modal : int
+        First k from which the weights are sums of exponentials, at least 2.
+    """
+
+    groups: tuple
+    start_groups: tuple
+    first_modal: int = 2
+
+    def prepare(self, n_end: int) -> None:
+        """Do nothing: all steps but the first have the same row."""
+
+    def reach(self, n: int):
+        """Return all steps, which are computed; see `RowSums.reach`."""
+        return n + 2**62, None
+
+    def check(self, history):
+        """Refuse a history that does not take the kernels."""
+        if self.kernels() and not history.takes_kernels:
+            required = "be another one if terms have kernels other than Caputo's"
+            remedy = "use SumOfExponentials, FFT or Direct"
+            raise ValueError(complaint("history", required, repr(history), remedy))
+
+    @property
+    def n_starts(self):
+        """Start values of each column."""
+        return len(self.start_groups) // len(self.groups)
+
+    def exponents(self):
+        """Return exponents of power-law kernels that occur."""
+        return tuple(sorted(key for key in self._keys() if isinstance(key, float)))
+
+    def kernels(self):
+        """Return the other kernels, each as a `StepKernel`."""
+        return tuple(key for key in self._keys() if not isinstance(key, float))
+
+    def _keys(self):
+        """List the results of `WeightRule.exponent`, each once, in order."""
+        lists = self.groups + self.start_groups
+        found = [rule.exponent(p) for terms in lists for _, rule, p in terms]
+        return [key for key in dict.fromkeys(found) if key is not None]
+
+    def has_memory(self):
+        """Return whether there are weights beyond k = 1 at all."""
+        return bool(self._keys()) or self.first_modal > 3
+
+    def exact(self, n):
+        """Return weights (C, n) and start weights (V C, n) of every group for k < n."""
+        return tuple(
+            np.array([_total((f * rule.exact(p, n) for f, rule, p in terms), n) for terms in lists])
+            for lists in (self.groups, self.start_groups)
+        )
+
+    def modal(self, bank, k, k_start):
+        """Return mode shares of W_k, shape (C, M), and of the start weights at k_start, (V C, M).
+
+        `bank` maps a kernel's exponent, or its `StepKernel`, to (rates, weights) of its
+        exponential sum.
+        """
+        n_modes = max((rates.size for rates, _ in bank.values()), default=0)
+
+        def share(terms, at):
+            held = ((f, rule, p, rule.exponent(p)) for f, rule, p in terms)
+            return _total(
+                (f * rule.modal(p, *bank[a], at) for f, rule, p, a in held if a is not None),
+                n_modes,
+            )
+
+        return tuple(
+            np.array([share(terms, at) for terms in lists])
+            for lists, at in ((self.groups, k), (self.start_groups, k_start))
+        )
+
+
+def _total(pieces, n):
+    return sum(pieces, np.zeros(n))
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Everything a march needs to know of a scheme on one equation with one step, or on a mesh.
+
+    Attributes
+    ----------
+    past : Convolution or RowSums
+        Sums that the history makes; `open` gives its memory for them.
+    rows : StepRows
+        Coefficients of the steps; for blocks of one step where each has its own.
+    groups : ndarray of int64, shape (d,)
+        Group of each component, of the same terms.
+    initial, increments : ndarray, shape (d,)
+        y(0), and the newest increment before the first step.
+    shift : ndarray, shape (d,)
+        y'(0) times the unit of the rows' lengths, where the pieces leave it out; 0 elsewhere.
+    sweeps : int
+        Sweeps of a corrector.
+    integral : bool
+        Whether the pieces are values of the right-hand side instead of increments.
+    given : ndarray of int64, shape (d,), or None
+        Whether `increments` are those of the first step, which an explicit scheme is given.
+    powers, drift : ndarray, shape (r, d)
+        Known terms ``drift t**power`` on the left side.
+    corrections : ndarray, shape (k, d)
+        Corrections of the right-hand side in the first k steps.
+    starts : ndarray, shape (V, d)
+        Start values that `past` weighs.
+    lasting : bool
+        Whether `corrections` last beyond the first few steps.
+    region : StabilityRegion or None
+        Where the eigenvalues of the Jacobian must stay; None for a scheme without a step limit.
+    slowest : float
+        Steps between turns up to which growing turns are watched; 0 for a scheme without a limit.
+    """
+
+    past: Any
+    rows: StepRows
+    groups: np.ndarray
+    initial: np.ndarray
+    increments: np.ndarray
+    shift: np.ndarray
+    sweeps: int = 0
+    integral: bool = False
+    given: np.ndarray | None = None
+    powers: np.ndarray | None = None
+    drift: np.ndarray | None = None
+    corrections: np.ndarray | None = None
+    starts: np.ndarray | None = None
+    lasting: bool = False
+    region: StabilityRegion | None = None
+    slowest: float = 0.0
+
+
+def distinct_columns(system):
+    """Group columns by their terms and by whether they are memory that f reads.
+
+    As `distinct_components`; the first of the results lists terms and this truth value.
+    """
+    distinct, groups = distinct_components(system)
+    keys = [(distinct[a], bool(read)) for a, read in zip(groups, system.read, strict=True)]
+    found = list(dict.fromkeys(keys))
+    return found, np.array([found.index(key) for key in keys], dtype=np.int64)

@@ -1,0 +1,442 @@
+"""Plans of steps that have weights of their own: on a mesh, and where orders vary.
+
+A piece of the solution on [t_j, t_(j+1)] has the slope ``mean + lean (s - middle)``. Seen from t it
+contributes ``mean m_0 + lean m_1`` with the moments of the kernel ``p T**(p-1)``, T = t - s:
+``m_0 = int p T**(p-1) dT`` and ``m_1 = int p T**(p-1) (middle - T) dT``. Above order 1 the velocity
+is a line between the middles of two steps, and its slope takes the place of the mean. Where an
+order varies, all weights of a step are those of the order at which its right-hand side is taken.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import ClassVar
+
+import numpy as np
+from scipy.special import rgamma
+
+from ..equation.orders import OrderFailed
+from ..kernels.special import gauss_unit, mean_exponential
+from ..support.checks import complaint
+from .plan import Plan, distinct_columns
+from .power_series import inverse_gamma
+from .riemann_liouville import first_samples
+from .signatures import StepRows
+from .watch import SLOWEST
+
+# Steps so many times longer or shorter than the one before have a corner between them, or begin at
+# a singular point: lines, for a parabola would lean on the other.
+_STEEPEST = 30.0
+# Steps at which orders are looked at before a run.
+_LOOKED_AT = 1001
+# Steps whose coefficients are computed together. Each batch starts at a multiple of this number, so
+# that a resumed run computes them in the same arrays.
+STRETCH = 16384
+# Steps that are worked out together at the end of a run, more than NumPy treats at once.
+_GROUP = 64
+
+
+def moments(low, width, p, bent=True):
+    """Return m_0, and m_1 if `bent`, else 0, over distances [low, low + width].
+
+    The width is an argument because far from a tiny step both ends have the same distance.
+    """
+    low = np.atleast_1d(low)
+    high, nearest = low + width, low == 0.0
+    beyond = np.where(nearest, 1.0, low)
+    m_0, growth = p * np.log(np.where(nearest, high, beyond)), p * np.log1p(width / beyond)
+    # in place: fresh arrays of this size are handed back to the system each time
+    np.copyto(np.expm1(growth, out=growth), 1.0, where=nearest)
+    np.multiply(np.exp(m_0, out=m_0), growth, out=m_0)
+    if not bent:
+        return m_0, 0.0
+    middle, m_1 = low + 0.5 * width, 0.0
+    for node, weight in zip(*gauss_unit(16), strict=True):
+        # less its value in the middle, whose moment is 0: what is left cancels nowhere
+        bend = np.expm1((p - 1.0) * np.log1p((node - 0.5) * width / middle))
+        m_1 = m_1 + weight * (0.5 - node) * bend
+    m_1 = p * width * width * middle ** (p - 1.0) * m_1
+    # wide: the closed form does not cancel
+    closed = middle * m_0 - p / (p + 1.0) * (high ** (p + 1.0) - low ** (p + 1.0))
+    return m_0, np.where(width > 2.0 * low, closed, m_1)
+
+
+def _tilt(z, average, decay):
+    """Return ``int_0^1 (1/2 - v) exp(-z v) dv``, from the mean of the exponential and its end."""
+    square, series = np.minimum(z, 0.5) ** 2, np.zeros_like(z)
+    for k in range(5, -1, -1):  # leaves 1e-17 below z = 0.5
+        series *= square
+        series += 1 / (math.factorial(2 * k + 1) * (2 * k + 3) * 4 ** (k + 1))
+    closed = 0.5 * average - (average - decay) / np.maximum(z, 0.5)
+    return np.where(z < 0.5, np.sqrt(decay) * z * series, closed)
+
+
+class _Uniform:
+    """Places of uniform steps; distances are counted, not differences of times.
+
+    First derivatives are seen at ``theta`` of a step, and the right-hand side is taken at `offset`.
+    """
+
+    mesh: ClassVar = None
+
+    def __init__(self, h, theta, offset):
+        self.h, self._theta, self._offset = h, theta, offset
+
+    def rows(self, n):
+        """Return coefficients of steps n, (R,), that no term changes."""
+        ones = np.ones(n.size)
+        unit, theta = self.h * ones, self._offset * ones
+        return {"times": np.zeros(0), "theta": theta, "unit": unit, "length": unit, "ratio": ones}
+
+    def times(self, n):
+        """Return times at which the right-hand sides of steps n are taken."""
+        return (n + self._offset) * self.h
+
+    def first_sample(self, gamma):
+        """Return the integral of ``t**-gamma`` over the first step less its sample there."""
+        return self.h**-gamma * first_samples(gamma, self._offset, 1)[0]
+
+    def intervals(self, n, size, order):
+        """Return the places of increments; see `_Mesh.intervals`."""
+        k, h = np.arange(float(size))[None], self.h
+        far, width = np.maximum(k - 1 + self._theta, 0.0), np.where(k == 0, self._theta, 1.0)
+        return np.ones((1, size)), h * far, h * width, h * k, h, h, 0.0
+
+    def decays(self, rates, kinds, n):
+        """Return factors as `_Mesh.decays`: steps share one row, terms have the same modes."""
+        z = rates * self.h
+        mean, keep = mean_exponential(z), np.exp(-z)
+        seen = mean * np.exp(-z * (1 + self._theta)), mean * keep * np.expm1(-z) / self.h
+        return keep[None], np.ones((1, z.size)), np.array(seen)[:, None]
+
+
+class _Mesh:
+    """Places of the steps of a mesh, and of the parabolas on them."""
+
+    def __init__(self, times, theta, parabolas):
+        steps, self._parabolas = np.diff(times), parabolas
+        self.mesh, self._steps = times, steps
+        self._theta = np.broadcast_to(theta, steps.size) * 1.0
+        self._seen = times[:-1] + self._theta * steps
+        self._ratios = np.append(1.0, steps[1:] / steps[:-1])
+        # slope of the lean of each step over the difference of its mean and the next one's
+        ratio = self._ratios[1:]
+        fit = (ratio <= _STEEPEST) & (_STEEPEST * ratio >= 1.0) & (parabolas > 0)
+        self._slopes = np.append(np.where(fit, 2.0 / (steps[1:] + steps[:-1]), 0.0), 0.0)
+        # middles from that of a step before the first, as long as that, on, and between them
+        self._middles = np.append(times[0] - 0.5 * steps[0], times[:-1] + 0.5 * steps)
+        self._between = 0.5 * (steps + np.append(steps[0], steps[:-1]))
+
+    def rows(self, n):
+        """Return coefficients of steps n, (R,), that no term changes."""
+        times, theta, unit = self.mesh[n], self._theta[n], self._steps[n]
+        ratio = self._ratios[n]
+        return {"times": times, "theta": theta, "unit": unit, "length": unit, "ratio": ratio}
+
+    def times(self, n):
+        """Return times at which the right-hand sides of steps n are taken."""
+        return self._seen[n]
+
+    def first_sample(self, gamma):
+        """Return the mean of ``t**-gamma`` over the first step less its sample there."""
+        return self._steps[0] ** -gamma * (1 / (1 - gamma) - self._theta[0] ** -gamma)
+
+    def intervals(self, n, size, order):
+        """Return places of u_(n-k), k < size, seen from steps n, in arrays (R, size) of this order.
+
+        Returns
+        -------
+        there : whether there is such an increment
+        far, width : distance of its interval, and its length
+        behind, between : the same between the middles of two steps
+        steps, slopes : length of its step, and slope of the lean on the next one
+        """
+        n = np.array(np.broadcast_to(n[:, None], (n.size, size)), order=order)
+        j = n - np.arange(size)
+        there, j = j >= 0, np.maximum(j, 0)
+        far = np.where(there, self._seen[n] - self.mesh[j + 1], 1.0)
+        behind = np.where(there, self._seen[n] - self._middles[j + 1], 1.0)
+        far[:, 0], behind[:, 0], steps = 0.0, 0.0, self._steps[j]
+        width = steps.copy()
+        width[:, 0] *= self._theta[n[:, 0]]
+        return there, far, width, behind, self._between[j], steps, self._slopes[j]
+
+    def decays(self, rates, kinds, n):
+        """Return factors of modes at steps n, for terms with y' and y'' as `kinds` has them.
+
+        Returns
+        -------
+        keep, take : ndarray, shape (R, .)
+            Factors of a mode, and of u_(n-2) that it takes, of one kind behind the other.
+        seen : ndarray, shape (2, R, M)
+            Factors of modes in the sum, of terms with y' and with y''.
+        """
+        n = n[:, None]
+        j, newest = np.maximum(n - 2, 0), np.maximum(n - 1, 0)
+        keeps, takes, seen = [], [], np.zeros((2, n.size, rates.size))
+        for kind in kinds:
+            if kind == 2:
+                z, later = (rates * self._between[k] for k in (j, newest))
+                average, end = mean_exponential(z), self._middles[newest + 1]
+                take = average * np.expm1(-later) + (average - mean_exponential(later))
+                keep = np.exp(-later)
+            else:
+                end, pairs = self.mesh[newest], np.maximum(np.append(n[:1] - 3, n - 2, axis=0), 0)
+                steps = self._steps[pairs]
+                z = rates * steps
+                lost = np.expm1(-z)
+                decay, average = 1 + lost, lost / -z
+                keep, take = decay[1:], (steps * average)[1:]
+                if self._parabolas:
+                    lean = self._slopes[pairs] * steps**2 * _tilt(z, average, decay)
+                    take -= lean[1:]
+                    take += (j > 0) * lean[:-1] * keep
+            keeps.append(keep)
+            takes.append(take / self._steps[j])
+            seen[kind - 1] = np.exp(-rates * (self._seen[n] - end))
+        return np.hstack(keeps), np.hstack(takes), seen
+
+
+class RowSums:
+    """Sums over pieces of the solution, weighed anew at each step.
+
+    Parameters
+    ----------
+    system : System
+    steps : _Uniform or _Mesh
+    parabolas : int
+        0 for lines, 1 for parabolas on all steps of a mesh but the newest, 2 on that too.
+    explicit : bool
+        Whether the right-hand side is taken where the step begins, and the march solves for changes
+        of increments.
+
+    Attributes
+    ----------
+    groups : ndarray of int64, shape (d,)
+        Group of each component, of the same terms.
+    terms : tuple of tuple of (float, operator)
+        Terms of each group.
+    varies : bool
+        Whether an order varies.
+    powers : dict
+        p = m - alpha of each operator, and 1 / Gamma(p + 1), at the steps of `rows`, (R,).
+    rows : StepRows
+        Rows of the steps computed last.
+    """
+
+    def __init__(self, system, steps, parabolas=0, explicit=False):
+        distinct, self.groups = distinct_columns(system)
+        self.terms, read = zip(*distinct, strict=True)
+        self.steps, self._parabolas, self._explicit = steps, parabolas, explicit
+        # an explicit step leaves memory that f reads for the next one, where t x'(0) is a step on
+        self._read, self._late = read, np.array(read) * explicit
+        self._operators = list(dict.fromkeys(op for terms in self.terms for _, op in terms))
+        self.from_zero = any(operator.from_zero for operator in self._operators)
+        self.varies, self._above = system.varies, system.m == 2
+        self.powers: dict = {}
+        self._known, self._n_end, self._trouble = (0, 0), 0, ""
+        self.rows = self._rows(np.arange(0), *np.ones((2, len(self.terms), 0)))
+
+    def prepare(self, n_end: int) -> None:
+        """Check the orders at about a thousand steps up to `n_end`, before the run begins.
+
+        Raises `OrderFailed` where one is outside its range, or its function raises.
+        """
+        if n_end > self._n_end:
+            some = np.unique(np.linspace(0, n_end - 1, _LOOKED_AT).astype(int))
+            *_, trouble = self._sampled(some)
+            if trouble:
+                raise OrderFailed(trouble)
+            self._n_end = n_end
+
+    def reach(self, n: int):
+        """Compute the rows of the batch of steps with step n, if they are not there.
+
+        Returns
+        -------
+        end : int
+            First step after the filled ones.
+        rows : StepRows
+            Another tuple than before where this call filled them.
+        """
+        last, n_end = self._known
+        # beyond the run's end, as it was then, orders were not asked for
+        if not self.rows.first <= n < min(last, n_end):
+            first = n // STRETCH * STRETCH
+            # whole groups, so that a longer run works these steps out in the same way
+            size = min(STRETCH, math.ceil((self._n_end - first) / _GROUP) * _GROUP)
+            with np.errstate(all="ignore"):  # a weight that is none ends the run below
+                last = first + self._fill(np.arange(first, first + size))
+            self._known = last, n_end = last, self._n_end
+        if n >= last:
+            raise OrderFailed(self._trouble)
+        return min(last, n_end), self.rows
+
+    def _sampled(self, n):
+        """p of each operator at steps n, how many of these are good, and what then goes wrong."""
+        times, found, n_good, trouble = self.steps.times(n), {}, n.size, ""
+        for operator in self._operators:
+            found[operator], reason = operator.powers(times[:n_good])
+            if reason:
+                n_good, trouble = found[operator].size, reason
+        return found, n_good, trouble
+
+    def _fill(self, n):
+        """Work out the coefficients of steps n; return how many of them are good.
+
+        Steps beyond the run's end are given what the last step before it has.
+        """
+        first, n = int(n[0]), np.minimum(n, self._n_end - 1)
+        powers, n_good, self._trouble = self._sampled(n)
+        self.powers = {op: (p[:n_good], inverse_gamma(p[:n_good])) for op, p in powers.items()}
+        n = n[:n_good]
+        now, near = np.moveaxis(self._weights(n, 2, 0, "F"), 2, 0)
+        self.rows = self._rows(n, now, near)._replace(first=first)
+        sound = (np.isfinite(now) & np.isfinite(self.rows.lead)).all(axis=0)
+        if sound.all():
+            return n_good
+        bad = int(np.argmin(sound))
+        got = f"{now[:, bad].tolist()} at t = {self.steps.times(n[bad]):.6g}"
+        required = "give finite, nonzero leading weights"
+        self._trouble = complaint("terms", required, got, "take another step")
+        return bad
+
+    def _rows(self, n, now, near):
+        """Return coefficients of steps n, from the weights of the newest two increments, (C, R)."""
+        lead = 1 / now
+        return StepRows(
+            first=0,
+            last=n.size - 1,
+            **self.steps.rows(n),
+            lead=lead,
+            near=near * lead + self._explicit,
+            scale=np.ones(lead.shape),
+            drift=self._drift(n, lead),
+        )
+
+    def _drift(self, n, lead):
+        """Return factors of x'(0), not in increments, and of x(0) in Riemann-Liouville terms."""
+        if not (self._above or self.from_zero):
+            return np.zeros((len(lead), 0))
+        found = np.zeros((1 + self.from_zero, *lead.shape))
+        for a, terms in enumerate(self.terms if n.size else ()):
+            above = any(operator.derivative == 2 for _, operator in terms)
+            for c, operator in terms:
+                p, factor = self.powers[operator]
+                # the derivative of t x'(0), which halves of a reduced order leave out
+                if operator.derivative == 1 and (above or self._read[a]):
+                    times = self.steps.times(n + self._late[a])
+                    found[0, a] += c * factor * times**p
+                if operator.from_zero:
+                    found[1, a] += c * self._initial(n, 1 - p, int(self._explicit and above))
+        return (found * lead).reshape(len(found) * len(lead), n.size)
+
+    def _initial(self, n, gamma, first):
+        """Return ``t**-gamma / Gamma(1-gamma)`` of each step, not at 0, corrected in step `first`.
+
+        An explicit step of order above 1 is given the first increment.
+        """
+        times, first = self.steps.times(n), first - int(n[0])
+        values = np.where(times > 0, times, np.inf) ** -gamma
+        if 0 <= first < n.size:
+            values[first] += self.steps.first_sample(float(gamma[first]))
+        return values * rgamma(1 - gamma)
+
+    def weights(self, first, last, k_end):
+        """Return weights of u_(n-k), k < k_end, in the derivative at steps from `first` to `last`.
+
+        Shape (C, last - first, k_end); not divided by the leading weight.
+        """
+        return self._weights(np.arange(first, last), k_end, first - self.rows.first)
+
+    def direct(self, first, last, k_end):
+        """Return `weights` over the leading weight."""
+        lead = self.rows.lead[:, first - self.rows.first : last - self.rows.first]
+        return self.weights(first, last, k_end) * lead[..., None]
+
+    def _weights(self, n, k_end, at, order="C"):
+        """Return `weights` at steps n with orders from row `at` on, from arrays of this order."""
+        bent = self._parabolas > 0
+        shape = n.size, k_end + bent
+        there, far, width, behind, between, steps, slopes = self.steps.intervals(n, shape[1], order)
+        found, of_terms = np.zeros((len(self.terms), n.size, k_end)), {}
+        if order == "F":
+            found = np.moveaxis(np.zeros((len(self.terms), k_end, n.size)), 1, 2)
+        for operator, powers in self.powers.items():
+            p, factor = (part[at : at + n.size, None] for part in powers)
+            p = np.array(np.broadcast_to(p, shape), order=order)
+            if operator.derivative == 2:
+                own = moments(behind, between, p, False)[0]
+                own /= between
+                own[:, 1:] -= own[:, :-1].copy()
+            else:
+                own, lean = moments(far, width, p, bent)
+            if bent and operator.derivative == 1:
+                lean[:, 1] += (self._parabolas == 2) * lean[:, 0]
+                lean[:, 1:] *= slopes[:, 1:] * there[:, 1:]
+                own[:, 1:] -= lean[:, 1:]
+                own[:, :-1] += lean[:, 1:]
+            own *= factor
+            of_terms[operator] = own[:, :k_end]
+        for a, terms in enumerate(self.terms):
+            for c, operator in terms:
+                found[a] += c * of_terms[operator]
+        found *= (there / steps)[:, :k_end]
+        return found
+
+    def decays(self, rates, kinds, first, last):
+        """Return factors of modes at steps from `first` to `last`: see `_Mesh.decays`."""
+        return self.steps.decays(rates, kinds, np.minimum(np.arange(first, last), self._n_end - 1))
+
+    def has_memory(self) -> bool:
+        """Return whether there are weights beyond k = 1 at all."""
+        return not all(operator.classical for operator in self._operators)
+
+    def exact(self, n):
+        """Return no weights inside a block, which is of one step."""
+        return (np.zeros((len(self.terms), 0)),) * 2
+
+    def check(self, history):
+        """Refuse a history that does not take what the steps are."""
+        if self.varies and not history.takes_varying:
+            required = "be Direct or SumOfExponentials if orders vary"
+            raise ValueError(complaint("history", required, repr(history)))
+        if self.steps.mesh is not None and not history.takes_meshes:
+            required = f"be left out with {type(history).__name__}, which takes uniform steps"
+            got = f"{self.steps.mesh.size - 1} steps"
+            raise ValueError(complaint("mesh", required, got, "or use SumOfExponentials or Direct"))
+
+
+def varying_plan(system, h, theta, explicit):
+    """Make the plan of a scheme on uniform steps, for an equation with orders that vary."""
+    sums = RowSums(system, _Uniform(h, theta, 0.0 if explicit else theta), explicit=explicit)
+    given = (system.highest_orders() > 1).astype(np.int64) if explicit else None
+    return _plan(system, sums, h, given=given, slowest=SLOWEST if explicit else 0.0)
+
+
+def mesh_plan(scheme, system, times, theta, parabolas):
+    """Make the plan of a scheme on a mesh of any steps."""
+    highest, up_to = float(system.highest_orders().max()), scheme.meshes_up_to
+    if highest > up_to:
+        required = f"lie in (0, {up_to:g}] for {type(scheme).__name__} on a mesh"
+        raise ValueError(complaint("order", required, highest, "take uniform steps"))
+    return _plan(system, RowSums(system, _Mesh(times, theta, parabolas), parabolas), times[1])
+
+
+def _plan(system, sums, first, **more):
+    """Make a plan with these sums and the length of the first step."""
+    for operator, _ in system.left:
+        if operator.kernel is not None:
+            required = "be Caputo operators on a mesh, and on given steps if an order varies"
+            raise ValueError(complaint("terms", required, f"{operator}", "use Collocation"))
+    speed = system.y0[1] if system.m == 2 else np.zeros(system.d)
+    return Plan(
+        past=sums,
+        rows=sums.rows,
+        groups=sums.groups,
+        initial=system.at_start,
+        increments=first * speed,
+        shift=speed,
+        drift=system.y0[:1] if sums.from_zero else None,
+        **more,
+    )

@@ -1,0 +1,239 @@
+"""Adams-type schemes in integral form: predictor-corrector and product trapezoid.
+
+The equation ``c D^alpha x = f`` is written as ``x = x(0) + t x'(0) + J^alpha f / c``, with f a line
+on each step. Then the increments of x weigh the values of f by ``h**alpha / Gamma(alpha+2) / c``
+times W. Here ``W_0 = 1``, ``W_k = G_k - G_(k-1)``, ``G_k = (k+1)**(alpha+1) - 2 k**(alpha+1) +
+(k-1)**(alpha+1)``. In the step to t_(n+1) f_0 has ``A_n - A_(n-1)``, ``A_n = n**(alpha+1) -
+(n-alpha) (n+1)**alpha``.
+"""
+
+from dataclasses import dataclass, replace
+from functools import lru_cache, partial
+from typing import ClassVar
+
+import numpy as np
+from scipy.special import rgamma, zeta
+
+from ...equation.system import System
+from ...kernels.special import first_moment_exponential, gauss_unit, mean_exponential
+from ...stepping.scheme import Scheme, check_smoothness
+from ...support.checks import count, within
+from ..plan import Plan, WeightRule
+from ..stability import StabilityRegion
+from ..uniform_plan import uniform_plan
+from ..watch import QUICK
+
+
+def hat_weights(alpha, n):
+    """Return W_0 .. W_(n-1), differences of moments of t**(alpha-1), without cancellation."""
+    weights = np.ones(n)
+    g = [1.0, 2 ** (alpha + 1) - 2, 3 ** (alpha + 1) - 2 * 2 ** (alpha + 1) + 1]
+    weights[1:3] = np.diff(g)[: n - 1]
+    if n > 3:
+        rising, falling = _power_steps(alpha, n)
+        weights[3:] = rising[:-1] + falling[1:]
+    return weights
+
+
+def start_weights(alpha, n):
+    """Return A_k - A_(k-1) for k = 0 .. n-1, with A_(-1) = 0."""
+    weights = np.full(n, alpha)
+    if n > 1:
+        weights[1] = 1 - (1 - alpha) * 2**alpha - alpha
+    if n > 2:
+        weights[2:] = _power_steps(alpha, n)[0]
+    return weights
+
+
+@lru_cache(maxsize=4)
+def _power_steps(alpha, n):
+    """Return integrals over [k, k+1], k = 2 .. n-1, of differences of powers, (2, n - 2).
+
+    The integrand ``alpha (alpha+1) (t**(alpha-1) - (t-1)**(alpha-1))`` is multiplied by t - k and
+    by k + 1 - t. Its singularity lies k - 1 steps before the interval. So 16 points leave 5.8**-32
+    at k = 2, six 60**-12 from k = 16 on, and three 1000**-6 from k = 256 on.
+    """
+    found, first = [], 2
+    for points, end in ((16, min(n, 16)), (6, min(n, 256)), (3, n)):
+        v, q = gauss_unit(points)
+        before = np.arange(first, max(first, end))[:, None] - 1 + v
+        shrink = np.expm1((alpha - 1) * np.log1p(1 / before))
+        values = alpha * (alpha + 1) * before ** (alpha - 1) * shrink
+        found.append(values @ np.array([q * v, q * (1 - v)]).T)
+        first = max(first, end)
+    return np.concatenate(found).T
+
+
+def _exponent(alpha):
+    """Return the exponent of ``t**(alpha-1)`` below 1, of ``t**(alpha-2)`` above; None at 1."""
+    if alpha == 1:
+        return None
+    return 1 - alpha if alpha < 1 else 2 - alpha
+
+
+def _step_share(alpha, rates):
+    """Share of ``t**(alpha-1) - (t-1)**(alpha-1)`` at t = 1 of a mode of the kernel's sum."""
+    if alpha < 1:
+        return alpha * (alpha + 1) * np.expm1(-rates)
+    return alpha * (alpha + 1) * (alpha - 1) * mean_exponential(rates)
+
+
+def _modal_hat(alpha, rates, weights, k):
+    hat = mean_exponential(rates) ** 2
+    return _step_share(alpha, rates) * weights * hat * np.exp(-rates * (k - 2))
+
+
+def _modal_start(alpha, rates, weights, k):
+    ramp = first_moment_exponential(rates)
+    # at k = 0 this would be exp(rates): the share is used from k = 2 on, in products with powers
+    return _step_share(alpha, rates) * weights * ramp * np.exp(-rates * (k - 1))
+
+
+HATS = WeightRule(hat_weights, _exponent, _modal_hat)
+FIRST_VALUE = WeightRule(start_weights, _exponent, _modal_start)
+
+
+def _plan(equation, h, corrections):
+    """Make the plan in integral form."""
+    weighed, start = (partial(_weighed, h=h, rule=rule) for rule in (HATS, FIRST_VALUE))
+    how = {"integral": True, "first_modal": 3, "sweeps": corrections, "slowest": QUICK}
+    plan = uniform_plan(equation, h, 1.0, weighed, starts=[(start, 0.0)], **how)
+    return replace(plan, region=_region(equation, plan.rows.lead[plan.groups, 0], corrections))
+
+
+def _weighed(c, operator, h, rule):
+    """Return weights of values of f, which have the negative sign on the left side."""
+    return -(h**operator.order) * rgamma(operator.order + 2) / c, rule, operator.order
+
+
+def _region(equation, lead, corrections):
+    """Return the limits of -d f / d y; None if every step is stable.
+
+    Sweeps contract only if ``lead K < 1``. This is the limit of stability for an odd number of
+    sweeps and orders up to 1. Otherwise steps are unstable from a smaller K on. Without sweeps the
+    alternating mode leaves the unit circle above order 1 only, at ``lead K = 1 / (4
+    |eta(-1-beta)|)``, eta being Dirichlet's.
+    """
+    orders = equation.highest_orders()[equation.sources]
+    if corrections:
+        limits = 1 / lead
+    elif orders.max() <= 1:
+        return None
+    else:
+        above = np.where(orders > 1, orders, 2.0)
+        eta = np.abs((1 - 2 ** (2 + above)) * zeta(-1 - above))
+        limits = np.where(orders > 1, 1 / (4 * eta * lead), np.inf)
+    nothing = np.zeros(0)
+    # memory moves with the newest increment by 1 / lead
+    return StabilityRegion(limits, nothing, nothing, np.pi, gains=1 / lead)
+
+
+@dataclass(frozen=True)
+class Adams(Scheme):
+    """Fractional Adams predictor-corrector (PECE), orders in (0, 2], one term a component.
+
+    f is a line on each step. On the newest step f is first constant; then it is corrected with its
+    new value, `corrections` times. Explicit. Components may have different orders.
+
+    Parameters
+    ----------
+    corrections : int
+        Number m >= 1 of corrections; a step takes m + 1 evaluations of the right-hand side.
+
+    Error
+    -----
+    O(h**min(2, 1 + (m + 1) alpha)) at a fixed time if f along the solution is smooth. The error of
+    the prediction is O(h**(1+alpha)), and each correction gains h**alpha. O(h**min(2, 1 + alpha))
+    for solutions like t**alpha (convergence/orders.py).
+
+    Stability
+    ---------
+    Conditional. For ``D^alpha y = -K y`` with one correction K h**alpha must be below Gamma(alpha +
+    2), 1.02 to 2, for orders up to 1. Above order 1 the limit is about 1.5 to 2.5, and at order 2
+    the solution grows slowly with any step (docs/stability.md). Beyond the limit the solution grows
+    or, with a force that saturates, stays bounded and wrong. `solve` checks along the orbit whether
+    corrections contract, K h**alpha < Gamma(alpha + 2), and whether increments grow while they turn
+    within a few steps.
+
+    Source
+    ------
+    [DiethelmFordFreed2002], eqs. (1.10) to (1.15); several sweeps [Diethelm2010], appendix C.
+
+    Examples
+    --------
+    >>> import hereditary as hd
+    >>> sol = hd.solve(hd.scenes.relaxation(0.8), 1.0, n_steps=1000, scheme=hd.Adams())
+    >>> round(float(sol.y[-1, 0]), 4)
+    0.3869
+    """
+
+    corrections: int = 1
+    solve: ClassVar[str] = "sweeps"
+    several_terms: ClassVar[bool] = False
+
+    def __post_init__(self):
+        count("corrections", self.corrections)
+
+    def order(self, alpha: float, smoothness: str = "smooth") -> float:
+        """Return the proven order of convergence at a fixed time, on uniform steps.
+
+        Parameters
+        ----------
+        alpha : float
+            Order of the equation, 0 < alpha <= 2 [-].
+        smoothness : {"smooth", "singular"}
+            Whether the solution is smooth at 0 or behaves like t**alpha there.
+        """
+        alpha = within("alpha", alpha, 5e-324, 2.0, "(0, 2]")
+        check_smoothness(smoothness)
+        gains = self.corrections + 1 if smoothness == "smooth" else 1
+        return min(2.0, 1 + gains * alpha)
+
+    def plan(self, equation: System, h: float) -> Plan:
+        """Make tables and convolution for `equation` with step h."""
+        return _plan(equation, h, self.corrections)
+
+
+@dataclass(frozen=True)
+class ProductTrapezoid(Scheme):
+    """The product trapezoidal rule, the implicit form of `Adams`.
+
+    f is a line on each step, and Newton's method finds the new value. Orders are in (0, 2], with
+    one term in each component. Components may have different orders.
+
+    Error
+    -----
+    O(h**2) at a fixed time if f along the solution is smooth; O(h**min(2, 1 + alpha)) for solutions
+    like t**alpha (convergence/orders.py).
+
+    Stability
+    ---------
+    No step limit for orders up to 1. Above order 1, for ``D^beta y = -K y``, K h**beta must be
+    below ``Gamma(beta + 2) / (4 |eta(-1-beta)|)``: 50 at 1.05, 9.3 at 1.6, 12 at 2
+    (docs/stability.md). `solve` checks this limit along the orbit.
+
+    Source
+    ------
+    [DiethelmFordFreed2002], eq. (1.10), solved for its left side.
+
+    Examples
+    --------
+    >>> import hereditary as hd
+    >>> scheme = hd.ProductTrapezoid()
+    >>> sol = hd.solve(hd.scenes.relaxation(0.8), 1.0, n_steps=1000, scheme=scheme)
+    >>> round(float(sol.y[-1, 0]), 4)
+    0.3869
+    """
+
+    solve: ClassVar[str] = "newton"
+    several_terms: ClassVar[bool] = False
+
+    def order(self, alpha: float, smoothness: str = "smooth") -> float:
+        """Return the proven order of convergence at a fixed time; see `Adams.order`."""
+        alpha = within("alpha", alpha, 5e-324, 2.0, "(0, 2]")
+        check_smoothness(smoothness)
+        return 2.0 if smoothness == "smooth" else min(2.0, 1 + alpha)
+
+    def plan(self, equation: System, h: float) -> Plan:
+        """Make tables and convolution for `equation` with step h."""
+        return _plan(equation, h, 0)

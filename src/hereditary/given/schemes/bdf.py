@@ -1,0 +1,304 @@
+"""Convolution quadrature by backward difference formulas.
+
+With ``delta(z) = sum_(k=1)^p (1-z)**k / k`` the derivative of order alpha of x - x(0) - t x'(0) is
+the power series of ``(delta(z) / h)**alpha`` applied to its samples. Applied to their increments it
+is ``h**-alpha sum_k W_k w_(n-k)`` with the coefficients W of ``delta(z)**alpha / (1 - z)``.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache, partial
+from typing import ClassVar
+
+import numpy as np
+from scipy.special import factorial, rgamma
+
+from ...equation.system import System
+from ...stepping.scheme import Scheme, check_smoothness
+from ...support.checks import complaint, count, within
+from ..plan import Plan, WeightRule
+from ..power_series import series_of_power
+from ..uniform_plan import uniform_plan
+
+# From this k on the weights are sums of exponentials to 1e-11: the parasitic roots of delta have
+# died out like 0, 1/3, 0.43, 0.56, 0.71, 0.86 to the power k.
+_FIRST_MODAL = (20, 26, 33, 48, 81, 189)
+# Largest order for which an undamped oscillation stays inside the formula's sector of stability:
+# pi / (pi - theta) with theta = 90, 90, 86.03, 73.35, 51.84, 17.84 degrees.
+_LARGEST_ORDER = (2.0, 2.0, 1.9156, 1.6878, 1.4045, 1.1100)
+
+
+@dataclass(frozen=True, init=False, repr=False)
+class BDF(Scheme):
+    """Convolution quadrature by the backward difference formula of order 1 to 6.
+
+    Implicit; any number of terms and components, orders in (0, 2]. The first order - 1 steps are
+    corrected with the right-hand side and its time derivatives at 0. This restores the full order
+    for solutions that start like t**alpha without badly conditioned starting weights.
+
+    Parameters
+    ----------
+    order : int
+        p, 1 to 6.
+
+    Error
+    -----
+    O(h**p) at a fixed time if f(t, x(0) + t x'(0)) is smooth and f linear in x. This holds also for
+    solutions like t**alpha, with lower terms, and for any x'(0). Otherwise less: a part t**mu of f
+    has an error of O(h**(1+mu)), with mu = 2 alpha for nonlinear f (convergence/orders.py).
+
+    Stability
+    ---------
+    No step limit for ``D^alpha y = -K y``, K > 0, and alpha up to 2, 2, 1.9156, 1.6878, 1.4045,
+    1.1100 for p = 1 to 6. Higher orders are refused.
+
+    Source
+    ------
+    [Lubich1986]; corrections [JinLiZhou2017], section 2.
+
+    Examples
+    --------
+    >>> import hereditary as hd
+    >>> sol = hd.solve(hd.scenes.relaxation(0.5), 1.0, n_steps=200, scheme=hd.BDF(3))
+    >>> round(float(sol.y[-1, 0]), 6)
+    0.427584
+    """
+
+    formula: int
+    solve: ClassVar[str] = "newton"
+
+    def __init__(self, order: int = 2) -> None:
+        if count("order", order) > 6:
+            raise ValueError(complaint("order", "lie in 1..6", order, "BDF7 is unstable"))
+        # a field called order would hide the method
+        object.__setattr__(self, "formula", int(order))
+
+    def __repr__(self) -> str:
+        return f"BDF({self.formula})"
+
+    @property
+    def orders(self) -> tuple[float, float]:
+        """Orders at which the formula is stable."""
+        return 0.0, _LARGEST_ORDER[self.formula - 1]
+
+    def order(self, alpha: float, smoothness: str = "smooth") -> float:
+        """Return the proven order of convergence at a fixed time, for linear equations: p.
+
+        Parameters
+        ----------
+        alpha : float
+            Highest order of the equation, 0 < alpha <= 2 [-].
+        smoothness : {"smooth", "singular"}
+            Whether the solution is smooth at 0 or behaves like t**alpha there; both give p.
+        """
+        within("alpha", alpha, 5e-324, self.orders[1], "its sector of stability")
+        check_smoothness(smoothness)
+        return float(self.formula)
+
+    def plan(self, equation: System, h: float) -> Plan:
+        """Make tables and convolution for `equation` with step h."""
+        p = self.formula
+        corrections, drift = _start_corrections(equation, h, p), _formed_drift(equation, h, p)
+        if drift is not None:
+            begun, *drift = drift
+            begun[: p - 1] -= corrections
+            corrections = -begun
+        return uniform_plan(
+            equation,
+            h,
+            1.0,
+            partial(weighed_by_power, h=h, rule=quadrature_weights(p)),
+            first_modal=_FIRST_MODAL[p - 1],
+            corrections=corrections,
+            drift=drift,
+            lasting=drift is not None,  # with a drift of its own the first steps are many
+        )
+
+
+def weighed_by_power(c, operator, h, rule):
+    """Return the factor, rule and order of c times an operator."""
+    return c * h**-operator.order, rule, operator.order
+
+
+@lru_cache(maxsize=8)
+def quadrature_weights(p):
+    """Return the rule of the coefficients of ``delta(z)**alpha / (1 - z)``."""
+    return WeightRule(partial(_exact, p), exponent, partial(_modal, p))
+
+
+def _exact(p, alpha, n):
+    """Return coefficients of ``(1-z)**(alpha-1) (sum_(k=1)^p (1-z)**(k-1) / k)**alpha``."""
+    factor = _shifted_power_sum(p)
+    return series_of_power(factor, float(alpha), n)
+
+
+@lru_cache(maxsize=8)
+def _shifted_power_sum(p):
+    """Return coefficients in z of ``sum_(k=1)^p (1-z)**(k-1) / k``."""
+    total = np.polynomial.Polynomial([0.0])
+    for k in range(1, p + 1):
+        total = total + np.polynomial.Polynomial([1.0, -1.0]) ** (k - 1) / k
+    return total.coef
+
+
+def exponent(alpha):
+    """Return the kernel ``t**-alpha``; integer orders have no memory beyond 2 p steps."""
+    return None if alpha in (1.0, 2.0) else alpha
+
+
+def _modal(p, alpha, rates, weights, k):
+    """Return shares of W_k, the integral of its generating function along its cut.
+
+    ``W_k = sin(pi alpha)/pi int exp(-k s) |delta(e**s)|**alpha / (e**s - 1) ds`` over the rates
+    below the first zero of delta(e**s), and no faster than what is left of them at `_FIRST_MODAL`:
+    exp(-45) = 3e-20. Faster ones would only cancel against the exact first weights.
+    """
+    shares = np.zeros_like(rates)
+    x = -np.expm1(np.minimum(rates, 50.0))  # 1 - e**s
+    quotient = sum(x ** (j - 1) / j for j in range(1, p + 1))  # delta / (1 - e**s)
+    positive = (np.cumprod(quotient > 0) > 0) & (rates * _FIRST_MODAL[p - 1] < 45)
+    s, grown = rates[positive], -x[positive]
+    ratio = np.where(s > 0, grown / np.where(s > 0, s, 1.0), 1.0)
+    power = ratio ** (alpha - 1) * quotient[positive] ** alpha
+    shares[positive] = weights[positive] * rgamma(1 - alpha) * power * np.exp(-k * s)
+    return shares
+
+
+# Steps in which the difference below is taken as it is, and terms of its expansion later on; they
+# leave 1e-12 in sums of 100.
+_N_EARLY, _N_LATE = 256, 3
+
+
+def _formed_drift(equation, h, p):
+    """Return the error of the formula for t y'(0) in the terms of order below 1.
+
+    These go with ``t**(1-gamma)``, of which the sums for the rest would leave order 2 - gamma. The
+    first values (k, d), and the amplitudes and powers of what is left later (r, d); None without
+    such terms.
+    """
+    above = equation.above
+    lower = [
+        (operator.order, np.where(above, c, 0.0))
+        for operator, c in equation.left
+        if operator.order < 1 and np.any(c[above])
+    ]
+    if p == 1 or equation.m == 1 or not lower:
+        return None
+    first, k = np.zeros((_N_EARLY, equation.d)), np.arange(_N_LATE)
+    amplitudes, powers = [], []
+    for gamma, c in lower:
+        early, late = drift_defect(p, gamma)
+        speed = c * equation.y0[1]
+        first += np.outer(h ** (1 - gamma) * early, speed)
+        amplitudes.append(np.outer(h ** (p + k) * late, speed))
+        powers.append(np.outer(1 - gamma - p - k, c != 0))
+    return first, np.concatenate(amplitudes), np.concatenate(powers)
+
+
+@lru_cache(maxsize=64)
+def drift_defect(p, gamma):
+    """Return the formula's derivative of t of order gamma less the exact one, steps of 1.
+
+    The start-corrected samples of t, ``n + b_n`` with the b of `start_coefficients`, have the
+    generating function ``delta**-2`` up to ``(1-z)**p``. So the formula gives ``q_n = sum_k W_k (1
+    + b_(n-k) - b_(n-k-1))``, and ``q_n - n**(1-gamma) / Gamma(2-gamma)`` is expanded in powers from
+    ``n**(1-gamma-p)`` on, like ``delta(exp(-s))**(gamma-2)`` times that series in powers of s.
+
+    Returns
+    -------
+    early : ndarray, shape (_N_EARLY,)
+        The difference at n = 1, 2, .. less its expansion.
+    late : ndarray, shape (_N_LATE,)
+        Coefficients of the expansion.
+    """
+    n = np.arange(1, _N_EARLY + 1)
+    b = start_coefficients(p, 1)[: p - 2] if p > 2 else np.zeros(0)
+    weights = _exact(p, gamma, _N_EARLY)
+    steps = np.diff(b, prepend=0.0, append=0.0)
+    formed = np.cumsum(weights) + np.convolve(weights, steps)[:_N_EARLY]
+    size = p + _N_LATE
+    s = np.arange(size)
+    x = (-1.0) ** s / factorial(s + 1)  # (1 - z) / s with z = exp(-s)
+    z = np.append(1.0, -x[:-1])
+    delta = sum(_product(_power(x, k), np.eye(size)[k - 1]) / k for k in range(1, p + 1))
+    start = sum((b_k * _power(z, k) for k, b_k in enumerate(b, 1)), np.zeros(size))
+    # delta**(gamma-2) (delta**2 (z / (1-z)**2 + b)) in s**(gamma-2)
+    ratio = _product(_power(delta, 2), _product(z, _real_power(x, -2)))
+    ratio += _product(_power(delta, 2), _product(np.eye(size)[2], start))
+    total = _product(ratio, _real_power(delta, gamma - 2))
+    late = total[p:] * rgamma(2 - gamma - p - np.arange(_N_LATE))
+    powers = 1 - gamma - p - np.arange(_N_LATE)
+    early = formed - n ** (1 - gamma) * rgamma(2 - gamma)
+    early -= np.sum(late[:, None] * n ** powers[:, None], axis=0)
+    return early, late
+
+
+def _product(a, b):
+    """Return the product of two power series."""
+    return np.convolve(a, b)[: a.size]
+
+
+def _power(a, k):
+    """Return a whole power of a power series."""
+    total = np.eye(a.size)[0]
+    for _ in range(k):
+        total = _product(total, a)
+    return total
+
+
+def _real_power(a, exponent):
+    """Return any power of a power series with a_0 = 1."""
+    power = np.eye(a.size)[0]
+    for n in range(1, a.size):
+        k = np.arange(1, n + 1)
+        power[n] = np.sum(((exponent + 1) * k / n - 1) * a[1 : n + 1] * power[n - k])
+    return power
+
+
+def _start_corrections(equation, h, p):
+    """Return corrections of the right-hand side in the first p - 1 steps, shape (p-1, d).
+
+    ``a_n phi(0) + sum_(l=1)^(p-2) b_(l,n) h**l phi^(l)(0)`` with phi(t) = f(t, x(0) + t x'(0)) less
+    the derivatives of order 1 of t x'(0). Its own derivatives are by differences over the first p
+    values. Memory that f reads stays as it is at 0 there.
+    """
+    if p == 1:
+        return np.zeros((0, equation.d))
+    values = np.empty((p, equation.d))
+    speed = np.where(equation.read, 0.0, equation.y0[-1] if equation.m == 2 else 0.0)
+    for i in range(p):
+        values[i] = equation.force(i * h, equation.at_start + i * h * speed)
+    values -= np.where(equation.above, equation.coefficient(1.0), 0.0) * speed
+    values[:, equation.read] = 0.0
+    nodes = np.arange(p)
+    taylor = np.linalg.solve(np.vander(nodes, increasing=True).astype(float), values)
+    derivatives = taylor * np.cumprod(np.maximum(nodes, 1))[:, None]  # h**l phi^(l)(0)
+    total = np.zeros((p - 1, equation.d))
+    for order in range(p - 1):
+        total += np.outer(start_coefficients(p, order), derivatives[order])
+    return total
+
+
+@lru_cache(maxsize=32)
+def start_coefficients(p, order):
+    """Return b_(l,n), n = 1 .. p-1, for l = order (a_n for l = 0).
+
+    They make ``delta(z)**(l+1) (sum_n n**l z**n / l! + sum_n b_n z**n) = 1 + O((1-z)**p)``: then
+    the formula integrates t**l / l! with its full order. In x = 1 - z both sides are polynomials.
+    """
+    x = np.polynomial.Polynomial([0.0, 1.0])
+    z = 1 - x
+    quotient = sum((x ** (k - 1) / k for k in range(1, p + 1)), 0 * x)  # delta / x
+    numerator = z  # sum_n n**l z**n = numerator / x**(l+1)
+    for j in range(order):
+        numerator = z * (-numerator.deriv() * x + (j + 1) * numerator)
+    scale = float(factorial(order))
+    lead = quotient ** (order + 1)
+    target = _coefficients(1 - lead * numerator / scale, p)
+    unknown = p - 1 - order
+    columns = [_coefficients(lead * x ** (order + 1) * z**n, p) for n in range(1, unknown + 1)]
+    solved = np.linalg.solve(np.array(columns).T[order + 1 :], target[order + 1 :])
+    return np.concatenate([solved, np.zeros(order)])
+
+
+def _coefficients(polynomial, n):
+    return np.pad(polynomial.coef, (0, n))[:n]

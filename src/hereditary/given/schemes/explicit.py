@@ -1,0 +1,174 @@
+"""The explicit non-local scheme for Caputo terms, the default.
+
+The mesh is uniform, with increments ``y_n = x_(n+1) - x_n`` and second differences
+``d_n = y_n - y_(n-1)``. A term of order alpha in (0, 1] is ``A sum_k b_k y_(n-k)``, and a term of
+order alpha in (1, 2] is ``A sum_k b_k d_(n-k)``. Here ``b_k = (k+1)**p - k**p``,
+p = ceil(alpha) - alpha and ``A = coefficient h**-alpha / Gamma(p + 1)``. The right-hand side is
+evaluated at t_n.
+"""
+
+from dataclasses import dataclass
+from functools import partial
+from typing import ClassVar
+
+import numpy as np
+
+from ...equation.system import System
+from ...equation.terms import distinct_components
+from ...stepping.scheme import Scheme, check_smoothness
+from ...support.checks import complaint, within
+from ..plan import Plan
+from ..row_plan import varying_plan
+from ..stability import largest_step, polylogarithm, stability_region
+from ..uniform_plan import uniform_plan
+from ..watch import SLOWEST
+from ..weights import FIRST_DIFFERENCES, by_rule, value_weights, weighed
+
+
+@dataclass(frozen=True)
+class ExplicitCaputo(Scheme):
+    r"""The explicit non-local finite-difference scheme for Caputo terms; the default.
+
+    For ``D^beta x + lambda D^gamma x = f(t, x)``, 1 < beta <= 2, 0 < gamma <= 1, with step h, this
+    equation is solved for x_(n+1):
+
+    .. math::
+
+        \sum_{k=0}^{n-1} \left[ A a_k (x_{n-k+1} - 2 x_{n-k} + x_{n-k-1})
+        + B b_k (x_{n-k+1} - x_{n-k}) \right] = f(t_n, x_n)
+
+    Here ``A = h**-beta / Gamma(3 - beta)``, ``a_k = (k+1)**(2-beta) - k**(2-beta)``,
+    ``B = lambda h**-gamma / Gamma(2 - gamma)``, ``b_k = (k+1)**(1-gamma) - k**(1-gamma)`` and
+    ``x_1 = x_0 + h x'(0)``. Any number of terms with orders in (0, 2] and any number of components.
+    Equations of order up to 1 use the same sums from ``x_1 - x_0`` on. At beta = 2, gamma = 1 it is
+    the classical difference scheme. If orders vary, the orders at t_n give all weights of a step.
+
+    Error
+    -----
+    O(h) at a fixed t > 0 for f smooth in its arguments, plus terms in h**(3-beta) and h**(2-gamma)
+    (convergence/explicit_order.py; varying orders: convergence/varying_orders.py).
+
+    Stability
+    ---------
+    Conditional, with the sharp limit `step_limit`. Beyond the limit an orbit need not overflow: it
+    can zigzag from step to step, bounded and wrong. `solve` compares the limit with the Jacobian
+    along the orbit, and checks every step for a zigzag and for growth.
+
+    Cost
+    ----
+    A step takes one evaluation of the right-hand side, and the time of the history.
+
+    Source
+    ------
+    [Parovik2016], [Parovik2018]; increment form and limit: docs/theory.md.
+
+    Examples
+    --------
+    >>> import hereditary as hd
+    >>> eq = hd.Equation([hd.Caputo(1.0)], lambda t, y: -y, y0=1.0)
+    >>> sol = hd.solve(eq, 1.0, n_steps=1000, scheme=hd.ExplicitCaputo())
+    >>> round(float(sol.y[-1, 0]), 3)
+    0.368
+    """
+
+    solve: ClassVar[str] = "explicit"
+    whole: ClassVar[bool] = True
+    takes_kernels: ClassVar[bool] = True
+    takes_varying: ClassVar[bool] = True
+
+    def order(self, alpha: float, smoothness: str = "smooth") -> float:
+        """Return the proven order of convergence at a fixed time: 1 for alpha in (0, 2].
+
+        Parameters
+        ----------
+        alpha : float
+            Highest order of the equation, 0 < alpha <= 2 [-].
+        smoothness : {"smooth", "singular"}
+            Whether the solution is smooth at 0 or behaves like t**alpha there; both give 1.
+        """
+        within("alpha", alpha, 5e-324, 2.0, "(0, 2]")
+        check_smoothness(smoothness)
+        return 1.0
+
+    def step_limit(self, equation: System, stiffness: float) -> float:
+        """Return the largest stable step for a constant ``-d rhs / d y = stiffness``.
+
+        Parameters
+        ----------
+        equation : Equation
+            Its terms set the limit; every component is taken on its own.
+        stiffness : float
+            omega**2 in ``D^beta x + ... = -omega**2 x``, above 0 [1/time**order].
+
+        Returns
+        -------
+        float
+            The h at which ``sum_j c_j h**-alpha_j s_j = stiffness``; sharp: bounded below, zigzag
+            above. Here s_j = 8 eta(beta-2) / Gamma(3-beta) for beta in (1, 2], and 4 eta(gamma-1) /
+            Gamma(2-gamma) for gamma in (0, 1], eta being Dirichlet's.
+
+        Examples
+        --------
+        >>> import hereditary as hd
+        >>> eq = hd.Equation(hd.Caputo(2.0), lambda t, x: -9.0 * x, y0=[1.0, 0.0])
+        >>> round(hd.ExplicitCaputo().step_limit(eq, 9.0), 12)
+        0.666666666667
+        """
+        stiffness = within("stiffness", stiffness, 5e-324, np.inf, "(0, inf)")
+        if equation.varies:
+            required, remedy = "have constant orders", "ask for those of one time"
+            raise ValueError(complaint("equation", required, repr(equation), remedy))
+        return largest_step(lambda h: self._limits(equation, h), stiffness)
+
+    def _limits(self, equation, h):
+        """Return the stiffness (d,) at which the alternating mode leaves the unit circle."""
+        distinct, groups = distinct_components(equation)
+        limits = np.zeros(len(distinct))
+        for i, key in enumerate(distinct):
+            for c, operator in key:
+                factor, _, kernel = weighed(c, operator, h)
+                limits[i] += factor * kernel.alternating() * (4 if operator.derivative == 2 else 2)
+        return limits[groups]
+
+    def plan(self, equation: System, h: float) -> Plan:
+        """Make tables and convolution for `equation` with step h."""
+        if equation.varies:
+            return varying_plan(equation, h, 1.0, explicit=True)
+        second = equation.highest_orders() > 1
+        speed = h * equation.y0[1] if equation.m == 2 else 0.0
+        starts = [(partial(_start_weights, h=h), np.where(second, speed, 0.0))]
+        if any(op.kernel is not None and op.derivative == 0 for op, _ in equation.left):
+            # y(0), which no increment contains, for terms that remember y itself
+            values = partial(value_weights, h=h, theta=0.0, derivative=0)
+            starts.append((values, equation.y0[0]))
+        return uniform_plan(
+            equation,
+            h,
+            0.0,
+            partial(weighed, h=h),
+            starts=starts,
+            whole=True,
+            given=second.astype(np.int64),
+            region=_region(equation, h, self._limits(equation, h)),
+            slowest=SLOWEST,
+        )
+
+
+def _start_weights(c, operator, h):
+    return by_rule(-c, operator, h, FIRST_DIFFERENCES)
+
+
+def _region(equation, h, limits):
+    distinct, _ = distinct_components(equation)
+
+    def curve(zeta):  # sum_k b_k zeta**-k = (zeta - 1) Li_(-p)(1 / zeta)
+        total = 0.0
+        for c, operator in distinct[0]:
+            factor, _, _ = weighed(c, operator, h)
+            lean = 1 - 1 / zeta if operator.derivative == 2 else 1.0
+            total += factor * lean * (zeta - 1) ** 2 * polylogarithm(operator.power, 1 / zeta)
+        return total
+
+    alike = len(distinct) == 1 and equation.constant
+    orders = [operator.order for _, operator in distinct[0]]
+    return stability_region(limits, orders, curve if alike else None)

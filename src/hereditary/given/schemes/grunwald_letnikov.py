@@ -1,0 +1,197 @@
+"""The explicit Grünwald-Letnikov scheme.
+
+With increments ``y_n = x_(n+1) - x_n`` the power series of ``((1-z)/h)**alpha``, applied to x -
+x(0), gives ``h**-alpha sum_k W_k y_(n-k)`` with the coefficients W of ``(1-z)**(alpha-1)``. Above
+order 1 t x'(0) is taken away as well, which the sums S of the W weigh: ``h**-alpha S_n h x'(0)``.
+"""
+
+from dataclasses import dataclass
+from functools import partial
+from typing import ClassVar
+
+import numpy as np
+from scipy.special import rgamma
+
+from ...equation.system import System
+from ...equation.terms import distinct_components
+from ...kernels.special import mean_exponential
+from ...stepping.scheme import Scheme, check_smoothness
+from ...support.checks import complaint, within
+from ..plan import Plan, WeightRule
+from ..stability import largest_step, stability_region
+from ..uniform_plan import uniform_plan
+from ..watch import SLOWEST
+from .bdf import exponent, quadrature_weights, weighed_by_power
+
+
+@dataclass(frozen=True)
+class GrunwaldLetnikov(Scheme):
+    r"""The explicit Grünwald-Letnikov scheme, for orders in (0, 2].
+
+    The power series of ``((1-z)/h)**alpha`` replaces the derivative. It acts on x - x(0), and above
+    order 1 on x - x(0) - t x'(0). This equation is solved for x_(n+1):
+
+    .. math::
+
+        h^{-\alpha} \sum_{k=0}^{n+1} (-1)^k \binom{\alpha}{k}
+        \left( x_{n+1-k} - x(0) - (n+1-k) h x'(0) \right) = f(t_n, x_n)
+
+    The implicit form, with the right-hand side at t_(n+1), is ``BDF(1)``; it also has the exact
+    derivatives of t x'(0) in lower terms. At order 1 the scheme is Euler's method. At order 2 it is
+    the classical difference scheme with ``x_1 = x(0) + h x'(0) + h**2 f(0, x(0))``. Any number of
+    terms and components.
+
+    Parameters
+    ----------
+    map : bool, optional
+        True for a map with memory, whose steps are the equation and not an approximation of it.
+        Then no error is estimated, and steps may alternate. With ``n_steps=t_end`` and one term
+        it is the map of Wu and Baleanu of order alpha <= 1.
+
+    Error
+    -----
+    O(h) at a fixed t > 0, for smooth solutions and for solutions like t**alpha. O(h**2) for one
+    term of order 2 if x''(0) = 0 (convergence/orders.py, tests/schemes/test_grunwald_letnikov.py).
+
+    Stability
+    ---------
+    Conditional, with the sharp limit `step_limit`. `solve` checks it as for `ExplicitCaputo`.
+
+    Cost
+    ----
+    A step takes one evaluation of the right-hand side, and the time of the history.
+
+    Source
+    ------
+    [SchererEtAl2011]; the power series: [Lubich1986]; maps: [WuBaleanu2014].
+
+    Examples
+    --------
+    >>> import hereditary as hd
+    >>> eq = hd.scenes.relaxation(0.5)
+    >>> sol = hd.solve(eq, 1.0, n_steps=1000, scheme=hd.GrunwaldLetnikov())
+    >>> round(float(sol.y[-1, 0]), 3)
+    0.428
+    """
+
+    map: bool = False
+
+    solve: ClassVar[str] = "explicit"
+    whole: ClassVar[bool] = True
+
+    def __post_init__(self):
+        if not isinstance(self.map, bool):
+            raise TypeError(complaint("map", "be True or False", repr(self.map)))
+
+    def __repr__(self) -> str:
+        return f"GrunwaldLetnikov({'map=True' if self.map else ''})"
+
+    @property
+    def is_map(self) -> bool:
+        """Whether its steps are the equation itself."""
+        return self.map
+
+    def order(self, alpha: float, smoothness: str = "smooth") -> float:
+        """Order of convergence at a fixed time: 1 for every alpha in (0, 2].
+
+        Parameters
+        ----------
+        alpha : float
+            Highest order of the equation, 0 < alpha <= 2 [-].
+        smoothness : {"smooth", "singular"}
+            Whether the solution is smooth at 0 or behaves like t**alpha there; both give 1.
+        """
+        within("alpha", alpha, 5e-324, 2.0, "(0, 2]")
+        check_smoothness(smoothness)
+        return 1.0
+
+    def step_limit(self, equation: System, stiffness: float) -> float:
+        """Return the largest stable step for a constant ``-d rhs / d y = stiffness``.
+
+        Parameters
+        ----------
+        equation : Equation
+            Its terms set the limit; every component is taken on its own.
+        stiffness : float
+            K in ``D^alpha x + ... = -K x``, above 0 [1/time**order].
+
+        Returns
+        -------
+        float
+            The h at which ``sum_j c_j (2/h)**alpha_j = stiffness``; sharp: bounded below, zigzag
+            above.
+
+        Examples
+        --------
+        >>> import hereditary as hd
+        >>> eq = hd.Equation(hd.Caputo(0.5), lambda t, x: -4.0 * x, y0=1.0)
+        >>> round(hd.GrunwaldLetnikov().step_limit(eq, 4.0), 12)
+        0.125
+        """
+        self.check_terms(equation)
+        stiffness = within("stiffness", stiffness, 5e-324, np.inf, "(0, inf)")
+        return largest_step(lambda h: self._limits(equation, h), stiffness)
+
+    def _limits(self, equation, h):
+        """Return the stiffness (d,) at which the alternating mode leaves the unit circle."""
+        distinct, groups = distinct_components(equation)
+        limits = [sum(c * (2 / h) ** op.order for c, op in key) for key in distinct]
+        return np.array(limits)[groups]
+
+    def plan(self, equation: System, h: float) -> Plan:
+        """Make tables and convolution for `equation` with step h."""
+        starts: list = [(None, 0.0)]
+        if equation.m == 2:  # the second start value of a march is there from the first step on
+            start = np.where(equation.highest_orders() > 1, h * equation.y0[1], 0.0)
+            starts.append((partial(weighed_by_power, h=h, rule=SPEED), start))
+        return uniform_plan(
+            equation,
+            h,
+            0.0,
+            partial(weighed_by_power, h=h, rule=POWER_SERIES),
+            starts=starts,
+            whole=True,
+            region=_region(equation, h, self._limits(equation, h)),
+            slowest=SLOWEST,
+        )
+
+
+def _modal(alpha, rates, weights, k):
+    """Return shares of ``W_k = sin(pi alpha)/pi int exp(-k s) (exp(s) - 1)**(alpha-1) ds``."""
+    shares = weights * rgamma(1 - alpha) * mean_exponential(rates) ** (alpha - 1)
+    return shares * np.exp(-rates * (k + 1 - alpha))
+
+
+def _speed(alpha, n):
+    """Return weights of h x'(0): -S_k above order 1, and W_0 more for k = 0.
+
+    The march takes h x'(0) for the increment before its first step, which it solves for a change.
+    """
+    sums = -_SERIES.exact(alpha - 1, n) if alpha > 1 else np.zeros(n)
+    sums[:1] += 1.0
+    return sums
+
+
+def _speed_exponent(alpha):
+    return exponent(alpha - 1) if alpha > 1 else None
+
+
+def _modal_speed(alpha, rates, weights, k):
+    return -_modal(alpha - 1, rates, weights, k)
+
+
+_SERIES = quadrature_weights(1)
+# The weights W_k of increments, and those of h x'(0).
+POWER_SERIES = WeightRule(_SERIES.exact, exponent, _modal)
+SPEED = WeightRule(_speed, _speed_exponent, _modal_speed)
+
+
+def _region(equation, h, limits):
+    distinct, _ = distinct_components(equation)
+
+    def curve(zeta):
+        terms = distinct[0]
+        return zeta * sum(c * ((1 - 1 / zeta) / h) ** operator.order for c, operator in terms)
+
+    orders = [operator.order for _, operator in distinct[0]]
+    return stability_region(limits, orders, curve if len(distinct) == 1 else None)

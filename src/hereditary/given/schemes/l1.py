@@ -1,0 +1,126 @@
+"""The L1 scheme: piecewise linear solutions."""
+
+from dataclasses import dataclass
+from functools import partial
+from typing import ClassVar
+
+import numpy as np
+
+from ...equation.system import System
+from ...stepping.scheme import Scheme, check_smoothness
+from ...support.checks import within
+from ..plan import Plan
+from ..row_plan import mesh_plan, varying_plan
+from ..uniform_plan import uniform_plan
+from ..weights import FIRST_DIFFERENCES, by_rule, value_weights, weighed
+
+
+@dataclass(frozen=True)
+class L1(Scheme):
+    r"""The L1 scheme, in its half-step form for orders above 1.
+
+    Orders in (0, 1]: the solution is a line on each step, and the equation holds at t_n, with
+    ``b_k = (k+1)**(1-alpha) - k**(1-alpha)`` in
+
+    .. math::
+
+        D^\alpha x(t_n) = \frac{h^{-\alpha}}{\Gamma(2 - \alpha)}
+        \sum_{k=0}^{n-1} b_k (x_{n-k} - x_{n-k-1})
+
+    If any order is in (1, 2], the velocities ``v_(k+1/2) = (x_(k+1) - x_k) / h`` are lines instead,
+    with ``a_k = (k+1)**(2-beta) - k**(2-beta)`` in
+
+    .. math::
+
+        D^\beta x(t_{n+1/2}) = \frac{h^{1-\beta}}{\Gamma(3 - \beta)} \left( v_{n+1/2}
+        - \sum_{k=1}^n (a_{k-1} - a_k) v_{n+1/2-k} - a_n x'(0) \right)
+
+    Lower orders are also evaluated at t_n + h/2, and the equation holds there with
+    ``x = (x_n + x_(n+1)) / 2``. Implicit: Newton's method with the equation's Jacobian or
+    differences. Any number of terms and components. If orders vary, the orders at the time of the
+    equation give all weights of a step.
+
+    Error
+    -----
+    Orders up to 1: O(h**(2-alpha)) for smooth solutions. For solutions like t**alpha, O(h) at a
+    fixed time on uniform steps, and O(n**-min(r alpha, 2-alpha)) at all times on the mesh
+    ``graded(n, r)``. Orders above 1: O(h**(3-beta)), and O(n**-(3-beta)) at all times on
+    ``graded(n, 3)`` (convergence/orders.py, convergence/graded_meshes.py,
+    tests/schemes/test_schemes.py). If orders vary, their largest value counts
+    (convergence/varying_orders.py).
+
+    Stability
+    ---------
+    No step limit.
+
+    Source
+    ------
+    [LinXu2007], eq. (3.1); [SunWu2006], for orders above 1.
+
+    Examples
+    --------
+    >>> import hereditary as hd
+    >>> sol = hd.solve(hd.scenes.relaxation(0.5), 1.0, n_steps=1000, scheme=hd.L1())
+    >>> round(float(sol.y[-1, 0]), 4)
+    0.4277
+    """
+
+    solve: ClassVar[str] = "newton"
+    takes_kernels: ClassVar[bool] = True
+    takes_varying: ClassVar[bool] = True
+    meshes_up_to: ClassVar[float] = 2.0
+    takes_meshes: ClassVar[bool] = True
+
+    def order(self, alpha: float, smoothness: str = "smooth") -> float:
+        """Return the proven order of convergence at a fixed time, on uniform steps.
+
+        Parameters
+        ----------
+        alpha : float
+            Highest order of the equation, 0 < alpha <= 2 [-].
+        smoothness : {"smooth", "singular"}
+            Whether the solution is smooth at 0 or behaves like t**alpha there.
+        """
+        alpha = within("alpha", alpha, 5e-324, 2.0, "(0, 2]")
+        check_smoothness(smoothness)
+        if alpha > 1:
+            return 3 - alpha
+        return 2 - alpha if smoothness == "smooth" else 1.0
+
+    def plan(self, equation: System, h: float) -> Plan:
+        """Make tables and convolution for `equation` with step h."""
+        theta = 0.5 if equation.highest_orders().max() > 1 else 1.0
+        if equation.varies:
+            return varying_plan(equation, h, theta, explicit=False)
+        # where a kernel acts on y, that of y'(0) t grows with t, which no decaying modes follow:
+        # there the increments keep h y'(0), and the velocities' differences begin at it
+        whole = equation.m == 2 and _remembers(equation, 0)
+        starts: list = [(None, 0.0)]
+        for derivative in (0, 1):
+            # increments tell nothing of y(0), and without h y'(0) nothing of y'(0) t
+            lacking = derivative == 0 or (equation.m == 2 and not whole)
+            if lacking and _remembers(equation, derivative):
+                weights = partial(value_weights, h=h, theta=theta, derivative=derivative)
+                starts.append((weights, equation.y0[derivative]))
+        if whole:
+            starts.append((partial(_speed_weights, h=h), h * equation.y0[1]))
+        terms = partial(weighed, h=h, theta=theta)
+        return uniform_plan(equation, h, theta, terms, starts=starts, whole=whole)
+
+    def mesh_plan(self, equation: System, times: np.ndarray) -> Plan:
+        """Make the plan on a mesh; above order 1 velocities are lines between middles of steps."""
+        theta = 0.5 if equation.highest_orders().max() > 1 else 1.0
+        return mesh_plan(self, equation, times, theta, 0)
+
+
+def _speed_weights(c, operator, h):
+    """Return weights of h y'(0), the start of the differences of velocities."""
+    return by_rule(-c, operator, h, FIRST_DIFFERENCES) if operator.derivative == 2 else None
+
+
+def _remembers(equation, derivative):
+    """Return whether the kernel of a general term acts on this derivative of y."""
+    return any(
+        operator.kernel is not None and operator.derivative == derivative and np.any(c)
+        for operator, c in equation.left
+    )

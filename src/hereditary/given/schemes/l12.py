@@ -1,0 +1,101 @@
+"""The L1-2 scheme: each parabola also uses the interval before."""
+
+from dataclasses import dataclass
+from functools import partial
+from typing import ClassVar
+
+import numpy as np
+
+from ...equation.system import System
+from ...stepping.scheme import Scheme, check_smoothness
+from ...support.checks import within
+from ..plan import Plan, WeightRule
+from ..uniform_plan import uniform_plan
+from ..weights import FIRST_DIFFERENCES, by_rule, parabola_start
+
+
+@dataclass(frozen=True)
+class L12(Scheme):
+    """The L1-2 scheme of order 3 - alpha, for orders in (0, 1].
+
+    On the first step the solution is a line. On every later step it is the parabola through the
+    ends of the step and the value before; `L2` uses the value after. The equation holds at t_n. At
+    alpha = 1 this is the second backward difference formula, started by one step of Euler's
+    backward method. Implicit: Newton's method with the equation's Jacobian or differences. Any
+    number of terms and components.
+
+    Error
+    -----
+    O(h**(3-alpha)) at a fixed time for smooth solutions. Next to 0 the line of the first step has
+    an error of O(h**2), unless x''(0) = 0. O(h) at a fixed time for solutions like t**alpha,
+    alpha < 1 (convergence/orders.py).
+
+    Stability
+    ---------
+    No step limit was found for orders from 0.1 to 1. Solutions of ``D^alpha y = -K y`` and undamped
+    rotations do not exceed their start for K h**alpha up to 1e6. On the unit circle the argument of
+    the formula's symbol is below ``alpha pi / 2`` + 0.6 degrees.
+
+    Source
+    ------
+    [GaoSunZhang2014], section 2.
+
+    Examples
+    --------
+    >>> import hereditary as hd
+    >>> sol = hd.solve(hd.scenes.relaxation(0.5), 1.0, n_steps=1000, scheme=hd.L12())
+    >>> round(float(sol.y[-1, 0]), 4)
+    0.4276
+    """
+
+    solve: ClassVar[str] = "newton"
+    orders = (0.0, 1.0)
+
+    def order(self, alpha: float, smoothness: str = "smooth") -> float:
+        """Order of convergence at a fixed time.
+
+        Parameters
+        ----------
+        alpha : float
+            Highest order of the equation, 0 < alpha <= 1 [-].
+        smoothness : {"smooth", "singular"}
+            Whether the solution is smooth at 0 or behaves like t**alpha there, which at alpha = 1
+            is smooth as well.
+        """
+        alpha = within("alpha", alpha, 5e-324, 1.0, "(0, 1]", "use L1 for orders above 1")
+        check_smoothness(smoothness)
+        return 3 - alpha if smoothness == "smooth" or alpha == 1 else 1.0
+
+    def plan(self, equation: System, h: float) -> Plan:
+        """Make tables and convolution for `equation` with step h."""
+        weighed, start = (
+            partial(by_rule, h=h, rule=r) for r in (BACKWARD_PARABOLAS, BACKWARD_START)
+        )
+        return uniform_plan(equation, h, 1.0, weighed, starts=[(start, 0.0)])
+
+
+# -m_(k+1) with m_k = int K(t) (k + 1/2 - t) dt over [k, k+1]
+_NEXT_MOMENT = parabola_start(1.0)
+
+
+def _lacking(kernel, n):
+    return np.append(-kernel.last_moment(), _NEXT_MOMENT.exact(kernel, n - 1))
+
+
+def _modal_lacking(kernel, rates, weights, k):
+    return _NEXT_MOMENT.modal(kernel, rates, weights, k - 1)
+
+
+def _backward(kernel, n):
+    return FIRST_DIFFERENCES.exact(kernel, n) - np.diff(_lacking(kernel, n), prepend=0.0)
+
+
+def _modal_backward(kernel, rates, weights, k):
+    line = FIRST_DIFFERENCES.modal(kernel, rates, weights, k)
+    before, here = (_modal_lacking(kernel, rates, weights, j) for j in (k - 1, k))
+    return line + before - here
+
+
+# b_k + m_k - m_(k-1), and -m_k for the first interval, which leans on none before it
+BACKWARD_PARABOLAS = WeightRule(_backward, FIRST_DIFFERENCES.exponent, _modal_backward)
+BACKWARD_START = WeightRule(_lacking, FIRST_DIFFERENCES.exponent, _modal_lacking)

@@ -1,0 +1,124 @@
+"""Alikhanov's L2-1sigma scheme."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from scipy.special import rgamma
+
+from ...equation.system import System
+from ...equation.terms import distinct_components
+from ...stepping.scheme import Scheme, check_smoothness
+from ...support.checks import complaint, within
+from ..plan import Plan
+from ..row_plan import mesh_plan
+from ..uniform_plan import parabola_plan
+from .reduction import reduce_order
+
+
+@dataclass(frozen=True)
+class L2Sigma(Scheme):
+    """Alikhanov's second-order scheme, for orders in (0, 2].
+
+    The equation holds at t_n + sigma h with x = x_n + sigma (x_(n+1) - x_n). On every earlier step
+    the solution is the parabola through its ends and the next value, on the last one a line. The
+    error of the line cancels if sigma = 1 - alpha/2 for one term. For several terms sigma is the
+    root of ``sum_j c_j h**(2-alpha_j) / Gamma(3-alpha_j) sigma**(1-alpha_j)
+    (sigma - 1 + alpha_j/2)``. At alpha = 1 the scheme is the implicit midpoint rule. Any number of
+    components, all with the same terms. One term of order beta in (1, 2] becomes two equations of
+    order beta/2
+    (given/schemes/reduction.py), which are solved together.
+
+    Error
+    -----
+    O(h**2) for smooth solutions. O(h) at a fixed time for solutions like t**alpha on uniform steps;
+    O(n**-min(r alpha, 2)) at all times on the mesh ``graded(n, r)``. Above order 1 alpha is beta/2
+    here (convergence/orders.py, convergence/graded_meshes.py).
+
+    Stability
+    ---------
+    Unconditional for linear dissipative equations.
+
+    Source
+    ------
+    [Alikhanov2015], eqs. (26) to (28); several terms: [GaoAlikhanovSun2017].
+
+    Examples
+    --------
+    >>> import hereditary as hd
+    >>> sol = hd.solve(hd.scenes.relaxation(0.5), 1.0, n_steps=1000, scheme=hd.L2Sigma())
+    >>> round(float(sol.y[-1, 0]), 4)
+    0.4276
+    """
+
+    solve: ClassVar[str] = "newton"
+    several_up_to: ClassVar[float] = 1.0
+    components_differ: ClassVar[bool] = False
+    takes_memory: ClassVar[bool] = False
+    takes_meshes: ClassVar[bool] = True
+    meshes_up_to: ClassVar[float] = 2.0
+
+    def order(self, alpha: float, smoothness: str = "smooth") -> float:
+        """Return the proven order of convergence at a fixed time, on uniform steps.
+
+        Parameters
+        ----------
+        alpha : float
+            Highest order of the equation, 0 < alpha <= 2 [-].
+        smoothness : {"smooth", "singular"}
+            Whether the solution is smooth at 0 or behaves like t**alpha there.
+        """
+        within("alpha", alpha, 5e-324, 2.0, "(0, 2]")
+        check_smoothness(smoothness)
+        return 2.0 if smoothness == "smooth" else 1.0
+
+    def reduction(self, equation: System) -> System | None:
+        """Return two equations of half the order if the order is in (1, 2]."""
+        if equation.highest_orders().max() <= 1:
+            return None
+        distinct, _ = distinct_components(equation)
+        if len(distinct) > 1 or len(distinct[0]) > 1:
+            required = "be one for all components with L2Sigma above order 1"
+            got = f"{len(distinct)} kinds of components, {len(distinct[0])} terms"
+            raise ValueError(complaint("terms", required, got, "use BDF(2) or L1"))
+        ((c, operator),) = distinct[0]
+        return reduce_order(equation, c, operator.order)
+
+    def plan(self, equation: System, h: float) -> Plan:
+        """Make tables and convolution for `equation` with step h."""
+        return parabola_plan(equation, h, _sigma(_terms(equation), h))
+
+    def mesh_plan(self, equation: System, times: np.ndarray) -> Plan:
+        """Make the plan on a mesh of any steps, for orders in (0, 1]."""
+        terms = _terms(equation)
+        sigma = np.array([_sigma(terms, step) for step in np.diff(times)])
+        return mesh_plan(self, equation, times, sigma, 1)
+
+
+def _terms(equation):
+    """Return coefficients and orders of the terms that all components share."""
+    distinct, _ = distinct_components(equation)
+    if len(distinct) > 1:
+        required = "be the same for all components with L2Sigma, whose sigma depends on them"
+        got = f"{len(distinct)} different sets of orders and coefficients"
+        raise ValueError(complaint("terms", required, got, "use L1 or L2"))
+    return [(c, operator.order) for c, operator in distinct[0]]
+
+
+def _sigma(terms, h):
+    """Return the root sigma of the function above by bisection."""
+    if len(terms) == 1:
+        return 1 - terms[0][1] / 2
+    c, alpha = np.array(terms).T
+    if np.any(c < 0):
+        required = "have positive coefficients with L2Sigma"
+        raise ValueError(complaint("terms", required, c.tolist(), "use L1 or L2"))
+    weights = c * h ** (2 - alpha) * rgamma(3 - alpha)
+    low, high = 1 - alpha.max() / 2, 1 - alpha.min() / 2
+    for _ in range(60):
+        sigma = (low + high) / 2
+        if np.sum(weights * sigma ** (1 - alpha) * (sigma - 1 + alpha / 2)) > 0:
+            high = sigma
+        else:
+            low = sigma
+    return float((low + high) / 2)

@@ -1,0 +1,25 @@
+"""Symmetric order reduction: order beta in (1, 2] as two equations of order beta/2.
+
+With ``z = x - x(0) - t x'(0)`` and ``w = c D^(beta/2) z`` the equation ``c D^beta x = f(t, x)``
+becomes ``D^(beta/2) z = w / c``, ``D^(beta/2) w = f(t, x)``, with z(0) = w(0) = 0. Marches remember
+increments without t x'(0), so they take x itself for z, with the initial values of x.
+Source: [LyuVong2022].
+"""
+
+import numpy as np
+
+from ...equation.affine import affine
+from ...equation.system import System
+from ...equation.terms import ConstantOrder, SystemTerm
+
+
+def reduce_order(system: System, coefficient: float, beta: float) -> System:
+    """Return the system of (x, w), 2 d components, for one with the only term c D^beta."""
+    d = system.d
+    y0 = np.hstack([system.y0, np.zeros((2, d))])
+    structure = system.structure and system.structure.with_velocities()
+    jac = system.compiled_jac if structure is None else None
+    halves = np.c_[np.arange(d), np.arange(d, 2 * d), np.full(d, 1 / coefficient)]
+    how = affine((system.compiled_params, system.compiled_rhs, jac), 2 * d, d, halves)
+    left = (SystemTerm(ConstantOrder(beta / 2), np.ones(2 * d)),)
+    return System(left, y0, *how, structure=structure)

@@ -1,0 +1,245 @@
+"""Types of the function values and array groups that marches and histories exchange.
+
+A march advances in blocks of B steps over W columns. Between two blocks it hands the finished
+block's pieces to the history and gets the lag of everything older than the next one. Every history
+offers one such function, with its own tables and memory behind it as 2-D arrays. So marches and
+histories are compiled once each and pair freely.
+"""
+
+from typing import Annotated, NamedTuple, TypeAlias
+
+import numpy as np
+from numba import from_dtype, types
+
+from ..compiled.jit import I8, IVEC, MAT, VEC, Cube, Integers, Matrix, Vector, compiled_type
+from ..compiled.signatures import JAC, LINEAR, RHS, SOLVER
+
+_EMPTY = np.zeros((1, 0))
+
+
+class Tables(NamedTuple):
+    """Tables of a memory; a history sets those that it reads (given/past.py).
+
+    - first, rows: the first step with its own rows, and the number of rows of each group.
+    - length: the number of pieces, of modes of one kind, or of real rates.
+    - weights, start_weights: weights of pieces or modes, and of start values.
+    - keep, take, ahead: factors of a mode and of a new piece in a step; powers of `keep`.
+    - corrections: corrections of the first weights.
+    - derivatives, amplitudes, room: of steps with their own rows, the derivatives in the terms,
+      amplitudes of modes, and working storage.
+    """
+
+    first: int = 0
+    rows: int = 1
+    length: int = 0
+    weights: Matrix = _EMPTY
+    start_weights: Matrix = _EMPTY
+    keep: Matrix = _EMPTY
+    take: Matrix = _EMPTY
+    ahead: Matrix = _EMPTY
+    corrections: Matrix = _EMPTY
+    derivatives: Matrix = _EMPTY
+    amplitudes: Matrix = _EMPTY
+    room: Matrix = _EMPTY
+
+
+class Held(NamedTuple):
+    """Contents of a memory for each of W columns, all linear in the solution.
+
+    - pieces, modes (W, .).
+    - starts (W, .): start values or their modes, which the march sets.
+    - pending (W, .): sums for later steps.
+    """
+
+    pieces: Matrix
+    modes: Matrix
+    starts: Matrix
+    pending: Matrix
+
+
+def held(n_columns, pieces=0, modes=0, starts=0, pending=0):
+    """Return a `Held` of zeros with these numbers of entries for each column."""
+    return Held(*(np.zeros((n_columns, size)) for size in (pieces, modes, starts, pending)))
+
+
+TABLES, MEMORY = compiled_type(Tables), compiled_type(Held)
+
+
+# lag (W, B), pieces (W, B + 1), first step of the block, group of each column (W,), tables, memory:
+# takes all pieces but the last into memory (none at step 0), adds to lag
+EXCHANGE_SIG = types.void(MAT, MAT, I8, IVEC, TABLES, MEMORY)
+
+
+EXCHANGE = types.FunctionType(EXCHANGE_SIG)
+
+
+# Counts of a march: steps made, the step at which a zigzag had lasted (-1: none),
+# the one whose block is open, calls of the right-hand side, the step at which turns had grown
+# (-1); of Newton's method whether the Jacobian of an earlier step and its factors are kept, whether
+# these solve a linear step at once, steps that still take a Jacobian of their own, and how many
+# matrices were factorised.
+COUNTS = np.dtype(
+    [(name, "i8") for name in ("step", "zigzag", "opened", "rhs", "growth")]
+    + [(name, "i8") for name in ("kept", "at_once", "renewed", "factorised")],
+    align=True,
+)
+
+
+# Watches of each component (given/watch.py): length of the alternation under way, the
+# largest increment of its present batch and of the one before; step of the last turn, where
+# increments change sign, the change there and the growth of these changes; smallest and largest
+# increment of the present short batch; turns in quick succession (-1: they may last), the largest
+# change in their present batch and in the one before.
+_WATCHED = (
+    "alternating", "largest", "before", "turned", "change", "growth", "least", "most", "turns",
+    "turning", "turning_before",
+)  # fmt: skip
+
+
+MONITOR = np.dtype([(name, "f8") for name in _WATCHED], align=True)
+
+
+Counts: TypeAlias = Annotated[np.record, from_dtype(COUNTS)]
+
+
+Monitors: TypeAlias = Annotated[np.ndarray, types.Array(from_dtype(MONITOR), 1, "C")]
+
+
+class StepTable(NamedTuple):
+    """Coefficients that all steps of a run share, for W columns in C groups and blocks of B steps.
+
+    - h: the step, 0 on a mesh; sweeps: corrections of a predictor.
+    - slowest: the most steps between two turns that are watched (0: none).
+    - integral: whether pieces are values of f instead of increments.
+    - n_orbit: components of the orbit, which are the first columns. The first n_solved of them have
+      an equation; the others are memory that f reads.
+    - every: steps between two Jacobians that are kept (0: none).
+    - groups (W,); sources (W,): the column whose increments each column uses.
+    - given (W,): whether the first increment is given.
+    - weights (C, B + 2), start_weights (V C, B + 2): inside a block.
+    - powers (r, W): of the known terms.
+    """
+
+    h: float
+    slowest: float
+    sweeps: int
+    integral: int
+    n_orbit: int
+    n_solved: int
+    every: int
+    groups: Integers
+    sources: Integers
+    given: Integers
+    weights: Matrix
+    start_weights: Matrix
+    powers: Matrix
+
+
+class StepRows(NamedTuple):
+    """Coefficients of single steps: those of step n are row ``min(n - first, last)``.
+
+    Uniform steps share their last row. On meshes, and if orders vary, every step has its own.
+
+    - times (R,): start times of the steps; empty on uniform steps.
+    - theta (R,): the fraction of a step at which the equation holds.
+    - unit (R,): step sizes [time]; length (R,): step sizes in the unit of shift.
+    - ratio (R,): a step size over the one before.
+    - lead, near, scale (C, R): factors of f, of the newest piece and of the increment.
+    - drift: factors of shift, (C, R) or (C, 0). If terms use x(0), its factors follow, (2 C, R).
+    """
+
+    first: int
+    last: int
+    times: Vector
+    theta: Vector
+    unit: Vector
+    length: Vector
+    ratio: Vector
+    lead: Matrix
+    near: Matrix
+    scale: Matrix
+    drift: Matrix
+
+    @property
+    def shared(self) -> bool:
+        """Whether all steps but the first have one row."""
+        return self.last == 1
+
+    @property
+    def alike(self) -> bool:
+        """Whether all steps are solved with the same matrix."""
+        each = (self.theta[None], self.lead, self.scale)
+        return self.shared and all(np.all(part == part[:, :1]) for part in each)
+
+
+class March(NamedTuple):
+    """State of a march; all but counts, monitor and newton is linear in the solution.
+
+    The W columns are the components of the orbit, then those of each tangent.
+
+    - x, increment, change (W,): the solution, with memory that an explicit step reads; the newest
+      increment; its change.
+    - lag (W, B), pieces (W, B + 1): of the open block.
+    - monitor (d,): records.
+    - shift (W,): x'(0) times the unit of lengths, which pieces do not include.
+    - drift (W, r): amplitudes of known terms, or x(0) if rows have factors for it.
+    - corrections (W, k): of the right-hand side in the first steps; starts (W, V): start values.
+    - force (W,): the newest right-hand side; lacks (W,): lead times its change in the last sweep.
+    - newton (2, ., .): a Jacobian and room for Newton's matrix, or the matrix whose factors are
+      kept, for many components (given/newton.py). (3, ., .) with room for the tangents' matrix.
+    """
+
+    counts: Counts
+    x: Vector
+    increment: Vector
+    change: Vector
+    lag: Matrix
+    pieces: Matrix
+    monitor: Monitors
+    shift: Vector
+    drift: Matrix
+    corrections: Matrix
+    starts: Matrix
+    force: Vector
+    lacks: Vector
+    newton: Cube
+
+
+class Output(NamedTuple):
+    """Room for a row of each step from `begun` to `end`, or none: y and its slopes (k, d).
+
+    It also has room for Jacobians (n, d, d) of these steps, and for one step, (N_ROOM, W)
+    (given/step.py).
+    """
+
+    rows: Matrix
+    slopes: Matrix
+    jacobians: Cube
+    room: Matrix
+    begun: int
+    end: int
+
+
+STEP_TABLE = compiled_type(StepTable)
+
+
+STEP_ROWS = compiled_type(StepRows)
+
+
+STATE = compiled_type(March)
+
+
+OUTPUT = compiled_type(Output)
+
+
+MARCH = (
+    RHS, JAC, I8, VEC, EXCHANGE, TABLES, MEMORY, SOLVER, LINEAR, STEP_TABLE, STEP_ROWS, STATE,
+    OUTPUT, I8,
+)  # fmt: skip
+
+
+# a march as a value that other loops are handed
+MARCH_SIG = I8(*MARCH)
+
+
+MARCH_VALUE = types.FunctionType(MARCH_SIG)

@@ -1,0 +1,256 @@
+"""Given steps, uniform or along a mesh, and times at which they are to stop."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..support.checks import complaint, count, positive, real_array, shown
+
+
+@dataclass(frozen=True)
+class Graded:
+    """A mesh ``t_k = t_end (k / n)**exponent``, k = 0..n, made by `graded`."""
+
+    n: int
+    exponent: float
+
+    def times(self, t_end: float) -> np.ndarray:
+        """Return the mesh on [0, t_end], shape (n+1,)."""
+        return t_end * (np.arange(self.n + 1) / self.n) ** self.exponent
+
+
+def graded(n: int, exponent: float) -> Graded:
+    """Define a mesh refined towards t = 0, ``t_k = t_end (k / n)**exponent``.
+
+    If a solution starts like t**alpha, a scheme has its full order p with the exponent p / alpha.
+
+    Parameters
+    ----------
+    n : int
+        Number of steps.
+    exponent : float
+        1 gives uniform steps; larger values refine the start [-].
+
+    Returns
+    -------
+    Graded
+        For ``solve(..., mesh=graded(n, exponent))``.
+
+    Examples
+    --------
+    >>> import hereditary as hd
+    >>> hd.graded(4, 2.0).times(1.0).tolist()
+    [0.0, 0.0625, 0.25, 0.5625, 1.0]
+    """
+    return Graded(count("n", n), positive("exponent", exponent))
+
+
+# Runs on a mesh can be resumed up to this many times their length.
+_FAR = 10.0
+# Steps of a run, and floats, are whole numbers up to here.
+COUNTED = 2**53
+# Breaks may miss their steps by so much of a step.
+_OFF = 1e-6
+# A step next to a jump sees it from this far aside, relative to its time.
+_ASIDE = 8 * np.finfo(float).eps
+
+
+class Span(NamedTuple):
+    """Shortest step of a mesh but for the last one, and the farthest time it may be resumed to."""
+
+    shortest: float
+    farthest: float
+
+
+def mesh_steps(
+    mesh: Graded | ArrayLike, t_end: float, begun: MeshSteps | None = None, origin: float = 0.0
+) -> MeshSteps:
+    """Return the checked steps of a mesh on [0, t_end], after the steps of the run so far.
+
+    Messages name times from `origin` on.
+    """
+    start = 0.0 if begun is None else float(begun.mesh[-1])
+    if isinstance(mesh, Graded):
+        times = start + mesh.times(t_end - start)
+    else:
+        times = real_array("mesh", mesh)
+    required = f"be times that increase from {origin + start:g} to t_end = {origin + t_end}"
+    remedy = "pass hereditary.graded(n, exponent) or an array"
+    if times.ndim != 1 or times.size < 2:
+        raise ValueError(complaint("mesh", required, f"shape {times.shape}", remedy))
+    ends = abs(times[0] - start) <= 1e-12 * start and abs(times[-1] - t_end) <= 1e-12 * t_end
+    if not ends or np.any(np.diff(times) <= 0):
+        raise ValueError(complaint("mesh", required, shown(origin + times), remedy))
+    if begun is not None:
+        return MeshSteps(np.concatenate([begun.mesh, times[1:]]), begun.span)
+    shortest = float(np.diff(times)[:-1].min(initial=np.inf))
+    return MeshSteps(times, Span(shortest, _FAR * t_end))
+
+
+@dataclass(frozen=True)
+class UniformSteps:
+    """Steps of one length from 0 on.
+
+    Attributes
+    ----------
+    h : float
+        Step [time].
+    n : int
+        Steps of the run.
+    """
+
+    h: float
+    n: int = 0
+
+    def covered(self, n_steps: int, horizon: float) -> int:
+        """Return the number of steps that a history is to cover, at least to `horizon`."""
+        return max(int(n_steps), math.ceil(horizon / self.h * (1 - 1e-12)))
+
+    def time(self, n: int) -> float:
+        """Return the time of step n."""
+        return n * self.h
+
+    def until(self, n: int) -> UniformSteps:
+        """Return the first n steps."""
+        return UniformSteps(self.h, n)
+
+    def unit(self, n: int) -> float:
+        """Return the length of the step that ends at step n."""
+        return self.h
+
+    def times(self, positions: np.ndarray) -> np.ndarray:
+        """Return times of positions in units of steps."""
+        return positions * self.h
+
+    def positions(self, times: np.ndarray) -> np.ndarray:
+        """Return positions of times in units of steps, whole numbers at steps."""
+        positions = times / self.h
+        mesh = np.rint(positions)
+        near = np.abs(positions - mesh) <= 8 * np.finfo(float).eps * mesh
+        return np.where(near, mesh, positions)
+
+    def first_from(self, t: float) -> int:
+        """Return the number of the first step that is not before t."""
+        return int(np.ceil(self.positions(np.array([t]))[0]))
+
+    def plan(self, scheme, system):
+        """Return the plan of a scheme for a system on these steps."""
+        return scheme.plan(system, self.h)
+
+
+@dataclass(frozen=True, eq=False)
+class MeshSteps:
+    """Steps between given times.
+
+    Attributes
+    ----------
+    mesh : ndarray, shape (n+1,)
+        Times, from 0 on [time].
+    span : Span
+    """
+
+    mesh: np.ndarray
+    span: Span
+
+    h: ClassVar[float] = 0.0
+
+    @property
+    def n(self) -> int:
+        """Number of steps."""
+        return self.mesh.size - 1
+
+    def covered(self, n_steps: int, horizon: float) -> Span:
+        """Return the distances that a history is to cover."""
+        return self.span
+
+    def time(self, n: int) -> float:
+        """Return the time of step n."""
+        return float(self.mesh[n])
+
+    def until(self, n: int) -> MeshSteps:
+        """Return the first n steps."""
+        return replace(self, mesh=self.mesh[: n + 1].copy())
+
+    def unit(self, n: int) -> float:
+        """Return the length of the step that ends at step n; of the first one for n = 0."""
+        n = max(n, 1)
+        return float(self.mesh[n] - self.mesh[n - 1])
+
+    def times(self, positions: np.ndarray) -> np.ndarray:
+        """Return times of positions in units of steps."""
+        return np.interp(positions, np.arange(self.mesh.size), self.mesh)
+
+    def positions(self, times: np.ndarray) -> np.ndarray:
+        """Return positions of times in units of steps."""
+        return np.interp(times, self.mesh, np.arange(self.mesh.size))
+
+    def first_from(self, t: float) -> int:
+        """Return the number of the first step that is not before t."""
+        return int(np.searchsorted(self.mesh, t))
+
+    def plan(self, scheme, system):
+        """Return the plan of a scheme for a system on this mesh."""
+        return scheme.mesh_plan(system, self.mesh)
+
+
+def steps_in(name, length, h):
+    """Return the number of steps h next to a length."""
+    if not length / h <= COUNTED:
+        required = f"be at most {COUNTED:.0e} steps h = {h:g}"
+        raise ValueError(complaint(name, required, f"{length:g}"))
+    return round(length / h)
+
+
+def break_steps(times, start, t_end, steps, origin):
+    """Return numbers of the steps that end at breaks from `start` on, a frozenset.
+
+    Messages name times from `origin` on.
+    """
+    times = times[(times >= start) & (times <= t_end)]
+    if times.size == 0:
+        return frozenset()
+    positions = steps.positions(times)
+    numbers = np.rint(positions)
+    off = np.abs(positions - numbers) > _OFF
+    if np.any(off):
+        required = "be times of steps, which see the jump from its own side each"
+        remedy = "take as many steps that one ends there, or a mesh through it"
+        raise ValueError(complaint("breaks", required, shown(origin + times[off]), remedy))
+    return frozenset(int(n) for n in numbers)
+
+
+def before_break(breaks, n, stop):
+    """Return the step to which a march goes at once from step n; steps at breaks are single."""
+    if not breaks:
+        return stop
+    if breaks & {n, n + 1}:
+        return n + 1
+    return min([stop, *(number - 1 for number in breaks if number > n)])
+
+
+def rows_beside(breaks, n, rows, steps, origin):
+    """Return the rows of step n, which next to a break sees the jump from its own side.
+
+    Functions see times from `origin` on.
+    """
+    theta = rows.theta
+    for beside, seen, sign in ((n + 1 in breaks, 1.0, -1.0), (n in breaks, 0.0, 1.0)):
+        if beside and np.all(theta == seen):
+            t = steps.time(n + 1)
+            theta = theta + sign * _ASIDE * max(t, abs(origin), abs(origin + t)) / steps.unit(n + 1)
+    return rows._replace(theta=theta)
+
+
+def kept_steps(times, h, start):
+    """Return the numbers of the uniform steps h that end at given times, counted from `start`."""
+    positions = (times - start) / h
+    numbers = np.rint(positions)
+    if np.any(np.abs(positions - numbers) > _OFF):
+        required = f"be times of steps, whole multiples of h = {h:g} from t_start on"
+        raise ValueError(complaint("t_eval", required, shown(times)))
+    return numbers.astype(np.int64)

@@ -1,0 +1,137 @@
+"""Plans of schemes on uniform steps, from the weights of single terms."""
+
+from functools import partial
+
+import numpy as np
+
+from ..support.checks import complaint
+from .plan import Convolution, Plan, distinct_columns
+from .signatures import StepRows
+from .weights import by_rule, parabola_start, parabola_weights
+from .weights import weighed as weighed_increments
+
+
+def uniform_plan(
+    system,
+    h,
+    theta,
+    weighed,
+    *,
+    starts=((None, 0.0),),
+    whole=False,
+    integral=False,
+    first_modal=2,
+    drift=None,
+    **more,
+):
+    """Make the plan of a scheme whose equation holds at t_n + theta h.
+
+    Parameters
+    ----------
+    system : System
+    h : float
+        Step [time].
+    theta : float
+        In [0, 1]; 0 for an explicit scheme, which is solved for changes of increments [-].
+    weighed : callable
+        ``weighed(c, operator)``: factor, `WeightRule` and its p of c times an operator, for
+        increments, or with `integral` for values of f on the left side.
+    starts : sequence of (callable or None, ndarray of shape (d,))
+        Weights of start values, as from `weighed` or None, and these values. The first start value
+        of an implicit scheme is found by the first step: its first increment, or f at 0.
+    whole : bool
+        Whether the increments keep h x'(0).
+    integral : bool
+        Whether the pieces are values of f; memory that f reads has increments for pieces.
+    first_modal : int
+        First k from which the weights are sums of exponentials.
+    drift : tuple of two ndarrays (r, d), optional
+        Amplitudes and powers of known terms, in addition to the derivatives of t x'(0).
+    **more
+        Other fields of the `Plan`.
+
+    Returns
+    -------
+    Plan
+    """
+    increments = h * system.y0[1] if system.m == 2 else np.zeros(system.d)
+    distinct, groups = distinct_columns(system)
+    lead, near, scale = np.ones((3, len(distinct), 2))
+    lists: list = []
+    start_lists: list = [[] for _ in starts]
+    for i, (key, read) in enumerate(distinct):
+        values = integral and not read
+        own = partial(weighed_increments, h=h, theta=theta) if integral and read else weighed
+        terms = [own(c, operator) for c, operator in key]
+        now, then = sum(f * rule.exact(p, 2) for f, rule, p in terms)
+        total = 1.0 if values else now
+        if total == 0 or not np.isfinite(total):
+            required, got = "give a finite, nonzero leading weight", f"{total} at h = {h}"
+            raise ValueError(complaint("terms", required, got, "take another step"))
+        lead[i], near[i] = -now if values else 1 / total, then / total + (theta == 0)
+        lists.append(_over(total, terms))
+        for found, (start_of, _) in zip(start_lists, starts, strict=True):
+            weighs = start_of and values == integral
+            found.append(_over(total, [start_of(*term) for term in key] if weighs else []))
+        if starts[0][0] and theta > 0 and not integral:
+            # the first interval leans on none before it: its own weight is a_0 = theta**p
+            scale[i, 0] = sum(f * p.seen(theta, 1)[0] for f, _, p in terms) / total
+    amplitudes, powers = drift_of_speed(system, whole)
+    if integral:
+        amplitudes[:, ~system.read] = 0.0
+    if drift is not None:
+        amplitudes, powers = np.vstack([amplitudes, drift[0]]), np.vstack([powers, drift[1]])
+    start_groups = tuple(terms for found in start_lists for terms in found)
+    both = np.ones(2)
+    return Plan(
+        past=Convolution(tuple(lists), start_groups, first_modal),
+        rows=StepRows(
+            first=0,
+            last=1,
+            times=np.zeros(0),
+            theta=theta * both,
+            unit=h * both,
+            length=both,
+            ratio=both,
+            lead=lead,
+            near=near,
+            scale=scale,
+            drift=np.zeros((len(distinct), 0)),
+        ),
+        groups=groups,
+        initial=system.at_start,
+        increments=increments,
+        shift=0 * increments if whole else increments,
+        integral=integral,
+        powers=powers,
+        drift=amplitudes,
+        starts=np.array([np.broadcast_to(value, system.d) for _, value in starts]),
+        **more,
+    )
+
+
+def _over(total, terms):
+    return tuple((f / total, rule, p) for f, rule, p in filter(None, terms))
+
+
+def parabola_plan(system, h, theta, closing=False, **more):
+    """Make the plan of a scheme whose solution is a parabola on each step (`parabola_weights`)."""
+    rules = parabola_weights(theta, closing), parabola_start(theta)
+    weighed, start = (partial(by_rule, h=h, rule=rule) for rule in rules)
+    return uniform_plan(system, h, theta, weighed, starts=[(start, 0.0)], **more)
+
+
+def drift_of_speed(equation, whole=False):
+    """Return derivatives of t x'(0), which increments omit: amplitudes, powers, (r, d) each.
+
+    None where they keep it, nor for components of order up to 1. There only the halves of a reduced
+    order have an x'(0), and their terms act on x - t x'(0) alone.
+    """
+    if equation.m == 1 or whole:
+        return np.zeros((2, 0, equation.d))
+    above = equation.above
+    lower = [(op, c) for op, c in equation.left if op.constant and op.order <= 1]
+    rows = [(op.factor(1.0) * np.where(above, c, 0) * equation.y0[1], op.power) for op, c in lower]
+    amplitudes = np.array([row for row, _ in rows]).reshape(-1, equation.d)
+    powers = np.array([np.full(equation.d, p) for _, p in rows]).reshape(-1, equation.d)
+    return amplitudes, powers

@@ -1,0 +1,91 @@
+"""Signs of instability in a march's own steps: lasting zigzags, growing turns.
+
+Each component of the orbit has a record (`MONITOR`, compiled/signatures.py). Nothing is done
+between turns: most orbits seldom turn.
+"""
+
+from ..compiled.jit import inner
+
+# Steps of unbroken alternation after which the amplitude is compared with that of the batch
+# before. A resolved oscillation never alternates twice in a row; at 0.99 of the step limit the
+# undamped classical oscillator alternates for 16 steps, and every damped one shrinks.
+ZIGZAG_WINDOW = 64
+# An alternation that shrinks by less than this over a batch is sustained; one below FLOOR
+# times the size of the solution is rounding, and so are increments that are hardly floats.
+ZIGZAG_KEPT, ZIGZAG_FLOOR, TINY = 0.98, 1e-9, 1e-300
+# An alternation as large as the solution needs fewer steps to spoil it: where its increments are
+# this large and this much alike over so many steps. At 0.999 of its limit the undamped oscillator's
+# still differ by a tenth.
+SHORT_WINDOW, SHORT_ALIKE, LARGE = 16, 0.95, 0.05
+# Changes of increments at turns that grow by this much altogether, from one turn to the next within
+# up to QUICK steps, and within more; one counts for no more than FASTEST, so that a force that
+# jumps is no growth. At 0.99 of its limit the undamped oscillator's grow and shrink by ten; beats
+# grow with their number at most.
+GROWN, LONG_GROWN, QUICK, FASTEST = 30.0, 1e3, 3.0, 3.2
+# Steps between turns that a scheme of first order does not resolve: up to 22 for both.
+SLOWEST = 11.0
+
+
+@inner
+def watch_turn(own, change, increment, size, slowest, counts):
+    """Look at a turn of a component's increments; more than `slowest` steps apart are resolved.
+
+    counts.zigzag becomes the step at which a zigzag has lasted, counts.growth that at which turns
+    have grown.
+    """
+    change, increment, size, n = abs(change), abs(increment), abs(size), float(counts.step)
+    length, before = n - own.turned, own.change
+    growth = 1.0
+    if length <= slowest and before > 0.0:
+        growth = max(1.0, own.growth * min(change / before, FASTEST))
+    own.turned, own.change, own.growth = n, change, growth
+    enough = GROWN if length <= QUICK else LONG_GROWN
+    if growth > enough and change > ZIGZAG_FLOOR * size and counts.growth < 0:
+        counts.growth = counts.step
+    if own.turns >= 0.0:
+        watch_turning(own, change, size, length, counts)
+    if length > 1.0:
+        own.alternating, own.largest, own.before = 0.0, 0.0, 0.0
+    watch_zigzag(own, increment, size, counts)
+
+
+@inner
+def watch_turning(own, change, size, length, counts):
+    """Note the step at which large turns of a few steps each have gone on without shrinking.
+
+    So a force that saturates keeps an orbit beyond the limit. Undamped oscillators of order 2 turn
+    like that below it; every mode of lower order shrinks there.
+    """
+    if length > QUICK:
+        own.turns, own.turning, own.turning_before = 0.0, 0.0, 0.0
+    own.turns += 1.0
+    own.turning = max(own.turning, change)
+    if own.turns % ZIGZAG_WINDOW == 0.0:
+        kept = own.turning_before > 0.0 and own.turning >= ZIGZAG_KEPT * own.turning_before
+        large = change > LARGE * size and change > TINY
+        if kept and large and counts.zigzag < 0:
+            counts.zigzag = counts.step
+        own.turning_before, own.turning = own.turning, 0.0
+
+
+@inner
+def watch_zigzag(own, increment, size, counts):
+    """Note the first step at which the increments have alternated on and on without shrinking."""
+    if own.alternating % SHORT_WINDOW == 0.0:
+        own.least, own.most = increment, increment
+    own.alternating += 1.0
+    own.largest = max(own.largest, increment)
+    own.least = min(own.least, increment)
+    own.most = max(own.most, increment)
+    size += own.most
+    sustained = False
+    if own.alternating % SHORT_WINDOW == 0.0:
+        alike = own.least >= SHORT_ALIKE * own.most
+        sustained = alike and own.most > LARGE * size
+    if own.alternating % ZIGZAG_WINDOW == 0.0:
+        kept = own.before > 0.0 and own.largest >= ZIGZAG_KEPT * own.before
+        sustained = sustained or (kept and own.largest > ZIGZAG_FLOOR * size)
+        own.before = own.largest
+        own.largest = 0.0
+    if sustained and size > TINY and counts.zigzag < 0:
+        counts.zigzag = counts.step

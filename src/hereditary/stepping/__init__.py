@@ -1,0 +1,1 @@
+"""The contract of steppers, and what runs on given and on chosen steps share."""

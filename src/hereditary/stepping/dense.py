@@ -1,0 +1,196 @@
+"""Dense output: the solution of a run at any time, from its pieces.
+
+Between given steps pieces are parabolas. In the first two steps of a run they may be others
+(given/first_steps.py).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..equation.frame import Frame
+from ..support.checks import complaint, real_array, shown
+
+# A curve's chords miss it by at most this share of its size, half a pixel of 1,000; of a curve that
+# never gets smooth, e.g. rounding errors of a constant, so many points.
+_CHORD, _MOST = 5e-4, 100_000
+# Long steps are halved so many times before chords are compared with the curve: an oscillation over
+# a step has chords whose middles lie on it.
+_HALVINGS = 3
+
+
+class Piece:
+    """Dense output on one step, or on several consecutive ones."""
+
+    starting: Any = None
+
+    def edges(self):
+        """Return the start of each step."""
+        raise NotImplementedError
+
+    def evaluate(self, t, second, derivative):
+        """Return y, or y' for ``derivative=1``, at times t inside the steps, (k, d).
+
+        `second` (d,) tells the components whose first derivative was an unknown.
+        """
+        raise NotImplementedError
+
+    def evaluate_both(self, t, second, slopes):
+        """Return y and y' at times t inside the steps, (k, d) each; NaN for y' without `slopes`."""
+        y = self.evaluate(t, second, 0)
+        return y, self.evaluate(t, second, 1) if slopes else np.full_like(y, np.nan)
+
+    def at_ends(self, ends, chosen, second, slopes=True):
+        """Evaluate as `evaluate_both` at the chosen ends of steps."""
+        return self.evaluate_both(ends[chosen], second, slopes)
+
+
+class Dense:
+    """The solution at any time of a run, from the steps that made it.
+
+    Parameters
+    ----------
+    second : ndarray of bool, shape (d,)
+        Components whose first derivative was the unknown.
+    resolved : bool
+        Whether steps are so short that their ends show whatever happens.
+    frame : Frame
+        How the user sees times and components.
+    """
+
+    def __init__(self, second, resolved=False, frame=Frame()):  # noqa: B008
+        self._second, self.resolved = np.asarray(second, dtype=bool), resolved
+        self._frame = frame
+        self._pieces: list = []
+        self._starts: list[float] = []
+
+    def add(self, piece, start):
+        """Take in what follows from `start` on."""
+        self._pieces.append(piece)
+        self._starts.append(start)
+
+    def __call__(self, t, derivative, end):
+        """Return y, or y' for ``derivative=1``, at times t up to `end`; shape (d,) or (k, d)."""
+        times = np.atleast_1d(real_array("t", t))
+        if times.ndim > 1:
+            required, remedy = "be a number or of shape (k,)", "pass t.ravel()"
+            raise ValueError(complaint("t", required, f"shape {times.shape}", remedy))
+        if not self._pieces:
+            raise ValueError(complaint("t", "wait for a run that made a step", shown(times)))
+        start = self._starts[0] + self._frame.start
+        if not ((times >= start) & (times <= end)).all():
+            required = f"lie in [{start}, {end}]"
+            raise ValueError(complaint("t", required, shown(times)))
+        times = np.maximum(times - self._frame.start, self._starts[0])
+        out = self._evaluate(times, derivative)
+        if derivative:
+            inside = self._evaluate(times, 0) if self._frame.speeds else out
+            out = self._frame.slopes(inside, out)
+        else:
+            out = self._frame.values(out)
+        return out if np.ndim(t) else out[0]
+
+    def _evaluate(self, times, derivative):
+        """Return the components inside, or their slopes, at times inside, (k, d)."""
+        where = last_start(np.array(self._starts), times)
+        if times.size and (where == where[0]).all():
+            return self._pieces[where[0]].evaluate(times, self._second, derivative)
+        out = np.empty((times.size, self._second.size))
+        for k in np.unique(where):
+            chosen = where == k
+            out[chosen] = self._pieces[k].evaluate(times[chosen], self._second, derivative)
+        return out
+
+
+def last_start(starts, t):
+    """Return the last that starts by each time, or the first of several that start then.
+
+    Steps next to a singular start may be too short for its time to change.
+    """
+    last = starts.searchsorted(t, side="right") - 1
+    first = starts.searchsorted(t, side="left")
+    return np.where(first <= last, first, last)
+
+
+class StepPieces(Piece):
+    """Consecutive steps, each a parabola through its ends with the slope at its end.
+
+    Parameters
+    ----------
+    times : ndarray, shape (k+1,)
+        Ends of the steps, the start in front [time].
+    rows, slopes : ndarray, shape (k+1, d)
+        Solution and first derivative there.
+    starting : FirstSteps or None
+        The solution inside the first two steps of a run, where it is known there.
+    n : int
+        Number of the step that the start is.
+    """
+
+    def __init__(self, times, rows, slopes, starting: Any = None, n=0):
+        self.times, self.rows, self.slopes = times, rows, slopes
+        self.starting, self._n = starting, n
+        if starting is not None:
+            for number in range(max(1, n), min(3, n + times.size)):
+                if times[number - n] >= starting.ends[number - 1]:  # no event before it
+                    starting.end(number, rows[number - n])
+
+    def edges(self):
+        """Return the start of each step."""
+        return self.times[:-1]
+
+    def at_ends(self, ends, chosen, second, slopes=True):
+        """Return y and y' at the chosen ones of the steps' ends, (k, d) each."""
+        return self.rows[1:][chosen], self.slopes[1:][chosen]
+
+    def evaluate(self, t, second, derivative):
+        """Return y or y' at times t inside the steps, shape (k, d)."""
+        last = self.times.size - 1
+        i = np.clip(np.searchsorted(self.times, t), 1, last)
+        # where a change of y gives a time two rows, the second one counts
+        i = np.where((self.times[np.minimum(i + 1, last)] == t) & (i + 2 <= last), i + 2, i)
+        h = (self.times[i] - self.times[i - 1])[:, None]
+        back = (t - self.times[i])[:, None] / h
+        with np.errstate(over="ignore", invalid="ignore"):  # the last step may overflow
+            increment = self.rows[i] - self.rows[i - 1]
+            change = 2.0 * (h * self.slopes[i] - increment)
+            if derivative:
+                found = (increment + (0.5 + back) * change) / h
+            else:
+                found = self.rows[i] + back * (increment + 0.5 * (1.0 + back) * change)
+        if self.starting is not None:
+            for number in (1, 2):
+                inside = (i + self._n == number) & (t < self.times[i])
+                if inside.any():
+                    found[inside] = self.starting.near(number, t[inside], derivative)
+        return found
+
+
+def curve(solution, components, derivatives=(0,)):
+    """Return times (k,) and values (k, m) that straight lines may join.
+
+    They are the rows and, where the steps are long, points of the dense output between them. The
+    columns are the chosen components of y, of y', or of both one after the other.
+    """
+    t = solution.t
+    values = np.hstack([(solution.y, solution.ydot)[k][:, components] for k in derivatives])
+    if not solution.coarse:
+        return t, values
+    with np.errstate(invalid="ignore", over="ignore"):  # of runs that blew up
+        allowed = _CHORD * np.fmax.reduce(np.abs(values - values[-1]))
+        chords, halvings = np.arange(t.size - 1), 0
+        while chords.size and t.size < _MOST:
+            middle = (t[chords] + t[chords + 1]) / 2
+            inside = (t[chords] < middle) & (middle < t[chords + 1])
+            chords, middle = chords[inside], middle[inside]
+            found = np.hstack([solution(middle, k)[:, components] for k in derivatives])
+            missed = np.abs(found - (values[chords] + values[chords + 1]) / 2) > allowed
+            bent = missed.any(axis=1) | (halvings < _HALVINGS)
+            chords, halvings = chords[bent], halvings + 1
+            t = np.insert(t, chords + 1, middle[bent])
+            values = np.insert(values, chords + 1, found[bent], axis=0)
+            chords = chords + np.arange(chords.size)
+            chords = np.sort(np.concatenate([chords, chords + 1]))
+    return t, values

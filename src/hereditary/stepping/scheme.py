@@ -1,0 +1,110 @@
+"""Schemes as equations and runs ask them: their order, and what equations they take."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Any, ClassVar
+
+import numpy as np
+
+from ..equation.system import System
+from ..equation.terms import distinct_components
+from ..support.checks import complaint, one_of
+
+
+def check_smoothness(smoothness):
+    """Refuse anything but the two kinds of solutions that proven orders tell apart."""
+    one_of("smoothness", smoothness, ("smooth", "singular"), 'be "smooth" or "singular"')
+
+
+class Scheme(ABC):
+    """A way to take one step; subclasses are final frozen dataclasses, one file each.
+
+    A subclass declares how a step is solved (`solve`, a key of `MARCHES` in given/march.py),
+    what it takes, its proven order and its plan. The study convergence/capabilities.py tables what
+    it takes.
+
+    Attributes
+    ----------
+    several_terms : bool
+        Whether a component may have several terms, up to the highest order `several_up_to`.
+    components_differ : bool
+        Whether components may have terms of their own.
+    takes_kernels, takes_varying, takes_memory : bool
+        Whether terms may have kernels other than Caputo's, orders that vary, and be read by f.
+    takes_meshes, takes_tangents : bool
+        Whether steps may differ in length, up to order `meshes_up_to`, and tangents go along.
+    takes_switches : bool
+        Whether f may jump at switches.
+    """
+
+    solve: ClassVar[str]
+    # whether it chooses its own steps, and whether what it stores of orders above 1 keeps t x'(0)
+    adaptive: ClassVar[bool] = False
+    whole: ClassVar[bool] = False
+    several_terms: ClassVar[bool] = True
+    several_up_to: ClassVar[float] = 2.0
+    components_differ: ClassVar[bool] = True
+    takes_kernels: ClassVar[bool] = False
+    takes_varying: ClassVar[bool] = False
+    takes_memory: ClassVar[bool] = True
+    takes_tangents: ClassVar[bool] = True
+    takes_switches: ClassVar[bool] = True
+    takes_meshes: ClassVar[bool] = False
+    meshes_up_to: ClassVar[float] = 1.0
+
+    @property
+    def orders(self) -> tuple[float, float]:
+        """Highest orders (low, high] of the equations that it solves."""
+        return 0.0, 2.0
+
+    @property
+    def is_map(self) -> bool:
+        """Whether its steps are the equation itself: they have no error and no stability limit."""
+        return False
+
+    def check_terms(self, equation: System) -> None:
+        """Refuse orders and terms that the scheme does not take."""
+        remedy = "use ExplicitCaputo, L1 or Collocation"
+        name = type(self).__name__
+        if equation.enlarged is not equation:
+            if not self.takes_memory:
+                required = f"need no memory that the right-hand side reads with {name}"
+                d, left = equation.d, equation.enlarged.left
+                got = " and ".join(f"{operator}" for operator, own in left if np.any(own[d:]))
+                raise ValueError(complaint("terms", required, got, remedy))
+            remedy = "use ExplicitCaputo or L1"
+        for operator, _ in equation.enlarged.left:
+            if operator.kernel is not None and not self.takes_kernels:
+                required = f"be Caputo operators with {name}"
+                raise ValueError(complaint("terms", required, f"{operator}", remedy))
+            if operator.varies and not self.takes_varying:
+                required = f"have constant orders with {name}"
+                raise ValueError(complaint("terms", required, f"{operator}", remedy))
+        highest = float(equation.highest_orders().max())
+        if highest > self.orders[1]:
+            required = f"be at most {self.orders[1]:g} for {self!r}"
+            raise ValueError(complaint("order", required, highest, "use BDF(2) or L1"))
+        terms = 1 if self.several_terms else max(map(len, distinct_components(equation)[0]))
+        if terms > 1:
+            required = f"hold one term for each component with {name}"
+            raise ValueError(complaint("terms", required, f"{terms}", remedy))
+
+    @abstractmethod
+    def order(self, alpha: float, smoothness: str = "smooth") -> float:
+        """Return the proven order of convergence at a fixed time."""
+
+    @abstractmethod
+    def plan(self, equation: System, h: float) -> Any:
+        """Make the `Plan` (given/plan.py) for `equation` with step h."""
+
+    def reduction(self, equation: System) -> System | None:
+        """Return a system to march instead, whose first d components are y, or None."""
+        return None
+
+    def mesh_plan(self, equation: System, times: np.ndarray) -> Any:
+        """Make the `Plan` for `equation` on a mesh of any steps."""
+        if self.takes_meshes:
+            raise NotImplementedError(f"{type(self).__name__}.mesh_plan")
+        required = f"be left out with {type(self).__name__}, which takes uniform steps"
+        raise ValueError(complaint("mesh", required, f"{times.size - 1} steps", "or use L1 or L2"))

@@ -1,0 +1,35 @@
+"""Times at which runs stop: breaks, events, changes and ends, of which close ones are one."""
+
+import numpy as np
+
+from ..support.checks import complaint, real_array, shown
+
+# Times closer than this, relatively, are one time: a few hundred units of rounding.
+_ONE_TIME = 1e-13
+
+
+def checked_breaks(breaks, start):
+    """Return increasing, distinct times above `start`, shape (k,), counted from there."""
+    given = real_array("breaks", breaks)
+    if given.size == 0:
+        return given.ravel()
+    if given.ndim != 1 or np.any(np.diff(given) <= 0) or np.any(given <= start):
+        required = f"be increasing times above {start:g}"
+        raise ValueError(complaint("breaks", required, shown(given)))
+    times = given - start
+    return times[np.append(True, ~together(times[1:], times[:-1], start))]
+
+
+def together(times, t, origin=0.0):
+    """Return whether times are one with t: breaks, events, changes and ends of runs act once there.
+
+    Functions of the user see times from `origin` on, which are rounded there.
+    """
+    return np.abs(times - t) <= _ONE_TIME * np.maximum(np.abs(t), abs(origin))
+
+
+def breaks_ahead(times, start, t_end, origin):
+    """Return whether there is a break at `start`, and those between `start` and t_end."""
+    at_once, at_end = together(times, start, origin), together(times, t_end, origin)
+    ahead = (times > start) & (times < t_end) & ~at_once & ~at_end
+    return bool(np.any(at_once)) and start > 0, times[ahead]
