@@ -81,6 +81,6 @@ def test_the_way_of_a_call_names_functions_that_are_there():
 @pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(SOURCE)))
 def test_messages_say_the_value_that_arrived(path):
     for node in ast.walk(ast.parse(path.read_text())):
-        if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "complaint":
+        if isinstance(node, ast.Call) and getattr(node.func, "id", "") in ("complaint", "refuse"):
             got = getattr(node.args[2], "value", None) if len(node.args) > 2 else None
             assert got not in VAGUE, f"line {node.lineno}"

@@ -20,7 +20,7 @@ from . import plots
 from .paper.command import main as paper
 from .precompile import precompile
 from .scenes import stick_slip, sticking_intervals
-from .support.checks import complaint
+from .support.checks import refuse
 
 # scene parameter -> what it is
 _PARAMETERS = {
@@ -109,10 +109,10 @@ def _check_out(path: str) -> None:
     """Refuse a figure file that could not be written, before anything is computed."""
     folder, suffix = Path(path).resolve().parent, Path(path).suffix.lstrip(".").lower()
     if not folder.is_dir():
-        raise ValueError(complaint("--out", "lie in a folder that exists", path))
+        refuse("--out", "lie in a folder that exists", path)
     known = sorted(FigureCanvasBase.get_supported_filetypes())
     if suffix not in known:
-        raise ValueError(complaint("--out", f"end in one of {', '.join(known)}", path))
+        refuse("--out", f"end in one of {', '.join(known)}", path)
 
 
 def _report(solution: hd.Solution, parameters, estimate: str) -> None:

@@ -24,7 +24,7 @@ from .kernels.named_kernels import PowerLaw
 from .kernels.special import graded_unit
 from .kernels.step_kernel import Integrated
 from .stepping.scheme import Scheme
-from .support.checks import complaint, instance, real, real_array, shown
+from .support.checks import instance, real, real_array, refuse, shown
 
 # Times whose distance from even ones is below this share of the step are even.
 _EVEN = 1e-9
@@ -121,21 +121,21 @@ def derivative(
     """
     times, terms = real_array("t", t), as_terms(operator)
     if times.ndim != 1 or times.size == 0:
-        raise ValueError(complaint("t", "have shape (n,)", f"shape {times.shape}"))
+        refuse("t", "have shape (n,)", f"shape {times.shape}")
     if any(getattr(term.operator, "varying", None) for term in terms):
-        raise ValueError(complaint("operator", "have constant orders", repr(operator)))
+        refuse("operator", "have constant orders", repr(operator))
     start = real("t_start", t_start)
     if callable(y):
         if scheme is not None:
-            raise TypeError(complaint("scheme", "be left out for a function", repr(scheme)))
+            refuse("scheme", "be left out for a function", repr(scheme), kind=TypeError)
         times = times - start
         if times.min() < 0:
-            raise ValueError(complaint("t", "not lie before t_start", shown(times)))
+            refuse("t", "not lie before t_start", shown(times))
         known: Any = _Function(y, times, start)
     else:
         if start not in (0.0, times[0]):
             required = f"be left out for data, whose memory begins at t[0] = {times[0]:g}"
-            raise ValueError(complaint("t_start", required, start))
+            refuse("t_start", required, start)
         known = _Data(times, real_array("y", y), L1() if scheme is None else scheme)
     return known.applied(terms)
 
@@ -159,12 +159,12 @@ class _Known:
             own = getattr(term.operator, "_order", np.zeros(()))
             if own.ndim and own.size != d:
                 required = f"have one order, or one for each of {d} components"
-                raise ValueError(complaint("operator", required, repr(term.operator)))
+                refuse("operator", required, repr(term.operator))
             part = np.zeros((self.times.size, d))
             for operator, held in term.operator.parts(np.broadcast_to(own, d)):
                 if self.times.max() > operator.t_last * (1 + 1e-12):
                     required = f"stay within {operator.t_last:g} of the start, as the kernel does"
-                    raise ValueError(complaint("t", required, f"{self.times.max():g}"))
+                    refuse("t", required, f"{self.times.max():g}")
                 columns = np.broadcast_to(held, d)
                 part[:, columns] = self.one(operator, columns) + self._at_start(operator, columns)
             total = total + (part * factor if factor.ndim < 2 else part @ factor.T)
@@ -186,13 +186,11 @@ class _Data(_Known):
     def __init__(self, times, values, scheme):
         self._scheme = instance("scheme", scheme, Scheme, "hereditary.L1()")
         if not isinstance(scheme, (L1, L12, L2)):
-            raise ValueError(complaint("scheme", "be L1, L12 or L2", repr(scheme)))
+            refuse("scheme", "be L1, L12 or L2", repr(scheme))
         if times.size < 3 or np.any(np.diff(times) <= 0):
-            required = "hold at least three times, which increase"
-            raise ValueError(complaint("t", required, shown(times)))
+            refuse("t", "hold at least three times, which increase", shown(times))
         if values.ndim not in (1, 2) or len(values) != times.size:
-            required = f"have shape ({times.size},) or ({times.size}, d)"
-            raise ValueError(complaint("y", required, f"shape {values.shape}"))
+            refuse("y", f"have shape ({times.size},) or ({times.size}, d)", f"shape {values.shape}")
         self.times, self.flat = times - times[0], values.ndim == 1
         self._values = values.reshape(times.size, -1)
         self.y0, self._h = self._values[0], self.times[-1] / (times.size - 1)
@@ -259,7 +257,7 @@ class _Function(_Known):
         self._end = float(times.max()) or 1.0
         first = np.asarray(function(np.array([t_start])))
         if first.ndim not in (1, 2) or len(first) != 1:
-            raise ValueError(complaint("y", "return shape (k,) or (k, d)", f"shape {first.shape}"))
+            refuse("y", "return shape (k,) or (k, d)", f"shape {first.shape}")
         self.y0, self.flat = first.reshape(-1).astype(float), first.ndim == 1
 
     def one(self, operator, columns):
@@ -316,7 +314,7 @@ class _Function(_Known):
                     return power, kept
         required = "be smooth in t, or up to order 1 in t and t**alpha"
         got, remedy = f"one that degree {degree} does not resolve", "hand in its values at times"
-        raise ValueError(complaint("y", required, got, remedy))
+        refuse("y", required, got, remedy)
 
 
 def _interpolated(function, degree):

@@ -25,7 +25,7 @@ from .solver.solve import chosen_scheme, evaluation_times, run_end, solve
 from .stepping.scheme import Scheme
 from .stepping.status import Status
 from .stepping.times import checked_breaks
-from .support.checks import complaint, count, real_array, refuse_masked, shown, whole
+from .support.checks import count, real_array, refuse, refuse_masked, shown, whole
 from .support.machine import cores
 from .support.warning import silence, warn
 
@@ -170,14 +170,14 @@ def ensemble(
     kept = steps = None
     if rtol is None and not scheme.adaptive:
         if atol is not None:
-            raise ValueError(complaint("atol", "come with rtol", atol))
+            refuse("atol", "come with rtol", atol)
         steps = how_to_step(equation, scheme, t_last - start, history=history, n_steps=n_steps)
         kept = _kept(steps, save_every, times, start)
         times = start + steps.h * kept
         times[-1] = t_last if kept[-1] == steps.n else times[-1]
     elif save_every > 1:
         required = "be left out with rtol, whose steps differ from member to member"
-        raise ValueError(complaint("save_every", required, save_every, "give t_eval"))
+        refuse("save_every", required, save_every, "give t_eval")
     elif times is None:
         times = np.array([start, t_last])
     run = _Run(members, times, t_last, kept, steps, how)
@@ -190,8 +190,7 @@ def _kept(steps, save_every, times, start):
     if times is None:
         return np.append(np.arange(0, steps.n, min(save_every, steps.n)), steps.n)
     if save_every > 1:
-        required = "be left out if t_eval names the rows to keep"
-        raise ValueError(complaint("save_every", required, save_every))
+        refuse("save_every", "be left out if t_eval names the rows to keep", save_every)
     return kept_steps(times, steps.h, start)
 
 
@@ -210,7 +209,7 @@ class _Members:
     def __init__(self, equation, params, y0):
         if params is None and y0 is None:
             required = "be given, params or y0 or both"
-            raise TypeError(complaint("params", required, "None for both", "a row for each member"))
+            refuse("params", required, "None for both", "a row for each member", kind=TypeError)
         self._given: dict[str, np.ndarray] = {}
         if params is not None:
             self._given["params"] = _params(params, equation.params.size)
@@ -219,7 +218,7 @@ class _Members:
         sizes = [len(table) for table in self._given.values()]
         if len(set(sizes)) > 1:
             got = f"{sizes[0]} rows of params and {sizes[1]} of y0"
-            raise ValueError(complaint("params", "have as many rows as y0", got))
+            refuse("params", "have as many rows as y0", got)
         self.base, self.size = equation, sizes[0]
         own = np.broadcast_to(equation.params, (self.size, equation.params.size))
         self.params = self._given.get("params", own)
@@ -242,8 +241,7 @@ def _table(name, given, is_complex=False):
     else:
         table = real_array(name, given)
     if table.ndim == 0 or len(table) == 0:
-        required = "have a row for each member, one at least"
-        raise ValueError(complaint(name, required, f"shape {table.shape}"))
+        refuse(name, "have a row for each member, one at least", f"shape {table.shape}")
     return table
 
 
@@ -254,7 +252,7 @@ def _params(given, p):
         table = table[:, None]
     if table.ndim != 2 or table.shape[1] != p:
         required = f"have shape (E, {p}), a row of the equation's parameters for each member"
-        raise ValueError(complaint("params", required, f"shape {table.shape}"))
+        refuse("params", required, f"shape {table.shape}")
     return table
 
 
@@ -262,8 +260,7 @@ def _inside(equation, values):
     """Return the initial values of the components that are marched, (E, m, d)."""
     first = equation.replace(y0=values[0])  # which says what is wrong with them
     if first.d != equation.d:
-        required = f"hold {equation.d} components, as the equation has"
-        raise ValueError(complaint("y0", required, f"{first.d} in a row"))
+        refuse("y0", f"hold {equation.d} components, as the equation has", f"{first.d} in a row")
     rearranged = equation.frame.paired or equation.frame.speeds
     if rearranged or equation._given_d is not None:
         rows = [first, *(equation.replace(y0=row) for row in values[1:])]
@@ -273,7 +270,7 @@ def _inside(equation, values):
     if equation.m == 2 and np.any(inside[:, 1, idle]):
         m = int(np.argmax(np.any(inside[:, 1, idle] != 0, axis=1)))
         required = "hold no y'(0) for components whose highest order is at most 1"
-        raise ValueError(complaint(f"y0[{m}]", required, shown(values[m]), "set it to 0"))
+        refuse(f"y0[{m}]", required, shown(values[m]), "set it to 0")
     return inside
 
 

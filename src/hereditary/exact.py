@@ -22,7 +22,7 @@ from scipy.special import gamma as gamma_function
 from .equation.orders import derivative_order, orders_up_to_2
 from .equation.statement import initial_values
 from .kernels.laplace import WEIGHTS, ZETA
-from .support.checks import complaint, real, real_array, within
+from .support.checks import real, real_array, refuse, within
 
 try:
     from pymittagleffler import mittag_leffler
@@ -201,13 +201,13 @@ def system(alpha: float, matrix: ArrayLike, y0: ArrayLike, forcing: ArrayLike = 
     start = _initial(y0, alpha)
     a, force, d = real_array("matrix", matrix), real_array("forcing", forcing), start.shape[1]
     if a.shape != (d, d):
-        raise ValueError(complaint("matrix", f"have shape ({d}, {d}) by y0", f"shape {a.shape}"))
+        refuse("matrix", f"have shape ({d}, {d}) by y0", f"shape {a.shape}")
     if force.shape not in ((), (d,)):
-        raise ValueError(complaint("forcing", f"have shape ({d},) by y0", f"shape {force.shape}"))
+        refuse("forcing", f"have shape ({d},) by y0", f"shape {force.shape}")
     eigenvalues, vectors = np.linalg.eigh(a) if np.array_equal(a, a.T) else np.linalg.eig(a)
     if np.linalg.cond(vectors) > _MAX_CONDITION:
         got = f"eigenvectors of condition number {np.linalg.cond(vectors):.1e}"
-        raise ValueError(complaint("matrix", "be diagonalisable", got, "perturb an entry"))
+        refuse("matrix", "be diagonalisable", got, "perturb an entry")
     modes = np.linalg.solve(vectors, np.transpose([*start, force + np.zeros(d)])).T
     kinds = [*[(0.0, 1.0), (1.0, 2.0)][: len(start)], (alpha, alpha + 1)]
 
@@ -243,13 +243,11 @@ def _merged(orders, coefficients):
     a = np.atleast_1d(orders_up_to_2(orders))
     c = np.atleast_1d(real_array("coefficients", coefficients))
     if c.shape != a.shape:
-        raise ValueError(complaint("coefficients", f"have shape {a.shape}", f"shape {c.shape}"))
+        refuse("coefficients", f"have shape {a.shape}", f"shape {c.shape}")
     distinct, which = np.unique(a, return_inverse=True)
     total = np.bincount(which, weights=c)
     if total[-1] == 0:
-        raise ValueError(
-            complaint("coefficients", "not be 0 at the highest order", f"{c.tolist()}")
-        )
+        refuse("coefficients", "not be 0 at the highest order", f"{c.tolist()}")
     return distinct[total != 0], total[total != 0]
 
 
@@ -258,7 +256,7 @@ def _forces(forcing, highest):
     required = "be pairs (amplitude, power), with power above -1 and above minus the highest order"
     pairs = real_array("forcing", [*forcing] or np.zeros((0, 2)), required)
     if pairs.shape[1:] != (2,) or np.any(pairs[:, 1] <= -min(1.0, highest)):
-        raise ValueError(complaint("forcing", required, f"{pairs.tolist()}"))
+        refuse("forcing", required, f"{pairs.tolist()}")
     sizes, powers = pairs.T
     return powers[sizes != 0], sizes[sizes != 0]
 
@@ -270,7 +268,7 @@ def _callable(at, start):
         required = "be finite numbers of at least 0, one or of shape (n,)"
         times = real_array("t", t, required)
         if times.ndim > 1 or np.any(times < 0):
-            raise ValueError(complaint("t", required, f"{times.tolist()}"))
+            refuse("t", required, f"{times.tolist()}")
         y = np.repeat(start[:1], times.size, axis=0)
         later = times.ravel() > 0
         y[later] = at(times.ravel()[later])
@@ -381,7 +379,7 @@ def _zeros(f):
             return np.array(zeros, dtype=complex)
     required = "give the Laplace transform separate poles off the negative axis"
     got = f"{round(expected)} poles, of which {len(zeros)} differ, s = {np.exp(zeros).tolist()}"
-    raise ValueError(complaint("coefficients", required, got, "change one of them a little"))
+    refuse("coefficients", required, got, "change one of them a little")
 
 
 def _turns(f, start, end):

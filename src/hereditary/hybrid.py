@@ -21,7 +21,7 @@ from .functions.assemble import switch_of
 from .solver.events import TINY, Events, value_of
 from .stepping.status import Status
 from .stepping.times import together
-from .support.checks import complaint, real, shown
+from .support.checks import real, refuse, shown
 
 # Numbers that each switch adds to the parameters.
 _ADDED = 3
@@ -77,7 +77,7 @@ class Hybrid:
         for change in self._changes:
             if change is not None and not callable(change):
                 required = "have a function change(t, y), or none"
-                raise TypeError(complaint("events", required, repr(change)))
+                refuse("events", required, repr(change), kind=TypeError)
         self._stated = _stated(changes, equation.frame.start)
         self._switches = switches
         self._times: list[list[float]] = [[] for _ in events]
@@ -196,8 +196,7 @@ class Hybrid:
             kinds = "biufc" if frame.paired else "biuf"
             usable = given.shape == y.shape and given.dtype.kind in kinds
             if not usable or not np.all(np.isfinite(given)):
-                required = f"return a new y, finite and of shape {y.shape}"
-                raise ValueError(complaint("change", required, shown(given)))
+                refuse("change", f"return a new y, finite and of shape {y.shape}", shown(given))
         except Exception as error:
             return Status.EVENT_FAILED, f"change: {type(error).__name__}: {error}"
         stepper.moved(frame.moved(inside, given))
@@ -211,10 +210,10 @@ def _stated(changes, start):
     for time, change in changes.items():
         t = real("times of changes", time) - start
         if not callable(change):
-            raise TypeError(complaint("changes", required, repr(change), "e.g. {12.0: dose}"))
+            refuse("changes", required, repr(change), "e.g. {12.0: dose}", kind=TypeError)
         if t <= 0:
             remedy = "a change at the start belongs into y0"
-            raise ValueError(complaint("changes", f"lie above {start:g}", f"{time:g}", remedy))
+            refuse("changes", f"lie above {start:g}", f"{time:g}", remedy)
         found.append((t, change))
     return sorted(found, key=lambda pair: pair[0])
 
@@ -526,7 +525,7 @@ def one_sided(equation, functions, scheme):
     """
     if not scheme.takes_switches:
         required = f"be left out with {type(scheme).__name__}"
-        raise ValueError(complaint("switches", required, f"{len(functions)}", "use L1 or BDF(2)"))
+        refuse("switches", required, f"{len(functions)}", "use L1 or BDF(2)")
     inner, frame = equation.enlarged, equation.frame
     params, rhs, jac = inner.compiled_params, inner.compiled_rhs, inner.compiled_jac
     n_user = len(frame.speeds) or equation.d

@@ -14,7 +14,7 @@ from .equation.operators import Caputo
 from .solver.solution import Solution
 from .solver.solve import evaluation_times, solve
 from .stepping.status import Status
-from .support.checks import complaint, one_of, real_array, refuse_masked, shown, truth
+from .support.checks import one_of, real_array, refuse, refuse_masked, shown, truth
 
 # SciPy's names of methods, which all mean adaptive collocation here.
 _METHODS = "RK45", "RK23", "DOP853", "Radau", "BDF", "LSODA", "Collocation"
@@ -118,13 +118,13 @@ def solve_ivp(
     for name, value in options.items():
         default, remedy = _UNKNOWN.get(name, (..., "see help(hereditary.solve_ivp)"))
         if not (value is default or (np.isscalar(value) and value == default)):
-            raise TypeError(complaint(name, "be left out of solve_ivp", repr(value), remedy))
+            refuse(name, "be left out of solve_ivp", repr(value), remedy, kind=TypeError)
     one_of("method", method, _METHODS, f"be one of {', '.join(_METHODS)}")
     span = real_array("t_span", t_span, "be (start, end)")
     if span.shape != (2,) or not span[0] < span[1]:
         required = "be (start, end) with the start before the end"
         remedy = "an equation with memory has no solution before its start"
-        raise ValueError(complaint("t_span", required, shown(span), remedy))
+        refuse("t_span", required, shown(span), remedy)
     more, dense_output = _further(args), truth("dense_output", dense_output)
     listed = () if events is None else events if isinstance(events, (list, tuple)) else (events,)
     start, end = span.tolist()
@@ -156,7 +156,7 @@ def _further(args):
     refuse_masked("args", args, "hold no masked entries")
     if not isinstance(args, (list, tuple)) and np.ndim(args) == 0:
         required, remedy = "be a sequence of further arguments", "write args=(value,) for one"
-        raise TypeError(complaint("args", required, repr(args), remedy))
+        refuse("args", required, repr(args), remedy, kind=TypeError)
     return tuple(args)
 
 
@@ -165,7 +165,7 @@ def _constant(jac):
     required = "be a function jac(t, y, *args), or a matrix of shape (n, n)"
     matrix = real_array("jac", jac.toarray() if hasattr(jac, "toarray") else jac, required)
     if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1]:
-        raise ValueError(complaint("jac", required, f"shape {matrix.shape}"))
+        refuse("jac", required, f"shape {matrix.shape}")
 
     def constant(t, y):
         return matrix

@@ -27,6 +27,7 @@ from .support.checks import (
     mapping,
     positive,
     real_array,
+    refuse,
     refuse_masked,
     shown,
     within,
@@ -237,7 +238,7 @@ class Combined(Model):
         for part in self.parts:
             instance("parts", part, Model, "hereditary.viscoelastic.SpringPot(modulus, order)")
         if not self.parts:
-            raise ValueError(complaint("parts", "hold at least one model", repr(self.parts)))
+            refuse("parts", "hold at least one model", repr(self.parts))
 
     def _split(self, s):
         # with A = Q/s and B = 1/Q, or the other way round in series: A B = 1/s, and parts add A
@@ -373,13 +374,13 @@ def fit_moduli(
     for each in measured:
         if frequencies.ndim != 1 or each.shape != frequencies.shape:
             got = f"{each.shape} beside {frequencies.shape} of omega"
-            raise ValueError(complaint("storage and loss", "have shape (n,) as omega", got))
+            refuse("storage and loss", "have shape (n,) as omega", got)
     data = np.array(measured)
     function("model", model, "model(**parameters)")
     names = list(mapping("p0", p0, "be a mapping of names to numbers"))
     start = _positive_array("p0", list(p0.values()))
     if not names:
-        raise ValueError(complaint("p0", "hold a parameter at least", repr(p0)))
+        refuse("p0", "hold a parameter at least", repr(p0))
     limits = _limits({} if bounds is None else bounds, names, start)
 
     def made(p):
@@ -410,15 +411,15 @@ def _limits(bounds, names, start):
     """Return lowest and highest values of all parameters, (2, n), with `start` between them."""
     required = "be a mapping of names to (lowest, highest)"
     if set(mapping("bounds", bounds, required)) - set(names):
-        raise ValueError(complaint("bounds", f"be of {', '.join(names)}", repr(bounds)))
+        refuse("bounds", f"be of {', '.join(names)}", repr(bounds))
     found = np.tile([[0.0], [np.inf]], len(names))
     for name, pair in bounds.items():
         limits = np.asarray(pair)
         if limits.shape != (2,) or limits.dtype.kind not in "iuf" or not limits[0] < limits[1]:
-            raise ValueError(complaint(f"bounds[{name!r}]", "be (lowest, highest)", repr(pair)))
+            refuse(f"bounds[{name!r}]", "be (lowest, highest)", repr(pair))
         found[:, names.index(name)] = limits
     if np.any(start < found[0]) or np.any(start > found[1]):
-        raise ValueError(complaint("p0", "lie within the bounds", shown(start)))
+        refuse("p0", "lie within the bounds", shown(start))
     return found
 
 
@@ -436,5 +437,5 @@ def _positive_array(name, values):
     """Return values as an array of numbers above 0."""
     array = real_array(name, values)
     if np.any(array <= 0):
-        raise ValueError(complaint(name, "be above 0", shown(array)))
+        refuse(name, "be above 0", shown(array))
     return array

@@ -13,7 +13,7 @@ from ..equation.equation import Equation
 from ..given.history.history import History
 from ..solver.solve import solve
 from ..stepping.scheme import Scheme
-from ..support.checks import complaint, count, real_array, shown, truth, whole
+from ..support.checks import count, real_array, refuse, shown, truth, whole
 
 _HEADS = "N", "h", "error", "order"
 
@@ -129,8 +129,7 @@ def convergence_table(
     """
     numbers = [count("n_steps", whole(n)) for n in np.atleast_1d(np.asarray(n_steps)).tolist()]
     if len(numbers) < 2 or any(b <= a for a, b in pairwise(numbers)):
-        required = "be two or more increasing numbers"
-        raise ValueError(complaint("n_steps", required, numbers))
+        refuse("n_steps", "be two or more increasing numbers", numbers)
 
     def run(n):
         found = solve(equation, t_end, n, scheme=scheme, history=history, estimate=False)
@@ -146,12 +145,10 @@ def convergence_table(
         known = run(2 * n).y[::2][-len(y) :] if exact is None else np.asarray(exact(t))
         if known.shape != y.shape:
             required = f"return shape (n, {y.shape[1]}) for times (n,)"
-            got = f"shape {known.shape} for n = {len(y)}"
-            raise ValueError(complaint("exact", required, got))
+            refuse("exact", required, f"shape {known.shape} for n = {len(y)}")
         errors.append(float(np.abs(y - known).max()))
     if not min(errors) > 0:
-        required = "leave errors above 0"
-        raise ValueError(complaint("n_steps", required, shown(errors), "take fewer steps"))
+        refuse("n_steps", "leave errors above 0", shown(errors), "take fewer steps")
     orders, slope = observed_order(numbers, errors)
     by = "errors against the exact solution"
     if exact is None:

@@ -14,13 +14,14 @@ from numpy.typing import ArrayLike
 from ..equation.equation import Equation
 from ..solver.solution import Solution
 from ..solver.solve import solve
-from ..support.checks import (  # fmt: skip
+from ..support.checks import (
     complaint,
     component_numbers,
     function,
     mapping,
     one_of,
     real_array,
+    refuse,
     shown,
 )
 from ..support.warning import warn
@@ -199,18 +200,15 @@ def fit(
     names = list(p0) if isinstance(p0, Mapping) else [f"p{k}" for k in range(np.size(p0))]
     start = real_array("p0", list(p0.values()) if isinstance(p0, Mapping) else p0)
     if start.ndim != 1 or start.size == 0:
-        required = "be a mapping of names to numbers, or a flat sequence of numbers"
-        raise ValueError(complaint("p0", required, repr(p0)))
+        refuse("p0", "be a mapping of names to numbers, or a flat sequence of numbers", repr(p0))
     low, high = _bounds({} if bounds is None else bounds, names, start)
     series = _series(t, data, sigma)
     estimated = series[0].sigma is None
     if loss != "linear" and estimated:
-        remedy = "it tells outliers from data"
-        raise ValueError(complaint("sigma", f"be given with loss={loss!r}", repr(sigma), remedy))
+        refuse("sigma", f"be given with loss={loss!r}", repr(sigma), "it tells outliers from data")
     size = sum(int(np.isfinite(one.data).sum()) for one in series)
     if size < start.size:
-        required = f"hold at least {start.size} values, one for each parameter"
-        raise ValueError(complaint("data", required, size))
+        refuse("data", f"hold at least {start.size} values, one for each parameter", size)
     runs = _Runs(model, names, isinstance(p0, Mapping), series, observe, how)
     # SciPy sees sizes of 1: differences are relative, tolerances at bounds are absolute
     shift = np.where(start == 0, 1.0, 0.0)
@@ -274,7 +272,7 @@ class _Runs:
         self._far = [_FAR * (size or 1.0) for size in largest]
         self.unit = (max(largest) or 1.0) if series[0].sigma is None else 1.0
         if "t_eval" in how:
-            raise TypeError(complaint("t_eval", "be left out, for t says it", shown(how["t_eval"])))
+            refuse("t_eval", "be left out, for t says it", shown(how["t_eval"]), kind=TypeError)
         default = {} if {"n_steps", "mesh", "rtol"} & how.keys() else {"rtol": 1e-8}
         self._how = {"estimate": False} | default | how
 
@@ -293,11 +291,10 @@ class _Runs:
         equations = list(made) if isinstance(made, (list, tuple)) else [made]
         if len(equations) != len(times) or not all(isinstance(e, Equation) for e in equations):
             required = f"return an Equation, or a list with one for each of {len(times)} series"
-            raise TypeError(complaint("model", required, repr(made)))
+            refuse("model", required, repr(made), kind=TypeError)
         for equation, t in zip(equations, times, strict=True):
             if t[-1] <= equation.t_start or t[0] < equation.t_start:
-                required = f"begin at t_start = {equation.t_start:g} or later"
-                raise ValueError(complaint("t", required, shown(t)))
+                refuse("t", f"begin at t_start = {equation.t_start:g} or later", shown(t))
         pairs = zip(equations, times, strict=True)
         return [solve(equation, float(t[-1]), t_eval=t, **self._how) for equation, t in pairs]
 
@@ -351,8 +348,7 @@ class _Runs:
         if seen.shape[:1] != (len(y),) or seen.size != len(y) * k or seen.dtype.kind not in "iuf":
             shape = f"({len(y)}{f', {k}' if k > 1 else ','})"
             got = f"shape {seen.shape} of {seen.dtype} from y of shape {y.shape}"
-            required = f"give real values of shape {shape}, as data has"
-            raise ValueError(complaint("observe", required, got))
+            refuse("observe", f"give real values of shape {shape}, as data has", got)
         return seen.reshape(len(y), k)
 
 
@@ -367,12 +363,11 @@ def _bounds(bounds, names, start):
     mapping("bounds", bounds, "be a mapping of names to (lowest, highest)")
     for name, pair in bounds.items():
         if name not in names:
-            required = f"name parameters, {', '.join(names)}"
-            raise ValueError(complaint("bounds", required, repr(name)))
+            refuse("bounds", f"name parameters, {', '.join(names)}", repr(name))
         k, limits = names.index(name), np.asarray(pair, dtype=float).ravel()
         if limits.size != 2 or not limits[0] < limits[1] or not limits[0] <= start[k] <= limits[1]:
             required = f"hold a lower value, a higher one, and p0 = {start[k]:g} between them"
-            raise ValueError(complaint(f"bounds[{name!r}]", required, shown(pair)))
+            refuse(f"bounds[{name!r}]", required, shown(pair))
         low[k], high[k] = limits
     return low, high
 
@@ -414,12 +409,11 @@ def _series(t, data, sigma):
     n, sigmas = len(t), sigma if isinstance(sigma, (list, tuple)) else [sigma] * len(t)
     for name, values in (("data", data), ("sigma", sigmas)):
         if not isinstance(values, (list, tuple)) or len(values) != n:
-            required = f"be a list of {n} series, as t is"
-            raise ValueError(complaint(name, required, shown(values)))
+            refuse(name, f"be a list of {n} series, as t is", shown(values))
     missing = [k for k in range(n) if sigmas[k] is None]
     if 0 < len(missing) < n:
         got = f"None for the series {shown(missing)}"
-        raise ValueError(complaint("sigma", "be given for all series or for none", got))
+        refuse("sigma", "be given for all series or for none", got)
     return [_one(f"[{k}]", *part) for k, part in enumerate(zip(t, data, sigmas, strict=True))]
 
 
@@ -427,10 +421,10 @@ def _one(place, t, data, sigma):
     """Return one series; `place` is its number in a list."""
     t = real_array(f"t{place}", t)
     if t.ndim != 1 or t.size == 0 or np.any(np.diff(t) <= 0):
-        raise ValueError(complaint(f"t{place}", "be increasing times (n,)", shown(t)))
+        refuse(f"t{place}", "be increasing times (n,)", shown(t))
     if np.iscomplexobj(np.asarray(data)):
         remedy = "give real and imaginary part as two values, and observe them"
-        raise TypeError(complaint(f"data{place}", "be real", shown(data), remedy))
+        refuse(f"data{place}", "be real", shown(data), remedy, kind=TypeError)
     try:
         values: np.ndarray = np.ma.array(data, dtype=float, copy=True).filled(np.nan)
     except (TypeError, ValueError, OverflowError) as error:
@@ -438,9 +432,9 @@ def _one(place, t, data, sigma):
         raise TypeError(complaint(f"data{place}", required, reprlib.repr(data))) from error
     if values.ndim not in (1, 2) or len(values) != t.size:
         required = f"have shape ({t.size},) or ({t.size}, k), NaN for missing values"
-        raise ValueError(complaint(f"data{place}", required, f"shape {values.shape}"))
+        refuse(f"data{place}", required, f"shape {values.shape}")
     if np.any(np.isinf(values)) or not np.any(np.isfinite(values)):
-        raise ValueError(complaint(f"data{place}", "be finite, or NaN", shown(values)))
+        refuse(f"data{place}", "be finite, or NaN", shown(values))
     if np.shape(sigma) == values.shape and not np.ma.is_masked(sigma):
         sigma = np.where(np.isnan(values), 1.0, sigma)
     values = values.reshape(t.size, -1)
@@ -449,7 +443,7 @@ def _one(place, t, data, sigma):
     spread = real_array(f"sigma{place}", sigma)
     spread = spread[:, None] if spread.shape == t.shape else spread
     if np.any(spread <= 0):
-        raise ValueError(complaint(f"sigma{place}", "be above 0", shown(spread)))
+        refuse(f"sigma{place}", "be above 0", shown(spread))
     try:
         return Series(t, values, np.broadcast_to(spread, values.shape))
     except ValueError as error:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..equation.equation import Equation, current_equation
-from ..support.checks import complaint, count, real_array, shown
+from ..support.checks import count, real_array, refuse, shown
 from ..support.warning import warn
 from .harmonic_balance import Balance
 from .response_curve import Curve, Peak
@@ -209,27 +209,24 @@ def _followed(omegas, positive):
     bad = positive and np.any(wanted <= 0)
     if wanted.ndim != 1 or wanted.size == 0 or not monotone or bad:
         kind = "frequencies above 0" if positive else "values"
-        required = f"be {kind}, all increasing or all decreasing"
-        raise ValueError(complaint("omegas", required, shown(wanted)))
+        refuse("omegas", f"be {kind}, all increasing or all decreasing", shown(wanted))
     return wanted
 
 
 def _check(equation, frequency, along):
     """Refuse equations whose operators have no symbol here, and parameters that are none."""
     if equation.t_start != 0:
-        remedy = "steady responses know no start"
-        raise ValueError(complaint("t_start", "be 0", equation.t_start, remedy))
+        refuse("t_start", "be 0", equation.t_start, "steady responses know no start")
     bare = not (equation.frame.paired or equation.frame.speeds)
     if not bare or equation.enlarged.varies or equation._callbacks:
-        required = "be real and compiled, of constant orders up to 2"
-        raise ValueError(complaint("equation", required, repr(equation)))
+        refuse("equation", "be real and compiled, of constant orders up to 2", repr(equation))
     p = equation.params.size
     numbers = {"frequency": frequency} | ({} if along is None else {"along": along})
     for name, number in numbers.items():
         whole = isinstance(number, (int, np.integer)) and not isinstance(number, bool)
         if not whole or not 0 <= number < p:
             required = f"be the number of a parameter, 0 .. {p - 1}" if p else "name a parameter"
-            raise ValueError(complaint(name, required, repr(number)))
+            refuse(name, required, repr(number))
     if along is not None and along != frequency and not equation.params[frequency] > 0:
         required = f"have a frequency above 0, params[{frequency}]"
-        raise ValueError(complaint("equation", required, equation.params[frequency]))
+        refuse("equation", required, equation.params[frequency])

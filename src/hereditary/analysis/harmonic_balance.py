@@ -7,7 +7,7 @@ import numpy as np
 from ..compiled.jacobian import jacobian
 from ..compiled.jit import F8, I8, MAT, VEC, entry
 from ..compiled.signatures import JAC, RHS
-from ..support.checks import complaint, shown
+from ..support.checks import refuse, shown
 
 # Samples of a period for each harmonic and at least, and relative change of a frequency in
 # differences.
@@ -66,13 +66,12 @@ class Balance:
                 times = 2 * np.pi / omega * np.array([[0.0, 0.31, 0.83], [1.0, 1.31, 1.83]])
                 found = np.array([[self._force(t, y) for t in row] for row in times])
                 if not np.isfinite(found).all():
-                    required, got = "be finite over a period", f"params {shown(self._params)}"
-                    raise ValueError(complaint("rhs", required, got))
+                    refuse("rhs", "be finite over a period", f"params {shown(self._params)}")
                 apart = np.abs(found[1] - found[0]).max()
                 if not apart <= 1e-6 * np.abs(found).max():
                     required = "have period 2 pi / omega in t, omega being params"
                     required += f"[{self._frequency}]"
-                    raise ValueError(complaint("rhs", required, f"values {shown(found.ravel())}"))
+                    refuse("rhs", required, f"values {shown(found.ravel())}")
 
     def hold_means(self, value):
         """Hold the means of y that no equation depends on; return whether there are any.

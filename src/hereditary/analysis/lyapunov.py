@@ -35,13 +35,13 @@ from ..solver.run import Drive, reached_end, told
 from ..stepping.dense import StepPieces
 from ..stepping.scheme import Scheme
 from ..stepping.status import Status
-from ..support.checks import (  # fmt: skip
-    complaint,
+from ..support.checks import (
     count,
     instance,
     one_of,
     positive,
     real_array,
+    refuse,
     refusing,
     shown,
     whole,
@@ -382,29 +382,28 @@ def _run(
     t_end = positive("t_end", t_end)
     if equation.frame.start != 0:
         required = "be 0 for exponents"
-        remedy = "shift the time in rhs"
-        raise ValueError(complaint("t_start", required, equation.frame.start, remedy))
+        refuse("t_start", required, equation.frame.start, "shift the time in rhs")
     instance("scheme", scheme, Scheme, "hereditary.ExplicitCaputo()")
     within("window", window, 1e-6, 1.0, "(0, 1]")
     if count("n_blocks", n_blocks) > _MOST_BLOCKS:
-        raise ValueError(complaint("n_blocks", f"be at most {_MOST_BLOCKS}", n_blocks))
+        refuse("n_blocks", f"be at most {_MOST_BLOCKS}", n_blocks)
     restarts = isinstance(mode, str) and mode == "restart"
     remedy = "convergence/restarting.py cuts the memory" if restarts else ""
     mode = one_of("mode", mode, _MODES, f"be one of {', '.join(map(repr, _MODES))}", remedy)
     if scheme.adaptive and mode != "tangent":
         remedy = "take a scheme of given steps, e.g. Adams() or BDF(2)"
-        raise ValueError(complaint("mode", 'be "tangent" with Collocation', repr(mode), remedy))
+        refuse("mode", 'be "tangent" with Collocation', repr(mode), remedy)
     system, most = marched(equation, scheme), n_data(equation)
     given = {"max_steps": _ANY} if scheme.adaptive else {"n_steps": n_steps}
     how = how_to_step(system, scheme, t_end, history=history, rtol=rtol, atol=atol, **given)
     n = _MARKS if scheme.adaptive and n_steps is None else count("n_steps", whole(n_steps))
     h = t_end / n
     if count("k", k) > most:
-        raise ValueError(complaint("k", f"be at most the number of initial data, {most}", k))
+        refuse("k", f"be at most the number of initial data, {most}", k)
     interval = None if renorm is None else max(1, steps_in("renorm", positive("renorm", renorm), h))
     transient = round(within("transient", transient, 0.0, h * (n - 1), "[0, t_end)") / h)
     if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
-        raise TypeError(complaint("seed", "be a whole number of at least 0", repr(seed)))
+        refuse("seed", "be a whole number of at least 0", repr(seed), kind=TypeError)
     separation = _separation(separation, equation)
     directions = _directions(directions, seed, k, most)
 
@@ -646,7 +645,7 @@ def _separation(value, equation):
     remedy = "1e-7 is for smooth right-hand sides, 1e-3 to 1e-2 for those that jump"
     required = f"be at most {largest:g}, that orbits be neighbours"
     if positive("separation", value) > largest:
-        raise ValueError(complaint("separation", required, value, remedy))
+        refuse("separation", required, value, remedy)
     return float(value)
 
 
@@ -658,12 +657,11 @@ def _directions(given, seed, k, rows):
         given = real_array("directions", given)
         if given.shape != (rows, k):
             required = f"have shape ({rows}, {k}): one column for each exponent"
-            raise ValueError(complaint("directions", required, f"shape {given.shape}"))
+            refuse("directions", required, f"shape {given.shape}")
         given = given / (np.abs(given).max() or 1.0)  # squares of any numbers stay finite
     q, r = np.linalg.qr(given)
     if not np.abs(np.diag(r)).min() > 1e-12 * np.abs(r).max():  # zeros are refused as well
-        required = "be linearly independent columns"
-        raise ValueError(complaint("directions", required, shown(given)))
+        refuse("directions", "be linearly independent columns", shown(given))
     return q * np.sign(np.diag(r))
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..solver.solution import Solution
-from ..support.checks import complaint, count, positive, real, real_array
+from ..support.checks import count, positive, real, real_array, refuse
 from .sections import check_component, check_unbroken, values_at
 
 # Most samples of a solution, and fewest values.
@@ -104,7 +104,7 @@ def _sampled(series, step, component, transient):
         h = positive("step", step, "the distance of the values") if step is not None else None
         if values.ndim != 1 or h is None:
             required = "be of shape (n,) and come with their distance, step"
-            raise ValueError(complaint("series", required, f"shape {values.shape}, step {step}"))
+            refuse("series", required, f"shape {values.shape}, step {step}")
         first = max(0, int(np.ceil((transient or 0.0) / h - 1e-9)))
         return _long(values[first:]), h
     check_unbroken(series)
@@ -115,7 +115,7 @@ def _sampled(series, step, component, transient):
     gaps = np.diff(series.t[inside])
     if not series.coarse and gaps[:-1].size and np.ptp(gaps[:-1]) > 0.01 * gaps.max():
         required = "have dense output, or rows at equal times"
-        raise ValueError(complaint("series", required, f"gaps {gaps.min():g} to {gaps.max():g}"))
+        refuse("series", required, f"gaps {gaps.min():g} to {gaps.max():g}")
     n = int(min(_MOST, 2 ** np.ceil(np.log2(4 * inside.sum() if series.coarse else inside.sum()))))
     times = np.linspace(begin, series.t[-1], n)
     return values_at(series, times)[:, component], (series.t[-1] - begin) / (n - 1)
@@ -124,8 +124,7 @@ def _sampled(series, step, component, transient):
 def _long(values):
     """Return values, or refuse too few of them."""
     if values.size < _FEWEST:
-        required = f"leave {_FEWEST} values at least behind the transient"
-        raise ValueError(complaint("series", required, values.size))
+        refuse("series", f"leave {_FEWEST} values at least behind the transient", values.size)
     return values
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..solver.solution import Solution
-from ..support.checks import complaint, count, instance, positive, real, real_array, shown
+from ..support.checks import count, instance, positive, real, real_array, refuse, shown
 
 # Points of each step at which a dense output is looked at for maxima.
 _LOOKS = 8
@@ -89,7 +89,7 @@ def stroboscopic(
     # a period that divides the run up to rounding still gives its last sample
     if np.ptp(solution.t[[0, -1]]) > _MOST_SAMPLES * period:
         required = f"give at most {_MOST_SAMPLES} samples"
-        raise ValueError(complaint("period", required, period, "give one of the orbit's own"))
+        refuse("period", required, period, "give one of the orbit's own")
     ends = np.array([max(begin, solution.t[0]), solution.t[-1]]) / period
     slack = 1e-12 * np.abs(ends).max()
     first, last = int(np.ceil(ends[0] - slack)), int(np.floor(ends[1] + slack))
@@ -180,21 +180,20 @@ def values_at(solution: Solution, times: ArrayLike, derivative: int = 0) -> np.n
     ends = solution.t[0], solution.t[-1]
     slack = 1e-9 * (ends[1] - ends[0])  # times computed otherwise may miss the ends by rounding
     if at.ndim != 1 or np.any(at < ends[0] - slack) or np.any(at > ends[1] + slack):
-        required = f"be a sequence of times in [{ends[0]:g}, {ends[1]:g}]"
-        raise ValueError(complaint("times", required, shown(at)))
+        refuse("times", f"be a sequence of times in [{ends[0]:g}, {ends[1]:g}]", shown(at))
     return _function(solution, derivative)(np.clip(at, *ends))
 
 
 def _function(solution, derivative):
     """Return y, or y' where the rows hold it, as a function of times (k,), of shape (k, d)."""
     if not _is_index(derivative, 2):
-        raise ValueError(complaint("derivative", "be 0 or 1", repr(derivative)))
+        refuse("derivative", "be 0 or 1", repr(derivative))
     if solution.coarse:
         return lambda t: solution(t, derivative)
     rows = solution.ydot if derivative else solution.y
     if rows is None:
         required = "hold a first derivative (highest order above 1) or a dense output"
-        raise ValueError(complaint("solution", required, "ydot = None", "use Collocation"))
+        refuse("solution", required, "ydot = None", "use Collocation")
     from scipy.interpolate import CubicSpline
 
     known = np.isfinite(rows).all(axis=0)
@@ -206,7 +205,7 @@ def _begin(solution, transient):
     """Return the time from which on samples count; refuse complex solutions."""
     if np.iscomplexobj(solution.y):
         required, remedy = "be real", "take parts, e.g. dataclasses.replace(solution, y=y.real)"
-        raise ValueError(complaint("solution", required, "a complex one", remedy))
+        refuse("solution", required, "a complex one", remedy)
     check_unbroken(solution)
     return solution.t[0] if transient is None else real("transient", transient)
 
@@ -216,14 +215,13 @@ def check_unbroken(solution):
     (where,) = np.nonzero(np.diff(solution.t) <= 0)
     if where.size:
         required, got = "hold no changes by events", f"one at t = {solution.t[where[0]]:g}"
-        raise ValueError(complaint("solution", required, got, "take the parts between them"))
+        refuse("solution", required, got, "take the parts between them")
 
 
 def check_component(component, solution):
     """Refuse anything but the number of a component."""
     if not _is_index(component, solution.y.shape[1]):
-        required = f"be one of 0 .. {solution.y.shape[1] - 1}"
-        raise ValueError(complaint("component", required, repr(component)))
+        refuse("component", f"be one of 0 .. {solution.y.shape[1] - 1}", repr(component))
 
 
 def _is_index(value, n):
@@ -233,7 +231,7 @@ def _is_index(value, n):
 def _size(wanted, found):
     size = found if wanted is None else count("count", wanted)
     if size > _MOST_SAMPLES:
-        raise ValueError(complaint("count", f"be at most {_MOST_SAMPLES}", size))
+        refuse("count", f"be at most {_MOST_SAMPLES}", size)
     return size
 
 

@@ -22,7 +22,7 @@ from ..solver.solve import chosen_scheme, evaluation_times, run_end, solve
 from ..stepping.scheme import Scheme
 from ..stepping.status import Status
 from ..stepping.times import checked_breaks
-from ..support.checks import complaint
+from ..support.checks import refuse
 from ..support.warning import silence
 
 _KINDS = ("params", "y0", "orders")
@@ -141,7 +141,7 @@ def sensitivities(
     size = equation.params.size if "params" in kinds else 0
     if not scheme.adaptive and (scheme.solve == "imex" or (size and not scheme.components_differ)):
         required = "take components of their own orders, which parameters become, and no linear="
-        raise ValueError(complaint("scheme", required, repr(scheme), "use BDF(2) or Collocation"))
+        refuse("scheme", required, repr(scheme), "use BDF(2) or Collocation")
     system, units = _with_parameters(equation.dense(), size)
     d, n_data = system.d, system.d + int(np.sum(system.highest_orders() > 1))
     by_y0 = [*range(equation.d), *range(d, n_data)] if "y0" in kinds else []
@@ -185,16 +185,14 @@ def _kinds(wrt, equation):
         wrt = ("params", "y0") if equation.params.size else ("y0",)
     kinds = tuple(wrt) if np.iterable(wrt) and not isinstance(wrt, str) else (wrt,)
     if not kinds or not all(isinstance(kind, str) and kind in _KINDS for kind in kinds):
-        raise ValueError(complaint("wrt", f"hold some of {', '.join(_KINDS)}", repr(wrt)))
+        refuse("wrt", f"hold some of {', '.join(_KINDS)}", repr(wrt))
     if not equation.plain or equation._callbacks:
         required = "be real and compiled, of orders up to 2, without memory= and matrices"
-        raise ValueError(complaint("equation", required, repr(equation), "or take differences"))
+        refuse("equation", required, repr(equation), "or take differences")
     if "params" in kinds and equation.params.size == 0:
-        required = "leave out params, which the equation has none of"
-        raise ValueError(complaint("wrt", required, kinds))
+        refuse("wrt", "leave out params, which the equation has none of", kinds)
     if "orders" in kinds and not equation.constant:
-        required = "leave out orders if they vary or if kernels are general"
-        raise ValueError(complaint("wrt", required, kinds))
+        refuse("wrt", "leave out orders if they vary or if kernels are general", kinds)
     return kinds
 
 
@@ -262,8 +260,7 @@ def _by_orders(equation, t_last, times, how):
         order = np.atleast_1d(term.operator.order)
         sides = [s for s in (1, -1) if np.all(np.ceil(order + 2 * s * change) == np.ceil(order))]
         if not sides:
-            required = "lie on one side of 1 and of 2, by 2e-4"
-            raise ValueError(complaint("orders of a term", required, order.tolist()))
+            refuse("orders of a term", "lie on one side of 1 and of 2, by 2e-4", order.tolist())
         side = sides[0]  # one side is of second order too
         weights = {0: -1.5 * side, side: 2.0 * side, 2 * side: -0.5 * side}
         weights = {1: 0.5, -1: -0.5} if len(sides) == 2 else weights

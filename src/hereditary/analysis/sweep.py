@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike
 
 from ..solver.first_order import no_estimates
 from ..solver.progress import Interruption, ProgressBar
-from ..support.checks import complaint, instance, refuse_masked, shown, truth
+from ..support.checks import complaint, instance, refuse, refuse_masked, shown, truth
 from ..support.machine import cores
 from ..support.warning import warn
 from .table import COMPLETED, STATUS_LENGTH, Table, table_of
@@ -118,11 +118,10 @@ def sweep(
     [1.0, 1.9, 1.5]
     """
     if not callable(function):
-        raise TypeError(complaint("function", "be callable", repr(function)))
+        refuse("function", "be callable", repr(function), kind=TypeError)
     axes = _axes(grid)
     if truth("carry", carry) and "state" in axes:
-        required = 'name no axis "state" with carry=True'
-        raise ValueError(complaint("grid", required, ", ".join(axes)))
+        refuse("grid", 'name no axis "state" with carry=True', ", ".join(axes))
     _check_arguments(function, axes, carry)
     if executor is not None:
         example = "concurrent.futures.ProcessPoolExecutor() or a Dask client.get_executor()"
@@ -144,30 +143,29 @@ def _axes(grid):
     """Return the grid, checked, as one array for each axis."""
     if not isinstance(grid, Mapping) or not grid:
         required = "be a mapping of axis names to values"
-        raise TypeError(complaint("grid", required, repr(grid), 'pass e.g. {"b": [1.0, 2.0]}'))
+        refuse("grid", required, repr(grid), 'pass e.g. {"b": [1.0, 2.0]}', kind=TypeError)
     return {name: _axis(name, values) for name, values in grid.items()}
 
 
 def _axis(name, values):
     argument, got = f"grid[{name!r}]", repr(values)[:STATUS_LENGTH]
     if not isinstance(name, str) or name in ("", "status"):
-        required = "be named by strings other than '' and 'status'"
-        raise ValueError(complaint("axes of grid", required, repr(name)))
+        refuse("axes of grid", "be named by strings other than '' and 'status'", repr(name))
     refuse_masked(argument, values, "have only numbers or strings")
     try:
         array = np.asarray(values)
     except ValueError:  # rows of unequal length
         array = np.empty(0)
     if array.ndim != 1 or array.size == 0:
-        raise ValueError(complaint(argument, "be a flat sequence of at least one value", got))
+        refuse(argument, "be a flat sequence of at least one value", got)
     numbers = array.dtype.kind in "biuf"
     # numpy turns numbers beside strings into strings
     if not numbers and not all(isinstance(value, str) for value in values):
-        raise TypeError(complaint(argument, "have only numbers or strings", got))
+        refuse(argument, "have only numbers or strings", got, kind=TypeError)
     if numbers and not np.isfinite(array).all():
-        raise ValueError(complaint(argument, "hold finite numbers", shown(array)))
+        refuse(argument, "hold finite numbers", shown(array))
     if np.unique(array).size < array.size:
-        raise ValueError(complaint(argument, "hold distinct values", shown(array)))
+        refuse(argument, "hold distinct values", shown(array))
     return array.astype(float) if array.dtype.kind == "f" else array
 
 
@@ -248,7 +246,7 @@ def _results(future, asked_to_stop):
 def _opened(path, axes, points):
     """Read the points of a store; return the file, to which others are appended."""
     if not isinstance(path, str | os.PathLike):
-        raise TypeError(complaint("store", "be the path of a file", repr(path)))
+        refuse("store", "be the path of a file", repr(path), kind=TypeError)
     header = _line({"axes": {name: axis.tolist() for name, axis in axes.items()}})
     with open(path, "a+b") as file:
         file.seek(0)
@@ -261,7 +259,7 @@ def _opened(path, axes, points):
                 points[index] = point
             elif line != header:
                 required, remedy = "hold points of the same grid", "name another file"
-                raise ValueError(complaint("store", required, repr(str(path)), remedy))
+                refuse("store", required, repr(str(path)), remedy)
         if file.seek(0, os.SEEK_END) == 0:
             file.write(header)
     return open(path, "ab")
@@ -277,8 +275,7 @@ def _read(line, n, where):
         index, status, values = json.loads(line)
         if type(index) is int and 0 <= index < n and isinstance(status, str):
             return index, _plain(values | {"status": status}, ())
-    got = f"{line[:40]!r} in {where}"
-    raise ValueError(complaint("store", "hold a point a line", got, "delete that line"))
+    refuse("store", "hold a point a line", f"{line[:40]!r} in {where}", "delete that line")
 
 
 def computed(function, carry, points, home):
@@ -306,7 +303,7 @@ def computed(function, carry, points, home):
                 values = dict(values) if isinstance(values, Mapping) else {"value": values}
                 if carry and "state" not in values:
                     required = 'return a mapping with "state", for the next point, with carry=True'
-                    raise ValueError(complaint("function", required, f"only {', '.join(values)}"))
+                    refuse("function", required, f"only {', '.join(values)}")
                 state = values.pop("state") if carry else None
                 found.append(_plain(values, point))
             except Exception as error:
@@ -341,7 +338,7 @@ def _plain(values, point):
     for name, value in values.items():
         if not isinstance(name, str) or name in point:
             required = "name its values by strings other than the names of the axes"
-            raise ValueError(complaint("function", required, repr(name), "return a mapping"))
+            refuse("function", required, repr(name), "return a mapping")
         values[name] = _plain_value(name, value)
     return status, values
 
@@ -351,7 +348,7 @@ def _plain_value(name, value):
     kind = array.dtype.kind
     if kind not in "biufU" or (array.size == 0 and len(array)):
         required = "be a number, a string, or an array of them"
-        raise TypeError(complaint(name, required, f"a {type(value).__name__}"))
+        refuse(name, required, f"a {type(value).__name__}", kind=TypeError)
     if kind != "U":
         array = array.astype(float)
         array[np.isnan(array)] = np.nan  # one NaN of many: a store keeps no sign of it

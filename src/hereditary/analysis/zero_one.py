@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..solver.solution import Solution
-from ..support.checks import complaint, count, real_array
+from ..support.checks import count, real_array, refuse
 from .sections import extrema, tops
 
 # Fewest values of a series, share of its length for displacements, and range of frequencies, which
@@ -108,7 +108,7 @@ def zero_one_test(
     if values.ndim != 1 or values.size < _FEWEST:
         required = f"hold {_FEWEST} values or more"
         remedy = "run longer: so many maxima, or values, are needed"
-        raise ValueError(complaint("series", required, f"shape {values.shape}", remedy))
+        refuse("series", required, f"shape {values.shape}", remedy)
     spread = float(np.ptp(values))
     values = (values - values[0]) / spread if spread > least else np.zeros(values.size)
     random = np.random.default_rng(seed)
@@ -125,7 +125,7 @@ def _tested(series, component, transient, take):
     take = ("maxima" if of_solution else "values") if take is None else take
     kinds = [*_SIGNS][: 2 if of_solution else 3]
     if take not in kinds:
-        raise ValueError(complaint("take", f"be {' or '.join(map(repr, kinds))}", repr(take)))
+        refuse("take", f"be {' or '.join(map(repr, kinds))}", repr(take))
     if of_solution:
         _, values = extrema(series, component, 0, transient, _SIGNS[take])
         late = series.t >= (series.t[0] if transient is None else transient)

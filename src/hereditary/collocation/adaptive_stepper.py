@@ -17,7 +17,7 @@ from ..stepping.state import AdaptiveState, check_identity, check_reach, complet
 from ..stepping.status import NOT_FINITE, Status, failed
 from ..stepping.stepper import Stepper
 from ..stepping.times import breaks_ahead
-from ..support.checks import complaint
+from ..support.checks import refuse
 from .equations import integral_form
 from .error_estimate import SMALL, raise_small
 from .first_rule import convolutions, first_rule
@@ -769,10 +769,10 @@ class AdaptiveStepper(Stepper):
         kinds, moving = "a change of y" if of_y else "a switch", "events, changes and switches"
         if self._form.implicit.any():
             required = "change or switch nothing where a component's highest order varies or is a "
-            raise ValueError(complaint(moving, required + "kernel's", kinds))
+            refuse(moving, required + "kernel's", kinds)
         if of_y and any(operator.from_zero for operator, _ in self.equation.left):
             required = "change no y beside RiemannLiouville, which takes jumps for derivatives"
-            raise ValueError(complaint(moving, required, kinds))
+            refuse(moving, required, kinds)
 
     def moved(self, y):
         """Let y jump to these values, (d,), here; the jump does not enter the memory."""

@@ -23,7 +23,7 @@ from ..compiled.records import records
 from ..equation.orders import OrderFailed
 from ..equation.system import FEW, System
 from ..equation.terms import Operator, SystemTerm
-from ..support.checks import complaint
+from ..support.checks import refuse
 from .operators import FORCE, ITSELF, POSITION, PRIMARY, SLOPE
 from .structures import TERM
 
@@ -219,19 +219,18 @@ def _form_of(system):
                 required = "have a constant order in front of RiemannLiouville, with Collocation"
                 required += ", and one of 1 or more where that of RiemannLiouville varies"
                 present = " and ".join(f"{op}" for op, own in system.left if own[c] != 0)
-                raise ValueError(complaint("terms", required, present, "take L1"))
+                refuse("terms", required, present, "take L1")
             rows += _derivative_rows(system, c, second[c])
         elif leading[c] == 0:
             required = "leave a nonzero coefficient before the highest order"
-            raise ValueError(complaint("terms", required, f"0 for component {c}"))
+            refuse("terms", required, f"0 for component {c}")
         else:
             rows += _integral_rows(system, c, highest[c], second[c], leading[c])
     orders = sorted({row.order for row in rows if row.order is not None} | {1.0})
     if orders[0] < _LEAST:
         required = f"keep {_LEAST:g} above integers, and from each other, with Collocation"
         remedy = "take the integer, or equal orders, instead"
-        got = sorted({operator.order for operator, _ in system.left})
-        raise ValueError(complaint("order", required, got, remedy))
+        refuse("order", required, sorted({operator.order for operator, _ in system.left}), remedy)
     others = [row.operator for row in rows if row.operator is not None]
     kernels = list(dict.fromkeys(op.kernel for op in others if op.kernel is not None))
     varying = list(dict.fromkeys(op for op in others if op.kernel is None))
@@ -266,8 +265,7 @@ def _from_zero(rows, d):
     for kinds in found.values():
         if len({operator.from_zero for operator in kinds}) > 1:
             required = "not mix Caputo's and RiemannLiouville orders that vary, with Collocation"
-            got = " and ".join(map(str, kinds))
-            raise ValueError(complaint("terms", required, got, "take L1 or ExplicitCaputo"))
+            refuse("terms", required, " and ".join(map(str, kinds)), "take L1 or ExplicitCaputo")
     return tuple(place for place, kinds in found.items() if kinds[0].from_zero)
 
 

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 from ..equation.system import System
 from ..stepping.scheme import Scheme, check_smoothness
-from ..support.checks import complaint, count, positive, within
+from ..support.checks import count, positive, refuse, within
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ class Collocation(Scheme):
 
     def __post_init__(self) -> None:
         if not 2 <= count("nodes", self.nodes) <= 12:
-            raise ValueError(complaint("nodes", "lie in 2..12", self.nodes))
+            refuse("nodes", "lie in 2..12", self.nodes)
         if self.horizon is not None:
             positive("horizon", self.horizon)
 
@@ -89,4 +89,4 @@ class Collocation(Scheme):
     def plan(self, equation: System, h: float) -> Any:
         """Refuse: this scheme has no plan for uniform steps."""
         required = "be left out with Collocation, which chooses its steps"
-        raise ValueError(complaint("n_steps", required, f"h = {h}", "pass rtol instead"))
+        refuse("n_steps", required, f"h = {h}", "pass rtol instead")

@@ -21,7 +21,7 @@ from ..equation.chain import left_of
 from ..equation.frame import Frame
 from ..equation.system import System
 from ..stepping.dense import Piece
-from ..support.checks import complaint
+from ..support.checks import refuse
 
 
 class Plain:
@@ -118,14 +118,13 @@ def reduced(equation):
     for operator, _ in memory.left:
         if operator.from_zero:
             required = "hold no RiemannLiouville with Collocation, where memory is read"
-            raise ValueError(complaint("terms", required, f"{operator}", "take BDF or L1"))
+            refuse("terms", required, f"{operator}", "take BDF or L1")
     for operator, _ in memory.left:
         if not operator.constant:
             required = (
                 "be Caputo operators of constant order with Collocation, where memory is read"
             )
-            remedy = "take ExplicitCaputo or L1"
-            raise ValueError(complaint("terms", required, f"{operator}", remedy))
+            refuse("terms", required, f"{operator}", "take ExplicitCaputo or L1")
     d, leading = equation.d, equation.highest_orders()
     second = np.flatnonzero(leading > 1).tolist()
     speeds = np.zeros(d, dtype=np.int64)

@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..support.checks import complaint, shown
+from ..support.checks import refuse, shown
 from .affine import affine
 from .orders import merged_orders
 from .system import System, leading_orders
@@ -54,12 +54,11 @@ def _solved(left, d):
                 "be Caputo operators of constant order beside orders above 2 and coefficients that "
                 "are matrices"
             )
-            raise ValueError(complaint("terms", required, f"{operator}"))
+            refuse("terms", required, f"{operator}")
     before = leading_orders(left, d)
     left = _summed(left)
     if not len(left) or np.any(np.ceil(leading_orders(left, d)) < np.ceil(before)):
-        required = "leave a nonzero coefficient before the highest order"
-        raise ValueError(complaint("terms", required, "terms that cancel"))
+        refuse("terms", "leave a nonzero coefficient before the highest order", "terms that cancel")
     if left[0].coefficients.ndim == 1:
         pairs = [(o.order, j, c[j]) for o, c in left for j in np.flatnonzero(c).tolist()]
         return [Entry(order, j, j, float(c)) for order, j, c in pairs], None
@@ -68,7 +67,7 @@ def _solved(left, d):
     leading = sum(np.where(top, matrix, 0.0) for matrix, top in at_top)
     if np.linalg.cond(leading) > _SINGULAR:
         required = "have an invertible matrix in front of the highest derivatives"
-        raise ValueError(complaint("terms", required, shown(leading)))
+        refuse("terms", required, shown(leading))
     inverse = np.linalg.inv(leading)
     entries = [Entry(float(highest[j]), j, j, 1.0) for j in range(d)]
     for (operator, matrix), (_, top) in zip(left, at_top, strict=True):

@@ -15,7 +15,7 @@ from ..functions.assemble import functions_of
 from ..functions.build import Start, present_values
 from ..functions.differences import check_jacobian
 from ..functions.reads import digest, digest_of_compiled
-from ..support.checks import complaint, count, instance, real, real_array
+from ..support.checks import count, instance, real, real_array, refuse
 from .affine import affine
 from .chain import chained
 from .formula import formula
@@ -168,7 +168,7 @@ class Equation(System):
         if highest == 0:
             required = "hold a derivative"
             remedy = "hereditary.derivative(t, g, ...) solves equations of the first kind for y"
-            raise ValueError(complaint("terms", required, repr(self.terms[0]), remedy))
+            refuse("terms", required, repr(self.terms[0]), remedy)
         if d is None:
             initial = self._given_y0 = initial_values(values, highest)
         else:
@@ -225,7 +225,7 @@ class Equation(System):
             if self.memory:
                 required = "be left out with orders above 2 and with matrices as coefficients"
                 remedy = "write the equation as a system of y and its derivatives"
-                raise ValueError(complaint("memory", required, repr(self.memory), remedy))
+                refuse("memory", required, repr(self.memory), remedy)
             known["terms_digest"] = digest([(operator.order, c) for operator, c in left])
             system, beside, speeds = chained(left, initial, *functions)
             known["frame"] = Frame(self.t_start, paired, tuple(speeds.tolist()))
@@ -277,15 +277,14 @@ class Equation(System):
         unknown = changes.keys() - set(_GIVEN)
         if unknown:
             required = f"be among {', '.join(_GIVEN)}"
-            raise TypeError(complaint("changes", required, ", ".join(sorted(unknown))))
+            refuse("changes", required, ", ".join(sorted(unknown)), kind=TypeError)
         if changes.keys() == {"params"}:
             found = self._with_params(_numbers(changes["params"]))
             if found is not None:
                 return found
         for name in ("jac", "jac_memory"):
             if "rhs" in changes and getattr(self, name) is not None and "jac" not in changes:
-                remedy = "or jac=None for differences"
-                raise ValueError(complaint(name, "come with another rhs", "rhs alone", remedy))
+                refuse(name, "come with another rhs", "rhs alone", "or jac=None for differences")
         if "jac" in changes:  # which are given together
             changes = {"jac_memory": None} | changes
         return Equation(**(self._arguments() | changes))
@@ -361,8 +360,7 @@ def _numbers(params):
     remedy = "pass a flat sequence of floats"
     values = real_array("params", params, remedy=remedy)
     if values.ndim > 1:
-        required = "be a number or a flat sequence of floats"
-        raise ValueError(complaint("params", required, f"shape {values.shape}"))
+        refuse("params", "be a number or a flat sequence of floats", f"shape {values.shape}")
     return values.reshape(-1)
 
 
@@ -372,7 +370,7 @@ def _check_leading(left, y0):
     highest = leading_orders([term for term in left if not term.operator.from_zero], d)
     for j in np.flatnonzero(highest == 0):
         required = "leave every component at least one nonzero term other than RiemannLiouville"
-        raise ValueError(complaint("terms", required, f"none for component {j}"))
+        refuse("terms", required, f"none for component {j}")
     check_initial_terms(left, highest)
     for k in range(1, len(y0)):
         for j in np.flatnonzero((highest <= k) & (y0[k] != 0)):
@@ -381,7 +379,7 @@ def _check_leading(left, y0):
             required = (
                 f"hold no y{primes}(0) for component {j}, whose highest order is {highest[j]}"
             )
-            raise ValueError(complaint("y0", required, got, "set it to 0"))
+            refuse("y0", required, got, "set it to 0")
 
 
 def current_equation(equation):

@@ -16,7 +16,7 @@ from scipy.special import gamma
 
 from ..kernels.memory_kernel import MemoryKernel, ScaledKernel
 from ..kernels.named_kernels import PowerLaw
-from ..support.checks import complaint, instance, one_of, real_array, shown
+from ..support.checks import instance, one_of, real_array, refuse, shown
 from .orders import HIGHEST, ROUNDING, derivative_order, rounded_order
 from .terms import ConstantOrder, KernelOperator, VaryingOrder
 
@@ -44,7 +44,7 @@ class Summand:
     def __truediv__(self, divisor: ArrayLike):
         values = real_array("divisor", divisor, "be a real number or have shape (d,)")
         if np.any(values == 0):
-            raise ValueError(complaint("divisor", "be other than 0", shown(values)))
+            refuse("divisor", "be other than 0", shown(values))
         return self * (1 / values)
 
     def __neg__(self):
@@ -138,12 +138,10 @@ class Caputo(Summand):
         orders = real_array("order", order, "be above 0", "give a number or one per component")
         orders = rounded_order(orders)
         if orders.ndim > 1 or orders.size == 0:
-            raise ValueError(
-                complaint("order", "be a number or have shape (d,)", f"shape {orders.shape}")
-            )
+            refuse("order", "be a number or have shape (d,)", f"shape {orders.shape}")
         if np.any(orders <= 0) or np.any(orders > HIGHEST):
             required, remedy = f"lie in (0, {HIGHEST}]", _INTEGRAL if np.all(orders < 0) else ""
-            raise ValueError(complaint("order", required, orders.tolist(), remedy))
+            refuse("order", required, orders.tolist(), remedy)
         orders.flags.writeable = False
         self._order = orders
 
@@ -220,10 +218,10 @@ class RiemannLiouville(Caputo):
         required = "lie in (0, 1) with RiemannLiouville"
         if self.varying is not None:
             if self.varying.derivative > 1:
-                raise ValueError(complaint("order", required, f"above 1 in {self.varying.name}"))
+                refuse("order", required, f"above 1 in {self.varying.name}")
             self.varying = replace(self.varying, from_zero=True)
         elif np.any(self._order >= 1):
-            raise ValueError(complaint("order", required, self._order.tolist()))
+            refuse("order", required, self._order.tolist())
 
     def parts(self, orders):
         """Return operators of a `System`; see `Caputo.parts`."""
@@ -268,10 +266,9 @@ class Memory(Summand):
         self.kernel = instance("kernel", kernel, MemoryKernel, remedy)
         if kernel.singular_exponent >= 1:
             required, got = "be integrable at 0", f"{kernel!r}"
-            remedy = "take an exponent below 1, with one derivative more"
-            raise ValueError(complaint("kernel", required, got, remedy))
+            refuse("kernel", required, got, "take an exponent below 1, with one derivative more")
         if isinstance(derivative, bool):
-            raise ValueError(complaint("derivative", "be 0, 1 or 2", derivative))
+            refuse("derivative", "be 0, 1 or 2", derivative)
         self.derivative = one_of("derivative", derivative, (0, 1, 2), "be 0, 1 or 2")
 
     constant = False
@@ -296,7 +293,7 @@ class Term(Summand):
         factor = real_array("coefficient", coefficient, required, remedy)
         square = factor.ndim < 2 or factor.shape == factor.shape[:1] * 2
         if not square or factor.size == 0:
-            raise ValueError(complaint("coefficient", required, f"shape {factor.shape}"))
+            refuse("coefficient", required, f"shape {factor.shape}")
         factor.flags.writeable = False
         self.operator = operator
         self.coefficient = factor
@@ -325,7 +322,7 @@ class Term(Summand):
             a = float(kernel.exponent)
             if m == 2 and a <= ROUNDING:  # order 1 would be y', not y' - y'(0)
                 required = f"exceed {ROUNDING} for derivative 2"
-                raise ValueError(complaint("exponent", required, a, "take derivative 1 less y'(0)"))
+                refuse("exponent", required, a, "take derivative 1 less y'(0)")
             return Term(Caputo(m - 1 + a), gamma(1 - a) * coefficient)
         return Term(Memory(kernel, m), coefficient)
 

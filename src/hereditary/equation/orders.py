@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..support.checks import complaint, real_array
+from ..support.checks import real_array, refuse
 
 # Orders this close to an integer, or to each other, are it: they come from sums and quotients.
 ROUNDING = 1e-14
@@ -27,9 +27,9 @@ def orders_up_to_2(orders: ArrayLike) -> np.ndarray:
     """Return rounded orders in (0, 2]; refuse others."""
     found = rounded_order(real_array("order", orders, "lie in (0, 2]", "give numbers"))
     if found.ndim > 1 or found.size == 0:
-        raise ValueError(complaint("order", "be numbers in a row", f"shape {found.shape}"))
+        refuse("order", "be numbers in a row", f"shape {found.shape}")
     if np.any(found <= 0) or np.any(found > 2):
-        raise ValueError(complaint("order", "lie in (0, 2]", found.tolist()))
+        refuse("order", "lie in (0, 2]", found.tolist())
     return found
 
 

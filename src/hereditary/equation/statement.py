@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..support.checks import complaint, real_array, refuse_masked, shown
+from ..support.checks import complaint, real_array, refuse, refuse_masked, shown
 from .operators import Summand
 from .orders import merged_orders
 from .system import System
@@ -28,9 +28,9 @@ def as_terms(terms, name="terms"):
         if not isinstance(item, Summand):
             if isinstance(item, numbers.Real):
                 example = f"write Caputo({item}) for a derivative of that order"
-            raise TypeError(complaint(name, required, repr(item), example))
+            refuse(name, required, repr(item), example, kind=TypeError)
     if not items:
-        raise ValueError(complaint(name, "hold at least one term", repr(terms), example))
+        refuse(name, "hold at least one term", repr(terms), example)
     return tuple(term.plain() for item in items for term in item._terms())
 
 
@@ -59,7 +59,7 @@ def factors_of(terms, d, paired):
             factor = np.diag(per_component("coefficient", [factor], d)[0])
         elif factor.shape != (d, d):
             required = f"be one number, or have shape ({d},) or ({d}, {d})"
-            raise ValueError(complaint("coefficient", required, f"shape {factor.shape}"))
+            refuse("coefficient", required, f"shape {factor.shape}")
         stacked.append(np.kron(factor, np.eye(2)) if paired else factor)
     matrices = np.array(stacked)
     matrices.flags.writeable = False
@@ -81,7 +81,7 @@ def check_initial_terms(left, leading):
                 required = f"be below {highest:g} for RiemannLiouville in component {c}"
                 if leading[c] > 1:
                     required += f", 1 below its highest order {leading[c]:g}"
-                raise ValueError(complaint("order", required, gamma, "or take Caputo"))
+                refuse("order", required, gamma, "or take Caputo")
 
 
 def per_component(name, arrays, d, paired=False):
@@ -89,7 +89,7 @@ def per_component(name, arrays, d, paired=False):
     for array in arrays:
         if array.ndim and array.size != d:
             required = f"be one number or one for each of the {d} components"
-            raise ValueError(complaint(name, required, f"shape {array.shape}"))
+            refuse(name, required, f"shape {array.shape}")
     stacked = np.empty((len(arrays), d))
     for row, array in zip(stacked, arrays, strict=True):
         row[:] = array
@@ -105,10 +105,10 @@ def read_terms(memory):
     terms = as_terms(memory, "memory")
     for term in terms:
         if term.operator.derivative > 2:
-            raise ValueError(complaint("memory", "have orders up to 2", f"{term}"))
+            refuse("memory", "have orders up to 2", f"{term}")
         if any(operator.from_zero for operator, _ in term.operator.parts(np.full(1, 0.5))):
             remedy = "write Caputo's, and what y(0) adds in rhs"
-            raise ValueError(complaint("memory", "hold Caputo or Memory terms", f"{term}", remedy))
+            refuse("memory", "hold Caputo or Memory terms", f"{term}", remedy)
     return terms
 
 
@@ -124,9 +124,7 @@ def enlarged(equation, memory):
     factors = factors_of(memory, own_d, paired)
     if factors.ndim > 2:
         required = "have coefficients of shape (d,)"
-        raise ValueError(
-            complaint("memory", required, f"shape {factors.shape[1:]}", "multiply in rhs")
-        )
+        refuse("memory", required, f"shape {factors.shape[1:]}", "multiply in rhs")
     own = [t.operator._order for t in memory if t.operator.constant]
     mine = [op.order for op, _ in equation.left if op.constant]
     orders = per_component("order", own, own_d, paired)
@@ -136,7 +134,7 @@ def enlarged(equation, memory):
     rows, highest = iter(orders), equation.highest_orders()
     for number, (term, c) in enumerate(zip(memory, factors, strict=True), 1):
         if np.any(c == 0):
-            raise ValueError(complaint("memory", "have coefficients other than 0", repr(term)))
+            refuse("memory", "have coefficients other than 0", repr(term))
         for operator, held in left_side([term], [c], rows, origin):
             coefficients = np.zeros((1 + k, d))
             coefficients[number] = held
@@ -156,8 +154,7 @@ def _check_below(operator, lowest):
         order += operator.kernel.singular_exponent - 1
     if order >= lowest:
         required = f"have orders below the highest of their component, {lowest:g}"
-        remedy = "solve the equation for its highest derivative"
-        raise ValueError(complaint("memory", required, f"{order:g}", remedy))
+        refuse("memory", required, f"{order:g}", "solve the equation for its highest derivative")
 
 
 _SPEED = (
@@ -201,8 +198,7 @@ def initial_values(values, m):
         remedy = "orders up to 1 need only y(0), its components in a row"
     elif m == 2 and values.ndim == 2 and values.shape[1] == 1:
         remedy = f"for {values.size} components give two rows, [[y(0), ...], [y'(0), ...]]"
-    got = f"shape {given}" if given else shown(values[0, 0])
-    raise ValueError(complaint("y0", required, got, remedy))
+    refuse("y0", required, f"shape {given}" if given else shown(values[0, 0]), remedy)
 
 
 def rows_of(values, m, d):
@@ -210,8 +206,7 @@ def rows_of(values, m, d):
     rows = values.reshape(-1, d) if values.ndim < 2 and values.size % d == 0 else values
     if rows.ndim != 2 or rows.shape[1] != d or len(rows) < m:
         required = f"hold at least {m} rows of {d}, where d = {d} is stated"
-        got = f"shape {values.shape}" if values.ndim else shown(values)
-        raise ValueError(complaint("y0", required, got))
+        refuse("y0", required, f"shape {values.shape}" if values.ndim else shown(values))
     return np.ascontiguousarray(rows)
 
 

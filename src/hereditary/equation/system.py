@@ -10,7 +10,7 @@ import numpy as np
 from ..compiled.jacobian import VALUES, jacobian_at, no_jacobian
 from ..compiled.jit import JAC_SIG, as_value
 from ..functions.differences import units_of
-from ..support.checks import complaint
+from ..support.checks import refuse
 from .frame import Frame
 from .terms import SystemTerm
 
@@ -223,7 +223,7 @@ class System:
         """Return d rhs / d y, as an array or, where its entries are known, SciPy's CSR array."""
         if self.enlarged is not self:
             required = "read no memory where its Jacobian by y alone is asked for"
-            raise ValueError(complaint("rhs", required, "memory", "ask equation.enlarged"))
+            refuse("rhs", required, "memory", "ask equation.enlarged")
         structure, d = self.structure, self.d
         out = np.empty((d, d)) if structure is None else structure.entries.copy()
         y = np.array(y, dtype=float)
@@ -276,7 +276,7 @@ def refuse_late(system, t_end):
     if t_end > last * (1 + 1e-12):
         required = f"stay within t = {last:g}, up to which a kernel is known"
         remedy = "end the run there, or give a kernel that reaches farther"
-        raise ValueError(complaint("t_end", required, f"{t_end:g}", remedy))
+        refuse("t_end", required, f"{t_end:g}", remedy)
 
 
 def leading_orders(left, d):

@@ -17,7 +17,7 @@ from scipy.special import rgamma
 
 from ..kernels.memory_kernel import MemoryKernel
 from ..kernels.step_kernel import Integrated, PowerSteps, StepKernel
-from ..support.checks import complaint, real
+from ..support.checks import complaint, real, refuse
 from .orders import derivative_order, rounded_order
 
 # Values of s at which s K^(s) is the same where a kernel has a constant part, and how nearly.
@@ -157,7 +157,7 @@ def _mean_symbol(kernel, m):
     if not known or not np.isfinite(mean) or later > _CONSTANT * late:
         required = "fade" if m else "be integrable over all times"
         remedy = "periodic solutions of the past would not be forgotten"
-        raise ValueError(complaint("kernel", required, repr(kernel), remedy))
+        refuse("kernel", required, repr(kernel), remedy)
     return mean
 
 
@@ -193,7 +193,7 @@ class VaryingOrder:
             raise ValueError(complaint("order", required, got)) from error
         value = float(rounded_order(real("order", np.asarray(start)[()], required)))
         if not 0 < value <= 2:
-            raise ValueError(complaint("order", required, f"{value} at t = 0"))
+            refuse("order", required, f"{value} at t = 0")
         return cls(function, derivative_order(value))
 
     @property

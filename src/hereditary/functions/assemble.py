@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..compiled.jit import JAC_SIG, RHS_SIG, as_value, derived
-from ..support.checks import complaint
+from ..support.checks import refuse
 from .build import Start, function_of, locked
 from .python_calls import Callback, PythonFunctionWarning, before_addresses, in_python
 
@@ -41,13 +41,12 @@ def functions_of(rhs, jac, jac_memory, start, hint, shape=None):
     k, d = start.memory.shape
     shape, n = shape or (d, d), start.components().size
     if start.paired and jac is not None:
-        required = "be left out for complex y, so that differences are used"
-        raise ValueError(complaint("jac", required, repr(jac)))
+        refuse("jac", "be left out for complex y, so that differences are used", repr(jac))
     forces = [] if rhs is None else [function_of("rhs", "dy", rhs, start, (d,), RHS_SIG, hint)]
     if (jac is None) != (jac_memory is None) and (k or jac is None):
         given, lacking = ("jac", "jac_memory") if jac_memory is None else ("jac_memory", "jac")
         required = f"come with {lacking}" if k else "be left out if no memory is read"
-        raise ValueError(complaint(given, required, "it alone", "leave out both for differences"))
+        refuse(given, required, "it alone", "leave out both for differences")
     slopes = [] if jac is None else [_jacobian(jac, start, shape)]
     if jac is not None and k:
         beside = function_of("jac_memory", "jacobian", jac_memory, start, (d, k * d), JAC_SIG)
@@ -70,7 +69,7 @@ def switch_of(switch, y, t):
     required = "be functions switch(t, y) of real components that numba compiles"
     if not callable(switch) or start.paired:
         got = repr(switch) if not start.paired else "complex y"
-        raise TypeError(complaint("switches", required, got))
+        refuse("switches", required, got, kind=TypeError)
     how = start, (1,), RHS_SIG, str, required
     return function_of("switches", "value", switch, *how).compiled
 

@@ -20,7 +20,7 @@ from numba.extending import is_jitted
 
 from ..compiled.jit import F8, as_value, compiling, derived
 from ..compiled.numba_internals import options_of, stated_options, without
-from ..support.checks import complaint, shown
+from ..support.checks import complaint, refuse, shown
 from ..support.warning import warn
 from .messages import compile_reason, defined, line_of, writing_complaint
 from .python_calls import warn_of_python
@@ -73,7 +73,7 @@ def function_of(name, out, fun, start, shape, signature, hint=str, required=""):
     plain = _plain(fun)
     if not callable(plain):
         required = f"be a function {start.shapes(name, out)}"
-        raise TypeError(complaint(name, required, repr(fun), "write it with def or lambda"))
+        refuse(name, required, repr(fun), "write it with def or lambda", kind=TypeError)
     key = _key(fun, signature, start) if inspect.isfunction(plain) else ()
     known = _versions.get(key)
     if known and known.compiled:
@@ -95,7 +95,7 @@ def function_of(name, out, fun, start, shape, signature, hint=str, required=""):
     if not reason:
         return Function(found, fill)
     if required:
-        raise TypeError(complaint(name, required, f"{plain!r}, {reason}"))
+        refuse(name, required, f"{plain!r}, {reason}", kind=TypeError)
     warn_of_python(name, plain, reason, lambda: _called(fill, start, shape))
     return Function(None, fill)
 
@@ -351,12 +351,12 @@ def arity_of(name, out, fun, start):
     fixed = [p for p in parameters if p.kind is p.KEYWORD_ONLY and p.default is not p.empty]
     known = len(positional) + len(fixed) == len(parameters)
     if not known or len(positional) - more not in (2, 3, 4):
-        raise TypeError(complaint(name, required, got, "pass constants through params"))
+        refuse(name, required, got, "pass constants through params", kind=TypeError)
     if positional[1].name in ("t", "time"):
-        raise TypeError(complaint(name, "take t first and y second", got, defined(fun)))
+        refuse(name, "take t first and y second", got, defined(fun), kind=TypeError)
     if more and positional[2].name in ("p", "params", "dy", "jacobian"):
         reason = f"equations with memory= pass it there, {defined(fun)}"
-        raise TypeError(complaint(name, "take memory third", got, reason))
+        refuse(name, "take memory third", got, reason, kind=TypeError)
     return len(positional) - more
 
 
@@ -369,14 +369,14 @@ def try_out(name, out, fun, arity, start, shape, hint):
     unset = np.isnan(values) & (again == 0.5)
     if arity == 4 and unset.any():
         got = f"entries {np.argwhere(unset).tolist()} left unset"
-        raise ValueError(complaint(name, f"set every entry of {out}", got, defined(fun)))
+        refuse(name, f"set every entry of {out}", got, defined(fun))
     if not np.all(np.isfinite(values)):
         remedy = f"check y0 = {shown(start.y)} and params = {shown(start.params)}, {defined(fun)}"
-        raise ValueError(complaint(name, f"be finite at t = {start.t:g}", shown(values), remedy))
+        refuse(name, f"be finite at t = {start.t:g}", shown(values), remedy)
     if not close(again, values):
         got = f"{shown(values)} and then {shown(again)}"
         remedy = f"take no random numbers and keep no state, {defined(fun)}"
-        raise ValueError(complaint(name, "give equal values for equal t, y", got, remedy))
+        refuse(name, "give equal values for equal t, y", got, remedy)
     return values, form
 
 
@@ -413,18 +413,16 @@ def _values(name, out, fun, arity, start, shape, hint, unset):
     for argument, given, left in zip(start._fields, start, (y, memory, p), strict=False):
         if not np.array_equal(given, left):
             got = f"{shown(given)} changed to {shown(left)}"
-            remedy = f"work on a copy, {defined(fun)}"
-            raise ValueError(complaint(name, f"leave {argument} as it is", got, remedy))
+            refuse(name, f"leave {argument} as it is", got, f"work on a copy, {defined(fun)}")
     if arity == 4:
         if result is not None:
             remedy = f"leave {out} out of the arguments to return values, {defined(fun)}{hinted()}"
-            raise TypeError(complaint(name, f"fill {out} and return None", repr(result), remedy))
+            refuse(name, f"fill {out} and return None", repr(result), remedy, kind=TypeError)
         return filled, "in place"
     values = numbers_of(name, fun, result, shape, start)
     if values.shape != shape and not (values.ndim == 0 and np.prod(shape) == 1):
         size = f"shape {shape}" + (" or a number" if np.prod(shape) == 1 else "")
-        got, remedy = f"shape {values.shape}", _remedy(fun, shape) + hinted()
-        raise ValueError(complaint(name, f"return {size}", got, remedy))
+        refuse(name, f"return {size}", f"shape {values.shape}", _remedy(fun, shape) + hinted())
     form = "array" if values.ndim else "number"
     return values.astype(start.y.dtype).reshape(shape), form
 
@@ -440,7 +438,7 @@ def numbers_of(name, fun, returned, shape, start):
     required = "return numbers" if start.paired else "return real numbers"
     complex_remedy = "give y0 complex numbers for a complex solution"
     remedy = complex_remedy if values.dtype.kind == "c" else _remedy(fun, shape)
-    raise TypeError(complaint(name, required, repr(returned), remedy))
+    refuse(name, required, repr(returned), remedy, kind=TypeError)
 
 
 def _remedy(fun, shape):

@@ -14,7 +14,7 @@ from ..stepping.dense import StepPieces
 from ..stepping.state import GivenState, check_identity, complete, described, identity
 from ..stepping.status import NOT_FINITE, Status, failed
 from ..stepping.stepper import Stepper
-from ..support.checks import complaint
+from ..support.checks import refuse
 from .block import BLOWN_UP, NOT_SOLVED, RUNNING
 from .first_steps import starting_steps
 from .growing_march import LOST, grow, transform_march
@@ -72,7 +72,7 @@ class FixedStepper(Stepper):
         self.n_tangents = directions.shape[1]
         if self.n_tangents:
             if not scheme.takes_tangents:
-                raise ValueError(complaint("scheme", "give tangents and exponents", f"{scheme!r}"))
+                refuse("scheme", "give tangents and exponents", f"{scheme!r}")
             rows = np.zeros((system.m, system.d, self.n_tangents))
             rows[0, : equation.d] = directions[: equation.d]
             rows[1:, self._with_speed] = directions[equation.d :]
@@ -450,9 +450,7 @@ class FixedStepper(Stepper):
         acting = [op for op in terms if op.derivative == 0 or op.from_zero]
         if of_y and acting:
             required = "change no y that a kernel or RiemannLiouville acts on, on given steps"
-            raise ValueError(
-                complaint("events and changes", required, f"a change with {acting[0]}")
-            )
+            refuse("events and changes", required, f"a change with {acting[0]}")
 
     def moved(self, y):
         """Let y jump to these values, (d,), here; the jump does not enter the memory."""

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..equation.terms import distinct_components
-from ..support.checks import complaint
+from ..support.checks import refuse
 from .signatures import StepRows
 from .stability import StabilityRegion
 
@@ -71,8 +71,7 @@ class Convolution:
         """Refuse a history that does not take the kernels."""
         if self.kernels() and not history.takes_kernels:
             required = "be another one if terms have kernels other than Caputo's"
-            remedy = "use SumOfExponentials, FFT or Direct"
-            raise ValueError(complaint("history", required, repr(history), remedy))
+            refuse("history", required, repr(history), "use SumOfExponentials, FFT or Direct")
 
     @property
     def n_starts(self):

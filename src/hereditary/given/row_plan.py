@@ -17,7 +17,7 @@ from scipy.special import rgamma
 
 from ..equation.orders import OrderFailed
 from ..kernels.special import gauss_unit, mean_exponential
-from ..support.checks import complaint
+from ..support.checks import complaint, refuse
 from .plan import Plan, distinct_columns
 from .power_series import inverse_gamma
 from .riemann_liouville import first_samples
@@ -399,12 +399,11 @@ class RowSums:
     def check(self, history):
         """Refuse a history that does not take what the steps are."""
         if self.varies and not history.takes_varying:
-            required = "be Direct or SumOfExponentials if orders vary"
-            raise ValueError(complaint("history", required, repr(history)))
+            refuse("history", "be Direct or SumOfExponentials if orders vary", repr(history))
         if self.steps.mesh is not None and not history.takes_meshes:
             required = f"be left out with {type(history).__name__}, which takes uniform steps"
             got = f"{self.steps.mesh.size - 1} steps"
-            raise ValueError(complaint("mesh", required, got, "or use SumOfExponentials or Direct"))
+            refuse("mesh", required, got, "or use SumOfExponentials or Direct")
 
 
 def varying_plan(system, h, theta, explicit):
@@ -419,7 +418,7 @@ def mesh_plan(scheme, system, times, theta, parabolas):
     highest, up_to = float(system.highest_orders().max()), scheme.meshes_up_to
     if highest > up_to:
         required = f"lie in (0, {up_to:g}] for {type(scheme).__name__} on a mesh"
-        raise ValueError(complaint("order", required, highest, "take uniform steps"))
+        refuse("order", required, highest, "take uniform steps")
     return _plan(system, RowSums(system, _Mesh(times, theta, parabolas), parabolas), times[1])
 
 
@@ -428,7 +427,7 @@ def _plan(system, sums, first, **more):
     for operator, _ in system.left:
         if operator.kernel is not None:
             required = "be Caputo operators on a mesh, and on given steps if an order varies"
-            raise ValueError(complaint("terms", required, f"{operator}", "use Collocation"))
+            refuse("terms", required, f"{operator}", "use Collocation")
     speed = system.y0[1] if system.m == 2 else np.zeros(system.d)
     return Plan(
         past=sums,

@@ -9,7 +9,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..support.checks import complaint, count, positive, real_array, shown
+from ..support.checks import count, positive, real_array, refuse, shown
 
 
 @dataclass(frozen=True)
@@ -82,10 +82,10 @@ def mesh_steps(
     required = f"be times that increase from {origin + start:g} to t_end = {origin + t_end}"
     remedy = "pass hereditary.graded(n, exponent) or an array"
     if times.ndim != 1 or times.size < 2:
-        raise ValueError(complaint("mesh", required, f"shape {times.shape}", remedy))
+        refuse("mesh", required, f"shape {times.shape}", remedy)
     ends = abs(times[0] - start) <= 1e-12 * start and abs(times[-1] - t_end) <= 1e-12 * t_end
     if not ends or np.any(np.diff(times) <= 0):
-        raise ValueError(complaint("mesh", required, shown(origin + times), remedy))
+        refuse("mesh", required, shown(origin + times), remedy)
     if begun is not None:
         return MeshSteps(np.concatenate([begun.mesh, times[1:]]), begun.span)
     shortest = float(np.diff(times)[:-1].min(initial=np.inf))
@@ -201,8 +201,7 @@ class MeshSteps:
 def steps_in(name, length, h):
     """Return the number of steps h next to a length."""
     if not length / h <= COUNTED:
-        required = f"be at most {COUNTED:.0e} steps h = {h:g}"
-        raise ValueError(complaint(name, required, f"{length:g}"))
+        refuse(name, f"be at most {COUNTED:.0e} steps h = {h:g}", f"{length:g}")
     return round(length / h)
 
 
@@ -220,7 +219,7 @@ def break_steps(times, start, t_end, steps, origin):
     if np.any(off):
         required = "be times of steps, which see the jump from its own side each"
         remedy = "take as many steps that one ends there, or a mesh through it"
-        raise ValueError(complaint("breaks", required, shown(origin + times[off]), remedy))
+        refuse("breaks", required, shown(origin + times[off]), remedy)
     return frozenset(int(n) for n in numbers)
 
 
@@ -252,5 +251,5 @@ def kept_steps(times, h, start):
     numbers = np.rint(positions)
     if np.any(np.abs(positions - numbers) > _OFF):
         required = f"be times of steps, whole multiples of h = {h:g} from t_start on"
-        raise ValueError(complaint("t_eval", required, shown(times)))
+        refuse("t_eval", required, shown(times))
     return numbers.astype(np.int64)

@@ -4,7 +4,7 @@ from functools import partial
 
 import numpy as np
 
-from ..support.checks import complaint
+from ..support.checks import refuse
 from .plan import Convolution, Plan, distinct_columns
 from .signatures import StepRows
 from .weights import by_rule, parabola_start, parabola_weights
@@ -67,7 +67,7 @@ def uniform_plan(
         total = 1.0 if values else now
         if total == 0 or not np.isfinite(total):
             required, got = "give a finite, nonzero leading weight", f"{total} at h = {h}"
-            raise ValueError(complaint("terms", required, got, "take another step"))
+            refuse("terms", required, got, "take another step")
         lead[i], near[i] = -now if values else 1 / total, then / total + (theta == 0)
         lists.append(_over(total, terms))
         for found, (start_of, _) in zip(start_lists, starts, strict=True):

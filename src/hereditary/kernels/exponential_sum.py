@@ -18,7 +18,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.special import gammaincc, gammainccinv, gammaln, loggamma, rgamma
 
-from ..support.checks import complaint, positive, within
+from ..support.checks import positive, refuse, within
 
 # Fractions of the tolerance for trapezoid rule, fast end and slow end, which add up to one.
 _TRAPEZOID, _FAST, _SLOW = 0.90, 0.05, 0.05
@@ -51,8 +51,7 @@ def fit_interval(t_min, t_max, tol):
     t_max = positive("t_max", t_max)
     tol = tolerance("tol", tol)
     if not 1 < t_max / t_min <= RATIO_MAX:
-        required = f"lie between t_min = {t_min} and {RATIO_MAX:g} times that"
-        raise ValueError(complaint("t_max", required, t_max))
+        refuse("t_max", f"lie between t_min = {t_min} and {RATIO_MAX:g} times that", t_max)
     return t_min, t_max, tol
 
 

@@ -13,7 +13,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from ..support.checks import complaint
+from ..support.checks import complaint, refuse
 from .exponential_sum import trapezoid_step
 
 # Check points in an oscillation of a power law's error curve, and every which of them is fitted.
@@ -82,7 +82,7 @@ def _sampled(kernel, t_min, t_max, tol, signed=False):
     """Return the kernel on its check points, in units of t_min."""
     ratio = t_max / t_min
     if ratio > RATIO_OF_VALUES:
-        raise ValueError(complaint("t_max", f"be at most {RATIO_OF_VALUES:g} times t_min", t_max))
+        refuse("t_max", f"be at most {RATIO_OF_VALUES:g} times t_min", t_max)
     n = math.ceil(_POINTS_PER_OSCILLATION * math.log(ratio) / trapezoid_step(0.5, tol))
     t = np.exp(np.linspace(0.0, math.log(ratio), max(400, n) // 2 * 2 + 1))
     t[-1] = ratio

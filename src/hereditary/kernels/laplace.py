@@ -8,7 +8,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import ArrayLike
 
-from ..support.checks import complaint
+from ..support.checks import refuse
 from .measured import Kernel
 
 # The hyperbola zeta = 1 + sin(i theta - 0.8), s = scale zeta / t, nodes theta = (k + 1/2) step. Its
@@ -143,7 +143,7 @@ class LaplaceKernel(Kernel):
             required = "be analytic off the negative real axis"
             got = f"inversions that differ by {difference[worst]:.1e} at t = {times[worst]:g}"
             remedy = "a pole elsewhere is a pair of rates of hereditary.Prony"
-            raise ValueError(complaint("transform", required, got, remedy))
+            refuse("transform", required, got, remedy)
         return values
 
     def integral(self, t: ArrayLike) -> np.ndarray:
@@ -160,7 +160,7 @@ class LaplaceKernel(Kernel):
         if values.shape != s.shape or values.dtype.kind not in "iufc":
             required = "give one number for each s of an array"
             got = f"dtype {values.dtype}, shape {values.shape} for {s.shape}"
-            raise TypeError(complaint("transform", required, got, "write it with NumPy"))
+            refuse("transform", required, got, "write it with NumPy", kind=TypeError)
         return values
 
 

@@ -9,7 +9,7 @@ from contextlib import suppress
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..support.checks import complaint, real, real_array
+from ..support.checks import complaint, real, real_array, refuse
 from .exponential_sum import fit_interval
 from .kernel_fits import closest_signed, closest_table, root_mean_square
 from .memory_kernel import ExponentialSum, MemoryKernel
@@ -64,9 +64,9 @@ class Kernel(MemoryKernel):
     ) -> None:
         if not callable(function):
             remedy = "use Kernel.from_table(t, K) for data"
-            raise TypeError(complaint("function", "be callable", repr(function), remedy))
+            refuse("function", "be callable", repr(function), remedy, kind=TypeError)
         if not isinstance(signed, (bool, np.bool_)):
-            raise TypeError(complaint("signed", "be True or False", repr(signed)))
+            refuse("signed", "be True or False", repr(signed), kind=TypeError)
         self._function, self._signed = function, bool(signed)
         self._knots = np.zeros(0)
         if singular_exponent is None:
@@ -75,7 +75,7 @@ class Kernel(MemoryKernel):
             self._exponent = real("singular_exponent", singular_exponent)
         if not 0 <= self._exponent < 1:
             required = "be integrable at 0 (K ~ t**-a with 0 <= a < 1)"
-            raise ValueError(complaint("function", required, f"a = {self._exponent:.4g}"))
+            refuse("function", required, f"a = {self._exponent:.4g}")
 
     @staticmethod
     def from_table(t: ArrayLike, values: ArrayLike) -> TabulatedKernel:
@@ -94,7 +94,7 @@ class Kernel(MemoryKernel):
         bad = np.flatnonzero(~np.isfinite(values) & (t.ravel() > 0))
         if bad.size:
             got = f"{values[bad[0]]} at t = {t.ravel()[bad[0]]:g}"
-            raise ValueError(complaint("function", "give finite values at t > 0", got))
+            refuse("function", "give finite values at t > 0", got)
         return values.reshape(t.shape)
 
     def _at(self, t):
@@ -106,7 +106,7 @@ class Kernel(MemoryKernel):
             values = np.array([self._alone(float(time)) for time in t])
         if values.dtype.kind not in "iuf" or values.shape != t.shape:
             got = f"dtype {values.dtype}, shape {values.shape}"
-            raise TypeError(complaint("function", "give one real number for each time", got))
+            refuse("function", "give one real number for each time", got, kind=TypeError)
         return values.astype(float)
 
     def _alone(self, t):
@@ -125,7 +125,7 @@ class Kernel(MemoryKernel):
             pairs = np.abs(self._at(np.concatenate([_LADDER, 2 * _LADDER]))).reshape(2, -1)
         usable = np.flatnonzero(np.all(np.isfinite(pairs) & (pairs > 0), axis=0))
         if usable.size == 0:
-            raise ValueError(complaint("function", "give finite values at t > 0", "none near 0"))
+            refuse("function", "give finite values at t > 0", "none near 0")
         first, second = pairs[:, usable[0]]
         a = math.log2(first / second)
         rounded = round(a, 6)
@@ -192,22 +192,19 @@ class TabulatedKernel(Kernel):
         times, kernel = real_array("t", t), real_array("values", values)
         if times.ndim != 1 or times.shape != kernel.shape or times.size < 4:
             got = f"shapes {times.shape} and {kernel.shape}"
-            raise ValueError(complaint("t", "have shape (n,) as values, n >= 4", got))
+            refuse("t", "have shape (n,) as values, n >= 4", got)
         if times[0] <= 0 or np.any(np.diff(times) <= 0):
-            required = "be positive and increase"
-            raise ValueError(complaint("t", required, times.tolist()[:6], "sort the table by t"))
+            refuse("t", "be positive and increase", times.tolist()[:6], "sort the table by t")
         if np.any(kernel <= 0):
             i = int(np.argmax(kernel <= 0))
             got = f"{kernel[i]:g} at t = {times[i]:g}"
-            remedy = "end the table before noise dominates"
-            raise ValueError(complaint("values", "be positive", got, remedy))
+            refuse("values", "be positive", got, "end the table before noise dominates")
         self._t = self._knots = times
         self._values, logs = kernel, (np.log(times), np.log(kernel))
         early = max(2, int(np.count_nonzero(times <= math.e * times[0])))
         slope = np.polyfit(logs[0][:early], logs[1][:early], 1)[0]
         if slope <= -1:
-            required = "be integrable at 0 (K ~ t**-a with a < 1)"
-            raise ValueError(complaint("values", required, f"a = {-slope:.4g}"))
+            refuse("values", "be integrable at 0 (K ~ t**-a with a < 1)", f"a = {-slope:.4g}")
         self._exponent, self._logs = -slope if slope < -0.05 else 0.0, logs
 
     @property
@@ -219,8 +216,7 @@ class TabulatedKernel(Kernel):
         """Return the kernel values, the shape of `t`; up to the last time of the table."""
         t = np.asarray(t, dtype=float)
         if np.any(t > self._t[-1] * (1 + 1e-12)):
-            required = f"not exceed the table's last time, {self._t[-1]:g}"
-            raise ValueError(complaint("t", required, f"{np.max(t):g}"))
+            refuse("t", f"not exceed the table's last time, {self._t[-1]:g}", f"{np.max(t):g}")
         early = np.minimum(t, self._t[0]) / self._t[0]
         power = early**-self._exponent
         return power * np.exp(np.interp(np.log(np.maximum(t, self._t[0])), *self._logs))
@@ -231,18 +227,18 @@ class TabulatedKernel(Kernel):
         first, last = self._t[0], self._t[-1]
         if t_min < first * (1 - 1e-12) or t_max > last * (1 + 1e-12):
             required = f"lie within the table, [{first:g}, {last:g}]"
-            raise ValueError(complaint("t_min and t_max", required, f"{t_min:g} and {t_max:g}"))
+            refuse("t_min and t_max", required, f"{t_min:g} and {t_max:g}")
         inside = (self._t >= t_min * (1 - 1e-12)) & (self._t <= t_max * (1 + 1e-12))
         if np.count_nonzero(inside) < 4:
             got = f"{np.count_nonzero(inside)} between {t_min:g} and {t_max:g}"
-            raise ValueError(complaint("the table", "have at least 4 times", got))
+            refuse("the table", "have at least 4 times", got)
         times, values = self._t[inside], self._values[inside]
         found = ExponentialSum(*closest_table(times, values, t_min, t_max, tol, True))
         rms = root_mean_square(found(times) / values - 1)
         if rms > tol * (1 + 1e-9):
             remedy = "allow for the noise; only completely monotone data can be fitted closely"
             required = f"be at least {1.01 * rms:.2g}, the rms misfit of the best positive sum"
-            raise ValueError(complaint("tol", required, tol, remedy))
+            refuse("tol", required, tol, remedy)
         return found
 
     def _closest(self, t_min, t_max, tol, fading):

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..support.checks import complaint, instance, real, real_array
+from ..support.checks import instance, real, real_array, refuse
 from ..support.warning import warn
 from .exponential_sum import fit_interval
 from .kernel_fits import closest_positive, in_pairs
@@ -78,14 +78,13 @@ class MemoryKernel(ABC):
     def laplace(self, s: ArrayLike) -> np.ndarray:
         """Return ``int_0^inf K(t) exp(-s t) dt`` at complex s, Re s >= 0, the shape of `s`."""
         required, remedy = "have a Laplace transform in closed form", "take its fit_exponentials"
-        raise ValueError(complaint("kernel", required, repr(self), remedy))
+        refuse("kernel", required, repr(self), remedy)
 
     def fit(self, t_min: float, t_max: float, tol: float) -> ExponentialSum:
         """Return the kernel as a sum of exponentials on [t_min, t_max]; see `fit_exponentials`."""
         found = self.closest_fit(t_min, t_max, tol)
         if found.max_error > tol:
-            required = f"be at least {1.1 * found.max_error:.1e} for this kernel"
-            raise ValueError(complaint("tol", required, tol))
+            refuse("tol", f"be at least {1.1 * found.max_error:.1e} for this kernel", tol)
         return found
 
     def closest_fit(
@@ -113,8 +112,7 @@ class MemoryKernel(ABC):
     def __truediv__(self, divisor: float) -> ScaledKernel:
         inverse = 1 / _not_zero("divisor", divisor)
         if not math.isfinite(inverse):
-            required = "be a finite number other than 0, and so its inverse"
-            raise ValueError(complaint("divisor", required, divisor))
+            refuse("divisor", "be a finite number other than 0, and so its inverse", divisor)
         return _scaled(inverse, self)
 
 
@@ -258,7 +256,7 @@ class Prony(_Exponentials):
             turns, phases = matching("rates", np.imag(rates), "weights", np.imag(weights))
             rate, weight = rate + 1j * turns, weight + 1j * phases
         if np.any(rate.real < 0):
-            raise ValueError(complaint("rates", "not be negative", rate.tolist()))
+            refuse("rates", "not be negative", rate.tolist())
         own, index = np.unique(rate, return_inverse=True)
         masses = np.zeros(own.size, dtype=weight.dtype)
         np.add.at(masses, index, weight)
@@ -269,7 +267,7 @@ class Prony(_Exponentials):
         with_both = own[in_pairs(own.conj())], masses[in_pairs(own.conj())]
         if not np.allclose(with_both, (own.conj(), masses.conj()), rtol=1e-12, atol=0):
             required, remedy = "be complex in conjugate pairs", "the kernel is real"
-            raise ValueError(complaint("rates and weights", required, own.tolist(), remedy))
+            refuse("rates and weights", required, own.tolist(), remedy)
         object.__setattr__(self, "rates", tuple(own.tolist()))
         object.__setattr__(self, "weights", tuple(masses.tolist()))
 
@@ -404,7 +402,7 @@ def _not_zero(argument, value):
     required = "be a finite number other than 0"
     number = real(argument, value, required)
     if number == 0:
-        raise ValueError(complaint(argument, required, number))
+        refuse(argument, required, number)
     return number
 
 
@@ -412,8 +410,7 @@ def matching(name, first, other, second):
     """Return two arrays of one length, at least 1."""
     a, b = np.atleast_1d(real_array(name, first)), np.atleast_1d(real_array(other, second))
     if a.ndim != 1 or a.shape != b.shape or a.size == 0:
-        required = f"have shape (n,) as {other}, n >= 1"
-        raise ValueError(complaint(name, required, f"shapes {a.shape} and {b.shape}"))
+        refuse(name, f"have shape (n,) as {other}, n >= 1", f"shapes {a.shape} and {b.shape}")
     return a, b
 
 
@@ -421,4 +418,4 @@ def all_positive(name, values):
     """Refuse an array with entries of 0 or below."""
     if np.any(values <= 0):
         remedy = "leave out what has no weight" if np.any(values == 0) else ""
-        raise ValueError(complaint(name, "be positive", values.tolist(), remedy))
+        refuse(name, "be positive", values.tolist(), remedy)

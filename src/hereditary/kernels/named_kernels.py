@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import expit, gamma, gammainc, rgamma
 
-from ..support.checks import complaint, count, positive, real, within
+from ..support.checks import count, positive, real, refuse, within
 from .exponential_sum import fit_unit
 from .memory_kernel import ExponentialSum, MemoryKernel, all_positive, matching
 from .special import first_moment_exponential, gauss_unit, mean_exponential
@@ -60,7 +60,7 @@ class PowerLaw(MemoryKernel):
         """Return ``int_0^t K`` = t**(1 - exponent) / (1 - exponent), for exponents below 1."""
         a = float(self.exponent)
         if a >= 1:
-            raise ValueError(complaint("exponent", "be below 1 for a finite integral from 0", a))
+            refuse("exponent", "be below 1 for a finite integral from 0", a)
         return np.asarray(t, dtype=float) ** (1 - a) / (1 - a)
 
     def laplace(self, s: ArrayLike) -> np.ndarray:
@@ -72,7 +72,7 @@ class PowerLaw(MemoryKernel):
         """Return its sum of exponentials in closed form, as close as `tol` requires."""
         a = float(self.exponent)
         if abs(a * math.log(t_min)) > 690:
-            raise ValueError(complaint("t_min", "leave the kernel a finite value there", t_min))
+            refuse("t_min", "leave the kernel a finite value there", t_min)
         rates, weights, error, _ = fit_unit((a,), t_max / t_min, tol)
         return ExponentialSum(rates / t_min, weights[0] * t_min**-a, t_min, t_max, error)
 
@@ -101,7 +101,7 @@ class TemperedPowerLaw(MemoryKernel):
     def __post_init__(self):
         within("exponent", self.exponent, math.ulp(0.0), _BELOW_ONE, "(0, 1)")
         if real("rate", self.rate, "be a finite number of at least 0") < 0:
-            raise ValueError(complaint("rate", "be a finite number of at least 0", self.rate))
+            refuse("rate", "be a finite number of at least 0", self.rate)
 
     @property
     def singular_exponent(self) -> float:
@@ -127,7 +127,7 @@ class TemperedPowerLaw(MemoryKernel):
     def _closest(self, t_min, t_max, tol, fading):
         """Return the power law's sum with all rates faster by `rate`."""
         if self.rate * t_min > _GONE:
-            raise ValueError(complaint("t_min", "come before the kernel is 0 in rounding", t_min))
+            refuse("t_min", "come before the kernel is 0 in rounding", t_min)
         end = min(t_max, max(_GONE / self.rate, 2 * t_min)) if self.rate else t_max
         power = PowerLaw(self.exponent)._closest(t_min, end, tol, fading)
         return ExponentialSum(power.rates + self.rate, power.weights, t_min, t_max, power.max_error)
@@ -158,7 +158,7 @@ class DistributedOrder(MemoryKernel):
     def __init__(self, orders: ArrayLike, weights: ArrayLike) -> None:
         order, weight = matching("orders", orders, "weights", weights)
         if np.any(order < 0) or np.any(order >= 1):
-            raise ValueError(complaint("orders", "lie in [0, 1)", order.tolist()))
+            refuse("orders", "lie in [0, 1)", order.tolist())
         all_positive("weights", weight)
         object.__setattr__(self, "orders", tuple(order.tolist()))
         object.__setattr__(self, "weights", tuple(weight.tolist()))

@@ -8,7 +8,7 @@ from operator import attrgetter
 
 import numpy as np
 
-from ..support.checks import complaint
+from ..support.checks import refuse
 from .memory_kernel import ExponentialSum, MemoryKernel
 from .special import (
     alternating_power_sum,
@@ -107,8 +107,7 @@ class Integrated:
         fit = self.kernel.closest_fit(t_min, t_max, tol, fading=True)
         if np.any(fit.rates == 0):
             required = "decay if it acts on y itself (derivative 0)"
-            remedy = "make the integral of y a component"
-            raise ValueError(complaint("kernel", required, f"{self.kernel!r}", remedy))
+            refuse("kernel", required, f"{self.kernel!r}", "make the integral of y a component")
         shares = fit.weights / fit.rates
         constant = float(self.kernel.integral(t_min))
         constant += (shares @ np.exp(-fit.rates * t_min)).real

@@ -12,7 +12,7 @@ from ..given.schemes.bdf import BDF
 from ..given.schemes.l1 import L1
 from ..given.watch import SLOWEST
 from ..stepping.scheme import Scheme
-from ..support.checks import complaint
+from ..support.checks import refuse
 from .structure import Structure, entries_of, no_slopes
 
 
@@ -64,8 +64,7 @@ class IMEX(Scheme):
     def __post_init__(self):
         inner = self.scheme
         if not isinstance(inner, (L1, BDF)) or inner.order(0.5) > 2:
-            required = "be hereditary.L1(), BDF(1) or BDF(2)"
-            raise ValueError(complaint("scheme", required, repr(inner)))
+            refuse("scheme", "be hereditary.L1(), BDF(1) or BDF(2)", repr(inner))
         for name in ("takes_kernels", "takes_meshes", "meshes_up_to"):
             object.__setattr__(self, name, getattr(inner, name))
 
@@ -79,7 +78,7 @@ class IMEX(Scheme):
         super().check_terms(equation)
         if equation.matrix is None:
             remedy = "Equation(terms, rhs, y0, linear=A), or take the scheme by itself"
-            raise ValueError(complaint("linear", "be given with IMEX", "None", remedy))
+            refuse("linear", "be given with IMEX", "None", remedy)
 
     def order(self, alpha: float, smoothness: str = "smooth") -> float:
         """Return the proven order of convergence at a fixed time; see Error.

@@ -21,7 +21,7 @@ from ..given.steps import UniformSteps
 from ..kernels.memory_kernel import MemoryKernel, warn_of_fit
 from ..stepping.scheme import Scheme
 from ..stepping.state import described, described_terms
-from ..support.checks import complaint, count, instance, positive, real, real_array, shown
+from ..support.checks import count, instance, positive, real, real_array, refuse, shown
 
 # First steps that may be corrected: the first one, by the term's own value at 0.
 _CORRECTED = 1
@@ -97,8 +97,7 @@ class MemoryTerm:
     def _known_part(self):
         refuse_late(self._system, (self.n + 1) * self._h)
         if self.n >= self._how["steps"]:
-            got, remedy = f"{self.n + 1} of them", "make the term for more"
-            raise ValueError(complaint("n_steps", "cover all steps", got, remedy))
+            refuse("n_steps", "cover all steps", f"{self.n + 1} of them", "make the term for more")
         p = self.n % BLOCK
         if p == 0 and self._opened < self.n:
             self._open()
@@ -168,8 +167,7 @@ class MemoryTerm:
         mine = self._made(state.n)
         for name, value in state.made.items():
             if value != mine[name]:
-                required = f"come from a term with the same {name}, here {mine[name]}"
-                raise ValueError(complaint("state", required, value))
+                refuse("state", f"come from a term with the same {name}, here {mine[name]}", value)
         self.n, self._opened, self._u = state.n, state.opened, state.u.copy()
         self._shift, self._term0 = state.start.copy()
         self._lag, self._pieces = state.lag.copy(), state.pieces.copy()
@@ -259,10 +257,10 @@ def memory_term(
     operator, by_values = _operator(kernel_or_order)
     if n_steps is None and by_values:
         required = "be given with a kernel that is known by its values"
-        raise TypeError(complaint("n_steps", required, "None"))
+        refuse("n_steps", required, "None", kind=TypeError)
     system = _alone(operator)
     if system.m == 1 and np.any(speed):
-        raise ValueError(complaint("v0", "be left out for orders up to 1", shown(speed)))
+        refuse("v0", "be left out for orders up to 1", shown(speed))
     plan = _plan(scheme, system, h)
     most = 1 if n_steps is None else count("n_steps", n_steps)
     covered = UniformSteps(h).covered(most, getattr(history, "horizon", None) or 0.0)
@@ -307,13 +305,12 @@ def _plan(scheme, system, h):
         single = plan is not None and plan.given is None and not plan.integral
         if single and corrected <= _CORRECTED:
             return plan
-    raise ValueError(complaint("scheme", required, repr(scheme), remedy))
+    refuse("scheme", required, repr(scheme), remedy)
 
 
 def _array(name, values, shape):
     """Return numbers of the shape of u0, or say why they are not."""
     found = real_array(name, values)
     if found.shape not in (shape, ()):
-        required = f"have the shape of u0, {shape}"
-        raise ValueError(complaint(name, required, f"shape {found.shape}"))
+        refuse(name, f"have the shape of u0, {shape}", f"shape {found.shape}")
     return np.broadcast_to(found, shape).copy()

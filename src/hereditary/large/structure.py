@@ -15,7 +15,7 @@ from ..compiled.linalg import clear_matrix
 from ..equation.affine import affine, later, own_size, slopes
 from ..equation.system import FEW
 from ..functions.build import arity_of
-from ..support.checks import complaint, count, refuse_masked, shown
+from ..support.checks import complaint, count, refuse, refuse_masked, shown
 from .linear_solvers import newton_of_structure
 
 # Diagonals up to which a pattern is taken for a band, its components put in another order: SuperLU
@@ -217,7 +217,7 @@ class OnPattern:
             matrix[self._rows, self._columns] = 0.0
             row, column = (int(places[0]) for places in matrix.nonzero())
             required = "return matrices without entries outside jac_sparsity"
-            raise ValueError(complaint("jac", required, f"one at [{row}, {column}]"))
+            refuse("jac", required, f"one at [{row}, {column}]")
         return values
 
 
@@ -235,17 +235,13 @@ def stated(d, rhs, jac, rearranged, bandwidth=None, jac_sparsity=None, linear=No
     named = [name for name, part in given.items() if part is not None]
     if named and rearranged:
         required = "be left out with memory, complex y, orders above 2 and matrices"
-        got = shown(given[named[0]])
-        raise ValueError(complaint(named[0], required, got, "write a system of real y"))
+        refuse(named[0], required, shown(given[named[0]]), "write a system of real y")
     alone = rhs is None
     if alone and (linear is None or jac is not None):
-        remedy = "rhs=None means linear @ y"
-        raise TypeError(complaint("rhs", "be a function", "None", remedy))
+        refuse("rhs", "be a function", "None", "rhs=None means linear @ y", kind=TypeError)
     if bandwidth is not None and jac_sparsity is not None:
         remedy = "each of them states which entries may differ from 0"
-        raise ValueError(
-            complaint("jac_sparsity", "come without bandwidth", f"bandwidth={bandwidth}", remedy)
-        )
+        refuse("jac_sparsity", "come without bandwidth", f"bandwidth={bandwidth}", remedy)
     matrix = None if linear is None else _linear(linear, d)
     rows = columns = places = None
     shape: tuple[int, ...] = (d, d)
@@ -284,14 +280,14 @@ def _pattern(pattern, d):
     if not hasattr(pattern, "tocsr"):
         pattern = _as_matrix("jac_sparsity", pattern, required)
     if pattern.shape != (d, d):
-        raise ValueError(complaint("jac_sparsity", required, f"shape {pattern.shape}"))
+        refuse("jac_sparsity", required, f"shape {pattern.shape}")
     found = (pattern if pattern.format in ("coo", "csc") else pattern.tocsr()).tocoo()
     rows, columns = found.row.astype(np.int64), found.col.astype(np.int64)
     entries, times = np.unique(rows * d + columns, return_counts=True)
     if entries.size < rows.size:
         row, column = divmod(int(entries[times > 1][0]), d)
         required, got = "hold each entry once", f"[{row}, {column}] more than once"
-        raise ValueError(complaint("jac_sparsity", required, got, "call sum_duplicates()"))
+        refuse("jac_sparsity", required, got, "call sum_duplicates()")
     return rows, columns
 
 
@@ -301,10 +297,10 @@ def _linear(linear, d):
     if not hasattr(linear, "tocsr"):
         linear = _as_matrix("linear", linear, required)
     if linear.shape != (d, d):
-        raise ValueError(complaint("linear", required, f"shape {linear.shape}"))
+        refuse("linear", required, f"shape {linear.shape}")
     if linear.dtype.kind not in "biuf" or not np.all(np.isfinite(linear.data)):
         got = f"{shown(linear.data)} of dtype {linear.dtype}"
-        raise ValueError(complaint("linear", "hold finite real numbers", got))
+        refuse("linear", "hold finite real numbers", got)
     matrix = _sparse().csr_array(linear.tocsr(), dtype=float, copy=True)
     matrix.sum_duplicates()
     return matrix
@@ -318,7 +314,7 @@ def _as_matrix(name, given, required):
     except ValueError:  # rows of unequal length
         values = np.asarray(None)
     if values.ndim != 2 or values.dtype.kind not in "biuf":
-        raise ValueError(complaint(name, required, f"shape {values.shape} of {values.dtype}"))
+        refuse(name, required, f"shape {values.shape} of {values.dtype}")
     return _sparse().csr_array(values)
 
 

@@ -16,7 +16,7 @@ from scipy.special import ndtr
 from ..analysis.growth import LyapunovResult
 from ..analysis.sections import check_unbroken, values_at
 from ..solver.solution import Solution, Status
-from ..support.checks import complaint, instance, positive, real
+from ..support.checks import instance, positive, real, refuse
 
 # A load rests while it moves less than this share of the way that it is pulled in a quarter of the
 # wells' period. Small shares ask for a firm stop; a load in a soft well creeps at up to 1/2.
@@ -166,8 +166,7 @@ def classify(
         period = positive("period", period)
     begin = real("transient", transient)
     if begin >= solution.t[-1]:
-        required = f"lie before the end of the run, {solution.t[-1]:g}"
-        raise ValueError(complaint("transient", required, begin))
+        refuse("transient", f"lie before the end of the run, {solution.t[-1]:g}", begin)
     runs = [solution]
     if check is not None:
         runs.append(instance("check", check, Solution, "a run with half the step"))

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..stepping.dense import curve
-from ..support.checks import complaint, truth
+from ..support.checks import refuse, truth
 from ._axes import chosen, made, style
 
 if TYPE_CHECKING:
@@ -96,7 +96,7 @@ def phase_portrait(
     which = chosen(components, d) if components is not None or not pair else [0, 1]
     if pair and len(which) != 2:
         required = "name two components, one against the other, for orders up to 1"
-        raise ValueError(complaint("components", required, repr(components)))
+        refuse("components", required, repr(components))
     if pair:
         labels = f"$y_{{{which[0] + 1}}}$", f"$y_{{{which[1] + 1}}}$"
     else:
@@ -280,4 +280,4 @@ def _against_time(solution, ax, derivative, components, line):
 def _check_derivative(solution):
     if solution.ydot is None:
         required = "hold a first derivative (highest order above 1)"
-        raise ValueError(complaint("solution", required, "ydot = None", "plot the oscillogram"))
+        refuse("solution", required, "ydot = None", "plot the oscillogram")

@@ -14,7 +14,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LinearSegmentedColormap, to_rgb
 from matplotlib.patches import Patch
 
-from ..support.checks import complaint
+from ..support.checks import refuse
 from ._axes import LABELS, made, style
 
 if TYPE_CHECKING:
@@ -156,8 +156,7 @@ def regime_map(
     matplotlib Axes
     """
     if len(table.axes) != 2:
-        required = "have two axes"
-        raise ValueError(complaint("table", required, ", ".join(table.axes), "fix the others"))
+        refuse("table", "have two axes", ", ".join(table.axes), "fix the others")
     (up, y), (right, x) = table.axes.items()
     with made(ax) as ax:
         verdicts = table[regime]
@@ -186,8 +185,7 @@ def regime_map(
 
 def _only_axis(table):
     if len(table.axes) != 1:
-        required = "have one axis"
-        raise ValueError(complaint("table", required, ", ".join(table.axes), "fix the others"))
+        refuse("table", "have one axis", ", ".join(table.axes), "fix the others")
     ((axis, values),) = table.axes.items()
     return axis, values
 

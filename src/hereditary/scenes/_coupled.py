@@ -4,7 +4,7 @@ import numpy as np
 
 from ..equation.equation import Equation
 from ..equation.operators import Caputo
-from ..support.checks import complaint, real_array
+from ..support.checks import real_array, refuse
 
 
 def coupled(d, alpha, rhs, y0, params, jac):
@@ -12,12 +12,11 @@ def coupled(d, alpha, rhs, y0, params, jac):
     orders = real_array("alpha", alpha)
     if orders.shape not in ((), (d,)):
         required = f"be one number or one for each of the {d} components"
-        raise ValueError(complaint("alpha", required, f"shape {orders.shape}"))
+        refuse("alpha", required, f"shape {orders.shape}")
     if np.any(orders <= 0) or np.any(orders > 1):
         remedy = "orders above 1 need y'(0) too, write an Equation for them"
-        raise ValueError(complaint("alpha", "lie in (0, 1]", orders.tolist(), remedy))
+        refuse("alpha", "lie in (0, 1]", orders.tolist(), remedy)
     start = real_array("y0", y0)
     if start.shape != (d,):
-        required = f"hold one number for each of the {d} components"
-        raise ValueError(complaint("y0", required, f"shape {start.shape}"))
+        refuse("y0", f"hold one number for each of the {d} components", f"shape {start.shape}")
     return Equation(Caputo(orders), rhs, start, params=params, jac=jac)

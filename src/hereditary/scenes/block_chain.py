@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from ..compiled.jit import compiled
 from ..equation.equation import Equation
 from ..solver.solution import Solution
-from ..support.checks import complaint, count, positive, real, real_array
+from ..support.checks import count, positive, real, real_array, refuse
 from .linear import oscillator_terms
 from .stick_slip import checked_well, over_sine, slope_of_wells
 
@@ -125,8 +125,7 @@ def _by_blocks(name, values, blocks):
     """Return one number for each block."""
     found = real_array(name, values)
     if found.shape not in ((), (blocks,)):
-        required = f"be a number or have shape ({blocks},)"
-        raise ValueError(complaint(name, required, f"shape {found.shape}"))
+        refuse(name, f"be a number or have shape ({blocks},)", f"shape {found.shape}")
     return np.broadcast_to(found, blocks)
 
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from ..equation.equation import Equation
 from ..equation.operators import Caputo
-from ..support.checks import complaint, count, one_of, positive, real_array, shown, within
+from ..support.checks import count, one_of, positive, real_array, refuse, shown, within
 
 
 def subdiffusion(
@@ -82,7 +82,7 @@ def subdiffusion(
     if alpha > 1:
         rows.append(_field("v0", v0, shape, np.zeros(shape)))
     elif v0 is not None:
-        raise ValueError(complaint("v0", "be left out for alpha up to 1", shown(v0)))
+        refuse("v0", "be left out for alpha up to 1", shown(v0))
     matrix = positive("diffusivity", diffusivity) * _laplacian(points, dimensions)
     return Equation(Caputo(alpha), source, rows, params, linear=matrix)
 
@@ -91,7 +91,7 @@ def _field(name, values, shape, default):
     """Return values on the points as one row."""
     found = default if values is None else real_array(name, values)
     if found.shape != shape:
-        raise ValueError(complaint(name, f"have shape {shape}", f"shape {found.shape}"))
+        refuse(name, f"have shape {shape}", f"shape {found.shape}")
     return found.ravel()
 
 

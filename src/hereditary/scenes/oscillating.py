@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from ..compiled.jit import compiled
 from ..equation.equation import Equation
 from ..equation.operators import Caputo, RiemannLiouville
-from ..support.checks import complaint, positive, real, truth
+from ..support.checks import positive, real, refuse, truth
 from ._coupled import coupled
 from .linear import oscillator_terms
 
@@ -285,7 +285,7 @@ def selkov(
         return found.replace(terms=scale ** (found.orders[0] - 1) * Caputo(found.orders[0]))
     if len(each) != 2 or not all(callable(order) for order in each):
         required = "be functions of the time for both components, or for none"
-        raise ValueError(complaint("alpha", required, repr(alpha), "write lambda t: 0.9"))
+        refuse("alpha", required, repr(alpha), "write lambda t: 0.9")
     first, second = each
     log_scale = math.log(scale)
 

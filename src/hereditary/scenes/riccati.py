@@ -5,7 +5,7 @@ import numpy as np
 from ..compiled.jit import compiled
 from ..equation.equation import Equation
 from ..equation.operators import Caputo
-from ..support.checks import complaint, real, within
+from ..support.checks import real, refuse, within
 
 
 @compiled
@@ -78,7 +78,7 @@ def riccati(
     for name, value in named.items():
         number = np.asarray(value)
         if number.ndim or number.dtype.kind not in "iufc" or not np.isfinite(number):
-            raise ValueError(complaint(name, "be a finite number, real or complex", repr(value)))
+            refuse(name, "be a finite number, real or complex", repr(value))
         found.append(complex(number))
     params = [part for number in found[:3] for part in (number.real, number.imag)]
     return Equation(Caputo(alpha), _complex_quadratic, found[3], params)

@@ -7,7 +7,7 @@ import math
 
 from ..compiled.jit import compiled
 from ..equation.equation import Equation
-from ..support.checks import complaint, real
+from ..support.checks import real, refuse
 from .linear import oscillator_terms
 
 
@@ -212,7 +212,7 @@ def fitzhugh_nagumo(
     """
     a, b, c = real("a", a), real("b", b), real("c", c)
     if c == 0:
-        raise ValueError(complaint("c", "not be 0", c))
+        refuse("c", "not be 0", c)
     spring = 1.0 - b, 0.0, b / 3
     drive = a + b * real("stimulus", stimulus), 0.0, 1.0
     return _oscillator(beta, gamma, (c, 1.0 - b / c**2, *spring, *drive), x0, v0)

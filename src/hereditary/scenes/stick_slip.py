@@ -18,7 +18,7 @@ from ..equation.operators import Memory, Term
 from ..kernels.memory_kernel import MemoryKernel
 from ..solver.events import bracketed_root
 from ..solver.solution import Solution
-from ..support.checks import complaint, count, positive, real, real_array
+from ..support.checks import count, positive, real, real_array, refuse
 from .linear import oscillator_terms
 
 # Fourier coefficients of the well as [ParovikStickSlip], Example 1, prints them.
@@ -150,8 +150,7 @@ def checked_well(well):
     """Return Fourier coefficients (n,) of the force, the printed ones by default."""
     found = real_array("well", PRINTED_WELL if well is None else well)
     if found.ndim != 1 or found.size == 0:
-        required = "be a flat sequence a_1, a_2, ..."
-        raise ValueError(complaint("well", required, f"shape {found.shape}"))
+        refuse("well", "be a flat sequence a_1, a_2, ...", f"shape {found.shape}")
     return found
 
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..functions.reads import digest
 from ..stepping.times import together
-from ..support.checks import complaint, real, shown
+from ..support.checks import complaint, real, refuse, shown
 
 # A value that has a sign, and no size.
 TINY = 5e-324
@@ -228,7 +228,7 @@ def _first_value(function, t, y):
     """Return the function at the start, checked."""
     required = "be functions event(t, y)"
     if not callable(function):
-        raise TypeError(complaint("events", required, repr(function)))
+        refuse("events", required, repr(function), kind=TypeError)
     try:
         value = value_of(function, t, y)
     except _Failed as error:
@@ -237,12 +237,11 @@ def _first_value(function, t, y):
         raise kind(complaint("events", required, error)) from error
     if not math.isfinite(value):
         got = f"{value} from {_name(function)} at t = {t + getattr(function, 'start', 0.0)}"
-        raise ValueError(complaint("events", "be finite at the start", got))
+        refuse("events", "be finite at the start", got)
     real("direction", getattr(function, "direction", 0.0))
     if getattr(function, "forget", False):
         remedy = "end the run there, and begin another Equation with t_start and the y reached"
-        required = "forget no past"
-        raise ValueError(complaint("events", required, f"forget of {_name(function)}", remedy))
+        refuse("events", "forget no past", f"forget of {_name(function)}", remedy)
     return value
 
 
@@ -254,7 +253,7 @@ def _limit(function):
     if isinstance(terminal, numbers.Integral) and int(terminal) >= 0:
         return float(terminal) or math.inf
     required = "be True, False or the number of zeros that end the run"
-    raise ValueError(complaint("terminal", required, f"{terminal!r} of {_name(function)}"))
+    refuse("terminal", required, f"{terminal!r} of {_name(function)}")
 
 
 def bracketed_root(function, low, high):

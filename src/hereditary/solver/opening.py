@@ -9,7 +9,17 @@ from ..given.fixed_stepper import FixedStepper
 from ..given.history.exponentials import SumOfExponentials
 from ..given.history.history import History
 from ..given.steps import COUNTED, UniformSteps, mesh_steps, steps_in
-from ..support.checks import complaint, count, instance, positive, real_array, shown, whole, within
+from ..support.checks import (
+    complaint,
+    count,
+    instance,
+    positive,
+    real_array,
+    refuse,
+    shown,
+    whole,
+    within,
+)
 
 # Logarithms of the powers of the step that schemes may have to divide by.
 _LEAST, _MOST = -290.0, 290.0
@@ -51,11 +61,9 @@ def how_to_step(
     if mesh is None or mesh is False:
         return _uniform_steps(equation, t_end, n_steps, state)
     if n_steps is not None:
-        required = "be left out if a mesh is given"
-        raise ValueError(complaint("n_steps", required, repr(n_steps)))
+        refuse("n_steps", "be left out if a mesh is given", repr(n_steps))
     if state is not None and state.h > 0:
-        required = "be left out if a run of uniform steps is resumed"
-        raise ValueError(complaint("mesh", required, shown(mesh)))
+        refuse("mesh", "be left out if a run of uniform steps is resumed", shown(mesh))
     return mesh_steps(mesh, t_end, state and state.steps, equation.frame.start)
 
 
@@ -72,7 +80,7 @@ def open_stepper(
         stepper, stop = AdaptiveStepper(equation, scheme, t_end, how, directions), t_end
         if state is not None and stepper.modes_tol != state.modes_tol:
             required = f"be left out or ask for modes as the state has them, to {state.modes_tol:g}"
-            raise ValueError(complaint("history", required, f"to {stepper.modes_tol:g}"))
+            refuse("history", required, f"to {stepper.modes_tol:g}")
     else:
         stop, history = how.n, history or getattr(state, "history", None) or SumOfExponentials()
         covered = state.memory_steps if state is not None and state.h > 0 else stop
@@ -80,8 +88,7 @@ def open_stepper(
     if state is not None:
         stepper.restore(state, allow_change)
         if not np.all(np.isfinite(stepper.y)):
-            required = "hold a finite solution"
-            raise ValueError(complaint("resume", required, f"y = {shown(stepper.y)}"))
+            refuse("resume", "hold a finite solution", f"y = {shown(stepper.y)}")
     if isinstance(stepper, FixedStepper):
         try:
             stepper.prepare(stop)
@@ -96,7 +103,7 @@ def _refuse(reason, remedy="", **given):
     """Refuse arguments that are given."""
     for name, value in given.items():
         if value is not None:
-            raise ValueError(complaint(name, f"be left out {reason}", shown(value), remedy))
+            refuse(name, f"be left out {reason}", shown(value), remedy)
 
 
 def _check_end(t_end, equation):
@@ -110,7 +117,7 @@ def _tolerance(equation, state, history, rtol=None, atol=None, max_step=None, ma
     """Return the `Tolerance`; what is not given is that of a state, or a default."""
     if not isinstance(history, SumOfExponentials | None):
         required = "be left out with Collocation, or be SumOfExponentials(tol)"
-        raise ValueError(complaint("history", required, repr(history)))
+        refuse("history", required, repr(history))
     modes = None if history is None else history.tol
     if state is not None:
         rtol = state.rtol if rtol is None else rtol
@@ -135,7 +142,7 @@ def _absolute(atol, n):
     values = real_array("atol", atol)
     if values.shape != (n,) or not np.all(values > 0):
         required = f"be a positive number, or one for each of the {n} components of y"
-        raise ValueError(complaint("atol", required, shown(values)))
+        refuse("atol", required, shown(values))
     return tuple(values.tolist())
 
 
@@ -144,28 +151,27 @@ def _uniform_steps(equation, t_end, n_steps, state):
     origin = equation.frame.start
     if state is None:
         if n_steps is None:
-            raise TypeError(complaint("n_steps", "be given", "None", "e.g. n_steps=10_000"))
+            refuse("n_steps", "be given", "None", "e.g. n_steps=10_000", kind=TypeError)
         n_steps = count("n_steps", whole(n_steps))
         if n_steps > COUNTED:
             required = f"be at most {COUNTED:.0e}, so that times of steps differ"
-            raise ValueError(complaint("n_steps", required, f"{n_steps:.3g}"))
+            refuse("n_steps", required, f"{n_steps:.3g}")
         h, order = t_end / n_steps, float(equation.highest_orders().max())
         if h == 0 or not _LEAST < order * math.log10(h) < _MOST:
             required = f"leave steps h whose power h**{order:g} is a number of double precision"
-            raise ValueError(complaint("t_end", required, f"h = {h}", "take another unit of time"))
+            refuse("t_end", required, f"h = {h}", "take another unit of time")
         return UniformSteps(h, n_steps)
     if state.h == 0:
         required = "be given if a run on a mesh is resumed"
-        raise TypeError(complaint("mesh", required, "None", "times from the state's time on"))
+        refuse("mesh", required, "None", "times from the state's time on", kind=TypeError)
     n_total = steps_in("t_end", t_end, state.h)
     if n_total <= state.n:
-        required = f"exceed the state's time {origin + state.t}"
-        raise ValueError(complaint("t_end", required, origin + t_end))
+        refuse("t_end", f"exceed the state's time {origin + state.t}", origin + t_end)
     if abs(n_total * state.h - t_end) > 1e-6 * state.h:
         remedy = f"the nearest is {origin + n_total * state.h}"
         required = f"be a whole number of the state's steps h = {state.h}"
-        raise ValueError(complaint("t_end", required, origin + t_end, remedy))
+        refuse("t_end", required, origin + t_end, remedy)
     if n_steps is not None and count("n_steps", whole(n_steps)) not in (n_total, n_total - state.n):
         required = f"be {n_total - state.n} (from the state) or {n_total} (from 0), its step kept"
-        raise ValueError(complaint("n_steps", required, n_steps, "or leave n_steps out"))
+        refuse("n_steps", required, n_steps, "or leave n_steps out")
     return UniformSteps(state.h, n_total)

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from ..stepping.dense import Dense, curve
 from ..stepping.state import State
 from ..stepping.status import Status
-from ..support.checks import complaint, one_of, shown
+from ..support.checks import complaint, one_of, refuse, shown
 from ..support.html import paragraph, rows_of, small_figure
 from ..support.optional import optional
 from ..support.warning import warn
@@ -152,7 +152,7 @@ class Solution:
             required = "be answered by rows: this run kept no dense output"
             remedy = "leave out t_eval, save_every and components, or pass t_eval; a file of "
             remedy += "Solution.save has rows only: pickle the solution to call it later"
-            raise ValueError(complaint("t", required, shown(t), remedy))
+            refuse("t", required, shown(t), remedy)
         derivative = one_of("derivative", derivative, (0, 1), "be 0 or 1")
         return self.dense(t, derivative, self.t[-1])
 

@@ -19,7 +19,6 @@ from ..stepping.scheme import Scheme
 from ..stepping.state import AdaptiveState, GivenState, State, check_sound
 from ..stepping.times import checked_breaks
 from ..support.checks import (
-    complaint,
     component_numbers,
     count,
     instance,
@@ -27,6 +26,7 @@ from ..support.checks import (
     positive,
     real,
     real_array,
+    refuse,
     refusing,
     shown,
     truth,
@@ -244,7 +244,7 @@ def solve(
     if params is not None:
         if resume is None:
             remedy = "equation.replace(params=...) makes an equation with others"
-            raise ValueError(complaint("params", "come with resume", repr(params), remedy))
+            refuse("params", "come with resume", repr(params), remedy)
         equation, allow_change = equation.replace(params=params), True
     start = equation.frame.start
     t_last = run_end("t_end", t_end, start)
@@ -293,13 +293,13 @@ def _begin(resume, scheme, allow_change, start, t_end):
     if resume is None:
         if allow_change:
             remedy = "it allows another right-hand side than the state's"
-            raise ValueError(complaint("allow_change", "come with resume", allow_change, remedy))
+            refuse("allow_change", "come with resume", allow_change, remedy)
         return start
     kind = AdaptiveState if scheme.adaptive else GivenState
     instance("resume", resume, kind, "the .state of an earlier Solution of the same kind")
     check_sound(resume)
     if t_end - start <= resume.t:
-        raise ValueError(complaint("t_end", f"exceed the state's time {start + resume.t}", t_end))
+        refuse("t_end", f"exceed the state's time {start + resume.t}", t_end)
     return start + resume.t
 
 
@@ -307,12 +307,10 @@ def _kept(equation, save_every, times, components):
     """Return what a run keeps, checked: `times` of rows, or every so many-th step."""
     save_every = min(count("save_every", whole(save_every)), COUNTED)
     if save_every > 1 and times is not None:
-        required = "be left out if t_eval names the rows to keep"
-        raise ValueError(complaint("save_every", required, save_every))
+        refuse("save_every", "be left out if t_eval names the rows to keep", save_every)
     if components is not None:
         if equation.frame.paired or equation.frame.speeds:
-            required = "be left out for complex y and orders above 2"
-            raise ValueError(complaint("components", required, shown(components)))
+            refuse("components", "be left out for complex y and orders above 2", shown(components))
         components = component_numbers(components, equation.d)
     return Kept(save_every, times, components)
 
@@ -329,7 +327,7 @@ def run_end(name, t_end, start):
         return positive(name, t_end)
     number = real(name, t_end)
     if number <= start:
-        raise ValueError(complaint(name, f"exceed t_start = {start:g}", number))
+        refuse(name, f"exceed t_start = {start:g}", number)
     return number
 
 
@@ -350,9 +348,9 @@ def evaluation_times(t_eval, t_start, t_end):
     times = np.atleast_1d(real_array("t_eval", t_eval))
     inside = f"be increasing times in [{t_start}, {t_end}]"
     if times.ndim != 1 or times.size == 0:
-        raise ValueError(complaint("t_eval", inside, f"shape {times.shape}"))
+        refuse("t_eval", inside, f"shape {times.shape}")
     # times computed otherwise may miss the ends by rounding
     slack = 1e-12 * max(abs(t_start), abs(t_end))
     if (times[1:] <= times[:-1]).any() or times[0] < t_start - slack or times[-1] > t_end + slack:
-        raise ValueError(complaint("t_eval", inside, shown(times)))
+        refuse("t_eval", inside, shown(times))
     return np.minimum(np.maximum(times, t_start), t_end)

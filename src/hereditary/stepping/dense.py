@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..equation.frame import Frame
-from ..support.checks import complaint, real_array, shown
+from ..support.checks import real_array, refuse, shown
 
 # A curve's chords miss it by at most this share of its size, half a pixel of 1,000; of a curve that
 # never gets smooth, e.g. rounding errors of a constant, so many points.
@@ -75,14 +75,12 @@ class Dense:
         """Return y, or y' for ``derivative=1``, at times t up to `end`; shape (d,) or (k, d)."""
         times = np.atleast_1d(real_array("t", t))
         if times.ndim > 1:
-            required, remedy = "be a number or of shape (k,)", "pass t.ravel()"
-            raise ValueError(complaint("t", required, f"shape {times.shape}", remedy))
+            refuse("t", "be a number or of shape (k,)", f"shape {times.shape}", "pass t.ravel()")
         if not self._pieces:
-            raise ValueError(complaint("t", "wait for a run that made a step", shown(times)))
+            refuse("t", "wait for a run that made a step", shown(times))
         start = self._starts[0] + self._frame.start
         if not ((times >= start) & (times <= end)).all():
-            required = f"lie in [{start}, {end}]"
-            raise ValueError(complaint("t", required, shown(times)))
+            refuse("t", f"lie in [{start}, {end}]", shown(times))
         times = np.maximum(times - self._frame.start, self._starts[0])
         out = self._evaluate(times, derivative)
         if derivative:

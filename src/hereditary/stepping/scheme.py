@@ -9,7 +9,7 @@ import numpy as np
 
 from ..equation.system import System
 from ..equation.terms import distinct_components
-from ..support.checks import complaint, one_of
+from ..support.checks import one_of, refuse
 
 
 def check_smoothness(smoothness):
@@ -72,23 +72,20 @@ class Scheme(ABC):
                 required = f"need no memory that the right-hand side reads with {name}"
                 d, left = equation.d, equation.enlarged.left
                 got = " and ".join(f"{operator}" for operator, own in left if np.any(own[d:]))
-                raise ValueError(complaint("terms", required, got, remedy))
+                refuse("terms", required, got, remedy)
             remedy = "use ExplicitCaputo or L1"
         for operator, _ in equation.enlarged.left:
             if operator.kernel is not None and not self.takes_kernels:
-                required = f"be Caputo operators with {name}"
-                raise ValueError(complaint("terms", required, f"{operator}", remedy))
+                refuse("terms", f"be Caputo operators with {name}", f"{operator}", remedy)
             if operator.varies and not self.takes_varying:
-                required = f"have constant orders with {name}"
-                raise ValueError(complaint("terms", required, f"{operator}", remedy))
+                refuse("terms", f"have constant orders with {name}", f"{operator}", remedy)
         highest = float(equation.highest_orders().max())
         if highest > self.orders[1]:
             required = f"be at most {self.orders[1]:g} for {self!r}"
-            raise ValueError(complaint("order", required, highest, "use BDF(2) or L1"))
+            refuse("order", required, highest, "use BDF(2) or L1")
         terms = 1 if self.several_terms else max(map(len, distinct_components(equation)[0]))
         if terms > 1:
-            required = f"hold one term for each component with {name}"
-            raise ValueError(complaint("terms", required, f"{terms}", remedy))
+            refuse("terms", f"hold one term for each component with {name}", f"{terms}", remedy)
 
     @abstractmethod
     def order(self, alpha: float, smoothness: str = "smooth") -> float:
@@ -107,4 +104,4 @@ class Scheme(ABC):
         if self.takes_meshes:
             raise NotImplementedError(f"{type(self).__name__}.mesh_plan")
         required = f"be left out with {type(self).__name__}, which takes uniform steps"
-        raise ValueError(complaint("mesh", required, f"{times.size - 1} steps", "or use L1 or L2"))
+        refuse("mesh", required, f"{times.size - 1} steps", "or use L1 or L2")

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..support.checks import complaint
+from ..support.checks import refuse
 from .scheme import Scheme
 
 # Shares of the time so far at which a state remembers orders and kernels that are functions.
@@ -101,10 +101,10 @@ def check_sound(state):
     here, version = _version(), getattr(state, "version", "another one")
     if version != here:
         required = f"come from the same version of hereditary, here {here}"
-        raise ValueError(complaint("resume", required, version, "start anew"))
+        refuse("resume", required, version, "start anew")
     if state.layout != _layout(state):
         required, got = "be a state as a run left it", "arrays of other shapes or types"
-        raise ValueError(complaint("resume", required, got, "start anew"))
+        refuse("resume", required, got, "start anew")
 
 
 def check_reach(state, t_end):
@@ -113,7 +113,7 @@ def check_reach(state, t_end):
     if reached and t_end > reached:
         required = f"stay within t = {reached}, the end of its history"
         remedy = f"begin the run with Collocation(horizon={t_end}), or with the end of later runs"
-        raise ValueError(complaint("resume", required, f"a run to {t_end}", remedy))
+        refuse("resume", required, f"a run to {t_end}", remedy)
 
 
 def _layout(state):
@@ -172,7 +172,7 @@ def check_identity(theirs, mine, allow_change):
         if name in _CHANGEABLE:
             remedy += "; solve(..., allow_change=True) accepts another and keeps the memory"
         required = f"come from a run with the same {name}, here {_short(mine[name])}"
-        raise ValueError(complaint("resume", required, _short(theirs[name]), remedy))
+        refuse("resume", required, _short(theirs[name]), remedy)
     return bool(changed)
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..support.checks import complaint, real_array, shown
+from ..support.checks import real_array, refuse, shown
 
 # Times closer than this, relatively, are one time: a few hundred units of rounding.
 _ONE_TIME = 1e-13
@@ -14,8 +14,7 @@ def checked_breaks(breaks, start):
     if given.size == 0:
         return given.ravel()
     if given.ndim != 1 or np.any(np.diff(given) <= 0) or np.any(given <= start):
-        required = f"be increasing times above {start:g}"
-        raise ValueError(complaint("breaks", required, shown(given)))
+        refuse("breaks", f"be increasing times above {start:g}", shown(given))
     times = given - start
     return times[np.append(True, ~together(times[1:], times[:-1], start))]
 

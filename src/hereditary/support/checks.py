@@ -12,7 +12,7 @@ import reprlib
 import sys
 from collections.abc import Callable, Mapping
 from functools import wraps
-from typing import ParamSpec, TypeVar
+from typing import NoReturn, ParamSpec, TypeVar
 
 import numpy as np
 
@@ -31,6 +31,11 @@ def complaint(argument, required, got, remedy=""):
     return f"{argument} must {required}, got {got}" + (f"; {remedy}" if remedy else "")
 
 
+def refuse(argument, required, got, remedy="", kind: type[Exception] = ValueError) -> NoReturn:
+    """Raise the error for a refused argument: what it must do, what arrived, what to do."""
+    raise kind(complaint(argument, required, got, remedy))
+
+
 def refusing(instead: dict[str, str]) -> Callable[[Callable[_P, _R]], Callable[_P, _R]]:
     """Return a decorator that refuses keywords by name and says what to write `instead`."""
 
@@ -39,7 +44,7 @@ def refusing(instead: dict[str, str]) -> Callable[[Callable[_P, _R]], Callable[_
         def checked(*args: _P.args, **keywords: _P.kwargs) -> _R:
             for name in keywords.keys() & instead:
                 required = f"be left out of {function.__name__}"
-                raise TypeError(complaint(name, required, repr(keywords[name]), instead[name]))
+                refuse(name, required, repr(keywords[name]), instead[name], kind=TypeError)
             return function(*args, **keywords)
 
         return checked
@@ -55,15 +60,15 @@ def shown(array):
 def real(argument, value, required="be a finite real number", remedy=""):
     """Return `value` as a finite float, or refuse it."""
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, (numbers.Real, np.ndarray)):
-        raise TypeError(complaint(argument, required, repr(value), remedy))
+        refuse(argument, required, repr(value), remedy, kind=TypeError)
     if isinstance(value, np.ndarray) and (value.ndim or value.dtype.kind not in "iuf"):
-        raise TypeError(complaint(argument, required, f"an array {value!r}", remedy))
+        refuse(argument, required, f"an array {value!r}", remedy, kind=TypeError)
     try:
         number = float(value)
     except OverflowError as error:
         raise ValueError(complaint(argument, required, _BEYOND, remedy)) from error
     if not math.isfinite(number):
-        raise ValueError(complaint(argument, required, number, remedy))
+        refuse(argument, required, number, remedy)
     return number
 
 
@@ -71,7 +76,7 @@ def positive(argument, value, remedy=""):
     """Return `value` as a finite float above zero."""
     number = real(argument, value, "be a finite number above 0", remedy)
     if number <= 0:
-        raise ValueError(complaint(argument, "be a finite number above 0", number, remedy))
+        refuse(argument, "be a finite number above 0", number, remedy)
     return number
 
 
@@ -80,7 +85,7 @@ def within(argument, value, low, high, interval, remedy=""):
     required = f"lie in {interval}"
     number = real(argument, value, required, remedy)
     if not low <= number <= high:
-        raise ValueError(complaint(argument, required, number, remedy))
+        refuse(argument, required, number, remedy)
     return number
 
 
@@ -88,11 +93,11 @@ def count(argument, value, remedy="pass a whole number of at least 1", least=1):
     """Return `value` as an int of at least `least`, 1 or 0."""
     required = "be a positive integer" if least else "be an integer of at least 0"
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, numbers.Integral):
-        raise TypeError(complaint(argument, required, repr(value), remedy))
+        refuse(argument, required, repr(value), remedy, kind=TypeError)
     if abs(int(value)) > sys.float_info.max:
-        raise ValueError(complaint(argument, required, _BEYOND, remedy))
+        refuse(argument, required, _BEYOND, remedy)
     if value < least:
-        raise ValueError(complaint(argument, required, int(value), remedy))
+        refuse(argument, required, int(value), remedy)
     return int(value)
 
 
@@ -112,14 +117,14 @@ def truth(argument, value):
 def function(argument, value, call):
     """Return `value` if it can be called; `call` is how it is called, in a message."""
     if not callable(value):
-        raise TypeError(complaint(argument, f"be a function {call}", reprlib.repr(value)))
+        refuse(argument, f"be a function {call}", reprlib.repr(value), kind=TypeError)
     return value
 
 
 def mapping(argument, value, required):
     """Return `value` if it is a mapping."""
     if not isinstance(value, Mapping):
-        raise TypeError(complaint(argument, required, reprlib.repr(value)))
+        refuse(argument, required, reprlib.repr(value), kind=TypeError)
     return value
 
 
@@ -134,7 +139,7 @@ def refuse_masked(argument, value, required="be real, finite numbers"):
     parts = value if isinstance(value, (list, tuple)) else (value,)
     if any(isinstance(part, np.ma.MaskedArray) and np.ma.is_masked(part) for part in parts):
         remedy = "leave these entries out, or fill them with .filled(...)"
-        raise ValueError(complaint(argument, required, "masked entries", remedy))
+        refuse(argument, required, "masked entries", remedy)
 
 
 def real_array(argument, value, required="be real, finite numbers", remedy=""):
@@ -146,9 +151,9 @@ def real_array(argument, value, required="be real, finite numbers", remedy=""):
         raise TypeError(complaint(argument, required, repr(value), remedy)) from error
     if array.dtype.kind not in "iuf":
         got = f"{reprlib.repr(value)} of dtype {array.dtype}"
-        raise TypeError(complaint(argument, required, got, remedy))
+        refuse(argument, required, got, remedy, kind=TypeError)
     if not np.isfinite(array).all():
-        raise ValueError(complaint(argument, required, shown(array), remedy))
+        refuse(argument, required, shown(array), remedy)
     return array.astype(float, order="C", copy=False)
 
 
@@ -161,7 +166,7 @@ def instance(argument, value, kind, example):
             got, remedy = f"the class {value.__name__}", f"write {value.__name__}(...)"
         elif isinstance(value, str):
             remedy = _call_named(value, kind) or remedy
-        raise TypeError(complaint(argument, f"be {article} {kind.__name__}", got, remedy))
+        refuse(argument, f"be {article} {kind.__name__}", got, remedy, kind=TypeError)
     return value
 
 
@@ -186,6 +191,5 @@ def component_numbers(components, d, argument="components"):
     found = np.atleast_1d(np.asarray(components))
     whole = found.ndim == 1 and found.size and found.dtype.kind in "iu"
     if not whole or np.any(found < 0) or np.any(found >= d):
-        required = f"be numbers of components, 0 to {d - 1}"
-        raise ValueError(complaint(argument, required, shown(components)))
+        refuse(argument, f"be numbers of components, 0 to {d - 1}", shown(components))
     return found.astype(np.int64)

@@ -23,7 +23,7 @@ from ...kernels.exponential_sum import (
     weights_of_moments,
 )
 from ...kernels.memory_kernel import KernelErrors
-from ...support.checks import complaint, positive
+from ...support.checks import positive, refuse
 from ..past import LANES, STARTS, exchange_modes, exchange_nothing, exchange_rows, set_amplitudes
 from ..power_series import inverse_gamma
 from ..row_plan import STRETCH, RowSums
@@ -221,10 +221,10 @@ class _RowModes(Memory):
         shortest = float(np.diff(times[:n_end]).min(initial=np.inf))
         if shortest < covered.shortest * (1 - 1e-9):
             required = f"have no steps below {covered.shortest:g}, the shortest of the first run"
-            raise ValueError(complaint("mesh", required, f"one of {shortest:g}"))
+            refuse("mesh", required, f"one of {shortest:g}")
         if times[n_end] > covered.farthest:
             required = f"stay within t = {covered.farthest:g}, the end of its history"
-            raise ValueError(complaint("resume", required, f"{times[n_end]:g}", _REMEDY))
+            refuse("resume", required, f"{times[n_end]:g}", _REMEDY)
 
 
 class _FittedModes(_RowModes):
@@ -308,7 +308,7 @@ class _Modes(Memory):
 def _refuse_beyond(covered, n_end):
     if n_end > covered:
         required = f"stay within the {covered} steps its history covers"
-        raise ValueError(complaint("resume", required, f"a run to step {n_end}", _REMEDY))
+        refuse("resume", required, f"a run to step {n_end}", _REMEDY)
 
 
 def _bank(convolution, covered, tol):

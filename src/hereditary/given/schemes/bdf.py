@@ -14,7 +14,7 @@ from scipy.special import factorial, rgamma
 
 from ...equation.system import System
 from ...stepping.scheme import Scheme, check_smoothness
-from ...support.checks import complaint, count, within
+from ...support.checks import count, refuse, within
 from ..plan import Plan, WeightRule
 from ..power_series import series_of_power
 from ..uniform_plan import uniform_plan
@@ -68,7 +68,7 @@ class BDF(Scheme):
 
     def __init__(self, order: int = 2) -> None:
         if count("order", order) > 6:
-            raise ValueError(complaint("order", "lie in 1..6", order, "BDF7 is unstable"))
+            refuse("order", "lie in 1..6", order, "BDF7 is unstable")
         # a field called order would hide the method
         object.__setattr__(self, "formula", int(order))
 

@@ -16,7 +16,7 @@ import numpy as np
 from ...equation.system import System
 from ...equation.terms import distinct_components
 from ...stepping.scheme import Scheme, check_smoothness
-from ...support.checks import complaint, within
+from ...support.checks import refuse, within
 from ..plan import Plan
 from ..row_plan import varying_plan
 from ..stability import largest_step, polylogarithm, stability_region
@@ -116,8 +116,7 @@ class ExplicitCaputo(Scheme):
         """
         stiffness = within("stiffness", stiffness, 5e-324, np.inf, "(0, inf)")
         if equation.varies:
-            required, remedy = "have constant orders", "ask for those of one time"
-            raise ValueError(complaint("equation", required, repr(equation), remedy))
+            refuse("equation", "have constant orders", repr(equation), "ask for those of one time")
         return largest_step(lambda h: self._limits(equation, h), stiffness)
 
     def _limits(self, equation, h):

@@ -16,7 +16,7 @@ from ...equation.system import System
 from ...equation.terms import distinct_components
 from ...kernels.special import mean_exponential
 from ...stepping.scheme import Scheme, check_smoothness
-from ...support.checks import complaint, within
+from ...support.checks import refuse, within
 from ..plan import Plan, WeightRule
 from ..stability import largest_step, stability_region
 from ..uniform_plan import uniform_plan
@@ -81,7 +81,7 @@ class GrunwaldLetnikov(Scheme):
 
     def __post_init__(self):
         if not isinstance(self.map, bool):
-            raise TypeError(complaint("map", "be True or False", repr(self.map)))
+            refuse("map", "be True or False", repr(self.map), kind=TypeError)
 
     def __repr__(self) -> str:
         return f"GrunwaldLetnikov({'map=True' if self.map else ''})"

@@ -9,7 +9,7 @@ from scipy.special import rgamma
 from ...equation.system import System
 from ...equation.terms import distinct_components
 from ...stepping.scheme import Scheme, check_smoothness
-from ...support.checks import complaint, within
+from ...support.checks import refuse, within
 from ..plan import Plan
 from ..row_plan import mesh_plan
 from ..uniform_plan import parabola_plan
@@ -80,7 +80,7 @@ class L2Sigma(Scheme):
         if len(distinct) > 1 or len(distinct[0]) > 1:
             required = "be one for all components with L2Sigma above order 1"
             got = f"{len(distinct)} kinds of components, {len(distinct[0])} terms"
-            raise ValueError(complaint("terms", required, got, "use BDF(2) or L1"))
+            refuse("terms", required, got, "use BDF(2) or L1")
         ((c, operator),) = distinct[0]
         return reduce_order(equation, c, operator.order)
 
@@ -101,7 +101,7 @@ def _terms(equation):
     if len(distinct) > 1:
         required = "be the same for all components with L2Sigma, whose sigma depends on them"
         got = f"{len(distinct)} different sets of orders and coefficients"
-        raise ValueError(complaint("terms", required, got, "use L1 or L2"))
+        refuse("terms", required, got, "use L1 or L2")
     return [(c, operator.order) for c, operator in distinct[0]]
 
 
@@ -111,8 +111,7 @@ def _sigma(terms, h):
         return 1 - terms[0][1] / 2
     c, alpha = np.array(terms).T
     if np.any(c < 0):
-        required = "have positive coefficients with L2Sigma"
-        raise ValueError(complaint("terms", required, c.tolist(), "use L1 or L2"))
+        refuse("terms", "have positive coefficients with L2Sigma", c.tolist(), "use L1 or L2")
     weights = c * h ** (2 - alpha) * rgamma(3 - alpha)
     low, high = 1 - alpha.max() / 2, 1 - alpha.min() / 2
     for _ in range(60):
