@@ -45,7 +45,7 @@ def scheme_cells(scheme):
         VARYING: _word(scheme.takes_varying),
         READS: _word(scheme.takes_memory),
         MESHES: "its own"
-        if scheme.adaptive
+        if isinstance(scheme, hd.Collocation)
         else _reach(scheme.takes_meshes, scheme.meshes_up_to, high),
     }
 

@@ -61,10 +61,14 @@ def measure(quick):
             warnings.simplefilter("ignore", hd.PythonFunctionWarning)
             equation = hd.Equation(hd.Caputo(0.9), fun, 1.0)
         for label, scheme in SCHEMES.items():
-            how = {"rtol": 1e-8} if scheme.adaptive else {"n_steps": 2000 if quick else 20000}
+            how = (
+                {"rtol": 1e-8}
+                if isinstance(scheme, hd.Collocation)
+                else {"n_steps": 2000 if quick else 20000}
+            )
 
             def solved(eq, how=how, scheme=scheme):
-                for _ in range(20 if scheme.adaptive else 1):
+                for _ in range(20 if isinstance(scheme, hd.Collocation) else 1):
                     sol = hd.solve(eq, 1.0, scheme=scheme, **how)
                 return sol
 
@@ -72,7 +76,10 @@ def measure(quick):
             runs = partial(solved, equation), partial(solved, compiled), partial(calls, fun)
             spent, beside, own = in_turns(dict(enumerate(runs)), times).values()
             own, n_rhs = 1e6 * own / CALLS, ours.stats["n_rhs"]
-            spent, beside = (value / (20 if scheme.adaptive else 1) for value in (spent, beside))
+            spent, beside = (
+                value / (20 if isinstance(scheme, hd.Collocation) else 1)
+                for value in (spent, beside)
+            )
             yield {
                 "function": name,
                 "scheme": label,

@@ -193,7 +193,7 @@ SCHEMES = [
     hd.Collocation(),
 ]  # fmt: skip
 # Those of given steps that take any right-hand side.
-GIVEN = [s for s in SCHEMES if not (s.adaptive or isinstance(s, hd.IMEX))]
+GIVEN = [s for s in SCHEMES if not isinstance(s, hd.Collocation | hd.IMEX)]
 HISTORIES = [hd.Direct(), hd.FFT(), hd.SumOfExponentials(TOL)]
 
 
@@ -294,7 +294,7 @@ def estimated(scheme):
 
 def _every():
     for family, scheme in product(FAMILIES, SCHEMES):
-        if scheme.adaptive:
+        if isinstance(scheme, hd.Collocation):
             yield Case(family, scheme, None, "tolerance")
         else:
             for history, steps in product(HISTORIES, ("uniform", "mesh")):

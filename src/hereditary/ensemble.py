@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from .equation.equation import Equation, current_equation
 from .given.history.history import History
 from .given.steps import kept_steps
-from .solver.opening import how_to_step, open_stepper
+from .solver.opening import chooses_steps, how_to_step, open_stepper
 from .solver.output import room_for
 from .solver.progress import Interruption, ProgressBar
 from .solver.run import Drive, reached_end, told
@@ -168,7 +168,7 @@ def ensemble(
     how = {"scheme": scheme, "history": history, "rtol": rtol, "atol": atol, "n_steps": n_steps}
     how |= {"breaks": breaks}
     kept = steps = None
-    if rtol is None and not scheme.adaptive:
+    if rtol is None and not chooses_steps(scheme):
         if atol is not None:
             refuse("atol", "come with rtol", atol)
         steps = how_to_step(equation, scheme, t_last - start, history=history, n_steps=n_steps)

@@ -33,7 +33,7 @@ def test_a_terminal_event_ends_the_run_and_it_goes_on_from_there(scheme, history
     assert first.t[-1] == first.t_events[0][0]
     assert first.y[-1, 0] == pytest.approx(0.5, abs=1e-14)
     np.testing.assert_array_equal(first.y[:-1], whole.y[: len(first.y) - 1])
-    n = first.state.n
+    n = first.state.how.n
     assert whole.t[n - 1] < first.t[-1] <= whole.t[n]
     state = pickle.loads(pickle.dumps(first.state))
     later = hd.solve(equation, 3.0, resume=state, events=stop_at_half)

@@ -29,7 +29,7 @@ from ..given.schemes.bdf import BDF
 from ..given.schemes.explicit import ExplicitCaputo
 from ..given.schemes.l1 import L1
 from ..given.steps import steps_in
-from ..solver.opening import how_to_step, open_stepper
+from ..solver.opening import chooses_steps, how_to_step, open_stepper
 from ..solver.progress import Interruption, ProgressBar
 from ..solver.run import Drive, reached_end, told
 from ..stepping.dense import StepPieces
@@ -342,7 +342,7 @@ def _another(equation, scheme, result, finer):
     And how it differs.
     """
     n, found = result.stats["n_steps"], result.settings
-    if scheme.adaptive:
+    if chooses_steps(scheme):
         finer = finer or found["rtol"] > _LOOSEST
         factor = 0.1 if finer else 10.0
         atol = None if found["atol"] is None else factor * np.asarray(found["atol"])
@@ -390,13 +390,13 @@ def _run(
     restarts = isinstance(mode, str) and mode == "restart"
     remedy = "convergence/restarting.py cuts the memory" if restarts else ""
     mode = one_of("mode", mode, _MODES, f"be one of {', '.join(map(repr, _MODES))}", remedy)
-    if scheme.adaptive and mode != "tangent":
+    if chooses_steps(scheme) and mode != "tangent":
         remedy = "take a scheme of given steps, e.g. Adams() or BDF(2)"
         refuse("mode", 'be "tangent" with Collocation', repr(mode), remedy)
     system, most = marched(equation, scheme), n_data(equation)
-    given = {"max_steps": _ANY} if scheme.adaptive else {"n_steps": n_steps}
+    given = {"max_steps": _ANY} if chooses_steps(scheme) else {"n_steps": n_steps}
     how = how_to_step(system, scheme, t_end, history=history, rtol=rtol, atol=atol, **given)
-    n = _MARKS if scheme.adaptive and n_steps is None else count("n_steps", whole(n_steps))
+    n = _MARKS if chooses_steps(scheme) and n_steps is None else count("n_steps", whole(n_steps))
     h = t_end / n
     if count("k", k) > most:
         refuse("k", f"be at most the number of initial data, {most}", k)
@@ -426,7 +426,7 @@ def _run(
         "transient": h * transient, "seed": int(seed), "separation": separation, "scheme": scheme,
         "history": getattr(stepper, "history", history), "t_end": t_end, "window": window,
     }  # fmt: skip
-    settings |= {"rtol": how.rtol, "atol": how.atol} if scheme.adaptive else {}
+    settings |= {"rtol": how.rtol, "atol": how.atol} if chooses_steps(scheme) else {}
     seconds = time.perf_counter() - began
     found = _found(stepper, equation, flow, ended, grown, settings, n_blocks, seconds)
     if found.status in _AT_END and (mode == "tangent" or separation < _APART):

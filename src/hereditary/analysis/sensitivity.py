@@ -9,14 +9,13 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..collocation.adaptive_stepper import Tolerance
 from ..compiled.jit import RHS_SIG, as_value, derived
 from ..equation.equation import Equation, current_equation
 from ..equation.system import System
 from ..equation.terms import ConstantOrder, SystemTerm
 from ..given.history.history import History
 from ..given.steps import kept_steps
-from ..solver.opening import how_to_step, open_stepper
+from ..solver.opening import chooses_steps, how_to_step, open_stepper
 from ..solver.run import reached_end, told
 from ..solver.solve import chosen_scheme, evaluation_times, run_end, solve
 from ..stepping.scheme import Scheme
@@ -139,7 +138,7 @@ def sensitivities(
     times = np.array([start, t_last]) if times is None else times
     how = {"scheme": scheme, "history": history, "rtol": rtol, "atol": atol, "n_steps": n_steps}
     size = equation.params.size if "params" in kinds else 0
-    if not scheme.adaptive and (scheme.solve == "imex" or (size and not scheme.components_differ)):
+    if scheme.solve == "imex" or (size and not scheme.components_differ):
         required = "take components of their own orders, which parameters become, and no linear="
         refuse("scheme", required, repr(scheme), "use BDF(2) or Collocation")
     system, units = _with_parameters(equation.dense(), size)
@@ -152,8 +151,8 @@ def sensitivities(
     stepper.set_breaks(checked_breaks(breaks, start), span)
     how["breaks"] = breaks
     # times of steps may be given up to rounding
-    adaptive = isinstance(stepping, Tolerance)
-    stops = times - start if adaptive else kept_steps(times, stepping.h, start)
+    by_time = chooses_steps(scheme)
+    stops = times - start if by_time else kept_steps(times, stepping.h, start)
     rows, tangents = [], []
     for stop in stops:
         while stepper.position < stop and not stepper.trouble:
@@ -238,9 +237,9 @@ def _reading(rhs):
 
 def _by_orders(equation, t_last, times, how):
     """Return derivatives by the orders of all terms, (n, d, n_terms), by differences of runs."""
-    adaptive = how["scheme"].adaptive
-    change = _BY_TOLERANCE if adaptive else _BY_STEPS
-    if adaptive:
+    by_tolerance = chooses_steps(how["scheme"])
+    change = _BY_TOLERANCE if by_tolerance else _BY_STEPS
+    if by_tolerance:
         how = how | {"rtol": min(how["rtol"] or _TIGHT, _TIGHT), "atol": None}
     how = how | {"estimate": False}
 

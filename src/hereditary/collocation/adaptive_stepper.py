@@ -13,7 +13,7 @@ from ..compiled.records import plain
 from ..equation.system import refuse_late
 from ..functions.differences import wrong_jacobian
 from ..kernels.memory_kernel import warn_of_fit
-from ..stepping.state import AdaptiveState, check_identity, check_reach, complete, identity
+from ..stepping.state import check_identity, identity, state_of
 from ..stepping.status import NOT_FINITE, Status, failed
 from ..stepping.stepper import Stepper
 from ..stepping.times import breaks_ahead
@@ -718,30 +718,20 @@ class AdaptiveStepper(Stepper):
         return float(of_steps + of_modes + _OF_ROUNDING * self.n_steps)
 
     def state(self):
-        """Return an `AdaptiveState` from which a later run continues."""
-        rtol, atol = self._tolerances
-        march, orbit, at_singular_start = self.checkpoint()
-        state = AdaptiveState(
-            t=self.t,
-            y=self.y,
-            scheme=self._scheme,
-            rtol=rtol,
-            atol=atol,
-            modes_tol=self.modes_tol,
-            identity=self._identity(self.t),
-            march=march,
-            orbit=orbit,
-            at_singular_start=at_singular_start,
-        )
-        return complete(state)
+        """Return a `State` from which a later run continues."""
+        return state_of(self, self._scheme, Tolerance(*self._tolerances, self.modes_tol))
 
     def restore(self, state, allow_change=False):
         """Continue from `state`; `allow_change` admits another right-hand side or parameters."""
-        changed = check_identity(state.identity, self._identity(state.t), allow_change)
+        changed = check_identity(state.identity, self.identity(state.t), allow_change)
+        kept, orbit, at_singular_start = state.checkpoint
         refuse_late(self.equation, self._t_end)
-        check_reach(state, self._t_end)
-        self._at_singular_start = state.at_singular_start or changed
-        self._go_on_from(state.march, copy.deepcopy(state.orbit))
+        if orbit.farthest and self._t_end > orbit.farthest:
+            required = f"stay within t = {orbit.farthest}, the end of its history"
+            remedy = f"begin the run with Collocation(horizon={self._t_end}), or with the end of"
+            refuse("resume", required, f"a run to {self._t_end}", f"{remedy} later runs")
+        self._at_singular_start = at_singular_start or changed
+        self._go_on_from(kept, copy.deepcopy(orbit))
         self._control["missed"] = 0.0
         self._limit_steps(self._t_end)
 
@@ -784,7 +774,7 @@ class AdaptiveStepper(Stepper):
         self._system.compiled_params[number] = value
         self._at_singular_start = True
 
-    def _identity(self, t):
+    def identity(self, t):
         """Describe the traits that a run to time t shares with one that resumes it."""
         how = {"number of nodes": self._s, "tolerances": self._tolerances}
         return identity(self.equation, t, **how)

@@ -60,7 +60,7 @@ class Collocation(Scheme):
 
     nodes: int = 8
     horizon: float | None = None
-    adaptive: ClassVar[bool] = True
+    solve: ClassVar[str] = "collocation"
     whole: ClassVar[bool] = True
     takes_kernels: ClassVar[bool] = True
     takes_varying: ClassVar[bool] = True

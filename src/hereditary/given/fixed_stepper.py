@@ -1,6 +1,7 @@
 """The stepper of given steps: one march, advanced by a batch of steps at a time."""
 
 import time
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -11,7 +12,7 @@ from ..compiled.signatures import FACTORISE
 from ..equation.system import displaced, refuse_late, side_by_side, variational
 from ..kernels.memory_kernel import misfit_on_given_steps
 from ..stepping.dense import StepPieces
-from ..stepping.state import GivenState, check_identity, complete, described, identity
+from ..stepping.state import check_identity, described, identity, state_of
 from ..stepping.status import NOT_FINITE, Status, failed
 from ..stepping.stepper import Stepper
 from ..support.checks import refuse
@@ -352,34 +353,20 @@ class FixedStepper(Stepper):
         return self.steps.time(self.steps.first_from(t))
 
     def state(self):
-        """A `GivenState` from which a later run goes on bit for bit."""
-        march, memory, watched = self.checkpoint()
-        state = GivenState(
-            t=self.t,
-            n=self.n,
-            steps=self.steps.until(self.n),
-            y=self.y,
-            scheme=self.scheme,
-            history=self.history,
-            identity=self._identity(self.t),
-            block=self._block,
-            march=march,
-            memory=memory,
-            memory_steps=self._span,
-            watched=watched,
-        )
-        return complete(state)
+        """A `State` from which a later run goes on bit for bit."""
+        how = replace(self.steps.until(self.n), span=self._span)
+        return state_of(self, self.scheme, how, self.history)
 
     def restore(self, state, allow_change=False):
         """Take over where `state` was taken, of another right-hand side where that is allowed."""
-        changed = check_identity(state.identity, self._identity(state.t), allow_change)
-        self._take(state.march, state.memory, state.watched)
+        changed = check_identity(state.identity, self.identity(state.t), allow_change)
+        self._take(*state.checkpoint)
         if changed:
             self._march.counts["kept"] = 0
             self._forget_explicit()
         self._refactorise()
 
-    def _identity(self, t):
+    def identity(self, t):
         """Describe what a run to time t must share with one that resumes it."""
         how = {"scheme": described(self.scheme), "history": described(self.history)}
         return identity(self.equation, t, **how)

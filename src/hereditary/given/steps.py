@@ -102,14 +102,17 @@ class UniformSteps:
         Step [time].
     n : int
         Steps of the run.
+    span : int
+        Steps that the memory of a run covers; 0 before it begins.
     """
 
     h: float
     n: int = 0
+    span: int = 0
 
     def covered(self, n_steps: int, horizon: float) -> int:
         """Return the number of steps that a history is to cover, at least to `horizon`."""
-        return max(int(n_steps), math.ceil(horizon / self.h * (1 - 1e-12)))
+        return max(self.span, int(n_steps), math.ceil(horizon / self.h * (1 - 1e-12)))
 
     def time(self, n: int) -> float:
         """Return the time of step n."""
@@ -117,7 +120,7 @@ class UniformSteps:
 
     def until(self, n: int) -> UniformSteps:
         """Return the first n steps."""
-        return UniformSteps(self.h, n)
+        return replace(self, n=n)
 
     def unit(self, n: int) -> float:
         """Return the length of the step that ends at step n."""

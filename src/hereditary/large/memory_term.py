@@ -298,7 +298,7 @@ def _plan(scheme, system, h):
     """Return the scheme's plan, or refuse a scheme whose steps are more than one equation."""
     required = "solve one equation a step here"
     remedy = "use BDF(1), BDF(2), L1, or up to order 1 L12, L2 or L2Sigma"
-    if not scheme.adaptive and scheme.solve == "newton":
+    if scheme.solve == "newton":
         scheme.check_terms(system)
         plan = None if scheme.reduction(system) else scheme.plan(system, h)
         corrected = 0 if plan is None or plan.corrections is None else len(plan.corrections)

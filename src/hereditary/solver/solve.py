@@ -16,7 +16,7 @@ from ..given.schemes.explicit import ExplicitCaputo
 from ..given.schemes.grunwald_letnikov import GrunwaldLetnikov
 from ..given.steps import COUNTED, Graded
 from ..stepping.scheme import Scheme
-from ..stepping.state import AdaptiveState, GivenState, State, check_sound
+from ..stepping.state import State, check_sound
 from ..stepping.times import checked_breaks
 from ..support.checks import (
     component_numbers,
@@ -34,7 +34,7 @@ from ..support.checks import (
 )
 from .events import Events
 from .first_order import note_error
-from .opening import how_to_step, open_stepper
+from .opening import chooses_steps, how_to_step, open_stepper
 from .output import Kept, Output
 from .run import Drive, note_missed, run
 from .solution import Solution
@@ -279,7 +279,7 @@ def solve(
     output = Output(stepper, stop, kept, found)
     march = partial(hybrid.march, output) if hybrid else Drive.to
     solution = run(stepper, stop, t_last, output, progress, began, march)
-    if scheme.adaptive and estimate:
+    if estimate:
         note_missed(solution, stepper)
     first_order = isinstance(scheme, (ExplicitCaputo, GrunwaldLetnikov)) and mesh is None
     first_order = first_order and not scheme.is_map
@@ -295,8 +295,10 @@ def _begin(resume, scheme, allow_change, start, t_end):
             remedy = "it allows another right-hand side than the state's"
             refuse("allow_change", "come with resume", allow_change, remedy)
         return start
-    kind = AdaptiveState if scheme.adaptive else GivenState
-    instance("resume", resume, kind, "the .state of an earlier Solution of the same kind")
+    instance("resume", resume, State, "the .state of an earlier Solution")
+    if chooses_steps(resume.scheme) != chooses_steps(scheme):
+        required = "come from a run by a tolerance if it goes on by one, or else on given steps"
+        refuse("resume", required, f"one with {resume.scheme!r} for {scheme!r}")
     check_sound(resume)
     if t_end - start <= resume.t:
         refuse("t_end", f"exceed the state's time {start + resume.t}", t_end)
@@ -335,7 +337,7 @@ def chosen_scheme(scheme, rtol, n_steps, mesh, resume):
     """Return the scheme given, or the state's, or the default of the other arguments."""
     if scheme is not None:
         return instance("scheme", scheme, Scheme, "hereditary.ExplicitCaputo()")
-    if isinstance(resume, AdaptiveState) or (isinstance(resume, GivenState) and rtol is None):
+    if isinstance(resume, State) and (rtol is None or chooses_steps(resume.scheme)):
         return resume.scheme
     by_steps = n_steps is not None or mesh is not None or resume is not None
     return ExplicitCaputo() if rtol is None and by_steps else Collocation()

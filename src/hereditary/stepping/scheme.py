@@ -39,8 +39,7 @@ class Scheme(ABC):
     """
 
     solve: ClassVar[str]
-    # whether it chooses its own steps, and whether what it stores of orders above 1 keeps t x'(0)
-    adaptive: ClassVar[bool] = False
+    # whether what it stores of orders above 1 keeps t x'(0)
     whole: ClassVar[bool] = False
     several_terms: ClassVar[bool] = True
     several_up_to: ClassVar[float] = 2.0

@@ -29,10 +29,14 @@ class State:
     y : ndarray, shape (d,)
         Solution at `t`.
     scheme : Scheme
-        How the run was made, and how it goes on.
+    how : UniformSteps, MeshSteps or Tolerance
+        How the run made its steps. Given steps are those made so far.
+    history : History or None
+        Of given steps.
     identity : dict
         Terms, right-hand side and more, by name; checked on resuming, as `version` and `layout`.
-    march : tuple
+    checkpoint : tuple
+        What the stepper's `checkpoint` returned.
     event_signs : dict
         Sign of each event function just after `t`, by its digest.
     version : str
@@ -44,56 +48,36 @@ class State:
     t: float
     y: np.ndarray
     scheme: Scheme
+    how: Any
+    history: Any = None
     identity: dict[str, Any] = field(repr=False)
-    march: tuple = field(repr=False)
+    checkpoint: tuple = field(repr=False)
     event_signs: dict[str, float] = field(default_factory=dict, repr=False)
     version: str = field(default="", repr=False)
     layout: list = field(default_factory=list, repr=False)
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class GivenState(State):
-    """State of a run on given steps.
-
-    Attributes
-    ----------
-    n : int
-        Steps made.
-    steps : UniformSteps or MeshSteps
-        Steps made, and of uniform ones all others.
-    history : History
-    """
-
-    n: int
-    steps: Any
-    history: Any
-    block: int = field(repr=False)
-    memory: tuple = field(repr=False)
-    memory_steps: Any = field(repr=False)
-    watched: tuple[float, int] = field(repr=False)
-
-    @property
-    def h(self) -> float:
-        """Step of uniform ones; 0 on a mesh [time]."""
-        return self.steps.h
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class AdaptiveState(State):
-    """State of a run whose steps are chosen by tolerances: rtol, atol, and that of the modes."""
-
-    rtol: float
-    atol: float | tuple[float, ...] | None
-    modes_tol: float = field(repr=False)
-    orbit: Any = field(repr=False)
-    at_singular_start: bool = field(repr=False)
-
-
-def complete(state):
-    """Return the state, whose arrays cannot be changed, with the library's version and layout."""
-    for array in (state.y, *state.march, *getattr(state, "memory", ())):
+def state_of(stepper, scheme, how, history=None):
+    """Return the state of a stepper."""
+    state = State(
+        t=stepper.t,
+        y=stepper.y,
+        scheme=scheme,
+        how=how,
+        history=history,
+        identity=stepper.identity(stepper.t),
+        checkpoint=stepper.checkpoint(),
+    )
+    for array in (state.y, *_arrays(state.checkpoint)):
         array.flags.writeable = False
     return replace(state, version=_version(), layout=_layout(state))
+
+
+def _arrays(part):
+    """List the arrays of a tuple of arrays, tuples and others."""
+    if isinstance(part, np.ndarray):
+        return [part]
+    return [array for each in part for array in _arrays(each)] if isinstance(part, tuple) else []
 
 
 def check_sound(state):
@@ -107,19 +91,10 @@ def check_sound(state):
         refuse("resume", required, got, "start anew")
 
 
-def check_reach(state, t_end):
-    """Refuse a run beyond what the modes of an `AdaptiveState` hold."""
-    reached = state.orbit.farthest
-    if reached and t_end > reached:
-        required = f"stay within t = {reached}, the end of its history"
-        remedy = f"begin the run with Collocation(horizon={t_end}), or with the end of later runs"
-        refuse("resume", required, f"a run to {t_end}", remedy)
-
-
 def _layout(state):
     """Return the shape and the type of each array that compiled code is going to read."""
-    parts = state.memory if isinstance(state, GivenState) else vars(state.orbit).values()
-    arrays = state.y, *state.march, *(part for part in parts if isinstance(part, np.ndarray))
+    objects = (part for part in state.checkpoint if hasattr(part, "__dict__"))
+    arrays = _arrays((state.y, state.checkpoint, *(tuple(vars(part).values()) for part in objects)))
     return [(array.shape, array.dtype.str) for array in arrays]
 
 

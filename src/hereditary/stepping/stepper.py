@@ -95,6 +95,11 @@ class Stepper(ABC):
     def misfit(self) -> str:
         """By how much kernels miss their tolerance, in words; empty where they keep it."""
 
+    @property
+    def missed(self) -> float:
+        """A time at which f is not what the steps made of it, or 0 [time]."""
+        return 0.0
+
     @abstractmethod
     def stats(self) -> dict:
         """Return counts and errors for the solution's stats."""

@@ -36,6 +36,13 @@ def refuse(argument, required, got, remedy="", kind: type[Exception] = ValueErro
     raise kind(complaint(argument, required, got, remedy))
 
 
+def left_out(reason, remedy="", **given):
+    """Refuse arguments that are given."""
+    for name, value in given.items():
+        if value is not None:
+            refuse(name, f"be left out {reason}", shown(value), remedy)
+
+
 def refusing(instead: dict[str, str]) -> Callable[[Callable[_P, _R]], Callable[_P, _R]]:
     """Return a decorator that refuses keywords by name and says what to write `instead`."""
 

@@ -1,0 +1,62 @@
+"""Tolerances as the arguments of a run say them, and the stepper that keeps them."""
+
+import numpy as np
+
+from ..support.checks import count, left_out, positive, real_array, refuse, shown, within
+from .adaptive_stepper import MAX_STEPS, AdaptiveStepper, Tolerance
+
+# Below this the rounding of double precision, not the scheme, decides.
+TOLERANCE_FLOOR = 1e-12
+# Time to the highest order, if that is above 1, must stay below this.
+_FARTHEST = 1e300
+
+
+def tolerance(
+    equation, t_end, state=None, *, modes=None, n_steps=None, mesh=False,
+    rtol=None, atol=None, max_step=None, max_steps=None,
+):  # fmt: skip
+    """Return the `Tolerance`; what is not given is that of a state, or a default."""
+    given = {"n_steps": n_steps, "mesh": None if mesh is False else mesh}
+    left_out("with Collocation, which chooses its steps", **given)
+    _check_end(t_end, equation)
+    if state is not None:
+        rtol = state.how.rtol if rtol is None else rtol
+        atol = state.how.atol if atol is None else atol
+        modes = state.how.modes if modes is None else modes
+    interval = f"[{TOLERANCE_FLOOR:g}, 0.1]"
+    remedy = "write a number such as rtol=1e-6; below 1e-12 rounding decides"
+    rtol = 1e-6 if rtol is None else rtol
+    return Tolerance(
+        within("rtol", rtol, TOLERANCE_FLOOR, 0.1, interval, remedy),
+        None if atol is None else _absolute(atol, equation.n_y),
+        modes,
+        None if max_step is None else positive("max_step", max_step),
+        MAX_STEPS if max_steps is None else count("max_steps", max_steps),
+    )
+
+
+def _absolute(atol, n):
+    """Return an absolute tolerance: a number, or a tuple of one for each of n components of y."""
+    if not isinstance(atol, list | tuple) and np.ndim(atol) == 0:
+        return positive("atol", atol)
+    values = real_array("atol", atol)
+    if values.shape != (n,) or not np.all(values > 0):
+        required = f"be a positive number, or one for each of the {n} components of y"
+        refuse("atol", required, shown(values))
+    return tuple(values.tolist())
+
+
+def _check_end(t_end, equation):
+    """Refuse an end of a run if its powers exceed the range of double precision."""
+    farthest = _FARTHEST ** (1 / max(1.0, float(equation.highest_orders().max())))
+    interval = f"[{1 / _FARTHEST:g}, {farthest:g}]"
+    within("t_end", t_end, 1 / _FARTHEST, farthest, interval, "take another unit of time")
+
+
+def open_adaptive(equation, scheme, how, t_end, state, directions):
+    """Return an `AdaptiveStepper` at the start of a run, and its last position, t_end."""
+    stepper = AdaptiveStepper(equation, scheme, t_end, how, directions)
+    if state is not None and stepper.modes_tol != state.how.modes:
+        required = f"be left out or ask for modes as the state has them, to {state.how.modes:g}"
+        refuse("history", required, f"to {stepper.modes_tol:g}")
+    return stepper, t_end

@@ -1,0 +1,72 @@
+"""Given steps as the arguments of a run say them, and the stepper that takes them."""
+
+import math
+from dataclasses import replace
+
+from ..support.checks import complaint, count, left_out, refuse, shown, whole
+from .fixed_stepper import FixedStepper
+from .history.exponentials import SumOfExponentials
+from .steps import COUNTED, MeshSteps, UniformSteps, mesh_steps, steps_in
+
+# Logarithms of the powers of the step that schemes may have to divide by.
+_LEAST, _MOST = -290.0, 290.0
+
+
+def given_steps(equation, scheme, t_end, state=None, *, n_steps=None, mesh=False, **tolerated):
+    """Return `UniformSteps` or `MeshSteps` to t_end, after those of a state; refuse tolerances."""
+    remedy = "or give mesh=graded(n, exponent)" if scheme.takes_meshes and mesh is not False else ""
+    left_out("or come with scheme=Collocation()", remedy, **tolerated)
+    if mesh is None or mesh is False:
+        return _uniform_steps(equation, t_end, n_steps, state)
+    if n_steps is not None:
+        refuse("n_steps", "be left out if a mesh is given", repr(n_steps))
+    if state is not None and not isinstance(state.how, MeshSteps):
+        refuse("mesh", "be left out if a run of uniform steps is resumed", shown(mesh))
+    return mesh_steps(mesh, t_end, state and state.how, equation.frame.start)
+
+
+def _uniform_steps(equation, t_end, n_steps, state):
+    """Return uniform steps to t_end: as many as are asked for, or more of those of a state."""
+    origin = equation.frame.start
+    if state is None:
+        if n_steps is None:
+            refuse("n_steps", "be given", "None", "e.g. n_steps=10_000", kind=TypeError)
+        n_steps = count("n_steps", whole(n_steps))
+        if n_steps > COUNTED:
+            required = f"be at most {COUNTED:.0e}, so that times of steps differ"
+            refuse("n_steps", required, f"{n_steps:.3g}")
+        h, order = t_end / n_steps, float(equation.highest_orders().max())
+        if h == 0 or not _LEAST < order * math.log10(h) < _MOST:
+            required = f"leave steps h whose power h**{order:g} is a number of double precision"
+            refuse("t_end", required, f"h = {h}", "take another unit of time")
+        return UniformSteps(h, n_steps)
+    if isinstance(state.how, MeshSteps):
+        required = "be given if a run on a mesh is resumed"
+        refuse("mesh", required, "None", "times from the state's time on", kind=TypeError)
+    how, n_total = state.how, steps_in("t_end", t_end, state.how.h)
+    if n_total <= how.n:
+        refuse("t_end", f"exceed the state's time {origin + state.t}", origin + t_end)
+    if abs(n_total * how.h - t_end) > 1e-6 * how.h:
+        remedy = f"the nearest is {origin + n_total * how.h}"
+        required = f"be a whole number of the state's steps h = {how.h}"
+        refuse("t_end", required, origin + t_end, remedy)
+    if n_steps is not None and count("n_steps", whole(n_steps)) not in (n_total, n_total - how.n):
+        required = f"be {n_total - how.n} (from the state) or {n_total} (from 0), its step kept"
+        refuse("n_steps", required, n_steps, "or leave n_steps out")
+    return replace(how, n=n_total)
+
+
+def open_given(equation, scheme, history, how, t_end, state, directions):
+    """Return a `FixedStepper` at the start of a run, and its last step."""
+    history = history or getattr(state, "history", None) or SumOfExponentials()
+    return FixedStepper(equation, scheme, history, how, how.n, directions), how.n
+
+
+def prepare(stepper, stop):
+    """Make room for a march to a step, or refuse the history."""
+    try:
+        stepper.prepare(stop)
+    except (MemoryError, OverflowError) as error:
+        required = f"hold {stop} steps in memory"
+        remedy = "SumOfExponentials() takes no more for more steps"
+        raise ValueError(complaint("history", required, repr(stepper.history), remedy)) from error
