@@ -4,30 +4,17 @@ Nothing is measured here: tests/test_capabilities.py makes a run for every cell.
 the tables between the marks of the page, a quick one compares them.
 """
 
-import re
 import sys
 from pathlib import Path
 
 import hereditary as hd
 
 ROOT = Path(__file__).parent.parent
+sys.path.insert(0, str(ROOT / "tests"))
+
+from cases import SCHEMES  # noqa: E402
+
 MARKS = "<!-- capabilities -->\n", "<!-- /capabilities -->"
-# Rows: several schemes where their orders alone differ.
-SCHEMES = [
-    [hd.ExplicitCaputo()],
-    [hd.GrunwaldLetnikov()],
-    [hd.L1()],
-    [hd.L2()],
-    [hd.L12()],
-    [hd.L2Sigma()],
-    [hd.BDF(1), hd.BDF(2)],
-    [hd.IMEX(hd.L1())],
-    [hd.IMEX(hd.BDF(1)), hd.IMEX(hd.BDF(2))],
-    [hd.BDF(3), hd.BDF(4), hd.BDF(5), hd.BDF(6)],
-    [hd.Adams()],
-    [hd.ProductTrapezoid()],
-    [hd.Collocation()],
-]
 HISTORIES = [hd.SumOfExponentials(), hd.FFT(), hd.Direct()]
 KERNELS, VARYING, MESHES = "`Memory` kernels", "varying orders", "meshes"
 READS = "memory in `rhs`"
@@ -70,15 +57,33 @@ def _reach(takes, highest, high):
 
 def _name(schemes):
     """Of a row, as one writes it; parameters where the row needs them."""
-    if len(schemes) == 1:
-        return f"`{re.sub('[(][^()]*[)]', '()', repr(schemes[0])).replace('scheme=', '')}`"
-    joint = "`, `" if len(schemes) == 2 else "` to `"
-    return f"`{joint.join((repr(schemes[0]), repr(schemes[-1])))}`".replace("scheme=", "")
+    first, *_, last = schemes + schemes
+    if len({scheme.orders for scheme in schemes}) == 1:
+        has_default = "scheme" not in vars(first)
+        return f"`{type(first).__name__}()`" if has_default else f"`{_written(first)}`"
+    return f"`{_written(first)}` to `{_written(last)}`"
+
+
+def _written(scheme):
+    return repr(scheme).replace("scheme=", "")
+
+
+def _alike():
+    """Lists of schemes of one kind whose cells are equal but for the orders."""
+    rows = {}
+    for scheme in SCHEMES:
+        cells = scheme_cells(scheme)
+        key = type(scheme), *(value for name, value in cells.items() if name != ORDERS)
+        rows.setdefault(key, []).append(scheme)
+    return rows.values()
 
 
 def _scheme_rows():
-    """Name and cells of every row; cells in which its schemes differ are joined."""
-    for schemes in SCHEMES:
+    """Name and cells of every row: schemes of one kind that differ in their orders alone.
+
+    Cells in which they differ are joined.
+    """
+    for schemes in _alike():
         columns = [scheme_cells(scheme) for scheme in schemes]
         yield (
             _name(schemes),

@@ -15,6 +15,7 @@ import numba
 import numpy as np
 
 import hereditary as hd
+from hereditary.schemes import Scheme
 
 T_END, N_STEPS, TOL, RTOL = 4.0, 96, 1e-10, 1e-6
 
@@ -186,12 +187,15 @@ FAMILIES = [
             (tuple(np.linspace(0, 1, 12)),), "banded", "differ", highest=0.9),
     _family("reads memory", (of_order(0.9),), _reading, (1.0,), "memory", highest=0.9),
 ]  # fmt: skip
-SCHEMES = [
-    hd.ExplicitCaputo(), hd.GrunwaldLetnikov(), hd.L1(), hd.L12(), hd.L2(), hd.L2Sigma(),
-    hd.BDF(1), hd.BDF(2), hd.BDF(3), hd.BDF(4), hd.BDF(5), hd.BDF(6), hd.Adams(),
-    hd.Adams(corrections=2), hd.ProductTrapezoid(), hd.IMEX(hd.L1()), hd.IMEX(hd.BDF(2)),
-    hd.Collocation(),
-]  # fmt: skip
+# Every public scheme with its defaults, but for those that need a parameter or have several.
+VARIANTS = {
+    hd.Adams: [hd.Adams(), hd.Adams(corrections=2)],
+    hd.BDF: [hd.BDF(p) for p in range(1, 7)],
+    hd.IMEX: [hd.IMEX(hd.L1()), hd.IMEX(hd.BDF(2))],
+}
+PUBLIC = [getattr(hd, name) for name in hd.__all__]
+KINDS = [kind for kind in PUBLIC if isinstance(kind, type) and issubclass(kind, Scheme)]
+SCHEMES = [scheme for kind in KINDS for scheme in VARIANTS.get(kind) or [kind()]]
 # Those of given steps that take any right-hand side.
 GIVEN = [s for s in SCHEMES if not isinstance(s, hd.Collocation | hd.IMEX)]
 HISTORIES = [hd.Direct(), hd.FFT(), hd.SumOfExponentials(TOL)]

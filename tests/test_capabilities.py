@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from cases import SCHEMES
 
 import hereditary as hd
 
@@ -15,7 +16,6 @@ _SPEC = importlib.util.spec_from_file_location(
 tables = importlib.util.module_from_spec(_SPEC)
 _SPEC.loader.exec_module(tables)
 
-SCHEMES = [scheme for row in tables.SCHEMES for scheme in row]
 MESH = hd.graded(100, 2.0)
 
 

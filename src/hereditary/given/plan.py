@@ -8,11 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
 
 from ..equation.terms import distinct_components
+from ..kernels.step_kernel import ExponentialSteps
 from ..support.checks import refuse
 from .signatures import StepRows
 from .stability import StabilityRegion
@@ -20,24 +22,32 @@ from .stability import StabilityRegion
 
 @dataclass(frozen=True)
 class WeightRule:
-    """A family of weights w_k that depends on p, a number or a kernel, exact and as exponentials.
+    """A family of weights w_k that depends on p, a number or a kernel in units of the step.
 
     Attributes
     ----------
     exact : callable
-        ``exact(p, n)``: the weights w_0 .. w_(n-1), shape (n,).
-    exponent : callable
+        ``exact(p, n)``: the weights w_0 .. w_(n-1), along the last axis. If p is a kernel, it may
+        be one exponential in each row (`ExponentialSteps`).
+    exponent : callable, optional
         ``exponent(p)``: exponent a of the kernel ``t**-a`` behind the weights, a `StepKernel` where
-        that is a general one, or None where there is no memory.
-    modal : callable
-        ``modal(p, rates, weights, k)``: the shares of w_k of each mode when the kernel is the sum
-        of ``weights * exp(-rates t)`` on [1, ...) in units of the step. A share decays by
-        ``exp(-rates)`` from one k to the next.
+        that is a general one, or None where there is no memory. By default the kernel's `key`.
+    shares : callable, optional
+        ``shares(p, rates, weights, k)``, as `modal`. By default ``exact`` of the exponentials.
     """
 
     exact: Callable[[Any, int], np.ndarray]
-    exponent: Callable[[Any], Any]
-    modal: Callable[[Any, np.ndarray, np.ndarray, int], np.ndarray]
+    exponent: Callable[[Any], Any] = attrgetter("key")
+    shares: Callable[[Any, np.ndarray, np.ndarray, int], np.ndarray] | None = None
+
+    def modal(self, p, rates, weights, k):
+        """Return shares of w_k, (M,), of the modes of a kernel ``weights exp(-rates t)``, t >= 1.
+
+        A share decays by ``exp(-rates)`` from one k to the next.
+        """
+        if self.shares:
+            return self.shares(p, rates, weights, k)
+        return self.exact(ExponentialSteps(rates, p.amplitude * weights), k + 1)[..., k]
 
 
 @dataclass(frozen=True)

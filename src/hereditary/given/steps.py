@@ -112,7 +112,7 @@ class UniformSteps:
 
     def covered(self, n_steps: int, horizon: float) -> int:
         """Return the number of steps that a history is to cover, at least to `horizon`."""
-        return max(self.span, int(n_steps), math.ceil(horizon / self.h * (1 - 1e-12)))
+        return max(self.span or int(n_steps), math.ceil(horizon / self.h * (1 - 1e-12)))
 
     def time(self, n: int) -> float:
         """Return the time of step n."""

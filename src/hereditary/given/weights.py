@@ -4,29 +4,14 @@ All of them are moments of the kernel over intervals of one step.
 """
 
 from functools import lru_cache, partial
-from operator import attrgetter
 
 import numpy as np
 
-from ..kernels.special import first_moment_exponential, mean_exponential
 from ..kernels.step_kernel import Integrated, StepKernel
 from .plan import WeightRule
 
-_KEY = attrgetter("key")
-
-
-def _modal(kernel, rates, weights, k):
-    """Return shares of b_k."""
-    return kernel.amplitude * weights * mean_exponential(rates) * np.exp(-rates * k)
-
-
-def _modal_differences(kernel, rates, weights, k):
-    """Return shares of ``b_k - b_(k-1)``."""
-    return _modal(kernel, rates, weights, k - 1) * np.expm1(-rates)
-
-
 # b_k - b_(k-1), and b_0 for k = 0, b_k being the integral over [k, k+1]
-SECOND_DIFFERENCES = WeightRule(lambda kernel, n: kernel.differences(n), _KEY, _modal_differences)
+SECOND_DIFFERENCES = WeightRule(lambda kernel, n: kernel.differences(n))
 
 
 @lru_cache(maxsize=8)
@@ -35,15 +20,7 @@ def shifted_differences(theta):
 
     For theta = 1 these are the b_k above.
     """
-    return WeightRule(partial(_shifted, theta), _KEY, partial(_modal_shifted, theta))
-
-
-def _shifted(theta, kernel, n):
-    return kernel.seen(theta, n)
-
-
-def _modal_shifted(theta, kernel, rates, weights, k):
-    return _modal(kernel, rates, weights, k - 1 + theta)
+    return WeightRule(lambda kernel, n: kernel.seen(theta, n))
 
 
 FIRST_DIFFERENCES = shifted_differences(1.0)
@@ -52,15 +29,7 @@ FIRST_DIFFERENCES = shifted_differences(1.0)
 @lru_cache(maxsize=8)
 def kernel_values(theta):
     """Return the rule of the kernel's values at t_n + theta h."""
-    return WeightRule(partial(_values, theta), _KEY, partial(_modal_values, theta))
-
-
-def _values(theta, kernel, n):
-    return kernel.at(np.arange(n) + theta)
-
-
-def _modal_values(theta, kernel, rates, weights, k):
-    return weights * np.exp(-rates * (k + theta))
+    return WeightRule(lambda kernel, n: kernel.at(np.arange(n) + theta))
 
 
 def weighed(c, operator, h, theta=1.0):
@@ -93,34 +62,20 @@ def parabola_weights(theta, closing):
     on the one after it. With `closing` (theta = 1) the last interval takes the parabola of the one
     before. This adds m_0 over [0, 1] to W_0 and takes it from W_1.
     """
-    return WeightRule(partial(_parabola, theta, closing), _KEY, partial(_modal_parabola, theta))
+    return WeightRule(partial(_parabola, theta, closing))
 
 
 @lru_cache(maxsize=8)
 def parabola_start(theta):
     """Return the rule ``-m_(k+1)`` of the first increment, which has no interval before."""
-    return WeightRule(
-        lambda kernel, n: -kernel.moments(theta, n + 1)[1:],
-        _KEY,
-        lambda kernel, rates, weights, k: -_modal_moment(theta, kernel, rates, weights, k + 1),
-    )
+    return WeightRule(lambda kernel, n: -kernel.moments(theta, n + 1)[..., 1:])
 
 
 def _parabola(theta, closing, kernel, n):
     moments = kernel.moments(theta, n + 1)
-    weights = kernel.seen(theta, n) + moments[1:] - moments[:-1]
+    weights = kernel.seen(theta, n) + moments[..., 1:] - moments[..., :-1]
     if closing:
-        last = kernel.last_moment()
-        weights[0] += last
-        weights[1:2] -= last
+        last = np.asarray(kernel.last_moment())
+        weights[..., 0] += last
+        weights[..., 1:2] -= last[..., None]
     return weights
-
-
-def _modal_moment(theta, kernel, rates, weights, k):
-    middle = 0.5 * mean_exponential(rates) - first_moment_exponential(rates)
-    return kernel.amplitude * weights * middle * np.exp(-rates * (k - 1 + theta))
-
-
-def _modal_parabola(theta, kernel, rates, weights, k):
-    here = _modal_moment(theta, kernel, rates, weights, k)
-    return _modal_shifted(theta, kernel, rates, weights, k) + here * np.expm1(-rates)

@@ -13,8 +13,10 @@ from .memory_kernel import ExponentialSum, MemoryKernel
 from .special import (
     alternating_power_sum,
     alternating_sum,
+    first_moment_exponential,
     gauss_unit,
     graded_unit,
+    mean_exponential,
     power_second_differences,
 )
 
@@ -76,6 +78,40 @@ class PowerSteps:
     def alternating(self) -> float:
         """Return ``sum_k (-1)**k b_k``."""
         return float(alternating_power_sum(self.p))
+
+
+@dataclass(frozen=True, eq=False)
+class ExponentialSteps:
+    """The kernels ``weights exp(-rates t)``, t in steps from 1 on: one in each row of a result.
+
+    Attributes
+    ----------
+    rates, weights : ndarray, shape (M,)
+    """
+
+    rates: np.ndarray
+    weights: np.ndarray
+
+    def at(self, t: np.ndarray) -> np.ndarray:
+        """Return values at times t (n,), shape (M, n); before 0 those at 0, which are finite."""
+        return self.weights[:, None] * np.exp(-np.multiply.outer(self.rates, np.maximum(t, 0.0)))
+
+    def seen(self, theta: float, n: int) -> np.ndarray:
+        """Return the integrals of `PowerSteps.seen`, right from k = 1 on."""
+        return mean_exponential(self.rates)[:, None] * self.at(np.arange(n) - 1 + theta)
+
+    def differences(self, n: int) -> np.ndarray:
+        """Return the differences of `PowerSteps.differences`, right from k = 1 on."""
+        return np.expm1(-self.rates)[:, None] * self.seen(0.0, n)
+
+    def moments(self, theta: float, n: int) -> np.ndarray:
+        """Return the moments of `PowerSteps.moments`, right from k = 1 on."""
+        middle = 0.5 * mean_exponential(self.rates) - first_moment_exponential(self.rates)
+        return middle[:, None] * self.at(np.arange(n) - 1 + theta)
+
+    def last_moment(self) -> np.ndarray:
+        """Return the moments over [0, 1], shape (M,)."""
+        return self.moments(1.0, 1)[:, 0]
 
 
 @dataclass(frozen=True)

@@ -38,7 +38,7 @@ class Scheme(ABC):
         Whether f may jump at switches.
     """
 
-    solve: ClassVar[str]
+    solve: ClassVar[str] = "newton"
     # whether what it stores of orders above 1 keeps t x'(0)
     whole: ClassVar[bool] = False
     several_terms: ClassVar[bool] = True

@@ -225,7 +225,6 @@ class ProductTrapezoid(Scheme):
     0.3869
     """
 
-    solve: ClassVar[str] = "newton"
     several_terms: ClassVar[bool] = False
 
     def order(self, alpha: float, smoothness: str = "smooth") -> float:

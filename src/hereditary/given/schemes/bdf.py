@@ -7,7 +7,6 @@ is ``h**-alpha sum_k W_k w_(n-k)`` with the coefficients W of ``delta(z)**alpha 
 
 from dataclasses import dataclass
 from functools import lru_cache, partial
-from typing import ClassVar
 
 import numpy as np
 from scipy.special import factorial, rgamma
@@ -64,7 +63,6 @@ class BDF(Scheme):
     """
 
     formula: int
-    solve: ClassVar[str] = "newton"
 
     def __init__(self, order: int = 2) -> None:
         if count("order", order) > 6:

@@ -65,7 +65,6 @@ class L1(Scheme):
     0.4277
     """
 
-    solve: ClassVar[str] = "newton"
     takes_kernels: ClassVar[bool] = True
     takes_varying: ClassVar[bool] = True
     meshes_up_to: ClassVar[float] = 2.0

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from functools import partial
-from typing import ClassVar
 
 import numpy as np
 
@@ -48,7 +47,6 @@ class L12(Scheme):
     0.4276
     """
 
-    solve: ClassVar[str] = "newton"
     orders = (0.0, 1.0)
 
     def order(self, alpha: float, smoothness: str = "smooth") -> float:
@@ -79,23 +77,13 @@ _NEXT_MOMENT = parabola_start(1.0)
 
 
 def _lacking(kernel, n):
-    return np.append(-kernel.last_moment(), _NEXT_MOMENT.exact(kernel, n - 1))
-
-
-def _modal_lacking(kernel, rates, weights, k):
-    return _NEXT_MOMENT.modal(kernel, rates, weights, k - 1)
+    last = -np.asarray(kernel.last_moment())[..., None]
+    return np.concatenate([last, _NEXT_MOMENT.exact(kernel, n - 1)], axis=-1)
 
 
 def _backward(kernel, n):
     return FIRST_DIFFERENCES.exact(kernel, n) - np.diff(_lacking(kernel, n), prepend=0.0)
 
 
-def _modal_backward(kernel, rates, weights, k):
-    line = FIRST_DIFFERENCES.modal(kernel, rates, weights, k)
-    before, here = (_modal_lacking(kernel, rates, weights, j) for j in (k - 1, k))
-    return line + before - here
-
-
 # b_k + m_k - m_(k-1), and -m_k for the first interval, which leans on none before it
-BACKWARD_PARABOLAS = WeightRule(_backward, FIRST_DIFFERENCES.exponent, _modal_backward)
-BACKWARD_START = WeightRule(_lacking, FIRST_DIFFERENCES.exponent, _modal_lacking)
+BACKWARD_PARABOLAS, BACKWARD_START = WeightRule(_backward), WeightRule(_lacking)

@@ -47,7 +47,6 @@ class L2(Scheme):
     0.4276
     """
 
-    solve: ClassVar[str] = "newton"
     orders = (0.0, 1.0)
     takes_meshes: ClassVar[bool] = True
 

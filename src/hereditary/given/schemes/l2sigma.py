@@ -51,7 +51,6 @@ class L2Sigma(Scheme):
     0.4276
     """
 
-    solve: ClassVar[str] = "newton"
     several_up_to: ClassVar[float] = 1.0
     components_differ: ClassVar[bool] = False
     takes_memory: ClassVar[bool] = False
