@@ -17,7 +17,7 @@ from _study import Claim, bars, study
 import hereditary as hd
 from hereditary.paper import figures
 from hereditary.paper.maps import STEPS_MAP, T_MAP
-from hereditary.paper.runs import CLASSICAL, exponent, regime
+from hereditary.paper.runs import CLASSICAL, growth_exponent, regime
 
 CLASSICAL_AXES = {
     "spring_speed": figures.SPEEDS,
@@ -34,7 +34,7 @@ def spectra(axes, n_steps, fixed, pool):
     """Seconds and number of points of sweeps over each of the axes."""
     began, n_points = time.perf_counter(), 0
     for name, values in axes.items():
-        point = partial(exponent, t_end=100.0, n_steps=n_steps, **fixed(name))
+        point = partial(growth_exponent, t_end=100.0, n_steps=n_steps, **fixed(name))
         table = hd.sweep(point, {name: values}, executor=pool)
         if not table.success.all():
             raise RuntimeError(f"{name}: {set(table.status.ravel())}")

@@ -84,3 +84,20 @@ def test_messages_say_the_value_that_arrived(path):
         if isinstance(node, ast.Call) and getattr(node.func, "id", "") in ("complaint", "refuse"):
             got = getattr(node.args[2], "value", None) if len(node.args) > 2 else None
             assert got not in VAGUE, f"line {node.lineno}"
+
+
+# Names that users reach by their module, and a figure named after what it draws.
+BY_MODULE = {"relaxation", "oscillator", "fit", "frequency_response"}
+
+
+def test_no_public_name_is_defined_twice():
+    places = {}
+    for path in FILES:
+        for node in ast.parse(path.read_text()).body:
+            names = [getattr(node, "name", "")]
+            if isinstance(node, ast.Assign):
+                names = [n.id for t in node.targets for n in ast.walk(t) if isinstance(n, ast.Name)]
+            for name in names:
+                if name and not name.startswith("_"):
+                    places.setdefault(name, set()).add(path.name)
+    assert {name for name, where in places.items() if len(where) > 1} == BY_MODULE

@@ -372,7 +372,7 @@ with warnings.catch_warnings(record=True) as told:
     from hereditary.compiled import numba_internals as found
 told = [str(each.message) for each in told if each.category is RuntimeWarning]
 assert all(f"plain numba {{numba.__version__}}" in message for message in told)
-print(len(told), *map(int, (found.LINKED, found.VALUES, found.STORED)))
+print(len(told), *map(int, (found.LINKED, found.FUNCTION_VALUES, found.STORED)))
 """
 
 

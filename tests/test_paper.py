@@ -11,8 +11,8 @@ from hereditary.paper.job import Job, merged
 from hereditary.paper.runs import (
     CLASSICAL,
     _solvable,
-    exponent,
     exponents,
+    growth_exponent,
     orbit,
     regime,
     section,
@@ -61,7 +61,7 @@ def test_orbits_agree_with_the_source_step_until_they_part(folder):
 def test_spectra_are_those_of_single_runs(folder):
     table = np.load(folder / "figure_3.npz")
     assert table["adhesion"].tolist() == [1.0, 25.0, 50.0]
-    again = exponent(t_end=10.0, n_steps=2000, **CLASSICAL, adhesion=25.0)
+    again = growth_exponent(t_end=10.0, n_steps=2000, **CLASSICAL, adhesion=25.0)
     assert table["paper_exponent"][1] == again["exponent"]
     assert set(table["long_verdict"]) <= {
         "exponential growth", "neutral", "exponential decay", "undetermined",
@@ -92,7 +92,7 @@ def test_diagrams_and_maps(folder):
 def test_horizons_of_one_run_are_those_of_separate_ones():
     found = exponents(horizons=(5.0, 10.0), h=0.01, beta=1.5)
     for k, t_end in enumerate((5.0, 10.0)):
-        alone = exponent(t_end=t_end, n_steps=round(100 * t_end), beta=1.5)
+        alone = growth_exponent(t_end=t_end, n_steps=round(100 * t_end), beta=1.5)
         assert found["exponent"][k] == pytest.approx(alone["exponent"], abs=1e-12)
 
 

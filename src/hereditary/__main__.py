@@ -17,7 +17,7 @@ from matplotlib.backend_bases import FigureCanvasBase
 import hereditary as hd
 
 from . import plots
-from .paper.command import main as paper
+from .paper.command import run_paper as paper
 from .precompile import precompile
 from .scenes import stick_slip, sticking_intervals
 from .support.checks import refuse

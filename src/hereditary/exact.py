@@ -37,7 +37,7 @@ __all__ = [
     "system",
 ]
 
-Solution = Callable[[ArrayLike], np.ndarray]
+ExactSolution = Callable[[ArrayLike], np.ndarray]
 
 # Scales of the hyperbola: each time takes the one whose nodes avoid the poles.
 _SCALES = (6.0, 7.2, 8.6, 10.3, 12.4)
@@ -51,7 +51,7 @@ def __dir__():
     return __all__
 
 
-def relaxation(alpha: float = 0.5, rate: float = 1.0, y0: ArrayLike = 1.0) -> Solution:
+def relaxation(alpha: float = 0.5, rate: float = 1.0, y0: ArrayLike = 1.0) -> ExactSolution:
     """Make the solution of the fractional relaxation ``D^alpha y = -rate y``.
 
     ``y(t) = y(0) E_alpha(-rate t**alpha) + y'(0) t E_(alpha,2)(-rate t**alpha)``, the second term
@@ -88,7 +88,7 @@ def oscillator(
     omega: float = 1.0,
     x0: float = 1.0,
     v0: float = 0.0,
-) -> Solution:
+) -> ExactSolution:
     """Make the solution of the oscillator ``D^beta x + friction D^gamma x + omega**2 x = 0``.
 
     Parameters
@@ -121,7 +121,7 @@ def several_terms(
     y0: ArrayLike,
     rate: float = 0.0,
     forcing: Iterable[tuple[float, float]] = (),
-) -> Solution:
+) -> ExactSolution:
     """Make the solution of ``sum_j c_j D^(alpha_j) y + rate y = sum_i a_i t**p_i``.
 
     Parameters
@@ -164,7 +164,9 @@ def several_terms(
     return _callable(_Transform(_Exponentials(a, c), above, rows), start)
 
 
-def system(alpha: float, matrix: ArrayLike, y0: ArrayLike, forcing: ArrayLike = 0.0) -> Solution:
+def system(
+    alpha: float, matrix: ArrayLike, y0: ArrayLike, forcing: ArrayLike = 0.0
+) -> ExactSolution:
     """Make the solution of the linear system ``D^alpha y = matrix y + forcing``.
 
     ``y(t) = E_alpha(A) y(0) + t E_(alpha,2)(A) y'(0) + t**alpha E_(alpha,alpha+1)(A) forcing``

@@ -11,9 +11,9 @@ import pytest
 ROOT = Path(__file__).parents[2]
 SOURCE = ROOT / "src" / "hereditary"
 FILES = [f"collocation/{path.stem}" for path in sorted((SOURCE / "collocation").glob("*.py"))]
-# Numbers that name a case, a place or a letter of LAPACK.
+# Numbers that name a case, a place, a letter of LAPACK or the range of an argument.
 CODES = {"FORCE", "PRIMARY", "POSITION", "SLOPE", "ITSELF", "FIRST_LOOK"}
-CODES |= {"_WITHOUT", "_WITH", "_SCALING"}
+CODES |= {"_WITHOUT", "_WITH", "_SCALING", "TOLERANCE_FLOOR", "_FARTHEST"}
 
 
 def rows_of(page, heading):

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..stepping.status import Status
-from ..support.html import paragraph, rows_of
+from ..support.html import paragraph, table_html
 
 # A slope counts as different from zero beyond this many standard errors.
 _ERRORS = 3.0
@@ -195,7 +195,7 @@ class LyapunovResult:
         numbers = zip(*(column.tolist() for column in columns), strict=True)
         rows = [[*row, verdict] for row, verdict in zip(numbers, self.verdicts, strict=True)]
         head = ["exponent", "late slope", "its error", "algebraic slope", "verdict"]
-        return rows_of(head, rows) + paragraph(f"{self.mode}: {self.message}")
+        return table_html(head, rows) + paragraph(f"{self.mode}: {self.message}")
 
     def __repr__(self):
         rates = ", ".join(

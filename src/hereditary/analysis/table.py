@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..support.checks import complaint
-from ..support.html import paragraph, rows_of
+from ..support.html import paragraph, table_html
 from ..support.optional import optional
 
 COMPLETED, NOT_COMPUTED = "completed", "not computed"
@@ -117,7 +117,7 @@ class Table:
             point = [axis[k].item() for k, axis in places]
             values = [self.values[name][index].item() for name in plain]
             rows.append([*point, *values, self.status[index]])
-        return paragraph(repr(self)) + rows_of([*self.axes, *plain, _STATUS], rows)
+        return paragraph(repr(self)) + table_html([*self.axes, *plain, _STATUS], rows)
 
     def __repr__(self):
         axes = ", ".join(f"{name} ({axis.size})" for name, axis in self.axes.items())

@@ -26,7 +26,7 @@ from .march import (
     CRAWLING,
     FULL,
     JUMPING,
-    NOT_SOLVED,
+    NEWTON_FAILED,
     ORDERS_NEEDED,
     REACHED,
     TOO_CLOSE,
@@ -36,7 +36,7 @@ from .march import (
 )
 from .mode_tables import empty_tables, floor_to_grid
 from .operators import FORCE, POSITION, PRIMARY
-from .orbit import OrbitAndTangents, initial_values
+from .orbit import OrbitAndTangents, initial_unknowns
 from .pieces import FirstPiece, PolynomialPieces
 from .quadrature import radau_nodes, rule_of, shortened_legendre
 from .reading import Plain, Reading
@@ -169,9 +169,9 @@ class Ending(NamedTuple):
     detail: str = ""
 
 
-BLOWN_UP, UNSOLVED = Ending(Status.BLOWN_UP), Ending(Status.NOT_SOLVED)
-TOO_STEEP = Ending(Status.STEP_TOO_SMALL, _ROUNDS)
-OUTSIDE = Ending(Status.STEP_TOO_SMALL, NOT_FINITE)
+_BLOWN_UP, _UNSOLVED = Ending(Status.BLOWN_UP), Ending(Status.NOT_SOLVED)
+_TOO_STEEP = Ending(Status.STEP_TOO_SMALL, _ROUNDS)
+_OUTSIDE = Ending(Status.STEP_TOO_SMALL, NOT_FINITE)
 
 
 def ending(status, equation, t, h, refused, last, peak):
@@ -186,14 +186,16 @@ def ending(status, equation, t, h, refused, last, peak):
     largest = np.maximum((1 + _GROWING) * before, peak)
     growing = np.any(now.max(axis=1) > largest.max(axis=1)) and refused > _WALL * h
     if status != JUMPING and growing:
-        return BLOWN_UP
+        return _BLOWN_UP
     forces = _forces_ahead(equation, t, h, last[POSITION])
     if not np.all(np.isfinite(forces)):
-        return OUTSIDE
+        return _OUTSIDE
     jumps = np.abs(forces - forces[0]).max() > _JUMP * np.abs(forces).max()
-    if status == NOT_SOLVED and not jumps:
-        return UNSOLVED
-    return Ending(Status.STEP_TOO_SMALL, _JUMPS) if status in (JUMPING, NOT_SOLVED) else TOO_STEEP
+    if status == NEWTON_FAILED and not jumps:
+        return _UNSOLVED
+    return (
+        Ending(Status.STEP_TOO_SMALL, _JUMPS) if status in (JUMPING, NEWTON_FAILED) else _TOO_STEEP
+    )
 
 
 def _forces_ahead(equation, t, h, y):
@@ -350,7 +352,7 @@ class AdaptiveStepper(Stepper):
         self._graded = form.begins_graded
         self._orders = OrderTables(form.varying, s)
         self._transforms = shortened_legendre(s)
-        y0 = initial_values(system, form.second == 1, view.directions(directions))
+        y0 = initial_unknowns(system, form.second == 1, view.directions(directions))
         self._orbit = OrbitAndTangents(form, y0, s)
         self._state = initial_state(t_end, *np.abs([self._orbit.p[0], self._orbit.x[0]]))
         self._at_singular_start, self._largest_error = True, 0.0
@@ -506,7 +508,7 @@ class AdaptiveStepper(Stepper):
         set_units(system.units, system.quantities, self._sizes, orbit.x[0], of_run, units)
         limits = self.pace.longest[0], self._farthest / _LARGEST_RATIO
         how = t, left, *limits, self._state.counts, units
-        self.ending, at_rest = TOO_STEEP, _FIRST_AT_REST * self.pace.longest[1]
+        self.ending, at_rest = _TOO_STEEP, _FIRST_AT_REST * self.pace.longest[1]
         self._set_origin(t)
         for h, variable in trials(self._system, form, orbit, *how):
             # no tiny remainder is left before the stop
@@ -520,10 +522,10 @@ class AdaptiveStepper(Stepper):
                 self._finish_singular_start(h, variable, values, t_stop)
                 return FirstPiece(variable, t, h, steps.p[0], *steps.at_starts[0])
             # Newton's method asks for a quarter
-            self.ending = UNSOLVED if self._control["next"] == 0.25 * h else TOO_STEEP
+            self.ending = _UNSOLVED if self._control["next"] == 0.25 * h else _TOO_STEEP
         speed = np.where(form.second == 1, orbit.p[0], self._system.force(t, orbit.x[0]))
         if leaves_domain(self._system, t, orbit.x[0], left * speed):
-            self.ending = OUTSIDE
+            self.ending = _OUTSIDE
         return None
 
     def _try_step(self, h, variable, t_stop):
@@ -582,7 +584,7 @@ class AdaptiveStepper(Stepper):
             self._refine_modes(closest)
         # the right-hand side may jump here
         settled = jump(self._system, self._form, self._orbit, self.t, self._state.counts)
-        self.ending = Ending() if settled else UNSOLVED
+        self.ending = Ending() if settled else _UNSOLVED
         self._state.largest[:] = np.where(self._form.second == 1, self._state.largest, 0.0)
         self._begin_steps(floor_to_grid(h), self._shortest)
         self._at_singular_start = False

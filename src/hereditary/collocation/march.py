@@ -22,7 +22,7 @@ from .mode_tables import (
     read_varying,
     set_mode_weights,
 )
-from .newton import open_newton, solve_stages, solve_tangents
+from .newton import open_newton, solve_stages, solve_tangent_stages
 from .operators import (
     POSITION,
     PRIMARY,
@@ -110,7 +110,7 @@ def attempt(
         )  # fmt: skip
     if ratio <= 1.0 and n_columns > 1:
         more = np.inf
-        if solve_tangents(
+        if solve_tangent_stages(
             rhs, jac, has_jac, params, room.times, h, base, orbit.x, equations.second, operators,
             kinds, integral, values, counts, newton,
         ):  # fmt: skip
@@ -236,7 +236,7 @@ def extrapolate(nodes, legendre, last, h, h_last, p, reached, out, change):
 # Status codes of a march: stop reached, rows full, modes not close enough, no step small enough for
 # the error or for Newton's method, tables of varying orders needed for the next step, right-hand
 # side jumps, no progress.
-REACHED, FULL, TOO_CLOSE, TOO_ROUGH, NOT_SOLVED, ORDERS_NEEDED, JUMPING, CRAWLING = range(8)
+REACHED, FULL, TOO_CLOSE, TOO_ROUGH, NEWTON_FAILED, ORDERS_NEEDED, JUMPING, CRAWLING = range(8)
 # Largest and smallest factor between steps, and the error that a step aims at, in step lengths and
 # tolerances.
 _GROW, _SHRINK, _SAFETY = 3.0, 0.2, 0.8
@@ -350,7 +350,7 @@ def reason_of_refusal(by_defect, solved):
     """Return the status code for a refused step that cannot be made smaller."""
     if by_defect:
         return JUMPING
-    return TOO_ROUGH if solved else NOT_SOLVED
+    return TOO_ROUGH if solved else NEWTON_FAILED
 
 
 @allocating

@@ -14,7 +14,7 @@ from ..compiled.jit import allocating, inlined, inner
 from ..compiled.linalg import clear_matrix, dot, factorise, put, put_cube, put_matrix
 from ..compiled.signatures import FACTORISE, SUBSTITUTE
 from .operators import FORCE, POSITION, PRIMARY
-from .stages import newton_matrix, substitute_scaled
+from .stages import stage_matrix, substitute_scaled
 from .structures import KEPT, LENGTH, REDUCED, Newton, StepRoom
 
 # Newton iterations before a step is refused, contraction from which a Jacobian of an earlier step
@@ -96,7 +96,7 @@ def factorise_newton(h, p, matrices, integral, jacobians, newton):
     stages = newton.stages
     if stages.jacobians.shape[0] > 1:
         # few components are solved here: handing a function value all these arrays takes 0.1 us
-        newton_matrix(
+        stage_matrix(
             h, matrices, stages.kinds, integral, stages.second, jacobians, stages.scales,
             stages.dense[0, 1], stages.joint,
         )  # fmt: skip
@@ -147,7 +147,7 @@ def solve_stages(
             if halved > _HALVED:
                 control[KEPT] = 0.0
                 return False
-            step_back(f, 0.5 if halved < _HALVED else 1.0, change, p)
+            take_back_at_nodes(f, 0.5 if halved < _HALVED else 1.0, change, p)
             positions(h, p, x_start, second, integral, x)
             counts.rhs += s
             halved += 1
@@ -223,7 +223,7 @@ def correct_forces(jacobians, before, x, f, moved):
 
 
 @inner
-def step_back(f, share, change, p):
+def take_back_at_nodes(f, share, change, p):
     """Take back a share of the last change, (d s,), of p at nodes where f is not finite."""
     d, s = p.shape
     for i in range(s):
@@ -287,7 +287,7 @@ def residuals(base, operators, kinds, p, x, f, out):
 
 
 @allocating
-def solve_tangents(
+def solve_tangent_stages(
     rhs, jac, has_jac, params, times, h, base, x_start, second, operators, kinds, integral, values,
     counts, newton,
 ):  # fmt: skip

@@ -11,7 +11,7 @@ TOLERANCE_FLOOR = 1e-12
 _FARTHEST = 1e300
 
 
-def tolerance(
+def checked_tolerance(
     equation, t_end, state=None, *, modes=None, n_steps=None, mesh=False,
     rtol=None, atol=None, max_step=None, max_steps=None,
 ):  # fmt: skip

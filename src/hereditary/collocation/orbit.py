@@ -344,7 +344,7 @@ def _round_to_decades(closest, farthest):
     return farthest / 10.0 ** math.ceil(math.log10(max(farthest / closest, 10.0)))
 
 
-def initial_values(equation, second, directions):
+def initial_unknowns(equation, second, directions):
     """Return y(0), and y'(0) where m = 2, of the orbit and of k tangents, shape (1 + k, m, d).
 
     A tangent begins at one of the directions, (n_data, k), in which initial values change. First

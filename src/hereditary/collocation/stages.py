@@ -39,7 +39,7 @@ _WITHOUT, _WITH, _SCALING = ord("N"), ord("V"), ord("S")
 
 
 @allocating
-def transform(stage):
+def diagonalise_stages(stage):
     """Set the eigenvalues that are needed, and both transforms; False where there are none."""
     s = stage.integral.shape[0]
     pencil = np.empty((3, s, s))
@@ -139,7 +139,7 @@ def dense_stages(task, values, stage):
     # subdiagonal holds the multipliers; factors (K, 1, n): 1 where rows were exchanged
     n = stage.order.shape[0]
     if task == FACTORISE:
-        if not transform(stage) or (stage.control[REDUCED] == 0.0 and not reduce(stage)):
+        if not diagonalise_stages(stage) or (stage.control[REDUCED] == 0.0 and not reduce(stage)):
             return 1
         stage.control[REDUCED] = 1.0
         for k in range(int(stage.control[SYSTEMS])):
@@ -276,7 +276,7 @@ def banded_stages(task, values, stage):
         pivots, numbers = np.empty(n, dtype=np.int32), np.empty(5, dtype=np.int32)
         numbers[0], numbers[1], numbers[2], numbers[3] = n, lower, upper, width + 1
         numbers[4], at = 0, numbers.ctypes.data
-        if not transform(stage):
+        if not diagonalise_stages(stage):
             return 1
         for k in range(int(stage.control[SYSTEMS])):
             factors = stage.factors[k]
@@ -315,7 +315,7 @@ def banded_stages(task, values, stage):
 def sparse_stages(task, values, stage):
     """Factorise all systems of a sparse Jacobian in Python, or solve them; 0 if done."""
     n, found = stage.order.shape[0], np.zeros(values.shape)
-    if task == FACTORISE and not transform(stage):
+    if task == FACTORISE and not diagonalise_stages(stage):
         return 1
     right = np.empty(n, dtype=np.complex128)
     for k in range(int(stage.control[SYSTEMS])):
@@ -345,7 +345,7 @@ def linear_solver(stage):
 
 
 @inner
-def newton_matrix(h, matrices, kinds, integral, second, jacobians, scales, at_nodes, out):
+def stage_matrix(h, matrices, kinds, integral, second, jacobians, scales, at_nodes, out):
     """Set the derivative of the residuals with respect to p at the nodes, in the order (c, i).
 
     Residuals and p are in units of the scales of their components. The Jacobian is one for all
@@ -394,7 +394,7 @@ def set_pencil(own, integral, is_speed, out):
 
 @allocating
 def set_entries(stage):
-    """Set the entries of the matrix of all stages, as `newton_matrix`, of a sparse Jacobian."""
+    """Set the entries of the matrix of all stages, as `stage_matrix`, of a sparse Jacobian."""
     entries, kinds, second, out = stage.jacobians[0], stage.kinds, stage.second, stage.joint
     s, scales, number = stage.integral.shape[0], stage.scales, 0
     pencil = np.empty((second.shape[0], 3, s, s))
@@ -454,7 +454,7 @@ def joint_dense(task, values, stage):
     # joint (n, n): the matrix, and then its factors; dense (1, 2, n): order of the rows, room
     order, room, matrix = stage.dense[0, 0], stage.dense[0, 1], stage.joint
     if task == FACTORISE:
-        newton_matrix(
+        stage_matrix(
             1.0, stage.matrices, stage.kinds, stage.integral, stage.second, stage.jacobians,
             stage.scales, room, matrix,
         )  # fmt: skip

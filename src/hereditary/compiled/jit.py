@@ -240,7 +240,7 @@ class entry:
         if config.DISABLE_JIT:
             return fun
         # called from Python alone: another wrapper would take a tenth of the compilation
-        how = internals.without("cfunc") if internals.VALUES else {}
+        how = internals.without("cfunc") if internals.FUNCTION_VALUES else {}
         how |= {} if self.counted else internals.uncounted()
         dispatcher = compiled(fun, self.fused, self.told, **how)
 

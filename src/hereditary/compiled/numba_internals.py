@@ -229,7 +229,7 @@ def _passes(probe):
 
 
 _FOUND = [*map(_passes, (_links, _hands_on, _stores))]
-LINKED, VALUES, STORED = _FOUND
+LINKED, FUNCTION_VALUES, STORED = _FOUND
 if not (config.DISABLE_JIT or all(_FOUND)):
     _NAMES = "linked functions", "function values", "code on disk"
     _missing = ", ".join(name for name, found in zip(_NAMES, _FOUND, strict=True) if not found)
@@ -284,7 +284,7 @@ def become_value(dispatcher, signature):
     returned = types.unliteral(result.signature.return_type)
     if returned != signature.return_type:
         raise TypeError(f"{dispatcher.__name__} must be {signature}; it returns {returned}")
-    if VALUES:
+    if FUNCTION_VALUES:
         dispatcher._signature = dispatcher._asked = signature
         dispatcher._own_type = dispatcher._numba_type_
         dispatcher._loaded, dispatcher.__class__ = _Loaded(result), Value

@@ -28,12 +28,12 @@ from .statement import (
     enlarged,
     factors_of,
     finite,
+    initial_rows,
     initial_values,
     left_side,
     of_shorthand,
     per_component,
     read_terms,
-    rows_of,
 )
 from .system import System, changed, displaced, leading_orders
 
@@ -172,7 +172,7 @@ class Equation(System):
         if d is None:
             initial = self._given_y0 = initial_values(values, highest)
         else:
-            self._given_y0 = rows_of(values, highest, count("d", d))
+            self._given_y0 = initial_rows(values, highest, count("d", d))
             initial = self._given_y0[:highest].copy()
         self._given_d = d
         d, paired = initial.shape[1], initial.dtype.kind == "c"

@@ -201,7 +201,7 @@ def initial_values(values, m):
     refuse("y0", required, f"shape {given}" if given else shown(values[0, 0]), remedy)
 
 
-def rows_of(values, m, d):
+def initial_rows(values, m, d):
     """Return the (k, d) array of initial values of d components, k >= m."""
     rows = values.reshape(-1, d) if values.ndim < 2 and values.size % d == 0 else values
     if rows.ndim != 2 or rows.shape[1] != d or len(rows) < m:

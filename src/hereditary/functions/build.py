@@ -121,7 +121,7 @@ def _difference(compiled, expected, start):
         compiled(start.t, start.components(), found.view(float), start.params.copy())
     except Exception as error:
         return f"for compiled it raises {type(error).__name__}: {error}"
-    if close(found, expected):
+    if nearly_equal(found, expected):
         return ""
     return (
         f"for compiled it gives {shown(found)} instead of {shown(expected)} at t = {start.t:g}"
@@ -373,14 +373,14 @@ def try_out(name, out, fun, arity, start, shape, hint):
     if not np.all(np.isfinite(values)):
         remedy = f"check y0 = {shown(start.y)} and params = {shown(start.params)}, {defined(fun)}"
         refuse(name, f"be finite at t = {start.t:g}", shown(values), remedy)
-    if not close(again, values):
+    if not nearly_equal(again, values):
         got = f"{shown(values)} and then {shown(again)}"
         remedy = f"take no random numbers and keep no state, {defined(fun)}"
         refuse(name, "give equal values for equal t, y", got, remedy)
     return values, form
 
 
-def close(values, expected):
+def nearly_equal(values, expected):
     """Return whether values agree to 1e-8."""
     if np.array_equal(values, expected):  # in a tenth of the time
         return True

@@ -2,7 +2,7 @@
 
 from ..compiled.jacobian import jacobian
 from ..compiled.jit import I8, IVEC, MAT, VEC, entry, inlined, inner
-from .signatures import EXCHANGE, MEMORY, TABLES
+from .signatures import EXCHANGE, HISTORY_TABLES, MEMORY
 from .step import UNITS
 
 # Ratio of neighbouring steps from which no parabola tells the slope.
@@ -74,7 +74,7 @@ def bounded(x):
     return True
 
 
-@entry(MAT, MAT, I8, IVEC, MAT, EXCHANGE, TABLES, MEMORY)
+@entry(MAT, MAT, I8, IVEC, MAT, EXCHANGE, HISTORY_TABLES, MEMORY)
 def open_lag(lag, pieces, n, groups, weights, exchange, tables, memory):
     """Set the lag (W, B) of the block from step n on, and move the newest piece to its front."""
     open_block(lag, pieces, n, groups, weights, exchange, tables, memory)

@@ -23,7 +23,7 @@ from .jacobian_watch import JacobianWatch, remedy_of
 from .linear_solvers import newton_of
 from .march import MARCHES
 from .riemann_liouville import with_initial_values
-from .signatures import COUNTS, MARCH_SIG, MONITOR, March, Output, StepTable
+from .signatures import MARCH_COUNTS, MARCH_SIG, MONITOR, March, MarchOutput, StepTable
 from .step import N_ROOM, POINT, UNITS, F
 from .steps import before_break, break_steps, rows_beside
 
@@ -131,7 +131,7 @@ class FixedStepper(Stepper):
         )
         self.memory.clear()
         self._march = March(
-            counts=record(COUNTS, zigzag=-1, opened=-1, growth=-1),
+            counts=record(MARCH_COUNTS, zigzag=-1, opened=-1, growth=-1),
             x=x,
             increment=plan.increments[columns].copy(),
             change=np.zeros(width),
@@ -222,7 +222,7 @@ class FixedStepper(Stepper):
                 *system.compiled, self.memory.exchange, self.memory.tables, self.memory.arrays,
                 self._newton.solver, self._newton.tables, self._table,
                 rows_beside(self._breaks, self.n, self._rows, self.steps, start), self._march,
-                Output(rows, slopes, jacobians, self._room, self.n, n_end), n_end,
+                MarchOutput(rows, slopes, jacobians, self._room, self.n, n_end), n_end,
             )  # fmt: skip
         finally:
             self._watch.note(jacobians, self.n)
@@ -322,7 +322,7 @@ class FixedStepper(Stepper):
     def _take(self, march, memory, watched):
         """Take over what `checkpoint` returned."""
         counts, *parts = march
-        march = March(record(COUNTS, tuple(counts[0])), *(part.copy() for part in parts))
+        march = March(record(MARCH_COUNTS, tuple(counts[0])), *(part.copy() for part in parts))
         monitor = np.array([tuple(row) for row in march.monitor], MONITOR).view(np.recarray)
         newton = self._newton.taken_over(march)
         self._march = march._replace(newton=newton, monitor=monitor)

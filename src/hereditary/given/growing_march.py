@@ -11,7 +11,7 @@ from numba import from_dtype
 
 from ..compiled.jit import I8, IVEC, MAT, allocating, entry, inner
 from .block import RUNNING
-from .signatures import MARCH, MARCH_VALUE, MEMORY, STATE
+from .signatures import MARCH, MARCH_STATE, MARCH_VALUE, MEMORY
 
 # The end of a march, besides those of given/block.py, whose tangents overflowed or vanished.
 LOST = 3
@@ -125,7 +125,7 @@ def combine(array, d, matrix):
 
 
 @inner
-def transform(state, memory, d, lasting, matrix):
+def combine_tangents(state, memory, d, lasting, matrix):
     """Replace all that is linear in the tangents by combinations of them, matrix (k, k)."""
     if state.counts.step > _FIRST_STEPS:
         # what is used in the first steps alone would grow without end as tangents decay
@@ -148,10 +148,10 @@ def forget(array, d):
             array[c, i] = 0.0
 
 
-@entry(STATE, MEMORY, I8, I8, MAT)
+@entry(MARCH_STATE, MEMORY, I8, I8, MAT)
 def transform_march(state, memory, d, lasting, matrix):
-    """Call `transform` between two entries into the march."""
-    transform(state, memory, d, lasting, matrix)
+    """Call `combine_tangents` between two entries into the march."""
+    combine_tangents(state, memory, d, lasting, matrix)
 
 
 @entry(
@@ -183,7 +183,7 @@ def grow(
         read_tangents(state, table, above, columns)
         if not triangle(columns, inverse):
             return LOST
-        transform(state, memory, table.n_orbit, pace["lasting"], inverse)
+        combine_tangents(state, memory, table.n_orbit, pace["lasting"], inverse)
         row = grown[pace["made"]]
         row[0] = stop
         for j in range(k):

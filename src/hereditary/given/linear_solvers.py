@@ -11,7 +11,7 @@ from ..compiled.signatures import SOLVER_SIG, LinearSolver
 from ..equation.system import FEW
 
 
-class Newton(NamedTuple):
+class NewtonSetup(NamedTuple):
     """Linear solver of Newton's method, its tables, and room for the matrices.
 
     held keeps alive what enters Python.
@@ -39,7 +39,7 @@ class Newton(NamedTuple):
 
 
 def newton_of(structure, d, tangents, solve, exact):
-    """Return `Newton` for d components of an orbit, with tangents or without.
+    """Return `NewtonSetup` for d components of an orbit, with tangents or without.
 
     `solve` is the scheme's; `exact` tells whether one iteration is enough. Newton's method solves
     for few components by itself, and leaves their tangents to the solver. Room is empty where no
@@ -60,4 +60,4 @@ def newton_of(structure, d, tangents, solve, exact):
         few=int(few),
     )
     solver = as_value(dense_solver if n else no_solver, SOLVER_SIG)
-    return Newton(solver, tables, np.zeros((1 + slots, size, size)))
+    return NewtonSetup(solver, tables, np.zeros((1 + slots, size, size)))

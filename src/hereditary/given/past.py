@@ -51,20 +51,20 @@ def exchange_modes(lag, pieces, n, groups, tables, memory):
         n_starts = 0
     for c in range(lag.shape[0]):
         if n > 0:
-            multiply(modes[c], back[n_block], n_real, modes[c])
+            multiply_modes(modes[c], back[n_block], n_real, modes[c])
             add_rows(modes[c], pieces[c, :n_block], back[:n_block])
-        multiply(modes[c], weights[groups[c]], n_real, amplitudes)
+        multiply_modes(modes[c], weights[groups[c]], n_real, amplitudes)
         for v in range(n_starts):
             mine = start[c, v * n_modes : (v + 1) * n_modes]
             if n > 0:
-                multiply(mine, back[n_block], n_real, mine)
-            multiply(mine, start_weights[v * n_groups + groups[c]], n_real, product)
+                multiply_modes(mine, back[n_block], n_real, mine)
+            multiply_modes(mine, start_weights[v * n_groups + groups[c]], n_real, product)
             for i in range(n_modes):
                 amplitudes[i] += product[i]
         add_rows(lag[c], amplitudes, ahead)
         if window.shape[1] > 0:
             slide(window[c], pieces[c, :n_block])
-            correct(lag[c], window[c], corrections[groups[c]])
+            add_corrections(lag[c], window[c], corrections[groups[c]])
 
 
 @compiled
@@ -84,7 +84,7 @@ def exchange_rows(lag, pieces, n, groups, tables, memory):
 
 
 @inner
-def multiply(modes, factors, n_real, out):
+def multiply_modes(modes, factors, n_real, out):
     """Set out to modes times factors, real numbers and then the parts of complex ones."""
     # all (M,)
     for i in range(n_real):
@@ -106,7 +106,7 @@ def slide(window, pieces):
 
 
 @inner
-def correct(lag, window, corrections):
+def add_corrections(lag, window, corrections):
     """Add what the weights of the window's pieces differ by from their exponential sums."""
     # window[L - 1] is u_(n-2): k = 2 for the first step of the block
     length = window.shape[0]

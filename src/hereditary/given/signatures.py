@@ -62,12 +62,12 @@ def held(n_columns, pieces=0, modes=0, starts=0, pending=0):
     return Held(*(np.zeros((n_columns, size)) for size in (pieces, modes, starts, pending)))
 
 
-TABLES, MEMORY = compiled_type(Tables), compiled_type(Held)
+HISTORY_TABLES, MEMORY = compiled_type(Tables), compiled_type(Held)
 
 
 # lag (W, B), pieces (W, B + 1), first step of the block, group of each column (W,), tables, memory:
 # takes all pieces but the last into memory (none at step 0), adds to lag
-EXCHANGE_SIG = types.void(MAT, MAT, I8, IVEC, TABLES, MEMORY)
+EXCHANGE_SIG = types.void(MAT, MAT, I8, IVEC, HISTORY_TABLES, MEMORY)
 
 
 EXCHANGE = types.FunctionType(EXCHANGE_SIG)
@@ -78,7 +78,7 @@ EXCHANGE = types.FunctionType(EXCHANGE_SIG)
 # (-1); of Newton's method whether the Jacobian of an earlier step and its factors are kept, whether
 # these solve a linear step at once, steps that still take a Jacobian of their own, and how many
 # matrices were factorised.
-COUNTS = np.dtype(
+MARCH_COUNTS = np.dtype(
     [(name, "i8") for name in ("step", "zigzag", "opened", "rhs", "growth")]
     + [(name, "i8") for name in ("kept", "at_once", "renewed", "factorised")],
     align=True,
@@ -99,7 +99,7 @@ _WATCHED = (
 MONITOR = np.dtype([(name, "f8") for name in _WATCHED], align=True)
 
 
-Counts: TypeAlias = Annotated[np.record, from_dtype(COUNTS)]
+Counts: TypeAlias = Annotated[np.record, from_dtype(MARCH_COUNTS)]
 
 
 Monitors: TypeAlias = Annotated[np.ndarray, types.Array(from_dtype(MONITOR), 1, "C")]
@@ -205,7 +205,7 @@ class March(NamedTuple):
     newton: Cube
 
 
-class Output(NamedTuple):
+class MarchOutput(NamedTuple):
     """Room for a row of each step from `begun` to `end`, or none: y and its slopes (k, d).
 
     It also has room for Jacobians (n, d, d) of these steps, and for one step, (N_ROOM, W)
@@ -226,15 +226,15 @@ STEP_TABLE = compiled_type(StepTable)
 STEP_ROWS = compiled_type(StepRows)
 
 
-STATE = compiled_type(March)
+MARCH_STATE = compiled_type(March)
 
 
-OUTPUT = compiled_type(Output)
+OUTPUT = compiled_type(MarchOutput)
 
 
 MARCH = (
-    RHS, JAC, I8, VEC, EXCHANGE, TABLES, MEMORY, SOLVER, LINEAR, STEP_TABLE, STEP_ROWS, STATE,
-    OUTPUT, I8,
+    RHS, JAC, I8, VEC, EXCHANGE, HISTORY_TABLES, MEMORY, SOLVER, LINEAR, STEP_TABLE, STEP_ROWS,
+    MARCH_STATE, OUTPUT, I8,
 )  # fmt: skip
 
 

@@ -12,7 +12,7 @@ from ..compiled.jit import inner
 ZIGZAG_WINDOW = 64
 # An alternation that shrinks by less than this over a batch is sustained; one below FLOOR
 # times the size of the solution is rounding, and so are increments that are hardly floats.
-ZIGZAG_KEPT, ZIGZAG_FLOOR, TINY = 0.98, 1e-9, 1e-300
+ZIGZAG_KEPT, ZIGZAG_FLOOR, SMALLEST_CHANGE = 0.98, 1e-9, 1e-300
 # An alternation as large as the solution needs fewer steps to spoil it: where its increments are
 # this large and this much alike over so many steps. At 0.999 of its limit the undamped oscillator's
 # still differ by a tenth.
@@ -62,7 +62,7 @@ def watch_turning(own, change, size, length, counts):
     own.turning = max(own.turning, change)
     if own.turns % ZIGZAG_WINDOW == 0.0:
         kept = own.turning_before > 0.0 and own.turning >= ZIGZAG_KEPT * own.turning_before
-        large = change > LARGE * size and change > TINY
+        large = change > LARGE * size and change > SMALLEST_CHANGE
         if kept and large and counts.zigzag < 0:
             counts.zigzag = counts.step
         own.turning_before, own.turning = own.turning, 0.0
@@ -87,5 +87,5 @@ def watch_zigzag(own, increment, size, counts):
         sustained = sustained or (kept and own.largest > ZIGZAG_FLOOR * size)
         own.before = own.largest
         own.largest = 0.0
-    if sustained and size > TINY and counts.zigzag < 0:
+    if sustained and size > SMALLEST_CHANGE and counts.zigzag < 0:
         counts.zigzag = counts.step

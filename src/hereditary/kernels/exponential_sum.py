@@ -42,7 +42,7 @@ RATIO_MAX = 1e100
 SLOW_NODES = 3
 _NODES = (1 - np.cos(2 * np.pi * np.arange(SLOW_NODES) / (2 * SLOW_NODES - 1))) / 2
 # Exponents that rounding takes for 0 count as this: then too their share stays what it is.
-LEAST = 1e-290
+SMALLEST = 1e-290
 
 
 def fit_interval(t_min, t_max, tol):
@@ -301,7 +301,7 @@ def bank_of_all_orders(ratio, tol):
 def weights_of_orders(a, ratio, tol):
     """Weights of these rates for kernels ``t**-a``, a (k,) in (0, 1], shape (M, k)."""
     rates, h, x = bank_of_all_orders(ratio, tol)
-    a = np.maximum(a, LEAST)
+    a = np.maximum(a, SMALLEST)
     k = np.arange(SLOW_NODES)[:, None]
     moments = np.exp(a * x) / -np.expm1(-(a + k) * h)
     grid = np.exp(a * (x + h * np.arange(1, rates.size - SLOW_NODES + 1)[:, None]))

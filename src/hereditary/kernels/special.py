@@ -153,11 +153,3 @@ def graded_unit(n):
     ]
     nodes, weights = (np.concatenate(part) for part in zip(*panels, strict=True))
     return nodes, weights
-
-
-def bracketed_root(function, low, high):
-    """Find a zero of a continuous function between points of different sign, to rounding."""
-    from scipy.optimize import brentq
-
-    least = 2.0**-60 * max(abs(low), abs(high))  # around 0, where all numbers are apart
-    return brentq(function, low, high, xtol=least, rtol=2.0**-50, maxiter=1000)

@@ -7,11 +7,11 @@ from ..compiled.jit import as_value
 from ..compiled.linalg import no_solver
 from ..compiled.signatures import SOLVER_SIG, LinearSolver
 from ..compiled.sparse_solvers import SparseFactors, banded_solver, sparse_solver
-from ..given.linear_solvers import Newton
+from ..given.linear_solvers import NewtonSetup
 
 
 def newton_of_structure(structure, slots, implicit, exact):
-    """Return `Newton` for Jacobians of a structure, with factors of `slots` matrices."""
+    """Return `NewtonSetup` for Jacobians of a structure, with factors of `slots` matrices."""
     band, held, solver = structure.band, None, no_solver
     room = np.tile(structure.entries, (1 + slots if implicit else 1, 1, 1))
     tables = LinearSolver(np.zeros((0, 0, 0)), np.arange(0), exact=exact)
@@ -24,4 +24,4 @@ def newton_of_structure(structure, slots, implicit, exact):
         lapack = lapack_address("dgbtrf")
         places = order.astype(np.int64)
         tables = LinearSolver(factors, places, lower, upper, lapack, exact=exact)
-    return Newton(as_value(solver, SOLVER_SIG), tables, room, held)
+    return NewtonSetup(as_value(solver, SOLVER_SIG), tables, room, held)

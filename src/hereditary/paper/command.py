@@ -39,7 +39,7 @@ FIGURES: dict[str, Callable[[Job], list[str]]] = {
 }
 
 
-def main(argv: Sequence[str]) -> int:
+def run_paper(argv: Sequence[str]) -> int:
     """Compute the figures named on the command line; return the exit status."""
     arguments = _parser().parse_args(argv)
     names = list(FIGURES) if arguments.figures is None else arguments.figures.split(",")

@@ -11,11 +11,11 @@ import numpy as np
 from .. import plots
 from ..analysis.table import Table
 from .job import Job, merged
-from .runs import CLASSICAL, exponent, exponents, orbit, signs
+from .runs import CLASSICAL, exponents, growth_exponent, orbit, signs
 
 T_END = 100.0
 # tau = 0.005, the step that fits the source's figures, and a tenth of it
-STEPS, FINE_STEPS = 20_000, 200_000
+N_STEPS, FINE_STEPS = 20_000, 200_000
 LONG, LONG_RTOL = 1000.0, 1e-8
 SPEEDS = np.linspace(0.5, 3.0, 51)
 ADHESIONS = np.arange(1.0, 51.0)
@@ -74,7 +74,7 @@ def figure_8(job: Job) -> list[str]:
     for (name, (values, fixed, title)), (above, below) in zip(panels.items(), axes.T, strict=True):
         grid = {name: job.few(values)}
         coarse_steps = round(8000 * horizons[0] / T_END)
-        coarse = job.sweep(exponent, grid, t_end=horizons[0], n_steps=coarse_steps, **fixed)
+        coarse = job.sweep(growth_exponent, grid, t_end=horizons[0], n_steps=coarse_steps, **fixed)
         fine = job.sweep(exponents, grid, horizons=horizons, h=h, **fixed)
         table = merged({"coarse": coarse, "fine": fine})
         for k, t_end in enumerate(horizons):
@@ -123,7 +123,7 @@ def _spectra(job, name, grid, panels):
     grid = {axis: job.few(values) for axis, values in grid.items()}
     t_end, long = job.size(T_END, 10.0), job.size(LONG, 20.0)
     runs = {
-        "paper": {"t_end": t_end, "n_steps": job.size(STEPS, 2000)},
+        "paper": {"t_end": t_end, "n_steps": job.size(N_STEPS, 2000)},
         "fine": {"t_end": t_end, "n_steps": job.size(FINE_STEPS, 4000)},
         "converged": {"t_end": t_end, "rtol": 1e-9},
         "long": {"t_end": long, "rtol": LONG_RTOL},
@@ -136,7 +136,7 @@ def _spectra(job, name, grid, panels):
     lines = []
     for (title, fixed), (above, below) in zip(panels.items(), axes.T, strict=True):
         tables = {
-            part: job.sweep(exponent, grid, **how, **CLASSICAL, **fixed)
+            part: job.sweep(growth_exponent, grid, **how, **CLASSICAL, **fixed)
             for part, how in runs.items()
         }
         table = merged(tables)
@@ -168,14 +168,14 @@ def _told(table, parts, title):
 
 def _orbits(job, name, parameter, symbol, values, **fixed):
     """Draw oscillogram, velocity and phase portrait, a column for each value of a parameter."""
-    times = np.linspace(0.0, T_END, job.size(STEPS, 5000) + 1)
+    times = np.linspace(0.0, T_END, job.size(N_STEPS, 5000) + 1)
     found, stays, coarse = [], [], []
     for value in values:
         chosen = {parameter: value, **CLASSICAL, **fixed}
         *rows, intervals = orbit(times=times, **chosen)
         found.append(rows)
         stays.append(intervals)
-        coarse.append(orbit(times=times, n_steps=STEPS, **chosen))
+        coarse.append(orbit(times=times, n_steps=N_STEPS, **chosen))
     figure, axes = plt.subplots(
         3, len(values), figsize=(1 + 3.6 * len(values), 7.5), layout="constrained",
         squeeze=False, height_ratios=(1, 1, 1.3),

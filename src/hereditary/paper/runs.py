@@ -40,7 +40,7 @@ def wells_period(spring_speed=1.0, omega=1.0, **others):
     return WELL * omega**2 / spring_speed
 
 
-def exponent(*, t_end, n_steps=None, rtol=None, **parameters):
+def growth_exponent(*, t_end, n_steps=None, rtol=None, **parameters):
     """Return the leading exponent over [0, t_end], by the source's scheme or collocation."""
     how: dict[str, Any] = {"rtol": rtol, "scheme": Collocation()}
     if rtol is None:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from ..collocation.method import Collocation
-from ..collocation.opening import open_adaptive, tolerance
+from ..collocation.opening import checked_tolerance, open_adaptive
 from ..given.history.exponentials import SumOfExponentials
 from ..given.history.history import History
 from ..given.opening import given_steps, open_given, prepare
@@ -39,7 +39,7 @@ def how_to_step(equation, scheme, t_end, state=None, *, history=None, **how):
     if not isinstance(history, SumOfExponentials | None):
         required = "be left out with Collocation, or be SumOfExponentials(tol)"
         refuse("history", required, repr(history))
-    return tolerance(equation, t_end, state, modes=history and history.tol, **how)
+    return checked_tolerance(equation, t_end, state, modes=history and history.tol, **how)
 
 
 def open_stepper(

@@ -7,7 +7,7 @@ import numpy as np
 from ..given.first_steps import FirstSteps
 from ..stepping.dense import Dense, Piece, StepPieces
 from ..support.checks import complaint
-from ..support.machine import memory
+from ..support.machine import machine_storage
 
 # Rows that there is room for at first where steps are chosen on the way.
 _SOME = 512
@@ -179,7 +179,7 @@ def room_for(size, d, every):
     """Allocate arrays (size,), (size, d) and (size, d) for rows, or refuse them."""
     n_bytes = 8.0 * size * (1 + 2 * d)
     try:
-        if n_bytes > memory():
+        if n_bytes > machine_storage():
             raise MemoryError
         return np.empty(size), np.empty((size, d)), np.empty((size, d))
     except MemoryError as error:

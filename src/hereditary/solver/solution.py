@@ -16,7 +16,7 @@ from ..stepping.dense import Dense, curve
 from ..stepping.state import State
 from ..stepping.status import Status
 from ..support.checks import complaint, one_of, refuse, shown
-from ..support.html import paragraph, rows_of, small_figure
+from ..support.html import paragraph, small_figure, table_html
 from ..support.optional import optional
 from ..support.warning import warn
 
@@ -160,7 +160,7 @@ class Solution:
         wanted = "n_steps", "n_rhs", "n_modes", "error_estimate", "run_seconds"
         names = [name for name in wanted if name in self.stats]
         about = paragraph(f"{self.status}: {self.message}")
-        told = rows_of(names, [[self.stats[name] for name in names]])
+        told = table_html(names, [[self.stats[name] for name in names]])
         t, y = curve(self, slice(None))
         parts = (y.real, y.imag) if np.iscomplexobj(y) else (y,)
         return small_figure(t, np.hstack(parts)) + about + told

@@ -13,7 +13,7 @@ from typing import Any
 _POINTS, _SIZE = 2000, (4.0, 1.8)
 
 
-def rows_of(head: Sequence[object], rows: Iterable[Sequence[object]]) -> str:
+def table_html(head: Sequence[object], rows: Iterable[Sequence[object]]) -> str:
     """Return a table with a head."""
     lines = [_cells("th", head), *(_cells("td", row) for row in rows)]
     return f"<table>{''.join(f'<tr>{line}</tr>' for line in lines)}</table>"

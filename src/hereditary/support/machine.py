@@ -12,7 +12,7 @@ def cores():
     return os.cpu_count() or 1
 
 
-def memory():
+def machine_storage():
     """Return the bytes of memory that the machine has, where it says."""
     try:
         return float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))

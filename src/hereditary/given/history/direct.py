@@ -8,7 +8,7 @@ import numpy as np
 from ..past import exchange_direct
 from ..plan import Convolution
 from ..signatures import Tables, held
-from .history import History, Memory
+from .history import History, OpenHistory
 
 # Weights of steps that have rows of their own are worked out for at most so many steps, and about
 # so many numbers, at a time.
@@ -40,13 +40,13 @@ class Direct(History):
     takes_varying: ClassVar[bool] = True
     takes_meshes: ClassVar[bool] = True
 
-    def memory(self, past, n_columns, n_block, span) -> Memory:
+    def memory(self, past, n_columns, n_block, span) -> OpenHistory:
         """Make the memory of a past; see `History.memory`."""
         own = _Pieces if isinstance(past, Convolution) else _PiecesByRows
         return own(past, n_columns, n_block)
 
 
-class _Pieces(Memory):
+class _Pieces(OpenHistory):
     """All pieces ever absorbed, in arrays that grow by doubling."""
 
     def __init__(self, past, n_columns, n_block):

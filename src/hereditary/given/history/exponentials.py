@@ -15,8 +15,8 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from ...kernels.exponential_sum import (
-    LEAST,
     SLOW_NODES,
+    SMALLEST,
     bank_of_all_orders,
     fit_unit,
     tolerance,
@@ -29,7 +29,7 @@ from ..power_series import inverse_gamma
 from ..row_plan import STRETCH, RowSums
 from ..signatures import Tables, held
 from ..steps import Span
-from .history import History, Memory
+from .history import History, OpenHistory
 
 # Steps that every bank covers. A run may be resumed up to here whatever length it first had, and
 # all shorter runs share one bank; longer ones take ten times as many, and so on. Against a bank
@@ -93,7 +93,7 @@ class SumOfExponentials(History):
         if self.horizon is not None:
             positive("horizon", self.horizon)
 
-    def memory(self, past, n_columns, n_block, span) -> Memory:
+    def memory(self, past, n_columns, n_block, span) -> OpenHistory:
         """Make the memory of a past; see `History.memory`."""
         if isinstance(past, RowSums):
             mesh = past.steps.mesh
@@ -166,7 +166,7 @@ def _tabulated(convolution, covered, tol, n_block):
 _kept = lru_cache(maxsize=64)(_tabulated)
 
 
-class _RowModes(Memory):
+class _RowModes(OpenHistory):
     """Modes that each step changes and weighs anew; subclasses say with which rates and weights."""
 
     _exchange: ClassVar[Callable]
@@ -268,7 +268,7 @@ class _ModesOfAllOrders(_RowModes):
         self._room = np.zeros((1, n_grid // LANES))
         self._decays = np.exp(-self._h * np.arange(1.0, SLOW_NODES))
         grid = np.exp(x + self._h * np.arange(1, n_grid + 1))
-        return np.maximum(np.append(grid, rates[-SLOW_NODES:]), LEAST), rates.size
+        return np.maximum(np.append(grid, rates[-SLOW_NODES:]), SMALLEST), rates.size
 
     def _weighed(self, seen, here):
         """Set amplitudes of ``c p t**(p-1) / Gamma(p + 1)`` in units of the nearest distance."""
@@ -281,7 +281,7 @@ class _ModesOfAllOrders(_RowModes):
         for a, number in np.argwhere(self.tables.derivatives):
             own, (c, operator) = found[a, number], self._past.terms[a][number]
             p, factor = (part[here] for part in self._past.powers[operator])
-            exponent = np.maximum(1 - p, LEAST)
+            exponent = np.maximum(1 - p, SMALLEST)
             for row, log in zip(own, self._logs, strict=False):
                 np.exp(np.multiply(exponent, log, out=row), out=row)
             np.expm1(np.multiply(exponent, -self._h, out=own[3]), out=own[3])
@@ -292,7 +292,7 @@ class _ModesOfAllOrders(_RowModes):
         return {"weights": seen.reshape(-1, seen.shape[2]), "room": self._room}
 
 
-class _Modes(Memory):
+class _Modes(OpenHistory):
     """Modes driven by the pieces, undriven ones for the start values, and a window."""
 
     def __init__(self, tables, arrays, blocks, n_modes, covered, kernel_errors):

@@ -14,7 +14,7 @@ from scipy.fft import irfft, next_fast_len, rfft
 
 from ..past import exchange_pending
 from ..signatures import Tables, held
-from .history import History, Memory
+from .history import History, OpenHistory
 
 # Blocks in the shortest batch: below, direct sums are faster than entering Python again.
 _BLOCKS = 32
@@ -45,12 +45,12 @@ class FFT(History):
 
     takes_kernels: ClassVar[bool] = True
 
-    def memory(self, past, n_columns, n_block, span) -> Memory:
+    def memory(self, past, n_columns, n_block, span) -> OpenHistory:
         """Make the memory of a past; see `History.memory`."""
         return _Pending(past, n_columns, n_block)
 
 
-class _Pending(Memory):
+class _Pending(OpenHistory):
     """All pieces, and the sums that pieces of finished batches add to later steps."""
 
     def __init__(self, convolution, n_columns, n_block):

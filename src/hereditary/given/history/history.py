@@ -1,11 +1,11 @@
 """The history contract.
 
-A `History` is a description; `open` turns it into a `Memory` that stores the past of one run. The
-past is a sequence of pieces u_m, one for each of W columns. The memory adds ``sum_m W_m u_m`` over
-all pieces older than a block to the lag of that block. On uniform steps the weights are W_(n-m). On
-other steps each step has weights of its own, in blocks of one step. The march uses a compiled
-function and plain arrays for this. Between blocks Python may copy, store, restore or linearly
-combine the arrays. All of them are linear in the pieces.
+A `History` is a description; `open` turns it into an `OpenHistory` that stores the past of a run.
+The past is a sequence of pieces u_m, one for each of W columns. The memory adds ``sum_m W_m u_m``
+over all pieces older than a block to the lag of that block. On uniform steps the weights are
+W_(n-m). On other steps each step has weights of its own, in blocks of one step. The march uses a
+compiled function and plain arrays for this. Between blocks Python may copy, store, restore or
+linearly combine the arrays. All of them are linear in the pieces.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from ..steps import Span
 Past = Convolution | RowSums
 
 
-class Memory(ABC):
+class OpenHistory(ABC):
     """The running memory of one march.
 
     Attributes
@@ -86,7 +86,7 @@ class Memory(ABC):
         self.arrays = Held(*(np.ascontiguousarray(array, dtype=float).copy() for array in state))
 
 
-class NoMemory(Memory):
+class NoMemory(OpenHistory):
     """The memory of an equation whose terms are all classical."""
 
     def __init__(self, n_columns, block_weights, block_start_weights):
@@ -114,8 +114,8 @@ class History(ABC):
     takes_varying: ClassVar[bool] = False
     takes_meshes: ClassVar[bool] = False
 
-    def open(self, past: Past, n_columns: int, n_block: int, span: int | Span) -> Memory:
-        """Open a fresh `Memory` for one run.
+    def open(self, past: Past, n_columns: int, n_block: int, span: int | Span) -> OpenHistory:
+        """Open a fresh `OpenHistory` for one run.
 
         Parameters
         ----------
@@ -134,5 +134,5 @@ class History(ABC):
         return self.memory(past, n_columns, n_block, span)
 
     @abstractmethod
-    def memory(self, past: Past, n_columns: int, n_block: int, span) -> Memory:
+    def memory(self, past: Past, n_columns: int, n_block: int, span) -> OpenHistory:
         """Make the memory of a past that has weights beyond k = 1; see `open`."""
