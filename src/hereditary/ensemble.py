@@ -377,7 +377,7 @@ class _Run:
         if status is not Status.COMPLETED:
             with silence():
                 message = told(stepper, status, detail)
-        self._ends[m] = (status, message, stepper.n, stepper.n_rhs)
+        self._ends[m] = (status, message, stepper.n, stepper.stats()["n_rhs"])
 
     def _solve(self, m):
         """Solve a member by itself."""

@@ -119,8 +119,8 @@ class Hybrid:
         stepper, events = self._stepper, self._events
         while True:
             due = self._due[0][0] if self._due else math.inf
-            events.stated = stepper.stands_at(due) if self._due else math.inf
-            target = min(stop, stepper.position_at(due)) if self._due else stop
+            events.stated = stepper.stop_at(due).t if self._due else math.inf
+            target = min(stop, stepper.stop_at(due).position) if self._due else stop
             ended = drive.to(target)
             if ended and ended[0] is not Status.EVENT:
                 return ended
@@ -143,7 +143,7 @@ class Hybrid:
             events.take_back(stuck)
             return Status.SLIDING, ""
         moved = False
-        while self._due and stepper.stands_at(self._due[0][0]) <= t:
+        while self._due and stepper.stop_at(self._due[0][0]).t <= t:
             moved, trouble = True, self._change(self._due.pop(0)[1])
             if trouble:
                 return trouble
@@ -256,8 +256,8 @@ class HybridEvents(Events):
     def __init__(self, functions, acting, n_events, stepper, signs, known):
         self._acting, self._start = acting, stepper.t
         self._known, self._origin = known, stepper.equation.frame.start
-        self._stands_at, self.stated, self.stuck = stepper.stands_at, math.inf, None
-        self._at_once = 1.0 if stepper.resolved else _RETURN
+        self._stop_at, self.stated, self.stuck = stepper.stop_at, math.inf, None
+        self._at_once = 1.0 if stepper.looks == 1 else _RETURN
         self.fired: dict[int, float] = {}
         self._last: dict[int, float] = {}
         super().__init__(functions, stepper, signs, n_events)
@@ -369,7 +369,7 @@ class HybridEvents(Events):
                 if number < self.n_events and self._is_known(number, t):
                     continue
             if self._acting[number]:  # a step at the very time may be earlier by rounding
-                t = min(t, self._stands_at(t))
+                t = min(t, self._stop_at(t).t)
             yield t, sign
             if self._acting[number]:
                 return
@@ -394,8 +394,8 @@ class HybridEvents(Events):
     def _end(self, end, found, edges):
         """Return where the march ends: by a terminal event, or by a function that acts."""
         acting = [one for one in found if self._acting[one[1]]] + self._returns
-        stands = self._stands_at(min(acting)[0]) if acting else math.inf
-        last = self._stands_at(end) if acting and end < math.inf else end
+        stands = self._stop_at(min(acting)[0]).t if acting else math.inf
+        last = self._stop_at(end).t if acting and end < math.inf else end
         if acting and (stands <= last or together(stands, last)):
             over = end < math.inf and (last <= stands or bool(together(last, stands)))
             self.fired = {n: sign for t, n, sign in acting if t <= stands or together(t, stands)}

@@ -160,10 +160,10 @@ class Pairs:
     def __getattr__(self, name):
         return getattr(self._orbit, name)
 
-    @property
-    def n_rhs(self):
-        """Calls of the right-hand side."""
-        return sum(stepper.n_rhs for stepper in self._all)
+    def stats(self):
+        """Return those of the first orbit, and all calls of the right-hand side."""
+        n_rhs = sum(stepper.stats()["n_rhs"] for stepper in self._all)
+        return self._orbit.stats() | {"n_rhs": n_rhs}
 
     @property
     def error(self):
@@ -468,8 +468,7 @@ def _found(stepper, equation, flow, ended, grown, settings, n_blocks, seconds):
         settings=settings,
         stats={
             "n_steps": _marks(stepper.t, h),
-            "n_rhs": stepper.n_rhs,
-            "n_modes": stepper.n_modes,
+            **{name: stepper.stats()[name] for name in ("n_rhs", "n_modes")},
             "run_seconds": seconds,
         },
     )
@@ -524,7 +523,7 @@ def _grow(stepper, pace, h, flow, states, progress):
     Returns status and detail of a march that ended early, else None. For each renormalisation it
     also returns its mark and the logarithms of the growth since the one before, (n, 1 + k).
     """
-    given, unit = isinstance(stepper, FixedStepper), stepper.position_at(h)
+    given, unit = isinstance(stepper, FixedStepper), stepper.stop_at(h).position
     grown = [np.empty((0, 1 + stepper.tangent.shape[1]))]
 
     def advance(stop):

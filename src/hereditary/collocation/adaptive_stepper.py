@@ -15,7 +15,7 @@ from ..functions.differences import wrong_jacobian
 from ..kernels.memory_kernel import warn_of_fit
 from ..stepping.state import check_identity, identity, state_of
 from ..stepping.status import NOT_FINITE, Status, failed
-from ..stepping.stepper import Stepper
+from ..stepping.stepper import Health, Stepper
 from ..stepping.times import breaks_ahead
 from ..support.checks import refuse
 from .equations import integral_form
@@ -325,7 +325,7 @@ class AdaptiveStepper(Stepper):
         Directions of initial data, one tangent for each, whose errors count for the steps as well.
     """
 
-    looks, h, resolved = _LOOKS, 0.0, False
+    looks = _LOOKS
 
     def __init__(self, equation, scheme, t_end, tolerance, directions=None):
         scheme.check_terms(equation)
@@ -684,14 +684,10 @@ class AdaptiveStepper(Stepper):
         return f"component {name} is below a millionth of the largest, may be rounding: give atol="
 
     @property
-    def misfit(self):
-        """By how much kernels miss the tolerance; empty where they keep it."""
-        return self._orbit.kernels.errors.misfit(self._tolerances[0])
-
-    @property
-    def missed(self):
-        """A time at which f is not what the steps made of it, or 0."""
-        return float(self._control["missed"])
+    def health(self):
+        """Whether kernels keep the tolerance, and a force that steps missed."""
+        misfit = self._orbit.kernels.errors.misfit(self._tolerances[0])
+        return Health(misfit=misfit, missed=float(self._control["missed"]))
 
     def set_breaks(self, times, t_end):
         """Begin the steps anew at these times."""
@@ -738,22 +734,14 @@ class AdaptiveStepper(Stepper):
         self._limit_steps(self._t_end)
 
     def checkpoint(self):
-        """Return copies of all that the march consists of, for `go_back` and `state`."""
+        """Return copies of all that the march consists of, for `come_back` and `state`."""
         kept = tuple(plain(part).copy() for part in self._state)
         return kept, copy.deepcopy(self._orbit), self._at_singular_start
 
-    def go_back(self, checkpoint, t):
-        """Come back to where `checkpoint` was taken, and march to time t."""
+    def come_back(self, checkpoint):
+        """Come back to where `checkpoint` was taken."""
         kept, orbit, self._at_singular_start = checkpoint
-        self._go_on_from(kept, orbit)
-        while self.t < t and self.trouble is None:
-            self.advance(t)
-
-    def position_at(self, t):
-        """Return the position of a march that stops at time t."""
-        return t
-
-    stands_at = position_at
+        self._go_on_from(kept, copy.deepcopy(orbit))
 
     def expect_moves(self, of_y):
         """Make few steps at once, for f, and y if `of_y`, is going to jump; refuse if it cannot."""

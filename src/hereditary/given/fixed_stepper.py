@@ -14,7 +14,7 @@ from ..kernels.memory_kernel import misfit_on_given_steps
 from ..stepping.dense import StepPieces
 from ..stepping.state import check_identity, described, identity, state_of
 from ..stepping.status import NOT_FINITE, Status, failed
-from ..stepping.stepper import Stepper
+from ..stepping.stepper import Health, Stepper, Stop
 from ..support.checks import refuse
 from .block import BLOWN_UP, NOT_SOLVED, RUNNING
 from .first_steps import starting_steps
@@ -283,7 +283,14 @@ class FixedStepper(Stepper):
         return (statuses[self._status], detail) if self._status in statuses else None
 
     @property
-    def instability(self):
+    def health(self):
+        """Whether steps are beyond their stability limit, and kernels keep the tolerance."""
+        status = self._instability()
+        seen = (int(self._march.counts[name]) for name in ("zigzag", "growth"))
+        remedy = status and remedy_of(self.equation, self.scheme, self.h, self._watch, *seen)
+        return Health(status, remedy or "", self._misfit)
+
+    def _instability(self):
         """Status of steps beyond their stability limit, else None."""
         if self.scheme.is_map:
             return None
@@ -291,16 +298,6 @@ class FixedStepper(Stepper):
             return Status.ZIGZAG
         unstable = self._watch.largest > 1 or self._march.counts["growth"] >= 0
         return Status.STEP_TOO_LARGE if unstable else None
-
-    def remedy(self):
-        """Return a clause: what shows the instability, and what to take instead."""
-        seen = (int(self._march.counts[name]) for name in ("zigzag", "growth"))
-        return remedy_of(self.equation, self.scheme, self.h, self._watch, *seen)
-
-    @property
-    def misfit(self):
-        """By how much kernels miss the tolerance; empty where they keep it."""
-        return self._misfit
 
     def stats(self):
         """Counts and errors for the solution's stats."""
@@ -315,7 +312,7 @@ class FixedStepper(Stepper):
         }
 
     def checkpoint(self):
-        """Return copies of all that the march consists of, for `go_back` and `state`."""
+        """Return copies of all that the march consists of, for `come_back` and `state`."""
         march = tuple(plain(part).copy() for part in self._march)
         return march, self.memory.state(), (self._watch.largest, self._watch.step)
 
@@ -329,14 +326,11 @@ class FixedStepper(Stepper):
         self.memory.restore(memory)
         self._watch.largest, self._watch.step = watched
 
-    def go_back(self, checkpoint, t):
-        """Come back to where `checkpoint` was taken, and march to the first step not before t."""
+    def come_back(self, checkpoint):
+        """Come back to where `checkpoint` was taken."""
         self._take(*checkpoint)
         self.error, self._status = None, RUNNING
         self._refactorise()
-        stop = self.steps.first_from(t)
-        while self.n < stop and self.trouble is None:
-            self.advance(stop, keep=False)
 
     def _refactorise(self):
         """Factorise the matrix whose factors are in force, after the march went elsewhere."""
@@ -344,13 +338,10 @@ class FixedStepper(Stepper):
             solver, tables = self._newton.solver, self._newton.tables
             solver(FACTORISE, 0, self._march.newton[1], np.empty(tables.order.size), tables)
 
-    def position_at(self, t):
-        """Return the number of the first step not before t."""
-        return self.steps.first_from(t)
-
-    def stands_at(self, t):
-        """Return the time of the first step not before t."""
-        return self.steps.time(self.steps.first_from(t))
+    def stop_at(self, t):
+        """Return the first step not before t, and its time."""
+        step = self.steps.first_from(t)
+        return Stop(step, self.steps.time(step))
 
     def state(self):
         """A `State` from which a later run goes on bit for bit."""

@@ -48,7 +48,7 @@ class Events:
 
     def __init__(self, functions, stepper, signs, n_events=None):
         self._functions, self._looks = list(functions), stepper.looks
-        self._resolved = stepper.resolved
+        self._resolved = stepper.looks == 1
         self.n_events = len(self._functions) if n_events is None else n_events
         self._limits = [_limit(function) for function in self._functions]
         self.times: list[list[float]] = [[] for _ in self._functions]

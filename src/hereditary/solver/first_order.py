@@ -116,7 +116,7 @@ def _difference(stepper, pair, n_steps):
         ratios = [companion.stats()["stiffness_ratio"] for companion in (fine, coarse)]
     apart = float(np.max(difference / np.where(size > 0, size, np.inf)))
     limit = _STABLE if apart <= _ALIKE else 1.0
-    unstable = coarse.instability is Status.ZIGZAG or np.nanmax([0.0, *ratios]) > limit
+    unstable = coarse.health.instability is Status.ZIGZAG or np.nanmax([0.0, *ratios]) > limit
     return None if unstable else apart
 
 

@@ -47,7 +47,7 @@ class Output:
     """
 
     def __init__(self, stepper, stop, kept, events):
-        self._stepper, self._stop, self._resolved = stepper, stop, stepper.resolved
+        self._stepper, self._stop, self._resolved = stepper, stop, stepper.looks == 1
         self._every, times, self._components = kept
         self._frame, self._asked, self.events = stepper.equation.frame, times, events
         self._wanted = np.empty(0) if times is None else times - self._frame.start

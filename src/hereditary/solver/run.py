@@ -79,7 +79,7 @@ def run(stepper, stop, t_end, output, progress, began, march=Drive.to):
     finally:
         bar.close()
     status, detail = ended or (reached_end(stepper), "")
-    if stepper.misfit and status is Status.EVENT:
+    if stepper.health.misfit and status is Status.EVENT:
         status = Status.KERNEL_INACCURATE
     signs = events.signs()
     t, y, ydot, dense = output.close(t_end)
@@ -112,8 +112,9 @@ def run(stepper, stop, t_end, output, progress, began, march=Drive.to):
 
 def note_missed(solution, stepper):
     """Warn if f is not what the steps of a successful run made of it where the run looked again."""
-    if solution.success and stepper.missed:
-        t = stepper.missed + stepper.equation.frame.start
+    missed = stepper.health.missed
+    if solution.success and missed:
+        t = missed + stepper.equation.frame.start
         warn(
             f"the steps miss a force that acts for a short time: at t = {t:g} the right-hand side "
             "is not what it is around; name the times at which it jumps in breaks, or give "
@@ -124,8 +125,9 @@ def note_missed(solution, stepper):
 
 def reached_end(stepper):
     """Return the status of a run that reached its end."""
-    inaccurate = Status.KERNEL_INACCURATE if stepper.misfit else None
-    return stepper.instability or inaccurate or Status.COMPLETED
+    health = stepper.health
+    inaccurate = Status.KERNEL_INACCURATE if health.misfit else None
+    return health.instability or inaccurate or Status.COMPLETED
 
 
 def told(stepper, status, detail):
@@ -133,17 +135,17 @@ def told(stepper, status, detail):
 
     An exception of a function called in Python is passed on instead.
     """
-    inaccurate = Status.KERNEL_INACCURATE
-    detail = stepper.misfit if status is inaccurate else detail
+    inaccurate, health = Status.KERNEL_INACCURATE, stepper.health
+    detail = health.misfit if status is inaccurate else detail
     message = status.sentence + (f": {detail}" if detail else "")
-    if stepper.misfit and status is not inaccurate:
-        message += f"; {inaccurate.sentence}: {stepper.misfit}"
+    if health.misfit and status is not inaccurate:
+        message += f"; {inaccurate.sentence}: {health.misfit}"
     if status is not Status.COMPLETED:
         t = stepper.t + stepper.equation.frame.start
         message += f" (t = {t:g} after {stepper.stats()['n_steps']} steps)"
-    unstable = stepper.instability is not None
+    unstable = health.instability is not None
     if unstable:
-        message += f"; {stepper.remedy()}"
+        message += f"; {health.remedy}"
     if not isinstance(stepper.error, PythonRaised):
         warn_of(status, message, unstable=unstable)
     return message

@@ -1,0 +1,151 @@
+"""A stepper of twenty lines keeps the contract, and everything that drives steppers drives it."""
+
+from math import exp
+
+import numpy as np
+import pytest
+
+import hereditary as hd
+from hereditary.analysis.lyapunov import benettin
+from hereditary.hybrid import Hybrid
+from hereditary.solver.events import Events
+from hereditary.solver.opening import how_to_step, open_stepper
+from hereditary.solver.output import Kept, Output
+from hereditary.solver.run import Drive, run
+from hereditary.stepping.dense import StepPieces
+from hereditary.stepping.stepper import Stepper, Stop
+
+H, RATE = 0.01, 2.0
+FACTOR = 1 - H * RATE
+
+
+class Euler(Stepper):
+    """Euler steps of y' = -2 y and its tangent."""
+
+    position, tangent = 0, np.eye(1)
+
+    def __init__(self, equation):
+        self.equation, self._y = equation, equation.y0[0].copy()
+
+    t = property(lambda self: H * self.position)
+    y = property(lambda self: self._y.copy())
+    ydot = property(lambda self: -RATE * self._y)
+
+    def stop_at(self, t):
+        n = int(np.ceil(t / H - 1e-9))
+        return Stop(n, H * n)
+
+    def advance(self, stop, keep=True):
+        before = self.y, self.ydot
+        self._y, self.tangent = FACTOR * self._y, FACTOR * self.tangent
+        self.position += 1
+        rows, slopes = np.stack([before, (self.y, self.ydot)], axis=1)
+        return StepPieces(self.t + np.array([-H, 0.0]), rows, slopes, n=self.position - 1)
+
+    def checkpoint(self):
+        return self.position, self.y, self.tangent.copy()
+
+    def come_back(self, checkpoint):
+        self.position, self._y, self.tangent = checkpoint
+
+    def transform_tangent(self, matrix):
+        self.tangent = self.tangent @ matrix
+
+    def expect_moves(self, of_y):
+        pass
+
+    def moved(self, y):
+        self._y = y
+
+
+def equation():
+    return hd.Equation(hd.Caputo(1), lambda t, y: -RATE * y, 1.0)
+
+
+def ran(t_end=1.0, events=(), changes=None):
+    """The solution of a run over the stepper."""
+    hybrid = Hybrid(equation(), hd.ExplicitCaputo(), (), (), changes) if changes else None
+    stepper = Euler(hybrid.system if hybrid else equation())
+    stop, inside = stepper.stop_at(t_end).position, stepper.equation.frame.event
+    if hybrid:
+        found = hybrid.open(stepper, t_end, np.zeros(0), {})
+    else:
+        found = Events(map(inside, events), stepper, {})
+    output = Output(stepper, stop, Kept(1), found)
+    march = (lambda drive, end: hybrid.march(output, drive, end)) if hybrid else Drive.to
+    return run(stepper, stop, t_end, output, False, 0.0, march)
+
+
+def test_a_run_has_the_rows_and_dense_output_of_the_steps():
+    found = ran()
+    assert found.success
+    assert found.y[:, 0] == pytest.approx(FACTOR ** np.arange(101), rel=1e-12)
+    assert found(0.505)[0] == pytest.approx(exp(-1.01), rel=0.02)
+    assert found(0.505, 1)[0] == pytest.approx(-2 * exp(-1.01), rel=0.03)
+
+
+@pytest.mark.parametrize("terminal", [False, True])
+def test_events_are_located_and_end_the_run(terminal):
+    def half(t, y):
+        return y[0] - 0.5
+
+    half.terminal = terminal
+    found = ran(events=[half])
+    assert found.status == ("event" if terminal else "completed")
+    assert found.t_events[0] == pytest.approx([np.log(0.5) / np.log(FACTOR) * H], abs=1e-4)
+    assert found.y_events[0][0, 0] == pytest.approx(0.5, abs=1e-9)
+    if terminal:
+        assert found.t[-1] == found.t_events[0][0]
+
+
+def test_changes_of_y_act_at_their_step():
+    found = ran(changes={0.5: lambda t, y: y + 1.0})
+    assert found.success
+    before, after = found.y[found.t == 0.5][:, 0]
+    assert after - before == pytest.approx(1.0)
+    assert found.y[-1, 0] == pytest.approx(after * FACTOR**50, rel=1e-12)
+
+
+def test_exponents_are_those_of_the_steps():
+    logs = []
+    assert benettin(Euler(equation()), range(10, 101, 10), lambda _, log: logs.append(log)) is None
+    assert np.sum(logs) == pytest.approx(100 * np.log(FACTOR), rel=1e-12)
+
+
+def test_what_a_stepper_lacks_is_refused_in_a_sentence():
+    stepper = Euler(equation())
+    with pytest.raises(NotImplementedError, match="Euler has no states"):
+        stepper.state()
+    with pytest.raises(ValueError, match=r"breaks must be left out with Euler, got \[0\.5\]"):
+        stepper.set_breaks(np.array([0.5]), 1.0)
+    with pytest.raises(NotImplementedError, match="Euler takes no jumps"):
+        stepper.set_parameter(0, 1.0)
+
+
+@pytest.mark.parametrize("how", [None, {"n_steps": 100}, {"rtol": 1e-6}], ids=str)
+def test_a_checkpoint_can_be_come_back_to_more_than_once(how):
+    """The law that all three steppers keep: going back and on again gives the same numbers."""
+    scheme = hd.ExplicitCaputo() if how and "n_steps" in how else hd.Collocation()
+    eq = equation()
+    if how is None:
+        stepper = Euler(eq)
+    else:
+        steps = how_to_step(eq, scheme, 1.0, **how)
+        stepper, _ = open_stepper(eq, scheme, None, steps, 1.0)
+
+    def to(t):
+        stop = stepper.stop_at(t).position
+        while stepper.position < stop:
+            stepper.advance(stop, keep=False)
+        return stepper.t, stepper.y.tolist()
+
+    reached = to(0.3)
+    assert reached[0] == pytest.approx(0.3)
+    kept = stepper.checkpoint()
+    ends = [to(0.7)]
+    for _ in range(2):
+        stepper.go_back(kept, 0.7)
+        ends.append((stepper.t, stepper.y.tolist()))
+    assert ends[0] == ends[1] == ends[2]
+    stepper.come_back(kept)
+    assert (stepper.t, stepper.y.tolist()) == reached
