@@ -77,7 +77,7 @@ def measure(quick):
         spectra({"adhesion": np.linspace(1.0, 50.0, 8)}, 2000, lambda name: CLASSICAL, pool)
         spectra({"adhesion": np.linspace(1.0, 50.0, 8)}, 2000, lambda name: {}, pool)
         regimes(3, pool)
-        for what, n_steps in ((SPECTRA, figures.STEPS), (FINE, figures.FINE_STEPS)):
+        for what, n_steps in ((SPECTRA, figures.N_STEPS), (FINE, figures.FINE_STEPS)):
             runs = spectra(ends(CLASSICAL_AXES), n_steps, lambda name: CLASSICAL, pool)
             add(what, n_steps, runs)
         runs = spectra(ends(ORDER_AXES), figures.FINE_STEPS, OTHER_ORDER.get, pool)
