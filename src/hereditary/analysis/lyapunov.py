@@ -493,26 +493,33 @@ def _jumps(system, states):
     """
     chosen = np.unique(np.linspace(0, len(states) - 1, _STATES).astype(int))
     with suppress(Exception), np.errstate(all="ignore"):  # f may have no value between states
-        found = [states[i] for i in chosen]
-        least = _SMALLEST * max(np.abs(system.force(t, y)).max() for t, y in found)
+        found = [(t, y, system.force(t, y)) for t, y in (states[i] for i in chosen)]
+        least = _SMALLEST * max(np.abs(f).max() for _, _, f in found)
         return any(_keeps(system, *pair, least) for pair in itertools.pairwise(found))
     return False
 
 
 def _keeps(system, first, last, least):
     """Return whether f changes by more than `least` on ever shorter parts between two states."""
-    (t, a), (_, b) = first, last
-    f_a, f_b = system.force(t, a), system.force(t, b)
+    (t, a, f_a), (_, b, _) = first, last
+    f_b = system.force(t, b)  # at the same time
+    change = _distance(f_a, f_b)
     for _ in range(_HALVINGS):
-        middle = (a + b) / 2
-        if not np.abs(f_b - f_a).max() > least:
+        if not change > least:
             return False
+        middle = (a + b) / 2
         f = system.force(t, middle)
-        if np.abs(f - f_a).max() > np.abs(f_b - f).max():
-            b, f_b = middle, f
+        before, after = _distance(f, f_a), _distance(f_b, f)
+        if before > after:
+            b, f_b, change = middle, f, before
         else:
-            a, f_a = middle, f
+            a, f_a, change = middle, f, after
     return True
+
+
+def _distance(f, other):
+    """Return the largest |difference|; of few numbers faster than by NumPy."""
+    return max(map(abs, (f - other).tolist()))
 
 
 def _grow(stepper, pace, h, flow, states, progress):
