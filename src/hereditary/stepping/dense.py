@@ -6,9 +6,11 @@ Between given steps pieces are parabolas. In the first two steps of a run they m
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..equation.frame import Frame
 from ..support.checks import real_array, refuse, shown
@@ -26,23 +28,27 @@ class Piece:
 
     starting: Any = None
 
-    def edges(self):
+    def edges(self) -> np.ndarray:
         """Return the start of each step."""
         raise NotImplementedError
 
-    def evaluate(self, t, second, derivative):
+    def evaluate(self, t: np.ndarray, second: np.ndarray, derivative: int) -> np.ndarray:
         """Return y, or y' for ``derivative=1``, at times t inside the steps, (k, d).
 
         `second` (d,) tells the components whose first derivative was an unknown.
         """
         raise NotImplementedError
 
-    def evaluate_both(self, t, second, slopes):
+    def evaluate_both(
+        self, t: np.ndarray, second: np.ndarray, slopes: bool
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Return y and y' at times t inside the steps, (k, d) each; NaN for y' without `slopes`."""
         y = self.evaluate(t, second, 0)
         return y, self.evaluate(t, second, 1) if slopes else np.full_like(y, np.nan)
 
-    def at_ends(self, ends, chosen, second, slopes=True):
+    def at_ends(
+        self, ends: np.ndarray, chosen: Any, second: np.ndarray, slopes: bool = True
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Evaluate as `evaluate_both` at the chosen ends of steps."""
         return self.evaluate_both(ends[chosen], second, slopes)
 
@@ -60,18 +66,23 @@ class Dense:
         How the user sees times and components.
     """
 
-    def __init__(self, second, resolved=False, frame=Frame()):  # noqa: B008
+    def __init__(
+        self,
+        second: ArrayLike,
+        resolved: bool = False,
+        frame: Frame = Frame(),  # noqa: B008
+    ) -> None:
         self._second, self.resolved = np.asarray(second, dtype=bool), resolved
         self._frame = frame
         self._pieces: list = []
         self._starts: list[float] = []
 
-    def add(self, piece, start):
+    def add(self, piece: Piece, start: float) -> None:
         """Take in what follows from `start` on."""
         self._pieces.append(piece)
         self._starts.append(start)
 
-    def __call__(self, t, derivative, end):
+    def __call__(self, t: ArrayLike, derivative: int, end: float) -> np.ndarray:
         """Return y, or y' for ``derivative=1``, at times t up to `end`; shape (d,) or (k, d)."""
         times = np.atleast_1d(real_array("t", t))
         if times.ndim > 1:
@@ -90,7 +101,7 @@ class Dense:
             out = self._frame.values(out)
         return out if np.ndim(t) else out[0]
 
-    def _evaluate(self, times, derivative):
+    def _evaluate(self, times: np.ndarray, derivative: int) -> np.ndarray:
         """Return the components inside, or their slopes, at times inside, (k, d)."""
         where = last_start(np.array(self._starts), times)
         if times.size and (where == where[0]).all():
@@ -102,7 +113,7 @@ class Dense:
         return out
 
 
-def last_start(starts, t):
+def last_start(starts: np.ndarray, t: np.ndarray) -> np.ndarray:
     """Return the last that starts by each time, or the first of several that start then.
 
     Steps next to a singular start may be too short for its time to change.
@@ -127,7 +138,14 @@ class StepPieces(Piece):
         Number of the step that the start is.
     """
 
-    def __init__(self, times, rows, slopes, starting: Any = None, n=0):
+    def __init__(
+        self,
+        times: np.ndarray,
+        rows: np.ndarray,
+        slopes: np.ndarray,
+        starting: Any = None,
+        n: int = 0,
+    ) -> None:
         self.times, self.rows, self.slopes = times, rows, slopes
         self.starting, self._n = starting, n
         if starting is not None:
@@ -135,15 +153,17 @@ class StepPieces(Piece):
                 if times[number - n] >= starting.ends[number - 1]:  # no event before it
                     starting.end(number, rows[number - n])
 
-    def edges(self):
+    def edges(self) -> np.ndarray:
         """Return the start of each step."""
         return self.times[:-1]
 
-    def at_ends(self, ends, chosen, second, slopes=True):
+    def at_ends(
+        self, ends: np.ndarray, chosen: Any, second: np.ndarray, slopes: bool = True
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Return y and y' at the chosen ones of the steps' ends, (k, d) each."""
         return self.rows[1:][chosen], self.slopes[1:][chosen]
 
-    def evaluate(self, t, second, derivative):
+    def evaluate(self, t: np.ndarray, second: np.ndarray, derivative: int) -> np.ndarray:
         """Return y or y' at times t inside the steps, shape (k, d)."""
         last = self.times.size - 1
         i = np.clip(np.searchsorted(self.times, t), 1, last)
@@ -166,7 +186,9 @@ class StepPieces(Piece):
         return found
 
 
-def curve(solution, components, derivatives=(0,)):
+def curve(
+    solution: Any, components: Any, derivatives: Sequence[int] = (0,)
+) -> tuple[np.ndarray, np.ndarray]:
     """Return times (k,) and values (k, m) that straight lines may join.
 
     They are the rows and, where the steps are long, points of the dense output between them. The

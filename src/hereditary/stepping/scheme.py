@@ -12,7 +12,7 @@ from ..equation.terms import distinct_components
 from ..support.checks import one_of, refuse
 
 
-def check_smoothness(smoothness):
+def check_smoothness(smoothness: str) -> None:
     """Refuse anything but the two kinds of solutions that proven orders tell apart."""
     one_of("smoothness", smoothness, ("smooth", "singular"), 'be "smooth" or "singular"')
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ..equation.system import System
 from ..support.checks import refuse
 from .scheme import Scheme
 
@@ -57,7 +58,7 @@ class State:
     layout: list = field(default_factory=list, repr=False)
 
 
-def state_of(stepper, scheme, how, history=None):
+def state_of(stepper: Any, scheme: Scheme, how: Any, history: Any = None) -> State:
     """Return the state of a stepper."""
     state = State(
         t=stepper.t,
@@ -73,14 +74,14 @@ def state_of(stepper, scheme, how, history=None):
     return replace(state, version=_version(), layout=_layout(state))
 
 
-def _arrays(part):
+def _arrays(part: Any) -> list[np.ndarray]:
     """List the arrays of a tuple of arrays, tuples and others."""
     if isinstance(part, np.ndarray):
         return [part]
     return [array for each in part for array in _arrays(each)] if isinstance(part, tuple) else []
 
 
-def check_sound(state):
+def check_sound(state: Any) -> None:
     """Refuse a state of another version, or with other arrays than those that a run left."""
     here, version = _version(), getattr(state, "version", "another one")
     if version != here:
@@ -91,7 +92,7 @@ def check_sound(state):
         refuse("resume", required, got, "start anew")
 
 
-def _layout(state):
+def _layout(state: State) -> list[tuple]:
     """Return the shape and the type of each array that compiled code is going to read."""
     objects = (part for part in state.checkpoint if hasattr(part, "__dict__"))
     arrays = _arrays((state.y, state.checkpoint, *(tuple(vars(part).values()) for part in objects)))
@@ -99,11 +100,11 @@ def _layout(state):
 
 
 @cache
-def _version():
+def _version() -> str:
     return importlib.metadata.version("hereditary")
 
 
-def identity(equation, t, **how):
+def identity(equation: System, t: float, **how: Any) -> dict[str, Any]:
     """Describe what a run to time t must share with one that resumes it, by name.
 
     Parameters
@@ -124,7 +125,7 @@ def identity(equation, t, **how):
     }
 
 
-def described_terms(equation, t):
+def described_terms(equation: System, t: float) -> dict[str, list]:
     """Return orders, kernels and coefficients of terms in a form that can be compared.
 
     Functions are known by some of their values up to time t.
@@ -137,7 +138,7 @@ def described_terms(equation, t):
     }
 
 
-def check_identity(theirs, mine, allow_change):
+def check_identity(theirs: dict[str, Any], mine: dict[str, Any], allow_change: bool) -> bool:
     """Refuse a state of another run; return whether it is one that was changed on purpose."""
     changed = [name for name in mine if theirs[name] != mine[name]]
     for name in changed:
@@ -151,12 +152,12 @@ def check_identity(theirs, mine, allow_change):
     return bool(changed)
 
 
-def _short(value):
+def _short(value: object) -> str:
     text = str(value)
     return text if len(text) <= _SHOWN else text[:_SHOWN] + " ..."
 
 
-def described(description):
+def described(description: Any) -> str:
     """Return a description of a frozen dataclass: its name and its values.
 
     Schemes may be values, too.

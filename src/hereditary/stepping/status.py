@@ -24,7 +24,7 @@ class Status(enum.StrEnum):
 
     sentence: str
 
-    def __new__(cls, value, sentence):
+    def __new__(cls, value: str, sentence: str) -> "Status":
         """Make a member with its sentence."""
         member = str.__new__(cls, value)
         member._value_, member.sentence = value, sentence
@@ -64,7 +64,7 @@ class Status(enum.StrEnum):
     )
 
 
-def failed(error):
+def failed(error: BaseException) -> tuple[Status, str]:
     """Return status and detail of a run that an exception ended, by the function that raised it."""
     error = original(error)
     if isinstance(error, OrderFailed):

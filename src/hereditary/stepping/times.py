@@ -1,6 +1,9 @@
 """Times at which runs stop: breaks, events, changes and ends, of which close ones are one."""
 
+from typing import Any
+
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..support.checks import real_array, refuse, shown
 
@@ -8,7 +11,7 @@ from ..support.checks import real_array, refuse, shown
 _ONE_TIME = 1e-13
 
 
-def checked_breaks(breaks, start):
+def checked_breaks(breaks: ArrayLike, start: float) -> np.ndarray:
     """Return increasing, distinct times above `start`, shape (k,), counted from there."""
     given = real_array("breaks", breaks)
     if given.size == 0:
@@ -19,7 +22,7 @@ def checked_breaks(breaks, start):
     return times[np.append(True, ~together(times[1:], times[:-1], start))]
 
 
-def together(times, t, origin=0.0):
+def together(times: Any, t: Any, origin: float = 0.0) -> np.ndarray:
     """Return whether times are one with t: breaks, events, changes and ends of runs act once there.
 
     Functions of the user see times from `origin` on, which are rounded there.
@@ -27,7 +30,9 @@ def together(times, t, origin=0.0):
     return np.abs(times - t) <= _ONE_TIME * np.maximum(np.abs(t), abs(origin))
 
 
-def breaks_ahead(times, start, t_end, origin):
+def breaks_ahead(
+    times: np.ndarray, start: float, t_end: float, origin: float
+) -> tuple[bool, np.ndarray]:
     """Return whether there is a break at `start`, and those between `start` and t_end."""
     at_once, at_end = together(times, start, origin), together(times, t_end, origin)
     ahead = (times > start) & (times < t_end) & ~at_once & ~at_end

@@ -10,11 +10,12 @@ import math
 import numbers
 import reprlib
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import wraps
-from typing import NoReturn, ParamSpec, TypeVar
+from typing import Any, NoReturn, ParamSpec, TypeVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 _P = ParamSpec("_P")
 _R = TypeVar("_R")
@@ -26,17 +27,23 @@ _NEAR = 0.65
 _BEYOND = "a number beyond 1e308"
 
 
-def complaint(argument, required, got, remedy=""):
+def complaint(argument: str, required: str, got: object, remedy: object = "") -> str:
     """Return the sentence of the error for a refused argument."""
     return f"{argument} must {required}, got {got}" + (f"; {remedy}" if remedy else "")
 
 
-def refuse(argument, required, got, remedy="", kind: type[Exception] = ValueError) -> NoReturn:
+def refuse(
+    argument: str,
+    required: str,
+    got: object,
+    remedy: str = "",
+    kind: type[Exception] = ValueError,
+) -> NoReturn:
     """Raise the error for a refused argument: what it must do, what arrived, what to do."""
     raise kind(complaint(argument, required, got, remedy))
 
 
-def left_out(reason, remedy="", **given):
+def left_out(reason: str, remedy: str = "", **given: Any) -> None:
     """Refuse arguments that are given."""
     for name, value in given.items():
         if value is not None:
@@ -59,12 +66,14 @@ def refusing(instead: dict[str, str]) -> Callable[[Callable[_P, _R]], Callable[_
     return decorator
 
 
-def shown(array):
+def shown(array: ArrayLike) -> str:
     """Return an array in few words, for a message."""
     return np.array2string(np.asarray(array), separator=", ", threshold=8, edgeitems=3)
 
 
-def real(argument, value, required="be a finite real number", remedy=""):
+def real(
+    argument: str, value: Any, required: str = "be a finite real number", remedy: str = ""
+) -> float:
     """Return `value` as a finite float, or refuse it."""
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, (numbers.Real, np.ndarray)):
         refuse(argument, required, repr(value), remedy, kind=TypeError)
@@ -79,7 +88,7 @@ def real(argument, value, required="be a finite real number", remedy=""):
     return number
 
 
-def positive(argument, value, remedy=""):
+def positive(argument: str, value: Any, remedy: str = "") -> float:
     """Return `value` as a finite float above zero."""
     number = real(argument, value, "be a finite number above 0", remedy)
     if number <= 0:
@@ -87,7 +96,9 @@ def positive(argument, value, remedy=""):
     return number
 
 
-def within(argument, value, low, high, interval, remedy=""):
+def within(
+    argument: str, value: Any, low: float, high: float, interval: str, remedy: str = ""
+) -> float:
     """Return `value` as a float with low <= value <= high; messages name the range `interval`."""
     required = f"lie in {interval}"
     number = real(argument, value, required, remedy)
@@ -96,7 +107,12 @@ def within(argument, value, low, high, interval, remedy=""):
     return number
 
 
-def count(argument, value, remedy="pass a whole number of at least 1", least=1):
+def count(
+    argument: str,
+    value: Any,
+    remedy: str = "pass a whole number of at least 1",
+    least: int = 1,
+) -> int:
     """Return `value` as an int of at least `least`, 1 or 0."""
     required = "be a positive integer" if least else "be an integer of at least 0"
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, numbers.Integral):
@@ -108,7 +124,14 @@ def count(argument, value, remedy="pass a whole number of at least 1", least=1):
     return int(value)
 
 
-def one_of(argument, value, options, required, remedy="", kind: type[Exception] = ValueError):
+def one_of(
+    argument: str,
+    value: Any,
+    options: Iterable[Any],
+    required: str,
+    remedy: str = "",
+    kind: type[Exception] = ValueError,
+) -> Any:
     """Return the one of the options that `value` is or equals; arrays equal none."""
     for option in options:
         if value is option or (np.isscalar(value) and value == option):
@@ -116,32 +139,32 @@ def one_of(argument, value, options, required, remedy="", kind: type[Exception] 
     raise kind(complaint(argument, required, reprlib.repr(value), remedy))
 
 
-def truth(argument, value):
+def truth(argument: str, value: Any) -> bool:
     """Return `value` as a bool, or refuse what is neither True nor False, 1 or 0."""
     return one_of(argument, value, (True, False), "be True or False", kind=TypeError)
 
 
-def function(argument, value, call):
+def function(argument: str, value: Any, call: str) -> Callable[..., Any]:
     """Return `value` if it can be called; `call` is how it is called, in a message."""
     if not callable(value):
         refuse(argument, f"be a function {call}", reprlib.repr(value), kind=TypeError)
     return value
 
 
-def mapping(argument, value, required):
+def mapping(argument: str, value: Any, required: str) -> Mapping[Any, Any]:
     """Return `value` if it is a mapping."""
     if not isinstance(value, Mapping):
         refuse(argument, required, reprlib.repr(value), kind=TypeError)
     return value
 
 
-def whole(value):
+def whole(value: Any) -> Any:
     """Return a float without a fraction, ``1e3``, as an int; anything else unchanged."""
     is_float = isinstance(value, (float, np.floating))
     return int(value) if is_float and float(value).is_integer() else value
 
 
-def refuse_masked(argument, value, required="be real, finite numbers"):
+def refuse_masked(argument: str, value: Any, required: str = "be real, finite numbers") -> None:
     """Refuse masked entries, because NumPy reads the numbers under a mask."""
     parts = value if isinstance(value, (list, tuple)) else (value,)
     if any(isinstance(part, np.ma.MaskedArray) and np.ma.is_masked(part) for part in parts):
@@ -149,7 +172,9 @@ def refuse_masked(argument, value, required="be real, finite numbers"):
         refuse(argument, required, "masked entries", remedy)
 
 
-def real_array(argument, value, required="be real, finite numbers", remedy=""):
+def real_array(
+    argument: str, value: Any, required: str = "be real, finite numbers", remedy: str = ""
+) -> np.ndarray:
     """Return `value` as a float64 array of finite entries (a copy, C order)."""
     refuse_masked(argument, value, required)
     try:
@@ -164,7 +189,7 @@ def real_array(argument, value, required="be real, finite numbers", remedy=""):
     return array.astype(float, order="C", copy=False)
 
 
-def instance(argument, value, kind, example):
+def instance(argument: str, value: Any, kind: type, example: str) -> Any:
     """Return `value` if it is an instance of `kind`; `example` is a call that makes one."""
     if not isinstance(value, kind):
         article = "an" if kind.__name__[0] in "AEIO" else "a"
@@ -177,7 +202,7 @@ def instance(argument, value, kind, example):
     return value
 
 
-def _call_named(name, kind):
+def _call_named(name: str, kind: type) -> str:
     """Return a remedy: the call that makes the class of this kind with about this name; or ""."""
     classes = [kind]
     for one in classes:
@@ -192,7 +217,7 @@ def _call_named(name, kind):
     return f"write hd.{found.__name__}({'...' if needed else ''})"
 
 
-def component_numbers(components, d, argument="components"):
+def component_numbers(components: Any, d: int, argument: str = "components") -> np.ndarray:
     """Return numbers of components of d, as an array; refuse anything else."""
     refuse_masked(argument, components, "be whole numbers")
     found = np.atleast_1d(np.asarray(components))

@@ -19,7 +19,7 @@ def table_html(head: Sequence[object], rows: Iterable[Sequence[object]]) -> str:
     return f"<table>{''.join(f'<tr>{line}</tr>' for line in lines)}</table>"
 
 
-def _cells(kind, values):
+def _cells(kind: str, values: Iterable[object]) -> str:
     return "".join(f"<{kind}>{escaped(value)}</{kind}>" for value in values)
 
 

@@ -5,14 +5,14 @@ import os
 import numpy as np
 
 
-def cores():
+def cores() -> int:
     """Return the number of cores that this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
 
 
-def machine_storage():
+def machine_storage() -> float:
     """Return the bytes of memory that the machine has, where it says."""
     try:
         return float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))

@@ -1,9 +1,10 @@
 """Packages that only some methods need."""
 
 import importlib
+from types import ModuleType
 
 
-def optional(package, method):
+def optional(package: str, method: str) -> ModuleType:
     """Return an optional package that a method needs, or say how to install it."""
     try:
         return importlib.import_module(package)

@@ -4,7 +4,8 @@ import os
 import sys
 import threading
 import warnings
-from contextlib import contextmanager
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 
 _HERE = str(Path(__file__).parent.parent) + os.sep  # the package
@@ -16,7 +17,7 @@ class ThreadSwitch(threading.local):
     value = False
 
     @contextmanager
-    def set(self):
+    def set(self) -> Iterator[None]:
         """Set the flag within a ``with`` statement."""
         before, self.value = self.value, True
         try:
@@ -28,12 +29,12 @@ class ThreadSwitch(threading.local):
 _silent = ThreadSwitch()
 
 
-def silence():
+def silence() -> AbstractContextManager[None]:
     """Suppress warnings of the package in this thread, within a ``with`` statement."""
     return _silent.set()
 
 
-def warn(message, kind):
+def warn(message: str, kind: type[Warning]) -> None:
     """Warn at the line of the user's code that called the package."""
     if _silent.value:
         return
