@@ -101,3 +101,11 @@ def test_no_public_name_is_defined_twice():
                 if name and not name.startswith("_"):
                     places.setdefault(name, set()).add(path.name)
     assert {name for name, where in places.items() if len(where) > 1} == BY_MODULE
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(SOURCE)))
+def test_each_constant_has_a_line(path):
+    for node in ast.parse(path.read_text()).body:
+        if isinstance(node, ast.Assign):
+            both = node.targets[0], node.value
+            assert not all(isinstance(part, ast.Tuple) for part in both), f"line {node.lineno}"

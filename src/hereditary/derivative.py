@@ -30,9 +30,11 @@ from .support.checks import instance, real, real_array, refuse, shown
 _EVEN = 1e-9
 # Numbers in an array of weights: 16 MB. Ten times as many are slower, for they leave the cache.
 _BLOCK = 2_000_000
-# Degrees of polynomials that are tried, and the largest of the last coefficients, over the largest
-# of all, of a function that a polynomial resolves: 30 roundings, since coefficients carry some.
-_DEGREES, _RESOLVED = (16, 32, 64, 128, 256, 512), 30 * np.finfo(float).eps
+# Degrees of polynomials that are tried.
+_DEGREES = (16, 32, 64, 128, 256, 512)
+# A polynomial resolves a function if its last coefficients, over the largest of all, are below
+# this: 30 roundings.
+_RESOLVED = 30 * np.finfo(float).eps
 # The power q of t = u**q makes t**order a function of u with so many derivatives.
 _SMOOTH = 6.0
 # Kernels are integrated exactly up to this share of t.

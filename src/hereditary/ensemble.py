@@ -30,10 +30,12 @@ from .support.machine import cores
 from .support.warning import silence, warn
 
 _UNSTABLE = (Status.STEP_TOO_LARGE, Status.ZIGZAG)
-# Members that are timed, and seconds a member below which threads wait for each other: Python
-# prepares each for 0.15 ms under its lock. 512 Riccati equations of 50 steps take 160 ms on one
-# thread and 240 on two; at ten times this value most ensembles would be left on one core.
-_TIMED, _SHORT = 4, 4e-4
+# Members that are timed.
+_TIMED = 4
+# Seconds a member below which threads wait for each other: Python prepares each for 0.15 ms under
+# its lock. 512 Riccati equations of 50 steps take 160 ms on one thread and 240 on two. With ten
+# times this value most ensembles would run on one core.
+_SHORT = 4e-4
 
 
 @dataclass(frozen=True, eq=False)

@@ -41,10 +41,14 @@ ExactSolution = Callable[[ArrayLike], np.ndarray]
 
 # Scales of the hyperbola: each time takes the one whose nodes avoid the poles.
 _SCALES = (6.0, 7.2, 8.6, 10.3, 12.4)
-# Poles of larger argument, and those below this times scale / t, stay left of the hyperbola.
-_TOP, _TINY = math.pi - 0.03, 0.1
+# Largest argument of a pole that the hyperbola passes on the right.
+_TOP = math.pi - 0.03
+# Poles below this times scale / t remain left of the hyperbola.
+_TINY = 0.1
 # Poles closer than this in log s are refused: their residues lose eps / distance**2.
-_NEAR, _MAX_CONDITION = 1e-3, 1e8
+_NEAR = 1e-3
+# Largest condition of a matrix of eigenvectors.
+_MAX_CONDITION = 1e8
 
 
 def __dir__():

@@ -27,26 +27,41 @@ from .support.checks import real, refuse, shown
 _ADDED = 3
 # Values of a switch this small, relative to y, may be on either side by rounding.
 _NEAR = 1e-9
-# Change of y for differences, and distance kept from the switch, relative to y.
-_DIFFERENCE, _MARGIN, _LEAST = 1e-7, 1e-12, 1e-300
+# Change of y for differences, relative to y.
+_DIFFERENCE = 1e-7
+# Distance from the switch, relative to y.
+_MARGIN = 1e-12
+# Least such distance.
+_LEAST = 1e-300
 # Iterations, for switches that are not linear in y.
 _ITERATIONS = 4
 
-# Changes by one event follow each other without end if two intervals in a row, or one, are shorter
-# than these fractions of the longest interval; that counts as a fraction _LONG of the run at least.
-# On given steps two intervals of a step each mean the same, if the longest has more than _STEPS
-# steps. So do _MANY changes within a fraction _CROWDED of the run.
-_CLOSE, _AT_ONCE, _STEPS, _MANY, _CROWDED, _LONG = 1e-6, 1e-9, 100, 10_000, 1e-3, 0.03
+# Changes by one event follow each other without end if two intervals in a row are shorter than this
+# fraction of the longest interval,
+_CLOSE = 1e-6
+# or if one is shorter than this fraction. On given steps two intervals of one step mean the same,
+_AT_ONCE = 1e-9
+# if the longest interval has more than so many steps.
+_STEPS = 100
+# So do so many changes
+_MANY = 10_000
+# within this fraction of the run.
+_CROWDED = 1e-3
+# The longest interval counts as this fraction of the run at least.
+_LONG = 0.03
 
 # Fractions of the first step after an interruption at which functions are evaluated too.
 _NEXT = 10.0 ** np.arange(-9, 0)
 # Times this close to a start, relatively, show no sign there.
 _ROUNDED_TIME = 64 * np.finfo(float).eps
-# A solution comes back to a switch at once in this part of a step, or of the time.
-_RETURN, _RETURN_TIME = 1e-6, 1e-12
-# Values below this fraction of the largest one over a step may be its rounding; no larger ones than
-# the second fraction are taken for the error of where the event was found.
-_HIDDEN, _MISPLACED = 1e-13, 1e-2
+# A solution that comes back to a switch within this fraction of a step comes back at once.
+_RETURN = 1e-6
+# The same as a fraction of the time.
+_RETURN_TIME = 1e-12
+# Values below this fraction of the largest one over a step may be its rounding.
+_HIDDEN = 1e-13
+# Values up to this fraction may be the error of where the event was located.
+_MISPLACED = 1e-2
 # How far ahead, relative to the time, the motion behind a change is followed.
 _AHEAD = 1e-8
 # Steps for which an event that has turned back may go on: schemes remember a corner.

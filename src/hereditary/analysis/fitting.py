@@ -28,9 +28,10 @@ from ..support.warning import warn
 
 # Relative change of parameters in differences: runs to a tolerance of 1e-8 leave 1e-4 in them.
 _CHANGE = 1e-4
-# Ratio of singular values below which data do not tell a combination of parameters, and share of a
-# parameter in such a combination from which it has no error.
-_UNTOLD, _SHARE = 1e-4, 0.01
+# Ratio of singular values below which data do not determine a combination of parameters.
+_UNTOLD = 1e-4
+# Part of a parameter in such a combination from which the parameter has no error.
+_SHARE = 0.01
 # A residual that is no number counts as ten of the largest one, or of so many of the largest value.
 _FAR = 1e2
 # The losses of SciPy's least_squares.

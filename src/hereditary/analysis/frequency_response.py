@@ -13,9 +13,10 @@ from ..support.warning import warn
 from .harmonic_balance import Balance
 from .response_curve import Curve, Peak
 
-# Fewest frequencies above the width of a peak, and most values at which the period of the force is
-# looked at.
-_LEAST_ABOVE, _LOOKS = 8, 16
+# Fewest frequencies above the width of a peak.
+_LEAST_ABOVE = 8
+# Most values at which the period of the force is checked.
+_LOOKS = 16
 
 
 @dataclass(frozen=True, eq=False)

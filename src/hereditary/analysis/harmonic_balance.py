@@ -9,9 +9,12 @@ from ..compiled.jit import F8, I8, MAT, VEC, entry
 from ..compiled.signatures import JAC, RHS
 from ..support.checks import refuse, shown
 
-# Samples of a period for each harmonic and at least, and relative change of a frequency in
-# differences.
-_SAMPLES, _FEWEST, _CHANGE = 8, 129, 1e-7
+# Samples of a period for each harmonic.
+_SAMPLES = 8
+# Fewest samples of a period.
+_FEWEST = 129
+# Relative change of a frequency in differences.
+_CHANGE = 1e-7
 # Derivatives by a mean count as 0 below this fraction of the largest one: differences leave 1e-10.
 _FREE = 1e-7
 

@@ -55,11 +55,15 @@ _INSTEAD = {"resume": "make one run to the last time: `trace` has the rates of e
 _MODES = ("tangent", "pair")
 # More blocks than a window holds records are equal parts of them.
 _MOST_BLOCKS = 10_000
-# Marks of an adaptive run, at which it may be renormalised, and its steps: no limit, in practice.
-_MARKS, _ANY = 1 << 16, 10**9
-# Records of a run whose intervals follow the growth, and the first such interval [steps]: more
-# records cost time, and the late window holds half of them.
-_RECORDS, _FIRST = 128, 32
+# Marks of a run by a tolerance, at which tangents may be renormalised.
+_MARKS = 1 << 16
+# Steps of such a run: no limit, in practice.
+_ANY = 10**9
+# Records of a run whose intervals follow the growth. More records cost time, and the late window
+# has half of them.
+_RECORDS = 128
+# First such interval [steps].
+_FIRST = 32
 # Tangents further apart than exp(this) leave the smaller one fewer than six digits.
 _WIDE = 22.0
 _LOST = (
@@ -81,10 +85,14 @@ _JUMPS = "the right-hand side jumps between states of the orbit, and tangents do
 _AT_END = Status.COMPLETED, Status.STEP_TOO_LARGE, Status.KERNEL_INACCURATE, Status.ZIGZAG
 # Largest tolerance of `Collocation` that leaves room for one ten times as large.
 _LOOSEST = 0.01
-# A scheme is of first order where it is of no more than this next to alpha = 1.
-_NEAR_1, _FIRST_ORDER = 0.95, 1.25
-# Orders for which `Adams` is of second order and its stability limit is watched.
-_ADAMS_LOWEST, _ADAMS_HIGHEST = 0.5, 1.0
+# Order alpha next to 1 at which the order of a scheme is asked.
+_NEAR_1 = 0.95
+# Up to this order there a scheme is of first order.
+_FIRST_ORDER = 1.25
+# Lowest order for which `Adams` is of second order and its stability limit is watched.
+_ADAMS_LOWEST = 0.5
+# Highest such order.
+_ADAMS_HIGHEST = 1.0
 
 
 def benettin(stepper, stops, note, to=None):

@@ -11,10 +11,14 @@ from ..solver.solution import Solution
 from ..support.checks import count, positive, real, real_array, refuse
 from .sections import check_component, check_unbroken, values_at
 
-# Most samples of a solution, and fewest values.
-_MOST, _FEWEST = 2**18, 16
-# A peak stands out of its neighbours by this factor at least, and is this share of the highest one.
-_PROMINENT, _LEAST = 4.0, 1e-8
+# Most samples of a solution.
+_MOST = 2**18
+# Fewest values of a series.
+_FEWEST = 16
+# Least ratio of a peak to its neighbours.
+_PROMINENT = 4.0
+# Least ratio of a peak to the highest one.
+_LEAST = 1e-8
 
 
 @dataclass(frozen=True, eq=False)

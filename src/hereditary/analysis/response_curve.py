@@ -7,15 +7,30 @@ from typing import NamedTuple
 
 import numpy as np
 
-# Newton iterations at the first value, tolerance, and that where rounding ends them.
-_ITERATIONS, _TOLERANCE, _STALLED = 30, 1e-12, 1e-7
-# Shortest and longest step along the curve, in units of responses and values there, the growth of
-# steps after few iterations, the iterations to a next point, and the most points of a curve.
-_SHORTEST, _LONGEST, _GROW, _FEW, _TRIES, _MOST_POINTS = 1e-7, 0.03, 1.5, 5, 10, 20_000
+# Newton iterations at the first value.
+_ITERATIONS = 30
+# Relative change that ends them.
+_TOLERANCE = 1e-12
+# Relative change that rounding may leave.
+_STALLED = 1e-7
+# Shortest step along the curve, in units of responses and values there.
+_SHORTEST = 1e-7
+# Longest step, in the same units.
+_LONGEST = 0.03
+# Factor between steps after few iterations.
+_GROW = 1.5
+# Iterations that are few.
+_FEW = 5
+# Most iterations to a next point.
+_TRIES = 10
+# Most points of a curve.
+_MOST_POINTS = 20_000
 # Cosine of the largest bend between two points.
 _STRAIGHT = 0.9
-# Least unit of responses, as a share of the largest so far, and most of a frequency, in times it.
-_LEAST, _FREQUENCIES = 1e-6, 10.0
+# Least unit of responses, relative to the largest so far.
+_LEAST = 1e-6
+# Largest change of a frequency, as a factor.
+_FREQUENCIES = 10.0
 # Places at which each piece of the curve is looked at.
 _LOOKS = 8
 # Share of its size that a response may be away from where the spline through the points has it.

@@ -16,9 +16,11 @@ from ..support.checks import count, instance, positive, real, real_array, refuse
 
 # Points of each step at which a dense output is looked at for maxima.
 _LOOKS = 8
-# Refinements of a maximum, each over this share of the last distance: a parabola over a distance d
-# misses the place by d**2, so that four leave rounding.
-_REFINEMENTS, _CLOSER = 4, 1 / 16
+# Refinements of a maximum. A parabola over a distance d misses the place by d**2, so that four
+# leave rounding.
+_REFINEMENTS = 4
+# Distance of a refinement over the last one.
+_CLOSER = 1 / 16
 # Samples that fit into memory.
 _MOST_SAMPLES = 10_000_000
 

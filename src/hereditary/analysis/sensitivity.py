@@ -25,8 +25,12 @@ from ..support.checks import refuse
 from ..support.warning import silence
 
 _KINDS = ("params", "y0", "orders")
-# Changes of orders in differences, by given steps and by a tolerance, and what that is at most.
-_BY_STEPS, _BY_TOLERANCE, _TIGHT = 1e-5, 1e-4, 1e-11
+# Change of an order in differences of runs on given steps.
+_BY_STEPS = 1e-5
+# Change of an order in differences of runs by a tolerance.
+_BY_TOLERANCE = 1e-4
+# Largest tolerance of such runs.
+_TIGHT = 1e-11
 
 
 @dataclass(frozen=True, eq=False)

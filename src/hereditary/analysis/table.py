@@ -12,7 +12,8 @@ from ..support.checks import complaint
 from ..support.html import paragraph, table_html
 from ..support.optional import optional
 
-COMPLETED, NOT_COMPUTED = "completed", "not computed"
+COMPLETED = "completed"
+NOT_COMPUTED = "not computed"
 # A status is one line of at most so many characters: arrays of strings are as wide as the widest.
 STATUS_LENGTH = 200
 _STATUS = "status"

@@ -11,12 +11,16 @@ from ..solver.solution import Solution
 from ..support.checks import count, real_array, refuse
 from .sections import extrema, tops
 
-# Fewest values of a series, share of its length for displacements, and range of frequencies, which
-# leaves out resonances at 0 and pi.
-_FEWEST, _SHARE, _RANGE = 200, 0.1, (np.pi / 5, 4 * np.pi / 5)
-# Maxima that differ by less than this share of the component's range are all the same, and values
-# of a series by less than this share of the largest.
-_SAME, _ROUNDING = 1e-3, 1e-10
+# Fewest values of a series.
+_FEWEST = 200
+# Longest displacement, as a fraction of the series.
+_SHARE = 0.1
+# Range of frequencies, which excludes resonances at 0 and pi.
+_RANGE = (np.pi / 5, 4 * np.pi / 5)
+# Maxima that differ by less than this fraction of the component's range are equal.
+_SAME = 1e-3
+# Values of a series that differ by less than this fraction of the largest are equal.
+_ROUNDING = 1e-10
 # Signs of the extrema that are tested: maxima alone, or minima as well.
 _SIGNS = {"maxima": (1.0,), "extrema": (1.0, -1.0), "values": ()}
 # K above this is chaos, and below one minus it none.

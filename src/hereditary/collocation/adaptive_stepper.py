@@ -61,18 +61,25 @@ MAX_STEPS = 1_000_000
 _DORMANT = 1 / 32
 # Longest first step at rest, as fraction of that: the nodes of first steps are further apart.
 _FIRST_AT_REST = 1 / 16
-# A run stalls if in so many consecutive stretches of 200 steps or more the solution changes by less
-# than the fraction _STILL, the last stretch covers no more than twice the time of the first, and
-# more steps would be needed than _MOST_STEPS, or than are left if more than the fraction _REFUSED
-# of steps is refused.
-_STRETCHES, _STILL, _REFUSED, _MOST_STEPS = 4, 1e-2, 0.125, 1e7
-# A run that ends blows up if the solution, larger than before, grew by more than this fraction over
-# the last step and the next step was not refused below _WALL times its length.
-_GROWING, _WALL = 1e-3, 1e-8
-# Distances ahead at which f is evaluated, in lengths of the last step, where y goes on or turns
-# back; f jumps where it changes by more than a fraction of its size on the way, for steps are as
-# short as they can be.
-_DISTANCES_AHEAD, _JUMP = (0.0, 1.0, 10.0, 100.0, 1000.0, -1.0, -10.0, -100.0, -1000.0), 0.1
+# A run stalls after so many consecutive stretches of 200 steps or more without progress, if the
+# last covers no more than twice the time of the first.
+_STRETCHES = 4
+# A stretch in which the solution changes by less than this fraction is without progress.
+_STILL = 1e-2
+# Fraction of rejected steps from which the steps that `max_steps` leaves must suffice.
+_REFUSED = 0.125
+# Steps to the end beyond which a stretch is without progress whatever is rejected.
+_MOST_STEPS = 1e7
+# A run that ends has blown up if the solution exceeds all before, and grew by more than this
+# fraction over the last step.
+_GROWING = 1e-3
+# If the next step was rejected below this fraction of its length, f jumps instead.
+_WALL = 1e-8
+# Distances ahead at which f is evaluated, in lengths of the last step, where y continues or turns
+# back.
+_DISTANCES_AHEAD = (0.0, 1.0, 10.0, 100.0, 1000.0, -1.0, -10.0, -100.0, -1000.0)
+# If f changes there by more than this fraction of its size it jumps, since steps are short.
+_JUMP = 0.1
 # Shares of the way ahead at which f is evaluated where no first step succeeds.
 _SHARES = 10.0 ** np.arange(-1, -16, -2)
 _JUMPS = (
@@ -169,7 +176,8 @@ class Ending(NamedTuple):
     detail: str = ""
 
 
-_BLOWN_UP, _UNSOLVED = Ending(Status.BLOWN_UP), Ending(Status.NOT_SOLVED)
+_BLOWN_UP = Ending(Status.BLOWN_UP)
+_UNSOLVED = Ending(Status.NOT_SOLVED)
 _TOO_STEEP = Ending(Status.STEP_TOO_SMALL, _ROUNDS)
 _OUTSIDE = Ending(Status.STEP_TOO_SMALL, NOT_FINITE)
 
@@ -251,32 +259,41 @@ class KeptTables:
 kept_tables = KeptTables()
 
 
-# Fraction of the tolerance that one step may err by, and fraction of that for the modes. Errors of
-# modes add up along undamped orbits: with 1e-2 in place of 1e-4 D^0.5 y = 10 (y1 - y2, y1 + y2)
-# errs by 23 tolerances after 3,180 periods, and P1 to P6 take the same time.
-STEP_FRACTION, _MODES_FRACTION = 0.1, 1e-4
-# What errors add up to if nothing damps them (convergence/undamped.py): the error of the modes
-# times this for each size of y by which y moves, and rounding for each step.
-_OF_MODES, _OF_ROUNDING = 5.0, 1e-15
+# Fraction of the tolerance that one step may err by.
+STEP_FRACTION = 0.1
+# Fraction of that for the modes. Their errors add up along undamped orbits: with 1e-2 D^0.5 y = 10
+# (y1 - y2, y1 + y2) errs by 23 tolerances after 3,180 periods, and P1 to P6 take the same time.
+_MODES_FRACTION = 1e-4
+# If nothing damps them (convergence/undamped.py), errors of the modes add up to this many for each
+# size of y by which y moves.
+_OF_MODES = 5.0
+# Rounding adds this for each step.
+_OF_ROUNDING = 1e-15
 # Fraction of rtol that counts relative to the size of a component, where no atol is given.
 OF_SIZE = 0.01
 # Power q of the variable from which on errors are estimated too small, for u**q changes next to the
-# end alone: the first step keeps to this over q of its tolerance, to the second at least, and to no
-# less than this rtol, for rounding (orders 1 + 1e-9 to 1.003, y' at rtol 1e-4 to 1e-10).
-_RESOLVED, _UNRESOLVED, _ROUNDING = 10.0, 5e-3, 5e-14
+# end alone. The first step keeps to this over q of its tolerance.
+_RESOLVED = 10.0
+# Least such fraction of the tolerance.
+_UNRESOLVED = 5e-3
+# Least rtol of a first step, for rounding (orders 1 + 1e-9 to 1.003, y' at rtol 1e-4 to 1e-10).
+_ROUNDING = 5e-14
 # Modes are fitted, and refined each time, for steps this many times shorter than the present one.
 _REFINE_BY = 32.0
-# Ratio of the time up to which a run may be resumed to its length; largest ratio of distances.
-_REACH, _LARGEST_RATIO = 10.0, 1e305
+# Ratio of the time up to which a run may be resumed to its length.
+_REACH = 10.0
+# Largest ratio of distances.
+_LARGEST_RATIO = 1e305
 # Steps of one call of the compiled march.
 _ROWS = 256
 # Closest distance expected, as fraction of the run, for fits before the run begins.
 _CLOSE = 1e-6
 
 
-# Steps of one call of the compiled march where an event may cut it short; points of each step,
-# besides its end, that events look at.
-_FEW_ROWS, _LOOKS = 8, 8
+# Steps of one call of the compiled march where an event may cut it short.
+_FEW_ROWS = 8
+# Points of each step, besides its end, at which events are evaluated.
+_LOOKS = 8
 
 
 class Allowed(NamedTuple):

@@ -29,8 +29,10 @@ from .structures import TERM
 
 # Smallest order of integration: lesser powers of two step lengths are equal in double precision.
 _LEAST = 5e-10
-# Generators closer than this count as one, as does a generator and a sum of up to _FEW others.
-_APART, _FEW = 1e-9, 4
+# Generators closer than this are one.
+_APART = 1e-9
+# Most generators in a sum that may equal another one.
+_FEW = 4
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,10 @@ from .operators import FORCE, POSITION, PRIMARY, SLOPE, subtract_from_forces
 # Relative tolerance of tangents is at least this: those that have decayed consist of rounding
 # errors, which grow when tangents are normalised.
 _TANGENT = 1e-9
-# Fraction of p(0) that rounding hides in p, and of y where p is y', which sums over a step make.
-_ROUNDING, ROUNDING_OF_SUMS = 1e-14, 1e-15
+# Fraction of p(0) that rounding hides in p.
+_ROUNDING = 1e-14
+# Fraction of y that rounding hides where p is y', which sums over a step make.
+ROUNDING_OF_SUMS = 1e-15
 # Largest ratio of coefficients that counts where rounding hides both.
 _HIDDEN = 0.03
 # Fraction of the defect of f between the nodes that enters the error, as it does where f jumps. For
@@ -22,21 +24,27 @@ _HIDDEN = 0.03
 _DEFECT_WEIGHT = 0.3
 # Rounding error of f as fraction of |J| |y|, including its growth by the polynomial.
 _NOISE = 2e-14
-# In units of Newton's goal: a larger defect of f has the equations checked again, and a larger
-# residual then refuses the step.
-_CHECK_BEYOND, _UNSOLVED = 100.0, 10.0
-# First of a step's check points that do not enter its error, and most of them in a run.
-FIRST_LOOK, _LOOKS = 2, 256
-# Defect of f at a look that is a miss, in defects at the check points, and what it would move p by
-# over the whole step, in units of Newton's goal: one tolerance is 1,000 of these.
-_UNLIKE, _MOVED = 30.0, 1000.0
+# Defect of f, in units of Newton's goal, from which the equations are checked again.
+_CHECK_BEYOND = 100.0
+# Residual, in the same units, from which this check rejects the step.
+_UNSOLVED = 10.0
+# First of a step's check points that do not enter its error.
+FIRST_LOOK = 2
+# Most of these points in a run.
+_LOOKS = 256
+# Defect of f at such a point that is a miss, in defects at the other check points.
+_UNLIKE = 30.0
+# Change of p that a miss would make over the whole step, in units of Newton's goal. One tolerance
+# is 1,000 of these.
+_MOVED = 1000.0
 # Number of tolerances by which the polynomial may miss the start; stiff systems miss it by
 # rounding.
 _MISSED = 10.0
-# Step tolerances of y at the start of a step that its error may be, for y may grow by decades in a
-# first step (orders 0.0158 and 1 - 1e-8 err by 1.8 tolerances at early times without). Fraction of
-# the largest y of a step that rounding hides.
-_AT_START, _ROUNDING_OF_STEP = 5.0, 1e-13
+# Largest error of a step in tolerances of y at its start, for y may grow by decades in a first step
+# (without, orders 0.0158 and 1 - 1e-8 err by 1.8 tolerances at early times).
+_AT_START = 5.0
+# Fraction of the largest y of a step that rounding hides.
+_ROUNDING_OF_STEP = 1e-13
 # Fraction of the tolerance of y by size that an error of y' may move y over the run.
 OF_SPEED = 4.0
 # Least size of a component, as fraction of the largest of its quantity. With 1e-5 a component of

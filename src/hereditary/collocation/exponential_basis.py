@@ -19,16 +19,20 @@ from ..kernels.kernel_fits import RATIO_OF_VALUES
 from ..kernels.memory_kernel import NO_ERRORS, KernelErrors
 from ..support.checks import complaint
 
-# General kernels are fitted down to a fraction of the closest distance, and are a point mass below,
-# whose error is of second order in that distance: 0.1 for a tolerance of 1, at least 1e-9. Bounded
-# kernels are fitted only from where they change.
-_BELOW, _LEAST_BELOW = 0.1, 1e-9
+# General kernels are fitted down to this fraction of the closest distance, for a tolerance of 1.
+# Below they are a point mass, whose error is of second order in that distance. Bounded kernels are
+# fitted only from where they change.
+_BELOW = 0.1
+# Least such fraction.
+_LEAST_BELOW = 1e-9
 # Kernels are fitted from this many times closer on; modes that have decayed at the first distance
 # become part of the point mass, because a fit hardly determines their weights.
 _DECAYED = 35.0
-# Power laws with exponents below this are nearly constant and fitted to a tolerance of their
-# variation: an oscillation that hardly decays accumulates their errors. Least tolerance.
-_VARYING, _LEAST_TOL = 0.05, 1e-17
+# Power laws with exponents below this are nearly constant, and are fitted to a tolerance of their
+# variation: an oscillation that hardly decays accumulates their errors.
+_VARYING = 0.05
+# Least such tolerance.
+_LEAST_TOL = 1e-17
 # Relative error of sums that rounding leaves.
 _ROUNDING = 2e-14
 

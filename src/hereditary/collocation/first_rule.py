@@ -22,10 +22,14 @@ from .structures import Rule
 # Width next to 1 that the graded rule leaves out; kernels are integrated there in closed form.
 LEFT_OUT = 0.25**26 / 2
 # Powers of u from this one on are as good as integer ones: their Legendre coefficients fall as
-# n**(-2 power - 1). Exponents this close to an integer count as one.
-_HIGH, _APART = 5.3, 1e-9
-# Nodes of the step, and with c above 0, where solutions of several rates share one c.
-_NODES, _NODES_IF_BENT = 24, 48
+# n**(-2 power - 1).
+_HIGH = 5.3
+# Exponents this close to an integer are integers.
+_APART = 1e-9
+# Nodes of the first step.
+_NODES = 24
+# Nodes with c above 0, where solutions of several rates have one c.
+_NODES_IF_BENT = 48
 # Least distance at which kernels are evaluated.
 _NEXT_TO_0 = 1e-300
 

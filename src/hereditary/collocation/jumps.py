@@ -10,8 +10,10 @@ from .operators import ITSELF, PRIMARY, SLOPE
 
 # Distance at which kernels are evaluated for their value at 0.
 _NEXT_TO_0 = 1e-300
-# Iterations of Newton's method, and the relative change of p that ends them.
-_SWEEPS, _GOAL = 100, 1e-14
+# Iterations of Newton's method.
+_SWEEPS = 100
+# Relative change of p that ends them.
+_GOAL = 1e-14
 
 
 def jump(equation, form, orbit, t, counts):

@@ -237,9 +237,12 @@ def extrapolate(nodes, legendre, last, h, h_last, p, reached, out, change):
 # the error or for Newton's method, tables of varying orders needed for the next step, right-hand
 # side jumps, no progress.
 REACHED, FULL, TOO_CLOSE, TOO_ROUGH, NEWTON_FAILED, ORDERS_NEEDED, JUMPING, CRAWLING = range(8)
-# Largest and smallest factor between steps, and the error that a step aims at, in step lengths and
-# tolerances.
-_GROW, _SHRINK, _SAFETY = 3.0, 0.2, 0.8
+# Largest factor between step lengths.
+_GROW = 3.0
+# Smallest factor between step lengths.
+_SHRINK = 0.2
+# Factor of the length at which the error would be the tolerance.
+_SAFETY = 0.8
 # Growth that is always worth new factors of many components.
 _WORTH = 2.0
 

@@ -18,16 +18,19 @@ from ..compiled.linalg import add_rows, clear, clear_matrix, put
 from .operators import first_of_kind, number_of
 from .structures import StepTables
 
-# Step lengths are 2**(n / _PER_OCTAVE), rounded up to so few digits that sums of them are exact:
-# rounding errors of equal steps would accumulate to a drift of time.
-_PER_OCTAVE, _DIGITS = 8, 2.0**12
+# Step lengths are 2**(n / _PER_OCTAVE), rounded up.
+_PER_OCTAVE = 8
+# They have so few digits that sums of them are exact: rounding errors of equal steps would
+# accumulate to a drift of time.
+_DIGITS = 2.0**12
 # Slots of the tables; lengths whose ratio is a power of 2**(SLOTS / _PER_OCTAVE) share one.
 SLOTS = 64
 # Arguments of exp(-z) from which it is taken for 0.
 _UNDERFLOW = 700.0
-# Arguments below which Bessel functions are 1 - x, x / 3 and 0 in rounding, and where their
-# recurrence begins, which reaches 1e-8 from there on.
-_SMALL, _SEED = 1e-8, 1e-200 + 0j
+# Arguments below which Bessel functions are 1 - x, x / 3 and 0 in rounding.
+_SMALL = 1e-8
+# First value of their backward recurrence, which is right for arguments of 1e-8 and more.
+_SEED = 1e-200 + 0j
 
 
 def empty_tables(n_modes, s, n_kernels):

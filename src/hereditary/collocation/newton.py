@@ -17,16 +17,23 @@ from .operators import FORCE, POSITION, PRIMARY
 from .stages import stage_matrix, substitute_scaled
 from .structures import KEPT, LENGTH, REDUCED, Newton, StepRoom
 
-# Newton iterations before a step is refused, contraction from which a Jacobian of an earlier step
-# is not kept, and the iteration, from 0 on, at which each node of few components has its own.
-_SWEEPS, _SLOW, _EACH = 12, 0.05, 5
+# Newton iterations before a step is rejected.
+_SWEEPS = 12
+# Contraction from which a Jacobian of an earlier step is not kept.
+_SLOW = 0.05
+# Iteration, from 0 on, at which each node of few components has its own Jacobian.
+_EACH = 5
 # Times that a change, or the change from p at the start to the first guess, is halved at nodes
 # where it leads out of the domain of f, before these nodes go back to where they were.
 _HALVED = 4
-# Iterations for a tangent of many components, and the relative change that ends them.
-_TANGENT_SWEEPS, _TANGENT_GOAL = 30, 1e-11
-# Relative and absolute change of p that rounding leaves.
-_ROUNDING, _LEAST = 1e-14, 1e-202
+# Iterations for a tangent of many components.
+_TANGENT_SWEEPS = 30
+# Relative change that ends them.
+_TANGENT_GOAL = 1e-11
+# Relative change of p by rounding.
+_ROUNDING = 1e-14
+# Absolute change of p by rounding.
+_LEAST = 1e-202
 # Change of p, as fraction of the largest one, that is left where sizes are not known yet.
 _OF_LARGEST = 1e-10
 

@@ -6,8 +6,11 @@ from ..compiled.jit import allocating, inner
 from ..compiled.linalg import clear_matrix
 from .structures import Operators
 
-# Integrands: f, p, y and, where needed, p'.
-FORCE, PRIMARY, POSITION, SLOPE = 0, 1, 2, 3
+# Numbers of the integrands: f, p, y and, where needed, p'.
+FORCE = 0
+PRIMARY = 1
+POSITION = 2
+SLOPE = 3
 # Index of a term that is no convolution: the integrand itself.
 ITSELF = -1
 

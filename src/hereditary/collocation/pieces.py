@@ -12,9 +12,12 @@ from .quadrature import legendre_values, through_start, to_legendre
 
 # Least time at which slopes are evaluated.
 _NEXT_TO_0 = 1e-200
-# Times from which slopes are extrapolated to 0; one that grows by more than this factor between
-# them is infinite there, beyond the fraction of the values over the step that rounding makes of it.
-_TOWARDS_0, _GROWS, _ROUNDED = (1e-4, 1e-2), 1.02, 1e-10
+# Times from which slopes are extrapolated to 0, as fractions of the step.
+_TOWARDS_0 = (1e-4, 1e-2)
+# A slope that grows by more than this factor between them is infinite at 0.
+_GROWS = 1.02
+# Fraction of the values over the step that rounding makes of a slope.
+_ROUNDED = 1e-10
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,9 +11,10 @@ from .stage_solver import has_stages
 
 # Factor of the length after a refused step.
 _SHORTER = 0.25
-# A generator below this is tiny: no step is so short that its power is small. Long steps in a
-# variable that is bent for its rate are tried first, so many of them.
-_TINY, _BENT_TRIALS = 0.12, 12
+# A generator below this is tiny: no step is so short that its power is small.
+_TINY = 0.12
+# Trials of long steps, in a variable that is bent for the rate, before all others.
+_BENT_TRIALS = 12
 # Exponent below which a power hardly changes from 1e-300 on.
 _VANISHING = 1e-3
 # Longest step in lengths of the one before: a singularity as close has to be resolved.

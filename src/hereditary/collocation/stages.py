@@ -34,8 +34,12 @@ from ..compiled.sparse_solvers import banded_solver, sparse_solver, substitute_b
 from .operators import FORCE, POSITION, PRIMARY
 from .structures import LENGTH, OF_SPEEDS, OF_VALUES, REDUCED, REST, SYSTEMS
 
-# LAPACK's letters: left eigenvectors are not wanted, right ones are; matrices are scaled alone.
-_WITHOUT, _WITH, _SCALING = ord("N"), ord("V"), ord("S")
+# Letters of LAPACK: left eigenvectors are not computed,
+_WITHOUT = ord("N")
+# right ones are,
+_WITH = ord("V")
+# and matrices are scaled without permutations.
+_SCALING = ord("S")
 
 
 @allocating

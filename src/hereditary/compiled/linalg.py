@@ -48,9 +48,10 @@ def put_cube(values, out):
                 out[i, j, k] = values[i, j, k]
 
 
-# Size from which sums in any order take less time than plain loops; and columns that are eliminated
-# at once, for which `subtract_rows` is written.
-_LARGE, _PANEL = 40, 4
+# Size from which sums in any order take less time than plain loops.
+_LARGE = 40
+# Columns that are eliminated at once, for which `subtract_rows` is written.
+_PANEL = 4
 # Size from which LAPACK takes less time. Below it would use threads all the same, and wait for them
 # for milliseconds where other ones keep the cores.
 _LAPACK = 400

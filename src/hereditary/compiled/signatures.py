@@ -11,7 +11,8 @@ JAC = types.FunctionType(JAC_SIG)
 
 
 # Tasks of a linear solver, of Newton's matrix or, as number 1, that of the tangents.
-FACTORISE, SUBSTITUTE = 0, 1
+FACTORISE = 0
+SUBSTITUTE = 1
 
 
 class LinearSolver(NamedTuple):

@@ -20,8 +20,12 @@ from ..kernels.step_kernel import Integrated, PowerSteps, StepKernel
 from ..support.checks import complaint, real, refuse
 from .orders import derivative_order, rounded_order
 
-# Values of s at which s K^(s) is the same where a kernel has a constant part, and how nearly.
-_SLOW, _SLOWER, _CONSTANT = 1e-200 + 0j, 1e-250 + 0j, 0.99
+# A value of s at which s K^(s) is the constant part of a kernel, if it has one.
+_SLOW = 1e-200 + 0j
+# Another such value.
+_SLOWER = 1e-250 + 0j
+# Least ratio of both results where there is a constant part.
+_CONSTANT = 0.99
 
 
 class SystemTerm(NamedTuple):

@@ -10,17 +10,26 @@ from ..support.checks import complaint
 
 # Steps of the two differences, in units of the size of a component.
 _STEPS = 1e-4, 1e-5
-# Relative deviations that rounding and truncation cannot explain: of an entry of a dense Jacobian,
-# of a product of given entries with a direction, and of one of entries by differences.
-_OF_ENTRY, _OF_GIVEN, _OF_DIFFERENCES = 1e-3, 1e-6, 1e-9
-# Components that have units of their own, and the fraction of the largest below which a component
-# is next to 0.
-_FEW, _SMALL = 9, 1e-3
+# Relative deviation of an entry of a dense Jacobian that rounding and truncation cannot explain.
+_OF_ENTRY = 1e-3
+# The same of a product of given entries with a direction.
+_OF_GIVEN = 1e-6
+# The same of a product of entries by differences.
+_OF_DIFFERENCES = 1e-9
+# Components that have units of their own.
+_FEW = 9
+# Fraction of the largest component below which a component is next to 0.
+_SMALL = 1e-3
 # Times at which a force that is 0 at first may have set in.
 _LATER = (1e-3, 1e-2, 0.1, 1.0, 10.0)
-# First trial of a step, as fraction of f; ratio of trials and their number; fraction of f that is
-# clear of rounding.
-_FIRST_STEP, _APART, _MOST_TRIALS, _CLEAR = 1e-3, 1024.0, 12, 1e-5
+# First trial of a step, as fraction of f.
+_FIRST_STEP = 1e-3
+# Ratio of two trials.
+_APART = 1024.0
+# Most trials.
+_MOST_TRIALS = 12
+# Fraction of f that exceeds rounding.
+_CLEAR = 1e-5
 
 
 def check_jacobian(rhs, jac, y0, params, structure=None):

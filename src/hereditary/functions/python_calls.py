@@ -24,8 +24,12 @@ from .messages import code_of
 N_ADDRESSES = 2
 # Views of memory that one function keeps, by their addresses; marches use few.
 _VIEWS = 256
-# Seconds for which a function is timed, that a call adds to it, and of a compiled explicit step.
-_TIMED, _ADDED, _COMPILED_STEP = 1e-3, 3e-6, 2e-7
+# Seconds for which a function is timed.
+_TIMED = 1e-3
+# Seconds that a call in Python adds to the function.
+_ADDED = 3e-6
+# Seconds of a compiled explicit step.
+_COMPILED_STEP = 2e-7
 # What `math` raises outside of a function's domain, where compiled code gives NaN; the last three
 # from Python 3.14 on.
 _OUTSIDE = (

@@ -7,8 +7,10 @@ from .step import UNITS
 
 # Ratio of neighbouring steps from which no parabola tells the slope.
 _STEEP = 8.0
-# how a march ended
-RUNNING, BLOWN_UP, NOT_SOLVED = 0, 1, 2
+# Statuses of a march.
+RUNNING = 0
+BLOWN_UP = 1
+NOT_SOLVED = 2
 
 
 @inner

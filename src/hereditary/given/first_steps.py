@@ -11,8 +11,10 @@ from functools import cached_property
 import numpy as np
 from scipy.special import rgamma
 
-# The slope at 0 is taken here, and called infinite beyond this size.
-_NEXT_TO_0, _STEEP = 1e-200, 1e12
+# Time at which the slope at 0 is evaluated.
+_NEXT_TO_0 = 1e-200
+# Size from which this slope is infinite.
+_STEEP = 1e12
 
 
 def starting_steps(stepper):

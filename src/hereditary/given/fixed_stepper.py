@@ -32,10 +32,13 @@ from .steps import before_break, break_steps, rows_beside
 BLOCK = 32
 # Relative rounding of y.
 _ROUNDED = 1e-13
-# Steps made at once, between two looks at Ctrl-C and the progress bar: as many as take this long,
-# but no more than whose rows stay in a near cache, that is so many numbers, and at least so many.
+# Seconds that steps made at once take, between two checks for Ctrl-C and the progress bar.
 # Entering the compiled march costs 0.04 ms.
-_SECONDS, _NUMBERS, _LEAST = 0.1, 1 << 15, 32
+_SECONDS = 0.1
+# Most numbers in the rows of these steps, which then remain in a near cache.
+_NUMBERS = 1 << 15
+# Fewest steps made at once.
+_LEAST = 32
 # Steps made at once where an event may cut them short.
 _SHORT = 256
 

@@ -17,9 +17,11 @@ from .signatures import MARCH, MARCH_STATE, MARCH_VALUE, MEMORY
 LOST = 3
 # Steps after which a march reads no data but the lasting ones.
 _FIRST_STEPS = 8
-# Growth, or spread, of tangents over one interval that is wanted where it follows the growth: R
+# Least growth, or spread, of tangents over one interval where the interval follows the growth. R
 # loses about as many of sixteen digits as there are in exp(spread).
-LOW, HIGH = 3.0, 8.0
+LOW = 3.0
+# Largest growth, or spread.
+HIGH = 8.0
 # When tangents are made orthonormal [steps]: the present interval, the longest one, whether
 # intervals follow the growth; the ends of the transient and of the run, the last time; how many
 # times in one entry, and whether the march reads data of the first steps later on.

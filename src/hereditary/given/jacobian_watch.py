@@ -8,9 +8,11 @@ from .stability import longest_step
 
 # Components beyond which dense Jacobians would take longer than the march, and more memory.
 _MOST = 2000
-# Fraction of the longest stable step that is named, so that two digits of it are below the limit,
-# and shortest one that is, as a fraction of the step.
-_BELOW, _LEAST = 0.9, 1e-6
+# Fraction of the longest stable step that a message names, so that two digits of it are below the
+# limit.
+_BELOW = 0.9
+# Shortest step that a message names, as a fraction of the step.
+_LEAST = 1e-6
 
 
 class JacobianWatch:

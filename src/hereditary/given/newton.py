@@ -15,22 +15,32 @@ from .step import BASE, FIRST, GAIN, KNOWN, LEAD, MOVED, POINT, SCALE, SHIFT, UN
 _MOST = 38
 # Times that a change, or the first guess of w, is halved where it leads out of the domain of f.
 _HALVED = 8
-# Contraction from which a Jacobian is renewed; one of an earlier step, where renewing is cheap.
-_SLOW, _SLOW_OF_EARLIER = 0.1, 1e-3
-# Where renewing is cheap: steps that take their own Jacobian after one of an earlier step was slow,
-# and the share of the error that is allowed with an earlier one. Newton's method leaves far less
+# Contraction from which a Jacobian is renewed.
+_SLOW = 0.1
+# Contraction from which a Jacobian of an earlier step is renewed, where renewing is cheap.
+_SLOW_OF_EARLIER = 1e-3
+# Where renewing is cheap: steps with their own Jacobian after one of an earlier step was slow.
+_RENEWED = 16
+# Fraction of the allowed error with a Jacobian of an earlier step. Newton's method leaves far less
 # than its estimate, a kept Jacobian all of it, with equal sign in every step. Orders above 1 add
 # that up twice, and stiff equations take it for f.
-_RENEWED, _OF_EARLIER = 16, 1e-6
-# Factors solve a linear step at once if they contract to this rate, and no residual grew by this
-# much, as it does by a matrix that is nearly singular.
-_AT_ONCE, _MOST_GROWN = 1e-8, 1e6
-# The step is solved when the estimated error of the increment is below this share of it, or below
-# rounding of the solution, or below what floats can resolve.
-_TOLERANCE, _ROUNDING, _UNDERFLOW = 1e-13, 2e-16, 1e-300
-# A residual below this share of its summands is rounding. It is looked for where changes stay below
-# this share of the solution and contract by less than this rate.
-_RESIDUAL, _SMALL, _STALLED = 4e-15, 1e-3, 0.5
+_OF_EARLIER = 1e-6
+# Factors solve a linear step at once if they contract to this rate.
+_AT_ONCE = 1e-8
+# They do not if a residual grew by this factor, as it does by a nearly singular matrix.
+_MOST_GROWN = 1e6
+# The step is solved when the estimated error of the increment is below this fraction of it,
+_TOLERANCE = 1e-13
+# or below this fraction of the solution, its rounding,
+_ROUNDING = 2e-16
+# or below what floats can resolve.
+_UNDERFLOW = 1e-300
+# A residual below this fraction of its summands is rounding.
+_RESIDUAL = 4e-15
+# Such residuals are sought where changes are below this fraction of the solution,
+_SMALL = 1e-3
+# and contract by less than this rate.
+_STALLED = 0.5
 
 
 @inner

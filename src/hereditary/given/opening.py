@@ -8,8 +8,10 @@ from .fixed_stepper import FixedStepper
 from .history.exponentials import SumOfExponentials
 from .steps import COUNTED, MeshSteps, UniformSteps, mesh_steps, steps_in
 
-# Logarithms of the powers of the step that schemes may have to divide by.
-_LEAST, _MOST = -290.0, 290.0
+# Least decimal logarithm of the power of the step that schemes may have to divide by.
+_LEAST = -290.0
+# Largest such logarithm.
+_MOST = 290.0
 
 
 def given_steps(equation, scheme, t_end, state=None, *, n_steps=None, mesh=False, **tolerated):

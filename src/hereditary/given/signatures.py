@@ -62,7 +62,8 @@ def held(n_columns, pieces=0, modes=0, starts=0, pending=0):
     return Held(*(np.zeros((n_columns, size)) for size in (pieces, modes, starts, pending)))
 
 
-HISTORY_TABLES, MEMORY = compiled_type(Tables), compiled_type(Held)
+HISTORY_TABLES = compiled_type(Tables)
+MEMORY = compiled_type(Held)
 
 
 # lag (W, B), pieces (W, B + 1), first step of the block, group of each column (W,), tables, memory:

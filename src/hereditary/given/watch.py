@@ -10,18 +10,28 @@ from ..compiled.jit import inner
 # before. A resolved oscillation never alternates twice in a row; at 0.99 of the step limit the
 # undamped classical oscillator alternates for 16 steps, and every damped one shrinks.
 ZIGZAG_WINDOW = 64
-# An alternation that shrinks by less than this over a batch is sustained; one below FLOOR
-# times the size of the solution is rounding, and so are increments that are hardly floats.
-ZIGZAG_KEPT, ZIGZAG_FLOOR, SMALLEST_CHANGE = 0.98, 1e-9, 1e-300
-# An alternation as large as the solution needs fewer steps to spoil it: where its increments are
-# this large and this much alike over so many steps. At 0.999 of its limit the undamped oscillator's
-# still differ by a tenth.
-SHORT_WINDOW, SHORT_ALIKE, LARGE = 16, 0.95, 0.05
-# Changes of increments at turns that grow by this much altogether, from one turn to the next within
-# up to QUICK steps, and within more; one counts for no more than FASTEST, so that a force that
-# jumps is no growth. At 0.99 of its limit the undamped oscillator's grow and shrink by ten; beats
-# grow with their number at most.
-GROWN, LONG_GROWN, QUICK, FASTEST = 30.0, 1e3, 3.0, 3.2
+# An alternation that keeps at least this fraction over a batch is sustained.
+ZIGZAG_KEPT = 0.98
+# An alternation below this fraction of the solution is rounding.
+ZIGZAG_FLOOR = 1e-9
+# Increments below this are hardly floats, and count as rounding too.
+SMALLEST_CHANGE = 1e-300
+# A large alternation needs fewer steps to spoil the solution: so many,
+SHORT_WINDOW = 16
+# in which its increments are this much alike. At 0.999 of its limit increments of the undamped
+# oscillator still differ by a tenth.
+SHORT_ALIKE = 0.95
+# An alternation is large from this fraction of the solution on.
+LARGE = 0.05
+# Growth of changes at turns that is an instability, from one turn to the next within QUICK steps.
+# At 0.99 of its limit changes of the undamped oscillator grow and shrink by ten.
+GROWN = 30.0
+# The same for turns that take longer. Beats grow with their number at most.
+LONG_GROWN = 1e3
+# Steps between two turns that are quick.
+QUICK = 3.0
+# Most growth that one turn counts for, so that a force that jumps is no growth.
+FASTEST = 3.2
 # Steps between turns that a scheme of first order does not resolve: up to 22 for both.
 SLOWEST = 11.0
 

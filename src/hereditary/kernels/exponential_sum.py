@@ -20,14 +20,22 @@ from scipy.special import gammaincc, gammainccinv, gammaln, loggamma, rgamma
 
 from ..support.checks import positive, refuse, within
 
-# Fractions of the tolerance for trapezoid rule, fast end and slow end, which add up to one.
-_TRAPEZOID, _FAST, _SLOW = 0.90, 0.05, 0.05
+# Fractions of the tolerance, which add up to 1: of the trapezoidal rule,
+_TRAPEZOID = 0.90
+# of the cut at fast rates,
+_FAST = 0.05
+# and of the cut at slow rates.
+_SLOW = 0.05
 # Sizes m of Gauss rules for slow rates, and log((2 m)! 4**(2 m)) of their errors.
 _SLOW_RULES = np.arange(1, 40)
 _OF_SLOW_RULES = gammaln(2 * _SLOW_RULES + 1) + 2 * _SLOW_RULES * math.log(4.0)
-# The error curve in log t has the band limit 2 pi / h; 24 points per oscillation give its maximum
-# to 0.9 %, so a checked error below tol / 1.01 is a certificate.
-_DIVISIONS, _FEWEST_POINTS, _CERTIFICATE = 24, 200, 1.01
+# Points in an oscillation of the error curve in log t, whose band limit is 2 pi / h. They give its
+# maximum to 0.9 %.
+_DIVISIONS = 24
+# Fewest points of the curve.
+_FEWEST_POINTS = 200
+# A checked error below tol over this is below tol at all times.
+_CERTIFICATE = 1.01
 # Steps h are multiples of 24 / 2**30: logarithms of rates and of points of the check, which divide
 # them, are then exact, and with them the products of both.
 _UNIT_STEP = _DIVISIONS / 2**30

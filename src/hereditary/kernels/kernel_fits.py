@@ -16,37 +16,50 @@ from numpy.lib.stride_tricks import sliding_window_view
 from ..support.checks import complaint, refuse
 from .exponential_sum import trapezoid_step
 
-# Check points in an oscillation of a power law's error curve, and every which of them is fitted.
-_POINTS_PER_OSCILLATION, _FITTED = 48, 8
+# Check points in an oscillation of a power law's error curve.
+_POINTS_PER_OSCILLATION = 48
+# One of so many check points is fitted.
+_FITTED = 8
 # Errors count relative to the kernel's size, and at least to this fraction of the mean of that from
 # 0 to t: a convolution sees the mean.
 _OF_MEAN = 1e-3
 # Most that the ends of a fit by values may differ by: least squares take two seconds there.
 RATIO_OF_VALUES = 1e60
-# Singular values that signed fits leave out, relative to the largest; samples of a pencil, and the
-# part of the time that the second one takes: exp(-t) cos(200 t) to t = 50 has too few in the first.
-_CUTS, _EVEN, _SHORTER = (1e-8, 1e-10, 1e-12, 1e-14), 800, 16
+# Singular values that signed fits leave out, relative to the largest.
+_CUTS = (1e-8, 1e-10, 1e-12, 1e-14)
+# Samples of a pencil.
+_EVEN = 800
+# Time of the first pencil over that of the second: exp(-t) cos(200 t) to t = 50 has too few samples
+# in the first.
+_SHORTER = 16
 # Slowest rate of grids above 0, times t_max.
 _SLOWEST = 0.02
-# Spacings of the grid, relative to that of a trapezoid rule of this tolerance: a finer one follows
-# where the error is below so many tolerances.
-_SPACINGS, _NEAR = (0.92, 0.75, 0.6), 300.0
-# Rates are added where the misfit's gradient is above this fraction of its maximum; all of them are
-# where the maximum is rounding. Of 800 fits of random kernels (convergence/random_kernels.py) the
-# most rounds were 15.
-_OF_GRADIENT, _ROUNDING, _ROUNDS = 0.01, 1e-14, 20
+# Spacings of the grid, relative to that of a trapezoidal rule of this tolerance.
+_SPACINGS = (0.92, 0.75, 0.6)
+# A finer spacing follows where the error is below so many tolerances.
+_NEAR = 300.0
+# Rates are added where the misfit's gradient is above this fraction of its maximum.
+_OF_GRADIENT = 0.01
+# A maximum below this is rounding, and no rates are added.
+_ROUNDING = 1e-14
+# Most rounds. Of 800 fits of random kernels (convergence/random_kernels.py) the most took 15.
+_ROUNDS = 20
 # Rounds that end the search where the error has not halved.
 _STALL = 8
 # Pairs of rates that are merged at once: one, and one more for so many rates.
 _AT_ONCE = 32
-# Most iterations of one solution, in columns (30 were needed), and most work of all solutions, in
-# rows times columns squared: it takes a second.
-_ITERATIONS, _WORK = 60, 4e8
+# Most iterations of one solution, in columns; 30 were needed.
+_ITERATIONS = 60
+# Most work of all solutions, in rows times columns squared: it takes a second.
+_WORK = 4e8
 # A run's kernel may rise or be negative by this fraction of its size: by rounding.
 _SLACK = 1e-6
-# A run's kernel is checked from this fraction of its end on, whatever its steps, and refused where
-# a fit for the first tolerance errs by more than the second: exp(-t**2) gives 0.8.
-_CHECKED, _ROUGH, _HOPELESS = 1e-8, 1e-3, 0.1
+# A run's kernel is checked from this fraction of its end on, whatever its steps.
+_CHECKED = 1e-8
+# Tolerance of this check.
+_ROUGH = 1e-3
+# Error of its fit from which a kernel is refused: exp(-t**2) gives 0.8.
+_HOPELESS = 0.1
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,26 +11,37 @@ from numpy.typing import ArrayLike
 from ..support.checks import refuse
 from .measured import Kernel
 
-# The hyperbola zeta = 1 + sin(i theta - 0.8), s = scale zeta / t, nodes theta = (k + 1/2) step. Its
-# three errors (towards the cut, to the right, truncation) are below 1e-15 for every scale from 6 to
-# 12.4, rounding grows by exp(scale (1 - sin 0.8)) <= 33.
-_STEP, _NODES = 0.055, 54
+# The hyperbola zeta = 1 + sin(i theta - 0.8), s = scale zeta / t, has nodes at theta = (k + 1/2)
+# _STEP. Its three errors (towards the cut, to the right, truncation) are below 1e-15 for every
+# scale from 6 to 12.4. Rounding grows by exp(scale (1 - sin 0.8)) <= 33.
+_STEP = 0.055
+# Number of its nodes.
+_NODES = 54
 _THETA = 1j * (np.arange(_NODES) + 0.5) * _STEP - 0.8
-ZETA, WEIGHTS = 1 + np.sin(_THETA), _STEP / np.pi * np.cos(_THETA)
-# Scale of the values, scale of their check, and the largest difference of both over the mean of the
-# kernel: analytic transforms leave 1e-13, and one with a pole between the hyperbolas about 1.
-_SCALE, _OTHER, _DIFFERENCE = 6.0, 8.6, 1e-9
+ZETA = 1 + np.sin(_THETA)
+WEIGHTS = _STEP / np.pi * np.cos(_THETA)
+# Scale of the values.
+_SCALE = 6.0
+# Scale of their check.
+_OTHER = 8.6
+# Largest difference of both over the mean of the kernel. Analytic transforms leave 1e-13, one with
+# a pole between the hyperbolas about 1.
+_DIFFERENCE = 1e-9
 # Values of a call that are compared, at the most: to compare all doubles its time. A pole off the
 # axis shows at times over a factor of 1.4, the ratio of the scales.
 _CHECKED = 400
-# Changes of s by rounding, and how far it may move exact values, relative to their size. Kernels
-# whose transforms cancel at infinity are continued by a power from a time before which they move
-# more: ln((s + 10)/(s + 1/2)) has 1e-7 at t = 1e-8, sums of powers have 1e-14 at all times.
-_MOVED, _ROUNDED = (1e-15, 4e-15), 1e-7
+# Relative changes of s by rounding.
+_MOVED = (1e-15, 4e-15)
+# Relative change of exact values that they may make. Kernels whose transforms cancel at infinity
+# change by more before some time, and are continued by a power from there. ln((s + 10)/(s + 1/2))
+# has 1e-7 at t = 1e-8, sums of powers have 1e-14 at all times.
+_ROUNDED = 1e-7
 # Two inversions may differ by so many times that.
 _OF_ROUNDING = 1e3
-# Times where rounding is looked for, and digits of an exponent that is read off there.
-_LADDER, _DIGITS = 10.0 ** np.arange(-290, 291), 4
+# Times where rounding is sought.
+_LADDER = 10.0 ** np.arange(-290, 291)
+# Digits of an exponent that is read off there.
+_DIGITS = 4
 # Values of completely monotone kernels between a power of two and the next one are a polynomial: it
 # converges like 5.8**-n, for K is analytic and bounded to the right of each positive time.
 _DEGREE = 20

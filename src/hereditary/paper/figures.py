@@ -14,9 +14,12 @@ from .job import Job, merged
 from .runs import CLASSICAL, exponents, growth_exponent, orbit, signs
 
 T_END = 100.0
-# tau = 0.005, the step that fits the source's figures, and a tenth of it
-N_STEPS, FINE_STEPS = 20_000, 200_000
-LONG, LONG_RTOL = 1000.0, 1e-8
+# tau = 0.005, the step that fits the source's figures.
+N_STEPS = 20_000
+# A tenth of this step.
+FINE_STEPS = 200_000
+LONG = 1000.0
+LONG_RTOL = 1e-8
 SPEEDS = np.linspace(0.5, 3.0, 51)
 ADHESIONS = np.arange(1.0, 51.0)
 FRICTIONS = np.linspace(0.0, 1.0, 21)

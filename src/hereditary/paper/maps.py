@@ -15,10 +15,14 @@ from .job import Job, merged
 from .regimes import Regime
 from .runs import CLASSICAL, regime, section
 
-# Samples are taken from the second half of a run that long, 143 of them at b = 3. Over the orders
-# steps are given: collocation finds none for orders of inertia near 1.
-T_DIAGRAM, N_SAMPLES, STEPS_DIAGRAM = 600.0, 150, 120_000
-T_MAP, STEPS_MAP = 400.0, 20_000
+# Length of a run from whose second half samples are taken, 143 of them at b = 3.
+T_DIAGRAM = 600.0
+# Most samples.
+N_SAMPLES = 150
+# Steps over the orders, where they are given: collocation takes none for orders of inertia near 1.
+STEPS_DIAGRAM = 120_000
+T_MAP = 400.0
+STEPS_MAP = 20_000
 _MEMORY = r"$\beta = 1.8$, $\gamma = 0.8$"
 
 

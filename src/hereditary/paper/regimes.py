@@ -30,8 +30,12 @@ _TOLERANCES = (0.025, 0.05, 0.1)
 _WINDOWS = (1.0, 0.75, 0.5)
 # Long times in a well, above half of the longest, that must be seen to judge repetition at all.
 _STAYS = 4
-# Looks at the orbit in one period of the wells, and bounds on their number in a run.
-_LOOKS, _FEWEST, _MOST = 64, 512, 65_536
+# Points of the orbit in one period of the wells.
+_LOOKS = 64
+# Fewest points of a run.
+_FEWEST = 512
+# Most points of a run.
+_MOST = 65_536
 # Ends of a run about which nothing is said: all but those asked for, and those at the end.
 _CUT_SHORT = frozenset(Status) - {
     Status.COMPLETED,

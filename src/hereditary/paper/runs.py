@@ -31,8 +31,10 @@ WELL = 2 * math.pi
 ALONE: dict[str, Any] = {"directions": [[1.0], [0.0]], "verify": False}
 # Most steps between two renormalisations of a run whose horizons are read from its record.
 _INTERVAL = 200
-# Late part of a record, and blocks of it, as `lyapunov` has them.
-_WINDOW, _BLOCKS = 0.5, 20
+# Late part of a record, as `lyapunov` has it.
+_WINDOW = 0.5
+# Blocks of this part.
+_BLOCKS = 20
 
 
 def wells_period(spring_speed=1.0, omega=1.0, **others):

@@ -22,7 +22,11 @@ if TYPE_CHECKING:
 
     from ..analysis.table import Table
 
-_BLUE, _VERMILLION, _GREEN, _DARK, _PALE = "#0072B2", "#D55E00", "#009E73", "#404040", "#F0E442"
+_BLUE = "#0072B2"
+_VERMILLION = "#D55E00"
+_GREEN = "#009E73"
+_DARK = "#404040"
+_PALE = "#F0E442"
 COLOURS = {
     "stick-slip, periodic": _BLUE,
     "stick-slip, irregular": _VERMILLION,

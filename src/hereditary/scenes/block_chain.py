@@ -22,8 +22,10 @@ from ..support.checks import count, positive, real, real_array, refuse
 from .linear import oscillator_terms
 from .stick_slip import checked_well, over_sine, slope_of_wells
 
-# Initial places by default are in this interval, shifted from block to block by the golden ratio.
-_SPREAD, _GOLDEN = 0.4, 0.6180339887498949
+# Length of the interval of initial places by default.
+_SPREAD = 0.4
+# The golden ratio, by which they are shifted from block to block.
+_GOLDEN = 0.6180339887498949
 
 
 @compiled

@@ -21,10 +21,14 @@ class _Companions(NamedTuple):
     coarse: int
 
 
-# Companions with a tenth and a twentieth of the steps, and fewest steps of their run.
-_CHEAP, _FEWEST = _Companions(20, 2, 1), 400
-# Companions with a half and a third of the steps, and fewest steps of their run.
-_CLOSE, _LEAST = _Companions(6, 3, 2), 60
+# Companions with a tenth and a twentieth of the steps.
+_CHEAP = _Companions(20, 2, 1)
+# Fewest steps of their run.
+_FEWEST = 400
+# Companions with a half and a third of the steps.
+_CLOSE = _Companions(6, 3, 2)
+# Fewest steps of their run.
+_LEAST = 60
 # Steps of the run whose errors do not count: relaxations of order below 1 err by h**alpha instead
 # of h in the first ones. With 20 in place of 40 the estimate is up to 150 times the error.
 _SETTLED = 40

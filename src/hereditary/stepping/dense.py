@@ -15,9 +15,10 @@ from numpy.typing import ArrayLike
 from ..equation.frame import Frame
 from ..support.checks import real_array, refuse, shown
 
-# A curve's chords miss it by at most this share of its size, half a pixel of 1,000; of a curve that
-# never gets smooth, e.g. rounding errors of a constant, so many points.
-_CHORD, _MOST = 5e-4, 100_000
+# Largest distance of a curve from its chords, as a fraction of its size: half a pixel of 1,000.
+_CHORD = 5e-4
+# Most points of a curve that never becomes smooth, such as rounding errors of a constant.
+_MOST = 100_000
 # Long steps are halved so many times before chords are compared with the curve: an oscillation over
 # a step has chords whose middles lie on it.
 _HALVINGS = 3

@@ -9,8 +9,10 @@ import io
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-# Points of a line in a small figure, and its size in inches.
-_POINTS, _SIZE = 2000, (4.0, 1.8)
+# Points of a line in a small figure.
+_POINTS = 2000
+# Size of a small figure [inches].
+_SIZE = (4.0, 1.8)
 
 
 def table_html(head: Sequence[object], rows: Iterable[Sequence[object]]) -> str:

@@ -10,9 +10,10 @@ from ..plan import Convolution
 from ..signatures import Tables, held
 from .history import History, OpenHistory
 
-# Weights of steps that have rows of their own are worked out for at most so many steps, and about
-# so many numbers, at a time.
-_ROWS, _NUMBERS = 64, 2**15
+# Weights of steps that have rows of their own are computed for at most so many steps at a time.
+_ROWS = 64
+# And for about so many numbers at a time.
+_NUMBERS = 2**15
 
 
 @dataclass(frozen=True)

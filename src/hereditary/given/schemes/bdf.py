@@ -161,9 +161,10 @@ def _modal(p, alpha, rates, weights, k):
     return shares
 
 
-# Steps in which the difference below is taken as it is, and terms of its expansion later on; they
-# leave 1e-12 in sums of 100.
-_N_EARLY, _N_LATE = 256, 3
+# Steps in which the difference below is computed as it is.
+_N_EARLY = 256
+# Terms of its expansion in later steps; they leave 1e-12 in sums of 100.
+_N_LATE = 3
 
 
 def _formed_drift(equation, h, p):

@@ -85,5 +85,7 @@ def _backward(kernel, n):
     return FIRST_DIFFERENCES.exact(kernel, n) - np.diff(_lacking(kernel, n), prepend=0.0)
 
 
-# b_k + m_k - m_(k-1), and -m_k for the first interval, which leans on none before it
-BACKWARD_PARABOLAS, BACKWARD_START = WeightRule(_backward), WeightRule(_lacking)
+# b_k + m_k - m_(k-1)
+BACKWARD_PARABOLAS = WeightRule(_backward)
+# -m_k, for the first interval, which has no interval before it
+BACKWARD_START = WeightRule(_lacking)
