@@ -109,3 +109,14 @@ def test_each_constant_has_a_line(path):
         if isinstance(node, ast.Assign):
             both = node.targets[0], node.value
             assert not all(isinstance(part, ast.Tuple) for part in both), f"line {node.lineno}"
+
+
+# Words that prose must not use in a sense of its own, and that names must not either.
+BANNED = {"told", "begun", "pace", "Pace", "PACE", "STRETCH"}
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(SOURCE)))
+def test_names_are_no_banned_words(path):
+    for node in ast.walk(ast.parse(path.read_text())):
+        names = {getattr(node, field, None) for field in ("id", "arg", "name", "attr")}
+        assert not {name for name in names if isinstance(name, str)} & BANNED

@@ -160,7 +160,7 @@ def halved(x):
 def added(x):
     return halved(x) + halved(x)
 
-@entry(F8, told="the sum")
+@entry(F8, announced="the sum")
 def summed(x):
     return added(x)
 
@@ -240,7 +240,7 @@ cache.note_target(cache.SHIPPED)
 @pytest.fixture
 def carried(package, tmp_path):
     """A copy of the package that carries the machine code of `tiny`."""
-    (package / "tiny.py").write_text(TINY.replace("@entry(F8)", "@entry(F8, told='it')"))
+    (package / "tiny.py").write_text(TINY.replace("@entry(F8)", "@entry(F8, announced='it')"))
     (package / "compiled" / "limit.py").write_text("LIMIT = 1.0")
     assert python(CALL.format(""), tmp_path / "made", package.parent) == "7.0 0 1 4.0 0 1"
     python(MOVED, tmp_path / "made", package.parent)

@@ -19,7 +19,7 @@ from .given.steps import kept_steps
 from .solver.opening import chooses_steps, how_to_step, open_stepper
 from .solver.output import room_for
 from .solver.progress import Interruption, ProgressBar
-from .solver.run import Drive, reached_end, told
+from .solver.run import Drive, reached_end, report
 from .solver.solution import SolveWarning, StabilityWarning
 from .solver.solve import chosen_scheme, evaluation_times, run_end, solve
 from .stepping.scheme import Scheme
@@ -378,7 +378,7 @@ class _Run:
         message = ""
         if status is not Status.COMPLETED:
             with silence():
-                message = told(stepper, status, detail)
+                message = report(stepper, status, detail)
         self._ends[m] = (status, message, stepper.n, stepper.stats()["n_rhs"])
 
     def _solve(self, m):

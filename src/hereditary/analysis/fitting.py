@@ -102,11 +102,11 @@ class FitResult:
     curves: list[tuple[np.ndarray, np.ndarray]] = field(repr=False)
 
     def __repr__(self):
-        told = (
+        estimates = (
             f"{name} = {value:.6g} +- {self.standard_errors[name]:.2g}"
             for name, value in self.parameters.items()
         )
-        return f"FitResult({', '.join(told)}; cost {self.cost:.4g}; {self.message})"
+        return f"FitResult({', '.join(estimates)}; cost {self.cost:.4g}; {self.message})"
 
 
 def fit(
@@ -385,13 +385,13 @@ def _covariance(found, scale, at_bound, estimated, names):
     dead = sizes <= _UNTOLD * sizes.max(initial=0.0)
     sizes[dead] = 1.0
     _, singular, rows = np.linalg.svd(np.where(dead, 0.0, jacobian) / sizes, full_matrices=False)
-    told = singular > _UNTOLD * singular.max(initial=0.0)
-    shares = np.linalg.norm(rows[~told], axis=0)
+    determined = singular > _UNTOLD * singular.max(initial=0.0)
+    shares = np.linalg.norm(rows[~determined], axis=0)
     untold = shares > _SHARE
     if names and untold.any():
         parts = " and ".join(names[k] for k in free[untold])
         warn(f"data do not tell {parts}: fix one of them, or measure more", IdentifiabilityWarning)
-    inverse = np.where(told, 1 / np.where(told, singular, 1.0), 0.0)
+    inverse = np.where(determined, 1 / np.where(determined, singular, 1.0), 0.0)
     half = (rows.T * inverse) * (scale[free] / sizes)[:, None]
     spread = half @ half.T
     if estimated:

@@ -22,7 +22,7 @@ from ..equation.equation import Equation, current_equation
 from ..equation.system import System, displaced
 from ..equation.terms import distinct_components
 from ..given.fixed_stepper import FixedStepper
-from ..given.growing_march import PACE, due, note
+from ..given.growing_march import SCHEDULE, due, note
 from ..given.history.history import History
 from ..given.schemes.adams import Adams
 from ..given.schemes.bdf import BDF
@@ -31,7 +31,7 @@ from ..given.schemes.l1 import L1
 from ..given.steps import steps_in
 from ..solver.opening import chooses_steps, how_to_step, open_stepper
 from ..solver.progress import Interruption, ProgressBar
-from ..solver.run import Drive, reached_end, told
+from ..solver.run import Drive, reached_end, report
 from ..stepping.dense import StepPieces
 from ..stepping.scheme import Scheme
 from ..stepping.status import Status
@@ -424,11 +424,11 @@ def _run(
         stepper = opened(system, directions)
     plain = memory(system) == "none" and equation.enlarged is equation
     flow = Divergence(system, h) if mode == "tangent" and plain and k == most else None
-    pace = record(PACE, transient=transient, end=n, longest=max(1, n // _RECORDS))
-    pace["automatic"] = interval is None
-    pace["interval"] = interval or min(_FIRST, pace["longest"])
+    schedule = record(SCHEDULE, transient=transient, end=n, longest=max(1, n // _RECORDS))
+    schedule["automatic"] = interval is None
+    schedule["interval"] = interval or min(_FIRST, schedule["longest"])
     states: list = []
-    ended, grown = _grow(stepper, pace, h, flow, states, progress)
+    ended, grown = _grow(stepper, schedule, h, flow, states, progress)
     settings = {
         "mode": mode, "k": int(k), "h": h, "renorm": interval and h * interval,
         "transient": h * transient, "seed": int(seed), "separation": separation, "scheme": scheme,
@@ -471,7 +471,7 @@ def _found(stepper, equation, flow, ended, grown, settings, n_blocks, seconds):
         kaplan_yorke=dimension,
         mode=settings["mode"],
         status=status,
-        message=told(stepper, status, detail) + _lost_digits(grown[:, 1:]),
+        message=report(stepper, status, detail) + _lost_digits(grown[:, 1:]),
         y=equation.frame.values(stepper.y[: equation.d]),
         settings=settings,
         stats={
@@ -530,7 +530,7 @@ def _distance(f, other):
     return max(map(abs, (f - other).tolist()))
 
 
-def _grow(stepper, pace, h, flow, states, progress):
+def _grow(stepper, schedule, h, flow, states, progress):
     """March to the end, or until the run stops, and make tangents orthonormal on the way.
 
     Adds some states (t, y) of the orbit to `states`.
@@ -550,25 +550,25 @@ def _grow(stepper, pace, h, flow, states, progress):
         if given:
             grown.append(stepper.grown())
         if flow is not None and piece is not None:
-            flow.add(piece, _marks(stepper.t, h), int(pace["last"]))
+            flow.add(piece, _marks(stepper.t, h), int(schedule["last"]))
         return (Status.BLOWN_UP, _LOST) if given and stepper.lost else None
 
     def stops():
-        while pace["last"] < pace["end"]:
-            yield int(due(pace)) * unit
+        while schedule["last"] < schedule["end"]:
+            yield int(due(schedule)) * unit
 
     def noted(_, logs):
-        n = int(due(pace))
-        note(pace, n, logs)
+        n = int(due(schedule))
+        note(schedule, n, logs)
         grown.append(np.array([[n, *logs]]))
 
     bar = ProgressBar(progress)
     try:
         with Interruption() as interruption:
-            end = int(pace["end"]) * unit
+            end = int(schedule["end"]) * unit
             drive = Drive(stepper, end, advance, interruption, bar)
             if given:  # the same loop in compiled code
-                stepper.renormalise(pace)
+                stepper.renormalise(schedule)
                 ended = drive.to(end)
             else:
                 ended = benettin(stepper, stops(), noted, drive.to)
@@ -618,14 +618,14 @@ class Divergence:
 
     def add(self, piece, n, n_last):
         """Take in the orbit up to mark n; growth is known up to mark n_last."""
-        begun = self._last + self._ahead.size
-        if begun > n:
+        first = self._last + self._ahead.size
+        if first > n:
             return
         if isinstance(piece, StepPieces):
             rows = piece.rows[1:]
         else:
-            rows = piece.evaluate(self._h * np.arange(begun, n + 1), np.zeros(1, dtype=bool), 0)
-        self._ahead = np.append(self._ahead, self._traces(begun, rows))
+            rows = piece.evaluate(self._h * np.arange(first, n + 1), np.zeros(1, dtype=bool), 0)
+        self._ahead = np.append(self._ahead, self._traces(first, rows))
         self.up_to(n_last)
 
     def up_to(self, n_last):

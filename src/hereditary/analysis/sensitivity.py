@@ -16,7 +16,7 @@ from ..equation.terms import ConstantOrder, SystemTerm
 from ..given.history.history import History
 from ..given.steps import kept_steps
 from ..solver.opening import chooses_steps, how_to_step, open_stepper
-from ..solver.run import reached_end, told
+from ..solver.run import reached_end, report
 from ..solver.solve import chosen_scheme, evaluation_times, run_end, solve
 from ..stepping.scheme import Scheme
 from ..stepping.status import Status
@@ -166,7 +166,7 @@ def sensitivities(
         rows.append(stepper.y[: equation.d])
         tangents.append(stepper.tangent[: equation.d])
     status, detail = stepper.trouble or (reached_end(stepper), "")
-    message = told(stepper, status, detail)
+    message = report(stepper, status, detail)
     y = np.array(rows).reshape(-1, equation.d)
     every = np.array(tangents).reshape(len(y), equation.d, -1)
     every[..., :size] /= units

@@ -97,7 +97,7 @@ _ROUNDS = (
 )
 
 
-class Pace:
+class StepLimits:
     """Step limits of one run, and detection of a run that stalls.
 
     Parameters
@@ -351,7 +351,7 @@ class AdaptiveStepper(Stepper):
         self.second, system = view.second, view.system
         refuse_late(equation, t_end)
         rtol, atol, modes_tol, *limits = tolerance
-        self._tolerances, self.pace, self._rows = (rtol, atol), Pace(*limits), _ROWS
+        self._tolerances, self.step_limits, self._rows = (rtol, atol), StepLimits(*limits), _ROWS
         by_component = system.spread(0.0 if atol is None else equation.frame.doubled(atol))
         by_size = OF_SIZE * rtol if atol is None else 0.0
         self._t_end, self._errors = t_end, Allowed(rtol, by_component, by_size)
@@ -381,8 +381,10 @@ class AdaptiveStepper(Stepper):
 
     def _limit_steps(self, t_end):
         """Set the longest steps and the last step of a run from here to t_end."""
-        self.pace.begin(self.t, t_end, self.n_steps)
-        self._control["next"] = min(self._control["next"], floor_to_grid(self.pace.longest[0]))
+        self.step_limits.begin(self.t, t_end, self.n_steps)
+        self._control["next"] = min(
+            self._control["next"], floor_to_grid(self.step_limits.longest[0])
+        )
 
     @property
     def t(self):
@@ -408,7 +410,7 @@ class AdaptiveStepper(Stepper):
 
     def _steps(self, t_stop):
         """March towards `t_stop` by as many steps as one call makes; return their dense output."""
-        n_rows = min(self._rows, self.pace.last_step - self.n_steps)
+        n_rows = min(self._rows, self.step_limits.last_step - self.n_steps)
         if n_rows == 0:
             return None
         if self._at_singular_start:
@@ -443,7 +445,7 @@ class AdaptiveStepper(Stepper):
         if status == REACHED and self.error is None:
             self._set_origin(t_stop)
         stretch = *before, self.t, counts, t_stop, steps.at_starts[:n], self._still_sizes()
-        if status in (FULL, TOO_CLOSE) and self.pace.is_stalled(*stretch):
+        if status in (FULL, TOO_CLOSE) and self.step_limits.is_stalled(*stretch):
             status = CRAWLING
         at_starts = np.abs(steps.at_starts[:n]).max(axis=0, initial=0.0)  # y, then p
         self._peak = np.maximum(self._peak, at_starts[::-1])
@@ -487,7 +489,7 @@ class AdaptiveStepper(Stepper):
 
     def _limits(self, t_stop):
         """Return the `Limits` of a march to a stop."""
-        return self.pace.limits(self._system, self._control["origin"], t_stop, self._allowed)
+        return self.step_limits.limits(self._system, self._control["origin"], t_stop, self._allowed)
 
     def _march_on(self, steps, limits):
         """March by ordinary steps; return the status."""
@@ -523,9 +525,9 @@ class AdaptiveStepper(Stepper):
         units, system = np.empty(self._system.d), self._system
         of_run = self._limits(t_stop)
         set_units(system.units, system.quantities, self._sizes, orbit.x[0], of_run, units)
-        limits = self.pace.longest[0], self._farthest / _LARGEST_RATIO
+        limits = self.step_limits.longest[0], self._farthest / _LARGEST_RATIO
         how = t, left, *limits, self._state.counts, units
-        self.ending, at_rest = _TOO_STEEP, _FIRST_AT_REST * self.pace.longest[1]
+        self.ending, at_rest = _TOO_STEEP, _FIRST_AT_REST * self.step_limits.longest[1]
         self._set_origin(t)
         for h, variable in trials(self._system, form, orbit, *how):
             # no tiny remainder is left before the stop
@@ -680,7 +682,7 @@ class AdaptiveStepper(Stepper):
         if self.error is not None:
             return failed(self.error)
         ended = self.ending if self.ending.status is not None else None
-        if ended is None and self.pace.used_up(self.n_steps) and self.t < self._t_end:
+        if ended is None and self.step_limits.used_up(self.n_steps) and self.t < self._t_end:
             ended = Ending(Status.MAX_STEPS, f"{self.n_steps} in all; {_CORNERS}")
         if ended is None or ended.status is Status.BLOWN_UP:
             return ended

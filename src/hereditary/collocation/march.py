@@ -314,7 +314,7 @@ def take_steps(
     return row, REACHED
 
 
-@entry(*_MARCH, told="the march of collocation")
+@entry(*_MARCH, announced="the march of collocation")
 def march_adaptive(
     rhs, jac, has_jac, params, solver, stages, equations, rule, basis, tables, varying, orbit,
     state, steps, limits,

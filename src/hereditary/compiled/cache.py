@@ -102,8 +102,8 @@ class CodeCache:
         Name of a compilation that takes seconds, for the message on standard error.
     """
 
-    def __init__(self, fun, options, told=None):
-        self._fun, self._options, self._told = fun, options, told
+    def __init__(self, fun, options, announced=None):
+        self._fun, self._options, self._announced = fun, options, announced
         name, package = f"{fun.__module__}.{fun.__qualname__}", __name__.split(".")[0] + "."
         self._stored = STORED and name.startswith(package) and name not in _NAMES
         _NAMES.add(name)
@@ -113,10 +113,10 @@ class CodeCache:
     def load_overload(self, sig, target_context):
         """Return the stored compile result for a signature, or None."""
         found = self._load_shipped(sig, target_context) or self._load_own(sig, target_context)
-        if found is None and self._told and sys.stderr is not None:
+        if found is None and self._announced and sys.stderr is not None:
             once = ", once on this machine" if self._entries is not None else ""
             with suppress(OSError, ValueError):  # of a stream that is closed
-                sys.stderr.write(f"hereditary: compiling {self._told}{once} ...\n")
+                sys.stderr.write(f"hereditary: compiling {self._announced}{once} ...\n")
         return found
 
     def _load_shipped(self, sig, context):

@@ -103,18 +103,18 @@ class _Compiling:
 compiling = _Compiling()
 
 
-def compiled(fun, fused=False, told=None, **options):
+def compiled(fun, fused=False, announced=None, **options):
     """Compile `fun` on first call: cached on disk, without the GIL, with IEEE division.
 
     With `fused` a product may be added without being rounded first; nothing is reordered, unless
-    `fused` names more of LLVM's liberties. `told` is that of `CodeCache`.
+    `fused` names more of LLVM's liberties. `announced` is that of `CodeCache`.
     """
     loose = {"contract"} if fused is True else fused
     dispatcher = njit(nogil=True, error_model="numpy", fastmath=loose, **options)(fun)
     if config.DISABLE_JIT:
         return dispatcher
     options = internals.stated_options(internals.options_of(dispatcher))
-    internals.keep(dispatcher, CodeCache(fun, options, told))
+    internals.keep(dispatcher, CodeCache(fun, options, announced))
     return _guarded(dispatcher, internals.set_environments)
 
 
@@ -228,12 +228,13 @@ def loop_value(loop, signature):
 class entry:
     """Decorator of a top-level loop: compiled for `argtypes` at the first call, then locked.
 
-    `told` names one whose compilation takes seconds. A loop that is not `counted` makes no arrays.
-    Then numba counts no references to those that it is handed, which takes a fifth of its steps.
+    `announced` names one whose compilation takes seconds. A loop that is not `counted` makes no
+    arrays. Then numba counts no references to those that it is handed, which takes a fifth of its
+    steps.
     """
 
-    def __init__(self, *argtypes, fused=False, told=None, counted=True):
-        self.argtypes, self.fused, self.told = argtypes, fused, told
+    def __init__(self, *argtypes, fused=False, announced=None, counted=True):
+        self.argtypes, self.fused, self.announced = argtypes, fused, announced
         self.counted = counted
 
     def __call__(self, fun):
@@ -242,7 +243,7 @@ class entry:
         # called from Python alone: another wrapper would take a tenth of the compilation
         how = internals.without("cfunc") if internals.FUNCTION_VALUES else {}
         how |= {} if self.counted else internals.uncounted()
-        dispatcher = compiled(fun, self.fused, self.told, **how)
+        dispatcher = compiled(fun, self.fused, self.announced, **how)
 
         def ready():
             if not dispatcher.overloads:

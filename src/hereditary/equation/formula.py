@@ -38,9 +38,9 @@ def _term(term):
         if len(kernel) > _LONGEST or " at 0x" in kernel:
             kernel = type(operator.kernel).__name__
         return f"{factor}&int; {html.escape(kernel)} y{primes}"
-    told = _name(order, "alpha") + "(t)" if callable(order) else _plain(order)
+    power = _name(order, "alpha") + "(t)" if callable(order) else _plain(order)
     kind = "<sub>RL</sub>" if "RiemannLiouville" in repr(operator) else ""
-    return f"{factor}D{kind}<sup>{told}</sup> y"
+    return f"{factor}D{kind}<sup>{power}</sup> y"
 
 
 def _number(coefficient):

@@ -132,7 +132,7 @@ class Caputo(Summand):
     """
 
     def __init__(self, order: ArrayLike | Callable) -> None:
-        self.varying = VaryingOrder.begun(order) if callable(order) else None
+        self.varying = VaryingOrder.from_function(order) if callable(order) else None
         if self.varying is not None:
             return
         orders = real_array("order", order, "be above 0", "give a number or one per component")

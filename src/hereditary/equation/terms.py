@@ -187,7 +187,7 @@ class VaryingOrder:
     from_zero: bool = False
 
     @classmethod
-    def begun(cls, function: Callable) -> VaryingOrder:
+    def from_function(cls, function: Callable) -> VaryingOrder:
         """Return the operator of a user's function, with m from its value at 0."""
         required = "be a function order(t) with values in (0, 1], or in (1, 2]"
         try:

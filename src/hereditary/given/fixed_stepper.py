@@ -203,13 +203,13 @@ class FixedStepper(Stepper):
     def _march_to(self, n_end, rows, slopes):
         """March to step `n_end` and write rows (k, d) of the steps, or none for k = 0."""
         self.prepare(n_end)
-        begun = self.n
+        first = self.n
         while self.n < n_end:
             known, others = self._past.reach(self.n)
             self._rows = others or self._rows
             reached = self.memory.reach(self.n, self._march.pieces, self._table.groups)
             stop = before_break(self._breaks, self.n, min(n_end, known, reached))
-            part = slice(self.n - begun, stop - begun)
+            part = slice(self.n - first, stop - first)
             self._status = self._enter(stop, rows[part], slopes[part])
             if self._status != RUNNING:
                 return
@@ -394,13 +394,13 @@ class FixedStepper(Stepper):
         how = self._system.d, int(self._lasting), matrix
         transform_march(self._march, self.memory.arrays, *how)
 
-    def renormalise(self, pace):
-        """Let compiled code make tangents orthonormal from now on, when `pace` says."""
-        pace["lasting"] = self._lasting
+    def renormalise(self, schedule):
+        """Let compiled code make tangents orthonormal from now on, when `schedule` says."""
+        schedule["lasting"] = self._lasting
         self._grown: list[np.ndarray] = []
         above, room = self._with_speed.astype(np.int64), np.empty((self.n_data, self.n_tangents))
         march = loop_value(self._loop, MARCH_SIG)
-        self._loop = partial(_renormalising, march, pace, above, room, self._grown)
+        self._loop = partial(_renormalising, march, schedule, above, room, self._grown)
 
     def grown(self):
         """Return steps, and logarithms of the growth up to them, since the last call, (n, 1+k)."""
@@ -500,11 +500,11 @@ class FixedStepper(Stepper):
         self._status, self.error = RUNNING, None
 
 
-def _renormalising(march, pace, above, room, grown, *arguments):
+def _renormalising(march, schedule, above, room, grown, *arguments):
     """Enter the loop of renormalisations as the march itself is entered; add to `grown`."""
     *_, output, end = arguments
-    rows = np.empty((end - output.begun, 1 + room.shape[1]))
+    rows = np.empty((end - output.first, 1 + room.shape[1]))
     try:
-        return grow(march, *arguments, pace, above, room, rows)
+        return grow(march, *arguments, schedule, above, room, rows)
     finally:
-        grown.append(rows[: pace["made"]])
+        grown.append(rows[: schedule["made"]])

@@ -26,27 +26,27 @@ HIGH = 8.0
 # intervals follow the growth; the ends of the transient and of the run, the last time; how many
 # times in one entry, and whether the march reads data of the first steps later on.
 _NUMBERS = "interval", "longest", "automatic", "transient", "end", "last", "made", "lasting"
-PACE = np.dtype([(name, "i8") for name in _NUMBERS])
+SCHEDULE = np.dtype([(name, "i8") for name in _NUMBERS])
 
 
 @inner
-def due(pace):
+def due(schedule):
     """Return the step of the next renormalisation."""
-    stop = min(pace["last"] + pace["interval"], pace["end"])
-    return pace["transient"] if pace["last"] < pace["transient"] < stop else stop
+    stop = min(schedule["last"] + schedule["interval"], schedule["end"])
+    return schedule["transient"] if schedule["last"] < schedule["transient"] < stop else stop
 
 
 @allocating
-def note(pace, n, logs):
+def note(schedule, n, logs):
     """Note the growth (k,) up to step n, and suit the interval to it."""
-    pace["last"] = n
+    schedule["last"] = n
     spread = max(0.0, np.max(logs)) - min(0.0, np.min(logs))
-    if spread > HIGH and pace["automatic"]:
+    if spread > HIGH and schedule["automatic"]:
         # and no longer ever after: spikes of contraction are rare, but come again
-        pace["interval"] = max(1, int(pace["interval"] * HIGH / spread))
-        pace["longest"] = pace["interval"]
-    elif spread < LOW and pace["automatic"]:
-        pace["interval"] = min(2 * pace["interval"], pace["longest"])
+        schedule["interval"] = max(1, int(schedule["interval"] * HIGH / spread))
+        schedule["longest"] = schedule["interval"]
+    elif spread < LOW and schedule["automatic"]:
+        schedule["interval"] = min(2 * schedule["interval"], schedule["longest"])
 
 
 @inner
@@ -157,12 +157,12 @@ def transform_march(state, memory, d, lasting, matrix):
 
 
 @entry(
-    MARCH_VALUE, *MARCH, from_dtype(PACE), IVEC, MAT, MAT,
-    told="the growth of tangents",
+    MARCH_VALUE, *MARCH, from_dtype(SCHEDULE), IVEC, MAT, MAT,
+    announced="the growth of tangents",
 )  # fmt: skip
 def grow(
     march, rhs, jac, has_jac, params, exchange, tables, memory, solver, linear, table, rows, state,
-    output, end, pace, above, columns, grown,
+    output, end, schedule, above, columns, grown,
 ):  # fmt: skip
     """March to step `end`, renormalising on the way; return how the march ended.
 
@@ -171,9 +171,9 @@ def grow(
     """
     k = columns.shape[1]
     inverse = np.empty((k, k))
-    pace["made"] = 0
+    schedule["made"] = 0
     while state.counts.step < end:
-        stop = due(pace)
+        stop = due(schedule)
         status = march(
             rhs, jac, has_jac, params, exchange, tables, memory, solver, linear, table, rows,
             state, output, min(stop, end),
@@ -185,11 +185,11 @@ def grow(
         read_tangents(state, table, above, columns)
         if not triangle(columns, inverse):
             return LOST
-        combine_tangents(state, memory, table.n_orbit, pace["lasting"], inverse)
-        row = grown[pace["made"]]
+        combine_tangents(state, memory, table.n_orbit, schedule["lasting"], inverse)
+        row = grown[schedule["made"]]
         row[0] = stop
         for j in range(k):
             row[1 + j] = -np.log(inverse[j, j])
-        note(pace, stop, row[1:])
-        pace["made"] += 1
+        note(schedule, stop, row[1:])
+        schedule["made"] += 1
     return RUNNING

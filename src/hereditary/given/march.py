@@ -90,9 +90,9 @@ def marching(name, way):
         point, base, gain, moved = room[POINT], room[BASE], room[GAIN], room[MOVED]
         units = room[UNITS]
         orbit, f_orbit, looked, row = x[:n_orbit], f[:n_orbit], point[:n_orbit], -1
-        first_sample = (output.begun + every - 1) // every if every > 0 else 0
+        first_sample = (output.first + every - 1) // every if every > 0 else 0
         by_rows = tables.room.shape[1] > 0  # a call for each step would take 45 ns
-        rows_out, slopes, begun, j_f = output.rows, output.slopes, output.begun, work[-1]
+        rows_out, slopes, first, j_f = output.rows, output.slopes, output.first, work[-1]
         while counts.step < end:
             n = counts.step
             p, i = n % lag.shape[1], min(n - rows.first, rows.last)
@@ -160,15 +160,15 @@ def marching(name, way):
                 begin_start(p, known, p + 1, n_starts, groups, start_weights, lag, start)
             counts.step = n + 1
             if rows_out.shape[0] > 0:
-                write_row(n - begun, rows_out, slopes, x, u, d, unit[i], ratio[i])
+                write_row(n - first, rows_out, slopes, x, u, d, unit[i], ratio[i])
             if not bounded(orbit):
                 return BLOWN_UP
         return RUNNING
 
     march.__name__ = march.__qualname__ = name
     march.__doc__ = "March to step `end`; return how it ended (given/block.py)."
-    told = f"the march of {_WAYS[way]} schemes"
-    return entry(*MARCH, told=told, counted=False)(march)
+    announced = f"the march of {_WAYS[way]} schemes"
+    return entry(*MARCH, announced=announced, counted=False)(march)
 
 
 MARCHES = {

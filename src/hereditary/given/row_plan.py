@@ -31,7 +31,7 @@ _STEEPEST = 30.0
 _LOOKED_AT = 1001
 # Steps whose coefficients are computed together. Each batch starts at a multiple of this number, so
 # that a resumed run computes them in the same arrays.
-STRETCH = 16384
+ROWS_AT_ONCE = 16384
 # Steps that are worked out together at the end of a run, more than NumPy treats at once.
 _GROUP = 64
 
@@ -262,9 +262,9 @@ class RowSums:
         last, n_end = self._known
         # beyond the run's end, as it was then, orders were not asked for
         if not self.rows.first <= n < min(last, n_end):
-            first = n // STRETCH * STRETCH
+            first = n // ROWS_AT_ONCE * ROWS_AT_ONCE
             # whole groups, so that a longer run works these steps out in the same way
-            size = min(STRETCH, math.ceil((self._n_end - first) / _GROUP) * _GROUP)
+            size = min(ROWS_AT_ONCE, math.ceil((self._n_end - first) / _GROUP) * _GROUP)
             with np.errstate(all="ignore"):  # a weight that is none ends the run below
                 last = first + self._fill(np.arange(first, first + size))
             self._known = last, n_end = last, self._n_end

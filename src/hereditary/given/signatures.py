@@ -74,30 +74,40 @@ EXCHANGE_SIG = types.void(MAT, MAT, I8, IVEC, HISTORY_TABLES, MEMORY)
 EXCHANGE = types.FunctionType(EXCHANGE_SIG)
 
 
-# Counts of a march: steps made, the step at which a zigzag had lasted (-1: none),
-# the one whose block is open, calls of the right-hand side, the step at which turns had grown
-# (-1); of Newton's method whether the Jacobian of an earlier step and its factors are kept, whether
-# these solve a linear step at once, steps that still take a Jacobian of their own, and how many
-# matrices were factorised.
+# Counts of a march.
 MARCH_COUNTS = np.dtype(
-    [(name, "i8") for name in ("step", "zigzag", "opened", "rhs", "growth")]
-    + [(name, "i8") for name in ("kept", "at_once", "renewed", "factorised")],
+    [
+        ("step", "i8"),  # steps made
+        ("zigzag", "i8"),  # step at which a zigzag had lasted, -1 for none
+        ("opened", "i8"),  # step whose block is open
+        ("rhs", "i8"),  # calls of the right-hand side
+        ("growth", "i8"),  # step at which turns had grown, -1 for none
+        ("kept", "i8"),  # whether the Jacobian of an earlier step and its factors are kept
+        ("at_once", "i8"),  # whether these factors solve a linear step at once
+        ("renewed", "i8"),  # steps that still need a Jacobian of their own
+        ("factorised", "i8"),  # matrices that were factorised
+    ],
     align=True,
 )
 
 
-# Watches of each component (given/watch.py): length of the alternation under way, the
-# largest increment of its present batch and of the one before; step of the last turn, where
-# increments change sign, the change there and the growth of these changes; smallest and largest
-# increment of the present short batch; turns in quick succession (-1: they may last), the largest
-# change in their present batch and in the one before.
-_WATCHED = (
-    "alternating", "largest", "before", "turned", "change", "growth", "least", "most", "turns",
-    "turning", "turning_before",
-)  # fmt: skip
-
-
-MONITOR = np.dtype([(name, "f8") for name in _WATCHED], align=True)
+# Watches of each component (given/watch.py).
+MONITOR = np.dtype(
+    [
+        ("alternating", "f8"),  # length of the present alternation
+        ("largest", "f8"),  # largest increment of its present batch
+        ("before", "f8"),  # largest increment of the batch before
+        ("turned", "f8"),  # step of the last turn, where increments change sign
+        ("change", "f8"),  # change of increments there
+        ("growth", "f8"),  # growth of these changes
+        ("least", "f8"),  # smallest increment of the present short batch
+        ("most", "f8"),  # largest increment of the present short batch
+        ("turns", "f8"),  # turns in quick succession, -1 where they may last
+        ("turning", "f8"),  # largest change in the present batch of turns
+        ("turning_before", "f8"),  # largest change in the batch of turns before
+    ],
+    align=True,
+)
 
 
 Counts: TypeAlias = Annotated[np.record, from_dtype(MARCH_COUNTS)]
@@ -207,7 +217,7 @@ class March(NamedTuple):
 
 
 class MarchOutput(NamedTuple):
-    """Room for a row of each step from `begun` to `end`, or none: y and its slopes (k, d).
+    """Room for a row of each step from `first` to `end`, or none: y and its slopes (k, d).
 
     It also has room for Jacobians (n, d, d) of these steps, and for one step, (N_ROOM, W)
     (given/step.py).
@@ -217,7 +227,7 @@ class MarchOutput(NamedTuple):
     slopes: Matrix
     jacobians: Cube
     room: Matrix
-    begun: int
+    first: int
     end: int
 
 

@@ -68,13 +68,13 @@ class Span(NamedTuple):
 
 
 def mesh_steps(
-    mesh: Graded | ArrayLike, t_end: float, begun: MeshSteps | None = None, origin: float = 0.0
+    mesh: Graded | ArrayLike, t_end: float, so_far: MeshSteps | None = None, origin: float = 0.0
 ) -> MeshSteps:
     """Return the checked steps of a mesh on [0, t_end], after the steps of the run so far.
 
     Messages name times from `origin` on.
     """
-    start = 0.0 if begun is None else float(begun.mesh[-1])
+    start = 0.0 if so_far is None else float(so_far.mesh[-1])
     if isinstance(mesh, Graded):
         times = start + mesh.times(t_end - start)
     else:
@@ -86,8 +86,8 @@ def mesh_steps(
     ends = abs(times[0] - start) <= 1e-12 * start and abs(times[-1] - t_end) <= 1e-12 * t_end
     if not ends or np.any(np.diff(times) <= 0):
         refuse("mesh", required, shown(origin + times), remedy)
-    if begun is not None:
-        return MeshSteps(np.concatenate([begun.mesh, times[1:]]), begun.span)
+    if so_far is not None:
+        return MeshSteps(np.concatenate([so_far.mesh, times[1:]]), so_far.span)
     shortest = float(np.diff(times)[:-1].min(initial=np.inf))
     return MeshSteps(times, Span(shortest, _FAR * t_end))
 

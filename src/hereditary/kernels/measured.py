@@ -247,8 +247,8 @@ class TabulatedKernel(Kernel):
         Here `tol` bounds the largest relative misfit; what comes closest is returned in any case.
         """
         # at the data alone, for between them nobody knows
-        begun = max(0, min(int(np.searchsorted(self._t, t_min)) - 1, self._t.size - 4))
-        times = self._t[begun:]
+        first = max(0, min(int(np.searchsorted(self._t, t_min)) - 1, self._t.size - 4))
+        times = self._t[first:]
         if t_min < times[0]:
             n_early = math.ceil(_PER_E_FOLD * math.log(times[0] / t_min))
             times = np.append(np.geomspace(t_min, times[0], n_early + 2)[:-1], times)

@@ -97,8 +97,8 @@ def figure_8(job: Job) -> list[str]:
         apart = np.abs(coarse["exponent"] - table["fine_exponent"][:, 0])
         lines.append(f"over {name}: 8,000 steps differ by {np.nanmax(apart):.4f} at most")
         verdicts, counts = np.unique(table["fine_verdict"][:, -1], return_counts=True)
-        told = ", ".join(f"{v} {n}" for v, n in zip(verdicts, counts, strict=True))
-        lines.append(f"over {name}, late slopes at T = {horizons[-1]:g}: {told}")
+        summary = ", ".join(f"{v} {n}" for v, n in zip(verdicts, counts, strict=True))
+        lines.append(f"over {name}, late slopes at T = {horizons[-1]:g}: {summary}")
         above.set(title=title, xlabel="")
         below.set(ylabel=r"$T\,\Lambda$ [-]")
         above.get_legend().remove()
@@ -160,13 +160,13 @@ def _spectra(job, name, grid, panels):
 
 def _told(table, parts, title):
     """Return signs of the exponents in each of the runs, and where growth is certain."""
-    told = [
+    summary = [
         f"{title}, {part}: {signs(zip(*_pair(table, f'{part}_exponent'), strict=True))}"
         for part in parts
     ]
     x, verdicts = _pair(table, "long_verdict")
     growing = ", ".join(f"{v:g}" for v in x[verdicts == "exponential growth"].round(6))
-    return [*told, f"{title}, long, exponential growth: {growing or 'nowhere'}"]
+    return [*summary, f"{title}, long, exponential growth: {growing or 'nowhere'}"]
 
 
 def _orbits(job, name, parameter, symbol, values, **fixed):

@@ -239,8 +239,8 @@ class _Orbit:
 
     def _resting(self, slowness):
         """Return whether the load is at rest, for each look."""
-        begun = np.cumsum(self._slow(slowness))
-        return begun > np.concatenate([np.zeros(self._quarter), begun[: -self._quarter]])
+        sums = np.cumsum(self._slow(slowness))
+        return sums > np.concatenate([np.zeros(self._quarter), sums[: -self._quarter]])
 
     def kinds(self, window):
         """Return STUCK, SLIDING, PERIODIC (any stick-slip) or None for each slowness."""

@@ -154,12 +154,12 @@ def fit(
                     label=", ".join(names) or "data",
                 )
                 ax.plot(t, model[:, c], **style({"ls": "-", "color": points.get_color()}, line))
-        told = ", ".join(
+        title = ", ".join(
             f"{name} {value:.4g}({result.standard_errors[name]:.1g})"
             for name, value in result.parameters.items()
         )
         ax.set(xlabel="$t$", ylabel="data and model")
-        ax.set_title(told, fontsize="small")
+        ax.set_title(title, fontsize="small")
         ax.legend()
     return ax
 
@@ -191,10 +191,10 @@ def frequency_response(
     """
     with made(ax) as ax:
         which = chosen(components, response.coefficients.shape[1])
-        told = [str(line.pop("label"))] if "label" in line else []
+        labels = [str(line.pop("label"))] if "label" in line else []
         for k, c in enumerate(which):
             own = style({"color": f"C{k}"}, line)
-            own["label"] = ", ".join(told + [f"component {c}"] * (len(which) > 1)) or None
+            own["label"] = ", ".join(labels + [f"component {c}"] * (len(which) > 1)) or None
             values, harmonic, branch = _joined(response, c)
             drawn = np.angle(harmonic) if truth("phase", phase) else np.abs(harmonic)
             for number in np.unique(branch):
@@ -203,7 +203,7 @@ def frequency_response(
                 dashed = {"ls": "--" if number % 2 else "-"}
                 ax.plot(values[here], drawn[here], **style(dashed, own))
                 own.pop("label", None)  # once for all branches
-        if told or len(which) > 1:
+        if labels or len(which) > 1:
             ax.legend()
         by_frequency = np.array_equal(response.values, response.omega)
         ax.set(

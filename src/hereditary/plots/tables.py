@@ -77,9 +77,9 @@ def lyapunov_spectrum(
         if not any(line.get_gid() == "zero" for line in ax.lines):
             ax.axhline(0, color="0.5", lw=0.8, zorder=1, gid="zero")
         for k in range(y.shape[1]):
-            told = name if y.shape[1] == 1 or name is None else f"{name}, {k + 1}"
+            label = name if y.shape[1] == 1 or name is None else f"{name}, {k + 1}"
             # a line breaks where a value is missing
-            own = {"marker": ".", "ms": 4, "label": told}
+            own = {"marker": ".", "ms": 4, "label": label}
             (drawn_line,) = ax.plot(x, y[:, k], **style(own, line))
             if bars is not None:
                 ax.errorbar(x, y[:, k], bars[:, k], fmt="none", color=drawn_line.get_color())

@@ -94,7 +94,7 @@ def run(stepper, stop, t_end, output, progress, began, march=Drive.to):
         y=frame.values(y),
         ydot=frame.slopes(y, ydot) if stepper.equation.m == 2 or frame.speeds else None,
         status=status,
-        message=told(stepper, status, detail),
+        message=report(stepper, status, detail),
         stats=stats,
         # a small one is made when asked for: it takes as long as some steps do; the march that is
         # kept for it holds more than that, which for few components is little
@@ -130,7 +130,7 @@ def reached_end(stepper):
     return health.instability or inaccurate or Status.COMPLETED
 
 
-def told(stepper, status, detail):
+def report(stepper, status, detail):
     """Return the status in a sentence with the run's numbers; warn of an early ending.
 
     An exception of a function called in Python is passed on instead.

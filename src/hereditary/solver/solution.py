@@ -160,10 +160,10 @@ class Solution:
         wanted = "n_steps", "n_rhs", "n_modes", "error_estimate", "run_seconds"
         names = [name for name in wanted if name in self.stats]
         about = paragraph(f"{self.status}: {self.message}")
-        told = table_html(names, [[self.stats[name] for name in names]])
+        counts = table_html(names, [[self.stats[name] for name in names]])
         t, y = curve(self, slice(None))
         parts = (y.real, y.imag) if np.iscomplexobj(y) else (y,)
-        return small_figure(t, np.hstack(parts)) + about + told
+        return small_figure(t, np.hstack(parts)) + about + counts
 
     def to_pandas(self) -> Any:
         """Return the rows as a pandas DataFrame.

@@ -26,7 +26,7 @@ from ...kernels.memory_kernel import KernelErrors
 from ...support.checks import positive, refuse
 from ..past import LANES, STARTS, exchange_modes, exchange_nothing, exchange_rows, set_amplitudes
 from ..power_series import inverse_gamma
-from ..row_plan import STRETCH, RowSums
+from ..row_plan import ROWS_AT_ONCE, RowSums
 from ..signatures import Tables, held
 from ..steps import Span
 from .history import History, OpenHistory
@@ -194,7 +194,7 @@ class _RowModes(OpenHistory):
         self._rates, self.n_modes = rates / self._nearest, n_sets * n_modes
         tables = Tables(
             first=-1,
-            rows=STRETCH if mesh is None else _ROWS,
+            rows=ROWS_AT_ONCE if mesh is None else _ROWS,
             length=rates.size if n_sets == 2 else 0,
             derivatives=derivatives,
         )

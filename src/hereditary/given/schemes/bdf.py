@@ -97,9 +97,9 @@ class BDF(Scheme):
         p = self.formula
         corrections, drift = _start_corrections(equation, h, p), _formed_drift(equation, h, p)
         if drift is not None:
-            begun, *drift = drift
-            begun[: p - 1] -= corrections
-            corrections = -begun
+            at_start, *drift = drift
+            at_start[: p - 1] -= corrections
+            corrections = -at_start
         return uniform_plan(
             equation,
             h,
