@@ -34,8 +34,8 @@ from .given.schemes.l2sigma import L2Sigma
 from .given.schemes.l12 import L12
 from .given.steps import Graded, graded
 from .ivp import solve_ivp
+from .kernels.by_values import Kernel, TabulatedKernel
 from .kernels.laplace import kernel_from_laplace
-from .kernels.measured import Kernel, TabulatedKernel
 from .kernels.memory_kernel import (
     ExponentialSum,
     KernelWarning,
@@ -51,7 +51,7 @@ from .kernels.named_kernels import (
     TemperedPowerLaw,
 )
 from .large.imex import IMEX
-from .large.memory_term import MemoryTerm, memory_term
+from .memory_term import MemoryTerm, memory_term
 from .solver.solution import Solution, SolveWarning, StabilityWarning, Status
 from .solver.solve import solve
 

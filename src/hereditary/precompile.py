@@ -15,7 +15,7 @@ import hereditary as hd
 
 from .compiled.cache import note_target
 
-# Components, more than those of which a step is one dense system (system.FEW).
+# Components, more than those of which a step is one dense system (`FEW` in compiled/jacobian.py).
 _MANY = 12
 
 

@@ -20,7 +20,7 @@ _LONGEST = 0.03
 # Factor between steps after few iterations.
 _GROW = 1.5
 # Iterations that are few.
-_FEW = 5
+_FEW_ITERATIONS = 5
 # Most iterations to a next point.
 _TRIES = 10
 # Most points of a curve.
@@ -108,7 +108,7 @@ class Curve:
                 return ""
             if (place[-1] - wanted[0]) * self._sign < -_LONGEST * self._range:
                 return "the curve turns back beyond the first value"
-            step = min(_LONGEST, step * _GROW) if n <= _FEW else step
+            step = min(_LONGEST, step * _GROW) if n <= _FEW_ITERATIONS else step
         return f"the curve has more than {_MOST_POINTS} points"
 
     def _change(self, place, row, right=None):

@@ -19,9 +19,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..compiled.jacobian import FEW
 from ..compiled.records import records
 from ..equation.orders import OrderFailed
-from ..equation.system import FEW, System
+from ..equation.system import System
 from ..equation.terms import Operator, SystemTerm
 from ..support.checks import refuse
 from .operators import FORCE, ITSELF, POSITION, PRIMARY, SLOPE
@@ -32,7 +33,7 @@ _LEAST = 5e-10
 # Generators closer than this are one.
 _APART = 1e-9
 # Most generators in a sum that may equal another one.
-_FEW = 4
+_MOST_IN_SUM = 4
 
 
 @dataclass(frozen=True)
@@ -340,7 +341,7 @@ def _generators(increments):
     kept: list[float] = []
     for g in sorted({*increments, 1.0}):
         sums = {0.0}
-        for _ in range(_FEW):
+        for _ in range(_MOST_IN_SUM):
             sums |= {e + other for e in sums for other in kept if e + other < g + _APART}
         if min(abs(g - e) for e in sums) > _APART:
             kept.append(float(g))

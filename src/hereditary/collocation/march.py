@@ -33,7 +33,7 @@ from .operators import (
     number_of,
 )
 from .stages import set_scales
-from .structures import (  # fmt: skip
+from .structures import (
     BASIS,
     EQUATIONS,
     HELD,

@@ -6,10 +6,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..compiled.callbacks import lapack_address
+from ..compiled.jacobian import FEW
 from ..compiled.jit import as_value
 from ..compiled.linalg import address_of_factors
 from ..compiled.sparse_solvers import SparseFactors
-from ..equation.system import FEW
 from .stages import (
     banded_stages,
     dense_stages,

@@ -11,6 +11,8 @@ from .jit import F8, I8, MAT, VEC, allocating, compiled, entry, inlined, inner, 
 from .linalg import dot
 from .signatures import JAC, RHS
 
+# Components up to which a system is dense whatever is stated: nothing is gained below.
+FEW = 9
 # Central differences lose least at the cube root of the rounding unit, 6e-6: error 4e-11 relative.
 _STEP = 6.055454452393343e-06
 # Least unit and least tolerance: smaller numbers lose their digits. No run changes with ten times

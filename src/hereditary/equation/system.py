@@ -14,8 +14,6 @@ from ..support.checks import refuse
 from .frame import Frame
 from .terms import SystemTerm
 
-# Components up to which a system is dense whatever is stated: nothing is gained below.
-FEW = 9
 _OWN = Frame()
 # What a system works out from its initial values and parameters.
 _OF_VALUES = "units", "at_start"

@@ -281,7 +281,7 @@ def _in_python(name, fun, arity, start, shape):
             fun(*arguments, values, params)
         else:
             values = fun(*arguments, params) if arity == 3 else fun(*arguments)
-            if type(values) is list and shape == (len(values),) and len(values) <= _FEW:
+            if type(values) is list and shape == (len(values),) and len(values) <= _FEW_ENTRIES:
                 for place, value in enumerate(values):  # an array is made in twice the time
                     out[place] = value
                 return
@@ -308,7 +308,7 @@ def locked(array):
 
 
 # Longest list that is not made an array first.
-_FEW = 6
+_FEW_ENTRIES = 6
 _RESHAPED = "the function returned another shape than at the start"
 
 

@@ -4,7 +4,7 @@ from contextlib import suppress
 
 import numpy as np
 
-from ..compiled.jacobian import LEAST, VALUES, extend, jacobian_at, no_jacobian
+from ..compiled.jacobian import FEW, LEAST, VALUES, extend, jacobian_at, no_jacobian
 from ..compiled.jit import JAC_SIG, as_value
 from ..support.checks import complaint
 
@@ -16,8 +16,6 @@ _OF_ENTRY = 1e-3
 _OF_GIVEN = 1e-6
 # The same of a product of entries by differences.
 _OF_DIFFERENCES = 1e-9
-# Components that have units of their own.
-_FEW = 9
 # Fraction of the largest component below which a component is next to 0.
 _SMALL = 1e-3
 # Times at which a force that is 0 at first may have set in.
@@ -138,7 +136,7 @@ def units_of(rhs, params, y0):
     """
     units = np.abs(y0)
     small = np.flatnonzero(units <= _SMALL * units.max())
-    if y0.size > _FEW:
+    if y0.size > FEW:  # components of large systems have no units of their own
         units[:] = units.max() or np.abs(_moved(rhs, params, y0)).max()
         small = small[:0]
     with np.errstate(all="ignore"):  # steps may grow beyond all numbers

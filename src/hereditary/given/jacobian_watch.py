@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from ..compiled.jacobian import VALUES
-from ..equation.system import FEW
+from ..compiled.jacobian import FEW, VALUES
 from .stability import longest_step
 
 # Components beyond which dense Jacobians would take longer than the march, and more memory.

@@ -4,11 +4,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..compiled.jacobian import COLUMNS, ROWS, VALUES
+from ..compiled.jacobian import COLUMNS, FEW, ROWS, VALUES
 from ..compiled.jit import as_value
 from ..compiled.linalg import address_of_factors, dense_solver, no_solver
 from ..compiled.signatures import SOLVER_SIG, LinearSolver
-from ..equation.system import FEW
 
 
 class NewtonSetup(NamedTuple):

@@ -9,7 +9,7 @@ from numpy.polynomial import chebyshev
 from numpy.typing import ArrayLike
 
 from ..support.checks import refuse
-from .measured import Kernel
+from .by_values import Kernel
 
 # The hyperbola zeta = 1 + sin(i theta - 0.8), s = scale zeta / t, has nodes at theta = (k + 1/2)
 # _STEP. Its three errors (towards the cut, to the right, truncation) are below 1e-15 for every

@@ -5,8 +5,9 @@ from typing import ClassVar
 
 import numpy as np
 
+from ..compiled.jacobian import FEW
 from ..equation.affine import slopes
-from ..equation.system import FEW, System, changed
+from ..equation.system import System, changed
 from ..given.plan import Plan
 from ..given.schemes.bdf import BDF
 from ..given.schemes.l1 import L1

@@ -9,11 +9,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..compiled.jacobian import COLUMNS, CONSTANTS, GROUPS, N_ENTRY_ROWS, ROWS, VALUES
+from ..compiled.jacobian import COLUMNS, CONSTANTS, FEW, GROUPS, N_ENTRY_ROWS, ROWS, VALUES
 from ..compiled.jit import JAC_SIG, RHS_SIG, as_value, compiled, derived
 from ..compiled.linalg import clear_matrix
 from ..equation.affine import affine, later, own_size, slopes
-from ..equation.system import FEW
 from ..functions.build import arity_of
 from ..support.checks import complaint, count, refuse, refuse_masked, shown
 from .linear_solvers import newton_of_structure

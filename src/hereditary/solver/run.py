@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..compiled.callbacks import PythonRaised, pass_on
-from ..equation.system import FEW
+from ..compiled.jacobian import FEW
 from ..stepping.status import Status
 from ..support.warning import warn
 from .progress import Interruption, ProgressBar

@@ -8,20 +8,20 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..compiled.jit import compiled
-from ..equation.operators import Caputo, Memory, Term
-from ..equation.statement import left_side
-from ..equation.system import System, refuse_late
-from ..given.block import close_piece, open_lag
-from ..given.fixed_stepper import BLOCK
-from ..given.history.exponentials import SumOfExponentials
-from ..given.history.history import History
-from ..given.plan import Plan
-from ..given.steps import UniformSteps
-from ..kernels.memory_kernel import MemoryKernel, warn_of_fit
-from ..stepping.scheme import Scheme
-from ..stepping.state import described, described_terms
-from ..support.checks import count, instance, positive, real, real_array, refuse, shown
+from .compiled.jit import compiled
+from .equation.operators import Caputo, Memory, Term
+from .equation.statement import left_side
+from .equation.system import System, refuse_late
+from .given.block import close_piece, open_lag
+from .given.fixed_stepper import BLOCK
+from .given.history.exponentials import SumOfExponentials
+from .given.history.history import History
+from .given.plan import Plan
+from .given.steps import UniformSteps
+from .kernels.memory_kernel import MemoryKernel, warn_of_fit
+from .stepping.scheme import Scheme
+from .stepping.state import described, described_terms
+from .support.checks import count, instance, positive, real, real_array, refuse, shown
 
 # First steps that may be corrected: the first one, by the term's own value at 0.
 _CORRECTED = 1
