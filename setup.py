@@ -44,7 +44,7 @@ class BuildWithCode(build_py):
             with tempfile.TemporaryDirectory() as elsewhere:
                 how = {"env": self.environment(), "cwd": elsewhere}
                 subprocess.run([sys.executable, "-c", COMPILE, code], **how, check=True)
-        except (OSError, subprocess.SubprocessError) as error:
+        except Exception as error:  # numba may fail in any way
             shutil.rmtree(code)
             warnings.warn(
                 f"hereditary is installed without machine code, whose compilation failed ({error})",
