@@ -69,7 +69,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     return 0 if solution.success else 1
 
 
-def _parser():
+def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="python -m hereditary",
         description="Hereditary stick-slip: D^beta x + lambda D^gamma x + omega^2 x "
@@ -89,7 +89,9 @@ def _parser():
     return parser
 
 
-def _halving_difference(equation: hd.Equation, solution: hd.Solution, arguments) -> str:
+def _halving_difference(
+    equation: hd.Equation, solution: hd.Solution, arguments: argparse.Namespace
+) -> str:
     """Return differences to a run with half the steps: an error estimate at first order."""
     half = arguments.n_steps // 2
     if arguments.n_steps % 2 or half == 0 or not solution.success:
@@ -115,7 +117,7 @@ def _check_out(path: str) -> None:
         refuse("--out", f"end in one of {', '.join(known)}", path)
 
 
-def _report(solution: hd.Solution, parameters, estimate: str) -> None:
+def _report(solution: hd.Solution, parameters: dict[str, float], estimate: str) -> None:
     stats = solution.stats
     print("parameters      " + ", ".join(f"{k} {v:g}" for k, v in parameters.items()))
     print(f"result          {solution.message}")

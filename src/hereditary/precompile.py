@@ -4,6 +4,7 @@ import multiprocessing
 import os
 import shutil
 import tempfile
+from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from pathlib import Path
@@ -41,7 +42,7 @@ def precompile_into(folder: str) -> None:
     note_target(folder)
 
 
-def _run_all(listed):
+def _run_all(listed: Callable[[], list[Callable[[], Any]]]) -> int:
     """Run what a function lists; return how many runs there are."""
     runs = listed()
     for run in runs:
@@ -51,24 +52,24 @@ def _run_all(listed):
     return len(runs)
 
 
-def _equation(order, y0=1.0, **given):
+def _equation(order: Any, y0: Any = 1.0, **given: Any) -> hd.Equation:
     return hd.Equation(hd.Caputo(order), lambda t, y: -y, y0, **given)
 
 
-def _few_and_many():
+def _few_and_many() -> tuple[hd.Equation, hd.Equation, hd.Equation]:
     """Return equations of one component, of many, and of many with a banded Jacobian."""
     wave = np.ones(_MANY)
     return _equation(0.5), _equation(0.5, wave), _equation(0.5, wave, bandwidth=(0, 0))
 
 
-def _by_tolerance():
+def _by_tolerance() -> list[Callable[[], Any]]:
     """List short runs that enter all compiled loops of `rtol=`."""
     wave, orders = np.ones(_MANY), np.linspace(0.5, 0.9, _MANY)
     mixed = _equation(orders, wave), _equation(orders, wave, bandwidth=(0, 0))
     return [partial(hd.solve, eq, 1.0, rtol=1e-4) for eq in (*_few_and_many(), *mixed)]
 
 
-def _on_given_steps():
+def _on_given_steps() -> list[Callable[[], Any]]:
     """List short runs that enter all other compiled loops."""
     (one, dense, band), varying = _few_and_many(), _equation(lambda t: 0.5 + 0.0 * t)
     linear = _equation(0.5, np.ones(_MANY), linear=-np.eye(_MANY))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -140,7 +141,8 @@ def sensitivities(
     scheme = chosen_scheme(scheme, rtol, n_steps, None, None)
     times = evaluation_times(t_eval, start, t_last)
     times = np.array([start, t_last]) if times is None else times
-    how = {"scheme": scheme, "history": history, "rtol": rtol, "atol": atol, "n_steps": n_steps}
+    how: dict[str, Any] = {"scheme": scheme, "history": history, "n_steps": n_steps}
+    how |= {"rtol": rtol, "atol": atol}
     size = equation.params.size if "params" in kinds else 0
     if scheme.solve == "imex" or (size and not scheme.components_differ):
         required = "take components of their own orders, which parameters become, and no linear="

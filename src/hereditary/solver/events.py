@@ -1,11 +1,16 @@
 """Events: times at which functions of the solution vanish."""
 
+from __future__ import annotations
+
 import math
 import numbers
+from collections.abc import Callable, Iterable
+from typing import Any
 
 import numpy as np
 
 from ..functions.reads import digest
+from ..stepping.stepper import Stepper
 from ..stepping.times import together
 from ..support.checks import complaint, real, refuse, shown
 
@@ -46,7 +51,13 @@ class Events:
 
     over = interrupted = False
 
-    def __init__(self, functions, stepper, signs, n_events=None):
+    def __init__(
+        self,
+        functions: Iterable[Callable],
+        stepper: Stepper,
+        signs: dict[str, float],
+        n_events: int | None = None,
+    ) -> None:
         self._functions, self._looks = list(functions), stepper.looks
         self._resolved = stepper.looks == 1
         self.n_events = len(self._functions) if n_events is None else n_events
@@ -59,11 +70,11 @@ class Events:
         self._begin(t, values, [signs.get(digest(f), 0.0) for f in self._functions])
 
     @property
-    def any(self):
+    def any(self) -> bool:
         """Whether there is something to look for."""
         return bool(self._functions)
 
-    def _begin(self, t, values, after):
+    def _begin(self, t: float, values: list[float], after: list[float]) -> None:
         """Begin at time t, where functions have some values; `after` are signs, 0 for unknown."""
         self._start, self._values = t, list(values)
         for number, (value, sign) in enumerate(zip(values, after, strict=True)):
@@ -72,7 +83,7 @@ class Events:
                 self._values[number] = math.copysign(max(abs(value), TINY), sign)
         self._after = [float(np.sign(value)) for value in self._values]
 
-    def look(self, edges, at):
+    def look(self, edges: np.ndarray, at: Callable) -> Any:
         """Search between consecutive `edges`; `at(t)` is the solution, (k, d) for k times.
 
         Returns the time at which the march is to stand where a terminal event or a function that
@@ -94,11 +105,13 @@ class Events:
         self._keep(sorted(found), min(end, edges[-1]), at)
         return None if end == math.inf else float(end)
 
-    def _looked_at(self, times, edges):
+    def _looked_at(self, times: np.ndarray, edges: np.ndarray) -> Any:
         """Return the times of an interval with `edges` at which functions are evaluated."""
         return times
 
-    def _zeros_of(self, number, times, values, at, edges):
+    def _zeros_of(
+        self, number: int, times: np.ndarray, values: Any, at: Callable, edges: np.ndarray
+    ) -> Any:
         """Yield the zeros of a function, with the signs behind them."""
         self._values[number] = values[-1]
         for t, sign in self._zeros(self._functions[number], times, values, at):
@@ -108,12 +121,12 @@ class Events:
                     continue
             yield t, sign
 
-    def _is_known(self, number, t):
+    def _is_known(self, number: int, t: float) -> bool:
         """Return whether the last zero of a function is one at t."""
         known = self.times[number]
-        return bool(known) and (t <= known[-1] or together(t, known[-1]))
+        return bool(known) and bool(t <= known[-1] or together(t, known[-1]))
 
-    def _end(self, end, found, edges):
+    def _end(self, end: float, found: Any, edges: np.ndarray) -> Any:
         """Return where the march ends, `end` by a terminal event."""
         self.over = end < math.inf
         if self.failure and self._failed_at <= end:  # back to the last step before
@@ -121,7 +134,7 @@ class Events:
         self.failure = ""
         return end
 
-    def _keep(self, found, end, at):
+    def _keep(self, found: Any, end: float, at: Callable) -> None:
         """Take in zeros up to `end`, and the signs just after it."""
         row = at(np.array([end]))
         for number, function in enumerate(self._functions if end > self._start else ()):
@@ -136,7 +149,7 @@ class Events:
             if t == end:
                 self._after[number] = sign
 
-    def signs(self):
+    def signs(self) -> dict[str, float]:
         """Return signs of the functions at the end of the run, after any zero there, by digest.
 
         A run that goes on from there then neither finds such a zero again nor misses another.
@@ -144,7 +157,7 @@ class Events:
         pairs = zip(self._functions, self._after, strict=True)
         return {digest(function): sign for function, sign in pairs if sign in (-1.0, 1.0)}
 
-    def _seen(self, function, times, rows):
+    def _seen(self, function: Callable, times: Any, rows: Any) -> Any:
         """Return values at several times, NaN from the first failure on."""
         values = np.full(len(times), math.nan)
         try:
@@ -154,12 +167,12 @@ class Events:
             self._note(error)
         return values
 
-    def _note(self, error):
+    def _note(self, error: _Failed) -> None:
         """Keep the earliest failure."""
         if error.t < self._failed_at:
             self._failed_at, self.failure = error.t, str(error)
 
-    def _zeros(self, function, times, values, at):
+    def _zeros(self, function: Callable, times: np.ndarray, values: Any, at: Callable) -> Any:
         """Return zeros in ascending order, each with the sign after it.
 
         One at the first time belongs to what was before. Where a value is NaN nothing is known.
@@ -173,7 +186,7 @@ class Events:
                 yield float(times[i + 1]), float(-signs[i])
                 continue
 
-            def along(t, i=i):
+            def along(t: float, i: Any = i) -> float:
                 # at the ends the signs are known; another rounding must not change them
                 if t == times[i] or t == times[i + 1]:
                     return float(values[i] if t == times[i] else values[i + 1])
@@ -199,13 +212,13 @@ class _Undefined(Exception):
 class _Failed(Exception):
     """An event function raised, wrote into y or returned no number, at time t."""
 
-    def __init__(self, function, how, t):
+    def __init__(self, function: Callable, how: str, t: float) -> None:
         shown_t = t + getattr(function, "start", 0.0)
         super().__init__(f"{_name(function)} {how} at t = {shown_t:g}")
         self.t = t
 
 
-def value_of(function, t, y):
+def value_of(function: Callable, t: float, y: np.ndarray) -> float:
     """Return the function's value; truth values as 1 and -1."""
     given = y.copy()
     try:
@@ -220,11 +233,11 @@ def value_of(function, t, y):
     return 2 * number - 1 if value.dtype.kind == "b" else number
 
 
-def _name(function):
+def _name(function: Callable) -> str:
     return getattr(function, "__name__", repr(function))
 
 
-def _first_value(function, t, y):
+def _first_value(function: Callable, t: float, y: np.ndarray) -> float:
     """Return the function at the start, checked."""
     required = "be functions event(t, y)"
     if not callable(function):
@@ -245,7 +258,7 @@ def _first_value(function, t, y):
     return value
 
 
-def _limit(function):
+def _limit(function: Callable) -> float:
     """Return the number of zeros that end the run."""
     terminal = getattr(function, "terminal", False)
     if terminal is None or isinstance(terminal, (bool, np.bool_)):
@@ -256,7 +269,7 @@ def _limit(function):
     refuse("terminal", required, f"{terminal!r} of {_name(function)}")
 
 
-def bracketed_root(function, low, high):
+def bracketed_root(function: Callable[[float], float], low: float, high: float) -> float:
     """Find a zero of a continuous function between points of different sign, to rounding.
 
     The method is Anderson's and Bjorck's variant of false position, with a bisection whenever three

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import AbstractContextManager
 from typing import NamedTuple
 
 import numpy as np
@@ -10,7 +11,7 @@ from ..given.fixed_stepper import FixedStepper
 from ..given.steps import UniformSteps
 from ..stepping.status import Status
 from ..support.warning import ThreadSwitch, silence, warn
-from .solution import SolveWarning
+from .solution import Solution, SolveWarning
 
 
 class _Companions(NamedTuple):
@@ -47,12 +48,12 @@ _LEFT_OUT = "estimate=False leaves this estimate out"
 _off = ThreadSwitch()
 
 
-def no_estimates():
+def no_estimates() -> AbstractContextManager[None]:
     """Leave estimates out in this thread, within a ``with`` statement: sweeps make many runs."""
     return _off.set()
 
 
-def note_error(solution, stepper, n_steps):
+def note_error(solution: Solution, stepper: FixedStepper, n_steps: int) -> None:
     """Estimate the error of a first-order run in its stats, and warn of a large one.
 
     ``stats["error_estimate"]`` is None if the run has too few steps, if its companions are
@@ -70,7 +71,7 @@ def note_error(solution, stepper, n_steps):
     solution.stats["error_estimate"] = found
 
 
-def estimated_error(stepper, n_steps):
+def estimated_error(stepper: FixedStepper, n_steps: int) -> float | None:
     """Return the largest error from 40 steps on relative to the size of each component, or None.
 
     Cheap companions have a tenth and a twentieth of the steps. If they are unstable or differ by
@@ -97,7 +98,7 @@ def estimated_error(stepper, n_steps):
     return None
 
 
-def _difference(stepper, pair, n_steps):
+def _difference(stepper: FixedStepper, pair: _Companions, n_steps: int) -> float | None:
     """Return the largest difference of companions relative to sizes; None if one is unstable."""
     equation, n, done = stepper.equation, n_steps // pair.run, 0
     difference, first = np.zeros(equation.d), -(-_SETTLED // pair.run)
@@ -124,13 +125,13 @@ def _difference(stepper, pair, n_steps):
     return None if unstable else apart
 
 
-def _companion(stepper, n_steps):
+def _companion(stepper: FixedStepper, n_steps: int) -> FixedStepper:
     """Return a stepper of the same run with so many steps."""
     steps = UniformSteps(stepper.t / n_steps)
     return FixedStepper(stepper.equation, stepper.scheme, stepper.history, steps, n_steps)
 
 
-def _rows(stepper, end):
+def _rows(stepper: FixedStepper, end: int) -> np.ndarray:
     """Return the solution at the steps up to `end`, fewer where the march cannot go on, (k, d)."""
     rows = [np.zeros((0, stepper.equation.d))]
     while stepper.n < end and stepper.trouble is None:

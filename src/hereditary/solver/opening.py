@@ -1,21 +1,34 @@
 """Make one value of the arguments that say how to step, and open the engine's stepper."""
 
+from typing import Any
+
 import numpy as np
 
 from ..collocation.method import Collocation
 from ..collocation.opening import checked_tolerance, open_adaptive
+from ..equation.system import System
 from ..given.history.exponentials import SumOfExponentials
 from ..given.history.history import History
 from ..given.opening import given_steps, open_given, prepare
+from ..stepping.scheme import Scheme
+from ..stepping.state import State
 from ..support.checks import instance, refuse, shown
 
 
-def chooses_steps(scheme):
+def chooses_steps(scheme: Scheme) -> bool:
     """Return whether a scheme chooses its steps by a tolerance: the only question of engines."""
     return isinstance(scheme, Collocation)
 
 
-def how_to_step(equation, scheme, t_end, state=None, *, history=None, **how):
+def how_to_step(
+    equation: System,
+    scheme: Scheme,
+    t_end: float,
+    state: State | None = None,
+    *,
+    history: History | None = None,
+    **how: Any,
+) -> Any:
     """Return how a run steps: `UniformSteps`, `MeshSteps` or a `Tolerance`; refuse all else.
 
     Parameters
@@ -43,8 +56,15 @@ def how_to_step(equation, scheme, t_end, state=None, *, history=None, **how):
 
 
 def open_stepper(
-    equation, scheme, history, how, t_end, state=None, allow_change=False, directions=None
-):
+    equation: System,
+    scheme: Scheme,
+    history: History | None,
+    how: Any,
+    t_end: float,
+    state: State | None = None,
+    allow_change: bool = False,
+    directions: np.ndarray | None = None,
+) -> tuple[Any, Any]:
     """Return a stepper at the start of a run, or where its state was taken, and its last position.
 
     `how` is what `how_to_step` returns, `t_end` counts from the start, and `directions` are those

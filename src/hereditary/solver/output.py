@@ -1,11 +1,14 @@
 """Rows, dense output and events that a run keeps."""
 
-from typing import NamedTuple
+from __future__ import annotations
+
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..given.first_steps import FirstSteps
 from ..stepping.dense import Dense, Piece, StepPieces
+from ..stepping.stepper import Stepper
 from ..support.checks import complaint
 from ..support.machine import machine_storage
 
@@ -46,7 +49,7 @@ class Output:
         Whether an event has ended it there.
     """
 
-    def __init__(self, stepper, stop, kept, events):
+    def __init__(self, stepper: Stepper, stop: float, kept: Kept, events: Any) -> None:
         self._stepper, self._stop, self._resolved = stepper, stop, stepper.looks == 1
         self._every, times, self._components = kept
         self._frame, self._asked, self.events = stepper.equation.frame, times, events
@@ -65,7 +68,7 @@ class Output:
         if times is None and self._resolved:
             most = stop // every - n // every + (stop % every > 0) + 2
         width = y.size if self._components is None else self._components.size
-        self._rows = room_for(most, width, times is None)
+        self._rows: Any = room_for(most, width, times is None)
         self._size = 0
         if times is None:
             self._add(np.array([stepper.t]), y[None], ydot[None])
@@ -73,7 +76,7 @@ class Output:
             self._add(self._wanted[:1], y[None], ydot[None])
             self._wanted = self._wanted[1:]
 
-    def _add(self, t, y, ydot):
+    def _add(self, t: np.ndarray, y: np.ndarray, ydot: np.ndarray) -> None:
         """Append rows (k,), (k, d), (k, d)."""
         end = self._size + t.size
         if end > self._rows[0].size:
@@ -86,7 +89,7 @@ class Output:
             part[self._size : end] = values
         self._size = end
 
-    def take(self, piece, start):
+    def take(self, piece: Piece, start: float) -> None:
         """Take in what follows from time `start` on, up to the event that ends the run in it."""
         edges = np.append(piece.edges(), self._stepper.t)
         end = None
@@ -105,7 +108,7 @@ class Output:
         if self.events.interrupted and self._rows[0][self._size - 1] < self.end:
             self._add_last()
 
-    def go_on(self, changed):
+    def go_on(self, changed: Any) -> None:
         """Go on from where the march stands, after y may have `changed` there."""
         t, y = self._stepper.t, self._stepper.y
         self.ended = False
@@ -118,7 +121,7 @@ class Output:
             return
         self._add(np.array([t]), y[None], self._stepper.ydot[None])
 
-    def _chosen(self, edges):
+    def _chosen(self, edges: np.ndarray) -> Any:
         """Return the kept steps between these edges, as a slice or an array of truth values."""
         first = self._n + 1
         self._n += int(np.sum(edges[1:] <= self.end))
@@ -128,7 +131,7 @@ class Output:
         chosen = (edges[1:] <= self.end) & (np.diff(edges) > 0)
         return chosen & (np.arange(first, first + chosen.size) % self._every == 0)
 
-    def _take_wanted(self, piece):
+    def _take_wanted(self, piece: Piece) -> None:
         """Take in the rows at given times."""
         last = self.end if self.ended else self.end * (1 + _SLACK)
         at_end = self._stepper.position == self._stop and not self.ended
@@ -141,7 +144,7 @@ class Output:
         if times.size:
             self._add(times, *piece.evaluate_both(times, self._second, self._sloped))
 
-    def close(self, t_end):
+    def close(self, t_end: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, Dense | None]:
         """Return times, rows, slopes and dense output: (n,), (n, d), (n, d), `Dense` or None.
 
         Times are the user's, and `t_end` is.
@@ -160,13 +163,13 @@ class Output:
         if dense and self._resolved:
             dense = dense if self._every == 1 and t.size > 1 else None
             if dense:
-                dense.add(StepPieces(t, y, ydot, self._starting, self._first), t[0])
+                dense.add(StepPieces(t, y, ydot, self._starting, int(self._first)), t[0])
         if start != 0:
             t = t + start
             t[-1] = t_end if at_end else t[-1]
         return t, y, ydot, dense
 
-    def _add_last(self):
+    def _add_last(self) -> None:
         """Add the row where the run ended."""
         last, piece = np.array([self.end]), self._newest
         if piece is not None and (self.ended or not self._resolved):
@@ -175,7 +178,7 @@ class Output:
             self._add(last, self._stepper.y[None], self._stepper.ydot[None])
 
 
-def room_for(size, d, every):
+def room_for(size: Any, d: int, every: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Allocate arrays (size,), (size, d) and (size, d) for rows, or refuse them."""
     n_bytes = 8.0 * size * (1 + 2 * d)
     try:

@@ -1,9 +1,12 @@
 """Progress of a long run, and its interruption."""
 
+from __future__ import annotations
+
 import signal
 import sys
 import threading
 import time
+from typing import Any
 
 from ..support.checks import truth
 
@@ -22,7 +25,7 @@ class ProgressBar:
     WIDTH = 30
     SECONDS_BETWEEN = 0.1
 
-    def __init__(self, shown, stream=None):
+    def __init__(self, shown: bool, stream: Any = None) -> None:
         self._stream = sys.stderr if stream is None else stream
         self._live = truth("progress", shown) and (
             self._stream.isatty() or _in_notebook(self._stream)
@@ -30,7 +33,7 @@ class ProgressBar:
         self._began = time.perf_counter()
         self._drawn = -1.0
 
-    def update(self, share):
+    def update(self, share: float) -> None:
         """Show that `share` in [0, 1] is done."""
         if not self._live:
             return
@@ -46,19 +49,19 @@ class ProgressBar:
         self._stream.write(f"\r[{bar}] {100 * share:5.1f} %  {left}   ")
         self._stream.flush()
 
-    def close(self):
+    def close(self) -> None:
         """End the line."""
         if self._live and self._drawn >= 0:
             self._stream.write("\n")
             self._stream.flush()
 
 
-def _in_notebook(stream):
+def _in_notebook(stream: Any) -> bool:
     """Return whether a stream is that of a notebook's kernel, which shows a line that moves."""
     return type(stream).__module__.startswith("ipykernel.")
 
 
-def _clock(seconds):
+def _clock(seconds: float) -> str:
     minutes, seconds = divmod(round(seconds), 60)
     hours, minutes = divmod(minutes, 60)
     return f"{hours}:{minutes:02d}:{seconds:02d}" if hours else f"{minutes}:{seconds:02d}"
@@ -72,11 +75,11 @@ class Interruption:
     it does nothing.
     """
 
-    def __init__(self, counted=1):
+    def __init__(self, counted: int = 1) -> None:
         self.asked, self.heeded, self._counted = 0, False, counted
-        self._previous = None
+        self._previous: Any = None
 
-    def __enter__(self):
+    def __enter__(self) -> Interruption:
         if threading.current_thread() is threading.main_thread():
             self._previous = signal.getsignal(signal.SIGINT)
             if self._previous is None or self._previous == signal.SIG_IGN:
@@ -85,13 +88,13 @@ class Interruption:
                 signal.signal(signal.SIGINT, self._ask)
         return self
 
-    def __exit__(self, *exception):
+    def __exit__(self, *exception: object) -> None:
         if self._previous is not None:
             signal.signal(signal.SIGINT, self._previous)
             if self.asked and not self.heeded:
                 signal.raise_signal(signal.SIGINT)
 
-    def _ask(self, number, frame):
+    def _ask(self, number: int, frame: object) -> None:
         self.asked += 1
         if self.asked > self._counted:
             raise KeyboardInterrupt

@@ -1,17 +1,26 @@
 """The run: a march to its end, between looks at Ctrl-C and the progress bar."""
 
+from __future__ import annotations
+
 import time
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from ..compiled.callbacks import PythonRaised, pass_on
 from ..compiled.jacobian import FEW
+from ..stepping.state import State
 from ..stepping.status import Status
+from ..stepping.stepper import Stepper
 from ..support.warning import warn
+from .output import Output
 from .progress import Interruption, ProgressBar
 from .solution import Solution, SolveWarning, warn_of
 
+# How a march ended before its stop: status and detail, or None.
+Ended = tuple[Status, str] | None
 # Bytes of a history that a solution may hold on to besides its state.
 _LITTLE = 100_000
 
@@ -32,11 +41,18 @@ class Drive:
     bar : ProgressBar
     """
 
-    def __init__(self, march, end, advance, interruption, bar):
+    def __init__(
+        self,
+        march: Any,
+        end: float,
+        advance: Callable[[Any], Ended],
+        interruption: Interruption,
+        bar: Any,
+    ) -> None:
         self._march, self._first, self._end = march, march.position, end
         self._advance, self._interruption, self._bar = advance, interruption, bar
 
-    def to(self, stop):
+    def to(self, stop: float) -> Ended:
         """March to `stop`; None when there, else a status and a detail for it."""
         march = self._march
         while march.position < stop:
@@ -50,7 +66,15 @@ class Drive:
         return None
 
 
-def run(stepper, stop, t_end, output, progress, began, march=Drive.to):
+def run(
+    stepper: Stepper,
+    stop: float,
+    t_end: float,
+    output: Output,
+    progress: bool,
+    began: float,
+    march: Callable[[Drive, Any], Ended] = Drive.to,
+) -> Solution:
     """March to position `stop`, the user's time `t_end`, or as far as it goes.
 
     Returns the `Solution`. `began` is when its preparation began, by time.perf_counter;
@@ -59,9 +83,9 @@ def run(stepper, stop, t_end, output, progress, began, march=Drive.to):
     ready = time.perf_counter()
     events = output.events
 
-    def advance(stop):
+    def advance(stop: float) -> Ended:
         start = stepper.t
-        before = stepper.checkpoint() if events.any else None
+        before: Any = stepper.checkpoint() if events.any else None
         piece = stepper.advance(stop)
         if piece is not None:
             output.take(piece, start)
@@ -86,7 +110,7 @@ def run(stepper, stop, t_end, output, progress, began, march=Drive.to):
     seconds = {"setup_seconds": ready - began, "run_seconds": time.perf_counter() - ready}
     frame, stats, n_told = stepper.equation.frame, stepper.stats() | seconds, events.n_events
 
-    def left():
+    def left() -> State:
         return replace(stepper.state(), event_signs=signs)
 
     solution = Solution(
@@ -110,7 +134,7 @@ def run(stepper, stop, t_end, output, progress, began, march=Drive.to):
     return solution
 
 
-def note_missed(solution, stepper):
+def note_missed(solution: Solution, stepper: Stepper) -> None:
     """Warn if f is not what the steps of a successful run made of it where the run looked again."""
     missed = stepper.health.missed
     if solution.success and missed:
@@ -123,14 +147,14 @@ def note_missed(solution, stepper):
         )
 
 
-def reached_end(stepper):
+def reached_end(stepper: Stepper) -> Status:
     """Return the status of a run that reached its end."""
     health = stepper.health
     inaccurate = Status.KERNEL_INACCURATE if health.misfit else None
     return health.instability or inaccurate or Status.COMPLETED
 
 
-def report(stepper, status, detail):
+def report(stepper: Stepper, status: Status, detail: str) -> str:
     """Return the status in a sentence with the run's numbers; warn of an early ending.
 
     An exception of a function called in Python is passed on instead.

@@ -36,7 +36,7 @@ _ARRAYS = "t", "y", "ydot"
 _QUIET = (Status.COMPLETED, Status.EVENT, Status.INTERRUPTED)
 
 
-def warn_of(status, message, unstable=False):
+def warn_of(status: Status, message: str, unstable: bool = False) -> None:
     """Warn, at the user's line, of an ending that was not asked for."""
     if unstable or status not in _QUIET:
         warn(message, StabilityWarning if unstable else SolveWarning)
@@ -113,7 +113,7 @@ class Solution:
         """
         return self.left() if callable(self.left) else self.left
 
-    def __getstate__(self):
+    def __getstate__(self) -> dict[str, Any]:
         return vars(self) | {"left": self.state}
 
     @property
@@ -156,7 +156,7 @@ class Solution:
         derivative = one_of("derivative", derivative, (0, 1), "be 0 or 1")
         return self.dense(t, derivative, self.t[-1])
 
-    def _repr_html_(self):
+    def _repr_html_(self) -> str:
         wanted = "n_steps", "n_rhs", "n_modes", "error_estimate", "run_seconds"
         names = [name for name in wanted if name in self.stats]
         about = paragraph(f"{self.status}: {self.message}")
@@ -263,12 +263,12 @@ class Solution:
         except Exception as error:  # what a damaged or foreign file raises depends on its bytes
             raise ValueError(complaint("path", _SAVED, repr(path))) from error
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         rows = f"{self.t.size} rows of {self.y.shape[1]} components"
         times = f", t = {self.t[0]:g} .. {self.t[-1]:g}" if self.t.size else ""
         return f"Solution({self.message}; {rows}{times})"
 
 
-def _plain(value):
+def _plain(value: Any) -> Any:
     """Return a number of NumPy as one of Python."""
     return value.item() if isinstance(value, np.generic) else value

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -288,7 +289,9 @@ def solve(
     return solution
 
 
-def _begin(resume, scheme, allow_change, start, t_end):
+def _begin(
+    resume: State | None, scheme: Scheme, allow_change: bool, start: float, t_end: float
+) -> float:
     """Return the user's time at which a run to t_end begins: `start`, or that of a sound state."""
     if resume is None:
         if allow_change:
@@ -305,7 +308,7 @@ def _begin(resume, scheme, allow_change, start, t_end):
     return start + resume.t
 
 
-def _kept(equation, save_every, times, components):
+def _kept(equation: Equation, save_every: Any, times: np.ndarray | None, components: Any) -> Kept:
     """Return what a run keeps, checked: `times` of rows, or every so many-th step."""
     save_every = min(count("save_every", whole(save_every)), COUNTED)
     if save_every > 1 and times is not None:
@@ -317,13 +320,13 @@ def _kept(equation, save_every, times, components):
     return Kept(save_every, times, components)
 
 
-def _listed(functions):
+def _listed(functions: Any) -> tuple:
     """Return a function, several or none as a tuple."""
     functions = () if functions is None else functions
     return tuple(functions) if isinstance(functions, (list, tuple)) else (functions,)
 
 
-def run_end(name, t_end, start):
+def run_end(name: str, t_end: Any, start: float) -> float:
     """Return the end of a run, a number above its start."""
     if start == 0:
         return positive(name, t_end)
@@ -333,7 +336,7 @@ def run_end(name, t_end, start):
     return number
 
 
-def chosen_scheme(scheme, rtol, n_steps, mesh, resume):
+def chosen_scheme(scheme: Any, rtol: Any, n_steps: Any, mesh: Any, resume: Any) -> Scheme:
     """Return the scheme given, or the state's, or the default of the other arguments."""
     if scheme is not None:
         return instance("scheme", scheme, Scheme, "hereditary.ExplicitCaputo()")
@@ -343,7 +346,7 @@ def chosen_scheme(scheme, rtol, n_steps, mesh, resume):
     return ExplicitCaputo() if rtol is None and by_steps else Collocation()
 
 
-def evaluation_times(t_eval, t_start, t_end):
+def evaluation_times(t_eval: Any, t_start: float, t_end: float) -> np.ndarray | None:
     """Return the times of rows that are asked for, checked; None where none are."""
     if t_eval is None:
         return None

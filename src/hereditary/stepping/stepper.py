@@ -106,7 +106,7 @@ class Stepper(ABC):
         """Move on towards position `stop`; return the solution on the way if it is to be kept."""
 
     @property
-    def trouble(self) -> tuple[Status | None, str] | None:
+    def trouble(self) -> tuple[Status, str] | None:
         """Status and detail of a march that cannot go on, else None."""
         return None if self.error is None else failed(self.error)
 
