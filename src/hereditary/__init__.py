@@ -133,7 +133,7 @@ __all__ = [
 ]
 
 
-def __getattr__(name):
+def __getattr__(name: str) -> object:
     # plots needs matplotlib, whose import takes as long as all the rest; exact needs an extra
     if name in ("plots", "exact"):
         return importlib.import_module(f".{name}", __name__)
@@ -142,5 +142,5 @@ def __getattr__(name):
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
-def __dir__():
+def __dir__() -> list[str]:
     return [*__all__, "__doc__", "__version__"]

@@ -149,11 +149,11 @@ class _Known:
     y0: np.ndarray
     flat: bool
 
-    def one(self, operator, columns):
+    def one(self, operator: Any, columns: Any) -> Any:
         """Return the operator's value of the components `columns`, (n, k)."""
         raise NotImplementedError
 
-    def applied(self, terms):
+    def applied(self, terms: Any) -> np.ndarray:
         """Return the sum of these terms of y at all times."""
         d, total = self.y0.size, np.zeros((self.times.size, self.y0.size))
         factors = factors_of(terms, d, False)
@@ -172,7 +172,7 @@ class _Known:
             total = total + (part * factor if factor.ndim < 2 else part @ factor.T)
         return total[:, 0] if self.flat else total
 
-    def _at_start(self, operator, columns):
+    def _at_start(self, operator: Any, columns: Any) -> Any:
         """Return what y(0) adds to a Riemann-Liouville derivative, (n, k)."""
         if not operator.from_zero:
             return 0.0
@@ -185,7 +185,7 @@ class _Known:
 class _Data(_Known):
     """Values at increasing times."""
 
-    def __init__(self, times, values, scheme):
+    def __init__(self, times: np.ndarray, values: np.ndarray, scheme: Any) -> None:
         self._scheme = instance("scheme", scheme, Scheme, "hereditary.L1()")
         if not isinstance(scheme, (L1, L12, L2)):
             refuse("scheme", "be L1, L12 or L2", repr(scheme))
@@ -199,7 +199,7 @@ class _Data(_Known):
         even = self._h * np.arange(times.size)
         self._even = bool(np.abs(self.times - even).max() < _EVEN * self._h)
 
-    def one(self, operator, columns):
+    def one(self, operator: Any, columns: Any) -> Any:
         """Return the operator's value of increments, at all times."""
         values = self._values[:, columns]
         if operator.derivative > 1:
@@ -219,7 +219,7 @@ class _Data(_Known):
             found += np.multiply.outer(operator.kernel.integral(self.times), values[0])
         return found
 
-    def _by_fft(self, system, _, u):
+    def _by_fft(self, system: System, _: Any, u: np.ndarray) -> np.ndarray:
         """Sum on even times by one product of transforms."""
         plan, n = self._scheme.plan(system, self._h), len(u)
         weights, starts = plan.past.exact(n)
@@ -229,7 +229,7 @@ class _Data(_Known):
         sums[0] = plan.rows.scale[0, 0] * u[0]
         return sums / plan.rows.lead[0, 0]
 
-    def _by_blocks(self, system, _, u):
+    def _by_blocks(self, system: System, _: Any, u: np.ndarray) -> np.ndarray:
         """Sum on any times, with Caputo's kernel."""
         past, n = self._scheme.mesh_plan(system, self.times).past, len(u)
         found, size, last = np.empty_like(u), max(1, _BLOCK // n), 0
@@ -241,7 +241,7 @@ class _Data(_Known):
             found[first:last] = np.einsum("ik,ikc->ic", weights, u[earlier])
         return found
 
-    def _by_rows(self, system, operator, u):
+    def _by_rows(self, system: System, operator: Any, u: np.ndarray) -> np.ndarray:
         """Sum on any times, with the integrals of a general kernel."""
         kernel = operator.kernel if operator.derivative else Integrated(operator.kernel)
         slopes, found = u / np.diff(self.times)[:, None], np.empty_like(u)
@@ -254,7 +254,7 @@ class _Data(_Known):
 class _Function(_Known):
     """A function of the time, by polynomials in u, t = T u**q."""
 
-    def __init__(self, function, times, t_start):
+    def __init__(self, function: Any, times: np.ndarray, t_start: float) -> None:
         self._function, self._start, self.times = function, t_start, times
         self._end = float(times.max()) or 1.0
         first = np.asarray(function(np.array([t_start])))
@@ -262,7 +262,7 @@ class _Function(_Known):
             refuse("y", "return shape (k,) or (k, d)", f"shape {first.shape}")
         self.y0, self.flat = first.reshape(-1).astype(float), first.ndim == 1
 
-    def one(self, operator, columns):
+    def one(self, operator: Any, columns: Any) -> Any:
         """Return the operator's value, at all times."""
         m, kernel, total = operator.derivative, operator.kernel, self._end
         whole = kernel is None and operator.order == m
@@ -274,7 +274,7 @@ class _Function(_Known):
         if kernel is None and not whole:
             kernel = rgamma(m - operator.order) * PowerLaw(operator.order - m + 1)
 
-        def density(u):  # of the integral over u
+        def density(u: Any) -> Any:  # of the integral over u
             values = np.moveaxis(chebyshev.chebval(2 * u - 1, series), 0, -1)
             return values if m else values * (total * q * u ** (q - 1))[..., None]
 
@@ -298,10 +298,10 @@ class _Function(_Known):
             found[some] += nearest[:, None] * now
         return found
 
-    def _series(self, q):
+    def _series(self, q: Any) -> Any:
         """Return a power, 1 or q, and the Chebyshev series of y in u on [0, 1] that resolves it."""
 
-        def of_u(x):
+        def of_u(x: Any) -> Any:
             values = np.asarray(self._function(self._start + self._end * ((x + 1) / 2) ** power))
             return real_array("y", values).reshape(x.size, self.y0.size) - self.y0
 
@@ -319,7 +319,7 @@ class _Function(_Known):
         refuse("y", required, got, remedy)
 
 
-def _interpolated(function, degree):
+def _interpolated(function: Any, degree: int) -> Any:
     """Return the Chebyshev series that interpolates a function on [-1, 1], to rounding.
 
     NumPy's matrix leaves forty times as much, which derivatives multiply by powers of the degree.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -74,7 +75,7 @@ class Ensemble:
     def __len__(self) -> int:
         return len(self.y)
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         done = f"{int(self.success.sum())} of {len(self)} completed"
         return f"Ensemble({done}; {self.t.size} rows of {self.y.shape[2]} components)"
 
@@ -187,7 +188,7 @@ def ensemble(
     return run.close(time.perf_counter() - began)
 
 
-def _kept(steps, save_every, times, start):
+def _kept(steps: Any, save_every: int, times: np.ndarray | None, start: float) -> np.ndarray:
     """Return the numbers of the steps whose rows are kept, the start being 0."""
     if times is None:
         return np.append(np.arange(0, steps.n, min(save_every, steps.n)), steps.n)
@@ -208,7 +209,7 @@ class _Members:
         Initial values of the components that are marched.
     """
 
-    def __init__(self, equation, params, y0):
+    def __init__(self, equation: Equation, params: Any, y0: Any) -> None:
         if params is None and y0 is None:
             required = "be given, params or y0 or both"
             refuse("params", required, "None for both", "a row for each member", kind=TypeError)
@@ -228,12 +229,12 @@ class _Members:
         if y0 is not None:
             self.inside = _inside(equation, self._given["y0"])
 
-    def equation(self, m):
+    def equation(self, m: int) -> Equation:
         """Return the equation of member m."""
         return self.base.replace(**{name: table[m] for name, table in self._given.items()})
 
 
-def _table(name, given, is_complex=False):
+def _table(name: str, given: Any, is_complex: bool = False) -> Any:
     """Return an array with a row for each member."""
     refuse_masked(name, given)
     if is_complex:
@@ -247,7 +248,7 @@ def _table(name, given, is_complex=False):
     return table
 
 
-def _params(given, p):
+def _params(given: Any, p: int) -> Any:
     """Return the table of parameters, (E, p)."""
     table = _table("params", given)
     if table.ndim == 1 and p == 1:
@@ -258,7 +259,7 @@ def _params(given, p):
     return table
 
 
-def _inside(equation, values):
+def _inside(equation: Equation, values: Any) -> Any:
     """Return the initial values of the components that are marched, (E, m, d)."""
     first = equation.replace(y0=values[0])  # which says what is wrong with them
     if first.d != equation.d:
@@ -283,7 +284,9 @@ class _Run:
     where steps are chosen on the way.
     """
 
-    def __init__(self, members, times, t_end, kept, steps, how):
+    def __init__(
+        self, members: Any, times: np.ndarray, t_end: float, kept: Any, steps: Any, how: dict
+    ) -> None:
         self._members, self._times, self._t_end = members, times, t_end
         self._kept, self._steps, self._how = kept, steps, how
         size, frame = members.size, members.base.frame
@@ -302,7 +305,7 @@ class _Run:
         self._plan: Any = None
         self._no_bar = ProgressBar(False)
 
-    def march(self, threads, progress):
+    def march(self, threads: int | None, progress: bool) -> None:
         """March all members, on several threads, until Ctrl-C."""
         interruption, bar = self._interruption, ProgressBar(progress)
         try:
@@ -326,7 +329,7 @@ class _Run:
         finally:
             bar.close()
 
-    def _worker(self):
+    def _worker(self) -> Callable:
         """Return a function that takes members that are left, `most` or all of them."""
         base, one = self._members.base, self._solve
         # functions that are called in Python hold the parameters of their equation
@@ -340,10 +343,10 @@ class _Run:
                     of = self._members.params, self._members.inside
                     self._plan = stepper.plan_of_members(*of)
 
-            def one(m):
+            def one(m: int) -> None:
                 self._march(stepper, end, m)
 
-        def work(most=None, bar=None):
+        def work(most: int | None = None, bar: Any = None) -> None:
             for m in islice(self._left, most):
                 one(m)
                 self._done += 1
@@ -354,11 +357,11 @@ class _Run:
 
         return work
 
-    def _march(self, stepper, end, m):
+    def _march(self, stepper: Any, end: float, m: int) -> None:
         """March a member to step `end`, by a stepper that others take too."""
         members, kept, frame = self._members, self._kept, self._members.base.frame
 
-        def advance(stop):
+        def advance(stop: float) -> None:
             n, piece = stepper.n, stepper.advance(stop)
             if piece is not None:
                 first, last = np.searchsorted(kept, [n + (n > 0), stepper.n + 1])
@@ -381,7 +384,7 @@ class _Run:
                 message = report(stepper, status, detail)
         self._ends[m] = (status, message, stepper.n, stepper.stats()["n_rhs"])
 
-    def _solve(self, m):
+    def _solve(self, m: int) -> None:
         """Solve a member by itself."""
         found: Any
         self._y[m], self._ydot[m] = np.nan, np.nan
@@ -405,7 +408,7 @@ class _Run:
         if found.status is Status.INTERRUPTED:
             self._interruption.asked = self._interruption.heeded = True
 
-    def close(self, seconds):
+    def close(self, seconds: float) -> Ensemble:
         """Return the `Ensemble`, and warn of members that did not complete."""
         if len(self._refused) == len(self._ends):  # arguments that suit no member
             raise self._refused[0]

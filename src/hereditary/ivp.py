@@ -149,7 +149,7 @@ def solve_ivp(
     return _result(found, *rows, dense_output, bool(listed))
 
 
-def _further(args):
+def _further(args: Any) -> tuple:
     """Return further arguments as a tuple; refuse what is no sequence, as SciPy does."""
     if args is None:
         return ()
@@ -160,25 +160,25 @@ def _further(args):
     return tuple(args)
 
 
-def _constant(jac):
+def _constant(jac: Any) -> Any:
     """Return a function of t and y whose value is this matrix, an array or a sparse one."""
     required = "be a function jac(t, y, *args), or a matrix of shape (n, n)"
     matrix = real_array("jac", jac.toarray() if hasattr(jac, "toarray") else jac, required)
     if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1]:
         refuse("jac", required, f"shape {matrix.shape}")
 
-    def constant(t, y):
+    def constant(t: float, y: np.ndarray) -> Any:
         return matrix
 
     return constant
 
 
-def _with(fun, more):
+def _with(fun: Any, more: tuple) -> Any:
     """Return a function of t and y that adds `more` arguments, with the attributes of `fun`."""
     if not more:
         return fun
 
-    def of_t_and_y(t, y):
+    def of_t_and_y(t: float, y: np.ndarray) -> Any:
         return fun(t, y, *more)
 
     of_t_and_y.__name__ = getattr(fun, "__name__", repr(fun))
@@ -197,7 +197,7 @@ class _Interpolant:
         return self._solution(t).T
 
 
-def _result(found, times, values, dense_output, has_events):
+def _result(found: Any, times: Any, values: Any, dense_output: bool, has_events: bool) -> Any:
     """Return a `Solution`, with rows at these times, as SciPy's `solve_ivp` returns one."""
     from scipy.optimize import OptimizeResult  # takes long to import
 

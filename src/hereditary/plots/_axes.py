@@ -1,6 +1,7 @@
 """Axes, their style and labels, and the components that are drawn."""
 
 from contextlib import contextmanager
+from typing import Any
 
 import matplotlib.pyplot as plt
 from matplotlib.cbook import normalize_kwargs
@@ -33,7 +34,7 @@ LABELS = {
 
 
 @contextmanager
-def made(ax, rows=1):
+def made(ax: Any, rows: int = 1) -> Any:
     """Yield the given axes as they are, or new ones with the style of the package."""
     if ax is not None:
         yield ax
@@ -42,13 +43,13 @@ def made(ax, rows=1):
         yield plt.subplots(rows, sharex=True, layout="constrained")[1]
 
 
-def chosen(components, d):
+def chosen(components: Any, d: int) -> Any:
     """Return the requested components as a list; all of d by default."""
     if components is None:
         return list(range(d))
     return component_numbers(components, d).tolist()
 
 
-def style(own, line):
+def style(own: dict[str, Any], line: dict[str, Any]) -> dict[str, Any]:
     """Return keywords of a line; the user's replace ours, also under their short names."""
     return normalize_kwargs(own, Line2D) | normalize_kwargs(line, Line2D)

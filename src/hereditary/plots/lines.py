@@ -213,7 +213,7 @@ def frequency_response(
     return ax
 
 
-def _joined(response, component):
+def _joined(response: Any, component: Any) -> Any:
     """Return values, first harmonics and branches of a curve, also between the given values.
 
     They are from a cubic spline over the length of the curve, through its turning points.
@@ -262,7 +262,9 @@ def amplitude_and_phase(
     return upper, lower
 
 
-def _against_time(solution, ax, derivative, components, line):
+def _against_time(
+    solution: Any, ax: Any, derivative: int, components: Any, line: dict[str, Any]
+) -> Any:
     """Draw components, or their first derivatives, against time; return the axes."""
     which = chosen(components, solution.y.shape[1])
     with made(ax) as ax:
@@ -277,7 +279,7 @@ def _against_time(solution, ax, derivative, components, line):
     return ax
 
 
-def _check_derivative(solution):
+def _check_derivative(solution: Any) -> None:
     if solution.ydot is None:
         required = "hold a first derivative (highest order above 1)"
         refuse("solution", required, "ydot = None", "plot the oscillogram")

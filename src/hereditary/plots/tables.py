@@ -187,21 +187,21 @@ def regime_map(
     return ax
 
 
-def _only_axis(table):
+def _only_axis(table: Any) -> tuple[Any, Any]:
     if len(table.axes) != 1:
         refuse("table", "have one axis", ", ".join(table.axes), "fix the others")
     ((axis, values),) = table.axes.items()
     return axis, values
 
 
-def _cross_out(ax, x):
+def _cross_out(ax: Any, x: Any) -> None:
     """Draw crosses at the lower edge for points that failed."""
     if x.size:
         ax.plot(x, np.full(x.size, 0.02), "x", color=_VERMILLION, ms=4, clip_on=False,
                 transform=ax.get_xaxis_transform())  # fmt: skip
 
 
-def _edges(centres):
+def _edges(centres: np.ndarray) -> np.ndarray:
     """Return the edges of cells around ascending centres."""
     if centres.size == 1:
         return centres[0] + np.array([-0.5, 0.5])
