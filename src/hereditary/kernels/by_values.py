@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from contextlib import suppress
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -97,7 +98,7 @@ class Kernel(MemoryKernel):
             refuse("function", "give finite values at t > 0", got)
         return values.reshape(t.shape)
 
-    def _at(self, t):
+    def _at(self, t: np.ndarray) -> np.ndarray:
         """Return the function at times (n,), one by one if it accepts only one."""
         values = np.empty(0)
         with suppress(Exception):  # whatever it is: one by one will tell
@@ -109,7 +110,7 @@ class Kernel(MemoryKernel):
             refuse("function", "give one real number for each time", got, kind=TypeError)
         return values.astype(float)
 
-    def _alone(self, t):
+    def _alone(self, t: float) -> Any:
         """Return the function at one time."""
         try:
             return self._function(t)
@@ -119,7 +120,7 @@ class Kernel(MemoryKernel):
                 complaint("function", "give a kernel's value at t > 0", got)
             ) from error
 
-    def _slope_at_zero(self):
+    def _slope_at_zero(self) -> float:
         """Return a of K ~ t**-a from values at the smallest times; nearly 0 counts as 0."""
         with np.errstate(all="ignore"):
             pairs = np.abs(self._at(np.concatenate([_LADDER, 2 * _LADDER]))).reshape(2, -1)
@@ -151,7 +152,7 @@ class Kernel(MemoryKernel):
         sums = np.cumsum(np.append(first, pieces))
         return np.where(t > 0, sums[np.searchsorted(edges, t)], 0.0)
 
-    def _closest(self, t_min, t_max, tol, fading):
+    def _closest(self, t_min: float, t_max: float, tol: float, fading: bool) -> ExponentialSum:
         """Fit with weights of both signs if the kernel is signed."""
         if not self._signed:
             return super()._closest(t_min, t_max, tol, fading)
@@ -241,7 +242,7 @@ class TabulatedKernel(Kernel):
             refuse("tol", required, tol, remedy)
         return found
 
-    def _closest(self, t_min, t_max, tol, fading):
+    def _closest(self, t_min: float, t_max: float, tol: float, fading: bool) -> ExponentialSum:
         """Fit all data from about `t_min` on, and before them the power law there.
 
         Here `tol` bounds the largest relative misfit; what comes closest is returned in any case.

@@ -2,6 +2,11 @@
 
 ``t**-a = 1/Gamma(a) int exp(-t e**x + a x) dx`` over the real line. The trapezoid rule of step h
 turns the integral into exponentials with rates e**(j h). Its error is known exactly, so h follows
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
 from the tolerance. Negligible fast rates are dropped by a closed-form bound, and the infinitely
 many slow ones are replaced by their own Gauss rule. Sums are constructed on [1, R] and scaled.
 
@@ -11,8 +16,9 @@ weights keep the first three moments.
 """
 
 import math
+from collections.abc import Iterable
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -53,7 +59,7 @@ _NODES = (1 - np.cos(2 * np.pi * np.arange(SLOW_NODES) / (2 * SLOW_NODES - 1))) 
 SMALLEST = 1e-290
 
 
-def fit_interval(t_min, t_max, tol):
+def fit_interval(t_min: Any, t_max: Any, tol: Any) -> tuple[float, float, float]:
     """Return the arguments of a fit as floats, checked."""
     t_min = positive("t_min", t_min)
     t_max = positive("t_max", t_max)
@@ -63,7 +69,7 @@ def fit_interval(t_min, t_max, tol):
     return t_min, t_max, tol
 
 
-def tolerance(argument, value):
+def tolerance(argument: str, value: Any) -> float:
     """Return `value`, checked as a tolerance that sums can keep in double precision."""
     remedy = "double precision sums cannot keep less than 1e-13"
     return within(argument, value, _TOL_MIN, 0.1, "[1e-13, 0.1]", remedy)
@@ -90,7 +96,9 @@ class UnitFit(NamedTuple):
 
 
 @lru_cache(maxsize=64)
-def fit_unit(exponents, ratio, tol, fraction=None):
+def fit_unit(
+    exponents: tuple[float, ...], ratio: float, tol: float, fraction: float | None = None
+) -> UnitFit:
     """Fit several kernels ``t**-a`` on [1, ratio] with one set of rates.
 
     Parameters
@@ -126,7 +134,9 @@ def fit_unit(exponents, ratio, tol, fraction=None):
     return UnitFit(rates, weights, error, tried)
 
 
-def _with_constant(exponents, ratio, tol, fraction):
+def _with_constant(
+    exponents: tuple[float, ...], ratio: float, tol: float, fraction: float | None
+) -> UnitFit:
     """Fit kernels of which some are constant, ``t**0``: a mode of rate 0 and weight 1."""
     fit = fit_unit(tuple(a for a in exponents if a > 0), ratio, tol, fraction)
     full = np.zeros((len(exponents), fit.rates.size + 1))
@@ -135,7 +145,7 @@ def _with_constant(exponents, ratio, tol, fraction):
     return fit._replace(rates=np.concatenate([[0.0], fit.rates]), weights=full)
 
 
-def trapezoid_step(a, tol):
+def trapezoid_step(a: float, tol: float) -> float:
     """Return the step h in log(rate) at which the trapezoid rule has the relative error 0.9 tol.
 
     The infinite rule for ``t**-a`` has the relative error ``2 Re sum_k Gamma(a + 2 pi i
@@ -144,7 +154,7 @@ def trapezoid_step(a, tol):
     """
     goal = math.log(_TRAPEZOID * tol) - math.log(2.0) + gammaln(a)
 
-    def excess(u):
+    def excess(u: float) -> float:
         return loggamma(complex(a, 2 * math.pi * u)).real - goal
 
     u, previous = -math.log(tol) / math.pi**2, 0.5
@@ -159,7 +169,7 @@ def trapezoid_step(a, tol):
     return _UNIT_STEP * math.floor(min(2.0, 1 / u) / _UNIT_STEP)
 
 
-def grid_spacing(exponents, tol, fraction):
+def grid_spacing(exponents: Iterable[float], tol: float, fraction: float) -> float:
     """Return the spacing of log(rate) in `fit_unit`; inf if all kernels are constant."""
     others = [a for a in exponents if a > 0]
     return min((trapezoid_step(a, fraction * tol / _CERTIFICATE) for a in others), default=math.inf)
@@ -176,7 +186,7 @@ class _Grid(NamedTuple):
     first: int
     weights: np.ndarray
 
-    def kept(self, n):
+    def kept(self, n: int) -> tuple[np.ndarray, np.ndarray]:
         """Return the n slowest rates, ascending, and their weights."""
         grid = np.arange(self.first, self.first + n - self.slow.size)
         rates = np.concatenate([self.slow, np.exp(self.h * grid)])
@@ -184,7 +194,7 @@ class _Grid(NamedTuple):
         return rates[order], np.take(self.weights, order, axis=1)
 
 
-def _construct(exponents, ratio, tol):
+def _construct(exponents: tuple[float, ...], ratio: float, tol: float) -> Any:
     """Return the rates on a grid, with the slow nodes of each kernel, and weights."""
     h = min(trapezoid_step(a, tol) for a in exponents)
     pieces = [_one_kernel(a, h, ratio, tol) for a in exponents]
@@ -202,7 +212,7 @@ def _construct(exponents, ratio, tol):
     return _Grid(slow_rates, h, first, weights)
 
 
-def _one_kernel(a, h, ratio, tol):
+def _one_kernel(a: float, h: float, ratio: float, tol: float) -> Any:
     """Return first and last grid index, and the Gauss rule that replaces slower rates."""
     fast = max(a, float(gammainccinv(a, _FAST * tol)))
     while gammaincc(a, fast) > _FAST * tol:  # the inverse is inaccurate for tiny a
@@ -214,7 +224,7 @@ def _one_kernel(a, h, ratio, tol):
     return j_slow + 1, max(j_fast, j_slow + 1), nodes, masses
 
 
-def _slow_cut(a, h, tol):
+def _slow_cut(a: float, h: float, tol: float) -> tuple[int, float]:
     """Choose the size m of the slow Gauss rule and its cut kappa; it replaces rates up to kappa/R.
 
     The relative error of the m-point rule for t <= R is at most
@@ -228,7 +238,7 @@ def _slow_cut(a, h, tol):
     return int(_SLOW_RULES[best]), math.exp(log_kappa[best])
 
 
-def _slow_tail(a, h, j_slow, m):
+def _slow_tail(a: float, h: float, j_slow: int, m: int) -> tuple[np.ndarray, np.ndarray]:
     """Return the m-point Gauss rule for the measure of all grid rates exp(j h), j <= j_slow.
 
     Relative to the fastest one these are q**i, i = 0, 1, ..., with masses p**i, where q = exp(-h)
@@ -236,7 +246,7 @@ def _slow_tail(a, h, j_slow, m):
     """
     n = np.arange(m)
 
-    def rest(k):
+    def rest(k: Any) -> Any:
         return -np.expm1(-h * k)
 
     up = np.exp(-h * n) * rest(a + n) ** 2 / (rest(a + 2 * n) * rest(a + 2 * n + 1))
@@ -250,7 +260,9 @@ def _slow_tail(a, h, j_slow, m):
     return math.exp(h * j_slow) * np.maximum(nodes, 0.0), unit * vectors[0] ** 2
 
 
-def _trim(exponents, ratio, goal, found):
+def _trim(
+    exponents: tuple[float, ...], ratio: float, goal: float, found: Any
+) -> tuple[np.ndarray, np.ndarray, float]:
     """Check every kernel, and drop the fastest rates while the error stays within `goal`.
 
     Returns rates, weights and the largest relative error. Times of the check divide the grid of
@@ -281,7 +293,7 @@ def _trim(exponents, ratio, goal, found):
 
 
 @lru_cache(maxsize=16)
-def bank_of_all_orders(ratio, tol):
+def bank_of_all_orders(ratio: float, tol: float) -> tuple[np.ndarray, Any, Any]:
     """Rates with which ``t**-a`` is a sum of exponentials on [1, ratio] for every a in (0, 1].
 
     Returns
@@ -306,7 +318,7 @@ def bank_of_all_orders(ratio, tol):
     return rates, h, h * j_slow
 
 
-def weights_of_orders(a, ratio, tol):
+def weights_of_orders(a: Any, ratio: float, tol: float) -> np.ndarray:
     """Weights of these rates for kernels ``t**-a``, a (k,) in (0, 1], shape (M, k)."""
     rates, h, x = bank_of_all_orders(ratio, tol)
     a = np.maximum(a, SMALLEST)
@@ -317,6 +329,6 @@ def weights_of_orders(a, ratio, tol):
 
 
 @lru_cache(maxsize=1)
-def weights_of_moments():
+def weights_of_moments() -> np.ndarray:
     """Matrix that gives the nodes' weights from the moments of what they stand for."""
     return np.linalg.inv(np.vander(_NODES, increasing=True).T)

@@ -6,9 +6,13 @@ least squares on the rates of a matrix pencil, complex ones too, or on these and
 sums are constructed on [1, R] and scaled.
 """
 
+from __future__ import annotations
+
 import math
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -62,6 +66,10 @@ _ROUGH = 1e-3
 _HOPELESS = 0.1
 
 
+# Rates, weights, first and last time, and largest error of a sum of exponentials.
+Fit = tuple[np.ndarray, np.ndarray, float, float, float]
+
+
 @dataclass(frozen=True, eq=False)
 class Samples:
     """A kernel at increasing times from 1 on, and the size that its errors are relative to."""
@@ -70,28 +78,28 @@ class Samples:
     values: np.ndarray
     size: np.ndarray
 
-    def columns(self, rates):
+    def columns(self, rates: np.ndarray) -> np.ndarray:
         """Return exponentials of these rates relative to the size, shape (n, len(rates))."""
         return np.exp(-np.multiply.outer(self.t, rates)) / self.size[:, None]
 
-    def error(self, rates, weights):
+    def error(self, rates: np.ndarray, weights: np.ndarray) -> np.ndarray:
         """Return the relative error of a sum, shape (n,)."""
         return (self.columns(rates) @ weights).real - self.values / self.size
 
-    def every(self, n):
+    def every(self, n: int) -> Samples:
         """Return every n-th sample and the last."""
         kept = np.unique(np.append(np.arange(0, self.t.size, n), self.t.size - 1))
         return Samples(self.t[kept], self.values[kept], self.size[kept])
 
 
-def _with_mean(t, size, before):
+def _with_mean(t: np.ndarray, size: np.ndarray, before: float) -> np.ndarray:
     """Return a size at times t, at least a fraction of its mean from 0 to t; `before` is to 1."""
     pieces = 0.5 * (size[1:] + size[:-1]) * np.diff(t)
     mean = (abs(before) + np.append(0.0, np.cumsum(pieces))) / t
     return np.maximum(np.maximum(size, _OF_MEAN * mean), 1e-300)
 
 
-def _sampled(kernel, t_min, t_max, tol, signed=False):
+def _sampled(kernel: Any, t_min: float, t_max: float, tol: float, signed: bool = False) -> Samples:
     """Return the kernel on its check points, in units of t_min."""
     ratio = t_max / t_min
     if ratio > RATIO_OF_VALUES:
@@ -106,13 +114,15 @@ def _sampled(kernel, t_min, t_max, tol, signed=False):
     return Samples(t, values, _with_mean(t, size, float(kernel.integral(t_min)) / t_min))
 
 
-def _largest(error):
+def _largest(error: np.ndarray) -> float:
     """Return the largest size of errors."""
     return float(np.abs(error).max())
 
 
 @lru_cache(maxsize=64)
-def closest_positive(kernel, t_min, t_max, tol, fading=False):
+def closest_positive(
+    kernel: Any, t_min: float, t_max: float, tol: float, fading: bool = False
+) -> Fit:
     """Fit a completely monotone kernel as closely as positive weights can.
 
     Whether a function is accepted does not depend on t_min. A kernel that is `fading` is fitted
@@ -131,14 +141,14 @@ def closest_positive(kernel, t_min, t_max, tol, fading=False):
     return _positive(kernel, t_min, t_max, tol, fading)
 
 
-def _positive(kernel, t_min, t_max, tol, fading=False):
+def _positive(kernel: Any, t_min: float, t_max: float, tol: float, fading: bool = False) -> Fit:
     samples = _sampled(kernel, t_min, t_max, tol)
     rates, weights = _positive_sum(samples, tol, _FITTED, fading=fading)
     error = _largest(samples.error(rates, weights))
     return *_scaled(rates, weights, t_min), t_min, t_max, error
 
 
-def _refuse_if_rising(kernel, t_min, t_max):
+def _refuse_if_rising(kernel: Any, t_min: float, t_max: float) -> None:
     """Refuse a kernel that is negative or grows: neither is completely monotone."""
     samples = _sampled(kernel, t_min, t_max, _SLACK)
     values, slack = samples.values, _SLACK * samples.size
@@ -150,13 +160,19 @@ def _refuse_if_rising(kernel, t_min, t_max):
             raise ValueError(_not_monotone(f"{what} at {at}"))
 
 
-def _not_monotone(got):
+def _not_monotone(got: str) -> str:
     """Return the refusal of a kernel that no positive sum of decaying exponentials can follow."""
     required = "be completely monotone (a sum of decaying exponentials with positive weights)"
     return complaint("kernel", required, got, "pass signed=True to allow weights of both signs")
 
 
-def _positive_sum(samples, tol, every=1, norm=_largest, fading=False):
+def _positive_sum(
+    samples: Samples,
+    tol: float,
+    every: int = 1,
+    norm: Callable[[np.ndarray], float] = _largest,
+    fading: bool = False,
+) -> tuple[np.ndarray, np.ndarray]:
     """Fit samples by positive weights; return rates and weights of the closest sum.
 
     Parameters
@@ -203,7 +219,7 @@ def _positive_sum(samples, tol, every=1, norm=_largest, fading=False):
     return closest
 
 
-def _least_squares(samples, rates):
+def _least_squares(samples: Samples, rates: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the rates whose columns are not 0, and their non-negative weights (0: no solution)."""
     from scipy.optimize import nnls
 
@@ -215,7 +231,7 @@ def _least_squares(samples, rates):
     return rates, x / scale
 
 
-def _rate_grid(ratio, step, tol, fading=False):
+def _rate_grid(ratio: float, step: float, tol: float, fading: bool = False) -> np.ndarray:
     """Return rate 0, then rates even in the logarithm from the slowest to the fastest of use.
 
     The fastest decays to exp(-3) tol at t = 1.
@@ -228,7 +244,7 @@ def _rate_grid(ratio, step, tol, fading=False):
     return grid if fading else np.append(0.0, grid)
 
 
-def _unit_columns(samples, rates):
+def _unit_columns(samples: Samples, rates: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the rates whose columns are not 0, columns of largest value 1, and their sizes."""
     table = samples.columns(rates)
     scale = table.max(axis=0)
@@ -236,7 +252,9 @@ def _unit_columns(samples, rates):
     return rates[kept], table[:, kept] / scale[kept], scale[kept]
 
 
-def _refinement(samples, rates, weights, share):
+def _refinement(
+    samples: Samples, rates: np.ndarray, weights: np.ndarray, share: float
+) -> np.ndarray:
     """Return rates next to those in use, (n,), whose gradients are this share of the steepest.
 
     The middles between rates in use and their neighbours resolve a continuous spectrum. A lone rate
@@ -253,7 +271,15 @@ def _refinement(samples, rates, weights, share):
     return new[gradient > share * steepest] if steepest > _ROUNDING else new
 
 
-def _merged(samples, fitted, tol, norm, work, rates, weights):
+def _merged(
+    samples: Samples,
+    fitted: Samples,
+    tol: float,
+    norm: Callable[[np.ndarray], float],
+    work: float,
+    rates: np.ndarray,
+    weights: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
     """Return fewer rates: the closest pairs become their means while the error stays within tol.
 
     At most so much `work` is done.
@@ -275,12 +301,12 @@ def _merged(samples, fitted, tol, norm, work, rates, weights):
     return rates, weights
 
 
-def in_pairs(rates):
+def in_pairs(rates: np.ndarray) -> np.ndarray:
     """Return the indices of rates in order, and of pairs next to each other."""
     return np.lexsort((-rates.imag, np.abs(rates.imag), rates.real))
 
 
-def _scaled(rates, weights, unit):
+def _scaled(rates: np.ndarray, weights: np.ndarray, unit: float) -> tuple[np.ndarray, np.ndarray]:
     """Return the rates, in order and in units of the kernel, and weights."""
     order = in_pairs(rates)
     rates, weights = rates[order] / unit, weights[order]
@@ -290,7 +316,15 @@ def _scaled(rates, weights, unit):
     return rates, weights
 
 
-def closest_table(times, values, t_min, t_max, tol, by_rms, fading=False):
+def closest_table(
+    times: np.ndarray,
+    values: np.ndarray,
+    t_min: float,
+    t_max: float,
+    tol: float,
+    by_rms: bool,
+    fading: bool = False,
+) -> Fit:
     """Fit measured values by positive weights until the rms, or else the largest, error is `tol`.
 
     Returns what `closest_positive` does.
@@ -302,13 +336,15 @@ def closest_table(times, values, t_min, t_max, tol, by_rms, fading=False):
     return *_scaled(rates, weights, times[0]), t_min, t_max, error
 
 
-def root_mean_square(error):
+def root_mean_square(error: np.ndarray) -> float:
     """Return the root of the mean square."""
     return math.sqrt(np.mean(error**2))
 
 
 @lru_cache(maxsize=64)
-def closest_signed(kernel, t_min, t_max, tol, fading=False):
+def closest_signed(
+    kernel: Any, t_min: float, t_max: float, tol: float, fading: bool = False
+) -> Fit:
     """Fit a kernel with weights of both signs, by least squares, as closely as can be.
 
     Errors are relative to the largest ``|K|`` from each time on, and at least to a thousandth of
@@ -326,7 +362,9 @@ def closest_signed(kernel, t_min, t_max, tol, fading=False):
     return *_scaled(*closest, t_min), t_min, t_max, best
 
 
-def _rates_of_signed(kernel, ratio, t_min, tol, fading):
+def _rates_of_signed(
+    kernel: Any, ratio: float, t_min: float, tol: float, fading: bool
+) -> Iterator[np.ndarray]:
     """Yield sets of rates: real ones of pencils and grids, then complex ones, and both.
 
     The pencil is that of the Hankel matrix of even samples without its last and without its first
@@ -359,7 +397,7 @@ def _rates_of_signed(kernel, ratio, t_min, tol, fading):
         yield np.concatenate([grids[1], turned, turned.conj()])
 
 
-def _signed_weights(samples, rates):
+def _signed_weights(samples: Samples, rates: np.ndarray) -> Iterator[np.ndarray]:
     """Yield weights (n,) of least squares, conjugate for pairs, by ever more singular values."""
     first, last = rates.imag > 0, rates.imag >= 0
     table = np.hstack([samples.columns(rates[last]).real, samples.columns(rates[first]).imag])

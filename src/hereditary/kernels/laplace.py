@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.polynomial import chebyshev
@@ -75,7 +76,7 @@ def inverted(transform: Callable, t: ArrayLike, scale: float = _SCALE) -> np.nda
     return np.concatenate(values).real.reshape(t.shape)
 
 
-def _rung(t):
+def _rung(t: Any) -> np.ndarray:
     """Return the places of the last times of the ladder before t."""
     return np.maximum(np.searchsorted(_LADDER, t, "right") - 1, 0)
 
@@ -83,7 +84,12 @@ def _rung(t):
 class LaplaceKernel(Kernel):
     """A memory kernel that is known by its Laplace transform; see `kernel_from_laplace`."""
 
-    def __init__(self, transform, singular_exponent=None, signed=False):
+    def __init__(
+        self,
+        transform: Callable,
+        singular_exponent: float | None = None,
+        signed: bool = False,
+    ) -> None:
         self._function, self._signed = transform, signed
         self._polynomials: dict[int, np.ndarray] = {}
         self._first, self._largest, self._rounded = 0.0, *np.zeros((2, _LADDER.size))
@@ -91,7 +97,7 @@ class LaplaceKernel(Kernel):
             self._leave_out_rounding()
         super().__init__(transform, singular_exponent, signed)
 
-    def _leave_out_rounding(self):
+    def _leave_out_rounding(self) -> None:
         """Find the time below which rounding of F decides, where K is continued by its power."""
         with np.errstate(all="ignore"):
             if self._rounding(_LADDER[:1])[0] < _ROUNDED:
@@ -103,19 +109,19 @@ class LaplaceKernel(Kernel):
         exact, self._rounded = moved < _ROUNDED, np.maximum.accumulate(moved[::-1])[::-1]
         self._first = float(_LADDER[np.argmax(exact)]) if exact.any() else 0.0
 
-    def _sizes(self, t, values):
+    def _sizes(self, t: np.ndarray, values: np.ndarray) -> np.ndarray:
         """Return what errors at times t are relative to."""
         sizes = np.abs(values) + np.abs(self.laplace(1 / t + 0j)) / t
         return np.maximum(sizes, self._largest[_rung(t)])
 
-    def _rounding(self, t):
+    def _rounding(self, t: np.ndarray) -> np.ndarray:
         """Return how much values at times t, relative to their size, change by rounding of s."""
         values = inverted(self.laplace, t)
         moved = [inverted(lambda s, by=by: self.laplace(s * (1 + by)), t) for by in _MOVED]
         difference = np.abs(np.array(moved) - values).max(axis=0)
         return np.nan_to_num(difference / self._sizes(t, values), nan=np.inf)
 
-    def _slope_at_zero(self):
+    def _slope_at_zero(self) -> float:
         """Return a of K ~ t**-a at the smallest times, or where rounding leaves values."""
         if self._first == 0.0:
             return super()._slope_at_zero()
@@ -125,13 +131,13 @@ class LaplaceKernel(Kernel):
             early = np.maximum(early, _ROUNDED * self._largest[_rung(self._first)])
             return max(0.0, round(float(np.nan_to_num(np.log2(early[0] / early[1]))), _DIGITS))
 
-    def _at(self, t):
+    def _at(self, t: np.ndarray) -> np.ndarray:
         """Return values at times of shape (n,): those of polynomials unless K is signed."""
         later = np.maximum(t, self._first)
         values = self._inverted(later) if self._signed else self._interpolated(later)
         return values if self._first == 0.0 else values * (later / t) ** self._exponent
 
-    def _interpolated(self, t):
+    def _interpolated(self, t: np.ndarray) -> np.ndarray:
         """Return values at times of shape (n,) by polynomials between powers of two."""
         fractions, exponents = np.frexp(t)  # in [1/2, 1)
         used, places = np.unique(exponents, return_inverse=True)
@@ -143,7 +149,7 @@ class LaplaceKernel(Kernel):
         series = np.reshape([self._polynomials[e] for e in used.tolist()], (-1, _DEGREE))
         return chebyshev.chebval(4 * fractions - 3, series[places].T, tensor=False)
 
-    def _inverted(self, t):
+    def _inverted(self, t: np.ndarray) -> np.ndarray:
         """Return values at times of shape (n,), some of them compared with a second inversion."""
         values, some = inverted(self.laplace, t), slice(None, None, 1 + t.size // _CHECKED)
         times, seen = t[some], values[some]

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from operator import attrgetter
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -97,12 +98,13 @@ class MemoryKernel(ABC):
         t_min, t_max, tol = fit_interval(t_min, t_max, tol)
         return self._closest(t_min, t_max, tol, fading)
 
-    def _closest(self, t_min, t_max, tol, fading):
+    def _closest(self, t_min: float, t_max: float, tol: float, fading: bool) -> ExponentialSum:
         """Return the sum of `closest_fit`, whose arguments are checked."""
-        rates, *found = closest_positive(self, t_min, t_max, tol, fading)
-        if not self.by_values:  # no named kernel lasts, so a rate of 0 is one beyond the fit
-            rates = np.maximum(rates, _BEYOND / t_max)
-        return ExponentialSum(rates, *found)
+        fit = ExponentialSum(*closest_positive(self, t_min, t_max, tol, fading))
+        if self.by_values:
+            return fit
+        # no named kernel lasts, so a rate of 0 is one beyond the fit
+        return replace(fit, rates=np.maximum(fit.rates, _BEYOND / t_max))
 
     def __mul__(self, factor: float) -> ScaledKernel:
         return _scaled(_not_zero("factor", factor), self)
@@ -132,11 +134,11 @@ class ScaledKernel(MemoryKernel):
     factor: float
     kernel: MemoryKernel
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         # a product of two factors may leave the range of numbers
         _not_zero("factor", self.factor)
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return f"{self.factor} * {self.kernel!r}"
 
     singular_exponent = property(attrgetter("kernel.singular_exponent"))
@@ -162,7 +164,7 @@ class ScaledKernel(MemoryKernel):
         fit = self.kernel.fit(t_min, t_max, tol)
         return replace(fit, weights=self.factor * fit.weights)
 
-    def _closest(self, t_min, t_max, tol, fading):
+    def _closest(self, t_min: float, t_max: float, tol: float, fading: bool) -> ExponentialSum:
         """Return the kernel's closest sum with all weights times the factor."""
         fit = self.kernel._closest(t_min, t_max, tol, fading)
         return replace(fit, weights=self.factor * fit.weights)
@@ -190,7 +192,7 @@ class _Exponentials(MemoryKernel):
         """Return ``sum_i weights[i] / (s + rates[i])``."""
         return (1 / np.add.outer(np.asarray(s), self.rates)) @ np.asarray(self.weights)
 
-    def _closest(self, t_min, t_max, tol, fading):
+    def _closest(self, t_min: float, t_max: float, tol: float, fading: bool) -> ExponentialSum:
         """Return the sum itself, exact at any tolerance."""
         return ExponentialSum(np.array(self.rates), np.array(self.weights), t_min, t_max, 0.0)
 
@@ -342,7 +344,7 @@ class KernelErrors(NamedTuple):
     measured: float = 0.0
 
     @classmethod
-    def of(cls, kernels, fits):
+    def of(cls, kernels: Iterable, fits: Iterable) -> KernelErrors:
         """Return the largest errors of these fits."""
         errors: tuple[list, list] = [0.0], [0.0]
         for kernel, fit in zip(kernels, fits, strict=True):
@@ -350,16 +352,16 @@ class KernelErrors(NamedTuple):
         return cls(*map(max, errors))
 
     @property
-    def reported(self):
+    def reported(self) -> float:
         """The largest error, with what check points may have missed."""
         return _MISSED * max(self)
 
     @property
-    def noise(self):
+    def noise(self) -> float:
         """The largest error of measured kernels, or 0 where it is more than noise."""
         return self.measured if self.measured <= _NOISE else 0.0
 
-    def misfit(self, tol):
+    def misfit(self, tol: float) -> str:
         """Say by how much kernels miss the tolerance of a run; empty where they keep it.
 
         Of measured ones only what is more than noise counts.
@@ -374,7 +376,7 @@ class KernelErrors(NamedTuple):
 NO_ERRORS = KernelErrors()
 
 
-def misfit_on_given_steps(errors, history):
+def misfit_on_given_steps(errors: KernelErrors, history: Any) -> str:
     """Return the misfit of a run on given steps; warn of other errors beyond the history's."""
     tol = getattr(history, "tol", 0.0)
     misfit = errors.misfit(max(tol, _ON_GIVEN_STEPS))
@@ -382,7 +384,7 @@ def misfit_on_given_steps(errors, history):
     return misfit
 
 
-def warn_of_fit(error, tol):
+def warn_of_fit(error: float, tol: float) -> None:
     """Warn, where the package was called, of a kernel's sum that misses its tolerance."""
     if error <= tol:
         return
@@ -390,14 +392,14 @@ def warn_of_fit(error, tol):
     warn(f"{clause}, more than the {tol:.0e} asked for; {_ADVICE}", KernelWarning)
 
 
-def _scaled(factor, kernel):
+def _scaled(factor: float, kernel: MemoryKernel) -> ScaledKernel:
     """Return ``factor * kernel`` with one factor in all."""
     if isinstance(kernel, ScaledKernel):
         factor, kernel = factor * kernel.factor, kernel.kernel
     return ScaledKernel(factor, kernel)
 
 
-def _not_zero(argument, value):
+def _not_zero(argument: str, value: Any) -> float:
     """Return `value` as a finite float other than 0."""
     required = "be a finite number other than 0"
     number = real(argument, value, required)
@@ -406,7 +408,7 @@ def _not_zero(argument, value):
     return number
 
 
-def matching(name, first, other, second):
+def matching(name: str, first: Any, other: str, second: Any) -> tuple[np.ndarray, np.ndarray]:
     """Return two arrays of one length, at least 1."""
     a, b = np.atleast_1d(real_array(name, first)), np.atleast_1d(real_array(other, second))
     if a.ndim != 1 or a.shape != b.shape or a.size == 0:
@@ -414,7 +416,7 @@ def matching(name, first, other, second):
     return a, b
 
 
-def all_positive(name, values):
+def all_positive(name: str, values: np.ndarray) -> None:
     """Refuse an array with entries of 0 or below."""
     if np.any(values <= 0):
         remedy = "leave out what has no weight" if np.any(values == 0) else ""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -43,7 +44,7 @@ class PowerLaw(MemoryKernel):
 
     exponent: float
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         remedy = "K(t) is t**-exponent; Caputo(beta) with 1 < beta < 2 has beta - 1"
         within("exponent", self.exponent, 5e-324, 2.0, "(0, 2]", remedy)
 
@@ -68,7 +69,7 @@ class PowerLaw(MemoryKernel):
         a = float(self.exponent)
         return gamma(1 - a) * np.asarray(s) ** (a - 1)
 
-    def _closest(self, t_min, t_max, tol, fading):
+    def _closest(self, t_min: float, t_max: float, tol: float, fading: bool) -> ExponentialSum:
         """Return its sum of exponentials in closed form, as close as `tol` requires."""
         a = float(self.exponent)
         if abs(a * math.log(t_min)) > 690:
@@ -98,7 +99,7 @@ class TemperedPowerLaw(MemoryKernel):
     exponent: float
     rate: float
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         within("exponent", self.exponent, math.ulp(0.0), _BELOW_ONE, "(0, 1)")
         if real("rate", self.rate, "be a finite number of at least 0") < 0:
             refuse("rate", "be a finite number of at least 0", self.rate)
@@ -124,7 +125,7 @@ class TemperedPowerLaw(MemoryKernel):
         p = 1 - self.exponent
         return math.gamma(p) * (np.asarray(s) + self.rate) ** -p
 
-    def _closest(self, t_min, t_max, tol, fading):
+    def _closest(self, t_min: float, t_max: float, tol: float, fading: bool) -> ExponentialSum:
         """Return the power law's sum with all rates faster by `rate`."""
         if self.rate * t_min > _GONE:
             refuse("t_min", "come before the kernel is 0 in rounding", t_min)
@@ -228,7 +229,7 @@ class StretchedExponential(MemoryKernel):
     rate: float
     singular_exponent = 0.0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         within("exponent", self.exponent, 0.01, 1.0, "[0.01, 1]")
         positive("rate", self.rate)
 
@@ -273,7 +274,7 @@ class MittagLeffler(MemoryKernel):
     rate: float
     singular_exponent = 0.0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         within("order", self.order, 0.01, 1.0, "[0.01, 1]")
         positive("rate", self.rate)
 
@@ -296,7 +297,7 @@ class MittagLeffler(MemoryKernel):
         if self.order == 1:
             return t * mean_exponential(x)
 
-        def weight(y):
+        def weight(y: np.ndarray) -> np.ndarray:
             near, far = np.minimum(y, 1e3), np.maximum(y, 1e3)
             return np.where(y < 1e3, near * first_moment_exponential(near), 1 / far)
 
@@ -307,7 +308,7 @@ class MittagLeffler(MemoryKernel):
         s = np.asarray(s)
         return 1 / (s + self.rate**self.order * s ** (1 - self.order))
 
-    def _over_spectrum(self, x, weight, far):
+    def _over_spectrum(self, x: Any, weight: Any, far: Any) -> np.ndarray:
         """Return ``int weight(x exp(v)) F dv`` for x >= 0 of any shape.
 
         F is the share of the spectrum below the log rate v, in units of `rate`, and
@@ -335,7 +336,7 @@ class MittagLeffler(MemoryKernel):
         return np.where(x > 0, np.concatenate(parts).reshape(x.shape), 1.0)
 
 
-def mean_of_decay(p, x):
+def mean_of_decay(p: float, x: Any) -> np.ndarray:
     """Return ``p int_0^1 u**(p-1) exp(-x u) du``, from 1 at x = 0, without loss anywhere.
 
     For x < p + 1 the series ``exp(-x) sum_k x**k / ((p+1)...(p+k))``, all of one sign.

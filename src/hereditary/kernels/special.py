@@ -4,14 +4,17 @@ These functions are missing in SciPy. All weights of schemes with constant piece
 numbers ``b_k(p) = (k+1)**p - k**p``, 0 <= p < 1, their differences and their alternating sum.
 """
 
+from __future__ import annotations
+
 from functools import lru_cache
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from scipy.special import bernoulli, binom, factorial, zeta
 
 
-def power_differences(p, n):
+def power_differences(p: float, n: int) -> np.ndarray:
     """Return the differences of powers ``b_k = (k+1)**p - k**p`` for k = 0..n-1.
 
     Parameters
@@ -33,7 +36,7 @@ def power_differences(p, n):
     return b
 
 
-def hurwitz_zeta(s, q):
+def hurwitz_zeta(s: float, q: Any) -> Any:
     """Return Hurwitz's ``zeta(s, q) = sum_(k >= 0) (k + q)**-s``, continued to s below 1.
 
     Parameters
@@ -58,7 +61,7 @@ def hurwitz_zeta(s, q):
     return float(total)
 
 
-def power_second_differences(p, n):
+def power_second_differences(p: float, n: int) -> np.ndarray:
     """Return 1 and then ``b_k - b_(k-1)`` for k = 1..n-1, with b_k of `power_differences`.
 
     The difference of three powers loses all digits near k = 1e8. Beyond k = 16 this function uses
@@ -90,12 +93,12 @@ def power_second_differences(p, n):
     return c
 
 
-def alternating_power_sum(p):
+def alternating_power_sum(p: Any) -> Any:
     """Return ``sum_k (-1)**k b_k`` = 2 eta(-p), Dirichlet's eta, b_k of `power_differences`."""
     return 2 * (1 - 2 ** (1 + p)) * zeta(-p)
 
 
-def alternating_sum(terms):
+def alternating_sum(terms: np.ndarray) -> Any:
     """Sum ``(-1)**k terms[k]`` over infinitely many completely monotone terms, given the first n.
 
     Algorithm 1 of [CohenVillegasZagier2000]; the error is 5.8**-n of the sum.
@@ -111,14 +114,14 @@ def alternating_sum(terms):
     return total / d
 
 
-def mean_exponential(z):
+def mean_exponential(z: Any) -> Any:
     """Return ``(1 - exp(-z)) / z``, the mean of exp(-z u) over 0 <= u <= 1."""
     z = np.asarray(z)
     safe = np.where(z == 0, 1.0, z)
     return np.where(z == 0, 1.0, -np.expm1(-safe) / safe)
 
 
-def first_moment_exponential(z):
+def first_moment_exponential(z: Any) -> Any:
     """Return ``int_0^1 u exp(-z u) du`` = (1 - (1 + z) exp(-z)) / z**2 for z >= 0.
 
     Below z = 0.5 by its series ``sum_j (-z)**j / (j! (j + 2))``, whose fifteen terms leave 1e-16.
@@ -133,14 +136,14 @@ def first_moment_exponential(z):
 
 
 @lru_cache(maxsize=8)
-def gauss_unit(n):
+def gauss_unit(n: int) -> tuple[np.ndarray, np.ndarray]:
     """Return nodes and weights of the n-point Gauss-Legendre rule on [0, 1]."""
     nodes, weights = np.polynomial.legendre.leggauss(n)
     return (nodes + 1) / 2, weights / 2
 
 
 @lru_cache(maxsize=8)
-def graded_unit(n):
+def graded_unit(n: int) -> tuple[np.ndarray, np.ndarray]:
     """Return nodes and weights on [0, 1]: Gauss rules on 51 panels that halve towards 0.
 
     The widest panel has n nodes, each next one half as many, and at least 16.

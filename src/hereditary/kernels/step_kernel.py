@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from operator import attrgetter
+from typing import Any
 
 import numpy as np
 
@@ -129,16 +130,16 @@ class Integrated:
     by_values = property(attrgetter("kernel.by_values"))
     measured = property(attrgetter("kernel.measured"))
 
-    def __call__(self, t):
+    def __call__(self, t: Any) -> Any:
         """Return values of the kernel."""
         return self.kernel.integral(t)
 
-    def integral(self, t):
+    def integral(self, t: Any) -> Any:
         """Return ``int_0^t K``, by a rule that is graded towards 0."""
         u, weights = graded_unit(16)
         return t * (self.kernel.integral(np.multiply.outer(t, u)) @ weights)
 
-    def closest_fit(self, t_min, t_max, tol):
+    def closest_fit(self, t_min: float, t_max: float, tol: float) -> ExponentialSum:
         """Fit an exponential sum, a constant among it: the kernel's, integrated from t_min."""
         fit = self.kernel.closest_fit(t_min, t_max, tol, fading=True)
         if np.any(fit.rates == 0):
@@ -210,7 +211,7 @@ class StepKernel:
 
 
 @lru_cache(maxsize=64)
-def _exponentials(kernel, n_steps, tol):
+def _exponentials(kernel: StepKernel, n_steps: float, tol: float) -> ExponentialSum:
     end = min(kernel.h * max(n_steps, 2), kernel.kernel.t_last)
     start = min(kernel.h, end / 2)  # runs of one step read nothing of it
     fit = kernel.kernel.closest_fit(start, end, tol)
