@@ -14,6 +14,7 @@ import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -51,7 +52,7 @@ _NEAR = 1e-3
 _MAX_CONDITION = 1e8
 
 
-def __dir__():
+def __dir__() -> list[str]:
     return __all__
 
 
@@ -217,7 +218,7 @@ def system(
     modes = np.linalg.solve(vectors, np.transpose([*start, force + np.zeros(d)])).T
     kinds = [*[(0.0, 1.0), (1.0, 2.0)][: len(start)], (alpha, alpha + 1)]
 
-    def at(t):
+    def at(t: np.ndarray) -> np.ndarray:
         z = np.multiply.outer(t**alpha, eigenvalues)
         y = np.zeros(z.shape, dtype=complex)
         with np.errstate(over="ignore", invalid="ignore"):
@@ -229,7 +230,7 @@ def system(
     return _callable(at, start)
 
 
-def _mittag_leffler(z, a, b):
+def _mittag_leffler(z: Any, a: float, b: float) -> np.ndarray:
     """Return E_(a,b)(z), by elementary functions for integer a."""
     if a == 1:
         return np.exp(z) if b == 1 else np.where(z == 0, 1, np.expm1(z) / np.where(z == 0, 1, z))
@@ -240,11 +241,11 @@ def _mittag_leffler(z, a, b):
     return mittag_leffler(z, a, b)
 
 
-def _initial(y0, order):
+def _initial(y0: Any, order: float) -> np.ndarray:
     return initial_values(real_array("y0", y0), derivative_order(order))
 
 
-def _merged(orders, coefficients):
+def _merged(orders: Any, coefficients: Any) -> Any:
     """Return distinct orders, increasing, and their coefficients, none of them 0."""
     a = np.atleast_1d(orders_up_to_2(orders))
     c = np.atleast_1d(real_array("coefficients", coefficients))
@@ -257,7 +258,7 @@ def _merged(orders, coefficients):
     return distinct[total != 0], total[total != 0]
 
 
-def _forces(forcing, highest):
+def _forces(forcing: Any, highest: float) -> Any:
     """Return powers and amplitudes, none of them 0."""
     required = "be pairs (amplitude, power), with power above -1 and above minus the highest order"
     pairs = real_array("forcing", [*forcing] or np.zeros((0, 2)), required)
@@ -267,7 +268,7 @@ def _forces(forcing, highest):
     return powers[sizes != 0], sizes[sizes != 0]
 
 
-def _callable(at, start):
+def _callable(at: Callable, start: Any) -> ExactSolution:
     """Return a solution for all t >= 0 from one for t > 0."""
 
     def solution(t: ArrayLike) -> np.ndarray:
@@ -290,27 +291,27 @@ class _Exponentials:
     exponents: np.ndarray
     coefficients: np.ndarray
 
-    def log_terms(self, x):
+    def log_terms(self, x: np.ndarray) -> np.ndarray:
         """Return the logarithm of each term's size, shape (..., n_terms)."""
         return np.log(np.abs(self.coefficients)) + np.multiply.outer(x, self.exponents)
 
-    def log_size(self, x):
+    def log_size(self, x: Any) -> Any:
         """Return the logarithm of the largest term."""
         return self.log_terms(x).max(axis=-1, initial=-np.inf)
 
-    def at(self, u, log_scale, derivative=0):
+    def at(self, u: Any, log_scale: Any, derivative: int = 0) -> Any:
         """Return the sum or its derivative at points u, shape (n,)."""
         phase = 1j * np.multiply.outer(u.imag, self.exponents)
         terms = np.exp(self.log_terms(u.real) - log_scale[:, None] + phase)
         return terms @ (np.sign(self.coefficients) * self.exponents**derivative)
 
-    def along(self, x, v, log_scale):
+    def along(self, x: Any, v: Any, log_scale: Any) -> Any:
         """Return the sum at all x[i] + v[k], real x and complex v."""
         table = np.exp(np.multiply.outer(self.exponents, v))
         return (np.exp(self.log_terms(x) - log_scale[:, None]) * np.sign(self.coefficients)) @ table
 
 
-def _halves(a, c, m):
+def _halves(a: Any, c: Any, m: Any) -> Any:
     """Return ``P = sum c_j s**(a_j - m)`` over a_j > m, and its value at zeros of F."""
     high = a > m
     return _Exponentials(a[high] - m, c[high]), _Exponentials(a[~high] - m, -c[~high])
@@ -319,7 +320,7 @@ def _halves(a, c, m):
 class _Transform:
     """``Y(s) = sum_k P_k(log s) rows[k] / (s F(log s))``, rows of shape (n, d)."""
 
-    def __init__(self, below, above, rows):
+    def __init__(self, below: Any, above: Any, rows: Any) -> None:
         self.below, self.above, self.rows = below, [p for p, _ in above], rows
         u = _zeros(below)
         scale = below.log_size(u.real)
@@ -331,7 +332,7 @@ class _Transform:
         residues = np.stack(values, axis=1) / below.at(u, scale, derivative=1)[:, None]
         self.poles, self.residues = np.exp(u), residues @ rows
 
-    def __call__(self, t):
+    def __call__(self, t: np.ndarray) -> np.ndarray:
         """Return the solution at times t > 0 of shape (n,), shape (n, d)."""
         value = np.empty((t.size, self.rows.shape[1]))
         block = max(1, 4000 // (1 + self.poles.size))  # a million complex numbers at a time
@@ -346,7 +347,7 @@ class _Transform:
                 value[start + i] = self.invert(t[start + i], z[i], _SCALES[k])
         return value
 
-    def invert(self, t, z, scale):
+    def invert(self, t: np.ndarray, z: np.ndarray, scale: float) -> np.ndarray:
         """Integral of ``exp(s t) (Y - poles split off)`` and the poles' share, shape (n, d)."""
         x, v = math.log(scale) - np.log(t), np.log(ZETA)
         log_scale = self.below.log_size(x)
@@ -362,7 +363,7 @@ class _Transform:
             return smooth + (grown * turning).sum(axis=1)
 
 
-def _zeros(f):
+def _zeros(f: Any) -> Any:
     """Return all zeros of F with abs(Im u) < _TOP, as many as the argument principle counts."""
     if f.exponents.size == 1:
         return np.zeros(0, dtype=complex)
@@ -388,7 +389,7 @@ def _zeros(f):
     refuse("coefficients", required, got, "change one of them a little")
 
 
-def _turns(f, start, end):
+def _turns(f: Any, start: Any, end: Any) -> Any:
     """Return the turns of F around 0 from start to end, by small intervals."""
     z = np.linspace(start, end, 400)
     for _ in range(40):
@@ -401,7 +402,7 @@ def _turns(f, start, end):
     return turn.sum() / (2 * math.pi)
 
 
-def _newton(f, u):
+def _newton(f: Any, u: Any) -> Any:
     """Return the limits of Newton's iteration from all the starts, and the conjugates."""
     for _ in range(80):
         scale = f.log_size(u.real)

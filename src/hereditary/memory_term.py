@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -60,7 +60,17 @@ class MemoryTerm:
         1 - alpha/2 for `L2Sigma` [-].
     """
 
-    def __init__(self, how, system, plan: Plan, memory, h, u0, v0, term0):
+    def __init__(
+        self,
+        how: dict[str, Any],
+        system: System,
+        plan: Plan,
+        memory: Any,
+        h: float,
+        u0: np.ndarray,
+        v0: np.ndarray,
+        term0: np.ndarray,
+    ) -> None:
         self._how, self._system, self._plan, self._memory, self._h = how, system, plan, memory, h
         self._shape, width = u0.shape, u0.size
         self._groups = np.zeros(width, dtype=np.int64)
@@ -69,7 +79,7 @@ class MemoryTerm:
         self.n, self._opened, self.theta = 0, -1, float(plan.rows.theta[0])
         self._known: np.ndarray | None = None
 
-    def _factor(self, rows):
+    def _factor(self, rows: Any) -> Any:
         return float(rows[0, min(self.n, 1)])
 
     @property
@@ -94,7 +104,7 @@ class MemoryTerm:
             self._known = self._known_part()
         return self._known.reshape(self._shape).copy()
 
-    def _known_part(self):
+    def _known_part(self) -> np.ndarray:
         refuse_late(self._system, (self.n + 1) * self._h)
         if self.n >= self._how["steps"]:
             refuse("n_steps", "cover all steps", f"{self.n + 1} of them", "make the term for more")
@@ -111,7 +121,7 @@ class MemoryTerm:
             known -= corrections[self.n, 0] * self._term0
         return known
 
-    def _open(self):
+    def _open(self) -> None:
         """Let the memory add everything older than the block that starts here to its lag."""
         n, memory = self.n, self._memory
         memory.prepare(min(n + BLOCK, self._how["steps"]))
@@ -151,7 +161,7 @@ class MemoryTerm:
         done = self._made(self.n), self.n, self._opened
         return MemoryTermState(*done, self._u.copy(), start, *block, self._memory.state())
 
-    def _made(self, n):
+    def _made(self, n: int) -> dict[str, Any]:
         """Describe what a term must share with the term of a restored state at step n."""
         terms = described_terms(self._system, n * self._h)
         return {**self._how, **terms, "shape": self._shape, "h": self._h}
@@ -271,7 +281,7 @@ def memory_term(
     return MemoryTerm(how, system, plan, memory, h, start, speed, value)
 
 
-def _operator(kernel_or_order):
+def _operator(kernel_or_order: Any) -> Any:
     """Return the operator of an order or a kernel, and whether a kernel is known by its values."""
     if isinstance(kernel_or_order, MemoryKernel):
         return Memory(kernel_or_order, 1), kernel_or_order.by_values
@@ -279,7 +289,7 @@ def _operator(kernel_or_order):
     return Caputo(real("kernel_or_order", kernel_or_order, required)), False
 
 
-def _alone(operator):
+def _alone(operator: Any) -> System:
     """Return the system whose left side is this operator, and f = 1."""
     term = Term(operator, 1.0).plain()
     own = getattr(term.operator, "order", ())  # a kernel has none
@@ -289,26 +299,25 @@ def _alone(operator):
 
 
 @compiled
-def _one(t, y, dy, params):
+def _one(t: float, y: np.ndarray, dy: np.ndarray, params: np.ndarray) -> None:
     for i in range(dy.shape[0]):
         dy[i] = 1.0
 
 
-def _plan(scheme, system, h):
+def _plan(scheme: Scheme, system: System, h: float) -> Plan:
     """Return the scheme's plan, or refuse a scheme whose steps are more than one equation."""
     required = "solve one equation a step here"
     remedy = "use BDF(1), BDF(2), L1, or up to order 1 L12, L2 or L2Sigma"
     if scheme.solve == "newton":
         scheme.check_terms(system)
-        plan = None if scheme.reduction(system) else scheme.plan(system, h)
+        plan: Plan | None = None if scheme.reduction(system) else scheme.plan(system, h)
         corrected = 0 if plan is None or plan.corrections is None else len(plan.corrections)
-        single = plan is not None and plan.given is None and not plan.integral
-        if single and corrected <= _CORRECTED:
+        if plan and plan.given is None and not plan.integral and corrected <= _CORRECTED:
             return plan
     refuse("scheme", required, repr(scheme), remedy)
 
 
-def _array(name, values, shape):
+def _array(name: str, values: Any, shape: tuple[int, ...]) -> np.ndarray:
     """Return numbers of the shape of u0, or say why they are not."""
     found = real_array(name, values)
     if found.shape not in (shape, ()):

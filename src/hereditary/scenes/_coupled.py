@@ -1,5 +1,7 @@
 """Systems of order 1 and below: their orders and initial values in one wording."""
 
+from typing import Any
+
 import numpy as np
 
 from ..equation.equation import Equation
@@ -7,7 +9,7 @@ from ..equation.operators import Caputo
 from ..support.checks import real_array, refuse
 
 
-def coupled(d, alpha, rhs, y0, params, jac):
+def coupled(d: int, alpha: Any, rhs: Any, y0: Any, params: Any, jac: Any) -> Any:
     """Make ``D^alpha y = rhs`` with d components and one alpha or one for each of them."""
     orders = real_array("alpha", alpha)
     if orders.shape not in ((), (d,)):

@@ -29,7 +29,7 @@ _GOLDEN = 0.6180339887498949
 
 
 @compiled
-def _forces(t, y, dy, params):
+def _forces(t: float, y: np.ndarray, dy: np.ndarray, params: np.ndarray) -> None:
     """Set the forces of springs, pull and wells."""
     # params: omega**2, spring_speed, coupling, adhesion of each block, a_1, a_2, ...
     d = y.shape[0]
@@ -44,7 +44,7 @@ def _forces(t, y, dy, params):
 
 
 @compiled
-def _forces_jacobian(t, y, ab, params):
+def _forces_jacobian(t: float, y: np.ndarray, ab: np.ndarray, params: np.ndarray) -> None:
     """Set three diagonals, as in `scipy.linalg.solve_banded`; one for a single block."""
     d, upper = y.shape[0], ab.shape[0] // 2
     for i in range(d):
@@ -123,7 +123,7 @@ def stick_slip_chain(
     return Equation(terms, _forces, start, params, _forces_jacobian, bandwidth=(1, 1))
 
 
-def _by_blocks(name, values, blocks):
+def _by_blocks(name: str, values: Any, blocks: int) -> np.ndarray:
     """Return one number for each block."""
     found = real_array(name, values)
     if found.shape not in ((), (blocks,)):

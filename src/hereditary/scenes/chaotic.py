@@ -6,6 +6,7 @@ as its authors wrote it. All quantities are scaled [-].
 
 from __future__ import annotations
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from ..compiled.jit import compiled
@@ -15,7 +16,7 @@ from ._coupled import coupled
 
 
 @compiled
-def _lorenz(t, y, dy, params):
+def _lorenz(t: float, y: np.ndarray, dy: np.ndarray, params: np.ndarray) -> None:
     # params: sigma, rho, b
     dy[0] = params[0] * (y[1] - y[0])
     dy[1] = y[0] * (params[1] - y[2]) - y[1]
@@ -23,7 +24,7 @@ def _lorenz(t, y, dy, params):
 
 
 @compiled
-def _lorenz_jacobian(t, y, jacobian, params):
+def _lorenz_jacobian(t: float, y: np.ndarray, jacobian: np.ndarray, params: np.ndarray) -> None:
     jacobian[0, 0], jacobian[0, 1], jacobian[0, 2] = -params[0], params[0], 0.0
     jacobian[1, 0], jacobian[1, 1], jacobian[1, 2] = params[1] - y[2], -1.0, -y[0]
     jacobian[2, 0], jacobian[2, 1], jacobian[2, 2] = y[1], y[0], -params[2]
@@ -80,7 +81,7 @@ def lorenz(
 
 
 @compiled
-def _rossler(t, y, dy, params):
+def _rossler(t: float, y: np.ndarray, dy: np.ndarray, params: np.ndarray) -> None:
     # params: a, b, c
     dy[0] = -y[1] - y[2]
     dy[1] = y[0] + params[0] * y[1]
@@ -88,7 +89,7 @@ def _rossler(t, y, dy, params):
 
 
 @compiled
-def _rossler_jacobian(t, y, jacobian, params):
+def _rossler_jacobian(t: float, y: np.ndarray, jacobian: np.ndarray, params: np.ndarray) -> None:
     jacobian[0, 0], jacobian[0, 1], jacobian[0, 2] = 0.0, -1.0, -1.0
     jacobian[1, 0], jacobian[1, 1], jacobian[1, 2] = 1.0, params[0], 0.0
     jacobian[2, 0], jacobian[2, 1], jacobian[2, 2] = y[2], 0.0, y[0] - params[2]
@@ -143,7 +144,7 @@ def rossler(
 
 
 @compiled
-def _rabinovich_fabrikant(t, y, dy, params):
+def _rabinovich_fabrikant(t: float, y: np.ndarray, dy: np.ndarray, params: np.ndarray) -> None:
     # params: a, b
     square = y[0] * y[0]
     dy[0] = y[1] * (y[2] - 1.0 + square) + params[0] * y[0]
@@ -152,7 +153,9 @@ def _rabinovich_fabrikant(t, y, dy, params):
 
 
 @compiled
-def _rabinovich_fabrikant_jacobian(t, y, jacobian, params):
+def _rabinovich_fabrikant_jacobian(
+    t: float, y: np.ndarray, jacobian: np.ndarray, params: np.ndarray
+) -> None:
     square, product = y[0] * y[0], y[0] * y[1]
     jacobian[0, 0] = 2.0 * product + params[0]
     jacobian[0, 1] = y[2] - 1.0 + square

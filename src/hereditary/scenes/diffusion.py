@@ -87,7 +87,7 @@ def subdiffusion(
     return Equation(Caputo(alpha), source, rows, params, linear=matrix)
 
 
-def _field(name, values, shape, default):
+def _field(name: str, values: Any, shape: tuple[int, ...], default: Any) -> np.ndarray:
     """Return values on the points as one row."""
     found = default if values is None else real_array(name, values)
     if found.shape != shape:
@@ -95,7 +95,7 @@ def _field(name, values, shape, default):
     return found.ravel()
 
 
-def _laplacian(points, dimensions):
+def _laplacian(points: int, dimensions: int) -> Any:
     """Return the second differences on the points, a SciPy CSR array."""
     sparse: Any = importlib.import_module("scipy.sparse")
     own = [1.0, -2.0, 1.0]

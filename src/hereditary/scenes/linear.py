@@ -1,5 +1,9 @@
 """Linear scenes with known solutions."""
 
+from typing import Any
+
+import numpy as np
+
 from ..compiled.jit import compiled
 from ..equation.equation import Equation
 from ..equation.operators import Caputo
@@ -7,14 +11,16 @@ from ..support.checks import real, within
 
 
 @compiled
-def _proportional(t, y, dy, params):
+def _proportional(t: float, y: np.ndarray, dy: np.ndarray, params: np.ndarray) -> None:
     """Set dy to params[0] y."""
     for j in range(y.shape[0]):
         dy[j] = params[0] * y[j]
 
 
 @compiled
-def _proportional_jacobian(t, y, jacobian, params):
+def _proportional_jacobian(
+    t: float, y: np.ndarray, jacobian: np.ndarray, params: np.ndarray
+) -> None:
     jacobian[:] = 0.0
     for j in range(y.shape[0]):
         jacobian[j, j] = params[0]
@@ -54,7 +60,7 @@ def relaxation(alpha: float = 0.5, rate: float = 1.0, y0: float = 1.0) -> Equati
     )
 
 
-def oscillator_terms(beta, gamma, friction, kind=Caputo):
+def oscillator_terms(beta: Any, gamma: Any, friction: float, kind: Any = Caputo) -> Any:
     """Return inertia and friction, ``D^beta + friction D^gamma``, with checked orders.
 
     An order may be a function of time; its value at 0 determines its range.

@@ -21,14 +21,16 @@ from .linear import oscillator_terms
 
 
 @compiled
-def _cubic_spring(t, y, dy, params):
+def _cubic_spring(t: float, y: np.ndarray, dy: np.ndarray, params: np.ndarray) -> None:
     # params: stiffness, cubic, force, frequency
     spring = y[0] * (params[0] + params[1] * y[0] * y[0])
     dy[0] = params[2] * math.cos(params[3] * t) - spring
 
 
 @compiled
-def _cubic_spring_jacobian(t, y, jacobian, params):
+def _cubic_spring_jacobian(
+    t: float, y: np.ndarray, jacobian: np.ndarray, params: np.ndarray
+) -> None:
     jacobian[0, 0] = -params[0] - 3.0 * params[1] * y[0] * y[0]
 
 
@@ -99,7 +101,7 @@ def duffing(
 
 
 @compiled
-def _van_der_pol(t, y, dy, params):
+def _van_der_pol(t: float, y: np.ndarray, dy: np.ndarray, params: np.ndarray) -> None:
     # params: mu, force, frequency
     dy[0] = y[1]
     drive = params[1] * math.cos(params[2] * t)
@@ -107,7 +109,9 @@ def _van_der_pol(t, y, dy, params):
 
 
 @compiled
-def _van_der_pol_jacobian(t, y, jacobian, params):
+def _van_der_pol_jacobian(
+    t: float, y: np.ndarray, jacobian: np.ndarray, params: np.ndarray
+) -> None:
     jacobian[0, 0], jacobian[0, 1] = 0.0, 1.0
     jacobian[1, 0] = -2.0 * params[0] * y[0] * y[1] - 1.0
     jacobian[1, 1] = params[0] * (1.0 - y[0] * y[0])
@@ -157,7 +161,7 @@ def van_der_pol(
 
 
 @compiled
-def _brusselator(t, y, dy, params):
+def _brusselator(t: float, y: np.ndarray, dy: np.ndarray, params: np.ndarray) -> None:
     # params: a, b
     product = y[0] * y[0] * y[1]
     dy[0] = params[0] - (params[1] + 1.0) * y[0] + product
@@ -165,7 +169,9 @@ def _brusselator(t, y, dy, params):
 
 
 @compiled
-def _brusselator_jacobian(t, y, jacobian, params):
+def _brusselator_jacobian(
+    t: float, y: np.ndarray, jacobian: np.ndarray, params: np.ndarray
+) -> None:
     slope, square = 2.0 * y[0] * y[1], y[0] * y[0]
     jacobian[0, 0], jacobian[0, 1] = slope - params[1] - 1.0, square
     jacobian[1, 0], jacobian[1, 1] = params[1] - slope, -square
@@ -215,7 +221,7 @@ def brusselator(
 
 
 @compiled
-def _selkov(t, y, dy, params):
+def _selkov(t: float, y: np.ndarray, dy: np.ndarray, params: np.ndarray) -> None:
     # params: a, b
     eaten = params[0] * y[1] + y[0] * y[0] * y[1]
     dy[0] = eaten - y[0]
@@ -223,7 +229,7 @@ def _selkov(t, y, dy, params):
 
 
 @compiled
-def _selkov_jacobian(t, y, jacobian, params):
+def _selkov_jacobian(t: float, y: np.ndarray, jacobian: np.ndarray, params: np.ndarray) -> None:
     by_x, by_y = 2.0 * y[0] * y[1], params[0] + y[0] * y[0]
     jacobian[0, 0], jacobian[0, 1] = by_x - 1.0, by_y
     jacobian[1, 0], jacobian[1, 1] = -by_x, -by_y
@@ -289,7 +295,7 @@ def selkov(
     first, second = each
     log_scale = math.log(scale)
 
-    def faster(t, y, dy, params):
+    def faster(t: float, y: np.ndarray, dy: np.ndarray, params: np.ndarray) -> None:
         _selkov(t, y, dy, params)
         dy[0] *= math.exp((1.0 - first(t)) * log_scale)
         dy[1] *= math.exp((1.0 - second(t)) * log_scale)

@@ -2,6 +2,8 @@
 
 import math
 
+import numpy as np
+
 from ..compiled.jit import compiled
 from ..equation.equation import Equation
 from ..support.checks import real
@@ -9,13 +11,13 @@ from .linear import oscillator_terms
 
 
 @compiled
-def _shaken(t, y, dy, params):
+def _shaken(t: float, y: np.ndarray, dy: np.ndarray, params: np.ndarray) -> None:
     # params: stiffness, depth, frequency
     dy[0] = -(params[0] + params[1] * math.cos(params[2] * t)) * y[0]
 
 
 @compiled
-def _shaken_jacobian(t, y, jacobian, params):
+def _shaken_jacobian(t: float, y: np.ndarray, jacobian: np.ndarray, params: np.ndarray) -> None:
     jacobian[0, 0] = -(params[0] + params[1] * math.cos(params[2] * t))
 
 

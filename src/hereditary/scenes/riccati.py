@@ -9,18 +9,18 @@ from ..support.checks import real, refuse, within
 
 
 @compiled
-def _quadratic(t, y, dy, params):
+def _quadratic(t: float, y: np.ndarray, dy: np.ndarray, params: np.ndarray) -> None:
     # params: constant, linear, quadratic
     dy[0] = params[0] + (params[1] + params[2] * y[0]) * y[0]
 
 
 @compiled
-def _quadratic_jacobian(t, y, jacobian, params):
+def _quadratic_jacobian(t: float, y: np.ndarray, jacobian: np.ndarray, params: np.ndarray) -> None:
     jacobian[0, 0] = params[1] + 2.0 * params[2] * y[0]
 
 
 @compiled
-def _complex_quadratic(t, y, dy, params):
+def _complex_quadratic(t: float, y: np.ndarray, dy: np.ndarray, params: np.ndarray) -> None:
     # params: real and imaginary parts of constant, linear, quadratic
     constant, linear = complex(params[0], params[1]), complex(params[2], params[3])
     dy[0] = constant + (linear + complex(params[4], params[5]) * y[0]) * y[0]

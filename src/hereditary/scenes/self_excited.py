@@ -4,6 +4,9 @@ All quantities are scaled [-].
 """
 
 import math
+from typing import Any
+
+import numpy as np
 
 from ..compiled.jit import compiled
 from ..equation.equation import Equation
@@ -12,7 +15,9 @@ from .linear import oscillator_terms
 
 
 @compiled
-def _excited(t, y, memory, dy, params):
+def _excited(
+    t: float, y: np.ndarray, memory: np.ndarray, dy: np.ndarray, params: np.ndarray
+) -> None:
     # params: friction, level, stiffness, its rate, cubic, constant force, force, frequency
     x = y[0]
     drive = params[5] + params[6] * math.cos(params[7] * t)
@@ -21,18 +26,22 @@ def _excited(t, y, memory, dy, params):
 
 
 @compiled
-def _excited_jacobian(t, y, memory, jacobian, params):
+def _excited_jacobian(
+    t: float, y: np.ndarray, memory: np.ndarray, jacobian: np.ndarray, params: np.ndarray
+) -> None:
     x = y[0]
     stiffness = params[2] + params[3] * t + 3.0 * params[4] * x * x
     jacobian[0, 0] = -2.0 * params[0] * x * memory[0, 0] - stiffness
 
 
 @compiled
-def _excited_memory_jacobian(t, y, memory, jacobian, params):
+def _excited_memory_jacobian(
+    t: float, y: np.ndarray, memory: np.ndarray, jacobian: np.ndarray, params: np.ndarray
+) -> None:
     jacobian[0, 0] = params[0] * (params[1] - y[0] * y[0])
 
 
-def _oscillator(beta, gamma, params, x0, v0):
+def _oscillator(beta: Any, gamma: Any, params: Any, x0: float, v0: float) -> Any:
     """Return ``D^beta x`` and memory ``D^gamma x``, with the parameters of `_excited`."""
     inertia, friction = oscillator_terms(beta, gamma, 1.0)
     return Equation(

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -30,7 +31,7 @@ _LOOKS = 8
 
 
 @inlined
-def over_sine(x, params, first):
+def over_sine(x: float, params: np.ndarray, first: int) -> float:
     """Return ``sum_n a_n sin(n x) / sin(x)``, a_1 standing at `first`, by Clenshaw's recurrence."""
     twice_cosine = 2.0 * math.cos(x)
     b, b_next = 0.0, 0.0
@@ -40,7 +41,7 @@ def over_sine(x, params, first):
 
 
 @inlined
-def slope_of_wells(x, params, first):
+def slope_of_wells(x: float, params: np.ndarray, first: int) -> float:
     """Return ``sum_n n a_n cos(n x)``, by the same recurrence."""
     cosine = math.cos(x)
     b, b_next = 0.0, 0.0
@@ -50,7 +51,7 @@ def slope_of_wells(x, params, first):
 
 
 @compiled
-def _force(t, y, dy, params):
+def _force(t: float, y: np.ndarray, dy: np.ndarray, params: np.ndarray) -> None:
     """Return the force of spring, pull and wells."""
     # params: omega**2, spring_speed, adhesion, a_1, a_2, ...
     b = over_sine(y[0], params, 3)
@@ -58,7 +59,7 @@ def _force(t, y, dy, params):
 
 
 @compiled
-def _force_jacobian(t, y, jacobian, params):
+def _force_jacobian(t: float, y: np.ndarray, jacobian: np.ndarray, params: np.ndarray) -> None:
     """Return -omega**2 + adhesion sum_n n a_n cos(n x)."""
     jacobian[0, 0] = params[2] * slope_of_wells(y[0], params, 3) - params[0]
 
@@ -146,7 +147,7 @@ def stick_slip(
     )
 
 
-def checked_well(well):
+def checked_well(well: Any) -> np.ndarray:
     """Return Fourier coefficients (n,) of the force, the printed ones by default."""
     found = real_array("well", PRINTED_WELL if well is None else well)
     if found.ndim != 1 or found.size == 0:
@@ -223,12 +224,12 @@ def sticking_intervals(
     return [(a, b) for a, b in stays if b - a > shortest]
 
 
-def _sampled(solution):
+def _sampled(solution: Any) -> Any:
     """Return times, positions, and a function that locates a level after a sample."""
     t, x = solution.t, solution.y[:, 0]
     if not solution.coarse:
 
-        def between_rows(i, level):
+        def between_rows(i: int, level: float) -> float:
             return float(t[i] + (level - x[i]) * (t[i + 1] - t[i]) / (x[i + 1] - x[i]))
 
         return t, x, between_rows
@@ -236,7 +237,7 @@ def _sampled(solution):
     times = np.append((t[:-1, None] + np.diff(t)[:, None] * share).ravel(), t[-1])
     places = solution(times)[:, 0]
 
-    def on_dense_output(i, level):
+    def on_dense_output(i: int, level: float) -> float:
         if places[i] == level:
             return float(times[i])
         low, high = float(times[i]), float(times[i + 1])
