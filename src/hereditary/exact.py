@@ -11,10 +11,9 @@ off. Source: [Diethelm2010].
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -230,7 +229,7 @@ def system(
     return _callable(at, start)
 
 
-def _mittag_leffler(z: Any, a: float, b: float) -> np.ndarray:
+def _mittag_leffler(z: np.ndarray, a: float, b: float) -> np.ndarray:
     """Return E_(a,b)(z), by elementary functions for integer a."""
     if a == 1:
         return np.exp(z) if b == 1 else np.where(z == 0, 1, np.expm1(z) / np.where(z == 0, 1, z))
@@ -241,11 +240,11 @@ def _mittag_leffler(z: Any, a: float, b: float) -> np.ndarray:
     return mittag_leffler(z, a, b)
 
 
-def _initial(y0: Any, order: float) -> np.ndarray:
+def _initial(y0: ArrayLike, order: float) -> np.ndarray:
     return initial_values(real_array("y0", y0), derivative_order(order))
 
 
-def _merged(orders: Any, coefficients: Any) -> Any:
+def _merged(orders: ArrayLike, coefficients: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
     """Return distinct orders, increasing, and their coefficients, none of them 0."""
     a = np.atleast_1d(orders_up_to_2(orders))
     c = np.atleast_1d(real_array("coefficients", coefficients))
@@ -258,7 +257,9 @@ def _merged(orders: Any, coefficients: Any) -> Any:
     return distinct[total != 0], total[total != 0]
 
 
-def _forces(forcing: Any, highest: float) -> Any:
+def _forces(
+    forcing: Iterable[tuple[float, float]], highest: float
+) -> tuple[np.ndarray, np.ndarray]:
     """Return powers and amplitudes, none of them 0."""
     required = "be pairs (amplitude, power), with power above -1 and above minus the highest order"
     pairs = real_array("forcing", [*forcing] or np.zeros((0, 2)), required)
@@ -268,7 +269,7 @@ def _forces(forcing: Any, highest: float) -> Any:
     return powers[sizes != 0], sizes[sizes != 0]
 
 
-def _callable(at: Callable, start: Any) -> ExactSolution:
+def _callable(at: Callable[[np.ndarray], np.ndarray], start: np.ndarray) -> ExactSolution:
     """Return a solution for all t >= 0 from one for t > 0."""
 
     def solution(t: ArrayLike) -> np.ndarray:
@@ -295,23 +296,23 @@ class _Exponentials:
         """Return the logarithm of each term's size, shape (..., n_terms)."""
         return np.log(np.abs(self.coefficients)) + np.multiply.outer(x, self.exponents)
 
-    def log_size(self, x: Any) -> Any:
+    def log_size(self, x: np.ndarray) -> np.ndarray:
         """Return the logarithm of the largest term."""
         return self.log_terms(x).max(axis=-1, initial=-np.inf)
 
-    def at(self, u: Any, log_scale: Any, derivative: int = 0) -> Any:
+    def at(self, u: np.ndarray, log_scale: np.ndarray, derivative: int = 0) -> np.ndarray:
         """Return the sum or its derivative at points u, shape (n,)."""
         phase = 1j * np.multiply.outer(u.imag, self.exponents)
         terms = np.exp(self.log_terms(u.real) - log_scale[:, None] + phase)
         return terms @ (np.sign(self.coefficients) * self.exponents**derivative)
 
-    def along(self, x: Any, v: Any, log_scale: Any) -> Any:
+    def along(self, x: np.ndarray, v: np.ndarray, log_scale: np.ndarray) -> np.ndarray:
         """Return the sum at all x[i] + v[k], real x and complex v."""
         table = np.exp(np.multiply.outer(self.exponents, v))
         return (np.exp(self.log_terms(x) - log_scale[:, None]) * np.sign(self.coefficients)) @ table
 
 
-def _halves(a: Any, c: Any, m: Any) -> Any:
+def _halves(a: np.ndarray, c: np.ndarray, m: int) -> tuple[_Exponentials, _Exponentials]:
     """Return ``P = sum c_j s**(a_j - m)`` over a_j > m, and its value at zeros of F."""
     high = a > m
     return _Exponentials(a[high] - m, c[high]), _Exponentials(a[~high] - m, -c[~high])
@@ -320,7 +321,12 @@ def _halves(a: Any, c: Any, m: Any) -> Any:
 class _Transform:
     """``Y(s) = sum_k P_k(log s) rows[k] / (s F(log s))``, rows of shape (n, d)."""
 
-    def __init__(self, below: Any, above: Any, rows: Any) -> None:
+    def __init__(
+        self,
+        below: _Exponentials,
+        above: Sequence[tuple[_Exponentials, _Exponentials]],
+        rows: np.ndarray,
+    ) -> None:
         self.below, self.above, self.rows = below, [p for p, _ in above], rows
         u = _zeros(below)
         scale = below.log_size(u.real)
@@ -363,7 +369,7 @@ class _Transform:
             return smooth + (grown * turning).sum(axis=1)
 
 
-def _zeros(f: Any) -> Any:
+def _zeros(f: _Exponentials) -> np.ndarray:
     """Return all zeros of F with abs(Im u) < _TOP, as many as the argument principle counts."""
     if f.exponents.size == 1:
         return np.zeros(0, dtype=complex)
@@ -389,7 +395,7 @@ def _zeros(f: Any) -> Any:
     refuse("coefficients", required, got, "change one of them a little")
 
 
-def _turns(f: Any, start: Any, end: Any) -> Any:
+def _turns(f: _Exponentials, start: complex, end: complex) -> float:
     """Return the turns of F around 0 from start to end, by small intervals."""
     z = np.linspace(start, end, 400)
     for _ in range(40):
@@ -402,7 +408,7 @@ def _turns(f: Any, start: Any, end: Any) -> Any:
     return turn.sum() / (2 * math.pi)
 
 
-def _newton(f: Any, u: Any) -> Any:
+def _newton(f: _Exponentials, u: np.ndarray) -> np.ndarray:
     """Return the limits of Newton's iteration from all the starts, and the conjugates."""
     for _ in range(80):
         scale = f.log_size(u.real)

@@ -10,16 +10,24 @@ nearest point that is still on its side. Steps therefore meet no jump, and their
 the switch where the solution does.
 """
 
+from __future__ import annotations
+
 import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import lru_cache, partial
+from typing import Any
 
 import numpy as np
 
 from .compiled.jit import derived
-from .equation.system import changed
+from .equation.system import System, changed
 from .functions.assemble import switch_of
 from .solver.events import TINY, Events, value_of
+from .solver.output import Output
+from .solver.run import Drive, Ended
+from .stepping.scheme import Scheme
 from .stepping.status import Status
+from .stepping.stepper import Stepper
 from .stepping.times import together
 from .support.checks import real, refuse, shown
 
@@ -86,7 +94,14 @@ class Hybrid:
         Its right-hand side is evaluated on one side of each switch.
     """
 
-    def __init__(self, equation, scheme, events, switches, changes):
+    def __init__(
+        self,
+        equation: System,
+        scheme: Scheme,
+        events: Sequence[Callable],
+        switches: Sequence[Callable],
+        changes: Mapping[float, Callable],
+    ) -> None:
         self._functions = events
         self._changes = [getattr(function, "change", None) for function in events]
         for change in self._changes:
@@ -96,11 +111,14 @@ class Hybrid:
         self._stated = _stated(changes, equation.frame.start)
         self._switches = switches
         self._times: list[list[float]] = [[] for _ in events]
-        self.system, self._signs = equation, []
+        self.system = equation
+        self._signs: list[int] = []
         if switches:
             self.system, self._signs = one_sided(equation, switches, scheme)
 
-    def open(self, stepper, t_end, breaks, signs):
+    def open(
+        self, stepper: Stepper, t_end: float, breaks: np.ndarray, signs: dict[str, float]
+    ) -> Events:
         """Return the `Events` of a run to t_end, whose stepper is at its start.
 
         breaks (k,) are times at which the right-hand side jumps; `signs` are those of a state.
@@ -126,7 +144,7 @@ class Hybrid:
         self._take_sides()
         return self._events
 
-    def march(self, output, drive, stop):
+    def march(self, output: Output, drive: Drive, stop: float) -> Ended:
         """March to position `stop`, from one interruption to the next.
 
         Returns status and detail if the run ends before, otherwise None.
@@ -147,7 +165,7 @@ class Hybrid:
             if stepper.position >= stop:
                 return None
 
-    def _act(self, output):
+    def _act(self, output: Output) -> Ended:
         """Do what is due at the present time, in the order of the module's description.
 
         Returns status and detail if this ends the run, otherwise None.
@@ -177,16 +195,16 @@ class Hybrid:
             events.leave_switches(stepper)
         return (Status.EVENT_FAILED, events.failure) if events.failure else None
 
-    def _take_sides(self):
+    def _take_sides(self) -> None:
         """Let the right-hand side be evaluated on the present side of each switch."""
         for number, side in zip(self._signs, self._events.sides, strict=True):
             self._stepper.set_parameter(number, side)
 
-    def _name(self, number):
+    def _name(self, number: int) -> str:
         """Return the name of an event."""
         return getattr(self._functions[number], "__name__", repr(self._functions[number]))
 
-    def _piles_up(self, number):
+    def _piles_up(self, number: int) -> bool:
         """Note a change by an event; return whether they follow each other without end."""
         times, t = self._times[number], self._stepper.t
         times.append(t)
@@ -201,7 +219,7 @@ class Hybrid:
             return True
         return last <= _AT_ONCE * size or max(last, before) <= close
 
-    def _change(self, change):
+    def _change(self, change: Any) -> Ended:
         """Set the y that ``change(t, y)`` returns; return status and detail if it fails."""
         stepper = self._stepper
         frame, inside = stepper.equation.frame, stepper.y
@@ -218,7 +236,7 @@ class Hybrid:
         return None
 
 
-def _stated(changes, start):
+def _stated(changes: Mapping[float, Callable], start: float) -> list[tuple[float, Callable]]:
     """Return the times of stated changes, counted from `start`, and their functions, in order."""
     required = "map times to functions change(t, y)"
     found = []
@@ -233,7 +251,7 @@ def _stated(changes, start):
     return sorted(found, key=lambda pair: pair[0])
 
 
-def nearest(t, times, origin):
+def nearest(t: float, times: np.ndarray, origin: float) -> float:
     """Return the one of the times (k,) that counts as equal to t, or t itself."""
     same = times[together(times, t, origin)]
     return float(same[0]) if same.size else t
@@ -268,16 +286,25 @@ class HybridEvents(Events):
 
     any = True
 
-    def __init__(self, functions, acting, n_events, stepper, signs, known):
+    def __init__(
+        self,
+        functions: Sequence[Callable],
+        acting: Sequence[bool],
+        n_events: int,
+        stepper: Stepper,
+        signs: dict[str, float],
+        known: np.ndarray,
+    ) -> None:
         self._acting, self._start = acting, stepper.t
         self._known, self._origin = known, stepper.equation.frame.start
-        self._stop_at, self.stated, self.stuck = stepper.stop_at, math.inf, None
+        self._stop_at, self.stated = stepper.stop_at, math.inf
+        self.stuck: int | None = None
         self._at_once = 1.0 if stepper.looks == 1 else _RETURN
         self.fired: dict[int, float] = {}
         self._last: dict[int, float] = {}
         super().__init__(functions, stepper, signs, n_events)
 
-    def go_on(self, before, stepper):
+    def go_on(self, before: np.ndarray, stepper: Stepper) -> None:
         """Continue from the present time, before which the components (d,) were `before`."""
         t, y = stepper.t, stepper.y
         values, known, ways = [], [], {}
@@ -289,7 +316,9 @@ class HybridEvents(Events):
                 ways[number] = self._way(number, then, now, before, stepper)
         self._begin(t, values, known, ways)
 
-    def _way(self, number, then, now, before, stepper):
+    def _way(
+        self, number: int, then: float, now: float, before: np.ndarray, stepper: Stepper
+    ) -> Way | None:
         """Return the `Way` of an event that was `then` before a change; None if off its zero.
 
         Events without changes may also have found the zero at which another event acted.
@@ -307,7 +336,13 @@ class HybridEvents(Events):
         ahead = sign_ahead(value, sign, before, stepper, acted)
         return Way(sign, ahead, now, error, by_steps) if ahead or acted else None
 
-    def _begin(self, t, values, after, ways=None):
+    def _begin(
+        self,
+        t: float,
+        values: list[float],
+        after: list[float],
+        ways: dict[int, Way | None] | None = None,
+    ) -> None:
         """Begin at time t, as `Events` do; `ways` are those of events that have just changed y."""
         # the last value seen: a zero between two stretches is then found once, and only once
         earlier = self._last if t == self._start else {}
@@ -327,7 +362,7 @@ class HybridEvents(Events):
         super()._begin(t, values, signs)
         self.sides = self._after[self.n_events :]
 
-    def leave_switches(self, stepper):
+    def leave_switches(self, stepper: Stepper) -> None:
         """Let switches count as on the side of the march, if f leads away from their zeros.
 
         Errors may put the start on the other side of a zero.
@@ -339,14 +374,14 @@ class HybridEvents(Events):
                 error = uncertainty(value, stepper)
                 self._ways[number] = Way(side, side, 0.0, error, False)
 
-    def look(self, edges, at):
+    def look(self, edges: np.ndarray, at: Callable) -> float | None:
         """Search between `edges` as `Events` do; also end where a function acts."""
         end = super().look(edges, at)
         reached = edges[-1] if end is None else end
         self.interrupted = bool(self.fired) or bool(together(reached, self.stated))
         return end
 
-    def _looked_at(self, times, edges):
+    def _looked_at(self, times: np.ndarray, edges: np.ndarray) -> np.ndarray:
         """Return the times of an interval with `edges` at which functions are evaluated."""
         self._returns: list[tuple[float, int, float]] = []
         if edges[0] == self._start and self._last and not self._resolved:
@@ -356,7 +391,9 @@ class HybridEvents(Events):
             times = times[~(near & (times < edges[1]))]
         return times
 
-    def _zeros_of(self, number, times, values, at, edges):
+    def _zeros_of(
+        self, number: int, times: np.ndarray, values: np.ndarray, at: Callable, edges: np.ndarray
+    ) -> Iterator[tuple[float, float]]:
         """Yield the zeros of a function up to the first one at which it acts."""
         way, returned = self._ways.get(number), None
         if way and not self._resolved and edges[0] == self._start and way.settle(values):
@@ -389,24 +426,24 @@ class HybridEvents(Events):
             if self._acting[number]:
                 return
 
-    def _is_start(self, t):
+    def _is_start(self, t: float) -> bool:
         """Return whether a zero at t is the one at the start."""
         return t <= self._start or bool(together(t, self._start, self._origin))
 
-    def _soon(self, edges):
+    def _soon(self, edges: np.ndarray) -> float:
         """Return the time up to which a zero follows the start at once."""
         rounded = self._start * (1 + _RETURN_TIME)
         if edges[0] > self._start:
             return rounded
         return max(rounded, self._start + self._at_once * (edges[1] - edges[0]))
 
-    def _comes_back(self, number, t, sign, edges):
+    def _comes_back(self, number: int, t: float, sign: float, edges: np.ndarray) -> bool:
         """Return whether the run has just continued from this zero at t."""
         if number >= self.n_events:
             return number in self._last and t <= self._soon(edges)
         return not self._resolved and self._last.get(number) == sign and self._is_start(t)
 
-    def _end(self, end, found, edges):
+    def _end(self, end: float, found: list[tuple[float, int, float]], edges: np.ndarray) -> float:
         """Return where the march ends: by a terminal event, or by a function that acts."""
         acting = [one for one in found if self._acting[one[1]]] + self._returns
         stands = self._stop_at(min(acting)[0]).t if acting else math.inf
@@ -426,14 +463,14 @@ class HybridEvents(Events):
             self.fired = {}
         return end
 
-    def _keep(self, found, end, at):
+    def _keep(self, found: list[tuple[float, int, float]], end: float, at: Callable) -> None:
         """Take in zeros up to `end`, and the signs just after it."""
         super()._keep(found, end, at)
         for number in self.fired:
             if number >= self.n_events:  # whose zero may lie at the end itself
                 self._after[number] = -self.sides[number - self.n_events]
 
-    def take_back(self, number):
+    def take_back(self, number: int) -> None:
         """Let the run find the last zero of a function again when it continues."""
         self._after[number] = -self.fired[number]
 
@@ -461,12 +498,14 @@ class Way:
         Whether the event has turned back but has not reached its zero again.
     """
 
-    def __init__(self, before, sign, value, error, by_steps):
+    def __init__(
+        self, before: float, sign: float, value: float, error: float, by_steps: bool
+    ) -> None:
         self.before, self.sign, self._error = before, sign, error
         self.returning = by_steps and sign == -before == -np.sign(value)
         self._far, self._steps = abs(value), 0
 
-    def settle(self, values):
+    def settle(self, values: np.ndarray) -> bool:
         """Set the first of the values over the next step, which errors hide.
 
         Returns whether errors hide the whole way back from a turn, as in a short bounce.
@@ -480,7 +519,7 @@ class Way:
         values[:clear] = math.copysign(TINY, self.sign or -self.before)
         return self.sign == -self.before == -np.sign(values[clear])
 
-    def follow(self, values):
+    def follow(self, values: np.ndarray) -> int | None:
         """Let values of an event that is returning count as returned until it has returned.
 
         Returns the number of the value at which it turns away again, or None.
@@ -496,7 +535,7 @@ class Way:
         return None
 
 
-def uncertainty(value, stepper):
+def uncertainty(value: Callable[[float, np.ndarray], float], stepper: Stepper) -> float:
     """Return the error of an event's value at the present time, by errors of y."""
     t, y = stepper.t, stepper.y
     allowed = stepper.uncertainty
@@ -510,7 +549,13 @@ def uncertainty(value, stepper):
     return found if math.isfinite(found) else 0.0
 
 
-def sign_ahead(value, sign, before, stepper, crossed):
+def sign_ahead(
+    value: Callable[[float, np.ndarray], float],
+    sign: float,
+    before: np.ndarray,
+    stepper: Stepper,
+    crossed: bool,
+) -> float:
     """Return the sign of an event after a change of y; 0 if it is unknown.
 
     It is the sign of its slope along the motion there. A motion that comes to rest has turned back.
@@ -533,7 +578,9 @@ def sign_ahead(value, sign, before, stepper, crossed):
     return slopes[1] or -sign if slopes[0] == sign else 0.0
 
 
-def one_sided(equation, functions, scheme):
+def one_sided(
+    equation: System, functions: Sequence[Callable], scheme: Scheme
+) -> tuple[System, list[int]]:
     """Return the system whose right-hand side is evaluated on one side of each switch.
 
     The second result is the number of the parameter with the sign of each switch.
@@ -560,14 +607,14 @@ def one_sided(equation, functions, scheme):
 
 
 @lru_cache(maxsize=64)
-def _one_sided(fun, switch):
+def _one_sided(fun: Any, switch: Any) -> Any:
     """Return a right-hand side or Jacobian, continued from the side whose sign is in params.
 
     After the parameters of `fun` there are this sign, the user's time at the start, and the number
     of components that `switch` reads.
     """
 
-    def one_sided(t, y, out, params):
+    def one_sided(t: float, y: np.ndarray, out: np.ndarray, params: np.ndarray) -> None:
         own = params.shape[0] - _ADDED
         sign, n = params[own], int(params[own + 2])
         none, value = params[:0], np.empty(1)

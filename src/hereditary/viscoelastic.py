@@ -12,13 +12,12 @@ import reprlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, partial
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from .equation.equation import Equation
-from .equation.operators import Caputo, Memory, Terms
+from .equation.operators import Caputo, Memory, Summand, Terms
 from .kernels.laplace import inverted, kernel_from_laplace
 from .kernels.memory_kernel import Prony
 from .support.checks import (
@@ -63,11 +62,11 @@ _ADDED = "parallel", "series"
 class Model:
     """A viscoelastic model; see `SpringPot`, `series` and `parallel`."""
 
-    def _split(self, s: np.ndarray) -> Any:
+    def _split(self, s: np.ndarray) -> tuple[tuple[float, np.ndarray], tuple[float, np.ndarray]]:
         """Return (viscosity, g) and (compliance, c) at complex s."""
         raise NotImplementedError
 
-    def _rest(self, half: Any, s: np.ndarray) -> Any:
+    def _rest(self, half: int, s: np.ndarray) -> np.ndarray:
         """Return g or c at complex s."""
         return self._split(s)[half][1]
 
@@ -123,11 +122,11 @@ class Model:
         """Operator that makes the rate of the strain of the stress."""
         return self._terms(1)
 
-    def _summands(self, half: Any) -> Any:
+    def _summands(self, half: int) -> tuple[Model, ...]:
         """Return models whose g or c add up to that of this one."""
         return (self,)
 
-    def _terms(self, half: Any) -> Any:
+    def _terms(self, half: int) -> Terms:
         """Return the operator of g or c: those of spring-pots, and one kernel for the others."""
         summands = self._summands(half)
         terms = [one._operator(half) for one in summands if isinstance(one, SpringPot)]
@@ -205,7 +204,7 @@ class SpringPot(Model):
         positive("modulus", self.modulus)
         within("order", self.order, 0.0, 1.0, "[0, 1]")
 
-    def _split(self, s: np.ndarray) -> Any:
+    def _split(self, s: np.ndarray) -> tuple[tuple[float, np.ndarray], tuple[float, np.ndarray]]:
         one, nothing = float(self.modulus), np.zeros_like(s)
         if self.order == 0:
             return (0.0, one / s), (1 / one, nothing)
@@ -214,7 +213,7 @@ class SpringPot(Model):
         stiffness = one * s**self.order
         return (0.0, stiffness / s), (0.0, 1 / stiffness)
 
-    def _operator(self, half: Any) -> Any:
+    def _operator(self, half: int) -> Summand:
         """Return the operator that makes stress of strain, or the rate of strain of stress."""
         order = 1 - self.order if half else self.order
         operator = Caputo(order) if order else Memory(Prony([0.0], [1.0]), 1)
@@ -241,7 +240,7 @@ class Combined(Model):
         if not self.parts:
             refuse("parts", "hold at least one model", repr(self.parts))
 
-    def _split(self, s: np.ndarray) -> Any:
+    def _split(self, s: np.ndarray) -> tuple[tuple[float, np.ndarray], tuple[float, np.ndarray]]:
         # with A = Q/s and B = 1/Q, or the other way round in series: A B = 1/s, and parts add A
         halves = list(zip(*(part._split(s) for part in self.parts), strict=True))
         added, others = halves if self.arrangement == "parallel" else halves[::-1]
@@ -254,7 +253,7 @@ class Combined(Model):
         pair = (limit, rest), (other, small)
         return pair if self.arrangement == "parallel" else pair[::-1]
 
-    def _summands(self, half: Any) -> Any:
+    def _summands(self, half: int) -> tuple[Model, ...]:
         if self.arrangement != _ADDED[half]:
             return (self,)
         return tuple(one for part in self.parts for one in part._summands(half))
@@ -384,7 +383,7 @@ def fit_moduli(
         refuse("p0", "hold a parameter at least", repr(p0))
     limits = _limits({} if bounds is None else bounds, names, start)
 
-    def made(p: np.ndarray) -> Any:
+    def made(p: np.ndarray) -> Model:
         found = model(**dict(zip(names, p.tolist(), strict=True)))
         return instance("what model returns", found, Model, "a function that returns a Model")
 
@@ -408,7 +407,9 @@ def fit_moduli(
     )
 
 
-def _limits(bounds: Any, names: Any, start: np.ndarray) -> Any:
+def _limits(
+    bounds: Mapping[str, tuple[float, float]], names: list[str], start: np.ndarray
+) -> np.ndarray:
     """Return lowest and highest values of all parameters, (2, n), with `start` between them."""
     required = "be a mapping of names to (lowest, highest)"
     if set(mapping("bounds", bounds, required)) - set(names):
@@ -424,7 +425,7 @@ def _limits(bounds: Any, names: Any, start: np.ndarray) -> Any:
     return found
 
 
-def _complex_array(name: str, values: Any) -> np.ndarray:
+def _complex_array(name: str, values: ArrayLike) -> np.ndarray:
     """Return values as an array of finite complex numbers."""
     refuse_masked(name, values, "be finite complex numbers")
     array = np.asarray(values)
@@ -434,7 +435,7 @@ def _complex_array(name: str, values: Any) -> np.ndarray:
     return array.astype(complex)
 
 
-def _positive_array(name: str, values: Any) -> np.ndarray:
+def _positive_array(name: str, values: ArrayLike) -> np.ndarray:
     """Return values as an array of numbers above 0."""
     array = real_array(name, values)
     if np.any(array <= 0):

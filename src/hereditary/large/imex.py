@@ -62,7 +62,7 @@ class IMEX(Scheme):
     takes_tangents: ClassVar[bool] = False
     takes_switches: ClassVar[bool] = False
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         inner = self.scheme
         if not isinstance(inner, (L1, BDF)) or inner.order(0.5) > 2:
             refuse("scheme", "be hereditary.L1(), BDF(1) or BDF(2)", repr(inner))

@@ -1,5 +1,7 @@
 """Linear solvers of Newton's matrix for sparse Jacobians: banded by LAPACK, others by SuperLU."""
 
+from typing import Any
+
 import numpy as np
 
 from ..compiled.callbacks import lapack_address
@@ -10,7 +12,7 @@ from ..compiled.sparse_solvers import SparseFactors, banded_solver, sparse_solve
 from ..given.linear_solvers import NewtonSetup
 
 
-def newton_of_structure(structure, slots, implicit, exact):
+def newton_of_structure(structure: Any, slots: int, implicit: bool, exact: int) -> NewtonSetup:
     """Return `NewtonSetup` for Jacobians of a structure, with factors of `slots` matrices."""
     band, held, solver = structure.band, None, no_solver
     room = np.tile(structure.entries, (1 + slots if implicit else 1, 1, 1))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import inspect
+from collections.abc import Callable
 from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 
@@ -13,7 +14,8 @@ from ..compiled.jacobian import COLUMNS, CONSTANTS, FEW, GROUPS, N_ENTRY_ROWS, R
 from ..compiled.jit import JAC_SIG, RHS_SIG, as_value, compiled, derived
 from ..compiled.linalg import clear_matrix
 from ..equation.affine import affine, later, own_size, slopes
-from ..functions.build import arity_of
+from ..functions.build import Start, arity_of
+from ..given.linear_solvers import NewtonSetup
 from ..support.checks import complaint, count, refuse, refuse_masked, shown
 from .linear_solvers import newton_of_structure
 
@@ -44,13 +46,27 @@ class Structure:
         Where a given Jacobian holds each value; -1 for none. None for differences.
     """
 
-    def __init__(self, n, rows, columns, constants=None, places=None):
+    def __init__(
+        self,
+        n: int,
+        rows: np.ndarray,
+        columns: np.ndarray,
+        constants: np.ndarray | None = None,
+        places: np.ndarray | None = None,
+    ) -> None:
         self.n, self.rows, self.columns = n, rows, columns
         self.constants = np.zeros(rows.size) if constants is None else constants
         self.places = places
 
     @classmethod
-    def of(cls, n, rows, columns, places=None, linear=None):
+    def of(
+        cls,
+        n: int,
+        rows: np.ndarray,
+        columns: Any,
+        places: np.ndarray | None = None,
+        linear: Any = None,
+    ) -> Structure:
         """Return the structure of these entries, of the diagonal and of a SciPy matrix `linear`."""
         found = [(rows, columns), (np.arange(n), np.arange(n))]
         if linear is not None:
@@ -68,7 +84,7 @@ class Structure:
         return cls(n, unique // n, unique % n, constants, known)
 
     @cached_property
-    def entries(self):
+    def entries(self) -> np.ndarray:
         """Return the entries as compiled code takes them, (5, k) (compiled/jacobian.py)."""
         found = np.zeros((N_ENTRY_ROWS, self.rows.size))
         groups = self._groups[self.columns] if self.places is None else self.places
@@ -80,13 +96,13 @@ class Structure:
             found[row] = values[order]
         return found
 
-    def matrix(self, values):
+    def matrix(self, values: np.ndarray) -> Any:
         """Return the matrix whose entries, in the order of `entries`, have these values."""
         rows, columns = self.entries[[ROWS, COLUMNS]].astype(np.int64)
         return _sparse().csr_array((values, (rows, columns)), shape=(self.n, self.n))
 
     @cached_property
-    def _groups(self):
+    def _groups(self) -> np.ndarray:
         """Number of the group of each column; columns of one group share no row."""
         pattern = self.matrix_of_ones
         neighbours = (pattern.T @ pattern).tocsr()
@@ -98,13 +114,13 @@ class Structure:
         return groups
 
     @property
-    def matrix_of_ones(self):
+    def matrix_of_ones(self) -> Any:
         """The pattern as a matrix."""
         ones = np.ones(self.rows.size)
         return _sparse().csr_array((ones, (self.rows, self.columns)), shape=(self.n, self.n))
 
     @cached_property
-    def band(self):
+    def band(self) -> Band | None:
         """The band that holds all entries, components put in another order; None for wide ones."""
         for order in (np.arange(self.n), self._narrow_order()):
             offsets = order[self.rows] - order[self.columns]
@@ -113,7 +129,7 @@ class Structure:
                 return Band(lower, upper, order)
         return None
 
-    def _narrow_order(self):
+    def _narrow_order(self) -> np.ndarray:
         """Return the place of each component in the order of Cuthill and McKee, reversed."""
         graphs = importlib.import_module("scipy.sparse.csgraph")
         pattern = self.matrix_of_ones
@@ -122,7 +138,7 @@ class Structure:
         order[found] = np.arange(self.n)
         return order
 
-    def by_blocks(self, s):
+    def by_blocks(self, s: int) -> Structure:
         """Return the structure in which each entry is a full block (s, s), entry after entry."""
         own = np.arange(s)
         rows, columns = self.entries[[ROWS, COLUMNS]].astype(np.int64)
@@ -130,11 +146,11 @@ class Structure:
         columns = (columns[:, None, None] * s + 0 * own[:, None] + own).ravel()
         return Structure(self.n * s, rows, columns, places=np.full(rows.size, -1))
 
-    def newton(self, tangents, implicit, exact):
+    def newton(self, tangents: bool, implicit: bool, exact: bool) -> NewtonSetup:
         """Return `Newton` for these entries; see `solver.linear_solvers.newton_of`."""
         return newton_of_structure(self, 1 + int(tangents), implicit, int(exact))
 
-    def with_velocities(self):
+    def with_velocities(self) -> Structure:
         """Return the structure of pairs (x, w) whose first half is w and whose second half f(x)."""
         n, own = self.n, np.arange(self.n)
         rows = np.concatenate([own, n + self.rows])
@@ -155,7 +171,7 @@ class Stated(NamedTuple):
     places: np.ndarray | None
     linear: Any
 
-    def values_of(self, jac, start):
+    def values_of(self, jac: Callable | None, start: Start) -> Callable | None:
         """Return a Jacobian that returns its values, from one that may return SciPy's matrices."""
         if jac is None or len(self.shape) > 1:
             return jac
@@ -167,12 +183,14 @@ class Stated(NamedTuple):
             return jac
         return OnPattern(jac, self.rows, self.columns) if hasattr(found, "tocsr") else jac
 
-    def constants(self):
+    def constants(self) -> tuple[np.ndarray, ...]:
         """Return the arrays that a state of a run depends on."""
         linear = self.linear
         return () if linear is None else (linear.data, linear.indices, linear.indptr)
 
-    def assembled(self, functions, d, t_start):
+    def assembled(
+        self, functions: tuple[np.ndarray, Any, Any], d: int, t_start: float
+    ) -> tuple[tuple[np.ndarray, Any, Any], Structure | None]:
         """Return params, rhs and jac of a system, and its structure, from the user's functions.
 
         `functions` are params, rhs and jac. The system's time 0 is `t_start`.
@@ -204,12 +222,12 @@ class Stated(NamedTuple):
 class OnPattern:
     """A Jacobian that returns the values of a pattern's entries, of one that returns matrices."""
 
-    def __init__(self, jac, rows, columns):
+    def __init__(self, jac: Callable, rows: Any, columns: Any) -> None:
         self._jac, self._rows, self._columns = jac, rows, columns
         self.__signature__ = inspect.signature(jac)
         self.__name__ = getattr(jac, "__name__", repr(jac))
 
-    def __call__(self, *arguments):
+    def __call__(self, *arguments: Any) -> np.ndarray:
         matrix = self._jac(*arguments).tocsr()
         values = np.asarray(matrix[self._rows, self._columns]).ravel()
         if np.abs(matrix).sum() > np.abs(values).sum() * (1 + 1e-12):
@@ -220,12 +238,20 @@ class OnPattern:
         return values
 
 
-def copied(given):
+def copied(given: Any) -> Any:
     """Return a copy of an array or matrix; anything else as it is."""
     return given.copy() if hasattr(given, "copy") else given
 
 
-def stated(d, rhs, jac, rearranged, bandwidth=None, jac_sparsity=None, linear=None):
+def stated(
+    d: int,
+    rhs: Callable | None,
+    jac: Callable | None,
+    rearranged: bool,
+    bandwidth: Any = None,
+    jac_sparsity: Any = None,
+    linear: Any = None,
+) -> Stated:
     """Check what an equation of d components states of its Jacobian, and return it as `Stated`.
 
     `rearranged` tells that the system which is solved has other components.
@@ -262,7 +288,7 @@ def stated(d, rhs, jac, rearranged, bandwidth=None, jac_sparsity=None, linear=No
     return Stated(rows, columns, shape, places, matrix)
 
 
-def _widths(bandwidth, d):
+def _widths(bandwidth: Any, d: int) -> list[int]:
     """Return the numbers of diagonals below and above the main one."""
     try:
         lower, upper = bandwidth
@@ -273,7 +299,7 @@ def _widths(bandwidth, d):
     return [min(width, d - 1) for width in widths]
 
 
-def _pattern(pattern, d):
+def _pattern(pattern: Any, d: int) -> tuple[np.ndarray, np.ndarray]:
     """Return rows and columns of a pattern's entries, in the order of its data."""
     required = f"be a pattern of shape ({d}, {d}), SciPy's sparse or an array"
     if not hasattr(pattern, "tocsr"):
@@ -290,7 +316,7 @@ def _pattern(pattern, d):
     return rows, columns
 
 
-def _linear(linear, d):
+def _linear(linear: Any, d: int) -> Any:
     """Return the constant matrix as SciPy's CSR array."""
     required = f"be a matrix of shape ({d}, {d}), an array or SciPy's sparse one"
     if not hasattr(linear, "tocsr"):
@@ -305,7 +331,7 @@ def _linear(linear, d):
     return matrix
 
 
-def _as_matrix(name, given, required):
+def _as_matrix(name: str, given: Any, required: str) -> Any:
     """Return an array as a sparse matrix."""
     refuse_masked(name, given, required)
     try:
@@ -323,7 +349,7 @@ def _sparse() -> Any:
 
 
 @lru_cache(maxsize=64)
-def entries_of(jac, shape, linear):
+def entries_of(jac: Any, shape: tuple[int, ...], linear: bool) -> Any:
     """Return a Jacobian that sets the values of entries, from one that fills an array of `shape`.
 
     Without a function the Jacobian is constant. `linear` is whether the parameters are those of
@@ -333,7 +359,7 @@ def entries_of(jac, shape, linear):
         return as_value(_constants, JAC_SIG)
     shape = shape if len(shape) > 1 else (1, *shape)
 
-    def entries(t, y, out, params):
+    def entries(t: float, y: np.ndarray, out: np.ndarray, params: np.ndarray) -> None:
         filled = np.zeros(shape)
         if linear:
             jac(later(t, params), y, filled, params[: own_size(params)])
@@ -348,14 +374,14 @@ def entries_of(jac, shape, linear):
 
 
 @lru_cache(maxsize=64)
-def dense_of(jac, content, shape):
+def dense_of(jac: Any, content: bytes, shape: tuple[int, ...]) -> Any:
     """Return a dense Jacobian from one that sets the values of entries.
 
     Bytes and shape (5, k) are those of their table: it is compiled once for each content.
     """
     table = np.frombuffer(content).reshape(shape).copy()
 
-    def dense(t, y, out, params):
+    def dense(t: float, y: np.ndarray, out: np.ndarray, params: np.ndarray) -> None:
         entries = table.copy()
         jac(t, y, entries, params)
         for i in range(out.shape[0]):
@@ -368,25 +394,25 @@ def dense_of(jac, content, shape):
 
 
 @compiled
-def _constants(t, y, out, params):
+def _constants(t: float, y: np.ndarray, out: np.ndarray, params: np.ndarray) -> None:
     """Set the Jacobian to its constant entries."""
     for k in range(out.shape[1]):
         out[VALUES, k] = out[CONSTANTS, k]
 
 
 @compiled
-def _no_values(t, y, out, params):
+def _no_values(t: float, y: np.ndarray, out: np.ndarray, params: np.ndarray) -> None:
     """Set the right-hand side to 0."""
     for i in range(out.shape[0]):
         out[i] = 0.0
 
 
 @compiled
-def _no_slopes(t, y, out, params):
+def _no_slopes(t: float, y: np.ndarray, out: np.ndarray, params: np.ndarray) -> None:
     """Set the Jacobian to 0."""
     clear_matrix(out)
 
 
-def no_slopes():
+def no_slopes() -> Any:
     """Return the Jacobian 0."""
     return as_value(_no_slopes, JAC_SIG)

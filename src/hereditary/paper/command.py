@@ -71,7 +71,7 @@ def run_paper(argv: Sequence[str]) -> int:
     return 0
 
 
-def _parser():
+def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="python -m hereditary paper",
         description="Figures 1 to 8 of the source, bifurcation diagrams (b, c, lambda, beta, "

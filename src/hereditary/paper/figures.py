@@ -5,6 +5,9 @@ Each function computes one figure, saves it with its table, and returns what it 
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from typing import Any
+
 import matplotlib.pyplot as plt
 import numpy as np
 
@@ -110,18 +113,23 @@ def figure_8(job: Job) -> list[str]:
     return lines
 
 
-def _pair(table, value):
+def _pair(table: Table, value: str) -> tuple[np.ndarray, np.ndarray]:
     """Return the only axis of a table, and one of its values."""
     (x,) = table.axes.values()
     return x, table[value]
 
 
-def _column(table, value, k):
+def _column(table: Table, value: str, k: int) -> Table:
     """Return the k-th entry of an array value, as "exponent"."""
     return Table(table.axes, {"exponent": table[value][:, k]}, table.status)
 
 
-def _spectra(job, name, grid, panels):
+def _spectra(
+    job: Job,
+    name: str,
+    grid: Mapping[str, np.ndarray],
+    panels: Mapping[str, Mapping[str, Any]],
+) -> list[str]:
     """Draw spectra over one parameter: at T = 100 above, late slopes of long runs below."""
     grid = {axis: job.few(values) for axis, values in grid.items()}
     t_end, long = job.size(T_END, 10.0), job.size(LONG, 20.0)
@@ -158,7 +166,7 @@ def _spectra(job, name, grid, panels):
     return lines
 
 
-def _told(table, parts, title):
+def _told(table: Table, parts: list[str], title: str) -> list[str]:
     """Return signs of the exponents in each of the runs, and where growth is certain."""
     summary = [
         f"{title}, {part}: {signs(zip(*_pair(table, f'{part}_exponent'), strict=True))}"
@@ -169,10 +177,13 @@ def _told(table, parts, title):
     return [*summary, f"{title}, long, exponential growth: {growing or 'nowhere'}"]
 
 
-def _orbits(job, name, parameter, symbol, values, **fixed):
+def _orbits(
+    job: Job, name: str, parameter: str, symbol: str, values: Sequence[float], **fixed: Any
+) -> list[str]:
     """Draw oscillogram, velocity and phase portrait, a column for each value of a parameter."""
     times = np.linspace(0.0, T_END, job.size(N_STEPS, 5000) + 1)
     found, stays, coarse = [], [], []
+    rows: Any  # of an orbit, then of the table
     for value in values:
         chosen = {parameter: value, **CLASSICAL, **fixed}
         *rows, intervals = orbit(times=times, **chosen)
@@ -210,7 +221,13 @@ def _orbits(job, name, parameter, symbol, values, **fixed):
     return lines
 
 
-def _one_orbit(axes, times, rows, coarse, title):
+def _one_orbit(
+    axes: np.ndarray,
+    times: np.ndarray,
+    rows: Sequence[np.ndarray],
+    coarse: Sequence[Any],
+    title: str,
+) -> None:
     """Draw a column of a figure of orbits: collocation, and the source's step behind it."""
     place, speed = rows
     for ax, values, behind in zip(axes[:2], rows, coarse[:2], strict=True):

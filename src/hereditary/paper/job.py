@@ -41,11 +41,11 @@ class Job:
             return values
         return np.asarray(values)[np.linspace(0, len(values) - 1, n).round().astype(int)]
 
-    def size(self, full, quick):
+    def size(self, full: Any, quick: Any) -> Any:
         """Return a number, smaller in a quick run."""
         return quick if self.quick else full
 
-    def sweep(self, function: Callable, grid: Mapping[str, Any], **settings) -> Table:
+    def sweep(self, function: Callable, grid: Mapping[str, Any], **settings: Any) -> Table:
         """Return the function with these settings over a grid."""
         return sweep(partial(function, **settings), grid, executor=self.executor)
 

@@ -6,6 +6,8 @@ The source announces both as future work.
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -93,7 +95,14 @@ def regimes_beta_gamma(job: Job) -> list[str]:
     return _map(job, "regimes_beta_gamma", grid, panels)
 
 
-def _diagram(job, name, axis, values, panels, n_steps=None):
+def _diagram(
+    job: Job,
+    name: str,
+    axis: str,
+    values: np.ndarray,
+    panels: Mapping[str, Mapping[str, Any]],
+    n_steps: int | None = None,
+) -> list[str]:
     """Draw places in the well once a period, one panel above the other."""
     grid = {axis: job.few(values, 4)}
     t_end, count = job.size(T_DIAGRAM, 60.0), job.size(N_SAMPLES, 20)
@@ -115,7 +124,12 @@ def _diagram(job, name, axis, values, panels, n_steps=None):
     return lines
 
 
-def _map(job, name, grid, panels):
+def _map(
+    job: Job,
+    name: str,
+    grid: Mapping[str, np.ndarray],
+    panels: Mapping[str, Mapping[str, Any]],
+) -> list[str]:
     """Draw regimes over two parameters, in panels next to each other."""
     grid = {axis: job.few(values) for axis, values in grid.items()}
     t_end, n_steps = job.size(T_MAP, 40.0), job.size(STEPS_MAP, 4000)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import enum
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -214,7 +215,7 @@ def classify(
 class _Orbit:
     """Places of the load at equal distances in time, and what can be counted on them."""
 
-    def __init__(self, solution, period, spacing, begin):
+    def __init__(self, solution: Solution, period: float, spacing: float, begin: float) -> None:
         self._period, self._pulled = period, math.isfinite(period)
         n = int(np.clip(_LOOKS * (solution.t[-1] - begin) / period, _FEWEST, _MOST))
         self._t = np.linspace(begin, solution.t[-1], n + 1)
@@ -228,21 +229,21 @@ class _Orbit:
         self._passages = _passages(self._t, x * np.sign(x[-1] - x[0]), spacing)
         self.n_wells = self._passages.size
 
-    def _from(self, window):
+    def _from(self, window: float) -> int:
         """Return the first look in the last share `window` of the run."""
         return round((1 - window) * (self._t.size - 1))
 
-    def _slow(self, slowness):
+    def _slow(self, slowness: float) -> np.ndarray:
         """Return whether a rest of a quarter period begins, for each look."""
         slow = self._advance < slowness * self._pull
         return np.append(slow, np.zeros(self._quarter, dtype=bool))
 
-    def _resting(self, slowness):
+    def _resting(self, slowness: float) -> np.ndarray:
         """Return whether the load is at rest, for each look."""
         sums = np.cumsum(self._slow(slowness))
         return sums > np.concatenate([np.zeros(self._quarter), sums[: -self._quarter]])
 
-    def kinds(self, window):
+    def kinds(self, window: float) -> list[Regime | None]:
         """Return STUCK, SLIDING, PERIODIC (any stick-slip) or None for each slowness."""
         first = self._from(window)
         if not np.any(np.diff(self._well[first:])):
@@ -251,7 +252,7 @@ class _Orbit:
         shares = [np.mean(self._resting(slowness)[first:]) for slowness in _SLOWNESS]
         return [Regime.PERIODIC if share > _REST else Regime.SLIDING for share in shares]
 
-    def stays(self):
+    def stays(self) -> list[tuple[float, float]]:
         """Return starts and ends of the intervals at rest, one for each well."""
         slow = np.concatenate([[0], self._slow(_SLOWNESS[1]).astype(int), [0]])
         edges = np.flatnonzero(np.diff(slow))
@@ -266,7 +267,7 @@ class _Orbit:
                 stays.append([start, stop])
         return [(float(self._t[a]), float(self._t[b])) for a, b in stays]
 
-    def recurrence(self, window):
+    def recurrence(self, window: float) -> tuple[int, float]:
         """Return the number of wells after which times in wells repeat best, and how well.
 
         Every cycle, and four of the longer times, must be seen; 0 and NaN where they are not.
@@ -286,7 +287,7 @@ class _Orbit:
         return int(shifts[best]), float(distances[best])
 
 
-def _passages(t, x, spacing):
+def _passages(t: np.ndarray, x: np.ndarray, spacing: float) -> np.ndarray:
     """Return times at which a load moving upwards first passes each barrier, ascending."""
     furthest = np.maximum.accumulate(x)
     barriers = spacing * np.arange(
@@ -297,7 +298,7 @@ def _passages(t, x, spacing):
     return t[after - 1] + share * (t[after] - t[after - 1])
 
 
-def _share_irregular(orbits):
+def _share_irregular(orbits: Sequence[_Orbit]) -> tuple[float, float]:
     """Share of the votes against repetition, and of those that could be given at all.
 
     Half a vote is added on either side.
@@ -313,7 +314,7 @@ def _share_irregular(orbits):
     return (against + 0.5) / (len(votes) + 1), known
 
 
-def _chance_of_growth(exponent):
+def _chance_of_growth(exponent: LyapunovResult | None) -> float:
     """Return the probability that the late slope is positive; 1/2 if it is unknown."""
     if exponent is None:
         return 0.5
@@ -326,7 +327,7 @@ def _chance_of_growth(exponent):
     return float(np.clip(np.mean(chances), 1 - _SUREST, _SUREST))
 
 
-def _odds(one, other):
+def _odds(one: float, other: float) -> float:
     """Return the probability from two independent estimates: their odds multiplied."""
     both, neither = one * other, (1 - one) * (1 - other)
     return both / (both + neither)

@@ -8,11 +8,12 @@ x'(0) 0.3. The classical examples of the source are `CLASSICAL`.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
 
-from ..analysis.growth import assess
+from ..analysis.growth import LyapunovResult, assess
 from ..analysis.lyapunov import lyapunov, memory
 from ..analysis.sections import stroboscopic, values_at
 from ..collocation.method import Collocation
@@ -37,12 +38,14 @@ _WINDOW = 0.5
 _BLOCKS = 20
 
 
-def wells_period(spring_speed=1.0, omega=1.0, **others):
+def wells_period(spring_speed: float = 1.0, omega: float = 1.0, **others: Any) -> float:
     """Return the time in which the pull passes one well, for parameters of the scene [time]."""
     return WELL * omega**2 / spring_speed
 
 
-def growth_exponent(*, t_end, n_steps=None, rtol=None, **parameters):
+def growth_exponent(
+    *, t_end: float, n_steps: int | None = None, rtol: float | None = None, **parameters: Any
+) -> dict[str, Any]:
     """Return the leading exponent over [0, t_end], by the source's scheme or collocation."""
     how: dict[str, Any] = {"rtol": rtol, "scheme": Collocation()}
     if rtol is None:
@@ -50,7 +53,7 @@ def growth_exponent(*, t_end, n_steps=None, rtol=None, **parameters):
     return _growth(lyapunov(stick_slip(**parameters), t_end, **how, **ALONE))
 
 
-def exponents(*, horizons, h, **parameters):
+def exponents(*, horizons: Sequence[float], h: float, **parameters: Any) -> dict[str, Any]:
     """Return the leading exponent at several ascending horizons of one run."""
     steps = [round(t_end / h) for t_end in horizons]
     how = {"renorm": h * math.gcd(*steps, _INTERVAL), "scheme": ExplicitCaputo(), **ALONE}
@@ -69,7 +72,7 @@ def exponents(*, horizons, h, **parameters):
     return found | {"status": run.status}
 
 
-def _growth(run):
+def _growth(run: LyapunovResult) -> dict[str, Any]:
     return {
         "exponent": float(run.exponents[0]),
         "slope": float(run.slope[0]),
@@ -79,7 +82,9 @@ def _growth(run):
     }
 
 
-def orbit(*, times, n_steps=None, rtol=1e-10, **parameters):
+def orbit(
+    *, times: np.ndarray, n_steps: int | None = None, rtol: float = 1e-10, **parameters: Any
+) -> tuple[np.ndarray, np.ndarray, list[tuple[float, float]]]:
     """Place and velocity at given times, and the stays in the wells [(start, end)].
 
     By collocation, or with `n_steps` of the source's scheme.
@@ -90,7 +95,9 @@ def orbit(*, times, n_steps=None, rtol=1e-10, **parameters):
     return places, speeds, sticking_intervals(solution)
 
 
-def section(*, t_end, count, n_steps=None, **parameters):
+def section(
+    *, t_end: float, count: int, n_steps: int | None = None, **parameters: Any
+) -> dict[str, Any]:
     """Return the last samples once a period of the wells: place in the well, and velocity.
 
     By collocation, or with given steps of a scheme of second order.
@@ -106,7 +113,7 @@ def section(*, t_end, count, n_steps=None, **parameters):
     }
 
 
-def regime(*, t_end, n_steps, **parameters):
+def regime(*, t_end: float, n_steps: int, **parameters: Any) -> dict[str, Any]:
     """Return the regime of an orbit, checked by one with twice the step.
 
     A scheme of second order: at these steps the source's own turns some of the verdicts.
@@ -134,7 +141,9 @@ def regime(*, t_end, n_steps, **parameters):
     }
 
 
-def _solvable(n_steps, t_end, beta=1.8, adhesion=50.0, **others):
+def _solvable(
+    n_steps: int, t_end: float, beta: float = 1.8, adhesion: float = 50.0, **others: Any
+) -> int:
     """Return n_steps, doubled until twice the step also has one solution at a barrier.
 
     An implicit step has several where the force rises faster than the scheme's own weight,
@@ -146,7 +155,7 @@ def _solvable(n_steps, t_end, beta=1.8, adhesion=50.0, **others):
     return n_steps
 
 
-def signs(values):
+def signs(values: Iterable[tuple[float, float]]) -> str:
     """Return changes of sign in words: "+ up to 3, - up to 7, + up to 9"."""
     runs: list[list] = []
     for x, value in values:

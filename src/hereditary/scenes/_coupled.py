@@ -1,15 +1,19 @@
 """Systems of order 1 and below: their orders and initial values in one wording."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..equation.equation import Equation
 from ..equation.operators import Caputo
 from ..support.checks import real_array, refuse
 
 
-def coupled(d: int, alpha: Any, rhs: Any, y0: Any, params: Any, jac: Any) -> Any:
+def coupled(
+    d: int, alpha: Any, rhs: Callable, y0: ArrayLike, params: ArrayLike, jac: Callable
+) -> Equation:
     """Make ``D^alpha y = rhs`` with d components and one alpha or one for each of them."""
     orders = real_array("alpha", alpha)
     if orders.shape not in ((), (d,)):

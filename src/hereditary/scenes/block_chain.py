@@ -123,7 +123,7 @@ def stick_slip_chain(
     return Equation(terms, _forces, start, params, _forces_jacobian, bandwidth=(1, 1))
 
 
-def _by_blocks(name: str, values: Any, blocks: int) -> np.ndarray:
+def _by_blocks(name: str, values: ArrayLike, blocks: int) -> np.ndarray:
     """Return one number for each block."""
     found = real_array(name, values)
     if found.shape not in ((), (blocks,)):

@@ -87,7 +87,9 @@ def subdiffusion(
     return Equation(Caputo(alpha), source, rows, params, linear=matrix)
 
 
-def _field(name: str, values: Any, shape: tuple[int, ...], default: Any) -> np.ndarray:
+def _field(
+    name: str, values: ArrayLike | None, shape: tuple[int, ...], default: np.ndarray
+) -> np.ndarray:
     """Return values on the points as one row."""
     found = default if values is None else real_array(name, values)
     if found.shape != shape:

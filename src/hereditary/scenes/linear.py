@@ -1,12 +1,12 @@
 """Linear scenes with known solutions."""
 
-from typing import Any
+from collections.abc import Callable
 
 import numpy as np
 
 from ..compiled.jit import compiled
 from ..equation.equation import Equation
-from ..equation.operators import Caputo
+from ..equation.operators import Caputo, Summand
 from ..support.checks import real, within
 
 
@@ -60,7 +60,12 @@ def relaxation(alpha: float = 0.5, rate: float = 1.0, y0: float = 1.0) -> Equati
     )
 
 
-def oscillator_terms(beta: Any, gamma: Any, friction: float, kind: Any = Caputo) -> Any:
+def oscillator_terms(
+    beta: float | Callable[[float], float],
+    gamma: float | Callable[[float], float],
+    friction: float,
+    kind: type[Caputo] = Caputo,
+) -> list[Summand]:
     """Return inertia and friction, ``D^beta + friction D^gamma``, with checked orders.
 
     An order may be a function of time; its value at 0 determines its range.

@@ -35,8 +35,8 @@ def _cubic_spring_jacobian(
 
 
 def duffing(
-    beta: float = 2.0,
-    gamma: float = 1.0,
+    beta: float | Callable[[float], float] = 2.0,
+    gamma: float | Callable[[float], float] = 1.0,
     friction: float = 0.05,
     stiffness: float = 0.0,
     cubic: float = 1.0,

@@ -1,6 +1,7 @@
 """An oscillator whose spring is shaken, with memory; all quantities are scaled [-]."""
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 
@@ -22,8 +23,8 @@ def _shaken_jacobian(t: float, y: np.ndarray, jacobian: np.ndarray, params: np.n
 
 
 def mathieu(
-    beta: float = 2.0,
-    gamma: float = 0.5,
+    beta: float | Callable[[float], float] = 2.0,
+    gamma: float | Callable[[float], float] = 0.5,
     friction: float = 0.1,
     stiffness: float = 0.25,
     depth: float = 0.3,

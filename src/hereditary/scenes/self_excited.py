@@ -4,7 +4,7 @@ All quantities are scaled [-].
 """
 
 import math
-from typing import Any
+from collections.abc import Callable
 
 import numpy as np
 
@@ -41,7 +41,13 @@ def _excited_memory_jacobian(
     jacobian[0, 0] = params[0] * (params[1] - y[0] * y[0])
 
 
-def _oscillator(beta: Any, gamma: Any, params: Any, x0: float, v0: float) -> Any:
+def _oscillator(
+    beta: float | Callable[[float], float],
+    gamma: float | Callable[[float], float],
+    params: tuple[float, ...],
+    x0: float,
+    v0: float,
+) -> Equation:
     """Return ``D^beta x`` and memory ``D^gamma x``, with the parameters of `_excited`."""
     inertia, friction = oscillator_terms(beta, gamma, 1.0)
     return Equation(
@@ -56,8 +62,8 @@ def _oscillator(beta: Any, gamma: Any, params: Any, x0: float, v0: float) -> Any
 
 
 def van_der_pol_duffing(
-    beta: float = 1.9,
-    gamma: float = 0.9,
+    beta: float | Callable[[float], float] = 1.9,
+    gamma: float | Callable[[float], float] = 0.9,
     friction: float = 1.0,
     stiffness: float = 1.0,
     cubic: float = 0.2,
@@ -113,8 +119,8 @@ def van_der_pol_duffing(
 
 
 def van_der_pol_airy(
-    beta: float = 1.8,
-    gamma: float = 0.8,
+    beta: float | Callable[[float], float] = 1.8,
+    gamma: float | Callable[[float], float] = 0.8,
     friction: float = 1.0,
     stiffness: float = 1.0,
     x0: float = 0.1,
@@ -166,8 +172,8 @@ def van_der_pol_airy(
 
 
 def fitzhugh_nagumo(
-    beta: float = 2.0,
-    gamma: float = 1.0,
+    beta: float | Callable[[float], float] = 2.0,
+    gamma: float | Callable[[float], float] = 1.0,
     a: float = 0.7,
     b: float = 0.8,
     c: float = 3.0,

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -147,7 +146,7 @@ def stick_slip(
     )
 
 
-def checked_well(well: Any) -> np.ndarray:
+def checked_well(well: ArrayLike | None) -> np.ndarray:
     """Return Fourier coefficients (n,) of the force, the printed ones by default."""
     found = real_array("well", PRINTED_WELL if well is None else well)
     if found.ndim != 1 or found.size == 0:
@@ -224,12 +223,14 @@ def sticking_intervals(
     return [(a, b) for a, b in stays if b - a > shortest]
 
 
-def _sampled(solution: Any) -> Any:
+def _sampled(
+    solution: Solution,
+) -> tuple[np.ndarray, np.ndarray, Callable[[np.integer, float], float]]:
     """Return times, positions, and a function that locates a level after a sample."""
     t, x = solution.t, solution.y[:, 0]
     if not solution.coarse:
 
-        def between_rows(i: int, level: float) -> float:
+        def between_rows(i: np.integer, level: float) -> float:
             return float(t[i] + (level - x[i]) * (t[i + 1] - t[i]) / (x[i + 1] - x[i]))
 
         return t, x, between_rows
@@ -237,7 +238,7 @@ def _sampled(solution: Any) -> Any:
     times = np.append((t[:-1, None] + np.diff(t)[:, None] * share).ravel(), t[-1])
     places = solution(times)[:, 0]
 
-    def on_dense_output(i: int, level: float) -> float:
+    def on_dense_output(i: np.integer, level: float) -> float:
         if places[i] == level:
             return float(times[i])
         low, high = float(times[i]), float(times[i + 1])

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from ..collocation.method import Collocation
 from ..equation.equation import Equation, current_equation
+from ..equation.system import System
 from ..given.history.history import History
 from ..given.schemes.explicit import ExplicitCaputo
 from ..given.schemes.grunwald_letnikov import GrunwaldLetnikov
@@ -259,7 +260,8 @@ def solve(
         mesh = real_array("mesh", mesh) - start
     functions, jumping = _listed(events), _listed(switches)
     began = time.perf_counter()
-    system, hybrid = equation, None
+    system: System = equation
+    hybrid = None
     changes = {} if changes is None else mapping("changes", changes, _CHANGES)
     if jumping or changes or any(getattr(f, "change", None) is not None for f in functions):
         from ..hybrid import Hybrid  # a leaf that stands on this room
