@@ -2,11 +2,6 @@
 
 ``t**-a = 1/Gamma(a) int exp(-t e**x + a x) dx`` over the real line. The trapezoid rule of step h
 turns the integral into exponentials with rates e**(j h). Its error is known exactly, so h follows
-from __future__ import annotations
-
-from collections.abc import Iterable
-from typing import Any
-
 from the tolerance. Negligible fast rates are dropped by a closed-form bound, and the infinitely
 many slow ones are replaced by their own Gauss rule. Sums are constructed on [1, R] and scaled.
 
