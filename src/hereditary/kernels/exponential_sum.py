@@ -189,7 +189,7 @@ class _Grid(NamedTuple):
         return rates[order], np.take(self.weights, order, axis=1)
 
 
-def _construct(exponents: tuple[float, ...], ratio: float, tol: float) -> Any:
+def _construct(exponents: tuple[float, ...], ratio: float, tol: float) -> _Grid:
     """Return the rates on a grid, with the slow nodes of each kernel, and weights."""
     h = min(trapezoid_step(a, tol) for a in exponents)
     pieces = [_one_kernel(a, h, ratio, tol) for a in exponents]
@@ -207,7 +207,9 @@ def _construct(exponents: tuple[float, ...], ratio: float, tol: float) -> Any:
     return _Grid(slow_rates, h, first, weights)
 
 
-def _one_kernel(a: float, h: float, ratio: float, tol: float) -> Any:
+def _one_kernel(
+    a: float, h: float, ratio: float, tol: float
+) -> tuple[int, int, np.ndarray, np.ndarray]:
     """Return first and last grid index, and the Gauss rule that replaces slower rates."""
     fast = max(a, float(gammainccinv(a, _FAST * tol)))
     while gammaincc(a, fast) > _FAST * tol:  # the inverse is inaccurate for tiny a
@@ -241,7 +243,7 @@ def _slow_tail(a: float, h: float, j_slow: int, m: int) -> tuple[np.ndarray, np.
     """
     n = np.arange(m)
 
-    def rest(k: Any) -> Any:
+    def rest(k: float | np.ndarray) -> float | np.ndarray:
         return -np.expm1(-h * k)
 
     up = np.exp(-h * n) * rest(a + n) ** 2 / (rest(a + 2 * n) * rest(a + 2 * n + 1))
@@ -256,7 +258,7 @@ def _slow_tail(a: float, h: float, j_slow: int, m: int) -> tuple[np.ndarray, np.
 
 
 def _trim(
-    exponents: tuple[float, ...], ratio: float, goal: float, found: Any
+    exponents: tuple[float, ...], ratio: float, goal: float, found: _Grid
 ) -> tuple[np.ndarray, np.ndarray, float]:
     """Check every kernel, and drop the fastest rates while the error stays within `goal`.
 
@@ -288,7 +290,7 @@ def _trim(
 
 
 @lru_cache(maxsize=16)
-def bank_of_all_orders(ratio: float, tol: float) -> tuple[np.ndarray, Any, Any]:
+def bank_of_all_orders(ratio: float, tol: float) -> tuple[np.ndarray, float, float]:
     """Rates with which ``t**-a`` is a sum of exponentials on [1, ratio] for every a in (0, 1].
 
     Returns
@@ -313,7 +315,7 @@ def bank_of_all_orders(ratio: float, tol: float) -> tuple[np.ndarray, Any, Any]:
     return rates, h, h * j_slow
 
 
-def weights_of_orders(a: Any, ratio: float, tol: float) -> np.ndarray:
+def weights_of_orders(a: np.ndarray, ratio: float, tol: float) -> np.ndarray:
     """Weights of these rates for kernels ``t**-a``, a (k,) in (0, 1], shape (M, k)."""
     rates, h, x = bank_of_all_orders(ratio, tol)
     a = np.maximum(a, SMALLEST)

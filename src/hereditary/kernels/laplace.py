@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 from numpy.polynomial import chebyshev
@@ -76,7 +75,7 @@ def inverted(transform: Callable, t: ArrayLike, scale: float = _SCALE) -> np.nda
     return np.concatenate(values).real.reshape(t.shape)
 
 
-def _rung(t: Any) -> np.ndarray:
+def _rung(t: float | np.ndarray) -> np.ndarray | np.intp:
     """Return the places of the last times of the ladder before t."""
     return np.maximum(np.searchsorted(_LADDER, t, "right") - 1, 0)
 

@@ -408,7 +408,9 @@ def _not_zero(argument: str, value: Any) -> float:
     return number
 
 
-def matching(name: str, first: Any, other: str, second: Any) -> tuple[np.ndarray, np.ndarray]:
+def matching(
+    name: str, first: ArrayLike, other: str, second: ArrayLike
+) -> tuple[np.ndarray, np.ndarray]:
     """Return two arrays of one length, at least 1."""
     a, b = np.atleast_1d(real_array(name, first)), np.atleast_1d(real_array(other, second))
     if a.ndim != 1 or a.shape != b.shape or a.size == 0:

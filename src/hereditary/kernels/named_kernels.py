@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -308,7 +307,9 @@ class MittagLeffler(MemoryKernel):
         s = np.asarray(s)
         return 1 / (s + self.rate**self.order * s ** (1 - self.order))
 
-    def _over_spectrum(self, x: Any, weight: Any, far: Any) -> np.ndarray:
+    def _over_spectrum(
+        self, x: np.ndarray, weight: Callable[[np.ndarray], np.ndarray], far: float
+    ) -> np.ndarray:
         """Return ``int weight(x exp(v)) F dv`` for x >= 0 of any shape.
 
         F is the share of the spectrum below the log rate v, in units of `rate`, and
@@ -336,7 +337,7 @@ class MittagLeffler(MemoryKernel):
         return np.where(x > 0, np.concatenate(parts).reshape(x.shape), 1.0)
 
 
-def mean_of_decay(p: float, x: Any) -> np.ndarray:
+def mean_of_decay(p: float, x: ArrayLike) -> np.ndarray:
     """Return ``p int_0^1 u**(p-1) exp(-x u) du``, from 1 at x = 0, without loss anywhere.
 
     For x < p + 1 the series ``exp(-x) sum_k x**k / ((p+1)...(p+k))``, all of one sign.

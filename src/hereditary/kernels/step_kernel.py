@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from operator import attrgetter
-from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..support.checks import refuse
 from .memory_kernel import ExponentialSum, MemoryKernel
@@ -130,11 +130,11 @@ class Integrated:
     by_values = property(attrgetter("kernel.by_values"))
     measured = property(attrgetter("kernel.measured"))
 
-    def __call__(self, t: Any) -> Any:
+    def __call__(self, t: ArrayLike) -> np.ndarray:
         """Return values of the kernel."""
         return self.kernel.integral(t)
 
-    def integral(self, t: Any) -> Any:
+    def integral(self, t: float | np.ndarray) -> np.ndarray:
         """Return ``int_0^t K``, by a rule that is graded towards 0."""
         u, weights = graded_unit(16)
         return t * (self.kernel.integral(np.multiply.outer(t, u)) @ weights)
