@@ -7,7 +7,8 @@ import html
 import importlib
 import io
 from collections.abc import Iterable, Sequence
-from typing import Any
+
+import numpy as np
 
 # Points of a line in a small figure.
 _POINTS = 2000
@@ -35,7 +36,7 @@ def paragraph(text: object) -> str:
     return f"<p>{escaped(text)}</p>"
 
 
-def small_figure(t: Any, y: Any) -> str:
+def small_figure(t: np.ndarray, y: np.ndarray) -> str:
     """Return a small figure of the columns of y (n, d) against t (n,), as an image."""
     figure = importlib.import_module("matplotlib.figure").Figure(_SIZE, layout="constrained")
     axes, every = figure.add_subplot(), max(1, len(t) // _POINTS)
