@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 import numbers
-from collections.abc import Callable, Iterable
-from typing import Any
+from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 
@@ -83,7 +82,7 @@ class Events:
                 self._values[number] = math.copysign(max(abs(value), TINY), sign)
         self._after = [float(np.sign(value)) for value in self._values]
 
-    def look(self, edges: np.ndarray, at: Callable) -> Any:
+    def look(self, edges: np.ndarray, at: Callable) -> float | None:
         """Search between consecutive `edges`; `at(t)` is the solution, (k, d) for k times.
 
         Returns the time at which the march is to stand where a terminal event or a function that
@@ -105,13 +104,13 @@ class Events:
         self._keep(sorted(found), min(end, edges[-1]), at)
         return None if end == math.inf else float(end)
 
-    def _looked_at(self, times: np.ndarray, edges: np.ndarray) -> Any:
+    def _looked_at(self, times: np.ndarray, edges: np.ndarray) -> np.ndarray:
         """Return the times of an interval with `edges` at which functions are evaluated."""
         return times
 
     def _zeros_of(
-        self, number: int, times: np.ndarray, values: Any, at: Callable, edges: np.ndarray
-    ) -> Any:
+        self, number: int, times: np.ndarray, values: np.ndarray, at: Callable, edges: np.ndarray
+    ) -> Iterator[tuple[float, float]]:
         """Yield the zeros of a function, with the signs behind them."""
         self._values[number] = values[-1]
         for t, sign in self._zeros(self._functions[number], times, values, at):
@@ -126,7 +125,7 @@ class Events:
         known = self.times[number]
         return bool(known) and bool(t <= known[-1] or together(t, known[-1]))
 
-    def _end(self, end: float, found: Any, edges: np.ndarray) -> Any:
+    def _end(self, end: float, found: list[tuple[float, int, float]], edges: np.ndarray) -> float:
         """Return where the march ends, `end` by a terminal event."""
         self.over = end < math.inf
         if self.failure and self._failed_at <= end:  # back to the last step before
@@ -134,7 +133,7 @@ class Events:
         self.failure = ""
         return end
 
-    def _keep(self, found: Any, end: float, at: Callable) -> None:
+    def _keep(self, found: list[tuple[float, int, float]], end: float, at: Callable) -> None:
         """Take in zeros up to `end`, and the signs just after it."""
         row = at(np.array([end]))
         for number, function in enumerate(self._functions if end > self._start else ()):
@@ -157,7 +156,12 @@ class Events:
         pairs = zip(self._functions, self._after, strict=True)
         return {digest(function): sign for function, sign in pairs if sign in (-1.0, 1.0)}
 
-    def _seen(self, function: Callable, times: Any, rows: Any) -> Any:
+    def _seen(
+        self,
+        function: Callable,
+        times: np.ndarray | list[float],
+        rows: np.ndarray | list[np.ndarray],
+    ) -> np.ndarray:
         """Return values at several times, NaN from the first failure on."""
         values = np.full(len(times), math.nan)
         try:
@@ -172,7 +176,9 @@ class Events:
         if error.t < self._failed_at:
             self._failed_at, self.failure = error.t, str(error)
 
-    def _zeros(self, function: Callable, times: np.ndarray, values: Any, at: Callable) -> Any:
+    def _zeros(
+        self, function: Callable, times: np.ndarray, values: np.ndarray, at: Callable
+    ) -> Iterator[tuple[float, float]]:
         """Return zeros in ascending order, each with the sign after it.
 
         One at the first time belongs to what was before. Where a value is NaN nothing is known.
@@ -186,7 +192,7 @@ class Events:
                 yield float(times[i + 1]), float(-signs[i])
                 continue
 
-            def along(t: float, i: Any = i) -> float:
+            def along(t: float, i: np.intp = i) -> float:
                 # at the ends the signs are known; another rounding must not change them
                 if t == times[i] or t == times[i + 1]:
                     return float(values[i] if t == times[i] else values[i + 1])

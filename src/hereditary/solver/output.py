@@ -11,6 +11,7 @@ from ..stepping.dense import Dense, Piece, StepPieces
 from ..stepping.stepper import Stepper
 from ..support.checks import complaint
 from ..support.machine import machine_storage
+from .events import Events
 
 # Rows that there is room for at first where steps are chosen on the way.
 _SOME = 512
@@ -49,7 +50,7 @@ class Output:
         Whether an event has ended it there.
     """
 
-    def __init__(self, stepper: Stepper, stop: float, kept: Kept, events: Any) -> None:
+    def __init__(self, stepper: Stepper, stop: float, kept: Kept, events: Events) -> None:
         self._stepper, self._stop, self._resolved = stepper, stop, stepper.looks == 1
         self._every, times, self._components = kept
         self._frame, self._asked, self.events = stepper.equation.frame, times, events
@@ -108,7 +109,7 @@ class Output:
         if self.events.interrupted and self._rows[0][self._size - 1] < self.end:
             self._add_last()
 
-    def go_on(self, changed: Any) -> None:
+    def go_on(self, changed: bool | np.bool_) -> None:
         """Go on from where the march stands, after y may have `changed` there."""
         t, y = self._stepper.t, self._stepper.y
         self.ended = False
@@ -121,7 +122,7 @@ class Output:
             return
         self._add(np.array([t]), y[None], self._stepper.ydot[None])
 
-    def _chosen(self, edges: np.ndarray) -> Any:
+    def _chosen(self, edges: np.ndarray) -> slice | np.ndarray:
         """Return the kept steps between these edges, as a slice or an array of truth values."""
         first = self._n + 1
         self._n += int(np.sum(edges[1:] <= self.end))

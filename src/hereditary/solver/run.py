@@ -47,7 +47,7 @@ class Drive:
         end: float,
         advance: Callable[[Any], Ended],
         interruption: Interruption,
-        bar: Any,
+        bar: ProgressBar,
     ) -> None:
         self._march, self._first, self._end = march, march.position, end
         self._advance, self._interruption, self._bar = advance, interruption, bar
