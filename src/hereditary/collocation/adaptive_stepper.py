@@ -61,24 +61,25 @@ MAX_STEPS = 1_000_000
 _DORMANT = 1 / 32
 # Longest first step at rest, as fraction of that: the nodes of first steps are further apart.
 _FIRST_AT_REST = 1 / 16
-# A run stalls after so many consecutive stretches of 200 steps or more without progress, if the
-# last covers no more than twice the time of the first.
+# A run stalls after so many consecutive blocks of 200 steps or more that are still and slow. The
+# last one then covers at most twice the time of the first.
 _STRETCHES = 4
-# A stretch in which the solution changes by less than this fraction is without progress.
+# A block is still if the solution changes by less than this fraction.
 _STILL = 1e-2
-# Fraction of rejected steps from which the steps that `max_steps` leaves must suffice.
+# If more steps than this are rejected, relative to accepted ones, a block is slow if `max_steps`
+# does not suffice to the end.
 _REFUSED = 0.125
-# Steps to the end beyond which a stretch is without progress whatever is rejected.
+# A block is slow in any case if the run needs more than so many steps to its end.
 _MOST_STEPS = 1e7
-# A run that ends has blown up if the solution exceeds all before, and grew by more than this
-# fraction over the last step.
+# A run that ends has blown up if the solution exceeds all earlier values, and grew by more than
+# this fraction over the last step.
 _GROWING = 1e-3
-# If the next step was rejected below this fraction of its length, f jumps instead.
+# It has not if the next step was rejected down to this fraction of the last one: then f jumps.
 _WALL = 1e-8
 # Distances ahead at which f is evaluated, in lengths of the last step, where y continues or turns
 # back.
 _DISTANCES_AHEAD = (0.0, 1.0, 10.0, 100.0, 1000.0, -1.0, -10.0, -100.0, -1000.0)
-# If f changes there by more than this fraction of its size it jumps, since steps are short.
+# f jumps if it changes there by more than this fraction of its size, since steps are short.
 _JUMP = 0.1
 # Shares of the way ahead at which f is evaluated where no first step succeeds.
 _SHARES = 10.0 ** np.arange(-1, -16, -2)
@@ -261,28 +262,28 @@ kept_tables = KeptTables()
 
 # Fraction of the tolerance that one step may err by.
 STEP_FRACTION = 0.1
-# Fraction of that for the modes. Their errors add up along undamped orbits: with 1e-2 D^0.5 y = 10
-# (y1 - y2, y1 + y2) errs by 23 tolerances after 3,180 periods, and P1 to P6 take the same time.
+# Fraction of that for the modes, whose errors add up along undamped orbits. With 1e-2, D^0.5 y = 10
+# (y1 - y2, y1 + y2) errs by 23 tolerances after 3,180 periods. P1 to P6 need the same time.
 _MODES_FRACTION = 1e-4
-# If nothing damps them (convergence/undamped.py), errors of the modes add up to this many for each
-# size of y by which y moves.
+# Undamped errors of the modes add up to this multiple of one, for each size of y by which y moves
+# (convergence/undamped.py).
 _OF_MODES = 5.0
-# Rounding adds this for each step.
+# Undamped error that rounding adds in each step.
 _OF_ROUNDING = 1e-15
 # Fraction of rtol that counts relative to the size of a component, where no atol is given.
 OF_SIZE = 0.01
-# Power q of the variable from which on errors are estimated too small, for u**q changes next to the
-# end alone. The first step keeps to this over q of its tolerance.
+# Power q of the variable from which errors are estimated too small, for u**q changes only near the
+# end. The tolerance of a first step is then multiplied by this over q.
 _RESOLVED = 10.0
-# Least such fraction of the tolerance.
+# Least such factor.
 _UNRESOLVED = 5e-3
 # Least rtol of a first step, for rounding (orders 1 + 1e-9 to 1.003, y' at rtol 1e-4 to 1e-10).
 _ROUNDING = 5e-14
 # Modes are fitted, and refined each time, for steps this many times shorter than the present one.
 _REFINE_BY = 32.0
-# Ratio of the time up to which a run may be resumed to its length.
+# Latest time up to which a run may be resumed, in lengths of the run.
 _REACH = 10.0
-# Largest ratio of distances.
+# Largest ratio of the farthest to the closest distance.
 _LARGEST_RATIO = 1e305
 # Steps of one call of the compiled march.
 _ROWS = 256

@@ -30,7 +30,7 @@ from .structures import TERM
 
 # Smallest order of integration: lesser powers of two step lengths are equal in double precision.
 _LEAST = 5e-10
-# Generators closer than this are one.
+# Generators closer than this count as one, as do a generator and a sum of others.
 _APART = 1e-9
 # Most generators in a sum that may equal another one.
 _MOST_IN_SUM = 4

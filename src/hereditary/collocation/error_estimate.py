@@ -13,9 +13,9 @@ from .operators import FORCE, POSITION, PRIMARY, SLOPE, subtract_from_forces
 # Relative tolerance of tangents is at least this: those that have decayed consist of rounding
 # errors, which grow when tangents are normalised.
 _TANGENT = 1e-9
-# Fraction of p(0) that rounding hides in p.
+# Rounding error of p, as a fraction of p(0).
 _ROUNDING = 1e-14
-# Fraction of y that rounding hides where p is y', which sums over a step make.
+# Rounding error of sums over a step, as a fraction of y, where p is y'.
 ROUNDING_OF_SUMS = 1e-15
 # Largest ratio of coefficients that counts where rounding hides both.
 _HIDDEN = 0.03
@@ -28,20 +28,20 @@ _NOISE = 2e-14
 _CHECK_BEYOND = 100.0
 # Residual, in the same units, from which this check rejects the step.
 _UNSOLVED = 10.0
-# First of a step's check points that do not enter its error.
+# Index of the first check point of a step that does not enter its error.
 FIRST_LOOK = 2
-# Most of these points in a run.
+# Most such points in a run.
 _LOOKS = 256
-# Defect of f at such a point that is a miss, in defects at the other check points.
+# A defect of f at such a point is a miss only above this multiple of that at other check points.
 _UNLIKE = 30.0
-# Change of p that a miss would make over the whole step, in units of Newton's goal. One tolerance
-# is 1,000 of these.
+# It is a miss only if it also changes p over the step by more than this, in units of Newton's goal.
+# One tolerance is 1,000 of these.
 _MOVED = 1000.0
 # Number of tolerances by which the polynomial may miss the start; stiff systems miss it by
 # rounding.
 _MISSED = 10.0
-# Largest error of a step in tolerances of y at its start, for y may grow by decades in a first step
-# (without, orders 0.0158 and 1 - 1e-8 err by 1.8 tolerances at early times).
+# Largest error of a step, in tolerances of y at its start: y may grow by decades in a first step.
+# Without this limit, orders 0.0158 and 1 - 1e-8 err by 1.8 tolerances at early times.
 _AT_START = 5.0
 # Fraction of the largest y of a step that rounding hides.
 _ROUNDING_OF_STEP = 1e-13

@@ -23,7 +23,7 @@ from ..support.checks import complaint
 # Below they are a point mass, whose error is of second order in that distance. Bounded kernels are
 # fitted only from where they change.
 _BELOW = 0.1
-# Least such fraction.
+# Least such fraction, for any tolerance.
 _LEAST_BELOW = 1e-9
 # Kernels are fitted from this many times closer on; modes that have decayed at the first distance
 # become part of the point mass, because a fit hardly determines their weights.
@@ -31,7 +31,7 @@ _DECAYED = 35.0
 # Power laws with exponents below this are nearly constant, and are fitted to a tolerance of their
 # variation: an oscillation that hardly decays accumulates their errors.
 _VARYING = 0.05
-# Least such tolerance.
+# Least tolerance of such a fit.
 _LEAST_TOL = 1e-17
 # Relative error of sums that rounding leaves.
 _ROUNDING = 2e-14

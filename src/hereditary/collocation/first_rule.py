@@ -28,7 +28,7 @@ _HIGH = 5.3
 _APART = 1e-9
 # Nodes of the first step.
 _NODES = 24
-# Nodes with c above 0, where solutions of several rates have one c.
+# Nodes of a first step with c above 0, where solutions of several rates have the same c.
 _NODES_IF_BENT = 48
 # Least distance at which kernels are evaluated.
 _NEXT_TO_0 = 1e-300

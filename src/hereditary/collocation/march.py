@@ -241,7 +241,7 @@ REACHED, FULL, TOO_CLOSE, TOO_ROUGH, NEWTON_FAILED, ORDERS_NEEDED, JUMPING, CRAW
 _GROW = 3.0
 # Smallest factor between step lengths.
 _SHRINK = 0.2
-# Factor of the length at which the error would be the tolerance.
+# Length of the next step, relative to that at which the error would be the tolerance.
 _SAFETY = 0.8
 # Growth that is always worth new factors of many components.
 _WORTH = 2.0

@@ -20,8 +20,8 @@ from .structures import StepTables
 
 # Step lengths are 2**(n / _PER_OCTAVE), rounded up.
 _PER_OCTAVE = 8
-# They have so few digits that sums of them are exact: rounding errors of equal steps would
-# accumulate to a drift of time.
+# They are multiples of their power of two over this, so that sums of them are exact. Rounding
+# errors of equal steps would accumulate to a drift of time.
 _DIGITS = 2.0**12
 # Slots of the tables; lengths whose ratio is a power of 2**(SLOTS / _PER_OCTAVE) share one.
 SLOTS = 64
@@ -29,7 +29,7 @@ SLOTS = 64
 _UNDERFLOW = 700.0
 # Arguments below which Bessel functions are 1 - x, x / 3 and 0 in rounding.
 _SMALL = 1e-8
-# First value of their backward recurrence, which is right for arguments of 1e-8 and more.
+# First value of their downward recurrence, which is accurate for arguments from 1e-8 on.
 _SEED = 1e-200 + 0j
 
 

@@ -17,11 +17,11 @@ from .operators import FORCE, POSITION, PRIMARY
 from .stages import stage_matrix, substitute_scaled
 from .structures import KEPT, LENGTH, REDUCED, Newton, StepRoom
 
-# Newton iterations before a step is rejected.
+# Most Newton iterations of a step, which is then rejected.
 _SWEEPS = 12
 # Contraction from which a Jacobian of an earlier step is not kept.
 _SLOW = 0.05
-# Iteration, from 0 on, at which each node of few components has its own Jacobian.
+# Iteration, counted from 0, from which each node of few components has a separate Jacobian.
 _EACH = 5
 # Times that a change, or the change from p at the start to the first guess, is halved at nodes
 # where it leads out of the domain of f, before these nodes go back to where they were.

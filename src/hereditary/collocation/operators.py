@@ -6,11 +6,11 @@ from ..compiled.jit import allocating, inner
 from ..compiled.linalg import clear_matrix
 from .structures import Operators
 
-# Numbers of the integrands: f, p, y and, where needed, p'.
-FORCE = 0
-PRIMARY = 1
-POSITION = 2
-SLOPE = 3
+# Numbers of the integrands.
+FORCE = 0  # f
+PRIMARY = 1  # p
+POSITION = 2  # y
+SLOPE = 3  # p', where needed
 # Index of a term that is no convolution: the integrand itself.
 ITSELF = -1
 

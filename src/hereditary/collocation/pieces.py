@@ -16,7 +16,7 @@ _NEXT_TO_0 = 1e-200
 _TOWARDS_0 = (1e-4, 1e-2)
 # A slope that grows by more than this factor between them is infinite at 0.
 _GROWS = 1.02
-# Fraction of the values over the step that rounding makes of a slope.
+# Rounding error of a slope, as a fraction of the values over the step: such growth must exceed it.
 _ROUNDED = 1e-10
 
 

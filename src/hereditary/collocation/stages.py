@@ -34,11 +34,11 @@ from ..compiled.sparse_solvers import banded_solver, sparse_solver, substitute_b
 from .operators import FORCE, POSITION, PRIMARY
 from .structures import LENGTH, OF_SPEEDS, OF_VALUES, REDUCED, REST, SYSTEMS
 
-# Letters of LAPACK: left eigenvectors are not computed,
+# Letter by which LAPACK does not compute left eigenvectors.
 _WITHOUT = ord("N")
-# right ones are,
+# Letter by which LAPACK computes right eigenvectors.
 _WITH = ord("V")
-# and matrices are scaled without permutations.
+# Letter by which LAPACK scales matrices without permutations.
 _SCALING = ord("S")
 
 
