@@ -8,9 +8,9 @@ from .step import UNITS
 # Ratio of neighbouring steps from which no parabola tells the slope.
 _STEEP = 8.0
 # Statuses of a march.
-RUNNING = 0
-BLOWN_UP = 1
-NOT_SOLVED = 2
+RUNNING = 0  # no trouble so far
+BLOWN_UP = 1  # the solution is not bounded
+NOT_SOLVED = 2  # the equations of a step could not be solved
 
 
 @inner

@@ -32,12 +32,12 @@ from .steps import before_break, break_steps, rows_beside
 BLOCK = 32
 # Relative rounding of y.
 _ROUNDED = 1e-13
-# Seconds that steps made at once take, between two checks for Ctrl-C and the progress bar.
-# Entering the compiled march costs 0.04 ms.
+# Seconds that one call of the compiled march lasts, between two checks for Ctrl-C and the progress
+# bar. Entering the march costs 0.04 ms.
 _SECONDS = 0.1
-# Most numbers in the rows of these steps, which then remain in a near cache.
+# Most numbers in the rows of the steps of a call, which then remain in a near cache.
 _NUMBERS = 1 << 15
-# Fewest steps made at once.
+# A call may compute so many steps whatever their numbers.
 _LEAST = 32
 # Steps made at once where an event may cut them short.
 _SHORT = 256

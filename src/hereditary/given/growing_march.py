@@ -20,7 +20,7 @@ _FIRST_STEPS = 8
 # Least growth, or spread, of tangents over one interval where the interval follows the growth. R
 # loses about as many of sixteen digits as there are in exp(spread).
 LOW = 3.0
-# Largest growth, or spread.
+# Largest growth, or spread, over such an interval.
 HIGH = 8.0
 # When tangents are made orthonormal [steps]: the present interval, the longest one, whether
 # intervals follow the growth; the ends of the transient and of the run, the last time; how many

@@ -10,7 +10,7 @@ _MOST = 2000
 # Fraction of the longest stable step that a message names, so that two digits of it are below the
 # limit.
 _BELOW = 0.9
-# Shortest step that a message names, as a fraction of the step.
+# Shortest step that a message names, as a fraction of the run's step.
 _LEAST = 1e-6
 
 

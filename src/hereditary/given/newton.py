@@ -19,27 +19,28 @@ _HALVED = 8
 _SLOW = 0.1
 # Contraction from which a Jacobian of an earlier step is renewed, where renewing is cheap.
 _SLOW_OF_EARLIER = 1e-3
-# Where renewing is cheap: steps with their own Jacobian after one of an earlier step was slow.
+# Steps with a new Jacobian each, after one of an earlier step was slow, where renewing is cheap.
 _RENEWED = 16
-# Fraction of the allowed error with a Jacobian of an earlier step. Newton's method leaves far less
-# than its estimate, a kept Jacobian all of it, with equal sign in every step. Orders above 1 add
-# that up twice, and stiff equations take it for f.
+# Fraction of the allowed error with a Jacobian of an earlier step. The error of Newton's method is
+# far below its estimate with a new Jacobian. With an earlier one it equals the estimate, with equal
+# sign in every step. Orders above 1 sum it twice, and stiff equations mistake it for f.
 _OF_EARLIER = 1e-6
 # Factors solve a linear step at once if they contract to this rate.
 _AT_ONCE = 1e-8
 # They do not if a residual grew by this factor, as it does by a nearly singular matrix.
 _MOST_GROWN = 1e6
-# The step is solved when the estimated error of the increment is below this fraction of it,
+# Allowed error of the increment, as a fraction of it. A step is solved when the estimated error is
+# below the sum of this one and the next two.
 _TOLERANCE = 1e-13
-# or below this fraction of the solution, its rounding,
+# Allowed error by rounding of the solution, as a fraction of the solution.
 _ROUNDING = 2e-16
-# or below what floats can resolve.
+# Allowed error below what floats can resolve.
 _UNDERFLOW = 1e-300
 # A residual below this fraction of its summands is rounding.
 _RESIDUAL = 4e-15
-# Such residuals are sought where changes are below this fraction of the solution,
+# Such residuals are sought only where a change is below this fraction of the solution.
 _SMALL = 1e-3
-# and contract by less than this rate.
+# They are sought only where the ratio of successive changes is above this.
 _STALLED = 0.5
 
 

@@ -62,7 +62,9 @@ def held(n_columns, pieces=0, modes=0, starts=0, pending=0):
     return Held(*(np.zeros((n_columns, size)) for size in (pieces, modes, starts, pending)))
 
 
+# Type of the tables of a history.
 HISTORY_TABLES = compiled_type(Tables)
+# Type of the contents of a memory.
 MEMORY = compiled_type(Held)
 
 

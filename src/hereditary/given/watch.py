@@ -16,10 +16,10 @@ ZIGZAG_KEPT = 0.98
 ZIGZAG_FLOOR = 1e-9
 # Increments below this are hardly floats, and count as rounding too.
 SMALLEST_CHANGE = 1e-300
-# A large alternation needs fewer steps to spoil the solution: so many,
+# Steps in which a large alternation is sustained: it needs fewer steps to spoil the solution.
 SHORT_WINDOW = 16
-# in which its increments are this much alike. At 0.999 of its limit increments of the undamped
-# oscillator still differ by a tenth.
+# Least ratio of the smallest to the largest increment in these steps. At 0.999 of its limit,
+# increments of the undamped oscillator still differ by a tenth.
 SHORT_ALIKE = 0.95
 # An alternation is large from this fraction of the solution on.
 LARGE = 0.05

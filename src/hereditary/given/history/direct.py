@@ -10,9 +10,9 @@ from ..plan import Convolution
 from ..signatures import Tables, held
 from .history import History, OpenHistory
 
-# Weights of steps that have rows of their own are computed for at most so many steps at a time.
+# Most steps for which weights are computed at a time, where each step has a separate row of them.
 _ROWS = 64
-# And for about so many numbers at a time.
+# About so many weights are computed at a time.
 _NUMBERS = 2**15
 
 

@@ -163,7 +163,7 @@ def _modal(p, alpha, rates, weights, k):
 
 # Steps in which the difference below is computed as it is.
 _N_EARLY = 256
-# Terms of its expansion in later steps; they leave 1e-12 in sums of 100.
+# Terms of its expansion in later steps, whose error is 1e-12 in sums of 100.
 _N_LATE = 3
 
 

@@ -85,7 +85,7 @@ def _backward(kernel, n):
     return FIRST_DIFFERENCES.exact(kernel, n) - np.diff(_lacking(kernel, n), prepend=0.0)
 
 
-# b_k + m_k - m_(k-1)
+# Weights by backward parabolas: b_k + m_k - m_(k-1).
 BACKWARD_PARABOLAS = WeightRule(_backward)
-# -m_k, for the first interval, which has no interval before it
+# Correction for the first interval, which has no interval before it: -m_k.
 BACKWARD_START = WeightRule(_lacking)
