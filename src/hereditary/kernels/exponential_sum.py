@@ -21,11 +21,11 @@ from scipy.special import gammaincc, gammainccinv, gammaln, loggamma, rgamma
 
 from ..support.checks import positive, refuse, within
 
-# Fractions of the tolerance, which add up to 1: of the trapezoidal rule,
+# Fraction of the tolerance for the trapezoidal rule. This and the next two add up to 1.
 _TRAPEZOID = 0.90
-# of the cut at fast rates,
+# Fraction of the tolerance for the cut at fast rates.
 _FAST = 0.05
-# and of the cut at slow rates.
+# Fraction of the tolerance for the cut at slow rates.
 _SLOW = 0.05
 # Sizes m of Gauss rules for slow rates, and log((2 m)! 4**(2 m)) of their errors.
 _SLOW_RULES = np.arange(1, 40)
@@ -35,7 +35,7 @@ _OF_SLOW_RULES = gammaln(2 * _SLOW_RULES + 1) + 2 * _SLOW_RULES * math.log(4.0)
 _DIVISIONS = 24
 # Fewest points of the curve.
 _FEWEST_POINTS = 200
-# A checked error below tol over this is below tol at all times.
+# An error that is below tol over this at these points is below tol at all times.
 _CERTIFICATE = 1.01
 # Steps h are multiples of 24 / 2**30: logarithms of rates and of points of the check, which divide
 # them, are then exact, and with them the products of both.

@@ -31,7 +31,7 @@ _OF_MEAN = 1e-3
 RATIO_OF_VALUES = 1e60
 # Singular values that signed fits leave out, relative to the largest.
 _CUTS = (1e-8, 1e-10, 1e-12, 1e-14)
-# Samples of a pencil.
+# Equally spaced samples of a pencil.
 _EVEN = 800
 # Time of the first pencil over that of the second: exp(-t) cos(200 t) to t = 50 has too few samples
 # in the first.
@@ -44,7 +44,7 @@ _SPACINGS = (0.92, 0.75, 0.6)
 _NEAR = 300.0
 # Rates are added where the misfit's gradient is above this fraction of its maximum.
 _OF_GRADIENT = 0.01
-# A maximum below this is rounding, and no rates are added.
+# A maximum below this is rounding, and all rates are added.
 _ROUNDING = 1e-14
 # Most rounds. Of 800 fits of random kernels (convergence/random_kernels.py) the most took 15.
 _ROUNDS = 20
@@ -60,9 +60,9 @@ _WORK = 4e8
 _SLACK = 1e-6
 # A run's kernel is checked from this fraction of its end on, whatever its steps.
 _CHECKED = 1e-8
-# Tolerance of this check.
+# Tolerance of the fit by which it is checked.
 _ROUGH = 1e-3
-# Error of its fit from which a kernel is refused: exp(-t**2) gives 0.8.
+# Error of this fit from which a kernel is refused: that of exp(-t**2) is 0.8.
 _HOPELESS = 0.1
 
 

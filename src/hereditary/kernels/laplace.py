@@ -18,11 +18,13 @@ _STEP = 0.055
 # Number of its nodes.
 _NODES = 54
 _THETA = 1j * (np.arange(_NODES) + 0.5) * _STEP - 0.8
+# Nodes zeta of the hyperbola.
 ZETA = 1 + np.sin(_THETA)
+# Weights of these nodes in the inverse transform.
 WEIGHTS = _STEP / np.pi * np.cos(_THETA)
-# Scale of the values.
+# Scale of the hyperbola that gives the values.
 _SCALE = 6.0
-# Scale of their check.
+# Scale of a second hyperbola, which checks them.
 _OTHER = 8.6
 # Largest difference of both over the mean of the kernel. Analytic transforms leave 1e-13, one with
 # a pole between the hyperbolas about 1.
@@ -40,7 +42,7 @@ _ROUNDED = 1e-7
 _OF_ROUNDING = 1e3
 # Times where rounding is sought.
 _LADDER = 10.0 ** np.arange(-290, 291)
-# Digits of an exponent that is read off there.
+# Decimals of an exponent that is computed there.
 _DIGITS = 4
 # Values of completely monotone kernels between a power of two and the next one are a polynomial: it
 # converges like 5.8**-n, for K is analytic and bounded to the right of each positive time.
