@@ -30,7 +30,7 @@ from ..support.warning import warn
 _CHANGE = 1e-4
 # Ratio of singular values below which data do not determine a combination of parameters.
 _UNTOLD = 1e-4
-# Part of a parameter in such a combination from which the parameter has no error.
+# A parameter with a larger coefficient than this in such combinations has no error.
 _SHARE = 0.01
 # A residual that is no number counts as ten of the largest one, or of so many of the largest value.
 _FAR = 1e2

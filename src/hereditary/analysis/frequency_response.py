@@ -13,9 +13,9 @@ from ..support.warning import warn
 from .harmonic_balance import Balance
 from .response_curve import Curve, Peak
 
-# Fewest frequencies above the width of a peak.
+# Fewest frequencies above 1 / sqrt(2) of a peak from which its width is computed.
 _LEAST_ABOVE = 8
-# Most values at which the period of the force is checked.
+# Most values of the parameter at which the period of the force is checked.
 _LOOKS = 16
 
 

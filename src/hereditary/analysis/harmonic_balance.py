@@ -9,9 +9,9 @@ from ..compiled.jit import F8, I8, MAT, VEC, entry
 from ..compiled.signatures import JAC, RHS
 from ..support.checks import refuse, shown
 
-# Samples of a period for each harmonic.
+# Samples of a period per harmonic.
 _SAMPLES = 8
-# Fewest samples of a period.
+# Fewest samples of a period, whatever the number of harmonics.
 _FEWEST = 129
 # Relative change of a frequency in differences.
 _CHANGE = 1e-7

@@ -57,12 +57,12 @@ _MODES = ("tangent", "pair")
 _MOST_BLOCKS = 10_000
 # Marks of a run by a tolerance, at which tangents may be renormalised.
 _MARKS = 1 << 16
-# Steps of such a run: no limit, in practice.
+# Most steps of such a run: no limit, in practice.
 _ANY = 10**9
 # Records of a run whose intervals follow the growth. More records cost time, and the late window
 # has half of them.
 _RECORDS = 128
-# First such interval [steps].
+# First interval of such a run [steps].
 _FIRST = 32
 # Tangents further apart than exp(this) leave the smaller one fewer than six digits.
 _WIDE = 22.0
@@ -85,9 +85,9 @@ _JUMPS = "the right-hand side jumps between states of the orbit, and tangents do
 _AT_END = Status.COMPLETED, Status.STEP_TOO_LARGE, Status.KERNEL_INACCURATE, Status.ZIGZAG
 # Largest tolerance of `Collocation` that leaves room for one ten times as large.
 _LOOSEST = 0.01
-# Order alpha next to 1 at which the order of a scheme is asked.
+# Order alpha, next to 1, at which the order of convergence of a scheme is evaluated.
 _NEAR_1 = 0.95
-# Up to this order there a scheme is of first order.
+# Largest order of convergence there of a scheme of first order.
 _FIRST_ORDER = 1.25
 # Lowest order for which `Adams` is of second order and its stability limit is watched.
 _ADAMS_LOWEST = 0.5

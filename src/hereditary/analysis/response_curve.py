@@ -9,17 +9,17 @@ import numpy as np
 
 # Newton iterations at the first value.
 _ITERATIONS = 30
-# Relative change that ends them.
+# Relative change of the response that ends Newton's method.
 _TOLERANCE = 1e-12
-# Relative change that rounding may leave.
+# Relative change that ends it, too, if it is not below a quarter of the last one: by rounding.
 _STALLED = 1e-7
 # Shortest step along the curve, in units of responses and values there.
 _SHORTEST = 1e-7
 # Longest step, in the same units.
 _LONGEST = 0.03
-# Factor between steps after few iterations.
+# Growth factor of the step after few iterations.
 _GROW = 1.5
-# Iterations that are few.
+# Most iterations that count as few.
 _FEW_ITERATIONS = 5
 # Most iterations to a next point.
 _TRIES = 10
@@ -29,7 +29,7 @@ _MOST_POINTS = 20_000
 _STRAIGHT = 0.9
 # Least unit of responses, relative to the largest so far.
 _LEAST = 1e-6
-# Largest change of a frequency, as a factor.
+# Largest unit of a frequency along the curve, relative to the frequency.
 _FREQUENCIES = 10.0
 # Places at which each piece of the curve is looked at.
 _LOOKS = 8

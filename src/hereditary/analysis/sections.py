@@ -16,10 +16,10 @@ from ..support.checks import count, instance, positive, real, real_array, refuse
 
 # Points of each step at which a dense output is looked at for maxima.
 _LOOKS = 8
-# Refinements of a maximum. A parabola over a distance d misses the place by d**2, so that four
-# leave rounding.
+# Refinements of a maximum. A parabola over a distance d misses the place by d**2, so that only
+# rounding remains after four.
 _REFINEMENTS = 4
-# Distance of a refinement over the last one.
+# Ratio of the distance d of a refinement to that of the last one.
 _CLOSER = 1 / 16
 # Samples that fit into memory.
 _MOST_SAMPLES = 10_000_000

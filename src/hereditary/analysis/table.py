@@ -12,7 +12,9 @@ from ..support.checks import complaint
 from ..support.html import paragraph, table_html
 from ..support.optional import optional
 
+# Status of a point that was computed to its end.
 COMPLETED = "completed"
+# Status of a point that was not computed yet.
 NOT_COMPUTED = "not computed"
 # A status is one line of at most so many characters: arrays of strings are as wide as the widest.
 STATUS_LENGTH = 200

@@ -13,7 +13,7 @@ from .sections import extrema, tops
 
 # Fewest values of a series.
 _FEWEST = 200
-# Longest displacement, as a fraction of the series.
+# Longest lag of displacements, as a fraction of the length of the series.
 _SHARE = 0.1
 # Range of frequencies, which excludes resonances at 0 and pi.
 _RANGE = (np.pi / 5, 4 * np.pi / 5)
