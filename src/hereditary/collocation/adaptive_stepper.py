@@ -265,8 +265,8 @@ STEP_FRACTION = 0.1
 # Fraction of that for the modes, whose errors add up along undamped orbits. With 1e-2, D^0.5 y = 10
 # (y1 - y2, y1 + y2) errs by 23 tolerances after 3,180 periods. P1 to P6 need the same time.
 _MODES_FRACTION = 1e-4
-# Undamped errors of the modes add up to this multiple of the error of their fit, for each size of y
-# by which y moves (convergence/undamped.py).
+# Undamped errors of the modes add up to this multiple of their fit's error, for each size of y by
+# which y moves (convergence/undamped.py).
 _OF_MODES = 5.0
 # Undamped error that rounding adds in each step.
 _OF_ROUNDING = 1e-15
