@@ -45,15 +45,15 @@ _LEAST = 1e-300
 _ITERATIONS = 4
 
 # Changes by one event follow each other without end if two intervals in a row are shorter than this
-# fraction of the longest interval,
+# fraction of the longest interval.
 _CLOSE = 1e-6
-# or if one is shorter than this fraction. On given steps two intervals of one step mean the same,
+# They do, too, if one interval is shorter than this fraction of the longest.
 _AT_ONCE = 1e-9
-# if the longest interval has more than so many steps.
+# On given steps two intervals of one step each suffice, if the longest has more than so many steps.
 _STEPS = 100
-# So do so many changes
+# They do, too, if so many of them are within the fraction _CROWDED of the run.
 _MANY = 10_000
-# within this fraction of the run.
+# Fraction of the run in which _MANY changes are too many.
 _CROWDED = 1e-3
 # The longest interval counts as this fraction of the run at least.
 _LONG = 0.03
