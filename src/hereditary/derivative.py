@@ -33,7 +33,7 @@ _BLOCK = 2_000_000
 # Degrees of polynomials that are tried.
 _DEGREES = (16, 32, 64, 128, 256, 512)
 # A polynomial resolves a function if its last coefficients, over the largest of all, are below
-# this: 30 roundings.
+# this: 30 roundings, since coefficients have rounding errors.
 _RESOLVED = 30 * np.finfo(float).eps
 # The power q of t = u**q makes t**order a function of u with so many derivatives.
 _SMOOTH = 6.0

@@ -31,9 +31,9 @@ from .support.machine import cores
 from .support.warning import silence, warn
 
 _UNSTABLE = (Status.STEP_TOO_LARGE, Status.ZIGZAG)
-# Members that are timed.
+# Members that are timed to choose the number of threads.
 _TIMED = 4
-# Seconds a member below which threads wait for each other: Python prepares each for 0.15 ms under
+# Seconds per member below which threads wait for each other: Python prepares each for 0.15 ms under
 # its lock. 512 Riccati equations of 50 steps take 160 ms on one thread and 240 on two. With ten
 # times this value most ensembles would run on one core.
 _SHORT = 4e-4

@@ -41,9 +41,9 @@ ExactSolution = Callable[[ArrayLike], np.ndarray]
 
 # Scales of the hyperbola: each time takes the one whose nodes avoid the poles.
 _SCALES = (6.0, 7.2, 8.6, 10.3, 12.4)
-# Largest argument of a pole that the hyperbola passes on the right.
+# Poles of larger argument remain left of the hyperbola.
 _TOP = math.pi - 0.03
-# Poles below this times scale / t remain left of the hyperbola.
+# Poles below this times scale / t remain left of the hyperbola, too.
 _TINY = 0.1
 # Poles closer than this in log s are refused: their residues lose eps / distance**2.
 _NEAR = 1e-3

@@ -10,9 +10,9 @@ RHS = types.FunctionType(RHS_SIG)
 JAC = types.FunctionType(JAC_SIG)
 
 
-# Tasks of a linear solver, of Newton's matrix or, as number 1, that of the tangents.
-FACTORISE = 0
-SUBSTITUTE = 1
+# Tasks of a linear solver, for Newton's matrix (number 0) or that of the tangents (number 1).
+FACTORISE = 0  # factorise the matrix
+SUBSTITUTE = 1  # solve with its factors
 
 
 class LinearSolver(NamedTuple):

@@ -22,9 +22,9 @@ from .orders import derivative_order, rounded_order
 
 # A value of s at which s K^(s) is the constant part of a kernel, if it has one.
 _SLOW = 1e-200 + 0j
-# Another such value.
+# Another such value, closer to 0.
 _SLOWER = 1e-250 + 0j
-# Least ratio of both results where there is a constant part.
+# Least ratio of s K^(s) at the second value to that at the first, where there is a constant part.
 _CONSTANT = 0.99
 
 

@@ -12,9 +12,9 @@ from ..support.checks import complaint
 _STEPS = 1e-4, 1e-5
 # Relative deviation of an entry of a dense Jacobian that rounding and truncation cannot explain.
 _OF_ENTRY = 1e-3
-# The same of a product of given entries with a direction.
+# The same for a product of given entries with a direction.
 _OF_GIVEN = 1e-6
-# The same of a product of entries by differences.
+# The same for a product of entries by differences with a direction.
 _OF_DIFFERENCES = 1e-9
 # Fraction of the largest component below which a component is next to 0.
 _SMALL = 1e-3
@@ -26,7 +26,7 @@ _FIRST_STEP = 1e-3
 _APART = 1024.0
 # Most trials.
 _MOST_TRIALS = 12
-# Fraction of f that exceeds rounding.
+# Change of f that exceeds its rounding, as a fraction of f.
 _CLEAR = 1e-5
 
 

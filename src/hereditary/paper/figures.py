@@ -17,11 +17,13 @@ from .job import Job, merged
 from .runs import CLASSICAL, exponents, growth_exponent, orbit, signs
 
 T_END = 100.0
-# tau = 0.005, the step that fits the source's figures.
+# Steps of length tau = 0.005, which fits the source's figures.
 N_STEPS = 20_000
-# A tenth of this step.
+# Steps of a tenth of this length.
 FINE_STEPS = 200_000
+# Length of long runs.
 LONG = 1000.0
+# Relative tolerance of long runs.
 LONG_RTOL = 1e-8
 SPEEDS = np.linspace(0.5, 3.0, 51)
 ADHESIONS = np.arange(1.0, 51.0)

@@ -19,11 +19,14 @@ from .runs import CLASSICAL, regime, section
 
 # Length of a run from whose second half samples are taken, 143 of them at b = 3.
 T_DIAGRAM = 600.0
-# Most samples.
+# Most samples of such a run.
 N_SAMPLES = 150
-# Steps over the orders, where they are given: collocation takes none for orders of inertia near 1.
+# Steps of a run of diagrams over the orders, where steps are given: collocation finds none for
+# orders of inertia near 1.
 STEPS_DIAGRAM = 120_000
+# Length of a run of a map.
 T_MAP = 400.0
+# Steps of a run of a map.
 STEPS_MAP = 20_000
 _MEMORY = r"$\beta = 1.8$, $\gamma = 0.8$"
 

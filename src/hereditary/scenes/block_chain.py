@@ -24,7 +24,7 @@ from .stick_slip import checked_well, over_sine, slope_of_wells
 
 # Length of the interval of initial places by default.
 _SPREAD = 0.4
-# The golden ratio, by which they are shifted from block to block.
+# Inverse of the golden ratio, by which they are shifted from block to block.
 _GOLDEN = 0.6180339887498949
 
 

@@ -69,7 +69,8 @@ class Stepper(ABC):
     """
 
     equation: Any
-    looks, h = 1, 0.0
+    looks = 1
+    h = 0.0
     error: Exception | None = None
 
     @property
