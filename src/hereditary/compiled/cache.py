@@ -19,9 +19,9 @@ _MADE_FOR = "made_for.json"
 
 
 class Target(NamedTuple):
-    """What machine code is made for: numba's version, and system, processor and features for LLVM.
+    """Target of machine code: numba's version, and the system and processor as LLVM names them.
 
-    `features` are such as "+avx2,-avx512f".
+    `features` are those of the processor, such as "+avx2,-avx512f".
     """
 
     numba: str
@@ -98,7 +98,7 @@ class CodeCache:
         The function to compile.
     options : str
         Everything else its machine code depends on.
-    told : str, optional
+    announced : str, optional
         Name of a compilation that takes seconds, for the message on standard error.
     """
 

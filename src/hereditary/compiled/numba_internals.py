@@ -193,7 +193,7 @@ def _links():
         and isinstance(_Library.codegen, property)
         and _takes(_Compiler, "compile_extra func")
         and "library" in inspect.signature(_Compiler).parameters
-        and _takes(_private("core.compiler", "CompileResult"), "_find_referenced_environments")
+        and _takes(_Result, "_find_referenced_environments")
         and _takes(_private("core.codegen", "JITCPUCodegen"), "set_env env_name env")
     )
 

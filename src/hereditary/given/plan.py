@@ -1,7 +1,8 @@
-"""The scheme contract.
+"""Plans: results of schemes for one equation and its steps.
 
-A scheme turns an equation and a step into a `Plan`. This has the tables its compiled march works
-on, and the `Convolution` that a history must sum for it. Nothing here knows how the past is summed.
+A scheme (stepping/scheme.py) turns an equation and a step into a `Plan`. This has the tables that
+its compiled march works on, and the `Convolution` that a history must sum for it. Nothing here
+knows how the past is summed.
 """
 
 from __future__ import annotations

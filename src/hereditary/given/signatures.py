@@ -66,13 +66,9 @@ def held(n_columns, pieces=0, modes=0, starts=0, pending=0):
 HISTORY_TABLES = compiled_type(Tables)
 # Type of the contents of a memory.
 MEMORY = compiled_type(Held)
-
-
 # lag (W, B), pieces (W, B + 1), first step of the block, group of each column (W,), tables, memory:
 # takes all pieces but the last into memory (none at step 0), adds to lag
 EXCHANGE_SIG = types.void(MAT, MAT, I8, IVEC, HISTORY_TABLES, MEMORY)
-
-
 EXCHANGE = types.FunctionType(EXCHANGE_SIG)
 
 
@@ -234,25 +230,13 @@ class MarchOutput(NamedTuple):
 
 
 STEP_TABLE = compiled_type(StepTable)
-
-
 STEP_ROWS = compiled_type(StepRows)
-
-
 MARCH_STATE = compiled_type(March)
-
-
 OUTPUT = compiled_type(MarchOutput)
-
-
 MARCH = (
     RHS, JAC, I8, VEC, EXCHANGE, HISTORY_TABLES, MEMORY, SOLVER, LINEAR, STEP_TABLE, STEP_ROWS,
     MARCH_STATE, OUTPUT, I8,
 )  # fmt: skip
-
-
 # a march as a value that other loops are handed
 MARCH_SIG = I8(*MARCH)
-
-
 MARCH_VALUE = types.FunctionType(MARCH_SIG)

@@ -36,7 +36,7 @@ class Output:
 
     Parameters
     ----------
-    stepper : FixedStepper or AdaptiveStepper
+    stepper : Stepper
     stop : int or float
         Position at which the run is to end.
     kept : Kept
