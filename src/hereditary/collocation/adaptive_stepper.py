@@ -400,11 +400,6 @@ class AdaptiveStepper(Stepper):
         return int(self._state.counts["accepted"])
 
     @property
-    def n_rhs(self):
-        """Number of calls of the right-hand side."""
-        return int(self._state.counts["rhs"])
-
-    @property
     def n_modes(self):
         """Number of exponentials whose sums carry the past of each component."""
         return self._orbit.rates.size
@@ -719,7 +714,7 @@ class AdaptiveStepper(Stepper):
         return {
             "n_steps": self.n_steps,
             "n_rejected": int(self._state.counts["refused"]),
-            "n_rhs": self.n_rhs,
+            "n_rhs": int(self._state.counts["rhs"]),
             "n_modes": self.n_modes,
             "history_bytes": self._orbit.modes.nbytes,
             "kernel_error": self._orbit.kernels.errors.reported,
@@ -742,14 +737,14 @@ class AdaptiveStepper(Stepper):
     def restore(self, state, allow_change=False):
         """Continue from `state`; `allow_change` admits another right-hand side or parameters."""
         changed = check_identity(state.identity, self.identity(state.t), allow_change)
-        kept, orbit, at_singular_start = state.checkpoint
+        reach = state.checkpoint[1].farthest
         refuse_late(self.equation, self._t_end)
-        if orbit.farthest and self._t_end > orbit.farthest:
-            required = f"stay within t = {orbit.farthest}, the end of its history"
+        if reach and self._t_end > reach:
+            required = f"stay within t = {reach}, the end of its history"
             remedy = f"begin the run with Collocation(horizon={self._t_end}), or with the end of"
             refuse("resume", required, f"a run to {self._t_end}", f"{remedy} later runs")
-        self._at_singular_start = at_singular_start or changed
-        self._go_on_from(kept, copy.deepcopy(orbit))
+        self.come_back(state.checkpoint)
+        self._at_singular_start |= changed
         self._control["missed"] = 0.0
         self._limit_steps(self._t_end)
 

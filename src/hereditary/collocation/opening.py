@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from ..stepping.state import go_on_from
 from ..support.checks import count, left_out, positive, real_array, refuse, shown, within
 from .adaptive_stepper import MAX_STEPS, AdaptiveStepper, Tolerance
 
@@ -53,10 +54,11 @@ def _check_end(t_end, equation):
     within("t_end", t_end, 1 / _FARTHEST, farthest, interval, "take another unit of time")
 
 
-def open_adaptive(equation, scheme, how, t_end, state, directions):
-    """Return an `AdaptiveStepper` at the start of a run, and its last position, t_end."""
+def open_adaptive(equation, scheme, how, t_end, state, allow_change, directions):
+    """Return an `AdaptiveStepper` at the start of a run, or at a state, and t_end."""
     stepper = AdaptiveStepper(equation, scheme, t_end, how, directions)
     if state is not None and stepper.modes_tol != state.how.modes:
         required = f"be left out or ask for modes as the state has them, to {state.how.modes:g}"
         refuse("history", required, f"to {stepper.modes_tol:g}")
+    go_on_from(state, stepper, allow_change)
     return stepper, t_end

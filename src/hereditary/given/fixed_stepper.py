@@ -260,16 +260,6 @@ class FixedStepper(Stepper):
         return (self._march.increment + 0.5 * self._march.change) / self.steps.unit(self.n)
 
     @property
-    def n_rhs(self):
-        """Calls of the right-hand side."""
-        return int(self._march.counts["rhs"])
-
-    @property
-    def n_modes(self):
-        """Modes held for each component."""
-        return self.memory.n_modes
-
-    @property
     def trouble(self):
         """Status and detail where the march cannot go on, else None."""
         if self.error is not None:
@@ -306,9 +296,9 @@ class FixedStepper(Stepper):
         """Counts and errors for the solution's stats."""
         return {
             "n_steps": self.n,
-            "n_rhs": self.n_rhs,
+            "n_rhs": int(self._march.counts["rhs"]),
             "n_factorised": int(self._march.counts["factorised"]),
-            "n_modes": self.n_modes,
+            "n_modes": self.memory.n_modes,
             "history_bytes": self.memory.nbytes,
             "stiffness_ratio": self._watch.largest if self._watch.watches else np.nan,
             "kernel_error": self.memory.kernel_errors.reported,
@@ -319,19 +309,15 @@ class FixedStepper(Stepper):
         march = tuple(plain(part).copy() for part in self._march)
         return march, self.memory.state(), (self._watch.largest, self._watch.step)
 
-    def _take(self, march, memory, watched):
-        """Take over what `checkpoint` returned."""
-        counts, *parts = march
+    def come_back(self, checkpoint):
+        """Come back to where `checkpoint` was taken."""
+        (counts, *parts), memory, watched = checkpoint
         march = March(record(MARCH_COUNTS, tuple(counts[0])), *(part.copy() for part in parts))
         monitor = np.array([tuple(row) for row in march.monitor], MONITOR).view(np.recarray)
         newton = self._newton.taken_over(march)
         self._march = march._replace(newton=newton, monitor=monitor)
         self.memory.restore(memory)
         self._watch.largest, self._watch.step = watched
-
-    def come_back(self, checkpoint):
-        """Come back to where `checkpoint` was taken."""
-        self._take(*checkpoint)
         self.error, self._status = None, RUNNING
         self._refactorise()
 
@@ -354,11 +340,10 @@ class FixedStepper(Stepper):
     def restore(self, state, allow_change=False):
         """Take over where `state` was taken, of another right-hand side where that is allowed."""
         changed = check_identity(state.identity, self.identity(state.t), allow_change)
-        self._take(*state.checkpoint)
+        self.come_back(state.checkpoint)
         if changed:
             self._march.counts["kept"] = 0
             self._forget_explicit()
-        self._refactorise()
 
     def identity(self, t):
         """Describe what a run to time t must share with one that resumes it."""

@@ -3,6 +3,7 @@
 import math
 from dataclasses import replace
 
+from ..stepping.state import go_on_from
 from ..support.checks import complaint, count, left_out, refuse, shown, whole
 from .fixed_stepper import FixedStepper
 from .history.exponentials import SumOfExponentials
@@ -58,17 +59,15 @@ def _uniform_steps(equation, t_end, n_steps, state):
     return replace(how, n=n_total)
 
 
-def open_given(equation, scheme, history, how, t_end, state, directions):
-    """Return a `FixedStepper` at the start of a run, and its last step."""
+def open_given(equation, scheme, history, how, state, allow_change, directions):
+    """Return a `FixedStepper` at the start of a run, or at a state, and its last step."""
     history = history or getattr(state, "history", None) or SumOfExponentials()
-    return FixedStepper(equation, scheme, history, how, how.n, directions), how.n
-
-
-def prepare(stepper, stop):
-    """Make room for a march to a step, or refuse the history."""
+    stepper = FixedStepper(equation, scheme, history, how, how.n, directions)
+    go_on_from(state, stepper, allow_change)
     try:
-        stepper.prepare(stop)
+        stepper.prepare(how.n)
     except (MemoryError, OverflowError) as error:
-        required = f"hold {stop} steps in memory"
+        required = f"hold {how.n} steps in memory"
         remedy = "SumOfExponentials() takes no more for more steps"
-        raise ValueError(complaint("history", required, repr(stepper.history), remedy)) from error
+        raise ValueError(complaint("history", required, repr(history), remedy)) from error
+    return stepper, how.n

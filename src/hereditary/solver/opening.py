@@ -9,10 +9,10 @@ from ..collocation.opening import checked_tolerance, open_adaptive
 from ..equation.system import System
 from ..given.history.exponentials import SumOfExponentials
 from ..given.history.history import History
-from ..given.opening import given_steps, open_given, prepare
+from ..given.opening import given_steps, open_given
 from ..stepping.scheme import Scheme
 from ..stepping.state import State
-from ..support.checks import instance, refuse, shown
+from ..support.checks import instance, refuse
 
 
 def chooses_steps(scheme: Scheme) -> bool:
@@ -71,13 +71,5 @@ def open_stepper(
     of tangents.
     """
     if chooses_steps(scheme):
-        stepper, stop = open_adaptive(equation, scheme, how, t_end, state, directions)
-    else:
-        stepper, stop = open_given(equation, scheme, history, how, t_end, state, directions)
-    if state is not None:
-        stepper.restore(state, allow_change)
-        if not np.all(np.isfinite(stepper.y)):
-            refuse("resume", "hold a finite solution", f"y = {shown(stepper.y)}")
-    if not chooses_steps(scheme):
-        prepare(stepper, stop)
-    return stepper, stop
+        return open_adaptive(equation, scheme, how, t_end, state, allow_change, directions)
+    return open_given(equation, scheme, history, how, state, allow_change, directions)

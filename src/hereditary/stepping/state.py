@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..equation.system import System
-from ..support.checks import refuse
+from ..support.checks import refuse, shown
 from .scheme import Scheme
 
 # Shares of the time so far at which a state remembers orders and kernels that are functions.
@@ -58,8 +58,16 @@ class State:
     layout: list = field(default_factory=list, repr=False)
 
 
+def go_on_from(state: State | None, stepper: Any, allow_change: bool) -> None:
+    """Let a stepper go on from a state, if there is one; refuse a solution that is not finite."""
+    if state is not None:
+        stepper.restore(state, allow_change)
+        if not np.all(np.isfinite(stepper.y)):
+            refuse("resume", "hold a finite solution", f"y = {shown(stepper.y)}")
+
+
 def state_of(stepper: Any, scheme: Scheme, how: Any, history: Any = None) -> State:
-    """Return the state of a stepper."""
+    """Return the state of a stepper, which has an `identity` besides its checkpoint."""
     state = State(
         t=stepper.t,
         y=stepper.y,

@@ -20,7 +20,7 @@ class Stop(NamedTuple):
 
 
 class Health(NamedTuple):
-    """What is wrong with a march that does go on.
+    """Faults of a march that does go on.
 
     - instability: status beyond a stability limit, else None; remedy: what shows it, and what to
       take instead, in a clause.
@@ -113,11 +113,11 @@ class Stepper(ABC):
 
     @property
     def health(self) -> Health:
-        """What is wrong with a march that does go on."""
+        """Faults of a march that does go on; none by default."""
         return Health()
 
     def stats(self) -> dict[str, Any]:
-        """Return counts and errors for the solution's stats."""
+        """Return counts and errors for the solution's stats; by default positions count steps."""
         return {"n_steps": self.position, "history_bytes": 0}
 
     @abstractmethod
