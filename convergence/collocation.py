@@ -142,13 +142,13 @@ class Past:
 def exact_memory(equation, t_end, nodes=NODES):
     """Collocation with the steps of a run of rtol 1e-12 and the past integrated exactly."""
     run = hd.solve(equation, t_end, rtol=1e-12, scheme=hd.Collocation(nodes=nodes))
-    form, c, matrix = integral_form(equation), radau_nodes(nodes), to_legendre(nodes)
+    form, c, matrix = integral_form(equation.system), radau_nodes(nodes), to_legendre(nodes)
     second = form.second == 1
     past = Past(form, np.where(second, equation.y0[-1], equation.y0[0]))
     first = run.dense._pieces[0]
     t = [first.length * np.exp(first.variable.logs(radau_nodes(first.variable.n)))]
     y = run(t[0]).T
-    f = np.array([equation.force(*pair) for pair in zip(t[0], y.T, strict=True)]).T
+    f = np.array([equation.system.force(*pair) for pair in zip(t[0], y.T, strict=True)]).T
     begun = values = np.array([f, first.row, y])
     of_nodes = partial(functions, first.variable)
     past.add(0.0, first.length, lambda u: begun @ of_nodes(np.log(u)).T, values[:, :, -1])
@@ -186,7 +186,7 @@ def stages(equation, form, t, h, base, y, p):
         x = np.where(second[:, None], y[:, None] + p @ whole.T, p)
         for j, row in enumerate(np.ascontiguousarray(x.T)):
             out = np.empty(d)
-            equation.compiled_rhs(t[j], row, out, equation.compiled_params)
+            equation.system.compiled_rhs(t[j], row, out, equation.system.compiled_params)
             f[:, j] = out
         if sweep == 0:
             slopes = np.array([equation.jacobian(t[j], x[:, j].copy()) for j in range(s)])

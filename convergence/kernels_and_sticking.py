@@ -65,7 +65,7 @@ def distance_to_ordinary(tau):
 
     def slopes(t, state):
         x, v, z = state
-        eq.compiled_rhs(t, np.array([x]), out, eq.params)
+        eq.system.compiled_rhs(t, np.array([x]), out, eq.params)
         return [v, out[0] - 0.25 * z / tau, v - z / tau]
 
     times = np.linspace(0.1, 40, 200)

@@ -132,8 +132,8 @@ def reaction_rows(quick):
 def bandwidth(quick):
     """Time of a block's reading and advancing of the modes over that of copying their bytes."""
     d = 2000 if quick else 100_000
-    equation = hd.Equation(hd.Caputo(ALPHA), None, np.ones(d), linear=sp.eye_array(d))
-    stepper = FixedStepper(equation, hd.L1(), hd.SumOfExponentials(), UniformSteps(1e-3), 1000)
+    system = hd.Equation(hd.Caputo(ALPHA), None, np.ones(d), linear=sp.eye_array(d)).system
+    stepper = FixedStepper(system, hd.L1(), hd.SumOfExponentials(), UniformSteps(1e-3), 1000)
     memory, march, groups = stepper.memory, stepper._march, np.zeros(d, dtype=np.int64)
     march.pieces[:] = 1e-3
     arrays = memory.tables, memory.arrays

@@ -81,7 +81,7 @@ def restarted(
     phi, y, logs, n = np.linalg.qr(directions)[0], equation.y0[0], [], 0
     ends = [*range(round(renorm / h), n_steps, round(renorm / h)), n_steps]
     for end in ends:
-        run = displaced(equation, y[None]), scheme, history or hd.SumOfExponentials(), steps
+        run = displaced(equation.system, y[None]), scheme, history or hd.SumOfExponentials(), steps
         stepper = FixedStepper(*run, end - n, phi)
         while stepper.n < end - n and stepper.trouble is None:
             stepper.advance(end - n, keep=False)

@@ -118,8 +118,8 @@ def cases():
 def covered(scheme, plan, equation, steps):
     """Whether a scheme takes an equation's terms and makes a plan: it refuses what it does not."""
     try:
-        scheme.check_terms(equation)
-        plan(scheme.reduction(equation) or equation, steps)
+        scheme.check_terms(equation.system)
+        plan(scheme.reduction(equation.system) or equation.system, steps)
     except ValueError:
         return False
     return True

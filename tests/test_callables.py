@@ -185,9 +185,18 @@ def test_compilation_leaves_the_collection_of_garbage_as_it_was():
 
 
 def test_a_function_is_compiled_once():
-    assert equation(three).compiled_rhs is equation(three, params=(1.0, 1.0)).compiled_rhs
-    assert equation(three).compiled_rhs is equation(three, y0=(1.0, 2.0, 3.0)).compiled_rhs
-    assert equation(jitted_in_place).compiled_rhs is equation(jitted_in_place).compiled_rhs
+    assert (
+        equation(three).system.compiled_rhs
+        is equation(three, params=(1.0, 1.0)).system.compiled_rhs
+    )
+    assert (
+        equation(three).system.compiled_rhs
+        is equation(three, y0=(1.0, 2.0, 3.0)).system.compiled_rhs
+    )
+    assert (
+        equation(jitted_in_place).system.compiled_rhs
+        is equation(jitted_in_place).system.compiled_rhs
+    )
 
 
 def test_params_default_argument_counts_as_an_argument():
@@ -205,7 +214,7 @@ def test_whole_numbers_that_numba_takes_otherwise():
     with pytest.warns(hd.PythonFunctionWarning, match=r"compiled it gives .*: write 1.0 for 1"):
         eq = equation(divides_whole_numbers)
     values = np.empty(2)
-    eq.compiled_rhs(0.0, np.array([1.0, 2.0]), values, eq.compiled_params)
+    eq.system.compiled_rhs(0.0, np.array([1.0, 2.0]), values, eq.system.compiled_params)
     assert values.tolist() == list(divides_whole_numbers(0.0, np.array([1.0, 2.0])))
 
 

@@ -50,7 +50,7 @@ def problems(draw):
 @given(problems())
 def test_right_ones_pass(problem):
     a, b, y0 = problem
-    assert equation(a, b, np.ones_like(a), y0).has_jac
+    assert equation(a, b, np.ones_like(a), y0).system.has_jac
 
 
 @given(problems(), st.data(), st.sampled_from([-1.0, 0.0, 1.05]))
@@ -82,7 +82,7 @@ def test_a_transposed_one_and_a_missing_term_are_refused():
         return np.array([[0.0, 1.0], [-2.0, 0.0]])
 
     for y0 in ([0.0, 0.0], [1.0, 2.0]):
-        assert hd.Equation(hd.Caputo(0.5), rotation, y0, jac=right).has_jac
+        assert hd.Equation(hd.Caputo(0.5), rotation, y0, jac=right).system.has_jac
         with pytest.raises(ValueError, match="check signs and whether it is transposed"):
             hd.Equation(hd.Caputo(0.5), rotation, y0, jac=transposed)
     with pytest.raises(ValueError, match=r"= -3.* got 0 in row 0, column 0"):
@@ -99,7 +99,7 @@ def test_corners_jumps_and_edges_of_the_domain_refuse_nothing():
         out[3, 3] = 1e9 / np.cosh(min(1e9 * abs(y[3]), 300.0)) ** 2
         return out
 
-    assert hd.Equation(hd.Caputo(0.5), rough, [0.0, 0.0, 0.0, 0.0], jac=its_jac).has_jac
+    assert hd.Equation(hd.Caputo(0.5), rough, [0.0, 0.0, 0.0, 0.0], jac=its_jac).system.has_jac
 
 
 def coupled(t, y, p):

@@ -45,7 +45,7 @@ def marched(case, equation, n=N_STEPS, stops=(), **more):
     steps = UniformSteps(T_END / n)
     if case.steps == "mesh":
         steps = mesh_steps(hd.graded(n, 2.0), T_END)
-    stepper = FixedStepper(equation, case.scheme, case.history, steps, n, **more)
+    stepper = FixedStepper(equation.system, case.scheme, case.history, steps, n, **more)
     for stop in (*stops, n):
         while stepper.n < stop:
             stepper.advance(stop, keep=False)
@@ -56,11 +56,11 @@ def marched(case, equation, n=N_STEPS, stops=(), **more):
 
 def values(stepper):
     """Return y, and y' of components of order above 1: what tangents are derivatives of."""
-    return np.append(stepper.y, stepper.ydot[stepper.equation.highest_orders() > 1])
+    return np.append(stepper.y, stepper.ydot[stepper.system.second])
 
 
 def random_directions(equation, k=2):
-    n = equation.d + np.sum(equation.highest_orders() > 1)
+    n = equation.d + np.sum(equation.system.second)
     return np.random.default_rng(1).normal(size=(n, k))
 
 
@@ -225,7 +225,7 @@ TANGENTS = [c for c in CASES if c.scheme.takes_tangents and c.family.tags.isdisj
 def test_tangents_are_difference_quotients(case):
     """Of the discrete solution with given steps."""
     equation = case.equation()
-    d, above = equation.d, equation.highest_orders() > 1
+    d, above = equation.d, equation.system.second
     directions = random_directions(equation)
     tangent = marched(case, equation, directions=directions).tangent
     for k in range(2):

@@ -482,7 +482,7 @@ def test_classes_and_keyword_defaults_tell_right_hand_sides_apart():
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", hd.PythonFunctionWarning)
         for make in (made, keyword):
-            digests = [equation(make(k)).rhs_digest for k in (1.0, 1.0, 5.0)]
+            digests = [equation(make(k)).system.rhs_digest for k in (1.0, 1.0, 5.0)]
             assert digests[0] == digests[1] != digests[2]
 
 

@@ -245,7 +245,7 @@ def test_step_limit_counts_memory(scheme, gamma):
             hd.Equation(hd.Caputo(a), lambda t, x: -x, y0)
             for a, y0 in ((beta, [1.0, 0.0]), (gamma, 1.0))
         )
-        a, b = (scheme.plan(e, h).region.limits[0] for e in (leading, friction))
+        a, b = (scheme.plan(e.system, h).region.limits[0] for e in (leading, friction))
         return a - c * b - stiffness
 
     low, high = 1e-4, 10.0
@@ -280,7 +280,7 @@ def test_given_jacobians():
 def test_other_params_compile_nothing_anew():
     _, read = pair(hd.Caputo(0.9), hd.Caputo(0.5), 0.7, 0.5)
     other = read.replace(params=[0.3])
-    assert other.enlarged.compiled_rhs is read.enlarged.compiled_rhs
+    assert other.system.compiled_rhs is read.system.compiled_rhs
     assert hd.solve(other, 1.0, 20).y[-1, 0] != hd.solve(read, 1.0, 20).y[-1, 0]
 
 

@@ -54,7 +54,7 @@ def test_terms_take_the_factor():
     operators = [hd.Caputo(2), 3 * hd.Memory(prony / 6, 1), -hd.Memory(-2 * prony, 0)]
     equation = hd.Equation(operators, lambda t, x: -x, [1.0, 0.2])
     assert [term.coefficient.item() for term in equation.terms] == [1.0, 0.5, 2.0]
-    assert all(operator.kernel is prony for operator, _ in equation.left[1:])
+    assert all(operator.kernel is prony for operator, _ in equation.system.left[1:])
     assert repr(hd.Memory(2 * prony, 1)) == f"Memory(2.0 * {prony!r}, 1)"
     beta = 1.7
     scaled = hd.Memory(hd.PowerLaw(beta - 1) / gamma(2 - beta), 2)

@@ -175,7 +175,7 @@ def test_components_are_put_in_the_order_of_a_narrow_band():
     pattern = sp.diags_array(np.ones((3, d)), offsets=[-1, 0, 1], shape=(d, d)).tolil()
     pattern[0, d - 1] = pattern[d - 1, 0] = 1.0
     eq = hd.Equation(hd.Caputo(0.8), ring, start(d), jac_sparsity=pattern.tocsr())
-    assert eq.structure.band.lower + eq.structure.band.upper <= 4
+    assert eq.system.structure.band.lower + eq.system.structure.band.upper <= 4
     expected = hd.solve(eq.replace(jac_sparsity=None), 1.0, 50, scheme=hd.BDF(2)).y
     assert np.abs(hd.solve(eq, 1.0, 50, scheme=hd.BDF(2)).y - expected).max() < 1e-12
 

@@ -159,11 +159,16 @@ def closure(rate):
 
 def test_equal_closures_are_compiled_once():
     first = equation(closure(2.0))
-    assert all(equation(closure(2.0)).compiled_rhs is first.compiled_rhs for _ in range(3))
-    assert equation(closure(2)).compiled_rhs is not first.compiled_rhs
-    assert equation(closure(3.0)).compiled_rhs is not first.compiled_rhs
+    assert all(
+        equation(closure(2.0)).system.compiled_rhs is first.system.compiled_rhs for _ in range(3)
+    )
+    assert equation(closure(2)).system.compiled_rhs is not first.system.compiled_rhs
+    assert equation(closure(3.0)).system.compiled_rhs is not first.system.compiled_rhs
     table = np.array([2.0])
-    assert equation(closure(table)).compiled_rhs is equation(closure(table.copy())).compiled_rhs
+    assert (
+        equation(closure(table)).system.compiled_rhs
+        is equation(closure(table.copy())).system.compiled_rhs
+    )
 
 
 @pytest.mark.parametrize("size", [2, 200_000])
@@ -257,7 +262,7 @@ def test_lyapunov_takes_the_present_values():
 
 def test_equations_made_from_others():
     eq = equation(lambda t, y, p: -p[0] * y, jac=lambda t, y, p: np.array([[-p[0]]]))
-    assert eq.replace(params=[3.0]).compiled_rhs is eq.compiled_rhs
+    assert eq.replace(params=[3.0]).system.compiled_rhs is eq.system.compiled_rhs
     assert eq.replace(params=[3.0]).params.tolist() == [3.0]
     assert eq.params.tolist() == [1.0, 2.0]
     assert eq.replace(y0=[1.0, 2.0], jac=None).d == 2
@@ -266,7 +271,7 @@ def test_equations_made_from_others():
     np.testing.assert_array_equal(
         run(changed).y, run(equation(lambda t, y, p: -p[0] * y, params=3.0)).y
     )
-    assert not eq.replace(rhs=with_global, jac=None).has_jac
+    assert not eq.replace(rhs=with_global, jac=None).system.has_jac
 
 
 def damped(t, y, p):

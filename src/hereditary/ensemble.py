@@ -161,7 +161,7 @@ def ensemble(
     """
     equation = current_equation(equation)
     members = _Members(equation, params, y0)
-    start = equation.frame.start
+    start = equation.t_start
     t_last = run_end("t_end", t_end, start)
     scheme = chosen_scheme(scheme, rtol, n_steps, None, None)
     save_every = count("save_every", whole(save_every))
@@ -174,7 +174,8 @@ def ensemble(
     if rtol is None and not chooses_steps(scheme):
         if atol is not None:
             refuse("atol", "come with rtol", atol)
-        steps = how_to_step(equation, scheme, t_last - start, history=history, n_steps=n_steps)
+        span, system = t_last - start, equation.system
+        steps = how_to_step(system, scheme, span, history=history, n_steps=n_steps)
         kept = _kept(steps, save_every, times, start)
         times = start + steps.h * kept
         times[-1] = t_last if kept[-1] == steps.n else times[-1]
@@ -264,12 +265,12 @@ def _inside(equation: Equation, values: Any) -> Any:
     first = equation.replace(y0=values[0])  # which says what is wrong with them
     if first.d != equation.d:
         refuse("y0", f"hold {equation.d} components, as the equation has", f"{first.d} in a row")
-    rearranged = equation.frame.paired or equation.frame.speeds
+    rearranged = equation.system.frame.paired or equation.system.frame.speeds
     if rearranged or equation._given_d is not None:
         rows = [first, *(equation.replace(y0=row) for row in values[1:])]
         return np.array([row.y0 for row in rows])
     inside = values.reshape(-1, *first.y0.shape)
-    idle = equation.highest_orders() <= 1
+    idle = ~equation.system.second
     if equation.m == 2 and np.any(inside[:, 1, idle]):
         m = int(np.argmax(np.any(inside[:, 1, idle] != 0, axis=1)))
         required = "hold no y'(0) for components whose highest order is at most 1"
@@ -289,7 +290,7 @@ class _Run:
     ) -> None:
         self._members, self._times, self._t_end = members, times, t_end
         self._kept, self._steps, self._how = kept, steps, how
-        size, frame = members.size, members.base.frame
+        size, frame = members.size, members.base.system.frame
         width = frame.values(members.base.y0[0]).size
         numbers = width * (2 if frame.paired else 1)
         _, y, ydot = room_for(size * times.size, numbers, how["n_steps"] is not None)
@@ -334,10 +335,10 @@ class _Run:
         base, one = self._members.base, self._solve
         # functions that are called in Python hold the parameters of their equation
         if self._kept is not None and not base._callbacks:
-            history, t_end = self._how["history"], self._t_end - base.frame.start
-            run = base, self._how["scheme"], history, self._steps, t_end
+            history, t_end = self._how["history"], self._t_end - base.t_start
+            run = base.system, self._how["scheme"], history, self._steps, t_end
             stepper, end = open_stepper(*run)
-            stepper.set_breaks(checked_breaks(self._how["breaks"], base.frame.start), t_end)
+            stepper.set_breaks(checked_breaks(self._how["breaks"], base.t_start), t_end)
             if self._plan is None:
                 with suppress(Exception):  # of a right-hand side, for some member
                     of = self._members.params, self._members.inside
@@ -359,7 +360,7 @@ class _Run:
 
     def _march(self, stepper: Any, end: float, m: int) -> None:
         """March a member to step `end`, by a stepper that others take too."""
-        members, kept, frame = self._members, self._kept, self._members.base.frame
+        members, kept, frame = self._members, self._kept, self._members.base.system.frame
 
         def advance(stop: float) -> None:
             n, piece = stepper.n, stepper.advance(stop)
@@ -427,7 +428,7 @@ class _Run:
         return Ensemble(
             t=self._times,
             y=self._y,
-            ydot=self._ydot if base.m == 2 or base.frame.speeds else None,
+            ydot=self._ydot if base.m == 2 or base.system.frame.speeds else None,
             status=np.array([str(end) for end in ends]),
             messages={m: messages[m] for m in failing},
             stats={"n_steps": np.array(n_steps), "n_rhs": np.array(n_rhs), "seconds": seconds},

@@ -14,13 +14,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
 
 from .compiled.jit import derived
-from .equation.system import System, changed
+from .equation.system import System
 from .functions.assemble import switch_of
 from .solver.events import TINY, Events, value_of
 from .solver.output import Output
@@ -81,7 +82,7 @@ class Hybrid:
 
     Parameters
     ----------
-    equation : System
+    system : System
     scheme : Scheme
     events, switches : tuple of callable
         The user's functions; an event may have an attribute ``change(t, y)``.
@@ -96,7 +97,7 @@ class Hybrid:
 
     def __init__(
         self,
-        equation: System,
+        system: System,
         scheme: Scheme,
         events: Sequence[Callable],
         switches: Sequence[Callable],
@@ -108,13 +109,13 @@ class Hybrid:
             if change is not None and not callable(change):
                 required = "have a function change(t, y), or none"
                 refuse("events", required, repr(change), kind=TypeError)
-        self._stated = _stated(changes, equation.frame.start)
+        self._stated = _stated(changes, system.frame.start)
         self._switches = switches
         self._times: list[list[float]] = [[] for _ in events]
-        self.system = equation
+        self.system = system
         self._signs: list[int] = []
         if switches:
-            self.system, self._signs = one_sided(equation, switches, scheme)
+            self.system, self._signs = one_sided(system, switches, scheme)
 
     def open(
         self, stepper: Stepper, t_end: float, breaks: np.ndarray, signs: dict[str, float]
@@ -125,7 +126,7 @@ class Hybrid:
         """
         self._stepper, self._begun, self._span = stepper, stepper.t, t_end - stepper.t
         self._longest = [0.0 for _ in self._functions]
-        origin = stepper.equation.frame.start
+        origin = stepper.system.frame.start
         known = np.append(t_end, breaks)  # which come second where they are one time
         stated = [(nearest(t, known, origin), change) for t, change in self._stated]
         self._due = [
@@ -136,7 +137,7 @@ class Hybrid:
         of_y = bool(self._due) or any(change is not None for change in self._changes)
         if of_y or self._switches:
             stepper.expect_moves(of_y)
-        inside = stepper.equation.frame.event
+        inside = stepper.system.frame.event
         functions = [*map(inside, self._functions), *map(inside, self._switches)]
         acting = [change is not None for change in self._changes] + [True] * len(self._switches)
         known = np.append(known, [t for t, _ in self._due])
@@ -222,7 +223,7 @@ class Hybrid:
     def _change(self, change: Any) -> Ended:
         """Set the y that ``change(t, y)`` returns; return status and detail if it fails."""
         stepper = self._stepper
-        frame, inside = stepper.equation.frame, stepper.y
+        frame, inside = stepper.system.frame, stepper.y
         y = frame.values(inside)
         try:
             given = np.asarray(change(stepper.t + frame.start, y.copy()))
@@ -296,7 +297,7 @@ class HybridEvents(Events):
         known: np.ndarray,
     ) -> None:
         self._acting, self._start = acting, stepper.t
-        self._known, self._origin = known, stepper.equation.frame.start
+        self._known, self._origin = known, stepper.system.frame.start
         self._stop_at, self.stated = stepper.stop_at, math.inf
         self.stuck: int | None = None
         self._at_once = 1.0 if stepper.looks == 1 else _RETURN
@@ -562,14 +563,14 @@ def sign_ahead(
     ``value(t, y)`` is the event. Before the change, y was `before` (d,). `crossed` is true if the
     event had passed through its zero.
     """
-    t, equation, slopes = stepper.t, stepper.equation, []
-    if equation.enlarged is not equation:
+    t, system, slopes = stepper.t, stepper.system, []
+    if system.read.any():
         return 0.0
     ahead = t + _AHEAD * t
     try:
         with np.errstate(all="ignore"):
             for y in (before, stepper.y):
-                then = y + (ahead - t) * equation.motion(t, y, stepper.ydot)
+                then = y + (ahead - t) * system.motion(t, y, stepper.ydot)
                 slopes.append(float(np.sign(value(ahead, then) - value(t, y))))
     except Exception:  # the march meets it again
         return 0.0
@@ -579,7 +580,7 @@ def sign_ahead(
 
 
 def one_sided(
-    equation: System, functions: Sequence[Callable], scheme: Scheme
+    system: System, functions: Sequence[Callable], scheme: Scheme
 ) -> tuple[System, list[int]]:
     """Return the system whose right-hand side is evaluated on one side of each switch.
 
@@ -588,10 +589,10 @@ def one_sided(
     if not scheme.takes_switches:
         required = f"be left out with {type(scheme).__name__}"
         refuse("switches", required, f"{len(functions)}", "use L1 or BDF(2)")
-    inner, frame = equation.enlarged, equation.frame
-    params, rhs, jac = inner.compiled_params, inner.compiled_rhs, inner.compiled_jac
-    n_user = len(frame.speeds) or equation.d
-    y0 = frame.values(equation.at_start[: equation.d])
+    frame = system.frame
+    params, rhs, jac = system.compiled_params, system.compiled_rhs, system.compiled_jac
+    n_user = len(frame.speeds) or system.n_solved
+    y0 = frame.values(system.at_start[: system.n_solved])
     signs = []
     for function in functions:
         value = switch_of(function, y0, frame.start)
@@ -599,11 +600,7 @@ def one_sided(
         params = np.append(params, [1.0, frame.start, n_user])
         rhs, jac = _one_sided(rhs, value), jac and _one_sided(jac, value)
     new = {"compiled_params": params, "compiled_rhs": rhs, "compiled_jac": jac}
-    new |= {"matrix": None, "linear_alone": False}
-    found = changed(inner, **new)
-    if inner is not equation:
-        found = changed(equation, compiled_params=params, larger=found)
-    return found, signs
+    return replace(system, matrix=None, linear_alone=False, **new), signs
 
 
 @lru_cache(maxsize=64)

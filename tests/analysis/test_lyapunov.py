@@ -100,7 +100,7 @@ def test_the_compiled_loop_is_the_loop_that_is_read(scheme, scene):
     directions = np.eye(equation.y0.size)[:, :2]
     result = alone(equation, 20.0, 2000, 2, scheme=scheme, directions=directions, transient=0.5)
     how = scheme, history, UniformSteps(h, 2000), 20.0
-    stepper, _ = open_stepper(equation, *how, directions=directions)
+    stepper, _ = open_stepper(equation.system, *how, directions=directions)
     stops, logs = np.rint(np.append(0.5, result.times) / h).astype(int), []
     assert benettin(stepper, stops, lambda _, log: logs.append(log)) is None
     assert np.abs(np.cumsum(logs[1:], axis=0) - result.log_growth).max() < 1e-9

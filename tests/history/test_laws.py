@@ -158,9 +158,8 @@ def test_a_horizon_is_kept_and_its_end_is_told():
     memory.prepare(10**7)
     with pytest.raises(ValueError, match=r"SumOfExponentials\(horizon=\), the time"):
         memory.prepare(3 * 10**7)
-    far = FixedStepper(
-        hd.scenes.relaxation(), hd.L1(), hd.SumOfExponentials(horizon=3e4), UniformSteps(1e-3), 1000
-    )
+    system, history = hd.scenes.relaxation().system, hd.SumOfExponentials(horizon=3e4)
+    far = FixedStepper(system, hd.L1(), history, UniformSteps(1e-3), 1000)
     far.prepare(3 * 10**7)
     with pytest.raises(ValueError, match="resume must stay within"):
         far.prepare(3 * 10**8)

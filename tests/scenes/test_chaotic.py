@@ -120,5 +120,5 @@ def test_one_order_or_one_for_each_component(scene):
     orders = [0.9, 1.0, 0.95][:d]
     equation = scene(alpha=orders)
     assert equation.orders.tolist() == [orders]
-    assert equation.has_jac  # which is compared with differences when an equation is made
+    assert equation.system.has_jac  # which is compared with differences when an equation is made
     assert hd.solve(equation, 1.0, 200, scheme=hd.BDF(2)).success

@@ -71,7 +71,7 @@ def test_order_and_error(problem):
         errors.append(np.abs(y - problem.exact(np.array([problem.t_end]))[0]).max())
     order = observed_order(steps, errors)
     smoothness = "singular" if problem.name == "oscillator 1.5 0.5" else "smooth"
-    expected = SCHEME.order(float(equation.highest_orders().max()), smoothness)
+    expected = SCHEME.order(float(equation.system.highest_orders().max()), smoothness)
     assert order == pytest.approx(expected, abs=0.15), errors
     assert np.all(np.diff(errors) < 0)
     assert errors[-1] < 4 / 3 * ERRORS[problem.name]

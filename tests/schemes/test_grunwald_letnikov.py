@@ -86,7 +86,7 @@ def test_curve_of_the_region_is_growth_by_a_tenth(angle):
     terms, y0, h = [hd.Caputo(1.4), 0.3 * hd.Caputo(0.6)], [[1.0, 0.0], [0.0, 0.0]], 0.1
     mu = np.exp(1j * angle)
     jacobian = np.array([[mu.real, -mu.imag], [mu.imag, mu.real]])
-    region = SCHEME.plan(hd.Equation(terms, turning, y0, (-1.0, 0.0)), h).region
+    region = SCHEME.plan(hd.Equation(terms, turning, y0, (-1.0, 0.0)).system, h).region
     mu /= region.ratios(jacobian[None]).max()
     growth = []
     for share in (0.97, 1.0, 1.03):

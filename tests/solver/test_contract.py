@@ -24,8 +24,8 @@ class Euler(Stepper):
 
     position, tangent = 0, np.eye(1)
 
-    def __init__(self, equation):
-        self.equation, self._y = equation, equation.y0[0].copy()
+    def __init__(self, system):
+        self.system, self._y = system, system.y0[0].copy()
 
     t = property(lambda self: H * self.position)
     y = property(lambda self: self._y.copy())
@@ -64,9 +64,9 @@ def equation():
 
 def ran(t_end=1.0, events=(), changes=None):
     """The solution of a run over the stepper."""
-    hybrid = Hybrid(equation(), hd.ExplicitCaputo(), (), (), changes) if changes else None
-    stepper = Euler(hybrid.system if hybrid else equation())
-    stop, inside = stepper.stop_at(t_end).position, stepper.equation.frame.event
+    hybrid = Hybrid(equation().system, hd.ExplicitCaputo(), (), (), changes) if changes else None
+    stepper = Euler(hybrid.system if hybrid else equation().system)
+    stop, inside = stepper.stop_at(t_end).position, stepper.system.frame.event
     if hybrid:
         found = hybrid.open(stepper, t_end, np.zeros(0), {})
     else:
@@ -108,12 +108,15 @@ def test_changes_of_y_act_at_their_step():
 
 def test_exponents_are_those_of_the_steps():
     logs = []
-    assert benettin(Euler(equation()), range(10, 101, 10), lambda _, log: logs.append(log)) is None
+    assert (
+        benettin(Euler(equation().system), range(10, 101, 10), lambda _, log: logs.append(log))
+        is None
+    )
     assert np.sum(logs) == pytest.approx(100 * np.log(FACTOR), rel=1e-12)
 
 
 def test_what_a_stepper_lacks_is_refused_in_a_sentence():
-    stepper = Euler(equation())
+    stepper = Euler(equation().system)
     with pytest.raises(NotImplementedError, match="Euler has no states"):
         stepper.state()
     with pytest.raises(ValueError, match=r"breaks must be left out with Euler, got \[0\.5\]"):
@@ -126,12 +129,12 @@ def test_what_a_stepper_lacks_is_refused_in_a_sentence():
 def test_a_checkpoint_can_be_come_back_to_more_than_once(how):
     """The law that all three steppers keep: going back and on again gives the same numbers."""
     scheme = hd.ExplicitCaputo() if how and "n_steps" in how else hd.Collocation()
-    eq = equation()
+    system = equation().system
     if how is None:
-        stepper = Euler(eq)
+        stepper = Euler(system)
     else:
-        steps = how_to_step(eq, scheme, 1.0, **how)
-        stepper, _ = open_stepper(eq, scheme, None, steps, 1.0)
+        steps = how_to_step(system, scheme, 1.0, **how)
+        stepper, _ = open_stepper(system, scheme, None, steps, 1.0)
 
     def to(t):
         stop = stepper.stop_at(t).position

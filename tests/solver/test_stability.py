@@ -189,7 +189,7 @@ def test_region_against_euler(scheme):
     """For order 1 the curve is |1 + h mu| = 1.1, and slow growth is no instability."""
     h = 0.1
     equation = hd.Equation(hd.Caputo(1.0), lambda t, y: -y, [1.0, 1.0])
-    region = scheme.plan(equation, h).region
+    region = scheme.plan(equation.system, h).region
     for mu in (-1 + 9j, -3 + 4j, -15 + 2j, -0.1 + 2j):
         jacobian = np.array([[mu.real, mu.imag], [-mu.imag, mu.real]])
         ratio = region.ratios(jacobian[None])[0]
@@ -208,7 +208,7 @@ def test_curve_at_minus_one_is_the_sharp_limit(scheme, alpha, monkeypatch):
     equation = hd.Equation(
         hd.Caputo(alpha), lambda t, y: -y, np.ones((math.ceil(alpha), 2)), jac=None
     )
-    region = scheme.plan(equation, 0.1).region
+    region = scheme.plan(equation.system, 0.1).region
     assert region.radii[-1] == pytest.approx(region.limits[0], rel=1e-4)
     assert region.angles[0] == pytest.approx(min(alpha, 2) * np.pi / 2, abs=0.05)
 
@@ -368,7 +368,7 @@ def test_many_components_are_watched_by_norms_and_few_eigenvalues(alpha, pull, t
     jacobian = eq.jacobian(0.0, y0)
     for share in (0.7, 1.2, 3.0):
         step = h * share ** (1 / alpha)
-        region = SCHEME.plan(eq, step).region
+        region = SCHEME.plan(eq.system, step).region
         found = region.ratios(jacobian[None])[0]
         scaled = -jacobian / region.limits[:, None]
         every = region._ratios_of(np.linalg.eigvals(scaled)[None])[0]

@@ -269,7 +269,8 @@ def test_other_parameters_have_units_of_their_own():
 
     equation = hd.Equation(hd.Caputo(0.8), towards, 0.0, params=[1.0])
     anew = hd.Equation(hd.Caputo(0.8), towards, 0.0, params=[1000.0])
-    assert equation.units < anew.units == equation.replace(params=[1000.0]).units
+    replaced = equation.replace(params=[1000.0])
+    assert equation.system.units < anew.system.units == replaced.system.units
 
 
 @pytest.mark.parametrize("power", POWERS)
@@ -314,7 +315,7 @@ def test_a_force_next_to_0_leaves_sizes_and_steps_as_without(force):
 
 def test_a_step_that_no_other_component_feels_may_grow_beyond_all_numbers():
     scale = 10.0 ** np.array([99, 100, -100, 99])
-    assert np.all(scaled(PROBLEMS["cascade from rest"], scale).units < np.inf)
+    assert np.all(scaled(PROBLEMS["cascade from rest"], scale).system.units < np.inf)
 
 
 def test_a_run_that_rounding_ends_names_the_component_and_atol():

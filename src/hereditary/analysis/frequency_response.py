@@ -218,8 +218,9 @@ def _check(equation, frequency, along):
     """Refuse equations whose operators have no symbol here, and parameters that are none."""
     if equation.t_start != 0:
         refuse("t_start", "be 0", equation.t_start, "steady responses know no start")
-    bare = not (equation.frame.paired or equation.frame.speeds)
-    if not bare or equation.enlarged.varies or equation._callbacks:
+    system = equation.system
+    bare = not (system.frame.paired or system.frame.speeds)
+    if not bare or system.varies or equation._callbacks:
         refuse("equation", "be real and compiled, of constant orders up to 2", repr(equation))
     p = equation.params.size
     numbers = {"frequency": frequency} | ({} if along is None else {"along": along})

@@ -48,10 +48,10 @@ class Balance:
     """
 
     def __init__(self, equation, frequency, along, harmonics):
-        self._system = equation.enlarged.dense()
+        self._system = equation.system.dense()
         self._units = self._system.positive_units
         self._frequency, self._along = frequency, along
-        self._params, self._h, self.d = equation.compiled_params.copy(), harmonics, equation.d
+        self._params, self._h, self.d = self._system.compiled_params.copy(), harmonics, equation.d
         self.size, self._n = self.d * (2 * harmonics + 1), max(_SAMPLES * harmonics + 1, _FEWEST)
         angles = 2 * np.pi * np.outer(np.arange(self._n), np.arange(1, harmonics + 1)) / self._n
         columns = np.stack([np.cos(angles), np.sin(angles)], axis=2).reshape(self._n, -1)

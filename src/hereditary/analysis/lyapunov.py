@@ -155,12 +155,12 @@ class Pairs:
     """
 
     def __init__(self, opened, system, directions, separation):
-        self._separation, self._speeds = separation, system.highest_orders() > 1
+        self._separation, self._speeds = separation, system.second
         starts = []
         for direction in separation * directions.T:
-            starts.append(system.y0.copy())
-            starts[-1][0] += direction[: system.d]
-            starts[-1][1:, self._speeds] += direction[system.d :]
+            starts.append(system.y0[:, : system.n_solved].copy())
+            starts[-1][0] += direction[: system.n_solved]
+            starts[-1][1:, self._speeds] += direction[system.n_solved :]
         self._orbit = opened(system)
         self._others = [opened(displaced(system, y0)) for y0 in starts]
         self._all = [self._orbit, *self._others]
@@ -388,9 +388,9 @@ def _run(
     """Return the result of one run, whose arguments are those of `lyapunov`."""
     began = time.perf_counter()
     t_end = positive("t_end", t_end)
-    if equation.frame.start != 0:
+    if equation.t_start != 0:
         required = "be 0 for exponents"
-        refuse("t_start", required, equation.frame.start, "shift the time in rhs")
+        refuse("t_start", required, equation.t_start, "shift the time in rhs")
     instance("scheme", scheme, Scheme, "hereditary.ExplicitCaputo()")
     within("window", window, 1e-6, 1.0, "(0, 1]")
     if count("n_blocks", n_blocks) > _MOST_BLOCKS:
@@ -401,7 +401,7 @@ def _run(
     if chooses_steps(scheme) and mode != "tangent":
         remedy = "take a scheme of given steps, e.g. Adams() or BDF(2)"
         refuse("mode", 'be "tangent" with Collocation', repr(mode), remedy)
-    system, most = marched(equation, scheme), n_data(equation)
+    system, most = marched(equation.system, scheme), n_data(equation.system)
     given = {"max_steps": _ANY} if chooses_steps(scheme) else {"n_steps": n_steps}
     how = how_to_step(system, scheme, t_end, history=history, rtol=rtol, atol=atol, **given)
     n = _MARKS if chooses_steps(scheme) and n_steps is None else count("n_steps", whole(n_steps))
@@ -422,7 +422,7 @@ def _run(
         stepper = Pairs(opened, system, directions, separation)
     else:
         stepper = opened(system, directions)
-    plain = memory(system) == "none" and equation.enlarged is equation
+    plain = memory(system) == "none" and not system.read.any()
     flow = Divergence(system, h) if mode == "tangent" and plain and k == most else None
     schedule = record(SCHEDULE, transient=transient, end=n, longest=max(1, n // _RECORDS))
     schedule["automatic"] = interval is None
@@ -438,7 +438,7 @@ def _run(
     seconds = time.perf_counter() - began
     found = _found(stepper, equation, flow, ended, grown, settings, n_blocks, seconds)
     if found.status in _AT_END and (mode == "tangent" or separation < _APART):
-        found = _without_jumps(found, stepper.equation, states)
+        found = _without_jumps(found, stepper.system, states)
     pass_on(stepper.error, found)
     return found
 
@@ -452,7 +452,7 @@ def _found(stepper, equation, flow, ended, grown, settings, n_blocks, seconds):
     sums = totals[n_early:] - (totals[n_early - 1] if n_early else 0.0)
     late = times[n_early:]
     trace = sums / (late - transient)[:, None]
-    growth = assess(late, sums, settings["window"], n_blocks, memory(stepper.equation))
+    growth = assess(late, sums, settings["window"], n_blocks, memory(stepper.system))
     if status is Status.BLOWN_UP:
         growth = replace(growth, verdicts=(Verdict.DIVERGED,) * settings["k"])
     exponents = trace[-1] if late.size else np.full(settings["k"], np.nan)
@@ -472,7 +472,7 @@ def _found(stepper, equation, flow, ended, grown, settings, n_blocks, seconds):
         mode=settings["mode"],
         status=status,
         message=report(stepper, status, detail) + _lost_digits(grown[:, 1:]),
-        y=equation.frame.values(stepper.y[: equation.d]),
+        y=equation.system.frame.values(stepper.y[: equation.d]),
         settings=settings,
         stats={
             "n_steps": _marks(stepper.t, h),
@@ -484,7 +484,7 @@ def _found(stepper, equation, flow, ended, grown, settings, n_blocks, seconds):
 
 def _without_jumps(result, system, states):
     """Return the result; without verdicts, and with a warning, if f jumps along the orbit."""
-    if system.enlarged is not system or not _jumps(system, states):
+    if system.read.any() or not _jumps(system, states):
         return result
     clause = f"{_JUMPS}: smooth it, for example sign(x) as tanh(x / eps), and let eps decrease, "
     clause += "or take mode='pair' with a separation of 1e-3 to 1e-2"
@@ -609,7 +609,7 @@ class Divergence:
     """
 
     def __init__(self, system, h):
-        self._system, self._h, second = system.dense(), h, system.highest_orders() > 1
+        self._system, self._h, second = system.dense(), h, system.second
         first, leading = system.coefficient(1.0), system.coefficient(2.0)
         self._shares = np.where(second, 0.0, 1 / np.where(second, 1.0, first))
         self._constant = -float(np.sum(first[second] / leading[second]))
@@ -679,29 +679,28 @@ def _directions(given, seed, k, rows):
     return q * np.sign(np.diag(r))
 
 
-def marched(equation: System, scheme: Scheme) -> System:
+def marched(system: System, scheme: Scheme) -> System:
     """Return the system to march; a classical one of second order becomes first-order.
 
     Increments kept apart from t x'(0), as most schemes keep them above order 1, lose a tangent that
     has decayed to their rounding. With memory none decays so far.
     """
-    if scheme.whole or equation.m == 1 or memory(equation) != "none":
-        return equation
-    return reduced(equation.dense())[0]
+    if scheme.whole or system.m == 1 or memory(system) != "none":
+        return system
+    return reduced(system.dense())[0]
 
 
-def memory(equation: System) -> str:
+def memory(system: System) -> str:
     """Return whether "all", "none" or "some" components have a term of fractional order."""
-    found = np.zeros(equation.d, dtype=bool)
-    system = equation.enlarged
+    found = np.zeros(system.n_solved, dtype=bool)
     for operator, coefficients in system.left:
         found[system.sources[(coefficients != 0) & (not operator.classical)]] = True
     return "all" if found.all() else "some" if found.any() else "none"
 
 
-def n_data(equation: System) -> int:
+def n_data(system: System) -> int:
     """Number of initial data: d, and one more for each component of order above 1."""
-    return equation.d + int(np.sum(equation.highest_orders() > 1))
+    return system.n_solved + int(np.sum(system.second))
 
 
 def _checking_scheme(scheme: Scheme, equation: System) -> Scheme:
@@ -719,11 +718,12 @@ def _checking_scheme(scheme: Scheme, equation: System) -> Scheme:
 
 def _second_order(equation):
     """Return `Adams` if its order is 2, otherwise `BDF(2)`; None for other kernels."""
-    if not equation.enlarged.constant:
+    system = equation.system
+    if not system.constant:
         return None
-    if equation.enlarged is not equation:
+    if system.read.any():
         return BDF(2)
-    distinct, _ = distinct_components(marched(equation, Adams()))
+    distinct, _ = distinct_components(marched(system, Adams()))
     orders = [operator.order for key in distinct for _, operator in key]
     single = len(orders) == len(distinct)
     covered = min(orders) >= _ADAMS_LOWEST and max(orders) <= _ADAMS_HIGHEST

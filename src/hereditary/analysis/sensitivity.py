@@ -136,7 +136,7 @@ def sensitivities(
     """
     equation = current_equation(equation)
     kinds = _kinds(wrt, equation)
-    start = equation.frame.start
+    start = equation.t_start
     t_last = run_end("t_end", t_end, start)
     scheme = chosen_scheme(scheme, rtol, n_steps, None, None)
     times = evaluation_times(t_eval, start, t_last)
@@ -147,8 +147,8 @@ def sensitivities(
     if scheme.solve == "imex" or (size and not scheme.components_differ):
         required = "take components of their own orders, which parameters become, and no linear="
         refuse("scheme", required, repr(scheme), "use BDF(2) or Collocation")
-    system, units = _with_parameters(equation.dense(), size)
-    d, n_data = system.d, system.d + int(np.sum(system.highest_orders() > 1))
+    system, units = _with_parameters(equation.system.dense(), size)
+    d, n_data = system.d, system.d + int(np.sum(system.second))
     by_y0 = [*range(equation.d), *range(d, n_data)] if "y0" in kinds else []
     directions = np.eye(n_data)[:, [*range(equation.d, d), *by_y0]]
     span = t_last - start
@@ -191,12 +191,14 @@ def _kinds(wrt, equation):
     kinds = tuple(wrt) if np.iterable(wrt) and not isinstance(wrt, str) else (wrt,)
     if not kinds or not all(isinstance(kind, str) and kind in _KINDS for kind in kinds):
         refuse("wrt", f"hold some of {', '.join(_KINDS)}", repr(wrt))
-    if not equation.plain or equation._callbacks:
+    system = equation.system
+    rearranged = system.read.any() or system.frame.paired or system.frame.speeds
+    if rearranged or equation._callbacks:
         required = "be real and compiled, of orders up to 2, without memory= and matrices"
         refuse("equation", required, repr(equation), "or take differences")
     if "params" in kinds and equation.params.size == 0:
         refuse("wrt", "leave out params, which the equation has none of", kinds)
-    if "orders" in kinds and not equation.constant:
+    if "orders" in kinds and not system.constant:
         refuse("wrt", "leave out orders if they vary or if kernels are general", kinds)
     return kinds
 

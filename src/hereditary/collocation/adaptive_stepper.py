@@ -183,7 +183,7 @@ _TOO_STEEP = Ending(Status.STEP_TOO_SMALL, _ROUNDS)
 _OUTSIDE = Ending(Status.STEP_TOO_SMALL, NOT_FINITE)
 
 
-def ending(status, equation, t, h, refused, last, peak):
+def ending(status, system, t, h, refused, last, peak):
     """Return the `Ending` behind the status code of a march that stopped at time t.
 
     `last` (3 or 4, d, s) holds f, p and y at the nodes of the last step, of length h. The next step
@@ -196,7 +196,7 @@ def ending(status, equation, t, h, refused, last, peak):
     growing = np.any(now.max(axis=1) > largest.max(axis=1)) and refused > _WALL * h
     if status != JUMPING and growing:
         return _BLOWN_UP
-    forces = _forces_ahead(equation, t, h, last[POSITION])
+    forces = _forces_ahead(system, t, h, last[POSITION])
     if not np.all(np.isfinite(forces)):
         return _OUTSIDE
     jumps = np.abs(forces - forces[0]).max() > _JUMP * np.abs(forces).max()
@@ -207,19 +207,19 @@ def ending(status, equation, t, h, refused, last, peak):
     )
 
 
-def _forces_ahead(equation, t, h, y):
+def _forces_ahead(system, t, h, y):
     """Return f where the last step, y (d, s) of length h, points to, shape (n, d).
 
     It is evaluated at points extrapolated linearly from the first and the last node.
     """
     ahead = [(t + abs(a) * h, y[:, -1] + a * (y[:, -1] - y[:, 0])) for a in _DISTANCES_AHEAD]
-    return np.array([equation.force(*point) for point in ahead])
+    return np.array([system.force(*point) for point in ahead])
 
 
-def leaves_domain(equation, t, y, move):
+def leaves_domain(system, t, y, move):
     """Return whether f is finite nowhere on the way from y to y + move, both (d,)."""
     points = [y + share * move for share in _SHARES]
-    ahead = [equation.force(t, point) for point in points if np.any(point != y)]
+    ahead = [system.force(t, point) for point in points if np.any(point != y)]
     return bool(ahead) and not np.isfinite(ahead).all(axis=1).any()
 
 
@@ -334,7 +334,7 @@ class AdaptiveStepper(Stepper):
 
     Parameters
     ----------
-    equation : System
+    system : System
     scheme : Collocation
     t_end : float
         End of the run; the modes hold up to ten times as far, or to the scheme's horizon.
@@ -345,15 +345,15 @@ class AdaptiveStepper(Stepper):
 
     looks = _LOOKS
 
-    def __init__(self, equation, scheme, t_end, tolerance, directions=None):
-        scheme.check_terms(equation)
-        self.equation, self._scheme, self._breaks = equation, scheme, np.zeros(0)
-        self._view = view = Plain(equation) if equation.enlarged is equation else Reading(equation)
-        self.second, system = view.second, view.system
-        refuse_late(equation, t_end)
+    def __init__(self, system, scheme, t_end, tolerance, directions=None):
+        scheme.check_terms(system)
+        self.system, self._scheme, self._breaks = system, scheme, np.zeros(0)
+        self._view = view = (Reading if system.read.any() else Plain)(system)
+        marched = view.system
+        refuse_late(system, t_end)
         rtol, atol, modes_tol, *limits = tolerance
         self._tolerances, self.step_limits, self._rows = (rtol, atol), StepLimits(*limits), _ROWS
-        by_component = system.spread(0.0 if atol is None else equation.frame.doubled(atol))
+        by_component = marched.spread(0.0 if atol is None else system.frame.doubled(atol))
         by_size = OF_SIZE * rtol if atol is None else 0.0
         self._t_end, self._errors = t_end, Allowed(rtol, by_component, by_size)
         self._allowed = self._errors.times(STEP_FRACTION)
@@ -363,19 +363,19 @@ class AdaptiveStepper(Stepper):
         self._known = known = max(t_end, scheme.horizon or 0.0)
         self._farthest = max(min(_REACH * t_end, 1e307), known)
         s = self._s = int(scheme.nodes)
-        self._form = form = integral_form(system)
-        self._system = system = system if has_stages(form) else system.dense()
-        self._stages = stage_solver(system.structure, form, s)
+        self._form = form = integral_form(marched)
+        self._marched = marched = marched if has_stages(form) else marched.dense()
+        self._stages = stage_solver(marched.structure, form, s)
         self._rule = rule_of(s, tuple(form.orders.tolist()))
         self._graded = form.begins_graded
         self._orders = OrderTables(form.varying, s)
         self._transforms = shortened_legendre(s)
-        y0 = initial_unknowns(system, form.second == 1, view.directions(directions))
+        y0 = initial_unknowns(marched, form.second == 1, view.directions(directions))
         self._orbit = OrbitAndTangents(form, y0, s)
         self._state = initial_state(t_end, *np.abs([self._orbit.p[0], self._orbit.x[0]]))
         self._at_singular_start, self._largest_error = True, 0.0
-        self._peak = np.zeros((2, system.d))  # of p and y at the starts of steps
-        self._moved = np.zeros(system.d)  # sum of |changes of y|
+        self._peak = np.zeros((2, marched.d))  # of p and y at the starts of steps
+        self._moved = np.zeros(marched.d)  # sum of |changes of y|
         self.ending = Ending()
         self._limit_steps(t_end)
         self._prefit_kernels(t_end)
@@ -415,7 +415,7 @@ class AdaptiveStepper(Stepper):
             self._begin_graded(t_stop)
             if self.ending.status is not None:
                 return None
-        d, s, counts = self._system.d, self._s, self._state.counts
+        d, s, counts = self._marched.d, self._s, self._state.counts
         steps = empty_steps(n_rows, d, s)
         n, status, before, origin = 0, TOO_CLOSE, (self.t, counts.copy()), self._control["origin"]
         limits = self._limits(t_stop)
@@ -449,7 +449,7 @@ class AdaptiveStepper(Stepper):
             self._moved += np.abs(np.diff(steps.at_starts[:n, 0], axis=0)).sum(axis=0)
         if status not in (REACHED, FULL, TOO_CLOSE):
             lengths, last = (self._control["last"], self._control["next"]), self._orbit.last[0]
-            self.ending = ending(status, self._system, self.t, *lengths, last, self._peak)
+            self.ending = ending(status, self._marched, self.t, *lengths, last, self._peak)
         if n == 0:
             return None
         *piece, errors = (array[:n] for array in steps)
@@ -460,7 +460,7 @@ class AdaptiveStepper(Stepper):
     def _sizes(self):
         """Sizes of the components, (d,): the largest |y| so far, or a fraction of the others'."""
         sizes = self._state.sizes.copy()
-        raise_small(self._system.quantities, SMALL, sizes)
+        raise_small(self._marched.quantities, SMALL, sizes)
         return sizes
 
     def _still_sizes(self):
@@ -485,7 +485,9 @@ class AdaptiveStepper(Stepper):
 
     def _limits(self, t_stop):
         """Return the `Limits` of a march to a stop."""
-        return self.step_limits.limits(self._system, self._control["origin"], t_stop, self._allowed)
+        return self.step_limits.limits(
+            self._marched, self._control["origin"], t_stop, self._allowed
+        )
 
     def _march_on(self, steps, limits):
         """March by ordinary steps; return the status."""
@@ -503,7 +505,7 @@ class AdaptiveStepper(Stepper):
         """March to a stop in compiled code, filling `steps`; return the status."""
         orbit = self._orbit
         _, status = march_adaptive(
-            *self._system.compiled, stages.solver, stages.stages, orbit.equations(self._system),
+            *self._marched.compiled, stages.solver, stages.stages, orbit.equations(self._marched),
             rule, basis, tables, self._orders.compiled(orbit.of_varying), arrays, self._state,
             steps, limits)  # fmt: skip
         return status
@@ -518,14 +520,14 @@ class AdaptiveStepper(Stepper):
     def _singular_step(self, t_stop):
         """Make the step of a singular start; return its dense output, or None and set `ending`."""
         orbit, form, t, left = self._orbit, self._form, self.t, t_stop - self.t
-        units, system = np.empty(self._system.d), self._system
+        units, system = np.empty(self._marched.d), self._marched
         of_run = self._limits(t_stop)
         set_units(system.units, system.quantities, self._sizes, orbit.x[0], of_run, units)
         limits = self.step_limits.longest[0], self._farthest / _LARGEST_RATIO
         how = t, left, *limits, self._state.counts, units
         self.ending, at_rest = _TOO_STEEP, _FIRST_AT_REST * self.step_limits.longest[1]
         self._set_origin(t)
-        for h, variable in trials(self._system, form, orbit, *how):
+        for h, variable in trials(self._marched, form, orbit, *how):
             # no tiny remainder is left before the stop
             h = min(h, 0.5 * left) if h < left else h
             steps, values = self._try_step(h, variable, t_stop)
@@ -538,8 +540,8 @@ class AdaptiveStepper(Stepper):
                 return FirstPiece(variable, t, h, steps.p[0], *steps.at_starts[0])
             # Newton's method asks for a quarter
             self.ending = _UNSOLVED if self._control["next"] == 0.25 * h else _TOO_STEEP
-        speed = np.where(form.second == 1, orbit.p[0], self._system.force(t, orbit.x[0]))
-        if leaves_domain(self._system, t, orbit.x[0], left * speed):
+        speed = np.where(form.second == 1, orbit.p[0], self._marched.force(t, orbit.x[0]))
+        if leaves_domain(self._marched, t, orbit.x[0], left * speed):
             self.ending = _OUTSIDE
         return None
 
@@ -552,7 +554,7 @@ class AdaptiveStepper(Stepper):
         rule = first_rule(variable, tuple(form.orders.tolist()))
         logs = variable.logs(radau_nodes(n))
         history = orbit.history(np.log(h) + logs)
-        n_kernels, d = len(form.kernels), self._system.d
+        n_kernels, d = len(form.kernels), self._marched.d
         local = np.array([convolutions(variable, kernel, h) for kernel in form.kernels])
         tables = StepTables(
             np.array([h]), np.eye(n)[None], np.zeros((1, 2, n)), np.zeros((1, n, n)),
@@ -567,7 +569,7 @@ class AdaptiveStepper(Stepper):
         arrays = OrbitArrays(orbit.initial, orbit.x, orbit.p, history, 0.0 * history, values)
         self._begin_steps(h, h)
         steps = empty_steps(1, d, n)
-        solver = stage_solver(self._system.structure, form, n)
+        solver = stage_solver(self._marched.structure, form, n)
         how = solver, rule, basis, tables, arrays
         limits = self._limits(t_stop)
         share = min(1.0, max(_RESOLVED / variable.q, _UNRESOLVED, _ROUNDING / limits.rtol))
@@ -598,7 +600,7 @@ class AdaptiveStepper(Stepper):
         if closest < self._orbit.closest:
             self._refine_modes(closest)
         # the right-hand side may jump here
-        settled = jump(self._system, self._form, self._orbit, self.t, self._state.counts)
+        settled = jump(self._marched, self._form, self._orbit, self.t, self._state.counts)
         self.ending = Ending() if settled else _UNSOLVED
         self._state.largest[:] = np.where(self._form.second == 1, self._state.largest, 0.0)
         self._begin_steps(floor_to_grid(h), self._shortest)
@@ -650,7 +652,7 @@ class AdaptiveStepper(Stepper):
     def tangent(self):
         """Tangents: derivatives of y, and of y' for orders above 1, shape (n_data, k); a copy."""
         values, speeds = self._view.values(self._orbit.x[1:], self._orbit.p[1:])
-        return np.vstack([values.T, speeds[:, self.second].T])
+        return np.vstack([values.T, speeds[:, self.system.second].T])
 
     def transform_tangent(self, matrix):
         """Replace the tangents and their history by ``tangent @ matrix``, matrix (k, k)."""
@@ -684,10 +686,10 @@ class AdaptiveStepper(Stepper):
             return ended
         found = [part for part in (ended.detail, self._small_component()) if part]
         ended = ended._replace(detail="; ".join(found))
-        if not self._system.has_jac:
+        if not self._marched.has_jac:
             return ended
-        rhs, jac, _, params = self._system.compiled
-        at = self._orbit.x[0], params, self._system.structure, self.t
+        rhs, jac, _, params = self._marched.compiled
+        at = self._orbit.x[0], params, self._marched.structure, self.t
         return ended._replace(detail=wrong_jacobian(rhs, jac, *at) or ended.detail)
 
     def _small_component(self):
@@ -695,7 +697,7 @@ class AdaptiveStepper(Stepper):
         c = int(self._control["worst"])
         if self._allowed.by_size == 0 or self._state.sizes[c] >= self._sizes[c]:
             return ""
-        name = self._system.of_y[c] // (2 if self.equation.frame.paired else 1)
+        name = self._marched.of_y[c] // (2 if self.system.frame.paired else 1)
         return f"component {name} is below a millionth of the largest, may be rounding: give atol="
 
     @property
@@ -706,7 +708,7 @@ class AdaptiveStepper(Stepper):
 
     def set_breaks(self, times, t_end):
         """Begin the steps anew at these times."""
-        at_once, self._breaks = breaks_ahead(times, self.t, t_end, self.equation.frame.start)
+        at_once, self._breaks = breaks_ahead(times, self.t, t_end, self.system.frame.start)
         self._at_singular_start |= at_once
 
     def stats(self):
@@ -738,7 +740,7 @@ class AdaptiveStepper(Stepper):
         """Continue from `state`; `allow_change` admits another right-hand side or parameters."""
         changed = check_identity(state.identity, self.identity(state.t), allow_change)
         reach = state.checkpoint[1].farthest
-        refuse_late(self.equation, self._t_end)
+        refuse_late(self.system, self._t_end)
         if reach and self._t_end > reach:
             required = f"stay within t = {reach}, the end of its history"
             remedy = f"begin the run with Collocation(horizon={self._t_end}), or with the end of"
@@ -765,7 +767,7 @@ class AdaptiveStepper(Stepper):
         if self._form.implicit.any():
             required = "change or switch nothing where a component's highest order varies or is a "
             refuse(moving, required + "kernel's", kinds)
-        if of_y and any(operator.from_zero for operator, _ in self.equation.left):
+        if of_y and any(operator.from_zero for operator, _ in self.system.left):
             required = "change no y beside RiemannLiouville, which takes jumps for derivatives"
             refuse(moving, required, kinds)
 
@@ -776,10 +778,10 @@ class AdaptiveStepper(Stepper):
 
     def set_parameter(self, number, value):
         """Set a parameter of the right-hand side, which jumps."""
-        self._system.compiled_params[number] = value
+        self._marched.compiled_params[number] = value
         self._at_singular_start = True
 
     def identity(self, t):
         """Describe the traits that a run to time t shares with one that resumes it."""
         how = {"number of nodes": self._s, "tolerances": self._tolerances}
-        return identity(self.equation, t, **how)
+        return identity(self.system, t, **how)

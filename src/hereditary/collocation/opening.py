@@ -13,13 +13,13 @@ _FARTHEST = 1e300
 
 
 def checked_tolerance(
-    equation, t_end, state=None, *, modes=None, n_steps=None, mesh=False,
+    system, t_end, state=None, *, modes=None, n_steps=None, mesh=False,
     rtol=None, atol=None, max_step=None, max_steps=None,
 ):  # fmt: skip
     """Return the `Tolerance`; what is not given is that of a state, or a default."""
     given = {"n_steps": n_steps, "mesh": None if mesh is False else mesh}
     left_out("with Collocation, which chooses its steps", **given)
-    _check_end(t_end, equation)
+    _check_end(t_end, system)
     if state is not None:
         rtol = state.how.rtol if rtol is None else rtol
         atol = state.how.atol if atol is None else atol
@@ -29,7 +29,7 @@ def checked_tolerance(
     rtol = 1e-6 if rtol is None else rtol
     return Tolerance(
         within("rtol", rtol, TOLERANCE_FLOOR, 0.1, interval, remedy),
-        None if atol is None else _absolute(atol, equation.n_y),
+        None if atol is None else _absolute(atol, system.n_y),
         modes,
         None if max_step is None else positive("max_step", max_step),
         MAX_STEPS if max_steps is None else count("max_steps", max_steps),
@@ -47,16 +47,16 @@ def _absolute(atol, n):
     return tuple(values.tolist())
 
 
-def _check_end(t_end, equation):
+def _check_end(t_end, system):
     """Refuse an end of a run if its powers exceed the range of double precision."""
-    farthest = _FARTHEST ** (1 / max(1.0, float(equation.highest_orders().max())))
+    farthest = _FARTHEST ** (1 / max(1.0, float(system.highest_orders().max())))
     interval = f"[{1 / _FARTHEST:g}, {farthest:g}]"
     within("t_end", t_end, 1 / _FARTHEST, farthest, interval, "take another unit of time")
 
 
-def open_adaptive(equation, scheme, how, t_end, state, allow_change, directions):
+def open_adaptive(system, scheme, how, t_end, state, allow_change, directions):
     """Return an `AdaptiveStepper` at the start of a run, or at a state, and t_end."""
-    stepper = AdaptiveStepper(equation, scheme, t_end, how, directions)
+    stepper = AdaptiveStepper(system, scheme, t_end, how, directions)
     if state is not None and stepper.modes_tol != state.how.modes:
         required = f"be left out or ask for modes as the state has them, to {state.how.modes:g}"
         refuse("history", required, f"to {stepper.modes_tol:g}")

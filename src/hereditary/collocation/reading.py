@@ -32,11 +32,11 @@ class Plain:
     system : System
         What is solved.
     second : ndarray of bool, shape (d,)
-        Components whose first derivative is an unknown.
+        Components of y whose first derivative is an unknown.
     """
 
-    def __init__(self, equation):
-        self.system, self.second = equation, equation.highest_orders() > 1
+    def __init__(self, system):
+        self.system, self.second = system, system.second
 
     def directions(self, directions):
         """Return directions of initial data of the system, shape (n_data, k)."""
@@ -58,9 +58,9 @@ class Plain:
 class Reading(Plain):
     """View of a stepper that solves an equation whose right-hand side reads memory."""
 
-    def __init__(self, equation):
-        self.system, self._speeds = reduced(equation)
-        self.second, self._d = equation.highest_orders() > 1, equation.d
+    def __init__(self, system):
+        self.system, self._speeds = reduced(system)
+        self.second, self._d = system.second, system.n_solved
 
     def directions(self, directions):
         """Return directions of initial data of the system, shape (n_data, k)."""
@@ -112,28 +112,28 @@ class ReadingPiece(Piece):
         return np.where(second, self.inner.evaluate(t, none, 0)[:, self.speeds], found)
 
 
-def reduced(equation):
+def reduced(system):
     """Return the system without memory, and the component that is y' of each, (d,)."""
-    memory = equation.enlarged
-    for operator, _ in memory.left:
+    for operator, _ in system.left:
         if operator.from_zero:
             required = "hold no RiemannLiouville with Collocation, where memory is read"
             refuse("terms", required, f"{operator}", "take BDF or L1")
-    for operator, _ in memory.left:
+    for operator, _ in system.left:
         if not operator.constant:
             required = (
                 "be Caputo operators of constant order with Collocation, where memory is read"
             )
             refuse("terms", required, f"{operator}", "take ExplicitCaputo or L1")
-    d, leading = equation.d, equation.highest_orders()
-    second = np.flatnonzero(leading > 1).tolist()
+    d, leading = system.n_solved, system.highest_orders()
+    before = system.coefficient(leading)
+    second = np.flatnonzero(system.second).tolist()
     speeds = np.zeros(d, dtype=np.int64)
     speeds[second] = d + np.arange(len(second))
     # of each component the initial value, the order, and what its derivative is: F_j, as -1 - j, or
     # another component
-    origins = np.where(leading > 1, speeds, -1 - np.arange(d)).tolist()
-    made = list(zip(equation.y0[0], np.minimum(leading, 1.0).tolist(), origins, strict=True))
-    made += [(equation.y0[1, j], leading[j] - 1, -1 - j) for j in second]
+    origins = np.where(system.second, speeds, -1 - np.arange(d)).tolist()
+    made = list(zip(system.y0[0, :d], np.minimum(leading[:d], 1.0).tolist(), origins, strict=True))
+    made += [(system.y0[1, j], leading[j] - 1, -1 - j) for j in second]
     roles = [(j, 0.0) for j in range(d)] + [(j, 1.0) for j in second]
     places = {(j, 1.0): int(speeds[j]) for j in second}
 
@@ -152,9 +152,9 @@ def reduced(equation):
     # what f reads, and the lower terms of each F_j
     read: list[tuple] = [(j, j, 1.0) for j in range(d)]
     lower: list[list[tuple]] = [[] for _ in range(d)]
-    for operator, coefficients in memory.left:
+    for operator, coefficients in system.left:
         for c in np.flatnonzero(coefficients).tolist():
-            j = int(memory.sources[c])
+            j = int(system.sources[c])
             if c != j:
                 read.append((c, place(j, operator.order), coefficients[c]))
             elif operator.order < leading[j]:
@@ -163,25 +163,25 @@ def reduced(equation):
     for i, (_, _, origin) in enumerate(made):
         if origin < 0:
             j = -1 - origin
-            lead[i] = equation.coefficient(leading)[j]
+            lead[i] = before[j]
             forces.append((i, j, 1.0))
             own += [(i, k, -c) for k, c in lower[j]]
         else:
             own.append((i, origin, 1.0))
     left = left_of([(order, i, lead[i]) for i, (_, order, _) in enumerate(made)], n)
-    how = memory.compiled_params, memory.compiled_rhs, memory.compiled_jac
-    quantities = [(equation.quantities[j], gamma) for j, gamma in roles]
+    how = system.compiled_params, system.compiled_rhs, system.compiled_jac
+    quantities = [(system.quantities[j], gamma) for j, gamma in roles]
     numbers = {quantity: number for number, quantity in enumerate(sorted(set(quantities)))}
-    params, rhs, jac = affine(how, n, memory.d, own, forces, read)
-    system = System(
+    params, rhs, jac = affine(how, n, system.d, own, forces, read)
+    found = System(
         left,
         np.array([[value for value, _, _ in made]]),
         params,
         rhs,
         jac,
         quantities=np.array([numbers[quantity] for quantity in quantities]),
-        of_y=equation.of_y[[j for j, _ in roles]],
-        frame=Frame(equation.frame.start),
-        rhs_digest=equation.rhs_digest,
+        of_y=system.of_y[[j for j, _ in roles]],
+        frame=Frame(system.frame.start),
+        rhs_digest=system.rhs_digest,
     )
-    return system, speeds
+    return found, speeds

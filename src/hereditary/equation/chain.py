@@ -13,7 +13,6 @@ last component are on the left side; other ones are memory that the right-hand s
 from __future__ import annotations
 
 import math
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -79,15 +78,13 @@ def _solved(left, d):
 
 
 class Chained(NamedTuple):
-    """System of an equation with orders above 2 or matrices.
+    """System of an equation with orders above 2 or matrices, and where y' is.
 
-    First is system, which lacks right-hand side and Jacobian where some memory is read. Then comes
-    enlarged, the same with that memory, or None. The third is speeds (d,), component that is y', -1
-    for none; (0,) where derivatives are no components.
+    `speeds` (d,) are the components that are y', -1 for none; (0,) where derivatives are no
+    components.
     """
 
     system: System
-    enlarged: System | None
     speeds: np.ndarray
 
 
@@ -131,16 +128,12 @@ def chained(left, y0, params, rhs, jac):
     start = np.array([[y0[k, j] for j, k in pairs]]) if above else y0
     speeds = np.array([places.get((j, 1), -1) for j in range(d)] if above else [], dtype=np.int64)
     of_y, quantities = np.array(pairs, dtype=np.int64).T.copy()
-    known = partial(System, of_y=of_y, quantities=quantities)
     found = [*own, *((order, place, 1.0) for (order, _), place in memory.items())]
-    wide = left_of(found, size)
-    if not memory:
-        return Chained(known(wide, start, params, rhs, jac), None, speeds)
     sources = np.append(np.arange(len(pairs)), [s for _, s in memory]).astype(np.int64)
-    enlarged = System(wide, start[:, sources], params, rhs, jac, sources)
-    narrow = [SystemTerm(operator, c[: len(pairs)]) for operator, c in wide]
-    own_terms = [term for term in narrow if np.any(term.coefficients)]
-    return Chained(known(own_terms, start, params), enlarged, speeds)
+    how = {"of_y": of_y[sources], "quantities": quantities[sources]}
+    left = left_of(found, size)
+    system = System(left, np.take(start, sources, axis=1), params, rhs, jac, sources, **how)
+    return Chained(system, speeds)
 
 
 def left_of(found, width):

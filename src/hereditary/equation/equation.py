@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import fields
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -25,7 +25,6 @@ from .orders import merged_orders
 from .statement import (
     as_terms,
     check_initial_terms,
-    enlarged,
     factors_of,
     finite,
     initial_rows,
@@ -34,11 +33,12 @@ from .statement import (
     of_shorthand,
     per_component,
     read_terms,
+    with_memory,
 )
-from .system import System, changed, displaced, leading_orders
+from .system import System, displaced, leading_orders
 
 
-class Equation(System):
+class Equation:
     """An initial value problem ``sum_j c_j (memory operator)_j y = rhs(t, y)`` from t_start on.
 
     An equation is checked when it is made: the right-hand side is compiled and called twice, so
@@ -109,6 +109,8 @@ class Equation(System):
     y0 : ndarray, shape (m, d)
         Complex values as real and imaginary parts, next to each other.
     params : ndarray, shape (p,)
+    system : System
+        What schemes and steppers solve; times of a system count from t_start.
     terms, rhs, jac, memory, jac_memory, linear, bandwidth, jac_sparsity
         The arguments. No attribute and no array can be changed: `replace` makes another equation.
 
@@ -211,15 +213,34 @@ class Equation(System):
         left = left_side(self.terms, factors, orders, self.t_start)
         known |= {"n_params": start.params.size, "structure": structure}
         known["rhs_digest"] = self._digest_of_rhs()
-        found = self._system(left, initial.view(float), (params, rhs, jac), paired, known)
-        super().__init__(**{field.name: getattr(found, field.name) for field in fields(System)})
+        self.system = self._solved(left, initial.view(float), (params, rhs, jac), paired, known)
+        self.system.y0.flags.writeable = False
 
-    def _system(self, left, initial, functions, paired, known):
+    @property
+    def d(self) -> int:
+        """Number of real components; a complex one counts as two."""
+        return self.system.n_solved
+
+    @property
+    def m(self) -> int:
+        """Number of initial conditions of the system that is solved."""
+        return self.system.m
+
+    @property
+    def y0(self) -> np.ndarray:
+        """Initial values of the system that is solved, shape (m, d)."""
+        return self.system.y0[:, : self.d]
+
+    @property
+    def params(self) -> np.ndarray:
+        """Parameters, shape (p,)."""
+        return self.system.params
+
+    def _solved(self, left, initial, functions, paired, known):
         """Return the system of these terms: without matrices, without orders above 2."""
         if self._given_d is not None:
             needed = leading_orders(left, initial.shape[1]) > np.arange(len(initial))[:, None]
             initial = np.where(needed, initial, 0.0)
-        initial.flags.writeable = False
         _check_leading(left, initial)
         if len(initial) > 2 or left[0].coefficients.ndim > 1:
             if self.memory:
@@ -227,18 +248,12 @@ class Equation(System):
                 remedy = "write the equation as a system of y and its derivatives"
                 refuse("memory", required, repr(self.memory), remedy)
             known["terms_digest"] = digest([(operator.order, c) for operator, c in left])
-            system, beside, speeds = chained(left, initial, *functions)
+            system, speeds = chained(left, initial, *functions)
             known["frame"] = Frame(self.t_start, paired, tuple(speeds.tolist()))
-            if beside:
-                known["larger"] = changed(beside, rhs_digest=known["rhs_digest"])
-            return changed(system, **known)
+            return replace(system, **known)
         known["frame"] = Frame(self.t_start, paired)
         system = System(left, initial, *functions, **known)
-        if not self.memory:
-            return system
-        # the functions of `enlarged` read memory too
-        nothing = {"compiled_rhs": None, "compiled_jac": None}
-        return changed(system, **nothing, larger=enlarged(system, self.memory))
+        return with_memory(system, self.memory) if self.memory else system
 
     def __repr__(self):
         return f"Equation({' + '.join(map(repr, self.terms))} = rhs, d={self.d})"
@@ -247,7 +262,7 @@ class Equation(System):
         return formula(self)
 
     def __setattr__(self, name, value):
-        if "left" in self.__dict__:  # the system is complete
+        if "system" in self.__dict__:  # the equation is complete
             remedy = f"eq.replace({name}=...)" if name in _GIVEN else "eq.replace(...)"
             raise AttributeError(
                 f"{name} of an Equation cannot be changed; make another equation with {remedy}"
@@ -294,18 +309,19 @@ class Equation(System):
 
         Functions were checked when they were compiled: here the right-hand side is called once.
         """
-        alone = self.larger is None and self.structure is None and not self._callbacks
-        if not alone or params.size != self.n_params or self._present_values() != self._frozen:
+        system = self.system
+        alone = not system.read.any() and system.structure is None and not self._callbacks
+        if not alone or params.size != system.n_params or self._present_values() != self._frozen:
             return None
-        system = displaced(self, self.y0, params)
+        system = displaced(system, system.y0, params)
         try:
-            out = system.force(0.0, self.y0[0])
+            out = system.force(0.0, system.y0[0])
         except Exception:  # the whole way says what is wrong
             return None
         if not np.isfinite(out).all():
             return None
-        found = object.__new__(Equation)
-        vars(found).update(vars(system))
+        found = Equation.__new__(Equation)
+        vars(found).update(vars(self), system=system)
         return found
 
     def _arguments(self):
@@ -319,8 +335,11 @@ class Equation(System):
         Of real components y (d,), as `d` counts them; SciPy's CSR array where entries are stated.
         `linear` is part of it.
         """
+        if self.system.read.any():
+            required = "read no memory where its Jacobian by y alone is asked for"
+            refuse("rhs", required, "memory")
         try:
-            return self.derivative(t - self.t_start, y)
+            return self.system.derivative(t - self.t_start, y)
         except PythonRaised as error:
             raise original(error) from None
 

@@ -17,9 +17,9 @@ def formula(equation) -> str:
     read = ""
     if equation.memory:
         read = f", memory: {', '.join(_term(term) for term in equation.memory)}"
-    d = equation.d // 2 if equation.frame.paired else equation.d
+    d = equation.system.n_y
     about = f"{d} components" if d > 1 else "one component"
-    about += ", complex" * equation.frame.paired
+    about += ", complex" * equation.system.frame.paired
     line = f"{left.replace('+ -', '&minus; ')} = {' + '.join(right)}"
     return f"<p><i>{line}</i>{read}</p><p>{about}, from t = {equation.t_start:g} on</p>"
 

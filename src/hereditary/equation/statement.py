@@ -9,7 +9,6 @@ import numpy as np
 from ..support.checks import complaint, real_array, refuse, refuse_masked, shown
 from .operators import Summand
 from .orders import merged_orders
-from .system import System
 from .terms import SystemTerm
 
 
@@ -112,26 +111,26 @@ def read_terms(memory):
     return terms
 
 
-def enlarged(equation, memory):
-    """Return the system of an equation whose right-hand side reads memory: (1 + k) d components.
+def with_memory(system, memory):
+    """Return a system with the memory that its right-hand side reads: (1 + k) d components.
 
-    Behind the d components stand those of each term of `memory`, whose `left` they are. Schemes
-    weigh them as they would weigh such a term in an equation of its own; marches give them the
-    increments of their sources.
+    Behind the d components come those of each term of `memory`, which `left` has for them. Schemes
+    weigh them as they would weigh such a term in an equation. Marches give them the increments of
+    their sources.
     """
-    d, k, origin, paired = equation.d, len(memory), equation.frame.start, equation.frame.paired
+    d, k, origin, paired = system.d, len(memory), system.frame.start, system.frame.paired
     own_d = d // 2 if paired else d
     factors = factors_of(memory, own_d, paired)
     if factors.ndim > 2:
         required = "have coefficients of shape (d,)"
         refuse("memory", required, f"shape {factors.shape[1:]}", "multiply in rhs")
     own = [t.operator._order for t in memory if t.operator.constant]
-    mine = [op.order for op, _ in equation.left if op.constant]
+    mine = [op.order for op, _ in system.left if op.constant]
     orders = per_component("order", own, own_d, paired)
     # orders that differ from those of the left side by rounding are the same
     orders = merged_orders(np.vstack([np.tile(mine, (d, 1)).T.reshape(-1, d), orders]))[len(mine) :]
-    left = [SystemTerm(op, np.concatenate([c, np.zeros(k * d)])) for op, c in equation.left]
-    rows, highest = iter(orders), equation.highest_orders()
+    left = [SystemTerm(op, np.concatenate([c, np.zeros(k * d)])) for op, c in system.left]
+    rows, highest = iter(orders), system.highest_orders()
     for number, (term, c) in enumerate(zip(memory, factors, strict=True), 1):
         if np.any(c == 0):
             refuse("memory", "have coefficients other than 0", repr(term))
@@ -140,9 +139,9 @@ def enlarged(equation, memory):
             coefficients[number] = held
             left.append(SystemTerm(operator, coefficients.ravel()))
             _check_below(operator, float(highest[held != 0].min()))
-    y0, sources = np.tile(equation.y0, (1, 1 + k)), np.tile(np.arange(d), 1 + k)
-    how = equation.compiled_params, equation.compiled_rhs, equation.compiled_jac, sources
-    return System(left, y0, *how, rhs_digest=equation.rhs_digest)
+    sources = np.tile(np.arange(d), 1 + k)
+    of = {"quantities": system.quantities[sources], "of_y": system.of_y[sources]}
+    return replace(system, left=left, y0=np.tile(system.y0, 1 + k), sources=sources, **of)
 
 
 def _check_below(operator, lowest):

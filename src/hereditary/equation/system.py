@@ -1,7 +1,9 @@
 """Equations as schemes and marches see them, and systems derived from one."""
 
-from collections.abc import Iterable
-from dataclasses import dataclass, fields
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any
 
@@ -14,40 +16,37 @@ from ..support.checks import refuse
 from .frame import Frame
 from .terms import SystemTerm
 
-_OWN = Frame()
-# What a system works out from its initial values and parameters.
-_OF_VALUES = "units", "at_start"
+_SAME = Frame()
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class System:
     """A sum of memory terms for each component, equal to a right-hand side.
 
-    `hereditary.Equation` is one, with everything checked; `changed` makes others.
+    `Equation.system` is one, with everything checked. Its first `n_solved` components have an
+    equation. Memory that the right-hand side reads follows them as further components.
 
     Attributes
     ----------
     left : tuple of SystemTerm
-        Operators of the left side with their coefficients.
+        Operators of the left side with their coefficients; of memory those that make it.
     y0 : ndarray, shape (m, d)
-        y(0), and y'(0) where m = 2.
+        y(0), and y'(0) where m = 2; of memory those of the component that it belongs to.
     compiled_params : ndarray
         Parameters of the right-hand side, and behind them numbers that only compiled code reads.
     compiled_rhs : callable or None
-        Right-hand side; None where it reads memory, which only `enlarged` has.
+        Right-hand side; None in systems for plans alone.
     compiled_jac : callable, optional
         Its Jacobian; None for differences.
     sources : ndarray of int64, shape (d,), optional
         Component whose memory each component is; itself for a component with an equation.
     structure : large.structure.Structure, optional
         Entries of the Jacobian that may differ from 0, which are then all that it sets.
-    larger : System, optional
-        The same equation with the memory that its right-hand side reads behind its components.
     n_params : int, optional
         Number of parameters of the user.
     quantities, of_y : ndarray of int64, shape (d,), optional
         Number of the quantity that each component is, 0 for y: derivatives and parameters are
-        others. Component of y that it belongs to; by default its own memory's.
+        others. Component of y that it belongs to, by default that of its memory.
     frame : Frame
         How users see times and components.
     rhs_digest, terms_digest : str
@@ -66,17 +65,16 @@ class System:
     compiled_jac: Any = None
     sources: Any = None
     structure: Any = None
-    larger: "System | None" = None
     n_params: Any = None
     quantities: Any = None
     of_y: Any = None
-    frame: Frame = _OWN
+    frame: Frame = _SAME
     rhs_digest: str = ""
     terms_digest: str = ""
     matrix: Any = None
     linear_alone: bool = False
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         set_once = partial(object.__setattr__, self)
         set_once("left", tuple(self.left))
         if self.sources is None:
@@ -88,7 +86,7 @@ class System:
         if self.of_y is None:
             set_once("of_y", self.sources)
 
-    def spread(self, values):
+    def spread(self, values: Any) -> np.ndarray:
         """Return a number, or one for each component of y, as one for each component, (d,)."""
         values = np.asarray(values)
         return np.full(self.d, values) if values.ndim == 0 else values[self.of_y]
@@ -106,8 +104,13 @@ class System:
 
     @property
     def d(self) -> int:
-        """Number of components."""
+        """Number of components, with memory that the right-hand side reads."""
         return self.y0.shape[1]
+
+    @cached_property
+    def n_solved(self) -> int:
+        """Number of components with an equation, which come first."""
+        return int(np.count_nonzero(~self.read))
 
     @property
     def has_jac(self) -> bool:
@@ -115,7 +118,7 @@ class System:
         return self.compiled_jac is not None
 
     @property
-    def compiled(self):
+    def compiled(self) -> tuple[Any, Any, int, np.ndarray]:
         """Right-hand side, Jacobian, whether that is given, and parameters for compiled code."""
         jac = self.compiled_jac if self.has_jac else as_value(no_jacobian, JAC_SIG)
         return self.compiled_rhs, jac, int(self.has_jac), self.compiled_params
@@ -130,33 +133,20 @@ class System:
         locked.flags.writeable = False
         return locked
 
-    def force(self, t, y):
+    def force(self, t: float, y: np.ndarray) -> np.ndarray:
         """Return the right-hand side at time t, counted from the start, and y (d,)."""
         out = np.empty(self.d)
         self.compiled_rhs(float(t), np.array(y, dtype=float), out, self.compiled_params)
         return out
 
-    def beside(self, t, sign):
+    def beside(self, t: float, sign: float) -> float:
         """Return a time after (sign 1) or before (-1) t, by some units of rounding.
 
-        Functions tell it from t, also where they round the time of a jump otherwise.
+        A function that rounds the time of a jump differently still sees it on that side.
         """
         start = self.frame.start
         apart = 8 * np.spacing(max(abs(t), abs(start), abs(start + t)))
         return t + sign * apart
-
-    @property
-    def enlarged(self) -> "System":
-        """The system that marches take: memory that the right-hand side reads stands behind y."""
-        return self.larger or self
-
-    @property
-    def plain(self) -> bool:
-        """Whether the components that are marched are those of y: real, of orders up to 2.
-
-        So there is no memory that the right-hand side reads, and no coefficient is a matrix.
-        """
-        return self.enlarged is self and not (self.frame.paired or self.frame.speeds)
 
     @cached_property
     def read(self) -> np.ndarray:
@@ -182,12 +172,17 @@ class System:
         return self._highest_orders
 
     @cached_property
-    def _highest_orders(self):
+    def _highest_orders(self) -> np.ndarray:
         highest = leading_orders(self.left, self.d)
         highest.flags.writeable = False
         return highest
 
-    def coefficient(self, alpha) -> np.ndarray:
+    @cached_property
+    def second(self) -> np.ndarray:
+        """Whether each component with an equation has an order above 1, shape (n_solved,)."""
+        return self.highest_orders()[: self.n_solved] > 1
+
+    def coefficient(self, alpha: float | np.ndarray) -> np.ndarray:
         """Return the coefficient of Caputo's derivative of constant order `alpha`, shape (d,).
 
         `alpha` is a number, or one for each component.
@@ -208,20 +203,16 @@ class System:
         """Whether an order varies."""
         return any(operator.varies for operator, _ in self.left)
 
-    def jacobian_inside(self, t, y):
+    def jacobian_inside(self, t: float, y: np.ndarray) -> np.ndarray:
         """Return d rhs / d y at (t, y), shape (d, d): the given one, or differences.
 
         Times count from the start, and complex components are two.
-        Of an equation whose right-hand side reads memory ask that of `enlarged`, by y and memory.
         """
         found = self.derivative(t, y)
         return found if self.structure is None else found.toarray()
 
-    def derivative(self, t, y, units=None):
+    def derivative(self, t: float, y: np.ndarray, units: np.ndarray | None = None) -> Any:
         """Return d rhs / d y, as an array or, where its entries are known, SciPy's CSR array."""
-        if self.enlarged is not self:
-            required = "read no memory where its Jacobian by y alone is asked for"
-            refuse("rhs", required, "memory", "ask equation.enlarged")
         structure, d = self.structure, self.d
         out = np.empty((d, d)) if structure is None else structure.entries.copy()
         y = np.array(y, dtype=float)
@@ -233,25 +224,25 @@ class System:
     @cached_property
     def units(self) -> np.ndarray:
         """Units of the components, (d,), for differences where y is small; 0 if there are none."""
-        if self.has_jac or self.larger is not None:
+        if self.has_jac:
             return np.ones(self.d)
         return units_of(self.compiled_rhs, self.compiled_params, self.at_start)
 
     @property
-    def positive_units(self):
+    def positive_units(self) -> np.ndarray:
         """Units of the components, 1 where there are none."""
         return np.where(self.units > 0, self.units, 1.0)
 
-    def dense(self) -> "System":
+    def dense(self) -> System:
         """Return the system without known entries, its Jacobians by differences where it has some.
 
         For those who take dense Jacobians alone.
         """
         if self.structure is None:
             return self
-        return changed(self, compiled_jac=None, structure=None, matrix=None, linear_alone=False)
+        return replace(self, compiled_jac=None, structure=None, matrix=None, linear_alone=False)
 
-    def motion(self, t, y, ydot):
+    def motion(self, t: float, y: np.ndarray, ydot: np.ndarray) -> np.ndarray:
         """Estimate y' at time t from y and ydot, both (d,), NaN where ydot is no unknown.
 
         There it is the right-hand side over the leading coefficient, as without lower terms.
@@ -262,13 +253,7 @@ class System:
         return np.where(self.highest_orders() > 1, ydot, slope)
 
 
-def changed(system, **changes) -> System:
-    """Return a system like this one with some of its fields changed."""
-    own = {field.name: getattr(system, field.name) for field in fields(System)}
-    return System(**own | changes)
-
-
-def refuse_late(system, t_end):
+def refuse_late(system: System, t_end: float) -> None:
     """Refuse a run beyond the times at which an operator is known."""
     last = min(operator.t_last for operator, _ in system.left)
     if t_end > last * (1 + 1e-12):
@@ -277,7 +262,7 @@ def refuse_late(system, t_end):
         refuse("t_end", required, f"{t_end:g}", remedy)
 
 
-def leading_orders(left, d):
+def leading_orders(left: Iterable[SystemTerm], d: int) -> np.ndarray:
     """Return the highest order of each of d components in any equation; 0 if it has none.
 
     Coefficients are of shape (d,) or (d, d), a row for each equation.
@@ -289,7 +274,7 @@ def leading_orders(left, d):
     return highest
 
 
-def variational(system, directions):
+def variational(system: System, directions: np.ndarray) -> System:
     """Return the system and its linearisation along k directions, d (1 + k) components.
 
     Parameters
@@ -308,18 +293,18 @@ def variational(system, directions):
     d, k = system.d, directions.shape[2]
     y0 = np.hstack([system.y0, *np.moveaxis(directions, 2, 0)])
 
-    def rhs(t, y, dy, params):
+    def rhs(t: float, y: np.ndarray, dy: np.ndarray, params: np.ndarray) -> None:
         system.compiled_rhs(t, np.ascontiguousarray(y[:d]), dy[:d], params)
         dy[d:] = (system.derivative(t, y[:d]) @ y[d:].reshape(k, d).T).T.ravel()
 
     return _repeated(system, 1 + k, y0, rhs)
 
 
-def side_by_side(systems):
+def side_by_side(systems: Sequence[System]) -> System:
     """Return systems with the same left side, one behind the other, as one; for plans alone."""
     d = systems[0].d
 
-    def rhs(t, y, dy, _):
+    def rhs(t: float, y: np.ndarray, dy: np.ndarray, _: np.ndarray) -> None:
         for m, system in enumerate(systems):
             own = slice(m * d, (m + 1) * d)
             dy[own] = system.force(t, y[own])
@@ -327,19 +312,16 @@ def side_by_side(systems):
     return _repeated(systems[0], len(systems), np.hstack([s.y0 for s in systems]), rhs)
 
 
-def _repeated(system, times, y0, rhs):
+def _repeated(system: System, times: int, y0: np.ndarray, rhs: Any) -> System:
     """Return a system whose components have the terms of those of `system`, again and again."""
     left = [SystemTerm(operator, np.tile(c, times)) for operator, c in system.left]
     sources = (system.sources + system.d * np.arange(times)[:, None]).ravel()
     return System(left, y0, system.compiled_params, rhs, sources=sources)
 
 
-def displaced(system, y0, params=()):
-    """Return the system with other initial values (m, d) and first parameters, all else shared."""
-    inner, found = system.larger, object.__new__(System)
-    values = np.append(params, system.compiled_params[len(params) :])
-    larger = inner and displaced(inner, y0[:, inner.sources], params)
-    vars(found).update(vars(system), y0=y0, compiled_params=values, larger=larger)
-    for name in _OF_VALUES:
-        vars(found).pop(name, None)
-    return found
+def displaced(system: System, y0: np.ndarray, params: np.ndarray | None = None) -> System:
+    """Return the system with other initial values (m, n_solved) and first parameters (p,)."""
+    values = system.compiled_params.copy()
+    if params is not None:
+        values[: params.size] = params
+    return replace(system, y0=np.take(y0, system.sources, axis=1), compiled_params=values)

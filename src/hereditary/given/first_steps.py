@@ -6,6 +6,7 @@ first step, and t**r and t**(r+1) in the second. Here r = min(1, 2 alpha) below 
 from order 1 on.
 """
 
+from contextlib import suppress
 from functools import cached_property
 
 import numpy as np
@@ -19,11 +20,11 @@ _STEEP = 1e12
 
 def starting_steps(stepper):
     """Return `FirstSteps` of a stepper that made at most one step; otherwise None."""
-    system = stepper.equation.enlarged
+    system = stepper.system
     # Riemann-Liouville terms begin with lower ones, which the values of the first steps miss
     if stepper.n > 1 or not system.constant or any(op.from_zero for op, _ in system.left):
         return None
-    return FirstSteps(stepper.equation, stepper.steps.times(np.array([1.0, 2.0])))
+    return FirstSteps(system, stepper.steps.times(np.array([1.0, 2.0])))
 
 
 class FirstSteps:
@@ -31,22 +32,22 @@ class FirstSteps:
 
     Parameters
     ----------
-    equation : System
+    system : System
         With constant orders alone.
     ends : array_like, shape (2,)
         Times at which the two steps end.
     """
 
-    def __init__(self, equation, ends):
-        self._equation = equation
-        self.ends, self._values = np.asarray(ends, dtype=float), np.zeros((2, equation.d))
+    def __init__(self, system, ends):
+        self._system = system
+        self.ends, self._values = np.asarray(ends, dtype=float), np.zeros((2, system.n_solved))
 
     @cached_property
     def _powers(self):
         """Highest order, its factor, and r for each component, (d,); asked for by few runs."""
-        alpha = self._equation.highest_orders()
+        alpha = self._system.highest_orders()[: self._system.n_solved]
         more = np.where(alpha >= 1, 2.0, np.minimum(1.0, 2 * alpha))
-        return alpha, _leading(self._equation, alpha), more
+        return alpha, _leading(self._system), more
 
     def end(self, n, y):
         """Note that step n, 1 or 2, ends at y."""
@@ -75,21 +76,18 @@ class FirstSteps:
 
     def _known(self, t):
         """Return x(0) + t x'(0) + a t**alpha, and its slope."""
-        y0, (alpha, lead, _) = self._equation.y0, self._powers
+        y0, (alpha, lead, _) = self._system.y0[:, : self._system.n_solved], self._powers
         speed = y0[1] if y0.shape[0] == 2 else 0.0
         y = y0[0] + t * speed + lead * t**alpha
         return y, speed + lead * alpha * t ** (alpha - 1)
 
 
-def _leading(equation, alpha):
-    """Return the a above, or 0 if the right-hand side has no value at 0."""
-    f = np.full(equation.d, np.nan)
-    try:
-        system = equation.enlarged
-        f[:] = system.force(0.0, system.at_start)[: equation.d]
-    except Exception:  # the march meets it again, or never looks there
-        f[:] = np.nan
-    if equation.m == 2:
-        f -= np.where(alpha > 1, equation.coefficient(1.0), 0.0) * equation.y0[1]
-    lead = f * rgamma(1 + alpha) / equation.coefficient(alpha)
+def _leading(system):
+    """Return the a above, (n_solved,), or 0 if the right-hand side has no value at 0."""
+    f, alpha = np.full(system.d, np.nan), system.highest_orders()
+    with suppress(Exception):  # the march meets it again, or never asks for it there
+        f = system.force(0.0, system.at_start)
+    if system.m == 2:
+        f -= np.where(alpha > 1, system.coefficient(1.0), 0.0) * system.y0[1]
+    lead = (f * rgamma(1 + alpha) / system.coefficient(alpha))[: system.n_solved]
     return np.where(np.isfinite(lead), lead, 0.0)

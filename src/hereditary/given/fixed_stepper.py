@@ -51,7 +51,7 @@ class FixedStepper(Stepper):
 
     Parameters
     ----------
-    equation : System
+    system : System
     scheme : Scheme
     history : History
     steps : UniformSteps or MeshSteps
@@ -64,24 +64,24 @@ class FixedStepper(Stepper):
         Steps in a block; results depend on it by rounding alone.
     """
 
-    def __init__(self, equation, scheme, history, steps, n_steps, directions=None, block=BLOCK):
-        scheme.check_terms(equation)
-        refuse_late(equation, steps.time(n_steps))
-        self.equation, self.scheme, self.history = equation, scheme, history
+    def __init__(self, system, scheme, history, steps, n_steps, directions=None, block=BLOCK):
+        scheme.check_terms(system)
+        refuse_late(system, steps.time(n_steps))
+        self.system, self.scheme, self.history = system, scheme, history
         self.steps, self.h = steps, steps.h
         self._span = steps.covered(n_steps, getattr(history, "horizon", None) or 0.0)
-        self._with_speed = np.flatnonzero(equation.highest_orders() > 1)
-        system = self._system = self._inside(equation)
+        self._with_speed = np.flatnonzero(system.second)
+        marched = self._marched = self._inside(system)
         directions = np.zeros((self.n_data, 0)) if directions is None else directions
         self.n_tangents = directions.shape[1]
         if self.n_tangents:
             if not scheme.takes_tangents:
                 refuse("scheme", "give tangents and exponents", f"{scheme!r}")
-            rows = np.zeros((system.m, system.d, self.n_tangents))
-            rows[0, : equation.d] = directions[: equation.d]
-            rows[1:, self._with_speed] = directions[equation.d :]
-            system = variational(system, rows[:, system.sources])
-        self._sources, plan = system.sources, self._planned(system)
+            rows = np.zeros((marched.m, marched.d, self.n_tangents))
+            rows[0, : system.n_solved] = directions[: system.n_solved]
+            rows[1:, self._with_speed] = directions[system.n_solved :]
+            marched = variational(marched, rows[:, marched.sources])
+        self._sources, plan = marched.sources, self._planned(marched)
         self._block = block if plan.rows.shared else 1
         self._begin(plan)
         self._misfit = misfit_on_given_steps(self.memory.kernel_errors, history)
@@ -90,19 +90,19 @@ class FixedStepper(Stepper):
         self.error = None
         self._breaks: frozenset[int] = frozenset()
 
-    def _inside(self, equation):
-        """Return the system that is marched in place of an equation."""
-        return self.scheme.reduction(equation) or equation.enlarged
+    def _inside(self, system):
+        """Return the system that is marched in place of another one."""
+        return self.scheme.reduction(system) or system
 
     def _planned(self, system):
         """Return the scheme's plan for a system, with initial values of Riemann-Liouville terms."""
-        order = self.scheme.order(float(self.equation.highest_orders().max()))
+        order = self.scheme.order(float(self.system.highest_orders().max()))
         return with_initial_values(self.steps.plan(self.scheme, system), system, order)
 
     def _begin(self, plan):
         """Open a memory for a plan, and arrays of a march that stands at step 0."""
         self.memory = self.history.open(plan.past, plan.groups.size, self._block, self._span)
-        self._loop, system = MARCHES[self.scheme.solve], self._system
+        self._loop, system = MARCHES[self.scheme.solve], self._marched
         self._past, self._rows, self._lasting = plan.past, plan.rows, plan.lasting
         self._watch, width = JacobianWatch(plan.region, system, self._block), plan.groups.size
         self._table = StepTable(
@@ -111,7 +111,7 @@ class FixedStepper(Stepper):
             sweeps=plan.sweeps,
             integral=int(plan.integral),
             n_orbit=system.d,
-            n_solved=int(np.sum(~system.read)),
+            n_solved=system.n_solved,
             every=self._watch.every,
             groups=plan.groups,
             sources=self._sources,
@@ -126,7 +126,7 @@ class FixedStepper(Stepper):
 
     def _stand_at_start(self, plan, columns=slice(None)):
         """Stand at step 0, where nothing is remembered; by these columns of a plan."""
-        orders, x = self.equation.highest_orders(), plan.initial[columns].copy()
+        orders, x = self.system.highest_orders(), plan.initial[columns].copy()
         width, none = x.size, np.zeros((0, plan.initial.size))
         drift, corrections, starts = (
             np.array((none if rows is None else rows)[:, columns].T, order="C")
@@ -140,7 +140,7 @@ class FixedStepper(Stepper):
             change=np.zeros(width),
             lag=np.zeros((width, self._block)),
             pieces=np.zeros((width, self._block + 1)),
-            monitor=np.zeros(self._system.d, MONITOR).view(np.recarray),
+            monitor=np.zeros(self._marched.d, MONITOR).view(np.recarray),
             shift=plan.shift[columns].copy(),
             drift=drift,
             corrections=corrections,
@@ -151,15 +151,15 @@ class FixedStepper(Stepper):
         )
         self._march.monitor["turns"][: orders.size] = np.where(orders == 2, -1.0, 0.0)
         self._room = np.empty((N_ROOM, width))
-        self._room[UNITS, : self._system.d] = self._system.positive_units
+        self._room[UNITS, : self._marched.d] = self._marched.positive_units
 
     def set_breaks(self, times, t_end):
         """Let the steps beside these times see jumps from their own side."""
-        self._breaks = break_steps(times, self.t, t_end, self.steps, self.equation.frame.start)
+        self._breaks = break_steps(times, self.t, t_end, self.steps, self.system.frame.start)
 
     def prepare(self, n_end):
         """Make room for a march up to step `n_end`."""
-        refuse_late(self.equation, self.steps.time(n_end))
+        refuse_late(self.system, self.steps.time(n_end))
         self._past.prepare(n_end)
         self.memory.prepare(n_end)
 
@@ -169,7 +169,7 @@ class FixedStepper(Stepper):
         Returns them as `StepPieces`, or None where none is made or kept. An exception of the
         right-hand side is kept in `error`; the steps before it are made.
         """
-        n, d = self.n, self.equation.d
+        n, d = self.n, self.system.n_solved
         n_more = min(stop - n, self._steps_at_once())
         began = time.perf_counter()
         rows, slopes = np.empty((2, n_more + 1 if keep else 0, d))
@@ -189,7 +189,7 @@ class FixedStepper(Stepper):
 
     def _steps_at_once(self):
         """Return a number of steps, by the time of those before, or at first of one call of f."""
-        system = self._system
+        system = self._marched
         if self._seconds == 0.0:
             began = time.perf_counter()
             try:
@@ -216,7 +216,7 @@ class FixedStepper(Stepper):
 
     def _enter(self, n_end, rows, slopes):
         """Enter the compiled march once; watch the stability along the orbit."""
-        system, start = self._system, self.equation.frame.start
+        system, start = self._marched, self.system.frame.start
         if self.n in self._breaks:
             self._forget_explicit()
         jacobians = self._watch.room(self.n, n_end)
@@ -245,15 +245,15 @@ class FixedStepper(Stepper):
     @property
     def y(self):
         """Solution at `t`, shape (d,); a copy."""
-        return self._march.x[: self.equation.d].copy()
+        return self._march.x[: self.system.n_solved].copy()
 
     @property
     def ydot(self):
         """First derivative at `t`, from the newest two increments, shape (d,)."""
-        slope = self._slopes()[: self.equation.d]
+        slope = self._slopes()[: self.system.n_solved]
         # before the first step only components with an initial derivative have one
-        known = self.n > 0 or (self.equation.m == 1 and not self.equation.frame.speeds)
-        return slope if known else np.where(self.equation.highest_orders() > 1, slope, np.nan)
+        known = self.n > 0 or (self.system.m == 1 and not self.system.frame.speeds)
+        return slope if known else np.where(self.system.second, slope, np.nan)
 
     def _slopes(self):
         """First derivative of all columns."""
@@ -266,7 +266,7 @@ class FixedStepper(Stepper):
             return failed(self.error)
         statuses = {BLOWN_UP: Status.BLOWN_UP, NOT_SOLVED: Status.NOT_SOLVED}
         detail = "the matrix of a step is singular" if self.scheme.solve == "imex" else ""
-        tried, force = self._room[[POINT, F], : self._system.d]
+        tried, force = self._room[[POINT, F], : self._marched.d]
         if (
             self.scheme.solve == "newton"
             and np.isfinite(tried).all()
@@ -280,7 +280,7 @@ class FixedStepper(Stepper):
         """Whether steps are beyond their stability limit, and kernels keep the tolerance."""
         status = self._instability()
         seen = (int(self._march.counts[name]) for name in ("zigzag", "growth"))
-        remedy = status and remedy_of(self.equation, self.scheme, self.h, self._watch, *seen)
+        remedy = status and remedy_of(self.system, self.scheme, self.h, self._watch, *seen)
         return Health(status, remedy or "", self._misfit)
 
     def _instability(self):
@@ -348,21 +348,21 @@ class FixedStepper(Stepper):
     def identity(self, t):
         """Describe what a run to time t must share with one that resumes it."""
         how = {"scheme": described(self.scheme), "history": described(self.history)}
-        return identity(self.equation, t, **how)
+        return identity(self.system, t, **how)
 
     @property
     def n_data(self):
         """Number of initial data: d, and one more for each component of order above 1."""
-        return self.equation.d + self._with_speed.size
+        return self.system.n_solved + self._with_speed.size
 
     @property
     def tangent(self):
         """Derivatives of y, and of ydot where the order is above 1, shape (n_data, k); a copy."""
-        d = self._system.d
+        d = self._marched.d
         values, slopes = (
             columns[d:].reshape(self.n_tangents, d).T for columns in (self._march.x, self._slopes())
         )
-        return np.vstack([values[: self.equation.d], slopes[self._with_speed]])
+        return np.vstack([values[: self.system.n_solved], slopes[self._with_speed]])
 
     def transform_tangent(self, matrix):
         """Replace the tangents by linear combinations, ``tangent <- tangent @ matrix``.
@@ -376,7 +376,7 @@ class FixedStepper(Stepper):
         matrix : ndarray, shape (k, k)
         """
         matrix = np.ascontiguousarray(matrix, dtype=float)
-        how = self._system.d, int(self._lasting), matrix
+        how = self._marched.d, int(self._lasting), matrix
         transform_march(self._march, self.memory.arrays, *how)
 
     def renormalise(self, schedule):
@@ -412,7 +412,7 @@ class FixedStepper(Stepper):
     def expect_moves(self, of_y):
         """Prepare for jumps of f, and of y if `of_y`: make few steps at once, or refuse."""
         self._most = _SHORT
-        terms = [operator for operator, _ in self.equation.enlarged.left]
+        terms = [operator for operator, _ in self.system.left]
         acting = [op for op in terms if op.derivative == 0 or op.from_zero]
         if of_y and acting:
             required = "change no y that a kernel or RiemannLiouville acts on, on given steps"
@@ -420,7 +420,7 @@ class FixedStepper(Stepper):
 
     def moved(self, y):
         """Let y jump to these values, (d,), here; the jump does not enter the memory."""
-        self._march.x[: self.equation.d], self._moved = y, True
+        self._march.x[: self.system.n_solved], self._moved = y, True
         self._forget_explicit()
         self._renew_force()
 
@@ -430,7 +430,7 @@ class FixedStepper(Stepper):
         Of components of order 1 alone, whose last step keeps what it made of the old one. Where f
         raises the march meets it again, and keeps what was computed.
         """
-        table, march, system = self._table, self._march, self._system
+        table, march, system = self._table, self._march, self._marched
         n, newest = table.n_orbit, self.n - 1
         if table.integral == 0 or newest < 0:
             return
@@ -454,7 +454,7 @@ class FixedStepper(Stepper):
 
     def set_parameter(self, number, value):
         """Set a parameter of the right-hand side, which jumps."""
-        self._system.compiled_params[number] = value
+        self._marched.compiled_params[number] = value
 
     def plan_of_members(self, params, y0):
         """Return the scheme's plan of members side by side, for `reset`.
@@ -463,7 +463,7 @@ class FixedStepper(Stepper):
         """
         if self._block == 1:
             return None
-        members = [displaced(self.equation, *member) for member in zip(y0, params, strict=True)]
+        members = [displaced(self.system, *member) for member in zip(y0, params, strict=True)]
         return self._planned(side_by_side([self._inside(member) for member in members]))
 
     def reset(self, params, y0, plan=None, number=0):
@@ -471,13 +471,13 @@ class FixedStepper(Stepper):
 
         `plan`, where it is given, is that of members, and this is the one of that number.
         """
-        self.equation = displaced(self.equation, y0, params)
-        self._system = self._inside(self.equation)
+        self.system = displaced(self.system, y0, params)
+        self._marched = self._inside(self.system)
         columns = slice(None)
         if plan is None:
-            plan = self._planned(self._system)
+            plan = self._planned(self._marched)
         else:
-            columns = slice(number * self._system.d, (number + 1) * self._system.d)
+            columns = slice(number * self._marched.d, (number + 1) * self._marched.d)
         if self._block == 1:  # whose sums may be worked out on the way
             self._begin(plan)
         self._stand_at_start(plan, columns)

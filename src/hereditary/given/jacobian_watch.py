@@ -73,13 +73,13 @@ class JacobianWatch:
         return (n - 1) // self.every + 1
 
 
-def remedy_of(equation, scheme, h, watch, zigzag, growth):
+def remedy_of(system, scheme, h, watch, zigzag, growth):
     """Return a clause: what shows that steps h are unstable, and what to take instead.
 
     `zigzag` is the step at which a step-to-step zigzag had lasted. `growth` is that at which turns
     of a few steps each had grown. Both may be below 0, for none.
     """
-    found, start = [], equation.frame.start
+    found, start = [], system.frame.start
     if zigzag >= 0:
         found.append(f"a step-to-step zigzag had lasted at t = {start + zigzag * h:g}")
     if growth >= 0:
@@ -93,10 +93,10 @@ def remedy_of(equation, scheme, h, watch, zigzag, growth):
     if scheme.solve == "newton":
         return seen + smaller
     if watch.largest > 1:
-        step = longest_step(scheme, equation, h, watch.largest)
+        step = longest_step(scheme, system, h, watch.largest)
         # others come from orbits that blow up, or would take days
         smaller += f", h = {_BELOW * step:.2g} would do" if step > _LEAST * h else ""
-    implicit = "BDF(2)" if equation.enlarged.constant else "L1()"
-    if equation.d > FEW and equation.structure is None:
-        implicit += f", with linear= or bandwidth= for {equation.d} components"
+    implicit = "BDF(2)" if system.constant else "L1()"
+    if system.n_solved > FEW and system.structure is None:
+        implicit += f", with linear= or bandwidth= for {system.n_solved} components"
     return seen + f"{smaller}, or Collocation() with rtol=1e-6, or {implicit}"

@@ -15,22 +15,22 @@ _LEAST = -290.0
 _MOST = 290.0
 
 
-def given_steps(equation, scheme, t_end, state=None, *, n_steps=None, mesh=False, **tolerated):
+def given_steps(system, scheme, t_end, state=None, *, n_steps=None, mesh=False, **tolerated):
     """Return `UniformSteps` or `MeshSteps` to t_end, after those of a state; refuse tolerances."""
     remedy = "or give mesh=graded(n, exponent)" if scheme.takes_meshes and mesh is not False else ""
     left_out("or come with scheme=Collocation()", remedy, **tolerated)
     if mesh is None or mesh is False:
-        return _uniform_steps(equation, t_end, n_steps, state)
+        return _uniform_steps(system, t_end, n_steps, state)
     if n_steps is not None:
         refuse("n_steps", "be left out if a mesh is given", repr(n_steps))
     if state is not None and not isinstance(state.how, MeshSteps):
         refuse("mesh", "be left out if a run of uniform steps is resumed", shown(mesh))
-    return mesh_steps(mesh, t_end, state and state.how, equation.frame.start)
+    return mesh_steps(mesh, t_end, state and state.how, system.frame.start)
 
 
-def _uniform_steps(equation, t_end, n_steps, state):
+def _uniform_steps(system, t_end, n_steps, state):
     """Return uniform steps to t_end: as many as are asked for, or more of those of a state."""
-    origin = equation.frame.start
+    origin = system.frame.start
     if state is None:
         if n_steps is None:
             refuse("n_steps", "be given", "None", "e.g. n_steps=10_000", kind=TypeError)
@@ -38,7 +38,7 @@ def _uniform_steps(equation, t_end, n_steps, state):
         if n_steps > COUNTED:
             required = f"be at most {COUNTED:.0e}, so that times of steps differ"
             refuse("n_steps", required, f"{n_steps:.3g}")
-        h, order = t_end / n_steps, float(equation.highest_orders().max())
+        h, order = t_end / n_steps, float(system.highest_orders().max())
         if h == 0 or not _LEAST < order * math.log10(h) < _MOST:
             required = f"leave steps h whose power h**{order:g} is a number of double precision"
             refuse("t_end", required, f"h = {h}", "take another unit of time")
@@ -59,10 +59,10 @@ def _uniform_steps(equation, t_end, n_steps, state):
     return replace(how, n=n_total)
 
 
-def open_given(equation, scheme, history, how, state, allow_change, directions):
+def open_given(system, scheme, history, how, state, allow_change, directions):
     """Return a `FixedStepper` at the start of a run, or at a state, and its last step."""
     history = history or getattr(state, "history", None) or SumOfExponentials()
-    stepper = FixedStepper(equation, scheme, history, how, how.n, directions)
+    stepper = FixedStepper(system, scheme, history, how, how.n, directions)
     go_on_from(state, stepper, allow_change)
     try:
         stepper.prepare(how.n)

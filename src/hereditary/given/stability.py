@@ -163,14 +163,14 @@ def largest_step(limits, stiffness):
     return float(np.exp(low))
 
 
-def longest_step(scheme, equation, h, ratio):
+def longest_step(scheme, system, h, ratio):
     """Return the step whose limits are `ratio` times those at step h; 0 if it is unknown."""
-    if equation.varies or equation.enlarged is not equation:
+    if system.varies or system.read.any():
         return 0.0
     if not hasattr(scheme, "step_limit"):  # one term a component
-        return h * ratio ** (-1 / float(equation.highest_orders().min()))
-    stiffness = ratio * scheme._limits(equation, h).min()
-    return largest_step(lambda step: scheme._limits(equation, step), stiffness)
+        return h * ratio ** (-1 / float(system.highest_orders().min()))
+    stiffness = ratio * scheme._limits(system, h).min()
+    return largest_step(lambda step: scheme._limits(system, step), stiffness)
 
 
 def stability_region(limits, orders, curve):

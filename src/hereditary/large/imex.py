@@ -7,7 +7,7 @@ import numpy as np
 
 from ..compiled.jacobian import FEW
 from ..equation.affine import slopes
-from ..equation.system import System, changed
+from ..equation.system import System
 from ..given.plan import Plan
 from ..given.schemes.bdf import BDF
 from ..given.schemes.l1 import L1
@@ -101,7 +101,7 @@ class IMEX(Scheme):
             none = np.zeros(0, dtype=np.int64)
             jac = entries_of(None, (0,), True)
             structure = Structure.of(equation.d, none, none, none, matrix)
-        return changed(equation, compiled_jac=jac, structure=structure, linear_alone=False)
+        return replace(equation, compiled_jac=jac, structure=structure, linear_alone=False)
 
     def plan(self, equation: System, h: float) -> Plan:
         """Make tables and convolution for `equation` with step h."""

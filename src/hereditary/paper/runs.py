@@ -63,7 +63,7 @@ def exponents(*, horizons: Sequence[float], h: float, **parameters: Any) -> dict
     for n in steps:
         reached = run.times <= h * (n + 0.5)
         record = run.times[reached], run.log_growth[reached]
-        late = assess(*record, _WINDOW, _BLOCKS, memory(equation))
+        late = assess(*record, _WINDOW, _BLOCKS, memory(equation.system))
         rates = run.trace[reached, 0]
         found["exponent"].append(float(rates[-1]) if rates.size else math.nan)
         found["slope"].append(float(late.slope[0]))

@@ -100,13 +100,13 @@ def estimated_error(stepper: FixedStepper, n_steps: int) -> float | None:
 
 def _difference(stepper: FixedStepper, pair: _Companions, n_steps: int) -> float | None:
     """Return the largest difference of companions relative to sizes; None if one is unstable."""
-    equation, n, done = stepper.equation, n_steps // pair.run, 0
-    difference, first = np.zeros(equation.d), -(-_SETTLED // pair.run)
+    d, n, done = stepper.system.n_solved, n_steps // pair.run, 0
+    difference, first = np.zeros(d), -(-_SETTLED // pair.run)
     with silence():
         fine, coarse = (_companion(stepper, many * n) for many in (pair.fine, pair.coarse))
         size = np.abs(fine.y)
         while done < n:
-            end = min(done + max(1, _NUMBERS // equation.d), n)
+            end = min(done + max(1, _NUMBERS // d), n)
             rows, others = _rows(fine, pair.fine * end), _rows(coarse, pair.coarse * end)
             missed = len(rows) < pair.fine * (end - done)
             if missed or len(others) < pair.coarse * (end - done):
@@ -128,12 +128,12 @@ def _difference(stepper: FixedStepper, pair: _Companions, n_steps: int) -> float
 def _companion(stepper: FixedStepper, n_steps: int) -> FixedStepper:
     """Return a stepper of the same run with so many steps."""
     steps = UniformSteps(stepper.t / n_steps)
-    return FixedStepper(stepper.equation, stepper.scheme, stepper.history, steps, n_steps)
+    return FixedStepper(stepper.system, stepper.scheme, stepper.history, steps, n_steps)
 
 
 def _rows(stepper: FixedStepper, end: int) -> np.ndarray:
     """Return the solution at the steps up to `end`, fewer where the march cannot go on, (k, d)."""
-    rows = [np.zeros((0, stepper.equation.d))]
+    rows = [np.zeros((0, stepper.system.n_solved))]
     while stepper.n < end and stepper.trouble is None:
         piece = stepper.advance(end)
         if piece is None:

@@ -21,7 +21,7 @@ def chooses_steps(scheme: Scheme) -> bool:
 
 
 def how_to_step(
-    equation: System,
+    system: System,
     scheme: Scheme,
     t_end: float,
     state: State | None = None,
@@ -33,7 +33,7 @@ def how_to_step(
 
     Parameters
     ----------
-    equation : System
+    system : System
     scheme : Scheme
     t_end : float
         End of the run, counted from its start.
@@ -48,15 +48,15 @@ def how_to_step(
     if history is not None:
         instance("history", history, History, "hereditary.SumOfExponentials()")
     if not chooses_steps(scheme):
-        return given_steps(equation, scheme, t_end, state, **how)
+        return given_steps(system, scheme, t_end, state, **how)
     if not isinstance(history, SumOfExponentials | None):
         required = "be left out with Collocation, or be SumOfExponentials(tol)"
         refuse("history", required, repr(history))
-    return checked_tolerance(equation, t_end, state, modes=history and history.tol, **how)
+    return checked_tolerance(system, t_end, state, modes=history and history.tol, **how)
 
 
 def open_stepper(
-    equation: System,
+    system: System,
     scheme: Scheme,
     history: History | None,
     how: Any,
@@ -71,5 +71,5 @@ def open_stepper(
     of tangents.
     """
     if chooses_steps(scheme):
-        return open_adaptive(equation, scheme, how, t_end, state, allow_change, directions)
-    return open_given(equation, scheme, history, how, state, allow_change, directions)
+        return open_adaptive(system, scheme, how, t_end, state, allow_change, directions)
+    return open_given(system, scheme, history, how, state, allow_change, directions)

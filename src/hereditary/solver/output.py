@@ -53,21 +53,22 @@ class Output:
     def __init__(self, stepper: Stepper, stop: float, kept: Kept, events: Events) -> None:
         self._stepper, self._stop, self._resolved = stepper, stop, stepper.looks == 1
         self._every, times, self._components = kept
-        self._frame, self._asked, self.events = stepper.equation.frame, times, events
+        self._frame, self._asked, self.events = stepper.system.frame, times, events
         self._wanted = np.empty(0) if times is None else times - self._frame.start
         # steps chosen on the way are counted from where the run begins
-        self._n = self._first = stepper.position if self._resolved else 0
+        self._n = self._first = int(stepper.position) if self._resolved else 0
         self._starting: FirstSteps | None = None
-        self._second = stepper.equation.highest_orders() > 1
+        self._second = stepper.system.second
         # slopes of given steps are those of their dense output
-        self._sloped = self._resolved or stepper.equation.m == 2 or self._frame.speeds
+        speeds = bool(self._frame.speeds)
+        self._sloped = self._resolved or stepper.system.m == 2 or speeds
         self.end, self.ended = stepper.t, False
         self._dense = Dense(self._second, self._resolved, self._frame)
         self._newest: Piece | None = None
         y, ydot, n, every = stepper.y, stepper.ydot, self._first, self._every
         most = _SOME if times is None else self._wanted.size
         if times is None and self._resolved:
-            most = stop // every - n // every + (stop % every > 0) + 2
+            most = int(stop) // every - n // every + (stop % every > 0) + 2
         width = y.size if self._components is None else self._components.size
         self._rows: Any = room_for(most, width, times is None)
         self._size = 0

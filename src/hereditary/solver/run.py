@@ -108,7 +108,8 @@ def run(
     signs = events.signs()
     t, y, ydot, dense = output.close(t_end)
     seconds = {"setup_seconds": ready - began, "run_seconds": time.perf_counter() - ready}
-    frame, stats, n_told = stepper.equation.frame, stepper.stats() | seconds, events.n_events
+    system, stats, n_told = stepper.system, stepper.stats() | seconds, events.n_events
+    frame, small = system.frame, system.n_solved <= FEW and stats["history_bytes"] <= _LITTLE
 
     def left() -> State:
         return replace(stepper.state(), event_signs=signs)
@@ -116,13 +117,13 @@ def run(
     solution = Solution(
         t=t,
         y=frame.values(y),
-        ydot=frame.slopes(y, ydot) if stepper.equation.m == 2 or frame.speeds else None,
+        ydot=frame.slopes(y, ydot) if system.m == 2 or frame.speeds else None,
         status=status,
         message=report(stepper, status, detail),
         stats=stats,
         # a small one is made when asked for: it takes as long as some steps do; the march that is
         # kept for it holds more than that, which for few components is little
-        left=left if stepper.equation.d <= FEW and stats["history_bytes"] <= _LITTLE else left(),
+        left=left if small else left(),
         dense=dense,
         t_events=[np.array(times) + frame.start for times in events.times[:n_told]],
         y_events=[
@@ -138,7 +139,7 @@ def note_missed(solution: Solution, stepper: Stepper) -> None:
     """Warn if f is not what the steps of a successful run made of it where the run looked again."""
     missed = stepper.health.missed
     if solution.success and missed:
-        t = missed + stepper.equation.frame.start
+        t = missed + stepper.system.frame.start
         warn(
             f"the steps miss a force that acts for a short time: at t = {t:g} the right-hand side "
             "is not what it is around; name the times at which it jumps in breaks, or give "
@@ -165,7 +166,7 @@ def report(stepper: Stepper, status: Status, detail: str) -> str:
     if health.misfit and status is not inaccurate:
         message += f"; {inaccurate.sentence}: {health.misfit}"
     if status is not Status.COMPLETED:
-        t = stepper.t + stepper.equation.frame.start
+        t = stepper.t + stepper.system.frame.start
         message += f" (t = {t:g} after {stepper.stats()['n_steps']} steps)"
     unstable = health.instability is not None
     if unstable:

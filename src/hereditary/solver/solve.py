@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike
 
 from ..collocation.method import Collocation
 from ..equation.equation import Equation, current_equation
-from ..equation.system import System
 from ..given.history.history import History
 from ..given.schemes.explicit import ExplicitCaputo
 from ..given.schemes.grunwald_letnikov import GrunwaldLetnikov
@@ -248,7 +247,7 @@ def solve(
             remedy = "equation.replace(params=...) makes an equation with others"
             refuse("params", "come with resume", repr(params), remedy)
         equation, allow_change = equation.replace(params=params), True
-    start = equation.frame.start
+    start = equation.t_start
     t_last = run_end("t_end", t_end, start)
     t_end = t_last - start
     allow_change, estimate = truth("allow_change", allow_change), truth("estimate", estimate)
@@ -260,13 +259,12 @@ def solve(
         mesh = real_array("mesh", mesh) - start
     functions, jumping = _listed(events), _listed(switches)
     began = time.perf_counter()
-    system: System = equation
-    hybrid = None
+    system, hybrid = equation.system, None
     changes = {} if changes is None else mapping("changes", changes, _CHANGES)
     if jumping or changes or any(getattr(f, "change", None) is not None for f in functions):
         from ..hybrid import Hybrid  # a leaf that stands on this room
 
-        hybrid = Hybrid(equation, scheme, functions, jumping, changes)
+        hybrid = Hybrid(system, scheme, functions, jumping, changes)
         system = hybrid.system
     how = how_to_step(
         system, scheme, t_end, resume, history=history, n_steps=n_steps, mesh=mesh,
@@ -278,7 +276,7 @@ def solve(
     if hybrid:
         found = hybrid.open(stepper, t_end, breaks, signs)
     else:
-        found = Events(map(equation.frame.event, functions), stepper, signs)
+        found = Events(map(system.frame.event, functions), stepper, signs)
     output = Output(stepper, stop, kept, found)
     march = partial(hybrid.march, output) if hybrid else Drive.to
     solution = run(stepper, stop, t_last, output, progress, began, march)
@@ -316,7 +314,7 @@ def _kept(equation: Equation, save_every: Any, times: np.ndarray | None, compone
     if save_every > 1 and times is not None:
         refuse("save_every", "be left out if t_eval names the rows to keep", save_every)
     if components is not None:
-        if equation.frame.paired or equation.frame.speeds:
+        if equation.system.frame.paired or equation.system.frame.speeds:
             refuse("components", "be left out for complex y and orders above 2", shown(components))
         components = component_numbers(components, equation.d)
     return Kept(save_every, times, components)

@@ -66,14 +66,14 @@ class Scheme(ABC):
         """Refuse orders and terms that the scheme does not take."""
         remedy = "use ExplicitCaputo, L1 or Collocation"
         name = type(self).__name__
-        if equation.enlarged is not equation:
+        if equation.read.any():
             if not self.takes_memory:
                 required = f"need no memory that the right-hand side reads with {name}"
-                d, left = equation.d, equation.enlarged.left
-                got = " and ".join(f"{operator}" for operator, own in left if np.any(own[d:]))
+                read = [op for op, own in equation.left if np.any(own[equation.read])]
+                got = " and ".join(map(str, read))
                 refuse("terms", required, got, remedy)
             remedy = "use ExplicitCaputo or L1"
-        for operator, _ in equation.enlarged.left:
+        for operator, _ in equation.left:
             if operator.kernel is not None and not self.takes_kernels:
                 refuse("terms", f"be Caputo operators with {name}", f"{operator}", remedy)
             if operator.varies and not self.takes_varying:

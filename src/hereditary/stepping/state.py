@@ -112,33 +112,33 @@ def _version() -> str:
     return importlib.metadata.version("hereditary")
 
 
-def identity(equation: System, t: float, **how: Any) -> dict[str, Any]:
+def identity(system: System, t: float, **how: Any) -> dict[str, Any]:
     """Describe what a run to time t must share with one that resumes it, by name.
 
     Parameters
     ----------
-    equation : System
+    system : System
     t : float
     **how
         Scheme, tolerances and the like, in things that can be compared.
     """
     return {
         **how,
-        **described_terms(equation, t),
-        "y0": equation.y0.tolist(),
-        "t_start": equation.frame.start,
-        "params": equation.params.tolist(),
-        "right-hand side": equation.rhs_digest,
-        "terms": equation.terms_digest,
+        **described_terms(system, t),
+        "y0": system.y0.tolist(),
+        "t_start": system.frame.start,
+        "params": system.params.tolist(),
+        "right-hand side": system.rhs_digest,
+        "terms": system.terms_digest,
     }
 
 
-def described_terms(equation: System, t: float) -> dict[str, list]:
+def described_terms(system: System, t: float) -> dict[str, list]:
     """Return orders, kernels and coefficients of terms in a form that can be compared.
 
     Functions are known by some of their values up to time t.
     """
-    left = equation.enlarged.left
+    left = system.left
     return {
         "orders": [op.described(_LOOKS * t) for op, _ in left if op.kernel is None],
         "coefficients": [coefficients.tolist() for _, coefficients in left],

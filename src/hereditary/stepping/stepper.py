@@ -7,6 +7,7 @@ from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 
+from ..equation.system import System
 from ..support.checks import refuse, shown
 from .dense import Piece
 from .status import Status, failed
@@ -39,7 +40,7 @@ class Stepper(ABC):
 
     Runs, ensembles, hybrid runs, exponents and sensitivities use steppers by this contract. The
     engines have two, `FixedStepper` and `AdaptiveStepper`; `tests/solver/test_contract.py` has one
-    of twenty lines. A stepper needs `equation`, `t`, `y`, `position`, `advance`, `checkpoint` and
+    of twenty lines. A stepper needs `system`, `t`, `y`, `position`, `advance`, `checkpoint` and
     `come_back`. All else has a default. In the order of a run it
 
     1. begins with the initial values at time 0, which is the equation's `t_start`;
@@ -57,7 +58,7 @@ class Stepper(ABC):
 
     Attributes
     ----------
-    equation : System
+    system : System
     looks : int
         Points of each step at which events are evaluated, besides its end: its start, and where
         steps are long points between. If there is 1, steps are so short that their ends show
@@ -68,7 +69,7 @@ class Stepper(ABC):
     error : Exception or None
     """
 
-    equation: Any
+    system: System
     looks = 1
     h = 0.0
     error: Exception | None = None

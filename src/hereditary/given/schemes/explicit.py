@@ -13,6 +13,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from ...equation.equation import Equation
 from ...equation.system import System
 from ...equation.terms import distinct_components
 from ...stepping.scheme import Scheme, check_smoothness
@@ -90,7 +91,7 @@ class ExplicitCaputo(Scheme):
         check_smoothness(smoothness)
         return 1.0
 
-    def step_limit(self, equation: System, stiffness: float) -> float:
+    def step_limit(self, equation: Equation, stiffness: float) -> float:
         """Return the largest stable step for a constant ``-d rhs / d y = stiffness``.
 
         Parameters
@@ -115,9 +116,10 @@ class ExplicitCaputo(Scheme):
         0.666666666667
         """
         stiffness = within("stiffness", stiffness, 5e-324, np.inf, "(0, inf)")
-        if equation.varies:
+        system = equation.system
+        if system.varies:
             refuse("equation", "have constant orders", repr(equation), "ask for those of one time")
-        return largest_step(lambda h: self._limits(equation, h), stiffness)
+        return largest_step(lambda h: self._limits(system, h)[: system.n_solved], stiffness)
 
     def _limits(self, equation, h):
         """Return the stiffness (d,) at which the alternating mode leaves the unit circle."""

@@ -12,6 +12,7 @@ from typing import ClassVar
 import numpy as np
 from scipy.special import rgamma
 
+from ...equation.equation import Equation
 from ...equation.system import System
 from ...equation.terms import distinct_components
 from ...kernels.special import mean_exponential
@@ -105,7 +106,7 @@ class GrunwaldLetnikov(Scheme):
         check_smoothness(smoothness)
         return 1.0
 
-    def step_limit(self, equation: System, stiffness: float) -> float:
+    def step_limit(self, equation: Equation, stiffness: float) -> float:
         """Return the largest stable step for a constant ``-d rhs / d y = stiffness``.
 
         Parameters
@@ -128,9 +129,10 @@ class GrunwaldLetnikov(Scheme):
         >>> round(hd.GrunwaldLetnikov().step_limit(eq, 4.0), 12)
         0.125
         """
-        self.check_terms(equation)
+        system = equation.system
+        self.check_terms(system)
         stiffness = within("stiffness", stiffness, 5e-324, np.inf, "(0, inf)")
-        return largest_step(lambda h: self._limits(equation, h), stiffness)
+        return largest_step(lambda h: self._limits(system, h)[: system.n_solved], stiffness)
 
     def _limits(self, equation, h):
         """Return the stiffness (d,) at which the alternating mode leaves the unit circle."""
