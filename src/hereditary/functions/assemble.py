@@ -7,6 +7,7 @@ components.
 """
 
 import warnings
+from collections.abc import Callable
 from functools import lru_cache, partial
 from typing import Any, NamedTuple
 
@@ -14,7 +15,7 @@ import numpy as np
 
 from ..compiled.jit import JAC_SIG, RHS_SIG, as_value, derived
 from ..support.checks import refuse
-from .build import Start, function_of, locked
+from .build import Function, Start, function_of, locked
 from .python_calls import Callback, PythonFunctionWarning, before_addresses, in_python
 
 
@@ -31,7 +32,14 @@ class Functions(NamedTuple):
     callbacks: tuple
 
 
-def functions_of(rhs, jac, jac_memory, start, hint, shape=None):
+def functions_of(
+    rhs: Any,
+    jac: Any,
+    jac_memory: Any,
+    start: Start,
+    hint: Callable[[], str],
+    shape: tuple[int, ...] | None = None,
+) -> Functions:
     """Check the functions of an equation at the start and return them as `Functions`.
 
     `rhs` may be None, for nothing. `jac_memory` holds the derivatives by the memory. ``hint()`` is
@@ -63,7 +71,7 @@ def functions_of(rhs, jac, jac_memory, start, hint, shape=None):
     )
 
 
-def switch_of(switch, y, t):
+def switch_of(switch: Any, y: np.ndarray, t: float) -> Any:
     """Check and compile ``switch(t, y)``, a function with one value."""
     start = Start(y, np.zeros((0, y.size), y.dtype), np.zeros(0), t)
     required = "be functions switch(t, y) of real components that numba compiles"
@@ -74,7 +82,7 @@ def switch_of(switch, y, t):
     return function_of("switches", "value", switch, *how).compiled
 
 
-def _as_one(parts, signature, k, called):
+def _as_one(parts: list[Function], signature: Any, k: int, called: tuple[Callback, ...]) -> Any:
     """Return the compiled functions of a system's right-hand side or Jacobian as one, or None."""
     if not parts:
         return None
@@ -85,7 +93,7 @@ def _as_one(parts, signature, k, called):
     return before_addresses(one, signature) if called else one
 
 
-def _jacobian(jac, start, shape):
+def _jacobian(jac: Any, start: Start, shape: tuple[int, ...]) -> Function:
     """Check a Jacobian; return it with values (j, k), or of a function that fills a row, (1, k)."""
     if len(shape) > 1:
         return function_of("jac", "jacobian", jac, start, shape, JAC_SIG)
@@ -95,7 +103,9 @@ def _jacobian(jac, start, shape):
     return made._replace(compiled=made.compiled and _as_row(made.compiled))
 
 
-def _callback(name, parts, start, shape):
+def _callback(
+    name: str, parts: list[Function], start: Start, shape: tuple[int, ...]
+) -> Callback | None:
     """Return a callback that fills all values by the functions `parts`; None if all compile."""
     if all(part.compiled for part in parts):
         return None
@@ -104,7 +114,7 @@ def _callback(name, parts, start, shape):
     if d == n:
         return Callback(name, partial(parts[0].fill, params=params), n, shape)
 
-    def fill_all(t, z, out):
+    def fill_all(t: float, z: np.ndarray, out: np.ndarray) -> None:
         out[d:] = 0.0
         places = [out[:d]] if name == "rhs" else [out[:d, :d], out[:d, d:]]
         for part, place in zip(parts, places, strict=True):
@@ -114,10 +124,10 @@ def _callback(name, parts, start, shape):
 
 
 @lru_cache(maxsize=256)
-def _padded(rhs, k):
+def _padded(rhs: Any, k: int) -> Any:
     """Return a right-hand side of d + k d components from one of d: those of memory are 0."""
 
-    def all_components(t, z, out, params):
+    def all_components(t: float, z: np.ndarray, out: np.ndarray, params: np.ndarray) -> None:
         d = z.shape[0] // (1 + k)
         rhs(t, z, out[:d], params)
         for i in range(d, z.shape[0]):
@@ -127,10 +137,10 @@ def _padded(rhs, k):
 
 
 @lru_cache(maxsize=256)
-def _joined(jac, beside, k):
+def _joined(jac: Any, beside: Any, k: int) -> Any:
     """Join the Jacobians by y, (d, d), and by memory, (d, k d), into that of `_padded`."""
 
-    def all_components(t, z, out, params):
+    def all_components(t: float, z: np.ndarray, out: np.ndarray, params: np.ndarray) -> None:
         n = z.shape[0]
         d = n // (1 + k)
         by_y, by_memory = np.empty((d, d)), np.empty((d, k * d))
@@ -147,10 +157,10 @@ def _joined(jac, beside, k):
 
 
 @lru_cache(maxsize=64)
-def _as_row(values):
+def _as_row(values: Any) -> Any:
     """Return a function that fills the row of an array (1, k), from one that fills (k,)."""
 
-    def row(t, y, out, params):
+    def row(t: float, y: np.ndarray, out: np.ndarray, params: np.ndarray) -> None:
         values(t, y, out[0], params)
 
     return as_value(derived(row), JAC_SIG)

@@ -7,11 +7,15 @@ compiled code at the start are compared with those in Python. A function that nu
 is called in Python from a compiled one (python_calls.py).
 """
 
+from __future__ import annotations
+
 import inspect
 import warnings
 from collections import OrderedDict
+from collections.abc import Callable
 from contextlib import suppress
-from typing import Any, NamedTuple
+from types import FunctionType
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numba import config, types
@@ -33,13 +37,15 @@ _PAST_READ_ONLY = {"flat", "nditer", "ascontiguousarray", "asfortranarray", "fil
 _KEPT_MAX = 256
 # Number of versions, by frozen values alone, of which the user is warned: numba frees none.
 _VERSIONS_MAX = 50
+# ``fill(t, z, out, params)``, which calls a user's function with y and memory in z.
+Fill: TypeAlias = Callable[..., None]
 
 
 class Function(NamedTuple):
     """A user's function: compiled, or None, and ``fill(t, z, out, params)``, which calls it."""
 
     compiled: Any
-    fill: Any
+    fill: Fill
 
 
 class _Version(NamedTuple):
@@ -54,18 +60,27 @@ class _Version(NamedTuple):
 _versions: OrderedDict[tuple, _Version] = OrderedDict()
 
 
-def present_values(fun):
+def present_values(fun: Any) -> tuple:
     """Return the values that compilation of `fun` would freeze now, for comparison."""
     plain = None if fun is None else _plain(fun)
     return frozen_values(plain) if inspect.isfunction(plain) else ()
 
 
-def _plain(fun):
+def _plain(fun: Any) -> Any:
     """Return the Python function behind a compiled one; any other unchanged."""
     return fun.py_func if is_jitted(fun) else fun
 
 
-def function_of(name, out, fun, start, shape, signature, hint=str, required=""):
+def function_of(
+    name: str,
+    out: str,
+    fun: Any,
+    start: Start,
+    shape: tuple[int, ...],
+    signature: Any,
+    hint: Callable[[], str] = str,
+    required: str = "",
+) -> Function:
     """Check a user's function and return it, compiled where it can be, as a `Function`.
 
     `required` is what is required of a function that must compile.
@@ -100,13 +115,13 @@ def function_of(name, out, fun, start, shape, signature, hint=str, required=""):
     return Function(None, fill)
 
 
-def _key(fun, signature, start):
+def _key(fun: Any, signature: Any, start: Start) -> tuple:
     """Return what a compiled function depends on, besides its number of arguments and its form."""
     options = stated_options(options_of(fun)) if is_jitted(fun) else ""
     return frozen_values(_plain(fun)), options, signature, len(start.memory), start.paired
 
 
-def _called(fill, start, shape):
+def _called(fill: Fill, start: Start, shape: tuple[int, ...]) -> np.ndarray:
     """Return the values of a function at the start, in Python."""
     values = np.full(shape, np.nan, start.y.dtype)
     with np.errstate(all="ignore"):
@@ -114,7 +129,7 @@ def _called(fill, start, shape):
     return values
 
 
-def _difference(compiled, expected, start):
+def _difference(compiled: Any, expected: np.ndarray, start: Start) -> str:
     """Return how compiled code differs from Python's values at the start; "" for not at all."""
     found = np.full_like(expected, np.nan)
     try:
@@ -129,7 +144,9 @@ def _difference(compiled, expected, start):
     )
 
 
-def _version(name, fun, key, arity, form, start, shape):
+def _version(
+    name: str, fun: Any, key: tuple, arity: int, form: str, start: Start, shape: tuple[int, ...]
+) -> _Version:
     """Return a user's function compiled for a key, or why it is not, as a `_Version`."""
     with compiling:
         known = _versions.pop(key, None)
@@ -146,7 +163,7 @@ def _version(name, fun, key, arity, form, start, shape):
     return known
 
 
-def _warn_of_versions(name, plain):
+def _warn_of_versions(name: str, plain: FunctionType) -> None:
     """Warn where one function is compiled over and over for other frozen values."""
     versions = 1 + sum(frozen[0] == plain.__code__ for frozen, *_ in _versions)
     if versions == _VERSIONS_MAX:
@@ -158,7 +175,9 @@ def _warn_of_versions(name, plain):
         )
 
 
-def _build(name, fun, key, arity, form, start, shape):
+def _build(
+    name: str, fun: Any, key: tuple, arity: int, form: str, start: Start, shape: tuple[int, ...]
+) -> tuple[Any, str]:
     """Compile a user's function; return it and "", or None and why numba cannot.
 
     One that could write past read-only types is given copies of y and params. Its own code, and
@@ -196,7 +215,7 @@ def _build(name, fun, key, arity, form, start, shape):
         return None, compile_reason(plain, error)
 
 
-def _compiles(jitted, arrays):
+def _compiles(jitted: Any, arrays: list) -> bool:
     """Return whether a function compiles for writable arrays."""
     try:
         jitted.compile((F8, *arrays))
@@ -205,33 +224,33 @@ def _compiles(jitted, arrays):
     return True
 
 
-def _split(fun, k):
+def _split(fun: Any, k: int) -> Any:
     """Return a compiled function of y and memory as one of all components; itself for k = 0."""
     if k == 0:
         return fun
 
-    def of_all(t, z, *others):
+    def of_all(t: float, z: np.ndarray, *others: np.ndarray) -> Any:
         d = z.shape[0] // (1 + k)
         return fun(t, z[:d], z[d:].reshape(k, d), *others)
 
     return derived(of_all)
 
 
-def _of_copies(fun):
+def _of_copies(fun: Any) -> Fill:
     """Return a function that calls `fun` with copies of y and params, which it may change."""
     return lambda t, y, out, params: fun(t, y.copy(), out, params.copy())
 
 
-def _of_parts(fun):
+def _of_parts(fun: Any) -> Fill:
     """Return a function of complex components as one of their real and imaginary parts."""
 
-    def of_parts(t, z, out, params):
+    def of_parts(t: float, z: np.ndarray, out: np.ndarray, params: np.ndarray) -> None:
         fun(t, z.view(np.complex128), out.view(np.complex128), params)
 
     return of_parts
 
 
-def _adapter(fun, arity, form, n_axes):
+def _adapter(fun: Any, arity: int, form: str, n_axes: int) -> Fill:
     """Return a function that calls `fun` and writes its values to the output array.
 
     `form` is that of the trial call. The loops are written out because numba takes two seconds to
@@ -239,20 +258,20 @@ def _adapter(fun, arity, form, n_axes):
     """
     one, with_params = (0,) * n_axes, arity == 3
 
-    def in_place(t, y, out, params):
+    def in_place(t: float, y: np.ndarray, out: np.ndarray, params: np.ndarray) -> None:
         fun(t, y, out, params)
 
-    def from_number(t, y, out, params):
+    def from_number(t: float, y: np.ndarray, out: np.ndarray, params: np.ndarray) -> None:
         out[one] = fun(t, y, params) if with_params else fun(t, y)
 
-    def from_vector(t, y, out, params):
+    def from_vector(t: float, y: np.ndarray, out: np.ndarray, params: np.ndarray) -> None:
         values = np.asarray(fun(t, y, params) if with_params else fun(t, y))
         if values.shape != out.shape:
             raise ValueError(_RESHAPED)
         for i in range(out.shape[0]):
             out[i] = values[i]
 
-    def from_matrix(t, y, out, params):
+    def from_matrix(t: float, y: np.ndarray, out: np.ndarray, params: np.ndarray) -> None:
         values = np.asarray(fun(t, y, params) if with_params else fun(t, y))
         if values.shape != out.shape:
             raise ValueError(_RESHAPED)
@@ -267,12 +286,12 @@ def _adapter(fun, arity, form, n_axes):
     return from_vector if n_axes == 1 else from_matrix
 
 
-def _in_python(name, fun, arity, start, shape):
+def _in_python(name: str, fun: Any, arity: int, start: Start, shape: tuple[int, ...]) -> Fill:
     """Return ``fill(t, z, out, params)``, which calls `fun` in Python; z holds y and memory."""
     k, d = start.memory.shape
     kind = start.y.dtype
 
-    def fill(t, z, out, params):
+    def fill(t: float, z: np.ndarray, out: np.ndarray, params: np.ndarray) -> None:
         if start.paired:
             z, out = z.view(kind), out.view(kind)
         arguments = (t, z[:d], z[d:].reshape(k, d)) if k else (t, z)
@@ -295,12 +314,12 @@ def _in_python(name, fun, arity, start, shape):
     return fill
 
 
-def _locking(fill):
+def _locking(fill: Fill) -> Fill:
     """Return the function with its arguments read-only, for runs without a compiler."""
     return lambda t, z, out, params: fill(t, locked(z), out, locked(params))
 
 
-def locked(array):
+def locked(array: np.ndarray) -> np.ndarray:
     """Return a view of an array that cannot be written to."""
     view = array.view()
     view.setflags(write=False)
@@ -324,21 +343,21 @@ class Start(NamedTuple):
     t: float = 0.0
 
     @property
-    def paired(self):
+    def paired(self) -> bool:
         """Whether components are complex: each is two real components of a system."""
         return self.y.dtype.kind == "c"
 
-    def components(self):
+    def components(self) -> np.ndarray:
         """Return y and memory as the real components of one system."""
         return np.concatenate([self.y, self.memory.ravel()]).view(float)
 
-    def shapes(self, name, out):
+    def shapes(self, name: str, out: str) -> str:
         """Name the ways in which a function may be written."""
         first = f"{name}(t, y" + ", memory" * (len(self.memory) > 0)
         return f"{first}), {first}, params) or, in place, {first}, {out}, params)"
 
 
-def arity_of(name, out, fun, start):
+def arity_of(name: str, out: str, fun: Callable[..., Any], start: Start) -> int:
     """Return the number of positional arguments besides memory: 2, 3 or 4."""
     required = f"be one of {start.shapes(name, out)}"
     more = int(len(start.memory) > 0)
@@ -360,7 +379,15 @@ def arity_of(name, out, fun, start):
     return len(positional) - more
 
 
-def try_out(name, out, fun, arity, start, shape, hint):
+def try_out(
+    name: str,
+    out: str,
+    fun: Any,
+    arity: int,
+    start: Start,
+    shape: tuple[int, ...],
+    hint: Callable[[], str],
+) -> tuple[np.ndarray, str]:
     """Call `fun` twice in Python at the start, check its values and return them and their form."""
     # other values at first in place show entries that are not set
     (values, form), (again, _) = (
@@ -380,21 +407,30 @@ def try_out(name, out, fun, arity, start, shape, hint):
     return values, form
 
 
-def nearly_equal(values, expected):
+def nearly_equal(values: np.ndarray, expected: np.ndarray) -> bool:
     """Return whether values agree to 1e-8."""
     if np.array_equal(values, expected):  # in a tenth of the time
         return True
     return np.allclose(values, expected, rtol=1e-8, atol=1e-12 * np.abs(expected).max(initial=0.0))
 
 
-def _values(name, out, fun, arity, start, shape, hint, unset):
+def _values(
+    name: str,
+    out: str,
+    fun: Any,
+    arity: int,
+    start: Start,
+    shape: tuple[int, ...],
+    hint: Callable[[], str],
+    unset: float,
+) -> tuple[np.ndarray, str]:
     """Call `fun` at the start; return its values as an array of `shape`, and their form."""
     filled = np.full(shape, unset, start.y.dtype)
     y, memory, p = (part.copy() for part in start[:3])
     first = (start.t, y, memory) if len(memory) else (start.t, y)
     arguments = {2: first, 3: (*first, p), 4: (*first, filled, p)}
 
-    def hinted():
+    def hinted() -> str:
         if arity < 4:
             return hint()
         words = ("five", "fourth", "fifth") if len(memory) else ("four", "third", "fourth")
@@ -410,7 +446,7 @@ def _values(name, out, fun, arity, start, shape, hint, unset):
             f"{line_of(error, fun)}; it was called with y = {shown(start.y)} and params = "
             f"{shown(start.params)}{hinted()}"
         ) from error
-    for argument, given, left in zip(start._fields, start, (y, memory, p), strict=False):
+    for argument, given, left in zip(start._fields, start[:3], (y, memory, p), strict=False):
         if not np.array_equal(given, left):
             got = f"{shown(given)} changed to {shown(left)}"
             refuse(name, f"leave {argument} as it is", got, f"work on a copy, {defined(fun)}")
@@ -427,7 +463,9 @@ def _values(name, out, fun, arity, start, shape, hint, unset):
     return values.astype(start.y.dtype).reshape(shape), form
 
 
-def numbers_of(name, fun, returned, shape, start):
+def numbers_of(
+    name: str, fun: Any, returned: Any, shape: tuple[int, ...], start: Start
+) -> np.ndarray:
     """Return what a function returned as an array; refuse anything but numbers."""
     try:
         values = np.asarray(returned)
@@ -441,6 +479,6 @@ def numbers_of(name, fun, returned, shape, start):
     refuse(name, required, repr(returned), remedy, kind=TypeError)
 
 
-def _remedy(fun, shape):
+def _remedy(fun: Any, shape: tuple[int, ...]) -> str:
     """Say what a function should return."""
     return f"return numpy.array([...]) of shape {shape}, {defined(fun)}"

@@ -1,6 +1,7 @@
 """Check a given Jacobian against differences of the right-hand side; units of components."""
 
 from contextlib import suppress
+from typing import Any
 
 import numpy as np
 
@@ -30,13 +31,17 @@ _MOST_TRIALS = 12
 _CLEAR = 1e-5
 
 
-def check_jacobian(rhs, jac, y0, params, structure=None):
+def check_jacobian(
+    rhs: Any, jac: Any, y0: np.ndarray, params: np.ndarray, structure: Any = None
+) -> None:
     """Refuse a Jacobian that is not the derivative of the right-hand side near y0, at t = 0."""
     if found := wrong_jacobian(rhs, jac, y0, params, structure):
         raise ValueError(found)
 
 
-def wrong_jacobian(rhs, jac, y0, params, structure=None, t=0.0):
+def wrong_jacobian(
+    rhs: Any, jac: Any, y0: np.ndarray, params: np.ndarray, structure: Any = None, t: float = 0.0
+) -> str:
     """Return a complaint of a Jacobian that is not the derivative of `rhs` near y0; else "".
 
     Its products with directions are compared with differences of `rhs` along them. Directions are
@@ -71,7 +76,7 @@ def wrong_jacobian(rhs, jac, y0, params, structure=None, t=0.0):
         trial = _deviation(rhs, jac, structure, t, y, params, units, directions, lengths)
         if trial is not None:
             found.append(trial)
-    counts = sum(wrong.astype(int) for wrong, _, _ in found) if found else np.zeros((1, 1))
+    counts = np.sum([wrong for wrong, _, _ in found], axis=0) if found else np.zeros((1, 1))
     if counts.max() < 2:
         return ""
     where = "near y0 at the start" if t == 0 else "where the run ends"
@@ -89,7 +94,17 @@ def wrong_jacobian(rhs, jac, y0, params, structure=None, t=0.0):
     return complaint(name, required, got, remedy)
 
 
-def _deviation(rhs, jac, structure, t, y, params, units, directions, lengths):
+def _deviation(
+    rhs: Any,
+    jac: Any,
+    structure: Any,
+    t: float,
+    y: np.ndarray,
+    params: np.ndarray,
+    units: np.ndarray,
+    directions: np.ndarray,
+    lengths: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
     """Return which products are wrong, the given ones and differences, (d, n); None for unknown.
 
     Parameters
@@ -128,7 +143,7 @@ def _deviation(rhs, jac, structure, t, y, params, units, directions, lengths):
     return np.abs(given - near) > allowed + 10 * np.abs(far - near) + noise, given, near
 
 
-def units_of(rhs, params, y0):
+def units_of(rhs: Any, params: np.ndarray, y0: np.ndarray) -> np.ndarray:
     """Return units of components, (d,), for the steps of differences where y is small.
 
     Sizes of y0. A component that begins at 0, or next to it, has a step that moves f clearly and in
@@ -140,14 +155,14 @@ def units_of(rhs, params, y0):
         units[:] = units.max() or np.abs(_moved(rhs, params, y0)).max()
         small = small[:0]
     with np.errstate(all="ignore"):  # steps may grow beyond all numbers
-        for c in small:
+        for c in small.tolist():
             units[c] = _visible_step(rhs, params, y0, c)
     # powers of two, with which scaling is exact
     known = (units > LEAST) & (units < np.inf)
     return np.ldexp(known.astype(float), np.frexp(np.where(known, units, 1.0))[1] - 1)
 
 
-def _visible_step(rhs, params, y0, c):
+def _visible_step(rhs: Any, params: np.ndarray, y0: np.ndarray, c: int) -> float:
     """Return a step of component c that moves f clearly and in proportion, at t = 0; 0 for none."""
     force, found, shrunk = _moved(rhs, params, y0), 0.0, False
     size = max(abs(y0[c]), _FIRST_STEP * abs(force[c]))
@@ -175,7 +190,9 @@ def _visible_step(rhs, params, y0, c):
     return found
 
 
-def _moved(rhs, params, y0, c=0, step=0.0, t=0.0):
+def _moved(
+    rhs: Any, params: np.ndarray, y0: np.ndarray, c: int = 0, step: float = 0.0, t: float = 0.0
+) -> np.ndarray:
     """Return f with a component moved up, or down; NaN if both are outside of its domain, (d,)."""
     found = np.full(y0.size, np.nan)
     for by in (step, -step):

@@ -4,17 +4,19 @@ import linecache
 import re
 import traceback
 from pathlib import Path
+from types import CodeType, FunctionType
+from typing import Any
 
 from ..support.checks import complaint
 
 
-def code_of(fun):
+def code_of(fun: Any) -> CodeType | None:
     """Return the code behind a function, a method, a partial or a callable object; or None."""
     fun = getattr(fun, "func", fun)
     return getattr(fun, "__code__", None) or getattr(type(fun).__call__, "__code__", None)
 
 
-def defined(fun):
+def defined(fun: Any) -> str:
     """Return a clause that names the first line of a function."""
     code = code_of(fun)
     if code is None:
@@ -22,7 +24,7 @@ def defined(fun):
     return f"in the function at line {code.co_firstlineno} of {code.co_filename}"
 
 
-def line_of(error, fun):
+def line_of(error: Exception, fun: Any) -> str:
     """Return a clause that names the line of `fun` at which an exception was raised; or ""."""
     code = code_of(fun)
     path = code.co_filename if code else ""
@@ -30,7 +32,7 @@ def line_of(error, fun):
     return f'at line {lines[-1].lineno} of {path}: "{lines[-1].line}"' if lines else ""
 
 
-def compile_reason(fun, error):
+def compile_reason(fun: FunctionType, error: Exception) -> str:
     """Return the reason why numba cannot compile a function: line, cause and remedy."""
     return (
         f"for numba cannot compile it {_place(fun, str(error))} ({_reason(str(error))}): use "
@@ -39,7 +41,7 @@ def compile_reason(fun, error):
     )
 
 
-def writing_complaint(name, fun, error):
+def writing_complaint(name: str, fun: FunctionType, error: Exception) -> str:
     """Return the message about a function that compiles only if it may change y and params."""
     return complaint(
         name,
@@ -49,7 +51,7 @@ def writing_complaint(name, fun, error):
     )
 
 
-def _place(fun, text):
+def _place(fun: FunctionType, text: str) -> str:
     """Return a clause that names the line in numba's report, or the first line of the function."""
     path = fun.__code__.co_filename
     file, whole = re.escape(Path(path).name), re.escape(path)
@@ -60,7 +62,7 @@ def _place(fun, text):
     return f'at line {number} of {path}: "{linecache.getline(path, number).strip()}"'
 
 
-def _reason(text):
+def _reason(text: str) -> str:
     """Return the most useful sentence of numba's report.
 
     If numba tried several implementations of a call, the last error explains why none fits.

@@ -10,8 +10,10 @@ function.
 import ctypes
 import time
 import weakref
+from collections.abc import Callable
 from contextlib import suppress
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -64,13 +66,19 @@ class Callback:
         Its address; exact, since addresses have fewer than 53 bits.
     """
 
-    def __init__(self, name, fill, n, shape):
+    def __init__(
+        self,
+        name: str,
+        fill: Callable[[float, np.ndarray, np.ndarray], None],
+        n: int,
+        shape: tuple[int, ...],
+    ) -> None:
         # written out in one function, which is entered a million times
         components: dict[int, np.ndarray] = {}
         values: dict[int, np.ndarray] = {}
         kinds = ctypes.c_double * n, ctypes.c_double * int(np.prod(shape))
 
-        def call(t, given, wanted):
+        def call(t: float, given: int, wanted: int) -> int:
             """Fill the values at one address from the components at another; 1 for an exception."""
             try:
                 z, out = components.get(given), values.get(wanted)
@@ -96,7 +104,9 @@ class Callback:
         self.address = float(ctypes.cast(self._function, ctypes.c_void_p).value or 0)
 
 
-def _view(known, address, kind, shape):
+def _view(
+    known: dict[int, np.ndarray], address: int, kind: Any, shape: tuple[int, ...]
+) -> np.ndarray:
     """Return a view of the numbers at an address, and remember it in `known`."""
     if len(known) >= _VIEWS:
         known.clear()
@@ -104,7 +114,7 @@ def _view(known, address, kind, shape):
 
 
 @compiled
-def _rhs_in_python(t, y, dy, params):
+def _rhs_in_python(t: float, y: np.ndarray, dy: np.ndarray, params: np.ndarray) -> None:
     """Call the right-hand side at the address that is last but one in params."""
     address = int(params[params.shape[0] - 2])
     if call_at(address, t, y.ctypes.data, dy.ctypes.data) != 0:  # type: ignore[call-arg]
@@ -112,30 +122,30 @@ def _rhs_in_python(t, y, dy, params):
 
 
 @compiled
-def _jac_in_python(t, y, jacobian, params):
+def _jac_in_python(t: float, y: np.ndarray, jacobian: np.ndarray, params: np.ndarray) -> None:
     """Call the Jacobian at the address that is last in params."""
     address = int(params[params.shape[0] - 1])
     if call_at(address, t, y.ctypes.data, jacobian.ctypes.data) != 0:  # type: ignore[call-arg]
         raise PythonRaised
 
 
-def in_python(signature):
+def in_python(signature: Any) -> Any:
     """Return the compiled function that calls a right-hand side or a Jacobian in Python."""
     fun = _rhs_in_python if signature is RHS_SIG else _jac_in_python
     return as_value(fun, signature)
 
 
 @lru_cache(maxsize=256)
-def before_addresses(fun, signature):
+def before_addresses(fun: Any, signature: Any) -> Any:
     """Return a compiled function that hides the addresses behind the parameters from `fun`."""
 
-    def seen(t, y, out, params):
+    def seen(t: float, y: np.ndarray, out: np.ndarray, params: np.ndarray) -> None:
         fun(t, y, out, params[: params.shape[0] - N_ADDRESSES])
 
     return as_value(derived(seen), signature)
 
 
-def warn_of_python(name, fun, reason, call):
+def warn_of_python(name: str, fun: Any, reason: str, call: Callable[[], object]) -> None:
     """Warn once for each function that it is called in Python, and how much slower that is."""
     known = code_of(fun) or type(fun)
     if known in _warned:

@@ -11,6 +11,7 @@ import hashlib
 import inspect
 import sys
 import sysconfig
+from collections.abc import Callable, Collection, Hashable, Iterator
 from contextlib import suppress
 from functools import lru_cache
 from types import CellType, CodeType, FunctionType, ModuleType
@@ -34,19 +35,19 @@ _COPIED_MAX = 1_000_000
 _FIXED: WeakKeyDictionary[Any, str] = WeakKeyDictionary()
 
 
-def _installed(path):
+def _installed(path: object) -> bool:
     """Return whether a file belongs to Python or to an installed package."""
     return str(path).startswith((*_INSTALLED, "<frozen"))
 
 
-def _package(value):
+def _package(value: Any) -> str:
     """Return the name of the package that a function, a method or an object comes from."""
     value = getattr(value, "func", value)
     module = getattr(value, "__module__", None) or type(value).__module__
     return str(module).split(".")[0]
 
 
-def _is_helper(value, caller):
+def _is_helper(value: Any, caller: Any) -> bool:
     """Return whether a value is a function that is compiled together with `caller`.
 
     Plain functions of other packages are not: there may be no end to what they call.
@@ -56,14 +57,14 @@ def _is_helper(value, caller):
     return _package(value) == _package(caller) or not _installed(value.__code__.co_filename)
 
 
-def _parts(helper):
+def _parts(helper: Any) -> tuple[Any, dict[str, Any]]:
     """Return the Python function of a helper, and its numba options."""
     if is_jitted(helper):
         return helper.py_func, options_of(helper)
     return helper, {"nopython": True}
 
 
-def _reads(function):
+def _reads(function: FunctionType) -> dict[str, Any]:
     """Return the values that a function reads besides its arguments, by name."""
     names = set(_names_in(function.__code__))
     found = {name: function.__globals__[name] for name in names & function.__globals__.keys()}
@@ -80,7 +81,7 @@ def _reads(function):
     return found
 
 
-def _names_in(code):
+def _names_in(code: CodeType) -> Iterator[str]:
     """Iterate over names of globals and attributes in a code object and nested ones."""
     yield from code.co_names
     for constant in code.co_consts:
@@ -88,7 +89,7 @@ def _names_in(code):
             yield from _names_in(constant)
 
 
-def frozen_values(fun):
+def frozen_values(fun: FunctionType) -> tuple:
     """Return the code of `fun` and of its helpers with all frozen values; hashable."""
     functions = [fun]
     held: list[Any] = []
@@ -106,7 +107,7 @@ def frozen_values(fun):
     return tuple(held)
 
 
-def code_names(frozen):
+def code_names(frozen: tuple) -> set[str]:
     """Return all names of globals and attributes in the code found by `frozen_values`."""
     return {name for value in frozen if inspect.iscode(value) for name in _names_in(value)}
 
@@ -114,24 +115,24 @@ def code_names(frozen):
 class _Itself:
     """Key of an object that equals only itself; keeps the object alive."""
 
-    def __init__(self, value):
+    def __init__(self, value: Any) -> None:
         self.value = value
 
-    def __eq__(self, other):
+    def __eq__(self, other: object) -> bool:
         return isinstance(other, _Itself) and self.value is other.value
 
-    def __hash__(self):
+    def __hash__(self) -> int:
         return id(self.value)
 
 
-def _contents(value):
+def _contents(value: Any) -> tuple | None:
     """Return the contents of an array, a number or a text, hashable; None for another value."""
     if isinstance(value, np.ndarray) and not value.dtype.hasobject:
         return value.shape, value.dtype.str, hashlib.sha256(value.tobytes()).hexdigest()
     return (type(value).__name__, repr(value)) if isinstance(value, _PLAIN) else None
 
 
-def _key(value):
+def _key(value: Any) -> Hashable:
     """Return a hashable key that is equal for equal frozen values."""
     found = _contents(value)
     if found is None:
@@ -143,18 +144,18 @@ def _key(value):
     return found
 
 
-def digest(*values):
+def digest(*values: Any) -> str:
     """Return sixteen hexadecimal digits that identify these values."""
     return _Digests(set(map(_package, values))).of(values, ())[:16]
 
 
-def digest_of_compiled(frozen, function):
+def digest_of_compiled(frozen: tuple, function: Any) -> str:
     """Return the digest of a compiled function with these frozen values."""
     return _digest_of_frozen(frozen, _package(function))
 
 
 @lru_cache(maxsize=256)
-def _digest_of_frozen(frozen, package):
+def _digest_of_frozen(frozen: tuple, package: str) -> str:
     return _Digests({package}).of((frozen,), ())[:16]
 
 
@@ -164,10 +165,11 @@ class _Digests:
     `own` are the packages whose functions are looked into although they are installed.
     """
 
-    def __init__(self, own):
-        self._own, self._known = own, {}
+    def __init__(self, own: set[str]) -> None:
+        self._own = own
+        self._known: dict[int, tuple[str, Any]] = {}
 
-    def of(self, value, above):
+    def of(self, value: Any, above: tuple[int, ...]) -> str:
         """Return the digest of a value; `above` holds the ids of its containers."""
         value = value.value if isinstance(value, _Itself) else value
         if id(value) in above:  # which may hold themselves
@@ -183,7 +185,7 @@ class _Digests:
             self._known[id(value)] = found, value  # alive, so that ids stay theirs
         return self._known[id(value)][0]
 
-    def _text(self, value, above):
+    def _text(self, value: Any, above: tuple[int, ...]) -> str:
         """Represent a value as text."""
         value = getattr(value, "py_func", value)  # of a function compiled by numba
         found = _contents(value.item() if isinstance(value, np.generic) else value)
@@ -195,12 +197,12 @@ class _Digests:
         digests = [self.of(part, above) for part in parts]
         return f"{kind} of {len(parts)}: {sorted(digests) if kind == 'set' else digests}"
 
-    def _looked_into(self, function):
+    def _looked_into(self, function: FunctionType) -> bool:
         """Return whether a function is represented by its code and by what it reads."""
         package, path = _package(function), function.__code__.co_filename
         return package not in _FOREIGN and (package in self._own or not _installed(path))
 
-    def _taken_apart(self, value):
+    def _taken_apart(self, value: Any) -> tuple[str, Collection[Any]]:
         """Return a name for the kind of a value, and its parts."""
         if isinstance(value, tuple | list):
             return "list", value
@@ -228,12 +230,12 @@ class _Digests:
         return _name(type(value)), parts
 
 
-def _name(value):
+def _name(value: Any) -> str:
     """Return the full name of a function or a class."""
     return f"{getattr(value, '__module__', '')}.{getattr(value, '__qualname__', '')}"
 
 
-def fresh(fun, own_options, helper_options):
+def fresh(fun: Any, own_options: dict[str, Any], helper_options: dict[str, Any]) -> Any:
     """Return a dispatcher for a copy of `fun` that calls fresh copies of its helpers.
 
     A dispatcher keeps the code it compiled first, with the values and options of that time. Helpers
@@ -246,23 +248,23 @@ def fresh(fun, own_options, helper_options):
         Options of numba.jit for `fun` and for its helpers, which override those they have.
     """
 
-    def compiled(copy, given):
+    def compiled(copy: FunctionType, given: Any) -> Any:
         own = own_options if given is fun else helper_options
         return jit(**(_parts(given)[1] | own))(copy)
 
     return _copied(fun, compiled)
 
 
-def uncompiled(fun):
+def uncompiled(fun: Any) -> Any:
     """Return a copy of `fun` in plain Python, its helpers included."""
     return _copied(fun, lambda copy, given: copy)
 
 
-def _copied(fun, make):
+def _copied(fun: Any, make: Callable[[FunctionType, Any], Any]) -> Any:
     """Copy a function and its helpers, each made by ``make(copy, given)``."""
     made: dict[int, Any] = {}
 
-    def again(given):
+    def again(given: Any) -> Any:
         if id(given) not in made:
             plain, _ = _parts(given)
             copy = _blank(plain)
@@ -275,13 +277,13 @@ def _copied(fun, make):
                     own.cell_contents = held(cell.cell_contents, plain)
         return made[id(given)]
 
-    def held(value, caller):
+    def held(value: Any, caller: Any) -> Any:
         return again(value) if _is_helper(value, caller) else value
 
     return again(fun)
 
 
-def _blank(plain):
+def _blank(plain: FunctionType) -> FunctionType:
     """Return a function with the code of `plain`, and globals and closure to be filled."""
     inherited = ("__name__", "__builtins__")
     known = {name: plain.__globals__[name] for name in inherited if name in plain.__globals__}
