@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from ..equation.equation import Equation
 from ..given.history.history import History
+from ..solver.solution import Solution
 from ..solver.solve import solve
 from ..stepping.scheme import Scheme
 from ..support.checks import count, real_array, refuse, shown, truth, whole
@@ -44,7 +45,7 @@ class ConvergenceTable:
     slope: float
     by: str
 
-    def _cells(self):
+    def _cells(self) -> list[tuple[str, ...]]:
         orders = ["", *(f"{p:.2f}" for p in self.orders)]
         values = zip(self.n_steps, self.h, self.errors, orders, strict=True)
         return [(str(n), f"{h:.4g}", f"{e:.3e}", p) for n, h, e, p in values]
@@ -61,7 +62,7 @@ class ConvergenceTable:
         lines = [r"\begin{tabular}{rrrr}", r"\toprule", heads + r" \\", r"\midrule", *rows]
         return "\n".join([*lines, r"\bottomrule", r"\end{tabular}"])
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         rows = [_HEADS, *self._cells()]
         widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
         lines = ["  ".join(map(str.rjust, row, widths)) for row in rows]
@@ -131,7 +132,7 @@ def convergence_table(
     if len(numbers) < 2 or any(b <= a for a, b in pairwise(numbers)):
         refuse("n_steps", "be two or more increasing numbers", numbers)
 
-    def run(n):
+    def run(n: int) -> Solution:
         found = solve(equation, t_end, n, scheme=scheme, history=history, estimate=False)
         if not found.success:
             raise RuntimeError(f"{n} steps: {found.message}")

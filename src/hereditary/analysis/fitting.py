@@ -6,7 +6,7 @@ import reprlib
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -101,7 +101,7 @@ class FitResult:
     series: list[Series] = field(repr=False)
     curves: list[tuple[np.ndarray, np.ndarray]] = field(repr=False)
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         estimates = (
             f"{name} = {value:.6g} +- {self.standard_errors[name]:.2g}"
             for name, value in self.parameters.items()
@@ -215,7 +215,7 @@ def fit(
     shift = np.where(start == 0, 1.0, 0.0)
     scale = np.abs(start) + shift
 
-    def unscaled(x):
+    def unscaled(x: np.ndarray) -> np.ndarray:
         return np.clip(scale * x - shift, low, high)
 
     found = least_squares(
@@ -266,7 +266,15 @@ class _Runs:
         Sets of runs so far.
     """
 
-    def __init__(self, model, names, named, series, observe, how):
+    def __init__(
+        self,
+        model: Callable[..., Any],
+        names: list[str],
+        named: bool,
+        series: list[Series],
+        observe: Callable | ArrayLike | None,
+        how: dict[str, Any],
+    ) -> None:
         self._model, self._names, self._named = model, names, named
         self._series, self._observe, self.count = series, observe, 0
         largest = [float(np.nanmax(np.abs(one.data))) for one in series]
@@ -277,7 +285,7 @@ class _Runs:
         default = {} if {"n_steps", "mesh", "rtol"} & how.keys() else {"rtol": 1e-8}
         self._how = {"estimate": False} | default | how
 
-    def solutions(self, p, times):
+    def solutions(self, p: np.ndarray, times: list[np.ndarray]) -> list[Solution]:
         """Return solutions with these parameters at the times (n,) of each series."""
         self.count += 1
         named = dict(zip(self._names, p.tolist(), strict=True))
@@ -299,7 +307,7 @@ class _Runs:
         pairs = zip(equations, times, strict=True)
         return [solve(equation, float(t[-1]), t_eval=t, **self._how) for equation, t in pairs]
 
-    def lacking(self, solutions):
+    def lacking(self, solutions: list[Solution]) -> list[np.ndarray]:
         """Return model minus data (n, k): NaN where data are missing, inf where runs ended."""
         found = []
         for one, sol in zip(self._series, solutions, strict=True):
@@ -309,7 +317,7 @@ class _Runs:
             found[-1][np.isnan(one.data)] = np.nan
         return found
 
-    def residuals(self, p):
+    def residuals(self, p: np.ndarray) -> np.ndarray:
         """Return all residuals over their deviations, (n,).
 
         Rows behind the end of a run count as far from the data, so that others are preferred.
@@ -322,7 +330,9 @@ class _Runs:
             found[k] = weighed[np.isfinite(one.data)]
         return np.concatenate(found) / self.unit
 
-    def curves(self, p, solutions):
+    def curves(
+        self, p: np.ndarray, solutions: list[Solution]
+    ) -> list[tuple[np.ndarray, np.ndarray]]:
         """Return times (m,) and values (m, k) of the model for each series, also between the data.
 
         At the times of the data alone if `observe` needs these, as differences of rows do.
@@ -338,7 +348,7 @@ class _Runs:
                     found[-1] = fine.t, often
         return found
 
-    def _seen(self, y, k):
+    def _seen(self, y: np.ndarray, k: int) -> np.ndarray:
         """Return what is observed of rows (m, d), (m, k)."""
         if callable(self._observe):
             seen = np.asarray(self._observe(y))
@@ -353,12 +363,14 @@ class _Runs:
         return seen.reshape(len(y), k)
 
 
-def _between(t):
+def _between(t: np.ndarray) -> np.ndarray:
     """Return the times of data and many between them, evenly from each to the next."""
     return np.union1d(t, np.interp(np.linspace(0, t.size - 1, _FINE), np.arange(t.size), t))
 
 
-def _bounds(bounds, names, start):
+def _bounds(
+    bounds: Mapping[str, tuple[float, float]], names: list[str], start: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Return lowest and highest values of all parameters."""
     low, high = np.full(start.size, -np.inf), np.full(start.size, np.inf)
     mapping("bounds", bounds, "be a mapping of names to (lowest, highest)")
@@ -373,7 +385,13 @@ def _bounds(bounds, names, start):
     return low, high
 
 
-def _covariance(found, scale, at_bound, estimated, names):
+def _covariance(
+    found: Any,
+    scale: np.ndarray,
+    at_bound: np.ndarray,
+    estimated: bool,
+    names: list[str] | Literal[False],
+) -> tuple[np.ndarray, np.ndarray]:
     """Return the covariance of parameters, and singular values for changes by their scale.
 
     NaN where a parameter is at a bound, or part of a combination that leaves residuals as they are.
@@ -403,7 +421,7 @@ def _covariance(found, scale, at_bound, estimated, names):
     return covariance, singular
 
 
-def _series(t, data, sigma):
+def _series(t: Any, data: Any, sigma: Any) -> list[Series]:
     """Return series of data, checked; t and data are arrays, or lists of one for each series."""
     if not (isinstance(t, (list, tuple)) and len(t) > 0 and np.ndim(t[0]) > 0):
         return [_one("", t, data, sigma)]
@@ -418,7 +436,7 @@ def _series(t, data, sigma):
     return [_one(f"[{k}]", *part) for k, part in enumerate(zip(t, data, sigmas, strict=True))]
 
 
-def _one(place, t, data, sigma):
+def _one(place: str, t: ArrayLike, data: Any, sigma: Any) -> Series:
     """Return one series; `place` is its number in a list."""
     t = real_array(f"t{place}", t)
     if t.ndim != 1 or t.size == 0 or np.any(np.diff(t) <= 0):

@@ -202,7 +202,7 @@ def frequency_response(
     )
 
 
-def _followed(omegas, positive):
+def _followed(omegas: ArrayLike, positive: bool) -> np.ndarray:
     """Return frequencies, or values of another parameter, or say why they are none."""
     wanted = np.atleast_1d(real_array("omegas", omegas))
     steps = np.diff(wanted)
@@ -214,7 +214,7 @@ def _followed(omegas, positive):
     return wanted
 
 
-def _check(equation, frequency, along):
+def _check(equation: Equation, frequency: int, along: int | None) -> None:
     """Refuse equations whose operators have no symbol here, and parameters that are none."""
     if equation.t_start != 0:
         refuse("t_start", "be 0", equation.t_start, "steady responses know no start")

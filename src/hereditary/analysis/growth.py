@@ -38,7 +38,9 @@ class Growth:
     verdicts: tuple[Verdict, ...]
 
 
-def assess(times, log_growth, window, n_blocks, memory):
+def assess(
+    times: np.ndarray, log_growth: np.ndarray, window: float, n_blocks: int, memory: str
+) -> Growth:
     """Return slopes and verdicts over the last share `window` of the record.
 
     Parameters
@@ -73,7 +75,7 @@ def assess(times, log_growth, window, n_blocks, memory):
     return Growth(slope, stderr, algebraic, verdicts)
 
 
-def _block_slope(edges, values):
+def _block_slope(edges: np.ndarray, values: np.ndarray) -> tuple[float, float]:
     """Mean slope and its standard error, the largest over three lengths of blocks.
 
     Neighbouring blocks are not independent; longer ones show what that hides.
@@ -87,14 +89,14 @@ def _block_slope(edges, values):
     return mean, max(errors, default=np.inf)
 
 
-def _power(times, values):
+def _power(times: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Return least-squares slopes of `values` (n, k) against the logarithm of time."""
     x = np.log(times)
     x = x - x.mean()
     return x @ (values - values.mean(axis=0)) / (x @ x)
 
 
-def _verdict(slope, stderr, power, memory):
+def _verdict(slope: float, stderr: float, power: float, memory: str) -> Verdict:
     """Return the verdict on a logarithm with given slopes in t and in log t."""
     if not (np.isfinite(slope) and np.isfinite(stderr)):
         return Verdict.UNDETERMINED
@@ -108,7 +110,7 @@ def _verdict(slope, stderr, power, memory):
     return Verdict.NEUTRAL if abs(power) < _POWER else Verdict.UNDETERMINED
 
 
-def kaplan_yorke(exponents):
+def kaplan_yorke(exponents: np.ndarray) -> float:
     """Return j + (sum of the j largest) / |the next|, with the last j whose sum is positive."""
     ordered = np.sort(exponents)[::-1]
     sums = np.cumsum(ordered)
@@ -190,14 +192,14 @@ class LyapunovResult:
         """Whether the run reached the end inside the scheme's stability limit."""
         return self.status is Status.COMPLETED
 
-    def _repr_html_(self):
+    def _repr_html_(self) -> str:
         columns = self.exponents, self.slope, self.slope_stderr, self.algebraic_slope
         numbers = zip(*(column.tolist() for column in columns), strict=True)
         rows = [[*row, verdict] for row, verdict in zip(numbers, self.verdicts, strict=True)]
         head = ["exponent", "late slope", "its error", "algebraic slope", "verdict"]
         return table_html(head, rows) + paragraph(f"{self.mode}: {self.message}")
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         rates = ", ".join(
             f"{rate:.5g} (late {slope:.3g} +- {error:.1g}, {verdict})"
             for rate, slope, error, verdict in zip(

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from ..compiled.jacobian import jacobian
 from ..compiled.jit import F8, I8, MAT, VEC, entry
 from ..compiled.signatures import JAC, RHS
+from ..equation.equation import Equation
 from ..support.checks import refuse, shown
 
 # Samples of a period per harmonic.
@@ -20,7 +23,17 @@ _FREE = 1e-7
 
 
 @entry(RHS, JAC, I8, VEC, F8, MAT, VEC, MAT, MAT)
-def _over_a_period(rhs, jac, has_jac, params, omega, y, units, f, j_f):
+def _over_a_period(
+    rhs: Any,
+    jac: Any,
+    has_jac: int,
+    params: np.ndarray,
+    omega: float,
+    y: np.ndarray,
+    units: np.ndarray,
+    f: np.ndarray,
+    j_f: np.ndarray,
+) -> None:
     """Set f (N, d) at equal times of a period and y (N, d), and its Jacobian, flat (N, d d).
 
     If `j_f` has no rows, no Jacobian is set.
@@ -47,7 +60,7 @@ class Balance:
     `frequency`, or another one.
     """
 
-    def __init__(self, equation, frequency, along, harmonics):
+    def __init__(self, equation: Equation, frequency: int, along: int, harmonics: int) -> None:
         self._system = equation.system.dense()
         self._units = self._system.positive_units
         self._frequency, self._along = frequency, along
@@ -60,7 +73,7 @@ class Balance:
         self._project[0] /= 2
         self._free, self._held = np.zeros((0, self.d)), np.zeros((self.d, self.d))
 
-    def check_period(self, values):
+    def check_period(self, values: np.ndarray) -> None:
         """Refuse right-hand sides without the period 2 pi / omega."""
         y0 = self._system.y0[0]
         for value in values:
@@ -76,7 +89,7 @@ class Balance:
                     required += f"[{self._frequency}]"
                     refuse("rhs", required, f"values {shown(found.ravel())}")
 
-    def hold_means(self, value):
+    def hold_means(self, value: float) -> bool:
         """Hold the means of y that no equation depends on; return whether there are any.
 
         Each adds its product with a left null vector to the derivatives of the means' equations.
@@ -92,22 +105,22 @@ class Balance:
         self._held = left @ self._free
         return len(self._free) > 0
 
-    def _force(self, t, y):
+    def _force(self, t: float, y: np.ndarray) -> np.ndarray:
         """Return the right-hand side, (d,)."""
         found = np.empty(self._system.d)
         self._system.compiled_rhs(t, y.copy(), found, self._params)
         return found
 
-    def _omega(self, value):
+    def _omega(self, value: float) -> float:
         """Set the parameter that is followed; return the frequency."""
         self._params[self._along] = value
         return float(self._params[self._frequency])
 
-    def omegas(self, values):
+    def omegas(self, values: np.ndarray) -> np.ndarray:
         """Return the frequency for each value of the parameter that is followed."""
         return np.array([self._omega(value) for value in values])
 
-    def coefficients(self, x):
+    def coefficients(self, x: np.ndarray) -> np.ndarray:
         """Return complex amplitudes (n, d, H + 1) of unknowns (n, size)."""
         parts = x.reshape(-1, self.d, 2 * self._h + 1).copy()
         parts[..., 0] -= parts[..., 0] @ self._free.T @ self._free  # which rounding moves
@@ -115,10 +128,11 @@ class Balance:
         harmonic = parts[..., 1::2] - 1j * parts[..., 2::2]
         return np.concatenate([parts[..., :1].astype(complex), harmonic], axis=2)
 
-    def _operators(self, omega):
+    def _operators(self, omega: float) -> np.ndarray:
         """Return the matrices of the left sides, memory's behind, (n, 2 H + 1, 2 H + 1)."""
         s = 1j * omega * np.arange(self._h + 1)
         symbol = np.zeros((self._system.d, self._h + 1), complex)
+        operator: Any  # of no order that varies
         for operator, c in self._system.left:
             symbol += c[:, None] * operator.symbol(s)
         found = np.zeros((self._system.d, 2 * self._h + 1, 2 * self._h + 1))
@@ -128,7 +142,9 @@ class Balance:
         found[:, a, a + 1], found[:, a + 1, a] = symbol[:, 1:].imag, -symbol[:, 1:].imag
         return found
 
-    def residual(self, x, value, derivative=True):
+    def residual(
+        self, x: np.ndarray, value: float, derivative: bool = True
+    ) -> tuple[np.ndarray, Any]:
         """Return the residual (size,), and its derivative (size, size)."""
         m, d, system = 2 * self._h + 1, self.d, self._system
         own = self._units[:d, None]
@@ -155,7 +171,9 @@ class Balance:
         matrix[:, 0, :, 0] += self._held
         return found.ravel(), matrix.reshape(self.size, self.size)
 
-    def by_value(self, x, value, unit, residual):
+    def by_value(
+        self, x: np.ndarray, value: float, unit: float, residual: np.ndarray
+    ) -> np.ndarray:
         """Return the derivative of the residual, which is known, by the parameter, (size,)."""
         step = _CHANGE * max(abs(value), unit)
         return (self.residual(x, value + step, False)[0] - residual) / step

@@ -99,7 +99,9 @@ def power_spectrum(
     return PowerSpectrum(omega, density, peaks, 2 * float(omega[1]))
 
 
-def _sampled(series, step, component, transient):
+def _sampled(
+    series: Solution | ArrayLike, step: float | None, component: int, transient: float | None
+) -> tuple[np.ndarray, float]:
     """Return values at equal distances, and the distance."""
     if transient is not None:
         transient = real("transient", transient)
@@ -125,14 +127,14 @@ def _sampled(series, step, component, transient):
     return values_at(series, times)[:, component], (series.t[-1] - begin) / (n - 1)
 
 
-def _long(values):
+def _long(values: np.ndarray) -> np.ndarray:
     """Return values, or refuse too few of them."""
     if values.size < _FEWEST:
         refuse("series", f"leave {_FEWEST} values at least behind the transient", values.size)
     return values
 
 
-def _peaks(omega, amplitudes, most):
+def _peaks(omega: np.ndarray, amplitudes: np.ndarray, most: int) -> np.ndarray:
     """Return the highest peaks as records of omega and amplitude.
 
     A line between two bins has heights there whose ratio tells where, exactly so for Hann's window.

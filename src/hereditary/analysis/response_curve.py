@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import suppress
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+
+from .harmonic_balance import Balance
 
 # Newton iterations at the first value.
 _ITERATIONS = 30
@@ -56,7 +59,7 @@ class Curve:
     `found` are places at the values asked for, and the turning points passed before each.
     """
 
-    def __init__(self, balance, wanted, positive):
+    def __init__(self, balance: Balance, wanted: np.ndarray, positive: bool) -> None:
         self._balance, self._wanted, self._positive = balance, wanted, positive
         self.found: list[tuple[np.ndarray, int]] = []
         self.turning: list[float] = []
@@ -66,7 +69,7 @@ class Curve:
         self._weights = np.ones(balance.size + 1)  # of the squares of a direction's parts
         self._value = np.append(np.zeros(balance.size), 1.0)
 
-    def follow(self):
+    def follow(self) -> str:
         """Follow the curve to the last value; return why it could not be, or nothing."""
         first, _ = self._solved(self._wanted[0] * self._value, self._value, _ITERATIONS)
         if first is None:
@@ -79,10 +82,10 @@ class Curve:
             return trouble
         return self._answer(places) or trouble
 
-    def _onwards(self, places):
+    def _onwards(self, places: list[np.ndarray]) -> str:
         """Add places until the last value is passed; return why one was not reached, or nothing."""
         (place,), step, largest, wanted = places, _LONGEST, 0.0, self._wanted
-        tangent = self._sign * self._value
+        tangent: np.ndarray = self._sign * self._value
         for _ in range(_MOST_POINTS):
             # steps are short beside a narrow peak: in units of the response here
             size = float(np.linalg.norm(place[:-1]))
@@ -91,13 +94,14 @@ class Curve:
             self._weights[:-1] = max(size, _LEAST * largest) ** -2.0 if largest else 1.0
             self._weights[-1] = unit**-2.0
             if len(places) == 1:
-                tangent = self._tangent(place, tangent)
-                if tangent is None:
+                first = self._tangent(place, tangent)
+                if first is None:
                     return f"the curve has no direction at the first value, {place[-1]:g}"
+                tangent = first
             tangent = tangent / np.sqrt(tangent @ (self._weights * tangent))
             ahead, n = self._solved(place + step * tangent, self._weights * tangent, _TRIES)
             turned = None if ahead is None else self._tangent(ahead, tangent)
-            if turned is None or turned @ (self._weights * tangent) < _STRAIGHT:
+            if ahead is None or turned is None or turned @ (self._weights * tangent) < _STRAIGHT:
                 step *= 0.5
                 if step < _SHORTEST:
                     return f"the curve could not be followed beyond {place[-1]:g}"
@@ -111,7 +115,9 @@ class Curve:
             step = min(_LONGEST, step * _GROW) if n <= _FEW_ITERATIONS else step
         return f"the curve has more than {_MOST_POINTS} points"
 
-    def _change(self, place, row, right=None):
+    def _change(
+        self, place: np.ndarray, row: np.ndarray, right: float | None = None
+    ) -> np.ndarray | None:
         """Solve with the residual's derivative and a row below, (size + 1,); None if singular.
 
         The right-hand side is the residual and then `right`, or without that 0 and then 1.
@@ -120,18 +126,20 @@ class Curve:
         unit = 0.0 if self._positive else self._range
         beside = self._balance.by_value(place[:-1], place[-1], unit, residual)
         matrix = np.vstack([np.column_stack([matrix, beside]), row])
-        right = self._value if right is None else np.append(residual, right)
+        column = self._value if right is None else np.append(residual, right)
         if np.isfinite(residual).all() and np.isfinite(matrix).all():
             with suppress(np.linalg.LinAlgError):
-                return np.linalg.solve(matrix, right)
+                return np.linalg.solve(matrix, column)
         return None
 
-    def _tangent(self, place, previous):
+    def _tangent(self, place: np.ndarray, previous: np.ndarray) -> np.ndarray | None:
         """Return the direction of the curve, of length 1, going on as the previous one, or None."""
         found = self._change(place, self._weights * previous)
         return None if found is None else found / np.sqrt(found @ (self._weights * found))
 
-    def _solved(self, start, row, most):
+    def _solved(
+        self, start: np.ndarray, row: np.ndarray, most: int
+    ) -> tuple[np.ndarray | None, int]:
         """Return the place on the curve at ``row @ (place - start) = 0``, or None; iterations."""
         place, before = start, np.inf
         for iteration in range(most):
@@ -146,7 +154,7 @@ class Curve:
             before = size
         return None, most
 
-    def _answer(self, places):
+    def _answer(self, places: list[np.ndarray]) -> str:
         """Find turning points, peaks and the values asked for; return which one was missed."""
         spline = self._spline(places)
         turns = _crossings(lambda s: spline(s, 1)[..., -1], spline.x)
@@ -155,7 +163,7 @@ class Curve:
         for c in range(self._balance.d):
             first = slice(c * m + 1, c * m + 3)  # of its harmonics
 
-            def rise(s, first=first):
+            def rise(s: np.ndarray, first: slice = first) -> np.ndarray:
                 return np.sum(spline(s)[..., first] * spline(s, 1)[..., first], axis=-1)
 
             for s in _crossings(rise, spline.x, falling=True):
@@ -178,7 +186,7 @@ class Curve:
                 self.found.append((place, int(np.sum(turns < s))))
         return trouble
 
-    def _spline(self, places):
+    def _spline(self, places: list[np.ndarray]) -> Any:
         """Return places as a function of the length between them."""
         from scipy.interpolate import CubicSpline
 
@@ -188,7 +196,9 @@ class Curve:
         return CubicSpline(np.append(0.0, np.cumsum(steps)), places)
 
 
-def _crossings(function, lengths, falling=False):
+def _crossings(
+    function: Callable[..., np.ndarray], lengths: np.ndarray, falling: bool = False
+) -> np.ndarray:
     """Return where a function of the length changes its sign, or falls below 0."""
     from scipy.optimize import brentq
 

@@ -6,7 +6,9 @@ give arrays of a fixed size when asked to, filled up with NaN, so that a sweep c
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -141,7 +143,13 @@ def maxima(
     return _filled(t[-size:], size), _filled(best[-size:], size)
 
 
-def extrema(solution, component, derivative, transient, signs=(1.0, -1.0)):
+def extrema(
+    solution: Solution,
+    component: int,
+    derivative: int,
+    transient: float | None,
+    signs: tuple[float, ...] = (1.0, -1.0),
+) -> tuple[np.ndarray, np.ndarray]:
     """Return times and values (n,) of local maxima, sign 1, and minima, -1, of a component."""
     instance("solution", solution, Solution, "hereditary.solve(...)")
     check_component(component, solution)
@@ -163,7 +171,7 @@ def extrema(solution, component, derivative, transient, signs=(1.0, -1.0)):
     return t, value(t)[:, component]
 
 
-def tops(values, signs=(1.0, -1.0)):
+def tops(values: np.ndarray, signs: tuple[float, ...] = (1.0, -1.0)) -> np.ndarray:
     """Return the indices of local maxima, sign 1, and minima, -1, of a series (n,).
 
     Of a plateau the middle one, where the series falls on both sides of it.
@@ -186,7 +194,7 @@ def values_at(solution: Solution, times: ArrayLike, derivative: int = 0) -> np.n
     return _function(solution, derivative)(np.clip(at, *ends))
 
 
-def _function(solution, derivative):
+def _function(solution: Solution, derivative: int) -> Callable[[np.ndarray], np.ndarray]:
     """Return y, or y' where the rows hold it, as a function of times (k,), of shape (k, d)."""
     if not _is_index(derivative, 2):
         refuse("derivative", "be 0 or 1", repr(derivative))
@@ -203,7 +211,7 @@ def _function(solution, derivative):
     return lambda t: np.where(known, spline(t), np.nan)
 
 
-def _begin(solution, transient):
+def _begin(solution: Solution, transient: float | None) -> float:
     """Return the time from which on samples count; refuse complex solutions."""
     if np.iscomplexobj(solution.y):
         required, remedy = "be real", "take parts, e.g. dataclasses.replace(solution, y=y.real)"
@@ -212,7 +220,7 @@ def _begin(solution, transient):
     return solution.t[0] if transient is None else real("transient", transient)
 
 
-def check_unbroken(solution):
+def check_unbroken(solution: Solution) -> None:
     """Refuse solutions that events have changed."""
     (where,) = np.nonzero(np.diff(solution.t) <= 0)
     if where.size:
@@ -220,24 +228,24 @@ def check_unbroken(solution):
         refuse("solution", required, got, "take the parts between them")
 
 
-def check_component(component, solution):
+def check_component(component: int, solution: Solution) -> None:
     """Refuse anything but the number of a component."""
     if not _is_index(component, solution.y.shape[1]):
         refuse("component", f"be one of 0 .. {solution.y.shape[1] - 1}", repr(component))
 
 
-def _is_index(value, n):
-    return isinstance(value, (int, np.integer)) and 0 <= value < n
+def _is_index(value: Any, n: int) -> bool:
+    return isinstance(value, (int, np.integer)) and bool(0 <= value < n)
 
 
-def _size(wanted, found):
+def _size(wanted: int | None, found: int) -> int:
     size = found if wanted is None else count("count", wanted)
     if size > _MOST_SAMPLES:
         refuse("count", f"be at most {_MOST_SAMPLES}", size)
     return size
 
 
-def _filled(values, size):
+def _filled(values: np.ndarray, size: int) -> np.ndarray:
     """Return `values` followed by rows of NaN, `size` rows in all."""
     out = np.full((size, *values.shape[1:]), np.nan)
     out[: values.shape[0]] = values

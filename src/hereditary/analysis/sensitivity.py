@@ -184,7 +184,7 @@ def sensitivities(
     )
 
 
-def _kinds(wrt, equation):
+def _kinds(wrt: Any, equation: Equation) -> tuple[str, ...]:
     """Return what derivatives are asked for; refuse equations that have none."""
     if wrt is None:
         wrt = ("params", "y0") if equation.params.size else ("y0",)
@@ -203,7 +203,7 @@ def _kinds(wrt, equation):
     return kinds
 
 
-def _with_parameters(system, size):
+def _with_parameters(system: System, size: int) -> tuple[System, np.ndarray]:
     """Return the system whose first parameters are components behind its own, of order 1.
 
     And their units: such a component is 1, -1 or 0, and its size does not count for that of y.
@@ -225,13 +225,13 @@ def _with_parameters(system, size):
 
 
 @lru_cache(maxsize=64)
-def _reading(rhs):
+def _reading(rhs: Any) -> Any:
     """Return a right-hand side that finds its first parameters among the components.
 
     Their units, and their number, follow its own parameters.
     """
 
-    def reading(t, y, dy, params):
+    def reading(t: float, y: np.ndarray, dy: np.ndarray, params: np.ndarray) -> None:
         size = int(params[-1])
         d, n = y.shape[0] - size, params.shape[0] - size - 1
         own = params[:n].copy()
@@ -243,7 +243,9 @@ def _reading(rhs):
     return derived(reading)
 
 
-def _by_orders(equation, t_last, times, how):
+def _by_orders(
+    equation: Equation, t_last: float, times: np.ndarray, how: dict[str, Any]
+) -> np.ndarray:
     """Return derivatives by the orders of all terms, (n, d, n_terms), by differences of runs."""
     by_tolerance = chooses_steps(how["scheme"])
     change = _BY_TOLERANCE if by_tolerance else _BY_STEPS
@@ -251,7 +253,7 @@ def _by_orders(equation, t_last, times, how):
         how = how | {"rtol": min(how["rtol"] or _TIGHT, _TIGHT), "atol": None}
     how = how | {"estimate": False}
 
-    def run(k, by):
+    def run(k: int, by: float) -> np.ndarray:
         terms = list(equation.terms)
         operator = terms[k].operator
         moved = type(operator)(np.asarray(operator.order) + by)

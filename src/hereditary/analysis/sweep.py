@@ -16,10 +16,10 @@ import queue
 import signal
 import sys
 import threading
-from collections.abc import Callable, Mapping
-from concurrent.futures import Executor, ThreadPoolExecutor
+from collections.abc import Callable, Container, Iterator, Mapping
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from functools import partial
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -29,7 +29,7 @@ from ..solver.progress import Interruption, ProgressBar
 from ..support.checks import complaint, instance, refuse, refuse_masked, shown, truth
 from ..support.machine import cores
 from ..support.warning import warn
-from .table import COMPLETED, STATUS_LENGTH, Table, table_of
+from .table import COMPLETED, STATUS_LENGTH, Point, Table, table_of
 
 # Points that an executor holds at a time: enough for its workers, few enough for any grid.
 _IN_FLIGHT = 1024
@@ -126,7 +126,7 @@ def sweep(
     if executor is not None:
         example = "concurrent.futures.ProcessPoolExecutor() or a Dask client.get_executor()"
         instance("executor", executor, Executor, example)
-    points: list = [None] * int(np.prod([axis.size for axis in axes.values()]))
+    points: list[Point | None] = [None] * int(np.prod([axis.size for axis in axes.values()]))
     pool = ThreadPoolExecutor(cores()) if executor is None else executor
     try:
         with contextlib.nullcontext() if store is None else _opened(store, axes, points) as file:
@@ -139,7 +139,7 @@ def sweep(
     return table_of(axes, points)
 
 
-def _axes(grid):
+def _axes(grid: Mapping[str, ArrayLike]) -> dict[str, np.ndarray]:
     """Return the grid, checked, as one array for each axis."""
     if not isinstance(grid, Mapping) or not grid:
         required = "be a mapping of axis names to values"
@@ -147,7 +147,7 @@ def _axes(grid):
     return {name: _axis(name, values) for name, values in grid.items()}
 
 
-def _axis(name, values):
+def _axis(name: Any, values: Any) -> np.ndarray:
     argument, got = f"grid[{name!r}]", repr(values)[:STATUS_LENGTH]
     if not isinstance(name, str) or name in ("", "status"):
         refuse("axes of grid", "be named by strings other than '' and 'status'", repr(name))
@@ -169,7 +169,9 @@ def _axis(name, values):
     return array.astype(float) if array.dtype.kind == "f" else array
 
 
-def _check_arguments(function, axes, carry):
+def _check_arguments(
+    function: Callable[..., Any], axes: dict[str, np.ndarray], carry: bool
+) -> None:
     """Refuse axes that every call would stumble over."""
     try:
         signature = inspect.signature(function)
@@ -183,7 +185,7 @@ def _check_arguments(function, axes, carry):
         raise TypeError(complaint("grid", required, f"axes {', '.join(axes)}", error)) from error
 
 
-def _rows(axes, size):
+def _rows(axes: dict[str, np.ndarray], size: int) -> Iterator[dict[int, dict[str, Any]]]:
     """Yield points of the grid by their numbers, `size` at a time, the last axis fastest."""
     found = itertools.product(*(axis.tolist() for axis in axes.values()))
     points = enumerate(dict(zip(axes, values, strict=True)) for values in found)
@@ -191,7 +193,14 @@ def _rows(axes, size):
         yield row
 
 
-def _run(compute, rows, executor, points, file, progress):
+def _run(
+    compute: Callable[..., list[Point]],
+    rows: Iterator[dict[int, dict[str, Any]]],
+    executor: Executor,
+    points: list[Point | None],
+    file: BinaryIO | None,
+    progress: bool,
+) -> None:
     """Hand out rows of points, a bounded number at a time, and keep what comes back."""
     finished: queue.SimpleQueue = queue.SimpleQueue()
     running: dict[Any, dict] = {}
@@ -229,7 +238,7 @@ def _run(compute, rows, executor, points, file, progress):
         bar.close()
 
 
-def _results(future, asked_to_stop):
+def _results(future: Future[list[Point]], asked_to_stop: int) -> list[Point]:
     """Return the points of a future, none of one that was taken back."""
     error = None if future.cancelled() else future.exception()
     if future.cancelled() or (error and asked_to_stop):  # Ctrl-C reaches worker processes too
@@ -243,7 +252,9 @@ def _results(future, asked_to_stop):
     return future.result()
 
 
-def _opened(path, axes, points):
+def _opened(
+    path: str | os.PathLike, axes: dict[str, np.ndarray], points: list[Point | None]
+) -> BinaryIO:
     """Read the points of a store; return the file, to which others are appended."""
     if not isinstance(path, str | os.PathLike):
         refuse("store", "be the path of a file", repr(path), kind=TypeError)
@@ -265,11 +276,11 @@ def _opened(path, axes, points):
     return open(path, "ab")
 
 
-def _line(content):
+def _line(content: object) -> bytes:
     return json.dumps(content, separators=(",", ":")).encode() + b"\n"
 
 
-def _read(line, n, where):
+def _read(line: bytes, n: int, where: str) -> tuple[int, Point]:
     """Return index, and status and values, of a point of a store."""
     with contextlib.suppress(TypeError, ValueError, RecursionError):
         index, status, values = json.loads(line)
@@ -278,7 +289,9 @@ def _read(line, n, where):
     refuse("store", "hold a point a line", f"{line[:40]!r} in {where}", "delete that line")
 
 
-def computed(function, carry, points, home):
+def computed(
+    function: Callable[..., Any], carry: bool, points: list[dict[str, Any]], home: int
+) -> list[Point]:
     """Return status and plain values of several points; an executor runs it in any process.
 
     Parameters
@@ -312,7 +325,7 @@ def computed(function, carry, points, home):
 
 
 @contextlib.contextmanager
-def _deaf_to_ctrl_c(home):
+def _deaf_to_ctrl_c(home: int) -> Iterator[None]:
     """Ignore Ctrl-C, which reaches every process, in all but `home`.
 
     A run that it cut short there would pass for a whole one.
@@ -327,12 +340,12 @@ def _deaf_to_ctrl_c(home):
             signal.signal(signal.SIGINT, before or signal.SIG_DFL)
 
 
-def _one_line(text):
+def _one_line(text: str) -> str:
     text = " ".join(text.split())
     return text if len(text) <= STATUS_LENGTH else text[: STATUS_LENGTH - 3] + "..."
 
 
-def _plain(values, point):
+def _plain(values: dict[str, Any], point: Container[str]) -> Point:
     """Return the status of a point, and its values as floats, strings and lists of either."""
     status = sys.intern(_one_line(str(values.pop("status", COMPLETED))))
     for name, value in values.items():
@@ -343,7 +356,7 @@ def _plain(values, point):
     return status, values
 
 
-def _plain_value(name, value):
+def _plain_value(name: str, value: Any) -> Any:
     array = np.asarray(str(value) if isinstance(value, enum.Enum) else value)
     kind = array.dtype.kind
     if kind not in "biufU" or (array.size == 0 and len(array)):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -21,6 +21,8 @@ STATUS_LENGTH = 200
 _STATUS = "status"
 # Rows that a notebook shows.
 _SHOWN = 10
+# Status of a point, and its values by name.
+Point: TypeAlias = tuple[str, dict[str, Any]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +114,7 @@ class Table:
             variables[name] = ([*self.axes, *own], value)
         return xarray.Dataset(variables, coords=self.axes)
 
-    def _repr_html_(self):
+    def _repr_html_(self) -> str:
         plain = [name for name, value in self.values.items() if value.shape == self.shape]
         rows = []
         for index in itertools.islice(np.ndindex(self.shape), _SHOWN):
@@ -122,13 +124,13 @@ class Table:
             rows.append([*point, *values, self.status[index]])
         return paragraph(repr(self)) + table_html([*self.axes, *plain, _STATUS], rows)
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         axes = ", ".join(f"{name} ({axis.size})" for name, axis in self.axes.items())
         done = int(np.count_nonzero(self.success))
         return f"Table({', '.join(self.names)} over {axes}; {done} of {self.status.size} completed)"
 
 
-def table_of(axes, points):
+def table_of(axes: dict[str, np.ndarray], points: list[Point | None]) -> Table:
     """Return the table of points in the grid's order: status and values, or None where missing.
 
     Values are numbers, strings or nested lists of either, by name. Points whose values do not fit
@@ -144,7 +146,7 @@ def table_of(axes, points):
     return Table(axes, values, np.array(status).reshape(shape))
 
 
-def _column(name, rows, status):
+def _column(name: str, rows: dict[int, np.ndarray], status: list[str]) -> np.ndarray:
     """Return the arrays of one name, by point, as one; lengths may differ.
 
     Those that do not fit the first one are left out, and said to have failed in `status`. An empty
@@ -166,6 +168,6 @@ def _column(name, rows, status):
     return column
 
 
-def _form(row):
+def _form(row: np.ndarray) -> tuple[str, int, tuple[int, ...]]:
     """Return what rows of one column have in common: their type, and all but their length."""
     return "text" if row.dtype.kind == "U" else "numbers", row.ndim, row.shape[1:]

@@ -123,14 +123,16 @@ def zero_one_test(
     return ZeroOneResult(k, verdict, rates, frequencies, values.size)
 
 
-def _tested(series, component, transient, take):
+def _tested(
+    series: Solution | ArrayLike, component: int, transient: float | None, take: str | None
+) -> tuple[np.ndarray, float]:
     """Return the values that are tested, and the range below which they are all the same."""
     of_solution = isinstance(series, Solution)
     take = ("maxima" if of_solution else "values") if take is None else take
     kinds = [*_SIGNS][: 2 if of_solution else 3]
     if take not in kinds:
         refuse("take", f"be {' or '.join(map(repr, kinds))}", repr(take))
-    if of_solution:
+    if isinstance(series, Solution):
         _, values = extrema(series, component, 0, transient, _SIGNS[take])
         late = series.t >= (series.t[0] if transient is None else transient)
         return values, _SAME * np.ptp(series.y[late, component]) if late.any() else 0.0
@@ -140,7 +142,7 @@ def _tested(series, component, transient, take):
     return values[tops(values, _SIGNS[take])], _SAME * np.ptp(values) if values.size else 0.0
 
 
-def _rate(values, c):
+def _rate(values: np.ndarray, c: float) -> float:
     """Return the growth rate of displacements at frequency c."""
     turns = np.exp(1j * c * np.arange(1, values.size + 1))
     place = np.cumsum(values * turns)
