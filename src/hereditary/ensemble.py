@@ -6,7 +6,6 @@ import time
 from collections import Counter
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import islice
 from typing import Any
@@ -16,15 +15,16 @@ from numpy.typing import ArrayLike
 
 from .equation.equation import Equation, current_equation
 from .given.history.history import History
+from .given.opening import open_members
 from .given.steps import kept_steps
-from .solver.opening import chooses_steps, how_to_step, open_stepper
+from .solver.opening import chooses_steps, how_to_step
 from .solver.output import room_for
 from .solver.progress import Interruption, ProgressBar
 from .solver.run import Drive, reached_end, report
 from .solver.solution import SolveWarning, StabilityWarning
 from .solver.solve import chosen_scheme, evaluation_times, run_end, solve
 from .stepping.scheme import Scheme
-from .stepping.status import Status
+from .stepping.status import Ending, Status
 from .stepping.times import checked_breaks
 from .support.checks import count, real_array, refuse, refuse_masked, shown, whole
 from .support.machine import cores
@@ -336,13 +336,11 @@ class _Run:
         # functions that are called in Python hold the parameters of their equation
         if self._kept is not None and not base._callbacks:
             history, t_end = self._how["history"], self._t_end - base.t_start
-            run = base.system, self._how["scheme"], history, self._steps, t_end
-            stepper, end = open_stepper(*run)
+            run = base.system, self._how["scheme"], history, self._steps
+            members = self._members.params, self._members.inside, self._plan
+            stepper, end = open_members(*run, *members), self._steps.n
+            self._plan = stepper.plan
             stepper.set_breaks(checked_breaks(self._how["breaks"], base.t_start), t_end)
-            if self._plan is None:
-                with suppress(Exception):  # of a right-hand side, for some member
-                    of = self._members.params, self._members.inside
-                    self._plan = stepper.plan_of_members(*of)
 
             def one(m: int) -> None:
                 self._march(stepper, end, m)
@@ -360,30 +358,30 @@ class _Run:
 
     def _march(self, stepper: Any, end: float, m: int) -> None:
         """March a member to step `end`, by a stepper that others take too."""
-        members, kept, frame = self._members, self._kept, self._members.base.system.frame
+        kept, frame = self._kept, self._members.base.system.frame
 
         def advance(stop: float) -> None:
-            n, piece = stepper.n, stepper.advance(stop)
+            n, piece = stepper.position, stepper.advance(stop)
             if piece is not None:
-                first, last = np.searchsorted(kept, [n + (n > 0), stepper.n + 1])
+                first, last = np.searchsorted(kept, [n + (n > 0), stepper.position + 1])
                 chosen = kept[first:last] - n
                 y, slopes = piece.rows[chosen], piece.slopes[chosen]
                 self._y[m, first:last] = frame.values(y)
                 self._ydot[m, first:last] = frame.slopes(y, slopes)
 
         try:
-            stepper.reset(members.params[m], members.inside[m], self._plan, m)
+            stepper.begin(m)
         except Exception:  # of a right-hand side: `solve` tells of it
             return self._solve(m)
         ended = Drive(stepper, end, advance, self._interruption, self._no_bar).to(end)
-        if stepper.n <= 1 and stepper.trouble:
+        if stepper.position <= 1 and stepper.trouble:
             return self._solve(m)  # which tells what is wrong at the start
-        status, detail = ended or (reached_end(stepper), "")
-        message = ""
-        if status is not Status.COMPLETED:
+        ended, message = ended or Ending(reached_end(stepper)), ""
+        if ended.status is not Status.COMPLETED:
             with silence():
-                message = report(stepper, status, detail)
-        self._ends[m] = (status, message, stepper.n, stepper.stats()["n_rhs"])
+                message = report(stepper, ended)
+        counts = stepper.stats()
+        self._ends[m] = (ended.status, message, counts["n_steps"], counts["n_rhs"])
 
     def _solve(self, m: int) -> None:
         """Solve a member by itself."""

@@ -25,10 +25,10 @@ from .equation.system import System
 from .functions.assemble import switch_of
 from .solver.events import TINY, Events, value_of
 from .solver.output import Output
-from .solver.run import Drive, Ended
+from .solver.run import Drive
 from .stepping.scheme import Scheme
-from .stepping.status import Status
-from .stepping.stepper import Stepper
+from .stepping.status import Ending, Status
+from .stepping.stepper import JumpingStepper, Stepper
 from .stepping.times import together
 from .support.checks import real, refuse, shown
 
@@ -118,7 +118,7 @@ class Hybrid:
             self.system, self._signs = one_sided(system, switches, scheme)
 
     def open(
-        self, stepper: Stepper, t_end: float, breaks: np.ndarray, signs: dict[str, float]
+        self, stepper: JumpingStepper, t_end: float, breaks: np.ndarray, signs: dict[str, float]
     ) -> Events:
         """Return the `Events` of a run to t_end, whose stepper is at its start.
 
@@ -136,7 +136,7 @@ class Hybrid:
         ]
         of_y = bool(self._due) or any(change is not None for change in self._changes)
         if of_y or self._switches:
-            stepper.expect_moves(of_y)
+            stepper.expect_jumps(of_y)
         inside = stepper.system.frame.event
         functions = [*map(inside, self._functions), *map(inside, self._switches)]
         acting = [change is not None for change in self._changes] + [True] * len(self._switches)
@@ -145,7 +145,7 @@ class Hybrid:
         self._take_sides()
         return self._events
 
-    def march(self, output: Output, drive: Drive, stop: float) -> Ended:
+    def march(self, output: Output, drive: Drive, stop: float) -> Ending | None:
         """March to position `stop`, from one interruption to the next.
 
         Returns status and detail if the run ends before, otherwise None.
@@ -156,17 +156,17 @@ class Hybrid:
             events.stated = stepper.stop_at(due).t if self._due else math.inf
             target = min(stop, stepper.stop_at(due).position) if self._due else stop
             ended = drive.to(target)
-            if ended and ended[0] is not Status.EVENT:
+            if ended and ended.status is not Status.EVENT:
                 return ended
             ended = stepper.trouble or self._act(output)
             if ended:
                 return ended
             if events.over:
-                return Status.EVENT, ""
+                return Ending(Status.EVENT)
             if stepper.position >= stop:
                 return None
 
-    def _act(self, output: Output) -> Ended:
+    def _act(self, output: Output) -> Ending | None:
         """Do what is due at the present time, in the order of the module's description.
 
         Returns status and detail if this ends the run, otherwise None.
@@ -175,7 +175,7 @@ class Hybrid:
         fired, stuck, before = events.fired, events.stuck, stepper.y
         if stuck in fired and stuck >= len(self._functions):
             events.take_back(stuck)
-            return Status.SLIDING, ""
+            return Ending(Status.SLIDING)
         moved = False
         while self._due and stepper.stop_at(self._due[0][0]).t <= t:
             moved, trouble = True, self._change(self._due.pop(0)[1])
@@ -185,7 +185,7 @@ class Hybrid:
             if number < len(self._functions):
                 if stuck == number or self._piles_up(number):
                     events.take_back(number)
-                    return Status.PILED_UP, self._name(number)
+                    return Ending(Status.PILED_UP, self._name(number))
                 trouble = self._change(self._changes[number])
                 if trouble:
                     return trouble
@@ -194,7 +194,7 @@ class Hybrid:
             events.go_on(before, stepper)
             self._take_sides()
             events.leave_switches(stepper)
-        return (Status.EVENT_FAILED, events.failure) if events.failure else None
+        return Ending(Status.EVENT_FAILED, events.failure) if events.failure else None
 
     def _take_sides(self) -> None:
         """Let the right-hand side be evaluated on the present side of each switch."""
@@ -214,13 +214,13 @@ class Hybrid:
         if len(times) < 3:
             return False
         last, before = t - first, first - times[-3]
-        h, size = self._stepper.h, max(longest, _LONG * self._span)
+        h, size = self._events.step, max(longest, _LONG * self._span)
         close = max(_CLOSE * size, 1.5 * h if longest > _STEPS * h > 0.0 else 0.0)
         if len(times) > _MANY and t - times.pop(0) <= _CROWDED * self._span:
             return True
         return last <= _AT_ONCE * size or max(last, before) <= close
 
-    def _change(self, change: Any) -> Ended:
+    def _change(self, change: Any) -> Ending | None:
         """Set the y that ``change(t, y)`` returns; return status and detail if it fails."""
         stepper = self._stepper
         frame, inside = stepper.system.frame, stepper.y
@@ -232,8 +232,8 @@ class Hybrid:
             if not usable or not np.all(np.isfinite(given)):
                 refuse("change", f"return a new y, finite and of shape {y.shape}", shown(given))
         except Exception as error:
-            return Status.EVENT_FAILED, f"change: {type(error).__name__}: {error}"
-        stepper.moved(frame.moved(inside, given))
+            return Ending(Status.EVENT_FAILED, f"change: {type(error).__name__}: {error}")
+        stepper.set_y(frame.moved(inside, given))
         return None
 
 
@@ -283,6 +283,8 @@ class HybridEvents(Events):
         The switch whose zero was followed by another one at once.
     stated : float
         Next stated time, at which the march is interrupted in any case.
+    step : float
+        Length of the last given step [time]; 0 where steps are chosen on the way.
     """
 
     any = True
@@ -292,7 +294,7 @@ class HybridEvents(Events):
         functions: Sequence[Callable],
         acting: Sequence[bool],
         n_events: int,
-        stepper: Stepper,
+        stepper: JumpingStepper,
         signs: dict[str, float],
         known: np.ndarray,
     ) -> None:
@@ -300,12 +302,13 @@ class HybridEvents(Events):
         self._known, self._origin = known, stepper.system.frame.start
         self._stop_at, self.stated = stepper.stop_at, math.inf
         self.stuck: int | None = None
-        self._at_once = 1.0 if stepper.looks == 1 else _RETURN
+        self.step = 0.0
+        self._at_once = 1.0 if stepper.counted else _RETURN
         self.fired: dict[int, float] = {}
         self._last: dict[int, float] = {}
         super().__init__(functions, stepper, signs, n_events)
 
-    def go_on(self, before: np.ndarray, stepper: Stepper) -> None:
+    def go_on(self, before: np.ndarray, stepper: JumpingStepper) -> None:
         """Continue from the present time, before which the components (d,) were `before`."""
         t, y = stepper.t, stepper.y
         values, known, ways = [], [], {}
@@ -318,13 +321,13 @@ class HybridEvents(Events):
         self._begin(t, values, known, ways)
 
     def _way(
-        self, number: int, then: float, now: float, before: np.ndarray, stepper: Stepper
+        self, number: int, then: float, now: float, before: np.ndarray, stepper: JumpingStepper
     ) -> Way | None:
         """Return the `Way` of an event that was `then` before a change; None if off its zero.
 
         Events without changes may also have found the zero at which another event acted.
         """
-        acted, by_steps = number in self.fired, self._resolved
+        acted, by_steps = number in self.fired, self._by_steps
         sign = self.fired[number] if acted else self._after[number]
         if not sign or (by_steps and not acted):
             return None
@@ -358,17 +361,17 @@ class HybridEvents(Events):
             elif number >= self.n_events and value == 0 and not sign:
                 self._open.add(number)
                 signs[number] = 1.0
-            elif value == 0 and not sign and self._resolved and number in self._last:
+            elif value == 0 and not sign and self._by_steps and number in self._last:
                 signs[number] = -self._last[number]  # a change took it back; steps show no more
         super()._begin(t, values, signs)
         self.sides = self._after[self.n_events :]
 
-    def leave_switches(self, stepper: Stepper) -> None:
+    def leave_switches(self, stepper: JumpingStepper) -> None:
         """Let switches count as on the side of the march, if f leads away from their zeros.
 
         Errors may put the start on the other side of a zero.
         """
-        for number in range(self.n_events, len(self._functions) if not self._resolved else 0):
+        for number in range(self.n_events, len(self._functions) if not self._by_steps else 0):
             value, y = partial(value_of, self._functions[number]), stepper.y
             side = self.sides[number - self.n_events]
             if number in self._last and sign_ahead(value, side, y, stepper, False) == side:
@@ -379,13 +382,14 @@ class HybridEvents(Events):
         """Search between `edges` as `Events` do; also end where a function acts."""
         end = super().look(edges, at)
         reached = edges[-1] if end is None else end
+        self.step = float(edges[-1] - edges[-2]) if self._by_steps else 0.0
         self.interrupted = bool(self.fired) or bool(together(reached, self.stated))
         return end
 
     def _looked_at(self, times: np.ndarray, edges: np.ndarray) -> np.ndarray:
         """Return the times of an interval with `edges` at which functions are evaluated."""
         self._returns: list[tuple[float, int, float]] = []
-        if edges[0] == self._start and self._last and not self._resolved:
+        if edges[0] == self._start and self._last and not self._by_steps:
             # just after a change two zeros may follow each other in any time
             times = np.union1d(times, edges[0] + (edges[1] - edges[0]) * _NEXT)
             near = (times > edges[0]) & (times < edges[0] * (1 + _ROUNDED_TIME))
@@ -397,7 +401,7 @@ class HybridEvents(Events):
     ) -> Iterator[tuple[float, float]]:
         """Yield the zeros of a function up to the first one at which it acts."""
         way, returned = self._ways.get(number), None
-        if way and not self._resolved and edges[0] == self._start and way.settle(values):
+        if way and not self._by_steps and edges[0] == self._start and way.settle(values):
             returned = self._start
         elif way and way.returning:
             away = way.follow(values)
@@ -415,7 +419,7 @@ class HybridEvents(Events):
                 self._returns.append((self._start, number, sign))
                 return
             if self._is_start(t) or (number in self._open and t <= self._soon(edges)):
-                if number in self._last and (not self._resolved or sign != self._last[number]):
+                if number in self._last and (not self._by_steps or sign != self._last[number]):
                     continue  # where a run goes on from its own event
                 # given steps that end beyond the zero again change there
                 t = float(edges[1]) if number in self._last else self._start
@@ -442,7 +446,7 @@ class HybridEvents(Events):
         """Return whether the run has just continued from this zero at t."""
         if number >= self.n_events:
             return number in self._last and t <= self._soon(edges)
-        return not self._resolved and self._last.get(number) == sign and self._is_start(t)
+        return not self._by_steps and self._last.get(number) == sign and self._is_start(t)
 
     def _end(self, end: float, found: list[tuple[float, int, float]], edges: np.ndarray) -> float:
         """Return where the march ends: by a terminal event, or by a function that acts."""
@@ -536,7 +540,7 @@ class Way:
         return None
 
 
-def uncertainty(value: Callable[[float, np.ndarray], float], stepper: Stepper) -> float:
+def uncertainty(value: Callable[[float, np.ndarray], float], stepper: JumpingStepper) -> float:
     """Return the error of an event's value at the present time, by errors of y."""
     t, y = stepper.t, stepper.y
     allowed = stepper.uncertainty

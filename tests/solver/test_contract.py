@@ -6,23 +6,24 @@ import numpy as np
 import pytest
 
 import hereditary as hd
-from hereditary.analysis.lyapunov import benettin
+from hereditary.compiled.records import record
+from hereditary.compiled.schedule import SCHEDULE
 from hereditary.hybrid import Hybrid
 from hereditary.solver.events import Events
 from hereditary.solver.opening import how_to_step, open_stepper
 from hereditary.solver.output import Kept, Output
-from hereditary.solver.run import Drive, run
+from hereditary.solver.run import Drive, go_back, run
 from hereditary.stepping.dense import StepPieces
-from hereditary.stepping.stepper import Stepper, Stop
+from hereditary.stepping.stepper import JumpingStepper, ResumableStepper, Stop, TangentStepper
 
 H, RATE = 0.01, 2.0
 FACTOR = 1 - H * RATE
 
 
-class Euler(Stepper):
+class Euler(ResumableStepper, TangentStepper, JumpingStepper):
     """Euler steps of y' = -2 y and its tangent."""
 
-    position, tangent = 0, np.eye(1)
+    position, tangent, uncertainty = 0, np.eye(1), np.zeros(1)
 
     def __init__(self, system):
         self.system, self._y = system, system.y0[0].copy()
@@ -51,11 +52,20 @@ class Euler(Stepper):
     def transform_tangent(self, matrix):
         self.tangent = self.tangent @ matrix
 
-    def expect_moves(self, of_y):
+    def state(self):
+        return self.checkpoint()
+
+    def restore(self, state, allow_change=False):
+        self.come_back(state)
+
+    def expect_jumps(self, of_y):
         pass
 
-    def moved(self, y):
+    def set_y(self, y):
         self._y = y
+
+    def set_parameter(self, number, value):
+        pass
 
 
 def equation():
@@ -107,22 +117,18 @@ def test_changes_of_y_act_at_their_step():
 
 
 def test_exponents_are_those_of_the_steps():
-    logs = []
-    assert (
-        benettin(Euler(equation().system), range(10, 101, 10), lambda _, log: logs.append(log))
-        is None
-    )
-    assert np.sum(logs) == pytest.approx(100 * np.log(FACTOR), rel=1e-12)
+    stepper, logs = Euler(equation().system), []
+    schedule = record(SCHEDULE, interval=10, longest=10, end=100, unit=1.0)
+    while stepper.position < 100:
+        logs.append(stepper.grow(100, schedule).logs)
+    logs = np.vstack(logs)
+    assert logs[:, 0].tolist() == list(range(10, 101, 10))
+    assert np.sum(logs[:, 1]) == pytest.approx(100 * np.log(FACTOR), rel=1e-12)
 
 
-def test_what_a_stepper_lacks_is_refused_in_a_sentence():
-    stepper = Euler(equation().system)
-    with pytest.raises(NotImplementedError, match="Euler has no states"):
-        stepper.state()
+def test_breaks_are_refused_where_steps_do_not_see_them():
     with pytest.raises(ValueError, match=r"breaks must be left out with Euler, got \[0\.5\]"):
-        stepper.set_breaks(np.array([0.5]), 1.0)
-    with pytest.raises(NotImplementedError, match="Euler takes no jumps"):
-        stepper.set_parameter(0, 1.0)
+        Euler(equation().system).set_breaks(np.array([0.5]), 1.0)
 
 
 @pytest.mark.parametrize("how", [None, {"n_steps": 100}, {"rtol": 1e-6}], ids=str)
@@ -147,7 +153,7 @@ def test_a_checkpoint_can_be_come_back_to_more_than_once(how):
     kept = stepper.checkpoint()
     ends = [to(0.7)]
     for _ in range(2):
-        stepper.go_back(kept, 0.7)
+        go_back(stepper, kept, 0.7)
         ends.append((stepper.t, stepper.y.tolist()))
     assert ends[0] == ends[1] == ends[2]
     stepper.come_back(kept)

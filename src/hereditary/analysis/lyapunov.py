@@ -7,6 +7,7 @@ import time
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,13 +18,14 @@ from ..compiled.callbacks import pass_on
 from ..compiled.jacobian import jacobian
 from ..compiled.jit import F8, I8, MAT, VEC, entry
 from ..compiled.records import record
+from ..compiled.schedule import SCHEDULE
 from ..compiled.signatures import JAC, RHS
 from ..equation.equation import Equation, current_equation
-from ..equation.system import System, displaced
+from ..equation.system import System
 from ..equation.terms import distinct_components
-from ..given.fixed_stepper import FixedStepper
-from ..given.growing_march import SCHEDULE, due, note
+from ..given.history.exponentials import SumOfExponentials
 from ..given.history.history import History
+from ..given.opening import open_pairs
 from ..given.schemes.adams import Adams
 from ..given.schemes.bdf import BDF
 from ..given.schemes.explicit import ExplicitCaputo
@@ -32,9 +34,10 @@ from ..given.steps import steps_in
 from ..solver.opening import chooses_steps, how_to_step, open_stepper
 from ..solver.progress import Interruption, ProgressBar
 from ..solver.run import Drive, reached_end, report
-from ..stepping.dense import StepPieces
+from ..stepping.dense import Piece
 from ..stepping.scheme import Scheme
-from ..stepping.status import Status
+from ..stepping.status import Ending, Status
+from ..stepping.stepper import TangentStepper
 from ..support.checks import (
     count,
     instance,
@@ -94,114 +97,8 @@ _ADAMS_LOWEST = 0.5
 # Highest such order.
 _ADAMS_HIGHEST = 1.0
 
-
-def benettin(stepper, stops, note, to=None):
-    """March a stepper, make its tangents orthonormal at `stops`, and note how much they grew.
-
-    Parameters
-    ----------
-    stepper : Stepper or any object
-        Has `position`, `trouble`, ``advance(stop)``, `tangent` (n, k) and
-        ``transform_tangent(matrix)``, which replaces the tangents, with all memory, by their
-        combinations (`stepping/stepper.py`).
-    stops : iterable
-        Ascending positions.
-    note : callable
-        ``note(stop, logs)`` is given the logarithms of the growth (k,) since the stop before.
-    to : callable, optional
-        ``to(stop)`` marches to a stop; returns None there, else status and detail.
-
-    Returns
-    -------
-    None, or the status and detail of a march that ended before the last stop.
-    """
-    for stop in stops:
-        ended = to(stop) if to else _march(stepper, stop)
-        if ended:
-            return ended
-        r = np.linalg.qr(stepper.tangent, mode="r")
-        r *= np.sign(np.diag(r))[:, None]
-        if not (np.all(np.isfinite(r)) and np.diag(r).min() > 0):
-            return Status.BLOWN_UP, _LOST
-        stepper.transform_tangent(np.linalg.inv(r))
-        note(stop, np.log(np.diag(r)))
-    return None
-
-
-def _march(stepper, stop):
-    """March to a position; return None, or the trouble that stopped it before."""
-    while stepper.position < stop:
-        if stepper.trouble:
-            return stepper.trouble
-        stepper.advance(stop)
-    return None
-
-
-class Pairs:
-    """Orbits side by side as one stepper, whose tangent is their distance from the first one.
-
-    So no derivative is needed. A change of the tangent draws the whole histories of the others
-    back; of the right-hand side's values only the differences are rescaled. All else is that of
-    the first orbit.
-
-    Parameters
-    ----------
-    opened : callable
-        ``opened(system)`` returns a stepper.
-    system : System
-    directions : ndarray, shape (n_data, k)
-    separation : float
-        Distance that the orbits are drawn back to: the unit of the tangent.
-    """
-
-    def __init__(self, opened, system, directions, separation):
-        self._separation, self._speeds = separation, system.second
-        starts = []
-        for direction in separation * directions.T:
-            starts.append(system.y0[:, : system.n_solved].copy())
-            starts[-1][0] += direction[: system.n_solved]
-            starts[-1][1:, self._speeds] += direction[system.n_solved :]
-        self._orbit = opened(system)
-        self._others = [opened(displaced(system, y0)) for y0 in starts]
-        self._all = [self._orbit, *self._others]
-
-    def __getattr__(self, name):
-        return getattr(self._orbit, name)
-
-    def stats(self):
-        """Return those of the first orbit, and all calls of the right-hand side."""
-        n_rhs = sum(stepper.stats()["n_rhs"] for stepper in self._all)
-        return self._orbit.stats() | {"n_rhs": n_rhs}
-
-    @property
-    def error(self):
-        """The first exception of the right-hand side, or None."""
-        return next((stepper.error for stepper in self._all if stepper.error), None)
-
-    @property
-    def trouble(self):
-        """Status and detail of the first march that cannot continue, otherwise None."""
-        return next((stepper.trouble for stepper in self._all if stepper.trouble), None)
-
-    def advance(self, stop, keep=True):
-        """March some way towards `stop`; return the solution of the first orbit if it is kept."""
-        piece = self._orbit.advance(stop, keep)
-        for other in self._others:
-            _march(other, self._orbit.position)
-        return piece
-
-    @property
-    def tangent(self):
-        """Distances of the other orbits, and of their y' for orders above 1, (n_data, k)."""
-        first, *others = (np.append(each.y, each.ydot[self._speeds]) for each in self._all)
-        return (np.array(others) - first).T / self._separation
-
-    def transform_tangent(self, matrix):
-        """Replace the distances, with all memory, by ``tangent @ matrix``."""
-        for first, *others in zip(*(stepper.parts() for stepper in self._all), strict=True):
-            drawn = np.tensordot(matrix.T, np.array(others) - first, axes=1)
-            for array, difference in zip(others, drawn, strict=True):
-                array[...] = first + difference
+# A time and the components (d,) there.
+_Moment = tuple[float, np.ndarray]
 
 
 @refusing(_INSTEAD)
@@ -344,7 +241,9 @@ def lyapunov(
     return _compared(result, check, how, reason)
 
 
-def _another(equation, scheme, result, finer):
+def _another(
+    equation: Equation, scheme: Scheme, result: LyapunovResult, finer: bool
+) -> tuple[tuple, str]:
     """Return t_end, steps, scheme and tolerances of the run that verdicts are compared with.
 
     And how it differs.
@@ -363,7 +262,9 @@ def _another(equation, scheme, result, finer):
     return (n * h, n, other, None, None), how
 
 
-def _compared(result, check, how, reason):
+def _compared(
+    result: LyapunovResult, check: LyapunovResult | None, how: str, reason: str
+) -> LyapunovResult:
     """Return the result with its check, or `reason` why there is none; verdicts may fall."""
     verdicts = (Verdict.UNDETERMINED,) * len(result.verdicts)
     if check and check.status not in _AT_END:
@@ -377,14 +278,30 @@ def _compared(result, check, how, reason):
         one, other = map(str, pairs[number])
         reason = f"verdict {number + 1} is {other!r} instead of {one!r}: take smaller steps"
     message = f"{result.message}; with {how} {reason}"
-    changed = {"verdicts": verdicts, "verdict": verdicts[0], "message": message}
-    return replace(result, verified=False, check=check, **changed)
+    result = replace(result, verdicts=verdicts, verdict=verdicts[0], message=message)
+    return replace(result, verified=False, check=check)
 
 
 def _run(
-    equation, t_end, n_steps, scheme, rtol, atol, *, k, mode, history, renorm, transient,
-    directions, seed, window, n_blocks, separation, progress,
-):  # fmt: skip
+    equation: Equation,
+    t_end: Any,
+    n_steps: Any,
+    scheme: Scheme,
+    rtol: Any,
+    atol: Any,
+    *,
+    k: Any,
+    mode: Any,
+    history: History | None,
+    renorm: Any,
+    transient: Any,
+    directions: Any,
+    seed: Any,
+    window: Any,
+    n_blocks: Any,
+    separation: Any,
+    progress: bool,
+) -> LyapunovResult:
     """Return the result of one run, whose arguments are those of `lyapunov`."""
     began = time.perf_counter()
     t_end = positive("t_end", t_end)
@@ -402,6 +319,8 @@ def _run(
         remedy = "take a scheme of given steps, e.g. Adams() or BDF(2)"
         refuse("mode", 'be "tangent" with Collocation', repr(mode), remedy)
     system, most = marched(equation.system, scheme), n_data(equation.system)
+    if history is None and not chooses_steps(scheme):
+        history = SumOfExponentials()
     given = {"max_steps": _ANY} if chooses_steps(scheme) else {"n_steps": n_steps}
     how = how_to_step(system, scheme, t_end, history=history, rtol=rtol, atol=atol, **given)
     n = _MARKS if chooses_steps(scheme) and n_steps is None else count("n_steps", whole(n_steps))
@@ -413,39 +332,47 @@ def _run(
     if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
         refuse("seed", "be a whole number of at least 0", repr(seed), kind=TypeError)
     separation = _separation(separation, equation)
-    directions = _directions(directions, seed, k, most)
-
-    def opened(system, directions=None):
-        return open_stepper(system, scheme, history, how, t_end, directions=directions)[0]
+    directions = _directions(directions, int(seed), k, most)
 
     if mode == "pair":
-        stepper = Pairs(opened, system, directions, separation)
+        stepper = open_pairs(system, scheme, history, how, directions, separation)
     else:
-        stepper = opened(system, directions)
+        stepper, _ = open_stepper(system, scheme, history, how, t_end, directions=directions)
     plain = memory(system) == "none" and not system.read.any()
     flow = Divergence(system, h) if mode == "tangent" and plain and k == most else None
+    unit = stepper.stop_at(h).position
     schedule = record(SCHEDULE, transient=transient, end=n, longest=max(1, n // _RECORDS))
+    schedule["unit"] = unit
     schedule["automatic"] = interval is None
     schedule["interval"] = interval or min(_FIRST, schedule["longest"])
-    states: list = []
+    states: list[_Moment] = []
     ended, grown = _grow(stepper, schedule, h, flow, states, progress)
     settings = {
         "mode": mode, "k": int(k), "h": h, "renorm": interval and h * interval,
         "transient": h * transient, "seed": int(seed), "separation": separation, "scheme": scheme,
-        "history": getattr(stepper, "history", history), "t_end": t_end, "window": window,
+        "history": history, "t_end": t_end, "window": window,
     }  # fmt: skip
     settings |= {"rtol": how.rtol, "atol": how.atol} if chooses_steps(scheme) else {}
     seconds = time.perf_counter() - began
     found = _found(stepper, equation, flow, ended, grown, settings, n_blocks, seconds)
     if found.status in _AT_END and (mode == "tangent" or separation < _APART):
         found = _without_jumps(found, stepper.system, states)
-    pass_on(stepper.error, found)
+    pass_on(ended and ended.error, found)
     return found
 
 
-def _found(stepper, equation, flow, ended, grown, settings, n_blocks, seconds):
+def _found(
+    stepper: TangentStepper,
+    equation: Equation,
+    flow: Divergence | None,
+    ended: Ending | None,
+    grown: np.ndarray,
+    settings: dict[str, Any],
+    n_blocks: int,
+    seconds: float,
+) -> LyapunovResult:
     """Return the result of a run that has ended, from its renormalisations (n, 1 + k)."""
-    status, detail = ended or (reached_end(stepper), "")
+    ended = ended or Ending(reached_end(stepper))
     h, transient = settings["h"], settings["transient"]
     times, totals = h * grown[:, 0], np.cumsum(grown[:, 1:], axis=0)
     n_early = np.count_nonzero(grown[:, 0] <= round(transient / h))
@@ -453,7 +380,7 @@ def _found(stepper, equation, flow, ended, grown, settings, n_blocks, seconds):
     late = times[n_early:]
     trace = sums / (late - transient)[:, None]
     growth = assess(late, sums, settings["window"], n_blocks, memory(stepper.system))
-    if status is Status.BLOWN_UP:
+    if ended.status is Status.BLOWN_UP:
         growth = replace(growth, verdicts=(Verdict.DIVERGED,) * settings["k"])
     exponents = trace[-1] if late.size else np.full(settings["k"], np.nan)
     defect = dimension = None
@@ -470,8 +397,8 @@ def _found(stepper, equation, flow, ended, grown, settings, n_blocks, seconds):
         sum_rule_defect=defect,
         kaplan_yorke=dimension,
         mode=settings["mode"],
-        status=status,
-        message=report(stepper, status, detail) + _lost_digits(grown[:, 1:]),
+        status=ended.status,
+        message=report(stepper, ended) + _lost_digits(grown[:, 1:]),
         y=equation.system.frame.values(stepper.y[: equation.d]),
         settings=settings,
         stats={
@@ -482,7 +409,7 @@ def _found(stepper, equation, flow, ended, grown, settings, n_blocks, seconds):
     )
 
 
-def _without_jumps(result, system, states):
+def _without_jumps(result: LyapunovResult, system: System, states: list[_Moment]) -> LyapunovResult:
     """Return the result; without verdicts, and with a warning, if f jumps along the orbit."""
     if system.read.any() or not _jumps(system, states):
         return result
@@ -490,11 +417,11 @@ def _without_jumps(result, system, states):
     clause += "or take mode='pair' with a separation of 1e-3 to 1e-2"
     warn(clause, RuntimeWarning)
     unknown = (Verdict.UNDETERMINED,) * len(result.verdicts)
-    changed = {"verdicts": unknown, "verdict": unknown[0], "verified": False}
-    return replace(result, message=f"{result.message}; {clause}", **changed)
+    result = replace(result, verdicts=unknown, verdict=unknown[0], verified=False)
+    return replace(result, message=f"{result.message}; {clause}")
 
 
-def _jumps(system, states):
+def _jumps(system: System, states: list[_Moment]) -> bool:
     """Return whether f jumps on a line between two consecutive ones of some states (t, y).
 
     The half on which f changes more is halved again. The change of a continuous f then vanishes.
@@ -507,7 +434,7 @@ def _jumps(system, states):
     return False
 
 
-def _keeps(system, first, last, least):
+def _keeps(system: System, first: tuple, last: tuple, least: float) -> bool:
     """Return whether f changes by more than `least` on ever shorter parts between two states."""
     (t, a, f_a), (_, b, _) = first, last
     f_b = system.force(t, b)  # at the same time
@@ -525,59 +452,50 @@ def _keeps(system, first, last, least):
     return True
 
 
-def _distance(f, other):
+def _distance(f: np.ndarray, other: np.ndarray) -> float:
     """Return the largest |difference|; of few numbers faster than by NumPy."""
     return max(map(abs, (f - other).tolist()))
 
 
-def _grow(stepper, schedule, h, flow, states, progress):
+def _grow(
+    stepper: TangentStepper,
+    schedule: Any,
+    h: float,
+    flow: Divergence | None,
+    states: list[_Moment],
+    progress: bool,
+) -> tuple[Ending | None, np.ndarray]:
     """March to the end, or until the run stops, and make tangents orthonormal on the way.
 
     Adds some states (t, y) of the orbit to `states`.
 
-    Returns status and detail of a march that ended early, else None. For each renormalisation it
-    also returns its mark and the logarithms of the growth since the one before, (n, 1 + k).
+    Returns the `Ending` of a march that ended early, else None. For each renormalisation it also
+    returns its mark and the logarithms of the growth since the one before, (n, 1 + k).
     """
-    given, unit = isinstance(stepper, FixedStepper), stepper.stop_at(h).position
-    grown = [np.empty((0, 1 + stepper.tangent.shape[1]))]
+    grown, none = [np.empty((0, 1 + stepper.tangent.shape[1]))], np.zeros(1, dtype=bool)
+    end = int(schedule["end"]) * float(schedule["unit"])
 
-    def advance(stop):
-        piece = stepper.advance(stop, flow is not None or given)
-        if isinstance(piece, StepPieces):
-            every = 1 + len(piece.times) // _STATES
-            states.extend(zip(piece.times[::every], piece.rows[::every], strict=True))
+    def advance(stop: float) -> Ending | None:
+        piece, logs, lost = stepper.grow(stop, schedule)
+        if piece is not None and (times := piece.edges()).size > _STATES:
+            times = times[:: 1 + times.size // _STATES]
+            states.extend(zip(times.tolist(), piece.evaluate(times, none, 0), strict=True))
         states.append((stepper.t, stepper.y))
-        if given:
-            grown.append(stepper.grown())
+        grown.append(logs)
         if flow is not None and piece is not None:
             flow.add(piece, _marks(stepper.t, h), int(schedule["last"]))
-        return (Status.BLOWN_UP, _LOST) if given and stepper.lost else None
-
-    def stops():
-        while schedule["last"] < schedule["end"]:
-            yield int(due(schedule)) * unit
-
-    def noted(_, logs):
-        n = int(due(schedule))
-        note(schedule, n, logs)
-        grown.append(np.array([[n, *logs]]))
+        return Ending(Status.BLOWN_UP, _LOST) if lost else None
 
     bar = ProgressBar(progress)
     try:
         with Interruption() as interruption:
-            end = int(schedule["end"]) * unit
-            drive = Drive(stepper, end, advance, interruption, bar)
-            if given:  # the same loop in compiled code
-                stepper.renormalise(schedule)
-                ended = drive.to(end)
-            else:
-                ended = benettin(stepper, stops(), noted, drive.to)
+            ended = Drive(stepper, end, advance, interruption, bar).to(end)
     finally:
         bar.close()
     return ended, np.vstack(grown)
 
 
-def _lost_digits(logs):
+def _lost_digits(logs: np.ndarray) -> str:
     """Return a clause if tangents differ so much in size that R has few digits, or no text."""
     widest = np.ptp(logs, axis=1).max(initial=0.0)
     if widest < _WIDE:
@@ -590,7 +508,7 @@ def _lost_digits(logs):
     return clause
 
 
-def _marks(t, h):
+def _marks(t: float, h: float) -> int:
     """Return the number of whole steps h up to time t."""
     return int(t / h * (1 + 1e-12))
 
@@ -608,7 +526,7 @@ class Divergence:
         Distance of marks [time].
     """
 
-    def __init__(self, system, h):
+    def __init__(self, system: System, h: float) -> None:
         self._system, self._h, second = system.dense(), h, system.second
         first, leading = system.coefficient(1.0), system.coefficient(2.0)
         self._shares = np.where(second, 0.0, 1 / np.where(second, 1.0, first))
@@ -616,26 +534,23 @@ class Divergence:
         self._integral, self._last = 0.0, 0
         self._ahead = self._traces(0, system.y0[:1].copy())
 
-    def add(self, piece, n, n_last):
+    def add(self, piece: Piece, n: int, n_last: int) -> None:
         """Take in the orbit up to mark n; growth is known up to mark n_last."""
         first = self._last + self._ahead.size
         if first > n:
             return
-        if isinstance(piece, StepPieces):
-            rows = piece.rows[1:]
-        else:
-            rows = piece.evaluate(self._h * np.arange(first, n + 1), np.zeros(1, dtype=bool), 0)
+        rows = piece.evaluate(self._h * np.arange(first, n + 1), np.zeros(1, dtype=bool), 0)
         self._ahead = np.append(self._ahead, self._traces(first, rows))
         self.up_to(n_last)
 
-    def up_to(self, n_last):
+    def up_to(self, n_last: int) -> float:
         """Return the integral from 0 to a mark by the trapezoidal rule, and forget what it took."""
         known = n_last - self._last
         self._integral += self._h * float(np.trapezoid(self._ahead[: known + 1]))
         self._ahead, self._last = self._ahead[known:], n_last
         return self._integral
 
-    def _traces(self, n, rows):
+    def _traces(self, n: int, rows: np.ndarray) -> np.ndarray:
         """Return the divergence at rows (k, d) of the orbit, the first one at mark n."""
         found, system = np.full(len(rows), self._constant), self._system
         rows = np.ascontiguousarray(rows)
@@ -645,7 +560,19 @@ class Divergence:
 
 
 @entry(RHS, JAC, I8, VEC, F8, F8, MAT, VEC, VEC, MAT, VEC)
-def _add_traces(rhs, jac, has_jac, params, t, h, rows, shares, units, j_f, found):
+def _add_traces(
+    rhs: Any,
+    jac: Any,
+    has_jac: int,
+    params: np.ndarray,
+    t: float,
+    h: float,
+    rows: np.ndarray,
+    shares: np.ndarray,
+    units: np.ndarray,
+    j_f: np.ndarray,
+    found: np.ndarray,
+) -> None:
     """Add ``sum_j shares_j d f_j / d x_j`` of rows (k, d), the first one at time t, to found."""
     for k in range(rows.shape[0]):
         jacobian(rhs, jac, has_jac, t + k * h, rows[k], params, units, j_f)
@@ -653,7 +580,7 @@ def _add_traces(rhs, jac, has_jac, params, t, h, rows, shares, units, j_f, found
             found[k] += shares[j] * j_f[j, j]
 
 
-def _separation(value, equation):
+def _separation(value: Any, equation: Equation) -> float:
     """Return a distance at which orbits can still be neighbours."""
     largest = max(1.0, float(np.abs(equation.y0[0]).max()))
     remedy = "1e-7 is for smooth right-hand sides, 1e-3 to 1e-2 for those that jump"
@@ -663,7 +590,7 @@ def _separation(value, equation):
     return float(value)
 
 
-def _directions(given, seed, k, rows):
+def _directions(given: Any, seed: int, k: int, rows: int) -> np.ndarray:
     """Return orthonormal initial directions, shape (rows, k)."""
     if given is None:
         given = np.random.default_rng(seed).normal(size=(rows, rows))[:, :k]
@@ -703,7 +630,7 @@ def n_data(system: System) -> int:
     return system.n_solved + int(np.sum(system.second))
 
 
-def _checking_scheme(scheme: Scheme, equation: System) -> Scheme:
+def _checking_scheme(scheme: Scheme, equation: Equation) -> Scheme:
     """Return the scheme of the second run, with which a verdict is compared.
 
     A first-order scheme with twice the step often repeats a wrong verdict. It is therefore compared
@@ -716,7 +643,7 @@ def _checking_scheme(scheme: Scheme, equation: System) -> Scheme:
     return _second_order(equation) or opposite
 
 
-def _second_order(equation):
+def _second_order(equation: Equation) -> Scheme | None:
     """Return `Adams` if its order is 2, otherwise `BDF(2)`; None for other kernels."""
     system = equation.system
     if not system.constant:

@@ -20,7 +20,7 @@ from ..solver.opening import chooses_steps, how_to_step, open_stepper
 from ..solver.run import reached_end, report
 from ..solver.solve import chosen_scheme, evaluation_times, run_end, solve
 from ..stepping.scheme import Scheme
-from ..stepping.status import Status
+from ..stepping.status import Ending, Status
 from ..stepping.times import checked_breaks
 from ..support.checks import refuse
 from ..support.warning import silence
@@ -167,8 +167,8 @@ def sensitivities(
             break
         rows.append(stepper.y[: equation.d])
         tangents.append(stepper.tangent[: equation.d])
-    status, detail = stepper.trouble or (reached_end(stepper), "")
-    message = report(stepper, status, detail)
+    ended = stepper.trouble or Ending(reached_end(stepper))
+    message = report(stepper, ended)
     y = np.array(rows).reshape(-1, equation.d)
     every = np.array(tangents).reshape(len(y), equation.d, -1)
     every[..., :size] /= units
@@ -179,7 +179,7 @@ def sensitivities(
         by_params=every[..., :size] if "params" in kinds else None,
         by_y0=every[..., size:] if "y0" in kinds else None,
         by_orders=by_orders,
-        status=status,
+        status=ended.status,
         message=message,
     )
 

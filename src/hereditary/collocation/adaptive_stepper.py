@@ -14,8 +14,8 @@ from ..equation.system import refuse_late
 from ..functions.differences import wrong_jacobian
 from ..kernels.memory_kernel import warn_of_fit
 from ..stepping.state import check_identity, identity, state_of
-from ..stepping.status import NOT_FINITE, Status, failed
-from ..stepping.stepper import Health, Stepper
+from ..stepping.status import NOT_FINITE, Ending, Status, failed
+from ..stepping.stepper import Health, JumpingStepper, ResumableStepper, TangentStepper
 from ..stepping.times import breaks_ahead
 from ..support.checks import refuse
 from .equations import integral_form
@@ -170,13 +170,6 @@ class StepLimits:
         return len(self._slow) == _STRETCHES and self._slow[-1] <= 2 * self._slow[0]
 
 
-class Ending(NamedTuple):
-    """Status of a run that cannot go on, and a clause for its message; None for one that can."""
-
-    status: Status | None = None
-    detail: str = ""
-
-
 _BLOWN_UP = Ending(Status.BLOWN_UP)
 _UNSOLVED = Ending(Status.NOT_SOLVED)
 _TOO_STEEP = Ending(Status.STEP_TOO_SMALL, _ROUNDS)
@@ -293,8 +286,6 @@ _CLOSE = 1e-6
 
 # Steps of one call of the compiled march where an event may cut it short.
 _FEW_ROWS = 8
-# Points of each step, besides its end, at which events are evaluated.
-_LOOKS = 8
 
 
 class Allowed(NamedTuple):
@@ -329,7 +320,7 @@ class Tolerance(NamedTuple):
     most: int = MAX_STEPS
 
 
-class AdaptiveStepper(Stepper):
+class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
     """March of one equation by collocation, with steps chosen by the tolerance.
 
     Parameters
@@ -343,7 +334,8 @@ class AdaptiveStepper(Stepper):
         Directions of initial data, one tangent for each, whose errors count for the steps as well.
     """
 
-    looks = _LOOKS
+    counted = False
+    _error: Exception | None = None
 
     def __init__(self, system, scheme, t_end, tolerance, directions=None):
         scheme.check_terms(system)
@@ -376,7 +368,7 @@ class AdaptiveStepper(Stepper):
         self._at_singular_start, self._largest_error = True, 0.0
         self._peak = np.zeros((2, marched.d))  # of p and y at the starts of steps
         self._moved = np.zeros(marched.d)  # sum of |changes of y|
-        self.ending = Ending()
+        self._ending = None
         self._limit_steps(t_end)
         self._prefit_kernels(t_end)
 
@@ -413,7 +405,7 @@ class AdaptiveStepper(Stepper):
             if not self._graded:
                 return self._singular_step(t_stop)
             self._begin_graded(t_stop)
-            if self.ending.status is not None:
+            if self._ending:
                 return None
         d, s, counts = self._marched.d, self._s, self._state.counts
         steps = empty_steps(n_rows, d, s)
@@ -427,7 +419,7 @@ class AdaptiveStepper(Stepper):
                 status = self._march_on(Steps(*(array[n:] for array in steps)), limits)
             except Exception as error:
                 # the steps before the failure are accepted
-                self.error, status = error, REACHED
+                self._error, status = error, REACHED
             if self.n_steps > first:
                 self._orbit.record_step(float(self._control["last"]))
             n += self.n_steps - first
@@ -438,7 +430,7 @@ class AdaptiveStepper(Stepper):
                     status = TOO_ROUGH
                 else:
                     self._refine_modes(closest)
-        if status == REACHED and self.error is None:
+        if status == REACHED and self._error is None:
             self._set_origin(t_stop)
         stretch = *before, self.t, counts, t_stop, steps.at_starts[:n], self._still_sizes()
         if status in (FULL, TOO_CLOSE) and self.step_limits.is_stalled(*stretch):
@@ -449,7 +441,7 @@ class AdaptiveStepper(Stepper):
             self._moved += np.abs(np.diff(steps.at_starts[:n, 0], axis=0)).sum(axis=0)
         if status not in (REACHED, FULL, TOO_CLOSE):
             lengths, last = (self._control["last"], self._control["next"]), self._orbit.last[0]
-            self.ending = ending(status, self._marched, self.t, *lengths, last, self._peak)
+            self._ending = ending(status, self._marched, self.t, *lengths, last, self._peak)
         if n == 0:
             return None
         *piece, errors = (array[:n] for array in steps)
@@ -515,17 +507,17 @@ class AdaptiveStepper(Stepper):
         self._state, self._orbit = restored_state(kept), orbit
         self._orbit.adopt(self._form)
         self._orders.clear()
-        self.ending, self.error = Ending(), None
+        self._ending, self._error = None, None
 
     def _singular_step(self, t_stop):
-        """Make the step of a singular start; return its dense output, or None and set `ending`."""
+        """Make the step of a singular start; return its dense output, or None and set `_ending`."""
         orbit, form, t, left = self._orbit, self._form, self.t, t_stop - self.t
         units, system = np.empty(self._marched.d), self._marched
         of_run = self._limits(t_stop)
         set_units(system.units, system.quantities, self._sizes, orbit.x[0], of_run, units)
         limits = self.step_limits.longest[0], self._farthest / _LARGEST_RATIO
         how = t, left, *limits, self._state.counts, units
-        self.ending, at_rest = _TOO_STEEP, _FIRST_AT_REST * self.step_limits.longest[1]
+        self._ending, at_rest = _TOO_STEEP, _FIRST_AT_REST * self.step_limits.longest[1]
         self._set_origin(t)
         for h, variable in trials(self._marched, form, orbit, *how):
             # no tiny remainder is left before the stop
@@ -535,14 +527,14 @@ class AdaptiveStepper(Stepper):
                 continue
             if values is not None:
                 self._largest_error = max(self._largest_error, float(steps.errors[0]))
-                self.ending = Ending()
+                self._ending = None
                 self._finish_singular_start(h, variable, values, t_stop)
                 return FirstPiece(variable, t, h, steps.p[0], *steps.at_starts[0])
             # Newton's method asks for a quarter
-            self.ending = _UNSOLVED if self._control["next"] == 0.25 * h else _TOO_STEEP
+            self._ending = _UNSOLVED if self._control["next"] == 0.25 * h else _TOO_STEEP
         speed = np.where(form.second == 1, orbit.p[0], self._marched.force(t, orbit.x[0]))
         if leaves_domain(self._marched, t, orbit.x[0], left * speed):
-            self.ending = _OUTSIDE
+            self._ending = _OUTSIDE
         return None
 
     def _try_step(self, h, variable, t_stop):
@@ -601,7 +593,7 @@ class AdaptiveStepper(Stepper):
             self._refine_modes(closest)
         # the right-hand side may jump here
         settled = jump(self._marched, self._form, self._orbit, self.t, self._state.counts)
-        self.ending = Ending() if settled else _UNSOLVED
+        self._ending = None if settled else _UNSOLVED
         self._state.largest[:] = np.where(self._form.second == 1, self._state.largest, 0.0)
         self._begin_steps(floor_to_grid(h), self._shortest)
         self._at_singular_start = False
@@ -661,25 +653,24 @@ class AdaptiveStepper(Stepper):
     def advance(self, stop, keep=True):
         """March towards time `stop` by some steps at most; return their dense output or None.
 
-        Where the march cannot go on `trouble` says why; an exception of the right-hand side is kept
-        in `error`.
+        Where the march cannot go on, or the right-hand side raised, `trouble` says why.
         """
         ahead = self._breaks[self._breaks > self.t]
         t_stop = min(stop, ahead[0]) if ahead.size else stop
         try:
             piece = self._steps(t_stop)
         except Exception as error:
-            self.error, piece = error, None
+            self._error, piece = error, None
         if ahead.size and self.t == ahead[0]:
             self._at_singular_start = True
         return None if piece is None else self._view.piece(piece)
 
     @property
     def trouble(self):
-        """Status and detail where the march cannot go on, else None."""
-        if self.error is not None:
-            return failed(self.error)
-        ended = self.ending if self.ending.status is not None else None
+        """Why the march cannot go on, else None."""
+        if self._error is not None:
+            return failed(self._error)
+        ended = self._ending
         if ended is None and self.step_limits.used_up(self.n_steps) and self.t < self._t_end:
             ended = Ending(Status.MAX_STEPS, f"{self.n_steps} in all; {_CORNERS}")
         if ended is None or ended.status is Status.BLOWN_UP:
@@ -760,7 +751,7 @@ class AdaptiveStepper(Stepper):
         kept, orbit, self._at_singular_start = checkpoint
         self._go_on_from(kept, copy.deepcopy(orbit))
 
-    def expect_moves(self, of_y):
+    def expect_jumps(self, of_y):
         """Make few steps at once, for f, and y if `of_y`, is going to jump; refuse if it cannot."""
         self._rows = _FEW_ROWS
         kinds, moving = "a change of y" if of_y else "a switch", "events, changes and switches"
@@ -771,7 +762,7 @@ class AdaptiveStepper(Stepper):
             required = "change no y beside RiemannLiouville, which takes jumps for derivatives"
             refuse(moving, required, kinds)
 
-    def moved(self, y):
+    def set_y(self, y):
         """Let y jump to these values, (d,), here; the jump does not enter the memory."""
         self._orbit.shift(self._view.widened(y - self.y))
         self._at_singular_start = True

@@ -9,12 +9,19 @@ import numpy as np
 from ..compiled.jit import loop_value
 from ..compiled.records import plain, record
 from ..compiled.signatures import FACTORISE
-from ..equation.system import displaced, refuse_late, side_by_side, variational
+from ..equation.system import refuse_late, variational
 from ..kernels.memory_kernel import misfit_on_given_steps
 from ..stepping.dense import StepPieces
 from ..stepping.state import check_identity, described, identity, state_of
-from ..stepping.status import NOT_FINITE, Status, failed
-from ..stepping.stepper import Health, Stepper, Stop
+from ..stepping.status import NOT_FINITE, Ending, Status, failed
+from ..stepping.stepper import (
+    Grown,
+    Health,
+    JumpingStepper,
+    ResumableStepper,
+    Stop,
+    TangentStepper,
+)
 from ..support.checks import refuse
 from .block import BLOWN_UP, NOT_SOLVED, RUNNING
 from .first_steps import starting_steps
@@ -43,7 +50,7 @@ _LEAST = 32
 _SHORT = 256
 
 
-class FixedStepper(Stepper):
+class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
     """A march of one equation with one scheme and one history on given steps.
 
     Tangents may go alongside: the derivative of every step along given directions. All that is
@@ -87,7 +94,7 @@ class FixedStepper(Stepper):
         self._misfit = misfit_on_given_steps(self.memory.kernel_errors, history)
         self._status, self._moved = RUNNING, False
         self._seconds, self._most = 0.0, _NUMBERS  # that a step takes; steps at once at the most
-        self.error = None
+        self._error = None
         self._breaks: frozenset[int] = frozenset()
 
     def _inside(self, system):
@@ -166,11 +173,11 @@ class FixedStepper(Stepper):
     def advance(self, stop, keep=True):
         """Make steps towards step `stop`, as many as take a moment.
 
-        Returns them as `StepPieces`, or None where none is made or kept. An exception of the
-        right-hand side is kept in `error`; the steps before it are made.
+        Returns them as `StepPieces`, or None where none is made or kept. If the right-hand side
+        raises, the steps before that are made, and `trouble` says so.
         """
         n, d = self.n, self.system.n_solved
-        n_more = min(stop - n, self._steps_at_once())
+        n_more = min(int(stop) - n, self._steps_at_once())
         began = time.perf_counter()
         rows, slopes = np.empty((2, n_more + 1 if keep else 0, d))
         if keep:
@@ -179,7 +186,7 @@ class FixedStepper(Stepper):
         try:
             self._march_to(n + n_more, rows[1:], slopes[1:])
         except Exception as error:
-            self.error = error
+            self._error = error
         made = self.n - n
         self._seconds = max(time.perf_counter() - began, 1e-9) / max(made, 1)
         if not keep or made == 0:
@@ -261,9 +268,9 @@ class FixedStepper(Stepper):
 
     @property
     def trouble(self):
-        """Status and detail where the march cannot go on, else None."""
-        if self.error is not None:
-            return failed(self.error)
+        """Why the march cannot go on, else None."""
+        if self._error is not None:
+            return failed(self._error)
         statuses = {BLOWN_UP: Status.BLOWN_UP, NOT_SOLVED: Status.NOT_SOLVED}
         detail = "the matrix of a step is singular" if self.scheme.solve == "imex" else ""
         tried, force = self._room[[POINT, F], : self._marched.d]
@@ -273,7 +280,7 @@ class FixedStepper(Stepper):
             and not np.isfinite(force).all()
         ):
             detail = NOT_FINITE
-        return (statuses[self._status], detail) if self._status in statuses else None
+        return Ending(statuses[self._status], detail) if self._status in statuses else None
 
     @property
     def health(self):
@@ -318,7 +325,7 @@ class FixedStepper(Stepper):
         self._march = march._replace(newton=newton, monitor=monitor)
         self.memory.restore(memory)
         self._watch.largest, self._watch.step = watched
-        self.error, self._status = None, RUNNING
+        self._error, self._status = None, RUNNING
         self._refactorise()
 
     def _refactorise(self):
@@ -379,24 +386,18 @@ class FixedStepper(Stepper):
         how = self._marched.d, int(self._lasting), matrix
         transform_march(self._march, self.memory.arrays, *how)
 
-    def renormalise(self, schedule):
-        """Let compiled code make tangents orthonormal from now on, when `schedule` says."""
+    def grow(self, stop, schedule):
+        """Make steps as `advance` does; compiled code makes the tangents orthonormal on the way."""
         schedule["lasting"] = self._lasting
-        self._grown: list[np.ndarray] = []
+        grown, march = [np.empty((0, 1 + self.n_tangents))], self._loop
         above, room = self._with_speed.astype(np.int64), np.empty((self.n_data, self.n_tangents))
-        march = loop_value(self._loop, MARCH_SIG)
-        self._loop = partial(_renormalising, march, schedule, above, room, self._grown)
-
-    def grown(self):
-        """Return steps, and logarithms of the growth up to them, since the last call, (n, 1+k)."""
-        grown = np.vstack([np.empty((0, 1 + self.n_tangents)), *self._grown])
-        self._grown.clear()
-        return grown
-
-    @property
-    def lost(self):
-        """Whether tangents overflowed or vanished."""
-        return self._status == LOST
+        how = loop_value(march, MARCH_SIG), schedule, above, room, grown
+        self._loop = partial(_renormalising, *how)
+        try:
+            piece = self.advance(stop)
+        finally:
+            self._loop = march
+        return Grown(piece, np.vstack(grown), self._status == LOST)
 
     def parts(self):
         """Every array of the march and its memory that is linear in the solution; not copies."""
@@ -409,7 +410,7 @@ class FixedStepper(Stepper):
         """Rounding errors of y, (d,)."""
         return _ROUNDED * np.abs(self.y)
 
-    def expect_moves(self, of_y):
+    def expect_jumps(self, of_y):
         """Prepare for jumps of f, and of y if `of_y`: make few steps at once, or refuse."""
         self._most = _SHORT
         terms = [operator for operator, _ in self.system.left]
@@ -418,7 +419,7 @@ class FixedStepper(Stepper):
             required = "change no y that a kernel or RiemannLiouville acts on, on given steps"
             refuse("events and changes", required, f"a change with {acting[0]}")
 
-    def moved(self, y):
+    def set_y(self, y):
         """Let y jump to these values, (d,), here; the jump does not enter the memory."""
         self._march.x[: self.system.n_solved], self._moved = y, True
         self._forget_explicit()
@@ -455,34 +456,6 @@ class FixedStepper(Stepper):
     def set_parameter(self, number, value):
         """Set a parameter of the right-hand side, which jumps."""
         self._marched.compiled_params[number] = value
-
-    def plan_of_members(self, params, y0):
-        """Return the scheme's plan of members side by side, for `reset`.
-
-        `params` (E, p) and y0 (E, m, d). None where members must be planned one by one.
-        """
-        if self._block == 1:
-            return None
-        members = [displaced(self.system, *member) for member in zip(y0, params, strict=True)]
-        return self._planned(side_by_side([self._inside(member) for member in members]))
-
-    def reset(self, params, y0, plan=None, number=0):
-        """Stand at step 0, with other parameters (p,) and initial values (m, d); no tangents.
-
-        `plan`, where it is given, is that of members, and this is the one of that number.
-        """
-        self.system = displaced(self.system, y0, params)
-        self._marched = self._inside(self.system)
-        columns = slice(None)
-        if plan is None:
-            plan = self._planned(self._marched)
-        else:
-            columns = slice(number * self._marched.d, (number + 1) * self._marched.d)
-        if self._block == 1:  # whose sums may be worked out on the way
-            self._begin(plan)
-        self._stand_at_start(plan, columns)
-        self._watch.largest = 0.0
-        self._status, self.error = RUNNING, None
 
 
 def _renormalising(march, schedule, above, room, grown, *arguments):

@@ -1,4 +1,4 @@
-"""Growth of tangents: Benettin's loop (analysis/lyapunov.py) around a march on given steps.
+"""Growth of tangents: Benettin's loop (stepping/stepper.py) around a march on given steps.
 
 The d columns of the orbit come first, then d columns of each tangent. Phi are the values of the
 tangents, and their slopes for components whose initial derivative belongs to the data. The loop
@@ -10,6 +10,7 @@ import numpy as np
 from numba import from_dtype
 
 from ..compiled.jit import I8, IVEC, MAT, allocating, entry, inner
+from ..compiled.schedule import SCHEDULE, due, note
 from .block import RUNNING
 from .signatures import MARCH, MARCH_STATE, MARCH_VALUE, MEMORY
 
@@ -17,36 +18,6 @@ from .signatures import MARCH, MARCH_STATE, MARCH_VALUE, MEMORY
 LOST = 3
 # Steps after which a march reads no data but the lasting ones.
 _FIRST_STEPS = 8
-# Least growth, or spread, of tangents over one interval where the interval follows the growth. R
-# loses about as many of sixteen digits as there are in exp(spread).
-LOW = 3.0
-# Largest growth, or spread, over such an interval.
-HIGH = 8.0
-# When tangents are made orthonormal [steps]: the present interval, the longest one, whether
-# intervals follow the growth; the ends of the transient and of the run, the last time; how many
-# times in one entry, and whether the march reads data of the first steps later on.
-_NUMBERS = "interval", "longest", "automatic", "transient", "end", "last", "made", "lasting"
-SCHEDULE = np.dtype([(name, "i8") for name in _NUMBERS])
-
-
-@inner
-def due(schedule):
-    """Return the step of the next renormalisation."""
-    stop = min(schedule["last"] + schedule["interval"], schedule["end"])
-    return schedule["transient"] if schedule["last"] < schedule["transient"] < stop else stop
-
-
-@allocating
-def note(schedule, n, logs):
-    """Note the growth (k,) up to step n, and suit the interval to it."""
-    schedule["last"] = n
-    spread = max(0.0, np.max(logs)) - min(0.0, np.min(logs))
-    if spread > HIGH and schedule["automatic"]:
-        # and no longer ever after: spikes of contraction are rare, but come again
-        schedule["interval"] = max(1, int(schedule["interval"] * HIGH / spread))
-        schedule["longest"] = schedule["interval"]
-    elif spread < LOW and schedule["automatic"]:
-        schedule["interval"] = min(2 * schedule["interval"], schedule["longest"])
 
 
 @inner

@@ -7,6 +7,8 @@ from ..stepping.state import go_on_from
 from ..support.checks import complaint, count, left_out, refuse, shown, whole
 from .fixed_stepper import FixedStepper
 from .history.exponentials import SumOfExponentials
+from .members import MemberStepper
+from .pairs import Pairs
 from .steps import COUNTED, MeshSteps, UniformSteps, mesh_steps, steps_in
 
 # Least decimal logarithm of the power of the step that schemes may have to divide by.
@@ -64,10 +66,30 @@ def open_given(system, scheme, history, how, state, allow_change, directions):
     history = history or getattr(state, "history", None) or SumOfExponentials()
     stepper = FixedStepper(system, scheme, history, how, how.n, directions)
     go_on_from(state, stepper, allow_change)
+    return _prepared(stepper, how.n), how.n
+
+
+def open_members(system, scheme, history, how, *members):
+    """Return a `MemberStepper`; `members` are params (E, p), y0 (E, m, d), and perhaps a plan."""
+    history = history or SumOfExponentials()
+    return _prepared(MemberStepper(system, scheme, history, how, how.n, *members), how.n)
+
+
+def open_pairs(system, scheme, history, how, directions, separation):
+    """Return `Pairs` of orbits that begin in these directions (n_data, k), apart by a distance."""
+
+    def opened(system):
+        return open_given(system, scheme, history, how, None, False, None)[0]
+
+    return Pairs(opened, system, directions, separation)
+
+
+def _prepared(stepper, n):
+    """Return a stepper with room for a march to step n, or refuse more than there is."""
     try:
-        stepper.prepare(how.n)
+        stepper.prepare(n)
     except (MemoryError, OverflowError) as error:
-        required = f"hold {how.n} steps in memory"
+        required = f"hold {n} steps in memory"
         remedy = "SumOfExponentials() takes no more for more steps"
-        raise ValueError(complaint("history", required, repr(history), remedy)) from error
-    return stepper, how.n
+        raise ValueError(complaint("history", required, repr(stepper.history), remedy)) from error
+    return stepper

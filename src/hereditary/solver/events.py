@@ -15,6 +15,9 @@ from ..support.checks import complaint, real, refuse, shown
 
 # A value that has a sign, and no size.
 TINY = 5e-324
+# Points of each step of `Collocation`, besides its end, at which functions are evaluated. Of sin 5t
+# next to D^0.5 y = -y, rtol 1e-4, 8 points find 159 of 159 zeros in 96 ms, and 1 finds 37 in 34 ms.
+_LOOKS = 8
 # Relative width to which a zero is found.
 _LEAST_BRACKET = 2.0**-60
 
@@ -29,7 +32,7 @@ class Events:
         as `terminal` end the run, True for one (default False). Both directions count by default,
         0; 1 upwards only, -1 downwards only. A number, or a truth value whose changes are sought;
         NaN where there is none.
-    stepper : FixedStepper or AdaptiveStepper
+    stepper : Stepper
         Where the run begins.
     signs : dict
         Signs that `signs` gave at the end of the run that this one goes on from.
@@ -57,8 +60,8 @@ class Events:
         signs: dict[str, float],
         n_events: int | None = None,
     ) -> None:
-        self._functions, self._looks = list(functions), stepper.looks
-        self._resolved = stepper.looks == 1
+        self._functions, self._by_steps = list(functions), stepper.counted
+        self._looks = 1 if stepper.counted else _LOOKS
         self.n_events = len(self._functions) if n_events is None else n_events
         self._limits = [_limit(function) for function in self._functions]
         self.times: list[list[float]] = [[] for _ in self._functions]

@@ -134,7 +134,7 @@ def _companion(stepper: FixedStepper, n_steps: int) -> FixedStepper:
 def _rows(stepper: FixedStepper, end: int) -> np.ndarray:
     """Return the solution at the steps up to `end`, fewer where the march cannot go on, (k, d)."""
     rows = [np.zeros((0, stepper.system.n_solved))]
-    while stepper.n < end and stepper.trouble is None:
+    while stepper.position < end and stepper.trouble is None:
         piece = stepper.advance(end)
         if piece is None:
             break

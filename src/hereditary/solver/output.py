@@ -51,23 +51,23 @@ class Output:
     """
 
     def __init__(self, stepper: Stepper, stop: float, kept: Kept, events: Events) -> None:
-        self._stepper, self._stop, self._resolved = stepper, stop, stepper.looks == 1
+        self._stepper, self._stop, self._counted = stepper, stop, stepper.counted
         self._every, times, self._components = kept
         self._frame, self._asked, self.events = stepper.system.frame, times, events
         self._wanted = np.empty(0) if times is None else times - self._frame.start
         # steps chosen on the way are counted from where the run begins
-        self._n = self._first = int(stepper.position) if self._resolved else 0
+        self._n = self._first = int(stepper.position) if self._counted else 0
         self._starting: FirstSteps | None = None
         self._second = stepper.system.second
         # slopes of given steps are those of their dense output
         speeds = bool(self._frame.speeds)
-        self._sloped = self._resolved or stepper.system.m == 2 or speeds
+        self._sloped = self._counted or stepper.system.m == 2 or speeds
         self.end, self.ended = stepper.t, False
-        self._dense = Dense(self._second, self._resolved, self._frame)
+        self._dense = Dense(self._second, self._frame)
         self._newest: Piece | None = None
         y, ydot, n, every = stepper.y, stepper.ydot, self._first, self._every
         most = _SOME if times is None else self._wanted.size
-        if times is None and self._resolved:
+        if times is None and self._counted:
             most = int(stop) // every - n // every + (stop % every > 0) + 2
         width = y.size if self._components is None else self._components.size
         self._rows: Any = room_for(most, width, times is None)
@@ -103,7 +103,7 @@ class Output:
         if self._asked is not None:
             self._take_wanted(piece)
             return
-        if not self._resolved and self._components is None:
+        if not self._counted and self._components is None:
             self._dense.add(piece, start)
         chosen = self._chosen(edges)
         self._add(edges[1:][chosen], *piece.at_ends(edges[1:], chosen, self._second, self._sloped))
@@ -127,7 +127,7 @@ class Output:
         """Return the kept steps between these edges, as a slice or an array of truth values."""
         first = self._n + 1
         self._n += int(np.sum(edges[1:] <= self.end))
-        if self._resolved and not self.ended:
+        if self._counted and not self.ended:
             return slice(-first % self._every, None, self._every)
         # steps next to a singular start may be too short for its time to change
         chosen = (edges[1:] <= self.end) & (np.diff(edges) > 0)
@@ -162,7 +162,7 @@ class Output:
         if at_end:
             t[-1] = t_end - start  # n h may miss it by rounding
         dense = self._dense if self._components is None else None
-        if dense and self._resolved:
+        if dense and self._counted:
             dense = dense if self._every == 1 and t.size > 1 else None
             if dense:
                 dense.add(StepPieces(t, y, ydot, self._starting, int(self._first)), t[0])
@@ -174,7 +174,7 @@ class Output:
     def _add_last(self) -> None:
         """Add the row where the run ended."""
         last, piece = np.array([self.end]), self._newest
-        if piece is not None and (self.ended or not self._resolved):
+        if piece is not None and (self.ended or not self._counted):
             self._add(last, *piece.evaluate_both(last, self._second, self._sloped))
         else:
             self._add(last, self._stepper.y[None], self._stepper.ydot[None])

@@ -12,15 +12,13 @@ import numpy as np
 from ..compiled.callbacks import PythonRaised, pass_on
 from ..compiled.jacobian import FEW
 from ..stepping.state import State
-from ..stepping.status import Status
-from ..stepping.stepper import Stepper
+from ..stepping.status import Ending, Status
+from ..stepping.stepper import ResumableStepper, Stepper
 from ..support.warning import warn
 from .output import Output
 from .progress import Interruption, ProgressBar
 from .solution import Solution, SolveWarning, warn_of
 
-# How a march ended before its stop: status and detail, or None.
-Ended = tuple[Status, str] | None
 # Bytes of a history that a solution may hold on to besides its state.
 _LITTLE = 100_000
 
@@ -30,30 +28,29 @@ class Drive:
 
     Parameters
     ----------
-    march : FixedStepper or the like
-        Has `position`, in steps or in time, and `trouble`.
+    march : Stepper
     end : int or float
         Position at which the whole run ends.
     advance : callable
         ``advance(stop)`` marches a part of the way to `stop`. It returns None, or how the run ends
-        there, as status and detail.
+        there as an `Ending`.
     interruption : Interruption
     bar : ProgressBar
     """
 
     def __init__(
         self,
-        march: Any,
+        march: Stepper,
         end: float,
-        advance: Callable[[Any], Ended],
+        advance: Callable[[Any], Ending | None],
         interruption: Interruption,
         bar: ProgressBar,
     ) -> None:
         self._march, self._first, self._end = march, march.position, end
         self._advance, self._interruption, self._bar = advance, interruption, bar
 
-    def to(self, stop: float) -> Ended:
-        """March to `stop`; None when there, else a status and a detail for it."""
+    def to(self, stop: float) -> Ending | None:
+        """March to `stop`; return None there, or how the march ended before."""
         march = self._march
         while march.position < stop:
             ended = self._advance(stop) or march.trouble
@@ -62,18 +59,18 @@ class Drive:
             self._bar.update((march.position - self._first) / (self._end - self._first))
             if self._interruption.asked and march.position < self._end:
                 self._interruption.heeded = True
-                return Status.INTERRUPTED, ""
+                return Ending(Status.INTERRUPTED)
         return None
 
 
 def run(
-    stepper: Stepper,
+    stepper: ResumableStepper,
     stop: float,
     t_end: float,
     output: Output,
     progress: bool,
     began: float,
-    march: Callable[[Drive, Any], Ended] = Drive.to,
+    march: Callable[[Drive, Any], Ending | None] = Drive.to,
 ) -> Solution:
     """March to position `stop`, the user's time `t_end`, or as far as it goes.
 
@@ -83,7 +80,7 @@ def run(
     ready = time.perf_counter()
     events = output.events
 
-    def advance(stop: float) -> Ended:
+    def advance(stop: float) -> Ending | None:
         start = stepper.t
         before: Any = stepper.checkpoint() if events.any else None
         piece = stepper.advance(stop)
@@ -91,10 +88,10 @@ def run(
             output.take(piece, start)
         if not output.ended:
             return None
-        stepper.go_back(before, output.end)
+        go_back(stepper, before, output.end)
         if events.failure:
-            return Status.EVENT_FAILED, events.failure
-        return stepper.trouble or (Status.EVENT, "")
+            return Ending(Status.EVENT_FAILED, events.failure)
+        return stepper.trouble or Ending(Status.EVENT)
 
     bar = ProgressBar(progress)
     try:
@@ -102,9 +99,9 @@ def run(
             ended = march(Drive(stepper, stop, advance, interruption, bar), stop)
     finally:
         bar.close()
-    status, detail = ended or (reached_end(stepper), "")
-    if stepper.health.misfit and status is Status.EVENT:
-        status = Status.KERNEL_INACCURATE
+    ended = ended or Ending(reached_end(stepper))
+    if stepper.health.misfit and ended.status is Status.EVENT:
+        ended = Ending(Status.KERNEL_INACCURATE)
     signs = events.signs()
     t, y, ydot, dense = output.close(t_end)
     seconds = {"setup_seconds": ready - began, "run_seconds": time.perf_counter() - ready}
@@ -118,8 +115,8 @@ def run(
         t=t,
         y=frame.values(y),
         ydot=frame.slopes(y, ydot) if system.m == 2 or frame.speeds else None,
-        status=status,
-        message=report(stepper, status, detail),
+        status=ended.status,
+        message=report(stepper, ended),
         stats=stats,
         # a small one is made when asked for: it takes as long as some steps do; the march that is
         # kept for it holds more than that, which for few components is little
@@ -131,8 +128,16 @@ def run(
             for rows in events.values[:n_told]
         ],
     )
-    pass_on(stepper.error, solution)
+    pass_on(ended.error, solution)
     return solution
+
+
+def go_back(stepper: Stepper, checkpoint: tuple, t: float) -> None:
+    """Let a stepper come back to where `checkpoint` was taken, and march to the stop at time t."""
+    stepper.come_back(checkpoint)
+    stop = stepper.stop_at(t).position
+    while stepper.position < stop and stepper.trouble is None:
+        stepper.advance(stop, keep=False)
 
 
 def note_missed(solution: Solution, stepper: Stepper) -> None:
@@ -155,12 +160,13 @@ def reached_end(stepper: Stepper) -> Status:
     return health.instability or inaccurate or Status.COMPLETED
 
 
-def report(stepper: Stepper, status: Status, detail: str) -> str:
+def report(stepper: Stepper, ended: Ending) -> str:
     """Return the status in a sentence with the run's numbers; warn of an early ending.
 
     An exception of a function called in Python is passed on instead.
     """
     inaccurate, health = Status.KERNEL_INACCURATE, stepper.health
+    status, detail, error = ended
     detail = health.misfit if status is inaccurate else detail
     message = status.sentence + (f": {detail}" if detail else "")
     if health.misfit and status is not inaccurate:
@@ -171,6 +177,6 @@ def report(stepper: Stepper, status: Status, detail: str) -> str:
     unstable = health.instability is not None
     if unstable:
         message += f"; {health.remedy}"
-    if not isinstance(stepper.error, PythonRaised):
+    if not isinstance(error, PythonRaised):
         warn_of(status, message, unstable=unstable)
     return message

@@ -124,7 +124,7 @@ class Solution:
     @property
     def coarse(self) -> bool:
         """Whether steps are so long that figures need the dense output."""
-        return self.dense is not None and not self.dense.resolved
+        return self.dense is not None and self.dense.coarse
 
     def __bool__(self) -> bool:
         return self.success

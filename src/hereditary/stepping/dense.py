@@ -28,6 +28,8 @@ class Piece:
     """Dense output on one step, or on several consecutive ones."""
 
     starting: Any = None
+    # whether steps are so long that their ends alone do not show the motion
+    coarse = True
 
     def edges(self) -> np.ndarray:
         """Return the start of each step."""
@@ -61,8 +63,6 @@ class Dense:
     ----------
     second : ndarray of bool, shape (d,)
         Components whose first derivative was the unknown.
-    resolved : bool
-        Whether steps are so short that their ends show whatever happens.
     frame : Frame
         How the user sees times and components.
     """
@@ -70,13 +70,16 @@ class Dense:
     def __init__(
         self,
         second: ArrayLike,
-        resolved: bool = False,
         frame: Frame = Frame(),  # noqa: B008
     ) -> None:
-        self._second, self.resolved = np.asarray(second, dtype=bool), resolved
-        self._frame = frame
+        self._second, self._frame = np.asarray(second, dtype=bool), frame
         self._pieces: list = []
         self._starts: list[float] = []
+
+    @property
+    def coarse(self) -> bool:
+        """Whether steps are so long that their ends alone do not show the motion."""
+        return any(piece.coarse for piece in self._pieces)
 
     def add(self, piece: Piece, start: float) -> None:
         """Take in what follows from `start` on."""
@@ -138,6 +141,8 @@ class StepPieces(Piece):
     n : int
         Number of the step that the start is.
     """
+
+    coarse = False
 
     def __init__(
         self,

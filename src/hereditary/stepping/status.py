@@ -2,6 +2,7 @@
 
 import enum
 import traceback
+from typing import NamedTuple
 
 from ..compiled.callbacks import original
 from ..equation.orders import OrderFailed
@@ -64,13 +65,21 @@ class Status(enum.StrEnum):
     )
 
 
-def failed(error: BaseException) -> tuple[Status, str]:
-    """Return status and detail of a run that an exception ended, by the function that raised it."""
-    error = original(error)
-    if isinstance(error, OrderFailed):
-        return Status.ORDER_FAILED, str(error)
+class Ending(NamedTuple):
+    """End of a march or a run: its status, a clause for its message, and what was raised."""
+
+    status: Status
+    detail: str = ""
+    error: BaseException | None = None
+
+
+def failed(error: BaseException) -> Ending:
+    """Return the end of a run that an exception ended, by the function that raised it."""
+    cause = original(error)
+    if isinstance(cause, OrderFailed):
+        return Ending(Status.ORDER_FAILED, str(cause), error)
     # kernels are called from Python alone: their methods are among the frames
-    owners = (frame.f_locals.get("self") for frame, _ in traceback.walk_tb(error.__traceback__))
+    owners = (frame.f_locals.get("self") for frame, _ in traceback.walk_tb(cause.__traceback__))
     by_kernel = any(isinstance(owner, MemoryKernel) for owner in owners)
     status = Status.KERNEL_FAILED if by_kernel else Status.RHS_FAILED
-    return status, f"{type(error).__name__}: {error}"
+    return Ending(status, f"{type(cause).__name__}: {cause}", error)

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Any, NamedTuple, NoReturn
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..compiled.schedule import due, note
 from ..equation.system import System
 from ..support.checks import refuse, shown
 from .dense import Piece
-from .status import Status, failed
+from .state import State
+from .status import Ending, Status
 
 
 class Stop(NamedTuple):
@@ -38,41 +40,50 @@ class Health(NamedTuple):
 class Stepper(ABC):
     """A march of one equation that moves on when it is asked to.
 
-    Runs, ensembles, hybrid runs, exponents and sensitivities use steppers by this contract. The
-    engines have two, `FixedStepper` and `AdaptiveStepper`; `tests/solver/test_contract.py` has one
-    of twenty lines. A stepper needs `system`, `t`, `y`, `position`, `advance`, `checkpoint` and
-    `come_back`. All else has a default. In the order of a run it
+    Runs, events, ensembles, exponents and sensitivities use steppers by this contract. The engines
+    have two, `FixedStepper` and `AdaptiveStepper`; `tests/solver/test_contract.py` has one of
+    twenty lines. In the order of a run a stepper
 
-    1. begins with the initial values at time 0, which is the equation's `t_start`;
-    2. stops at, or steps beside, the jumps of the right-hand side that `set_breaks` names;
+    1. begins with the initial values of its `system` at time 0, the user's `t_start`;
+    2. stops at the jumps of the right-hand side that `set_breaks` names, or steps next to them;
     3. moves on in `advance` by as many steps as take a moment, towards a position and never beyond
        it. It returns the solution on the way. `stop_at` finds the position of a time;
-    4. keeps an exception of the right-hand side in `error`, after the steps before it, and says in
-       `trouble` why it cannot go on;
-    5. says in `health` what is wrong with a march that does go on, and counts in `stats`;
-    6. comes back by `come_back` to what `checkpoint` returned; `state` and `restore` carry that to
-       another run.
+    4. has then reached `position` and `t`, with the solution `y` and its derivative `ydot`;
+    5. says in `trouble` why it cannot go on, after the steps before that;
+    6. says in `health` what is wrong with a march that does go on, and counts in `stats`;
+    7. comes back by `come_back` to what `checkpoint` returned.
 
-    With tangents it has `tangent` and `transform_tangent`. A stepper whose y or parameters may jump
-    has `expect_moves`, `moved`, `set_parameter` and `uncertainty`.
+    Three abilities have contracts of their own: `ResumableStepper`, `TangentStepper` and
+    `JumpingStepper`.
 
     Attributes
     ----------
     system : System
-    looks : int
-        Points of each step at which events are evaluated, besides its end: its start, and where
-        steps are long points between. If there is 1, steps are so short that their ends show
-        whatever happens, as given ones are. Positions are then numbers of steps, and rows at all
-        ends make the dense output.
-    h : float
-        Step of uniform ones, else 0 [time].
-    error : Exception or None
+    counted : bool
+        Whether positions are numbers of given steps. Such steps are so short that their ends show
+        whatever happens. Rows at all ends make the dense output.
     """
 
     system: System
-    looks = 1
-    h = 0.0
-    error: Exception | None = None
+    counted = True
+
+    def set_breaks(self, times: np.ndarray, t_end: float) -> None:
+        """Let steps see jumps at these times, (k,), from their own side, in a run to t_end."""
+        if times.size:
+            refuse("breaks", f"be left out with {type(self).__name__}", shown(times))
+
+    def stop_at(self, t: float) -> Stop:
+        """Return the position of a march that stops at time t, or at the first step not before."""
+        return Stop(t, t)
+
+    @abstractmethod
+    def advance(self, stop: float, keep: bool = True) -> Piece | None:
+        """Move on towards position `stop`; return the solution on the way if it is to be kept."""
+
+    @property
+    @abstractmethod
+    def position(self) -> float:
+        """Number of steps made, or the time."""
 
     @property
     @abstractmethod
@@ -90,27 +101,9 @@ class Stepper(ABC):
         return np.full_like(self.y, np.nan)
 
     @property
-    @abstractmethod
-    def position(self) -> float:
-        """Number of steps made, or the time."""
-
-    def stop_at(self, t: float) -> Stop:
-        """Return the position of a march that stops at time t, or at the first step not before."""
-        return Stop(t, t)
-
-    def set_breaks(self, times: np.ndarray, t_end: float) -> None:
-        """Let steps see jumps at these times, (k,), from their own side, in a run to t_end."""
-        if times.size:
-            refuse("breaks", f"be left out with {type(self).__name__}", shown(times))
-
-    @abstractmethod
-    def advance(self, stop: float, keep: bool = True) -> Piece | None:
-        """Move on towards position `stop`; return the solution on the way if it is to be kept."""
-
-    @property
-    def trouble(self) -> tuple[Status, str] | None:
-        """Status and detail of a march that cannot go on, else None."""
-        return None if self.error is None else failed(self.error)
+    def trouble(self) -> Ending | None:
+        """Why a march cannot go on, else None."""
+        return None
 
     @property
     def health(self) -> Health:
@@ -129,46 +122,88 @@ class Stepper(ABC):
     def come_back(self, checkpoint: tuple) -> None:
         """Come back to where `checkpoint` was taken; it may be used again."""
 
-    def go_back(self, checkpoint: tuple, t: float) -> None:
-        """Come back to where `checkpoint` was taken, and march to the stop at time t."""
-        self.come_back(checkpoint)
-        stop = self.stop_at(t).position
-        while self.position < stop and self.trouble is None:
-            self.advance(stop, keep=False)
 
-    def state(self) -> Any:
+class ResumableStepper(Stepper):
+    """A stepper whose march can go on in another run."""
+
+    @abstractmethod
+    def state(self) -> State:
         """Return a state from which another run goes on."""
-        self._lack("has no states")
 
-    def restore(self, state: Any, allow_change: bool = False) -> None:
+    @abstractmethod
+    def restore(self, state: State, allow_change: bool = False) -> None:
         """Go on from `state`; `allow_change` admits another right-hand side or parameters."""
-        self._lack("has no states")
+
+
+class Grown(NamedTuple):
+    """Growth of the tangents over a part of a march.
+
+    - piece: the solution on the way, or None.
+    - logs: for each renormalisation its mark, and the logarithms of the growth since the one
+      before, (n, 1 + k).
+    - lost: whether tangents overflowed or vanished.
+    """
+
+    piece: Piece | None
+    logs: np.ndarray
+    lost: bool = False
+
+
+class TangentStepper(Stepper):
+    """A stepper that solves tangents alongside."""
 
     @property
+    @abstractmethod
     def tangent(self) -> np.ndarray:
         """Derivatives of y, and of y' for orders above 1, along k directions, (n_data, k)."""
-        self._lack("has no tangents")
 
+    @abstractmethod
     def transform_tangent(self, matrix: np.ndarray) -> None:
         """Replace the tangents and all of their history by ``tangent @ matrix``, matrix (k, k)."""
-        self._lack("has no tangents")
 
-    def expect_moves(self, of_y: bool) -> None:
+    def grow(self, stop: float, schedule: Any) -> Grown:
+        """Move on towards position `stop` and make the tangents orthonormal when they are due.
+
+        This is Benettin's loop, one renormalisation a call: ``tangent = Q R``, and the tangents are
+        multiplied by the inverse of R. A stepper may do more of them in one call.
+
+        Parameters
+        ----------
+        stop : float
+        schedule : SCHEDULE
+            When renormalisations are due, which depends on the growth (compiled/schedule.py).
+        """
+        mark, k = int(due(schedule)), self.tangent.shape[1]
+        target = mark * float(schedule["unit"])
+        piece, none = self.advance(min(stop, target)), np.empty((0, 1 + k))
+        if self.position < target:
+            return Grown(piece, none)
+        r = np.linalg.qr(self.tangent, mode="r")
+        r *= np.sign(np.diag(r))[:, None]
+        if not (np.all(np.isfinite(r)) and np.diag(r).min() > 0):
+            return Grown(piece, none, lost=True)
+        self.transform_tangent(np.linalg.inv(r))
+        logs = np.log(np.diag(r))
+        note(schedule, mark, logs)
+        return Grown(piece, np.array([[mark, *logs]]))
+
+
+class JumpingStepper(Stepper):
+    """A stepper whose y and parameters may jump, at events and stated times."""
+
+    @abstractmethod
+    def expect_jumps(self, of_y: bool) -> None:
         """Prepare for jumps of f, and of y if `of_y`: make few steps at once, or refuse."""
-        self._lack("takes no jumps")
 
-    def moved(self, y: np.ndarray) -> None:
+    @abstractmethod
+    def set_y(self, y: np.ndarray) -> None:
         """Let y jump to these values, (d,), at the present time; no memory sees the jump."""
-        self._lack("takes no jumps")
 
+    @abstractmethod
     def set_parameter(self, number: int, value: float) -> None:
         """Set a parameter of the right-hand side, which jumps."""
-        self._lack("takes no jumps")
 
     @property
+    @abstractmethod
     def uncertainty(self) -> np.ndarray:
         """Errors of y, (d,); closer to a zero than this, the side of y is unknown."""
-        self._lack("takes no jumps")
-
-    def _lack(self, what: str) -> NoReturn:
-        raise NotImplementedError(f"{type(self).__name__} {what}")

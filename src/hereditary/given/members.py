@@ -1,0 +1,59 @@
+"""The stepper of an ensemble: one member after the other, with what they have in common made once.
+
+Members differ in parameters and initial values. Weights, modes and stability limits are theirs in
+common.
+"""
+
+from contextlib import suppress
+
+from ..equation.system import displaced, side_by_side
+from .block import RUNNING
+from .fixed_stepper import FixedStepper
+
+
+class MemberStepper(FixedStepper):
+    """A march of any member of an ensemble; no tangents.
+
+    Parameters
+    ----------
+    system, scheme, history, steps, n_steps
+        As of `FixedStepper`.
+    params : ndarray, shape (E, p)
+    y0 : ndarray, shape (E, m, d)
+        Initial values of each member.
+    plan : Plan, optional
+        What another such stepper has as `plan`.
+
+    Attributes
+    ----------
+    plan : Plan or None
+        The scheme's plan of all members side by side; None if each needs a plan for itself.
+    """
+
+    def __init__(self, system, scheme, history, steps, n_steps, params, y0, plan=None):
+        super().__init__(system, scheme, history, steps, n_steps)
+        self._params, self._y0, self.plan = params, y0, plan
+        if plan is None and self._block > 1:
+            with suppress(Exception):  # of a right-hand side, for some member
+                self.plan = self._plan_of_all()
+
+    def _plan_of_all(self):
+        """Return the scheme's plan of all members side by side."""
+        members = zip(self._y0, self._params, strict=True)
+        systems = [self._inside(displaced(self.system, *member)) for member in members]
+        return self._planned(side_by_side(systems))
+
+    def begin(self, m):
+        """Go to the start of member m."""
+        self.system = displaced(self.system, self._y0[m], self._params[m])
+        self._marched = self._inside(self.system)
+        if self.plan is None:
+            plan, columns = self._planned(self._marched), slice(None)
+        else:
+            d = self._marched.d
+            plan, columns = self.plan, slice(m * d, (m + 1) * d)
+        if self._block == 1:  # whose sums may be worked out on the way
+            self._begin(plan)
+        self._stand_at_start(plan, columns)
+        self._watch.largest = 0.0
+        self._status, self._error = RUNNING, None

@@ -1,0 +1,85 @@
+"""Neighbouring orbits in place of tangents, on given steps."""
+
+import numpy as np
+
+from ..equation.system import displaced
+from ..stepping.stepper import TangentStepper
+
+
+class Pairs(TangentStepper):
+    """Orbits side by side as one stepper, whose tangents are distances from the first one.
+
+    So no derivative is needed. A change of the tangents draws the whole histories of the others
+    back; of the right-hand side's values only the differences are rescaled. All else is that of
+    the first orbit.
+
+    Parameters
+    ----------
+    opened : callable
+        ``opened(system)`` returns a `FixedStepper`.
+    system : System
+    directions : ndarray, shape (n_data, k)
+    separation : float
+        Distance that the orbits are drawn back to: the unit of the tangents.
+    """
+
+    def __init__(self, opened, system, directions, separation):
+        self._separation, self.system = separation, system
+        starts, n = [], system.n_solved
+        for direction in separation * directions.T:
+            starts.append(system.y0[:, :n].copy())
+            starts[-1][0] += direction[:n]
+            starts[-1][1:, system.second] += direction[n:]
+        self._orbit = opened(system)
+        self._others = [opened(displaced(system, y0)) for y0 in starts]
+        self._all = [self._orbit, *self._others]
+
+    def stop_at(self, t):
+        """Return the first step not before t, and its time."""
+        return self._orbit.stop_at(t)
+
+    def advance(self, stop, keep=True):
+        """March some way towards `stop`; return the solution of the first orbit if it is kept."""
+        piece = self._orbit.advance(stop, keep)
+        for other in self._others:
+            while other.position < self._orbit.position and not other.trouble:
+                other.advance(self._orbit.position, keep=False)
+        return piece
+
+    position = property(lambda self: self._orbit.position)
+    t = property(lambda self: self._orbit.t)
+    y = property(lambda self: self._orbit.y)
+    ydot = property(lambda self: self._orbit.ydot)
+    health = property(lambda self: self._orbit.health)
+
+    @property
+    def trouble(self):
+        """Why the first march that cannot go on cannot, otherwise None."""
+        return next((stepper.trouble for stepper in self._all if stepper.trouble), None)
+
+    def stats(self):
+        """Return those of the first orbit, and all calls of the right-hand side."""
+        n_rhs = sum(stepper.stats()["n_rhs"] for stepper in self._all)
+        return self._orbit.stats() | {"n_rhs": n_rhs}
+
+    def checkpoint(self):
+        """Return those of all orbits."""
+        return tuple(stepper.checkpoint() for stepper in self._all)
+
+    def come_back(self, checkpoint):
+        """Let all orbits come back."""
+        for stepper, own in zip(self._all, checkpoint, strict=True):
+            stepper.come_back(own)
+
+    @property
+    def tangent(self):
+        """Distances of the other orbits, and of their y' for orders above 1, (n_data, k)."""
+        first, *others = (np.append(each.y, each.ydot[self.system.second]) for each in self._all)
+        return (np.array(others) - first).T / self._separation
+
+    def transform_tangent(self, matrix):
+        """Replace the distances, with all memory, by ``tangent @ matrix``."""
+        for first, *others in zip(*(stepper.parts() for stepper in self._all), strict=True):
+            drawn = np.tensordot(matrix.T, np.array(others) - first, axes=1)
+            for array, difference in zip(others, drawn, strict=True):
+                array[...] = first + difference
