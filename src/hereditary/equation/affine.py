@@ -11,6 +11,7 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..compiled.jit import JAC_SIG, RHS_SIG, as_value, compiled, derived, inlined, inner
 
@@ -18,7 +19,15 @@ from ..compiled.jit import JAC_SIG, RHS_SIG, as_value, compiled, derived, inline
 _SIZES = 5
 
 
-def affine(functions, n, n_f, b=(), a=None, s=None, t_0=0.0) -> tuple[np.ndarray, Any, Any]:
+def affine(
+    functions: tuple[np.ndarray, Any, Any],
+    n: int,
+    n_f: int,
+    b: ArrayLike = (),
+    a: ArrayLike | None = None,
+    s: ArrayLike | None = None,
+    t_0: float = 0.0,
+) -> tuple[np.ndarray, Any, Any]:
     """Return params, right-hand side, and Jacobian or None, of ``B x + A f(t + t_0, S x)``.
 
     Parameters
@@ -45,7 +54,7 @@ def affine(functions, n, n_f, b=(), a=None, s=None, t_0=0.0) -> tuple[np.ndarray
     return values, _side(rhs, in_place), jac and slopes(jac)
 
 
-def _by_rows(triples, n):
+def _by_rows(triples: ArrayLike, n: int) -> np.ndarray:
     """Return the matrix of n rows with these entries as compiled code takes it."""
     triples = np.reshape(triples, (-1, 3))
     triples = triples[np.argsort(triples[:, 0], kind="stable")]
@@ -54,28 +63,28 @@ def _by_rows(triples, n):
 
 
 @inlined
-def own_size(params):
+def own_size(params: np.ndarray) -> int:
     """Number of parameters of f."""
     return int(params[-3])
 
 
 @inlined
-def later(t, params):
+def later(t: float, params: np.ndarray) -> float:
     """Return the time at which f is taken."""
     return t + params[-5]
 
 
 @lru_cache(maxsize=64)
-def _side(rhs, in_place):
+def _side(rhs: Any, in_place: bool) -> Any:
     """Return ``B x + A f(t + t_0, S x)``."""
 
-    def last(t, x, out, params):
+    def last(t: float, x: np.ndarray, out: np.ndarray, params: np.ndarray) -> None:
         n_f = int(params[-4])
         force = out[out.shape[0] - n_f :]
         rhs(later(t, params), x[:n_f], force, params[: own_size(params)])
         _combine(x, force, out, params)
 
-    def anywhere(t, x, out, params):
+    def anywhere(t: float, x: np.ndarray, out: np.ndarray, params: np.ndarray) -> None:
         z = _arguments(x, params)
         force = np.empty(z.shape[0])
         rhs(later(t, params), z, force, params[: own_size(params)])
@@ -85,10 +94,10 @@ def _side(rhs, in_place):
 
 
 @lru_cache(maxsize=64)
-def slopes(jac):
+def slopes(jac: Any) -> Any:
     """Return ``B + A J S``, where the parameters are those of `affine`."""
 
-    def all_slopes(t, x, out, params):
+    def all_slopes(t: float, x: np.ndarray, out: np.ndarray, params: np.ndarray) -> None:
         z = _arguments(x, params)
         block = np.empty((z.shape[0], z.shape[0]))
         jac(later(t, params), z, block, params[: own_size(params)])
@@ -101,7 +110,7 @@ def slopes(jac):
 
 
 @compiled
-def _arguments(x, params):
+def _arguments(x: np.ndarray, params: np.ndarray) -> np.ndarray:
     """Return S x."""
     n_f, s, b = int(params[-4]), int(params[-3]), int(params[-2])
     if s == b:
@@ -112,7 +121,7 @@ def _arguments(x, params):
 
 
 @compiled
-def _combine(x, force, out, params):
+def _combine(x: np.ndarray, force: np.ndarray, out: np.ndarray, params: np.ndarray) -> None:
     """Set out = B x + A f."""
     b, a = int(params[-2]), int(params[-1])
     in_place = a == params.shape[0] - _SIZES
@@ -124,7 +133,7 @@ def _combine(x, force, out, params):
 
 
 @compiled
-def _combine_slopes(block, out, params):
+def _combine_slopes(block: np.ndarray, out: np.ndarray, params: np.ndarray) -> None:
     """Set out = B + A J S."""
     n, n_f = out.shape[0], block.shape[0]
     s, b, a = int(params[-3]), int(params[-2]), int(params[-1])
@@ -145,7 +154,7 @@ def _combine_slopes(block, out, params):
 
 
 @inner
-def _add_product(matrix, x, out):
+def _add_product(matrix: np.ndarray, x: np.ndarray, out: np.ndarray) -> None:
     """Add the product of a matrix with x."""
     for i in range(out.shape[0]):
         total = 0.0

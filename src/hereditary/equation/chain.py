@@ -13,7 +13,8 @@ last component are on the left side; other ones are memory that the right-hand s
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from collections.abc import Iterable, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -36,7 +37,7 @@ class Entry(NamedTuple):
     coefficient: float
 
 
-def _summed(left):
+def _summed(left: Iterable[SystemTerm]) -> list[SystemTerm]:
     """Add up the terms of equal order."""
     sums: dict[float, SystemTerm] = {}
     for operator, c in left:
@@ -45,7 +46,7 @@ def _summed(left):
     return [term for term in sums.values() if np.any(term.coefficients)]
 
 
-def _solved(left, d):
+def _solved(left: Sequence[SystemTerm], d: int) -> tuple[list[Entry], np.ndarray | None]:
     """List the terms, solved for the highest derivatives; and the matrix in front of f, or None."""
     for operator, _ in left:
         if not operator.constant or operator.from_zero:
@@ -88,7 +89,9 @@ class Chained(NamedTuple):
     speeds: np.ndarray
 
 
-def chained(left, y0, params, rhs, jac):
+def chained(
+    left: Sequence[SystemTerm], y0: np.ndarray, params: np.ndarray, rhs: Any, jac: Any
+) -> Chained:
     """Return the system of an equation with orders above 2 or matrices, as `Chained`.
 
     Parameters
@@ -136,7 +139,7 @@ def chained(left, y0, params, rhs, jac):
     return Chained(system, speeds)
 
 
-def left_of(found, width):
+def left_of(found: Iterable[tuple[float, int, float]], width: int) -> list[SystemTerm]:
     """List the terms of a system from orders, components and coefficients."""
     sums: dict[float, np.ndarray] = {}
     orders = merged_orders(np.array([order for order, _, _ in found]))

@@ -36,6 +36,7 @@ from .statement import (
     with_memory,
 )
 from .system import System, displaced, leading_orders
+from .terms import SystemTerm
 
 
 class Equation:
@@ -236,7 +237,14 @@ class Equation:
         """Parameters, shape (p,)."""
         return self.system.params
 
-    def _solved(self, left, initial, functions, paired, known):
+    def _solved(
+        self,
+        left: list[SystemTerm],
+        initial: np.ndarray,
+        functions: tuple[np.ndarray, Any, Any],
+        paired: bool,
+        known: dict[str, Any],
+    ) -> System:
         """Return the system of these terms: without matrices, without orders above 2."""
         if self._given_d is not None:
             needed = leading_orders(left, initial.shape[1]) > np.arange(len(initial))[:, None]
@@ -255,13 +263,13 @@ class Equation:
         system = System(left, initial, *functions, **known)
         return with_memory(system, self.memory) if self.memory else system
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return f"Equation({' + '.join(map(repr, self.terms))} = rhs, d={self.d})"
 
-    def _repr_html_(self):
+    def _repr_html_(self) -> str:
         return formula(self)
 
-    def __setattr__(self, name, value):
+    def __setattr__(self, name: str, value: Any) -> None:
         if "system" in self.__dict__:  # the equation is complete
             remedy = f"eq.replace({name}=...)" if name in _GIVEN else "eq.replace(...)"
             raise AttributeError(
@@ -269,10 +277,10 @@ class Equation:
             )
         object.__setattr__(self, name, value)
 
-    def __reduce__(self):
+    def __reduce__(self) -> tuple[Any, ...]:
         return _made, (self._arguments(),)
 
-    def replace(self, **changes) -> Equation:
+    def replace(self, **changes: Any) -> Equation:
         """Return an equation like this one with some of its arguments changed.
 
         Parameters
@@ -304,7 +312,7 @@ class Equation:
             changes = {"jac_memory": None} | changes
         return Equation(**(self._arguments() | changes))
 
-    def _with_params(self, params):
+    def _with_params(self, params: np.ndarray) -> Equation | None:
         """Return the equation with other parameters, all else shared; None where that will not do.
 
         Functions were checked when they were compiled: here the right-hand side is called once.
@@ -324,12 +332,12 @@ class Equation:
         vars(found).update(vars(self), system=system)
         return found
 
-    def _arguments(self):
+    def _arguments(self) -> dict[str, Any]:
         """Return the arguments that make this equation."""
         own = {"y0": self._given_y0, "d": self._given_d}
         return {name: getattr(self, name) for name in _GIVEN} | own
 
-    def jacobian(self, t, y):
+    def jacobian(self, t: float, y: ArrayLike) -> Any:
         """Return d rhs / d y at time t, shape (d, d): the given one, or differences.
 
         Of real components y (d,), as `d` counts them; SciPy's CSR array where entries are stated.
@@ -350,20 +358,21 @@ class Equation:
         """
         return self if self._present_values() == self._frozen else self.replace()
 
-    def _digest_of_rhs(self):
+    def _digest_of_rhs(self) -> str:
         """Return the digest of the right-hand side, a known one where its values say all."""
         if self._callbacks or self._constants or self.rhs is None:
             return digest(self.rhs, *self._constants)
         return digest_of_compiled(self._frozen[0], self.rhs)
 
-    def _present_values(self):
+    def _present_values(self) -> Any:
+        """Return the values that the functions now read, for comparison."""
         functions = self.rhs, self.jac, self.jac_memory
         if self._callbacks:  # whose objects may hold anything
             return digest(*functions)
         return tuple(present_values(fun) for fun in functions)
 
 
-def _made(arguments):
+def _made(arguments: dict[str, Any]) -> Equation:
     """Return the equation of these arguments, for unpickling."""
     return Equation(**arguments)
 
@@ -374,7 +383,7 @@ _GIVEN = (
 )  # fmt: skip
 
 
-def _numbers(params):
+def _numbers(params: ArrayLike) -> np.ndarray:
     """Return the parameters as a flat array; a number becomes one parameter."""
     remedy = "pass a flat sequence of floats"
     values = real_array("params", params, remedy=remedy)
@@ -383,7 +392,7 @@ def _numbers(params):
     return values.reshape(-1)
 
 
-def _check_leading(left, y0):
+def _check_leading(left: Iterable[SystemTerm], y0: np.ndarray) -> None:
     """Refuse components without a term, and initial values that an order does not take."""
     d = y0.shape[1]
     highest = leading_orders([term for term in left if not term.operator.from_zero], d)
@@ -401,6 +410,6 @@ def _check_leading(left, y0):
             refuse("y0", required, got, "set it to 0")
 
 
-def current_equation(equation):
+def current_equation(equation: Any) -> Equation:
     """Return an equation with the values that its functions now read; refuse anything else."""
     return instance("equation", equation, Equation, "hereditary.Equation(terms, rhs, y0)").current()

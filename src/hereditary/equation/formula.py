@@ -1,14 +1,22 @@
 """An equation as a formula in HTML, for notebooks."""
 
+from __future__ import annotations
+
 import html
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
+
+if TYPE_CHECKING:
+    from .equation import Equation
+    from .operators import Term
 
 # Kernels whose parameters take more letters are shown by their kind alone.
 _LONGEST = 60
 
 
-def formula(equation) -> str:
+def formula(equation: Equation) -> str:
     """Return the equation's two sides and initial values as a line of HTML."""
     left = " + ".join(_term(term) for term in equation.terms)
     arguments = ["t", "y", *["memory"] * bool(equation.memory)]
@@ -24,12 +32,12 @@ def formula(equation) -> str:
     return f"<p><i>{line}</i>{read}</p><p>{about}, from t = {equation.t_start:g} on</p>"
 
 
-def _name(function, otherwise="f"):
+def _name(function: object, otherwise: str = "f") -> str:
     name = getattr(function, "__name__", type(function).__name__).lstrip("_")
     return otherwise if name in ("<lambda>", "") else html.escape(name)
 
 
-def _term(term):
+def _term(term: Term) -> str:
     factor = _number(term.coefficient)
     operator = term.operator
     order = getattr(operator, "order", None)
@@ -43,14 +51,14 @@ def _term(term):
     return f"{factor}D{kind}<sup>{power}</sup> y"
 
 
-def _number(coefficient):
+def _number(coefficient: np.ndarray) -> str:
     """Return a factor: nothing for 1, a matrix by its shape."""
     if coefficient.ndim == 2:
         return f"[{coefficient.shape[0]} x {coefficient.shape[1]} matrix] "
     return "" if np.all(coefficient == 1) else f"{_plain(coefficient)} "
 
 
-def _plain(values):
+def _plain(values: ArrayLike) -> str:
     """Return one number where all are the same, else a few of them."""
     values = np.unique(values) if np.ptp(values) == 0 else np.ravel(values)
     shown = [f"{value:g}" for value in values[:4]] + ["..."] * (values.size > 4)

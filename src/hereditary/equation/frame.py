@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 
 class Frame(NamedTuple):
@@ -28,24 +30,24 @@ class Frame(NamedTuple):
     paired: bool = False
     speeds: tuple[int, ...] = ()
 
-    def values(self, inside):
+    def values(self, inside: np.ndarray) -> np.ndarray:
         """Return y of components (..., n) as the user sees it."""
         if self.speeds:
             inside = inside[..., : len(self.speeds)]
         return np.ascontiguousarray(inside).view(complex) if self.paired else inside
 
-    def doubled(self, values):
+    def doubled(self, values: ArrayLike) -> ArrayLike:
         """Return a number, or one for each component of y, for the real components that y has."""
         return np.repeat(values, 2) if self.paired and np.ndim(values) else values
 
-    def moved(self, inside, values):
+    def moved(self, inside: np.ndarray, values: ArrayLike) -> np.ndarray:
         """Return components (n,) where y, as the user sees it, has other values."""
         found = inside.copy()
         real = np.ascontiguousarray(values, complex if self.paired else float).view(float)
         found[: real.size] = real
         return found
 
-    def slopes(self, inside, slopes):
+    def slopes(self, inside: np.ndarray, slopes: np.ndarray) -> np.ndarray:
         """Return y' as the user sees it, of components and their slopes (..., n) each."""
         if self.speeds:
             speeds = np.array(self.speeds)
@@ -53,7 +55,7 @@ class Frame(NamedTuple):
             slopes = np.where(speeds >= 0, known, slopes[..., : speeds.size])
         return np.ascontiguousarray(slopes).view(complex) if self.paired else slopes
 
-    def event(self, function):
+    def event(self, function: Callable[..., Any]) -> Callable[..., Any]:
         """Return a function of the user's times and components as one of those inside."""
         return function if self == Frame() else _Inside(function, self)
 
@@ -61,14 +63,14 @@ class Frame(NamedTuple):
 class _Inside:
     """An event function that is given times and components of a run."""
 
-    def __init__(self, function, frame):
+    def __init__(self, function: Callable[..., Any], frame: Frame) -> None:
         self._function, self._frame, self.start = function, frame, frame.start
         for name in ("terminal", "direction", "forget"):
             if hasattr(function, name):
                 setattr(self, name, getattr(function, name))
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return getattr(self._function, "__name__", repr(self._function))
 
-    def __call__(self, t, y):
+    def __call__(self, t: float, y: np.ndarray) -> Any:
         return self._function(t + self.start, self._frame.values(y))

@@ -7,8 +7,9 @@ the classical derivative and has no memory.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,7 +19,7 @@ from ..kernels.memory_kernel import MemoryKernel, ScaledKernel
 from ..kernels.named_kernels import PowerLaw
 from ..support.checks import instance, one_of, real_array, refuse, shown
 from .orders import HIGHEST, ROUNDING, derivative_order, rounded_order
-from .terms import ConstantOrder, KernelOperator, VaryingOrder
+from .terms import ConstantOrder, KernelOperator, Operator, VaryingOrder
 
 # What a negative order asks for.
 _INTEGRAL = (
@@ -36,33 +37,33 @@ class Summand:
     def _terms(self) -> tuple[Term, ...]:
         raise NotImplementedError
 
-    def __mul__(self, factor: ArrayLike):
+    def __mul__(self, factor: ArrayLike) -> Term | Terms:
         return _summed([term.times(factor) for term in self._terms()])
 
     __rmul__ = __mul__
 
-    def __truediv__(self, divisor: ArrayLike):
+    def __truediv__(self, divisor: ArrayLike) -> Term | Terms:
         values = real_array("divisor", divisor, "be a real number or have shape (d,)")
         if np.any(values == 0):
             refuse("divisor", "be other than 0", shown(values))
         return self * (1 / values)
 
-    def __neg__(self):
+    def __neg__(self) -> Term | Terms:
         return self * -1.0
 
-    def __pos__(self):
+    def __pos__(self) -> Self:
         return self
 
-    def __add__(self, other):
+    def __add__(self, other: Summand) -> Terms:
         if not isinstance(other, Summand):
             return NotImplemented
         return Terms([*self._terms(), *other._terms()])
 
-    def __radd__(self, other):
+    def __radd__(self, other: int) -> Terms:
         # sum([...]) begins with 0
         return Terms(self._terms()) if isinstance(other, int) and other == 0 else NotImplemented
 
-    def __sub__(self, other):
+    def __sub__(self, other: Summand) -> Terms:
         return self + -other if isinstance(other, Summand) else NotImplemented
 
 
@@ -72,20 +73,20 @@ class Terms(Summand):
     def __init__(self, terms: Iterable[Term]) -> None:
         self.terms = tuple(terms)
 
-    def _terms(self):
+    def _terms(self) -> tuple[Term, ...]:
         return self.terms
 
-    def __iter__(self):
+    def __iter__(self) -> Iterator[Term]:
         return iter(self.terms)
 
-    def __len__(self):
+    def __len__(self) -> int:
         return len(self.terms)
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return " + ".join(map(repr, self.terms))
 
 
-def _summed(terms):
+def _summed(terms: Sequence[Term]) -> Term | Terms:
     return terms[0] if len(terms) == 1 else Terms(terms)
 
 
@@ -164,7 +165,7 @@ class Caputo(Summand):
         """Whether the order does not vary."""
         return self.varying is None
 
-    def parts(self, orders):
+    def parts(self, orders: np.ndarray) -> list[tuple[Operator, np.ndarray | bool]]:
         """Return operators of a `System`, and for each which components have it.
 
         `orders` (d,) are the constant orders as the equation rounds them.
@@ -173,10 +174,10 @@ class Caputo(Summand):
             return [(self.varying, True)]
         return [(ConstantOrder(a), orders == a) for a in dict.fromkeys(orders.tolist())]
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return f"Caputo({self.varying.name if self.varying else self._order.tolist()})"
 
-    def _terms(self):
+    def _terms(self) -> tuple[Term, ...]:
         return (Term(self, 1.0),)
 
 
@@ -223,14 +224,14 @@ class RiemannLiouville(Caputo):
         elif np.any(self._order >= 1):
             refuse("order", required, self._order.tolist())
 
-    def parts(self, orders):
+    def parts(self, orders: np.ndarray) -> list[tuple[Operator, np.ndarray | bool]]:
         """Return operators of a `System`; see `Caputo.parts`."""
         return [
-            (part if part.varies else replace(part, from_zero=True), held)
+            (replace(part, from_zero=True) if isinstance(part, ConstantOrder) else part, held)
             for part, held in super().parts(orders)
         ]
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return f"RiemannLiouville({self.varying.name if self.varying else self._order.tolist()})"
 
 
@@ -273,14 +274,14 @@ class Memory(Summand):
 
     constant = False
 
-    def parts(self, orders):
+    def parts(self, orders: np.ndarray) -> list[tuple[Operator, np.ndarray | bool]]:
         """Return the operator of a `System`, which every component has; `orders` is ignored."""
         return [(KernelOperator(self.kernel, self.derivative), True)]
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return f"Memory({self.kernel!r}, {self.derivative})"
 
-    def _terms(self):
+    def _terms(self) -> tuple[Term, ...]:
         return (Term(self, 1.0),)
 
 
@@ -295,10 +296,11 @@ class Term(Summand):
         if not square or factor.size == 0:
             refuse("coefficient", required, f"shape {factor.shape}")
         factor.flags.writeable = False
-        self.operator = operator
+        # Caputo or Memory: callers know which attributes theirs has
+        self.operator: Any = operator
         self.coefficient = factor
 
-    def _terms(self):
+    def _terms(self) -> tuple[Term, ...]:
         return (self,)
 
     def times(self, factor: ArrayLike) -> Term:
@@ -326,5 +328,5 @@ class Term(Summand):
             return Term(Caputo(m - 1 + a), gamma(1 - a) * coefficient)
         return Term(Memory(kernel, m), coefficient)
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return f"{self.coefficient.tolist()} * {self.operator!r}"

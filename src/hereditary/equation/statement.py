@@ -1,18 +1,21 @@
 """From the terms and initial values that a user states to those of a system."""
 
 import numbers
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..support.checks import complaint, real_array, refuse, refuse_masked, shown
-from .operators import Summand
+from .operators import Summand, Term
 from .orders import merged_orders
-from .terms import SystemTerm
+from .system import System
+from .terms import Operator, SystemTerm, VaryingOrder
 
 
-def as_terms(terms, name="terms"):
+def as_terms(terms: Summand | Iterable[Summand], name: str = "terms") -> tuple[Term, ...]:
     """List the terms of an argument, in any of the forms that `Equation` takes."""
     items: Any = [terms] if isinstance(terms, (Summand, numbers.Real)) else terms
     required = "be Caputo or Memory operators with coefficients"
@@ -33,21 +36,27 @@ def as_terms(terms, name="terms"):
     return tuple(term.plain() for item in items for term in item._terms())
 
 
-def left_side(terms, factors, orders, origin):
+def left_side(
+    terms: Iterable[Term],
+    factors: Iterable[np.ndarray],
+    orders: Iterable[np.ndarray],
+    origin: float,
+) -> list[SystemTerm]:
     """List the system's own operators with their coefficients; one for each constant order.
 
     Times of the system count from `origin`.
     """
     left, rows = [], iter(orders)
     for term, c in zip(terms, factors, strict=True):
-        row = next(rows) if term.operator.constant else None
+        row = next(rows) if term.operator.constant else np.zeros(0)
         for operator, held in term.operator.parts(row):
-            operator = replace(operator, origin=origin) if operator.varies else operator
+            if isinstance(operator, VaryingOrder):
+                operator = replace(operator, origin=origin)
             left.append(SystemTerm(operator, np.where(held, c, 0.0)))
     return left
 
 
-def factors_of(terms, d, paired):
+def factors_of(terms: Sequence[Term], d: int, paired: bool) -> np.ndarray:
     """Stack the terms' coefficients, (n_terms, d), or (n_terms, d, d) where one is a matrix."""
     found = [t.coefficient for t in terms]
     if all(factor.ndim < 2 for factor in found):
@@ -65,7 +74,7 @@ def factors_of(terms, d, paired):
     return matrices
 
 
-def check_initial_terms(left, leading):
+def check_initial_terms(left: Iterable[SystemTerm], leading: np.ndarray) -> None:
     """Refuse Riemann-Liouville terms whose order is too close to `leading`, those of Caputo's (d,).
 
     y' would be infinite at 0 where its initial value is given.
@@ -73,7 +82,7 @@ def check_initial_terms(left, leading):
     for operator, coefficients in left:
         if not operator.from_zero:
             continue
-        gamma = operator.order if operator.constant else float(operator.sampled(np.zeros(1))[0][0])
+        gamma = _order_at_start(operator)
         for c in np.flatnonzero(coefficients.reshape(-1, leading.size).any(axis=0)):
             highest = leading[c] - (leading[c] > 1)
             if gamma >= highest:
@@ -83,7 +92,16 @@ def check_initial_terms(left, leading):
                 refuse("order", required, gamma, "or take Caputo")
 
 
-def per_component(name, arrays, d, paired=False):
+def _order_at_start(operator: Operator) -> float:
+    """Return an order at time 0; of a general kernel the derivative inside."""
+    if isinstance(operator, VaryingOrder):
+        return float(operator.sampled(np.zeros(1))[0][0])
+    return operator.order
+
+
+def per_component(
+    name: str, arrays: Sequence[np.ndarray], d: int, paired: bool = False
+) -> np.ndarray:
     """Stack one row a term, each broadcast to d components; to two each where they are paired."""
     for array in arrays:
         if array.ndim and array.size != d:
@@ -97,7 +115,7 @@ def per_component(name, arrays, d, paired=False):
     return stacked
 
 
-def read_terms(memory):
+def read_terms(memory: Summand | Iterable[Summand]) -> tuple[Term, ...]:
     """List the terms that a right-hand side reads."""
     if isinstance(memory, (list, tuple)) and not memory:
         return ()
@@ -111,7 +129,7 @@ def read_terms(memory):
     return terms
 
 
-def with_memory(system, memory):
+def with_memory(system: System, memory: Sequence[Term]) -> System:
     """Return a system with the memory that its right-hand side reads: (1 + k) d components.
 
     Behind the d components come those of each term of `memory`, which `left` has for them. Schemes
@@ -144,12 +162,10 @@ def with_memory(system, memory):
     return replace(system, left=left, y0=np.tile(system.y0, 1 + k), sources=sources, **of)
 
 
-def _check_below(operator, lowest):
+def _check_below(operator: Operator, lowest: float) -> None:
     """Refuse memory of an order that is not below `lowest`, the highest of its components."""
-    order = operator.order
-    if operator.varies:  # known at the start; it is the user's to keep it below
-        order = float(operator.sampled(np.zeros(1))[0][0])
-    elif operator.kernel is not None:  # bounded kernels give one derivative less
+    order = _order_at_start(operator)  # it is the user's to keep one that varies below
+    if operator.kernel is not None:  # bounded kernels give one derivative less
         order += operator.kernel.singular_exponent - 1
     if order >= lowest:
         required = f"have orders below the highest of their component, {lowest:g}"
@@ -162,7 +178,7 @@ _SPEED = (
 )
 
 
-def finite(y0):
+def finite(y0: ArrayLike) -> np.ndarray:
     """Return initial values as an array of finite numbers, real or complex."""
     remedy = "give shape (m, d): y(0), y'(0), ..."
     refuse_masked("y0", y0)
@@ -178,7 +194,7 @@ def finite(y0):
     return values
 
 
-def initial_values(values, m):
+def initial_values(values: np.ndarray, m: int) -> np.ndarray:
     """Return the (m, d) array for any of the shorthands."""
     given = values.shape
     if values.ndim == 0:
@@ -200,7 +216,7 @@ def initial_values(values, m):
     refuse("y0", required, f"shape {given}" if given else shown(values[0, 0]), remedy)
 
 
-def initial_rows(values, m, d):
+def initial_rows(values: np.ndarray, m: int, d: int) -> np.ndarray:
     """Return the (k, d) array of initial values of d components, k >= m."""
     rows = values.reshape(-1, d) if values.ndim < 2 and values.size % d == 0 else values
     if rows.ndim != 2 or rows.shape[1] != d or len(rows) < m:
@@ -209,7 +225,7 @@ def initial_rows(values, m, d):
     return np.ascontiguousarray(rows)
 
 
-def of_shorthand(values, initial, reads_memory):
+def of_shorthand(values: np.ndarray, initial: np.ndarray, reads_memory: bool) -> str:
     """Return what a flat y0 was taken for, and how rhs reads y', where these may be meant."""
     speed = _SPEED if initial.shape == (2, 1) and not reads_memory else ""
     if values.ndim != 1 or initial.shape[0] == 1:

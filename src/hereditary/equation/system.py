@@ -8,6 +8,7 @@ from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..compiled.jacobian import VALUES, jacobian_at, no_jacobian
 from ..compiled.jit import JAC_SIG, as_value
@@ -211,7 +212,7 @@ class System:
         found = self.derivative(t, y)
         return found if self.structure is None else found.toarray()
 
-    def derivative(self, t: float, y: np.ndarray, units: np.ndarray | None = None) -> Any:
+    def derivative(self, t: float, y: ArrayLike, units: np.ndarray | None = None) -> Any:
         """Return d rhs / d y, as an array or, where its entries are known, SciPy's CSR array."""
         structure, d = self.structure, self.d
         out = np.empty((d, d)) if structure is None else structure.entries.copy()

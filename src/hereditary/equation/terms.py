@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 from scipy.special import rgamma
@@ -19,6 +19,9 @@ from ..kernels.memory_kernel import MemoryKernel
 from ..kernels.step_kernel import Integrated, PowerSteps, StepKernel
 from ..support.checks import complaint, real, refuse
 from .orders import derivative_order, rounded_order
+
+if TYPE_CHECKING:
+    from .system import System
 
 # A value of s at which s K^(s) is the constant part of a kernel, if it has one.
 _SLOW = 1e-200 + 0j
@@ -54,7 +57,7 @@ class ConstantOrder:
     varies: ClassVar[bool] = False
     t_last: ClassVar[float] = math.inf
 
-    def __str__(self):
+    def __str__(self) -> str:
         return f"{'RiemannLiouville' if self.from_zero else 'Caputo'}({self.order:g})"
 
     @property
@@ -111,7 +114,7 @@ class KernelOperator:
     classical: ClassVar[bool] = False
     from_zero: ClassVar[bool] = False
 
-    def __str__(self):
+    def __str__(self) -> str:
         return f"a Memory with {self.kernel!r}"
 
     @property
@@ -149,7 +152,7 @@ class KernelOperator:
 
 
 @lru_cache(maxsize=64)
-def _mean_symbol(kernel, m):
+def _mean_symbol(kernel: MemoryKernel, m: int) -> complex:
     """Return what a kernel on y^(m) multiplies a mean by; refuse one that never forgets the start.
 
     A kernel has a constant part where s K^(s) stays the same as s tends to 0.
@@ -211,7 +214,7 @@ class VaryingOrder:
     classical: ClassVar[bool] = False
     t_last: ClassVar[float] = math.inf
 
-    def __str__(self):
+    def __str__(self) -> str:
         return f"{'RiemannLiouville' if self.from_zero else 'Caputo'}({self.name})"
 
     @property
@@ -265,7 +268,7 @@ class VaryingOrder:
         required = f"stay in ({low}, {high}], where it is at the start"
         return values[:k], complaint("order", required, f"{reason} at t = {times[k]:.6g}")
 
-    def _at_once(self, times):
+    def _at_once(self, times: np.ndarray) -> np.ndarray | None:
         """Call the function once for all times; None where it does not take arrays of them."""
         try:
             # a function may write into what it is given
@@ -279,7 +282,7 @@ class VaryingOrder:
         close = np.abs(values[some] - alone) <= 1e-12 * np.abs(alone)
         return np.asarray(values, dtype=float) if close.all() else None
 
-    def _one_by_one(self, times):
+    def _one_by_one(self, times: np.ndarray) -> tuple[np.ndarray, str]:
         """Return values up to the first call that fails, and how that failed."""
         values = np.empty(times.size)
         for i, t in enumerate(times.tolist()):
@@ -293,19 +296,21 @@ class VaryingOrder:
 Operator = ConstantOrder | KernelOperator | VaryingOrder
 
 
-def distinct_components(equation):
+def distinct_components(
+    system: System,
+) -> tuple[list[tuple[tuple[float, Any], ...]], np.ndarray]:
     """Return the different (coefficient, operator) lists of components, and their indices.
 
     Terms with a zero coefficient are left out.
     """
-    columns = np.array([c for _, c in equation.left])
+    columns = np.array([c for _, c in system.left])
     if np.all(columns == columns[:, :1]):
         columns = columns[:, :1]
     rows = map(tuple, columns.T.tolist())
     kinds: dict[tuple, int] = {}
     numbers = [kinds.setdefault(row, len(kinds)) for row in rows]
-    held = [zip(row, equation.left, strict=True) for row in kinds]
+    held = [zip(row, system.left, strict=True) for row in kinds]
     keys = [tuple((c, operator) for c, (operator, _) in terms if c != 0) for terms in held]
     distinct = list(dict.fromkeys(keys))
     found = np.array([distinct.index(key) for key in keys], dtype=np.int64)[numbers]
-    return distinct, np.broadcast_to(found, equation.d).copy()
+    return distinct, np.broadcast_to(found, system.d).copy()
