@@ -1,1 +1,1 @@
-"""Terms, equations, and the systems that marches take."""
+"""Terms, equations, and the systems that marches solve."""

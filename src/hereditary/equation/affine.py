@@ -1,10 +1,12 @@
-"""Right-hand sides ``B x + A f(t + t_0, S x)`` that are made of a right-hand side f.
+"""Right-hand sides ``B x + A f(t + t_0, S x)``, linear transformations of a right-hand side f.
 
-Their Jacobians are ``B + A J S``. Behind the parameters of f stand S, B and A, then t_0, the number
-of values of f, and where each matrix begins. A matrix is where each of its rows begins and the last
-one ends, counted from there. Then come column and value of each entry, row by row. Where f reads
-the first components and its values are those of the last ones, there are no S and A. Then f sets
-its values in place.
+Their Jacobians are ``B + A J S``, with the Jacobian J of f. The parameters of f are followed by the
+matrices S, B and A. After these come t_0, the number of values of f, and the place of each matrix.
+A matrix of n rows is n + 1 offsets and then pairs of column and value, row by row. Offsets count
+from the beginning of the matrix: where each row's pairs begin, and where the last ones end.
+
+S and A are empty if f reads the first components, and its values are those of the last ones. Then f
+writes them in place.
 """
 
 from functools import lru_cache
@@ -55,7 +57,7 @@ def affine(
 
 
 def _by_rows(triples: ArrayLike, n: int) -> np.ndarray:
-    """Return the matrix of n rows with these entries as compiled code takes it."""
+    """Return a matrix of n rows, given by its entries, in the form of the parameters."""
     triples = np.reshape(triples, (-1, 3))
     triples = triples[np.argsort(triples[:, 0], kind="stable")]
     begins = n + 1 + 2 * np.searchsorted(triples[:, 0], np.arange(n + 1))
@@ -64,7 +66,7 @@ def _by_rows(triples: ArrayLike, n: int) -> np.ndarray:
 
 @inlined
 def own_size(params: np.ndarray) -> int:
-    """Number of parameters of f."""
+    """Return the number of parameters of f."""
     return int(params[-3])
 
 
@@ -106,7 +108,7 @@ def slopes(jac: Any) -> Any:
     return as_value(derived(all_slopes), JAC_SIG)
 
 
-# What follows is the same for every f, and kept on disk.
+# The following functions are the same for every f: their machine code is kept on disk.
 
 
 @compiled

@@ -1,13 +1,16 @@
-"""Equations of orders above 2, or with matrices as coefficients, as systems without.
+"""Equations of orders above 2, or with matrices as coefficients, as systems without either.
 
 ``sum_l C_l D^(gamma_l) y = f(t, y)`` with matrices C_l is solved for the highest derivative of each
-component: with A made of its columns of the C_l, ``D^alpha y + sum_l A^-1 C_l D^(gamma_l) y = A^-1
-f``. Terms of other components than the equation's own are memory that the right-hand side reads.
+component. Column j of a matrix A is that of the C_l in front of the highest derivative of y_j. The
+other columns remain in C_l, and ``D^alpha y + sum_l A^-1 C_l D^(gamma_l) y = A^-1 f``. Equation j
+has terms of y_j on the left side. Terms of other components are memory that the right-hand side
+reads.
 
-Let the leading order alpha be in (n - 1, n] with n > 2. Then ``y_k' = y_(k+1)`` for k < n - 1, and
-the last component y_(n-1) has an equation of order alpha - n + 1. A term of order gamma is y_k if
-gamma = k. Otherwise it is the derivative of order gamma - k of y_k, k < gamma. Derivatives of the
-last component are on the left side; other ones are memory that the right-hand side reads.
+Let the highest order alpha be in (n - 1, n] with n > 2. The components are y_0 = y and derivatives
+up to y_(n-1), with ``y_k' = y_(k+1)`` for k < n - 1. The last one has an equation of order
+``alpha - n + 1``. A term of order gamma is y_k if gamma = k < n. Otherwise it is the derivative of
+order ``gamma - k`` of y_k, where k is the largest integer below gamma. Derivatives of the last
+component are on the left side; other ones are memory that the right-hand side reads.
 """
 
 from __future__ import annotations
@@ -24,7 +27,7 @@ from .orders import merged_orders
 from .system import System, leading_orders
 from .terms import ConstantOrder, SystemTerm
 
-# Condition of the matrix in front of the highest derivatives from which on nothing is solved.
+# Largest condition number of the matrix in front of the highest derivatives that is not refused.
 _SINGULAR = 1e12
 
 
@@ -47,7 +50,7 @@ def _summed(left: Iterable[SystemTerm]) -> list[SystemTerm]:
 
 
 def _solved(left: Sequence[SystemTerm], d: int) -> tuple[list[Entry], np.ndarray | None]:
-    """List the terms, solved for the highest derivatives; and the matrix in front of f, or None."""
+    """Return the terms solved for the highest derivatives, and the matrix in front of f or None."""
     for operator, _ in left:
         if not operator.constant or operator.from_zero:
             required = (
@@ -81,8 +84,8 @@ def _solved(left: Sequence[SystemTerm], d: int) -> tuple[list[Entry], np.ndarray
 class Chained(NamedTuple):
     """System of an equation with orders above 2 or matrices, and where y' is.
 
-    `speeds` (d,) are the components that are y', -1 for none; (0,) where derivatives are no
-    components.
+    `speeds` (d,) has the number of the component that is y', -1 for none; (0,) where derivatives
+    are no components.
     """
 
     system: System
@@ -100,12 +103,12 @@ def chained(
         Coefficients are of shape (d,), or all (d, d), a row for each equation.
     y0 : ndarray, shape (m, d)
     params, rhs, jac
-        As a `System` takes them.
+        Those of a `System`.
     """
     d, above = y0.shape[1], len(y0) > 2
     entries, inverse = _solved(left, d)
     lengths = np.ceil(leading_orders(left, d)).astype(int).tolist() if above else [1] * d
-    # y, and derivatives behind it: the k-th one of y_j, and the component of the highest one
+    # (j, k) is the k-th derivative of y_j: y comes first, then y', and so on
     pairs = [(j, k) for k in range(max(lengths)) for j in range(d) if k < lengths[j]]
     places = {pair: place for place, pair in enumerate(pairs)}
     last = [places[j, length - 1] for j, length in enumerate(lengths)]
@@ -140,7 +143,7 @@ def chained(
 
 
 def left_of(found: Iterable[tuple[float, int, float]], width: int) -> list[SystemTerm]:
-    """List the terms of a system from orders, components and coefficients."""
+    """List the terms of a system, given as (order, component, coefficient)."""
     sums: dict[float, np.ndarray] = {}
     orders = merged_orders(np.array([order for order, _, _ in found]))
     for order, (_, place, c) in zip(orders.tolist(), found, strict=True):

@@ -52,7 +52,7 @@ class Equation:
         0.25 * Caputo(0.8)``. Orders and coefficients are one for all components or of shape (d,). A
         coefficient of shape (d, d) has a row for each equation and a column for each component. A
         sequence is a sum: two components of orders 0.9 and 0.8 are ``Caputo([0.9, 0.8])``.
-    rhs : callable, or None beside `linear`
+    rhs : callable, or None with `linear`
         ``rhs(t, y)`` or ``rhs(t, y, params)`` returning shape (d,) (or a number when d = 1), or in
         place ``rhs(t, y, dy, params)``. The number of arguments decides. t is a float, y has shape
         (d,). It is compiled with its helpers, and again before a run if a global or a closed-over
@@ -191,7 +191,7 @@ class Equation:
         start = Start(initial[0], nothing, _numbers(params), self.t_start)
         said, entries = None, jac
         if rhs is None or any(part is not None for part in (linear, bandwidth, jac_sparsity)):
-            from ..large.structure import copied, stated  # a leaf that stands on this room
+            from ..large.structure import copied, stated  # a leaf, which imports this room
 
             self.linear, self.jac_sparsity = copied(linear), copied(jac_sparsity)
             rearranged = len(initial) > 2 or factors.ndim > 2 or paired or bool(self.memory)
@@ -245,7 +245,7 @@ class Equation:
         paired: bool,
         known: dict[str, Any],
     ) -> System:
-        """Return the system of these terms: without matrices, without orders above 2."""
+        """Return the system of these terms, which has neither matrices nor orders above 2."""
         if self._given_d is not None:
             needed = leading_orders(left, initial.shape[1]) > np.arange(len(initial))[:, None]
             initial = np.where(needed, initial, 0.0)
@@ -313,9 +313,9 @@ class Equation:
         return Equation(**(self._arguments() | changes))
 
     def _with_params(self, params: np.ndarray) -> Equation | None:
-        """Return the equation with other parameters, all else shared; None where that will not do.
+        """Return the equation with other parameters, or None if it must be made anew.
 
-        Functions were checked when they were compiled: here the right-hand side is called once.
+        The functions are the same and were checked before: the right-hand side is called once.
         """
         system = self.system
         alone = not system.read.any() and system.structure is None and not self._callbacks
@@ -324,7 +324,7 @@ class Equation:
         system = displaced(system, system.y0, params)
         try:
             out = system.force(0.0, system.y0[0])
-        except Exception:  # the whole way says what is wrong
+        except Exception:  # checks of a new equation say what is wrong
             return None
         if not np.isfinite(out).all():
             return None
@@ -340,8 +340,8 @@ class Equation:
     def jacobian(self, t: float, y: ArrayLike) -> Any:
         """Return d rhs / d y at time t, shape (d, d): the given one, or differences.
 
-        Of real components y (d,), as `d` counts them; SciPy's CSR array where entries are stated.
-        `linear` is part of it.
+        y (d,) are real components, as `d` counts them. `linear` is included. The result is SciPy's
+        CSR array where entries are stated.
         """
         if self.system.read.any():
             required = "read no memory where its Jacobian by y alone is asked for"
@@ -359,7 +359,7 @@ class Equation:
         return self if self._present_values() == self._frozen else self.replace()
 
     def _digest_of_rhs(self) -> str:
-        """Return the digest of the right-hand side, a known one where its values say all."""
+        """Return the digest of the right-hand side, from its frozen values if they determine it."""
         if self._callbacks or self._constants or self.rhs is None:
             return digest(self.rhs, *self._constants)
         return digest_of_compiled(self._frozen[0], self.rhs)
@@ -367,7 +367,7 @@ class Equation:
     def _present_values(self) -> Any:
         """Return the values that the functions now read, for comparison."""
         functions = self.rhs, self.jac, self.jac_memory
-        if self._callbacks:  # whose objects may hold anything
+        if self._callbacks:  # whose objects may contain anything
             return digest(*functions)
         return tuple(present_values(fun) for fun in functions)
 
@@ -393,7 +393,7 @@ def _numbers(params: ArrayLike) -> np.ndarray:
 
 
 def _check_leading(left: Iterable[SystemTerm], y0: np.ndarray) -> None:
-    """Refuse components without a term, and initial values that an order does not take."""
+    """Refuse components without a term, and initial values that no order needs."""
     d = y0.shape[1]
     highest = leading_orders([term for term in left if not term.operator.from_zero], d)
     for j in np.flatnonzero(highest == 0):

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from .equation import Equation
     from .operators import Term
 
-# Kernels whose parameters take more letters are shown by their kind alone.
+# Longest description of a kernel, in letters: a longer one is replaced by the name of its class.
 _LONGEST = 60
 
 
@@ -59,7 +59,7 @@ def _number(coefficient: np.ndarray) -> str:
 
 
 def _plain(values: ArrayLike) -> str:
-    """Return one number where all are the same, else a few of them."""
+    """Return one number where all are equal, otherwise up to four of them."""
     values = np.unique(values) if np.ptp(values) == 0 else np.ravel(values)
     shown = [f"{value:g}" for value in values[:4]] + ["..."] * (values.size > 4)
     return shown[0] if len(shown) == 1 else f"({', '.join(shown)})"

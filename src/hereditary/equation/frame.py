@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 class Frame(NamedTuple):
     """Map between times and components inside a run and those of the user.
 
-    Inside, a run begins at time 0 and all components are real: a complex one is two, its real and
-    imaginary part side by side. Of an order above 2 the derivatives are components too, behind y.
+    Inside, a run begins at time 0 and all components are real. The real and the imaginary part of a
+    complex one are two, next to each other. For orders above 2 derivatives of y are further ones.
 
     Attributes
     ----------
@@ -22,8 +22,8 @@ class Frame(NamedTuple):
     paired : bool
         Whether components are complex.
     speeds : tuple of int
-        Component that is the first derivative of each real one of y, -1 for none; empty where
-        derivatives are no components.
+        Number of the component that is the first derivative of each real component of y, -1 for
+        none; empty where derivatives are no components.
     """
 
     start: float = 0.0
@@ -31,24 +31,24 @@ class Frame(NamedTuple):
     speeds: tuple[int, ...] = ()
 
     def values(self, inside: np.ndarray) -> np.ndarray:
-        """Return y of components (..., n) as the user sees it."""
+        """Return y, in the components of the user, from components (..., n) of a run."""
         if self.speeds:
             inside = inside[..., : len(self.speeds)]
         return np.ascontiguousarray(inside).view(complex) if self.paired else inside
 
     def doubled(self, values: ArrayLike) -> ArrayLike:
-        """Return a number, or one for each component of y, for the real components that y has."""
+        """Return values for real components, from those for components of y; a number as it is."""
         return np.repeat(values, 2) if self.paired and np.ndim(values) else values
 
     def moved(self, inside: np.ndarray, values: ArrayLike) -> np.ndarray:
-        """Return components (n,) where y, as the user sees it, has other values."""
+        """Return a copy of components (n,) of a run with these values of the user for y."""
         found = inside.copy()
         real = np.ascontiguousarray(values, complex if self.paired else float).view(float)
         found[: real.size] = real
         return found
 
     def slopes(self, inside: np.ndarray, slopes: np.ndarray) -> np.ndarray:
-        """Return y' as the user sees it, of components and their slopes (..., n) each."""
+        """Return y', in the components of the user, from components of a run and their slopes."""
         if self.speeds:
             speeds = np.array(self.speeds)
             known = inside[..., np.maximum(speeds, 0)]
@@ -56,12 +56,12 @@ class Frame(NamedTuple):
         return np.ascontiguousarray(slopes).view(complex) if self.paired else slopes
 
     def event(self, function: Callable[..., Any]) -> Callable[..., Any]:
-        """Return a function of the user's times and components as one of those inside."""
+        """Return a function of times and components of the user as one of those of a run."""
         return function if self == Frame() else _Inside(function, self)
 
 
 class _Inside:
-    """An event function that is given times and components of a run."""
+    """An event function of the user, called with times and components of a run."""
 
     def __init__(self, function: Callable[..., Any], frame: Frame) -> None:
         self._function, self._frame, self.start = function, frame, frame.start

@@ -21,7 +21,7 @@ from ..support.checks import instance, one_of, real_array, refuse, shown
 from .orders import HIGHEST, ROUNDING, derivative_order, rounded_order
 from .terms import ConstantOrder, KernelOperator, Operator, VaryingOrder
 
-# What a negative order asks for.
+# Remedy for a negative order, which means a fractional integral.
 _INTEGRAL = (
     "the fractional integral of order a, 0 < a < 1, is "
     "Memory(PowerLaw(1 - a) / scipy.special.gamma(a), 0), also in hereditary.derivative"
@@ -31,7 +31,7 @@ _INTEGRAL = (
 class Summand:
     """A part of an equation's left-hand side: it can be scaled, and added to others."""
 
-    # without this NumPy would take `array * Caputo(...)` apart, entry by entry
+    # without this NumPy would multiply entry by entry in `array * Caputo(...)`
     __array_ufunc__ = None
 
     def _terms(self) -> tuple[Term, ...]:
@@ -166,9 +166,9 @@ class Caputo(Summand):
         return self.varying is None
 
     def parts(self, orders: np.ndarray) -> list[tuple[Operator, np.ndarray | bool]]:
-        """Return operators of a `System`, and for each which components have it.
+        """Return operators of a `System`, and for each which components (d,) have it; True for all.
 
-        `orders` (d,) are the constant orders as the equation rounds them.
+        `orders` (d,) are the constant orders as the equation rounds them; ignored if they vary.
         """
         if self.varying is not None:
             return [(self.varying, True)]
@@ -296,7 +296,7 @@ class Term(Summand):
         if not square or factor.size == 0:
             refuse("coefficient", required, f"shape {factor.shape}")
         factor.flags.writeable = False
-        # Caputo or Memory: callers know which attributes theirs has
+        # Caputo or Memory, whose attributes differ
         self.operator: Any = operator
         self.coefficient = factor
 
@@ -313,7 +313,7 @@ class Term(Summand):
         return Term(self.operator, checked * own)
 
     def plain(self) -> Term:
-        """Return the term with its kernel's factor in the coefficient, a power law as Caputo's."""
+        """Return the term with its kernel's factor in its coefficient, a power law as Caputo's."""
         operator, coefficient = self.operator, self.coefficient
         if not isinstance(operator, Memory):
             return self

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from ..support.checks import real_array, refuse
 
-# Orders this close to an integer, or to each other, are it: they come from sums and quotients.
+# Distance up to which orders count as equal, or as an integer: sums and quotients are rounded.
 ROUNDING = 1e-14
 # Highest order of an equation.
 HIGHEST = 20

@@ -42,7 +42,7 @@ def left_side(
     orders: Iterable[np.ndarray],
     origin: float,
 ) -> list[SystemTerm]:
-    """List the system's own operators with their coefficients; one for each constant order.
+    """List the operators of a system's left side with their coefficients, one for each order.
 
     Times of the system count from `origin`.
     """
@@ -75,9 +75,9 @@ def factors_of(terms: Sequence[Term], d: int, paired: bool) -> np.ndarray:
 
 
 def check_initial_terms(left: Iterable[SystemTerm], leading: np.ndarray) -> None:
-    """Refuse Riemann-Liouville terms whose order is too close to `leading`, those of Caputo's (d,).
+    """Refuse Riemann-Liouville terms that are not below `leading` (d,), highest orders of Caputo's.
 
-    y' would be infinite at 0 where its initial value is given.
+    With a given y'(0) they must be below it by more than 1: y' would be infinite at 0.
     """
     for operator, coefficients in left:
         if not operator.from_zero:
@@ -102,7 +102,7 @@ def _order_at_start(operator: Operator) -> float:
 def per_component(
     name: str, arrays: Sequence[np.ndarray], d: int, paired: bool = False
 ) -> np.ndarray:
-    """Stack one row a term, each broadcast to d components; to two each where they are paired."""
+    """Return a row for each term, broadcast to d components, or to 2 d if they are `paired`."""
     for array in arrays:
         if array.ndim and array.size != d:
             required = f"be one number or one for each of the {d} components"
@@ -132,9 +132,9 @@ def read_terms(memory: Summand | Iterable[Summand]) -> tuple[Term, ...]:
 def with_memory(system: System, memory: Sequence[Term]) -> System:
     """Return a system with the memory that its right-hand side reads: (1 + k) d components.
 
-    Behind the d components come those of each term of `memory`, which `left` has for them. Schemes
-    weigh them as they would weigh such a term in an equation. Marches give them the increments of
-    their sources.
+    The d components are followed by d for each term of `memory`. That term is the left side of
+    these, so schemes weigh it like a term of an equation. Marches give such components the
+    increments of their `sources`.
     """
     d, k, origin, paired = system.d, len(memory), system.frame.start, system.frame.paired
     own_d = d // 2 if paired else d
@@ -164,14 +164,15 @@ def with_memory(system: System, memory: Sequence[Term]) -> System:
 
 def _check_below(operator: Operator, lowest: float) -> None:
     """Refuse memory of an order that is not below `lowest`, the highest of its components."""
-    order = _order_at_start(operator)  # it is the user's to keep one that varies below
-    if operator.kernel is not None:  # bounded kernels give one derivative less
+    order = _order_at_start(operator)  # one that varies is checked there alone
+    if operator.kernel is not None:  # K ~ t**-a near 0 acts like order m - 1 + a
         order += operator.kernel.singular_exponent - 1
     if order >= lowest:
         required = f"have orders below the highest of their component, {lowest:g}"
         refuse("memory", required, f"{order:g}", "solve the equation for its highest derivative")
 
 
+# What messages about y0 say of y' in a right-hand side.
 _SPEED = (
     "; y' is no entry of y: with memory=hd.Caputo(1), rhs(t, y, memory) or rhs(t, y, memory, "
     "params) reads it as memory[0, 0]"
@@ -226,7 +227,7 @@ def initial_rows(values: np.ndarray, m: int, d: int) -> np.ndarray:
 
 
 def of_shorthand(values: np.ndarray, initial: np.ndarray, reads_memory: bool) -> str:
-    """Return what a flat y0 was taken for, and how rhs reads y', where these may be meant."""
+    """Return a hint for messages: what a flat y0 means, and how rhs reads y'; or ""."""
     speed = _SPEED if initial.shape == (2, 1) and not reads_memory else ""
     if values.ndim != 1 or initial.shape[0] == 1:
         return speed

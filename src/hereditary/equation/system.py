@@ -1,4 +1,4 @@
-"""Equations as schemes and marches see them, and systems derived from one."""
+"""Systems, which schemes and marches solve, and systems derived from one."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ class System:
     Attributes
     ----------
     left : tuple of SystemTerm
-        Operators of the left side with their coefficients; of memory those that make it.
+        Operators of the left side with their coefficients; for memory those of its term.
     y0 : ndarray, shape (m, d)
-        y(0), and y'(0) where m = 2; of memory those of the component that it belongs to.
+        y(0), and y'(0) where m = 2; for memory those of its source.
     compiled_params : ndarray
-        Parameters of the right-hand side, and behind them numbers that only compiled code reads.
+        Parameters of the right-hand side, followed by numbers that only compiled code reads.
     compiled_rhs : callable or None
         Right-hand side; None in systems for plans alone.
     compiled_jac : callable, optional
@@ -42,14 +42,14 @@ class System:
     sources : ndarray of int64, shape (d,), optional
         Component whose memory each component is; itself for a component with an equation.
     structure : large.structure.Structure, optional
-        Entries of the Jacobian that may differ from 0, which are then all that it sets.
+        Entries of the Jacobian that may differ from 0; then the Jacobian sets these alone.
     n_params : int, optional
         Number of parameters of the user.
     quantities, of_y : ndarray of int64, shape (d,), optional
-        Number of the quantity that each component is, 0 for y: derivatives and parameters are
-        others. Component of y that it belongs to, by default that of its memory.
+        Number of the quantity whose scale each component has: 0 for y, others for derivatives and
+        parameters. Component of y that each belongs to, by default its source.
     frame : Frame
-        How users see times and components.
+        Map to times and components of the user.
     rhs_digest, terms_digest : str
         Digests, equal in other processes, of the user's right-hand side and of terms that `left`
         does not show.
@@ -88,7 +88,7 @@ class System:
             set_once("of_y", self.sources)
 
     def spread(self, values: Any) -> np.ndarray:
-        """Return a number, or one for each component of y, as one for each component, (d,)."""
+        """Return values for all components, (d,), from a number or one for each component of y."""
         values = np.asarray(values)
         return np.full(self.d, values) if values.ndim == 0 else values[self.of_y]
 
@@ -128,7 +128,7 @@ class System:
     def params(self) -> np.ndarray:
         """Parameters of the right-hand side, shape (p,), not to be written to.
 
-        Marches take `compiled_params`: compiled code knows no read-only arrays.
+        Marches use `compiled_params`, because compiled code accepts no read-only arrays.
         """
         locked = self.compiled_params[: self.n_params]
         locked.flags.writeable = False
@@ -143,7 +143,7 @@ class System:
     def beside(self, t: float, sign: float) -> float:
         """Return a time after (sign 1) or before (-1) t, by some units of rounding.
 
-        A function that rounds the time of a jump differently still sees it on that side.
+        It is on that side of a jump at t also for functions that round the time differently.
         """
         start = self.frame.start
         apart = 8 * np.spacing(max(abs(t), abs(start), abs(start + t)))
@@ -156,12 +156,12 @@ class System:
 
     @cached_property
     def above(self) -> np.ndarray:
-        """Whether each component, or what it is the memory of, has an order above 1, (d,)."""
+        """Whether each component, or the one whose memory it is, has an order above 1, (d,)."""
         return self.highest_orders()[self.sources] > 1
 
     @cached_property
     def at_start(self) -> np.ndarray:
-        """Components at time 0, shape (d,): y(0), and memory, which is 0 but for that of y'."""
+        """Components at time 0, shape (d,): y(0), and memory, which is 0 unless its order is 1."""
         first = self.y0[-1] if self.m == 2 else np.zeros(self.d)
         return np.where(self.read, self.coefficient(1.0) * first, self.y0[0])
 
@@ -235,18 +235,19 @@ class System:
         return np.where(self.units > 0, self.units, 1.0)
 
     def dense(self) -> System:
-        """Return the system without known entries, its Jacobians by differences where it has some.
+        """Return the system with a dense Jacobian, by differences if its entries were stated.
 
-        For those who take dense Jacobians alone.
+        For methods that need dense Jacobians.
         """
         if self.structure is None:
             return self
         return replace(self, compiled_jac=None, structure=None, matrix=None, linear_alone=False)
 
     def motion(self, t: float, y: np.ndarray, ydot: np.ndarray) -> np.ndarray:
-        """Estimate y' at time t from y and ydot, both (d,), NaN where ydot is no unknown.
+        """Estimate y' at time t from y and ydot, both (d,).
 
-        There it is the right-hand side over the leading coefficient, as without lower terms.
+        For orders up to 1 it is the right-hand side over the leading coefficient, lower terms
+        neglected. Above 1 it is ydot.
         """
         force = self.force(self.beside(t, 1), y)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -287,7 +288,7 @@ def variational(system: System, directions: np.ndarray) -> System:
     Returns
     -------
     System
-        For plans of schemes, which call its right-hand side from Python; a march takes the one of
+        For plans of schemes, which call its right-hand side from Python; a march uses the one of
         `system`. Since schemes treat all components alike, a scheme applied to it gives the exact
         derivative of the scheme applied to `system`.
     """
@@ -302,7 +303,7 @@ def variational(system: System, directions: np.ndarray) -> System:
 
 
 def side_by_side(systems: Sequence[System]) -> System:
-    """Return systems with the same left side, one behind the other, as one; for plans alone."""
+    """Return several systems with the same left side as one, for plans alone."""
     d = systems[0].d
 
     def rhs(t: float, y: np.ndarray, dy: np.ndarray, _: np.ndarray) -> None:
@@ -314,7 +315,7 @@ def side_by_side(systems: Sequence[System]) -> System:
 
 
 def _repeated(system: System, times: int, y0: np.ndarray, rhs: Any) -> System:
-    """Return a system whose components have the terms of those of `system`, again and again."""
+    """Return a system whose components are those of `system`, so many times, with their terms."""
     left = [SystemTerm(operator, np.tile(c, times)) for operator, c in system.left]
     sources = (system.sources + system.d * np.arange(times)[:, None]).ravel()
     return System(left, y0, system.compiled_params, rhs, sources=sources)

@@ -1,4 +1,4 @@
-"""Memory operators as schemes and histories ask them: one list of them makes an equation.
+"""Memory operators of a system, as schemes and histories use them.
 
 Each sends y to ``int_0^t K(t-s) y^(m)(s) ds``, with Caputo's kernel of a constant order, with that
 of an order that varies, or with a general kernel.
@@ -47,7 +47,7 @@ class ConstantOrder:
     order : float
         alpha in (0, 2].
     from_zero : bool
-        Whether it is Riemann and Liouville's, which takes y as 0 before the start.
+        Whether it is Riemann and Liouville's, where y is 0 before the start.
     """
 
     order: float
@@ -92,7 +92,7 @@ class ConstantOrder:
         return np.full(times.size, self.power), ""
 
     def described(self, times: np.ndarray) -> object:
-        """Order alpha."""
+        """Return a description: the order."""
         return ("Riemann-Liouville", self.order) if self.from_zero else self.order
 
 
@@ -153,7 +153,7 @@ class KernelOperator:
 
 @lru_cache(maxsize=64)
 def _mean_symbol(kernel: MemoryKernel, m: int) -> complex:
-    """Return what a kernel on y^(m) multiplies a mean by; refuse one that never forgets the start.
+    """Return the factor on a mean of y in a term with y^(m); refuse kernels that do not fade.
 
     A kernel has a constant part where s K^(s) stays the same as s tends to 0.
     """
@@ -179,9 +179,9 @@ class VaryingOrder:
     derivative : int
         m, 1 or 2: orders lie in (m - 1, m].
     origin : float
-        The time that is called 0 [time].
+        Time of the function at time 0 of the operator [time].
     from_zero : bool
-        Whether it is Riemann and Liouville's, which takes y as 0 before the start.
+        Whether it is Riemann and Liouville's, where y is 0 before the start.
     """
 
     function: Callable
@@ -219,7 +219,7 @@ class VaryingOrder:
 
     @property
     def order(self) -> float:
-        """m: the least upper bound of the orders that it may take."""
+        """m, the upper bound of its orders."""
         return float(self.derivative)
 
     def powers(self, times: np.ndarray) -> tuple[np.ndarray, str]:
@@ -269,15 +269,15 @@ class VaryingOrder:
         return values[:k], complaint("order", required, f"{reason} at t = {times[k]:.6g}")
 
     def _at_once(self, times: np.ndarray) -> np.ndarray | None:
-        """Call the function once for all times; None where it does not take arrays of them."""
+        """Call the function once for all times; return None where it accepts no arrays."""
         try:
-            # a function may write into what it is given
+            # a copy, because the function may write into it
             values = np.broadcast_to(np.asarray(self.function(times.copy())), times.shape)
             if values.dtype.kind not in "iuf":
                 return None
             some = sorted({0, times.size // 2, times.size - 1})
             alone = np.array([float(self.function(float(times[i]))) for i in some])
-        except Exception:  # whatever it is: one by one will tell
+        except Exception:  # `_one_by_one` reports it
             return None
         close = np.abs(values[some] - alone) <= 1e-12 * np.abs(alone)
         return np.asarray(values, dtype=float) if close.all() else None
@@ -299,9 +299,9 @@ Operator = ConstantOrder | KernelOperator | VaryingOrder
 def distinct_components(
     system: System,
 ) -> tuple[list[tuple[tuple[float, Any], ...]], np.ndarray]:
-    """Return the different (coefficient, operator) lists of components, and their indices.
+    """Return the different lists of (coefficient, operator), and the number of each component's.
 
-    Terms with a zero coefficient are left out.
+    Terms with a zero coefficient are omitted.
     """
     columns = np.array([c for _, c in system.left])
     if np.all(columns == columns[:, :1]):
