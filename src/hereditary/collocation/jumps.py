@@ -16,7 +16,7 @@ _SWEEPS = 100
 _GOAL = 1e-14
 
 
-def jump(equation, form, orbit, t, counts):
+def jump(system, form, orbit, t, counts):
     """Solve for the jump of p at time t that restores the equation, and apply it.
 
     The equation held before: its terms equal the right-hand side just before t or, at t = 0,
@@ -27,12 +27,10 @@ def jump(equation, form, orbit, t, counts):
     if not free.any():
         return True
     p, x, is_y = orbit.p.copy(), orbit.x.copy(), form.second == 0
-    before = (
-        _forces(equation, equation.beside(t, -1), x, counts)[0] if t > 0 else coefficients_of_p * p
-    )
+    before = _forces(system, system.beside(t, -1), x, counts)[0] if t > 0 else coefficients_of_p * p
     stiffness = np.where(free, stiffness + coefficients_of_p, 1.0)
     for _ in range(_SWEEPS):
-        forces, jacobian = _forces(equation, equation.beside(t, 1), x, counts)
+        forces, jacobian = _forces(system, system.beside(t, 1), x, counts)
         left = np.where(free, forces - before - stiffness * (p - orbit.p), 0.0)
         matrix = np.diag(stiffness) - np.where(is_y, jacobian, 0.0) * np.outer(free, free)
         if not np.all(np.isfinite(left)) or np.linalg.matrix_rank(matrix) < free.size:
@@ -46,9 +44,9 @@ def jump(equation, form, orbit, t, counts):
     return False
 
 
-def _forces(equation, t, x, counts):
+def _forces(system, t, x, counts):
     """Return f for the orbit and its tangents, (1 + k, d), and the Jacobian; x (1 + k, d)."""
-    force, jacobian = equation.force(t, x[0]), equation.jacobian_inside(t, x[0])
+    force, jacobian = system.force(t, x[0]), system.jacobian_inside(t, x[0])
     counts["rhs"] += 1
     return np.vstack([force, x[1:] @ jacobian.T]), jacobian
 

@@ -344,7 +344,7 @@ def _round_to_decades(closest, farthest):
     return farthest / 10.0 ** math.ceil(math.log10(max(farthest / closest, 10.0)))
 
 
-def initial_unknowns(equation, second, directions):
+def initial_unknowns(system, second, directions):
     """Return y(0), and y'(0) where m = 2, of the orbit and of k tangents, shape (1 + k, m, d).
 
     A tangent begins at one of the directions, (n_data, k), in which initial values change. First
@@ -352,10 +352,10 @@ def initial_unknowns(equation, second, directions):
     marks.
     """
     if directions is None:
-        return equation.y0[None]
-    values = np.zeros((1 + directions.shape[1], *equation.y0.shape))
-    values[0] = equation.y0
-    values[1:, 0] = directions[: equation.d].T
-    if equation.m == 2:
-        values[1:, 1, second] = directions[equation.d :].T
+        return system.y0[None]
+    values = np.zeros((1 + directions.shape[1], *system.y0.shape))
+    values[0] = system.y0
+    values[1:, 0] = directions[: system.d].T
+    if system.m == 2:
+        values[1:, 1, second] = directions[system.d :].T
     return values

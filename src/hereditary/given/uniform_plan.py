@@ -121,17 +121,17 @@ def parabola_plan(system, h, theta, closing=False, **more):
     return uniform_plan(system, h, theta, weighed, starts=[(start, 0.0)], **more)
 
 
-def drift_of_speed(equation, whole=False):
+def drift_of_speed(system, whole=False):
     """Return derivatives of t x'(0), which increments omit: amplitudes, powers, (r, d) each.
 
     None where they keep it, nor for components of order up to 1. There only the halves of a reduced
     order have an x'(0), and their terms act on x - t x'(0) alone.
     """
-    if equation.m == 1 or whole:
-        return np.zeros((2, 0, equation.d))
-    above = equation.above
-    lower = [(op, c) for op, c in equation.left if op.constant and op.order <= 1]
-    rows = [(op.factor(1.0) * np.where(above, c, 0) * equation.y0[1], op.power) for op, c in lower]
-    amplitudes = np.array([row for row, _ in rows]).reshape(-1, equation.d)
-    powers = np.array([np.full(equation.d, p) for _, p in rows]).reshape(-1, equation.d)
+    if system.m == 1 or whole:
+        return np.zeros((2, 0, system.d))
+    above = system.above
+    lower = [(op, c) for op, c in system.left if op.constant and op.order <= 1]
+    rows = [(op.factor(1.0) * np.where(above, c, 0) * system.y0[1], op.power) for op, c in lower]
+    amplitudes = np.array([row for row, _ in rows]).reshape(-1, system.d)
+    powers = np.array([np.full(system.d, p) for _, p in rows]).reshape(-1, system.d)
     return amplitudes, powers

@@ -74,10 +74,10 @@ class IMEX(Scheme):
         """Orders of the equations that `scheme` solves."""
         return self.scheme.orders
 
-    def check_terms(self, equation: System) -> None:
+    def check_terms(self, system: System) -> None:
         """Refuse what `scheme` does not take, and equations without `linear`."""
-        super().check_terms(equation)
-        if equation.matrix is None:
+        super().check_terms(system)
+        if system.matrix is None:
             remedy = "Equation(terms, rhs, y0, linear=A), or take the scheme by itself"
             refuse("linear", "be given with IMEX", "None", remedy)
 
@@ -94,21 +94,21 @@ class IMEX(Scheme):
         order = self.scheme.order(alpha, smoothness)
         return order if smoothness == "smooth" else min(order, 1 + alpha)
 
-    def reduction(self, equation: System) -> System | None:
+    def reduction(self, system: System) -> System | None:
         """Return the equation with its constant matrix alone for the Jacobian."""
-        matrix, (jac, structure) = equation.matrix, (slopes(no_slopes()), None)
-        if equation.d > FEW and 2 * matrix.nnz < equation.d**2:
+        matrix, (jac, structure) = system.matrix, (slopes(no_slopes()), None)
+        if system.d > FEW and 2 * matrix.nnz < system.d**2:
             none = np.zeros(0, dtype=np.int64)
             jac = entries_of(None, (0,), True)
-            structure = Structure.of(equation.d, none, none, none, matrix)
-        return replace(equation, compiled_jac=jac, structure=structure, linear_alone=False)
+            structure = Structure.of(system.d, none, none, none, matrix)
+        return replace(system, compiled_jac=jac, structure=structure, linear_alone=False)
 
-    def plan(self, equation: System, h: float) -> Plan:
-        """Make tables and convolution for `equation` with step h."""
-        return replace(self.scheme.plan(equation, h), slowest=SLOWEST)
+    def plan(self, system: System, h: float) -> Plan:
+        """Make tables and convolution for `system` with step h."""
+        return replace(self.scheme.plan(system, h), slowest=SLOWEST)
 
-    def mesh_plan(self, equation: System, times: np.ndarray) -> Plan:
+    def mesh_plan(self, system: System, times: np.ndarray) -> Plan:
         """Make the plan on a mesh of any steps."""
         if not self.takes_meshes:
-            return super().mesh_plan(equation, times)
-        return self.scheme.mesh_plan(equation, times)
+            return super().mesh_plan(system, times)
+        return self.scheme.mesh_plan(system, times)

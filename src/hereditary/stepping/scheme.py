@@ -62,27 +62,27 @@ class Scheme(ABC):
         """Whether its steps are the equation itself: they have no error and no stability limit."""
         return False
 
-    def check_terms(self, equation: System) -> None:
+    def check_terms(self, system: System) -> None:
         """Refuse orders and terms that the scheme does not take."""
         remedy = "use ExplicitCaputo, L1 or Collocation"
         name = type(self).__name__
-        if equation.read.any():
+        if system.read.any():
             if not self.takes_memory:
                 required = f"need no memory that the right-hand side reads with {name}"
-                read = [op for op, own in equation.left if np.any(own[equation.read])]
+                read = [op for op, own in system.left if np.any(own[system.read])]
                 got = " and ".join(map(str, read))
                 refuse("terms", required, got, remedy)
             remedy = "use ExplicitCaputo or L1"
-        for operator, _ in equation.left:
+        for operator, _ in system.left:
             if operator.kernel is not None and not self.takes_kernels:
                 refuse("terms", f"be Caputo operators with {name}", f"{operator}", remedy)
             if operator.varies and not self.takes_varying:
                 refuse("terms", f"have constant orders with {name}", f"{operator}", remedy)
-        highest = float(equation.highest_orders().max())
+        highest = float(system.highest_orders().max())
         if highest > self.orders[1]:
             required = f"be at most {self.orders[1]:g} for {self!r}"
             refuse("order", required, highest, "use BDF(2) or L1")
-        terms = 1 if self.several_terms else max(map(len, distinct_components(equation)[0]))
+        terms = 1 if self.several_terms else max(map(len, distinct_components(system)[0]))
         if terms > 1:
             refuse("terms", f"hold one term for each component with {name}", f"{terms}", remedy)
 
@@ -91,15 +91,15 @@ class Scheme(ABC):
         """Return the proven order of convergence at a fixed time."""
 
     @abstractmethod
-    def plan(self, equation: System, h: float) -> Any:
-        """Make the `Plan` (given/plan.py) for `equation` with step h."""
+    def plan(self, system: System, h: float) -> Any:
+        """Make the `Plan` (given/plan.py) for `system` with step h."""
 
-    def reduction(self, equation: System) -> System | None:
+    def reduction(self, system: System) -> System | None:
         """Return a system to march instead, whose first d components are y, or None."""
         return None
 
-    def mesh_plan(self, equation: System, times: np.ndarray) -> Any:
-        """Make the `Plan` for `equation` on a mesh of any steps."""
+    def mesh_plan(self, system: System, times: np.ndarray) -> Any:
+        """Make the `Plan` for `system` on a mesh of any steps."""
         if self.takes_meshes:
             raise NotImplementedError(f"{type(self).__name__}.mesh_plan")
         required = f"be left out with {type(self).__name__}, which takes uniform steps"

@@ -93,12 +93,12 @@ HATS = WeightRule(hat_weights, _exponent, _modal_hat)
 FIRST_VALUE = WeightRule(start_weights, _exponent, _modal_start)
 
 
-def _plan(equation, h, corrections):
+def _plan(system, h, corrections):
     """Make the plan in integral form."""
     weighed, start = (partial(_weighed, h=h, rule=rule) for rule in (HATS, FIRST_VALUE))
     how = {"integral": True, "first_modal": 3, "sweeps": corrections, "slowest": QUICK}
-    plan = uniform_plan(equation, h, 1.0, weighed, starts=[(start, 0.0)], **how)
-    return replace(plan, region=_region(equation, plan.rows.lead[plan.groups, 0], corrections))
+    plan = uniform_plan(system, h, 1.0, weighed, starts=[(start, 0.0)], **how)
+    return replace(plan, region=_region(system, plan.rows.lead[plan.groups, 0], corrections))
 
 
 def _weighed(c, operator, h, rule):
@@ -106,7 +106,7 @@ def _weighed(c, operator, h, rule):
     return -(h**operator.order) * rgamma(operator.order + 2) / c, rule, operator.order
 
 
-def _region(equation, lead, corrections):
+def _region(system, lead, corrections):
     """Return the limits of -d f / d y; None if every step is stable.
 
     Sweeps contract only if ``lead K < 1``. This is the limit of stability for an odd number of
@@ -114,7 +114,7 @@ def _region(equation, lead, corrections):
     alternating mode leaves the unit circle above order 1 only, at ``lead K = 1 / (4
     |eta(-1-beta)|)``, eta being Dirichlet's.
     """
-    orders = equation.highest_orders()[equation.sources]
+    orders = system.highest_orders()[system.sources]
     if corrections:
         limits = 1 / lead
     elif orders.max() <= 1:
@@ -189,9 +189,9 @@ class Adams(Scheme):
         gains = self.corrections + 1 if smoothness == "smooth" else 1
         return min(2.0, 1 + gains * alpha)
 
-    def plan(self, equation: System, h: float) -> Plan:
-        """Make tables and convolution for `equation` with step h."""
-        return _plan(equation, h, self.corrections)
+    def plan(self, system: System, h: float) -> Plan:
+        """Make tables and convolution for `system` with step h."""
+        return _plan(system, h, self.corrections)
 
 
 @dataclass(frozen=True)
@@ -233,6 +233,6 @@ class ProductTrapezoid(Scheme):
         check_smoothness(smoothness)
         return 2.0 if smoothness == "smooth" else min(2.0, 1 + alpha)
 
-    def plan(self, equation: System, h: float) -> Plan:
-        """Make tables and convolution for `equation` with step h."""
-        return _plan(equation, h, 0)
+    def plan(self, system: System, h: float) -> Plan:
+        """Make tables and convolution for `system` with step h."""
+        return _plan(system, h, 0)

@@ -92,16 +92,16 @@ class BDF(Scheme):
         check_smoothness(smoothness)
         return float(self.formula)
 
-    def plan(self, equation: System, h: float) -> Plan:
-        """Make tables and convolution for `equation` with step h."""
+    def plan(self, system: System, h: float) -> Plan:
+        """Make tables and convolution for `system` with step h."""
         p = self.formula
-        corrections, drift = _start_corrections(equation, h, p), _formed_drift(equation, h, p)
+        corrections, drift = _start_corrections(system, h, p), _formed_drift(system, h, p)
         if drift is not None:
             at_start, *drift = drift
             at_start[: p - 1] -= corrections
             corrections = -at_start
         return uniform_plan(
-            equation,
+            system,
             h,
             1.0,
             partial(weighed_by_power, h=h, rule=quadrature_weights(p)),
@@ -167,26 +167,26 @@ _N_EARLY = 256
 _N_LATE = 3
 
 
-def _formed_drift(equation, h, p):
+def _formed_drift(system, h, p):
     """Return the error of the formula for t y'(0) in the terms of order below 1.
 
     These go with ``t**(1-gamma)``, of which the sums for the rest would leave order 2 - gamma. The
     first values (k, d), and the amplitudes and powers of what is left later (r, d); None without
     such terms.
     """
-    above = equation.above
+    above = system.above
     lower = [
         (operator.order, np.where(above, c, 0.0))
-        for operator, c in equation.left
+        for operator, c in system.left
         if operator.order < 1 and np.any(c[above])
     ]
-    if p == 1 or equation.m == 1 or not lower:
+    if p == 1 or system.m == 1 or not lower:
         return None
-    first, k = np.zeros((_N_EARLY, equation.d)), np.arange(_N_LATE)
+    first, k = np.zeros((_N_EARLY, system.d)), np.arange(_N_LATE)
     amplitudes, powers = [], []
     for gamma, c in lower:
         early, late = drift_defect(p, gamma)
-        speed = c * equation.y0[1]
+        speed = c * system.y0[1]
         first += np.outer(h ** (1 - gamma) * early, speed)
         amplitudes.append(np.outer(h ** (p + k) * late, speed))
         powers.append(np.outer(1 - gamma - p - k, c != 0))
@@ -253,7 +253,7 @@ def _real_power(a, exponent):
     return power
 
 
-def _start_corrections(equation, h, p):
+def _start_corrections(system, h, p):
     """Return corrections of the right-hand side in the first p - 1 steps, shape (p-1, d).
 
     ``a_n phi(0) + sum_(l=1)^(p-2) b_(l,n) h**l phi^(l)(0)`` with phi(t) = f(t, x(0) + t x'(0)) less
@@ -261,17 +261,17 @@ def _start_corrections(equation, h, p):
     values. Memory that f reads stays as it is at 0 there.
     """
     if p == 1:
-        return np.zeros((0, equation.d))
-    values = np.empty((p, equation.d))
-    speed = np.where(equation.read, 0.0, equation.y0[-1] if equation.m == 2 else 0.0)
+        return np.zeros((0, system.d))
+    values = np.empty((p, system.d))
+    speed = np.where(system.read, 0.0, system.y0[-1] if system.m == 2 else 0.0)
     for i in range(p):
-        values[i] = equation.force(i * h, equation.at_start + i * h * speed)
-    values -= np.where(equation.above, equation.coefficient(1.0), 0.0) * speed
-    values[:, equation.read] = 0.0
+        values[i] = system.force(i * h, system.at_start + i * h * speed)
+    values -= np.where(system.above, system.coefficient(1.0), 0.0) * speed
+    values[:, system.read] = 0.0
     nodes = np.arange(p)
     taylor = np.linalg.solve(np.vander(nodes, increasing=True).astype(float), values)
     derivatives = taylor * np.cumprod(np.maximum(nodes, 1))[:, None]  # h**l phi^(l)(0)
-    total = np.zeros((p - 1, equation.d))
+    total = np.zeros((p - 1, system.d))
     for order in range(p - 1):
         total += np.outer(start_coefficients(p, order), derivatives[order])
     return total

@@ -121,9 +121,9 @@ class ExplicitCaputo(Scheme):
             refuse("equation", "have constant orders", repr(equation), "ask for those of one time")
         return largest_step(lambda h: self._limits(system, h)[: system.n_solved], stiffness)
 
-    def _limits(self, equation, h):
+    def _limits(self, system, h):
         """Return the stiffness (d,) at which the alternating mode leaves the unit circle."""
-        distinct, groups = distinct_components(equation)
+        distinct, groups = distinct_components(system)
         limits = np.zeros(len(distinct))
         for i, key in enumerate(distinct):
             for c, operator in key:
@@ -131,26 +131,26 @@ class ExplicitCaputo(Scheme):
                 limits[i] += factor * kernel.alternating() * (4 if operator.derivative == 2 else 2)
         return limits[groups]
 
-    def plan(self, equation: System, h: float) -> Plan:
-        """Make tables and convolution for `equation` with step h."""
-        if equation.varies:
-            return varying_plan(equation, h, 1.0, explicit=True)
-        second = equation.highest_orders() > 1
-        speed = h * equation.y0[1] if equation.m == 2 else 0.0
+    def plan(self, system: System, h: float) -> Plan:
+        """Make tables and convolution for `system` with step h."""
+        if system.varies:
+            return varying_plan(system, h, 1.0, explicit=True)
+        second = system.highest_orders() > 1
+        speed = h * system.y0[1] if system.m == 2 else 0.0
         starts = [(partial(_start_weights, h=h), np.where(second, speed, 0.0))]
-        if any(op.kernel is not None and op.derivative == 0 for op, _ in equation.left):
+        if any(op.kernel is not None and op.derivative == 0 for op, _ in system.left):
             # y(0), which no increment contains, for terms that remember y itself
             values = partial(value_weights, h=h, theta=0.0, derivative=0)
-            starts.append((values, equation.y0[0]))
+            starts.append((values, system.y0[0]))
         return uniform_plan(
-            equation,
+            system,
             h,
             0.0,
             partial(weighed, h=h),
             starts=starts,
             whole=True,
             given=second.astype(np.int64),
-            region=_region(equation, h, self._limits(equation, h)),
+            region=_region(system, h, self._limits(system, h)),
             slowest=SLOWEST,
         )
 
@@ -159,8 +159,8 @@ def _start_weights(c, operator, h):
     return by_rule(-c, operator, h, FIRST_DIFFERENCES)
 
 
-def _region(equation, h, limits):
-    distinct, _ = distinct_components(equation)
+def _region(system, h, limits):
+    distinct, _ = distinct_components(system)
 
     def curve(zeta):  # sum_k b_k zeta**-k = (zeta - 1) Li_(-p)(1 / zeta)
         total = 0.0
@@ -170,6 +170,6 @@ def _region(equation, h, limits):
             total += factor * lean * (zeta - 1) ** 2 * polylogarithm(operator.power, 1 / zeta)
         return total
 
-    alike = len(distinct) == 1 and equation.constant
+    alike = len(distinct) == 1 and system.constant
     orders = [operator.order for _, operator in distinct[0]]
     return stability_region(limits, orders, curve if alike else None)

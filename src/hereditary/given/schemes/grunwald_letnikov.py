@@ -134,26 +134,26 @@ class GrunwaldLetnikov(Scheme):
         stiffness = within("stiffness", stiffness, 5e-324, np.inf, "(0, inf)")
         return largest_step(lambda h: self._limits(system, h)[: system.n_solved], stiffness)
 
-    def _limits(self, equation, h):
+    def _limits(self, system, h):
         """Return the stiffness (d,) at which the alternating mode leaves the unit circle."""
-        distinct, groups = distinct_components(equation)
+        distinct, groups = distinct_components(system)
         limits = [sum(c * (2 / h) ** op.order for c, op in key) for key in distinct]
         return np.array(limits)[groups]
 
-    def plan(self, equation: System, h: float) -> Plan:
-        """Make tables and convolution for `equation` with step h."""
+    def plan(self, system: System, h: float) -> Plan:
+        """Make tables and convolution for `system` with step h."""
         starts: list = [(None, 0.0)]
-        if equation.m == 2:  # the second start value of a march is there from the first step on
-            start = np.where(equation.highest_orders() > 1, h * equation.y0[1], 0.0)
+        if system.m == 2:  # the second start value of a march is there from the first step on
+            start = np.where(system.highest_orders() > 1, h * system.y0[1], 0.0)
             starts.append((partial(weighed_by_power, h=h, rule=SPEED), start))
         return uniform_plan(
-            equation,
+            system,
             h,
             0.0,
             partial(weighed_by_power, h=h, rule=POWER_SERIES),
             starts=starts,
             whole=True,
-            region=_region(equation, h, self._limits(equation, h)),
+            region=_region(system, h, self._limits(system, h)),
             slowest=SLOWEST,
         )
 
@@ -188,8 +188,8 @@ POWER_SERIES = WeightRule(_SERIES.exact, exponent, _modal)
 SPEED = WeightRule(_speed, _speed_exponent, _modal_speed)
 
 
-def _region(equation, h, limits):
-    distinct, _ = distinct_components(equation)
+def _region(system, h, limits):
+    distinct, _ = distinct_components(system)
 
     def curve(zeta):
         terms = distinct[0]

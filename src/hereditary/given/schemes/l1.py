@@ -86,30 +86,30 @@ class L1(Scheme):
             return 3 - alpha
         return 2 - alpha if smoothness == "smooth" else 1.0
 
-    def plan(self, equation: System, h: float) -> Plan:
-        """Make tables and convolution for `equation` with step h."""
-        theta = 0.5 if equation.highest_orders().max() > 1 else 1.0
-        if equation.varies:
-            return varying_plan(equation, h, theta, explicit=False)
+    def plan(self, system: System, h: float) -> Plan:
+        """Make tables and convolution for `system` with step h."""
+        theta = 0.5 if system.highest_orders().max() > 1 else 1.0
+        if system.varies:
+            return varying_plan(system, h, theta, explicit=False)
         # where a kernel acts on y, that of y'(0) t grows with t, which no decaying modes follow:
         # there the increments keep h y'(0), and the velocities' differences begin at it
-        whole = equation.m == 2 and _remembers(equation, 0)
+        whole = system.m == 2 and _remembers(system, 0)
         starts: list = [(None, 0.0)]
         for derivative in (0, 1):
             # increments tell nothing of y(0), and without h y'(0) nothing of y'(0) t
-            lacking = derivative == 0 or (equation.m == 2 and not whole)
-            if lacking and _remembers(equation, derivative):
+            lacking = derivative == 0 or (system.m == 2 and not whole)
+            if lacking and _remembers(system, derivative):
                 weights = partial(value_weights, h=h, theta=theta, derivative=derivative)
-                starts.append((weights, equation.y0[derivative]))
+                starts.append((weights, system.y0[derivative]))
         if whole:
-            starts.append((partial(_speed_weights, h=h), h * equation.y0[1]))
+            starts.append((partial(_speed_weights, h=h), h * system.y0[1]))
         terms = partial(weighed, h=h, theta=theta)
-        return uniform_plan(equation, h, theta, terms, starts=starts, whole=whole)
+        return uniform_plan(system, h, theta, terms, starts=starts, whole=whole)
 
-    def mesh_plan(self, equation: System, times: np.ndarray) -> Plan:
+    def mesh_plan(self, system: System, times: np.ndarray) -> Plan:
         """Make the plan on a mesh; above order 1 velocities are lines between middles of steps."""
-        theta = 0.5 if equation.highest_orders().max() > 1 else 1.0
-        return mesh_plan(self, equation, times, theta, 0)
+        theta = 0.5 if system.highest_orders().max() > 1 else 1.0
+        return mesh_plan(self, system, times, theta, 0)
 
 
 def _speed_weights(c, operator, h):
@@ -117,9 +117,9 @@ def _speed_weights(c, operator, h):
     return by_rule(-c, operator, h, FIRST_DIFFERENCES) if operator.derivative == 2 else None
 
 
-def _remembers(equation, derivative):
+def _remembers(system, derivative):
     """Return whether the kernel of a general term acts on this derivative of y."""
     return any(
         operator.kernel is not None and operator.derivative == derivative and np.any(c)
-        for operator, c in equation.left
+        for operator, c in system.left
     )

@@ -64,12 +64,12 @@ class L12(Scheme):
         check_smoothness(smoothness)
         return 3 - alpha if smoothness == "smooth" or alpha == 1 else 1.0
 
-    def plan(self, equation: System, h: float) -> Plan:
-        """Make tables and convolution for `equation` with step h."""
+    def plan(self, system: System, h: float) -> Plan:
+        """Make tables and convolution for `system` with step h."""
         weighed, start = (
             partial(by_rule, h=h, rule=r) for r in (BACKWARD_PARABOLAS, BACKWARD_START)
         )
-        return uniform_plan(equation, h, 1.0, weighed, starts=[(start, 0.0)])
+        return uniform_plan(system, h, 1.0, weighed, starts=[(start, 0.0)])
 
 
 # -m_(k+1) with m_k = int K(t) (k + 1/2 - t) dt over [k, k+1]

@@ -71,32 +71,32 @@ class L2Sigma(Scheme):
         check_smoothness(smoothness)
         return 2.0 if smoothness == "smooth" else 1.0
 
-    def reduction(self, equation: System) -> System | None:
+    def reduction(self, system: System) -> System | None:
         """Return two equations of half the order if the order is in (1, 2]."""
-        if equation.highest_orders().max() <= 1:
+        if system.highest_orders().max() <= 1:
             return None
-        distinct, _ = distinct_components(equation)
+        distinct, _ = distinct_components(system)
         if len(distinct) > 1 or len(distinct[0]) > 1:
             required = "be one for all components with L2Sigma above order 1"
             got = f"{len(distinct)} kinds of components, {len(distinct[0])} terms"
             refuse("terms", required, got, "use BDF(2) or L1")
         ((c, operator),) = distinct[0]
-        return reduce_order(equation, c, operator.order)
+        return reduce_order(system, c, operator.order)
 
-    def plan(self, equation: System, h: float) -> Plan:
-        """Make tables and convolution for `equation` with step h."""
-        return parabola_plan(equation, h, _sigma(_terms(equation), h))
+    def plan(self, system: System, h: float) -> Plan:
+        """Make tables and convolution for `system` with step h."""
+        return parabola_plan(system, h, _sigma(_terms(system), h))
 
-    def mesh_plan(self, equation: System, times: np.ndarray) -> Plan:
+    def mesh_plan(self, system: System, times: np.ndarray) -> Plan:
         """Make the plan on a mesh of any steps, for orders in (0, 1]."""
-        terms = _terms(equation)
+        terms = _terms(system)
         sigma = np.array([_sigma(terms, step) for step in np.diff(times)])
-        return mesh_plan(self, equation, times, sigma, 1)
+        return mesh_plan(self, system, times, sigma, 1)
 
 
-def _terms(equation):
+def _terms(system):
     """Return coefficients and orders of the terms that all components share."""
-    distinct, _ = distinct_components(equation)
+    distinct, _ = distinct_components(system)
     if len(distinct) > 1:
         required = "be the same for all components with L2Sigma, whose sigma depends on them"
         got = f"{len(distinct)} different sets of orders and coefficients"
