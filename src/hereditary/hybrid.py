@@ -124,7 +124,7 @@ class Hybrid:
 
         breaks (k,) are times at which the right-hand side jumps; `signs` are those of a state.
         """
-        self._stepper, self._begun, self._span = stepper, stepper.t, t_end - stepper.t
+        self._stepper, self._start, self._span = stepper, stepper.t, t_end - stepper.t
         self._longest = [0.0 for _ in self._functions]
         origin = stepper.system.frame.start
         known = np.append(t_end, breaks)  # which come second where they are one time
@@ -132,7 +132,7 @@ class Hybrid:
         self._due = [
             (t, change)
             for t, change in stated
-            if self._begun < t <= t_end and not together(t, self._begun, origin)
+            if self._start < t <= t_end and not together(t, self._start, origin)
         ]
         of_y = bool(self._due) or any(change is not None for change in self._changes)
         if of_y or self._switches:
@@ -209,7 +209,7 @@ class Hybrid:
         """Note a change by an event; return whether they follow each other without end."""
         times, t = self._times[number], self._stepper.t
         times.append(t)
-        first = times[-2] if len(times) > 1 else self._begun
+        first = times[-2] if len(times) > 1 else self._start
         self._longest[number] = longest = max(self._longest[number], t - first)
         if len(times) < 3:
             return False

@@ -105,7 +105,7 @@ def run(
     signs = events.signs()
     t, y, ydot, dense = output.close(t_end)
     seconds = {"setup_seconds": ready - began, "run_seconds": time.perf_counter() - ready}
-    system, stats, n_told = stepper.system, stepper.stats() | seconds, events.n_events
+    system, stats, n_events = stepper.system, stepper.stats() | seconds, events.n_events
     frame, small = system.frame, system.n_solved <= FEW and stats["history_bytes"] <= _LITTLE
 
     def left() -> State:
@@ -122,10 +122,10 @@ def run(
         # kept for it holds more than that, which for few components is little
         left=left if small else left(),
         dense=dense,
-        t_events=[np.array(times) + frame.start for times in events.times[:n_told]],
+        t_events=[np.array(times) + frame.start for times in events.times[:n_events]],
         y_events=[
             frame.values(np.array(rows).reshape(-1, stepper.y.size))
-            for rows in events.values[:n_told]
+            for rows in events.values[:n_events]
         ],
     )
     pass_on(ended.error, solution)
