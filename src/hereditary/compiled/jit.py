@@ -16,6 +16,7 @@ from numba import config, njit, types
 
 from . import numba_internals as internals
 from .cache import CodeCache
+from .reference import Reference, by_reference
 
 F8 = types.float64
 I8 = types.int64
@@ -40,7 +41,10 @@ def compiled_type(cls):
     """Return the compiled type of a NamedTuple class, from the annotations of its fields."""
     numbers = {int: I8, float: F8}
     hints = get_type_hints(cls, include_extras=True).values()
-    kinds = [numbers.get(hint) or hint.__metadata__[0] for hint in hints]
+    kinds = [
+        numbers.get(hint) or getattr(hint, "__metadata__", (None,))[0] or compiled_type(hint)
+        for hint in hints
+    ]
     if len(set(kinds)) == 1:
         return types.NamedUniTuple(kinds[0], len(kinds), cls)
     return types.NamedTuple(kinds, cls)
@@ -214,6 +218,9 @@ def as_value(fun, signature):
         if signature.args not in fun.overloads:
             fun.compile(signature.args)
         internals.become_value(fun, signature)
+        compiled_as = fun.overloads[signature.args]
+        find = compiled_as.library.get_pointer_to_function
+        fun.address, fun.of_signature = find(compiled_as.fndesc.llvm_func_name), signature
     return fun
 
 
@@ -223,6 +230,10 @@ def loop_value(loop, signature):
         return loop
     loop.compiled()
     return as_value(loop.dispatcher, signature)
+
+
+def _as_argument(value, kind):
+    return by_reference(value, kind) if isinstance(kind, Reference) else value
 
 
 class entry:
@@ -254,7 +265,7 @@ class entry:
 
         def call(*args):
             ready()
-            return dispatcher(*args)
+            return dispatcher(*map(_as_argument, args, self.argtypes))
 
         call.__doc__ = fun.__doc__
         call.__name__ = fun.__name__

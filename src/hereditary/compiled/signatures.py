@@ -1,13 +1,23 @@
 """Types of function values: right-hand sides, Jacobians, and linear solvers of many components."""
 
-from typing import NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 from numba import types
 
-from .jit import I8, JAC_SIG, MAT, RHS_SIG, VEC, Cube, Integers, compiled_type
+from .jit import I8, JAC_SIG, MAT, RHS_SIG, VEC, Cube, Integers, Vector, compiled_type
+from .reference import FunctionField
 
 RHS = types.FunctionType(RHS_SIG)
 JAC = types.FunctionType(JAC_SIG)
+
+
+class RightSide(NamedTuple):
+    """The right-hand side of an equation, its Jacobian if `has_jac` is 1, and their parameters."""
+
+    rhs: Annotated[Any, FunctionField(RHS_SIG)]
+    jac: Annotated[Any, FunctionField(JAC_SIG)]
+    has_jac: int
+    params: Vector
 
 
 # Tasks of a linear solver, for Newton's matrix (number 0) or that of the tangents (number 1).

@@ -1,0 +1,215 @@
+"""Records of a march, handed on by reference: one pointer in place of all their arrays.
+
+What a march works on is one NamedTuple, whose fields are numbers, arrays, functions and further
+NamedTuples. Python fills it, and `by_reference` checks the types of its fields. An entry gets the
+result as an argument of type `Reference`, and hands it on to the functions it calls. There
+``m.orbit`` is a reference too, to a part of the record, and ``m.orbit.modes`` is an array. Read
+an array into a variable before a loop, since compiled code reads the record anew at each attribute.
+
+- Where the record is: on the entry's own frame. It is filled when the entry begins and gone when it
+  returns. No compiled function stores a reference, and none sets a field.
+- Who keeps the arrays alive: the NamedTuple in Python, which the caller has until the entry
+  returns. Compiled code counts no references to them. So arrays are made in Python.
+- Functions are fields of type `FunctionField`: the address of machine code, and no more. In Python
+  the field is the compiled function itself.
+
+Without a compiler `by_reference` returns the NamedTuple, and the same source reads it.
+"""
+
+from typing import Any
+
+import numpy as np
+from llvmlite import ir
+from numba import config, types
+from numba.core import cgutils
+from numba.core.typing import signature as signature_of
+from numba.core.typing.templates import AttributeTemplate
+from numba.extending import (
+    NativeValue,
+    infer_getattr,
+    lower_builtin,
+    lower_getattr_generic,
+    models,
+    register_model,
+    unbox,
+)
+from numba.np.numpy_support import as_dtype
+
+
+class Reference(types.Type):
+    """Type of a reference to a record, of the compiled type of its NamedTuple class."""
+
+    def __init__(self, record):
+        self.record = record
+        super().__init__(name=f"Reference({record.instance_class.__name__})")
+
+    @property
+    def key(self):
+        """The type of the record, which makes references equal."""
+        return self.record
+
+
+class FunctionField(types.Callable, types.Opaque):
+    """Type of a function of a record, for one signature: the address of its machine code."""
+
+    def __init__(self, signature):
+        self.signature = signature
+        super().__init__(name=f"FunctionField({signature})")
+
+    def get_call_type(self, context, args, kws):
+        """Return the signature, if the arguments can be converted to it."""
+        wanted = self.signature
+        if kws or len(args) != len(wanted.args):
+            return None
+        if any(context.can_convert(*pair) is None for pair in zip(args, wanted.args, strict=True)):
+            return None
+        return signature_of(wanted.return_type, *wanted.args, recvr=self)
+
+    def get_call_signatures(self):
+        """Return the only signature."""
+        return [self.signature], False
+
+    def get_impl_key(self, sig):
+        """Return the key under which the call is implemented."""
+        return FunctionField
+
+
+@register_model(Reference)
+class _ReferenceModel(models.PrimitiveModel):
+    def __init__(self, manager, kind):
+        pointed = manager.lookup(kind.record).get_value_type()
+        super().__init__(manager, kind, pointed.as_pointer())
+
+
+register_model(FunctionField)(models.OpaqueModel)
+
+
+@infer_getattr
+class _Fields(AttributeTemplate):
+    key = Reference
+
+    def generic_resolve(self, typ, attr):  # type: ignore[override]
+        if attr in typ.record.fields:
+            kind = _field_type(typ.record, attr)
+            return Reference(kind) if isinstance(kind, types.BaseNamedTuple) else kind
+        return None
+
+
+def _field_type(record, name):
+    return tuple(record)[record.fields.index(name)]
+
+
+@lower_getattr_generic(Reference)
+def _read(context, builder, typ, value, name):
+    """Return the address of a part of the record, or load a field."""
+    kind = _field_type(typ.record, name)
+    place = cgutils.gep_inbounds(builder, value, 0, typ.record.fields.index(name))
+    if isinstance(kind, types.BaseNamedTuple):
+        return place
+    found = builder.load(place)
+    if context.enable_nrt:  # the caller releases what it reads
+        context.nrt.incref(builder, kind, found)
+    return found
+
+
+@lower_builtin(FunctionField, types.VarArg(types.Any))
+def _call(context, builder, sig, args):
+    """Call the machine code at an address, and raise what it raises."""
+    convention, (_, *kinds) = context.call_conv, sig.args
+    pointer = convention.get_function_type(sig.return_type, kinds).as_pointer()
+    function = builder.bitcast(args[0], pointer)
+    status, found = convention.call_function(builder, function, sig.return_type, kinds, args[1:])
+    with cgutils.if_unlikely(builder, status.is_error):
+        convention.return_status_propagate(builder, status)
+    return found
+
+
+@unbox(Reference)
+def _fill(typ, filled, c):
+    """Fill a record on the frame of the caller, with no references counted."""
+    place = cgutils.alloca_once(c.builder, c.context.get_value_type(typ.record))
+    record = c.pyapi.object_getattr_string(filled, "record")
+    c.pyapi.decref(record)  # `filled` has it
+    _fill_part(c, typ.record, record, place)
+    return NativeValue(place, is_error=c.pyapi.c_api_error())
+
+
+def _fill_part(c, record, values, place):
+    """Write code that fills the part of a record at `place` from a NamedTuple."""
+    for number, kind in enumerate(record):
+        value = c.pyapi.tuple_getitem(values, number)
+        at = cgutils.gep_inbounds(c.builder, place, 0, number)
+        if isinstance(kind, types.BaseNamedTuple):
+            _fill_part(c, kind, value, at)
+        elif isinstance(kind, types.Array):
+            parts = value, c.builder.bitcast(at, c.pyapi.voidptr)
+            form = ir.FunctionType(ir.IntType(32), [part.type for part in parts])
+            adapt = cgutils.get_or_insert_function(c.builder.module, form, "numba_adapt_ndarray")
+            c.builder.call(adapt, parts)
+        elif isinstance(kind, FunctionField):
+            address = c.pyapi.object_getattr_string(value, "address")
+            c.builder.store(c.pyapi.long_as_voidptr(address), at)
+            c.pyapi.decref(address)
+        else:
+            native = c.unbox(kind, value)
+            c.builder.store(native.value, at)
+            if native.cleanup:
+                native.cleanup()
+
+
+class Filled:
+    """A record whose fields have been checked, as compiled entries take it."""
+
+    def __init__(self, record, kind):
+        if id(kind) not in _FORMS:
+            _FORMS[id(kind)] = kind, _form(kind.record)
+        _check(record, _FORMS[id(kind)][1])
+        self.record, self._numba_type_ = record, kind
+
+
+def by_reference(record, kind):
+    """Return a NamedTuple as an entry takes it, whose argument has the type `kind`."""
+    return record if config.DISABLE_JIT or isinstance(record, Filled) else Filled(record, kind)
+
+
+# Forms of records by the identity of the type of their references, which is kept here.
+_FORMS: dict[int, tuple[Reference, list[Any]]] = {}
+
+
+def _form(kind) -> list[Any]:
+    """List what `_check` needs of each field of a record: its name, its type, what it is like.
+
+    That is an attribute and its value, or a dtype and the number of axes. Of numbers it is None and
+    their classes, of a part of the record `_form` and its form.
+    """
+    found: list[Any] = []
+    for name, wanted in zip(kind.fields, kind, strict=True):
+        like: Any = None, (int if wanted == types.int64 else (int, float))
+        if isinstance(wanted, types.BaseNamedTuple):
+            like = _form, _form(wanted)
+        elif isinstance(wanted, types.Array):
+            like = as_dtype(wanted.dtype), wanted.ndim
+        elif isinstance(wanted, types.Record):
+            like = "dtype", as_dtype(wanted)
+        elif isinstance(wanted, FunctionField):
+            like = "of_signature", wanted.signature
+        found.append((f"{kind.instance_class.__name__}.{name}", wanted, *like))
+    return found
+
+
+def _check(record, form):
+    """Raise TypeError for a field that is not of its type."""
+    for value, (name, wanted, how, like) in zip(record, form, strict=True):
+        if how is _form:
+            _check(value, like)
+            continue
+        if how is None:
+            fits = isinstance(value, like)
+        elif type(how) is str:
+            found = getattr(value, how, None)
+            fits = found is like or found == like
+        else:
+            fits = type(value) is np.ndarray and value.ndim == like and value.dtype == how
+            fits = fits and value.flags.c_contiguous
+        if not fits:
+            raise TypeError(f"{name} must be of type {wanted}, not {value!r}")
