@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from .compiled.jit import derived
+from .compiled.jit import JAC_SIG, RHS_SIG, as_value, derived
 from .equation.system import System
 from .functions.assemble import switch_of
 from .solver.events import TINY, Events, value_of
@@ -602,13 +602,14 @@ def one_sided(
         value = switch_of(function, y0, frame.start)
         signs.append(params.size)
         params = np.append(params, [1.0, frame.start, n_user])
-        rhs, jac = _one_sided(rhs, value), jac and _one_sided(jac, value)
+        rhs = _one_sided(rhs, value, RHS_SIG)
+        jac = jac and _one_sided(jac, value, JAC_SIG)
     new = {"compiled_params": params, "compiled_rhs": rhs, "compiled_jac": jac}
     return replace(system, matrix=None, linear_alone=False, **new), signs
 
 
 @lru_cache(maxsize=64)
-def _one_sided(fun: Any, switch: Any) -> Any:
+def _one_sided(fun: Any, switch: Any, signature: Any) -> Any:
     """Return a right-hand side or Jacobian, continued from the side whose sign is in params.
 
     After the parameters of `fun` there are this sign, the user's time at the start, and the number
@@ -657,4 +658,4 @@ def _one_sided(fun: Any, switch: Any) -> Any:
                 switch(t + params[own + 1], point[:n], value, none)
         fun(t, point, out, params[:own])
 
-    return derived(one_sided)
+    return as_value(derived(one_sided), signature)

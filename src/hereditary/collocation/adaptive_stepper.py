@@ -10,6 +10,7 @@ import numpy as np
 
 from ..compiled.jacobian import LEAST
 from ..compiled.records import plain
+from ..compiled.signatures import RightSide
 from ..equation.system import refuse_late
 from ..functions.differences import wrong_jacobian
 from ..kernels.memory_kernel import warn_of_fit
@@ -34,8 +35,8 @@ from .march import (
     march_adaptive,
     set_units,
 )
-from .mode_tables import empty_tables, floor_to_grid
-from .operators import FORCE, POSITION, PRIMARY
+from .mode_tables import empty_tables, empty_weights, floor_to_grid
+from .operators import FORCE, POSITION, PRIMARY, empty_operators
 from .orbit import OrbitAndTangents, initial_unknowns
 from .pieces import FirstPiece, PolynomialPieces
 from .quadrature import radau_nodes, rule_of, shortened_legendre
@@ -43,11 +44,13 @@ from .reading import Plain, Reading
 from .singular_start import trials
 from .stage_solver import has_stages, stage_solver
 from .structures import (
+    AdaptiveMarch,
     ExponentialBasis,
     Limits,
     OrbitArrays,
     Steps,
     StepTables,
+    empty_room,
     empty_steps,
     initial_state,
     restored_state,
@@ -495,11 +498,17 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
 
     def _march(self, steps, limits, stages, rule, basis, tables, arrays):
         """March to a stop in compiled code, filling `steps`; return the status."""
-        orbit = self._orbit
-        _, status = march_adaptive(
-            *self._marched.compiled, stages.solver, stages.stages, orbit.equations(self._marched),
-            rule, basis, tables, self._orders.compiled(orbit.of_varying), arrays, self._state,
-            steps, limits)  # fmt: skip
+        orbit, equations = self._orbit, self._orbit.equations(self._marched)
+        columns, shape, d = arrays.modes.shape[:2], arrays.last.shape, self._marched.d
+        columns = columns[0], columns[1] - equations.unweighted.size * d
+        room = empty_room(columns, shape, stages.stages, rule.check_points.size)
+        operators = empty_operators(*columns, equations.kinds, shape[3])
+        weights = empty_weights(equations, arrays.modes, shape[1], shape[3])
+        varying = self._orders.compiled(orbit.of_varying)
+        _, status = march_adaptive(AdaptiveMarch(
+            RightSide(*self._marched.compiled), equations, rule, basis, tables, varying, arrays,
+            self._state, steps, limits, stages.solver, stages.stages, operators, weights, room,
+        ))  # fmt: skip
         return status
 
     def _go_on_from(self, kept, orbit):
@@ -514,7 +523,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         orbit, form, t, left = self._orbit, self._form, self.t, t_stop - self.t
         units, system = np.empty(self._marched.d), self._marched
         of_run = self._limits(t_stop)
-        set_units(system.units, system.quantities, self._sizes, orbit.x[0], of_run, units)
+        set_units(orbit.equations(system), self._sizes, orbit.x[0], of_run, units)
         limits = self.step_limits.longest[0], self._farthest / _LARGEST_RATIO
         how = t, left, *limits, self._state.counts, units
         self._ending, at_rest = _TOO_STEEP, _FIRST_AT_REST * self.step_limits.longest[1]

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from ..compiled.jacobian import LEAST
-from ..compiled.jit import allocating, inner
+from ..compiled.jit import inner
 from ..compiled.linalg import clear
 from .newton import forces, nodal_slopes, residuals, solve_newton
 from .operators import FORCE, POSITION, PRIMARY, SLOPE, subtract_from_forces
@@ -53,7 +53,7 @@ SMALL = 1e-6
 
 
 @inner
-def estimate_error(h, equations, legendre, local, matrices, values, p0, newton, errors):
+def estimate_error(m, h, local, values, p0, errors):
     """Estimate the error of p by the next Legendre coefficient of each integrand, integrated.
 
     The resulting defect is damped by the equations where these are stiff, and never amplified.
@@ -61,9 +61,11 @@ def estimate_error(h, equations, legendre, local, matrices, values, p0, newton, 
     error is at least that of p as the dense output interpolates it.
     """
     # local (n_k, s, s), matrices (K, 3, s, s), values (n_q, d, s), p0, errors (d,)
-    terms, orders = equations.terms, equations.orders
+    equations, legendre, matrices, room = m.equations, m.rule.legendre, m.operators.matrices, m.room
+    terms, orders, kinds = equations.terms, equations.orders, equations.kinds
+    start_scales, force_scales = room.start_scales, room.force_scales
     d, s, n_a = errors.shape[0], values.shape[2], orders.shape[0]
-    defect, nodal_errors = newton.room.residual, newton.room.change
+    defect, nodal_errors = room.residual, room.change
     for c in range(d):
         last, decay = legendre_tail(legendre, values[PRIMARY, c], _ROUNDING * abs(p0[c]))
         errors[c] = abs(last) * decay * decay
@@ -77,11 +79,11 @@ def estimate_error(h, equations, legendre, local, matrices, values, p0, newton, 
             if q == PRIMARY:
                 rounding = _ROUNDING * abs(p0[c % d])
             elif q == FORCE:
-                rounding = _ROUNDING * newton.room.start_scales[c % d]
+                rounding = _ROUNDING * start_scales[c % d]
             elif q == POSITION:
                 rounding = ROUNDING_OF_SUMS * abs(values[q, c % d, -1])
             last, decay = legendre_tail(legendre, values[q, c % d], rounding)
-            if q == FORCE and abs(last) <= _NOISE * newton.room.force_scales[c % d]:
+            if q == FORCE and abs(last) <= _NOISE * force_scales[c % d]:
                 continue
             size = 1.0
             if k >= n_a:
@@ -89,26 +91,26 @@ def estimate_error(h, equations, legendre, local, matrices, values, p0, newton, 
             elif k >= 0:
                 size = h ** orders[k]
             if c >= d:
-                size *= largest_of(matrices[equations.kinds[c - d], FORCE, -1], 0, s)
+                size *= largest_of(matrices[kinds[c - d], FORCE, -1], 0, s)
             for i in range(s):
                 defect[(c % d) * s + i] += terms[n].coefficient * size * last * decay
         if largest_of(defect, 0, d * s) == 0.0:
             continue
-        solve_for_error(newton)
+        solve_for_error(m)
         for c in range(d):
             errors[c] += largest_of(nodal_errors, c * s, s)
 
 
 @inner
-def solve_for_error(newton):
+def solve_for_error(m):
     """Solve for the error that a defect at all nodes, (d s,), causes; both are in the room.
 
     In units of Newton's goal, the largest error is at most the largest defect: a nearly singular
     matrix would amplify rounding errors.
     """
-    solve_newton(newton)
-    defect, nodal_errors = newton.room.residual, newton.room.change
-    goal, of_defect, of_error = newton.room.goal, 0.0, 0.0
+    solve_newton(m)
+    defect, nodal_errors = m.room.residual, m.room.change
+    goal, of_defect, of_error = m.room.goal, 0.0, 0.0
     s = defect.shape[0] // goal.shape[0]
     for c in range(goal.shape[0]):
         unit = max(goal[c], LEAST)
@@ -119,7 +121,7 @@ def solve_for_error(newton):
 
 
 @inner
-def measure_force_defect(rhs, params, h, rule, x_start, p0, second, values, limits, room):
+def measure_force_defect(m, h):
     """Set the defect in `room`: the largest difference of f and its polynomial between the nodes.
 
     Only there does a right-hand side show that jumps, or that acts between the nodes. Both
@@ -127,72 +129,85 @@ def measure_force_defect(rhs, params, h, rule, x_start, p0, second, values, limi
     polynomial misses the start, the first of the times, by far more than the tolerance, f at the
     start counts too.
     """
-    # x_start, p0 (d,), values (n_q, d, s)
-    times, point, misses_start = room.check_times, room.point, False
-    clear(room.defect)
+    # x_start, p0 (d,)
+    x_start, p0, point, sizes = m.orbit.x[0], m.orbit.initial[0], m.room.point, m.room.sizes
+    misses_start = False
+    clear(m.room.defect)
     for i in range(FIRST_LOOK):
-        set_point(h, rule, i, x_start, second, values[PRIMARY], point)
-        for c in range(second.shape[0] if i == 0 else 0):
+        set_point(m, h, i)
+        for c in range(point.shape[0] if i == 0 else 0):
             size = max(abs(x_start[c]), abs(p0[c]))  # a singular start may err by this much
-            allowed = _MISSED * allowed_error(c, size, room.sizes[c], 0, 1.0, limits)
+            allowed = _MISSED * allowed_error(c, size, sizes[c], 0, 1.0, m.limits)
             misses_start = misses_start or abs(point[c] - x_start[c]) > allowed
-        update_force_defect(rhs, params, times[i], point, rule.check_values[i], values, room)
+        update_force_defect(m, i, point)
     if misses_start:
-        update_force_defect(rhs, params, times[0], x_start, rule.check_values[0], values, room)
+        update_force_defect(m, 0, x_start)
 
 
 @inner
-def set_point(h, rule, i, x_start, second, primary, point):
-    """Set y at check point i by the polynomials of the step, (d,); primary (d, s)."""
+def set_point(m, h, i):
+    """Set y at check point i by the polynomials of the step, (d,), the `point` of the room."""
+    # primary (d, s)
+    second, x_start, primary = m.equations.second, m.orbit.x[0], m.room.values[0, PRIMARY]
+    check_values, check_integrals, point = m.rule.check_values, m.rule.check_integrals, m.room.point
     for c in range(second.shape[0]):
         total = 0.0
         if second[c] == 0:
             for j in range(primary.shape[1]):
-                total += rule.check_values[i, j] * primary[c, j]
+                total += check_values[i, j] * primary[c, j]
         else:
             for j in range(primary.shape[1]):
-                total += rule.check_integrals[i, j] * primary[c, j]
+                total += check_integrals[i, j] * primary[c, j]
             total = x_start[c] + h * total
         point[c] = total
 
 
 @inner
-def look_once_more(rhs, params, h, equations, rule, sums, x_start, values, state, limits, room):
+def look_once_more(m, h):
     """Return a time of the step at which f is unlike its polynomial through the nodes, or 0.
 
     Forces that act for a short time may be between the nodes of long steps. The looks are spread
     over the run: one in each of so many equal intervals, and at most as many as a step has nodes.
     """
-    kinds, spacing, point, force = equations.kinds, limits.t_end / _LOOKS, room.point, room.force
-    before = state.control.origin + state.control.time
+    room, kinds, sums, check_values = (
+        m.room,
+        m.equations.kinds,
+        m.operators.sums,
+        m.rule.check_values,
+    )
+    point, force, at_nodes = room.point, room.force, room.values[0, FORCE]
+    defects, force_scales, goal = room.defect, room.force_scales, room.goal
+    spacing = m.limits.t_end / _LOOKS
+    before = m.state.control.origin + m.state.control.time
     for i in range(FIRST_LOOK, room.check_times.shape[0]):
         t = room.check_times[i]
         if math.floor(t / spacing) == math.floor(before / spacing):
             continue
         before = t
-        state.counts.rhs += 1
-        set_point(h, rule, i, x_start, equations.second, values[PRIMARY], point)
-        rhs(t, point, force, params)
+        m.state.counts.rhs += 1
+        set_point(m, h, i)
+        m.functions.rhs(t, point, force, m.functions.params)
         for c in range(force.shape[0]):
             defect = force[c]
-            for j in range(values.shape[2]):
-                defect -= rule.check_values[i, j] * values[FORCE, c, j]
-            alike = max(abs(room.defect[c]), _NOISE * room.force_scales[c])
+            for j in range(at_nodes.shape[1]):
+                defect -= check_values[i, j] * at_nodes[c, j]
+            alike = max(abs(defects[c]), _NOISE * force_scales[c])
             moved = abs(defect) * largest_of(sums[kinds[c]], 0, sums.shape[1])
-            if not (abs(defect) <= _UNLIKE * alike or moved <= _MOVED * room.goal[c]):
+            if not (abs(defect) <= _UNLIKE * alike or moved <= _MOVED * goal[c]):
                 return t
     return 0.0
 
 
 @inner
-def update_force_defect(rhs, params, t, point, check_values, values, room):
-    """Raise the defect, (d,), to the difference of f and its polynomial at one point."""
-    force, force_defect = room.force, room.defect
-    rhs(t, point, force, params)
+def update_force_defect(m, i, point):
+    """Raise the defect, (d,), to the difference of f and its polynomial at check point i."""
+    force, force_defect, forces = m.room.force, m.room.defect, m.room.values[0, FORCE]
+    check_values = m.rule.check_values[i]
+    m.functions.rhs(m.room.check_times[i], point, force, m.functions.params)
     for c in range(point.shape[0]):
         total = force[c]
         for j in range(check_values.shape[0]):
-            total -= check_values[j] * values[FORCE, c, j]
+            total -= check_values[j] * forces[c, j]
         if not abs(total) <= abs(force_defect[c]):  # NaN counts as the largest
             force_defect[c] = total
 
@@ -208,13 +223,14 @@ def largest_of(values, first, many):
 
 
 @inner
-def defect_matters(sums, kinds, newton):
+def defect_matters(m):
     """Return whether the defect of f, undamped, would move p beyond Newton's goal."""
-    force_defect, goal = newton.room.defect, newton.room.goal
+    sums, kinds, force_scales = m.operators.sums, m.equations.kinds, m.room.force_scales
+    force_defect, goal = m.room.defect, m.room.goal
     for c in range(force_defect.shape[0]):
         size = largest_of(sums[kinds[c]], 0, sums.shape[1])
         if (
-            abs(force_defect[c]) > _NOISE * newton.room.force_scales[c]
+            abs(force_defect[c]) > _NOISE * force_scales[c]
             and abs(force_defect[c]) * size > _CHECK_BEYOND * goal[c]
         ):
             return True
@@ -222,41 +238,42 @@ def defect_matters(sums, kinds, newton):
 
 
 @inner
-def equations_hold(rhs, params, base, operators, kinds, values, newton):
+def equations_hold(m):
     """Evaluate f anew and return whether p at the nodes still satisfies the equations.
 
     A Jacobian from differences across a jump makes any equation look stiff, and solved.
     """
-    room, p, x = newton.room, values[PRIMARY], values[POSITION]
-    f, residual, change = room.before, room.residual, room.change
-    forces(rhs, params, room.times, x, f, room)
-    residuals(base, operators, kinds, p, x, f, residual)
-    solve_newton(newton)
+    room, p, x = m.room, m.room.values[0, PRIMARY], m.room.values[0, POSITION]
+    f, goal, change = room.before, room.goal, room.change
+    forces(m, x, f)
+    residuals(m, room.base[0], p, x, f)
+    solve_newton(m)
     s = p.shape[1]
     for c in range(p.shape[0]):
         for i in range(s):
-            if not abs(change[c * s + i]) <= _UNSOLVED * room.goal[c]:
+            if not abs(change[c * s + i]) <= _UNSOLVED * goal[c]:
                 return False
     return True
 
 
 @inner
-def add_force_defect(sums, kinds, newton, errors):
+def add_force_defect(m):
     """Raise the errors (d,) to the error of p that the defect of f causes.
 
     A defect within the rounding error of f is ignored.
     """
-    d, s, force_defect = errors.shape[0], sums.shape[1], newton.room.defect
-    defect, nodal_errors = newton.room.residual, newton.room.change
+    sums, kinds, force_scales = m.operators.sums, m.equations.kinds, m.room.force_scales
+    errors, force_defect, d, s = m.room.errors, m.room.defect, kinds.shape[0], sums.shape[1]
+    defect, nodal_errors = m.room.residual, m.room.change
     for c in range(d):
         excess = force_defect[c]
-        if abs(excess) <= _NOISE * newton.room.force_scales[c]:
+        if abs(excess) <= _NOISE * force_scales[c]:
             excess = 0.0
         for i in range(s):
             defect[c * s + i] = excess * sums[kinds[c], i]
     if largest_of(defect, 0, d * s) == 0.0:
         return
-    solve_for_error(newton)
+    solve_for_error(m)
     for c in range(d):
         error = _DEFECT_WEIGHT * largest_of(nodal_errors, c * s, s)
         if not error <= errors[c]:
@@ -293,17 +310,16 @@ def legendre_tail(legendre, values, rounding):
     return last, (min(decay, _HIDDEN) if hidden else decay)
 
 
-@allocating
-def tangent_error_ratio(h, equations, legendre, local, matrices, values, p0, newton, rtol):
+@inner
+def tangent_error_ratio(m, h, slot):
     """Return the largest ratio of a tangent's error to its tolerance, relative to its size.
 
     Sizes and errors are the largest among components, in the unit of each.
     """
-    worst, errors, units = 0.0, np.empty(values.shape[2]), newton.room.units
+    values, p0, errors, units = m.room.values, m.orbit.initial, m.room.errors, m.room.units
+    worst, rtol = 0.0, max(m.limits.rtol, _TANGENT)
     for column in range(1, values.shape[0]):
-        estimate_error(
-            h, equations, legendre, local, matrices, values[column], p0[column], newton, errors
-        )
+        estimate_error(m, h, m.tables.local[slot], values[column], p0[column], errors)
         size = 0.0
         for q in range(PRIMARY, values.shape[1]):
             for c in range(errors.shape[0]):
@@ -313,7 +329,7 @@ def tangent_error_ratio(h, equations, legendre, local, matrices, values, p0, new
                 size = max(size, own / units[c])
         if size > 0.0:
             for c in range(errors.shape[0]):
-                worst = max(worst, errors[c] / units[c] / (max(rtol, _TANGENT) * size))
+                worst = max(worst, errors[c] / units[c] / (rtol * size))
     return worst
 
 
@@ -353,76 +369,71 @@ def allowed_error(c, value, size, is_speed, end, limits):
 
 
 @inner
-def error_ratio(h, end, errors, values, second, state, p0, limits, room):
+def error_ratio(m, h):
     """Return the largest ratio of an error to its tolerance, over y and, where it is unknown, y'.
 
     p is the difference of p(0) and terms of its size. So it is known to the rounding of p(0) alone,
     and to no less than Newton's goal.
     """
-    worst, before = 0.0, room.sizes_before
+    limits, errors, second, values = m.limits, m.room.errors, m.equations.second, m.room.values[0]
+    sizes, goal, p0, largest = m.room.sizes, m.room.goal, m.orbit.initial[0], m.state.largest
+    control, worst, before = m.state.control, 0.0, m.room.sizes_before
+    end = control.origin + control.time + h
     for c in range(errors.shape[0]):
-        size_p, size_x, size = 0.0, 0.0, room.sizes[c]
+        size_p, size_x, size = 0.0, 0.0, sizes[c]
         for i in range(values.shape[2]):
             size_p = max(size_p, abs(values[PRIMARY, c, i]))
             size_x = max(size_x, abs(values[POSITION, c, i]))
         if second[c] == 1:
-            size_p = max(size_p, state.largest[c])
+            size_p = max(size_p, largest[c])
             allowed = max(allowed_error(c, size_x, size, 0, end, limits), LEAST)
             worst = max(worst, h * errors[c] / allowed)
         allowed = allowed_error(c, size_p, size, second[c], end, limits)
         if second[c] == 0 and before[c] > LEAST:
             at_start = _AT_START * allowed_error(c, before[c], before[c], 0, end, limits)
             allowed = min(allowed, max(at_start, _ROUNDING_OF_STEP * size_p))
-        allowed = max(allowed, _ROUNDING * abs(p0[c]), room.goal[c], LEAST)
+        allowed = max(allowed, _ROUNDING * abs(p0[c]), goal[c], LEAST)
         if errors[c] / allowed > worst:
-            worst, state.control.worst = errors[c] / allowed, c
+            worst, control.worst = errors[c] / allowed, c
         if not errors[c] < np.inf:
             return np.inf
     return worst
 
 
 @inner
-def orbit_error(
-    rhs, params, h, base, equations, rule, operators, local, values, orbit, state, newton, limits
-):
+def orbit_error(m, h, slot):
     """Estimate the error of a solved step, and subtract terms from f.
 
     Returns the ratio of error to tolerance, and whether the defect of f between the nodes alone
     makes it too large.
     """
-    second, start = equations.second, orbit.initial[0]
-    room, kinds, matrices = newton.room, equations.kinds, operators.matrices
-    errors, x_start = room.errors, orbit.x[0]
-    measure_force_defect(rhs, params, h, rule, x_start, start, second, values[0], limits, room)
-    state.counts.rhs += FIRST_LOOK
-    missed = look_once_more(
-        rhs, params, h, equations, rule, operators.sums, x_start, values[0], state, limits, room
-    )
-    if defect_matters(operators.sums, kinds, newton):
-        state.counts.rhs += room.times.shape[0]
-        if not equations_hold(rhs, params, base[0], operators, kinds, values[0], newton):
+    room, values, counts, start = m.room, m.room.values, m.state.counts, m.orbit.initial[0]
+    measure_force_defect(m, h)
+    counts.rhs += FIRST_LOOK
+    missed = look_once_more(m, h)
+    if defect_matters(m):
+        counts.rhs += room.times.shape[0]
+        if not equations_hold(m):
             return np.inf, True
-    subtract_from_forces(kinds, matrices, base, values[:1])
+    subtract_from_forces(m.equations.kinds, m.operators.matrices, room.base, values[:1])
     if values.shape[1] > SLOPE:
-        nodal_slopes(h, rule.inverse, orbit.p[0], values[0, PRIMARY], values[0, SLOPE])
-    estimate_error(h, equations, rule.legendre, local, matrices, values[0], start, newton, errors)
-    end = state.control.origin + state.control.time + h
-    ratio_at_nodes = error_ratio(h, end, errors, values[0], second, state, start, limits, room)
-    add_force_defect(operators.sums, kinds, newton, errors)
-    ratio = error_ratio(h, end, errors, values[0], second, state, start, limits, room)
+        nodal_slopes(h, m.rule.inverse, m.orbit.p[0], values[0, PRIMARY], values[0, SLOPE])
+    estimate_error(m, h, m.tables.local[slot], values[0], start, room.errors)
+    ratio_at_nodes = error_ratio(m, h)
+    add_force_defect(m)
+    ratio = error_ratio(m, h)
     if ratio <= 1.0 and missed > 0.0:
-        state.control.missed = missed
+        m.state.control.missed = missed
     return ratio, ratio_at_nodes <= 1.0 and not ratio <= 1.0
 
 
 @inner
-def tangents_error(h, base, equations, rule, matrices, local, values, orbit, newton, limits):
+def tangents_error(m, h, slot):
     """Return the largest ratio of error to tolerance of solved tangents; subtract terms from f."""
-    legendre, p = rule.legendre, orbit.p
-    subtract_from_forces(equations.kinds, matrices, base[1:], values[1:])
+    p, values, base = m.orbit.p, m.room.values, m.room.base
+    subtract_from_forces(m.equations.kinds, m.operators.matrices, base[1:], values[1:])
     if values.shape[1] > SLOPE:
         for column in range(1, p.shape[0]):
-            nodal_slopes(h, rule.inverse, p[column], values[column, PRIMARY], values[column, SLOPE])
-    return tangent_error_ratio(
-        h, equations, legendre, local, matrices, values, orbit.initial, newton, limits.rtol
-    )
+            own = values[column]
+            nodal_slopes(h, m.rule.inverse, p[column], own[PRIMARY], own[SLOPE])
+    return tangent_error_ratio(m, h, slot)

@@ -3,9 +3,8 @@
 import numpy as np
 
 from ..compiled.jacobian import LEAST
-from ..compiled.jit import I8, VEC, allocating, compiled, embedded, entry, inner
+from ..compiled.jit import entry, inner
 from ..compiled.linalg import clear_matrix, put, put_cube, put_matrix
-from ..compiled.signatures import JAC, RHS
 from .error_estimate import (
     ROUNDING_OF_SUMS,
     SMALL,
@@ -22,33 +21,16 @@ from .mode_tables import (
     read_varying,
     set_mode_weights,
 )
-from .newton import open_newton, solve_stages, solve_tangent_stages
+from .newton import solve_stages, solve_tangent_stages
 from .operators import (
     POSITION,
     PRIMARY,
-    any_offset,
     assemble_operators,
     eliminate_known,
-    empty_operators,
     number_of,
 )
 from .stages import set_scales
-from .structures import (
-    BASIS,
-    EQUATIONS,
-    HELD,
-    LENGTH,
-    LIMITS,
-    ORBIT,
-    RULE,
-    STAGE_SOLVER,
-    STAGES,
-    STATE,
-    STEPS,
-    TABLES,
-    VARYING,
-    ModeWeights,
-)
+from .structures import ADAPTIVE_MARCH, HELD, LENGTH
 
 # Goal of Newton's method, in tolerances.
 _NEWTON = 0.01
@@ -58,44 +40,31 @@ _NEWTON = 0.01
 _OF_OTHERS = 3e-15
 
 
-@embedded
-def attempt(
-    rhs, jac, has_jac, params, t, h, slot, equations, rule, tables, varying, orbit, state,
-    limits, newton, base, operators, values,
-):  # fmt: skip
-    """Solve a step from t of length h for f, p and y at the nodes, `values` (1 + k, n_q, d, s).
+@inner
+def attempt(m, t, h, slot):
+    """Solve a step from t of length h for f, p and y at the nodes, the `values` of the room.
 
     Returns the ratio of its error to the tolerance, and whether the equations were solved. The
-    third value is whether only the defect of f makes the error too large. `base` (1 + k, R, s) is
-    room for the known part of the rows; `slot` is the place of tables for h.
+    third value is whether only the defect of f makes the error too large. `slot` is the place of
+    tables for h.
     """
-    nodes, kinds, local = rule.nodes, equations.kinds, tables.local[slot]
-    control, counts, origin = state.control, state.counts, state.control.origin
-    n_columns, last = orbit.x.shape[0], orbit.last[0, PRIMARY]
-    integral = rule.integrals[equations.orders.shape[0] - 1]  # of order 1
+    orbit, state, room, equations, limits = m.orbit, m.state, m.room, m.equations, m.limits
+    n_columns, values, origin = orbit.x.shape[0], room.values, state.control.origin
     for column in range(n_columns):
-        read_modes(orbit.modes[column], tables.to_nodes[slot], base[column])
-    set_known_part(orbit, tables.to_nodes[slot], equations, varying, operators, base)
-    room = newton.room
-    set_times(origin, t, h, nodes, limits, room.times)
-    set_times(origin, t, h, rule.check_points, limits, room.check_times)
-    extrapolate(
-        nodes, rule.legendre, last, h, control.last, orbit.p[0], room.reached,
-        values[0, PRIMARY], room.change,
-    )  # fmt: skip
+        read_modes(orbit.modes[column], m.tables.to_nodes[slot], room.base[column])
+    set_known_part(m, slot)
+    set_times(origin, t, h, m.rule.nodes, limits, room.times)
+    set_times(origin, t, h, m.rule.check_points, limits, room.check_times)
+    extrapolate(m, h)
     put(state.sizes, room.sizes)
     begins = raise_small(equations.quantities, SMALL, room.sizes)
     put(room.sizes, room.sizes_before)
-    set_units(equations.units, equations.quantities, room.sizes, orbit.x[0], limits, room.units)
-    set_starts(orbit, equations.second, newton.room.starts)
+    set_units(equations, room.sizes, orbit.x[0], limits, room.units)
+    set_starts(orbit, equations.second, room.starts)
     solved = False
     for _ in range(2 if begins else 1):  # the first solution has the sizes of what begins at 0
-        set_newton_goal(h, equations, orbit, state, limits, room)
-        solved = solve_stages(
-            rhs, jac, has_jac, params, room.times, h, base[0], orbit.x[0], equations.second,
-            operators, kinds, integral, room.goal, values[0], counts, state.contraction,
-            newton,
-        )  # fmt: skip
+        set_newton_goal(m, h)
+        solved = solve_stages(m, h)
         if not solved:
             break
         raise_sizes(values[0], room.sizes)
@@ -104,24 +73,14 @@ def attempt(
         raise_small(equations.quantities, SMALL, room.sizes)
     ratio, by_defect = np.inf, False
     if solved:
-        ratio, by_defect = orbit_error(
-            rhs, params, h, base, equations, rule, operators, local, values, orbit, state,
-            newton, limits,
-        )  # fmt: skip
+        ratio, by_defect = orbit_error(m, h, slot)
     if ratio <= 1.0 and n_columns > 1:
-        more = np.inf
-        if solve_tangent_stages(
-            rhs, jac, has_jac, params, room.times, h, base, orbit.x, equations.second, operators,
-            kinds, integral, values, counts, newton,
-        ):  # fmt: skip
-            more = tangents_error(
-                h, base, equations, rule, operators.matrices, local, values, orbit, newton, limits
-            )
+        more = tangents_error(m, h, slot) if solve_tangent_stages(m, h) else np.inf
         ratio, solved = max(ratio, more), more < np.inf
     return ratio, solved, by_defect
 
 
-@compiled
+@inner
 def set_times(origin, t, h, nodes, limits, times):
     """Set the times of the nodes, kept strictly between origin and stop, where f may jump."""
     for i in range(nodes.shape[0]):
@@ -130,24 +89,26 @@ def set_times(origin, t, h, nodes, limits, times):
 
 
 @inner
-def set_known_part(orbit, to_nodes, equations, varying, operators, base):
+def set_known_part(m, slot):
     """Complete what every row is known to be before the step is solved, (1 + k, R, s).
 
     Initial values, offsets, and history of orders that vary are added to the other history.
     """
-    initial, p, modes, kinds = orbit.initial, orbit.p, orbit.modes, equations.kinds
+    initial, p, modes, base = m.orbit.initial, m.orbit.p, m.orbit.modes, m.room.base
+    kinds, varying, to_nodes = m.equations.kinds, m.varying, m.tables.to_nodes[slot]
+    constant, start_weights = m.operators.constant, m.operators.start_weights
     d, n_kinds = p.shape[1], number_of(kinds)
     for column in range(base.shape[0]):
         if varying.integrals.shape[0] > 0:
-            read_varying(modes[column], to_nodes, equations, varying, base[column])
+            read_varying(modes[column], to_nodes, m.equations, varying, base[column])
         for c in range(base.shape[1]):
             row = c // d * n_kinds + kinds[c % d]
             for i in range(base.shape[2]):
-                base[column, c, i] += operators.constant[column, c, i]
-                base[column, c, i] += operators.start_weights[row, i] * p[column, c % d]
+                base[column, c, i] += constant[column, c, i]
+                base[column, c, i] += start_weights[row, i] * p[column, c % d]
                 if c < d:
                     base[column, c, i] += initial[column, c]
-    eliminate_known(kinds, operators.matrices, base)
+    eliminate_known(kinds, m.operators.matrices, base)
 
 
 @inner
@@ -158,17 +119,17 @@ def set_starts(orbit, second, starts):
 
 
 @inner
-def set_units(units, quantities, sizes, x, limits, out):
+def set_units(equations, sizes, x, limits, out):
     """Set the units of differences, (d,): sizes, or without them what `atol` makes one.
 
     Units of the start do not count beyond the present y. 1 stands for units next to 0.
     """
-    by_size = limits.by_size > 0.0
+    by_size, atol, units = limits.by_size > 0.0, limits.atol, equations.units
     for c in range(out.shape[0]):
         out[c] = abs(x[c])
-    raise_small(quantities, 1.0, out)
+    raise_small(equations.quantities, 1.0, out)
     for c in range(out.shape[0]):
-        least = sizes[c] if by_size else limits.atol[c] / limits.rtol
+        least = sizes[c] if by_size else atol[c] / limits.rtol
         unit = units[c] if by_size or out[c] == 0.0 else min(units[c], out[c])
         unit = max(unit, least)
         out[c] = unit if unit > LEAST else 1.0
@@ -184,15 +145,16 @@ def raise_sizes(values, sizes):
 
 
 @inner
-def set_newton_goal(h, equations, orbit, state, limits, room):
+def set_newton_goal(m, h):
     """Set the error of p that Newton's method may leave, (d,).
 
     It is at least what the rounding of y leaves in p = y' through terms of y itself. That is at
     most what changes y by as much over the step. For a small component it is at least what the
     rounding of the largest one leaves in it.
     """
-    terms, orders, goal = equations.terms, equations.orders, room.goal
-    second, d = equations.second, goal.shape[0]
+    equations, orbit, state, limits, room = m.equations, m.orbit, m.state, m.limits, m.room
+    terms, orders, second = equations.terms, equations.orders, equations.second
+    goal, d = room.goal, room.goal.shape[0]
     for c in range(d):
         size = max(state.largest[c], abs(orbit.p[0, c]))
         goal[c] = _NEWTON * allowed_error(c, size, room.sizes[c], second[c], 1.0, limits)
@@ -209,13 +171,16 @@ def set_newton_goal(h, equations, orbit, state, limits, room):
 
 
 @inner
-def extrapolate(nodes, legendre, last, h, h_last, p, reached, out, change):
+def extrapolate(m, h):
     """Extrapolate the polynomial p of the last step to the nodes of the next.
 
     Differences from p at the end of the last step are extrapolated, so that a constant is exact.
-    Sets `change`, (d s,), to p minus the result.
+    Sets the change in the room, (d s,), to p minus the result.
     """
-    # last, out (d, s), p (d,); reached (s, s), from the last values to the nodes ahead, is room
+    # last, out (d, s), p (d,); reached (s, s): from the last values to the nodes ahead
+    nodes, legendre, p, h_last = m.rule.nodes, m.rule.legendre, m.orbit.p[0], m.state.control.last
+    last, out = m.orbit.last[0, PRIMARY], m.room.values[0, PRIMARY]
+    reached, change = m.room.reached, m.room.change
     d, s = out.shape
     clear_matrix(reached)
     for i in range(s if h_last > 0.0 else 0):
@@ -246,25 +211,17 @@ _SAFETY = 0.8
 # Growth that is always worth new factors of many components.
 _WORTH = 2.0
 
-_MARCH = (
-    RHS, JAC, I8, VEC, STAGE_SOLVER, STAGES, EQUATIONS, RULE, BASIS, TABLES, VARYING, ORBIT, STATE,
-    STEPS, LIMITS,
-)  # fmt: skip
-
 
 @inner
-def take_steps(
-    rhs, jac, has_jac, params, equations, rule, basis, tables, varying, orbit, state, steps,
-    limits, newton, weights, base, operators, values,
-):  # fmt: skip
-    """March; the caller allocates the arguments after `limits`."""
-    nodes, legendre, kinds = rule.nodes, rule.legendre, equations.kinds
-    control, counts, stages = state.control, state.counts, newton.stages
-    s, n_columns = nodes.shape[0], orbit.x.shape[0]
+def take_steps(m):
+    """Make steps until a stop, or until the march cannot go on by itself."""
+    rule, equations, varying, orbit, limits = m.rule, m.equations, m.varying, m.orbit, m.limits
+    control, counts, stages = m.state.control, m.state.counts, m.stages
+    local, values, s = m.tables.local, m.room.values, rule.nodes.shape[0]
     lowest, row, assembled_for = lowest_order(equations), 0, -1.0
     was_refused, end = control.refused == 1.0, limits.stop - control.origin
     while control.time < end:
-        if row == steps.starts.shape[0]:
+        if row == m.steps.starts.shape[0]:
             return row, FULL
         t, left, h = next_step(control, end)
         if not t + 0.01 * h > t:
@@ -273,19 +230,15 @@ def take_steps(
             return row, TOO_CLOSE
         if not orders_tabulated(t, h, varying):
             return row, ORDERS_NEEDED
-        slot = find_slot(h, nodes, basis, tables)
-        local = tables.local[slot]
+        slot = find_slot(h, rule.nodes, m.basis, m.tables)
         if h != assembled_for or equations.unweighted.shape[0] > 0:
-            first = local.shape[0] - varying.integrals.shape[0]
-            put_cube(varying.integrals, local[first:])
-            assemble_operators(h, equations, rule.integrals, rule.inverse, local, operators)
+            first = local.shape[1] - varying.integrals.shape[0]
+            put_cube(varying.integrals, local[slot, first:])
+            assemble_operators(h, equations, rule, local[slot], m.operators)
         if equations.unweighted.shape[0] > 0:  # orders that vary change matrices at any length
             stages.control[LENGTH] = 0.0
         assembled_for = h
-        ratio, solved, by_defect = attempt(
-            rhs, jac, has_jac, params, t, h, slot, equations, rule, tables, varying, orbit,
-            state, limits, newton, base, operators, values,
-        )  # fmt: skip
+        ratio, solved, by_defect = attempt(m, t, h, slot)
         # an error that would allow more than the largest factor says nothing of longer steps
         idle = ratio < (_SAFETY / _GROW) ** (s + lowest)
         longest = floor_to_grid(limits.longest_idle if idle else limits.longest)
@@ -301,40 +254,28 @@ def take_steps(
                 return row, reason_of_refusal(by_defect, solved)
             continue
         counts.accepted += 1
-        raise_sizes(values[0], state.sizes)
-        record_step(state, t, h, ratio, values[0], equations.second, orbit, steps, row)
-        absorb_constant_mode(basis.rates, orbit)
+        raise_sizes(values[0], m.state.sizes)
+        record_step(m, t, h, ratio, row)
+        absorb_constant_mode(m.basis.rates, orbit)
         put_cube(orbit.modes, orbit.before)
-        for column in range(n_columns):
+        for column in range(values.shape[0]):
             put_cube(values[column], orbit.last[column])
-        to_end, moments = tables.to_end[slot], tables.moments[slot]
-        advance_orbit(h, to_end, moments, weights, kinds, legendre, orbit)
+        advance_orbit(m, h, slot)
         row += 1
         control.time, control.last = (end if h == left else t + h), h
     return row, REACHED
 
 
-@entry(*_MARCH, announced="the march of collocation")
-def march_adaptive(
-    rhs, jac, has_jac, params, solver, stages, equations, rule, basis, tables, varying, orbit,
-    state, steps, limits,
-):  # fmt: skip
+@entry(ADAPTIVE_MARCH, announced="the march of collocation", counted=False)
+def march_adaptive(m):
     """March until `limits.stop`; return the accepted steps and a status code."""
-    s, n_columns, kinds = rule.nodes.shape[0], orbit.x.shape[0], equations.kinds
-    n_rows = orbit.modes.shape[1] - equations.unweighted.shape[0] * orbit.x.shape[1]
-    base, values = np.empty((n_columns, n_rows, s)), np.empty(orbit.last.shape)
-    operators = empty_operators(n_columns, n_rows, kinds, s)
-    newton = open_newton(orbit.x.shape[1], s, rule.check_points.shape[0], solver, stages)
-    put(state.sizes, newton.room.sizes)
-    raise_small(equations.quantities, SMALL, newton.room.sizes)
-    room = newton.room
-    set_units(equations.units, equations.quantities, room.sizes, orbit.x[0], limits, room.units)
-    set_scales(room.units, stages)
-    weights = mode_weights(equations, basis, varying, orbit)
-    return take_steps(
-        rhs, jac, has_jac, params, equations, rule, basis, tables, varying, orbit, state,
-        steps, limits, newton, weights, base, operators, values,
-    )  # fmt: skip
+    equations, room = m.equations, m.room
+    put(m.state.sizes, room.sizes)
+    raise_small(equations.quantities, SMALL, room.sizes)
+    set_units(equations, room.sizes, m.orbit.x[0], m.limits, room.units)
+    set_scales(room.units, m.stages)
+    set_mode_weights(equations, m.basis.weights, m.varying.of_varying, m.weights)
+    return take_steps(m)
 
 
 @inner
@@ -354,23 +295,6 @@ def reason_of_refusal(by_defect, solved):
     if by_defect:
         return JUMPING
     return TOO_ROUGH if solved else NEWTON_FAILED
-
-
-@allocating
-def mode_weights(equations, basis, varying, orbit):
-    """Return the `ModeWeights` of a march; those of offsets have no rows where all are 0."""
-    modes, last, n_kinds = orbit.modes, orbit.last, number_of(equations.kinds)
-    n_columns, n_rows, n_modes = modes.shape
-    n_kept, n_integrands = n_rows // equations.kinds.shape[0] * n_kinds, last.shape[1]
-    n_offsets = 0
-    for n in range(equations.offsets.shape[1]):
-        n_offsets = n_rows if any_offset(equations.offsets, n) else n_offsets
-    found = ModeWeights(
-        np.empty((n_kept, n_integrands, n_modes)), np.empty((n_kept, n_integrands), np.int64),
-        np.empty((n_columns, n_offsets, n_modes)), np.empty(n_modes), np.empty(last.shape[3]),
-    )  # fmt: skip
-    set_mode_weights(equations, basis.weights, varying.of_varying, found)
-    return found
 
 
 @inner
@@ -433,24 +357,24 @@ def absorb_constant_mode(rates, orbit):
 
 
 @inner
-def advance_orbit(h, to_end, moments, weights, kinds, legendre, orbit):
+def advance_orbit(m, h, slot):
     """Advance the orbit and its tangents to the end of the step solved last."""
-    values = orbit.last
+    x, p, values = m.orbit.x, m.orbit.p, m.orbit.last
     for column in range(values.shape[0]):
-        own, modes = values[column], orbit.modes[column]
-        advance_modes(h, to_end, moments, weights, column, kinds, legendre, own, modes)
-        put(own[POSITION, :, -1], orbit.x[column])
-        put(own[PRIMARY, :, -1], orbit.p[column])
+        advance_modes(m, h, slot, column)
+        own = values[column]
+        put(own[POSITION, :, -1], x[column])
+        put(own[PRIMARY, :, -1], p[column])
 
 
 @inner
-def record_step(state, t, h, ratio, values, second, orbit, steps, row):
+def record_step(m, t, h, ratio, row):
     """Record an accepted step in a row of `steps`, and the largest p so far where p is y'."""
-    # values (n_q, d, s)
-    x, p, nodal, at_start = orbit.x[0], orbit.p[0], steps.p[row], steps.at_starts[row]
-    (d, s), largest = nodal.shape, state.largest
-    steps.starts[row], steps.lengths[row], steps.errors[row] = state.control.origin + t, h, ratio
-    put_matrix(values[PRIMARY], nodal)
+    steps, second, largest = m.steps, m.equations.second, m.state.largest
+    x, p, nodal, at_start = m.orbit.x[0], m.orbit.p[0], steps.p[row], steps.at_starts[row]
+    d, s = nodal.shape
+    steps.starts[row], steps.lengths[row], steps.errors[row] = m.state.control.origin + t, h, ratio
+    put_matrix(m.room.values[0, PRIMARY], nodal)
     for c in range(d):
         at_start[0, c], at_start[1, c] = x[c], p[c]
         for i in range(s):

@@ -13,10 +13,10 @@ import math
 
 import numpy as np
 
-from ..compiled.jit import allocating, compiled, inner
+from ..compiled.jit import allocating, inner
 from ..compiled.linalg import add_rows, clear, clear_matrix, put
 from .operators import first_of_kind, number_of
-from .structures import StepTables
+from .structures import ModeWeights, StepTables
 
 # Step lengths are 2**(n / _PER_OCTAVE), rounded up.
 _PER_OCTAVE = 8
@@ -33,13 +33,24 @@ _SMALL = 1e-8
 _SEED = 1e-200 + 0j
 
 
+def empty_weights(equations, modes, n_integrands, s):
+    """Allocate the weights of modes (1 + k, R, M); no rows where all offsets are 0."""
+    n_columns, n_rows, n_modes = modes.shape
+    n_kept = n_rows // equations.kinds.size * (int(equations.kinds.max()) + 1)
+    n_offsets = n_rows if equations.offsets.any() else 0
+    return ModeWeights(
+        np.empty((n_kept, n_integrands, n_modes)), np.empty((n_kept, n_integrands), np.int64),
+        np.empty((n_columns, n_offsets, n_modes)), np.empty(n_modes), np.empty(s),
+    )  # fmt: skip
+
+
 def empty_tables(n_modes, s, n_kernels):
     """Allocate tables that hold the factors of no length yet."""
     slots = (SLOTS, n_modes, s), (SLOTS, 2, n_modes), (SLOTS, s, n_modes), (SLOTS, n_kernels, s, s)
     return StepTables(np.zeros(SLOTS), *(np.empty(shape) for shape in slots))
 
 
-@compiled
+@inner
 def floor_to_grid(h):
     """Return the largest length of the grid that does not exceed h, up to rounding."""
     power = math.floor(_PER_OCTAVE * math.log2(h)) / _PER_OCTAVE
@@ -190,23 +201,27 @@ def decay_modes(modes, to_end):
 
 
 @inner
-def advance_modes(h, to_end, moments, weights, column, kinds, legendre, values, modes):
+def advance_modes(m, h, slot, column):
     """Advance the modes over the step: decay, and absorb the integrands' polynomials on it.
 
     Row c absorbs integrands of component c modulo d; `column` is that of the orbit or a tangent.
     """
-    # to_end (2, M), moments (s, M), kinds (d,), legendre (s, s), values (n_q, d, s), modes (R, M)
+    # to_end (2, M), moments (s, M), values (n_q, d, s), modes (R, M)
+    values, modes = m.orbit.last[column], m.orbit.modes[column]
+    to_end, moments, legendre = m.tables.to_end[slot], m.tables.moments[slot], m.rule.legendre
+    kinds, weights, offsets, used = m.equations.kinds, m.weights, m.weights.offsets, m.weights.used
+    integrands = weights.integrands
     d, s, n_modes = values.shape[1], values.shape[2], to_end.shape[1]
     part, coefficients, n_kinds = weights.part, weights.coefficients, number_of(kinds)
     for c in range(modes.shape[0]):
         own, kind = modes[c], c // d * n_kinds + kinds[c % d]
         decay_modes(own, to_end)
-        for m in range(n_modes if weights.offsets.shape[1] > 0 else 0):
-            own[m] += h * weights.offsets[column, c, m] * moments[0, m]
+        for n in range(n_modes if offsets.shape[1] > 0 else 0):
+            own[n] += h * offsets[column, c, n] * moments[0, n]
         for q in range(values.shape[0]):
-            if weights.used[kind, q] == 0:
+            if used[kind, q] == 0:
                 continue
-            nodal, of_integrand = values[q, c % d], weights.integrands[kind, q]
+            nodal, of_integrand = values[q, c % d], integrands[kind, q]
             for k in range(s):
                 total = 0.0
                 for j in range(s):
@@ -214,8 +229,8 @@ def advance_modes(h, to_end, moments, weights, column, kinds, legendre, values, 
                 coefficients[k] = h * total
             clear(part)
             add_rows(part, coefficients, moments)
-            for m in range(n_modes):
-                own[m] += of_integrand[m] * part[m]
+            for n in range(n_modes):
+                own[n] += of_integrand[n] * part[n]
 
 
 @inner
@@ -226,7 +241,7 @@ def set_mode_weights(equations, weights, of_varying, found):
     for each integrand.
     """
     # weights (n_a + n_k, M), of_varying (M,)
-    input_weights, offset_weights = found.integrands, found.offsets
+    input_weights, offset_weights, used = found.integrands, found.offsets, found.used
     terms, offsets, unweighted = equations.terms, equations.offsets, equations.unweighted
     for row in range(input_weights.shape[0]):
         clear_matrix(input_weights[row])
@@ -245,12 +260,12 @@ def set_mode_weights(equations, weights, of_varying, found):
                 input_weights[c // d * n_kinds + kind, q, m] += weight
             for column in range(offsets.shape[0] if offset_weights.shape[1] > 0 else 0):
                 offset_weights[column, c, m] -= weight * offsets[column, n]
-    for kind in range(found.used.shape[0]):
-        for q in range(found.used.shape[1]):
-            found.used[kind, q] = 0
+    for kind in range(used.shape[0]):
+        for q in range(used.shape[1]):
+            used[kind, q] = 0
             for m in range(weights.shape[1]):
                 if input_weights[kind, q, m] != 0.0:
-                    found.used[kind, q] = 1
+                    used[kind, q] = 1
 
 
 @inner

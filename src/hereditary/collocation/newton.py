@@ -9,13 +9,13 @@ history before the step is a sum of exponential modes, advanced by exact moments
 
 import numpy as np
 
-from ..compiled.jacobian import COLUMNS, ROWS, VALUES, is_sparse, jacobian, magnitudes
-from ..compiled.jit import allocating, inlined, inner
+from ..compiled.jacobian import COLUMNS, ROWS, VALUES, is_sparse, jacobian_of, magnitudes
+from ..compiled.jit import inner
 from ..compiled.linalg import clear_matrix, dot, factorise, put, put_cube, put_matrix
 from ..compiled.signatures import FACTORISE, SUBSTITUTE
 from .operators import FORCE, POSITION, PRIMARY
 from .stages import stage_matrix, substitute_scaled
-from .structures import KEPT, LENGTH, REDUCED, Newton, StepRoom
+from .structures import KEPT, LENGTH, REDUCED
 
 # Most Newton iterations of a step, which is then rejected.
 _SWEEPS = 12
@@ -54,9 +54,10 @@ def nodal_slopes(h, inverse, start, p, out):
 
 
 @inner
-def positions(h, p, x_start, second, integral, x):
+def positions(m, h, p, x_start, x):
     """Set y at the nodes: p itself, or the integral of p from `x_start` where p is y'."""
-    # p, x (d, s), x_start (d,), second (d,), integral (s, s) of order 1
+    # p, x (d, s), x_start (d,); integral (s, s) of order 1
+    second, integral = m.equations.second, m.rule.integrals[m.equations.orders.shape[0] - 1]
     for c in range(p.shape[0]):
         for i in range(p.shape[1]):
             if second[c] == 0:
@@ -69,10 +70,11 @@ def positions(h, p, x_start, second, integral, x):
 
 
 @inner
-def forces(rhs, params, times, x, f, room):
+def forces(m, x, f):
     """Set f to the right-hand side at all nodes of a step, where y is x; return if it is finite."""
     # times (s,), x and f (d, s)
-    point, force, finite = room.point, room.force, True
+    rhs, params, times = m.functions.rhs, m.functions.params, m.room.times
+    point, force, finite = m.room.point, m.room.force, True
     for i in range(times.shape[0]):
         for c in range(point.shape[0]):
             point[c] = x[c, i]
@@ -83,106 +85,87 @@ def forces(rhs, params, times, x, f, room):
     return finite
 
 
-@allocating
-def open_newton(d, s, n_checks, solver, stages):
-    """Join the solver of the stages, the scales of f and the room of a step."""
-    change = np.empty(d * s)
-    room = StepRoom(
-        np.empty(s), np.empty(n_checks), np.empty(d * s), change, change.reshape((d, s)),
-        np.empty((d, s)), np.empty((s, d)), np.empty((s, s)), np.empty(d), np.empty(d), np.empty(d),
-        np.empty(d), np.empty(d), np.empty(d), np.empty(d), np.empty(d), np.empty(d), np.zeros(d),
-        np.zeros(d), np.zeros(d),
-    )  # fmt: skip
-    return Newton(solver, stages, room)
-
-
 @inner
-def factorise_newton(h, p, matrices, integral, jacobians, newton):
+def factorise_newton(m, h, p, jacobians):
     """Factorise Newton's matrix with the Jacobians of the stages; return whether it is regular."""
-    # matrices (>= n, 3, s, s), integral (s, s) of order 1
-    stages = newton.stages
-    if stages.jacobians.shape[0] > 1:
-        # few components are solved here: handing a function value all these arrays takes 0.1 us
-        stage_matrix(
-            h, matrices, stages.kinds, integral, stages.second, jacobians, stages.scales,
-            stages.dense[0, 1], stages.joint,
-        )  # fmt: skip
-        return factorise(stages.joint, stages.dense[0, 0])
+    stages, matrices, over_step = m.stages, m.operators.matrices, m.stages.integral
+    integral = m.rule.integrals[m.equations.orders.shape[0] - 1]  # of order 1
+    few = stages.jacobians.shape[0] > 1
     for kind in range(stages.second.shape[0]):
         put_cube(matrices[kind], stages.matrices[kind])
     for i in range(integral.shape[0]):
         for j in range(integral.shape[0]):
-            stages.integral[i, j] = h * integral[i, j]
-    return newton.solver(FACTORISE, p, stages) == 0
+            over_step[i, j] = integral[i, j] if few else h * integral[i, j]
+    if few:  # solved here, for the call of a function value takes longer
+        stage_matrix(stages, h, jacobians, stages.dense[0, 1], stages.joint)
+        return factorise(stages.joint, stages.dense[0, 0])
+    return m.solver(FACTORISE, p, stages) == 0
 
 
-@inlined
-def solve_newton(newton):
+@inner
+def solve_newton(m):
     """Solve for the change of p that the residual of the room asks for."""
-    residual, change, stages = newton.room.residual, newton.room.change, newton.stages
+    residual, change, stages = m.room.residual, m.room.change, m.stages
     if stages.jacobians.shape[0] == 1:
         put(residual, change)
-        newton.solver(SUBSTITUTE, newton.room.nodal_change, stages)
+        m.solver(SUBSTITUTE, m.room.nodal_change, stages)
     else:
         substitute_scaled(stages.joint, stages.dense[0, 0], stages.scales, residual, change)
 
 
 @inner
-def solve_stages(
-    rhs, jac, has_jac, params, times, h, base, x_start, second, operators, kinds, integral, goal,
-    values, counts, contraction, newton,
-):  # fmt: skip
+def solve_stages(m, h):
     """Solve for p at the nodes by Newton's method, starting from the given values.
 
-    The room has their change from p at the start, negated. Returns whether p is accurate to
-    `goal` (d,). Sets y, and f corrected to first order for the last change of p; `contraction`
-    records how fast the method converged. Of many components the Jacobian is kept over steps while
-    the method converges fast, and factors as long as the step's length stays.
+    The room has their change from p at the start, negated. Returns whether p is accurate to the
+    goal, (d,). Sets y, and f corrected to first order for the last change of p. The state records
+    how fast the method converged. Of many components the Jacobian is kept over steps while the
+    method converges fast, and factors as long as the step's length stays.
     """
-    # base (>= d, s), values (n_q, d, s): f, p and y
+    room, stages, counts, contraction = m.room, m.stages, m.state.counts, m.state.contraction
+    values, x_start, control, goal = room.values[0], m.orbit.x[0], stages.control, room.goal
     f, p, x = values[FORCE], values[PRIMARY], values[POSITION]
-    stages, control = newton.stages, newton.stages.control
-    room, s, few = newton.room, p.shape[1], stages.jacobians.shape[0] > 1
-    residual, change, before = room.residual, room.change, room.before
+    s, few = p.shape[1], stages.jacobians.shape[0] > 1
+    change, before = room.change, room.before
     previous, fresh = np.inf, False
     jacobians = stages.jacobians[:1]
-    positions(h, p, x_start, second, integral, x)
+    positions(m, h, p, x_start, x)
     for sweep in range(_SWEEPS):
         counts.rhs += s
         halved = 0
-        while not forces(rhs, params, times, x, f, room):
+        while not forces(m, x, f):
             if halved > _HALVED:
                 control[KEPT] = 0.0
                 return False
             take_back_at_nodes(f, 0.5 if halved < _HALVED else 1.0, change, p)
-            positions(h, p, x_start, second, integral, x)
+            positions(m, h, p, x_start, x)
             counts.rhs += s
             halved += 1
         if few and (sweep == 0 or sweep == _EACH):
             control[KEPT] = 0.0
             jacobians = stages.jacobians[: 1 if sweep == 0 else s]
         if control[KEPT] == 0.0:
-            counts.rhs += stage_jacobians(rhs, jac, has_jac, params, times, x, jacobians, room)
+            counts.rhs += stage_jacobians(m, x, jacobians)
             control[KEPT], control[LENGTH], control[REDUCED], fresh = 1.0, 0.0, 0.0, True
         if control[LENGTH] != h:
             control[LENGTH] = 0.0
-            if not factorise_newton(h, p, operators.matrices, integral, jacobians, newton):
+            if not factorise_newton(m, h, p, jacobians):
                 control[KEPT] = 0.0  # it may hold what is no number
                 return False
             control[LENGTH], previous = h, np.inf
         if previous == np.inf:  # of y as it is guessed: a stiff solution falls far below its start
-            for c in range(newton.room.starts.shape[0]):
+            for c in range(room.starts.shape[0]):
                 room.point[c] = x[c, s - 1]
-            magnitudes(jacobians[0], room.point, newton.room.force_scales)
-            magnitudes(jacobians[0], newton.room.starts, newton.room.start_scales)
-        residuals(base, operators, kinds, p, x, f, residual)
-        solve_newton(newton)
+            magnitudes(jacobians[0], room.point, room.force_scales)
+            magnitudes(jacobians[0], room.starts, room.start_scales)
+        residuals(m, room.base[0], p, x, f)
+        solve_newton(m)
         size = take_change(change, goal, p)
         if not size < np.inf:
             control[KEPT] = 0.0
             return False
         put_matrix(x, before)
-        positions(h, p, x_start, second, integral, x)
+        positions(m, h, p, x_start, x)
         rate = contraction_rate(size, previous, h, contraction)
         if size * min(1.0, 4.0 * rate) < 1.0:
             correct_forces(jacobians, before, x, f, room.moved)
@@ -199,15 +182,16 @@ def solve_stages(
 
 
 @inner
-def stage_jacobians(rhs, jac, has_jac, params, times, x, out, room):
+def stage_jacobians(m, x, out):
     """Set the Jacobian of each node, or only that of the middle one; return the calls of `rhs`."""
     # x (d, s), out (s, d, d), or (1, ., .) for all nodes
-    s, calls, point = times.shape[0], 0, room.point
+    times, point, units = m.room.times, m.room.point, m.room.units
+    s, calls = times.shape[0], 0
     for i in range(out.shape[0]):
         k = i if out.shape[0] > 1 else s // 2
         for c in range(point.shape[0]):
             point[c] = x[c, k]
-        calls += jacobian(rhs, jac, has_jac, times[k], point, params, room.units, out[i])
+        calls += jacobian_of(m.functions, times[k], point, units, out[i])
     return calls
 
 
@@ -242,7 +226,7 @@ def take_back_at_nodes(f, share, change, p):
             change[c * s + i] *= 1.0 - share
 
 
-@inlined
+@inner
 def take_change(change, goal, p):
     """Subtract a change, (d s,), from p; return the largest in units of the goal."""
     size, largest = 0.0, 0.0
@@ -274,12 +258,13 @@ def contraction_rate(size, previous, h, contraction):
 
 
 @inner
-def residuals(base, operators, kinds, p, x, f, out):
+def residuals(m, base, p, x, f):
     """Set the residuals p - base - integrals at all nodes, in the order (c, i)."""
-    d, s = p.shape
+    kinds, columns, out, (d, s) = m.equations.kinds, m.operators.columns, m.room.residual, p.shape
+    of_force_alone = m.operators.alone
     for c in range(d):
         kind, first = kinds[c], c * s
-        own, alone = operators.columns[kind], operators.alone[kind] == 1
+        own, alone = columns[kind], of_force_alone[kind] == 1
         for i in range(s):
             out[first + i] = p[c, i] - base[c, i]
         for j in range(s if alone else 0):
@@ -293,45 +278,36 @@ def residuals(base, operators, kinds, p, x, f, out):
                 out[first + i] -= by_f[i] * a + by_p[i] * b + by_x[i] * e
 
 
-@allocating
-def solve_tangent_stages(
-    rhs, jac, has_jac, params, times, h, base, x_start, second, operators, kinds, integral, values,
-    counts, newton,
-):  # fmt: skip
-    """Solve the step, linearised along the orbit, for the tangents' `values` at the nodes.
+@inner
+def solve_tangent_stages(m, h):
+    """Solve the step, linearised along the orbit, for the tangents' values at the nodes.
 
     These are the right-hand side f, the primary unknown p (y' where `second` is 1, else y) and y,
     columns 1 to k. Column 0, the orbit, must solve the step already. Of few components the factors
     are renewed with the Jacobian of each node; of many those of the orbit are used until the
     equations hold. Returns whether they do.
     """
-    # base (1 + k, R, s), x_start (1 + k, d), values (1 + k, 3, d, s)
-    s, few, room = base.shape[2], newton.stages.jacobians.shape[0] > 1, newton.room
-    of_orbit, none = newton.stages.jacobians, room.before
-    residual, change = room.residual, room.change
-    jacobians = of_orbit if few else np.empty((s, of_orbit.shape[1], of_orbit.shape[2]))
+    room, values, x_start, jacobians = m.room, m.room.values, m.orbit.x, m.room.jacobians
+    s, few, of_orbit = values.shape[3], m.stages.jacobians.shape[0] > 1, m.stages.jacobians
+    none, change = room.before, room.change
     for i in range(0 if few else s):
         put_matrix(of_orbit[0], jacobians[i])
-    counts.rhs += stage_jacobians(
-        rhs, jac, has_jac, params, times, values[0, POSITION], jacobians, room
-    )
-    if few and not factorise_newton(
-        h, values[0, PRIMARY], operators.matrices, integral, jacobians, newton
-    ):
+    m.state.counts.rhs += stage_jacobians(m, values[0, POSITION], jacobians)
+    if few and not factorise_newton(m, h, values[0, PRIMARY], jacobians):
         return False
     clear_matrix(none)
-    for column in range(1, base.shape[0]):
+    for column in range(1, values.shape[0]):
         f, p, x = values[column, FORCE], values[column, PRIMARY], values[column, POSITION]
         clear_matrix(p)
         done = False
         for _ in range(_TANGENT_SWEEPS):
-            positions(h, p, x_start[column], second, integral, x)
+            positions(m, h, p, x_start[column], x)
             clear_matrix(f)
             correct_forces(jacobians, none, x, f, room.moved)
             if done:
                 break
-            residuals(base[column], operators, kinds, p, x, f, residual)
-            solve_newton(newton)
+            residuals(m, room.base[column], p, x, f)
+            solve_newton(m)
             moved, size = 0.0, 0.0
             for c in range(p.shape[0]):
                 for i in range(s):

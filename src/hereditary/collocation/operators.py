@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..compiled.jit import allocating, inner
+from ..compiled.jit import inner
 from ..compiled.linalg import clear_matrix
 from .structures import Operators
 
@@ -16,7 +16,7 @@ ITSELF = -1
 
 
 @inner
-def assemble_operators(h, equations, integrals, inverse, local, operators):
+def assemble_operators(h, equations, rule, local, operators):
     """Assemble the matrices from nodal values to all rows for a step of length h.
 
     Row c < d gives p of component c; row d + c holds the terms subtracted from its right-hand side.
@@ -24,14 +24,18 @@ def assemble_operators(h, equations, integrals, inverse, local, operators):
     polynomial through p at the start and at the nodes.
     """
     # integrals (n_a, s, s), inverse (s, s) of the last of these, local (n_k, s, s)
+    integrals, inverse, implicit = rule.integrals, rule.inverse, equations.implicit
+    matrices, start_weights, constant = (
+        operators.matrices, operators.start_weights, operators.constant
+    )  # fmt: skip
     terms, orders, offsets = equations.terms, equations.orders, equations.offsets
-    for kind in range(operators.matrices.shape[0]):
-        for q in range(operators.matrices.shape[1]):
-            clear_matrix(operators.matrices[kind, q])
-    clear_matrix(operators.start_weights)
-    for column in range(operators.constant.shape[0]):
-        clear_matrix(operators.constant[column])
-    s, d, kinds = operators.constant.shape[2], equations.second.shape[0], equations.kinds
+    for kind in range(matrices.shape[0]):
+        for q in range(matrices.shape[1]):
+            clear_matrix(matrices[kind, q])
+    clear_matrix(start_weights)
+    for column in range(constant.shape[0]):
+        clear_matrix(constant[column])
+    s, d, kinds = constant.shape[2], equations.second.shape[0], equations.kinds
     n_kinds = number_of(kinds)
     for n in range(terms.shape[0]):
         c, q, k = terms[n].row, terms[n].integrand, terms[n].index
@@ -53,17 +57,17 @@ def assemble_operators(h, equations, integrals, inverse, local, operators):
                     weight = factor if i == j else 0.0
                 if q == SLOPE:
                     for e in range(s if fresh else 0):
-                        operators.matrices[row, PRIMARY, i, e] += weight * inverse[j, e] / h
-                        operators.start_weights[row, i] -= weight * inverse[j, e] / h
+                        matrices[row, PRIMARY, i, e] += weight * inverse[j, e] / h
+                        start_weights[row, i] -= weight * inverse[j, e] / h
                     continue
                 if fresh:
-                    operators.matrices[row, q, i, j] += weight
+                    matrices[row, q, i, j] += weight
                 for column in range(offsets.shape[0]):
-                    operators.constant[column, c, i] -= weight * offsets[column, n]
+                    constant[column, c, i] -= weight * offsets[column, n]
     for kind in range(n_kinds):
-        if equations.implicit[first_of_kind(kinds, kind)] == 1:
-            set_implicit_row(n_kinds, kind, operators.matrices)
-    eliminate_operators(n_kinds, operators.matrices)
+        if implicit[first_of_kind(kinds, kind)] == 1:
+            set_implicit_row(n_kinds, kind, matrices)
+    eliminate_operators(n_kinds, matrices)
     set_columns(operators)
 
 
@@ -170,12 +174,11 @@ def subtract_from_forces(kinds, matrices, known, values):
                 subtract_matvec(matrices[n_kinds + kinds[c], q], values[column, q, c], force)
 
 
-@allocating
 def empty_operators(n_columns, n_rows, kinds, s):
     """Allocate the operators of a step."""
-    n_kinds = n_rows // kinds.shape[0] * number_of(kinds)
-    matrices, start_weights = np.empty((n_kinds, 3, s, s)), np.empty((n_kinds, s))
+    n_kinds = n_rows // kinds.size * (int(kinds.max()) + 1)
+    matrices = n_kinds, 3, s, s
     return Operators(
-        matrices, start_weights, np.empty((n_columns, n_rows, s)), np.empty(matrices.shape),
-        np.empty(n_kinds, dtype=np.int64), np.empty((n_kinds, s)),
+        np.empty(matrices), np.empty((n_kinds, s)), np.empty((n_columns, n_rows, s)),
+        np.empty(matrices), np.empty(n_kinds, dtype=np.int64), np.empty((n_kinds, s)),
     )  # fmt: skip

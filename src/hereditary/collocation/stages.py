@@ -349,14 +349,15 @@ def linear_solver(stage):
 
 
 @inner
-def stage_matrix(h, matrices, kinds, integral, second, jacobians, scales, at_nodes, out):
+def stage_matrix(stage, h, jacobians, at_nodes, out):
     """Set the derivative of the residuals with respect to p at the nodes, in the order (c, i).
 
     Residuals and p are in units of the scales of their components. The Jacobian is one for all
-    nodes, or there is one for each.
+    nodes, or there is one for each. The integral over the step is that of `stage` times h.
     """
-    # matrices (>= n, 3, s, s), kinds (d,), integral (s, s), second (n,), jacobians (m, d, d),
-    # scales (d,), at_nodes (>= s,) is room, out (d s, d s)
+    # jacobians (m, d, d), at_nodes (>= s,) is room, out (d s, d s)
+    matrices, kinds, integral = stage.matrices, stage.kinds, stage.integral
+    second, scales = stage.second, stage.scales
     d, s, each = kinds.shape[0], integral.shape[0], jacobians.shape[0] > 1
     for c in range(d):
         kind = matrices[kinds[c]]
@@ -458,10 +459,7 @@ def joint_dense(task, values, stage):
     # joint (n, n): the matrix, and then its factors; dense (1, 2, n): order of the rows, room
     order, room, matrix = stage.dense[0, 0], stage.dense[0, 1], stage.joint
     if task == FACTORISE:
-        stage_matrix(
-            1.0, stage.matrices, stage.kinds, stage.integral, stage.second, stage.jacobians,
-            stage.scales, room, matrix,
-        )  # fmt: skip
+        stage_matrix(stage, 1.0, stage.jacobians, room, matrix)
         if stage.lapack != 0:
             return 0 if factorise_large(matrix, order, stage.lapack) else 1
         return 0 if factorise(matrix, order) else 1

@@ -25,6 +25,8 @@ from ..compiled.jit import (
     compiled_type,
 )
 from ..compiled.records import record
+from ..compiled.reference import FunctionField, Reference
+from ..compiled.signatures import RightSide
 
 # Convolution term: its row, integrand, index of the order or kernel, and coefficient.
 TERM = np.dtype(
@@ -50,6 +52,7 @@ Control: TypeAlias = Annotated[np.void, from_dtype(CONTROL)]
 Counts: TypeAlias = Annotated[np.void, from_dtype(COUNTS)]
 Contraction: TypeAlias = Annotated[np.void, from_dtype(CONTRACTION)]
 Tabulated: TypeAlias = Annotated[np.void, from_dtype(TABULATED)]
+IntegerMatrix: TypeAlias = Annotated[np.ndarray, types.Array(I8, 2, "C")]
 Records: TypeAlias = Annotated[np.ndarray, types.Array(from_dtype(TERM), 1, "C")]
 
 
@@ -135,11 +138,11 @@ class ModeWeights(NamedTuple):
     - part (M,), coefficients (s,): room.
     """
 
-    integrands: np.ndarray
-    used: np.ndarray
-    offsets: np.ndarray
-    part: np.ndarray
-    coefficients: np.ndarray
+    integrands: Cube
+    used: IntegerMatrix
+    offsets: Cube
+    part: Vector
+    coefficients: Vector
 
 
 class VaryingOrders(NamedTuple):
@@ -235,12 +238,12 @@ class Operators(NamedTuple):
     - alone (K,): 1 if p and y do not enter; sums (K, s): the integrals of f = 1.
     """
 
-    matrices: np.ndarray
-    start_weights: np.ndarray
-    constant: np.ndarray
-    columns: np.ndarray
-    alone: np.ndarray
-    sums: np.ndarray
+    matrices: Cubes
+    start_weights: Matrix
+    constant: Cube
+    columns: Cubes
+    alone: Integers
+    sums: Matrix
 
 
 class Stages(NamedTuple):
@@ -298,6 +301,8 @@ class StepRoom(NamedTuple):
     """Room for one step of d components with s nodes; nothing in it is kept for the next.
 
     - times (s,), check_times (m,): of the nodes and of m points between them.
+    - base (1 + k, R, s): the known part of the rows; values (1 + k, n_q, d, s): the integrands.
+    - jacobians (s, ., .): for tangents, one at each node.
     - residual, change (d s,): of the equations; nodal_change (d, s): the same change by nodes.
     - before (d, s), moved (s, d): y before a change, and its change; reached (s, s): the weights of
       an extrapolation.
@@ -313,34 +318,29 @@ class StepRoom(NamedTuple):
     |y(0)|. `starts` has the sizes of y(0) for such components, otherwise 0.
     """
 
-    times: np.ndarray
-    check_times: np.ndarray
-    residual: np.ndarray
-    change: np.ndarray
-    nodal_change: np.ndarray
-    before: np.ndarray
-    moved: np.ndarray
-    reached: np.ndarray
-    point: np.ndarray
-    force: np.ndarray
-    goal: np.ndarray
-    errors: np.ndarray
-    defect: np.ndarray
-    hidden: np.ndarray
-    sizes: np.ndarray
-    sizes_before: np.ndarray
-    units: np.ndarray
-    force_scales: np.ndarray
-    starts: np.ndarray
-    start_scales: np.ndarray
-
-
-class Newton(NamedTuple):
-    """Newton's method for a step: the solver of its linear systems, and the room of the step."""
-
-    solver: Any
-    stages: Stages
-    room: StepRoom
+    times: Vector
+    check_times: Vector
+    residual: Vector
+    change: Vector
+    nodal_change: Matrix
+    before: Matrix
+    moved: Matrix
+    reached: Matrix
+    point: Vector
+    force: Vector
+    goal: Vector
+    errors: Vector
+    defect: Vector
+    hidden: Vector
+    sizes: Vector
+    sizes_before: Vector
+    units: Vector
+    force_scales: Vector
+    starts: Vector
+    start_scales: Vector
+    base: Cube
+    values: Cubes
+    jacobians: Cube
 
 
 # Control of stages: step length that the factors hold for (0: none), 1 where the Jacobian is to be
@@ -350,19 +350,66 @@ LENGTH, KEPT, SYSTEMS, HELD, REDUCED, N_CONTROL = range(6)
 # Matrices of the pencil of a kind: G of components whose unknowns are values of y, G of those
 # whose unknowns are y', and M.
 OF_VALUES, OF_SPEEDS, REST = range(3)
-STAGES = compiled_type(Stages)
+STAGES = Reference(compiled_type(Stages))
 # task, nodal values (d, s), which the result replaces; 0 where it is done
 STAGES_SIG = I8(I8, MAT, STAGES)
-STAGE_SOLVER = types.FunctionType(STAGES_SIG)
-EQUATIONS = compiled_type(Equations)
-RULE = compiled_type(Rule)
-BASIS = compiled_type(ExponentialBasis)
-TABLES = compiled_type(StepTables)
-VARYING = compiled_type(VaryingOrders)
-ORBIT = compiled_type(OrbitArrays)
-STATE = compiled_type(MarchState)
-STEPS = compiled_type(Steps)
-LIMITS = compiled_type(Limits)
+
+
+class AdaptiveMarch(NamedTuple):
+    """All that the march works on, in one record that is handed on by reference.
+
+    Python makes its arrays (compiled/reference.py). `solver` solves the systems of the stages.
+    """
+
+    functions: RightSide
+    equations: Equations
+    rule: Rule
+    basis: ExponentialBasis
+    tables: StepTables
+    varying: VaryingOrders
+    orbit: OrbitArrays
+    state: MarchState
+    steps: Steps
+    limits: Limits
+    solver: Annotated[Any, FunctionField(STAGES_SIG)]
+    stages: Stages
+    operators: Operators
+    weights: ModeWeights
+    room: StepRoom
+
+
+ADAPTIVE_MARCH = Reference(compiled_type(AdaptiveMarch))
+
+
+# Fields of the room with a number for each component.
+_BY_COMPONENT = (
+    "point", "force", "goal", "errors", "defect", "hidden", "sizes", "sizes_before", "units",
+    "force_scales", "starts", "start_scales",
+)  # fmt: skip
+
+
+def empty_room(columns, values, stages, n_checks):
+    """Return the room of steps: `columns` (1 + k, R), shape of the values (1 + k, n_q, d, s)."""
+    d, s = values[2:]
+    each, none = stages.jacobians, np.empty((0, 0, 0))
+    if len(each) == 1:  # of many components the stages have one Jacobian
+        each = np.empty((s, *each.shape[1:])) if values[0] > 1 else none
+    by_component = {name: np.zeros(d) for name in _BY_COMPONENT}
+    change = np.empty(d * s)
+    return StepRoom(
+        times=np.empty(s),
+        check_times=np.empty(n_checks),
+        residual=np.empty(d * s),
+        change=change,
+        nodal_change=change.reshape(d, s),
+        before=np.empty((d, s)),
+        moved=np.empty((s, d)),
+        reached=np.empty((s, s)),
+        base=np.empty((*columns, s)),
+        values=np.empty(values),
+        jacobians=each,
+        **by_component,
+    )
 
 
 def initial_state(h, largest, sizes):

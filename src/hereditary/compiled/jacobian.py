@@ -49,6 +49,13 @@ def jacobian(rhs, jac, has_jac, t, y, params, units, out):
     return differences(rhs, t, shifted, params, units, out, up, down)
 
 
+@allocating
+def jacobian_of(functions, t, y, units, out):
+    """Set the Jacobian of a `RightSide`; return the number of calls of `rhs`."""
+    rhs, jac, has_jac = functions.rhs, functions.jac, functions.has_jac
+    return jacobian(rhs, jac, has_jac, t, y, functions.params, units, out)
+
+
 @inner
 def differences(rhs, t, y, params, units, out, up, down):
     """Set the Jacobian by central differences, moving y; up and down (>= d,) are room.
