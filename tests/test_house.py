@@ -37,7 +37,16 @@ MANY = {
     "harmonic_balance.py", "lyapunov.py", "jacobian.py", "block.py", "growing_march.py",
     "newton.py", "past.py", "step.py",
 }  # fmt: skip
-DECORATORS = {"entry", "compiled", "inner", "embedded", "allocating", "reordered", "inlined"}
+DECORATORS = {
+    "entry",
+    "compiled",
+    "inner",
+    "embedded",
+    "allocating",
+    "reordered",
+    "inlined",
+    "plug_in",
+}
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(SOURCE)))

@@ -120,7 +120,16 @@ def sources(path, node):
 
 def test_compiled_functions_use_files_that_compile_of_their_own_room_and_of_compiled():
     """So one digest of these files tells of every change."""
-    decorators = "entry", "compiled", "inner", "embedded", "allocating", "reordered", "inlined"
+    decorators = (
+        "entry",
+        "compiled",
+        "inner",
+        "embedded",
+        "allocating",
+        "reordered",
+        "inlined",
+        "plug_in",
+    )
     seen = 0
     for path in sorted(SOURCE.rglob("*.py")):
         room, tree, origin = path.relative_to(SOURCE).parts[0], ast.parse(path.read_text()), {}

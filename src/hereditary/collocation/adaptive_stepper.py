@@ -8,9 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiled.jacobian import LEAST
+from ..compiled.jacobian import LEAST, right_side
 from ..compiled.records import plain
-from ..compiled.signatures import RightSide
 from ..equation.system import refuse_late
 from ..functions.differences import wrong_jacobian
 from ..kernels.memory_kernel import warn_of_fit
@@ -33,6 +32,7 @@ from .march import (
     TOO_CLOSE,
     TOO_ROUGH,
     march_adaptive,
+    march_of,
     set_units,
 )
 from .mode_tables import empty_tables, empty_weights, floor_to_grid
@@ -44,7 +44,7 @@ from .reading import Plain, Reading
 from .singular_start import trials
 from .stage_solver import has_stages, stage_solver
 from .structures import (
-    AdaptiveMarch,
+    AdaptiveWork,
     ExponentialBasis,
     Limits,
     OrbitArrays,
@@ -505,10 +505,11 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         operators = empty_operators(*columns, equations.kinds, shape[3])
         weights = empty_weights(equations, arrays.modes, shape[1], shape[3])
         varying = self._orders.compiled(orbit.of_varying)
-        _, status = march_adaptive(AdaptiveMarch(
-            RightSide(*self._marched.compiled), equations, rule, basis, tables, varying, arrays,
+        right = right_side(self._marched.compiled, sparse=self._marched.structure is not None)
+        _, status = march_adaptive(march_of(AdaptiveWork(
+            right, equations, rule, basis, tables, varying, arrays,
             self._state, steps, limits, stages.solver, stages.stages, operators, weights, room,
-        ))  # fmt: skip
+        )))  # fmt: skip
         return status
 
     def _go_on_from(self, kept, orbit):

@@ -186,7 +186,7 @@ def look_once_more(m, h):
         before = t
         m.state.counts.rhs += 1
         set_point(m, h, i)
-        m.functions.rhs(t, point, force, m.functions.params)
+        m.right.user.rhs(t, point, force, m.right.user.params)
         for c in range(force.shape[0]):
             defect = force[c]
             for j in range(at_nodes.shape[1]):
@@ -203,7 +203,7 @@ def update_force_defect(m, i, point):
     """Raise the defect, (d,), to the difference of f and its polynomial at check point i."""
     force, force_defect, forces = m.room.force, m.room.defect, m.room.values[0, FORCE]
     check_values = m.rule.check_values[i]
-    m.functions.rhs(m.room.check_times[i], point, force, m.functions.params)
+    m.right.user.rhs(m.room.check_times[i], point, force, m.right.user.params)
     for c in range(point.shape[0]):
         total = force[c]
         for j in range(check_values.shape[0]):

@@ -3,7 +3,7 @@
 import numpy as np
 
 from ..compiled.jacobian import LEAST
-from ..compiled.jit import entry, inner
+from ..compiled.jit import as_value, entry, inner, plug_in
 from ..compiled.linalg import clear_matrix, put, put_cube, put_matrix
 from .error_estimate import (
     ROUNDING_OF_SUMS,
@@ -18,6 +18,7 @@ from .mode_tables import (
     find_slot,
     floor_to_grid,
     read_modes,
+    read_nothing,
     read_varying,
     set_mode_weights,
 )
@@ -30,7 +31,14 @@ from .operators import (
     number_of,
 )
 from .stages import set_scales
-from .structures import ADAPTIVE_MARCH, HELD, LENGTH
+from .structures import (
+    ADAPTIVE_MARCH,
+    HELD,
+    LENGTH,
+    READING_SIG,
+    TANGENTS_SIG,
+    AdaptiveMarch,
+)
 
 # Goal of Newton's method, in tolerances.
 _NEWTON = 0.01
@@ -41,18 +49,21 @@ _OF_OTHERS = 3e-15
 
 
 @inner
-def attempt(m, t, h, slot):
+def attempt(march, t, h, slot):
     """Solve a step from t of length h for f, p and y at the nodes, the `values` of the room.
 
     Returns the ratio of its error to the tolerance, and whether the equations were solved. The
     third value is whether only the defect of f makes the error too large. `slot` is the place of
     tables for h.
     """
+    m = march.work
     orbit, state, room, equations, limits = m.orbit, m.state, m.room, m.equations, m.limits
     n_columns, values, origin = orbit.x.shape[0], room.values, state.control.origin
     for column in range(n_columns):
         read_modes(orbit.modes[column], m.tables.to_nodes[slot], room.base[column])
-    set_known_part(m, slot)
+        if m.varying.integrals.shape[0] > 0:
+            march.read_varying(m, slot, column)
+    set_known_part(m)
     set_times(origin, t, h, m.rule.nodes, limits, room.times)
     set_times(origin, t, h, m.rule.check_points, limits, room.check_times)
     extrapolate(m, h)
@@ -75,7 +86,7 @@ def attempt(m, t, h, slot):
     if solved:
         ratio, by_defect = orbit_error(m, h, slot)
     if ratio <= 1.0 and n_columns > 1:
-        more = tangents_error(m, h, slot) if solve_tangent_stages(m, h) else np.inf
+        more = march.solve_for_tangents(m, h, slot)
         ratio, solved = max(ratio, more), more < np.inf
     return ratio, solved, by_defect
 
@@ -89,18 +100,15 @@ def set_times(origin, t, h, nodes, limits, times):
 
 
 @inner
-def set_known_part(m, slot):
+def set_known_part(m):
     """Complete what every row is known to be before the step is solved, (1 + k, R, s).
 
-    Initial values, offsets, and history of orders that vary are added to the other history.
+    Initial values and offsets are added to the history.
     """
-    initial, p, modes, base = m.orbit.initial, m.orbit.p, m.orbit.modes, m.room.base
-    kinds, varying, to_nodes = m.equations.kinds, m.varying, m.tables.to_nodes[slot]
+    initial, p, kinds, base = m.orbit.initial, m.orbit.p, m.equations.kinds, m.room.base
     constant, start_weights = m.operators.constant, m.operators.start_weights
     d, n_kinds = p.shape[1], number_of(kinds)
     for column in range(base.shape[0]):
-        if varying.integrals.shape[0] > 0:
-            read_varying(modes[column], to_nodes, m.equations, varying, base[column])
         for c in range(base.shape[1]):
             row = c // d * n_kinds + kinds[c % d]
             for i in range(base.shape[2]):
@@ -213,8 +221,9 @@ _WORTH = 2.0
 
 
 @inner
-def take_steps(m):
+def take_steps(march):
     """Make steps until a stop, or until the march cannot go on by itself."""
+    m = march.work
     rule, equations, varying, orbit, limits = m.rule, m.equations, m.varying, m.orbit, m.limits
     control, counts, stages = m.state.control, m.state.counts, m.stages
     local, values, s = m.tables.local, m.room.values, rule.nodes.shape[0]
@@ -238,7 +247,7 @@ def take_steps(m):
         if equations.unweighted.shape[0] > 0:  # orders that vary change matrices at any length
             stages.control[LENGTH] = 0.0
         assembled_for = h
-        ratio, solved, by_defect = attempt(m, t, h, slot)
+        ratio, solved, by_defect = attempt(march, t, h, slot)
         # an error that would allow more than the largest factor says nothing of longer steps
         idle = ratio < (_SAFETY / _GROW) ** (s + lowest)
         longest = floor_to_grid(limits.longest_idle if idle else limits.longest)
@@ -267,15 +276,36 @@ def take_steps(m):
 
 
 @entry(ADAPTIVE_MARCH, announced="the march of collocation", counted=False)
-def march_adaptive(m):
+def march_adaptive(march):
     """March until `limits.stop`; return the accepted steps and a status code."""
+    m = march.work
     equations, room = m.equations, m.room
     put(m.state.sizes, room.sizes)
     raise_small(equations.quantities, SMALL, room.sizes)
     set_units(equations, room.sizes, m.orbit.x[0], m.limits, room.units)
     set_scales(room.units, m.stages)
     set_mode_weights(equations, m.basis.weights, m.varying.of_varying, m.weights)
-    return take_steps(m)
+    return take_steps(march)
+
+
+@plug_in
+def solve_for_tangents(m, h, slot):
+    """Solve a step for the tangents; return the ratio of their error to its tolerance."""
+    return tangents_error(m, h, slot) if solve_tangent_stages(m, h) else np.inf
+
+
+@plug_in
+def no_tangents(m, h, slot):
+    """Do nothing, where only the orbit is solved for."""
+    return 0.0
+
+
+def march_of(work):
+    """Return the march of some work, with the functions that it needs."""
+    tangents = solve_for_tangents if work.orbit.x.shape[0] > 1 else no_tangents
+    reading = read_varying if work.varying.integrals.shape[0] > 0 else read_nothing
+    how = as_value(tangents, TANGENTS_SIG), as_value(reading, READING_SIG)
+    return AdaptiveMarch(work, *how)
 
 
 @inner

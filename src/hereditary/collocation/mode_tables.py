@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from ..compiled.jit import allocating, inner
+from ..compiled.jit import allocating, inner, plug_in
 from ..compiled.linalg import add_rows, clear, clear_matrix, put
 from .operators import first_of_kind, number_of
 from .structures import ModeWeights, StepTables
@@ -156,12 +156,13 @@ def read_modes(modes, to_nodes, out):
         add_rows(out[c], modes[c], to_nodes)
 
 
-@inner
-def read_varying(modes, to_nodes, equations, varying, out):
+@plug_in
+def read_varying(m, slot, column):
     """Add the history of terms with varying orders: unweighted modes times weights at the nodes."""
     # modes (R, M), to_nodes (M, s), out (R, s)
-    terms, weights, unweighted = equations.terms, varying.weights, equations.unweighted
-    d, first = equations.second.shape[0], 1 - weights.shape[0]
+    modes, to_nodes, out = m.orbit.modes[column], m.tables.to_nodes[slot], m.room.base[column]
+    terms, weights, unweighted = m.equations.terms, m.varying.weights, m.equations.unweighted
+    d, first = m.equations.second.shape[0], 1 - weights.shape[0]
     for n in range(terms.shape[0]):  # varying orders have the last indices
         first = max(first, terms[n].index + 1 - weights.shape[0])
     for n in range(terms.shape[0]):
@@ -172,10 +173,15 @@ def read_varying(modes, to_nodes, equations, varying, out):
         for b in range(unweighted.shape[0]):
             if unweighted[b] != q:
                 continue
-            for m in range(to_nodes.shape[0]):
-                held = terms[n].coefficient * modes[(2 + b) * d + c % d, m]
+            for e in range(to_nodes.shape[0]):
+                held = terms[n].coefficient * modes[(2 + b) * d + c % d, e]
                 for i in range(to_nodes.shape[1]):
-                    out[c, i] += held * weights[k, m, i] * to_nodes[m, i]
+                    out[c, i] += held * weights[k, e, i] * to_nodes[e, i]
+
+
+@plug_in
+def read_nothing(m, slot, column):
+    """Do nothing, where no order varies."""
 
 
 @inner

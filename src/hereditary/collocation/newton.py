@@ -9,7 +9,7 @@ history before the step is a sum of exponential modes, advanced by exact moments
 
 import numpy as np
 
-from ..compiled.jacobian import COLUMNS, ROWS, VALUES, is_sparse, jacobian_of, magnitudes
+from ..compiled.jacobian import COLUMNS, ROWS, VALUES, is_sparse, magnitudes
 from ..compiled.jit import inner
 from ..compiled.linalg import clear_matrix, dot, factorise, put, put_cube, put_matrix
 from ..compiled.signatures import FACTORISE, SUBSTITUTE
@@ -73,7 +73,7 @@ def positions(m, h, p, x_start, x):
 def forces(m, x, f):
     """Set f to the right-hand side at all nodes of a step, where y is x; return if it is finite."""
     # times (s,), x and f (d, s)
-    rhs, params, times = m.functions.rhs, m.functions.params, m.room.times
+    rhs, params, times = m.right.user.rhs, m.right.user.params, m.room.times
     point, force, finite = m.room.point, m.room.force, True
     for i in range(times.shape[0]):
         for c in range(point.shape[0]):
@@ -191,7 +191,7 @@ def stage_jacobians(m, x, out):
         k = i if out.shape[0] > 1 else s // 2
         for c in range(point.shape[0]):
             point[c] = x[c, k]
-        calls += jacobian_of(m.functions, times[k], point, units, out[i])
+        calls += m.right.jacobian(m.right.user, times[k], point, units, out[i])
     return calls
 
 

@@ -19,7 +19,7 @@ import numpy as np
 
 from ..compiled.callbacks import PythonRaised, call_at, call_lapack
 from ..compiled.jacobian import COLUMNS, ROWS, VALUES
-from ..compiled.jit import allocating, compiled, inner, reordered
+from ..compiled.jit import allocating, inner, plug_in, reordered
 from ..compiled.linalg import (
     factorise,
     factorise_large,
@@ -126,13 +126,13 @@ def add_solution(k, solution, stage, out):
             out[c, i] += real[i] * a - imaginary[i] * b
 
 
-@compiled
+@plug_in
 def no_stages(task, values, stage):
     """Do nothing, in place of a solver: few components need none."""
     return 1
 
 
-@compiled
+@plug_in
 def dense_stages(task, values, stage):
     """Factorise all systems of a dense Jacobian, or solve them for nodal values; 0 if done.
 
@@ -270,7 +270,7 @@ def complex_dot(real, imaginary, x_real, x_imaginary, first, end):
     return a, b
 
 
-@compiled
+@plug_in
 def banded_stages(task, values, stage):
     """Factorise all systems of a banded Jacobian, or solve them for nodal values; 0 if done."""
     # factors (K, n, 2 lower + upper + 2), see `substitute_band`
@@ -315,7 +315,7 @@ def banded_stages(task, values, stage):
     return 0
 
 
-@compiled
+@plug_in
 def sparse_stages(task, values, stage):
     """Factorise all systems of a sparse Jacobian in Python, or solve them; 0 if done."""
     n, found = stage.order.shape[0], np.zeros(values.shape)
@@ -453,7 +453,7 @@ def substitute_scaled(matrix, order, scales, b, x):
             x[i] *= scales[c]
 
 
-@compiled
+@plug_in
 def joint_dense(task, values, stage):
     """Factorise the dense system of all stages, or solve it for nodal values; 0 if done."""
     # joint (n, n): the matrix, and then its factors; dense (1, 2, n): order of the rows, room
@@ -484,7 +484,7 @@ def joint_stages(name, solver):
 
     solve.__name__ = solve.__qualname__ = name
     solve.__doc__ = "Factorise the system of all stages, or solve it for nodal values; 0 if done."
-    return compiled(solve)
+    return plug_in(solve)
 
 
 joint_banded = joint_stages("joint_banded", banded_solver)

@@ -12,6 +12,7 @@ import numpy as np
 from numba import from_dtype, types
 
 from ..compiled.jit import (
+    F8,
     I8,
     MAT,
     ComplexCube,
@@ -355,13 +356,13 @@ STAGES = Reference(compiled_type(Stages))
 STAGES_SIG = I8(I8, MAT, STAGES)
 
 
-class AdaptiveMarch(NamedTuple):
-    """All that the march works on, in one record that is handed on by reference.
+class AdaptiveWork(NamedTuple):
+    """All that a step works on, in one record that is handed on by reference.
 
     Python makes its arrays (compiled/reference.py). `solver` solves the systems of the stages.
     """
 
-    functions: RightSide
+    right: RightSide
     equations: Equations
     rule: Rule
     basis: ExponentialBasis
@@ -376,6 +377,21 @@ class AdaptiveMarch(NamedTuple):
     operators: Operators
     weights: ModeWeights
     room: StepRoom
+
+
+WORK = Reference(compiled_type(AdaptiveWork))
+# work, step length, slot of the tables: the ratio of the tangents' error to its tolerance
+TANGENTS_SIG = F8(WORK, F8, I8)
+# work, slot of the tables, column of the orbit or a tangent
+READING_SIG = types.void(WORK, I8, I8)
+
+
+class AdaptiveMarch(NamedTuple):
+    """A march: what it works on, and functions for what few runs need (collocation/march.py)."""
+
+    work: AdaptiveWork
+    solve_for_tangents: Annotated[Any, FunctionField(TANGENTS_SIG)]
+    read_varying: Annotated[Any, FunctionField(READING_SIG)]
 
 
 ADAPTIVE_MARCH = Reference(compiled_type(AdaptiveMarch))

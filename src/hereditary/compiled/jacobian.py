@@ -7,9 +7,21 @@ order of their groups. Systems of few components are always dense, so these shap
 
 import numpy as np
 
-from .jit import F8, I8, MAT, VEC, allocating, compiled, entry, inlined, inner, reordered
+from .jit import (
+    F8,
+    MAT,
+    VEC,
+    allocating,
+    as_value,
+    compiled,
+    entry,
+    inlined,
+    inner,
+    plug_in,
+    reordered,
+)
 from .linalg import dot
-from .signatures import JAC, RHS
+from .signatures import JACOBIAN_SIG, RIGHT_SIDE, RightSide, UserFunctions
 
 # Components up to which a system is dense whatever is stated: nothing is gained below.
 FEW = 9
@@ -40,20 +52,19 @@ def jacobian(rhs, jac, has_jac, t, y, params, units, out):
     if has_jac == 1:
         jac(t, y, out, params)
         return 0
-    d = y.shape[0]
-    if is_sparse(out, d):
+    if is_sparse(out, y.shape[0]):
         return grouped_differences(rhs, t, y, params, units, out)
+    return ungrouped_differences(rhs, t, y, params, units, out)
+
+
+@allocating
+def ungrouped_differences(rhs, t, y, params, units, out):
+    """Set a dense Jacobian by differences."""
+    d = y.shape[0]
     up, down, shifted = np.empty(d), np.empty(d), np.empty(d)
     for j in range(d):  # y.copy() takes longer to compile
         shifted[j] = y[j]
     return differences(rhs, t, shifted, params, units, out, up, down)
-
-
-@allocating
-def jacobian_of(functions, t, y, units, out):
-    """Set the Jacobian of a `RightSide`; return the number of calls of `rhs`."""
-    rhs, jac, has_jac = functions.rhs, functions.jac, functions.has_jac
-    return jacobian(rhs, jac, has_jac, t, y, functions.params, units, out)
 
 
 @inner
@@ -186,10 +197,37 @@ def no_jacobian(t, y, out, params):
     """Do nothing, in place of a Jacobian."""
 
 
-@entry(RHS, JAC, I8, F8, VEC, VEC, VEC, MAT)
-def jacobian_at(rhs, jac, has_jac, t, y, params, units, out):
+@plug_in
+def given_jacobian(functions, t, y, units, out):
+    """Set the Jacobian that the user gives."""
+    functions.jac(t, y, out, functions.params)
+    return 0
+
+
+@plug_in
+def dense_jacobian(functions, t, y, units, out):
+    """Set a dense Jacobian by differences."""
+    return ungrouped_differences(functions.rhs, t, y, functions.params, units, out)
+
+
+@plug_in
+def sparse_jacobian(functions, t, y, units, out):
+    """Set the entries of a sparse Jacobian by differences."""
+    return grouped_differences(functions.rhs, t, y, functions.params, units, out)
+
+
+def right_side(functions, sparse):
+    """Return a `RightSide` of rhs, its Jacobian, whether that is given, and parameters."""
+    rhs, jac, has_jac, params = functions
+    by_differences = sparse_jacobian if sparse else dense_jacobian
+    how = as_value(given_jacobian if has_jac else by_differences, JACOBIAN_SIG)
+    return RightSide(UserFunctions(rhs, jac, params), how)
+
+
+@entry(RIGHT_SIDE, F8, VEC, VEC, MAT)
+def jacobian_at(right, t, y, units, out):
     """Set the Jacobian at (t, y), for one call from Python."""
-    jacobian(rhs, jac, has_jac, t, y, params, units, out)
+    right.jacobian(right.user, t, y, units, out)
 
 
 @inner

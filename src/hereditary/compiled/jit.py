@@ -122,6 +122,11 @@ def compiled(fun, fused=False, announced=None, **options):
     return _guarded(dispatcher, internals.set_environments)
 
 
+def plug_in(fun):
+    """Compile a function that is a field of a record: for compiled callers, and kept on disk."""
+    return compiled(fun, **internals.without("cpython", "cfunc"))
+
+
 def _guarded(dispatcher, finish=None):
     """Let `dispatcher` compile inside `compiling`, and then call `finish` with the result."""
     compile_alone = dispatcher.compile

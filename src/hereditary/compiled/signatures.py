@@ -4,20 +4,33 @@ from typing import Annotated, Any, NamedTuple
 
 from numba import types
 
-from .jit import I8, JAC_SIG, MAT, RHS_SIG, VEC, Cube, Integers, Vector, compiled_type
-from .reference import FunctionField
+from .jit import F8, I8, JAC_SIG, MAT, RHS_SIG, VEC, Cube, Integers, Vector, compiled_type
+from .reference import FunctionField, Reference
 
 RHS = types.FunctionType(RHS_SIG)
 JAC = types.FunctionType(JAC_SIG)
 
 
-class RightSide(NamedTuple):
-    """The right-hand side of an equation, its Jacobian if `has_jac` is 1, and their parameters."""
+class UserFunctions(NamedTuple):
+    """The right-hand side of an equation, its Jacobian where that is given, and parameters."""
 
     rhs: Annotated[Any, FunctionField(RHS_SIG)]
     jac: Annotated[Any, FunctionField(JAC_SIG)]
-    has_jac: int
     params: Vector
+
+
+# functions, t, y (d,), units (d,) of differences, Jacobian; the number of calls of `rhs`
+JACOBIAN_SIG = I8(Reference(compiled_type(UserFunctions)), F8, VEC, VEC, MAT)
+
+
+class RightSide(NamedTuple):
+    """The right-hand side of an equation, and how its Jacobian is computed."""
+
+    user: UserFunctions
+    jacobian: Annotated[Any, FunctionField(JACOBIAN_SIG)]
+
+
+RIGHT_SIDE = Reference(compiled_type(RightSide))
 
 
 # Tasks of a linear solver, for Newton's matrix (number 0) or that of the tangents (number 1).

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..compiled.jacobian import VALUES, jacobian_at, no_jacobian
+from ..compiled.jacobian import VALUES, jacobian_at, no_jacobian, right_side
 from ..compiled.jit import JAC_SIG, as_value
 from ..functions.differences import units_of
 from ..support.checks import refuse
@@ -217,9 +217,9 @@ class System:
         structure, d = self.structure, self.d
         out = np.empty((d, d)) if structure is None else structure.entries.copy()
         y = np.array(y, dtype=float)
-        rhs, jac, has_jac, params = self.compiled
+        right = right_side(self.compiled, sparse=structure is not None)
         units = self.positive_units if units is None else units
-        jacobian_at(rhs, jac, has_jac, float(t), y, params, units, out)
+        jacobian_at(right, float(t), y, units, out)
         return out if structure is None else structure.matrix(out[VALUES])
 
     @cached_property
