@@ -377,6 +377,7 @@ REPLACED = [
      AttributeError, "cannot be changed"),
     *each(lambda name: getattr(linear(), name).fill(0.5),
           ["y0", "params", "orders", "coefficients"], ValueError, "read-only"),
+    (lambda: linear().replace(params=[2.0, 1.0]).y0.fill(0.5), ValueError, "read-only"),
     (lambda: linear().terms[0].coefficient.fill(0.5), ValueError, "read-only"),
 ]  # fmt: skip
 

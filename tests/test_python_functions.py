@@ -1,5 +1,6 @@
 """Functions that numba cannot compile: called in Python, with the numbers of compiled ones."""
 
+import gc
 import math
 import os
 import pickle
@@ -422,6 +423,22 @@ def test_a_run_goes_on_in_another_process_state():
     later = hd.solve(equation(Model()), 2.0, resume=pickle.loads(pickle.dumps(half.state)))
     whole = hd.solve(eq, 2.0, 300, scheme=hd.L1())
     np.testing.assert_array_equal(later.y[-1], whole.y[-1])
+
+
+def test_dense_output_outlives_its_equation():
+    """Of the first two steps f at 0 is asked for later, when only the solution is left."""
+    direct = hd.solve(equation(compiled), 1.0, 1000)(0.0005)
+    solution = hd.solve(in_python(Model().method), 1.0, 1000)
+    stored = pickle.dumps(solution)
+    gc.collect()
+
+    def other(t, y):
+        return 5 * y * len(f"{t}")
+
+    others = [in_python(other), equation(other), equation(other)]
+    for found in (solution, pickle.loads(stored)):
+        np.testing.assert_allclose(found(0.0005), direct, rtol=1e-9)
+    assert len(others) == 3
 
 
 def test_params_do_not_show_addresses():

@@ -185,7 +185,7 @@ def ensemble(
     elif times is None:
         times = np.array([start, t_last])
     run = _Run(members, times, t_last, kept, steps, how)
-    run.march(1 if equation._callbacks else threads, progress)
+    run.march(1 if equation.system.callbacks else threads, progress)
     return run.close(time.perf_counter() - began)
 
 
@@ -334,7 +334,7 @@ class _Run:
         """Return a function that takes members that are left, `most` or all of them."""
         base, one = self._members.base, self._solve
         # functions that are called in Python hold the parameters of their equation
-        if self._kept is not None and not base._callbacks:
+        if self._kept is not None and not base.system.callbacks:
             history, t_end = self._how["history"], self._t_end - base.t_start
             run = base.system, self._how["scheme"], history, self._steps
             members = self._members.params, self._members.inside, self._plan

@@ -148,7 +148,7 @@ class Hybrid:
     def march(self, output: Output, drive: Drive, stop: float) -> Ending | None:
         """March to position `stop`, from one interruption to the next.
 
-        Returns status and detail if the run ends before, otherwise None.
+        Returns the `Ending` of a run that ends before, otherwise None.
         """
         stepper, events = self._stepper, self._events
         while True:
@@ -169,7 +169,7 @@ class Hybrid:
     def _act(self, output: Output) -> Ending | None:
         """Do what is due at the present time, in the order of the module's description.
 
-        Returns status and detail if this ends the run, otherwise None.
+        Returns the `Ending` if this ends the run, otherwise None.
         """
         stepper, events, t = self._stepper, self._events, self._stepper.t
         fired, stuck, before = events.fired, events.stuck, stepper.y
@@ -221,7 +221,7 @@ class Hybrid:
         return last <= _AT_ONCE * size or max(last, before) <= close
 
     def _change(self, change: Any) -> Ending | None:
-        """Set the y that ``change(t, y)`` returns; return status and detail if it fails."""
+        """Set the y that ``change(t, y)`` returns; return the `Ending` if it fails."""
         stepper = self._stepper
         frame, inside = stepper.system.frame, stepper.y
         y = frame.values(inside)
@@ -284,7 +284,7 @@ class HybridEvents(Events):
     stated : float
         Next stated time, at which the march is interrupted in any case.
     step : float
-        Length of the last given step [time]; 0 where steps are chosen on the way.
+        Length of the given step that ends there [time]; 0 where steps are chosen on the way.
     """
 
     any = True
@@ -382,7 +382,9 @@ class HybridEvents(Events):
         """Search between `edges` as `Events` do; also end where a function acts."""
         end = super().look(edges, at)
         reached = edges[-1] if end is None else end
-        self.step = float(edges[-1] - edges[-2]) if self._by_steps else 0.0
+        if self._by_steps:
+            last = max(int(np.searchsorted(edges, reached)), 1)
+            self.step = float(edges[last] - edges[last - 1])
         self.interrupted = bool(self.fired) or bool(together(reached, self.stated))
         return end
 

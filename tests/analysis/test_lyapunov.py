@@ -557,3 +557,26 @@ def test_the_sum_rule_ends_where_growth_is_known(how):
         result = hd.lyapunov(equation, 10.0, 1000, renorm=1.0, **how)
     assert result.status == "rhs_failed"
     assert abs(result.sum_rule_defect) < 1e-4
+
+
+def test_a_pair_ends_where_one_of_its_orbits_does():
+    """The second orbit raises first; no growth is noted after that."""
+
+    def f(t, y):
+        if y[0] > 1.2:
+            raise ValueError("beyond 1.2")
+        return np.array([0.4, 0.0])
+
+    equation, first = hd.Equation(hd.Caputo(0.9), f, [1.0, 0.5]), [[1.0], [0.0]]
+    how = {"mode": "pair", "separation": 1e-2, "directions": first}
+    with pytest.warns(hd.SolveWarning, match="beyond 1.2"):
+        result = alone(equation, 3.0, 3000, **how)
+    assert result.status is hd.Status.RHS_FAILED
+    assert np.abs(result.log_growth).max() < 1e-9
+
+
+def test_a_jump_is_found_by_few_steps():
+    equation = oscillating(lambda x: 0.3 * np.sign(x))
+    with pytest.warns(RuntimeWarning, match="jumps between states"):
+        result = alone(equation, 8.0, 30)
+    assert result.verdict == "undetermined"

@@ -244,6 +244,16 @@ def test_a_bouncing_ball_comes_to_an_end(e):
     assert sol.y[:, 0].min() > -1e-9
 
 
+@pytest.mark.parametrize("how", [{"n_steps": 1000}, {"mesh": hd.graded(1000, 1.5)}], ids=str)
+def test_a_bouncing_ball_comes_to_an_end_on_given_steps(how):
+    floor = event(lambda t, y: y[0], lambda t, y: np.array([0.0, -0.7 * y[1]]), direction=-1)
+    eq = hd.Equation(C(1.0), falling, [0.1, 0.0])
+    with pytest.warns(hd.SolveWarning, match="follow each other without end"):
+        sol = hd.solve(eq, 3.0, scheme=hd.L1(), **how, events=floor)
+    assert sol.status is hd.Status.PILED_UP
+    assert sol.t[-1] == pytest.approx(np.sqrt(0.2) * (1 + 2 * 0.7 / 0.3), rel=0.1)
+
+
 def test_terminal_counts_and_other_events_go_along():
     fire = event(lambda t, v: v[0] - 1.0, lambda t, v: 0 * v, terminal=3)
     eq = hd.Equation(C(1.0), lambda t, v: 1.5 - v, 0.0)

@@ -168,7 +168,8 @@ def lyapunov(
         Blocks behind the standard error.
     separation : float, optional
         Distance of the orbits in mode "pair", in units of y, at most 1 or the largest initial
-        value. Rounding grows like its inverse, what is not linear like itself.
+        value. Rounding errors grow like 1 / separation, and errors of
+        the linearisation like separation.
     rtol, atol : float, optional
         Tolerances of the orbit with `Collocation`, as for `solve`; mode "tangent" alone.
     verify : bool, optional
@@ -338,7 +339,7 @@ def _run(
         stepper = open_pairs(system, scheme, history, how, directions, separation)
     else:
         stepper, _ = open_stepper(system, scheme, history, how, t_end, directions=directions)
-    plain = memory(system) == "none" and not system.read.any()
+    plain = memory(system) == "none" and not equation.system.read.any()
     flow = Divergence(system, h) if mode == "tangent" and plain and k == most else None
     unit = stepper.stop_at(h).position
     schedule = record(SCHEDULE, transient=transient, end=n, longest=max(1, n // _RECORDS))
@@ -403,7 +404,7 @@ def _found(
         settings=settings,
         stats={
             "n_steps": _marks(stepper.t, h),
-            **{name: stepper.stats()[name] for name in ("n_rhs", "n_modes")},
+            **{name: stepper.stats().get(name, 0) for name in ("n_rhs", "n_modes")},
             "run_seconds": seconds,
         },
     )
@@ -477,7 +478,9 @@ def _grow(
 
     def advance(stop: float) -> Ending | None:
         piece, logs, lost = stepper.grow(stop, schedule)
-        if piece is not None and (times := piece.edges()).size > _STATES:
+        few = len(states) <= _STATES
+        if piece is not None and (few or piece.edges().size > _STATES):
+            times = piece.edges()
             times = times[:: 1 + times.size // _STATES]
             states.extend(zip(times.tolist(), piece.evaluate(times, none, 0), strict=True))
         states.append((stepper.t, stepper.y))

@@ -193,7 +193,7 @@ def _kinds(wrt: Any, equation: Equation) -> tuple[str, ...]:
         refuse("wrt", f"hold some of {', '.join(_KINDS)}", repr(wrt))
     system = equation.system
     rearranged = system.read.any() or system.frame.paired or system.frame.speeds
-    if rearranged or equation._callbacks:
+    if rearranged or system.callbacks:
         required = "be real and compiled, of orders up to 2, without memory= and matrices"
         refuse("equation", required, repr(equation), "or take differences")
     if "params" in kinds and equation.params.size == 0:

@@ -79,8 +79,8 @@ _MOST_STEPS = 1e7
 _GROWING = 1e-3
 # It has not if the next step was rejected down to this fraction of the last one: then f jumps.
 _WALL = 1e-8
-# Distances ahead at which f is evaluated, in lengths of the last step, where y continues or turns
-# back.
+# Distances at which f is evaluated, in lengths of the last step: positive along the last change of
+# y, negative against it.
 _DISTANCES_AHEAD = (0.0, 1.0, 10.0, 100.0, 1000.0, -1.0, -10.0, -100.0, -1000.0)
 # f jumps if it changes there by more than this fraction of its size, since steps are short.
 _JUMP = 0.1

@@ -183,5 +183,6 @@ def reduced(system):
         of_y=system.of_y[[j for j, _ in roles]],
         frame=Frame(system.frame.start),
         rhs_digest=system.rhs_digest,
+        callbacks=system.callbacks,
     )
     return found, speeds

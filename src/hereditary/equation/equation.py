@@ -199,8 +199,10 @@ class Equation:
             entries = said.values_of(jac, start)
         hint = partial(of_shorthand, values, initial, bool(self.memory))
         functions = functions_of(rhs, entries, jac_memory, start, hint, said and said.shape)
-        self._callbacks, self._constants = functions.callbacks, said.constants() if said else ()
+        self._constants = said.constants() if said else ()
+        self._in_python = bool(functions.callbacks)
         known = {"matrix": said and said.linear, "linear_alone": rhs is None}
+        known["callbacks"] = functions.callbacks
         made, structure = (functions.params, functions.rhs, functions.jac), None
         n = start.components().size
         if said is not None:
@@ -318,7 +320,7 @@ class Equation:
         The functions are the same and were checked before: the right-hand side is called once.
         """
         system = self.system
-        alone = not system.read.any() and system.structure is None and not self._callbacks
+        alone = not system.read.any() and system.structure is None and not self._in_python
         if not alone or params.size != system.n_params or self._present_values() != self._frozen:
             return None
         system = displaced(system, system.y0, params)
@@ -360,14 +362,14 @@ class Equation:
 
     def _digest_of_rhs(self) -> str:
         """Return the digest of the right-hand side, from its frozen values if they determine it."""
-        if self._callbacks or self._constants or self.rhs is None:
+        if self._in_python or self._constants or self.rhs is None:
             return digest(self.rhs, *self._constants)
         return digest_of_compiled(self._frozen[0], self.rhs)
 
     def _present_values(self) -> Any:
         """Return the values that the functions now read, for comparison."""
         functions = self.rhs, self.jac, self.jac_memory
-        if self._callbacks:  # whose objects may contain anything
+        if self._in_python:  # whose objects may contain anything
             return digest(*functions)
         return tuple(present_values(fun) for fun in functions)
 

@@ -132,8 +132,8 @@ def read_terms(memory: Summand | Iterable[Summand]) -> tuple[Term, ...]:
 def with_memory(system: System, memory: Sequence[Term]) -> System:
     """Return a system with the memory that its right-hand side reads: (1 + k) d components.
 
-    The d components are followed by d for each term of `memory`. That term is the left side of
-    these, so schemes weigh it like a term of an equation. Marches give such components the
+    The d components are followed by d for each term of `memory`. Each of these has that term as its
+    left side, so schemes weigh it like a term of an equation. Marches give such components the
     increments of their `sources`.
     """
     d, k, origin, paired = system.d, len(memory), system.frame.start, system.frame.paired
@@ -164,7 +164,7 @@ def with_memory(system: System, memory: Sequence[Term]) -> System:
 
 def _check_below(operator: Operator, lowest: float) -> None:
     """Refuse memory of an order that is not below `lowest`, the highest of its components."""
-    order = _order_at_start(operator)  # one that varies is checked there alone
+    order = _order_at_start(operator)  # an order that varies is checked at t = 0 only
     if operator.kernel is not None:  # K ~ t**-a near 0 acts like order m - 1 + a
         order += operator.kernel.singular_exponent - 1
     if order >= lowest:

@@ -57,6 +57,8 @@ class System:
         Constant matrix that is part of the right-hand side.
     linear_alone : bool
         Whether it is all of the right-hand side.
+    callbacks : tuple
+        Functions called in Python, which live as long as compiled code may call their addresses.
     """
 
     left: Iterable[SystemTerm]  # a tuple, once made
@@ -74,6 +76,7 @@ class System:
     terms_digest: str = ""
     matrix: Any = None
     linear_alone: bool = False
+    callbacks: tuple = ()
 
     def __post_init__(self) -> None:
         set_once = partial(object.__setattr__, self)
@@ -326,4 +329,6 @@ def displaced(system: System, y0: np.ndarray, params: np.ndarray | None = None) 
     values = system.compiled_params.copy()
     if params is not None:
         values[: params.size] = params
-    return replace(system, y0=np.take(y0, system.sources, axis=1), compiled_params=values)
+    y0 = np.take(y0, system.sources, axis=1)
+    y0.flags.writeable = False
+    return replace(system, y0=y0, compiled_params=values)

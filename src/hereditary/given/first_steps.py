@@ -39,8 +39,13 @@ class FirstSteps:
     """
 
     def __init__(self, system, ends):
-        self._system = system
+        self._system, self._start = system, system.y0[:, : system.n_solved]
         self.ends, self._values = np.asarray(ends, dtype=float), np.zeros((2, system.n_solved))
+
+    def __getstate__(self):
+        """Leave out the system, whose compiled functions another process does not have."""
+        self._powers  # noqa: B018
+        return vars(self) | {"_system": None}
 
     @cached_property
     def _powers(self):
@@ -76,7 +81,7 @@ class FirstSteps:
 
     def _known(self, t):
         """Return x(0) + t x'(0) + a t**alpha, and its slope."""
-        y0, (alpha, lead, _) = self._system.y0[:, : self._system.n_solved], self._powers
+        y0, (alpha, lead, _) = self._start, self._powers
         speed = y0[1] if y0.shape[0] == 2 else 0.0
         y = y0[0] + t * speed + lead * t**alpha
         return y, speed + lead * alpha * t ** (alpha - 1)

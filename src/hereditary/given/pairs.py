@@ -54,7 +54,7 @@ class Pairs(TangentStepper):
 
     @property
     def trouble(self):
-        """Why the first march that cannot go on cannot, otherwise None."""
+        """Trouble of the first orbit that has any, otherwise None."""
         return next((stepper.trouble for stepper in self._all if stepper.trouble), None)
 
     def stats(self):

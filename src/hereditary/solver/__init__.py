@@ -1,1 +1,1 @@
-"""The solver: stepper, driver, solution."""
+"""The solver: runs over any stepper, events, output, solutions."""

@@ -15,7 +15,7 @@ from .solution import Solution, SolveWarning
 
 
 class _Companions(NamedTuple):
-    """So many steps of the run for so many of the finer companion and of the coarser one."""
+    """Ratios of the numbers of steps of the run, of the finer and of the coarser companion."""
 
     run: int
     fine: int

@@ -16,7 +16,7 @@ from ..support.checks import instance, refuse
 
 
 def chooses_steps(scheme: Scheme) -> bool:
-    """Return whether a scheme chooses its steps by a tolerance: the only question of engines."""
+    """Return whether a scheme chooses its steps by a tolerance."""
     return isinstance(scheme, Collocation)
 
 

@@ -118,8 +118,8 @@ def run(
         status=ended.status,
         message=report(stepper, ended),
         stats=stats,
-        # a small one is made when asked for: it takes as long as some steps do; the march that is
-        # kept for it holds more than that, which for few components is little
+        # a small state is made on demand, which takes as long as some steps; until then the
+        # solution keeps the stepper
         left=left if small else left(),
         dense=dense,
         t_events=[np.array(times) + frame.start for times in events.times[:n_events]],

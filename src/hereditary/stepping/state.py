@@ -125,7 +125,7 @@ def identity(system: System, t: float, **how: Any) -> dict[str, Any]:
     return {
         **how,
         **described_terms(system, t),
-        "y0": system.y0.tolist(),
+        "y0": system.y0[:, : system.n_solved].tolist(),
         "t_start": system.frame.start,
         "params": system.params.tolist(),
         "right-hand side": system.rhs_digest,

@@ -28,7 +28,7 @@ class Health(NamedTuple):
     - instability: status beyond a stability limit, else None; remedy: what shows it, and what to
       take instead, in a clause.
     - misfit: by how much kernels miss their tolerance, in words; empty where they keep it.
-    - missed: a time at which f is not what the steps made of it, or 0 [time].
+    - missed: a time at which f differs from its interpolant, or 0 [time].
     """
 
     instability: Status | None = None
@@ -60,8 +60,8 @@ class Stepper(ABC):
     ----------
     system : System
     counted : bool
-        Whether positions are numbers of given steps. Such steps are so short that their ends show
-        whatever happens. Rows at all ends make the dense output.
+        Whether positions count given steps. Then events are evaluated at ends of steps alone, and
+        dense output is made of the rows.
     """
 
     system: System
@@ -176,7 +176,7 @@ class TangentStepper(Stepper):
         mark, k = int(due(schedule)), self.tangent.shape[1]
         target = mark * float(schedule["unit"])
         piece, none = self.advance(min(stop, target)), np.empty((0, 1 + k))
-        if self.position < target:
+        if self.position < target or self.trouble:
             return Grown(piece, none)
         r = np.linalg.qr(self.tangent, mode="r")
         r *= np.sign(np.diag(r))[:, None]
